@@ -1,0 +1,21 @@
+//! The first-level controller of TM 2004-262, *The eXtreme Test Bed vehicle for indoor environments*.
+//!
+//! First stop of the walk "a sample up": samples come in with their stamps, everything decided goes
+//! out as [`Outputs`]. Pure: no clock, no file, no socket, no thread, no allocation in a step.
+//! Start reading at [`controller`].
+
+pub mod config;
+pub mod controller;
+pub mod frames;
+pub mod goto;
+pub mod infrared;
+pub mod obstacle;
+pub mod odometry;
+pub mod speed;
+pub mod units;
+pub mod vehicle;
+pub mod wander;
+
+pub use controller::{Command, Controller, Mode, Outputs, Sample};
+pub use units::{AdcCount, Heading, PwmCount, Stamp, Steering, WheelRpm};
+pub use vehicle::VehicleConfig;

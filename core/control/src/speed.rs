@@ -1,0 +1,128 @@
+//! Wheel speed and the speed PID (§4.2.3, §4.7, Fig. 12), run by each encoder window.
+//!
+//! Readings: the window is 0x8000 · 64 / 40 MHz = 52.4288 ms (the memorandum's formula uses 8000
+//! decimal and then needs a "4 of unknown origin"); the printed `rpm = f_w·60/f_sys` forgets the
+//! 60 pulses per revolution and divides by the clock. As published, the newest trapezoid enters
+//! the law twice (once in A and B, once in C Σ), which adds K_I·t_s to K_P.
+//! Ours: anti-windup, and the direction interlock (the ESC brakes before it reverses).
+
+use crate::units::PwmCount;
+use crate::vehicle::{Encoder, Speed};
+
+/// Unsigned wheel speed in rpm: pulses / t_s / pulses per turn / gear ratio · 60 (§4.2.3).
+#[must_use]
+pub fn wheel_rpm(encoder: &Encoder, pulses: u32) -> f64 {
+    f64::from(pulses) / encoder.window_s / encoder.pulses_per_rev / encoder.gear_ratio * 60.0
+}
+
+/// The controller's memory: Σ e and e[n−1], in rpm·s and rpm.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SpeedPid {
+    sum: f64,
+    previous_error: f64,
+}
+
+impl SpeedPid {
+    /// Forgets Σ and e[n−1].
+    pub fn reset(&mut self) {
+        *self = Self::default();
+    }
+
+    /// One window: the motor command for `reference` and measured `rpm` (§4.7).
+    pub fn step(&mut self, config: &Speed, window_s: f64, reference: f64, rpm: f64) -> PwmCount {
+        let error = reference - rpm;
+        let a = config.kp + 0.5 * config.ki * window_s + config.kd / window_s;
+        let b = 0.5 * config.ki * window_s - config.kd / window_s;
+        let sum = self.sum + 0.5 * (error + self.previous_error) * window_s;
+        let output = |sum: f64| {
+            PwmCount::NEUTRAL.as_f64() + a * error + b * self.previous_error + config.ki * sum
+        };
+        let wanted = output(sum);
+        let saturated_further = (wanted > PwmCount::MAX.as_f64() && error > 0.0)
+            || (wanted < PwmCount::MIN.as_f64() && error < 0.0);
+        let count = if config.anti_windup && saturated_further {
+            PwmCount::saturating(output(self.sum))
+        } else {
+            self.sum = sum;
+            PwmCount::saturating(wanted)
+        };
+        self.previous_error = error;
+        count
+    }
+}
+
+/// The direction that the single-channel encoder cannot see: the sign of the last non-zero
+/// reference, which the interlock lets through only when the wheels stand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Direction {
+    sign: f64,
+}
+
+impl Default for Direction {
+    fn default() -> Self {
+        Self { sign: 1.0 }
+    }
+}
+
+impl Direction {
+    /// +1 ahead, −1 astern.
+    #[must_use]
+    pub fn sign(self) -> f64 {
+        self.sign
+    }
+
+    /// A new reference was demanded. Without the interlock the sign follows at once (published).
+    pub fn demand(&mut self, config: &Speed, reference: f64) {
+        if !config.direction_interlock && reference != 0.0 {
+            self.sign = reference.signum();
+        }
+    }
+
+    /// A window closed with `pulses`: true if `reference` may drive now. With the interlock, a
+    /// reference of the other sign waits until one window reads at most `interlock_pulses`.
+    pub fn admit(&mut self, config: &Speed, reference: f64, pulses: u32) -> bool {
+        if reference == 0.0 || reference.signum() == self.sign {
+            return true;
+        }
+        if pulses <= config.interlock_pulses {
+            self.sign = reference.signum();
+            return true;
+        }
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thirteen_rpm_is_23_pulses_a_window() {
+        let encoder = Encoder::default();
+        assert!((wheel_rpm(&encoder, 23) - 12.9).abs() < 0.01);
+        assert!((wheel_rpm(&encoder, 22) - 12.341_667_6).abs() < 1e-6);
+    }
+
+    #[test]
+    fn anti_windup_keeps_the_sum_still_while_saturated() {
+        let config = Speed::default();
+        let (mut held, mut wound) = (SpeedPid::default(), SpeedPid::default());
+        let published = Speed { anti_windup: false, ..config.clone() };
+        for _ in 0..200 {
+            assert_eq!(held.step(&config, 0.05, 300.0, 0.0), PwmCount::MAX);
+            wound.step(&published, 0.05, 300.0, 0.0);
+        }
+        assert_eq!(held.sum, 0.0);
+        assert!(wound.sum > 1000.0);
+    }
+
+    #[test]
+    fn the_interlock_lets_the_sign_flip_only_at_standstill() {
+        let config = Speed::default();
+        let mut direction = Direction::default();
+        assert!(!direction.admit(&config, -13.0, 20));
+        assert_eq!(direction.sign(), 1.0);
+        assert!(direction.admit(&config, -13.0, 1));
+        assert_eq!(direction.sign(), -1.0);
+    }
+}

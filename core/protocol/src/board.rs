@@ -1,0 +1,329 @@
+//! Frames on the line between the I/O board and the agent, both directions.
+//!
+//! ```text
+//!   frame := COBS( type u8 · seq u8 · payload · CRC-32 ) · 0x00
+//! ```
+//! All numbers little-endian; the CRC is CRC-32/ISO-HDLC over type, sequence and payload; the
+//! sequence counts each direction's frames modulo 256, so that gaps can be counted. The high nibble
+//! of the type is the layout's version (1). `docs/io-board.md` is the same for firmware writers.
+//! The decoder never panics, resynchronises at the next 0x00 and counts what it drops.
+
+use crc::{CRC_32_ISO_HDLC, Crc};
+use thiserror::Error;
+use xtb_control::controller::{AdcSample, PwmOutputs};
+use xtb_control::units::{OutOfRange, PwmCount};
+
+const CRC32: Crc<u32, crc::Table<16>> = Crc::<u32, crc::Table<16>>::new(&CRC_32_ISO_HDLC);
+
+const TYPE_PWM: u8 = 0x10;
+const TYPE_ENCODER: u8 = 0x11;
+const TYPE_ADC: u8 = 0x12;
+
+/// Type, sequence, the longest payload, CRC.
+const MAX_BODY: usize = 2 + 38 + 4;
+/// The longest frame on the wire: one COBS overhead byte and the delimiter.
+pub const MAX_FRAME: usize = MAX_BODY + 2;
+/// Most pulses that one encoder window can hold (12,000 rpm · 60 pulses, 5 % over).
+pub const MAX_PULSES: u16 = 660;
+/// Scans that tilt and piston readings are summed over (§4.8.3).
+pub const ADC_SCANS: u16 = 64;
+/// Battery reading of a board that does not measure it.
+const NOT_FITTED: u16 = u16::MAX;
+
+/// What the board sends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FromBoard {
+    /// An encoder window closed.
+    Encoder {
+        /// Pulses in the window.
+        pulses: u16,
+    },
+    /// A scan of the converter is complete.
+    Adc {
+        /// Ranges, tilt and pistons.
+        sample: AdcSample,
+        /// Battery voltage in mV; `None` if the board does not measure it.
+        battery_mv: Option<u16>,
+    },
+}
+
+/// Why bytes were not a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum BoardError {
+    /// Longer than any frame.
+    #[error("no end of frame within {MAX_FRAME} bytes")]
+    TooLong,
+    /// Not valid COBS.
+    #[error("COBS encoding broken")]
+    Cobs,
+    /// Shorter than any frame.
+    #[error("frame of {0} bytes is too short")]
+    TooShort(usize),
+    /// The check sum does not match.
+    #[error("CRC is {got:#010x}, should be {expected:#010x}")]
+    Crc {
+        /// As received.
+        got: u32,
+        /// As computed.
+        expected: u32,
+    },
+    /// A type that this side does not know.
+    #[error("unknown frame type {0:#04x}")]
+    UnknownType(u8),
+    /// The payload has the wrong length for its type.
+    #[error("frame type {kind:#04x} with {got} payload bytes, should be {expected}")]
+    Length {
+        /// Frame type.
+        kind: u8,
+        /// As received.
+        got: usize,
+        /// As specified.
+        expected: usize,
+    },
+    /// A value is out of its range.
+    #[error("{0}")]
+    Value(#[from] OutOfRange),
+    /// More pulses than the encoder can give.
+    #[error("{0} pulses in one window, the encoder gives at most {MAX_PULSES}")]
+    Pulses(u16),
+}
+
+/// A frame ready for the line.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    bytes: [u8; MAX_FRAME],
+    len: usize,
+}
+
+impl Frame {
+    /// The bytes, delimiter included.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8] {
+        &self.bytes[..self.len]
+    }
+}
+
+/// Builds frames and counts their sequence.
+#[derive(Debug, Clone, Default)]
+pub struct FrameWriter {
+    seq: u8,
+}
+
+impl FrameWriter {
+    /// The agent's only frame: ten pulses in [`PwmOutputs`] order.
+    pub fn pwm(&mut self, pwm: &PwmOutputs) -> Frame {
+        let [fl, fr, rl, rr] = pwm.pistons;
+        let all = [
+            pwm.motor, pwm.steer_front, pwm.steer_rear, pwm.bumper_front, pwm.bumper_rear, fl, fr, rl, rr,
+            pwm.spare,
+        ];
+        self.frame(TYPE_PWM, all.map(PwmCount::get).into_iter())
+    }
+
+    /// The board's: an encoder window.
+    pub fn encoder(&mut self, pulses: u16) -> Frame {
+        self.frame(TYPE_ENCODER, [pulses].into_iter())
+    }
+
+    /// The board's: a scan. Ranges as counts; tilt and pistons as sums of [`ADC_SCANS`] scans.
+    pub fn adc(&mut self, sample: &AdcSample, battery_mv: Option<u16>) -> Frame {
+        let ranges = sample.ir_front.iter().chain(&sample.ir_rear).map(|c| c.get() as u16);
+        let sums = sample.tilt.iter().chain(&sample.pistons);
+        let sums = sums.map(|c| (c.get() * f64::from(ADC_SCANS) + 0.5) as u16);
+        self.frame(TYPE_ADC, ranges.chain(sums).chain([battery_mv.unwrap_or(NOT_FITTED)]))
+    }
+
+    fn frame(&mut self, kind: u8, payload: impl Iterator<Item = u16>) -> Frame {
+        let mut body = [0_u8; MAX_BODY];
+        body[0] = kind;
+        body[1] = self.seq;
+        self.seq = self.seq.wrapping_add(1);
+        let mut len = 2;
+        for value in payload {
+            body[len..len + 2].copy_from_slice(&value.to_le_bytes());
+            len += 2;
+        }
+        let crc = CRC32.checksum(&body[..len]);
+        body[len..len + 4].copy_from_slice(&crc.to_le_bytes());
+        let mut frame = Frame { bytes: [0; MAX_FRAME], len: 0 };
+        let encoded = cobs::encode(&body[..len + 4], &mut frame.bytes);
+        frame.len = encoded + 1; // the delimiter is already there
+        frame
+    }
+}
+
+/// What a reader has seen go wrong since the start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LineCounters {
+    /// Good frames.
+    pub frames: u64,
+    /// Dropped frames: broken, unknown or out of range.
+    pub rejected: u64,
+    /// Gaps in the sequence, in frames.
+    pub lost: u64,
+}
+
+/// Collects bytes into frames.
+#[derive(Debug, Clone)]
+pub struct FrameReader {
+    buffer: [u8; MAX_FRAME],
+    len: usize,
+    overrun: bool,
+    next_seq: Option<u8>,
+    counters: LineCounters,
+}
+
+impl Default for FrameReader {
+    fn default() -> Self {
+        Self {
+            buffer: [0; MAX_FRAME],
+            len: 0,
+            overrun: false,
+            next_seq: None,
+            counters: LineCounters::default(),
+        }
+    }
+}
+
+impl FrameReader {
+    /// What has been seen so far.
+    #[must_use]
+    pub fn counters(&self) -> LineCounters {
+        self.counters
+    }
+
+    /// Frames of the board, for the agent.
+    pub fn from_board(&mut self, bytes: &[u8], mut found: impl FnMut(Result<FromBoard, BoardError>)) {
+        for &byte in bytes {
+            if let Some(body) = self.push(byte) {
+                let result = body.and_then(|(kind, payload)| parse_from_board(kind, payload.as_ref()));
+                self.count(&result);
+                found(result);
+            }
+        }
+    }
+
+    /// PWM frames of the agent, for the board (real firmware or simulated).
+    pub fn pwm(&mut self, bytes: &[u8], mut found: impl FnMut(Result<PwmOutputs, BoardError>)) {
+        for &byte in bytes {
+            if let Some(body) = self.push(byte) {
+                let result = body.and_then(|(kind, payload)| parse_pwm(kind, payload.as_ref()));
+                self.count(&result);
+                found(result);
+            }
+        }
+    }
+
+    fn count<T>(&mut self, result: &Result<T, BoardError>) {
+        match result {
+            Ok(_) => self.counters.frames += 1,
+            Err(_) => self.counters.rejected += 1,
+        }
+    }
+
+    /// A delimiter closes a frame: its type and payload, checked.
+    fn push(&mut self, byte: u8) -> Option<Result<(u8, Payload), BoardError>> {
+        if byte != 0 {
+            if self.len == self.buffer.len() {
+                self.overrun = true;
+            } else {
+                self.buffer[self.len] = byte;
+                self.len += 1;
+            }
+            return None;
+        }
+        let (len, overrun) = (self.len, self.overrun);
+        (self.len, self.overrun) = (0, false);
+        if len == 0 {
+            return None; // an idle line may send delimiters
+        }
+        Some(if overrun { Err(BoardError::TooLong) } else { self.open(len) })
+    }
+
+    fn open(&mut self, len: usize) -> Result<(u8, Payload), BoardError> {
+        let mut body = [0; MAX_FRAME];
+        let len = cobs::decode(&self.buffer[..len], &mut body).map_err(|_| BoardError::Cobs)?;
+        if len < 6 {
+            return Err(BoardError::TooShort(len));
+        }
+        let (content, crc) = body[..len].split_at(len - 4);
+        let got = u32::from_le_bytes([crc[0], crc[1], crc[2], crc[3]]);
+        let expected = CRC32.checksum(content);
+        if got != expected {
+            return Err(BoardError::Crc { got, expected });
+        }
+        let seq = body[1];
+        if let Some(next) = self.next_seq {
+            self.counters.lost += u64::from(seq.wrapping_sub(next));
+        }
+        self.next_seq = Some(seq.wrapping_add(1));
+        let mut payload = Payload { bytes: [0; MAX_FRAME], len: len - 6 };
+        payload.bytes[..len - 6].copy_from_slice(&body[2..len - 4]);
+        Ok((body[0], payload))
+    }
+}
+
+struct Payload {
+    bytes: [u8; MAX_FRAME],
+    len: usize,
+}
+
+impl AsRef<[u8]> for Payload {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes[..self.len]
+    }
+}
+
+/// A payload of exactly `N` numbers.
+fn words<const N: usize>(kind: u8, payload: &[u8]) -> Result<[u16; N], BoardError> {
+    if payload.len() != 2 * N {
+        return Err(BoardError::Length { kind, got: payload.len(), expected: 2 * N });
+    }
+    let mut words = [0; N];
+    for (word, bytes) in words.iter_mut().zip(payload.chunks_exact(2)) {
+        *word = u16::from_le_bytes([bytes[0], bytes[1]]);
+    }
+    Ok(words)
+}
+
+fn parse_from_board(kind: u8, payload: &[u8]) -> Result<FromBoard, BoardError> {
+    match kind {
+        TYPE_ENCODER => match words::<1>(kind, payload)? {
+            [pulses] if pulses <= MAX_PULSES => Ok(FromBoard::Encoder { pulses }),
+            [pulses] => Err(BoardError::Pulses(pulses)),
+        },
+        TYPE_ADC => parse_adc(&words::<19>(kind, payload)?),
+        _ => Err(BoardError::UnknownType(kind)),
+    }
+}
+
+fn parse_adc(words: &[u16; 19]) -> Result<FromBoard, BoardError> {
+    use xtb_control::AdcCount;
+    let mut counts = [AdcCount::ZERO; 18];
+    for (i, (count, &word)) in counts.iter_mut().zip(words).enumerate() {
+        let scans = if i < 12 { 1.0 } else { f64::from(ADC_SCANS) };
+        *count = AdcCount::try_from(f64::from(word) / scans)?;
+    }
+    let [a, b, c, d, e, f, g, h, i, j, k, l, tilt_x, tilt_y, fl, fr, rl, rr] = counts;
+    let sample = AdcSample {
+        ir_front: [a, b, c, d, e, f],
+        ir_rear: [g, h, i, j, k, l],
+        tilt: [tilt_x, tilt_y],
+        pistons: [fl, fr, rl, rr],
+    };
+    let battery_mv = (words[18] != NOT_FITTED).then_some(words[18]);
+    Ok(FromBoard::Adc { sample, battery_mv })
+}
+
+fn parse_pwm(kind: u8, payload: &[u8]) -> Result<PwmOutputs, BoardError> {
+    if kind != TYPE_PWM {
+        return Err(BoardError::UnknownType(kind));
+    }
+    let mut counts = [PwmCount::NEUTRAL; 10];
+    for (count, word) in counts.iter_mut().zip(words::<10>(kind, payload)?) {
+        *count = PwmCount::try_from(word)?;
+    }
+    let [motor, steer_front, steer_rear, bumper_front, bumper_rear, fl, fr, rl, rr, spare] = counts;
+    let pistons = [fl, fr, rl, rr];
+    Ok(PwmOutputs { motor, steer_front, steer_rear, bumper_front, bumper_rear, pistons, spare })
+}

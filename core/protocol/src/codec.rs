@@ -1,0 +1,149 @@
+//! The only encode and decode.
+//!
+//! Wire policy: postcard with encoding `application/x-postcard;xtb.<Type>.v<N>`; for every other
+//! language the same types as JSON with encoding `application/json`. A type's version is raised when
+//! its bytes change in any way (postcard has no field names); one test file a version pins the bytes
+//! and is never edited to pass. Unknown version, trailing bytes, non-finite or out-of-range numbers
+//! are typed rejections. Nothing is guessed: a message without an encoding is refused.
+
+use crate::messages::{Message, RejectCode};
+use thiserror::Error;
+use xtb_control::units::OutOfRange;
+
+/// Longest message that is read, in bytes.
+pub const MAX_BYTES: usize = 16 * 1024;
+/// The encoding of JSON messages.
+pub const JSON: &str = "application/json";
+const POSTCARD: &str = "application/x-postcard";
+
+/// How a message was, or is to be, written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Format {
+    /// Between our own programs.
+    #[default]
+    Postcard,
+    /// For every other language.
+    Json,
+}
+
+/// Why bytes are not the message they should be.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum CodecError {
+    /// Too long to be read.
+    #[error("{len} bytes, at most {MAX_BYTES} are read")]
+    Oversized {
+        /// As received.
+        len: usize,
+    },
+    /// Neither of our encodings.
+    #[error("encoding {got:?}, expected {expected:?} or {JSON:?}")]
+    UnknownEncoding {
+        /// As received.
+        got: String,
+        /// What this place takes.
+        expected: String,
+    },
+    /// Our type in another version.
+    #[error("{name} version {got}, this program speaks version {expected}")]
+    WrongVersion {
+        /// The type.
+        name: &'static str,
+        /// As received.
+        got: String,
+        /// As spoken here.
+        expected: u32,
+    },
+    /// The bytes do not have the type's layout.
+    #[error("not a {name}: {reason}")]
+    Malformed {
+        /// The type.
+        name: &'static str,
+        /// What the parser says.
+        reason: String,
+    },
+    /// A number is not finite or out of range.
+    #[error("{0}")]
+    OutOfRange(#[from] OutOfRange),
+}
+
+impl CodecError {
+    /// The code that a reply or a counter gives it.
+    #[must_use]
+    pub fn code(&self) -> RejectCode {
+        match self {
+            Self::Oversized { .. } => RejectCode::Oversized,
+            Self::WrongVersion { .. } => RejectCode::WrongVersion,
+            Self::UnknownEncoding { .. } | Self::Malformed { .. } => RejectCode::Malformed,
+            Self::OutOfRange(_) => RejectCode::OutOfRange,
+        }
+    }
+}
+
+/// The encoding string of a type in a format.
+#[must_use]
+pub fn encoding<M: Message>(format: Format) -> String {
+    match format {
+        Format::Postcard => format!("{POSTCARD};xtb.{}.v{}", M::NAME, M::VERSION),
+        Format::Json => JSON.to_owned(),
+    }
+}
+
+/// A message as bytes.
+///
+/// # Errors
+/// [`CodecError::OutOfRange`] if the message does not pass its own validation, and
+/// [`CodecError::Malformed`] if serde cannot write it.
+pub fn encode<M: Message>(message: &M, format: Format) -> Result<Vec<u8>, CodecError> {
+    message.validate()?;
+    let broken = |reason: String| CodecError::Malformed { name: M::NAME, reason };
+    match format {
+        Format::Postcard => postcard::to_allocvec(message).map_err(|e| broken(e.to_string())),
+        Format::Json => serde_json::to_vec(message).map_err(|e| broken(e.to_string())),
+    }
+}
+
+/// A message from bytes with their encoding, and the format that an answer should have.
+///
+/// # Errors
+/// Every [`CodecError`]; the bytes are then dropped and nothing else happens.
+pub fn decode<M: Message>(encoding: &str, bytes: &[u8]) -> Result<(M, Format), CodecError> {
+    if bytes.len() > MAX_BYTES {
+        return Err(CodecError::Oversized { len: bytes.len() });
+    }
+    let broken = |reason: String| CodecError::Malformed { name: M::NAME, reason };
+    let format = format_of::<M>(encoding)?;
+    let message: M = match format {
+        Format::Json => serde_json::from_slice(bytes).map_err(|e| broken(e.to_string()))?,
+        Format::Postcard => match postcard::take_from_bytes(bytes) {
+            Ok((message, [])) => message,
+            Ok((_, rest)) => return Err(broken(format!("{} bytes too many", rest.len()))),
+            Err(error) => return Err(broken(error.to_string())),
+        },
+    };
+    message.validate()?;
+    Ok((message, format))
+}
+
+/// The format that an encoding names, if it fits `M`.
+fn format_of<M: Message>(encoding: &str) -> Result<Format, CodecError> {
+    let (kind, schema) = encoding.split_once(';').unwrap_or((encoding, ""));
+    if kind == JSON || kind == "text/json" {
+        return Ok(Format::Json);
+    }
+    let unknown = || CodecError::UnknownEncoding {
+        got: encoding.chars().take(100).collect(),
+        expected: self::encoding::<M>(Format::Postcard),
+    };
+    if kind != POSTCARD {
+        return Err(unknown());
+    }
+    let (name, version) = schema.strip_prefix("xtb.").and_then(|s| s.rsplit_once(".v")).ok_or_else(unknown)?;
+    if name != M::NAME {
+        return Err(unknown());
+    }
+    if version != M::VERSION.to_string() {
+        let got = version.chars().take(20).collect();
+        return Err(CodecError::WrongVersion { name: M::NAME, got, expected: M::VERSION });
+    }
+    Ok(Format::Postcard)
+}

@@ -1,0 +1,343 @@
+//! The only table of keys: every channel, what it carries and how Zenoh shall treat it.
+//!
+//! | key | channel | carries |
+//! | --- | --- | --- |
+//! | `xtb/<fleet>/<robot>/alive` | [`Channel::Alive`] | presence (liveliness token) |
+//! | `xtb/<fleet>/<robot>/state` | [`Channel::State`] | [`RobotState`](crate::messages::RobotState) |
+//! | `xtb/<fleet>/<robot>/sensors` | [`Channel::Sensors`] | [`Sensors`](crate::messages::Sensors) |
+//! | `xtb/<fleet>/<robot>/event` | [`Channel::Event`] | [`Event`](crate::messages::Event) |
+//! | `xtb/<fleet>/<robot>/about` | [`Channel::About`] | [`About`](crate::messages::About) |
+//! | `xtb/<fleet>/<robot>/cmd/<client>` | [`Channel::Cmd`] | [`Request`](crate::messages::Request) → [`Reply`](crate::messages::Reply) |
+//! | `xtb/<fleet>/<robot>/teleop/<client>` | [`Channel::Teleop`] | [`Setpoint`](crate::messages::Setpoint) |
+//! | `xtb/<fleet>/sim/truth` | [`Channel::SimTruth`] | [`Truth`](crate::messages::Truth), JSON |
+//! | `xtb/<fleet>/sim/roster` | [`Channel::SimRoster`] | [`Roster`](crate::messages::Roster), JSON |
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use thiserror::Error;
+
+/// Names that no robot may have: they are other things' places in the key space.
+pub const RESERVED: [&str; 5] = ["all", "sim", "dispatch", "traffic", "map"];
+const ROOT: &str = "xtb";
+const ANY: &str = "*";
+/// Longest name in characters.
+pub const MAX_NAME: usize = 32;
+
+/// A name that cannot stand in a key.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum NameError {
+    /// Wrong length or characters.
+    #[error("{0:?} is not a name: 1 to {MAX_NAME} of a-z, 0-9 and -")]
+    Malformed(String),
+    /// See [`RESERVED`].
+    #[error("{0:?} is reserved and cannot be a robot's name")]
+    Reserved(String),
+}
+
+/// The name of a fleet, a robot or a client: 1–32 of `a-z 0-9 -`.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Name(String);
+
+impl Name {
+    /// # Errors
+    /// [`NameError::Malformed`].
+    pub fn new(text: &str) -> Result<Self, NameError> {
+        let allowed = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-';
+        if (1..=MAX_NAME).contains(&text.len()) && text.bytes().all(allowed) {
+            Ok(Self(text.to_owned()))
+        } else {
+            Err(NameError::Malformed(text.chars().take(2 * MAX_NAME).collect()))
+        }
+    }
+
+    /// A name that a robot may have.
+    ///
+    /// # Errors
+    /// [`NameError::Malformed`] or [`NameError::Reserved`].
+    pub fn robot(text: &str) -> Result<Self, NameError> {
+        let name = Self::new(text)?;
+        if RESERVED.contains(&text) { Err(NameError::Reserved(text.to_owned())) } else { Ok(name) }
+    }
+
+    /// The text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&self.0)
+    }
+}
+
+impl TryFrom<String> for Name {
+    type Error = NameError;
+
+    fn try_from(text: String) -> Result<Self, NameError> {
+        Self::new(&text)
+    }
+}
+
+impl From<Name> for String {
+    fn from(name: Name) -> String {
+        name.0
+    }
+}
+
+impl std::str::FromStr for Name {
+    type Err = NameError;
+
+    fn from_str(text: &str) -> Result<Self, NameError> {
+        Self::new(text)
+    }
+}
+
+/// One channel of a robot or of the simulator.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Channel {
+    /// Liveliness token, declared last: alive means commandable.
+    Alive,
+    /// 20 Hz; also a queryable for late joiners.
+    State,
+    /// 10 Hz while somebody listens.
+    Sensors,
+    /// Mode changes, goal results, faults; recoverable.
+    Event,
+    /// Factsheet, queryable.
+    About,
+    /// Request and reply; the client's name stands in the key so that access control can bind it.
+    Cmd(Name),
+    /// Setpoints.
+    Teleop(Name),
+    /// Ground truth of the simulator, 20 Hz.
+    SimTruth,
+    /// Which robots the simulator runs, queryable.
+    SimRoster,
+}
+
+/// What happens when a queue on the way is full.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Congestion {
+    /// The message is dropped: a newer one follows.
+    Drop,
+    /// The sender waits.
+    Block,
+}
+
+/// Which of Zenoh's queues a message takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Priority {
+    /// Setpoints.
+    InteractiveHigh,
+    /// State, requests.
+    Data,
+    /// Raw samples.
+    DataLow,
+}
+
+/// How Zenoh shall treat a channel's messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Qos {
+    /// On full queues.
+    pub congestion: Congestion,
+    /// Among other messages.
+    pub priority: Priority,
+    /// Send at once instead of batching.
+    pub express: bool,
+}
+
+impl Channel {
+    /// The channel's quality of service.
+    #[must_use]
+    pub fn qos(&self) -> Qos {
+        use Congestion::{Block, Drop};
+        let qos = |congestion, priority, express| Qos { congestion, priority, express };
+        match self {
+            Self::State => qos(Drop, Priority::Data, true),
+            Self::Sensors | Self::SimTruth => qos(Drop, Priority::DataLow, false),
+            Self::Teleop(_) => qos(Drop, Priority::InteractiveHigh, true),
+            Self::Alive | Self::Event | Self::About | Self::Cmd(_) | Self::SimRoster => {
+                qos(Block, Priority::Data, true)
+            }
+        }
+    }
+}
+
+/// A parsed key.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Key {
+    /// Whose.
+    pub fleet: Name,
+    /// `None` for the simulator's own channels.
+    pub robot: Option<Name>,
+    /// Which.
+    pub channel: Channel,
+}
+
+impl Key {
+    /// Reads a concrete key; `None` if it is not one of ours.
+    #[must_use]
+    pub fn parse(key: &str) -> Option<Self> {
+        let mut parts = key.split('/');
+        if parts.next()? != ROOT {
+            return None;
+        }
+        let fleet = Name::new(parts.next()?).ok()?;
+        let (who, what, client) = (parts.next()?, parts.next()?, parts.next());
+        if parts.next().is_some() {
+            return None;
+        }
+        if who == "sim" {
+            let channel = match (what, client) {
+                ("truth", None) => Channel::SimTruth,
+                ("roster", None) => Channel::SimRoster,
+                _ => return None,
+            };
+            return Some(Self { fleet, robot: None, channel });
+        }
+        let channel = match (what, client) {
+            ("alive", None) => Channel::Alive,
+            ("state", None) => Channel::State,
+            ("sensors", None) => Channel::Sensors,
+            ("event", None) => Channel::Event,
+            ("about", None) => Channel::About,
+            ("cmd", Some(client)) => Channel::Cmd(Name::new(client).ok()?),
+            ("teleop", Some(client)) => Channel::Teleop(Name::new(client).ok()?),
+            _ => return None,
+        };
+        Some(Self { fleet, robot: Some(Name::robot(who).ok()?), channel })
+    }
+}
+
+/// The keys of a fleet.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FleetKeys(Name);
+
+impl FleetKeys {
+    /// The keys of this fleet.
+    #[must_use]
+    pub fn new(fleet: Name) -> Self {
+        Self(fleet)
+    }
+
+    /// One robot's keys.
+    #[must_use]
+    pub fn robot(&self, robot: &Name) -> RobotKeys {
+        RobotKeys(format!("{ROOT}/{}/{robot}", self.0))
+    }
+
+    /// Key expressions for all robots at once.
+    #[must_use]
+    pub fn any_robot(&self) -> RobotKeys {
+        RobotKeys(format!("{ROOT}/{}/{ANY}", self.0))
+    }
+
+    /// Ground truth.
+    #[must_use]
+    pub fn sim_truth(&self) -> String {
+        format!("{ROOT}/{}/sim/truth", self.0)
+    }
+
+    /// The simulator's robots.
+    #[must_use]
+    pub fn sim_roster(&self) -> String {
+        format!("{ROOT}/{}/sim/roster", self.0)
+    }
+}
+
+/// The keys of a robot, or of any robot.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RobotKeys(String);
+
+impl RobotKeys {
+    /// Presence.
+    #[must_use]
+    pub fn alive(&self) -> String {
+        format!("{}/alive", self.0)
+    }
+
+    /// State.
+    #[must_use]
+    pub fn state(&self) -> String {
+        format!("{}/state", self.0)
+    }
+
+    /// Samples.
+    #[must_use]
+    pub fn sensors(&self) -> String {
+        format!("{}/sensors", self.0)
+    }
+
+    /// Events.
+    #[must_use]
+    pub fn event(&self) -> String {
+        format!("{}/event", self.0)
+    }
+
+    /// Factsheet.
+    #[must_use]
+    pub fn about(&self) -> String {
+        format!("{}/about", self.0)
+    }
+
+    /// Requests of one client, or of any.
+    #[must_use]
+    pub fn cmd(&self, client: Option<&Name>) -> String {
+        format!("{}/cmd/{}", self.0, client.map_or(ANY, Name::as_str))
+    }
+
+    /// Setpoints of one client, or of any.
+    #[must_use]
+    pub fn teleop(&self, client: Option<&Name>) -> String {
+        format!("{}/teleop/{}", self.0, client.map_or(ANY, Name::as_str))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn name(text: &str) -> Name {
+        Name::new(text).unwrap()
+    }
+
+    #[test]
+    fn every_key_parses_back_into_its_channel() {
+        let fleet = FleetKeys::new(name("lab"));
+        let robot = fleet.robot(&name("xtb-1"));
+        let client = name("cli-7");
+        for (key, channel) in [
+            (robot.alive(), Channel::Alive),
+            (robot.state(), Channel::State),
+            (robot.sensors(), Channel::Sensors),
+            (robot.event(), Channel::Event),
+            (robot.about(), Channel::About),
+            (robot.cmd(Some(&client)), Channel::Cmd(client.clone())),
+            (robot.teleop(Some(&client)), Channel::Teleop(client.clone())),
+            (fleet.sim_truth(), Channel::SimTruth),
+            (fleet.sim_roster(), Channel::SimRoster),
+        ] {
+            assert_eq!(Key::parse(&key).unwrap_or_else(|| panic!("{key}")).channel, channel);
+        }
+    }
+
+    #[test]
+    fn foreign_keys_are_not_ours() {
+        for key in ["", "xtb", "xtb/lab", "xtb/lab/xtb-1", "xtb/lab/xtb-1/cmd", "ros/lab/xtb-1/state"] {
+            assert_eq!(Key::parse(key), None, "{key}");
+        }
+        assert_eq!(Key::parse("xtb/lab/all/state"), None);
+        assert_eq!(Key::parse("xtb/lab/xtb-1/cmd/a/b"), None);
+    }
+
+    #[test]
+    fn names_are_checked() {
+        for bad in ["", "Xtb", "a b", "a/b", "*", &"x".repeat(33)] {
+            assert!(Name::new(bad).is_err(), "{bad}");
+        }
+        assert_eq!(Name::robot("all"), Err(NameError::Reserved("all".into())));
+    }
+}

@@ -1,0 +1,61 @@
+//! What travels: one serde type for each message, the same in postcard and in JSON.
+//!
+//! Nested structs and enums only (no flatten, untagged or skipped fields: postcard cannot), JSON
+//! fields with a default may be left out, unknown ones are errors. [`Message::validate`] holds what
+//! the types cannot: finite, in range, bounded.
+
+mod request;
+mod sim;
+mod state;
+
+pub use request::{Body, Done, ErrorBody, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint};
+pub use sim::{Roster, RosterEntry, Truth, TruthRobot};
+pub use state::{
+    About, Event, EventKind, GoalKind, GoalState, GoalStatus, InputAges, LeaseState, Limits, ObstacleView,
+    ParameterInfo, PoseSource, PoseState, Rejected, RobotState, Sensors, StopReason, TiltState,
+};
+
+use crate::codec::CodecError;
+use serde::{Serialize, de::DeserializeOwned};
+use xtb_control::units::OutOfRange;
+
+/// A message with a place in the table of wire types.
+pub trait Message: Serialize + DeserializeOwned {
+    /// Its name in the encoding: `application/x-postcard;xtb.<NAME>.v<VERSION>`.
+    const NAME: &'static str;
+    /// Version of its layout.
+    const VERSION: u32 = 1;
+
+    /// Checks what the type cannot hold.
+    ///
+    /// # Errors
+    /// The first value that is not finite, out of range or too long.
+    fn validate(&self) -> Result<(), CodecError> {
+        Ok(())
+    }
+}
+
+/// Largest |x| or |y| of a goal or pose in the map, in m.
+pub const MAX_COORDINATE_M: f64 = 1000.0;
+
+fn bounded(
+    quantity: &'static str,
+    value: f64,
+    min: f64,
+    max: f64,
+    unit: &'static str,
+) -> Result<(), CodecError> {
+    if value.is_finite() && (min..=max).contains(&value) {
+        Ok(())
+    } else {
+        Err(CodecError::OutOfRange(OutOfRange { quantity, value, min, max, unit }))
+    }
+}
+
+fn coordinate(quantity: &'static str, value: f64) -> Result<(), CodecError> {
+    bounded(quantity, value, -MAX_COORDINATE_M, MAX_COORDINATE_M, "m")
+}
+
+fn angle(quantity: &'static str, value: f64) -> Result<(), CodecError> {
+    bounded(quantity, value, -7.0, 7.0, "rad")
+}

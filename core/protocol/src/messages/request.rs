@@ -1,0 +1,258 @@
+//! Requests to a robot, its replies, and teleoperation setpoints.
+
+use super::{Message, angle, bounded, coordinate};
+use crate::codec::CodecError;
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+use xtb_control::units::{Steering, WheelRpm};
+
+/// Proof that the robot granted control: which boot, and which grant of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lease {
+    /// Random at the robot's boot, below 2^53.
+    pub epoch: u64,
+    /// Raised by each grant to a new holder.
+    pub root: u32,
+}
+
+/// What a goal does when its client falls silent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LinkLoss {
+    /// Stand.
+    #[default]
+    Halt,
+    /// Carry on, for `finish_s` at most.
+    Finish,
+}
+
+fn finish_s() -> f64 {
+    300.0
+}
+
+/// What is asked of a robot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Body {
+    /// Ask for the lease.
+    Acquire {
+        /// Take it from its holder.
+        #[serde(default)]
+        take: bool,
+    },
+    /// Keep it; each 100 ms.
+    Retain {},
+    /// Give it back.
+    Release {},
+    /// Drive to a point of the map (§4.10).
+    Goto {
+        /// East, in m.
+        x_m: f64,
+        /// North, in m.
+        y_m: f64,
+        /// Yaw on arrival, counter-clockwise from +x.
+        #[serde(default)]
+        yaw_rad: Option<f64>,
+        /// When the client falls silent.
+        #[serde(default)]
+        on_link_loss: LinkLoss,
+        /// Longest time that a goal with [`LinkLoss::Finish`] may take, in s.
+        #[serde(default = "finish_s")]
+        finish_s: f64,
+    },
+    /// Wander (§4.6).
+    Wander {
+        /// How long, in s; `None` = until stopped.
+        #[serde(default)]
+        for_s: Option<f64>,
+        /// When the client falls silent.
+        #[serde(default)]
+        on_link_loss: LinkLoss,
+        /// See [`Body::Goto`].
+        #[serde(default = "finish_s")]
+        finish_s: f64,
+    },
+    /// Drop the goal, stand; anyone may.
+    Stop {},
+    /// End this goal if it is the one that runs.
+    Cancel {
+        /// Its id.
+        goal: Uuid,
+    },
+    /// Tell the robot where it stands in the map; refused while a goal runs.
+    SetPose {
+        /// East, in m.
+        x_m: f64,
+        /// North, in m.
+        y_m: f64,
+        /// Counter-clockwise from +x.
+        yaw_rad: f64,
+    },
+}
+
+/// One question to a robot. The same id again gets the same answer and does nothing twice.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Chosen by the client; a goal's id is its request's.
+    pub id: Uuid,
+    /// The client's lease, if it holds one.
+    #[serde(default)]
+    pub lease: Option<Lease>,
+    /// What is asked.
+    pub body: Body,
+}
+
+impl Message for Request {
+    const NAME: &'static str = "Request";
+
+    fn validate(&self) -> Result<(), CodecError> {
+        match &self.body {
+            Body::Goto { x_m, y_m, yaw_rad, finish_s, .. } => {
+                coordinate("x_m", *x_m)?;
+                coordinate("y_m", *y_m)?;
+                if let Some(yaw_rad) = yaw_rad {
+                    angle("yaw_rad", *yaw_rad)?;
+                }
+                bounded("finish_s", *finish_s, 0.0, 86_400.0, "s")
+            }
+            Body::Wander { for_s, finish_s, .. } => {
+                if let Some(for_s) = for_s {
+                    bounded("for_s", *for_s, 0.0, 86_400.0, "s")?;
+                }
+                bounded("finish_s", *finish_s, 0.0, 86_400.0, "s")
+            }
+            Body::SetPose { x_m, y_m, yaw_rad } => {
+                coordinate("x_m", *x_m)?;
+                coordinate("y_m", *y_m)?;
+                angle("yaw_rad", *yaw_rad)
+            }
+            Body::Acquire { .. }
+            | Body::Retain {}
+            | Body::Release {}
+            | Body::Stop {}
+            | Body::Cancel { .. } => Ok(()),
+        }
+    }
+}
+
+/// Why a request was refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RejectCode {
+    /// Not a message of ours.
+    Malformed,
+    /// Longer than any message of ours.
+    Oversized,
+    /// A version that this robot does not speak.
+    WrongVersion,
+    /// A number that is not finite or out of its range.
+    OutOfRange,
+    /// Somebody else holds the lease.
+    LeaseHeld,
+    /// The lease given is not the present one.
+    LeaseLost,
+    /// A goal runs, and this cannot be done meanwhile.
+    Busy,
+    /// No goal of that id runs.
+    UnknownGoal,
+    /// A sensor that this needs has not been heard lately.
+    NotReady,
+    /// This robot cannot do that.
+    Unsupported,
+    /// The robot is shutting down or cannot take more requests.
+    Overloaded,
+}
+
+/// What a successful request gave.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Done {
+    /// From `acquire`.
+    #[serde(default)]
+    pub lease: Option<Lease>,
+    /// From `goto` and `wander`.
+    #[serde(default)]
+    pub goal: Option<Uuid>,
+}
+
+/// A refusal, for people and programs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorBody {
+    /// For programs.
+    pub code: RejectCode,
+    /// What was wrong.
+    pub message: String,
+    /// What to do.
+    pub hint: String,
+}
+
+/// `ok` or `error`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// Done.
+    Ok(Done),
+    /// Refused; nothing changed.
+    Error(ErrorBody),
+}
+
+/// The answer to a request.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reply {
+    /// The request's id; nil if it could not be read.
+    pub id: Uuid,
+    /// What came of it.
+    pub result: Outcome,
+}
+
+impl Message for Reply {
+    const NAME: &'static str = "Reply";
+}
+
+impl Reply {
+    /// A success.
+    #[must_use]
+    pub fn done(id: Uuid, done: Done) -> Self {
+        Self { id, result: Outcome::Ok(done) }
+    }
+
+    /// A refusal.
+    #[must_use]
+    pub fn refused(id: Uuid, code: RejectCode, message: impl Into<String>, hint: impl Into<String>) -> Self {
+        let error = ErrorBody { code, message: message.into(), hint: hint.into() };
+        Self { id, result: Outcome::Error(error) }
+    }
+}
+
+/// A teleoperation setpoint; lives 200 ms on the robot's own clock.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setpoint {
+    /// The client's lease.
+    #[serde(default)]
+    pub lease: Option<Lease>,
+    /// Counts the client's setpoints.
+    #[serde(default)]
+    pub seq: u64,
+    /// `tick_ms` of the robot as last seen in its state.
+    #[serde(default)]
+    pub echo_tick_ms: Option<u64>,
+    /// Wheel speed, + = ahead.
+    pub rpm: f64,
+    /// −1..=1, + = right.
+    pub steering: f64,
+}
+
+impl Message for Setpoint {
+    const NAME: &'static str = "Setpoint";
+
+    fn validate(&self) -> Result<(), CodecError> {
+        WheelRpm::try_from(self.rpm)?;
+        Steering::try_from(self.steering)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,393 @@
+//! What a robot says of itself: state, samples, events and its factsheet.
+
+use super::Message;
+use crate::keys::Name;
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+use xtb_control::Mode;
+use xtb_control::frames::MapPose;
+
+/// Who holds control.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LeaseState {
+    /// The client.
+    pub holder: Name,
+    /// Since its last lease-bearing message.
+    pub age_ms: u64,
+}
+
+/// Where a pose comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PoseSource {
+    /// The configured start pose; nothing has been measured yet.
+    Start,
+    /// Dead reckoning since the start pose or the last `set_pose`.
+    Odometry,
+}
+
+/// The pose in the map (ENU, REP-103).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PoseState {
+    /// East, in m.
+    pub x_m: f64,
+    /// North, in m.
+    pub y_m: f64,
+    /// Counter-clockwise from +x.
+    pub yaw_rad: f64,
+    /// Where it comes from.
+    pub source: PoseSource,
+    /// Age of the older of the two samples behind it; `None` = never measured.
+    pub age_ms: Option<u64>,
+}
+
+/// The obstacle rule's view; `None` = the range finders have not been heard lately.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObstacleView {
+    /// Ahead.
+    pub front: Option<bool>,
+    /// Behind.
+    pub rear: Option<bool>,
+}
+
+/// Platform tilt; `None` = not measured.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TiltState {
+    /// Pitch, in degrees.
+    pub x: Option<f64>,
+    /// Roll, in degrees.
+    pub y: Option<f64>,
+}
+
+/// What kind of goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GoalKind {
+    /// To a point.
+    Goto,
+    /// Wander.
+    Wander,
+}
+
+/// The life of a goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GoalStatus {
+    /// Taken, not yet begun.
+    Accepted,
+    /// Under way.
+    Running,
+    /// An obstacle in the driving direction.
+    Blocked,
+    /// Done.
+    Reached,
+    /// Ended by `stop`, `cancel` or teleoperation.
+    Cancelled,
+    /// Ended by a newer goal.
+    Replaced,
+    /// Could not be done.
+    Failed,
+    /// The robot restarted.
+    Interrupted,
+}
+
+impl GoalStatus {
+    /// Whether the goal has ended.
+    #[must_use]
+    pub fn is_final(self) -> bool {
+        !matches!(self, Self::Accepted | Self::Running | Self::Blocked)
+    }
+}
+
+/// The present or last goal.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GoalState {
+    /// Its request's id.
+    pub id: Uuid,
+    /// What kind.
+    pub kind: GoalKind,
+    /// East, in m; `None` for wander.
+    pub x_m: Option<f64>,
+    /// North, in m; `None` for wander.
+    pub y_m: Option<f64>,
+    /// How it stands.
+    pub status: GoalStatus,
+    /// Still to go, in a straight line.
+    pub distance_m: Option<f64>,
+}
+
+/// Why a robot stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopReason {
+    /// Nobody asked for anything.
+    NoCommand,
+    /// The last goal was reached.
+    GoalReached,
+    /// Told to.
+    Stop,
+    /// The goal was cancelled.
+    Cancelled,
+    /// The goal's time was up.
+    TimeUp,
+    /// The last setpoint is older than its lifetime.
+    SetpointExpired,
+    /// The session to the router was lost while teleoperating.
+    LinkLost,
+    /// A setpoint of 0 rpm.
+    SetpointZero,
+    /// Something ahead.
+    ObstacleFront,
+    /// Something behind.
+    ObstacleRear,
+    /// Wander's pause.
+    WanderPause,
+    /// The I/O board has fallen silent.
+    BoardLost,
+    /// The gyro has fallen silent.
+    GyroLost,
+}
+
+/// Ages of the inputs in ms; `None` = never heard.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InputAges {
+    /// Gyro frame.
+    pub gyro: Option<u64>,
+    /// Encoder window.
+    pub encoder: Option<u64>,
+    /// Converter scan.
+    pub adc: Option<u64>,
+    /// Accepted setpoint.
+    pub setpoint: Option<u64>,
+}
+
+/// What was refused or dropped since boot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rejected {
+    /// Messages that could not be read.
+    pub malformed: u64,
+    /// Messages that were too long.
+    pub oversized: u64,
+    /// Messages of another version.
+    pub wrong_version: u64,
+    /// Messages with a number out of range.
+    pub out_of_range: u64,
+    /// Requests that were read and refused.
+    pub refused: u64,
+    /// Requests that found the queue full.
+    pub overloaded: u64,
+    /// Setpoints that were replaced by newer ones before a turn saw them.
+    pub setpoints_overwritten: u64,
+    /// Events that fell out of their full queue.
+    pub events_dropped: u64,
+    /// Board frames dropped: CRC, type, range.
+    pub board_frames: u64,
+    /// Gaps in the board's sequence.
+    pub board_lost: u64,
+    /// Bytes skipped to find a gyro frame.
+    pub gyro_bytes: u64,
+}
+
+/// Everything about a robot, 20 times a second.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotState {
+    /// Whose.
+    pub robot: Name,
+    /// Random at boot.
+    pub epoch: u64,
+    /// Counts the states.
+    pub seq: u64,
+    /// The robot's monotonic clock.
+    pub tick_ms: u64,
+    /// What the controller does.
+    pub mode: Mode,
+    /// Who holds control.
+    pub lease: Option<LeaseState>,
+    /// Where it is.
+    pub pose: PoseState,
+    /// + = ahead; `None` = the encoder has not been heard lately.
+    pub speed_mps: Option<f64>,
+    /// What the mode demands of the wheels, in rpm.
+    pub reference_rpm: f64,
+    /// Commanded, −1..=1, + = right.
+    pub steering: f64,
+    /// What the range finders see.
+    pub obstacle: ObstacleView,
+    /// Platform tilt.
+    pub tilt_deg: TiltState,
+    /// `None` = not measured.
+    pub battery_v: Option<f64>,
+    /// The present or last goal.
+    pub goal: Option<GoalState>,
+    /// Latched stops, by name.
+    pub latches: Vec<String>,
+    /// Why it stands; empty while it drives.
+    pub stopped_because: Vec<StopReason>,
+    /// Ages of the inputs.
+    pub input_age_ms: InputAges,
+    /// What was refused or dropped.
+    pub rejected: Rejected,
+}
+
+impl Message for RobotState {
+    const NAME: &'static str = "RobotState";
+}
+
+/// Raw and converted samples, 10 times a second while somebody listens.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensors {
+    /// Whose.
+    pub robot: Name,
+    /// The robot's monotonic clock.
+    pub tick_ms: u64,
+    /// Raw yaw counts, 360/65536 deg.
+    pub gyro_yaw: i16,
+    /// Pulses of the last encoder window.
+    pub encoder_pulses: u16,
+    /// Front range finders, counts.
+    pub ir_front: [u16; 6],
+    /// Rear range finders, counts.
+    pub ir_rear: [u16; 6],
+    /// Front range finders, cm; `None` = nothing in range.
+    pub ir_front_cm: [Option<f64>; 6],
+    /// Rear range finders, cm.
+    pub ir_rear_cm: [Option<f64>; 6],
+    /// Signed wheel speed.
+    pub rpm: f64,
+    /// Motor pulse in counts of 0.4 µs, as commanded.
+    pub motor_counts: u16,
+    /// Front steering pulse.
+    pub steer_front_counts: u16,
+    /// Rear steering pulse.
+    pub steer_rear_counts: u16,
+}
+
+impl Message for Sensors {
+    const NAME: &'static str = "Sensors";
+}
+
+/// Something happened.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum EventKind {
+    /// The agent began to run.
+    Started {
+        /// Its version.
+        version: String,
+    },
+    /// The controller's mode changed.
+    Mode {
+        /// Before.
+        from: Mode,
+        /// After.
+        to: Mode,
+    },
+    /// A goal changed its status.
+    Goal {
+        /// Which.
+        id: Uuid,
+        /// To what.
+        status: GoalStatus,
+        /// Why, where that is not plain.
+        reason: Option<String>,
+    },
+    /// The lease changed hands.
+    Lease {
+        /// To whom; `None` = free.
+        holder: Option<Name>,
+    },
+    /// An input fell silent or came back.
+    Input {
+        /// `board` or `gyro`.
+        name: String,
+        /// Whether it is heard.
+        heard: bool,
+    },
+}
+
+/// An event with its place in the robot's history.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Event {
+    /// Whose.
+    pub robot: Name,
+    /// Random at boot.
+    pub epoch: u64,
+    /// Counts the events of this boot.
+    pub seq: u64,
+    /// The robot's monotonic clock.
+    pub tick_ms: u64,
+    /// What happened.
+    pub kind: EventKind,
+}
+
+impl Message for Event {
+    const NAME: &'static str = "Event";
+}
+
+/// A parameter as the factsheet lists it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ParameterInfo {
+    /// `section.field`.
+    pub name: String,
+    /// In TOML.
+    pub value: String,
+    /// Empty for switches.
+    pub unit: String,
+    /// Printed, data sheet, assumed or ours.
+    pub origin: String,
+}
+
+/// What the robot accepts at most.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Limits {
+    /// Fastest setpoint, in wheel rpm.
+    pub max_rpm: f64,
+    /// Fastest speed that the obstacle rule stops from, in m/s.
+    pub admitted_mps: f64,
+    /// How long a setpoint lives.
+    pub setpoint_lifetime_ms: u32,
+    /// Largest |x| or |y| of a goal.
+    pub max_coordinate_m: f64,
+}
+
+/// The factsheet.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct About {
+    /// Who.
+    pub robot: Name,
+    /// Of which fleet.
+    pub fleet: Name,
+    /// The agent's version.
+    pub version: String,
+    /// Random at boot.
+    pub epoch: u64,
+    /// `simulated` or `serial`.
+    pub hardware: String,
+    /// Where it started.
+    pub start_pose: MapPose,
+    /// What it accepts at most.
+    pub limits: Limits,
+    /// Which requests it understands.
+    pub capabilities: Vec<String>,
+    /// CRC-32 of the vehicle parameters, in hexadecimal.
+    pub vehicle_hash: String,
+    /// The vehicle parameters.
+    pub vehicle: Vec<ParameterInfo>,
+}
+
+impl Message for About {
+    const NAME: &'static str = "About";
+}
