@@ -1,1 +1,18 @@
-//! xtb-authority
+//! Who may move a robot, and what it does about it: state machines without I/O.
+//!
+//! * [`agent`]: the robot's brain. Requests, setpoints and time go in; replies, at most one
+//!   [`Command`](xtb_control::Command) a turn, state and events come out.
+//! * [`robot`]: brain, controller and line codecs in one turn: what `robot-agent` runs against real
+//!   time and the simulator in lockstep.
+//! * [`operator`]: the client's side: acquire, retain, retry.
+
+pub mod agent;
+pub mod goal;
+pub mod lease;
+pub mod operator;
+pub mod replies;
+pub mod robot;
+
+pub use agent::{Agent, Identity};
+pub use operator::Operator;
+pub use robot::Robot;

@@ -1,1 +1,17 @@
-//! xtb-bus
+//! The only crate that opens Zenoh: sessions, typed publishers, queries, presence.
+//!
+//! Everything else names channels by [`keys`](xtb_protocol::keys) and messages by their types; what
+//! Zenoh needs to know (quality of service, targets, time-outs, its traps) stays in here.
+//!
+//! Rules that hold for every callback given to this crate: it runs on one of Zenoh's threads, so it
+//! must not block; a callback that blocks hurts every session of the process.
+
+mod channel;
+mod presence;
+mod query;
+mod session;
+
+pub use channel::{EventPublisher, Incoming, Publisher, Subscription};
+pub use presence::{Presence, Token};
+pub use query::{Question, Service};
+pub use session::{Bus, BusError, LinkWatch, Role, open, open_patiently};

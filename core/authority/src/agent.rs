@@ -1,0 +1,488 @@
+//! The robot's brain: arbitration, lease, goal life cycle and the two rules that keep shins whole.
+//!
+//! ```text
+//!   request ──► validate ► idempotency ► lease ► goal ──┐
+//!   setpoint ─► teleop slot (lives 200 ms) ─────────────┼─► turn ──► at most one Command
+//!   inputs' ages, link up or down ──────────────────────┘
+//! ```
+//!
+//! Order of arbitration: lost input > teleop > goal. There is one motor writer, the controller; the
+//! brain only ever hands it a command, and its answer to every doubt is [`Command::Idle`].
+
+use crate::goal::{Goal, Target, TimeLimit};
+use crate::lease::LeaseBook;
+use crate::replies::ReplyBook;
+use std::collections::VecDeque;
+use xtb_control::controller::Mode;
+use xtb_control::frames::{MapFromOdom, MapPose};
+use xtb_control::odometry::OdomPose;
+use xtb_control::{Command, Outputs, Stamp, Steering, VehicleConfig, WheelRpm, goto};
+use xtb_protocol::messages::{
+    Body, Done, Event, EventKind, GoalStatus, InputAges, LinkLoss, PoseSource, PoseState, RejectCode, Reply,
+    Request, Setpoint, StopReason,
+};
+use xtb_protocol::{Name, Uuid};
+
+/// An input that was not heard for this long is lost.
+pub const INPUT_LOST_MS: u64 = 200;
+/// Events that wait for the uplink; the oldest is dropped and counted when full.
+pub const EVENT_QUEUE: usize = 64;
+
+/// Who a robot is, fixed at boot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Identity {
+    /// Its fleet.
+    pub fleet: Name,
+    /// Its name.
+    pub robot: Name,
+    /// Random at boot, below 2^53.
+    pub epoch: u64,
+    /// Where it stands at boot.
+    pub start_pose: MapPose,
+}
+
+/// What a turn can see.
+#[derive(Debug, Clone, Copy)]
+pub struct View<'a> {
+    /// The controller's last outputs.
+    pub outputs: &'a Outputs,
+    /// Ages of gyro, encoder and converter.
+    pub ages: InputAges,
+}
+
+#[derive(Debug, Clone)]
+struct Teleop {
+    setpoint: Setpoint,
+    at: Stamp,
+    delivered: bool,
+}
+
+/// The brain.
+#[derive(Debug, Clone)]
+pub struct Agent {
+    identity: Identity,
+    setpoint_lifetime_ms: u64,
+    max_rpm: f64,
+    map: MapFromOdom,
+    lease: LeaseBook,
+    replies: ReplyBook,
+    goal: Option<Goal>,
+    teleop: Option<Teleop>,
+    /// For the controller, at the next turn.
+    pending: Option<Command>,
+    link_up: bool,
+    idle_because: StopReason,
+    lost: [bool; 2],
+    mode: Mode,
+    setpoint_heard: Option<Stamp>,
+    events: VecDeque<Event>,
+    event_seq: u64,
+    /// Events that fell out of the full queue.
+    pub events_dropped: u64,
+    /// Requests that were read and refused.
+    pub refused: u64,
+}
+
+impl Agent {
+    /// A robot that has just booted and stands; nothing moves before a new command.
+    #[must_use]
+    pub fn new(identity: Identity, vehicle: &VehicleConfig, version: &str) -> Self {
+        let mut agent = Self {
+            setpoint_lifetime_ms: u64::from(vehicle.teleop.lifetime_ms),
+            max_rpm: vehicle.teleop.max_rpm,
+            map: MapFromOdom::aligning(&OdomPose::default(), &identity.start_pose),
+            lease: LeaseBook::new(identity.epoch),
+            replies: ReplyBook::default(),
+            goal: None,
+            teleop: None,
+            pending: None,
+            link_up: false,
+            idle_because: StopReason::NoCommand,
+            lost: [false; 2],
+            mode: Mode::Idle,
+            setpoint_heard: None,
+            events: VecDeque::with_capacity(EVENT_QUEUE),
+            event_seq: 0,
+            events_dropped: 0,
+            refused: 0,
+            identity,
+        };
+        agent.emit(Stamp::ZERO, EventKind::Started { version: version.to_owned() });
+        agent
+    }
+
+    /// Who this is.
+    #[must_use]
+    pub fn identity(&self) -> &Identity {
+        &self.identity
+    }
+
+    /// One request; the answer is final, its effect begins at the next turn.
+    pub fn request(&mut self, now: Stamp, client: &Name, request: &Request, view: View<'_>) -> Reply {
+        let retain = matches!(request.body, Body::Retain {});
+        if !retain && let Some(reply) = self.replies.find(client, request.id) {
+            return reply.clone();
+        }
+        if let Some(lease) = request.lease
+            && !retain
+        {
+            self.lease.touch(now, client, lease);
+        }
+        let reply = match self.carry_out(now, client, request, view) {
+            Ok(done) => Reply::done(request.id, done),
+            Err((code, message, hint)) => {
+                self.refused += 1;
+                Reply::refused(request.id, code, message, hint)
+            }
+        };
+        if !retain {
+            self.replies.remember(client, reply.clone());
+        }
+        reply
+    }
+
+    fn carry_out(&mut self, now: Stamp, client: &Name, request: &Request, view: View<'_>) -> Outcome {
+        match &request.body {
+            Body::Acquire { take: _ } => {
+                let before = self.lease.holder().cloned();
+                let lease = self.lease.acquire(now, client);
+                if before.as_ref() != Some(client) {
+                    self.emit(now, EventKind::Lease { holder: Some(client.clone()) });
+                }
+                Ok(Done { lease: Some(lease), goal: None })
+            }
+            Body::Retain {} => match request.lease {
+                Some(lease) if self.lease.touch(now, client, lease) => Ok(Done::default()),
+                _ => Err(lease_lost(self.lease.holder())),
+            },
+            Body::Release {} => match request.lease {
+                Some(lease) if self.lease.release(now, client, lease) => {
+                    self.emit(now, EventKind::Lease { holder: None });
+                    Ok(Done::default())
+                }
+                _ => Err(lease_lost(self.lease.holder())),
+            },
+            Body::Goto { x_m, y_m, yaw_rad, on_link_loss, finish_s } => {
+                if yaw_rad.is_some() {
+                    return Err((
+                        RejectCode::Unsupported,
+                        "this robot drives to a point and cannot choose its yaw there".into(),
+                        "leave yaw_rad out",
+                    ));
+                }
+                let (x_odom, y_odom) = self.map.point_to_odom(*x_m, *y_m);
+                let goal = goto::Goal::new(x_odom, y_odom).map_err(|error| {
+                    (RejectCode::OutOfRange, error.to_string(), "choose a goal nearer to the robot")
+                })?;
+                let limit = finish_limit(now, *on_link_loss, *finish_s);
+                let target = Target::Point { x_m: *x_m, y_m: *y_m };
+                self.begin(now, request.id, target, limit, Command::Goto(goal), view)
+            }
+            Body::Wander { for_s, on_link_loss, finish_s } => {
+                let lasting = for_s.map(|s| TimeLimit { at: after(now, s), then: GoalStatus::Reached });
+                let bounded = finish_limit(now, *on_link_loss, *finish_s);
+                let limit = [lasting, bounded].into_iter().flatten().min_by_key(|limit| limit.at);
+                self.begin(now, request.id, Target::Anywhere, limit, Command::Wander, view)
+            }
+            Body::Stop {} => {
+                self.stand(now, StopReason::Stop, GoalStatus::Cancelled);
+                Ok(Done::default())
+            }
+            Body::Cancel { goal } => match &self.goal {
+                Some(present) if present.id == *goal && !present.status.is_final() => {
+                    self.stand(now, StopReason::Cancelled, GoalStatus::Cancelled);
+                    Ok(Done::default())
+                }
+                _ => Err((
+                    RejectCode::UnknownGoal,
+                    format!("goal {goal} is not the one that runs"),
+                    "the state names the present goal",
+                )),
+            },
+            Body::SetPose { x_m, y_m, yaw_rad } => {
+                if self.goal_runs() || self.teleop.is_some() {
+                    return Err((
+                        RejectCode::Busy,
+                        "the pose cannot be set while the robot is under way".into(),
+                        "stop it first",
+                    ));
+                }
+                let pose = MapPose { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad };
+                self.map = MapFromOdom::aligning(&view.outputs.pose, &pose);
+                Ok(Done::default())
+            }
+        }
+    }
+
+    fn begin(
+        &mut self,
+        now: Stamp,
+        id: Uuid,
+        target: Target,
+        limit: Option<TimeLimit>,
+        command: Command,
+        view: View<'_>,
+    ) -> Outcome {
+        if let Some(lost) = lost_input(&view.ages) {
+            return Err((
+                RejectCode::NotReady,
+                format!("the {} has not been heard for {INPUT_LOST_MS} ms", lost.name()),
+                "check its line; `robot-agent` logs what it hears",
+            ));
+        }
+        self.end_goal(now, GoalStatus::Replaced, None);
+        self.teleop = None;
+        self.goal = Some(Goal::accepted(id, target, limit));
+        self.emit(now, EventKind::Goal { id, status: GoalStatus::Accepted, reason: None });
+        self.pending = Some(command);
+        Ok(Done { lease: None, goal: Some(id) })
+    }
+
+    /// A setpoint that arrived at `at`; replaces the one before and takes over from a goal.
+    pub fn setpoint(&mut self, at: Stamp, client: &Name, setpoint: &Setpoint) {
+        if let Some(lease) = setpoint.lease {
+            self.lease.touch(at, client, lease);
+        }
+        self.setpoint_heard = Some(at);
+        if self.goal_runs() {
+            self.end_goal(at, GoalStatus::Cancelled, Some("teleoperation took over"));
+            self.pending = Some(Command::Idle);
+        }
+        self.teleop = Some(Teleop { setpoint: *setpoint, at, delivered: false });
+    }
+
+    /// Whether the session to the router stands.
+    pub fn set_link(&mut self, up: bool) {
+        self.link_up = up;
+    }
+
+    /// One turn: what the controller shall do now, if anything new.
+    pub fn turn(&mut self, now: Stamp, view: View<'_>) -> Option<Command> {
+        if self.lease.expire(now) {
+            self.emit(now, EventKind::Lease { holder: None });
+        }
+        self.watch_inputs(now, &view.ages);
+        self.watch_goal(now, view.outputs);
+        self.watch_teleop(now);
+        if view.outputs.mode != self.mode {
+            self.emit(now, EventKind::Mode { from: self.mode, to: view.outputs.mode });
+            self.mode = view.outputs.mode;
+        }
+        let command = self.pending.take();
+        if let (Some(Command::Goto(_) | Command::Wander), Some(goal)) = (command, &mut self.goal) {
+            goal.status = GoalStatus::Running;
+            let event = EventKind::Goal { id: goal.id, status: GoalStatus::Running, reason: None };
+            self.emit(now, event);
+        }
+        command
+    }
+
+    /// A lost input stops everything that moves, and is reported when it goes and when it returns.
+    fn watch_inputs(&mut self, now: Stamp, ages: &InputAges) {
+        for (i, input) in [Input::Board, Input::Gyro].into_iter().enumerate() {
+            let lost = input.is_lost(ages);
+            if lost != self.lost[i] {
+                self.lost[i] = lost;
+                self.emit(now, EventKind::Input { name: input.name().into(), heard: !lost });
+            }
+            if lost && (self.goal_runs() || self.teleop.is_some()) {
+                self.stand(now, input.reason(), GoalStatus::Failed);
+            }
+        }
+    }
+
+    fn watch_goal(&mut self, now: Stamp, outputs: &Outputs) {
+        let Some(goal) = &mut self.goal else { return };
+        if goal.status.is_final() || goal.status == GoalStatus::Accepted {
+            return;
+        }
+        if let Some(limit) = goal.limit
+            && now >= limit.at
+        {
+            return self.stand(now, StopReason::TimeUp, limit.then);
+        }
+        if let (Target::Point { .. }, Some(decision)) = (goal.target, &outputs.goto) {
+            goal.distance_m = Some(decision.distance_m);
+            if decision.arrived {
+                self.idle_because = StopReason::GoalReached;
+                return self.end_goal(now, GoalStatus::Reached, None);
+            }
+        }
+        let status = if outputs.blocked { GoalStatus::Blocked } else { GoalStatus::Running };
+        if goal.status != status {
+            goal.status = status;
+            let id = goal.id;
+            let reason = outputs.blocked.then(|| "an obstacle in the driving direction".to_owned());
+            self.emit(now, EventKind::Goal { id, status, reason });
+        }
+    }
+
+    /// The two rules: a setpoint lives 200 ms on this clock, and a lost session ends teleoperation.
+    fn watch_teleop(&mut self, now: Stamp) {
+        let Some(teleop) = &mut self.teleop else { return };
+        if now.since_ms(teleop.at) >= self.setpoint_lifetime_ms {
+            return self.stand(now, StopReason::SetpointExpired, GoalStatus::Cancelled);
+        }
+        if !self.link_up {
+            return self.stand(now, StopReason::LinkLost, GoalStatus::Cancelled);
+        }
+        if std::mem::replace(&mut teleop.delivered, true) {
+            return;
+        }
+        let rpm = teleop.setpoint.rpm.clamp(-self.max_rpm, self.max_rpm);
+        if let (Ok(rpm), Ok(steering)) =
+            (WheelRpm::try_from(rpm), Steering::try_from(teleop.setpoint.steering))
+        {
+            self.pending = Some(Command::Teleop { rpm, steering });
+        }
+    }
+
+    /// Everything ends, the robot stands.
+    fn stand(&mut self, now: Stamp, because: StopReason, goal_becomes: GoalStatus) {
+        let reason = (goal_becomes == GoalStatus::Failed).then_some(match because {
+            StopReason::BoardLost => "the board fell silent",
+            StopReason::GyroLost => "the gyro fell silent",
+            _ => "its time was up",
+        });
+        self.end_goal(now, goal_becomes, reason);
+        self.teleop = None;
+        self.idle_because = because;
+        self.pending = Some(Command::Idle);
+    }
+
+    fn end_goal(&mut self, now: Stamp, status: GoalStatus, reason: Option<&str>) {
+        let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
+        goal.status = status;
+        let event = EventKind::Goal { id: goal.id, status, reason: reason.map(str::to_owned) };
+        self.emit(now, event);
+    }
+
+    fn goal_runs(&self) -> bool {
+        self.goal.as_ref().is_some_and(|goal| !goal.status.is_final())
+    }
+
+    fn emit(&mut self, now: Stamp, kind: EventKind) {
+        if self.events.len() == EVENT_QUEUE {
+            self.events.pop_front();
+            self.events_dropped += 1;
+        }
+        let Identity { robot, epoch, .. } = &self.identity;
+        self.events.push_back(Event {
+            robot: robot.clone(),
+            epoch: *epoch,
+            seq: self.event_seq,
+            tick_ms: now.ms(),
+            kind,
+        });
+        self.event_seq += 1;
+    }
+
+    /// The oldest event that has not been taken yet.
+    pub fn next_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// The present or last goal.
+    #[must_use]
+    pub fn goal(&self) -> Option<&Goal> {
+        self.goal.as_ref()
+    }
+
+    /// The lease's book.
+    #[must_use]
+    pub fn lease(&self) -> &LeaseBook {
+        &self.lease
+    }
+
+    /// Age of the last setpoint.
+    #[must_use]
+    pub fn setpoint_age_ms(&self, now: Stamp) -> Option<u64> {
+        self.setpoint_heard.map(|at| now.since_ms(at))
+    }
+
+    /// Where the robot is in the map.
+    #[must_use]
+    pub fn pose(&self, view: View<'_>) -> PoseState {
+        let MapPose { x_m, y_m, yaw_rad } = self.map.pose(&view.outputs.pose);
+        let age_ms = view.ages.gyro.zip(view.ages.encoder).map(|(gyro, encoder)| gyro.max(encoder));
+        let source = if age_ms.is_some() { PoseSource::Odometry } else { PoseSource::Start };
+        PoseState { x_m, y_m, yaw_rad, source, age_ms }
+    }
+
+    /// Why the robot stands; empty while it drives.
+    #[must_use]
+    pub fn stopped_because(&self, view: View<'_>) -> Vec<StopReason> {
+        let outputs = view.outputs;
+        let mut reasons = Vec::new();
+        match outputs.mode {
+            Mode::Idle => reasons.push(self.idle_because),
+            Mode::Wander if outputs.reference_rpm == 0.0 => reasons.push(StopReason::WanderPause),
+            Mode::Teleop if outputs.reference_rpm == 0.0 => reasons.push(StopReason::SetpointZero),
+            _ => {}
+        }
+        if outputs.blocked {
+            let ahead = outputs.reference_rpm > 0.0;
+            reasons.push(if ahead { StopReason::ObstacleFront } else { StopReason::ObstacleRear });
+        }
+        for input in [Input::Board, Input::Gyro] {
+            let reason = input.reason();
+            if input.is_lost(&view.ages) && !reasons.contains(&reason) {
+                reasons.push(reason);
+            }
+        }
+        reasons
+    }
+}
+
+type Outcome = Result<Done, (RejectCode, String, &'static str)>;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Input {
+    Board,
+    Gyro,
+}
+
+impl Input {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Board => "board",
+            Self::Gyro => "gyro",
+        }
+    }
+
+    fn reason(self) -> StopReason {
+        match self {
+            Self::Board => StopReason::BoardLost,
+            Self::Gyro => StopReason::GyroLost,
+        }
+    }
+
+    fn is_lost(self, ages: &InputAges) -> bool {
+        let silent = |age: Option<u64>| age.is_none_or(|ms| ms > INPUT_LOST_MS);
+        match self {
+            Self::Board => silent(ages.encoder) || silent(ages.adc),
+            Self::Gyro => silent(ages.gyro),
+        }
+    }
+}
+
+fn lost_input(ages: &InputAges) -> Option<Input> {
+    [Input::Board, Input::Gyro].into_iter().find(|input| input.is_lost(ages))
+}
+
+fn lease_lost(holder: Option<&Name>) -> (RejectCode, String, &'static str) {
+    let message = match holder {
+        Some(holder) => format!("the lease is held by {holder}"),
+        None => "the lease has run out".to_owned(),
+    };
+    (RejectCode::LeaseLost, message, "acquire it again")
+}
+
+fn after(now: Stamp, seconds: f64) -> Stamp {
+    now.plus_ns(Stamp::from_s(seconds).ns())
+}
+
+/// A goal that carries on without its client is bounded in time.
+fn finish_limit(now: Stamp, policy: LinkLoss, finish_s: f64) -> Option<TimeLimit> {
+    (policy == LinkLoss::Finish).then(|| TimeLimit { at: after(now, finish_s), then: GoalStatus::Failed })
+}

@@ -1,0 +1,67 @@
+//! A goal and its life: each change of status is reported once, and the last goal stays readable.
+//!
+//! ```text
+//!   accepted ──► running ◄──► blocked
+//!                   └───────┴──► reached | cancelled | replaced | failed
+//! ```
+//! (`interrupted` is what a restarted robot says of a goal of its boot before.)
+
+use xtb_control::Stamp;
+use xtb_protocol::Uuid;
+use xtb_protocol::messages::{GoalKind, GoalState, GoalStatus};
+
+/// What a goal asks for, in the map.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Target {
+    /// Drive to a point.
+    Point {
+        /// East, in m.
+        x_m: f64,
+        /// North, in m.
+        y_m: f64,
+    },
+    /// Wander.
+    Anywhere,
+}
+
+/// When a goal ends by the clock, and as what.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TimeLimit {
+    /// Its end.
+    pub at: Stamp,
+    /// `Reached` for a wander that was to last so long, else `Failed`.
+    pub then: GoalStatus,
+}
+
+/// The present or last goal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Goal {
+    /// Its request's id.
+    pub id: Uuid,
+    /// What is asked for.
+    pub target: Target,
+    /// How it stands.
+    pub status: GoalStatus,
+    /// Its end by the clock.
+    pub limit: Option<TimeLimit>,
+    /// Still to go, in m, as the controller last saw it.
+    pub distance_m: Option<f64>,
+}
+
+impl Goal {
+    /// A goal that has just been accepted.
+    #[must_use]
+    pub fn accepted(id: Uuid, target: Target, limit: Option<TimeLimit>) -> Self {
+        Self { id, target, status: GoalStatus::Accepted, limit, distance_m: None }
+    }
+
+    /// For the state.
+    #[must_use]
+    pub fn state(&self) -> GoalState {
+        let (kind, x_m, y_m) = match self.target {
+            Target::Point { x_m, y_m } => (GoalKind::Goto, Some(x_m), Some(y_m)),
+            Target::Anywhere => (GoalKind::Wander, None, None),
+        };
+        GoalState { id: self.id, kind, x_m, y_m, status: self.status, distance_m: self.distance_m }
+    }
+}

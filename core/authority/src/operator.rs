@@ -1,0 +1,147 @@
+//! The client's side of authority: acquire, retain, release, and asking again.
+//!
+//! Zero replies mean *outcome unknown* (access denied, link lost), so a request keeps its id and is
+//! asked again until it is answered or its time is up: the robot does nothing twice.
+
+use xtb_control::Stamp;
+use xtb_protocol::Uuid;
+use xtb_protocol::messages::{Body, Lease, Outcome, RejectCode, Reply, Request};
+
+/// A lease is retained this often.
+pub const RETAIN_MS: u64 = 100;
+/// An unanswered request is asked again after this long.
+pub const ASK_AGAIN_MS: u64 = 500;
+
+/// One request on its way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Call {
+    request: Request,
+    give_up: Stamp,
+    next_ask: Stamp,
+    asked: u32,
+}
+
+/// What to do about a call now.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Step {
+    /// Send this.
+    Ask(Request),
+    /// Nothing before then.
+    Wait(Stamp),
+    /// Its time is up: whether the robot did it is unknown.
+    GiveUp {
+        /// How often it was asked.
+        asked: u32,
+    },
+}
+
+impl Call {
+    /// What to do at `now`.
+    pub fn step(&mut self, now: Stamp) -> Step {
+        if now >= self.give_up {
+            return Step::GiveUp { asked: self.asked };
+        }
+        if now < self.next_ask {
+            return Step::Wait(self.next_ask.min(self.give_up));
+        }
+        self.asked += 1;
+        self.next_ask = now.plus_ms(ASK_AGAIN_MS);
+        Step::Ask(self.request.clone())
+    }
+
+    /// Nothing came back before the transport gave up: ask again as soon as this.
+    pub fn unanswered(&mut self, now: Stamp) {
+        self.next_ask = self.next_ask.min(now.plus_ms(ASK_AGAIN_MS / 5));
+    }
+}
+
+/// A client's standing with one robot.
+#[derive(Debug, Clone, Default)]
+pub struct Operator {
+    lease: Option<Lease>,
+    next_retain: Stamp,
+    /// Whether another client has taken over since.
+    lost: bool,
+}
+
+impl Operator {
+    /// A request with the lease that is held, to be answered before `give_up`.
+    #[must_use]
+    pub fn call(&self, id: Uuid, body: Body, now: Stamp, give_up: Stamp) -> Call {
+        Call { request: Request { id, lease: self.lease, body }, give_up, next_ask: now, asked: 0 }
+    }
+
+    /// The lease that is held.
+    #[must_use]
+    pub fn lease(&self) -> Option<Lease> {
+        self.lease
+    }
+
+    /// Whether a lease was held and is not any more.
+    #[must_use]
+    pub fn has_lost(&self) -> bool {
+        self.lost
+    }
+
+    /// A reply arrived: a lease in it is now held, a lost one is dropped.
+    pub fn replied(&mut self, now: Stamp, reply: &Reply) {
+        match &reply.result {
+            Outcome::Ok(done) => {
+                if let Some(lease) = done.lease {
+                    self.lease = Some(lease);
+                    self.lost = false;
+                    self.next_retain = now.plus_ms(RETAIN_MS);
+                }
+            }
+            Outcome::Error(error) if error.code == RejectCode::LeaseLost => {
+                self.lost = self.lease.take().is_some() || self.lost;
+            }
+            Outcome::Error(_) => {}
+        }
+    }
+
+    /// The body of a request that is due now to keep the lease.
+    pub fn retain(&mut self, now: Stamp) -> Option<Body> {
+        (self.lease.is_some() && now >= self.next_retain).then(|| {
+            self.next_retain = now.plus_ms(RETAIN_MS);
+            Body::Retain {}
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_protocol::messages::Done;
+
+    #[test]
+    fn a_call_is_asked_again_with_the_same_id_until_its_time_is_up() {
+        let id = Uuid::from_u128(7);
+        let mut call = Operator::default().call(id, Body::Stop {}, Stamp::ZERO, Stamp::from_ms(1200));
+        let mut asks = 0;
+        for ms in 0..1200 {
+            if let Step::Ask(request) = call.step(Stamp::from_ms(ms)) {
+                assert_eq!(request.id, id);
+                asks += 1;
+            }
+        }
+        assert_eq!(asks, 3);
+        assert_eq!(call.step(Stamp::from_ms(1200)), Step::GiveUp { asked: 3 });
+    }
+
+    #[test]
+    fn a_lease_is_retained_every_100_ms_until_it_is_lost() {
+        let mut operator = Operator::default();
+        assert_eq!(operator.retain(Stamp::from_ms(500)), None);
+        let lease = Lease { epoch: 1, root: 2 };
+        let granted = Reply::done(Uuid::nil(), Done { lease: Some(lease), goal: None });
+        operator.replied(Stamp::from_ms(1000), &granted);
+        assert_eq!(operator.retain(Stamp::from_ms(1099)), None);
+        assert_eq!(operator.retain(Stamp::from_ms(1100)), Some(Body::Retain {}));
+        assert_eq!(operator.retain(Stamp::from_ms(1101)), None);
+        let refused = Reply::refused(Uuid::nil(), RejectCode::LeaseLost, "", "");
+        operator.replied(Stamp::from_ms(1200), &refused);
+        assert!(operator.has_lost());
+        assert_eq!(operator.retain(Stamp::from_ms(5000)), None);
+    }
+}

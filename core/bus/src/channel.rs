@@ -1,0 +1,227 @@
+//! Publishing and subscribing.
+
+use crate::session::{Bus, BusError, failed};
+use std::marker::PhantomData;
+use std::time::Duration;
+use xtb_protocol::codec::{self, CodecError, Format};
+use xtb_protocol::keys::{Channel, Congestion, Priority};
+use xtb_protocol::messages::Message;
+use zenoh::qos::{CongestionControl, Priority as ZenohPriority};
+use zenoh_ext::{
+    AdvancedPublisher, AdvancedPublisherBuilderExt, AdvancedSubscriberBuilderExt, CacheConfig, HistoryConfig,
+    MissDetectionConfig, RecoveryConfig,
+};
+
+/// Events kept for those who join late or missed some.
+const EVENT_CACHE: usize = 64;
+const EVENT_HEARTBEAT: Duration = Duration::from_secs(1);
+
+/// A message as it came in.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Incoming {
+    /// On which key.
+    pub key: String,
+    /// How it is written.
+    pub encoding: String,
+    /// Its bytes.
+    pub payload: Vec<u8>,
+}
+
+impl Incoming {
+    /// Reads it.
+    ///
+    /// # Errors
+    /// Every [`CodecError`].
+    pub fn decode<M: Message>(&self) -> Result<M, CodecError> {
+        codec::decode(&self.encoding, &self.payload).map(|(message, _)| message)
+    }
+
+    pub(crate) fn of(sample: &zenoh::sample::Sample) -> Self {
+        Self {
+            key: sample.key_expr().as_str().to_owned(),
+            encoding: sample.encoding().to_string(),
+            payload: sample.payload().to_bytes().into_owned(),
+        }
+    }
+}
+
+fn congestion(channel: &Channel) -> CongestionControl {
+    match channel.qos().congestion {
+        Congestion::Drop => CongestionControl::Drop,
+        Congestion::Block => CongestionControl::Block,
+    }
+}
+
+fn priority(channel: &Channel) -> ZenohPriority {
+    match channel.qos().priority {
+        Priority::InteractiveHigh => ZenohPriority::InteractiveHigh,
+        Priority::Data => ZenohPriority::Data,
+        Priority::DataLow => ZenohPriority::DataLow,
+    }
+}
+
+/// Publishes one type on one key.
+#[derive(Debug)]
+pub struct Publisher<M> {
+    inner: zenoh::pubsub::Publisher<'static>,
+    key: String,
+    format: Format,
+    message: PhantomData<fn(&M)>,
+}
+
+impl<M: Message> Publisher<M> {
+    /// Sends a message.
+    ///
+    /// # Errors
+    /// [`BusError::Encode`] or [`BusError::Operation`].
+    pub async fn put(&self, message: &M) -> Result<(), BusError> {
+        let bytes = codec::encode(message, self.format)?;
+        self.inner.put(bytes).await.map_err(failed("put", &self.key))
+    }
+
+    /// Whether anybody listens.
+    pub async fn has_listeners(&self) -> bool {
+        self.inner.matching_status().await.is_ok_and(|status| status.matching())
+    }
+}
+
+/// Publishes events: late joiners get the last ones, and lost ones are sent again.
+pub struct EventPublisher<M> {
+    inner: AdvancedPublisher<'static>,
+    key: String,
+    message: PhantomData<fn(&M)>,
+}
+
+impl<M: Message> EventPublisher<M> {
+    /// Sends an event.
+    ///
+    /// # Errors
+    /// [`BusError::Encode`] or [`BusError::Operation`].
+    pub async fn put(&self, message: &M) -> Result<(), BusError> {
+        let bytes = codec::encode(message, Format::Postcard)?;
+        self.inner.put(bytes).await.map_err(failed("put", &self.key))
+    }
+}
+
+/// Delivers messages to a callback until it is dropped.
+pub struct Subscription {
+    _inner: Box<dyn std::any::Any + Send + Sync>,
+}
+
+impl Bus {
+    /// A publisher of `M` on `key`, with the quality of service of its channel.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`].
+    pub async fn publisher<M: Message>(
+        &self,
+        key: &str,
+        channel: &Channel,
+        format: Format,
+    ) -> Result<Publisher<M>, BusError> {
+        let inner = self
+            .session
+            .declare_publisher(key.to_owned())
+            .encoding(codec::encoding::<M>(format))
+            .congestion_control(congestion(channel))
+            .priority(priority(channel))
+            .express(channel.qos().express)
+            .await
+            .map_err(failed("declaring a publisher", key))?;
+        Ok(Publisher { inner, key: key.to_owned(), format, message: PhantomData })
+    }
+
+    /// A publisher of events on `key`. (A cache alone fails in client mode: late joiners find it
+    /// through the publisher's detection.)
+    ///
+    /// # Errors
+    /// [`BusError::Operation`].
+    pub async fn event_publisher<M: Message>(&self, key: &str) -> Result<EventPublisher<M>, BusError> {
+        let inner = self
+            .session
+            .declare_publisher(key.to_owned())
+            .encoding(codec::encoding::<M>(Format::Postcard))
+            .congestion_control(congestion(&Channel::Event))
+            .priority(priority(&Channel::Event))
+            .cache(CacheConfig::default().max_samples(EVENT_CACHE))
+            .sample_miss_detection(MissDetectionConfig::default().heartbeat(EVENT_HEARTBEAT))
+            .publisher_detection()
+            .await
+            .map_err(failed("declaring an event publisher", key))?;
+        Ok(EventPublisher { inner, key: key.to_owned(), message: PhantomData })
+    }
+
+    /// Calls `each` for each message on `key_expr`.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`].
+    pub async fn subscribe(
+        &self,
+        key_expr: &str,
+        each: impl Fn(Incoming) + Send + Sync + 'static,
+    ) -> Result<Subscription, BusError> {
+        let inner = self
+            .session
+            .declare_subscriber(key_expr.to_owned())
+            .callback(move |sample| each(Incoming::of(&sample)))
+            .await
+            .map_err(failed("subscribing", key_expr))?;
+        Ok(Subscription { _inner: Box::new(inner) })
+    }
+
+    /// Calls `each` for each event on `key_expr`: the last ones first, lost ones recovered.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`].
+    pub async fn subscribe_events(
+        &self,
+        key_expr: &str,
+        each: impl Fn(Incoming) + Send + Sync + 'static,
+    ) -> Result<Subscription, BusError> {
+        let inner = self
+            .session
+            .declare_subscriber(key_expr.to_owned())
+            .callback(move |sample| each(Incoming::of(&sample)))
+            .history(HistoryConfig::default().detect_late_publishers().max_samples(EVENT_CACHE))
+            .recovery(RecoveryConfig::default().heartbeat())
+            .await
+            .map_err(failed("subscribing to events", key_expr))?;
+        Ok(Subscription { _inner: Box::new(inner) })
+    }
+
+    /// Sends one message.
+    ///
+    /// # Errors
+    /// [`BusError::Encode`] or [`BusError::Operation`].
+    pub async fn put<M: Message>(
+        &self,
+        key: &str,
+        channel: &Channel,
+        message: &M,
+        format: Format,
+    ) -> Result<(), BusError> {
+        let bytes = codec::encode(message, format)?;
+        self.put_raw(key, channel, &codec::encoding::<M>(format), bytes).await
+    }
+
+    /// Sends bytes as they are: for tools and tests that must be able to send wrong ones.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`].
+    pub async fn put_raw(
+        &self,
+        key: &str,
+        channel: &Channel,
+        encoding: &str,
+        bytes: Vec<u8>,
+    ) -> Result<(), BusError> {
+        self.session
+            .put(key.to_owned(), bytes)
+            .encoding(encoding)
+            .congestion_control(congestion(channel))
+            .priority(priority(channel))
+            .express(channel.qos().express)
+            .await
+            .map_err(failed("put", key))
+    }
+}

@@ -1,0 +1,146 @@
+//! Questions and answers.
+
+use crate::channel::Incoming;
+use crate::session::{Bus, BusError, failed};
+use std::time::Duration;
+use xtb_protocol::codec::{self, CodecError, Format};
+use xtb_protocol::keys::{Name, RobotKeys};
+use xtb_protocol::messages::{Message, Reply, Request};
+use zenoh::query::{ConsolidationMode, Query, QueryTarget};
+
+/// A question that waits for its answer.
+pub struct Question(Query);
+
+impl Question {
+    /// The key expression that was asked; may hold wildcards.
+    #[must_use]
+    pub fn key_expr(&self) -> &str {
+        self.0.key_expr().as_str()
+    }
+
+    /// The format asked for with `?format=json`, else postcard.
+    #[must_use]
+    pub fn wanted_format(&self) -> Format {
+        let json = self.0.parameters().get("format").is_some_and(|format| format == "json");
+        if json { Format::Json } else { Format::Postcard }
+    }
+
+    /// Reads the question's message, and the format that its answer should have.
+    ///
+    /// # Errors
+    /// Every [`CodecError`]; a question without a payload is malformed.
+    pub fn decode<M: Message>(&self) -> Result<(M, Format), CodecError> {
+        let encoding = self.0.encoding().map(ToString::to_string).unwrap_or_default();
+        let payload = self.0.payload().map(|payload| payload.to_bytes()).unwrap_or_default();
+        codec::decode(&encoding, &payload)
+    }
+
+    /// The format that a refusal should have when the message could not be read.
+    #[must_use]
+    pub fn likely_format(&self) -> Format {
+        let ours = codec::encoding::<Request>(Format::Postcard);
+        let kind = ours.split(';').next().unwrap_or_default();
+        let postcard = self.0.encoding().is_some_and(|encoding| encoding.to_string().starts_with(kind));
+        if postcard { Format::Postcard } else { Format::Json }
+    }
+
+    /// Answers on `own_key`: always the robot's own, never the question's, where a wildcard would
+    /// make robots overwrite each other.
+    ///
+    /// # Errors
+    /// [`BusError::Encode`] or [`BusError::Operation`].
+    pub async fn reply<M: Message>(
+        &self,
+        own_key: &str,
+        message: &M,
+        format: Format,
+    ) -> Result<(), BusError> {
+        let bytes = codec::encode(message, format)?;
+        self.0
+            .reply(own_key, bytes)
+            .encoding(codec::encoding::<M>(format))
+            .await
+            .map_err(failed("reply", own_key))
+    }
+}
+
+/// Answers questions until it is dropped.
+pub struct Service {
+    _inner: zenoh::query::Queryable<()>,
+}
+
+impl Bus {
+    /// Calls `each` for each question on `key_expr`; the answer may come later from elsewhere.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`].
+    pub async fn serve(
+        &self,
+        key_expr: &str,
+        each: impl Fn(Question) + Send + Sync + 'static,
+    ) -> Result<Service, BusError> {
+        let inner = self
+            .session
+            .declare_queryable(key_expr.to_owned())
+            .complete(true)
+            .callback(move |query| each(Question(query)))
+            .await
+            .map_err(failed("declaring a queryable", key_expr))?;
+        Ok(Service { _inner: inner })
+    }
+
+    /// Asks everybody on `selector` and collects the answers that come within `within`.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`] if the question could not be sent. No answer is no error.
+    pub async fn get(&self, selector: &str, within: Duration) -> Result<Vec<Incoming>, BusError> {
+        let mut answers = Vec::new();
+        let replies = self
+            .session
+            .get(selector)
+            .target(QueryTarget::All)
+            .consolidation(ConsolidationMode::None)
+            .timeout(within)
+            .with(zenoh::handlers::FifoChannel::new(2048))
+            .await
+            .map_err(failed("get", selector))?;
+        while let Ok(reply) = replies.recv_async().await {
+            if let Ok(sample) = reply.result() {
+                answers.push(Incoming::of(sample));
+            }
+        }
+        Ok(answers)
+    }
+
+    /// Sends one request to one robot. `None` = no answer: the outcome is unknown and the same
+    /// request may be asked again.
+    ///
+    /// # Errors
+    /// [`BusError`], and [`BusError::Encode`] too if the answer is not a reply of ours.
+    pub async fn ask(
+        &self,
+        robot: &RobotKeys,
+        client: &Name,
+        request: &Request,
+        within: Duration,
+    ) -> Result<Option<Reply>, BusError> {
+        let key = robot.cmd(Some(client));
+        let bytes = codec::encode(request, Format::Postcard)?;
+        let replies = self
+            .session
+            .get(&key)
+            .payload(bytes)
+            .encoding(codec::encoding::<Request>(Format::Postcard))
+            .target(QueryTarget::All)
+            .consolidation(ConsolidationMode::None)
+            .timeout(within)
+            .await
+            .map_err(failed("request", &key))?;
+        while let Ok(reply) = replies.recv_async().await {
+            if let Ok(sample) = reply.result() {
+                return Ok(Some(Incoming::of(sample).decode()?));
+            }
+        }
+        Ok(None)
+    }
+}

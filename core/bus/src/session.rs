@@ -1,0 +1,199 @@
+//! Opening a session: as a client of a router, as a router, or as a peer.
+
+use std::time::Duration;
+use thiserror::Error;
+use tokio::sync::watch;
+use zenoh::Wait;
+
+/// How long a link may be silent before the other side takes it for lost; four keep-alives in it.
+/// (Zenoh's own default is 10 s: too long for a fleet.)
+const LINK_LEASE_MS: u32 = 2000;
+/// Between two attempts to reach the router.
+const RETRY_FIRST_MS: u32 = 200;
+const RETRY_MOST_MS: u32 = 1000;
+/// Closing may take 10 s when a link is lost; nobody waits for that.
+const CLOSE_WITHIN: Duration = Duration::from_secs(2);
+
+/// What a session is on the network.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Role {
+    /// Connects to one of these routers.
+    Client {
+        /// Such as `tcp/127.0.0.1:7447`.
+        connect: Vec<String>,
+    },
+    /// Accepts connections.
+    Router {
+        /// Where. Port 0 takes a free one; see [`Bus::locators`].
+        listen: Vec<String>,
+        /// Other routers.
+        connect: Vec<String>,
+    },
+    /// Finds others by multicast, without a router.
+    Peer {
+        /// Also connects here.
+        connect: Vec<String>,
+    },
+}
+
+/// Zenoh would not.
+#[derive(Debug, Error)]
+pub enum BusError {
+    /// An endpoint or another setting is not valid.
+    #[error("Zenoh does not take the setting {name} = {value}: {reason}")]
+    Setting {
+        /// Zenoh's name for it.
+        name: &'static str,
+        /// What was given.
+        value: String,
+        /// Zenoh's words.
+        reason: String,
+    },
+    /// The session could not be opened.
+    #[error("cannot open a Zenoh session {role}: {reason}")]
+    Open {
+        /// What was tried.
+        role: String,
+        /// Zenoh's words.
+        reason: String,
+    },
+    /// A declaration, put or get failed.
+    #[error("{what} on {key}: {reason}")]
+    Operation {
+        /// What was tried.
+        what: &'static str,
+        /// On which key expression.
+        key: String,
+        /// Zenoh's words.
+        reason: String,
+    },
+    /// A message could not be written.
+    #[error("cannot encode a message: {0}")]
+    Encode(#[from] xtb_protocol::codec::CodecError),
+}
+
+pub(crate) fn failed<'a>(what: &'static str, key: &'a str) -> impl FnOnce(zenoh::Error) -> BusError + 'a {
+    move |error| BusError::Operation { what, key: key.to_owned(), reason: error.to_string() }
+}
+
+impl Role {
+    fn describe(&self) -> String {
+        match self {
+            Self::Client { connect } => format!("to {}", connect.join(", ")),
+            Self::Router { listen, .. } => format!("as a router on {}", listen.join(", ")),
+            Self::Peer { .. } => "as a peer".into(),
+        }
+    }
+
+    fn config(&self) -> Result<zenoh::Config, BusError> {
+        let (mode, listen, connect, multicast) = match self {
+            Self::Client { connect } => ("client", &[][..], connect, false),
+            Self::Router { listen, connect } => ("router", &listen[..], connect, false),
+            Self::Peer { connect } => ("peer", &[][..], connect, true),
+        };
+        let mut config = zenoh::Config::default();
+        let mut set = |name: &'static str, value: String| {
+            config.insert_json5(name, &value).map_err(|error| BusError::Setting {
+                name,
+                value,
+                reason: error.to_string(),
+            })
+        };
+        set("mode", format!("{mode:?}"))?;
+        set("connect/endpoints", format!("{connect:?}"))?;
+        if !matches!(self, Self::Peer { .. }) {
+            set("listen/endpoints", format!("{listen:?}"))?;
+        }
+        set("connect/timeout_ms", "0".into())?;
+        set("connect/retry/period_init_ms", RETRY_FIRST_MS.to_string())?;
+        set("connect/retry/period_max_ms", RETRY_MOST_MS.to_string())?;
+        set("scouting/multicast/enabled", multicast.to_string())?;
+        set("scouting/gossip/enabled", multicast.to_string())?;
+        set("transport/link/tx/lease", LINK_LEASE_MS.to_string())?;
+        set("transport/link/tx/keep_alive", "4".into())?;
+        Ok(config)
+    }
+}
+
+/// One open session. Clones share it.
+#[derive(Debug, Clone)]
+pub struct Bus {
+    pub(crate) session: zenoh::Session,
+}
+
+/// Opens a session: one attempt, without blocking the runtime.
+///
+/// # Errors
+/// [`BusError::Setting`] or [`BusError::Open`].
+pub async fn open(role: &Role) -> Result<Bus, BusError> {
+    let config = role.config()?;
+    let failed = |reason: String| BusError::Open { role: role.describe(), reason };
+    // `zenoh::open` blocks its thread while it tries.
+    match tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await {
+        Ok(Ok(session)) => Ok(Bus { session }),
+        Ok(Err(error)) => Err(failed(error.to_string())),
+        Err(error) => Err(failed(error.to_string())),
+    }
+}
+
+/// Opens a session, again and again with growing pauses until it stands. `failing` hears of each
+/// failure. Dropping the future ends the attempts.
+///
+/// # Errors
+/// [`BusError::Setting`] only: that would never get better.
+pub async fn open_patiently(role: &Role, mut failing: impl FnMut(&BusError)) -> Result<Bus, BusError> {
+    let mut pause = Duration::from_millis(RETRY_FIRST_MS.into());
+    loop {
+        match open(role).await {
+            Err(error @ BusError::Open { .. }) => failing(&error),
+            other => return other,
+        }
+        tokio::time::sleep(pause).await;
+        pause = (pause * 2).min(Duration::from_millis(RETRY_MOST_MS.into()));
+    }
+}
+
+impl Bus {
+    /// Where a router listens.
+    pub async fn locators(&self) -> Vec<String> {
+        self.session.info().locators().await.iter().map(ToString::to_string).collect()
+    }
+
+    /// Whether a link to any other session stands.
+    pub async fn is_linked(&self) -> bool {
+        self.session.info().transports().await.next().is_some()
+    }
+
+    /// Tells whether a link stands, now and at each change.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`].
+    pub async fn watch_link(&self) -> Result<LinkWatch, BusError> {
+        let (sender, receiver) = watch::channel(false);
+        let session = &self.session;
+        let listener = session
+            .info()
+            .transport_events_listener()
+            .history(true)
+            .callback(move |event| {
+                sender.send_replace(event.kind() == zenoh::sample::SampleKind::Put);
+            })
+            .await
+            .map_err(failed("listening for link changes", "(session)"))?;
+        Ok(LinkWatch { up: receiver, _listener: Box::new(listener) })
+    }
+
+    /// Closes the session; gives up after 2 s, since a lost link can hold it for longer.
+    pub async fn close(self) {
+        if tokio::time::timeout(CLOSE_WITHIN, self.session.close()).await.is_err() {
+            tracing::debug!("the Zenoh session did not close in time");
+        }
+    }
+}
+
+/// Follows the link; see [`Bus::watch_link`].
+pub struct LinkWatch {
+    /// Whether it stands.
+    pub up: watch::Receiver<bool>,
+    _listener: Box<dyn std::any::Any + Send + Sync>,
+}
