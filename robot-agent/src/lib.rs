@@ -1,1 +1,91 @@
-//! robot-agent
+//! One robot: the whole first-level controller beside its Zenoh session, in one process.
+//!
+//! [`run`] is the agent. Read it top to bottom: lines and loop first, so that the truck is under
+//! control before anybody can talk to it; then the session; presence last. It ends in the opposite
+//! order: motors first, then queries, then the session.
+
+pub mod clock;
+pub mod config;
+mod control_loop;
+mod downlink;
+pub mod hardware;
+mod mailbox;
+mod session;
+mod uplink;
+
+use crate::clock::Clock;
+use crate::config::AgentConfig;
+use crate::hardware::Hardware;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use thiserror::Error;
+use tokio::sync::watch;
+use xtb_authority::{Identity, Robot};
+use xtb_bus::BusError;
+use xtb_protocol::{Name, Uuid};
+
+/// The agent's version, as events and factsheet give it.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// Why an agent ended.
+#[derive(Debug, Error)]
+pub enum AgentError {
+    /// Another agent of this name is alive.
+    #[error("name_taken: {0} is already alive in this fleet")]
+    NameTaken(Name),
+    /// Zenoh would not.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The system would not.
+    #[error("cannot start the control loop: {0}")]
+    Thread(#[from] std::io::Error),
+}
+
+/// Becomes true when everything shall end.
+pub type Shutdown = watch::Receiver<bool>;
+
+/// Runs a robot until `shutdown`.
+///
+/// # Errors
+/// [`AgentError`]; the truck has been told to stand before it is returned.
+pub async fn run(
+    config: &AgentConfig,
+    hardware: Box<dyn Hardware>,
+    clock: Clock,
+    shutdown: Shutdown,
+) -> Result<(), AgentError> {
+    let identity = Identity {
+        fleet: config.fleet.clone(),
+        robot: config.robot.clone(),
+        // Random and exact in every language's numbers.
+        epoch: (Uuid::new_v4().as_u128() >> 76) as u64,
+        start_pose: config.start_pose,
+    };
+    let about = session::about(config, &identity, hardware.kind());
+    let robot = Robot::new(identity, config.vehicle.clone(), VERSION);
+    let (loop_ends, session_ends) = mailbox::mailbox();
+    let stop = StopOnDrop(Arc::new(AtomicBool::new(false)));
+    let control = control_loop::start(robot, hardware, clock.clone(), loop_ends, stop.0.clone())?;
+    let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now()).await;
+    stop.now();
+    // A turn lasts 5 ms: joining is short.
+    if tokio::task::spawn_blocking(move || control.join()).await.is_err() {
+        tracing::error!("the control loop ended in a panic");
+    }
+    ended
+}
+
+/// Ends the control loop, also when the agent's future is dropped half way.
+struct StopOnDrop(Arc<AtomicBool>);
+
+impl StopOnDrop {
+    fn now(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Drop for StopOnDrop {
+    fn drop(&mut self) {
+        self.now();
+    }
+}

@@ -44,9 +44,7 @@ impl LeaseBook {
     /// A message that bears `lease` was accepted: true if it is the present one.
     pub fn touch(&mut self, now: Stamp, client: &Name, lease: Lease) -> bool {
         match &mut self.held {
-            Some(held)
-                if lease.epoch == self.epoch && lease.root == held.root && held.holder == *client =>
-            {
+            Some(held) if lease.epoch == self.epoch && lease.root == held.root && held.holder == *client => {
                 held.heard = now;
                 true
             }

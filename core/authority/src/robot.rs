@@ -127,6 +127,12 @@ impl Robot {
         Some(self.writer.pwm(&self.outputs.pwm))
     }
 
+    /// Whether the gyro should be asked to start: nothing has been heard of it for 200 ms.
+    #[must_use]
+    pub fn gyro_is_silent(&self, now: Stamp) -> bool {
+        self.ages(now).gyro.is_none_or(|ms| ms > VIEW_LOST_MS)
+    }
+
     /// Motor neutral and wheels straight, for the last frame before the agent ends.
     pub fn neutral_frame(&mut self, now: Stamp) -> Frame {
         self.outputs = self.controller.step(now, &Sample::Command(xtb_control::Command::Idle));

@@ -51,11 +51,7 @@ impl MapFromOdom {
     #[must_use]
     pub fn pose(&self, odom: &OdomPose) -> MapPose {
         let pose = self.0 * enu(odom).isometry();
-        MapPose {
-            x_m: pose.translation.x,
-            y_m: pose.translation.y,
-            yaw_rad: wrap_rad(pose.rotation.angle()),
-        }
+        MapPose { x_m: pose.translation.x, y_m: pose.translation.y, yaw_rad: wrap_rad(pose.rotation.angle()) }
     }
 
     /// A point of the map in the odometry's frame: (x_m, y_m).

@@ -34,9 +34,8 @@ impl SpeedPid {
         let a = config.kp + 0.5 * config.ki * window_s + config.kd / window_s;
         let b = 0.5 * config.ki * window_s - config.kd / window_s;
         let sum = self.sum + 0.5 * (error + self.previous_error) * window_s;
-        let output = |sum: f64| {
-            PwmCount::NEUTRAL.as_f64() + a * error + b * self.previous_error + config.ki * sum
-        };
+        let output =
+            |sum: f64| PwmCount::NEUTRAL.as_f64() + a * error + b * self.previous_error + config.ki * sum;
         let wanted = output(sum);
         let saturated_further = (wanted > PwmCount::MAX.as_f64() && error > 0.0)
             || (wanted < PwmCount::MIN.as_f64() && error < 0.0);

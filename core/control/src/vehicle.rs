@@ -7,10 +7,10 @@
 use crate::config::{Allowed, ConfigError, Origin, Parameter, Value};
 use crate::config_section;
 use crate::units::WheelRpm;
-use serde::{Deserialize, Serialize};
-use std::f64::consts::PI;
 use Allowed::{OneOf, Range, Switch};
 use Origin::{Assumed, Ours, Printed};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
 
 /// Which law drives A-to-B (§4.10).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

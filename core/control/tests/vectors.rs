@@ -69,11 +69,9 @@ fn difference(got: &Outputs, expected: &Value) -> Option<String> {
         }
     };
     let pwm = &expected["pwm"];
-    for (name, count) in [
-        ("motor", got.pwm.motor),
-        ("steer_front", got.pwm.steer_front),
-        ("steer_rear", got.pwm.steer_rear),
-    ] {
+    for (name, count) in
+        [("motor", got.pwm.motor), ("steer_front", got.pwm.steer_front), ("steer_rear", got.pwm.steer_rear)]
+    {
         let ok = (i64::from(count.get()) - pwm[name].as_i64().unwrap()).abs() <= 1;
         same(name, ok, count.get().to_string(), &pwm[name]);
     }

@@ -114,7 +114,15 @@ impl FrameWriter {
     pub fn pwm(&mut self, pwm: &PwmOutputs) -> Frame {
         let [fl, fr, rl, rr] = pwm.pistons;
         let all = [
-            pwm.motor, pwm.steer_front, pwm.steer_rear, pwm.bumper_front, pwm.bumper_rear, fl, fr, rl, rr,
+            pwm.motor,
+            pwm.steer_front,
+            pwm.steer_rear,
+            pwm.bumper_front,
+            pwm.bumper_rear,
+            fl,
+            fr,
+            rl,
+            rr,
             pwm.spare,
         ];
         self.frame(TYPE_PWM, all.map(PwmCount::get).into_iter())

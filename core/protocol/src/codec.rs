@@ -137,7 +137,8 @@ fn format_of<M: Message>(encoding: &str) -> Result<Format, CodecError> {
     if kind != POSTCARD {
         return Err(unknown());
     }
-    let (name, version) = schema.strip_prefix("xtb.").and_then(|s| s.rsplit_once(".v")).ok_or_else(unknown)?;
+    let (name, version) =
+        schema.strip_prefix("xtb.").and_then(|s| s.rsplit_once(".v")).ok_or_else(unknown)?;
     if name != M::NAME {
         return Err(unknown());
     }

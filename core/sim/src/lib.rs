@@ -1,1 +1,33 @@
-//! xtb-sim
+//! The simulated truck and its world.
+//!
+//! A [`Truck`] talks to an agent through the same bytes as the real one: I/O board frames and gyro
+//! frames. A [`Simulation`] holds the trucks of a [`World`] and moves them on in steps of 5 ms. Pure:
+//! time, bytes and the seed are arguments; same seed, same bits, on any number of threads.
+//! Start reading at [`vehicle`] for one truck and at [`simulation`] for all of them.
+
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod board;
+mod drive;
+mod geometry;
+mod grid;
+mod gyro;
+mod infrared;
+mod line;
+mod noise;
+pub mod parameters;
+mod platform;
+mod scene;
+pub mod simulation;
+mod starts;
+pub mod vehicle;
+pub mod world;
+mod world_error;
+
+pub use parameters::{Body, TruckParameters};
+pub use scene::StepContext;
+pub use simulation::{STEP_NS, Simulation, SimulationError};
+pub use starts::FREE_AHEAD_M;
+pub use vehicle::{Truck, Truth};
+pub use world::{BoxSpec, World};
+pub use world_error::WorldError;

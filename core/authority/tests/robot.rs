@@ -1,0 +1,329 @@
+//! The brain and its controller in one turn: what a robot does about requests, setpoints and silence.
+
+use xtb_authority::robot::TURN_NS;
+use xtb_authority::{Identity, Robot};
+use xtb_control::controller::{AdcSample, GyroSample, Mode};
+use xtb_control::frames::MapPose;
+use xtb_control::{AdcCount, PwmCount, Stamp, VehicleConfig};
+use xtb_protocol::board::{FrameReader, FrameWriter};
+use xtb_protocol::gyro_3dmg::EulerFrame;
+use xtb_protocol::messages::{
+    Body, Done, EventKind, GoalStatus, LinkLoss, Outcome, RejectCode, Rejected, Reply, Request, RobotState,
+    Setpoint, StopReason,
+};
+use xtb_protocol::{Name, Uuid};
+
+/// A robot on a bench: wheels that turn as asked, ranges as set, and a clock by hand.
+struct Bench {
+    robot: Robot,
+    board: FrameWriter,
+    frames: FrameReader,
+    now: Stamp,
+    motor: PwmCount,
+    /// Counts of the front range finders; 60 = nothing in range, 300 = something near.
+    front: u16,
+    board_silent: bool,
+    gyro_silent: bool,
+    asked: u128,
+}
+
+const CLIENT: &str = "cli-1";
+
+fn client() -> Name {
+    Name::new(CLIENT).unwrap()
+}
+
+impl Bench {
+    fn new() -> Self {
+        let identity = Identity {
+            fleet: Name::new("lab").unwrap(),
+            robot: Name::new("xtb-1").unwrap(),
+            epoch: 42,
+            start_pose: MapPose::default(),
+        };
+        let mut bench = Self {
+            robot: Robot::new(identity, VehicleConfig::default(), "test"),
+            board: FrameWriter::default(),
+            frames: FrameReader::default(),
+            now: Stamp::ZERO,
+            motor: PwmCount::NEUTRAL,
+            front: 60,
+            board_silent: false,
+            gyro_silent: false,
+            asked: 0,
+        };
+        bench.robot.agent_mut().set_link(true);
+        bench.run_ms(200);
+        bench
+    }
+
+    /// Turns as the loop takes them: gyro each 10 ms, converter each 40, encoder each 50.
+    fn run_ms(&mut self, ms: u64) {
+        let end = self.now.plus_ms(ms);
+        while self.now < end {
+            self.now = self.now.plus_ns(TURN_NS);
+            let at = self.now.ms();
+            if at.is_multiple_of(10) && !self.gyro_silent {
+                let frame = EulerFrame { angles: GyroSample::default(), ticks: 0 };
+                self.robot.gyro_bytes(self.now, &frame.encode());
+            }
+            if !self.board_silent {
+                self.board_samples(at);
+            }
+            if let Some(frame) = self.robot.turn(self.now) {
+                let motor = &mut self.motor;
+                self.frames.pwm(frame.as_bytes(), |pwm| *motor = pwm.unwrap().motor);
+            }
+        }
+    }
+
+    fn board_samples(&mut self, at: u64) {
+        if at.is_multiple_of(50) {
+            let pulses = if self.motor == PwmCount::NEUTRAL { 0 } else { 20 };
+            let frame = self.board.encoder(pulses);
+            self.robot.board_bytes(self.now, frame.as_bytes());
+        }
+        if at.is_multiple_of(40) {
+            let count = |n: u16| AdcCount::try_from(n).unwrap();
+            let sample = AdcSample {
+                ir_front: [count(self.front); 6],
+                ir_rear: [count(60); 6],
+                tilt: [count(512); 2],
+                pistons: [count(512); 4],
+            };
+            let frame = self.board.adc(&sample, Some(7800));
+            self.robot.board_bytes(self.now, frame.as_bytes());
+        }
+    }
+
+    fn ask(&mut self, body: Body) -> Reply {
+        self.asked += 1;
+        self.ask_with_id(Uuid::from_u128(1000 + self.asked), body)
+    }
+
+    fn ask_with_id(&mut self, id: Uuid, body: Body) -> Reply {
+        self.robot.request(self.now, &client(), &Request { id, lease: None, body })
+    }
+
+    fn setpoint(&mut self, rpm: f64) {
+        let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm, steering: 0.0 };
+        self.robot.setpoint(self.now, &client(), &setpoint);
+    }
+
+    fn state(&mut self) -> RobotState {
+        self.robot.state(self.now, Rejected::default())
+    }
+
+    fn goal_events(&mut self) -> Vec<(Uuid, GoalStatus)> {
+        let mut events = Vec::new();
+        while let Some(event) = self.robot.agent_mut().next_event() {
+            if let EventKind::Goal { id, status, .. } = event.kind {
+                events.push((id, status));
+            }
+        }
+        events
+    }
+}
+
+fn ahead(y_m: f64) -> Body {
+    Body::Goto { x_m: 0.0, y_m, yaw_rad: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 }
+}
+
+fn goal_of(reply: &Reply) -> Uuid {
+    match &reply.result {
+        Outcome::Ok(Done { goal: Some(goal), .. }) => *goal,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn code_of(reply: &Reply) -> RejectCode {
+    match &reply.result {
+        Outcome::Error(error) => error.code,
+        Outcome::Ok(done) => panic!("{done:?}"),
+    }
+}
+
+#[test]
+fn a_robot_that_has_booted_stands_and_says_why() {
+    let mut bench = Bench::new();
+    bench.run_ms(2000);
+    let state = bench.state();
+    assert_eq!((bench.motor, state.mode), (PwmCount::NEUTRAL, Mode::Idle));
+    assert_eq!(state.stopped_because, vec![StopReason::NoCommand]);
+}
+
+#[test]
+fn a_goal_runs_is_reached_and_is_reported_once_each() {
+    let mut bench = Bench::new();
+    let goal = goal_of(&bench.ask(ahead(0.5)));
+    bench.run_ms(1000);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+    assert_eq!(bench.state().goal.unwrap().status, GoalStatus::Running);
+    bench.run_ms(10_000);
+    let state = bench.state();
+    assert_eq!(state.goal.unwrap().status, GoalStatus::Reached);
+    assert_eq!(state.stopped_because, vec![StopReason::GoalReached]);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    let expected = [GoalStatus::Accepted, GoalStatus::Running, GoalStatus::Reached].map(|s| (goal, s));
+    assert_eq!(bench.goal_events(), expected);
+}
+
+#[test]
+fn a_new_goal_replaces_the_old_one_and_both_ends_are_reported() {
+    let mut bench = Bench::new();
+    let first = goal_of(&bench.ask(ahead(5.0)));
+    bench.run_ms(500);
+    let second = goal_of(&bench.ask(ahead(0.1)));
+    bench.run_ms(500);
+    let events = bench.goal_events();
+    assert!(events.contains(&(first, GoalStatus::Replaced)), "{events:?}");
+    assert!(events.contains(&(second, GoalStatus::Reached)), "{events:?}");
+}
+
+#[test]
+fn the_same_request_id_gets_the_same_reply_and_does_nothing_twice() {
+    let mut bench = Bench::new();
+    let id = Uuid::from_u128(9);
+    let first = bench.ask_with_id(id, ahead(5.0));
+    bench.run_ms(500);
+    bench.ask(Body::Stop {});
+    bench.run_ms(100);
+    assert_eq!(bench.ask_with_id(id, ahead(5.0)), first);
+    bench.run_ms(500);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    assert_eq!(bench.state().goal.unwrap().status, GoalStatus::Cancelled);
+}
+
+#[test]
+fn a_setpoint_lives_200_ms_and_then_the_motor_is_neutral() {
+    let mut bench = Bench::new();
+    bench.setpoint(20.0);
+    bench.run_ms(195);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+    bench.run_ms(5);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    assert_eq!(bench.state().stopped_because, vec![StopReason::SetpointExpired]);
+}
+
+#[test]
+fn a_lost_session_ends_teleoperation_at_once() {
+    let mut bench = Bench::new();
+    bench.setpoint(20.0);
+    bench.run_ms(100);
+    bench.robot.agent_mut().set_link(false);
+    bench.run_ms(5);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    assert_eq!(bench.state().stopped_because, vec![StopReason::LinkLost]);
+}
+
+#[test]
+fn a_setpoint_takes_over_from_a_goal() {
+    let mut bench = Bench::new();
+    let goal = goal_of(&bench.ask(ahead(5.0)));
+    bench.run_ms(300);
+    bench.setpoint(0.0);
+    bench.run_ms(50);
+    assert_eq!((bench.motor, bench.state().mode), (PwmCount::NEUTRAL, Mode::Teleop));
+    assert!(bench.goal_events().contains(&(goal, GoalStatus::Cancelled)));
+}
+
+#[test]
+fn an_obstacle_blocks_a_goal_and_its_going_lets_it_run_again() {
+    let mut bench = Bench::new();
+    bench.ask(ahead(5.0));
+    bench.run_ms(500);
+    bench.front = 300;
+    bench.run_ms(100);
+    let state = bench.state();
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    assert_eq!(state.goal.unwrap().status, GoalStatus::Blocked);
+    assert_eq!(state.stopped_because, vec![StopReason::ObstacleFront]);
+    bench.front = 60;
+    bench.run_ms(1000);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+    assert_eq!(bench.state().goal.unwrap().status, GoalStatus::Running);
+}
+
+#[test]
+fn a_silent_gyro_or_board_stops_the_truck_and_it_does_not_start_again_by_itself() {
+    for silence in
+        [|bench: &mut Bench, on| bench.gyro_silent = on, |bench: &mut Bench, on| bench.board_silent = on]
+    {
+        let mut bench = Bench::new();
+        bench.ask(ahead(5.0));
+        bench.run_ms(500);
+        silence(&mut bench, true);
+        bench.run_ms(270);
+        assert_eq!(bench.motor, PwmCount::NEUTRAL);
+        assert_eq!(bench.state().goal.unwrap().status, GoalStatus::Failed);
+        assert_eq!(code_of(&bench.ask(ahead(5.0))), RejectCode::NotReady);
+        silence(&mut bench, false);
+        bench.run_ms(2000);
+        assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    }
+}
+
+#[test]
+fn a_silent_range_finder_is_unknown_not_clear() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.state().obstacle.front, Some(false));
+    bench.board_silent = true;
+    bench.run_ms(300);
+    let state = bench.state();
+    assert_eq!((state.obstacle.front, state.speed_mps, state.battery_v), (None, None, None));
+}
+
+#[test]
+fn a_pose_is_set_while_standing_only() {
+    let mut bench = Bench::new();
+    let set = Body::SetPose { x_m: 3.0, y_m: 4.0, yaw_rad: 0.0 };
+    bench.ask(ahead(5.0));
+    assert_eq!(code_of(&bench.ask(set.clone())), RejectCode::Busy);
+    bench.run_ms(5);
+    bench.ask(Body::Stop {});
+    bench.run_ms(5);
+    bench.ask(set);
+    let pose = bench.state().pose;
+    assert!((pose.x_m - 3.0).abs() < 1e-9 && (pose.y_m - 4.0).abs() < 1e-9 && pose.yaw_rad.abs() < 1e-9);
+}
+
+#[test]
+fn a_finish_goal_ends_when_its_time_is_up() {
+    let mut bench = Bench::new();
+    bench.ask(Body::Goto {
+        x_m: 0.0,
+        y_m: 9.0,
+        yaw_rad: None,
+        on_link_loss: LinkLoss::Finish,
+        finish_s: 1.0,
+    });
+    bench.run_ms(990);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+    bench.run_ms(20);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    assert_eq!(bench.state().goal.unwrap().status, GoalStatus::Failed);
+}
+
+#[test]
+fn a_lease_is_granted_shown_and_free_again_900_ms_after_the_last_word() {
+    let mut bench = Bench::new();
+    bench.ask(Body::Acquire { take: false });
+    assert_eq!(bench.state().lease.unwrap().holder, client());
+    bench.run_ms(900);
+    assert!(bench.state().lease.is_some());
+    bench.run_ms(10);
+    assert_eq!(bench.state().lease, None);
+}
+
+#[test]
+fn a_frame_goes_out_every_20_ms_and_neutral_at_once() {
+    let mut bench = Bench::new();
+    let frames = bench.frames.counters().frames;
+    bench.run_ms(1000);
+    assert_eq!(bench.frames.counters().frames - frames, 50);
+    bench.setpoint(20.0);
+    bench.run_ms(60);
+    bench.setpoint(0.0);
+    bench.run_ms(5);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+}

@@ -1,0 +1,284 @@
+//! What turns pulses into motion: steering servos, motor with ESC, battery.
+//!
+//! ```text
+//!   ESC   pulse with the rolling direction, or wheels (nearly) standing ─► drive towards its speed
+//!         pulse against the rolling direction                          ─► brake towards 0
+//!         pulse in the dead band                                       ─► coast down
+//! ```
+//! So the drive stops before it reverses, as the Novak Super Rooster does.
+
+use crate::parameters::{BatteryTruth, DriveTruth, SteeringTruth};
+use xtb_control::PwmCount;
+
+/// Below this a coasting truck stands: the exponential alone would never end.
+const CREEP_MPS: f64 = 1e-3;
+/// Nearer than this a servo has arrived.
+const SERVO_PLAY_DEG: f64 = 1e-3;
+
+/// Part of the way that a first-order lag covers in `dt_s`.
+fn response(dt_s: f64, lag_s: f64) -> f64 {
+    1.0 - libm::exp(-dt_s / lag_s)
+}
+
+/// One axle's servo.
+#[derive(Debug, Clone)]
+pub(crate) struct SteeringServo {
+    centre: f64,
+    deg_per_count: f64,
+    stop_deg: f64,
+    response: f64,
+    most_deg: f64,
+    angle_deg: f64,
+    tan: f64,
+    cos: f64,
+}
+
+impl SteeringServo {
+    pub(crate) fn new(truth: &SteeringTruth, centre: f64, dt_s: f64) -> Self {
+        Self {
+            centre,
+            deg_per_count: truth.stop_deg / truth.range_counts,
+            stop_deg: truth.stop_deg,
+            response: response(dt_s, truth.lag_s),
+            most_deg: truth.rate_dps * dt_s,
+            angle_deg: 0.0,
+            tan: 0.0,
+            cos: 1.0,
+        }
+    }
+
+    /// One step towards the pulse's angle. A count below the centre turns the wheels to the right.
+    pub(crate) fn step(&mut self, count: PwmCount) {
+        let wanted = (self.centre - count.as_f64()) * self.deg_per_count;
+        let missing = wanted.clamp(-self.stop_deg, self.stop_deg) - self.angle_deg;
+        if missing == 0.0 {
+            return;
+        }
+        self.angle_deg += if missing.abs() < SERVO_PLAY_DEG {
+            missing
+        } else {
+            (missing * self.response).clamp(-self.most_deg, self.most_deg)
+        };
+        let (sin, cos) = libm::sincos(self.angle_deg.to_radians());
+        (self.tan, self.cos) = (sin / cos, cos);
+    }
+
+    /// Tangent of the wheels' angle, + = to the right.
+    pub(crate) fn tan(&self) -> f64 {
+        self.tan
+    }
+
+    /// Cosine of the wheels' angle.
+    pub(crate) fn cos(&self) -> f64 {
+        self.cos
+    }
+}
+
+/// Motor, ESC and the truck's mass.
+#[derive(Debug, Clone)]
+pub(crate) struct Drive {
+    truth: DriveTruth,
+    drive_response: f64,
+    brake_response: f64,
+    /// Rolling speed of the tyres, + = ahead.
+    wheel_mps: f64,
+    /// What the motor is asked for and does not reach yet, 0..=2 of top speed.
+    shortfall: f64,
+}
+
+impl Drive {
+    pub(crate) fn new(truth: &DriveTruth, dt_s: f64) -> Self {
+        Self {
+            truth: truth.clone(),
+            drive_response: response(dt_s, truth.lag_s),
+            brake_response: response(dt_s, truth.brake_lag_s),
+            wheel_mps: 0.0,
+            shortfall: 0.0,
+        }
+    }
+
+    pub(crate) fn wheel_mps(&self) -> f64 {
+        self.wheel_mps
+    }
+
+    /// The wheels stand at once: contact, or a truck put elsewhere.
+    pub(crate) fn halt(&mut self) {
+        self.wheel_mps = 0.0;
+    }
+
+    /// Speed that a pulse stands for on the level with a full battery, + = ahead.
+    fn demanded_mps(&self, count: PwmCount) -> f64 {
+        let offset = count.as_f64() - PwmCount::NEUTRAL.as_f64();
+        let beyond = offset.abs() - self.truth.dead_band_counts;
+        if beyond <= 0.0 {
+            return 0.0;
+        }
+        // The range astern is a little shorter than the range ahead; both end at top speed.
+        let end = if offset > 0.0 { PwmCount::MAX } else { PwmCount::MIN };
+        let range = (end.as_f64() - PwmCount::NEUTRAL.as_f64()).abs() - self.truth.dead_band_counts;
+        self.truth.top_speed_mps * (beyond / range) * offset.signum()
+    }
+
+    /// One step. `supply` is the battery's voltage as a part of its full one, `climb` the sine of
+    /// the slope ahead (+ = uphill).
+    pub(crate) fn step(&mut self, count: PwmCount, supply: f64, climb: f64) {
+        let demanded = self.demanded_mps(count);
+        let against = demanded * self.wheel_mps < 0.0;
+        if against && self.wheel_mps.abs() > self.truth.standstill_mps {
+            self.wheel_mps -= self.wheel_mps * self.brake_response;
+            self.shortfall = 0.0;
+            return;
+        }
+        let grade = 1.0 - self.truth.grade_effect * climb * demanded.signum();
+        let reachable = demanded * supply * grade.max(0.0);
+        self.shortfall = (reachable - self.wheel_mps).abs() / self.truth.top_speed_mps;
+        self.wheel_mps += (reachable - self.wheel_mps) * self.drive_response;
+        if demanded == 0.0 {
+            self.shortfall = 0.0;
+            if self.wheel_mps.abs() < CREEP_MPS {
+                self.wheel_mps = 0.0;
+            }
+        }
+    }
+}
+
+/// The battery pack: sags with the current and with the charge used.
+#[derive(Debug, Clone)]
+pub(crate) struct Battery {
+    truth: BatteryTruth,
+    used_mah: f64,
+    current_a: f64,
+}
+
+impl Battery {
+    pub(crate) fn new(truth: &BatteryTruth) -> Self {
+        Self { truth: truth.clone(), used_mah: 0.0, current_a: truth.electronics_a }
+    }
+
+    pub(crate) fn step(&mut self, drive: &Drive, dt_s: f64) {
+        let cruise = drive.wheel_mps.abs() / drive.truth.top_speed_mps * self.truth.cruise_a;
+        self.current_a = self.truth.electronics_a + cruise + drive.shortfall * self.truth.surge_a;
+        self.used_mah += self.current_a * dt_s / 3.6;
+    }
+
+    /// Voltage at the terminals.
+    pub(crate) fn volts(&self) -> f64 {
+        let left = (1.0 - self.used_mah / self.truth.capacity_mah).max(0.0);
+        let open_circuit = self.truth.empty_v + (self.truth.full_v - self.truth.empty_v) * left;
+        (open_circuit - self.current_a * self.truth.resistance_ohm).max(0.0)
+    }
+
+    /// Voltage as a part of the full one.
+    pub(crate) fn supply(&self) -> f64 {
+        self.volts() / self.truth.full_v
+    }
+
+    pub(crate) fn millivolts(&self) -> u16 {
+        // The last value of the range stands for "not fitted" on the line.
+        (self.volts() * 1000.0).min(f64::from(u16::MAX - 1)) as u16
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT_S: f64 = 0.005;
+
+    fn count(counts: u16) -> PwmCount {
+        PwmCount::try_from(counts).unwrap()
+    }
+
+    fn drive() -> Drive {
+        Drive::new(&DriveTruth::default(), DT_S)
+    }
+
+    #[test]
+    fn the_dead_band_does_not_move_and_the_limits_reach_top_speed() {
+        let drive = drive();
+        assert_eq!(drive.demanded_mps(count(3750 + 75)), 0.0);
+        assert_eq!(drive.demanded_mps(count(3750 - 75)), 0.0);
+        assert!(drive.demanded_mps(count(3826)) > 0.0);
+        assert!((drive.demanded_mps(PwmCount::MAX) - 3.0).abs() < 1e-12);
+        assert!((drive.demanded_mps(PwmCount::MIN) + 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_lag_is_first_order() {
+        let mut drive = drive();
+        for _ in 0..50 {
+            drive.step(PwmCount::MAX, 1.0, 0.0);
+        }
+        let expected = 3.0 * (1.0 - libm::exp(-1.0));
+        assert!((drive.wheel_mps() - expected).abs() < 1e-9, "{}", drive.wheel_mps());
+    }
+
+    #[test]
+    fn an_opposite_pulse_brakes_to_a_standstill_before_it_reverses() {
+        let mut drive = drive();
+        for _ in 0..400 {
+            drive.step(count(4500), 1.0, 0.0);
+        }
+        let (mut slowest_brake, mut speed) = (f64::MAX, drive.wheel_mps());
+        assert!(speed > 1.0);
+        let mut steps_to_reverse = 0;
+        while drive.wheel_mps() >= 0.0 {
+            drive.step(PwmCount::MIN, 1.0, 0.0);
+            if drive.wheel_mps() > 0.02 {
+                slowest_brake = slowest_brake.min(speed - drive.wheel_mps());
+            }
+            speed = drive.wheel_mps();
+            steps_to_reverse += 1;
+        }
+        assert!(slowest_brake > 0.0, "never accelerates while braking");
+        // ln(1.5 / 0.02) · 0.1 s; a drive without the brake would cross zero within 0.11 s.
+        assert!(steps_to_reverse > 60, "{steps_to_reverse} steps");
+        for _ in 0..400 {
+            drive.step(PwmCount::MIN, 1.0, 0.0);
+        }
+        assert!((drive.wheel_mps() + 3.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn neutral_coasts_down_and_ends_standing() {
+        let mut drive = drive();
+        for _ in 0..400 {
+            drive.step(count(4500), 1.0, 0.0);
+        }
+        let start = drive.wheel_mps();
+        for _ in 0..50 {
+            drive.step(PwmCount::NEUTRAL, 1.0, 0.0);
+        }
+        assert!((drive.wheel_mps() / start - libm::exp(-1.0)).abs() < 1e-6);
+        for _ in 0..600 {
+            drive.step(PwmCount::NEUTRAL, 1.0, 0.0);
+        }
+        assert_eq!(drive.wheel_mps(), 0.0);
+    }
+
+    #[test]
+    fn servos_turn_right_below_their_centre_at_a_limited_rate() {
+        let mut servo = SteeringServo::new(&SteeringTruth::default(), 3710.0, DT_S);
+        servo.step(count(3710 - 975));
+        assert!((servo.angle_deg - 1.0).abs() < 1e-12, "200°/s: {}", servo.angle_deg);
+        for _ in 0..200 {
+            servo.step(count(2331));
+        }
+        assert_eq!(servo.angle_deg, 20.0, "the stop holds");
+        assert!((servo.tan() - libm::tan(20_f64.to_radians())).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_battery_sags_under_load_and_empties() {
+        let mut drive = drive();
+        let mut battery = Battery::new(&BatteryTruth::default());
+        battery.step(&drive, DT_S);
+        let resting = battery.volts();
+        drive.step(PwmCount::MAX, 1.0, 0.0);
+        battery.step(&drive, DT_S);
+        assert!(battery.volts() < resting - 1.0, "{}", battery.volts());
+        battery.used_mah = 1e9;
+        assert!(battery.volts() > 0.0 && battery.volts() < 6.6);
+        assert!(battery.millivolts() > 4000);
+    }
+}

@@ -1,0 +1,194 @@
+//! The 3DM-G orientation sensor: silent until asked, then 11-byte frames at 100 Hz.
+//!
+//! Yaw is clockwise from an arbitrary north (each truck's own) and drifts; axes X ahead, Y to the
+//! right, Z down, so pitch is positive nose up and roll positive right side down.
+
+use crate::line::Outbox;
+use crate::noise::Noise;
+use crate::parameters::GyroTruth;
+use xtb_control::controller::GyroSample;
+use xtb_control::odometry::GYRO_DEG_PER_COUNT;
+use xtb_control::units::Stamp;
+use xtb_protocol::gyro_3dmg::{EULER, EulerFrame, QUERY_FIRMWARE, START_CONTINUOUS};
+
+const PERIOD_NS: u64 = 10_000_000;
+const TICK_NS: u64 = 6_553_600;
+/// Version 1.3.00, the one of the memorandum's manual.
+const FIRMWARE: u16 = 1300;
+
+/// How the truck lies in space.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Attitude {
+    /// Compass heading, clockwise from +y.
+    pub(crate) heading_deg: f64,
+    /// Nose up.
+    pub(crate) pitch_deg: f64,
+    /// Right side down.
+    pub(crate) roll_deg: f64,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct Gyro {
+    noise_deg: f64,
+    offset_deg: f64,
+    drift_dps: f64,
+    /// How many bytes of a three-byte command have come.
+    command_bytes: usize,
+    /// When the next frame of continuous mode is due.
+    next_ns: Option<u64>,
+    outbox: Outbox,
+}
+
+impl Gyro {
+    pub(crate) fn new(truth: &GyroTruth, noise: &mut Noise) -> Self {
+        Self {
+            noise_deg: truth.noise_deg,
+            offset_deg: noise.uniform(0.0, 360.0),
+            drift_dps: noise.uniform(0.0, truth.yaw_drift_dps),
+            command_bytes: 0,
+            next_ns: None,
+            outbox: Outbox::default(),
+        }
+    }
+
+    /// Bytes from the agent.
+    pub(crate) fn rx(&mut self, bytes: &[u8], now: Stamp, attitude: &Attitude, noise: &mut Noise) {
+        for &byte in bytes {
+            match (self.command_bytes, byte) {
+                (2, _) => {
+                    self.command_bytes = 0;
+                    // The third byte names the frame to repeat; anything but Euler angles ends it.
+                    self.next_ns = (byte == EULER).then_some(now.ns() + PERIOD_NS);
+                }
+                (1, byte) if byte == START_CONTINUOUS[1] => self.command_bytes = 2,
+                (_, byte) if byte == START_CONTINUOUS[0] => self.command_bytes = 1,
+                (_, EULER) => {
+                    self.command_bytes = 0;
+                    self.send_angles(now, attitude, noise);
+                }
+                (_, QUERY_FIRMWARE) => {
+                    self.command_bytes = 0;
+                    self.send_firmware();
+                }
+                _ => self.command_bytes = 0,
+            }
+        }
+    }
+
+    /// Sends what is due in continuous mode.
+    pub(crate) fn step(&mut self, now: Stamp, attitude: &Attitude, noise: &mut Noise) {
+        while let Some(due_ns) = self.next_ns.filter(|&due_ns| due_ns <= now.ns()) {
+            self.next_ns = Some(due_ns + PERIOD_NS);
+            self.send_angles(now, attitude, noise);
+        }
+    }
+
+    pub(crate) fn outbox(&mut self) -> &mut Outbox {
+        &mut self.outbox
+    }
+
+    pub(crate) fn dropped(&self) -> u64 {
+        self.outbox.dropped()
+    }
+
+    fn send_angles(&mut self, now: Stamp, attitude: &Attitude, noise: &mut Noise) {
+        let mut counts = |deg: f64| {
+            let noisy_deg = deg + noise.bell(self.noise_deg);
+            // Beyond half a turn the 16-bit word wraps, as the angle does.
+            libm::round(noisy_deg / GYRO_DEG_PER_COUNT) as i64 as i16
+        };
+        let yaw_deg = attitude.heading_deg + self.offset_deg + self.drift_dps * now.s();
+        let angles = GyroSample {
+            roll: counts(attitude.roll_deg),
+            pitch: counts(attitude.pitch_deg),
+            yaw: counts(yaw_deg),
+        };
+        let ticks = (now.ns() / TICK_NS) as u16;
+        self.outbox.send(&EulerFrame { angles, ticks }.encode());
+    }
+
+    /// Header, version and check sum = header + version.
+    fn send_firmware(&mut self) {
+        let [high, low] = FIRMWARE.to_be_bytes();
+        let [sum_high, sum_low] = FIRMWARE.wrapping_add(u16::from(QUERY_FIRMWARE)).to_be_bytes();
+        self.outbox.send(&[QUERY_FIRMWARE, high, low, sum_high, sum_low]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_protocol::gyro_3dmg::{EulerReader, STOP_CONTINUOUS};
+
+    const LEVEL: Attitude = Attitude { heading_deg: 0.0, pitch_deg: 0.0, roll_deg: 0.0 };
+
+    fn gyro() -> (Gyro, Noise) {
+        let mut noise = Noise::new(5, 0);
+        (Gyro::new(&GyroTruth { noise_deg: 0.0, yaw_drift_dps: 0.0 }, &mut noise), noise)
+    }
+
+    fn frames(gyro: &mut Gyro) -> Vec<EulerFrame> {
+        let (mut bytes, mut found) = (Vec::new(), Vec::new());
+        gyro.outbox().take(&mut bytes);
+        EulerReader::default().push(&bytes, |frame| found.push(frame));
+        found
+    }
+
+    fn run(gyro: &mut Gyro, noise: &mut Noise, from_ms: u64, to_ms: u64) {
+        for ms in (from_ms..=to_ms).step_by(5) {
+            gyro.step(Stamp::from_ms(ms), &LEVEL, noise);
+        }
+    }
+
+    #[test]
+    fn it_is_silent_until_started_then_sends_at_100_hz_until_stopped() {
+        let (mut gyro, mut noise) = gyro();
+        run(&mut gyro, &mut noise, 0, 1000);
+        assert_eq!(frames(&mut gyro).len(), 0);
+        gyro.rx(&START_CONTINUOUS, Stamp::from_ms(1000), &LEVEL, &mut noise);
+        run(&mut gyro, &mut noise, 1005, 2000);
+        assert_eq!(frames(&mut gyro).len(), 100);
+        gyro.rx(&STOP_CONTINUOUS, Stamp::from_ms(2000), &LEVEL, &mut noise);
+        run(&mut gyro, &mut noise, 2005, 3000);
+        assert_eq!(frames(&mut gyro).len(), 0);
+    }
+
+    #[test]
+    fn one_request_gets_one_frame_with_the_devices_own_time() {
+        let (mut gyro, mut noise) = gyro();
+        gyro.rx(&[0x99, EULER], Stamp::from_ms(6554), &LEVEL, &mut noise);
+        let found = frames(&mut gyro);
+        assert_eq!((found.len(), found[0].ticks), (1, 1000));
+    }
+
+    #[test]
+    fn a_command_may_come_byte_by_byte() {
+        let (mut gyro, mut noise) = gyro();
+        for byte in START_CONTINUOUS {
+            gyro.rx(&[byte], Stamp::ZERO, &LEVEL, &mut noise);
+        }
+        run(&mut gyro, &mut noise, 5, 100);
+        assert_eq!(frames(&mut gyro).len(), 10);
+    }
+
+    #[test]
+    fn the_firmware_answers_five_bytes() {
+        let (mut gyro, mut noise) = gyro();
+        gyro.rx(&[QUERY_FIRMWARE], Stamp::ZERO, &LEVEL, &mut noise);
+        let mut bytes = Vec::new();
+        gyro.outbox().take(&mut bytes);
+        assert_eq!(bytes, [0xF0, 0x05, 0x14, 0x06, 0x04]);
+    }
+
+    #[test]
+    fn yaw_grows_clockwise_and_wraps() {
+        let (mut gyro, mut noise) = gyro();
+        let mut yaw = |heading_deg: f64| {
+            gyro.rx(&[EULER], Stamp::ZERO, &Attitude { heading_deg, ..LEVEL }, &mut noise);
+            frames(&mut gyro)[0].angles.yaw
+        };
+        let start = yaw(0.0);
+        assert_eq!(yaw(90.0).wrapping_sub(start), 16_384);
+        assert_eq!(yaw(270.0).wrapping_sub(start), -16_384);
+    }
+}

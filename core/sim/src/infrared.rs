@@ -1,0 +1,172 @@
+//! Twelve GP2D12 range finders at the bumper faces: true curve, fold-back, noise, own refresh.
+//!
+//! ```text
+//!   V │    ·     peak at 8 cm
+//!     │   / \
+//!     │  /    ` .
+//!     │ /          ` · . _ _ floor, nothing in sight
+//!     └──┬──────────────┬── cm
+//!        8             80
+//! ```
+//! Each looks straight ahead (front) or straight back (rear) along a single ray. They are listed
+//! left to right, seen from above with the truck pointing up.
+
+use crate::geometry::{Beam, OrientedBox};
+use crate::noise::Noise;
+use crate::parameters::{Body, InfraredTruth};
+use crate::scene::StepContext;
+use xtb_control::units::{ADC_FULL_SCALE, ADC_SUPPLY_V, AdcCount};
+
+const SENSORS: usize = 12;
+/// Farther than this the curve lies below any floor voltage.
+const SIGHT_M: f64 = 1.2;
+
+/// Voltage for an object at `cm`: counts = 6787 / (cm + 4) + 3 beyond the peak, and a straight line
+/// down to `touch_v` below it.
+fn curve_v(truth: &InfraredTruth, cm: f64) -> f64 {
+    let beyond_peak_v = |cm: f64| (6787.0 / (cm + 4.0) + 3.0) * ADC_SUPPLY_V / ADC_FULL_SCALE;
+    if cm >= truth.fold_back_cm {
+        return beyond_peak_v(cm);
+    }
+    let peak_v = beyond_peak_v(truth.fold_back_cm);
+    truth.touch_v + (peak_v - truth.touch_v) * cm.max(0.0) / truth.fold_back_cm
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Sensor {
+    /// Where it sits on the body, in m ahead and to the left of the centre.
+    ahead_m: f64,
+    left_m: f64,
+    /// What it shows with nothing in sight.
+    floor_v: f64,
+    period_ns: u64,
+    next_ns: u64,
+    reading: AdcCount,
+}
+
+/// The two bumpers.
+#[derive(Debug, Clone)]
+pub(crate) struct RangeFinders {
+    truth: InfraredTruth,
+    sensors: [Sensor; SENSORS],
+    /// When the first of the sensors measures again.
+    due_ns: u64,
+}
+
+impl RangeFinders {
+    pub(crate) fn new(truth: &InfraredTruth, body: &Body, noise: &mut Noise) -> Self {
+        let sensors = std::array::from_fn(|i| {
+            let spread = truth.refresh_tolerance_s;
+            let period_s = truth.refresh_s + noise.uniform(-spread, spread);
+            let period_ns = (period_s * 1e9) as u64;
+            Sensor {
+                ahead_m: if i < 6 { body.length_m / 2.0 } else { -body.length_m / 2.0 },
+                left_m: (2.5 - (i % 6) as f64) * truth.spacing_m,
+                floor_v: noise.uniform(truth.floor_min_v, truth.floor_max_v),
+                period_ns,
+                next_ns: noise.up_to(period_ns),
+                reading: AdcCount::ZERO,
+            }
+        });
+        Self { truth: truth.clone(), sensors, due_ns: 0 }
+    }
+
+    /// Lets every sensor measure whose time has come.
+    pub(crate) fn step(
+        &mut self,
+        context: &StepContext<'_>,
+        me: usize,
+        body: &OrientedBox,
+        noise: &mut Noise,
+    ) {
+        let now_ns = context.now().ns();
+        if now_ns < self.due_ns {
+            return;
+        }
+        self.due_ns = u64::MAX;
+        for sensor in &mut self.sensors {
+            if sensor.next_ns <= now_ns {
+                sensor.next_ns += sensor.period_ns;
+                sensor.measure(&self.truth, context, me, body, noise);
+            }
+            self.due_ns = self.due_ns.min(sensor.next_ns);
+        }
+    }
+
+    /// The front and the rear bumper, left to right.
+    pub(crate) fn readings(&self) -> ([AdcCount; 6], [AdcCount; 6]) {
+        let side = |first: usize| std::array::from_fn(|i| self.sensors[first + i].reading);
+        (side(0), side(6))
+    }
+}
+
+impl Sensor {
+    fn measure(
+        &mut self,
+        truth: &InfraredTruth,
+        context: &StepContext<'_>,
+        me: usize,
+        body: &OrientedBox,
+        noise: &mut Noise,
+    ) {
+        let ((x_m, y_m), (cos, sin)) = (body.centre_m(), body.direction());
+        let facing = self.ahead_m.signum();
+        let beam = Beam::new(
+            x_m + cos * self.ahead_m - sin * self.left_m,
+            y_m + sin * self.ahead_m + cos * self.left_m,
+            cos * facing,
+            sin * facing,
+            SIGHT_M,
+        );
+        let seen_v = match context.nearest_m(me, beam) {
+            // Far away the curve sinks below what the sensor shows of nothing at all.
+            Some(range_m) => curve_v(truth, range_m * 100.0).max(self.floor_v),
+            None => self.floor_v,
+        };
+        let volts = seen_v + noise.bell(truth.noise_v);
+        self.reading = adc_count(volts, 1.0);
+    }
+}
+
+/// What the 10-bit converter makes of a voltage; `scans` > 1 means a mean with finer steps.
+pub(crate) fn adc_count(volts: f64, scans: f64) -> AdcCount {
+    let counts = libm::floor(volts * ADC_FULL_SCALE / ADC_SUPPLY_V * scans) / scans;
+    AdcCount::try_from(counts.clamp(0.0, ADC_FULL_SCALE - 1.0)).unwrap_or(AdcCount::ZERO)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_control::units::Stamp;
+
+    #[test]
+    fn the_curve_peaks_at_8_cm_and_folds_back_to_the_touch_voltage() {
+        let truth = InfraredTruth::default();
+        let peak = curve_v(&truth, 8.0);
+        assert!((2.7..2.8).contains(&peak), "{peak}");
+        assert!(curve_v(&truth, 4.0) < peak && curve_v(&truth, 12.0) < peak);
+        assert!((curve_v(&truth, 7.999_999) - peak).abs() < 1e-5, "continuous");
+        assert_eq!(curve_v(&truth, 0.0), 0.5);
+        let data_sheet = curve_v(&truth, 80.0);
+        assert!((0.25..0.55).contains(&data_sheet), "{data_sheet}");
+    }
+
+    #[test]
+    fn each_sensor_has_its_own_period_within_the_data_sheet() {
+        let finders = RangeFinders::new(&InfraredTruth::default(), &Body::default(), &mut Noise::new(3, 0));
+        let mut periods: Vec<_> = finders.sensors.iter().map(|s| Stamp::from_ns(s.period_ns)).collect();
+        for period in &periods {
+            assert!((0.0287..=0.0479).contains(&period.s()), "{period:?}");
+        }
+        periods.dedup();
+        assert_eq!(periods.len(), SENSORS);
+    }
+
+    #[test]
+    fn the_converter_saturates_instead_of_wrapping() {
+        assert_eq!(adc_count(-1.0, 1.0).get(), 0.0);
+        assert_eq!(adc_count(9.0, 1.0).get(), 1023.0);
+        assert_eq!(adc_count(2.5, 1.0).get(), 512.0);
+        assert_eq!(adc_count(f64::NAN, 1.0), AdcCount::ZERO);
+    }
+}

@@ -1,0 +1,162 @@
+//! What a step may see: everything that stands, and where every truck was when the step began.
+//!
+//! A [`StepContext`] never changes during a step. That is why trucks can be stepped in any order,
+//! or on several threads, and still come out with the same bits.
+
+use crate::geometry::{Beam, OrientedBox};
+use crate::grid::{Cells, MovingGrid, StandingGrid};
+use crate::simulation::STEP_NS;
+use crate::world::World;
+use xtb_control::units::Stamp;
+
+/// A sloping rectangle of floor.
+#[derive(Debug, Clone)]
+struct Slope {
+    area: OrientedBox,
+    /// Sine of the slope towards +x and +y.
+    rise: (f64, f64),
+}
+
+/// Everything that does not move by itself.
+#[derive(Debug, Clone)]
+pub(crate) struct Scene {
+    boxes: Vec<OrientedBox>,
+    grid: StandingGrid,
+    slopes: Vec<Slope>,
+    cells: Cells,
+}
+
+impl Scene {
+    pub(crate) fn new(world: &World) -> Self {
+        let boxes: Vec<_> = world.solids().map(|solid| solid.shape).collect();
+        let cells = Cells::covering(world.extent().grown(1.0));
+        let slopes = world.ramps().iter().map(|ramp| {
+            let (sin, cos) = libm::sincos(ramp.uphill_rad);
+            let rise = libm::sin(ramp.slope_deg.to_radians());
+            let area = OrientedBox::turned(ramp.x_m, ramp.y_m, (cos, sin), ramp.length_m, ramp.width_m);
+            Slope { area, rise: (cos * rise, sin * rise) }
+        });
+        let slopes = slopes.collect();
+        Self { grid: StandingGrid::new(cells.clone(), &boxes), boxes, slopes, cells }
+    }
+
+    pub(crate) fn cells(&self) -> Cells {
+        self.cells.clone()
+    }
+
+    /// Sine of the slope at a place towards +x and +y; the first ramp listed wins.
+    fn rise_at(&self, x_m: f64, y_m: f64) -> (f64, f64) {
+        let slope = self.slopes.iter().find(|slope| slope.area.holds(x_m, y_m));
+        slope.map_or((0.0, 0.0), |slope| slope.rise)
+    }
+}
+
+/// The trucks at the beginning of a step.
+#[derive(Debug, Clone)]
+pub(crate) struct Traffic {
+    boxes: Vec<OrientedBox>,
+    /// Trucks that another one ran into during the step before.
+    touched: Vec<bool>,
+    grid: MovingGrid,
+}
+
+impl Traffic {
+    pub(crate) fn new(cells: Cells, bodies: &[OrientedBox]) -> Self {
+        let reach_m = bodies.iter().map(OrientedBox::radius_m).fold(0.0, f64::max);
+        let mut grid = MovingGrid::new(cells, bodies.len(), reach_m);
+        grid.rebuild(bodies);
+        Self { boxes: bodies.to_vec(), touched: vec![false; bodies.len()], grid }
+    }
+
+    /// Takes over where the trucks are now; allocates nothing.
+    pub(crate) fn update(&mut self, bodies: impl Iterator<Item = OrientedBox>) {
+        for (kept, body) in self.boxes.iter_mut().zip(bodies) {
+            *kept = body;
+        }
+        self.grid.rebuild(&self.boxes);
+        self.touched.fill(false);
+    }
+
+    pub(crate) fn mark_touched(&mut self, truck: usize) {
+        self.touched[truck] = true;
+    }
+}
+
+/// The world as one step of one truck sees it; shared by all trucks of the step.
+#[derive(Debug, Clone, Copy)]
+pub struct StepContext<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) traffic: &'a Traffic,
+    pub(crate) start: Stamp,
+}
+
+impl StepContext<'_> {
+    /// When the step begins.
+    #[must_use]
+    pub fn start(&self) -> Stamp {
+        self.start
+    }
+
+    /// When the step ends.
+    #[must_use]
+    pub fn now(&self) -> Stamp {
+        self.start.plus_ns(STEP_NS)
+    }
+
+    pub(crate) fn rise_at(&self, x_m: f64, y_m: f64) -> (f64, f64) {
+        self.scene.rise_at(x_m, y_m)
+    }
+
+    pub(crate) fn was_touched(&self, me: usize) -> bool {
+        self.traffic.touched[me]
+    }
+
+    /// Distance along the beam to whatever is nearest, `None` if nothing is in reach.
+    pub(crate) fn nearest_m(&self, me: usize, mut beam: Beam) -> Option<f64> {
+        let (bounds, reach_m) = (beam.bounds(), beam.length_m());
+        for i in self.scene.grid.near(bounds) {
+            if let Some(hit_m) = self.scene.boxes[i].hit_m(&beam) {
+                beam.shorten(hit_m);
+            }
+        }
+        for i in self.traffic.grid.near(bounds).filter(|&i| i != me) {
+            if let Some(hit_m) = self.traffic.boxes[i].hit_m(&beam) {
+                beam.shorten(hit_m);
+            }
+        }
+        (beam.length_m() < reach_m).then_some(beam.length_m())
+    }
+
+    /// Whether something is in the way from one position to the next. Trucks in the way go into
+    /// `touched`. What is already penetrated blocks only the way deeper into it, so that a truck
+    /// can always get free.
+    pub(crate) fn blocks(
+        &self,
+        me: usize,
+        from: &OrientedBox,
+        to: &OrientedBox,
+        touched: &mut Vec<usize>,
+    ) -> bool {
+        let in_the_way = |other: &OrientedBox| {
+            let there_m = to.separation_m(other);
+            there_m <= 0.0 && there_m < from.separation_m(other)
+        };
+        let bounds = to.bounds();
+        let mut blocked = self.scene.grid.near(bounds).any(|i| in_the_way(&self.scene.boxes[i]));
+        for i in self.traffic.grid.near(bounds).filter(|&i| i != me) {
+            if in_the_way(&self.traffic.boxes[i]) {
+                touched.push(i);
+                blocked = true;
+            }
+        }
+        blocked
+    }
+
+    /// Whether nothing is nearer to a truck than `margin_m`.
+    pub(crate) fn is_clear(&self, me: usize, body: &OrientedBox, margin_m: f64) -> bool {
+        let bounds = body.bounds().grown(margin_m);
+        let far = |other: &OrientedBox| body.separation_m(other) > margin_m;
+        self.scene.grid.near(bounds).all(|i| far(&self.scene.boxes[i]))
+            && self.traffic.grid.near(bounds).filter(|&i| i != me).all(|i| far(&self.traffic.boxes[i]))
+    }
+}

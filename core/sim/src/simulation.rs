@@ -1,0 +1,256 @@
+//! All trucks of a world, stepped together.
+//!
+//! ```no_run
+//! # use xtb_sim::{Simulation, TruckParameters, World};
+//! # fn main() -> Result<(), xtb_sim::SimulationError> {
+//! let mut simulation = Simulation::new(World::default(), &TruckParameters::default(), &["xtb-1"], 1)?;
+//! simulation.step();
+//! // The same, on as many threads as the caller likes: the bits do not depend on it.
+//! let (context, trucks) = simulation.split_step();
+//! std::thread::scope(|scope| {
+//!     for chunk in trucks.chunks_mut(50) {
+//!         scope.spawn(move || chunk.iter_mut().for_each(|truck| truck.step(&context)));
+//!     }
+//! });
+//! # Ok(()) }
+//! ```
+
+use crate::parameters::TruckParameters;
+use crate::scene::{Scene, StepContext, Traffic};
+use crate::starts::footprint;
+use crate::vehicle::{Truck, Truth};
+use crate::world::{BoxSpec, World};
+use crate::world_error::WorldError;
+use thiserror::Error;
+use xtb_control::config::ConfigError;
+use xtb_control::frames::MapPose;
+use xtb_control::units::Stamp;
+
+/// Length of a step in ns: 5 ms, one turn of the agent's control loop.
+pub const STEP_NS: u64 = 5_000_000;
+/// The same in s, for formulas.
+pub(crate) const STEP_S: f64 = STEP_NS as f64 * 1e-9;
+
+/// Why a simulation cannot do what was asked.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SimulationError {
+    /// The world is impossible.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// The truck's true values are impossible.
+    #[error("truck parameters: {0}")]
+    Parameters(#[from] ConfigError),
+    /// Two trucks of one name could not be told apart.
+    #[error("two trucks are called \"{name}\"")]
+    NamedTwice {
+        /// The name.
+        name: String,
+    },
+    /// There is no truck of this number.
+    #[error("there is no truck number {index}, only 0..{count}")]
+    NoSuchTruck {
+        /// As asked.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// A pose that is not finite or too far away.
+    #[error("pose {x_m}, {y_m}, {yaw_rad} is not finite or too far away")]
+    Pose {
+        /// East, in m.
+        x_m: f64,
+        /// North, in m.
+        y_m: f64,
+        /// Counter-clockwise from +x, in rad.
+        yaw_rad: f64,
+    },
+    /// Two bodies would be in one place.
+    #[error("{what} would overlap {other}")]
+    Occupied {
+        /// What was to be put.
+        what: String,
+        /// What is already there.
+        other: String,
+    },
+}
+
+/// Trucks in a world, at a moment of simulated time that only [`Simulation::step`] moves on.
+#[derive(Debug, Clone)]
+pub struct Simulation {
+    world: World,
+    scene: Scene,
+    traffic: Traffic,
+    trucks: Vec<Truck>,
+    now: Stamp,
+}
+
+impl Simulation {
+    /// Trucks of these names at the world's start poses. `seed` decides all that is random; the
+    /// same arguments give the same bits.
+    ///
+    /// # Errors
+    /// Impossible parameters, a name twice, or a world with too little room.
+    pub fn new<N: AsRef<str>>(
+        world: World,
+        parameters: &TruckParameters,
+        names: &[N],
+        seed: u64,
+    ) -> Result<Self, SimulationError> {
+        parameters.validate()?;
+        let starts = world.start_poses(names.len(), &parameters.body)?;
+        let robots: Vec<_> = names.iter().map(AsRef::as_ref).zip(starts).collect();
+        Self::with_starts(world, parameters, &robots, seed)
+    }
+
+    /// Trucks of these names at poses of the caller's choice, which may lie closer together than
+    /// those of [`World::start_poses`] but not inside anything.
+    ///
+    /// # Errors
+    /// Impossible parameters, a name twice, or a pose that is occupied or not finite.
+    pub fn with_starts(
+        world: World,
+        parameters: &TruckParameters,
+        robots: &[(&str, MapPose)],
+        seed: u64,
+    ) -> Result<Self, SimulationError> {
+        parameters.validate()?;
+        for (i, (name, _)) in robots.iter().enumerate() {
+            if robots[..i].iter().any(|(other, _)| other == name) {
+                return Err(SimulationError::NamedTwice { name: (*name).to_owned() });
+            }
+        }
+        let trucks: Vec<_> = robots
+            .iter()
+            .enumerate()
+            .map(|(i, (name, start))| Truck::new(i, name, start, parameters, seed))
+            .collect();
+        let scene = Scene::new(&world);
+        let bodies: Vec<_> = trucks.iter().map(Truck::body).collect();
+        let traffic = Traffic::new(scene.cells(), &bodies);
+        let simulation = Self { world, scene, traffic, trucks, now: Stamp::ZERO };
+        for (i, (_, start)) in robots.iter().enumerate() {
+            simulation.check_free(i, start)?;
+        }
+        Ok(simulation)
+    }
+
+    /// Simulated time since the start.
+    #[must_use]
+    pub fn now(&self) -> Stamp {
+        self.now
+    }
+
+    /// The world as it is now.
+    #[must_use]
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// All trucks in their order.
+    #[must_use]
+    pub fn trucks(&self) -> &[Truck] {
+        &self.trucks
+    }
+
+    /// All trucks in their order, to exchange bytes with them.
+    pub fn trucks_mut(&mut self) -> &mut [Truck] {
+        &mut self.trucks
+    }
+
+    /// The number of the truck of this name.
+    #[must_use]
+    pub fn index_of(&self, name: &str) -> Option<usize> {
+        self.trucks.iter().position(|truck| truck.name() == name)
+    }
+
+    /// The true state of every truck, in their order.
+    pub fn truths(&self) -> impl Iterator<Item = Truth> {
+        self.trucks.iter().map(Truck::truth)
+    }
+
+    /// One step of [`STEP_NS`] for all trucks.
+    pub fn step(&mut self) {
+        let (context, trucks) = self.split_step();
+        for truck in trucks {
+            truck.step(&context);
+        }
+    }
+
+    /// Begins a step that the caller finishes: every truck must be stepped with the context exactly
+    /// once, in any order and on any thread.
+    pub fn split_step(&mut self) -> (StepContext<'_>, &mut [Truck]) {
+        self.traffic.update(self.trucks.iter().map(Truck::body));
+        for truck in &self.trucks {
+            for &other in truck.ran_into() {
+                self.traffic.mark_touched(other);
+            }
+        }
+        let start = self.now;
+        self.now = start.plus_ns(STEP_NS);
+        (StepContext { scene: &self.scene, traffic: &self.traffic, start }, &mut self.trucks)
+    }
+
+    /// Puts a truck elsewhere, standing. Its clocks, sensors and counters go on.
+    ///
+    /// # Errors
+    /// No such truck, or a pose that is occupied or not finite.
+    pub fn place(&mut self, index: usize, pose: MapPose) -> Result<(), SimulationError> {
+        self.check_free(index, &pose)?;
+        let count = self.trucks.len();
+        let truck = self.trucks.get_mut(index).ok_or(SimulationError::NoSuchTruck { index, count })?;
+        truck.place(&pose);
+        Ok(())
+    }
+
+    /// Adds a box, or moves and resizes the one of that name.
+    ///
+    /// # Errors
+    /// An impossible box, or one on top of a truck.
+    pub fn put_box(&mut self, name: &str, spec: BoxSpec) -> Result<(), SimulationError> {
+        let mut world = self.world.clone();
+        world.put_box(name, spec)?;
+        let what = format!("box \"{name}\"");
+        let shape = spec.shape();
+        if let Some(truck) = self.trucks.iter().find(|t| t.body().separation_m(&shape) <= 0.0) {
+            return Err(SimulationError::Occupied { what, other: truck.name().to_owned() });
+        }
+        self.change_world(world);
+        Ok(())
+    }
+
+    /// Takes a box away.
+    ///
+    /// # Errors
+    /// No box has this name.
+    pub fn remove_box(&mut self, name: &str) -> Result<(), SimulationError> {
+        let mut world = self.world.clone();
+        world.remove_box(name)?;
+        self.change_world(world);
+        Ok(())
+    }
+
+    fn change_world(&mut self, world: World) {
+        self.world = world;
+        self.scene = Scene::new(&self.world);
+        let bodies: Vec<_> = self.trucks.iter().map(Truck::body).collect();
+        self.traffic = Traffic::new(self.scene.cells(), &bodies);
+    }
+
+    /// Refuses a pose of truck `index` inside something or beyond the limits.
+    fn check_free(&self, index: usize, pose: &MapPose) -> Result<(), SimulationError> {
+        let &MapPose { x_m, y_m, yaw_rad } = pose;
+        if ![x_m, y_m, yaw_rad].iter().all(|v| v.is_finite() && v.abs() <= 1e4) {
+            return Err(SimulationError::Pose { x_m, y_m, yaw_rad });
+        }
+        let count = self.trucks.len();
+        let truck = self.trucks.get(index).ok_or(SimulationError::NoSuchTruck { index, count })?;
+        let here = footprint(pose, truck.dimensions());
+        let solids = self.world.solids().map(|solid| (solid.what, solid.shape));
+        let others = self.trucks.iter().filter(|other| other.name() != truck.name());
+        let mut all = solids.chain(others.map(|other| (other.name().to_owned(), other.body())));
+        match all.find(|(_, shape)| here.separation_m(shape) <= 0.0) {
+            Some((other, _)) => Err(SimulationError::Occupied { what: truck.name().to_owned(), other }),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,317 @@
+//! One simulated truck: bytes from the agent in, motion, bytes to the agent out.
+//!
+//! ```text
+//!   board_rx ─► board ─► steering servos ─┐
+//!                    └─► ESC and motor  ──┴─► pose ─► range finders ─► board ─► take_board_tx
+//!   gyro_rx  ─────────────────────────────────────► gyro ───────────────────► take_gyro_tx
+//! ```
+//! Four-wheel-steered bicycle: the longitudinal speed u is common to both axles, an axle whose
+//! wheels are turned by δ moves sideways by u tan δ, so the heading turns (clockwise) at
+//! u (tan δ_front − tan δ_rear) / L. With both axles steered oppositely the radius is
+//! R = L / (2 tan δ).
+
+use crate::board::{Board, ShaftTravel};
+use crate::drive::{Battery, Drive, SteeringServo};
+use crate::geometry::OrientedBox;
+use crate::gyro::{Attitude, Gyro};
+use crate::infrared::RangeFinders;
+use crate::noise::Noise;
+use crate::parameters::{Body, TruckParameters};
+use crate::platform::Platform;
+use crate::scene::StepContext;
+use crate::simulation::STEP_S;
+use crate::starts::footprint;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+use xtb_control::controller::AdcSample;
+use xtb_control::frames::{MapPose, heading_of, wrap_rad};
+use xtb_control::units::Stamp;
+use xtb_protocol::board::LineCounters;
+
+/// A touch is over when nothing is nearer than this: a truck that pushes against a wall comes to
+/// rest a hair's breadth in front of it again and again.
+const TOUCH_MARGIN_M: f64 = 0.01;
+
+/// What is really so, for tests and for the simulator's `truth` key; no agent sees it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Truth {
+    /// East, in m.
+    pub x_m: f64,
+    /// North, in m.
+    pub y_m: f64,
+    /// Counter-clockwise from +x, in (−π, π].
+    pub yaw_rad: f64,
+    /// Speed along the body, + = ahead, in m/s.
+    pub speed_mps: f64,
+    /// Motor pulse at the board's output, in counts of 0.4 µs.
+    pub motor_counts: u16,
+    /// Simulated time in s since which the motor output has been neutral; `None` while it is not.
+    pub neutral_since_s: Option<f64>,
+    /// Touches of walls, boxes and other trucks. A touch lasts until nothing is within 1 cm.
+    pub contacts: u64,
+}
+
+/// A simulated truck; see the module's documentation.
+#[derive(Debug, Clone)]
+pub struct Truck {
+    index: usize,
+    name: String,
+    dimensions: Body,
+    now: Stamp,
+    noise: Noise,
+
+    board: Board,
+    gyro: Gyro,
+    front: SteeringServo,
+    rear: SteeringServo,
+    drive: Drive,
+    battery: Battery,
+    platform: Platform,
+    range_finders: RangeFinders,
+
+    yaw_rad: f64,
+    body: OrientedBox,
+    speed_mps: f64,
+    /// Sine of the slope under the truck towards +x and +y.
+    rise: (f64, f64),
+    /// Turns of the motor shaft in pulses, since the start; never backwards.
+    pulses: f64,
+    pulses_per_m: f64,
+
+    contacts: u64,
+    touching: bool,
+    ran_into: Vec<usize>,
+}
+
+impl Truck {
+    /// Its individual values come from `seed` and its number alone.
+    pub(crate) fn new(
+        index: usize,
+        name: &str,
+        start: &MapPose,
+        parameters: &TruckParameters,
+        seed: u64,
+    ) -> Self {
+        let mut noise = Noise::new(seed, index as u64);
+        let encoder = &parameters.encoder;
+        let scale = 1.0 + noise.uniform(-encoder.scale_tolerance, encoder.scale_tolerance);
+        let pulses_per_turn = encoder.pulses_per_rev * encoder.gear_ratio;
+        let steering = &parameters.steering;
+        let servo = |centre| SteeringServo::new(steering, centre, STEP_S);
+        Self {
+            index,
+            name: name.to_owned(),
+            dimensions: parameters.body.clone(),
+            now: Stamp::ZERO,
+            board: Board::new(&parameters.board, encoder, steering, &mut noise),
+            gyro: Gyro::new(&parameters.gyro, &mut noise),
+            front: servo(steering.front_centre),
+            rear: servo(steering.rear_centre),
+            drive: Drive::new(&parameters.drive, STEP_S),
+            battery: Battery::new(&parameters.battery),
+            platform: Platform::new(&parameters.platform, &parameters.body),
+            range_finders: RangeFinders::new(&parameters.infrared, &parameters.body, &mut noise),
+            yaw_rad: wrap_rad(start.yaw_rad),
+            body: footprint(start, &parameters.body),
+            speed_mps: 0.0,
+            rise: (0.0, 0.0),
+            pulses: 0.0,
+            pulses_per_m: pulses_per_turn / (PI * encoder.wheel_diameter_m * scale),
+            contacts: 0,
+            touching: false,
+            ran_into: Vec::with_capacity(8),
+            noise,
+        }
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its number in the simulation.
+    #[must_use]
+    pub fn index(&self) -> usize {
+        self.index
+    }
+
+    /// What is really so.
+    #[must_use]
+    pub fn truth(&self) -> Truth {
+        let (x_m, y_m) = self.body.centre_m();
+        Truth {
+            x_m,
+            y_m,
+            yaw_rad: self.yaw_rad,
+            speed_mps: self.speed_mps,
+            motor_counts: self.board.outputs().motor.get(),
+            neutral_since_s: self.board.neutral_since().map(Stamp::s),
+            contacts: self.contacts,
+        }
+    }
+
+    /// Bytes from the agent to the I/O board: PWM frames.
+    pub fn board_rx(&mut self, bytes: &[u8]) {
+        self.board.rx(bytes, self.now);
+    }
+
+    /// Moves everything that the board has sent to the end of `into`.
+    pub fn take_board_tx(&mut self, into: &mut Vec<u8>) {
+        self.board.outbox().take(into);
+    }
+
+    /// Bytes from the agent to the gyro: `10 00 0E`, `10 00 00`, `0E`, `F0`.
+    pub fn gyro_rx(&mut self, bytes: &[u8]) {
+        let attitude = self.attitude();
+        self.gyro.rx(bytes, self.now, &attitude, &mut self.noise);
+    }
+
+    /// Moves everything that the gyro has sent to the end of `into`.
+    pub fn take_gyro_tx(&mut self, into: &mut Vec<u8>) {
+        self.gyro.outbox().take(into);
+    }
+
+    /// Bytes that board and gyro had to drop because nobody took them.
+    #[must_use]
+    pub fn dropped_bytes(&self) -> u64 {
+        self.board.dropped() + self.gyro.dropped()
+    }
+
+    /// What the board has seen of the agent's frames.
+    #[must_use]
+    pub fn board_counters(&self) -> LineCounters {
+        self.board.counters()
+    }
+
+    /// One step. `context` comes from [`crate::Simulation::split_step`]; call this once for each.
+    pub fn step(&mut self, context: &StepContext<'_>) {
+        self.board.latch(context.start());
+        self.platform.step(&self.board.outputs().pistons, STEP_S);
+        let from_pulses = self.pulses;
+        self.roll(context);
+        self.now = context.now();
+        let travel =
+            ShaftTravel { start: context.start(), end: self.now, from_pulses, to_pulses: self.pulses };
+        self.board.count(&travel);
+        self.range_finders.step(context, self.index, &self.body, &mut self.noise);
+        let attitude = self.attitude();
+        if self.board.scan_due(self.now) {
+            self.send_scan(&attitude);
+        }
+        self.gyro.step(self.now, &attitude, &mut self.noise);
+    }
+
+    pub(crate) fn body(&self) -> OrientedBox {
+        self.body
+    }
+
+    pub(crate) fn dimensions(&self) -> &Body {
+        &self.dimensions
+    }
+
+    /// Trucks that stopped this one during the last step.
+    pub(crate) fn ran_into(&self) -> &[usize] {
+        &self.ran_into
+    }
+
+    /// Puts it elsewhere, standing and touching nothing.
+    pub(crate) fn place(&mut self, pose: &MapPose) {
+        self.yaw_rad = wrap_rad(pose.yaw_rad);
+        self.body = footprint(pose, &self.dimensions);
+        self.drive.halt();
+        self.speed_mps = 0.0;
+        self.touching = false;
+        self.ran_into.clear();
+    }
+
+    fn roll(&mut self, context: &StepContext<'_>) {
+        let (x_m, y_m) = self.body.centre_m();
+        let (cos, sin) = self.body.direction();
+        self.rise = context.rise_at(x_m, y_m);
+        let climb = cos * self.rise.0 + sin * self.rise.1;
+        let outputs = self.board.outputs();
+        self.front.step(outputs.steer_front);
+        self.rear.step(outputs.steer_rear);
+        self.drive.step(outputs.motor, self.battery.supply(), climb);
+        self.battery.step(&self.drive, STEP_S);
+        self.ran_into.clear();
+        let mut blocked = false;
+        if self.drive.wheel_mps() == 0.0 {
+            self.speed_mps = 0.0;
+        } else {
+            blocked = !self.advance(context);
+        }
+        self.count_contact(context, blocked);
+    }
+
+    /// Moves on by one step unless something is in the way.
+    fn advance(&mut self, context: &StepContext<'_>) -> bool {
+        let wheel_mps = self.drive.wheel_mps();
+        let (front_tan, rear_tan) = (self.front.tan(), self.rear.tan());
+        // One motor drives both axles: its speed is the mean of theirs, each u / cos δ.
+        let (front_cos, rear_cos) = (self.front.cos(), self.rear.cos());
+        let ahead_mps = wheel_mps * 2.0 * front_cos * rear_cos / (front_cos + rear_cos);
+        let clockwise_radps = ahead_mps * (front_tan - rear_tan) / self.dimensions.wheelbase_m;
+        let left_mps = -ahead_mps * (front_tan + rear_tan) / 2.0;
+
+        let (cos_before, sin_before) = self.body.direction();
+        let (yaw_rad, (sin_after, cos_after)) = if clockwise_radps == 0.0 {
+            (self.yaw_rad, (sin_before, cos_before))
+        } else {
+            let yaw_rad = wrap_rad(self.yaw_rad - clockwise_radps * STEP_S);
+            (yaw_rad, libm::sincos(yaw_rad))
+        };
+        // The mean of both directions makes the arc exact to second order.
+        let (cos, sin) = ((cos_before + cos_after) / 2.0, (sin_before + sin_after) / 2.0);
+        let (x_m, y_m) = self.body.centre_m();
+        let next = OrientedBox::turned(
+            x_m + (ahead_mps * cos - left_mps * sin) * STEP_S,
+            y_m + (ahead_mps * sin + left_mps * cos) * STEP_S,
+            (cos_after, sin_after),
+            self.dimensions.length_m,
+            self.dimensions.width_m,
+        );
+        if context.blocks(self.index, &self.body, &next, &mut self.ran_into) {
+            self.drive.halt();
+            self.speed_mps = 0.0;
+            return false;
+        }
+        self.pulses += wheel_mps.abs() * STEP_S * self.pulses_per_m;
+        (self.yaw_rad, self.body, self.speed_mps) = (yaw_rad, next, ahead_mps);
+        true
+    }
+
+    fn count_contact(&mut self, context: &StepContext<'_>, blocked: bool) {
+        let hit = blocked || context.was_touched(self.index);
+        if hit && !self.touching {
+            self.contacts += 1;
+            self.touching = true;
+        } else if !hit && self.touching {
+            self.touching = !context.is_clear(self.index, &self.body, TOUCH_MARGIN_M);
+        }
+    }
+
+    fn attitude(&self) -> Attitude {
+        let (cos, sin) = self.body.direction();
+        let (east, north) = self.rise;
+        let deg = |rise: f64| if rise == 0.0 { 0.0 } else { libm::asin(rise).to_degrees() };
+        Attitude {
+            heading_deg: heading_of(self.yaw_rad).deg(),
+            pitch_deg: deg(cos * east + sin * north),
+            // Right side down where the ground rises to the left.
+            roll_deg: deg(cos * north - sin * east),
+        }
+    }
+
+    fn send_scan(&mut self, attitude: &Attitude) {
+        let (ir_front, ir_rear) = self.range_finders.readings();
+        let sample = AdcSample {
+            ir_front,
+            ir_rear,
+            tilt: self.platform.tilt(attitude),
+            pistons: self.platform.positions(),
+        };
+        self.board.send_scan(&sample, self.battery.millivolts());
+    }
+}

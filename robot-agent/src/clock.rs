@@ -1,0 +1,177 @@
+//! The two clocks a control loop can run on: the machine's, and a simulated world's.
+//!
+//! A simulated clock stands still until the world has computed the next step, and the world waits
+//! (a short while of real time) until every robot has taken its turn. So a busy machine slows the
+//! whole simulation down instead of making robots miss samples.
+
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use xtb_control::Stamp;
+
+/// Longest that the world waits for a robot that does not take its turn, in real time.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// A monotonic clock with absolute deadlines.
+#[derive(Debug, Clone)]
+pub enum Clock {
+    /// The machine's, since the instant.
+    Real(Instant),
+    /// A simulated world's.
+    World(Arc<Turn>),
+}
+
+impl Clock {
+    /// The machine's clock, from now.
+    #[must_use]
+    pub fn real() -> Self {
+        Self::Real(Instant::now())
+    }
+
+    /// The present.
+    #[must_use]
+    pub fn now(&self) -> Stamp {
+        match self {
+            Self::Real(origin) => Stamp::from_ns(origin.elapsed().as_nanos() as u64),
+            Self::World(turn) => turn.world.lock().now,
+        }
+    }
+
+    /// Sleeps until `deadline`; returns at once if it has passed or the world has ended.
+    pub fn wait_until(&self, deadline: Stamp) {
+        match self {
+            Self::Real(_) => {
+                let ahead = deadline.ns().saturating_sub(self.now().ns());
+                if ahead > 0 {
+                    std::thread::sleep(Duration::from_nanos(ahead));
+                }
+            }
+            Self::World(turn) => turn.wait_until(deadline),
+        }
+    }
+}
+
+#[derive(Debug, Default)]
+struct WorldState {
+    now: Stamp,
+    /// What each robot waits for; `None` = it has left.
+    waiting: Vec<Option<Stamp>>,
+    ended: bool,
+}
+
+/// Time in a simulated world, shared by the world and its robots.
+#[derive(Debug, Default)]
+pub struct WorldTime {
+    state: Mutex<WorldState>,
+    advanced: Condvar,
+    turned: Condvar,
+}
+
+impl WorldTime {
+    /// At zero, without robots.
+    #[must_use]
+    pub fn new() -> Arc<Self> {
+        Arc::new(Self::default())
+    }
+
+    /// A clock for one more robot, which the world will wait for.
+    #[must_use]
+    pub fn join(self: &Arc<Self>) -> Clock {
+        let mut state = self.lock();
+        state.waiting.push(Some(Stamp::ZERO));
+        Clock::World(Arc::new(Turn { world: self.clone(), index: state.waiting.len() - 1 }))
+    }
+
+    /// The present.
+    #[must_use]
+    pub fn now(&self) -> Stamp {
+        self.lock().now
+    }
+
+    /// The world has computed everything up to `now`: lets the robots take their turns and waits
+    /// for them. False if one of them did not take it in time.
+    pub fn advance(&self, now: Stamp) -> bool {
+        let mut state = self.lock();
+        state.now = now;
+        self.advanced.notify_all();
+        let due = |state: &mut WorldState| state.waiting.iter().flatten().any(|&until| until <= now);
+        let (_state, timeout) = self
+            .turned
+            .wait_timeout_while(state, PATIENCE, |state| due(state))
+            .unwrap_or_else(PoisonError::into_inner);
+        !timeout.timed_out()
+    }
+
+    /// Ends the world: nobody waits any more.
+    pub fn end(&self) {
+        self.lock().ended = true;
+        self.advanced.notify_all();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, WorldState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// One robot's place in [`WorldTime`]; given up when dropped.
+#[derive(Debug)]
+pub struct Turn {
+    world: Arc<WorldTime>,
+    index: usize,
+}
+
+impl Turn {
+    fn wait_until(&self, deadline: Stamp) {
+        let mut state = self.world.lock();
+        state.waiting[self.index] = Some(deadline);
+        self.world.turned.notify_one();
+        while state.now < deadline && !state.ended {
+            state = self.world.advanced.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        self.world.lock().waiting[self.index] = None;
+        self.world.turned.notify_one();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    #[test]
+    fn a_world_and_its_robots_take_turns() {
+        let world = WorldTime::new();
+        let turns = Arc::new(AtomicU64::new(0));
+        let robots: Vec<_> = (0..3)
+            .map(|_| {
+                let (clock, turns) = (world.join(), turns.clone());
+                std::thread::spawn(move || {
+                    for step in 1..=100 {
+                        clock.wait_until(Stamp::from_ms(5 * step));
+                        assert_eq!(clock.now(), Stamp::from_ms(5 * step));
+                        turns.fetch_add(1, Ordering::SeqCst);
+                    }
+                })
+            })
+            .collect();
+        for step in 1..=100 {
+            world.advance(Stamp::from_ms(5 * step));
+        }
+        for robot in robots {
+            robot.join().unwrap();
+        }
+        assert_eq!(turns.load(Ordering::SeqCst), 300);
+    }
+
+    #[test]
+    fn a_robot_that_stalls_does_not_stop_the_world() {
+        let world = WorldTime::new();
+        let _stalled = world.join();
+        assert!(!world.advance(Stamp::from_ms(5)));
+        assert_eq!(world.now(), Stamp::from_ms(5));
+    }
+}

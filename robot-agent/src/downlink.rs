@@ -1,0 +1,127 @@
+//! Requests and setpoints from Zenoh to the control loop.
+//!
+//! The callbacks run on Zenoh's threads and never wait: they decode, check and hand over. What does
+//! not fit the queue is counted and left unanswered; the client asks again with the same id.
+
+use crate::clock::Clock;
+use crate::mailbox::{Answer, Counters, Job, SessionEnds, SetpointSlot};
+use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
+use tokio::sync::mpsc;
+use xtb_bus::{Bus, BusError, Incoming, Question, Service, Subscription};
+use xtb_protocol::codec::CodecError;
+use xtb_protocol::keys::{Name, RobotKeys};
+use xtb_protocol::messages::{RejectCode, Reply, Request, Setpoint};
+use xtb_protocol::{Uuid, codec};
+
+/// Holds the declarations; dropping it ends them.
+pub(crate) struct Downlink {
+    _requests: Service,
+    _setpoints: Subscription,
+}
+
+struct Desk {
+    keys: RobotKeys,
+    requests: SyncSender<Job>,
+    replies: mpsc::Sender<(Answer, Reply)>,
+    counters: Arc<Counters>,
+}
+
+/// Declares `cmd/*` and `teleop/*`.
+///
+/// # Errors
+/// [`BusError`].
+pub(crate) async fn declare(
+    bus: &Bus,
+    keys: &RobotKeys,
+    clock: &Clock,
+    ends: &SessionEnds,
+) -> Result<Downlink, BusError> {
+    let desk = Desk {
+        keys: keys.clone(),
+        requests: ends.requests.clone(),
+        replies: ends.reply_sender.clone(),
+        counters: ends.counters.clone(),
+    };
+    let requests = bus.serve(&keys.cmd(None), move |question| desk.take(question)).await?;
+    let (clock, slot, counters) = (clock.clone(), ends.setpoint.clone(), ends.counters.clone());
+    let setpoints = bus
+        .subscribe(&keys.teleop(None), move |incoming| setpoint(&clock, &slot, &counters, &incoming))
+        .await?;
+    Ok(Downlink { _requests: requests, _setpoints: setpoints })
+}
+
+/// The last part of a key: the client's name.
+fn client_of(key: &str) -> Option<Name> {
+    key.rsplit('/').next().and_then(|name| Name::new(name).ok())
+}
+
+fn setpoint(clock: &Clock, slot: &SetpointSlot, counters: &Counters, incoming: &Incoming) {
+    let Some(client) = client_of(&incoming.key) else {
+        return counters.rejected(&nameless());
+    };
+    match incoming.decode::<Setpoint>() {
+        Ok(setpoint) => slot.put(clock, client, setpoint, counters),
+        Err(error) => counters.rejected(&error),
+    }
+}
+
+fn nameless() -> CodecError {
+    CodecError::Malformed { name: "client", reason: "the key does not end in a client's name".into() }
+}
+
+impl Desk {
+    fn take(&self, question: Question) {
+        let client = client_of(question.key_expr());
+        let key = self.keys.cmd(client.as_ref());
+        let decoded = match &client {
+            Some(_) => question.decode::<Request>(),
+            None => Err(nameless()),
+        };
+        match (client, decoded) {
+            (Some(client), Ok((request, format))) => {
+                let answer = Answer { question, key, format };
+                if self.requests.try_send(Job { client, request, answer }).is_err() {
+                    self.counters.overloaded();
+                }
+            }
+            (client, Err(error)) => {
+                self.counters.rejected(&error);
+                if client.is_none() {
+                    return; // a wildcard cannot be answered on a key of its own
+                }
+                let format = question.likely_format();
+                let reply = refusal(&error);
+                if self.replies.try_send((Answer { question, key, format }, reply)).is_err() {
+                    self.counters.overloaded();
+                }
+            }
+            (None, Ok(_)) => {}
+        }
+    }
+}
+
+fn refusal(error: &CodecError) -> Reply {
+    let hint = match error.code() {
+        RejectCode::Malformed => {
+            let (postcard, json) = (
+                codec::encoding::<Request>(codec::Format::Postcard),
+                codec::encoding::<Request>(codec::Format::Json),
+            );
+            format!("send {json} or {postcard} as docs/protocol.md says")
+        }
+        RejectCode::WrongVersion => "use programs of the same release on both sides".to_owned(),
+        RejectCode::Oversized => "nothing that a robot understands is that long".to_owned(),
+        _ => "`about` lists the limits".to_owned(),
+    };
+    Reply::refused(Uuid::nil(), error.code(), error.to_string(), hint)
+}
+
+/// Sends replies until the loop's end is gone.
+pub(crate) async fn send_replies(mut replies: mpsc::Receiver<(Answer, Reply)>) {
+    while let Some((answer, reply)) = replies.recv().await {
+        if let Err(error) = answer.question.reply(&answer.key, &reply, answer.format).await {
+            tracing::debug!("a reply was not sent: {error}");
+        }
+    }
+}

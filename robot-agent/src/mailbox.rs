@@ -1,0 +1,192 @@
+//! What crosses between Zenoh's threads and the control loop: every queue bounded, every overflow counted.
+//!
+//! | from → to | what | bound | when full |
+//! | --- | --- | --- | --- |
+//! | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
+//! | downlink → loop | setpoint | 1, latest wins | the older one is dropped, counted |
+//! | loop → downlink | replies | [`REPLIES`] | dropped, counted; the client asks again |
+//! | loop → uplink | snapshot | 1, latest wins | the older one is dropped |
+//! | loop → uplink | events | [`EVENTS`] | dropped, counted |
+
+use crate::clock::Clock;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, mpsc as std_mpsc};
+use tokio::sync::{mpsc, watch};
+use xtb_bus::Question;
+use xtb_control::Stamp;
+use xtb_protocol::Name;
+use xtb_protocol::codec::{CodecError, Format};
+use xtb_protocol::messages::{Event, RejectCode, Rejected, Reply, Request, RobotState, Sensors, Setpoint};
+
+/// Requests waiting for a turn.
+pub(crate) const REQUESTS: usize = 64;
+/// Replies on their way out.
+pub(crate) const REPLIES: usize = 256;
+/// Events on their way out.
+pub(crate) const EVENTS: usize = 256;
+
+/// A request with the question that its reply belongs to.
+pub(crate) struct Job {
+    /// Who asks.
+    pub(crate) client: Name,
+    /// What is asked.
+    pub(crate) request: Request,
+    /// How to answer.
+    pub(crate) answer: Answer,
+}
+
+/// Where a reply goes.
+pub(crate) struct Answer {
+    /// The question.
+    pub(crate) question: Question,
+    /// The robot's own key for it.
+    pub(crate) key: String,
+    /// As the request was written.
+    pub(crate) format: Format,
+}
+
+/// What the uplink publishes.
+#[derive(Debug, Clone)]
+pub(crate) struct Snapshot {
+    /// 20 Hz.
+    pub(crate) state: RobotState,
+    /// With the same stamp; `None` until the converter has been heard.
+    pub(crate) sensors: Option<Sensors>,
+}
+
+/// What was refused or dropped outside the loop.
+#[derive(Debug, Default)]
+pub(crate) struct Counters {
+    malformed: AtomicU64,
+    oversized: AtomicU64,
+    wrong_version: AtomicU64,
+    out_of_range: AtomicU64,
+    overloaded: AtomicU64,
+    setpoints_overwritten: AtomicU64,
+    /// Events that found the queue to the uplink full.
+    pub(crate) events_dropped: AtomicU64,
+}
+
+impl Counters {
+    /// Counts a message that could not be read.
+    pub(crate) fn rejected(&self, error: &CodecError) {
+        let counter = match error.code() {
+            RejectCode::Oversized => &self.oversized,
+            RejectCode::WrongVersion => &self.wrong_version,
+            RejectCode::OutOfRange => &self.out_of_range,
+            _ => &self.malformed,
+        };
+        counter.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Counts a request or reply that found its queue full.
+    pub(crate) fn overloaded(&self) {
+        self.overloaded.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// For the state.
+    #[must_use]
+    pub(crate) fn rejected_so_far(&self) -> Rejected {
+        let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        Rejected {
+            malformed: read(&self.malformed),
+            oversized: read(&self.oversized),
+            wrong_version: read(&self.wrong_version),
+            out_of_range: read(&self.out_of_range),
+            overloaded: read(&self.overloaded),
+            setpoints_overwritten: read(&self.setpoints_overwritten),
+            events_dropped: read(&self.events_dropped),
+            ..Rejected::default()
+        }
+    }
+}
+
+/// The latest setpoint with the time of its arrival.
+#[derive(Debug, Default)]
+pub(crate) struct SetpointSlot(Mutex<Option<(Stamp, Name, Setpoint)>>);
+
+impl SetpointSlot {
+    /// Puts a setpoint that arrived now; the one before is dropped if no turn has seen it.
+    pub(crate) fn put(&self, clock: &Clock, client: Name, setpoint: Setpoint, counters: &Counters) {
+        let new = Some((clock.now(), client, setpoint));
+        let before = std::mem::replace(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner), new);
+        if before.is_some() {
+            counters.setpoints_overwritten.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Takes it.
+    pub(crate) fn take(&self) -> Option<(Stamp, Name, Setpoint)> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+}
+
+/// The control loop's ends.
+pub(crate) struct LoopEnds {
+    /// Requests.
+    pub(crate) requests: std_mpsc::Receiver<Job>,
+    /// Setpoints.
+    pub(crate) setpoint: Arc<SetpointSlot>,
+    /// Replies.
+    pub(crate) replies: mpsc::Sender<(Answer, Reply)>,
+    /// Snapshots.
+    pub(crate) snapshot: watch::Sender<Option<Snapshot>>,
+    /// Events.
+    pub(crate) events: mpsc::Sender<Event>,
+    /// Whether the link to the router stands.
+    pub(crate) link_up: Arc<AtomicBool>,
+    /// What was refused or dropped outside.
+    pub(crate) counters: Arc<Counters>,
+}
+
+/// The session's ends.
+pub(crate) struct SessionEnds {
+    /// Requests.
+    pub(crate) requests: std_mpsc::SyncSender<Job>,
+    /// Setpoints.
+    pub(crate) setpoint: Arc<SetpointSlot>,
+    /// Replies that were refused before they reached the loop.
+    pub(crate) reply_sender: mpsc::Sender<(Answer, Reply)>,
+    /// Replies.
+    pub(crate) replies: mpsc::Receiver<(Answer, Reply)>,
+    /// Snapshots.
+    pub(crate) snapshot: watch::Receiver<Option<Snapshot>>,
+    /// Events.
+    pub(crate) events: mpsc::Receiver<Event>,
+    /// Whether the link to the router stands.
+    pub(crate) link_up: Arc<AtomicBool>,
+    /// What was refused or dropped outside.
+    pub(crate) counters: Arc<Counters>,
+}
+
+/// Both ends of every queue.
+#[must_use]
+pub(crate) fn mailbox() -> (LoopEnds, SessionEnds) {
+    let (request_sender, request_receiver) = std_mpsc::sync_channel(REQUESTS);
+    let (reply_sender, reply_receiver) = mpsc::channel(REPLIES);
+    let (event_sender, event_receiver) = mpsc::channel(EVENTS);
+    let (snapshot_sender, snapshot_receiver) = watch::channel(None);
+    let setpoint = Arc::new(SetpointSlot::default());
+    let link_up = Arc::new(AtomicBool::new(false));
+    let counters = Arc::new(Counters::default());
+    let loop_ends = LoopEnds {
+        requests: request_receiver,
+        setpoint: setpoint.clone(),
+        replies: reply_sender.clone(),
+        snapshot: snapshot_sender,
+        events: event_sender,
+        link_up: link_up.clone(),
+        counters: counters.clone(),
+    };
+    let session_ends = SessionEnds {
+        requests: request_sender,
+        setpoint,
+        reply_sender,
+        replies: reply_receiver,
+        snapshot: snapshot_receiver,
+        events: event_receiver,
+        link_up,
+        counters,
+    };
+    (loop_ends, session_ends)
+}

@@ -1,0 +1,150 @@
+//! The agent's life on Zenoh: connect, make sure of the name, declare, serve, withdraw.
+
+use crate::clock::Clock;
+use crate::config::AgentConfig;
+use crate::mailbox::SessionEnds;
+use crate::{AgentError, Shutdown, VERSION, downlink, uplink};
+use crc::{CRC_32_ISO_HDLC, Crc};
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+use tokio::time::Instant;
+use xtb_authority::Identity;
+use xtb_bus::Bus;
+use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::messages::{About, Limits, MAX_COORDINATE_M, ParameterInfo, RobotState};
+
+/// A name that is alive elsewhere for this long is taken. (An agent killed just before leaves its
+/// token behind until its link is noticed to be lost: 2 s.)
+const NAME_TAKEN_AFTER: Duration = Duration::from_secs(3);
+const NAME_CHECK_EVERY: Duration = Duration::from_millis(250);
+const ASK_WITHIN: Duration = Duration::from_millis(1000);
+
+/// What the robot says of itself when asked.
+pub(crate) fn about(config: &AgentConfig, identity: &Identity, hardware: &str) -> About {
+    let vehicle = &config.vehicle;
+    let parameters = vehicle.parameters();
+    let text = xtb_control::config::render_toml("", &parameters);
+    let hash = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(text.as_bytes());
+    let info = parameters.into_iter().map(|p| ParameterInfo {
+        name: p.name,
+        value: p.value,
+        unit: p.unit.to_owned(),
+        origin: p.origin.to_string(),
+    });
+    About {
+        robot: identity.robot.clone(),
+        fleet: identity.fleet.clone(),
+        version: VERSION.to_owned(),
+        epoch: identity.epoch,
+        hardware: hardware.to_owned(),
+        start_pose: identity.start_pose,
+        limits: Limits {
+            max_rpm: vehicle.teleop.max_rpm,
+            admitted_mps: vehicle.admitted_mps(),
+            setpoint_lifetime_ms: vehicle.teleop.lifetime_ms,
+            max_coordinate_m: MAX_COORDINATE_M,
+        },
+        capabilities: ["goto", "wander", "teleop", "stop", "cancel", "set_pose"].map(str::to_owned).to_vec(),
+        vehicle_hash: format!("{hash:08x}"),
+        vehicle: info.collect(),
+    }
+}
+
+/// Serves the robot on Zenoh until `shutdown`; calls `stop_motors` first when that comes.
+pub(crate) async fn run(
+    config: &AgentConfig,
+    clock: &Clock,
+    ends: SessionEnds,
+    about: About,
+    mut shutdown: Shutdown,
+    stop_motors: impl FnOnce(),
+) -> Result<(), AgentError> {
+    let role = config.role();
+    let mut told = false;
+    let opening = xtb_bus::open_patiently(&role, |error| {
+        if !std::mem::replace(&mut told, true) {
+            tracing::warn!("{error}; trying on, the controller runs");
+        }
+    });
+    let bus = tokio::select! {
+        bus = opening => bus?,
+        _ = shutdown.wait_for(|end| *end) => {
+            stop_motors();
+            return Ok(());
+        }
+    };
+    let served = tokio::select! {
+        served = serve(config, clock, &bus, ends, about) => served,
+        _ = shutdown.wait_for(|end| *end) => Ok(()),
+    };
+    stop_motors();
+    bus.close().await;
+    served
+}
+
+/// Declares everything, presence last, and publishes until the control loop ends.
+async fn serve(
+    config: &AgentConfig,
+    clock: &Clock,
+    bus: &Bus,
+    mut ends: SessionEnds,
+    about: About,
+) -> Result<(), AgentError> {
+    let keys = FleetKeys::new(config.fleet.clone()).robot(&config.robot);
+    let epoch = about.epoch;
+    wait_for_name(config, bus, &keys.alive()).await?;
+    let _uplink = uplink::declare(bus, &keys, &ends.snapshot, about).await?;
+    let _downlink = downlink::declare(bus, &keys, clock, &ends).await?;
+    let link = bus.watch_link().await?;
+    let (mut up, link_up) = (link.up.clone(), ends.link_up.clone());
+    let follow_link = async move {
+        loop {
+            let stands = *up.borrow_and_update();
+            if link_up.swap(stands, Ordering::Relaxed) != stands {
+                tracing::info!("the link to the router is {}", if stands { "up" } else { "lost" });
+            }
+            if up.changed().await.is_err() {
+                return;
+            }
+        }
+    };
+    // Alive means commandable: the controller has taken its first turn.
+    let _ = ends.snapshot.wait_for(Option::is_some).await;
+    let _token = bus.declare_alive(&keys.alive()).await?;
+    tracing::info!("{} of fleet {} is alive", config.robot, config.fleet);
+    let state_key = keys.state();
+    tokio::select! {
+        published = uplink::publish(bus, &keys, ends.snapshot, ends.events) => Ok(published?),
+        () = downlink::send_replies(ends.replies) => Ok(()),
+        () = follow_link => Ok(()),
+        rival = find_rival(bus, &state_key, epoch) => {
+            rival?;
+            Err(AgentError::NameTaken(config.robot.clone()))
+        }
+    }
+}
+
+async fn wait_for_name(config: &AgentConfig, bus: &Bus, alive: &str) -> Result<(), AgentError> {
+    let give_up = Instant::now() + NAME_TAKEN_AFTER;
+    while !bus.alive(alive, ASK_WITHIN).await?.is_empty() {
+        if Instant::now() >= give_up {
+            return Err(AgentError::NameTaken(config.robot.clone()));
+        }
+        tokio::time::sleep(NAME_CHECK_EVERY).await;
+    }
+    Ok(())
+}
+
+/// Two agents that start at the same moment both find the name free: of those, the one with the
+/// smaller epoch stays. Returns only when this one has to leave.
+async fn find_rival(bus: &Bus, state: &str, epoch: u64) -> Result<(), AgentError> {
+    let settled = Instant::now() + NAME_TAKEN_AFTER;
+    while Instant::now() < settled {
+        tokio::time::sleep(NAME_CHECK_EVERY).await;
+        let states = bus.get(state, ASK_WITHIN).await?;
+        if states.iter().filter_map(|s| s.decode::<RobotState>().ok()).any(|s| s.epoch < epoch) {
+            return Ok(());
+        }
+    }
+    std::future::pending().await
+}

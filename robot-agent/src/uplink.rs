@@ -1,0 +1,99 @@
+//! State, samples, events and the factsheet from the control loop to Zenoh.
+
+use crate::mailbox::Snapshot;
+use tokio::sync::{mpsc, watch};
+use xtb_bus::{Bus, BusError, Question, Service};
+use xtb_protocol::codec::Format;
+use xtb_protocol::keys::{Channel, RobotKeys};
+use xtb_protocol::messages::{About, Event, RobotState, Sensors};
+
+/// Samples go out with every second state: 10 Hz.
+const STATES_A_SAMPLE: u64 = 2;
+/// Answers to `state` and `about` that wait to be sent; more are dropped and asked again.
+const ANSWERS: usize = 64;
+
+/// Holds the queryables; dropping it ends them.
+pub(crate) struct Uplink {
+    _state: Service,
+    _about: Service,
+}
+
+/// Declares the queryables on `state` and `about`.
+///
+/// # Errors
+/// [`BusError`].
+pub(crate) async fn declare(
+    bus: &Bus,
+    keys: &RobotKeys,
+    snapshots: &watch::Receiver<Option<Snapshot>>,
+    about: About,
+) -> Result<Uplink, BusError> {
+    let (sender, mut receiver) = mpsc::channel::<(Question, What)>(ANSWERS);
+    let ask = |what: What| {
+        let sender = sender.clone();
+        move |question| drop(sender.try_send((question, what)))
+    };
+    let state = bus.serve(&keys.state(), ask(What::State)).await?;
+    let about_service = bus.serve(&keys.about(), ask(What::About)).await?;
+    let (keys, snapshots) = (keys.clone(), snapshots.clone());
+    tokio::spawn(async move {
+        while let Some((question, what)) = receiver.recv().await {
+            let format = question.wanted_format();
+            let snapshot = snapshots.borrow().clone();
+            let sent = match (what, snapshot) {
+                (What::State, Some(snapshot)) => question.reply(&keys.state(), &snapshot.state, format).await,
+                (What::State, None) => Ok(()),
+                (What::About, _) => question.reply(&keys.about(), &about, format).await,
+            };
+            if let Err(error) = sent {
+                tracing::debug!("an answer was not sent: {error}");
+            }
+        }
+    });
+    Ok(Uplink { _state: state, _about: about_service })
+}
+
+#[derive(Clone, Copy)]
+enum What {
+    State,
+    About,
+}
+
+/// Publishes until the control loop ends.
+///
+/// # Errors
+/// [`BusError`] if a publisher cannot be declared; a message that cannot be sent is only logged.
+pub(crate) async fn publish(
+    bus: &Bus,
+    keys: &RobotKeys,
+    mut snapshots: watch::Receiver<Option<Snapshot>>,
+    mut events: mpsc::Receiver<Event>,
+) -> Result<(), BusError> {
+    let state = bus.publisher::<RobotState>(&keys.state(), &Channel::State, Format::Postcard).await?;
+    let sensors = bus.publisher::<Sensors>(&keys.sensors(), &Channel::Sensors, Format::Postcard).await?;
+    let event = bus.event_publisher::<Event>(&keys.event()).await?;
+    loop {
+        let sent = tokio::select! {
+            changed = snapshots.changed() => {
+                if changed.is_err() {
+                    return Ok(());
+                }
+                let snapshot = snapshots.borrow_and_update().clone();
+                let Some(Snapshot { state: now, sensors: sampled }) = snapshot else { continue };
+                if now.seq % STATES_A_SAMPLE == 0
+                    && let Some(sampled) = sampled
+                    && sensors.has_listeners().await
+                    && let Err(error) = sensors.put(&sampled).await
+                {
+                    tracing::debug!("samples were not sent: {error}");
+                }
+                state.put(&now).await
+            }
+            Some(happened) = events.recv() => event.put(&happened).await,
+            else => return Ok(()),
+        };
+        if let Err(error) = sent {
+            tracing::debug!("{error}");
+        }
+    }
+}
