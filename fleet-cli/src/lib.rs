@@ -1,1 +1,77 @@
-//! fleet-cli
+//! The operator's command line: everything that people use of the fleet.
+//!
+//! A goal's walk begins here: `commands/goto.rs` → `client.rs` → `xtb-authority`'s operator →
+//! `xtb-bus` → Zenoh.
+
+pub mod cli;
+pub mod client;
+pub mod commands;
+pub mod config;
+pub mod context;
+mod describe;
+pub mod error;
+pub mod feed;
+pub mod interrupt;
+pub mod lease;
+pub mod output;
+pub mod router;
+pub mod simulator;
+pub mod table;
+pub mod terminal;
+pub mod tui;
+mod view;
+mod words;
+
+pub use cli::Cli;
+pub use context::Context;
+pub use error::{Exit, Failure, Kind, Result};
+pub use output::Output;
+
+use cli::Verb;
+use interrupt::or_interrupted;
+
+/// Carries out one command line and says how it ended.
+pub async fn run(cli: Cli) -> Exit {
+    let out = Output::new(cli.global.json, cli.global.color);
+    match dispatch(cli, out).await {
+        Ok(exit) => exit,
+        Err(failure) => {
+            out.failure(&failure);
+            failure.kind.exit()
+        }
+    }
+}
+
+/// Wrong usage, `--help` or `--version`: says it, as JSON if the command line asks for that.
+pub fn usage(error: &clap::Error) -> Exit {
+    let json = error.use_stderr() && std::env::args_os().any(|argument| argument == "--json");
+    if json {
+        let text = error.to_string();
+        let message = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+        let hint = "fleet-cli --help lists verbs and options";
+        Output { json, colors: false }.failure(&Failure::new(Kind::Usage, message).hint(hint));
+    } else {
+        // clap knows where it belongs and how to paint it; a closed pipe is nobody's concern here.
+        let _ = error.print();
+    }
+    if error.use_stderr() { Exit::Usage } else { Exit::Done }
+}
+
+async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
+    // Not before a verb asks for it: completions must not fail over a broken config.
+    let ctx = || Context::new(&cli.global, out);
+    match cli.verb {
+        Verb::List(args) => or_interrupted(commands::list::run(&ctx()?, &args)).await,
+        Verb::Status(args) if args.watch => commands::status::run(&ctx()?, &args).await,
+        Verb::Status(args) => or_interrupted(commands::status::run(&ctx()?, &args)).await,
+        Verb::Goto(args) => commands::goto::run(&ctx()?, args).await,
+        Verb::Wander(args) => commands::wander::run(&ctx()?, args).await,
+        Verb::Stop(args) => or_interrupted(commands::stop::run(&ctx()?, &args)).await,
+        Verb::Teleop(args) => commands::teleop::run(&ctx()?, &args).await,
+        Verb::Watch(args) => commands::watch::run(&ctx()?, &args).await,
+        Verb::Router(args) => commands::router::run(&ctx()?, &args).await,
+        Verb::Sim(args) => commands::sim::run(&ctx()?, args).await,
+        Verb::Demo(args) => commands::demo::run(&ctx()?, args).await,
+        Verb::Completions(args) => commands::completions::run(out, &args),
+    }
+}

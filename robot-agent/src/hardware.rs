@@ -4,7 +4,7 @@
 //! stand behind real serial ports, ptys and the simulator's pipes.
 
 pub mod serial;
-//TMP pub mod simulated;
+pub mod simulated;
 
 use std::io;
 

@@ -5,7 +5,7 @@ use robot_agent::clock::Clock;
 use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
 use robot_agent::hardware::Hardware;
 use robot_agent::hardware::serial::SerialHardware;
-
+use robot_agent::hardware::simulated::LoneTruck;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -154,11 +154,16 @@ fn main() -> ExitCode {
 fn open(file: &ConfigFile) -> Result<(Box<dyn Hardware>, Clock), Box<dyn std::error::Error>> {
     let hardware = &file.hardware;
     if hardware.kind == "serial" {
-        let serial =
-            SerialHardware::open(&hardware.board, hardware.board_baud, &hardware.gyro, hardware.gyro_baud)?;
+        let serial = SerialHardware::open(
+            &hardware.board,
+            hardware.board_baud,
+            &hardware.gyro,
+            hardware.gyro_baud,
+        )?;
         return Ok((Box::new(serial), Clock::real()));
     }
-    Err("tmp".into())
+    let (truck, clock) = LoneTruck::start(u64::from(hardware.seed))?;
+    Ok((Box::new(truck), clock))
 }
 
 async fn wait_for_signal() {

@@ -73,7 +73,15 @@ pub enum BusError {
 }
 
 pub(crate) fn failed<'a>(what: &'static str, key: &'a str) -> impl FnOnce(zenoh::Error) -> BusError + 'a {
-    move |error| BusError::Operation { what, key: key.to_owned(), reason: error.to_string() }
+    move |error| BusError::Operation { what, key: key.to_owned(), reason: words(&error) }
+}
+
+/// What Zenoh says, without the places in its source where it says it.
+fn words(error: &zenoh::Error) -> String {
+    let text = error.to_string();
+    let is_place = |word: &&str| word.starts_with('/') && word.contains(".rs:");
+    let words: Vec<&str> = text.split(' ').filter(|word| !is_place(word)).collect();
+    words.join(" ").replace(" at -", " -").trim_end_matches(" at").to_owned()
 }
 
 impl Role {
@@ -96,7 +104,7 @@ impl Role {
             config.insert_json5(name, &value).map_err(|error| BusError::Setting {
                 name,
                 value,
-                reason: error.to_string(),
+                reason: words(&error),
             })
         };
         set("mode", format!("{mode:?}"))?;
@@ -105,8 +113,8 @@ impl Role {
             set("listen/endpoints", format!("{listen:?}"))?;
         }
         set("connect/timeout_ms", "0".into())?;
-        set("connect/retry/period_init_ms", RETRY_FIRST_MS.to_string())?;
-        set("connect/retry/period_max_ms", RETRY_MOST_MS.to_string())?;
+        let retry = format!("{{ period_init_ms: {RETRY_FIRST_MS}, period_max_ms: {RETRY_MOST_MS} }}");
+        set("connect/retry", retry)?;
         set("scouting/multicast/enabled", multicast.to_string())?;
         set("scouting/gossip/enabled", multicast.to_string())?;
         set("transport/link/tx/lease", LINK_LEASE_MS.to_string())?;
@@ -131,7 +139,7 @@ pub async fn open(role: &Role) -> Result<Bus, BusError> {
     // `zenoh::open` blocks its thread while it tries.
     match tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await {
         Ok(Ok(session)) => Ok(Bus { session }),
-        Ok(Err(error)) => Err(failed(error.to_string())),
+        Ok(Err(error)) => Err(failed(words(&error))),
         Err(error) => Err(failed(error.to_string())),
     }
 }

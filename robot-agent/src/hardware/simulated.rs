@@ -13,9 +13,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use thiserror::Error;
-use xtb_control::VehicleConfig;
-use xtb_control::frames::MapPose;
-use xtb_sim::{STEP_NS, Simulation, SimulationError, World};
+use xtb_sim::{STEP_NS, Simulation, SimulationError, TruckParameters, World};
 
 /// Bytes that a line holds; when nobody reads, the oldest go.
 const LINE_CAPACITY: usize = 4096;
@@ -262,9 +260,9 @@ impl LoneTruck {
     ///
     /// # Errors
     /// [`LoneTruckError`].
-    pub fn start(vehicle: &VehicleConfig, seed: u64) -> Result<(Self, Clock), LoneTruckError> {
-        let start = [("truck".to_owned(), MapPose::default())];
-        let simulation = Simulation::new(World::default(), vehicle, &start, seed)?;
+    pub fn start(seed: u64) -> Result<(Self, Clock), LoneTruckError> {
+        let parameters = TruckParameters::default();
+        let simulation = Simulation::new(World::default(), &parameters, &["truck"], seed)?;
         let (lines, world_lines) = SimulatedHardware::connect();
         let time = WorldTime::new();
         let clock = time.join();

@@ -9,7 +9,7 @@ use xtb_protocol::gyro_3dmg::{EulerReader, START_CONTINUOUS};
 use xtb_sim::{STEP_NS, Simulation, Truck, TruckParameters, World};
 
 /// Drives one truck through its two lines, one turn a step.
-pub struct Agent {
+pub(crate) struct Agent {
     controller: Controller,
     board: FrameReader,
     gyro: EulerReader,
@@ -17,11 +17,11 @@ pub struct Agent {
     bytes: Vec<u8>,
     samples: Vec<Sample>,
     sent: Option<(Stamp, PwmCount)>,
-    pub outputs: Outputs,
+    pub(crate) outputs: Outputs,
 }
 
 impl Agent {
-    pub fn new(config: VehicleConfig) -> Self {
+    pub(crate) fn new(config: VehicleConfig) -> Self {
         let mut controller = Controller::new(config);
         let outputs = controller.step(Stamp::ZERO, &Sample::Command(Command::Idle));
         Self {
@@ -36,13 +36,13 @@ impl Agent {
         }
     }
 
-    pub fn command(&mut self, now: Stamp, command: Command) {
+    pub(crate) fn command(&mut self, now: Stamp, command: Command) {
         self.outputs = self.controller.step(now, &Sample::Command(command));
     }
 
     /// Reads what came, lets the controller decide, sends a PWM frame every 20 ms and at once on
     /// neutral.
-    pub fn turn(&mut self, now: Stamp, truck: &mut Truck) {
+    pub(crate) fn turn(&mut self, now: Stamp, truck: &mut Truck) {
         let samples = &mut self.samples;
         self.bytes.clear();
         truck.take_board_tx(&mut self.bytes);
@@ -72,41 +72,41 @@ impl Agent {
 }
 
 /// One truck with its agent in a world of their own.
-pub struct Bench {
-    pub simulation: Simulation,
-    pub agent: Agent,
+pub(crate) struct Bench {
+    pub(crate) simulation: Simulation,
+    pub(crate) agent: Agent,
 }
 
 impl Bench {
-    pub fn new(world: World, parameters: &TruckParameters, start: MapPose, seed: u64) -> Self {
+    pub(crate) fn new(world: World, parameters: &TruckParameters, start: MapPose, seed: u64) -> Self {
         let robots = [("xtb-1", start)];
         let simulation = Simulation::with_starts(world, parameters, &robots, seed).unwrap();
         Self { simulation, agent: Agent::new(VehicleConfig::default()) }
     }
 
-    pub fn command(&mut self, command: Command) {
+    pub(crate) fn command(&mut self, command: Command) {
         self.agent.command(self.simulation.now(), command);
     }
 
-    pub fn step(&mut self) {
+    pub(crate) fn step(&mut self) {
         let now = self.simulation.now();
         self.agent.turn(now, &mut self.simulation.trucks_mut()[0]);
         self.simulation.step();
     }
 
-    pub fn run_s(&mut self, seconds: f64) {
+    pub(crate) fn run_s(&mut self, seconds: f64) {
         (0..steps(seconds)).for_each(|_| self.step());
     }
 }
 
 /// Steps in so many seconds.
-pub fn steps(seconds: f64) -> u64 {
+pub(crate) fn steps(seconds: f64) -> u64 {
     Stamp::from_s(seconds).ns() / STEP_NS
 }
 
 /// Pulses for a raw drive, with the steering as offset of the front from its centre, the rear
 /// mirrored.
-pub fn pulses(motor: u16, front_offset: i16) -> PwmOutputs {
+pub(crate) fn pulses(motor: u16, front_offset: i16) -> PwmOutputs {
     let neutral = PwmCount::NEUTRAL;
     PwmOutputs {
         motor: PwmCount::try_from(motor).unwrap(),
@@ -120,7 +120,7 @@ pub fn pulses(motor: u16, front_offset: i16) -> PwmOutputs {
 }
 
 /// Sends the same pulses in every step.
-pub fn drive(simulation: &mut Simulation, writer: &mut FrameWriter, pwm: &PwmOutputs, seconds: f64) {
+pub(crate) fn drive(simulation: &mut Simulation, writer: &mut FrameWriter, pwm: &PwmOutputs, seconds: f64) {
     for _ in 0..steps(seconds) {
         for truck in simulation.trucks_mut() {
             truck.board_rx(writer.pwm(pwm).as_bytes());
@@ -130,7 +130,7 @@ pub fn drive(simulation: &mut Simulation, writer: &mut FrameWriter, pwm: &PwmOut
 }
 
 /// What the board of a truck has sent since it was last asked.
-pub fn board_frames(truck: &mut Truck) -> Vec<FromBoard> {
+pub(crate) fn board_frames(truck: &mut Truck) -> Vec<FromBoard> {
     let (mut bytes, mut frames) = (Vec::new(), Vec::new());
     truck.take_board_tx(&mut bytes);
     // The buffer may have dropped the head of its first frame.

@@ -80,7 +80,7 @@ fn wander_in_a_small_room_touches_nothing_in_five_minutes() {
         bench.command(Command::Wander);
         bench.run_s(300.0);
         let truth = bench.simulation.trucks()[0].truth();
-        println!("seed {seed}: {truth:?}");
+        assert_eq!(truth.contacts, 0, "seed {seed}: {truth:?}");
     }
 }
 

@@ -1,0 +1,334 @@
+//! The command line's grammar: global options, verbs and their arguments, nothing else.
+
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, parser::ValueSource};
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::time::Duration;
+use xtb_protocol::Name;
+
+/// Where a router listens, and where it is looked for, unless told otherwise.
+pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0    done
+  1    failed: refused, goal not reached, contact, port taken …
+  2    wrong usage or configuration; nothing was sent
+  3    no router or no robot answered, or the outcome is unknown
+  130  interrupted
+
+JSON: with --json each result is one line on standard output; so is an error:
+  {\"error\":{\"code\":…,\"message\":…,\"hint\":…}}";
+
+/// Drive, watch, send and stop a fleet of XTB robots from one terminal.
+#[derive(Debug, Parser)]
+#[command(name = "fleet-cli", version, after_help = EXIT_CODES, infer_long_args = false)]
+pub struct Cli {
+    /// Options of every verb.
+    #[command(flatten)]
+    pub global: GlobalArgs,
+    /// What to do.
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+/// Options that stand before or after the verb.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Global options")]
+pub struct GlobalArgs {
+    /// Router to connect to; several: repeat it or separate them with commas [default: tcp/127.0.0.1:7447].
+    #[arg(long, global = true, env = "XTB_CONNECT", value_name = "ENDPOINT", value_delimiter = ',')]
+    pub connect: Vec<String>,
+    /// Whether `--connect` stands on the command line (not in the environment).
+    #[arg(skip)]
+    pub connect_given: bool,
+    /// Fleet to work with [default: lab].
+    #[arg(long, global = true, env = "XTB_FLEET", value_name = "NAME")]
+    pub fleet: Option<Name>,
+    /// Print JSON, one line a result.
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Fleet config (TOML) [default: $XDG_CONFIG_HOME/xtb/fleet.toml or ~/.config/xtb/fleet.toml if there].
+    #[arg(long, global = true, env = "XTB_CONFIG", value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// This client's name, as robots show it beside their lease [default: cli-<random>].
+    #[arg(long, global = true, value_name = "NAME")]
+    pub client: Option<Name>,
+    /// How long to wait for a router or an answer, in s.
+    #[arg(long, global = true, value_name = "SECONDS", default_value = "2", value_parser = seconds)]
+    pub timeout: Duration,
+    /// Colours.
+    #[arg(long, global = true, value_name = "WHEN", default_value = "auto")]
+    pub color: ColorChoice,
+}
+
+/// When to use colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ColorChoice {
+    /// On a terminal, unless NO_COLOR is set.
+    Auto,
+    /// Always.
+    Always,
+    /// Never.
+    Never,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Show which robots are there and how they are.
+    List(ListArgs),
+    /// Show everything about robots.
+    Status(StatusArgs),
+    /// Send a robot to a point of the map.
+    Goto(GotoArgs),
+    /// Let a robot wander.
+    Wander(WanderArgs),
+    /// Stop robots: they drop their goals and stand.
+    Stop(StopArgs),
+    /// Drive a robot by hand.
+    Teleop(TeleopArgs),
+    /// Print messages as JSON lines.
+    Watch(WatchArgs),
+    /// Run a router: all the infrastructure that a small lab needs.
+    Router(RouterArgs),
+    /// Run simulated robots with real agents.
+    Sim(SimArgs),
+    /// Show simulated robots driving to their goals.
+    Demo(DemoArgs),
+    /// Print a completion script.
+    Completions(CompletionsArgs),
+}
+
+/// Arguments of `list`.
+#[derive(Debug, Clone, Args)]
+pub struct ListArgs {
+    /// Robots that should be there, separated by commas [default: the config's or the simulator's roster].
+    #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot)]
+    pub expect: Vec<Name>,
+}
+
+/// Arguments of `status`.
+#[derive(Debug, Clone, Args)]
+pub struct StatusArgs {
+    /// Robots [default: all].
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robots: Vec<Name>,
+    /// Keep showing it; q or Ctrl-C leaves.
+    #[arg(long)]
+    pub watch: bool,
+}
+
+/// Arguments of `goto`.
+#[derive(Debug, Clone, Args)]
+#[command(allow_negative_numbers = true)]
+pub struct GotoArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// East, in m.
+    #[arg(value_name = "X", value_parser = metres)]
+    pub x_m: f64,
+    /// North, in m.
+    #[arg(value_name = "Y", value_parser = metres)]
+    pub y_m: f64,
+    /// Stay and show progress until the goal ends; Ctrl-C cancels it.
+    #[arg(long)]
+    pub wait: bool,
+    /// Give the goal up after this long [default: 300 without --wait, none with it].
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub within: Option<Duration>,
+}
+
+/// Arguments of `wander`.
+#[derive(Debug, Clone, Args)]
+pub struct WanderArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// How long [default: until stopped, or 300 s without --wait].
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    pub lasting: Option<Duration>,
+    /// Stay and show progress until it ends; Ctrl-C cancels it.
+    #[arg(long)]
+    pub wait: bool,
+}
+
+/// Arguments of `stop`.
+#[derive(Debug, Clone, Args)]
+pub struct StopArgs {
+    /// Robots.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot, required_unless_present = "all")]
+    pub robots: Vec<Name>,
+    /// All robots of the roster, and all others that are there.
+    #[arg(long, conflicts_with = "robots")]
+    pub all: bool,
+    /// Roster for --all, separated by commas [default: the config's or the simulator's].
+    #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot, requires = "all")]
+    pub expect: Vec<Name>,
+}
+
+/// Arguments of `teleop`.
+#[derive(Debug, Clone, Args)]
+pub struct TeleopArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// Fastest wheel speed asked for, in rpm [default: the robot's limit].
+    #[arg(long, value_name = "R", value_parser = rpm)]
+    pub max_rpm: Option<f64>,
+}
+
+/// Arguments of `watch`.
+#[derive(Debug, Clone, Args)]
+pub struct WatchArgs {
+    /// Zenoh key expression, such as `xtb/lab/*/event` or `xtb/**`.
+    #[arg(value_name = "KEYEXPR")]
+    pub key_expr: String,
+    /// End after this many messages.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub count: Option<u64>,
+}
+
+/// Arguments of `router`.
+#[derive(Debug, Clone, Args)]
+pub struct RouterArgs {
+    /// Where to listen; port 0 takes a free one.
+    #[arg(long, value_name = "ENDPOINT", default_value = DEFAULT_ENDPOINT)]
+    pub listen: String,
+}
+
+/// Arguments of `sim`.
+#[derive(Debug, Clone, Args)]
+pub struct SimArgs {
+    /// How many robots: xtb-1 … xtb-N.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub robots: usize,
+    /// World (TOML) [default: an empty room].
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+    /// Seed of every random number.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// Times real time.
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    pub speed: f64,
+    /// Where its router listens [default: tcp/127.0.0.1:7447]; with --connect it runs no router.
+    #[arg(long, value_name = "ENDPOINT")]
+    pub listen: Option<String>,
+    /// Start no agents; make two serial lines for each truck instead: DIR/ROBOT.board and DIR/ROBOT.gyro.
+    #[arg(long, value_name = "DIR")]
+    pub pty: Option<PathBuf>,
+    /// Write the ground truth at board rate, as JSON lines.
+    #[arg(long, value_name = "FILE")]
+    pub truth_log: Option<PathBuf>,
+}
+
+/// Arguments of `demo`.
+#[derive(Debug, Clone, Args)]
+pub struct DemoArgs {
+    /// No live picture.
+    #[arg(long)]
+    pub headless: bool,
+    /// How many robots.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub robots: usize,
+    /// Seed of every random number.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// Times real time.
+    #[arg(long, value_name = "X", default_value_t = 4.0)]
+    pub speed: f64,
+    /// Goals of each robot.
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    pub goals: usize,
+    /// Where its router listens; port 0 takes a free one.
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:0")]
+    pub listen: String,
+}
+
+/// Arguments of `completions`.
+#[derive(Debug, Clone, Args)]
+pub struct CompletionsArgs {
+    /// For which shell.
+    #[arg(value_name = "SHELL")]
+    pub shell: clap_complete::Shell,
+}
+
+impl Cli {
+    /// Reads a command line, the program's name first.
+    ///
+    /// # Errors
+    /// Wrong usage; and the texts of `--help` and `--version`, which clap treats alike.
+    pub fn read(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
+        let mut command = Self::command();
+        let matches = command.try_get_matches_from_mut(arguments)?;
+        let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+        cli.global.connect_given = matches.value_source("connect") == Some(ValueSource::CommandLine);
+        cli.global.connect.retain(|endpoint| !endpoint.is_empty());
+        Ok(cli)
+    }
+}
+
+fn number(text: &str, min: f64, max: f64, unit: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (min..=max).contains(&value) => Ok(value),
+        _ => Err(format!("expected a number of {unit} within {min}..={max}")),
+    }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    number(text, 0.01, 86_400.0, "seconds").map(Duration::from_secs_f64)
+}
+
+fn metres(text: &str) -> Result<f64, String> {
+    let most = xtb_protocol::messages::MAX_COORDINATE_M;
+    number(text, -most, most, "metres")
+}
+
+fn rpm(text: &str) -> Result<f64, String> {
+    number(text, 1.0, xtb_control::WheelRpm::MAX, "rpm")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(line: &str) -> Result<Cli, clap::Error> {
+        Cli::read(line.split(' ').map(OsString::from))
+    }
+
+    #[test]
+    fn the_grammar_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn negative_coordinates_need_no_dashes() {
+        let Verb::Goto(goto) = read("fleet-cli goto xtb-1 -1.5 -2e0 --wait").unwrap().verb else { panic!() };
+        assert_eq!((goto.x_m, goto.y_m, goto.wait), (-1.5, -2.0, true));
+        for bad in ["nan", "inf", "1001", "x"] {
+            assert!(read(&format!("fleet-cli goto xtb-1 {bad} 0")).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn global_options_stand_before_or_after_the_verb() {
+        for line in [
+            "fleet-cli --json --connect tcp/a:1,tcp/b:2 list",
+            "fleet-cli list --connect tcp/a:1 --connect tcp/b:2 --json",
+        ] {
+            let global = read(line).unwrap().global;
+            assert!(global.json && global.connect_given, "{line}");
+            assert_eq!(global.connect, ["tcp/a:1", "tcp/b:2"], "{line}");
+        }
+        assert!(!read("fleet-cli list").unwrap().global.connect_given);
+    }
+
+    #[test]
+    fn a_reserved_name_is_no_robot() {
+        assert!(read("fleet-cli stop all").unwrap_err().to_string().contains("reserved"));
+        assert!(read("fleet-cli stop").is_err());
+        assert!(read("fleet-cli stop --all --expect xtb-1,xtb-2").is_ok());
+    }
+}

@@ -1,0 +1,237 @@
+//! What `goto` and `wander` share: start a goal, and with `--wait` follow it to its end.
+
+mod follow;
+
+use crate::client::Client;
+use crate::context::Context;
+use crate::describe;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::feed::{Events, Feed};
+use crate::interrupt::interrupted;
+use crate::lease::Control;
+use crate::output::Progress;
+use crate::words;
+use follow::{End, Follow};
+use serde::Serialize;
+use std::pin::pin;
+use std::time::{Duration, Instant};
+use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, RobotState};
+use xtb_protocol::{Name, Uuid};
+
+/// A goal that outlives this client may take this long (the robot's own default too).
+const FINISH_WITHIN: Duration = Duration::from_secs(300);
+/// How often progress is looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// A robot that was not heard for this long may be anywhere: waiting ends, outcome unknown.
+const GIVE_UP_AFTER: Duration = Duration::from_secs(5);
+
+/// What a goal is for.
+pub(super) enum Aim {
+    /// Drive to a point of the map.
+    Point {
+        /// East.
+        x_m: f64,
+        /// North.
+        y_m: f64,
+    },
+    /// Wander.
+    Wander {
+        /// `None` = until it is stopped.
+        lasting: Option<Duration>,
+    },
+}
+
+/// What to drive, and how to speak of it.
+pub(super) struct Task {
+    /// Which robot.
+    pub(super) robot: Name,
+    /// What for.
+    pub(super) aim: Aim,
+    /// How long it may take.
+    pub(super) within: Option<Duration>,
+    /// Follow it to its end.
+    pub(super) wait: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Report<'a> {
+    robot: &'a Name,
+    goal: Uuid,
+    status: GoalStatus,
+    reason: Option<String>,
+    distance_m: Option<f64>,
+    elapsed_s: f64,
+}
+
+impl Task {
+    fn body(&self, on_link_loss: LinkLoss) -> Body {
+        let finish_s = self.within.unwrap_or(FINISH_WITHIN).as_secs_f64();
+        match self.aim {
+            Aim::Point { x_m, y_m } => Body::Goto { x_m, y_m, yaw_rad: None, on_link_loss, finish_s },
+            Aim::Wander { lasting } => {
+                let for_s = lasting.map(|lasting| lasting.as_secs_f64());
+                // The shorter of the two ends it.
+                Body::Wander { for_s, on_link_loss, finish_s: for_s.map_or(finish_s, |s| s.max(finish_s)) }
+            }
+        }
+    }
+
+    fn words(&self) -> String {
+        match self.aim {
+            Aim::Point { x_m, y_m } => {
+                format!("({}, {})", describe::fixed(x_m, 2), describe::fixed(y_m, 2))
+            }
+            Aim::Wander { .. } => "wander".to_owned(),
+        }
+    }
+}
+
+/// Sends the goal and, if asked to, stays with it.
+pub(super) async fn run(ctx: &Context, task: &Task) -> Result<Exit> {
+    let client = Client::open(ctx).await?;
+    let control = Control::acquire(&client, &task.robot).await?;
+    let exit =
+        if task.wait { drive(ctx, &client, &control, task).await } else { send(ctx, &control, task).await };
+    control.release().await;
+    client.close().await;
+    exit
+}
+
+/// The goal outlives this client, so it is bounded in time.
+async fn send(ctx: &Context, control: &Control, task: &Task) -> Result<Exit> {
+    let goal = Uuid::new_v4();
+    control.request(goal, task.body(LinkLoss::Finish)).await?;
+    let report = Report {
+        robot: &task.robot,
+        goal,
+        status: GoalStatus::Accepted,
+        reason: None,
+        distance_m: None,
+        elapsed_s: 0.0,
+    };
+    ctx.out.result(&report, |_| format!("{} accepted goal {goal}: {}", task.robot, task.words()))?;
+    Ok(Exit::Done)
+}
+
+async fn drive(ctx: &Context, client: &Client, control: &Control, task: &Task) -> Result<Exit> {
+    let keys = client.keys().robot(&task.robot);
+    // Both before the goal: nothing of it can be missed.
+    let feed = Feed::open(client, &keys).await?;
+    let mut events = Events::open(client, &keys).await?;
+    let goal = Uuid::new_v4();
+    let mut stop = pin!(interrupted());
+    let began = Instant::now();
+    let mut follow = Follow::new(goal, control.lease().map(|lease| lease.epoch));
+    tokio::select! {
+        sent = control.request(goal, task.body(LinkLoss::Halt)) => { sent?; }
+        // It may have arrived nevertheless.
+        () = &mut stop => return cancel(ctx, control, task, goal).await,
+    }
+    let mut progress = Progress::new();
+    progress.show(&format!("{}: goal {goal}: {}", task.robot, task.words()));
+    let mut look = tokio::time::interval(LOOK_EVERY);
+    let mut heard = began;
+    loop {
+        tokio::select! {
+            () = &mut stop => {
+                progress.end();
+                return cancel(ctx, control, task, goal).await;
+            }
+            event = events.next() => follow.event(&event),
+            _ = look.tick() => {
+                let seen = feed.last(&task.robot).filter(|seen| seen.at >= began);
+                if let Some(seen) = &seen {
+                    heard = seen.at;
+                    follow.state(began.elapsed(), &seen.state);
+                }
+                let fresh = seen.as_ref().and_then(|seen| seen.fresh());
+                progress.show(&line(task, fresh, heard.elapsed(), control.is_lost()));
+            }
+        }
+        if let Some(end) = follow.ended(began.elapsed()) {
+            progress.end();
+            return report(ctx, task, &follow, end, began.elapsed());
+        }
+        if heard.elapsed() > GIVE_UP_AFTER {
+            progress.end();
+            let age = describe::age(heard.elapsed());
+            let message = format!("{} was not heard for {age}: outcome of goal {goal} unknown", task.robot);
+            return Err(Failure::new(Kind::OutcomeUnknown, message)
+                .hint("a robot that loses its client stands; `fleet-cli status` shows when it is back"));
+        }
+        if task.within.is_some_and(|within| began.elapsed() > within) {
+            progress.end();
+            control.request(Uuid::new_v4(), Body::Cancel { goal }).await?;
+            let end = End { status: GoalStatus::Cancelled, reason: Some("its time was up".into()) };
+            return report(ctx, task, &follow, end, began.elapsed());
+        }
+    }
+}
+
+fn line(task: &Task, state: Option<&RobotState>, age: Duration, lease_lost: bool) -> String {
+    let Some(state) = state else {
+        return format!("{}: STALE, last heard {} ago", task.robot, describe::age(age));
+    };
+    let goal = state.goal.as_ref().map(describe::goal).unwrap_or_default();
+    let mut text =
+        format!("{}: {goal} · {} · {}", task.robot, describe::speed(state), words::name(&state.mode));
+    if !state.stopped_because.is_empty() {
+        text.push_str(&format!(" · stands: {}", words::reasons(&state.stopped_because)));
+    }
+    if lease_lost {
+        text.push_str(&format!(" · lease lost, now {}", describe::lease(state)));
+    }
+    text
+}
+
+fn report(ctx: &Context, task: &Task, follow: &Follow, end: End, took: Duration) -> Result<Exit> {
+    let robot = &task.robot;
+    let report = Report {
+        robot,
+        goal: follow.goal(),
+        status: end.status,
+        reason: end.reason.clone(),
+        distance_m: follow.distance_m(),
+        elapsed_s: (took.as_secs_f64() * 100.0).round() / 100.0,
+    };
+    let reached = end.status == GoalStatus::Reached;
+    let seconds = format!("{:.1} s", took.as_secs_f64());
+    if ctx.out.json {
+        ctx.out.line(&report)?;
+    } else if reached {
+        let verb = match task.aim {
+            Aim::Point { .. } => "reached",
+            Aim::Wander { .. } => "completed its",
+        };
+        ctx.out.text(&format!("{robot} {verb} {} after {seconds}", task.words()))?;
+    } else {
+        let reason = end.reason.map(|reason| format!(" ({reason})")).unwrap_or_default();
+        let status = words::name(&end.status);
+        let message = format!("{robot}: goal {} {status}{reason} after {seconds}", task.words());
+        ctx.out.failure(&Failure::new(Kind::Failed, message).hint(hint(end.status)));
+    }
+    Ok(if reached { Exit::Done } else { Exit::Failed })
+}
+
+fn hint(status: GoalStatus) -> &'static str {
+    match status {
+        GoalStatus::Interrupted => "the robot restarted; send the goal again",
+        GoalStatus::Replaced => {
+            "another client sent it elsewhere; `fleet-cli status` shows who holds the lease"
+        }
+        _ => "`fleet-cli status` shows why it stands",
+    }
+}
+
+/// Ctrl-C: the goal ends, and that is waited for.
+async fn cancel(ctx: &Context, control: &Control, task: &Task, goal: Uuid) -> Result<Exit> {
+    let cancelled = control.request(Uuid::new_v4(), Body::Cancel { goal }).await;
+    match cancelled {
+        Err(failure) if failure.kind == Kind::OutcomeUnknown => return Err(failure),
+        // The goal had ended by itself, or had not begun.
+        Err(failure) => tracing::debug!("cancelling: {failure}"),
+        Ok(_) => {}
+    }
+    ctx.out.failure(&Failure::new(Kind::Interrupted, format!("goal cancelled, {} stands", task.robot)));
+    Ok(Exit::Interrupted)
+}

@@ -1,0 +1,15 @@
+//! `goto`: send a robot to a point of the map.
+
+use super::goal::{self, Aim, Task};
+use crate::cli::GotoArgs;
+use crate::context::Context;
+use crate::error::{Exit, Result};
+
+/// Sends the goal; with `--wait` stays until it has ended.
+///
+/// # Errors
+/// No router, no answer, or a refusal.
+pub async fn run(ctx: &Context, args: GotoArgs) -> Result<Exit> {
+    let GotoArgs { robot, x_m, y_m, wait, within } = args;
+    goal::run(ctx, &Task { robot, aim: Aim::Point { x_m, y_m }, within, wait }).await
+}

@@ -1,0 +1,90 @@
+//! `sim`: simulated trucks with real agents, until Ctrl-C.
+
+use crate::cli::{DEFAULT_ENDPOINT, SimArgs};
+use crate::context::Context;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::interrupt::interrupted;
+use crate::simulator::{Plan, Simulator};
+use serde::Serialize;
+use std::path::Path;
+use xtb_protocol::Name;
+use xtb_protocol::messages::RosterEntry;
+use xtb_sim::World;
+
+/// The one line that says it is ready.
+#[derive(Debug, Serialize)]
+struct Ready<'a> {
+    ready: bool,
+    fleet: &'a Name,
+    router: &'a str,
+    robots: &'a [RosterEntry],
+}
+
+/// Runs the simulator until it is interrupted.
+///
+/// # Errors
+/// An impossible plan or world, a port that is taken, a folder or file that cannot be written.
+pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
+    if ctx.connect_given && args.listen.is_some() {
+        return Err(Failure::new(Kind::Usage, "--listen and --connect exclude each other")
+            .hint("--connect uses a router that runs elsewhere, --listen starts one here"));
+    }
+    let plan = Plan {
+        fleet: ctx.fleet.clone(),
+        robots: args.robots,
+        world: args.world.as_deref().map(read_world).transpose()?,
+        starts: Vec::new(),
+        seed: args.seed,
+        speed: args.speed,
+        listen: args.listen.unwrap_or_else(|| DEFAULT_ENDPOINT.to_owned()),
+        connect: if ctx.connect_given { ctx.connect.clone() } else { Vec::new() },
+        pty: args.pty.clone(),
+        truth_log: args.truth_log,
+    };
+    let simulator = tokio::select! {
+        started = Simulator::start(plan) => started?,
+        () = interrupted() => return Ok(Exit::Interrupted),
+    };
+    announce(ctx, &simulator, args.pty.as_deref())?;
+    interrupted().await;
+    simulator.stop().await;
+    Ok(Exit::Done)
+}
+
+/// Reads a world.
+///
+/// # Errors
+/// The file cannot be read, or the world is impossible.
+pub fn read_world(path: &Path) -> Result<World> {
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
+            .hint("worlds/ holds examples")
+    })?;
+    World::from_toml(&text).map_err(|error| {
+        Failure::new(Kind::Config, format!("{}: {error}", path.display())).hint("worlds/ holds examples")
+    })
+}
+
+fn announce(ctx: &Context, simulator: &Simulator, pty: Option<&Path>) -> Result<()> {
+    let robots = &simulator.roster().robots;
+    for robot in robots {
+        let Some(pose) = robot.start_pose else { continue };
+        let pose = format!("{:.3},{:.3},{:.4}", pose.x_m, pose.y_m, pose.yaw_rad);
+        let name = &robot.name;
+        ctx.out.note(&match pty {
+            None => format!("{name} starts at {pose} (x, y in m, yaw in rad)"),
+            Some(folder) => format!(
+                "robot-agent --hardware serial --name {name} --board {board} --gyro {gyro} \
+                 --start-pose {pose} --connect {router}",
+                board = folder.join(format!("{name}.board")).display(),
+                gyro = folder.join(format!("{name}.gyro")).display(),
+                router = simulator.endpoint(),
+            ),
+        });
+    }
+    let ready = Ready { ready: true, fleet: &ctx.fleet, router: simulator.endpoint(), robots };
+    ctx.out.result(&ready, |ready| {
+        let many = if robots.len() == 1 { "robot" } else { "robots" };
+        format!("sim ready: {} {many} of fleet {}, router {}", robots.len(), ready.fleet, ready.router)
+    })
+}

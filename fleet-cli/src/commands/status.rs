@@ -1,0 +1,44 @@
+//! `status`: everything about robots, once or for as long as somebody looks.
+
+mod block;
+mod live;
+
+use crate::cli::StatusArgs;
+use crate::client::Client;
+use crate::context::Context;
+use crate::error::{Exit, Result};
+use crate::view::{FleetView, RobotView};
+use std::collections::BTreeSet;
+use xtb_protocol::Name;
+
+/// Prints a block for each robot, or with `--watch` keeps showing them.
+///
+/// # Errors
+/// No router, or nobody is there.
+pub async fn run(ctx: &Context, args: &StatusArgs) -> Result<Exit> {
+    let client = Client::open(ctx).await?;
+    let wanted: BTreeSet<Name> = match args.robots.is_empty() {
+        true => client.roster(&[]).await?.unwrap_or_default(),
+        false => args.robots.iter().cloned().collect(),
+    };
+    let exit = if args.watch {
+        live::run(ctx, &client, args, &wanted).await?
+    } else {
+        once(ctx, &client, args, &wanted).await?
+    };
+    client.close().await;
+    Ok(exit)
+}
+
+async fn once(ctx: &Context, client: &Client, args: &StatusArgs, wanted: &BTreeSet<Name>) -> Result<Exit> {
+    let view = FleetView::ask(client, &ctx.fleet, wanted).await?.only(&args.robots);
+    if view.robots.is_empty() {
+        return Err(client.nobody());
+    }
+    ctx.out.result(&view, |view| {
+        let blocks = view.robots.iter().map(|robot| block::lines(robot, &ctx.out).join("\n"));
+        blocks.collect::<Vec<_>>().join("\n\n")
+    })?;
+    let unknown = |robot: &RobotView| !robot.alive || robot.state.is_none();
+    Ok(if view.robots.iter().any(unknown) { Exit::Unknown } else { Exit::Done })
+}

@@ -1,0 +1,137 @@
+//! `status --watch`: repainted on a terminal, a line for each change elsewhere.
+
+use super::block;
+use crate::cli::StatusArgs;
+use crate::client::Client;
+use crate::context::Context;
+use crate::describe;
+use crate::error::{Exit, Result};
+use crate::feed::Feed;
+use crate::interrupt::interrupted;
+use crate::output::{Output, Tone};
+use crate::terminal::{Input, Terminal};
+use crate::view::{FleetView, RobotView};
+use crate::words;
+use crossterm::event::KeyCode;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::IsTerminal;
+use std::pin::pin;
+use std::time::Duration;
+use xtb_protocol::Name;
+use xtb_protocol::Uuid;
+use xtb_protocol::messages::{GoalStatus, Rejected, StopReason};
+
+const REPAINT_EVERY: Duration = Duration::from_millis(200);
+
+/// Shows robots until the operator leaves.
+pub(super) async fn run(
+    ctx: &Context,
+    client: &Client,
+    args: &StatusArgs,
+    wanted: &BTreeSet<Name>,
+) -> Result<Exit> {
+    let feed = Feed::open(client, &client.keys().any_robot()).await?;
+    let view = || FleetView::now(&feed, &ctx.fleet, wanted).only(&args.robots);
+    if ctx.out.json || !std::io::stdout().is_terminal() || !std::io::stdin().is_terminal() {
+        return follow(ctx, view).await;
+    }
+    repaint(ctx, view).await
+}
+
+async fn repaint(ctx: &Context, view: impl Fn() -> FleetView) -> Result<Exit> {
+    let mut terminal = Terminal::open()?;
+    let mut stop = pin!(interrupted());
+    let mut tick = tokio::time::interval(REPAINT_EVERY);
+    loop {
+        tokio::select! {
+            () = &mut stop => return Ok(Exit::Done),
+            input = terminal.next() => match input {
+                Some(Input::Key(key)) if key.code != KeyCode::Char('q') && !Input::leaves(&key) => {}
+                Some(Input::FocusLost) => {}
+                _ => return Ok(Exit::Done),
+            },
+            _ = tick.tick() => terminal.paint(&screen(ctx, &view()))?,
+        }
+    }
+}
+
+fn screen(ctx: &Context, view: &FleetView) -> Vec<String> {
+    let title = format!("fleet {} · {} robots · q leaves", view.fleet, view.robots.len());
+    let mut lines = vec![ctx.out.paint(Tone::Dim, &title)];
+    if view.robots.is_empty() {
+        lines.push(String::new());
+        lines.push(ctx.out.paint(Tone::Warning, "no robot is there"));
+    }
+    for robot in &view.robots {
+        lines.push(String::new());
+        lines.extend(block::lines(robot, &ctx.out));
+    }
+    lines
+}
+
+/// What has to differ for a robot to get a new line.
+#[derive(Debug, Clone, PartialEq)]
+struct Gist {
+    alive: bool,
+    known: Option<Known>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Known {
+    epoch: u64,
+    mode: String,
+    stopped_because: Vec<StopReason>,
+    latches: Vec<String>,
+    goal: Option<(Uuid, GoalStatus)>,
+    holder: Option<Name>,
+    rejected: Rejected,
+}
+
+impl Gist {
+    fn of(robot: &RobotView) -> Self {
+        let known = robot.state.as_ref().map(|state| Known {
+            epoch: state.epoch,
+            mode: words::name(&state.mode),
+            stopped_because: state.stopped_because.clone(),
+            latches: state.latches.clone(),
+            goal: state.goal.as_ref().map(|goal| (goal.id, goal.status)),
+            holder: state.lease.as_ref().map(|lease| lease.holder.clone()),
+            rejected: state.rejected,
+        });
+        Self { alive: robot.alive, known }
+    }
+}
+
+async fn follow(ctx: &Context, view: impl Fn() -> FleetView) -> Result<Exit> {
+    let mut stop = pin!(interrupted());
+    let mut tick = tokio::time::interval(REPAINT_EVERY);
+    let mut shown: BTreeMap<Name, Gist> = BTreeMap::new();
+    loop {
+        tokio::select! {
+            () = &mut stop => return Ok(Exit::Done),
+            _ = tick.tick() => {}
+        }
+        for robot in view().robots {
+            let gist = Gist::of(&robot);
+            if shown.get(&robot.name) != Some(&gist) {
+                ctx.out.result(&robot, |robot| summary(robot, &ctx.out))?;
+                shown.insert(robot.name, gist);
+            }
+        }
+    }
+}
+
+fn summary(robot: &RobotView, out: &Output) -> String {
+    let name = out.paint(Tone::Strong, robot.name.as_str());
+    let Some(state) = robot.state.as_ref().filter(|_| robot.alive) else {
+        return block::lines(robot, out).join(" ");
+    };
+    let mut text = format!("{name}  {} at {}", words::name(&state.mode), describe::pose(&state.pose));
+    if let Some(goal) = &state.goal {
+        text.push_str(&format!(" · goal {}", describe::goal(goal)));
+    }
+    if !state.stopped_because.is_empty() {
+        text.push_str(&format!(" · stands: {}", words::reasons(&state.stopped_because)));
+    }
+    text
+}

@@ -1,0 +1,187 @@
+//! `teleop`: drive a robot by hand, hold-to-run.
+//!
+//! Every way out ends in zero: letting go, leaving, an error and a lost focus on this side; silence
+//! for 200 ms on the robot's own clock if this side is gone altogether.
+
+mod keys;
+mod screen;
+
+use crate::cli::TeleopArgs;
+use crate::client::Client;
+use crate::context::Context;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::feed::Feed;
+use crate::interrupt::interrupted;
+use crate::lease::Control;
+use crate::terminal::{Input, Terminal};
+use crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
+use keys::{Action, Drive, Key, Keyboard, Reporting};
+use serde::Serialize;
+use std::io::IsTerminal;
+use std::pin::pin;
+use std::time::Duration;
+use xtb_protocol::Name;
+use xtb_protocol::codec::Format;
+use xtb_protocol::keys::Channel;
+use xtb_protocol::messages::Setpoint;
+
+/// 20 Hz.
+const SEND_EVERY: Duration = Duration::from_millis(50);
+/// The screen is painted each second time.
+const PAINT_EVERY: Duration = Duration::from_millis(100);
+/// Full throttle at most, in rpm, if the robot does not say what it accepts.
+const CAUTIOUS_RPM: f64 = 20.0;
+
+#[derive(Debug, Serialize)]
+struct Report<'a> {
+    robot: &'a Name,
+    setpoints: u64,
+}
+
+/// Drives until the operator leaves.
+///
+/// # Errors
+/// No terminal, no router, no answer, a refusal, or somebody else took over.
+pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
+    if !std::io::stdin().is_terminal() || !std::io::stdout().is_terminal() {
+        return Err(Failure::new(Kind::Usage, "teleop needs a terminal for its keys and its screen")
+            .hint("programs put setpoints on xtb/<fleet>/<robot>/teleop/<client>; see docs/protocol.md"));
+    }
+    let client = Client::open(ctx).await?;
+    let control = Control::acquire(&client, &args.robot).await?;
+    let limit = client.about(&args.robot).await?.map_or(CAUTIOUS_RPM, |about| about.limits.max_rpm);
+    let max_rpm = args.max_rpm.unwrap_or(limit).min(limit);
+    let wheel = Wheel { client: &client, control: &control, robot: &args.robot, max_rpm, sent: 0 };
+    let driven = drive(ctx, wheel).await;
+    control.release().await;
+    client.close().await;
+    let report = Report { robot: &args.robot, setpoints: driven? };
+    ctx.out.result(&report, |report| format!("{} released", report.robot))?;
+    Ok(Exit::Done)
+}
+
+/// How many setpoints were sent.
+async fn drive(ctx: &Context, mut wheel: Wheel<'_>) -> Result<u64> {
+    let feed = Feed::open(wheel.client, &wheel.client.keys().robot(wheel.robot)).await?;
+    let mut terminal = Terminal::open()?;
+    let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
+    let mut keyboard = Keyboard::new(reporting);
+    let ended = hands_on(ctx, &mut wheel, &feed, &mut terminal, &mut keyboard).await;
+    // Whatever ended it. Once is not enough to be sure, but the robot's own clock is.
+    let stopped = wheel.send(Drive::default(), &feed).await;
+    ended.and(stopped).map(|()| wheel.sent)
+}
+
+async fn hands_on(
+    ctx: &Context,
+    wheel: &mut Wheel<'_>,
+    feed: &Feed,
+    terminal: &mut Terminal,
+    keyboard: &mut Keyboard,
+) -> Result<()> {
+    let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
+    let mut stop = pin!(interrupted());
+    let mut send = tokio::time::interval(SEND_EVERY);
+    let mut paint = tokio::time::interval(PAINT_EVERY);
+    loop {
+        let now = wheel.client.now();
+        tokio::select! {
+            () = &mut stop => return Ok(()),
+            input = terminal.next() => {
+                match input {
+                    Some(Input::Key(key)) if is_leaving(&key) => return Ok(()),
+                    Some(Input::Key(key)) => match meaning(&key) {
+                        Some((key, action)) => keyboard.key(now, key, action),
+                        None => continue,
+                    },
+                    Some(Input::FocusLost) => keyboard.let_go(),
+                    None => return Ok(()),
+                }
+                // Not at the next tick: letting go means zero at once.
+                send.reset_immediately();
+            }
+            _ = send.tick() => {
+                if wheel.control.is_lost() {
+                    return Err(lost(wheel, feed));
+                }
+                if let Some(drive) = keyboard.send(now) {
+                    wheel.send(drive, feed).await?;
+                }
+            }
+            _ = paint.tick() => {
+                let seen = feed.last(wheel.robot);
+                terminal.paint(&screen::lines(&screen::View {
+                    robot: wheel.robot,
+                    seen: seen.as_ref(),
+                    drive: keyboard.drive(now),
+                    max_rpm: wheel.max_rpm,
+                    reporting,
+                }, &ctx.out))?;
+            }
+        }
+    }
+}
+
+/// Two hands on one wheel: this one lets go.
+fn lost(wheel: &Wheel<'_>, feed: &Feed) -> Failure {
+    let seen = feed.last(wheel.robot);
+    let holder = seen.as_ref().and_then(|seen| seen.fresh()?.lease.as_ref());
+    let message = match holder {
+        Some(lease) => format!("{} is now controlled by {}", wheel.robot, lease.holder),
+        None => format!("{} no longer knows our lease: it may have restarted", wheel.robot),
+    };
+    Failure::new(Kind::Failed, message).hint("start teleop again to take control again")
+}
+
+struct Wheel<'a> {
+    client: &'a Client,
+    control: &'a Control,
+    robot: &'a Name,
+    max_rpm: f64,
+    sent: u64,
+}
+
+impl Wheel<'_> {
+    async fn send(&mut self, drive: Drive, feed: &Feed) -> Result<()> {
+        let setpoint = Setpoint {
+            lease: self.control.lease(),
+            seq: self.sent,
+            echo_tick_ms: feed.last(self.robot).map(|seen| seen.state.tick_ms),
+            rpm: drive.throttle * self.max_rpm,
+            steering: drive.steering,
+        };
+        self.sent += 1;
+        let me = self.client.name();
+        let key = self.client.keys().robot(self.robot).teleop(Some(me));
+        let channel = Channel::Teleop(me.clone());
+        Ok(self.client.bus().put(&key, &channel, &setpoint, Format::Postcard).await?)
+    }
+}
+
+fn is_leaving(key: &KeyEvent) -> bool {
+    key.kind != KeyEventKind::Release && (key.code == KeyCode::Char('q') || Input::leaves(key))
+}
+
+fn meaning(event: &KeyEvent) -> Option<(Key, Action)> {
+    let key = match event.code {
+        KeyCode::Up => Key::Ahead,
+        KeyCode::Down => Key::Astern,
+        KeyCode::Left => Key::Left,
+        KeyCode::Right => Key::Right,
+        KeyCode::Char(c) => match c.to_ascii_lowercase() {
+            'w' => Key::Ahead,
+            's' => Key::Astern,
+            'a' => Key::Left,
+            'd' => Key::Right,
+            ' ' => Key::Stop,
+            _ => return None,
+        },
+        _ => return None,
+    };
+    let action = match event.kind {
+        KeyEventKind::Press => Action::Press,
+        KeyEventKind::Repeat => Action::Repeat,
+        KeyEventKind::Release => Action::Release,
+    };
+    Some((key, action))
+}

@@ -1,0 +1,246 @@
+//! Keys to setpoints, hold-to-run. Pure: key events with their time in, what to send out.
+//!
+//! Two kinds of terminals:
+//! * those that **report releases**: a key acts for exactly as long as it is held;
+//! * all others: each press is a **pulse** of 250 ms that key repeats extend; steering goes in steps
+//!   and stays.
+//!
+//! ```text
+//!   standing ──press──► driving ──released, pulse over, space, focus lost──► ending (zeros, 300 ms) ──► standing
+//! ```
+//! While it stands nothing is sent, so that watching is not commanding.
+
+use xtb_control::Stamp;
+
+/// How long a press acts where releases are not reported.
+pub(super) const PULSE_MS: u64 = 250;
+/// Zeros are sent for this long after the last motion: one of them gets through.
+const ENDING_MS: u64 = 300;
+/// Of full steering.
+const STEERING_STEP: f64 = 0.25;
+
+/// What the terminal tells of keys.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Reporting {
+    /// Presses, repeats and releases.
+    Releases,
+    /// Presses only; a repeat looks like one.
+    Presses,
+}
+
+/// A key with a meaning.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Key {
+    /// Drive ahead.
+    Ahead,
+    /// Drive astern.
+    Astern,
+    /// Steer left.
+    Left,
+    /// Steer right.
+    Right,
+    /// Stand, steering straight.
+    Stop,
+}
+
+/// What happened to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Action {
+    /// It went down.
+    Press,
+    /// It is still down.
+    Repeat,
+    /// It went up.
+    Release,
+}
+
+/// What is asked of the truck.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Drive {
+    /// −1, 0 or 1 times the fastest speed, + = ahead.
+    pub(super) throttle: f64,
+    /// −1..=1, + = right.
+    pub(super) steering: f64,
+}
+
+/// The keyboard's state.
+#[derive(Debug, Clone)]
+pub(super) struct Keyboard {
+    reporting: Reporting,
+    /// Ahead, astern, left, right.
+    held: [bool; 4],
+    /// Direction and end of the present pulse.
+    pulse: Option<(f64, Stamp)>,
+    steps: f64,
+    /// Until when zeros are sent.
+    ending: Option<Stamp>,
+    moving: bool,
+}
+
+impl Keyboard {
+    /// No key touched.
+    pub(super) fn new(reporting: Reporting) -> Self {
+        Self { reporting, held: [false; 4], pulse: None, steps: 0.0, ending: None, moving: false }
+    }
+
+    /// A key event.
+    pub(super) fn key(&mut self, now: Stamp, key: Key, action: Action) {
+        match (self.reporting, action) {
+            _ if key == Key::Stop => {
+                if action != Action::Release {
+                    self.let_go();
+                    self.steps = 0.0;
+                }
+            }
+            (Reporting::Releases, Action::Press) => self.held[place(key)] = true,
+            (Reporting::Releases, Action::Release) => self.held[place(key)] = false,
+            // A key that is still down after space or a lost focus must be pressed anew.
+            (Reporting::Releases, Action::Repeat) => {}
+            (Reporting::Presses, Action::Press | Action::Repeat) => self.pulse(now, key),
+            (Reporting::Presses, Action::Release) => {}
+        }
+    }
+
+    fn pulse(&mut self, now: Stamp, key: Key) {
+        match key {
+            Key::Ahead => self.pulse = Some((1.0, now.plus_ms(PULSE_MS))),
+            Key::Astern => self.pulse = Some((-1.0, now.plus_ms(PULSE_MS))),
+            Key::Left => self.steps = (self.steps - STEERING_STEP).max(-1.0),
+            Key::Right => self.steps = (self.steps + STEERING_STEP).min(1.0),
+            Key::Stop => {}
+        }
+    }
+
+    /// The hand is gone, or may be: focus lost, leaving.
+    pub(super) fn let_go(&mut self) {
+        self.held = [false; 4];
+        self.pulse = None;
+    }
+
+    /// What is asked for at `now`.
+    pub(super) fn drive(&self, now: Stamp) -> Drive {
+        let [ahead, astern, left, right] = self.held.map(|held| f64::from(u8::from(held)));
+        match self.reporting {
+            Reporting::Releases => Drive { throttle: ahead - astern, steering: right - left },
+            Reporting::Presses => {
+                let throttle = self.pulse.filter(|(_, until)| now < *until).map_or(0.0, |(way, _)| way);
+                Drive { throttle, steering: self.steps }
+            }
+        }
+    }
+
+    /// What to send at `now`; `None` = nothing, the truck's silence is its own.
+    pub(super) fn send(&mut self, now: Stamp) -> Option<Drive> {
+        let drive = self.drive(now);
+        let steering = self.reporting == Reporting::Releases && drive.steering != 0.0;
+        if drive.throttle != 0.0 || steering {
+            self.moving = true;
+            self.ending = None;
+            return Some(drive);
+        }
+        if std::mem::take(&mut self.moving) {
+            self.ending = Some(now.plus_ms(ENDING_MS));
+        }
+        self.ending = self.ending.filter(|until| now < *until);
+        self.ending.map(|_| Drive { throttle: 0.0, ..drive })
+    }
+}
+
+fn place(key: Key) -> usize {
+    match key {
+        Key::Ahead => 0,
+        Key::Astern => 1,
+        Key::Left => 2,
+        // Stop is never held.
+        Key::Right | Key::Stop => 3,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AHEAD: Drive = Drive { throttle: 1.0, steering: 0.0 };
+    const ZERO: Drive = Drive { throttle: 0.0, steering: 0.0 };
+
+    fn at(ms: u64) -> Stamp {
+        Stamp::from_ms(ms)
+    }
+
+    #[test]
+    fn a_release_means_zero_at_once_then_silence() {
+        let mut keys = Keyboard::new(Reporting::Releases);
+        assert_eq!(keys.send(at(0)), None);
+        keys.key(at(0), Key::Ahead, Action::Press);
+        for ms in [0, 100, 5000] {
+            assert_eq!(keys.send(at(ms)), Some(AHEAD));
+        }
+        keys.key(at(5001), Key::Ahead, Action::Release);
+        assert_eq!(keys.send(at(5001)), Some(ZERO));
+        assert_eq!(keys.send(at(5300)), Some(ZERO));
+        assert_eq!(keys.send(at(5301)), None);
+    }
+
+    #[test]
+    fn held_keys_combine() {
+        let mut keys = Keyboard::new(Reporting::Releases);
+        keys.key(at(0), Key::Astern, Action::Press);
+        keys.key(at(0), Key::Left, Action::Press);
+        assert_eq!(keys.send(at(1)), Some(Drive { throttle: -1.0, steering: -1.0 }));
+        keys.key(at(2), Key::Ahead, Action::Press);
+        keys.key(at(2), Key::Left, Action::Release);
+        assert_eq!(keys.send(at(2)), Some(ZERO));
+    }
+
+    #[test]
+    fn after_space_or_lost_focus_a_held_key_must_be_pressed_anew() {
+        for lose in [
+            |keys: &mut Keyboard| keys.key(at(10), Key::Stop, Action::Press),
+            |keys: &mut Keyboard| keys.let_go(),
+        ] {
+            let mut keys = Keyboard::new(Reporting::Releases);
+            keys.key(at(0), Key::Ahead, Action::Press);
+            assert_eq!(keys.send(at(0)), Some(AHEAD));
+            lose(&mut keys);
+            keys.key(at(20), Key::Ahead, Action::Repeat);
+            assert_eq!(keys.send(at(20)), Some(ZERO));
+            keys.key(at(30), Key::Ahead, Action::Press);
+            assert_eq!(keys.send(at(30)), Some(AHEAD));
+        }
+    }
+
+    #[test]
+    fn without_releases_a_press_is_a_pulse_that_repeats_extend() {
+        let mut keys = Keyboard::new(Reporting::Presses);
+        keys.key(at(0), Key::Ahead, Action::Press);
+        assert_eq!(keys.send(at(249)), Some(AHEAD));
+        keys.key(at(249), Key::Ahead, Action::Press);
+        assert_eq!(keys.send(at(498)), Some(AHEAD));
+        assert_eq!(keys.send(at(499)), Some(ZERO));
+        assert_eq!(keys.send(at(798)), Some(ZERO));
+        assert_eq!(keys.send(at(799)), None);
+    }
+
+    #[test]
+    fn without_releases_steering_is_stepped_and_stays() {
+        let mut keys = Keyboard::new(Reporting::Presses);
+        for _ in 0..6 {
+            keys.key(at(0), Key::Right, Action::Press);
+        }
+        keys.key(at(0), Key::Left, Action::Press);
+        assert_eq!(keys.send(at(0)), None);
+        assert_eq!(keys.drive(at(9000)).steering, 0.75);
+        keys.key(at(9000), Key::Astern, Action::Press);
+        assert_eq!(keys.send(at(9000)), Some(Drive { throttle: -1.0, steering: 0.75 }));
+        keys.key(at(9001), Key::Stop, Action::Press);
+        assert_eq!(keys.send(at(9001)), Some(ZERO));
+    }
+
+    #[test]
+    fn the_other_direction_takes_over_at_once() {
+        let mut keys = Keyboard::new(Reporting::Presses);
+        keys.key(at(0), Key::Ahead, Action::Press);
+        keys.key(at(50), Key::Astern, Action::Press);
+        assert_eq!(keys.send(at(50)).unwrap().throttle, -1.0);
+    }
+}

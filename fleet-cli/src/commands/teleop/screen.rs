@@ -1,0 +1,115 @@
+//! What the driver sees.
+
+use super::keys::{Drive, Reporting};
+use crate::client::Seen;
+use crate::describe::{self, UNKNOWN, fixed};
+use crate::output::{Output, Tone};
+use crate::words;
+use xtb_protocol::Name;
+use xtb_protocol::messages::RobotState;
+
+/// Everything that the screen is made of.
+pub(super) struct View<'a> {
+    /// Whom we drive.
+    pub(super) robot: &'a Name,
+    /// Its last state.
+    pub(super) seen: Option<&'a Seen>,
+    /// What is asked for.
+    pub(super) drive: Drive,
+    /// Full throttle, in rpm.
+    pub(super) max_rpm: f64,
+    /// What the terminal can do.
+    pub(super) reporting: Reporting,
+}
+
+/// The lines.
+pub(super) fn lines(view: &View<'_>, out: &Output) -> Vec<String> {
+    let title = format!("teleop {}", view.robot);
+    let mut lines = vec![out.paint(Tone::Strong, &title), String::new()];
+    let mut fact = |label: &str, text: String, tone: Tone| {
+        lines.push(format!("  {} {}", out.paint(Tone::Dim, &format!("{label:11}")), out.paint(tone, &text)));
+    };
+    let asked = view.drive.throttle * view.max_rpm;
+    let asking = format!("{} rpm, steering {}", fixed(asked, 0), signed(view.drive.steering));
+    fact("asked", asking, if asked == 0.0 { Tone::Plain } else { Tone::Good });
+    let (age, tone) = age(view.seen);
+    fact("state", age, tone);
+    for (label, text, tone) in facts(view.seen.and_then(Seen::fresh)) {
+        fact(label, text, tone);
+    }
+    lines.push(String::new());
+    lines.extend(help(view.reporting).map(|line| out.paint(Tone::Dim, line)));
+    lines
+}
+
+fn age(seen: Option<&Seen>) -> (String, Tone) {
+    match seen {
+        Some(seen) if seen.fresh().is_some() => (format!("{} old", describe::age(seen.age())), Tone::Plain),
+        Some(seen) => (format!("STALE, {} old", describe::age(seen.age())), Tone::Bad),
+        None => ("STALE, nothing heard yet".to_owned(), Tone::Bad),
+    }
+}
+
+/// Labels stay where they are when nothing is known, so that the eye finds them.
+fn facts(state: Option<&RobotState>) -> [(&'static str, String, Tone); 7] {
+    let show = |text: fn(&RobotState) -> String| state.map_or_else(|| UNKNOWN.to_owned(), text);
+    let blocked =
+        state.is_some_and(|state| [state.obstacle.front, state.obstacle.rear].contains(&Some(true)));
+    let stands = state.is_some_and(|state| !state.stopped_because.is_empty());
+    let warn = |when: bool| if when { Tone::Warning } else { Tone::Plain };
+    [
+        ("mode", show(|state| words::name(&state.mode)), Tone::Plain),
+        ("speed", show(describe::speed), Tone::Plain),
+        ("reference", show(reference), Tone::Plain),
+        ("obstacles", show(|state| describe::obstacles(&state.obstacle)), warn(blocked)),
+        ("pose", show(|state| describe::pose(&state.pose)), Tone::Plain),
+        ("lease", show(describe::lease_with_age), Tone::Plain),
+        ("stands", show(why), warn(stands)),
+    ]
+}
+
+fn reference(state: &RobotState) -> String {
+    format!("{} rpm, steering {}", fixed(state.reference_rpm, 0), signed(state.steering))
+}
+
+fn why(state: &RobotState) -> String {
+    if state.stopped_because.is_empty() { "no".to_owned() } else { words::reasons(&state.stopped_because) }
+}
+
+fn signed(steering: f64) -> String {
+    match steering {
+        0.0 => "straight".to_owned(),
+        s if s > 0.0 => format!("right {}", fixed(s, 2)),
+        s => format!("left {}", fixed(-s, 2)),
+    }
+}
+
+fn help(reporting: Reporting) -> [&'static str; 2] {
+    match reporting {
+        Reporting::Releases => [
+            "hold ↑ ↓ ← → or W S A D to drive and steer · space stops · q leaves",
+            "This terminal reports key releases: letting go means zero at once.",
+        ],
+        Reporting::Presses => [
+            "↑ ↓ or W S drive · ← → or A D steer in steps of 0.25, which stay · space stops · q leaves",
+            "This terminal reports no key releases: each press drives for 250 ms, key repeat extends it.",
+        ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_known_is_not_shown_as_known() {
+        let robot = Name::new("xtb-1").unwrap();
+        let drive = Drive { throttle: 1.0, steering: -0.5 };
+        let view = View { robot: &robot, seen: None, drive, max_rpm: 30.0, reporting: Reporting::Presses };
+        let text = lines(&view, &Output { json: false, colors: false }).join("\n");
+        assert!(text.contains("30 rpm, steering left 0.50"), "{text}");
+        assert!(text.contains("STALE, nothing heard yet"), "{text}");
+        assert_eq!(text.matches(UNKNOWN).count(), 7, "{text}");
+        assert!(text.contains("reports no key releases"), "{text}");
+    }
+}

@@ -1,0 +1,147 @@
+//! The fleet config: an optional TOML file with the fleet's name, routers and roster.
+
+use crate::error::{Failure, Kind, Result};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+use xtb_protocol::Name;
+use xtb_protocol::messages::RosterEntry;
+
+const TOP: [&str; 3] = ["fleet", "connect", "robots"];
+const ROBOT: [&str; 3] = ["name", "tags", "start_pose"];
+const POSE: [&str; 3] = ["x_m", "y_m", "yaw_rad"];
+
+/// What the file says; every field may be left out.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FleetConfig {
+    /// The fleet's name.
+    pub fleet: Option<Name>,
+    /// Its routers.
+    pub connect: Vec<String>,
+    /// Which robots should be there.
+    pub robots: Vec<RosterEntry>,
+}
+
+impl FleetConfig {
+    /// Reads `named`, or the file at its default place if there is one.
+    ///
+    /// # Errors
+    /// [`Kind::Config`]: the file cannot be read, or what it says is not valid.
+    pub fn find(named: Option<&Path>) -> Result<Self> {
+        let Some(path) = named.map(Path::to_owned).or_else(|| default_path().filter(|path| path.exists()))
+        else {
+            return Ok(Self::default());
+        };
+        let place = path.display();
+        let text = std::fs::read_to_string(&path).map_err(|error| {
+            Failure::new(Kind::Config, format!("cannot read the config {place}: {error}"))
+        })?;
+        Self::parse(&text)
+            .map_err(|failure| Failure { message: format!("in {place}: {}", failure.message), ..failure })
+    }
+
+    /// Reads a file's text.
+    ///
+    /// # Errors
+    /// [`Kind::Config`] with the key or the line that is wrong.
+    pub fn parse(text: &str) -> Result<Self> {
+        let invalid = |error: toml::de::Error| Failure::new(Kind::Config, error.to_string().trim_end());
+        known_keys(&text.parse::<Table>().map_err(invalid)?)?;
+        let config: Self = toml::from_str(text).map_err(invalid)?;
+        for (i, robot) in config.robots.iter().enumerate() {
+            Name::robot(robot.name.as_str())
+                .map_err(|error| Failure::new(Kind::Config, format!("robots[{i}].name: {error}")))?;
+            if config.robots[..i].iter().any(|other| other.name == robot.name) {
+                return Err(Failure::new(Kind::Config, format!("two robots are named {}", robot.name)));
+            }
+        }
+        Ok(config)
+    }
+}
+
+fn default_path() -> Option<PathBuf> {
+    let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let base = absolute("XDG_CONFIG_HOME").or_else(|| absolute("HOME").map(|home| home.join(".config")))?;
+    Some(base.join("xtb").join("fleet.toml"))
+}
+
+/// Serde would name an unknown key, but not the one that was meant.
+fn known_keys(top: &Table) -> Result<()> {
+    check(top, "", &TOP)?;
+    let robots = top.get("robots").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
+    for (i, robot) in robots.iter().enumerate() {
+        let Some(robot) = robot.as_table() else { continue };
+        check(robot, &format!("robots[{i}]."), &ROBOT)?;
+        if let Some(pose) = robot.get("start_pose").and_then(Value::as_table) {
+            check(pose, &format!("robots[{i}].start_pose."), &POSE)?;
+        }
+    }
+    Ok(())
+}
+
+fn check(table: &Table, path: &str, known: &[&str]) -> Result<()> {
+    let Some(key) = table.keys().find(|key| !known.contains(&key.as_str())) else { return Ok(()) };
+    let nearest = known
+        .iter()
+        .copied()
+        .max_by(|a, b| strsim::jaro_winkler(key, a).total_cmp(&strsim::jaro_winkler(key, b)));
+    let hint = match nearest.filter(|near| strsim::jaro_winkler(key, near) > 0.7) {
+        Some(near) => format!("did you mean {path}{near}?"),
+        None => format!("known here: {}", known.join(", ")),
+    };
+    Err(Failure::new(Kind::Config, format!("unknown key {path}{key}")).hint(hint))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_file_is_read() {
+        let config = FleetConfig::parse(
+            r#"
+            fleet = "hall"
+            connect = ["tcp/10.0.0.1:7447"]
+            [[robots]]
+            name = "xtb-1"
+            tags = ["arm"]
+            start_pose = { x_m = 1.0, y_m = -2.0, yaw_rad = 0.5 }
+            [[robots]]
+            name = "xtb-2"
+            "#,
+        )
+        .unwrap();
+        assert_eq!(config.fleet.unwrap().as_str(), "hall");
+        assert_eq!(config.robots[0].start_pose.unwrap().y_m, -2.0);
+        assert_eq!(config.robots[1].name.as_str(), "xtb-2");
+        assert_eq!(FleetConfig::parse("").unwrap(), FleetConfig::default());
+    }
+
+    #[test]
+    fn an_unknown_key_is_an_error_that_names_the_one_meant() {
+        for (text, key, hint) in [
+            ("conect = []", "unknown key conect", "did you mean connect?"),
+            ("[[robots]]\nnme = 'a'", "unknown key robots[0].nme", "did you mean robots[0].name?"),
+            ("[[robots]]\nname = 'a'\nstart_pose = { x = 1 }", "robots[0].start_pose.x", "x_m"),
+            ("zzz = 1", "unknown key zzz", "known here: fleet, connect, robots"),
+        ] {
+            let failure = FleetConfig::parse(text).unwrap_err();
+            assert!(failure.message.contains(key), "{failure:?}");
+            assert!(failure.hint.contains(hint), "{failure:?}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused() {
+        for text in [
+            "fleet = 'Lab'",
+            "fleet = 3",
+            "fleet",
+            "[[robots]]\nname = 'all'",
+            "[[robots]]\nname = 'a'\n[[robots]]\nname = 'a'",
+        ] {
+            assert_eq!(FleetConfig::parse(text).unwrap_err().kind, Kind::Config, "{text}");
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! A robot's state in words and numbers for people; what is not known is called unknown.
+
+use crate::words;
+use std::time::Duration;
+use xtb_protocol::messages::{GoalKind, GoalState, ObstacleView, PoseState, Rejected, RobotState};
+
+/// What is shown for a value that nobody knows.
+pub(crate) const UNKNOWN: &str = "unknown";
+
+/// A number with `digits` places, and never `-0`.
+pub(crate) fn fixed(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let zero = text.trim_start_matches('-').bytes().all(|b| b == b'0' || b == b'.');
+    if zero { text.trim_start_matches('-').to_owned() } else { text }
+}
+
+fn known(value: Option<f64>, digits: usize, unit: &str) -> String {
+    value.map_or_else(|| UNKNOWN.to_owned(), |value| format!("{} {unit}", fixed(value, digits)))
+}
+
+/// An age: `40 ms`, `1.2 s`.
+pub(crate) fn age(age: Duration) -> String {
+    match age.as_millis() {
+        ms @ 0..1000 => format!("{ms} ms"),
+        _ => format!("{:.1} s", age.as_secs_f64()),
+    }
+}
+
+fn age_ms(ms: Option<u64>) -> String {
+    ms.map_or_else(|| "never".to_owned(), |ms| age(Duration::from_millis(ms)))
+}
+
+/// Place and direction in the map.
+pub(crate) fn pose(pose: &PoseState) -> String {
+    let (x, y) = (fixed(pose.x_m, 2), fixed(pose.y_m, 2));
+    format!("({x}, {y}) {}°", fixed(pose.yaw_rad.to_degrees(), 0))
+}
+
+/// Where the pose comes from and how old it is.
+pub(crate) fn pose_source(pose: &PoseState) -> String {
+    match pose.age_ms {
+        Some(_) => format!("{}, {}", words::name(&pose.source), age_ms(pose.age_ms)),
+        None => format!("{}, not measured", words::name(&pose.source)),
+    }
+}
+
+/// Speed over ground.
+pub(crate) fn speed(state: &RobotState) -> String {
+    known(state.speed_mps, 2, "m/s")
+}
+
+/// Battery voltage.
+pub(crate) fn battery(state: &RobotState) -> String {
+    known(state.battery_v, 1, "V")
+}
+
+/// Who holds the lease.
+pub(crate) fn lease(state: &RobotState) -> String {
+    state.lease.as_ref().map_or_else(|| "free".to_owned(), |lease| lease.holder.to_string())
+}
+
+/// The same with the lease's age.
+pub(crate) fn lease_with_age(state: &RobotState) -> String {
+    match &state.lease {
+        Some(lease) => format!("{}, {}", lease.holder, age_ms(Some(lease.age_ms))),
+        None => "free".to_owned(),
+    }
+}
+
+/// The goal, how it stands, and what is left to go.
+pub(crate) fn goal(goal: &GoalState) -> String {
+    let mut text = words::name(&goal.status);
+    match (goal.kind, goal.x_m, goal.y_m) {
+        (GoalKind::Goto, Some(x_m), Some(y_m)) => {
+            text.push_str(&format!(" ({}, {})", fixed(x_m, 2), fixed(y_m, 2)));
+        }
+        (kind, ..) => text.push_str(&format!(" {}", words::name(&kind))),
+    }
+    if let Some(distance_m) = goal.distance_m {
+        text.push_str(&format!(", {} m to go", fixed(distance_m, 2)));
+    }
+    text
+}
+
+/// What the obstacle rule sees.
+pub(crate) fn obstacles(view: &ObstacleView) -> String {
+    let side = |seen| match seen {
+        Some(true) => "OBSTACLE",
+        Some(false) => "clear",
+        None => UNKNOWN,
+    };
+    format!("front {}, rear {}", side(view.front), side(view.rear))
+}
+
+/// Ages of the inputs.
+pub(crate) fn inputs(state: &RobotState) -> String {
+    let ages = &state.input_age_ms;
+    [("gyro", ages.gyro), ("encoder", ages.encoder), ("adc", ages.adc), ("setpoint", ages.setpoint)]
+        .map(|(name, ms)| format!("{name} {}", age_ms(ms)))
+        .join(", ")
+}
+
+/// The counters that are not zero; `None` if all are.
+pub(crate) fn rejected(rejected: &Rejected) -> Option<String> {
+    let Ok(serde_json::Value::Object(counters)) = serde_json::to_value(rejected) else { return None };
+    let counted = counters.iter().filter(|(_, count)| count.as_u64() != Some(0));
+    let text = counted.map(|(name, count)| format!("{name} {count}")).collect::<Vec<_>>().join(", ");
+    (!text.is_empty()).then_some(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_rounded_without_minus_zero() {
+        assert_eq!(fixed(-0.001, 2), "0.00");
+        assert_eq!(fixed(-0.4, 0), "0");
+        assert_eq!(fixed(-1.5, 1), "-1.5");
+    }
+
+    #[test]
+    fn only_counters_that_count_are_shown() {
+        assert_eq!(rejected(&Rejected::default()), None);
+        let some = Rejected { malformed: 2, gyro_bytes: 1, ..Rejected::default() };
+        assert_eq!(rejected(&some).unwrap(), "gyro_bytes 1, malformed 2");
+    }
+
+    #[test]
+    fn ages_have_a_unit() {
+        assert_eq!(age(Duration::from_millis(999)), "999 ms");
+        assert_eq!(age(Duration::from_millis(1250)), "1.2 s");
+        assert_eq!(age_ms(None), "never");
+    }
+}

@@ -1,0 +1,35 @@
+//! Ctrl-C, `kill` and a closed window: all three are a wish to end, to be carried out cleanly.
+
+use crate::error::{Exit, Result};
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Resolves once any of the three has come. Keep one future for as long as a command runs: what
+/// arrives between two of them is missed.
+pub async fn interrupted() {
+    tokio::select! {
+        () = hear(SignalKind::interrupt()) => {}
+        () = hear(SignalKind::terminate()) => {}
+        () = hear(SignalKind::hangup()) => {}
+    }
+}
+
+async fn hear(kind: SignalKind) {
+    match signal(kind) {
+        Ok(mut stream) => drop(stream.recv().await),
+        Err(error) => {
+            tracing::warn!("a signal cannot be heard: {error}");
+            std::future::pending().await
+        }
+    }
+}
+
+/// A command that may simply be dropped when it is interrupted.
+///
+/// # Errors
+/// The command's.
+pub async fn or_interrupted(command: impl Future<Output = Result<Exit>>) -> Result<Exit> {
+    tokio::select! {
+        ended = command => ended,
+        () = interrupted() => Ok(Exit::Interrupted),
+    }
+}

@@ -1,0 +1,186 @@
+//! The only place that prints: results to standard output, progress and errors to standard error.
+
+use crate::cli::ColorChoice;
+use crate::error::{Failure, Kind, Result};
+use serde::Serialize;
+use std::io::{IsTerminal, Write};
+use std::time::{Duration, Instant};
+
+/// Between two lines of progress where they cannot be painted over.
+const PROGRESS_EVERY: Duration = Duration::from_secs(2);
+
+/// How a piece of text is meant; becomes a colour where colours are on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Tone {
+    /// As it is.
+    #[default]
+    Plain,
+    /// Names and headings.
+    Strong,
+    /// Less important.
+    Dim,
+    /// As wished.
+    Good,
+    /// Worth a look.
+    Warning,
+    /// Wrong, missing, stale.
+    Bad,
+}
+
+impl Tone {
+    fn sgr(self) -> &'static str {
+        match self {
+            Self::Plain => "",
+            Self::Strong => "\x1b[1m",
+            Self::Dim => "\x1b[2m",
+            Self::Good => "\x1b[32m",
+            Self::Warning => "\x1b[33m",
+            Self::Bad => "\x1b[31m",
+        }
+    }
+}
+
+/// Where and how results are printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Output {
+    /// JSON instead of text.
+    pub json: bool,
+    /// Colours on standard output.
+    pub colors: bool,
+}
+
+#[derive(Serialize)]
+struct ErrorLine<'a> {
+    error: ErrorFields<'a>,
+}
+
+#[derive(Serialize)]
+struct ErrorFields<'a> {
+    code: String,
+    message: &'a str,
+    hint: &'a str,
+}
+
+impl Output {
+    /// As the options, the terminal and `NO_COLOR` say.
+    #[must_use]
+    pub fn new(json: bool, color: ColorChoice) -> Self {
+        let colors = match color {
+            ColorChoice::Always => true,
+            ColorChoice::Never => false,
+            ColorChoice::Auto => {
+                let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+                !refused && std::io::stdout().is_terminal()
+            }
+        };
+        Self { json, colors }
+    }
+
+    /// `text` in a tone.
+    #[must_use]
+    pub fn paint(&self, tone: Tone, text: &str) -> String {
+        if self.colors && tone != Tone::Plain && !text.is_empty() {
+            format!("{}{text}\x1b[0m", tone.sgr())
+        } else {
+            text.to_owned()
+        }
+    }
+
+    /// One or more lines of text on standard output.
+    ///
+    /// # Errors
+    /// [`Kind::PipeClosed`], or the system's words.
+    pub fn text(&self, text: &str) -> Result<()> {
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{}", text.trim_end_matches('\n'))?;
+        Ok(out.flush()?)
+    }
+
+    /// One line of JSON on standard output.
+    ///
+    /// # Errors
+    /// [`Kind::PipeClosed`], or the system's words.
+    pub fn line(&self, value: &impl Serialize) -> Result<()> {
+        let line = serde_json::to_string(value)
+            .map_err(|error| Failure::new(Kind::Failed, format!("cannot write JSON: {error}")))?;
+        self.text(&line)
+    }
+
+    /// The result: `value` as a line of JSON, or what `text` makes of it.
+    ///
+    /// # Errors
+    /// [`Kind::PipeClosed`], or the system's words.
+    pub fn result<T: Serialize>(&self, value: &T, text: impl FnOnce(&T) -> String) -> Result<()> {
+        if self.json { self.line(value) } else { self.text(&text(value)) }
+    }
+
+    /// A note for people, on standard error. It is lost if nobody reads it.
+    pub fn note(&self, text: &str) {
+        let _ = writeln!(std::io::stderr().lock(), "{text}");
+    }
+
+    /// Says what went wrong: one JSON line on standard output, or `error:` and `hint:` on standard
+    /// error.
+    pub fn failure(&self, failure: &Failure) {
+        let Failure { kind, message, hint } = failure;
+        if *kind == Kind::PipeClosed {
+            return;
+        }
+        if self.json {
+            let line = ErrorLine { error: ErrorFields { code: kind.code(), message, hint } };
+            // Nobody is left to hear that the error could not be said.
+            let _ = self.line(&line);
+            return;
+        }
+        self.note(&format!("error: {message}"));
+        if !hint.is_empty() {
+            self.note(&format!("hint: {hint}"));
+        }
+    }
+}
+
+/// How something goes on, on standard error: one line that is painted over on a terminal; elsewhere a
+/// line now and then.
+#[derive(Debug)]
+pub struct Progress {
+    terminal: bool,
+    shown: Option<Instant>,
+}
+
+impl Progress {
+    /// Nothing shown yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { terminal: std::io::stderr().is_terminal(), shown: None }
+    }
+
+    /// Shows how it stands.
+    pub fn show(&mut self, text: &str) {
+        let due = self.shown.is_none_or(|at| at.elapsed() >= PROGRESS_EVERY);
+        let mut err = std::io::stderr().lock();
+        // Progress that nobody reads is no error.
+        if self.terminal {
+            let width = crossterm::terminal::size().map_or(80, |(columns, _)| usize::from(columns));
+            let text: String = text.chars().take(width.saturating_sub(1)).collect();
+            let _ = write!(err, "\r\x1b[2K{text}").and_then(|()| err.flush());
+        } else if due {
+            let _ = writeln!(err, "{text}");
+        }
+        if due {
+            self.shown = Some(Instant::now());
+        }
+    }
+
+    /// What follows stands on its own line.
+    pub fn end(&mut self) {
+        if self.terminal && self.shown.take().is_some() {
+            let _ = writeln!(std::io::stderr().lock());
+        }
+    }
+}
+
+impl Default for Progress {
+    fn default() -> Self {
+        Self::new()
+    }
+}

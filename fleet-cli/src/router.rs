@@ -1,0 +1,30 @@
+//! The embedded Zenoh router: the whole infrastructure that a small lab needs.
+
+use crate::error::{Failure, Kind, Result};
+use std::net::TcpListener;
+use xtb_bus::{Bus, Role};
+
+/// Opens a router, and says where it can be reached (with the real port for port 0).
+///
+/// # Errors
+/// [`Kind::PortTaken`], or what Zenoh says of the endpoint.
+pub async fn open(listen: &str) -> Result<(Bus, String)> {
+    if let Some(address) = listen.strip_prefix("tcp/") {
+        // Zenoh's own message does not tell a taken port from a mistyped address.
+        TcpListener::bind(address).map_err(|error| taken(listen, &error))?;
+    }
+    let role = Role::Router { listen: vec![listen.to_owned()], connect: Vec::new() };
+    let bus = xtb_bus::open(&role).await?;
+    let locators = bus.locators().await;
+    let endpoint = locators.into_iter().next().unwrap_or_else(|| listen.to_owned());
+    Ok((bus, endpoint))
+}
+
+fn taken(listen: &str, error: &std::io::Error) -> Failure {
+    match error.kind() {
+        std::io::ErrorKind::AddrInUse => Failure::new(Kind::PortTaken, format!("{listen} is already in use"))
+            .hint("another router or simulator runs there: end it, or choose a port with --listen"),
+        _ => Failure::new(Kind::Usage, format!("cannot listen on {listen}: {error}"))
+            .hint("an endpoint looks like tcp/127.0.0.1:7447"),
+    }
+}

@@ -1,0 +1,283 @@
+//! A fleet of simulated trucks with real agents: the only part of this program that holds robots.
+//!
+//! One world thread, one control thread and one Zenoh session for each robot, and a router unless
+//! one is named. Agents talk to their trucks through board frames and gyro bytes alone: in-memory
+//! lines, or ptys to which separate `robot-agent` processes connect.
+
+mod agents;
+mod ptys;
+mod truth;
+
+pub use agents::RunningAgent;
+pub use truth::TruthView;
+
+use crate::error::{Failure, Kind, Result};
+use crate::router;
+use agents::AgentSettings;
+use robot_agent::clock::WorldTime;
+use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};
+use std::path::PathBuf;
+use std::time::Duration;
+use tokio::task::JoinHandle;
+use xtb_bus::{Bus, Role, Service};
+use xtb_control::VehicleConfig;
+use xtb_control::frames::MapPose;
+use xtb_protocol::Name;
+use xtb_protocol::codec::Format;
+use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::messages::{Roster, RosterEntry};
+use xtb_sim::{Simulation, TruckParameters, World};
+
+/// More robots than this do not fit one process at real time.
+pub const MAX_ROBOTS: usize = 500;
+/// Agents are alive within a second; a busy machine may need longer for hundreds.
+const READY_WITHIN: Duration = Duration::from_secs(60);
+
+/// What to simulate.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// The fleet's name.
+    pub fleet: Name,
+    /// How many robots: `xtb-1` … `xtb-N`.
+    pub robots: usize,
+    /// The room; `None` = an empty one, large enough.
+    pub world: Option<World>,
+    /// Where the robots start; empty = the world's own choice.
+    pub starts: Vec<MapPose>,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Times real time.
+    pub speed: f64,
+    /// Its own router here, unless `connect` names others.
+    pub listen: String,
+    /// Routers to use instead of an own one.
+    pub connect: Vec<String>,
+    /// No agents, but two ptys a truck in this folder.
+    pub pty: Option<PathBuf>,
+    /// Where to write the truth at every step.
+    pub truth_log: Option<PathBuf>,
+}
+
+/// A running simulation.
+pub struct Simulator {
+    endpoint: String,
+    connect: Vec<String>,
+    fleet: Name,
+    roster: Roster,
+    agents: Vec<Option<RunningAgent>>,
+    truth: TruthView,
+    publishing: JoinHandle<()>,
+    _roster_service: Service,
+    bus: Bus,
+    world: RunningWorld,
+    ptys: Option<ptys::PtyFolder>,
+}
+
+impl Simulator {
+    /// Starts everything and waits until every agent is alive.
+    ///
+    /// # Errors
+    /// An impossible plan or world, a port that is taken, a folder that cannot be used.
+    pub async fn start(plan: Plan) -> Result<Self> {
+        check(&plan)?;
+        let simulation = simulation(&plan)?;
+        let roster = roster_of(&simulation)?;
+        let vehicle = VehicleConfig::default();
+        let (bus, endpoint, connect) = session(&plan).await?;
+
+        let time = WorldTime::new();
+        let (truth, mut observer) = truth::view(&roster, plan.truth_log.as_deref())?;
+        let (lines, hardware, ptys) = lines(&plan, &roster)?;
+        let clocks: Vec<_> = hardware.iter().map(|_| time.join()).collect();
+        let world = RunningWorld::start(simulation, lines, time, plan.speed, move |simulation| {
+            observer.step(simulation);
+        })?;
+
+        let settings = AgentSettings { fleet: plan.fleet.clone(), connect: connect.clone(), vehicle };
+        let agents = roster
+            .robots
+            .iter()
+            .zip(hardware.into_iter().zip(clocks))
+            .map(|(robot, (lines, clock))| Some(RunningAgent::start(&settings, robot, lines, clock)));
+        let agents: Vec<_> = agents.collect();
+
+        let keys = FleetKeys::new(plan.fleet.clone());
+        let publishing = truth::publish(bus.clone(), keys.sim_truth(), truth.clone());
+        let roster_service = serve_roster(&bus, keys.sim_roster(), roster.clone()).await?;
+        let simulator = Self {
+            endpoint,
+            connect,
+            fleet: plan.fleet,
+            roster,
+            agents,
+            truth,
+            publishing,
+            _roster_service: roster_service,
+            bus,
+            world,
+            ptys,
+        };
+        if simulator.ptys.is_none() {
+            simulator.wait_until_alive().await?;
+        }
+        Ok(simulator)
+    }
+
+    /// Where clients connect.
+    #[must_use]
+    pub fn endpoint(&self) -> &str {
+        &self.endpoint
+    }
+
+    /// The robots.
+    #[must_use]
+    pub fn roster(&self) -> &Roster {
+        &self.roster
+    }
+
+    /// Where the trucks really are.
+    #[must_use]
+    pub fn truth(&self) -> &TruthView {
+        &self.truth
+    }
+
+    /// The world, to be changed while it runs.
+    #[must_use]
+    pub fn world(&self) -> &RunningWorld {
+        &self.world
+    }
+
+    /// The agent of the robot with this index, if it runs.
+    pub fn agent_mut(&mut self, index: usize) -> Option<&mut RunningAgent> {
+        self.agents.get_mut(index).and_then(Option::as_mut)
+    }
+
+    /// Ends one agent cleanly; its truck stays in the world.
+    pub async fn stop_agent(&mut self, index: usize) {
+        if let Some(agent) = self.agents.get_mut(index).and_then(Option::take) {
+            let _ = agent.stop().await;
+        }
+    }
+
+    /// Starts an agent again on the truck of one that was stopped. The truck stands where it was
+    /// left; the new agent is told where that is.
+    pub fn restart_agent(&mut self, index: usize) {
+        let Some(entry) = self.roster.robots.get(index) else { return };
+        let (hardware, lines) = SimulatedHardware::connect();
+        self.world.replace_lines(index, lines);
+        let truth = self.truth.latest();
+        let mut entry = entry.clone();
+        if let Some(now) = truth.robots.get(&entry.name) {
+            entry.start_pose = Some(MapPose { x_m: now.x_m, y_m: now.y_m, yaw_rad: now.yaw_rad });
+        }
+        let vehicle = VehicleConfig::default();
+        let settings = AgentSettings { fleet: self.fleet.clone(), connect: self.connect.clone(), vehicle };
+        let clock = self.world.time().join();
+        self.agents[index] = Some(RunningAgent::start(&settings, &entry, hardware, clock));
+    }
+
+    /// Ends everything: agents first (their motors go neutral), then the router.
+    pub async fn stop(self) {
+        let Self { agents, publishing, bus, world, _roster_service, .. } = self;
+        let ending: Vec<_> = agents.into_iter().flatten().map(|agent| tokio::spawn(agent.stop())).collect();
+        for agent in ending {
+            let _ = agent.await;
+        }
+        publishing.abort();
+        drop(world);
+        bus.close().await;
+    }
+
+    async fn wait_until_alive(&self) -> Result<()> {
+        let key = FleetKeys::new(self.fleet.clone()).any_robot().alive();
+        let wanted = self.roster.robots.len();
+        let all_alive = async {
+            loop {
+                let alive = self.bus.alive(&key, Duration::from_secs(1)).await?;
+                if alive.len() >= wanted {
+                    return Ok::<(), Failure>(());
+                }
+                if let Some(failure) = self.agents.iter().flatten().find_map(RunningAgent::failure) {
+                    return Err(failure);
+                }
+                tokio::time::sleep(Duration::from_millis(20)).await;
+            }
+        };
+        tokio::time::timeout(READY_WITHIN, all_alive).await.unwrap_or_else(|_| {
+            Err(Failure::new(Kind::Failed, "the simulated robots did not come to life in time")
+                .hint("fewer --robots, or a lower --speed"))
+        })
+    }
+}
+
+fn check(plan: &Plan) -> Result<()> {
+    if plan.robots == 0 || plan.robots > MAX_ROBOTS {
+        let message = format!("{} robots cannot be simulated", plan.robots);
+        return Err(Failure::new(Kind::Usage, message).hint(format!("--robots takes 1 to {MAX_ROBOTS}")));
+    }
+    if !(plan.speed.is_finite() && (0.01..=1000.0).contains(&plan.speed)) {
+        let message = format!("the world cannot run at {} × real time", plan.speed);
+        return Err(Failure::new(Kind::Usage, message).hint("--speed takes 0.01 to 1000"));
+    }
+    Ok(())
+}
+
+fn simulation(plan: &Plan) -> Result<Simulation> {
+    let parameters = TruckParameters::default();
+    let names: Vec<String> = (1..=plan.robots).map(|n| format!("xtb-{n}")).collect();
+    let world = plan.world.clone().unwrap_or_else(|| World::for_robots(plan.robots, &parameters.body));
+    let made = if plan.starts.is_empty() {
+        Simulation::new(world, &parameters, &names, plan.seed)
+    } else {
+        let starts: Vec<_> = names.iter().map(String::as_str).zip(plan.starts.iter().copied()).collect();
+        Simulation::with_starts(world, &parameters, &starts, plan.seed)
+    };
+    made.map_err(|error| {
+        Failure::new(Kind::Config, error.to_string()).hint("fewer --robots, or a world with more room")
+    })
+}
+
+fn roster_of(simulation: &Simulation) -> Result<Roster> {
+    let entry = |truck: &xtb_sim::Truck| {
+        let name = Name::robot(truck.name()).map_err(|error| Failure::new(Kind::Usage, error.to_string()))?;
+        let now = truck.truth();
+        let start = MapPose { x_m: now.x_m, y_m: now.y_m, yaw_rad: now.yaw_rad };
+        Ok(RosterEntry { name, tags: Vec::new(), start_pose: Some(start) })
+    };
+    Ok(Roster { robots: simulation.trucks().iter().map(entry).collect::<Result<_>>()? })
+}
+
+/// The simulator's own session, where it can be reached, and where its agents connect.
+async fn session(plan: &Plan) -> Result<(Bus, String, Vec<String>)> {
+    if plan.connect.is_empty() {
+        let (bus, endpoint) = router::open(&plan.listen).await?;
+        return Ok((bus, endpoint.clone(), vec![endpoint]));
+    }
+    let bus = xtb_bus::open(&Role::Client { connect: plan.connect.clone() }).await?;
+    Ok((bus, plan.connect.join(", "), plan.connect.clone()))
+}
+
+type Lines = (Vec<TruckLines>, Vec<SimulatedHardware>, Option<ptys::PtyFolder>);
+
+fn lines(plan: &Plan, roster: &Roster) -> Result<Lines> {
+    if let Some(folder) = &plan.pty {
+        let (folder, lines) = ptys::PtyFolder::create(folder, roster)?;
+        return Ok((lines, Vec::new(), Some(folder)));
+    }
+    let (hardware, lines) = roster.robots.iter().map(|_| SimulatedHardware::connect()).unzip();
+    Ok((lines, hardware, None))
+}
+
+async fn serve_roster(bus: &Bus, key: String, roster: Roster) -> Result<Service> {
+    let runtime = tokio::runtime::Handle::current();
+    let own_key = key.clone();
+    let service = bus.serve(&key, move |question| {
+        let (own_key, roster) = (own_key.clone(), roster.clone());
+        runtime.spawn(async move {
+            if let Err(error) = question.reply(&own_key, &roster, Format::Json).await {
+                tracing::debug!("the roster was not sent: {error}");
+            }
+        });
+    });
+    Ok(service.await?)
+}

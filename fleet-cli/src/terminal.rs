@@ -1,0 +1,132 @@
+//! The terminal as a live screen: raw mode, keys, repainting, and everything put back at the end.
+
+use crate::error::Result;
+use crossterm::event::{
+    self, DisableFocusChange, EnableFocusChange, Event, KeyCode, KeyEvent, KeyModifiers,
+    KeyboardEnhancementFlags, PopKeyboardEnhancementFlags, PushKeyboardEnhancementFlags,
+};
+use crossterm::{cursor, execute, queue, style, terminal};
+use std::io::{Stdout, Write, stdout};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tokio::sync::mpsc;
+
+/// Keys that wait for the command; a person does not type faster than it reads.
+const KEY_QUEUE: usize = 64;
+/// How soon the reading thread notices that it is no longer wanted.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+/// What the person at the terminal did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Input {
+    /// A key was pressed, repeats, or was released.
+    Key(KeyEvent),
+    /// The window is no longer the one that gets keys: no release will be heard.
+    FocusLost,
+}
+
+impl Input {
+    /// Whether a key means "leave" everywhere: Esc and Ctrl-C.
+    #[must_use]
+    pub fn leaves(key: &KeyEvent) -> bool {
+        let ctrl_c = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
+        key.code == KeyCode::Esc || ctrl_c
+    }
+}
+
+/// The open screen. Dropping it, on a panic too, puts the terminal back as it was.
+pub struct Terminal {
+    out: Stdout,
+    inputs: mpsc::Receiver<Input>,
+    wanted: Arc<AtomicBool>,
+    reports_release: bool,
+}
+
+impl Terminal {
+    /// Takes the terminal over.
+    ///
+    /// # Errors
+    /// It is none, or does not obey.
+    pub fn open() -> Result<Self> {
+        terminal::enable_raw_mode()?;
+        let (sender, inputs) = mpsc::channel(KEY_QUEUE);
+        let wanted = Arc::new(AtomicBool::new(true));
+        // From here on a failure drops it, which undoes what was done.
+        let mut this = Self { out: stdout(), inputs, wanted: Arc::clone(&wanted), reports_release: false };
+        execute!(this.out, terminal::EnterAlternateScreen, cursor::Hide, terminal::DisableLineWrap)?;
+        execute!(this.out, EnableFocusChange)?;
+        if terminal::supports_keyboard_enhancement().unwrap_or(false) {
+            let flags = KeyboardEnhancementFlags::DISAMBIGUATE_ESCAPE_CODES
+                | KeyboardEnhancementFlags::REPORT_EVENT_TYPES
+                | KeyboardEnhancementFlags::REPORT_ALL_KEYS_AS_ESCAPE_CODES;
+            execute!(this.out, PushKeyboardEnhancementFlags(flags))?;
+            this.reports_release = true;
+        }
+        std::thread::Builder::new().name("keys".into()).spawn(move || read_keys(&wanted, &sender))?;
+        Ok(this)
+    }
+
+    /// Whether this terminal tells when a key is released (the kitty keyboard protocol).
+    #[must_use]
+    pub fn reports_release(&self) -> bool {
+        self.reports_release
+    }
+
+    /// The next input; `None` = the terminal is gone.
+    pub async fn next(&mut self) -> Option<Input> {
+        self.inputs.recv().await
+    }
+
+    /// Shows these lines from the top, as many as there is room for.
+    ///
+    /// # Errors
+    /// The terminal is gone.
+    pub fn paint(&mut self, lines: &[String]) -> Result<()> {
+        let (_, height) = terminal::size()?;
+        for (row, line) in (0..height).zip(lines) {
+            queue!(
+                self.out,
+                cursor::MoveTo(0, row),
+                style::Print(line),
+                terminal::Clear(terminal::ClearType::UntilNewLine)
+            )?;
+        }
+        if let Ok(end) = u16::try_from(lines.len())
+            && end < height
+        {
+            queue!(self.out, cursor::MoveTo(0, end), terminal::Clear(terminal::ClearType::FromCursorDown))?;
+        }
+        Ok(self.out.flush()?)
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        self.wanted.store(false, Ordering::Relaxed);
+        // Each step on its own: one that fails must not keep the others from being tried, and there
+        // is nobody left to tell.
+        if self.reports_release {
+            let _ = execute!(self.out, PopKeyboardEnhancementFlags);
+        }
+        let _ = execute!(self.out, DisableFocusChange);
+        let _ = execute!(self.out, terminal::EnableLineWrap, cursor::Show, terminal::LeaveAlternateScreen);
+        let _ = terminal::disable_raw_mode();
+    }
+}
+
+/// crossterm's reader blocks, so it has a thread of its own.
+fn read_keys(wanted: &AtomicBool, sender: &mpsc::Sender<Input>) {
+    while wanted.load(Ordering::Relaxed) {
+        let input = match event::poll(LOOK_EVERY).and_then(|ready| ready.then(event::read).transpose()) {
+            Ok(None) => continue,
+            Ok(Some(Event::Key(key))) => Input::Key(key),
+            Ok(Some(Event::FocusLost)) => Input::FocusLost,
+            Ok(Some(_)) => continue,
+            Err(error) => return tracing::debug!("the terminal is gone: {error}"),
+        };
+        if sender.blocking_send(input).is_err() {
+            return;
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! Pictures in the terminal.
+
+pub mod picture;

@@ -1,0 +1,97 @@
+//! The fleet as `list` and `status` show it: a row for each robot that is or should be there.
+
+use crate::client::{Client, Seen};
+use crate::error::Result;
+use crate::feed::Feed;
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use xtb_protocol::Name;
+use xtb_protocol::messages::RobotState;
+
+/// The whole fleet.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct FleetView {
+    /// Its name.
+    pub(crate) fleet: Name,
+    /// In the order of their names' numbers.
+    pub(crate) robots: Vec<RobotView>,
+}
+
+/// One robot.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct RobotView {
+    /// Whose.
+    pub(crate) name: Name,
+    /// Whether it is present: alive means commandable.
+    pub(crate) alive: bool,
+    /// `None` = unknown, or so old that it says nothing any more.
+    pub(crate) state: Option<RobotState>,
+    /// Since the last state arrived, stale or not.
+    pub(crate) age_ms: Option<u64>,
+}
+
+impl FleetView {
+    /// Asks everybody once; `wanted` robots get a row in any case.
+    pub(crate) async fn ask(client: &Client, fleet: &Name, wanted: &BTreeSet<Name>) -> Result<Self> {
+        let all = client.keys().any_robot();
+        let (alive, states) = tokio::join!(client.alive(), client.states(&all));
+        Ok(Self::of(fleet, &alive?, &states?, wanted))
+    }
+
+    /// What a feed knows now.
+    pub(crate) fn now(feed: &Feed, fleet: &Name, wanted: &BTreeSet<Name>) -> Self {
+        Self::of(fleet, &feed.alive(), &feed.states(), wanted)
+    }
+
+    fn of(
+        fleet: &Name,
+        alive: &BTreeSet<Name>,
+        states: &BTreeMap<Name, Seen>,
+        wanted: &BTreeSet<Name>,
+    ) -> Self {
+        let mut names: Vec<&Name> = alive.iter().chain(wanted).collect();
+        names.sort_by_key(|name| by_number(name));
+        names.dedup();
+        let robots = names.into_iter().map(|name| {
+            let seen = states.get(name);
+            RobotView {
+                name: name.clone(),
+                alive: alive.contains(name),
+                state: seen.and_then(Seen::fresh).cloned(),
+                age_ms: seen.map(|seen| u64::try_from(seen.age().as_millis()).unwrap_or(u64::MAX)),
+            }
+        });
+        Self { fleet: fleet.clone(), robots: robots.collect() }
+    }
+
+    /// Only these robots; none named = all.
+    pub(crate) fn only(mut self, robots: &[Name]) -> Self {
+        if !robots.is_empty() {
+            self.robots.retain(|row| robots.contains(&row.name));
+        }
+        self
+    }
+}
+
+/// `xtb-2` comes before `xtb-10`.
+fn by_number(name: &Name) -> (String, u64, String) {
+    let text = name.as_str();
+    let stem = text.trim_end_matches(|c: char| c.is_ascii_digit());
+    (stem.to_owned(), text[stem.len()..].parse().unwrap_or(0), text.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_missing_have_a_row_and_numbers_count() {
+        let names = |all: &[&str]| all.iter().map(|name| Name::new(name).unwrap()).collect::<BTreeSet<_>>();
+        let fleet = Name::new("lab").unwrap();
+        let alive = names(&["xtb-10", "xtb-2"]);
+        let view = FleetView::of(&fleet, &alive, &BTreeMap::new(), &names(&["xtb-1", "xtb-2"]));
+        let rows: Vec<_> = view.robots.iter().map(|row| (row.name.as_str(), row.alive)).collect();
+        assert_eq!(rows, [("xtb-1", false), ("xtb-2", true), ("xtb-10", true)]);
+        assert!(view.robots.iter().all(|row| row.state.is_none() && row.age_ms.is_none()));
+    }
+}

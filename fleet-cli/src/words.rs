@@ -1,0 +1,37 @@
+//! The protocol's names in words for people.
+
+use serde::Serialize;
+use xtb_protocol::messages::StopReason;
+
+/// The name of a unit variant as it travels in JSON, such as `goal_reached`.
+pub(crate) fn name(value: &impl Serialize) -> String {
+    match serde_json::to_value(value) {
+        Ok(serde_json::Value::String(name)) => name,
+        Ok(other) => other.to_string(),
+        Err(error) => error.to_string(),
+    }
+}
+
+/// Why a robot stands.
+pub(crate) fn reason(reason: StopReason) -> &'static str {
+    match reason {
+        StopReason::NoCommand => "nothing was asked of it",
+        StopReason::GoalReached => "the goal is reached",
+        StopReason::Stop => "it was told to stop",
+        StopReason::Cancelled => "the goal was cancelled",
+        StopReason::TimeUp => "the goal's time was up",
+        StopReason::SetpointExpired => "no setpoint arrived in time",
+        StopReason::LinkLost => "the link to the router was lost",
+        StopReason::SetpointZero => "the setpoint is zero",
+        StopReason::ObstacleFront => "obstacle ahead",
+        StopReason::ObstacleRear => "obstacle behind",
+        StopReason::WanderPause => "wander's pause",
+        StopReason::BoardLost => "the I/O board is silent",
+        StopReason::GyroLost => "the gyro is silent",
+    }
+}
+
+/// All reasons in one line.
+pub(crate) fn reasons(all: &[StopReason]) -> String {
+    all.iter().copied().map(reason).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,183 @@
+//! The binary as a shell sees it, in an empty home, without any router.
+
+use assert_cmd::Command;
+use assert_cmd::assert::Assert;
+use std::path::Path;
+use tempfile::TempDir;
+
+/// Nothing listens there.
+const NOWHERE: &str = "tcp/127.0.0.1:1";
+
+struct Home(TempDir);
+
+impl Home {
+    fn empty() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    fn command(&self) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_fleet-cli"));
+        command.env_clear().env("HOME", self.path()).current_dir(self.path());
+        command
+    }
+
+    fn run(&self, line: &str) -> Assert {
+        self.command().args(line.split_whitespace()).assert()
+    }
+
+    /// The same, where no router answers.
+    fn alone(&self, line: &str) -> Assert {
+        self.command().args(["--connect", NOWHERE, "--timeout", "0.3"]).args(line.split_whitespace()).assert()
+    }
+
+    fn config(&self, text: &str) {
+        let folder = self.path().join(".config/xtb");
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join("fleet.toml"), text).unwrap();
+    }
+}
+
+fn stdout(assert: &Assert) -> String {
+    String::from_utf8(assert.get_output().stdout.clone()).unwrap()
+}
+
+fn stderr(assert: &Assert) -> String {
+    String::from_utf8(assert.get_output().stderr.clone()).unwrap()
+}
+
+/// One line of JSON on standard output, and nothing else there.
+fn json(assert: &Assert) -> serde_json::Value {
+    let text = stdout(assert);
+    assert_eq!(text.lines().count(), 1, "{text}");
+    serde_json::from_str(&text).unwrap()
+}
+
+#[test]
+fn help_lists_verbs_and_exit_codes() {
+    let help = stdout(&Home::empty().run("--help").code(0));
+    for part in ["list", "teleop", "completions", "Exit codes:", "3    no router", "130", "XTB_CONNECT"] {
+        assert!(help.contains(part), "{part} is missing in\n{help}");
+    }
+}
+
+#[test]
+fn wrong_usage_exits_with_2() {
+    let home = Home::empty();
+    for line in [
+        "",
+        "fly",
+        "goto xtb-1",
+        "goto xtb-1 1 nan",
+        "goto Xtb-1 1 2",
+        "stop",
+        "stop --all xtb-1",
+        "stop --expect xtb-1",
+        "wander xtb-1 --for -3",
+        "--fleet LAB list",
+    ] {
+        home.run(line).code(2);
+    }
+    let error = &json(&home.run("--json goto xtb-1 x 2").code(2))["error"];
+    assert_eq!(error["code"], "usage");
+    assert!(error["message"].as_str().unwrap().contains("invalid value"), "{error}");
+}
+
+#[test]
+fn without_a_router_every_verb_says_what_it_tried_and_what_to_do() {
+    let home = Home::empty();
+    for line in
+        ["list", "status", "goto xtb-1 1 2", "wander xtb-1", "stop --all", "stop xtb-1", "watch xtb/**"]
+    {
+        let said = stderr(&home.alone(line).code(3));
+        assert!(said.contains(&format!("error: No router answers at {NOWHERE}")), "{line}: {said}");
+        assert!(
+            said.contains("hint: start `fleet-cli sim`") && said.contains("XTB_CONNECT"),
+            "{line}: {said}"
+        );
+    }
+}
+
+#[test]
+fn an_error_as_json_is_one_line_on_standard_output() {
+    let home = Home::empty();
+    for line in ["--json list", "list --json"] {
+        let error = &json(&home.alone(line).code(3))["error"];
+        assert_eq!(error["code"], "no_router");
+        assert!(error["message"].as_str().unwrap().contains(NOWHERE));
+        assert!(!error["hint"].as_str().unwrap().is_empty());
+    }
+}
+
+#[test]
+fn negative_coordinates_need_no_dashes() {
+    // It gets as far as looking for a router.
+    Home::empty().alone("goto xtb-1 -1.5 -2").code(3);
+}
+
+#[test]
+fn the_environment_and_the_config_name_the_router() {
+    let home = Home::empty();
+    let by_environment = home
+        .command()
+        .env("XTB_CONNECT", "tcp/127.0.0.1:2,tcp/127.0.0.1:3")
+        .args(["--timeout", "0.3", "list"])
+        .assert()
+        .code(3);
+    assert!(stderr(&by_environment).contains("tcp/127.0.0.1:2, tcp/127.0.0.1:3"));
+    home.config("connect = ['tcp/127.0.0.1:4']");
+    assert!(stderr(&home.run("list --timeout 0.3").code(3)).contains("at tcp/127.0.0.1:4 "));
+    assert!(stderr(&home.alone("list").code(3)).contains(NOWHERE));
+}
+
+#[test]
+fn an_endpoint_that_is_none_is_wrong_usage() {
+    let said = stderr(&Home::empty().run("list --connect nonsense --timeout 0.3").code(2));
+    assert!(said.contains("nonsense") && said.contains("tcp/"), "{said}");
+}
+
+#[test]
+fn an_unknown_config_key_names_the_one_meant() {
+    let home = Home::empty();
+    home.config("[[robots]]\nnme = 'xtb-1'");
+    let said = stderr(&home.alone("list").code(2));
+    assert!(said.contains("fleet.toml") && said.contains("unknown key robots[0].nme"), "{said}");
+    assert!(said.contains("did you mean robots[0].name?"), "{said}");
+    let missing = stderr(&home.alone("list --config nowhere.toml").code(2));
+    assert!(missing.contains("cannot read the config nowhere.toml"), "{missing}");
+}
+
+#[test]
+fn teleop_needs_a_terminal() {
+    let said = stderr(&Home::empty().alone("teleop xtb-1").code(2));
+    assert!(said.contains("terminal"), "{said}");
+}
+
+#[test]
+fn a_taken_port_is_said_to_be_taken() {
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let endpoint = format!("tcp/{}", taken.local_addr().unwrap());
+    let said = stderr(&Home::empty().run(&format!("router --listen {endpoint}")).code(1));
+    assert!(said.contains(&endpoint) && said.contains("--listen"), "{said}");
+}
+
+#[test]
+fn completions_exist_for_every_shell_and_need_no_config() {
+    let home = Home::empty();
+    home.config("broken");
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = stdout(&home.run(&format!("completions {shell}")).code(0));
+        assert!(script.contains("teleop"), "{shell}");
+    }
+}
+
+#[test]
+fn nothing_is_coloured_outside_a_terminal() {
+    let home = Home::empty();
+    home.config("[[robots]]\nname = 'xtb-1'");
+    let assert = home.alone("list").code(3);
+    assert!(!stdout(&assert).contains('\x1b') && !stderr(&assert).contains('\x1b'));
+}
