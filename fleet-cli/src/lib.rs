@@ -3,6 +3,8 @@
 //! A goal's walk begins here: `commands/goto.rs` → `client.rs` → `xtb-authority`'s operator →
 //! `xtb-bus` → Zenoh.
 
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
 pub mod cli;
 pub mod client;
 pub mod commands;

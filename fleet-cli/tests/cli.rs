@@ -1,5 +1,7 @@
 //! The binary as a shell sees it, in an empty home, without any router.
 
+#![allow(clippy::unwrap_used)]
+
 use assert_cmd::Command;
 use assert_cmd::assert::Assert;
 use std::path::Path;

@@ -106,17 +106,19 @@ impl ControlLoop {
         }
     }
 
+    /// The state, 20 times a second and before each event (who hears of a goal's end and asks for
+    /// the state must not get an older one), and the events.
     fn report(&mut self, now: Stamp, next_snapshot: &mut Stamp) {
-        while let Some(event) = self.robot.agent_mut().next_event() {
-            if self.ends.events.try_send(event).is_err() {
-                self.ends.counters.events_dropped.fetch_add(1, Ordering::Relaxed);
-            }
-        }
-        if now >= *next_snapshot {
+        if now >= *next_snapshot || self.robot.agent().has_events() {
             *next_snapshot = now.plus_ns(SNAPSHOT_NS);
             let state = self.robot.state(now, self.ends.counters.rejected_so_far());
             let sensors = self.robot.sensors(now);
             self.ends.snapshot.send_replace(Some(Snapshot { state, sensors }));
+        }
+        while let Some(event) = self.robot.agent_mut().next_event() {
+            if self.ends.events.try_send(event).is_err() {
+                self.ends.counters.events_dropped.fetch_add(1, Ordering::Relaxed);
+            }
         }
     }
 

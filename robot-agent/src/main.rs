@@ -6,7 +6,7 @@ use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
 use robot_agent::hardware::Hardware;
 use robot_agent::hardware::serial::SerialHardware;
 use robot_agent::hardware::simulated::LoneTruck;
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use tokio::sync::watch;
@@ -118,7 +118,11 @@ fn main() -> ExitCode {
     }
     let filter = EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| EnvFilter::new("info,zenoh=error,zenoh_transport=error"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_writer(std::io::stderr)
+        .init();
     let runtime = match tokio::runtime::Builder::new_multi_thread().enable_all().build() {
         Ok(runtime) => runtime,
         Err(error) => return fail(1, &error, "the system is out of threads or memory"),

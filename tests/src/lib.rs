@@ -1,1 +1,270 @@
-//! fleet-tests
+//! The harness: a simulated fleet on a router of its own, and a client that talks to it.
+//!
+//! Router on port 0, multicast off, a seed, and [`eventually`] instead of sleeps: any number of
+//! these run side by side.
+
+use fleet_cli::simulator::{Plan, Simulator};
+use std::future::Future;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use xtb_bus::{Bus, Role, Subscription};
+use xtb_control::frames::MapPose;
+use xtb_protocol::codec::Format;
+use xtb_protocol::keys::{Channel, FleetKeys, RobotKeys};
+use xtb_protocol::messages::{
+    Body, Done, Event, EventKind, GoalStatus, LinkLoss, Outcome, Request, RobotState, Setpoint, TruthRobot,
+};
+use xtb_protocol::{Name, Uuid};
+use xtb_sim::World;
+
+/// A generous bound: nothing here takes that long unless something is broken.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+const LOOK_EVERY: Duration = Duration::from_millis(10);
+const ASK_WITHIN: Duration = Duration::from_secs(5);
+
+/// Looks again and again until `look` finds something.
+///
+/// # Panics
+/// After [`PATIENCE`], naming `what`.
+pub async fn eventually<T, F: Future<Output = Option<T>>>(what: &str, mut look: impl FnMut() -> F) -> T {
+    let give_up = Instant::now() + PATIENCE;
+    loop {
+        if let Some(found) = look().await {
+            return found;
+        }
+        assert!(Instant::now() < give_up, "waited {PATIENCE:?} in vain for: {what}");
+        tokio::time::sleep(LOOK_EVERY).await;
+    }
+}
+
+/// A name that is known to be one.
+///
+/// # Panics
+/// If it is not.
+#[must_use]
+pub fn name(text: &str) -> Name {
+    Name::new(text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// How a test's fleet differs from three robots in an empty room at eight times real time.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// How many robots.
+    pub robots: usize,
+    /// Times real time.
+    pub speed: f64,
+    /// Seed.
+    pub seed: u64,
+    /// The room.
+    pub world: Option<World>,
+    /// Start poses: x in m, y in m, yaw in rad.
+    pub starts: Vec<(f64, f64, f64)>,
+    /// No agents, but ptys here.
+    pub pty: Option<PathBuf>,
+}
+
+impl Default for Setup {
+    fn default() -> Self {
+        Self { robots: 1, speed: 8.0, seed: 1, world: None, starts: Vec::new(), pty: None }
+    }
+}
+
+/// A running fleet and a client.
+pub struct Fleet {
+    /// The robots and their world.
+    pub simulator: Simulator,
+    /// The client's session.
+    pub bus: Bus,
+    keys: FleetKeys,
+    client: Name,
+}
+
+impl Fleet {
+    /// Starts it and waits until all robots are alive.
+    ///
+    /// # Panics
+    /// If it does not start.
+    pub async fn start(setup: Setup) -> Self {
+        let pose = |&(x_m, y_m, yaw_rad): &(f64, f64, f64)| MapPose { x_m, y_m, yaw_rad };
+        let plan = Plan {
+            fleet: name("lab"),
+            robots: setup.robots,
+            world: setup.world,
+            starts: setup.starts.iter().map(pose).collect(),
+            seed: setup.seed,
+            speed: setup.speed,
+            listen: "tcp/127.0.0.1:0".into(),
+            connect: Vec::new(),
+            pty: setup.pty,
+            truth_log: None,
+        };
+        let simulator = Simulator::start(plan).await.unwrap_or_else(|failure| panic!("{failure}"));
+        let role = Role::Client { connect: vec![simulator.endpoint().to_owned()] };
+        let bus = xtb_bus::open(&role).await.unwrap_or_else(|error| panic!("{error}"));
+        Self { simulator, bus, keys: FleetKeys::new(name("lab")), client: name("test") }
+    }
+
+    /// Keys of `xtb-<number>`.
+    #[must_use]
+    pub fn robot(&self, number: usize) -> RobotKeys {
+        self.keys.robot(&robot_name(number))
+    }
+
+    /// Keys of any robot.
+    #[must_use]
+    pub fn any_robot(&self) -> RobotKeys {
+        self.keys.any_robot()
+    }
+
+    /// Asks a robot until it answers.
+    ///
+    /// # Panics
+    /// If Zenoh fails, or nobody answers in time.
+    pub async fn ask(&self, number: usize, body: Body) -> Outcome {
+        let request = Request { id: Uuid::new_v4(), lease: None, body };
+        let keys = self.robot(number);
+        eventually("a reply", || async {
+            let reply = self.bus.ask(&keys, &self.client, &request, ASK_WITHIN).await;
+            reply.unwrap_or_else(|error| panic!("{error}"))
+        })
+        .await
+        .result
+    }
+
+    /// Sends a goal, which must be accepted.
+    ///
+    /// # Panics
+    /// If it is refused.
+    pub async fn goto(&self, number: usize, x_m: f64, y_m: f64) -> Uuid {
+        let body = Body::Goto { x_m, y_m, yaw_rad: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 };
+        match self.ask(number, body).await {
+            Outcome::Ok(Done { goal: Some(goal), .. }) => goal,
+            other => panic!("the goal was not accepted: {other:?}"),
+        }
+    }
+
+    /// A robot's state, asked for now.
+    ///
+    /// # Panics
+    /// If nobody answers in time.
+    pub async fn state(&self, number: usize) -> RobotState {
+        let keys = self.robot(number);
+        eventually("a state", || async {
+            let answers = self.bus.get(&keys.state(), ASK_WITHIN).await;
+            answers.unwrap_or_else(|error| panic!("{error}")).first().and_then(|answer| answer.decode().ok())
+        })
+        .await
+    }
+
+    /// Waits until a robot's state satisfies `is`.
+    ///
+    /// # Panics
+    /// If it does not in time.
+    pub async fn until(&self, number: usize, what: &str, is: impl Fn(&RobotState) -> bool) -> RobotState {
+        eventually(what, || async { Some(self.state(number).await).filter(|state| is(state)) }).await
+    }
+
+    /// Waits until this goal has ended.
+    ///
+    /// # Panics
+    /// If it does not in time, or another goal has taken its place.
+    pub async fn outcome(&self, number: usize, id: Uuid) -> GoalStatus {
+        let ended = |state: &RobotState| {
+            let goal = state.goal.as_ref().unwrap_or_else(|| panic!("the goal is gone"));
+            assert_eq!(goal.id, id, "another goal has taken its place");
+            goal.status.is_final()
+        };
+        let state = self.until(number, "the goal's end", ended).await;
+        state.goal.map_or(GoalStatus::Failed, |goal| goal.status)
+    }
+
+    /// Sends a setpoint.
+    ///
+    /// # Panics
+    /// If Zenoh fails.
+    pub async fn setpoint(&self, number: usize, rpm: f64, steering: f64) {
+        let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm, steering };
+        let channel = Channel::Teleop(self.client.clone());
+        let key = self.robot(number).teleop(Some(&self.client));
+        let sent = self.bus.put(&key, &channel, &setpoint, Format::Postcard).await;
+        sent.unwrap_or_else(|error| panic!("{error}"));
+    }
+
+    /// Where a truck really is.
+    ///
+    /// # Panics
+    /// If there is no such truck.
+    #[must_use]
+    pub fn truth(&self, number: usize) -> TruthRobot {
+        let truth = self.simulator.truth().latest();
+        *truth.robots.get(&robot_name(number)).unwrap_or_else(|| panic!("no truck {number}"))
+    }
+
+    /// Simulated time in s.
+    #[must_use]
+    pub fn time_s(&self) -> f64 {
+        self.simulator.truth().latest().t_s
+    }
+
+    /// Waits for simulated time to pass.
+    pub async fn simulated(&self, seconds: f64) {
+        let until = self.time_s() + seconds;
+        eventually("simulated time", || async { (self.time_s() >= until).then_some(()) }).await;
+    }
+
+    /// Who is alive.
+    ///
+    /// # Panics
+    /// If Zenoh fails.
+    pub async fn alive(&self) -> Vec<String> {
+        let keys = self.bus.alive(&self.any_robot().alive(), ASK_WITHIN).await;
+        keys.unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// Collects a robot's events from now on (and its last ones).
+    ///
+    /// # Panics
+    /// If Zenoh fails.
+    pub async fn events(&self, number: usize) -> Events {
+        let found = Arc::<Mutex<Vec<Event>>>::default();
+        let list = found.clone();
+        let subscription = self
+            .bus
+            .subscribe_events(&self.robot(number).event(), move |incoming| {
+                if let Ok(event) = incoming.decode::<Event>() {
+                    list.lock().unwrap_or_else(PoisonError::into_inner).push(event);
+                }
+            })
+            .await;
+        Events { found, _subscription: subscription.unwrap_or_else(|error| panic!("{error}")) }
+    }
+
+    /// Ends everything.
+    pub async fn end(self) {
+        self.bus.close().await;
+        self.simulator.stop().await;
+    }
+}
+
+fn robot_name(number: usize) -> Name {
+    name(&format!("xtb-{number}"))
+}
+
+/// Events as they came in.
+pub struct Events {
+    found: Arc<Mutex<Vec<Event>>>,
+    _subscription: Subscription,
+}
+
+impl Events {
+    /// How often a goal was reported with this status.
+    #[must_use]
+    pub fn count(&self, goal: Uuid, wanted: GoalStatus) -> usize {
+        let found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
+        let is = |kind: &EventKind| {
+            matches!(kind, EventKind::Goal { id, status, .. } if *id == goal && *status == wanted)
+        };
+        found.iter().filter(|event| is(&event.kind)).count()
+    }
+}

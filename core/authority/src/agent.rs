@@ -377,6 +377,12 @@ impl Agent {
         self.event_seq += 1;
     }
 
+    /// Whether events wait to be taken.
+    #[must_use]
+    pub fn has_events(&self) -> bool {
+        !self.events.is_empty()
+    }
+
     /// The oldest event that has not been taken yet.
     pub fn next_event(&mut self) -> Option<Event> {
         self.events.pop_front()

@@ -41,6 +41,7 @@ struct Sensor {
     floor_v: f64,
     period_ns: u64,
     next_ns: u64,
+    /// 0 V until the first measurement, as a sensor that is just being switched on.
     reading: AdcCount,
 }
 

@@ -160,3 +160,75 @@ impl StepContext<'_> {
             && self.traffic.grid.near(bounds).filter(|&i| i != me).all(|i| far(&self.traffic.boxes[i]))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::noise::Noise;
+    use crate::world::BoxSpec;
+
+    /// A crowded world: 40 boxes and 40 trucks anywhere, some beyond the walls.
+    fn crowd(noise: &mut Noise) -> (Scene, Traffic) {
+        let mut world = World::default();
+        for i in 0..40 {
+            let spec = BoxSpec {
+                x_m: noise.uniform(-9.0, 9.0),
+                y_m: noise.uniform(-9.0, 9.0),
+                width_m: noise.uniform(0.01, 3.0),
+                depth_m: noise.uniform(0.01, 1.0),
+                yaw_rad: noise.uniform(-3.0, 3.0),
+            };
+            world.put_box(&format!("box-{i}"), spec).unwrap();
+        }
+        let scene = Scene::new(&world);
+        let bodies: Vec<_> = (0..40).map(|_| anywhere(noise)).collect();
+        let traffic = Traffic::new(scene.cells(), &bodies);
+        (scene, traffic)
+    }
+
+    fn anywhere(noise: &mut Noise) -> OrientedBox {
+        let (x_m, y_m) = (noise.uniform(-11.0, 11.0), noise.uniform(-11.0, 11.0));
+        OrientedBox::new(x_m, y_m, noise.uniform(-3.0, 3.0), 0.5, 0.4)
+    }
+
+    #[test]
+    fn the_broad_phase_finds_what_asking_every_box_finds() {
+        let mut noise = Noise::new(11, 0);
+        let (scene, traffic) = crowd(&mut noise);
+        let context = StepContext { scene: &scene, traffic: &traffic, start: Stamp::ZERO };
+        let (mut hits, mut blocks) = (0, 0);
+        for round in 0..2000 {
+            let me = round % 40;
+            let others = traffic.boxes.iter().enumerate().filter(|(i, _)| *i != me);
+            let all: Vec<_> = scene.boxes.iter().chain(others.map(|(_, b)| b)).collect();
+
+            let (sin, cos) = libm::sincos(noise.uniform(-3.2, 3.2));
+            let (x_m, y_m) = (noise.uniform(-11.0, 11.0), noise.uniform(-11.0, 11.0));
+            let beam = Beam::new(x_m, y_m, cos, sin, 1.2);
+            let expected = all.iter().filter_map(|b| b.hit_m(&beam)).reduce(f64::min);
+            assert_eq!(context.nearest_m(me, beam), expected);
+            hits += usize::from(expected.is_some());
+
+            let (far, here) = (OrientedBox::new(500.0, 0.0, 0.0, 0.5, 0.4), anywhere(&mut noise));
+            let expected = all.iter().any(|b| b.separation_m(&here) <= 0.0);
+            assert_eq!(context.blocks(me, &far, &here, &mut Vec::new()), expected);
+            let expected = all.iter().all(|b| b.separation_m(&here) > 0.01);
+            assert_eq!(context.is_clear(me, &here, 0.01), expected);
+            blocks += usize::from(!expected);
+        }
+        assert!(hits > 200 && hits < 1800 && blocks > 200 && blocks < 1800, "{hits} {blocks}");
+    }
+
+    #[test]
+    fn what_is_already_penetrated_blocks_only_the_way_deeper() {
+        let mut world = World::default();
+        let spec = BoxSpec { x_m: 0.0, y_m: 0.0, width_m: 1.0, depth_m: 1.0, yaw_rad: 0.0 };
+        world.put_box("crate", spec).unwrap();
+        let scene = Scene::new(&world);
+        let traffic = Traffic::new(scene.cells(), &[]);
+        let context = StepContext { scene: &scene, traffic: &traffic, start: Stamp::ZERO };
+        let at = |x_m: f64| OrientedBox::new(x_m, 0.0, 0.0, 0.5, 0.4);
+        assert!(context.blocks(0, &at(0.7), &at(0.69), &mut Vec::new()));
+        assert!(!context.blocks(0, &at(0.7), &at(0.71), &mut Vec::new()));
+    }
+}

@@ -78,7 +78,7 @@ impl World {
         let mut bodies: Vec<_> = poses.iter().map(|pose| footprint(pose, body)).collect();
         let mut lanes: Vec<_> = poses.iter().map(|pose| lane(pose, body)).collect();
         let clear = |shape: &OrientedBox, of: &[OrientedBox]| of.iter().all(|o| shape.separation_m(o) > 0.0);
-        let floor = self.room().unwrap_or_else(|| Bounds::around(0.0, 0.0, OPEN_SIDE_M, OPEN_SIDE_M));
+        let floor = self.floor().unwrap_or_else(|| Bounds::around(0.0, 0.0, OPEN_SIDE_M, OPEN_SIDE_M));
         for pose in places(floor, body) {
             if poses.len() == robots {
                 break;
@@ -106,7 +106,7 @@ impl World {
                 return Err(WorldError::StartBlocked { start, what: solid.what });
             }
             let (x_m, y_m) = here.centre_m();
-            if self.room().is_some_and(|room| !room.holds(x_m, y_m)) {
+            if self.floor().is_some_and(|floor| !floor.holds(x_m, y_m)) {
                 return Err(WorldError::StartOutside { start });
             }
             if let Some(first) = bodies[..i].iter().position(|other| here.separation_m(other) <= 0.0) {

@@ -184,7 +184,8 @@ impl Truck {
         self.board.counters()
     }
 
-    /// One step. `context` comes from [`crate::Simulation::split_step`]; call this once for each.
+    /// One step, once for each context; it must come from [`crate::Simulation::split_step`] of the
+    /// simulation that the truck belongs to. Allocates nothing.
     pub fn step(&mut self, context: &StepContext<'_>) {
         self.board.latch(context.start());
         self.platform.step(&self.board.outputs().pistons, STEP_S);

@@ -177,12 +177,16 @@ impl Default for World {
 }
 
 impl World {
-    /// An empty square room, centred on the origin, in which `robots` of this size start with
-    /// 3 m free ahead; never smaller than the default one.
+    /// An empty square room, centred on the origin, in which `robots` of this size start with 3 m
+    /// free ahead; never smaller than the default one, never larger than 1000 m.
     #[must_use]
     pub fn for_robots(robots: usize, body: &Body) -> Self {
+        let holds_all = |side_m: f64| {
+            let floor = Bounds::around(0.0, 0.0, side_m, side_m);
+            places(floor, body).take(robots).count() == robots
+        };
         let mut side_m = DEFAULT_SIDE_M;
-        while places(Bounds::around(0.0, 0.0, side_m, side_m), body).count() < robots {
+        while side_m < LIMIT_M && !holds_all(side_m) {
             side_m += 2.0;
         }
         Self::square(side_m)
@@ -217,6 +221,23 @@ impl World {
         &self.0.starts
     }
 
+    /// The room, if the world has one.
+    #[must_use]
+    pub fn room(&self) -> Option<Room> {
+        self.0.room
+    }
+
+    /// The walls inside and outside of it.
+    #[must_use]
+    pub fn walls(&self) -> &[Wall] {
+        &self.0.walls
+    }
+
+    /// The boxes, with their names if they have one.
+    pub fn boxes(&self) -> impl Iterator<Item = (Option<&str>, BoxSpec)> {
+        self.0.boxes.iter().map(|b| (b.name.as_deref(), b.spec()))
+    }
+
     /// The ramps.
     #[must_use]
     pub fn ramps(&self) -> &[Ramp] {
@@ -249,7 +270,7 @@ impl World {
     }
 
     /// The floor that the walls of the room leave, if there is a room.
-    pub(crate) fn room(&self) -> Option<Bounds> {
+    pub(crate) fn floor(&self) -> Option<Bounds> {
         self.0.room.map(|room| Bounds::around(room.x_m, room.y_m, room.width_m, room.depth_m))
     }
 
@@ -257,7 +278,7 @@ impl World {
     pub(crate) fn extent(&self) -> Bounds {
         let starts = self.0.starts.iter().map(|pose| Bounds::around(pose.x_m, pose.y_m, 0.0, 0.0));
         let contents = self.solids().map(|solid| solid.shape.bounds()).chain(starts);
-        match (self.room(), contents.reduce(Bounds::union)) {
+        match (self.floor(), contents.reduce(Bounds::union)) {
             (Some(room), contents) => contents.map_or(room, |contents| room.union(contents)),
             (None, Some(contents)) => contents.grown(OPEN_MARGIN_M),
             (None, None) => Bounds::around(0.0, 0.0, DEFAULT_SIDE_M, DEFAULT_SIDE_M),
@@ -266,7 +287,7 @@ impl World {
 
     /// Everything that trucks cannot pass, in the file's order.
     pub(crate) fn solids(&self) -> impl Iterator<Item = Solid> {
-        let around = self.room().into_iter().flat_map(room_walls);
+        let around = self.floor().into_iter().flat_map(room_walls);
         let walls = self.0.walls.iter().enumerate().flat_map(|(i, wall)| {
             wall.points.windows(2).map(move |ends| Solid {
                 what: format!("wall {}", i + 1),

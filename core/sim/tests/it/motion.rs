@@ -2,7 +2,9 @@
 
 use crate::agent::{board_frames, drive, pulses};
 use std::f64::consts::{FRAC_PI_2, PI};
+use xtb_control::controller::GyroSample;
 use xtb_control::frames::{MapPose, wrap_rad};
+use xtb_control::odometry::GYRO_DEG_PER_COUNT;
 use xtb_protocol::board::{FrameWriter, FromBoard};
 use xtb_protocol::gyro_3dmg::{EULER, EulerReader};
 use xtb_sim::{Simulation, Truck, TruckParameters, Truth, World};
@@ -16,12 +18,12 @@ fn truth(simulation: &Simulation) -> Truth {
     simulation.trucks()[0].truth()
 }
 
-fn gyro_yaw(truck: &mut Truck) -> i16 {
-    let (mut bytes, mut yaw) = (Vec::new(), None);
+fn gyro_angles(truck: &mut Truck) -> GyroSample {
+    let (mut bytes, mut angles) = (Vec::new(), None);
     truck.gyro_rx(&[EULER]);
     truck.take_gyro_tx(&mut bytes);
-    EulerReader::default().push(&bytes, |frame| yaw = Some(frame.angles.yaw));
-    yaw.unwrap()
+    EulerReader::default().push(&bytes, |frame| angles = Some(frame.angles));
+    angles.unwrap()
 }
 
 #[test]
@@ -39,9 +41,9 @@ fn a_centred_truck_drives_straight_ahead_north() {
 #[test]
 fn a_front_count_below_its_centre_turns_right_and_the_heading_grows() {
     let mut simulation = alone(&TruckParameters::default(), 1);
-    let before = gyro_yaw(&mut simulation.trucks_mut()[0]);
+    let before = gyro_angles(&mut simulation.trucks_mut()[0]).yaw;
     drive(&mut simulation, &mut FrameWriter::default(), &pulses(4000, -300), 1.0);
-    let after = gyro_yaw(&mut simulation.trucks_mut()[0]);
+    let after = gyro_angles(&mut simulation.trucks_mut()[0]).yaw;
     let truth = truth(&simulation);
     assert!(truth.x_m > 0.0 && truth.yaw_rad < FRAC_PI_2, "to the east: {truth:?}");
     assert!(after.wrapping_sub(before) > 1000, "clockwise is positive: {before} to {after}");
@@ -155,10 +157,25 @@ fn a_ramp_tilts_the_truck_and_slows_it_a_little() {
     });
     let nose_down_deg = (tilt_x_v.unwrap() - 2.525) / 0.034_813;
     assert!((nose_down_deg + 6.0).abs() < 0.1, "{nose_down_deg}");
-    let mut pitch = None;
-    let (mut bytes, truck) = (Vec::new(), &mut sloping.trucks_mut()[0]);
-    truck.gyro_rx(&[EULER]);
-    truck.take_gyro_tx(&mut bytes);
-    EulerReader::default().push(&bytes, |frame| pitch = Some(frame.angles.pitch));
-    assert!((f64::from(pitch.unwrap()) * 360.0 / 65536.0 - 6.0).abs() < 0.3, "nose up: {pitch:?}");
+    let pitch_deg = f64::from(gyro_angles(&mut sloping.trucks_mut()[0]).pitch) * GYRO_DEG_PER_COUNT;
+    assert!((pitch_deg - 6.0).abs() < 0.3, "nose up is positive: {pitch_deg}");
+}
+
+#[test]
+fn a_bank_that_rises_to_the_right_rolls_the_truck_to_the_left() {
+    let bank = "[[ramps]]\nx_m = 0.0\ny_m = 0.0\nlength_m = 4.0\nwidth_m = 4.0\nslope_deg = 5.0\n\
+                uphill_rad = 0.0";
+    let world = World::from_toml(bank).unwrap();
+    let mut simulation = Simulation::new(world, &TruckParameters::default(), &["a"], 1).unwrap();
+    drive(&mut simulation, &mut FrameWriter::default(), &pulses(3750, 0), 0.1);
+    let angles = gyro_angles(&mut simulation.trucks_mut()[0]);
+    let (roll_deg, pitch_deg) =
+        (f64::from(angles.roll) * GYRO_DEG_PER_COUNT, f64::from(angles.pitch) * GYRO_DEG_PER_COUNT);
+    assert!((roll_deg + 5.0).abs() < 0.3 && pitch_deg.abs() < 0.3, "{roll_deg} {pitch_deg}");
+    let tilt_y_v = board_frames(&mut simulation.trucks_mut()[0]).iter().rev().find_map(|frame| match frame {
+        FromBoard::Adc { sample, .. } => Some(sample.tilt[1].volts()),
+        FromBoard::Encoder { .. } => None,
+    });
+    let left_down_deg = (tilt_y_v.unwrap() - 2.503) / 0.033_934;
+    assert!((left_down_deg - 5.0).abs() < 0.1, "{left_down_deg}");
 }

@@ -1,0 +1,62 @@
+//! The binary from outside: settings, messages, exit codes.
+
+use assert_cmd::Command;
+
+fn agent() -> Command {
+    let mut command = Command::cargo_bin("robot-agent").expect("cargo builds it for this test");
+    command.env_clear();
+    command
+}
+
+fn stderr_of(command: &mut Command, code: i32) -> String {
+    let output = command.assert().code(code).get_output().clone();
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn the_printed_configuration_is_commented_and_complete() {
+    let output = agent().arg("--print-config").assert().success().get_output().clone();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    for line in ["[agent]", "name = \"xtb-1\"", "[vehicle.goto]", "reference_rpm = 13.0"] {
+        assert!(text.contains(line), "{line} is missing from\n{text}");
+    }
+    let committed = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/default.toml");
+    assert_eq!(text, std::fs::read_to_string(committed).expect("configs/default.toml"));
+}
+
+#[test]
+fn flags_are_over_the_environment_over_the_file() {
+    let file = tempfile::NamedTempFile::new().expect("a temporary file");
+    std::fs::write(file.path(), "[agent]\nname = \"from-file\"\nfleet = \"from-file\"\n").expect("writing it");
+    let mut command = agent();
+    command.arg("--config").arg(file.path()).env("XTB_FLEET", "from-env").args(["--name", "from-flag"]);
+    let output = command.args(["--start-pose", "-1.5,2,0.5", "--print-config"]).assert().success();
+    let text = String::from_utf8_lossy(&output.get_output().stdout).into_owned();
+    for line in ["name = \"from-flag\"", "fleet = \"from-env\"", "x_m = -1.5", "yaw_rad = 0.5"] {
+        assert!(text.contains(line), "{line} is missing from\n{text}");
+    }
+}
+
+#[test]
+fn a_misspelt_key_is_an_error_with_a_suggestion() {
+    let said = stderr_of(agent().args(["--set", "vehicle.goto.refrence_rpm=10"]), 2);
+    assert!(said.contains("did you mean vehicle.goto.reference_rpm?"), "{said}");
+}
+
+#[test]
+fn a_value_out_of_range_is_refused_by_name() {
+    let said = stderr_of(agent().args(["--set", "vehicle.teleop.max_rpm=300"]), 2);
+    assert!(said.contains("teleop.max_rpm") && said.contains("obstacle.threshold_cm"), "{said}");
+}
+
+#[test]
+fn a_port_that_is_not_there_is_named() {
+    let said = stderr_of(agent().args(["--hardware", "serial", "--board", "/nonexistent/board"]), 1);
+    assert!(said.contains("/nonexistent/board") && said.contains("hint:"), "{said}");
+}
+
+#[test]
+fn help_documents_the_exit_codes() {
+    let output = agent().arg("--help").assert().success().get_output().clone();
+    assert!(String::from_utf8_lossy(&output.stdout).contains("Exit codes"));
+}

@@ -1,0 +1,67 @@
+//! What must not be believed changes nothing, is counted and can be seen.
+
+use fleet_tests::{Fleet, Setup, eventually, name};
+use xtb_control::Mode;
+use xtb_protocol::codec::MAX_BYTES;
+use xtb_protocol::keys::Channel;
+use xtb_protocol::messages::RobotState;
+
+const OURS: &str = "application/x-postcard;xtb.Setpoint.v1";
+
+async fn throw(fleet: &Fleet, encoding: &str, bytes: Vec<u8>) {
+    let client = name("stranger");
+    let channel = Channel::Teleop(client.clone());
+    let key = fleet.robot(1).teleop(Some(&client));
+    fleet.bus.put_raw(&key, &channel, encoding, bytes).await.unwrap();
+}
+
+/// Postcard of a setpoint with this speed.
+fn setpoint(rpm: f64) -> Vec<u8> {
+    let mut bytes = vec![0, 1, 0];
+    bytes.extend(rpm.to_le_bytes());
+    bytes.extend(0.0_f64.to_le_bytes());
+    bytes
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn bad_setpoints_move_nothing_and_are_counted_by_kind() {
+    let fleet = Fleet::start(Setup::default()).await;
+    throw(&fleet, OURS, vec![0xFF; 40]).await;
+    throw(&fleet, "", setpoint(20.0)).await;
+    throw(&fleet, "application/json", b"{\"rpm\":20".to_vec()).await;
+    throw(&fleet, OURS, vec![0; MAX_BYTES + 1]).await;
+    throw(&fleet, "application/x-postcard;xtb.Setpoint.v2", setpoint(20.0)).await;
+    throw(&fleet, OURS, setpoint(f64::NAN)).await;
+    throw(&fleet, OURS, setpoint(f64::INFINITY)).await;
+    throw(&fleet, OURS, setpoint(1e9)).await;
+    let counted = |state: &RobotState| {
+        let r = &state.rejected;
+        (r.malformed, r.oversized, r.wrong_version, r.out_of_range) == (3, 1, 1, 3)
+    };
+    let state = fleet.until(1, "all of them counted", counted).await;
+    assert_eq!((state.mode, state.input_age_ms.setpoint), (Mode::Idle, None));
+    assert!(fleet.truth(1).neutral_since_s.is_some());
+    fleet.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_flood_of_garbage_does_not_keep_a_goal_from_being_reached() {
+    let fleet = Fleet::start(Setup::default()).await;
+    let goal = fleet.goto(1, 0.2, 1.5).await;
+    let mut thrown = 0_u64;
+    eventually("the goal's end", || {
+        thrown += 20;
+        let fleet = &fleet;
+        async move {
+            for _ in 0..20 {
+                throw(fleet, OURS, vec![0xAA; 500]).await;
+            }
+            let state = fleet.state(1).await;
+            state.goal.filter(|now| now.id == goal && now.status.is_final())
+        }
+    })
+    .await;
+    let state = fleet.until(1, "all of them counted", |state| state.rejected.malformed >= thrown).await;
+    assert_eq!(state.rejected.malformed, thrown);
+    fleet.end().await;
+}

@@ -1,0 +1,11 @@
+//! End to end over real Zenoh: a module a topic.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on shall end
+
+mod driving;
+mod hostile;
+mod membership;
+mod obstacles;
+mod processes;
+mod style;
+mod teleop;

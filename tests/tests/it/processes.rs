@@ -1,0 +1,110 @@
+//! Separate processes: serial lines, real kills, and clients in another language.
+
+use fleet_tests::{Fleet, Setup, eventually};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use xtb_control::Mode;
+use xtb_protocol::messages::GoalStatus;
+
+/// A program of this workspace: cargo builds it before it runs any test, for its own package's tests.
+fn program(name: &str) -> PathBuf {
+    let here = std::env::current_exe().unwrap();
+    let path = here.parent().unwrap().parent().unwrap().join(name);
+    assert!(path.exists(), "{} is not built: `cargo build --workspace` first", path.display());
+    path
+}
+
+/// A process that is killed when the test ends, however it ends.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn agent(fleet: &Fleet, lines: &Path) -> Process {
+    let child = Command::new(program("robot-agent"))
+        .env_clear()
+        .args(["--hardware", "serial", "--name", "xtb-1", "--connect", fleet.simulator.endpoint()])
+        .arg("--board")
+        .arg(lines.join("xtb-1.board"))
+        .arg("--gyro")
+        .arg(lines.join("xtb-1.gyro"))
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    Process(child)
+}
+
+async fn serial_fleet(lines: &Path) -> Fleet {
+    let fleet =
+        Fleet::start(Setup { speed: 1.0, pty: Some(lines.to_owned()), ..Setup::default() }).await;
+    assert!(lines.join("xtb-1.board").exists() && lines.join("xtb-1.gyro").exists());
+    fleet
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_agent_on_serial_lines_drives_and_its_death_is_neutral_within_200_ms() {
+    let folder = tempfile::tempdir().unwrap();
+    let fleet = serial_fleet(folder.path()).await;
+    let mut process = agent(&fleet, folder.path());
+    eventually("the agent", || async { (fleet.alive().await.len() == 1).then_some(()) }).await;
+    let goal = fleet.goto(1, 0.1, 0.5).await;
+    assert_eq!(fleet.outcome(1, goal).await, GoalStatus::Reached);
+
+    fleet.goto(1, 0.0, 5.0).await;
+    eventually("driving", || async { (fleet.truth(1).speed_mps > 0.08).then_some(()) }).await;
+    process.0.kill().unwrap();
+    let killed_s = fleet.time_s();
+    let neutral_s = eventually("neutral", || async { fleet.truth(1).neutral_since_s }).await;
+    assert!(neutral_s - killed_s <= 0.2, "neutral only {} s after kill -9", neutral_s - killed_s);
+
+    let _second = agent(&fleet, folder.path());
+    eventually("the agent again", || async {
+        let states = fleet.bus.get(&fleet.robot(1).state(), std::time::Duration::from_secs(1)).await.unwrap();
+        let state = states.first()?.decode::<xtb_protocol::messages::RobotState>().ok()?;
+        (state.mode == Mode::Idle && state.input_age_ms.gyro.is_some()).then_some(())
+    })
+    .await;
+    fleet.simulated(1.0).await;
+    let before = fleet.truth(1);
+    fleet.simulated(2.0).await;
+    assert_eq!((before.x_m, before.y_m), (fleet.truth(1).x_m, fleet.truth(1).y_m));
+    fleet.end().await;
+}
+
+/// A Python that has the package `eclipse-zenoh`, if there is one.
+fn python() -> Option<PathBuf> {
+    let candidates = std::env::var_os("XTB_PYTHON").into_iter().chain(["python3".into()]);
+    candidates.map(PathBuf::from).find(|python| {
+        let import = Command::new(python).args(["-c", "import zenoh"]).stderr(Stdio::null()).status();
+        import.is_ok_and(|status| status.success())
+    })
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_python_example_of_the_docs_drives_a_robot() {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let example = docs.join("examples/goto.py");
+    let code = std::fs::read_to_string(&example).unwrap();
+    let page = std::fs::read_to_string(docs.join("protocol.md")).unwrap();
+    assert!(page.contains(code.trim()), "docs/protocol.md does not hold docs/examples/goto.py as it is");
+    let Some(python) = python() else {
+        return eprintln_skip("no Python with the package eclipse-zenoh: the example was not run");
+    };
+    let fleet = Fleet::start(Setup { robots: 3, ..Setup::default() }).await;
+    let mut command = Command::new(python);
+    command.arg(&example).args([fleet.simulator.endpoint(), "lab", "xtb-1", "0.3", "1.5"]);
+    let output = tokio::task::spawn_blocking(move || command.output()).await.unwrap().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    let truth = fleet.truth(1);
+    assert!((truth.x_m - 0.3).hypot(truth.y_m - 1.5) < 0.5, "{truth:?}");
+    fleet.end().await;
+}
+
+#[allow(clippy::print_stderr)] // people who run the tests shall see it
+fn eprintln_skip(why: &str) {
+    eprintln!("skipped: {why}");
+}

@@ -1,0 +1,73 @@
+//! The rules that no compiler checks.
+
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() && !path.ends_with("target") {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+/// Places where one of `words` stands in code below `folders`, except in files named in `except`.
+fn places(folders: &[&str], words: &[&str], except: &[&str]) -> Vec<String> {
+    let mut files = Vec::new();
+    for folder in folders {
+        sources(&root().join(folder), &mut files);
+    }
+    assert!(!files.is_empty());
+    let mut places = Vec::new();
+    for file in files.iter().filter(|file| !except.iter().any(|name| file.ends_with(name))) {
+        let text = std::fs::read_to_string(file).unwrap();
+        for (number, line) in text.lines().enumerate() {
+            let code = line.split("//").next().unwrap_or_default();
+            if words.iter().any(|word| code.contains(word)) {
+                places.push(format!("{}:{}: {}", file.display(), number + 1, line.trim()));
+            }
+        }
+    }
+    places
+}
+
+fn none(places: &[String]) {
+    assert!(places.is_empty(), "\n{}", places.join("\n"));
+}
+
+#[test]
+fn keys_stand_in_the_key_table_only() {
+    let folders = ["core", "robot-agent/src", "fleet-cli/src", "tests/src"];
+    none(&places(&folders, &["\"xtb/", "\"xtb\""], &["keys.rs"]));
+}
+
+#[test]
+fn the_core_knows_no_clock_file_socket_or_thread() {
+    let folders = ["core/control/src", "core/protocol/src", "core/authority/src", "core/sim/src"];
+    let words =
+        ["Instant::now", "SystemTime", "tokio", "zenoh::", "std::fs", "std::net", "std::thread", "std::io"];
+    none(&places(&folders, &words, &[]));
+}
+
+#[test]
+fn zenoh_is_opened_in_the_bus_only() {
+    let folders = ["core/control/src", "core/protocol/src", "core/sim/src", "robot-agent/src", "fleet-cli/src"];
+    none(&places(&folders, &["zenoh::", "zenoh_ext"], &[]));
+}
+
+#[test]
+fn every_module_says_what_it_is_for() {
+    let mut files = Vec::new();
+    for folder in ["core", "robot-agent", "fleet-cli", "tests"] {
+        sources(&root().join(folder), &mut files);
+    }
+    let silent = files.iter().filter(|file| !std::fs::read_to_string(file).unwrap().starts_with("//! "));
+    let silent: Vec<String> = silent.map(|file| file.display().to_string()).collect();
+    none(&silent);
+}

@@ -1,0 +1,51 @@
+//! Teleoperation: a setpoint lives 200 ms, on the robot's own clock.
+
+use fleet_tests::{Fleet, Setup, eventually};
+use std::time::Duration;
+use xtb_control::Mode;
+use xtb_protocol::messages::StopReason;
+
+/// Sends setpoints until the truck rolls at more than `mps`.
+async fn drive_until_rolling(fleet: &Fleet, rpm: f64, mps: f64) {
+    eventually("rolling", || async {
+        fleet.setpoint(1, rpm, 0.0).await;
+        tokio::time::sleep(Duration::from_millis(20)).await;
+        (fleet.truth(1).speed_mps.abs() > mps).then_some(())
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn silence_is_neutral_on_the_robots_own_clock() {
+    let fleet = Fleet::start(Setup { speed: 1.0, ..Setup::default() }).await;
+    drive_until_rolling(&fleet, 20.0, 0.1).await;
+    let last_s = fleet.time_s();
+    let neutral_s = eventually("neutral", || async { fleet.truth(1).neutral_since_s }).await;
+    // 200 ms of life, a turn, a pulse; the rest is for the message on a busy machine.
+    assert!(neutral_s - last_s < 0.6, "neutral only {} s after the last setpoint", neutral_s - last_s);
+    let state = fleet.until(1, "standing", |state| state.mode == Mode::Idle).await;
+    assert_eq!(state.stopped_because, vec![StopReason::SetpointExpired]);
+    fleet.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn teleoperation_goes_both_ways_and_steers() {
+    let fleet = Fleet::start(Setup { speed: 1.0, ..Setup::default() }).await;
+    drive_until_rolling(&fleet, 20.0, 0.1).await;
+    assert!(fleet.truth(1).speed_mps > 0.0);
+    drive_until_rolling(&fleet, -20.0, 0.1).await;
+    eventually("astern", || async {
+        fleet.setpoint(1, -20.0, 1.0).await;
+        (fleet.truth(1).speed_mps < -0.05).then_some(())
+    })
+    .await;
+    let before = fleet.truth(1).yaw_rad;
+    eventually("turning", || async {
+        fleet.setpoint(1, -20.0, 1.0).await;
+        tokio::time::sleep(Duration::from_millis(20)).await;
+        // Astern with the wheels to the right, the nose goes left: yaw grows counter-clockwise.
+        (fleet.truth(1).yaw_rad - before > 0.05).then_some(())
+    })
+    .await;
+    fleet.end().await;
+}
