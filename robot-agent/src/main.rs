@@ -158,12 +158,8 @@ fn main() -> ExitCode {
 fn open(file: &ConfigFile) -> Result<(Box<dyn Hardware>, Clock), Box<dyn std::error::Error>> {
     let hardware = &file.hardware;
     if hardware.kind == "serial" {
-        let serial = SerialHardware::open(
-            &hardware.board,
-            hardware.board_baud,
-            &hardware.gyro,
-            hardware.gyro_baud,
-        )?;
+        let serial =
+            SerialHardware::open(&hardware.board, hardware.board_baud, &hardware.gyro, hardware.gyro_baud)?;
         return Ok((Box::new(serial), Clock::real()));
     }
     let (truck, clock) = LoneTruck::start(u64::from(hardware.seed))?;

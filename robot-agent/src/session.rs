@@ -2,11 +2,12 @@
 
 use crate::clock::Clock;
 use crate::config::AgentConfig;
-use crate::mailbox::SessionEnds;
+use crate::mailbox::{SessionEnds, Snapshot};
 use crate::{AgentError, Shutdown, VERSION, downlink, uplink};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
+use tokio::sync::watch;
 use tokio::time::Instant;
 use xtb_authority::Identity;
 use xtb_bus::Bus;
@@ -17,6 +18,7 @@ use xtb_protocol::messages::{About, Limits, MAX_COORDINATE_M, ParameterInfo, Rob
 /// token behind until its link is noticed to be lost: 2 s.)
 const NAME_TAKEN_AFTER: Duration = Duration::from_secs(3);
 const NAME_CHECK_EVERY: Duration = Duration::from_millis(250);
+const INPUTS_WITHIN: Duration = Duration::from_secs(2);
 const ASK_WITHIN: Duration = Duration::from_millis(1000);
 
 /// What the robot says of itself when asked.
@@ -108,8 +110,7 @@ async fn serve(
             }
         }
     };
-    // Alive means commandable: the controller has taken its first turn.
-    let _ = ends.snapshot.wait_for(Option::is_some).await;
+    wait_for_inputs(&mut ends.snapshot).await;
     let _token = bus.declare_alive(&keys.alive()).await?;
     tracing::info!("{} of fleet {} is alive", config.robot, config.fleet);
     let state_key = keys.state();
@@ -121,6 +122,20 @@ async fn serve(
             rival?;
             Err(AgentError::NameTaken(config.robot.clone()))
         }
+    }
+}
+
+/// Alive means commandable: board and gyro have been heard. One that stays silent must be visible
+/// too, so after a while the robot shows itself as it is.
+async fn wait_for_inputs(snapshots: &mut watch::Receiver<Option<Snapshot>>) {
+    let heard = |snapshot: &Option<Snapshot>| {
+        snapshot.as_ref().is_some_and(|now| {
+            let ages = now.state.input_age_ms;
+            ages.gyro.is_some() && ages.encoder.is_some() && ages.adc.is_some()
+        })
+    };
+    if tokio::time::timeout(INPUTS_WITHIN, snapshots.wait_for(heard)).await.is_err() {
+        tracing::warn!("board or gyro is silent: the robot cannot be commanded yet");
     }
 }
 

@@ -27,7 +27,8 @@ fn the_printed_configuration_is_commented_and_complete() {
 #[test]
 fn flags_are_over_the_environment_over_the_file() {
     let file = tempfile::NamedTempFile::new().expect("a temporary file");
-    std::fs::write(file.path(), "[agent]\nname = \"from-file\"\nfleet = \"from-file\"\n").expect("writing it");
+    std::fs::write(file.path(), "[agent]\nname = \"from-file\"\nfleet = \"from-file\"\n")
+        .expect("writing it");
     let mut command = agent();
     command.arg("--config").arg(file.path()).env("XTB_FLEET", "from-env").args(["--name", "from-flag"]);
     let output = command.args(["--start-pose", "-1.5,2,0.5", "--print-config"]).assert().success();

@@ -262,9 +262,7 @@ impl Events {
     #[must_use]
     pub fn count(&self, goal: Uuid, wanted: GoalStatus) -> usize {
         let found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
-        let is = |kind: &EventKind| {
-            matches!(kind, EventKind::Goal { id, status, .. } if *id == goal && *status == wanted)
-        };
+        let is = |kind: &EventKind| matches!(kind, EventKind::Goal { id, status, .. } if *id == goal && *status == wanted);
         found.iter().filter(|event| is(&event.kind)).count()
     }
 }

@@ -19,13 +19,14 @@
 use crate::parameters::TruckParameters;
 use crate::scene::{Scene, StepContext, Traffic};
 use crate::starts::footprint;
-use crate::vehicle::{Truck, Truth};
+use crate::vehicle::Truck;
 use crate::world::{BoxSpec, World};
 use crate::world_error::WorldError;
 use thiserror::Error;
 use xtb_control::config::ConfigError;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
+use xtb_protocol::messages::TruthRobot;
 
 /// Length of a step in ns: 5 ms, one turn of the agent's control loop.
 pub const STEP_NS: u64 = 5_000_000;
@@ -165,7 +166,7 @@ impl Simulation {
     }
 
     /// The true state of every truck, in their order.
-    pub fn truths(&self) -> impl Iterator<Item = Truth> {
+    pub fn truths(&self) -> impl Iterator<Item = TruthRobot> {
         self.trucks.iter().map(Truck::truth)
     }
 

@@ -21,35 +21,16 @@ use crate::platform::Platform;
 use crate::scene::StepContext;
 use crate::simulation::STEP_S;
 use crate::starts::footprint;
-use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use xtb_control::controller::AdcSample;
 use xtb_control::frames::{MapPose, heading_of, wrap_rad};
 use xtb_control::units::Stamp;
 use xtb_protocol::board::LineCounters;
+use xtb_protocol::messages::TruthRobot;
 
 /// A touch is over when nothing is nearer than this: a truck that pushes against a wall comes to
 /// rest a hair's breadth in front of it again and again.
 const TOUCH_MARGIN_M: f64 = 0.01;
-
-/// What is really so, for tests and for the simulator's `truth` key; no agent sees it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Truth {
-    /// East, in m.
-    pub x_m: f64,
-    /// North, in m.
-    pub y_m: f64,
-    /// Counter-clockwise from +x, in (−π, π].
-    pub yaw_rad: f64,
-    /// Speed along the body, + = ahead, in m/s.
-    pub speed_mps: f64,
-    /// Motor pulse at the board's output, in counts of 0.4 µs.
-    pub motor_counts: u16,
-    /// Simulated time in s since which the motor output has been neutral; `None` while it is not.
-    pub neutral_since_s: Option<f64>,
-    /// Touches of walls, boxes and other trucks. A touch lasts until nothing is within 1 cm.
-    pub contacts: u64,
-}
 
 /// A simulated truck; see the module's documentation.
 #[derive(Debug, Clone)]
@@ -138,9 +119,9 @@ impl Truck {
 
     /// What is really so.
     #[must_use]
-    pub fn truth(&self) -> Truth {
+    pub fn truth(&self) -> TruthRobot {
         let (x_m, y_m) = self.body.centre_m();
-        Truth {
+        TruthRobot {
             x_m,
             y_m,
             yaw_rad: self.yaw_rad,

@@ -22,6 +22,8 @@ use xtb_protocol::{Name, Uuid};
 const FINISH_WITHIN: Duration = Duration::from_secs(300);
 /// How often progress is looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// Slower than one encoder pulse a window.
+const STANDING_MPS: f64 = 0.02;
 /// A robot that was not heard for this long may be anywhere: waiting ends, outcome unknown.
 const GIVE_UP_AFTER: Duration = Duration::from_secs(5);
 
@@ -125,7 +127,7 @@ async fn drive(ctx: &Context, client: &Client, control: &Control, task: &Task) -
     tokio::select! {
         sent = control.request(goal, task.body(LinkLoss::Halt)) => { sent?; }
         // It may have arrived nevertheless.
-        () = &mut stop => return cancel(ctx, control, task, goal).await,
+        () = &mut stop => return cancel(ctx, control, &feed, task, goal).await,
     }
     let mut progress = Progress::new();
     progress.show(&format!("{}: goal {goal}: {}", task.robot, task.words()));
@@ -135,7 +137,7 @@ async fn drive(ctx: &Context, client: &Client, control: &Control, task: &Task) -
         tokio::select! {
             () = &mut stop => {
                 progress.end();
-                return cancel(ctx, control, task, goal).await;
+                return cancel(ctx, control, &feed, task, goal).await;
             }
             event = events.next() => follow.event(&event),
             _ = look.tick() => {
@@ -160,8 +162,12 @@ async fn drive(ctx: &Context, client: &Client, control: &Control, task: &Task) -
                 .hint("a robot that loses its client stands; `fleet-cli status` shows when it is back"));
         }
         if task.within.is_some_and(|within| began.elapsed() > within) {
+            match control.request(Uuid::new_v4(), Body::Cancel { goal }).await {
+                // It has ended by itself just now: the next state says how.
+                Err(failure) if matches!(failure.kind, Kind::Refused(_)) => continue,
+                cancelled => cancelled?,
+            };
             progress.end();
-            control.request(Uuid::new_v4(), Body::Cancel { goal }).await?;
             let end = End { status: GoalStatus::Cancelled, reason: Some("its time was up".into()) };
             return report(ctx, task, &follow, end, began.elapsed());
         }
@@ -223,15 +229,34 @@ fn hint(status: GoalStatus) -> &'static str {
     }
 }
 
-/// Ctrl-C: the goal ends, and that is waited for.
-async fn cancel(ctx: &Context, control: &Control, task: &Task, goal: Uuid) -> Result<Exit> {
-    let cancelled = control.request(Uuid::new_v4(), Body::Cancel { goal }).await;
-    match cancelled {
-        Err(failure) if failure.kind == Kind::OutcomeUnknown => return Err(failure),
-        // The goal had ended by itself, or had not begun.
-        Err(failure) => tracing::debug!("cancelling: {failure}"),
+/// Ctrl-C: the goal ends, and the robot is watched until it stands.
+async fn cancel(ctx: &Context, control: &Control, feed: &Feed, task: &Task, goal: Uuid) -> Result<Exit> {
+    let asked = Instant::now();
+    match control.request(Uuid::new_v4(), Body::Cancel { goal }).await {
         Ok(_) => {}
+        // The goal had ended by itself, or had not begun.
+        Err(failure) if matches!(failure.kind, Kind::Refused(_)) => tracing::debug!("cancelling: {failure}"),
+        Err(failure) => return Err(failure),
     }
-    ctx.out.failure(&Failure::new(Kind::Interrupted, format!("goal cancelled, {} stands", task.robot)));
+    let standing = async {
+        while !feed.last(&task.robot).is_some_and(|seen| seen.at > asked && stands(&seen.state)) {
+            feed.news().await;
+        }
+    };
+    let robot = &task.robot;
+    let failure = match tokio::time::timeout(ctx.timeout, standing).await {
+        Ok(()) => Failure::new(Kind::Interrupted, format!("goal cancelled, {robot} stands")),
+        Err(_) => {
+            Failure::new(Kind::Interrupted, format!("goal cancelled, but {robot} was not seen standing"))
+                .hint(format!(
+                    "`fleet-cli status {robot}` shows what it does, `fleet-cli stop {robot}` stops it"
+                ))
+        }
+    };
+    ctx.out.failure(&failure);
     Ok(Exit::Interrupted)
+}
+
+fn stands(state: &RobotState) -> bool {
+    state.reference_rpm == 0.0 && state.speed_mps.is_some_and(|speed| speed.abs() < STANDING_MPS)
 }

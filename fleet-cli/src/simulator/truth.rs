@@ -13,7 +13,7 @@ use xtb_bus::Bus;
 use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::Channel;
-use xtb_protocol::messages::{Roster, Truth, TruthRobot};
+use xtb_protocol::messages::{Roster, Truth};
 use xtb_sim::Simulation;
 
 const PUBLISH_EVERY: Duration = Duration::from_millis(50);
@@ -57,16 +57,7 @@ impl Observer {
         let mut truth = self.view.0.lock().unwrap_or_else(PoisonError::into_inner);
         truth.t_s = simulation.now().s();
         for (name, truck) in self.names.iter().zip(simulation.trucks()) {
-            let now = truck.truth();
-            let robot = TruthRobot {
-                x_m: now.x_m,
-                y_m: now.y_m,
-                yaw_rad: now.yaw_rad,
-                speed_mps: now.speed_mps,
-                motor_counts: now.motor_counts,
-                neutral_since_s: now.neutral_since_s,
-                contacts: now.contacts,
-            };
+            let robot = truck.truth();
             match truth.robots.get_mut(name) {
                 Some(slot) => *slot = robot,
                 None => drop(truth.robots.insert(name.clone(), robot)),

@@ -40,7 +40,10 @@ async fn a_new_goal_replaces_the_old_one_and_both_ends_are_reported_once() {
     assert_eq!(fleet.outcome(1, second).await, GoalStatus::Reached);
     let both = || (events.count(first, GoalStatus::Replaced), events.count(second, GoalStatus::Reached));
     eventually("both ends", || async { (both() == (1, 1)).then_some(()) }).await;
-    assert_eq!((events.count(first, GoalStatus::Reached), events.count(second, GoalStatus::Replaced)), (0, 0));
+    assert_eq!(
+        (events.count(first, GoalStatus::Reached), events.count(second, GoalStatus::Replaced)),
+        (0, 0)
+    );
     fleet.end().await;
 }
 

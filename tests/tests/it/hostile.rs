@@ -4,7 +4,7 @@ use fleet_tests::{Fleet, Setup, eventually, name};
 use xtb_control::Mode;
 use xtb_protocol::codec::MAX_BYTES;
 use xtb_protocol::keys::Channel;
-use xtb_protocol::messages::RobotState;
+use xtb_protocol::messages::{GoalStatus, RobotState};
 
 const OURS: &str = "application/x-postcard;xtb.Setpoint.v1";
 
@@ -48,20 +48,15 @@ async fn bad_setpoints_move_nothing_and_are_counted_by_kind() {
 async fn a_flood_of_garbage_does_not_keep_a_goal_from_being_reached() {
     let fleet = Fleet::start(Setup::default()).await;
     let goal = fleet.goto(1, 0.2, 1.5).await;
-    let mut thrown = 0_u64;
-    eventually("the goal's end", || {
-        thrown += 20;
-        let fleet = &fleet;
-        async move {
-            for _ in 0..20 {
-                throw(fleet, OURS, vec![0xAA; 500]).await;
-            }
-            let state = fleet.state(1).await;
-            state.goal.filter(|now| now.id == goal && now.status.is_final())
+    eventually("the goal's end", || async {
+        for _ in 0..20 {
+            throw(&fleet, OURS, vec![0xAA; 500]).await;
         }
+        let state = fleet.state(1).await;
+        state.goal.filter(|now| now.id == goal && now.status == GoalStatus::Reached)
     })
     .await;
-    let state = fleet.until(1, "all of them counted", |state| state.rejected.malformed >= thrown).await;
-    assert_eq!(state.rejected.malformed, thrown);
+    // How many arrive is Zenoh's choice: setpoints are dropped rather than waited for.
+    fleet.until(1, "garbage counted", |state| state.rejected.malformed > 0).await;
     fleet.end().await;
 }

@@ -10,9 +10,9 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use xtb_bus::{Bus, Role};
 use xtb_control::{Mode, VehicleConfig};
+use xtb_protocol::Uuid;
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{Body, GoalStatus, Outcome, Request, StopReason};
-use xtb_protocol::Uuid;
 use xtb_sim::{Simulation, TruckParameters, World};
 
 #[tokio::test(flavor = "multi_thread")]
@@ -72,9 +72,8 @@ fn lone_agent(endpoint: &str) -> LoneAgent {
         vehicle: VehicleConfig::default(),
     };
     let (end, shutdown) = watch::channel(false);
-    let task = tokio::spawn(async move {
-        robot_agent::run(&config, Box::new(hardware), clock, shutdown).await
-    });
+    let task =
+        tokio::spawn(async move { robot_agent::run(&config, Box::new(hardware), clock, shutdown).await });
     LoneAgent { end, task, _world: world }
 }
 

@@ -39,8 +39,7 @@ fn agent(fleet: &Fleet, lines: &Path) -> Process {
 }
 
 async fn serial_fleet(lines: &Path) -> Fleet {
-    let fleet =
-        Fleet::start(Setup { speed: 1.0, pty: Some(lines.to_owned()), ..Setup::default() }).await;
+    let fleet = Fleet::start(Setup { speed: 1.0, pty: Some(lines.to_owned()), ..Setup::default() }).await;
     assert!(lines.join("xtb-1.board").exists() && lines.join("xtb-1.gyro").exists());
     fleet
 }

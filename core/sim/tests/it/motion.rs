@@ -7,14 +7,15 @@ use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_control::odometry::GYRO_DEG_PER_COUNT;
 use xtb_protocol::board::{FrameWriter, FromBoard};
 use xtb_protocol::gyro_3dmg::{EULER, EulerReader};
-use xtb_sim::{Simulation, Truck, TruckParameters, Truth, World};
+use xtb_protocol::messages::TruthRobot;
+use xtb_sim::{Simulation, Truck, TruckParameters, World};
 
 fn alone(parameters: &TruckParameters, seed: u64) -> Simulation {
     let big = World::for_robots(100, &parameters.body);
     Simulation::new(big, parameters, &["xtb-1"], seed).unwrap()
 }
 
-fn truth(simulation: &Simulation) -> Truth {
+fn truth(simulation: &Simulation) -> TruthRobot {
     simulation.trucks()[0].truth()
 }
 

@@ -17,6 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal;
 use std::pin::pin;
 use std::time::Duration;
+use tokio::time::Instant;
 use xtb_protocol::Name;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{GoalStatus, Rejected, StopReason};
@@ -104,7 +105,8 @@ impl Gist {
 
 async fn follow(ctx: &Context, view: impl Fn() -> FleetView) -> Result<Exit> {
     let mut stop = pin!(interrupted());
-    let mut tick = tokio::time::interval(REPAINT_EVERY);
+    // Not at once: the first states are on their way.
+    let mut tick = tokio::time::interval_at(Instant::now() + REPAINT_EVERY, REPAINT_EVERY);
     let mut shown: BTreeMap<Name, Gist> = BTreeMap::new();
     loop {
         tokio::select! {

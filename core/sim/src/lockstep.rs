@@ -1,0 +1,106 @@
+//! Trucks and their robots in one loop, without threads, clocks or Zenoh: as fast as it goes.
+//!
+//! The same [`Robot`] as in `robot-agent`, the same bytes between it and its truck. A turn is a step
+//! of the world; same arguments, same bits.
+
+use crate::simulation::{Simulation, SimulationError};
+use thiserror::Error;
+use xtb_authority::{Identity, Robot};
+use xtb_control::VehicleConfig;
+use xtb_control::frames::MapPose;
+use xtb_control::units::Stamp;
+use xtb_protocol::Name;
+use xtb_protocol::gyro_3dmg::START_CONTINUOUS;
+use xtb_protocol::keys::NameError;
+use xtb_protocol::messages::{Rejected, Reply, Request, RobotState, TruthRobot};
+
+/// Why robots cannot be put into a simulation.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum LockstepError {
+    /// The world or its trucks are impossible.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+    /// A truck's name cannot be a robot's.
+    #[error(transparent)]
+    Name(#[from] NameError),
+}
+
+/// A simulation with a robot on each of its trucks.
+#[derive(Debug, Clone)]
+pub struct Lockstep {
+    simulation: Simulation,
+    robots: Vec<Robot>,
+    bytes: Vec<u8>,
+}
+
+impl Lockstep {
+    /// Puts a robot of `fleet` on each truck, told where it starts.
+    ///
+    /// # Errors
+    /// A truck whose name cannot be a robot's.
+    pub fn new(simulation: Simulation, fleet: &Name, vehicle: &VehicleConfig) -> Result<Self, LockstepError> {
+        let robot = |(epoch, truck): (usize, &crate::Truck)| {
+            let TruthRobot { x_m, y_m, yaw_rad, .. } = truck.truth();
+            let identity = Identity {
+                fleet: fleet.clone(),
+                robot: Name::robot(truck.name())?,
+                epoch: epoch as u64,
+                start_pose: MapPose { x_m, y_m, yaw_rad },
+            };
+            Ok(Robot::new(identity, vehicle.clone(), "lockstep"))
+        };
+        let robots = simulation.trucks().iter().enumerate().map(robot).collect::<Result<_, NameError>>()?;
+        Ok(Self { simulation, robots, bytes: Vec::with_capacity(1024) })
+    }
+
+    /// Simulated time.
+    #[must_use]
+    pub fn now(&self) -> Stamp {
+        self.simulation.now()
+    }
+
+    /// The world and its trucks.
+    #[must_use]
+    pub fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    /// The world, to be changed between two steps.
+    pub fn simulation_mut(&mut self) -> &mut Simulation {
+        &mut self.simulation
+    }
+
+    /// Asks the robot with this index; `None` if there is none.
+    pub fn request(&mut self, index: usize, client: &Name, request: &Request) -> Option<Reply> {
+        let now = self.now();
+        self.robots.get_mut(index).map(|robot| robot.request(now, client, request))
+    }
+
+    /// The state of the robot with this index; `None` if there is none.
+    pub fn state(&mut self, index: usize) -> Option<RobotState> {
+        let now = self.now();
+        self.robots.get_mut(index).map(|robot| robot.state(now, Rejected::default()))
+    }
+
+    /// One step of the world and one turn of every robot.
+    pub fn step(&mut self) {
+        let Self { simulation, robots, bytes } = self;
+        simulation.step();
+        let now = simulation.now();
+        for (truck, robot) in simulation.trucks_mut().iter_mut().zip(robots) {
+            bytes.clear();
+            truck.take_board_tx(bytes);
+            robot.board_bytes(now, bytes);
+            bytes.clear();
+            truck.take_gyro_tx(bytes);
+            robot.gyro_bytes(now, bytes);
+            if robot.gyro_is_silent(now) {
+                truck.gyro_rx(&START_CONTINUOUS);
+            }
+            if let Some(frame) = robot.turn(now) {
+                truck.board_rx(frame.as_bytes());
+            }
+            while robot.agent_mut().next_event().is_some() {}
+        }
+    }
+}
