@@ -51,7 +51,7 @@ pub struct GlobalArgs {
     /// Fleet config (TOML) [default: $XDG_CONFIG_HOME/xtb/fleet.toml or ~/.config/xtb/fleet.toml if there].
     #[arg(long, global = true, env = "XTB_CONFIG", value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// This client's name, as robots show it beside their lease [default: cli-<random>].
+    /// This client's name, as robots show it beside their lease [default: cli- and six random digits].
     #[arg(long, global = true, value_name = "NAME")]
     pub client: Option<Name>,
     /// How long to wait for a router or an answer, in s.

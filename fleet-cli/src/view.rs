@@ -38,9 +38,11 @@ impl FleetView {
         Ok(Self::of(fleet, &alive?, &states?, wanted))
     }
 
-    /// What a feed knows now.
+    /// What a feed knows now; a robot that has left keeps its row.
     pub(crate) fn now(feed: &Feed, fleet: &Name, wanted: &BTreeSet<Name>) -> Self {
-        Self::of(fleet, &feed.alive(), &feed.states(), wanted)
+        let states = feed.states();
+        let wanted = wanted.iter().chain(states.keys()).cloned().collect();
+        Self::of(fleet, &feed.alive(), &states, &wanted)
     }
 
     fn of(

@@ -67,10 +67,11 @@ async fn an_agent_on_serial_lines_drives_and_its_death_is_neutral_within_200_ms(
         (state.mode == Mode::Idle && state.input_age_ms.gyro.is_some()).then_some(())
     })
     .await;
-    fleet.simulated(1.0).await;
+    eventually("standing", || async { (fleet.truth(1).speed_mps == 0.0).then_some(()) }).await;
     let before = fleet.truth(1);
     fleet.simulated(2.0).await;
-    assert_eq!((before.x_m, before.y_m), (fleet.truth(1).x_m, fleet.truth(1).y_m));
+    let after = fleet.truth(1);
+    assert_eq!((before.x_m, before.y_m), (after.x_m, after.y_m), "{before:?} {after:?}");
     fleet.end().await;
 }
 

@@ -57,7 +57,7 @@ async fn repaint(ctx: &Context, view: impl Fn() -> FleetView) -> Result<Exit> {
 }
 
 fn screen(ctx: &Context, view: &FleetView) -> Vec<String> {
-    let title = format!("fleet {} · {} robots · q leaves", view.fleet, view.robots.len());
+    let title = format!("fleet {} · robots: {} · q leaves", view.fleet, view.robots.len());
     let mut lines = vec![ctx.out.paint(Tone::Dim, &title)];
     if view.robots.is_empty() {
         lines.push(String::new());
@@ -90,7 +90,7 @@ struct Known {
 
 impl Gist {
     fn of(robot: &RobotView) -> Self {
-        let known = robot.state.as_ref().map(|state| Known {
+        let known = robot.state.as_ref().filter(|_| robot.alive).map(|state| Known {
             epoch: state.epoch,
             mode: words::name(&state.mode),
             stopped_because: state.stopped_because.clone(),
