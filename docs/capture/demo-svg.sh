@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 cli=${FLEET_CLI:-target/release/fleet-cli}
 out=${1:-docs/demo.svg}
-at_s=${AT_S:-24} # simulated seconds at which the picture is taken
+at_s=${AT_S:-33} # simulated seconds at which the picture is taken
 [ -x "$cli" ] || { echo "no $cli: cargo build --release, or set FLEET_CLI" >&2; exit 1; }
 
 socket=$(mktemp -d)/tmux

@@ -153,7 +153,9 @@ async fn teleop(bus: &Bus, endpoint: &str) -> Vec<u64> {
     };
     let (end, shutdown) = watch::channel(false);
     let agent =
-        tokio::spawn(async move { robot_agent::run(&config, Box::new(probe), Clock::real(), shutdown).await });
+        tokio::spawn(
+            async move { robot_agent::run(&config, Box::new(probe), Clock::real(), shutdown).await },
+        );
     let (client, keys) = (name("bench"), FleetKeys::new(name("lab")).robot(&name("xtb-1")));
     eventually("the agent", || async {
         let alive = bus.alive(&keys.alive(), Duration::from_secs(1)).await.expect("an answer");

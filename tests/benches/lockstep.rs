@@ -17,7 +17,9 @@ fn main() {
         let (wall_s, contacts) = run(robots);
         let factor = SIMULATED_S / wall_s;
         let each_us = wall_s * 1e6 / (SIMULATED_S * robots as f64);
-        println!("{robots:6}  {SIMULATED_S:7} s  {wall_s:6.3} s  {factor:16.0}  {each_us:19.1}  {contacts:8}");
+        println!(
+            "{robots:6}  {SIMULATED_S:7} s  {wall_s:6.3} s  {factor:16.0}  {each_us:19.1}  {contacts:8}"
+        );
     }
 }
 

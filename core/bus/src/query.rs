@@ -112,6 +112,35 @@ impl Bus {
         Ok(answers)
     }
 
+    /// Asks with bytes as they are: for tools and tests that must be able to send wrong ones.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`] if the question could not be sent.
+    pub async fn ask_raw(
+        &self,
+        key: &str,
+        encoding: &str,
+        bytes: Vec<u8>,
+        within: Duration,
+    ) -> Result<Option<Incoming>, BusError> {
+        let replies = self
+            .session
+            .get(key)
+            .payload(bytes)
+            .encoding(encoding)
+            .target(QueryTarget::All)
+            .consolidation(ConsolidationMode::None)
+            .timeout(within)
+            .await
+            .map_err(failed("request", key))?;
+        while let Ok(reply) = replies.recv_async().await {
+            if let Ok(sample) = reply.result() {
+                return Ok(Some(Incoming::of(sample)));
+            }
+        }
+        Ok(None)
+    }
+
     /// Sends one request to one robot. `None` = no answer: the outcome is unknown and the same
     /// request may be asked again.
     ///
@@ -126,21 +155,10 @@ impl Bus {
     ) -> Result<Option<Reply>, BusError> {
         let key = robot.cmd(Some(client));
         let bytes = codec::encode(request, Format::Postcard)?;
-        let replies = self
-            .session
-            .get(&key)
-            .payload(bytes)
-            .encoding(codec::encoding::<Request>(Format::Postcard))
-            .target(QueryTarget::All)
-            .consolidation(ConsolidationMode::None)
-            .timeout(within)
-            .await
-            .map_err(failed("request", &key))?;
-        while let Ok(reply) = replies.recv_async().await {
-            if let Ok(sample) = reply.result() {
-                return Ok(Some(Incoming::of(sample).decode()?));
-            }
+        let encoding = codec::encoding::<Request>(Format::Postcard);
+        match self.ask_raw(&key, &encoding, bytes, within).await? {
+            Some(answer) => Ok(Some(answer.decode()?)),
+            None => Ok(None),
         }
-        Ok(None)
     }
 }

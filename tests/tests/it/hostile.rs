@@ -1,10 +1,12 @@
 //! What must not be believed changes nothing, is counted and can be seen.
 
 use fleet_tests::{Fleet, Setup, eventually, name};
+use std::time::Duration;
 use xtb_control::Mode;
+use xtb_protocol::Uuid;
 use xtb_protocol::codec::MAX_BYTES;
 use xtb_protocol::keys::Channel;
-use xtb_protocol::messages::{GoalStatus, RobotState};
+use xtb_protocol::messages::{GoalStatus, Outcome, RejectCode, Reply, RobotState};
 
 const OURS: &str = "application/x-postcard;xtb.Setpoint.v1";
 
@@ -58,5 +60,33 @@ async fn a_flood_of_garbage_does_not_keep_a_goal_from_being_reached() {
     .await;
     // How many arrive is Zenoh's choice: setpoints are dropped rather than waited for.
     fleet.until(1, "garbage counted", |state| state.rejected.malformed > 0).await;
+    fleet.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn bad_requests_are_refused_by_name_and_start_nothing() {
+    let fleet = Fleet::start(Setup::default()).await;
+    let key = fleet.robot(1).cmd(Some(&name("stranger")));
+    let ours = "application/x-postcard;xtb.Request.v1";
+    let json = "application/json";
+    let goto = |x: &str| format!(r#"{{"id":"{}","body":{{"goto":{{"x_m":{x},"y_m":1}}}}}}"#, Uuid::nil());
+    let cases: [(&str, Vec<u8>, RejectCode); 6] = [
+        (ours, vec![0xFF; 30], RejectCode::Malformed),
+        ("text/plain", b"go".to_vec(), RejectCode::Malformed),
+        (json, goto("\"one\"").into_bytes(), RejectCode::Malformed),
+        (json, goto("1000.1").into_bytes(), RejectCode::OutOfRange),
+        ("application/x-postcard;xtb.Request.v7", Vec::new(), RejectCode::WrongVersion),
+        (json, vec![b' '; MAX_BYTES + 1], RejectCode::Oversized),
+    ];
+    for (encoding, bytes, code) in cases {
+        let answer = eventually("a refusal", || async {
+            fleet.bus.ask_raw(&key, encoding, bytes.clone(), Duration::from_secs(5)).await.unwrap()
+        })
+        .await;
+        let reply: Reply = answer.decode().unwrap();
+        assert!(matches!(reply.result, Outcome::Error(error) if error.code == code), "{code:?}");
+    }
+    let state = fleet.until(1, "all counted", |state| state.rejected.malformed >= 3).await;
+    assert_eq!((state.mode, state.goal), (Mode::Idle, None));
     fleet.end().await;
 }

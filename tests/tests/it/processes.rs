@@ -7,7 +7,7 @@ use xtb_control::Mode;
 use xtb_protocol::messages::GoalStatus;
 
 /// A program of this workspace: cargo builds it before it runs any test, for its own package's tests.
-fn program(name: &str) -> PathBuf {
+pub(crate) fn program(name: &str) -> PathBuf {
     let here = std::env::current_exe().unwrap();
     let path = here.parent().unwrap().parent().unwrap().join(name);
     assert!(path.exists(), "{} is not built: `cargo build --workspace` first", path.display());
@@ -15,7 +15,7 @@ fn program(name: &str) -> PathBuf {
 }
 
 /// A process that is killed when the test ends, however it ends.
-struct Process(Child);
+pub(crate) struct Process(pub(crate) Child);
 
 impl Drop for Process {
     fn drop(&mut self) {

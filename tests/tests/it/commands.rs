@@ -1,0 +1,112 @@
+//! `fleet-cli` from outside, against a simulator in a process of its own.
+
+use crate::processes::{Process, program};
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Output, Stdio};
+
+/// `fleet-cli` in an empty home, with JSON output.
+fn fleet_cli(arguments: &[&str]) -> Command {
+    let home = std::env::temp_dir();
+    let mut command = Command::new(program("fleet-cli"));
+    command.env_clear().env("HOME", home).arg("--json").args(arguments);
+    command
+}
+
+struct Sim {
+    _process: Process,
+    endpoint: String,
+    roster: Vec<String>,
+}
+
+fn sim(arguments: &[&str]) -> Sim {
+    let mut command = fleet_cli(&["sim", "--listen", "tcp/127.0.0.1:0"]);
+    command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::null());
+    let mut child = command.spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let ready: Value = serde_json::from_str(&line).unwrap_or_else(|error| panic!("{error}: {line:?}"));
+    assert_eq!(ready["ready"], true);
+    let names =
+        ready["robots"].as_array().unwrap().iter().map(|robot| robot["name"].as_str().unwrap().into());
+    let endpoint = ready["router"].as_str().unwrap().to_owned();
+    Sim { _process: Process(child), endpoint, roster: names.collect() }
+}
+
+impl Sim {
+    fn run(&self, arguments: &[&str]) -> (i32, Value, Output) {
+        let output = fleet_cli(&["--connect", &self.endpoint]).args(arguments).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert_eq!(text.lines().count(), 1, "not one line of JSON: {output:?}");
+        (output.status.code().unwrap(), serde_json::from_str(&text).unwrap(), output)
+    }
+}
+
+#[test]
+fn a_fleet_is_listed_driven_and_stopped_from_the_command_line() {
+    let sim = sim(&["--robots", "2", "--speed", "8"]);
+    assert_eq!(sim.roster, ["xtb-1", "xtb-2"]);
+
+    let (code, list, output) = sim.run(&["list"]);
+    assert_eq!((code, list["robots"].as_array().unwrap().len()), (0, 2), "{output:?}");
+
+    let (code, goal, output) = sim.run(&["goto", "xtb-1", "-0.3", "1.5", "--wait"]);
+    assert_eq!((code, &goal["status"]), (0, &Value::from("reached")), "{output:?}");
+
+    let (code, goal, output) = sim.run(&["goto", "xtb-2", "2", "4"]);
+    assert_eq!((code, &goal["status"]), (0, &Value::from("accepted")), "{output:?}");
+    let (code, stopped, output) = sim.run(&["stop", "--all"]);
+    assert_eq!((code, &stopped["complete"]), (0, &Value::from(true)), "{output:?}");
+    let (_, status, output) = sim.run(&["status", "xtb-2"]);
+    assert!(status.to_string().contains("\"cancelled\""), "{output:?}");
+}
+
+#[test]
+fn stop_all_reports_a_missing_robot_as_unknown_and_fails() {
+    let sim = sim(&["--robots", "2"]);
+    let (code, stopped, output) = sim.run(&["stop", "--all", "--expect", "xtb-1,xtb-2,xtb-9"]);
+    assert_eq!(code, 3, "{output:?}");
+    assert_eq!(stopped["robots"]["xtb-1"], "stopped");
+    assert_eq!(stopped["robots"]["xtb-9"], "unknown");
+    assert_eq!(stopped["complete"], false);
+}
+
+#[test]
+fn watch_decodes_what_travels() {
+    let sim = sim(&["--robots", "1"]);
+    let (code, seen, output) = sim.run(&["watch", "xtb/lab/*/state", "--count", "1"]);
+    assert_eq!((code, &seen["type"]), (0, &Value::from("RobotState")), "{output:?}");
+    assert_eq!(seen["value"]["robot"], "xtb-1");
+    let (_, seen, output) = sim.run(&["watch", "xtb/lab/*/sensors", "--count", "1"]);
+    assert_eq!(seen["type"], "Sensors", "{output:?}");
+}
+
+#[test]
+fn an_impossible_simulation_says_so() {
+    let sim = sim(&["--robots", "1"]);
+    let refused = |arguments: &[&str]| {
+        let output = fleet_cli(&["sim"]).args(arguments).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let said: Value = serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {output:?}"));
+        assert!(!output.status.success() && !said["error"]["hint"].as_str().unwrap().is_empty(), "{said}");
+        said["error"]["code"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(refused(&["--listen", &sim.endpoint]), "port_taken");
+    assert_eq!(refused(&["--robots", "0"]), "usage");
+    assert_eq!(refused(&["--world", "/nonexistent.toml"]), "config");
+    let world = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(world.path(), "[[boxes]]\nx_m = 0.0\ny_m = 0.0\nwidth_m = -1.0\ndepth_m = 1.0\n").unwrap();
+    assert_eq!(refused(&["--world", &world.path().display().to_string()]), "config");
+}
+
+#[test]
+fn a_simulator_uses_the_router_that_is_named() {
+    let outer = sim(&["--robots", "1"]);
+    let mut command = fleet_cli(&["--connect", &outer.endpoint, "--fleet", "barn", "sim", "--robots", "1"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let _inner = Process(child);
+    let (code, list, output) = outer.run(&["list", "--fleet", "barn"]);
+    assert_eq!((code, list["robots"].as_array().unwrap().len()), (0, 1), "{output:?}");
+}
