@@ -39,16 +39,16 @@ struct Args {
     #[arg(long, value_name = "ENDPOINT", env = "XTB_CONNECT", value_delimiter = ',')]
     connect: Vec<String>,
     /// serial, or simulated: one truck alone in an empty room [default: simulated]
-    #[arg(long, value_name = "KIND")]
+    #[arg(long, value_name = "KIND", env = "XTB_HARDWARE")]
     hardware: Option<String>,
     /// Serial port of the I/O board
-    #[arg(long, value_name = "PORT")]
+    #[arg(long, value_name = "PORT", env = "XTB_BOARD")]
     board: Option<String>,
     /// Serial port of the gyro
-    #[arg(long, value_name = "PORT")]
+    #[arg(long, value_name = "PORT", env = "XTB_GYRO")]
     gyro: Option<String>,
     /// Where the truck stands in the map (ENU: metres, radians) [default: 0,0,1.5708]
-    #[arg(long, value_name = "X,Y,YAW", allow_hyphen_values = true, value_parser = parse_pose)]
+    #[arg(long, value_name = "X,Y,YAW", env = "XTB_START_POSE", allow_hyphen_values = true, value_parser = parse_pose)]
     start_pose: Option<[f64; 3]>,
     /// Any other setting, such as vehicle.goto.reference_rpm=10
     #[arg(long = "set", value_name = "KEY=VALUE")]

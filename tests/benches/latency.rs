@@ -22,7 +22,7 @@ use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::Setpoint;
 use xtb_sim::{Simulation, TruckParameters, World};
 
-const SAMPLES: usize = 2000;
+const SAMPLES: usize = 1000;
 const TURN_AND_FRAME_US: u64 = 25_000;
 const LOST_AFTER: Duration = Duration::from_secs(2);
 
@@ -129,9 +129,9 @@ async fn raw(bus: &Bus, other: &Bus) -> Vec<u64> {
     took
 }
 
-/// A different phase of the 20 ms frame for each sample.
+/// Any phase of the 20 ms frame, one after the other.
 async fn pause(seq: u64) {
-    tokio::time::sleep(Duration::from_micros(500 + seq * 7919 % 5000)).await;
+    tokio::time::sleep(Duration::from_micros(500 + seq * 7919 % 20_000)).await;
 }
 
 async fn teleop(bus: &Bus, endpoint: &str) -> Vec<u64> {

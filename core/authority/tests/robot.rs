@@ -1,5 +1,7 @@
 //! The brain and its controller in one turn: what a robot does about requests, setpoints and silence.
 
+#![allow(clippy::unwrap_used)] // a test that cannot go on shall end
+
 use xtb_authority::robot::TURN_NS;
 use xtb_authority::{Identity, Robot};
 use xtb_control::controller::{AdcSample, GyroSample, Mode};

@@ -373,7 +373,8 @@ impl Controller {
                 spare: PwmCount::NEUTRAL,
             },
             reference_rpm: self.reference_rpm,
-            steering: -self.steering_counts / steering.range_counts,
+            // + 0.0 turns −0 into 0.
+            steering: -self.steering_counts / steering.range_counts + 0.0,
             rpm: self.rpm,
             pose: self.odometry.pose(),
             ir_front_cm: self.ir_front_cm,

@@ -1,5 +1,7 @@
 //! Whatever comes in: codecs round-trip what they wrote and never panic on what they did not.
 
+#![allow(clippy::unwrap_used)] // a test that cannot go on shall end
+
 use proptest::prelude::*;
 use xtb_control::controller::{AdcSample, PwmOutputs};
 use xtb_control::{AdcCount, PwmCount};

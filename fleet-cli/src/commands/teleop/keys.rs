@@ -1,7 +1,8 @@
 //! Keys to setpoints, hold-to-run. Pure: key events with their time in, what to send out.
 //!
 //! Two kinds of terminals:
-//! * those that **report releases**: a key acts for exactly as long as it is held;
+//! * those that **report releases**: a key acts for exactly as long as it is held (and is heard of:
+//!   a held key repeats, so 1.5 s of silence means that the line to the terminal is frozen);
 //! * all others: each press is a **pulse** of 250 ms that key repeats extend; steering goes in steps
 //!   and stays.
 //!
@@ -14,6 +15,8 @@ use xtb_control::Stamp;
 
 /// How long a press acts where releases are not reported.
 pub(super) const PULSE_MS: u64 = 250;
+/// A held key repeats; after this long without a word from the terminal its release may be lost.
+const SILENT_MS: u64 = 1500;
 /// Zeros are sent for this long after the last motion: one of them gets through.
 const ENDING_MS: u64 = 300;
 /// Of full steering.
@@ -75,16 +78,27 @@ pub(super) struct Keyboard {
     /// Until when zeros are sent.
     ending: Option<Stamp>,
     moving: bool,
+    /// When the terminal last told of a key.
+    heard: Stamp,
 }
 
 impl Keyboard {
     /// No key touched.
     pub(super) fn new(reporting: Reporting) -> Self {
-        Self { reporting, held: [false; 4], pulse: None, steps: 0.0, ending: None, moving: false }
+        Self {
+            reporting,
+            held: [false; 4],
+            pulse: None,
+            steps: 0.0,
+            ending: None,
+            moving: false,
+            heard: Stamp::ZERO,
+        }
     }
 
     /// A key event.
     pub(super) fn key(&mut self, now: Stamp, key: Key, action: Action) {
+        self.heard = now;
         match (self.reporting, action) {
             _ if key == Key::Stop => {
                 if action != Action::Release {
@@ -131,6 +145,9 @@ impl Keyboard {
 
     /// What to send at `now`; `None` = nothing, the truck's silence is its own.
     pub(super) fn send(&mut self, now: Stamp) -> Option<Drive> {
+        if now.since_ms(self.heard) >= SILENT_MS {
+            self.let_go();
+        }
         let drive = self.drive(now);
         let steering = self.reporting == Reporting::Releases && drive.steering != 0.0;
         if drive.throttle != 0.0 || steering {
@@ -172,13 +189,24 @@ mod tests {
         let mut keys = Keyboard::new(Reporting::Releases);
         assert_eq!(keys.send(at(0)), None);
         keys.key(at(0), Key::Ahead, Action::Press);
-        for ms in [0, 100, 5000] {
+        for ms in (0..=5000).step_by(500) {
+            keys.key(at(ms), Key::Ahead, Action::Repeat);
             assert_eq!(keys.send(at(ms)), Some(AHEAD));
         }
         keys.key(at(5001), Key::Ahead, Action::Release);
         assert_eq!(keys.send(at(5001)), Some(ZERO));
         assert_eq!(keys.send(at(5300)), Some(ZERO));
         assert_eq!(keys.send(at(5301)), None);
+    }
+
+    #[test]
+    fn a_terminal_that_falls_silent_is_a_released_key() {
+        let mut keys = Keyboard::new(Reporting::Releases);
+        keys.key(at(0), Key::Ahead, Action::Press);
+        assert_eq!(keys.send(at(1499)), Some(AHEAD));
+        assert_eq!(keys.send(at(1500)), Some(ZERO));
+        keys.key(at(1600), Key::Ahead, Action::Repeat);
+        assert_eq!(keys.send(at(1601)), Some(ZERO), "it must be pressed anew");
     }
 
     #[test]
