@@ -1,12 +1,13 @@
 //! Requests and setpoints from Zenoh to the control loop.
 //!
 //! The callbacks run on Zenoh's threads and never wait: they decode, check and hand over. What does
-//! not fit the queue is counted and left unanswered; the client asks again with the same id.
+//! not fit a queue is counted; a request then is refused as overloaded, a reply is left out and its
+//! client asks again with the same id.
 
 use crate::clock::Clock;
-use crate::mailbox::{Answer, Counters, Job, SessionEnds, SetpointSlot};
+use crate::mailbox::{Answer, Counters, Job, REQUESTS, SessionEnds, SetpointSlot};
 use std::sync::Arc;
-use std::sync::mpsc::SyncSender;
+use std::sync::mpsc::{SyncSender, TrySendError};
 use tokio::sync::mpsc;
 use xtb_bus::{Bus, BusError, Incoming, Question, Service, Subscription};
 use xtb_protocol::codec::CodecError;
@@ -81,8 +82,10 @@ impl Desk {
         match (client, decoded) {
             (Some(client), Ok((request, format))) => {
                 let answer = Answer { question, key, format };
-                if self.requests.try_send(Job { client, request, answer }).is_err() {
+                let refused = self.requests.try_send(Job { client, request, answer });
+                if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) = refused {
                     self.counters.overloaded();
+                    self.reply(job.answer, overloaded(job.request.id));
                 }
             }
             (client, Err(error)) => {
@@ -91,14 +94,22 @@ impl Desk {
                     return; // a wildcard cannot be answered on a key of its own
                 }
                 let format = question.likely_format();
-                let reply = refusal(&error);
-                if self.replies.try_send((Answer { question, key, format }, reply)).is_err() {
-                    self.counters.overloaded();
-                }
+                self.reply(Answer { question, key, format }, refusal(&error));
             }
             (None, Ok(_)) => {}
         }
     }
+
+    fn reply(&self, answer: Answer, reply: Reply) {
+        if self.replies.try_send((answer, reply)).is_err() {
+            self.counters.overloaded();
+        }
+    }
+}
+
+fn overloaded(id: Uuid) -> Reply {
+    let message = format!("{REQUESTS} requests are waiting already");
+    Reply::refused(id, RejectCode::Overloaded, message, "ask again, less often")
 }
 
 fn refusal(error: &CodecError) -> Reply {

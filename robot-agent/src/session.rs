@@ -68,18 +68,19 @@ pub(crate) async fn run(
             tracing::warn!("{error}; trying on, the controller runs");
         }
     });
+    // The motors stop inside this future: `select` drops the others before it goes on.
+    let mut ending = std::pin::pin!(async {
+        let _ = shutdown.wait_for(|end| *end).await;
+        stop_motors();
+    });
     let bus = tokio::select! {
         bus = opening => bus?,
-        _ = shutdown.wait_for(|end| *end) => {
-            stop_motors();
-            return Ok(());
-        }
+        () = &mut ending => return Ok(()),
     };
     let served = tokio::select! {
         served = serve(config, clock, &bus, ends, about) => served,
-        _ = shutdown.wait_for(|end| *end) => Ok(()),
+        () = ending => Ok(()),
     };
-    stop_motors();
     bus.close().await;
     served
 }

@@ -10,6 +10,7 @@
 //! brain only ever hands it a command, and its answer to every doubt is [`Command::Idle`].
 
 use crate::goal::{Goal, Target, TimeLimit};
+use crate::inputs::{INPUT_LOST_MS, Input};
 use crate::lease::LeaseBook;
 use crate::replies::ReplyBook;
 use std::collections::VecDeque;
@@ -23,8 +24,6 @@ use xtb_protocol::messages::{
 };
 use xtb_protocol::{Name, Uuid};
 
-/// An input that was not heard for this long is lost.
-pub const INPUT_LOST_MS: u64 = 200;
 /// Events that wait for the uplink; the oldest is dropped and counted when full.
 pub const EVENT_QUEUE: usize = 64;
 
@@ -223,7 +222,7 @@ impl Agent {
         command: Command,
         view: View<'_>,
     ) -> Outcome {
-        if let Some(lost) = lost_input(&view.ages) {
+        if let Some(lost) = Input::first_lost(&view.ages) {
             return Err((
                 RejectCode::NotReady,
                 format!("the {} has not been heard for {INPUT_LOST_MS} ms", lost.name()),
@@ -279,7 +278,7 @@ impl Agent {
 
     /// A lost input stops everything that moves, and is reported when it goes and when it returns.
     fn watch_inputs(&mut self, now: Stamp, ages: &InputAges) {
-        for (i, input) in [Input::Board, Input::Gyro].into_iter().enumerate() {
+        for (i, input) in Input::ALL.into_iter().enumerate() {
             let lost = input.is_lost(ages);
             if lost != self.lost[i] {
                 self.lost[i] = lost;
@@ -430,7 +429,7 @@ impl Agent {
             let ahead = outputs.reference_rpm > 0.0;
             reasons.push(if ahead { StopReason::ObstacleFront } else { StopReason::ObstacleRear });
         }
-        for input in [Input::Board, Input::Gyro] {
+        for input in Input::ALL {
             let reason = input.reason();
             if input.is_lost(&view.ages) && !reasons.contains(&reason) {
                 reasons.push(reason);
@@ -441,40 +440,6 @@ impl Agent {
 }
 
 type Outcome = Result<Done, (RejectCode, String, &'static str)>;
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Input {
-    Board,
-    Gyro,
-}
-
-impl Input {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Board => "board",
-            Self::Gyro => "gyro",
-        }
-    }
-
-    fn reason(self) -> StopReason {
-        match self {
-            Self::Board => StopReason::BoardLost,
-            Self::Gyro => StopReason::GyroLost,
-        }
-    }
-
-    fn is_lost(self, ages: &InputAges) -> bool {
-        let silent = |age: Option<u64>| age.is_none_or(|ms| ms > INPUT_LOST_MS);
-        match self {
-            Self::Board => silent(ages.encoder) || silent(ages.adc),
-            Self::Gyro => silent(ages.gyro),
-        }
-    }
-}
-
-fn lost_input(ages: &InputAges) -> Option<Input> {
-    [Input::Board, Input::Gyro].into_iter().find(|input| input.is_lost(ages))
-}
 
 fn lease_lost(holder: Option<&Name>) -> (RejectCode, String, &'static str) {
     let message = match holder {

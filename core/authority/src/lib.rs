@@ -8,6 +8,7 @@
 
 pub mod agent;
 pub mod goal;
+pub mod inputs;
 pub mod lease;
 pub mod operator;
 pub mod replies;

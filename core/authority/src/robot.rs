@@ -4,6 +4,7 @@
 //! `robot-agent` turns it against real time, the simulator in lockstep.
 
 use crate::agent::{Agent, Identity, View};
+use crate::inputs::INPUT_LOST_MS;
 use xtb_control::controller::AdcSample;
 use xtb_control::{Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
 use xtb_protocol::board::{Frame, FrameReader, FrameWriter, FromBoard};
@@ -17,8 +18,6 @@ use xtb_protocol::messages::{
 pub const TURN_NS: u64 = 5_000_000;
 /// A PWM frame goes out this often, and at once when the motor becomes neutral.
 pub const PWM_FRAME_NS: u64 = 20_000_000;
-/// A range finder that was not heard for this long shows nothing.
-const VIEW_LOST_MS: u64 = crate::agent::INPUT_LOST_MS;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Heard {
@@ -130,7 +129,7 @@ impl Robot {
     /// Whether the gyro should be asked to start: nothing has been heard of it for 200 ms.
     #[must_use]
     pub fn gyro_is_silent(&self, now: Stamp) -> bool {
-        self.ages(now).gyro.is_none_or(|ms| ms > VIEW_LOST_MS)
+        self.ages(now).gyro.is_none_or(|ms| ms > INPUT_LOST_MS)
     }
 
     /// Motor neutral and wheels straight, for the last frame before the agent ends.
@@ -176,7 +175,7 @@ impl Robot {
     pub fn state(&mut self, now: Stamp, rejected: Rejected) -> RobotState {
         let ages = self.ages(now);
         let view = View { outputs: &self.outputs, ages };
-        let fresh = |age: Option<u64>| age.is_some_and(|ms| ms <= VIEW_LOST_MS);
+        let fresh = |age: Option<u64>| age.is_some_and(|ms| ms <= INPUT_LOST_MS);
         let seen = |side: bool| fresh(ages.adc).then_some(side);
         let board = self.board.counters();
         let seq = self.state_seq;
