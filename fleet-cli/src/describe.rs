@@ -74,9 +74,9 @@ pub(crate) fn goal(goal: &GoalState) -> String {
         (GoalKind::Goto, Some(x_m), Some(y_m)) => {
             text.push_str(&format!(" ({}, {})", fixed(x_m, 2), fixed(y_m, 2)));
         }
-        (kind, ..) => text.push_str(&format!(" {}", words::name(&kind))),
+        (kind, ..) => text.push_str(&format!(" ({})", words::name(&kind))),
     }
-    if let Some(distance_m) = goal.distance_m {
+    if let Some(distance_m) = goal.distance_m.filter(|_| !goal.status.is_final()) {
         text.push_str(&format!(", {} m to go", fixed(distance_m, 2)));
     }
     text

@@ -11,7 +11,7 @@ use xtb_protocol::{Name, Uuid};
 
 /// How exactly the 100 ms between two retains are kept.
 const LOOK_EVERY: Duration = Duration::from_millis(RETAIN_MS / 5);
-/// A retain that takes longer is given up for the next one; silence of 500 ms ends a `halt` goal.
+/// A retain that takes longer is given up for the next one; 900 ms of silence free the lease.
 const RETAIN_WITHIN: Duration = Duration::from_millis(2 * RETAIN_MS);
 
 /// Control of one robot. Dropping it ends the retaining, and so, 900 ms later, the lease.

@@ -37,7 +37,7 @@ config_section! {
         kind: String = "simulated".to_owned(), "", OneOf(&["simulated", "serial"]), Ours, "serial, or one simulated truck alone in an empty room.";
         board: String = "/dev/ttyUSB0".to_owned(), "", Text, Assumed, "The I/O board's serial port.";
         gyro: String = "/dev/ttyUSB1".to_owned(), "", Text, Assumed, "The gyro's serial port.";
-        board_baud: u32 = 115_200, "baud", Range(38_400.0, 4_000_000.0), Ours, "The board's rate (its frames need 31,000 baud; the memorandum's 9600 cannot carry them).";
+        board_baud: u32 = 115_200, "baud", Range(38_400.0, 4_000_000.0), Ours, "The board's rate (its frames need 14,000 baud each way; the memorandum's 9600 cannot carry them).";
         gyro_baud: u32 = 38_400, "baud", Range(19_200.0, 115_200.0), Printed("§2.2"), "The gyro's rate.";
         seed: u32 = 1, "", Range(0.0, 4_294_967_295.0), Ours, "Seed of the simulated truck.";
     }

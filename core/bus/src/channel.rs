@@ -143,6 +143,7 @@ impl Bus {
             .encoding(codec::encoding::<M>(Format::Postcard))
             .congestion_control(congestion(&Channel::Event))
             .priority(priority(&Channel::Event))
+            .express(Channel::Event.qos().express)
             .cache(CacheConfig::default().max_samples(EVENT_CACHE))
             .sample_miss_detection(MissDetectionConfig::default().heartbeat(EVENT_HEARTBEAT))
             .publisher_detection()

@@ -79,9 +79,9 @@ pub(crate) fn failed<'a>(what: &'static str, key: &'a str) -> impl FnOnce(zenoh:
 /// What Zenoh says, without the places in its source where it says it.
 fn words(error: &zenoh::Error) -> String {
     let text = error.to_string();
-    let is_place = |word: &&str| word.starts_with('/') && word.contains(".rs:");
-    let words: Vec<&str> = text.split(' ').filter(|word| !is_place(word)).collect();
-    words.join(" ").replace(" at -", " -").trim_end_matches(" at").to_owned()
+    // A broken setting comes as `… msg: "what is wrong at /its/source.rs:1 …`.
+    let words = text.split_once("msg: \"").map_or(text.as_str(), |(_, inner)| inner);
+    words.split(" at /").next().unwrap_or(words).trim_end_matches('.').to_owned()
 }
 
 impl Role {
@@ -204,4 +204,16 @@ pub struct LinkWatch {
     /// Whether it stands.
     pub up: watch::Receiver<bool>,
     _listener: Box<dyn std::any::Any + Send + Sync>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wrong_endpoint_is_told_in_plain_words() {
+        let role = Role::Client { connect: vec!["bogus".into()] };
+        let said = role.config().map(drop).unwrap_err().to_string();
+        assert!(said.ends_with("[?<metadata>][#<config>]: bogus"), "{said}");
+    }
 }

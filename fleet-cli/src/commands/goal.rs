@@ -159,7 +159,7 @@ async fn drive(ctx: &Context, client: &Client, control: &Control, task: &Task) -
             let age = describe::age(heard.elapsed());
             let message = format!("{} was not heard for {age}: outcome of goal {goal} unknown", task.robot);
             return Err(Failure::new(Kind::OutcomeUnknown, message)
-                .hint("a robot that loses its client stands; `fleet-cli status` shows when it is back"));
+                .hint("this release does not stop a goal whose client is gone: stop the robot by hand; `fleet-cli status` shows when it is back"));
         }
         if task.within.is_some_and(|within| began.elapsed() > within) {
             match control.request(Uuid::new_v4(), Body::Cancel { goal }).await {
@@ -225,6 +225,7 @@ fn hint(status: GoalStatus) -> &'static str {
         GoalStatus::Replaced => {
             "another client sent it elsewhere; `fleet-cli status` shows who holds the lease"
         }
+        GoalStatus::Cancelled => "somebody stopped it, or it took too long; send the goal again",
         _ => "`fleet-cli status` shows why it stands",
     }
 }

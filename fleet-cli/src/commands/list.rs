@@ -13,7 +13,8 @@ use std::time::Duration;
 
 const HEADINGS: [&str; 8] = ["name", "mode", "pose", "speed", "battery", "lease", "goal", "age"];
 
-/// Asks once and prints a row for each robot.
+/// Asks once and prints a row for each robot. A robot that should be there and is not makes it
+/// [`Exit::Unknown`].
 ///
 /// # Errors
 /// No router, or nobody is there and nobody is expected.
@@ -25,12 +26,12 @@ pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
         return Err(client.nobody());
     }
     ctx.out.result(&view, |view| table(view, &ctx.out))?;
-    let anybody = view.robots.iter().any(|robot| robot.alive);
-    if !anybody && !ctx.out.json {
+    if !view.robots.iter().any(|robot| robot.alive) && !ctx.out.json {
         ctx.out.failure(&client.nobody());
     }
     client.close().await;
-    Ok(if anybody { Exit::Done } else { Exit::Unknown })
+    let complete = view.robots.iter().all(|robot| robot.alive);
+    Ok(if complete { Exit::Done } else { Exit::Unknown })
 }
 
 fn table(view: &FleetView, out: &Output) -> String {

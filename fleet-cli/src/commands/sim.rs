@@ -11,6 +11,9 @@ use xtb_protocol::Name;
 use xtb_protocol::messages::RosterEntry;
 use xtb_sim::World;
 
+/// From this speed on, hands are too slow: robots' clocks run with the world.
+const HAND_SPEED: f64 = 2.0;
+
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]
 struct Ready<'a> {
@@ -45,7 +48,7 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
         started = Simulator::start(plan) => started?,
         () = interrupted() => return Ok(Exit::Interrupted),
     };
-    announce(ctx, &simulator, args.pty.as_deref())?;
+    announce(ctx, &simulator, args.speed, args.pty.as_deref())?;
     interrupted().await;
     simulator.stop().await;
     Ok(Exit::Done)
@@ -65,8 +68,14 @@ pub fn read_world(path: &Path) -> Result<World> {
     })
 }
 
-fn announce(ctx: &Context, simulator: &Simulator, pty: Option<&Path>) -> Result<()> {
+fn announce(ctx: &Context, simulator: &Simulator, speed: f64, pty: Option<&Path>) -> Result<()> {
     let robots = &simulator.roster().robots;
+    if speed >= HAND_SPEED {
+        ctx.out.note(&format!(
+            "at {speed} times real time a setpoint lives {:.0} ms of yours: too short for teleop by hand",
+            200.0 / speed
+        ));
+    }
     for robot in robots {
         let Some(pose) = robot.start_pose else { continue };
         let pose = format!("{:.3},{:.3},{:.4}", pose.x_m, pose.y_m, pose.yaw_rad);

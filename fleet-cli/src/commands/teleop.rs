@@ -20,10 +20,10 @@ use serde::Serialize;
 use std::io::IsTerminal;
 use std::pin::pin;
 use std::time::Duration;
-use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::Channel;
-use xtb_protocol::messages::Setpoint;
+use xtb_protocol::messages::{Body, Setpoint};
+use xtb_protocol::{Name, Uuid};
 
 /// 20 Hz.
 const SEND_EVERY: Duration = Duration::from_millis(50);
@@ -67,8 +67,15 @@ async fn drive(ctx: &Context, mut wheel: Wheel<'_>) -> Result<u64> {
     let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
     let mut keyboard = Keyboard::new(reporting);
     let ended = hands_on(ctx, &mut wheel, &feed, &mut terminal, &mut keyboard).await;
-    // Whatever ended it. Once is not enough to be sure, but the robot's own clock is.
-    let stopped = wheel.send(Drive::default(), &feed).await;
+    // Whatever ended it. Who only watched does not end another's goal. If the message is lost, the
+    // robot's own clock ends the setpoint.
+    let mut stopped = Ok(());
+    if wheel.sent > 0 {
+        stopped = wheel.send(Drive::default(), &feed).await;
+        if let Err(failure) = wheel.control.request(Uuid::new_v4(), Body::Stop {}).await {
+            tracing::debug!("stopping: {failure}");
+        }
+    }
     ended.and(stopped).map(|()| wheel.sent)
 }
 

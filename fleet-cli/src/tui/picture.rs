@@ -1,4 +1,4 @@
-//! The live picture of a simulated fleet: room, trucks, trails and goals, and a line for each robot.
+//! The live picture of a simulated fleet: trucks, trails and goals, and a line for each robot.
 
 use crate::client::Seen;
 use crate::error::Result;
