@@ -21,8 +21,9 @@ async fn silence_is_neutral_on_the_robots_own_clock() {
     drive_until_rolling(&fleet, 20.0, 0.1).await;
     let last_s = fleet.time_s();
     let neutral_s = eventually("neutral", || async { fleet.truth(1).neutral_since_s }).await;
-    // 200 ms of life, a turn, a pulse; the rest is for the message on a busy machine.
-    assert!(neutral_s - last_s < 0.6, "neutral only {} s after the last setpoint", neutral_s - last_s);
+    // 200 ms of life, a turn, a pulse; the rest is for the message on a busy machine. (The robot's own
+    // 200 ms are exact in core/authority/tests/robot.rs.)
+    assert!(neutral_s - last_s < 1.0, "neutral only {} s after the last setpoint", neutral_s - last_s);
     let state = fleet.until(1, "standing", |state| state.mode == Mode::Idle).await;
     assert_eq!(state.stopped_because, vec![StopReason::SetpointExpired]);
     fleet.end().await;
