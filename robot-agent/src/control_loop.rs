@@ -5,7 +5,7 @@
 
 use crate::clock::Clock;
 use crate::hardware::Hardware;
-use crate::mailbox::{LoopEnds, Snapshot};
+use crate::mailbox::{LoopEnds, Snapshot, Waiting};
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -38,7 +38,7 @@ pub(crate) fn start(
     stop: Arc<AtomicBool>,
 ) -> io::Result<JoinHandle<()>> {
     let name = format!("control-{}", robot.agent().identity().robot);
-    let control = ControlLoop { robot, hardware, ends, broken: [false; 2], gyro_asked: None };
+    let control = ControlLoop { robot, hardware, ends, broken: [false; 4], gyro_asked: None };
     std::thread::Builder::new().name(name).spawn(move || control.run(&clock, &stop))
 }
 
@@ -46,8 +46,8 @@ struct ControlLoop {
     robot: Robot,
     hardware: Box<dyn Hardware>,
     ends: LoopEnds,
-    /// Whether board and gyro lines gave an error last time: each is logged once.
-    broken: [bool; 2],
+    /// Which lines gave an error last time: each is logged once.
+    broken: [bool; 4],
     gyro_asked: Option<Stamp>,
 }
 
@@ -66,43 +66,54 @@ impl ControlLoop {
             self.take_orders(now);
             if let Some(frame) = self.robot.turn(now) {
                 let written = self.hardware.write_board(frame.as_bytes());
-                self.note(Line::Board, written);
+                self.note(Line::ToBoard, written);
             }
             self.report(now, &mut next_snapshot);
         }
         let frame = self.robot.neutral_frame(clock.now());
         let written = self.hardware.write_board(frame.as_bytes());
-        self.note(Line::Board, written);
+        self.note(Line::ToBoard, written);
     }
 
     fn read_lines(&mut self, now: Stamp) {
         let mut buffer = [0; READ_BUFFER];
         match self.hardware.read_board(&mut buffer) {
-            Ok(n) => self.robot.board_bytes(now, &buffer[..n]),
-            Err(error) => self.note(Line::Board, Err(error)),
+            Ok(n) => {
+                self.robot.board_bytes(now, &buffer[..n]);
+                self.note(Line::FromBoard, Ok(()));
+            }
+            Err(error) => self.note(Line::FromBoard, Err(error)),
         }
         match self.hardware.read_gyro(&mut buffer) {
-            Ok(n) => self.robot.gyro_bytes(now, &buffer[..n]),
-            Err(error) => self.note(Line::Gyro, Err(error)),
+            Ok(n) => {
+                self.robot.gyro_bytes(now, &buffer[..n]);
+                self.note(Line::FromGyro, Ok(()));
+            }
+            Err(error) => self.note(Line::FromGyro, Err(error)),
         }
         let asked_lately = self.gyro_asked.is_some_and(|at| now.ns() < at.ns() + GYRO_RESTART_NS);
         if !asked_lately && self.robot.gyro_is_silent(now) {
             self.gyro_asked = Some(now);
             let written = self.hardware.write_gyro(&START_CONTINUOUS);
-            self.note(Line::Gyro, written);
+            self.note(Line::ToGyro, written);
         }
     }
 
+    /// A stop first, then requests in their order, then the setpoint.
     fn take_orders(&mut self, now: Stamp) {
-        self.robot.agent_mut().set_link(self.ends.link_up.load(Ordering::Relaxed));
-        for job in self.ends.requests.try_iter().take(REQUESTS_A_TURN) {
-            let reply = self.robot.request(now, &job.client, &job.request);
-            if self.ends.replies.try_send((job.answer, reply)).is_err() {
-                self.ends.counters.overloaded();
-            }
+        let ends = &mut self.ends;
+        self.robot.agent_mut().set_link(ends.link_up.load(Ordering::Relaxed));
+        self.robot.agent_mut().stop(now, ends.arrivals.latest_stop());
+        for _ in 0..REQUESTS_A_TURN {
+            // Without room for its reply a request stays where it is: to drop its question here
+            // could wait for Zenoh.
+            let Ok(room) = ends.replies.try_reserve() else { break };
+            let Ok(job) = ends.requests.try_recv() else { break };
+            let reply = self.robot.request(now, job.arrival, &job.client, &job.request);
+            room.send((job.answer, reply));
         }
-        if let Some((at, client, setpoint)) = self.ends.setpoint.take() {
-            self.robot.setpoint(at, &client, &setpoint);
+        if let Some(Waiting { at, arrival, client, setpoint }) = ends.setpoint.take() {
+            self.robot.agent_mut().setpoint(now, at, arrival, &client, &setpoint);
         }
     }
 
@@ -126,11 +137,11 @@ impl ControlLoop {
         let broken = &mut self.broken[line as usize];
         match (result, *broken) {
             (Err(error), false) => {
-                tracing::warn!("the {} line is broken: {error}", line.name());
+                tracing::warn!("the {} is broken: {error}", line.name());
                 *broken = true;
             }
             (Ok(()), true) => {
-                tracing::info!("the {} line works again", line.name());
+                tracing::info!("the {} works again", line.name());
                 *broken = false;
             }
             _ => {}
@@ -140,15 +151,19 @@ impl ControlLoop {
 
 #[derive(Clone, Copy)]
 enum Line {
-    Board = 0,
-    Gyro = 1,
+    FromBoard = 0,
+    ToBoard = 1,
+    FromGyro = 2,
+    ToGyro = 3,
 }
 
 impl Line {
     fn name(self) -> &'static str {
         match self {
-            Self::Board => "board",
-            Self::Gyro => "gyro",
+            Self::FromBoard => "line from the board",
+            Self::ToBoard => "line to the board",
+            Self::FromGyro => "line from the gyro",
+            Self::ToGyro => "line to the gyro",
         }
     }
 }

@@ -5,14 +5,14 @@
 //! client asks again with the same id.
 
 use crate::clock::Clock;
-use crate::mailbox::{Answer, Counters, Job, REQUESTS, SessionEnds, SetpointSlot};
+use crate::mailbox::{Answer, Arrivals, Counters, Job, REQUESTS, SessionEnds, SetpointSlot, Waiting};
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};
 use tokio::sync::mpsc;
 use xtb_bus::{Bus, BusError, Incoming, Question, Service, Subscription};
 use xtb_protocol::codec::CodecError;
 use xtb_protocol::keys::{Name, RobotKeys};
-use xtb_protocol::messages::{RejectCode, Reply, Request, Setpoint};
+use xtb_protocol::messages::{Body, RejectCode, Reply, Request, Setpoint};
 use xtb_protocol::{Uuid, codec};
 
 /// Holds the declarations; dropping it ends them.
@@ -24,6 +24,7 @@ pub(crate) struct Downlink {
 struct Desk {
     keys: RobotKeys,
     requests: SyncSender<Job>,
+    arrivals: Arc<Arrivals>,
     replies: mpsc::Sender<(Answer, Reply)>,
     counters: Arc<Counters>,
 }
@@ -41,14 +42,18 @@ pub(crate) async fn declare(
     let desk = Desk {
         keys: keys.clone(),
         requests: ends.requests.clone(),
+        arrivals: ends.arrivals.clone(),
         replies: ends.reply_sender.clone(),
         counters: ends.counters.clone(),
     };
     let requests = bus.serve(&keys.cmd(None), move |question| desk.take(question)).await?;
-    let (clock, slot, counters) = (clock.clone(), ends.setpoint.clone(), ends.counters.clone());
-    let setpoints = bus
-        .subscribe(&keys.teleop(None), move |incoming| setpoint(&clock, &slot, &counters, &incoming))
-        .await?;
+    let tray = Tray {
+        clock: clock.clone(),
+        slot: ends.setpoint.clone(),
+        arrivals: ends.arrivals.clone(),
+        counters: ends.counters.clone(),
+    };
+    let setpoints = bus.subscribe(&keys.teleop(None), move |incoming| tray.take(&incoming)).await?;
     Ok(Downlink { _requests: requests, _setpoints: setpoints })
 }
 
@@ -57,13 +62,26 @@ fn client_of(key: &str) -> Option<Name> {
     key.rsplit('/').next().and_then(|name| Name::new(name).ok())
 }
 
-fn setpoint(clock: &Clock, slot: &SetpointSlot, counters: &Counters, incoming: &Incoming) {
-    let Some(client) = client_of(&incoming.key) else {
-        return counters.rejected(&nameless());
-    };
-    match incoming.decode::<Setpoint>() {
-        Ok(setpoint) => slot.put(clock, client, setpoint, counters),
-        Err(error) => counters.rejected(&error),
+/// Where setpoints come in.
+struct Tray {
+    clock: Clock,
+    slot: Arc<SetpointSlot>,
+    arrivals: Arc<Arrivals>,
+    counters: Arc<Counters>,
+}
+
+impl Tray {
+    fn take(&self, incoming: &Incoming) {
+        let Some(client) = client_of(&incoming.key) else {
+            return self.counters.rejected(&nameless());
+        };
+        match incoming.decode::<Setpoint>() {
+            Ok(setpoint) => {
+                let (at, arrival) = (self.clock.now(), self.arrivals.next());
+                self.slot.put(Waiting { at, arrival, client, setpoint }, &self.counters);
+            }
+            Err(error) => self.counters.rejected(&error),
+        }
     }
 }
 
@@ -81,8 +99,12 @@ impl Desk {
         };
         match (client, decoded) {
             (Some(client), Ok((request, format))) => {
+                let arrival = self.arrivals.next();
+                if matches!(request.body, Body::Stop {}) {
+                    self.arrivals.stop(arrival); // whatever becomes of the rest of it
+                }
                 let answer = Answer { question, key, format };
-                let refused = self.requests.try_send(Job { client, request, answer });
+                let refused = self.requests.try_send(Job { arrival, client, request, answer });
                 if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) = refused {
                     self.counters.overloaded();
                     self.reply(job.answer, overloaded(job.request.id));

@@ -37,7 +37,7 @@ pub enum AgentError {
     #[error(transparent)]
     Bus(#[from] BusError),
     /// The system would not.
-    #[error("cannot start the control loop: {0}")]
+    #[error("the system would not go on: {0}")]
     Thread(#[from] std::io::Error),
 }
 

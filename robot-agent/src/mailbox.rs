@@ -2,16 +2,18 @@
 //!
 //! | from → to | what | bound | when full |
 //! | --- | --- | --- | --- |
+//! | downlink → loop | stop | 1 number, the latest wins | nothing is lost: one stop is as good as two |
 //! | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
 //! | downlink → loop | setpoint | 1, latest wins | the older one is dropped, counted |
-//! | loop → downlink | replies | [`REPLIES`] | dropped, counted; the client asks again |
+//! | loop → downlink | replies | [`REPLIES`] | requests wait in their own queue |
 //! | loop → uplink | snapshot | 1, latest wins | the older one is dropped |
 //! | loop → uplink | events | [`EVENTS`] | dropped, counted |
+//! | Zenoh → uplink | questions for `state`, `about` | 64 | dropped, counted; the client asks again |
 
-use crate::clock::Clock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc as std_mpsc};
 use tokio::sync::{mpsc, watch};
+use xtb_authority::agent::Arrival;
 use xtb_bus::Question;
 use xtb_control::Stamp;
 use xtb_protocol::Name;
@@ -25,8 +27,35 @@ pub(crate) const REPLIES: usize = 256;
 /// Events on their way out.
 pub(crate) const EVENTS: usize = 256;
 
+/// Numbers messages in the order of their arrival, and holds the number of the latest stop: it
+/// reaches the loop at the next turn, whatever waits in the queues.
+#[derive(Debug, Default)]
+pub(crate) struct Arrivals {
+    latest: AtomicU64,
+    stop: AtomicU64,
+}
+
+impl Arrivals {
+    /// The next number; 0 is never one.
+    pub(crate) fn next(&self) -> Arrival {
+        self.latest.fetch_add(1, Ordering::SeqCst) + 1
+    }
+
+    /// A stop with this number has arrived.
+    pub(crate) fn stop(&self, arrival: Arrival) {
+        self.stop.fetch_max(arrival, Ordering::SeqCst);
+    }
+
+    /// The number of the latest stop; 0 = none yet.
+    pub(crate) fn latest_stop(&self) -> Arrival {
+        self.stop.load(Ordering::SeqCst)
+    }
+}
+
 /// A request with the question that its reply belongs to.
 pub(crate) struct Job {
+    /// Its place among all messages.
+    pub(crate) arrival: Arrival,
     /// Who asks.
     pub(crate) client: Name,
     /// What is asked.
@@ -103,20 +132,32 @@ impl Counters {
 
 /// The latest setpoint with the time of its arrival.
 #[derive(Debug, Default)]
-pub(crate) struct SetpointSlot(Mutex<Option<(Stamp, Name, Setpoint)>>);
+pub(crate) struct SetpointSlot(Mutex<Option<Waiting>>);
+
+/// A setpoint that waits for its turn.
+#[derive(Debug)]
+pub(crate) struct Waiting {
+    /// When it arrived.
+    pub(crate) at: Stamp,
+    /// Its place among all messages.
+    pub(crate) arrival: Arrival,
+    /// Who sent it.
+    pub(crate) client: Name,
+    /// What it asks for.
+    pub(crate) setpoint: Setpoint,
+}
 
 impl SetpointSlot {
-    /// Puts a setpoint that arrived now; the one before is dropped if no turn has seen it.
-    pub(crate) fn put(&self, clock: &Clock, client: Name, setpoint: Setpoint, counters: &Counters) {
-        let new = Some((clock.now(), client, setpoint));
-        let before = std::mem::replace(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner), new);
-        if before.is_some() {
+    /// Puts a setpoint; the one before is dropped if no turn has seen it.
+    pub(crate) fn put(&self, new: Waiting, counters: &Counters) {
+        let mut slot = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if slot.replace(new).is_some() {
             counters.setpoints_overwritten.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// Takes it.
-    pub(crate) fn take(&self) -> Option<(Stamp, Name, Setpoint)> {
+    pub(crate) fn take(&self) -> Option<Waiting> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }
@@ -127,6 +168,8 @@ pub(crate) struct LoopEnds {
     pub(crate) requests: std_mpsc::Receiver<Job>,
     /// Setpoints.
     pub(crate) setpoint: Arc<SetpointSlot>,
+    /// Order of arrival, and stops.
+    pub(crate) arrivals: Arc<Arrivals>,
     /// Replies.
     pub(crate) replies: mpsc::Sender<(Answer, Reply)>,
     /// Snapshots.
@@ -145,6 +188,8 @@ pub(crate) struct SessionEnds {
     pub(crate) requests: std_mpsc::SyncSender<Job>,
     /// Setpoints.
     pub(crate) setpoint: Arc<SetpointSlot>,
+    /// Order of arrival, and stops.
+    pub(crate) arrivals: Arc<Arrivals>,
     /// Replies that were refused before they reached the loop.
     pub(crate) reply_sender: mpsc::Sender<(Answer, Reply)>,
     /// Replies.
@@ -167,11 +212,13 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds) {
     let (event_sender, event_receiver) = mpsc::channel(EVENTS);
     let (snapshot_sender, snapshot_receiver) = watch::channel(None);
     let setpoint = Arc::new(SetpointSlot::default());
+    let arrivals = Arc::new(Arrivals::default());
     let link_up = Arc::new(AtomicBool::new(false));
     let counters = Arc::new(Counters::default());
     let loop_ends = LoopEnds {
         requests: request_receiver,
         setpoint: setpoint.clone(),
+        arrivals: arrivals.clone(),
         replies: reply_sender.clone(),
         snapshot: snapshot_sender,
         events: event_sender,
@@ -181,6 +228,7 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds) {
     let session_ends = SessionEnds {
         requests: request_sender,
         setpoint,
+        arrivals,
         reply_sender,
         replies: reply_receiver,
         snapshot: snapshot_receiver,

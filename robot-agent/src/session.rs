@@ -5,12 +5,14 @@ use crate::config::AgentConfig;
 use crate::mailbox::{SessionEnds, Snapshot};
 use crate::{AgentError, Shutdown, VERSION, downlink, uplink};
 use crc::{CRC_32_ISO_HDLC, Crc};
-use std::sync::atomic::Ordering;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::sync::watch;
+use tokio::task::JoinSet;
 use tokio::time::Instant;
 use xtb_authority::Identity;
-use xtb_bus::Bus;
+use xtb_bus::{Bus, BusError};
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{About, Limits, MAX_COORDINATE_M, ParameterInfo, RobotState};
 
@@ -59,7 +61,7 @@ pub(crate) async fn run(
     ends: SessionEnds,
     about: About,
     mut shutdown: Shutdown,
-    stop_motors: impl FnOnce(),
+    stop_motors: impl Fn(),
 ) -> Result<(), AgentError> {
     let role = config.role();
     let mut told = false;
@@ -78,7 +80,12 @@ pub(crate) async fn run(
         () = &mut ending => return Ok(()),
     };
     let served = tokio::select! {
-        served = serve(config, clock, &bus, ends, about) => served,
+        // Also when it ends by an error: motors first, and nobody could stop them any more.
+        served = async {
+            let served = serve(config, clock, &bus, ends, about).await;
+            stop_motors();
+            served
+        } => served,
         () = ending => Ok(()),
     };
     bus.close().await;
@@ -96,32 +103,44 @@ async fn serve(
     let keys = FleetKeys::new(config.fleet.clone()).robot(&config.robot);
     let epoch = about.epoch;
     wait_for_name(config, bus, &keys.alive()).await?;
-    let _uplink = uplink::declare(bus, &keys, &ends.snapshot, about).await?;
+    let _uplink = uplink::declare(bus, &keys, &ends.snapshot, &ends.counters, about).await?;
     let _downlink = downlink::declare(bus, &keys, clock, &ends).await?;
     let link = bus.watch_link().await?;
-    let (mut up, link_up) = (link.up.clone(), ends.link_up.clone());
-    let follow_link = async move {
-        loop {
-            let stands = *up.borrow_and_update();
-            if link_up.swap(stands, Ordering::Relaxed) != stands {
-                tracing::info!("the link to the router is {}", if stands { "up" } else { "lost" });
-            }
-            if up.changed().await.is_err() {
-                return;
-            }
-        }
-    };
     wait_for_inputs(&mut ends.snapshot).await;
     let _token = bus.declare_alive(&keys.alive()).await?;
     tracing::info!("{} of fleet {} is alive", config.robot, config.fleet);
     let state_key = keys.state();
+    // Tasks of their own: a message that has to wait must not hold up the others. Dropping the set
+    // ends them.
+    let mut tasks = JoinSet::new();
+    tasks.spawn(uplink::publish_states(bus.clone(), keys.clone(), ends.snapshot));
+    tasks.spawn(uplink::publish_events(bus.clone(), keys.clone(), ends.events));
+    tasks.spawn(async move {
+        downlink::send_replies(ends.replies).await;
+        Ok(())
+    });
+    tasks.spawn(follow_link(link.up.clone(), ends.link_up));
     tokio::select! {
-        published = uplink::publish(bus, &keys, ends.snapshot, ends.events) => Ok(published?),
-        () = downlink::send_replies(ends.replies) => Ok(()),
-        () = follow_link => Ok(()),
-        rival = find_rival(bus, &state_key, epoch) => {
+        Some(ended) = tasks.join_next() => match ended {
+            Ok(result) => Ok(result?),
+            Err(panic) => Err(std::io::Error::other(panic).into()),
+        },
+        rival = find_rival(bus, &state_key, link.up.clone(), epoch) => {
             rival?;
             Err(AgentError::NameTaken(config.robot.clone()))
+        }
+    }
+}
+
+/// Tells the control loop whether the session stands.
+async fn follow_link(mut up: watch::Receiver<bool>, link_up: Arc<AtomicBool>) -> Result<(), BusError> {
+    loop {
+        let stands = *up.borrow_and_update();
+        if link_up.swap(stands, Ordering::Relaxed) != stands {
+            tracing::info!("the link to the router is {}", if stands { "up" } else { "lost" });
+        }
+        if up.changed().await.is_err() {
+            return Ok(());
         }
     }
 }
@@ -151,16 +170,27 @@ async fn wait_for_name(config: &AgentConfig, bus: &Bus, alive: &str) -> Result<(
     Ok(())
 }
 
-/// Two agents that start at the same moment both find the name free: of those, the one with the
-/// smaller epoch stays. Returns only when this one has to leave.
-async fn find_rival(bus: &Bus, state: &str, epoch: u64) -> Result<(), AgentError> {
-    let settled = Instant::now() + NAME_TAKEN_AFTER;
-    while Instant::now() < settled {
-        tokio::time::sleep(NAME_CHECK_EVERY).await;
-        let states = bus.get(state, ASK_WITHIN).await?;
-        if states.iter().filter_map(|s| s.decode::<RobotState>().ok()).any(|s| s.epoch < epoch) {
-            return Ok(());
+/// Two agents that start at the same moment, or meet when a link returns, have both found the name
+/// free: of those, the one with the smaller epoch stays. Returns only when this one has to leave.
+async fn find_rival(
+    bus: &Bus,
+    state: &str,
+    mut up: watch::Receiver<bool>,
+    epoch: u64,
+) -> Result<(), AgentError> {
+    loop {
+        let settled = Instant::now() + NAME_TAKEN_AFTER;
+        while Instant::now() < settled {
+            tokio::time::sleep(NAME_CHECK_EVERY).await;
+            let states = bus.get(state, ASK_WITHIN).await?;
+            if states.iter().filter_map(|s| s.decode::<RobotState>().ok()).any(|s| s.epoch < epoch) {
+                return Ok(());
+            }
+        }
+        // Again when the link has been lost and has come back.
+        let lost = up.wait_for(|up| !up).await.is_ok();
+        if !lost || up.wait_for(|up| *up).await.is_err() {
+            return std::future::pending().await;
         }
     }
-    std::future::pending().await
 }

@@ -1,6 +1,7 @@
 //! State, samples, events and the factsheet from the control loop to Zenoh.
 
-use crate::mailbox::Snapshot;
+use crate::mailbox::{Counters, Snapshot};
+use std::sync::Arc;
 use tokio::sync::{mpsc, watch};
 use xtb_bus::{Bus, BusError, Question, Service};
 use xtb_protocol::codec::Format;
@@ -26,12 +27,17 @@ pub(crate) async fn declare(
     bus: &Bus,
     keys: &RobotKeys,
     snapshots: &watch::Receiver<Option<Snapshot>>,
+    counters: &Arc<Counters>,
     about: About,
 ) -> Result<Uplink, BusError> {
     let (sender, mut receiver) = mpsc::channel::<(Question, What)>(ANSWERS);
     let ask = |what: What| {
-        let sender = sender.clone();
-        move |question| drop(sender.try_send((question, what)))
+        let (sender, counters) = (sender.clone(), counters.clone());
+        move |question| {
+            if sender.try_send((question, what)).is_err() {
+                counters.overloaded();
+            }
+        }
     };
     let state = bus.serve(&keys.state(), ask(What::State)).await?;
     let about_service = bus.serve(&keys.about(), ask(What::About)).await?;
@@ -59,41 +65,50 @@ enum What {
     About,
 }
 
-/// Publishes until the control loop ends.
+/// Publishes states and samples until the control loop ends.
 ///
 /// # Errors
 /// [`BusError`] if a publisher cannot be declared; a message that cannot be sent is only logged.
-pub(crate) async fn publish(
-    bus: &Bus,
-    keys: &RobotKeys,
+pub(crate) async fn publish_states(
+    bus: Bus,
+    keys: RobotKeys,
     mut snapshots: watch::Receiver<Option<Snapshot>>,
-    mut events: mpsc::Receiver<Event>,
 ) -> Result<(), BusError> {
     let state = bus.publisher::<RobotState>(&keys.state(), &Channel::State, Format::Postcard).await?;
     let sensors = bus.publisher::<Sensors>(&keys.sensors(), &Channel::Sensors, Format::Postcard).await?;
-    let event = bus.event_publisher::<Event>(&keys.event()).await?;
-    loop {
-        let sent = tokio::select! {
-            changed = snapshots.changed() => {
-                if changed.is_err() {
-                    return Ok(());
-                }
-                let snapshot = snapshots.borrow_and_update().clone();
-                let Some(Snapshot { state: now, sensors: sampled }) = snapshot else { continue };
-                if now.seq % STATES_A_SAMPLE == 0
-                    && let Some(sampled) = sampled
-                    && sensors.has_listeners().await
-                    && let Err(error) = sensors.put(&sampled).await
-                {
-                    tracing::debug!("samples were not sent: {error}");
-                }
-                state.put(&now).await
-            }
-            Some(happened) = events.recv() => event.put(&happened).await,
-            else => return Ok(()),
-        };
-        if let Err(error) = sent {
-            tracing::debug!("{error}");
+    while snapshots.changed().await.is_ok() {
+        let snapshot = snapshots.borrow_and_update().clone();
+        let Some(Snapshot { state: now, sensors: sampled }) = snapshot else { continue };
+        if now.seq % STATES_A_SAMPLE == 0
+            && let Some(sampled) = sampled
+            && sensors.has_listeners().await
+        {
+            note(sensors.put(&sampled).await);
         }
+        note(state.put(&now).await);
+    }
+    Ok(())
+}
+
+/// Publishes events until the control loop ends. A task of its own: events wait where states are
+/// dropped.
+///
+/// # Errors
+/// [`BusError`] if the publisher cannot be declared.
+pub(crate) async fn publish_events(
+    bus: Bus,
+    keys: RobotKeys,
+    mut events: mpsc::Receiver<Event>,
+) -> Result<(), BusError> {
+    let publisher = bus.event_publisher::<Event>(&keys.event()).await?;
+    while let Some(event) = events.recv().await {
+        note(publisher.put(&event).await);
+    }
+    Ok(())
+}
+
+fn note(sent: Result<(), BusError>) {
+    if let Err(error) = sent {
+        tracing::debug!("{error}");
     }
 }

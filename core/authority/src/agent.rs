@@ -49,6 +49,9 @@ pub struct View<'a> {
     pub ages: InputAges,
 }
 
+/// The place of a message in the order in which messages came in; each has its own.
+pub type Arrival = u64;
+
 #[derive(Debug, Clone)]
 struct Teleop {
     setpoint: Setpoint,
@@ -74,12 +77,18 @@ pub struct Agent {
     lost: [bool; 2],
     mode: Mode,
     setpoint_heard: Option<Stamp>,
+    /// The last stop that was carried out: no command from before it may still begin.
+    stopped_by: Arrival,
+    /// The last request that changed who drives: no setpoint from before it counts.
+    commanded_by: Arrival,
     events: VecDeque<Event>,
     event_seq: u64,
     /// Events that fell out of the full queue.
     pub events_dropped: u64,
     /// Requests that were read and refused.
     pub refused: u64,
+    /// Setpoints for another boot, too old, or overtaken.
+    pub stale: u64,
 }
 
 impl Agent {
@@ -100,10 +109,13 @@ impl Agent {
             lost: [false; 2],
             mode: Mode::Idle,
             setpoint_heard: None,
+            stopped_by: 0,
+            commanded_by: 0,
             events: VecDeque::with_capacity(EVENT_QUEUE),
             event_seq: 0,
             events_dropped: 0,
             refused: 0,
+            stale: 0,
             identity,
         };
         agent.emit(Stamp::ZERO, EventKind::Started { version: version.to_owned() });
@@ -116,31 +128,70 @@ impl Agent {
         &self.identity
     }
 
-    /// One request; the answer is final, its effect begins at the next turn.
-    pub fn request(&mut self, now: Stamp, client: &Name, request: &Request, view: View<'_>) -> Reply {
-        let retain = matches!(request.body, Body::Retain {});
-        if !retain && let Some(reply) = self.replies.find(client, request.id) {
+    /// A stop has arrived: the robot stands, whatever waits in a queue.
+    pub fn stop(&mut self, now: Stamp, arrival: Arrival) {
+        if arrival > self.stopped_by {
+            self.stopped_by = arrival;
+            self.commanded_by = self.commanded_by.max(arrival);
+            self.stand(now, StopReason::Stop, GoalStatus::Cancelled);
+        }
+    }
+
+    /// One request; the answer is final, its effect begins at the next turn. The same id again gets
+    /// the same answer, but a retain and a stop are done each time.
+    pub fn request(
+        &mut self,
+        now: Stamp,
+        arrival: Arrival,
+        client: &Name,
+        request: &Request,
+        view: View<'_>,
+    ) -> Reply {
+        let each_time = matches!(request.body, Body::Retain {} | Body::Stop {});
+        if !each_time && let Some(reply) = self.replies.find(client, request.id) {
             return reply.clone();
         }
         if let Some(lease) = request.lease
-            && !retain
+            && !matches!(request.body, Body::Retain {})
         {
             self.lease.touch(now, client, lease);
         }
-        let reply = match self.carry_out(now, client, request, view) {
+        let done =
+            self.check_boot(request).and_then(|()| self.carry_out(now, arrival, client, request, view));
+        let reply = match done {
             Ok(done) => Reply::done(request.id, done),
             Err((code, message, hint)) => {
                 self.refused += 1;
                 Reply::refused(request.id, code, message, hint)
             }
         };
-        if !retain {
+        if !each_time {
             self.replies.remember(client, reply.clone());
         }
         reply
     }
 
-    fn carry_out(&mut self, now: Stamp, client: &Name, request: &Request, view: View<'_>) -> Outcome {
+    /// A lease of another boot belongs to a command of that boot: nothing of it may move this one.
+    fn check_boot(&self, request: &Request) -> Result<(), Refusal> {
+        let exempt = matches!(request.body, Body::Stop {} | Body::Acquire { .. });
+        match request.lease {
+            Some(lease) if lease.epoch != self.identity.epoch && !exempt => Err((
+                RejectCode::LeaseLost,
+                "the robot has restarted since that lease was granted".into(),
+                "acquire it again and send the command anew",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn carry_out(
+        &mut self,
+        now: Stamp,
+        arrival: Arrival,
+        client: &Name,
+        request: &Request,
+        view: View<'_>,
+    ) -> Outcome {
         match &request.body {
             Body::Acquire { take: _ } => {
                 let before = self.lease.holder().cloned();
@@ -175,20 +226,23 @@ impl Agent {
                 })?;
                 let limit = finish_limit(now, *on_link_loss, *finish_s);
                 let target = Target::Point { x_m: *x_m, y_m: *y_m };
+                self.check_overtaken(arrival)?;
                 self.begin(now, request.id, target, limit, Command::Goto(goal), view)
             }
             Body::Wander { for_s, on_link_loss, finish_s } => {
                 let lasting = for_s.map(|s| TimeLimit { at: after(now, s), then: GoalStatus::Reached });
                 let bounded = finish_limit(now, *on_link_loss, *finish_s);
                 let limit = [lasting, bounded].into_iter().flatten().min_by_key(|limit| limit.at);
+                self.check_overtaken(arrival)?;
                 self.begin(now, request.id, Target::Anywhere, limit, Command::Wander, view)
             }
             Body::Stop {} => {
-                self.stand(now, StopReason::Stop, GoalStatus::Cancelled);
+                self.stop(now, arrival);
                 Ok(Done::default())
             }
             Body::Cancel { goal } => match &self.goal {
                 Some(present) if present.id == *goal && !present.status.is_final() => {
+                    self.commanded_by = self.commanded_by.max(arrival);
                     self.stand(now, StopReason::Cancelled, GoalStatus::Cancelled);
                     Ok(Done::default())
                 }
@@ -211,6 +265,19 @@ impl Agent {
                 Ok(Done::default())
             }
         }
+    }
+
+    /// Notes that a command changes who drives, unless a later stop has been carried out already.
+    fn check_overtaken(&mut self, arrival: Arrival) -> Result<(), Refusal> {
+        if arrival < self.stopped_by {
+            return Err((
+                RejectCode::Overtaken,
+                "a stop came after this command and was carried out first".into(),
+                "send it again if it is still wanted",
+            ));
+        }
+        self.commanded_by = self.commanded_by.max(arrival);
+        Ok(())
     }
 
     fn begin(
@@ -237,8 +304,15 @@ impl Agent {
         Ok(Done { lease: None, goal: Some(id) })
     }
 
-    /// A setpoint that arrived at `at`; replaces the one before and takes over from a goal.
-    pub fn setpoint(&mut self, at: Stamp, client: &Name, setpoint: &Setpoint) {
+    /// A setpoint that arrived at `at`; replaces the one before and takes over from a goal. One of
+    /// another boot, one that is dead already, or one from before the last stop or goal is dropped.
+    pub fn setpoint(&mut self, now: Stamp, at: Stamp, arrival: Arrival, client: &Name, setpoint: &Setpoint) {
+        let of_this_boot = setpoint.lease.is_none_or(|lease| lease.epoch == self.identity.epoch);
+        let alive = now.since_ms(at) < self.setpoint_lifetime_ms;
+        if !of_this_boot || !alive || arrival < self.commanded_by {
+            self.stale += 1;
+            return;
+        }
         if let Some(lease) = setpoint.lease {
             self.lease.touch(at, client, lease);
         }
@@ -439,9 +513,10 @@ impl Agent {
     }
 }
 
-type Outcome = Result<Done, (RejectCode, String, &'static str)>;
+type Refusal = (RejectCode, String, &'static str);
+type Outcome = Result<Done, Refusal>;
 
-fn lease_lost(holder: Option<&Name>) -> (RejectCode, String, &'static str) {
+fn lease_lost(holder: Option<&Name>) -> Refusal {
     let message = match holder {
         Some(holder) => format!("the lease is held by {holder}"),
         None => "the lease has run out".to_owned(),

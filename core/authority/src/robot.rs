@@ -3,7 +3,7 @@
 //! The whole of the walk "a sample up" between the serial port and Zenoh: bytes in, PWM frame out.
 //! `robot-agent` turns it against real time, the simulator in lockstep.
 
-use crate::agent::{Agent, Identity, View};
+use crate::agent::{Agent, Arrival, Identity, View};
 use crate::inputs::INPUT_LOST_MS;
 use xtb_control::controller::AdcSample;
 use xtb_control::{Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
@@ -11,7 +11,7 @@ use xtb_protocol::board::{Frame, FrameReader, FrameWriter, FromBoard};
 use xtb_protocol::gyro_3dmg::EulerReader;
 use xtb_protocol::keys::Name;
 use xtb_protocol::messages::{
-    InputAges, ObstacleView, Rejected, Reply, Request, RobotState, Sensors, Setpoint, TiltState,
+    InputAges, ObstacleView, Rejected, Reply, Request, RobotState, Sensors, TiltState,
 };
 
 /// Length of a turn.
@@ -100,14 +100,9 @@ impl Robot {
     }
 
     /// One request of a client.
-    pub fn request(&mut self, now: Stamp, client: &Name, request: &Request) -> Reply {
+    pub fn request(&mut self, now: Stamp, arrival: Arrival, client: &Name, request: &Request) -> Reply {
         let ages = self.ages(now);
-        self.agent.request(now, client, request, View { outputs: &self.outputs, ages })
-    }
-
-    /// A setpoint that arrived at `at`.
-    pub fn setpoint(&mut self, at: Stamp, client: &Name, setpoint: &Setpoint) {
-        self.agent.setpoint(at, client, setpoint);
+        self.agent.request(now, arrival, client, request, View { outputs: &self.outputs, ages })
     }
 
     /// One turn, each [`TURN_NS`]: the frame for the board, if one is due.
@@ -203,6 +198,7 @@ impl Robot {
             input_age_ms: ages,
             rejected: Rejected {
                 refused: self.agent.refused,
+                stale: self.agent.stale,
                 events_dropped: self.agent.events_dropped + rejected.events_dropped,
                 board_frames: board.rejected,
                 board_lost: board.lost,

@@ -10,8 +10,8 @@ use xtb_control::{AdcCount, PwmCount, Stamp, VehicleConfig};
 use xtb_protocol::board::{FrameReader, FrameWriter};
 use xtb_protocol::gyro_3dmg::EulerFrame;
 use xtb_protocol::messages::{
-    Body, Done, EventKind, GoalStatus, LinkLoss, Outcome, RejectCode, Rejected, Reply, Request, RobotState,
-    Setpoint, StopReason,
+    Body, Done, EventKind, GoalStatus, Lease, LinkLoss, Outcome, RejectCode, Rejected, Reply, Request,
+    RobotState, Setpoint, StopReason,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -27,6 +27,7 @@ struct Bench {
     board_silent: bool,
     gyro_silent: bool,
     asked: u128,
+    arrivals: u64,
 }
 
 const CLIENT: &str = "cli-1";
@@ -53,6 +54,7 @@ impl Bench {
             board_silent: false,
             gyro_silent: false,
             asked: 0,
+            arrivals: 0,
         };
         bench.robot.agent_mut().set_link(true);
         bench.run_ms(200);
@@ -104,12 +106,19 @@ impl Bench {
     }
 
     fn ask_with_id(&mut self, id: Uuid, body: Body) -> Reply {
-        self.robot.request(self.now, &client(), &Request { id, lease: None, body })
+        self.ask_with(Request { id, lease: None, body })
+    }
+
+    fn ask_with(&mut self, request: Request) -> Reply {
+        self.arrivals += 1;
+        self.robot.request(self.now, self.arrivals, &client(), &request)
     }
 
     fn setpoint(&mut self, rpm: f64) {
         let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm, steering: 0.0 };
-        self.robot.setpoint(self.now, &client(), &setpoint);
+        self.arrivals += 1;
+        let (now, arrival) = (self.now, self.arrivals);
+        self.robot.agent_mut().setpoint(now, now, arrival, &client(), &setpoint);
     }
 
     fn state(&mut self) -> RobotState {
@@ -326,6 +335,77 @@ fn a_frame_goes_out_every_20_ms_and_neutral_at_once() {
     bench.setpoint(20.0);
     bench.run_ms(60);
     bench.setpoint(0.0);
+    bench.run_ms(5);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+}
+
+#[test]
+fn a_command_with_a_lease_of_another_boot_moves_nothing() {
+    let mut bench = Bench::new();
+    let lease = Some(Lease { epoch: 41, root: 1 });
+    let reply = bench.ask_with(Request { id: Uuid::from_u128(1), lease, body: ahead(5.0) });
+    assert_eq!(code_of(&reply), RejectCode::LeaseLost);
+    let setpoint = Setpoint { lease, seq: 0, echo_tick_ms: None, rpm: 20.0, steering: 0.0 };
+    let now = bench.now;
+    bench.robot.agent_mut().setpoint(now, now, 99, &client(), &setpoint);
+    bench.run_ms(500);
+    assert_eq!((bench.motor, bench.state().rejected.stale), (PwmCount::NEUTRAL, 1));
+    let stop = bench.ask_with(Request { id: Uuid::from_u128(2), lease, body: Body::Stop {} });
+    assert!(matches!(stop.result, Outcome::Ok(_)), "a stop needs no lease, so a wrong one is no matter");
+}
+
+#[test]
+fn what_came_before_a_stop_does_not_move_the_robot_after_it() {
+    let mut bench = Bench::new();
+    let now = bench.now;
+    bench.robot.agent_mut().stop(now, 10);
+    let goto = Request { id: Uuid::from_u128(1), lease: None, body: ahead(5.0) };
+    let reply = bench.robot.request(now, 9, &client(), &goto);
+    assert_eq!(code_of(&reply), RejectCode::Overtaken);
+    let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm: 20.0, steering: 0.0 };
+    bench.robot.agent_mut().setpoint(now, now, 8, &client(), &setpoint);
+    bench.run_ms(500);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    let now = bench.now;
+    let goto = Request { id: Uuid::from_u128(2), lease: None, body: ahead(5.0) };
+    goal_of(&bench.robot.request(now, 11, &client(), &goto));
+    bench.run_ms(500);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+}
+
+#[test]
+fn a_setpoint_from_before_a_goal_does_not_end_it() {
+    let mut bench = Bench::new();
+    let now = bench.now;
+    let goto = Request { id: Uuid::from_u128(1), lease: None, body: ahead(5.0) };
+    goal_of(&bench.robot.request(now, 10, &client(), &goto));
+    let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm: 0.0, steering: 0.0 };
+    bench.robot.agent_mut().setpoint(now, now, 9, &client(), &setpoint);
+    bench.run_ms(500);
+    assert_eq!(bench.state().mode, Mode::Goto);
+}
+
+#[test]
+fn a_setpoint_that_is_dead_on_arrival_ends_no_goal() {
+    let mut bench = Bench::new();
+    bench.ask(ahead(5.0));
+    bench.run_ms(500);
+    let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm: 0.0, steering: 0.0 };
+    let now = bench.now;
+    bench.robot.agent_mut().setpoint(now, Stamp::from_ns(now.ns() - 200_000_000), 99, &client(), &setpoint);
+    bench.run_ms(100);
+    assert_eq!(bench.state().mode, Mode::Goto);
+}
+
+#[test]
+fn a_stop_is_done_each_time_also_with_an_id_that_was_used() {
+    let mut bench = Bench::new();
+    let id = Uuid::from_u128(5);
+    bench.ask_with_id(id, Body::Stop {});
+    bench.ask(ahead(5.0));
+    bench.run_ms(500);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+    bench.ask_with_id(id, Body::Stop {});
     bench.run_ms(5);
     assert_eq!(bench.motor, PwmCount::NEUTRAL);
 }

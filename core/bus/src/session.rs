@@ -1,9 +1,12 @@
 //! Opening a session: as a client of a router, as a router, or as a peer.
 
+use std::collections::HashSet;
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 use thiserror::Error;
 use tokio::sync::watch;
 use zenoh::Wait;
+use zenoh::sample::SampleKind;
 
 /// How long a link may be silent before the other side takes it for lost; four keep-alives in it.
 /// (Zenoh's own default is 10 s: too long for a fleet.)
@@ -178,13 +181,20 @@ impl Bus {
     /// [`BusError::Operation`].
     pub async fn watch_link(&self) -> Result<LinkWatch, BusError> {
         let (sender, receiver) = watch::channel(false);
+        let others = Mutex::new(HashSet::new());
         let session = &self.session;
         let listener = session
             .info()
             .transport_events_listener()
             .history(true)
             .callback(move |event| {
-                sender.send_replace(event.kind() == zenoh::sample::SampleKind::Put);
+                let zid = *event.transport().zid();
+                let mut others = others.lock().unwrap_or_else(PoisonError::into_inner);
+                match event.kind() {
+                    SampleKind::Put => others.insert(zid),
+                    SampleKind::Delete => others.remove(&zid),
+                };
+                sender.send_replace(!others.is_empty());
             })
             .await
             .map_err(failed("listening for link changes", "(session)"))?;

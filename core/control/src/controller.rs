@@ -347,6 +347,9 @@ impl Controller {
         }
         self.reference_rpm = reference_rpm;
         self.direction.demand(&self.config.speed, reference_rpm);
+        if self.direction.must_wait(&self.config.speed, reference_rpm) {
+            self.hold(); // not at the next window: until then the motor would go on the old way
+        }
     }
 
     fn steer(&mut self, front_offset_counts: f64) {

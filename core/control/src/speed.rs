@@ -77,6 +77,12 @@ impl Direction {
         }
     }
 
+    /// Whether the interlock holds `reference` back until the wheels stand.
+    #[must_use]
+    pub fn must_wait(&self, config: &Speed, reference: f64) -> bool {
+        config.direction_interlock && reference != 0.0 && reference.signum() != self.sign
+    }
+
     /// A window closed with `pulses`: true if `reference` may drive now. With the interlock, a
     /// reference of the other sign waits until one window reads at most `interlock_pulses`.
     pub fn admit(&mut self, config: &Speed, reference: f64, pulses: u32) -> bool {

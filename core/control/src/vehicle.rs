@@ -96,7 +96,7 @@ config_section! {
         foldback_cm: f64 = 14.0, "cm", Range(10.0, 25.0), Ours, "A sensor that was nearer than this may fold back.";
         foldback_clear_s: f64 = 0.5, "s", Range(0.0, 10.0), Ours, "Clear readings for this long release the latch.";
         foldback_retreat_m: f64 = 0.05, "m", Range(0.0, 1.0), Ours, "Backing off by this much releases the latch.";
-        reaction_s: f64 = 0.358, "s", Range(0.0, 5.0), Assumed, "Sensor, scan, pulse and motor lag from sighting to standstill.";
+        reaction_s: f64 = 0.358, "s", Range(0.1, 5.0), Assumed, "Sensor, scan, pulse and motor lag from sighting to standstill.";
     }
 }
 
@@ -125,8 +125,8 @@ config_section! {
 config_section! {
     /// Teleoperation over the network.
     Teleop "teleop" {
-        max_rpm: f64 = 40.0, "rpm", Range(1.0, WheelRpm::MAX), Ours, "Fastest setpoint that is accepted (0.35 m/s).";
-        lifetime_ms: u32 = 200, "ms", Range(20.0, 1000.0), Ours, "How long a setpoint lives on the robot's own clock.";
+        max_rpm: f64 = 23.0, "rpm", Range(1.0, WheelRpm::MAX), Ours, "Setpoints are cut to this: 0.2 m/s, so that two trucks head-on can both stop.";
+        lifetime_ms: u32 = 200, "ms", Range(20.0, 200.0), Ours, "How long a setpoint lives on the robot's own clock.";
     }
 }
 
@@ -218,7 +218,7 @@ impl VehicleConfig {
     #[must_use]
     pub fn admitted_mps(&self) -> f64 {
         let room_m = (self.obstacle.threshold_cm - self.infrared.near_cm) / 100.0;
-        if self.obstacle.reaction_s > 0.0 { room_m.max(0.0) / self.obstacle.reaction_s } else { f64::MAX }
+        room_m.max(0.0) / self.obstacle.reaction_s
     }
 }
 

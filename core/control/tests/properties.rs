@@ -6,7 +6,9 @@ use proptest::prelude::*;
 use xtb_control::controller::{AdcSample, GyroSample};
 use xtb_control::goto::Goal;
 use xtb_control::vehicle::GotoLaw;
-use xtb_control::{AdcCount, Command, Controller, Sample, Stamp, Steering, VehicleConfig, WheelRpm};
+use xtb_control::{
+    AdcCount, Command, Controller, PwmCount, Sample, Stamp, Steering, VehicleConfig, WheelRpm,
+};
 
 fn count() -> impl Strategy<Value = AdcCount> {
     (0_u16..=1023).prop_map(|count| AdcCount::try_from(count).unwrap())
@@ -84,7 +86,25 @@ proptest! {
         controller.step(Stamp::from_ms(0), &Sample::Command(teleop));
         controller.step(Stamp::from_ms(10), &Sample::Adc(adc));
         let out = controller.step(Stamp::from_ms(50), &Sample::Encoder { pulses });
-        prop_assert_eq!(out.pwm.motor, xtb_control::PwmCount::NEUTRAL);
+        prop_assert_eq!(out.pwm.motor, PwmCount::NEUTRAL);
         prop_assert!(out.blocked);
+    }
+
+    #[test]
+    fn a_reversed_reference_holds_the_motor_at_once_and_until_the_wheels_stand(rpm in 1.0..353.0) {
+        let mut controller = Controller::new(VehicleConfig::default());
+        let ask = |rpm: f64| {
+            let rpm = WheelRpm::try_from(rpm).unwrap();
+            Sample::Command(Command::Teleop { rpm, steering: Steering::CENTRED })
+        };
+        controller.step(Stamp::from_ms(0), &ask(rpm));
+        let out = controller.step(Stamp::from_ms(50), &Sample::Encoder { pulses: 0 });
+        prop_assert!(out.pwm.motor > PwmCount::NEUTRAL);
+        let out = controller.step(Stamp::from_ms(60), &ask(-rpm));
+        prop_assert_eq!(out.pwm.motor, PwmCount::NEUTRAL);
+        let out = controller.step(Stamp::from_ms(100), &Sample::Encoder { pulses: 10 });
+        prop_assert_eq!(out.pwm.motor, PwmCount::NEUTRAL);
+        let out = controller.step(Stamp::from_ms(150), &Sample::Encoder { pulses: 1 });
+        prop_assert!(out.pwm.motor < PwmCount::NEUTRAL);
     }
 }

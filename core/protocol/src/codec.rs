@@ -10,7 +10,7 @@ use crate::messages::{Message, RejectCode};
 use thiserror::Error;
 use xtb_control::units::OutOfRange;
 
-/// Longest message that is read, in bytes.
+/// Longest message that is read, in bytes, unless its type says otherwise.
 pub const MAX_BYTES: usize = 16 * 1024;
 /// The encoding of JSON messages.
 pub const JSON: &str = "application/json";
@@ -30,10 +30,12 @@ pub enum Format {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum CodecError {
     /// Too long to be read.
-    #[error("{len} bytes, at most {MAX_BYTES} are read")]
+    #[error("{len} bytes, at most {max} are allowed")]
     Oversized {
         /// As received.
         len: usize,
+        /// What the type allows.
+        max: usize,
     },
     /// Neither of our encodings.
     #[error("encoding {got:?}, expected {expected:?} or {JSON:?}")]
@@ -96,10 +98,16 @@ pub fn encoding<M: Message>(format: Format) -> String {
 pub fn encode<M: Message>(message: &M, format: Format) -> Result<Vec<u8>, CodecError> {
     message.validate()?;
     let broken = |reason: String| CodecError::Malformed { name: M::NAME, reason };
-    match format {
-        Format::Postcard => postcard::to_allocvec(message).map_err(|e| broken(e.to_string())),
-        Format::Json => serde_json::to_vec(message).map_err(|e| broken(e.to_string())),
-    }
+    let bytes = match format {
+        Format::Postcard => postcard::to_allocvec(message).map_err(|e| broken(e.to_string()))?,
+        Format::Json => serde_json::to_vec(message).map_err(|e| broken(e.to_string()))?,
+    };
+    check_length::<M>(bytes.len())?;
+    Ok(bytes)
+}
+
+fn check_length<M: Message>(len: usize) -> Result<(), CodecError> {
+    if len > M::MAX_BYTES { Err(CodecError::Oversized { len, max: M::MAX_BYTES }) } else { Ok(()) }
 }
 
 /// A message from bytes with their encoding, and the format that an answer should have.
@@ -107,9 +115,7 @@ pub fn encode<M: Message>(message: &M, format: Format) -> Result<Vec<u8>, CodecE
 /// # Errors
 /// Every [`CodecError`]; the bytes are then dropped and nothing else happens.
 pub fn decode<M: Message>(encoding: &str, bytes: &[u8]) -> Result<(M, Format), CodecError> {
-    if bytes.len() > MAX_BYTES {
-        return Err(CodecError::Oversized { len: bytes.len() });
-    }
+    check_length::<M>(bytes.len())?;
     let broken = |reason: String| CodecError::Malformed { name: M::NAME, reason };
     let format = format_of::<M>(encoding)?;
     let message: M = match format {

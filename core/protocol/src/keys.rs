@@ -132,7 +132,9 @@ pub enum Congestion {
 pub enum Priority {
     /// Setpoints.
     InteractiveHigh,
-    /// State, requests.
+    /// State.
+    DataHigh,
+    /// Requests, events: what other clients use by default.
     Data,
     /// Raw samples.
     DataLow,
@@ -150,13 +152,14 @@ pub struct Qos {
 }
 
 impl Channel {
-    /// The channel's quality of service.
+    /// The channel's quality of service. No priority holds both Drop and Block: within Zenoh they
+    /// share a lock, and a blocked message would hold the others up for seconds.
     #[must_use]
     pub fn qos(&self) -> Qos {
         use Congestion::{Block, Drop};
         let qos = |congestion, priority, express| Qos { congestion, priority, express };
         match self {
-            Self::State => qos(Drop, Priority::Data, true),
+            Self::State => qos(Drop, Priority::DataHigh, true),
             Self::Sensors | Self::SimTruth => qos(Drop, Priority::DataLow, false),
             Self::Teleop(_) => qos(Drop, Priority::InteractiveHigh, true),
             Self::Alive | Self::Event | Self::About | Self::Cmd(_) | Self::SimRoster => {

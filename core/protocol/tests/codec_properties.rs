@@ -157,7 +157,7 @@ proptest! {
 #[test]
 fn what_is_wrong_is_named() {
     let too_long = decode::<Request>("application/json", &vec![b' '; MAX_BYTES + 1]).unwrap_err();
-    assert_eq!(too_long, CodecError::Oversized { len: MAX_BYTES + 1 });
+    assert_eq!(too_long, CodecError::Oversized { len: MAX_BYTES + 1, max: MAX_BYTES });
     let version = decode::<Request>("application/x-postcard;xtb.Request.v9", &[]).unwrap_err();
     assert_eq!(version.to_string(), "Request version 9, this program speaks version 1");
     let foreign = decode::<Request>("", b"{}").unwrap_err();

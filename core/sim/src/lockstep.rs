@@ -5,6 +5,7 @@
 
 use crate::simulation::{Simulation, SimulationError};
 use thiserror::Error;
+use xtb_authority::agent::Arrival;
 use xtb_authority::{Identity, Robot};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
@@ -31,6 +32,7 @@ pub struct Lockstep {
     simulation: Simulation,
     robots: Vec<Robot>,
     bytes: Vec<u8>,
+    asked: Arrival,
 }
 
 impl Lockstep {
@@ -50,7 +52,7 @@ impl Lockstep {
             Ok(Robot::new(identity, vehicle.clone(), "lockstep"))
         };
         let robots = simulation.trucks().iter().enumerate().map(robot).collect::<Result<_, NameError>>()?;
-        Ok(Self { simulation, robots, bytes: Vec::with_capacity(1024) })
+        Ok(Self { simulation, robots, bytes: Vec::with_capacity(1024), asked: 0 })
     }
 
     /// Simulated time.
@@ -73,7 +75,9 @@ impl Lockstep {
     /// Asks the robot with this index; `None` if there is none.
     pub fn request(&mut self, index: usize, client: &Name, request: &Request) -> Option<Reply> {
         let now = self.now();
-        self.robots.get_mut(index).map(|robot| robot.request(now, client, request))
+        self.asked += 1;
+        let arrival = self.asked;
+        self.robots.get_mut(index).map(|robot| robot.request(now, arrival, client, request))
     }
 
     /// The state of the robot with this index; `None` if there is none.
@@ -84,7 +88,7 @@ impl Lockstep {
 
     /// One step of the world and one turn of every robot.
     pub fn step(&mut self) {
-        let Self { simulation, robots, bytes } = self;
+        let Self { simulation, robots, bytes, .. } = self;
         simulation.step();
         let now = simulation.now();
         for (truck, robot) in simulation.trucks_mut().iter_mut().zip(robots) {

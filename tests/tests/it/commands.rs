@@ -1,9 +1,12 @@
 //! `fleet-cli` from outside, against a simulator in a process of its own.
 
 use crate::processes::{Process, program};
+use fleet_tests::PATIENCE;
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::time::Instant;
 
 /// `fleet-cli` in an empty home, with JSON output.
 fn fleet_cli(arguments: &[&str]) -> Command {
@@ -61,13 +64,44 @@ fn a_fleet_is_listed_driven_and_stopped_from_the_command_line() {
     assert!(status.to_string().contains("\"cancelled\""), "{output:?}");
 }
 
+/// `robot-agent` on the serial lines of a simulated truck; returns when it is listed.
+fn agent(sim: &Sim, lines: &Path, robot: &str) -> Process {
+    let child = Command::new(program("robot-agent"))
+        .env_clear()
+        .args(["--hardware", "serial", "--name", robot, "--connect", &sim.endpoint, "--board"])
+        .arg(lines.join(format!("{robot}.board")))
+        .arg("--gyro")
+        .arg(lines.join(format!("{robot}.gyro")))
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let process = Process(child);
+    let give_up = Instant::now() + PATIENCE;
+    while !alive(sim, robot) {
+        assert!(Instant::now() < give_up, "{robot} did not come to life");
+    }
+    process
+}
+
+fn alive(sim: &Sim, robot: &str) -> bool {
+    let (_, list, _) = sim.run(&["list"]);
+    let robots = list["robots"].as_array().cloned().unwrap_or_default();
+    robots.iter().any(|one| one["name"] == robot && one["alive"] == true)
+}
+
 #[test]
-fn stop_all_reports_a_missing_robot_as_unknown_and_fails() {
-    let sim = sim(&["--robots", "2"]);
-    let (code, stopped, output) = sim.run(&["stop", "--all", "--expect", "xtb-1,xtb-2,xtb-9"]);
+fn stop_all_reports_a_robot_that_has_gone_as_unknown_and_fails() {
+    let lines = tempfile::tempdir().unwrap();
+    let sim = sim(&["--robots", "2", "--pty", &lines.path().display().to_string()]);
+    let _one = agent(&sim, lines.path(), "xtb-1");
+    let two = agent(&sim, lines.path(), "xtb-2");
+    let (code, stopped, output) = sim.run(&["stop", "--all"]);
+    assert_eq!((code, &stopped["complete"]), (0, &Value::from(true)), "{output:?}");
+    drop(two);
+    let (code, stopped, output) = sim.run(&["stop", "--all"]);
     assert_eq!(code, 3, "{output:?}");
     assert_eq!(stopped["robots"]["xtb-1"], "stopped");
-    assert_eq!(stopped["robots"]["xtb-9"], "unknown");
+    assert_eq!(stopped["robots"]["xtb-2"], "unknown");
     assert_eq!(stopped["complete"], false);
 }
 

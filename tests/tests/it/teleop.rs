@@ -19,12 +19,14 @@ async fn drive_until_rolling(fleet: &Fleet, rpm: f64, mps: f64) {
 async fn silence_is_neutral_on_the_robots_own_clock() {
     let fleet = Fleet::start(Setup { speed: 1.0, ..Setup::default() }).await;
     drive_until_rolling(&fleet, 20.0, 0.1).await;
-    let last_s = fleet.time_s();
     let neutral_s = eventually("neutral", || async { fleet.truth(1).neutral_since_s }).await;
-    // 200 ms of life, a turn, a pulse; the rest is for the message on a busy machine. (The robot's own
-    // 200 ms are exact in core/authority/tests/robot.rs.)
-    assert!(neutral_s - last_s < 1.0, "neutral only {} s after the last setpoint", neutral_s - last_s);
     let state = fleet.until(1, "standing", |state| state.mode == Mode::Idle).await;
+    // The robot's clock is the world's: when the last setpoint arrived, by its own count.
+    let age_ms = state.input_age_ms.setpoint.unwrap();
+    let arrived_s = (state.tick_ms - age_ms) as f64 / 1000.0;
+    // 200 ms of life, a turn, the board's pulse.
+    let took_s = neutral_s - arrived_s;
+    assert!((0.15..=0.25).contains(&took_s), "neutral {took_s} s after the last setpoint");
     assert_eq!(state.stopped_because, vec![StopReason::SetpointExpired]);
     fleet.end().await;
 }

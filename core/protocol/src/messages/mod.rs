@@ -25,6 +25,8 @@ pub trait Message: Serialize + DeserializeOwned {
     const NAME: &'static str;
     /// Version of its layout.
     const VERSION: u32 = 1;
+    /// Longest that is read or written, in bytes.
+    const MAX_BYTES: usize = crate::codec::MAX_BYTES;
 
     /// Checks what the type cannot hold.
     ///

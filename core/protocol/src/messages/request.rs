@@ -161,8 +161,10 @@ pub enum RejectCode {
     NotReady,
     /// This robot cannot do that.
     Unsupported,
-    /// The robot is shutting down or cannot take more requests.
+    /// Too many requests are waiting.
     Overloaded,
+    /// A stop arrived after this and was carried out before it.
+    Overtaken,
 }
 
 /// What a successful request gave.

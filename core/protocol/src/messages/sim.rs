@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use xtb_control::frames::MapPose;
 
+/// Thousands of robots; nothing of this goes to one.
+const MAX_BYTES: usize = 1024 * 1024;
+
 /// Where a truck really is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TruthRobot {
@@ -36,6 +39,7 @@ pub struct Truth {
 
 impl Message for Truth {
     const NAME: &'static str = "Truth";
+    const MAX_BYTES: usize = MAX_BYTES;
 }
 
 /// A robot that should be there.
@@ -62,4 +66,5 @@ pub struct Roster {
 
 impl Message for Roster {
     const NAME: &'static str = "Roster";
+    const MAX_BYTES: usize = MAX_BYTES;
 }

@@ -181,6 +181,8 @@ pub struct Rejected {
     pub out_of_range: u64,
     /// Requests that were read and refused.
     pub refused: u64,
+    /// Setpoints for another boot, too old, or overtaken by a later stop or goal.
+    pub stale: u64,
     /// Requests that found the queue full.
     pub overloaded: u64,
     /// Setpoints that were replaced by newer ones before a turn saw them.
