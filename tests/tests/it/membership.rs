@@ -5,6 +5,8 @@ use robot_agent::AgentError;
 use robot_agent::clock::WorldTime;
 use robot_agent::config::AgentConfig;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -63,18 +65,26 @@ async fn an_agent_that_restarts_in_mid_goal_does_not_move_by_itself() {
 }
 
 /// An agent with a truck of its own, outside any fleet's simulator.
-struct LoneAgent {
+pub(crate) struct LoneAgent {
     end: watch::Sender<bool>,
     task: JoinHandle<Result<(), AgentError>>,
+    /// What the board gives the motor.
+    pub(crate) motor: Arc<AtomicU16>,
     _world: RunningWorld,
 }
 
-fn lone_agent(endpoint: &str, fleet: &str) -> LoneAgent {
+pub(crate) fn lone_agent(endpoint: &str, fleet: &str) -> LoneAgent {
     let simulation = Simulation::new(World::default(), &TruckParameters::default(), &["truck"], 1).unwrap();
     let (hardware, lines) = SimulatedHardware::connect();
     let time = WorldTime::new();
     let clock = time.join();
-    let world = RunningWorld::start(simulation, vec![lines], time, 8.0, |_| {}).unwrap();
+    let motor = Arc::new(AtomicU16::new(0));
+    let seen = motor.clone();
+    let world = RunningWorld::start(simulation, vec![lines], time, 1.0, move |simulation| {
+        let truth = simulation.trucks().first().map(|truck| truck.truth());
+        seen.store(truth.map_or(0, |truth| truth.motor_counts), Ordering::Relaxed);
+    })
+    .unwrap();
     let config = AgentConfig {
         fleet: name(fleet),
         robot: name("xtb-1"),
@@ -86,7 +96,7 @@ fn lone_agent(endpoint: &str, fleet: &str) -> LoneAgent {
     let (end, shutdown) = watch::channel(false);
     let task =
         tokio::spawn(async move { robot_agent::run(&config, Box::new(hardware), clock, shutdown).await });
-    LoneAgent { end, task, _world: world }
+    LoneAgent { end, task, motor, _world: world }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -99,7 +109,7 @@ async fn the_second_agent_of_a_name_refuses_to_start() {
     fleet.end().await;
 }
 
-async fn router(endpoint: &str) -> Bus {
+pub(crate) async fn router(endpoint: &str) -> Bus {
     let role = Role::Router { listen: vec![endpoint.to_owned()], connect: Vec::new() };
     eventually("the port", || async { xtb_bus::open(&role).await.ok() }).await
 }

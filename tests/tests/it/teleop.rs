@@ -1,9 +1,14 @@
 //! Teleoperation: a setpoint lives 200 ms, on the robot's own clock.
 
-use fleet_tests::{Fleet, Setup, eventually};
+use crate::membership::{lone_agent, router};
+use fleet_tests::{Fleet, Setup, eventually, name};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
-use xtb_control::Mode;
-use xtb_protocol::messages::StopReason;
+use xtb_bus::Role;
+use xtb_control::{Mode, PwmCount};
+use xtb_protocol::codec::Format;
+use xtb_protocol::keys::{Channel, FleetKeys};
+use xtb_protocol::messages::{Setpoint, StopReason};
 
 /// Sends setpoints until the truck rolls at more than `mps`.
 async fn drive_until_rolling(fleet: &Fleet, rpm: f64, mps: f64) {
@@ -51,4 +56,25 @@ async fn teleoperation_goes_both_ways_and_steers() {
     })
     .await;
     fleet.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lost_session_ends_teleoperation() {
+    let router = router("tcp/127.0.0.1:0").await;
+    let endpoint = router.locators().await.remove(0);
+    let agent = lone_agent(&endpoint, "lost");
+    let bus = xtb_bus::open(&Role::Client { connect: vec![endpoint] }).await.unwrap();
+    let client = name("driver");
+    let key = FleetKeys::new(name("lost")).robot(&name("xtb-1")).teleop(Some(&client));
+    let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm: 20.0, steering: 0.0 };
+    let motor = || agent.motor.load(Ordering::Relaxed);
+    let neutral = PwmCount::NEUTRAL.get();
+    eventually("driving", || async {
+        bus.put(&key, &Channel::Teleop(client.clone()), &setpoint, Format::Postcard).await.unwrap();
+        tokio::time::sleep(Duration::from_millis(20)).await;
+        (motor() > neutral).then_some(())
+    })
+    .await;
+    router.close().await;
+    eventually("neutral", || async { (motor() == neutral).then_some(()) }).await;
 }
