@@ -5,11 +5,13 @@ use crate::error::{Failure, Kind, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use xtb_authority::operator::{ASK_AGAIN_MS, Call, Operator, Step};
+use xtb_authority::operator::{ASK_AGAIN_MS, Operator, Step};
 use xtb_bus::{Bus, BusError, Incoming, Role};
 use xtb_control::Stamp;
 use xtb_protocol::keys::{FleetKeys, Key, RobotKeys};
-use xtb_protocol::messages::{About, Body, Done, Message, Outcome, Reply, Request, RobotState, Roster};
+use xtb_protocol::messages::{
+    About, Body, Done, Message, Outcome, RejectCode, Reply, Request, RobotState, Roster,
+};
 use xtb_protocol::{Name, Uuid};
 
 /// A state older than this is stale: it is not shown as if it were the present one.
@@ -122,12 +124,9 @@ impl Client {
     /// # Errors
     /// [`Kind::Failed`] if the question could not be sent.
     pub async fn roster(&self, expect: &[Name]) -> Result<Option<BTreeSet<Name>>> {
-        if !expect.is_empty() {
-            return Ok(Some(expect.iter().cloned().collect()));
-        }
-        let configured = &self.shared.ctx.robots;
-        if !configured.is_empty() {
-            return Ok(Some(configured.iter().map(|entry| entry.name.clone()).collect()));
+        let told = self.told_roster(expect);
+        if !told.is_empty() {
+            return Ok(Some(told));
         }
         let answers = self.get(&self.keys().sim_roster()).await?;
         let rosters: Vec<Roster> = answers.iter().filter_map(read).collect();
@@ -135,6 +134,15 @@ impl Client {
             return Ok(None);
         }
         Ok(Some(rosters.into_iter().flat_map(|roster| roster.robots).map(|entry| entry.name).collect()))
+    }
+
+    /// The roster that is known without asking anybody: `expect`, else the config's; empty = none is.
+    #[must_use]
+    pub fn told_roster(&self, expect: &[Name]) -> BTreeSet<Name> {
+        if !expect.is_empty() {
+            return expect.iter().cloned().collect();
+        }
+        self.shared.ctx.robots.iter().map(|entry| entry.name.clone()).collect()
     }
 
     /// The robots that are there now.
@@ -166,7 +174,8 @@ impl Client {
         Ok(self.get(&self.keys().robot(robot).about()).await?.iter().find_map(read))
     }
 
-    async fn get(&self, selector: &str) -> Result<Vec<Incoming>> {
+    /// Everybody's answers on `selector`.
+    pub(crate) async fn get(&self, selector: &str) -> std::result::Result<Vec<Incoming>, BusError> {
         let within = self.shared.ctx.timeout;
         let asked = Instant::now();
         let answers = self.bus().get(selector, within).await?;
@@ -174,7 +183,7 @@ impl Client {
             return Ok(answers);
         }
         tokio::time::sleep(SETTLE).await;
-        Ok(self.bus().get(selector, within).await?)
+        self.bus().get(selector, within).await
     }
 
     /// Asks a robot for something that needs no lease.
@@ -186,7 +195,8 @@ impl Client {
         accepted(robot, &reply)
     }
 
-    /// Asks, and asks again with the same id while nobody answers, until `--timeout` is up.
+    /// Asks, and asks again with the same id while nobody answers or the robot has no room for the
+    /// request, until `--timeout` is up.
     pub(crate) async fn carry_out(
         &self,
         robot: &Name,
@@ -200,42 +210,54 @@ impl Client {
         let began = self.now();
         let give_up = began.plus_ns(u64::try_from(self.shared.ctx.timeout.as_nanos()).unwrap_or(u64::MAX));
         let mut call = operator.call(id, body, began, give_up);
+        let mut turned_away = 0;
         loop {
             match call.step(self.now()) {
                 Step::Ask(request) => {
-                    if let Some(reply) = self.ask_once(robot, &request, &mut call).await? {
-                        return Ok(reply);
+                    match self.ask_once(robot, &request).await?.map_or(Answer::Missing, Answer::of) {
+                        Answer::Settled(reply) => return Ok(reply),
+                        Answer::TurnedAway => turned_away += 1,
+                        Answer::Missing => {}
                     }
+                    call.unanswered(self.now());
                 }
                 Step::Wait(until) => {
                     let nap = until.ns().saturating_sub(self.now().ns());
                     tokio::time::sleep(Duration::from_nanos(nap)).await;
                 }
-                Step::GiveUp { asked } => return Err(self.no_answer(robot, asked)),
+                Step::GiveUp { asked } => return Err(self.no_answer(robot, asked, turned_away)),
             }
         }
     }
 
-    async fn ask_once(&self, robot: &Name, request: &Request, call: &mut Call) -> Result<Option<Reply>> {
+    async fn ask_once(&self, robot: &Name, request: &Request) -> Result<Option<Reply>> {
         let keys = self.keys().robot(robot);
         let within = Duration::from_millis(ASK_AGAIN_MS).min(self.shared.ctx.timeout);
         match self.bus().ask(&keys, self.name(), request, within).await {
-            Ok(Some(reply)) => return Ok(Some(reply)),
-            Ok(None) => {}
-            Err(error @ BusError::Operation { .. }) => tracing::debug!("{error}"),
-            Err(error) => return Err(error.into()),
+            Ok(reply) => Ok(reply),
+            Err(error @ BusError::Operation { .. }) => {
+                tracing::debug!("{error}");
+                Ok(None)
+            }
+            Err(error) => Err(error.into()),
         }
-        call.unanswered(self.now());
-        Ok(None)
     }
 
-    fn no_answer(&self, robot: &Name, asked: u32) -> Failure {
+    fn no_answer(&self, robot: &Name, asked: u32, turned_away: u32) -> Failure {
         let Context { timeout, fleet, .. } = &self.shared.ctx;
         let seconds = timeout.as_secs_f64();
-        let message = format!(
-            "{robot} of fleet {fleet} does not answer ({asked} times in {seconds} s): outcome unknown"
-        );
-        Failure::new(Kind::OutcomeUnknown, message).hint("`fleet-cli list` shows who is there")
+        let (how, hint) = match turned_away {
+            0 => (
+                format!("does not answer ({asked} times in {seconds} s)"),
+                "`fleet-cli list` shows who is there",
+            ),
+            _ => (
+                format!("is overloaded (it turned away {turned_away} of {asked} requests in {seconds} s)"),
+                "too many clients ask it for too much: end some of them, or wait longer with --timeout",
+            ),
+        };
+        let message = format!("{robot} of fleet {fleet} {how}: outcome unknown");
+        Failure::new(Kind::OutcomeUnknown, message).hint(hint)
     }
 
     /// What to say when nobody is there.
@@ -251,6 +273,26 @@ impl Client {
     }
 }
 
+/// What came back for one ask.
+#[derive(Debug, PartialEq)]
+enum Answer {
+    /// The robot's word; asking again would change nothing.
+    Settled(Reply),
+    /// The robot had no room for the request: it was not looked at.
+    TurnedAway,
+    /// Nothing.
+    Missing,
+}
+
+impl Answer {
+    fn of(reply: Reply) -> Self {
+        match &reply.result {
+            Outcome::Error(error) if error.code == RejectCode::Overloaded => Self::TurnedAway,
+            _ => Self::Settled(reply),
+        }
+    }
+}
+
 /// What a reply gave.
 pub(crate) fn accepted(robot: &Name, reply: &Reply) -> Result<Done> {
     match &reply.result {
@@ -262,4 +304,94 @@ pub(crate) fn accepted(robot: &Name, reply: &Reply) -> Result<Done> {
 /// An answer that can be read; one that cannot is logged and counts as none.
 fn read<M: Message>(answer: &Incoming) -> Option<M> {
     answer.decode().inspect_err(|error| tracing::warn!("on {}: {error}", answer.key)).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::ColorChoice;
+    use crate::output::Output;
+    use std::sync::Mutex;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use tokio::sync::mpsc;
+    use xtb_bus::{Question, Service};
+
+    fn name(text: &str) -> Name {
+        Name::new(text).unwrap()
+    }
+
+    fn context(timeout: Duration) -> Context {
+        Context {
+            connect: Vec::new(),
+            connect_given: false,
+            fleet: name("lab"),
+            client: name("me"),
+            timeout,
+            robots: Vec::new(),
+            out: Output::new(true, ColorChoice::Never),
+        }
+    }
+
+    fn overloaded(id: Uuid) -> Reply {
+        Reply::refused(id, RejectCode::Overloaded, "no room", "ask again")
+    }
+
+    /// A robot that turns its first requests away, in a session of its own with this client.
+    struct Busy {
+        client: Client,
+        ids: Arc<Mutex<Vec<Uuid>>>,
+        _service: Service,
+    }
+
+    async fn busy(robot: &Name, turns_away: u32, timeout: Duration) -> Busy {
+        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        let client = Client::on(&context(timeout), xtb_bus::open(&role).await.unwrap());
+        let keys = client.keys().robot(robot);
+        let (sender, mut questions) = mpsc::unbounded_channel::<Question>();
+        let each = move |question| sender.send(question).unwrap_or_default();
+        let service = client.bus().serve(&keys.cmd(None), each).await.unwrap();
+        let ids = Arc::new(Mutex::new(Vec::new()));
+        let (seen, left, own_key) =
+            (Arc::clone(&ids), AtomicU32::new(turns_away), keys.cmd(Some(client.name())));
+        tokio::spawn(async move {
+            while let Some(question) = questions.recv().await {
+                let (request, format) = question.decode::<Request>().unwrap();
+                seen.lock().unwrap().push(request.id);
+                let away =
+                    left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1)).is_ok();
+                let reply =
+                    if away { overloaded(request.id) } else { Reply::done(request.id, Done::default()) };
+                question.reply(&own_key, &reply, format).await.unwrap();
+            }
+        });
+        Busy { client, ids, _service: service }
+    }
+
+    #[test]
+    fn only_an_overloaded_robot_is_asked_again() {
+        let id = Uuid::from_u128(1);
+        assert_eq!(Answer::of(overloaded(id)), Answer::TurnedAway);
+        let refused = Reply::refused(id, RejectCode::Busy, "", "");
+        assert_eq!(Answer::of(refused.clone()), Answer::Settled(refused));
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_stop_that_is_turned_away_is_asked_again_with_its_id_until_it_is_taken() {
+        let robot = name("xtb-1");
+        let busy = busy(&robot, 2, Duration::from_secs(30)).await;
+        busy.client.request(&robot, Body::Stop {}).await.unwrap();
+        let ids = busy.ids.lock().unwrap().clone();
+        assert_eq!(ids.len(), 3);
+        assert!(ids.iter().all(|id| *id == ids[0]), "{ids:?}");
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_robot_that_stays_overloaded_is_said_to_be() {
+        let robot = name("xtb-1");
+        let busy = busy(&robot, u32::MAX, Duration::from_millis(400)).await;
+        let failure = busy.client.request(&robot, Body::Stop {}).await.unwrap_err();
+        assert_eq!(failure.kind, Kind::OutcomeUnknown);
+        assert!(failure.message.contains("overloaded"), "{failure}");
+        assert!(busy.ids.lock().unwrap().len() > 1);
+    }
 }

@@ -5,7 +5,7 @@
 
 use crate::clock::Clock;
 use crate::hardware::Hardware;
-use crate::mailbox::{LoopEnds, Snapshot, Waiting};
+use crate::mailbox::{LineNote, LoopEnds, Snapshot, Waiting};
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -133,18 +133,13 @@ impl ControlLoop {
         }
     }
 
+    /// Tells the log when a line breaks and when it works again.
     fn note(&mut self, line: Line, result: io::Result<()>) {
-        let broken = &mut self.broken[line as usize];
-        match (result, *broken) {
-            (Err(error), false) => {
-                tracing::warn!("the {} is broken: {error}", line.name());
-                *broken = true;
-            }
-            (Ok(()), true) => {
-                tracing::info!("the {} works again", line.name());
-                *broken = false;
-            }
-            _ => {}
+        let broken = std::mem::replace(&mut self.broken[line as usize], result.is_err());
+        if broken != result.is_err() {
+            let error = result.err().map(|error| error.to_string());
+            // A full queue is no reason to wait: the state shows what matters.
+            let _ = self.ends.notes.try_send(LineNote { line: line.name(), error });
         }
     }
 }

@@ -63,7 +63,8 @@ pub async fn run(
     };
     let about = session::about(config, &identity, hardware.kind());
     let robot = Robot::new(identity, config.vehicle.clone(), VERSION);
-    let (loop_ends, session_ends) = mailbox::mailbox();
+    let (loop_ends, session_ends, notes) = mailbox::mailbox();
+    tokio::spawn(mailbox::log(notes));
     let stop = StopOnDrop(Arc::new(AtomicBool::new(false)));
     let control = control_loop::start(robot, hardware, clock.clone(), loop_ends, stop.0.clone())?;
     let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now()).await;

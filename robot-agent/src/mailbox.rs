@@ -8,6 +8,7 @@
 //! | loop → downlink | replies | [`REPLIES`] | requests wait in their own queue |
 //! | loop → uplink | snapshot | 1, latest wins | the older one is dropped |
 //! | loop → uplink | events | [`EVENTS`] | dropped, counted |
+//! | loop → log | line broken, line works again | [`NOTES`] | dropped |
 //! | Zenoh → uplink | questions for `state`, `about` | 64 | dropped, counted; the client asks again |
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -26,6 +27,8 @@ pub(crate) const REQUESTS: usize = 64;
 pub(crate) const REPLIES: usize = 256;
 /// Events on their way out.
 pub(crate) const EVENTS: usize = 256;
+/// Notes on their way to the log.
+pub(crate) const NOTES: usize = 16;
 
 /// Numbers messages in the order of their arrival, and holds the number of the latest stop: it
 /// reaches the loop at the next turn, whatever waits in the queues.
@@ -81,6 +84,15 @@ pub(crate) struct Snapshot {
     pub(crate) state: RobotState,
     /// With the same stamp; `None` until the converter has been heard.
     pub(crate) sensors: Option<Sensors>,
+}
+
+/// A line broke, or works again. The loop does not log: standard error can be a pipe that is full.
+#[derive(Debug)]
+pub(crate) struct LineNote {
+    /// Which.
+    pub(crate) line: &'static str,
+    /// The system's words; `None` = works again.
+    pub(crate) error: Option<String>,
 }
 
 /// What was refused or dropped outside the loop.
@@ -176,6 +188,8 @@ pub(crate) struct LoopEnds {
     pub(crate) snapshot: watch::Sender<Option<Snapshot>>,
     /// Events.
     pub(crate) events: mpsc::Sender<Event>,
+    /// For the log.
+    pub(crate) notes: mpsc::Sender<LineNote>,
     /// Whether the link to the router stands.
     pub(crate) link_up: Arc<AtomicBool>,
     /// What was refused or dropped outside.
@@ -204,12 +218,13 @@ pub(crate) struct SessionEnds {
     pub(crate) counters: Arc<Counters>,
 }
 
-/// Both ends of every queue.
+/// Both ends of every queue; the third is for [`log`].
 #[must_use]
-pub(crate) fn mailbox() -> (LoopEnds, SessionEnds) {
+pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let (request_sender, request_receiver) = std_mpsc::sync_channel(REQUESTS);
     let (reply_sender, reply_receiver) = mpsc::channel(REPLIES);
     let (event_sender, event_receiver) = mpsc::channel(EVENTS);
+    let (note_sender, note_receiver) = mpsc::channel(NOTES);
     let (snapshot_sender, snapshot_receiver) = watch::channel(None);
     let setpoint = Arc::new(SetpointSlot::default());
     let arrivals = Arc::new(Arrivals::default());
@@ -222,6 +237,7 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds) {
         replies: reply_sender.clone(),
         snapshot: snapshot_sender,
         events: event_sender,
+        notes: note_sender,
         link_up: link_up.clone(),
         counters: counters.clone(),
     };
@@ -236,5 +252,15 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds) {
         link_up,
         counters,
     };
-    (loop_ends, session_ends)
+    (loop_ends, session_ends, note_receiver)
+}
+
+/// Logs what the control loop notes, until it ends.
+pub(crate) async fn log(mut notes: mpsc::Receiver<LineNote>) {
+    while let Some(LineNote { line, error }) = notes.recv().await {
+        match error {
+            Some(error) => tracing::warn!("the {line} is broken: {error}"),
+            None => tracing::info!("the {line} works again"),
+        }
+    }
 }

@@ -8,6 +8,7 @@ use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
+use std::pin::pin;
 use tokio::task::JoinSet;
 use xtb_protocol::Name;
 use xtb_protocol::messages::Body;
@@ -20,7 +21,7 @@ enum Outcome {
     Stopped,
     /// It said that it would not.
     Refused,
-    /// It did not answer: it may be driving.
+    /// It did not answer, or had no room for the request: it may be driving.
     Unknown,
 }
 
@@ -37,67 +38,125 @@ struct Report {
 /// No router, or nobody to stop.
 pub async fn run(ctx: &Context, args: &StopArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
-    let (robots, roster_known) = targets(&client, args).await?;
+    let mut stops = Stops::new(&client);
+    let gaps = if args.all {
+        stop_all(&client, &mut stops, &args.expect).await
+    } else {
+        stops.ask(args.robots.iter().cloned());
+        Gaps::default()
+    };
+    let robots = stops.outcomes().await;
     if robots.is_empty() {
-        return Err(client.nobody());
+        return Err(gaps.alive.unwrap_or_else(|| client.nobody()));
     }
-    let robots = stop_each(&client, robots).await;
     let all_stopped = robots.values().all(|outcome| *outcome == Outcome::Stopped);
-    let report = Report { robots, complete: all_stopped && roster_known };
+    let report = Report { robots, complete: all_stopped && gaps.none() };
     ctx.out.result(&report, |report| table(report, &ctx.out))?;
-    if !roster_known {
-        warn_without_roster(ctx);
-    }
+    warn(ctx, &gaps);
     client.close().await;
+    Ok(exit(&report))
+}
+
+fn exit(report: &Report) -> Exit {
     let refused = report.robots.values().any(|outcome| *outcome == Outcome::Refused);
-    Ok(match report.complete {
+    match report.complete {
         true => Exit::Done,
         false if refused => Exit::Failed,
         false => Exit::Unknown,
-    })
+    }
 }
 
-/// Whom to stop, and whether these are all that should be there.
-async fn targets(client: &Client, args: &StopArgs) -> Result<(BTreeSet<Name>, bool)> {
-    if !args.all {
-        return Ok((args.robots.iter().cloned().collect(), true));
-    }
-    let (roster, alive) = tokio::join!(client.roster(&args.expect), client.alive());
-    let roster = roster?;
-    let known = roster.is_some();
-    let mut robots = alive?;
-    robots.extend(roster.into_iter().flatten());
-    Ok((robots, known))
+/// Why nobody can say whether the robots asked were all.
+#[derive(Debug, Default)]
+struct Gaps {
+    /// Nobody knows which there should be.
+    no_roster: bool,
+    /// Asking for the roster failed.
+    roster: Option<Failure>,
+    /// Asking who is there failed.
+    alive: Option<Failure>,
 }
 
-async fn stop_each(client: &Client, robots: BTreeSet<Name>) -> BTreeMap<Name, Outcome> {
-    // Whatever goes wrong, an answer that did not come is not a standstill.
-    let mut outcomes: BTreeMap<Name, Outcome> =
-        robots.iter().map(|robot| (robot.clone(), Outcome::Unknown)).collect();
-    let mut asking = JoinSet::new();
-    for robot in robots {
-        let client = client.clone();
-        asking.spawn(async move {
-            let outcome = match client.request(&robot, Body::Stop {}).await {
-                Ok(_) => Outcome::Stopped,
-                Err(Failure { kind: Kind::Refused(_), .. }) => Outcome::Refused,
-                Err(failure) => {
-                    tracing::debug!("stopping {robot}: {failure}");
-                    Outcome::Unknown
-                }
-            };
-            (robot, outcome)
-        });
-    }
-    while let Some(asked) = asking.join_next().await {
-        match asked {
-            Ok((robot, outcome)) => {
-                outcomes.insert(robot, outcome);
-            }
-            Err(error) => tracing::error!("asking a robot to stop: {error}"),
+impl Gaps {
+    fn of(alive: Option<Failure>, roster: Result<Option<BTreeSet<Name>>>) -> Self {
+        match roster {
+            Ok(roster) => Self { no_roster: roster.is_none(), roster: None, alive },
+            Err(failure) => Self { no_roster: false, roster: Some(failure), alive },
         }
     }
-    outcomes
+
+    fn none(&self) -> bool {
+        !self.no_roster && self.roster.is_none() && self.alive.is_none()
+    }
+}
+
+/// Stops everybody as soon as they are heard of. Who is known without asking comes first; neither
+/// question waits for the other, and none of them, slow or failed, keeps the others from being
+/// stopped.
+async fn stop_all(client: &Client, stops: &mut Stops, expect: &[Name]) -> Gaps {
+    stops.ask(client.told_roster(expect));
+    let (mut alive, mut roster) = (pin!(client.alive()), pin!(client.roster(expect)));
+    let (mut there, mut should) = (None, None);
+    loop {
+        tokio::select! {
+            found = &mut alive, if there.is_none() => {
+                stops.ask(found.iter().flatten().cloned());
+                there = Some(found.err());
+            }
+            found = &mut roster, if should.is_none() => {
+                stops.ask(found.iter().flatten().flatten().cloned());
+                should = Some(found);
+            }
+            else => return Gaps::of(there.flatten(), should.unwrap_or(Ok(None))),
+        }
+    }
+}
+
+/// Stops on their way; each robot is asked by a task of its own, once.
+struct Stops {
+    client: Client,
+    asking: JoinSet<(Name, Outcome)>,
+    outcomes: BTreeMap<Name, Outcome>,
+}
+
+impl Stops {
+    fn new(client: &Client) -> Self {
+        Self { client: client.clone(), asking: JoinSet::new(), outcomes: BTreeMap::new() }
+    }
+
+    fn ask(&mut self, robots: impl IntoIterator<Item = Name>) {
+        for robot in robots {
+            // Whatever goes wrong, an answer that did not come is not a standstill.
+            if self.outcomes.insert(robot.clone(), Outcome::Unknown).is_none() {
+                self.asking.spawn(stop(self.client.clone(), robot));
+            }
+        }
+    }
+
+    /// What came of each, once all are answered or given up.
+    async fn outcomes(mut self) -> BTreeMap<Name, Outcome> {
+        while let Some(asked) = self.asking.join_next().await {
+            match asked {
+                Ok((robot, outcome)) => {
+                    self.outcomes.insert(robot, outcome);
+                }
+                Err(error) => tracing::error!("asking a robot to stop: {error}"),
+            }
+        }
+        self.outcomes
+    }
+}
+
+async fn stop(client: Client, robot: Name) -> (Name, Outcome) {
+    let outcome = match client.request(&robot, Body::Stop {}).await {
+        Ok(_) => Outcome::Stopped,
+        Err(Failure { kind: Kind::Refused(_), .. }) => Outcome::Refused,
+        Err(failure) => {
+            tracing::debug!("stopping {robot}: {failure}");
+            Outcome::Unknown
+        }
+    };
+    (robot, outcome)
 }
 
 fn table(report: &Report, out: &Output) -> String {
@@ -113,9 +172,46 @@ fn table(report: &Report, out: &Output) -> String {
     table.render(out)
 }
 
-fn warn_without_roster(ctx: &Context) {
-    if !ctx.out.json {
+fn warn(ctx: &Context, gaps: &Gaps) {
+    if ctx.out.json || gaps.none() {
+        return;
+    }
+    for failure in [&gaps.alive, &gaps.roster].into_iter().flatten() {
+        ctx.out.note(&format!("warning: there may be more robots: {failure}"));
+    }
+    if gaps.alive.is_none() {
         ctx.out.note("warning: without a roster nobody can say whether these were all robots");
-        ctx.out.note("hint: name them with --expect a,b,c or as [[robots]] in the fleet config");
+    }
+    ctx.out.note("hint: name them with --expect a,b,c or as [[robots]] in the fleet config");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn failure() -> Failure {
+        Failure::new(Kind::Failed, "get on xtb/lab/sim/roster: no")
+    }
+
+    fn report(outcomes: &[Outcome], complete: bool) -> Report {
+        let named = outcomes.iter().enumerate();
+        let robots = named.map(|(i, outcome)| (Name::new(&format!("xtb-{i}")).unwrap(), *outcome));
+        Report { robots: robots.collect(), complete }
+    }
+
+    #[test]
+    fn only_a_known_roster_and_presence_leave_no_gap() {
+        assert!(Gaps::default().none());
+        assert!(Gaps::of(None, Ok(Some(BTreeSet::new()))).none());
+        assert!(!Gaps::of(None, Ok(None)).none());
+        assert!(!Gaps::of(None, Err(failure())).none());
+        assert!(!Gaps::of(Some(failure()), Ok(Some(BTreeSet::new()))).none());
+    }
+
+    #[test]
+    fn a_gap_makes_it_unknown_and_a_refusal_failed() {
+        assert_eq!(exit(&report(&[Outcome::Stopped], true)), Exit::Done);
+        assert_eq!(exit(&report(&[Outcome::Stopped], false)), Exit::Unknown);
+        assert_eq!(exit(&report(&[Outcome::Unknown, Outcome::Refused], false)), Exit::Failed);
     }
 }
