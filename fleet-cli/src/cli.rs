@@ -182,7 +182,7 @@ pub struct TeleopArgs {
 /// Arguments of `watch`.
 #[derive(Debug, Clone, Args)]
 pub struct WatchArgs {
-    /// Zenoh key expression, such as `xtb/lab/*/event` or `xtb/**`.
+    /// Zenoh key expression, such as `xtb/lab/*/event` or `xtb/**`; about and roster answer once, commands cannot be watched.
     #[arg(value_name = "KEYEXPR")]
     pub key_expr: String,
     /// End after this many messages.

@@ -307,10 +307,27 @@ fn read<M: Message>(answer: &Incoming) -> Option<M> {
 }
 
 #[cfg(test)]
+impl Client {
+    /// A client `me` of fleet `lab` on a session of its own, in which a test plays the robots.
+    pub(crate) async fn alone(timeout: Duration) -> Self {
+        let own = |text: &str| Name::new(text).unwrap();
+        let ctx = Context {
+            connect: Vec::new(),
+            connect_given: false,
+            fleet: own("lab"),
+            client: own("me"),
+            timeout,
+            robots: Vec::new(),
+            out: crate::Output { json: true, colors: false },
+        };
+        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        Self::on(&ctx, xtb_bus::open(&role).await.unwrap())
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::ColorChoice;
-    use crate::output::Output;
     use std::sync::Mutex;
     use std::sync::atomic::{AtomicU32, Ordering};
     use tokio::sync::mpsc;
@@ -318,18 +335,6 @@ mod tests {
 
     fn name(text: &str) -> Name {
         Name::new(text).unwrap()
-    }
-
-    fn context(timeout: Duration) -> Context {
-        Context {
-            connect: Vec::new(),
-            connect_given: false,
-            fleet: name("lab"),
-            client: name("me"),
-            timeout,
-            robots: Vec::new(),
-            out: Output::new(true, ColorChoice::Never),
-        }
     }
 
     fn overloaded(id: Uuid) -> Reply {
@@ -344,8 +349,7 @@ mod tests {
     }
 
     async fn busy(robot: &Name, turns_away: u32, timeout: Duration) -> Busy {
-        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
-        let client = Client::on(&context(timeout), xtb_bus::open(&role).await.unwrap());
+        let client = Client::alone(timeout).await;
         let keys = client.keys().robot(robot);
         let (sender, mut questions) = mpsc::unbounded_channel::<Question>();
         let each = move |question| sender.send(question).unwrap_or_default();

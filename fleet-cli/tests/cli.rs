@@ -159,6 +159,13 @@ fn teleop_needs_a_terminal() {
 }
 
 #[test]
+fn commands_cannot_be_watched() {
+    let error = &json(&Home::empty().alone("--json watch xtb/lab/*/cmd/*").code(2))["error"];
+    assert_eq!(error["code"], "usage");
+    assert!(error["message"].as_str().unwrap().contains("commands"), "{error}");
+}
+
+#[test]
 fn a_taken_port_is_said_to_be_taken() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let endpoint = format!("tcp/{}", taken.local_addr().unwrap());

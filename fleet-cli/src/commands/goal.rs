@@ -15,7 +15,7 @@ use follow::{End, Follow};
 use serde::Serialize;
 use std::pin::pin;
 use std::time::{Duration, Instant};
-use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, RobotState};
+use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, RejectCode, RobotState};
 use xtb_protocol::{Name, Uuid};
 
 /// A goal that outlives this client may take this long (the robot's own default too).
@@ -65,8 +65,23 @@ struct Report<'a> {
     elapsed_s: f64,
 }
 
+/// What came of a `cancel`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Cancel {
+    /// The goal ran and was ended.
+    Ended,
+    /// It did not run: it had ended by itself, or never began.
+    NotRunning,
+}
+
 impl Task {
-    fn body(&self, on_link_loss: LinkLoss) -> Body {
+    /// A goal that has a limit, or that outlives this client, is bounded by the robot's own clock too.
+    fn on_link_loss(&self) -> LinkLoss {
+        if self.wait && self.within.is_none() { LinkLoss::Halt } else { LinkLoss::Finish }
+    }
+
+    fn body(&self) -> Body {
+        let on_link_loss = self.on_link_loss();
         let finish_s = self.within.unwrap_or(FINISH_WITHIN).as_secs_f64();
         match self.aim {
             Aim::Point { x_m, y_m } => Body::Goto { x_m, y_m, yaw_rad: None, on_link_loss, finish_s },
@@ -102,7 +117,7 @@ pub(super) async fn run(ctx: &Context, task: &Task) -> Result<Exit> {
 /// The goal outlives this client, so it is bounded in time.
 async fn send(ctx: &Context, control: &Control, task: &Task) -> Result<Exit> {
     let goal = Uuid::new_v4();
-    control.request(goal, task.body(LinkLoss::Finish)).await?;
+    start(control, task, goal).await?;
     let report = Report {
         robot: &task.robot,
         goal,
@@ -115,6 +130,49 @@ async fn send(ctx: &Context, control: &Control, task: &Task) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
+/// Sends the goal. Whether the robot has taken it may stay unknown: then it is told to forget it.
+async fn start(control: &Control, task: &Task, goal: Uuid) -> Result<()> {
+    match control.request(goal, task.body()).await {
+        Ok(_) => Ok(()),
+        Err(failure) if failure.kind == Kind::OutcomeUnknown => {
+            let cancelled = ask_to_cancel(control, &task.robot, goal).await;
+            Err(unconfirmed(&task.robot, goal, &failure, &cancelled))
+        }
+        Err(failure) => Err(failure),
+    }
+}
+
+/// Nobody knows whether the goal was taken, only what came of the attempt to take it back.
+fn unconfirmed(robot: &Name, goal: Uuid, failure: &Failure, cancelled: &Result<Cancel>) -> Failure {
+    let end = match cancelled {
+        Ok(Cancel::Ended) => format!("goal {goal} had begun and was cancelled"),
+        Ok(Cancel::NotRunning) => format!("goal {goal} does not run"),
+        Err(_) => format!("goal {goal} could not be cancelled either: {robot} may drive"),
+    };
+    Failure::new(Kind::OutcomeUnknown, format!("{failure}; {end}")).hint(stop_hint(robot))
+}
+
+fn stop_hint(robot: &Name) -> String {
+    format!("`fleet-cli stop {robot}` stops it, `fleet-cli status {robot}` shows what it does")
+}
+
+async fn ask_to_cancel(control: &Control, robot: &Name, goal: Uuid) -> Result<Cancel> {
+    let asked = control.request(Uuid::new_v4(), Body::Cancel { goal }).await;
+    cancelled(robot, goal, asked.map(drop))
+}
+
+/// Reads the answer to a `cancel`: only "no such goal runs" is as good as yes.
+fn cancelled(robot: &Name, goal: Uuid, asked: Result<()>) -> Result<Cancel> {
+    match asked {
+        Ok(()) => Ok(Cancel::Ended),
+        Err(Failure { kind: Kind::Refused(RejectCode::UnknownGoal), .. }) => Ok(Cancel::NotRunning),
+        Err(failure) => {
+            let message = format!("goal {goal} was not cancelled, {robot} may still drive: {failure}");
+            Err(Failure::new(failure.kind, message).hint(stop_hint(robot)))
+        }
+    }
+}
+
 async fn drive(ctx: &Context, client: &Client, control: &Control, task: &Task) -> Result<Exit> {
     let keys = client.keys().robot(&task.robot);
     // Both before the goal: nothing of it can be missed.
@@ -122,13 +180,14 @@ async fn drive(ctx: &Context, client: &Client, control: &Control, task: &Task) -
     let mut events = Events::open(client, &keys).await?;
     let goal = Uuid::new_v4();
     let mut stop = pin!(interrupted());
-    let began = Instant::now();
     let mut follow = Follow::new(goal, control.lease().map(|lease| lease.epoch));
     tokio::select! {
-        sent = control.request(goal, task.body(LinkLoss::Halt)) => { sent?; }
+        started = start(control, task, goal) => started?,
         // It may have arrived nevertheless.
         () = &mut stop => return cancel(ctx, control, &feed, task, goal).await,
     }
+    // Not before: while the request was on its way, states showed what was before it.
+    let began = Instant::now();
     let mut progress = Progress::new();
     progress.show(&format!("{}: goal {goal}: {}", task.robot, task.words()));
     let mut look = tokio::time::interval(LOOK_EVERY);
@@ -158,16 +217,18 @@ async fn drive(ctx: &Context, client: &Client, control: &Control, task: &Task) -
             progress.end();
             let age = describe::age(heard.elapsed());
             let message = format!("{} was not heard for {age}: outcome of goal {goal} unknown", task.robot);
-            return Err(Failure::new(Kind::OutcomeUnknown, message)
-                .hint("this release does not stop a goal whose client is gone: stop the robot by hand; `fleet-cli status` shows when it is back"));
+            return Err(Failure::new(Kind::OutcomeUnknown, message).hint(unheard_hint(task)));
         }
         if task.within.is_some_and(|within| began.elapsed() > within) {
-            match control.request(Uuid::new_v4(), Body::Cancel { goal }).await {
+            match ask_to_cancel(control, &task.robot, goal).await {
+                Ok(Cancel::Ended) => progress.end(),
                 // It has ended by itself just now: the next state says how.
-                Err(failure) if matches!(failure.kind, Kind::Refused(_)) => continue,
-                cancelled => cancelled?,
-            };
-            progress.end();
+                Ok(Cancel::NotRunning) => continue,
+                Err(failure) => {
+                    progress.end();
+                    return Err(failure);
+                }
+            }
             let end = End { status: GoalStatus::Cancelled, reason: Some("its time was up".into()) };
             return report(ctx, task, &follow, end, began.elapsed());
         }
@@ -219,6 +280,20 @@ fn report(ctx: &Context, task: &Task, follow: &Follow, end: End, took: Duration)
     Ok(if reached { Exit::Done } else { Exit::Failed })
 }
 
+/// What to do about a robot that is out of reach while its goal runs.
+fn unheard_hint(task: &Task) -> String {
+    let back = format!("`fleet-cli status {}` shows when it is back", task.robot);
+    match task.within {
+        Some(within) => {
+            let seconds = within.as_secs_f64();
+            format!("the robot ends the goal by itself {seconds} s after it began; {back}")
+        }
+        None => {
+            format!("this release does not stop a goal whose client is gone: stop the robot by hand; {back}")
+        }
+    }
+}
+
 fn hint(status: GoalStatus) -> &'static str {
     match status {
         GoalStatus::Interrupted => "the robot restarted; send the goal again",
@@ -233,12 +308,10 @@ fn hint(status: GoalStatus) -> &'static str {
 /// Ctrl-C: the goal ends, and the robot is watched until it stands.
 async fn cancel(ctx: &Context, control: &Control, feed: &Feed, task: &Task, goal: Uuid) -> Result<Exit> {
     let asked = Instant::now();
-    match control.request(Uuid::new_v4(), Body::Cancel { goal }).await {
-        Ok(_) => {}
-        // The goal had ended by itself, or had not begun.
-        Err(failure) if matches!(failure.kind, Kind::Refused(_)) => tracing::debug!("cancelling: {failure}"),
-        Err(failure) => return Err(failure),
-    }
+    let how = match ask_to_cancel(control, &task.robot, goal).await? {
+        Cancel::Ended => "goal cancelled",
+        Cancel::NotRunning => "the goal does not run",
+    };
     let standing = async {
         while !feed.last(&task.robot).is_some_and(|seen| seen.at > asked && stands(&seen.state)) {
             feed.news().await;
@@ -246,13 +319,9 @@ async fn cancel(ctx: &Context, control: &Control, feed: &Feed, task: &Task, goal
     };
     let robot = &task.robot;
     let failure = match tokio::time::timeout(ctx.timeout, standing).await {
-        Ok(()) => Failure::new(Kind::Interrupted, format!("goal cancelled, {robot} stands")),
-        Err(_) => {
-            Failure::new(Kind::Interrupted, format!("goal cancelled, but {robot} was not seen standing"))
-                .hint(format!(
-                    "`fleet-cli status {robot}` shows what it does, `fleet-cli stop {robot}` stops it"
-                ))
-        }
+        Ok(()) => Failure::new(Kind::Interrupted, format!("{how}, {robot} stands")),
+        Err(_) => Failure::new(Kind::Interrupted, format!("{how}, but {robot} was not seen standing"))
+            .hint(stop_hint(robot)),
     };
     ctx.out.failure(&failure);
     Ok(Exit::Interrupted)
@@ -260,4 +329,61 @@ async fn cancel(ctx: &Context, control: &Control, feed: &Feed, task: &Task, goal
 
 fn stands(state: &RobotState) -> bool {
     state.reference_rpm == 0.0 && state.speed_mps.is_some_and(|speed| speed.abs() < STANDING_MPS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOAL: Uuid = Uuid::from_u128(1);
+
+    fn robot() -> Name {
+        Name::new("xtb-1").unwrap()
+    }
+
+    fn task(wait: bool, within_s: Option<u64>) -> Task {
+        let aim = Aim::Point { x_m: 1.0, y_m: 2.0 };
+        Task { robot: robot(), aim, within: within_s.map(Duration::from_secs), wait }
+    }
+
+    #[test]
+    fn a_goal_is_bounded_by_the_robot_unless_its_client_waits_without_a_limit() {
+        for (wait, within, policy, seconds) in [
+            (false, None, LinkLoss::Finish, 300.0),
+            (false, Some(7), LinkLoss::Finish, 7.0),
+            (true, Some(7), LinkLoss::Finish, 7.0),
+            (true, None, LinkLoss::Halt, 300.0),
+        ] {
+            let Body::Goto { on_link_loss, finish_s, .. } = task(wait, within).body() else { panic!() };
+            assert_eq!((on_link_loss, finish_s), (policy, seconds), "wait {wait}, within {within:?}");
+        }
+    }
+
+    #[test]
+    fn only_an_unknown_goal_counts_as_ended_by_itself() {
+        let answer = |kind| cancelled(&robot(), GOAL, Err(Failure::new(kind, "no")));
+        assert_eq!(cancelled(&robot(), GOAL, Ok(())), Ok(Cancel::Ended));
+        assert_eq!(answer(Kind::Refused(RejectCode::UnknownGoal)), Ok(Cancel::NotRunning));
+        for kind in [Kind::Refused(RejectCode::LeaseHeld), Kind::OutcomeUnknown, Kind::Failed] {
+            let failure = answer(kind).unwrap_err();
+            assert_eq!(failure.kind, kind);
+            assert!(failure.message.contains("may still drive"), "{failure}");
+            assert!(failure.hint.contains("fleet-cli stop xtb-1"), "{}", failure.hint);
+        }
+    }
+
+    #[test]
+    fn an_unconfirmed_goal_stays_unknown_whatever_came_of_its_cancel() {
+        let unknown = Failure::new(Kind::OutcomeUnknown, "xtb-1 does not answer");
+        for (cancelled, said) in [
+            (Ok(Cancel::Ended), "was cancelled"),
+            (Ok(Cancel::NotRunning), "does not run"),
+            (Err(unknown.clone()), "may drive"),
+        ] {
+            let failure = unconfirmed(&robot(), GOAL, &unknown, &cancelled);
+            assert_eq!(failure.kind, Kind::OutcomeUnknown);
+            assert!(failure.message.contains(said), "{failure}");
+            assert!(failure.hint.contains("fleet-cli stop xtb-1"), "{}", failure.hint);
+        }
+    }
 }

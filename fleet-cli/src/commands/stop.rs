@@ -188,6 +188,18 @@ fn warn(ctx: &Context, gaps: &Gaps) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
+    use tokio::sync::mpsc;
+    use xtb_bus::{Question, Service};
+    use xtb_protocol::codec::Format;
+    use xtb_protocol::messages::{Done, Reply, Request, Roster};
+
+    /// Passes the questions on `key_expr` on.
+    async fn questions(client: &Client, key_expr: &str) -> (Service, mpsc::UnboundedReceiver<Question>) {
+        let (sender, receiver) = mpsc::unbounded_channel();
+        let each = move |question| sender.send(question).unwrap_or_default();
+        (client.bus().serve(key_expr, each).await.unwrap(), receiver)
+    }
 
     fn failure() -> Failure {
         Failure::new(Kind::Failed, "get on xtb/lab/sim/roster: no")
@@ -213,5 +225,44 @@ mod tests {
         assert_eq!(exit(&report(&[Outcome::Stopped], true)), Exit::Done);
         assert_eq!(exit(&report(&[Outcome::Stopped], false)), Exit::Unknown);
         assert_eq!(exit(&report(&[Outcome::Unknown, Outcome::Refused], false)), Exit::Failed);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_robot_that_is_there_is_stopped_before_the_roster_is_known() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let robot = Name::new("xtb-1").unwrap();
+        let keys = client.keys().robot(&robot);
+        let (_commands, mut commands) = questions(&client, &keys.cmd(None)).await;
+        let roster_key = client.keys().sim_roster();
+        let (_rosters, mut rosters) = questions(&client, &roster_key).await;
+        let _token = client.bus().declare_alive(&keys.alive()).await.unwrap();
+        let own_key = keys.cmd(Some(client.name()));
+        let world = tokio::spawn(async move {
+            let stop = commands.recv().await.unwrap();
+            let (request, format) = stop.decode::<Request>().unwrap();
+            stop.reply(&own_key, &Reply::done(request.id, Done::default()), format).await.unwrap();
+            drop(stop);
+            // The roster comes only now.
+            let question = rosters.recv().await.unwrap();
+            question.reply(&roster_key, &Roster { robots: Vec::new() }, Format::Json).await.unwrap();
+        });
+        let mut stops = Stops::new(&client);
+        let gaps = stop_all(&client, &mut stops, &[]).await;
+        assert!(gaps.none(), "{gaps:?}");
+        assert_eq!(stops.outcomes().await, BTreeMap::from([(robot, Outcome::Stopped)]));
+        world.await.unwrap();
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_roster_that_does_not_answer_leaves_a_gap_and_stops_nobody_less() {
+        let client = Client::alone(Duration::from_millis(300)).await;
+        let robot = Name::new("xtb-1").unwrap();
+        let keys = client.keys().robot(&robot);
+        let (_rosters, _unanswered) = questions(&client, &client.keys().sim_roster()).await;
+        let _token = client.bus().declare_alive(&keys.alive()).await.unwrap();
+        let mut stops = Stops::new(&client);
+        let gaps = stop_all(&client, &mut stops, &[]).await;
+        assert!(gaps.no_roster && gaps.alive.is_none(), "{gaps:?}");
+        assert!(stops.outcomes().await.contains_key(&robot));
     }
 }

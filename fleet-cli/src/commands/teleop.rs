@@ -20,6 +20,8 @@ use serde::Serialize;
 use std::io::IsTerminal;
 use std::pin::pin;
 use std::time::Duration;
+use tokio::time::{Interval, MissedTickBehavior};
+use xtb_control::Stamp;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{Body, Setpoint};
@@ -88,26 +90,26 @@ async fn hands_on(
 ) -> Result<()> {
     let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
     let mut stop = pin!(interrupted());
-    let mut send = tokio::time::interval(SEND_EVERY);
-    let mut paint = tokio::time::interval(PAINT_EVERY);
+    let (mut send, mut paint) = (ticks(SEND_EVERY), ticks(PAINT_EVERY));
     loop {
-        let now = wheel.client.now();
-        tokio::select! {
+        let turn = tokio::select! {
+            // What ends or changes motion comes before what repeats it.
+            biased;
             () = &mut stop => return Ok(()),
-            input = terminal.next() => {
-                match input {
-                    Some(Input::Key(key)) if is_leaving(&key) => return Ok(()),
-                    Some(Input::Key(key)) => match meaning(&key) {
-                        Some((key, action)) => keyboard.key(now, key, action),
-                        None => continue,
-                    },
-                    Some(Input::FocusLost) => keyboard.let_go(),
-                    None => return Ok(()),
-                }
+            input = terminal.next() => Turn::Input(input),
+            _ = send.tick() => Turn::Send,
+            _ = paint.tick() => Turn::Paint,
+        };
+        // Not before the wait: what was pressed is as old as its event, not as the turn before it.
+        let now = wheel.client.now();
+        match turn {
+            Turn::Input(input) => match heed(keyboard, now, input) {
+                Heed::Leave => return Ok(()),
+                Heed::Ignore => {}
                 // Not at the next tick: letting go means zero at once.
-                send.reset_immediately();
-            }
-            _ = send.tick() => {
+                Heed::Send => send.reset_immediately(),
+            },
+            Turn::Send => {
                 if wheel.control.is_lost() {
                     return Err(lost(wheel, feed));
                 }
@@ -115,16 +117,60 @@ async fn hands_on(
                     wheel.send(drive, feed).await?;
                 }
             }
-            _ = paint.tick() => {
+            Turn::Paint => {
                 let seen = feed.last(wheel.robot);
-                terminal.paint(&screen::lines(&screen::View {
-                    robot: wheel.robot,
-                    seen: seen.as_ref(),
-                    drive: keyboard.drive(now),
-                    max_rpm: wheel.max_rpm,
-                    reporting,
-                }, &ctx.out))?;
+                terminal.paint(&screen::lines(
+                    &screen::View {
+                        robot: wheel.robot,
+                        seen: seen.as_ref(),
+                        drive: keyboard.drive(now),
+                        max_rpm: wheel.max_rpm,
+                        reporting,
+                    },
+                    &ctx.out,
+                ))?;
             }
+        }
+    }
+}
+
+/// What woke the loop.
+enum Turn {
+    Input(Option<Input>),
+    Send,
+    Paint,
+}
+
+/// What an input asks of the loop.
+#[derive(Debug, PartialEq, Eq)]
+enum Heed {
+    Leave,
+    Ignore,
+    Send,
+}
+
+/// Ticks that leave out those that were missed: after a stall nothing old is sent in a burst.
+fn ticks(every: Duration) -> Interval {
+    let mut ticks = tokio::time::interval(every);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    ticks
+}
+
+fn heed(keyboard: &mut Keyboard, now: Stamp, input: Option<Input>) -> Heed {
+    match input {
+        // The terminal is gone.
+        None => Heed::Leave,
+        Some(Input::Key(key)) if is_leaving(&key) => Heed::Leave,
+        Some(Input::Key(key)) => match meaning(&key) {
+            Some((key, action)) => {
+                keyboard.key(now, key, action);
+                Heed::Send
+            }
+            None => Heed::Ignore,
+        },
+        Some(Input::FocusLost) => {
+            keyboard.let_go();
+            Heed::Send
         }
     }
 }
@@ -191,4 +237,31 @@ fn meaning(event: &KeyEvent) -> Option<(Key, Action)> {
         KeyEventKind::Release => Action::Release,
     };
     Some((key, action))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crossterm::event::KeyModifiers;
+
+    fn press(code: KeyCode) -> Option<Input> {
+        Some(Input::Key(KeyEvent::new(code, KeyModifiers::NONE)))
+    }
+
+    #[test]
+    fn inputs_drive_let_go_or_leave() {
+        let (mut keyboard, now) = (Keyboard::new(Reporting::Releases), Stamp::from_ms(7));
+        assert_eq!(heed(&mut keyboard, now, press(KeyCode::Char('W'))), Heed::Send);
+        assert_eq!(keyboard.drive(now).throttle, 1.0);
+        assert_eq!(heed(&mut keyboard, now, press(KeyCode::Char('x'))), Heed::Ignore);
+        assert_eq!(heed(&mut keyboard, now, Some(Input::FocusLost)), Heed::Send);
+        assert_eq!(keyboard.drive(now).throttle, 0.0);
+        assert_eq!(heed(&mut keyboard, now, press(KeyCode::Char('q'))), Heed::Leave);
+        assert_eq!(heed(&mut keyboard, now, None), Heed::Leave);
+    }
+
+    #[tokio::test]
+    async fn ticks_that_were_missed_do_not_come_in_a_burst() {
+        assert_eq!(ticks(SEND_EVERY).missed_tick_behavior(), MissedTickBehavior::Skip);
+    }
 }

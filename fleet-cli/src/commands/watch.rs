@@ -1,16 +1,20 @@
 //! `watch`: any key of ours as JSON lines.
 
+mod plan;
+
 use crate::cli::WatchArgs;
 use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
+use plan::Plan;
 use serde::Serialize;
 use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::mpsc;
-use xtb_bus::{BusError, Incoming};
+use tokio::task::JoinSet;
+use xtb_bus::{BusError, Incoming, Presence, Subscription};
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{About, Event, Message, Request, RobotState, Roster, Sensors, Setpoint, Truth};
 
@@ -33,39 +37,141 @@ struct Undecodable<'a> {
     error: String,
 }
 
-/// Prints messages until it is interrupted or has printed `--count`.
+/// Something to print.
+enum Item {
+    /// A message or an answer.
+    Message(Incoming),
+    /// A key that is now alive, or is not any more.
+    Presence(String, bool),
+}
+
+/// What keeps the items coming, until it is dropped.
+#[derive(Default)]
+struct Sources {
+    subscriptions: Vec<Subscription>,
+    presences: Vec<Presence>,
+    questions: JoinSet<()>,
+}
+
+/// Where sources put what they have.
+#[derive(Clone)]
+struct Inlet {
+    queue: mpsc::Sender<Item>,
+    dropped: Arc<AtomicU64>,
+}
+
+impl Inlet {
+    fn put(&self, item: Item) {
+        if self.queue.try_send(item).is_err() {
+            self.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// Prints messages until it is interrupted or has printed `--count`; where only answers are to be
+/// had, it ends after these.
 ///
 /// # Errors
-/// No router, or a key expression that is none.
+/// No router, a key expression that is none or that names only commands, or nobody to answer.
 pub async fn run(ctx: &Context, args: &WatchArgs) -> Result<Exit> {
+    let plan = Plan::of(&args.key_expr)?;
     let client = Client::open(ctx).await?;
-    let (sender, mut queue) = mpsc::channel(QUEUE);
-    let dropped = Arc::new(AtomicU64::new(0));
-    let counter = Arc::clone(&dropped);
-    let each = move |incoming: Incoming| {
-        if sender.try_send(incoming).is_err() {
-            counter.fetch_add(1, Ordering::Relaxed);
-        }
-    };
-    let subscription = client.bus().subscribe(&args.key_expr, each).await.map_err(not_a_key_expr)?;
-    let mut stop = pin!(interrupted());
-    let mut left = args.count;
-    while left != Some(0) {
-        let incoming = tokio::select! {
-            () = &mut stop => break,
-            incoming = queue.recv() => incoming,
-        };
-        let Some(incoming) = incoming else { break };
-        ctx.out.text(&line(&incoming)?)?;
-        left = left.map(|left| left - 1);
-    }
-    drop(subscription);
-    let dropped = dropped.load(Ordering::Relaxed);
-    if dropped > 0 {
-        ctx.out.note(&format!("warning: {dropped} messages came faster than they could be printed"));
+    match plan {
+        Plan::Answers(ask) => print_answers(ctx, &client, args, &ask).await?,
+        plan => follow(ctx, &client, args, plan).await?,
     }
     client.close().await;
     Ok(Exit::Done)
+}
+
+async fn print_answers(ctx: &Context, client: &Client, args: &WatchArgs, ask: &[String]) -> Result<()> {
+    let asking = async {
+        let mut answers = Vec::new();
+        for key_expr in ask {
+            answers.extend(client.get(key_expr).await.map_err(not_a_key_expr)?);
+        }
+        Ok::<_, Failure>(answers)
+    };
+    let answers = tokio::select! {
+        () = interrupted() => return Ok(()),
+        answers = asking => answers?,
+    };
+    if answers.is_empty() {
+        return Err(Failure::new(Kind::NoRobot, format!("Nobody answers on {}", args.key_expr))
+            .hint("`fleet-cli list` shows who is there; a roster is known to `fleet-cli sim` only"));
+    }
+    let most = args.count.map_or(usize::MAX, |count| usize::try_from(count).unwrap_or(usize::MAX));
+    answers.iter().take(most).try_for_each(|answer| ctx.out.text(&line(answer)?))
+}
+
+async fn follow(ctx: &Context, client: &Client, args: &WatchArgs, plan: Plan) -> Result<()> {
+    let (queue, mut items) = mpsc::channel(QUEUE);
+    let inlet = Inlet { queue, dropped: Arc::default() };
+    let sources = open(client, &args.key_expr, plan, &inlet).await.map_err(not_a_key_expr)?;
+    let mut stop = pin!(interrupted());
+    let mut left = args.count;
+    while left != Some(0) {
+        let item = tokio::select! {
+            () = &mut stop => break,
+            item = items.recv() => item,
+        };
+        let Some(item) = item else { break };
+        ctx.out.text(&item_line(&item)?)?;
+        left = left.map(|left| left - 1);
+    }
+    drop(sources);
+    let dropped = inlet.dropped.load(Ordering::Relaxed);
+    if dropped > 0 {
+        ctx.out.note(&format!("warning: {dropped} messages came faster than they could be printed"));
+    }
+    Ok(())
+}
+
+async fn open(
+    client: &Client,
+    key_expr: &str,
+    plan: Plan,
+    inlet: &Inlet,
+) -> std::result::Result<Sources, BusError> {
+    let mut sources = Sources::default();
+    match plan {
+        Plan::Presence => sources.presences.push(presence(client, key_expr, inlet).await?),
+        Plan::Events => {
+            let each = message_to(inlet);
+            sources.subscriptions.push(client.bus().subscribe_events(key_expr, each).await?);
+        }
+        Plan::Messages { ask, presence: there } => {
+            sources.subscriptions.push(client.bus().subscribe(key_expr, message_to(inlet)).await?);
+            for key_expr in there {
+                sources.presences.push(presence(client, &key_expr, inlet).await?);
+            }
+            // Beside the stream: who answers slowly must not hold it up.
+            for key_expr in ask {
+                sources.questions.spawn(answers_to(client.clone(), key_expr, inlet.clone()));
+            }
+        }
+        // Has no sources that last.
+        Plan::Answers(_) => {}
+    }
+    Ok(sources)
+}
+
+async fn presence(client: &Client, key_expr: &str, inlet: &Inlet) -> std::result::Result<Presence, BusError> {
+    let inlet = inlet.clone();
+    let each = move |key: &str, there: bool| inlet.put(Item::Presence(key.to_owned(), there));
+    client.bus().watch_alive(key_expr, each).await
+}
+
+fn message_to(inlet: &Inlet) -> impl Fn(Incoming) + Send + Sync + 'static {
+    let inlet = inlet.clone();
+    move |incoming| inlet.put(Item::Message(incoming))
+}
+
+async fn answers_to(client: Client, key_expr: String, inlet: Inlet) {
+    match client.get(&key_expr).await {
+        Ok(answers) => answers.into_iter().for_each(|answer| inlet.put(Item::Message(answer))),
+        Err(error) => tracing::warn!("{error}"),
+    }
 }
 
 fn not_a_key_expr(error: BusError) -> Failure {
@@ -75,6 +181,13 @@ fn not_a_key_expr(error: BusError) -> Failure {
                 .hint("a key expression looks like xtb/lab/*/state or xtb/**")
         }
         other => other.into(),
+    }
+}
+
+fn item_line(item: &Item) -> Result<String> {
+    match item {
+        Item::Message(incoming) => line(incoming),
+        Item::Presence(key, there) => json(&Decoded { key, name: "Alive", value: there }),
     }
 }
 
@@ -140,5 +253,13 @@ mod tests {
         assert!(broken.contains(r#""bytes":2,"error":"not a RobotState"#), "{broken}");
         let foreign = line(&incoming("ros/lab", "text/plain", b"x")).unwrap();
         assert!(foreign.contains("not a key of this project"), "{foreign}");
+    }
+
+    #[test]
+    fn presence_is_true_or_false() {
+        for there in [true, false] {
+            let shown = item_line(&Item::Presence("xtb/lab/xtb-1/alive".into(), there)).unwrap();
+            assert_eq!(shown, format!(r#"{{"key":"xtb/lab/xtb-1/alive","type":"Alive","value":{there}}}"#));
+        }
     }
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{Event, EventKind, GoalStatus, RobotState};
 
-/// States that were on their way when the goal was sent still show the one before.
+/// States that were on their way when the goal was accepted still show the one before.
 const OLD_STATES: Duration = Duration::from_secs(1);
 /// The state may show the end before the event says why.
 const REASON_WITHIN: Duration = Duration::from_millis(500);
@@ -23,7 +23,10 @@ pub(super) struct End {
 pub(super) struct Follow {
     goal: Uuid,
     epoch: Option<u64>,
+    /// Whether a state has shown it.
     seen: bool,
+    /// The robot's clock in the first state after the goal was accepted.
+    first_tick_ms: Option<u64>,
     distance_m: Option<f64>,
     /// As the state shows it, and since when.
     shown: Option<(Duration, GoalStatus)>,
@@ -34,7 +37,7 @@ pub(super) struct Follow {
 impl Follow {
     /// A goal that is about to be sent to a robot whose boot has this epoch.
     pub(super) fn new(goal: Uuid, epoch: Option<u64>) -> Self {
-        Self { goal, epoch, seen: false, distance_m: None, shown: None, told: None }
+        Self { goal, epoch, seen: false, first_tick_ms: None, distance_m: None, shown: None, told: None }
     }
 
     /// Its id.
@@ -47,12 +50,13 @@ impl Follow {
         self.distance_m
     }
 
-    /// A state, `since` the goal was sent.
+    /// A state that came in after the goal was accepted, `since` then.
     pub(super) fn state(&mut self, since: Duration, state: &RobotState) {
         if self.shown.is_some() {
             return;
         }
         let restarted = self.epoch.is_some_and(|epoch| epoch != state.epoch);
+        let moved_on = state.tick_ms > *self.first_tick_ms.get_or_insert(state.tick_ms);
         match &state.goal {
             _ if restarted => self.shown = Some((since, GoalStatus::Interrupted)),
             Some(goal) if goal.id == self.goal => {
@@ -62,7 +66,11 @@ impl Follow {
                     self.shown = Some((since, goal.status));
                 }
             }
-            _ if self.seen || since > OLD_STATES => self.shown = Some((since, GoalStatus::Replaced)),
+            // Without having been seen it must be a state that the robot made later, not one that
+            // was under way.
+            _ if self.seen || (moved_on && since > OLD_STATES) => {
+                self.shown = Some((since, GoalStatus::Replaced))
+            }
             _ => {}
         }
     }
@@ -101,6 +109,10 @@ mod tests {
 
     fn ms(ms: u64) -> Duration {
         Duration::from_millis(ms)
+    }
+
+    fn at_tick(tick_ms: u64, state: RobotState) -> RobotState {
+        RobotState { tick_ms, ..state }
     }
 
     fn state(epoch: u64, goal: Option<(Uuid, GoalStatus)>) -> RobotState {
@@ -167,9 +179,30 @@ mod tests {
         follow.state(ms(900), &state(7, None));
         assert_eq!(follow.ended(ms(2000)), None);
         let mut replaced = follow.clone();
-        replaced.state(ms(1100), &state(7, Some((OTHER, GoalStatus::Running))));
+        replaced.state(ms(1100), &at_tick(200, state(7, Some((OTHER, GoalStatus::Running)))));
         assert_eq!(replaced.ended(ms(2000)).unwrap().status, GoalStatus::Replaced);
         follow.state(ms(950), &state(8, None));
         assert_eq!(follow.ended(ms(2000)).unwrap().status, GoalStatus::Interrupted);
+    }
+
+    #[test]
+    fn a_state_from_before_the_goal_never_means_replaced() {
+        let before = at_tick(5000, state(7, Some((OTHER, GoalStatus::Running))));
+        let mut follow = Follow::new(GOAL, Some(7));
+        // The only one after the acceptance, however late, may have been under way all the time.
+        follow.state(ms(1500), &before);
+        follow.state(ms(1600), &before);
+        assert_eq!(follow.ended(ms(9000)), None);
+        follow.state(ms(1700), &at_tick(5050, state(7, Some((GOAL, GoalStatus::Running)))));
+        follow.state(ms(1750), &at_tick(5100, state(7, Some((GOAL, GoalStatus::Reached)))));
+        assert_eq!(follow.ended(ms(1750)).unwrap().status, GoalStatus::Reached);
+    }
+
+    #[test]
+    fn a_goal_that_was_seen_is_replaced_as_soon_as_another_shows() {
+        let mut follow = Follow::new(GOAL, Some(7));
+        follow.state(ms(10), &at_tick(100, state(7, Some((GOAL, GoalStatus::Running)))));
+        follow.state(ms(60), &at_tick(150, state(7, Some((OTHER, GoalStatus::Running)))));
+        assert_eq!(follow.ended(ms(600)).unwrap().status, GoalStatus::Replaced);
     }
 }
