@@ -169,6 +169,28 @@ impl Channel {
     }
 }
 
+/// Key expressions that match every key of a channel, whatever fleet, robot and client.
+pub mod any {
+    /// See [`Channel::Alive`](super::Channel::Alive).
+    pub const ALIVE: &str = "xtb/*/*/alive";
+    /// See [`Channel::State`](super::Channel::State).
+    pub const STATE: &str = "xtb/*/*/state";
+    /// See [`Channel::Sensors`](super::Channel::Sensors).
+    pub const SENSORS: &str = "xtb/*/*/sensors";
+    /// See [`Channel::Event`](super::Channel::Event).
+    pub const EVENT: &str = "xtb/*/*/event";
+    /// See [`Channel::About`](super::Channel::About).
+    pub const ABOUT: &str = "xtb/*/*/about";
+    /// See [`Channel::Cmd`](super::Channel::Cmd).
+    pub const CMD: &str = "xtb/*/*/cmd/*";
+    /// See [`Channel::Teleop`](super::Channel::Teleop).
+    pub const TELEOP: &str = "xtb/*/*/teleop/*";
+    /// See [`Channel::SimTruth`](super::Channel::SimTruth).
+    pub const SIM_TRUTH: &str = "xtb/*/sim/truth";
+    /// See [`Channel::SimRoster`](super::Channel::SimRoster).
+    pub const SIM_ROSTER: &str = "xtb/*/sim/roster";
+}
+
 /// A parsed key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Key {

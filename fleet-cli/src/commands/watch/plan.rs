@@ -5,6 +5,7 @@
 //! of key, chunk by chunk.
 
 use crate::error::{Failure, Kind, Result};
+use xtb_protocol::keys::any;
 
 /// Any chunk.
 const ANY: &str = "*";
@@ -13,14 +14,8 @@ const ANY_MANY: &str = "**";
 /// Any number of characters within a chunk.
 const ANY_PART: &str = "$*";
 
-const ALIVE: &str = "xtb/*/*/alive";
-const STATE: &str = "xtb/*/*/state";
-const EVENT: &str = "xtb/*/*/event";
-const ABOUT: &str = "xtb/*/*/about";
-const CMD: &str = "xtb/*/*/cmd/*";
-const ROSTER: &str = "xtb/*/sim/roster";
 /// Keys that carry published messages only.
-const PUBLISHED: [&str; 3] = ["xtb/*/*/sensors", "xtb/*/*/teleop/*", "xtb/*/sim/truth"];
+const PUBLISHED: [&str; 3] = [any::SENSORS, any::TELEOP, any::SIM_TRUTH];
 
 /// How to watch an expression.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,10 +42,10 @@ impl Plan {
     /// # Errors
     /// [`Kind::Usage`]: it names commands and nothing else.
     pub(super) fn of(expression: &str) -> Result<Self> {
-        let asks = [STATE, ABOUT, ROSTER].map(|pattern| overlap(expression, pattern));
+        let asks = [any::STATE, any::ABOUT, any::SIM_ROSTER].map(|pattern| overlap(expression, pattern));
         let [states, abouts, rosters] = asks;
-        let presence = overlap(expression, ALIVE);
-        let events = overlap(expression, EVENT);
+        let presence = overlap(expression, any::ALIVE);
+        let events = overlap(expression, any::EVENT);
         let answers: Vec<String> = abouts.into_iter().chain(rosters).collect();
         match last_chunk(expression) {
             "alive" if !presence.is_empty() => return Ok(Self::Presence),
@@ -61,7 +56,7 @@ impl Plan {
         let ask: Vec<String> = states.into_iter().chain(answers).collect();
         let published = PUBLISHED.iter().any(|pattern| !overlap(expression, pattern).is_empty());
         let shows_something = published || !(ask.is_empty() && presence.is_empty() && events.is_empty());
-        if !shows_something && !overlap(expression, CMD).is_empty() {
+        if !shows_something && !overlap(expression, any::CMD).is_empty() {
             return Err(only_commands(expression));
         }
         Ok(Self::Messages { ask, presence })
