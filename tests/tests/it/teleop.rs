@@ -3,7 +3,6 @@
 use crate::membership::{lone_agent, router};
 use fleet_tests::{Fleet, Setup, eventually, name};
 use std::sync::atomic::Ordering;
-use std::time::Duration;
 use xtb_bus::Role;
 use xtb_control::{Mode, PwmCount};
 use xtb_protocol::codec::Format;
@@ -14,7 +13,6 @@ use xtb_protocol::messages::{Setpoint, StopReason};
 async fn drive_until_rolling(fleet: &Fleet, rpm: f64, mps: f64) {
     eventually("rolling", || async {
         fleet.setpoint(1, rpm, 0.0).await;
-        tokio::time::sleep(Duration::from_millis(20)).await;
         (fleet.truth(1).speed_mps.abs() > mps).then_some(())
     })
     .await;
@@ -50,7 +48,6 @@ async fn teleoperation_goes_both_ways_and_steers() {
     let before = fleet.truth(1).yaw_rad;
     eventually("turning", || async {
         fleet.setpoint(1, -20.0, 1.0).await;
-        tokio::time::sleep(Duration::from_millis(20)).await;
         // Astern with the wheels to the right, the nose goes left: yaw grows counter-clockwise.
         (fleet.truth(1).yaw_rad - before > 0.05).then_some(())
     })
@@ -71,7 +68,6 @@ async fn a_lost_session_ends_teleoperation() {
     let neutral = PwmCount::NEUTRAL.get();
     eventually("driving", || async {
         bus.put(&key, &Channel::Teleop(client.clone()), &setpoint, Format::Postcard).await.unwrap();
-        tokio::time::sleep(Duration::from_millis(20)).await;
         (motor() > neutral).then_some(())
     })
     .await;
