@@ -125,8 +125,7 @@ async fn serve(
             Ok(result) => Ok(result?),
             Err(panic) => Err(std::io::Error::other(panic).into()),
         },
-        rival = find_rival(bus, &state_key, link.up.clone(), epoch) => {
-            rival?;
+        () = find_rival(bus, &state_key, link.up.clone(), epoch) => {
             Err(AgentError::NameTaken(config.robot.clone()))
         }
     }
@@ -161,30 +160,28 @@ async fn wait_for_inputs(snapshots: &mut watch::Receiver<Option<Snapshot>>) {
 
 async fn wait_for_name(config: &AgentConfig, bus: &Bus, alive: &str) -> Result<(), AgentError> {
     let give_up = Instant::now() + NAME_TAKEN_AFTER;
-    while !bus.alive(alive, ASK_WITHIN).await?.is_empty() {
-        if Instant::now() >= give_up {
-            return Err(AgentError::NameTaken(config.robot.clone()));
+    loop {
+        match bus.alive(alive, ASK_WITHIN).await {
+            Ok(others) if others.is_empty() => return Ok(()),
+            Ok(_) if Instant::now() >= give_up => return Err(AgentError::NameTaken(config.robot.clone())),
+            Ok(_) => {}
+            Err(error) => tracing::debug!("{error}; asking for the name again"),
         }
         tokio::time::sleep(NAME_CHECK_EVERY).await;
     }
-    Ok(())
 }
 
 /// Two agents that start at the same moment, or meet when a link returns, have both found the name
 /// free: of those, the one with the smaller epoch stays. Returns only when this one has to leave.
-async fn find_rival(
-    bus: &Bus,
-    state: &str,
-    mut up: watch::Receiver<bool>,
-    epoch: u64,
-) -> Result<(), AgentError> {
+async fn find_rival(bus: &Bus, state: &str, mut up: watch::Receiver<bool>, epoch: u64) {
     loop {
         let settled = Instant::now() + NAME_TAKEN_AFTER;
         while Instant::now() < settled {
             tokio::time::sleep(NAME_CHECK_EVERY).await;
-            let states = bus.get(state, ASK_WITHIN).await?;
+            // A question that cannot be sent says nothing of rivals.
+            let states = bus.get(state, ASK_WITHIN).await.unwrap_or_default();
             if states.iter().filter_map(|s| s.decode::<RobotState>().ok()).any(|s| s.epoch < epoch) {
-                return Ok(());
+                return;
             }
         }
         // Again when the link has been lost and has come back.
