@@ -4,9 +4,8 @@
 //! after the other, so that the ratio does not depend on the machine. The bound of the design: p99
 //! at most twice raw Zenoh's, plus one turn (5 ms) and one frame (20 ms).
 
-use fleet_tests::{eventually, name};
+use fleet_tests::{agent_config, eventually, name};
 use robot_agent::clock::{Clock, WorldTime};
-use robot_agent::config::AgentConfig;
 use robot_agent::hardware::Hardware;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware};
 use std::io;
@@ -14,7 +13,6 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use xtb_bus::{Bus, Role};
-use xtb_control::VehicleConfig;
 use xtb_control::controller::PwmOutputs;
 use xtb_protocol::board::FrameReader;
 use xtb_protocol::codec::Format;
@@ -143,14 +141,7 @@ async fn teleop(bus: &Bus, endpoint: &str) -> Vec<u64> {
         RunningWorld::start(simulation, vec![lines], WorldTime::new(), 1.0, |_| {}).expect("a thread");
     let (passed_sender, passed) = mpsc::channel();
     let probe = Probe { inner: hardware, reader: FrameReader::default(), passed: passed_sender };
-    let config = AgentConfig {
-        fleet: name("lab"),
-        robot: name("xtb-1"),
-        peer: false,
-        connect: vec![endpoint.to_owned()],
-        start_pose: Default::default(),
-        vehicle: VehicleConfig::default(),
-    };
+    let config = agent_config(endpoint, "lab");
     let (end, shutdown) = watch::channel(false);
     let agent =
         tokio::spawn(

@@ -4,11 +4,13 @@
 //! these run side by side.
 
 use fleet_cli::simulator::{Plan, Simulator};
+use robot_agent::config::AgentConfig;
 use std::future::Future;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use xtb_bus::{Bus, Role, Subscription};
+use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys, RobotKeys};
@@ -45,6 +47,22 @@ pub async fn eventually<T, F: Future<Output = Option<T>>>(what: &str, mut look: 
 #[must_use]
 pub fn name(text: &str) -> Name {
     Name::new(text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Settings of an agent `xtb-1` that a test runs by itself, outside any simulator.
+///
+/// # Panics
+/// If `fleet` is not a name.
+#[must_use]
+pub fn agent_config(endpoint: &str, fleet: &str) -> AgentConfig {
+    AgentConfig {
+        fleet: name(fleet),
+        robot: name("xtb-1"),
+        peer: false,
+        connect: vec![endpoint.to_owned()],
+        start_pose: MapPose::default(),
+        vehicle: VehicleConfig::default(),
+    }
 }
 
 /// How a test's fleet differs from three robots in an empty room at eight times real time.

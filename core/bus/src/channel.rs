@@ -6,6 +6,7 @@ use std::time::Duration;
 use xtb_protocol::codec::{self, CodecError, Format};
 use xtb_protocol::keys::{Channel, Congestion, Priority};
 use xtb_protocol::messages::Message;
+use zenoh::pubsub::PublisherBuilder;
 use zenoh::qos::{CongestionControl, Priority as ZenohPriority};
 use zenoh_ext::{
     AdvancedPublisher, AdvancedPublisherBuilderExt, AdvancedSubscriberBuilderExt, CacheConfig, HistoryConfig,
@@ -121,12 +122,7 @@ impl Bus {
         format: Format,
     ) -> Result<Publisher<M>, BusError> {
         let inner = self
-            .session
-            .declare_publisher(key.to_owned())
-            .encoding(codec::encoding::<M>(format))
-            .congestion_control(congestion(channel))
-            .priority(priority(channel))
-            .express(channel.qos().express)
+            .publisher_builder::<M>(key, channel, format)
             .await
             .map_err(failed("declaring a publisher", key))?;
         Ok(Publisher { inner, key: key.to_owned(), format, message: PhantomData })
@@ -139,18 +135,27 @@ impl Bus {
     /// [`BusError::Operation`].
     pub async fn event_publisher<M: Message>(&self, key: &str) -> Result<EventPublisher<M>, BusError> {
         let inner = self
-            .session
-            .declare_publisher(key.to_owned())
-            .encoding(codec::encoding::<M>(Format::Postcard))
-            .congestion_control(congestion(&Channel::Event))
-            .priority(priority(&Channel::Event))
-            .express(Channel::Event.qos().express)
+            .publisher_builder::<M>(key, &Channel::Event, Format::Postcard)
             .cache(CacheConfig::default().max_samples(EVENT_CACHE))
             .sample_miss_detection(MissDetectionConfig::default().heartbeat(EVENT_HEARTBEAT))
             .publisher_detection()
             .await
             .map_err(failed("declaring an event publisher", key))?;
         Ok(EventPublisher { inner, key: key.to_owned(), message: PhantomData })
+    }
+
+    fn publisher_builder<M: Message>(
+        &self,
+        key: &str,
+        channel: &Channel,
+        format: Format,
+    ) -> PublisherBuilder<'_, 'static> {
+        self.session
+            .declare_publisher(key.to_owned())
+            .encoding(codec::encoding::<M>(format))
+            .congestion_control(congestion(channel))
+            .priority(priority(channel))
+            .express(channel.qos().express)
     }
 
     /// Calls `each` for each message on `key_expr`.

@@ -1,9 +1,8 @@
 //! Robots that come, go, restart, and share a name; routers that are late or restart.
 
-use fleet_tests::{Fleet, PATIENCE, Setup, eventually, name};
+use fleet_tests::{Fleet, PATIENCE, Setup, agent_config, eventually, name};
 use robot_agent::AgentError;
 use robot_agent::clock::WorldTime;
-use robot_agent::config::AgentConfig;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU16, Ordering};
@@ -11,7 +10,7 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use xtb_bus::{Bus, Role};
-use xtb_control::{Mode, VehicleConfig};
+use xtb_control::Mode;
 use xtb_protocol::Uuid;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
@@ -85,14 +84,7 @@ pub(crate) fn lone_agent(endpoint: &str, fleet: &str) -> LoneAgent {
         seen.store(truth.map_or(0, |truth| truth.motor_counts), Ordering::Relaxed);
     })
     .unwrap();
-    let config = AgentConfig {
-        fleet: name(fleet),
-        robot: name("xtb-1"),
-        peer: false,
-        connect: vec![endpoint.to_owned()],
-        start_pose: Default::default(),
-        vehicle: VehicleConfig::default(),
-    };
+    let config = agent_config(endpoint, fleet);
     let (end, shutdown) = watch::channel(false);
     let task =
         tokio::spawn(async move { robot_agent::run(&config, Box::new(hardware), clock, shutdown).await });
