@@ -222,6 +222,9 @@ pub struct SimArgs {
     /// Write the ground truth at board rate, as JSON lines.
     #[arg(long, value_name = "FILE")]
     pub truth_log: Option<PathBuf>,
+    /// Record every sample, command and decision of each robot: DIR/ROBOT-….mcap.
+    #[arg(long, value_name = "DIR", conflicts_with = "pty")]
+    pub record: Option<PathBuf>,
 }
 
 /// Arguments of `demo`.

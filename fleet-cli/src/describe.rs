@@ -2,7 +2,9 @@
 
 use crate::words;
 use std::time::Duration;
-use xtb_protocol::messages::{GoalKind, GoalState, ObstacleView, PoseState, Rejected, RobotState};
+use xtb_protocol::messages::{
+    FaultState, GoalKind, GoalState, ObstacleView, PoseState, Rejected, RobotState, TiltState,
+};
 
 /// What is shown for a value that nobody knows.
 pub(crate) const UNKNOWN: &str = "unknown";
@@ -92,10 +94,23 @@ pub(crate) fn obstacles(view: &ObstacleView) -> String {
     format!("front {}, rear {}", side(view.front), side(view.rear))
 }
 
+/// Platform tilt.
+pub(crate) fn tilt(tilt: &TiltState) -> String {
+    format!("pitch {}, roll {}", known(tilt.x, 1, "°"), known(tilt.y, 1, "°"))
+}
+
+/// A fault with its age, the system's words and what to do.
+pub(crate) fn fault(state: &FaultState) -> String {
+    let detail = state.detail.as_ref().map(|words| format!(" ({words})")).unwrap_or_default();
+    let age = age(Duration::from_millis(state.age_ms));
+    format!("{} for {age}{detail}: {}", state.fault, state.fault.remedy())
+}
+
 /// Ages of the inputs.
 pub(crate) fn inputs(state: &RobotState) -> String {
     let ages = &state.input_age_ms;
-    [("gyro", ages.gyro), ("encoder", ages.encoder), ("adc", ages.adc), ("setpoint", ages.setpoint)]
+    let remote = ("remote", ages.remote);
+    [("gyro", ages.gyro), ("encoder", ages.encoder), ("adc", ages.adc), remote, ("setpoint", ages.setpoint)]
         .map(|(name, ms)| format!("{name} {}", age_ms(ms)))
         .join(", ")
 }

@@ -26,8 +26,10 @@ pub(crate) fn reason(reason: StopReason) -> &'static str {
         StopReason::ObstacleFront => "obstacle ahead",
         StopReason::ObstacleRear => "obstacle behind",
         StopReason::WanderPause => "wander's pause",
-        StopReason::BoardLost => "the I/O board is silent",
-        StopReason::GyroLost => "the gyro is silent",
+        StopReason::BoardLost => "the I/O board is lost",
+        StopReason::GyroLost => "the gyro is lost",
+        StopReason::RemoteNeutral => "the remote control drives, its stick is neutral",
+        StopReason::RemoteLost => "the remote control is lost",
     }
 }
 

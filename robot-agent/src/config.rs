@@ -5,6 +5,7 @@
 //! not be silently the default.
 
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 use thiserror::Error;
 use toml::{Table, Value};
 use xtb_bus::Role;
@@ -13,6 +14,7 @@ use xtb_control::config::{Allowed::*, ConfigError, Origin::*, Parameter, render_
 use xtb_control::config_section;
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
+use xtb_protocol::board::rates::LineRates;
 use xtb_protocol::keys::NameError;
 
 config_section! {
@@ -37,8 +39,8 @@ config_section! {
         kind: String = "simulated".to_owned(), "", OneOf(&["simulated", "serial"]), Ours, "serial, or one simulated truck alone in an empty room.";
         board: String = "/dev/ttyUSB0".to_owned(), "", Text, Assumed, "The I/O board's serial port.";
         gyro: String = "/dev/ttyUSB1".to_owned(), "", Text, Assumed, "The gyro's serial port.";
-        board_baud: u32 = 115_200, "baud", Range(38_400.0, 4_000_000.0), Ours, "The board's rate (its frames need 14,000 baud each way; the memorandum's 9600 cannot carry them).";
-        gyro_baud: u32 = 38_400, "baud", Range(19_200.0, 115_200.0), Printed("§2.2"), "The gyro's rate.";
+        board_baud: u32 = 115_200, "baud", Range(1200.0, 4_000_000.0), Ours, "The board's rate. What its frames need is worked out from the periods; the memorandum's 9600 do not carry them.";
+        gyro_baud: u32 = 38_400, "baud", Range(1200.0, 115_200.0), Printed("§2.2"), "The gyro's rate.";
         seed: u32 = 1, "", Range(0.0, 4_294_967_295.0), Ours, "Seed of the simulated truck.";
     }
 }
@@ -132,6 +134,8 @@ pub struct AgentConfig {
     pub start_pose: MapPose,
     /// Its vehicle.
     pub vehicle: VehicleConfig,
+    /// Folder for a recording of every step.
+    pub record: Option<PathBuf>,
 }
 
 impl AgentConfig {
@@ -176,6 +180,22 @@ impl Layers {
         Ok(())
     }
 
+    /// Puts one setting on top as a command line gives it: what is not a number, a switch or quoted is
+    /// text, and a section of the vehicle needs no `vehicle.` in front.
+    ///
+    /// # Errors
+    /// [`ConfigProblem::UnknownKey`].
+    pub fn set_text(&mut self, origin: &str, key: &str, value: &str) -> Result<(), ConfigProblem> {
+        let value = value.parse().unwrap_or_else(|_| Value::String(value.to_owned()));
+        let first = key.split('.').next().unwrap_or_default();
+        let known = known_keys()?;
+        let of_vehicle = known.get("vehicle").is_some_and(|vehicle| vehicle.get(first).is_some());
+        if known.contains_key(first) || !of_vehicle {
+            return self.set(origin, key, value);
+        }
+        self.set(origin, &format!("vehicle.{key}"), value)
+    }
+
     /// The settings in force, checked.
     ///
     /// # Errors
@@ -188,6 +208,7 @@ impl Layers {
             })?;
         validate(&file.own_parameters())?;
         file.vehicle.validate()?;
+        file.validate_rates()?;
         Ok(file)
     }
 }
@@ -199,6 +220,26 @@ impl ConfigFile {
         all.extend(self.hardware.parameters());
         all.extend(self.start_pose.parameters());
         all
+    }
+
+    /// Serial lines that are too slow for what has to go over them are refused.
+    fn validate_rates(&self) -> Result<(), ConfigError> {
+        let hardware = &self.hardware;
+        if hardware.kind != "serial" {
+            return Ok(());
+        }
+        let board = LineRates::board(self.vehicle.encoder.window_s, self.vehicle.remote.period_ms);
+        for (name, baud, line) in [
+            ("hardware.board_baud", hardware.board_baud, board),
+            ("hardware.gyro_baud", hardware.gyro_baud, LineRates::gyro()),
+        ] {
+            line.check(baud).map_err(|too_slow| ConfigError::Conflict {
+                name: name.into(),
+                value: baud.to_string(),
+                reason: too_slow.to_string(),
+            })?;
+        }
+        Ok(())
     }
 
     /// All settings as commented TOML.
@@ -225,6 +266,7 @@ impl ConfigFile {
             connect: self.zenoh.connect.clone(),
             start_pose: MapPose { x_m, y_m, yaw_rad },
             vehicle: self.vehicle.clone(),
+            record: None,
         })
     }
 }
@@ -312,5 +354,26 @@ mod tests {
     fn a_reserved_name_is_refused() {
         let error = with("[agent]\nname = \"all\"\n").unwrap().agent().unwrap_err();
         assert!(error.to_string().contains("reserved"), "{error}");
+    }
+
+    #[test]
+    fn a_serial_line_that_is_too_slow_is_refused_and_what_would_do_is_said() {
+        let refused = |setting: &str| {
+            with(&format!("[hardware]\nkind = \"serial\"\n{setting}\n")).unwrap_err().to_string()
+        };
+        let board = refused("board_baud = 9600");
+        assert!(board.starts_with("hardware.board_baud = 9600 is not allowed: the frames need"), "{board}");
+        assert!(board.ends_with("use at least 28800 (38400 is usual)"), "{board}");
+        assert!(refused("gyro_baud = 9600").contains("use at least 14400 (19200 is usual)"));
+        // A shorter window needs more.
+        assert!(refused("[vehicle.encoder]\nwindow_s = 0.001").contains("use at least 230400"));
+        with("[hardware]\nkind = \"serial\"\nboard_baud = 28800\ngyro_baud = 14400\n").unwrap();
+        with("[hardware]\nboard_baud = 9600\n").unwrap();
+    }
+
+    #[test]
+    fn the_table_of_rates_has_the_pwm_frames_own_period() {
+        use xtb_authority::robot::PWM_FRAME_NS;
+        assert_eq!(xtb_protocol::board::rates::PWM_EVERY_S, PWM_FRAME_NS as f64 * 1e-9);
     }
 }

@@ -5,26 +5,24 @@
 
 use crate::clock::Clock;
 use crate::hardware::Hardware;
+use crate::hardware::lines::Lines;
 use crate::mailbox::{LineNote, LoopEnds, Snapshot, Waiting};
+use crate::recorder::Recorder;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
+use tokio::sync::mpsc;
 use xtb_authority::Robot;
 use xtb_authority::robot::TURN_NS;
 use xtb_control::Stamp;
-use xtb_protocol::gyro_3dmg::START_CONTINUOUS;
 
 /// Requests answered in one turn at most, so that a flood cannot stretch it.
 const REQUESTS_A_TURN: usize = 8;
 /// State goes out at 20 Hz.
 const SNAPSHOT_NS: u64 = 50_000_000;
-/// A silent gyro is asked to start this often.
-const GYRO_RESTART_NS: u64 = 500_000_000;
 /// After this delay the missed turns are given up rather than made up for.
 const GIVE_UP_NS: u64 = 100_000_000;
-/// Bytes read from a line in one turn at most.
-const READ_BUFFER: usize = 1024;
 
 /// Starts the loop on a thread of its own. It runs until `stop`, then sends a neutral frame.
 ///
@@ -35,20 +33,19 @@ pub(crate) fn start(
     hardware: Box<dyn Hardware>,
     clock: Clock,
     ends: LoopEnds,
+    recorder: Option<Recorder>,
     stop: Arc<AtomicBool>,
 ) -> io::Result<JoinHandle<()>> {
     let name = format!("control-{}", robot.agent().identity().robot);
-    let control = ControlLoop { robot, hardware, ends, broken: [false; 4], gyro_asked: None };
+    let control = ControlLoop { robot, lines: Lines::new(hardware), ends, recorder };
     std::thread::Builder::new().name(name).spawn(move || control.run(&clock, &stop))
 }
 
 struct ControlLoop {
     robot: Robot,
-    hardware: Box<dyn Hardware>,
+    lines: Lines,
     ends: LoopEnds,
-    /// Which lines gave an error last time: each is logged once.
-    broken: [bool; 4],
-    gyro_asked: Option<Stamp>,
+    recorder: Option<Recorder>,
 }
 
 impl ControlLoop {
@@ -62,41 +59,23 @@ impl ControlLoop {
             if now.ns() > next.ns() + GIVE_UP_NS {
                 next = now;
             }
-            self.read_lines(now);
+            self.lines.read(&mut self.robot, now, &mut logging(&self.ends.notes));
             self.take_orders(now);
-            if let Some(frame) = self.robot.turn(now) {
-                let written = self.hardware.write_board(frame.as_bytes());
-                self.note(Line::ToBoard, written);
-            }
+            self.lines.write(&mut self.robot, now, &mut logging(&self.ends.notes));
+            self.record();
             self.report(now, &mut next_snapshot);
         }
-        let frame = self.robot.neutral_frame(clock.now());
-        let written = self.hardware.write_board(frame.as_bytes());
-        self.note(Line::ToBoard, written);
+        self.lines.stand(&mut self.robot, clock.now(), &mut logging(&self.ends.notes));
+        self.record();
     }
 
-    fn read_lines(&mut self, now: Stamp) {
-        let mut buffer = [0; READ_BUFFER];
-        match self.hardware.read_board(&mut buffer) {
-            Ok(n) => {
-                self.robot.board_bytes(now, &buffer[..n]);
-                self.note(Line::FromBoard, Ok(()));
-            }
-            Err(error) => self.note(Line::FromBoard, Err(error)),
+    /// The turn's steps, for the recorder.
+    fn record(&mut self) {
+        let Some(recorder) = &self.recorder else { return };
+        while let Some(step) = self.robot.take_step() {
+            recorder.push(step);
         }
-        match self.hardware.read_gyro(&mut buffer) {
-            Ok(n) => {
-                self.robot.gyro_bytes(now, &buffer[..n]);
-                self.note(Line::FromGyro, Ok(()));
-            }
-            Err(error) => self.note(Line::FromGyro, Err(error)),
-        }
-        let asked_lately = self.gyro_asked.is_some_and(|at| now.ns() < at.ns() + GYRO_RESTART_NS);
-        if !asked_lately && self.robot.gyro_is_silent(now) {
-            self.gyro_asked = Some(now);
-            let written = self.hardware.write_gyro(&START_CONTINUOUS);
-            self.note(Line::ToGyro, written);
-        }
+        self.robot.set_recording_failed(recorder.failed());
     }
 
     /// A stop first, then requests in their order, then the setpoint.
@@ -122,7 +101,9 @@ impl ControlLoop {
     fn report(&mut self, now: Stamp, next_snapshot: &mut Stamp) {
         if now >= *next_snapshot || self.robot.agent().has_events() {
             *next_snapshot = now.plus_ns(SNAPSHOT_NS);
-            let state = self.robot.state(now, self.ends.counters.rejected_so_far());
+            let mut rejected = self.ends.counters.rejected_so_far();
+            rejected.record_dropped = self.recorder.as_ref().map_or(0, Recorder::dropped);
+            let state = self.robot.state(now, rejected);
             let sensors = self.robot.sensors(now);
             self.ends.snapshot.send_replace(Some(Snapshot { state, sensors }));
         }
@@ -132,33 +113,12 @@ impl ControlLoop {
             }
         }
     }
-
-    /// Tells the log when a line breaks and when it works again.
-    fn note(&mut self, line: Line, result: io::Result<()>) {
-        let broken = std::mem::replace(&mut self.broken[line as usize], result.is_err());
-        if broken != result.is_err() {
-            let error = result.err().map(|error| error.to_string());
-            // A full queue is no reason to wait: the state shows what matters.
-            let _ = self.ends.notes.try_send(LineNote { line: line.name(), error });
-        }
-    }
 }
 
-#[derive(Clone, Copy)]
-enum Line {
-    FromBoard = 0,
-    ToBoard = 1,
-    FromGyro = 2,
-    ToGyro = 3,
-}
-
-impl Line {
-    fn name(self) -> &'static str {
-        match self {
-            Self::FromBoard => "line from the board",
-            Self::ToBoard => "line to the board",
-            Self::FromGyro => "line from the gyro",
-            Self::ToGyro => "line to the gyro",
-        }
+/// Tells the log when a line breaks and when it works again. A full queue is no reason to wait: the
+/// state shows what matters.
+fn logging(notes: &mpsc::Sender<LineNote>) -> impl FnMut(&'static str, Option<String>) + '_ {
+    |line, error| {
+        let _ = notes.try_send(LineNote { line, error });
     }
 }

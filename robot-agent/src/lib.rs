@@ -10,6 +10,9 @@ mod control_loop;
 mod downlink;
 pub mod hardware;
 mod mailbox;
+mod recorder;
+pub mod recording;
+pub mod replay;
 mod session;
 mod uplink;
 
@@ -18,6 +21,7 @@ use crate::config::AgentConfig;
 use crate::hardware::Hardware;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 use thiserror::Error;
 use tokio::sync::watch;
 use xtb_authority::{Identity, Robot};
@@ -36,6 +40,9 @@ pub enum AgentError {
     /// Zenoh would not.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// The recording cannot be made.
+    #[error("cannot record: {0}")]
+    Record(std::io::Error),
     /// The system would not.
     #[error("the system would not go on: {0}")]
     Thread(#[from] std::io::Error),
@@ -62,16 +69,29 @@ pub async fn run(
         start_pose: config.start_pose,
     };
     let about = session::about(config, &identity, hardware.kind());
-    let robot = Robot::new(identity, config.vehicle.clone(), VERSION);
+    let mut robot = Robot::new(identity.clone(), config.vehicle.clone(), VERSION);
+    let (recorder, recording) = match &config.record {
+        Some(folder) => {
+            robot.start_tape();
+            let started = recorder::start(folder, config, identity.epoch).map_err(AgentError::Record)?;
+            (Some(started.0), Some(started.1))
+        }
+        None => (None, None),
+    };
     let (loop_ends, session_ends, notes) = mailbox::mailbox();
     tokio::spawn(mailbox::log(notes));
     let stop = StopOnDrop(Arc::new(AtomicBool::new(false)));
-    let control = control_loop::start(robot, hardware, clock.clone(), loop_ends, stop.0.clone())?;
+    let control = control_loop::start(robot, hardware, clock.clone(), loop_ends, recorder, stop.0.clone())?;
     let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now()).await;
     stop.now();
     // A turn lasts 5 ms: joining is short.
-    if tokio::task::spawn_blocking(move || control.join()).await.is_err() {
-        tracing::error!("the control loop ended in a panic");
+    let joined = tokio::task::spawn_blocking(move || {
+        let control = control.join();
+        // The loop's end of the queue is gone now: the recorder finishes its file.
+        control.and(recording.map_or(Ok(()), JoinHandle::join))
+    });
+    if !matches!(joined.await, Ok(Ok(()))) {
+        tracing::error!("the control loop or the recorder ended in a panic");
     }
     ended
 }

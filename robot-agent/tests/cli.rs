@@ -1,6 +1,8 @@
 //! The binary from outside: settings, messages, exit codes.
 
 use assert_cmd::Command;
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
 
 fn agent() -> Command {
     let mut command = Command::cargo_bin("robot-agent").expect("cargo builds it for this test");
@@ -51,9 +53,20 @@ fn a_value_out_of_range_is_refused_by_name() {
 }
 
 #[test]
-fn a_port_that_is_not_there_is_named() {
-    let said = stderr_of(agent().args(["--hardware", "serial", "--board", "/nonexistent/board"]), 1);
-    assert!(said.contains("/nonexistent/board") && said.contains("hint:"), "{said}");
+fn a_port_that_is_not_there_is_named_and_waited_for() {
+    let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("robot-agent"))
+        .env_clear()
+        .args(["--hardware", "serial", "--board", "/nonexistent/board", "--gyro", "/nonexistent/gyro"])
+        .args(["--connect", "tcp/127.0.0.1:1"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("starting it");
+    let mut lines = BufReader::new(child.stderr.take().expect("its log")).lines();
+    let named = lines.any(|line| line.is_ok_and(|line| line.contains("/nonexistent/board: no such device")));
+    let waits = child.try_wait().expect("asking").is_none();
+    child.kill().expect("ending it");
+    child.wait().expect("its end");
+    assert!(named && waits, "named: {named}, waits: {waits}");
 }
 
 #[test]

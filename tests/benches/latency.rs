@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use xtb_bus::{Bus, Role};
 use xtb_control::controller::PwmOutputs;
-use xtb_protocol::board::FrameReader;
+use xtb_protocol::board::{FrameReader, ToBoard};
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::Setpoint;
@@ -46,8 +46,8 @@ impl Hardware for Probe {
 
     fn write_board(&mut self, bytes: &[u8]) -> io::Result<()> {
         let passed = &self.passed;
-        self.reader.pwm(bytes, |pwm| {
-            if let Ok(PwmOutputs { steer_front, .. }) = pwm {
+        self.reader.to_board(bytes, |frame| {
+            if let Ok(ToBoard::Pwm(PwmOutputs { steer_front, .. })) = frame {
                 let _ = passed.send((steer_front.get(), Instant::now()));
             }
         });

@@ -62,6 +62,7 @@ pub fn agent_config(endpoint: &str, fleet: &str) -> AgentConfig {
         connect: vec![endpoint.to_owned()],
         start_pose: MapPose::default(),
         vehicle: VehicleConfig::default(),
+        record: None,
     }
 }
 
@@ -80,11 +81,13 @@ pub struct Setup {
     pub starts: Vec<(f64, f64, f64)>,
     /// No agents, but ptys here.
     pub pty: Option<PathBuf>,
+    /// Every robot records into this folder.
+    pub record: Option<PathBuf>,
 }
 
 impl Default for Setup {
     fn default() -> Self {
-        Self { robots: 1, speed: 8.0, seed: 1, world: None, starts: Vec::new(), pty: None }
+        Self { robots: 1, speed: 8.0, seed: 1, world: None, starts: Vec::new(), pty: None, record: None }
     }
 }
 
@@ -116,6 +119,7 @@ impl Fleet {
             connect: Vec::new(),
             pty: setup.pty,
             truth_log: None,
+            record: setup.record,
         };
         let simulator = Simulator::start(plan).await.unwrap_or_else(|failure| panic!("{failure}"));
         let role = Role::Client { connect: vec![simulator.endpoint().to_owned()] };

@@ -3,30 +3,35 @@
 //! ```text
 //!   request ──► validate ► idempotency ► lease ► goal ──┐
 //!   setpoint ─► teleop slot (lives 200 ms) ─────────────┼─► turn ──► at most one Command
-//!   inputs' ages, link up or down ──────────────────────┘
+//!   faults, remote control, link up or down ────────────┘
 //! ```
 //!
-//! Order of arbitration: lost input > teleop > goal. There is one motor writer, the controller; the
+//! Order of arbitration: fault > remote control > teleop > goal. There is one motor writer, the controller; the
 //! brain only ever hands it a command, and its answer to every doubt is [`Command::Idle`].
 
 mod requests;
 
 use crate::goal::{Goal, Target};
-use crate::inputs::Input;
+use crate::faults::{FaultBook, stops};
 use crate::lease::LeaseBook;
 use crate::replies::ReplyBook;
 use std::collections::VecDeque;
+use std::sync::Arc;
 use xtb_control::controller::Mode;
 use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::odometry::OdomPose;
 use xtb_control::{Command, Outputs, Stamp, Steering, VehicleConfig, WheelRpm};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    Event, EventKind, GoalStatus, InputAges, PoseSource, PoseState, Setpoint, StopReason,
+    Event, EventKind, Fault, GoalStatus, InputAges, PoseSource, PoseState, Setpoint, StopReason,
 };
 
 /// Events that wait for the uplink; the oldest is dropped and counted when full.
 pub const EVENT_QUEUE: usize = 64;
+
+/// A speed stick this near to neutral does not move the truck (the ESC's dead band of ± 30 µs,
+/// assumed), in counts.
+const STICK_NEUTRAL_COUNTS: f64 = 75.0;
 
 /// Who a robot is, fixed at boot.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,7 +80,7 @@ pub struct Agent {
     pending: Option<Command>,
     link_up: bool,
     idle_because: StopReason,
-    lost: [bool; 2],
+    faults: FaultBook,
     mode: Mode,
     setpoint_heard: Option<Stamp>,
     /// The last stop that was carried out: no command from before it may still begin.
@@ -107,7 +112,7 @@ impl Agent {
             pending: None,
             link_up: false,
             idle_because: StopReason::NoCommand,
-            lost: [false; 2],
+            faults: FaultBook::default(),
             mode: Mode::Idle,
             setpoint_heard: None,
             stopped_by: 0,
@@ -163,12 +168,37 @@ impl Agent {
         self.link_up = up;
     }
 
+    /// What is broken now: all of it, with the system's words. News are reported.
+    pub fn set_faults(&mut self, now: Stamp, current: &[(Fault, Option<Arc<str>>)]) {
+        for (fault, detail) in current {
+            if self.faults.begin(now, *fault, detail.as_deref()) {
+                let detail = detail.as_deref().map(str::to_owned);
+                self.emit(now, EventKind::Fault { fault: *fault, present: true, detail });
+            }
+        }
+        while let Some(fault) = self.faults.end_other_than(current) {
+            self.emit(now, EventKind::Fault { fault, present: false, detail: None });
+        }
+    }
+
+    /// What is broken.
+    #[must_use]
+    pub fn faults(&self) -> &FaultBook {
+        &self.faults
+    }
+
+    /// The odometry was set back: the pose in the map stays what it was.
+    pub fn rezeroed(&mut self, before: &OdomPose, after: &OdomPose) {
+        self.map = MapFromOdom::aligning(after, &self.map.pose(before));
+    }
+
     /// One turn: what the controller shall do now, if anything new.
     pub fn turn(&mut self, now: Stamp, view: View<'_>) -> Option<Command> {
         if self.lease.expire(now) {
             self.emit(now, EventKind::Lease { holder: None });
         }
-        self.watch_inputs(now, &view.ages);
+        self.watch_faults(now);
+        self.watch_remote(now, view.outputs.mode);
         self.watch_goal(now, view.outputs);
         self.watch_teleop(now);
         if view.outputs.mode != self.mode {
@@ -184,17 +214,22 @@ impl Agent {
         command
     }
 
-    /// A lost input stops everything that moves, and is reported when it goes and when it returns.
-    fn watch_inputs(&mut self, now: Stamp, ages: &InputAges) {
-        for (i, input) in Input::ALL.into_iter().enumerate() {
-            let lost = input.is_lost(ages);
-            if lost != self.lost[i] {
-                self.lost[i] = lost;
-                self.emit(now, EventKind::Input { name: input.name().into(), heard: !lost });
-            }
-            if lost && (self.goal_runs() || self.teleop.is_some()) {
-                self.stand(now, input.reason(), GoalStatus::Failed);
-            }
+    /// A fault that must stop the robot ends everything that moves; its end starts nothing.
+    fn watch_faults(&mut self, now: Stamp) {
+        if let Some((_, reason)) = self.faults.stopping()
+            && self.under_way()
+        {
+            self.stand(now, reason, GoalStatus::Failed);
+        }
+    }
+
+    /// The transmitter has taken over: what the network asked for is over.
+    fn watch_remote(&mut self, now: Stamp, mode: Mode) {
+        if mode == Mode::Manual && self.under_way() {
+            self.end_goal(now, GoalStatus::Cancelled, Some("the remote control took over"));
+            self.teleop = None;
+            self.pending = None;
+            self.idle_because = StopReason::NoCommand;
         }
     }
 
@@ -247,8 +282,9 @@ impl Agent {
     /// Everything ends, the robot stands.
     fn stand(&mut self, now: Stamp, because: StopReason, goal_becomes: GoalStatus) {
         let reason = (goal_becomes == GoalStatus::Failed).then_some(match because {
-            StopReason::BoardLost => "the board fell silent",
-            StopReason::GyroLost => "the gyro fell silent",
+            StopReason::BoardLost => "the board was lost",
+            StopReason::GyroLost => "the gyro was lost",
+            StopReason::RemoteLost => "the remote control's signal was lost",
             _ => "its time was up",
         });
         self.end_goal(now, goal_becomes, reason);
@@ -262,6 +298,10 @@ impl Agent {
         goal.status = status;
         let event = EventKind::Goal { id: goal.id, status, reason: reason.map(str::to_owned) };
         self.emit(now, event);
+    }
+
+    fn under_way(&self) -> bool {
+        self.goal_runs() || self.teleop.is_some()
     }
 
     fn goal_runs(&self) -> bool {
@@ -331,15 +371,16 @@ impl Agent {
             Mode::Idle => reasons.push(self.idle_because),
             Mode::Wander if outputs.reference_rpm == 0.0 => reasons.push(StopReason::WanderPause),
             Mode::Teleop if outputs.reference_rpm == 0.0 => reasons.push(StopReason::SetpointZero),
+            Mode::Manual if outputs.demanded.abs() <= STICK_NEUTRAL_COUNTS => reasons.push(StopReason::RemoteNeutral),
+            Mode::Fault => reasons.push(StopReason::RemoteLost),
             _ => {}
         }
         if outputs.blocked {
-            let ahead = outputs.reference_rpm > 0.0;
+            let ahead = outputs.demanded > 0.0;
             reasons.push(if ahead { StopReason::ObstacleFront } else { StopReason::ObstacleRear });
         }
-        for input in Input::ALL {
-            let reason = input.reason();
-            if input.is_lost(&view.ages) && !reasons.contains(&reason) {
+        for reason in self.faults.present().filter_map(stops) {
+            if !reasons.contains(&reason) {
                 reasons.push(reason);
             }
         }

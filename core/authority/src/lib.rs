@@ -4,15 +4,18 @@
 //!   [`Command`](xtb_control::Command) a turn, state and events come out.
 //! * [`robot`]: brain, controller and line codecs in one turn: what `robot-agent` runs against real
 //!   time and the simulator in lockstep.
+//! * [`line`], [`faults`]: what is broken, by name, and whether it must stop the robot.
 //! * [`operator`]: the client's side: acquire, retain, retry.
 
 pub mod agent;
+pub mod faults;
 pub mod goal;
-pub mod inputs;
 pub mod lease;
+pub mod line;
 pub mod operator;
 pub mod replies;
 pub mod robot;
+pub mod tape;
 
 pub use agent::{Agent, Identity};
 pub use operator::Operator;

@@ -1,29 +1,78 @@
 //! One robot without its I/O: brain, controller and line codecs, turned by whoever owns the clock.
 //!
-//! The whole of the walk "a sample up" between the serial port and Zenoh: bytes in, PWM frame out.
+//! The whole of the walk "a sample up" between the serial port and Zenoh: bytes in, frames out.
 //! `robot-agent` turns it against real time, the simulator in lockstep.
+//!
+//! ```text
+//!   board bytes ─► line watch ─► frames ─► set-up gate (Fig. 8) ─┐
+//!   gyro bytes ──► line watch ─► frames ─────────────────────────┼─► Controller::step ─► tape
+//!   requests, setpoints ─► Agent ─► at most one Command a turn ──┘        │
+//!   PWM, set-up, channel reset, gyro start ◄──────────────────────────────┘
+//! ```
+
+mod views;
+
+pub use views::Readings;
 
 use crate::agent::{Agent, Arrival, Identity, View};
-use crate::inputs::INPUT_LOST_MS;
-use xtb_control::controller::AdcSample;
-use xtb_control::{Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
-use xtb_protocol::board::{Frame, FrameReader, FrameWriter, FromBoard};
-use xtb_protocol::gyro_3dmg::EulerReader;
+use crate::faults::{INPUT_LOST_MS, of_line, silent_kinds};
+use crate::line::{Device, LINE_LOST_MS, LineWatch, PortTrouble};
+use crate::tape::{Step, Tape};
+use std::sync::Arc;
+use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
+use xtb_control::tpu::{ResetMask, Setup, SetupTask};
+use xtb_control::{Command, Controller, Mode, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
+use xtb_protocol::board::{BoardError, BoardStatus, Frame, FrameReader, FrameWriter, FromBoard};
+use xtb_protocol::gyro_3dmg::{GyroFrame, GyroReader, GyroStarter, START_CONTINUOUS};
 use xtb_protocol::keys::Name;
-use xtb_protocol::messages::{
-    InputAges, ObstacleView, Rejected, Reply, Request, RobotState, Sensors, TiltState,
-};
+use xtb_protocol::messages::{Fault, InputAges, Reply, Request};
 
 /// Length of a turn.
 pub const TURN_NS: u64 = 5_000_000;
 /// A PWM frame goes out this often, and at once when the motor becomes neutral.
 pub const PWM_FRAME_NS: u64 = 20_000_000;
+/// A line that is this long without a good frame is looked at for another device's.
+const SUSPICIOUS_MS: u64 = 50;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Heard {
     gyro: Option<Stamp>,
     encoder: Option<Stamp>,
     adc: Option<Stamp>,
+    remote: Option<Stamp>,
+    board: Option<Stamp>,
+}
+
+/// The newest samples as they came.
+#[derive(Debug, Clone, Copy, Default)]
+struct Newest {
+    gyro: GyroSample,
+    pulses: u16,
+    adc: Option<AdcSample>,
+    battery_mv: Option<u16>,
+    remote: RemoteSample,
+    status: Option<BoardStatus>,
+}
+
+/// A line with what watches and reads it.
+#[derive(Debug, Clone)]
+struct BoardLine {
+    watch: LineWatch,
+    reader: FrameReader,
+    foreign: GyroReader,
+    detail: Option<Arc<str>>,
+    open_since: Stamp,
+    /// Since when the board says that it hears no pulses.
+    starved_since: Option<Stamp>,
+}
+
+#[derive(Debug, Clone)]
+struct GyroLine {
+    watch: LineWatch,
+    reader: GyroReader,
+    foreign: FrameReader,
+    starter: GyroStarter,
+    detail: Option<Arc<str>>,
 }
 
 /// Brain and controller of one robot.
@@ -32,71 +81,181 @@ pub struct Robot {
     agent: Agent,
     controller: Controller,
     outputs: Outputs,
-    board: FrameReader,
-    gyro: EulerReader,
+    board: BoardLine,
+    gyro: GyroLine,
+    setup: SetupTask,
+    reset: ResetMask,
     writer: FrameWriter,
     next_frame: Stamp,
     sent_motor: PwmCount,
     heard: Heard,
-    gyro_yaw: i16,
-    pulses: u16,
-    adc: Option<AdcSample>,
-    battery_mv: Option<u16>,
+    newest: Newest,
+    tape: Tape,
+    recording_failed: bool,
     state_seq: u64,
 }
 
 impl Robot {
-    /// A robot at boot. `vehicle` must have passed its validation.
+    /// A robot at boot. `vehicle` must have passed its validation; one whose channel map has not is
+    /// never set up, so it stands.
     #[must_use]
     pub fn new(identity: Identity, vehicle: VehicleConfig, version: &str) -> Self {
         let agent = Agent::new(identity, &vehicle, version);
-        let mut controller = Controller::new(vehicle);
-        let outputs = controller.step(Stamp::ZERO, &Sample::Command(xtb_control::Command::Idle));
+        let setup = Setup::of(&vehicle).unwrap_or(Setup {
+            pwm_period_counts: 0,
+            tcr_prescaler: 0,
+            fqm_window: 0,
+            watchdog_ms: 0,
+            channels: [0; xtb_control::tpu::PINS],
+        });
+        let controller = Controller::new(vehicle);
         Self {
             agent,
+            outputs: controller.outputs(Stamp::ZERO),
             controller,
-            outputs,
-            board: FrameReader::default(),
-            gyro: EulerReader::default(),
+            board: BoardLine {
+                watch: LineWatch::new(Device::Board, Stamp::ZERO),
+                reader: FrameReader::default(),
+                foreign: GyroReader::default(),
+                detail: None,
+                open_since: Stamp::ZERO,
+                starved_since: None,
+            },
+            gyro: GyroLine {
+                watch: LineWatch::new(Device::Gyro, Stamp::ZERO),
+                reader: GyroReader::default(),
+                foreign: FrameReader::default(),
+                starter: GyroStarter::default(),
+                detail: None,
+            },
+            setup: SetupTask::new(setup),
+            reset: ResetMask::default(),
             writer: FrameWriter::default(),
             next_frame: Stamp::ZERO,
             sent_motor: PwmCount::NEUTRAL,
             heard: Heard::default(),
-            gyro_yaw: 0,
-            pulses: 0,
-            adc: None,
-            battery_mv: None,
+            newest: Newest::default(),
+            tape: Tape::default(),
+            recording_failed: false,
             state_seq: 0,
         }
     }
 
     /// Bytes from the I/O board, read at `now`; each sample among them takes one controller step.
     pub fn board_bytes(&mut self, now: Stamp, bytes: &[u8]) {
-        let Self { board, controller, outputs, heard, pulses, adc, battery_mv, .. } = self;
-        board.from_board(bytes, |frame| match frame {
-            Ok(FromBoard::Encoder { pulses: counted }) => {
-                heard.encoder = Some(now);
-                *pulses = counted;
-                *outputs = controller.step(now, &Sample::Encoder { pulses: u32::from(counted) });
+        if bytes.is_empty() {
+            return;
+        }
+        self.board.watch.bytes(now, bytes);
+        if self.board.watch.unwell_ms(now) > SUSPICIOUS_MS {
+            let watch = &mut self.board.watch;
+            self.board.foreign.push(bytes, |_| watch.foreign_frame());
+        }
+        let mut reader = std::mem::take(&mut self.board.reader);
+        reader.from_board(bytes, |frame| match frame {
+            Ok(frame) => {
+                self.board.watch.good_frame(now);
+                self.board_frame(now, frame);
             }
-            Ok(FromBoard::Adc { sample, battery_mv: battery }) => {
-                heard.adc = Some(now);
-                *adc = Some(sample);
-                *battery_mv = battery;
-                *outputs = controller.step(now, &Sample::Adc(sample));
-            }
+            // Whole, but not a board's: our own echo, or firmware of another version.
+            Err(BoardError::UnknownType(_)) => self.board.watch.foreign_frame(),
             Err(_) => {} // the reader counts it
         });
+        self.board.reader = reader;
+    }
+
+    /// Until the board has confirmed its set-up, nothing but its status counts (Fig. 8).
+    fn board_frame(&mut self, now: Stamp, frame: FromBoard) {
+        self.heard.board = Some(now);
+        match frame {
+            FromBoard::Status(status) => {
+                self.newest.status = Some(status);
+                let starved = status.ready && status.watchdog;
+                self.board.starved_since = starved.then(|| self.board.starved_since.unwrap_or(now));
+                // One that is set up and hears no pulses does not hear us at all: it must not go on
+                // with an old goal when the wire is mended.
+                let hears = self.board.starved_since.is_none_or(|at| now.since_ms(at) <= LINE_LOST_MS);
+                self.setup.confirm(status.ready && hears, status.setup_checksum);
+            }
+            _ if !self.setup.is_done() => {}
+            FromBoard::Encoder { pulses } => {
+                self.heard.encoder = Some(now);
+                self.newest.pulses = pulses;
+                self.step(now, &Sample::Encoder { pulses: u32::from(pulses) });
+            }
+            FromBoard::Adc { sample, battery_mv } => {
+                self.heard.adc = Some(now);
+                (self.newest.adc, self.newest.battery_mv) = (Some(sample), battery_mv);
+                self.step(now, &Sample::Adc(sample));
+            }
+            FromBoard::Remote(sample) => {
+                self.heard.remote = Some(now);
+                self.newest.remote = sample;
+                self.step(now, &Sample::Remote(sample));
+            }
+        }
     }
 
     /// Bytes from the gyro, read at `now`.
     pub fn gyro_bytes(&mut self, now: Stamp, bytes: &[u8]) {
-        let Self { gyro, controller, outputs, heard, gyro_yaw, .. } = self;
-        gyro.push(bytes, |frame| {
-            heard.gyro = Some(now);
-            *gyro_yaw = frame.angles.yaw;
-            *outputs = controller.step(now, &Sample::Gyro(frame.angles));
+        if bytes.is_empty() {
+            return;
+        }
+        self.gyro.watch.bytes(now, bytes);
+        if self.gyro.watch.unwell_ms(now) > SUSPICIOUS_MS {
+            let watch = &mut self.gyro.watch;
+            self.gyro.foreign.from_board(bytes, |frame| {
+                if frame.is_ok() {
+                    watch.foreign_frame();
+                }
+            });
+        }
+        let mut reader = std::mem::take(&mut self.gyro.reader);
+        reader.push(bytes, |frame| {
+            self.gyro.watch.good_frame(now);
+            match frame {
+                GyroFrame::Firmware(version) => self.gyro.starter.heard_firmware(version),
+                GyroFrame::Euler(frame) => {
+                    self.heard.gyro = Some(now);
+                    self.newest.gyro = frame.angles;
+                    self.step(now, &Sample::Gyro(frame.angles));
+                }
+            }
         });
+        self.gyro.reader = reader;
+    }
+
+    /// The only place where the controller takes a step.
+    fn step(&mut self, now: Stamp, sample: &Sample) {
+        let before = self.outputs.pose;
+        self.outputs = self.controller.step(now, sample);
+        self.reset = self.reset.or(self.outputs.reset);
+        if self.outputs.rezeroed {
+            self.agent.rezeroed(&before, &self.outputs.pose);
+        }
+        self.tape.push(now, sample, &self.outputs);
+    }
+
+    /// How the board's port is: `None` = open. What is plugged in again has to be set up again.
+    pub fn board_port(&mut self, now: Stamp, trouble: Option<(PortTrouble, &str)>) {
+        let opened = self.board.watch.port(now, trouble.map(|(kind, _)| kind));
+        keep_detail(&mut self.board.detail, trouble);
+        if trouble.is_some() || opened {
+            self.setup.forget();
+            self.board.reader.forget();
+            self.newest.status = None;
+            (self.board.open_since, self.board.starved_since) = (now, None);
+        }
+    }
+
+    /// How the gyro's port is: `None` = open.
+    pub fn gyro_port(&mut self, now: Stamp, trouble: Option<(PortTrouble, &str)>) {
+        let opened = self.gyro.watch.port(now, trouble.map(|(kind, _)| kind));
+        keep_detail(&mut self.gyro.detail, trouble);
+        if trouble.is_some() || opened {
+            self.gyro.starter.forget();
+            self.gyro.reader.forget();
+        }
     }
 
     /// One request of a client.
@@ -105,11 +264,12 @@ impl Robot {
         self.agent.request(now, arrival, client, request, View { outputs: &self.outputs, ages })
     }
 
-    /// One turn, each [`TURN_NS`]: the frame for the board, if one is due.
+    /// One turn, each [`TURN_NS`]: the PWM frame for the board, if one is due.
     pub fn turn(&mut self, now: Stamp) -> Option<Frame> {
+        self.agent.set_faults(now, &self.faults(now));
         let view = View { outputs: &self.outputs, ages: self.ages(now) };
         if let Some(command) = self.agent.turn(now, view) {
-            self.outputs = self.controller.step(now, &Sample::Command(command));
+            self.step(now, &Sample::Command(command));
         }
         let motor = self.outputs.pwm.motor;
         let became_neutral = motor == PwmCount::NEUTRAL && self.sent_motor != PwmCount::NEUTRAL;
@@ -121,16 +281,73 @@ impl Robot {
         Some(self.writer.pwm(&self.outputs.pwm))
     }
 
-    /// Whether the gyro should be asked to start: nothing has been heard of it for 200 ms.
-    #[must_use]
-    pub fn gyro_is_silent(&self, now: Stamp) -> bool {
-        self.ages(now).gyro.is_none_or(|ms| ms > INPUT_LOST_MS)
+    /// What else the board has to be told after a turn: its set-up (Fig. 8), or the channels to reset
+    /// (Fig. 9). Ask until there is nothing.
+    pub fn board_request(&mut self, now: Stamp) -> Option<Frame> {
+        if let Some(setup) = self.setup.request(now) {
+            return Some(self.writer.setup(&setup));
+        }
+        let reset = std::mem::take(&mut self.reset);
+        reset.any().then(|| self.writer.reset(reset))
+    }
+
+    /// What the gyro has to be told after a turn.
+    pub fn gyro_request(&mut self, now: Stamp) -> Option<&'static [u8]> {
+        let silent = self.ages(now).gyro.is_none_or(|ms| ms > INPUT_LOST_MS);
+        let command = self.gyro.starter.request(now, silent);
+        if command == Some(&START_CONTINUOUS) {
+            // It had been told to stop, or was off: its clock says nothing about lost frames.
+            self.gyro.reader.forget();
+        }
+        command
+    }
+
+    /// What is broken now, with the system's words. Empty (and nothing allocated) while all is well.
+    fn faults(&self, now: Stamp) -> Vec<(Fault, Option<Arc<str>>)> {
+        let mut faults = Vec::new();
+        let open_ms = now.since_ms(self.board.open_since);
+        match self.board.watch.fault(now) {
+            Some(fault) => faults.push((of_line(Device::Board, fault), self.board.detail.clone())),
+            None if !self.setup.is_done() && open_ms > LINE_LOST_MS => {
+                faults.push((Fault::BoardNotSetUp, None));
+            }
+            None => faults.extend(silent_kinds(&self.ages(now), open_ms).map(|fault| (fault, None))),
+        }
+        if let Some(fault) = self.gyro.watch.fault(now) {
+            faults.push((of_line(Device::Gyro, fault), self.gyro.detail.clone()));
+        }
+        let tilted = self.newest.adc.is_some() && self.outputs.tilt.both().is_none();
+        for (fault, present) in [
+            (Fault::RemoteLost, self.outputs.mode == Mode::Fault),
+            (Fault::TiltOutOfRange, tilted),
+            (Fault::RecordingFailed, self.recording_failed),
+        ] {
+            if present {
+                faults.push((fault, None));
+            }
+        }
+        faults
     }
 
     /// Motor neutral and wheels straight, for the last frame before the agent ends.
     pub fn neutral_frame(&mut self, now: Stamp) -> Frame {
-        self.outputs = self.controller.step(now, &Sample::Command(xtb_control::Command::Idle));
+        self.step(now, &Sample::Command(Command::Idle));
         self.writer.pwm(&self.outputs.pwm)
+    }
+
+    /// Keeps every step for [`Robot::take_step`].
+    pub fn start_tape(&mut self) {
+        self.tape.start();
+    }
+
+    /// The oldest step on the tape.
+    pub fn take_step(&mut self) -> Option<Step> {
+        self.tape.take()
+    }
+
+    /// Whether the recorder fails: a fault that people can see.
+    pub fn set_recording_failed(&mut self, failed: bool) {
+        self.recording_failed = failed;
     }
 
     /// The brain.
@@ -162,71 +379,16 @@ impl Robot {
             gyro: age(self.heard.gyro),
             encoder: age(self.heard.encoder),
             adc: age(self.heard.adc),
+            remote: age(self.heard.remote),
             setpoint: self.agent.setpoint_age_ms(now),
         }
     }
+}
 
-    /// The state at `now`. `rejected` brings what the links outside have counted.
-    pub fn state(&mut self, now: Stamp, rejected: Rejected) -> RobotState {
-        let ages = self.ages(now);
-        let view = View { outputs: &self.outputs, ages };
-        let fresh = |age: Option<u64>| age.is_some_and(|ms| ms <= INPUT_LOST_MS);
-        let seen = |side: bool| fresh(ages.adc).then_some(side);
-        let board = self.board.counters();
-        let seq = self.state_seq;
-        self.state_seq += 1;
-        RobotState {
-            robot: self.agent.identity().robot.clone(),
-            epoch: self.agent.identity().epoch,
-            seq,
-            tick_ms: now.ms(),
-            mode: self.outputs.mode,
-            lease: self.agent.lease().state(now),
-            pose: self.agent.pose(view),
-            speed_mps: fresh(ages.encoder).then(|| self.outputs.rpm * self.controller.config().mps_per_rpm()),
-            reference_rpm: self.outputs.reference_rpm,
-            steering: self.outputs.steering,
-            obstacle: ObstacleView {
-                front: seen(self.outputs.obstacle.front),
-                rear: seen(self.outputs.obstacle.rear),
-            },
-            tilt_deg: TiltState::default(),
-            battery_v: self.battery_mv.filter(|_| fresh(ages.adc)).map(|mv| f64::from(mv) / 1000.0),
-            goal: self.agent.goal().map(|goal| goal.state()),
-            latches: Vec::new(),
-            stopped_because: self.agent.stopped_because(view),
-            input_age_ms: ages,
-            rejected: Rejected {
-                refused: self.agent.refused,
-                stale: self.agent.stale,
-                events_dropped: self.agent.events_dropped + rejected.events_dropped,
-                board_frames: board.rejected,
-                board_lost: board.lost,
-                gyro_bytes: self.gyro.skipped,
-                ..rejected
-            },
-        }
-    }
-
-    /// The last samples; `None` until the converter has been heard.
-    #[must_use]
-    pub fn sensors(&self, now: Stamp) -> Option<Sensors> {
-        let adc = self.adc?;
-        let counts = |side: &[xtb_control::AdcCount; 6]| side.map(|count| count.get() as u16);
-        let pwm = &self.outputs.pwm;
-        Some(Sensors {
-            robot: self.agent.identity().robot.clone(),
-            tick_ms: now.ms(),
-            gyro_yaw: self.gyro_yaw,
-            encoder_pulses: self.pulses,
-            ir_front: counts(&adc.ir_front),
-            ir_rear: counts(&adc.ir_rear),
-            ir_front_cm: self.outputs.ir_front_cm,
-            ir_rear_cm: self.outputs.ir_rear_cm,
-            rpm: self.outputs.rpm,
-            motor_counts: pwm.motor.get(),
-            steer_front_counts: pwm.steer_front.get(),
-            steer_rear_counts: pwm.steer_rear.get(),
-        })
+fn keep_detail(kept: &mut Option<Arc<str>>, trouble: Option<(PortTrouble, &str)>) {
+    match trouble {
+        None => *kept = None,
+        Some((_, words)) if kept.as_deref() != Some(words) => *kept = Some(words.into()),
+        Some(_) => {}
     }
 }

@@ -177,9 +177,10 @@ pub fn render_toml(prefix: &str, parameters: &[Parameter]) -> String {
     let mut text = String::new();
     let mut open = "";
     for p in parameters {
+        // What stands in no section of its own belongs to the prefix's.
         let (section, field) = p.name.split_once('.').unwrap_or(("", &p.name));
-        if section != open {
-            text.push_str(&format!("\n[{prefix}{section}]\n"));
+        if section != open || text.is_empty() {
+            text.push_str(&format!("\n[{}]\n", format!("{prefix}{section}").trim_end_matches('.')));
             open = section;
         }
         let unit = if p.unit.is_empty() { String::new() } else { format!(" [{}]", p.unit) };

@@ -4,150 +4,37 @@
 //! sample arrives; nothing here reads a clock, a file or a global. Same samples, same bits.
 //!
 //! ```text
-//!              ┌── gyro ───► odometry yaw ──► A-to-B ──┐ reference,
-//!   sample ────┼── encoder ► rpm ► odometry ► speed PID│ steering
-//!              ├── adc ────► infrared ► obstacle       ├──► obstacle rule ──► wander timers ──► Outputs
-//!              └── command ► mode ─────────────────────┘     (motor neutral)
+//!              ┌── gyro ───► odometry yaw ──► A-to-B ────────┐ reference,
+//!              ├── encoder ► rpm ► odometry ► speed PID      │ steering
+//!   sample ────┼── adc ────► infrared ► obstacle             ├─► obstacle rule ─► wander timers ─► Outputs
+//!              │         └─► tilt ► balance or platform PID  │   (motor neutral)
+//!              ├── remote ─► manual, automatic, lost         │
+//!              └── command ► mode ───────────────────────────┘
 //! ```
 //!
 //! Words: *reference* is what the mode demands in wheel rpm; *blocked* means that an obstacle lies
 //! in its direction, which holds the motor neutral without clearing the reference; *stop* sets the
-//! motor neutral at once and resets the PID.
+//! motor neutral at once and resets the PID. In mode manual the transmitter's counts go to motor and
+//! steering as they are, but never into a detected obstacle (§4.3, §5.2); commands are then ignored.
 
-use crate::goto::{Goal, GotoDecision, GotoStage};
+use crate::balance::balance;
+use crate::bumper::{BumperServo, bumper_servos};
+use crate::goto::{GotoDecision, GotoStage};
 use crate::infrared::{BumperRanges, bumper_ranges};
 use crate::obstacle::{Bumper, ObstacleState};
-use crate::odometry::{OdomPose, Odometry};
+use crate::odometry::Odometry;
+use crate::pistons::standing;
+use crate::platform_pid::PlatformPid;
+use crate::remote::{RemoteStage, Selector, Stick};
 use crate::speed::{Direction, SpeedPid, wheel_rpm};
-use crate::units::{AdcCount, PwmCount, Stamp, Steering, WheelRpm};
-use crate::vehicle::VehicleConfig;
+use crate::tilt::{TiltAngles, tilt_angles};
+use crate::tpu::ResetMask;
+use crate::units::{PwmCount, Stamp, Steering};
+use crate::vehicle::{Line, Platform, VehicleConfig};
 use crate::wander::WanderStage;
-use serde::{Deserialize, Serialize};
 
-/// Raw Euler angles of the gyro, 360/65536 deg each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct GyroSample {
-    /// About the axis ahead.
-    pub roll: i16,
-    /// About the axis to the right.
-    pub pitch: i16,
-    /// Clockwise from magnetic north.
-    pub yaw: i16,
-}
-
-/// One scan of the converter.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AdcSample {
-    /// Front bumper, left to right.
-    pub ir_front: [AdcCount; 6],
-    /// Rear bumper, left to right seen from above with the truck pointing up.
-    pub ir_rear: [AdcCount; 6],
-    /// Tilt sensor x (pitch) and y (roll), means of 64 scans.
-    pub tilt: [AdcCount; 2],
-    /// Piston positions FL, FR, RL, RR, means of 64 scans.
-    pub pistons: [AdcCount; 4],
-}
-
-/// What the level above asks for; already authorised.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Command {
-    /// Stand.
-    Idle,
-    /// Wander (§4.6).
-    Wander,
-    /// A-to-B (§4.10) in the odometry's frame.
-    Goto(Goal),
-    /// A speed reference and a steering fraction.
-    Teleop {
-        /// Wheel speed.
-        rpm: WheelRpm,
-        /// + = right.
-        steering: Steering,
-    },
-}
-
-/// Everything that can make the controller take a step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Sample {
-    /// 100 Hz.
-    Gyro(GyroSample),
-    /// Pulses in the window that just closed, each 52.4 ms.
-    Encoder {
-        /// Pulses of the motor shaft.
-        pulses: u32,
-    },
-    /// Each 38 ms.
-    Adc(AdcSample),
-    /// From the level above.
-    Command(Command),
-}
-
-/// What the controller is doing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Mode {
-    /// Standing.
-    #[default]
-    Idle,
-    /// The R/C transmitter drives.
-    Manual,
-    /// Setpoints over the network.
-    Teleop,
-    /// A-to-B.
-    Goto,
-    /// Wander.
-    Wander,
-    /// The remote control's selector is lost.
-    Fault,
-}
-
-/// The ten outputs (§4.1).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PwmOutputs {
-    /// Below neutral = astern.
-    pub motor: PwmCount,
-    /// Below centre = right.
-    pub steer_front: PwmCount,
-    /// The front's mirror image.
-    pub steer_rear: PwmCount,
-    /// Front bumper servo.
-    pub bumper_front: PwmCount,
-    /// Rear bumper servo.
-    pub bumper_rear: PwmCount,
-    /// FL, FR, RL, RR.
-    pub pistons: [PwmCount; 4],
-    /// Not connected.
-    pub spare: PwmCount,
-}
-
-/// Everything that one step decided.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outputs {
-    /// The sample's stamp.
-    pub t: Stamp,
-    /// The mode after the step.
-    pub mode: Mode,
-    /// For the board.
-    pub pwm: PwmOutputs,
-    /// What the mode demands, in rpm.
-    pub reference_rpm: f64,
-    /// Steering as a fraction of full lock, + = right.
-    pub steering: f64,
-    /// Measured, signed by the reference's direction.
-    pub rpm: f64,
-    /// Odometry.
-    pub pose: OdomPose,
-    /// Front bumper, cm.
-    pub ir_front_cm: BumperRanges,
-    /// Rear bumper, cm.
-    pub ir_rear_cm: BumperRanges,
-    /// The obstacle rule's view.
-    pub obstacle: ObstacleState,
-    /// Whether an obstacle holds the motor neutral.
-    pub blocked: bool,
-    /// What the last gyro reading decided for the goal; stays after arrival until the next command.
-    pub goto: Option<GotoDecision>,
-}
+pub use crate::remote::RemoteSample;
+pub use crate::signals::{AdcSample, Command, GyroSample, Mode, Outputs, PwmOutputs, Sample};
 
 /// The first level of TM 2004-262.
 #[derive(Debug, Clone)]
@@ -172,6 +59,16 @@ pub struct Controller {
     goto: Option<GotoStage>,
     decision: Option<GotoDecision>,
     wander: Option<WanderStage>,
+    remote: RemoteStage,
+    /// What the speed stick commands in mode manual, as a pulse.
+    stick: PwmCount,
+    reset: ResetMask,
+    rezeroed: bool,
+    tilt: TiltAngles,
+    platform_pid: PlatformPid,
+    piston_lines: [Line; 4],
+    pistons: [PwmCount; 4],
+    bumpers: [BumperServo; 2],
 }
 
 impl Controller {
@@ -179,7 +76,11 @@ impl Controller {
     /// [`VehicleConfig::validate`]; an invalid one gives wrong but still bounded outputs.
     #[must_use]
     pub fn new(config: VehicleConfig) -> Self {
+        let piston_lines = config.calibration.pistons();
         Self {
+            bumpers: bumper_servos(&config.bumpers, &config.calibration),
+            piston_lines,
+            pistons: piston_lines.map(standing),
             config,
             mode: Mode::Idle,
             reference_rpm: 0.0,
@@ -198,6 +99,12 @@ impl Controller {
             goto: None,
             decision: None,
             wander: None,
+            remote: RemoteStage::default(),
+            stick: PwmCount::NEUTRAL,
+            reset: ResetMask::default(),
+            rezeroed: false,
+            tilt: TiltAngles::default(),
+            platform_pid: PlatformPid::default(),
         }
     }
 
@@ -210,10 +117,12 @@ impl Controller {
     /// One sample in, everything decided out: its own stage, then the obstacle rule, then wander's
     /// timers, then the outputs. Allocates nothing.
     pub fn step(&mut self, t: Stamp, sample: &Sample) -> Outputs {
+        (self.reset, self.rezeroed) = (ResetMask::default(), false);
         match sample {
             Sample::Gyro(gyro) => self.gyro(gyro),
             Sample::Encoder { pulses } => self.encoder(*pulses),
             Sample::Adc(adc) => self.adc(t, adc),
+            Sample::Remote(remote) => self.remote(remote),
             Sample::Command(command) => self.command(command),
         }
         self.obstacle_rule(t);
@@ -237,11 +146,14 @@ impl Controller {
 
     fn encoder(&mut self, pulses: u32) {
         let speed = &self.config.speed;
-        let may_drive = self.direction.admit(speed, self.reference_rpm, pulses);
+        let may_drive = self.direction.admit(speed, self.demanded(), pulses);
         self.rpm = self.direction.sign() * wheel_rpm(&self.config.encoder, pulses);
         let window_s = self.config.encoder.window_s;
         self.odometry.advance(self.rpm, window_s, self.config.geometry.wheel_diameter_m);
         self.travel_m += self.rpm * self.config.mps_per_rpm() * window_s;
+        if self.mode == Mode::Manual {
+            return; // the transmitter commands the motor itself
+        }
         if self.reference_rpm == 0.0 || self.blocked() || !may_drive {
             self.hold();
         } else {
@@ -251,13 +163,73 @@ impl Controller {
 
     fn adc(&mut self, t: Stamp, adc: &AdcSample) {
         let infrared = &self.config.infrared;
-        self.ir_front_cm = bumper_ranges(infrared, infrared.front_angle_deg, &adc.ir_front);
-        self.ir_rear_cm = bumper_ranges(infrared, infrared.rear_angle_deg, &adc.ir_rear);
+        let [front, rear] = self.bumpers.map(|bumper| bumper.angle_deg);
+        self.ir_front_cm = bumper_ranges(infrared, front, &adc.ir_front);
+        self.ir_rear_cm = bumper_ranges(infrared, rear, &adc.ir_rear);
         let rule = &self.config.obstacle;
         self.obstacle = ObstacleState {
             front: self.front.update(rule, t, &self.ir_front_cm, self.travel_m),
             rear: self.rear.update(rule, t, &self.ir_rear_cm, -self.travel_m),
         };
+        self.platform(adc);
+    }
+
+    /// Exactly one of the two platform controllers, in every mode.
+    fn platform(&mut self, adc: &AdcSample) {
+        let (vehicle, lines) = (&self.config, &self.piston_lines);
+        self.tilt = tilt_angles(&vehicle.tilt, &adc.tilt);
+        self.pistons = match vehicle.platform {
+            Platform::Balance => balance(vehicle, lines, self.tilt, &adc.pistons),
+            Platform::Pid => self.platform_pid.step(vehicle, lines, self.tilt, &adc.pistons),
+            Platform::Off => lines.map(standing),
+        };
+    }
+
+    /// A frame of the receiver (Fig. 10): who drives, and in mode manual with what.
+    fn remote(&mut self, sample: &RemoteSample) {
+        if !self.config.remote.enabled {
+            return;
+        }
+        self.reset = self.remote.step(&self.config.remote, sample);
+        match (self.remote.selector(), self.mode) {
+            (Selector::Manual, Mode::Manual) => self.drive_by_sticks(),
+            (Selector::Manual, _) => {
+                self.take_over(Mode::Manual);
+                self.stick = PwmCount::NEUTRAL;
+                self.drive_by_sticks();
+            }
+            (Selector::Automatic, Mode::Manual) => {
+                self.take_over(Mode::Idle);
+                if !self.config.odometry.keep_pose {
+                    self.odometry.rezero();
+                    self.rezeroed = true;
+                }
+            }
+            (Selector::Automatic, Mode::Fault) => self.take_over(Mode::Idle),
+            (Selector::Lost, mode) if mode != Mode::Fault => self.take_over(Mode::Fault),
+            _ => {}
+        }
+    }
+
+    /// The remote control changes the mode: stopped, centred, goal and wander dropped.
+    fn take_over(&mut self, mode: Mode) {
+        self.drop_command();
+        self.idle();
+        self.mode = mode;
+    }
+
+    fn drive_by_sticks(&mut self) {
+        match self.remote.speed(&self.config.remote) {
+            Stick::Counts(counts) => self.stick = PwmCount::saturating(counts),
+            Stick::Keep => {}
+            Stick::Lost => self.stick = PwmCount::NEUTRAL,
+        }
+        self.direction.demand(&self.config.speed, self.demanded());
+        match self.remote.steering(&self.config.remote) {
+            Stick::Counts(counts) => self.steer(counts - self.config.steering.front_centre),
+            Stick::Keep => {}
+            Stick::Lost => self.steer(0.0),
+        }
     }
 
     fn command(&mut self, command: &Command) {
@@ -265,9 +237,7 @@ impl Controller {
             return;
         }
         let before = self.mode;
-        self.goto = None;
-        self.decision = None;
-        self.wander = None;
+        self.drop_command();
         match command {
             Command::Idle => self.idle(),
             Command::Goto(goal) => {
@@ -296,10 +266,20 @@ impl Controller {
         }
     }
 
+    /// Each command drops what the one before left.
+    fn drop_command(&mut self) {
+        self.goto = None;
+        self.decision = None;
+        self.wander = None;
+    }
+
     fn obstacle_rule(&mut self, t: Stamp) {
         if let Some(stage) = &mut self.wander {
             let turned = stage.obstacle(&self.config.wander, t, self.obstacle);
             self.wander_phase(turned);
+        }
+        if self.mode == Mode::Manual {
+            self.motor = self.stick;
         }
         if self.blocked() {
             self.hold();
@@ -321,10 +301,18 @@ impl Controller {
         self.demand(stage.reference_rpm(&self.config.wander));
     }
 
+    /// What is asked of the motor, + = ahead: the reference in rpm, in mode manual the stick in counts.
+    fn demanded(&self) -> f64 {
+        match self.mode {
+            Mode::Manual => self.stick.as_f64() - PwmCount::NEUTRAL.as_f64(),
+            _ => self.reference_rpm,
+        }
+    }
+
     /// Whether an obstacle lies in the driving direction. Wander's reversing has a rule of its own.
     fn blocked(&self) -> bool {
         let reversing_in_wander = self.mode == Mode::Wander && self.reference_rpm < 0.0;
-        !reversing_in_wander && self.obstacle.blocks(self.reference_rpm)
+        !reversing_in_wander && self.obstacle.blocks(self.demanded())
     }
 
     /// Mode idle: stopped and centred.
@@ -361,7 +349,9 @@ impl Controller {
         self.steer(-steering.get() * self.config.steering.range_counts);
     }
 
-    fn outputs(&self, t: Stamp) -> Outputs {
+    /// What is decided at `t`, without a sample.
+    #[must_use]
+    pub fn outputs(&self, t: Stamp) -> Outputs {
         let steering = &self.config.steering;
         Outputs {
             t,
@@ -370,12 +360,13 @@ impl Controller {
                 motor: self.motor,
                 steer_front: PwmCount::saturating(steering.front_centre + self.steering_counts),
                 steer_rear: PwmCount::saturating(steering.rear_centre - self.steering_counts),
-                bumper_front: PwmCount::NEUTRAL,
-                bumper_rear: PwmCount::NEUTRAL,
-                pistons: [PwmCount::NEUTRAL; 4],
+                bumper_front: self.bumpers[0].pulse,
+                bumper_rear: self.bumpers[1].pulse,
+                pistons: self.pistons,
                 spare: PwmCount::NEUTRAL,
             },
             reference_rpm: self.reference_rpm,
+            demanded: self.demanded(),
             // + 0.0 turns −0 into 0.
             steering: -self.steering_counts / steering.range_counts + 0.0,
             rpm: self.rpm,
@@ -385,6 +376,16 @@ impl Controller {
             obstacle: self.obstacle,
             blocked: self.blocked(),
             goto: self.decision,
+            tilt: self.tilt,
+            duties: self.remote.duties(),
+            reset: self.reset,
+            rezeroed: self.rezeroed,
         }
+    }
+
+    /// Readings of the remote control that were missing or rejected since the start.
+    #[must_use]
+    pub fn remote_rejected(&self) -> u64 {
+        self.remote.rejected()
     }
 }

@@ -44,6 +44,20 @@ impl Goal {
     }
 }
 
+impl Goal {
+    /// To the right of the start, in m.
+    #[must_use]
+    pub fn x_m(&self) -> f64 {
+        self.x_m
+    }
+
+    /// Ahead of the start, in m.
+    #[must_use]
+    pub fn y_m(&self) -> f64 {
+        self.y_m
+    }
+}
+
 /// Table 4's behaviours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

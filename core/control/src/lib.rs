@@ -4,6 +4,9 @@
 //! out as [`Outputs`]. Pure: no clock, no file, no socket, no thread, no allocation in a step.
 //! Start reading at [`controller`].
 
+pub mod balance;
+pub mod bumper;
+pub mod calibration;
 pub mod config;
 pub mod controller;
 pub mod frames;
@@ -11,7 +14,14 @@ pub mod goto;
 pub mod infrared;
 pub mod obstacle;
 pub mod odometry;
+pub mod pid;
+pub mod pistons;
+pub mod platform_pid;
+pub mod remote;
+pub mod signals;
 pub mod speed;
+pub mod tilt;
+pub mod tpu;
 pub mod units;
 pub mod vehicle;
 pub mod wander;

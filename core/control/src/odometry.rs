@@ -25,6 +25,7 @@ pub struct OdomPose {
 pub struct Odometry {
     pose: OdomPose,
     offset: Option<i16>,
+    newest: i16,
 }
 
 impl Odometry {
@@ -42,9 +43,17 @@ impl Odometry {
 
     /// A gyro reading: the first one is the offset, so yaw starts at 0 (§4.9).
     pub fn yaw(&mut self, counts: i16) {
+        self.newest = counts;
         let offset = *self.offset.get_or_insert(counts);
         let turned = f64::from(counts) - f64::from(offset);
         self.pose.yaw = Heading::from_deg(wrap_deg(turned * GYRO_DEG_PER_COUNT));
+    }
+
+    /// Starts again here: the newest yaw is the offset, the pose is 0 (§4.9: "when the autonomous mode
+    /// is initialized").
+    pub fn rezero(&mut self) {
+        self.pose = OdomPose::default();
+        self.offset = self.offset.map(|_| self.newest);
     }
 
     /// An encoder window: d = rps · t_s · π · D; Δx = d sin α, Δy = d cos α (§4.9).
@@ -67,6 +76,18 @@ mod tests {
         assert_eq!(odometry.pose().yaw.deg(), 0.0);
         odometry.yaw(-3_616);
         assert_eq!(odometry.pose().yaw.deg(), 90.0);
+    }
+
+    #[test]
+    fn a_rezero_makes_here_and_this_way_the_origin() {
+        let mut odometry = Odometry::default();
+        odometry.yaw(100);
+        odometry.yaw(16_484);
+        odometry.advance(60.0, 1.0, 1.0);
+        odometry.rezero();
+        assert_eq!(odometry.pose(), OdomPose::default());
+        odometry.yaw(16_484);
+        assert_eq!(odometry.pose().yaw.deg(), 0.0);
     }
 
     #[test]

@@ -2,10 +2,10 @@
 //!
 //! Readings: the window is 0x8000 · 64 / 40 MHz = 52.4288 ms (the memorandum's formula uses 8000
 //! decimal and then needs a "4 of unknown origin"); the printed `rpm = f_w·60/f_sys` forgets the
-//! 60 pulses per revolution and divides by the clock. As published, the newest trapezoid enters
-//! the law twice (once in A and B, once in C Σ), which adds K_I·t_s to K_P.
+//! 60 pulses per revolution and divides by the clock. The law itself is in [`crate::pid`].
 //! Ours: anti-windup, and the direction interlock (the ESC brakes before it reverses).
 
+use crate::pid::{Gains, Pid};
 use crate::units::PwmCount;
 use crate::vehicle::{Encoder, Speed};
 
@@ -15,38 +15,23 @@ pub fn wheel_rpm(encoder: &Encoder, pulses: u32) -> f64 {
     f64::from(pulses) / encoder.window_s / encoder.pulses_per_rev / encoder.gear_ratio * 60.0
 }
 
-/// The controller's memory: Σ e and e[n−1], in rpm·s and rpm.
+/// The speed controller: [`Pid`] around motor neutral.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct SpeedPid {
-    sum: f64,
-    previous_error: f64,
-}
+pub struct SpeedPid(Pid);
 
 impl SpeedPid {
     /// Forgets Σ and e[n−1].
     pub fn reset(&mut self) {
-        *self = Self::default();
+        self.0.reset();
     }
 
     /// One window: the motor command for `reference` and measured `rpm` (§4.7).
     pub fn step(&mut self, config: &Speed, window_s: f64, reference: f64, rpm: f64) -> PwmCount {
-        let error = reference - rpm;
-        let a = config.kp + 0.5 * config.ki * window_s + config.kd / window_s;
-        let b = 0.5 * config.ki * window_s - config.kd / window_s;
-        let sum = self.sum + 0.5 * (error + self.previous_error) * window_s;
-        let output =
-            |sum: f64| PwmCount::NEUTRAL.as_f64() + a * error + b * self.previous_error + config.ki * sum;
-        let wanted = output(sum);
-        let saturated_further = (wanted > PwmCount::MAX.as_f64() && error > 0.0)
-            || (wanted < PwmCount::MIN.as_f64() && error < 0.0);
-        let count = if config.anti_windup && saturated_further {
-            PwmCount::saturating(output(self.sum))
-        } else {
-            self.sum = sum;
-            PwmCount::saturating(wanted)
-        };
-        self.previous_error = error;
-        count
+        let neutral = PwmCount::NEUTRAL.as_f64();
+        let range = PwmCount::MIN.as_f64() - neutral..=PwmCount::MAX.as_f64() - neutral;
+        let gains = Gains { kp: config.kp, ki: config.ki, kd: config.kd };
+        let saturated = |correction: f64| config.anti_windup && !range.contains(&correction);
+        PwmCount::saturating(neutral + self.0.step(gains, window_s, reference - rpm, saturated))
     }
 }
 
@@ -109,16 +94,16 @@ mod tests {
     }
 
     #[test]
-    fn anti_windup_keeps_the_sum_still_while_saturated() {
+    fn anti_windup_lets_go_at_once_and_the_published_law_does_not() {
         let config = Speed::default();
-        let (mut held, mut wound) = (SpeedPid::default(), SpeedPid::default());
         let published = Speed { anti_windup: false, ..config.clone() };
-        for _ in 0..200 {
-            assert_eq!(held.step(&config, 0.05, 300.0, 0.0), PwmCount::MAX);
-            wound.step(&published, 0.05, 300.0, 0.0);
-        }
-        assert_eq!(held.sum, 0.0);
-        assert!(wound.sum > 1000.0);
+        let after = |config: &Speed| {
+            let mut pid = SpeedPid::default();
+            (0..200).for_each(|_| assert_eq!(pid.step(config, 0.05, 300.0, 0.0), PwmCount::MAX));
+            pid.step(config, 0.05, 0.0, 50.0)
+        };
+        assert!(after(&config) < PwmCount::NEUTRAL);
+        assert_eq!(after(&published), PwmCount::MAX);
     }
 
     #[test]

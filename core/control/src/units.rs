@@ -121,7 +121,7 @@ impl PwmCount {
     pub const MIN: Self = Self(2331);
     /// 9.5 % of the period.
     pub const MAX: Self = Self(5272);
-    /// 1.5 ms: motor neutral and servo centre (assumed; the memorandum does not print it).
+    /// 1.5 ms: motor neutral and servo centre (§2.1: "1.5 ms when the arm is centered").
     pub const NEUTRAL: Self = Self(3750);
 
     /// The nearest count (ties away from zero) inside the limits; a non-finite value is neutral.

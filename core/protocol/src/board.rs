@@ -8,9 +8,12 @@
 //! of the type is the layout's version (1). `docs/io-board.md` is the same for firmware writers.
 //! The decoder never panics, resynchronises at the next 0x00 and counts what it drops.
 
+pub mod rates;
+
 use crc::{CRC_32_ISO_HDLC, Crc};
 use thiserror::Error;
-use xtb_control::controller::{AdcSample, PwmOutputs};
+use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
+use xtb_control::tpu::{ResetMask, Setup};
 use xtb_control::units::{OutOfRange, PwmCount};
 
 const CRC32: Crc<u32, crc::Table<16>> = Crc::<u32, crc::Table<16>>::new(&CRC_32_ISO_HDLC);
@@ -18,6 +21,10 @@ const CRC32: Crc<u32, crc::Table<16>> = Crc::<u32, crc::Table<16>>::new(&CRC_32_
 const TYPE_PWM: u8 = 0x10;
 const TYPE_ENCODER: u8 = 0x11;
 const TYPE_ADC: u8 = 0x12;
+const TYPE_REMOTE: u8 = 0x13;
+const TYPE_STATUS: u8 = 0x14;
+const TYPE_SETUP: u8 = 0x18;
+const TYPE_RESET: u8 = 0x19;
 
 /// Type, sequence, the longest payload, CRC.
 const MAX_BODY: usize = 2 + 38 + 4;
@@ -29,6 +36,11 @@ pub const MAX_PULSES: u16 = 660;
 pub const ADC_SCANS: u16 = 64;
 /// Battery reading of a board that does not measure it.
 const NOT_FITTED: u16 = u16::MAX;
+/// Time count of a channel that saw no pulse.
+const NO_PULSE: u16 = u16::MAX;
+/// Flags of a status frame.
+const READY: u16 = 1;
+const WATCHDOG: u16 = 2;
 
 /// What the board sends.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +57,36 @@ pub enum FromBoard {
         /// Battery voltage in mV; `None` if the board does not measure it.
         battery_mv: Option<u16>,
     },
+    /// A frame of the receiver.
+    Remote(RemoteSample),
+    /// How the board is.
+    Status(BoardStatus),
+}
+
+/// What a board says of itself, every 100 ms and after each set-up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BoardStatus {
+    /// Firmware's version, major in the high byte.
+    pub firmware: u16,
+    /// Set up; a board that is not sends nothing but its status and keeps every output neutral.
+    pub ready: bool,
+    /// The watchdog holds motor and pistons neutral.
+    pub watchdog: bool,
+    /// [`Setup::checksum`] of the set-up in force.
+    pub setup_checksum: u16,
+    /// Frames that the board has refused, modulo 65,536.
+    pub rejected: u16,
+}
+
+/// What the agent sends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ToBoard {
+    /// Ten pulses.
+    Pwm(PwmOutputs),
+    /// How to configure itself (Fig. 8).
+    Setup(Setup),
+    /// Channels of the remote control to reset (Fig. 9).
+    Reset(ResetMask),
 }
 
 /// Why bytes were not a frame.
@@ -110,7 +152,7 @@ pub struct FrameWriter {
 }
 
 impl FrameWriter {
-    /// The agent's only frame: ten pulses in [`PwmOutputs`] order.
+    /// The agent's: ten pulses in [`PwmOutputs`] order.
     pub fn pwm(&mut self, pwm: &PwmOutputs) -> Frame {
         let [fl, fr, rl, rr] = pwm.pistons;
         let all = [
@@ -126,6 +168,33 @@ impl FrameWriter {
             pwm.spare,
         ];
         self.frame(TYPE_PWM, all.map(PwmCount::get).into_iter())
+    }
+
+    /// The agent's: how the board shall configure itself.
+    pub fn setup(&mut self, setup: &Setup) -> Frame {
+        let bytes = setup.to_bytes();
+        self.frame(TYPE_SETUP, bytes.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])))
+    }
+
+    /// The agent's: channels of the remote control to reset.
+    pub fn reset(&mut self, mask: ResetMask) -> Frame {
+        let bits = u16::from(mask.speed) | u16::from(mask.steering) << 1 | u16::from(mask.selector) << 2;
+        self.frame(TYPE_RESET, [bits].into_iter())
+    }
+
+    /// The board's: a frame of the receiver. Counts above 65,534 saturate there.
+    pub fn remote(&mut self, sample: &RemoteSample) -> Frame {
+        let word = |ticks: Option<u32>| {
+            ticks.map_or(NO_PULSE, |ticks| ticks.min(u32::from(NO_PULSE) - 1) as u16)
+        };
+        self.frame(TYPE_REMOTE, [sample.speed, sample.steering, sample.selector].map(word).into_iter())
+    }
+
+    /// The board's: how it is.
+    pub fn status(&mut self, status: &BoardStatus) -> Frame {
+        let flags = u16::from(status.ready) * READY | u16::from(status.watchdog) * WATCHDOG;
+        let words = [status.firmware, flags, status.setup_checksum, status.rejected];
+        self.frame(TYPE_STATUS, words.into_iter())
     }
 
     /// The board's: an encoder window.
@@ -200,6 +269,11 @@ impl FrameReader {
         self.counters
     }
 
+    /// The line was cut: what comes next has nothing to do with what came before.
+    pub fn forget(&mut self) {
+        (self.len, self.overrun, self.next_seq) = (0, false, None);
+    }
+
     /// Frames of the board, for the agent.
     pub fn from_board(&mut self, bytes: &[u8], mut found: impl FnMut(Result<FromBoard, BoardError>)) {
         for &byte in bytes {
@@ -211,11 +285,11 @@ impl FrameReader {
         }
     }
 
-    /// PWM frames of the agent, for the board (real firmware or simulated).
-    pub fn pwm(&mut self, bytes: &[u8], mut found: impl FnMut(Result<PwmOutputs, BoardError>)) {
+    /// Frames of the agent, for the board (real firmware or simulated).
+    pub fn to_board(&mut self, bytes: &[u8], mut found: impl FnMut(Result<ToBoard, BoardError>)) {
         for &byte in bytes {
             if let Some(body) = self.push(byte) {
-                let result = body.and_then(|(kind, payload)| parse_pwm(kind, payload.as_ref()));
+                let result = body.and_then(|(kind, payload)| parse_to_board(kind, payload.as_ref()));
                 self.count(&result);
                 found(result);
             }
@@ -301,6 +375,16 @@ fn parse_from_board(kind: u8, payload: &[u8]) -> Result<FromBoard, BoardError> {
             [pulses] => Err(BoardError::Pulses(pulses)),
         },
         TYPE_ADC => parse_adc(&words::<19>(kind, payload)?),
+        TYPE_REMOTE => {
+            let ticks = |word: u16| (word != NO_PULSE).then_some(u32::from(word));
+            let [speed, steering, selector] = words::<3>(kind, payload)?.map(ticks);
+            Ok(FromBoard::Remote(RemoteSample { speed, steering, selector }))
+        }
+        TYPE_STATUS => {
+            let [firmware, flags, setup_checksum, rejected] = words::<4>(kind, payload)?;
+            let (ready, watchdog) = (flags & READY != 0, flags & WATCHDOG != 0);
+            Ok(FromBoard::Status(BoardStatus { firmware, ready, watchdog, setup_checksum, rejected }))
+        }
         _ => Err(BoardError::UnknownType(kind)),
     }
 }
@@ -323,13 +407,26 @@ fn parse_adc(words: &[u16; 19]) -> Result<FromBoard, BoardError> {
     Ok(FromBoard::Adc { sample, battery_mv })
 }
 
-fn parse_pwm(kind: u8, payload: &[u8]) -> Result<PwmOutputs, BoardError> {
-    if kind != TYPE_PWM {
-        return Err(BoardError::UnknownType(kind));
+fn parse_to_board(kind: u8, payload: &[u8]) -> Result<ToBoard, BoardError> {
+    match kind {
+        TYPE_PWM => parse_pwm(&words::<10>(kind, payload)?).map(ToBoard::Pwm),
+        TYPE_SETUP => match <&[u8; Setup::LEN]>::try_from(payload) {
+            Ok(bytes) => Ok(ToBoard::Setup(Setup::from_bytes(bytes))),
+            Err(_) => Err(BoardError::Length { kind, got: payload.len(), expected: Setup::LEN }),
+        },
+        TYPE_RESET => {
+            let [bits] = words::<1>(kind, payload)?;
+            let bit = |n: u16| bits & (1 << n) != 0;
+            Ok(ToBoard::Reset(ResetMask { speed: bit(0), steering: bit(1), selector: bit(2) }))
+        }
+        _ => Err(BoardError::UnknownType(kind)),
     }
+}
+
+fn parse_pwm(words: &[u16; 10]) -> Result<PwmOutputs, BoardError> {
     let mut counts = [PwmCount::NEUTRAL; 10];
-    for (count, word) in counts.iter_mut().zip(words::<10>(kind, payload)?) {
-        *count = PwmCount::try_from(word)?;
+    for (count, word) in counts.iter_mut().zip(words) {
+        *count = PwmCount::try_from(*word)?;
     }
     let [motor, steer_front, steer_rear, bumper_front, bumper_rear, fl, fr, rl, rr, spare] = counts;
     let pistons = [fl, fr, rl, rr];

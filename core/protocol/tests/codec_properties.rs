@@ -5,9 +5,9 @@
 use proptest::prelude::*;
 use xtb_control::controller::{AdcSample, PwmOutputs};
 use xtb_control::{AdcCount, PwmCount};
-use xtb_protocol::board::{BoardError, FrameReader, FrameWriter, FromBoard, MAX_PULSES};
+use xtb_protocol::board::{BoardError, FrameReader, FrameWriter, FromBoard, MAX_PULSES, ToBoard};
 use xtb_protocol::codec::{CodecError, Format, MAX_BYTES, decode, encode, encoding};
-use xtb_protocol::gyro_3dmg::EulerReader;
+use xtb_protocol::gyro_3dmg::GyroReader;
 use xtb_protocol::messages::{Body, Event, LinkLoss, Message, Reply, Request, RobotState, Setpoint};
 use xtb_protocol::{Uuid, keys::Key};
 
@@ -128,8 +128,8 @@ proptest! {
             vec![Ok(FromBoard::Encoder { pulses }), Ok(FromBoard::Adc { sample: adc, battery_mv: battery })];
         prop_assert_eq!(found, expected);
         let mut back = Vec::new();
-        FrameReader::default().pwm(writer.pwm(&pwm).as_bytes(), |frame| back.push(frame));
-        prop_assert_eq!(back, vec![Ok(pwm)]);
+        FrameReader::default().to_board(writer.pwm(&pwm).as_bytes(), |frame| back.push(frame));
+        prop_assert_eq!(back, vec![Ok(ToBoard::Pwm(pwm))]);
     }
 
     #[test]
@@ -142,7 +142,7 @@ proptest! {
         reader.from_board(&[0], |_| {});
         reader.from_board(FrameWriter::default().encoder(pulses).as_bytes(), |frame| last = Some(frame));
         prop_assert_eq!(last, Some(Ok(FromBoard::Encoder { pulses })));
-        EulerReader::default().push(&garbage, |_| {});
+        GyroReader::default().push(&garbage, |_| {});
     }
 
     #[test]
@@ -150,7 +150,7 @@ proptest! {
         let mut frame = FrameWriter::default().pwm(&pwm).as_bytes().to_vec();
         let bit = bit % (8 * (frame.len() - 1));
         frame[bit / 8] ^= 1 << (bit % 8);
-        FrameReader::default().pwm(&frame, |got| assert!(got.is_err(), "{got:?}"));
+        FrameReader::default().to_board(&frame, |got| assert!(got.is_err(), "{got:?}"));
     }
 }
 

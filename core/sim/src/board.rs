@@ -1,16 +1,33 @@
-//! The I/O board: PWM frames in, encoder and converter frames out, a watchdog in between.
+//! The I/O board: set-up, PWM and reset frames in; status, encoder, converter and remote-control
+//! frames out; a watchdog in between.
 //!
-//! New pulses take effect when a PWM period ends. Without a good frame for 100 ms the motor goes
-//! neutral and the pistons hold, while the steering keeps its angle: a truck that coasts should not
-//! swerve.
+//! ```text
+//!   power-on ─► waiting ── set-up (Fig. 8) ──► ready ─── another set-up ───┐
+//!               │  ▲  only status frames,       │  ▲    the same: nothing   │
+//!               └──┘  everything neutral        │  └───────────────────────┘
+//!                  ▲─────── power cycle ────────┘
+//! ```
+//! New pulses take effect when a PWM period ends. Without a good PWM frame for the watchdog's time
+//! (100 ms) the motor goes neutral and the pistons hold, while the steering keeps its angle: a truck
+//! that coasts should not swerve. Periods and windows are those of the set-up; where their phase
+//! lies is chance.
 
 use crate::line::Outbox;
 use crate::noise::Noise;
-use crate::parameters::{BoardTruth, EncoderTruth, SteeringTruth};
+use crate::parameters::{SteeringTruth, TruckParameters};
+use crate::receiver::{Receiver, Transmitter};
 use xtb_control::PwmCount;
 use xtb_control::controller::{AdcSample, PwmOutputs};
-use xtb_control::units::Stamp;
-use xtb_protocol::board::{FrameReader, FrameWriter, LineCounters, MAX_PULSES};
+use xtb_control::tpu::{Channel, SYSTEM_CLOCK_HZ, Setup};
+use xtb_control::units::{PWM_COUNT_US, Stamp};
+use xtb_protocol::board::{BoardStatus, FrameReader, FrameWriter, LineCounters, MAX_PULSES, ToBoard};
+
+/// What the simulated board calls its firmware: 1.0.
+pub(crate) const FIRMWARE: u16 = 0x0100;
+/// Between two status frames.
+const STATUS_S: f64 = 0.1;
+/// Shortest period and window that the board takes: less would be no time to do anything in.
+const SHORTEST_S: f64 = 0.005;
 
 /// A counter that comes due again and again.
 #[derive(Debug, Clone)]
@@ -20,10 +37,10 @@ struct Timer {
 }
 
 impl Timer {
-    /// The board was switched on at a random moment.
-    fn new(period_s: f64, noise: &mut Noise) -> Self {
+    /// Comes due for the first time somewhere within its first period.
+    fn new(period_s: f64, now: Stamp, noise: &mut Noise) -> Self {
         let period_ns = libm::round(period_s * 1e9) as u64;
-        Self { period_ns, next_ns: noise.up_to(period_ns) }
+        Self { period_ns, next_ns: now.ns() + noise.up_to(period_ns) }
     }
 
     /// The moment that came due until `now`, one a call.
@@ -54,73 +71,161 @@ impl ShaftTravel {
     }
 }
 
+/// What the board does once it is set up.
+#[derive(Debug, Clone)]
+struct Running {
+    setup: Setup,
+    pwm: Timer,
+    encoder: Timer,
+}
+
+impl Running {
+    /// Starts periods and windows; `None` if the set-up is impossible.
+    fn start(setup: Setup, now: Stamp, noise: &mut Noise) -> Option<Self> {
+        let pwm_s = f64::from(setup.pwm_period_counts) * PWM_COUNT_US * 1e-6;
+        let ticks = f64::from(setup.fqm_window) * f64::from(setup.tcr_prescaler);
+        let window_s = ticks / SYSTEM_CLOCK_HZ;
+        let known = setup.channels.iter().all(|&code| Channel::from_code(code).is_some());
+        if pwm_s < SHORTEST_S || window_s < SHORTEST_S || setup.watchdog_ms == 0 || !known {
+            return None;
+        }
+        let timer = |period_s: f64, noise: &mut Noise| Timer::new(period_s, now, noise);
+        Some(Self { setup, pwm: timer(pwm_s, noise), encoder: timer(window_s, noise) })
+    }
+
+    fn watchdog_s(&self) -> f64 {
+        f64::from(self.setup.watchdog_ms) / 1000.0
+    }
+}
+
 #[derive(Debug, Clone)]
 pub(crate) struct Board {
-    watchdog_s: f64,
     reader: FrameReader,
     writer: FrameWriter,
     outbox: Outbox,
+    running: Option<Running>,
+    /// Impossible set-ups.
+    refused: u64,
+    /// A set-up wants its answer.
+    answer_due: bool,
+
+    /// Neutral and centred, as after power-on.
+    at_rest: PwmOutputs,
     requested: PwmOutputs,
     heard: Option<Stamp>,
+    watchdog: bool,
     outputs: PwmOutputs,
     neutral_since: Option<Stamp>,
-    pwm: Timer,
-    encoder: Timer,
+
+    status: Timer,
     adc: Timer,
-    /// Whole pulses when the last window closed.
+    remote: Timer,
+    /// `None` if not fitted.
+    receiver: Option<Receiver>,
+    /// Pulses of the shaft at the end of the last step, and whole ones when the last window closed.
+    turned: f64,
     counted: u64,
 }
 
 impl Board {
-    pub(crate) fn new(
-        truth: &BoardTruth,
-        encoder: &EncoderTruth,
-        steering: &SteeringTruth,
-        noise: &mut Noise,
-    ) -> Self {
-        let neutral = PwmCount::NEUTRAL;
-        let outputs = PwmOutputs {
-            motor: neutral,
-            steer_front: PwmCount::saturating(steering.front_centre),
-            steer_rear: PwmCount::saturating(steering.rear_centre),
-            bumper_front: neutral,
-            bumper_rear: neutral,
-            pistons: [neutral; 4],
-            spare: neutral,
-        };
+    pub(crate) fn new(truth: &TruckParameters, noise: &mut Noise) -> Self {
+        let outputs = at_rest(&truth.steering);
         Self {
-            watchdog_s: truth.watchdog_s,
             reader: FrameReader::default(),
             writer: FrameWriter::default(),
-            outbox: Outbox::default(),
+            outbox: Outbox::new(noise.fork()),
+            running: None,
+            refused: 0,
+            answer_due: false,
+            at_rest: outputs,
             requested: outputs,
             heard: None,
+            watchdog: true,
             outputs,
             neutral_since: Some(Stamp::ZERO),
-            pwm: Timer::new(truth.pwm_period_s, noise),
-            encoder: Timer::new(encoder.window_s, noise),
-            adc: Timer::new(truth.adc_period_s, noise),
+            status: Timer::new(STATUS_S, Stamp::ZERO, noise),
+            adc: Timer::new(truth.board.adc_period_s, Stamp::ZERO, noise),
+            remote: Timer::new(truth.receiver.period_s, Stamp::ZERO, noise),
+            receiver: truth.receiver.fitted.then(|| Receiver::new(&truth.receiver)),
+            turned: 0.0,
             counted: 0,
         }
     }
 
+    /// Off and on again: nothing is set up, every output at rest at once.
+    pub(crate) fn power_cycle(&mut self, now: Stamp) {
+        self.reader = FrameReader::default();
+        self.writer = FrameWriter::default();
+        self.running = None;
+        self.refused = 0;
+        self.heard = None;
+        self.watchdog = true;
+        self.outputs = self.at_rest;
+        self.neutral_since.get_or_insert(now);
+    }
+
+    pub(crate) fn set_transmitter(&mut self, transmitter: Transmitter) {
+        if let Some(receiver) = &mut self.receiver {
+            receiver.set_transmitter(transmitter);
+        }
+    }
+
     /// Bytes from the agent.
-    pub(crate) fn rx(&mut self, bytes: &[u8], now: Stamp) {
-        let (requested, heard) = (&mut self.requested, &mut self.heard);
-        // The reader counts what it rejects; the board itself has nothing else to do about it.
-        self.reader.pwm(bytes, |frame| {
-            if let Ok(pwm) = frame {
-                *requested = pwm;
-                *heard = Some(now);
+    pub(crate) fn rx(&mut self, bytes: &[u8], now: Stamp, noise: &mut Noise) {
+        let mut reader = std::mem::take(&mut self.reader);
+        reader.to_board(bytes, |frame| {
+            // The reader counts what it rejects; the board itself has nothing else to do about it.
+            if let Ok(frame) = frame {
+                self.obey(frame, now, noise);
             }
         });
+        self.reader = reader;
+        if std::mem::take(&mut self.answer_due) {
+            self.send_status();
+        }
+    }
+
+    fn obey(&mut self, frame: ToBoard, now: Stamp, noise: &mut Noise) {
+        match frame {
+            ToBoard::Setup(setup) => {
+                self.answer_due = true;
+                if self.running.as_ref().is_none_or(|running| running.setup != setup) {
+                    self.set_up(setup, now, noise);
+                }
+            }
+            // Before the set-up there is nothing that a pulse or a reset could act on.
+            ToBoard::Pwm(_) | ToBoard::Reset(_) if self.running.is_none() => {}
+            ToBoard::Pwm(pwm) => (self.requested, self.heard) = (pwm, Some(now)),
+            ToBoard::Reset(mask) => {
+                if let Some(receiver) = &mut self.receiver {
+                    receiver.reset(mask, noise);
+                }
+            }
+        }
+    }
+
+    fn set_up(&mut self, setup: Setup, now: Stamp, noise: &mut Noise) {
+        let Some(running) = Running::start(setup, now, noise) else {
+            self.refused += 1;
+            return;
+        };
+        if self.running.is_none() {
+            self.requested = self.at_rest;
+        }
+        self.running = Some(running);
+        self.counted = self.turned as u64;
+        if let Some(receiver) = &mut self.receiver {
+            receiver.set_up(setup.tcr_prescaler, noise);
+        }
     }
 
     /// Applies the pulses of every PWM period that ended until `now`.
     pub(crate) fn latch(&mut self, now: Stamp) {
-        while let Some(t) = self.pwm.due(now) {
-            let silent = self.heard.is_none_or(|heard| t.since_s(heard) >= self.watchdog_s);
-            self.outputs = if silent {
+        let Some(running) = &mut self.running else { return };
+        while let Some(t) = running.pwm.due(now) {
+            let watchdog_s = running.watchdog_s();
+            self.watchdog = self.heard.is_none_or(|heard| t.since_s(heard) >= watchdog_s);
+            self.outputs = if self.watchdog {
                 let neutral = PwmCount::NEUTRAL;
                 PwmOutputs { motor: neutral, pistons: [neutral; 4], ..self.outputs }
             } else {
@@ -133,17 +238,43 @@ impl Board {
 
     /// Sends the encoder windows that closed during a step.
     pub(crate) fn count(&mut self, travel: &ShaftTravel) {
-        while let Some(t) = self.encoder.due(travel.end) {
+        self.turned = travel.to_pulses;
+        let Some(running) = &mut self.running else { return };
+        while let Some(t) = running.encoder.due(travel.end) {
             let whole = travel.whole_pulses_at(t);
-            let pulses = (whole - self.counted).min(u64::from(MAX_PULSES)) as u16;
+            let pulses = (whole.saturating_sub(self.counted)).min(u64::from(MAX_PULSES)) as u16;
             self.counted = whole;
             self.outbox.send(self.writer.encoder(pulses).as_bytes());
         }
     }
 
+    /// Sends what the receiver gave and how the board is, when either is due.
+    pub(crate) fn report(&mut self, now: Stamp, noise: &mut Noise) {
+        if let Some(receiver) = &mut self.receiver
+            && self.remote.due(now).is_some()
+            && self.running.is_some()
+        {
+            self.outbox.send(self.writer.remote(&receiver.read(noise)).as_bytes());
+        }
+        if self.status.due(now).is_some() {
+            self.send_status();
+        }
+    }
+
+    fn send_status(&mut self) {
+        let status = BoardStatus {
+            firmware: FIRMWARE,
+            ready: self.running.is_some(),
+            watchdog: self.watchdog,
+            setup_checksum: self.running.as_ref().map_or(0, |running| running.setup.checksum()),
+            rejected: (self.reader.counters().rejected + self.refused) as u16,
+        };
+        self.outbox.send(self.writer.status(&status).as_bytes());
+    }
+
     /// Whether the converter has completed a scan; then [`Self::send_scan`] is due.
     pub(crate) fn scan_due(&mut self, now: Stamp) -> bool {
-        self.adc.due(now).is_some()
+        self.adc.due(now).is_some() && self.running.is_some()
     }
 
     pub(crate) fn send_scan(&mut self, sample: &AdcSample, battery_mv: u16) {
@@ -171,81 +302,19 @@ impl Board {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use xtb_protocol::board::FromBoard;
-
-    fn board() -> Board {
-        let (encoder, steering) = (EncoderTruth::default(), SteeringTruth::default());
-        Board::new(&BoardTruth::default(), &encoder, &steering, &mut Noise::new(1, 1))
-    }
-
-    fn driving(board: &Board) -> PwmOutputs {
-        let lift = [PwmCount::MAX; 4];
-        let motor = PwmCount::saturating(4000.0);
-        PwmOutputs { motor, steer_front: PwmCount::MIN, pistons: lift, ..*board.outputs() }
-    }
-
-    #[test]
-    fn pulses_take_effect_when_a_period_ends() {
-        let mut board = board();
-        board.latch(Stamp::from_ms(50));
-        let pwm = driving(&board);
-        board.rx(FrameWriter::default().pwm(&pwm).as_bytes(), Stamp::from_ms(50));
-        assert_eq!(board.outputs().motor, PwmCount::NEUTRAL);
-        board.latch(Stamp::from_ms(73));
-        assert_eq!(*board.outputs(), pwm);
-        assert_eq!(board.neutral_since(), None);
-    }
-
-    #[test]
-    fn the_watchdog_goes_neutral_100_ms_after_the_last_good_frame_and_keeps_the_steering() {
-        let mut board = board();
-        let pwm = driving(&board);
-        board.rx(FrameWriter::default().pwm(&pwm).as_bytes(), Stamp::from_ms(50));
-        let mut broken = FrameWriter::default().pwm(&pwm).as_bytes().to_vec();
-        broken[4] ^= 0x40;
-        let mut neutral_at = None;
-        for ms in (55..400).step_by(5) {
-            board.rx(&broken, Stamp::from_ms(ms));
-            board.latch(Stamp::from_ms(ms));
-            if ms >= 75 && board.outputs().motor == PwmCount::NEUTRAL {
-                neutral_at.get_or_insert(ms);
-            }
-        }
-        let neutral_at = neutral_at.unwrap();
-        assert!((150..=180).contains(&neutral_at), "{neutral_at} ms");
-        assert_eq!(board.outputs().steer_front, PwmCount::MIN);
-        assert_eq!(board.outputs().pistons, [PwmCount::NEUTRAL; 4]);
-        assert!(board.counters().rejected > 50);
-        let since = board.neutral_since().unwrap();
-        assert!(since <= Stamp::from_ms(neutral_at) && since >= Stamp::from_ms(150));
-        board.rx(FrameWriter::default().pwm(&pwm).as_bytes(), Stamp::from_ms(400));
-        board.latch(Stamp::from_ms(425));
-        assert_eq!(board.outputs().motor, pwm.motor, "the next good frame drives again");
-    }
-
-    #[test]
-    fn windows_carry_the_fraction_of_a_pulse() {
-        let mut board = board();
-        let step = |i: u64| ShaftTravel {
-            start: Stamp::from_ms(5 * i),
-            end: Stamp::from_ms(5 * (i + 1)),
-            from_pulses: 2.21 * i as f64,
-            to_pulses: 2.21 * (i + 1) as f64,
-        };
-        (0..2000).for_each(|i| board.count(&step(i)));
-        let (mut bytes, mut windows) = (Vec::new(), Vec::new());
-        board.outbox().take(&mut bytes);
-        FrameReader::default().from_board(&bytes, |frame| match frame.unwrap() {
-            FromBoard::Encoder { pulses } => windows.push(pulses),
-            FromBoard::Adc { .. } => panic!("no scan was sent"),
-        });
-        assert!((190..=191).contains(&windows.len()), "{}", windows.len());
-        // 442 pulses/s are 23.17 a window; the first one is cut short by the board's own start.
-        assert!(windows[1..].iter().all(|p| (23..=24).contains(p)), "{windows:?}");
-        let mean = windows[1..].iter().map(|&p| f64::from(p)).sum::<f64>() / (windows.len() - 1) as f64;
-        assert!((mean - 23.173).abs() < 0.01, "{mean}");
+/// Outputs of a board that nobody has set up.
+fn at_rest(steering: &SteeringTruth) -> PwmOutputs {
+    let neutral = PwmCount::NEUTRAL;
+    PwmOutputs {
+        motor: neutral,
+        steer_front: PwmCount::saturating(steering.front_centre),
+        steer_rear: PwmCount::saturating(steering.rear_centre),
+        bumper_front: neutral,
+        bumper_rear: neutral,
+        pistons: [neutral; 4],
+        spare: neutral,
     }
 }
+
+#[cfg(test)]
+mod tests;

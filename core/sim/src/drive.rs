@@ -1,4 +1,4 @@
-//! What turns pulses into motion: steering servos, motor with ESC, battery.
+//! What turns the motor's pulse into motion: ESC, motor and mass, and the battery behind them.
 //!
 //! ```text
 //!   ESC   pulse with the rolling direction, or wheels (nearly) standing ─► drive towards its speed
@@ -7,72 +7,12 @@
 //! ```
 //! So the drive stops before it reverses, as the Novak Super Rooster does.
 
-use crate::parameters::{BatteryTruth, DriveTruth, SteeringTruth};
+use crate::parameters::{BatteryTruth, DriveTruth};
+use crate::servos::response;
 use xtb_control::PwmCount;
 
 /// Below this a coasting truck stands: the exponential alone would never end.
 const CREEP_MPS: f64 = 1e-3;
-/// Nearer than this a servo has arrived.
-const SERVO_PLAY_DEG: f64 = 1e-3;
-
-/// Part of the way that a first-order lag covers in `dt_s`.
-fn response(dt_s: f64, lag_s: f64) -> f64 {
-    1.0 - libm::exp(-dt_s / lag_s)
-}
-
-/// One axle's servo.
-#[derive(Debug, Clone)]
-pub(crate) struct SteeringServo {
-    centre: f64,
-    deg_per_count: f64,
-    stop_deg: f64,
-    response: f64,
-    most_deg: f64,
-    angle_deg: f64,
-    tan: f64,
-    cos: f64,
-}
-
-impl SteeringServo {
-    pub(crate) fn new(truth: &SteeringTruth, centre: f64, dt_s: f64) -> Self {
-        Self {
-            centre,
-            deg_per_count: truth.stop_deg / truth.range_counts,
-            stop_deg: truth.stop_deg,
-            response: response(dt_s, truth.lag_s),
-            most_deg: truth.rate_dps * dt_s,
-            angle_deg: 0.0,
-            tan: 0.0,
-            cos: 1.0,
-        }
-    }
-
-    /// One step towards the pulse's angle. A count below the centre turns the wheels to the right.
-    pub(crate) fn step(&mut self, count: PwmCount) {
-        let wanted = (self.centre - count.as_f64()) * self.deg_per_count;
-        let missing = wanted.clamp(-self.stop_deg, self.stop_deg) - self.angle_deg;
-        if missing == 0.0 {
-            return;
-        }
-        self.angle_deg += if missing.abs() < SERVO_PLAY_DEG {
-            missing
-        } else {
-            (missing * self.response).clamp(-self.most_deg, self.most_deg)
-        };
-        let (sin, cos) = libm::sincos(self.angle_deg.to_radians());
-        (self.tan, self.cos) = (sin / cos, cos);
-    }
-
-    /// Tangent of the wheels' angle, + = to the right.
-    pub(crate) fn tan(&self) -> f64 {
-        self.tan
-    }
-
-    /// Cosine of the wheels' angle.
-    pub(crate) fn cos(&self) -> f64 {
-        self.cos
-    }
-}
 
 /// Motor, ESC and the truck's mass.
 #[derive(Debug, Clone)]
@@ -254,18 +194,6 @@ mod tests {
             drive.step(PwmCount::NEUTRAL, 1.0, 0.0);
         }
         assert_eq!(drive.wheel_mps(), 0.0);
-    }
-
-    #[test]
-    fn servos_turn_right_below_their_centre_at_a_limited_rate() {
-        let mut servo = SteeringServo::new(&SteeringTruth::default(), 3710.0, DT_S);
-        servo.step(count(3710 - 975));
-        assert!((servo.angle_deg - 1.0).abs() < 1e-12, "200°/s: {}", servo.angle_deg);
-        for _ in 0..200 {
-            servo.step(count(2331));
-        }
-        assert_eq!(servo.angle_deg, 20.0, "the stop holds");
-        assert!((servo.tan() - libm::tan(20_f64.to_radians())).abs() < 1e-12);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::parameters::GyroTruth;
 use xtb_control::controller::GyroSample;
 use xtb_control::odometry::GYRO_DEG_PER_COUNT;
 use xtb_control::units::Stamp;
-use xtb_protocol::gyro_3dmg::{EULER, EulerFrame, QUERY_FIRMWARE, START_CONTINUOUS};
+use xtb_protocol::gyro_3dmg::{EULER, EulerFrame, QUERY_FIRMWARE, START_CONTINUOUS, encode_firmware};
 
 const PERIOD_NS: u64 = 10_000_000;
 const TICK_NS: u64 = 6_553_600;
@@ -47,7 +47,7 @@ impl Gyro {
             drift_dps: noise.uniform(0.0, truth.yaw_drift_dps),
             command_bytes: 0,
             next_ns: None,
-            outbox: Outbox::default(),
+            outbox: Outbox::new(noise.fork()),
         }
     }
 
@@ -58,7 +58,9 @@ impl Gyro {
                 (2, _) => {
                     self.command_bytes = 0;
                     // The third byte names the frame to repeat; anything but Euler angles ends it.
-                    self.next_ns = (byte == EULER).then_some(now.ns() + PERIOD_NS);
+                    // Asked again while it sends, it goes on as before.
+                    let next_ns = self.next_ns.unwrap_or(now.ns() + PERIOD_NS);
+                    self.next_ns = (byte == EULER).then_some(next_ns);
                 }
                 (1, byte) if byte == START_CONTINUOUS[1] => self.command_bytes = 2,
                 (_, byte) if byte == START_CONTINUOUS[0] => self.command_bytes = 1,
@@ -68,7 +70,7 @@ impl Gyro {
                 }
                 (_, QUERY_FIRMWARE) => {
                     self.command_bytes = 0;
-                    self.send_firmware();
+                    self.outbox.send(&encode_firmware(FIRMWARE));
                 }
                 _ => self.command_bytes = 0,
             }
@@ -106,19 +108,12 @@ impl Gyro {
         let ticks = (now.ns() / TICK_NS) as u16;
         self.outbox.send(&EulerFrame { angles, ticks }.encode());
     }
-
-    /// Header, version and check sum = header + version.
-    fn send_firmware(&mut self) {
-        let [high, low] = FIRMWARE.to_be_bytes();
-        let [sum_high, sum_low] = FIRMWARE.wrapping_add(u16::from(QUERY_FIRMWARE)).to_be_bytes();
-        self.outbox.send(&[QUERY_FIRMWARE, high, low, sum_high, sum_low]);
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use xtb_protocol::gyro_3dmg::{EulerReader, STOP_CONTINUOUS};
+    use xtb_protocol::gyro_3dmg::{GyroFrame, GyroReader, STOP_CONTINUOUS};
 
     const LEVEL: Attitude = Attitude { heading_deg: 0.0, pitch_deg: 0.0, roll_deg: 0.0 };
 
@@ -130,7 +125,10 @@ mod tests {
     fn frames(gyro: &mut Gyro) -> Vec<EulerFrame> {
         let (mut bytes, mut found) = (Vec::new(), Vec::new());
         gyro.outbox().take(&mut bytes);
-        EulerReader::default().push(&bytes, |frame| found.push(frame));
+        GyroReader::default().push(&bytes, |frame| match frame {
+            GyroFrame::Euler(frame) => found.push(frame),
+            GyroFrame::Firmware(version) => panic!("nobody asked for firmware {version}"),
+        });
         found
     }
 
@@ -151,6 +149,16 @@ mod tests {
         gyro.rx(&STOP_CONTINUOUS, Stamp::from_ms(2000), &LEVEL, &mut noise);
         run(&mut gyro, &mut noise, 2005, 3000);
         assert_eq!(frames(&mut gyro).len(), 0);
+    }
+
+    #[test]
+    fn asked_again_and_again_it_still_sends() {
+        let (mut gyro, mut noise) = gyro();
+        for ms in (0..1000).step_by(5) {
+            gyro.rx(&START_CONTINUOUS, Stamp::from_ms(ms), &LEVEL, &mut noise);
+            gyro.step(Stamp::from_ms(ms + 5), &LEVEL, &mut noise);
+        }
+        assert_eq!(frames(&mut gyro).len(), 100);
     }
 
     #[test]
@@ -178,6 +186,19 @@ mod tests {
         let mut bytes = Vec::new();
         gyro.outbox().take(&mut bytes);
         assert_eq!(bytes, [0xF0, 0x05, 0x14, 0x06, 0x04]);
+    }
+
+    #[test]
+    fn in_continuous_mode_the_firmware_is_answered_between_two_frames() {
+        let (mut gyro, mut noise) = gyro();
+        gyro.rx(&START_CONTINUOUS, Stamp::ZERO, &LEVEL, &mut noise);
+        run(&mut gyro, &mut noise, 5, 20);
+        gyro.rx(&[QUERY_FIRMWARE], Stamp::from_ms(20), &LEVEL, &mut noise);
+        run(&mut gyro, &mut noise, 25, 50);
+        let (mut bytes, mut kinds) = (Vec::new(), Vec::new());
+        gyro.outbox().take(&mut bytes);
+        GyroReader::default().push(&bytes, |frame| kinds.push(matches!(frame, GyroFrame::Euler(_))));
+        assert_eq!(kinds, [true, true, false, true, true, true]);
     }
 
     #[test]

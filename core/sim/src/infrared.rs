@@ -8,8 +8,10 @@
 //!     └──┬──────────────┬── cm
 //!        8             80
 //! ```
-//! Each looks straight ahead (front) or straight back (rear) along a single ray. They are listed
-//! left to right, seen from above with the truck pointing up.
+//! Each looks ahead (front) or back (rear) along a single ray, tilted with its bumper: an upright
+//! surface at the distance d is then d / cos θ away, so that hyp · cos θ (§4.5) gives d back. Floor
+//! and ceiling are not seen. They are listed left to right, seen from above with the truck pointing
+//! up.
 
 use crate::geometry::{Beam, OrientedBox};
 use crate::noise::Noise;
@@ -72,12 +74,13 @@ impl RangeFinders {
         Self { truth: truth.clone(), sensors, due_ns: 0 }
     }
 
-    /// Lets every sensor measure whose time has come.
+    /// Lets every sensor measure whose time has come. `stretch` is 1 / cos θ of front and rear bumper.
     pub(crate) fn step(
         &mut self,
         context: &StepContext<'_>,
         me: usize,
         body: &OrientedBox,
+        stretch: [f64; 2],
         noise: &mut Noise,
     ) {
         let now_ns = context.now().ns();
@@ -88,7 +91,9 @@ impl RangeFinders {
         for sensor in &mut self.sensors {
             if sensor.next_ns <= now_ns {
                 sensor.next_ns += sensor.period_ns;
-                sensor.measure(&self.truth, context, me, body, noise);
+                let stretch = stretch[usize::from(sensor.ahead_m < 0.0)];
+                let way_m = sensor.way_m(context, me, body).map(|way_m| way_m * stretch);
+                sensor.measure(&self.truth, way_m, noise);
             }
             self.due_ns = self.due_ns.min(sensor.next_ns);
         }
@@ -102,14 +107,8 @@ impl RangeFinders {
 }
 
 impl Sensor {
-    fn measure(
-        &mut self,
-        truth: &InfraredTruth,
-        context: &StepContext<'_>,
-        me: usize,
-        body: &OrientedBox,
-        noise: &mut Noise,
-    ) {
+    /// Way along the floor to the nearest surface.
+    fn way_m(&self, context: &StepContext<'_>, me: usize, body: &OrientedBox) -> Option<f64> {
         let ((x_m, y_m), (cos, sin)) = (body.centre_m(), body.direction());
         let facing = self.ahead_m.signum();
         let beam = Beam::new(
@@ -119,7 +118,11 @@ impl Sensor {
             sin * facing,
             SIGHT_M,
         );
-        let seen_v = match context.nearest_m(me, beam) {
+        context.nearest_m(me, beam)
+    }
+
+    fn measure(&mut self, truth: &InfraredTruth, range_m: Option<f64>, noise: &mut Noise) {
+        let seen_v = match range_m {
             // Far away the curve sinks below what the sensor shows of nothing at all.
             Some(range_m) => curve_v(truth, range_m * 100.0).max(self.floor_v),
             None => self.floor_v,

@@ -8,7 +8,9 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod board;
+pub mod calibration;
 mod drive;
+pub mod faults;
 mod geometry;
 mod grid;
 mod gyro;
@@ -18,15 +20,20 @@ pub mod lockstep;
 mod noise;
 pub mod parameters;
 mod platform;
+pub mod receiver;
 mod scene;
+mod servos;
 pub mod simulation;
 mod starts;
 pub mod vehicle;
 pub mod world;
 mod world_error;
 
+pub use calibration::{CalibrationTruth, Measured};
+pub use faults::{LineFault, LineFaults};
 pub use lockstep::{Lockstep, LockstepError};
 pub use parameters::{Body, TruckParameters};
+pub use receiver::Transmitter;
 pub use scene::StepContext;
 pub use simulation::{STEP_NS, Simulation, SimulationError};
 pub use starts::FREE_AHEAD_M;

@@ -11,7 +11,6 @@ use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
 use xtb_protocol::Name;
-use xtb_protocol::gyro_3dmg::START_CONTINUOUS;
 use xtb_protocol::keys::NameError;
 use xtb_protocol::messages::{Rejected, Reply, Request, RobotState, TruthRobot};
 
@@ -98,11 +97,14 @@ impl Lockstep {
             bytes.clear();
             truck.take_gyro_tx(bytes);
             robot.gyro_bytes(now, bytes);
-            if robot.gyro_is_silent(now) {
-                truck.gyro_rx(&START_CONTINUOUS);
-            }
             if let Some(frame) = robot.turn(now) {
                 truck.board_rx(frame.as_bytes());
+            }
+            while let Some(frame) = robot.board_request(now) {
+                truck.board_rx(frame.as_bytes());
+            }
+            if let Some(command) = robot.gyro_request(now) {
+                truck.gyro_rx(command);
             }
             while robot.agent_mut().next_event().is_some() {}
         }

@@ -13,6 +13,16 @@ impl Noise {
         Self(Pcg32::new(seed ^ (stream + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15), stream))
     }
 
+    /// A stream of its own for a part whose use must not change what the rest draws.
+    pub(crate) fn fork(&mut self) -> Self {
+        Self::new(self.0.next_u64(), self.0.next_u64())
+    }
+
+    /// Whether something of this probability happens; certain and impossible things draw nothing.
+    pub(crate) fn chance(&mut self, probability: f64) -> bool {
+        probability > 0.0 && (probability >= 1.0 || self.uniform(0.0, 1.0) < probability)
+    }
+
     /// Uniform in [min, max).
     pub(crate) fn uniform(&mut self, min: f64, max: f64) -> f64 {
         min + (max - min) * f64::from(self.0.next_u32()) / 4_294_967_296.0
@@ -47,6 +57,29 @@ mod tests {
         let variance = values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / 20_000.0;
         assert!(mean.abs() < 0.1, "{mean}");
         assert!((libm::sqrt(variance) - 3.0).abs() < 0.1, "{variance}");
+    }
+
+    #[test]
+    fn drawing_from_a_fork_leaves_the_rest_as_it_is() {
+        let rest = |drawn: usize| {
+            let mut noise = Noise::new(7, 0);
+            let mut fork = noise.fork();
+            for _ in 0..drawn {
+                fork.uniform(0.0, 1.0);
+            }
+            (noise.uniform(0.0, 1.0), fork.uniform(0.0, 1.0))
+        };
+        assert_eq!(rest(0).0, rest(100).0);
+        assert_ne!(rest(0).1, rest(100).1);
+        assert_ne!(rest(0).0, rest(0).1);
+    }
+
+    #[test]
+    fn chances_come_as_often_as_they_should() {
+        let mut noise = Noise::new(7, 0);
+        let happened = (0..10_000).filter(|_| noise.chance(0.25)).count();
+        assert!((2350..2650).contains(&happened), "{happened}");
+        assert!(noise.chance(1.0) && !noise.chance(0.0));
     }
 
     #[test]

@@ -2,13 +2,13 @@
 //!
 //! They are apart from the agent's `VehicleConfig` on purpose: the controller has to cope with a
 //! truck that is not quite what its configuration says. What differs from truck to truck (wheel
-//! scale, yaw drift, sensor phases) is drawn from the seed within the tolerances given here.
+//! scale, servo lines, piston curves, yaw drift, sensor phases) is drawn from the seed within the
+//! tolerances given here.
 
-use xtb_control::VehicleConfig;
 use xtb_control::config::{
-    Allowed::Range,
+    Allowed::{Range, Switch},
     ConfigError,
-    Origin::{Assumed, DataSheet, Ours, Printed},
+    Origin::{Assumed, DataSheet, Printed},
     Parameter,
 };
 use xtb_control::config_section;
@@ -32,6 +32,21 @@ config_section! {
         stop_deg: f64 = 20.0, "deg", Range(1.0, 45.0), Assumed, "Wheel angle at the stop.";
         rate_dps: f64 = 200.0, "deg/s", Range(1.0, 2000.0), Assumed, "Fastest the wheels turn.";
         lag_s: f64 = 0.03, "s", Range(0.001, 1.0), Assumed, "First-order lag near the wanted angle.";
+        play_deg: f64 = 0.5, "deg", Range(0.0, 5.0), Assumed, "Play of the linkage either side (the hysteresis of Annex A.2).";
+        centre_tolerance_counts: f64 = 15.0, "counts", Range(0.0, 300.0), Assumed, "An axle's own centre differs from nominal by up to this.";
+        slope_tolerance: f64 = 0.03, "of the slope", Range(0.0, 0.5), Assumed, "An axle's own angle per count differs from nominal by up to this.";
+    }
+}
+
+config_section! {
+    /// The servos that tilt the bumpers.
+    BumperTruth "bumper" {
+        deg_per_count: f64 = 0.036, "deg/count", Range(0.001, 0.1), Assumed, "Angle per count, + = up (90° a millisecond, as hobby servos turn).";
+        zero_count: f64 = 3750.0, "counts", Range(2331.0, 5272.0), Assumed, "Pulse that points the range finders straight ahead.";
+        stop_deg: f64 = 60.0, "deg", Range(1.0, 80.0), Assumed, "Angle at the stop, either way.";
+        rate_dps: f64 = 260.87, "deg/s", Range(1.0, 2000.0), Assumed, "Fastest turn (0.23 s/60°, printed for the suspension's servos in §2.1).";
+        zero_tolerance_counts: f64 = 15.0, "counts", Range(0.0, 300.0), Assumed, "A bumper's own zero differs from nominal by up to this.";
+        slope_tolerance: f64 = 0.03, "of the slope", Range(0.0, 0.5), Assumed, "A bumper's own angle per count differs from nominal by up to this.";
     }
 }
 
@@ -48,9 +63,8 @@ config_section! {
 }
 
 config_section! {
-    /// The encoder on the motor shaft.
+    /// The encoder on the motor shaft. Its counting window is that of the board's set-up.
     EncoderTruth "encoder" {
-        window_s: f64 = 0.052_428_8, "s", Range(0.005, 1.0), Printed("§4.2.3 (0x8000 · 64 / 40 MHz)"), "Length of the counting window.";
         pulses_per_rev: f64 = 60.0, "pulses", Range(1.0, 10_000.0), Printed("§2.2"), "Pulses per revolution of the motor shaft.";
         gear_ratio: f64 = 34.0, "motor turns per wheel turn", Range(1.0, 1000.0), Printed("§2.1"), "Gear box.";
         wheel_diameter_m: f64 = 0.1651, "m", Range(0.02, 1.0), Printed("§2.1 (6.5 in)"), "Nominal tyre diameter.";
@@ -101,16 +115,43 @@ config_section! {
         tilt_x_zero_v: f64 = 2.525, "V", Range(0.0, 5.0), Printed("§4.8.1"), "Voltage when level, x.";
         tilt_y_zero_v: f64 = 2.503, "V", Range(0.0, 5.0), Printed("§4.8.1"), "Voltage when level, y.";
         piston_travel_m: f64 = 0.04, "m", Range(0.001, 1.0), Assumed, "From end to end, 0..1024 counts of its sensor.";
-        piston_mps_per_count: f64 = 1.0e-5, "m/s per count", Range(0.0, 0.01), Assumed, "Speed per count away from 1.5 ms; longer pulses lift.";
+        piston_mps_per_count: f64 = 5.0e-5, "m/s per count", Range(0.0, 0.01), Assumed, "Speed per count beyond the dead band around 1.5 ms; longer pulses lift.";
+        piston_dead_band_counts: f64 = 12.0, "counts", Range(0.0, 500.0), Assumed, "Either side of zero movement nothing moves.";
+        piston_flat_counts: f64 = 1000.0, "counts", Range(10.0, 5000.0), Assumed, "So far beyond the dead band the curve of the 4th order (Annex A.3) is flat.";
+        piston_load_effect: f64 = 0.03, "of the speed", Range(0.0, 0.5), Assumed, "Lifting is slower by this, lowering faster.";
+        piston_zero_tolerance_counts: f64 = 10.0, "counts", Range(0.0, 300.0), Assumed, "A piston's own zero movement differs from 1.5 ms by up to this.";
+        piston_gain_tolerance: f64 = 0.1, "of the slope", Range(0.0, 0.5), Assumed, "A piston's own speed per count differs from nominal by up to this.";
     }
 }
 
 config_section! {
-    /// The I/O board.
+    /// The R/C transmitter and receiver, and how the TPU's NITC function reads the pulses (§4.2.2).
+    ReceiverTruth "receiver" {
+        fitted: bool = true, "", Switch, Printed("§2.1"), "Whether the truck has a receiver.";
+        period_s: f64 = 0.0222, "s", Range(0.005, 0.1), Printed("§4.2.2"), "Between two pulses of a channel.";
+        centre_ms: f64 = 1.5, "ms", Range(1.0, 2.0), Printed("§2.1"), "Pulse of a centred stick.";
+        stroke_ms: f64 = 0.5, "ms", Range(0.05, 0.6), Printed("§2.1 (1.0 to 2.0 ms)"), "Longest way of a stick's pulse from its centre.";
+        manual_ms: f64 = 1.2, "ms", Range(0.8, 2.2), Assumed, "Pulse of the selector on manual.";
+        automatic_ms: f64 = 1.8, "ms", Range(0.8, 2.2), Assumed, "Pulse of the selector on automatic.";
+        jitter_ticks: f64 = 1.0, "ticks", Range(0.0, 100.0), Assumed, "A pulse differs by up to this, beside the rounding to whole ticks.";
+        wrong_edge: f64 = 0.5, "", Range(0.0, 1.0), Assumed, "Probability that a channel starts on the other edge (§4.2.2 says that it happens).";
+        glitch_every_s: f64 = 60.0, "s", Range(0.1, 1.0e9), Assumed, "Mean time until a channel gets into the 420 % state (§4.2.2 says that it happens).";
+        interference: f64 = 0.0, "", Range(0.0, 1.0), Assumed, "Probability that a single pulse is not seen.";
+    }
+}
+
+config_section! {
+    /// What a person measures with while calibrating (Annex A).
+    InstrumentTruth "instruments" {
+        wheel_noise_deg: f64 = 0.3, "deg", Range(0.0, 10.0), Assumed, "Standard deviation of a wheel angle read from lines on the floor.";
+        bumper_noise_deg: f64 = 0.3, "deg", Range(0.0, 10.0), Assumed, "Standard deviation of a bumper angle read from a protractor.";
+    }
+}
+
+config_section! {
+    /// The I/O board. Its PWM period, encoder window and watchdog are those of the set-up it gets.
     BoardTruth "board" {
-        pwm_period_s: f64 = 0.0222, "s", Range(0.005, 1.0), Printed("§4.1"), "New pulses take effect when a period ends.";
         adc_period_s: f64 = 0.038, "s", Range(0.005, 1.0), Printed("§4.5"), "Between two scans.";
-        watchdog_s: f64 = 0.1, "s", Range(0.02, 10.0), Ours, "Without a good frame for this long the motor goes neutral.";
     }
 }
 
@@ -120,8 +161,10 @@ config_section! {
 pub struct TruckParameters {
     /// The body.
     pub body: Body,
-    /// Steering servos.
+    /// Steering servos and linkages.
     pub steering: SteeringTruth,
+    /// Bumper servos.
+    pub bumper: BumperTruth,
     /// Motor and ESC.
     pub drive: DriveTruth,
     /// Encoder.
@@ -134,47 +177,31 @@ pub struct TruckParameters {
     pub gyro: GyroTruth,
     /// Tilt sensor and pistons.
     pub platform: PlatformTruth,
+    /// R/C receiver.
+    pub receiver: ReceiverTruth,
     /// I/O board.
     pub board: BoardTruth,
+    /// Protractors.
+    pub instruments: InstrumentTruth,
 }
 
 impl TruckParameters {
-    /// The truck that an agent with this configuration believes to sit in: the defaults, with the
-    /// agent's dimensions, steering and encoder taken for nominal.
-    #[must_use]
-    pub fn for_vehicle(config: &VehicleConfig) -> Self {
-        let mut truth = Self::default();
-        let (geometry, steering) = (&config.geometry, &config.steering);
-        truth.body = Body {
-            length_m: geometry.body_length_m,
-            width_m: geometry.body_width_m,
-            wheelbase_m: geometry.wheelbase_m,
-            track_m: geometry.track_m,
-        };
-        truth.steering.front_centre = steering.front_centre;
-        truth.steering.rear_centre = steering.rear_centre;
-        truth.steering.range_counts = steering.range_counts;
-        truth.steering.stop_deg = steering.stop_deg;
-        truth.encoder.window_s = config.encoder.window_s;
-        truth.encoder.pulses_per_rev = config.encoder.pulses_per_rev;
-        truth.encoder.gear_ratio = config.encoder.gear_ratio;
-        truth.encoder.wheel_diameter_m = geometry.wheel_diameter_m;
-        truth
-    }
-
     /// Every parameter with its present value, section by section.
     #[must_use]
     pub fn parameters(&self) -> Vec<Parameter> {
         [
             self.body.parameters(),
             self.steering.parameters(),
+            self.bumper.parameters(),
             self.drive.parameters(),
             self.encoder.parameters(),
             self.battery.parameters(),
             self.infrared.parameters(),
             self.gyro.parameters(),
             self.platform.parameters(),
+            self.receiver.parameters(),
             self.board.parameters(),
+            self.instruments.parameters(),
         ]
         .concat()
     }
@@ -211,11 +238,46 @@ impl TruckParameters {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use xtb_control::VehicleConfig;
 
     #[test]
-    fn the_defaults_are_valid_and_agree_with_the_agents() {
-        TruckParameters::default().validate().unwrap();
-        assert_eq!(TruckParameters::for_vehicle(&VehicleConfig::default()), TruckParameters::default());
+    fn the_defaults_are_valid_and_nominally_what_an_agent_believes() {
+        let (truth, config) = (TruckParameters::default(), VehicleConfig::default());
+        truth.validate().unwrap();
+        let geometry = &config.geometry;
+        assert_eq!(truth.body.wheelbase_m, geometry.wheelbase_m);
+        assert_eq!(truth.body.track_m, geometry.track_m);
+        assert_eq!(
+            (truth.body.length_m, truth.body.width_m),
+            (geometry.body_length_m, geometry.body_width_m)
+        );
+        assert_eq!(truth.encoder.wheel_diameter_m, geometry.wheel_diameter_m);
+        assert_eq!(truth.encoder.pulses_per_rev, config.encoder.pulses_per_rev);
+        assert_eq!(truth.encoder.gear_ratio, config.encoder.gear_ratio);
+        assert_eq!(truth.platform.tilt_x_zero_v, config.tilt.x_zero_v);
+        assert_eq!(truth.platform.tilt_y_zero_v, config.tilt.y_zero_v);
+        assert_eq!(truth.platform.tilt_x_v_per_deg, config.tilt.x_v_per_deg);
+        assert_eq!(truth.platform.tilt_y_v_per_deg, config.tilt.y_v_per_deg);
+        assert_eq!(truth.platform.piston_travel_m, config.pistons.travel_m);
+    }
+
+    #[test]
+    fn the_nominal_lines_are_those_of_an_uncalibrated_agent() {
+        let (truth, config) = (TruckParameters::default(), VehicleConfig::default());
+        let [front, rear] = config.calibration.steering();
+        let steering = &truth.steering;
+        assert_eq!((steering.front_centre, steering.rear_centre), (3710.0, 4179.0));
+        assert_eq!((steering.range_counts, steering.stop_deg), (975.0, 20.0));
+        let at_the_stop = (front.at(3710.0 - 975.0), rear.at(4179.0 - 975.0));
+        assert!((at_the_stop.0 - 20.0).abs() < 1e-9 && (at_the_stop.1 - 20.0).abs() < 1e-9);
+        for line in config.calibration.bumpers() {
+            assert!((line.at(truth.bumper.zero_count)).abs() < 1e-9);
+            assert_eq!(line.slope, truth.bumper.deg_per_count);
+        }
+        for line in config.calibration.pistons() {
+            assert!((line.at(3750.0)).abs() < 1e-9);
+            assert_eq!(line.slope, truth.platform.piston_mps_per_count);
+        }
     }
 
     #[test]

@@ -1,24 +1,31 @@
 //! One simulated truck: bytes from the agent in, motion, bytes to the agent out.
 //!
 //! ```text
-//!   board_rx ─► board ─► steering servos ─┐
-//!                    └─► ESC and motor  ──┴─► pose ─► range finders ─► board ─► take_board_tx
-//!   gyro_rx  ─────────────────────────────────────► gyro ───────────────────► take_gyro_tx
+//!   transmitter ─► receiver ─┐
+//!   board_rx ──────────────► board ─► steering servos ─┐
+//!                              │  └─► ESC and motor  ──┴─► pose ─► range finders ─┐
+//!                              ├────► bumper servos ──────────────────► (tilt) ───┤
+//!                              └────► pistons ─► platform ─► tilt sensor ─────────┴─► board ─► take_board_tx
+//!   gyro_rx ────────────────────────────────────────────► gyro ─────────────────────────────► take_gyro_tx
 //! ```
 //! Four-wheel-steered bicycle: the longitudinal speed u is common to both axles, an axle whose
 //! wheels are turned by δ moves sideways by u tan δ, so the heading turns (clockwise) at
 //! u (tan δ_front − tan δ_rear) / L. With both axles steered oppositely the radius is
 //! R = L / (2 tan δ).
 
-use crate::board::{Board, ShaftTravel};
-use crate::drive::{Battery, Drive, SteeringServo};
+use crate::board::{self, Board, ShaftTravel};
+use crate::calibration::{CalibrationTruth, Measured};
+use crate::drive::{Battery, Drive};
+use crate::faults::{Impostors, LineFault, LineFaults};
 use crate::geometry::OrientedBox;
 use crate::gyro::{Attitude, Gyro};
 use crate::infrared::RangeFinders;
 use crate::noise::Noise;
-use crate::parameters::{Body, TruckParameters};
+use crate::parameters::{Body, InstrumentTruth, TruckParameters};
 use crate::platform::Platform;
+use crate::receiver::Transmitter;
 use crate::scene::StepContext;
+use crate::servos::{BumperServo, SteeringAxle};
 use crate::simulation::STEP_S;
 use crate::starts::footprint;
 use std::f64::consts::PI;
@@ -43,8 +50,9 @@ pub struct Truck {
 
     board: Board,
     gyro: Gyro,
-    front: SteeringServo,
-    rear: SteeringServo,
+    front: SteeringAxle,
+    rear: SteeringAxle,
+    bumpers: [BumperServo; 2],
     drive: Drive,
     battery: Battery,
     platform: Platform,
@@ -62,6 +70,10 @@ pub struct Truck {
     contacts: u64,
     touching: bool,
     ran_into: Vec<usize>,
+
+    instruments: InstrumentTruth,
+    instrument_noise: Noise,
+    impostors: Impostors,
 }
 
 impl Truck {
@@ -78,19 +90,23 @@ impl Truck {
         let scale = 1.0 + noise.uniform(-encoder.scale_tolerance, encoder.scale_tolerance);
         let pulses_per_turn = encoder.pulses_per_rev * encoder.gear_ratio;
         let steering = &parameters.steering;
-        let servo = |centre| SteeringServo::new(steering, centre, STEP_S);
+        let mut axle = |centre| SteeringAxle::new(steering, centre, STEP_S, &mut noise);
+        let (front, rear) = (axle(steering.front_centre), axle(steering.rear_centre));
+        let mut bumper = || BumperServo::new(&parameters.bumper, STEP_S, &mut noise);
+        let bumpers = [bumper(), bumper()];
         Self {
             index,
             name: name.to_owned(),
             dimensions: parameters.body.clone(),
             now: Stamp::ZERO,
-            board: Board::new(&parameters.board, encoder, steering, &mut noise),
+            board: Board::new(parameters, &mut noise),
             gyro: Gyro::new(&parameters.gyro, &mut noise),
-            front: servo(steering.front_centre),
-            rear: servo(steering.rear_centre),
+            front,
+            rear,
+            bumpers,
             drive: Drive::new(&parameters.drive, STEP_S),
             battery: Battery::new(&parameters.battery),
-            platform: Platform::new(&parameters.platform, &parameters.body),
+            platform: Platform::new(&parameters.platform, &parameters.body, &mut noise),
             range_finders: RangeFinders::new(&parameters.infrared, &parameters.body, &mut noise),
             yaw_rad: wrap_rad(start.yaw_rad),
             body: footprint(start, &parameters.body),
@@ -101,6 +117,9 @@ impl Truck {
             contacts: 0,
             touching: false,
             ran_into: Vec::with_capacity(8),
+            instruments: parameters.instruments.clone(),
+            instrument_noise: noise.fork(),
+            impostors: Impostors::default(),
             noise,
         }
     }
@@ -132,9 +151,54 @@ impl Truck {
         }
     }
 
-    /// Bytes from the agent to the I/O board: PWM frames.
+    /// The lines that a calibration has to find.
+    #[must_use]
+    pub fn calibration_truth(&self) -> CalibrationTruth {
+        CalibrationTruth {
+            steering: [self.front.line(), self.rear.line()],
+            bumpers: [self.bumpers[0].line(), self.bumpers[1].line()],
+            pistons: self.platform.lines(),
+        }
+    }
+
+    /// What a person with a protractor reads off the truck now, errors included. Measuring changes
+    /// nothing about the truck.
+    pub fn measured(&mut self) -> Measured {
+        let noise = &mut self.instrument_noise;
+        let (wheel_deg, bumper_deg) = (self.instruments.wheel_noise_deg, self.instruments.bumper_noise_deg);
+        Measured {
+            steering_deg: [&self.front, &self.rear].map(|axle| axle.wheels_deg() + noise.bell(wheel_deg)),
+            bumpers_deg: [0, 1].map(|i: usize| self.bumpers[i].angle_deg() + noise.bell(bumper_deg)),
+        }
+    }
+
+    /// Steps so far in which a piston was at its mechanical end and driven on by more than its dead
+    /// band.
+    #[must_use]
+    pub fn end_stop_pushes(&self) -> u64 {
+        self.platform.end_stop_pushes()
+    }
+
+    /// What the person with the R/C transmitter does from now on; ignored by a truck without a
+    /// receiver.
+    pub fn set_transmitter(&mut self, transmitter: Transmitter) {
+        self.board.set_transmitter(transmitter);
+    }
+
+    /// Switches the I/O board off and on again: all outputs neutral at once, until the next set-up.
+    pub fn power_cycle_board(&mut self) {
+        self.board.power_cycle(self.now);
+    }
+
+    /// Breaks or mends the lines to the agent.
+    pub fn set_line_faults(&mut self, faults: LineFaults) {
+        self.board.outbox().set_fault(faults.board);
+        self.gyro.outbox().set_fault(faults.gyro);
+    }
+
+    /// Bytes from the agent to the I/O board: set-up, PWM and reset frames.
     pub fn board_rx(&mut self, bytes: &[u8]) {
-        self.board.rx(bytes, self.now);
+        self.board.rx(bytes, self.now, &mut self.noise);
     }
 
     /// Moves everything that the board has sent to the end of `into`.
@@ -169,19 +233,22 @@ impl Truck {
     /// simulation that the truck belongs to. Allocates nothing.
     pub fn step(&mut self, context: &StepContext<'_>) {
         self.board.latch(context.start());
-        self.platform.step(&self.board.outputs().pistons, STEP_S);
+        self.move_servos();
         let from_pulses = self.pulses;
         self.roll(context);
         self.now = context.now();
         let travel =
             ShaftTravel { start: context.start(), end: self.now, from_pulses, to_pulses: self.pulses };
         self.board.count(&travel);
-        self.range_finders.step(context, self.index, &self.body, &mut self.noise);
+        let stretch = [self.bumpers[0].stretch(), self.bumpers[1].stretch()];
+        self.range_finders.step(context, self.index, &self.body, stretch, &mut self.noise);
         let attitude = self.attitude();
         if self.board.scan_due(self.now) {
             self.send_scan(&attitude);
         }
+        self.board.report(self.now, &mut self.noise);
         self.gyro.step(self.now, &attitude, &mut self.noise);
+        self.swap_lines(&attitude);
     }
 
     pub(crate) fn body(&self) -> OrientedBox {
@@ -207,15 +274,33 @@ impl Truck {
         self.ran_into.clear();
     }
 
+    /// All servos but the motor's speed control.
+    fn move_servos(&mut self) {
+        let outputs = self.board.outputs();
+        self.platform.step(&outputs.pistons, STEP_S);
+        self.bumpers[0].step(outputs.bumper_front);
+        self.bumpers[1].step(outputs.bumper_rear);
+        self.front.step(outputs.steer_front);
+        self.rear.step(outputs.steer_rear);
+    }
+
+    /// Lets devices that hang on the wrong line send.
+    fn swap_lines(&mut self, attitude: &Attitude) {
+        let (board_line, gyro_line) = (self.board.outbox(), self.gyro.outbox());
+        if board_line.fault() == LineFault::WrongDevice {
+            self.impostors.on_board_line(self.now, attitude, board_line);
+        }
+        if gyro_line.fault() == LineFault::WrongDevice {
+            self.impostors.on_gyro_line(self.now, board::FIRMWARE, gyro_line);
+        }
+    }
+
     fn roll(&mut self, context: &StepContext<'_>) {
         let (x_m, y_m) = self.body.centre_m();
         let (cos, sin) = self.body.direction();
         self.rise = context.rise_at(x_m, y_m);
         let climb = cos * self.rise.0 + sin * self.rise.1;
-        let outputs = self.board.outputs();
-        self.front.step(outputs.steer_front);
-        self.rear.step(outputs.steer_rear);
-        self.drive.step(outputs.motor, self.battery.supply(), climb);
+        self.drive.step(self.board.outputs().motor, self.battery.supply(), climb);
         self.battery.step(&self.drive, STEP_S);
         self.ran_into.clear();
         let mut blocked = false;

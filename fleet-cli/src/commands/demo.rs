@@ -70,6 +70,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
         connect: Vec::new(),
         pty: None,
         truth_log: None,
+        record: None,
     };
     let simulator = tokio::select! {
         started = Simulator::start(plan) => started?,

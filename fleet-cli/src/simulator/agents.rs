@@ -5,6 +5,7 @@ use robot_agent::AgentError;
 use robot_agent::clock::Clock;
 use robot_agent::config::AgentConfig;
 use robot_agent::hardware::simulated::SimulatedHardware;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -13,10 +14,12 @@ use xtb_protocol::Name;
 use xtb_protocol::messages::RosterEntry;
 
 /// What all agents of a simulation share.
+#[derive(Debug, Clone)]
 pub(super) struct AgentSettings {
     pub(super) fleet: Name,
     pub(super) connect: Vec<String>,
     pub(super) vehicle: VehicleConfig,
+    pub(super) record: Option<PathBuf>,
 }
 
 /// One agent.
@@ -40,6 +43,7 @@ impl RunningAgent {
             connect: settings.connect.clone(),
             start_pose: robot.start_pose.unwrap_or_default(),
             vehicle: settings.vehicle.clone(),
+            record: settings.record.clone(),
         };
         let (end, shutdown) = watch::channel(false);
         let failure = Arc::<Mutex<Option<Failure>>>::default();

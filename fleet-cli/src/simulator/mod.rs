@@ -56,13 +56,15 @@ pub struct Plan {
     pub pty: Option<PathBuf>,
     /// Where to write the truth at every step.
     pub truth_log: Option<PathBuf>,
+    /// Folder where every agent records its steps.
+    pub record: Option<PathBuf>,
 }
 
 /// A running simulation.
 pub struct Simulator {
     endpoint: String,
-    connect: Vec<String>,
     fleet: Name,
+    settings: AgentSettings,
     roster: Roster,
     agents: Vec<Option<RunningAgent>>,
     truth: TruthView,
@@ -82,7 +84,6 @@ impl Simulator {
         check(&plan)?;
         let simulation = simulation(&plan)?;
         let roster = roster_of(&simulation)?;
-        let vehicle = VehicleConfig::default();
         let (bus, endpoint, connect) = session(&plan).await?;
 
         let time = WorldTime::new();
@@ -93,7 +94,12 @@ impl Simulator {
             observer.step(simulation);
         })?;
 
-        let settings = AgentSettings { fleet: plan.fleet.clone(), connect: connect.clone(), vehicle };
+        let settings = AgentSettings {
+            fleet: plan.fleet.clone(),
+            connect: connect.clone(),
+            vehicle: VehicleConfig::default(),
+            record: plan.record.clone(),
+        };
         let agents = roster
             .robots
             .iter()
@@ -106,8 +112,8 @@ impl Simulator {
         let roster_service = serve_roster(&bus, keys.sim_roster(), roster.clone()).await?;
         let simulator = Self {
             endpoint,
-            connect,
             fleet: plan.fleet,
+            settings,
             roster,
             agents,
             truth,
@@ -170,8 +176,7 @@ impl Simulator {
         if let Some(now) = truth.robots.get(&entry.name) {
             entry.start_pose = Some(MapPose { x_m: now.x_m, y_m: now.y_m, yaw_rad: now.yaw_rad });
         }
-        let vehicle = VehicleConfig::default();
-        let settings = AgentSettings { fleet: self.fleet.clone(), connect: self.connect.clone(), vehicle };
+        let settings = self.settings.clone();
         let clock = self.world.time().join();
         self.agents[index] = Some(RunningAgent::start(&settings, &entry, hardware, clock));
     }

@@ -1,57 +1,71 @@
-//! Real lines: two serial ports (or ptys, which look the same).
+//! Real lines: two serial ports (or ptys, which look the same) that may come and go.
+//!
+//! A port that is missing, held by another program or unplugged while in use is no reason to end:
+//! its line is closed, says why at each read, and is opened again as soon as that is possible. What
+//! a cable does is the robot's business only through the sensor guard and the board's watchdog.
+//!
+//! ```text
+//!   control loop ── read, write ──▶ Line ── the broken port ──▶ opener thread
+//!                                    ▲                             │ closes it, tries every 100 ms
+//!                                    └── port, or why not ─────────┘
+//! ```
+//! To open and to close a USB port can take long (a close waits for bytes not sent yet, up to 30 s),
+//! so both are done by a thread of each line's own. The loop looks for its answers, never waits.
+
+mod line;
+mod port;
 
 use super::Hardware;
-use serialport::{ClearBuffer, SerialPort};
+use line::Line;
+pub use port::PortError;
+pub(super) use port::probe;
 use std::io;
-use std::time::Duration;
-use thiserror::Error;
 
-/// Longest that a write may hold the control loop up.
-const WRITE_WITHIN: Duration = Duration::from_millis(2);
+/// Ends each frame of the board, so the board finds its place again at it (docs/io-board.md).
+const BOARD_DELIMITER: u8 = 0x00;
 
-/// A port cannot be used.
-#[derive(Debug, Error)]
-#[error("cannot open the {line} port {path:?}: {reason}")]
-pub struct PortError {
-    /// `board` or `gyro`.
-    pub line: &'static str,
-    /// Its path.
+/// Where a line is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PortSettings {
+    /// Its device, or a link to it such as those in `/dev/serial/by-id`.
     pub path: String,
-    /// The system's words.
-    pub reason: String,
+    /// Its rate in baud, 8N1 without flow control; not 0, which hangs up.
+    pub baud: u32,
 }
 
 /// The two ports of a truck.
+///
+/// Reads and writes never wait for more than 2 ms. While a line is closed they return why: the
+/// error's kind is [`NotFound`](io::ErrorKind::NotFound) if the device is not there,
+/// [`ResourceBusy`](io::ErrorKind::ResourceBusy) if another program holds it,
+/// [`PermissionDenied`](io::ErrorKind::PermissionDenied) if we may not use it, or what the system
+/// says; the error inside is a [`PortError`]. An error on an open line closes it, unless its kind is
+/// [`TimedOut`](io::ErrorKind::TimedOut): then the port took no bytes for 2 ms, what waited in it is
+/// thrown away, and the next frame finds an empty port.
+#[derive(Debug)]
 pub struct SerialHardware {
-    board: Box<dyn SerialPort>,
-    gyro: Box<dyn SerialPort>,
+    board: Line,
+    gyro: Line,
 }
 
 impl SerialHardware {
-    /// Opens both ports, 8N1, and throws away what waited in them: it is old.
+    /// Tries to open both ports, throws away what waited in them (it is old), and goes on trying
+    /// every 100 ms, each time that one is closed, until it is dropped.
     ///
     /// # Errors
-    /// The port that cannot be opened.
-    pub fn open(board: &str, board_baud: u32, gyro: &str, gyro_baud: u32) -> Result<Self, PortError> {
-        Ok(Self { board: open("board", board, board_baud)?, gyro: open("gyro", gyro, gyro_baud)? })
+    /// The system cannot start a thread. A port that cannot be opened is no error.
+    pub fn start(board: PortSettings, gyro: PortSettings) -> io::Result<Self> {
+        Ok(Self {
+            board: Line::start("board", board, Some(BOARD_DELIMITER))?,
+            gyro: Line::start("gyro", gyro, None)?,
+        })
     }
-}
 
-fn open(line: &'static str, path: &str, baud: u32) -> Result<Box<dyn SerialPort>, PortError> {
-    let failed =
-        |error: serialport::Error| PortError { line, path: path.to_owned(), reason: error.to_string() };
-    let port = serialport::new(path, baud).timeout(WRITE_WITHIN).open().map_err(failed)?;
-    port.clear(ClearBuffer::All).map_err(failed)?;
-    Ok(port)
-}
-
-fn read(port: &mut dyn SerialPort, buffer: &mut [u8]) -> io::Result<usize> {
-    match port.bytes_to_read()? {
-        0 => Ok(0),
-        waiting => {
-            let most = buffer.len().min(waiting as usize);
-            port.read(&mut buffer[..most])
-        }
+    /// Why lines are closed, as of the last read or write; the board's first. Empty: both are open.
+    ///
+    /// For commands that need both ports now rather than some time.
+    pub fn closed(&self) -> impl Iterator<Item = &PortError> {
+        [&self.board, &self.gyro].into_iter().filter_map(Line::closed)
     }
 }
 
@@ -61,18 +75,21 @@ impl Hardware for SerialHardware {
     }
 
     fn read_board(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        read(&mut *self.board, buffer)
+        self.board.read(buffer)
     }
 
     fn read_gyro(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        read(&mut *self.gyro, buffer)
+        self.gyro.read(buffer)
     }
 
     fn write_board(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.board.write_all(bytes)
+        self.board.write(bytes)
     }
 
     fn write_gyro(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.gyro.write_all(bytes)
+        self.gyro.write(bytes)
     }
 }
+
+#[cfg(test)]
+mod tests;

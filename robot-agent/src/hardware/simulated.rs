@@ -9,11 +9,12 @@ use crate::clock::{Clock, WorldTime};
 use std::collections::VecDeque;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use thiserror::Error;
-use xtb_sim::{STEP_NS, Simulation, SimulationError, TruckParameters, World};
+use xtb_sim::{Measured, STEP_NS, Simulation, SimulationError, TruckParameters, World};
 
 /// Bytes that a line holds; when nobody reads, the oldest go.
 const LINE_CAPACITY: usize = 4096;
@@ -122,11 +123,37 @@ impl Hardware for SimulatedHardware {
 }
 
 type Order = Box<dyn FnOnce(&mut Simulation, &mut Vec<TruckLines>) + Send>;
+type Orders = Arc<Mutex<Vec<Order>>>;
+
+/// What a person with a protractor reads off a simulated truck (Annex A).
+#[derive(Clone)]
+pub struct Instruments {
+    orders: Orders,
+    index: usize,
+}
+
+impl Instruments {
+    /// Reads them when the world takes its next step, so whoever waits for the answer must go on
+    /// taking turns. No answer comes from a world that has ended.
+    #[must_use]
+    pub fn read(&self) -> Receiver<Measured> {
+        let (answer, answered) = sync_channel(1);
+        let index = self.index;
+        let order: Order = Box::new(move |simulation, _| {
+            if let Some(truck) = simulation.trucks_mut().get_mut(index) {
+                // Nobody may wait any more.
+                let _ = answer.try_send(truck.measured());
+            }
+        });
+        self.orders.lock().unwrap_or_else(PoisonError::into_inner).push(order);
+        answered
+    }
+}
 
 /// A world that runs on a thread of its own until this is dropped.
 pub struct RunningWorld {
     time: Arc<WorldTime>,
-    orders: Arc<Mutex<Vec<Order>>>,
+    orders: Orders,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -144,7 +171,7 @@ impl RunningWorld {
         speed: f64,
         each_step: impl FnMut(&Simulation) + Send + 'static,
     ) -> io::Result<Self> {
-        let (orders, stop) = (Arc::<Mutex<Vec<Order>>>::default(), Arc::new(AtomicBool::new(false)));
+        let (orders, stop) = (Orders::default(), Arc::new(AtomicBool::new(false)));
         let world = WorldThread { simulation, lines, orders: orders.clone(), time: time.clone() };
         let (flag, step) = (stop.clone(), Duration::from_nanos((STEP_NS as f64 / speed) as u64));
         let thread = std::thread::Builder::new()
@@ -171,6 +198,12 @@ impl RunningWorld {
         self.orders.lock().unwrap_or_else(PoisonError::into_inner).push(order);
     }
 
+    /// The instruments that a person holds to the truck with this index.
+    #[must_use]
+    pub fn instruments(&self, index: usize) -> Instruments {
+        Instruments { orders: self.orders.clone(), index }
+    }
+
     /// The world's clock.
     #[must_use]
     pub fn time(&self) -> &Arc<WorldTime> {
@@ -190,7 +223,7 @@ impl Drop for RunningWorld {
 struct WorldThread {
     simulation: Simulation,
     lines: Vec<TruckLines>,
-    orders: Arc<Mutex<Vec<Order>>>,
+    orders: Orders,
     time: Arc<WorldTime>,
 }
 
@@ -252,7 +285,7 @@ pub enum LoneTruckError {
 /// `--hardware simulated`: one truck alone in an empty room, its world in this process.
 pub struct LoneTruck {
     lines: SimulatedHardware,
-    _world: RunningWorld,
+    world: RunningWorld,
 }
 
 impl LoneTruck {
@@ -261,13 +294,27 @@ impl LoneTruck {
     /// # Errors
     /// [`LoneTruckError`].
     pub fn start(seed: u64) -> Result<(Self, Clock), LoneTruckError> {
+        Self::start_at(seed, 1.0)
+    }
+
+    /// Starts the world at `speed` × real time, as far as the machine goes.
+    ///
+    /// # Errors
+    /// [`LoneTruckError`].
+    pub fn start_at(seed: u64, speed: f64) -> Result<(Self, Clock), LoneTruckError> {
         let parameters = TruckParameters::default();
         let simulation = Simulation::new(World::default(), &parameters, &["truck"], seed)?;
         let (lines, world_lines) = SimulatedHardware::connect();
         let time = WorldTime::new();
         let clock = time.join();
-        let world = RunningWorld::start(simulation, vec![world_lines], time, 1.0, |_| {})?;
-        Ok((Self { lines, _world: world }, clock))
+        let world = RunningWorld::start(simulation, vec![world_lines], time, speed, |_| {})?;
+        Ok((Self { lines, world }, clock))
+    }
+
+    /// The instruments that a person holds to it.
+    #[must_use]
+    pub fn instruments(&self) -> Instruments {
+        self.world.instruments(0)
     }
 }
 

@@ -8,5 +8,6 @@ mod hostile;
 mod membership;
 mod obstacles;
 mod processes;
+mod recording;
 mod style;
 mod teleop;

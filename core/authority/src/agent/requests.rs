@@ -2,11 +2,11 @@
 
 use super::{Agent, Arrival, View};
 use crate::goal::{Goal, Target, TimeLimit};
-use crate::inputs::{INPUT_LOST_MS, Input};
+use crate::faults::INPUT_LOST_MS;
 use xtb_control::frames::{MapFromOdom, MapPose};
-use xtb_control::{Command, Stamp, goto};
+use xtb_control::{Command, Mode, Stamp, goto};
 use xtb_protocol::messages::{
-    Body, Done, EventKind, GoalStatus, LinkLoss, RejectCode, Reply, Request, StopReason,
+    Body, Done, EventKind, GoalStatus, InputAges, LinkLoss, RejectCode, Reply, Request, StopReason,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -157,6 +157,32 @@ impl Agent {
         Ok(())
     }
 
+    /// Whether the robot could drive at all.
+    fn check_ready(&self, view: View<'_>) -> Result<(), Refusal> {
+        if let Some((fault, _)) = self.faults.stopping() {
+            return Err((
+                RejectCode::NotReady,
+                format!("the {} has a fault: {fault}", fault.place()),
+                fault.remedy(),
+            ));
+        }
+        if view.outputs.mode == Mode::Manual {
+            return Err((
+                RejectCode::NotReady,
+                "the remote control drives (mode manual)".into(),
+                "set its selector to automatic",
+            ));
+        }
+        match unheard(view) {
+            None => Ok(()),
+            Some(name) => Err((
+                RejectCode::NotReady,
+                format!("the {name} has not been heard yet"),
+                "a robot that has just started needs a moment; `fleet-cli status` shows the ages",
+            )),
+        }
+    }
+
     fn begin(
         &mut self,
         now: Stamp,
@@ -166,13 +192,7 @@ impl Agent {
         command: Command,
         view: View<'_>,
     ) -> Outcome {
-        if let Some(lost) = Input::first_lost(&view.ages) {
-            return Err((
-                RejectCode::NotReady,
-                format!("the {} has not been heard for {INPUT_LOST_MS} ms", lost.name()),
-                "check its line; `robot-agent` logs what it hears",
-            ));
-        }
+        self.check_ready(view)?;
         self.end_goal(now, GoalStatus::Replaced, None);
         self.teleop = None;
         self.goal = Some(Goal::accepted(id, target, limit));
@@ -180,6 +200,14 @@ impl Agent {
         self.pending = Some(command);
         Ok(Done { lease: None, goal: Some(id) })
     }
+}
+
+/// An input without which nothing may move, and that has not been heard lately.
+fn unheard(view: View<'_>) -> Option<&'static str> {
+    let InputAges { gyro, encoder, adc, .. } = view.ages;
+    [(encoder, "encoder"), (adc, "converter"), (gyro, "gyro")]
+        .into_iter()
+        .find_map(|(age, name)| age.is_none_or(|ms| ms > INPUT_LOST_MS).then_some(name))
 }
 
 fn lease_lost(holder: Option<&Name>) -> Refusal {

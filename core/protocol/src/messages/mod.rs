@@ -4,10 +4,12 @@
 //! fields with a default may be left out, unknown ones are errors. [`Message::validate`] holds what
 //! the types cannot: finite, in range, bounded.
 
+mod fault;
 mod request;
 mod sim;
 mod state;
 
+pub use fault::{Fault, FaultState};
 pub use request::{Body, Done, ErrorBody, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint};
 pub use sim::{Roster, RosterEntry, Truth, TruthRobot};
 pub use state::{

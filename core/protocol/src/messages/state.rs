@@ -1,6 +1,6 @@
 //! What a robot says of itself: state, samples, events and its factsheet.
 
-use super::Message;
+use super::{Fault, FaultState, Message};
 use crate::keys::Name;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
@@ -151,6 +151,10 @@ pub enum StopReason {
     BoardLost,
     /// The gyro has fallen silent.
     GyroLost,
+    /// The transmitter drives, and its speed stick is neutral.
+    RemoteNeutral,
+    /// The remote control's selector is lost.
+    RemoteLost,
 }
 
 /// Ages of the inputs in ms; `None` = never heard.
@@ -163,6 +167,8 @@ pub struct InputAges {
     pub encoder: Option<u64>,
     /// Converter scan.
     pub adc: Option<u64>,
+    /// Frame of the remote control; `None` also for a truck without a receiver.
+    pub remote: Option<u64>,
     /// Accepted setpoint.
     pub setpoint: Option<u64>,
 }
@@ -195,6 +201,12 @@ pub struct Rejected {
     pub board_lost: u64,
     /// Bytes skipped to find a gyro frame.
     pub gyro_bytes: u64,
+    /// Gyro frames that its own clock says are missing.
+    pub gyro_lost: u64,
+    /// Readings of the remote control that were missing or rejected.
+    pub remote_readings: u64,
+    /// Steps that the recorder could not keep.
+    pub record_dropped: u64,
 }
 
 /// Everything about a robot, 20 times a second.
@@ -229,6 +241,8 @@ pub struct RobotState {
     pub battery_v: Option<f64>,
     /// The present or last goal.
     pub goal: Option<GoalState>,
+    /// What is broken, with the newest last.
+    pub faults: Vec<FaultState>,
     /// Latched stops, by name.
     pub latches: Vec<String>,
     /// Why it stands; empty while it drives.
@@ -241,6 +255,7 @@ pub struct RobotState {
 
 impl Message for RobotState {
     const NAME: &'static str = "RobotState";
+    const VERSION: u32 = 2;
 }
 
 /// Raw and converted samples, 10 times a second while somebody listens.
@@ -263,6 +278,18 @@ pub struct Sensors {
     pub ir_front_cm: [Option<f64>; 6],
     /// Rear range finders, cm.
     pub ir_rear_cm: [Option<f64>; 6],
+    /// Tilt sensor x and y, counts (means of 64 scans).
+    pub tilt: [f64; 2],
+    /// Positions of the pistons FL, FR, RL, RR, counts (means of 64 scans).
+    pub pistons: [f64; 4],
+    /// Heights of the pistons FL, FR, RL, RR.
+    pub pistons_m: [f64; 4],
+    /// Remote control: speed, steering, selector in time counts of 1.6 µs; `None` = no pulse.
+    pub remote: [Option<u32>; 3],
+    /// The gyro's firmware (1300 = 1.3.00); `None` = it has not answered.
+    pub gyro_firmware: Option<u16>,
+    /// The board's firmware, major in the high byte; `None` = no status has come.
+    pub board_firmware: Option<u16>,
     /// Signed wheel speed.
     pub rpm: f64,
     /// Motor pulse in counts of 0.4 µs, as commanded.
@@ -271,10 +298,15 @@ pub struct Sensors {
     pub steer_front_counts: u16,
     /// Rear steering pulse.
     pub steer_rear_counts: u16,
+    /// Bumper pulses, front and rear.
+    pub bumper_counts: [u16; 2],
+    /// Piston pulses FL, FR, RL, RR.
+    pub piston_counts: [u16; 4],
 }
 
 impl Message for Sensors {
     const NAME: &'static str = "Sensors";
+    const VERSION: u32 = 2;
 }
 
 /// Something happened.
@@ -307,12 +339,14 @@ pub enum EventKind {
         /// To whom; `None` = free.
         holder: Option<Name>,
     },
-    /// An input fell silent or came back.
-    Input {
-        /// `board` or `gyro`.
-        name: String,
-        /// Whether it is heard.
-        heard: bool,
+    /// Something broke, or works again.
+    Fault {
+        /// What.
+        fault: Fault,
+        /// False: it works again.
+        present: bool,
+        /// The system's words, where there are any.
+        detail: Option<String>,
     },
 }
 
@@ -334,6 +368,7 @@ pub struct Event {
 
 impl Message for Event {
     const NAME: &'static str = "Event";
+    const VERSION: u32 = 2;
 }
 
 /// A parameter as the factsheet lists it.

@@ -2,17 +2,19 @@
 
 use xtb_control::controller::{Outputs, PwmOutputs};
 use xtb_control::frames::MapPose;
+use xtb_control::tpu::{ResetMask, Setup, SetupTask};
 use xtb_control::units::{PwmCount, Stamp};
 use xtb_control::{Command, Controller, Sample, VehicleConfig};
 use xtb_protocol::board::{FrameReader, FrameWriter, FromBoard};
-use xtb_protocol::gyro_3dmg::{EulerReader, START_CONTINUOUS};
+use xtb_protocol::gyro_3dmg::{GyroFrame, GyroReader, START_CONTINUOUS};
 use xtb_sim::{STEP_NS, Simulation, Truck, TruckParameters, World};
 
 /// Drives one truck through its two lines, one turn a step.
 pub(crate) struct Agent {
     controller: Controller,
     board: FrameReader,
-    gyro: EulerReader,
+    gyro: GyroReader,
+    setup: SetupTask,
     writer: FrameWriter,
     bytes: Vec<u8>,
     samples: Vec<Sample>,
@@ -22,12 +24,14 @@ pub(crate) struct Agent {
 
 impl Agent {
     pub(crate) fn new(config: VehicleConfig) -> Self {
+        let setup = Setup::of(&config).unwrap();
         let mut controller = Controller::new(config);
         let outputs = controller.step(Stamp::ZERO, &Sample::Command(Command::Idle));
         Self {
             controller,
             board: FrameReader::default(),
-            gyro: EulerReader::default(),
+            gyro: GyroReader::default(),
+            setup: SetupTask::new(setup),
             writer: FrameWriter::default(),
             bytes: Vec::new(),
             samples: Vec::new(),
@@ -41,22 +45,20 @@ impl Agent {
     }
 
     /// Reads what came, lets the controller decide, sends a PWM frame every 20 ms and at once on
-    /// neutral.
+    /// neutral; sets the board up whenever it is not.
     pub(crate) fn turn(&mut self, now: Stamp, truck: &mut Truck) {
-        let samples = &mut self.samples;
-        self.bytes.clear();
-        truck.take_board_tx(&mut self.bytes);
-        self.board.from_board(&self.bytes, |frame| {
-            samples.push(match frame.unwrap() {
-                FromBoard::Encoder { pulses } => Sample::Encoder { pulses: pulses.into() },
-                FromBoard::Adc { sample, .. } => Sample::Adc(sample),
-            });
-        });
-        self.bytes.clear();
-        truck.take_gyro_tx(&mut self.bytes);
-        self.gyro.push(&self.bytes, |frame| samples.push(Sample::Gyro(frame.angles)));
+        self.read_board(truck);
+        self.read_gyro(truck);
+        let mut reset = ResetMask::default();
         for sample in self.samples.drain(..) {
             self.outputs = self.controller.step(now, &sample);
+            reset = reset.or(self.outputs.reset);
+        }
+        if let Some(setup) = self.setup.request(now) {
+            truck.board_rx(self.writer.setup(&setup).as_bytes());
+        }
+        if reset.any() {
+            truck.board_rx(self.writer.reset(reset).as_bytes());
         }
         let motor = self.outputs.pwm.motor;
         let (at, was) = *self.sent.get_or_insert_with(|| {
@@ -69,6 +71,29 @@ impl Agent {
             self.sent = Some((now, motor));
         }
     }
+
+    fn read_board(&mut self, truck: &mut Truck) {
+        let Self { board, setup, samples, bytes, .. } = self;
+        bytes.clear();
+        truck.take_board_tx(bytes);
+        board.from_board(bytes, |frame| match frame.unwrap() {
+            FromBoard::Encoder { pulses } => samples.push(Sample::Encoder { pulses: pulses.into() }),
+            FromBoard::Adc { sample, .. } => samples.push(Sample::Adc(sample)),
+            FromBoard::Remote(sample) => samples.push(Sample::Remote(sample)),
+            FromBoard::Status(status) => setup.confirm(status.ready, status.setup_checksum),
+        });
+    }
+
+    fn read_gyro(&mut self, truck: &mut Truck) {
+        let Self { gyro, samples, bytes, .. } = self;
+        bytes.clear();
+        truck.take_gyro_tx(bytes);
+        gyro.push(bytes, |frame| {
+            if let GyroFrame::Euler(frame) = frame {
+                samples.push(Sample::Gyro(frame.angles));
+            }
+        });
+    }
 }
 
 /// One truck with its agent in a world of their own.
@@ -79,9 +104,23 @@ pub(crate) struct Bench {
 
 impl Bench {
     pub(crate) fn new(world: World, parameters: &TruckParameters, start: MapPose, seed: u64) -> Self {
+        Self::with_config(world, parameters, start, seed, VehicleConfig::default())
+    }
+
+    pub(crate) fn with_config(
+        world: World,
+        parameters: &TruckParameters,
+        start: MapPose,
+        seed: u64,
+        config: VehicleConfig,
+    ) -> Self {
         let robots = [("xtb-1", start)];
         let simulation = Simulation::with_starts(world, parameters, &robots, seed).unwrap();
-        Self { simulation, agent: Agent::new(VehicleConfig::default()) }
+        Self { simulation, agent: Agent::new(config) }
+    }
+
+    pub(crate) fn truck(&mut self) -> &mut Truck {
+        &mut self.simulation.trucks_mut()[0]
     }
 
     pub(crate) fn command(&mut self, command: Command) {
@@ -119,8 +158,26 @@ pub(crate) fn pulses(motor: u16, front_offset: i16) -> PwmOutputs {
     }
 }
 
-/// Sends the same pulses in every step.
+/// A truck whose steering is exactly as printed: no deviations, no play.
+pub(crate) fn exact_steering() -> TruckParameters {
+    let mut parameters = TruckParameters::default();
+    parameters.steering.play_deg = 0.0;
+    parameters.steering.centre_tolerance_counts = 0.0;
+    parameters.steering.slope_tolerance = 0.0;
+    parameters
+}
+
+/// Sets every board up as the default configuration wants it; again is harmless.
+pub(crate) fn set_up(simulation: &mut Simulation, writer: &mut FrameWriter) {
+    let setup = Setup::of(&VehicleConfig::default()).unwrap();
+    for truck in simulation.trucks_mut() {
+        truck.board_rx(writer.setup(&setup).as_bytes());
+    }
+}
+
+/// Sets the boards up and sends the same pulses in every step.
 pub(crate) fn drive(simulation: &mut Simulation, writer: &mut FrameWriter, pwm: &PwmOutputs, seconds: f64) {
+    set_up(simulation, writer);
     for _ in 0..steps(seconds) {
         for truck in simulation.trucks_mut() {
             truck.board_rx(writer.pwm(pwm).as_bytes());

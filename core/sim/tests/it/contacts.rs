@@ -1,6 +1,6 @@
 //! Nothing is ever driven through, and every touch counts once for everybody involved.
 
-use crate::agent::{drive, pulses};
+use crate::agent::{drive, pulses, set_up};
 use std::f64::consts::FRAC_PI_2;
 use xtb_control::frames::MapPose;
 use xtb_protocol::board::FrameWriter;
@@ -40,6 +40,7 @@ fn a_truck_that_runs_into_another_counts_for_both_and_not_for_a_third() {
         [("a", facing_north(0.0, 0.0)), ("b", facing_north(0.1, 1.0)), ("c", facing_north(3.0, 0.0))];
     let mut simulation = simulation(&starts);
     let mut writer = FrameWriter::default();
+    set_up(&mut simulation, &mut writer);
     for _ in 0..2000 {
         simulation.trucks_mut()[0].board_rx(writer.pwm(&pulses(4000, 0)).as_bytes());
         simulation.step();

@@ -1,7 +1,8 @@
 //! Same seed, same bits: whatever the order of the trucks or the number of threads.
 
-use crate::agent::{Agent, steps};
+use crate::agent::{Agent, set_up, steps};
 use xtb_control::{Command, VehicleConfig};
+use xtb_protocol::board::FrameWriter;
 use xtb_sim::{Simulation, Truck, TruckParameters, World};
 
 const TRUCKS: usize = 12;
@@ -71,6 +72,7 @@ fn further_trucks_do_not_change_what_is_individual_about_the_first() {
     let start_bytes = |names: &[&str]| {
         let world = World::default();
         let mut simulation = Simulation::new(world, &TruckParameters::default(), names, 9).unwrap();
+        set_up(&mut simulation, &mut FrameWriter::default());
         (0..200).for_each(|_| simulation.step());
         let mut bytes = Vec::new();
         simulation.trucks_mut()[0].take_board_tx(&mut bytes);

@@ -1,12 +1,12 @@
 //! Geometry and signs of the motion, and what the encoder and the gyro make of it.
 
-use crate::agent::{board_frames, drive, pulses};
+use crate::agent::{board_frames, drive, exact_steering, pulses};
 use std::f64::consts::{FRAC_PI_2, PI};
 use xtb_control::controller::GyroSample;
 use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_control::odometry::GYRO_DEG_PER_COUNT;
 use xtb_protocol::board::{FrameWriter, FromBoard};
-use xtb_protocol::gyro_3dmg::{EULER, EulerReader};
+use xtb_protocol::gyro_3dmg::{EULER, GyroFrame, GyroReader};
 use xtb_protocol::messages::TruthRobot;
 use xtb_sim::{Simulation, Truck, TruckParameters, World};
 
@@ -23,13 +23,16 @@ fn gyro_angles(truck: &mut Truck) -> GyroSample {
     let (mut bytes, mut angles) = (Vec::new(), None);
     truck.gyro_rx(&[EULER]);
     truck.take_gyro_tx(&mut bytes);
-    EulerReader::default().push(&bytes, |frame| angles = Some(frame.angles));
+    GyroReader::default().push(&bytes, |frame| match frame {
+        GyroFrame::Euler(frame) => angles = Some(frame.angles),
+        GyroFrame::Firmware(_) => {}
+    });
     angles.unwrap()
 }
 
 #[test]
 fn a_centred_truck_drives_straight_ahead_north() {
-    let mut simulation = alone(&TruckParameters::default(), 1);
+    let mut simulation = alone(&exact_steering(), 1);
     drive(&mut simulation, &mut FrameWriter::default(), &pulses(4000, 0), 10.0);
     let truth = truth(&simulation);
     assert_eq!((truth.x_m.abs() < 1e-9, truth.yaw_rad), (true, FRAC_PI_2));
@@ -61,7 +64,7 @@ fn astern_the_same_steering_turns_the_heading_the_other_way() {
 #[test]
 fn the_turning_radius_is_half_the_wheelbase_over_tan_delta() {
     for (offset, delta_deg) in [(-975, 20.0_f64), (-400, 400.0 * 20.0 / 975.0)] {
-        let mut simulation = alone(&TruckParameters::default(), 1);
+        let mut simulation = alone(&exact_steering(), 1);
         let (mut writer, pwm) = (FrameWriter::default(), pulses(4000, offset));
         drive(&mut simulation, &mut writer, &pwm, 2.0);
         let (mut way_m, mut turned_rad, mut last) = (0.0, 0.0, truth(&simulation));
@@ -80,7 +83,7 @@ fn the_turning_radius_is_half_the_wheelbase_over_tan_delta() {
 
 #[test]
 fn an_unmirrored_rear_axle_moves_sideways_without_turning() {
-    let mut simulation = alone(&TruckParameters::default(), 1);
+    let mut simulation = alone(&exact_steering(), 1);
     let mut pwm = pulses(4000, -400);
     pwm.steer_rear = xtb_control::PwmCount::saturating(4179.0 - 400.0);
     drive(&mut simulation, &mut FrameWriter::default(), &pwm, 3.0);
@@ -154,7 +157,7 @@ fn a_ramp_tilts_the_truck_and_slows_it_a_little() {
     assert!((0.85..0.95).contains(&ratio), "{ratio}");
     let tilt_x_v = board_frames(&mut sloping.trucks_mut()[0]).iter().rev().find_map(|frame| match frame {
         FromBoard::Adc { sample, .. } => Some(sample.tilt[0].volts()),
-        FromBoard::Encoder { .. } => None,
+        _ => None,
     });
     let nose_down_deg = (tilt_x_v.unwrap() - 2.525) / 0.034_813;
     assert!((nose_down_deg + 6.0).abs() < 0.1, "{nose_down_deg}");
@@ -175,7 +178,7 @@ fn a_bank_that_rises_to_the_right_rolls_the_truck_to_the_left() {
     assert!((roll_deg + 5.0).abs() < 0.3 && pitch_deg.abs() < 0.3, "{roll_deg} {pitch_deg}");
     let tilt_y_v = board_frames(&mut simulation.trucks_mut()[0]).iter().rev().find_map(|frame| match frame {
         FromBoard::Adc { sample, .. } => Some(sample.tilt[1].volts()),
-        FromBoard::Encoder { .. } => None,
+        _ => None,
     });
     let left_down_deg = (tilt_y_v.unwrap() - 2.503) / 0.033_934;
     assert!((left_down_deg - 5.0).abs() < 0.1, "{left_down_deg}");

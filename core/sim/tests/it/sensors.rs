@@ -2,7 +2,7 @@
 
 use crate::agent::{board_frames, drive, pulses};
 use std::f64::consts::FRAC_PI_2;
-use xtb_control::controller::AdcSample;
+use xtb_control::controller::{AdcSample, PwmOutputs};
 use xtb_control::frames::MapPose;
 use xtb_control::infrared::bumper_ranges;
 use xtb_control::vehicle::Infrared;
@@ -29,7 +29,7 @@ fn scans(simulation: &mut Simulation, seconds: f64) -> Vec<AdcSample> {
         .iter()
         .filter_map(|frame| match frame {
             FromBoard::Adc { sample, .. } => Some(*sample),
-            FromBoard::Encoder { .. } => None,
+            _ => None,
         })
         .collect()
 }
@@ -51,6 +51,42 @@ fn ranges_decode_through_the_controllers_formula_within_15_percent() {
             let ranges: Vec<f64> = scans[4..].iter().filter_map(decode).collect();
             let mean = ranges.iter().sum::<f64>() / ranges.len() as f64;
             assert!((mean / true_cm - 1.0).abs() < 0.15, "sensor {i}: {mean} for {cm} cm");
+        }
+    }
+}
+
+#[test]
+fn a_tilted_bumper_sees_the_hypotenuse_and_the_cosine_gives_the_distance_back() {
+    let mut parameters = TruckParameters::default();
+    parameters.infrared.noise_v = 0.0;
+    let start = MapPose { x_m: 0.0, y_m: -0.25, yaw_rad: FRAC_PI_2 };
+    let mut simulation = Simulation::with_starts(World::default(), &parameters, &[("a", start)], 1).unwrap();
+    for (y_m, name) in [(0.3, "ahead"), (-0.8, "behind")] {
+        simulation.put_box(name, BoxSpec { y_m, ..WIDE }).unwrap(); // 20 cm from either bumper
+    }
+    let mut readings = |front: f64, rear: f64| {
+        let count = xtb_control::PwmCount::saturating;
+        let pwm = PwmOutputs { bumper_front: count(front), bumper_rear: count(rear), ..pulses(3750, 0) };
+        drive(&mut simulation, &mut FrameWriter::default(), &pwm, 1.0);
+        let truck = &mut simulation.trucks_mut()[0];
+        let truth = truck.calibration_truth().bumpers;
+        let scan = board_frames(truck).into_iter().rev().find_map(|frame| match frame {
+            FromBoard::Adc { sample, .. } => Some(sample),
+            _ => None,
+        });
+        let scan = scan.unwrap();
+        let decode =
+            |angle_deg, readings| bumper_ranges(&Infrared::default(), angle_deg, readings)[3].unwrap();
+        let hyp = (decode(0.0, &scan.ir_front), decode(0.0, &scan.ir_rear));
+        let way = (decode(truth[0].at(front), &scan.ir_front), decode(truth[1].at(rear), &scan.ir_rear));
+        (hyp, way)
+    };
+    let (level, _) = readings(3750.0, 3750.0);
+    for (front, rear) in [(4750.0, 2750.0), (4250.0, 4500.0)] {
+        let (hyp, way) = readings(front, rear);
+        assert!(hyp.0 > 1.04 * level.0 && hyp.1 > 1.04 * level.1, "farther along the ray: {hyp:?} {level:?}");
+        for way_cm in [way.0, way.1] {
+            assert!((way_cm / 20.0 - 1.0).abs() < 0.15, "{front} {rear}: {way:?}");
         }
     }
 }
@@ -114,7 +150,7 @@ fn the_battery_is_reported_in_millivolts_and_sags_when_driving_hard() {
         let frames = board_frames(&mut simulation.trucks_mut()[0]);
         let battery = frames.iter().filter_map(|frame| match frame {
             FromBoard::Adc { battery_mv, .. } => *battery_mv,
-            FromBoard::Encoder { .. } => None,
+            _ => None,
         });
         battery.min().unwrap()
     };
@@ -135,18 +171,22 @@ fn bytes_that_nobody_takes_are_dropped_and_counted() {
 }
 
 #[test]
-fn the_board_keeps_its_three_rates() {
+fn the_board_keeps_its_rates() {
     let mut simulation = Simulation::new(World::default(), &TruckParameters::default(), &["a"], 1).unwrap();
-    let (mut encoder, mut adc) = (0, 0);
+    let (mut encoder, mut adc, mut remote, mut status) = (0, 0, 0, 0);
     for _ in 0..10 {
         drive(&mut simulation, &mut FrameWriter::default(), &pulses(3750, 0), 1.0);
         for frame in board_frames(&mut simulation.trucks_mut()[0]) {
             match frame {
                 FromBoard::Encoder { .. } => encoder += 1,
                 FromBoard::Adc { .. } => adc += 1,
+                FromBoard::Remote(_) => remote += 1,
+                FromBoard::Status(_) => status += 1,
             }
         }
     }
     assert!((190..=191).contains(&encoder), "10 s / 52.4288 ms: {encoder}");
     assert!((263..=264).contains(&adc), "10 s / 38 ms: {adc}");
+    assert!((450..=451).contains(&remote), "10 s / 22.2 ms: {remote}");
+    assert_eq!(status, 100 + 10, "10 s / 100 ms and an answer to each set-up");
 }

@@ -139,6 +139,7 @@ mod tests {
                 status,
                 distance_m: Some(1.5),
             }),
+            faults: Vec::new(),
             latches: Vec::new(),
             stopped_because: Vec::new(),
             input_age_ms: InputAges::default(),

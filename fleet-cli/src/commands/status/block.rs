@@ -53,12 +53,16 @@ fn facts(robot: &RobotView, state: &RobotState) -> Vec<(&'static str, String, To
         ),
         ("goal", state.goal.as_ref().map_or_else(|| "none".to_owned(), describe::goal), Tone::Plain),
         ("lease", describe::lease_with_age(state), Tone::Plain),
+        ("tilt", describe::tilt(&state.tilt_deg), Tone::Plain),
         ("battery", describe::battery(state), Tone::Plain),
         ("inputs", describe::inputs(state), Tone::Plain),
         ("state age", describe::age(Duration::from_millis(robot.age_ms.unwrap_or_default())), Tone::Plain),
     ];
     if !state.stopped_because.is_empty() {
         facts.insert(1, ("stands", words::reasons(&state.stopped_because), Tone::Warning));
+    }
+    for fault in state.faults.iter().rev() {
+        facts.insert(1, ("fault", describe::fault(fault), Tone::Bad));
     }
     if !state.latches.is_empty() {
         facts.insert(1, ("latched", state.latches.join(", "), Tone::Bad));

@@ -1,0 +1,104 @@
+//! Which faults a robot has now, since when, and which of them must stop it.
+
+use crate::line::{Device, LineFault, PortTrouble};
+use std::sync::Arc;
+use xtb_control::Stamp;
+use xtb_protocol::messages::{Fault, FaultState, InputAges, StopReason};
+
+/// A kind of sample that was not heard for this long is lost.
+pub const INPUT_LOST_MS: u64 = 200;
+
+/// The name of a line's fault.
+#[must_use]
+pub fn of_line(device: Device, fault: LineFault) -> Fault {
+    use PortTrouble::{Broken, Busy, NoPermission, Unplugged};
+    match (device, fault) {
+        (Device::Board, LineFault::Port(Unplugged)) => Fault::BoardUnplugged,
+        (Device::Board, LineFault::Port(Busy)) => Fault::BoardBusy,
+        (Device::Board, LineFault::Port(NoPermission)) => Fault::BoardNoPermission,
+        (Device::Board, LineFault::Port(Broken)) => Fault::BoardPortBroken,
+        (Device::Board, LineFault::Silent) => Fault::BoardSilent,
+        (Device::Board, LineFault::Garbage) => Fault::BoardGarbage,
+        (Device::Board, LineFault::HalfFrames) => Fault::BoardHalfFrames,
+        (Device::Board, LineFault::WrongDevice) => Fault::BoardWrongDevice,
+        (Device::Gyro, LineFault::Port(Unplugged)) => Fault::GyroUnplugged,
+        (Device::Gyro, LineFault::Port(Busy)) => Fault::GyroBusy,
+        (Device::Gyro, LineFault::Port(NoPermission)) => Fault::GyroNoPermission,
+        (Device::Gyro, LineFault::Port(Broken)) => Fault::GyroPortBroken,
+        (Device::Gyro, LineFault::Silent) => Fault::GyroSilent,
+        (Device::Gyro, LineFault::Garbage) => Fault::GyroGarbage,
+        (Device::Gyro, LineFault::HalfFrames) => Fault::GyroHalfFrames,
+        (Device::Gyro, LineFault::WrongDevice) => Fault::GyroWrongDevice,
+    }
+}
+
+/// Why a fault makes the robot stand; `None` = it may go on.
+#[must_use]
+pub fn stops(fault: Fault) -> Option<StopReason> {
+    match fault {
+        Fault::RemoteLost => Some(StopReason::RemoteLost),
+        Fault::TiltOutOfRange | Fault::RecordingFailed => None,
+        Fault::EncoderSilent | Fault::ConverterSilent => Some(StopReason::BoardLost),
+        fault if fault.place() == "gyro" => Some(StopReason::GyroLost),
+        _ => Some(StopReason::BoardLost),
+    }
+}
+
+/// Kinds of samples that a board which speaks does not send. `speaking_ms`: for how long it speaks.
+pub fn silent_kinds(ages: &InputAges, speaking_ms: u64) -> impl Iterator<Item = Fault> {
+    let silent = move |age: Option<u64>| age.map_or(speaking_ms, |ms| ms.min(speaking_ms)) > INPUT_LOST_MS;
+    [(ages.encoder, Fault::EncoderSilent), (ages.adc, Fault::ConverterSilent)]
+        .into_iter()
+        .filter_map(move |(age, fault)| silent(age).then_some(fault))
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Present {
+    fault: Fault,
+    since: Stamp,
+    detail: Option<String>,
+}
+
+/// The faults of a robot, oldest first.
+#[derive(Debug, Clone, Default)]
+pub struct FaultBook(Vec<Present>);
+
+impl FaultBook {
+    /// A fault is there. True if that is news.
+    pub fn begin(&mut self, now: Stamp, fault: Fault, detail: Option<&str>) -> bool {
+        if self.0.iter().any(|known| known.fault == fault) {
+            return false;
+        }
+        self.0.push(Present { fault, since: now, detail: detail.map(str::to_owned) });
+        true
+    }
+
+    /// Ends the oldest fault that is not among `current`, if there is one.
+    pub fn end_other_than(&mut self, current: &[(Fault, Option<Arc<str>>)]) -> Option<Fault> {
+        let gone = |known: &Present| !current.iter().any(|(fault, _)| *fault == known.fault);
+        let place = self.0.iter().position(gone)?;
+        Some(self.0.remove(place).fault)
+    }
+
+    /// Those that are present, oldest first.
+    pub fn present(&self) -> impl Iterator<Item = Fault> {
+        self.0.iter().map(|known| known.fault)
+    }
+
+    /// The oldest fault that makes the robot stand, with its reason.
+    #[must_use]
+    pub fn stopping(&self) -> Option<(Fault, StopReason)> {
+        self.present().find_map(|fault| stops(fault).map(|reason| (fault, reason)))
+    }
+
+    /// For the state.
+    #[must_use]
+    pub fn states(&self, now: Stamp) -> Vec<FaultState> {
+        let state = |known: &Present| FaultState {
+            fault: known.fault,
+            age_ms: now.since_ms(known.since),
+            detail: known.detail.clone(),
+        };
+        self.0.iter().map(state).collect()
+    }
+}

@@ -1,0 +1,178 @@
+//! What breaks on a truck, and who drives it: faults by name, set-up, remote control.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on shall end
+
+mod bench;
+
+use bench::*;
+use xtb_authority::line::PortTrouble;
+use xtb_control::controller::{Mode, RemoteSample};
+use xtb_control::{PwmCount, VehicleConfig};
+use xtb_protocol::messages::{EventKind, Fault, GoalStatus, RejectCode, StopReason};
+
+fn faults(bench: &mut Bench) -> Vec<Fault> {
+    bench.state().faults.iter().map(|state| state.fault).collect()
+}
+
+fn sticks(speed: u32, selector: u32) -> Option<RemoteSample> {
+    Some(RemoteSample { speed: Some(speed), steering: Some(928), selector: Some(selector) })
+}
+
+const MANUAL: u32 = 750;
+const AUTOMATIC: u32 = 1125;
+
+#[test]
+fn a_board_that_restarts_stops_the_truck_is_set_up_again_and_nothing_moves() {
+    let mut bench = Bench::new();
+    bench.ask(ahead(5.0));
+    bench.run_ms(1000);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+    bench.setup = None;
+    bench.run_ms(40);
+    assert!(bench.setup.is_some(), "asked to set up again");
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    bench.run_ms(3000);
+    let state = bench.state();
+    assert_eq!(
+        (bench.motor, state.mode, state.goal.unwrap().status),
+        (PwmCount::NEUTRAL, Mode::Idle, GoalStatus::Failed)
+    );
+    assert_eq!(state.faults, Vec::new());
+}
+
+#[test]
+fn a_fault_has_its_name_within_200_ms_stops_the_goal_and_goes_by_itself() {
+    let mut bench = Bench::new();
+    bench.ask(ahead(5.0));
+    bench.run_ms(1000);
+    bench.gyro_silent = true;
+    bench.run_ms(170);
+    assert_eq!(faults(&mut bench), [Fault::GyroSilent]);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    assert_eq!(code_of(&bench.ask(ahead(1.0))), RejectCode::NotReady);
+    bench.gyro_silent = false;
+    bench.run_ms(1000);
+    assert_eq!(faults(&mut bench), []);
+    assert_eq!((bench.motor, bench.state().mode), (PwmCount::NEUTRAL, Mode::Idle));
+    let mut seen = Vec::new();
+    while let Some(event) = bench.robot.agent_mut().next_event() {
+        if let EventKind::Fault { fault, present, .. } = event.kind {
+            seen.push((fault, present));
+        }
+    }
+    assert_eq!(seen, [(Fault::GyroSilent, true), (Fault::GyroSilent, false)]);
+}
+
+#[test]
+fn a_port_that_is_gone_is_a_fault_in_the_same_turn_with_the_systems_words() {
+    let mut bench = Bench::new();
+    bench.ask(ahead(5.0));
+    bench.run_ms(1000);
+    bench.board_silent = true;
+    bench.robot.board_port(bench.now, Some((PortTrouble::Unplugged, "/dev/ttyUSB0: no such device")));
+    bench.run_ms(5);
+    let state = bench.state();
+    assert_eq!(state.faults[0].fault, Fault::BoardUnplugged);
+    assert_eq!(state.faults[0].detail.as_deref(), Some("/dev/ttyUSB0: no such device"));
+    assert_eq!(state.goal.unwrap().status, GoalStatus::Failed);
+    bench.robot.board_port(bench.now, None);
+    bench.board_silent = false;
+    bench.run_ms(1000);
+    assert_eq!(faults(&mut bench), []);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+}
+
+#[test]
+fn manual_ends_what_the_network_asked_for_and_refuses_more() {
+    let mut bench = Bench::new();
+    bench.remote = sticks(938, AUTOMATIC);
+    bench.run_ms(100);
+    let goal = goal_of(&bench.ask(ahead(5.0)));
+    bench.run_ms(1000);
+    bench.remote = sticks(1000, MANUAL);
+    bench.run_ms(100);
+    assert_eq!((bench.motor.get(), bench.state().mode), (4000, Mode::Manual));
+    assert!(bench.goal_events().contains(&(goal, GoalStatus::Cancelled)));
+    assert_eq!(code_of(&bench.ask(ahead(1.0))), RejectCode::NotReady);
+    bench.setpoint(13.0);
+    bench.run_ms(20);
+    assert_eq!(bench.state().mode, Mode::Manual);
+    bench.remote = sticks(938, AUTOMATIC);
+    bench.run_ms(1000);
+    assert_eq!((bench.motor, bench.state().mode), (PwmCount::NEUTRAL, Mode::Idle));
+}
+
+#[test]
+fn sticks_do_not_drive_into_an_obstacle() {
+    let mut bench = Bench::new();
+    bench.remote = sticks(1000, MANUAL);
+    bench.front = 300;
+    bench.run_ms(200);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    assert!(bench.state().stopped_because.contains(&StopReason::ObstacleFront));
+    bench.remote = sticks(875, MANUAL);
+    bench.run_ms(100);
+    assert_eq!(bench.motor.get(), 3500, "away from it they may");
+}
+
+#[test]
+fn a_transmitter_out_of_range_is_a_fault_that_ends_the_goal() {
+    let mut bench = Bench::new();
+    bench.remote = sticks(938, AUTOMATIC);
+    bench.run_ms(100);
+    bench.ask(ahead(5.0));
+    bench.run_ms(500);
+    bench.remote = Some(RemoteSample::default());
+    bench.run_ms(230);
+    let state = bench.state();
+    assert_eq!((state.mode, state.goal.unwrap().status), (Mode::Fault, GoalStatus::Failed));
+    assert_eq!(faults(&mut bench), [Fault::RemoteLost]);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    bench.remote = sticks(938, AUTOMATIC);
+    bench.run_ms(500);
+    assert_eq!((bench.motor, bench.state().mode), (PwmCount::NEUTRAL, Mode::Idle));
+    assert_eq!(faults(&mut bench), []);
+}
+
+#[test]
+fn an_impossible_reading_resets_its_channel() {
+    let mut bench = Bench::new();
+    bench.remote = sticks(58_275, MANUAL);
+    bench.run_ms(100);
+    let mask = bench.resets.first().copied().unwrap();
+    assert_eq!((mask.speed, mask.steering, mask.selector), (true, false, false));
+}
+
+#[test]
+fn the_pose_in_the_map_does_not_jump_when_the_odometry_is_set_back() {
+    let mut vehicle = VehicleConfig::default();
+    vehicle.odometry.keep_pose = false;
+    let mut bench = Bench::with(vehicle);
+    bench.yaw = 5000;
+    bench.ask(ahead(0.6));
+    bench.run_ms(5000);
+    let before = bench.state().pose;
+    assert!(before.y_m.abs() + before.x_m.abs() > 0.3);
+    bench.remote = sticks(938, MANUAL);
+    bench.run_ms(1000);
+    bench.remote = sticks(938, AUTOMATIC);
+    bench.run_ms(200);
+    assert_eq!(bench.robot.outputs().pose.y_m, 0.0);
+    let after = bench.state().pose;
+    assert!(
+        (after.x_m - before.x_m).abs() < 0.2 && (after.y_m - before.y_m).abs() < 0.2,
+        "{before:?} {after:?}"
+    );
+    assert!((after.yaw_rad - before.yaw_rad).abs() < 1e-6);
+}
+
+#[test]
+fn a_tilt_sensor_without_an_angle_is_a_fault_that_stops_nothing() {
+    let mut bench = Bench::new();
+    bench.tilt = [1023, 512];
+    bench.run_ms(100);
+    assert_eq!(faults(&mut bench), [Fault::TiltOutOfRange]);
+    bench.ask(ahead(5.0));
+    bench.run_ms(500);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+}

@@ -1,0 +1,214 @@
+//! The tables: every constant of the vehicle with unit, range, default and origin.
+
+use super::GotoLaw;
+use crate::config::Allowed::{OneOf, Range, Switch, Text};
+use crate::config::Origin::{Assumed, Ours, Printed};
+use crate::config_section;
+use crate::units::WheelRpm;
+
+config_section! {
+    /// The body, seen from above.
+    Geometry "geometry" {
+        wheelbase_m: f64 = 0.286, "m", Range(0.05, 2.0), Assumed, "Distance between the axles.";
+        track_m: f64 = 0.262, "m", Range(0.05, 2.0), Assumed, "Distance between the wheels of an axle.";
+        body_length_m: f64 = 0.50, "m", Range(0.1, 3.0), Assumed, "Bumper to bumper.";
+        body_width_m: f64 = 0.40, "m", Range(0.1, 3.0), Assumed, "Tyre to tyre.";
+        wheel_diameter_m: f64 = 0.1651, "m", Range(0.02, 1.0), Printed("§2.1 (6.5 in)"), "Tyre diameter.";
+    }
+}
+
+config_section! {
+    /// The encoder on the motor shaft (§4.2.3).
+    Encoder "encoder" {
+        window_s: f64 = 0.052_428_8, "s", Range(0.001, 1.0), Printed("§4.2.3 (0x8000 · 64 / 40 MHz)"), "Length of the counting window.";
+        pulses_per_rev: f64 = 60.0, "pulses", Range(1.0, 10_000.0), Printed("§2.2"), "Pulses per revolution of the motor shaft.";
+        gear_ratio: f64 = 34.0, "motor turns per wheel turn", Range(1.0, 1000.0), Printed("§2.1"), "Gear box.";
+    }
+}
+
+config_section! {
+    /// The speed controller (§4.7).
+    Speed "speed" {
+        kp: f64 = 10.0, "counts/rpm", Range(0.0, 1000.0), Printed("§4.7"), "Proportional gain.";
+        ki: f64 = 20.0, "counts/(rpm·s)", Range(0.0, 1000.0), Printed("§4.7"), "Integral gain.";
+        kd: f64 = 0.1, "counts·s/rpm", Range(0.0, 100.0), Printed("§4.7"), "Differential gain.";
+        anti_windup: bool = true, "", Switch, Ours, "Hold the sum while the output is saturated in the error's direction.";
+        reset_on_change: bool = true, "", Switch, Ours, "Reset the controller when the mode or the sign of the reference changes.";
+        direction_interlock: bool = true, "", Switch, Ours, "Hold a reversed reference at zero until the wheels stand.";
+        interlock_pulses: u32 = 1, "pulses", Range(0.0, 100.0), Ours, "A window with at most this many pulses counts as standing.";
+    }
+}
+
+config_section! {
+    /// The steering servos (§4.10, Table 4).
+    SteeringServos "steering" {
+        front_centre: f64 = 3710.0, "counts", Range(2331.0, 5272.0), Printed("Table 4"), "Front servo, straight ahead.";
+        rear_centre: f64 = 4179.0, "counts", Range(2331.0, 5272.0), Printed("Table 4"), "Rear servo, straight ahead.";
+        range_counts: f64 = 975.0, "counts", Range(1.0, 1400.0), Printed("§4.10 (5° · 195)"), "Full lock either side of the centre.";
+        stop_deg: f64 = 20.0, "deg", Range(1.0, 45.0), Assumed, "Wheel angle at full lock.";
+    }
+}
+
+config_section! {
+    /// The twelve infrared range finders (§4.5).
+    Infrared "infrared" {
+        far_v: f64 = 0.42, "V", Range(0.1, 1.0), Ours, "Below this voltage nothing is in range (the fit ends there).";
+        near_v: f64 = 2.35, "V", Range(1.0, 5.0), Ours, "Above this voltage an object is too close (the fit turns back there).";
+        near_cm: f64 = 9.74, "cm", Range(1.0, 25.0), Ours, "What a voltage above near_v counts as.";
+    }
+}
+
+config_section! {
+    /// The scanning bumpers (§4.5, Annex A.1); their servos' calibration stands in `calibration`.
+    Bumpers "bumpers" {
+        front_deg: f64 = 0.0, "deg", Range(-60.0, 60.0), Assumed, "Angle of the front bumper above the horizontal.";
+        rear_deg: f64 = 0.0, "deg", Range(-60.0, 60.0), Assumed, "Angle of the rear bumper above the horizontal.";
+    }
+}
+
+config_section! {
+    /// The obstacle rule (§4.6).
+    Obstacle "obstacle" {
+        threshold_cm: f64 = 25.0, "cm", Range(10.0, 80.0), Printed("§4.6"), "Anything nearer than this is an obstacle.";
+        foldback_latch: bool = true, "", Switch, Ours, "Keep a sensor near that jumps from near to far: below 10 cm it lies.";
+        foldback_cm: f64 = 14.0, "cm", Range(10.0, 25.0), Ours, "A sensor that was nearer than this may fold back.";
+        foldback_clear_s: f64 = 0.5, "s", Range(0.0, 10.0), Ours, "Clear readings for this long release the latch.";
+        foldback_retreat_m: f64 = 0.05, "m", Range(0.0, 1.0), Ours, "Backing off by this much releases the latch.";
+        reaction_s: f64 = 0.358, "s", Range(0.1, 5.0), Assumed, "Sensor, scan, pulse and motor lag from sighting to standstill.";
+    }
+}
+
+config_section! {
+    /// A-to-B (§4.10).
+    Goto "goto" {
+        law: GotoLaw = GotoLaw::Hysteresis, "", OneOf(&["hysteresis", "published"]), Ours, "Table 4 as printed, or with our hysteresis.";
+        reference_rpm: f64 = 13.0, "rpm", Range(1.0, WheelRpm::MAX), Printed("§4.10"), "Wheel speed V.";
+        kp: f64 = 195.0, "counts/deg", Range(1.0, 5000.0), Printed("§4.10"), "Steering gain.";
+        tolerance_m: f64 = 0.20, "m", Range(0.01, 5.0), Printed("§4.10"), "Arrived when both errors are at most this.";
+        hysteresis_deg: f64 = 5.0, "deg", Range(0.0, 22.0), Ours, "A slice is kept until the bearing is this far outside it.";
+    }
+}
+
+config_section! {
+    /// Wander (§4.6, Fig. 13).
+    Wander "wander" {
+        reference_rpm: f64 = 13.0, "rpm", Range(1.0, WheelRpm::MAX), Printed("§4.10 (V)"), "Wheel speed ahead and in reverse.";
+        reverse_s: f64 = 6.0, "s", Range(0.1, 60.0), Printed("§4.6"), "How long it reverses while turning.";
+        pause_s: f64 = 2.0, "s", Range(0.0, 60.0), Printed("§5.2"), "How long it then stands.";
+        rear_check: bool = true, "", Switch, Ours, "End the reversing at an obstacle behind.";
+        sides: String = "alternate".to_owned(), "", OneOf(&["alternate", "right", "left"]), Ours, "Which way it turns while reversing.";
+    }
+}
+
+config_section! {
+    /// Teleoperation over the network.
+    Teleop "teleop" {
+        max_rpm: f64 = 23.0, "rpm", Range(1.0, WheelRpm::MAX), Ours, "Setpoints are cut to this: 0.2 m/s, so that two trucks head-on can both stop.";
+        lifetime_ms: u32 = 200, "ms", Range(20.0, 200.0), Ours, "How long a setpoint lives on the robot's own clock.";
+    }
+}
+
+config_section! {
+    /// The remote control (§4.2.2, §4.3, Fig. 10).
+    Remote "remote" {
+        enabled: bool = true, "", Switch, Ours, "Obey the remote control if the board has a receiver.";
+        tick_us: f64 = 1.6, "µs", Range(0.1, 100.0), Printed("§4.2.2 (64 / 40 MHz)"), "Length of a time count.";
+        period_ms: f64 = 22.2, "ms", Range(1.0, 100.0), Printed("§4.2.2"), "The receiver's pulse period.";
+        min_duty_pct: f64 = 4.2, "%", Range(0.1, 49.0), Printed("§4.1"), "A shorter pulse is rejected.";
+        max_duty_pct: f64 = 9.5, "%", Range(0.1, 49.0), Printed("§4.1"), "A longer pulse is rejected.";
+        selector_counts: f64 = 3750.0, "counts", Range(2331.0, 5272.0), Assumed, "Where the selector changes sides (1.5 ms).";
+        manual: String = "below".to_owned(), "", OneOf(&["below", "above"]), Assumed, "On which side of it the selector means manual.";
+        lost_after: u32 = 10, "frames", Range(1.0, 1000.0), Ours, "A channel without a usable reading for this long is lost.";
+    }
+}
+
+config_section! {
+    /// The dual-axis tilt sensor (§4.8.1).
+    Tilt "tilt" {
+        x_zero_v: f64 = 2.525, "V", Range(0.0, 5.0), Printed("§4.8.1"), "Reading of x (pitch) when level.";
+        y_zero_v: f64 = 2.503, "V", Range(0.0, 5.0), Printed("§4.8.1"), "Reading of y (roll) when level.";
+        x_v_per_deg: f64 = 0.034_813, "V/deg", Range(0.001, 1.0), Printed("§4.8.1"), "Sensitivity of x.";
+        y_v_per_deg: f64 = 0.033_934, "V/deg", Range(0.001, 1.0), Printed("§4.8.1"), "Sensitivity of y.";
+    }
+}
+
+config_section! {
+    /// The four suspension pistons (§4.8).
+    Pistons "pistons" {
+        travel_m: f64 = 0.040, "m", Range(0.001, 1.0), Assumed, "Way of a piston over the whole range of its sensor.";
+        middle_m: f64 = 0.020, "m", Range(0.0, 1.0), Assumed, "Middle position.";
+        min_m: f64 = 0.002, "m", Range(0.0, 1.0), Assumed, "Lower end stop.";
+        max_m: f64 = 0.038, "m", Range(0.0, 1.0), Assumed, "Upper end stop.";
+        max_offset_counts: f64 = 400.0, "counts", Range(1.0, 1400.0), Assumed, "Fastest pulse either side of zero movement (§4.8.3 limits the speed).";
+    }
+}
+
+config_section! {
+    /// The balance controller (§4.8.3).
+    Balance "balance" {
+        convergence: f64 = 5.0, "", Range(0.01, 100.0), Printed("§4.8.3 (K)"), "Speed of convergence K.";
+        dt_s: f64 = 0.1, "s", Range(0.001, 10.0), Assumed, "Time in which a piston shall cover its displacement.";
+        tolerance_deg: f64 = 0.8, "deg", Range(0.0, 20.0), Printed("§4.8.3"), "Level enough: all pistons stop.";
+    }
+}
+
+config_section! {
+    /// The platform PID (§4.8.2).
+    PlatformPid "platform_pid" {
+        kp: f64 = 200.0, "counts/deg", Range(0.0, 10_000.0), Printed("§4.8.2"), "Proportional gain.";
+        ki: f64 = 10.0, "counts/(deg·s)", Range(0.0, 10_000.0), Printed("§4.8.2"), "Integral gain.";
+        kd: f64 = 0.1, "counts·s/deg", Range(0.0, 1000.0), Printed("§4.8.2"), "Differential gain.";
+        sample_s: f64 = 0.038, "s", Range(0.001, 10.0), Ours, "Its own sample period, the converter's (the memorandum copies the encoder's).";
+        anti_windup: bool = true, "", Switch, Ours, "Hold the sum while the correction is beyond the pistons' speed limit.";
+    }
+}
+
+config_section! {
+    /// Linear fits of Annex A: quantity = slope · PWM count + intercept. The memorandum's own numbers
+    /// are lost with its figures; `robot-agent calibrate` measures them.
+    Calibration "calibration" {
+        steering_front_slope: f64 = -20.0 / 975.0, "deg/count", Range(-1.0, 1.0), Assumed, "Wheel angle of the front axle, + = right.";
+        steering_front_intercept: f64 = 20.0 / 975.0 * 3710.0, "deg", Range(-5000.0, 5000.0), Assumed, "At count 0.";
+        steering_rear_slope: f64 = -20.0 / 975.0, "deg/count", Range(-1.0, 1.0), Assumed, "Wheel angle of the rear axle, + = right.";
+        steering_rear_intercept: f64 = 20.0 / 975.0 * 4179.0, "deg", Range(-5000.0, 5000.0), Assumed, "At count 0.";
+        bumper_front_slope: f64 = 0.036, "deg/count", Range(-1.0, 1.0), Assumed, "Angle of the front bumper, + = up.";
+        bumper_front_intercept: f64 = -135.0, "deg", Range(-5000.0, 5000.0), Assumed, "At count 0.";
+        bumper_rear_slope: f64 = 0.036, "deg/count", Range(-1.0, 1.0), Assumed, "Angle of the rear bumper, + = up.";
+        bumper_rear_intercept: f64 = -135.0, "deg", Range(-5000.0, 5000.0), Assumed, "At count 0.";
+        piston_fl_slope: f64 = 5.0e-5, "m/s/count", Range(-0.01, 0.01), Assumed, "Speed of the front-left piston, + = up.";
+        piston_fl_intercept: f64 = -0.1875, "m/s", Range(-50.0, 50.0), Assumed, "At count 0.";
+        piston_fr_slope: f64 = 5.0e-5, "m/s/count", Range(-0.01, 0.01), Assumed, "Speed of the front-right piston.";
+        piston_fr_intercept: f64 = -0.1875, "m/s", Range(-50.0, 50.0), Assumed, "At count 0.";
+        piston_rl_slope: f64 = 5.0e-5, "m/s/count", Range(-0.01, 0.01), Assumed, "Speed of the rear-left piston.";
+        piston_rl_intercept: f64 = -0.1875, "m/s", Range(-50.0, 50.0), Assumed, "At count 0.";
+        piston_rr_slope: f64 = 5.0e-5, "m/s/count", Range(-0.01, 0.01), Assumed, "Speed of the rear-right piston.";
+        piston_rr_intercept: f64 = -0.1875, "m/s", Range(-50.0, 50.0), Assumed, "At count 0.";
+    }
+}
+
+config_section! {
+    /// Which pin is on which channel (§4.1: eight PWM channels, two on the TPU).
+    Channels "channels" {
+        motor: String = "pwm0".to_owned(), "", Text, Assumed, "Motor (PWM by §4.1; the numbers are not printed).";
+        steer_front: String = "pwm1".to_owned(), "", Text, Assumed, "Front steering (PWM by §4.1).";
+        steer_rear: String = "pwm2".to_owned(), "", Text, Assumed, "Rear steering (missing in §4.1's list).";
+        bumper_front: String = "tpua0".to_owned(), "", Text, Assumed, "Front bumper (TPU by §4.1).";
+        bumper_rear: String = "pwm3".to_owned(), "", Text, Assumed, "Rear bumper (PWM by §4.1).";
+        piston_fl: String = "pwm4".to_owned(), "", Text, Assumed, "Front-left piston (PWM by §4.1).";
+        piston_fr: String = "tpua1".to_owned(), "", Text, Assumed, "Front-right piston (TPU by §4.1).";
+        piston_rl: String = "pwm5".to_owned(), "", Text, Assumed, "Rear-left piston (PWM by §4.1).";
+        piston_rr: String = "pwm6".to_owned(), "", Text, Assumed, "Rear-right piston (PWM by §4.1).";
+        spare: String = "pwm7".to_owned(), "", Text, Assumed, "Not connected.";
+        encoder: String = "tpua2".to_owned(), "", Text, Assumed, "Encoder input (FQM, §4.2.3).";
+        remote_speed: String = "tpua3".to_owned(), "", Text, Assumed, "Remote control's speed (NITC, §4.2.2).";
+        remote_steering: String = "tpua4".to_owned(), "", Text, Assumed, "Remote control's steering.";
+        remote_selector: String = "tpua5".to_owned(), "", Text, Assumed, "Remote control's selector.";
+    }
+}
+
+config_section! {
+    /// Odometry (§4.9).
+    Odometry "odometry" {
+        keep_pose: bool = true, "", Switch, Ours, "Keep pose and yaw when the remote control hands over to automatic.";
+    }
+}

@@ -1,0 +1,133 @@
+//! Faults by name: what a technician has to see to.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Something that is broken now. The first part of a name says where.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fault {
+    /// The board's port does not exist.
+    BoardUnplugged,
+    /// Another program holds the board's port.
+    BoardBusy,
+    /// This user may not open the board's port.
+    BoardNoPermission,
+    /// The board's port cannot be used for another reason.
+    BoardPortBroken,
+    /// Nothing comes from the board.
+    BoardSilent,
+    /// Bytes without sense come from the board.
+    BoardGarbage,
+    /// Frames from the board begin and do not end.
+    BoardHalfFrames,
+    /// Something else is at the board's port.
+    BoardWrongDevice,
+    /// The board speaks, but has not confirmed its set-up.
+    BoardNotSetUp,
+    /// The gyro's port does not exist.
+    GyroUnplugged,
+    /// Another program holds the gyro's port.
+    GyroBusy,
+    /// This user may not open the gyro's port.
+    GyroNoPermission,
+    /// The gyro's port cannot be used for another reason.
+    GyroPortBroken,
+    /// Nothing comes from the gyro.
+    GyroSilent,
+    /// Bytes without sense come from the gyro.
+    GyroGarbage,
+    /// Frames from the gyro begin and do not end.
+    GyroHalfFrames,
+    /// Something else is at the gyro's port.
+    GyroWrongDevice,
+    /// The board speaks, but sends no encoder windows.
+    EncoderSilent,
+    /// The board speaks, but sends no converter scans.
+    ConverterSilent,
+    /// The remote control's selector is lost: mode `fault`.
+    RemoteLost,
+    /// A tilt sensor's voltage has no angle.
+    TiltOutOfRange,
+    /// The recorder cannot write, or had to drop samples.
+    RecordingFailed,
+}
+
+impl Fault {
+    /// Where it is, as events and sentences call it.
+    #[must_use]
+    pub fn place(self) -> &'static str {
+        match self {
+            Self::BoardUnplugged
+            | Self::BoardBusy
+            | Self::BoardNoPermission
+            | Self::BoardPortBroken
+            | Self::BoardSilent
+            | Self::BoardGarbage
+            | Self::BoardHalfFrames
+            | Self::BoardWrongDevice
+            | Self::BoardNotSetUp => "board",
+            Self::GyroUnplugged
+            | Self::GyroBusy
+            | Self::GyroNoPermission
+            | Self::GyroPortBroken
+            | Self::GyroSilent
+            | Self::GyroGarbage
+            | Self::GyroHalfFrames
+            | Self::GyroWrongDevice => "gyro",
+            Self::EncoderSilent => "encoder",
+            Self::ConverterSilent => "converter",
+            Self::RemoteLost => "remote control",
+            Self::TiltOutOfRange => "tilt sensor",
+            Self::RecordingFailed => "recorder",
+        }
+    }
+
+    /// What to do about it, in one sentence.
+    #[must_use]
+    pub fn remedy(self) -> &'static str {
+        match self {
+            Self::BoardUnplugged | Self::GyroUnplugged => {
+                "plug it in, or name the right port (`robot-agent ports` lists them)"
+            }
+            Self::BoardBusy | Self::GyroBusy => "end the other program that holds the port",
+            Self::BoardNoPermission | Self::GyroNoPermission => {
+                "let this user open the port: often the group dialout"
+            }
+            Self::BoardPortBroken | Self::GyroPortBroken => "read the system's words; try another port",
+            Self::BoardSilent => "check power, and the wire from the board to the computer",
+            Self::GyroSilent => "check power, and both wires: the gyro speaks only when asked",
+            Self::BoardGarbage | Self::GyroGarbage => "check the baud rate and the ground wire",
+            Self::BoardHalfFrames | Self::GyroHalfFrames => {
+                "bytes are being lost: check the cable, and that the baud rate is not too high for it"
+            }
+            Self::BoardWrongDevice | Self::GyroWrongDevice => {
+                "another device is at this port: are the two lines swapped?"
+            }
+            Self::BoardNotSetUp => "check the wire from the computer to the board; is its firmware of this version?",
+            Self::EncoderSilent => "the board's encoder channel does not run: power-cycle the board",
+            Self::ConverterSilent => "the board's converter does not run: power-cycle the board",
+            Self::RemoteLost => "switch the transmitter on, or bring it nearer",
+            Self::TiltOutOfRange => "check the tilt sensor's wires and its supply",
+            Self::RecordingFailed => "check the disk's free space and its speed",
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
+/// A fault with its age.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FaultState {
+    /// Which.
+    pub fault: Fault,
+    /// Since it was noticed.
+    pub age_ms: u64,
+    /// The system's words, where there are any.
+    pub detail: Option<String>,
+}

@@ -1,0 +1,420 @@
+//! The controller trace: one JSON object a line, samples in, decisions out.
+//!
+//! How vectors are checked, how a recording becomes something a person can read and diff, and how a
+//! recording keeps its samples. `docs/trace.md` is the contract. Nothing is guessed: an unknown
+//! field, a missing one, a count above 1023 or a stamp that goes back is an error.
+
+use serde::{Deserialize, Deserializer, Serialize};
+use thiserror::Error;
+use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
+use xtb_control::goto::{Goal, Maneuver};
+use xtb_control::units::OutOfRange;
+use xtb_control::{AdcCount, Command, Mode, Outputs, PwmCount, Sample, Stamp, Steering, WheelRpm};
+
+/// A line is not a sample.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum TraceError {
+    /// Not the JSON object that it should be.
+    #[error("{0}")]
+    Json(String),
+    /// None, or more than one, of the sample's kinds.
+    #[error("{0} of gyro, encoder, adc, remote and command in one line, exactly one is allowed")]
+    Kinds(usize),
+    /// Older than the line before.
+    #[error("t_ns {t_ns} is smaller than {before} in the line before")]
+    Backwards {
+        /// As read.
+        t_ns: u64,
+        /// Of the line before.
+        before: u64,
+    },
+    /// A value out of its range.
+    #[error("{0}")]
+    Value(#[from] OutOfRange),
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Line {
+    t_ns: u64,
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    gyro: Option<GyroLine>,
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    encoder: Option<EncoderLine>,
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    adc: Option<AdcLine>,
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    remote: Option<RemoteLine>,
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    command: Option<CommandLine>,
+}
+
+/// A field that may be left out, but not be null.
+fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
+    T::deserialize(deserializer).map(Some)
+}
+
+/// A field that may be null, but not be left out.
+fn nullable<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
+    Option::deserialize(deserializer)
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GyroLine {
+    roll: i16,
+    pitch: i16,
+    yaw: i16,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EncoderLine {
+    pulses: u32,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AdcLine {
+    ir_front: [f64; 6],
+    ir_rear: [f64; 6],
+    tilt: [f64; 2],
+    pistons: [f64; 4],
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RemoteLine {
+    #[serde(deserialize_with = "nullable")]
+    speed: Option<u32>,
+    #[serde(deserialize_with = "nullable")]
+    steering: Option<u32>,
+    #[serde(deserialize_with = "nullable")]
+    selector: Option<u32>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+enum CommandLine {
+    Idle {},
+    Wander {},
+    Goto { x_m: f64, y_m: f64 },
+    Teleop { rpm: f64, steering: f64 },
+}
+
+fn counts<const N: usize>(values: [f64; N]) -> Result<[AdcCount; N], OutOfRange> {
+    let mut counts = [AdcCount::ZERO; N];
+    for (count, value) in counts.iter_mut().zip(values) {
+        *count = AdcCount::try_from(value)?;
+    }
+    Ok(counts)
+}
+
+impl Line {
+    fn sample(self) -> Result<Sample, TraceError> {
+        let kinds = usize::from(self.gyro.is_some())
+            + usize::from(self.encoder.is_some())
+            + usize::from(self.adc.is_some())
+            + usize::from(self.remote.is_some())
+            + usize::from(self.command.is_some());
+        let Self { gyro, encoder, adc, remote, command, .. } = self;
+        match (gyro, encoder, adc, remote, command) {
+            (Some(GyroLine { roll, pitch, yaw }), None, None, None, None) => {
+                Ok(Sample::Gyro(GyroSample { roll, pitch, yaw }))
+            }
+            (None, Some(EncoderLine { pulses }), None, None, None) => Ok(Sample::Encoder { pulses }),
+            (None, None, Some(adc), None, None) => Ok(Sample::Adc(AdcSample {
+                ir_front: counts(adc.ir_front)?,
+                ir_rear: counts(adc.ir_rear)?,
+                tilt: counts(adc.tilt)?,
+                pistons: counts(adc.pistons)?,
+            })),
+            (None, None, None, Some(RemoteLine { speed, steering, selector }), None) => {
+                Ok(Sample::Remote(RemoteSample { speed, steering, selector }))
+            }
+            (None, None, None, None, Some(command)) => Ok(Sample::Command(command.command()?)),
+            _ => Err(TraceError::Kinds(kinds)),
+        }
+    }
+
+    fn of(t: Stamp, sample: &Sample) -> Self {
+        let mut line =
+            Self { t_ns: t.ns(), gyro: None, encoder: None, adc: None, remote: None, command: None };
+        match *sample {
+            Sample::Gyro(GyroSample { roll, pitch, yaw }) => {
+                line.gyro = Some(GyroLine { roll, pitch, yaw });
+            }
+            Sample::Encoder { pulses } => line.encoder = Some(EncoderLine { pulses }),
+            Sample::Adc(adc) => {
+                line.adc = Some(AdcLine {
+                    ir_front: adc.ir_front.map(AdcCount::get),
+                    ir_rear: adc.ir_rear.map(AdcCount::get),
+                    tilt: adc.tilt.map(AdcCount::get),
+                    pistons: adc.pistons.map(AdcCount::get),
+                });
+            }
+            Sample::Remote(RemoteSample { speed, steering, selector }) => {
+                line.remote = Some(RemoteLine { speed, steering, selector });
+            }
+            Sample::Command(command) => line.command = Some(CommandLine::of(&command)),
+        }
+        line
+    }
+}
+
+impl CommandLine {
+    fn command(&self) -> Result<Command, OutOfRange> {
+        Ok(match *self {
+            Self::Idle {} => Command::Idle,
+            Self::Wander {} => Command::Wander,
+            Self::Goto { x_m, y_m } => Command::Goto(Goal::new(x_m, y_m)?),
+            Self::Teleop { rpm, steering } => {
+                Command::Teleop { rpm: WheelRpm::try_from(rpm)?, steering: Steering::try_from(steering)? }
+            }
+        })
+    }
+
+    fn of(command: &Command) -> Self {
+        match command {
+            Command::Idle => Self::Idle {},
+            Command::Wander => Self::Wander {},
+            Command::Goto(goal) => Self::Goto { x_m: goal.x_m(), y_m: goal.y_m() },
+            Command::Teleop { rpm, steering } => Self::Teleop { rpm: rpm.get(), steering: steering.get() },
+        }
+    }
+}
+
+/// Reads the lines of a trace, in order.
+#[derive(Debug, Clone, Default)]
+pub struct TraceReader {
+    before: u64,
+}
+
+impl TraceReader {
+    /// The sample of the next line.
+    ///
+    /// # Errors
+    /// [`TraceError`]; the line counts as not read.
+    pub fn line(&mut self, text: &str) -> Result<(Stamp, Sample), TraceError> {
+        let line: Line = serde_json::from_str(text).map_err(|error| TraceError::Json(error.to_string()))?;
+        let t_ns = line.t_ns;
+        if t_ns < self.before {
+            return Err(TraceError::Backwards { t_ns, before: self.before });
+        }
+        let sample = line.sample()?;
+        self.before = t_ns;
+        Ok((Stamp::from_ns(t_ns), sample))
+    }
+}
+
+/// A sample as a line, without the newline; every number in full.
+#[must_use]
+pub fn sample_line(t: Stamp, sample: &Sample) -> String {
+    // Plain numbers and strings always serialise.
+    serde_json::to_string(&Line::of(t, sample)).unwrap_or_default()
+}
+
+/// Everything that one step decided, as the trace prints it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Decision {
+    t_ns: u64,
+    mode: Mode,
+    pwm: Pulses,
+    reference_rpm: f64,
+    rpm: f64,
+    pose: Pose,
+    ir_cm: Ranges,
+    obstacle: Obstacle,
+    tilt_deg: Tilt,
+    goto: Option<Goto>,
+    remote: Remote,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Pulses {
+    motor: PwmCount,
+    steer_front: PwmCount,
+    steer_rear: PwmCount,
+    bumper_front: PwmCount,
+    bumper_rear: PwmCount,
+    piston_fl: PwmCount,
+    piston_fr: PwmCount,
+    piston_rl: PwmCount,
+    piston_rr: PwmCount,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Pose {
+    x_m: f64,
+    y_m: f64,
+    yaw_deg: f64,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Ranges {
+    front: [Option<f64>; 6],
+    rear: [Option<f64>; 6],
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Obstacle {
+    front: bool,
+    rear: bool,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Tilt {
+    x: Option<f64>,
+    y: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Goto {
+    quadrant: u8,
+    alpha_deg: f64,
+    beta_deg: f64,
+    gamma_deg: f64,
+    maneuver: Maneuver,
+    arrived: bool,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Remote {
+    speed_duty: Option<f64>,
+    steering_duty: Option<f64>,
+    selector_duty: Option<f64>,
+    reset: Vec<&'static str>,
+}
+
+/// Rounds to 7 decimals, as the trace prints numbers.
+fn seven(value: f64) -> f64 {
+    // + 0.0 turns −0 into 0.
+    (value * 1e7).round() / 1e7 + 0.0
+}
+
+/// Prints every number in full, as a recording keeps it.
+fn full(value: f64) -> f64 {
+    value
+}
+
+impl Decision {
+    fn new(outputs: &Outputs, number: fn(f64) -> f64) -> Self {
+        let Outputs { pwm, pose, goto, tilt, duties, obstacle, .. } = outputs;
+        let [piston_fl, piston_fr, piston_rl, piston_rr] = pwm.pistons;
+        let numbers = |ranges: &[Option<f64>; 6]| ranges.map(|cm| cm.map(number));
+        Self {
+            t_ns: outputs.t.ns(),
+            mode: outputs.mode,
+            pwm: Pulses {
+                motor: pwm.motor,
+                steer_front: pwm.steer_front,
+                steer_rear: pwm.steer_rear,
+                bumper_front: pwm.bumper_front,
+                bumper_rear: pwm.bumper_rear,
+                piston_fl,
+                piston_fr,
+                piston_rl,
+                piston_rr,
+            },
+            reference_rpm: number(outputs.reference_rpm),
+            rpm: number(outputs.rpm),
+            pose: Pose { x_m: number(pose.x_m), y_m: number(pose.y_m), yaw_deg: number(pose.yaw.deg()) },
+            ir_cm: Ranges { front: numbers(&outputs.ir_front_cm), rear: numbers(&outputs.ir_rear_cm) },
+            obstacle: Obstacle { front: obstacle.front, rear: obstacle.rear },
+            tilt_deg: Tilt { x: tilt.x.map(number), y: tilt.y.map(number) },
+            goto: goto.as_ref().map(|decision| Goto {
+                quadrant: decision.quadrant,
+                alpha_deg: number(decision.alpha_deg),
+                beta_deg: number(decision.beta_deg),
+                gamma_deg: number(decision.gamma_deg),
+                maneuver: decision.maneuver,
+                arrived: decision.arrived,
+            }),
+            remote: Remote {
+                speed_duty: duties.speed.map(number),
+                steering_duty: duties.steering.map(number),
+                selector_duty: duties.selector.map(number),
+                reset: outputs.reset.names().collect(),
+            },
+        }
+    }
+}
+
+/// What a step decided as a line, without the newline; numbers rounded to 7 decimals.
+#[must_use]
+pub fn decision_line(outputs: &Outputs) -> String {
+    serde_json::to_string(&Decision::new(outputs, seven)).unwrap_or_default()
+}
+
+/// The same with every number in full: two steps decided the same if and only if these are the same
+/// bytes.
+#[must_use]
+pub fn exact_decision_line(outputs: &Outputs) -> String {
+    serde_json::to_string(&Decision::new(outputs, full)).unwrap_or_default()
+}
+
+/// Which of the sample's kinds, as the trace names it.
+#[must_use]
+pub fn kind(sample: &Sample) -> &'static str {
+    match sample {
+        Sample::Gyro(_) => "gyro",
+        Sample::Encoder { .. } => "encoder",
+        Sample::Adc(_) => "adc",
+        Sample::Remote(_) => "remote",
+        Sample::Command(_) => "command",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(text: &str) -> String {
+        TraceReader::default().line(text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_sample_reads_back_as_the_line_it_was_written_to() {
+        for text in [
+            r#"{"t_ns":1,"gyro":{"roll":-1,"pitch":2,"yaw":-32768}}"#,
+            r#"{"t_ns":2,"encoder":{"pulses":23}}"#,
+            r#"{"t_ns":3,"adc":{"ir_front":[0.0,1.0,2.0,3.0,4.0,1023.0],"ir_rear":[0.0,0.0,0.0,0.0,0.0,0.0],"tilt":[512.015625,3.0],"pistons":[1.0,2.0,3.0,4.0]}}"#,
+            r#"{"t_ns":4,"remote":{"speed":938,"steering":null,"selector":58275}}"#,
+            r#"{"t_ns":5,"command":{"idle":{}}}"#,
+            r#"{"t_ns":6,"command":{"goto":{"x_m":0.1,"y_m":-2.0}}}"#,
+            r#"{"t_ns":7,"command":{"teleop":{"rpm":-13.3,"steering":0.7}}}"#,
+        ] {
+            let (t, sample) = TraceReader::default().line(text).unwrap();
+            assert_eq!(sample_line(t, &sample), text);
+        }
+    }
+
+    #[test]
+    fn what_is_malformed_is_named() {
+        assert!(error("{").contains("EOF"));
+        assert!(error(r#"{"t_ns":1,"gyros":{}}"#).contains("gyros"));
+        assert_eq!(
+            error(r#"{"t_ns":1}"#),
+            "0 of gyro, encoder, adc, remote and command in one line, exactly one is allowed"
+        );
+        assert!(error(r#"{"t_ns":1,"encoder":{"pulses":1},"command":{"idle":{}}}"#).starts_with("2 of"));
+        assert!(error(r#"{"t_ns":1,"remote":{"speed":1,"steering":2}}"#).contains("selector"));
+        assert!(error(r#"{"t_ns":1,"gyro":null}"#).contains("null"));
+        assert!(error(r#"{"t_ns":1,"command":{"goto":{"x_m":1e999,"y_m":0}}}"#).contains("out of range"));
+        assert_eq!(
+            error(r#"{"t_ns":1,"command":{"teleop":{"rpm":1,"steering":1.1}}}"#),
+            "steering 1.1 is outside -1..=1 of full lock"
+        );
+        let adc = r#"{"t_ns":1,"adc":{"ir_front":[0,0,0,0,0,1024],"ir_rear":[0,0,0,0,0,0],"tilt":[0,0],"pistons":[0,0,0,0]}}"#;
+        assert_eq!(error(adc), "ADC count 1024 is outside 0..=1023 counts");
+    }
+
+    #[test]
+    fn a_stamp_may_stand_still_but_not_go_back() {
+        let mut reader = TraceReader::default();
+        reader.line(r#"{"t_ns":5,"encoder":{"pulses":1}}"#).unwrap();
+        reader.line(r#"{"t_ns":5,"encoder":{"pulses":1}}"#).unwrap();
+        let error = reader.line(r#"{"t_ns":4,"encoder":{"pulses":1}}"#).unwrap_err();
+        assert_eq!(error, TraceError::Backwards { t_ns: 4, before: 5 });
+    }
+}

@@ -1,0 +1,110 @@
+//! Broken lines: what arrives, and that it ends with the fault.
+
+use crate::agent::{board_frames, set_up, steps};
+use xtb_protocol::board::{FrameReader, FrameWriter, FromBoard, LineCounters};
+use xtb_protocol::gyro_3dmg::{GyroFrame, GyroReader, START_CONTINUOUS};
+use xtb_sim::{LineFault, LineFaults, Simulation, TruckParameters, World};
+
+/// A truck that is set up, its gyro started, one second under way.
+fn running() -> Simulation {
+    let mut simulation = Simulation::new(World::default(), &TruckParameters::default(), &["a"], 1).unwrap();
+    set_up(&mut simulation, &mut FrameWriter::default());
+    simulation.trucks_mut()[0].gyro_rx(&START_CONTINUOUS);
+    second(&mut simulation);
+    simulation
+}
+
+/// Bytes of one second on the board's and on the gyro's line.
+fn second(simulation: &mut Simulation) -> (Vec<u8>, Vec<u8>) {
+    let (mut board, mut gyro) = (Vec::new(), Vec::new());
+    for _ in 0..steps(1.0) {
+        simulation.step();
+        simulation.trucks_mut()[0].take_board_tx(&mut board);
+        simulation.trucks_mut()[0].take_gyro_tx(&mut gyro);
+    }
+    (board, gyro)
+}
+
+fn with_faults(board: LineFault, gyro: LineFault) -> (Vec<u8>, Vec<u8>) {
+    let mut simulation = running();
+    simulation.trucks_mut()[0].set_line_faults(LineFaults { board, gyro });
+    second(&mut simulation)
+}
+
+fn read_board(bytes: &[u8]) -> (Vec<FromBoard>, LineCounters) {
+    let (mut reader, mut frames) = (FrameReader::default(), Vec::new());
+    reader.from_board(bytes, |frame| frames.extend(frame.ok()));
+    (frames, reader.counters())
+}
+
+fn read_gyro(bytes: &[u8]) -> Vec<GyroFrame> {
+    let mut frames = Vec::new();
+    GyroReader::default().push(bytes, |frame| frames.push(frame));
+    frames
+}
+
+#[test]
+fn a_silent_line_is_silent_and_the_other_one_goes_on() {
+    let (board, gyro) = with_faults(LineFault::Silent, LineFault::None);
+    assert_eq!((board.len(), read_gyro(&gyro).len()), (0, 100));
+    let (board, gyro) = with_faults(LineFault::None, LineFault::Silent);
+    assert_eq!(gyro.len(), 0);
+    assert!(read_board(&board).0.len() > 90);
+}
+
+#[test]
+fn garbage_comes_at_the_same_rate_and_holds_no_frame() {
+    let (good_board, good_gyro) = with_faults(LineFault::None, LineFault::None);
+    let (board, gyro) = with_faults(LineFault::Garbage, LineFault::Garbage);
+    let near = |garbage: usize, good: usize| garbage.abs_diff(good) < good / 10;
+    assert!(near(board.len(), good_board.len()) && near(gyro.len(), good_gyro.len()));
+    assert!(read_board(&board).0.is_empty() && read_gyro(&gyro).is_empty());
+}
+
+#[test]
+fn of_half_frames_none_is_taken_and_the_boards_are_counted() {
+    let (board, gyro) = with_faults(LineFault::HalfFrames, LineFault::HalfFrames);
+    let (frames, counters) = read_board(&board);
+    assert!(frames.is_empty() && counters.rejected > 90, "{counters:?}");
+    assert!(!gyro.is_empty() && read_gyro(&gyro).is_empty());
+}
+
+#[test]
+fn on_the_wrong_line_each_device_sends_what_it_sends() {
+    let (board_line, gyro_line) = with_faults(LineFault::WrongDevice, LineFault::WrongDevice);
+    assert_eq!(read_gyro(&board_line).len(), 100, "a gyro in continuous mode");
+    assert!(read_board(&board_line).0.is_empty());
+    let (frames, _) = read_board(&gyro_line);
+    let waiting = |frame: &FromBoard| matches!(frame, FromBoard::Status(status) if !status.ready);
+    assert!(frames.len() == 10 && frames.iter().all(waiting), "a board that waits: {frames:?}");
+}
+
+#[test]
+fn a_lossy_line_loses_whole_frames_and_the_gap_can_be_counted() {
+    let (board, gyro) = with_faults(LineFault::Lossy(0.3), LineFault::Lossy(0.3));
+    let (frames, counters) = read_board(&board);
+    assert!(frames.len() > 40 && counters.rejected == 0 && counters.lost > 10, "{counters:?}");
+    assert!((50..90).contains(&read_gyro(&gyro).len()));
+}
+
+#[test]
+fn a_frozen_device_repeats_itself() {
+    let (board, gyro) = with_faults(LineFault::Frozen, LineFault::Frozen);
+    let (board, gyro) = (read_board(&board).0, read_gyro(&gyro));
+    assert!(board.len() > 90 && board.iter().all(|frame| *frame == board[0]));
+    assert!(gyro.len() == 100 && gyro.iter().all(|frame| *frame == gyro[0]));
+}
+
+#[test]
+fn a_fault_that_is_taken_away_leaves_nothing_behind() {
+    let mut simulation = running();
+    for fault in [LineFault::Silent, LineFault::Garbage, LineFault::HalfFrames, LineFault::WrongDevice] {
+        simulation.trucks_mut()[0].set_line_faults(LineFaults { board: fault, gyro: fault });
+        second(&mut simulation);
+        simulation.trucks_mut()[0].set_line_faults(LineFaults::default());
+        let (board, gyro) = second(&mut simulation);
+        assert!(read_board(&board).0.len() > 90, "{fault:?}");
+        assert_eq!(read_gyro(&gyro).len(), 100, "{fault:?}");
+    }
+    assert!(board_frames(&mut simulation.trucks_mut()[0]).is_empty());
+}

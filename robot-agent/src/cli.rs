@@ -1,0 +1,236 @@
+//! The command line: flags that set what a robot is, and the verbs beside running it.
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Parser, Subcommand};
+use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
+use std::path::PathBuf;
+use toml::Value;
+use xtb_control::calibration::Actuator;
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 ended as asked · 1 failed, or a check found something · 2 wrong usage or configuration · 4 name taken
+
+Without a command the robot runs until Ctrl-C. Settings come from the compiled-in defaults, then
+--config, then the environment, then flags. The log's detail: RUST_LOG=debug.";
+
+/// One robot: the first-level controller of TM 2004-262 beside its Zenoh session.
+#[derive(Debug, Parser)]
+#[command(version, after_help = EXIT_CODES, subcommand_negates_reqs = true)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    pub(crate) settings: Settings,
+    /// Print the settings in force, commented, and end
+    #[arg(long)]
+    pub(crate) print_config: bool,
+    /// Record every sample, command and decision into a file in this folder
+    #[arg(long, value_name = "DIR", env = "XTB_RECORD")]
+    pub(crate) record: Option<PathBuf>,
+    #[command(subcommand)]
+    pub(crate) command: Option<Verb>,
+}
+
+/// What else the program can do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Verb {
+    /// Run the robot and record every sample, command and decision (the same as --record DIR)
+    Record(RecordArgs),
+    /// Feed a trace or a recording through the controller again
+    Replay(ReplayArgs),
+    /// Read every sensor once and say what is wrong
+    CheckHardware(CheckArgs),
+    /// Sweep a servo, measure, fit Annex A's line and write it into the configuration
+    Calibrate(CalibrateArgs),
+    /// List this machine's serial ports
+    Ports(PortsArgs),
+    /// Print a completion script for a shell
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// `record`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct RecordArgs {
+    /// Folder for the recording, made if it is missing
+    #[arg(value_name = "DIR", default_value = "recordings")]
+    pub(crate) folder: PathBuf,
+}
+
+/// `replay`.
+#[derive(Debug, clap::Args)]
+#[command(
+    long_about = "Feed a trace or a recording through the controller again.\n\n\
+        --trace IN.jsonl prints what the controller decides, one JSON object a line (docs/trace.md).\n\
+        FILE.mcap compares with what was decided then: identical, or the first difference with its \
+        time, stage and both values (exit code 1). With --set or --config it shows instead which \
+        decisions would have been others.",
+    group(clap::ArgGroup::new("input").required(true).args(["recording", "trace"]))
+)]
+pub(crate) struct ReplayArgs {
+    /// A recording made with --record
+    #[arg(value_name = "FILE.mcap")]
+    pub(crate) recording: Option<PathBuf>,
+    /// A trace of samples, one JSON object a line; - reads standard input
+    #[arg(long, value_name = "IN.jsonl")]
+    pub(crate) trace: Option<PathBuf>,
+    /// Write the recording's samples as a trace instead of replaying it; - is standard output
+    #[arg(long, value_name = "OUT.jsonl", requires = "recording")]
+    pub(crate) export: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long, conflicts_with = "trace")]
+    pub(crate) json: bool,
+}
+
+/// `check-hardware`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct CheckArgs {
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Longest time to wait for a sensor
+    #[arg(long, value_name = "SECONDS", default_value_t = 3.0)]
+    pub(crate) timeout: f64,
+}
+
+/// `calibrate`.
+#[derive(Debug, clap::Args)]
+#[command(long_about = "Sweep a servo, measure, fit Annex A's line and write it into the configuration.\n\n\
+        Put the truck on a stand first: all wheels off the ground. Pistons are measured by their own \
+        sensors; a person reads the angles of steering and bumpers and types them; on a simulated truck \
+        its instruments are read. A fit with R < 0.98 is refused (exit code 1). See docs/calibration.md.")]
+pub(crate) struct CalibrateArgs {
+    /// What to calibrate
+    #[arg(value_name = "WHAT", value_parser = actuators())]
+    pub(crate) what: Actuator,
+    /// Ask nothing: move it, and write the result
+    #[arg(long)]
+    pub(crate) yes: bool,
+    /// Take these readings instead of moving anything: lines "count angle" (pistons: "count speed" in
+    /// m/s), in the order in which they were taken
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["from", "to", "points"])]
+    pub(crate) readings: Option<PathBuf>,
+    /// Where to write the result; made if it is missing [default: the --config file]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) write: Option<PathBuf>,
+    /// Never write the result
+    #[arg(long, conflicts_with = "write")]
+    pub(crate) dry_run: bool,
+    /// Where to draw the plot [default: calibration-WHAT.svg beside the configuration]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) plot: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Shortest pulse of the sweep, in counts of 0.4 µs [default: from the configuration]
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(2331..=5272))]
+    pub(crate) from: Option<u16>,
+    /// Longest pulse of the sweep
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(2331..=5272))]
+    pub(crate) to: Option<u16>,
+    /// Number of pulses, one way [default: 13, pistons 20]
+    #[arg(long, value_name = "N")]
+    pub(crate) points: Option<usize>,
+}
+
+fn actuators() -> impl TypedValueParser<Value = Actuator> {
+    PossibleValuesParser::new(Actuator::ALL.map(Actuator::name)).try_map(|name| name.parse::<Actuator>())
+}
+
+/// `ports`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct PortsArgs {
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Flags that set what the robot is; each may stand before or after a command.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Settings {
+    /// Settings in TOML; see --print-config
+    #[arg(long, value_name = "FILE", env = "XTB_AGENT_CONFIG", global = true)]
+    pub(crate) config: Option<PathBuf>,
+    /// The robot's name [default: xtb-1]
+    #[arg(long, env = "XTB_NAME", global = true)]
+    name: Option<String>,
+    /// The fleet's name [default: lab]
+    #[arg(long, env = "XTB_FLEET", global = true)]
+    fleet: Option<String>,
+    /// The router [default: tcp/127.0.0.1:7447]; may be given several times
+    #[arg(long, value_name = "ENDPOINT", env = "XTB_CONNECT", value_delimiter = ',', global = true)]
+    connect: Vec<String>,
+    /// serial, or simulated: one truck alone in an empty room [default: simulated]
+    #[arg(long, value_name = "KIND", env = "XTB_HARDWARE", global = true)]
+    hardware: Option<String>,
+    /// Serial port of the I/O board
+    #[arg(long, value_name = "PORT", env = "XTB_BOARD", global = true)]
+    board: Option<String>,
+    /// Serial port of the gyro
+    #[arg(long, value_name = "PORT", env = "XTB_GYRO", global = true)]
+    gyro: Option<String>,
+    /// Where the truck stands in the map (ENU: metres, radians) [default: 0,0,1.5708]
+    #[arg(long, value_name = "X,Y,YAW", env = "XTB_START_POSE", global = true, allow_hyphen_values = true, value_parser = parse_pose)]
+    start_pose: Option<[f64; 3]>,
+    /// Any other setting, such as goto.reference_rpm=10 (or vehicle.goto.reference_rpm=10)
+    #[arg(long = "set", value_name = "KEY=VALUE", global = true)]
+    settings: Vec<String>,
+}
+
+fn parse_pose(text: &str) -> Result<[f64; 3], String> {
+    let parts: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse().map_err(|_| format!("{part:?} is not a number")))
+        .collect::<Result<_, _>>()?;
+    parts.try_into().map_err(|_| "give X,Y,YAW: metres east, metres north, radians".to_owned())
+}
+
+impl Settings {
+    /// The settings in force.
+    pub(crate) fn load(&self) -> Result<ConfigFile, ConfigProblem> {
+        self.over(Layers::default())
+    }
+
+    /// Whether anything here could make a controller decide otherwise.
+    pub(crate) fn change_anything(&self) -> bool {
+        self.config.is_some() || !self.settings.is_empty()
+    }
+
+    /// The settings in force over `layers`.
+    pub(crate) fn over(&self, mut layers: Layers) -> Result<ConfigFile, ConfigProblem> {
+        if let Some(path) = &self.config {
+            let origin = path.display().to_string();
+            let text = std::fs::read_to_string(path)
+                .map_err(|error| ConfigProblem::Read { path: origin.clone(), reason: error.to_string() })?;
+            layers.file(&origin, &text)?;
+        }
+        for (flag, key, value) in [
+            ("--name", "agent.name", &self.name),
+            ("--fleet", "agent.fleet", &self.fleet),
+            ("--hardware", "hardware.kind", &self.hardware),
+            ("--board", "hardware.board", &self.board),
+            ("--gyro", "hardware.gyro", &self.gyro),
+        ] {
+            if let Some(value) = value {
+                layers.set(flag, key, Value::String(value.clone()))?;
+            }
+        }
+        if !self.connect.is_empty() {
+            let endpoints = self.connect.iter().cloned().map(Value::String).collect();
+            layers.set("--connect", "zenoh.connect", Value::Array(endpoints))?;
+        }
+        if let Some(pose) = self.start_pose {
+            for (key, value) in ["start_pose.x_m", "start_pose.y_m", "start_pose.yaw_rad"].iter().zip(pose) {
+                layers.set("--start-pose", key, Value::Float(value))?;
+            }
+        }
+        for setting in &self.settings {
+            let (key, value) = setting.split_once('=').ok_or_else(|| ConfigProblem::Syntax {
+                origin: "--set".into(),
+                reason: format!("{setting:?} is not KEY=VALUE"),
+            })?;
+            layers.set_text("--set", key.trim(), value)?;
+        }
+        layers.finish()
+    }
+}

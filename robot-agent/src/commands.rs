@@ -1,0 +1,83 @@
+//! The verbs, one a file, and how any of them ends.
+
+pub(crate) mod calibrate;
+pub(crate) mod check_hardware;
+pub(crate) mod ports;
+pub(crate) mod replay;
+pub(crate) mod run;
+
+use robot_agent::config::ConfigProblem;
+use std::fmt::Display;
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+/// Why a command failed: exit code, message, and a hint at what to do.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    code: u8,
+    message: String,
+    hint: String,
+}
+
+impl Failure {
+    /// It failed.
+    pub(crate) fn new(message: impl Display, hint: impl Display) -> Self {
+        Self { code: 1, message: message.to_string(), hint: hint.to_string() }
+    }
+
+    /// With another exit code.
+    pub(crate) fn code(mut self, code: u8) -> Self {
+        self.code = code;
+        self
+    }
+
+    /// Says so on standard error.
+    pub(crate) fn report(&self) -> ExitCode {
+        let mut text = format!("error: {}\n", self.message);
+        if !self.hint.is_empty() {
+            text.push_str(&format!("hint: {}\n", self.hint));
+        }
+        let _ = io::stderr().write_all(text.as_bytes());
+        ExitCode::from(self.code)
+    }
+}
+
+impl From<ConfigProblem> for Failure {
+    fn from(problem: ConfigProblem) -> Self {
+        Self::new(problem, "robot-agent --print-config shows every setting").code(2)
+    }
+}
+
+/// Prints to standard output. A reader that has gone away (`| head`) is no failure, but the end.
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Failure::new(format!("cannot write: {error}"), ""))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// A value as a line of JSON.
+pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string(value).map_err(|error| Failure::new(error, ""))?;
+    print(&(text + "\n"))
+}
+
+/// Rows as columns, flush left; no line ends in blanks.
+pub(crate) fn columns(rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
+    let mut text = String::new();
+    for row in rows {
+        let mut line = String::new();
+        for (column, cell) in row.iter().enumerate() {
+            line.push_str(&format!("{cell:<width$}  ", width = width(column)));
+        }
+        text.push_str(line.trim_end());
+        text.push('\n');
+    }
+    text
+}

@@ -1,0 +1,271 @@
+//! `calibrate`: sweep a servo, measure, fit Annex A's line, and write it into the configuration.
+//!
+//! ```text
+//!   warning, confirmation ─► bench: set-up, sweep ─► fit ─► table, plot ─► R < 0.98? ─ no ─► ask, write
+//!   --readings FILE ────────────────────────────────┘                      yes: refused, nothing written
+//! ```
+
+pub(crate) mod bench;
+mod console;
+mod pistons;
+mod plot;
+mod readings;
+mod report;
+mod sweep;
+mod write;
+
+use super::{Failure, print, print_json, run};
+use crate::cli::CalibrateArgs;
+use bench::{Bench, Trouble};
+use console::{Console, say};
+use indicatif::{ProgressBar, ProgressStyle};
+use pistons::Piston;
+use report::Report;
+use robot_agent::clock::Clock;
+use robot_agent::config::ConfigFile;
+use robot_agent::hardware::Hardware;
+use robot_agent::hardware::simulated::{Instruments, LoneTruck};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use xtb_control::PwmCount;
+use xtb_control::calibration::{Actuator, Fit, FitError, Kind, Point, Sweep, SweepError, fit};
+
+/// A simulated truck's world need not wait for anybody's watch: as fast as the machine goes.
+const SIMULATED_SPEED: f64 = 1000.0;
+
+impl From<Trouble> for Failure {
+    fn from(trouble: Trouble) -> Self {
+        let hint = trouble.hint();
+        Self::new(format!("{trouble}: everything is at rest again, nothing was written"), hint)
+    }
+}
+
+/// Calibrates one actuator. `config` is the file that the settings came from.
+pub(crate) fn run(
+    file: &ConfigFile,
+    config: Option<&Path>,
+    args: &CalibrateArgs,
+) -> Result<ExitCode, Failure> {
+    let console = Console::start()?;
+    let points = match &args.readings {
+        Some(path) => readings::read(path, args.what)?,
+        None => measure(file, args, &console)?,
+    };
+    let destination = args.write.as_deref().or(config).filter(|_| !args.dry_run);
+    conclude(file, args, &console, &points, destination)
+}
+
+/// Fits, shows, and writes if nothing is against it.
+fn conclude(
+    file: &ConfigFile,
+    args: &CalibrateArgs,
+    console: &Console,
+    points: &[Point],
+    destination: Option<&Path>,
+) -> Result<ExitCode, Failure> {
+    let (fit, refused) = judge(points);
+    let (what, vehicle) = (args.what, &file.vehicle);
+    let old_centre = match what.kind() {
+        Kind::Steering(0) => Some(vehicle.steering.front_centre),
+        Kind::Steering(_) => Some(vehicle.steering.rear_centre),
+        Kind::Bumper(_) | Kind::Piston(_) => None,
+    };
+    let old = what.line(&vehicle.calibration);
+    let report = Report { what, old, old_centre, points, fit: fit.as_ref(), refused };
+    let plot = write_plot(args, &report, destination)?;
+    if !args.json {
+        print(&report.table())?;
+    }
+    say(&format!("plot: {}\n", plot.display()));
+    let written = match (destination, &fit, refused) {
+        (Some(path), Some(fit), None) => offer(args, console, path, what, fit)?,
+        _ => None,
+    };
+    if args.json {
+        print_json(&report.json(Some(&plot), written))?;
+    }
+    if let Some(refused) = refused {
+        let hint = "nothing was written; the plot shows where the points lie";
+        return Err(Failure::new(format!("{what} is refused: {refused}"), hint));
+    }
+    if destination.is_none() && !args.dry_run {
+        say("not written: no --config, and no --write FILE\n");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The line, if there is one, and what is against it.
+fn judge(points: &[Point]) -> (Option<Fit>, Option<FitError>) {
+    match fit(points) {
+        Ok(fit) => (Some(fit), fit.check().err()),
+        Err(refused) => (None, Some(refused)),
+    }
+}
+
+/// Writes the result if that is wished; where it was written.
+fn offer<'a>(
+    args: &CalibrateArgs,
+    console: &Console,
+    path: &'a Path,
+    what: Actuator,
+    fit: &Fit,
+) -> Result<Option<&'a Path>, Failure> {
+    let changes = write::changes(what, fit);
+    let mut question = format!("{}:\n", path.display());
+    for (section, key, value) in &changes {
+        question.push_str(&format!("  vehicle.{section}.{key} = {value:?}\n"));
+    }
+    if !args.yes {
+        if !console.is_manned() {
+            say("not written: nobody to ask, and no --yes\n");
+            return Ok(None);
+        }
+        if !console.confirm(&format!("{question}Write this?"))? {
+            say("not written\n");
+            return Ok(None);
+        }
+    }
+    write::write(path, &changes)
+        .map_err(|error| Failure::new(error, "nothing was written; --write FILE takes another file"))?;
+    say(&format!("written to {}; an agent that runs takes it at its next start\n", path.display()));
+    Ok(Some(path))
+}
+
+/// Next to the configuration, unless asked for elsewhere.
+fn write_plot(args: &CalibrateArgs, report: &Report<'_>, near: Option<&Path>) -> Result<PathBuf, Failure> {
+    let path = args.plot.clone().unwrap_or_else(|| {
+        let folder = near.and_then(Path::parent).unwrap_or(Path::new(""));
+        folder.join(format!("calibration-{}.svg", args.what))
+    });
+    let refused = report.refused.map(|refused| format!("refused: {refused}"));
+    let summary = report.summary().unwrap_or_default();
+    let verdict = refused.as_deref().map_or(Ok(summary.as_str()), Err);
+    std::fs::write(&path, plot::svg(args.what, report.points, report.fit, verdict)).map_err(|error| {
+        Failure::new(
+            format!("cannot write the plot {}: {error}", path.display()),
+            "--plot takes another file",
+        )
+    })?;
+    Ok(path)
+}
+
+/// Asks, moves, measures.
+fn measure(file: &ConfigFile, args: &CalibrateArgs, console: &Console) -> Result<Vec<Point>, Failure> {
+    let (what, simulated) = (args.what, file.hardware.kind == "simulated");
+    let sweep = sweep_of(file, args);
+    let impossible = |error: SweepError| Failure::new(error, "see --from, --to and --points").code(2);
+    let (steps, counts) =
+        (sweep.there_and_back().map_err(impossible)?, sweep.outwards().map_err(impossible)?);
+    let by_hand = !simulated && !matches!(what.kind(), Kind::Piston(_));
+    permission(args, console, &sweep, simulated, by_hand)?;
+
+    let (lines, instruments) = open(file)?;
+    let mut bench = Bench::new(lines, instruments, &file.vehicle, console.interrupted().clone())
+        .map_err(|error| Failure::new(error, "").code(2))?;
+    bench.set_up()?;
+    let points = if let Kind::Piston(index) = what.kind() {
+        measure_piston(&mut bench, file, (what, index), &counts)?
+    } else {
+        let readings = steps.iter().filter(|step| step.read).count();
+        let progress = if by_hand { ProgressBar::hidden() } else { progress_bar(what, readings) };
+        let mut truck = sweep::Truck { bench: &mut bench, actuator: what, console, progress: &progress };
+        let points = sweep::angles(&steps, &mut truck)?;
+        progress.finish_and_clear();
+        points
+    };
+    Ok(points)
+}
+
+fn measure_piston(
+    bench: &mut Bench,
+    file: &ConfigFile,
+    (what, index): (Actuator, usize),
+    counts: &[PwmCount],
+) -> Result<Vec<Point>, Failure> {
+    let progress = progress_bar(what, counts.len());
+    let line = what.line(&file.vehicle.calibration);
+    let mut piston = Piston::new(bench, (what, index), &file.vehicle.pistons, line);
+    let points = piston.speeds(counts, |point| {
+        progress.set_message(format!("pulse {}: {:.1} mm/s", point.count.get(), point.quantity * 1000.0));
+        progress.inc(1);
+    })?;
+    progress.finish_and_clear();
+    Ok(points)
+}
+
+/// As configured, or as asked for.
+fn sweep_of(file: &ConfigFile, args: &CalibrateArgs) -> Sweep {
+    let suggested = args.what.default_sweep(&file.vehicle);
+    let count =
+        |asked: Option<u16>, suggested| asked.and_then(|c| PwmCount::try_from(c).ok()).unwrap_or(suggested);
+    Sweep {
+        from: count(args.from, suggested.from),
+        to: count(args.to, suggested.to),
+        points: args.points.unwrap_or(suggested.points),
+    }
+}
+
+/// Says what is going to move, and goes on only with a yes.
+fn permission(
+    args: &CalibrateArgs,
+    console: &Console,
+    sweep: &Sweep,
+    simulated: bool,
+    by_hand: bool,
+) -> Result<(), Failure> {
+    if (!args.yes || by_hand) && !console.is_manned() {
+        let (reason, hint) = if by_hand {
+            ("a person has to read the angles", "run it in a terminal, or give --readings FILE")
+        } else {
+            ("somebody has to confirm that it may move", "run it in a terminal, or give --yes")
+        };
+        return Err(Failure::new(format!("{reason}, and there is no terminal"), hint).code(2));
+    }
+    let whose = if simulated { "a simulated truck's" } else { "the truck's" };
+    let warning = if simulated { "" } else { WARNING };
+    let how = if by_hand { BY_HAND } else { "" };
+    say(&format!(
+        "{}: moves {whose} servo between the pulses {} and {} (counts of 0.4 µs).\n{warning}{how}",
+        args.what,
+        sweep.from.get(),
+        sweep.to.get()
+    ));
+    if args.yes || console.confirm("Go on?")? {
+        return Ok(());
+    }
+    Err(Failure::new("not confirmed: nothing was moved", ""))
+}
+
+const WARNING: &str = "\
+Put the truck on a stand: ALL WHEELS OFF THE GROUND, hands, hair and cables away.
+The motor stays neutral, but keep a hand on the power switch. Ctrl-C ends with everything at rest.
+";
+
+const BY_HAND: &str = "\
+At each pulse type the angle in degrees; or repeat (the last one was wrong), skip, quit.
+";
+
+type Lines = (Box<dyn Hardware>, Clock);
+
+/// The lines as for running; a simulated truck comes with instruments and without waiting.
+fn open(file: &ConfigFile) -> Result<(Lines, Option<Instruments>), Failure> {
+    if file.hardware.kind != "simulated" {
+        return Ok((run::open(file)?, None));
+    }
+    let (truck, clock) = LoneTruck::start_at(u64::from(file.hardware.seed), SIMULATED_SPEED)
+        .map_err(|error| Failure::new(error, "the simulated truck cannot be put into its room"))?;
+    let instruments = truck.instruments();
+    Ok(((Box::new(truck), clock), Some(instruments)))
+}
+
+/// On standard error, and only if that is a terminal.
+fn progress_bar(what: Actuator, length: usize) -> ProgressBar {
+    let bar = ProgressBar::new(length as u64).with_prefix(what.name());
+    match ProgressStyle::with_template("{prefix} [{bar:30}] {pos}/{len}  {msg}") {
+        Ok(style) => bar.with_style(style.progress_chars("=> ")),
+        Err(_) => bar,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,319 @@
+//! The truck on its stand: keeps the board's frames going while a calibration decides on pulses.
+//!
+//! ```text
+//!   set-up (Fig. 8) ─► turns of 5 ms: read, decode ── a PWM frame every 20 ms ─► dropped: one frame
+//!                                  │                                             with all at rest
+//!                                  └─► newest scan of the converter
+//! ```
+//! Only the actuator being calibrated moves; the rest stand as an idle robot has them, the motor is
+//! always neutral. No controller runs here: its platform stage would fight the sweep.
+
+use robot_agent::clock::Clock;
+use robot_agent::hardware::Hardware;
+use robot_agent::hardware::simulated::Instruments;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::TryRecvError;
+use thiserror::Error;
+use xtb_authority::robot::{PWM_FRAME_NS, TURN_NS};
+use xtb_control::calibration::Actuator;
+use xtb_control::config::ConfigError;
+use xtb_control::controller::{AdcSample, PwmOutputs};
+use xtb_control::tpu::{Setup, SetupTask};
+use xtb_control::{Controller, PwmCount, Stamp, VehicleConfig};
+use xtb_protocol::board::{FrameReader, FrameWriter, FromBoard};
+use xtb_sim::Measured;
+
+/// Bytes read from the board in one turn at most.
+const READ_BUFFER: usize = 1024;
+/// A board has this long to come up and to confirm its set-up.
+const SET_UP_MS: u64 = 3000;
+/// One that has been set up sends something this often, or it is lost.
+const SILENT_MS: u64 = 500;
+/// After this delay the missed turns are given up rather than made up for.
+const GIVE_UP_NS: u64 = 100_000_000;
+
+/// Why a calibration ends before its last reading.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub(crate) enum Trouble {
+    #[error("interrupted")]
+    Interrupted,
+    #[error("given up")]
+    Quit,
+    #[error("the input has ended before the last reading")]
+    NoAnswer,
+    #[error("nothing is heard of the I/O board{0}")]
+    Silent(String),
+    #[error("the I/O board does not confirm its set-up")]
+    NotSetUp,
+    #[error("the I/O board has restarted")]
+    Restarted,
+    #[error("the I/O board sends no converter scans")]
+    NoScan,
+    #[error("the simulated world has ended")]
+    WorldEnded,
+    #[error("the piston does not come to the middle: it stays at {height_mm:.1} mm of {travel_mm:.1} mm")]
+    Stuck { height_mm: f64, travel_mm: f64 },
+    #[error("at the pulse {count} the piston is too fast to be timed before its end stop")]
+    TooFast { count: u16 },
+}
+
+impl Trouble {
+    /// What to do about it.
+    pub(crate) fn hint(&self) -> &'static str {
+        match self {
+            Self::Interrupted | Self::Quit | Self::NoAnswer | Self::WorldEnded => "",
+            Self::Silent(_) | Self::NotSetUp | Self::NoScan => {
+                "robot-agent check-hardware says what is wrong; end any other agent on these ports first"
+            }
+            Self::Restarted => "look at the supply of board and servos, then start again",
+            Self::Stuck { .. } => "look at its servo, its position sensor and their plugs",
+            Self::TooFast { .. } => "take pulses nearer to zero movement: --from and --to",
+        }
+    }
+}
+
+/// A truck's I/O board, set up and kept awake.
+pub(crate) struct Bench {
+    // Before the hardware, so that a simulated world waits for nobody while it ends.
+    clock: Clock,
+    hardware: Box<dyn Hardware>,
+    instruments: Option<Instruments>,
+    interrupted: Arc<AtomicBool>,
+    reader: FrameReader,
+    writer: FrameWriter,
+    setup: SetupTask,
+    at_rest: PwmOutputs,
+    pulses: PwmOutputs,
+    next_turn: Stamp,
+    next_frame: Stamp,
+    heard: Stamp,
+    scan: Option<(Stamp, AdcSample)>,
+    /// What the system said when the line was last broken.
+    broken: String,
+}
+
+impl Bench {
+    /// Nothing has been sent yet. `interrupted` ends every wait.
+    pub(crate) fn new(
+        (hardware, clock): (Box<dyn Hardware>, Clock),
+        instruments: Option<Instruments>,
+        vehicle: &VehicleConfig,
+        interrupted: Arc<AtomicBool>,
+    ) -> Result<Self, ConfigError> {
+        let setup = SetupTask::new(Setup::of(vehicle)?);
+        let at_rest = Controller::new(vehicle.clone()).outputs(Stamp::ZERO).pwm;
+        let now = clock.now();
+        Ok(Self {
+            clock,
+            hardware,
+            instruments,
+            interrupted,
+            reader: FrameReader::default(),
+            writer: FrameWriter::default(),
+            setup,
+            at_rest,
+            pulses: at_rest,
+            next_turn: now,
+            next_frame: now,
+            heard: now,
+            scan: None,
+            broken: String::new(),
+        })
+    }
+
+    /// Sets the board up (Fig. 8).
+    pub(crate) fn set_up(&mut self) -> Result<(), Trouble> {
+        let began = self.clock.now();
+        while !self.setup.is_done() {
+            self.take_turn()?;
+            let now = self.clock.now();
+            if now.since_ms(began) > SET_UP_MS {
+                return Err(if self.heard > began { Trouble::NotSetUp } else { self.silent() });
+            }
+        }
+        self.heard = self.clock.now();
+        Ok(())
+    }
+
+    /// Gives the actuator a pulse and all others theirs at rest, from the next turn on.
+    pub(crate) fn drive(&mut self, actuator: Actuator, count: PwmCount) {
+        let mut pulses = self.at_rest;
+        actuator.set(&mut pulses, count);
+        if pulses != self.pulses {
+            self.pulses = pulses;
+            self.next_frame = Stamp::ZERO;
+        }
+    }
+
+    /// One turn of a board that has been set up.
+    pub(crate) fn turn(&mut self) -> Result<(), Trouble> {
+        self.take_turn()?;
+        if !self.setup.is_done() {
+            return Err(Trouble::Restarted);
+        }
+        if self.clock.now().since_ms(self.heard) > SILENT_MS {
+            return Err(self.silent());
+        }
+        Ok(())
+    }
+
+    /// Turns for this long.
+    pub(crate) fn hold(&mut self, seconds: f64) -> Result<(), Trouble> {
+        let began = self.clock.now();
+        while self.clock.now().since_s(began) < seconds {
+            self.turn()?;
+        }
+        Ok(())
+    }
+
+    /// Turns until the converter's next scan, and when it came.
+    pub(crate) fn next_scan(&mut self) -> Result<(Stamp, AdcSample), Trouble> {
+        self.scan = None;
+        let began = self.clock.now();
+        loop {
+            self.turn()?;
+            if let Some(scan) = self.scan {
+                return Ok(scan);
+            }
+            if self.clock.now().since_ms(began) > SILENT_MS {
+                return Err(Trouble::NoScan);
+            }
+        }
+    }
+
+    /// Turns until a simulated truck's instruments have been read; `None` on a real truck.
+    pub(crate) fn measured(&mut self) -> Result<Option<Measured>, Trouble> {
+        let Some(instruments) = &self.instruments else { return Ok(None) };
+        let answer = instruments.read();
+        loop {
+            self.turn()?;
+            match answer.try_recv() {
+                Ok(measured) => return Ok(Some(measured)),
+                Err(TryRecvError::Empty) => {}
+                Err(TryRecvError::Disconnected) => return Err(Trouble::WorldEnded),
+            }
+        }
+    }
+
+    fn take_turn(&mut self) -> Result<(), Trouble> {
+        self.next_turn = self.next_turn.plus_ns(TURN_NS);
+        self.clock.wait_until(self.next_turn);
+        if self.interrupted.load(Ordering::Relaxed) {
+            return Err(Trouble::Interrupted);
+        }
+        let now = self.clock.now();
+        if now.ns() > self.next_turn.ns() + GIVE_UP_NS {
+            self.next_turn = now;
+        }
+        self.read(now);
+        self.write(now);
+        Ok(())
+    }
+
+    fn read(&mut self, now: Stamp) {
+        let mut buffer = [0; READ_BUFFER];
+        let bytes = match self.hardware.read_board(&mut buffer) {
+            Ok(n) => &buffer[..n],
+            Err(error) => {
+                self.broken = format!(": {error}");
+                return;
+            }
+        };
+        let Self { reader, setup, heard, scan, broken, .. } = self;
+        // What is no frame says nothing of the board; a line of nothing else is found silent.
+        reader.from_board(bytes, |frame| {
+            let Ok(frame) = frame else { return };
+            *heard = now;
+            broken.clear();
+            match frame {
+                FromBoard::Status(status) => setup.confirm(status.ready, status.setup_checksum),
+                FromBoard::Adc { sample, .. } if setup.is_done() => *scan = Some((now, sample)),
+                _ => {}
+            }
+        });
+    }
+
+    fn write(&mut self, now: Stamp) {
+        if now >= self.next_frame {
+            self.next_frame = now.plus_ns(PWM_FRAME_NS);
+            self.send_pulses();
+        }
+        if let Some(setup) = self.setup.request(now) {
+            let frame = self.writer.setup(&setup);
+            // What is lost is asked for again.
+            let _ = self.hardware.write_board(frame.as_bytes());
+        }
+    }
+
+    fn send_pulses(&mut self) {
+        let frame = self.writer.pwm(&self.pulses);
+        if let Err(error) = self.hardware.write_board(frame.as_bytes()) {
+            self.broken = format!(": {error}");
+        }
+    }
+
+    fn silent(&self) -> Trouble {
+        Trouble::Silent(self.broken.clone())
+    }
+}
+
+impl Drop for Bench {
+    /// However it ends, the last frame is one with everything at rest; should it be lost, the board's
+    /// watchdog stops motor and pistons.
+    fn drop(&mut self) {
+        self.pulses = self.at_rest;
+        self.send_pulses();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use robot_agent::hardware::simulated::{SimulatedHardware, TruckLine, TruckLines};
+    use xtb_protocol::board::ToBoard;
+
+    fn bench() -> (Bench, TruckLines) {
+        let (hardware, lines) = SimulatedHardware::connect();
+        let line = (Box::new(hardware) as Box<dyn Hardware>, Clock::real());
+        (Bench::new(line, None, &VehicleConfig::default(), Arc::default()).unwrap(), lines)
+    }
+
+    fn pulses(line: &mut dyn TruckLine) -> Vec<PwmOutputs> {
+        let (mut bytes, mut pulses) = (Vec::new(), Vec::new());
+        line.receive(&mut bytes);
+        FrameReader::default().to_board(&bytes, |frame| {
+            if let Ok(ToBoard::Pwm(pwm)) = frame {
+                pulses.push(pwm);
+            }
+        });
+        pulses
+    }
+
+    #[test]
+    fn the_last_frame_has_everything_at_rest_and_the_motor_never_moves() {
+        let (mut bench, mut lines) = bench();
+        let at_rest = bench.at_rest;
+        for actuator in Actuator::ALL {
+            bench.drive(actuator, PwmCount::MAX);
+            bench.take_turn().unwrap();
+        }
+        drop(bench);
+        let sent = pulses(&mut *lines.board);
+        assert_eq!(sent.len(), 9, "each new pulse goes out at once");
+        assert!(sent.iter().all(|pwm| pwm.motor == PwmCount::NEUTRAL));
+        assert!(sent[..8].iter().all(|pwm| *pwm != at_rest));
+        assert_eq!(sent[8], at_rest);
+    }
+
+    #[test]
+    fn an_interruption_ends_every_wait_and_a_dead_line_is_named() {
+        let (mut bench, _lines) = bench();
+        bench.interrupted.store(true, Ordering::Relaxed);
+        assert_eq!(bench.set_up(), Err(Trouble::Interrupted));
+        assert_eq!(bench.hold(1e9), Err(Trouble::Interrupted));
+        bench.broken = ": /dev/ttyUSB0: no such device".into();
+        let said = bench.silent().to_string();
+        assert_eq!(said, "nothing is heard of the I/O board: /dev/ttyUSB0: no such device");
+    }
+}

@@ -1,0 +1,121 @@
+//! The person at the terminal: questions, answers and Ctrl-C.
+//!
+//! A thread reads standard input, so that the truck's frames go on while a person thinks.
+
+use super::bench::Trouble;
+use crate::commands::Failure;
+use std::io::{self, BufRead, IsTerminal, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, sync_channel};
+use std::time::Duration;
+use tokio::runtime::Runtime;
+
+/// How often somebody who waits for an answer looks for Ctrl-C.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// What the person does.
+pub(crate) struct Console {
+    interrupted: Arc<AtomicBool>,
+    /// Lines typed; `None` if nobody sits there.
+    typed: Option<Receiver<String>>,
+    /// Watches for signals.
+    _runtime: Runtime,
+}
+
+impl Console {
+    /// From now on Ctrl-C and SIGTERM do not end the program but show in [`Console::interrupted`].
+    pub(crate) fn start() -> Result<Self, Failure> {
+        let no_threads = |error: io::Error| Failure::new(error, "the system is out of threads or memory");
+        let interrupted = Arc::new(AtomicBool::new(false));
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .enable_all()
+            .build()
+            .map_err(no_threads)?;
+        let flag = interrupted.clone();
+        runtime.spawn(async move {
+            wait_for_signal().await;
+            flag.store(true, Ordering::Relaxed);
+        });
+        let typed = if io::stdin().is_terminal() { Some(read_lines().map_err(no_threads)?) } else { None };
+        Ok(Self { interrupted, typed, _runtime: runtime })
+    }
+
+    /// Whether somebody can answer.
+    pub(crate) fn is_manned(&self) -> bool {
+        self.typed.is_some()
+    }
+
+    /// Becomes true with Ctrl-C.
+    pub(crate) fn interrupted(&self) -> &Arc<AtomicBool> {
+        &self.interrupted
+    }
+
+    /// Asks, and waits for the answer while `meanwhile` is called again and again.
+    pub(crate) fn ask_while(
+        &self,
+        question: &str,
+        mut meanwhile: impl FnMut() -> Result<(), Trouble>,
+    ) -> Result<String, Trouble> {
+        say(question);
+        let typed = self.typed.as_ref().ok_or(Trouble::NoAnswer)?;
+        loop {
+            meanwhile()?;
+            match typed.try_recv() {
+                Ok(answer) => return Ok(answer),
+                Err(TryRecvError::Empty) => {}
+                Err(TryRecvError::Disconnected) => return Err(Trouble::NoAnswer),
+            }
+        }
+    }
+
+    /// Asks something to be answered with yes; anything else is no.
+    pub(crate) fn confirm(&self, question: &str) -> Result<bool, Trouble> {
+        say(&format!("{question} [yes/no] "));
+        let typed = self.typed.as_ref().ok_or(Trouble::NoAnswer)?;
+        loop {
+            if self.interrupted.load(Ordering::Relaxed) {
+                return Err(Trouble::Interrupted);
+            }
+            match typed.recv_timeout(LOOK) {
+                Ok(answer) => return Ok(matches!(answer.trim(), "yes" | "y" | "Yes" | "YES")),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Err(Trouble::NoAnswer),
+            }
+        }
+    }
+}
+
+/// Says something to the person, beside the result on standard output.
+pub(crate) fn say(text: &str) {
+    let mut err = io::stderr().lock();
+    // Nobody may be listening.
+    let _ = err.write_all(text.as_bytes()).and_then(|()| err.flush());
+}
+
+/// Lines from standard input until its end. The thread ends with the program.
+fn read_lines() -> io::Result<Receiver<String>> {
+    let (typed, lines) = sync_channel(8);
+    std::thread::Builder::new().name("console".into()).spawn(move || {
+        for line in io::stdin().lock().lines().map_while(Result::ok) {
+            if typed.send(line).is_err() {
+                return;
+            }
+        }
+    })?;
+    Ok(lines)
+}
+
+async fn wait_for_signal() {
+    use tokio::signal::unix::{SignalKind, signal};
+    match signal(SignalKind::terminate()) {
+        Ok(mut terminate) => {
+            tokio::select! {
+                _ = tokio::signal::ctrl_c() => {}
+                _ = terminate.recv() => {}
+            }
+        }
+        Err(_) => drop(tokio::signal::ctrl_c().await),
+    }
+}

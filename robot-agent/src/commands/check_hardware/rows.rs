@@ -1,0 +1,364 @@
+//! The table of `check-hardware`: one row a thing, with a verdict and what to do.
+
+use robot_agent::config::ConfigFile;
+use serde::Serialize;
+use xtb_authority::robot::Readings;
+use xtb_control::odometry::GYRO_DEG_PER_COUNT;
+use xtb_control::pistons::height_m;
+use xtb_control::remote::{Reading as Pulse, reading};
+use xtb_control::speed::wheel_rpm;
+use xtb_control::units::PWM_PERIOD_COUNTS;
+use xtb_control::{AdcCount, Outputs};
+use xtb_protocol::messages::{Fault, FaultState};
+
+/// The tilt sensor is linear up to here, in degrees (§2.2).
+const TILT_LINEAR_DEG: f64 = 20.0;
+/// A truck on a floor pitches and rolls less than this, in degrees.
+const LEVEL_DEG: f64 = 30.0;
+/// A pack of 7.2 V is empty below this, in mV.
+const BATTERY_EMPTY_MV: u16 = 6600;
+const ADC_MOST: f64 = 1023.0;
+
+/// Whether a thing is as it should be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Verdict {
+    /// It is.
+    Ok,
+    /// It has not been heard.
+    Missing,
+    /// It has, but that cannot be right, or should not be so.
+    Suspicious,
+    /// The truck does without.
+    NotFitted,
+}
+
+/// One thing.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Row {
+    what: String,
+    raw: String,
+    reads_as: String,
+    pub(super) verdict: Verdict,
+    advice: String,
+}
+
+/// What has been counted on the lines.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Counted {
+    pub(super) board_frames: u64,
+    pub(super) board_rejected: u64,
+    pub(super) board_lost: u64,
+    pub(super) refused_by_board: u16,
+    pub(super) gyro_frames: u64,
+    pub(super) gyro_lost: u64,
+    pub(super) gyro_skipped: u64,
+}
+
+impl Counted {
+    /// Since the start.
+    pub(super) fn of(readings: &Readings) -> Self {
+        Self {
+            board_frames: readings.board_frames.frames,
+            board_rejected: readings.board_frames.rejected,
+            board_lost: readings.board_frames.lost,
+            refused_by_board: readings.status.map_or(0, |status| status.rejected),
+            gyro_frames: readings.gyro_frames,
+            gyro_lost: readings.gyro_lost,
+            gyro_skipped: readings.gyro_skipped,
+        }
+    }
+}
+
+/// Everything that the rows are made of.
+pub(super) struct Evidence<'a> {
+    pub(super) settings: &'a ConfigFile,
+    pub(super) readings: Readings,
+    pub(super) outputs: &'a Outputs,
+    pub(super) faults: &'a [FaultState],
+    pub(super) counted: Counted,
+    pub(super) most_pulses: Option<u16>,
+    /// Speed, steering, selector; `None` = no receiver.
+    pub(super) remote: Option<[Option<u32>; 3]>,
+}
+
+/// A thing that has been heard; `wrong` says what to do if it cannot be right.
+struct Heard {
+    raw: String,
+    reads_as: String,
+    wrong: Option<String>,
+}
+
+fn heard(raw: impl ToString, reads_as: impl ToString, wrong: Option<&str>) -> Heard {
+    Heard { raw: raw.to_string(), reads_as: reads_as.to_string(), wrong: wrong.map(str::to_owned) }
+}
+
+impl Row {
+    fn new(what: impl ToString, heard: Option<Heard>, if_missing: &str) -> Self {
+        let (verdict, raw, reads_as, advice) = match heard {
+            None => (Verdict::Missing, "-".to_owned(), "-".to_owned(), if_missing.to_owned()),
+            Some(Heard { raw, reads_as, wrong: None }) => (Verdict::Ok, raw, reads_as, String::new()),
+            Some(Heard { raw, reads_as, wrong: Some(advice) }) => {
+                (Verdict::Suspicious, raw, reads_as, advice)
+            }
+        };
+        Self { what: what.to_string(), raw, reads_as, verdict, advice }
+    }
+
+    fn not_fitted(what: impl ToString, reads_as: &str) -> Self {
+        let verdict = Verdict::NotFitted;
+        let (raw, reads_as) = ("-".to_owned(), reads_as.to_owned());
+        Self { what: what.to_string(), raw, reads_as, verdict, advice: String::new() }
+    }
+
+    /// For the table.
+    pub(super) fn cells(&self) -> Vec<String> {
+        let verdict = match self.verdict {
+            Verdict::Ok => "ok",
+            Verdict::Missing => "missing",
+            Verdict::Suspicious => "suspicious",
+            Verdict::NotFitted => "not fitted",
+        };
+        [&self.what, &self.raw, &self.reads_as, verdict, &self.advice].map(|cell| (*cell).to_owned()).to_vec()
+    }
+}
+
+/// The rows, from the board's line to the gyro's, errors last.
+pub(super) fn rows(evidence: &Evidence<'_>) -> Vec<Row> {
+    let mut rows = evidence.board();
+    rows.push(evidence.encoder());
+    rows.extend(evidence.ranges());
+    rows.extend(evidence.platform());
+    rows.push(evidence.battery());
+    rows.extend(evidence.remote_control());
+    rows.extend(evidence.gyro());
+    rows.extend(evidence.errors());
+    rows
+}
+
+impl Evidence<'_> {
+    /// The remedy of the first fault at a place, if there is one.
+    fn remedy(&self, place: &str) -> Option<&'static str> {
+        self.faults.iter().map(|state| state.fault).find(|fault| fault.place() == place).map(Fault::remedy)
+    }
+
+    /// A line, unless a fault says that it is none.
+    fn line(&self, place: &str, frames: u64, path: &str, baud: u32) -> Row {
+        let where_to = match self.settings.hardware.kind.as_str() {
+            "serial" => format!("{path} at {baud} baud"),
+            _ => "simulated".to_owned(),
+        };
+        let remedy = self.remedy(place);
+        let well =
+            (frames > 0 && remedy.is_none()).then(|| heard(format!("{frames} frames"), where_to, None));
+        Row::new(format!("{place} line"), well, remedy.unwrap_or("no frame has come"))
+    }
+
+    fn board(&self) -> Vec<Row> {
+        let Evidence { readings, settings, .. } = self;
+        let hardware = &settings.hardware;
+        let version = |firmware: u16| format!("version {}.{}", firmware >> 8, firmware & 0xFF);
+        let firmware = readings
+            .status
+            .map(|status| heard(format!("{:#06x}", status.firmware), version(status.firmware), None));
+        let set_up =
+            readings.set_up.then(|| heard(format!("{:#06x}", readings.setup_checksum), "confirmed", None));
+        let watchdog = readings.status.filter(|status| status.ready).map(|status| {
+            let (reads_as, wrong) = if status.watchdog {
+                (
+                    "no pulses arrive: it holds the motor",
+                    Some("check the wire from the computer to the board"),
+                )
+            } else {
+                ("pulses arrive", None)
+            };
+            heard(u8::from(status.watchdog), reads_as, wrong)
+        });
+        vec![
+            self.line("board", readings.board_frames.frames, &hardware.board, hardware.board_baud),
+            Row::new(
+                "board firmware",
+                firmware,
+                "no status frame has come: is it a board of docs/io-board.md?",
+            ),
+            Row::new("board set-up", set_up, Fault::BoardNotSetUp.remedy()),
+            Row::new("board watchdog", watchdog, "it speaks of it once it is set up"),
+        ]
+    }
+
+    fn encoder(&self) -> Row {
+        let encoder = &self.settings.vehicle.encoder;
+        let still = self.settings.vehicle.speed.interlock_pulses;
+        let window = self.readings.pulses.and(self.most_pulses).map(|pulses| {
+            let moves = u32::from(pulses) > still;
+            let wrong =
+                moves.then_some("pulses while standing: roll it to a stop, or check the encoder's shield");
+            let rpm = wheel_rpm(encoder, u32::from(pulses));
+            heard(format!("{pulses} pulses"), format!("{rpm:.1} rpm at the wheels"), wrong)
+        });
+        Row::new("encoder", window, Fault::EncoderSilent.remedy())
+    }
+
+    fn ranges(&self) -> Vec<Row> {
+        let adc = self.readings.adc.as_ref();
+        let side = |name: &'static str, counts: Option<[AdcCount; 6]>, cm: [Option<f64>; 6]| {
+            (0..6).map(move |i| {
+                let measured = counts.map(|counts| range(counts[i], cm[i]));
+                Row::new(format!("range {name} {}", i + 1), measured, Fault::ConverterSilent.remedy())
+            })
+        };
+        let front = side("front", adc.map(|adc| adc.ir_front), self.outputs.ir_front_cm);
+        front.chain(side("rear", adc.map(|adc| adc.ir_rear), self.outputs.ir_rear_cm)).collect()
+    }
+
+    fn platform(&self) -> Vec<Row> {
+        let (adc, limits) = (self.readings.adc.as_ref(), &self.settings.vehicle.pistons);
+        let angles = [("tilt x (pitch)", self.outputs.tilt.x), ("tilt y (roll)", self.outputs.tilt.y)];
+        let tilts = angles.into_iter().enumerate().map(|(i, (what, deg))| {
+            Row::new(what, adc.map(|adc| tilt(adc.tilt[i], deg)), Fault::ConverterSilent.remedy())
+        });
+        let pistons = ["FL", "FR", "RL", "RR"].into_iter().enumerate().map(|(i, name)| {
+            let measured = adc.map(|adc| {
+                let height_m = height_m(limits, adc.pistons[i]);
+                let within = (limits.min_m..=limits.max_m).contains(&height_m);
+                let wrong = (!within).then_some("beyond its end stops: check linkage and position sensor");
+                heard(format!("{:.1}", adc.pistons[i].get()), format!("{:.1} mm", height_m * 1000.0), wrong)
+            });
+            Row::new(format!("piston {name}"), measured, Fault::ConverterSilent.remedy())
+        });
+        tilts.chain(pistons).collect()
+    }
+
+    fn battery(&self) -> Row {
+        if self.readings.adc.is_some() && self.readings.battery_mv.is_none() {
+            return Row::not_fitted("battery", "this board does not measure it");
+        }
+        let measured = self.readings.battery_mv.map(|mv| {
+            let wrong = (mv < BATTERY_EMPTY_MV).then_some("charge or change the battery");
+            heard(format!("{mv} mV"), format!("{:.2} V", f64::from(mv) / 1000.0), wrong)
+        });
+        Row::new("battery", measured, Fault::ConverterSilent.remedy())
+    }
+
+    fn remote_control(&self) -> Vec<Row> {
+        let channels = ["remote speed", "remote steering", "remote selector"];
+        let Some(ticks) = self.remote else {
+            return channels.map(|what| Row::not_fitted(what, "no receiver speaks")).to_vec();
+        };
+        let row = |(i, what): (usize, &'static str)| Row::new(what, Some(self.pulse(i == 2, ticks[i])), "");
+        channels.into_iter().enumerate().map(row).collect()
+    }
+
+    fn pulse(&self, selector: bool, ticks: Option<u32>) -> Heard {
+        let remote = &self.settings.vehicle.remote;
+        let raw = ticks.map_or_else(|| "-".to_owned(), |ticks| format!("{ticks} ticks"));
+        match reading(remote, ticks) {
+            Pulse::Usable(duty) => {
+                let below = duty * PWM_PERIOD_COUNTS < remote.selector_counts;
+                let manual = below == (remote.manual == "below");
+                let meaning = match (selector, manual) {
+                    (false, _) => "",
+                    (true, true) => ", manual",
+                    (true, false) => ", automatic",
+                };
+                heard(raw, format!("{:.2} ms{meaning}", duty * remote.period_ms), None)
+            }
+            Pulse::Rejected if ticks.is_none() => heard(raw, "no pulse", Some(Fault::RemoteLost.remedy())),
+            Pulse::Rejected => heard(
+                raw,
+                "pulse too short or too long",
+                Some("check the transmitter's trims and end points"),
+            ),
+            Pulse::Impossible => {
+                heard(raw, "longer than a period", Some("the board does not reset this channel (frame 0x19)"))
+            }
+        }
+    }
+
+    fn gyro(&self) -> Vec<Row> {
+        let (readings, hardware) = (&self.readings, &self.settings.hardware);
+        let firmware = readings.gyro_firmware.map(|version| {
+            let text = format!("version {}.{}.{:02}", version / 1000, version / 100 % 10, version % 100);
+            heard(version, text, None)
+        });
+        let remedy = Fault::GyroSilent.remedy();
+        let lean = |what, counts: Option<i16>| {
+            let angle = counts.map(|counts| {
+                let deg = f64::from(counts) * GYRO_DEG_PER_COUNT;
+                let wrong = (deg.abs() > LEVEL_DEG)
+                    .then_some("put the truck on its wheels; is the gyro mounted level?");
+                heard(counts, signed(deg), wrong)
+            });
+            Row::new(what, angle, remedy)
+        };
+        let yaw = readings.gyro.map(|gyro| {
+            let deg = (f64::from(gyro.yaw) * GYRO_DEG_PER_COUNT).rem_euclid(360.0);
+            heard(gyro.yaw, format!("{deg:.1}° clockwise from its north"), None)
+        });
+        vec![
+            self.line("gyro", readings.gyro_frames, &hardware.gyro, hardware.gyro_baud),
+            Row::new(
+                "gyro firmware",
+                firmware,
+                "it does not answer F0: check the wire from the computer to the gyro",
+            ),
+            Row::new("gyro yaw", yaw, remedy),
+            lean("gyro roll", readings.gyro.map(|gyro| gyro.roll)),
+            lean("gyro pitch", readings.gyro.map(|gyro| gyro.pitch)),
+        ]
+    }
+
+    fn errors(&self) -> Vec<Row> {
+        let counted = &self.counted;
+        let row = |what, any: u64, raw: String, frames: u64| {
+            let wrong = (any > 0).then_some("check the cable, its ground and the baud rate");
+            let counted = heard(raw, format!("in {frames} frames"), wrong);
+            Row::new(what, (frames > 0).then_some(counted), "without frames there is nothing to count")
+        };
+        let Counted { board_rejected, board_lost, gyro_lost, gyro_skipped, .. } = *counted;
+        let refused = u64::from(counted.refused_by_board);
+        let from_board = format!("{board_rejected} bad, {board_lost} lost");
+        vec![
+            row("gyro frames lost", gyro_lost, gyro_lost.to_string(), counted.gyro_frames),
+            row(
+                "gyro check sums",
+                gyro_skipped,
+                format!("{gyro_skipped} bytes skipped"),
+                counted.gyro_frames,
+            ),
+            row("CRC errors from board", board_rejected + board_lost, from_board, counted.board_frames),
+            row("CRC errors to board", refused, format!("{refused} refused"), counted.board_frames),
+        ]
+    }
+}
+
+fn range(counts: AdcCount, cm: Option<f64>) -> Heard {
+    let wrong = match counts.get() {
+        c if c <= 0.0 => Some("no signal: check this range finder's wire and its 5 V"),
+        c if c >= ADC_MOST => Some("its signal wire touches 5 V"),
+        _ => None,
+    };
+    let reads_as = cm.map_or_else(|| "nothing in range".to_owned(), |cm| format!("{cm:.1} cm"));
+    heard(counts.get(), reads_as, wrong)
+}
+
+fn tilt(counts: AdcCount, deg: Option<f64>) -> Heard {
+    let raw = format!("{:.1}", counts.get());
+    match deg {
+        None => heard(raw, "no angle", Some(Fault::TiltOutOfRange.remedy())),
+        Some(deg) => {
+            let beyond = deg.abs() > TILT_LINEAR_DEG;
+            let wrong = beyond.then_some("beyond ±20° it is not linear: level the truck, or check its wires");
+            heard(raw, signed(deg), wrong)
+        }
+    }
+}
+
+/// An angle with its sign, but no sign of a zero.
+fn signed(deg: f64) -> String {
+    let tenths = (deg * 10.0).round() / 10.0;
+    if tenths == 0.0 { "0.0°".to_owned() } else { format!("{tenths:+.1}°") }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,190 @@
+//! Records every step of the controller on a thread of its own: the ground for every incident.
+//!
+//! The control loop hands steps over through a bounded queue and never waits; what finds the queue
+//! full is counted (`rejected.record_dropped` in the state). A disk that is full or gone ends the
+//! recording, not the robot: the fault `recording_failed` says so. A chunk is closed every second, so
+//! that what a `kill -9` costs is at most that.
+
+use crate::config::AgentConfig;
+use crate::recording::{CONFIG, Header, OUTPUTS, outputs_message, sample_message};
+use mcap::records::MessageHeader;
+use mcap::{McapResult, WriteOptions, Writer};
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime};
+use xtb_authority::tape::Step;
+use xtb_control::config::render_toml;
+use xtb_protocol::trace::kind;
+
+/// Steps that wait for the disk: about 20 s.
+const QUEUE: usize = 4096;
+/// A chunk is closed after this time.
+const FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// Or when it has become this long, in bytes.
+const CHUNK: u64 = 1 << 20;
+/// Kinds of samples, each with a topic of its own.
+const KINDS: [&str; 5] = ["gyro", "encoder", "adc", "remote", "command"];
+
+#[derive(Debug, Default)]
+struct Shared {
+    dropped: AtomicU64,
+    failed: AtomicBool,
+}
+
+/// The control loop's end.
+#[derive(Debug)]
+pub(crate) struct Recorder {
+    steps: SyncSender<Step>,
+    shared: Arc<Shared>,
+}
+
+impl Recorder {
+    /// Hands a step over; never waits.
+    pub(crate) fn push(&self, step: Step) {
+        if self.steps.try_send(step).is_err() {
+            self.shared.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Steps that could not be kept.
+    pub(crate) fn dropped(&self) -> u64 {
+        self.shared.dropped.load(Ordering::Relaxed)
+    }
+
+    /// Whether nothing can be written any more.
+    pub(crate) fn failed(&self) -> bool {
+        self.shared.failed.load(Ordering::Relaxed)
+    }
+}
+
+/// Starts a recording in `folder`. It is complete when the [`Recorder`] is dropped and the thread has
+/// been joined.
+///
+/// # Errors
+/// The folder or the file cannot be made, or there is no thread.
+pub(crate) fn start(
+    folder: &Path,
+    config: &AgentConfig,
+    epoch: u64,
+) -> io::Result<(Recorder, JoinHandle<()>)> {
+    fs::create_dir_all(folder)?;
+    let started = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
+    let header = Header {
+        version: crate::VERSION.to_owned(),
+        fleet: config.fleet.to_string(),
+        robot: config.robot.to_string(),
+        epoch,
+        started: started.clone(),
+        vehicle_toml: render_toml("vehicle.", &config.vehicle.parameters()),
+    };
+    let path = fresh_path(folder, &header.robot, &started.replace([':', '-'], ""));
+    let mut tape = Tape::create(&path, &header).map_err(io::Error::other)?;
+    tracing::info!("recording into {}", path.display());
+    let (steps, queue) = mpsc::sync_channel(QUEUE);
+    let shared = Arc::<Shared>::default();
+    let own = shared.clone();
+    let thread = std::thread::Builder::new().name(format!("record-{}", header.robot)).spawn(move || {
+        if let Err(error) = tape.keep(&queue) {
+            own.failed.store(true, Ordering::Relaxed);
+            tracing::error!("the recording {} ends here: {error}", path.display());
+            // Whatever comes from now on is counted by the sender, which finds nobody.
+        }
+    })?;
+    Ok((Recorder { steps, shared }, thread))
+}
+
+/// `DIR/xtb-1-20041201T120000Z.mcap`, with a number if that exists.
+fn fresh_path(folder: &Path, robot: &str, stamp: &str) -> PathBuf {
+    let path = |suffix: &str| folder.join(format!("{robot}-{stamp}{suffix}.mcap"));
+    let mut found = path("");
+    let mut n = 1;
+    while found.exists() {
+        n += 1;
+        found = path(&format!("-{n}"));
+    }
+    found
+}
+
+/// The file.
+struct Tape {
+    writer: Writer<BufWriter<File>>,
+    kinds: BTreeMap<&'static str, u16>,
+    outputs: u16,
+}
+
+impl Tape {
+    /// Makes the file and writes its header through to the disk.
+    fn create(path: &Path, header: &Header) -> McapResult<Self> {
+        let options = WriteOptions::new()
+            .profile("")
+            .library(format!("robot-agent {}", header.version))
+            .chunk_size(Some(CHUNK))
+            .compression_threads(0);
+        let mut writer = options.create(BufWriter::new(File::create_new(path)?))?;
+        let mut channel = |name: &'static str, schema: &str| {
+            let schema = writer.add_schema(&format!("xtb.record.{name}"), "jsonschema", schema.as_bytes())?;
+            let topic = format!("xtb/{}/{}/record/{name}", header.fleet, header.robot);
+            writer.add_channel(schema, &topic, "json", &BTreeMap::new())
+        };
+        let config = channel(CONFIG, schema(CONFIG))?;
+        let outputs = channel(OUTPUTS, schema(OUTPUTS))?;
+        let kinds = KINDS.into_iter().map(|kind| Ok((kind, channel(kind, schema(kind))?)));
+        let kinds = kinds.collect::<McapResult<_>>()?;
+        let text = serde_json::to_vec(header).map_err(io::Error::from)?;
+        writer.write_to_known_channel(&message(config, 0, 0), &text)?;
+        writer.flush()?;
+        Ok(Self { writer, kinds, outputs })
+    }
+
+    /// Writes what comes, until the sender is gone; then finishes the file.
+    fn keep(&mut self, queue: &Receiver<Step>) -> McapResult<()> {
+        let mut flushed = Instant::now();
+        loop {
+            match queue.recv_timeout(FLUSH_EVERY) {
+                Ok(step) => self.write(&step)?,
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            if flushed.elapsed() >= FLUSH_EVERY {
+                self.writer.flush()?;
+                flushed = Instant::now();
+            }
+        }
+        self.writer.finish()?;
+        Ok(())
+    }
+
+    fn write(&mut self, step: &Step) -> McapResult<()> {
+        let sample = sample_message(step);
+        let outputs = outputs_message(step, &sample);
+        if let Some(kind) = self.kinds.get(kind(&step.sample)) {
+            let header = message(*kind, step.number, step.t.ns());
+            self.writer.write_to_known_channel(&header, sample.as_bytes())?;
+        }
+        let header = message(self.outputs, step.number, step.t.ns());
+        self.writer.write_to_known_channel(&header, outputs.as_bytes())
+    }
+}
+
+fn message(channel_id: u16, number: u64, t_ns: u64) -> MessageHeader {
+    MessageHeader { channel_id, sequence: number as u32, log_time: t_ns, publish_time: t_ns }
+}
+
+/// JSON Schema of a topic's messages; `docs/recording.md` has them in words.
+fn schema(topic: &str) -> &'static str {
+    match topic {
+        CONFIG => include_str!("recorder/config.schema.json"),
+        "gyro" => include_str!("recorder/gyro.schema.json"),
+        "encoder" => include_str!("recorder/encoder.schema.json"),
+        "adc" => include_str!("recorder/adc.schema.json"),
+        "remote" => include_str!("recorder/remote.schema.json"),
+        "command" => include_str!("recorder/command.schema.json"),
+        _ => include_str!("recorder/outputs.schema.json"),
+    }
+}

@@ -1,0 +1,286 @@
+//! The recording's format, for the recorder that writes it and the replay that reads it.
+//!
+//! An MCAP file of JSON messages that Foxglove and Rerun open as it is; `docs/recording.md` is the
+//! contract. The topics are under `xtb/<fleet>/<robot>/record/`:
+//!
+//! | topic | message |
+//! | --- | --- |
+//! | `config` | the first message: who, which version, the vehicle's constants as TOML |
+//! | `gyro`, `encoder`, `adc`, `remote`, `command` | `{"n": …,` then the line of the trace |
+//! | `outputs` | `{"n": …, "sample_crc": …,` then what was decided, numbers in full |
+//!
+//! `n` counts the controller's steps since boot and pairs a sample with its decision; a gap means
+//! that the recorder had to drop. `sample_crc` is the CRC-32 of the sample's message: a sample that
+//! was altered afterwards is found even if it changes no decision.
+
+use crc::{CRC_32_ISO_HDLC, Crc};
+use mcap::McapError;
+use mcap::records::Record;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+use thiserror::Error;
+use xtb_authority::tape::Step;
+use xtb_control::{Sample, Stamp};
+use xtb_protocol::trace::{TraceReader, exact_decision_line, sample_line};
+
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+/// Longest record that is read: more than any message, chunks of ours are about 1 MiB.
+const MAX_RECORD: usize = 256 << 20;
+
+/// The topic of the first message.
+pub const CONFIG: &str = "config";
+/// The topic of decisions.
+pub const OUTPUTS: &str = "outputs";
+
+/// The first message of a recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// Of the program that recorded.
+    pub version: String,
+    /// The fleet.
+    pub fleet: String,
+    /// The robot.
+    pub robot: String,
+    /// Random at boot.
+    pub epoch: u64,
+    /// Wall clock at the start, RFC 3339.
+    pub started: String,
+    /// The vehicle's constants in force, as a configuration file.
+    pub vehicle_toml: String,
+}
+
+/// A sample's message.
+#[must_use]
+pub fn sample_message(step: &Step) -> String {
+    with_number(step.number, "", &sample_line(step.t, &step.sample))
+}
+
+/// A decision's message; `sample` is the message of its sample.
+#[must_use]
+pub fn outputs_message(step: &Step, sample: &str) -> String {
+    let crc = format!("\"sample_crc\":{},", checksum(sample.as_bytes()));
+    with_number(step.number, &crc, &exact_decision_line(&step.outputs))
+}
+
+/// The check sum that a decision keeps of its sample's message.
+#[must_use]
+pub fn checksum(message: &[u8]) -> u32 {
+    CRC.checksum(message)
+}
+
+/// Puts the step's number in front of an object's own fields.
+fn with_number(number: u64, more: &str, object: &str) -> String {
+    format!("{{\"n\":{number},{more}{}", object.get(1..).unwrap_or_default())
+}
+
+/// Takes a leading `"name":number,` off an object.
+fn take_number<'a>(object: &'a str, name: &str) -> Option<(u64, &'a str)> {
+    let rest = object.strip_prefix("\"")?.strip_prefix(name)?.strip_prefix("\":")?;
+    let (number, rest) = rest.split_once(',')?;
+    Some((number.parse().ok()?, rest))
+}
+
+/// A step as it was recorded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedStep {
+    /// Its place among all steps since boot.
+    pub number: u64,
+    /// The kind of its sample, as the topic names it.
+    pub kind: String,
+    /// The message of its sample.
+    pub sample_message: String,
+    /// The check sum that was recorded of it.
+    pub sample_crc: u32,
+    /// What was decided: the line of the trace, numbers in full.
+    pub decision: String,
+}
+
+impl RecordedStep {
+    /// The sample.
+    ///
+    /// # Errors
+    /// What is wrong with its message.
+    pub fn sample(&self) -> Result<(Stamp, Sample), String> {
+        let line = self.trace_line().ok_or("its message does not begin with its number")?;
+        TraceReader::default().line(&line).map_err(|error| error.to_string())
+    }
+
+    /// The sample as a line of the trace.
+    #[must_use]
+    pub fn trace_line(&self) -> Option<String> {
+        let (_, rest) = take_number(self.sample_message.strip_prefix('{')?, "n")?;
+        Some(format!("{{{rest}"))
+    }
+}
+
+/// How a recording ends.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// The recorder finished it.
+    Complete,
+    /// It breaks off; the reader's words.
+    Cut(String),
+}
+
+/// A file is not a recording.
+#[derive(Debug, Error)]
+pub enum RecordingError {
+    /// It cannot be read.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+    /// It is not MCAP, or damaged.
+    #[error("{0}")]
+    Mcap(#[from] McapError),
+    /// It is MCAP, but no recording of a robot.
+    #[error("no recording of a robot-agent: {0}")]
+    Foreign(String),
+    /// A message cannot be understood.
+    #[error("step {number}: {reason}")]
+    Message {
+        /// The step's number, or the number of the message where it has none.
+        number: u64,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+/// Reads a recording's steps, one after another; needs memory for one chunk only.
+pub struct Recording {
+    file: File,
+    reader: LinearReader,
+    topics: HashMap<u16, String>,
+    header: Option<Header>,
+    pending: Option<(u64, String, String)>,
+    messages: u64,
+    ending: Option<Ending>,
+}
+
+impl Recording {
+    /// Opens a recording and reads its header.
+    ///
+    /// # Errors
+    /// It cannot be read, or is none.
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        let options = LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_validate_chunk_crcs(true)
+            .with_record_length_limit(MAX_RECORD);
+        let mut recording = Self {
+            file: File::open(path)?,
+            reader: LinearReader::new_with_options(options),
+            topics: HashMap::new(),
+            header: None,
+            pending: None,
+            messages: 0,
+            ending: None,
+        };
+        let Some((topic, message)) = recording.next_message()? else {
+            return Err(RecordingError::Foreign("it holds no message".into()));
+        };
+        if topic != CONFIG {
+            return Err(RecordingError::Foreign(format!("its first message is {topic:?}, not its header")));
+        }
+        let header = serde_json::from_str(&message)
+            .map_err(|error| RecordingError::Foreign(format!("its header: {error}")))?;
+        recording.header = Some(header);
+        Ok(recording)
+    }
+
+    /// Who recorded what.
+    #[must_use]
+    pub fn header(&self) -> Option<&Header> {
+        self.header.as_ref()
+    }
+
+    /// How it ends; known once [`Recording::next_step`] has given `None`.
+    #[must_use]
+    pub fn ending(&self) -> Ending {
+        self.ending.clone().unwrap_or(Ending::Complete)
+    }
+
+    /// The next step; `None` at the end, or where the recording breaks off.
+    ///
+    /// # Errors
+    /// A message that is none of a step. A cut is no error.
+    pub fn next_step(&mut self) -> Result<Option<RecordedStep>, RecordingError> {
+        while let Some((topic, message)) = self.next_message()? {
+            let number_of = |message: &str| {
+                take_number(message.strip_prefix('{')?, "n").map(|(n, rest)| (n, rest.to_owned()))
+            };
+            let bad = |reason: &str| RecordingError::Message { number: self.messages, reason: reason.into() };
+            let (number, rest) = number_of(&message).ok_or_else(|| bad("a message without its number"))?;
+            if topic != OUTPUTS {
+                self.pending = Some((number, topic, message));
+                continue;
+            }
+            let Some((_, kind, sample_message)) = self.pending.take().filter(|(n, ..)| *n == number) else {
+                return Err(RecordingError::Message { number, reason: "its sample is missing".into() });
+            };
+            let (sample_crc, rest) = take_number(&rest, "sample_crc")
+                .ok_or_else(|| RecordingError::Message { number, reason: "no sample_crc".into() })?;
+            let decision = format!("{{{rest}");
+            let sample_crc = sample_crc as u32;
+            return Ok(Some(RecordedStep { number, kind, sample_message, sample_crc, decision }));
+        }
+        Ok(None)
+    }
+
+    /// The last part of the next message's topic, and its text.
+    fn next_message(&mut self) -> Result<Option<(String, String)>, RecordingError> {
+        if self.ending.is_some() {
+            return Ok(None);
+        }
+        loop {
+            let event = match self.reader.next_event() {
+                None => {
+                    self.ending = Some(Ending::Complete);
+                    return Ok(None);
+                }
+                Some(Err(error)) if breaks_off(&error) => {
+                    self.ending = Some(Ending::Cut(error.to_string()));
+                    return Ok(None);
+                }
+                Some(Err(error)) => return Err(error.into()),
+                Some(Ok(event)) => event,
+            };
+            match event {
+                LinearReadEvent::ReadRequest(need) => {
+                    let read = self.file.read(self.reader.insert(need))?;
+                    self.reader.notify_read(read);
+                }
+                LinearReadEvent::Record { data, opcode } => match mcap::parse_record(opcode, data)? {
+                    Record::Channel(channel) => {
+                        let topic = channel.topic.rsplit('/').next().unwrap_or_default();
+                        self.topics.insert(channel.id, topic.to_owned());
+                    }
+                    Record::Message { header, data } => {
+                        self.messages += 1;
+                        let text = String::from_utf8_lossy(&data).into_owned();
+                        let topic = self.topics.get(&header.channel_id).cloned().unwrap_or_default();
+                        return Ok(Some((topic, text)));
+                    }
+                    // After the data come indexes only; a file that has got so far is complete.
+                    Record::DataEnd(_) => {
+                        self.ending = Some(Ending::Complete);
+                        return Ok(None);
+                    }
+                    _ => {}
+                },
+            }
+        }
+    }
+}
+
+/// Whether a reader's error means that the file ends too early, and not that it is damaged.
+fn breaks_off(error: &McapError) -> bool {
+    match error {
+        McapError::UnexpectedEof | McapError::UnexpectedEoc => true,
+        McapError::Io(error) => error.kind() == io::ErrorKind::UnexpectedEof,
+        _ => false,
+    }
+}
