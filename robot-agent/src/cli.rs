@@ -95,10 +95,9 @@ pub(crate) struct CheckArgs {
 
 /// `calibrate`.
 #[derive(Debug, clap::Args)]
-#[command(long_about = "Sweep a servo, measure, fit Annex A's line and write it into the configuration.\n\n\
-        Put the truck on a stand first: all wheels off the ground. Pistons are measured by their own \
-        sensors; a person reads the angles of steering and bumpers and types them; on a simulated truck \
-        its instruments are read. A fit with R < 0.98 is refused (exit code 1). See docs/calibration.md.")]
+#[command(after_help = "Put the truck on a stand first: all wheels off the ground. Pistons are measured by \
+    their own sensors; a person reads the angles of steering and bumpers and types them; a simulated truck \
+    has instruments. A fit with R < 0.98 is refused (exit code 1). docs/calibration.md has the procedure.")]
 pub(crate) struct CalibrateArgs {
     /// What to calibrate
     #[arg(value_name = "WHAT", value_parser = actuators())]

@@ -20,6 +20,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 use xtb_authority::tape::Step;
 use xtb_control::config::render_toml;
+use xtb_protocol::keys::{FleetKeys, RobotKeys};
 use xtb_protocol::trace::kind;
 
 /// Steps that wait for the disk: about 20 s.
@@ -84,7 +85,8 @@ pub(crate) fn start(
         vehicle_toml: render_toml("vehicle.", &config.vehicle.parameters()),
     };
     let path = fresh_path(folder, &header.robot, &started.replace([':', '-'], ""));
-    let mut tape = Tape::create(&path, &header).map_err(io::Error::other)?;
+    let keys = FleetKeys::new(config.fleet.clone()).robot(&config.robot);
+    let mut tape = Tape::create(&path, &header, &keys).map_err(io::Error::other)?;
     tracing::info!("recording into {}", path.display());
     let (steps, queue) = mpsc::sync_channel(QUEUE);
     let shared = Arc::<Shared>::default();
@@ -120,7 +122,7 @@ struct Tape {
 
 impl Tape {
     /// Makes the file and writes its header through to the disk.
-    fn create(path: &Path, header: &Header) -> McapResult<Self> {
+    fn create(path: &Path, header: &Header, keys: &RobotKeys) -> McapResult<Self> {
         let options = WriteOptions::new()
             .profile("")
             .library(format!("robot-agent {}", header.version))
@@ -129,8 +131,7 @@ impl Tape {
         let mut writer = options.create(BufWriter::new(File::create_new(path)?))?;
         let mut channel = |name: &'static str, schema: &str| {
             let schema = writer.add_schema(&format!("xtb.record.{name}"), "jsonschema", schema.as_bytes())?;
-            let topic = format!("xtb/{}/{}/record/{name}", header.fleet, header.robot);
-            writer.add_channel(schema, &topic, "json", &BTreeMap::new())
+            writer.add_channel(schema, &keys.record(name), "json", &BTreeMap::new())
         };
         let config = channel(CONFIG, schema(CONFIG))?;
         let outputs = channel(OUTPUTS, schema(OUTPUTS))?;
@@ -186,5 +187,24 @@ fn schema(topic: &str) -> &'static str {
         "remote" => include_str!("recorder/remote.schema.json"),
         "command" => include_str!("recorder/command.schema.json"),
         _ => include_str!("recorder/outputs.schema.json"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_control::{Controller, Sample, Stamp, VehicleConfig};
+
+    #[test]
+    fn a_disk_that_does_not_keep_up_costs_steps_that_are_counted_and_never_waits() {
+        let (steps, queue) = mpsc::sync_channel(2);
+        let recorder = Recorder { steps, shared: Arc::default() };
+        let sample = Sample::Encoder { pulses: 1 };
+        let outputs = Controller::new(VehicleConfig::default()).step(Stamp::ZERO, &sample);
+        for number in 0..5 {
+            recorder.push(Step { number, t: Stamp::ZERO, sample, outputs });
+        }
+        assert_eq!(recorder.dropped(), 3);
+        assert_eq!(queue.try_iter().map(|step| step.number).collect::<Vec<_>>(), [0, 1]);
     }
 }

@@ -185,6 +185,9 @@ fn fields(text: &str) -> Option<Vec<(String, Value)>> {
     Some(leaves)
 }
 
+/// Two spans of the same difference that are nearer than this are one.
+const SPAN_GAP_S: f64 = 0.5;
+
 /// A decision that would have been another one, for as long as it would have.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OtherDecision {
@@ -198,7 +201,7 @@ pub struct OtherDecision {
     pub from_s: f64,
     /// … to this one.
     pub to_s: f64,
-    /// Steps in between, both ends included.
+    /// Steps in between that differ.
     pub steps: u64,
 }
 
@@ -276,16 +279,18 @@ fn extend(
     recorded: String,
     replayed: String,
 ) {
-    let goes_on = open.as_ref().is_some_and(|span| span.recorded == recorded && span.replayed == replayed);
-    if goes_on {
-        if let Some(span) = open {
+    let same = recorded == replayed;
+    match open {
+        // A short agreement in between does not end it.
+        Some(span) if same && t.s() - span.to_s < SPAN_GAP_S => return,
+        Some(span) if span.recorded == recorded && span.replayed == replayed => {
             span.to_s = t.s();
             span.steps += 1;
+            return;
         }
-        return;
+        _ => closed.extend(open.take()),
     }
-    closed.extend(open.take());
-    if recorded != replayed {
+    if !same {
         let (from_s, to_s) = (t.s(), t.s());
         *open = Some(OtherDecision { decision, recorded, replayed, from_s, to_s, steps: 1 });
     }

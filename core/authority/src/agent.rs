@@ -11,8 +11,8 @@
 
 mod requests;
 
-use crate::goal::{Goal, Target};
 use crate::faults::{FaultBook, stops};
+use crate::goal::{Goal, Target};
 use crate::lease::LeaseBook;
 use crate::replies::ReplyBook;
 use std::collections::VecDeque;
@@ -371,7 +371,9 @@ impl Agent {
             Mode::Idle => reasons.push(self.idle_because),
             Mode::Wander if outputs.reference_rpm == 0.0 => reasons.push(StopReason::WanderPause),
             Mode::Teleop if outputs.reference_rpm == 0.0 => reasons.push(StopReason::SetpointZero),
-            Mode::Manual if outputs.demanded.abs() <= STICK_NEUTRAL_COUNTS => reasons.push(StopReason::RemoteNeutral),
+            Mode::Manual if outputs.demanded.abs() <= STICK_NEUTRAL_COUNTS => {
+                reasons.push(StopReason::RemoteNeutral)
+            }
             Mode::Fault => reasons.push(StopReason::RemoteLost),
             _ => {}
         }

@@ -12,8 +12,6 @@
 
 mod views;
 
-pub use views::Readings;
-
 use crate::agent::{Agent, Arrival, Identity, View};
 use crate::faults::{INPUT_LOST_MS, of_line, silent_kinds};
 use crate::line::{Device, LINE_LOST_MS, LineWatch, PortTrouble};
@@ -26,6 +24,8 @@ use xtb_protocol::board::{BoardError, BoardStatus, Frame, FrameReader, FrameWrit
 use xtb_protocol::gyro_3dmg::{GyroFrame, GyroReader, GyroStarter, START_CONTINUOUS};
 use xtb_protocol::keys::Name;
 use xtb_protocol::messages::{Fault, InputAges, Reply, Request};
+
+pub use views::Readings;
 
 /// Length of a turn.
 pub const TURN_NS: u64 = 5_000_000;
@@ -62,6 +62,8 @@ struct BoardLine {
     foreign: GyroReader,
     detail: Option<Arc<str>>,
     open_since: Stamp,
+    /// Since when it is set up and its line is well: it should send samples.
+    speaks_since: Stamp,
     /// Since when the board says that it hears no pulses.
     starved_since: Option<Stamp>,
 }
@@ -119,6 +121,7 @@ impl Robot {
                 foreign: GyroReader::default(),
                 detail: None,
                 open_since: Stamp::ZERO,
+                speaks_since: Stamp::ZERO,
                 starved_since: None,
             },
             gyro: GyroLine {
@@ -170,10 +173,10 @@ impl Robot {
         match frame {
             FromBoard::Status(status) => {
                 self.newest.status = Some(status);
+                // A board that is set up and hears no pulses hears nothing of us: when its wire is
+                // mended, no old goal may go on.
                 let starved = status.ready && status.watchdog;
                 self.board.starved_since = starved.then(|| self.board.starved_since.unwrap_or(now));
-                // One that is set up and hears no pulses does not hear us at all: it must not go on
-                // with an old goal when the wire is mended.
                 let hears = self.board.starved_since.is_none_or(|at| now.since_ms(at) <= LINE_LOST_MS);
                 self.setup.confirm(status.ready && hears, status.setup_checksum);
             }
@@ -266,6 +269,9 @@ impl Robot {
 
     /// One turn, each [`TURN_NS`]: the PWM frame for the board, if one is due.
     pub fn turn(&mut self, now: Stamp) -> Option<Frame> {
+        if !self.setup.is_done() || self.board.watch.fault(now).is_some() {
+            self.board.speaks_since = now;
+        }
         self.agent.set_faults(now, &self.faults(now));
         let view = View { outputs: &self.outputs, ages: self.ages(now) };
         if let Some(command) = self.agent.turn(now, view) {
@@ -305,13 +311,14 @@ impl Robot {
     /// What is broken now, with the system's words. Empty (and nothing allocated) while all is well.
     fn faults(&self, now: Stamp) -> Vec<(Fault, Option<Arc<str>>)> {
         let mut faults = Vec::new();
-        let open_ms = now.since_ms(self.board.open_since);
+        let (open_ms, speaks_ms) =
+            (now.since_ms(self.board.open_since), now.since_ms(self.board.speaks_since));
         match self.board.watch.fault(now) {
             Some(fault) => faults.push((of_line(Device::Board, fault), self.board.detail.clone())),
             None if !self.setup.is_done() && open_ms > LINE_LOST_MS => {
                 faults.push((Fault::BoardNotSetUp, None));
             }
-            None => faults.extend(silent_kinds(&self.ages(now), open_ms).map(|fault| (fault, None))),
+            None => faults.extend(silent_kinds(&self.ages(now), speaks_ms).map(|fault| (fault, None))),
         }
         if let Some(fault) = self.gyro.watch.fault(now) {
             faults.push((of_line(Device::Gyro, fault), self.gyro.detail.clone()));

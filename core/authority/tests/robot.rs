@@ -7,8 +7,10 @@ mod bench;
 use bench::*;
 use xtb_control::controller::Mode;
 use xtb_control::{PwmCount, Stamp};
-use xtb_protocol::messages::{Body, GoalStatus, Lease, LinkLoss, Outcome, RejectCode, Request, Setpoint, StopReason};
 use xtb_protocol::Uuid;
+use xtb_protocol::messages::{
+    Body, GoalStatus, Lease, LinkLoss, Outcome, RejectCode, Request, Setpoint, StopReason,
+};
 
 #[test]
 fn a_robot_that_has_booted_stands_and_says_why() {

@@ -1,5 +1,5 @@
 //! Calibration (Annex A): what can be calibrated, which pulses to send, and the line through what
-//! was measured ([`fit`]).
+//! was measured ([`fit()`]).
 //!
 //! "Send a specific PWM value and measure the resulting angle or speed." The memorandum does not
 //! print which values; the sweeps here are ours:
@@ -29,6 +29,9 @@ use thiserror::Error;
 
 /// Part of the steering's range that is swept: its own stops may lie nearer than configured.
 const STEERING_PART: f64 = 0.85;
+/// Part of the platform controllers' pulses that pistons are swept over: where the pulse still
+/// matters, and their curve is straight.
+const PISTON_PART: f64 = 0.5;
 /// Bumpers are swept to this angle either side of the horizontal.
 const BUMPER_DEG: f64 = 40.0;
 /// The way back begins this part of the sweep beyond its end, so that the play is taken up.
@@ -146,7 +149,8 @@ impl Actuator {
     }
 
     /// The sweep that its configuration suggests: 85 % of the steering's range, bumpers to 40°,
-    /// pistons over all pulses that the platform controllers may send. Within the servos' limits.
+    /// pistons over the inner half of the pulses that the platform controllers may send. Within the
+    /// servos' limits.
     #[must_use]
     pub fn default_sweep(self, vehicle: &VehicleConfig) -> Sweep {
         let line = self.line(&vehicle.calibration);
@@ -155,7 +159,9 @@ impl Actuator {
             Kind::Steering(0) => (steering.front_centre, STEERING_PART * steering.range_counts, ANGLE_POINTS),
             Kind::Steering(_) => (steering.rear_centre, STEERING_PART * steering.range_counts, ANGLE_POINTS),
             Kind::Bumper(_) => (line.count(0.0), (BUMPER_DEG / line.slope).abs(), ANGLE_POINTS),
-            Kind::Piston(_) => (line.count(0.0), vehicle.pistons.max_offset_counts, PISTON_POINTS),
+            Kind::Piston(_) => {
+                (line.count(0.0), PISTON_PART * vehicle.pistons.max_offset_counts, PISTON_POINTS)
+            }
         };
         let (from, to) = (PwmCount::saturating(middle - reach), PwmCount::saturating(middle + reach));
         Sweep { from, to, points }
@@ -305,7 +311,7 @@ mod tests {
         assert_eq!(ends(Actuator::SteeringFront), (2881, 4539, 13));
         assert_eq!(ends(Actuator::SteeringRear), (3350, 5008, 13));
         assert_eq!(ends(Actuator::BumperRear), (2639, 4861, 13));
-        assert_eq!(ends(Actuator::PistonRr), (3350, 4150, 20));
+        assert_eq!(ends(Actuator::PistonRr), (3550, 3950, 20));
         for step in Actuator::SteeringFront.default_sweep(&vehicle).there_and_back().unwrap() {
             let angle_deg = Actuator::SteeringFront.line(&vehicle.calibration).at(step.count.as_f64());
             assert!(angle_deg.abs() < 0.95 * vehicle.steering.stop_deg, "{step:?}");

@@ -12,6 +12,7 @@ pub use calibration::Line;
 pub use sections::*;
 
 use crate::config::{Allowed, Origin::Printed, Parameter, Value};
+use crate::infrared::fit_cm;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -148,10 +149,13 @@ impl VehicleConfig {
     }
 
     /// The fastest speed that the obstacle rule can stop from without contact, in m/s: what is left
-    /// of the threshold above the sensor's blind zone, over the reaction time of the whole path.
+    /// of the threshold, or of the sensors' sight if that is shorter, above their blind zone, over the
+    /// reaction time of the whole path.
     #[must_use]
     pub fn admitted_mps(&self) -> f64 {
-        let room_m = (self.obstacle.threshold_cm - self.infrared.near_cm) / 100.0;
+        let tilt_deg = self.bumpers.front_deg.abs().max(self.bumpers.rear_deg.abs());
+        let sight_cm = fit_cm(self.infrared.far_v) * libm::cos(tilt_deg.to_radians());
+        let room_m = (self.obstacle.threshold_cm.min(sight_cm) - self.infrared.near_cm) / 100.0;
         room_m.max(0.0) / self.obstacle.reaction_s
     }
 }
@@ -199,5 +203,15 @@ mod tests {
         assert!(error.contains("teleop.max_rpm") && error.contains("threshold_cm"), "{error}");
         config.obstacle.threshold_cm = 40.0;
         config.validate().unwrap();
+    }
+
+    #[test]
+    fn what_the_sensors_cannot_see_admits_no_more_speed() {
+        let mut config = VehicleConfig::default();
+        assert!((config.admitted_mps() - (0.25 - 0.0974) / 0.358).abs() < 1e-12);
+        config.obstacle.threshold_cm = 80.0;
+        assert!((config.admitted_mps() - (0.558_3 - 0.097_4) / 0.358).abs() < 1e-3, "0.42 V is 55.8 cm");
+        config.bumpers.rear_deg = -45.0;
+        assert!((config.admitted_mps() - (0.394_8 - 0.097_4) / 0.358).abs() < 1e-3, "tilted, less far");
     }
 }

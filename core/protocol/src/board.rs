@@ -184,15 +184,14 @@ impl FrameWriter {
 
     /// The board's: a frame of the receiver. Counts above 65,534 saturate there.
     pub fn remote(&mut self, sample: &RemoteSample) -> Frame {
-        let word = |ticks: Option<u32>| {
-            ticks.map_or(NO_PULSE, |ticks| ticks.min(u32::from(NO_PULSE) - 1) as u16)
-        };
+        let word =
+            |ticks: Option<u32>| ticks.map_or(NO_PULSE, |ticks| ticks.min(u32::from(NO_PULSE) - 1) as u16);
         self.frame(TYPE_REMOTE, [sample.speed, sample.steering, sample.selector].map(word).into_iter())
     }
 
     /// The board's: how it is.
     pub fn status(&mut self, status: &BoardStatus) -> Frame {
-        let flags = u16::from(status.ready) * READY | u16::from(status.watchdog) * WATCHDOG;
+        let flags = (u16::from(status.ready) * READY) | (u16::from(status.watchdog) * WATCHDOG);
         let words = [status.firmware, flags, status.setup_checksum, status.rejected];
         self.frame(TYPE_STATUS, words.into_iter())
     }

@@ -114,9 +114,9 @@ impl GyroReader {
     /// The frame at the start of the window, once it is complete; whatever is none is dropped.
     fn next(&mut self) -> Option<GyroFrame> {
         loop {
-            let length = match self.window.first().filter(|_| self.len > 0)? {
-                &EULER => EULER_LEN,
-                &QUERY_FIRMWARE => FIRMWARE_LEN,
+            let length = match *self.window.first().filter(|_| self.len > 0)? {
+                EULER => EULER_LEN,
+                QUERY_FIRMWARE => FIRMWARE_LEN,
                 _ => {
                     self.skip();
                     continue;

@@ -296,6 +296,12 @@ impl RobotKeys {
         format!("{}/sensors", self.0)
     }
 
+    /// Topics of a recording's file; nothing is published there.
+    #[must_use]
+    pub fn record(&self, topic: &str) -> String {
+        format!("{}/record/{topic}", self.0)
+    }
+
     /// Events.
     #[must_use]
     pub fn event(&self) -> String {

@@ -42,7 +42,7 @@ fn an_event_of_a_fault() {
     let event = Event { robot: name(), epoch: 5, seq: 1, tick_ms: 1000, kind };
     pinned(
         &event,
-        concat!("057874622d310501e807040d01010e6e6f207375636820646576696365"),
+        "057874622d310501e807040d01010e6e6f207375636820646576696365",
         concat!(
             r#"{"robot":"xtb-1","epoch":5,"seq":1,"tick_ms":1000,"kind":{"fault":{"fault":"gyro"#,
             r#"_silent","present":true,"detail":"no such device"}}}"#

@@ -35,8 +35,7 @@ const SIMULATED_SPEED: f64 = 1000.0;
 
 impl From<Trouble> for Failure {
     fn from(trouble: Trouble) -> Self {
-        let hint = trouble.hint();
-        Self::new(format!("{trouble}: everything is at rest again, nothing was written"), hint)
+        Self::new(format!("{trouble}; {}", trouble.aftermath()), trouble.hint())
     }
 }
 
@@ -51,17 +50,16 @@ pub(crate) fn run(
         Some(path) => readings::read(path, args.what)?,
         None => measure(file, args, &console)?,
     };
-    let destination = args.write.as_deref().or(config).filter(|_| !args.dry_run);
-    conclude(file, args, &console, &points, destination)
+    conclude(file, args, &console, &points, args.write.as_deref().or(config))
 }
 
-/// Fits, shows, and writes if nothing is against it.
+/// Fits, shows, and writes to `near` if nothing is against it.
 fn conclude(
     file: &ConfigFile,
     args: &CalibrateArgs,
     console: &Console,
     points: &[Point],
-    destination: Option<&Path>,
+    near: Option<&Path>,
 ) -> Result<ExitCode, Failure> {
     let (fit, refused) = judge(points);
     let (what, vehicle) = (args.what, &file.vehicle);
@@ -72,7 +70,8 @@ fn conclude(
     };
     let old = what.line(&vehicle.calibration);
     let report = Report { what, old, old_centre, points, fit: fit.as_ref(), refused };
-    let plot = write_plot(args, &report, destination)?;
+    let plot = write_plot(args, &report, near)?;
+    let destination = near.filter(|_| !args.dry_run);
     if !args.json {
         print(&report.table())?;
     }

@@ -70,7 +70,7 @@ pub(crate) fn open(file: &ConfigFile) -> Result<(Box<dyn Hardware>, Clock), Fail
 }
 
 /// Returns at Ctrl-C or SIGTERM.
-pub(super) async fn wait_for_signal() {
+pub(crate) async fn wait_for_signal() {
     use tokio::signal::unix::{SignalKind, signal};
     let terminate = signal(SignalKind::terminate());
     match terminate {

@@ -1,8 +1,8 @@
 //! What each request does: boot, idempotency, order, lease, goal.
 
 use super::{Agent, Arrival, View};
-use crate::goal::{Goal, Target, TimeLimit};
 use crate::faults::INPUT_LOST_MS;
+use crate::goal::{Goal, Target, TimeLimit};
 use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::{Command, Mode, Stamp, goto};
 use xtb_protocol::messages::{

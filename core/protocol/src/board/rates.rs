@@ -177,7 +177,7 @@ impl LineRates {
     }
 
     fn share(&self, direction: Direction) -> Share {
-        let parts = self.of(direction).map(|frame| (frame.name, libm::ceil(frame.baud()) as u32));
+        let parts = self.of(direction).map(|frame| (frame.name, libm::round(frame.baud()) as u32));
         Share { need_baud: self.need_baud(direction), parts: parts.collect() }
     }
 }
@@ -273,8 +273,8 @@ mod tests {
         assert_eq!((error.standard, error.usual), (28_800, 38_400));
         assert_eq!(
             error.to_string(),
-            "the frames need 27399 baud from the board (encoder 1908 + converter 12106 + remote control \
-             6307 + status 1600, and a quarter more) and 26881 to it (pwm 14000 + set-up 3000 + channel \
+            "the frames need 27399 baud from the board (encoder 1907 + converter 12105 + remote control \
+             6306 + status 1600, and a quarter more) and 26881 to it (pwm 14000 + set-up 3000 + channel \
              reset 4505, and a quarter more); use at least 28800 (38400 is usual)"
         );
     }

@@ -104,7 +104,9 @@ impl Fault {
             Self::BoardWrongDevice | Self::GyroWrongDevice => {
                 "another device is at this port: are the two lines swapped?"
             }
-            Self::BoardNotSetUp => "check the wire from the computer to the board; is its firmware of this version?",
+            Self::BoardNotSetUp => {
+                "check the wire from the computer to the board; is its firmware of this version?"
+            }
             Self::EncoderSilent => "the board's encoder channel does not run: power-cycle the board",
             Self::ConverterSilent => "the board's converter does not run: power-cycle the board",
             Self::RemoteLost => "switch the transmitter on, or bring it nearer",

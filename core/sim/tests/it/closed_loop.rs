@@ -1,12 +1,9 @@
 //! The real controller on the simulated truck, through the real frames.
 
 use crate::agent::Bench;
-use proptest::prelude::*;
-use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use std::f64::consts::PI;
-use xtb_control::frames::{MapFromOdom, MapPose};
+use xtb_control::frames::MapPose;
 use xtb_control::goto::Goal;
-use xtb_control::odometry::OdomPose;
 use xtb_control::{Command, Mode, Steering, WheelRpm};
 use xtb_sim::{BoxSpec, TruckParameters, World};
 
@@ -82,50 +79,4 @@ fn wander_in_a_small_room_touches_nothing_in_five_minutes() {
         let truth = bench.simulation.trucks()[0].truth();
         assert_eq!(truth.contacts, 0, "seed {seed}: {truth:?}");
     }
-}
-
-#[derive(Debug)]
-struct Way {
-    seed: u64,
-    start: MapPose,
-    distance_m: f64,
-    bearing_rad: f64,
-}
-
-fn ways() -> impl Strategy<Value = Way> {
-    let start = (-3.0..3.0, -3.0..3.0, -PI..PI).prop_map(|(x_m, y_m, yaw_rad)| MapPose { x_m, y_m, yaw_rad });
-    (any::<u64>(), start, 0.5..4.0, -PI..PI).prop_map(|(seed, start, distance_m, bearing_rad)| Way {
-        seed,
-        start,
-        distance_m,
-        bearing_rad,
-    })
-}
-
-#[test]
-fn every_goal_in_free_space_is_reached_from_every_start() {
-    let config = ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() };
-    let rng = TestRng::from_seed(RngAlgorithm::ChaCha, &[7; 32]);
-    let mut runner = TestRunner::new_with_rng(config, rng);
-    let free = World::for_robots(60, &TruckParameters::default().body);
-    runner
-        .run(&ways(), |way| {
-            let mut bench = Bench::new(free.clone(), &TruckParameters::default(), way.start, way.seed);
-            bench.run_s(0.2);
-            let goal_x_m = way.start.x_m + way.distance_m * way.bearing_rad.cos();
-            let goal_y_m = way.start.y_m + way.distance_m * way.bearing_rad.sin();
-            let map = MapFromOdom::aligning(&OdomPose::default(), &way.start);
-            let (x_m, y_m) = map.point_to_odom(goal_x_m, goal_y_m);
-            bench.command(Command::Goto(Goal::new(x_m, y_m).unwrap()));
-            let deadline = bench.simulation.now().plus_ms(180_000);
-            while bench.agent.outputs.mode == Mode::Goto && bench.simulation.now() < deadline {
-                bench.step();
-            }
-            prop_assert_eq!(bench.agent.outputs.mode, Mode::Idle, "still under way after 180 s");
-            let truth = bench.simulation.trucks()[0].truth();
-            let missed_m = (truth.x_m - goal_x_m).hypot(truth.y_m - goal_y_m);
-            prop_assert!(missed_m < 1.0, "{} m off: {:?}", missed_m, truth);
-            Ok(())
-        })
-        .unwrap();
 }

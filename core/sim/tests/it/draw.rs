@@ -31,7 +31,8 @@ pub(crate) fn in_parallel<T: Send>(numbers: Range<u64>, f: impl Fn(u64) -> T + S
     let (first, end) = (numbers.start, numbers.end);
     let mut lanes: Vec<std::vec::IntoIter<T>> = std::thread::scope(|scope| {
         let f = &f;
-        let lane = |lane: u64| scope.spawn(move || (first + lane..end).step_by(threads as usize).map(f).collect());
+        let lane =
+            |lane: u64| scope.spawn(move || (first + lane..end).step_by(threads as usize).map(f).collect());
         let lanes: Vec<std::thread::ScopedJoinHandle<'_, Vec<T>>> = (0..threads).map(lane).collect();
         lanes.into_iter().map(|lane| lane.join().unwrap().into_iter()).collect()
     });

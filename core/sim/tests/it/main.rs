@@ -3,13 +3,19 @@
 #![allow(clippy::unwrap_used)]
 
 mod agent;
+mod approaches;
 mod calibration;
 mod closed_loop;
 mod contacts;
 mod determinism;
+mod draw;
 mod faults;
+mod goto;
+mod levelling;
 mod motion;
 mod platform;
 mod remote;
 mod sensors;
+mod trips;
+mod walls;
 mod worlds;

@@ -59,6 +59,16 @@ pub(crate) enum Trouble {
 }
 
 impl Trouble {
+    /// How the truck is now, as far as we know.
+    pub(crate) fn aftermath(&self) -> &'static str {
+        match self {
+            Self::Silent(_) | Self::NotSetUp | Self::Restarted => {
+                "nothing was written; a board without frames stops motor and pistons by itself"
+            }
+            _ => "everything is at rest again, nothing was written",
+        }
+    }
+
     /// What to do about it.
     pub(crate) fn hint(&self) -> &'static str {
         match self {

@@ -3,7 +3,7 @@
 //! A thread reads standard input, so that the truck's frames go on while a person thinks.
 
 use super::bench::Trouble;
-use crate::commands::Failure;
+use crate::commands::{Failure, run};
 use std::io::{self, BufRead, IsTerminal, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -35,7 +35,7 @@ impl Console {
             .map_err(no_threads)?;
         let flag = interrupted.clone();
         runtime.spawn(async move {
-            wait_for_signal().await;
+            run::wait_for_signal().await;
             flag.store(true, Ordering::Relaxed);
         });
         let typed = if io::stdin().is_terminal() { Some(read_lines().map_err(no_threads)?) } else { None };
@@ -105,17 +105,4 @@ fn read_lines() -> io::Result<Receiver<String>> {
         }
     })?;
     Ok(lines)
-}
-
-async fn wait_for_signal() {
-    use tokio::signal::unix::{SignalKind, signal};
-    match signal(SignalKind::terminate()) {
-        Ok(mut terminate) => {
-            tokio::select! {
-                _ = tokio::signal::ctrl_c() => {}
-                _ = terminate.recv() => {}
-            }
-        }
-        Err(_) => drop(tokio::signal::ctrl_c().await),
-    }
 }

@@ -43,7 +43,7 @@ fn reading(count: &str, quantity: &str) -> Result<(PwmCount, f64), String> {
 fn branches(readings: &[(PwmCount, f64)], what: Actuator) -> Vec<Point> {
     let first = readings.windows(2).find(|pair| pair[0].0 != pair[1].0);
     let mut branch = first.map_or(Branch::Up, |pair| way(pair[0].0, pair[1].0, Branch::Up));
-    let mut before = readings.first().map(|reading| reading.0);
+    let mut before = None;
     let mut points = Vec::with_capacity(readings.len());
     for &(count, quantity) in readings {
         branch = match what.kind() {

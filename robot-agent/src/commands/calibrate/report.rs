@@ -85,7 +85,7 @@ impl Report<'_> {
         let (Some(fit), Some(summary)) = (self.fit, self.summary()) else { return String::new() };
         let unit = self.what.unit();
         let row = |name: &str, old: String, new: String, error: f64, unit: &str| {
-            [name, &old, &new, &format!("± {error:.2e}"), unit].map(str::to_owned).to_vec()
+            [name, &old, &new, &format!("± {}", digits(error, 2)), unit].map(str::to_owned).to_vec()
         };
         let old_zero = self.old_centre.unwrap_or_else(|| self.old.count(0.0));
         let zero = match self.what.kind() {
@@ -116,7 +116,7 @@ impl Report<'_> {
             (false, _, Some(deg)) => format!("hysteresis {deg:.2} deg between both ways\n"),
             _ => String::new(),
         };
-        let scatter = format!("scatter {:.2e} {unit} around each branch's own line\n", fit.scatter);
+        let scatter = format!("scatter {} {unit} around each branch's own line\n", digits(fit.scatter, 2));
         format!("{}: {summary}\n{}{apart}{scatter}", self.what, columns(&rows))
     }
 
@@ -157,12 +157,15 @@ fn json_point(point: &Point) -> JsonPoint {
     JsonPoint { count: point.count.get(), quantity: point.quantity, branch }
 }
 
-/// Five significant digits, without an exponent where people would not write one.
+/// Five significant digits.
 fn number(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let places = (4 - value.abs().log10().floor() as i32).clamp(0, 9);
+    digits(value, 5)
+}
+
+/// So many significant digits, without an exponent, with a proper minus.
+fn digits(value: f64, digits: i32) -> String {
+    let power = value.abs().log10().floor();
+    let places = if power.is_finite() { (digits - 1 - power as i32).clamp(0, 12) } else { 0 };
     format!("{value:.*}", places as usize).replace('-', "−")
 }
 
@@ -207,6 +210,7 @@ mod tests {
     fn numbers_have_five_digits_and_a_proper_minus() {
         assert_eq!(number(-0.0205128), "−0.020513");
         assert_eq!(number(5.0123e-5), "0.000050123");
+        assert_eq!((number(0.0), digits(8.1e-8, 2)), ("0".to_owned(), "0.000000081".to_owned()));
         assert_eq!((number(76.1026), number(-0.18751)), ("76.103".to_owned(), "−0.18751".to_owned()));
     }
 }

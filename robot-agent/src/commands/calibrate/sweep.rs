@@ -8,6 +8,7 @@ use super::console::Console;
 use indicatif::ProgressBar;
 use xtb_control::PwmCount;
 use xtb_control::calibration::{Actuator, Kind, Point, Step};
+use xtb_sim::Measured;
 
 /// From a new pulse to a servo at rest, linkage included.
 const SETTLE_S: f64 = 0.5;
@@ -83,13 +84,10 @@ impl Stand for Truck<'_> {
     }
 
     fn read(&mut self, count: PwmCount, number: usize, of: usize) -> Result<Answer, Trouble> {
-        if let Some(measured) = self.bench.measured()? {
+        if let Some(angle_deg) = self.bench.measured()?.and_then(|read| angle_deg(self.actuator, &read)) {
             self.progress.set_message(format!("pulse {}", count.get()));
             self.progress.set_position(number as u64);
-            return Ok(Answer::Angle(match self.actuator.kind() {
-                Kind::Steering(i) => measured.steering_deg[i],
-                Kind::Bumper(i) | Kind::Piston(i) => measured.bumpers_deg[i],
-            }));
+            return Ok(Answer::Angle(angle_deg));
         }
         let positive = if matches!(self.actuator.kind(), Kind::Steering(_)) { "right" } else { "up" };
         let mut question = format!("{number:>3} of {of}  pulse {}  deg, + = {positive}: ", count.get());
@@ -100,6 +98,15 @@ impl Stand for Truck<'_> {
                 Err(wrong) => question = format!("     {wrong}: "),
             }
         }
+    }
+}
+
+/// What the instruments say of an actuator; they do not measure pistons.
+fn angle_deg(actuator: Actuator, measured: &Measured) -> Option<f64> {
+    match actuator.kind() {
+        Kind::Steering(i) => measured.steering_deg.get(i).copied(),
+        Kind::Bumper(i) => measured.bumpers_deg.get(i).copied(),
+        Kind::Piston(_) => None,
     }
 }
 

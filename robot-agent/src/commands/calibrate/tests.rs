@@ -56,7 +56,7 @@ fn a_steering_with_a_lot_of_play_is_refused() {
     let refused = refused.unwrap();
     assert!(matches!(refused, FitError::WeakCorrelation { r } if r > 0.8), "{refused}");
     let apart_deg = fit.unwrap().hysteresis().unwrap();
-    assert!((apart_deg - 7.0).abs() < 0.5, "{apart_deg}");
+    assert!((5.0..7.5).contains(&apart_deg), "twice the play, as far as it was taken up: {apart_deg}");
 }
 
 fn piston(vehicle: &VehicleConfig) -> (Result<Vec<Point>, Trouble>, u64) {

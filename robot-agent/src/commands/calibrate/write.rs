@@ -74,6 +74,8 @@ pub(crate) fn write(path: &Path, changes: &[Change]) -> Result<(), WriteError> {
 fn changed(text: &str, changes: &[Change]) -> Result<String, String> {
     let mut document: DocumentMut =
         text.parse().map_err(|error: toml_edit::TomlError| error.to_string().trim_end().to_owned())?;
+    // Comments of a file that holds nothing else belong above what comes in.
+    let comments = document.is_empty().then(|| document.trailing().as_str().unwrap_or_default().to_owned());
     for (section, key, value) in changes {
         let vehicle = table_in(document.as_table_mut(), "vehicle", true)?;
         let section = table_in(vehicle, section, false)?;
@@ -88,7 +90,9 @@ fn changed(text: &str, changes: &[Change]) -> Result<String, String> {
             }
         }
     }
-    Ok(document.to_string())
+    let Some(comments) = comments else { return Ok(document.to_string()) };
+    document.set_trailing("");
+    Ok(format!("{comments}{document}"))
 }
 
 /// The table of this name, made if it is missing; without a heading of its own if it only holds others.

@@ -137,52 +137,62 @@ pub(super) fn rows(evidence: &Evidence<'_>) -> Vec<Row> {
 }
 
 impl Evidence<'_> {
-    /// The remedy of the first fault at a place, if there is one.
-    fn remedy(&self, place: &str) -> Option<&'static str> {
-        self.faults.iter().map(|state| state.fault).find(|fault| fault.place() == place).map(Fault::remedy)
+    /// What to do about a line that does not work.
+    fn line_remedy(&self, place: &str) -> Option<&'static str> {
+        let of_line = |fault: &Fault| fault.place() == place && *fault != Fault::BoardNotSetUp;
+        self.faults.iter().map(|state| state.fault).find(of_line).map(Fault::remedy)
     }
 
     /// A line, unless a fault says that it is none.
     fn line(&self, place: &str, frames: u64, path: &str, baud: u32) -> Row {
-        let where_to = match self.settings.hardware.kind.as_str() {
-            "serial" => format!("{path} at {baud} baud"),
-            _ => "simulated".to_owned(),
-        };
-        let remedy = self.remedy(place);
-        let well =
-            (frames > 0 && remedy.is_none()).then(|| heard(format!("{frames} frames"), where_to, None));
-        Row::new(format!("{place} line"), well, remedy.unwrap_or("no frame has come"))
+        let serial = self.settings.hardware.kind == "serial";
+        let reads_as = if serial { format!("{path} at {baud} baud") } else { "simulated".to_owned() };
+        let remedy = self.line_remedy(place);
+        let well = frames > 0 && remedy.is_none();
+        let line = well.then(|| heard(format!("{frames} frames"), reads_as, None));
+        Row::new(format!("{place} line"), line, remedy.unwrap_or("no frame has come"))
+    }
+
+    /// Why something of the board is missing; `itself` if there is no cause further up.
+    fn of_board(&self, itself: &'static str) -> &'static str {
+        match (self.line_remedy("board"), self.readings.set_up) {
+            (Some(_), _) => "see the board line",
+            (None, false) => "see the board set-up",
+            (None, true) => itself,
+        }
+    }
+
+    /// The same for the gyro.
+    fn of_gyro(&self, itself: &'static str) -> &'static str {
+        if self.line_remedy("gyro").is_some() { "see the gyro line" } else { itself }
     }
 
     fn board(&self) -> Vec<Row> {
         let Evidence { readings, settings, .. } = self;
         let hardware = &settings.hardware;
-        let version = |firmware: u16| format!("version {}.{}", firmware >> 8, firmware & 0xFF);
-        let firmware = readings
-            .status
-            .map(|status| heard(format!("{:#06x}", status.firmware), version(status.firmware), None));
-        let set_up =
-            readings.set_up.then(|| heard(format!("{:#06x}", readings.setup_checksum), "confirmed", None));
+        let hex = |word: u16| format!("{word:#06x}");
+        let firmware = readings.status.map(|status| {
+            let [major, minor] = status.firmware.to_be_bytes();
+            heard(hex(status.firmware), format!("version {major}.{minor}"), None)
+        });
+        let set_up = readings.set_up.then(|| heard(hex(readings.setup_checksum), "confirmed", None));
         let watchdog = readings.status.filter(|status| status.ready).map(|status| {
-            let (reads_as, wrong) = if status.watchdog {
-                (
-                    "no pulses arrive: it holds the motor",
-                    Some("check the wire from the computer to the board"),
-                )
-            } else {
-                ("pulses arrive", None)
+            let (reads_as, wrong) = match status.watchdog {
+                true => ("holds the motor: no pulses arrive", Some("check the wire to the board")),
+                false => ("pulses arrive", None),
             };
             heard(u8::from(status.watchdog), reads_as, wrong)
         });
+        let unconfirmed = match self.line_remedy("board") {
+            Some(_) => "see the board line",
+            None => Fault::BoardNotSetUp.remedy(),
+        };
+        let no_status = self.of_board("it sends no status (docs/io-board.md)");
         vec![
             self.line("board", readings.board_frames.frames, &hardware.board, hardware.board_baud),
-            Row::new(
-                "board firmware",
-                firmware,
-                "no status frame has come: is it a board of docs/io-board.md?",
-            ),
-            Row::new("board set-up", set_up, Fault::BoardNotSetUp.remedy()),
-            Row::new("board watchdog", watchdog, "it speaks of it once it is set up"),
+            Row::new("board firmware", firmware, no_status),
+            Row::new("board set-up", set_up, unconfirmed),
+            Row::new("board watchdog", watchdog, no_status),
         ]
     }
 
@@ -191,20 +201,19 @@ impl Evidence<'_> {
         let still = self.settings.vehicle.speed.interlock_pulses;
         let window = self.readings.pulses.and(self.most_pulses).map(|pulses| {
             let moves = u32::from(pulses) > still;
-            let wrong =
-                moves.then_some("pulses while standing: roll it to a stop, or check the encoder's shield");
+            let wrong = moves.then_some("pulses while standing: hold it still; check the encoder's wires");
             let rpm = wheel_rpm(encoder, u32::from(pulses));
             heard(format!("{pulses} pulses"), format!("{rpm:.1} rpm at the wheels"), wrong)
         });
-        Row::new("encoder", window, Fault::EncoderSilent.remedy())
+        Row::new("encoder", window, self.of_board(Fault::EncoderSilent.remedy()))
     }
 
     fn ranges(&self) -> Vec<Row> {
-        let adc = self.readings.adc.as_ref();
+        let (adc, if_missing) = (self.readings.adc.as_ref(), self.of_board(Fault::ConverterSilent.remedy()));
         let side = |name: &'static str, counts: Option<[AdcCount; 6]>, cm: [Option<f64>; 6]| {
             (0..6).map(move |i| {
                 let measured = counts.map(|counts| range(counts[i], cm[i]));
-                Row::new(format!("range {name} {}", i + 1), measured, Fault::ConverterSilent.remedy())
+                Row::new(format!("range {name} {}", i + 1), measured, if_missing)
             })
         };
         let front = side("front", adc.map(|adc| adc.ir_front), self.outputs.ir_front_cm);
@@ -213,10 +222,12 @@ impl Evidence<'_> {
 
     fn platform(&self) -> Vec<Row> {
         let (adc, limits) = (self.readings.adc.as_ref(), &self.settings.vehicle.pistons);
+        let if_missing = self.of_board(Fault::ConverterSilent.remedy());
         let angles = [("tilt x (pitch)", self.outputs.tilt.x), ("tilt y (roll)", self.outputs.tilt.y)];
-        let tilts = angles.into_iter().enumerate().map(|(i, (what, deg))| {
-            Row::new(what, adc.map(|adc| tilt(adc.tilt[i], deg)), Fault::ConverterSilent.remedy())
-        });
+        let tilts = angles
+            .into_iter()
+            .enumerate()
+            .map(|(i, (what, deg))| Row::new(what, adc.map(|adc| tilt(adc.tilt[i], deg)), if_missing));
         let pistons = ["FL", "FR", "RL", "RR"].into_iter().enumerate().map(|(i, name)| {
             let measured = adc.map(|adc| {
                 let height_m = height_m(limits, adc.pistons[i]);
@@ -224,7 +235,7 @@ impl Evidence<'_> {
                 let wrong = (!within).then_some("beyond its end stops: check linkage and position sensor");
                 heard(format!("{:.1}", adc.pistons[i].get()), format!("{:.1} mm", height_m * 1000.0), wrong)
             });
-            Row::new(format!("piston {name}"), measured, Fault::ConverterSilent.remedy())
+            Row::new(format!("piston {name}"), measured, if_missing)
         });
         tilts.chain(pistons).collect()
     }
@@ -237,13 +248,17 @@ impl Evidence<'_> {
             let wrong = (mv < BATTERY_EMPTY_MV).then_some("charge or change the battery");
             heard(format!("{mv} mV"), format!("{:.2} V", f64::from(mv) / 1000.0), wrong)
         });
-        Row::new("battery", measured, Fault::ConverterSilent.remedy())
+        Row::new("battery", measured, self.of_board(Fault::ConverterSilent.remedy()))
     }
 
     fn remote_control(&self) -> Vec<Row> {
         let channels = ["remote speed", "remote steering", "remote selector"];
         let Some(ticks) = self.remote else {
-            return channels.map(|what| Row::not_fitted(what, "no receiver speaks")).to_vec();
+            let absent = |what| match self.readings.set_up {
+                true => Row::not_fitted(what, "no receiver speaks"),
+                false => Row::new(what, None, self.of_board("")),
+            };
+            return channels.map(absent).to_vec();
         };
         let row = |(i, what): (usize, &'static str)| Row::new(what, Some(self.pulse(i == 2, ticks[i])), "");
         channels.into_iter().enumerate().map(row).collect()
@@ -264,13 +279,11 @@ impl Evidence<'_> {
                 heard(raw, format!("{:.2} ms{meaning}", duty * remote.period_ms), None)
             }
             Pulse::Rejected if ticks.is_none() => heard(raw, "no pulse", Some(Fault::RemoteLost.remedy())),
-            Pulse::Rejected => heard(
-                raw,
-                "pulse too short or too long",
-                Some("check the transmitter's trims and end points"),
-            ),
+            Pulse::Rejected => {
+                heard(raw, "too short or too long", Some("check the transmitter's end points"))
+            }
             Pulse::Impossible => {
-                heard(raw, "longer than a period", Some("the board does not reset this channel (frame 0x19)"))
+                heard(raw, "longer than a period", Some("the board does not obey channel resets (0x19)"))
             }
         }
     }
@@ -281,12 +294,12 @@ impl Evidence<'_> {
             let text = format!("version {}.{}.{:02}", version / 1000, version / 100 % 10, version % 100);
             heard(version, text, None)
         });
-        let remedy = Fault::GyroSilent.remedy();
+        let remedy = self.of_gyro(Fault::GyroSilent.remedy());
         let lean = |what, counts: Option<i16>| {
             let angle = counts.map(|counts| {
                 let deg = f64::from(counts) * GYRO_DEG_PER_COUNT;
-                let wrong = (deg.abs() > LEVEL_DEG)
-                    .then_some("put the truck on its wheels; is the gyro mounted level?");
+                let leans = deg.abs() > LEVEL_DEG;
+                let wrong = leans.then_some("put the truck on its wheels; is the gyro mounted level?");
                 heard(counts, signed(deg), wrong)
             });
             Row::new(what, angle, remedy)
@@ -295,13 +308,10 @@ impl Evidence<'_> {
             let deg = (f64::from(gyro.yaw) * GYRO_DEG_PER_COUNT).rem_euclid(360.0);
             heard(gyro.yaw, format!("{deg:.1}° clockwise from its north"), None)
         });
+        let unanswered = self.of_gyro("it does not answer F0: check the wire to the gyro");
         vec![
             self.line("gyro", readings.gyro_frames, &hardware.gyro, hardware.gyro_baud),
-            Row::new(
-                "gyro firmware",
-                firmware,
-                "it does not answer F0: check the wire from the computer to the gyro",
-            ),
+            Row::new("gyro firmware", firmware, unanswered),
             Row::new("gyro yaw", yaw, remedy),
             lean("gyro roll", readings.gyro.map(|gyro| gyro.roll)),
             lean("gyro pitch", readings.gyro.map(|gyro| gyro.pitch)),
@@ -318,14 +328,10 @@ impl Evidence<'_> {
         let Counted { board_rejected, board_lost, gyro_lost, gyro_skipped, .. } = *counted;
         let refused = u64::from(counted.refused_by_board);
         let from_board = format!("{board_rejected} bad, {board_lost} lost");
+        let skipped = format!("{gyro_skipped} bytes skipped");
         vec![
             row("gyro frames lost", gyro_lost, gyro_lost.to_string(), counted.gyro_frames),
-            row(
-                "gyro check sums",
-                gyro_skipped,
-                format!("{gyro_skipped} bytes skipped"),
-                counted.gyro_frames,
-            ),
+            row("gyro check sums", gyro_skipped, skipped, counted.gyro_frames),
             row("CRC errors from board", board_rejected + board_lost, from_board, counted.board_frames),
             row("CRC errors to board", refused, format!("{refused} refused"), counted.board_frames),
         ]

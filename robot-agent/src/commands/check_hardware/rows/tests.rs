@@ -161,7 +161,21 @@ fn a_line_with_a_fault_is_missing_with_its_remedy_and_so_is_what_hangs_on_it() {
     ];
     assert_eq!(truck.wrong(), missing.map(|what| (what.to_owned(), Verdict::Missing)));
     assert_eq!(truck.row("gyro line").advice, Fault::GyroBusy.remedy());
+    assert_eq!(truck.row("gyro pitch").advice, "see the gyro line");
     let mut truck = well();
     (truck.readings.adc, truck.readings.battery_mv) = (None, None);
     assert_eq!(truck.wrong().len(), 12 + 2 + 4 + 1);
+}
+
+#[test]
+fn a_board_that_is_not_set_up_has_a_line_that_works() {
+    let mut truck = well();
+    truck.faults = vec![FaultState { fault: Fault::BoardNotSetUp, age_ms: 0, detail: None }];
+    (truck.readings.set_up, truck.readings.pulses, truck.remote) = (false, None, None);
+    let (line, setup) = (truck.row("board line"), truck.row("board set-up"));
+    assert_eq!((line.verdict, setup.verdict), (Verdict::Ok, Verdict::Missing));
+    for what in ["encoder", "remote speed"] {
+        let row = truck.row(what);
+        assert_eq!((row.verdict, row.advice.as_str()), (Verdict::Missing, "see the board set-up"));
+    }
 }
