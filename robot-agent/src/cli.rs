@@ -3,7 +3,7 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use toml::Value;
 use xtb_control::calibration::Actuator;
 
@@ -75,7 +75,7 @@ pub(crate) struct ReplayArgs {
     #[arg(long, value_name = "IN.jsonl")]
     pub(crate) trace: Option<PathBuf>,
     /// Write the recording's samples as a trace instead of replaying it; - is standard output
-    #[arg(long, value_name = "OUT.jsonl", requires = "recording")]
+    #[arg(long, value_name = "OUT.jsonl", requires = "recording", conflicts_with_all = ["trace", "json"])]
     pub(crate) export: Option<PathBuf>,
     /// Print JSON
     #[arg(long, conflicts_with = "trace")]
@@ -147,8 +147,8 @@ pub(crate) struct PortsArgs {
 /// Flags that set what the robot is; each may stand before or after a command.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Settings {
-    /// Settings in TOML; see --print-config
-    #[arg(long, value_name = "FILE", env = "XTB_AGENT_CONFIG", global = true)]
+    /// Settings in TOML; see --print-config [env: XTB_AGENT_CONFIG, but for replay]
+    #[arg(long, value_name = "FILE", global = true)]
     pub(crate) config: Option<PathBuf>,
     /// The robot's name [default: xtb-1]
     #[arg(long, env = "XTB_NAME", global = true)]
@@ -185,9 +185,19 @@ fn parse_pose(text: &str) -> Result<[f64; 3], String> {
 }
 
 impl Settings {
+    /// The file with the settings: as given, else as the environment names it.
+    pub(crate) fn file(&self) -> Option<PathBuf> {
+        self.config.clone().or_else(|| std::env::var_os("XTB_AGENT_CONFIG").map(PathBuf::from))
+    }
+
     /// The settings in force.
     pub(crate) fn load(&self) -> Result<ConfigFile, ConfigProblem> {
-        self.over(Layers::default())
+        self.over(Layers::default(), self.file().as_deref())
+    }
+
+    /// The settings for a replay: of the command line alone, or it would depend on where it is run.
+    pub(crate) fn load_for_replay(&self, layers: Layers) -> Result<ConfigFile, ConfigProblem> {
+        self.over(layers, self.config.as_deref())
     }
 
     /// Whether anything here could make a controller decide otherwise.
@@ -195,9 +205,8 @@ impl Settings {
         self.config.is_some() || !self.settings.is_empty()
     }
 
-    /// The settings in force over `layers`.
-    pub(crate) fn over(&self, mut layers: Layers) -> Result<ConfigFile, ConfigProblem> {
-        if let Some(path) = &self.config {
+    fn over(&self, mut layers: Layers, config: Option<&Path>) -> Result<ConfigFile, ConfigProblem> {
+        if let Some(path) = config {
             let origin = path.display().to_string();
             let text = std::fs::read_to_string(path)
                 .map_err(|error| ConfigProblem::Read { path: origin.clone(), reason: error.to_string() })?;

@@ -17,12 +17,18 @@ pub(crate) struct Failure {
     code: u8,
     message: String,
     hint: String,
+    placed: bool,
 }
 
 impl Failure {
     /// It failed.
     pub(crate) fn new(message: impl Display, hint: impl Display) -> Self {
-        Self { code: 1, message: message.to_string(), hint: hint.to_string() }
+        Self { code: 1, message: message.to_string(), hint: hint.to_string(), placed: false }
+    }
+
+    /// It failed at a place in a file, `FILE:LINE: what is wrong`, as compilers say it.
+    pub(crate) fn at(message: impl Display, hint: impl Display) -> Self {
+        Self { placed: true, ..Self::new(message, hint) }
     }
 
     /// With another exit code.
@@ -33,7 +39,8 @@ impl Failure {
 
     /// Says so on standard error.
     pub(crate) fn report(&self) -> ExitCode {
-        let mut text = format!("error: {}\n", self.message);
+        let error = if self.placed { "" } else { "error: " };
+        let mut text = format!("{error}{}\n", self.message);
         if !self.hint.is_empty() {
             text.push_str(&format!("hint: {}\n", self.hint));
         }

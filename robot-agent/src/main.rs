@@ -32,7 +32,7 @@ fn dispatch(args: Args) -> Result<ExitCode, Failure> {
         return Ok(ExitCode::SUCCESS);
     }
     match args.command {
-        Some(Verb::Calibrate(asked)) => calibrate::run(&file, settings.config.as_deref(), &asked),
+        Some(Verb::Calibrate(asked)) => calibrate::run(&file, settings.file().as_deref(), &asked),
         Some(Verb::CheckHardware(check)) => check_hardware::run(&file, &check),
         Some(Verb::Record(record)) => run::run(&file, Some(&record.folder)),
         _ => run::run(&file, args.record.as_deref()),

@@ -116,6 +116,7 @@ fn fresh_path(folder: &Path, robot: &str, stamp: &str) -> PathBuf {
 /// The file.
 struct Tape {
     writer: Writer<BufWriter<File>>,
+    file: File,
     kinds: BTreeMap<&'static str, u16>,
     outputs: u16,
 }
@@ -128,7 +129,8 @@ impl Tape {
             .library(format!("robot-agent {}", header.version))
             .chunk_size(Some(CHUNK))
             .compression_threads(0);
-        let mut writer = options.create(BufWriter::new(File::create_new(path)?))?;
+        let file = File::create_new(path)?;
+        let mut writer = options.create(BufWriter::new(file.try_clone()?))?;
         let mut channel = |name: &'static str, schema: &str| {
             let schema = writer.add_schema(&format!("xtb.record.{name}"), "jsonschema", schema.as_bytes())?;
             writer.add_channel(schema, &keys.record(name), "json", &BTreeMap::new())
@@ -140,7 +142,8 @@ impl Tape {
         let text = serde_json::to_vec(header).map_err(io::Error::from)?;
         writer.write_to_known_channel(&message(config, 0, 0), &text)?;
         writer.flush()?;
-        Ok(Self { writer, kinds, outputs })
+        file.sync_all()?;
+        Ok(Self { writer, file, kinds, outputs })
     }
 
     /// Writes what comes, until the sender is gone; then finishes the file.
@@ -154,10 +157,12 @@ impl Tape {
             }
             if flushed.elapsed() >= FLUSH_EVERY {
                 self.writer.flush()?;
+                self.file.sync_data()?;
                 flushed = Instant::now();
             }
         }
         self.writer.finish()?;
+        self.file.sync_all()?;
         Ok(())
     }
 

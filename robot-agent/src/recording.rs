@@ -20,7 +20,7 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 use thiserror::Error;
 use xtb_authority::tape::Step;
@@ -152,6 +152,8 @@ pub enum RecordingError {
 /// Reads a recording's steps, one after another; needs memory for one chunk only.
 pub struct Recording {
     file: File,
+    /// Whether it ends as a finished file does: if it breaks off all the same, it is damaged.
+    finished: bool,
     reader: LinearReader,
     topics: HashMap<u16, String>,
     header: Option<Header>,
@@ -169,9 +171,13 @@ impl Recording {
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)
             .with_validate_chunk_crcs(true)
+            .with_validate_data_section_crc(true)
             .with_record_length_limit(MAX_RECORD);
+        let mut file = File::open(path)?;
+        let finished = ends_with_magic(&mut file)?;
         let mut recording = Self {
-            file: File::open(path)?,
+            file,
+            finished,
             reader: LinearReader::new_with_options(options),
             topics: HashMap::new(),
             header: None,
@@ -230,6 +236,15 @@ impl Recording {
         Ok(None)
     }
 
+    /// The file ends before its data do.
+    fn cut<T>(&mut self, error: McapError) -> Result<Option<T>, RecordingError> {
+        if self.finished {
+            return Err(error.into());
+        }
+        self.ending = Some(Ending::Cut(error.to_string()));
+        Ok(None)
+    }
+
     /// The last part of the next message's topic, and its text.
     fn next_message(&mut self) -> Result<Option<(String, String)>, RecordingError> {
         if self.ending.is_some() {
@@ -237,14 +252,8 @@ impl Recording {
         }
         loop {
             let event = match self.reader.next_event() {
-                None => {
-                    self.ending = Some(Ending::Complete);
-                    return Ok(None);
-                }
-                Some(Err(error)) if breaks_off(&error) => {
-                    self.ending = Some(Ending::Cut(error.to_string()));
-                    return Ok(None);
-                }
+                None => return self.cut(McapError::UnexpectedEof),
+                Some(Err(error)) if breaks_off(&error) => return self.cut(error),
                 Some(Err(error)) => return Err(error.into()),
                 Some(Ok(event)) => event,
             };
@@ -274,6 +283,18 @@ impl Recording {
             }
         }
     }
+}
+
+/// Whether a file ends with MCAP's magic bytes; leaves it at its beginning.
+fn ends_with_magic(file: &mut File) -> io::Result<bool> {
+    let mut end = [0; mcap::MAGIC.len()];
+    let long_enough = file.metadata()?.len() >= 2 * end.len() as u64;
+    if long_enough {
+        file.seek(SeekFrom::End(-(end.len() as i64)))?;
+        file.read_exact(&mut end)?;
+        file.rewind()?;
+    }
+    Ok(long_enough && end == mcap::MAGIC)
 }
 
 /// Whether a reader's error means that the file ends too early, and not that it is damaged.

@@ -103,13 +103,20 @@ pub fn compare(recording: &mut Recording, vehicle: VehicleConfig) -> Result<Comp
         last = t;
         let decided = exact_decision_line(&controller.step(t, &sample));
         if decided != step.decision {
-            found.differences.extend(first_difference(t, &step, &decided));
+            found.differences.push(first_difference(t, &step, &decided));
             break;
         }
     }
     found.identical = found.differences.is_empty();
     found.ending = recording.ending();
     Ok(found)
+}
+
+/// Why a step cannot be trusted: steps are missing before it, or its sample was altered.
+#[must_use]
+pub fn unusable(expected: u64, step: &RecordedStep, last: Stamp) -> Option<Difference> {
+    let gap = gap(expected, step).map(|gap| Difference { t_s: last.s(), ..gap });
+    gap.or_else(|| altered_sample(step, last))
 }
 
 /// A sample that is not the one that was recorded.
@@ -127,7 +134,7 @@ fn altered_sample(step: &RecordedStep, last: Stamp) -> Option<Difference> {
 }
 
 /// The first field on the way through the controller in which two decisions differ.
-fn first_difference(t: Stamp, step: &RecordedStep, decided: &str) -> Option<Difference> {
+fn first_difference(t: Stamp, step: &RecordedStep, decided: &str) -> Difference {
     let difference = |stage, field: String, recorded: String, replayed: String| Difference {
         t_s: t.s(),
         step: step.number,
@@ -137,8 +144,9 @@ fn first_difference(t: Stamp, step: &RecordedStep, decided: &str) -> Option<Diff
         recorded,
         replayed,
     };
-    let recorded = fields(&step.decision)?;
-    let replayed = fields(decided)?;
+    let (Some(recorded), Some(replayed)) = (fields(&step.decision), fields(decided)) else {
+        return difference("text", "decision".into(), step.decision.clone(), decided.to_owned());
+    };
     let value = |all: &[(String, Value)], field: &str| {
         all.iter().find(|(name, _)| name == field).map_or("absent".to_owned(), |(_, value)| value.to_string())
     };
@@ -155,11 +163,11 @@ fn first_difference(t: Stamp, step: &RecordedStep, decided: &str) -> Option<Diff
         let appeared = |(name, _): &&(String, Value)| !before.iter().any(|(n, _)| n == name);
         if let Some((field, _)) = before.iter().find(differs).or_else(|| after.iter().find(appeared)) {
             let values = (value(&before, field), value(&after, field));
-            return Some(difference(stage, field.clone(), values.0, values.1));
+            return difference(stage, field.clone(), values.0, values.1);
         }
     }
     // The same values in other bytes: the recording was written by another program.
-    Some(difference("text", "decision".into(), step.decision.clone(), decided.to_owned()))
+    difference("text", "decision".into(), step.decision.clone(), decided.to_owned())
 }
 
 /// An object's leaves with their paths; `None` if it is not JSON.
@@ -214,6 +222,8 @@ pub struct WhatIf {
     pub differing: u64,
     /// The decisions, in the order of their beginning.
     pub decisions: Vec<OtherDecision>,
+    /// A gap or an altered sample, beyond which nothing is said.
+    pub difference: Option<Difference>,
     /// How the file ends.
     pub ending: Ending,
 }
@@ -245,11 +255,23 @@ fn decisions(line: &str) -> Option<[(&'static str, String); 6]> {
 /// The recording cannot be read.
 pub fn what_if(recording: &mut Recording, vehicle: VehicleConfig) -> Result<WhatIf, RecordingError> {
     let mut controller = Controller::new(vehicle);
-    let mut found = WhatIf { samples: 0, differing: 0, decisions: Vec::new(), ending: Ending::Complete };
+    let mut found = WhatIf {
+        samples: 0,
+        differing: 0,
+        decisions: Vec::new(),
+        difference: None,
+        ending: Ending::Complete,
+    };
     let mut open: [Option<OtherDecision>; 6] = std::array::from_fn(|_| None);
+    let mut last = Stamp::ZERO;
     while let Some(step) = recording.next_step()? {
+        if let Some(wrong) = unusable(found.samples, &step, last) {
+            found.difference = Some(wrong);
+            break;
+        }
         let number = step.number;
         let (t, sample) = step.sample().map_err(|reason| RecordingError::Message { number, reason })?;
+        last = t;
         let decided = exact_decision_line(&controller.step(t, &sample));
         found.samples += 1;
         let pair = decisions(&step.decision).zip(decisions(&decided));

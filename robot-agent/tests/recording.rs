@@ -98,9 +98,29 @@ fn a_recording_becomes_a_trace_that_replays_to_the_same_decisions() {
     command.env_clear().arg("replay").arg(&file).arg("--export").arg(&trace).assert().success();
     let mut command = Assert::cargo_bin("robot-agent").expect("built");
     let output = command.env_clear().args(["replay", "--trace"]).arg(&trace).assert().success();
+    let mut command = Assert::cargo_bin("robot-agent").expect("built");
+    command.env_clear().arg("replay").arg(&file).arg("--export").arg(&file).assert().code(1);
+    let (satisfied, said) = replay(&file);
+    assert!(satisfied, "exporting onto itself is refused and costs nothing: {said}");
     let samples = std::fs::read_to_string(&trace).expect("the trace").lines().count();
     let decided = String::from_utf8_lossy(&output.get_output().stdout).lines().count();
     assert!(samples > 100 && samples == decided, "{samples} {decided}");
+}
+
+#[test]
+fn a_replay_does_not_depend_on_the_environment() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut child = start(Command::new(cargo_bin("robot-agent")).args(arguments(folder.path())));
+    let file = eventually("a chunk", || {
+        let file = the_file(folder.path())?;
+        (std::fs::metadata(&file).ok()?.len() > 20_000).then_some(file)
+    });
+    child.kill().expect("kill -9");
+    child.wait().expect("its end");
+    let mut command = Assert::cargo_bin("robot-agent").expect("built");
+    command.env_clear().env("XTB_AGENT_CONFIG", "/nonexistent.toml").arg("replay").arg(&file);
+    let output = command.assert().success().get_output().clone();
+    assert!(String::from_utf8_lossy(&output.stdout).starts_with("identical, "));
 }
 
 #[test]

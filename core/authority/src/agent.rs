@@ -31,7 +31,7 @@ pub const EVENT_QUEUE: usize = 64;
 
 /// A speed stick this near to neutral does not move the truck (the ESC's dead band of ± 30 µs,
 /// assumed), in counts.
-const STICK_NEUTRAL_COUNTS: f64 = 75.0;
+pub(crate) const STICK_NEUTRAL_COUNTS: f64 = 75.0;
 
 /// Who a robot is, fixed at boot.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,6 +83,11 @@ pub struct Agent {
     faults: FaultBook,
     mode: Mode,
     setpoint_heard: Option<Stamp>,
+    /// When any setpoint came last.
+    setpoint_seen: Option<Stamp>,
+    /// Setpoints are dropped until one is zero, or a lifetime passes without one: a joystick that was
+    /// held through a fault does not drive on.
+    rearm: bool,
     /// The last stop that was carried out: no command from before it may still begin.
     stopped_by: Arrival,
     /// The last request that changed who drives: no setpoint from before it counts.
@@ -115,6 +120,8 @@ impl Agent {
             faults: FaultBook::default(),
             mode: Mode::Idle,
             setpoint_heard: None,
+            setpoint_seen: None,
+            rearm: true,
             stopped_by: 0,
             commanded_by: 0,
             events: VecDeque::with_capacity(EVENT_QUEUE),
@@ -148,7 +155,10 @@ impl Agent {
     pub fn setpoint(&mut self, now: Stamp, at: Stamp, arrival: Arrival, client: &Name, setpoint: &Setpoint) {
         let of_this_boot = setpoint.lease.is_none_or(|lease| lease.epoch == self.identity.epoch);
         let alive = now.since_ms(at) < self.setpoint_lifetime_ms;
-        if !of_this_boot || !alive || arrival < self.commanded_by {
+        let before = self.setpoint_seen.replace(at);
+        let paused = before.is_none_or(|before| at.since_ms(before) >= self.setpoint_lifetime_ms);
+        self.rearm &= setpoint.rpm != 0.0 && !paused;
+        if !of_this_boot || !alive || arrival < self.commanded_by || self.rearm {
             self.stale += 1;
             return;
         }
@@ -199,6 +209,8 @@ impl Agent {
         }
         self.watch_faults(now);
         self.watch_remote(now, view.outputs.mode);
+        let remote = matches!(view.outputs.mode, Mode::Manual | Mode::Fault);
+        self.rearm |= remote || self.faults.stopping().is_some() || requests::unheard(view).is_some();
         self.watch_goal(now, view.outputs);
         self.watch_teleop(now);
         if view.outputs.mode != self.mode {

@@ -8,6 +8,10 @@ use xtb_protocol::messages::{Fault, FaultState, InputAges, StopReason};
 /// A kind of sample that was not heard for this long is lost.
 pub const INPUT_LOST_MS: u64 = 200;
 
+/// A board that speaks and sends none of a kind for this long has a fault: three encoder windows, with
+/// the turn that notices it within 200 ms.
+const KIND_SILENT_MS: u64 = 180;
+
 /// The name of a line's fault.
 #[must_use]
 pub fn of_line(device: Device, fault: LineFault) -> Fault {
@@ -46,7 +50,7 @@ pub fn stops(fault: Fault) -> Option<StopReason> {
 
 /// Kinds of samples that a board which speaks does not send. `speaking_ms`: for how long it speaks.
 pub fn silent_kinds(ages: &InputAges, speaking_ms: u64) -> impl Iterator<Item = Fault> {
-    let silent = move |age: Option<u64>| age.map_or(speaking_ms, |ms| ms.min(speaking_ms)) > INPUT_LOST_MS;
+    let silent = move |age: Option<u64>| age.map_or(speaking_ms, |ms| ms.min(speaking_ms)) > KIND_SILENT_MS;
     [(ages.encoder, Fault::EncoderSilent), (ages.adc, Fault::ConverterSilent)]
         .into_iter()
         .filter_map(move |(age, fault)| silent(age).then_some(fault))

@@ -16,6 +16,8 @@ use xtb_control::Stamp;
 
 /// A line without a good frame for this long has a fault.
 pub const LINE_LOST_MS: u64 = 150;
+/// A fault's name changes, or ends, only after this time.
+const STEADY_MS: u64 = 300;
 /// Bytes are looked at in windows of this length, the present and the last one.
 const WINDOW_MS: u64 = 100;
 
@@ -80,6 +82,11 @@ pub struct LineWatch {
     before: Evidence,
     window_since: Stamp,
     last_byte: u8,
+    /// The fault that is shown, and since when the bytes say something else.
+    shown: Option<LineFault>,
+    other_since: Option<Stamp>,
+    /// Since when good frames come again.
+    recovering_since: Option<Stamp>,
 }
 
 impl LineWatch {
@@ -95,6 +102,9 @@ impl LineWatch {
             before: Evidence::default(),
             window_since: now,
             last_byte: 0,
+            shown: None,
+            other_since: None,
+            recovering_since: None,
         }
     }
 
@@ -130,6 +140,8 @@ impl LineWatch {
 
     /// A good frame of this device came: what came before says nothing about a fault.
     pub fn good_frame(&mut self, now: Stamp) {
+        self.recovering_since =
+            self.recovering_since.filter(|_| self.unwell_ms(now) <= LINE_LOST_MS).or(Some(now));
         self.well_at = now;
         (self.window, self.before) = (Evidence::default(), Evidence::default());
     }
@@ -145,15 +157,31 @@ impl LineWatch {
         now.since_ms(self.well_at)
     }
 
-    /// What is wrong, if anything.
-    #[must_use]
-    pub fn fault(&self, now: Stamp) -> Option<LineFault> {
+    /// What is wrong, if anything. A name stays until good frames have come for [`STEADY_MS`], or until
+    /// the bytes have said something else for as long: it does not flap.
+    pub fn fault(&mut self, now: Stamp) -> Option<LineFault> {
         if let Some(trouble) = self.port {
-            return Some(LineFault::Port(trouble));
+            self.shown = Some(LineFault::Port(trouble));
+            return self.shown;
         }
-        if now.since_ms(self.well_at) <= LINE_LOST_MS {
-            return None;
+        if self.unwell_ms(now) <= LINE_LOST_MS {
+            let steady = self.recovering_since.is_none_or(|at| now.since_ms(at) >= STEADY_MS);
+            if steady {
+                (self.shown, self.other_since) = (None, None);
+            }
+            return self.shown;
         }
+        self.recovering_since = None;
+        let found = self.diagnosis(now);
+        let since = *self.other_since.get_or_insert(now);
+        if self.shown.is_none() || self.shown == Some(found) || now.since_ms(since) >= STEADY_MS {
+            (self.shown, self.other_since) = (Some(found), None);
+        }
+        self.shown
+    }
+
+    /// What the bytes of the last moments say.
+    fn diagnosis(&self, now: Stamp) -> LineFault {
         let seen = |part: fn(&Evidence) -> u32| part(&self.window) + part(&self.before);
         let bytes = if now.since_ms(self.window_since) > 2 * WINDOW_MS { 0 } else { seen(|e| e.bytes) };
         // One of the board's frames proves it (CRC-32), and one that waits for its set-up sends only
@@ -162,7 +190,7 @@ impl LineWatch {
             Device::Board => (bytes / 40, 2),
             Device::Gyro => (bytes / 20, 1),
         };
-        Some(if bytes == 0 {
+        if bytes == 0 {
             LineFault::Silent
         } else if seen(|e| e.foreign) >= foreign_from || (bytes > 20 && seen(|e| e.text) > bytes * 19 / 20) {
             LineFault::WrongDevice
@@ -170,7 +198,7 @@ impl LineWatch {
             LineFault::HalfFrames
         } else {
             LineFault::Garbage
-        })
+        }
     }
 }
 
@@ -264,11 +292,29 @@ mod tests {
     }
 
     #[test]
-    fn a_good_frame_ends_every_fault() {
+    fn steady_good_frames_end_every_fault() {
         let mut watch = LineWatch::new(Device::Gyro, Stamp::ZERO);
         watch.bytes(Stamp::from_ms(400), &noise(1));
         assert_eq!(watch.fault(Stamp::from_ms(400)), Some(LineFault::Garbage));
-        watch.good_frame(Stamp::from_ms(401));
-        assert_eq!(watch.fault(Stamp::from_ms(402)), None);
+        for ms in (401..=700).step_by(10) {
+            watch.good_frame(Stamp::from_ms(ms));
+            assert_eq!(watch.fault(Stamp::from_ms(ms)), Some(LineFault::Garbage));
+        }
+        watch.good_frame(Stamp::from_ms(702));
+        assert_eq!(watch.fault(Stamp::from_ms(702)), None);
+    }
+
+    #[test]
+    fn a_good_frame_now_and_then_does_not_make_a_fault_come_and_go() {
+        let mut watch = LineWatch::new(Device::Board, Stamp::ZERO);
+        watch.bytes(Stamp::from_ms(200), &noise(1));
+        assert_eq!(watch.fault(Stamp::from_ms(200)), Some(LineFault::Garbage));
+        for i in 1..50 {
+            watch.bytes(Stamp::from_ms(200 + 40 * i), &noise(i));
+            if i.is_multiple_of(4) {
+                watch.good_frame(Stamp::from_ms(200 + 40 * i));
+            }
+            assert_eq!(watch.fault(Stamp::from_ms(200 + 40 * i)), Some(LineFault::Garbage), "{i}");
+        }
     }
 }

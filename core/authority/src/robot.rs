@@ -10,22 +10,27 @@
 //!   PWM, set-up, channel reset, gyro start ◄──────────────────────────────┘
 //! ```
 
+mod guards;
+mod lines;
 mod views;
 
 use crate::agent::{Agent, Arrival, Identity, View};
-use crate::faults::{INPUT_LOST_MS, of_line, silent_kinds};
-use crate::line::{Device, LINE_LOST_MS, LineWatch, PortTrouble};
+use crate::faults::INPUT_LOST_MS;
+use crate::line::{Device, LineWatch, PortTrouble};
 use crate::tape::{Step, Tape};
 use std::sync::Arc;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup, SetupTask};
-use xtb_control::{Command, Controller, Mode, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
+use xtb_control::{Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
 use xtb_protocol::board::{BoardError, BoardStatus, Frame, FrameReader, FrameWriter, FromBoard};
 use xtb_protocol::gyro_3dmg::{GyroFrame, GyroReader, GyroStarter, START_CONTINUOUS};
 use xtb_protocol::keys::Name;
-use xtb_protocol::messages::{Fault, InputAges, Reply, Request};
+use xtb_protocol::messages::{InputAges, Reply, Request};
 
 pub use views::Readings;
+
+use guards::is_neutral_stick;
+use lines::{BoardLine, GyroLine};
 
 /// Length of a turn.
 pub const TURN_NS: u64 = 5_000_000;
@@ -54,29 +59,6 @@ struct Newest {
     status: Option<BoardStatus>,
 }
 
-/// A line with what watches and reads it.
-#[derive(Debug, Clone)]
-struct BoardLine {
-    watch: LineWatch,
-    reader: FrameReader,
-    foreign: GyroReader,
-    detail: Option<Arc<str>>,
-    open_since: Stamp,
-    /// Since when it is set up and its line is well: it should send samples.
-    speaks_since: Stamp,
-    /// Since when the board says that it hears no pulses.
-    starved_since: Option<Stamp>,
-}
-
-#[derive(Debug, Clone)]
-struct GyroLine {
-    watch: LineWatch,
-    reader: GyroReader,
-    foreign: FrameReader,
-    starter: GyroStarter,
-    detail: Option<Arc<str>>,
-}
-
 /// Brain and controller of one robot.
 #[derive(Debug, Clone)]
 pub struct Robot {
@@ -95,6 +77,10 @@ pub struct Robot {
     tape: Tape,
     recording_failed: bool,
     state_seq: u64,
+    /// When the next frame of the receiver counts as missing; `None` = there is no receiver.
+    remote_due: Option<Stamp>,
+    /// The speed stick must be seen neutral before it drives: at boot, and after the board was lost.
+    stick_held: bool,
 }
 
 impl Robot {
@@ -122,7 +108,8 @@ impl Robot {
                 detail: None,
                 open_since: Stamp::ZERO,
                 speaks_since: Stamp::ZERO,
-                starved_since: None,
+                fed: false,
+                starved: None,
             },
             gyro: GyroLine {
                 watch: LineWatch::new(Device::Gyro, Stamp::ZERO),
@@ -141,6 +128,8 @@ impl Robot {
             tape: Tape::default(),
             recording_failed: false,
             state_seq: 0,
+            remote_due: None,
+            stick_held: true,
         }
     }
 
@@ -173,12 +162,12 @@ impl Robot {
         match frame {
             FromBoard::Status(status) => {
                 self.newest.status = Some(status);
-                // A board that is set up and hears no pulses hears nothing of us: when its wire is
-                // mended, no old goal may go on.
-                let starved = status.ready && status.watchdog;
-                self.board.starved_since = starved.then(|| self.board.starved_since.unwrap_or(now));
-                let hears = self.board.starved_since.is_none_or(|at| now.since_ms(at) <= LINE_LOST_MS);
+                let was_done = self.setup.is_done();
+                let hears = self.board.hears_us(now, &status);
                 self.setup.confirm(status.ready && hears, status.setup_checksum);
+                if was_done && !self.setup.is_done() {
+                    self.lose_remote(now);
+                }
             }
             _ if !self.setup.is_done() => {}
             FromBoard::Encoder { pulses } => {
@@ -194,7 +183,9 @@ impl Robot {
             FromBoard::Remote(sample) => {
                 self.heard.remote = Some(now);
                 self.newest.remote = sample;
+                self.remote_due = Some(now.plus_ns(self.remote_period_ns() * 3 / 2));
                 self.step(now, &Sample::Remote(sample));
+                self.stick_held &= !self.outputs.duties.speed.is_some_and(is_neutral_stick);
             }
         }
     }
@@ -214,15 +205,13 @@ impl Robot {
             });
         }
         let mut reader = std::mem::take(&mut self.gyro.reader);
-        reader.push(bytes, |frame| {
-            self.gyro.watch.good_frame(now);
-            match frame {
-                GyroFrame::Firmware(version) => self.gyro.starter.heard_firmware(version),
-                GyroFrame::Euler(frame) => {
-                    self.heard.gyro = Some(now);
-                    self.newest.gyro = frame.angles;
-                    self.step(now, &Sample::Gyro(frame.angles));
-                }
+        reader.push(bytes, |frame| match frame {
+            GyroFrame::Firmware(version) => self.gyro.starter.heard_firmware(version),
+            GyroFrame::Euler(frame) => {
+                self.gyro.watch.good_frame(now);
+                self.heard.gyro = Some(now);
+                self.newest.gyro = frame.angles;
+                self.step(now, &Sample::Gyro(frame.angles));
             }
         });
         self.gyro.reader = reader;
@@ -247,7 +236,8 @@ impl Robot {
             self.setup.forget();
             self.board.reader.forget();
             self.newest.status = None;
-            (self.board.open_since, self.board.starved_since) = (now, None);
+            (self.board.open_since, self.board.starved, self.board.fed) = (now, None, false);
+            self.lose_remote(now);
         }
     }
 
@@ -269,22 +259,29 @@ impl Robot {
 
     /// One turn, each [`TURN_NS`]: the PWM frame for the board, if one is due.
     pub fn turn(&mut self, now: Stamp) -> Option<Frame> {
-        if !self.setup.is_done() || self.board.watch.fault(now).is_some() {
+        self.miss_remote(now);
+        let line_fault = self.board.watch.fault(now);
+        if !self.setup.is_done() || line_fault.is_some() {
             self.board.speaks_since = now;
         }
-        self.agent.set_faults(now, &self.faults(now));
+        if line_fault.is_some() {
+            self.lose_remote(now);
+        }
+        let gyro_fault = self.gyro.watch.fault(now);
+        self.agent.set_faults(now, &self.faults(now, line_fault, gyro_fault));
         let view = View { outputs: &self.outputs, ages: self.ages(now) };
         if let Some(command) = self.agent.turn(now, view) {
             self.step(now, &Sample::Command(command));
         }
-        let motor = self.outputs.pwm.motor;
+        let pwm = self.pulses();
+        let motor = pwm.motor;
         let became_neutral = motor == PwmCount::NEUTRAL && self.sent_motor != PwmCount::NEUTRAL;
         if now < self.next_frame && !became_neutral {
             return None;
         }
         self.sent_motor = motor;
         self.next_frame = now.plus_ns(PWM_FRAME_NS);
-        Some(self.writer.pwm(&self.outputs.pwm))
+        Some(self.writer.pwm(&pwm))
     }
 
     /// What else the board has to be told after a turn: its set-up (Fig. 8), or the channels to reset
@@ -306,40 +303,6 @@ impl Robot {
             self.gyro.reader.forget();
         }
         command
-    }
-
-    /// What is broken now, with the system's words. Empty (and nothing allocated) while all is well.
-    fn faults(&self, now: Stamp) -> Vec<(Fault, Option<Arc<str>>)> {
-        let mut faults = Vec::new();
-        let (open_ms, speaks_ms) =
-            (now.since_ms(self.board.open_since), now.since_ms(self.board.speaks_since));
-        match self.board.watch.fault(now) {
-            Some(fault) => faults.push((of_line(Device::Board, fault), self.board.detail.clone())),
-            None if !self.setup.is_done() && open_ms > LINE_LOST_MS => {
-                faults.push((Fault::BoardNotSetUp, None));
-            }
-            None => faults.extend(silent_kinds(&self.ages(now), speaks_ms).map(|fault| (fault, None))),
-        }
-        if let Some(fault) = self.gyro.watch.fault(now) {
-            faults.push((of_line(Device::Gyro, fault), self.gyro.detail.clone()));
-        }
-        let tilted = self.newest.adc.is_some() && self.outputs.tilt.both().is_none();
-        for (fault, present) in [
-            (Fault::RemoteLost, self.outputs.mode == Mode::Fault),
-            (Fault::TiltOutOfRange, tilted),
-            (Fault::RecordingFailed, self.recording_failed),
-        ] {
-            if present {
-                faults.push((fault, None));
-            }
-        }
-        faults
-    }
-
-    /// Motor neutral and wheels straight, for the last frame before the agent ends.
-    pub fn neutral_frame(&mut self, now: Stamp) -> Frame {
-        self.step(now, &Sample::Command(Command::Idle));
-        self.writer.pwm(&self.outputs.pwm)
     }
 
     /// Keeps every step for [`Robot::take_step`].

@@ -105,6 +105,8 @@ fn manual_ends_what_the_network_asked_for_and_refuses_more() {
 #[test]
 fn sticks_do_not_drive_into_an_obstacle() {
     let mut bench = Bench::new();
+    bench.remote = sticks(938, MANUAL);
+    bench.run_ms(100);
     bench.remote = sticks(1000, MANUAL);
     bench.front = 300;
     bench.run_ms(200);
@@ -175,4 +177,113 @@ fn a_tilt_sensor_without_an_angle_is_a_fault_that_stops_nothing() {
     bench.ask(ahead(5.0));
     bench.run_ms(500);
     assert_ne!(bench.motor, PwmCount::NEUTRAL);
+}
+
+/// In mode manual, the stick held well ahead, the truck driving.
+fn driven_by_hand() -> Bench {
+    let mut bench = Bench::new();
+    bench.remote = sticks(938, MANUAL);
+    bench.run_ms(100);
+    bench.remote = sticks(1000, MANUAL);
+    bench.run_ms(100);
+    assert_eq!(bench.motor.get(), 4000);
+    bench
+}
+
+/// Whether the motor stays neutral for so long.
+fn stands_for_ms(bench: &mut Bench, ms: u64) -> bool {
+    (0..ms / 5).all(|_| {
+        bench.run_ms(5);
+        bench.motor == PwmCount::NEUTRAL
+    })
+}
+
+#[test]
+fn a_receiver_that_sends_no_frames_any_more_is_lost_after_ten() {
+    let mut bench = driven_by_hand();
+    bench.remote = None;
+    bench.run_ms(180);
+    assert_eq!(bench.state().mode, Mode::Manual);
+    bench.run_ms(80);
+    assert_eq!((bench.motor, bench.state().mode), (PwmCount::NEUTRAL, Mode::Fault));
+    assert_eq!(faults(&mut bench), [Fault::RemoteLost]);
+}
+
+#[test]
+fn a_stick_that_was_never_neutral_does_not_drive() {
+    let mut bench = Bench::new();
+    bench.remote = sticks(1000, MANUAL);
+    assert!(stands_for_ms(&mut bench, 1000));
+    bench.remote = sticks(940, MANUAL);
+    bench.run_ms(50);
+    bench.remote = sticks(1000, MANUAL);
+    bench.run_ms(50);
+    assert_eq!(bench.motor.get(), 4000);
+}
+
+#[test]
+fn a_board_that_comes_back_does_not_drive_on_by_a_stick_that_was_held() {
+    type Break = fn(&mut Bench);
+    let breaks: [Break; 3] = [
+        |bench| bench.setup = None, // its power was cut
+        |bench| {
+            bench.board_silent = true;
+            bench.run_ms(400);
+            bench.board_silent = false;
+        },
+        |bench| {
+            bench.robot.board_port(bench.now, Some((PortTrouble::Unplugged, "gone")));
+            bench.robot.board_port(bench.now, None);
+        },
+    ];
+    for (i, cut) in breaks.into_iter().enumerate() {
+        let mut bench = driven_by_hand();
+        cut(&mut bench);
+        bench.run_ms(25);
+        assert!(stands_for_ms(&mut bench, 2000), "{i}");
+        assert_eq!(bench.state().mode, Mode::Manual, "{i}: the receiver is back");
+        bench.remote = sticks(938, MANUAL);
+        bench.run_ms(50);
+        bench.remote = sticks(1000, MANUAL);
+        bench.run_ms(50);
+        assert_eq!(bench.motor.get(), 4000, "{i}: after neutral it drives again");
+    }
+}
+
+#[test]
+fn a_silent_converter_holds_the_transmitter_too() {
+    let mut bench = driven_by_hand();
+    bench.adc_silent = true;
+    bench.run_ms(200);
+    assert_eq!(faults(&mut bench), [Fault::ConverterSilent]);
+    assert!(stands_for_ms(&mut bench, 500), "nobody sees obstacles");
+}
+
+#[test]
+fn the_last_frame_is_neutral_whoever_drives() {
+    let mut bench = driven_by_hand();
+    let last = bench.robot.neutral_frame(bench.now);
+    bench.board_hears(last.as_bytes());
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+}
+
+#[test]
+fn a_joystick_that_is_held_through_a_fault_does_not_drive_on() {
+    let mut bench = Bench::new();
+    let hold = |bench: &mut Bench, rpm, times| {
+        (0..times).for_each(|_| {
+            bench.setpoint(rpm);
+            bench.run_ms(50);
+        });
+    };
+    hold(&mut bench, 13.0, 20);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+    bench.gyro_silent = true;
+    hold(&mut bench, 13.0, 10);
+    bench.gyro_silent = false;
+    hold(&mut bench, 13.0, 40);
+    assert_eq!((bench.motor, faults(&mut bench)), (PwmCount::NEUTRAL, Vec::new()));
+    hold(&mut bench, 0.0, 1);
+    hold(&mut bench, 13.0, 20);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL, "let go and pushed again");
 }

@@ -4,7 +4,11 @@
 //! recording keeps its samples. `docs/trace.md` is the contract. Nothing is guessed: an unknown
 //! field, a missing one, a count above 1023 or a stamp that goes back is an error.
 
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
+use std::marker::PhantomData;
 use thiserror::Error;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::goto::{Goal, Maneuver};
@@ -20,6 +24,9 @@ pub enum TraceError {
     /// None, or more than one, of the sample's kinds.
     #[error("{0} of gyro, encoder, adc, remote and command in one line, exactly one is allowed")]
     Kinds(usize),
+    /// None, or more than one, of the commands.
+    #[error("a command is exactly one of idle, wander, goto and teleop")]
+    Commands,
     /// Older than the line before.
     #[error("t_ns {t_ns} is smaller than {before} in the line before")]
     Backwards {
@@ -33,20 +40,46 @@ pub enum TraceError {
     Value(#[from] OutOfRange),
 }
 
+/// A JSON object, and nothing else: serde would also take the fields of a struct by position.
+#[derive(Debug)]
+struct Object<T>(T);
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Object<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Fields<T>(PhantomData<T>);
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Fields<T> {
+            type Value = Object<T>;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an object")
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                T::deserialize(MapAccessDeserializer::new(map)).map(Object)
+            }
+        }
+        deserializer.deserialize_map(Fields(PhantomData))
+    }
+}
+
+impl<T: Serialize> Serialize for Object<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.0.serialize(serializer)
+    }
+}
+
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Line {
     t_ns: u64,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
-    gyro: Option<GyroLine>,
+    gyro: Option<Object<GyroLine>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
-    encoder: Option<EncoderLine>,
+    encoder: Option<Object<EncoderLine>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
-    adc: Option<AdcLine>,
+    adc: Option<Object<AdcLine>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
-    remote: Option<RemoteLine>,
+    remote: Option<Object<RemoteLine>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
-    command: Option<CommandLine>,
+    command: Option<Object<CommandLine>>,
 }
 
 /// A field that may be left out, but not be null.
@@ -93,13 +126,35 @@ struct RemoteLine {
     selector: Option<u32>,
 }
 
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CommandLine {
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    idle: Option<Object<NoFields>>,
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    wander: Option<Object<NoFields>>,
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    goto: Option<Object<GotoLine>>,
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    teleop: Option<Object<TeleopLine>>,
+}
+
 #[derive(Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-enum CommandLine {
-    Idle {},
-    Wander {},
-    Goto { x_m: f64, y_m: f64 },
-    Teleop { rpm: f64, steering: f64 },
+#[serde(deny_unknown_fields)]
+struct NoFields {}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GotoLine {
+    x_m: f64,
+    y_m: f64,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TeleopLine {
+    rpm: f64,
+    steering: f64,
 }
 
 fn counts<const N: usize>(values: [f64; N]) -> Result<[AdcCount; N], OutOfRange> {
@@ -119,20 +174,20 @@ impl Line {
             + usize::from(self.command.is_some());
         let Self { gyro, encoder, adc, remote, command, .. } = self;
         match (gyro, encoder, adc, remote, command) {
-            (Some(GyroLine { roll, pitch, yaw }), None, None, None, None) => {
+            (Some(Object(GyroLine { roll, pitch, yaw })), None, None, None, None) => {
                 Ok(Sample::Gyro(GyroSample { roll, pitch, yaw }))
             }
-            (None, Some(EncoderLine { pulses }), None, None, None) => Ok(Sample::Encoder { pulses }),
-            (None, None, Some(adc), None, None) => Ok(Sample::Adc(AdcSample {
+            (None, Some(Object(EncoderLine { pulses })), None, None, None) => Ok(Sample::Encoder { pulses }),
+            (None, None, Some(Object(adc)), None, None) => Ok(Sample::Adc(AdcSample {
                 ir_front: counts(adc.ir_front)?,
                 ir_rear: counts(adc.ir_rear)?,
                 tilt: counts(adc.tilt)?,
                 pistons: counts(adc.pistons)?,
             })),
-            (None, None, None, Some(RemoteLine { speed, steering, selector }), None) => {
+            (None, None, None, Some(Object(RemoteLine { speed, steering, selector })), None) => {
                 Ok(Sample::Remote(RemoteSample { speed, steering, selector }))
             }
-            (None, None, None, None, Some(command)) => Ok(Sample::Command(command.command()?)),
+            (None, None, None, None, Some(Object(command))) => Ok(Sample::Command(command.command()?)),
             _ => Err(TraceError::Kinds(kinds)),
         }
     }
@@ -142,45 +197,55 @@ impl Line {
             Self { t_ns: t.ns(), gyro: None, encoder: None, adc: None, remote: None, command: None };
         match *sample {
             Sample::Gyro(GyroSample { roll, pitch, yaw }) => {
-                line.gyro = Some(GyroLine { roll, pitch, yaw });
+                line.gyro = Some(Object(GyroLine { roll, pitch, yaw }));
             }
-            Sample::Encoder { pulses } => line.encoder = Some(EncoderLine { pulses }),
+            Sample::Encoder { pulses } => line.encoder = Some(Object(EncoderLine { pulses })),
             Sample::Adc(adc) => {
-                line.adc = Some(AdcLine {
+                line.adc = Some(Object(AdcLine {
                     ir_front: adc.ir_front.map(AdcCount::get),
                     ir_rear: adc.ir_rear.map(AdcCount::get),
                     tilt: adc.tilt.map(AdcCount::get),
                     pistons: adc.pistons.map(AdcCount::get),
-                });
+                }));
             }
             Sample::Remote(RemoteSample { speed, steering, selector }) => {
-                line.remote = Some(RemoteLine { speed, steering, selector });
+                line.remote = Some(Object(RemoteLine { speed, steering, selector }));
             }
-            Sample::Command(command) => line.command = Some(CommandLine::of(&command)),
+            Sample::Command(command) => line.command = Some(Object(CommandLine::of(&command))),
         }
         line
     }
 }
 
 impl CommandLine {
-    fn command(&self) -> Result<Command, OutOfRange> {
-        Ok(match *self {
-            Self::Idle {} => Command::Idle,
-            Self::Wander {} => Command::Wander,
-            Self::Goto { x_m, y_m } => Command::Goto(Goal::new(x_m, y_m)?),
-            Self::Teleop { rpm, steering } => {
-                Command::Teleop { rpm: WheelRpm::try_from(rpm)?, steering: Steering::try_from(steering)? }
+    fn command(self) -> Result<Command, TraceError> {
+        let Self { idle, wander, goto, teleop } = self;
+        match (idle, wander, goto, teleop) {
+            (Some(_), None, None, None) => Ok(Command::Idle),
+            (None, Some(_), None, None) => Ok(Command::Wander),
+            (None, None, Some(Object(GotoLine { x_m, y_m })), None) => {
+                Ok(Command::Goto(Goal::new(x_m, y_m)?))
             }
-        })
+            (None, None, None, Some(Object(TeleopLine { rpm, steering }))) => {
+                Ok(Command::Teleop { rpm: WheelRpm::try_from(rpm)?, steering: Steering::try_from(steering)? })
+            }
+            _ => Err(TraceError::Commands),
+        }
     }
 
     fn of(command: &Command) -> Self {
+        let mut line = Self::default();
         match command {
-            Command::Idle => Self::Idle {},
-            Command::Wander => Self::Wander {},
-            Command::Goto(goal) => Self::Goto { x_m: goal.x_m(), y_m: goal.y_m() },
-            Command::Teleop { rpm, steering } => Self::Teleop { rpm: rpm.get(), steering: steering.get() },
+            Command::Idle => line.idle = Some(Object(NoFields {})),
+            Command::Wander => line.wander = Some(Object(NoFields {})),
+            Command::Goto(goal) => {
+                line.goto = Some(Object(GotoLine { x_m: goal.x_m(), y_m: goal.y_m() }));
+            }
+            Command::Teleop { rpm, steering } => {
+                line.teleop = Some(Object(TeleopLine { rpm: rpm.get(), steering: steering.get() }));
+            }
         }
+        line
     }
 }
 
@@ -196,7 +261,10 @@ impl TraceReader {
     /// # Errors
     /// [`TraceError`]; the line counts as not read.
     pub fn line(&mut self, text: &str) -> Result<(Stamp, Sample), TraceError> {
-        let line: Line = serde_json::from_str(text).map_err(|error| TraceError::Json(error.to_string()))?;
+        let Object(line): Object<Line> = serde_json::from_str(text).map_err(|error| {
+            // A trace is read line by line: the parser's own "line 1" would mislead.
+            TraceError::Json(error.to_string().replace(" at line 1 column ", ", column "))
+        })?;
         let t_ns = line.t_ns;
         if t_ns < self.before {
             return Err(TraceError::Backwards { t_ns, before: self.before });
@@ -400,6 +468,10 @@ mod tests {
         assert!(error(r#"{"t_ns":1,"encoder":{"pulses":1},"command":{"idle":{}}}"#).starts_with("2 of"));
         assert!(error(r#"{"t_ns":1,"remote":{"speed":1,"steering":2}}"#).contains("selector"));
         assert!(error(r#"{"t_ns":1,"gyro":null}"#).contains("null"));
+        assert!(error(r#"{"t_ns":1,"gyro":[0,0,0]}"#).contains("an object"));
+        assert!(error(r#"[1,{"roll":0,"pitch":0,"yaw":0}]"#).contains("an object"));
+        assert!(error(r#"{"t_ns":1,"command":{"goto":[1,1]}}"#).contains("an object"));
+        assert!(error(r#"{"t_ns":1,"command":{"idle":{},"wander":{}}}"#).contains("exactly one"));
         assert!(error(r#"{"t_ns":1,"command":{"goto":{"x_m":1e999,"y_m":0}}}"#).contains("out of range"));
         assert_eq!(
             error(r#"{"t_ns":1,"command":{"teleop":{"rpm":1,"steering":1.1}}}"#),

@@ -222,6 +222,7 @@ impl Board {
     /// Applies the pulses of every PWM period that ended until `now`.
     pub(crate) fn latch(&mut self, now: Stamp) {
         let Some(running) = &mut self.running else { return };
+        let before = self.watchdog;
         while let Some(t) = running.pwm.due(now) {
             let watchdog_s = running.watchdog_s();
             self.watchdog = self.heard.is_none_or(|heard| t.since_s(heard) >= watchdog_s);
@@ -233,6 +234,9 @@ impl Board {
             };
             self.neutral_since =
                 (self.outputs.motor == PwmCount::NEUTRAL).then(|| self.neutral_since.unwrap_or(t));
+        }
+        if self.watchdog != before {
+            self.send_status(); // the agent has to know at once
         }
     }
 

@@ -4,12 +4,12 @@ use super::{Failure, columns, print, print_json};
 use crate::cli::{ReplayArgs, Settings};
 use robot_agent::config::Layers;
 use robot_agent::recording::{Ending, Recording, RecordingError};
-use robot_agent::replay::{Comparison, Difference, OtherDecision, WhatIf, compare, what_if};
+use robot_agent::replay::{Comparison, Difference, OtherDecision, WhatIf, compare, unusable, what_if};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
 use std::path::Path;
 use std::process::ExitCode;
-use xtb_control::{Controller, VehicleConfig};
+use xtb_control::{Controller, Stamp, VehicleConfig};
 use xtb_protocol::trace::{TraceReader, decision_line};
 
 /// Lines of a what-if that are printed for people; `--json` has them all.
@@ -17,7 +17,7 @@ const SHOWN: usize = 60;
 
 pub(crate) fn run(settings: &Settings, args: &ReplayArgs) -> Result<ExitCode, Failure> {
     match (&args.trace, &args.recording) {
-        (Some(trace), _) => replay_trace(trace, settings.load()?.vehicle),
+        (Some(trace), _) => replay_trace(trace, settings.load_for_replay(Layers::default())?.vehicle),
         (None, Some(recording)) => replay_recording(settings, args, recording),
         (None, None) => {
             Err(Failure::new("nothing to replay", "name a recording, or --trace IN.jsonl").code(2))
@@ -31,17 +31,17 @@ fn replay_recording(settings: &Settings, args: &ReplayArgs, path: &Path) -> Resu
     };
     let mut recording = Recording::open(path).map_err(failed)?;
     if let Some(target) = &args.export {
-        return export(&mut recording, target, &failed);
+        return export(&mut recording, path, target, &failed);
     }
     let vehicle = vehicle_of(settings, &recording)?;
     if settings.change_anything() {
         let found = what_if(&mut recording, vehicle).map_err(failed)?;
         if args.json {
-            print_json(&found)?
+            print_json(&found)?;
         } else {
-            print(&in_words(&found))?
+            print(&in_words(&found))?;
         }
-        return Ok(ExitCode::SUCCESS);
+        return Ok(if found.difference.is_none() { ExitCode::SUCCESS } else { ExitCode::FAILURE });
     }
     let found = compare(&mut recording, vehicle).map_err(failed)?;
     if args.json {
@@ -58,20 +58,16 @@ fn vehicle_of(settings: &Settings, recording: &Recording) -> Result<VehicleConfi
     if settings.config.is_none()
         && let Some(header) = recording.header()
     {
-        layers.file("the recording's configuration", &header.vehicle_toml)?;
+        layers.file("the recording's configuration", &header.vehicle_toml).map_err(|problem| {
+            Failure::new(problem, "its header is damaged, or of another version; --config FILE replaces it")
+        })?;
     }
-    Ok(settings.over(layers)?.vehicle)
+    Ok(settings.load_for_replay(layers)?.vehicle)
 }
 
 fn verdict(found: &Comparison, recording: &Recording) -> String {
     let mut text = String::new();
-    for difference in &found.differences {
-        let Difference { t_s, step, sample, stage, field, recorded, replayed } = difference;
-        text.push_str(&format!(
-            "difference at {t_s:.6} s, step {step} ({sample}), stage {stage}: {field}\n  \
-             recorded {recorded}\n  replayed {replayed}\n"
-        ));
-    }
+    found.differences.iter().for_each(|difference| text.push_str(&told(difference)));
     if found.identical {
         text.push_str(&format!("identical, {} samples\n", found.samples));
     } else if let Some(header) = recording.header().filter(|header| header.version != robot_agent::VERSION) {
@@ -82,6 +78,14 @@ fn verdict(found: &Comparison, recording: &Recording) -> String {
         ));
     }
     text + &ending(&found.ending)
+}
+
+fn told(difference: &Difference) -> String {
+    let Difference { t_s, step, sample, stage, field, recorded, replayed } = difference;
+    format!(
+        "difference at {t_s:.6} s, step {step} ({sample}), stage {stage}: {field}\n  \
+         recorded {recorded}\n  replayed {replayed}\n"
+    )
 }
 
 fn ending(ending: &Ending) -> String {
@@ -114,33 +118,42 @@ fn in_words(found: &WhatIf) -> String {
     if decisions.len() > SHOWN {
         text.push_str(&format!("… and {} more (--json lists all)\n", decisions.len() - SHOWN));
     }
+    if let Some(difference) = &found.difference {
+        text.push_str(&format!("nothing is said beyond this:\n{}", told(difference)));
+    }
     text + &ending(&found.ending)
 }
 
-/// Writes the recording's samples as a trace.
+/// Writes the recording's samples as a trace, up to where they can be trusted.
 fn export(
     recording: &mut Recording,
+    source: &Path,
     target: &Path,
     failed: &dyn Fn(RecordingError) -> Failure,
 ) -> Result<ExitCode, Failure> {
     let mut out: Box<dyn Write> = if target == Path::new("-") {
         Box::new(io::stdout().lock())
     } else {
-        let file = File::create(target).map_err(|error| {
-            Failure::new(
-                format!("{}: {error}", target.display()),
-                "--export takes a file that you may write to",
-            )
-        })?;
-        Box::new(file)
+        let same = target.canonicalize().is_ok_and(|target| source.canonicalize().is_ok_and(|s| s == target));
+        let made = if same { Err(io::Error::other("that is the recording")) } else { File::create(target) };
+        Box::new(made.map_err(|error| {
+            Failure::new(format!("{}: {error}", target.display()), "--export takes a file of its own")
+        })?)
     };
     let mut out = BufWriter::new(&mut out);
+    let (mut steps, mut last) = (0, Stamp::ZERO);
     while let Some(step) = recording.next_step().map_err(failed)? {
+        if let Some(wrong) = unusable(steps, &step, last) {
+            let _ = out.flush();
+            return Err(Failure::new(told(&wrong).trim_end(), "the trace ends before it"));
+        }
+        (steps, last) = (steps + 1, step.sample().map_or(last, |(t, _)| t));
         let line = step.trace_line().unwrap_or_default();
         if let Err(error) = writeln!(out, "{line}") {
             return ended(&error);
         }
     }
+    let _ = io::stderr().write_all(ending(&recording.ending()).as_bytes());
     out.flush().map_or_else(|error| ended(&error), |()| Ok(ExitCode::SUCCESS))
 }
 
@@ -165,7 +178,7 @@ fn replay_trace(path: &Path, vehicle: VehicleConfig) -> Result<ExitCode, Failure
             Err(wrong) => {
                 let _ = out.flush();
                 let message = format!("{name}:{}: {wrong}", i + 1);
-                return Err(Failure::new(message, "docs/trace.md says what a line may be"));
+                return Err(Failure::at(message, "docs/trace.md says what a line may be"));
             }
         };
         let decided = decision_line(&controller.step(t, &sample));

@@ -54,6 +54,9 @@ fn rewrite(from: &Path, to: &Path, mut change: impl FnMut(&str, &mut Vec<u8>)) {
         let header = MessageHeader { channel_id: channel, sequence: 0, log_time, publish_time };
         let mut data = message.data.to_vec();
         change(&message.channel.topic, &mut data);
+        if data.is_empty() {
+            continue;
+        }
         writer.write_to_known_channel(&header, &data).unwrap();
     }
     writer.finish().unwrap();
@@ -138,13 +141,55 @@ async fn a_recording_that_was_cut_anywhere_is_readable_up_to_the_cut() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn damage_that_the_files_own_check_sums_see_is_an_error() {
+async fn a_flipped_bit_anywhere_in_the_data_of_a_finished_file_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let file = &drive(folder.path()).await[0];
-    let mut bytes = std::fs::read(file).unwrap();
-    let middle = bytes.len() / 2;
-    bytes[middle] ^= 0x10;
+    let whole = std::fs::read(file).unwrap();
     let damaged = folder.path().join("damaged.mcap");
-    std::fs::write(&damaged, bytes).unwrap();
-    assert!(replay(&damaged).is_err());
+    for part in 1..30 {
+        let mut bytes = whole.clone();
+        bytes[whole.len() * part / 40] ^= 0x10;
+        std::fs::write(&damaged, bytes).unwrap();
+        let found = replay(&damaged);
+        assert!(found.as_ref().map_or(true, |found| !found.identical), "{part}/40: {found:?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_decision_that_was_altered_is_found_even_if_it_is_no_json_any_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = &drive(folder.path()).await[0];
+    let altered = folder.path().join("altered.mcap");
+    for (nth, at, bit) in [(100, 40, 0), (200, 41, 1), (300, 60, 3), (400, 25, 4)] {
+        let mut seen = 0;
+        rewrite(file, &altered, |topic, data| {
+            if topic.ends_with("/outputs") {
+                seen += 1;
+                if seen == nth {
+                    data[at] ^= 1 << bit;
+                }
+            }
+        });
+        let found = replay(&altered);
+        assert!(found.as_ref().map_or(true, |found| !found.identical), "{at} {bit}: {found:?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_gap_ends_what_a_replay_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = &drive(folder.path()).await[0];
+    let altered = folder.path().join("gap.mcap");
+    // A whole step is missing, as if the recorder had had to drop it.
+    rewrite(file, &altered, |_, data| {
+        if data.starts_with(b"{\"n\":100,") {
+            data.clear();
+        }
+    });
+    let mut recording = Recording::open(&altered).unwrap();
+    let vehicle = recorded_vehicle(&recording);
+    let found = what_if(&mut recording, vehicle).unwrap();
+    assert_eq!(found.difference.map(|difference| difference.stage), Some("recorder"));
+    let found = replay(&altered).unwrap();
+    assert!(!found.identical && found.differences[0].stage == "recorder", "{found:?}");
 }

@@ -2,7 +2,7 @@
 
 use crate::membership::{lone_agent, router};
 use fleet_tests::{Fleet, Setup, eventually, name};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU32, Ordering};
 use xtb_bus::Role;
 use xtb_control::{Mode, PwmCount};
 use xtb_protocol::codec::Format;
@@ -63,10 +63,13 @@ async fn a_lost_session_ends_teleoperation() {
     let bus = xtb_bus::open(&Role::Client { connect: vec![endpoint] }).await.unwrap();
     let client = name("driver");
     let key = FleetKeys::new(name("lost")).robot(&name("xtb-1")).teleop(Some(&client));
-    let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm: 20.0, steering: 0.0 };
+    let puts = AtomicU32::new(0);
     let motor = || agent.motor.load(Ordering::Relaxed);
     let neutral = PwmCount::NEUTRAL.get();
     eventually("driving", || async {
+        // A joystick that was held before the robot was ready has to be let go once.
+        let rpm = if puts.fetch_add(1, Ordering::Relaxed).is_multiple_of(25) { 0.0 } else { 20.0 };
+        let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm, steering: 0.0 };
         bus.put(&key, &Channel::Teleop(client.clone()), &setpoint, Format::Postcard).await.unwrap();
         (motor() > neutral).then_some(())
     })

@@ -203,7 +203,7 @@ impl Agent {
 }
 
 /// An input without which nothing may move, and that has not been heard lately.
-fn unheard(view: View<'_>) -> Option<&'static str> {
+pub(super) fn unheard(view: View<'_>) -> Option<&'static str> {
     let InputAges { gyro, encoder, adc, .. } = view.ages;
     [(encoder, "encoder"), (adc, "converter"), (gyro, "gyro")]
         .into_iter()

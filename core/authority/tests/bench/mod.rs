@@ -27,6 +27,7 @@ pub(crate) struct Bench {
     pub(crate) front: u16,
     pub(crate) board_silent: bool,
     pub(crate) gyro_silent: bool,
+    pub(crate) adc_silent: bool,
     /// The set-up that the board has been given; it says nothing but its status without one.
     pub(crate) setup: Option<Setup>,
     /// Frames of the receiver, if there is one.
@@ -65,6 +66,7 @@ impl Bench {
             front: 60,
             board_silent: false,
             gyro_silent: false,
+            adc_silent: false,
             setup: None,
             remote: None,
             resets: Vec::new(),
@@ -128,7 +130,7 @@ impl Bench {
             let frame = self.board.encoder(pulses);
             self.robot.board_bytes(self.now, frame.as_bytes());
         }
-        if at.is_multiple_of(40) {
+        if at.is_multiple_of(40) && !self.adc_silent {
             let count = |n: u16| AdcCount::try_from(n).unwrap();
             let sample = AdcSample {
                 ir_front: [count(self.front); 6],

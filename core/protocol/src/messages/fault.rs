@@ -49,7 +49,7 @@ pub enum Fault {
     RemoteLost,
     /// A tilt sensor's voltage has no angle.
     TiltOutOfRange,
-    /// The recorder cannot write, or had to drop samples.
+    /// The recorder cannot write any more.
     RecordingFailed,
 }
 

@@ -1,0 +1,114 @@
+//! What holds a robot back beside its brain: a receiver that falls silent, a stick that was never
+//! neutral, a board that is not there; and what is broken, collected for the brain.
+
+use super::Robot;
+use crate::agent::STICK_NEUTRAL_COUNTS;
+use crate::faults::{of_line, silent_kinds, stops};
+use crate::line::{Device, LINE_LOST_MS, LineFault};
+use std::sync::Arc;
+use xtb_control::controller::{PwmOutputs, RemoteSample};
+use xtb_control::pistons::standing;
+use xtb_control::units::PWM_PERIOD_COUNTS;
+use xtb_control::{Command, Mode, PwmCount, Sample, Stamp};
+use xtb_protocol::board::Frame;
+use xtb_protocol::messages::Fault;
+
+/// A board sends something at least this often: converter scans each 38 ms, encoder windows each 52 ms.
+const QUIET_MS: u64 = 60;
+/// A receiver that was lost with its board gets this time to be heard again.
+const RECEIVER_BACK_MS: u64 = 100;
+
+impl Robot {
+    pub(super) fn remote_period_ns(&self) -> u64 {
+        Stamp::from_s(self.vehicle().remote.period_ms / 1000.0).ns().max(1)
+    }
+
+    /// A frame of the receiver that does not come is one without pulses: the controller loses the
+    /// channel after ten (§4.2.2).
+    pub(super) fn miss_remote(&mut self, now: Stamp) {
+        for _ in 0..self.vehicle().remote.lost_after {
+            let Some(due) = self.remote_due.filter(|due| now >= *due) else { return };
+            self.remote_due = Some(due.plus_ns(self.remote_period_ns()));
+            self.step(now, &Sample::Remote(RemoteSample::default()));
+        }
+        self.remote_due = self.remote_due.map(|_| now.plus_ns(self.remote_period_ns()));
+    }
+
+    /// The board is lost, and with it the receiver: a transmitter that drives is lost at once, and what
+    /// comes back has to show a neutral stick before it drives.
+    pub(super) fn lose_remote(&mut self, now: Stamp) {
+        self.stick_held = true;
+        for _ in 0..self.vehicle().remote.lost_after {
+            if self.outputs.mode != Mode::Manual {
+                return;
+            }
+            self.step(now, &Sample::Remote(RemoteSample::default()));
+        }
+    }
+
+    /// What the board gets: what was decided, but no drive while the board has a fault, and none in mode
+    /// manual before the stick has been neutral.
+    pub(super) fn pulses(&self) -> PwmOutputs {
+        let manual = self.outputs.mode == Mode::Manual;
+        let fault = |fault: Fault| fault.place() != "gyro" && stops(fault).is_some();
+        let held = manual && (self.stick_held || self.agent.faults().present().any(fault));
+        match held || !self.setup.is_done() {
+            true => PwmOutputs { motor: PwmCount::NEUTRAL, ..self.outputs.pwm },
+            false => self.outputs.pwm,
+        }
+    }
+
+    /// What is broken now, with the system's words. Empty (and nothing allocated) while all is well.
+    pub(super) fn faults(
+        &self,
+        now: Stamp,
+        board: Option<LineFault>,
+        gyro: Option<LineFault>,
+    ) -> Vec<(Fault, Option<Arc<str>>)> {
+        let mut faults = Vec::new();
+        let (open_ms, speaks_ms) =
+            (now.since_ms(self.board.open_since), now.since_ms(self.board.speaks_since));
+        match board {
+            Some(fault) => faults.push((of_line(Device::Board, fault), self.board.detail.clone())),
+            None if !self.setup.is_done() && open_ms > LINE_LOST_MS => {
+                faults.push((Fault::BoardNotSetUp, None));
+            }
+            // While nothing at all comes, the line's own fault is on its way.
+            None if self.board.watch.unwell_ms(now) > QUIET_MS => {}
+            None => faults.extend(silent_kinds(&self.ages(now), speaks_ms).map(|fault| (fault, None))),
+        }
+        if let Some(fault) = gyro {
+            faults.push((of_line(Device::Gyro, fault), self.gyro.detail.clone()));
+        }
+        let tilted = self.newest.adc.is_some() && self.outputs.tilt.both().is_none();
+        for (fault, present) in [
+            (Fault::RemoteLost, self.outputs.mode == Mode::Fault && speaks_ms > RECEIVER_BACK_MS),
+            (Fault::TiltOutOfRange, tilted),
+            (Fault::RecordingFailed, self.recording_failed),
+        ] {
+            if present {
+                faults.push((fault, None));
+            }
+        }
+        faults
+    }
+
+    /// Everything at rest, for the last frame before the agent ends; whoever drives.
+    pub fn neutral_frame(&mut self, now: Stamp) -> Frame {
+        self.step(now, &Sample::Command(Command::Idle));
+        let vehicle = self.controller.config();
+        let rest = PwmOutputs {
+            motor: PwmCount::NEUTRAL,
+            steer_front: PwmCount::saturating(vehicle.steering.front_centre),
+            steer_rear: PwmCount::saturating(vehicle.steering.rear_centre),
+            pistons: vehicle.calibration.pistons().map(standing),
+            ..self.outputs.pwm
+        };
+        self.writer.pwm(&rest)
+    }
+}
+
+/// Whether a duty cycle of the speed stick does not move the truck.
+pub(super) fn is_neutral_stick(duty: f64) -> bool {
+    (duty * PWM_PERIOD_COUNTS - PwmCount::NEUTRAL.as_f64()).abs() <= STICK_NEUTRAL_COUNTS
+}
