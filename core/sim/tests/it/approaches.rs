@@ -1,5 +1,6 @@
 //! Approaches to something that stands in the way: the real controller on the simulated truck with
-//! all its deviations, in every mode, ahead and astern. The tests are in `walls.rs`.
+//! all its deviations, in every mode, ahead and astern. The tests in `walls.rs` and the
+//! example `wall_table` measure with this.
 //!
 //! ```text
 //!            ___wall, turned by up to 60°          box, turned anyhow, anywhere in
@@ -183,6 +184,13 @@ fn stick(mps: f64) -> f64 {
     let (dead_counts, stroke_counts) = (75.0, 1250.0);
     let range_counts = if mps > 0.0 { 5272.0 - 3750.0 } else { 3750.0 - 2331.0 } - dead_counts;
     (dead_counts + mps.abs() / 3.0 * range_counts) / stroke_counts * mps.signum()
+}
+
+/// A truck that coasts for 0.3 s longer than `obstacle.reaction_s` knows: more mass, a slope.
+pub(crate) fn late() -> TruckParameters {
+    let mut parameters = TruckParameters::default();
+    parameters.drive.lag_s = 0.55;
+    parameters
 }
 
 /// Runs these numbers of one kind of approach, in their order.

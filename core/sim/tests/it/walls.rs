@@ -1,7 +1,8 @@
 //! The obstacle rule (§4.6) keeps the truck off walls and boxes at every speed that the
-//! configuration admits, and what the fold-back latch adds to it.
+//! configuration admits, and what the fold-back latch adds to it. The example `wall_table` prints the
+//! same figures.
 
-use crate::approaches::{Approach, run_all};
+use crate::approaches::{Approach, late, run_all};
 use xtb_control::VehicleConfig;
 use xtb_sim::TruckParameters;
 
@@ -17,11 +18,20 @@ fn ten_thousand_approaches_at_up_to_the_admitted_speed_touch_nothing() {
     assert!(touched.is_empty(), "{} of 10,000 touch: {:?}", touched.len(), touched[0]);
 }
 
-/// A truck that coasts for longer than `obstacle.reaction_s` knows: worn brake, ramp, more mass.
-fn late() -> TruckParameters {
-    let mut parameters = TruckParameters::default();
-    parameters.drive.lag_s = 0.55;
-    parameters
+#[test]
+fn what_other_thresholds_tilts_and_sights_admit_touches_nothing_either() {
+    for (threshold_cm, tilt_deg, far_v) in
+        [(14.0, 0.0, 0.42), (40.0, 0.0, 0.42), (80.0, 0.0, 0.42), (80.0, 45.0, 0.42), (80.0, 30.0, 0.6)]
+    {
+        let mut config = VehicleConfig::default();
+        config.obstacle.threshold_cm = threshold_cm;
+        (config.bumpers.front_deg, config.bumpers.rear_deg) = (tilt_deg, tilt_deg);
+        config.infrared.far_v = far_v;
+        let most_mps = config.admitted_mps();
+        let all = run_all(0..400, &config, &TruckParameters::default(), |seed| Approach::any(seed, most_mps));
+        let touched: Vec<_> = all.iter().filter(|(_, outcome)| outcome.touched || !outcome.seen).collect();
+        assert!(touched.is_empty(), "{} at up to {most_mps} m/s: {:?}", touched.len(), touched[0]);
+    }
 }
 
 #[test]
