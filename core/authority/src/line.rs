@@ -157,7 +157,7 @@ impl LineWatch {
         now.since_ms(self.well_at)
     }
 
-    /// What is wrong, if anything. A name stays until good frames have come for [`STEADY_MS`], or until
+    /// What is wrong, if anything. A name stays until good frames have come for 300 ms, or until
     /// the bytes have said something else for as long: it does not flap.
     pub fn fault(&mut self, now: Stamp) -> Option<LineFault> {
         if let Some(trouble) = self.port {

@@ -53,7 +53,7 @@ config_section! {
     /// The twelve infrared range finders (§4.5).
     Infrared "infrared" {
         far_v: f64 = 0.42, "V", Range(0.1, 1.0), Ours, "Below this voltage nothing is in range (the fit ends there).";
-        near_v: f64 = 2.35, "V", Range(1.0, 5.0), Ours, "Above this voltage an object is too close (the fit turns back there).";
+        near_v: f64 = 2.35, "V", Range(1.0, 2.35), Ours, "Above this voltage an object is too close (the fit turns back there).";
         near_cm: f64 = 9.74, "cm", Range(1.0, 25.0), Ours, "What a voltage above near_v counts as.";
     }
 }

@@ -138,8 +138,6 @@ fn within(parameter: &Parameter, present: &Value, part: f64) -> Value {
 }
 
 fn repaired(mut config: VehicleConfig) -> VehicleConfig {
-    // Above 2.356 V the fit rises again; no configuration should trust it there.
-    config.infrared.near_v = config.infrared.near_v.min(2.35);
     if config.infrared.far_v >= config.infrared.near_v {
         config.infrared = Infrared::default();
     }
