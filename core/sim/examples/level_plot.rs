@@ -1,4 +1,4 @@
-//! The plot of docs/first-level.md, docs/img/levelling.svg: both platform controllers on a slope.
+//! The plot of docs/first-level.md, docs/levelling.svg: both platform controllers on a slope.
 //! Prints the settle times as a table. `cargo run -p xtb-sim --example level_plot`
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
@@ -34,7 +34,7 @@ fn main() {
     }
     let courses = CONTROLLERS
         .map(|(controller, ..)| Levelling::watch(on_slope(controller, SLOPE_DEG, BEARING_RAD, 2), 6.0));
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/img/levelling.svg");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/levelling.svg");
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     std::fs::write(&path, svg(&courses)).unwrap();
     println!("\n{}", path.canonicalize().unwrap().display());
