@@ -237,9 +237,11 @@ fn decisions(line: &str) -> Option<[(&'static str, String); 6]> {
         count if count > 3750 => "ahead",
         _ => "astern",
     };
+    // After arrival the last manoeuvre is only remembered.
+    let maneuver = if value["mode"] == "goto" { text(&value["goto"]["maneuver"]) } else { "none".to_owned() };
     Some([
         ("mode", text(&value["mode"])),
-        ("maneuver", text(&value["goto"]["maneuver"])),
+        ("maneuver", maneuver),
         ("arrived", text(&value["goto"]["arrived"])),
         ("motor", motor.to_owned()),
         ("obstacle_front", text(&value["obstacle"]["front"])),
