@@ -34,6 +34,18 @@ fn arguments(folder: &Path) -> Vec<String> {
     ["--connect", "tcp/127.0.0.1:1", "--record", &folder].map(str::to_owned).to_vec()
 }
 
+/// A recording whose recorder got `kill -9` after a few chunks.
+fn killed_while_recording(folder: &Path) -> PathBuf {
+    let mut child = start(Command::new(cargo_bin("robot-agent")).args(arguments(folder)));
+    let file = eventually("two flushed chunks", || {
+        let file = the_file(folder)?;
+        (std::fs::metadata(&file).ok()?.len() > 20_000).then_some(file)
+    });
+    child.kill().expect("kill -9");
+    child.wait().expect("its end");
+    file
+}
+
 /// What `replay` says about a recording, and whether it is satisfied.
 fn replay(file: &Path) -> (bool, String) {
     let output =
@@ -46,14 +58,7 @@ fn replay(file: &Path) -> (bool, String) {
 #[test]
 fn a_recorder_that_is_killed_leaves_a_recording_up_to_the_last_second() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut child = start(Command::new(cargo_bin("robot-agent")).args(arguments(folder.path())));
-    let long_enough = || {
-        let file = the_file(folder.path())?;
-        (std::fs::metadata(&file).ok()?.len() > 20_000).then_some(file)
-    };
-    let file = eventually("two flushed chunks", long_enough);
-    child.kill().expect("kill -9");
-    child.wait().expect("its end");
+    let file = killed_while_recording(folder.path());
     let (satisfied, said) = replay(&file);
     assert!(satisfied && said.starts_with("identical, "), "{said}");
     assert!(said.contains("breaks off"), "{said}");
@@ -84,15 +89,9 @@ fn a_full_disk_ends_the_recording_and_not_the_robot() {
 }
 
 #[test]
-fn a_recording_becomes_a_trace_that_replays_to_the_same_decisions() {
+fn a_recording_becomes_a_trace_that_replays_line_by_line() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut child = start(Command::new(cargo_bin("robot-agent")).args(arguments(folder.path())));
-    let file = eventually("a chunk", || {
-        let file = the_file(folder.path())?;
-        (std::fs::metadata(&file).ok()?.len() > 20_000).then_some(file)
-    });
-    child.kill().expect("kill -9");
-    child.wait().expect("its end");
+    let file = killed_while_recording(folder.path());
     let trace = folder.path().join("trace.jsonl");
     let mut command = Assert::cargo_bin("robot-agent").expect("built");
     command.env_clear().arg("replay").arg(&file).arg("--export").arg(&trace).assert().success();
@@ -110,13 +109,7 @@ fn a_recording_becomes_a_trace_that_replays_to_the_same_decisions() {
 #[test]
 fn a_replay_does_not_depend_on_the_environment() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut child = start(Command::new(cargo_bin("robot-agent")).args(arguments(folder.path())));
-    let file = eventually("a chunk", || {
-        let file = the_file(folder.path())?;
-        (std::fs::metadata(&file).ok()?.len() > 20_000).then_some(file)
-    });
-    child.kill().expect("kill -9");
-    child.wait().expect("its end");
+    let file = killed_while_recording(folder.path());
     let mut command = Assert::cargo_bin("robot-agent").expect("built");
     command.env_clear().env("XTB_AGENT_CONFIG", "/nonexistent.toml").arg("replay").arg(&file);
     let output = command.assert().success().get_output().clone();

@@ -15,7 +15,7 @@
 //!
 //! Front count below centre = right = yaw grows driving ahead; the rear axle is the mirror image.
 //! Ours ([`GotoLaw::Hysteresis`]): a slice is kept until γ is 5° outside it (coasting would carry γ
-//! back over the edge: half of all starts limit-cycle), and in the slices beside 180° the steering
+//! back over the edge: as printed, half of all starts limit-cycle), and in the slices beside 180° the steering
 //! goes to zero at 180° instead of jumping between the stops.
 
 use crate::odometry::OdomPose;

@@ -20,7 +20,8 @@ use std::f64::consts::PI;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GotoLaw {
-    /// Table 4 as printed: half of all starts limit-cycle on a drive that stops before it reverses.
+    /// Table 4 as printed: on a drive that stops before it reverses, half of all starts limit-cycle with
+    /// the published profile, a sixth with ours.
     Published,
     /// Table 4 with slice hysteresis and a steering that goes to zero at γ = 180°.
     Hysteresis,
