@@ -30,6 +30,19 @@ pub(crate) fn reason(reason: StopReason) -> &'static str {
         StopReason::GyroLost => "the gyro is lost",
         StopReason::RemoteNeutral => "the remote control drives, its stick is neutral",
         StopReason::RemoteLost => "the remote control is lost",
+        StopReason::Estop => "an emergency stop is latched",
+        StopReason::RemoteTakeover => "the remote control took over, latched",
+        StopReason::Runaway => "the wheels ran away, latched",
+        StopReason::SensorFault => "a sensor failed, latched",
+        StopReason::BatteryCritical => "the battery is nearly empty, latched",
+        StopReason::LeaseExpired => "whoever drove it fell silent",
+        StopReason::LeaseTaken => "somebody else took control",
+        StopReason::LeaseReleased => "control was given back",
+        StopReason::LoopStalled => "its control loop was held up",
+        StopReason::Stalled => "the motor was driven and the wheels did not turn",
+        StopReason::OverSpeed => "the remote control drives too fast for the obstacle rule",
+        StopReason::ChangingDirection => "the wheels have yet to stand before it drives the other way",
+        StopReason::Coasting => "it rolls as fast as it should by itself",
     }
 }
 

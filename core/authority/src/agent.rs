@@ -219,7 +219,7 @@ impl Agent {
         }
         let command = self.pending.take();
         if let (Some(Command::Goto(_) | Command::Wander), Some(goal)) = (command, &mut self.goal) {
-            goal.status = GoalStatus::Running;
+            goal.becomes(now, GoalStatus::Running, None);
             let event = EventKind::Goal { id: goal.id, status: GoalStatus::Running, reason: None };
             self.emit(now, event);
         }
@@ -264,9 +264,9 @@ impl Agent {
         }
         let status = if outputs.blocked { GoalStatus::Blocked } else { GoalStatus::Running };
         if goal.status != status {
-            goal.status = status;
-            let id = goal.id;
-            let reason = outputs.blocked.then(|| "an obstacle in the driving direction".to_owned());
+            let reason = outputs.blocked.then_some("an obstacle in the driving direction");
+            goal.becomes(now, status, reason);
+            let (id, reason) = (goal.id, reason.map(str::to_owned));
             self.emit(now, EventKind::Goal { id, status, reason });
         }
     }
@@ -307,7 +307,7 @@ impl Agent {
 
     fn end_goal(&mut self, now: Stamp, status: GoalStatus, reason: Option<&str>) {
         let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
-        goal.status = status;
+        goal.becomes(now, status, reason);
         let event = EventKind::Goal { id: goal.id, status, reason: reason.map(str::to_owned) };
         self.emit(now, event);
     }

@@ -7,8 +7,8 @@
 //! (`interrupted` is what a restarted robot says of a goal of its boot before.)
 
 use xtb_control::Stamp;
-use xtb_protocol::Uuid;
-use xtb_protocol::messages::{GoalKind, GoalState, GoalStatus};
+use xtb_protocol::messages::{GoalKind, GoalState, GoalStatus, LinkLoss};
+use xtb_protocol::{Name, Uuid};
 
 /// What a goal asks for, in the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,22 +46,56 @@ pub struct Goal {
     pub limit: Option<TimeLimit>,
     /// Still to go, in m, as the controller last saw it.
     pub distance_m: Option<f64>,
+    /// Since when it has its status.
+    pub since: Stamp,
+    /// Why it has it, where that is not plain.
+    pub reason: Option<String>,
+    /// Who sent it.
+    pub by: Name,
+    /// What it does when its client falls silent.
+    pub on_link_loss: LinkLoss,
 }
 
 impl Goal {
     /// A goal that has just been accepted.
     #[must_use]
-    pub fn accepted(id: Uuid, target: Target, limit: Option<TimeLimit>) -> Self {
-        Self { id, target, status: GoalStatus::Accepted, limit, distance_m: None }
+    pub fn accepted(now: Stamp, by: Name, id: Uuid, target: Target, on_link_loss: LinkLoss) -> Self {
+        Self {
+            id,
+            target,
+            status: GoalStatus::Accepted,
+            limit: None,
+            distance_m: None,
+            since: now,
+            reason: None,
+            by,
+            on_link_loss,
+        }
+    }
+
+    /// Its status becomes another one.
+    pub fn becomes(&mut self, now: Stamp, status: GoalStatus, reason: Option<&str>) {
+        (self.status, self.since, self.reason) = (status, now, reason.map(str::to_owned));
     }
 
     /// For the state.
     #[must_use]
-    pub fn state(&self) -> GoalState {
+    pub fn state(&self, now: Stamp) -> GoalState {
         let (kind, x_m, y_m) = match self.target {
             Target::Point { x_m, y_m } => (GoalKind::Goto, Some(x_m), Some(y_m)),
             Target::Anywhere => (GoalKind::Wander, None, None),
         };
-        GoalState { id: self.id, kind, x_m, y_m, status: self.status, distance_m: self.distance_m }
+        GoalState {
+            id: self.id,
+            kind,
+            x_m,
+            y_m,
+            status: self.status,
+            distance_m: self.distance_m,
+            age_ms: now.since_ms(self.since),
+            reason: self.reason.clone(),
+            by: self.by.clone(),
+            on_link_loss: self.on_link_loss,
+        }
     }
 }

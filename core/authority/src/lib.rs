@@ -10,6 +10,7 @@
 pub mod agent;
 pub mod faults;
 pub mod goal;
+pub mod guard;
 pub mod lease;
 pub mod line;
 pub mod operator;
@@ -18,5 +19,6 @@ pub mod robot;
 pub mod tape;
 
 pub use agent::{Agent, Identity};
+pub use guard::{Guard, Guards};
 pub use operator::Operator;
 pub use robot::Robot;

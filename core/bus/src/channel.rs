@@ -55,6 +55,7 @@ fn congestion(channel: &Channel) -> CongestionControl {
 
 fn priority(channel: &Channel) -> ZenohPriority {
     match channel.qos().priority {
+        Priority::RealTime => ZenohPriority::RealTime,
         Priority::InteractiveHigh => ZenohPriority::InteractiveHigh,
         Priority::DataHigh => ZenohPriority::DataHigh,
         Priority::Data => ZenohPriority::Data,

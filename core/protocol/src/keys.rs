@@ -9,6 +9,8 @@
 //! | `xtb/<fleet>/<robot>/about` | [`Channel::About`] | [`About`](crate::messages::About) |
 //! | `xtb/<fleet>/<robot>/cmd/<client>` | [`Channel::Cmd`] | [`Request`](crate::messages::Request) → [`Reply`](crate::messages::Reply) |
 //! | `xtb/<fleet>/<robot>/teleop/<client>` | [`Channel::Teleop`] | [`Setpoint`](crate::messages::Setpoint) |
+//! | `xtb/<fleet>/<robot>/estop/<client>` | [`Channel::Estop`] | [`Estop`](crate::messages::Estop), put, or asked → [`Estopped`](crate::messages::Estopped) |
+//! | `xtb/<fleet>/all/estop/<client>` | [`Channel::EstopAll`] | [`Estop`](crate::messages::Estop) for every robot |
 //! | `xtb/<fleet>/sim/truth` | [`Channel::SimTruth`] | [`Truth`](crate::messages::Truth), JSON |
 //! | `xtb/<fleet>/sim/roster` | [`Channel::SimRoster`] | [`Roster`](crate::messages::Roster), JSON |
 
@@ -112,6 +114,10 @@ pub enum Channel {
     Cmd(Name),
     /// Setpoints.
     Teleop(Name),
+    /// Emergency stop of one robot; also a queryable, whose reply acknowledges it.
+    Estop(Name),
+    /// Emergency stop of every robot.
+    EstopAll(Name),
     /// Ground truth of the simulator, 20 Hz.
     SimTruth,
     /// Which robots the simulator runs, queryable.
@@ -130,6 +136,8 @@ pub enum Congestion {
 /// Which of Zenoh's queues a message takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Priority {
+    /// Emergency stops, alone.
+    RealTime,
     /// Setpoints.
     InteractiveHigh,
     /// State.
@@ -161,6 +169,7 @@ impl Channel {
         match self {
             Self::State => qos(Drop, Priority::DataHigh, true),
             Self::Sensors | Self::SimTruth => qos(Drop, Priority::DataLow, false),
+            Self::Estop(_) | Self::EstopAll(_) => qos(Block, Priority::RealTime, true),
             Self::Teleop(_) => qos(Drop, Priority::InteractiveHigh, true),
             Self::Alive | Self::Event | Self::About | Self::Cmd(_) | Self::SimRoster => {
                 qos(Block, Priority::Data, true)
@@ -185,6 +194,8 @@ pub mod any {
     pub const CMD: &str = "xtb/*/*/cmd/*";
     /// See [`Channel::Teleop`](super::Channel::Teleop).
     pub const TELEOP: &str = "xtb/*/*/teleop/*";
+    /// See [`Channel::Estop`](super::Channel::Estop); also of [`Channel::EstopAll`](super::Channel::EstopAll).
+    pub const ESTOP: &str = "xtb/*/*/estop/*";
     /// See [`Channel::SimTruth`](super::Channel::SimTruth).
     pub const SIM_TRUTH: &str = "xtb/*/sim/truth";
     /// See [`Channel::SimRoster`](super::Channel::SimRoster).
@@ -196,7 +207,7 @@ pub mod any {
 pub struct Key {
     /// Whose.
     pub fleet: Name,
-    /// `None` for the simulator's own channels.
+    /// `None` for the simulator's own channels, and for those of all robots.
     pub robot: Option<Name>,
     /// Which.
     pub channel: Channel,
@@ -223,6 +234,10 @@ impl Key {
             };
             return Some(Self { fleet, robot: None, channel });
         }
+        if who == "all" {
+            let ("estop", Some(client)) = (what, client) else { return None };
+            return Some(Self { fleet, robot: None, channel: Channel::EstopAll(Name::new(client).ok()?) });
+        }
         let channel = match (what, client) {
             ("alive", None) => Channel::Alive,
             ("state", None) => Channel::State,
@@ -231,6 +246,7 @@ impl Key {
             ("about", None) => Channel::About,
             ("cmd", Some(client)) => Channel::Cmd(Name::new(client).ok()?),
             ("teleop", Some(client)) => Channel::Teleop(Name::new(client).ok()?),
+            ("estop", Some(client)) => Channel::Estop(Name::new(client).ok()?),
             _ => return None,
         };
         Some(Self { fleet, robot: Some(Name::robot(who).ok()?), channel })
@@ -258,6 +274,12 @@ impl FleetKeys {
     #[must_use]
     pub fn any_robot(&self) -> RobotKeys {
         RobotKeys(format!("{ROOT}/{}/{ANY}", self.0))
+    }
+
+    /// Emergency stop of every robot, by one client or by any.
+    #[must_use]
+    pub fn estop_all(&self, client: Option<&Name>) -> String {
+        format!("{ROOT}/{}/all/estop/{}", self.0, client.map_or(ANY, Name::as_str))
     }
 
     /// Ground truth.
@@ -320,6 +342,12 @@ impl RobotKeys {
         format!("{}/cmd/{}", self.0, client.map_or(ANY, Name::as_str))
     }
 
+    /// Emergency stop by one client, or by any.
+    #[must_use]
+    pub fn estop(&self, client: Option<&Name>) -> String {
+        format!("{}/estop/{}", self.0, client.map_or(ANY, Name::as_str))
+    }
+
     /// Setpoints of one client, or of any.
     #[must_use]
     pub fn teleop(&self, client: Option<&Name>) -> String {
@@ -348,6 +376,8 @@ mod tests {
             (robot.about(), Channel::About),
             (robot.cmd(Some(&client)), Channel::Cmd(client.clone())),
             (robot.teleop(Some(&client)), Channel::Teleop(client.clone())),
+            (robot.estop(Some(&client)), Channel::Estop(client.clone())),
+            (fleet.estop_all(Some(&client)), Channel::EstopAll(client.clone())),
             (fleet.sim_truth(), Channel::SimTruth),
             (fleet.sim_roster(), Channel::SimRoster),
         ] {

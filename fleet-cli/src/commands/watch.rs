@@ -16,7 +16,9 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use xtb_bus::{BusError, Incoming, Presence, Subscription};
 use xtb_protocol::keys::{Channel, Key};
-use xtb_protocol::messages::{About, Event, Message, Request, RobotState, Roster, Sensors, Setpoint, Truth};
+use xtb_protocol::messages::{
+    About, Estop, Event, Message, Request, RobotState, Roster, Sensors, Setpoint, Truth,
+};
 
 /// Messages between Zenoh and the printer; those that find no room are dropped and counted.
 const QUEUE: usize = 1024;
@@ -202,6 +204,7 @@ fn line(incoming: &Incoming) -> Result<String> {
         Channel::About => decoded::<About>(incoming),
         Channel::Cmd(_) => decoded::<Request>(incoming),
         Channel::Teleop(_) => decoded::<Setpoint>(incoming),
+        Channel::Estop(_) | Channel::EstopAll(_) => decoded::<Estop>(incoming),
         Channel::SimTruth => decoded::<Truth>(incoming),
         Channel::SimRoster => decoded::<Roster>(incoming),
         Channel::Alive => undecodable(incoming, "presence carries no payload".to_owned()),

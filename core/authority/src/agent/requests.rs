@@ -5,10 +5,10 @@ use crate::faults::INPUT_LOST_MS;
 use crate::goal::{Goal, Target, TimeLimit};
 use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::{Command, Mode, Stamp, goto};
+use xtb_protocol::Name;
 use xtb_protocol::messages::{
     Body, Done, EventKind, GoalStatus, InputAges, LinkLoss, RejectCode, Reply, Request, StopReason,
 };
-use xtb_protocol::{Name, Uuid};
 
 type Refusal = (RejectCode, String, &'static str);
 type Outcome = Result<Done, Refusal>;
@@ -104,14 +104,19 @@ impl Agent {
                 let limit = finish_limit(now, *on_link_loss, *finish_s);
                 let target = Target::Point { x_m: *x_m, y_m: *y_m };
                 self.check_overtaken(arrival)?;
-                self.begin(now, request.id, target, limit, Command::Goto(goal), view)
+                let mut new = Goal::accepted(now, client.clone(), request.id, target, *on_link_loss);
+                new.limit = limit;
+                self.begin(now, new, Command::Goto(goal), view)
             }
             Body::Wander { for_s, on_link_loss, finish_s } => {
                 let lasting = for_s.map(|s| TimeLimit { at: after(now, s), then: GoalStatus::Reached });
                 let bounded = finish_limit(now, *on_link_loss, *finish_s);
                 let limit = [lasting, bounded].into_iter().flatten().min_by_key(|limit| limit.at);
                 self.check_overtaken(arrival)?;
-                self.begin(now, request.id, Target::Anywhere, limit, Command::Wander, view)
+                let mut new =
+                    Goal::accepted(now, client.clone(), request.id, Target::Anywhere, *on_link_loss);
+                new.limit = limit;
+                self.begin(now, new, Command::Wander, view)
             }
             Body::Stop {} => {
                 self.stop(now, arrival);
@@ -141,6 +146,7 @@ impl Agent {
                 self.map = MapFromOdom::aligning(&view.outputs.pose, &pose);
                 Ok(Done::default())
             }
+            Body::Reset { .. } => Ok(Done::default()),
         }
     }
 
@@ -183,19 +189,12 @@ impl Agent {
         }
     }
 
-    fn begin(
-        &mut self,
-        now: Stamp,
-        id: Uuid,
-        target: Target,
-        limit: Option<TimeLimit>,
-        command: Command,
-        view: View<'_>,
-    ) -> Outcome {
+    fn begin(&mut self, now: Stamp, goal: Goal, command: Command, view: View<'_>) -> Outcome {
         self.check_ready(view)?;
         self.end_goal(now, GoalStatus::Replaced, None);
         self.teleop = None;
-        self.goal = Some(Goal::accepted(id, target, limit));
+        let id = goal.id;
+        self.goal = Some(goal);
         self.emit(now, EventKind::Goal { id, status: GoalStatus::Accepted, reason: None });
         self.pending = Some(command);
         Ok(Done { lease: None, goal: Some(id) })

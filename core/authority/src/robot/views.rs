@@ -7,7 +7,7 @@ use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::pistons::height_m;
 use xtb_control::{AdcCount, PwmCount, Stamp};
 use xtb_protocol::board::{BoardStatus, LineCounters};
-use xtb_protocol::messages::{ObstacleView, Rejected, RobotState, Sensors, TiltState};
+use xtb_protocol::messages::{BatteryLevel, ObstacleView, Rejected, RobotState, Sensors, TiltState};
 
 /// The newest readings as they came; `None` = not heard within the last [`INPUT_LOST_MS`], or never.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,10 +97,13 @@ impl Robot {
                 y: self.outputs.tilt.y.filter(|_| converted),
             },
             battery_v: battery_mv.map(|mv| f64::from(mv) / 1000.0),
-            goal: self.agent.goal().map(|goal| goal.state()),
+            battery_level: BatteryLevel::Unknown,
+            goal: self.agent.goal().map(|goal| goal.state(now)),
+            ended_goals: Vec::new(),
             faults: self.agent.faults().states(now),
             latches: Vec::new(),
             stopped_because: self.agent.stopped_because(view),
+            stopped_age_ms: None,
             input_age_ms: ages,
             rejected: Rejected {
                 refused: self.agent.refused,

@@ -51,6 +51,26 @@ pub enum Fault {
     TiltOutOfRange,
     /// The recorder cannot write any more.
     RecordingFailed,
+    /// The board repeats one frame.
+    BoardFrozen,
+    /// The gyro's clock or its angles stand still.
+    GyroFrozen,
+    /// More pulses than the motor can turn.
+    EncoderOutOfRange,
+    /// All of the converter's channels stand still.
+    ConverterFrozen,
+    /// A range finder's reading stands still while the truck drives.
+    InfraredFrozen,
+    /// A range finder reads what it cannot: broken wire or short circuit.
+    InfraredOutOfRange,
+    /// The wheels turn faster than anything that was commanded explains.
+    Runaway,
+    /// The motor is driven and the wheels do not turn.
+    Stalled,
+    /// The battery is low: finish and charge.
+    BatteryLow,
+    /// The battery is nearly empty.
+    BatteryCritical,
 }
 
 impl Fault {
@@ -66,7 +86,8 @@ impl Fault {
             | Self::BoardGarbage
             | Self::BoardHalfFrames
             | Self::BoardWrongDevice
-            | Self::BoardNotSetUp => "board",
+            | Self::BoardNotSetUp
+            | Self::BoardFrozen => "board",
             Self::GyroUnplugged
             | Self::GyroBusy
             | Self::GyroNoPermission
@@ -74,9 +95,13 @@ impl Fault {
             | Self::GyroSilent
             | Self::GyroGarbage
             | Self::GyroHalfFrames
-            | Self::GyroWrongDevice => "gyro",
-            Self::EncoderSilent => "encoder",
-            Self::ConverterSilent => "converter",
+            | Self::GyroWrongDevice
+            | Self::GyroFrozen => "gyro",
+            Self::EncoderSilent | Self::EncoderOutOfRange => "encoder",
+            Self::ConverterSilent | Self::ConverterFrozen => "converter",
+            Self::InfraredFrozen | Self::InfraredOutOfRange => "range finder",
+            Self::Runaway | Self::Stalled => "drive",
+            Self::BatteryLow | Self::BatteryCritical => "battery",
             Self::RemoteLost => "remote control",
             Self::TiltOutOfRange => "tilt sensor",
             Self::RecordingFailed => "recorder",
@@ -112,6 +137,16 @@ impl Fault {
             Self::RemoteLost => "switch the transmitter on, or bring it nearer",
             Self::TiltOutOfRange => "check the tilt sensor's wires and its supply",
             Self::RecordingFailed => "check the disk's free space and its speed",
+            Self::BoardFrozen | Self::GyroFrozen | Self::ConverterFrozen => "power-cycle it",
+            Self::EncoderOutOfRange => "check the encoder's wires and their shielding",
+            Self::InfraredFrozen => {
+                "look at it and its wire: `robot-agent check-hardware` shows each reading"
+            }
+            Self::InfraredOutOfRange => "check its wire: `robot-agent check-hardware` shows each reading",
+            Self::Runaway => "switch the motor's power off, then look at speed control and encoder",
+            Self::Stalled => "see what holds the wheels; if nothing does, check the encoder's wire",
+            Self::BatteryLow => "bring it home and charge it",
+            Self::BatteryCritical => "switch it off and charge it",
         }
     }
 }

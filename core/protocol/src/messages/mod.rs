@@ -5,16 +5,21 @@
 //! the types cannot: finite, in range, bounded.
 
 mod fault;
+mod latch;
 mod request;
 mod sim;
 mod state;
 
 pub use fault::{Fault, FaultState};
-pub use request::{Body, Done, ErrorBody, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint};
+pub use latch::{Latch, LatchState};
+pub use request::{
+    Body, Done, ErrorBody, Estop, Estopped, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint,
+};
 pub use sim::{Roster, RosterEntry, Truth, TruthRobot};
 pub use state::{
-    About, Event, EventKind, GoalKind, GoalState, GoalStatus, InputAges, LeaseState, Limits, ObstacleView,
-    ParameterInfo, PoseSource, PoseState, Rejected, RobotState, Sensors, StopReason, TiltState,
+    About, BatteryLevel, Event, EventKind, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, LeaseState,
+    Limits, ObstacleView, ParameterInfo, PoseSource, PoseState, Rejected, RobotState, Sensors, StopReason,
+    TiltState,
 };
 
 use crate::codec::CodecError;

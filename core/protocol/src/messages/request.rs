@@ -1,7 +1,8 @@
 //! Requests to a robot, its replies, and teleoperation setpoints.
 
-use super::{Message, angle, bounded, coordinate};
+use super::{Latch, Message, angle, bounded, coordinate};
 use crate::codec::CodecError;
+use crate::keys::Name;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use xtb_control::units::{Steering, WheelRpm};
@@ -89,6 +90,12 @@ pub enum Body {
         /// Counter-clockwise from +x.
         yaw_rad: f64,
     },
+    /// End latched stops. It never moves the robot: a new command must follow.
+    Reset {
+        /// Only this one; `None` = all. Those whose cause is still there are refused.
+        #[serde(default)]
+        latch: Option<Latch>,
+    },
 }
 
 /// One question to a robot. The same id again gets the same answer and does nothing twice.
@@ -132,7 +139,8 @@ impl Message for Request {
             | Body::Retain {}
             | Body::Release {}
             | Body::Stop {}
-            | Body::Cancel { .. } => Ok(()),
+            | Body::Cancel { .. }
+            | Body::Reset { .. } => Ok(()),
         }
     }
 }
@@ -165,6 +173,14 @@ pub enum RejectCode {
     Overloaded,
     /// A stop arrived after this and was carried out before it.
     Overtaken,
+    /// This needs a lease, and none was given.
+    LeaseRequired,
+    /// A latched stop holds the robot: reset it first.
+    Latched,
+    /// What set the latch is still so.
+    CausePresent,
+    /// The battery is too low to begin anything.
+    BatteryLow,
 }
 
 /// What a successful request gave.
@@ -230,6 +246,32 @@ impl Reply {
     }
 }
 
+/// An emergency stop, put or asked: latched, whoever sends it. It needs no lease.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Estop {
+    /// The same in each repetition: after a reset, a repetition that was held up does not latch again.
+    pub id: Uuid,
+}
+
+impl Message for Estop {
+    const NAME: &'static str = "Estop";
+}
+
+/// A robot's acknowledgement of an emergency stop.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Estopped {
+    /// Who stands.
+    pub robot: Name,
+    /// Whether the latch `estop` is set now.
+    pub latched: bool,
+}
+
+impl Message for Estopped {
+    const NAME: &'static str = "Estopped";
+}
+
 /// A teleoperation setpoint; lives 200 ms on the robot's own clock.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -237,10 +279,10 @@ pub struct Setpoint {
     /// The client's lease.
     #[serde(default)]
     pub lease: Option<Lease>,
-    /// Counts the client's setpoints.
+    /// Counts the client's setpoints; one that is not above the last accepted one is dropped.
     #[serde(default)]
     pub seq: u64,
-    /// `tick_ms` of the robot as last seen in its state.
+    /// `tick_ms` of the robot as last seen in its state; at most 300 ms old, or the setpoint is dropped.
     #[serde(default)]
     pub echo_tick_ms: Option<u64>,
     /// Wheel speed, + = ahead.

@@ -1,6 +1,6 @@
 //! What a robot says of itself: state, samples, events and its factsheet.
 
-use super::{Fault, FaultState, Message};
+use super::{Fault, FaultState, Latch, LatchState, LinkLoss, Message};
 use crate::keys::Name;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
@@ -119,6 +119,41 @@ pub struct GoalState {
     pub status: GoalStatus,
     /// Still to go, in a straight line.
     pub distance_m: Option<f64>,
+    /// Since it has this status.
+    pub age_ms: u64,
+    /// Why it has this status, where that is not plain.
+    pub reason: Option<String>,
+    /// Who sent it.
+    pub by: Name,
+    /// What it does when its client falls silent.
+    pub on_link_loss: LinkLoss,
+}
+
+/// How an earlier goal ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GoalEnd {
+    /// Its request's id.
+    pub id: Uuid,
+    /// As what.
+    pub status: GoalStatus,
+}
+
+/// What the battery's voltage means, a few seconds of load left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BatteryLevel {
+    /// Not measured: it may be empty.
+    #[default]
+    Unknown,
+    /// Enough.
+    Ok,
+    /// Think of charging.
+    Warn,
+    /// Nothing new begins; what runs may finish.
+    Finish,
+    /// The robot stands, latched.
+    Critical,
 }
 
 /// Why a robot stands.
@@ -155,6 +190,32 @@ pub enum StopReason {
     RemoteNeutral,
     /// The remote control's selector is lost.
     RemoteLost,
+    /// Latched: somebody called an emergency stop.
+    Estop,
+    /// Latched: the transmitter took over.
+    RemoteTakeover,
+    /// Latched: the wheels ran away.
+    Runaway,
+    /// Latched: a sensor froze or said what cannot be.
+    SensorFault,
+    /// Latched: the battery is nearly empty.
+    BatteryCritical,
+    /// Whoever sent the goal or the setpoints fell silent.
+    LeaseExpired,
+    /// Somebody else took the lease.
+    LeaseTaken,
+    /// The holder gave the lease back.
+    LeaseReleased,
+    /// The control loop itself was held up.
+    LoopStalled,
+    /// The motor was driven and the wheels did not turn.
+    Stalled,
+    /// The transmitter drives faster than the obstacle rule could stop.
+    OverSpeed,
+    /// The wheels have yet to stand before it drives the other way.
+    ChangingDirection,
+    /// The wheels turn as fast as they should by themselves.
+    Coasting,
 }
 
 /// Ages of the inputs in ms; `None` = never heard.
@@ -187,8 +248,10 @@ pub struct Rejected {
     pub out_of_range: u64,
     /// Requests that were read and refused.
     pub refused: u64,
-    /// Setpoints for another boot, too old, or overtaken by a later stop or goal.
+    /// Setpoints that were too old, repeated, or overtaken by a later stop or goal.
     pub stale: u64,
+    /// Setpoints without the present lease.
+    pub fenced: u64,
     /// Requests that found the queue full.
     pub overloaded: u64,
     /// Setpoints that were replaced by newer ones before a turn saw them.
@@ -199,6 +262,8 @@ pub struct Rejected {
     pub board_frames: u64,
     /// Gaps in the board's sequence.
     pub board_lost: u64,
+    /// Board frames that came again.
+    pub board_repeated: u64,
     /// Bytes skipped to find a gyro frame.
     pub gyro_bytes: u64,
     /// Gyro frames that its own clock says are missing.
@@ -239,14 +304,20 @@ pub struct RobotState {
     pub tilt_deg: TiltState,
     /// `None` = not measured.
     pub battery_v: Option<f64>,
+    /// What that means.
+    pub battery_level: BatteryLevel,
     /// The present or last goal.
     pub goal: Option<GoalState>,
+    /// How the goals before it ended, newest first; at most 8.
+    pub ended_goals: Vec<GoalEnd>,
     /// What is broken, with the newest last.
     pub faults: Vec<FaultState>,
-    /// Latched stops, by name.
-    pub latches: Vec<String>,
-    /// Why it stands; empty while it drives.
+    /// Latched stops, oldest first.
+    pub latches: Vec<LatchState>,
+    /// Why it stands, what weighs most first; empty while it drives.
     pub stopped_because: Vec<StopReason>,
+    /// Since when it stands; `None` while it drives.
+    pub stopped_age_ms: Option<u64>,
     /// Ages of the inputs.
     pub input_age_ms: InputAges,
     /// What was refused or dropped.
@@ -255,7 +326,7 @@ pub struct RobotState {
 
 impl Message for RobotState {
     const NAME: &'static str = "RobotState";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 }
 
 /// Raw and converted samples, 10 times a second while somebody listens.
@@ -348,6 +419,15 @@ pub enum EventKind {
         /// The system's words, where there are any.
         detail: Option<String>,
     },
+    /// A stop was latched, or reset.
+    Latch {
+        /// Which.
+        latch: Latch,
+        /// False: it was reset.
+        set: bool,
+        /// Who or what did so.
+        by: String,
+    },
 }
 
 /// An event with its place in the robot's history.
@@ -368,7 +448,7 @@ pub struct Event {
 
 impl Message for Event {
     const NAME: &'static str = "Event";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 }
 
 /// A parameter as the factsheet lists it.

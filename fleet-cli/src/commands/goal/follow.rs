@@ -101,7 +101,8 @@ mod tests {
     use super::*;
     use xtb_protocol::Name;
     use xtb_protocol::messages::{
-        GoalKind, GoalState, InputAges, ObstacleView, PoseSource, PoseState, Rejected, TiltState,
+        BatteryLevel, GoalKind, GoalState, InputAges, LinkLoss, ObstacleView, PoseSource, PoseState,
+        Rejected, TiltState,
     };
 
     const GOAL: Uuid = Uuid::from_u128(1);
@@ -131,6 +132,7 @@ mod tests {
             obstacle: ObstacleView { front: None, rear: None },
             tilt_deg: TiltState::default(),
             battery_v: None,
+            battery_level: BatteryLevel::Unknown,
             goal: goal.map(|(id, status)| GoalState {
                 id,
                 kind,
@@ -138,10 +140,16 @@ mod tests {
                 y_m: None,
                 status,
                 distance_m: Some(1.5),
+                age_ms: 0,
+                reason: None,
+                by: Name::new("me").unwrap(),
+                on_link_loss: LinkLoss::Halt,
             }),
+            ended_goals: Vec::new(),
             faults: Vec::new(),
             latches: Vec::new(),
             stopped_because: Vec::new(),
+            stopped_age_ms: None,
             input_age_ms: InputAges::default(),
             rejected: Rejected::default(),
         }

@@ -65,7 +65,8 @@ fn facts(robot: &RobotView, state: &RobotState) -> Vec<(&'static str, String, To
         facts.insert(1, ("fault", describe::fault(fault), Tone::Bad));
     }
     if !state.latches.is_empty() {
-        facts.insert(1, ("latched", state.latches.join(", "), Tone::Bad));
+        let latches: Vec<_> = state.latches.iter().map(|latch| latch.latch.to_string()).collect();
+        facts.insert(1, ("latched", latches.join(", "), Tone::Bad));
     }
     if let Some(rejected) = describe::rejected(&state.rejected) {
         facts.push(("rejected", rejected, Tone::Warning));

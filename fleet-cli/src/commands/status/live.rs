@@ -20,7 +20,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 use xtb_protocol::Name;
 use xtb_protocol::Uuid;
-use xtb_protocol::messages::{GoalStatus, Rejected, StopReason};
+use xtb_protocol::messages::{GoalStatus, Latch, Rejected, StopReason};
 
 const REPAINT_EVERY: Duration = Duration::from_millis(200);
 
@@ -82,7 +82,7 @@ struct Known {
     epoch: u64,
     mode: String,
     stopped_because: Vec<StopReason>,
-    latches: Vec<String>,
+    latches: Vec<Latch>,
     goal: Option<(Uuid, GoalStatus)>,
     holder: Option<Name>,
     rejected: Rejected,
@@ -94,7 +94,7 @@ impl Gist {
             epoch: state.epoch,
             mode: words::name(&state.mode),
             stopped_because: state.stopped_because.clone(),
-            latches: state.latches.clone(),
+            latches: state.latches.iter().map(|latch| latch.latch).collect(),
             goal: state.goal.as_ref().map(|goal| (goal.id, goal.status)),
             holder: state.lease.as_ref().map(|lease| lease.holder.clone()),
             rejected: state.rejected,

@@ -15,7 +15,7 @@ const ANY_MANY: &str = "**";
 const ANY_PART: &str = "$*";
 
 /// Keys that carry published messages only.
-const PUBLISHED: [&str; 3] = [any::SENSORS, any::TELEOP, any::SIM_TRUTH];
+const PUBLISHED: [&str; 4] = [any::SENSORS, any::TELEOP, any::ESTOP, any::SIM_TRUTH];
 
 /// How to watch an expression.
 #[derive(Debug, Clone, PartialEq, Eq)]

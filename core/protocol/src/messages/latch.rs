@@ -1,0 +1,75 @@
+//! Latched stops by name: what only a `reset` ends.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+/// Why a robot stands until somebody resets it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Latch {
+    /// Somebody called for it.
+    Estop,
+    /// The transmitter took over from the network.
+    RemoteTakeover,
+    /// The I/O board was lost after it had been well.
+    BoardLost,
+    /// The gyro was lost after it had been well.
+    GyroLost,
+    /// The wheels turned faster than anything that was commanded explains.
+    Runaway,
+    /// A sensor froze or said what cannot be.
+    SensorFault,
+    /// The battery is nearly empty.
+    BatteryCritical,
+}
+
+impl Latch {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::Estop,
+        Self::RemoteTakeover,
+        Self::BoardLost,
+        Self::GyroLost,
+        Self::Runaway,
+        Self::SensorFault,
+        Self::BatteryCritical,
+    ];
+
+    /// Whether the transmitter stands too. It may drive a truck whose gyro is lost, and one that it
+    /// has taken over itself; nothing else.
+    #[must_use]
+    pub fn holds_transmitter(self) -> bool {
+        !matches!(self, Self::RemoteTakeover | Self::GyroLost)
+    }
+}
+
+impl fmt::Display for Latch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
+impl FromStr for Latch {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::ALL.into_iter().find(|latch| latch.to_string() == text).ok_or_else(|| {
+            format!("there is no such latch; there are {}", Self::ALL.map(|l| l.to_string()).join(", "))
+        })
+    }
+}
+
+/// A latch that is set.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LatchState {
+    /// Which.
+    pub latch: Latch,
+    /// Since it was set.
+    pub age_ms: u64,
+    /// Who or what set it: a client's name, a fault.
+    pub by: String,
+    /// Whether what set it is still so: then a reset is refused.
+    pub present: bool,
+}
