@@ -58,6 +58,7 @@ impl ControlLoop {
             next = next.plus_ns(TURN_NS);
             clock.wait_until(next);
             let now = clock.now();
+            self.robot.turn_was_late(now.ns().saturating_sub(next.ns()));
             if now.ns() > next.ns() + GIVE_UP_NS {
                 next = now;
             }

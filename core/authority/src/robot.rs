@@ -88,6 +88,8 @@ pub struct Robot {
     /// The last turn, and since when the motor's pulse is neutral.
     turned: Option<Stamp>,
     neutral_since: Option<Stamp>,
+    /// The worst delay of a turn since the last state.
+    late_ns: u64,
     guards: Guards,
 }
 
@@ -140,6 +142,7 @@ impl Robot {
             stick_held: true,
             turned: None,
             neutral_since: Some(Stamp::ZERO),
+            late_ns: 0,
             guards: Guards::default(),
         }
     }
@@ -156,6 +159,10 @@ impl Robot {
     pub fn board_bytes(&mut self, now: Stamp, bytes: &[u8]) {
         if bytes.is_empty() {
             return;
+        }
+        if self.is_late(now) {
+            // The board's watchdog has fired because of us: no reason to set it up again.
+            (self.board.fed, self.board.starved) = (false, None);
         }
         self.board.watch.bytes(now, bytes);
         if self.board.watch.unwell_ms(now) > SUSPICIOUS_MS {
@@ -345,6 +352,11 @@ impl Robot {
     /// Whether the recorder fails: a fault that people can see.
     pub fn set_recording_failed(&mut self, failed: bool) {
         self.recording_failed = failed;
+    }
+
+    /// A turn began this much after its time.
+    pub fn turn_was_late(&mut self, ns: u64) {
+        self.late_ns = self.late_ns.max(ns);
     }
 
     /// The brain.

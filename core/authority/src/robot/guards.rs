@@ -24,21 +24,26 @@ impl Robot {
     /// A loop that was held up, or whose clock jumped: everything ends. After a jump back no age says
     /// anything any more, so the lease is free and every input has to be heard anew.
     pub(super) fn watch_loop(&mut self, now: Stamp) {
-        let last = self.turned.replace(now);
-        let Some(last) = last.filter(|_| self.guards.on(Guard::LoopStall)) else { return };
-        if now >= last && now.since_ms(last) <= LOOP_STALL_MS {
+        let (late, last) = (self.is_late(now), self.turned.replace(now));
+        if !late {
             return;
         }
         self.board.watch.look_anew(now);
         self.gyro.watch.look_anew(now);
         (self.board.speaks_since, self.board.starved) = (now, None);
-        if now < last {
+        if last.is_some_and(|last| now < last) {
             self.agent.clock_went_back(now);
             (self.heard, self.board.open_since) = (Heard::default(), now);
             (self.next_frame, self.neutral_since) = (now, self.neutral_since.map(|_| now));
             self.remote_due = self.remote_due.map(|_| now);
         }
         self.agent.loop_stalled(now);
+    }
+
+    /// Whether the last turn is too long ago, or ahead of us.
+    pub(super) fn is_late(&self, now: Stamp) -> bool {
+        let late = |last: Stamp| now < last || now.since_ms(last) > LOOP_STALL_MS;
+        self.guards.on(Guard::LoopStall) && self.turned.is_some_and(late)
     }
 
     pub(super) fn remote_period_ns(&self) -> u64 {

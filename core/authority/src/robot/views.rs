@@ -106,6 +106,7 @@ impl Robot {
             stopped_because: self.agent.stopped_because(view),
             stopped_age_ms: self.neutral_since.map(|since| now.since_ms(since)),
             input_age_ms: ages,
+            turn_late_us: std::mem::take(&mut self.late_ns) / 1000,
             rejected: Rejected {
                 refused: self.agent.refused,
                 stale: self.agent.stale,

@@ -322,6 +322,8 @@ pub struct RobotState {
     pub stopped_age_ms: Option<u64>,
     /// Ages of the inputs.
     pub input_age_ms: InputAges,
+    /// How late the latest turn of the control loop since the last state was; it should be under 5000.
+    pub turn_late_us: u64,
     /// What was refused or dropped.
     pub rejected: Rejected,
 }

@@ -151,6 +151,7 @@ mod tests {
             stopped_because: Vec::new(),
             stopped_age_ms: None,
             input_age_ms: InputAges::default(),
+            turn_late_us: 0,
             rejected: Rejected::default(),
         }
     }
