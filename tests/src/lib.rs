@@ -3,9 +3,15 @@
 //! Router on port 0, multicast off, a seed, and [`eventually`] instead of sleeps: any number of
 //! these run side by side.
 
+pub mod load;
 mod pilot;
+mod probe;
+pub mod processes;
+pub mod rig;
 
 pub use pilot::Pilot;
+pub use probe::Probe;
+pub use rig::{Rig, Trial};
 
 use fleet_cli::simulator::{Plan, Simulator};
 use robot_agent::config::AgentConfig;

@@ -6,8 +6,8 @@
 
 mod cables;
 
-use crate::processes::{Process, program};
 use cables::Socket;
+use fleet_tests::processes::{Process, program};
 use fleet_tests::{Fleet, Setup, agent_config, eventually, name};
 use robot_agent::AgentError;
 use robot_agent::hardware::serial::SerialHardware;

@@ -10,5 +10,6 @@ mod membership;
 mod obstacles;
 mod processes;
 mod recording;
+mod safety;
 mod style;
 mod teleop;

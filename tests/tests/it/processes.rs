@@ -1,28 +1,11 @@
 //! Separate processes: serial lines, real kills, and clients in another language.
 
+use fleet_tests::processes::{Process, program};
 use fleet_tests::{Fleet, Setup, eventually};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use xtb_control::Mode;
 use xtb_protocol::messages::GoalStatus;
-
-/// A program of this workspace: cargo builds it before it runs any test, for its own package's tests.
-pub(crate) fn program(name: &str) -> PathBuf {
-    let here = std::env::current_exe().unwrap();
-    let path = here.parent().unwrap().parent().unwrap().join(name);
-    assert!(path.exists(), "{} is not built: `cargo build --workspace` first", path.display());
-    path
-}
-
-/// A process that is killed when the test ends, however it ends.
-pub(crate) struct Process(pub(crate) Child);
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
 
 fn agent(fleet: &Fleet, lines: &Path) -> Process {
     let child = Command::new(program("robot-agent"))
