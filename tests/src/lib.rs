@@ -3,6 +3,8 @@
 //! Router on port 0, multicast off, a seed, and [`eventually`] instead of sleeps: any number of
 //! these run side by side.
 
+pub mod fuzz;
+
 use fleet_cli::simulator::{Plan, Simulator};
 use robot_agent::config::AgentConfig;
 use std::future::Future;
