@@ -36,14 +36,14 @@ pub struct Target {
 
 /// All of them.
 pub const TARGETS: [Target; 8] = [
-    Target { name: "command", check: command, seeds: seeds::command, rounds: 20_000 },
-    Target { name: "teleop", check: teleop, seeds: seeds::teleop, rounds: 20_000 },
-    Target { name: "estop", check: estop, seeds: seeds::estop, rounds: 20_000 },
+    Target { name: "command", check: command, seeds: seeds::command, rounds: 30_000 },
+    Target { name: "teleop", check: teleop, seeds: seeds::teleop, rounds: 40_000 },
+    Target { name: "estop", check: estop, seeds: seeds::estop, rounds: 40_000 },
     Target { name: "board", check: board, seeds: seeds::board, rounds: 20_000 },
-    Target { name: "gyro", check: gyro, seeds: seeds::gyro, rounds: 20_000 },
-    Target { name: "fleet_config", check: fleet_config, seeds: seeds::fleet_config, rounds: 5_000 },
-    Target { name: "agent_config", check: agent_config, seeds: seeds::agent_config, rounds: 500 },
-    Target { name: "trace", check: trace, seeds: seeds::trace, rounds: 5_000 },
+    Target { name: "gyro", check: gyro, seeds: seeds::gyro, rounds: 40_000 },
+    Target { name: "fleet_config", check: fleet_config, seeds: seeds::fleet_config, rounds: 60_000 },
+    Target { name: "agent_config", check: agent_config, seeds: seeds::agent_config, rounds: 8_000 },
+    Target { name: "trace", check: trace, seeds: seeds::trace, rounds: 20_000 },
 ];
 
 /// Where the corpus is kept: a folder for each target.

@@ -152,6 +152,8 @@ pub(super) fn fleet_config() -> Vec<Seed> {
     vec![
         text("full.toml", full),
         text("fleet.toml", "fleet = 'lab'\n"),
+        text("routers.toml", "connect = ['tcp/a:1', \"tcp/b\\t\"] # two\n"),
+        text("table.toml", "robots = [{ name = 'a', tags = ['x', 'y'] }, { name = 'b' }]\n"),
         text("not_finite.toml", &full.replace("1.0", "nan")),
         text("far_away.toml", &full.replace("1.0", "1e300")),
         text("twice.toml", &full.replace("xtb-2", "xtb-1")),
