@@ -12,9 +12,11 @@ use xtb_protocol::gyro_3dmg::{EULER_LEN, EulerFrame, GyroFrame, GyroReader, enco
 
 const CRC32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
+type Heard<T> = Result<T, BoardError>;
+
 /// One direction of the board's line.
 struct Direction<T> {
-    read: fn(&mut FrameReader, &[u8]) -> Vec<Result<T, BoardError>>,
+    read: fn(&mut FrameReader, &[u8]) -> Vec<Heard<T>>,
     write: fn(&mut FrameWriter, &T) -> Frame,
     in_range: fn(&T) -> bool,
     /// A frame that must be found after anything.
@@ -94,7 +96,7 @@ impl<T: PartialEq + Debug> Direction<T> {
         !good.is_empty()
     }
 
-    fn in_any_pieces(&self, line: &[u8], whole: &[Result<T, BoardError>], after: &FrameReader) {
+    fn in_any_pieces(&self, line: &[u8], whole: &[Heard<T>], after: &FrameReader) {
         for sizes in [&[1][..], &[3, 1, 17, 46]] {
             let (mut reader, mut found) = (FrameReader::default(), Vec::new());
             for piece in pieces(line, sizes) {
@@ -104,7 +106,7 @@ impl<T: PartialEq + Debug> Direction<T> {
         }
     }
 
-    fn each_delimiter_closes_one(&self, line: &[u8], found: &[Result<T, BoardError>]) {
+    fn each_delimiter_closes_one(&self, line: &[u8], found: &[Heard<T>]) {
         let end = line.iter().rposition(|byte| *byte == 0).unwrap_or(0);
         let closed: Vec<&[u8]> =
             line[..end].split(|byte| *byte == 0).filter(|frame| !frame.is_empty()).collect();
