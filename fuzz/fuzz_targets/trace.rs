@@ -3,5 +3,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    fleet_tests::fuzz::trace(bytes);
+    let _ = fleet_tests::fuzz::trace(bytes);
 });

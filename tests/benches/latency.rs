@@ -4,7 +4,7 @@
 //! after the other, so that the ratio does not depend on the machine. The bound of the design: p99
 //! at most twice raw Zenoh's, plus one turn (5 ms) and one frame (20 ms).
 
-use fleet_tests::{agent_config, eventually, name};
+use fleet_tests::{Pilot, agent_config, eventually, name};
 use robot_agent::clock::{Clock, WorldTime};
 use robot_agent::hardware::Hardware;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware};
@@ -154,7 +154,12 @@ async fn teleop(bus: &Bus, endpoint: &str) -> Vec<u64> {
     })
     .await;
 
-    let (key, channel) = (keys.teleop(Some(&client)), Channel::Teleop(client));
+    let pilot = Pilot::new(bus, "lab", "xtb-1", client.as_str()).await;
+    eventually("the lease and a state", || async {
+        pilot.setpoint(0.0, 0.0).await;
+        pilot.next_setpoint(0.0, 0.0)
+    })
+    .await;
     let mut took = Vec::new();
     for seq in 0..SAMPLES as u64 {
         pause(seq).await;
@@ -163,7 +168,7 @@ async fn teleop(bus: &Bus, endpoint: &str) -> Vec<u64> {
         let offset = 10 + (seq % 900) as u16;
         let steering = -f64::from(offset) / 975.0;
         let sent = Instant::now();
-        bus.put(&key, &channel, &setpoint(seq, steering), Format::Postcard).await.expect("a put");
+        pilot.setpoint(0.0, steering).await;
         while let Ok((count, at)) = passed.recv_timeout(LOST_AFTER) {
             if count == 3710 + offset {
                 took.push((at - sent).as_micros() as u64);

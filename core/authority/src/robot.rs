@@ -16,6 +16,7 @@ mod views;
 
 use crate::agent::{Agent, Arrival, Identity, View};
 use crate::faults::INPUT_LOST_MS;
+use crate::guard::{Guard, Guards};
 use crate::line::{Device, LineWatch, PortTrouble};
 use crate::tape::{Step, Tape};
 use std::sync::Arc;
@@ -36,6 +37,9 @@ use lines::{BoardLine, GyroLine};
 pub const TURN_NS: u64 = 5_000_000;
 /// A PWM frame goes out this often, and at once when the motor becomes neutral.
 pub const PWM_FRAME_NS: u64 = 20_000_000;
+/// A turn that is this late: the board's watchdog (100 ms after the last frame) may have stopped the truck
+/// meanwhile, so what was under way is over.
+pub const LOOP_STALL_MS: u64 = 80;
 /// A line that is this long without a good frame is looked at for another device's.
 const SUSPICIOUS_MS: u64 = 50;
 
@@ -81,6 +85,10 @@ pub struct Robot {
     remote_due: Option<Stamp>,
     /// The speed stick must be seen neutral before it drives: at boot, and after the board was lost.
     stick_held: bool,
+    /// The last turn, and since when the motor's pulse is neutral.
+    turned: Option<Stamp>,
+    neutral_since: Option<Stamp>,
+    guards: Guards,
 }
 
 impl Robot {
@@ -130,7 +138,18 @@ impl Robot {
             state_seq: 0,
             remote_due: None,
             stick_held: true,
+            turned: None,
+            neutral_since: Some(Stamp::ZERO),
+            guards: Guards::default(),
         }
+    }
+
+    /// The same robot with one rule switched off: for the mutation check alone.
+    #[must_use]
+    pub fn without(mut self, guard: Guard) -> Self {
+        self.guards = Guards::without(guard);
+        self.agent.set_guards(self.guards);
+        self
     }
 
     /// Bytes from the I/O board, read at `now`; each sample among them takes one controller step.
@@ -254,11 +273,14 @@ impl Robot {
     /// One request of a client.
     pub fn request(&mut self, now: Stamp, arrival: Arrival, client: &Name, request: &Request) -> Reply {
         let ages = self.ages(now);
-        self.agent.request(now, arrival, client, request, View { outputs: &self.outputs, ages })
+        let view =
+            View { outputs: &self.outputs, ages, neutral: self.neutral_since.is_some(), over_speed: false };
+        self.agent.request(now, arrival, client, request, view)
     }
 
     /// One turn, each [`TURN_NS`]: the PWM frame for the board, if one is due.
     pub fn turn(&mut self, now: Stamp) -> Option<Frame> {
+        self.watch_loop(now);
         self.miss_remote(now);
         let line_fault = self.board.watch.fault(now);
         if !self.setup.is_done() || line_fault.is_some() {
@@ -269,12 +291,17 @@ impl Robot {
         }
         let gyro_fault = self.gyro.watch.fault(now);
         self.agent.set_faults(now, &self.faults(now, line_fault, gyro_fault));
-        let view = View { outputs: &self.outputs, ages: self.ages(now) };
+        let (ages, neutral) = (self.ages(now), self.neutral_since.is_some());
+        let view = View { outputs: &self.outputs, ages, neutral, over_speed: false };
         if let Some(command) = self.agent.turn(now, view) {
             self.step(now, &Sample::Command(command));
         }
         let pwm = self.pulses();
         let motor = pwm.motor;
+        self.neutral_since = match motor {
+            PwmCount::NEUTRAL => self.neutral_since.or(Some(now)),
+            _ => None,
+        };
         let became_neutral = motor == PwmCount::NEUTRAL && self.sent_motor != PwmCount::NEUTRAL;
         if now < self.next_frame && !became_neutral {
             return None;

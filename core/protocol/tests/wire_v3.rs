@@ -243,7 +243,7 @@ fn the_numbers_of_the_names() {
             "no_command goal_reached stop cancelled time_up setpoint_expired link_lost setpoint_zero ",
             "obstacle_front obstacle_rear wander_pause board_lost gyro_lost remote_neutral remote_lost ",
             "estop remote_takeover runaway sensor_fault battery_critical lease_expired lease_taken ",
-            "lease_released loop_stalled stalled over_speed changing_direction coasting"
+            "lease_released loop_stalled stalled over_speed changing_direction coasting starting"
         )
     );
     assert_eq!(names::<BatteryLevel>(), "unknown ok warn finish critical");

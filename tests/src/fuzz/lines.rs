@@ -85,7 +85,7 @@ impl<T: PartialEq + Debug> Direction<T> {
         let good: Vec<&T> = found.iter().flatten().collect();
         let counters = reader.counters();
         assert_eq!(counters.frames, good.len() as u64);
-        assert_eq!(counters.rejected, (found.len() - good.len()) as u64);
+        assert!(counters.rejected <= (found.len() - good.len()) as u64, "{counters:?}");
         for frame in &good {
             assert!((self.in_range)(frame), "{frame:?}");
             let written = (self.write)(&mut FrameWriter::default(), frame);
@@ -117,19 +117,21 @@ impl<T: PartialEq + Debug> Direction<T> {
         }
     }
 
-    /// Whatever the line has held: after a cut the next frame is found, after a delimiter as well, and
-    /// half a frame costs no other.
+    /// Whatever the line has held: after a cut the next frames are found, after a delimiter as well, and
+    /// half a frame costs no other. (Of two, because the first may bear the number of the last one.)
     fn finds_the_next(&self, reader: &mut FrameReader) {
-        let frame = (self.write)(&mut FrameWriter::default(), &self.good);
-        let bytes = frame.as_bytes();
         let mut cut = reader.clone();
         cut.forget();
         (self.read)(reader, &[0]);
+        let mut writer = FrameWriter::default();
+        let frames: [Frame; 4] = std::array::from_fn(|_| (self.write)(&mut writer, &self.good));
+        let [first, second, broken, last] = frames.each_ref().map(Frame::as_bytes);
         for reader in [&mut cut, reader] {
-            assert_eq!((self.read)(reader, bytes).iter().flatten().collect::<Vec<_>>(), [&self.good]);
-            (self.read)(reader, &bytes[..bytes.len() / 2]);
+            (self.read)(reader, first);
+            assert_eq!((self.read)(reader, second).iter().flatten().collect::<Vec<_>>(), [&self.good]);
+            (self.read)(reader, &broken[..broken.len() / 2]);
             (self.read)(reader, &[0]);
-            assert_eq!((self.read)(reader, bytes).iter().flatten().collect::<Vec<_>>(), [&self.good]);
+            assert_eq!((self.read)(reader, last).iter().flatten().collect::<Vec<_>>(), [&self.good]);
         }
     }
 

@@ -216,6 +216,8 @@ pub enum StopReason {
     ChangingDirection,
     /// The wheels turn as fast as they should by themselves.
     Coasting,
+    /// It has only just been told to drive.
+    Starting,
 }
 
 /// Ages of the inputs in ms; `None` = never heard.
