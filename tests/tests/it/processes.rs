@@ -102,7 +102,7 @@ async fn the_python_example_of_the_docs_drives_a_robot() {
     assert!(output.status.success(), "{output:?}");
     let truth = fleet.truth(1);
     assert!((truth.x_m - 0.1).hypot(truth.y_m - 0.8) < 0.4, "{truth:?}");
-    assert_eq!(fleet.state(1).await.lease, None);
+    fleet.until(1, "the lease given back", |state| state.lease.is_none()).await;
     fleet.end().await;
 }
 
