@@ -4,6 +4,7 @@
 
 mod commands;
 mod driving;
+mod fuzz;
 mod hardware;
 mod hostile;
 mod membership;
