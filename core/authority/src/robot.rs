@@ -13,10 +13,13 @@
 mod guards;
 mod lines;
 mod views;
+mod watch;
 
 use crate::agent::{Agent, Arrival, Identity, View};
 use crate::faults::INPUT_LOST_MS;
+use crate::guard::{Guard, Guards};
 use crate::line::{Device, LineWatch, PortTrouble};
+use crate::monitor::Monitors;
 use crate::tape::{Step, Tape};
 use std::sync::Arc;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
@@ -81,6 +84,9 @@ pub struct Robot {
     remote_due: Option<Stamp>,
     /// The speed stick must be seen neutral before it drives: at boot, and after the board was lost.
     stick_held: bool,
+    monitors: Monitors,
+    /// Which rules are in force.
+    guards: Guards,
 }
 
 impl Robot {
@@ -130,6 +136,8 @@ impl Robot {
             state_seq: 0,
             remote_due: None,
             stick_held: true,
+            monitors: Monitors::default(),
+            guards: Guards::default(),
         }
     }
 
@@ -151,6 +159,8 @@ impl Robot {
             }
             // Whole, but not a board's: our own echo, or firmware of another version.
             Err(BoardError::UnknownType(_)) => self.board.watch.foreign_frame(),
+            Err(BoardError::Repeated(_)) => self.board.watch.repeated_frame(),
+            Err(BoardError::Pulses(pulses)) => self.monitors.impossible_window(pulses),
             Err(_) => {} // the reader counts it
         });
         self.board.reader = reader;
@@ -174,11 +184,13 @@ impl Robot {
                 self.heard.encoder = Some(now);
                 self.newest.pulses = pulses;
                 self.step(now, &Sample::Encoder { pulses: u32::from(pulses) });
+                self.watch_window(now, pulses);
             }
             FromBoard::Adc { sample, battery_mv } => {
                 self.heard.adc = Some(now);
                 (self.newest.adc, self.newest.battery_mv) = (Some(sample), battery_mv);
-                self.step(now, &Sample::Adc(sample));
+                self.monitors.scan(self.controller.config(), now, &sample, battery_mv);
+                self.step(now, &Sample::Adc(self.seen(sample)));
             }
             FromBoard::Remote(sample) => {
                 self.heard.remote = Some(now);
@@ -207,6 +219,7 @@ impl Robot {
         let mut reader = std::mem::take(&mut self.gyro.reader);
         reader.push(bytes, |frame| match frame {
             GyroFrame::Firmware(version) => self.gyro.starter.heard_firmware(version),
+            GyroFrame::Euler(frame) if self.is_repeated(now, &frame) => self.gyro.watch.repeated_frame(),
             GyroFrame::Euler(frame) => {
                 self.gyro.watch.good_frame(now);
                 self.heard.gyro = Some(now);
@@ -237,6 +250,7 @@ impl Robot {
             self.board.reader.forget();
             self.newest.status = None;
             (self.board.open_since, self.board.starved, self.board.fed) = (now, None, false);
+            self.monitors.forget_board();
             self.lose_remote(now);
         }
     }
@@ -248,6 +262,7 @@ impl Robot {
         if trouble.is_some() || opened {
             self.gyro.starter.forget();
             self.gyro.reader.forget();
+            self.monitors.forget_gyro();
         }
     }
 
@@ -264,7 +279,7 @@ impl Robot {
         if !self.setup.is_done() || line_fault.is_some() {
             self.board.speaks_since = now;
         }
-        if line_fault.is_some() {
+        if line_fault.is_some() && self.guards.on(Guard::LineLost) {
             self.lose_remote(now);
         }
         let gyro_fault = self.gyro.watch.fault(now);

@@ -4,6 +4,7 @@
 use super::Robot;
 use crate::agent::STICK_NEUTRAL_COUNTS;
 use crate::faults::{of_line, silent_kinds, stops};
+use crate::guard::Guard;
 use crate::line::{Device, LINE_LOST_MS, LineFault};
 use std::sync::Arc;
 use xtb_control::controller::{PwmOutputs, RemoteSample};
@@ -51,7 +52,8 @@ impl Robot {
     pub(super) fn pulses(&self) -> PwmOutputs {
         let manual = self.outputs.mode == Mode::Manual;
         let fault = |fault: Fault| fault.place() != "gyro" && stops(fault).is_some();
-        let held = manual && (self.stick_held || self.agent.faults().present().any(fault));
+        let held =
+            manual && (self.stick_held || self.over_speed() || self.agent.faults().present().any(fault));
         match held || !self.setup.is_done() {
             true => PwmOutputs { motor: PwmCount::NEUTRAL, ..self.outputs.pwm },
             false => self.outputs.pwm,
@@ -65,17 +67,26 @@ impl Robot {
         board: Option<LineFault>,
         gyro: Option<LineFault>,
     ) -> Vec<(Fault, Option<Arc<str>>)> {
-        let mut faults = Vec::new();
+        let mut faults: Vec<_> = self.monitors.faults(self.guards).collect();
+        let (board, gyro) = (self.in_force(board), self.in_force(gyro));
+        let lost = self.guards.on(Guard::LineLost);
         let (open_ms, speaks_ms) =
             (now.since_ms(self.board.open_since), now.since_ms(self.board.speaks_since));
         match board {
             Some(fault) => faults.push((of_line(Device::Board, fault), self.board.detail.clone())),
+            None if !lost => {}
             None if !self.setup.is_done() && open_ms > LINE_LOST_MS => {
                 faults.push((Fault::BoardNotSetUp, None));
             }
             // While nothing at all comes, the line's own fault is on its way.
             None if self.board.watch.unwell_ms(now) > QUIET_MS => {}
-            None => faults.extend(silent_kinds(&self.ages(now), speaks_ms).map(|fault| (fault, None))),
+            None => {
+                // Windows that cannot be are refused, but they do come.
+                let wild = faults.iter().any(|(fault, _)| *fault == Fault::EncoderOutOfRange);
+                let silent = silent_kinds(&self.ages(now), speaks_ms);
+                let silent = silent.filter(|fault| !(wild && *fault == Fault::EncoderSilent));
+                faults.extend(silent.map(|fault| (fault, None)));
+            }
         }
         if let Some(fault) = gyro {
             faults.push((of_line(Device::Gyro, fault), self.gyro.detail.clone()));

@@ -7,7 +7,7 @@ use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::pistons::height_m;
 use xtb_control::{AdcCount, PwmCount, Stamp};
 use xtb_protocol::board::{BoardStatus, LineCounters};
-use xtb_protocol::messages::{BatteryLevel, ObstacleView, Rejected, RobotState, Sensors, TiltState};
+use xtb_protocol::messages::{ObstacleView, Rejected, RobotState, Sensors, TiltState};
 
 /// The newest readings as they came; `None` = not heard within the last [`INPUT_LOST_MS`], or never.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,7 +97,7 @@ impl Robot {
                 y: self.outputs.tilt.y.filter(|_| converted),
             },
             battery_v: battery_mv.map(|mv| f64::from(mv) / 1000.0),
-            battery_level: BatteryLevel::Unknown,
+            battery_level: self.battery_level(now),
             goal: self.agent.goal().map(|goal| goal.state(now)),
             ended_goals: Vec::new(),
             faults: self.agent.faults().states(now),
@@ -111,6 +111,7 @@ impl Robot {
                 events_dropped: self.agent.events_dropped + rejected.events_dropped,
                 board_frames: board.rejected,
                 board_lost: board.lost,
+                board_repeated: board.repeated,
                 gyro_bytes: self.gyro.reader.skipped,
                 gyro_lost: self.gyro.reader.lost,
                 remote_readings: self.controller.remote_rejected(),
