@@ -138,6 +138,17 @@ pub struct GotoArgs {
     /// Give the goal up after this long [default: 300 without --wait, none with it].
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub within: Option<Duration>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
+
+/// Whether a verb may take control from its holder.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct LeaseArgs {
+    /// Take control from whoever has it; without this, a robot that somebody controls refuses.
+    #[arg(long)]
+    pub take: bool,
 }
 
 /// Arguments of `wander`.
@@ -152,6 +163,9 @@ pub struct WanderArgs {
     /// Stay and show progress until it ends; Ctrl-C cancels it.
     #[arg(long)]
     pub wait: bool,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
 }
 
 /// Arguments of `stop`.
@@ -177,6 +191,9 @@ pub struct TeleopArgs {
     /// Fastest wheel speed asked for, in rpm [default: the robot's limit].
     #[arg(long, value_name = "R", value_parser = rpm)]
     pub max_rpm: Option<f64>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
 }
 
 /// Arguments of `watch`.

@@ -12,10 +12,13 @@ pub mod config;
 pub mod context;
 mod describe;
 pub mod error;
+#[cfg(test)]
+mod fake;
 pub mod feed;
 pub mod interrupt;
 pub mod lease;
 pub mod output;
+mod pace;
 pub mod router;
 pub mod simulator;
 pub mod table;

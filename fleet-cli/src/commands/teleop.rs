@@ -6,6 +6,7 @@
 mod keys;
 mod screen;
 
+use super::take_control;
 use crate::cli::TeleopArgs;
 use crate::client::Client;
 use crate::context::Context;
@@ -50,7 +51,7 @@ pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
             .hint("programs put setpoints on xtb/<fleet>/<robot>/teleop/<client>; see docs/protocol.md"));
     }
     let client = Client::open(ctx).await?;
-    let control = Control::acquire(&client, &args.robot).await?;
+    let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
     let limit = client.about(&args.robot).await?.map_or(CAUTIOUS_RPM, |about| about.limits.max_rpm);
     let max_rpm = args.max_rpm.unwrap_or(limit).min(limit);
     let wheel = Wheel { client: &client, control: &control, robot: &args.robot, max_rpm, sent: 0 };
