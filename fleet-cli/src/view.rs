@@ -5,8 +5,9 @@ use crate::error::Result;
 use crate::feed::Feed;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
+use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
-use xtb_protocol::messages::RobotState;
+use xtb_protocol::messages::{RobotState, RosterEntry};
 
 /// The whole fleet.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -28,6 +29,10 @@ pub(crate) struct RobotView {
     pub(crate) state: Option<RobotState>,
     /// Since the last state arrived, stale or not.
     pub(crate) age_ms: Option<u64>,
+    /// From the roster.
+    pub(crate) tags: Vec<String>,
+    /// Where the roster says that it starts.
+    pub(crate) start_pose: Option<MapPose>,
 }
 
 impl FleetView {
@@ -60,10 +65,23 @@ impl FleetView {
                 name: name.clone(),
                 alive: alive.contains(name),
                 state: seen.and_then(Seen::fresh).cloned(),
+                tags: Vec::new(),
+                start_pose: None,
                 age_ms: seen.map(|seen| u64::try_from(seen.age().as_millis()).unwrap_or(u64::MAX)),
             }
         });
         Self { fleet: fleet.clone(), robots: robots.collect() }
+    }
+
+    /// With what the roster says of each.
+    pub(crate) fn with_roster(mut self, entries: &[RosterEntry]) -> Self {
+        for row in &mut self.robots {
+            if let Some(entry) = entries.iter().find(|entry| entry.name == row.name) {
+                row.tags.clone_from(&entry.tags);
+                row.start_pose = entry.start_pose;
+            }
+        }
+        self
     }
 
     /// Only these robots; none named = all.

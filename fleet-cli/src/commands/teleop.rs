@@ -39,6 +39,10 @@ const CAUTIOUS_RPM: f64 = 20.0;
 struct Report<'a> {
     robot: &'a Name,
     setpoints: u64,
+    /// Whether the robot has confirmed the stop at the end; `None` = it was not driven.
+    stopped: Option<bool>,
+    /// From whom control was taken.
+    taken_from: Option<&'a str>,
 }
 
 /// Drives until the operator leaves.
@@ -50,36 +54,60 @@ pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
         return Err(Failure::new(Kind::Usage, "teleop needs a terminal for its keys and its screen")
             .hint("programs put setpoints on xtb/<fleet>/<robot>/teleop/<client>; see docs/protocol.md"));
     }
-    let client = Client::open(ctx).await?;
-    let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
-    let limit = client.about(&args.robot).await?.map_or(CAUTIOUS_RPM, |about| about.limits.max_rpm);
+    let begun = async {
+        let client = Client::open(ctx).await?;
+        let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
+        let limit = client.about(&args.robot).await?.map_or(CAUTIOUS_RPM, |about| about.limits.max_rpm);
+        Ok::<_, Failure>((client, control, limit))
+    };
+    let (client, control, limit) = tokio::select! {
+        begun = begun => begun?,
+        () = interrupted() => {
+            let message = format!("interrupted: {} was not driven", args.robot);
+            return Err(Failure::new(Kind::Interrupted, message));
+        }
+    };
     let max_rpm = args.max_rpm.unwrap_or(limit).min(limit);
     let wheel = Wheel { client: &client, control: &control, robot: &args.robot, max_rpm, sent: 0 };
     let driven = drive(ctx, wheel).await;
+    let taken_from = control.taken_from().map(str::to_owned);
     control.release().await;
     client.close().await;
-    let report = Report { robot: &args.robot, setpoints: driven? };
-    ctx.out.result(&report, |report| format!("{} released", report.robot))?;
+    let (setpoints, stopped) = driven?;
+    let report = Report { robot: &args.robot, setpoints, stopped, taken_from: taken_from.as_deref() };
+    ctx.out.result(&report, goodbye)?;
     Ok(Exit::Done)
 }
 
-/// How many setpoints were sent.
-async fn drive(ctx: &Context, mut wheel: Wheel<'_>) -> Result<u64> {
+fn goodbye(report: &Report<'_>) -> String {
+    let robot = report.robot;
+    match report.stopped {
+        None => format!("{robot} was not driven; control is given back"),
+        Some(true) => format!("{robot} was told to stop; control is given back"),
+        Some(false) => {
+            format!("{robot} did not confirm the stop: its own clock ends the last setpoint within 250 ms")
+        }
+    }
+}
+
+/// How many setpoints were sent, and whether the stop after them was confirmed.
+async fn drive(ctx: &Context, mut wheel: Wheel<'_>) -> Result<(u64, Option<bool>)> {
     let feed = Feed::open(wheel.client, &wheel.client.keys().robot(wheel.robot)).await?;
     let mut terminal = Terminal::open()?;
     let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
     let mut keyboard = Keyboard::new(reporting);
     let ended = hands_on(ctx, &mut wheel, &feed, &mut terminal, &mut keyboard).await;
-    // Whatever ended it. Who only watched does not end another's goal. If the message is lost, the
-    // robot's own clock ends the setpoint.
-    let mut stopped = Ok(());
-    if wheel.sent > 0 {
-        stopped = wheel.send(Drive::default(), &feed).await;
-        if let Err(failure) = wheel.control.request(Uuid::new_v4(), Body::Stop {}).await {
-            tracing::debug!("stopping: {failure}");
-        }
+    // Whatever ended it. Who only watched does not end another's goal, nor does who has lost control.
+    // If the message is lost, the robot's own clock ends the setpoint.
+    let mut stopped = None;
+    if wheel.sent > 0 && !wheel.control.is_lost() {
+        let zero = wheel.send(Drive::default(), &feed).await;
+        let stop = wheel.control.request(Uuid::new_v4(), Body::Stop {}).await;
+        stopped = Some(
+            zero.and(stop.map(drop)).inspect_err(|failure| tracing::debug!("stopping: {failure}")).is_ok(),
+        );
     }
-    ended.and(stopped).map(|()| wheel.sent)
+    ended.map(|()| (wheel.sent, stopped))
 }
 
 async fn hands_on(
@@ -111,8 +139,8 @@ async fn hands_on(
                 Heed::Send => send.reset_immediately(),
             },
             Turn::Send => {
-                if wheel.control.is_lost() {
-                    return Err(lost(wheel, feed));
+                if let Some(failure) = wheel.control.lost() {
+                    return Err(lost(wheel, feed, failure));
                 }
                 if let Some(drive) = keyboard.send(now) {
                     wheel.send(drive, feed).await?;
@@ -177,14 +205,12 @@ fn heed(keyboard: &mut Keyboard, now: Stamp, input: Option<Input>) -> Heed {
 }
 
 /// Two hands on one wheel: this one lets go.
-fn lost(wheel: &Wheel<'_>, feed: &Feed) -> Failure {
+fn lost(wheel: &Wheel<'_>, feed: &Feed, failure: Failure) -> Failure {
     let seen = feed.last(wheel.robot);
     let holder = seen.as_ref().and_then(|seen| seen.fresh()?.lease.as_ref());
-    let message = match holder {
-        Some(lease) => format!("{} is now controlled by {}", wheel.robot, lease.holder),
-        None => format!("{} no longer knows our lease: it may have restarted", wheel.robot),
-    };
-    Failure::new(Kind::Failed, message).hint("start teleop again to take control again")
+    let Some(lease) = holder.filter(|lease| lease.holder != *wheel.client.name()) else { return failure };
+    let message = format!("{} is now controlled by {}", wheel.robot, lease.holder);
+    Failure { message, ..failure }.hint("`fleet-cli teleop … --take` takes control again")
 }
 
 struct Wheel<'a> {
@@ -196,15 +222,19 @@ struct Wheel<'a> {
 }
 
 impl Wheel<'_> {
+    /// Sends a setpoint, unless the robot has not been heard yet: without an echo of its clock it
+    /// would accept none.
     async fn send(&mut self, drive: Drive, feed: &Feed) -> Result<()> {
+        let Some(seen) = feed.last(self.robot) else { return Ok(()) };
+        self.sent += 1;
         let setpoint = Setpoint {
             lease: self.control.lease(),
+            // From 1 within a grant; a lost one is never acquired again here.
             seq: self.sent,
-            echo_tick_ms: feed.last(self.robot).map(|seen| seen.state.tick_ms),
+            echo_tick_ms: Some(seen.state.tick_ms),
             rpm: drive.throttle * self.max_rpm,
             steering: drive.steering,
         };
-        self.sent += 1;
         let me = self.client.name();
         let key = self.client.keys().robot(self.robot).teleop(Some(me));
         let channel = Channel::Teleop(me.clone());
@@ -243,6 +273,7 @@ fn meaning(event: &KeyEvent) -> Option<(Key, Action)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fake::{FakeRobot, name};
     use crossterm::event::KeyModifiers;
 
     fn press(code: KeyCode) -> Option<Input> {
@@ -259,6 +290,35 @@ mod tests {
         assert_eq!(keyboard.drive(now).throttle, 0.0);
         assert_eq!(heed(&mut keyboard, now, press(KeyCode::Char('q'))), Heed::Leave);
         assert_eq!(heed(&mut keyboard, now, None), Heed::Leave);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn nothing_is_sent_before_a_state_and_numbers_rise_from_1() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let fake = FakeRobot::start(&client, "xtb-1").await;
+        let robot = name("xtb-1");
+        let control = Control::acquire(&client, &robot, false).await.unwrap();
+        let (sender, mut setpoints) = tokio::sync::mpsc::unbounded_channel();
+        let each = move |incoming: xtb_bus::Incoming| {
+            sender.send(incoming.decode::<Setpoint>().unwrap()).unwrap_or_default();
+        };
+        let teleop = client.keys().robot(&robot).teleop(None);
+        let _watch = client.bus().subscribe(&teleop, each).await.unwrap();
+        let mut wheel = Wheel { client: &client, control: &control, robot: &robot, max_rpm: 30.0, sent: 0 };
+        let unheard = Feed::open(&client, &client.keys().robot(&name("xtb-2"))).await.unwrap();
+        wheel.send(Drive::default(), &unheard).await.unwrap();
+        assert_eq!(wheel.sent, 0);
+        let feed = Feed::open(&client, &client.keys().robot(&robot)).await.unwrap();
+        while feed.last(&robot).is_none() {
+            feed.news().await;
+        }
+        for seq in 1..=3 {
+            wheel.send(Drive { throttle: 1.0, steering: 0.0 }, &feed).await.unwrap();
+            let setpoint = setpoints.recv().await.unwrap();
+            assert_eq!((setpoint.seq, setpoint.rpm), (seq, 30.0));
+            assert_eq!(setpoint.lease, fake.lock().lease.as_ref().map(|(_, lease)| *lease));
+            assert!(setpoint.echo_tick_ms.is_some());
+        }
     }
 
     #[tokio::test]

@@ -6,7 +6,7 @@ use crate::describe::{self, UNKNOWN, fixed};
 use crate::output::{Output, Tone};
 use crate::words;
 use xtb_protocol::Name;
-use xtb_protocol::messages::RobotState;
+use xtb_protocol::messages::{BatteryLevel, RobotState};
 
 /// Everything that the screen is made of.
 pub(super) struct View<'a> {
@@ -51,19 +51,23 @@ fn age(seen: Option<&Seen>) -> (String, Tone) {
 }
 
 /// Labels stay where they are when nothing is known, so that the eye finds them.
-fn facts(state: Option<&RobotState>) -> [(&'static str, String, Tone); 7] {
+fn facts(state: Option<&RobotState>) -> [(&'static str, String, Tone); 9] {
     let show = |text: fn(&RobotState) -> String| state.map_or_else(|| UNKNOWN.to_owned(), text);
     let blocked =
         state.is_some_and(|state| [state.obstacle.front, state.obstacle.rear].contains(&Some(true)));
     let stands = state.is_some_and(|state| !state.stopped_because.is_empty());
     let warn = |when: bool| if when { Tone::Warning } else { Tone::Plain };
+    let latched = state.is_some_and(|state| !state.latches.is_empty());
+    let low = state.is_some_and(|state| state.battery_level > BatteryLevel::Ok);
     [
+        ("latched", show(latches), if latched { Tone::Bad } else { Tone::Plain }),
         ("mode", show(|state| words::name(&state.mode)), Tone::Plain),
         ("speed", show(describe::speed), Tone::Plain),
         ("reference", show(reference), Tone::Plain),
         ("obstacles", show(|state| describe::obstacles(&state.obstacle)), warn(blocked)),
         ("pose", show(|state| describe::pose(&state.pose)), Tone::Plain),
         ("lease", show(describe::lease_with_age), Tone::Plain),
+        ("battery", show(describe::battery), warn(low)),
         ("stands", show(why), warn(stands)),
     ]
 }
@@ -74,6 +78,16 @@ fn reference(state: &RobotState) -> String {
 
 fn why(state: &RobotState) -> String {
     if state.stopped_because.is_empty() { "no".to_owned() } else { words::reasons(&state.stopped_because) }
+}
+
+/// While one is set the robot takes no setpoint.
+fn latches(state: &RobotState) -> String {
+    if state.latches.is_empty() {
+        return "no".to_owned();
+    }
+    let all: Vec<_> = state.latches.iter().map(describe::latch).collect();
+    let robot = &state.robot;
+    format!("SETPOINTS ARE REFUSED: {}; `fleet-cli reset {robot}` elsewhere", all.join("; "))
 }
 
 fn signed(steering: f64) -> String {
@@ -100,6 +114,8 @@ fn help(reporting: Reporting) -> [&'static str; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fake;
+    use xtb_protocol::messages::Latch;
 
     #[test]
     fn what_is_not_known_is_not_shown_as_known() {
@@ -109,7 +125,20 @@ mod tests {
         let text = lines(&view, &Output { json: false, colors: false }).join("\n");
         assert!(text.contains("30 rpm, steering left 0.50"), "{text}");
         assert!(text.contains("STALE, nothing heard yet"), "{text}");
-        assert_eq!(text.matches(UNKNOWN).count(), 7, "{text}");
+        assert_eq!(text.matches(UNKNOWN).count(), 9, "{text}");
         assert!(text.contains("reports no key releases"), "{text}");
+    }
+
+    #[test]
+    fn a_latch_that_refuses_setpoints_is_named() {
+        let latches = vec![fake::latch(Latch::Estop, "cli-123456", false)];
+        let state = RobotState { latches, ..fake::state("xtb-1") };
+        let seen = Seen { state, at: std::time::Instant::now() };
+        let drive = Drive { throttle: 1.0, steering: 0.0 };
+        let (robot, reporting) = (fake::name("xtb-1"), Reporting::Releases);
+        let view = View { robot: &robot, seen: Some(&seen), drive, max_rpm: 30.0, reporting };
+        let text = lines(&view, &Output { json: false, colors: false }).join("\n");
+        assert!(text.contains("SETPOINTS ARE REFUSED: estop by cli-123456 for 12.0 s"), "{text}");
+        assert!(text.contains("fleet-cli reset xtb-1"), "{text}");
     }
 }
