@@ -1,10 +1,12 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, parser::ValueSource};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 use xtb_protocol::Name;
+use xtb_protocol::messages::Latch;
 
 /// Where a router listens, and where it is looked for, unless told otherwise.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
@@ -19,6 +21,13 @@ Exit codes:
 
 JSON: with --json each result is one line on standard output; so is an error:
   {\"error\":{\"code\":…,\"message\":…,\"hint\":…}}";
+
+const ESTOP_HELP: &str = "\
+It is sent again and again until each robot has acknowledged it or --timeout is over. Exit code 0 means \
+that every robot of the roster has; without a roster nobody can know that, and it is 3.
+
+This is no safety-rated stop: it needs the radio link, the robot's computer and this program. Keep a \
+switch for the motor's power within reach.";
 
 /// Drive, watch, send and stop a fleet of XTB robots from one terminal.
 #[derive(Debug, Parser)]
@@ -86,6 +95,10 @@ pub enum Verb {
     Wander(WanderArgs),
     /// Stop robots: they drop their goals and stand.
     Stop(StopArgs),
+    /// Emergency stop: robots stand until they are reset (not a safety-rated stop).
+    Estop(EstopArgs),
+    /// End a robot's latched stops whose cause is gone; it stands until a new command.
+    Reset(ResetArgs),
     /// Drive a robot by hand.
     Teleop(TeleopArgs),
     /// Print messages as JSON lines.
@@ -168,9 +181,9 @@ pub struct WanderArgs {
     pub lease: LeaseArgs,
 }
 
-/// Arguments of `stop`.
+/// Which robots are to stop.
 #[derive(Debug, Clone, Args)]
-pub struct StopArgs {
+pub struct WhoArgs {
     /// Robots.
     #[arg(value_name = "ROBOT", value_parser = Name::robot, required_unless_present = "all")]
     pub robots: Vec<Name>,
@@ -180,6 +193,37 @@ pub struct StopArgs {
     /// Roster for --all, separated by commas [default: the config's or the simulator's].
     #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot, requires = "all")]
     pub expect: Vec<Name>,
+}
+
+/// Arguments of `stop`.
+#[derive(Debug, Clone, Args)]
+pub struct StopArgs {
+    /// Which robots.
+    #[command(flatten)]
+    pub who: WhoArgs,
+}
+
+/// Arguments of `estop`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = ESTOP_HELP)]
+pub struct EstopArgs {
+    /// Which robots.
+    #[command(flatten)]
+    pub who: WhoArgs,
+}
+
+/// Arguments of `reset`.
+#[derive(Debug, Clone, Args)]
+pub struct ResetArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// Only this latch [default: all].
+    #[arg(long, value_name = "NAME", value_parser = latch())]
+    pub latch: Option<Latch>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
 }
 
 /// Arguments of `teleop`.
@@ -290,6 +334,14 @@ impl Cli {
     }
 }
 
+/// The latches by name: completions know them, so they must be written down.
+const LATCHES: [&str; Latch::ALL.len()] =
+    ["estop", "remote_takeover", "board_lost", "gyro_lost", "runaway", "sensor_fault", "battery_critical"];
+
+fn latch() -> impl TypedValueParser<Value = Latch> {
+    PossibleValuesParser::new(LATCHES).try_map(|name| name.parse::<Latch>())
+}
+
 fn number(text: &str, min: f64, max: f64, unit: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (min..=max).contains(&value) => Ok(value),
@@ -343,6 +395,16 @@ mod tests {
             assert_eq!(global.connect, ["tcp/a:1", "tcp/b:2"], "{line}");
         }
         assert!(!read("fleet-cli list").unwrap().global.connect_given);
+    }
+
+    #[test]
+    fn latches_are_named_as_robots_name_them() {
+        let Verb::Reset(reset) = read("fleet-cli reset xtb-1 --latch gyro_lost --take").unwrap().verb else {
+            panic!()
+        };
+        assert_eq!((reset.latch, reset.lease.take), (Some(Latch::GyroLost), true));
+        assert!(read("fleet-cli reset xtb-1 --latch gyro").is_err());
+        assert_eq!(LATCHES.map(str::to_owned), Latch::ALL.map(|latch| latch.to_string()));
     }
 
     #[test]

@@ -2,9 +2,12 @@
 
 pub mod completions;
 pub mod demo;
+pub mod estop;
 mod goal;
 pub mod goto;
 pub mod list;
+mod muster;
+pub mod reset;
 pub mod router;
 pub mod sim;
 pub mod status;
