@@ -89,6 +89,8 @@ pub enum Verb {
     List(ListArgs),
     /// Show everything about robots.
     Status(StatusArgs),
+    /// Explain why a robot stands, or may drive, and what to do.
+    Why(WhyArgs),
     /// Send a robot to a point of the map.
     Goto(GotoArgs),
     /// Let a robot wander.
@@ -130,6 +132,14 @@ pub struct StatusArgs {
     /// Keep showing it; q or Ctrl-C leaves.
     #[arg(long)]
     pub watch: bool,
+}
+
+/// Arguments of `why`.
+#[derive(Debug, Clone, Args)]
+pub struct WhyArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
 }
 
 /// Arguments of `goto`.

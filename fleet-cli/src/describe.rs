@@ -101,14 +101,17 @@ pub(crate) fn goal(goal: &GoalState) -> String {
 /// The goal with who sent it, for how long it stands so, why, and what becomes of it without its client.
 pub(crate) fn goal_in_full(state: &GoalState) -> String {
     let mut text = goal(state);
-    text.push_str(&format!(" for {} (by {}", age(Duration::from_millis(state.age_ms)), state.by));
+    let age = age(Duration::from_millis(state.age_ms));
+    text.push_str(&match state.status.is_final() {
+        true => format!(" {age} ago, sent by {}", state.by),
+        false => format!(", for {age}, sent by {}", state.by),
+    });
     if !state.status.is_final() {
         text.push_str(match state.on_link_loss {
             LinkLoss::Halt => ", stops if its client falls silent",
             LinkLoss::Finish => ", goes on without its client",
         });
     }
-    text.push(')');
     if let Some(reason) = &state.reason {
         text.push_str(&format!(": {reason}"));
     }

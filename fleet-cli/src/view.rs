@@ -7,6 +7,7 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
+use xtb_protocol::keys::RobotKeys;
 use xtb_protocol::messages::{RobotState, RosterEntry};
 
 /// The whole fleet.
@@ -38,8 +39,17 @@ pub(crate) struct RobotView {
 impl FleetView {
     /// Asks everybody once; `wanted` robots get a row in any case.
     pub(crate) async fn ask(client: &Client, fleet: &Name, wanted: &BTreeSet<Name>) -> Result<Self> {
-        let all = client.keys().any_robot();
-        let (alive, states) = tokio::join!(client.alive(), client.states(&all));
+        Self::ask_robots(client, fleet, &client.keys().any_robot(), wanted).await
+    }
+
+    /// The same, but asks only the robots behind `keys` for their states.
+    pub(crate) async fn ask_robots(
+        client: &Client,
+        fleet: &Name,
+        keys: &RobotKeys,
+        wanted: &BTreeSet<Name>,
+    ) -> Result<Self> {
+        let (alive, states) = tokio::join!(client.alive(), client.states(keys));
         Ok(Self::of(fleet, &alive?, &states?, wanted))
     }
 

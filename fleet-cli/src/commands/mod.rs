@@ -15,6 +15,7 @@ pub mod stop;
 pub mod teleop;
 pub mod wander;
 pub mod watch;
+pub mod why;
 
 use crate::client::Client;
 use crate::context::Context;

@@ -121,7 +121,7 @@ mod tests {
             "latched    estop by cli-1 for 12.0 s\n",
             "latched    gyro_lost by gyro_silent for 12.0 s, its cause is still there",
             "stands     for 12.0 s: an emergency stop is latched",
-            "goal       cancelled (1.00, 2.00) for 12.0 s (by me): estop",
+            "goal       cancelled (1.00, 2.00) 12.0 s ago, sent by me: estop",
             "lease      cli-2, 40 ms",
             "battery    7.4 V, warn",
             "goals past 00000007 reached",
