@@ -91,6 +91,8 @@ pub enum Verb {
     Status(StatusArgs),
     /// Explain why a robot stands, or may drive, and what to do.
     Why(WhyArgs),
+    /// Check router, roster, versions, clocks and configs, and say what to do.
+    Doctor(DoctorArgs),
     /// Send a robot to a point of the map.
     Goto(GotoArgs),
     /// Let a robot wander.
@@ -140,6 +142,14 @@ pub struct WhyArgs {
     /// Robot.
     #[arg(value_name = "ROBOT", value_parser = Name::robot)]
     pub robot: Name,
+}
+
+/// Arguments of `doctor`.
+#[derive(Debug, Clone, Args)]
+pub struct DoctorArgs {
+    /// Robots that should be there, separated by commas [default: the config's or the simulator's roster].
+    #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot)]
+    pub expect: Vec<Name>,
 }
 
 /// Arguments of `goto`.

@@ -72,6 +72,7 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::Status(args) if args.watch => commands::status::run(&ctx()?, &args).await,
         Verb::Status(args) => or_interrupted(commands::status::run(&ctx()?, &args)).await,
         Verb::Why(args) => or_interrupted(commands::why::run(&ctx()?, &args)).await,
+        Verb::Doctor(args) => or_interrupted(commands::doctor::run(&ctx()?, &args)).await,
         Verb::Goto(args) => commands::goto::run(&ctx()?, args).await,
         Verb::Wander(args) => commands::wander::run(&ctx()?, args).await,
         Verb::Stop(args) => {
