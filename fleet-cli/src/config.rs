@@ -4,8 +4,9 @@ use crate::error::{Failure, Kind, Result};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
+use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
-use xtb_protocol::messages::RosterEntry;
+use xtb_protocol::messages::{MAX_COORDINATE_M, RosterEntry};
 
 const TOP: [&str; 3] = ["fleet", "connect", "robots"];
 const ROBOT: [&str; 3] = ["name", "tags", "start_pose"];
@@ -55,9 +56,27 @@ impl FleetConfig {
             if config.robots[..i].iter().any(|other| other.name == robot.name) {
                 return Err(Failure::new(Kind::Config, format!("two robots are named {}", robot.name)));
             }
+            if let Some(pose) = robot.start_pose {
+                in_range(&format!("robots[{i}].start_pose"), &pose)?;
+            }
         }
         Ok(config)
     }
+}
+
+/// The ranges of the agent's own `start_pose`.
+fn in_range(place: &str, pose: &MapPose) -> Result<()> {
+    for (field, value, max) in [
+        ("x_m", pose.x_m, MAX_COORDINATE_M),
+        ("y_m", pose.y_m, MAX_COORDINATE_M),
+        ("yaw_rad", pose.yaw_rad, 7.0),
+    ] {
+        if !(-max..=max).contains(&value) {
+            let message = format!("{place}.{field} = {value:?} is not allowed: {:?}..={max:?}", -max);
+            return Err(Failure::new(Kind::Config, message));
+        }
+    }
+    Ok(())
 }
 
 fn default_path() -> Option<PathBuf> {
@@ -140,6 +159,8 @@ mod tests {
             "fleet",
             "[[robots]]\nname = 'all'",
             "[[robots]]\nname = 'a'\n[[robots]]\nname = 'a'",
+            "[[robots]]\nname = 'a'\nstart_pose = { x_m = nan, y_m = 0, yaw_rad = 0 }",
+            "[[robots]]\nname = 'a'\nstart_pose = { x_m = 0, y_m = 1001, yaw_rad = 0 }",
         ] {
             assert_eq!(FleetConfig::parse(text).unwrap_err().kind, Kind::Config, "{text}");
         }

@@ -52,6 +52,7 @@ pub(crate) fn state(robot: &str) -> RobotState {
             remote: None,
             setpoint: None,
         },
+        turn_late_us: 0,
         rejected: Rejected::default(),
     }
 }

@@ -42,6 +42,7 @@ pub(crate) fn reason(reason: StopReason) -> &'static str {
         StopReason::Stalled => "the motor was driven and the wheels did not turn",
         StopReason::OverSpeed => "the remote control drives too fast for the obstacle rule",
         StopReason::ChangingDirection => "the wheels have yet to stand before it drives the other way",
+        StopReason::Starting => "it has only just been told to drive",
         StopReason::Coasting => "it rolls as fast as it should by itself",
     }
 }

@@ -4,9 +4,10 @@
 //! through the bounded queues of [`mailbox`](crate::mailbox).
 
 use crate::clock::Clock;
+use crate::door::EstopCall;
 use crate::hardware::Hardware;
 use crate::hardware::lines::Lines;
-use crate::mailbox::{LineNote, LoopEnds, Snapshot, Waiting};
+use crate::mailbox::{LineNote, LoopEnds, Snapshot, Waiting, Word};
 use crate::recorder::Recorder;
 use std::io;
 use std::sync::Arc;
@@ -16,6 +17,7 @@ use tokio::sync::mpsc;
 use xtb_authority::Robot;
 use xtb_authority::robot::TURN_NS;
 use xtb_control::Stamp;
+use xtb_protocol::messages::{Estopped, Latch};
 
 /// Requests answered in one turn at most, so that a flood cannot stretch it.
 const REQUESTS_A_TURN: usize = 8;
@@ -56,6 +58,7 @@ impl ControlLoop {
             next = next.plus_ns(TURN_NS);
             clock.wait_until(next);
             let now = clock.now();
+            self.robot.turn_was_late(now.ns().saturating_sub(next.ns()));
             if now.ns() > next.ns() + GIVE_UP_NS {
                 next = now;
             }
@@ -78,9 +81,11 @@ impl ControlLoop {
         self.robot.set_recording_failed(recorder.failed());
     }
 
-    /// A stop first, then requests in their order, then the setpoint.
+    /// Stops first, then requests in their order, then the setpoint.
     fn take_orders(&mut self, now: Stamp) {
+        self.take_estops(now);
         let ends = &mut self.ends;
+        ends.door.tell(self.robot.agent_mut());
         self.robot.agent_mut().set_link(ends.link_up.load(Ordering::Relaxed));
         self.robot.agent_mut().stop(now, ends.arrivals.latest_stop());
         for _ in 0..REQUESTS_A_TURN {
@@ -89,10 +94,26 @@ impl ControlLoop {
             let Ok(room) = ends.replies.try_reserve() else { break };
             let Ok(job) = ends.requests.try_recv() else { break };
             let reply = self.robot.request(now, job.arrival, &job.client, &job.request);
-            room.send((job.answer, reply));
+            room.send((job.answer, Word::Reply(reply)));
         }
         if let Some(Waiting { at, arrival, client, setpoint }) = ends.setpoint.take() {
             self.robot.agent_mut().setpoint(now, at, arrival, &client, &setpoint);
+        }
+        ends.door.follow(self.robot.agent());
+    }
+
+    /// All that have arrived; who asked is told that the robot stands.
+    fn take_estops(&mut self, now: Stamp) {
+        let ends = &self.ends;
+        while let Some(EstopCall { arrival, by, id, answer }) = ends.door.next_estop() {
+            self.robot.agent_mut().estop(now, arrival, &by, id);
+            let Some(answer) = answer else { continue };
+            let agent = self.robot.agent();
+            let robot = agent.identity().robot.clone();
+            let word = Word::Estopped(Estopped { robot, latched: agent.is_latched(Latch::Estop) });
+            if ends.replies.try_send((answer, word)).is_err() {
+                ends.counters.overloaded();
+            }
         }
     }
 

@@ -1,48 +1,68 @@
-//! Requests and setpoints from Zenoh to the control loop.
+//! Requests, setpoints and emergency stops from Zenoh to the control loop.
 //!
 //! The callbacks run on Zenoh's threads and never wait: they decode, check and hand over. What does
 //! not fit a queue is counted; a request then is refused as overloaded, a reply is left out and its
 //! client asks again with the same id.
 
 use crate::clock::Clock;
-use crate::mailbox::{Answer, Arrivals, Counters, Job, REQUESTS, SessionEnds, SetpointSlot, Waiting};
+use crate::door::{Door, EstopCall};
+use crate::mailbox::{Answer, Arrivals, Counters, Job, REQUESTS, SessionEnds, SetpointSlot, Waiting, Word};
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};
 use tokio::sync::mpsc;
 use xtb_bus::{Bus, BusError, Incoming, Question, Service, Subscription};
 use xtb_protocol::codec::CodecError;
-use xtb_protocol::keys::{Name, RobotKeys};
-use xtb_protocol::messages::{Body, RejectCode, Reply, Request, Setpoint};
+use xtb_protocol::keys::{FleetKeys, Name, RobotKeys};
+use xtb_protocol::messages::{Body, Estop, RejectCode, Reply, Request, Setpoint};
 use xtb_protocol::{Uuid, codec};
 
 /// Holds the declarations; dropping it ends them.
 pub(crate) struct Downlink {
     _requests: Service,
     _setpoints: Subscription,
+    _estops: [Subscription; 2],
+    _estops_asked: Service,
 }
 
 struct Desk {
     keys: RobotKeys,
+    clock: Clock,
     requests: SyncSender<Job>,
     arrivals: Arc<Arrivals>,
-    replies: mpsc::Sender<(Answer, Reply)>,
+    door: Arc<Door>,
+    replies: mpsc::Sender<(Answer, Word)>,
     counters: Arc<Counters>,
 }
 
-/// Declares `cmd/*` and `teleop/*`.
+/// Declares `cmd/*`, `teleop/*` and `estop/*`, its own and everybody's.
 ///
 /// # Errors
 /// [`BusError`].
 pub(crate) async fn declare(
     bus: &Bus,
-    keys: &RobotKeys,
+    fleet: &FleetKeys,
+    robot: &Name,
     clock: &Clock,
     ends: &SessionEnds,
 ) -> Result<Downlink, BusError> {
+    let keys = &fleet.robot(robot);
+    let bell = Arc::new(Bell {
+        robot: robot.clone(),
+        keys: keys.clone(),
+        arrivals: ends.arrivals.clone(),
+        door: ends.door.clone(),
+        counters: ends.counters.clone(),
+    });
+    let ring = |bell: Arc<Bell>| move |incoming: Incoming| bell.rung(&incoming);
+    let own = bus.subscribe(&keys.estop(None), ring(bell.clone())).await?;
+    let all = bus.subscribe(&fleet.estop_all(None), ring(bell.clone())).await?;
+    let asked = bus.serve(&keys.estop(None), move |question| bell.asked(question)).await?;
     let desk = Desk {
         keys: keys.clone(),
+        clock: clock.clone(),
         requests: ends.requests.clone(),
         arrivals: ends.arrivals.clone(),
+        door: ends.door.clone(),
         replies: ends.reply_sender.clone(),
         counters: ends.counters.clone(),
     };
@@ -51,10 +71,12 @@ pub(crate) async fn declare(
         clock: clock.clone(),
         slot: ends.setpoint.clone(),
         arrivals: ends.arrivals.clone(),
+        door: ends.door.clone(),
         counters: ends.counters.clone(),
     };
     let setpoints = bus.subscribe(&keys.teleop(None), move |incoming| tray.take(&incoming)).await?;
-    Ok(Downlink { _requests: requests, _setpoints: setpoints })
+    let estops = [own, all];
+    Ok(Downlink { _requests: requests, _setpoints: setpoints, _estops: estops, _estops_asked: asked })
 }
 
 /// The last part of a key: the client's name.
@@ -67,6 +89,7 @@ struct Tray {
     clock: Clock,
     slot: Arc<SetpointSlot>,
     arrivals: Arc<Arrivals>,
+    door: Arc<Door>,
     counters: Arc<Counters>,
 }
 
@@ -77,10 +100,56 @@ impl Tray {
         };
         match incoming.decode::<Setpoint>() {
             Ok(setpoint) => {
-                let (at, arrival) = (self.clock.now(), self.arrivals.next());
+                let at = self.clock.now();
+                if !self.door.admits(at, &client, setpoint.lease) {
+                    return self.counters.fenced();
+                }
+                let arrival = self.arrivals.next();
                 self.slot.put(Waiting { at, arrival, client, setpoint }, &self.counters);
             }
             Err(error) => self.counters.rejected(&error),
+        }
+    }
+}
+
+/// Where emergency stops come in. What cannot be read is counted, and stops the robot all the same.
+struct Bell {
+    robot: Name,
+    keys: RobotKeys,
+    arrivals: Arc<Arrivals>,
+    door: Arc<Door>,
+    counters: Arc<Counters>,
+}
+
+impl Bell {
+    fn rung(&self, incoming: &Incoming) {
+        self.ring(&incoming.key, incoming.decode::<Estop>(), None);
+    }
+
+    fn asked(&self, question: Question) {
+        let key_expr = question.key_expr().to_owned();
+        let decoded = question.decode::<Estop>();
+        let format = decoded.as_ref().map_or_else(|_| question.likely_format(), |(_, format)| *format);
+        let key = self.keys.estop(client_of(&key_expr).as_ref());
+        self.ring(&key_expr, decoded.map(|(estop, _)| estop), Some(Answer { question, key, format }));
+    }
+
+    fn ring(&self, key: &str, read: Result<Estop, CodecError>, answer: Option<Answer>) {
+        let arrival = self.arrivals.next();
+        // A key that names no client cannot be answered; the robot then stands in for the caller.
+        let (by, answer) = match client_of(key) {
+            Some(client) => (client, answer),
+            None => (self.robot.clone(), None),
+        };
+        let id = match read {
+            Ok(estop) => estop.id,
+            Err(error) => {
+                self.counters.rejected(&error);
+                Uuid::from_u128(u128::from(arrival))
+            }
+        };
+        if self.door.estop(EstopCall { arrival, by, id, answer }).is_some_and(|call| call.answer.is_some()) {
+            self.counters.overloaded();
         }
     }
 }
@@ -100,6 +169,8 @@ impl Desk {
         match (client, decoded) {
             (Some(client), Ok((request, format))) => {
                 let arrival = self.arrivals.next();
+                // Whatever becomes of it: its sender lives.
+                self.door.admits(self.clock.now(), &client, request.lease);
                 if matches!(request.body, Body::Stop {}) {
                     self.arrivals.stop(arrival); // whatever becomes of the rest of it
                 }
@@ -123,7 +194,7 @@ impl Desk {
     }
 
     fn reply(&self, answer: Answer, reply: Reply) {
-        if self.replies.try_send((answer, reply)).is_err() {
+        if self.replies.try_send((answer, Word::Reply(reply))).is_err() {
             self.counters.overloaded();
         }
     }
@@ -151,9 +222,13 @@ fn refusal(error: &CodecError) -> Reply {
 }
 
 /// Sends replies until the loop's end is gone.
-pub(crate) async fn send_replies(mut replies: mpsc::Receiver<(Answer, Reply)>) {
-    while let Some((answer, reply)) = replies.recv().await {
-        if let Err(error) = answer.question.reply(&answer.key, &reply, answer.format).await {
+pub(crate) async fn send_replies(mut replies: mpsc::Receiver<(Answer, Word)>) {
+    while let Some((Answer { question, key, format }, word)) = replies.recv().await {
+        let sent = match word {
+            Word::Reply(reply) => question.reply(&key, &reply, format).await,
+            Word::Estopped(estopped) => question.reply(&key, &estopped, format).await,
+        };
+        if let Err(error) = sent {
             tracing::debug!("a reply was not sent: {error}");
         }
     }

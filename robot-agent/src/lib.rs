@@ -7,6 +7,7 @@
 pub mod clock;
 pub mod config;
 mod control_loop;
+mod door;
 mod downlink;
 pub mod hardware;
 mod mailbox;

@@ -2,15 +2,18 @@
 //!
 //! | from → to | what | bound | when full |
 //! | --- | --- | --- | --- |
+//! | downlink → loop | emergency stop | [`ESTOPS`](crate::door::ESTOPS) | nothing is lost but an acknowledgement, counted; the client asks again |
 //! | downlink → loop | stop | 1 number, the latest wins | nothing is lost: one stop is as good as two |
+//! | downlink → loop | the holder lives | 1 time, the latest wins | – |
 //! | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
-//! | downlink → loop | setpoint | 1, latest wins | the older one is dropped, counted |
+//! | downlink → loop | setpoint of the holder | 1, latest wins | the older one is dropped, counted |
 //! | loop → downlink | replies | [`REPLIES`] | requests wait in their own queue |
 //! | loop → uplink | snapshot | 1, latest wins | the older one is dropped |
 //! | loop → uplink | events | [`EVENTS`] | dropped, counted |
 //! | loop → log | line broken, line works again | [`NOTES`] | dropped |
 //! | Zenoh → uplink | questions for `state`, `about` | 64 | dropped, counted; the client asks again |
 
+use crate::door::Door;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc as std_mpsc};
 use tokio::sync::{mpsc, watch};
@@ -19,7 +22,9 @@ use xtb_bus::Question;
 use xtb_control::Stamp;
 use xtb_protocol::Name;
 use xtb_protocol::codec::{CodecError, Format};
-use xtb_protocol::messages::{Event, RejectCode, Rejected, Reply, Request, RobotState, Sensors, Setpoint};
+use xtb_protocol::messages::{
+    Estopped, Event, RejectCode, Rejected, Reply, Request, RobotState, Sensors, Setpoint,
+};
 
 /// Requests waiting for a turn.
 pub(crate) const REQUESTS: usize = 64;
@@ -77,6 +82,14 @@ pub(crate) struct Answer {
     pub(crate) format: Format,
 }
 
+/// What goes back to whoever asked.
+pub(crate) enum Word {
+    /// To a request.
+    Reply(Reply),
+    /// To an emergency stop.
+    Estopped(Estopped),
+}
+
 /// What the uplink publishes.
 #[derive(Debug, Clone)]
 pub(crate) struct Snapshot {
@@ -104,6 +117,7 @@ pub(crate) struct Counters {
     out_of_range: AtomicU64,
     overloaded: AtomicU64,
     setpoints_overwritten: AtomicU64,
+    fenced: AtomicU64,
     /// Events that found the queue to the uplink full.
     pub(crate) events_dropped: AtomicU64,
 }
@@ -125,6 +139,11 @@ impl Counters {
         self.overloaded.fetch_add(1, Ordering::Relaxed);
     }
 
+    /// Counts a setpoint that did not bear the present lease.
+    pub(crate) fn fenced(&self) {
+        self.fenced.fetch_add(1, Ordering::Relaxed);
+    }
+
     /// For the state.
     #[must_use]
     pub(crate) fn rejected_so_far(&self) -> Rejected {
@@ -136,6 +155,7 @@ impl Counters {
             out_of_range: read(&self.out_of_range),
             overloaded: read(&self.overloaded),
             setpoints_overwritten: read(&self.setpoints_overwritten),
+            fenced: read(&self.fenced),
             events_dropped: read(&self.events_dropped),
             ..Rejected::default()
         }
@@ -182,8 +202,10 @@ pub(crate) struct LoopEnds {
     pub(crate) setpoint: Arc<SetpointSlot>,
     /// Order of arrival, and stops.
     pub(crate) arrivals: Arc<Arrivals>,
+    /// What must not wait in a queue.
+    pub(crate) door: Arc<Door>,
     /// Replies.
-    pub(crate) replies: mpsc::Sender<(Answer, Reply)>,
+    pub(crate) replies: mpsc::Sender<(Answer, Word)>,
     /// Snapshots.
     pub(crate) snapshot: watch::Sender<Option<Snapshot>>,
     /// Events.
@@ -204,10 +226,12 @@ pub(crate) struct SessionEnds {
     pub(crate) setpoint: Arc<SetpointSlot>,
     /// Order of arrival, and stops.
     pub(crate) arrivals: Arc<Arrivals>,
+    /// What must not wait in a queue.
+    pub(crate) door: Arc<Door>,
     /// Replies that were refused before they reached the loop.
-    pub(crate) reply_sender: mpsc::Sender<(Answer, Reply)>,
+    pub(crate) reply_sender: mpsc::Sender<(Answer, Word)>,
     /// Replies.
-    pub(crate) replies: mpsc::Receiver<(Answer, Reply)>,
+    pub(crate) replies: mpsc::Receiver<(Answer, Word)>,
     /// Snapshots.
     pub(crate) snapshot: watch::Receiver<Option<Snapshot>>,
     /// Events.
@@ -228,12 +252,14 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let (snapshot_sender, snapshot_receiver) = watch::channel(None);
     let setpoint = Arc::new(SetpointSlot::default());
     let arrivals = Arc::new(Arrivals::default());
+    let door = Arc::new(Door::default());
     let link_up = Arc::new(AtomicBool::new(false));
     let counters = Arc::new(Counters::default());
     let loop_ends = LoopEnds {
         requests: request_receiver,
         setpoint: setpoint.clone(),
         arrivals: arrivals.clone(),
+        door: door.clone(),
         replies: reply_sender.clone(),
         snapshot: snapshot_sender,
         events: event_sender,
@@ -245,6 +271,7 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
         requests: request_sender,
         setpoint,
         arrivals,
+        door,
         reply_sender,
         replies: reply_receiver,
         snapshot: snapshot_receiver,

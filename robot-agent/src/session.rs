@@ -48,7 +48,9 @@ pub(crate) fn about(config: &AgentConfig, identity: &Identity, hardware: &str) -
             setpoint_lifetime_ms: vehicle.teleop.lifetime_ms,
             max_coordinate_m: MAX_COORDINATE_M,
         },
-        capabilities: ["goto", "wander", "teleop", "stop", "cancel", "set_pose"].map(str::to_owned).to_vec(),
+        capabilities: ["goto", "wander", "teleop", "stop", "estop", "reset", "cancel", "set_pose"]
+            .map(str::to_owned)
+            .to_vec(),
         vehicle_hash: format!("{hash:08x}"),
         vehicle: info.collect(),
     }
@@ -100,11 +102,12 @@ async fn serve(
     mut ends: SessionEnds,
     about: About,
 ) -> Result<(), AgentError> {
-    let keys = FleetKeys::new(config.fleet.clone()).robot(&config.robot);
+    let fleet = FleetKeys::new(config.fleet.clone());
+    let keys = fleet.robot(&config.robot);
     let epoch = about.epoch;
     wait_for_name(config, bus, &keys.alive()).await?;
     let _uplink = uplink::declare(bus, &keys, &ends.snapshot, &ends.counters, about).await?;
-    let _downlink = downlink::declare(bus, &keys, clock, &ends).await?;
+    let _downlink = downlink::declare(bus, &fleet, &config.robot, clock, &ends).await?;
     let link = bus.watch_link().await?;
     wait_for_inputs(&mut ends.snapshot).await;
     let _token = bus.declare_alive(&keys.alive()).await?;

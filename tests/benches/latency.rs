@@ -4,17 +4,13 @@
 //! after the other, so that the ratio does not depend on the machine. The bound of the design: p99
 //! at most twice raw Zenoh's, plus one turn (5 ms) and one frame (20 ms).
 
-use fleet_tests::{agent_config, eventually, name};
+use fleet_tests::{Pilot, Probe, agent_config, eventually, name};
 use robot_agent::clock::{Clock, WorldTime};
-use robot_agent::hardware::Hardware;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware};
-use std::io;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use xtb_bus::{Bus, Role};
-use xtb_control::controller::PwmOutputs;
-use xtb_protocol::board::{FrameReader, ToBoard};
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::Setpoint;
@@ -23,41 +19,6 @@ use xtb_sim::{Simulation, TruckParameters, World};
 const SAMPLES: usize = 1000;
 const TURN_AND_FRAME_US: u64 = 25_000;
 const LOST_AFTER: Duration = Duration::from_secs(2);
-
-/// A truck's lines with an ear on the board's: when which steering count passes.
-struct Probe {
-    inner: SimulatedHardware,
-    reader: FrameReader,
-    passed: mpsc::Sender<(u16, Instant)>,
-}
-
-impl Hardware for Probe {
-    fn kind(&self) -> &'static str {
-        self.inner.kind()
-    }
-
-    fn read_board(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        self.inner.read_board(buffer)
-    }
-
-    fn read_gyro(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        self.inner.read_gyro(buffer)
-    }
-
-    fn write_board(&mut self, bytes: &[u8]) -> io::Result<()> {
-        let passed = &self.passed;
-        self.reader.to_board(bytes, |frame| {
-            if let Ok(ToBoard::Pwm(PwmOutputs { steer_front, .. })) = frame {
-                let _ = passed.send((steer_front.get(), Instant::now()));
-            }
-        });
-        self.inner.write_board(bytes)
-    }
-
-    fn write_gyro(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.inner.write_gyro(bytes)
-    }
-}
 
 #[allow(clippy::print_stdout)]
 fn main() {
@@ -140,7 +101,7 @@ async fn teleop(bus: &Bus, endpoint: &str) -> Vec<u64> {
     let _world =
         RunningWorld::start(simulation, vec![lines], WorldTime::new(), 1.0, |_| {}).expect("a thread");
     let (passed_sender, passed) = mpsc::channel();
-    let probe = Probe { inner: hardware, reader: FrameReader::default(), passed: passed_sender };
+    let probe = Probe::new(hardware, passed_sender);
     let config = agent_config(endpoint, "lab");
     let (end, shutdown) = watch::channel(false);
     let agent =
@@ -154,7 +115,12 @@ async fn teleop(bus: &Bus, endpoint: &str) -> Vec<u64> {
     })
     .await;
 
-    let (key, channel) = (keys.teleop(Some(&client)), Channel::Teleop(client));
+    let pilot = Pilot::new(bus, "lab", "xtb-1", client.as_str()).await;
+    eventually("the lease and a state", || async {
+        pilot.setpoint(0.0, 0.0).await;
+        pilot.next_setpoint(0.0, 0.0)
+    })
+    .await;
     let mut took = Vec::new();
     for seq in 0..SAMPLES as u64 {
         pause(seq).await;
@@ -163,9 +129,9 @@ async fn teleop(bus: &Bus, endpoint: &str) -> Vec<u64> {
         let offset = 10 + (seq % 900) as u16;
         let steering = -f64::from(offset) / 975.0;
         let sent = Instant::now();
-        bus.put(&key, &channel, &setpoint(seq, steering), Format::Postcard).await.expect("a put");
-        while let Ok((count, at)) = passed.recv_timeout(LOST_AFTER) {
-            if count == 3710 + offset {
+        pilot.setpoint(0.0, steering).await;
+        while let Ok((pulses, at)) = passed.recv_timeout(LOST_AFTER) {
+            if pulses.steer_front.get() == 3710 + offset {
                 took.push((at - sent).as_micros() as u64);
                 break;
             }

@@ -1,33 +1,45 @@
-//! The robot's brain: arbitration, lease, goal life cycle and the two rules that keep shins whole.
+//! The robot's brain: arbitration, lease, latched stops and the goal's life.
 //!
 //! ```text
-//!   request ──► validate ► idempotency ► lease ► goal ──┐
-//!   setpoint ─► teleop slot (lives 200 ms) ─────────────┼─► turn ──► at most one Command
-//!   faults, remote control, link up or down ────────────┘
+//!   estop, stop ─► latch, neutral ──────────────────────────┐   (overtake every queue)
+//!   request ─────► idempotency ► lease ► latches ► goal ────┤
+//!   setpoint ────► lease ► sequence ► echo ► teleop slot ───┼─► turn ──► at most one Command
+//!   faults, remote control, link up or down ────────────────┘
 //! ```
 //!
-//! Order of arbitration: fault > remote control > teleop > goal. There is one motor writer, the controller; the
-//! brain only ever hands it a command, and its answer to every doubt is [`Command::Idle`].
+//! A turn looks at everything that can end motion, then asks the table of [`arbitration`](crate::arbitration) who
+//! writes the motor. The writer is the controller; the brain only ever hands it a command, and its
+//! answer to every doubt is [`Command::Idle`].
 
 mod requests;
+mod setpoints;
+mod stops;
+mod why;
 
+use crate::arbitration::{Facts, Writer, writer};
 use crate::faults::{FaultBook, stops};
+use crate::gate::Gate;
 use crate::goal::{Goal, Target};
-use crate::lease::LeaseBook;
+use crate::guard::{Guard, Guards};
+use crate::latch::LatchBook;
+use crate::lease::{LEASE_FREE_MS, LINK_LOSS_MS, LeaseBook};
 use crate::replies::ReplyBook;
+use setpoints::Teleop;
 use std::collections::VecDeque;
-use std::sync::Arc;
 use xtb_control::controller::Mode;
 use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::odometry::OdomPose;
-use xtb_control::{Command, Outputs, Stamp, Steering, VehicleConfig, WheelRpm};
-use xtb_protocol::Name;
+use xtb_control::{Command, Outputs, Stamp, VehicleConfig};
 use xtb_protocol::messages::{
-    Event, EventKind, Fault, GoalStatus, InputAges, PoseSource, PoseState, Setpoint, StopReason,
+    Event, EventKind, Fault, GoalEnd, GoalStatus, InputAges, Lease, LinkLoss, PoseSource, PoseState,
+    StopReason,
 };
+use xtb_protocol::{Name, Uuid};
 
 /// Events that wait for the uplink; the oldest is dropped and counted when full.
 pub const EVENT_QUEUE: usize = 64;
+/// Ends of earlier goals that stay readable.
+pub const ENDED_GOALS: usize = 8;
 
 /// A speed stick this near to neutral does not move the truck (the ESC's dead band of ± 30 µs,
 /// assumed), in counts.
@@ -53,17 +65,14 @@ pub struct View<'a> {
     pub outputs: &'a Outputs,
     /// Ages of gyro, encoder and converter.
     pub ages: InputAges,
+    /// Whether the motor's last pulse was neutral.
+    pub neutral: bool,
+    /// Whether the transmitter is held back because it drives too fast.
+    pub over_speed: bool,
 }
 
 /// The place of a message in the order in which messages came in; each has its own.
 pub type Arrival = u64;
-
-#[derive(Debug, Clone)]
-struct Teleop {
-    setpoint: Setpoint,
-    at: Stamp,
-    delivered: bool,
-}
 
 /// The brain.
 #[derive(Debug, Clone)]
@@ -72,21 +81,31 @@ pub struct Agent {
     setpoint_lifetime_ms: u64,
     max_rpm: f64,
     map: MapFromOdom,
+    guards: Guards,
     lease: LeaseBook,
+    latches: LatchBook,
     replies: ReplyBook,
     goal: Option<Goal>,
+    ended: VecDeque<GoalEnd>,
     teleop: Option<Teleop>,
+    /// Number of the last setpoint that was accepted under the present grant.
+    last_seq: Option<u64>,
+    /// Ids of the last emergency stops: none latches twice.
+    estops: VecDeque<Uuid>,
     /// For the controller, at the next turn.
     pending: Option<Command>,
+    writer: Writer,
     link_up: bool,
     idle_because: StopReason,
     faults: FaultBook,
+    /// Whether board and gyro have both been well since boot: from then on their loss is latched.
+    was_well: bool,
     mode: Mode,
     setpoint_heard: Option<Stamp>,
-    /// When any setpoint came last.
+    /// When any setpoint of the holder came last.
     setpoint_seen: Option<Stamp>,
     /// Setpoints are dropped until one is zero, or a lifetime passes without one: a joystick that was
-    /// held through a fault does not drive on.
+    /// held through a stop does not drive on.
     rearm: bool,
     /// The last stop that was carried out: no command from before it may still begin.
     stopped_by: Arrival,
@@ -98,8 +117,10 @@ pub struct Agent {
     pub events_dropped: u64,
     /// Requests that were read and refused.
     pub refused: u64,
-    /// Setpoints for another boot, too old, or overtaken.
+    /// Setpoints that were too old, repeated, or overtaken.
     pub stale: u64,
+    /// Setpoints without the present lease.
+    pub fenced: u64,
 }
 
 impl Agent {
@@ -110,14 +131,21 @@ impl Agent {
             setpoint_lifetime_ms: u64::from(vehicle.teleop.lifetime_ms),
             max_rpm: vehicle.teleop.max_rpm,
             map: MapFromOdom::aligning(&OdomPose::default(), &identity.start_pose),
+            guards: Guards::default(),
             lease: LeaseBook::new(identity.epoch),
+            latches: LatchBook::default(),
             replies: ReplyBook::default(),
             goal: None,
+            ended: VecDeque::with_capacity(ENDED_GOALS),
             teleop: None,
+            last_seq: None,
+            estops: VecDeque::with_capacity(stops::ESTOP_IDS),
             pending: None,
+            writer: Writer::Nobody,
             link_up: false,
             idle_because: StopReason::NoCommand,
             faults: FaultBook::default(),
+            was_well: false,
             mode: Mode::Idle,
             setpoint_heard: None,
             setpoint_seen: None,
@@ -129,10 +157,16 @@ impl Agent {
             events_dropped: 0,
             refused: 0,
             stale: 0,
+            fenced: 0,
             identity,
         };
         agent.emit(Stamp::ZERO, EventKind::Started { version: version.to_owned() });
         agent
+    }
+
+    /// Which rules are in force; see [`Guard`].
+    pub fn set_guards(&mut self, guards: Guards) {
+        self.guards = guards;
     }
 
     /// Who this is.
@@ -141,60 +175,9 @@ impl Agent {
         &self.identity
     }
 
-    /// A stop has arrived: the robot stands, whatever waits in a queue.
-    pub fn stop(&mut self, now: Stamp, arrival: Arrival) {
-        if arrival > self.stopped_by {
-            self.stopped_by = arrival;
-            self.commanded_by = self.commanded_by.max(arrival);
-            self.stand(now, StopReason::Stop, GoalStatus::Cancelled);
-        }
-    }
-
-    /// A setpoint that arrived at `at`; replaces the one before and takes over from a goal. One of
-    /// another boot, one that is dead already, or one from before the last stop or goal is dropped.
-    pub fn setpoint(&mut self, now: Stamp, at: Stamp, arrival: Arrival, client: &Name, setpoint: &Setpoint) {
-        let of_this_boot = setpoint.lease.is_none_or(|lease| lease.epoch == self.identity.epoch);
-        let alive = now.since_ms(at) < self.setpoint_lifetime_ms;
-        let before = self.setpoint_seen.replace(at);
-        let paused = before.is_none_or(|before| at.since_ms(before) >= self.setpoint_lifetime_ms);
-        self.rearm &= setpoint.rpm != 0.0 && !paused;
-        if !of_this_boot || !alive || arrival < self.commanded_by || self.rearm {
-            self.stale += 1;
-            return;
-        }
-        if let Some(lease) = setpoint.lease {
-            self.lease.touch(at, client, lease);
-        }
-        self.setpoint_heard = Some(at);
-        if self.goal_runs() {
-            self.end_goal(at, GoalStatus::Cancelled, Some("teleoperation took over"));
-            self.pending = Some(Command::Idle);
-        }
-        self.teleop = Some(Teleop { setpoint: *setpoint, at, delivered: false });
-    }
-
     /// Whether the session to the router stands.
     pub fn set_link(&mut self, up: bool) {
         self.link_up = up;
-    }
-
-    /// What is broken now: all of it, with the system's words. News are reported.
-    pub fn set_faults(&mut self, now: Stamp, current: &[(Fault, Option<Arc<str>>)]) {
-        for (fault, detail) in current {
-            if self.faults.begin(now, *fault, detail.as_deref()) {
-                let detail = detail.as_deref().map(str::to_owned);
-                self.emit(now, EventKind::Fault { fault: *fault, present: true, detail });
-            }
-        }
-        while let Some(fault) = self.faults.end_other_than(current) {
-            self.emit(now, EventKind::Fault { fault, present: false, detail: None });
-        }
-    }
-
-    /// What is broken.
-    #[must_use]
-    pub fn faults(&self) -> &FaultBook {
-        &self.faults
     }
 
     /// The odometry was set back: the pose in the map stays what it was.
@@ -204,19 +187,16 @@ impl Agent {
 
     /// One turn: what the controller shall do now, if anything new.
     pub fn turn(&mut self, now: Stamp, view: View<'_>) -> Option<Command> {
-        if self.lease.expire(now) {
-            self.emit(now, EventKind::Lease { holder: None });
-        }
-        self.watch_faults(now);
         self.watch_remote(now, view.outputs.mode);
-        let remote = matches!(view.outputs.mode, Mode::Manual | Mode::Fault);
-        self.rearm |= remote || self.faults.stopping().is_some() || requests::unheard(view).is_some();
+        self.watch_faults(now, view);
         self.watch_goal(now, view.outputs);
         self.watch_teleop(now);
+        self.watch_lease(now);
         if view.outputs.mode != self.mode {
             self.emit(now, EventKind::Mode { from: self.mode, to: view.outputs.mode });
             self.mode = view.outputs.mode;
         }
+        self.arbitrate(now);
         let command = self.pending.take();
         if let (Some(Command::Goto(_) | Command::Wander), Some(goal)) = (command, &mut self.goal) {
             goal.becomes(now, GoalStatus::Running, None);
@@ -227,33 +207,52 @@ impl Agent {
     }
 
     /// A fault that must stop the robot ends everything that moves; its end starts nothing.
-    fn watch_faults(&mut self, now: Stamp) {
-        if let Some((_, reason)) = self.faults.stopping()
-            && self.under_way()
-        {
-            self.stand(now, reason, GoalStatus::Failed);
+    fn watch_faults(&mut self, now: Stamp, view: View<'_>) {
+        let unheard = requests::unheard(view).is_some();
+        if let Some((fault, reason)) = self.faults.stopping() {
+            self.rearm = true;
+            if self.under_way() {
+                let words = format!("the {} has a fault: {fault}", fault.place());
+                self.stand(now, reason, GoalStatus::Failed, Some(&words));
+            }
+        } else {
+            self.was_well |= !unheard;
         }
+        self.rearm |= unheard;
     }
 
-    /// The transmitter has taken over: what the network asked for is over.
+    /// The transmitter has taken over, or was lost: what the network asked for is over.
     fn watch_remote(&mut self, now: Stamp, mode: Mode) {
-        if mode == Mode::Manual && self.under_way() {
-            self.end_goal(now, GoalStatus::Cancelled, Some("the remote control took over"));
-            self.teleop = None;
-            self.pending = None;
-            self.idle_because = StopReason::NoCommand;
+        if !matches!(mode, Mode::Manual | Mode::Fault) {
+            return;
         }
+        if mode == Mode::Manual && self.guards.on(Guard::RemoteTakeover) {
+            let took_over = self.mode != Mode::Manual && self.lease.holder().is_some();
+            if self.under_way() || took_over {
+                self.latch_as(now, xtb_protocol::messages::Latch::RemoteTakeover, "the transmitter");
+                self.pending = None;
+            }
+        }
+        self.rearm = true;
     }
 
     fn watch_goal(&mut self, now: Stamp, outputs: &Outputs) {
-        let Some(goal) = &mut self.goal else { return };
-        if goal.status.is_final() || goal.status == GoalStatus::Accepted {
+        let heard = self.lease.silent_ms(now).is_some_and(|ms| ms < LINK_LOSS_MS);
+        let present = self.lease.present();
+        let halts = self.guards.on(Guard::LinkLossHalt);
+        let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
+        if halts && goal.on_link_loss == LinkLoss::Halt && !(heard && goal.lease == present) {
+            let words = format!("its client {} fell silent, and its policy is halt", goal.by);
+            return self.stand(now, StopReason::LeaseExpired, GoalStatus::Failed, Some(&words));
+        }
+        if goal.status == GoalStatus::Accepted {
             return;
         }
         if let Some(limit) = goal.limit
             && now >= limit.at
         {
-            return self.stand(now, StopReason::TimeUp, limit.then);
+            let words = (limit.then == GoalStatus::Failed).then_some("its time was up");
+            return self.stand(now, StopReason::TimeUp, limit.then, words);
         }
         if let (Target::Point { .. }, Some(decision)) = (goal.target, &outputs.goto) {
             goal.distance_m = Some(decision.distance_m);
@@ -271,35 +270,50 @@ impl Agent {
         }
     }
 
-    /// The two rules: a setpoint lives 200 ms on this clock, and a lost session ends teleoperation.
-    fn watch_teleop(&mut self, now: Stamp) {
-        let Some(teleop) = &mut self.teleop else { return };
-        if now.since_ms(teleop.at) >= self.setpoint_lifetime_ms {
-            return self.stand(now, StopReason::SetpointExpired, GoalStatus::Cancelled);
-        }
-        if !self.link_up {
-            return self.stand(now, StopReason::LinkLost, GoalStatus::Cancelled);
-        }
-        if std::mem::replace(&mut teleop.delivered, true) {
-            return;
-        }
-        let rpm = teleop.setpoint.rpm.clamp(-self.max_rpm, self.max_rpm);
-        if let (Ok(rpm), Ok(steering)) =
-            (WheelRpm::try_from(rpm), Steering::try_from(teleop.setpoint.steering))
-        {
-            self.pending = Some(Command::Teleop { rpm, steering });
+    /// A lease that nobody retains becomes free.
+    fn watch_lease(&mut self, now: Stamp) {
+        let silent = self.lease.silent_ms(now).is_some_and(|ms| ms >= LEASE_FREE_MS);
+        if silent && self.guards.on(Guard::LeaseExpiry) && self.lease.free() {
+            self.emit(now, EventKind::Lease { holder: None });
         }
     }
 
+    /// The table has the last word: what it does not let write, ends.
+    fn arbitrate(&mut self, now: Stamp) {
+        self.writer = writer(&self.facts());
+        let network = matches!(self.writer, Writer::Setpoint | Writer::Goal);
+        if !network && self.under_way() {
+            let because = self.latches.all().next().map_or(StopReason::RemoteLost, why::of_latch);
+            self.stand(now, because, GoalStatus::Failed, Some("the robot is held"));
+        }
+    }
+
+    fn facts(&self) -> Facts {
+        let holds = self.guards.on(Guard::LatchHolds);
+        let of_the_network = |fault: Fault| fault.place() == "gyro" || fault == Fault::RemoteLost;
+        let mut stopping = self.faults.present().filter(|fault| stops(*fault).is_some());
+        let manual = self.mode == Mode::Manual;
+        Facts {
+            latched: holds && self.latches.all().any(xtb_protocol::messages::Latch::holds_transmitter),
+            broken: stopping.clone().any(|fault| !of_the_network(fault)),
+            manual,
+            network_held: (holds && self.latches.all().next().is_some())
+                || stopping.next().is_some()
+                || self.mode == Mode::Fault,
+            setpoint: self.teleop.is_some(),
+            goal: self.goal_runs(),
+        }
+    }
+
+    /// Who wrote the motor at the last turn.
+    #[must_use]
+    pub fn writer(&self) -> Writer {
+        self.writer
+    }
+
     /// Everything ends, the robot stands.
-    fn stand(&mut self, now: Stamp, because: StopReason, goal_becomes: GoalStatus) {
-        let reason = (goal_becomes == GoalStatus::Failed).then_some(match because {
-            StopReason::BoardLost => "the board was lost",
-            StopReason::GyroLost => "the gyro was lost",
-            StopReason::RemoteLost => "the remote control's signal was lost",
-            _ => "its time was up",
-        });
-        self.end_goal(now, goal_becomes, reason);
+    fn stand(&mut self, now: Stamp, because: StopReason, goal_becomes: GoalStatus, words: Option<&str>) {
+        self.end_goal(now, goal_becomes, words);
         self.teleop = None;
         self.idle_because = because;
         self.pending = Some(Command::Idle);
@@ -353,10 +367,40 @@ impl Agent {
         self.goal.as_ref()
     }
 
+    /// How the goals before the present one ended, newest first.
+    pub fn ended_goals(&self) -> impl Iterator<Item = GoalEnd> {
+        self.ended.iter().copied()
+    }
+
     /// The lease's book.
     #[must_use]
     pub fn lease(&self) -> &LeaseBook {
         &self.lease
+    }
+
+    /// Whose messages may come in now.
+    #[must_use]
+    pub fn gate(&self) -> Gate {
+        if !self.guards.on(Guard::LeaseFence) || !self.guards.on(Guard::LeaseRequired) {
+            return Gate::Open;
+        }
+        match (self.lease.holder(), self.lease.present()) {
+            (Some(holder), Some(lease)) => Gate::Holder(holder.clone(), lease),
+            _ => Gate::Shut,
+        }
+    }
+
+    /// The holder was heard at the door, whatever becomes of its message.
+    pub fn heard(&mut self, at: Stamp, lease: Lease) {
+        if self.lease.present() == Some(lease) {
+            self.lease.heard(at);
+        }
+    }
+
+    /// What is broken.
+    #[must_use]
+    pub fn faults(&self) -> &FaultBook {
+        &self.faults
     }
 
     /// Age of the last setpoint.
@@ -372,32 +416,5 @@ impl Agent {
         let age_ms = view.ages.gyro.zip(view.ages.encoder).map(|(gyro, encoder)| gyro.max(encoder));
         let source = if age_ms.is_some() { PoseSource::Odometry } else { PoseSource::Start };
         PoseState { x_m, y_m, yaw_rad, source, age_ms }
-    }
-
-    /// Why the robot stands; empty while it drives.
-    #[must_use]
-    pub fn stopped_because(&self, view: View<'_>) -> Vec<StopReason> {
-        let outputs = view.outputs;
-        let mut reasons = Vec::new();
-        match outputs.mode {
-            Mode::Idle => reasons.push(self.idle_because),
-            Mode::Wander if outputs.reference_rpm == 0.0 => reasons.push(StopReason::WanderPause),
-            Mode::Teleop if outputs.reference_rpm == 0.0 => reasons.push(StopReason::SetpointZero),
-            Mode::Manual if outputs.demanded.abs() <= STICK_NEUTRAL_COUNTS => {
-                reasons.push(StopReason::RemoteNeutral)
-            }
-            Mode::Fault => reasons.push(StopReason::RemoteLost),
-            _ => {}
-        }
-        if outputs.blocked {
-            let ahead = outputs.demanded > 0.0;
-            reasons.push(if ahead { StopReason::ObstacleFront } else { StopReason::ObstacleRear });
-        }
-        for reason in self.faults.present().filter_map(stops) {
-            if !reasons.contains(&reason) {
-                reasons.push(reason);
-            }
-        }
-        reasons
     }
 }

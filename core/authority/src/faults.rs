@@ -3,7 +3,7 @@
 use crate::line::{Device, LineFault, PortTrouble};
 use std::sync::Arc;
 use xtb_control::Stamp;
-use xtb_protocol::messages::{Fault, FaultState, InputAges, StopReason};
+use xtb_protocol::messages::{Fault, FaultState, InputAges, Latch, StopReason};
 
 /// A kind of sample that was not heard for this long is lost.
 pub const INPUT_LOST_MS: u64 = 200;
@@ -41,10 +41,31 @@ pub fn of_line(device: Device, fault: LineFault) -> Fault {
 pub fn stops(fault: Fault) -> Option<StopReason> {
     match fault {
         Fault::RemoteLost => Some(StopReason::RemoteLost),
-        Fault::TiltOutOfRange | Fault::RecordingFailed => None,
+        Fault::TiltOutOfRange | Fault::RecordingFailed | Fault::BatteryLow => None,
+        Fault::Stalled => Some(StopReason::Stalled),
         Fault::EncoderSilent | Fault::ConverterSilent => Some(StopReason::BoardLost),
         fault if fault.place() == "gyro" => Some(StopReason::GyroLost),
         _ => Some(StopReason::BoardLost),
+    }
+}
+
+/// The latch that a fault sets.
+#[must_use]
+pub fn latch_of(fault: Fault) -> Option<Latch> {
+    match fault {
+        Fault::Runaway => Some(Latch::Runaway),
+        Fault::BatteryCritical => Some(Latch::BatteryCritical),
+        Fault::BoardFrozen
+        | Fault::GyroFrozen
+        | Fault::ConverterFrozen
+        | Fault::InfraredFrozen
+        | Fault::InfraredOutOfRange
+        | Fault::EncoderOutOfRange => Some(Latch::SensorFault),
+        fault => match stops(fault) {
+            Some(StopReason::BoardLost) => Some(Latch::BoardLost),
+            Some(StopReason::GyroLost) => Some(Latch::GyroLost),
+            _ => None,
+        },
     }
 }
 
@@ -85,7 +106,7 @@ impl FaultBook {
     }
 
     /// Those that are present, oldest first.
-    pub fn present(&self) -> impl Iterator<Item = Fault> {
+    pub fn present(&self) -> impl Iterator<Item = Fault> + Clone {
         self.0.iter().map(|known| known.fault)
     }
 

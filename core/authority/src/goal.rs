@@ -7,7 +7,7 @@
 //! (`interrupted` is what a restarted robot says of a goal of its boot before.)
 
 use xtb_control::Stamp;
-use xtb_protocol::messages::{GoalKind, GoalState, GoalStatus, LinkLoss};
+use xtb_protocol::messages::{GoalKind, GoalState, GoalStatus, Lease, LinkLoss};
 use xtb_protocol::{Name, Uuid};
 
 /// What a goal asks for, in the map.
@@ -54,6 +54,8 @@ pub struct Goal {
     pub by: Name,
     /// What it does when its client falls silent.
     pub on_link_loss: LinkLoss,
+    /// Under which grant it runs.
+    pub lease: Option<Lease>,
 }
 
 impl Goal {
@@ -70,6 +72,7 @@ impl Goal {
             reason: None,
             by,
             on_link_loss,
+            lease: None,
         }
     }
 

@@ -1,15 +1,26 @@
 //! The lease: control of a robot, granted by the robot alone.
 //!
-//! This version grants to everyone who asks (the newest holder is shown) and does not enforce:
-//! clients already acquire and retain, so nothing changes for them when it will.
+//! ```text
+//!            acquire, take              acquire by another: refused, with the holder's name
+//!   free ────────────────────► held ◄─┐ any accepted message that bears it: heard
+//!    ▲                          │ │   └─ retain, each 100 ms
+//!    │ release · 900 ms silence │ └──── take by another ──► held by that one, under a new root
+//!    └──────────────────────────┘
+//! ```
+//! A lease is `{epoch, root}`: the epoch is random at boot, the root rises with each grant. So a
+//! message of another boot, of a holder who was replaced, or of an earlier process with the same
+//! client's name bears a lease that is no longer the present one, and counts for nothing.
 
 use xtb_control::Stamp;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Lease, LeaseState};
 
-/// A lease that is not retained for this long is free again.
+/// A lease that was not heard of for this long is free again.
 pub const LEASE_FREE_MS: u64 = 900;
+/// A goal that halts on link loss, and teleoperation, end after this much silence of the holder.
+pub const LINK_LOSS_MS: u64 = 500;
 
+/// The present grant.
 #[derive(Debug, Clone)]
 struct Held {
     holder: Name,
@@ -32,42 +43,43 @@ impl LeaseBook {
         Self { epoch, root: 0, held: None }
     }
 
-    /// Grants to `client`: the same lease again if it holds it, else a new root.
-    pub fn acquire(&mut self, now: Stamp, client: &Name) -> Lease {
-        if self.held.as_ref().is_none_or(|held| held.holder != *client) {
-            self.root = self.root.wrapping_add(1);
-        }
+    /// Grants it to `client` under a new root, whoever held it before.
+    pub fn grant(&mut self, now: Stamp, client: &Name) -> Lease {
+        self.root = self.root.wrapping_add(1);
         self.held = Some(Held { holder: client.clone(), root: self.root, heard: now });
         Lease { epoch: self.epoch, root: self.root }
     }
 
-    /// A message that bears `lease` was accepted: true if it is the present one.
-    pub fn touch(&mut self, now: Stamp, client: &Name, lease: Lease) -> bool {
-        match &mut self.held {
-            Some(held) if lease.epoch == self.epoch && lease.root == held.root && held.holder == *client => {
-                held.heard = now;
-                true
-            }
-            _ => false,
+    /// Whether `lease`, borne by `client`, is the present one.
+    #[must_use]
+    pub fn is_present(&self, client: &Name, lease: Lease) -> bool {
+        self.held.as_ref().is_some_and(|held| {
+            lease.epoch == self.epoch && lease.root == held.root && held.holder == *client
+        })
+    }
+
+    /// The holder was heard at `at`.
+    pub fn heard(&mut self, at: Stamp) {
+        if let Some(held) = &mut self.held {
+            held.heard = held.heard.max(at);
         }
     }
 
-    /// Gives the lease back: true if it was the present one.
-    pub fn release(&mut self, now: Stamp, client: &Name, lease: Lease) -> bool {
-        let present = self.touch(now, client, lease);
-        if present {
-            self.held = None;
-        }
-        present
+    /// Makes it free. True if it was held until now.
+    pub fn free(&mut self) -> bool {
+        self.held.take().is_some()
     }
 
-    /// Frees a lease that has not been heard of. True if it was held until now.
-    pub fn expire(&mut self, now: Stamp) -> bool {
-        let expired = self.held.as_ref().is_some_and(|held| now.since_ms(held.heard) > LEASE_FREE_MS);
-        if expired {
-            self.held = None;
-        }
-        expired
+    /// How long the holder has been silent; `None` = it is free.
+    #[must_use]
+    pub fn silent_ms(&self, now: Stamp) -> Option<u64> {
+        self.held.as_ref().map(|held| now.since_ms(held.heard))
+    }
+
+    /// The present lease.
+    #[must_use]
+    pub fn present(&self) -> Option<Lease> {
+        self.held.as_ref().map(|held| Lease { epoch: self.epoch, root: held.root })
     }
 
     /// The holder.
@@ -81,5 +93,22 @@ impl LeaseBook {
     pub fn state(&self, now: Stamp) -> Option<LeaseState> {
         let held = self.held.as_ref()?;
         Some(LeaseState { holder: held.holder.clone(), age_ms: now.since_ms(held.heard) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_grant_fences_the_one_before_also_of_the_same_client() {
+        let (mut book, me) = (LeaseBook::new(7), Name::new("me").unwrap());
+        let first = book.grant(Stamp::ZERO, &me);
+        let second = book.grant(Stamp::ZERO, &me);
+        assert!(!book.is_present(&me, first) && book.is_present(&me, second));
+        assert!(!book.is_present(&Name::new("you").unwrap(), second));
+        assert!(!book.is_present(&me, Lease { epoch: 8, ..second }));
+        assert!(book.free() && !book.free());
+        assert!(!book.is_present(&me, second));
     }
 }

@@ -5,12 +5,16 @@
 //! * [`robot`]: brain, controller and line codecs in one turn: what `robot-agent` runs against real
 //!   time and the simulator in lockstep.
 //! * [`mod@line`], [`faults`]: what is broken, by name, and whether it must stop the robot.
+//! * [`arbitration`], [`lease`], [`latch`], [`guard`]: the rules it goes by, each in one place.
 //! * [`operator`]: the client's side: acquire, retain, retry.
 
 pub mod agent;
+pub mod arbitration;
 pub mod faults;
+pub mod gate;
 pub mod goal;
 pub mod guard;
+pub mod latch;
 pub mod lease;
 pub mod line;
 pub mod operator;

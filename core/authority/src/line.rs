@@ -119,6 +119,11 @@ impl LineWatch {
         opened
     }
 
+    /// Nobody looked for a while, or the clock jumped: what was not seen meanwhile is no fault.
+    pub fn look_anew(&mut self, now: Stamp) {
+        *self = Self { port: self.port, known: self.known, ..Self::new(self.device, now) };
+    }
+
     /// Bytes came.
     pub fn bytes(&mut self, now: Stamp, bytes: &[u8]) {
         if now.since_ms(self.window_since) >= WINDOW_MS {

@@ -5,7 +5,7 @@
 
 use xtb_control::Stamp;
 use xtb_protocol::Uuid;
-use xtb_protocol::messages::{Body, Lease, Outcome, RejectCode, Reply, Request};
+use xtb_protocol::messages::{Body, Lease, Outcome, RejectCode, Reply, Request, Setpoint};
 
 /// A lease is retained this often.
 pub const RETAIN_MS: u64 = 100;
@@ -55,13 +55,48 @@ impl Call {
     }
 }
 
+/// How fast a robot's clock runs beside ours, from the ticks of its states: 1, but for simulators that
+/// run faster than real time. The lease lives by the robot's clock.
+#[derive(Debug, Clone, Copy, Default)]
+struct Tempo {
+    /// When a tick was seen, and which.
+    began: Option<(Stamp, u64)>,
+    measured: Option<f64>,
+}
+
+impl Tempo {
+    const WINDOW_MS: u64 = 500;
+
+    fn saw(&mut self, now: Stamp, tick_ms: u64) {
+        let Some((at, tick)) = self.began.filter(|(_, tick)| tick_ms >= *tick) else {
+            self.began = Some((now, tick_ms));
+            return;
+        };
+        let ours_ms = now.since_ms(at);
+        if ours_ms >= Self::WINDOW_MS {
+            self.measured = Some(((tick_ms - tick) as f64 / ours_ms as f64).clamp(1.0, 20.0));
+            self.began = Some((now, tick_ms));
+        }
+    }
+
+    /// 100 ms of the robot's time; more often while its tempo is not known yet.
+    fn retain_ns(self) -> u64 {
+        (RETAIN_MS as f64 * 1e6 / self.measured.unwrap_or(5.0)) as u64
+    }
+}
+
 /// A client's standing with one robot.
 #[derive(Debug, Clone, Default)]
 pub struct Operator {
     lease: Option<Lease>,
     next_retain: Stamp,
-    /// Whether another client has taken over since.
-    lost: bool,
+    /// Why the lease that was held is not any more, in the robot's words.
+    lost: Option<String>,
+    tempo: Tempo,
+    /// The robot's tick as last seen.
+    tick_ms: Option<u64>,
+    /// Number of the last setpoint under the present grant.
+    seq: u64,
 }
 
 impl Operator {
@@ -80,7 +115,19 @@ impl Operator {
     /// Whether a lease was held and is not any more.
     #[must_use]
     pub fn has_lost(&self) -> bool {
-        self.lost
+        self.lost.is_some()
+    }
+
+    /// Why it is not, in the robot's words.
+    #[must_use]
+    pub fn lost_because(&self) -> Option<&str> {
+        self.lost.as_deref()
+    }
+
+    /// A state of the robot arrived: what setpoints answer to, and how fast its clock runs.
+    pub fn saw(&mut self, now: Stamp, tick_ms: u64) {
+        self.tick_ms = Some(tick_ms);
+        self.tempo.saw(now, tick_ms);
     }
 
     /// A reply arrived: a lease in it is now held, a lost one is dropped.
@@ -88,13 +135,14 @@ impl Operator {
         match &reply.result {
             Outcome::Ok(done) => {
                 if let Some(lease) = done.lease {
-                    self.lease = Some(lease);
-                    self.lost = false;
-                    self.next_retain = now.plus_ms(RETAIN_MS);
+                    (self.lease, self.lost, self.seq) = (Some(lease), None, 0);
+                    self.next_retain = now.plus_ns(self.tempo.retain_ns());
                 }
             }
             Outcome::Error(error) if error.code == RejectCode::LeaseLost => {
-                self.lost = self.lease.take().is_some() || self.lost;
+                if self.lease.take().is_some() {
+                    self.lost = Some(error.message.clone());
+                }
             }
             Outcome::Error(_) => {}
         }
@@ -103,9 +151,16 @@ impl Operator {
     /// The body of a request that is due now to keep the lease.
     pub fn retain(&mut self, now: Stamp) -> Option<Body> {
         (self.lease.is_some() && now >= self.next_retain).then(|| {
-            self.next_retain = now.plus_ms(RETAIN_MS);
+            self.next_retain = now.plus_ns(self.tempo.retain_ns());
             Body::Retain {}
         })
+    }
+
+    /// The next setpoint; `None` without a lease, or before a state of the robot was seen.
+    pub fn setpoint(&mut self, rpm: f64, steering: f64) -> Option<Setpoint> {
+        let (Some(lease), Some(tick_ms)) = (self.lease, self.tick_ms) else { return None };
+        self.seq += 1;
+        Some(Setpoint { lease: Some(lease), seq: self.seq, echo_tick_ms: Some(tick_ms), rpm, steering })
     }
 }
 
@@ -129,19 +184,39 @@ mod tests {
         assert_eq!(call.step(Stamp::from_ms(1200)), Step::GiveUp { asked: 3 });
     }
 
+    fn granted() -> Reply {
+        Reply::done(Uuid::nil(), Done { lease: Some(Lease { epoch: 1, root: 2 }), goal: None })
+    }
+
     #[test]
-    fn a_lease_is_retained_every_100_ms_until_it_is_lost() {
+    fn a_lease_is_retained_every_100_ms_of_the_robots_time_until_it_is_lost() {
+        for speed in [1, 4] {
+            let mut operator = Operator::default();
+            assert_eq!(operator.retain(Stamp::from_ms(500)), None);
+            for ms in (0..2000).step_by(10) {
+                operator.saw(Stamp::from_ms(ms), 70 + speed * ms);
+            }
+            operator.replied(Stamp::from_ms(2000), &granted());
+            let due = |operator: &mut Operator, ms| operator.retain(Stamp::from_ms(ms)).is_some();
+            let retains = (2000..3000).filter(|ms| due(&mut operator, *ms)).count() as u64;
+            assert!((9 * speed..=10 * speed).contains(&retains), "{retains} at {speed} times");
+            let refused = Reply::refused(Uuid::nil(), RejectCode::LeaseLost, "held by cli-7", "");
+            operator.replied(Stamp::from_ms(3000), &refused);
+            assert_eq!((operator.has_lost(), operator.lost_because()), (true, Some("held by cli-7")));
+            assert_eq!(operator.retain(Stamp::from_ms(9000)), None);
+        }
+    }
+
+    #[test]
+    fn setpoints_bear_the_lease_count_from_one_in_each_grant_and_answer_the_last_state() {
         let mut operator = Operator::default();
-        assert_eq!(operator.retain(Stamp::from_ms(500)), None);
-        let lease = Lease { epoch: 1, root: 2 };
-        let granted = Reply::done(Uuid::nil(), Done { lease: Some(lease), goal: None });
-        operator.replied(Stamp::from_ms(1000), &granted);
-        assert_eq!(operator.retain(Stamp::from_ms(1099)), None);
-        assert_eq!(operator.retain(Stamp::from_ms(1100)), Some(Body::Retain {}));
-        assert_eq!(operator.retain(Stamp::from_ms(1101)), None);
-        let refused = Reply::refused(Uuid::nil(), RejectCode::LeaseLost, "", "");
-        operator.replied(Stamp::from_ms(1200), &refused);
-        assert!(operator.has_lost());
-        assert_eq!(operator.retain(Stamp::from_ms(5000)), None);
+        operator.replied(Stamp::ZERO, &granted());
+        assert_eq!(operator.setpoint(1.0, 0.0), None, "no state was seen");
+        operator.saw(Stamp::ZERO, 77);
+        let seqs: Vec<_> = (0..3).filter_map(|_| operator.setpoint(1.0, 0.0)).map(|s| s.seq).collect();
+        assert_eq!(seqs, [1, 2, 3]);
+        operator.replied(Stamp::ZERO, &granted());
+        let next = operator.setpoint(1.0, 0.5).unwrap();
+        assert_eq!((next.seq, next.echo_tick_ms, next.lease.unwrap().root), (1, Some(77), 2));
     }
 }

@@ -23,8 +23,9 @@ impl ReplyBook {
         replies.iter().find(|reply| reply.id == id)
     }
 
-    /// Remembers a reply.
-    pub fn remember(&mut self, client: &Name, reply: Reply) {
+    /// Remembers a reply. The entry of `holder` is never the one that is forgotten: strangers with many
+    /// names cannot make the robot do twice what it did for the one who drives it.
+    pub fn remember(&mut self, client: &Name, reply: Reply, holder: Option<&Name>) {
         let known = self.clients.iter().position(|(name, _)| name == client);
         let mut entry =
             known.and_then(|i| self.clients.remove(i)).unwrap_or_else(|| (client.clone(), VecDeque::new()));
@@ -32,8 +33,10 @@ impl ReplyBook {
             entry.1.pop_front();
         }
         entry.1.push_back(reply);
-        if self.clients.len() == CLIENTS {
-            self.clients.pop_front();
+        if self.clients.len() == CLIENTS
+            && let Some(oldest) = self.clients.iter().position(|(name, _)| Some(name) != holder)
+        {
+            self.clients.remove(oldest);
         }
         self.clients.push_back(entry);
     }
@@ -51,12 +54,24 @@ mod tests {
         let id = |i: usize| Uuid::from_u128(i as u128);
         for client in 0..=CLIENTS {
             for request in 0..=REPLIES_PER_CLIENT {
-                book.remember(&name(client), Reply::done(id(request), Done::default()));
+                book.remember(&name(client), Reply::done(id(request), Done::default()), None);
             }
         }
         assert!(book.find(&name(0), id(5)).is_none());
         assert!(book.find(&name(1), id(0)).is_none());
         assert!(book.find(&name(1), id(1)).is_some());
         assert!(book.find(&name(64), id(64)).is_some());
+    }
+
+    #[test]
+    fn strangers_do_not_make_it_forget_the_holder() {
+        let mut book = ReplyBook::default();
+        let name = |i: usize| Name::new(&format!("c-{i}")).unwrap();
+        for client in 0..1000 {
+            let reply = Reply::done(Uuid::from_u128(client as u128), Done::default());
+            book.remember(&name(client), reply, Some(&name(0)));
+        }
+        assert!(book.find(&name(0), Uuid::from_u128(0)).is_some());
+        assert_eq!(book.clients.len(), CLIENTS);
     }
 }

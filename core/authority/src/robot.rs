@@ -16,6 +16,7 @@ mod views;
 
 use crate::agent::{Agent, Arrival, Identity, View};
 use crate::faults::INPUT_LOST_MS;
+use crate::guard::{Guard, Guards};
 use crate::line::{Device, LineWatch, PortTrouble};
 use crate::tape::{Step, Tape};
 use std::sync::Arc;
@@ -36,6 +37,9 @@ use lines::{BoardLine, GyroLine};
 pub const TURN_NS: u64 = 5_000_000;
 /// A PWM frame goes out this often, and at once when the motor becomes neutral.
 pub const PWM_FRAME_NS: u64 = 20_000_000;
+/// A turn that is this late: the board's watchdog (100 ms after the last frame) may have stopped the truck
+/// meanwhile, so what was under way is over.
+pub const LOOP_STALL_MS: u64 = 80;
 /// A line that is this long without a good frame is looked at for another device's.
 const SUSPICIOUS_MS: u64 = 50;
 
@@ -81,6 +85,12 @@ pub struct Robot {
     remote_due: Option<Stamp>,
     /// The speed stick must be seen neutral before it drives: at boot, and after the board was lost.
     stick_held: bool,
+    /// The last turn, and since when the motor's pulse is neutral.
+    turned: Option<Stamp>,
+    neutral_since: Option<Stamp>,
+    /// The worst delay of a turn since the last state.
+    late_ns: u64,
+    guards: Guards,
 }
 
 impl Robot {
@@ -130,13 +140,29 @@ impl Robot {
             state_seq: 0,
             remote_due: None,
             stick_held: true,
+            turned: None,
+            neutral_since: Some(Stamp::ZERO),
+            late_ns: 0,
+            guards: Guards::default(),
         }
+    }
+
+    /// The same robot with one rule switched off: for the mutation check alone.
+    #[must_use]
+    pub fn without(mut self, guard: Guard) -> Self {
+        self.guards = Guards::without(guard);
+        self.agent.set_guards(self.guards);
+        self
     }
 
     /// Bytes from the I/O board, read at `now`; each sample among them takes one controller step.
     pub fn board_bytes(&mut self, now: Stamp, bytes: &[u8]) {
         if bytes.is_empty() {
             return;
+        }
+        if self.is_late(now) {
+            // The board's watchdog has fired because of us: no reason to set it up again.
+            (self.board.fed, self.board.starved) = (false, None);
         }
         self.board.watch.bytes(now, bytes);
         if self.board.watch.unwell_ms(now) > SUSPICIOUS_MS {
@@ -254,11 +280,14 @@ impl Robot {
     /// One request of a client.
     pub fn request(&mut self, now: Stamp, arrival: Arrival, client: &Name, request: &Request) -> Reply {
         let ages = self.ages(now);
-        self.agent.request(now, arrival, client, request, View { outputs: &self.outputs, ages })
+        let view =
+            View { outputs: &self.outputs, ages, neutral: self.neutral_since.is_some(), over_speed: false };
+        self.agent.request(now, arrival, client, request, view)
     }
 
     /// One turn, each [`TURN_NS`]: the PWM frame for the board, if one is due.
     pub fn turn(&mut self, now: Stamp) -> Option<Frame> {
+        self.watch_loop(now);
         self.miss_remote(now);
         let line_fault = self.board.watch.fault(now);
         if !self.setup.is_done() || line_fault.is_some() {
@@ -269,12 +298,17 @@ impl Robot {
         }
         let gyro_fault = self.gyro.watch.fault(now);
         self.agent.set_faults(now, &self.faults(now, line_fault, gyro_fault));
-        let view = View { outputs: &self.outputs, ages: self.ages(now) };
+        let (ages, neutral) = (self.ages(now), self.neutral_since.is_some());
+        let view = View { outputs: &self.outputs, ages, neutral, over_speed: false };
         if let Some(command) = self.agent.turn(now, view) {
             self.step(now, &Sample::Command(command));
         }
         let pwm = self.pulses();
         let motor = pwm.motor;
+        self.neutral_since = match motor {
+            PwmCount::NEUTRAL => self.neutral_since.or(Some(now)),
+            _ => None,
+        };
         let became_neutral = motor == PwmCount::NEUTRAL && self.sent_motor != PwmCount::NEUTRAL;
         if now < self.next_frame && !became_neutral {
             return None;
@@ -318,6 +352,11 @@ impl Robot {
     /// Whether the recorder fails: a fault that people can see.
     pub fn set_recording_failed(&mut self, failed: bool) {
         self.recording_failed = failed;
+    }
+
+    /// A turn began this much after its time.
+    pub fn turn_was_late(&mut self, ns: u64) {
+        self.late_ns = self.late_ns.max(ns);
     }
 
     /// The brain.

@@ -8,7 +8,7 @@ use bench::*;
 use xtb_authority::line::PortTrouble;
 use xtb_control::controller::{Mode, RemoteSample};
 use xtb_control::{PwmCount, VehicleConfig};
-use xtb_protocol::messages::{EventKind, Fault, GoalStatus, RejectCode, StopReason};
+use xtb_protocol::messages::{Body, EventKind, Fault, GoalStatus, RejectCode, StopReason};
 
 fn faults(bench: &mut Bench) -> Vec<Fault> {
     bench.state().faults.iter().map(|state| state.fault).collect()
@@ -49,7 +49,8 @@ fn a_fault_has_its_name_within_200_ms_stops_the_goal_and_goes_by_itself() {
     bench.run_ms(170);
     assert_eq!(faults(&mut bench), [Fault::GyroSilent]);
     assert_eq!(bench.motor, PwmCount::NEUTRAL);
-    assert_eq!(code_of(&bench.ask(ahead(1.0))), RejectCode::NotReady);
+    assert_eq!(code_of(&bench.ask(ahead(1.0))), RejectCode::Latched);
+    assert_eq!(code_of(&bench.ask(Body::Reset { latch: None })), RejectCode::CausePresent);
     bench.gyro_silent = false;
     bench.run_ms(1000);
     assert_eq!(faults(&mut bench), []);
@@ -93,7 +94,8 @@ fn manual_ends_what_the_network_asked_for_and_refuses_more() {
     bench.run_ms(100);
     assert_eq!((bench.motor.get(), bench.state().mode), (4000, Mode::Manual));
     assert!(bench.goal_events().contains(&(goal, GoalStatus::Cancelled)));
-    assert_eq!(code_of(&bench.ask(ahead(1.0))), RejectCode::NotReady);
+    assert_eq!(code_of(&bench.ask(ahead(1.0))), RejectCode::Latched);
+    assert_eq!(code_of(&bench.ask(Body::Reset { latch: None })), RejectCode::CausePresent);
     bench.setpoint(13.0);
     bench.run_ms(20);
     assert_eq!(bench.state().mode, Mode::Manual);
@@ -283,6 +285,12 @@ fn a_joystick_that_is_held_through_a_fault_does_not_drive_on() {
     bench.gyro_silent = false;
     hold(&mut bench, 13.0, 40);
     assert_eq!((bench.motor, faults(&mut bench)), (PwmCount::NEUTRAL, Vec::new()));
+    hold(&mut bench, 0.0, 1);
+    hold(&mut bench, 13.0, 20);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL, "the latch holds it");
+    bench.ask(Body::Reset { latch: None });
+    hold(&mut bench, 13.0, 20);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL, "held through the reset");
     hold(&mut bench, 0.0, 1);
     hold(&mut bench, 13.0, 20);
     assert_ne!(bench.motor, PwmCount::NEUTRAL, "let go and pushed again");

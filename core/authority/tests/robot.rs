@@ -125,7 +125,7 @@ fn a_silent_gyro_or_board_stops_the_truck_and_it_does_not_start_again_by_itself(
         bench.run_ms(270);
         assert_eq!(bench.motor, PwmCount::NEUTRAL);
         assert_eq!(bench.state().goal.unwrap().status, GoalStatus::Failed);
-        assert_eq!(code_of(&bench.ask(ahead(5.0))), RejectCode::NotReady);
+        assert_eq!(code_of(&bench.ask(ahead(5.0))), RejectCode::Latched);
         silence(&mut bench, false);
         bench.run_ms(2000);
         assert_eq!(bench.motor, PwmCount::NEUTRAL);
@@ -176,11 +176,12 @@ fn a_finish_goal_ends_when_its_time_is_up() {
 #[test]
 fn a_lease_is_granted_shown_and_free_again_900_ms_after_the_last_word() {
     let mut bench = Bench::new();
-    bench.ask(Body::Acquire { take: false });
+    bench.lease_of(CLIENT);
+    bench.retains = false;
     assert_eq!(bench.state().lease.unwrap().holder, client());
-    bench.run_ms(900);
+    bench.run_ms(895);
     assert!(bench.state().lease.is_some());
-    bench.run_ms(10);
+    bench.run_ms(5);
     assert_eq!(bench.state().lease, None);
 }
 
@@ -207,7 +208,7 @@ fn a_command_with_a_lease_of_another_boot_moves_nothing() {
     let now = bench.now;
     bench.robot.agent_mut().setpoint(now, now, 99, &client(), &setpoint);
     bench.run_ms(500);
-    assert_eq!((bench.motor, bench.state().rejected.stale), (PwmCount::NEUTRAL, 1));
+    assert_eq!((bench.motor, bench.state().rejected.fenced), (PwmCount::NEUTRAL, 1));
     let stop = bench.ask_with(Request { id: Uuid::from_u128(2), lease, body: Body::Stop {} });
     assert!(matches!(stop.result, Outcome::Ok(_)), "a stop needs no lease, so a wrong one is no matter");
 }
@@ -216,16 +217,17 @@ fn a_command_with_a_lease_of_another_boot_moves_nothing() {
 fn what_came_before_a_stop_does_not_move_the_robot_after_it() {
     let mut bench = Bench::new();
     let now = bench.now;
+    let lease = Some(bench.lease_of(CLIENT));
     bench.robot.agent_mut().stop(now, 10);
-    let goto = Request { id: Uuid::from_u128(1), lease: None, body: ahead(5.0) };
+    let goto = Request { id: Uuid::from_u128(1), lease, body: ahead(5.0) };
     let reply = bench.robot.request(now, 9, &client(), &goto);
     assert_eq!(code_of(&reply), RejectCode::Overtaken);
-    let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm: 20.0, steering: 0.0 };
+    let setpoint = bench.fresh_setpoint(20.0);
     bench.robot.agent_mut().setpoint(now, now, 8, &client(), &setpoint);
     bench.run_ms(500);
     assert_eq!(bench.motor, PwmCount::NEUTRAL);
     let now = bench.now;
-    let goto = Request { id: Uuid::from_u128(2), lease: None, body: ahead(5.0) };
+    let goto = Request { id: Uuid::from_u128(2), lease, body: ahead(5.0) };
     goal_of(&bench.robot.request(now, 11, &client(), &goto));
     bench.run_ms(500);
     assert_ne!(bench.motor, PwmCount::NEUTRAL);
@@ -235,9 +237,10 @@ fn what_came_before_a_stop_does_not_move_the_robot_after_it() {
 fn a_setpoint_from_before_a_goal_does_not_end_it() {
     let mut bench = Bench::new();
     let now = bench.now;
-    let goto = Request { id: Uuid::from_u128(1), lease: None, body: ahead(5.0) };
+    let lease = Some(bench.lease_of(CLIENT));
+    let goto = Request { id: Uuid::from_u128(1), lease, body: ahead(5.0) };
     goal_of(&bench.robot.request(now, 10, &client(), &goto));
-    let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm: 0.0, steering: 0.0 };
+    let setpoint = bench.fresh_setpoint(0.0);
     bench.robot.agent_mut().setpoint(now, now, 9, &client(), &setpoint);
     bench.run_ms(500);
     assert_eq!(bench.state().mode, Mode::Goto);
@@ -248,7 +251,7 @@ fn a_setpoint_that_is_dead_on_arrival_ends_no_goal() {
     let mut bench = Bench::new();
     bench.ask(ahead(5.0));
     bench.run_ms(500);
-    let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm: 0.0, steering: 0.0 };
+    let setpoint = bench.fresh_setpoint(0.0);
     let now = bench.now;
     bench.robot.agent_mut().setpoint(now, Stamp::from_ns(now.ns() - 200_000_000), 99, &client(), &setpoint);
     bench.run_ms(100);

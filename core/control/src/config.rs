@@ -132,10 +132,23 @@ impl Value for bool {
     }
 }
 
+/// As a basic string of TOML, whose escapes are not those of Rust.
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from('"');
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => quoted.extend(['\\', c]),
+            c if c.is_ascii_control() => quoted.push_str(&format!("\\u{:04x}", u32::from(c))),
+            c => quoted.push(c),
+        }
+    }
+    quoted.push('"');
+    quoted
+}
+
 impl Value for String {
     fn to_toml(&self) -> String {
-        // Rust's escapes differ from TOML's only in forms that no sensible setting holds.
-        format!("{self:?}")
+        quoted(self)
     }
     fn is_allowed(&self, allowed: &Allowed) -> bool {
         match allowed {
@@ -148,7 +161,8 @@ impl Value for String {
 
 impl Value for Vec<String> {
     fn to_toml(&self) -> String {
-        format!("{self:?}")
+        let each: Vec<String> = self.iter().map(|text| quoted(text)).collect();
+        format!("[{}]", each.join(", "))
     }
     fn is_allowed(&self, allowed: &Allowed) -> bool {
         matches!(allowed, Allowed::Text)

@@ -97,13 +97,25 @@ pub fn encoding<M: Message>(format: Format) -> String {
 /// [`CodecError::Malformed`] if serde cannot write it.
 pub fn encode<M: Message>(message: &M, format: Format) -> Result<Vec<u8>, CodecError> {
     message.validate()?;
-    let broken = |reason: String| CodecError::Malformed { name: M::NAME, reason };
+    let broken = |reason: String| CodecError::Malformed { name: M::NAME, reason: shortened(reason) };
     let bytes = match format {
         Format::Postcard => postcard::to_allocvec(message).map_err(|e| broken(e.to_string()))?,
         Format::Json => serde_json::to_vec(message).map_err(|e| broken(e.to_string()))?,
     };
     check_length::<M>(bytes.len())?;
     Ok(bytes)
+}
+
+/// A parser repeats the field that it does not know, however long. Both ends of what it says are kept:
+/// a refusal has to fit into a reply.
+fn shortened(reason: String) -> String {
+    const KEPT: usize = 200;
+    let len = reason.chars().count();
+    if len <= 2 * KEPT {
+        return reason;
+    }
+    let (head, tail) = (reason.chars().take(KEPT), reason.chars().skip(len - KEPT));
+    head.chain(['…']).chain(tail).collect()
 }
 
 fn check_length<M: Message>(len: usize) -> Result<(), CodecError> {
@@ -116,7 +128,7 @@ fn check_length<M: Message>(len: usize) -> Result<(), CodecError> {
 /// Every [`CodecError`]; the bytes are then dropped and nothing else happens.
 pub fn decode<M: Message>(encoding: &str, bytes: &[u8]) -> Result<(M, Format), CodecError> {
     check_length::<M>(bytes.len())?;
-    let broken = |reason: String| CodecError::Malformed { name: M::NAME, reason };
+    let broken = |reason: String| CodecError::Malformed { name: M::NAME, reason: shortened(reason) };
     let format = format_of::<M>(encoding)?;
     let message: M = match format {
         Format::Json => serde_json::from_slice(bytes).map_err(|e| broken(e.to_string()))?,

@@ -167,6 +167,14 @@ fn what_is_wrong_is_named() {
 }
 
 #[test]
+fn the_refusal_of_a_very_long_field_fits_into_a_reply() {
+    let json = format!(r#"{{"{}":0}}"#, "x".repeat(16_300));
+    let error = decode::<Request>("application/json", json.as_bytes()).unwrap_err();
+    let reply = Reply::refused(Uuid::nil(), error.code(), error.to_string(), "");
+    assert!(encode(&reply, Format::Json).unwrap().len() < 1024, "{error}");
+}
+
+#[test]
 fn gaps_in_the_sequence_are_counted() {
     let (mut writer, mut reader) = (FrameWriter::default(), FrameReader::default());
     for i in 0..10 {

@@ -9,7 +9,8 @@ use xtb_protocol::board::FrameWriter;
 use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::gyro_3dmg::EulerFrame;
 use xtb_protocol::messages::{
-    Body, Done, Event, EventKind, GoalStatus, Lease, LinkLoss, Message, RejectCode, Reply, Request, Setpoint,
+    Body, Done, Estop, Estopped, Event, EventKind, GoalStatus, Latch, Lease, LinkLoss, Message, RejectCode,
+    Reply, Request, Setpoint,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -130,4 +131,58 @@ fn the_agents_pwm_frame() {
 fn the_gyros_frame() {
     let frame = EulerFrame { angles: GyroSample { roll: 1, pitch: -2, yaw: 256 }, ticks: 513 };
     assert_eq!(hex(&frame.encode()), "0e0001fffe01000201030e");
+}
+
+#[test]
+fn a_reset_request() {
+    let request =
+        |latch| Request { id: id(), lease: Some(Lease { epoch: 300, root: 2 }), body: Body::Reset { latch } };
+    pinned(
+        &request(None),
+        "1000112233445566778899aabbccddeeff01ac02020800",
+        concat!(
+            r#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"body":{"#,
+            r#""reset":{"latch":null}}}"#
+        ),
+    );
+    pinned(
+        &request(Some(Latch::SensorFault)),
+        "1000112233445566778899aabbccddeeff01ac0202080105",
+        concat!(
+            r#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"body":{"#,
+            r#""reset":{"latch":"sensor_fault"}}}"#
+        ),
+    );
+    let json = br#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"body":{"reset":{}}}"#;
+    assert_eq!(decode::<Request>("application/json", json).unwrap().0, request(None));
+}
+
+#[test]
+fn an_emergency_stop_and_its_acknowledgement() {
+    pinned(
+        &Estop { id: id() },
+        "1000112233445566778899aabbccddeeff",
+        r#"{"id":"00112233-4455-6677-8899-aabbccddeeff"}"#,
+    );
+    pinned(
+        &Estopped { robot: Name::new("xtb-1").unwrap(), latched: true },
+        "057874622d3101",
+        r#"{"robot":"xtb-1","latched":true}"#,
+    );
+}
+
+/// A name put in between, or taken away, would change the meaning of all that follow.
+#[test]
+fn the_numbers_of_the_codes() {
+    let code = |number: u8| postcard::from_bytes::<RejectCode>(&[number]).ok();
+    let names: Vec<_> = (0..128).map_while(code).map(|code| serde_json::to_value(code).unwrap()).collect();
+    let names: Vec<_> = names.iter().map(|name| name.as_str().unwrap()).collect();
+    assert_eq!(
+        names.join(" "),
+        concat!(
+            "malformed oversized wrong_version out_of_range lease_held lease_lost busy unknown_goal ",
+            "not_ready unsupported overloaded overtaken lease_required latched cause_present ",
+            "battery_low"
+        )
+    );
 }

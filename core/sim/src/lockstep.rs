@@ -10,9 +10,9 @@ use xtb_authority::{Identity, Robot};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
-use xtb_protocol::Name;
 use xtb_protocol::keys::NameError;
-use xtb_protocol::messages::{Rejected, Reply, Request, RobotState, TruthRobot};
+use xtb_protocol::messages::{Body, Lease, Outcome, Rejected, Reply, Request, RobotState, TruthRobot};
+use xtb_protocol::{Name, Uuid};
 
 /// Why robots cannot be put into a simulation.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -30,6 +30,8 @@ pub enum LockstepError {
 pub struct Lockstep {
     simulation: Simulation,
     robots: Vec<Robot>,
+    /// What the one client of each robot holds, once it has asked for something.
+    leases: Vec<Option<Lease>>,
     bytes: Vec<u8>,
     asked: Arrival,
 }
@@ -50,8 +52,10 @@ impl Lockstep {
             };
             Ok(Robot::new(identity, vehicle.clone(), "lockstep"))
         };
-        let robots = simulation.trucks().iter().enumerate().map(robot).collect::<Result<_, NameError>>()?;
-        Ok(Self { simulation, robots, bytes: Vec::with_capacity(1024), asked: 0 })
+        let robots: Vec<Robot> =
+            simulation.trucks().iter().enumerate().map(robot).collect::<Result<_, NameError>>()?;
+        let leases = vec![None; robots.len()];
+        Ok(Self { simulation, robots, leases, bytes: Vec::with_capacity(1024), asked: 0 })
     }
 
     /// Simulated time.
@@ -71,8 +75,24 @@ impl Lockstep {
         &mut self.simulation
     }
 
-    /// Asks the robot with this index; `None` if there is none.
+    /// Asks the robot with this index; `None` if there is none. A request without a lease bears the one
+    /// of `client`, which is acquired the first time and never let go.
     pub fn request(&mut self, index: usize, client: &Name, request: &Request) -> Option<Reply> {
+        if request.lease.is_some() {
+            return self.ask(index, client, request);
+        }
+        if self.leases.get(index)?.is_none() {
+            let id = Uuid::from_u128(u128::MAX - u128::from(self.asked));
+            let reply =
+                self.ask(index, client, &Request { id, lease: None, body: Body::Acquire { take: true } })?;
+            let Outcome::Ok(done) = reply.result else { return Some(reply) };
+            self.leases[index] = done.lease;
+        }
+        let lease = self.leases[index];
+        self.ask(index, client, &Request { lease, ..request.clone() })
+    }
+
+    fn ask(&mut self, index: usize, client: &Name, request: &Request) -> Option<Reply> {
         let now = self.now();
         self.asked += 1;
         let arrival = self.asked;
@@ -87,10 +107,13 @@ impl Lockstep {
 
     /// One step of the world and one turn of every robot.
     pub fn step(&mut self) {
-        let Self { simulation, robots, bytes, .. } = self;
+        let Self { simulation, robots, leases, bytes, .. } = self;
         simulation.step();
         let now = simulation.now();
-        for (truck, robot) in simulation.trucks_mut().iter_mut().zip(robots) {
+        for ((truck, robot), lease) in simulation.trucks_mut().iter_mut().zip(robots).zip(leases) {
+            if let Some(lease) = lease {
+                robot.agent_mut().heard(now, *lease);
+            }
             bytes.clear();
             truck.take_board_tx(bytes);
             robot.board_bytes(now, bytes);

@@ -1,7 +1,7 @@
 //! `fleet-cli` from outside, against a simulator in a process of its own.
 
-use crate::processes::{Process, program};
 use fleet_tests::PATIENCE;
+use fleet_tests::processes::{Process, program};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::path::Path;

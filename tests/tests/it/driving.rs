@@ -2,7 +2,7 @@
 
 use fleet_tests::{Fleet, Setup, eventually};
 use xtb_control::Mode;
-use xtb_protocol::messages::{Body, GoalStatus, Outcome, RejectCode, StopReason};
+use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Outcome, RejectCode, StopReason};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_truck_is_really_there_after_three_metres() {
@@ -63,7 +63,7 @@ async fn stop_ends_a_goal_and_the_truck_stands() {
 #[tokio::test(flavor = "multi_thread")]
 async fn wander_drives_until_its_time_is_up() {
     let fleet = Fleet::start(Setup::default()).await;
-    let body = Body::Wander { for_s: Some(5.0), on_link_loss: Default::default(), finish_s: 300.0 };
+    let body = Body::Wander { for_s: Some(5.0), on_link_loss: LinkLoss::Finish, finish_s: 300.0 };
     let Outcome::Ok(done) = fleet.ask(1, body).await else { panic!("refused") };
     fleet.until(1, "wandering", |state| state.mode == Mode::Wander).await;
     assert_eq!(fleet.outcome(1, done.goal.unwrap()).await, GoalStatus::Reached);
@@ -84,7 +84,7 @@ async fn what_a_robot_cannot_do_is_refused_by_name() {
         x_m: 1.0,
         y_m: 1.0,
         yaw_rad: Some(0.0),
-        on_link_loss: Default::default(),
+        on_link_loss: LinkLoss::Finish,
         finish_s: 300.0,
     };
     assert_eq!(refused(fleet.ask(1, turned).await), RejectCode::Unsupported);

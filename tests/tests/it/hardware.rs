@@ -6,8 +6,8 @@
 
 mod cables;
 
-use crate::processes::{Process, program};
 use cables::Socket;
+use fleet_tests::processes::{Process, program};
 use fleet_tests::{Fleet, Setup, agent_config, eventually, name};
 use robot_agent::AgentError;
 use robot_agent::hardware::serial::SerialHardware;
@@ -141,7 +141,7 @@ impl<'a> Truck<'a> {
     async fn ask_ahead(&self, way_m: f64) -> Outcome {
         let pose = self.fleet.state(self.number).await.pose;
         let (x_m, y_m) = (pose.x_m + way_m * pose.yaw_rad.cos(), pose.y_m + way_m * pose.yaw_rad.sin());
-        let body = Body::Goto { x_m, y_m, yaw_rad: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 };
+        let body = Body::Goto { x_m, y_m, yaw_rad: None, on_link_loss: LinkLoss::Finish, finish_s: 300.0 };
         self.fleet.ask(self.number, body).await
     }
 
@@ -173,7 +173,7 @@ impl<'a> Truck<'a> {
         };
         assert!(state.stopped_because.contains(&reason), "{state:?}");
         match self.ask_ahead(0.5).await {
-            Outcome::Error(error) => assert_eq!(error.code, RejectCode::NotReady),
+            Outcome::Error(error) => assert_eq!(error.code, RejectCode::Latched),
             Outcome::Ok(done) => panic!("{done:?}"),
         }
     }
@@ -191,6 +191,8 @@ impl<'a> Truck<'a> {
         let state = self.well().await;
         assert_eq!(state.mode, Mode::Idle);
         assert!(truth.speed_mps < 0.01, "xtb-{} rolls at {} m/s", self.number, truth.speed_mps);
+        let reset = self.fleet.ask(self.number, Body::Reset { latch: None }).await;
+        assert!(matches!(reset, Outcome::Ok(_)), "{reset:?}");
         match self.ask_ahead(0.4).await {
             Outcome::Ok(done) => {
                 let reached = self.fleet.outcome(self.number, done.goal.unwrap()).await;

@@ -4,11 +4,13 @@
 
 mod commands;
 mod driving;
+mod fuzz;
 mod hardware;
 mod hostile;
 mod membership;
 mod obstacles;
 mod processes;
 mod recording;
+mod safety;
 mod style;
 mod teleop;

@@ -55,7 +55,7 @@ async fn an_agent_that_restarts_in_mid_goal_does_not_move_by_itself() {
         (fleet.time_s() > until_s).then_some(())
     })
     .await;
-    fleet.until(1, "old setpoints counted", |state| state.rejected.stale > 0).await;
+    fleet.until(1, "old setpoints counted", |state| state.rejected.fenced > 0).await;
     let after = fleet.truth(1);
     assert_eq!((before.x_m, before.y_m), (after.x_m, after.y_m));
     assert!(after.neutral_since_s.is_some());

@@ -1,28 +1,11 @@
 //! Separate processes: serial lines, real kills, and clients in another language.
 
+use fleet_tests::processes::{Process, program};
 use fleet_tests::{Fleet, Setup, eventually};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use xtb_control::Mode;
 use xtb_protocol::messages::GoalStatus;
-
-/// A program of this workspace: cargo builds it before it runs any test, for its own package's tests.
-pub(crate) fn program(name: &str) -> PathBuf {
-    let here = std::env::current_exe().unwrap();
-    let path = here.parent().unwrap().parent().unwrap().join(name);
-    assert!(path.exists(), "{} is not built: `cargo build --workspace` first", path.display());
-    path
-}
-
-/// A process that is killed when the test ends, however it ends.
-pub(crate) struct Process(pub(crate) Child);
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
 
 fn agent(fleet: &Fleet, lines: &Path) -> Process {
     let child = Command::new(program("robot-agent"))
@@ -94,13 +77,15 @@ async fn the_python_example_of_the_docs_drives_a_robot() {
     let Some(python) = python() else {
         return eprintln_skip("no Python with the package eclipse-zenoh: the example was not run");
     };
-    let fleet = Fleet::start(Setup { robots: 3, ..Setup::default() }).await;
+    // The robot's time is the program's: it retains its lease every 100 ms.
+    let fleet = Fleet::start(Setup { robots: 3, speed: 1.0, ..Setup::default() }).await;
     let mut command = Command::new(python);
-    command.arg(&example).args([fleet.simulator.endpoint(), "lab", "xtb-1", "0.3", "1.5"]);
+    command.arg(&example).args([fleet.simulator.endpoint(), "lab", "xtb-1", "0.1", "0.8"]);
     let output = tokio::task::spawn_blocking(move || command.output()).await.unwrap().unwrap();
     assert!(output.status.success(), "{output:?}");
     let truth = fleet.truth(1);
-    assert!((truth.x_m - 0.3).hypot(truth.y_m - 1.5) < 0.5, "{truth:?}");
+    assert!((truth.x_m - 0.1).hypot(truth.y_m - 0.8) < 0.4, "{truth:?}");
+    fleet.until(1, "the lease given back", |state| state.lease.is_none()).await;
     fleet.end().await;
 }
 

@@ -9,7 +9,7 @@ use robot_agent::replay::{Comparison, OtherDecision, compare, what_if};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use xtb_control::VehicleConfig;
-use xtb_protocol::messages::{Body, GoalStatus};
+use xtb_protocol::messages::{Body, GoalStatus, LinkLoss};
 
 /// Two robots drive, one to a goal that needs several manoeuvres; their recordings.
 async fn drive(folder: &Path) -> Vec<PathBuf> {
@@ -21,7 +21,7 @@ async fn drive(folder: &Path) -> Vec<PathBuf> {
     };
     let fleet = Fleet::start(setup).await;
     let goal = fleet.goto(1, -1.5, 0.4).await;
-    fleet.ask(2, Body::Wander { for_s: None, on_link_loss: Default::default(), finish_s: 300.0 }).await;
+    fleet.ask(2, Body::Wander { for_s: None, on_link_loss: LinkLoss::Finish, finish_s: 300.0 }).await;
     assert_eq!(fleet.outcome(1, goal).await, GoalStatus::Reached);
     assert_eq!(fleet.state(1).await.rejected.record_dropped, 0);
     fleet.end().await;

@@ -1,13 +1,11 @@
 //! Teleoperation: a setpoint lives 200 ms, on the robot's own clock.
 
 use crate::membership::{lone_agent, router};
-use fleet_tests::{Fleet, Setup, eventually, name};
+use fleet_tests::{Fleet, Pilot, Setup, eventually};
 use std::sync::atomic::{AtomicU32, Ordering};
 use xtb_bus::Role;
 use xtb_control::{Mode, PwmCount};
-use xtb_protocol::codec::Format;
-use xtb_protocol::keys::{Channel, FleetKeys};
-use xtb_protocol::messages::{Setpoint, StopReason};
+use xtb_protocol::messages::StopReason;
 
 /// Sends setpoints until the truck rolls at more than `mps`.
 async fn drive_until_rolling(fleet: &Fleet, rpm: f64, mps: f64) {
@@ -61,16 +59,13 @@ async fn a_lost_session_ends_teleoperation() {
     let endpoint = router.locators().await.remove(0);
     let agent = lone_agent(&endpoint, "lost");
     let bus = xtb_bus::open(&Role::Client { connect: vec![endpoint] }).await.unwrap();
-    let client = name("driver");
-    let key = FleetKeys::new(name("lost")).robot(&name("xtb-1")).teleop(Some(&client));
-    let puts = AtomicU32::new(0);
+    let (pilot, puts) = (Pilot::new(&bus, "lost", "xtb-1", "driver").await, AtomicU32::new(0));
     let motor = || agent.motor.load(Ordering::Relaxed);
     let neutral = PwmCount::NEUTRAL.get();
     eventually("driving", || async {
         // A joystick that was held before the robot was ready has to be let go once.
         let rpm = if puts.fetch_add(1, Ordering::Relaxed).is_multiple_of(25) { 0.0 } else { 20.0 };
-        let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm, steering: 0.0 };
-        bus.put(&key, &Channel::Teleop(client.clone()), &setpoint, Format::Postcard).await.unwrap();
+        pilot.setpoint(rpm, 0.0).await;
         (motor() > neutral).then_some(())
     })
     .await;

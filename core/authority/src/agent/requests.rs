@@ -1,17 +1,45 @@
-//! What each request does: boot, idempotency, order, lease, goal.
+//! What each request does: idempotency, lease, order, latches, goal.
+//!
+//! | request | lease | while latched | effect |
+//! | --- | --- | --- | --- |
+//! | `acquire` | – | yes | grants; refused while another holds it, unless `take` |
+//! | `retain` | present | yes | heard |
+//! | `release` | present | yes | free; ends a goal that halts on link loss |
+//! | `goto`, `wander` | present | no | the goal; ends the one before |
+//! | `cancel` | present | yes | ends that goal |
+//! | `set_pose` | present | yes | the pose, while nothing is under way |
+//! | `reset` | present | yes | clears latches whose cause is gone; moves nothing |
+//! | `stop` | none | yes | ends everything of the network |
 
-use super::{Agent, Arrival, View};
+use super::{Agent, Arrival, ENDED_GOALS, View};
 use crate::faults::INPUT_LOST_MS;
 use crate::goal::{Goal, Target, TimeLimit};
+use crate::guard::Guard;
 use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::{Command, Mode, Stamp, goto};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    Body, Done, EventKind, GoalStatus, InputAges, LinkLoss, RejectCode, Reply, Request, StopReason,
+    Body, Done, EventKind, Fault, GoalEnd, GoalStatus, InputAges, LinkLoss, RejectCode, Reply, Request,
+    StopReason,
 };
 
 type Refusal = (RejectCode, String, &'static str);
 type Outcome = Result<Done, Refusal>;
+
+/// Whether a request needs the present lease.
+#[must_use]
+fn needs_lease(body: &Body) -> bool {
+    match body {
+        Body::Acquire { .. } | Body::Stop {} => false,
+        Body::Retain {}
+        | Body::Release {}
+        | Body::Goto { .. }
+        | Body::Wander { .. }
+        | Body::Cancel { .. }
+        | Body::SetPose { .. }
+        | Body::Reset { .. } => true,
+    }
+}
 
 impl Agent {
     /// One request; the answer is final, its effect begins at the next turn. The same id again gets
@@ -25,16 +53,15 @@ impl Agent {
         view: View<'_>,
     ) -> Reply {
         let each_time = matches!(request.body, Body::Retain {} | Body::Stop {});
-        if !each_time && let Some(reply) = self.replies.find(client, request.id) {
+        if !each_time
+            && self.guards.on(Guard::Idempotency)
+            && let Some(reply) = self.replies.find(client, request.id)
+        {
             return reply.clone();
         }
-        if let Some(lease) = request.lease
-            && !matches!(request.body, Body::Retain {})
-        {
-            self.lease.touch(now, client, lease);
-        }
-        let done =
-            self.check_boot(request).and_then(|()| self.carry_out(now, arrival, client, request, view));
+        let done = self
+            .check_lease(now, client, request)
+            .and_then(|()| self.carry_out(now, arrival, client, request, view));
         let reply = match done {
             Ok(done) => Reply::done(request.id, done),
             Err((code, message, hint)) => {
@@ -43,20 +70,40 @@ impl Agent {
             }
         };
         if !each_time {
-            self.replies.remember(client, reply.clone());
+            self.replies.remember(client, reply.clone(), self.lease.holder());
         }
         reply
     }
 
-    /// A lease of another boot belongs to a command of that boot: nothing of it may move this one.
-    fn check_boot(&self, request: &Request) -> Result<(), Refusal> {
-        let exempt = matches!(request.body, Body::Stop {} | Body::Acquire { .. });
+    /// The present lease, where one is needed; bearing it keeps it.
+    fn check_lease(&mut self, now: Stamp, client: &Name, request: &Request) -> Result<(), Refusal> {
+        let present = request.lease.is_some_and(|lease| self.lease.is_present(client, lease));
+        if present {
+            self.lease.heard(now);
+        }
+        if present || !needs_lease(&request.body) {
+            return Ok(());
+        }
         match request.lease {
-            Some(lease) if lease.epoch != self.identity.epoch && !exempt => Err((
-                RejectCode::LeaseLost,
-                "the robot has restarted since that lease was granted".into(),
-                "acquire it again and send the command anew",
+            None if self.guards.on(Guard::LeaseRequired) => Err((
+                RejectCode::LeaseRequired,
+                match self.lease.holder() {
+                    Some(holder) => format!("this needs the lease, which {holder} holds"),
+                    None => "this needs the lease, and none was given".to_owned(),
+                },
+                "acquire it first",
             )),
+            Some(lease) if self.guards.on(Guard::LeaseFence) => Err(match self.lease.holder() {
+                _ if lease.epoch != self.identity.epoch => (
+                    RejectCode::LeaseLost,
+                    "the robot has restarted since that lease was granted".to_owned(),
+                    "acquire it again and send the command anew",
+                ),
+                Some(holder) if holder != client => {
+                    (RejectCode::LeaseLost, format!("the lease is held by {holder}"), "take it, or wait")
+                }
+                _ => (RejectCode::LeaseLost, "that lease has run out".to_owned(), "acquire it again"),
+            }),
             _ => Ok(()),
         }
     }
@@ -70,25 +117,14 @@ impl Agent {
         view: View<'_>,
     ) -> Outcome {
         match &request.body {
-            Body::Acquire { take: _ } => {
-                let before = self.lease.holder().cloned();
-                let lease = self.lease.acquire(now, client);
-                if before.as_ref() != Some(client) {
-                    self.emit(now, EventKind::Lease { holder: Some(client.clone()) });
-                }
-                Ok(Done { lease: Some(lease), goal: None })
+            Body::Acquire { take } => self.acquire(now, client, *take),
+            Body::Retain {} => Ok(Done::default()),
+            Body::Release {} => {
+                self.lease.free();
+                self.control_passes(now, StopReason::LeaseReleased, "control was given back");
+                self.emit(now, EventKind::Lease { holder: None });
+                Ok(Done::default())
             }
-            Body::Retain {} => match request.lease {
-                Some(lease) if self.lease.touch(now, client, lease) => Ok(Done::default()),
-                _ => Err(lease_lost(self.lease.holder())),
-            },
-            Body::Release {} => match request.lease {
-                Some(lease) if self.lease.release(now, client, lease) => {
-                    self.emit(now, EventKind::Lease { holder: None });
-                    Ok(Done::default())
-                }
-                _ => Err(lease_lost(self.lease.holder())),
-            },
             Body::Goto { x_m, y_m, yaw_rad, on_link_loss, finish_s } => {
                 if yaw_rad.is_some() {
                     return Err((
@@ -98,25 +134,21 @@ impl Agent {
                     ));
                 }
                 let (x_odom, y_odom) = self.map.point_to_odom(*x_m, *y_m);
-                let goal = goto::Goal::new(x_odom, y_odom).map_err(|error| {
+                let point = goto::Goal::new(x_odom, y_odom).map_err(|error| {
                     (RejectCode::OutOfRange, error.to_string(), "choose a goal nearer to the robot")
                 })?;
-                let limit = finish_limit(now, *on_link_loss, *finish_s);
                 let target = Target::Point { x_m: *x_m, y_m: *y_m };
-                self.check_overtaken(arrival)?;
-                let mut new = Goal::accepted(now, client.clone(), request.id, target, *on_link_loss);
-                new.limit = limit;
-                self.begin(now, new, Command::Goto(goal), view)
+                let mut goal = Goal::accepted(now, client.clone(), request.id, target, *on_link_loss);
+                goal.limit = finish_limit(now, *on_link_loss, *finish_s);
+                self.begin(now, arrival, goal, Command::Goto(point), view)
             }
             Body::Wander { for_s, on_link_loss, finish_s } => {
                 let lasting = for_s.map(|s| TimeLimit { at: after(now, s), then: GoalStatus::Reached });
                 let bounded = finish_limit(now, *on_link_loss, *finish_s);
-                let limit = [lasting, bounded].into_iter().flatten().min_by_key(|limit| limit.at);
-                self.check_overtaken(arrival)?;
-                let mut new =
+                let mut goal =
                     Goal::accepted(now, client.clone(), request.id, Target::Anywhere, *on_link_loss);
-                new.limit = limit;
-                self.begin(now, new, Command::Wander, view)
+                goal.limit = [lasting, bounded].into_iter().flatten().min_by_key(|limit| limit.at);
+                self.begin(now, arrival, goal, Command::Wander, view)
             }
             Body::Stop {} => {
                 self.stop(now, arrival);
@@ -125,7 +157,7 @@ impl Agent {
             Body::Cancel { goal } => match &self.goal {
                 Some(present) if present.id == *goal && !present.status.is_final() => {
                     self.commanded_by = self.commanded_by.max(arrival);
-                    self.stand(now, StopReason::Cancelled, GoalStatus::Cancelled);
+                    self.stand(now, StopReason::Cancelled, GoalStatus::Cancelled, None);
                     Ok(Done::default())
                 }
                 _ => Err((
@@ -135,7 +167,7 @@ impl Agent {
                 )),
             },
             Body::SetPose { x_m, y_m, yaw_rad } => {
-                if self.goal_runs() || self.teleop.is_some() {
+                if self.under_way() {
                     return Err((
                         RejectCode::Busy,
                         "the pose cannot be set while the robot is under way".into(),
@@ -146,13 +178,72 @@ impl Agent {
                 self.map = MapFromOdom::aligning(&view.outputs.pose, &pose);
                 Ok(Done::default())
             }
-            Body::Reset { .. } => Ok(Done::default()),
+            Body::Reset { latch } => {
+                self.commanded_by = self.commanded_by.max(arrival);
+                match self.reset(now, *latch, client).first() {
+                    None => Ok(Done::default()),
+                    Some(latch) => Err(self.cause_present(*latch)),
+                }
+            }
+        }
+    }
+
+    /// Grants the lease under a new root. Whoever held it before is fenced from here on.
+    fn acquire(&mut self, now: Stamp, client: &Name, take: bool) -> Outcome {
+        let before = self.lease.holder().cloned();
+        if let Some(holder) = before.as_ref().filter(|holder| *holder != client)
+            && !take
+            && self.guards.on(Guard::LeaseExclusive)
+        {
+            let silent_ms = self.lease.silent_ms(now).unwrap_or_default();
+            let message = format!("the lease is held by {holder}, heard {silent_ms} ms ago");
+            return Err((RejectCode::LeaseHeld, message, "--take (acquire with take) takes it from them"));
+        }
+        let lease = self.lease.grant(now, client);
+        self.last_seq = None;
+        if before.as_ref() == Some(client) {
+            // Its own goal goes on under the new grant; its setpoints have to begin anew.
+            let goal = self.goal.as_mut().filter(|goal| goal.by == *client);
+            goal.into_iter().for_each(|goal| goal.lease = Some(lease));
+        } else {
+            self.emit(now, EventKind::Lease { holder: Some(client.clone()) });
+        }
+        self.control_passes(now, StopReason::LeaseTaken, &format!("{client} took control"));
+        Ok(Done { lease: Some(lease), goal: None })
+    }
+
+    /// What lived by a lease that is not the present one any more ends at once.
+    fn control_passes(&mut self, now: Stamp, because: StopReason, words: &str) {
+        let present = self.lease.present();
+        let fenced = self.guards.on(Guard::LeaseFence);
+        let orphan = self.goal.as_ref().is_some_and(|goal| {
+            !goal.status.is_final() && goal.on_link_loss == LinkLoss::Halt && goal.lease != present
+        });
+        if fenced && (self.teleop.is_some() || (orphan && self.guards.on(Guard::LinkLossHalt))) {
+            self.stand(now, because, GoalStatus::Cancelled, Some(words));
+        }
+        self.rearm |= fenced;
+    }
+
+    fn cause_present(&self, latch: xtb_protocol::messages::Latch) -> Refusal {
+        let cause = self.faults.present().find(|fault| crate::faults::latch_of(*fault) == Some(latch));
+        match cause {
+            Some(fault) => (
+                RejectCode::CausePresent,
+                format!("{latch} cannot be reset: {fault} is still there"),
+                fault.remedy(),
+            ),
+            None => (
+                RejectCode::CausePresent,
+                format!("{latch} cannot be reset: the remote control drives (mode manual)"),
+                "set its selector to automatic",
+            ),
         }
     }
 
     /// Notes that a command changes who drives, unless a later stop has been carried out already.
     fn check_overtaken(&mut self, arrival: Arrival) -> Result<(), Refusal> {
-        if arrival < self.stopped_by {
+        if arrival < self.stopped_by && self.guards.on(Guard::Overtaken) {
             return Err((
                 RejectCode::Overtaken,
                 "a stop came after this command and was carried out first".into(),
@@ -165,12 +256,25 @@ impl Agent {
 
     /// Whether the robot could drive at all.
     fn check_ready(&self, view: View<'_>) -> Result<(), Refusal> {
+        if self.is_held() {
+            let names: Vec<String> = self.latches.all().map(|latch| latch.to_string()).collect();
+            let message = format!("a latched stop holds the robot: {}", names.join(", "));
+            return Err((
+                RejectCode::Latched,
+                message,
+                "see why with `fleet-cli why`, then `fleet-cli reset`",
+            ));
+        }
         if let Some((fault, _)) = self.faults.stopping() {
             return Err((
                 RejectCode::NotReady,
                 format!("the {} has a fault: {fault}", fault.place()),
                 fault.remedy(),
             ));
+        }
+        if self.faults.present().any(|fault| fault == Fault::BatteryLow) {
+            let message = "the battery is too low to begin anything".to_owned();
+            return Err((RejectCode::BatteryLow, message, Fault::BatteryLow.remedy()));
         }
         if view.outputs.mode == Mode::Manual {
             return Err((
@@ -189,12 +293,24 @@ impl Agent {
         }
     }
 
-    fn begin(&mut self, now: Stamp, goal: Goal, command: Command, view: View<'_>) -> Outcome {
+    fn begin(
+        &mut self,
+        now: Stamp,
+        arrival: Arrival,
+        mut goal: Goal,
+        command: Command,
+        view: View<'_>,
+    ) -> Outcome {
         self.check_ready(view)?;
+        self.check_overtaken(arrival)?;
         self.end_goal(now, GoalStatus::Replaced, None);
         self.teleop = None;
         let id = goal.id;
-        self.goal = Some(goal);
+        goal.lease = self.lease.present();
+        if let Some(before) = self.goal.replace(goal) {
+            self.ended.truncate(ENDED_GOALS - 1);
+            self.ended.push_front(GoalEnd { id: before.id, status: before.status });
+        }
         self.emit(now, EventKind::Goal { id, status: GoalStatus::Accepted, reason: None });
         self.pending = Some(command);
         Ok(Done { lease: None, goal: Some(id) })
@@ -207,14 +323,6 @@ pub(super) fn unheard(view: View<'_>) -> Option<&'static str> {
     [(encoder, "encoder"), (adc, "converter"), (gyro, "gyro")]
         .into_iter()
         .find_map(|(age, name)| age.is_none_or(|ms| ms > INPUT_LOST_MS).then_some(name))
-}
-
-fn lease_lost(holder: Option<&Name>) -> Refusal {
-    let message = match holder {
-        Some(holder) => format!("the lease is held by {holder}"),
-        None => "the lease has run out".to_owned(),
-    };
-    (RejectCode::LeaseLost, message, "acquire it again")
 }
 
 fn after(now: Stamp, seconds: f64) -> Stamp {

@@ -1,9 +1,11 @@
 //! What holds a robot back beside its brain: a receiver that falls silent, a stick that was never
 //! neutral, a board that is not there; and what is broken, collected for the brain.
 
-use super::Robot;
+use super::{Heard, LOOP_STALL_MS, Robot};
 use crate::agent::STICK_NEUTRAL_COUNTS;
-use crate::faults::{of_line, silent_kinds, stops};
+use crate::arbitration::Writer;
+use crate::faults::{of_line, silent_kinds};
+use crate::guard::Guard;
 use crate::line::{Device, LINE_LOST_MS, LineFault};
 use std::sync::Arc;
 use xtb_control::controller::{PwmOutputs, RemoteSample};
@@ -19,6 +21,31 @@ const QUIET_MS: u64 = 60;
 const RECEIVER_BACK_MS: u64 = 100;
 
 impl Robot {
+    /// A loop that was held up, or whose clock jumped: everything ends. After a jump back no age says
+    /// anything any more, so the lease is free and every input has to be heard anew.
+    pub(super) fn watch_loop(&mut self, now: Stamp) {
+        let (late, last) = (self.is_late(now), self.turned.replace(now));
+        if !late {
+            return;
+        }
+        self.board.watch.look_anew(now);
+        self.gyro.watch.look_anew(now);
+        (self.board.speaks_since, self.board.starved) = (now, None);
+        if last.is_some_and(|last| now < last) {
+            self.agent.clock_went_back(now);
+            (self.heard, self.board.open_since) = (Heard::default(), now);
+            (self.next_frame, self.neutral_since) = (now, self.neutral_since.map(|_| now));
+            self.remote_due = self.remote_due.map(|_| now);
+        }
+        self.agent.loop_stalled(now);
+    }
+
+    /// Whether the last turn is too long ago, or ahead of us.
+    pub(super) fn is_late(&self, now: Stamp) -> bool {
+        let late = |last: Stamp| now < last || now.since_ms(last) > LOOP_STALL_MS;
+        self.guards.on(Guard::LoopStall) && self.turned.is_some_and(late)
+    }
+
     pub(super) fn remote_period_ns(&self) -> u64 {
         Stamp::from_s(self.vehicle().remote.period_ms / 1000.0).ns().max(1)
     }
@@ -46,13 +73,12 @@ impl Robot {
         }
     }
 
-    /// What the board gets: what was decided, but no drive while the board has a fault, and none in mode
-    /// manual before the stick has been neutral.
+    /// What the board gets: what was decided, but no drive while nobody may write the motor, and none in
+    /// mode manual before the stick has been neutral.
     pub(super) fn pulses(&self) -> PwmOutputs {
-        let manual = self.outputs.mode == Mode::Manual;
-        let fault = |fault: Fault| fault.place() != "gyro" && stops(fault).is_some();
-        let held = manual && (self.stick_held || self.agent.faults().present().any(fault));
-        match held || !self.setup.is_done() {
+        let nobody = self.agent.writer() == Writer::Nobody;
+        let stick_held = self.outputs.mode == Mode::Manual && self.stick_held;
+        match nobody || stick_held || !self.setup.is_done() {
             true => PwmOutputs { motor: PwmCount::NEUTRAL, ..self.outputs.pwm },
             false => self.outputs.pwm,
         }

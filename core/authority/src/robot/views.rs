@@ -69,7 +69,8 @@ impl Robot {
     /// The state at `now`. `rejected` brings what the links outside have counted.
     pub fn state(&mut self, now: Stamp, rejected: Rejected) -> RobotState {
         let ages = self.ages(now);
-        let view = View { outputs: &self.outputs, ages };
+        let view =
+            View { outputs: &self.outputs, ages, neutral: self.neutral_since.is_some(), over_speed: false };
         let fresh = |age: Option<u64>| age.is_some_and(|ms| ms <= INPUT_LOST_MS);
         let converted = fresh(ages.adc);
         let seen = |side: bool| converted.then_some(side);
@@ -99,15 +100,17 @@ impl Robot {
             battery_v: battery_mv.map(|mv| f64::from(mv) / 1000.0),
             battery_level: BatteryLevel::Unknown,
             goal: self.agent.goal().map(|goal| goal.state(now)),
-            ended_goals: Vec::new(),
+            ended_goals: self.agent.ended_goals().collect(),
             faults: self.agent.faults().states(now),
-            latches: Vec::new(),
+            latches: self.agent.latch_states(now),
             stopped_because: self.agent.stopped_because(view),
-            stopped_age_ms: None,
+            stopped_age_ms: self.neutral_since.map(|since| now.since_ms(since)),
             input_age_ms: ages,
+            turn_late_us: std::mem::take(&mut self.late_ns) / 1000,
             rejected: Rejected {
                 refused: self.agent.refused,
                 stale: self.agent.stale,
+                fenced: self.agent.fenced + rejected.fenced,
                 events_dropped: self.agent.events_dropped + rejected.events_dropped,
                 board_frames: board.rejected,
                 board_lost: board.lost,

@@ -11,8 +11,8 @@ use xtb_control::{AdcCount, PwmCount, Stamp, VehicleConfig};
 use xtb_protocol::board::{BoardStatus, FrameReader, FrameWriter, ToBoard};
 use xtb_protocol::gyro_3dmg::EulerFrame;
 use xtb_protocol::messages::{
-    Body, Done, EventKind, GoalStatus, LinkLoss, Outcome, RejectCode, Rejected, Reply, Request, RobotState,
-    Setpoint,
+    Body, Done, EventKind, GoalStatus, Lease, LinkLoss, Outcome, RejectCode, Rejected, Reply, Request,
+    RobotState, Setpoint,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -37,6 +37,10 @@ pub(crate) struct Bench {
     pub(crate) yaw: i16,
     pub(crate) asked: u128,
     pub(crate) arrivals: u64,
+    /// Acquired with the first command, and kept for as long as `retains` says so.
+    pub(crate) lease: Option<Lease>,
+    pub(crate) retains: bool,
+    pub(crate) seq: u64,
 }
 
 pub(crate) const CLIENT: &str = "cli-1";
@@ -74,6 +78,9 @@ impl Bench {
             yaw: 0,
             asked: 0,
             arrivals: 0,
+            lease: None,
+            retains: true,
+            seq: 0,
         };
         bench.robot.agent_mut().set_link(true);
         bench.run_ms(200);
@@ -86,6 +93,9 @@ impl Bench {
         while self.now < end {
             self.now = self.now.plus_ns(TURN_NS);
             let at = self.now.ms();
+            if let Some(lease) = self.lease.filter(|_| self.retains) {
+                self.robot.agent_mut().heard(self.now, lease);
+            }
             if at.is_multiple_of(10) && !self.gyro_silent {
                 let frame =
                     EulerFrame { angles: GyroSample { yaw: self.yaw, ..GyroSample::default() }, ticks: 0 };
@@ -143,25 +153,62 @@ impl Bench {
         }
     }
 
+    /// Asks with the lease, which is acquired first if need be.
     pub(crate) fn ask(&mut self, body: Body) -> Reply {
         self.asked += 1;
         self.ask_with_id(Uuid::from_u128(1000 + self.asked), body)
     }
 
     pub(crate) fn ask_with_id(&mut self, id: Uuid, body: Body) -> Reply {
-        self.ask_with(Request { id, lease: None, body })
+        let lease = self.lease_of(CLIENT);
+        self.ask_with(Request { id, lease: Some(lease), body })
     }
 
     pub(crate) fn ask_with(&mut self, request: Request) -> Reply {
+        self.ask_as(CLIENT, &request)
+    }
+
+    pub(crate) fn ask_as(&mut self, client: &str, request: &Request) -> Reply {
         self.arrivals += 1;
-        self.robot.request(self.now, self.arrivals, &client(), &request)
+        self.robot.request(self.now, self.arrivals, &Name::new(client).unwrap(), request)
+    }
+
+    /// The lease, acquired by `client` if nobody has it yet.
+    pub(crate) fn lease_of(&mut self, client: &str) -> Lease {
+        if let Some(lease) = self.lease {
+            return lease;
+        }
+        self.asked += 1;
+        let id = Uuid::from_u128(1000 + self.asked);
+        let reply = self.ask_as(client, &Request { id, lease: None, body: Body::Acquire { take: false } });
+        let Outcome::Ok(Done { lease: Some(lease), .. }) = reply.result else { panic!("{reply:?}") };
+        self.lease = Some(lease);
+        lease
     }
 
     pub(crate) fn setpoint(&mut self, rpm: f64) {
-        let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm, steering: 0.0 };
+        self.lease_of(CLIENT);
+        let setpoint = self.fresh_setpoint(rpm);
+        self.put(&setpoint);
+    }
+
+    /// What the holder would send now.
+    pub(crate) fn fresh_setpoint(&mut self, rpm: f64) -> Setpoint {
+        self.seq += 1;
+        let echo_tick_ms = Some(self.now.ms());
+        Setpoint { lease: self.lease, seq: self.seq, echo_tick_ms, rpm, steering: 0.0 }
+    }
+
+    pub(crate) fn put(&mut self, setpoint: &Setpoint) {
         self.arrivals += 1;
         let (now, arrival) = (self.now, self.arrivals);
-        self.robot.agent_mut().setpoint(now, now, arrival, &client(), &setpoint);
+        self.robot.agent_mut().setpoint(now, now, arrival, &client(), setpoint);
+    }
+
+    pub(crate) fn estop(&mut self, id: u128) {
+        self.arrivals += 1;
+        let (now, arrival) = (self.now, self.arrivals);
+        self.robot.agent_mut().estop(now, arrival, &client(), Uuid::from_u128(id));
     }
 
     pub(crate) fn state(&mut self) -> RobotState {

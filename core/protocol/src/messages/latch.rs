@@ -36,11 +36,11 @@ impl Latch {
         Self::BatteryCritical,
     ];
 
-    /// Whether the transmitter stands too. It may drive a truck whose gyro is lost, and one that it
-    /// has taken over itself; nothing else.
+    /// Whether the transmitter stands too. It may drive a truck that it has taken over itself, one
+    /// whose gyro is lost, and one whose board was lost and is back: the hand at the stick sees it.
     #[must_use]
     pub fn holds_transmitter(self) -> bool {
-        !matches!(self, Self::RemoteTakeover | Self::GyroLost)
+        !matches!(self, Self::RemoteTakeover | Self::BoardLost | Self::GyroLost)
     }
 }
 

@@ -216,6 +216,8 @@ pub enum StopReason {
     ChangingDirection,
     /// The wheels turn as fast as they should by themselves.
     Coasting,
+    /// It has only just been told to drive.
+    Starting,
 }
 
 /// Ages of the inputs in ms; `None` = never heard.
@@ -320,6 +322,8 @@ pub struct RobotState {
     pub stopped_age_ms: Option<u64>,
     /// Ages of the inputs.
     pub input_age_ms: InputAges,
+    /// How late the latest turn of the control loop since the last state was; it should be under 5000.
+    pub turn_late_us: u64,
     /// What was refused or dropped.
     pub rejected: Rejected,
 }

@@ -15,6 +15,8 @@ const CLOCK_TOLERANCE: f64 = 0.05;
 const POSE_TOLERANCE_M: f64 = 0.01;
 /// The same, for yaw.
 const YAW_TOLERANCE_RAD: f64 = 0.01;
+/// A turn of a robot's control loop that is later has lost a turn.
+const LATE_US: u64 = 5000;
 /// Parameters that are named where vehicle configs differ.
 const DIFFERENCES_SHOWN: usize = 3;
 
@@ -100,12 +102,13 @@ type Check = (&'static str, fn(&Facts) -> Vec<Finding>);
 
 /// Everything but the router.
 pub(super) fn all(facts: &Facts) -> Vec<Finding> {
-    let checks: [Check; 8] = [
+    let checks: [Check; 9] = [
         ("roster", roster),
         ("names", names),
         ("versions", versions),
         ("starts", starts),
         ("clocks", clocks),
+        ("loops", loops),
         ("vehicle", vehicles),
         ("latches", latches),
         ("faults", faults),
@@ -268,6 +271,21 @@ fn clocks(facts: &Facts) -> Vec<Finding> {
     }
     if good > 0 {
         findings.push(Finding::ok("clocks", format!("{good} in step with ours within 5 %")));
+    }
+    findings
+}
+
+fn loops(facts: &Facts) -> Vec<Finding> {
+    let late = facts.states.iter().filter(|(_, state)| state.turn_late_us > LATE_US);
+    let findings: Vec<_> = late
+        .map(|(name, state)| {
+            let text = format!("its control loop was {} ms late", state.turn_late_us / 1000);
+            let todo = "its computer is overloaded: end what else runs there";
+            Finding::warning("loops", text, todo).of(name)
+        })
+        .collect();
+    if findings.is_empty() && !facts.states.is_empty() {
+        return vec![Finding::ok("loops", "every control loop was in time just now")];
     }
     findings
 }

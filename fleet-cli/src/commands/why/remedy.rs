@@ -14,7 +14,7 @@ pub(super) fn of_reason(robot: &Name, reason: StopReason) -> Option<String> {
         R::SetpointZero => "press a key or move the joystick".to_owned(),
         R::ObstacleFront => "clear the way ahead, or drive astern".to_owned(),
         R::ObstacleRear => "clear the way behind, or drive ahead".to_owned(),
-        R::WanderPause | R::ChangingDirection | R::Coasting => return None,
+        R::WanderPause | R::ChangingDirection | R::Starting | R::Coasting => return None,
         R::BoardLost => Fault::BoardSilent.remedy().to_owned(),
         R::GyroLost => Fault::GyroSilent.remedy().to_owned(),
         R::RemoteNeutral => {

@@ -42,7 +42,10 @@ fn a_healthy_fleet_is_ok_in_every_respect() {
     let findings = all(&healthy());
     assert!(findings.iter().all(|finding| finding.level == Level::Ok), "{findings:?}");
     let topics: Vec<_> = findings.iter().map(|finding| finding.topic).collect();
-    assert_eq!(topics, ["roster", "names", "versions", "starts", "clocks", "vehicle", "latches", "faults"]);
+    assert_eq!(
+        topics,
+        ["roster", "names", "versions", "starts", "clocks", "loops", "vehicle", "latches", "faults"]
+    );
 }
 
 #[test]
@@ -131,6 +134,14 @@ fn a_clock_that_is_off_is_a_problem_except_a_simulators() {
     facts.abouts.get_mut(&name("xtb-1")).unwrap()[0].hardware = "simulated".into();
     assert_eq!(wrong(&facts), []);
     assert!(all(&facts).iter().any(|finding| finding.text.contains("8.0 times ours: a simulator's")));
+}
+
+#[test]
+fn a_control_loop_that_was_late_is_worth_a_look() {
+    let mut facts = healthy();
+    facts.states.get_mut(&name("xtb-1")).unwrap().turn_late_us = 12_000;
+    let found = the_only(&facts);
+    assert_eq!((found.level, found.text.as_str()), (Level::Warning, "its control loop was 12 ms late"));
 }
 
 #[test]

@@ -1,0 +1,140 @@
+//! Stops: of the moment, latched, and what resets them.
+
+use super::{Agent, Arrival, why};
+use crate::faults::latch_of;
+use crate::guard::Guard;
+use std::sync::Arc;
+use xtb_control::{Mode, Stamp};
+use xtb_protocol::messages::{EventKind, Fault, GoalStatus, Latch, LatchState, StopReason};
+use xtb_protocol::{Name, Uuid};
+
+/// Ids of emergency stops that are remembered.
+pub(super) const ESTOP_IDS: usize = 64;
+
+impl Agent {
+    /// A stop has arrived: the robot stands, whatever waits in a queue.
+    pub fn stop(&mut self, now: Stamp, arrival: Arrival) {
+        if self.overtakes(arrival) {
+            self.stand(now, StopReason::Stop, GoalStatus::Cancelled, None);
+            self.rearm = true;
+        }
+    }
+
+    /// An emergency stop has arrived: as a stop, and latched. One whose id was seen before is a
+    /// repetition and does nothing: it must not latch again after a reset.
+    pub fn estop(&mut self, now: Stamp, arrival: Arrival, by: &Name, id: Uuid) {
+        if self.estops.contains(&id) || !self.guards.on(Guard::Estop) {
+            return;
+        }
+        if self.estops.len() == ESTOP_IDS {
+            self.estops.pop_front();
+        }
+        self.estops.push_back(id);
+        self.overtakes(arrival);
+        self.latch_as(now, Latch::Estop, by.as_str());
+    }
+
+    /// Whether a stop is news; if so, what arrived before it cannot begin any more.
+    fn overtakes(&mut self, arrival: Arrival) -> bool {
+        let news = arrival > self.stopped_by;
+        if news {
+            self.stopped_by = arrival;
+            self.commanded_by = self.commanded_by.max(arrival);
+        }
+        news
+    }
+
+    /// The control loop was held up, or its clock jumped: nobody watched, so everything ends.
+    pub fn loop_stalled(&mut self, now: Stamp) {
+        if self.under_way() {
+            let words = "the control loop was held up";
+            self.stand(now, StopReason::LoopStalled, GoalStatus::Failed, Some(words));
+        }
+        self.rearm = true;
+    }
+
+    /// The clock went back: no age says anything any more, so the lease is free.
+    pub fn clock_went_back(&mut self, now: Stamp) {
+        (self.setpoint_heard, self.setpoint_seen) = (None, None);
+        if self.lease.free() {
+            self.emit(now, EventKind::Lease { holder: None });
+        }
+    }
+
+    /// What is broken now: all of it, with the system's words. News are reported, and latched where
+    /// the table says so; board and gyro only after they have been well.
+    pub fn set_faults(&mut self, now: Stamp, current: &[(Fault, Option<Arc<str>>)]) {
+        for (fault, detail) in current {
+            if !self.faults.begin(now, *fault, detail.as_deref()) {
+                continue;
+            }
+            let words = detail.as_deref().map(str::to_owned);
+            self.emit(now, EventKind::Fault { fault: *fault, present: true, detail: words });
+            match latch_of(*fault) {
+                Some(Latch::BoardLost | Latch::GyroLost) if !self.was_well => {}
+                Some(latch) => {
+                    let by = detail.as_deref().map_or_else(|| fault.to_string(), |d| format!("{fault}: {d}"));
+                    self.latch_as(now, latch, &by);
+                }
+                None => {}
+            }
+        }
+        while let Some(fault) = self.faults.end_other_than(current) {
+            self.emit(now, EventKind::Fault { fault, present: false, detail: None });
+        }
+    }
+
+    /// Sets a latch: everything ends.
+    pub(super) fn latch_as(&mut self, now: Stamp, latch: Latch, by: &str) {
+        if self.latches.set(now, latch, by) {
+            self.emit(now, EventKind::Latch { latch, set: true, by: by.to_owned() });
+        }
+        let (status, words) = match latch {
+            Latch::RemoteTakeover => (GoalStatus::Cancelled, "the remote control took over".to_owned()),
+            latch => (GoalStatus::Failed, format!("{latch} was latched by {by}")),
+        };
+        self.stand(now, why::of_latch(latch), status, Some(&words));
+        self.rearm = true;
+    }
+
+    /// Clears this latch, or all; those whose cause is still there stay set and are returned.
+    pub(super) fn reset(&mut self, now: Stamp, wanted: Option<Latch>, by: &Name) -> Vec<Latch> {
+        let asked: Vec<Latch> =
+            self.latches.all().filter(|latch| wanted.is_none_or(|wanted| wanted == *latch)).collect();
+        let (stay, go): (Vec<Latch>, Vec<Latch>) = asked
+            .into_iter()
+            .partition(|latch| self.guards.on(Guard::ResetInterlock) && self.is_present(*latch));
+        for latch in go {
+            self.latches.clear(latch);
+            self.emit(now, EventKind::Latch { latch, set: false, by: by.to_string() });
+        }
+        self.rearm = true;
+        stay
+    }
+
+    /// Whether what set a latch is still so.
+    fn is_present(&self, latch: Latch) -> bool {
+        match latch {
+            Latch::Estop => false,
+            Latch::RemoteTakeover => self.mode == Mode::Manual,
+            other => self.faults.present().any(|fault| latch_of(fault) == Some(other)),
+        }
+    }
+
+    /// Whether a latch holds the network.
+    pub(super) fn is_held(&self) -> bool {
+        self.guards.on(Guard::LatchHolds) && self.latches.all().next().is_some()
+    }
+
+    /// Whether this latch is set.
+    #[must_use]
+    pub fn is_latched(&self, latch: Latch) -> bool {
+        self.latches.is_set(latch)
+    }
+
+    /// The latches, for the state.
+    #[must_use]
+    pub fn latch_states(&self, now: Stamp) -> Vec<LatchState> {
+        self.latches.states(now, |latch| self.is_present(latch))
+    }
+}

@@ -1,0 +1,255 @@
+//! The bytes of those types that are in version 3. This file is never edited to pass: bytes that
+//! change need a new version of their type, and a file of their own.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on shall end
+
+use xtb_control::Mode;
+use xtb_protocol::codec::{Format, decode, encode, encoding};
+use xtb_protocol::messages::{
+    BatteryLevel, Event, EventKind, Fault, FaultState, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges,
+    Latch, LatchState, LeaseState, LinkLoss, Message, ObstacleView, PoseSource, PoseState, Rejected,
+    RobotState, StopReason, TiltState,
+};
+use xtb_protocol::{Name, Uuid};
+
+fn id() -> Uuid {
+    Uuid::from_u128(0x0011_2233_4455_6677_8899_aabb_ccdd_eeff)
+}
+
+fn name(text: &str) -> Name {
+    Name::new(text).unwrap()
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn pinned<M: Message + PartialEq + std::fmt::Debug>(message: &M, postcard: &str, json: &str) {
+    let bytes = encode(message, Format::Postcard).unwrap();
+    let text = encode(message, Format::Json).unwrap();
+    assert_eq!((hex(&bytes).as_str(), std::str::from_utf8(&text).unwrap()), (postcard, json));
+    for (format, bytes) in [(Format::Postcard, &bytes), (Format::Json, &text)] {
+        assert_eq!(&decode::<M>(&encoding::<M>(format), bytes).unwrap().0, message);
+    }
+}
+
+fn event(kind: EventKind) -> Event {
+    Event { robot: name("xtb-1"), epoch: 5, seq: 1, tick_ms: 1000, kind }
+}
+
+/// A state that says something in every field.
+fn full() -> RobotState {
+    RobotState {
+        robot: name("xtb-1"),
+        epoch: 300,
+        seq: 7,
+        tick_ms: 128_000,
+        mode: Mode::Goto,
+        lease: Some(LeaseState { holder: name("cli-7"), age_ms: 90 }),
+        pose: PoseState { x_m: 1.5, y_m: -2.0, yaw_rad: 0.5, source: PoseSource::Odometry, age_ms: Some(12) },
+        speed_mps: Some(0.125),
+        reference_rpm: 13.0,
+        steering: -0.5,
+        obstacle: ObstacleView { front: Some(true), rear: None },
+        tilt_deg: TiltState { x: Some(0.25), y: None },
+        battery_v: Some(7.25),
+        battery_level: BatteryLevel::Finish,
+        goal: Some(GoalState {
+            id: id(),
+            kind: GoalKind::Goto,
+            x_m: Some(3.0),
+            y_m: Some(4.0),
+            status: GoalStatus::Failed,
+            distance_m: Some(6.0),
+            age_ms: 400,
+            reason: Some("r".to_owned()),
+            by: name("cli-7"),
+            on_link_loss: LinkLoss::Finish,
+        }),
+        ended_goals: vec![
+            GoalEnd { id: Uuid::from_u128(2), status: GoalStatus::Replaced },
+            GoalEnd { id: Uuid::from_u128(1), status: GoalStatus::Reached },
+        ],
+        faults: vec![FaultState { fault: Fault::GyroFrozen, age_ms: 410, detail: Some("d".to_owned()) }],
+        latches: vec![
+            LatchState { latch: Latch::Estop, age_ms: 500, by: "cli-9".to_owned(), present: false },
+            LatchState {
+                latch: Latch::SensorFault,
+                age_ms: 409,
+                by: "gyro_frozen".to_owned(),
+                present: true,
+            },
+        ],
+        stopped_because: vec![StopReason::Estop, StopReason::SensorFault, StopReason::Coasting],
+        stopped_age_ms: Some(499),
+        input_age_ms: InputAges {
+            gyro: Some(1),
+            encoder: Some(2),
+            adc: Some(3),
+            remote: None,
+            setpoint: Some(200),
+        },
+        rejected: Rejected {
+            malformed: 1,
+            oversized: 2,
+            wrong_version: 3,
+            out_of_range: 4,
+            refused: 5,
+            stale: 6,
+            fenced: 7,
+            overloaded: 8,
+            setpoints_overwritten: 9,
+            events_dropped: 10,
+            board_frames: 11,
+            board_lost: 12,
+            board_repeated: 13,
+            gyro_bytes: 14,
+            gyro_lost: 15,
+            remote_readings: 16,
+            record_dropped: 17,
+        },
+    }
+}
+
+#[test]
+fn the_versions() {
+    assert_eq!(encoding::<RobotState>(Format::Postcard), "application/x-postcard;xtb.RobotState.v3");
+    assert_eq!(encoding::<Event>(Format::Postcard), "application/x-postcard;xtb.Event.v3");
+}
+
+#[test]
+fn events_of_a_latch() {
+    let set = EventKind::Latch { latch: Latch::Estop, set: true, by: "cli-9".to_owned() };
+    pinned(
+        &event(set),
+        "057874622d310501e80705000105636c692d39",
+        concat!(
+            r#"{"robot":"xtb-1","epoch":5,"seq":1,"tick_ms":1000,"kind":{"latch":{"latch":"estop",""#,
+            r#"set":true,"by":"cli-9"}}}"#
+        ),
+    );
+    let reset = EventKind::Latch { latch: Latch::BatteryCritical, set: false, by: "cli-9".to_owned() };
+    pinned(
+        &event(reset),
+        "057874622d310501e80705060005636c692d39",
+        concat!(
+            r#"{"robot":"xtb-1","epoch":5,"seq":1,"tick_ms":1000,"kind":{"latch":{"latch":"battery_"#,
+            r#"critical","set":false,"by":"cli-9"}}}"#
+        ),
+    );
+}
+
+#[test]
+fn an_event_of_a_goal() {
+    let kind =
+        EventKind::Goal { id: id(), status: GoalStatus::Interrupted, reason: Some("restarted".to_owned()) };
+    pinned(
+        &event(kind),
+        "057874622d310501e807021000112233445566778899aabbccddeeff070109726573746172746564",
+        concat!(
+            r#"{"robot":"xtb-1","epoch":5,"seq":1,"tick_ms":1000,"kind":{"goal":{"id":"00112233-445"#,
+            r#"5-6677-8899-aabbccddeeff","status":"interrupted","reason":"restarted"}}}"#
+        ),
+    );
+}
+
+#[test]
+fn an_event_of_the_lease() {
+    pinned(
+        &event(EventKind::Lease { holder: Some(name("cli-7")) }),
+        "057874622d310501e807030105636c692d37",
+        concat!(
+            r#"{"robot":"xtb-1","epoch":5,"seq":1,"tick_ms":1000,"kind":{"lease":{"holder":"cli-7"}"#,
+            r#"}}"#
+        ),
+    );
+}
+
+#[test]
+fn an_event_of_a_fault() {
+    let kind = EventKind::Fault { fault: Fault::Runaway, present: true, detail: Some("40 rpm".to_owned()) };
+    pinned(
+        &event(kind),
+        "057874622d310501e807041c01010634302072706d",
+        concat!(
+            r#"{"robot":"xtb-1","epoch":5,"seq":1,"tick_ms":1000,"kind":{"fault":{"fault":"runaway""#,
+            r#","present":true,"detail":"40 rpm"}}}"#
+        ),
+    );
+}
+
+#[test]
+fn a_full_state() {
+    pinned(
+        &full(),
+        concat!(
+            "057874622d31ac020780e807030105636c692d375a000000000000f83f00000000000000c00000000000",
+            "00e03f01010c01000000000000c03f0000000000002a40000000000000e0bf01010001000000000000d0",
+            "3f00010000000000001d4003011000112233445566778899aabbccddeeff000100000000000008400100",
+            "0000000000104006010000000000001840900301017205636c692d370102100000000000000000000000",
+            "00000000020510000000000000000000000000000000010301179a030101640200f40305636c692d3900",
+            "0599030b6779726f5f66726f7a656e01030f121b01f3030101010201030001c801010203040506070809",
+            "0a0b0c0d0e0f1011"
+        ),
+        concat!(
+            r#"{"robot":"xtb-1","epoch":300,"seq":7,"tick_ms":128000,"mode":"goto","lease":{"holder"#,
+            r#"":"cli-7","age_ms":90},"pose":{"x_m":1.5,"y_m":-2.0,"yaw_rad":0.5,"source":"odometry"#,
+            r#"","age_ms":12},"speed_mps":0.125,"reference_rpm":13.0,"steering":-0.5,"obstacle":{"f"#,
+            r#"ront":true,"rear":null},"tilt_deg":{"x":0.25,"y":null},"battery_v":7.25,"battery_lev"#,
+            r#"el":"finish","goal":{"id":"00112233-4455-6677-8899-aabbccddeeff","kind":"goto","x_m""#,
+            r#":3.0,"y_m":4.0,"status":"failed","distance_m":6.0,"age_ms":400,"reason":"r","by":"cl"#,
+            r#"i-7","on_link_loss":"finish"},"ended_goals":[{"id":"00000000-0000-0000-0000-00000000"#,
+            r#"0002","status":"replaced"},{"id":"00000000-0000-0000-0000-000000000001","status":"re"#,
+            r#"ached"}],"faults":[{"fault":"gyro_frozen","age_ms":410,"detail":"d"}],"latches":[{"l"#,
+            r#"atch":"estop","age_ms":500,"by":"cli-9","present":false},{"latch":"sensor_fault","ag"#,
+            r#"e_ms":409,"by":"gyro_frozen","present":true}],"stopped_because":["estop","sensor_fau"#,
+            r#"lt","coasting"],"stopped_age_ms":499,"input_age_ms":{"gyro":1,"encoder":2,"adc":3,"r"#,
+            r#"emote":null,"setpoint":200},"rejected":{"malformed":1,"oversized":2,"wrong_version":"#,
+            r#"3,"out_of_range":4,"refused":5,"stale":6,"fenced":7,"overloaded":8,"setpoints_overwr"#,
+            r#"itten":9,"events_dropped":10,"board_frames":11,"board_lost":12,"board_repeated":13,""#,
+            r#"gyro_bytes":14,"gyro_lost":15,"remote_readings":16,"record_dropped":17}}"#
+        ),
+    );
+}
+
+/// The names of an enum in the order of their numbers on the wire.
+fn names<T: serde::de::DeserializeOwned + serde::Serialize>() -> String {
+    let known = (0_u8..128).map_while(|number| postcard::from_bytes::<T>(&[number]).ok());
+    let names: Vec<_> = known.map(|value| serde_json::to_value(value).unwrap()).collect();
+    names.iter().map(|name| name.as_str().unwrap()).collect::<Vec<_>>().join(" ")
+}
+
+/// A name put in between, or taken away, would change the meaning of all that follow.
+#[test]
+fn the_numbers_of_the_names() {
+    assert_eq!(
+        names::<Latch>(),
+        "estop remote_takeover board_lost gyro_lost runaway sensor_fault battery_critical"
+    );
+    assert_eq!(
+        names::<Fault>(),
+        concat!(
+            "board_unplugged board_busy board_no_permission board_port_broken board_silent ",
+            "board_garbage board_half_frames board_wrong_device board_not_set_up gyro_unplugged ",
+            "gyro_busy gyro_no_permission gyro_port_broken gyro_silent gyro_garbage gyro_half_frames ",
+            "gyro_wrong_device encoder_silent converter_silent remote_lost tilt_out_of_range ",
+            "recording_failed board_frozen gyro_frozen encoder_out_of_range converter_frozen ",
+            "infrared_frozen infrared_out_of_range runaway stalled battery_low battery_critical"
+        )
+    );
+    assert_eq!(
+        names::<StopReason>(),
+        concat!(
+            "no_command goal_reached stop cancelled time_up setpoint_expired link_lost setpoint_zero ",
+            "obstacle_front obstacle_rear wander_pause board_lost gyro_lost remote_neutral remote_lost ",
+            "estop remote_takeover runaway sensor_fault battery_critical lease_expired lease_taken ",
+            "lease_released loop_stalled stalled over_speed changing_direction coasting starting"
+        )
+    );
+    assert_eq!(names::<BatteryLevel>(), "unknown ok warn finish critical");
+    assert_eq!(
+        names::<GoalStatus>(),
+        "accepted running blocked reached cancelled replaced failed interrupted"
+    );
+    assert_eq!(names::<Mode>(), "idle manual teleop goto wander fault");
+}

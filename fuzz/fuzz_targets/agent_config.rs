@@ -1,0 +1,7 @@
+//! The agent's config file.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = fleet_tests::fuzz::agent_config(bytes);
+});

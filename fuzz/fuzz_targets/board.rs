@@ -1,0 +1,7 @@
+//! The I/O board's line, both directions.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = fleet_tests::fuzz::board(bytes);
+});

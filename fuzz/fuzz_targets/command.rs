@@ -1,0 +1,7 @@
+//! Requests to a robot.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = fleet_tests::fuzz::command(bytes);
+});

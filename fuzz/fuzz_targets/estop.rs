@@ -1,0 +1,7 @@
+//! Emergency stops.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = fleet_tests::fuzz::estop(bytes);
+});

@@ -1,0 +1,7 @@
+//! The fleet's config file.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = fleet_tests::fuzz::fleet_config(bytes);
+});

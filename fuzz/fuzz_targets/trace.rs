@@ -1,0 +1,7 @@
+//! Lines of a trace.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = fleet_tests::fuzz::trace(bytes);
+});

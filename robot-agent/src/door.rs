@@ -1,0 +1,88 @@
+//! What must not wait in a queue: whose setpoints come in, that the holder lives, and emergency stops.
+//!
+//! Zenoh's threads and the control loop meet here for a few instructions at a time; neither ever
+//! waits for the other longer than that.
+
+use crate::mailbox::Answer;
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use xtb_authority::Agent;
+use xtb_authority::agent::Arrival;
+use xtb_authority::gate::Gate;
+use xtb_control::Stamp;
+use xtb_protocol::messages::Lease;
+use xtb_protocol::{Name, Uuid};
+
+/// Emergency stops between two turns. One more takes the place of the newest: one stop is as good as two.
+pub(crate) const ESTOPS: usize = 64;
+
+/// An emergency stop on its way to the loop.
+pub(crate) struct EstopCall {
+    /// Its place among all messages.
+    pub(crate) arrival: Arrival,
+    /// Who calls.
+    pub(crate) by: Name,
+    /// Repetitions have the same.
+    pub(crate) id: Uuid,
+    /// Whom to tell that the robot stands.
+    pub(crate) answer: Option<Answer>,
+}
+
+#[derive(Default)]
+struct Inner {
+    gate: Gate,
+    /// The grant that the gate was made for.
+    grant: Option<Lease>,
+    /// When the holder was heard last, and under which grant.
+    heard: Option<(Lease, Stamp)>,
+    estops: VecDeque<EstopCall>,
+}
+
+/// See the module's documentation.
+#[derive(Default)]
+pub(crate) struct Door(Mutex<Inner>);
+
+impl Door {
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether a message comes in; if it bears the present lease, its sender lives.
+    pub(crate) fn admits(&self, at: Stamp, client: &Name, lease: Option<Lease>) -> bool {
+        let mut inner = self.lock();
+        let admitted = inner.gate.admits(client, lease);
+        if let Some(lease) = lease.filter(|_| admitted) {
+            inner.heard = Some((lease, at));
+        }
+        admitted
+    }
+
+    /// An emergency stop has arrived. Returns the call that found no room.
+    pub(crate) fn estop(&self, call: EstopCall) -> Option<EstopCall> {
+        let mut inner = self.lock();
+        let crowded = if inner.estops.len() == ESTOPS { inner.estops.pop_back() } else { None };
+        inner.estops.push_back(call);
+        crowded
+    }
+
+    /// The oldest emergency stop that no turn has seen.
+    pub(crate) fn next_estop(&self) -> Option<EstopCall> {
+        self.lock().estops.pop_front()
+    }
+
+    /// Before a turn: what was heard at the door keeps the lease.
+    pub(crate) fn tell(&self, agent: &mut Agent) {
+        if let Some((lease, at)) = self.lock().heard.take() {
+            agent.heard(at, lease);
+        }
+    }
+
+    /// After a turn: who may come in from now on.
+    pub(crate) fn follow(&self, agent: &Agent) {
+        let grant = agent.lease().present();
+        let mut inner = self.lock();
+        if inner.grant != grant || inner.gate == Gate::Open {
+            (inner.gate, inner.grant) = (agent.gate(), grant);
+        }
+    }
+}

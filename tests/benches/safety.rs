@@ -1,0 +1,126 @@
+//! The figures of `docs/safety.md` that need real processes and real time.
+//!
+//! `cargo build --release && cargo bench -p fleet-tests --bench safety -- WHAT [COUNT]`, where WHAT is one of
+//! `kill`, `freeze`, `router`, `stops`, `flood` (COUNT in seconds) or nothing for all. Exit code 1 if a limit is
+//! missed.
+
+#![allow(clippy::print_stdout, clippy::unwrap_used)] // a bench that cannot go on shall end
+
+use fleet_tests::{Rig, Trial, load};
+use std::process::ExitCode;
+use std::time::Duration;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
+    let (what, count) = (arguments.first(), arguments.get(1).and_then(|count| count.parse().ok()));
+    let wanted = |name: &str| what.is_none_or(|what| what == name);
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let mut kept = true;
+    runtime.block_on(async {
+        if wanted("kill") {
+            kept &= agents("kill -9 of the agent", count.unwrap_or(200), false).await;
+        }
+        if wanted("freeze") {
+            kept &= agents("SIGSTOP of the agent", count.unwrap_or(200), true).await;
+        }
+        if wanted("router") {
+            kept &= routers(count.unwrap_or(200)).await;
+        }
+        if wanted("stops") {
+            kept &= stops(count.unwrap_or(1000)).await;
+        }
+        if wanted("flood") {
+            kept &= flood(count.unwrap_or(60)).await;
+        }
+    });
+    if kept { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// One line of trials: how long until neutral, and whether anything moved by itself afterwards.
+fn told(what: &str, trials: &[Trial], limit_s: f64) -> bool {
+    let mut took: Vec<f64> = trials.iter().map(|trial| trial.neutral_s * 1000.0).collect();
+    took.sort_by(f64::total_cmp);
+    let at = |share: f64| took[((took.len() - 1) as f64 * share) as usize];
+    let (late, moved) = (took.iter().filter(|ms| **ms > limit_s * 1000.0).count(), moved(trials));
+    println!(
+        "{what}: {} times, neutral after {:.0} ms in the median, {:.0} p99, {:.0} at most (limit {:.0}): {late} late, {moved} moved by themselves",
+        took.len(),
+        at(0.5),
+        at(0.99),
+        at(1.0),
+        limit_s * 1000.0
+    );
+    late == 0 && moved == 0
+}
+
+fn moved(trials: &[Trial]) -> usize {
+    trials.iter().filter(|trial| trial.moved).count()
+}
+
+/// Some number between 0 and 1, another each time.
+fn part(n: usize) -> f64 {
+    (n as f64 * 0.618_033_988_75).fract()
+}
+
+async fn agents(what: &str, count: usize, freeze: bool) -> bool {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rig = Rig::start(1, folder.path()).await;
+    let mut trials = Vec::new();
+    for n in 0..count {
+        trials.push(match freeze {
+            false => rig.kill_agent(1, part(n) * 2.0).await,
+            true => rig.freeze_agent(1, part(n) * 3.0).await,
+        });
+    }
+    rig.end().await;
+    told(what, &trials, 0.2)
+}
+
+async fn routers(count: usize) -> bool {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rig = Rig::start(3, folder.path()).await;
+    let (mut teleop, mut halt, mut arrived) = (Vec::new(), Vec::new(), 0);
+    for _ in 0..count {
+        let (first, second, there) = rig.kill_router().await;
+        teleop.push(first);
+        halt.push(second);
+        arrived += usize::from(there);
+    }
+    rig.end().await;
+    let kept = told("kill -9 of the router, teleop", &teleop, 0.25);
+    println!("kill -9 of the router, goal that finishes: {arrived} of {count} arrived");
+    told("kill -9 of the router, goal that halts", &halt, 0.7) && kept && arrived == count
+}
+
+async fn stops(count: usize) -> bool {
+    let load::Stops { took, lost, others_per_s } = load::stops(count, 1).await;
+    let at = |share: f64| took[((took.len() - 1) as f64 * share) as usize].as_secs_f64() * 1000.0;
+    println!(
+        "estop put → neutral frame, {count} times beside {others_per_s:.0} messages/s: p50 {:.1} ms, p99.9 {:.1} ms, max {:.1} ms, {lost} lost (limit 50 ms p99.9)",
+        at(0.5),
+        at(0.999),
+        at(1.0)
+    );
+    lost == 0 && at(0.999) <= 50.0
+}
+
+async fn flood(seconds: usize) -> bool {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Rig::start(1, folder.path()).await;
+    let flooded = load::flood(&rig, 20, Duration::from_secs(seconds as u64)).await;
+    rig.end().await;
+    let at =
+        |share: f64| flooded.late_us[((flooded.late_us.len() - 1) as f64 * share) as usize] as f64 / 1000.0;
+    println!(
+        "flood of {:.0} messages/s for {seconds} s: worst turn of each 50 ms late by {:.2} ms p50, {:.2} p99, {:.2} p99.9, {:.2} max (limit 5 p99.9); {:.1} states/s; memory {:+} KiB (limit 32768); drove {}",
+        flooded.arrived_per_s,
+        at(0.5),
+        at(0.99),
+        at(0.999),
+        at(1.0),
+        flooded.states_hz,
+        flooded.growth_kib,
+        flooded.drove
+    );
+    at(0.999) <= 5.0 && flooded.growth_kib <= 32 * 1024 && flooded.states_hz >= 19.0 && flooded.drove
+}

@@ -1,0 +1,129 @@
+//! Real processes of this workspace: started, stopped and killed as a shell would.
+
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+
+/// A program of this workspace, beside the running test: cargo builds it before it runs any test.
+///
+/// # Panics
+/// If it is not built.
+#[must_use]
+pub fn program(name: &str) -> PathBuf {
+    let here = std::env::current_exe().unwrap_or_else(|error| panic!("{error}"));
+    let folder = here.parent().and_then(|deps| deps.parent()).unwrap_or_else(|| panic!("no folder"));
+    let path = folder.join(name);
+    assert!(path.exists(), "{} is not built: `cargo build --workspace` first", path.display());
+    path
+}
+
+/// A process that is killed when this is dropped.
+pub struct Process(pub Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A signal to a process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Signal {
+    /// `kill -9`.
+    Kill,
+    /// `SIGSTOP`.
+    Stop,
+    /// `SIGCONT`.
+    Continue,
+}
+
+impl Process {
+    /// Starts `command` without an environment of ours.
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    #[must_use]
+    pub fn start(command: &mut Command) -> Self {
+        let child = command.env_clear().stdin(Stdio::null()).stderr(Stdio::null()).spawn();
+        Self(child.unwrap_or_else(|error| panic!("{error}")))
+    }
+
+    /// Sends a signal.
+    ///
+    /// # Panics
+    /// If the system refuses.
+    pub fn signal(&self, signal: Signal) {
+        use rustix::process::{Pid, Signal as Os, kill_process};
+        let signal = match signal {
+            Signal::Kill => Os::KILL,
+            Signal::Stop => Os::STOP,
+            Signal::Continue => Os::CONT,
+        };
+        let sent = kill_process(Pid::from_child(&self.0), signal);
+        sent.unwrap_or_else(|error| panic!("{error}"));
+    }
+
+    /// Memory that it holds, in KiB.
+    ///
+    /// # Panics
+    /// If it has ended.
+    #[must_use]
+    pub fn memory_kib(&self) -> u64 {
+        let path = format!("/proc/{}/status", self.0.id());
+        let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{error}"));
+        let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let kib = line.and_then(|line| line.split_whitespace().next()?.parse().ok());
+        kib.unwrap_or_else(|| panic!("no VmRSS in {text}"))
+    }
+}
+
+/// `fleet-cli router` as a process that can be killed and started again at the same place.
+pub struct RouterProcess {
+    process: Process,
+    endpoint: String,
+}
+
+impl RouterProcess {
+    /// Starts it on a free port.
+    ///
+    /// # Panics
+    /// If it does not start.
+    #[must_use]
+    pub fn start() -> Self {
+        Self::start_at("tcp/127.0.0.1:0")
+    }
+
+    fn start_at(listen: &str) -> Self {
+        let mut command = Command::new(program("fleet-cli"));
+        let mut process =
+            Process::start(command.args(["--json", "router", "--listen", listen]).stdout(Stdio::piped()));
+        let mut line = String::new();
+        let output = process.0.stdout.take().unwrap_or_else(|| panic!("no output"));
+        let _ = BufReader::new(output).read_line(&mut line);
+        // {"ready":true,"router":"tcp/127.0.0.1:40001"}
+        let endpoint = line.split('"').find(|part| part.starts_with("tcp/"));
+        let endpoint = endpoint.unwrap_or_else(|| panic!("the router says {line:?}")).to_owned();
+        Self { process, endpoint }
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn endpoint(&self) -> &str {
+        &self.endpoint
+    }
+
+    /// `kill -9`.
+    pub fn kill(&mut self) {
+        self.process.signal(Signal::Kill);
+        let _ = self.process.0.wait();
+    }
+
+    /// Starts it again at the same place.
+    ///
+    /// # Panics
+    /// If it does not start.
+    pub fn restart(&mut self) {
+        *self = Self::start_at(&self.endpoint.clone());
+    }
+}

@@ -1,0 +1,55 @@
+//! Kills, stops and floods with real processes, a few times each; the bench `safety` counts to hundreds.
+
+use fleet_tests::{Rig, load};
+use std::time::Duration;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_killed_agent_is_neutral_within_200_ms_and_its_successor_does_not_move() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rig = Rig::start(1, folder.path()).await;
+    for after_s in [0.0, 0.7] {
+        let trial = rig.kill_agent(1, after_s).await;
+        assert!(trial.neutral_s <= 0.2 && !trial.moved, "{trial:?}");
+    }
+    rig.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_frozen_agent_is_neutral_within_200_ms_and_does_not_go_on_when_it_is_woken() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rig = Rig::start(1, folder.path()).await;
+    for stopped_s in [0.0, 1.5] {
+        let trial = rig.freeze_agent(1, stopped_s).await;
+        assert!(trial.neutral_s <= 0.2 && !trial.moved, "{trial:?}");
+    }
+    rig.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_dead_router_ends_teleop_and_goals_that_halt_and_no_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rig = Rig::start(3, folder.path()).await;
+    let (teleop, halt, arrived) = rig.kill_router().await;
+    // The bench holds the limits of 250 and 700 ms; a busy machine delays the agents' own threads.
+    assert!(teleop.neutral_s <= 0.5 && !teleop.moved, "{teleop:?}");
+    assert!(halt.neutral_s <= 1.4 && !halt.moved, "{halt:?}");
+    assert!(arrived);
+    rig.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn no_stop_is_lost_under_load() {
+    let stops = load::stops(20, 1).await;
+    assert_eq!((stops.lost, stops.took.len()), (0, 20));
+    assert!(stops.others_per_s > 0.0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_flood_of_strangers_stops_neither_the_robot_nor_its_states() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Rig::start(1, folder.path()).await;
+    let flooded = load::flood(&rig, 5, Duration::from_secs(3)).await;
+    assert!(flooded.drove && flooded.arrived_per_s > 0.0);
+    assert!(flooded.growth_kib <= 32 * 1024, "{} KiB", flooded.growth_kib);
+    rig.end().await;
+}
