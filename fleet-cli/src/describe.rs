@@ -66,6 +66,7 @@ pub(crate) fn battery(state: &RobotState) -> String {
     match state.battery_level {
         BatteryLevel::Unknown if state.battery_v.is_none() => volts,
         BatteryLevel::Ok => volts,
+        BatteryLevel::Unknown => format!("{volts}, level unknown"),
         level => format!("{volts}, {}", words::name(&level)),
     }
 }

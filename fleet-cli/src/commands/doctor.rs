@@ -68,9 +68,10 @@ pub async fn run(ctx: &Context, args: &DoctorArgs) -> Result<Exit> {
 
 async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Facts> {
     let any = client.keys().any_robot();
-    let feed = Feed::open(client, &any).await?;
     let (alive, roster) = tokio::join!(client.alive(), client.roster_entries(&args.expect));
-    let alive = alive?;
+    let mut alive = alive?;
+    // Not before: a question for presence right beside a subscription to it was seen to bring nothing.
+    let feed = Feed::open(client, &any).await?;
     let (mut abouts, mut unreadable) = (BTreeMap::<Name, Vec<About>>::new(), BTreeMap::new());
     for answer in client.get(&any.about()).await? {
         let Some(robot) = Key::parse(&answer.key).and_then(|key| key.robot) else { continue };
@@ -91,6 +92,7 @@ async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Fac
     for (robot, abouts) in &abouts {
         epochs.entry(robot.clone()).or_default().extend(abouts.iter().map(|about| about.epoch));
     }
+    alive.extend(feed.alive());
     let rates = clock_rates(&feed, &alive, &abouts).await;
     let states = feed.states().into_iter().filter_map(|(name, seen)| Some((name, seen.fresh()?.clone())));
     let states = states.collect();

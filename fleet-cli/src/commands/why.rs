@@ -77,7 +77,9 @@ mod tests {
         assert_eq!(lines.next(), Some("xtb-1 stands for 12.0 s (mode idle, state 30 ms old)"));
         assert_eq!(
             lines.next(),
-            Some("  latch    an emergency stop is latched: estop by cli-1, 12.0 s ago; its cause is gone")
+            Some(
+                "  latch    somebody called an emergency stop: estop latched by cli-1, 12.0 s ago; its cause is gone"
+            )
         );
         assert_eq!(
             lines.next(),

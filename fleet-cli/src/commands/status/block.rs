@@ -120,7 +120,7 @@ mod tests {
         for part in [
             "latched    estop by cli-1 for 12.0 s\n",
             "latched    gyro_lost by gyro_silent for 12.0 s, its cause is still there",
-            "stands     for 12.0 s: an emergency stop is latched",
+            "stands     for 12.0 s: somebody called an emergency stop",
             "goal       cancelled (1.00, 2.00) 12.0 s ago, sent by me: estop",
             "lease      cli-2, 40 ms",
             "battery    7.4 V, warn",

@@ -184,7 +184,7 @@ fn latches(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
     state.latches.iter().map(|set| {
         let cause = if set.present { "its cause is still there" } else { "its cause is gone" };
         let words = words::reason(stop_reason(set.latch));
-        let text = format!("{words}: {} by {}, {} ago; {cause}", set.latch, set.by, age(set.age_ms));
+        let text = format!("{words}: {} latched by {}, {} ago; {cause}", set.latch, set.by, age(set.age_ms));
         Reason {
             name: Some(set.latch.to_string()),
             age_ms: Some(set.age_ms),
@@ -232,7 +232,11 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
             StopReason::RemoteLost => state.input_age_ms.remote,
             _ => None,
         };
-        let last = since.map(|ms| format!(", the last one came {} ago", age(ms))).unwrap_or_default();
+        let last = match since {
+            Some(ms) => format!(", the last one came {} ago", age(ms)),
+            None if only_latched(reason) => ": that is reset".to_owned(),
+            None => String::new(),
+        };
         Reason {
             name: Some(words::name(&reason)),
             age_ms: since,
@@ -241,6 +245,12 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
             ..Reason::new(Kind::Stop, format!("{}{last}", words::reason(reason)))
         }
     })
+}
+
+/// What holds a robot by a latch alone: without the latch it is only why it stopped.
+fn only_latched(reason: StopReason) -> bool {
+    use StopReason as R;
+    matches!(reason, R::Estop | R::RemoteTakeover | R::Runaway | R::SensorFault | R::BatteryCritical)
 }
 
 /// What allows it to drive.
@@ -339,6 +349,7 @@ fn inputs(state: &RobotState) -> Vec<Reason> {
 fn battery(state: &RobotState) -> Reason {
     let (hinders, todo) = match state.battery_level {
         BatteryLevel::Ok => (false, None),
+        BatteryLevel::Unknown if state.battery_v.is_some() => (false, None),
         BatteryLevel::Unknown => (false, Some("it is not measured and may be empty: measure it by hand")),
         BatteryLevel::Warn => (false, Some("charge it soon")),
         BatteryLevel::Finish => (true, Some("nothing new begins: bring it home and charge it")),

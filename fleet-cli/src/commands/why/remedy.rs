@@ -9,6 +9,8 @@ pub(super) fn of_reason(robot: &Name, reason: StopReason) -> Option<String> {
     let anew = || format!("give a new command, such as `fleet-cli goto {robot} X Y`");
     Some(match reason {
         R::NoCommand | R::GoalReached | R::Stop | R::Cancelled | R::TimeUp | R::LeaseReleased => anew(),
+        // Their latches have been reset, or they would be shown instead.
+        R::Estop | R::RemoteTakeover | R::Runaway | R::SensorFault | R::BatteryCritical => anew(),
         R::SetpointExpired => "hold the key or the joystick; if it was held, look at the link".to_owned(),
         R::LinkLost => "look at the network between robot and router: `fleet-cli doctor`".to_owned(),
         R::SetpointZero => "press a key or move the joystick".to_owned(),
@@ -21,9 +23,6 @@ pub(super) fn of_reason(robot: &Name, reason: StopReason) -> Option<String> {
             "drive it with the transmitter, or switch its selector to the computer".to_owned()
         }
         R::RemoteLost => Fault::RemoteLost.remedy().to_owned(),
-        R::Estop | R::RemoteTakeover | R::Runaway | R::SensorFault | R::BatteryCritical => {
-            format!("`fleet-cli reset {robot}`")
-        }
         R::LeaseExpired => format!("its client died or lost its link: {}", anew()),
         R::LeaseTaken => format!("agree with whoever has control, or take it with --take; then {}", anew()),
         R::LoopStalled => format!("see what holds up the robot's computer; then {}", anew()),

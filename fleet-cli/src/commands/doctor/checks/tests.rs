@@ -180,6 +180,6 @@ fn latches_faults_and_batteries_are_shown_with_their_remedies() {
     assert_eq!(the_only(&facts).level, Level::Warning, "said once");
     let state = facts.states.get_mut(&name("xtb-1")).unwrap();
     state.faults.clear();
-    state.battery_level = BatteryLevel::Unknown;
+    (state.battery_level, state.battery_v) = (BatteryLevel::Unknown, None);
     assert!(the_only(&facts).text.contains("may be empty"));
 }

@@ -102,3 +102,12 @@ fn every_reason_to_stand_has_words_and_only_passing_ones_have_nothing_to_do() {
         assert_eq!(words::name(&stop_reason(latch)), latch.to_string());
     }
 }
+
+#[test]
+fn a_latch_that_was_reset_is_only_why_it_stopped() {
+    let state = RobotState { stopped_because: vec![StopReason::Estop], ..fake::state("xtb-1") };
+    let why = explain(&view(state));
+    assert_eq!(why.verdict, Verdict::Stands);
+    assert_eq!(why.reasons[0].text, "somebody called an emergency stop: that is reset");
+    assert!(why.reasons[0].todo.as_ref().unwrap().contains("give a new command"));
+}
