@@ -28,6 +28,8 @@ use xtb_protocol::{Name, Uuid};
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// A robot that was not heard for this long may be anywhere: waiting ends, outcome unknown.
 const GIVE_UP_AFTER: Duration = Duration::from_secs(5);
+/// Control that was lost shows within this, two retains.
+const LOSS_SHOWS: Duration = Duration::from_millis(300);
 /// Who has lost control waits this long to see what came of the goal.
 const LOSS_SETTLES: Duration = Duration::from_secs(1);
 
@@ -155,6 +157,9 @@ async fn drive(
         }
         if let Some(end) = follow.ended(began.elapsed()) {
             progress.end();
+            if end.status != GoalStatus::Reached {
+                loss_shows(control, &feed, task).await;
+            }
             return match lost(ctx, control, &feed, task) {
                 Some(failure) if end.status != GoalStatus::Reached => Err(with_end(failure, task, &end)),
                 _ => report(ctx, control, task, &follow, end, began.elapsed()),
@@ -220,6 +225,22 @@ impl Wait {
                 Failure::new(Kind::OutcomeUnknown, message).hint(unheard_hint(task))
             }
         }
+    }
+}
+
+/// Waits until it shows whether control was lost with the goal: a retain is due each 100 ms, the goal's
+/// end is told at once.
+async fn loss_shows(control: &Control, feed: &Feed, task: &Task) {
+    let began = Instant::now();
+    let ours = || {
+        // One from before may show the holder from before.
+        let seen = feed.last(&task.robot).filter(|seen| seen.at > began);
+        let lease = seen.as_ref().and_then(|seen| seen.state.lease.as_ref());
+        lease.is_some_and(|lease| lease.holder == *control.client_name())
+    };
+    let mut look = tokio::time::interval(LOOK_EVERY / 5);
+    while !control.is_lost() && !ours() && began.elapsed() < LOSS_SHOWS {
+        look.tick().await;
     }
 }
 

@@ -19,13 +19,13 @@ use crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
 use keys::{Action, Drive, Key, Keyboard, Reporting};
 use serde::Serialize;
 use std::io::IsTerminal;
-use std::pin::pin;
+use std::pin::{Pin, pin};
 use std::time::Duration;
 use tokio::time::{Interval, MissedTickBehavior};
 use xtb_control::Stamp;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::Channel;
-use xtb_protocol::messages::{Body, Setpoint};
+use xtb_protocol::messages::{Body, Done, Setpoint};
 use xtb_protocol::{Name, Uuid};
 
 /// 20 Hz.
@@ -120,12 +120,15 @@ async fn hands_on(
     let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
     let mut stop = pin!(interrupted());
     let (mut send, mut paint) = (ticks(SEND_EVERY), ticks(PAINT_EVERY));
+    let control = wheel.control;
+    let (mut resetting, mut notice): (Option<Resetting<'_>>, _) = (None, String::new());
     loop {
         let turn = tokio::select! {
             // What ends or changes motion comes before what repeats it.
             biased;
             () = &mut stop => return Ok(()),
             input = terminal.next() => Turn::Input(input),
+            answer = answered(&mut resetting), if resetting.is_some() => Turn::Reset(answer),
             _ = send.tick() => Turn::Send,
             _ = paint.tick() => Turn::Paint,
         };
@@ -135,9 +138,19 @@ async fn hands_on(
             Turn::Input(input) => match heed(keyboard, now, input) {
                 Heed::Leave => return Ok(()),
                 Heed::Ignore => {}
+                Heed::Reset => {
+                    let reset = Body::Reset { latch: None };
+                    resetting.get_or_insert_with(|| Box::pin(control.request(Uuid::new_v4(), reset)));
+                    send.reset_immediately();
+                }
                 // Not at the next tick: letting go means zero at once.
-                Heed::Send => send.reset_immediately(),
+                Heed::Send => {
+                    notice.clear();
+                    send.reset_immediately();
+                }
             },
+            Turn::Reset(Ok(_)) => "reset; press a key to drive".clone_into(&mut notice),
+            Turn::Reset(Err(failure)) => notice = failure.to_string(),
             Turn::Send => {
                 if let Some(failure) = wheel.control.lost() {
                     return Err(lost(wheel, feed, failure));
@@ -155,6 +168,7 @@ async fn hands_on(
                         drive: keyboard.drive(now),
                         max_rpm: wheel.max_rpm,
                         reporting,
+                        notice: &notice,
                     },
                     &ctx.out,
                 ))?;
@@ -163,9 +177,21 @@ async fn hands_on(
     }
 }
 
+/// A reset that is on its way; driving and painting go on meanwhile.
+type Resetting<'a> = Pin<Box<dyn Future<Output = Result<Done>> + Send + 'a>>;
+
+/// Its answer; it is then no longer on its way.
+async fn answered(resetting: &mut Option<Resetting<'_>>) -> Result<Done> {
+    let Some(asking) = resetting else { return std::future::pending().await };
+    let answer = asking.await;
+    *resetting = None;
+    answer
+}
+
 /// What woke the loop.
 enum Turn {
     Input(Option<Input>),
+    Reset(Result<Done>),
     Send,
     Paint,
 }
@@ -176,6 +202,7 @@ enum Heed {
     Leave,
     Ignore,
     Send,
+    Reset,
 }
 
 /// Ticks that leave out those that were missed: after a stall nothing old is sent in a burst.
@@ -190,6 +217,11 @@ fn heed(keyboard: &mut Keyboard, now: Stamp, input: Option<Input>) -> Heed {
         // The terminal is gone.
         None => Heed::Leave,
         Some(Input::Key(key)) if is_leaving(&key) => Heed::Leave,
+        Some(Input::Key(key)) if is_reset(&key) => {
+            // What is held must be pressed anew: a reset moves nothing.
+            keyboard.let_go();
+            Heed::Reset
+        }
         Some(Input::Key(key)) => match meaning(&key) {
             Some((key, action)) => {
                 keyboard.key(now, key, action);
@@ -246,6 +278,10 @@ fn is_leaving(key: &KeyEvent) -> bool {
     key.kind != KeyEventKind::Release && (key.code == KeyCode::Char('q') || Input::leaves(key))
 }
 
+fn is_reset(key: &KeyEvent) -> bool {
+    key.kind == KeyEventKind::Press && matches!(key.code, KeyCode::Char('r' | 'R'))
+}
+
 fn meaning(event: &KeyEvent) -> Option<(Key, Action)> {
     let key = match event.code {
         KeyCode::Up => Key::Ahead,
@@ -288,6 +324,9 @@ mod tests {
         assert_eq!(heed(&mut keyboard, now, press(KeyCode::Char('x'))), Heed::Ignore);
         assert_eq!(heed(&mut keyboard, now, Some(Input::FocusLost)), Heed::Send);
         assert_eq!(keyboard.drive(now).throttle, 0.0);
+        heed(&mut keyboard, now, press(KeyCode::Char('W')));
+        assert_eq!(heed(&mut keyboard, now, press(KeyCode::Char('r'))), Heed::Reset);
+        assert_eq!(keyboard.drive(now).throttle, 0.0, "a reset lets go");
         assert_eq!(heed(&mut keyboard, now, press(KeyCode::Char('q'))), Heed::Leave);
         assert_eq!(heed(&mut keyboard, now, None), Heed::Leave);
     }

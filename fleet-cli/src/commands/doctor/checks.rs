@@ -359,7 +359,7 @@ fn faults(facts: &Facts) -> Vec<Finding> {
         }
         let said = |fault| state.faults.iter().any(|broken| broken.fault == fault);
         let battery = match state.battery_level {
-            BatteryLevel::Unknown => {
+            BatteryLevel::Unknown if state.battery_v.is_none() => {
                 Some(("the battery is not measured: it may be empty", "measure it by hand"))
             }
             BatteryLevel::Warn | BatteryLevel::Finish if !said(Fault::BatteryLow) => {

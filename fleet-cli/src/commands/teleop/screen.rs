@@ -20,6 +20,8 @@ pub(super) struct View<'a> {
     pub(super) max_rpm: f64,
     /// What the terminal can do.
     pub(super) reporting: Reporting,
+    /// What came of the last reset; empty = none was asked for.
+    pub(super) notice: &'a str,
 }
 
 /// The lines.
@@ -38,6 +40,9 @@ pub(super) fn lines(view: &View<'_>, out: &Output) -> Vec<String> {
         fact(label, text, tone);
     }
     lines.push(String::new());
+    if !view.notice.is_empty() {
+        lines.extend([out.paint(Tone::Warning, view.notice), String::new()]);
+    }
     lines.extend(help(view.reporting).map(|line| out.paint(Tone::Dim, line)));
     lines
 }
@@ -86,8 +91,7 @@ fn latches(state: &RobotState) -> String {
         return "no".to_owned();
     }
     let all: Vec<_> = state.latches.iter().map(describe::latch).collect();
-    let robot = &state.robot;
-    format!("SETPOINTS ARE REFUSED: {}; `fleet-cli reset {robot}` elsewhere", all.join("; "))
+    format!("SETPOINTS ARE REFUSED, r resets: {}", all.join("; "))
 }
 
 fn signed(steering: f64) -> String {
@@ -101,11 +105,11 @@ fn signed(steering: f64) -> String {
 fn help(reporting: Reporting) -> [&'static str; 2] {
     match reporting {
         Reporting::Releases => [
-            "hold ↑ ↓ ← → or W S A D to drive and steer · space stops · q leaves",
+            "hold ↑ ↓ ← → or W S A D to drive and steer · space stops · r resets · q leaves",
             "This terminal reports key releases: letting go means zero at once.",
         ],
         Reporting::Presses => [
-            "↑ ↓ or W S drive · ← → or A D steer in steps of 0.25, which stay · space stops · q leaves",
+            "↑ ↓ or W S drive · ← → or A D steer in steps of 0.25, which stay · space stops · r resets · q leaves",
             "This terminal reports no key releases: each press drives for 250 ms, key repeat extends it.",
         ],
     }
@@ -121,7 +125,14 @@ mod tests {
     fn what_is_not_known_is_not_shown_as_known() {
         let robot = Name::new("xtb-1").unwrap();
         let drive = Drive { throttle: 1.0, steering: -0.5 };
-        let view = View { robot: &robot, seen: None, drive, max_rpm: 30.0, reporting: Reporting::Presses };
+        let view = View {
+            robot: &robot,
+            seen: None,
+            drive,
+            max_rpm: 30.0,
+            reporting: Reporting::Presses,
+            notice: "",
+        };
         let text = lines(&view, &Output { json: false, colors: false }).join("\n");
         assert!(text.contains("30 rpm, steering left 0.50"), "{text}");
         assert!(text.contains("STALE, nothing heard yet"), "{text}");
@@ -136,9 +147,16 @@ mod tests {
         let seen = Seen { state, at: std::time::Instant::now() };
         let drive = Drive { throttle: 1.0, steering: 0.0 };
         let (robot, reporting) = (fake::name("xtb-1"), Reporting::Releases);
-        let view = View { robot: &robot, seen: Some(&seen), drive, max_rpm: 30.0, reporting };
+        let view = View {
+            robot: &robot,
+            seen: Some(&seen),
+            drive,
+            max_rpm: 30.0,
+            reporting,
+            notice: "xtb-1 refuses: no",
+        };
         let text = lines(&view, &Output { json: false, colors: false }).join("\n");
-        assert!(text.contains("SETPOINTS ARE REFUSED: estop by cli-123456 for 12.0 s"), "{text}");
-        assert!(text.contains("fleet-cli reset xtb-1"), "{text}");
+        assert!(text.contains("SETPOINTS ARE REFUSED, r resets: estop by cli-123456 for 12.0 s"), "{text}");
+        assert!(text.contains("xtb-1 refuses: no"), "{text}");
     }
 }

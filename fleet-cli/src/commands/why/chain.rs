@@ -163,9 +163,10 @@ fn known(robot: &RobotView, state: &RobotState) -> (Verdict, String, Vec<Reason>
     let (name, old) = (&robot.name, age(robot.age_ms.unwrap_or_default()));
     let mode = words::name(&state.mode);
     let mut reasons: Vec<Reason> = latches(state).chain(faults(state)).collect();
-    let drives = state.stopped_because.is_empty() && state.latches.is_empty();
+    let drives = state.latches.is_empty() && state.stopped_because.iter().all(|&reason| passes(reason));
     let (verdict, headline) = if drives {
         reasons.insert(0, may(state));
+        reasons.extend(stops(state));
         let speed = describe::speed(state);
         (Verdict::Drives, format!("{name} drives, {speed} (mode {mode}, state {old} old)"))
     } else {
@@ -241,7 +242,7 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
             name: Some(words::name(&reason)),
             age_ms: since,
             todo: remedy::of_reason(&state.robot, reason),
-            hinders: true,
+            hinders: !passes(reason),
             ..Reason::new(Kind::Stop, format!("{}{last}", words::reason(reason)))
         }
     })
@@ -251,6 +252,11 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
 fn only_latched(reason: StopReason) -> bool {
     use StopReason as R;
     matches!(reason, R::Estop | R::RemoteTakeover | R::Runaway | R::SensorFault | R::BatteryCritical)
+}
+
+/// Why the motor rests while the robot is under way.
+fn passes(reason: StopReason) -> bool {
+    matches!(reason, StopReason::Starting | StopReason::Coasting)
 }
 
 /// What allows it to drive.

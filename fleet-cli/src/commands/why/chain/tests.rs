@@ -60,11 +60,14 @@ fn a_driving_robot_says_what_allows_it() {
     let mut goal = fake::goal(Uuid::from_u128(1), GoalStatus::Running);
     goal.on_link_loss = LinkLoss::Finish;
     let state = RobotState { mode: Mode::Goto, goal: Some(goal), ..fake::state("xtb-1") };
-    let why = explain(&view(state));
+    let why = explain(&view(state.clone()));
     assert_eq!(why.verdict, Verdict::Drives);
     assert_eq!(kinds(&why), [Kind::May, Kind::Goal, Kind::Lease, Kind::Inputs, Kind::Battery]);
     assert!(why.reasons[0].text.starts_with("me sent it"), "{}", why.reasons[0].text);
     assert!(why.reasons[1].text.contains("goes on without its client"), "{}", why.reasons[1].text);
+    let coasting = RobotState { stopped_because: vec![StopReason::Coasting], ..state };
+    let why = explain(&view(coasting));
+    assert_eq!((why.verdict, why.reasons[1].hinders), (Verdict::Drives, false));
     let lease = Some(LeaseState { holder: fake::name("cli-2"), age_ms: 40 });
     let input_age_ms = InputAges { setpoint: Some(20), ..fake::state("xtb-1").input_age_ms };
     let state = RobotState { mode: Mode::Teleop, lease, input_age_ms, ..fake::state("xtb-1") };
