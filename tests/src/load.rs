@@ -3,6 +3,7 @@
 use crate::{Pilot, Probe, Rig, agent_config, eventually, name};
 use robot_agent::clock::{Clock, WorldTime};
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{self, Receiver};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -118,9 +119,11 @@ pub async fn stops(count: usize, per_ms: usize) -> Stops {
 async fn drive(pilot: &Pilot, passed: &Receiver<(PwmOutputs, Instant)>, n: usize) {
     let rpm = if n.is_multiple_of(2) { 20.0 } else { -20.0 };
     pilot.ask(Body::Reset { latch: None }).await;
-    pilot.setpoint(0.0, 0.0).await; // let go once
+    let puts = AtomicU32::new(0);
     eventually("driving", || async {
-        pilot.setpoint(rpm, 0.0).await;
+        // Let go once: a joystick that was held through the stop does not drive on.
+        let let_go = puts.fetch_add(1, Ordering::Relaxed).is_multiple_of(50);
+        pilot.setpoint(if let_go { 0.0 } else { rpm }, 0.0).await;
         passed.try_iter().any(|(pulses, _)| pulses.motor != PwmCount::NEUTRAL).then_some(())
     })
     .await;

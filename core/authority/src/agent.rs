@@ -21,7 +21,7 @@ use crate::faults::{FaultBook, stops};
 use crate::gate::Gate;
 use crate::goal::{Goal, Target};
 use crate::guard::{Guard, Guards};
-use crate::latch::LatchBook;
+use crate::latch::{self, LatchBook};
 use crate::lease::{LEASE_FREE_MS, LINK_LOSS_MS, LeaseBook};
 use crate::replies::ReplyBook;
 use setpoints::Teleop;
@@ -283,7 +283,7 @@ impl Agent {
         self.writer = writer(&self.facts());
         let network = matches!(self.writer, Writer::Setpoint | Writer::Goal);
         if !network && self.under_way() {
-            let because = self.latches.all().next().map_or(StopReason::RemoteLost, why::of_latch);
+            let because = self.latches.all().next().map_or(StopReason::RemoteLost, latch::reason);
             self.stand(now, because, GoalStatus::Failed, Some("the robot is held"));
         }
     }

@@ -25,6 +25,8 @@ pub fn of_line(device: Device, fault: LineFault) -> Fault {
         (Device::Board, LineFault::Garbage) => Fault::BoardGarbage,
         (Device::Board, LineFault::HalfFrames) => Fault::BoardHalfFrames,
         (Device::Board, LineFault::WrongDevice) => Fault::BoardWrongDevice,
+        (Device::Board, LineFault::Frozen) => Fault::BoardFrozen,
+        (Device::Gyro, LineFault::Frozen) => Fault::GyroFrozen,
         (Device::Gyro, LineFault::Port(Unplugged)) => Fault::GyroUnplugged,
         (Device::Gyro, LineFault::Port(Busy)) => Fault::GyroBusy,
         (Device::Gyro, LineFault::Port(NoPermission)) => Fault::GyroNoPermission,
@@ -41,36 +43,53 @@ pub fn of_line(device: Device, fault: LineFault) -> Fault {
 pub fn stops(fault: Fault) -> Option<StopReason> {
     match fault {
         Fault::RemoteLost => Some(StopReason::RemoteLost),
-        Fault::TiltOutOfRange | Fault::RecordingFailed | Fault::BatteryLow => None,
         Fault::Stalled => Some(StopReason::Stalled),
-        Fault::EncoderSilent | Fault::ConverterSilent => Some(StopReason::BoardLost),
-        fault if fault.place() == "gyro" => Some(StopReason::GyroLost),
-        _ => Some(StopReason::BoardLost),
+        Fault::TiltOutOfRange | Fault::RecordingFailed | Fault::BatteryLow => None,
+        fault => latch_of(fault).map(crate::latch::reason),
     }
 }
 
-/// The latch that a fault sets.
+/// Which stop a fault latches; `None` = its stop ends with it, or it stops nothing.
 #[must_use]
 pub fn latch_of(fault: Fault) -> Option<Latch> {
     match fault {
-        Fault::Runaway => Some(Latch::Runaway),
-        Fault::BatteryCritical => Some(Latch::BatteryCritical),
+        Fault::BoardUnplugged
+        | Fault::BoardBusy
+        | Fault::BoardNoPermission
+        | Fault::BoardPortBroken
+        | Fault::BoardSilent
+        | Fault::BoardGarbage
+        | Fault::BoardHalfFrames
+        | Fault::BoardWrongDevice
+        | Fault::BoardNotSetUp
+        | Fault::EncoderSilent
+        | Fault::ConverterSilent => Some(Latch::BoardLost),
+        Fault::GyroUnplugged
+        | Fault::GyroBusy
+        | Fault::GyroNoPermission
+        | Fault::GyroPortBroken
+        | Fault::GyroSilent
+        | Fault::GyroGarbage
+        | Fault::GyroHalfFrames
+        | Fault::GyroWrongDevice => Some(Latch::GyroLost),
         Fault::BoardFrozen
         | Fault::GyroFrozen
         | Fault::ConverterFrozen
+        | Fault::EncoderOutOfRange
         | Fault::InfraredFrozen
-        | Fault::InfraredOutOfRange
-        | Fault::EncoderOutOfRange => Some(Latch::SensorFault),
-        fault => match stops(fault) {
-            Some(StopReason::BoardLost) => Some(Latch::BoardLost),
-            Some(StopReason::GyroLost) => Some(Latch::GyroLost),
-            _ => None,
-        },
+        | Fault::InfraredOutOfRange => Some(Latch::SensorFault),
+        Fault::Runaway => Some(Latch::Runaway),
+        Fault::BatteryCritical => Some(Latch::BatteryCritical),
+        Fault::RemoteLost
+        | Fault::TiltOutOfRange
+        | Fault::RecordingFailed
+        | Fault::Stalled
+        | Fault::BatteryLow => None,
     }
 }
 
 /// Kinds of samples that a board which speaks does not send. `speaking_ms`: for how long it speaks.
-pub fn silent_kinds(ages: &InputAges, speaking_ms: u64) -> impl Iterator<Item = Fault> {
+pub fn silent_kinds(ages: &InputAges, speaking_ms: u64) -> impl Iterator<Item = Fault> + use<> {
     let silent = move |age: Option<u64>| age.map_or(speaking_ms, |ms| ms.min(speaking_ms)) > KIND_SILENT_MS;
     [(ages.encoder, Fault::EncoderSilent), (ages.adc, Fault::ConverterSilent)]
         .into_iter()

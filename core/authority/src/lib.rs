@@ -4,7 +4,7 @@
 //!   [`Command`](xtb_control::Command) a turn, state and events come out.
 //! * [`robot`]: brain, controller and line codecs in one turn: what `robot-agent` runs against real
 //!   time and the simulator in lockstep.
-//! * [`mod@line`], [`faults`]: what is broken, by name, and whether it must stop the robot.
+//! * [`mod@line`], [`monitor`], [`faults`]: what is broken, by name, and whether it must stop the robot.
 //! * [`arbitration`], [`lease`], [`latch`], [`guard`]: the rules it goes by, each in one place.
 //! * [`operator`]: the client's side: acquire, retain, retry.
 
@@ -17,6 +17,7 @@ pub mod guard;
 pub mod latch;
 pub mod lease;
 pub mod line;
+pub mod monitor;
 pub mod operator;
 pub mod replies;
 pub mod robot;

@@ -8,6 +8,7 @@
 //!   no bytes ─────────────────► silent
 //!   the other device's frames,
 //!   our own echo, or text ────► wrong_device
+//!   whole frames, ever the same ► frozen
 //!   many beginnings, no ends ─► half_frames
 //!   anything else ────────────► garbage
 //! ```
@@ -47,6 +48,8 @@ pub enum LineFault {
     HalfFrames,
     /// Another device, or the two lines are swapped.
     WrongDevice,
+    /// One frame comes again and again: the device hangs.
+    Frozen,
 }
 
 /// Which device should be at the other end.
@@ -68,6 +71,8 @@ struct Evidence {
     text: u32,
     /// Good frames of another kind.
     foreign: u32,
+    /// Whole frames that had come before.
+    repeated: u32,
 }
 
 /// Watches one line.
@@ -156,6 +161,11 @@ impl LineWatch {
         self.window.foreign += 1;
     }
 
+    /// A frame of this device came again, unchanged.
+    pub fn repeated_frame(&mut self) {
+        self.window.repeated += 1;
+    }
+
     /// How long no good frame has come.
     #[must_use]
     pub fn unwell_ms(&self, now: Stamp) -> u64 {
@@ -197,6 +207,8 @@ impl LineWatch {
         };
         if bytes == 0 {
             LineFault::Silent
+        } else if seen(|e| e.repeated) > 1 {
+            LineFault::Frozen
         } else if seen(|e| e.foreign) >= foreign_from || (bytes > 20 && seen(|e| e.text) > bytes * 19 / 20) {
             LineFault::WrongDevice
         } else if seen(|e| e.starts) > half_from.max(1) {
@@ -252,6 +264,18 @@ mod tests {
             let nmea = |_| b"$GPGGA,123519,4807.038,N\r\n".to_vec();
             assert_eq!(fault_of(device, nmea), Some(LineFault::WrongDevice));
         }
+    }
+
+    #[test]
+    fn one_frame_again_and_again_is_frozen_and_not_half_a_frame() {
+        let mut writer = FrameWriter::default();
+        let frame = adc_frame(&mut writer);
+        let mut watch = LineWatch::new(Device::Board, Stamp::ZERO);
+        for ms in (0..=160).step_by(40) {
+            watch.bytes(Stamp::from_ms(ms), &frame);
+            watch.repeated_frame();
+        }
+        assert_eq!(watch.fault(Stamp::from_ms(160)), Some(LineFault::Frozen));
     }
 
     #[test]

@@ -13,11 +13,13 @@
 mod guards;
 mod lines;
 mod views;
+mod watch;
 
 use crate::agent::{Agent, Arrival, Identity, View};
 use crate::faults::INPUT_LOST_MS;
 use crate::guard::{Guard, Guards};
 use crate::line::{Device, LineWatch, PortTrouble};
+use crate::monitor::Monitors;
 use crate::tape::{Step, Tape};
 use std::sync::Arc;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
@@ -90,6 +92,7 @@ pub struct Robot {
     neutral_since: Option<Stamp>,
     /// The worst delay of a turn since the last state.
     late_ns: u64,
+    monitors: Monitors,
     guards: Guards,
 }
 
@@ -143,16 +146,9 @@ impl Robot {
             turned: None,
             neutral_since: Some(Stamp::ZERO),
             late_ns: 0,
+            monitors: Monitors::default(),
             guards: Guards::default(),
         }
-    }
-
-    /// The same robot with one rule switched off: for the mutation check alone.
-    #[must_use]
-    pub fn without(mut self, guard: Guard) -> Self {
-        self.guards = Guards::without(guard);
-        self.agent.set_guards(self.guards);
-        self
     }
 
     /// Bytes from the I/O board, read at `now`; each sample among them takes one controller step.
@@ -177,6 +173,8 @@ impl Robot {
             }
             // Whole, but not a board's: our own echo, or firmware of another version.
             Err(BoardError::UnknownType(_)) => self.board.watch.foreign_frame(),
+            Err(BoardError::Repeated(_)) => self.board.watch.repeated_frame(),
+            Err(BoardError::Pulses(pulses)) => self.monitors.impossible_window(pulses),
             Err(_) => {} // the reader counts it
         });
         self.board.reader = reader;
@@ -200,11 +198,13 @@ impl Robot {
                 self.heard.encoder = Some(now);
                 self.newest.pulses = pulses;
                 self.step(now, &Sample::Encoder { pulses: u32::from(pulses) });
+                self.watch_window(now, pulses);
             }
             FromBoard::Adc { sample, battery_mv } => {
                 self.heard.adc = Some(now);
                 (self.newest.adc, self.newest.battery_mv) = (Some(sample), battery_mv);
-                self.step(now, &Sample::Adc(sample));
+                self.monitors.scan(self.controller.config(), now, &sample, battery_mv);
+                self.step(now, &Sample::Adc(self.seen(sample)));
             }
             FromBoard::Remote(sample) => {
                 self.heard.remote = Some(now);
@@ -233,6 +233,7 @@ impl Robot {
         let mut reader = std::mem::take(&mut self.gyro.reader);
         reader.push(bytes, |frame| match frame {
             GyroFrame::Firmware(version) => self.gyro.starter.heard_firmware(version),
+            GyroFrame::Euler(frame) if self.is_repeated(now, &frame) => self.gyro.watch.repeated_frame(),
             GyroFrame::Euler(frame) => {
                 self.gyro.watch.good_frame(now);
                 self.heard.gyro = Some(now);
@@ -263,6 +264,7 @@ impl Robot {
             self.board.reader.forget();
             self.newest.status = None;
             (self.board.open_since, self.board.starved, self.board.fed) = (now, None, false);
+            self.monitors.forget_board();
             self.lose_remote(now);
         }
     }
@@ -274,14 +276,19 @@ impl Robot {
         if trouble.is_some() || opened {
             self.gyro.starter.forget();
             self.gyro.reader.forget();
+            self.monitors.forget_gyro();
         }
     }
 
     /// One request of a client.
     pub fn request(&mut self, now: Stamp, arrival: Arrival, client: &Name, request: &Request) -> Reply {
         let ages = self.ages(now);
-        let view =
-            View { outputs: &self.outputs, ages, neutral: self.neutral_since.is_some(), over_speed: false };
+        let view = View {
+            outputs: &self.outputs,
+            ages,
+            neutral: self.neutral_since.is_some(),
+            over_speed: self.over_speed(),
+        };
         self.agent.request(now, arrival, client, request, view)
     }
 
@@ -293,13 +300,13 @@ impl Robot {
         if !self.setup.is_done() || line_fault.is_some() {
             self.board.speaks_since = now;
         }
-        if line_fault.is_some() {
+        if line_fault.is_some() && self.guards.on(Guard::LineLost) {
             self.lose_remote(now);
         }
         let gyro_fault = self.gyro.watch.fault(now);
         self.agent.set_faults(now, &self.faults(now, line_fault, gyro_fault));
         let (ages, neutral) = (self.ages(now), self.neutral_since.is_some());
-        let view = View { outputs: &self.outputs, ages, neutral, over_speed: false };
+        let view = View { outputs: &self.outputs, ages, neutral, over_speed: self.over_speed() };
         if let Some(command) = self.agent.turn(now, view) {
             self.step(now, &Sample::Command(command));
         }
@@ -310,10 +317,14 @@ impl Robot {
             _ => None,
         };
         let became_neutral = motor == PwmCount::NEUTRAL && self.sent_motor != PwmCount::NEUTRAL;
-        if now < self.next_frame && !became_neutral {
+        let due = now >= self.next_frame || became_neutral;
+        if due {
+            self.sent_motor = motor;
+        }
+        self.watch_drive();
+        if !due {
             return None;
         }
-        self.sent_motor = motor;
         self.next_frame = now.plus_ns(PWM_FRAME_NS);
         Some(self.writer.pwm(&pwm))
     }

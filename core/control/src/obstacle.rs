@@ -1,8 +1,9 @@
 //! The obstacle rule (§4.6): anything nearer than 25 cm on one of a bumper's six sensors.
 //!
 //! Ours: below 10 cm a GP2D12's voltage falls again and a touching wall reads as far away. A
-//! sensor that was near and then suddenly reads "farther" stays near, until the truck has backed
-//! off or the way has read clear for half a second.
+//! sensor that was near and then suddenly reads "farther" stays near until the truck has backed off:
+//! time proves nothing, since a wall that is touched reads clear for ever. `foldback_clear_s` above 0
+//! lets time release it all the same.
 
 use crate::infrared::BumperRanges;
 use crate::units::Stamp;
@@ -63,7 +64,8 @@ impl Sensor {
             self.clear_since = None;
         } else {
             let since = *self.clear_since.get_or_insert(now);
-            let clear_long_enough = now.since_s(since) >= config.foldback_clear_s;
+            let clear_long_enough =
+                config.foldback_clear_s > 0.0 && now.since_s(since) >= config.foldback_clear_s;
             if clear_long_enough || near_at_m - travel_m >= config.foldback_retreat_m {
                 *self = Self::default();
                 return false;
@@ -92,8 +94,18 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_from_near_to_far_stays_near_until_half_a_second_of_clear_readings() {
+    fn clear_readings_never_release_the_latch() {
         let (config, mut bumper) = (Obstacle::default(), Bumper::default());
+        assert!(bumper.update(&config, Stamp::from_ms(0), &one(12.0), 0.0));
+        assert!(bumper.update(&config, Stamp::from_ms(40), &FAR, 0.0));
+        assert!(bumper.update(&config, Stamp::from_ms(3_600_000), &FAR, 0.0), "an hour");
+        assert!(!bumper.update(&config, Stamp::from_ms(3_600_040), &FAR, -0.05), "5 cm back");
+    }
+
+    #[test]
+    fn a_time_that_is_configured_releases_the_latch() {
+        let config = Obstacle { foldback_clear_s: 0.5, ..Obstacle::default() };
+        let mut bumper = Bumper::default();
         assert!(bumper.update(&config, Stamp::from_ms(0), &one(12.0), 0.0));
         assert!(bumper.update(&config, Stamp::from_ms(40), &one(30.0), 0.0));
         assert!(bumper.update(&config, Stamp::from_ms(500), &FAR, 0.0));

@@ -93,6 +93,10 @@ pub struct VehicleConfig {
     pub odometry: Odometry,
     /// Remote control.
     pub remote: Remote,
+    /// What counts as broken.
+    pub guard: GuardLimits,
+    /// Battery levels.
+    pub battery: BatteryLevels,
     /// Bumper servos.
     pub bumpers: Bumpers,
     /// Tilt sensor.
@@ -133,6 +137,8 @@ impl VehicleConfig {
         all.extend(self.teleop.parameters());
         all.extend(self.odometry.parameters());
         all.extend(self.remote.parameters());
+        all.extend(self.guard.parameters());
+        all.extend(self.battery.parameters());
         all.extend(self.bumpers.parameters());
         all.extend(self.tilt.parameters());
         all.extend(self.pistons.parameters());
@@ -194,6 +200,18 @@ mod tests {
         assert_eq!(error.to_string(), "speed.kp = -1.0 is not allowed: 0..=1000 counts/rpm");
         config.speed.kp = f64::NAN;
         assert!(config.validate().is_err());
+    }
+
+    #[test]
+    fn battery_levels_out_of_order_are_refused() {
+        let mut config = VehicleConfig::default();
+        config.battery.finish_v = 7.3;
+        let error = config.validate().unwrap_err().to_string();
+        assert!(error.contains("battery.warn_v") && error.contains("7.3"), "{error}");
+        config = VehicleConfig::default();
+        config.battery.stop_v = 6.9;
+        let error = config.validate().unwrap_err().to_string();
+        assert!(error.contains("battery.finish_v"), "{error}");
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! All numbers little-endian; the CRC is CRC-32/ISO-HDLC over type, sequence and payload; the
 //! sequence counts each direction's frames modulo 256, so that gaps can be counted. The high nibble
 //! of the type is the layout's version (1). `docs/io-board.md` is the same for firmware writers.
+//! A frame of the board with the number of the one before is a repeat and counts for nothing.
 //! The decoder never panics, resynchronises at the next 0x00 and counts what it drops.
 
 pub mod rates;
@@ -109,6 +110,9 @@ pub enum BoardError {
         /// As computed.
         expected: u32,
     },
+    /// A frame of the board with the number of the one before: it hangs, and repeats itself.
+    #[error("frame number {0} came again")]
+    Repeated(u8),
     /// A type that this side does not know.
     #[error("unknown frame type {0:#04x}")]
     UnknownType(u8),
@@ -237,6 +241,8 @@ pub struct LineCounters {
     pub rejected: u64,
     /// Gaps in the sequence, in frames.
     pub lost: u64,
+    /// Frames with the number of the one before.
+    pub repeated: u64,
 }
 
 /// Collects bytes into frames.
@@ -277,7 +283,10 @@ impl FrameReader {
     pub fn from_board(&mut self, bytes: &[u8], mut found: impl FnMut(Result<FromBoard, BoardError>)) {
         for &byte in bytes {
             if let Some(body) = self.push(byte) {
-                let result = body.and_then(|(kind, payload)| parse_from_board(kind, payload.as_ref()));
+                let result = body.and_then(|opened| match opened.repeated {
+                    true => Err(BoardError::Repeated(opened.seq)),
+                    false => parse_from_board(opened.kind, opened.payload()),
+                });
                 self.count(&result);
                 found(result);
             }
@@ -288,7 +297,8 @@ impl FrameReader {
     pub fn to_board(&mut self, bytes: &[u8], mut found: impl FnMut(Result<ToBoard, BoardError>)) {
         for &byte in bytes {
             if let Some(body) = self.push(byte) {
-                let result = body.and_then(|(kind, payload)| parse_to_board(kind, payload.as_ref()));
+                // An agent that restarts may begin with any number: the board obeys it.
+                let result = body.and_then(|opened| parse_to_board(opened.kind, opened.payload()));
                 self.count(&result);
                 found(result);
             }
@@ -298,12 +308,13 @@ impl FrameReader {
     fn count<T>(&mut self, result: &Result<T, BoardError>) {
         match result {
             Ok(_) => self.counters.frames += 1,
+            Err(BoardError::Repeated(_)) => {} // counted when it was opened
             Err(_) => self.counters.rejected += 1,
         }
     }
 
-    /// A delimiter closes a frame: its type and payload, checked.
-    fn push(&mut self, byte: u8) -> Option<Result<(u8, Payload), BoardError>> {
+    /// A delimiter closes a frame: what is in it, checked.
+    fn push(&mut self, byte: u8) -> Option<Result<Opened, BoardError>> {
         if byte != 0 {
             if self.len == self.buffer.len() {
                 self.overrun = true;
@@ -321,7 +332,7 @@ impl FrameReader {
         Some(if overrun { Err(BoardError::TooLong) } else { self.open(len) })
     }
 
-    fn open(&mut self, len: usize) -> Result<(u8, Payload), BoardError> {
+    fn open(&mut self, len: usize) -> Result<Opened, BoardError> {
         let mut body = [0; MAX_FRAME];
         let len = cobs::decode(&self.buffer[..len], &mut body).map_err(|_| BoardError::Cobs)?;
         if len < 6 {
@@ -334,24 +345,32 @@ impl FrameReader {
             return Err(BoardError::Crc { got, expected });
         }
         let seq = body[1];
-        if let Some(next) = self.next_seq {
-            self.counters.lost += u64::from(seq.wrapping_sub(next));
+        let next = self.next_seq.replace(seq.wrapping_add(1));
+        let gap = next.map_or(0, |next| seq.wrapping_sub(next));
+        let repeated = gap == u8::MAX;
+        if repeated {
+            self.counters.repeated += 1;
+        } else {
+            self.counters.lost += u64::from(gap);
         }
-        self.next_seq = Some(seq.wrapping_add(1));
-        let mut payload = Payload { bytes: [0; MAX_FRAME], len: len - 6 };
-        payload.bytes[..len - 6].copy_from_slice(&body[2..len - 4]);
-        Ok((body[0], payload))
+        Ok(Opened { kind: body[0], seq, repeated, body, len: len - 4 })
     }
 }
 
-struct Payload {
-    bytes: [u8; MAX_FRAME],
+/// A frame whose check sum is right.
+struct Opened {
+    kind: u8,
+    seq: u8,
+    /// It has the number of the one before.
+    repeated: bool,
+    body: [u8; MAX_FRAME],
+    /// Of type, sequence and payload.
     len: usize,
 }
 
-impl AsRef<[u8]> for Payload {
-    fn as_ref(&self) -> &[u8] {
-        &self.bytes[..self.len]
+impl Opened {
+    fn payload(&self) -> &[u8] {
+        &self.body[2..self.len]
     }
 }
 

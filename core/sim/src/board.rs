@@ -12,6 +12,7 @@
 //! that coasts should not swerve. Periods and windows are those of the set-up; where their phase
 //! lies is chance.
 
+use crate::faults::EncoderFault;
 use crate::line::Outbox;
 use crate::noise::Noise;
 use crate::parameters::{SteeringTruth, TruckParameters};
@@ -125,6 +126,7 @@ pub(crate) struct Board {
     /// Pulses of the shaft at the end of the last step, and whole ones when the last window closed.
     turned: f64,
     counted: u64,
+    encoder_fault: EncoderFault,
 }
 
 impl Board {
@@ -149,6 +151,7 @@ impl Board {
             receiver: truth.receiver.fitted.then(|| Receiver::new(&truth.receiver)),
             turned: 0.0,
             counted: 0,
+            encoder_fault: EncoderFault::None,
         }
     }
 
@@ -162,6 +165,11 @@ impl Board {
         self.watchdog = true;
         self.outputs = self.at_rest;
         self.neutral_since.get_or_insert(now);
+    }
+
+    /// Breaks or mends the encoder.
+    pub(crate) fn set_encoder_fault(&mut self, fault: EncoderFault) {
+        self.encoder_fault = fault;
     }
 
     pub(crate) fn set_transmitter(&mut self, transmitter: Transmitter) {
@@ -248,6 +256,11 @@ impl Board {
             let whole = travel.whole_pulses_at(t);
             let pulses = (whole.saturating_sub(self.counted)).min(u64::from(MAX_PULSES)) as u16;
             self.counted = whole;
+            let pulses = match self.encoder_fault {
+                EncoderFault::None => pulses,
+                EncoderFault::BrokenWire => 0,
+                EncoderFault::Wild => wild_pulses(t),
+            };
             self.outbox.send(self.writer.encoder(pulses).as_bytes());
         }
     }
@@ -281,8 +294,8 @@ impl Board {
         self.adc.due(now).is_some() && self.running.is_some()
     }
 
-    pub(crate) fn send_scan(&mut self, sample: &AdcSample, battery_mv: u16) {
-        self.outbox.send(self.writer.adc(sample, Some(battery_mv)).as_bytes());
+    pub(crate) fn send_scan(&mut self, sample: &AdcSample, battery_mv: Option<u16>) {
+        self.outbox.send(self.writer.adc(sample, battery_mv).as_bytes());
     }
 
     pub(crate) fn outputs(&self) -> &PwmOutputs {
@@ -304,6 +317,11 @@ impl Board {
     pub(crate) fn dropped(&self) -> u64 {
         self.outbox.dropped()
     }
+}
+
+/// What interference makes of a window: any number, each window another; nothing is drawn for it.
+fn wild_pulses(t: Stamp) -> u16 {
+    (t.ns().wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 48) as u16
 }
 
 /// Outputs of a board that nobody has set up.

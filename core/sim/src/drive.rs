@@ -7,6 +7,7 @@
 //! ```
 //! So the drive stops before it reverses, as the Novak Super Rooster does.
 
+use crate::faults::DriveFault;
 use crate::parameters::{BatteryTruth, DriveTruth};
 use crate::servos::response;
 use xtb_control::PwmCount;
@@ -24,6 +25,9 @@ pub(crate) struct Drive {
     wheel_mps: f64,
     /// What the motor is asked for and does not reach yet, 0..=2 of top speed.
     shortfall: f64,
+    fault: DriveFault,
+    /// The last pulse that the ESC obeyed.
+    obeyed: PwmCount,
 }
 
 impl Drive {
@@ -34,11 +38,18 @@ impl Drive {
             brake_response: response(dt_s, truth.brake_lag_s),
             wheel_mps: 0.0,
             shortfall: 0.0,
+            fault: DriveFault::None,
+            obeyed: PwmCount::NEUTRAL,
         }
     }
 
     pub(crate) fn wheel_mps(&self) -> f64 {
         self.wheel_mps
+    }
+
+    /// Breaks or mends it.
+    pub(crate) fn set_fault(&mut self, fault: DriveFault) {
+        self.fault = fault;
     }
 
     /// The wheels stand at once: contact, or a truck put elsewhere.
@@ -62,6 +73,16 @@ impl Drive {
     /// One step. `supply` is the battery's voltage as a part of its full one, `climb` the sine of
     /// the slope ahead (+ = uphill).
     pub(crate) fn step(&mut self, count: PwmCount, supply: f64, climb: f64) {
+        if self.fault != DriveFault::Stuck {
+            self.obeyed = count;
+        }
+        self.turn(self.obeyed, supply, climb);
+        if self.fault == DriveFault::Held {
+            self.halt();
+        }
+    }
+
+    fn turn(&mut self, count: PwmCount, supply: f64, climb: f64) {
         let demanded = self.demanded_mps(count);
         let against = demanded * self.wheel_mps < 0.0;
         if against && self.wheel_mps.abs() > self.truth.standstill_mps {
@@ -99,6 +120,11 @@ impl Battery {
         let cruise = drive.wheel_mps.abs() / drive.truth.top_speed_mps * self.truth.cruise_a;
         self.current_a = self.truth.electronics_a + cruise + drive.shortfall * self.truth.surge_a;
         self.used_mah += self.current_a * dt_s / 3.6;
+    }
+
+    /// So much of its charge is left, 0..=1.
+    pub(crate) fn set_left(&mut self, left: f64) {
+        self.used_mah = self.truth.capacity_mah * (1.0 - left.clamp(0.0, 1.0));
     }
 
     /// Voltage at the terminals.

@@ -3,6 +3,7 @@
 //! Yaw is clockwise from an arbitrary north (each truck's own) and drifts; axes X ahead, Y to the
 //! right, Z down, so pitch is positive nose up and roll positive right side down.
 
+use crate::faults::GyroFault;
 use crate::line::Outbox;
 use crate::noise::Noise;
 use crate::parameters::GyroTruth;
@@ -37,6 +38,9 @@ pub(crate) struct Gyro {
     /// When the next frame of continuous mode is due.
     next_ns: Option<u64>,
     outbox: Outbox,
+    fault: GyroFault,
+    /// The last frame sent.
+    last: EulerFrame,
 }
 
 impl Gyro {
@@ -48,6 +52,8 @@ impl Gyro {
             command_bytes: 0,
             next_ns: None,
             outbox: Outbox::new(noise.fork()),
+            fault: GyroFault::None,
+            last: EulerFrame { angles: GyroSample::default(), ticks: 0 },
         }
     }
 
@@ -85,6 +91,11 @@ impl Gyro {
         }
     }
 
+    /// Breaks or mends it.
+    pub(crate) fn set_fault(&mut self, fault: GyroFault) {
+        self.fault = fault;
+    }
+
     pub(crate) fn outbox(&mut self) -> &mut Outbox {
         &mut self.outbox
     }
@@ -106,7 +117,13 @@ impl Gyro {
             yaw: counts(yaw_deg),
         };
         let ticks = (now.ns() / TICK_NS) as u16;
-        self.outbox.send(&EulerFrame { angles, ticks }.encode());
+        self.last = match self.fault {
+            GyroFault::None => EulerFrame { angles, ticks },
+            GyroFault::AnglesFrozen => EulerFrame { ticks, ..self.last },
+            GyroFault::TimerFrozen => EulerFrame { angles, ..self.last },
+            GyroFault::Frozen => self.last,
+        };
+        self.outbox.send(&self.last.encode());
     }
 }
 

@@ -13,6 +13,7 @@
 //! and ceiling are not seen. They are listed left to right, seen from above with the truck pointing
 //! up.
 
+use crate::faults::RangeFinderFault;
 use crate::geometry::{Beam, OrientedBox};
 use crate::noise::Noise;
 use crate::parameters::{Body, InfraredTruth};
@@ -45,6 +46,7 @@ struct Sensor {
     next_ns: u64,
     /// 0 V until the first measurement, as a sensor that is just being switched on.
     reading: AdcCount,
+    fault: RangeFinderFault,
 }
 
 /// The two bumpers.
@@ -69,6 +71,7 @@ impl RangeFinders {
                 period_ns,
                 next_ns: noise.up_to(period_ns),
                 reading: AdcCount::ZERO,
+                fault: RangeFinderFault::None,
             }
         });
         Self { truth: truth.clone(), sensors, due_ns: 0 }
@@ -99,9 +102,16 @@ impl RangeFinders {
         }
     }
 
+    /// Breaks or mends them: front, then rear, left to right.
+    pub(crate) fn set_faults(&mut self, faults: &[RangeFinderFault; SENSORS]) {
+        for (sensor, fault) in self.sensors.iter_mut().zip(faults) {
+            sensor.fault = *fault;
+        }
+    }
+
     /// The front and the rear bumper, left to right.
     pub(crate) fn readings(&self) -> ([AdcCount; 6], [AdcCount; 6]) {
-        let side = |first: usize| std::array::from_fn(|i| self.sensors[first + i].reading);
+        let side = |first: usize| std::array::from_fn(|i| self.sensors[first + i].shown());
         (side(0), side(6))
     }
 }
@@ -128,7 +138,18 @@ impl Sensor {
             None => self.floor_v,
         };
         let volts = seen_v + noise.bell(truth.noise_v);
-        self.reading = adc_count(volts, 1.0);
+        if self.fault != RangeFinderFault::Frozen {
+            self.reading = adc_count(volts, 1.0);
+        }
+    }
+
+    /// What the converter gets of it.
+    fn shown(&self) -> AdcCount {
+        match self.fault {
+            RangeFinderFault::BrokenWire => AdcCount::ZERO,
+            RangeFinderFault::Short => adc_count(ADC_SUPPLY_V, 1.0),
+            RangeFinderFault::None | RangeFinderFault::Frozen => self.reading,
+        }
     }
 }
 

@@ -30,7 +30,9 @@ pub mod world;
 mod world_error;
 
 pub use calibration::{CalibrationTruth, Measured};
-pub use faults::{LineFault, LineFaults};
+pub use faults::{
+    DriveFault, EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults,
+};
 pub use lockstep::{Lockstep, LockstepError};
 pub use parameters::{Body, TruckParameters};
 pub use receiver::Transmitter;

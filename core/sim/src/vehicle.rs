@@ -16,7 +16,7 @@
 use crate::board::{self, Board, ShaftTravel};
 use crate::calibration::{CalibrationTruth, Measured};
 use crate::drive::{Battery, Drive};
-use crate::faults::{Impostors, LineFault, LineFaults};
+use crate::faults::{DriveFault, Impostors, LineFault, LineFaults, SensorFaults};
 use crate::geometry::OrientedBox;
 use crate::gyro::{Attitude, Gyro};
 use crate::infrared::RangeFinders;
@@ -74,6 +74,9 @@ pub struct Truck {
     instruments: InstrumentTruth,
     instrument_noise: Noise,
     impostors: Impostors,
+    sensor_faults: SensorFaults,
+    /// The last scan, as a converter that freezes shows it.
+    scan: Option<(AdcSample, u16)>,
 }
 
 impl Truck {
@@ -120,6 +123,8 @@ impl Truck {
             instruments: parameters.instruments.clone(),
             instrument_noise: noise.fork(),
             impostors: Impostors::default(),
+            sensor_faults: SensorFaults::default(),
+            scan: None,
             noise,
         }
     }
@@ -194,6 +199,30 @@ impl Truck {
     pub fn set_line_faults(&mut self, faults: LineFaults) {
         self.board.outbox().set_fault(faults.board);
         self.gyro.outbox().set_fault(faults.gyro);
+    }
+
+    /// Breaks or mends its sensors.
+    pub fn set_sensor_faults(&mut self, faults: SensorFaults) {
+        self.sensor_faults = faults;
+        self.range_finders.set_faults(&faults.range_finders);
+        self.gyro.set_fault(faults.gyro);
+        self.board.set_encoder_fault(faults.encoder);
+    }
+
+    /// Breaks or mends its drive.
+    pub fn set_drive_fault(&mut self, fault: DriveFault) {
+        self.drive.set_fault(fault);
+    }
+
+    /// From now on so much of the battery's charge is left, 0..=1.
+    pub fn set_battery_left(&mut self, left: f64) {
+        self.battery.set_left(left);
+    }
+
+    /// Voltage at the battery's terminals, in V.
+    #[must_use]
+    pub fn battery_v(&self) -> f64 {
+        self.battery.volts()
     }
 
     /// Bytes from the agent to the I/O board: set-up, PWM and reset frames.
@@ -379,6 +408,10 @@ impl Truck {
             tilt: self.platform.tilt(attitude),
             pistons: self.platform.positions(),
         };
-        self.board.send_scan(&sample, self.battery.millivolts());
+        let newest = (sample, self.battery.millivolts());
+        let (sample, battery_mv) =
+            self.scan.filter(|_| self.sensor_faults.converter_frozen).unwrap_or(newest);
+        self.scan = Some((sample, battery_mv));
+        self.board.send_scan(&sample, (!self.sensor_faults.battery_unmeasured).then_some(battery_mv));
     }
 }

@@ -1,8 +1,9 @@
 //! Stops: of the moment, latched, and what resets them.
 
-use super::{Agent, Arrival, why};
+use super::{Agent, Arrival};
 use crate::faults::latch_of;
 use crate::guard::Guard;
+use crate::latch;
 use std::sync::Arc;
 use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{EventKind, Fault, GoalStatus, Latch, LatchState, StopReason};
@@ -93,7 +94,7 @@ impl Agent {
             Latch::RemoteTakeover => (GoalStatus::Cancelled, "the remote control took over".to_owned()),
             latch => (GoalStatus::Failed, format!("{latch} was latched by {by}")),
         };
-        self.stand(now, why::of_latch(latch), status, Some(&words));
+        self.stand(now, latch::reason(latch), status, Some(&words));
         self.rearm = true;
     }
 

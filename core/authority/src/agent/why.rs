@@ -2,21 +2,9 @@
 
 use super::{Agent, STICK_NEUTRAL_COUNTS, View};
 use crate::faults::stops;
+use crate::latch;
 use xtb_control::Mode;
-use xtb_protocol::messages::{Latch, StopReason};
-
-/// What a latch is called among the reasons.
-pub(super) fn of_latch(latch: Latch) -> StopReason {
-    match latch {
-        Latch::Estop => StopReason::Estop,
-        Latch::RemoteTakeover => StopReason::RemoteTakeover,
-        Latch::BoardLost => StopReason::BoardLost,
-        Latch::GyroLost => StopReason::GyroLost,
-        Latch::Runaway => StopReason::Runaway,
-        Latch::SensorFault => StopReason::SensorFault,
-        Latch::BatteryCritical => StopReason::BatteryCritical,
-    }
-}
+use xtb_protocol::messages::StopReason;
 
 impl Agent {
     /// Why the robot stands, what weighs most first: latches, faults, then whoever drives. Empty while
@@ -26,7 +14,7 @@ impl Agent {
         if !view.neutral {
             return Vec::new();
         }
-        let mut reasons: Vec<StopReason> = self.latches.all().map(of_latch).collect();
+        let mut reasons: Vec<StopReason> = self.latches.all().map(latch::reason).collect();
         reasons.extend(self.faults.present().filter_map(stops));
         reasons.extend(of_mode(self.idle_because, view));
         if view.over_speed {

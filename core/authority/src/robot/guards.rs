@@ -77,7 +77,8 @@ impl Robot {
     /// mode manual before the stick has been neutral.
     pub(super) fn pulses(&self) -> PwmOutputs {
         let nobody = self.agent.writer() == Writer::Nobody;
-        let stick_held = self.outputs.mode == Mode::Manual && self.stick_held;
+        let manual = self.outputs.mode == Mode::Manual;
+        let stick_held = manual && (self.stick_held || self.over_speed());
         match nobody || stick_held || !self.setup.is_done() {
             true => PwmOutputs { motor: PwmCount::NEUTRAL, ..self.outputs.pwm },
             false => self.outputs.pwm,
@@ -91,17 +92,26 @@ impl Robot {
         board: Option<LineFault>,
         gyro: Option<LineFault>,
     ) -> Vec<(Fault, Option<Arc<str>>)> {
-        let mut faults = Vec::new();
+        let mut faults: Vec<_> = self.monitors.faults(self.guards).collect();
+        let (board, gyro) = (self.in_force(board), self.in_force(gyro));
+        let lost = self.guards.on(Guard::LineLost);
         let (open_ms, speaks_ms) =
             (now.since_ms(self.board.open_since), now.since_ms(self.board.speaks_since));
         match board {
             Some(fault) => faults.push((of_line(Device::Board, fault), self.board.detail.clone())),
+            None if !lost => {}
             None if !self.setup.is_done() && open_ms > LINE_LOST_MS => {
                 faults.push((Fault::BoardNotSetUp, None));
             }
             // While nothing at all comes, the line's own fault is on its way.
             None if self.board.watch.unwell_ms(now) > QUIET_MS => {}
-            None => faults.extend(silent_kinds(&self.ages(now), speaks_ms).map(|fault| (fault, None))),
+            None => {
+                // Windows that cannot be are refused, but they do come.
+                let wild = faults.iter().any(|(fault, _)| *fault == Fault::EncoderOutOfRange);
+                let silent = silent_kinds(&self.ages(now), speaks_ms);
+                let silent = silent.filter(|fault| !(wild && *fault == Fault::EncoderSilent));
+                faults.extend(silent.map(|fault| (fault, None)));
+            }
         }
         if let Some(fault) = gyro {
             faults.push((of_line(Device::Gyro, fault), self.gyro.detail.clone()));

@@ -7,7 +7,7 @@ use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::pistons::height_m;
 use xtb_control::{AdcCount, PwmCount, Stamp};
 use xtb_protocol::board::{BoardStatus, LineCounters};
-use xtb_protocol::messages::{BatteryLevel, ObstacleView, Rejected, RobotState, Sensors, TiltState};
+use xtb_protocol::messages::{ObstacleView, Rejected, RobotState, Sensors, TiltState};
 
 /// The newest readings as they came; `None` = not heard within the last [`INPUT_LOST_MS`], or never.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,8 +69,12 @@ impl Robot {
     /// The state at `now`. `rejected` brings what the links outside have counted.
     pub fn state(&mut self, now: Stamp, rejected: Rejected) -> RobotState {
         let ages = self.ages(now);
-        let view =
-            View { outputs: &self.outputs, ages, neutral: self.neutral_since.is_some(), over_speed: false };
+        let view = View {
+            outputs: &self.outputs,
+            ages,
+            neutral: self.neutral_since.is_some(),
+            over_speed: self.over_speed(),
+        };
         let fresh = |age: Option<u64>| age.is_some_and(|ms| ms <= INPUT_LOST_MS);
         let converted = fresh(ages.adc);
         let seen = |side: bool| converted.then_some(side);
@@ -98,7 +102,7 @@ impl Robot {
                 y: self.outputs.tilt.y.filter(|_| converted),
             },
             battery_v: battery_mv.map(|mv| f64::from(mv) / 1000.0),
-            battery_level: BatteryLevel::Unknown,
+            battery_level: self.battery_level(now),
             goal: self.agent.goal().map(|goal| goal.state(now)),
             ended_goals: self.agent.ended_goals().collect(),
             faults: self.agent.faults().states(now),
@@ -114,6 +118,7 @@ impl Robot {
                 events_dropped: self.agent.events_dropped + rejected.events_dropped,
                 board_frames: board.rejected,
                 board_lost: board.lost,
+                board_repeated: board.repeated,
                 gyro_bytes: self.gyro.reader.skipped,
                 gyro_lost: self.gyro.reader.lost,
                 remote_readings: self.controller.remote_rejected(),

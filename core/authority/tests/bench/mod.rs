@@ -9,7 +9,7 @@ use xtb_control::frames::MapPose;
 use xtb_control::tpu::{ResetMask, Setup};
 use xtb_control::{AdcCount, PwmCount, Stamp, VehicleConfig};
 use xtb_protocol::board::{BoardStatus, FrameReader, FrameWriter, ToBoard};
-use xtb_protocol::gyro_3dmg::EulerFrame;
+use xtb_protocol::gyro_3dmg::{EulerFrame, TICK_MS};
 use xtb_protocol::messages::{
     Body, Done, EventKind, GoalStatus, Lease, LinkLoss, Outcome, RejectCode, Rejected, Reply, Request,
     RobotState, Setpoint,
@@ -97,9 +97,8 @@ impl Bench {
                 self.robot.agent_mut().heard(self.now, lease);
             }
             if at.is_multiple_of(10) && !self.gyro_silent {
-                let frame =
-                    EulerFrame { angles: GyroSample { yaw: self.yaw, ..GyroSample::default() }, ticks: 0 };
-                self.robot.gyro_bytes(self.now, &frame.encode());
+                let frame = self.gyro_frame(at).encode();
+                self.robot.gyro_bytes(self.now, &frame);
             }
             if !self.board_silent {
                 self.board_samples(at);
@@ -111,6 +110,13 @@ impl Bench {
                 self.board_hears(frame.as_bytes());
             }
         }
+    }
+
+    /// A gyro that is alive: its timer runs, and roll and pitch are noisy.
+    pub(crate) fn gyro_frame(&self, at_ms: u64) -> EulerFrame {
+        let noise = |n: u64| (at_ms / 10 * n % 7) as i16 - 3;
+        let angles = GyroSample { roll: noise(3), pitch: noise(5), yaw: self.yaw };
+        EulerFrame { angles, ticks: (at_ms as f64 / TICK_MS) as u16 }
     }
 
     pub(crate) fn board_hears(&mut self, bytes: &[u8]) {
@@ -143,8 +149,9 @@ impl Bench {
         if at.is_multiple_of(40) && !self.adc_silent {
             let count = |n: u16| AdcCount::try_from(n).unwrap();
             let sample = AdcSample {
-                ir_front: [count(self.front); 6],
-                ir_rear: [count(60); 6],
+                // A count of noise, which is no distance.
+                ir_front: [count(self.front + (at / 40 % 2) as u16); 6],
+                ir_rear: [count(60 + (at / 40 % 2) as u16); 6],
                 tilt: self.tilt.map(count),
                 pistons: [count(512); 4],
             };

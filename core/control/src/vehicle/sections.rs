@@ -2,7 +2,7 @@
 
 use super::GotoLaw;
 use crate::config::Allowed::{OneOf, Range, Switch, Text};
-use crate::config::Origin::{Assumed, Ours, Printed};
+use crate::config::Origin::{Assumed, DataSheet, Ours, Printed};
 use crate::config_section;
 use crate::units::WheelRpm;
 
@@ -72,7 +72,7 @@ config_section! {
         threshold_cm: f64 = 25.0, "cm", Range(10.0, 80.0), Printed("§4.6"), "Anything nearer than this is an obstacle.";
         foldback_latch: bool = true, "", Switch, Ours, "Keep a sensor near that jumps from near to far: below 10 cm it lies.";
         foldback_cm: f64 = 14.0, "cm", Range(10.0, 25.0), Ours, "A sensor that was nearer than this may fold back.";
-        foldback_clear_s: f64 = 0.5, "s", Range(0.0, 10.0), Ours, "Clear readings for this long release the latch.";
+        foldback_clear_s: f64 = 0.0, "s", Range(0.0, 10.0), Ours, "Clear readings for this long release the latch; 0 = never: a touched wall reads clear.";
         foldback_retreat_m: f64 = 0.05, "m", Range(0.0, 1.0), Ours, "Backing off by this much releases the latch.";
         reaction_s: f64 = 0.358, "s", Range(0.1, 5.0), Assumed, "Sensor, scan, pulse and motor lag from sighting to standstill.";
     }
@@ -119,6 +119,37 @@ config_section! {
         selector_counts: f64 = 3750.0, "counts", Range(2331.0, 5272.0), Assumed, "Where the selector changes sides (1.5 ms).";
         manual: String = "below".to_owned(), "", OneOf(&["below", "above"]), Assumed, "On which side of it the selector means manual.";
         lost_after: u32 = 10, "frames", Range(1.0, 1000.0), Ours, "A channel without a usable reading for this long is lost.";
+    }
+}
+
+config_section! {
+    /// What counts as broken: sensors that stand still or read what cannot be, wheels that run away or
+    /// do not turn. The monitors of `core/authority` read it.
+    GuardLimits "guard" {
+        frozen_s: f64 = 0.25, "s", Range(0.1, 5.0), Ours, "Gyro or converter without any change for this long is frozen: noise makes that impossible.";
+        frozen_scans: u32 = 50, "scans", Range(10.0, 1000.0), Ours, "A range finder without any change for so many scans with turning wheels is frozen.";
+        infrared_min_v: f64 = 0.1, "V", Range(0.0, 0.2), DataSheet("GP2D12"), "A range finder below this has a broken wire (0.25 V with nothing in sight).";
+        infrared_max_v: f64 = 3.0, "V", Range(2.8, 5.0), DataSheet("GP2D12"), "A range finder above this has a short circuit (2.8 V at most).";
+        infrared_scans: u32 = 5, "scans", Range(1.0, 100.0), Ours, "So many such readings in a row are a fault; one is a disturbance.";
+        top_rpm: f64 = 370.0, "rpm", Range(10.0, 1000.0), Printed("§2.2 (12,000 rpm / 34, 5 % over)"), "No wheel turns faster than this.";
+        runaway_part: f64 = 0.3, "", Range(0.05, 2.0), Ours, "The wheels may be faster than the reference by this part of it.";
+        runaway_s: f64 = 0.3, "s", Range(0.1, 2.0), Ours, "Longer than this above what a reference or coasting explains is a runaway.";
+        coast_s: f64 = 0.5, "s", Range(0.05, 5.0), Assumed, "Time constant of the slowest coasting to a stand, twice what is expected.";
+        stall_counts: f64 = 100.0, "counts", Range(10.0, 1000.0), Assumed, "A motor pulse this far from neutral turns the wheels (the dead band ends at 75).";
+        stall_s: f64 = 0.4, "s", Range(0.1, 0.85), Ours, "Driven for this long without a single pulse of the encoder is a stall.";
+        manual_limit: bool = true, "", Switch, Ours, "Let the speed stick through only while the truck is no faster than the obstacle rule can stop.";
+    }
+}
+
+config_section! {
+    /// What the battery's voltage means: 7.2 V, six cells of NiMH or NiCd. Their voltage lies between
+    /// 1.3 and 1.2 V a cell for the most part of a discharge and falls steeply below 1.1 V.
+    BatteryLevels "battery" {
+        warn_v: f64 = 7.2, "V", Range(1.0, 60.0), Assumed, "Below this, think of charging: 1.20 V a cell.";
+        finish_v: f64 = 6.9, "V", Range(1.0, 60.0), Assumed, "Below this nothing new begins: 1.15 V a cell.";
+        stop_v: f64 = 6.6, "V", Range(1.0, 60.0), Assumed, "Below this the truck stands: 1.10 V a cell.";
+        hysteresis_v: f64 = 0.2, "V", Range(0.0, 2.0), Ours, "A level ends only so far above its voltage: a pack at rest recovers.";
+        hold_s: f64 = 2.0, "s", Range(0.1, 60.0), Ours, "A level begins or ends only after this long: a start makes the voltage sag.";
     }
 }
 

@@ -49,6 +49,8 @@ impl VehicleConfig {
             ("pistons.travel_m", pistons.max_m, pistons.travel_m),
             ("infrared.near_v", self.infrared.far_v, self.infrared.near_v),
             ("remote.max_duty_pct", self.remote.min_duty_pct, self.remote.max_duty_pct),
+            ("battery.finish_v", self.battery.stop_v, self.battery.finish_v),
+            ("battery.warn_v", self.battery.finish_v, self.battery.warn_v),
         ] {
             if below >= above {
                 return Err(conflict(name, above, format!("it must be more than {below}")));

@@ -7,7 +7,7 @@ use xtb_control::config::{Allowed, Parameter};
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::goto::Goal;
 use xtb_control::units::Stamp;
-use xtb_control::vehicle::{Calibration, Infrared, Obstacle, Pistons, Remote, VehicleConfig};
+use xtb_control::vehicle::{BatteryLevels, Calibration, Infrared, Obstacle, Pistons, Remote, VehicleConfig};
 use xtb_control::{AdcCount, Command, Sample, Steering, WheelRpm};
 
 pub(crate) fn adc(counts: f64) -> AdcCount {
@@ -144,6 +144,10 @@ fn repaired(mut config: VehicleConfig) -> VehicleConfig {
     if config.remote.min_duty_pct >= config.remote.max_duty_pct {
         let Remote { min_duty_pct, max_duty_pct, .. } = Remote::default();
         (config.remote.min_duty_pct, config.remote.max_duty_pct) = (min_duty_pct, max_duty_pct);
+    }
+    let BatteryLevels { stop_v, finish_v, warn_v, .. } = config.battery;
+    if stop_v >= finish_v || finish_v >= warn_v {
+        config.battery = BatteryLevels::default();
     }
     config.pistons = ordered(config.pistons);
     config.calibration = matching(&config);

@@ -38,7 +38,7 @@ fn well() -> Truck {
         remote: None,
         gyro: Some(GyroSample { roll: 100, pitch: -100, yaw: -16_384 }),
         gyro_firmware: Some(1300),
-        board_frames: LineCounters { frames: 90, rejected: 1, lost: 0 },
+        board_frames: LineCounters { frames: 90, rejected: 1, lost: 0, repeated: 0 },
         gyro_frames: 80,
         gyro_lost: 0,
         gyro_skipped: 4,
