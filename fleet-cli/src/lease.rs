@@ -4,12 +4,11 @@
 use crate::client::{Client, accepted};
 use crate::error::{Failure, Kind, Result};
 use crate::feed::Feed;
-use crate::pace::{Mark, Pace};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
-use xtb_authority::operator::{Operator, RETAIN_MS};
+use xtb_authority::operator::Operator;
 use xtb_control::Stamp;
 use xtb_protocol::messages::{Body, Done, ErrorBody, Lease, Outcome, RejectCode, Reply, Request};
 use xtb_protocol::{Name, Uuid};
@@ -18,20 +17,19 @@ use xtb_protocol::{Name, Uuid};
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 /// A retain that takes longer than so many times the pause between two is given up for the next one;
 /// 500 ms of silence end a halting goal, 900 ms free the lease.
-const PATIENCE: f64 = 2.0;
+const PATIENCE: u32 = 2;
 /// However fast the robot's clock runs, an answer needs its way.
 const RETAIN_AT_LEAST: Duration = Duration::from_millis(30);
 
-/// The client's standing with the robot. Its clock runs as the robot's does.
-#[derive(Debug)]
+/// The client's standing with the robot.
+#[derive(Debug, Default)]
 struct Book {
     operator: Operator,
-    clock: Stamp,
     lost: Option<Failure>,
 }
 
 impl Book {
-    fn replied(&mut self, robot: &Name, reply: &Reply) {
+    fn replied(&mut self, now: Stamp, robot: &Name, reply: &Reply) {
         match &reply.result {
             Outcome::Error(error) if error.code == RejectCode::LeaseLost => {
                 self.lost.get_or_insert_with(|| lost(robot, error));
@@ -39,7 +37,7 @@ impl Book {
             Outcome::Ok(Done { lease: Some(_), .. }) => self.lost = None,
             _ => {}
         }
-        self.operator.replied(self.clock, reply);
+        self.operator.replied(now, reply);
     }
 }
 
@@ -61,7 +59,7 @@ impl Control {
     /// [`Kind::OutcomeUnknown`].
     pub async fn acquire(client: &Client, robot: &Name, take: bool) -> Result<Self> {
         let feed = Feed::open(client, &client.keys().robot(robot)).await?;
-        let mut book = Book { operator: Operator::default(), clock: Stamp::ZERO, lost: None };
+        let mut book = Book::default();
         let mut reply = ask(client, robot, &book.operator, false).await?;
         let mut taken_from = None;
         if take && is_held(&reply) {
@@ -69,7 +67,7 @@ impl Control {
             reply = ask(client, robot, &book.operator, true).await?;
         }
         accepted(robot, &reply)?;
-        book.replied(robot, &reply);
+        book.replied(client.now(), robot, &reply);
         let book = Arc::new(Mutex::new(book));
         let keeper = Keeper { client: client.clone(), robot: robot.clone(), book: Arc::clone(&book) };
         let keeper = tokio::spawn(keeper.keep(feed));
@@ -113,7 +111,7 @@ impl Control {
     pub async fn regain(&self) -> Result<()> {
         let reply = ask(&self.client, &self.robot, &Operator::default(), false).await?;
         accepted(&self.robot, &reply)?;
-        lock(&self.book).replied(&self.robot, &reply);
+        lock(&self.book).replied(self.client.now(), &self.robot, &reply);
         Ok(())
     }
 
@@ -127,7 +125,7 @@ impl Control {
         }
         let operator = lock(&self.book).operator.clone();
         let reply = self.client.carry_out(&self.robot, &operator, id, body).await?;
-        lock(&self.book).replied(&self.robot, &reply);
+        lock(&self.book).replied(self.client.now(), &self.robot, &reply);
         accepted(&self.robot, &reply)
     }
 
@@ -180,21 +178,11 @@ impl Keeper {
         let keys = self.client.keys().robot(&self.robot);
         let mut look = tokio::time::interval(LOOK_EVERY);
         look.set_missed_tick_behavior(MissedTickBehavior::Skip);
-        let mut before = Instant::now();
-        let mut pace = Pace::new(before);
         loop {
             look.tick().await;
-            let now = Instant::now();
-            if let Some(seen) = feed.last(&self.robot) {
-                pace.heard(Mark::of(seen.at, &seen.state));
-            }
-            let factor = pace.factor(now);
-            let due = self.due((now - before).mul_f64(factor));
-            before = now;
-            let Some((lease, body)) = due else { continue };
+            let Some((lease, body, pause)) = self.due(&feed) else { continue };
             let request = Request { id: Uuid::new_v4(), lease, body };
-            let pause = Duration::from_millis(RETAIN_MS).div_f64(factor);
-            let within = pause.mul_f64(PATIENCE).max(RETAIN_AT_LEAST);
+            let within = (pause * PATIENCE).max(RETAIN_AT_LEAST);
             match self.client.bus().ask(&keys, self.client.name(), &request, within).await {
                 Ok(Some(reply)) => self.answered(lease, &reply),
                 Ok(None) => tracing::debug!("{} did not answer a retain", self.robot),
@@ -203,19 +191,22 @@ impl Keeper {
         }
     }
 
-    /// The retain that is due once the robot's clock has gone on by `theirs`.
-    fn due(&self, theirs: Duration) -> Option<(Option<Lease>, Body)> {
-        let mut book = lock(&self.book);
-        book.clock = book.clock.plus_ns(u64::try_from(theirs.as_nanos()).unwrap_or(u64::MAX));
-        let now = book.clock;
-        book.operator.retain(now).map(|body| (book.operator.lease(), body))
+    /// The retain that is due now, and the pause until the next one.
+    fn due(&self, feed: &Feed) -> Option<(Option<Lease>, Body, Duration)> {
+        let operator = &mut lock(&self.book).operator;
+        if let Some(seen) = feed.last(&self.robot) {
+            operator.saw(self.client.stamp(seen.at), seen.state.tick_ms);
+        }
+        let now = self.client.now();
+        let body = operator.retain(now)?;
+        Some((operator.lease(), body, Duration::from_nanos(operator.retain_ns(now))))
     }
 
     /// An answer about a lease that has been replaced meanwhile says nothing of the present one.
     fn answered(&self, lease: Option<Lease>, reply: &Reply) {
         let mut book = lock(&self.book);
         if book.operator.lease() == lease {
-            book.replied(&self.robot, reply);
+            book.replied(self.client.now(), &self.robot, reply);
         }
     }
 }

@@ -18,7 +18,6 @@ pub mod feed;
 pub mod interrupt;
 pub mod lease;
 pub mod output;
-mod pace;
 pub mod router;
 pub mod simulator;
 pub mod table;

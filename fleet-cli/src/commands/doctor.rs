@@ -1,6 +1,7 @@
 //! `doctor`: looks at router, roster, agents and robots, and says what to do about what is wrong.
 
 mod checks;
+mod clock;
 
 use crate::cli::DoctorArgs;
 use crate::client::{Client, Seen};
@@ -8,8 +9,8 @@ use crate::context::Context;
 use crate::error::{Exit, Kind, Result};
 use crate::feed::Feed;
 use crate::output::{Output, Tone};
-use crate::pace::Mark;
 use checks::{Facts, Finding, Level};
+use clock::Mark;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
