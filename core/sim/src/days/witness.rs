@@ -419,8 +419,11 @@ impl Witness {
         if of_estop && self.estopped && arrival < self.estopped_by {
             return Err((Invariant::Latched, "a reset from before the emergency stop ended it".into()));
         }
+        if self.estopped || self.published.any {
+            self.cut(Cut::Reset);
+        }
         self.estopped &= !of_estop;
-        self.cut(Cut::Reset);
+        self.armed = false;
         Ok(())
     }
 

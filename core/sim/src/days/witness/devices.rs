@@ -34,6 +34,8 @@ pub(super) const STICKS: Turn = ms(300);
 const TAKEN_OVER: Turn = ms(400);
 /// The dead band in parts of a stick's way, and the receiver's jitter.
 const NEUTRAL_STICK: f64 = 0.065;
+/// Three frames of the receiver: then the agent knows what the selector says.
+const NOTICED: Turn = ms(65);
 /// A pulse this far from neutral turns the wheels: the dead band ends at 75 counts.
 const DRIVEN_COUNTS: u16 = 100;
 
@@ -181,8 +183,8 @@ impl Devices {
         }
         let off = self.off.update(now, !on) > STICKS;
         let manual = self.manual.update(now, selector_manual && heard);
-        if manual == 0 {
-            self.taken_from_owner = owned;
+        if manual <= NOTICED {
+            self.taken_from_owner = owned && (self.taken_from_owner || manual == 0);
         }
         (off, manual > TAKEN_OVER)
     }
