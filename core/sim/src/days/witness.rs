@@ -10,21 +10,21 @@
 //! All limits here are the longest that the design allows, with the reasons beside them.
 
 mod devices;
+mod replies;
+mod states;
 
 pub(crate) use devices::Truth;
 
 use super::history::{Answer, Sender};
+pub(crate) use super::report::Invariant;
 use super::{Turn, ms};
 use devices::{Demand, Devices, STICKS};
 use std::collections::VecDeque;
-use std::fmt;
 use xtb_authority::agent::Arrival;
 use xtb_control::PwmCount;
 use xtb_control::units::Stamp;
 use xtb_protocol::Uuid;
-use xtb_protocol::messages::{
-    Body, GoalStatus, Latch, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, RobotState, Setpoint,
-};
+use xtb_protocol::messages::{Body, GoalStatus, Latch, Lease, LinkLoss, Request, Setpoint};
 
 /// From the moment that nothing allows it any more until the motor is neutral, in turns that the agent
 /// takes: the turn that notices it, a PWM period of 22.2 ms, and the step that shows it, doubled.
@@ -55,48 +55,6 @@ const STRAIGHT: Turn = ms(1500);
 /// Pulses within the ESC's dead band (§4.7: ± 30 µs) do not drive; a receiver's neutral stick is never quite
 /// neutral.
 const DEAD_BAND: u16 = 75;
-/// A motor between two commands: an encoder window of 52 ms, frame, PWM period, and states 50 ms apart.
-const SPEECHLESS: Turn = ms(200);
-/// Pulses that grow towards the end of the dead band.
-const STARTING: Turn = ms(1000);
-/// Replies that a robot remembers for each client.
-const REMEMBERED: usize = 64;
-
-/// The rules, as the issue numbers them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Invariant {
-    /// The motor is driven and nothing allows it.
-    Authority,
-    /// Two clients own one robot.
-    OneOwner,
-    /// The motor is driven, or a command begins, through a latched stop.
-    Latched,
-    /// An acknowledged request was lost or done twice.
-    Requests,
-    /// A pulse or a number of the state that cannot be.
-    Range,
-    /// It stands and does not say why.
-    Reasons,
-    /// It drove against a wall.
-    Contact,
-    /// Something of the truck is broken, and it was driven on.
-    Devices,
-}
-
-impl fmt::Display for Invariant {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Authority => "nothing moves without authority",
-            Self::OneOwner => "a robot has one owner",
-            Self::Latched => "a latched robot stands",
-            Self::Requests => "no acknowledged request is lost or done twice",
-            Self::Range => "numbers are in range",
-            Self::Reasons => "a robot that stands says why",
-            Self::Contact => "no truck drives against a wall",
-            Self::Devices => "a truck that is broken stands",
-        })
-    }
-}
 
 /// A broken rule, in words.
 pub(crate) type Broken = (Invariant, String);
@@ -327,272 +285,6 @@ impl Witness {
             self.setpoint = Some(now);
         }
         self.armed
-    }
-
-    /// The robot answered.
-    pub(crate) fn answered(
-        &mut self,
-        now: Turn,
-        to: Sender,
-        arrival: Arrival,
-        request: &Request,
-        reply: &Reply,
-    ) -> Result<Answer, Broken> {
-        let answer = match &reply.result {
-            Outcome::Ok(done) => Answer::Done { lease: done.lease, goal: done.goal.map(|id| id.as_u128()) },
-            Outcome::Error(error) => Answer::Refused(error.code),
-        };
-        let id = request.id.as_u128();
-        let each_time = matches!(request.body, Body::Retain {} | Body::Stop {});
-        if !each_time {
-            let known = &mut self.answers[usize::from(to.name)];
-            if let Some((_, before)) = known.iter().find(|(known, _)| *known == id) {
-                return match *before == answer {
-                    true => Ok(answer),
-                    false => {
-                        Err((Invariant::Requests, format!("answered {before:?} before, now {answer:?}")))
-                    }
-                };
-            }
-            if known.len() == REMEMBERED {
-                known.pop_front();
-            }
-            known.push_back((id, answer));
-        }
-        match answer {
-            Answer::Done { lease, goal } => self.done(now, to, arrival, request, lease, goal)?,
-            Answer::Refused(RejectCode::CausePresent) => {
-                if let Body::Reset { latch } = &request.body {
-                    self.reset(arrival, *latch)?; // of those whose cause is gone
-                }
-            }
-            Answer::Refused(RejectCode::LeaseHeld) => {
-                if self.held.is_none_or(|held| self.gone(now, held)) {
-                    return Err((Invariant::OneOwner, "a lease that nobody keeps is not free".into()));
-                }
-            }
-            Answer::Refused(_) => {}
-        }
-        Ok(answer)
-    }
-
-    fn done(
-        &mut self,
-        now: Turn,
-        to: Sender,
-        arrival: Arrival,
-        request: &Request,
-        granted: Option<Lease>,
-        goal: Option<u128>,
-    ) -> Result<(), Broken> {
-        match &request.body {
-            Body::Acquire { take } => self.granted(now, to.name, granted, *take),
-            Body::Retain {} | Body::Stop {} => Ok(()),
-            Body::Release {} => {
-                self.owns(now, to, request)?;
-                self.held = None;
-                Ok(())
-            }
-            Body::Goto { on_link_loss, finish_s, .. } => {
-                self.owns(now, to, request)?;
-                self.begun(now, to.name, arrival, request, goal, *on_link_loss, Some(*finish_s), None)
-            }
-            Body::Wander { for_s, on_link_loss, finish_s } => {
-                self.owns(now, to, request)?;
-                self.begun(now, to.name, arrival, request, goal, *on_link_loss, Some(*finish_s), *for_s)
-            }
-            Body::Cancel { .. } => {
-                self.owns(now, to, request)?;
-                self.cut_goal();
-                Ok(())
-            }
-            Body::SetPose { .. } => self.owns(now, to, request),
-            Body::Reset { latch } => {
-                self.owns(now, to, request)?;
-                self.reset(arrival, *latch)
-            }
-        }
-    }
-
-    fn reset(&mut self, arrival: Arrival, latch: Option<Latch>) -> Result<(), Broken> {
-        let of_estop = latch.is_none_or(|latch| latch == Latch::Estop);
-        if of_estop && self.estopped && arrival < self.estopped_by {
-            return Err((Invariant::Latched, "a reset from before the emergency stop ended it".into()));
-        }
-        if self.estopped || self.published.any {
-            self.cut(Cut::Reset);
-        }
-        self.estopped &= !of_estop;
-        self.armed = false;
-        Ok(())
-    }
-
-    fn cut_goal(&mut self) {
-        (self.goal, self.cut) = (None, Cut::GoalEnded);
-    }
-
-    /// Whether a lease is free by now; a loop that was held up needs a moment to see it.
-    fn gone(&self, now: Turn, held: Held) -> bool {
-        let settled = now <= self.last_turn + 1 && now - self.turning_since > SETTLED;
-        settled && now - held.heard > LEASE_GONE
-    }
-
-    fn owns(&self, now: Turn, to: Sender, request: &Request) -> Result<(), Broken> {
-        let present = self.held.is_some_and(|held| {
-            held.name == to.name && Some(held.lease) == request.lease && !self.gone(now, held)
-        });
-        match present {
-            true => Ok(()),
-            false => Err((
-                Invariant::OneOwner,
-                format!("{:?} of {to} was done without the present lease ({:?})", request.body, self.held),
-            )),
-        }
-    }
-
-    fn granted(&mut self, now: Turn, name: u8, lease: Option<Lease>, take: bool) -> Result<(), Broken> {
-        let Some(lease) = lease else {
-            return Err((Invariant::OneOwner, "an acquire was done and gave no lease".into()));
-        };
-        if let Some((_, other)) = self.granted.iter().find(|(known, owner)| *known == lease && *owner != name)
-        {
-            return Err((Invariant::OneOwner, format!("person-{name} got the lease of person-{other}")));
-        }
-        let other = self.held.filter(|held| held.name != name);
-        if let Some(held) = other
-            && !take
-            && now - held.heard < LEASE_SURE
-        {
-            return Err((
-                Invariant::OneOwner,
-                format!("person-{name} got what person-{} holds, without taking it", held.name),
-            ));
-        }
-        if other.is_some() {
-            // Its setpoints are fenced at once; its goal ends when it is silent, or at once.
-            (self.setpoint, self.last_setpoint, self.armed) = (None, None, false);
-            if self.goal.is_none() {
-                self.cut = Cut::LeaseTaken;
-            }
-        }
-        if let Some(goal) = &mut self.goal
-            && self.held.is_some_and(|held| held.name == name && goal.lease == Some(held.lease))
-        {
-            (goal.lease, goal.heard) = (Some(lease), now); // its own goal goes on under the new grant
-        }
-        if !self.granted.contains(&(lease, name)) {
-            self.granted.push((lease, name));
-        }
-        self.held = Some(Held { name, lease, heard: now, granted: now });
-        Ok(())
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn begun(
-        &mut self,
-        now: Turn,
-        by: u8,
-        arrival: Arrival,
-        request: &Request,
-        goal: Option<u128>,
-        policy: LinkLoss,
-        finish_s: Option<f64>,
-        for_s: Option<f64>,
-    ) -> Result<(), Broken> {
-        let id = request.id.as_u128();
-        if goal != Some(id) {
-            return Err((Invariant::Requests, format!("a goal was accepted as {goal:?}")));
-        }
-        if self.estopped {
-            return Err((Invariant::Latched, "a goal was accepted through an emergency stop".into()));
-        }
-        if arrival < self.stopped_by {
-            return Err((Invariant::Latched, "a goal from before a stop was accepted after it".into()));
-        }
-        let bound = match policy {
-            LinkLoss::Finish => finish_s,
-            LinkLoss::Halt => None,
-        };
-        let longest_s = [bound, for_s].into_iter().flatten().reduce(f64::min);
-        let until = longest_s.map_or(Turn::MAX, |s| now + super::turns(s) + ms(50));
-        self.goal = Some(Goal { id, by, lease: request.lease, policy, heard: now, until });
-        self.acknowledged = Some(id);
-        Ok(())
-    }
-
-    /// The robot told of a goal.
-    pub(crate) fn goal_event(&mut self, id: u128, status: GoalStatus) -> Result<(), Broken> {
-        let known = self.begun.iter_mut().find(|(known, _)| *known == id);
-        match (known, status) {
-            (Some(_), GoalStatus::Accepted) => {
-                return Err((Invariant::Requests, "a goal began twice".into()));
-            }
-            (None, GoalStatus::Accepted) => self.begun.push((id, None)),
-            (None, _) => return Err((Invariant::Requests, format!("an unknown goal is {status:?}"))),
-            (Some((_, Some(end))), _) => {
-                return Err((Invariant::Requests, format!("a goal that was {end:?} is {status:?}")));
-            }
-            (Some((_, end)), _) if status.is_final() => *end = Some(status),
-            (Some(_), _) => {}
-        }
-        if status.is_final() && self.goal.is_some_and(|goal| goal.id == id) {
-            self.cut_goal();
-        }
-        Ok(())
-    }
-
-    /// A state of the robot.
-    pub(crate) fn state(&mut self, now: Turn, state: &RobotState) -> Result<(), Broken> {
-        let latches = || state.latches.iter().map(|latch| latch.latch);
-        self.published = Published {
-            any: latches().next().is_some(),
-            holds_transmitter: latches().any(Latch::holds_transmitter),
-            estop: latches().any(|latch| latch == Latch::Estop),
-            latches: latches().fold(0, |bits, latch| bits | bit(latch)),
-        };
-        if self.published.any {
-            self.cut(Cut::Latch);
-        }
-        if self.estopped && !self.published.estop {
-            return Err((Invariant::Requests, "an emergency stop arrived and is not in the state".into()));
-        }
-        self.known_goal(state)?;
-        let numbers =
-            [state.pose.x_m, state.pose.y_m, state.pose.yaw_rad, state.reference_rpm, state.steering];
-        let optional = [state.speed_mps, state.tilt_deg.x, state.tilt_deg.y, state.battery_v];
-        if !numbers.iter().chain(optional.iter().flatten()).all(|value| value.is_finite()) {
-            return Err((Invariant::Range, format!("a number of the state is not finite: {state:?}")));
-        }
-        self.reasons(now, state)
-    }
-
-    /// A robot that stands says why.
-    fn reasons(&mut self, now: Turn, state: &RobotState) -> Result<(), Broken> {
-        if !state.stopped_because.is_empty() {
-            self.silent_since = None;
-            return Ok(());
-        }
-        let silent = now - *self.silent_since.get_or_insert(now);
-        let both = |since: Option<Turn>| since.map_or(0, |since| (now - since).min(silent));
-        let (neutral, stands) = (both(self.neutral_since), both(self.stands_since));
-        match neutral > SPEECHLESS || stands > STARTING {
-            true => {
-                let ms = u64::from(stands) * super::MS_PER_TURN;
-                Err((Invariant::Reasons, format!("it has stood for {ms} ms and does not say why")))
-            }
-            false => Ok(()),
-        }
-    }
-
-    /// The goal acknowledged last is in the state, or among those that ended.
-    fn known_goal(&self, state: &RobotState) -> Result<(), Broken> {
-        let Some(id) = self.acknowledged else { return Ok(()) };
-        let present = state.goal.as_ref().is_some_and(|goal| goal.id.as_u128() == id);
-        let ended = state.ended_goals.iter().any(|end| end.id.as_u128() == id);
-        match present || ended {
-            true => Ok(()),
-            false => Err((Invariant::Requests, "an acknowledged goal is not in the state".into())),
-        }
     }
 
     /// What the truck does in its world, after each step.
