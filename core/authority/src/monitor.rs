@@ -54,13 +54,18 @@ impl Monitors {
         self.gyro.frame(&vehicle.guard, now, frame)
     }
 
-    /// A window of the encoder, and how the motor was driven meanwhile.
-    pub fn window(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16, driven: Driven) {
+    /// How the motor is driven from now on.
+    pub fn drive(&mut self, driven: Driven) {
+        self.drive.drive(driven);
+    }
+
+    /// A window of the encoder.
+    pub fn window(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16) {
         let rpm = wheel_rpm(&vehicle.encoder, u32::from(pulses));
         self.turning = pulses > 0;
         self.over_speed = rpm * vehicle.mps_per_rpm() > vehicle.admitted_mps();
         self.encoder.window(&vehicle.guard, now, rpm);
-        self.drive.window(vehicle, now, pulses, driven);
+        self.drive.window(vehicle, now, pulses);
     }
 
     /// A window with more pulses than its frame may hold.

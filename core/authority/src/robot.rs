@@ -317,10 +317,14 @@ impl Robot {
             _ => None,
         };
         let became_neutral = motor == PwmCount::NEUTRAL && self.sent_motor != PwmCount::NEUTRAL;
-        if now < self.next_frame && !became_neutral {
+        let due = now >= self.next_frame || became_neutral;
+        if due {
+            self.sent_motor = motor;
+        }
+        self.watch_drive();
+        if !due {
             return None;
         }
-        self.sent_motor = motor;
         self.next_frame = now.plus_ns(PWM_FRAME_NS);
         Some(self.writer.pwm(&pwm))
     }

@@ -89,6 +89,7 @@ fn full() -> RobotState {
             remote: None,
             setpoint: Some(200),
         },
+        turn_late_us: 900,
         rejected: Rejected {
             malformed: 1,
             oversized: 2,
@@ -183,31 +184,32 @@ fn a_full_state() {
     pinned(
         &full(),
         concat!(
-            "057874622d31ac020780e807030105636c692d375a000000000000f83f00000000000000c00000000000",
-            "00e03f01010c01000000000000c03f0000000000002a40000000000000e0bf01010001000000000000d0",
-            "3f00010000000000001d4003011000112233445566778899aabbccddeeff000100000000000008400100",
-            "0000000000104006010000000000001840900301017205636c692d370102100000000000000000000000",
-            "00000000020510000000000000000000000000000000010301179a030101640200f40305636c692d3900",
-            "0599030b6779726f5f66726f7a656e01030f121b01f3030101010201030001c801010203040506070809",
-            "0a0b0c0d0e0f1011"
+            "057874622d31ac020780e807030105636c692d375a000000000000f83f00000000000000c0000000",
+            "000000e03f01010c01000000000000c03f0000000000002a40000000000000e0bf01010001000000",
+            "000000d03f00010000000000001d4003011000112233445566778899aabbccddeeff000100000000",
+            "0000084001000000000000104006010000000000001840900301017205636c692d37010210000000",
+            "000000000000000000000000020510000000000000000000000000000000010301179a0301016402",
+            "00f40305636c692d39000599030b6779726f5f66726f7a656e01030f121b01f30301010102010300",
+            "01c80184070102030405060708090a0b0c0d0e0f1011"
         ),
         concat!(
-            r#"{"robot":"xtb-1","epoch":300,"seq":7,"tick_ms":128000,"mode":"goto","lease":{"holder"#,
-            r#"":"cli-7","age_ms":90},"pose":{"x_m":1.5,"y_m":-2.0,"yaw_rad":0.5,"source":"odometry"#,
-            r#"","age_ms":12},"speed_mps":0.125,"reference_rpm":13.0,"steering":-0.5,"obstacle":{"f"#,
-            r#"ront":true,"rear":null},"tilt_deg":{"x":0.25,"y":null},"battery_v":7.25,"battery_lev"#,
-            r#"el":"finish","goal":{"id":"00112233-4455-6677-8899-aabbccddeeff","kind":"goto","x_m""#,
-            r#":3.0,"y_m":4.0,"status":"failed","distance_m":6.0,"age_ms":400,"reason":"r","by":"cl"#,
-            r#"i-7","on_link_loss":"finish"},"ended_goals":[{"id":"00000000-0000-0000-0000-00000000"#,
-            r#"0002","status":"replaced"},{"id":"00000000-0000-0000-0000-000000000001","status":"re"#,
-            r#"ached"}],"faults":[{"fault":"gyro_frozen","age_ms":410,"detail":"d"}],"latches":[{"l"#,
-            r#"atch":"estop","age_ms":500,"by":"cli-9","present":false},{"latch":"sensor_fault","ag"#,
-            r#"e_ms":409,"by":"gyro_frozen","present":true}],"stopped_because":["estop","sensor_fau"#,
-            r#"lt","coasting"],"stopped_age_ms":499,"input_age_ms":{"gyro":1,"encoder":2,"adc":3,"r"#,
-            r#"emote":null,"setpoint":200},"rejected":{"malformed":1,"oversized":2,"wrong_version":"#,
-            r#"3,"out_of_range":4,"refused":5,"stale":6,"fenced":7,"overloaded":8,"setpoints_overwr"#,
-            r#"itten":9,"events_dropped":10,"board_frames":11,"board_lost":12,"board_repeated":13,""#,
-            r#"gyro_bytes":14,"gyro_lost":15,"remote_readings":16,"record_dropped":17}}"#
+            r#"{"robot":"xtb-1","epoch":300,"seq":7,"tick_ms":128000,"mode":"goto","lease":{"holde"#,
+            r#"r":"cli-7","age_ms":90},"pose":{"x_m":1.5,"y_m":-2.0,"yaw_rad":0.5,"source":"odomet"#,
+            r#"ry","age_ms":12},"speed_mps":0.125,"reference_rpm":13.0,"steering":-0.5,"obstacle":"#,
+            r#"{"front":true,"rear":null},"tilt_deg":{"x":0.25,"y":null},"battery_v":7.25,"battery"#,
+            r#"_level":"finish","goal":{"id":"00112233-4455-6677-8899-aabbccddeeff","kind":"goto","#,
+            r#""x_m":3.0,"y_m":4.0,"status":"failed","distance_m":6.0,"age_ms":400,"reason":"r","b"#,
+            r#"y":"cli-7","on_link_loss":"finish"},"ended_goals":[{"id":"00000000-0000-0000-0000-0"#,
+            r#"00000000002","status":"replaced"},{"id":"00000000-0000-0000-0000-000000000001","sta"#,
+            r#"tus":"reached"}],"faults":[{"fault":"gyro_frozen","age_ms":410,"detail":"d"}],"latc"#,
+            r#"hes":[{"latch":"estop","age_ms":500,"by":"cli-9","present":false},{"latch":"sensor_"#,
+            r#"fault","age_ms":409,"by":"gyro_frozen","present":true}],"stopped_because":["estop","#,
+            r#""sensor_fault","coasting"],"stopped_age_ms":499,"input_age_ms":{"gyro":1,"encoder":"#,
+            r#"2,"adc":3,"remote":null,"setpoint":200},"turn_late_us":900,"rejected":{"malformed":"#,
+            r#"1,"oversized":2,"wrong_version":3,"out_of_range":4,"refused":5,"stale":6,"fenced":7"#,
+            r#","overloaded":8,"setpoints_overwritten":9,"events_dropped":10,"board_frames":11,"bo"#,
+            r#"ard_lost":12,"board_repeated":13,"gyro_bytes":14,"gyro_lost":15,"remote_readings":1"#,
+            r#"6,"record_dropped":17}}"#
         ),
     );
 }

@@ -20,7 +20,7 @@ use xtb_control::{PwmCount, Stamp, VehicleConfig};
 /// What changes within one window is seen by the next; a pulse takes a period to reach the motor.
 const QUANTUM_PULSES: u32 = 2;
 /// Coasting begins so many windows after the reference fell: the pulse's way to the motor, and the
-/// window under way.
+/// window under way. Until then a truck that has just been started may still become faster.
 const COAST_DELAY: u32 = 2;
 /// Windows that come late and all at once prove less than their number.
 const PART_OF_WINDOWS: f64 = 0.7;
@@ -52,6 +52,35 @@ impl Driven {
     }
 }
 
+/// How the motor has been driven since the last window.
+#[derive(Debug, Clone, Copy)]
+struct Span {
+    /// The fastest that was asked for; `None` = any.
+    asked_rpm: Option<f64>,
+    /// The weakest pulse.
+    offset_counts: f64,
+}
+
+impl Default for Span {
+    fn default() -> Self {
+        Self { asked_rpm: Some(0.0), offset_counts: 0.0 }
+    }
+}
+
+impl Span {
+    fn of(driven: Driven) -> Self {
+        Self { asked_rpm: driven.asked_rpm(), offset_counts: driven.offset_counts() }
+    }
+
+    fn and(self, other: Self) -> Self {
+        let fastest = |a: Option<f64>, b: Option<f64>| Some(a?.max(b?));
+        Self {
+            asked_rpm: fastest(self.asked_rpm, other.asked_rpm),
+            offset_counts: self.offset_counts.min(other.offset_counts),
+        }
+    }
+}
+
 /// Since when something has been so, and in how many windows.
 #[derive(Debug, Clone, Copy, Default)]
 struct Run {
@@ -76,6 +105,9 @@ impl Run {
 /// Watches the drive, window by window.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DriveMonitor {
+    driven: Span,
+    /// Of the present window.
+    span: Span,
     asked_rpm: Option<f64>,
     /// What coasting explains.
     coast_rpm: f64,
@@ -87,20 +119,26 @@ pub(super) struct DriveMonitor {
 }
 
 impl DriveMonitor {
+    /// The motor is driven so from now on.
+    pub(super) fn drive(&mut self, driven: Driven) {
+        self.driven = Span::of(driven);
+        self.span = self.span.and(self.driven);
+    }
+
     /// A window in which `pulses` were counted.
-    pub(super) fn window(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16, driven: Driven) {
+    pub(super) fn window(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16) {
         let rpm = wheel_rpm(&vehicle.encoder, u32::from(pulses));
-        self.watch_runaway(vehicle, now, rpm, driven);
+        let span = std::mem::replace(&mut self.span, self.driven);
+        self.watch_runaway(vehicle, now, rpm, span.asked_rpm);
         let standing = u32::from(pulses) <= vehicle.speed.interlock_pulses;
         if standing {
             self.runaway.quiet(now);
         }
-        self.watch_stall(vehicle, now, pulses, driven);
+        self.watch_stall(vehicle, now, pulses, span.offset_counts);
     }
 
-    fn watch_runaway(&mut self, vehicle: &VehicleConfig, now: Stamp, rpm: f64, driven: Driven) {
+    fn watch_runaway(&mut self, vehicle: &VehicleConfig, now: Stamp, rpm: f64, asked: Option<f64>) {
         let (limits, window_s) = (&vehicle.guard, vehicle.encoder.window_s);
-        let asked = driven.asked_rpm();
         let above = match asked {
             Some(asked) => {
                 self.coast(limits.coast_s, window_s, asked, rpm);
@@ -125,19 +163,18 @@ impl DriveMonitor {
         if fell {
             (self.coast_rpm, self.coast_delay) = (self.coast_rpm.max(rpm), COAST_DELAY);
         } else if self.coast_delay > 0 {
-            self.coast_delay -= 1;
+            (self.coast_rpm, self.coast_delay) = (self.coast_rpm.max(rpm), self.coast_delay - 1);
         } else {
             self.coast_rpm *= libm::exp(-window_s / coast_s);
         }
     }
 
-    fn watch_stall(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16, driven: Driven) {
+    fn watch_stall(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16, offset_counts: f64) {
         let limits = &vehicle.guard;
-        let is_driven = driven.offset_counts() >= limits.stall_counts;
+        let is_driven = offset_counts >= limits.stall_counts;
         let still = is_driven && pulses == 0;
         if self.still.lasts(now, still, vehicle.encoder.window_s, limits.stall_s) {
-            let counts = driven.motor.get();
-            self.stalled.raise(|| format!("the motor gets {counts} counts and no pulse comes"));
+            self.stalled.raise(|| format!("{offset_counts:.0} counts from neutral and not one pulse"));
         } else if !is_driven {
             self.stalled.quiet(now);
         }
@@ -178,7 +215,8 @@ mod tests {
         fn window(&mut self, pulses: u16, driven: Driven) {
             self.windows += 1;
             let now = Stamp::from_s(f64::from(self.windows) * WINDOW_MS / 1000.0);
-            self.monitor.window(&VehicleConfig::default(), now, pulses, driven);
+            self.monitor.drive(driven);
+            self.monitor.window(&VehicleConfig::default(), now, pulses);
         }
 
         /// Windows until `fault` is there, at most 100.
@@ -233,6 +271,30 @@ mod tests {
     }
 
     #[test]
+    fn a_reference_that_falls_before_the_wheels_have_followed_it_explains_their_speed() {
+        // 20 rpm for two windows, from a stand; then neutral.
+        let mut bench = Bench::default();
+        for pulses in [0, 4] {
+            bench.window(pulses, asked(20.0));
+        }
+        for pulses in [9, 12, 10, 8, 7, 6, 5, 4, 3, 3, 2, 2, 1, 1] {
+            bench.window(pulses, asked(0.0));
+        }
+        assert!(!runaway(&bench.monitor));
+    }
+
+    #[test]
+    fn a_drive_that_begins_and_ends_within_a_window_explains_its_speed() {
+        let mut bench = Bench::default();
+        bench.window(0, asked(0.0));
+        bench.monitor.drive(asked(20.0));
+        for pulses in [2, 9, 8, 7, 6, 5, 4, 4, 3, 3, 2, 2, 1, 1] {
+            bench.window(pulses, asked(0.0));
+        }
+        assert!(!runaway(&bench.monitor));
+    }
+
+    #[test]
     fn by_hand_only_a_neutral_stick_must_come_to_a_stand() {
         let by_hand = |offset| Driven { by_hand: true, motor: counts(offset), reference_rpm: 0.0 };
         let mut bench = Bench::default();
@@ -243,7 +305,11 @@ mod tests {
     #[test]
     fn a_driven_motor_without_pulses_is_a_stall_until_it_is_neutral() {
         let mut bench = Bench::default();
-        assert_eq!(bench.until(0, asked(13.0), stalled), Some(12), "0.63 s");
+        assert_eq!(
+            bench.until(0, asked(13.0), stalled),
+            Some(9),
+            "0.42 s after the first window that it was driven in whole"
+        );
         (0..50).for_each(|_| bench.window(0, asked(13.0)));
         assert!(stalled(&bench.monitor), "it is still driven");
         (0..19).for_each(|_| bench.window(0, asked(0.0)));
@@ -261,12 +327,13 @@ mod tests {
     #[test]
     fn windows_that_come_all_at_once_prove_nothing() {
         let mut monitor = DriveMonitor::default();
+        monitor.drive(asked(13.0));
         for _ in 0..40 {
-            monitor.window(&VehicleConfig::default(), Stamp::from_ms(1000), 0, asked(13.0));
+            monitor.window(&VehicleConfig::default(), Stamp::from_ms(1000), 0);
         }
         assert!(!stalled(&monitor));
         for _ in 0..40 {
-            monitor.window(&VehicleConfig::default(), Stamp::from_ms(1000), 600, asked(13.0));
+            monitor.window(&VehicleConfig::default(), Stamp::from_ms(1000), 600);
         }
         assert!(!runaway(&monitor));
     }

@@ -42,14 +42,18 @@ impl Robot {
     /// An encoder window, after the controller's step. Wheels that ran away or did not turn under the
     /// transmitter want to see a neutral stick before they are driven again.
     pub(super) fn watch_window(&mut self, now: Stamp, pulses: u16) {
-        let driven = Driven {
+        self.monitors.window(self.controller.config(), now, pulses);
+        let of_the_drive = |fault: Fault| matches!(fault, Fault::Runaway | Fault::Stalled);
+        self.stick_held |= self.monitors.faults(self.guards).any(|(fault, _)| of_the_drive(fault));
+    }
+
+    /// The end of a turn: this is how the motor is driven.
+    pub(super) fn watch_drive(&mut self) {
+        self.monitors.drive(Driven {
             by_hand: self.outputs.mode == Mode::Manual,
             motor: self.sent_motor,
             reference_rpm: self.outputs.reference_rpm,
-        };
-        self.monitors.window(self.controller.config(), now, pulses, driven);
-        let of_the_drive = |fault: Fault| matches!(fault, Fault::Runaway | Fault::Stalled);
-        self.stick_held |= self.monitors.faults(self.guards).any(|(fault, _)| of_the_drive(fault));
+        });
     }
 
     /// Whether a frame of the gyro is the last one again, unchanged to its timer.
