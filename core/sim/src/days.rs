@@ -40,7 +40,7 @@ use xtb_control::VehicleConfig;
 use xtb_control::units::Stamp;
 use xtb_protocol::Uuid;
 use xtb_protocol::keys::{Name, NameError};
-use xtb_protocol::messages::{Body, EventKind, Request};
+use xtb_protocol::messages::{Body, EventKind, Request, TruthRobot};
 
 pub use report::{Counts, Invariant, Report, Violation};
 
@@ -105,6 +105,7 @@ struct Post {
     sensors: SensorFaults,
     drive: DriveFault,
     driven: bool,
+    contacts: u64,
     session: bool,
 }
 
@@ -157,6 +158,7 @@ impl Day {
                 sensors: SensorFaults::default(),
                 drive: DriveFault::default(),
                 driven: false,
+                contacts: 0,
                 session: true,
             })
             .collect();
@@ -302,6 +304,7 @@ impl Day {
         self.counts.driven += u64::from(driven);
         self.history.hash.add(u64::from(motor));
         let truck = &self.simulation.trucks()[i];
+        let (battery_v, truck) = (truck.battery_v(), truck.truth());
         let truth = Truth {
             transmitter: post.transmitter,
             board_line: post.lines.board,
@@ -309,35 +312,45 @@ impl Day {
             plugged: post.plugged,
             sensors: post.sensors,
             drive: post.drive,
-            battery_v: truck.battery_v(),
-            speed_mps: truck.truth().speed_mps,
+            battery_v,
+            speed_mps: truck.speed_mps,
             motor,
             turned,
         };
         post.witness.turn(now, &truth)?;
-        let motion = self.motion(i);
-        self.posts[i].witness.moved(now, &motion)
+        let motion = self.motion(i, &truck);
+        let post = &mut self.posts[i];
+        post.contacts = truck.contacts;
+        post.witness.moved(now, &motion)
     }
 
-    /// How a truck stands to the walls and to everything else.
-    fn motion(&self, i: usize) -> Motion {
-        let (truck, post) = (self.simulation.trucks()[i].truth(), &self.posts[i]);
-        let (sin, cos) = libm::sincos(truck.yaw_rad);
-        let (across_m, along_m) = (0.25 * cos.abs() + 0.2 * sin.abs(), 0.25 * sin.abs() + 0.2 * cos.abs());
-        let at_wall = truck.x_m.abs() + across_m > plan::WIDTH_M / 2.0 - NEAR_M
-            || truck.y_m.abs() + along_m > plan::DEPTH_M / 2.0 - NEAR_M;
-        let far = |x_m: f64, y_m: f64| libm::hypot(x_m - truck.x_m, y_m - truck.y_m) > 1.0;
-        let others = self.simulation.truths().enumerate().filter(|(j, _)| *j != i);
-        let apart = others.map(|(_, other)| (other.x_m, other.y_m));
-        let boxes = self.simulation.world().boxes().map(|(_, spec)| (spec.x_m, spec.y_m));
+    /// How a truck moves; what it touches is looked at only when it touches something.
+    fn motion(&self, i: usize, truck: &TruthRobot) -> Motion {
+        let post = &self.posts[i];
+        let (at_wall, near_others) = match truck.contacts > post.contacts {
+            true => self.surroundings(i, truck),
+            false => (false, false),
+        };
         Motion {
             steering: post.process.steering(),
             speed_mps: truck.speed_mps,
             contacts: truck.contacts,
             sees: post.sensors == SensorFaults::default() && post.drive == DriveFault::None,
             at_wall,
-            near_others: at_wall && apart.chain(boxes).any(|(x_m, y_m)| !far(x_m, y_m)),
+            near_others,
         }
+    }
+
+    /// Whether it is at a wall of the room, and whether it is near anything else.
+    fn surroundings(&self, i: usize, truck: &TruthRobot) -> (bool, bool) {
+        let (sin, cos) = libm::sincos(truck.yaw_rad);
+        let (across_m, along_m) = (0.25 * cos.abs() + 0.2 * sin.abs(), 0.25 * sin.abs() + 0.2 * cos.abs());
+        let at_wall = truck.x_m.abs() + across_m > plan::WIDTH_M / 2.0 - NEAR_M
+            || truck.y_m.abs() + along_m > plan::DEPTH_M / 2.0 - NEAR_M;
+        let near = |(x_m, y_m): (f64, f64)| libm::hypot(x_m - truck.x_m, y_m - truck.y_m) < 1.0;
+        let others = self.simulation.truths().enumerate().filter(|(j, _)| *j != i);
+        let boxes = self.simulation.world().boxes().map(|(_, spec)| (spec.x_m, spec.y_m));
+        (at_wall, others.map(|(_, other)| (other.x_m, other.y_m)).chain(boxes).any(near))
     }
 
     /// What an agent said in its turn.

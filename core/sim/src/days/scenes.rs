@@ -250,11 +250,11 @@ pub(crate) fn crossed(request: Request) -> Request {
     decoded(&bytes).unwrap_or(request)
 }
 
-/// A request as bytes, some of them damaged: cut short, one bit turned, too many, or noise.
+/// A request as bytes, some of them damaged: cut short, one bit turned, one too many, far too many, or noise.
 pub(crate) fn damaged(request: &Request, noise: &mut Noise) -> Vec<u8> {
     let mut bytes = codec::encode(request, Format::Postcard).unwrap_or_default();
     let place = noise.up_to(bytes.len().max(1) as u64 - 1) as usize;
-    match noise.up_to(3) {
+    match noise.up_to(4) {
         0 => bytes.truncate(place),
         1 => {
             if let Some(byte) = bytes.get_mut(place) {
@@ -262,6 +262,7 @@ pub(crate) fn damaged(request: &Request, noise: &mut Noise) -> Vec<u8> {
             }
         }
         2 => bytes.push(0),
+        3 => bytes.resize(codec::MAX_BYTES + 1, 0),
         _ => bytes = (0..noise.up_to(200)).map(|_| noise.up_to(255) as u8).collect(),
     }
     bytes
