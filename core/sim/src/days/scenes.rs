@@ -53,15 +53,18 @@ enum Plot {
     StalledLoop,
     FrozenGyro,
     FrozenFinder,
+    BrokenFinder,
+    SilentGyro,
     WildEncoder,
     Runaway,
     HeldWheels,
     EmptyBattery,
     FastSticks,
     IntoTheWall,
+    IntoTheWallByHand,
 }
 
-const PLOTS: [Plot; 25] = [
+const PLOTS: [Plot; 30] = [
     Plot::StickThroughEstop,
     Plot::StickThroughStop,
     Plot::StickThroughTakeover,
@@ -77,18 +80,27 @@ const PLOTS: [Plot; 25] = [
     Plot::DeadHolder,
     Plot::RebootInMidGoal,
     Plot::StalledLoop,
+    Plot::StalledLoop,
+    Plot::StalledLoop,
     Plot::FrozenGyro,
     Plot::FrozenFinder,
+    Plot::BrokenFinder,
+    Plot::SilentGyro,
     Plot::WildEncoder,
     Plot::Runaway,
     Plot::HeldWheels,
     Plot::EmptyBattery,
     Plot::FastSticks,
     Plot::IntoTheWall,
-    Plot::IntoTheWall,
+    Plot::IntoTheWallByHand,
+    Plot::IntoTheWallByHand,
     Plot::ResetTooEarly,
 ];
 
+/// A speed stick for 0.36 m/s, below what the obstacle rule can stop, and a steering stick for the servo's
+/// own centre.
+const SLOWLY: f64 = 0.2;
+const STRAIGHT_ON: f64 = 0.032;
 /// Time that an actor needs to get its lease.
 const READY: Turn = ms(600);
 
@@ -169,12 +181,16 @@ impl Scene {
             Plot::DeadHolder => vec![(0, Act::Ask(halt)), (ms(700), Act::Die)],
             Plot::RebootInMidGoal => vec![(0, Act::Ask(wander)), (ms(1500), Act::AskOld(finish))],
             Plot::StalledLoop => vec![(0, Act::Ask(wander))],
-            Plot::FrozenGyro | Plot::WildEncoder | Plot::HeldWheels | Plot::EmptyBattery => {
+            Plot::FrozenGyro
+            | Plot::SilentGyro
+            | Plot::WildEncoder
+            | Plot::HeldWheels
+            | Plot::EmptyBattery => {
                 vec![(0, Act::Ask(finish))]
             }
-            Plot::FrozenFinder => vec![(0, Act::Ask(wander))],
+            Plot::FrozenFinder | Plot::BrokenFinder => vec![(0, Act::Ask(wander))],
             Plot::Runaway => vec![(0, stick), (ms(1500), Act::Ask(Body::Stop {})), (ms(1500), Act::LetGo)],
-            Plot::FastSticks => vec![(0, Act::Ask(Body::Release {}))],
+            Plot::FastSticks | Plot::IntoTheWallByHand => vec![(0, Act::Ask(Body::Release {}))],
             Plot::IntoTheWall => vec![(0, Act::Stick { rpm, steering: 0.0 })],
         };
         let take = (self.at, Act::Ask(Body::Acquire { take: true }));
@@ -203,7 +219,7 @@ impl Scene {
             ],
             Plot::RebootInMidGoal => vec![(ms(800), Change::KillAgent { robot, turns: ms(300) })],
             Plot::StalledLoop => {
-                vec![(ms(800), Change::HoldLoop { robot, turns: ms(105 + (150.0 * self.part) as u32) })]
+                vec![(ms(800), Change::HoldLoop { robot, turns: ms(120 + (45.0 * self.part) as u32) })]
             }
             Plot::FrozenGyro => vec![
                 (ms(800), Change::GyroLine { robot, fault: LineFault::Frozen }),
@@ -213,6 +229,24 @@ impl Scene {
                 let finder = (self.part * 6.0) as usize;
                 let frozen = SensorFaults::range_finder(finder, RangeFinderFault::Frozen);
                 vec![(0, sensors(frozen)), (ms(7000), sensors(SensorFaults::default()))]
+            }
+            Plot::BrokenFinder => {
+                let finder = (self.part * 12.0) as usize;
+                let broken = SensorFaults::range_finder(finder, RangeFinderFault::BrokenWire);
+                vec![(ms(1000), sensors(broken)), (ms(4000), sensors(SensorFaults::default()))]
+            }
+            Plot::SilentGyro => vec![
+                (ms(800), Change::GyroLine { robot, fault: LineFault::Silent }),
+                (ms(3000), Change::GyroLine { robot, fault: LineFault::None }),
+            ],
+            Plot::IntoTheWallByHand => {
+                let speed = if self.part < 0.5 { SLOWLY } else { -SLOWLY };
+                let ahead = Transmitter { speed, steering: STRAIGHT_ON, ..manual };
+                vec![
+                    (ms(500), sticks(manual)),
+                    (ms(1000), sticks(ahead)),
+                    (ms(20_000), sticks(Transmitter::default())),
+                ]
             }
             Plot::WildEncoder => {
                 let wild = SensorFaults { encoder: EncoderFault::Wild, ..SensorFaults::default() };

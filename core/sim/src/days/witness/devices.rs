@@ -93,7 +93,9 @@ pub(super) struct Demand {
 #[derive(Debug, Default)]
 pub(super) struct Devices {
     off: Since,
+    /// As the agent hears it, and as it is.
     manual: Since,
+    selected: Since,
     board: Since,
     board_frozen: Since,
     gyro: Since,
@@ -173,6 +175,7 @@ impl Devices {
     fn transmitter(&mut self, now: Turn, truth: &Truth, board_lost: bool, owned: bool) -> (bool, bool) {
         let Transmitter { on, speed, selector_manual, .. } = truth.transmitter;
         let heard = on && truth.hears();
+        let before = self.manual_last;
         if on && selector_manual {
             self.manual_last = Some(now);
         }
@@ -183,8 +186,12 @@ impl Devices {
         }
         let off = self.off.update(now, !on) > STICKS;
         let manual = self.manual.update(now, selector_manual && heard);
-        if manual <= NOTICED {
-            self.taken_from_owner = owned && (self.taken_from_owner || manual == 0);
+        let selected = self.selected.update(now, on && selector_manual);
+        if selected == 0 && on && selector_manual {
+            self.taken_from_owner = before.is_none_or(|before| now - before > TAKEN_OVER);
+        }
+        if selected <= NOTICED {
+            self.taken_from_owner &= owned && heard;
         }
         (off, manual > TAKEN_OVER)
     }
