@@ -1,10 +1,12 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, parser::ValueSource};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 use xtb_protocol::Name;
+use xtb_protocol::messages::Latch;
 
 /// Where a router listens, and where it is looked for, unless told otherwise.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
@@ -19,6 +21,13 @@ Exit codes:
 
 JSON: with --json each result is one line on standard output; so is an error:
   {\"error\":{\"code\":…,\"message\":…,\"hint\":…}}";
+
+const ESTOP_HELP: &str = "\
+It is sent again and again until each robot has acknowledged it or --timeout is over. Exit code 0 means \
+that every robot of the roster has; without a roster nobody can know that, and it is 3.
+
+This is no safety-rated stop: it needs the radio link, the robot's computer and this program. Keep a \
+switch for the motor's power within reach.";
 
 /// Drive, watch, send and stop a fleet of XTB robots from one terminal.
 #[derive(Debug, Parser)]
@@ -80,12 +89,20 @@ pub enum Verb {
     List(ListArgs),
     /// Show everything about robots.
     Status(StatusArgs),
+    /// Explain why a robot stands, or may drive, and what to do.
+    Why(WhyArgs),
+    /// Check router, roster, versions, clocks and configs, and say what to do.
+    Doctor(DoctorArgs),
     /// Send a robot to a point of the map.
     Goto(GotoArgs),
     /// Let a robot wander.
     Wander(WanderArgs),
     /// Stop robots: they drop their goals and stand.
     Stop(StopArgs),
+    /// Emergency stop: robots stand until they are reset (not a safety-rated stop).
+    Estop(EstopArgs),
+    /// End a robot's latched stops whose cause is gone; it stands until a new command.
+    Reset(ResetArgs),
     /// Drive a robot by hand.
     Teleop(TeleopArgs),
     /// Print messages as JSON lines.
@@ -119,6 +136,22 @@ pub struct StatusArgs {
     pub watch: bool,
 }
 
+/// Arguments of `why`.
+#[derive(Debug, Clone, Args)]
+pub struct WhyArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+}
+
+/// Arguments of `doctor`.
+#[derive(Debug, Clone, Args)]
+pub struct DoctorArgs {
+    /// Robots that should be there, separated by commas [default: the config's or the simulator's roster].
+    #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot)]
+    pub expect: Vec<Name>,
+}
+
 /// Arguments of `goto`.
 #[derive(Debug, Clone, Args)]
 #[command(allow_negative_numbers = true)]
@@ -138,6 +171,17 @@ pub struct GotoArgs {
     /// Give the goal up after this long [default: 300 without --wait, none with it].
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub within: Option<Duration>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
+
+/// Whether a verb may take control from its holder.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct LeaseArgs {
+    /// Take control from whoever has it; without this, a robot that somebody controls refuses.
+    #[arg(long)]
+    pub take: bool,
 }
 
 /// Arguments of `wander`.
@@ -152,11 +196,14 @@ pub struct WanderArgs {
     /// Stay and show progress until it ends; Ctrl-C cancels it.
     #[arg(long)]
     pub wait: bool,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
 }
 
-/// Arguments of `stop`.
+/// Which robots are to stop.
 #[derive(Debug, Clone, Args)]
-pub struct StopArgs {
+pub struct WhoArgs {
     /// Robots.
     #[arg(value_name = "ROBOT", value_parser = Name::robot, required_unless_present = "all")]
     pub robots: Vec<Name>,
@@ -168,6 +215,37 @@ pub struct StopArgs {
     pub expect: Vec<Name>,
 }
 
+/// Arguments of `stop`.
+#[derive(Debug, Clone, Args)]
+pub struct StopArgs {
+    /// Which robots.
+    #[command(flatten)]
+    pub who: WhoArgs,
+}
+
+/// Arguments of `estop`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = ESTOP_HELP)]
+pub struct EstopArgs {
+    /// Which robots.
+    #[command(flatten)]
+    pub who: WhoArgs,
+}
+
+/// Arguments of `reset`.
+#[derive(Debug, Clone, Args)]
+pub struct ResetArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// Only this latch [default: all].
+    #[arg(long, value_name = "NAME", value_parser = latch())]
+    pub latch: Option<Latch>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
+
 /// Arguments of `teleop`.
 #[derive(Debug, Clone, Args)]
 pub struct TeleopArgs {
@@ -177,6 +255,9 @@ pub struct TeleopArgs {
     /// Fastest wheel speed asked for, in rpm [default: the robot's limit].
     #[arg(long, value_name = "R", value_parser = rpm)]
     pub max_rpm: Option<f64>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
 }
 
 /// Arguments of `watch`.
@@ -273,6 +354,14 @@ impl Cli {
     }
 }
 
+/// The latches by name: completions know them, so they must be written down.
+const LATCHES: [&str; Latch::ALL.len()] =
+    ["estop", "remote_takeover", "board_lost", "gyro_lost", "runaway", "sensor_fault", "battery_critical"];
+
+fn latch() -> impl TypedValueParser<Value = Latch> {
+    PossibleValuesParser::new(LATCHES).try_map(|name| name.parse::<Latch>())
+}
+
 fn number(text: &str, min: f64, max: f64, unit: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (min..=max).contains(&value) => Ok(value),
@@ -294,44 +383,4 @@ fn rpm(text: &str) -> Result<f64, String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn read(line: &str) -> Result<Cli, clap::Error> {
-        Cli::read(line.split(' ').map(OsString::from))
-    }
-
-    #[test]
-    fn the_grammar_is_consistent() {
-        Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn negative_coordinates_need_no_dashes() {
-        let Verb::Goto(goto) = read("fleet-cli goto xtb-1 -1.5 -2e0 --wait").unwrap().verb else { panic!() };
-        assert_eq!((goto.x_m, goto.y_m, goto.wait), (-1.5, -2.0, true));
-        for bad in ["nan", "inf", "1001", "x"] {
-            assert!(read(&format!("fleet-cli goto xtb-1 {bad} 0")).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
-    fn global_options_stand_before_or_after_the_verb() {
-        for line in [
-            "fleet-cli --json --connect tcp/a:1,tcp/b:2 list",
-            "fleet-cli list --connect tcp/a:1 --connect tcp/b:2 --json",
-        ] {
-            let global = read(line).unwrap().global;
-            assert!(global.json && global.connect_given, "{line}");
-            assert_eq!(global.connect, ["tcp/a:1", "tcp/b:2"], "{line}");
-        }
-        assert!(!read("fleet-cli list").unwrap().global.connect_given);
-    }
-
-    #[test]
-    fn a_reserved_name_is_no_robot() {
-        assert!(read("fleet-cli stop all").unwrap_err().to_string().contains("reserved"));
-        assert!(read("fleet-cli stop").is_err());
-        assert!(read("fleet-cli stop --all --expect xtb-1,xtb-2").is_ok());
-    }
-}
+mod tests;

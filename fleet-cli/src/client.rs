@@ -10,7 +10,7 @@ use xtb_bus::{Bus, BusError, Incoming, Role};
 use xtb_control::Stamp;
 use xtb_protocol::keys::{FleetKeys, Key, RobotKeys};
 use xtb_protocol::messages::{
-    About, Body, Done, Message, Outcome, RejectCode, Reply, Request, RobotState, Roster,
+    About, Body, Done, Message, Outcome, RejectCode, Reply, Request, RobotState, Roster, RosterEntry,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -110,7 +110,14 @@ impl Client {
     /// Time since this client began.
     #[must_use]
     pub fn now(&self) -> Stamp {
-        Stamp::from_ns(u64::try_from(self.shared.began.elapsed().as_nanos()).unwrap_or(u64::MAX))
+        self.stamp(Instant::now())
+    }
+
+    /// A moment, counted from when this client began.
+    #[must_use]
+    pub fn stamp(&self, at: Instant) -> Stamp {
+        let since = at.saturating_duration_since(self.shared.began);
+        Stamp::from_ns(u64::try_from(since.as_nanos()).unwrap_or(u64::MAX))
     }
 
     /// Closes the session.
@@ -124,7 +131,16 @@ impl Client {
     /// # Errors
     /// [`Kind::Failed`] if the question could not be sent.
     pub async fn roster(&self, expect: &[Name]) -> Result<Option<BTreeSet<Name>>> {
-        let told = self.told_roster(expect);
+        let entries = self.roster_entries(expect).await?;
+        Ok(entries.map(|entries| entries.into_iter().map(|entry| entry.name).collect()))
+    }
+
+    /// The same with tags and start poses, as far as the config or the simulator gives them.
+    ///
+    /// # Errors
+    /// [`Kind::Failed`] if the question could not be sent.
+    pub async fn roster_entries(&self, expect: &[Name]) -> Result<Option<Vec<RosterEntry>>> {
+        let told = self.told_entries(expect);
         if !told.is_empty() {
             return Ok(Some(told));
         }
@@ -133,16 +149,25 @@ impl Client {
         if rosters.is_empty() {
             return Ok(None);
         }
-        Ok(Some(rosters.into_iter().flat_map(|roster| roster.robots).map(|entry| entry.name).collect()))
+        Ok(Some(rosters.into_iter().flat_map(|roster| roster.robots).collect()))
     }
 
     /// The roster that is known without asking anybody: `expect`, else the config's; empty = none is.
     #[must_use]
     pub fn told_roster(&self, expect: &[Name]) -> BTreeSet<Name> {
-        if !expect.is_empty() {
-            return expect.iter().cloned().collect();
+        self.told_entries(expect).into_iter().map(|entry| entry.name).collect()
+    }
+
+    fn told_entries(&self, expect: &[Name]) -> Vec<RosterEntry> {
+        let known = &self.shared.ctx.robots;
+        if expect.is_empty() {
+            return known.clone();
         }
-        self.shared.ctx.robots.iter().map(|entry| entry.name.clone()).collect()
+        let entry = |name: &Name| {
+            let bare = || RosterEntry { name: name.clone(), tags: Vec::new(), start_pose: None };
+            known.iter().find(|entry| entry.name == *name).cloned().unwrap_or_else(bare)
+        };
+        expect.iter().map(entry).collect()
     }
 
     /// The robots that are there now.
@@ -308,6 +333,11 @@ fn read<M: Message>(answer: &Incoming) -> Option<M> {
 
 #[cfg(test)]
 impl Client {
+    /// What it was opened with.
+    pub(crate) fn context(&self) -> &Context {
+        &self.shared.ctx
+    }
+
     /// A client `me` of fleet `lab` on a session of its own, in which a test plays the robots.
     pub(crate) async fn alone(timeout: Duration) -> Self {
         let own = |text: &str| Name::new(text).unwrap();
@@ -326,76 +356,4 @@ impl Client {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::sync::Mutex;
-    use std::sync::atomic::{AtomicU32, Ordering};
-    use tokio::sync::mpsc;
-    use xtb_bus::{Question, Service};
-
-    fn name(text: &str) -> Name {
-        Name::new(text).unwrap()
-    }
-
-    fn overloaded(id: Uuid) -> Reply {
-        Reply::refused(id, RejectCode::Overloaded, "no room", "ask again")
-    }
-
-    /// A robot that turns its first requests away, in a session of its own with this client.
-    struct Busy {
-        client: Client,
-        ids: Arc<Mutex<Vec<Uuid>>>,
-        _service: Service,
-    }
-
-    async fn busy(robot: &Name, turns_away: u32, timeout: Duration) -> Busy {
-        let client = Client::alone(timeout).await;
-        let keys = client.keys().robot(robot);
-        let (sender, mut questions) = mpsc::unbounded_channel::<Question>();
-        let each = move |question| sender.send(question).unwrap_or_default();
-        let service = client.bus().serve(&keys.cmd(None), each).await.unwrap();
-        let ids = Arc::new(Mutex::new(Vec::new()));
-        let (seen, left, own_key) =
-            (Arc::clone(&ids), AtomicU32::new(turns_away), keys.cmd(Some(client.name())));
-        tokio::spawn(async move {
-            while let Some(question) = questions.recv().await {
-                let (request, format) = question.decode::<Request>().unwrap();
-                seen.lock().unwrap().push(request.id);
-                let away =
-                    left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1)).is_ok();
-                let reply =
-                    if away { overloaded(request.id) } else { Reply::done(request.id, Done::default()) };
-                question.reply(&own_key, &reply, format).await.unwrap();
-            }
-        });
-        Busy { client, ids, _service: service }
-    }
-
-    #[test]
-    fn only_an_overloaded_robot_is_asked_again() {
-        let id = Uuid::from_u128(1);
-        assert_eq!(Answer::of(overloaded(id)), Answer::TurnedAway);
-        let refused = Reply::refused(id, RejectCode::Busy, "", "");
-        assert_eq!(Answer::of(refused.clone()), Answer::Settled(refused));
-    }
-
-    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-    async fn a_stop_that_is_turned_away_is_asked_again_with_its_id_until_it_is_taken() {
-        let robot = name("xtb-1");
-        let busy = busy(&robot, 2, Duration::from_secs(30)).await;
-        busy.client.request(&robot, Body::Stop {}).await.unwrap();
-        let ids = busy.ids.lock().unwrap().clone();
-        assert_eq!(ids.len(), 3);
-        assert!(ids.iter().all(|id| *id == ids[0]), "{ids:?}");
-    }
-
-    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-    async fn a_robot_that_stays_overloaded_is_said_to_be() {
-        let robot = name("xtb-1");
-        let busy = busy(&robot, u32::MAX, Duration::from_millis(400)).await;
-        let failure = busy.client.request(&robot, Body::Stop {}).await.unwrap_err();
-        assert_eq!(failure.kind, Kind::OutcomeUnknown);
-        assert!(failure.message.contains("overloaded"), "{failure}");
-        assert!(busy.ids.lock().unwrap().len() > 1);
-    }
-}
+mod tests;

@@ -2,8 +2,10 @@
 
 use crate::words;
 use std::time::Duration;
+use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{
-    FaultState, GoalKind, GoalState, ObstacleView, PoseState, Rejected, RobotState, TiltState,
+    BatteryLevel, FaultState, GoalKind, GoalState, LatchState, LinkLoss, ObstacleView, PoseState, Rejected,
+    RobotState, TiltState,
 };
 
 /// What is shown for a value that nobody knows.
@@ -20,10 +22,11 @@ fn known(value: Option<f64>, digits: usize, unit: &str) -> String {
     value.map_or_else(|| UNKNOWN.to_owned(), |value| format!("{} {unit}", fixed(value, digits)))
 }
 
-/// An age: `40 ms`, `1.2 s`.
+/// An age: `40 ms`, `1.2 s`, `2 min 05 s`.
 pub(crate) fn age(age: Duration) -> String {
     match age.as_millis() {
         ms @ 0..1000 => format!("{ms} ms"),
+        ms @ 100_000.. => format!("{} min {:02} s", ms / 60_000, ms / 1000 % 60),
         _ => format!("{:.1} s", age.as_secs_f64()),
     }
 }
@@ -34,6 +37,12 @@ fn age_ms(ms: Option<u64>) -> String {
 
 /// Place and direction in the map.
 pub(crate) fn pose(pose: &PoseState) -> String {
+    let (x, y) = (fixed(pose.x_m, 2), fixed(pose.y_m, 2));
+    format!("({x}, {y}) {}°", fixed(pose.yaw_rad.to_degrees(), 0))
+}
+
+/// The same of a configured pose.
+pub(crate) fn map_pose(pose: &MapPose) -> String {
     let (x, y) = (fixed(pose.x_m, 2), fixed(pose.y_m, 2));
     format!("({x}, {y}) {}°", fixed(pose.yaw_rad.to_degrees(), 0))
 }
@@ -51,9 +60,15 @@ pub(crate) fn speed(state: &RobotState) -> String {
     known(state.speed_mps, 2, "m/s")
 }
 
-/// Battery voltage.
+/// Battery voltage and what it means.
 pub(crate) fn battery(state: &RobotState) -> String {
-    known(state.battery_v, 1, "V")
+    let volts = known(state.battery_v, 1, "V");
+    match state.battery_level {
+        BatteryLevel::Unknown if state.battery_v.is_none() => volts,
+        BatteryLevel::Ok => volts,
+        BatteryLevel::Unknown => format!("{volts}, level unknown"),
+        level => format!("{volts}, {}", words::name(&level)),
+    }
 }
 
 /// Who holds the lease.
@@ -82,6 +97,43 @@ pub(crate) fn goal(goal: &GoalState) -> String {
         text.push_str(&format!(", {} m to go", fixed(distance_m, 2)));
     }
     text
+}
+
+/// The goal with who sent it, for how long it stands so, why, and what becomes of it without its client.
+pub(crate) fn goal_in_full(state: &GoalState) -> String {
+    let mut text = goal(state);
+    let age = age(Duration::from_millis(state.age_ms));
+    text.push_str(&match state.status.is_final() {
+        true => format!(" {age} ago, sent by {}", state.by),
+        false => format!(", for {age}, sent by {}", state.by),
+    });
+    if !state.status.is_final() {
+        text.push_str(match state.on_link_loss {
+            LinkLoss::Halt => ", stops if its client falls silent",
+            LinkLoss::Finish => ", goes on without its client",
+        });
+    }
+    if let Some(reason) = &state.reason {
+        text.push_str(&format!(": {reason}"));
+    }
+    text
+}
+
+/// A latch with who set it and since when.
+pub(crate) fn latch(state: &LatchState) -> String {
+    let age = age(Duration::from_millis(state.age_ms));
+    let still = if state.present { ", its cause is still there" } else { "" };
+    format!("{} by {} for {age}{still}", state.latch, state.by)
+}
+
+/// Since when it stands; `None` while it drives.
+pub(crate) fn stands(state: &RobotState) -> Option<String> {
+    let why = (!state.stopped_because.is_empty()).then(|| words::reasons(&state.stopped_because));
+    let since = state.stopped_age_ms.map(|ms| format!("for {}", age(Duration::from_millis(ms))));
+    match (since, why) {
+        (Some(since), Some(why)) => Some(format!("{since}: {why}")),
+        (since, why) => since.or(why),
+    }
 }
 
 /// What the obstacle rule sees.
@@ -145,6 +197,8 @@ mod tests {
     fn ages_have_a_unit() {
         assert_eq!(age(Duration::from_millis(999)), "999 ms");
         assert_eq!(age(Duration::from_millis(1250)), "1.2 s");
+        assert_eq!(age(Duration::from_secs(99)), "99.0 s");
+        assert_eq!(age(Duration::from_secs(125)), "2 min 05 s");
         assert_eq!(age_ms(None), "never");
     }
 }

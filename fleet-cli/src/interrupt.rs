@@ -1,6 +1,6 @@
 //! Ctrl-C, `kill` and a closed window: all three are a wish to end, to be carried out cleanly.
 
-use crate::error::{Exit, Result};
+use crate::error::{Exit, Failure, Kind, Result};
 use tokio::signal::unix::{SignalKind, signal};
 
 /// Resolves once any of the three has come. Keep one future for as long as a command runs: what
@@ -31,5 +31,22 @@ pub async fn or_interrupted(command: impl Future<Output = Result<Exit>>) -> Resu
     tokio::select! {
         ended = command => ended,
         () = interrupted() => Ok(Exit::Interrupted),
+    }
+}
+
+/// A command that has effects: who interrupts it is told what is not known then, and what shows it.
+///
+/// # Errors
+/// The command's, or [`Kind::Interrupted`].
+pub async fn or_interrupted_saying(
+    command: impl Future<Output = Result<Exit>>,
+    unknown: &str,
+    hint: &str,
+) -> Result<Exit> {
+    tokio::select! {
+        ended = command => ended,
+        () = interrupted() => {
+            Err(Failure::new(Kind::Interrupted, format!("interrupted: {unknown}")).hint(hint))
+        }
     }
 }

@@ -1,64 +1,131 @@
-//! A lease for as long as a command needs it: acquired, retained in the background, released.
+//! A lease for as long as a command needs it: acquired, or taken from its holder; retained in the
+//! background; released.
 
 use crate::client::{Client, accepted};
-use crate::error::Result;
+use crate::error::{Failure, Kind, Result};
+use crate::feed::Feed;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::task::JoinHandle;
-use xtb_authority::operator::{Operator, RETAIN_MS};
-use xtb_protocol::messages::{Body, Done, Lease, Request};
+use tokio::time::MissedTickBehavior;
+use xtb_authority::operator::Operator;
+use xtb_control::Stamp;
+use xtb_protocol::messages::{Body, Done, ErrorBody, Lease, Outcome, RejectCode, Reply, Request};
 use xtb_protocol::{Name, Uuid};
 
-/// How exactly the 100 ms between two retains are kept.
-const LOOK_EVERY: Duration = Duration::from_millis(RETAIN_MS / 5);
-/// A retain that takes longer is given up for the next one; 900 ms of silence free the lease.
-const RETAIN_WITHIN: Duration = Duration::from_millis(2 * RETAIN_MS);
+/// How exactly the 100 ms of the robot's time between two retains are kept.
+const LOOK_EVERY: Duration = Duration::from_millis(5);
+/// A retain that takes longer than so many times the pause between two is given up for the next one;
+/// 500 ms of silence end a halting goal, 900 ms free the lease.
+const PATIENCE: u32 = 2;
+/// However fast the robot's clock runs, an answer needs its way.
+const RETAIN_AT_LEAST: Duration = Duration::from_millis(30);
+
+/// The client's standing with the robot.
+#[derive(Debug, Default)]
+struct Book {
+    operator: Operator,
+    lost: Option<Failure>,
+}
+
+impl Book {
+    fn replied(&mut self, now: Stamp, robot: &Name, reply: &Reply) {
+        match &reply.result {
+            Outcome::Error(error) if error.code == RejectCode::LeaseLost => {
+                self.lost.get_or_insert_with(|| lost(robot, error));
+            }
+            Outcome::Ok(Done { lease: Some(_), .. }) => self.lost = None,
+            _ => {}
+        }
+        self.operator.replied(now, reply);
+    }
+}
 
 /// Control of one robot. Dropping it ends the retaining, and so, 900 ms later, the lease.
 #[derive(Debug)]
 pub struct Control {
     client: Client,
     robot: Name,
-    operator: Arc<Mutex<Operator>>,
+    book: Arc<Mutex<Book>>,
+    taken_from: Option<String>,
     keeper: JoinHandle<()>,
 }
 
 impl Control {
-    /// Acquires the lease and keeps it.
+    /// Acquires the lease and keeps it. With `take` it is taken from its holder, if it has one.
     ///
     /// # Errors
-    /// The robot's refusal, or [`Kind::OutcomeUnknown`](crate::Kind::OutcomeUnknown).
-    pub async fn acquire(client: &Client, robot: &Name) -> Result<Self> {
-        let mut operator = Operator::default();
-        let body = Body::Acquire { take: false };
-        let reply = client.carry_out(robot, &operator, Uuid::new_v4(), body).await?;
+    /// The robot's refusal ([`RejectCode::LeaseHeld`] names the holder), or
+    /// [`Kind::OutcomeUnknown`].
+    pub async fn acquire(client: &Client, robot: &Name, take: bool) -> Result<Self> {
+        let feed = Feed::open(client, &client.keys().robot(robot)).await?;
+        let mut book = Book::default();
+        let mut reply = ask(client, robot, &book.operator, false).await?;
+        let mut taken_from = None;
+        if take && is_held(&reply) {
+            taken_from = Some(holder(client, robot).await);
+            reply = ask(client, robot, &book.operator, true).await?;
+        }
         accepted(robot, &reply)?;
-        operator.replied(client.now(), &reply);
-        let operator = Arc::new(Mutex::new(operator));
-        let keeper = tokio::spawn(keep(client.clone(), robot.clone(), Arc::clone(&operator)));
-        Ok(Self { client: client.clone(), robot: robot.clone(), operator, keeper })
+        book.replied(client.now(), robot, &reply);
+        let book = Arc::new(Mutex::new(book));
+        let keeper = Keeper { client: client.clone(), robot: robot.clone(), book: Arc::clone(&book) };
+        let keeper = tokio::spawn(keeper.keep(feed));
+        Ok(Self { client: client.clone(), robot: robot.clone(), book, taken_from, keeper })
+    }
+
+    /// Who controls: this client.
+    #[must_use]
+    pub fn client_name(&self) -> &Name {
+        self.client.name()
+    }
+
+    /// From whom it was taken; `None` = nobody held it.
+    #[must_use]
+    pub fn taken_from(&self) -> Option<&str> {
+        self.taken_from.as_deref()
     }
 
     /// The lease, while it is held.
     #[must_use]
     pub fn lease(&self) -> Option<Lease> {
-        lock(&self.operator).lease()
+        lock(&self.book).operator.lease()
     }
 
     /// Whether somebody else has taken over, or the robot has restarted.
     #[must_use]
     pub fn is_lost(&self) -> bool {
-        lock(&self.operator).has_lost()
+        lock(&self.book).operator.has_lost()
+    }
+
+    /// What the robot said when the lease was lost; `None` while it is held.
+    #[must_use]
+    pub fn lost(&self) -> Option<Failure> {
+        lock(&self.book).lost.clone()
+    }
+
+    /// Acquires a lost lease again, unless somebody else holds it now.
+    ///
+    /// # Errors
+    /// As [`Control::acquire`].
+    pub async fn regain(&self) -> Result<()> {
+        let reply = ask(&self.client, &self.robot, &Operator::default(), false).await?;
+        accepted(&self.robot, &reply)?;
+        lock(&self.book).replied(self.client.now(), &self.robot, &reply);
+        Ok(())
     }
 
     /// Asks the robot for something, with the lease; a goal's id is its request's.
     ///
     /// # Errors
-    /// As [`Client::request`].
+    /// As [`Client::request`]; with a lease that is lost, how it was lost.
     pub async fn request(&self, id: Uuid, body: Body) -> Result<Done> {
-        let operator = lock(&self.operator).clone();
+        if let Some(failure) = self.lost() {
+            return Err(failure);
+        }
+        let operator = lock(&self.book).operator.clone();
         let reply = self.client.carry_out(&self.robot, &operator, id, body).await?;
-        lock(&self.operator).replied(self.client.now(), &reply);
+        lock(&self.book).replied(self.client.now(), &self.robot, &reply);
         accepted(&self.robot, &reply)
     }
 
@@ -79,26 +146,119 @@ impl Drop for Control {
     }
 }
 
-async fn keep(client: Client, robot: Name, operator: Arc<Mutex<Operator>>) {
-    let keys = client.keys().robot(&robot);
-    let mut look = tokio::time::interval(LOOK_EVERY);
-    loop {
-        look.tick().await;
-        let due = {
-            let mut operator = lock(&operator);
-            operator.retain(client.now()).map(|body| (operator.lease(), body))
-        };
-        let Some((lease, body)) = due else { continue };
-        let request = Request { id: Uuid::new_v4(), lease, body };
-        match client.bus().ask(&keys, client.name(), &request, RETAIN_WITHIN).await {
-            Ok(Some(reply)) => lock(&operator).replied(client.now(), &reply),
-            Ok(None) => tracing::debug!("{robot} did not answer a retain"),
-            Err(error) => tracing::debug!("retaining the lease of {robot}: {error}"),
+async fn ask(client: &Client, robot: &Name, operator: &Operator, take: bool) -> Result<Reply> {
+    client.carry_out(robot, operator, Uuid::new_v4(), Body::Acquire { take }).await
+}
+
+fn is_held(reply: &Reply) -> bool {
+    matches!(&reply.result, Outcome::Error(error) if error.code == RejectCode::LeaseHeld)
+}
+
+/// Who holds it, as far as the state tells.
+async fn holder(client: &Client, robot: &Name) -> String {
+    let states = client.states(&client.keys().robot(robot)).await.unwrap_or_default();
+    let lease = states.get(robot).and_then(|seen| seen.state.lease.as_ref());
+    lease.map_or_else(|| "another client".to_owned(), |lease| lease.holder.to_string())
+}
+
+fn lost(robot: &Name, error: &ErrorBody) -> Failure {
+    Failure::new(Kind::Refused(error.code), format!("control of {robot} is lost: {}", error.message))
+        .hint(format!("`fleet-cli why {robot}` shows who holds it and what it does; --take takes it back"))
+}
+
+/// Retains a lease in time.
+struct Keeper {
+    client: Client,
+    robot: Name,
+    book: Arc<Mutex<Book>>,
+}
+
+impl Keeper {
+    async fn keep(self, feed: Feed) {
+        let keys = self.client.keys().robot(&self.robot);
+        let mut look = tokio::time::interval(LOOK_EVERY);
+        look.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        loop {
+            look.tick().await;
+            let Some((lease, body, pause)) = self.due(&feed) else { continue };
+            let request = Request { id: Uuid::new_v4(), lease, body };
+            let within = (pause * PATIENCE).max(RETAIN_AT_LEAST);
+            match self.client.bus().ask(&keys, self.client.name(), &request, within).await {
+                Ok(Some(reply)) => self.answered(lease, &reply),
+                Ok(None) => tracing::debug!("{} did not answer a retain", self.robot),
+                Err(error) => tracing::debug!("retaining the lease of {}: {error}", self.robot),
+            }
+        }
+    }
+
+    /// The retain that is due now, and the pause until the next one.
+    fn due(&self, feed: &Feed) -> Option<(Option<Lease>, Body, Duration)> {
+        let operator = &mut lock(&self.book).operator;
+        if let Some(seen) = feed.last(&self.robot) {
+            operator.saw(self.client.stamp(seen.at), seen.state.tick_ms);
+        }
+        let now = self.client.now();
+        let body = operator.retain(now)?;
+        Some((operator.lease(), body, Duration::from_nanos(operator.retain_ns(now))))
+    }
+
+    /// An answer about a lease that has been replaced meanwhile says nothing of the present one.
+    fn answered(&self, lease: Option<Lease>, reply: &Reply) {
+        let mut book = lock(&self.book);
+        if book.operator.lease() == lease {
+            book.replied(self.client.now(), &self.robot, reply);
         }
     }
 }
 
 /// A panic elsewhere does not make the book unreadable.
-fn lock(operator: &Mutex<Operator>) -> MutexGuard<'_, Operator> {
-    operator.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock(book: &Mutex<Book>) -> MutexGuard<'_, Book> {
+    book.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fake::{FakeRobot, name};
+
+    const PATIENT: Duration = Duration::from_secs(30);
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_held_lease_is_refused_with_its_holder_and_taken_when_told_to() {
+        let client = Client::alone(PATIENT).await;
+        let (robot, other) = (name("xtb-1"), name("cli-123456"));
+        let fake = FakeRobot::start(&client, "xtb-1").await;
+        fake.lock().grant(&other);
+        let failure = Control::acquire(&client, &robot, false).await.unwrap_err();
+        assert_eq!(failure.kind, Kind::Refused(RejectCode::LeaseHeld));
+        assert!(failure.message.contains("cli-123456"), "{failure}");
+        let control = Control::acquire(&client, &robot, true).await.unwrap();
+        assert_eq!(control.taken_from(), Some("cli-123456"));
+        control.request(Uuid::new_v4(), Body::Reset { latch: None }).await.unwrap();
+        control.release().await;
+        assert_eq!(fake.lock().lease, None);
+        assert_eq!(Control::acquire(&client, &robot, true).await.unwrap().taken_from(), None);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_lease_that_is_taken_away_is_noticed_and_nothing_more_is_asked_with_it() {
+        let client = Client::alone(PATIENT).await;
+        let robot = name("xtb-1");
+        let fake = FakeRobot::start(&client, "xtb-1").await;
+        let control = Control::acquire(&client, &robot, false).await.unwrap();
+        assert!(control.lost().is_none() && control.lease().is_some());
+        fake.lock().grant(&name("other"));
+        let mut look = tokio::time::interval(LOOK_EVERY);
+        while control.lost().is_none() {
+            look.tick().await;
+        }
+        let before = fake.lock().asked.len();
+        let failure = control.request(Uuid::new_v4(), Body::Reset { latch: None }).await.unwrap_err();
+        assert_eq!(failure.kind, Kind::Refused(RejectCode::LeaseLost));
+        assert_eq!(fake.lock().asked.len(), before);
+        assert!(control.regain().await.is_err(), "somebody else holds it");
+        fake.lock().lease = None;
+        control.regain().await.unwrap();
+        assert!(control.lost().is_none() && control.lease().is_some());
+    }
 }

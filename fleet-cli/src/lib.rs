@@ -12,6 +12,8 @@ pub mod config;
 pub mod context;
 mod describe;
 pub mod error;
+#[cfg(test)]
+mod fake;
 pub mod feed;
 pub mod interrupt;
 pub mod lease;
@@ -30,7 +32,9 @@ pub use error::{Exit, Failure, Kind, Result};
 pub use output::Output;
 
 use cli::Verb;
-use interrupt::or_interrupted;
+use interrupt::{or_interrupted, or_interrupted_saying};
+
+const SHOWS_STANDSTILL: &str = "`fleet-cli list` shows who stands, and who is latched";
 
 /// Carries out one command line and says how it ended.
 pub async fn run(cli: Cli) -> Exit {
@@ -66,9 +70,25 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::List(args) => or_interrupted(commands::list::run(&ctx()?, &args)).await,
         Verb::Status(args) if args.watch => commands::status::run(&ctx()?, &args).await,
         Verb::Status(args) => or_interrupted(commands::status::run(&ctx()?, &args)).await,
+        Verb::Why(args) => or_interrupted(commands::why::run(&ctx()?, &args)).await,
+        Verb::Doctor(args) => or_interrupted(commands::doctor::run(&ctx()?, &args)).await,
         Verb::Goto(args) => commands::goto::run(&ctx()?, args).await,
         Verb::Wander(args) => commands::wander::run(&ctx()?, args).await,
-        Verb::Stop(args) => or_interrupted(commands::stop::run(&ctx()?, &args)).await,
+        Verb::Stop(args) => {
+            let ctx = ctx()?;
+            let stop = commands::stop::run(&ctx, &args);
+            or_interrupted_saying(stop, "who has stopped is unknown", SHOWS_STANDSTILL).await
+        }
+        Verb::Estop(args) => {
+            let ctx = ctx()?;
+            let estop = commands::estop::run(&ctx, &args);
+            or_interrupted_saying(estop, "who has stopped is unknown", SHOWS_STANDSTILL).await
+        }
+        Verb::Reset(args) => {
+            let ctx = ctx()?;
+            let reset = commands::reset::run(&ctx, &args);
+            or_interrupted_saying(reset, "what was reset is unknown; nothing moves", SHOWS_STANDSTILL).await
+        }
         Verb::Teleop(args) => commands::teleop::run(&ctx()?, &args).await,
         Verb::Watch(args) => commands::watch::run(&ctx()?, &args).await,
         Verb::Router(args) => commands::router::run(&ctx()?, &args).await,

@@ -5,8 +5,10 @@ use crate::error::Result;
 use crate::feed::Feed;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
+use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
-use xtb_protocol::messages::RobotState;
+use xtb_protocol::keys::RobotKeys;
+use xtb_protocol::messages::{RobotState, RosterEntry};
 
 /// The whole fleet.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -28,13 +30,26 @@ pub(crate) struct RobotView {
     pub(crate) state: Option<RobotState>,
     /// Since the last state arrived, stale or not.
     pub(crate) age_ms: Option<u64>,
+    /// From the roster.
+    pub(crate) tags: Vec<String>,
+    /// Where the roster says that it starts.
+    pub(crate) start_pose: Option<MapPose>,
 }
 
 impl FleetView {
     /// Asks everybody once; `wanted` robots get a row in any case.
     pub(crate) async fn ask(client: &Client, fleet: &Name, wanted: &BTreeSet<Name>) -> Result<Self> {
-        let all = client.keys().any_robot();
-        let (alive, states) = tokio::join!(client.alive(), client.states(&all));
+        Self::ask_robots(client, fleet, &client.keys().any_robot(), wanted).await
+    }
+
+    /// The same, but asks only the robots behind `keys` for their states.
+    pub(crate) async fn ask_robots(
+        client: &Client,
+        fleet: &Name,
+        keys: &RobotKeys,
+        wanted: &BTreeSet<Name>,
+    ) -> Result<Self> {
+        let (alive, states) = tokio::join!(client.alive(), client.states(keys));
         Ok(Self::of(fleet, &alive?, &states?, wanted))
     }
 
@@ -60,10 +75,23 @@ impl FleetView {
                 name: name.clone(),
                 alive: alive.contains(name),
                 state: seen.and_then(Seen::fresh).cloned(),
+                tags: Vec::new(),
+                start_pose: None,
                 age_ms: seen.map(|seen| u64::try_from(seen.age().as_millis()).unwrap_or(u64::MAX)),
             }
         });
         Self { fleet: fleet.clone(), robots: robots.collect() }
+    }
+
+    /// With what the roster says of each.
+    pub(crate) fn with_roster(mut self, entries: &[RosterEntry]) -> Self {
+        for row in &mut self.robots {
+            if let Some(entry) = entries.iter().find(|entry| entry.name == row.name) {
+                row.tags.clone_from(&entry.tags);
+                row.start_pose = entry.start_pose;
+            }
+        }
+        self
     }
 
     /// Only these robots; none named = all.

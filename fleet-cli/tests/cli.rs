@@ -61,7 +61,19 @@ fn json(assert: &Assert) -> serde_json::Value {
 #[test]
 fn help_lists_verbs_and_exit_codes() {
     let help = stdout(&Home::empty().run("--help").code(0));
-    for part in ["list", "teleop", "completions", "Exit codes:", "3    no router", "130", "XTB_CONNECT"] {
+    for part in [
+        "list",
+        "why",
+        "doctor",
+        "estop",
+        "reset",
+        "teleop",
+        "completions",
+        "Exit codes:",
+        "3    no router",
+        "130",
+        "XTB_CONNECT",
+    ] {
         assert!(help.contains(part), "{part} is missing in\n{help}");
     }
 }
@@ -78,6 +90,12 @@ fn wrong_usage_exits_with_2() {
         "stop",
         "stop --all xtb-1",
         "stop --expect xtb-1",
+        "estop",
+        "estop --all xtb-1",
+        "reset",
+        "reset xtb-1 --latch nonsense",
+        "stop xtb-1 --take",
+        "why",
         "wander xtb-1 --for -3",
         "--fleet LAB list",
     ] {
@@ -91,15 +109,49 @@ fn wrong_usage_exits_with_2() {
 #[test]
 fn without_a_router_every_verb_says_what_it_tried_and_what_to_do() {
     let home = Home::empty();
-    for line in
-        ["list", "status", "goto xtb-1 1 2", "wander xtb-1", "stop --all", "stop xtb-1", "watch xtb/**"]
-    {
+    for line in [
+        "list",
+        "status",
+        "why xtb-1",
+        "goto xtb-1 1 2 --take",
+        "wander xtb-1",
+        "stop --all",
+        "stop xtb-1",
+        "estop --all --expect xtb-1",
+        "estop xtb-1",
+        "reset xtb-1 --latch gyro_lost --take",
+        "watch xtb/**",
+    ] {
         let said = stderr(&home.alone(line).code(3));
         assert!(said.contains(&format!("error: No router answers at {NOWHERE}")), "{line}: {said}");
         assert!(
             said.contains("hint: start `fleet-cli sim`") && said.contains("XTB_CONNECT"),
             "{line}: {said}"
         );
+    }
+}
+
+#[test]
+fn a_router_that_does_not_answer_is_the_doctors_finding() {
+    let home = Home::empty();
+    let said = stdout(&home.alone("doctor").code(1));
+    assert!(said.contains(&format!("problem  router    No router answers at {NOWHERE}")), "{said}");
+    assert!(said.contains("→ start `fleet-cli sim`") && said.ends_with("1 problem, 0 warnings\n"), "{said}");
+    let report = json(&home.alone("doctor --json").code(1));
+    assert_eq!((&report["problems"], &report["findings"][0]["level"]), (&1.into(), &"problem".into()));
+}
+
+#[test]
+fn an_emergency_stop_is_not_sold_as_a_safety_rated_one() {
+    let help = stdout(&Home::empty().run("estop --help").code(0));
+    assert!(help.contains("no safety-rated stop") && help.contains("--expect"), "{help}");
+}
+
+#[test]
+fn latches_can_be_completed() {
+    for shell in ["bash", "zsh", "fish"] {
+        let script = stdout(&Home::empty().run(&format!("completions {shell}")).code(0));
+        assert!(script.contains("remote_takeover") && script.contains("doctor"), "{shell}");
     }
 }
 

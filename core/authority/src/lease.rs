@@ -34,19 +34,22 @@ pub struct LeaseBook {
     epoch: u64,
     root: u32,
     held: Option<Held>,
+    /// Who got the last grant, also when it is free again.
+    last: Option<Name>,
 }
 
 impl LeaseBook {
     /// Free, at the boot with this epoch.
     #[must_use]
     pub fn new(epoch: u64) -> Self {
-        Self { epoch, root: 0, held: None }
+        Self { epoch, root: 0, held: None, last: None }
     }
 
     /// Grants it to `client` under a new root, whoever held it before.
     pub fn grant(&mut self, now: Stamp, client: &Name) -> Lease {
         self.root = self.root.wrapping_add(1);
         self.held = Some(Held { holder: client.clone(), root: self.root, heard: now });
+        self.last = Some(client.clone());
         Lease { epoch: self.epoch, root: self.root }
     }
 
@@ -80,6 +83,12 @@ impl LeaseBook {
     #[must_use]
     pub fn present(&self) -> Option<Lease> {
         self.held.as_ref().map(|held| Lease { epoch: self.epoch, root: held.root })
+    }
+
+    /// Who was granted the lease after this grant of the same boot, if anybody was.
+    #[must_use]
+    pub fn granted_after(&self, lease: Lease) -> Option<&Name> {
+        self.last.as_ref().filter(|_| lease.root != self.root)
     }
 
     /// The holder.

@@ -55,6 +55,9 @@ impl Call {
     }
 }
 
+/// The fastest clock of a robot that is kept up with: a retain every 5 ms.
+pub const FASTEST: f64 = 20.0;
+
 /// How fast a robot's clock runs beside ours, from the ticks of its states: 1, but for simulators that
 /// run faster than real time. The lease lives by the robot's clock.
 #[derive(Debug, Clone, Copy, Default)]
@@ -65,23 +68,28 @@ struct Tempo {
 }
 
 impl Tempo {
-    const WINDOW_MS: u64 = 500;
+    /// Shorter than this, the way of one state weighs too much.
+    const AT_LEAST_MS: u64 = 100;
+    /// A robot whose states are not seen for so long after a grant has an ordinary clock, as far as we know.
+    const UNSEEN_MS: u64 = 1000;
 
     fn saw(&mut self, now: Stamp, tick_ms: u64) {
         let Some((at, tick)) = self.began.filter(|(_, tick)| tick_ms >= *tick) else {
-            self.began = Some((now, tick_ms));
+            (self.began, self.measured) = (Some((now, tick_ms)), None);
             return;
         };
         let ours_ms = now.since_ms(at);
-        if ours_ms >= Self::WINDOW_MS {
-            self.measured = Some(((tick_ms - tick) as f64 / ours_ms as f64).clamp(1.0, 20.0));
+        if ours_ms >= Self::AT_LEAST_MS {
+            self.measured = Some(((tick_ms - tick) as f64 / ours_ms as f64).clamp(1.0, FASTEST));
             self.began = Some((now, tick_ms));
         }
     }
 
-    /// 100 ms of the robot's time; more often while its tempo is not known yet.
-    fn retain_ns(self) -> u64 {
-        (RETAIN_MS as f64 * 1e6 / self.measured.unwrap_or(5.0)) as u64
+    /// 100 ms of the robot's time; until its tempo is known, the fastest is assumed.
+    fn retain_ns(self, since_grant_ms: u64) -> u64 {
+        let unseen = self.began.is_none() && since_grant_ms > Self::UNSEEN_MS;
+        let factor = self.measured.unwrap_or(if unseen { 1.0 } else { FASTEST });
+        (RETAIN_MS as f64 * 1e6 / factor) as u64
     }
 }
 
@@ -89,6 +97,7 @@ impl Tempo {
 #[derive(Debug, Clone, Default)]
 pub struct Operator {
     lease: Option<Lease>,
+    granted: Stamp,
     next_retain: Stamp,
     /// Why the lease that was held is not any more, in the robot's words.
     lost: Option<String>,
@@ -130,13 +139,20 @@ impl Operator {
         self.tempo.saw(now, tick_ms);
     }
 
+    /// 100 ms of the robot's time, in ns of ours.
+    #[must_use]
+    pub fn retain_ns(&self, now: Stamp) -> u64 {
+        self.tempo.retain_ns(now.since_ms(self.granted))
+    }
+
     /// A reply arrived: a lease in it is now held, a lost one is dropped.
     pub fn replied(&mut self, now: Stamp, reply: &Reply) {
         match &reply.result {
             Outcome::Ok(done) => {
                 if let Some(lease) = done.lease {
                     (self.lease, self.lost, self.seq) = (Some(lease), None, 0);
-                    self.next_retain = now.plus_ns(self.tempo.retain_ns());
+                    self.granted = now;
+                    self.next_retain = now.plus_ns(self.tempo.retain_ns(0));
                 }
             }
             Outcome::Error(error) if error.code == RejectCode::LeaseLost => {
@@ -151,7 +167,7 @@ impl Operator {
     /// The body of a request that is due now to keep the lease.
     pub fn retain(&mut self, now: Stamp) -> Option<Body> {
         (self.lease.is_some() && now >= self.next_retain).then(|| {
-            self.next_retain = now.plus_ns(self.tempo.retain_ns());
+            self.next_retain = now.plus_ns(self.retain_ns(now));
             Body::Retain {}
         })
     }

@@ -321,7 +321,7 @@ impl Robot {
         if due {
             self.sent_motor = motor;
         }
-        self.watch_drive();
+        self.watch_drive(self.sent_motor);
         if !due {
             return None;
         }

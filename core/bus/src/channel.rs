@@ -46,14 +46,14 @@ impl Incoming {
     }
 }
 
-fn congestion(channel: &Channel) -> CongestionControl {
+pub(crate) fn congestion(channel: &Channel) -> CongestionControl {
     match channel.qos().congestion {
         Congestion::Drop => CongestionControl::Drop,
         Congestion::Block => CongestionControl::Block,
     }
 }
 
-fn priority(channel: &Channel) -> ZenohPriority {
+pub(crate) fn priority(channel: &Channel) -> ZenohPriority {
     match channel.qos().priority {
         Priority::RealTime => ZenohPriority::RealTime,
         Priority::InteractiveHigh => ZenohPriority::InteractiveHigh,

@@ -1,12 +1,15 @@
 //! Questions and answers.
 
-use crate::channel::Incoming;
+use crate::channel::{Incoming, congestion, priority};
 use crate::session::{Bus, BusError, failed};
 use std::time::Duration;
 use xtb_protocol::codec::{self, CodecError, Format};
-use xtb_protocol::keys::{Name, RobotKeys};
+use xtb_protocol::keys::{Channel, Name, RobotKeys};
 use xtb_protocol::messages::{Message, Reply, Request};
 use zenoh::query::{ConsolidationMode, Query, QueryTarget};
+
+/// Answers that wait to be read; more would hold up Zenoh's own thread.
+const ANSWERS: usize = 2048;
 
 /// A question that waits for its answer.
 pub struct Question(Query);
@@ -101,7 +104,7 @@ impl Bus {
             .target(QueryTarget::All)
             .consolidation(ConsolidationMode::None)
             .timeout(within)
-            .with(zenoh::handlers::FifoChannel::new(2048))
+            .with(zenoh::handlers::FifoChannel::new(ANSWERS))
             .await
             .map_err(failed("get", selector))?;
         while let Ok(reply) = replies.recv_async().await {
@@ -110,6 +113,42 @@ impl Bus {
             }
         }
         Ok(answers)
+    }
+
+    /// Asks everybody on `key_expr` with a message, as its channel is to be treated, and hands each
+    /// answer on as it comes, until all have answered or `within` is over.
+    ///
+    /// # Errors
+    /// [`BusError::Encode`], or [`BusError::Operation`] if the question could not be sent. No answer is
+    /// no error.
+    pub async fn ask_each<M: Message>(
+        &self,
+        key_expr: &str,
+        channel: &Channel,
+        message: &M,
+        within: Duration,
+        mut each: impl FnMut(Incoming),
+    ) -> Result<(), BusError> {
+        let replies = self
+            .session
+            .get(key_expr)
+            .payload(codec::encode(message, Format::Postcard)?)
+            .encoding(codec::encoding::<M>(Format::Postcard))
+            .target(QueryTarget::All)
+            .consolidation(ConsolidationMode::None)
+            .congestion_control(congestion(channel))
+            .priority(priority(channel))
+            .express(channel.qos().express)
+            .timeout(within)
+            .with(zenoh::handlers::FifoChannel::new(ANSWERS))
+            .await
+            .map_err(failed("request", key_expr))?;
+        while let Ok(reply) = replies.recv_async().await {
+            if let Ok(sample) = reply.result() {
+                each(Incoming::of(sample));
+            }
+        }
+        Ok(())
     }
 
     /// Asks with bytes as they are: for tools and tests that must be able to send wrong ones.

@@ -1,5 +1,5 @@
-//! How fast each guard of sensors, drive and battery sees its fault: `cargo run -p xtb-sim --example
-//! guard_table`
+//! How fast each guard of sensors, drive and battery sees its fault, and how often it sees one where
+//! there is none: `cargo run -p xtb-sim --example guard_table`
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -10,13 +10,18 @@ mod agent;
 mod draw;
 #[path = "../tests/it/hazards.rs"]
 mod hazards;
+#[path = "../tests/it/ordinary.rs"]
+mod ordinary;
 #[allow(dead_code)]
 #[path = "../tests/it/whole_robot.rs"]
 mod whole_robot;
 
 use hazards::HAZARDS;
+use ordinary::KINDS;
+use xtb_control::VehicleConfig;
 
 const RUNS: u64 = 200;
+const DRIVES: u64 = 1000;
 
 fn main() {
     println!("{RUNS} drives each.\n");
@@ -32,5 +37,16 @@ fn main() {
         let fastest_mps = all.iter().map(|outcome| outcome.fastest_mps).fold(0.0, f64::max);
         let (name, fault, limit_ms) = (hazard.name, hazard.fault, hazard.limit_ms);
         println!("| {name} | `{fault}` | {limit_ms} ms | {named} | {neutral} | {fastest_mps:.2} m/s |");
+    }
+    println!("\nFalse alarms in {DRIVES} ordinary drives each, by `guard.runaway_s` and `guard.stall_s`:\n");
+    println!("| drives | 0.3 and 0.4: the default | 0.2 and 0.2 | 0.1 and 0.1 |");
+    println!("| --- | --- | --- | --- |");
+    for kind in KINDS {
+        let [default, less, least] = [(0.3, 0.4), (0.2, 0.2), (0.1, 0.1)].map(|(runaway_s, stall_s)| {
+            let mut config = VehicleConfig::default();
+            (config.guard.runaway_s, config.guard.stall_s) = (runaway_s, stall_s);
+            kind.alarms(DRIVES, &config)
+        });
+        println!("| {kind:?} | {default:?} | {less:?} | {least:?} |");
     }
 }

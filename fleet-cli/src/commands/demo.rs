@@ -177,7 +177,7 @@ struct Tour {
 
 impl Tour {
     async fn drive(self, goals: Vec<(f64, f64)>) -> Result<Vec<Leg>> {
-        let control = Control::acquire(&self.client, &self.robot).await?;
+        let control = Control::acquire(&self.client, &self.robot, false).await?;
         let mut legs = Vec::new();
         for goal in goals {
             legs.push(self.leg(&control, goal).await?);

@@ -10,6 +10,6 @@ use crate::error::{Exit, Result};
 /// # Errors
 /// No router, no answer, or a refusal.
 pub async fn run(ctx: &Context, args: GotoArgs) -> Result<Exit> {
-    let GotoArgs { robot, x_m, y_m, wait, within } = args;
-    goal::run(ctx, &Task { robot, aim: Aim::Point { x_m, y_m }, within, wait }).await
+    let GotoArgs { robot, x_m, y_m, wait, within, lease } = args;
+    goal::run(ctx, &Task { robot, aim: Aim::Point { x_m, y_m }, within, wait, take: lease.take }).await
 }

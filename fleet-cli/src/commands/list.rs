@@ -10,8 +10,9 @@ use crate::table::{Cell, Table};
 use crate::view::{FleetView, RobotView};
 use crate::words;
 use std::time::Duration;
+use xtb_protocol::messages::{BatteryLevel, RobotState};
 
-const HEADINGS: [&str; 8] = ["name", "mode", "pose", "speed", "battery", "lease", "goal", "age"];
+const HEADINGS: [&str; 9] = ["name", "mode", "stands", "pose", "speed", "battery", "lease", "goal", "age"];
 
 /// Asks once and prints a row for each robot. A robot that should be there and is not makes it
 /// [`Exit::Unknown`].
@@ -20,8 +21,9 @@ const HEADINGS: [&str; 8] = ["name", "mode", "pose", "speed", "battery", "lease"
 /// No router, or nobody is there and nobody is expected.
 pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
-    let expected = client.roster(&args.expect).await?.unwrap_or_default();
-    let view = FleetView::ask(&client, &ctx.fleet, &expected).await?;
+    let roster = client.roster_entries(&args.expect).await?.unwrap_or_default();
+    let expected = roster.iter().map(|entry| entry.name.clone()).collect();
+    let view = FleetView::ask(&client, &ctx.fleet, &expected).await?.with_roster(&roster);
     if view.robots.is_empty() {
         return Err(client.nobody());
     }
@@ -35,9 +37,25 @@ pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
 }
 
 fn table(view: &FleetView, out: &Output) -> String {
-    let mut table = Table::new(&HEADINGS);
+    // Only where the roster knows any.
+    let tagged = view.robots.iter().any(|robot| !robot.tags.is_empty());
+    let placed = view.robots.iter().any(|robot| robot.start_pose.is_some());
+    let extra = [("tags", tagged), ("start", placed)];
+    let headings = extra.iter().filter(|(_, shown)| *shown).map(|(heading, _)| *heading);
+    let mut table = Table::new(&HEADINGS.into_iter().chain(headings).collect::<Vec<_>>());
     for robot in &view.robots {
-        table.row(row(robot));
+        let mut cells = row(robot);
+        cells.resize(HEADINGS.len(), "".into());
+        if tagged {
+            cells.push(robot.tags.join(" ").into());
+        }
+        if placed {
+            cells.push(Cell::new(
+                robot.start_pose.as_ref().map_or_else(String::new, describe::map_pose),
+                Tone::Dim,
+            ));
+        }
+        table.row(cells);
     }
     table.render(out)
 }
@@ -56,12 +74,72 @@ fn row(robot: &RobotView) -> Vec<Cell> {
         Some(state) => vec![
             name,
             words::name(&state.mode).into(),
+            stands(state),
             describe::pose(&state.pose).into(),
             describe::speed(state).into(),
-            describe::battery(state).into(),
-            describe::lease(state).into(),
+            battery(state),
+            describe::lease_with_age(state).into(),
             state.goal.as_ref().map_or_else(|| "none".to_owned(), describe::goal).into(),
             Cell::new(age, Tone::Dim),
         ],
+    }
+}
+
+/// Latches with their ages, or else since when it stands.
+fn stands(state: &RobotState) -> Cell {
+    let since = |ms| describe::age(Duration::from_millis(ms));
+    if !state.latches.is_empty() {
+        let latches = state.latches.iter().map(|latch| format!("{} {}", latch.latch, since(latch.age_ms)));
+        return Cell::new(format!("LATCHED {}", latches.collect::<Vec<_>>().join(", ")), Tone::Bad);
+    }
+    match state.stopped_age_ms {
+        Some(ms) => since(ms).into(),
+        None if state.stopped_because.is_empty() => "no".into(),
+        None => "yes".into(),
+    }
+}
+
+fn battery(state: &RobotState) -> Cell {
+    let low = state.battery_level > BatteryLevel::Ok;
+    Cell::new(describe::battery(state), if low { Tone::Warning } else { Tone::Plain })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fake;
+    use xtb_control::frames::MapPose;
+    use xtb_protocol::messages::Latch;
+
+    #[test]
+    fn latches_tags_and_start_poses_are_shown_where_there_are_any() {
+        let robot = |name: &str, state| RobotView {
+            name: fake::name(name),
+            alive: true,
+            state: Some(state),
+            age_ms: Some(30),
+            tags: Vec::new(),
+            start_pose: None,
+        };
+        let latches = vec![fake::latch(Latch::Estop, "me", false)];
+        let latched = robot("xtb-1", RobotState { latches, ..fake::state("xtb-1") });
+        let stopped_age_ms = Some(2500);
+        let standing = robot("xtb-2", RobotState { stopped_age_ms, ..fake::state("xtb-2") });
+        let missing = RobotView {
+            alive: false,
+            state: None,
+            tags: vec!["arm".into(), "hall".into()],
+            start_pose: Some(MapPose { x_m: 1.0, y_m: 2.0, yaw_rad: 0.0 }),
+            ..robot("xtb-3", fake::state("xtb-3"))
+        };
+        let out = Output { json: false, colors: false };
+        let mut view = FleetView { fleet: fake::name("lab"), robots: vec![latched, standing] };
+        let text = table(&view, &out);
+        assert!(text.contains("LATCHED estop 12.0 s") && text.contains("2.5 s"), "{text}");
+        assert!(!text.contains("tags") && !text.contains("start"), "{text}");
+        view.robots.push(missing);
+        let text = table(&view, &out);
+        assert!(text.lines().next().unwrap().ends_with("tags      start"), "{text}");
+        assert!(text.contains("missing") && text.contains("arm hall  (1.00, 2.00) 0°"), "{text}");
     }
 }

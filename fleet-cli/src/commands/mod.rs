@@ -2,9 +2,13 @@
 
 pub mod completions;
 pub mod demo;
+pub mod doctor;
+pub mod estop;
 mod goal;
 pub mod goto;
 pub mod list;
+mod muster;
+pub mod reset;
 pub mod router;
 pub mod sim;
 pub mod status;
@@ -12,3 +16,19 @@ pub mod stop;
 pub mod teleop;
 pub mod wander;
 pub mod watch;
+pub mod why;
+
+use crate::client::Client;
+use crate::context::Context;
+use crate::error::Result;
+use crate::lease::Control;
+use xtb_protocol::Name;
+
+/// Acquires control, and says from whom it was taken.
+async fn take_control(ctx: &Context, client: &Client, robot: &Name, take: bool) -> Result<Control> {
+    let control = Control::acquire(client, robot, take).await?;
+    if let Some(holder) = control.taken_from().filter(|_| !ctx.out.json) {
+        ctx.out.note(&format!("took control of {robot} from {holder}"));
+    }
+    Ok(control)
+}

@@ -71,6 +71,11 @@ pub fn read_world(path: &Path) -> Result<World> {
 
 fn announce(ctx: &Context, simulator: &Simulator, speed: f64, pty: Option<&Path>) -> Result<()> {
     let robots = &simulator.roster().robots;
+    if speed > xtb_authority::operator::FASTEST {
+        ctx.out.note(&format!(
+            "at {speed} times real time clients cannot keep a lease alive: send goals without --wait"
+        ));
+    }
     if speed >= HAND_SPEED {
         ctx.out.note(&format!(
             "at {speed} times real time a setpoint lives {:.0} ms of yours: too short for teleop by hand",

@@ -6,6 +6,7 @@
 mod keys;
 mod screen;
 
+use super::take_control;
 use crate::cli::TeleopArgs;
 use crate::client::Client;
 use crate::context::Context;
@@ -18,13 +19,13 @@ use crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
 use keys::{Action, Drive, Key, Keyboard, Reporting};
 use serde::Serialize;
 use std::io::IsTerminal;
-use std::pin::pin;
+use std::pin::{Pin, pin};
 use std::time::Duration;
 use tokio::time::{Interval, MissedTickBehavior};
 use xtb_control::Stamp;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::Channel;
-use xtb_protocol::messages::{Body, Setpoint};
+use xtb_protocol::messages::{Body, Done, Setpoint};
 use xtb_protocol::{Name, Uuid};
 
 /// 20 Hz.
@@ -38,6 +39,10 @@ const CAUTIOUS_RPM: f64 = 20.0;
 struct Report<'a> {
     robot: &'a Name,
     setpoints: u64,
+    /// Whether the robot has confirmed the stop at the end; `None` = it was not driven.
+    stopped: Option<bool>,
+    /// From whom control was taken.
+    taken_from: Option<&'a str>,
 }
 
 /// Drives until the operator leaves.
@@ -49,36 +54,60 @@ pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
         return Err(Failure::new(Kind::Usage, "teleop needs a terminal for its keys and its screen")
             .hint("programs put setpoints on xtb/<fleet>/<robot>/teleop/<client>; see docs/protocol.md"));
     }
-    let client = Client::open(ctx).await?;
-    let control = Control::acquire(&client, &args.robot).await?;
-    let limit = client.about(&args.robot).await?.map_or(CAUTIOUS_RPM, |about| about.limits.max_rpm);
+    let begun = async {
+        let client = Client::open(ctx).await?;
+        let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
+        let limit = client.about(&args.robot).await?.map_or(CAUTIOUS_RPM, |about| about.limits.max_rpm);
+        Ok::<_, Failure>((client, control, limit))
+    };
+    let (client, control, limit) = tokio::select! {
+        begun = begun => begun?,
+        () = interrupted() => {
+            let message = format!("interrupted: {} was not driven", args.robot);
+            return Err(Failure::new(Kind::Interrupted, message));
+        }
+    };
     let max_rpm = args.max_rpm.unwrap_or(limit).min(limit);
     let wheel = Wheel { client: &client, control: &control, robot: &args.robot, max_rpm, sent: 0 };
     let driven = drive(ctx, wheel).await;
+    let taken_from = control.taken_from().map(str::to_owned);
     control.release().await;
     client.close().await;
-    let report = Report { robot: &args.robot, setpoints: driven? };
-    ctx.out.result(&report, |report| format!("{} released", report.robot))?;
+    let (setpoints, stopped) = driven?;
+    let report = Report { robot: &args.robot, setpoints, stopped, taken_from: taken_from.as_deref() };
+    ctx.out.result(&report, goodbye)?;
     Ok(Exit::Done)
 }
 
-/// How many setpoints were sent.
-async fn drive(ctx: &Context, mut wheel: Wheel<'_>) -> Result<u64> {
+fn goodbye(report: &Report<'_>) -> String {
+    let robot = report.robot;
+    match report.stopped {
+        None => format!("{robot} was not driven; control is given back"),
+        Some(true) => format!("{robot} was told to stop; control is given back"),
+        Some(false) => {
+            format!("{robot} did not confirm the stop: its own clock ends the last setpoint within 250 ms")
+        }
+    }
+}
+
+/// How many setpoints were sent, and whether the stop after them was confirmed.
+async fn drive(ctx: &Context, mut wheel: Wheel<'_>) -> Result<(u64, Option<bool>)> {
     let feed = Feed::open(wheel.client, &wheel.client.keys().robot(wheel.robot)).await?;
     let mut terminal = Terminal::open()?;
     let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
     let mut keyboard = Keyboard::new(reporting);
     let ended = hands_on(ctx, &mut wheel, &feed, &mut terminal, &mut keyboard).await;
-    // Whatever ended it. Who only watched does not end another's goal. If the message is lost, the
-    // robot's own clock ends the setpoint.
-    let mut stopped = Ok(());
-    if wheel.sent > 0 {
-        stopped = wheel.send(Drive::default(), &feed).await;
-        if let Err(failure) = wheel.control.request(Uuid::new_v4(), Body::Stop {}).await {
-            tracing::debug!("stopping: {failure}");
-        }
+    // Whatever ended it. Who only watched does not end another's goal, nor does who has lost control.
+    // If the message is lost, the robot's own clock ends the setpoint.
+    let mut stopped = None;
+    if wheel.sent > 0 && !wheel.control.is_lost() {
+        let zero = wheel.send(Drive::default(), &feed).await;
+        let stop = wheel.control.request(Uuid::new_v4(), Body::Stop {}).await;
+        stopped = Some(
+            zero.and(stop.map(drop)).inspect_err(|failure| tracing::debug!("stopping: {failure}")).is_ok(),
+        );
     }
-    ended.and(stopped).map(|()| wheel.sent)
+    ended.map(|()| (wheel.sent, stopped))
 }
 
 async fn hands_on(
@@ -91,12 +120,15 @@ async fn hands_on(
     let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
     let mut stop = pin!(interrupted());
     let (mut send, mut paint) = (ticks(SEND_EVERY), ticks(PAINT_EVERY));
+    let control = wheel.control;
+    let (mut resetting, mut notice): (Option<Resetting<'_>>, _) = (None, String::new());
     loop {
         let turn = tokio::select! {
             // What ends or changes motion comes before what repeats it.
             biased;
             () = &mut stop => return Ok(()),
             input = terminal.next() => Turn::Input(input),
+            answer = answered(&mut resetting), if resetting.is_some() => Turn::Reset(answer),
             _ = send.tick() => Turn::Send,
             _ = paint.tick() => Turn::Paint,
         };
@@ -106,12 +138,22 @@ async fn hands_on(
             Turn::Input(input) => match heed(keyboard, now, input) {
                 Heed::Leave => return Ok(()),
                 Heed::Ignore => {}
+                Heed::Reset => {
+                    let reset = Body::Reset { latch: None };
+                    resetting.get_or_insert_with(|| Box::pin(control.request(Uuid::new_v4(), reset)));
+                    send.reset_immediately();
+                }
                 // Not at the next tick: letting go means zero at once.
-                Heed::Send => send.reset_immediately(),
+                Heed::Send => {
+                    notice.clear();
+                    send.reset_immediately();
+                }
             },
+            Turn::Reset(Ok(_)) => "reset; press a key to drive".clone_into(&mut notice),
+            Turn::Reset(Err(failure)) => notice = failure.to_string(),
             Turn::Send => {
-                if wheel.control.is_lost() {
-                    return Err(lost(wheel, feed));
+                if let Some(failure) = wheel.control.lost() {
+                    return Err(lost(wheel, feed, failure));
                 }
                 if let Some(drive) = keyboard.send(now) {
                     wheel.send(drive, feed).await?;
@@ -126,6 +168,7 @@ async fn hands_on(
                         drive: keyboard.drive(now),
                         max_rpm: wheel.max_rpm,
                         reporting,
+                        notice: &notice,
                     },
                     &ctx.out,
                 ))?;
@@ -134,9 +177,21 @@ async fn hands_on(
     }
 }
 
+/// A reset that is on its way; driving and painting go on meanwhile.
+type Resetting<'a> = Pin<Box<dyn Future<Output = Result<Done>> + Send + 'a>>;
+
+/// Its answer; it is then no longer on its way.
+async fn answered(resetting: &mut Option<Resetting<'_>>) -> Result<Done> {
+    let Some(asking) = resetting else { return std::future::pending().await };
+    let answer = asking.await;
+    *resetting = None;
+    answer
+}
+
 /// What woke the loop.
 enum Turn {
     Input(Option<Input>),
+    Reset(Result<Done>),
     Send,
     Paint,
 }
@@ -147,6 +202,7 @@ enum Heed {
     Leave,
     Ignore,
     Send,
+    Reset,
 }
 
 /// Ticks that leave out those that were missed: after a stall nothing old is sent in a burst.
@@ -161,6 +217,11 @@ fn heed(keyboard: &mut Keyboard, now: Stamp, input: Option<Input>) -> Heed {
         // The terminal is gone.
         None => Heed::Leave,
         Some(Input::Key(key)) if is_leaving(&key) => Heed::Leave,
+        Some(Input::Key(key)) if is_reset(&key) => {
+            // What is held must be pressed anew: a reset moves nothing.
+            keyboard.let_go();
+            Heed::Reset
+        }
         Some(Input::Key(key)) => match meaning(&key) {
             Some((key, action)) => {
                 keyboard.key(now, key, action);
@@ -176,14 +237,12 @@ fn heed(keyboard: &mut Keyboard, now: Stamp, input: Option<Input>) -> Heed {
 }
 
 /// Two hands on one wheel: this one lets go.
-fn lost(wheel: &Wheel<'_>, feed: &Feed) -> Failure {
+fn lost(wheel: &Wheel<'_>, feed: &Feed, failure: Failure) -> Failure {
     let seen = feed.last(wheel.robot);
     let holder = seen.as_ref().and_then(|seen| seen.fresh()?.lease.as_ref());
-    let message = match holder {
-        Some(lease) => format!("{} is now controlled by {}", wheel.robot, lease.holder),
-        None => format!("{} no longer knows our lease: it may have restarted", wheel.robot),
-    };
-    Failure::new(Kind::Failed, message).hint("start teleop again to take control again")
+    let Some(lease) = holder.filter(|lease| lease.holder != *wheel.client.name()) else { return failure };
+    let message = format!("{} is now controlled by {}", wheel.robot, lease.holder);
+    Failure { message, ..failure }.hint("`fleet-cli teleop … --take` takes control again")
 }
 
 struct Wheel<'a> {
@@ -195,15 +254,19 @@ struct Wheel<'a> {
 }
 
 impl Wheel<'_> {
+    /// Sends a setpoint, unless the robot has not been heard yet: without an echo of its clock it
+    /// would accept none.
     async fn send(&mut self, drive: Drive, feed: &Feed) -> Result<()> {
+        let Some(seen) = feed.last(self.robot) else { return Ok(()) };
+        self.sent += 1;
         let setpoint = Setpoint {
             lease: self.control.lease(),
+            // From 1 within a grant; a lost one is never acquired again here.
             seq: self.sent,
-            echo_tick_ms: feed.last(self.robot).map(|seen| seen.state.tick_ms),
+            echo_tick_ms: Some(seen.state.tick_ms),
             rpm: drive.throttle * self.max_rpm,
             steering: drive.steering,
         };
-        self.sent += 1;
         let me = self.client.name();
         let key = self.client.keys().robot(self.robot).teleop(Some(me));
         let channel = Channel::Teleop(me.clone());
@@ -213,6 +276,10 @@ impl Wheel<'_> {
 
 fn is_leaving(key: &KeyEvent) -> bool {
     key.kind != KeyEventKind::Release && (key.code == KeyCode::Char('q') || Input::leaves(key))
+}
+
+fn is_reset(key: &KeyEvent) -> bool {
+    key.kind == KeyEventKind::Press && matches!(key.code, KeyCode::Char('r' | 'R'))
 }
 
 fn meaning(event: &KeyEvent) -> Option<(Key, Action)> {
@@ -242,6 +309,7 @@ fn meaning(event: &KeyEvent) -> Option<(Key, Action)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fake::{FakeRobot, name};
     use crossterm::event::KeyModifiers;
 
     fn press(code: KeyCode) -> Option<Input> {
@@ -256,8 +324,40 @@ mod tests {
         assert_eq!(heed(&mut keyboard, now, press(KeyCode::Char('x'))), Heed::Ignore);
         assert_eq!(heed(&mut keyboard, now, Some(Input::FocusLost)), Heed::Send);
         assert_eq!(keyboard.drive(now).throttle, 0.0);
+        heed(&mut keyboard, now, press(KeyCode::Char('W')));
+        assert_eq!(heed(&mut keyboard, now, press(KeyCode::Char('r'))), Heed::Reset);
+        assert_eq!(keyboard.drive(now).throttle, 0.0, "a reset lets go");
         assert_eq!(heed(&mut keyboard, now, press(KeyCode::Char('q'))), Heed::Leave);
         assert_eq!(heed(&mut keyboard, now, None), Heed::Leave);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn nothing_is_sent_before_a_state_and_numbers_rise_from_1() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let fake = FakeRobot::start(&client, "xtb-1").await;
+        let robot = name("xtb-1");
+        let control = Control::acquire(&client, &robot, false).await.unwrap();
+        let (sender, mut setpoints) = tokio::sync::mpsc::unbounded_channel();
+        let each = move |incoming: xtb_bus::Incoming| {
+            sender.send(incoming.decode::<Setpoint>().unwrap()).unwrap_or_default();
+        };
+        let teleop = client.keys().robot(&robot).teleop(None);
+        let _watch = client.bus().subscribe(&teleop, each).await.unwrap();
+        let mut wheel = Wheel { client: &client, control: &control, robot: &robot, max_rpm: 30.0, sent: 0 };
+        let unheard = Feed::open(&client, &client.keys().robot(&name("xtb-2"))).await.unwrap();
+        wheel.send(Drive::default(), &unheard).await.unwrap();
+        assert_eq!(wheel.sent, 0);
+        let feed = Feed::open(&client, &client.keys().robot(&robot)).await.unwrap();
+        while feed.last(&robot).is_none() {
+            feed.news().await;
+        }
+        for seq in 1..=3 {
+            wheel.send(Drive { throttle: 1.0, steering: 0.0 }, &feed).await.unwrap();
+            let setpoint = setpoints.recv().await.unwrap();
+            assert_eq!((setpoint.seq, setpoint.rpm), (seq, 30.0));
+            assert_eq!(setpoint.lease, fake.lock().lease.as_ref().map(|(_, lease)| *lease));
+            assert!(setpoint.echo_tick_ms.is_some());
+        }
     }
 
     #[tokio::test]

@@ -10,6 +10,6 @@ use crate::error::{Exit, Result};
 /// # Errors
 /// No router, no answer, or a refusal.
 pub async fn run(ctx: &Context, args: WanderArgs) -> Result<Exit> {
-    let WanderArgs { robot, lasting, wait } = args;
-    goal::run(ctx, &Task { robot, aim: Aim::Wander { lasting }, within: None, wait }).await
+    let WanderArgs { robot, lasting, wait, lease } = args;
+    goal::run(ctx, &Task { robot, aim: Aim::Wander { lasting }, within: None, wait, take: lease.take }).await
 }

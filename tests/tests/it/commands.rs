@@ -9,20 +9,20 @@ use std::process::{Command, Output, Stdio};
 use std::time::Instant;
 
 /// `fleet-cli` in an empty home, with JSON output.
-fn fleet_cli(arguments: &[&str]) -> Command {
+pub(crate) fn fleet_cli(arguments: &[&str]) -> Command {
     let home = std::env::temp_dir();
     let mut command = Command::new(program("fleet-cli"));
     command.env_clear().env("HOME", home).arg("--json").args(arguments);
     command
 }
 
-struct Sim {
+pub(crate) struct Sim {
     _process: Process,
-    endpoint: String,
+    pub(crate) endpoint: String,
     roster: Vec<String>,
 }
 
-fn sim(arguments: &[&str]) -> Sim {
+pub(crate) fn sim(arguments: &[&str]) -> Sim {
     let mut command = fleet_cli(&["sim", "--listen", "tcp/127.0.0.1:0"]);
     command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::null());
     let mut child = command.spawn().unwrap();
@@ -37,7 +37,7 @@ fn sim(arguments: &[&str]) -> Sim {
 }
 
 impl Sim {
-    fn run(&self, arguments: &[&str]) -> (i32, Value, Output) {
+    pub(crate) fn run(&self, arguments: &[&str]) -> (i32, Value, Output) {
         let output = fleet_cli(&["--connect", &self.endpoint]).args(arguments).output().unwrap();
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         assert_eq!(text.lines().count(), 1, "not one line of JSON: {output:?}");

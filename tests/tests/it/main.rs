@@ -9,6 +9,7 @@ mod hardware;
 mod hostile;
 mod membership;
 mod obstacles;
+mod operators;
 mod processes;
 mod recording;
 mod safety;

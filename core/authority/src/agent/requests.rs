@@ -102,7 +102,14 @@ impl Agent {
                 Some(holder) if holder != client => {
                     (RejectCode::LeaseLost, format!("the lease is held by {holder}"), "take it, or wait")
                 }
-                _ => (RejectCode::LeaseLost, "that lease has run out".to_owned(), "acquire it again"),
+                _ => (
+                    RejectCode::LeaseLost,
+                    match self.lease.granted_after(lease) {
+                        Some(other) => format!("the lease was granted to {other} since"),
+                        None => "that lease has run out".to_owned(),
+                    },
+                    "acquire it again",
+                ),
             }),
             _ => Ok(()),
         }

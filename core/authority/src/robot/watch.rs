@@ -7,7 +7,7 @@ use crate::guard::{Guard, Guards};
 use crate::line::LineFault;
 use crate::monitor::Driven;
 use xtb_control::controller::AdcSample;
-use xtb_control::{AdcCount, Mode, Stamp};
+use xtb_control::{AdcCount, Mode, PwmCount, Stamp};
 use xtb_protocol::gyro_3dmg::EulerFrame;
 use xtb_protocol::messages::{BatteryLevel, Fault};
 
@@ -43,15 +43,17 @@ impl Robot {
     /// transmitter want to see a neutral stick before they are driven again.
     pub(super) fn watch_window(&mut self, now: Stamp, pulses: u16) {
         self.monitors.window(self.controller.config(), now, pulses);
+        // The pulse that was decided now stays until the next window, whatever is asked for meanwhile.
+        self.watch_drive(self.pulses().motor);
         let of_the_drive = |fault: Fault| matches!(fault, Fault::Runaway | Fault::Stalled);
         self.stick_held |= self.monitors.faults(self.guards).any(|(fault, _)| of_the_drive(fault));
     }
 
-    /// The end of a turn: this is how the motor is driven.
-    pub(super) fn watch_drive(&mut self) {
+    /// The motor is driven with this pulse.
+    pub(super) fn watch_drive(&mut self, motor: PwmCount) {
         self.monitors.drive(Driven {
             by_hand: self.outputs.mode == Mode::Manual,
-            motor: self.sent_motor,
+            motor,
             reference_rpm: self.outputs.reference_rpm,
         });
     }

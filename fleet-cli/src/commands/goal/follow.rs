@@ -99,11 +99,8 @@ impl Follow {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fake;
     use xtb_protocol::Name;
-    use xtb_protocol::messages::{
-        BatteryLevel, GoalKind, GoalState, InputAges, LinkLoss, ObstacleView, PoseSource, PoseState,
-        Rejected, TiltState,
-    };
 
     const GOAL: Uuid = Uuid::from_u128(1);
     const OTHER: Uuid = Uuid::from_u128(2);
@@ -117,43 +114,8 @@ mod tests {
     }
 
     fn state(epoch: u64, goal: Option<(Uuid, GoalStatus)>) -> RobotState {
-        let kind = GoalKind::Goto;
-        RobotState {
-            robot: Name::new("xtb-1").unwrap(),
-            epoch,
-            seq: 0,
-            tick_ms: 0,
-            mode: xtb_control::Mode::Goto,
-            lease: None,
-            pose: PoseState { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0, source: PoseSource::Odometry, age_ms: None },
-            speed_mps: None,
-            reference_rpm: 0.0,
-            steering: 0.0,
-            obstacle: ObstacleView { front: None, rear: None },
-            tilt_deg: TiltState::default(),
-            battery_v: None,
-            battery_level: BatteryLevel::Unknown,
-            goal: goal.map(|(id, status)| GoalState {
-                id,
-                kind,
-                x_m: None,
-                y_m: None,
-                status,
-                distance_m: Some(1.5),
-                age_ms: 0,
-                reason: None,
-                by: Name::new("me").unwrap(),
-                on_link_loss: LinkLoss::Halt,
-            }),
-            ended_goals: Vec::new(),
-            faults: Vec::new(),
-            latches: Vec::new(),
-            stopped_because: Vec::new(),
-            stopped_age_ms: None,
-            input_age_ms: InputAges::default(),
-            turn_late_us: 0,
-            rejected: Rejected::default(),
-        }
+        let goal = goal.map(|(id, status)| fake::goal(id, status));
+        RobotState { epoch, goal, ..fake::state("xtb-1") }
     }
 
     fn event(id: Uuid, status: GoalStatus, reason: &str) -> Event {

@@ -6,7 +6,7 @@ use crate::describe::{self, UNKNOWN, fixed};
 use crate::output::{Output, Tone};
 use crate::words;
 use xtb_protocol::Name;
-use xtb_protocol::messages::RobotState;
+use xtb_protocol::messages::{BatteryLevel, RobotState};
 
 /// Everything that the screen is made of.
 pub(super) struct View<'a> {
@@ -20,6 +20,8 @@ pub(super) struct View<'a> {
     pub(super) max_rpm: f64,
     /// What the terminal can do.
     pub(super) reporting: Reporting,
+    /// What came of the last reset; empty = none was asked for.
+    pub(super) notice: &'a str,
 }
 
 /// The lines.
@@ -38,6 +40,9 @@ pub(super) fn lines(view: &View<'_>, out: &Output) -> Vec<String> {
         fact(label, text, tone);
     }
     lines.push(String::new());
+    if !view.notice.is_empty() {
+        lines.extend([out.paint(Tone::Warning, view.notice), String::new()]);
+    }
     lines.extend(help(view.reporting).map(|line| out.paint(Tone::Dim, line)));
     lines
 }
@@ -51,19 +56,23 @@ fn age(seen: Option<&Seen>) -> (String, Tone) {
 }
 
 /// Labels stay where they are when nothing is known, so that the eye finds them.
-fn facts(state: Option<&RobotState>) -> [(&'static str, String, Tone); 7] {
+fn facts(state: Option<&RobotState>) -> [(&'static str, String, Tone); 9] {
     let show = |text: fn(&RobotState) -> String| state.map_or_else(|| UNKNOWN.to_owned(), text);
     let blocked =
         state.is_some_and(|state| [state.obstacle.front, state.obstacle.rear].contains(&Some(true)));
     let stands = state.is_some_and(|state| !state.stopped_because.is_empty());
     let warn = |when: bool| if when { Tone::Warning } else { Tone::Plain };
+    let latched = state.is_some_and(|state| !state.latches.is_empty());
+    let low = state.is_some_and(|state| state.battery_level > BatteryLevel::Ok);
     [
+        ("latched", show(latches), if latched { Tone::Bad } else { Tone::Plain }),
         ("mode", show(|state| words::name(&state.mode)), Tone::Plain),
         ("speed", show(describe::speed), Tone::Plain),
         ("reference", show(reference), Tone::Plain),
         ("obstacles", show(|state| describe::obstacles(&state.obstacle)), warn(blocked)),
         ("pose", show(|state| describe::pose(&state.pose)), Tone::Plain),
         ("lease", show(describe::lease_with_age), Tone::Plain),
+        ("battery", show(describe::battery), warn(low)),
         ("stands", show(why), warn(stands)),
     ]
 }
@@ -74,6 +83,15 @@ fn reference(state: &RobotState) -> String {
 
 fn why(state: &RobotState) -> String {
     if state.stopped_because.is_empty() { "no".to_owned() } else { words::reasons(&state.stopped_because) }
+}
+
+/// While one is set the robot takes no setpoint.
+fn latches(state: &RobotState) -> String {
+    if state.latches.is_empty() {
+        return "no".to_owned();
+    }
+    let all: Vec<_> = state.latches.iter().map(describe::latch).collect();
+    format!("SETPOINTS ARE REFUSED, r resets: {}", all.join("; "))
 }
 
 fn signed(steering: f64) -> String {
@@ -87,11 +105,11 @@ fn signed(steering: f64) -> String {
 fn help(reporting: Reporting) -> [&'static str; 2] {
     match reporting {
         Reporting::Releases => [
-            "hold ↑ ↓ ← → or W S A D to drive and steer · space stops · q leaves",
+            "hold ↑ ↓ ← → or W S A D to drive and steer · space stops · r resets · q leaves",
             "This terminal reports key releases: letting go means zero at once.",
         ],
         Reporting::Presses => [
-            "↑ ↓ or W S drive · ← → or A D steer in steps of 0.25, which stay · space stops · q leaves",
+            "↑ ↓ or W S drive · ← → or A D steer in steps of 0.25, which stay · space stops · r resets · q leaves",
             "This terminal reports no key releases: each press drives for 250 ms, key repeat extends it.",
         ],
     }
@@ -100,16 +118,45 @@ fn help(reporting: Reporting) -> [&'static str; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fake;
+    use xtb_protocol::messages::Latch;
 
     #[test]
     fn what_is_not_known_is_not_shown_as_known() {
         let robot = Name::new("xtb-1").unwrap();
         let drive = Drive { throttle: 1.0, steering: -0.5 };
-        let view = View { robot: &robot, seen: None, drive, max_rpm: 30.0, reporting: Reporting::Presses };
+        let view = View {
+            robot: &robot,
+            seen: None,
+            drive,
+            max_rpm: 30.0,
+            reporting: Reporting::Presses,
+            notice: "",
+        };
         let text = lines(&view, &Output { json: false, colors: false }).join("\n");
         assert!(text.contains("30 rpm, steering left 0.50"), "{text}");
         assert!(text.contains("STALE, nothing heard yet"), "{text}");
-        assert_eq!(text.matches(UNKNOWN).count(), 7, "{text}");
+        assert_eq!(text.matches(UNKNOWN).count(), 9, "{text}");
         assert!(text.contains("reports no key releases"), "{text}");
+    }
+
+    #[test]
+    fn a_latch_that_refuses_setpoints_is_named() {
+        let latches = vec![fake::latch(Latch::Estop, "cli-123456", false)];
+        let state = RobotState { latches, ..fake::state("xtb-1") };
+        let seen = Seen { state, at: std::time::Instant::now() };
+        let drive = Drive { throttle: 1.0, steering: 0.0 };
+        let (robot, reporting) = (fake::name("xtb-1"), Reporting::Releases);
+        let view = View {
+            robot: &robot,
+            seen: Some(&seen),
+            drive,
+            max_rpm: 30.0,
+            reporting,
+            notice: "xtb-1 refuses: no",
+        };
+        let text = lines(&view, &Output { json: false, colors: false }).join("\n");
+        assert!(text.contains("SETPOINTS ARE REFUSED, r resets: estop by cli-123456 for 12.0 s"), "{text}");
+        assert!(text.contains("xtb-1 refuses: no"), "{text}");
     }
 }

@@ -1,0 +1,198 @@
+//! `doctor`: looks at router, roster, agents and robots, and says what to do about what is wrong.
+
+mod checks;
+mod clock;
+
+use crate::cli::DoctorArgs;
+use crate::client::{Client, Seen};
+use crate::context::Context;
+use crate::error::{Exit, Kind, Result};
+use crate::feed::Feed;
+use crate::output::{Output, Tone};
+use checks::{Facts, Finding, Level};
+use clock::Mark;
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::{Duration, Instant};
+use xtb_protocol::Name;
+use xtb_protocol::keys::Key;
+use xtb_protocol::messages::{About, RobotState};
+
+/// Clocks are compared for this long at least; again while they seem to differ, which a busy network
+/// can feign.
+const COMPARE_FOR: Duration = Duration::from_secs(1);
+/// How often at most.
+const COMPARE_TIMES: u32 = 3;
+/// How soon a robot that is there shows its state, 20 times a second.
+const FIRST_STATE_WITHIN: Duration = Duration::from_secs(1);
+const LABEL_WIDTHS: [usize; 2] = [8, 9];
+
+/// What was found, as `--json` prints it.
+#[derive(Debug, Serialize)]
+struct Report {
+    fleet: Name,
+    problems: usize,
+    warnings: usize,
+    findings: Vec<Finding>,
+}
+
+impl Report {
+    fn new(fleet: &Name, findings: Vec<Finding>) -> Self {
+        let count = |level| findings.iter().filter(|finding| finding.level == level).count();
+        let (problems, warnings) = (count(Level::Problem), count(Level::Warning));
+        Self { fleet: fleet.clone(), problems, warnings, findings }
+    }
+}
+
+/// Checks everything. Problems make it [`Exit::Failed`], warnings do not.
+///
+/// # Errors
+/// An endpoint that is none; a router that does not answer is a finding.
+pub async fn run(ctx: &Context, args: &DoctorArgs) -> Result<Exit> {
+    let began = Instant::now();
+    let findings = match Client::open(ctx).await {
+        Ok(client) => {
+            let took = began.elapsed();
+            let facts = gather(ctx, &client, args).await?;
+            client.close().await;
+            let mut findings = vec![checks::router(&ctx.connect, took)];
+            findings.extend(checks::all(&facts));
+            findings
+        }
+        Err(failure) if failure.kind == Kind::NoRouter => vec![checks::no_router(&failure)],
+        Err(failure) => return Err(failure),
+    };
+    let report = Report::new(&ctx.fleet, findings);
+    ctx.out.result(&report, |report| text(report, &ctx.out))?;
+    Ok(if report.problems == 0 { Exit::Done } else { Exit::Failed })
+}
+
+async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Facts> {
+    let any = client.keys().any_robot();
+    let (alive, roster) = tokio::join!(client.alive(), client.roster_entries(&args.expect));
+    let mut alive = alive?;
+    // Not before: a question for presence right beside a subscription to it was seen to bring nothing.
+    let feed = Feed::open(client, &any).await?;
+    let (mut abouts, mut unreadable) = (BTreeMap::<Name, Vec<About>>::new(), BTreeMap::new());
+    for answer in client.get(&any.about()).await? {
+        let Some(robot) = Key::parse(&answer.key).and_then(|key| key.robot) else { continue };
+        match answer.decode::<About>() {
+            Ok(about) => abouts.entry(robot).or_default().push(about),
+            Err(error) => drop(unreadable.insert(robot, error.to_string())),
+        }
+    }
+    // Asked, not only listened to: two robots of one name both answer.
+    let mut epochs = BTreeMap::<Name, BTreeSet<u64>>::new();
+    for answer in client.get(&any.state()).await? {
+        let Some(robot) = Key::parse(&answer.key).and_then(|key| key.robot) else { continue };
+        match answer.decode::<RobotState>() {
+            Ok(state) => drop(epochs.entry(robot).or_default().insert(state.epoch)),
+            Err(error) => drop(unreadable.insert(robot, error.to_string())),
+        }
+    }
+    for (robot, abouts) in &abouts {
+        epochs.entry(robot.clone()).or_default().extend(abouts.iter().map(|about| about.epoch));
+    }
+    alive.extend(feed.alive());
+    let rates = clock_rates(&feed, &alive, &abouts).await;
+    let states = feed.states().into_iter().filter_map(|(name, seen)| Some((name, seen.fresh()?.clone())));
+    let states = states.collect();
+    let connected = ctx.connect.join(", ");
+    Ok(Facts {
+        connected,
+        fleet: ctx.fleet.clone(),
+        roster: roster?,
+        alive,
+        abouts,
+        unreadable,
+        epochs,
+        states,
+        rates,
+    })
+}
+
+/// How fast each robot's clock runs beside ours; `None` = it was not heard twice, or has restarted.
+async fn clock_rates(
+    feed: &Feed,
+    alive: &BTreeSet<Name>,
+    abouts: &BTreeMap<Name, Vec<About>>,
+) -> BTreeMap<Name, Option<f64>> {
+    let all_heard = async {
+        while !alive.iter().all(|robot| feed.last(robot).is_some()) {
+            feed.news().await;
+        }
+    };
+    // Who is not heard by then is found to be silent.
+    let _ = tokio::time::timeout(FIRST_STATE_WITHIN, all_heard).await;
+    let first = feed.states();
+    let mark = |seen: &Seen| Mark::of(seen.at, &seen.state);
+    let mut rates = BTreeMap::new();
+    for _ in 0..COMPARE_TIMES {
+        tokio::time::sleep(COMPARE_FOR).await;
+        rates = alive
+            .iter()
+            .map(|robot| {
+                let last = feed.last(robot);
+                let rate =
+                    first.get(robot).zip(last).and_then(|(first, last)| mark(&last).rate_since(&mark(first)));
+                (robot.clone(), rate)
+            })
+            .collect();
+        let simulated = |robot: &Name| abouts.get(robot).is_some_and(|abouts| checks::is_simulated(abouts));
+        let off = |(robot, rate): (&Name, &Option<f64>)| {
+            !simulated(robot) && rate.is_some_and(|rate| !checks::keeps_step(rate))
+        };
+        if !rates.iter().any(off) {
+            break;
+        }
+    }
+    rates
+}
+
+fn text(report: &Report, out: &Output) -> String {
+    let [level_width, topic_width] = LABEL_WIDTHS;
+    let mut lines = Vec::new();
+    for finding in &report.findings {
+        let (word, tone) = match finding.level {
+            Level::Ok => ("ok", Tone::Good),
+            Level::Warning => ("warning", Tone::Warning),
+            Level::Problem => ("problem", Tone::Bad),
+        };
+        let word = out.paint(tone, &format!("{word:level_width$}"));
+        let topic = out.paint(Tone::Dim, &format!("{:topic_width$}", finding.topic));
+        let robot = finding.robot.as_ref().map(|robot| format!("{robot}: ")).unwrap_or_default();
+        lines.push(format!("{word} {topic} {robot}{}", finding.text));
+        if let Some(todo) = &finding.todo {
+            let indent = level_width + topic_width + 1;
+            lines.push(format!("{:indent$} {}", "", out.paint(Tone::Dim, &format!("→ {todo}"))));
+        }
+    }
+    let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    lines.push(format!("{}, {}", count(report.problems, "problem"), count(report.warnings, "warning")));
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fake::{FakeRobot, name};
+    use xtb_protocol::messages::Latch;
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_missing_and_a_latched_robot_are_found_with_what_to_do() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let robot = FakeRobot::start(&client, "xtb-1").await;
+        robot.lock().state.latches = vec![crate::fake::latch(Latch::Estop, "cli-1", false)];
+        let args = DoctorArgs { expect: vec![name("xtb-1"), name("xtb-2")] };
+        let facts = gather(client.context(), &client, &args).await.unwrap();
+        let rate = facts.rates[&name("xtb-1")].unwrap();
+        assert!((0.5..1.5).contains(&rate), "{rate}");
+        let report = Report::new(&name("lab"), checks::all(&facts));
+        let text = text(&report, &Output { json: false, colors: false });
+        assert!(text.contains("problem  roster    xtb-2: missing"), "{text}");
+        assert!(text.contains("problem  latches   xtb-1: estop by cli-1"), "{text}");
+        assert!(text.contains("→ `fleet-cli why xtb-1`"), "{text}");
+        assert!(text.contains("ok       versions"), "{text}");
+        assert!(report.problems >= 2 && text.ends_with("warnings"), "{text}");
+    }
+}

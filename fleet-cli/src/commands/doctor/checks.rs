@@ -1,0 +1,379 @@
+//! The checks. Pure: facts in, findings out.
+
+use crate::describe;
+use crate::error::Failure;
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+use xtb_control::frames::MapPose;
+use xtb_protocol::Name;
+use xtb_protocol::messages::{About, BatteryLevel, Fault, RobotState, RosterEntry};
+
+/// Of the robot's clock against ours.
+const CLOCK_TOLERANCE: f64 = 0.05;
+/// Start poses that differ by less are the same: printed digits.
+const POSE_TOLERANCE_M: f64 = 0.01;
+/// The same, for yaw.
+const YAW_TOLERANCE_RAD: f64 = 0.01;
+/// A turn of a robot's control loop that is later has lost a turn.
+const LATE_US: u64 = 5000;
+/// Parameters that are named where vehicle configs differ.
+const DIFFERENCES_SHOWN: usize = 3;
+
+/// How bad it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Level {
+    /// As it should be.
+    Ok,
+    /// Worth a look.
+    Warning,
+    /// Something does not work.
+    Problem,
+}
+
+/// One thing that was looked at.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Finding {
+    /// How bad it is.
+    pub(super) level: Level,
+    /// What was looked at.
+    pub(super) topic: &'static str,
+    /// On which robot; `None` = the fleet's.
+    pub(super) robot: Option<Name>,
+    /// In words.
+    pub(super) text: String,
+    /// What to do about it.
+    pub(super) todo: Option<String>,
+}
+
+impl Finding {
+    fn ok(topic: &'static str, text: impl Into<String>) -> Self {
+        Self { level: Level::Ok, topic, robot: None, text: text.into(), todo: None }
+    }
+
+    fn warning(topic: &'static str, text: impl Into<String>, todo: impl Into<String>) -> Self {
+        Self { level: Level::Warning, topic, robot: None, text: text.into(), todo: Some(todo.into()) }
+    }
+
+    fn problem(topic: &'static str, text: impl Into<String>, todo: impl Into<String>) -> Self {
+        Self { level: Level::Problem, ..Self::warning(topic, text, todo) }
+    }
+
+    fn of(self, robot: &Name) -> Self {
+        Self { robot: Some(robot.clone()), ..self }
+    }
+}
+
+/// What the doctor has seen.
+pub(super) struct Facts {
+    /// The routers.
+    pub(super) connected: String,
+    /// The fleet.
+    pub(super) fleet: Name,
+    /// Which robots should be there; `None` = nobody knows.
+    pub(super) roster: Option<Vec<RosterEntry>>,
+    /// Who is there.
+    pub(super) alive: BTreeSet<Name>,
+    /// Factsheets of each name: two for a name that two agents have.
+    pub(super) abouts: BTreeMap<Name, Vec<About>>,
+    /// Whose answers cannot be read, and why.
+    pub(super) unreadable: BTreeMap<Name, String>,
+    /// Boots that answered to each name.
+    pub(super) epochs: BTreeMap<Name, BTreeSet<u64>>,
+    /// Fresh states.
+    pub(super) states: BTreeMap<Name, RobotState>,
+    /// The robot's time over ours; `None` = it was not heard twice in one boot.
+    pub(super) rates: BTreeMap<Name, Option<f64>>,
+}
+
+/// A router answered after this long.
+pub(super) fn router(connect: &[String], took: Duration) -> Finding {
+    Finding::ok("router", format!("{} answers after {}", connect.join(", "), describe::age(took)))
+}
+
+/// None did.
+pub(super) fn no_router(failure: &Failure) -> Finding {
+    Finding::problem("router", failure.message.clone(), failure.hint.clone())
+}
+
+/// What is looked at, and how.
+type Check = (&'static str, fn(&Facts) -> Vec<Finding>);
+
+/// Everything but the router.
+pub(super) fn all(facts: &Facts) -> Vec<Finding> {
+    let checks: [Check; 9] = [
+        ("roster", roster),
+        ("names", names),
+        ("versions", versions),
+        ("starts", starts),
+        ("clocks", clocks),
+        ("loops", loops),
+        ("vehicle", vehicles),
+        ("latches", latches),
+        ("faults", faults),
+    ];
+    let mut findings = Vec::new();
+    for (topic, check) in checks {
+        let found = check(facts);
+        // Nothing to say of nobody.
+        if found.is_empty() && !facts.alive.is_empty() {
+            findings.push(Finding::ok(topic, "none"));
+        }
+        findings.extend(found);
+    }
+    findings
+}
+
+fn roster(facts: &Facts) -> Vec<Finding> {
+    let there = facts.alive.iter().map(Name::to_string).collect::<Vec<_>>().join(", ");
+    let Some(roster) = &facts.roster else {
+        if facts.alive.is_empty() {
+            let text = format!("no robot of fleet {} is at {}", facts.fleet, facts.connected);
+            let todo = "start `robot-agent` on a robot, or `fleet-cli sim`; is --fleet right?";
+            return vec![Finding::problem("roster", text, todo)];
+        }
+        let entries: Vec<_> = facts.alive.iter().map(|name| format!("{{ name = \"{name}\" }}")).collect();
+        let todo = format!(
+            "write `robots = [{}]` into ~/.config/xtb/fleet.toml or the file that --config names",
+            entries.join(", ")
+        );
+        return vec![Finding::warning(
+            "roster",
+            format!("nobody knows who should be there; there are {there}"),
+            todo,
+        )];
+    };
+    let mut findings = Vec::new();
+    for entry in roster.iter().filter(|entry| !facts.alive.contains(&entry.name)) {
+        let todo = format!(
+            "look at its power and network, and whether `robot-agent --fleet {} --name {}` runs there",
+            facts.fleet, entry.name
+        );
+        findings.push(Finding::problem("roster", "missing", todo).of(&entry.name));
+    }
+    for name in facts.alive.iter().filter(|name| !roster.iter().any(|entry| entry.name == **name)) {
+        let todo = "add it to [[robots]], or find out who runs it: `stop --all` stops it too";
+        findings.push(Finding::warning("roster", "is there, and not in the roster", todo).of(name));
+    }
+    if findings.is_empty() {
+        findings.push(Finding::ok("roster", format!("all are there: {there}")));
+    }
+    findings
+}
+
+fn names(facts: &Facts) -> Vec<Finding> {
+    let twice = facts.epochs.iter().filter(|(_, epochs)| epochs.len() > 1);
+    let findings: Vec<_> = twice
+        .map(|(name, epochs)| {
+            let text = format!("{} agents answer to this name", epochs.len());
+            Finding::problem("names", text, "end all but one, or give them names of their own").of(name)
+        })
+        .collect();
+    if findings.is_empty() && !facts.alive.is_empty() {
+        return vec![Finding::ok("names", "each name is there once")];
+    }
+    findings
+}
+
+fn versions(facts: &Facts) -> Vec<Finding> {
+    let ours = env!("CARGO_PKG_VERSION");
+    let mut findings = Vec::new();
+    for name in &facts.alive {
+        let finding = if let Some(error) = facts.unreadable.get(name) {
+            let todo = "install the same release of robot-agent and fleet-cli";
+            Finding::problem("versions", format!("its messages cannot be read: {error}"), todo)
+        } else {
+            match facts.abouts.get(name).and_then(|abouts| abouts.first()) {
+                None => {
+                    let todo = "its agent hangs, or access control forbids it: look at the agent's log";
+                    Finding::problem("versions", "it does not answer what it is", todo)
+                }
+                Some(about) if about.version != ours => {
+                    let text = format!("agent {}, this fleet-cli {ours}", about.version);
+                    Finding::warning("versions", text, "install the same release of both")
+                }
+                Some(_) => continue,
+            }
+        };
+        findings.push(finding.of(name));
+    }
+    if findings.is_empty() && !facts.alive.is_empty() {
+        return vec![Finding::ok("versions", format!("all agents and this fleet-cli are {ours}"))];
+    }
+    findings
+}
+
+fn starts(facts: &Facts) -> Vec<Finding> {
+    let (mut findings, mut same, mut tags) = (Vec::new(), 0, Vec::new());
+    for entry in facts.roster.iter().flatten() {
+        if !entry.tags.is_empty() {
+            tags.push(format!("{} {}", entry.name, entry.tags.join(" ")));
+        }
+        let about = facts.abouts.get(&entry.name).and_then(|abouts| abouts.first());
+        let (Some(ours), Some(about)) = (entry.start_pose, about) else { continue };
+        if is_same_pose(&ours, &about.start_pose) {
+            same += 1;
+            continue;
+        }
+        let (ours, theirs) = (describe::map_pose(&ours), describe::map_pose(&about.start_pose));
+        let text = format!("the roster says it starts at {ours}, its agent started at {theirs}");
+        let todo = "the agent's own --start-pose counts: make both the same";
+        findings.push(Finding::warning("starts", text, todo).of(&entry.name));
+    }
+    let tags = if tags.is_empty() { "no tags".to_owned() } else { format!("tags: {}", tags.join(", ")) };
+    if !facts.alive.is_empty() {
+        findings.push(Finding::ok("starts", format!("{same} as in the roster; {tags}")));
+    }
+    findings
+}
+
+fn is_same_pose(a: &MapPose, b: &MapPose) -> bool {
+    let turn = (a.yaw_rad - b.yaw_rad).rem_euclid(std::f64::consts::TAU);
+    let turn = turn.min(std::f64::consts::TAU - turn);
+    (a.x_m - b.x_m).hypot(a.y_m - b.y_m) <= POSE_TOLERANCE_M && turn <= YAW_TOLERANCE_RAD
+}
+
+/// Whether its clock is a simulated world's.
+pub(super) fn is_simulated(abouts: &[About]) -> bool {
+    abouts.iter().any(|about| about.hardware == "simulated")
+}
+
+/// Whether a clock runs as ours does.
+pub(super) fn keeps_step(rate: f64) -> bool {
+    (rate - 1.0).abs() <= CLOCK_TOLERANCE
+}
+
+fn clocks(facts: &Facts) -> Vec<Finding> {
+    let (mut findings, mut good) = (Vec::new(), 0);
+    for (name, rate) in &facts.rates {
+        let simulated = facts.abouts.get(name).is_some_and(|abouts| is_simulated(abouts));
+        let finding = match rate {
+            None if facts.epochs.get(name).is_some_and(|epochs| epochs.len() > 1) => continue,
+            None => {
+                let todo = "it restarts, or its state does not arrive: look at its log and its network";
+                Finding::problem("clocks", "its state was not heard twice in one boot", todo)
+            }
+            Some(rate) if keeps_step(*rate) => {
+                good += 1;
+                continue;
+            }
+            Some(rate) if simulated => {
+                Finding::ok("clocks", format!("runs at {rate:.1} times ours: a simulator's --speed"))
+            }
+            Some(rate) => {
+                let text = format!("runs at {rate:.2} times ours");
+                let todo = "its computer is suspended, throttled or overloaded: look at its load";
+                Finding::problem("clocks", text, todo)
+            }
+        };
+        findings.push(finding.of(name));
+    }
+    if good > 0 {
+        findings.push(Finding::ok("clocks", format!("{good} in step with ours within 5 %")));
+    }
+    findings
+}
+
+fn loops(facts: &Facts) -> Vec<Finding> {
+    let late = facts.states.iter().filter(|(_, state)| state.turn_late_us > LATE_US);
+    let findings: Vec<_> = late
+        .map(|(name, state)| {
+            let text = format!("its control loop was {} ms late", state.turn_late_us / 1000);
+            let todo = "its computer is overloaded: end what else runs there";
+            Finding::warning("loops", text, todo).of(name)
+        })
+        .collect();
+    if findings.is_empty() && !facts.states.is_empty() {
+        return vec![Finding::ok("loops", "every control loop was in time just now")];
+    }
+    findings
+}
+
+fn vehicles(facts: &Facts) -> Vec<Finding> {
+    let mut groups = BTreeMap::<&str, Vec<&About>>::new();
+    for about in facts.abouts.values().flatten() {
+        groups.entry(&about.vehicle_hash).or_default().push(about);
+    }
+    let Some((most, normal)) = groups.iter().max_by_key(|(_, abouts)| abouts.len()) else {
+        return Vec::new();
+    };
+    if groups.len() == 1 {
+        return vec![Finding::ok("vehicle", format!("all have the parameters {most}"))];
+    }
+    let others = groups.iter().filter(|(hash, _)| *hash != most).flat_map(|(_, abouts)| abouts);
+    let findings = others.map(|about| {
+        let text = format!(
+            "its parameters {} differ from {most} of {}: {}",
+            about.vehicle_hash,
+            normal.iter().map(|about| about.robot.to_string()).collect::<Vec<_>>().join(", "),
+            differences(about, normal[0])
+        );
+        Finding::warning("vehicle", text, "right if it is another vehicle; else give both the same config")
+            .of(&about.robot)
+    });
+    findings.collect()
+}
+
+fn differences(about: &About, normal: &About) -> String {
+    let of = |about: &About| -> BTreeMap<String, String> {
+        about.vehicle.iter().map(|parameter| (parameter.name.clone(), parameter.value.clone())).collect()
+    };
+    let (ours, theirs) = (of(about), of(normal));
+    let names: BTreeSet<_> = ours.keys().chain(theirs.keys()).collect();
+    let value = |all: &BTreeMap<String, String>, name: &str| all.get(name).cloned().unwrap_or("none".into());
+    let mut differing: Vec<String> = names
+        .into_iter()
+        .filter(|name| ours.get(*name) != theirs.get(*name))
+        .map(|name| format!("{name} {} instead of {}", value(&ours, name), value(&theirs, name)))
+        .collect();
+    let more = differing.len().saturating_sub(DIFFERENCES_SHOWN);
+    differing.truncate(DIFFERENCES_SHOWN);
+    if more > 0 {
+        differing.push(format!("{more} more"));
+    }
+    if differing.is_empty() { "in nothing that it tells".to_owned() } else { differing.join(", ") }
+}
+
+fn latches(facts: &Facts) -> Vec<Finding> {
+    let set =
+        facts.states.values().flat_map(|state| state.latches.iter().map(move |set| (&state.robot, set)));
+    let finding = |(robot, set)| {
+        let todo = format!("`fleet-cli why {robot}`, then `fleet-cli reset {robot}`");
+        Finding::problem("latches", describe::latch(set), todo).of(robot)
+    };
+    set.map(finding).collect()
+}
+
+fn faults(facts: &Facts) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for (name, state) in &facts.states {
+        for broken in &state.faults {
+            let finding = match broken.fault {
+                Fault::BatteryLow => Finding::warning,
+                _ => Finding::problem,
+            };
+            let text =
+                format!("{} for {}", broken.fault, describe::age(Duration::from_millis(broken.age_ms)));
+            findings.push(finding("faults", text, broken.fault.remedy().to_owned()).of(name));
+        }
+        let said = |fault| state.faults.iter().any(|broken| broken.fault == fault);
+        let battery = match state.battery_level {
+            BatteryLevel::Unknown if state.battery_v.is_none() => {
+                Some(("the battery is not measured: it may be empty", "measure it by hand"))
+            }
+            BatteryLevel::Warn | BatteryLevel::Finish if !said(Fault::BatteryLow) => {
+                Some(("the battery is low", Fault::BatteryLow.remedy()))
+            }
+            BatteryLevel::Critical if !said(Fault::BatteryCritical) => {
+                Some(("the battery is nearly empty", Fault::BatteryCritical.remedy()))
+            }
+            _ => None,
+        };
+        findings.extend(battery.map(|(text, todo)| Finding::warning("faults", text, todo).of(name)));
+    }
+    findings
+}
+
+#[cfg(test)]
+mod tests;

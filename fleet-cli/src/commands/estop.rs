@@ -1,0 +1,210 @@
+//! `estop`: robots stand, latched, until somebody resets them. It needs no lease.
+//!
+//! It is put again and again until each robot has acknowledged it or time is up, and asked beside that:
+//! the answer, that the latch is set, is the acknowledgement. With `--all` it is put at once on the key
+//! that every robot hears, before anybody knows who they are.
+
+use super::muster::{Gaps, Muster, Outcome, Report};
+use crate::cli::EstopArgs;
+use crate::client::Client;
+use crate::context::Context;
+use crate::error::{Exit, Result};
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::task::JoinHandle;
+use tokio::time::MissedTickBehavior;
+use xtb_protocol::codec::Format;
+use xtb_protocol::keys::Channel;
+use xtb_protocol::messages::{Estop, Estopped};
+use xtb_protocol::{Name, Uuid};
+
+/// Between two puts, and between two questions.
+const AGAIN_EVERY: Duration = Duration::from_millis(50);
+/// A question that is not answered for so long is asked anew.
+const ANSWER_WITHIN: Duration = Duration::from_millis(500);
+
+/// Stops the robots named, or all of the roster and whoever else is there, and latches that.
+///
+/// # Errors
+/// No router, or nobody to stop.
+pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
+    let client = Client::open(ctx).await?;
+    let call = Call { id: Uuid::new_v4(), within: ctx.timeout };
+    let (report, gaps) = if args.who.all {
+        call.everybody(&client, &args.who.expect).await
+    } else {
+        let mut muster = Muster::new(&client, |client, robot| call.one(client, robot));
+        muster.call(args.who.robots.iter().cloned());
+        (Report::new(muster.outcomes().await, &Gaps::default()), Gaps::default())
+    };
+    if report.robots.is_empty() {
+        return Err(gaps.alive.unwrap_or_else(|| client.nobody()));
+    }
+    ctx.out.result(&report, |report| report.table("stopped (latched)", &ctx.out))?;
+    gaps.warn(ctx);
+    if !ctx.out.json {
+        ctx.out.note("`fleet-cli reset ROBOT` ends it; it is no safety-rated stop");
+    }
+    client.close().await;
+    Ok(report.exit())
+}
+
+/// One emergency stop: the same id in each repetition.
+#[derive(Debug, Clone, Copy)]
+struct Call {
+    id: Uuid,
+    within: Duration,
+}
+
+impl Call {
+    /// Who is told, who is there, and who answers without being either.
+    async fn everybody(self, client: &Client, expect: &[Name]) -> (Report, Gaps) {
+        let me = client.name().clone();
+        let _puts = self.put(client, client.keys().estop_all(Some(&me)), Channel::EstopAll(me));
+        let heard = Arc::new(Mutex::new(BTreeSet::new()));
+        let _asking = OnItsOwn(tokio::spawn(self.ask_everybody(client.clone(), Arc::clone(&heard))));
+        let mut muster = Muster::new(client, |client, robot| self.one(client, robot));
+        let gaps = muster.call_all(expect).await;
+        let mut robots = muster.outcomes().await;
+        robots.extend(lock(&heard).iter().map(|robot| (robot.clone(), Outcome::Stopped)));
+        (Report::new(robots, &gaps), gaps)
+    }
+
+    async fn ask_everybody(self, client: Client, heard: Arc<Mutex<BTreeSet<Name>>>) {
+        let key_expr = client.keys().any_robot().estop(Some(client.name()));
+        loop {
+            for robot in self.ask(&client, &key_expr).await {
+                lock(&heard).insert(robot);
+            }
+            tokio::time::sleep(AGAIN_EVERY).await;
+        }
+    }
+
+    /// One robot, until it has acknowledged or time is up.
+    async fn one(self, client: Client, robot: Name) -> Outcome {
+        let key = client.keys().robot(&robot).estop(Some(client.name()));
+        let _puts = self.put(&client, key.clone(), Channel::Estop(client.name().clone()));
+        let acknowledged = async {
+            while !self.ask(&client, &key).await.contains(&robot) {
+                tokio::time::sleep(AGAIN_EVERY).await;
+            }
+        };
+        match tokio::time::timeout(self.within, acknowledged).await {
+            Ok(()) => Outcome::Stopped,
+            Err(_) => Outcome::Unknown,
+        }
+    }
+
+    /// Who answers that it is latched.
+    async fn ask(self, client: &Client, key_expr: &str) -> BTreeSet<Name> {
+        let mut latched = BTreeSet::new();
+        let channel = Channel::Estop(client.name().clone());
+        let estop = Estop { id: self.id };
+        let within = ANSWER_WITHIN.min(self.within);
+        let each = |answer: xtb_bus::Incoming| match answer.decode::<Estopped>() {
+            Ok(Estopped { robot, latched: true }) => drop(latched.insert(robot)),
+            Ok(Estopped { robot, .. }) => tracing::debug!("{robot} has heard of it and is not latched"),
+            Err(error) => tracing::warn!("on {}: {error}", answer.key),
+        };
+        if let Err(error) = client.bus().ask_each(key_expr, &channel, &estop, within, each).await {
+            tracing::debug!("{error}");
+        }
+        latched
+    }
+
+    /// Puts it now and again and again, in a task of its own: a full queue holds up no question.
+    fn put(self, client: &Client, key: String, channel: Channel) -> OnItsOwn {
+        let bus = client.bus().clone();
+        OnItsOwn(tokio::spawn(async move {
+            let mut again = tokio::time::interval(AGAIN_EVERY);
+            again.set_missed_tick_behavior(MissedTickBehavior::Skip);
+            loop {
+                again.tick().await;
+                if let Err(error) = bus.put(&key, &channel, &Estop { id: self.id }, Format::Postcard).await {
+                    tracing::debug!("{error}");
+                }
+            }
+        }))
+    }
+}
+
+/// A task that ends with its owner.
+struct OnItsOwn(JoinHandle<()>);
+
+impl Drop for OnItsOwn {
+    fn drop(&mut self) {
+        self.0.abort();
+    }
+}
+
+/// A panic elsewhere does not make the names unreadable.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fake::{FakeRobot, name};
+    use std::collections::BTreeMap;
+    use xtb_protocol::messages::Latch;
+
+    fn call(within: Duration) -> Call {
+        Call { id: Uuid::from_u128(1), within }
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn only_who_acknowledges_is_stopped_and_a_missing_one_leaves_it_incomplete() {
+        let client = Client::alone(Duration::from_secs(1)).await;
+        let there = FakeRobot::start(&client, "xtb-1").await;
+        let silent = FakeRobot::start(&client, "xtb-2").await;
+        silent.lock().mute = true;
+        let expect = ["xtb-1", "xtb-2", "xtb-3"].map(name);
+        let (report, _) = call(Duration::from_secs(1)).everybody(&client, &expect).await;
+        let outcomes = [Outcome::Stopped, Outcome::Unknown, Outcome::Unknown];
+        assert_eq!(report.robots, expect.into_iter().zip(outcomes).collect::<BTreeMap<_, _>>());
+        assert_eq!((report.complete, report.exit()), (false, Exit::Unknown));
+        assert_eq!(there.lock().state.latches[0].latch, Latch::Estop);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_roster_that_has_acknowledged_is_complete_and_nobody_knows_without_one() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let _robot = FakeRobot::start(&client, "xtb-1").await;
+        let (report, _) = call(Duration::from_secs(30)).everybody(&client, &[name("xtb-1")]).await;
+        assert_eq!((report.complete, report.exit()), (true, Exit::Done));
+        let (report, gaps) = call(Duration::from_secs(30)).everybody(&client, &[]).await;
+        assert!(gaps.no_roster);
+        assert_eq!(report.robots, BTreeMap::from([(name("xtb-1"), Outcome::Stopped)]));
+        assert_eq!((report.complete, report.exit()), (false, Exit::Unknown));
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn it_is_put_again_with_its_id_until_it_is_acknowledged() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let robot = FakeRobot::start(&client, "xtb-1").await;
+        robot.lock().mute = true;
+        let (sender, mut puts) = tokio::sync::mpsc::unbounded_channel();
+        let each = move |incoming: xtb_bus::Incoming| {
+            sender.send((incoming.key.clone(), incoming.decode::<Estop>().unwrap())).unwrap_or_default();
+        };
+        let _watch = client.bus().subscribe(xtb_protocol::keys::any::ESTOP, each).await.unwrap();
+        let deaf_at_first = async {
+            let mut heard = BTreeMap::<String, usize>::new();
+            while heard.len() < 2 || heard.values().any(|count| *count < 3) {
+                let (key, estop) = puts.recv().await.unwrap();
+                assert_eq!(estop.id, Uuid::from_u128(1));
+                *heard.entry(key).or_default() += 1;
+            }
+            robot.lock().mute = false;
+            heard
+        };
+        let calling = call(Duration::from_secs(30));
+        let expect = [name("xtb-1")];
+        let (heard, (report, _)) = tokio::join!(deaf_at_first, calling.everybody(&client, &expect));
+        assert!(report.complete, "{report:?}");
+        let keys = ["xtb/lab/all/estop/me", "xtb/lab/xtb-1/estop/me"];
+        assert_eq!(heard.into_keys().collect::<Vec<_>>(), keys);
+    }
+}

@@ -1,0 +1,89 @@
+//! `why`: the chain of reasons for which a robot stands, or for which it may drive.
+
+mod chain;
+mod remedy;
+
+use crate::cli::WhyArgs;
+use crate::client::Client;
+use crate::context::Context;
+use crate::error::{Exit, Result};
+use crate::output::{Output, Tone};
+use crate::view::FleetView;
+use chain::{Verdict, Why};
+use std::collections::BTreeSet;
+
+const LABEL_WIDTH: usize = 8;
+
+/// Asks once, and explains the answer. A robot that nobody can say anything about makes it
+/// [`Exit::Unknown`].
+///
+/// # Errors
+/// No router.
+pub async fn run(ctx: &Context, args: &WhyArgs) -> Result<Exit> {
+    let client = Client::open(ctx).await?;
+    let wanted = BTreeSet::from([args.robot.clone()]);
+    let keys = client.keys().robot(&args.robot);
+    let view = FleetView::ask_robots(&client, &ctx.fleet, &keys, &wanted)
+        .await?
+        .only(std::slice::from_ref(&args.robot));
+    client.close().await;
+    let Some(why) = view.robots.first().map(chain::explain) else { return Ok(Exit::Unknown) };
+    ctx.out.result(&why, |why| text(why, &ctx.out))?;
+    Ok(if why.verdict == Verdict::Unknown { Exit::Unknown } else { Exit::Done })
+}
+
+fn text(why: &Why, out: &Output) -> String {
+    let tone = match why.verdict {
+        Verdict::Drives => Tone::Good,
+        Verdict::Stands => Tone::Strong,
+        Verdict::Unknown => Tone::Bad,
+    };
+    let mut lines = vec![out.paint(tone, &why.headline)];
+    for reason in &why.reasons {
+        let label = out.paint(Tone::Dim, &format!("{:LABEL_WIDTH$}", reason.kind.label()));
+        lines.push(format!("  {label} {}", out.paint(reason.tone(), &reason.text)));
+        if let Some(todo) = &reason.todo {
+            lines.push(format!("  {:LABEL_WIDTH$} {}", "", out.paint(Tone::Dim, &format!("→ {todo}"))));
+        }
+    }
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fake;
+    use crate::view::RobotView;
+    use xtb_protocol::messages::{Latch, RobotState, StopReason};
+
+    #[test]
+    fn each_reason_is_a_line_and_what_to_do_the_next() {
+        let state = RobotState {
+            latches: vec![fake::latch(Latch::Estop, "cli-1", false)],
+            stopped_because: vec![StopReason::Estop],
+            stopped_age_ms: Some(12_000),
+            ..fake::state("xtb-1")
+        };
+        let robot = RobotView {
+            name: fake::name("xtb-1"),
+            alive: true,
+            state: Some(state),
+            age_ms: Some(30),
+            tags: Vec::new(),
+            start_pose: None,
+        };
+        let text = text(&chain::explain(&robot), &Output { json: false, colors: false });
+        let mut lines = text.lines();
+        assert_eq!(lines.next(), Some("xtb-1 stands for 12.0 s (mode idle, state 30 ms old)"));
+        assert_eq!(
+            lines.next(),
+            Some(
+                "  latch    somebody called an emergency stop: estop latched by cli-1, 12.0 s ago; its cause is gone"
+            )
+        );
+        assert_eq!(
+            lines.next(),
+            Some("           → `fleet-cli reset xtb-1 --latch estop`, then give a new command")
+        );
+    }
+}

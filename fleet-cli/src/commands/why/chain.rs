@@ -1,0 +1,373 @@
+//! From a robot's state to the chain of reasons, most important first. Pure.
+//!
+//! Stands: latches, faults, what else it stands for, how its goal ended, who has control, inputs,
+//! battery. Drives: what allows it to, then the same without the standstill.
+
+use super::remedy;
+use crate::describe;
+use crate::output::Tone;
+use crate::view::RobotView;
+use crate::words;
+use serde::Serialize;
+use std::time::Duration;
+use xtb_control::Mode;
+use xtb_protocol::Name;
+use xtb_protocol::messages::{BatteryLevel, Fault, GoalStatus, Latch, RobotState, StopReason};
+
+/// An input that is older is lost, to the robot too.
+const INPUT_LOST_MS: u64 = 500;
+
+/// What it does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Verdict {
+    /// Something lets it.
+    Drives,
+    /// Something keeps it.
+    Stands,
+    /// Nobody can say.
+    Unknown,
+}
+
+/// What a reason is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Kind {
+    /// Whether it can be heard.
+    Link,
+    /// A latched stop.
+    Latch,
+    /// Something is broken.
+    Fault,
+    /// Why it stands.
+    Stop,
+    /// Why it may drive.
+    May,
+    /// Its present or last goal.
+    Goal,
+    /// Who has control.
+    Lease,
+    /// Its sensors.
+    Inputs,
+    /// Its battery.
+    Battery,
+}
+
+impl Kind {
+    pub(super) fn label(self) -> String {
+        words::name(&self)
+    }
+}
+
+/// One link of the chain.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Reason {
+    /// What it is about.
+    pub(super) kind: Kind,
+    /// The protocol's name, where it has one.
+    pub(super) name: Option<String>,
+    /// In words.
+    pub(super) text: String,
+    /// Since when.
+    pub(super) age_ms: Option<u64>,
+    /// What to do about it; `None` = nothing.
+    pub(super) todo: Option<String>,
+    /// Whether it keeps the robot from driving, or soon will.
+    pub(super) hinders: bool,
+}
+
+impl Reason {
+    fn new(kind: Kind, text: impl Into<String>) -> Self {
+        Self { kind, name: None, text: text.into(), age_ms: None, todo: None, hinders: false }
+    }
+
+    pub(super) fn tone(&self) -> Tone {
+        match (self.kind, self.hinders) {
+            (Kind::Latch | Kind::Fault | Kind::Link, true) => Tone::Bad,
+            (_, true) => Tone::Warning,
+            (_, false) => Tone::Plain,
+        }
+    }
+}
+
+/// The answer.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Why {
+    /// Whose.
+    pub(super) robot: Name,
+    /// What it does.
+    pub(super) verdict: Verdict,
+    /// In a sentence.
+    pub(super) headline: String,
+    /// What the controller does.
+    pub(super) mode: Option<Mode>,
+    /// Since when it stands.
+    pub(super) stopped_age_ms: Option<u64>,
+    /// How old this is.
+    pub(super) state_age_ms: Option<u64>,
+    /// Most important first.
+    pub(super) reasons: Vec<Reason>,
+}
+
+/// Explains what a robot does.
+pub(super) fn explain(robot: &RobotView) -> Why {
+    let (verdict, headline, reasons) = match &robot.state {
+        Some(state) if robot.alive => known(robot, state),
+        _ => unknown(robot),
+    };
+    let state = robot.state.as_ref().filter(|_| robot.alive);
+    Why {
+        robot: robot.name.clone(),
+        verdict,
+        headline,
+        mode: state.map(|state| state.mode),
+        stopped_age_ms: state.and_then(|state| state.stopped_age_ms),
+        state_age_ms: robot.age_ms,
+        reasons,
+    }
+}
+
+fn age(ms: u64) -> String {
+    describe::age(Duration::from_millis(ms))
+}
+
+fn unknown(robot: &RobotView) -> (Verdict, String, Vec<Reason>) {
+    let name = &robot.name;
+    let (headline, text, todo) = match (robot.alive, robot.age_ms) {
+        (false, _) => (
+            format!("{name} is missing: whether it stands is unknown"),
+            "no agent of this name is at the router".to_owned(),
+            "look at its power, its network, and whether robot-agent runs; `fleet-cli doctor` checks the rest",
+        ),
+        (true, Some(ms)) => (
+            format!("{name} is STALE: whether it stands is unknown"),
+            format!("its last state is {} old", age(ms)),
+            "its link or its agent hangs: `fleet-cli doctor`; near it, use the transmitter",
+        ),
+        (true, None) => (
+            format!("{name} is present, but whether it stands is unknown"),
+            "it does not tell its state".to_owned(),
+            "its agent may speak another version: `fleet-cli doctor` shows it",
+        ),
+    };
+    let reason = Reason {
+        todo: Some(todo.to_owned()),
+        hinders: true,
+        age_ms: robot.age_ms,
+        ..Reason::new(Kind::Link, text)
+    };
+    (Verdict::Unknown, headline, vec![reason])
+}
+
+fn known(robot: &RobotView, state: &RobotState) -> (Verdict, String, Vec<Reason>) {
+    let (name, old) = (&robot.name, age(robot.age_ms.unwrap_or_default()));
+    let mode = words::name(&state.mode);
+    let mut reasons: Vec<Reason> = latches(state).chain(faults(state)).collect();
+    let drives = state.latches.is_empty() && state.stopped_because.iter().all(|&reason| passes(reason));
+    let (verdict, headline) = if drives {
+        reasons.insert(0, may(state));
+        reasons.extend(stops(state));
+        let speed = describe::speed(state);
+        (Verdict::Drives, format!("{name} drives, {speed} (mode {mode}, state {old} old)"))
+    } else {
+        reasons.extend(stops(state));
+        let since = state.stopped_age_ms.map(|ms| format!(" for {}", age(ms))).unwrap_or_default();
+        (Verdict::Stands, format!("{name} stands{since} (mode {mode}, state {old} old)"))
+    };
+    reasons.extend(goal(state));
+    reasons.push(lease(state));
+    reasons.extend(inputs(state));
+    reasons.push(battery(state));
+    (verdict, headline, reasons)
+}
+
+fn latches(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
+    state.latches.iter().map(|set| {
+        let cause = if set.present { "its cause is still there" } else { "its cause is gone" };
+        let words = words::reason(stop_reason(set.latch));
+        let text = format!("{words}: {} latched by {}, {} ago; {cause}", set.latch, set.by, age(set.age_ms));
+        Reason {
+            name: Some(set.latch.to_string()),
+            age_ms: Some(set.age_ms),
+            todo: Some(remedy::of_latch(&state.robot, set, state)),
+            hinders: true,
+            ..Reason::new(Kind::Latch, text)
+        }
+    })
+}
+
+fn stop_reason(latch: Latch) -> StopReason {
+    match latch {
+        Latch::Estop => StopReason::Estop,
+        Latch::RemoteTakeover => StopReason::RemoteTakeover,
+        Latch::BoardLost => StopReason::BoardLost,
+        Latch::GyroLost => StopReason::GyroLost,
+        Latch::Runaway => StopReason::Runaway,
+        Latch::SensorFault => StopReason::SensorFault,
+        Latch::BatteryCritical => StopReason::BatteryCritical,
+    }
+}
+
+fn faults(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
+    state.faults.iter().map(|broken| {
+        let detail = broken.detail.as_ref().map(|words| format!(" ({words})")).unwrap_or_default();
+        let text = format!("{}: {}{detail}, for {}", broken.fault.place(), broken.fault, age(broken.age_ms));
+        Reason {
+            name: Some(broken.fault.to_string()),
+            age_ms: Some(broken.age_ms),
+            todo: Some(broken.fault.remedy().to_owned()),
+            hinders: true,
+            ..Reason::new(Kind::Fault, text)
+        }
+    })
+}
+
+/// What it stands for besides latches, as the robot orders it.
+fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
+    let latched = |reason: StopReason| state.latches.iter().any(|set| stop_reason(set.latch) == reason);
+    state.stopped_because.iter().filter(move |reason| !latched(**reason)).map(|&reason| {
+        let since = match reason {
+            StopReason::SetpointExpired => state.input_age_ms.setpoint,
+            StopReason::BoardLost => state.input_age_ms.encoder,
+            StopReason::GyroLost => state.input_age_ms.gyro,
+            StopReason::RemoteLost => state.input_age_ms.remote,
+            _ => None,
+        };
+        let last = match since {
+            Some(ms) => format!(", the last one came {} ago", age(ms)),
+            None if only_latched(reason) => ": that is reset".to_owned(),
+            None => String::new(),
+        };
+        Reason {
+            name: Some(words::name(&reason)),
+            age_ms: since,
+            todo: remedy::of_reason(&state.robot, reason),
+            hinders: !passes(reason),
+            ..Reason::new(Kind::Stop, format!("{}{last}", words::reason(reason)))
+        }
+    })
+}
+
+/// What holds a robot by a latch alone: without the latch it is only why it stopped.
+fn only_latched(reason: StopReason) -> bool {
+    use StopReason as R;
+    matches!(reason, R::Estop | R::RemoteTakeover | R::Runaway | R::SensorFault | R::BatteryCritical)
+}
+
+/// Why the motor rests while the robot is under way.
+fn passes(reason: StopReason) -> bool {
+    matches!(reason, StopReason::Starting | StopReason::Coasting)
+}
+
+/// What allows it to drive.
+fn may(state: &RobotState) -> Reason {
+    let holder =
+        || state.lease.as_ref().map_or_else(|| "nobody".to_owned(), |lease| lease.holder.to_string());
+    match state.mode {
+        Mode::Manual => Reason::new(Kind::May, "the R/C transmitter drives it"),
+        Mode::Teleop => {
+            let setpoint = state.input_age_ms.setpoint;
+            let last = setpoint.map_or_else(|| "unknown".to_owned(), |ms| format!("{} ago", age(ms)));
+            Reason {
+                age_ms: setpoint,
+                ..Reason::new(Kind::May, format!("{} drives it by hand, last setpoint {last}", holder()))
+            }
+        }
+        Mode::Goto | Mode::Wander => {
+            let by = state.goal.as_ref().map_or_else(holder, |goal| goal.by.to_string());
+            Reason::new(Kind::May, format!("{by} sent it: see the goal below"))
+        }
+        Mode::Idle | Mode::Fault => {
+            let todo = format!("`fleet-cli stop {}`, and look at its motor", state.robot);
+            Reason {
+                todo: Some(todo),
+                hinders: true,
+                ..Reason::new(Kind::May, "nothing that it says of itself explains it")
+            }
+        }
+    }
+}
+
+fn goal(state: &RobotState) -> Option<Reason> {
+    let goal = state.goal.as_ref()?;
+    let todo = match goal.status {
+        GoalStatus::Accepted | GoalStatus::Running => None,
+        GoalStatus::Blocked => Some("clear its way; it goes on by itself".to_owned()),
+        GoalStatus::Reached | GoalStatus::Replaced => None,
+        GoalStatus::Cancelled | GoalStatus::Failed | GoalStatus::Interrupted => {
+            Some(match (goal.x_m, goal.y_m) {
+                (Some(x_m), Some(y_m)) => {
+                    format!("once it may drive: `fleet-cli goto {} {x_m} {y_m}`", state.robot)
+                }
+                _ => format!("once it may drive: `fleet-cli wander {}`", state.robot),
+            })
+        }
+    };
+    Some(Reason {
+        name: Some(words::name(&goal.status)),
+        age_ms: Some(goal.age_ms),
+        todo,
+        hinders: goal.status == GoalStatus::Blocked,
+        ..Reason::new(Kind::Goal, describe::goal_in_full(goal))
+    })
+}
+
+fn lease(state: &RobotState) -> Reason {
+    match &state.lease {
+        None => Reason::new(Kind::Lease, "free: nobody has control"),
+        Some(lease) => {
+            let text = format!("{} has control, heard {} ago", lease.holder, age(lease.age_ms));
+            Reason {
+                age_ms: Some(lease.age_ms),
+                todo: Some("anybody else needs --take".to_owned()),
+                ..Reason::new(Kind::Lease, text)
+            }
+        }
+    }
+}
+
+/// All ages; those that are lost each on a line of its own.
+fn inputs(state: &RobotState) -> Vec<Reason> {
+    let ages = &state.input_age_ms;
+    let needed = [
+        ("gyro", ages.gyro, Fault::GyroSilent),
+        ("encoder", ages.encoder, Fault::EncoderSilent),
+        ("converter", ages.adc, Fault::ConverterSilent),
+    ];
+    let lost = needed.into_iter().filter(|(_, ms, _)| ms.is_none_or(|ms| ms > INPUT_LOST_MS));
+    let mut reasons: Vec<Reason> = lost
+        .map(|(name, ms, fault)| {
+            let heard =
+                ms.map_or_else(|| "never heard".to_owned(), |ms| format!("last heard {} ago", age(ms)));
+            Reason {
+                name: Some(name.to_owned()),
+                age_ms: ms,
+                todo: Some(fault.remedy().to_owned()),
+                hinders: true,
+                ..Reason::new(Kind::Inputs, format!("the {name} is lost: {heard}"))
+            }
+        })
+        .collect();
+    reasons.push(Reason::new(Kind::Inputs, describe::inputs(state)));
+    reasons
+}
+
+fn battery(state: &RobotState) -> Reason {
+    let (hinders, todo) = match state.battery_level {
+        BatteryLevel::Ok => (false, None),
+        BatteryLevel::Unknown if state.battery_v.is_some() => (false, None),
+        BatteryLevel::Unknown => (false, Some("it is not measured and may be empty: measure it by hand")),
+        BatteryLevel::Warn => (false, Some("charge it soon")),
+        BatteryLevel::Finish => (true, Some("nothing new begins: bring it home and charge it")),
+        BatteryLevel::Critical => (true, Some(Fault::BatteryCritical.remedy())),
+    };
+    Reason {
+        name: Some(words::name(&state.battery_level)),
+        todo: todo.map(str::to_owned),
+        hinders,
+        ..Reason::new(Kind::Battery, describe::battery(state))
+    }
+}
+
+#[cfg(test)]
+mod tests;
