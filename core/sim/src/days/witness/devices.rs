@@ -122,6 +122,12 @@ impl Devices {
         Self { manual_last: self.manual_last, ..Self::default() }
     }
 
+    /// Latches were reset. A reset never moves: a stick that is held, and held the truck, must be let go.
+    pub(super) fn reset(&mut self, held_sticks: bool) {
+        self.stick_free &= !held_sticks;
+        self.taken_from_owner = false;
+    }
+
     /// One turn. What an agent cannot hear it need not obey. `owned`: somebody holds its lease.
     pub(super) fn update(&mut self, now: Turn, truth: &Truth, owned: bool) -> Demand {
         let frozen = |fault| fault == LineFault::Frozen;
@@ -129,7 +135,8 @@ impl Devices {
         let board = self.board.update(now, dead(truth.board_line) || !truth.plugged[0]) > LINE;
         let board_frozen = self.board_frozen.update(now, frozen(truth.board_line)) > FROZEN;
         let gyro = self.gyro.update(now, dead(truth.gyro_line) || !truth.plugged[1]) > LINE;
-        let frozen = frozen(truth.gyro_line) || truth.sensors.gyro != GyroFault::None;
+        let hears_gyro = truth.turned && truth.plugged[1] && truth.gyro_line == LineFault::None;
+        let frozen = frozen(truth.gyro_line) || (hears_gyro && truth.sensors.gyro != GyroFault::None);
         let gyro_frozen = self.gyro_frozen.update(now, frozen) > FROZEN;
         let sensors = self.sensors(now, truth);
         let measured = truth.hears() && !truth.sensors.battery_unmeasured && !truth.sensors.converter_frozen;

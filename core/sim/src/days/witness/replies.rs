@@ -106,6 +106,7 @@ impl Witness {
         }
         if self.estopped || self.published.any {
             self.cut(Cut::Reset);
+            self.devices.reset((of_estop && self.estopped) || self.published.holds_transmitter);
         }
         self.estopped &= !of_estop;
         self.armed = false;
