@@ -110,14 +110,7 @@ impl Client {
     /// Time since this client began.
     #[must_use]
     pub fn now(&self) -> Stamp {
-        self.stamp(Instant::now())
-    }
-
-    /// A moment, counted from when this client began.
-    #[must_use]
-    pub fn stamp(&self, at: Instant) -> Stamp {
-        let since = at.saturating_duration_since(self.shared.began);
-        Stamp::from_ns(u64::try_from(since.as_nanos()).unwrap_or(u64::MAX))
+        Stamp::from_ns(u64::try_from(self.shared.began.elapsed().as_nanos()).unwrap_or(u64::MAX))
     }
 
     /// Closes the session.

@@ -3,23 +3,19 @@
 
 use crate::client::{Client, accepted};
 use crate::error::{Failure, Kind, Result};
-use crate::feed::Feed;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
-use xtb_authority::operator::Operator;
+use xtb_authority::operator::{Operator, RETAIN_MS};
 use xtb_control::Stamp;
 use xtb_protocol::messages::{Body, Done, ErrorBody, Lease, Outcome, RejectCode, Reply, Request};
 use xtb_protocol::{Name, Uuid};
 
-/// How exactly the 100 ms of the robot's time between two retains are kept.
-const LOOK_EVERY: Duration = Duration::from_millis(5);
-/// A retain that takes longer than so many times the pause between two is given up for the next one;
-/// 500 ms of silence end a halting goal, 900 ms free the lease.
-const PATIENCE: u32 = 2;
-/// However fast the robot's clock runs, an answer needs its way.
-const RETAIN_AT_LEAST: Duration = Duration::from_millis(30);
+/// How exactly the 100 ms between two retains are kept.
+const LOOK_EVERY: Duration = Duration::from_millis(RETAIN_MS / 5);
+/// A retain that takes longer is given up for the next one; 500 ms of silence end a halting goal.
+const RETAIN_WITHIN: Duration = Duration::from_millis(2 * RETAIN_MS);
 
 /// The client's standing with the robot.
 #[derive(Debug, Default)]
@@ -58,7 +54,6 @@ impl Control {
     /// The robot's refusal ([`RejectCode::LeaseHeld`] names the holder), or
     /// [`Kind::OutcomeUnknown`].
     pub async fn acquire(client: &Client, robot: &Name, take: bool) -> Result<Self> {
-        let feed = Feed::open(client, &client.keys().robot(robot)).await?;
         let mut book = Book::default();
         let mut reply = ask(client, robot, &book.operator, false).await?;
         let mut taken_from = None;
@@ -70,7 +65,7 @@ impl Control {
         book.replied(client.now(), robot, &reply);
         let book = Arc::new(Mutex::new(book));
         let keeper = Keeper { client: client.clone(), robot: robot.clone(), book: Arc::clone(&book) };
-        let keeper = tokio::spawn(keeper.keep(feed));
+        let keeper = tokio::spawn(keeper.keep());
         Ok(Self { client: client.clone(), robot: robot.clone(), book, taken_from, keeper })
     }
 
@@ -174,16 +169,15 @@ struct Keeper {
 }
 
 impl Keeper {
-    async fn keep(self, feed: Feed) {
+    async fn keep(self) {
         let keys = self.client.keys().robot(&self.robot);
         let mut look = tokio::time::interval(LOOK_EVERY);
         look.set_missed_tick_behavior(MissedTickBehavior::Skip);
         loop {
             look.tick().await;
-            let Some((lease, body, pause)) = self.due(&feed) else { continue };
+            let Some((lease, body)) = self.due() else { continue };
             let request = Request { id: Uuid::new_v4(), lease, body };
-            let within = (pause * PATIENCE).max(RETAIN_AT_LEAST);
-            match self.client.bus().ask(&keys, self.client.name(), &request, within).await {
+            match self.client.bus().ask(&keys, self.client.name(), &request, RETAIN_WITHIN).await {
                 Ok(Some(reply)) => self.answered(lease, &reply),
                 Ok(None) => tracing::debug!("{} did not answer a retain", self.robot),
                 Err(error) => tracing::debug!("retaining the lease of {}: {error}", self.robot),
@@ -191,15 +185,11 @@ impl Keeper {
         }
     }
 
-    /// The retain that is due now, and the pause until the next one.
-    fn due(&self, feed: &Feed) -> Option<(Option<Lease>, Body, Duration)> {
+    /// The retain that is due now.
+    fn due(&self) -> Option<(Option<Lease>, Body)> {
         let operator = &mut lock(&self.book).operator;
-        if let Some(seen) = feed.last(&self.robot) {
-            operator.saw(self.client.stamp(seen.at), seen.state.tick_ms);
-        }
-        let now = self.client.now();
-        let body = operator.retain(now)?;
-        Some((operator.lease(), body, Duration::from_nanos(operator.retain_ns(now))))
+        let body = operator.retain(self.client.now())?;
+        Some((operator.lease(), body))
     }
 
     /// An answer about a lease that has been replaced meanwhile says nothing of the present one.

@@ -136,6 +136,8 @@ pub struct AgentConfig {
     pub vehicle: VehicleConfig,
     /// Folder for a recording of every step.
     pub record: Option<PathBuf>,
+    /// Times real time that its simulated world runs; 1 for every real robot.
+    pub world_speed: f64,
 }
 
 impl AgentConfig {
@@ -267,6 +269,7 @@ impl ConfigFile {
             start_pose: MapPose { x_m, y_m, yaw_rad },
             vehicle: self.vehicle.clone(),
             record: None,
+            world_speed: 1.0,
         })
     }
 }

@@ -71,6 +71,7 @@ pub async fn run(
     };
     let about = session::about(config, &identity, hardware.kind());
     let mut robot = Robot::new(identity.clone(), config.vehicle.clone(), VERSION);
+    robot.agent_mut().set_world_speed(config.world_speed);
     let (recorder, recording) = match &config.record {
         Some(folder) => {
             robot.start_tape();

@@ -75,6 +75,7 @@ pub fn agent_config(endpoint: &str, fleet: &str) -> AgentConfig {
         start_pose: MapPose::default(),
         vehicle: VehicleConfig::default(),
         record: None,
+        world_speed: 1.0,
     }
 }
 

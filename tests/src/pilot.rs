@@ -51,7 +51,7 @@ impl Pilot {
         let heard = operator.clone();
         let hear = move |incoming: Incoming| {
             if let Ok(state) = incoming.decode::<RobotState>() {
-                lock(&heard).saw(stamp(began), state.tick_ms);
+                lock(&heard).saw(state.tick_ms);
             }
         };
         let states = bus.subscribe(&keys.state(), hear).await.unwrap_or_else(|error| panic!("{error}"));

@@ -58,6 +58,14 @@ pub struct Identity {
     pub start_pose: MapPose,
 }
 
+/// How long clients may take, on the robot's clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct ClientLimits {
+    link_loss_ms: u64,
+    lease_free_ms: u64,
+    echo_ms: u64,
+}
+
 /// What a turn can see.
 #[derive(Debug, Clone, Copy)]
 pub struct View<'a> {
@@ -79,6 +87,7 @@ pub type Arrival = u64;
 pub struct Agent {
     identity: Identity,
     setpoint_lifetime_ms: u64,
+    limits: ClientLimits,
     max_rpm: f64,
     map: MapFromOdom,
     guards: Guards,
@@ -129,6 +138,11 @@ impl Agent {
     pub fn new(identity: Identity, vehicle: &VehicleConfig, version: &str) -> Self {
         let mut agent = Self {
             setpoint_lifetime_ms: u64::from(vehicle.teleop.lifetime_ms),
+            limits: ClientLimits {
+                link_loss_ms: LINK_LOSS_MS,
+                lease_free_ms: LEASE_FREE_MS,
+                echo_ms: setpoints::ECHO_MS,
+            },
             max_rpm: vehicle.teleop.max_rpm,
             map: MapFromOdom::aligning(&OdomPose::default(), &identity.start_pose),
             guards: Guards::default(),
@@ -167,6 +181,17 @@ impl Agent {
     /// Which rules are in force; see [`Guard`].
     pub fn set_guards(&mut self, guards: Guards) {
         self.guards = guards;
+    }
+
+    /// The robot's world runs at `speed` times real time, where its clients live: they are given as much
+    /// more of its time. 1 for every real robot.
+    pub fn set_world_speed(&mut self, speed: f64) {
+        let scaled = |ms: u64| (ms as f64 * speed.max(1.0)) as u64;
+        self.setpoint_lifetime_ms = scaled(self.setpoint_lifetime_ms);
+        let ClientLimits { link_loss_ms, lease_free_ms, echo_ms } = &mut self.limits;
+        for limit in [link_loss_ms, lease_free_ms, echo_ms] {
+            *limit = scaled(*limit);
+        }
     }
 
     /// Who this is.
@@ -237,7 +262,7 @@ impl Agent {
     }
 
     fn watch_goal(&mut self, now: Stamp, outputs: &Outputs) {
-        let heard = self.lease.silent_ms(now).is_some_and(|ms| ms < LINK_LOSS_MS);
+        let heard = self.lease.silent_ms(now).is_some_and(|ms| ms < self.limits.link_loss_ms);
         let present = self.lease.present();
         let halts = self.guards.on(Guard::LinkLossHalt);
         let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
@@ -272,7 +297,7 @@ impl Agent {
 
     /// A lease that nobody retains becomes free.
     fn watch_lease(&mut self, now: Stamp) {
-        let silent = self.lease.silent_ms(now).is_some_and(|ms| ms >= LEASE_FREE_MS);
+        let silent = self.lease.silent_ms(now).is_some_and(|ms| ms >= self.limits.lease_free_ms);
         if silent && self.guards.on(Guard::LeaseExpiry) && self.lease.free() {
             self.emit(now, EventKind::Lease { holder: None });
         }

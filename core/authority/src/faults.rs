@@ -146,3 +146,30 @@ impl FaultBook {
         self.0.iter().map(state).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_latches_stops_and_what_stops_without_a_latch_is_named_here() {
+        assert_eq!(latch_of(Fault::BoardSilent), Some(Latch::BoardLost));
+        assert_eq!(latch_of(Fault::GyroUnplugged), Some(Latch::GyroLost));
+        for fault in [Fault::BoardFrozen, Fault::GyroFrozen, Fault::ConverterFrozen, Fault::InfraredFrozen] {
+            assert_eq!(
+                (latch_of(fault), stops(fault)),
+                (Some(Latch::SensorFault), Some(StopReason::SensorFault))
+            );
+        }
+        assert_eq!(stops(Fault::Runaway), Some(StopReason::Runaway));
+        assert_eq!(stops(Fault::BatteryCritical), Some(StopReason::BatteryCritical));
+        for (fault, reason) in
+            [(Fault::Stalled, StopReason::Stalled), (Fault::RemoteLost, StopReason::RemoteLost)]
+        {
+            assert_eq!((latch_of(fault), stops(fault)), (None, Some(reason)));
+        }
+        for fault in [Fault::BatteryLow, Fault::TiltOutOfRange, Fault::RecordingFailed] {
+            assert_eq!((latch_of(fault), stops(fault)), (None, None));
+        }
+    }
+}

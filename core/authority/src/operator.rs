@@ -55,53 +55,13 @@ impl Call {
     }
 }
 
-/// The fastest clock of a robot that is kept up with: a retain every 5 ms.
-pub const FASTEST: f64 = 20.0;
-
-/// How fast a robot's clock runs beside ours, from the ticks of its states: 1, but for simulators that
-/// run faster than real time. The lease lives by the robot's clock.
-#[derive(Debug, Clone, Copy, Default)]
-struct Tempo {
-    /// When a tick was seen, and which.
-    began: Option<(Stamp, u64)>,
-    measured: Option<f64>,
-}
-
-impl Tempo {
-    /// Shorter than this, the way of one state weighs too much.
-    const AT_LEAST_MS: u64 = 100;
-    /// A robot whose states are not seen for so long after a grant has an ordinary clock, as far as we know.
-    const UNSEEN_MS: u64 = 1000;
-
-    fn saw(&mut self, now: Stamp, tick_ms: u64) {
-        let Some((at, tick)) = self.began.filter(|(_, tick)| tick_ms >= *tick) else {
-            (self.began, self.measured) = (Some((now, tick_ms)), None);
-            return;
-        };
-        let ours_ms = now.since_ms(at);
-        if ours_ms >= Self::AT_LEAST_MS {
-            self.measured = Some(((tick_ms - tick) as f64 / ours_ms as f64).clamp(1.0, FASTEST));
-            self.began = Some((now, tick_ms));
-        }
-    }
-
-    /// 100 ms of the robot's time; until its tempo is known, the fastest is assumed.
-    fn retain_ns(self, since_grant_ms: u64) -> u64 {
-        let unseen = self.began.is_none() && since_grant_ms > Self::UNSEEN_MS;
-        let factor = self.measured.unwrap_or(if unseen { 1.0 } else { FASTEST });
-        (RETAIN_MS as f64 * 1e6 / factor) as u64
-    }
-}
-
 /// A client's standing with one robot.
 #[derive(Debug, Clone, Default)]
 pub struct Operator {
     lease: Option<Lease>,
-    granted: Stamp,
     next_retain: Stamp,
     /// Why the lease that was held is not any more, in the robot's words.
     lost: Option<String>,
-    tempo: Tempo,
     /// The robot's tick as last seen.
     tick_ms: Option<u64>,
     /// Number of the last setpoint under the present grant.
@@ -133,16 +93,9 @@ impl Operator {
         self.lost.as_deref()
     }
 
-    /// A state of the robot arrived: what setpoints answer to, and how fast its clock runs.
-    pub fn saw(&mut self, now: Stamp, tick_ms: u64) {
+    /// A state of the robot arrived: what setpoints answer to.
+    pub fn saw(&mut self, tick_ms: u64) {
         self.tick_ms = Some(tick_ms);
-        self.tempo.saw(now, tick_ms);
-    }
-
-    /// 100 ms of the robot's time, in ns of ours.
-    #[must_use]
-    pub fn retain_ns(&self, now: Stamp) -> u64 {
-        self.tempo.retain_ns(now.since_ms(self.granted))
     }
 
     /// A reply arrived: a lease in it is now held, a lost one is dropped.
@@ -151,8 +104,7 @@ impl Operator {
             Outcome::Ok(done) => {
                 if let Some(lease) = done.lease {
                     (self.lease, self.lost, self.seq) = (Some(lease), None, 0);
-                    self.granted = now;
-                    self.next_retain = now.plus_ns(self.tempo.retain_ns(0));
+                    self.next_retain = now.plus_ms(RETAIN_MS);
                 }
             }
             Outcome::Error(error) if error.code == RejectCode::LeaseLost => {
@@ -167,7 +119,7 @@ impl Operator {
     /// The body of a request that is due now to keep the lease.
     pub fn retain(&mut self, now: Stamp) -> Option<Body> {
         (self.lease.is_some() && now >= self.next_retain).then(|| {
-            self.next_retain = now.plus_ns(self.retain_ns(now));
+            self.next_retain = now.plus_ms(RETAIN_MS);
             Body::Retain {}
         })
     }
@@ -205,22 +157,17 @@ mod tests {
     }
 
     #[test]
-    fn a_lease_is_retained_every_100_ms_of_the_robots_time_until_it_is_lost() {
-        for speed in [1, 4] {
-            let mut operator = Operator::default();
-            assert_eq!(operator.retain(Stamp::from_ms(500)), None);
-            for ms in (0..2000).step_by(10) {
-                operator.saw(Stamp::from_ms(ms), 70 + speed * ms);
-            }
-            operator.replied(Stamp::from_ms(2000), &granted());
-            let due = |operator: &mut Operator, ms| operator.retain(Stamp::from_ms(ms)).is_some();
-            let retains = (2000..3000).filter(|ms| due(&mut operator, *ms)).count() as u64;
-            assert!((9 * speed..=10 * speed).contains(&retains), "{retains} at {speed} times");
-            let refused = Reply::refused(Uuid::nil(), RejectCode::LeaseLost, "held by cli-7", "");
-            operator.replied(Stamp::from_ms(3000), &refused);
-            assert_eq!((operator.has_lost(), operator.lost_because()), (true, Some("held by cli-7")));
-            assert_eq!(operator.retain(Stamp::from_ms(9000)), None);
-        }
+    fn a_lease_is_retained_every_100_ms_until_it_is_lost() {
+        let mut operator = Operator::default();
+        assert_eq!(operator.retain(Stamp::from_ms(500)), None);
+        operator.replied(Stamp::from_ms(1000), &granted());
+        let retains: Vec<u64> =
+            (1000..1350).filter(|ms| operator.retain(Stamp::from_ms(*ms)).is_some()).collect();
+        assert_eq!(retains, [1100, 1200, 1300]);
+        let refused = Reply::refused(Uuid::nil(), RejectCode::LeaseLost, "held by cli-7", "");
+        operator.replied(Stamp::from_ms(1350), &refused);
+        assert_eq!((operator.has_lost(), operator.lost_because()), (true, Some("held by cli-7")));
+        assert_eq!(operator.retain(Stamp::from_ms(9000)), None);
     }
 
     #[test]
@@ -228,7 +175,7 @@ mod tests {
         let mut operator = Operator::default();
         operator.replied(Stamp::ZERO, &granted());
         assert_eq!(operator.setpoint(1.0, 0.0), None, "no state was seen");
-        operator.saw(Stamp::ZERO, 77);
+        operator.saw(77);
         let seqs: Vec<_> = (0..3).filter_map(|_| operator.setpoint(1.0, 0.0)).map(|s| s.seq).collect();
         assert_eq!(seqs, [1, 2, 3]);
         operator.replied(Stamp::ZERO, &granted());

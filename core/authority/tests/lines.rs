@@ -27,6 +27,52 @@ fn our_own_echo_is_the_wrong_device() {
     assert_eq!(faults(&mut bench), [Fault::BoardWrongDevice]);
 }
 
+#[test]
+fn a_board_that_repeats_one_frame_is_frozen_and_nothing_of_it_counts() {
+    let mut bench = Bench::new();
+    bench.ask(ahead(5.0));
+    bench.run_ms(1000);
+    bench.board_silent = true;
+    let before = bench.state().rejected;
+    let frame = bench.board.encoder(20);
+    for _ in 0..20 {
+        bench.robot.board_bytes(bench.now, frame.as_bytes());
+        bench.run_ms(10);
+    }
+    assert_eq!(faults(&mut bench), [Fault::BoardFrozen]);
+    let after = bench.state().rejected;
+    assert_eq!((after.board_repeated, after.board_lost), (19, before.board_lost));
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+}
+
+#[test]
+fn a_gyro_that_hangs_is_frozen_and_recovers_by_itself() {
+    let mut bench = Bench::new();
+    bench.ask(ahead(5.0));
+    bench.run_ms(1000);
+    bench.gyro_silent = true;
+    let frame = bench.gyro_frame(bench.now.ms()).encode();
+    for _ in 0..20 {
+        bench.robot.gyro_bytes(bench.now, &frame);
+        bench.run_ms(10);
+    }
+    assert_eq!(faults(&mut bench), [Fault::GyroFrozen]);
+    assert_eq!((bench.motor, bench.state().goal.unwrap().status), (PwmCount::NEUTRAL, GoalStatus::Failed));
+    bench.gyro_silent = false;
+    bench.run_ms(1500);
+    assert_eq!(faults(&mut bench), []);
+}
+
+#[test]
+fn windows_that_cannot_be_are_the_encoders_fault_and_not_the_boards() {
+    let mut bench = Bench::new();
+    bench.wild_encoder = true;
+    bench.run_ms(500);
+    assert_eq!(faults(&mut bench), [Fault::EncoderOutOfRange]);
+    let state = bench.state();
+    assert_eq!(state.faults[0].detail.as_deref(), Some("4711 pulses in a window"));
+}
+
 /// A status as a board gives it that gets none of our pulses.
 fn starved(bench: &mut Bench, watchdog: bool) {
     let setup_checksum = bench.setup.unwrap().checksum();

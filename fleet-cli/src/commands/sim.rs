@@ -11,9 +11,6 @@ use xtb_protocol::Name;
 use xtb_protocol::messages::RosterEntry;
 use xtb_sim::World;
 
-/// From this speed on, hands are too slow: robots' clocks run with the world.
-const HAND_SPEED: f64 = 2.0;
-
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]
 struct Ready<'a> {
@@ -71,15 +68,10 @@ pub fn read_world(path: &Path) -> Result<World> {
 
 fn announce(ctx: &Context, simulator: &Simulator, speed: f64, pty: Option<&Path>) -> Result<()> {
     let robots = &simulator.roster().robots;
-    if speed > xtb_authority::operator::FASTEST {
+    if speed > 1.0 {
         ctx.out.note(&format!(
-            "at {speed} times real time clients cannot keep a lease alive: send goals without --wait"
-        ));
-    }
-    if speed >= HAND_SPEED {
-        ctx.out.note(&format!(
-            "at {speed} times real time a setpoint lives {:.0} ms of yours: too short for teleop by hand",
-            200.0 / speed
+            "at {speed} times real time a robot gives its clients {speed} times its own 200 ms, 500 ms …: \
+             they live at real time"
         ));
     }
     for robot in robots {

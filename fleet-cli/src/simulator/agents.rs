@@ -20,6 +20,7 @@ pub(super) struct AgentSettings {
     pub(super) connect: Vec<String>,
     pub(super) vehicle: VehicleConfig,
     pub(super) record: Option<PathBuf>,
+    pub(super) world_speed: f64,
 }
 
 /// One agent.
@@ -44,6 +45,7 @@ impl RunningAgent {
             start_pose: robot.start_pose.unwrap_or_default(),
             vehicle: settings.vehicle.clone(),
             record: settings.record.clone(),
+            world_speed: settings.world_speed,
         };
         let (end, shutdown) = watch::channel(false);
         let failure = Arc::<Mutex<Option<Failure>>>::default();

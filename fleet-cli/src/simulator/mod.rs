@@ -99,6 +99,7 @@ impl Simulator {
             connect: connect.clone(),
             vehicle: VehicleConfig::default(),
             record: plan.record.clone(),
+            world_speed: plan.speed,
         };
         let agents = roster
             .robots

@@ -8,7 +8,7 @@ use xtb_protocol::messages::{GoalStatus, Setpoint, StopReason};
 
 /// A setpoint answers a state that is at most this old: a burst that was held up somewhere does not
 /// drive, and no clocks need to agree.
-const ECHO_MS: u64 = 300;
+pub(super) const ECHO_MS: u64 = 300;
 
 /// The setpoint that drives.
 #[derive(Debug, Clone)]
@@ -55,9 +55,10 @@ impl Agent {
         let alive = now.since_ms(at) < self.setpoint_lifetime_ms || !self.guards.on(Guard::SetpointLifetime);
         let newer =
             self.last_seq.is_none_or(|last| setpoint.seq > last) || !self.guards.on(Guard::SetpointSequence);
-        let answers =
-            setpoint.echo_tick_ms.is_some_and(|tick| tick <= now.ms() && now.ms() - tick <= ECHO_MS)
-                || !self.guards.on(Guard::SetpointEcho);
+        let answers = setpoint
+            .echo_tick_ms
+            .is_some_and(|tick| tick <= now.ms() && now.ms() - tick <= self.limits.echo_ms)
+            || !self.guards.on(Guard::SetpointEcho);
         alive && newer && answers
     }
 

@@ -28,6 +28,8 @@ pub(crate) struct Bench {
     pub(crate) board_silent: bool,
     pub(crate) gyro_silent: bool,
     pub(crate) adc_silent: bool,
+    /// The encoder counts interference.
+    pub(crate) wild_encoder: bool,
     /// The set-up that the board has been given; it says nothing but its status without one.
     pub(crate) setup: Option<Setup>,
     /// Frames of the receiver, if there is one.
@@ -71,6 +73,7 @@ impl Bench {
             board_silent: false,
             gyro_silent: false,
             adc_silent: false,
+            wild_encoder: false,
             setup: None,
             remote: None,
             resets: Vec::new(),
@@ -143,6 +146,7 @@ impl Bench {
         }
         if at.is_multiple_of(50) {
             let pulses = if self.motor == PwmCount::NEUTRAL { 0 } else { 20 };
+            let pulses = if self.wild_encoder { 4711 } else { pulses };
             let frame = self.board.encoder(pulses);
             self.robot.board_bytes(self.now, frame.as_bytes());
         }

@@ -1,9 +1,13 @@
 //! Broken lines: what arrives, and that it ends with the fault.
 
 use crate::agent::{board_frames, set_up, steps};
-use xtb_protocol::board::{FrameReader, FrameWriter, FromBoard, LineCounters};
-use xtb_protocol::gyro_3dmg::{GyroFrame, GyroReader, START_CONTINUOUS};
-use xtb_sim::{LineFault, LineFaults, Simulation, TruckParameters, World};
+use xtb_control::controller::AdcSample;
+use xtb_protocol::board::{BoardError, FrameReader, FrameWriter, FromBoard, LineCounters};
+use xtb_protocol::gyro_3dmg::{EulerFrame, GyroFrame, GyroReader, START_CONTINUOUS};
+use xtb_sim::{
+    EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults, Simulation,
+    TruckParameters, World,
+};
 
 /// A truck that is set up, its gyro started, one second under way.
 fn running() -> Simulation {
@@ -93,6 +97,55 @@ fn a_frozen_device_repeats_itself() {
     let ((board, counters), gyro) = (read_board(&board), read_gyro(&gyro));
     assert!(board.len() == 1 && counters.repeated > 90 && counters.lost == 0, "{counters:?}");
     assert!(gyro.len() == 100 && gyro.iter().all(|frame| *frame == gyro[0]));
+}
+
+/// Scans, windows and gyro frames of one second with these faults of the sensors.
+fn with_sensor_faults(
+    simulation: &mut Simulation,
+    faults: SensorFaults,
+) -> (Vec<AdcSample>, Vec<u16>, Vec<EulerFrame>) {
+    simulation.trucks_mut()[0].set_sensor_faults(faults);
+    let (board, gyro) = second(simulation);
+    let (mut scans, mut windows, mut angles) = (Vec::new(), Vec::new(), Vec::new());
+    // Windows that cannot be are refused, and told of.
+    FrameReader::default().from_board(&board, |frame| match frame {
+        Ok(FromBoard::Adc { sample, .. }) => scans.push(sample),
+        Ok(FromBoard::Encoder { pulses }) | Err(BoardError::Pulses(pulses)) => windows.push(pulses),
+        _ => {}
+    });
+    for frame in read_gyro(&gyro) {
+        if let GyroFrame::Euler(frame) = frame {
+            angles.push(frame);
+        }
+    }
+    (scans, windows, angles)
+}
+
+#[test]
+fn every_broken_sensor_shows_what_it_should_and_is_whole_again() {
+    let mut simulation = running();
+    let mut faults = SensorFaults::range_finder(2, RangeFinderFault::BrokenWire);
+    (faults.range_finders[3], faults.range_finders[6]) = (RangeFinderFault::Short, RangeFinderFault::Frozen);
+    (faults.gyro, faults.encoder) = (GyroFault::AnglesFrozen, EncoderFault::Wild);
+    let (scans, windows, angles) = with_sensor_faults(&mut simulation, faults);
+    let all = |what: fn(&AdcSample, &AdcSample) -> bool| scans.iter().all(|scan| what(scan, &scans[0]));
+    assert!(all(|scan, _| scan.ir_front[2].get() == 0.0 && scan.ir_front[3].get() == 1023.0));
+    assert!(all(|scan, first| scan.ir_rear[0] == first.ir_rear[0]));
+    assert!(!all(|scan, first| scan.ir_rear[1] == first.ir_rear[1]), "the others go on");
+    assert!(windows.iter().any(|pulses| *pulses > 660));
+    assert!(angles.iter().all(|frame| frame.angles == angles[0].angles));
+    assert!(angles.windows(2).all(|pair| pair[0].ticks != pair[1].ticks), "its timer runs");
+    let (scans, windows, angles) = with_sensor_faults(&mut simulation, SensorFaults::default());
+    assert!(scans.iter().all(|scan| (40.0..100.0).contains(&scan.ir_front[2].get())), "nothing in sight");
+    assert!(windows.iter().all(|pulses| *pulses == 0));
+    assert!(angles.windows(2).any(|pair| pair[0].angles != pair[1].angles));
+}
+
+#[test]
+fn a_frozen_converter_repeats_every_channel() {
+    let faults = SensorFaults { converter_frozen: true, ..SensorFaults::default() };
+    let (scans, ..) = with_sensor_faults(&mut running(), faults);
+    assert!(scans.len() > 20 && scans.iter().all(|scan| *scan == scans[0]));
 }
 
 #[test]

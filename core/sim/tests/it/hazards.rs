@@ -129,7 +129,7 @@ pub(crate) const HAZARDS: [Hazard; 14] = {
             name: "the ESC drives on at neutral",
             break_it: |truck, _| truck.set_drive_fault(DriveFault::Stuck),
             fault: Fault::Runaway,
-            limit_ms: 700,
+            limit_ms: 750,
             lets_go: true,
         },
         hazard("the battery is empty", |truck, _| truck.set_battery_left(0.0), Fault::BatteryCritical, 2200),
