@@ -9,6 +9,7 @@
 
 mod board;
 pub mod calibration;
+pub mod days;
 mod drive;
 pub mod faults;
 mod geometry;

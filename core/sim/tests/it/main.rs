@@ -7,6 +7,7 @@ mod approaches;
 mod calibration;
 mod closed_loop;
 mod contacts;
+mod days;
 mod determinism;
 mod draw;
 mod faults;
