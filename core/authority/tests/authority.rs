@@ -270,3 +270,58 @@ fn the_ends_of_earlier_goals_stay_readable() {
     assert_eq!(ended, goals[1..9].iter().rev().copied().collect::<Vec<_>>());
     assert!(state.ended_goals.iter().all(|end| end.status == GoalStatus::Replaced));
 }
+
+#[test]
+fn a_reset_that_a_later_emergency_stop_overtook_resets_nothing() {
+    let mut bench = Bench::new();
+    let lease = Some(bench.lease_of(CLIENT));
+    bench.run_ms(100);
+    let (now, me) = (bench.now, client());
+    bench.robot.agent_mut().estop(now, 20, &me, Uuid::from_u128(7));
+    let reset = Request { id: Uuid::from_u128(8), lease, body: Body::Reset { latch: None } };
+    assert_eq!(code_of(&bench.robot.request(now, 19, &me, &reset)), RejectCode::Overtaken);
+    assert_eq!(bench.state().latches.len(), 1);
+}
+
+#[test]
+fn a_joystick_that_was_let_go_before_a_stop_only_is_still_held_after_it() {
+    let mut bench = Bench::new();
+    bench.setpoint(0.0);
+    bench.run_ms(50);
+    bench.setpoint(13.0);
+    bench.run_ms(50);
+    let (now, zero, held) = (bench.now, bench.fresh_setpoint(0.0), bench.fresh_setpoint(13.0));
+    bench.robot.agent_mut().stop(now, 1000);
+    bench.robot.agent_mut().setpoint(now, now, 999, &client(), &zero);
+    bench.robot.agent_mut().setpoint(now, now, 1001, &client(), &held);
+    bench.run_ms(150);
+    assert!(!moves(&bench));
+}
+
+#[test]
+fn a_joystick_that_is_held_through_a_stalled_loop_does_not_drive_on() {
+    let mut bench = Bench::new();
+    let hold = |bench: &mut Bench, times| {
+        for _ in 0..times {
+            bench.setpoint(13.0);
+            bench.run_ms(50);
+        }
+    };
+    bench.setpoint(0.0);
+    hold(&mut bench, 10);
+    assert!(moves(&bench));
+    // Longer than a setpoint lives: as if nothing had been sent meanwhile.
+    bench.now = bench.now.plus_ms(400);
+    bench.run_ms(5);
+    hold(&mut bench, 20);
+    assert!(!moves(&bench));
+}
+
+#[test]
+fn a_command_that_waited_until_its_lease_had_run_out_comes_too_late() {
+    let mut bench = Bench::new();
+    bench.lease_of(CLIENT);
+    bench.retains = false;
+    bench.now = bench.now.plus_ms(950); // held up: no turn has freed the lease
+    assert_eq!(code_of(&bench.ask(ahead(5.0))), RejectCode::LeaseLost);
+}

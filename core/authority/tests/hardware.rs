@@ -8,7 +8,7 @@ use bench::*;
 use xtb_authority::line::PortTrouble;
 use xtb_control::controller::{Mode, RemoteSample};
 use xtb_control::{PwmCount, VehicleConfig};
-use xtb_protocol::messages::{Body, EventKind, Fault, GoalStatus, RejectCode, StopReason};
+use xtb_protocol::messages::{Body, EventKind, Fault, GoalStatus, Latch, RejectCode, StopReason};
 
 fn faults(bench: &mut Bench) -> Vec<Fault> {
     bench.state().faults.iter().map(|state| state.fault).collect()
@@ -294,4 +294,19 @@ fn a_joystick_that_is_held_through_a_fault_does_not_drive_on() {
     hold(&mut bench, 0.0, 1);
     hold(&mut bench, 13.0, 20);
     assert_ne!(bench.motor, PwmCount::NEUTRAL, "let go and pushed again");
+}
+
+#[test]
+fn a_stick_that_is_held_through_an_emergency_stop_and_its_reset_has_to_be_let_go() {
+    let mut bench = driven_by_hand();
+    bench.estop(1);
+    bench.run_ms(25);
+    assert!(stands_for_ms(&mut bench, 500));
+    bench.ask(Body::Reset { latch: Some(Latch::Estop) });
+    assert!(stands_for_ms(&mut bench, 1000));
+    bench.remote = sticks(938, MANUAL);
+    bench.run_ms(50);
+    bench.remote = sticks(1000, MANUAL);
+    bench.run_ms(50);
+    assert_eq!(bench.motor.get(), 4000);
 }
