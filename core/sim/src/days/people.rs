@@ -110,7 +110,7 @@ impl Person {
                 if seen.epoch != view.epoch || seen.seq >= view.seq {
                     *view = *seen;
                     if robot == self.robot {
-                        self.operator.saw(stamp(now), seen.tick_ms);
+                        self.operator.saw(seen.tick_ms);
                     }
                 }
             }

@@ -122,9 +122,9 @@ impl Devices {
         Self { manual_last: self.manual_last, ..Self::default() }
     }
 
-    /// Latches were reset. A reset never moves: a stick that is held, and held the truck, must be let go.
+    /// Latches were reset. A reset never moves: a stick that they held must be let go first.
     pub(super) fn reset(&mut self, held_sticks: bool) {
-        self.stick_free &= !held_sticks;
+        self.stick_free &= !(held_sticks && self.selected.0.is_some());
         self.taken_from_owner = false;
     }
 
