@@ -123,8 +123,10 @@ impl Devices {
     }
 
     /// Latches were reset. A reset never moves: a stick that they held must be let go first.
-    pub(super) fn reset(&mut self, held_sticks: bool) {
-        self.stick_free &= !(held_sticks && self.selected.0.is_some());
+    pub(super) fn reset(&mut self, now: Turn, held_sticks: bool) {
+        // A selector that the agent has not seen yet is itself the new command.
+        let manual = self.selected.0.is_some_and(|since| now - since > NOTICED);
+        self.stick_free &= !(held_sticks && manual);
         self.taken_from_owner = false;
     }
 
