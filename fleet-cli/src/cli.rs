@@ -306,6 +306,10 @@ pub struct SimArgs {
     /// Record every sample, command and decision of each robot: DIR/ROBOT-….mcap.
     #[arg(long, value_name = "DIR", conflicts_with = "pty")]
     pub record: Option<PathBuf>,
+    /// No router and no agents, but a bad day of a virtual fleet: tells what happens on the day of --seed,
+    /// and whether a rule of docs/safety.md was broken.
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "listen", "pty", "truth_log", "record"])]
+    pub virtual_day: bool,
 }
 
 /// Arguments of `demo`.

@@ -62,7 +62,8 @@ fn part(n: usize) -> f64 {
     (n as f64 * 0.618_033_988_75).fract()
 }
 
-async fn agents(what: &str, count: usize, freeze: bool) -> bool {
+/// The trials of one of the rigs, each with its own trucks and router; they run side by side.
+async fn killed(count: usize, freeze: bool) -> Vec<Trial> {
     let folder = tempfile::tempdir().unwrap();
     let mut rig = Rig::start(1, folder.path()).await;
     let mut trials = Vec::new();
@@ -73,10 +74,18 @@ async fn agents(what: &str, count: usize, freeze: bool) -> bool {
         });
     }
     rig.end().await;
-    told(what, &trials, 0.2)
+    trials
 }
 
-async fn routers(count: usize) -> bool {
+async fn agents(what: &str, count: usize, freeze: bool) -> bool {
+    let third = count.div_ceil(3);
+    let (first, second, last) =
+        tokio::join!(killed(third, freeze), killed(third, freeze), killed(count - 2 * third, freeze));
+    told(what, &[first, second, last].concat(), 0.2)
+}
+
+/// Trials of teleop and of goals that halt, and how many of the goals that finish were reached.
+async fn routed(count: usize) -> (Vec<Trial>, Vec<Trial>, usize) {
     let folder = tempfile::tempdir().unwrap();
     let mut rig = Rig::start(3, folder.path()).await;
     let (mut teleop, mut halt, mut arrived) = (Vec::new(), Vec::new(), 0);
@@ -87,9 +96,17 @@ async fn routers(count: usize) -> bool {
         arrived += usize::from(there);
     }
     rig.end().await;
-    let kept = told("kill -9 of the router, teleop", &teleop, 0.25);
+    (teleop, halt, arrived)
+}
+
+async fn routers(count: usize) -> bool {
+    let third = count.div_ceil(3);
+    let (first, second, last) = tokio::join!(routed(third), routed(third), routed(count - 2 * third));
+    let kept = told("kill -9 of the router, teleop", &[first.0, second.0, last.0].concat(), 0.25);
+    let arrived = first.2 + second.2 + last.2;
     println!("kill -9 of the router, goal that finishes: {arrived} of {count} arrived");
-    told("kill -9 of the router, goal that halts", &halt, 0.7) && kept && arrived == count
+    let halt = told("kill -9 of the router, goal that halts", &[first.1, second.1, last.1].concat(), 0.7);
+    halt && kept && arrived == count
 }
 
 async fn stops(count: usize) -> bool {

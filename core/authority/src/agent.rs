@@ -319,7 +319,7 @@ impl Agent {
         let mut stopping = self.faults.present().filter(|fault| stops(*fault).is_some());
         let manual = self.mode == Mode::Manual;
         Facts {
-            latched: holds && self.latches.all().any(xtb_protocol::messages::Latch::holds_transmitter),
+            latched: self.holds_transmitter(),
             broken: stopping.clone().any(|fault| !of_the_network(fault)),
             manual,
             network_held: (holds && self.latches.all().next().is_some())

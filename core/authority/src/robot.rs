@@ -15,7 +15,7 @@ mod lines;
 mod views;
 mod watch;
 
-use crate::agent::{Agent, Arrival, Identity, View};
+use crate::agent::{Agent, Arrival, Identity, STICK_NEUTRAL_COUNTS, View};
 use crate::faults::INPUT_LOST_MS;
 use crate::guard::{Guard, Guards};
 use crate::line::{Device, LineWatch, PortTrouble};
@@ -310,12 +310,14 @@ impl Robot {
         if let Some(command) = self.agent.turn(now, view) {
             self.step(now, &Sample::Command(command));
         }
+        // A reset moves nothing: a stick that was held through the latch has to be let go.
+        self.stick_held |= self.agent.holds_transmitter();
         let pwm = self.pulses();
         let motor = pwm.motor;
-        self.neutral_since = match motor {
-            PwmCount::NEUTRAL => self.neutral_since.or(Some(now)),
-            _ => None,
-        };
+        // Within the dead band of the ESC nothing moves: a stick at rest is never quite neutral.
+        let offset_counts = f64::from(motor.get().abs_diff(PwmCount::NEUTRAL.get()));
+        let stands = offset_counts <= STICK_NEUTRAL_COUNTS;
+        self.neutral_since = stands.then(|| self.neutral_since.unwrap_or(now));
         let became_neutral = motor == PwmCount::NEUTRAL && self.sent_motor != PwmCount::NEUTRAL;
         let due = now >= self.next_frame || became_neutral;
         if due {

@@ -87,10 +87,28 @@ pub enum DayError {
 /// # Errors
 /// A world that the seed makes impossible: a bug of this module.
 pub fn run(seed: u64, options: Options) -> Result<Report, DayError> {
+    live(seed, options, |_| {})
+}
+
+/// The same, and tells what happens, line by line, as it happens.
+///
+/// # Errors
+/// As [`run`].
+pub fn tell(seed: u64, options: Options, mut line: impl FnMut(&str)) -> Result<Report, DayError> {
+    let mut told = 0;
+    live(seed, options, |history| {
+        let (lines, by_now) = history.since(told);
+        told = by_now;
+        lines.iter().for_each(|text| line(text));
+    })
+}
+
+fn live(seed: u64, options: Options, mut each_turn: impl FnMut(&History)) -> Result<Report, DayError> {
     let mut day = Day::new(seed, options)?;
     let mut broken = None;
     while broken.is_none() && day.now < day.plan.length {
         broken = day.turn().err();
+        each_turn(&day.history);
     }
     Ok(day.report(seed, broken))
 }

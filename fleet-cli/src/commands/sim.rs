@@ -25,6 +25,9 @@ struct Ready<'a> {
 /// # Errors
 /// An impossible plan or world, a port that is taken, a folder or file that cannot be written.
 pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
+    if args.virtual_day {
+        return bad_day(ctx, args.seed);
+    }
     if ctx.connect_given && args.listen.is_some() {
         return Err(Failure::new(Kind::Usage, "--listen and --connect exclude each other")
             .hint("--connect uses a router that runs elsewhere, --listen starts one here"));
@@ -50,6 +53,42 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     interrupted().await;
     simulator.stop().await;
     Ok(Exit::Done)
+}
+
+/// A day of the virtual fleet, as its seed has it.
+#[derive(Debug, Serialize)]
+struct Day {
+    seed: u64,
+    robots: usize,
+    lasted_ms: u64,
+    /// Over every decision of every robot: the same on every machine.
+    history: String,
+    broken: Option<String>,
+}
+
+/// Tells the day of this seed; exit code 1 if a rule was broken on it.
+fn bad_day(ctx: &Context, seed: u64) -> Result<Exit> {
+    let mut printed = Ok(());
+    let line = |text: &str| {
+        if !ctx.out.json && printed.is_ok() {
+            printed = ctx.out.text(text);
+        }
+    };
+    let day = xtb_sim::days::tell(seed, xtb_sim::days::Options::default(), line)
+        .map_err(|error| Failure::new(Kind::Failed, error.to_string()))?;
+    printed?;
+    let broken =
+        day.violation.as_ref().map(|violation| format!("{}: {}", violation.invariant, violation.detail));
+    let exit = if broken.is_some() { Exit::Failed } else { Exit::Done };
+    let short = Day {
+        seed,
+        robots: day.robots,
+        lasted_ms: day.lasted_ms,
+        history: format!("{:016x}", day.hash),
+        broken,
+    };
+    ctx.out.result(&short, |_| day.to_string())?;
+    Ok(exit)
 }
 
 /// Reads a world.

@@ -75,12 +75,13 @@ impl Agent {
         reply
     }
 
-    /// The present lease, where one is needed; bearing it keeps it.
+    /// The present lease, where one is needed. That its holder lives is told by [`Agent::heard`] from the door,
+    /// with the time when the message came in, not the time when its turn came.
     fn check_lease(&mut self, now: Stamp, client: &Name, request: &Request) -> Result<(), Refusal> {
-        let present = request.lease.is_some_and(|lease| self.lease.is_present(client, lease));
-        if present {
-            self.lease.heard(now);
-        }
+        // What waited in the queue until its lease had run out comes too late.
+        let alive = self.lease.silent_ms(now).is_some_and(|ms| ms < self.limits.lease_free_ms)
+            || !self.guards.on(Guard::LeaseExpiry);
+        let present = alive && request.lease.is_some_and(|lease| self.lease.is_present(client, lease));
         if present || !needs_lease(&request.body) {
             return Ok(());
         }
@@ -186,7 +187,7 @@ impl Agent {
                 Ok(Done::default())
             }
             Body::Reset { latch } => {
-                self.commanded_by = self.commanded_by.max(arrival);
+                self.check_overtaken(arrival)?;
                 match self.reset(now, *latch, client).first() {
                     None => Ok(Done::default()),
                     Some(latch) => Err(self.cause_present(*latch)),

@@ -35,9 +35,9 @@ impl Agent {
         self.lease.heard(at);
         let before = self.setpoint_seen.replace(at);
         let paused = before.is_none_or(|before| at.since_ms(before) >= self.setpoint_lifetime_ms);
-        self.rearm &= setpoint.rpm != 0.0 && !paused;
-        let held = self.rearm && self.guards.on(Guard::Rearm);
         let overtaken = arrival < self.commanded_by && self.guards.on(Guard::Overtaken);
+        self.rearm &= overtaken || (setpoint.rpm != 0.0 && !paused);
+        let held = self.rearm && self.guards.on(Guard::Rearm);
         if overtaken || held || self.is_held() {
             self.rearm |= self.is_held();
             self.stale += 1;

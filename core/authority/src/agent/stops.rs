@@ -51,6 +51,8 @@ impl Agent {
             let words = "the control loop was held up";
             self.stand(now, StopReason::LoopStalled, GoalStatus::Failed, Some(words));
         }
+        // Nobody watched whether the joystick was let go meanwhile.
+        self.setpoint_seen = self.setpoint_seen.map(|_| now);
         self.rearm = true;
     }
 
@@ -125,6 +127,12 @@ impl Agent {
     /// Whether a latch holds the network.
     pub(super) fn is_held(&self) -> bool {
         self.guards.on(Guard::LatchHolds) && self.latches.all().next().is_some()
+    }
+
+    /// Whether a latch is set that holds the transmitter too.
+    #[must_use]
+    pub fn holds_transmitter(&self) -> bool {
+        self.guards.on(Guard::LatchHolds) && self.latches.all().any(Latch::holds_transmitter)
     }
 
     /// Whether this latch is set.

@@ -102,6 +102,8 @@ struct Line {
 pub(crate) struct History {
     pub(crate) hash: Hash,
     lines: VecDeque<Line>,
+    /// Lines noted so far, those that were dropped too.
+    noted: usize,
     last_setpoints: [Option<(Sender, bool, bool)>; ROBOTS as usize],
 }
 
@@ -111,6 +113,13 @@ impl History {
             self.lines.pop_front();
         }
         self.lines.push_back(Line { turn, robot, what });
+        self.noted += 1;
+    }
+
+    /// The lines that were noted after the first `told`, and how many there are by now.
+    pub(crate) fn since(&self, told: usize) -> (Vec<String>, usize) {
+        let new = (self.noted - told).min(self.lines.len());
+        (self.lines.iter().skip(self.lines.len() - new).map(text).collect(), self.noted)
     }
 
     /// A setpoint; only kept as a line if it differs in kind from the one before.

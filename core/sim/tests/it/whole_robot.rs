@@ -70,6 +70,9 @@ impl WholeRobot {
         self.arrivals += 1;
         let id = Uuid::from_u128(u128::from(self.arrivals));
         let request = Request { id, lease: self.lease, body };
+        if let Some(lease) = self.lease {
+            self.robot.agent_mut().heard(self.simulation.now(), lease);
+        }
         self.robot.request(self.simulation.now(), self.arrivals, &self.client, &request)
     }
 
