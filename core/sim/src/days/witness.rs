@@ -289,7 +289,7 @@ impl Witness {
 
     /// What the truck does in its world, after each step.
     pub(crate) fn moved(&mut self, now: Turn, motion: &Motion) -> Result<(), Broken> {
-        let straight = motion.steering.abs() < 0.02 && motion.sees && self.demand == Demand::default();
+        let straight = motion.steering.abs() < 0.02 && motion.sees && !self.demand.sticks;
         self.straight_since = straight.then(|| self.straight_since.unwrap_or(now));
         let new = motion.contacts > std::mem::replace(&mut self.contacts, motion.contacts);
         let guarded = self.straight_since.is_some_and(|since| now - since > STRAIGHT);

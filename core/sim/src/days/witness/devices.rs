@@ -122,9 +122,11 @@ impl Devices {
         Self { manual_last: self.manual_last, ..Self::default() }
     }
 
-    /// Latches were reset. A reset never moves: a stick that is held, and held the truck, must be let go.
-    pub(super) fn reset(&mut self, held_sticks: bool) {
-        self.stick_free &= !held_sticks;
+    /// Latches were reset. A reset never moves: a stick that they held must be let go first.
+    pub(super) fn reset(&mut self, now: Turn, held_sticks: bool) {
+        // A selector that the agent has not seen yet is itself the new command.
+        let manual = self.selected.0.is_some_and(|since| now - since > NOTICED);
+        self.stick_free &= !(held_sticks && manual);
         self.taken_from_owner = false;
     }
 

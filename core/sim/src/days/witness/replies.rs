@@ -44,7 +44,7 @@ impl Witness {
             Answer::Done { lease, goal } => self.done(now, to, arrival, request, lease, goal)?,
             Answer::Refused(RejectCode::CausePresent) => {
                 if let Body::Reset { latch } = &request.body {
-                    self.reset(arrival, *latch)?; // of those whose cause is gone
+                    self.reset(now, arrival, *latch)?; // of those whose cause is gone
                 }
             }
             Answer::Refused(RejectCode::LeaseHeld) => {
@@ -94,19 +94,19 @@ impl Witness {
             Body::SetPose { .. } => self.owns(now, to, request),
             Body::Reset { latch } => {
                 self.owns(now, to, request)?;
-                self.reset(arrival, *latch)
+                self.reset(now, arrival, *latch)
             }
         }
     }
 
-    fn reset(&mut self, arrival: Arrival, latch: Option<Latch>) -> Result<(), Broken> {
+    fn reset(&mut self, now: Turn, arrival: Arrival, latch: Option<Latch>) -> Result<(), Broken> {
         let of_estop = latch.is_none_or(|latch| latch == Latch::Estop);
         if of_estop && self.estopped && arrival < self.estopped_by {
             return Err((Invariant::Latched, "a reset from before the emergency stop ended it".into()));
         }
         if self.estopped || self.published.any {
             self.cut(Cut::Reset);
-            self.devices.reset((of_estop && self.estopped) || self.published.holds_transmitter);
+            self.devices.reset(now, (of_estop && self.estopped) || self.published.holds_transmitter);
         }
         self.estopped &= !of_estop;
         self.armed = false;
