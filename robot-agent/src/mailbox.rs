@@ -180,12 +180,16 @@ pub(crate) struct Waiting {
 }
 
 impl SetpointSlot {
-    /// Puts a setpoint; the one before is dropped if no turn has seen it.
+    /// Puts a setpoint; the one before is dropped if no turn has seen it, but a late one never displaces
+    /// a newer one of the same grant.
     pub(crate) fn put(&self, new: Waiting, counters: &Counters) {
         let mut slot = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if slot.replace(new).is_some() {
-            counters.setpoints_overwritten.fetch_add(1, Ordering::Relaxed);
+        let newer =
+            |old: &Waiting| old.setpoint.lease == new.setpoint.lease && old.setpoint.seq > new.setpoint.seq;
+        if !slot.as_ref().is_some_and(newer) && slot.replace(new).is_none() {
+            return;
         }
+        counters.setpoints_overwritten.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Takes it.

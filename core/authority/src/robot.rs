@@ -18,7 +18,7 @@ mod watch;
 use crate::agent::{Agent, Arrival, Identity, STICK_NEUTRAL_COUNTS, View};
 use crate::faults::INPUT_LOST_MS;
 use crate::guard::{Guard, Guards};
-use crate::line::{Device, LineWatch, PortTrouble};
+use crate::line::{Device, LINE_LOST_MS, LineWatch, PortTrouble};
 use crate::monitor::Monitors;
 use crate::tape::{Step, Tape};
 use std::sync::Arc;
@@ -123,6 +123,7 @@ impl Robot {
                 speaks_since: Stamp::ZERO,
                 fed: false,
                 starved: None,
+                excused_until: Stamp::ZERO,
             },
             gyro: GyroLine {
                 watch: LineWatch::new(Device::Gyro, Stamp::ZERO),
@@ -158,7 +159,7 @@ impl Robot {
         }
         if self.is_late(now) {
             // The board's watchdog has fired because of us: no reason to set it up again.
-            (self.board.fed, self.board.starved) = (false, None);
+            self.board.excused_until = now.plus_ms(LINE_LOST_MS);
         }
         self.board.watch.bytes(now, bytes);
         if self.board.watch.unwell_ms(now) > SUSPICIOUS_MS {

@@ -243,7 +243,7 @@ impl Agent {
             ),
             None => (
                 RejectCode::CausePresent,
-                format!("{latch} cannot be reset: the remote control drives (mode manual)"),
+                format!("{latch} cannot be reset: the remote control drives, or is lost"),
                 "set its selector to automatic",
             ),
         }

@@ -107,11 +107,11 @@ impl Agent {
         let (stay, go): (Vec<Latch>, Vec<Latch>) = asked
             .into_iter()
             .partition(|latch| self.guards.on(Guard::ResetInterlock) && self.is_present(*latch));
+        self.rearm |= !go.is_empty();
         for latch in go {
             self.latches.clear(latch);
             self.emit(now, EventKind::Latch { latch, set: false, by: by.to_string() });
         }
-        self.rearm = true;
         stay
     }
 
@@ -119,7 +119,7 @@ impl Agent {
     fn is_present(&self, latch: Latch) -> bool {
         match latch {
             Latch::Estop => false,
-            Latch::RemoteTakeover => self.mode == Mode::Manual,
+            Latch::RemoteTakeover => matches!(self.mode, Mode::Manual | Mode::Fault),
             other => self.faults.present().any(|fault| latch_of(fault) == Some(other)),
         }
     }

@@ -20,6 +20,8 @@ pub(super) struct BoardLine {
     pub(super) fed: bool,
     /// Since when it says that it hears none, and how often in a row.
     pub(super) starved: Option<(Stamp, u32)>,
+    /// Until then its hunger is our own loop's fault.
+    pub(super) excused_until: Stamp,
 }
 
 #[derive(Debug, Clone)]
@@ -36,6 +38,10 @@ impl BoardLine {
     /// says twice in a row that it has none hears nothing of us: when its wire is mended, no old goal
     /// may go on. One that has just been set up gets a moment.
     pub(super) fn hears_us(&mut self, now: Stamp, status: &BoardStatus) -> bool {
+        if now < self.excused_until {
+            self.starved = None;
+            return true;
+        }
         if !(status.ready && status.watchdog) {
             (self.fed, self.starved) = (self.fed || status.ready, None);
             return true;

@@ -202,7 +202,10 @@ impl Process {
             return;
         }
         let arrival = self.mailbox.next();
-        if self.mailbox.setpoint.replace(Waiting { at, arrival, by, setpoint }).is_some() {
+        let newer = |old: &Waiting| old.setpoint.lease == setpoint.lease && old.setpoint.seq > setpoint.seq;
+        let late = self.mailbox.setpoint.as_ref().is_some_and(newer);
+        let new = Waiting { at, arrival, by, setpoint };
+        if late || self.mailbox.setpoint.replace(new).is_some() {
             self.mailbox.rejected.setpoints_overwritten += 1;
         }
     }
