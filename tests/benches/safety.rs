@@ -4,7 +4,7 @@
 //! `kill`, `freeze`, `router`, `stops`, `flood` (COUNT in seconds) or nothing for all. Exit code 1 if a limit is
 //! missed.
 
-#![allow(clippy::print_stdout, clippy::unwrap_used)] // a bench that cannot go on shall end
+#![allow(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)] // a bench that cannot go on shall end
 
 use fleet_tests::{Rig, Trial, load};
 use std::process::ExitCode;
@@ -68,6 +68,7 @@ async fn killed(count: usize, freeze: bool) -> Vec<Trial> {
     let mut rig = Rig::start(1, folder.path()).await;
     let mut trials = Vec::new();
     for n in 0..count {
+        eprint!("\r{n} of {count} ");
         trials.push(match freeze {
             false => rig.kill_agent(1, part(n) * 2.0).await,
             true => rig.freeze_agent(1, part(n) * 3.0).await,
@@ -89,7 +90,8 @@ async fn routed(count: usize) -> (Vec<Trial>, Vec<Trial>, usize) {
     let folder = tempfile::tempdir().unwrap();
     let mut rig = Rig::start(3, folder.path()).await;
     let (mut teleop, mut halt, mut arrived) = (Vec::new(), Vec::new(), 0);
-    for _ in 0..count {
+    for n in 0..count {
+        eprint!("\r{n} of {count} ");
         let (first, second, there) = rig.kill_router().await;
         teleop.push(first);
         halt.push(second);

@@ -93,6 +93,9 @@ impl Rig {
         eventually("driving", || async {
             if self.fleet.time_s() > asked_s.get() + AGAIN_S {
                 pilot.ask(Body::Reset { latch: None }).await;
+                // Dead reckoning alone would be metres off after some trials.
+                let TruthRobot { x_m, y_m, yaw_rad, .. } = self.fleet.truth(number);
+                pilot.ask(Body::SetPose { x_m, y_m, yaw_rad }).await;
                 pilot.ask(goto.clone()).await;
                 asked_s.set(self.fleet.time_s());
             }

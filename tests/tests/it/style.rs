@@ -73,3 +73,8 @@ fn every_module_says_what_it_is_for() {
     let silent: Vec<String> = silent.map(|file| file.display().to_string()).collect();
     none(&silent);
 }
+
+#[test]
+fn nothing_that_drives_a_robot_switches_a_guard_off() {
+    none(&places(&["robot-agent/src", "fleet-cli/src"], &[".without(", "set_guards", "Guards::"], &[]));
+}
