@@ -4,8 +4,9 @@
 //! (a short while of real time) until every robot has taken its turn. So a busy machine slows the
 //! whole simulation down instead of making robots miss samples.
 
+use rustix::time::{ClockId, clock_gettime};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use xtb_control::Stamp;
 
 /// Longest that the world waits for a robot that does not take its turn, in real time.
@@ -14,8 +15,9 @@ const PATIENCE: Duration = Duration::from_millis(50);
 /// A monotonic clock with absolute deadlines.
 #[derive(Debug, Clone)]
 pub enum Clock {
-    /// The machine's, since the instant.
-    Real(Instant),
+    /// The machine's, since this time after its start. It counts while the machine sleeps: a robot that
+    /// was suspended has to notice.
+    Real(Duration),
     /// A simulated world's.
     World(Arc<Turn>),
 }
@@ -24,14 +26,14 @@ impl Clock {
     /// The machine's clock, from now.
     #[must_use]
     pub fn real() -> Self {
-        Self::Real(Instant::now())
+        Self::Real(since_start())
     }
 
     /// The present.
     #[must_use]
     pub fn now(&self) -> Stamp {
         match self {
-            Self::Real(origin) => Stamp::from_ns(origin.elapsed().as_nanos() as u64),
+            Self::Real(origin) => Stamp::from_ns(since_start().saturating_sub(*origin).as_nanos() as u64),
             Self::World(turn) => turn.world.lock().now,
         }
     }
@@ -48,6 +50,16 @@ impl Clock {
             Self::World(turn) => turn.wait_until(deadline),
         }
     }
+}
+
+/// Time since the machine was started, asleep or not.
+fn since_start() -> Duration {
+    #[cfg(target_os = "linux")]
+    let clock = ClockId::Boottime;
+    #[cfg(not(target_os = "linux"))]
+    let clock = ClockId::Monotonic;
+    let now = clock_gettime(clock);
+    Duration::new(now.tv_sec.unsigned_abs(), u32::try_from(now.tv_nsec).unwrap_or(0))
 }
 
 #[derive(Debug, Default)]

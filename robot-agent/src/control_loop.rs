@@ -4,7 +4,7 @@
 //! through the bounded queues of [`mailbox`](crate::mailbox).
 
 use crate::clock::Clock;
-use crate::door::EstopCall;
+use crate::door::{ESTOPS, EstopCall};
 use crate::hardware::Hardware;
 use crate::hardware::lines::Lines;
 use crate::mailbox::{LineNote, LoopEnds, Snapshot, Waiting, Word};
@@ -105,15 +105,18 @@ impl ControlLoop {
     /// All that have arrived; who asked is told that the robot stands.
     fn take_estops(&mut self, now: Stamp) {
         let ends = &self.ends;
-        while let Some(EstopCall { arrival, by, id, answer }) = ends.door.next_estop() {
-            self.robot.agent_mut().estop(now, arrival, &by, id);
-            let Some(answer) = answer else { continue };
+        for _ in 0..ESTOPS {
+            let Some(mut call) = ends.door.next_estop() else { return };
+            self.robot.agent_mut().estop(now, call.arrival, &call.by, call.id);
+            let Some(answer) = call.answer.take() else { continue };
+            // As with requests: without room for its answer the call stays where it is, for to drop its
+            // question here could wait for Zenoh. The robot stands already.
+            let Ok(room) = ends.replies.try_reserve() else {
+                return ends.door.put_back(EstopCall { answer: Some(answer), ..call });
+            };
             let agent = self.robot.agent();
             let robot = agent.identity().robot.clone();
-            let word = Word::Estopped(Estopped { robot, latched: agent.is_latched(Latch::Estop) });
-            if ends.replies.try_send((answer, word)).is_err() {
-                ends.counters.overloaded();
-            }
+            room.send((answer, Word::Estopped(Estopped { robot, latched: agent.is_latched(Latch::Estop) })));
         }
     }
 

@@ -1,7 +1,7 @@
 //! What must not wait in a queue: whose setpoints come in, that the holder lives, and emergency stops.
 //!
 //! Zenoh's threads and the control loop meet here for a few instructions at a time; neither ever
-//! waits for the other longer than that.
+//! waits for the other's lock longer than that.
 
 use crate::mailbox::Answer;
 use std::collections::VecDeque;
@@ -47,20 +47,24 @@ impl Door {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether a message comes in; if it bears the present lease, its sender lives.
-    pub(crate) fn admits(&self, at: Stamp, client: &Name, lease: Option<Lease>) -> bool {
+    /// Whether a message comes in.
+    pub(crate) fn admits(&self, client: &Name, lease: Option<Lease>) -> bool {
+        self.lock().gate.admits(client, lease)
+    }
+
+    /// A request came in, whatever becomes of it: if it bears the present lease, the holder lives. (A
+    /// setpoint says so only once it has proved fresh.)
+    pub(crate) fn hears(&self, at: Stamp, client: &Name, lease: Option<Lease>) {
         let mut inner = self.lock();
-        let admitted = inner.gate.admits(client, lease);
-        if let Some(lease) = lease.filter(|_| admitted) {
+        if let Some(lease) = lease.filter(|_| inner.gate.admits(client, lease)) {
             inner.heard = Some((lease, at));
         }
-        admitted
     }
 
     /// An emergency stop has arrived. Returns the call that found no room.
     pub(crate) fn estop(&self, call: EstopCall) -> Option<EstopCall> {
         let mut inner = self.lock();
-        let crowded = if inner.estops.len() == ESTOPS { inner.estops.pop_back() } else { None };
+        let crowded = if inner.estops.len() >= ESTOPS { inner.estops.pop_back() } else { None };
         inner.estops.push_back(call);
         crowded
     }
@@ -68,6 +72,11 @@ impl Door {
     /// The oldest emergency stop that no turn has seen.
     pub(crate) fn next_estop(&self) -> Option<EstopCall> {
         self.lock().estops.pop_front()
+    }
+
+    /// A call that cannot be answered yet comes first at the next turn.
+    pub(crate) fn put_back(&self, call: EstopCall) {
+        self.lock().estops.push_front(call);
     }
 
     /// Before a turn: what was heard at the door keeps the lease.

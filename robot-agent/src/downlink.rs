@@ -101,7 +101,7 @@ impl Tray {
         match incoming.decode::<Setpoint>() {
             Ok(setpoint) => {
                 let at = self.clock.now();
-                if !self.door.admits(at, &client, setpoint.lease) {
+                if !self.door.admits(&client, setpoint.lease) {
                     return self.counters.fenced();
                 }
                 let arrival = self.arrivals.next();
@@ -145,7 +145,7 @@ impl Bell {
             Ok(estop) => estop.id,
             Err(error) => {
                 self.counters.rejected(&error);
-                Uuid::from_u128(u128::from(arrival))
+                Uuid::new_v4()
             }
         };
         if self.door.estop(EstopCall { arrival, by, id, answer }).is_some_and(|call| call.answer.is_some()) {
@@ -169,8 +169,7 @@ impl Desk {
         match (client, decoded) {
             (Some(client), Ok((request, format))) => {
                 let arrival = self.arrivals.next();
-                // Whatever becomes of it: its sender lives.
-                self.door.admits(self.clock.now(), &client, request.lease);
+                self.door.hears(self.clock.now(), &client, request.lease);
                 if matches!(request.body, Body::Stop {}) {
                     self.arrivals.stop(arrival); // whatever becomes of the rest of it
                 }

@@ -99,8 +99,8 @@ pub struct Agent {
     teleop: Option<Teleop>,
     /// Number of the last setpoint that was accepted under the present grant.
     last_seq: Option<u64>,
-    /// Ids of the last emergency stops: none latches twice.
-    estops: VecDeque<Uuid>,
+    /// Callers and ids of the last emergency stops: none latches twice.
+    estops: VecDeque<(Name, Uuid)>,
     /// For the controller, at the next turn.
     pending: Option<Command>,
     writer: Writer,
@@ -111,10 +111,10 @@ pub struct Agent {
     was_well: bool,
     mode: Mode,
     setpoint_heard: Option<Stamp>,
-    /// When any setpoint of the holder came last.
-    setpoint_seen: Option<Stamp>,
-    /// Setpoints are dropped until one is zero, or a lifetime passes without one: a joystick that was
-    /// held through a stop does not drive on.
+    /// Whether a setpoint has come from the present holder.
+    setpoint_seen: bool,
+    /// Setpoints are dropped until one is zero, or the first one of a client that comes anew: a joystick that was held
+    /// through a stop does not drive on, however many of its messages were lost meanwhile.
     rearm: bool,
     /// The last stop that was carried out: no command from before it may still begin.
     stopped_by: Arrival,
@@ -162,7 +162,7 @@ impl Agent {
             was_well: false,
             mode: Mode::Idle,
             setpoint_heard: None,
-            setpoint_seen: None,
+            setpoint_seen: false,
             rearm: true,
             stopped_by: 0,
             commanded_by: 0,
@@ -417,7 +417,9 @@ impl Agent {
 
     /// The holder was heard at the door, whatever becomes of its message.
     pub fn heard(&mut self, at: Stamp, lease: Lease) {
-        if self.lease.present() == Some(lease) {
+        let alive = self.lease.silent_ms(at).is_some_and(|ms| ms < self.limits.lease_free_ms)
+            || !self.guards.on(Guard::LeaseExpiry);
+        if alive && self.lease.present() == Some(lease) {
             self.lease.heard(at);
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   accepted ──► running ◄──► blocked
-//!                   └───────┴──► reached | cancelled | replaced | failed
+//!       └───────────┴────────────┴──► reached | cancelled | replaced | failed
 //! ```
 //! (`interrupted` is what a restarted robot says of a goal of its boot before.)
 

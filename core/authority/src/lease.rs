@@ -17,7 +17,7 @@ use xtb_protocol::messages::{Lease, LeaseState};
 
 /// A lease that was not heard of for this long is free again.
 pub const LEASE_FREE_MS: u64 = 900;
-/// A goal that halts on link loss, and teleoperation, end after this much silence of the holder.
+/// A goal that halts on link loss ends after this much silence of the holder.
 pub const LINK_LOSS_MS: u64 = 500;
 
 /// The present grant.

@@ -209,6 +209,7 @@ impl Agent {
         }
         let lease = self.lease.grant(now, client);
         self.last_seq = None;
+        self.setpoint_seen &= before.as_ref() == Some(client);
         if before.as_ref() == Some(client) {
             // Its own goal goes on under the new grant; its setpoints have to begin anew.
             let goal = self.goal.as_mut().filter(|goal| goal.by == *client);

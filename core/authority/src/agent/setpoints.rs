@@ -2,9 +2,9 @@
 
 use super::{Agent, Arrival};
 use crate::guard::Guard;
-use xtb_control::{Command, Stamp, Steering, WheelRpm};
+use xtb_control::{Command, Mode, Stamp, Steering, WheelRpm};
 use xtb_protocol::Name;
-use xtb_protocol::messages::{GoalStatus, Setpoint, StopReason};
+use xtb_protocol::messages::{Fault, GoalStatus, Setpoint, StopReason};
 
 /// A setpoint answers a state that is at most this old: a burst that was held up somewhere does not
 /// drive, and no clocks need to agree.
@@ -33,13 +33,12 @@ impl Agent {
         }
         self.last_seq = Some(setpoint.seq);
         self.lease.heard(at);
-        let before = self.setpoint_seen.replace(at);
-        let paused = before.is_none_or(|before| at.since_ms(before) >= self.setpoint_lifetime_ms);
+        let first = !std::mem::replace(&mut self.setpoint_seen, true);
         let overtaken = arrival < self.commanded_by && self.guards.on(Guard::Overtaken);
-        self.rearm &= overtaken || (setpoint.rpm != 0.0 && !paused);
+        self.rearm &= overtaken || (setpoint.rpm != 0.0 && !first);
         let held = self.rearm && self.guards.on(Guard::Rearm);
-        if overtaken || held || self.is_held() {
-            self.rearm |= self.is_held();
+        if overtaken || held || self.cannot_drive() {
+            self.rearm |= self.cannot_drive();
             self.stale += 1;
             return;
         }
@@ -49,6 +48,13 @@ impl Agent {
             self.pending = Some(Command::Idle);
         }
         self.teleop = Some(Teleop { setpoint: *setpoint, at, delivered: false });
+    }
+
+    /// What refuses a goal refuses setpoints too; only a battery that is low lets one who drives go on.
+    fn cannot_drive(&self) -> bool {
+        let low = self.teleop.is_none() && self.faults.present().any(|fault| fault == Fault::BatteryLow);
+        let by_hand = matches!(self.mode, Mode::Manual | Mode::Fault);
+        self.is_held() || by_hand || low || self.faults.stopping().is_some()
     }
 
     fn is_fresh(&self, now: Stamp, at: Stamp, setpoint: &Setpoint) -> bool {

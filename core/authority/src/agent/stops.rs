@@ -21,16 +21,17 @@ impl Agent {
         }
     }
 
-    /// An emergency stop has arrived: as a stop, and latched. One whose id was seen before is a
+    /// An emergency stop has arrived: as a stop, and latched. One whose caller and id were seen before is a
     /// repetition and does nothing: it must not latch again after a reset.
     pub fn estop(&mut self, now: Stamp, arrival: Arrival, by: &Name, id: Uuid) {
-        if self.estops.contains(&id) || !self.guards.on(Guard::Estop) {
+        let call = (by.clone(), id);
+        if self.estops.contains(&call) || !self.guards.on(Guard::Estop) {
             return;
         }
         if self.estops.len() == ESTOP_IDS {
             self.estops.pop_front();
         }
-        self.estops.push_back(id);
+        self.estops.push_back(call);
         self.overtakes(arrival);
         self.latch_as(now, Latch::Estop, by.as_str());
     }
@@ -51,14 +52,12 @@ impl Agent {
             let words = "the control loop was held up";
             self.stand(now, StopReason::LoopStalled, GoalStatus::Failed, Some(words));
         }
-        // Nobody watched whether the joystick was let go meanwhile.
-        self.setpoint_seen = self.setpoint_seen.map(|_| now);
         self.rearm = true;
     }
 
     /// The clock went back: no age says anything any more, so the lease is free.
     pub fn clock_went_back(&mut self, now: Stamp) {
-        (self.setpoint_heard, self.setpoint_seen) = (None, None);
+        self.setpoint_heard = None;
         if self.lease.free() {
             self.emit(now, EventKind::Lease { holder: None });
         }

@@ -52,12 +52,13 @@ impl BatteryMonitor {
                 self.limits[0].below = volts < levels.warn_v; // what it was before is not known
             }
         } else {
-            self.limits = Default::default();
+            self.forget(); // what was low before it was not measured any more is not known to be better
         }
         self.measured = volts.is_some();
-        let (level, words) = (self.level(), || format!("{:.2} V", volts.unwrap_or(0.0)));
-        self.low.set(now, level == BatteryLevel::Finish, words);
-        self.critical.set(now, level == BatteryLevel::Critical, words);
+        let words = || volts.map_or_else(|| "not measured since".to_owned(), |volts| format!("{volts:.2} V"));
+        let [_, low, critical] = self.limits.map(|limit| limit.below);
+        self.low.set(now, low && !critical, words);
+        self.critical.set(now, critical, words);
     }
 
     /// What the voltage means.
@@ -139,12 +140,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_measured_is_unknown_and_no_fault() {
+    fn what_is_not_measured_is_unknown_and_what_was_critical_stays_so() {
         let mut bench = Bench::default();
         assert_eq!(bench.monitor.level(), BatteryLevel::Unknown);
-        bench.run(3.0, Some(6.5));
-        assert_eq!(bench.run(1.2, None), BatteryLevel::Unknown);
+        assert_eq!(bench.run(3.0, None), BatteryLevel::Unknown);
         assert!(!bench.monitor.critical.is_present());
+        bench.run(3.0, Some(6.5));
+        assert_eq!(bench.run(3.0, None), BatteryLevel::Unknown);
+        assert!(bench.monitor.critical.is_present());
     }
 
     #[test]

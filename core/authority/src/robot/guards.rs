@@ -7,6 +7,7 @@ use crate::arbitration::Writer;
 use crate::faults::{of_line, silent_kinds};
 use crate::guard::Guard;
 use crate::line::{Device, LINE_LOST_MS, LineFault};
+use crate::monitor::Monitors;
 use std::sync::Arc;
 use xtb_control::controller::{PwmOutputs, RemoteSample};
 use xtb_control::pistons::standing;
@@ -36,6 +37,8 @@ impl Robot {
             (self.heard, self.board.open_since) = (Heard::default(), now);
             (self.next_frame, self.neutral_since) = (now, self.neutral_since.map(|_| now));
             self.remote_due = self.remote_due.map(|_| now);
+            self.monitors = Monitors::default();
+            self.setup.forget();
         }
         self.agent.loop_stalled(now);
     }

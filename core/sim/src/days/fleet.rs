@@ -79,13 +79,11 @@ impl Mailbox {
         self.latest
     }
 
-    /// Whether a message comes in; if it bears the present lease, its sender lives.
-    fn admits(&mut self, at: Stamp, client: &Name, lease: Option<Lease>) -> bool {
-        let admitted = self.gate.admits(client, lease);
-        if let Some(lease) = lease.filter(|_| admitted) {
+    /// A request came in: if it bears the present lease, the holder lives.
+    fn hears(&mut self, at: Stamp, client: &Name, lease: Option<Lease>) {
+        if let Some(lease) = lease.filter(|_| self.gate.admits(client, lease)) {
             self.heard = Some((lease, at));
         }
-        admitted
     }
 }
 
@@ -182,7 +180,7 @@ impl Process {
     /// A request at the door. A refusal at once, if the queue is full.
     pub(crate) fn ask(&mut self, now: Turn, by: Sender, name: &Name, request: Request) -> Option<Reply> {
         let (at, arrival) = (self.clock(now), self.mailbox.next());
-        self.mailbox.admits(at, name, request.lease);
+        self.mailbox.hears(at, name, request.lease);
         if matches!(request.body, Body::Stop {}) {
             self.mailbox.stop = arrival;
         }
@@ -197,7 +195,7 @@ impl Process {
     /// A setpoint at the door.
     pub(crate) fn setpoint(&mut self, now: Turn, by: Sender, name: &Name, setpoint: Setpoint) {
         let at = self.clock(now);
-        if !self.mailbox.admits(at, name, setpoint.lease) {
+        if !self.mailbox.gate.admits(name, setpoint.lease) {
             self.mailbox.rejected.fenced += 1;
             return;
         }

@@ -38,8 +38,6 @@ const HELD_UP: Turn = ms(150);
 const LATE: Turn = ms(80);
 /// A setpoint's life, and the turn that it waits for.
 const SETPOINT: Turn = ms(205);
-/// Silence that tells a joystick let go from one that is held.
-const PAUSE: Turn = ms(200);
 /// The echoed tick may be so old, with the turn's rounding.
 const ECHO_MS: u64 = 305;
 /// A halting goal outlives its client's last message by 500 ms; that message may have waited in the queue
@@ -213,10 +211,16 @@ impl Witness {
         (self.goal, self.setpoint, self.armed, self.cut) = (None, None, false, why);
     }
 
+    /// Whether a message bears the present lease.
+    fn bears(&self, now: Turn, name: u8, lease: Option<Lease>) -> bool {
+        let (Some(lease), Some(held)) = (lease, self.held) else { return false };
+        held.name == name && held.lease == lease && !self.gone(now, held)
+    }
+
     fn hears(&mut self, now: Turn, name: u8, lease: Option<Lease>) -> bool {
         let Some(lease) = lease else { return false };
         let Some(held) = self.held else { return false };
-        let present = held.name == name && held.lease == lease && !self.gone(now, held);
+        let present = self.bears(now, name, Some(lease));
         if present {
             self.held = Some(Held { heard: now, ..held });
             if let Some(goal) = &mut self.goal
@@ -266,11 +270,9 @@ impl Witness {
 
     /// A setpoint at the door. Whether it may be obeyed.
     pub(crate) fn setpoint(&mut self, now: Turn, tick: Stamp, by: Sender, setpoint: &Setpoint) -> bool {
-        let present = self.hears(now, by.name, setpoint.lease);
-        if !present {
+        if !self.bears(now, by.name, setpoint.lease) {
             return false;
         }
-        let paused = self.last_setpoint.is_none_or(|last| now - last >= PAUSE);
         self.armed |= setpoint.rpm == 0.0;
         let echoed =
             setpoint.echo_tick_ms.is_some_and(|echo| echo <= tick.ms() && tick.ms() - echo <= ECHO_MS);
@@ -279,7 +281,8 @@ impl Witness {
         if !echoed || !newer {
             return false;
         }
-        self.armed |= paused;
+        self.hears(now, by.name, setpoint.lease);
+        self.armed |= self.last_setpoint.is_none();
         (self.last_seq, self.last_setpoint) = (Some((lease, setpoint.seq)), Some(now));
         if self.armed {
             self.setpoint = Some(now);

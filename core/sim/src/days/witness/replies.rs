@@ -154,6 +154,9 @@ impl Witness {
                 format!("person-{name} got what person-{} holds, without taking it", held.name),
             ));
         }
+        if self.held.is_none() {
+            self.last_setpoint = None; // the first one of a client that comes anew counts as pushed anew
+        }
         if other.is_some() {
             // Its setpoints are fenced at once; its goal ends when it is silent, or at once.
             (self.setpoint, self.last_setpoint, self.armed) = (None, None, false);
