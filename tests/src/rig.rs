@@ -177,11 +177,11 @@ impl Rig {
 
     /// `kill -9` of the router while xtb-1 is teleoperated, xtb-2 drives to a goal that halts and xtb-3 to
     /// one that it finishes; a new router is started when the first two stand. Trials of the first
-    /// two, and whether the third has arrived.
+    /// two, and why the third has not arrived, if it has not.
     ///
     /// # Panics
     /// If the trucks cannot be driven at all.
-    pub async fn kill_router(&mut self) -> (Trial, Trial, bool) {
+    pub async fn kill_router(&mut self) -> (Trial, Trial, Option<String>) {
         let bus = self.client().await;
         let pilot = |number: usize| {
             let bus = bus.clone();
@@ -220,14 +220,16 @@ impl Rig {
             let states =
                 bus.get(&self.fleet.robot(3).state(), std::time::Duration::from_secs(1)).await.ok()?;
             let goal = states.first()?.decode::<RobotState>().ok()?.goal?;
-            goal.status.is_final().then_some(goal.status)
+            goal.status.is_final().then_some(goal)
         };
-        let status = eventually("the third goal's end", arrives).await;
+        let goal = eventually("the third goal's end", arrives).await;
         let truth = self.fleet.truth(3);
-        let there = (truth.x_m - x_m).hypot(truth.y_m - y_m) < 0.6;
+        let off_m = (truth.x_m - x_m).hypot(truth.y_m - y_m);
+        let there = goal.status == GoalStatus::Reached && off_m < 0.6;
+        let missed = (!there).then(|| format!("{goal:?}, {off_m:.2} m off"));
         bus.close().await;
         let trial = |since_s: f64, moved| Trial { neutral_s: since_s - killed_s, moved };
-        (trial(first, moved.0), trial(second, moved.1), status == GoalStatus::Reached && there)
+        (trial(first, moved.0), trial(second, moved.1), missed)
     }
 
     /// Memory that a truck's agent holds, in KiB.
