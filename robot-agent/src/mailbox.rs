@@ -295,3 +295,30 @@ pub(crate) async fn log(mut notes: mpsc::Receiver<LineNote>) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_protocol::messages::Lease;
+
+    #[test]
+    fn a_late_setpoint_does_not_displace_a_newer_one_of_the_same_grant() {
+        let (slot, counters) = (SetpointSlot::default(), Counters::default());
+        let put = |root, seq| {
+            let lease = Some(Lease { epoch: 1, root });
+            let setpoint = Setpoint { lease, seq, echo_tick_ms: None, rpm: 0.0, steering: 0.0 };
+            let client = Name::new("me").unwrap();
+            slot.put(Waiting { at: Stamp::ZERO, arrival: 0, client, setpoint }, &counters);
+        };
+        put(1, 2);
+        put(1, 1);
+        put(1, 3);
+        put(2, 1);
+        let setpoint = slot.take().unwrap().setpoint;
+        assert_eq!((setpoint.lease.unwrap().root, setpoint.seq), (2, 1));
+        put(1, 9);
+        put(1, 8);
+        assert_eq!(slot.take().unwrap().setpoint.seq, 9);
+        assert_eq!(counters.rejected_so_far().setpoints_overwritten, 4);
+    }
+}

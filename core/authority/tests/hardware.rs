@@ -310,3 +310,29 @@ fn a_stick_that_is_held_through_an_emergency_stop_and_its_reset_has_to_be_let_go
     bench.run_ms(50);
     assert_eq!(bench.motor.get(), 4000);
 }
+
+#[test]
+fn a_takeover_is_not_reset_while_the_transmitter_is_out_of_sight() {
+    let mut bench = Bench::new();
+    bench.remote = sticks(938, AUTOMATIC);
+    bench.run_ms(100);
+    bench.ask(ahead(5.0));
+    bench.run_ms(500);
+    bench.remote = sticks(938, MANUAL);
+    bench.run_ms(100);
+    bench.remote = None;
+    bench.run_ms(500);
+    assert_eq!(bench.state().mode, Mode::Fault);
+    assert_eq!(code_of(&bench.ask(Body::Reset { latch: None })), RejectCode::CausePresent);
+}
+
+#[test]
+fn a_stick_that_is_not_quite_neutral_stands_and_says_why() {
+    let mut bench = Bench::new();
+    bench.remote = sticks(938, MANUAL);
+    bench.run_ms(200);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL, "938 time counts are 3752 counts");
+    let state = bench.state();
+    assert_eq!(state.stopped_because, [StopReason::RemoteNeutral]);
+    assert!(state.stopped_age_ms.is_some());
+}
