@@ -123,8 +123,12 @@ impl ControlLoop {
     /// The state, 20 times a second and before each event (who hears of a goal's end and asks for
     /// the state must not get an older one), and the events.
     fn report(&mut self, now: Stamp, next_snapshot: &mut Stamp) {
-        if now >= *next_snapshot || self.robot.agent().has_events() {
-            *next_snapshot = now.plus_ns(SNAPSHOT_NS);
+        let due = now >= *next_snapshot;
+        if due {
+            // In step with the clock, not with the turn: else 20 Hz would be 19.
+            *next_snapshot = next_snapshot.plus_ns(SNAPSHOT_NS).max(now);
+        }
+        if due || self.robot.agent().has_events() {
             let mut rejected = self.ends.counters.rejected_so_far();
             rejected.record_dropped = self.recorder.as_ref().map_or(0, Recorder::dropped);
             let state = self.robot.state(now, rejected);

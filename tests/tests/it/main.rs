@@ -12,6 +12,5 @@ mod obstacles;
 mod operators;
 mod processes;
 mod recording;
-mod safety;
 mod style;
 mod teleop;

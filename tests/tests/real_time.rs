@@ -1,10 +1,19 @@
-//! Kills, stops and floods with real processes, a few times each; the bench `safety` counts to hundreds.
+//! Kills, stops and floods with real processes at real time, a few times each; the bench `safety` counts
+//! to hundreds. A binary of its own, one test at a time: beside sixty others a world would stand still
+//! long enough to look like broken lines.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
 use fleet_tests::{Rig, load};
 use std::time::Duration;
+use tokio::sync::Mutex;
+
+/// Held by the test that runs.
+static MACHINE: Mutex<()> = Mutex::const_new(());
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_killed_agent_is_neutral_within_200_ms_and_its_successor_does_not_move() {
+    let _alone = MACHINE.lock().await;
     let folder = tempfile::tempdir().unwrap();
     let mut rig = Rig::start(1, folder.path()).await;
     for after_s in [0.0, 0.7] {
@@ -16,6 +25,7 @@ async fn a_killed_agent_is_neutral_within_200_ms_and_its_successor_does_not_move
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_frozen_agent_is_neutral_within_200_ms_and_does_not_go_on_when_it_is_woken() {
+    let _alone = MACHINE.lock().await;
     let folder = tempfile::tempdir().unwrap();
     let mut rig = Rig::start(1, folder.path()).await;
     for stopped_s in [0.0, 1.5] {
@@ -27,6 +37,7 @@ async fn a_frozen_agent_is_neutral_within_200_ms_and_does_not_go_on_when_it_is_w
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_dead_router_ends_teleop_and_goals_that_halt_and_no_others() {
+    let _alone = MACHINE.lock().await;
     let folder = tempfile::tempdir().unwrap();
     let mut rig = Rig::start(3, folder.path()).await;
     let (teleop, halt, missed) = rig.kill_router().await;
@@ -39,6 +50,7 @@ async fn a_dead_router_ends_teleop_and_goals_that_halt_and_no_others() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn no_stop_is_lost_under_load() {
+    let _alone = MACHINE.lock().await;
     let stops = load::stops(20, 1).await;
     assert_eq!((stops.lost, stops.took.len()), (0, 20));
     assert!(stops.others_per_s > 0.0);
@@ -46,6 +58,7 @@ async fn no_stop_is_lost_under_load() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_flood_of_strangers_stops_neither_the_robot_nor_its_states() {
+    let _alone = MACHINE.lock().await;
     let folder = tempfile::tempdir().unwrap();
     let rig = Rig::start(1, folder.path()).await;
     let flooded = load::flood(&rig, 5, Duration::from_secs(3)).await;
