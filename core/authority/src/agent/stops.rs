@@ -17,7 +17,7 @@ impl Agent {
     pub fn stop(&mut self, now: Stamp, arrival: Arrival) {
         if self.overtakes(arrival) {
             self.stand(now, StopReason::Stop, GoalStatus::Cancelled, None);
-            self.rearm = true;
+            self.disarm();
         }
     }
 
@@ -36,6 +36,11 @@ impl Agent {
         self.latch_as(now, Latch::Estop, by.as_str());
     }
 
+    /// From here on a joystick has to be let go once, also that of a client who has only just come.
+    fn disarm(&mut self) {
+        (self.rearm, self.setpoint_seen) = (true, true);
+    }
+
     /// Whether a stop is news; if so, what arrived before it cannot begin any more.
     fn overtakes(&mut self, arrival: Arrival) -> bool {
         let news = arrival > self.stopped_by;
@@ -52,7 +57,7 @@ impl Agent {
             let words = "the control loop was held up";
             self.stand(now, StopReason::LoopStalled, GoalStatus::Failed, Some(words));
         }
-        self.rearm = true;
+        self.disarm();
     }
 
     /// The clock went back: no age says anything any more, so the lease is free.
@@ -96,7 +101,7 @@ impl Agent {
             latch => (GoalStatus::Failed, format!("{latch} was latched by {by}")),
         };
         self.stand(now, latch::reason(latch), status, Some(&words));
-        self.rearm = true;
+        self.disarm();
     }
 
     /// Clears this latch, or all; those whose cause is still there stay set and are returned.
@@ -106,7 +111,9 @@ impl Agent {
         let (stay, go): (Vec<Latch>, Vec<Latch>) = asked
             .into_iter()
             .partition(|latch| self.guards.on(Guard::ResetInterlock) && self.is_present(*latch));
-        self.rearm |= !go.is_empty();
+        if !go.is_empty() {
+            self.disarm();
+        }
         for latch in go {
             self.latches.clear(latch);
             self.emit(now, EventKind::Latch { latch, set: false, by: by.to_string() });
