@@ -116,6 +116,8 @@ pub struct Agent {
     /// Setpoints are dropped until one is zero, or the first one of a client that comes anew: a joystick that was held
     /// through a stop does not drive on, however many of its messages were lost meanwhile.
     rearm: bool,
+    /// A latch that holds the transmitter was set since the last turn, though it may be reset by now.
+    stick_to_rest: bool,
     /// The last stop that was carried out: no command from before it may still begin.
     stopped_by: Arrival,
     /// The last request that changed who drives: no setpoint from before it counts.
@@ -164,6 +166,7 @@ impl Agent {
             setpoint_heard: None,
             setpoint_seen: false,
             rearm: true,
+            stick_to_rest: false,
             stopped_by: 0,
             commanded_by: 0,
             events: VecDeque::with_capacity(EVENT_QUEUE),

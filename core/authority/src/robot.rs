@@ -312,7 +312,7 @@ impl Robot {
             self.step(now, &Sample::Command(command));
         }
         // A reset moves nothing: a stick that was held through the latch has to be let go.
-        self.stick_held |= self.agent.holds_transmitter();
+        self.stick_held |= self.agent.take_stick_to_rest();
         let pwm = self.pulses();
         let motor = pwm.motor;
         // Within the dead band of the ESC nothing moves: a stick at rest is never quite neutral.

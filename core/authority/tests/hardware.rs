@@ -336,3 +336,13 @@ fn a_stick_that_is_not_quite_neutral_stands_and_says_why() {
     assert_eq!(state.stopped_because, [StopReason::RemoteNeutral]);
     assert!(state.stopped_age_ms.is_some());
 }
+
+#[test]
+fn an_emergency_stop_that_is_reset_within_a_turn_stops_a_held_stick_all_the_same() {
+    let mut bench = driven_by_hand();
+    bench.lease_of(CLIENT);
+    bench.estop(1);
+    bench.ask(Body::Reset { latch: Some(Latch::Estop) });
+    bench.run_ms(5);
+    assert!(stands_for_ms(&mut bench, 1000));
+}

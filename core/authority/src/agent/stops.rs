@@ -101,6 +101,7 @@ impl Agent {
             latch => (GoalStatus::Failed, format!("{latch} was latched by {by}")),
         };
         self.stand(now, latch::reason(latch), status, Some(&words));
+        self.stick_to_rest |= latch.holds_transmitter();
         self.disarm();
     }
 
@@ -139,6 +140,13 @@ impl Agent {
     #[must_use]
     pub fn holds_transmitter(&self) -> bool {
         self.guards.on(Guard::LatchHolds) && self.latches.all().any(Latch::holds_transmitter)
+    }
+
+    /// Whether the transmitter's stick has to be let go before it drives: a latch held it, also if that was
+    /// set and reset between two turns.
+    pub(crate) fn take_stick_to_rest(&mut self) -> bool {
+        let latched = std::mem::take(&mut self.stick_to_rest) && self.guards.on(Guard::LatchHolds);
+        latched || self.holds_transmitter()
     }
 
     /// Whether this latch is set.
