@@ -53,6 +53,7 @@ pub(crate) fn state(robot: &str) -> RobotState {
             setpoint: None,
         },
         turn_late_us: 0,
+        turns_late: 0,
         rejected: Rejected::default(),
     }
 }

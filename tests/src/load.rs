@@ -185,6 +185,8 @@ impl Lone {
 pub struct Flooded {
     /// The worst delay of a turn in each state's 50 ms, in µs, sorted.
     pub late_us: Vec<u64>,
+    /// Turns that were due, and those of them that came more than 5 ms late.
+    pub turns: (u64, u64),
     /// States that arrived, per second.
     pub states_hz: f64,
     /// Growth of the agent's memory.
@@ -210,12 +212,11 @@ pub async fn flood(rig: &Rig, per_ms: usize, lasting: Duration) -> Flooded {
         matches!(outcome, xtb_protocol::messages::Outcome::Ok(_)).then_some(())
     })
     .await;
-    let seen = Arc::<Mutex<Vec<(u64, bool)>>>::default();
+    let seen = Arc::<Mutex<Vec<RobotState>>>::default();
     let list = seen.clone();
     let hear = move |incoming: xtb_bus::Incoming| {
         if let Ok(state) = incoming.decode::<RobotState>() {
-            let runs = state.goal.is_some_and(|goal| !goal.status.is_final());
-            list.lock().unwrap_or_else(PoisonError::into_inner).push((state.turn_late_us, runs));
+            list.lock().unwrap_or_else(PoisonError::into_inner).push(state);
         }
     };
     let (before, memory_kib) = (rejected(&bus, &keys).await, rig.memory_kib(1));
@@ -226,7 +227,7 @@ pub async fn flood(rig: &Rig, per_ms: usize, lasting: Duration) -> Flooded {
     drop((flood, hearing));
     let after = rejected(&bus, &keys).await;
     let seen = std::mem::take(&mut *seen.lock().unwrap_or_else(PoisonError::into_inner));
-    let mut late_us: Vec<u64> = seen.iter().map(|(late_us, _)| *late_us).collect();
+    let mut late_us: Vec<u64> = seen.iter().map(|state| state.turn_late_us).collect();
     late_us.sort_unstable();
     let arrived = (after.fenced + after.malformed) - (before.fenced + before.malformed);
     Flooded {
@@ -234,6 +235,13 @@ pub async fn flood(rig: &Rig, per_ms: usize, lasting: Duration) -> Flooded {
         states_hz: seen.len() as f64 / took_s,
         growth_kib: rig.memory_kib(1) as i64 - memory_kib as i64,
         arrived_per_s: arrived as f64 / took_s,
-        drove: seen.iter().all(|(_, runs)| *runs),
+        drove: seen.iter().all(runs),
+        turns: seen.first().zip(seen.last()).map_or((0, 0), |(first, last)| {
+            ((last.tick_ms - first.tick_ms) / 5, last.turns_late - first.turns_late)
+        }),
     }
+}
+
+fn runs(state: &RobotState) -> bool {
+    state.goal.as_ref().is_some_and(|goal| !goal.status.is_final())
 }

@@ -21,7 +21,7 @@ use crate::faults::{FaultBook, stops};
 use crate::gate::Gate;
 use crate::goal::{Goal, Target};
 use crate::guard::{Guard, Guards};
-use crate::latch::{self, LatchBook};
+use crate::latch::LatchBook;
 use crate::lease::{LEASE_FREE_MS, LINK_LOSS_MS, LeaseBook};
 use crate::replies::ReplyBook;
 use setpoints::Teleop;
@@ -31,7 +31,7 @@ use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::odometry::OdomPose;
 use xtb_control::{Command, Outputs, Stamp, VehicleConfig};
 use xtb_protocol::messages::{
-    Event, EventKind, Fault, GoalEnd, GoalStatus, InputAges, Lease, LinkLoss, PoseSource, PoseState,
+    Event, EventKind, Fault, GoalEnd, GoalStatus, InputAges, Latch, Lease, LinkLoss, PoseSource, PoseState,
     StopReason,
 };
 use xtb_protocol::{Name, Uuid};
@@ -257,7 +257,7 @@ impl Agent {
         if mode == Mode::Manual && self.guards.on(Guard::RemoteTakeover) {
             let took_over = self.mode != Mode::Manual && self.lease.holder().is_some();
             if self.under_way() || took_over {
-                self.latch_as(now, xtb_protocol::messages::Latch::RemoteTakeover, "the transmitter");
+                self.latch_as(now, Latch::RemoteTakeover, "the transmitter");
                 self.pending = None;
             }
         }
@@ -311,7 +311,7 @@ impl Agent {
         self.writer = writer(&self.facts());
         let network = matches!(self.writer, Writer::Setpoint | Writer::Goal);
         if !network && self.under_way() {
-            let because = self.latches.all().next().map_or(StopReason::RemoteLost, latch::reason);
+            let because = self.latches.all().next().map_or(StopReason::RemoteLost, Latch::reason);
             self.stand(now, because, GoalStatus::Failed, Some("the robot is held"));
         }
     }

@@ -45,7 +45,7 @@ pub fn stops(fault: Fault) -> Option<StopReason> {
         Fault::RemoteLost => Some(StopReason::RemoteLost),
         Fault::Stalled => Some(StopReason::Stalled),
         Fault::TiltOutOfRange | Fault::RecordingFailed | Fault::BatteryLow => None,
-        fault => latch_of(fault).map(crate::latch::reason),
+        fault => latch_of(fault).map(Latch::reason),
     }
 }
 

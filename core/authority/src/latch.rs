@@ -11,21 +11,7 @@
 //! | `battery_critical` | the battery is nearly empty | it is not any more | yes |
 
 use xtb_control::Stamp;
-use xtb_protocol::messages::{Latch, LatchState, StopReason};
-
-/// What a latch is called among the reasons why a robot stands.
-#[must_use]
-pub fn reason(latch: Latch) -> StopReason {
-    match latch {
-        Latch::Estop => StopReason::Estop,
-        Latch::RemoteTakeover => StopReason::RemoteTakeover,
-        Latch::BoardLost => StopReason::BoardLost,
-        Latch::GyroLost => StopReason::GyroLost,
-        Latch::Runaway => StopReason::Runaway,
-        Latch::SensorFault => StopReason::SensorFault,
-        Latch::BatteryCritical => StopReason::BatteryCritical,
-    }
-}
+use xtb_protocol::messages::{Latch, LatchState};
 
 #[derive(Debug, Clone)]
 struct Set {

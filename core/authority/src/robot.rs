@@ -92,6 +92,8 @@ pub struct Robot {
     neutral_since: Option<Stamp>,
     /// The worst delay of a turn since the last state.
     late_ns: u64,
+    /// Turns that came a whole turn late.
+    turns_late: u64,
     monitors: Monitors,
     guards: Guards,
 }
@@ -147,6 +149,7 @@ impl Robot {
             turned: None,
             neutral_since: Some(Stamp::ZERO),
             late_ns: 0,
+            turns_late: 0,
             monitors: Monitors::default(),
             guards: Guards::default(),
         }
@@ -371,6 +374,7 @@ impl Robot {
     /// A turn began this much after its time.
     pub fn turn_was_late(&mut self, ns: u64) {
         self.late_ns = self.late_ns.max(ns);
+        self.turns_late += u64::from(ns > TURN_NS);
     }
 
     /// The brain.

@@ -90,6 +90,7 @@ fn full() -> RobotState {
             setpoint: Some(200),
         },
         turn_late_us: 900,
+        turns_late: 2,
         rejected: Rejected {
             malformed: 1,
             oversized: 2,
@@ -190,7 +191,7 @@ fn a_full_state() {
             "0000084001000000000000104006010000000000001840900301017205636c692d37010210000000",
             "000000000000000000000000020510000000000000000000000000000000010301179a0301016402",
             "00f40305636c692d39000599030b6779726f5f66726f7a656e01030f121b01f30301010102010300",
-            "01c80184070102030405060708090a0b0c0d0e0f1011"
+            "01c8018407020102030405060708090a0b0c0d0e0f1011"
         ),
         concat!(
             r#"{"robot":"xtb-1","epoch":300,"seq":7,"tick_ms":128000,"mode":"goto","lease":{"holde"#,
@@ -205,11 +206,11 @@ fn a_full_state() {
             r#"hes":[{"latch":"estop","age_ms":500,"by":"cli-9","present":false},{"latch":"sensor_"#,
             r#"fault","age_ms":409,"by":"gyro_frozen","present":true}],"stopped_because":["estop","#,
             r#""sensor_fault","coasting"],"stopped_age_ms":499,"input_age_ms":{"gyro":1,"encoder":"#,
-            r#"2,"adc":3,"remote":null,"setpoint":200},"turn_late_us":900,"rejected":{"malformed":"#,
-            r#"1,"oversized":2,"wrong_version":3,"out_of_range":4,"refused":5,"stale":6,"fenced":7"#,
-            r#","overloaded":8,"setpoints_overwritten":9,"events_dropped":10,"board_frames":11,"bo"#,
-            r#"ard_lost":12,"board_repeated":13,"gyro_bytes":14,"gyro_lost":15,"remote_readings":1"#,
-            r#"6,"record_dropped":17}}"#
+            r#"2,"adc":3,"remote":null,"setpoint":200},"turn_late_us":900,"turns_late":2,"rejected"#,
+            r#"":{"malformed":1,"oversized":2,"wrong_version":3,"out_of_range":4,"refused":5,"stal"#,
+            r#"e":6,"fenced":7,"overloaded":8,"setpoints_overwritten":9,"events_dropped":10,"board"#,
+            r#"_frames":11,"board_lost":12,"board_repeated":13,"gyro_bytes":14,"gyro_lost":15,"rem"#,
+            r#"ote_readings":16,"record_dropped":17}}"#
         ),
     );
 }

@@ -4,6 +4,7 @@
 //! of the world; same arguments, same bits.
 
 use crate::simulation::{Simulation, SimulationError};
+use crate::vehicle::Truck;
 use thiserror::Error;
 use xtb_authority::agent::Arrival;
 use xtb_authority::{Identity, Robot};
@@ -42,7 +43,7 @@ impl Lockstep {
     /// # Errors
     /// A truck whose name cannot be a robot's.
     pub fn new(simulation: Simulation, fleet: &Name, vehicle: &VehicleConfig) -> Result<Self, LockstepError> {
-        let robot = |(epoch, truck): (usize, &crate::Truck)| {
+        let robot = |(epoch, truck): (usize, &Truck)| {
             let TruthRobot { x_m, y_m, yaw_rad, .. } = truck.truth();
             let identity = Identity {
                 fleet: fleet.clone(),
@@ -114,22 +115,28 @@ impl Lockstep {
             if let Some(lease) = lease {
                 robot.agent_mut().heard(now, *lease);
             }
-            bytes.clear();
-            truck.take_board_tx(bytes);
-            robot.board_bytes(now, bytes);
-            bytes.clear();
-            truck.take_gyro_tx(bytes);
-            robot.gyro_bytes(now, bytes);
-            if let Some(frame) = robot.turn(now) {
-                truck.board_rx(frame.as_bytes());
-            }
-            while let Some(frame) = robot.board_request(now) {
-                truck.board_rx(frame.as_bytes());
-            }
-            if let Some(command) = robot.gyro_request(now) {
-                truck.gyro_rx(command);
-            }
+            turn(truck, robot, now, bytes);
             while robot.agent_mut().next_event().is_some() {}
         }
+    }
+}
+
+/// One turn of a robot on its truck: what the truck has sent, the robot's turn, what it sends. `bytes`
+/// is scratch space.
+pub fn turn(truck: &mut Truck, robot: &mut Robot, now: Stamp, bytes: &mut Vec<u8>) {
+    bytes.clear();
+    truck.take_board_tx(bytes);
+    robot.board_bytes(now, bytes);
+    bytes.clear();
+    truck.take_gyro_tx(bytes);
+    robot.gyro_bytes(now, bytes);
+    if let Some(frame) = robot.turn(now) {
+        truck.board_rx(frame.as_bytes());
+    }
+    while let Some(frame) = robot.board_request(now) {
+        truck.board_rx(frame.as_bytes());
+    }
+    if let Some(command) = robot.gyro_request(now) {
+        truck.gyro_rx(command);
     }
 }

@@ -3,7 +3,6 @@
 use super::{Agent, Arrival};
 use crate::faults::latch_of;
 use crate::guard::Guard;
-use crate::latch;
 use std::sync::Arc;
 use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{EventKind, Fault, GoalStatus, Latch, LatchState, StopReason};
@@ -100,7 +99,7 @@ impl Agent {
             Latch::RemoteTakeover => (GoalStatus::Cancelled, "the remote control took over".to_owned()),
             latch => (GoalStatus::Failed, format!("{latch} was latched by {by}")),
         };
-        self.stand(now, latch::reason(latch), status, Some(&words));
+        self.stand(now, latch.reason(), status, Some(&words));
         self.stick_to_rest |= latch.holds_transmitter();
         self.disarm();
     }

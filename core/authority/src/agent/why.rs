@@ -2,9 +2,8 @@
 
 use super::{Agent, STICK_NEUTRAL_COUNTS, View};
 use crate::faults::stops;
-use crate::latch;
 use xtb_control::Mode;
-use xtb_protocol::messages::StopReason;
+use xtb_protocol::messages::{Latch, StopReason};
 
 impl Agent {
     /// Why the robot stands, what weighs most first: latches, faults, then whoever drives. Empty while
@@ -14,7 +13,7 @@ impl Agent {
         if !view.neutral {
             return Vec::new();
         }
-        let mut reasons: Vec<StopReason> = self.latches.all().map(latch::reason).collect();
+        let mut reasons: Vec<StopReason> = self.latches.all().map(Latch::reason).collect();
         reasons.extend(self.faults.present().filter_map(stops));
         reasons.extend(of_mode(self.idle_because, view));
         if view.over_speed {

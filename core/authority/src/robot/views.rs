@@ -111,6 +111,7 @@ impl Robot {
             stopped_age_ms: self.neutral_since.map(|since| now.since_ms(since)),
             input_age_ms: ages,
             turn_late_us: std::mem::take(&mut self.late_ns) / 1000,
+            turns_late: self.turns_late,
             rejected: Rejected {
                 refused: self.agent.refused,
                 stale: self.agent.stale,

@@ -1,5 +1,6 @@
 //! Latched stops by name: what only a `reset` ends.
 
+use super::StopReason;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -35,6 +36,20 @@ impl Latch {
         Self::SensorFault,
         Self::BatteryCritical,
     ];
+
+    /// What it is called among the reasons why a robot stands.
+    #[must_use]
+    pub fn reason(self) -> StopReason {
+        match self {
+            Self::Estop => StopReason::Estop,
+            Self::RemoteTakeover => StopReason::RemoteTakeover,
+            Self::BoardLost => StopReason::BoardLost,
+            Self::GyroLost => StopReason::GyroLost,
+            Self::Runaway => StopReason::Runaway,
+            Self::SensorFault => StopReason::SensorFault,
+            Self::BatteryCritical => StopReason::BatteryCritical,
+        }
+    }
 
     /// Whether the transmitter stands too. It may drive a truck that it has taken over itself, one
     /// whose gyro is lost, and one whose board was lost and is back: the hand at the stick sees it.

@@ -324,6 +324,8 @@ pub struct RobotState {
     pub input_age_ms: InputAges,
     /// How late the latest turn of the control loop since the last state was; it should be under 5000.
     pub turn_late_us: u64,
+    /// Turns since boot that came more than 5 ms after their time.
+    pub turns_late: u64,
     /// What was refused or dropped.
     pub rejected: Rejected,
 }

@@ -10,7 +10,7 @@ use xtb_protocol::messages::{
     Body, Done, Fault, GoalStatus, Lease, LinkLoss, Outcome, Rejected, Reply, Request, RobotState, Setpoint,
 };
 use xtb_protocol::{Name, Uuid};
-use xtb_sim::{Simulation, Truck, TruckParameters, World};
+use xtb_sim::{Simulation, Truck, TruckParameters, World, lockstep};
 
 /// Between two words of the client, in steps.
 const EVERY_STEPS: u64 = 10;
@@ -101,22 +101,7 @@ impl WholeRobot {
         let Self { simulation, robot, bytes, seen, .. } = self;
         simulation.step();
         let now = simulation.now();
-        let truck = &mut simulation.trucks_mut()[0];
-        bytes.clear();
-        truck.take_board_tx(bytes);
-        robot.board_bytes(now, bytes);
-        bytes.clear();
-        truck.take_gyro_tx(bytes);
-        robot.gyro_bytes(now, bytes);
-        if let Some(frame) = robot.turn(now) {
-            truck.board_rx(frame.as_bytes());
-        }
-        while let Some(frame) = robot.board_request(now) {
-            truck.board_rx(frame.as_bytes());
-        }
-        if let Some(command) = robot.gyro_request(now) {
-            truck.gyro_rx(command);
-        }
+        lockstep::turn(&mut simulation.trucks_mut()[0], robot, now, bytes);
         while robot.agent_mut().next_event().is_some() {}
         seen.extend(robot.agent().faults().present());
     }

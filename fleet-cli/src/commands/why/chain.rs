@@ -13,7 +13,7 @@ use std::time::Duration;
 use xtb_authority::faults::INPUT_LOST_MS;
 use xtb_control::Mode;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{BatteryLevel, Fault, GoalStatus, Latch, RobotState, StopReason};
+use xtb_protocol::messages::{BatteryLevel, Fault, GoalStatus, RobotState, StopReason};
 
 /// What it does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -182,7 +182,7 @@ fn known(robot: &RobotView, state: &RobotState) -> (Verdict, String, Vec<Reason>
 fn latches(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
     state.latches.iter().map(|set| {
         let cause = if set.present { "its cause is still there" } else { "its cause is gone" };
-        let words = words::reason(stop_reason(set.latch));
+        let words = words::reason(set.latch.reason());
         let text = format!("{words}: {} latched by {}, {} ago; {cause}", set.latch, set.by, age(set.age_ms));
         Reason {
             name: Some(set.latch.to_string()),
@@ -192,18 +192,6 @@ fn latches(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
             ..Reason::new(Kind::Latch, text)
         }
     })
-}
-
-fn stop_reason(latch: Latch) -> StopReason {
-    match latch {
-        Latch::Estop => StopReason::Estop,
-        Latch::RemoteTakeover => StopReason::RemoteTakeover,
-        Latch::BoardLost => StopReason::BoardLost,
-        Latch::GyroLost => StopReason::GyroLost,
-        Latch::Runaway => StopReason::Runaway,
-        Latch::SensorFault => StopReason::SensorFault,
-        Latch::BatteryCritical => StopReason::BatteryCritical,
-    }
 }
 
 fn faults(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
@@ -222,7 +210,7 @@ fn faults(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
 
 /// What it stands for besides latches, as the robot orders it.
 fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
-    let latched = |reason: StopReason| state.latches.iter().any(|set| stop_reason(set.latch) == reason);
+    let latched = |reason: StopReason| state.latches.iter().any(|set| set.latch.reason() == reason);
     state.stopped_because.iter().filter(move |reason| !latched(**reason)).map(|&reason| {
         let since = match reason {
             StopReason::SetpointExpired => state.input_age_ms.setpoint,

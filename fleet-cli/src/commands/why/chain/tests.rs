@@ -3,6 +3,7 @@
 use super::*;
 use crate::fake;
 use xtb_protocol::Uuid;
+use xtb_protocol::messages::Latch;
 use xtb_protocol::messages::{FaultState, InputAges, LeaseState, LinkLoss};
 
 fn view(state: RobotState) -> RobotView {
@@ -102,7 +103,7 @@ fn every_reason_to_stand_has_words_and_only_passing_ones_have_nothing_to_do() {
         assert_eq!(why.verdict, Verdict::Stands);
         assert!(why.reasons[0].todo.as_ref().unwrap().contains(&format!("--latch {latch}")));
         // The state names a latch by the reason of the same name.
-        assert_eq!(words::name(&stop_reason(latch)), latch.to_string());
+        assert_eq!(words::name(&latch.reason()), latch.to_string());
     }
 }
 
