@@ -9,8 +9,12 @@
 //! | `xtb/<fleet>/<robot>/about` | [`Channel::About`] | [`About`](crate::messages::About) |
 //! | `xtb/<fleet>/<robot>/cmd/<client>` | [`Channel::Cmd`] | [`Request`](crate::messages::Request) → [`Reply`](crate::messages::Reply) |
 //! | `xtb/<fleet>/<robot>/teleop/<client>` | [`Channel::Teleop`] | [`Setpoint`](crate::messages::Setpoint) |
+//! | `xtb/<fleet>/<robot>/fix` | [`Channel::Fix`] | [`Fix`](crate::messages::Fix) |
+//! | `xtb/<fleet>/<robot>/route` | [`Channel::Route`] | [`Route`](crate::messages::Route) |
 //! | `xtb/<fleet>/<robot>/estop/<client>` | [`Channel::Estop`] | [`Estop`](crate::messages::Estop), put, or asked → [`Estopped`](crate::messages::Estopped) |
 //! | `xtb/<fleet>/all/estop/<client>` | [`Channel::EstopAll`] | [`Estop`](crate::messages::Estop) for every robot |
+//! | `xtb/<fleet>/traffic/alive` | [`Channel::TrafficAlive`] | presence of traffic control (liveliness token) |
+//! | `xtb/<fleet>/traffic/state` | [`Channel::TrafficState`] | [`TrafficState`](crate::messages::TrafficState) |
 //! | `xtb/<fleet>/sim/truth` | [`Channel::SimTruth`] | [`Truth`](crate::messages::Truth), JSON |
 //! | `xtb/<fleet>/sim/roster` | [`Channel::SimRoster`] | [`Roster`](crate::messages::Roster), JSON |
 
@@ -114,10 +118,18 @@ pub enum Channel {
     Cmd(Name),
     /// Setpoints.
     Teleop(Name),
+    /// Measured poses.
+    Fix,
+    /// Path and release from traffic control.
+    Route,
     /// Emergency stop of one robot; also a queryable, whose reply acknowledges it.
     Estop(Name),
     /// Emergency stop of every robot.
     EstopAll(Name),
+    /// Liveliness token of traffic control: one for a fleet.
+    TrafficAlive,
+    /// What traffic control does, 2 Hz.
+    TrafficState,
     /// Ground truth of the simulator, 20 Hz.
     SimTruth,
     /// Which robots the simulator runs, queryable.
@@ -167,11 +179,11 @@ impl Channel {
         use Congestion::{Block, Drop};
         let qos = |congestion, priority, express| Qos { congestion, priority, express };
         match self {
-            Self::State => qos(Drop, Priority::DataHigh, true),
-            Self::Sensors | Self::SimTruth => qos(Drop, Priority::DataLow, false),
+            Self::State | Self::Fix | Self::Route => qos(Drop, Priority::DataHigh, true),
+            Self::Sensors | Self::SimTruth | Self::TrafficState => qos(Drop, Priority::DataLow, false),
             Self::Estop(_) | Self::EstopAll(_) => qos(Block, Priority::RealTime, true),
             Self::Teleop(_) => qos(Drop, Priority::InteractiveHigh, true),
-            Self::Alive | Self::Event | Self::About | Self::Cmd(_) | Self::SimRoster => {
+            Self::Alive | Self::TrafficAlive | Self::Event | Self::About | Self::Cmd(_) | Self::SimRoster => {
                 qos(Block, Priority::Data, true)
             }
         }
@@ -196,6 +208,10 @@ pub mod any {
     pub const TELEOP: &str = "xtb/*/*/teleop/*";
     /// See [`Channel::Estop`](super::Channel::Estop); also of [`Channel::EstopAll`](super::Channel::EstopAll).
     pub const ESTOP: &str = "xtb/*/*/estop/*";
+    /// See [`Channel::Fix`](super::Channel::Fix).
+    pub const FIX: &str = "xtb/*/*/fix";
+    /// See [`Channel::Route`](super::Channel::Route).
+    pub const ROUTE: &str = "xtb/*/*/route";
     /// See [`Channel::SimTruth`](super::Channel::SimTruth).
     pub const SIM_TRUTH: &str = "xtb/*/sim/truth";
     /// See [`Channel::SimRoster`](super::Channel::SimRoster).
@@ -234,6 +250,14 @@ impl Key {
             };
             return Some(Self { fleet, robot: None, channel });
         }
+        if who == "traffic" {
+            let channel = match (what, client) {
+                ("alive", None) => Channel::TrafficAlive,
+                ("state", None) => Channel::TrafficState,
+                _ => return None,
+            };
+            return Some(Self { fleet, robot: None, channel });
+        }
         if who == "all" {
             let ("estop", Some(client)) = (what, client) else { return None };
             return Some(Self { fleet, robot: None, channel: Channel::EstopAll(Name::new(client).ok()?) });
@@ -244,6 +268,8 @@ impl Key {
             ("sensors", None) => Channel::Sensors,
             ("event", None) => Channel::Event,
             ("about", None) => Channel::About,
+            ("fix", None) => Channel::Fix,
+            ("route", None) => Channel::Route,
             ("cmd", Some(client)) => Channel::Cmd(Name::new(client).ok()?),
             ("teleop", Some(client)) => Channel::Teleop(Name::new(client).ok()?),
             ("estop", Some(client)) => Channel::Estop(Name::new(client).ok()?),
@@ -280,6 +306,18 @@ impl FleetKeys {
     #[must_use]
     pub fn estop_all(&self, client: Option<&Name>) -> String {
         format!("{ROOT}/{}/all/estop/{}", self.0, client.map_or(ANY, Name::as_str))
+    }
+
+    /// Presence of traffic control.
+    #[must_use]
+    pub fn traffic_alive(&self) -> String {
+        format!("{ROOT}/{}/traffic/alive", self.0)
+    }
+
+    /// What traffic control does.
+    #[must_use]
+    pub fn traffic_state(&self) -> String {
+        format!("{ROOT}/{}/traffic/state", self.0)
     }
 
     /// Ground truth.
@@ -336,6 +374,18 @@ impl RobotKeys {
         format!("{}/about", self.0)
     }
 
+    /// Measured poses.
+    #[must_use]
+    pub fn fix(&self) -> String {
+        format!("{}/fix", self.0)
+    }
+
+    /// Path and release from traffic control.
+    #[must_use]
+    pub fn route(&self) -> String {
+        format!("{}/route", self.0)
+    }
+
     /// Requests of one client, or of any.
     #[must_use]
     pub fn cmd(&self, client: Option<&Name>) -> String {
@@ -374,10 +424,14 @@ mod tests {
             (robot.sensors(), Channel::Sensors),
             (robot.event(), Channel::Event),
             (robot.about(), Channel::About),
+            (robot.fix(), Channel::Fix),
+            (robot.route(), Channel::Route),
             (robot.cmd(Some(&client)), Channel::Cmd(client.clone())),
             (robot.teleop(Some(&client)), Channel::Teleop(client.clone())),
             (robot.estop(Some(&client)), Channel::Estop(client.clone())),
             (fleet.estop_all(Some(&client)), Channel::EstopAll(client.clone())),
+            (fleet.traffic_alive(), Channel::TrafficAlive),
+            (fleet.traffic_state(), Channel::TrafficState),
             (fleet.sim_truth(), Channel::SimTruth),
             (fleet.sim_roster(), Channel::SimRoster),
         ] {

@@ -6,14 +6,19 @@
 
 mod fault;
 mod latch;
+mod nav;
 mod request;
 mod sim;
 mod state;
 
 pub use fault::{Fault, FaultState};
 pub use latch::{Latch, LatchState};
+pub use nav::{
+    Arc, Fix, FixSource, MapState, NavPhase, NavState, Route, RouteSource, RouteState, Track, TrafficState,
+};
 pub use request::{
     Body, Done, ErrorBody, Estop, Estopped, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint,
+    Via,
 };
 pub use sim::{Roster, RosterEntry, Truth, TruthRobot};
 pub use state::{

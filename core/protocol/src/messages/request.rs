@@ -28,6 +28,16 @@ pub enum LinkLoss {
     Finish,
 }
 
+/// How a goal is driven to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Via {
+    /// The memorandum's A-to-B (§4.10): straight, as Table 4 says.
+    Direct,
+    /// Along a planned path, around what the map and the range finders know of.
+    Planned,
+}
+
 fn finish_s() -> f64 {
     300.0
 }
@@ -46,15 +56,18 @@ pub enum Body {
     Retain {},
     /// Give it back.
     Release {},
-    /// Drive to a point of the map (§4.10).
+    /// Drive to a point of the map.
     Goto {
         /// East, in m.
         x_m: f64,
         /// North, in m.
         y_m: f64,
-        /// Yaw on arrival, counter-clockwise from +x.
+        /// Yaw on arrival, counter-clockwise from +x; only by a planned path.
         #[serde(default)]
         yaw_rad: Option<f64>,
+        /// How; `None` = planned as soon as the robot has a map, else direct.
+        #[serde(default)]
+        via: Option<Via>,
         /// When the client falls silent.
         #[serde(default)]
         on_link_loss: LinkLoss,
@@ -113,6 +126,7 @@ pub struct Request {
 
 impl Message for Request {
     const NAME: &'static str = "Request";
+    const VERSION: u32 = 2;
 
     fn validate(&self) -> Result<(), CodecError> {
         match &self.body {
@@ -181,6 +195,12 @@ pub enum RejectCode {
     CausePresent,
     /// The battery is too low to begin anything.
     BatteryLow,
+    /// A planned goal needs a map, and the robot has none, or another one than the fleet.
+    NoMap,
+    /// The goal lies in a keep-out zone.
+    KeepOut,
+    /// Something on the map stands where the robot shall stand.
+    GoalBlocked,
 }
 
 /// What a successful request gave.

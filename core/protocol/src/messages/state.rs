@@ -1,6 +1,7 @@
 //! What a robot says of itself: state, samples, events and its factsheet.
 
-use super::{Fault, FaultState, Latch, LatchState, LinkLoss, Message};
+use super::{Fault, FaultState, Latch, LatchState, LinkLoss, Message, NavState, Via};
+use crate::codec::CodecError;
 use crate::keys::Name;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
@@ -25,6 +26,8 @@ pub enum PoseSource {
     Start,
     /// Dead reckoning since the start pose or the last `set_pose`.
     Odometry,
+    /// Dead reckoning corrected by pose fixes.
+    Fixes,
 }
 
 /// The pose in the map (ENU, REP-103).
@@ -41,6 +44,12 @@ pub struct PoseState {
     pub source: PoseSource,
     /// Age of the older of the two samples behind it; `None` = never measured.
     pub age_ms: Option<u64>,
+    /// Standard deviation along the worse direction, in m.
+    pub sigma_m: f64,
+    /// Standard deviation of the yaw.
+    pub sigma_yaw_rad: f64,
+    /// Since the last accepted fix; `None` = none since boot or `set_pose`.
+    pub fix_age_ms: Option<u64>,
 }
 
 /// The obstacle rule's view; `None` = the range finders have not been heard lately.
@@ -115,6 +124,10 @@ pub struct GoalState {
     pub x_m: Option<f64>,
     /// North, in m; `None` for wander.
     pub y_m: Option<f64>,
+    /// Yaw on arrival, where one was asked for.
+    pub yaw_rad: Option<f64>,
+    /// How it is driven to; `None` for wander.
+    pub via: Option<Via>,
     /// How it stands.
     pub status: GoalStatus,
     /// Still to go, in a straight line.
@@ -218,6 +231,20 @@ pub enum StopReason {
     Coasting,
     /// It has only just been told to drive.
     Starting,
+    /// A path is being planned.
+    Planning,
+    /// At the end of the stretch that traffic control has released.
+    WaitingForTraffic,
+    /// Another robot goes first.
+    GivingWay,
+    /// It waits for something unknown in its way to go away, before it looks for another way.
+    WayBlocked,
+    /// It does not know well enough where it is.
+    PoseUncertain,
+    /// It stands in a keep-out zone.
+    InKeepOut,
+    /// It stands to change gear or to turn its wheels.
+    AtCusp,
 }
 
 /// Ages of the inputs in ms; `None` = never heard.
@@ -252,6 +279,8 @@ pub struct Rejected {
     pub refused: u64,
     /// Setpoints that were too old, repeated, or overtaken by a later stop or goal.
     pub stale: u64,
+    /// Pose fixes that were too old or too far off to be true.
+    pub fixes: u64,
     /// Setpoints without the present lease.
     pub fenced: u64,
     /// Requests that found the queue full.
@@ -316,6 +345,8 @@ pub struct RobotState {
     pub faults: Vec<FaultState>,
     /// Latched stops, oldest first.
     pub latches: Vec<LatchState>,
+    /// Map, path and who leads along it.
+    pub nav: NavState,
     /// Why it stands, what weighs most first; empty while it drives.
     pub stopped_because: Vec<StopReason>,
     /// Since when it stands; `None` while it drives.
@@ -332,7 +363,11 @@ pub struct RobotState {
 
 impl Message for RobotState {
     const NAME: &'static str = "RobotState";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
+
+    fn validate(&self) -> Result<(), CodecError> {
+        self.nav.validate()
+    }
 }
 
 /// Raw and converted samples, 10 times a second while somebody listens.
