@@ -165,6 +165,12 @@ pub struct GotoArgs {
     /// North, in m.
     #[arg(value_name = "Y", value_parser = metres)]
     pub y_m: f64,
+    /// Yaw on arrival, in degrees counter-clockwise from east; only along a planned path.
+    #[arg(long, value_name = "DEGREES", value_parser = degrees)]
+    pub yaw: Option<f64>,
+    /// How to drive there [default: planned if the robot has a map, else direct].
+    #[arg(long, value_enum)]
+    pub via: Option<ViaArg>,
     /// Stay and show progress until the goal ends; Ctrl-C cancels it.
     #[arg(long)]
     pub wait: bool,
@@ -174,6 +180,24 @@ pub struct GotoArgs {
     /// Control of the robot.
     #[command(flatten)]
     pub lease: LeaseArgs,
+}
+
+/// How a goal is driven to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum ViaArg {
+    /// The memorandum's A-to-B: straight, and it stops at obstacles.
+    Direct,
+    /// Along a planned path, around what the map and the range finders know of.
+    Planned,
+}
+
+impl From<ViaArg> for xtb_protocol::messages::Via {
+    fn from(via: ViaArg) -> Self {
+        match via {
+            ViaArg::Direct => Self::Direct,
+            ViaArg::Planned => Self::Planned,
+        }
+    }
 }
 
 /// Whether a verb may take control from its holder.
@@ -380,6 +404,10 @@ fn seconds(text: &str) -> Result<Duration, String> {
 fn metres(text: &str) -> Result<f64, String> {
     let most = xtb_protocol::messages::MAX_COORDINATE_M;
     number(text, -most, most, "metres")
+}
+
+fn degrees(text: &str) -> Result<f64, String> {
+    number(text, -360.0, 360.0, "degrees")
 }
 
 fn rpm(text: &str) -> Result<f64, String> {

@@ -44,6 +44,13 @@ pub(crate) fn reason(reason: StopReason) -> &'static str {
         StopReason::ChangingDirection => "the wheels have yet to stand before it drives the other way",
         StopReason::Starting => "it has only just been told to drive",
         StopReason::Coasting => "it rolls as fast as it should by itself",
+        StopReason::Planning => "a path is being planned",
+        StopReason::WaitingForTraffic => "traffic control has released its way only as far as here",
+        StopReason::GivingWay => "another robot goes first",
+        StopReason::WayBlocked => "something that is not on the map is in its way",
+        StopReason::PoseUncertain => "it does not know well enough where it is",
+        StopReason::InKeepOut => "it stands in a keep-out zone",
+        StopReason::AtCusp => "it changes gear",
     }
 }
 

@@ -7,7 +7,7 @@
 //! (`interrupted` is what a restarted robot says of a goal of its boot before.)
 
 use xtb_control::Stamp;
-use xtb_protocol::messages::{GoalKind, GoalState, GoalStatus, Lease, LinkLoss};
+use xtb_protocol::messages::{GoalKind, GoalState, GoalStatus, Lease, LinkLoss, Via};
 use xtb_protocol::{Name, Uuid};
 
 /// What a goal asks for, in the map.
@@ -19,6 +19,10 @@ pub enum Target {
         x_m: f64,
         /// North, in m.
         y_m: f64,
+        /// Yaw on arrival, if one was asked for.
+        yaw_rad: Option<f64>,
+        /// How.
+        via: Via,
     },
     /// Wander.
     Anywhere,
@@ -81,18 +85,28 @@ impl Goal {
         (self.status, self.since, self.reason) = (status, now, reason.map(str::to_owned));
     }
 
+    /// Whether the second level drives to it.
+    #[must_use]
+    pub fn is_planned(&self) -> bool {
+        matches!(self.target, Target::Point { via: Via::Planned, .. })
+    }
+
     /// For the state.
     #[must_use]
     pub fn state(&self, now: Stamp) -> GoalState {
-        let (kind, x_m, y_m) = match self.target {
-            Target::Point { x_m, y_m } => (GoalKind::Goto, Some(x_m), Some(y_m)),
-            Target::Anywhere => (GoalKind::Wander, None, None),
+        let (kind, x_m, y_m, yaw_rad, via) = match self.target {
+            Target::Point { x_m, y_m, yaw_rad, via } => {
+                (GoalKind::Goto, Some(x_m), Some(y_m), yaw_rad, Some(via))
+            }
+            Target::Anywhere => (GoalKind::Wander, None, None, None, None),
         };
         GoalState {
             id: self.id,
             kind,
             x_m,
             y_m,
+            yaw_rad,
+            via,
             status: self.status,
             distance_m: self.distance_m,
             age_ms: now.since_ms(self.since),

@@ -32,7 +32,7 @@ fn moves(bench: &Bench) -> bool {
 }
 
 fn finish(y_m: f64) -> Body {
-    Body::Goto { x_m: 0.0, y_m, yaw_rad: None, on_link_loss: LinkLoss::Finish, finish_s: 60.0 }
+    Body::Goto { x_m: 0.0, y_m, yaw_rad: None, via: None, on_link_loss: LinkLoss::Finish, finish_s: 60.0 }
 }
 
 #[test]

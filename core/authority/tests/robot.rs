@@ -163,6 +163,7 @@ fn a_finish_goal_ends_when_its_time_is_up() {
         x_m: 0.0,
         y_m: 9.0,
         yaw_rad: None,
+        via: None,
         on_link_loss: LinkLoss::Finish,
         finish_s: 1.0,
     });

@@ -8,7 +8,7 @@ use xtb_control::{AdcCount, PwmCount};
 use xtb_protocol::board::{BoardError, FrameReader, FrameWriter, FromBoard, MAX_PULSES, ToBoard};
 use xtb_protocol::codec::{CodecError, Format, MAX_BYTES, decode, encode, encoding};
 use xtb_protocol::gyro_3dmg::GyroReader;
-use xtb_protocol::messages::{Body, Event, LinkLoss, Message, Reply, Request, RobotState, Setpoint};
+use xtb_protocol::messages::{Body, Event, LinkLoss, Via, Message, Reply, Request, RobotState, Setpoint};
 use xtb_protocol::{Uuid, keys::Key};
 
 fn pwm() -> impl Strategy<Value = PwmOutputs> {
@@ -53,6 +53,7 @@ fn body() -> impl Strategy<Value = Body> {
                 x_m,
                 y_m,
                 yaw_rad,
+                via: yaw_rad.map(|_| Via::Planned),
                 on_link_loss,
                 finish_s: 60.0
             }
@@ -105,7 +106,7 @@ proptest! {
         x in prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(1000.5), Just(-1e300)]
     ) {
         let body =
-            Body::Goto { x_m: x, y_m: 0.0, yaw_rad: None, on_link_loss: LinkLoss::Halt, finish_s: 60.0 };
+            Body::Goto { x_m: x, y_m: 0.0, yaw_rad: None, via: None, on_link_loss: LinkLoss::Halt, finish_s: 60.0 };
         let request = Request { id: Uuid::nil(), lease: None, body };
         prop_assert!(matches!(encode(&request, Format::Postcard), Err(CodecError::OutOfRange(_))));
         let setpoint = Setpoint { lease: None, seq: 0, echo_tick_ms: None, rpm: 0.0, steering: x };

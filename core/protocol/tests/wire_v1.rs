@@ -9,8 +9,7 @@ use xtb_protocol::board::FrameWriter;
 use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::gyro_3dmg::EulerFrame;
 use xtb_protocol::messages::{
-    Body, Done, Estop, Estopped, Event, EventKind, GoalStatus, Latch, Lease, LinkLoss, Message, RejectCode,
-    Reply, Request, Setpoint,
+    Done, Estop, Estopped, Event, EventKind, GoalStatus, Message, RejectCode, Reply, Setpoint,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -35,21 +34,6 @@ fn pinned<M: Message + PartialEq + std::fmt::Debug>(message: &M, postcard: &str,
 fn decode_own<M: Message>(message: &M) -> M {
     let bytes = encode(message, Format::Postcard).unwrap();
     decode(&encoding::<M>(Format::Postcard), &bytes).unwrap().0
-}
-
-#[test]
-fn a_goto_request() {
-    let body =
-        Body::Goto { x_m: 1.5, y_m: -2.0, yaw_rad: None, on_link_loss: LinkLoss::Finish, finish_s: 300.0 };
-    let request = Request { id: id(), lease: Some(Lease { epoch: 300, root: 2 }), body };
-    pinned(
-        &request,
-        "1000112233445566778899aabbccddeeff01ac020203000000000000f83f00000000000000c000010000000000c07240",
-        concat!(
-            r#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"#,
-            r#""body":{"goto":{"x_m":1.5,"y_m":-2.0,"yaw_rad":null,"on_link_loss":"finish","finish_s":300.0}}}"#
-        ),
-    );
 }
 
 #[test]
@@ -97,18 +81,9 @@ fn an_event() {
 }
 
 #[test]
-fn a_request_in_json_may_leave_defaults_out() {
-    let json = br#"{"id":"00112233-4455-6677-8899-aabbccddeeff","body":{"goto":{"x_m":1,"y_m":2}}}"#;
-    let (request, _) = decode::<Request>("application/json", json).unwrap();
-    let body =
-        Body::Goto { x_m: 1.0, y_m: 2.0, yaw_rad: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 };
-    assert_eq!(request, Request { id: id(), lease: None, body });
-}
-
-#[test]
 fn the_encodings() {
-    assert_eq!(encoding::<Request>(Format::Postcard), "application/x-postcard;xtb.Request.v1");
-    assert_eq!(encoding::<Request>(Format::Json), "application/json");
+    assert_eq!(encoding::<Reply>(Format::Postcard), "application/x-postcard;xtb.Reply.v1");
+    assert_eq!(encoding::<Reply>(Format::Json), "application/json");
 }
 
 #[test]
@@ -131,30 +106,6 @@ fn the_agents_pwm_frame() {
 fn the_gyros_frame() {
     let frame = EulerFrame { angles: GyroSample { roll: 1, pitch: -2, yaw: 256 }, ticks: 513 };
     assert_eq!(hex(&frame.encode()), "0e0001fffe01000201030e");
-}
-
-#[test]
-fn a_reset_request() {
-    let request =
-        |latch| Request { id: id(), lease: Some(Lease { epoch: 300, root: 2 }), body: Body::Reset { latch } };
-    pinned(
-        &request(None),
-        "1000112233445566778899aabbccddeeff01ac02020800",
-        concat!(
-            r#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"body":{"#,
-            r#""reset":{"latch":null}}}"#
-        ),
-    );
-    pinned(
-        &request(Some(Latch::SensorFault)),
-        "1000112233445566778899aabbccddeeff01ac0202080105",
-        concat!(
-            r#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"body":{"#,
-            r#""reset":{"latch":"sensor_fault"}}}"#
-        ),
-    );
-    let json = br#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"body":{"reset":{}}}"#;
-    assert_eq!(decode::<Request>("application/json", json).unwrap().0, request(None));
 }
 
 #[test]
@@ -182,7 +133,7 @@ fn the_numbers_of_the_codes() {
         concat!(
             "malformed oversized wrong_version out_of_range lease_held lease_lost busy unknown_goal ",
             "not_ready unsupported overloaded overtaken lease_required latched cause_present ",
-            "battery_low"
+            "battery_low no_map keep_out goal_blocked"
         )
     );
 }

@@ -3,9 +3,13 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
-use xtb_protocol::Name;
 use xtb_protocol::codec::{Format, decode, encode, encoding};
-use xtb_protocol::messages::{Message, Sensors};
+use xtb_protocol::messages::{Body, Latch, Lease, LinkLoss, Message, Request, Sensors, Via};
+use xtb_protocol::{Name, Uuid};
+
+fn id() -> Uuid {
+    Uuid::from_u128(0x0011_2233_4455_6677_8899_aabb_ccdd_eeff)
+}
 
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
@@ -25,7 +29,8 @@ fn name() -> Name {
 }
 
 #[test]
-fn the_version() {
+fn the_versions() {
+    assert_eq!(encoding::<Request>(Format::Postcard), "application/x-postcard;xtb.Request.v2");
     assert_eq!(encoding::<Sensors>(Format::Postcard), "application/x-postcard;xtb.Sensors.v2");
 }
 
@@ -72,4 +77,54 @@ fn sensors() {
             r#"nts":[3750,3750,3750,3750]}"#
         ),
     );
+}
+
+#[test]
+fn a_goto_request() {
+    let body =
+        Body::Goto { x_m: 1.5, y_m: -2.0, yaw_rad: None, via: Some(Via::Planned), on_link_loss: LinkLoss::Finish, finish_s: 300.0 };
+    let request = Request { id: id(), lease: Some(Lease { epoch: 300, root: 2 }), body };
+    pinned(
+        &request,
+        "1000112233445566778899aabbccddeeff01ac020203000000000000f83f00000000000000c000010000000000c07240",
+        concat!(
+            r#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"#,
+            r#""body":{"goto":{"x_m":1.5,"y_m":-2.0,"yaw_rad":null,"on_link_loss":"finish","finish_s":300.0}}}"#
+        ),
+    );
+}
+
+
+#[test]
+fn a_request_in_json_may_leave_defaults_out() {
+    let json = br#"{"id":"00112233-4455-6677-8899-aabbccddeeff","body":{"goto":{"x_m":1,"y_m":2}}}"#;
+    let (request, _) = decode::<Request>("application/json", json).unwrap();
+    let body =
+        Body::Goto { x_m: 1.0, y_m: 2.0, yaw_rad: None, via: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 };
+    assert_eq!(request, Request { id: id(), lease: None, body });
+}
+
+
+#[test]
+fn a_reset_request() {
+    let request =
+        |latch| Request { id: id(), lease: Some(Lease { epoch: 300, root: 2 }), body: Body::Reset { latch } };
+    pinned(
+        &request(None),
+        "1000112233445566778899aabbccddeeff01ac02020800",
+        concat!(
+            r#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"body":{"#,
+            r#""reset":{"latch":null}}}"#
+        ),
+    );
+    pinned(
+        &request(Some(Latch::SensorFault)),
+        "1000112233445566778899aabbccddeeff01ac0202080105",
+        concat!(
+            r#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"body":{"#,
+            r#""reset":{"latch":"sensor_fault"}}}"#
+        ),
+    );
+    let json = br#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"body":{"reset":{}}}"#;
+    assert_eq!(decode::<Request>("application/json", json).unwrap().0, request(None));
 }

@@ -338,7 +338,7 @@ mod tests {
     use xtb_protocol::messages::Body;
 
     fn task() -> Task {
-        let aim = Aim::Point { x_m: 1.0, y_m: 2.0 };
+        let aim = Aim::Point { x_m: 1.0, y_m: 2.0, yaw_rad: None, via: None };
         Task { robot: name("xtb-1"), aim, within: None, wait: true, take: false }
     }
 

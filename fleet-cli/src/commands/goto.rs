@@ -10,6 +10,7 @@ use crate::error::{Exit, Result};
 /// # Errors
 /// No router, no answer, or a refusal.
 pub async fn run(ctx: &Context, args: GotoArgs) -> Result<Exit> {
-    let GotoArgs { robot, x_m, y_m, wait, within, lease } = args;
-    goal::run(ctx, &Task { robot, aim: Aim::Point { x_m, y_m }, within, wait, take: lease.take }).await
+    let GotoArgs { robot, x_m, y_m, yaw, via, wait, within, lease } = args;
+    let aim = Aim::Point { x_m, y_m, yaw_rad: yaw.map(f64::to_radians), via: via.map(Into::into) };
+    goal::run(ctx, &Task { robot, aim, within, wait, take: lease.take }).await
 }

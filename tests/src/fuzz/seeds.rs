@@ -35,7 +35,7 @@ pub(super) fn command() -> Vec<Seed> {
         ("acquire", Body::Acquire { take: true }),
         ("retain", Body::Retain {}),
         ("release", Body::Release {}),
-        ("goto", Body::Goto { x_m: 1.5, y_m: -2.0, yaw_rad: Some(0.5), on_link_loss, finish_s }),
+        ("goto", Body::Goto { x_m: 1.5, y_m: -2.0, yaw_rad: Some(0.5), via: None, on_link_loss, finish_s }),
         ("wander", Body::Wander { for_s: Some(20.0), on_link_loss, finish_s }),
         ("stop", Body::Stop {}),
         ("cancel", Body::Cancel { goal: ID }),

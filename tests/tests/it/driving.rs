@@ -84,6 +84,7 @@ async fn what_a_robot_cannot_do_is_refused_by_name() {
         x_m: 1.0,
         y_m: 1.0,
         yaw_rad: Some(0.0),
+        via: None,
         on_link_loss: LinkLoss::Finish,
         finish_s: 300.0,
     };

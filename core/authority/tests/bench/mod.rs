@@ -238,7 +238,7 @@ impl Bench {
 }
 
 pub(crate) fn ahead(y_m: f64) -> Body {
-    Body::Goto { x_m: 0.0, y_m, yaw_rad: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 }
+    Body::Goto { x_m: 0.0, y_m, yaw_rad: None, via: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 }
 }
 
 pub(crate) fn goal_of(reply: &Reply) -> Uuid {

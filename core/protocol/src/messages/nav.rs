@@ -213,6 +213,8 @@ pub struct RouteState {
     pub off_m: f64,
     /// Who has to pass first.
     pub waits_for: Option<Name>,
+    /// Where something unknown is in its way, (x, y) in m.
+    pub blocked_at_m: Option<(f64, f64)>,
     /// Paths planned for this goal.
     pub plans: u32,
 }

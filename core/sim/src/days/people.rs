@@ -318,6 +318,7 @@ impl Person {
                 x_m: self.noise.uniform(-4.0, 4.0),
                 y_m: self.noise.uniform(-4.0, 4.0),
                 yaw_rad: None,
+                via: None,
                 on_link_loss: policy,
                 finish_s,
             },

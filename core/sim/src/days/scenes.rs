@@ -135,7 +135,7 @@ impl Scene {
 
     fn goto(&self, policy: LinkLoss) -> Body {
         let (x_m, y_m) = (4.0 * self.aside, 5.0 * self.part);
-        Body::Goto { x_m, y_m, yaw_rad: None, on_link_loss: policy, finish_s: 30.0 }
+        Body::Goto { x_m, y_m, yaw_rad: None, via: None, on_link_loss: policy, finish_s: 30.0 }
     }
 
     /// What the actor does, with times since the day began.

@@ -3,7 +3,7 @@
 use crate::describe;
 use std::time::Duration;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{Body, LinkLoss};
+use xtb_protocol::messages::{Body, LinkLoss, Via};
 
 /// A goal that outlives this client may take this long (the robot's own default too).
 const FINISH_WITHIN: Duration = Duration::from_secs(300);
@@ -16,6 +16,10 @@ pub(in crate::commands) enum Aim {
         x_m: f64,
         /// North.
         y_m: f64,
+        /// On arrival.
+        yaw_rad: Option<f64>,
+        /// How; `None` = as the robot likes.
+        via: Option<Via>,
     },
     /// Wander.
     Wander {
@@ -52,7 +56,9 @@ impl Task {
     pub(super) fn body(&self) -> Body {
         let (on_link_loss, finish_s) = (self.on_link_loss(), self.finish_s());
         match self.aim {
-            Aim::Point { x_m, y_m } => Body::Goto { x_m, y_m, yaw_rad: None, on_link_loss, finish_s },
+            Aim::Point { x_m, y_m, yaw_rad, via } => {
+                Body::Goto { x_m, y_m, yaw_rad, via, on_link_loss, finish_s }
+            }
             Aim::Wander { lasting } => {
                 let for_s = lasting.map(|lasting| lasting.as_secs_f64());
                 // The shorter of the two ends it.
@@ -64,7 +70,7 @@ impl Task {
     /// The goal in a word or two.
     pub(super) fn words(&self) -> String {
         match self.aim {
-            Aim::Point { x_m, y_m } => {
+            Aim::Point { x_m, y_m, .. } => {
                 format!("({}, {})", describe::fixed(x_m, 2), describe::fixed(y_m, 2))
             }
             Aim::Wander { .. } => "wander".to_owned(),
@@ -92,7 +98,7 @@ mod tests {
     use super::*;
 
     fn task(wait: bool, within_s: Option<u64>) -> Task {
-        let aim = Aim::Point { x_m: 1.0, y_m: 2.0 };
+        let aim = Aim::Point { x_m: 1.0, y_m: 2.0, yaw_rad: None, via: None };
         let robot = Name::new("xtb-1").unwrap();
         Task { robot, aim, within: within_s.map(Duration::from_secs), wait, take: false }
     }

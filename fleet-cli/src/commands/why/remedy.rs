@@ -16,7 +16,15 @@ pub(super) fn of_reason(robot: &Name, reason: StopReason) -> Option<String> {
         R::SetpointZero => "press a key or move the joystick".to_owned(),
         R::ObstacleFront => "clear the way ahead, or drive astern".to_owned(),
         R::ObstacleRear => "clear the way behind, or drive ahead".to_owned(),
-        R::WanderPause | R::ChangingDirection | R::Starting | R::Coasting => return None,
+        R::WanderPause | R::ChangingDirection | R::Starting | R::Coasting | R::Planning | R::AtCusp => {
+            return None;
+        }
+        R::WaitingForTraffic | R::GivingWay => {
+            "nothing, if the others move: `fleet-cli status` shows whom it waits for".to_owned()
+        }
+        R::WayBlocked => "clear its way; it looks for another one by itself".to_owned(),
+        R::PoseUncertain => "bring it pose fixes, or tell it where it stands (request `set_pose`)".to_owned(),
+        R::InKeepOut => format!("drive it out by hand: `fleet-cli teleop {robot}`"),
         R::BoardLost => Fault::BoardSilent.remedy().to_owned(),
         R::GyroLost => Fault::GyroSilent.remedy().to_owned(),
         R::RemoteNeutral => {

@@ -1,0 +1,362 @@
+//! One robot's second level: from a goal to `follow` commands, turn by turn.
+//!
+//! ```text
+//!   goal ──► Planning ──► Following ──► reached
+//!              ▲   │          │
+//!              │   │          ├─ something unknown in the way, or beside the path ──► Pausing ──┐
+//!              │   └ no way ──┴────────────────────────────────────────────► Recovering ────────┤
+//!              └────────────────────────────────────────────────────────────────────────────────┘
+//! ```
+//! A path is its own, planned on its own map, or traffic control's, which also says how far along it is
+//! released. Planning takes longer than a turn: it goes out as a [`PlanJob`] and comes back as a [`PlanDone`].
+//!
+//! Words: *released* is the way up to which it may drive; *off* is the distance from the path; *blocked* is
+//! what the first level says when an obstacle holds the motor.
+
+mod drive;
+mod job;
+mod route;
+
+pub use job::{PlanDone, PlanFailure, PlanJob};
+pub use route::Led;
+
+use crate::MapPose;
+use crate::car::Car;
+use crate::filter::{Estimate, Trust};
+use crate::follower::{Follower, FollowerSettings};
+use crate::local::LocalLayer;
+use crate::map::Map;
+use std::sync::Arc;
+use xtb_control::infrared::BumperRanges;
+use xtb_control::{Stamp, VehicleConfig};
+
+/// Kept free around the body beside what the map says: tracking and pose error, in m.
+pub const MARGIN_M: f64 = 0.06;
+/// Kept free ahead of the bumper in the gear driven: the obstacle rule stops at 25 cm.
+pub const LOOKOUT_M: f64 = 0.32;
+/// Planned circles are wider than the smallest by this factor, so that there is steering to correct with.
+pub const RADIUS_FACTOR: f64 = 1.15;
+/// On released stretches, in m/s.
+pub const CRUISE_MPS: f64 = 0.35;
+/// Where another robot may come head-on, in m/s: each of two needs its own stopping distance.
+pub const HEAD_ON_MPS: f64 = 0.2;
+/// Traffic control that has not been heard for this long is gone.
+pub const TRAFFIC_LOST_MS: u64 = 3_000;
+/// The first level holds it this long before it looks for another way.
+const BLOCKED_MS: u64 = 1_500;
+/// It waits this long for something unknown to go away, before each further try.
+const PAUSE_MS: u64 = 3_000;
+/// Tries without any way gained before it gives up.
+const TRIES: u32 = 6;
+/// Way along a path that counts as progress, in m.
+const PROGRESS_M: f64 = 0.5;
+/// Longest reversing of a recovery.
+const RECOVERY_MS: u64 = 2_500;
+/// Its wheels' speed astern.
+const RECOVERY_MPS: f64 = 0.11;
+
+/// What is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aim {
+    /// East, in m.
+    pub x_m: f64,
+    /// North, in m.
+    pub y_m: f64,
+    /// On arrival.
+    pub yaw_rad: Option<f64>,
+}
+
+/// What a turn knows.
+#[derive(Debug, Clone, Copy)]
+pub struct Sensed<'a> {
+    /// Where it is.
+    pub estimate: &'a Estimate,
+    /// Signed, in m/s.
+    pub speed_mps: f64,
+    /// The first level holds the motor because of an obstacle.
+    pub blocked: bool,
+    /// Front bumper, cm.
+    pub ir_front_cm: &'a BumperRanges,
+    /// Rear bumper, cm.
+    pub ir_rear_cm: &'a BumperRanges,
+    /// Whether the range finders have been read since the last turn.
+    pub scanned: bool,
+}
+
+/// Why it stands while its goal runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standing {
+    /// A path is being planned.
+    Planning,
+    /// At the end of what is released.
+    WaitingForTraffic,
+    /// Something unknown is in the way.
+    WayBlocked,
+    /// It does not know well enough where it is.
+    PoseUncertain,
+    /// Between two gears.
+    AtCusp,
+}
+
+/// What a turn decides.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Decision {
+    /// Stand, with the wheels turned so.
+    Stand(Standing, f64),
+    /// Drive: signed m/s, and steering as a fraction, + = right.
+    Drive(f64, f64),
+    /// The goal is reached.
+    Reached,
+    /// It cannot be reached.
+    Failed(String),
+}
+
+/// What it is at, for the state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// A path is looked for.
+    Planning,
+    /// Along the path.
+    Following,
+    /// Standing.
+    Waiting,
+    /// Reversing while turning.
+    Recovering,
+}
+
+#[derive(Debug, Clone)]
+enum Stage {
+    /// Asks for a path once it stands.
+    Seeking { job: Option<u64>, since: Stamp },
+    /// Along a path.
+    Following(Box<drive::Following>),
+    /// Waits before it tries again.
+    Pausing { until: Stamp },
+    /// The memorandum's avoidance (§4.6): astern while turning.
+    Recovering { until: Stamp, steering: f64, from: MapPose },
+}
+
+/// A goal under way.
+#[derive(Debug, Clone)]
+struct Task {
+    aim: Aim,
+    stage: Stage,
+    /// Tries since the last progress.
+    tries: u32,
+    /// Paths for this goal.
+    plans: u32,
+    /// Where it was when `tries` began to count.
+    tried_at: MapPose,
+    /// What was in the way last.
+    blocked_at: Option<[f64; 2]>,
+    /// In words, for when it gives up.
+    trouble: String,
+    recoveries: u32,
+    standing: Option<Standing>,
+}
+
+/// The second level of one robot.
+#[derive(Debug, Clone)]
+pub struct Navigator {
+    car: Car,
+    follower: FollowerSettings,
+    map: Option<Arc<Map>>,
+    local: Option<LocalLayer>,
+    task: Option<Task>,
+    led: route::LedBook,
+    jobs: u64,
+    outbox: Option<PlanJob>,
+}
+
+impl Navigator {
+    /// A navigator without a map.
+    #[must_use]
+    pub fn new(vehicle: &VehicleConfig) -> Self {
+        Self {
+            car: Car::of(vehicle),
+            follower: FollowerSettings::of(vehicle),
+            map: None,
+            local: None,
+            task: None,
+            led: route::LedBook::default(),
+            jobs: 0,
+            outbox: None,
+        }
+    }
+
+    /// The map that it plans on from now on; a goal under way is planned anew.
+    pub fn set_map(&mut self, now: Stamp, map: Arc<Map>) {
+        self.local = Some(LocalLayer::new(map.grid()));
+        self.map = Some(map);
+        if let Some(task) = &mut self.task {
+            task.seek(now);
+        }
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn map(&self) -> Option<&Arc<Map>> {
+        self.map.as_ref()
+    }
+
+    /// The car as it is planned for.
+    #[must_use]
+    pub fn car(&self) -> &Car {
+        &self.car
+    }
+
+    /// A goal begins; the one before is forgotten.
+    pub fn begin(&mut self, now: Stamp, aim: Aim, pose: &MapPose) {
+        self.outbox = None;
+        self.led.forget_track();
+        self.task = Some(Task {
+            aim,
+            stage: Stage::Seeking { job: None, since: now },
+            tries: 0,
+            plans: 0,
+            tried_at: *pose,
+            blocked_at: None,
+            trouble: String::new(),
+            recoveries: 0,
+            standing: Some(Standing::Planning),
+        });
+    }
+
+    /// The goal has ended, however.
+    pub fn end(&mut self) {
+        (self.task, self.outbox) = (None, None);
+        self.led.forget_track();
+    }
+
+    /// A plan to make: at most one at a time. Whoever takes it brings it back through
+    /// [`Navigator::planned`].
+    pub fn take_job(&mut self) -> Option<PlanJob> {
+        self.outbox.take()
+    }
+
+    /// Why it stands; `None` while it drives or has no goal.
+    #[must_use]
+    pub fn standing(&self) -> Option<Standing> {
+        self.task.as_ref().and_then(|task| task.standing)
+    }
+
+    /// What the local layer holds.
+    #[must_use]
+    pub fn local(&self) -> Option<&LocalLayer> {
+        self.local.as_ref()
+    }
+
+    /// A turn of a goal under way; `None` without one.
+    pub fn turn(&mut self, now: Stamp, sensed: &Sensed<'_>) -> Option<Decision> {
+        self.look(now, sensed);
+        let mut task = self.task.take()?;
+        let decision = self.decide(now, sensed, &mut task);
+        task.standing = match decision {
+            Decision::Stand(standing, _) => Some(standing),
+            _ => None,
+        };
+        self.task = Some(task);
+        Some(decision)
+    }
+
+    /// The range finders, into the local layer.
+    fn look(&mut self, now: Stamp, sensed: &Sensed<'_>) {
+        if let (Some(map), Some(local), true) = (&self.map, &mut self.local, sensed.scanned) {
+            local.scan(now, &sensed.estimate.pose, sensed.ir_front_cm, sensed.ir_rear_cm, map.grid(), &[]);
+        }
+    }
+
+    fn decide(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+        let pose = sensed.estimate.pose;
+        if let Some(zone) = self.map.as_ref().and_then(|map| map.keep_out_under(&self.car, &pose)) {
+            return Decision::Failed(format!("it stands in the keep-out zone {zone}"));
+        }
+        if Trust::of(sensed.estimate, MARGIN_M) == Trust::Stop {
+            task.seek(now);
+            return Decision::Stand(Standing::PoseUncertain, 0.0);
+        }
+        self.follow_lead(now, task);
+        match &mut task.stage {
+            Stage::Seeking { .. } => self.seek(now, sensed, task),
+            Stage::Following(_) => self.follow(now, sensed, task),
+            Stage::Pausing { until } => {
+                if now >= *until {
+                    task.seek(now);
+                }
+                Decision::Stand(Standing::WayBlocked, 0.0)
+            }
+            Stage::Recovering { .. } => self.recover(now, sensed, task),
+        }
+    }
+
+    /// Stands until there is a path; asks for one unless traffic control makes it.
+    fn seek(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+        let stand = Decision::Stand(Standing::Planning, 0.0);
+        let Stage::Seeking { job, .. } = &mut task.stage else { return stand };
+        let Some(map) = &self.map else {
+            return Decision::Failed("the robot has no map".to_owned());
+        };
+        let rolls = sensed.speed_mps.abs() > 0.01;
+        if job.is_some() || rolls || self.led.leads(now) {
+            return stand;
+        }
+        self.jobs += 1;
+        *job = Some(self.jobs);
+        self.outbox = Some(PlanJob {
+            number: self.jobs,
+            map: map.clone(),
+            local: self.local.as_ref().map(|local| local.obstacles(now)).unwrap_or_default(),
+            car: self.car,
+            start: sensed.estimate.pose,
+            aim: task.aim,
+        });
+        stand
+    }
+
+    /// A plan comes back.
+    pub fn planned(&mut self, now: Stamp, done: PlanDone) {
+        let Some(task) = &mut self.task else { return };
+        if !matches!(task.stage, Stage::Seeking { job: Some(number), .. } if number == done.number) {
+            return;
+        }
+        match done.result {
+            Ok(path) => {
+                task.plans += 1;
+                let follower = Follower::new(path, self.car, self.follower);
+                task.stage = Stage::Following(Box::new(drive::Following::own(follower)));
+            }
+            Err(failure) => task.no_way(now, failure),
+        }
+    }
+}
+
+impl Task {
+    /// Plans anew, from where it stands.
+    fn seek(&mut self, now: Stamp) {
+        self.stage = Stage::Seeking { job: None, since: now };
+    }
+
+    /// There is no way at present: another try later, or the end.
+    fn no_way(&mut self, now: Stamp, failure: PlanFailure) {
+        self.tries += 1;
+        self.trouble = failure.words;
+        if let Some(at) = failure.at {
+            self.blocked_at = Some(at);
+        }
+        self.stage = match failure.for_good {
+            true => {
+                self.tries = TRIES;
+                Stage::Pausing { until: now }
+            }
+            false => Stage::Pausing { until: now.plus_ms(PAUSE_MS) },
+        };
+    }
+
+    /// In words, once it gives up.
+    fn failure(&self) -> String {
+        match self.blocked_at {
+            Some([x_m, y_m]) => format!("blocked near ({x_m:.2}, {y_m:.2}): {}", self.trouble),
+            None => self.trouble.clone(),
+        }
+    }
+}
