@@ -13,7 +13,7 @@
 //! Words: *released* is the way up to which it may drive; *off* is the distance from the path; *blocked* is
 //! what the first level says when an obstacle holds the motor.
 
-mod drive;
+mod follow;
 mod job;
 mod route;
 
@@ -22,13 +22,15 @@ pub use route::Led;
 
 use crate::MapPose;
 use crate::car::Car;
-use crate::filter::{Estimate, Trust};
-use crate::follower::{Follower, FollowerSettings};
+use crate::clearance::Clearance;
+use crate::filter::Estimate;
+use crate::follower::{Follower, FollowerSettings, GoalTolerance};
 use crate::local::LocalLayer;
 use crate::map::Map;
+use follow::Following;
 use std::sync::Arc;
 use xtb_control::infrared::BumperRanges;
-use xtb_control::{Stamp, VehicleConfig};
+use xtb_control::{Command, Stamp, Steering, VehicleConfig, WheelRpm};
 
 /// Kept free around the body beside what the map says: tracking and pose error, in m.
 pub const MARGIN_M: f64 = 0.06;
@@ -101,10 +103,8 @@ pub enum Standing {
 /// What a turn decides.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Decision {
-    /// Stand, with the wheels turned so.
-    Stand(Standing, f64),
-    /// Drive: signed m/s, and steering as a fraction, + = right.
-    Drive(f64, f64),
+    /// For the first level; why, if it stands.
+    Go(Command, Option<Standing>),
     /// The goal is reached.
     Reached,
     /// It cannot be reached.
@@ -129,7 +129,7 @@ enum Stage {
     /// Asks for a path once it stands.
     Seeking { job: Option<u64>, since: Stamp },
     /// Along a path.
-    Following(Box<drive::Following>),
+    Following(Box<Following>),
     /// Waits before it tries again.
     Pausing { until: Stamp },
     /// The memorandum's avoidance (§4.6): astern while turning.
@@ -152,15 +152,19 @@ struct Task {
     /// In words, for when it gives up.
     trouble: String,
     recoveries: u32,
+    /// The last plan found no way out of where it stands.
+    enclosed: bool,
     standing: Option<Standing>,
 }
 
 /// The second level of one robot.
 #[derive(Debug, Clone)]
 pub struct Navigator {
+    vehicle: VehicleConfig,
     car: Car,
     follower: FollowerSettings,
     map: Option<Arc<Map>>,
+    clearance: Option<Arc<Clearance>>,
     local: Option<LocalLayer>,
     task: Option<Task>,
     led: route::LedBook,
@@ -173,9 +177,11 @@ impl Navigator {
     #[must_use]
     pub fn new(vehicle: &VehicleConfig) -> Self {
         Self {
+            vehicle: vehicle.clone(),
             car: Car::of(vehicle),
-            follower: FollowerSettings::of(vehicle),
+            follower: FollowerSettings::default(),
             map: None,
+            clearance: None,
             local: None,
             task: None,
             led: route::LedBook::default(),
@@ -186,6 +192,7 @@ impl Navigator {
 
     /// The map that it plans on from now on; a goal under way is planned anew.
     pub fn set_map(&mut self, now: Stamp, map: Arc<Map>) {
+        self.clearance = Some(Arc::new(Clearance::of(map.grid())));
         self.local = Some(LocalLayer::new(map.grid()));
         self.map = Some(map);
         if let Some(task) = &mut self.task {
@@ -218,6 +225,7 @@ impl Navigator {
             blocked_at: None,
             trouble: String::new(),
             recoveries: 0,
+            enclosed: false,
             standing: Some(Standing::Planning),
         });
     }
@@ -252,7 +260,7 @@ impl Navigator {
         let mut task = self.task.take()?;
         let decision = self.decide(now, sensed, &mut task);
         task.standing = match decision {
-            Decision::Stand(standing, _) => Some(standing),
+            Decision::Go(_, standing) => standing,
             _ => None,
         };
         self.task = Some(task);
@@ -271,19 +279,13 @@ impl Navigator {
         if let Some(zone) = self.map.as_ref().and_then(|map| map.keep_out_under(&self.car, &pose)) {
             return Decision::Failed(format!("it stands in the keep-out zone {zone}"));
         }
-        if Trust::of(sensed.estimate, MARGIN_M) == Trust::Stop {
-            task.seek(now);
-            return Decision::Stand(Standing::PoseUncertain, 0.0);
-        }
-        self.follow_lead(now, task);
+        self.follow_lead(now, sensed.speed_mps.abs() < 0.01, task);
         match &mut task.stage {
             Stage::Seeking { .. } => self.seek(now, sensed, task),
             Stage::Following(_) => self.follow(now, sensed, task),
             Stage::Pausing { until } => {
-                if now >= *until {
-                    task.seek(now);
-                }
-                Decision::Stand(Standing::WayBlocked, 0.0)
+                let until = *until;
+                self.pause(now, until, sensed, task)
             }
             Stage::Recovering { .. } => self.recover(now, sensed, task),
         }
@@ -291,7 +293,7 @@ impl Navigator {
 
     /// Stands until there is a path; asks for one unless traffic control makes it.
     fn seek(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
-        let stand = Decision::Stand(Standing::Planning, 0.0);
+        let stand = stand(Standing::Planning);
         let Stage::Seeking { job, .. } = &mut task.stage else { return stand };
         let Some(map) = &self.map else {
             return Decision::Failed("the robot has no map".to_owned());
@@ -319,11 +321,15 @@ impl Navigator {
         if !matches!(task.stage, Stage::Seeking { job: Some(number), .. } if number == done.number) {
             return;
         }
-        match done.result {
-            Ok(path) => {
+        let follower = done.result.and_then(|path| {
+            let tolerance = tolerance(&task.aim);
+            let follower = Follower::new(&path, &self.car, self.follower, tolerance);
+            follower.map(|follower| (path, follower)).map_err(|error| PlanFailure::for_good(error.to_string()))
+        });
+        match follower {
+            Ok((path, follower)) => {
                 task.plans += 1;
-                let follower = Follower::new(path, self.car, self.follower);
-                task.stage = Stage::Following(Box::new(drive::Following::own(follower)));
+                task.stage = Stage::Following(Box::new(Following::own(path, follower)));
             }
             Err(failure) => task.no_way(now, failure),
         }
@@ -340,12 +346,13 @@ impl Task {
     fn no_way(&mut self, now: Stamp, failure: PlanFailure) {
         self.tries += 1;
         self.trouble = failure.words;
+        self.enclosed = failure.enclosed;
         if let Some(at) = failure.at {
             self.blocked_at = Some(at);
         }
         self.stage = match failure.for_good {
             true => {
-                self.tries = TRIES;
+                self.tries = TRIES + 1;
                 Stage::Pausing { until: now }
             }
             false => Stage::Pausing { until: now.plus_ms(PAUSE_MS) },
@@ -359,4 +366,15 @@ impl Task {
             None => self.trouble.clone(),
         }
     }
+}
+
+/// Stands with straight wheels.
+fn stand(why: Standing) -> Decision {
+    Decision::Go(Command::Follow { rpm: WheelRpm::ZERO, steering: Steering::CENTRED }, Some(why))
+}
+
+/// The memorandum's box (§4.10), and 15° where a yaw was asked for.
+fn tolerance(aim: &Aim) -> GoalTolerance {
+    let yaw_rad = aim.yaw_rad.and(GoalTolerance::default().yaw_rad);
+    GoalTolerance { yaw_rad, ..GoalTolerance::default() }
 }

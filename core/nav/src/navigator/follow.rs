@@ -1,0 +1,226 @@
+//! Along a path, and out of where there is none.
+
+use super::{
+    BLOCKED_MS, CRUISE_MPS, Decision, HEAD_ON_MPS, LOOKOUT_M, Navigator, PAUSE_MS, PROGRESS_M, RECOVERY_MPS,
+    RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
+};
+use crate::MapPose;
+use crate::filter::Trust;
+use crate::follower::{Follower, Released, Status, Stuck};
+use crate::path::Path;
+use xtb_control::{Command, Stamp, Steering, WheelRpm};
+
+/// The way ahead is looked at this often.
+const LOOK_MS: u64 = 200;
+/// And so far, in m: more than it takes to stop.
+const LOOK_M: f64 = 1.2;
+/// In steps of this, in m.
+const LOOK_STEP_M: f64 = 0.04;
+/// An obstacle as near as this to the body on the path is in the way, in m.
+const IN_THE_WAY_M: f64 = 0.02;
+/// A recovery that has gone so far is done, in m.
+const RECOVERED_M: f64 = 0.4;
+/// Recoveries for one goal.
+const RECOVERIES: u32 = 3;
+
+/// A path under way.
+#[derive(Debug, Clone)]
+pub(super) struct Following {
+    pub(super) path: Path,
+    pub(super) follower: Follower,
+    /// Traffic control's number of it; 0 = its own.
+    pub(super) plan: u64,
+    pub(super) release_m: f64,
+    pub(super) cruise_mps: f64,
+    pub(super) off_m: f64,
+    /// The first level has held the motor since.
+    blocked_since: Option<Stamp>,
+    looked: Option<Stamp>,
+    /// Where the way ahead was found blocked: how far along, and by what.
+    obstructed: Option<(f64, [f64; 2])>,
+    obstructed_since: Option<Stamp>,
+    /// Least room beside the body ahead, in m.
+    clearance_m: f64,
+    /// Progress counted so far, in m.
+    counted_m: f64,
+}
+
+impl Following {
+    /// Its own path: nobody vouches for the others, so it drives as if one came head-on.
+    pub(super) fn own(path: Path, follower: Follower) -> Self {
+        Self::new(path, follower, 0, f64::MAX, HEAD_ON_MPS)
+    }
+
+    /// Traffic control's path.
+    pub(super) fn led(path: Path, follower: Follower, plan: u64) -> Self {
+        Self::new(path, follower, plan, 0.0, CRUISE_MPS)
+    }
+
+    fn new(path: Path, follower: Follower, plan: u64, release_m: f64, cruise_mps: f64) -> Self {
+        Self {
+            path,
+            follower,
+            plan,
+            release_m,
+            cruise_mps,
+            off_m: 0.0,
+            blocked_since: None,
+            looked: None,
+            obstructed: None,
+            obstructed_since: None,
+            clearance_m: 0.0,
+            counted_m: 0.0,
+        }
+    }
+}
+
+impl Navigator {
+    /// A turn along the path.
+    pub(super) fn follow(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+        let Stage::Following(following) = &mut task.stage else { return stand(Standing::Planning) };
+        self.look_ahead(now, sensed, following);
+        let pose = sensed.estimate.pose;
+        let trust = Trust::of(sensed.estimate, following.clearance_m);
+        let trusted_mps = match trust {
+            Trust::Full => f64::MAX,
+            Trust::Slow { mps } => mps,
+            Trust::Stop => 0.0,
+        };
+        let free_m = following.obstructed.map_or(f64::MAX, |(way_m, _)| way_m);
+        let released = Released {
+            way_m: following.release_m.min(free_m),
+            cruise_mps: following.cruise_mps.min(trusted_mps),
+            clearance_m: following.clearance_m,
+        };
+        let drive = following.follower.step(now, &pose, sensed.speed_mps, &released);
+        following.off_m = drive.cross_m;
+        if drive.way_m > following.counted_m + PROGRESS_M {
+            following.counted_m = drive.way_m;
+            (task.tries, task.blocked_at) = (0, None);
+        }
+        let held = sensed.blocked || drive.status == Status::Stuck(Stuck::NoMotion);
+        following.blocked_since = held.then(|| following.blocked_since.unwrap_or(now));
+        let command = drive.command(&self.vehicle);
+        let go = |why| Decision::Go(command, why);
+        if trust == Trust::Stop {
+            return go(Some(Standing::PoseUncertain));
+        }
+        match drive.status {
+            Status::Reached => Decision::Reached,
+            Status::Deviated { .. } | Status::Stuck(Stuck::Missed | Stuck::NoProgress | Stuck::NoPose) => {
+                self.lose_the_path(now, task, "it gets off its path")
+            }
+            _ if following.blocked_since.is_some_and(|since| now.since_ms(since) >= BLOCKED_MS) => {
+                let ahead_m = drive.speed_mps.signum() * (self.car.front_m + 0.2);
+                let (sin, cos) = libm::sincos(pose.yaw_rad);
+                let at = [pose.x_m + ahead_m * cos, pose.y_m + ahead_m * sin];
+                self.find_blocked(now, task, at)
+            }
+            _ if following.obstructed_since.is_some_and(|since| now.since_ms(since) >= LOOK_MS)
+                && sensed.speed_mps.abs() < 0.01 =>
+            {
+                let at = following.obstructed.map_or([pose.x_m, pose.y_m], |(_, at)| at);
+                self.find_blocked(now, task, at)
+            }
+            Status::AtReleaseEnd if following.obstructed.is_some() => go(Some(Standing::WayBlocked)),
+            Status::AtReleaseEnd => go(Some(Standing::WaitingForTraffic)),
+            Status::AtCusp => go(Some(Standing::AtCusp)),
+            Status::Following | Status::Stuck(Stuck::NoMotion) => go(None),
+        }
+    }
+
+    /// What the local layer says of the next metre, and how much room the map leaves.
+    fn look_ahead(&self, now: Stamp, sensed: &Sensed<'_>, following: &mut Following) {
+        if following.looked.is_some_and(|at| now.since_ms(at) < LOOK_MS) {
+            return;
+        }
+        following.looked = Some(now);
+        let (Some(local), Some(clearance)) = (&self.local, &self.clearance) else { return };
+        let from_m = following.follower.way_m();
+        let to_m = (from_m + LOOK_M).min(following.follower.length_m());
+        let (mut way_m, mut least_m) = (from_m, f64::MAX);
+        let mut obstructed = None;
+        let body = self.car.grown(IN_THE_WAY_M);
+        while obstructed.is_none() {
+            let (pose, _) = following.path.at(way_m);
+            let room_m = f64::from(clearance.at(pose.x_m, pose.y_m)) - self.car.half_width_m;
+            least_m = least_m.min(room_m);
+            obstructed = local.nearest_in(now, &body, &pose).map(|at| (way_m, at));
+            if way_m >= to_m {
+                break;
+            }
+            way_m = (way_m + LOOK_STEP_M).min(to_m);
+        }
+        following.clearance_m = least_m.max(0.02);
+        // A stop with the look-out's room before it.
+        following.obstructed = obstructed.map(|(way_m, at)| ((way_m - LOOKOUT_M).max(from_m), at));
+        let stands = sensed.speed_mps.abs() < 0.01;
+        following.obstructed_since = match following.obstructed {
+            Some((way_m, _)) if way_m - from_m < 0.05 && stands => {
+                following.obstructed_since.or(Some(now))
+            }
+            _ => None,
+        };
+    }
+
+    /// Something unknown is in the way: another path, or, on traffic control's, a word to it.
+    fn find_blocked(&mut self, now: Stamp, task: &mut Task, at: [f64; 2]) -> Decision {
+        task.blocked_at = Some(at);
+        if let Some(local) = &mut self.local {
+            local.mark(now, at);
+        }
+        let Stage::Following(following) = &task.stage else { return stand(Standing::WayBlocked) };
+        if following.plan > 0 && self.led.leads(now) {
+            return stand(Standing::WayBlocked);
+        }
+        self.lose_the_path(now, task, "something that is not on the map")
+    }
+
+    /// Another path from here, unless that was tried often enough.
+    fn lose_the_path(&mut self, now: Stamp, task: &mut Task, why: &str) -> Decision {
+        task.tries += 1;
+        why.clone_into(&mut task.trouble);
+        if task.tries > TRIES {
+            return Decision::Failed(task.failure());
+        }
+        task.seek(now);
+        stand(Standing::Planning)
+    }
+
+    /// After a plan that failed: again, or astern out of it, or the end.
+    pub(super) fn pause(&mut self, now: Stamp, until: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+        if task.tries > TRIES {
+            return Decision::Failed(task.failure());
+        }
+        if now < until {
+            return stand(Standing::WayBlocked);
+        }
+        if task.enclosed && task.recoveries < RECOVERIES {
+            task.recoveries += 1;
+            let steering = if task.recoveries % 2 == 1 { 1.0 } else { -1.0 };
+            let until = now.plus_ns(RECOVERY_MS * 1_000_000);
+            task.stage = Stage::Recovering { until, steering, from: sensed.estimate.pose };
+            return self.recover(now, sensed, task);
+        }
+        task.seek(now);
+        stand(Standing::Planning)
+    }
+
+    /// The memorandum's avoidance (§4.6): astern while turning, as far as there is room.
+    pub(super) fn recover(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+        let Stage::Recovering { until, steering, from } = task.stage else { return stand(Standing::Planning) };
+        let gone_m = distance_m(&from, &sensed.estimate.pose);
+        if now >= until || gone_m >= RECOVERED_M || (sensed.blocked && sensed.speed_mps == 0.0) {
+            task.stage = Stage::Pausing { until: now.plus_ms(PAUSE_MS / 6) };
+            task.enclosed = false;
+            return stand(Standing::WayBlocked);
+        }
+        let rpm = WheelRpm::try_from(-RECOVERY_MPS / self.vehicle.mps_per_rpm()).unwrap_or(WheelRpm::ZERO);
+        let steering = Steering::try_from(steering).unwrap_or(Steering::CENTRED);
+        Decision::Go(Command::Follow { rpm, steering }, None)
+    }
+}
+
+fn distance_m(a: &MapPose, b: &MapPose) -> f64 {
+    libm::hypot(a.x_m - b.x_m, a.y_m - b.y_m)
+}

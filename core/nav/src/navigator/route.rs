@@ -1,0 +1,93 @@
+//! Traffic control's paths: what it last said, and when to go by it.
+
+use super::{Navigator, Stage, TRAFFIC_LOST_MS, Task, tolerance};
+use crate::follower::Follower;
+use crate::navigator::follow::Following;
+use crate::path::Path;
+use xtb_control::Stamp;
+
+/// What traffic control says to a robot about its present goal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Led {
+    /// Its paths, counted.
+    pub plan: u64,
+    /// `None` = stand, there is none yet.
+    pub path: Option<Path>,
+    /// Released along it, in m.
+    pub release_m: f64,
+    /// At most this fast.
+    pub cruise_mps: f64,
+    /// Who has to pass first.
+    pub waits_for: Option<String>,
+    /// Why there is no path.
+    pub reason: Option<String>,
+}
+
+/// What was heard of traffic control.
+#[derive(Debug, Clone, Default)]
+pub(super) struct LedBook {
+    heard: Option<Stamp>,
+    led: Option<Led>,
+}
+
+impl LedBook {
+    /// Whether traffic control lives.
+    pub(super) fn leads(&self, now: Stamp) -> bool {
+        self.heard.is_some_and(|at| now.since_ms(at) < TRAFFIC_LOST_MS)
+    }
+
+    /// The path belongs to a goal that is over.
+    pub(super) fn forget_track(&mut self) {
+        self.led = None;
+    }
+
+    pub(super) fn led(&self) -> Option<&Led> {
+        self.led.as_ref()
+    }
+}
+
+impl Navigator {
+    /// Traffic control was heard; `led` is about the goal that runs now, or none.
+    pub fn led(&mut self, now: Stamp, led: Option<Led>) {
+        self.led.heard = Some(now);
+        if self.task.is_some() {
+            self.led.led = led;
+        }
+    }
+
+    /// Whether traffic control has been heard lately.
+    #[must_use]
+    pub fn is_led(&self, now: Stamp) -> bool {
+        self.led.leads(now)
+    }
+
+    /// Takes over a new path once it stands, and each release at once. Without traffic control for
+    /// [`TRAFFIC_LOST_MS`] a robot that stands at the end of what was released looks for itself.
+    pub(super) fn follow_lead(&mut self, now: Stamp, stands: bool, task: &mut Task) {
+        if !self.led.leads(now) {
+            if let Stage::Following(following) = &task.stage
+                && following.plan > 0
+                && stands
+            {
+                task.seek(now);
+            }
+            return;
+        }
+        let Some(led) = self.led.led() else {
+            return;
+        };
+        if let Stage::Following(following) = &mut task.stage
+            && following.plan == led.plan
+        {
+            following.release_m = following.release_m.max(led.release_m);
+            following.cruise_mps = led.cruise_mps;
+            return;
+        }
+        let Some(path) = led.path.as_ref().filter(|_| stands) else { return };
+        let Ok(follower) = Follower::new(path, &self.car, self.follower, tolerance(&task.aim)) else { return };
+        task.plans += 1;
+        let mut following = Following::led(path.clone(), follower, led.plan);
+        (following.release_m, following.cruise_mps) = (led.release_m, led.cruise_mps);
+        task.stage = Stage::Following(Box::new(following));
+    }
+}
