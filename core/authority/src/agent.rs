@@ -11,6 +11,7 @@
 //! writes the motor. The writer is the controller; the brain only ever hands it a command, and its
 //! answer to every doubt is [`Command::Idle`].
 
+mod navigate;
 mod requests;
 mod setpoints;
 mod stops;
@@ -27,13 +28,15 @@ use crate::replies::ReplyBook;
 use setpoints::Teleop;
 use std::collections::VecDeque;
 use xtb_control::controller::Mode;
-use xtb_control::frames::{MapFromOdom, MapPose};
+use xtb_control::frames::MapPose;
 use xtb_control::odometry::OdomPose;
 use xtb_control::{Command, Outputs, Stamp, VehicleConfig};
 use xtb_protocol::messages::{
     Event, EventKind, Fault, GoalEnd, GoalStatus, InputAges, Latch, Lease, LinkLoss, PoseSource, PoseState,
     StopReason,
 };
+use xtb_nav::filter::{FilterTuning, PoseFilter};
+use xtb_nav::navigator::Navigator;
 use xtb_protocol::{Name, Uuid};
 
 /// Events that wait for the uplink; the oldest is dropped and counted when full.
@@ -89,7 +92,10 @@ pub struct Agent {
     setpoint_lifetime_ms: u64,
     limits: ClientLimits,
     max_rpm: f64,
-    map: MapFromOdom,
+    mps_per_rpm: f64,
+    filter: PoseFilter,
+    nav: Navigator,
+    lead: navigate::Lead,
     guards: Guards,
     lease: LeaseBook,
     latches: LatchBook,
@@ -146,7 +152,16 @@ impl Agent {
                 echo_ms: setpoints::ECHO_MS,
             },
             max_rpm: vehicle.teleop.max_rpm,
-            map: MapFromOdom::aligning(&OdomPose::default(), &identity.start_pose),
+            mps_per_rpm: vehicle.mps_per_rpm(),
+            filter: PoseFilter::new(
+                vehicle,
+                FilterTuning::default(),
+                Stamp::ZERO,
+                &OdomPose::default(),
+                &identity.start_pose,
+            ),
+            nav: Navigator::new(vehicle),
+            lead: navigate::Lead::default(),
             guards: Guards::default(),
             lease: LeaseBook::new(identity.epoch),
             latches: LatchBook::default(),
@@ -210,11 +225,12 @@ impl Agent {
 
     /// The odometry was set back: the pose in the map stays what it was.
     pub fn rezeroed(&mut self, before: &OdomPose, after: &OdomPose) {
-        self.map = MapFromOdom::aligning(after, &self.map.pose(before));
+        self.filter.rezeroed(before, after);
     }
 
     /// One turn: what the controller shall do now, if anything new.
     pub fn turn(&mut self, now: Stamp, view: View<'_>) -> Option<Command> {
+        self.locate(now, view);
         self.watch_remote(now, view.outputs.mode);
         self.watch_faults(now, view);
         self.watch_goal(now, view.outputs);
@@ -225,8 +241,11 @@ impl Agent {
             self.mode = view.outputs.mode;
         }
         self.arbitrate(now);
-        let command = self.pending.take();
-        if let (Some(Command::Goto(_) | Command::Wander), Some(goal)) = (command, &mut self.goal) {
+        let command = self.pending.take().or_else(|| self.navigate(now, view));
+        if let (Some(Command::Goto(_) | Command::Wander | Command::Follow { .. }), Some(goal)) =
+            (command, &mut self.goal)
+            && goal.status == GoalStatus::Accepted
+        {
             goal.becomes(now, GoalStatus::Running, None);
             let event = EventKind::Goal { id: goal.id, status: GoalStatus::Running, reason: None };
             self.emit(now, event);
@@ -282,6 +301,9 @@ impl Agent {
             let words = (limit.then == GoalStatus::Failed).then_some("its time was up");
             return self.stand(now, StopReason::TimeUp, limit.then, words);
         }
+        if goal.is_planned() {
+            return;
+        }
         if let (Target::Point { .. }, Some(decision)) = (goal.target, &outputs.goto) {
             goal.distance_m = Some(decision.distance_m);
             if decision.arrived {
@@ -289,12 +311,20 @@ impl Agent {
                 return self.end_goal(now, GoalStatus::Reached, None);
             }
         }
-        let status = if outputs.blocked { GoalStatus::Blocked } else { GoalStatus::Running };
-        if goal.status != status {
-            let reason = outputs.blocked.then_some("an obstacle in the driving direction");
-            goal.becomes(now, status, reason);
-            let (id, reason) = (goal.id, reason.map(str::to_owned));
-            self.emit(now, EventKind::Goal { id, status, reason });
+        self.goal_is(now, outputs.blocked.then_some("an obstacle in the driving direction"));
+    }
+
+    /// The goal runs, or is blocked by this.
+    fn goal_is(&mut self, now: Stamp, blocked: Option<&str>) {
+        let status = if blocked.is_some() { GoalStatus::Blocked } else { GoalStatus::Running };
+        let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
+        if goal.status != status || goal.reason.as_deref() != blocked {
+            let news = goal.status != status;
+            goal.becomes(now, status, blocked);
+            let (id, reason) = (goal.id, blocked.map(str::to_owned));
+            if news {
+                self.emit(now, EventKind::Goal { id, status, reason });
+            }
         }
     }
 
@@ -351,6 +381,7 @@ impl Agent {
         let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
         goal.becomes(now, status, reason);
         let event = EventKind::Goal { id: goal.id, status, reason: reason.map(str::to_owned) };
+        self.nav.end();
         self.emit(now, event);
     }
 
@@ -441,10 +472,24 @@ impl Agent {
 
     /// Where the robot is in the map.
     #[must_use]
-    pub fn pose(&self, view: View<'_>) -> PoseState {
-        let MapPose { x_m, y_m, yaw_rad } = self.map.pose(&view.outputs.pose);
+    pub fn pose(&self, now: Stamp, view: View<'_>) -> PoseState {
+        let estimate = self.filter.estimate(now);
+        let MapPose { x_m, y_m, yaw_rad } = estimate.pose;
         let age_ms = view.ages.gyro.zip(view.ages.encoder).map(|(gyro, encoder)| gyro.max(encoder));
-        let source = if age_ms.is_some() { PoseSource::Odometry } else { PoseSource::Start };
-        PoseState { x_m, y_m, yaw_rad, source, age_ms }
+        let source = match (age_ms, estimate.fix_age_ms) {
+            (None, _) => PoseSource::Start,
+            (Some(_), None) => PoseSource::Odometry,
+            (Some(_), Some(_)) => PoseSource::Fixes,
+        };
+        PoseState {
+            x_m,
+            y_m,
+            yaw_rad,
+            source,
+            age_ms,
+            sigma_m: estimate.sigma_m,
+            sigma_yaw_rad: estimate.sigma_yaw_rad,
+            fix_age_ms: estimate.fix_age_ms,
+        }
     }
 }

@@ -27,6 +27,7 @@ use crate::filter::Estimate;
 use crate::follower::{Follower, FollowerSettings, GoalTolerance};
 use crate::local::LocalLayer;
 use crate::map::Map;
+use crate::path::Path;
 use follow::Following;
 use std::sync::Arc;
 use xtb_control::infrared::BumperRanges;
@@ -122,6 +123,29 @@ pub enum Phase {
     Waiting,
     /// Reversing while turning.
     Recovering,
+}
+
+/// How a path is driven, for the state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress<'a> {
+    /// `None` while there is none.
+    pub path: Option<&'a Path>,
+    /// Traffic control's number of it; 0 = its own, or none.
+    pub plan: u64,
+    /// What it is at.
+    pub phase: Phase,
+    /// Driven along it, in m.
+    pub done_m: f64,
+    /// Released, in m.
+    pub release_m: f64,
+    /// Beside it, in m, + = to its left.
+    pub off_m: f64,
+    /// Who has to pass first.
+    pub waits_for: Option<&'a str>,
+    /// Where something unknown is in the way, (x, y) in m.
+    pub blocked_at: Option<[f64; 2]>,
+    /// Paths for this goal so far.
+    pub plans: u32,
 }
 
 #[derive(Debug, Clone)]
@@ -246,6 +270,62 @@ impl Navigator {
     #[must_use]
     pub fn standing(&self) -> Option<Standing> {
         self.task.as_ref().and_then(|task| task.standing)
+    }
+
+    /// What traffic control says of the present goal.
+    #[must_use]
+    pub fn led_by(&self) -> Option<&Led> {
+        self.led.led()
+    }
+
+    /// How the present goal's path is driven.
+    #[must_use]
+    pub fn progress(&self) -> Option<Progress<'_>> {
+        let task = self.task.as_ref()?;
+        let (path, plan, done_m, release_m, off_m) = match &task.stage {
+            Stage::Following(following) => {
+                let length_m = following.follower.length_m();
+                let release_m = following.release_m.min(length_m);
+                (Some(&following.path), following.plan, following.follower.way_m(), release_m, following.off_m)
+            }
+            _ => (None, 0, 0.0, 0.0, 0.0),
+        };
+        let phase = match (&task.stage, task.standing) {
+            (Stage::Seeking { .. }, _) => Phase::Planning,
+            (Stage::Recovering { .. }, _) => Phase::Recovering,
+            (Stage::Following(_), None | Some(Standing::AtCusp)) => Phase::Following,
+            _ => Phase::Waiting,
+        };
+        let waits_for = self.led.led().and_then(|led| led.waits_for.as_deref());
+        let (plans, blocked_at) = (task.plans, task.blocked_at);
+        Some(Progress { path, plan, phase, done_m, release_m, off_m, waits_for, blocked_at, plans })
+    }
+
+    /// The keep-out that a goal lies in.
+    #[must_use]
+    pub fn keep_out_at(&self, aim: &Aim) -> Option<String> {
+        let map = self.map.as_ref()?;
+        let zone = match aim.yaw_rad {
+            Some(yaw_rad) => {
+                map.keep_out_under(&self.car, &MapPose { x_m: aim.x_m, y_m: aim.y_m, yaw_rad })
+            }
+            None => map.keep_outs().find(|zone| zone.holds(aim.x_m, aim.y_m)),
+        };
+        zone.map(|zone| zone.name().to_owned())
+    }
+
+    /// What keeps it from standing at a goal, whatever its yaw.
+    #[must_use]
+    pub fn in_the_way_at(&self, aim: &Aim) -> Option<&'static str> {
+        let (map, clearance) = (self.map.as_ref()?, self.clearance.as_ref()?);
+        let grid = map.grid();
+        let (column, row) = grid.place(aim.x_m, aim.y_m);
+        let (width, height) = (grid.width() as i64, grid.height() as i64);
+        if !(0..width).contains(&column) || !(0..height).contains(&row) {
+            return Some("it is not on the map");
+        }
+        let least_m = self.car.core_m() - grid.resolution_m();
+        (clearance.at(aim.x_m, aim.y_m) < least_m).then_some("something on the map stands there")
     }
 
     /// What the local layer holds.

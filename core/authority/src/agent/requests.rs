@@ -15,15 +15,16 @@ use super::{Agent, Arrival, ENDED_GOALS, View};
 use crate::faults::INPUT_LOST_MS;
 use crate::goal::{Goal, Target, TimeLimit};
 use crate::guard::Guard;
-use xtb_control::frames::{MapFromOdom, MapPose};
-use xtb_control::{Command, Mode, Stamp, goto};
+use xtb_control::frames::MapPose;
+use xtb_control::{Command, Mode, Stamp};
+use xtb_nav::navigator::Aim;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
     Body, Done, EventKind, Fault, GoalEnd, GoalStatus, InputAges, LinkLoss, RejectCode, Reply, Request,
-    StopReason,
+    StopReason, Via,
 };
 
-type Refusal = (RejectCode, String, &'static str);
+pub(super) type Refusal = (RejectCode, String, &'static str);
 type Outcome = Result<Done, Refusal>;
 
 /// Whether a request needs the present lease.
@@ -133,22 +134,21 @@ impl Agent {
                 self.emit(now, EventKind::Lease { holder: None });
                 Ok(Done::default())
             }
-            Body::Goto { x_m, y_m, yaw_rad, on_link_loss, finish_s } => {
-                if yaw_rad.is_some() {
-                    return Err((
-                        RejectCode::Unsupported,
-                        "this robot drives to a point and cannot choose its yaw there".into(),
-                        "leave yaw_rad out",
-                    ));
-                }
-                let (x_odom, y_odom) = self.map.point_to_odom(*x_m, *y_m);
-                let point = goto::Goal::new(x_odom, y_odom).map_err(|error| {
-                    (RejectCode::OutOfRange, error.to_string(), "choose a goal nearer to the robot")
-                })?;
-                let target = Target::Point { x_m: *x_m, y_m: *y_m };
+            Body::Goto { x_m, y_m, yaw_rad, via, on_link_loss, finish_s } => {
+                let aim = Aim { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad };
+                let via = via.unwrap_or_else(|| self.usual_way());
+                let command = match via {
+                    Via::Direct => self.direct(&aim)?,
+                    Via::Planned => self.planned_goal(&aim)?,
+                };
+                let target = Target::Point { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad, via };
                 let mut goal = Goal::accepted(now, client.clone(), request.id, target, *on_link_loss);
                 goal.limit = finish_limit(now, *on_link_loss, *finish_s);
-                self.begin(now, arrival, goal, Command::Goto(point), view)
+                let done = self.begin(now, arrival, goal, command, view)?;
+                if via == Via::Planned {
+                    self.begin_path(now, aim);
+                }
+                Ok(done)
             }
             Body::Wander { for_s, on_link_loss, finish_s } => {
                 let lasting = for_s.map(|s| TimeLimit { at: after(now, s), then: GoalStatus::Reached });
@@ -183,7 +183,7 @@ impl Agent {
                     ));
                 }
                 let pose = MapPose { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad };
-                self.map = MapFromOdom::aligning(&view.outputs.pose, &pose);
+                self.filter.set_pose(now, &view.outputs.pose, &pose);
                 Ok(Done::default())
             }
             Body::Reset { latch } => {

@@ -16,6 +16,7 @@ impl Agent {
         let mut reasons: Vec<StopReason> = self.latches.all().map(Latch::reason).collect();
         reasons.extend(self.faults.present().filter_map(stops));
         reasons.extend(of_mode(self.idle_because, view));
+        reasons.extend(self.stands_on_its_path());
         if view.over_speed {
             reasons.push(StopReason::OverSpeed);
         }
