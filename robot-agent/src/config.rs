@@ -54,6 +54,13 @@ config_section! {
     }
 }
 
+config_section! {
+    /// Planned goals.
+    NavSection "nav" {
+        map: String = String::new(), "", Text, Ours, "Map to plan on, a YAML file of ROS's map_server; empty = the fleet's, from `fleet-cli map serve`.";
+    }
+}
+
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -66,6 +73,8 @@ pub struct ConfigFile {
     pub hardware: HardwareSection,
     /// Where it stands.
     pub start_pose: StartPose,
+    /// Planned goals.
+    pub nav: NavSection,
     /// What it is.
     pub vehicle: VehicleConfig,
 }
@@ -134,6 +143,8 @@ pub struct AgentConfig {
     pub start_pose: MapPose,
     /// Its vehicle.
     pub vehicle: VehicleConfig,
+    /// Its own map; `None` = the fleet's.
+    pub map: Option<PathBuf>,
     /// Folder for a recording of every step.
     pub record: Option<PathBuf>,
     /// Times real time that its simulated world runs; 1 for every real robot.
@@ -221,6 +232,7 @@ impl ConfigFile {
         all.extend(self.zenoh.parameters());
         all.extend(self.hardware.parameters());
         all.extend(self.start_pose.parameters());
+        all.extend(self.nav.parameters());
         all
     }
 
@@ -268,6 +280,7 @@ impl ConfigFile {
             connect: self.zenoh.connect.clone(),
             start_pose: MapPose { x_m, y_m, yaw_rad },
             vehicle: self.vehicle.clone(),
+            map: (!self.nav.map.is_empty()).then(|| PathBuf::from(&self.nav.map)),
             record: None,
             world_speed: 1.0,
         })

@@ -7,7 +7,8 @@ use crate::clock::Clock;
 use crate::door::{ESTOPS, EstopCall};
 use crate::hardware::Hardware;
 use crate::hardware::lines::Lines;
-use crate::mailbox::{LineNote, LoopEnds, Snapshot, Waiting, Word};
+use crate::mailbox::{LineNote, LoopEnds, Snapshot, TIDINGS, Tiding, Waiting, Word};
+use crate::planning::Planning;
 use crate::recorder::Recorder;
 use std::io;
 use std::sync::Arc;
@@ -39,7 +40,8 @@ pub(crate) fn start(
     stop: Arc<AtomicBool>,
 ) -> io::Result<JoinHandle<()>> {
     let name = format!("control-{}", robot.agent().identity().robot);
-    let control = ControlLoop { robot, lines: Lines::new(hardware), ends, recorder };
+    let planning = Planning::start(&robot.agent().identity().robot)?;
+    let control = ControlLoop { robot, lines: Lines::new(hardware), ends, recorder, planning };
     std::thread::Builder::new().name(name).spawn(move || control.run(&clock, &stop))
 }
 
@@ -48,6 +50,7 @@ struct ControlLoop {
     lines: Lines,
     ends: LoopEnds,
     recorder: Option<Recorder>,
+    planning: Planning,
 }
 
 impl ControlLoop {
@@ -64,7 +67,9 @@ impl ControlLoop {
             }
             self.lines.read(&mut self.robot, now, &mut logging(&self.ends.notes));
             self.take_orders(now);
+            self.take_tidings(now);
             self.lines.write(&mut self.robot, now, &mut logging(&self.ends.notes));
+            self.plan(now);
             self.record();
             self.report(now, &mut next_snapshot);
         }
@@ -100,6 +105,30 @@ impl ControlLoop {
             self.robot.agent_mut().setpoint(now, at, arrival, &client, &setpoint);
         }
         ends.door.follow(self.robot.agent());
+    }
+
+    /// What the second level has to know: poses, paths, maps.
+    fn take_tidings(&mut self, now: Stamp) {
+        for _ in 0..TIDINGS {
+            let Ok(tiding) = self.ends.tidings.try_recv() else { return };
+            let agent = self.robot.agent_mut();
+            match tiding {
+                Tiding::Fix(at, fix) => agent.fix(now, at, &fix),
+                Tiding::Route(route) => agent.route(now, &route),
+                Tiding::Map(map) => agent.set_map(now, map),
+                Tiding::FleetMap(hash) => agent.set_fleet_map(hash),
+            }
+        }
+    }
+
+    /// Plans that are done, and one to make.
+    fn plan(&mut self, now: Stamp) {
+        while let Some(done) = self.planning.done() {
+            self.robot.agent_mut().planned(now, done);
+        }
+        if let Some(job) = self.robot.agent_mut().take_plan_job() {
+            self.planning.ask(job);
+        }
     }
 
     /// All that have arrived; who asked is told that the robot stands.

@@ -4,6 +4,7 @@
 //! control before anybody can talk to it; then the session; presence last. It ends in the opposite
 //! order: motors first, then queries, then the session.
 
+mod chart;
 pub mod clock;
 pub mod config;
 mod control_loop;
@@ -11,10 +12,12 @@ mod door;
 mod downlink;
 pub mod hardware;
 mod mailbox;
+mod planning;
 mod recorder;
 pub mod recording;
 pub mod replay;
 mod session;
+mod tidings;
 mod uplink;
 
 use crate::clock::Clock;
@@ -27,6 +30,7 @@ use thiserror::Error;
 use tokio::sync::watch;
 use xtb_authority::{Identity, Robot};
 use xtb_bus::BusError;
+use xtb_control::Stamp;
 use xtb_protocol::{Name, Uuid};
 
 /// The agent's version, as events and factsheet give it.
@@ -41,6 +45,14 @@ pub enum AgentError {
     /// Zenoh would not.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// The map file cannot be used.
+    #[error("map {path}: {reason}")]
+    Map {
+        /// The file.
+        path: String,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The recording cannot be made.
     #[error("cannot record: {0}")]
     Record(std::io::Error),
@@ -72,6 +84,9 @@ pub async fn run(
     let about = session::about(config, &identity, hardware.kind());
     let mut robot = Robot::new(identity.clone(), config.vehicle.clone(), VERSION);
     robot.agent_mut().set_world_speed(config.world_speed);
+    if let Some(path) = &config.map {
+        robot.agent_mut().set_map(Stamp::ZERO, Arc::new(chart::read(path)?));
+    }
     let (recorder, recording) = match &config.record {
         Some(folder) => {
             robot.start_tape();

@@ -7,6 +7,7 @@
 //! | downlink → loop | the holder lives | 1 time, the latest wins | – |
 //! | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
 //! | downlink → loop | setpoint of the holder | 1, latest wins | the older one is dropped, counted |
+//! | downlink → loop | poses, paths, maps | [`TIDINGS`] | dropped, counted as overloaded; newer ones follow |
 //! | loop → downlink | replies | [`REPLIES`] | requests wait in their own queue |
 //! | loop → uplink | snapshot | 1, latest wins | the older one is dropped |
 //! | loop → uplink | events | [`EVENTS`] | dropped, counted |
@@ -20,10 +21,11 @@ use tokio::sync::{mpsc, watch};
 use xtb_authority::agent::Arrival;
 use xtb_bus::Question;
 use xtb_control::Stamp;
+use xtb_nav::map::Map;
 use xtb_protocol::Name;
 use xtb_protocol::codec::{CodecError, Format};
 use xtb_protocol::messages::{
-    Estopped, Event, RejectCode, Rejected, Reply, Request, RobotState, Sensors, Setpoint,
+    Estopped, Event, Fix, MapHash, RejectCode, Rejected, Reply, Request, RobotState, Route, Sensors, Setpoint,
 };
 
 /// Requests waiting for a turn.
@@ -32,6 +34,8 @@ pub(crate) const REQUESTS: usize = 64;
 pub(crate) const REPLIES: usize = 256;
 /// Events on their way out.
 pub(crate) const EVENTS: usize = 256;
+/// Poses, paths and maps on their way to the loop.
+pub(crate) const TIDINGS: usize = 64;
 /// Notes on their way to the log.
 pub(crate) const NOTES: usize = 16;
 
@@ -88,6 +92,18 @@ pub(crate) enum Word {
     Reply(Reply),
     /// To an emergency stop.
     Estopped(Estopped),
+}
+
+/// What the second level has to know.
+pub(crate) enum Tiding {
+    /// A measured pose, and when it came in.
+    Fix(Stamp, Fix),
+    /// From traffic control.
+    Route(Box<Route>),
+    /// The fleet's map, for a robot without one of its own.
+    Map(Arc<Map>),
+    /// The hash of the fleet's map.
+    FleetMap(MapHash),
 }
 
 /// What the uplink publishes.
@@ -204,6 +220,8 @@ pub(crate) struct LoopEnds {
     pub(crate) requests: std_mpsc::Receiver<Job>,
     /// Setpoints.
     pub(crate) setpoint: Arc<SetpointSlot>,
+    /// Poses, paths, maps.
+    pub(crate) tidings: std_mpsc::Receiver<Tiding>,
     /// Order of arrival, and stops.
     pub(crate) arrivals: Arc<Arrivals>,
     /// What must not wait in a queue.
@@ -228,6 +246,8 @@ pub(crate) struct SessionEnds {
     pub(crate) requests: std_mpsc::SyncSender<Job>,
     /// Setpoints.
     pub(crate) setpoint: Arc<SetpointSlot>,
+    /// Poses, paths, maps.
+    pub(crate) tidings: std_mpsc::SyncSender<Tiding>,
     /// Order of arrival, and stops.
     pub(crate) arrivals: Arc<Arrivals>,
     /// What must not wait in a queue.
@@ -250,6 +270,7 @@ pub(crate) struct SessionEnds {
 #[must_use]
 pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let (request_sender, request_receiver) = std_mpsc::sync_channel(REQUESTS);
+    let (tiding_sender, tiding_receiver) = std_mpsc::sync_channel(TIDINGS);
     let (reply_sender, reply_receiver) = mpsc::channel(REPLIES);
     let (event_sender, event_receiver) = mpsc::channel(EVENTS);
     let (note_sender, note_receiver) = mpsc::channel(NOTES);
@@ -262,6 +283,7 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let loop_ends = LoopEnds {
         requests: request_receiver,
         setpoint: setpoint.clone(),
+        tidings: tiding_receiver,
         arrivals: arrivals.clone(),
         door: door.clone(),
         replies: reply_sender.clone(),
@@ -274,6 +296,7 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let session_ends = SessionEnds {
         requests: request_sender,
         setpoint,
+        tidings: tiding_sender,
         arrivals,
         door,
         reply_sender,

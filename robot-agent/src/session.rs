@@ -3,7 +3,7 @@
 use crate::clock::Clock;
 use crate::config::AgentConfig;
 use crate::mailbox::{SessionEnds, Snapshot};
-use crate::{AgentError, Shutdown, VERSION, downlink, uplink};
+use crate::{AgentError, Shutdown, VERSION, downlink, tidings, uplink};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -107,6 +107,7 @@ async fn serve(
     let epoch = about.epoch;
     wait_for_name(config, bus, &keys.alive()).await?;
     let _uplink = uplink::declare(bus, &keys, &ends.snapshot, &ends.counters, about).await?;
+    let _tidings = tidings::declare(bus, &fleet, config, clock, &ends).await?;
     let _downlink = downlink::declare(bus, &fleet, &config.robot, clock, &ends).await?;
     let link = bus.watch_link().await?;
     wait_for_inputs(&mut ends.snapshot).await;

@@ -68,6 +68,7 @@ pub fn name(text: &str) -> Name {
 #[must_use]
 pub fn agent_config(endpoint: &str, fleet: &str) -> AgentConfig {
     AgentConfig {
+        map: None,
         fleet: name(fleet),
         robot: name("xtb-1"),
         peer: false,

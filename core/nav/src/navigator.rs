@@ -25,7 +25,7 @@ use crate::car::Car;
 use crate::clearance::Clearance;
 use crate::filter::Estimate;
 use crate::follower::{Follower, FollowerSettings, GoalTolerance};
-use crate::local::LocalLayer;
+use crate::local::{BumperScan, LocalLayer};
 use crate::map::Map;
 use crate::path::Path;
 use follow::Following;
@@ -217,7 +217,7 @@ impl Navigator {
     /// The map that it plans on from now on; a goal under way is planned anew.
     pub fn set_map(&mut self, now: Stamp, map: Arc<Map>) {
         self.clearance = Some(Arc::new(Clearance::of(map.grid())));
-        self.local = Some(LocalLayer::new(map.grid()));
+        self.local = Some(LocalLayer::new(self.car, Some(map.grid())));
         self.map = Some(map);
         if let Some(task) = &mut self.task {
             task.seek(now);
@@ -350,7 +350,13 @@ impl Navigator {
     /// The range finders, into the local layer.
     fn look(&mut self, now: Stamp, sensed: &Sensed<'_>) {
         if let (Some(map), Some(local), true) = (&self.map, &mut self.local, sensed.scanned) {
-            local.scan(now, &sensed.estimate.pose, sensed.ir_front_cm, sensed.ir_rear_cm, map.grid(), &[]);
+            let scan = BumperScan {
+                pose: sensed.estimate.pose,
+                sigma_m: sensed.estimate.sigma_m,
+                front_cm: *sensed.ir_front_cm,
+                rear_cm: *sensed.ir_rear_cm,
+            };
+            local.see(now, &scan, Some(map.grid()), &[]);
         }
     }
 
@@ -387,7 +393,7 @@ impl Navigator {
         self.outbox = Some(PlanJob {
             number: self.jobs,
             map: map.clone(),
-            local: self.local.as_ref().map(|local| local.obstacles(now)).unwrap_or_default(),
+            local: self.local.iter().flat_map(|local| local.obstacles(now)).map(|o| [o.x_m, o.y_m]).collect(),
             car: self.car,
             start: sensed.estimate.pose,
             aim: task.aim,

@@ -38,6 +38,7 @@ impl RunningAgent {
         clock: Clock,
     ) -> Self {
         let config = AgentConfig {
+            map: None,
             fleet: settings.fleet.clone(),
             robot: robot.name.clone(),
             peer: false,

@@ -5,7 +5,6 @@ use super::requests::Refusal;
 use super::{Agent, View};
 use crate::arbitration::Writer;
 use std::sync::Arc as Shared;
-use xtb_control::odometry::OdomPose;
 use xtb_control::{Command, Mode, Stamp, Steering, WheelRpm, goto};
 use xtb_nav::filter::{self, FixOutcome};
 use xtb_nav::map::Map;
@@ -51,10 +50,11 @@ impl Agent {
         own.is_some() && self.lead.fleet_hash.is_some_and(|fleet| own != Some(fleet))
     }
 
-    /// A pose from outside.
-    pub fn fix(&mut self, now: Stamp, fix: &Fix) {
+    /// A pose from outside that came in `at`.
+    pub fn fix(&mut self, now: Stamp, at: Stamp, fix: &Fix) {
+        let age_ns = fix.age_ms.saturating_mul(1_000_000);
         let measured = filter::Fix {
-            stamp: Stamp::from_ns(now.ns().saturating_sub(fix.age_ms * 1_000_000)),
+            stamp: Stamp::from_ns(at.min(now).ns().saturating_sub(age_ns)),
             x_m: fix.x_m,
             y_m: fix.y_m,
             yaw_rad: fix.yaw_rad,
@@ -167,7 +167,6 @@ impl Agent {
 
     /// The odometry, into the filter.
     pub(super) fn locate(&mut self, now: Stamp, view: View<'_>) {
-        let OdomPose { .. } = view.outputs.pose;
         // A pose that is not finite is left out: the odometry never makes one.
         let _ = self.filter.odometry(now, &view.outputs.pose);
     }

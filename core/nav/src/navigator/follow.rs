@@ -138,6 +138,7 @@ impl Navigator {
         let (Some(local), Some(clearance)) = (&self.local, &self.clearance) else { return };
         let from_m = following.follower.way_m();
         let to_m = (from_m + LOOK_M).min(following.follower.length_m());
+        let marks: Vec<[f64; 2]> = local.obstacles(now).map(|mark| [mark.x_m, mark.y_m]).collect();
         let (mut way_m, mut least_m) = (from_m, f64::MAX);
         let mut obstructed = None;
         let body = self.car.grown(IN_THE_WAY_M);
@@ -145,7 +146,8 @@ impl Navigator {
             let (pose, _) = following.path.at(way_m);
             let room_m = f64::from(clearance.at(pose.x_m, pose.y_m)) - self.car.half_width_m;
             least_m = least_m.min(room_m);
-            obstructed = local.nearest_in(now, &body, &pose).map(|at| (way_m, at));
+            let there = |point: &[f64; 2]| body.distance_m(&pose, *point) <= 0.0;
+            obstructed = marks.iter().copied().find(there).map(|at| (way_m, at));
             if way_m >= to_m {
                 break;
             }
@@ -166,9 +168,6 @@ impl Navigator {
     /// Something unknown is in the way: another path, or, on traffic control's, a word to it.
     fn find_blocked(&mut self, now: Stamp, task: &mut Task, at: [f64; 2]) -> Decision {
         task.blocked_at = Some(at);
-        if let Some(local) = &mut self.local {
-            local.mark(now, at);
-        }
         let Stage::Following(following) = &task.stage else { return stand(Standing::WayBlocked) };
         if following.plan > 0 && self.led.leads(now) {
             return stand(Standing::WayBlocked);

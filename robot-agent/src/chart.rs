@@ -1,0 +1,18 @@
+//! A map of the robot's own, from a file.
+
+use crate::AgentError;
+use std::path::Path;
+use xtb_nav::map::{Map, ros};
+
+/// Reads a map of ROS's map_server: the YAML file and the image that it names.
+///
+/// # Errors
+/// [`AgentError::Map`], with the file and what is wrong with it.
+pub(crate) fn read(path: &Path) -> Result<Map, AgentError> {
+    let wrong = |path: &Path, reason: String| AgentError::Map { path: path.display().to_string(), reason };
+    let text = std::fs::read_to_string(path).map_err(|error| wrong(path, error.to_string()))?;
+    let header = ros::Header::parse(&text).map_err(|error| wrong(path, error.to_string()))?;
+    let image = path.parent().unwrap_or(Path::new("")).join(header.image());
+    let bytes = std::fs::read(&image).map_err(|error| wrong(&image, error.to_string()))?;
+    header.map(&bytes).map_err(|error| wrong(&image, error.to_string()))
+}

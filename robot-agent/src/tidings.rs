@@ -1,0 +1,100 @@
+//! What the second level hears from Zenoh: measured poses, traffic control's paths, the fleet's map.
+//!
+//! The callbacks run on Zenoh's threads and never wait. What cannot be read is counted as rejected, what
+//! finds the queue full as overloaded; a newer pose or path follows.
+
+use crate::clock::Clock;
+use crate::config::AgentConfig;
+use crate::mailbox::{Counters, SessionEnds, Tiding};
+use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
+use std::time::Duration;
+use xtb_bus::{Bus, BusError, Incoming, Subscription};
+use xtb_nav::map::Map;
+use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::messages::{Fix, FleetMap, Route};
+
+const ASK_WITHIN: Duration = Duration::from_secs(2);
+
+/// Holds the declarations; dropping it ends them.
+pub(crate) struct Tidings {
+    _subscriptions: [Subscription; 3],
+}
+
+/// Where they come in.
+#[derive(Clone)]
+struct Inbox {
+    tidings: SyncSender<Tiding>,
+    counters: Arc<Counters>,
+    /// The robot has a map of its own.
+    own_map: bool,
+}
+
+impl Inbox {
+    fn put(&self, tiding: Tiding) {
+        if self.tidings.try_send(tiding).is_err() {
+            self.counters.overloaded();
+        }
+    }
+
+    fn fix(&self, clock: &Clock, incoming: &Incoming) {
+        match incoming.decode::<Fix>() {
+            Ok(fix) => self.put(Tiding::Fix(clock.now(), fix)),
+            Err(error) => self.counters.rejected(&error),
+        }
+    }
+
+    fn route(&self, incoming: &Incoming) {
+        match incoming.decode::<Route>() {
+            Ok(route) => self.put(Tiding::Route(Box::new(route))),
+            Err(error) => self.counters.rejected(&error),
+        }
+    }
+
+    fn map(&self, incoming: &Incoming) {
+        let message = match incoming.decode::<FleetMap>() {
+            Ok(message) => message,
+            Err(error) => return self.counters.rejected(&error),
+        };
+        if !self.own_map {
+            match Map::try_from(&message) {
+                Ok(map) => self.put(Tiding::Map(Arc::new(map))),
+                Err(error) => return tracing::warn!("the fleet's map {} cannot be used: {error}", message.name),
+            }
+        }
+        self.put(Tiding::FleetMap(message.hash));
+    }
+}
+
+/// Declares `fix`, `route` and the fleet's `map`, and asks for a map that is there already.
+///
+/// # Errors
+/// [`BusError`].
+pub(crate) async fn declare(
+    bus: &Bus,
+    fleet: &FleetKeys,
+    config: &AgentConfig,
+    clock: &Clock,
+    ends: &SessionEnds,
+) -> Result<Tidings, BusError> {
+    let keys = fleet.robot(&config.robot);
+    let own_map = config.map.is_some();
+    let inbox = Inbox { tidings: ends.tidings.clone(), counters: ends.counters.clone(), own_map };
+    let (fixes, routes, maps) = (inbox.clone(), inbox.clone(), inbox.clone());
+    let clock = clock.clone();
+    let subscriptions = [
+        bus.subscribe(&keys.fix(), move |incoming| fixes.fix(&clock, &incoming)).await?,
+        bus.subscribe(&keys.route(), move |incoming| routes.route(&incoming)).await?,
+        bus.subscribe(&fleet.map(), move |incoming| maps.map(&incoming)).await?,
+    ];
+    let (bus, key) = (bus.clone(), fleet.map());
+    tokio::spawn(async move {
+        // Nobody has to serve one; who does so later publishes it.
+        if let Ok(answers) = bus.get(&key, ASK_WITHIN).await
+            && let Some(answer) = answers.first()
+        {
+            inbox.map(answer);
+        }
+    });
+    Ok(Tidings { _subscriptions: subscriptions })
+}
