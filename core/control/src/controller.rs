@@ -29,7 +29,7 @@ use crate::remote::{RemoteStage, Selector, Stick};
 use crate::speed::{Direction, SpeedPid, wheel_rpm};
 use crate::tilt::{TiltAngles, tilt_angles};
 use crate::tpu::ResetMask;
-use crate::units::{PwmCount, Stamp, Steering};
+use crate::units::{PwmCount, Stamp, Steering, WheelRpm};
 use crate::vehicle::{Line, Platform, VehicleConfig};
 use crate::wander::WanderStage;
 
@@ -252,17 +252,21 @@ impl Controller {
                 self.wander = Some(stage);
                 self.demand(stage.reference_rpm(&self.config.wander));
             }
-            Command::Teleop { rpm, steering } => {
-                self.mode = Mode::Teleop;
-                self.steer_fraction(*steering);
-                self.demand(rpm.get());
-                if rpm.get() == 0.0 {
-                    self.hold();
-                }
-            }
+            Command::Teleop { rpm, steering } => self.drive(Mode::Teleop, *rpm, *steering),
+            Command::Follow { rpm, steering } => self.drive(Mode::Goto, *rpm, *steering),
         }
         if self.config.speed.reset_on_change && self.mode != before {
             self.speed.reset();
+        }
+    }
+
+    /// The level above has decided speed and steering itself. The same again changes nothing.
+    fn drive(&mut self, mode: Mode, rpm: WheelRpm, steering: Steering) {
+        self.mode = mode;
+        self.steer_fraction(steering);
+        self.demand(rpm.get());
+        if rpm.get() == 0.0 {
+            self.hold();
         }
     }
 

@@ -52,6 +52,14 @@ pub enum Command {
         /// + = right.
         steering: Steering,
     },
+    /// The same from the second level's follower, on its way to a goal: mode goto without Table 4; who
+    /// follows decides when it has arrived. Repeated at each gyro sample.
+    Follow {
+        /// Wheel speed.
+        rpm: WheelRpm,
+        /// + = right.
+        steering: Steering,
+    },
 }
 
 /// Everything that can make the controller take a step.

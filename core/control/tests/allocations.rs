@@ -26,11 +26,16 @@ fn commands() -> Result<Vec<Sample>, Failure> {
     let teleop = |rpm: f64| -> Result<Command, Failure> {
         Ok(Command::Teleop { rpm: WheelRpm::try_from(rpm)?, steering: Steering::try_from(0.5)? })
     };
+    let follow = |rpm: f64| -> Result<Command, Failure> {
+        Ok(Command::Follow { rpm: WheelRpm::try_from(rpm)?, steering: Steering::try_from(-0.5)? })
+    };
     let commands = [
         Command::Idle,
         teleop(20.0)?,
         teleop(-20.0)?,
         teleop(0.0)?,
+        follow(-40.0)?,
+        follow(40.0)?,
         Command::Goto(Goal::new(1.0, -2.0)?),
         Command::Wander,
         Command::Wander,

@@ -10,11 +10,13 @@
 //! ```
 
 pub mod car;
+pub mod follower;
 pub mod grid;
 pub mod path;
 pub mod reeds_shepp;
 
 pub use car::Car;
+pub use follower::{Drive, Follower, FollowerSettings, Released, Status};
 pub use grid::{Cell, Grid};
 pub use path::{Path, Piece};
 pub use xtb_control::frames::MapPose;

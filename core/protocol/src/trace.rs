@@ -29,7 +29,7 @@ pub enum TraceError {
     #[error("{0} of gyro, encoder, adc, remote and command in one line, exactly one is allowed")]
     Kinds(usize),
     /// None, or more than one, of the commands.
-    #[error("a command is exactly one of idle, wander, goto and teleop")]
+    #[error("a command is exactly one of idle, wander, goto, teleop and follow")]
     Commands,
     /// Older than the line before.
     #[error("t_ns {t_ns} is smaller than {before} in the line before")]
@@ -140,7 +140,9 @@ struct CommandLine {
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     goto: Option<Object<GotoLine>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
-    teleop: Option<Object<TeleopLine>>,
+    teleop: Option<Object<DriveLine>>,
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    follow: Option<Object<DriveLine>>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -156,7 +158,7 @@ struct GotoLine {
 
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct TeleopLine {
+struct DriveLine {
     rpm: f64,
     steering: f64,
 }
@@ -221,17 +223,32 @@ impl Line {
     }
 }
 
+impl DriveLine {
+    fn of(rpm: WheelRpm, steering: Steering) -> Object<Self> {
+        Object(Self { rpm: rpm.get(), steering: steering.get() })
+    }
+
+    fn checked(&self) -> Result<(WheelRpm, Steering), OutOfRange> {
+        Ok((WheelRpm::try_from(self.rpm)?, Steering::try_from(self.steering)?))
+    }
+}
+
 impl CommandLine {
     fn command(self) -> Result<Command, TraceError> {
-        let Self { idle, wander, goto, teleop } = self;
-        match (idle, wander, goto, teleop) {
-            (Some(_), None, None, None) => Ok(Command::Idle),
-            (None, Some(_), None, None) => Ok(Command::Wander),
-            (None, None, Some(Object(GotoLine { x_m, y_m })), None) => {
+        let Self { idle, wander, goto, teleop, follow } = self;
+        match (idle, wander, goto, teleop, follow) {
+            (Some(_), None, None, None, None) => Ok(Command::Idle),
+            (None, Some(_), None, None, None) => Ok(Command::Wander),
+            (None, None, Some(Object(GotoLine { x_m, y_m })), None, None) => {
                 Ok(Command::Goto(Goal::new(x_m, y_m)?))
             }
-            (None, None, None, Some(Object(TeleopLine { rpm, steering }))) => {
-                Ok(Command::Teleop { rpm: WheelRpm::try_from(rpm)?, steering: Steering::try_from(steering)? })
+            (None, None, None, Some(Object(line)), None) => {
+                let (rpm, steering) = line.checked()?;
+                Ok(Command::Teleop { rpm, steering })
+            }
+            (None, None, None, None, Some(Object(line))) => {
+                let (rpm, steering) = line.checked()?;
+                Ok(Command::Follow { rpm, steering })
             }
             _ => Err(TraceError::Commands),
         }
@@ -239,15 +256,14 @@ impl CommandLine {
 
     fn of(command: &Command) -> Self {
         let mut line = Self::default();
-        match command {
+        match *command {
             Command::Idle => line.idle = Some(Object(NoFields {})),
             Command::Wander => line.wander = Some(Object(NoFields {})),
             Command::Goto(goal) => {
                 line.goto = Some(Object(GotoLine { x_m: goal.x_m(), y_m: goal.y_m() }));
             }
-            Command::Teleop { rpm, steering } => {
-                line.teleop = Some(Object(TeleopLine { rpm: rpm.get(), steering: steering.get() }));
-            }
+            Command::Teleop { rpm, steering } => line.teleop = Some(DriveLine::of(rpm, steering)),
+            Command::Follow { rpm, steering } => line.follow = Some(DriveLine::of(rpm, steering)),
         }
         line
     }
@@ -316,6 +332,7 @@ mod tests {
             r#"{"t_ns":5,"command":{"idle":{}}}"#,
             r#"{"t_ns":6,"command":{"goto":{"x_m":0.1,"y_m":-2.0}}}"#,
             r#"{"t_ns":7,"command":{"teleop":{"rpm":-13.3,"steering":0.7}}}"#,
+            r#"{"t_ns":8,"command":{"follow":{"rpm":40.5,"steering":-0.2}}}"#,
         ] {
             let (t, sample) = TraceReader::default().line(text).unwrap();
             assert_eq!(sample_line(t, &sample), text);
@@ -342,6 +359,11 @@ mod tests {
             error(r#"{"t_ns":1,"command":{"teleop":{"rpm":1,"steering":1.1}}}"#),
             "steering 1.1 is outside -1..=1 of full lock"
         );
+        assert_eq!(
+            error(r#"{"t_ns":1,"command":{"follow":{"rpm":354,"steering":0}}}"#),
+            "wheel speed 354 is outside -353..=353 rpm"
+        );
+        assert!(error(r#"{"t_ns":1,"command":{"follow":{"rpm":1}}}"#).contains("steering"));
         let adc = r#"{"t_ns":1,"adc":{"ir_front":[0,0,0,0,0,1024],"ir_rear":[0,0,0,0,0,0],"tilt":[0,0],"pistons":[0,0,0,0]}}"#;
         assert_eq!(error(adc), "ADC count 1024 is outside 0..=1023 counts");
     }

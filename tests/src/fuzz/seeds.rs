@@ -217,6 +217,7 @@ pub(super) fn trace() -> Vec<Seed> {
             "{\"t_ns\":1,\"command\":{\"idle\":{}}}\n{\"t_ns\":2,\"command\":{\"wander\":{}}}\n",
             "{\"t_ns\":3,\"command\":{\"goto\":{\"x_m\":0.1,\"y_m\":-2.0}}}\n",
             "{\"t_ns\":4,\"command\":{\"teleop\":{\"rpm\":-13.3,\"steering\":0.7}}}\n",
+            "{\"t_ns\":5,\"command\":{\"follow\":{\"rpm\":40.5,\"steering\":-0.2}}}\n",
         ),
     ));
     seeds.push(text(

@@ -118,7 +118,7 @@ fn in_range(sample: &Sample) -> bool {
             all.into_iter().all(|count| (0.0..=1023.0).contains(&count.get()))
         }
         Sample::Command(Command::Goto(goal)) => goal.x_m().is_finite() && goal.y_m().is_finite(),
-        Sample::Command(Command::Teleop { rpm, steering }) => {
+        Sample::Command(Command::Teleop { rpm, steering } | Command::Follow { rpm, steering }) => {
             rpm.get().abs() <= 353.0 && steering.get().abs() <= 1.0
         }
         _ => true,

@@ -56,13 +56,19 @@ pub(crate) fn teleop(rpm: f64, steering: f64) -> Command {
     Command::Teleop { rpm, steering }
 }
 
+pub(crate) fn follow(rpm: f64, steering: f64) -> Command {
+    let (rpm, steering) = (WheelRpm::try_from(rpm).unwrap(), Steering::try_from(steering).unwrap());
+    Command::Follow { rpm, steering }
+}
+
 pub(crate) fn command() -> impl Strategy<Value = Command> {
-    let rpm = prop_oneof![2 => -353.0..=353.0, 2 => -30.0..=30.0, 1 => Just(0.0)];
+    let rpm = || prop_oneof![2 => -353.0..=353.0, 2 => -30.0..=30.0, 1 => Just(0.0)];
     prop_oneof![
         1 => Just(Command::Idle),
         2 => Just(Command::Wander),
         2 => goal().prop_map(Command::Goto),
-        2 => (rpm, -1.0..=1.0).prop_map(|(rpm, steering)| teleop(rpm, steering)),
+        2 => (rpm(), -1.0..=1.0).prop_map(|(rpm, steering)| teleop(rpm, steering)),
+        2 => (rpm(), -1.0..=1.0).prop_map(|(rpm, steering)| follow(rpm, steering)),
     ]
 }
 

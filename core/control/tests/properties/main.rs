@@ -4,6 +4,7 @@
 
 mod any;
 mod bumpers;
+mod follow;
 mod goto;
 mod infrared;
 mod obstacle;

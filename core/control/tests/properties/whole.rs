@@ -1,7 +1,7 @@
 //! The whole controller under anything: its outputs stay numbers and pulses, it stops when it must,
 //! and it is a function of its samples.
 
-use crate::any::{config, published, samples, teleop};
+use crate::any::{config, follow, published, samples, teleop};
 use proptest::prelude::*;
 use xtb_control::controller::Outputs;
 use xtb_control::units::WheelRpm;
@@ -80,7 +80,7 @@ proptest! {
 
     #[test]
     fn stop_is_neutral_at_once_unless_the_transmitter_drives(
-        config in every_configuration(), samples in samples(100), by_setpoint: bool,
+        config in every_configuration(), samples in samples(100), by in 0_usize..3,
     ) {
         let mut controller = Controller::new(config);
         let mut last = Stamp::ZERO;
@@ -88,7 +88,7 @@ proptest! {
             controller.step(t, &sample);
             last = t;
         }
-        let stop = if by_setpoint { teleop(0.0, 0.3) } else { Command::Idle };
+        let stop = [teleop(0.0, 0.3), follow(0.0, -0.3), Command::Idle][by];
         let out = controller.step(last, &Sample::Command(stop));
         prop_assert!(out.mode == Mode::Manual || out.pwm.motor == PwmCount::NEUTRAL, "{out:?}");
         prop_assert!(out.mode == Mode::Manual || out.reference_rpm == 0.0, "{out:?}");

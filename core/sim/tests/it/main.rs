@@ -17,6 +17,8 @@ mod hazards;
 mod levelling;
 mod motion;
 mod ordinary;
+mod parking;
+mod parkings;
 mod platform;
 mod remote;
 mod sensors;

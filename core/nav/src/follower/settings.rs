@@ -1,0 +1,37 @@
+//! The follower's constants, each with unit, range, default and origin.
+
+use xtb_control::config::{
+    Allowed::Range,
+    Origin::{Assumed, Ours},
+};
+use xtb_control::config_section;
+
+config_section! {
+    /// How a path is driven.
+    FollowerSettings "follower" {
+        look_ahead_m: f64 = 0.20, "m", Range(0.05, 2.0), Ours, "Look-ahead at a standstill: errors of the pose fade over about this way.";
+        look_ahead_s: f64 = 0.3, "s", Range(0.0, 2.0), Ours, "So much more of it for the speed.";
+        look_ahead_tight_m: f64 = 0.10, "m", Range(0.0, 2.0), Ours, "With less clearance than this the look-ahead is as short as at a standstill.";
+        approach_deg: f64 = 35.0, "deg", Range(5.0, 80.0), Ours, "Steepest angle at which it drives back to the path.";
+        lock_s: f64 = 0.1, "s", Range(0.0, 2.0), Assumed, "The servos take this long from straight to full lock (20° at 200°/s).";
+        servo_lag_s: f64 = 0.03, "s", Range(0.001, 1.0), Assumed, "Their first-order lag near the wanted angle.";
+        servo_delay_s: f64 = 0.035, "s", Range(0.0, 0.5), Assumed, "From a command to the servos' first movement: a turn, a frame and a pulse period, in the mean.";
+        acceleration_mps2: f64 = 0.5, "m/s²", Range(0.05, 5.0), Ours, "How fast the speed asked for grows.";
+        creep_mps: f64 = 0.05, "m/s", Range(0.01, 0.2), Ours, "Slowest speed asked for: 10 pulses of the encoder a window.";
+        stop_s: f64 = 0.4, "s", Range(0.1, 5.0), Ours, "Speed towards a stop is the way left over this; more than obstacle.reaction_s (0.358 s).";
+        coast_s: f64 = 0.30, "s", Range(0.01, 5.0), Assumed, "With a neutral motor it rolls on for its speed times this: motor lag 0.25 s and a pulse's way to the motor.";
+        settle_m: f64 = 0.015, "m", Range(0.001, 0.2), Ours, "A stop that falls short of its point by no more than this is good enough.";
+        standing_mps: f64 = 0.008, "m/s", Range(0.0, 0.1), Ours, "Slower is standing: one pulse a window is 0.005 m/s.";
+        standing_s: f64 = 0.12, "s", Range(0.0, 2.0), Ours, "It stands after so long without motion: two windows of the encoder.";
+        turned_s: f64 = 0.05, "s", Range(0.0, 2.0), Ours, "Between wheels that should be turned by now and the motor.";
+        turning_s: f64 = 1.0, "s", Range(0.0, 10.0), Ours, "It waits no longer than this for them: a pose that trembles keeps them moving.";
+        clearance_s: f64 = 0.5, "s", Range(0.1, 10.0), Ours, "No faster than the clearance over this.";
+        tight_mps: f64 = 0.10, "m/s", Range(0.01, 1.0), Ours, "But so fast in any clearance.";
+        ramp_m: f64 = 0.05, "m", Range(0.005, 1.0), Ours, "Slow enough that the wheels turn from one piece's angle to the next one's within this way.";
+        deviation_m: f64 = 0.12, "m", Range(0.01, 2.0), Ours, "Farther beside the path it stops and says so.";
+        deviation_deg: f64 = 40.0, "deg", Range(1.0, 180.0), Ours, "The same for the heading.";
+        no_motion_s: f64 = 2.0, "s", Range(0.1, 60.0), Ours, "Asked to drive for this long without turning wheels: stuck.";
+        no_progress_s: f64 = 6.0, "s", Range(0.1, 60.0), Ours, "Turning wheels for this long without progress along the path: stuck.";
+        progress_m: f64 = 0.02, "m", Range(0.001, 1.0), Ours, "Less is no progress.";
+    }
+}

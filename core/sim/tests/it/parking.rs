@@ -1,0 +1,66 @@
+//! The second level's follower on the whole vehicle: lag, play, wheel scale, servos off their lines.
+//! `cargo run -p xtb-sim --example parking` prints the same figures for 500 parkings.
+
+use crate::parkings::{Course, Parked, Pilot, draw_path, measure};
+use crate::trips::quantile;
+use xtb_control::VehicleConfig;
+use xtb_nav::{Car, Released, Status};
+use xtb_sim::DriveFault;
+
+fn most(all: &[Parked], of: impl Fn(&Parked) -> f64) -> f64 {
+    quantile(all.iter().map(of).collect(), 1.0)
+}
+
+#[test]
+fn forty_goals_that_need_a_change_of_gear_are_reached_far_inside_the_box() {
+    for cruise_mps in [0.35, 0.2] {
+        let all = measure(40, &Course::new(cruise_mps, 1.15));
+        assert!(all.iter().all(|parked| parked.reached && parked.contacts == 0), "{all:?}");
+        assert!(all.iter().all(|parked| parked.cusps > 0));
+        let (missed_m, missed_deg) =
+            (most(&all, |parked| parked.missed_m), most(&all, |parked| parked.missed_deg));
+        assert!(missed_m < 0.05 && missed_deg < 5.0, "{missed_m} m, {missed_deg}° at {cruise_mps} m/s");
+        let beside_m = most(&all, |parked| parked.beside_m);
+        assert!(beside_m < 0.04, "{beside_m} m beside the path at {cruise_mps} m/s");
+        let overshoot_m = most(&all, |parked| parked.overshoot_m);
+        assert!(overshoot_m < 0.02, "{overshoot_m} m past a stop at {cruise_mps} m/s");
+    }
+}
+
+/// A pilot on a path of this number, with all of it released at 0.35 m/s.
+fn pilot(seed: u64) -> (Pilot, VehicleConfig, Released) {
+    let vehicle = VehicleConfig::default();
+    let car = Car::of(&vehicle);
+    let path = draw_path(seed, car.radius_m * 1.15);
+    let pilot = Pilot::new(&Course::new(0.35, 1.15), &path, &car, seed);
+    (pilot, vehicle, Released { way_m: f64::INFINITY, cruise_mps: 0.35, clearance_m: 1.0 })
+}
+
+#[test]
+fn it_waits_at_the_end_of_what_is_released_and_goes_on_when_more_is() {
+    for seed in 0..10 {
+        let (mut pilot, vehicle, all) = pilot(seed);
+        let part = Released { way_m: pilot.follower.length_m() * 0.4, ..all };
+        let mut drive = pilot.step(&vehicle, &part);
+        while drive.status != Status::AtReleaseEnd && pilot.seconds() < 60.0 {
+            drive = pilot.step(&vehicle, &part);
+            assert!(drive.left_m > -0.02 || drive.way_m < part.way_m, "seed {seed}: {drive:?}");
+        }
+        assert_eq!(drive.status, Status::AtReleaseEnd, "seed {seed}: {drive:?}");
+        let waits_m = drive.way_m;
+        (0..200).for_each(|_| drive = pilot.step(&vehicle, &part));
+        assert!((drive.way_m - waits_m).abs() < 1e-3 && drive.speed_mps == 0.0, "seed {seed}: {drive:?}");
+        while drive.status != Status::Reached && pilot.seconds() < 120.0 {
+            drive = pilot.step(&vehicle, &all);
+        }
+        assert_eq!(drive.status, Status::Reached, "seed {seed}: {drive:?}");
+    }
+}
+
+#[test]
+fn wheels_that_are_held_are_reported_as_no_motion() {
+    let (mut pilot, vehicle, all) = pilot(3);
+    pilot.bench.truck().set_drive_fault(DriveFault::Held);
+    let stuck = (0..500).find(|_| matches!(pilot.step(&vehicle, &all).status, Status::Stuck(_)));
+    assert!((200..350).contains(&stuck.unwrap()), "{stuck:?} steps of 10 ms");
+}

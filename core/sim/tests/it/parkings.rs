@@ -1,0 +1,177 @@
+//! Parking with the whole vehicle: goals that need changes of gear, driven by the second level's follower
+//! along Reeds–Shepp paths. The test in `parking.rs` and the example `parking` measure with this.
+
+use crate::agent::Bench;
+use crate::draw::{Draw, in_parallel};
+use std::f64::consts::PI;
+use xtb_control::VehicleConfig;
+use xtb_control::frames::{MapFromOdom, MapPose};
+use xtb_control::odometry::OdomPose;
+use xtb_nav::follower::GoalTolerance;
+use xtb_nav::path::wrap_rad;
+use xtb_nav::reeds_shepp::shortest;
+use xtb_nav::{Car, Drive, Follower, FollowerSettings, Path, Released, Status};
+use xtb_sim::{TruckParameters, World};
+
+/// Steps of the simulation between two gyro samples.
+const GYRO_STEPS: u64 = 2;
+/// A way takes no longer than this many times what it would take at cruise …
+const PATIENCE: f64 = 5.0;
+/// … and this much for each stop.
+const PATIENCE_S: f64 = 8.0;
+const ROOM: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0";
+/// Nothing stands near.
+const CLEARANCE_M: f64 = 1.0;
+
+/// Whose pose is followed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Eyes {
+    /// Ground truth.
+    Truth,
+    /// The truck's own odometry, with its drift.
+    Odometry,
+}
+
+/// How parkings are driven.
+#[derive(Debug, Clone)]
+pub(crate) struct Course {
+    pub(crate) eyes: Eyes,
+    pub(crate) cruise_mps: f64,
+    /// Radius of the planned arcs over the truck's smallest.
+    pub(crate) radius_factor: f64,
+    pub(crate) settings: FollowerSettings,
+}
+
+impl Course {
+    pub(crate) fn new(cruise_mps: f64, radius_factor: f64) -> Self {
+        Self { eyes: Eyes::Truth, cruise_mps, radius_factor, settings: FollowerSettings::default() }
+    }
+}
+
+/// What came of one; everything by ground truth.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Parked {
+    /// The follower says so, and it is so: within 20 cm along x and y each, and 15°.
+    pub(crate) reached: bool,
+    pub(crate) took_s: f64,
+    /// From the goal.
+    pub(crate) missed_m: f64,
+    pub(crate) missed_deg: f64,
+    /// Farthest beside the path.
+    pub(crate) beside_m: f64,
+    /// Farthest that a corner was outside the body at the path's pose: the margin that a planner needs.
+    pub(crate) outside_m: f64,
+    /// Farthest rolled past a stop.
+    pub(crate) overshoot_m: f64,
+    pub(crate) cusps: usize,
+    pub(crate) contacts: u64,
+}
+
+/// A truck with a follower.
+pub(crate) struct Pilot {
+    pub(crate) bench: Bench,
+    pub(crate) follower: Follower,
+    map: MapFromOdom,
+    eyes: Eyes,
+    steps: u64,
+}
+
+impl Pilot {
+    /// Stands at the path's start, its lines up.
+    pub(crate) fn new(course: &Course, path: &Path, car: &Car, seed: u64) -> Self {
+        let room = World::from_toml(ROOM).unwrap();
+        let mut bench = Bench::new(room, &TruckParameters::default(), path.start, seed);
+        bench.run_s(0.2);
+        let settings = course.settings.clone();
+        Self {
+            bench,
+            follower: Follower::new(path, car, settings, GoalTolerance::default()).unwrap(),
+            map: MapFromOdom::aligning(&OdomPose::default(), &path.start),
+            eyes: course.eyes,
+            steps: 0,
+        }
+    }
+
+    pub(crate) fn truth(&self) -> MapPose {
+        let truth = self.bench.simulation.trucks()[0].truth();
+        MapPose { x_m: truth.x_m, y_m: truth.y_m, yaw_rad: truth.yaw_rad }
+    }
+
+    /// To the next gyro sample.
+    pub(crate) fn step(&mut self, vehicle: &VehicleConfig, limits: &Released) -> Drive {
+        let outputs = &self.bench.agent.outputs;
+        let pose = match self.eyes {
+            Eyes::Truth => self.truth(),
+            Eyes::Odometry => self.map.pose(&outputs.pose),
+        };
+        let speed_mps = outputs.rpm * vehicle.mps_per_rpm();
+        let drive = self.follower.step(self.bench.simulation.now(), &pose, speed_mps, limits);
+        self.bench.command(drive.command(vehicle));
+        (0..GYRO_STEPS).for_each(|_| self.bench.step());
+        self.steps += 1;
+        drive
+    }
+
+    pub(crate) fn seconds(&self) -> f64 {
+        self.steps as f64 * 0.01
+    }
+}
+
+/// A path of this number that changes its gear: from somewhere in the middle of the room to a goal up to
+/// 1 m away along x and y each, turned anyhow.
+pub(crate) fn draw_path(seed: u64, radius_m: f64) -> Path {
+    let mut draw = Draw::new(seed);
+    loop {
+        let mut near = |middle: f64| draw.uniform(middle - 1.0, middle + 1.0);
+        let (x_m, y_m) = (near(0.0), near(0.0));
+        let (goal_x_m, goal_y_m) = (near(x_m), near(y_m));
+        let start = MapPose { x_m, y_m, yaw_rad: draw.uniform(-PI, PI) };
+        let goal = MapPose { x_m: goal_x_m, y_m: goal_y_m, yaw_rad: draw.uniform(-PI, PI) };
+        let path = shortest(&start, &goal, radius_m);
+        if path.cusps() > 0 {
+            return path;
+        }
+    }
+}
+
+fn park(seed: u64, course: &Course) -> Parked {
+    let vehicle = VehicleConfig::default();
+    let car = Car::of(&vehicle);
+    let path = draw_path(seed, car.radius_m * course.radius_factor);
+    let mut pilot = Pilot::new(course, &path, &car, seed);
+    let limits = Released { way_m: f64::INFINITY, cruise_mps: course.cruise_mps, clearance_m: CLEARANCE_M };
+    let stops = path.cusps() + 1;
+    let most_s = PATIENCE * path.length_m() / course.cruise_mps + PATIENCE_S * stops as f64;
+    let (mut beside_m, mut outside_m, mut overshoot_m): (f64, f64, f64) = (0.0, 0.0, 0.0);
+    let mut status = Status::Following;
+    while !matches!(status, Status::Reached | Status::Deviated { .. }) && pilot.seconds() < most_s {
+        let pose = pilot.truth();
+        let drive = pilot.step(&vehicle, &limits);
+        let (foot, _) = path.at(drive.way_m);
+        let corners = car.corners(&pose);
+        outside_m = corners.iter().map(|corner| car.distance_m(&foot, *corner)).fold(outside_m, f64::max);
+        beside_m = beside_m.max(drive.cross_m.abs());
+        overshoot_m = overshoot_m.max(-drive.left_m);
+        status = drive.status;
+    }
+    let (truth, goal) = (pilot.truth(), path.end());
+    let (dx, dy) = (truth.x_m - goal.x_m, truth.y_m - goal.y_m);
+    let missed_deg = wrap_rad(truth.yaw_rad - goal.yaw_rad).to_degrees().abs();
+    let there = dx.abs() <= 0.2 && dy.abs() <= 0.2 && missed_deg <= 15.0;
+    Parked {
+        reached: status == Status::Reached && there,
+        took_s: pilot.seconds(),
+        missed_m: libm::hypot(dx, dy),
+        missed_deg,
+        beside_m,
+        outside_m,
+        overshoot_m,
+        cusps: path.cusps(),
+        contacts: pilot.bench.simulation.trucks()[0].truth().contacts,
+    }
+}
+
+/// The first so many parkings.
+pub(crate) fn measure(parkings: u64, course: &Course) -> Vec<Parked> {
+    in_parallel(0..parkings, |seed| park(seed, course))
+}
