@@ -10,13 +10,17 @@
 //! ```
 
 pub mod car;
+pub mod filter;
 pub mod follower;
 pub mod grid;
+pub mod local;
 pub mod path;
 pub mod reeds_shepp;
 
 pub use car::Car;
+pub use filter::PoseFilter;
 pub use follower::{Drive, Follower, FollowerSettings, Released, Status};
 pub use grid::{Cell, Grid};
+pub use local::LocalLayer;
 pub use path::{Path, Piece};
 pub use xtb_control::frames::MapPose;

@@ -1,0 +1,232 @@
+//! Where am I: an extended Kalman filter over odometry and, where something gives them, pose fixes.
+//!
+//! State: x, y, yaw in the map, the gyro's drift and how far the wheels differ from nominal. Each odometry
+//! step predicts, each fix corrects; drift and wheels are learnt on the way and go on serving when the
+//! fixes drop out. Angles are in rad, the yaw counter-clockwise as in the map.
+//!
+//! ```text
+//!             odometry ──────► predict ───► history (¾ s)
+//!                                 ▲            │ a late fix goes where it was measured,
+//!   fix ──► valid? ──► young? ──► gate ────────┘ and everything since is predicted again
+//!                                 │ rejected
+//!                                 ▼
+//!                      six in a row that agree with each other ──► start again where they say
+//! ```
+//!
+//! As long as nothing was learnt from a fix, the pose is the memorandum's odometry (§4.9) to the bit; only
+//! its covariance grows. Steps allocate nothing.
+
+mod estimate;
+mod fix;
+mod gathered;
+mod history;
+mod model;
+#[cfg(test)]
+mod tests;
+mod travel;
+mod trust;
+mod tuning;
+
+pub use estimate::{Estimate, FixCounts};
+pub use fix::{Fix, FixError, FixOutcome, FixSource};
+pub use trust::Trust;
+pub use tuning::Filter as FilterTuning;
+
+use crate::MapPose;
+use fix::Measurement;
+use gathered::{Agreement, Gathered};
+use history::History;
+use model::State;
+use thiserror::Error;
+use travel::Travel;
+use xtb_control::VehicleConfig;
+use xtb_control::frames::MapFromOdom;
+use xtb_control::odometry::OdomPose;
+use xtb_control::units::Stamp;
+
+/// A step of the odometry that changes nothing is left out for this long.
+const IDLE_MS: u64 = 50;
+
+/// The odometry gave a pose that is none.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[error("the odometry's pose ({x_m}, {y_m}) is not finite")]
+pub struct OdometryError {
+    /// To the right of its start, in m.
+    pub x_m: f64,
+    /// Ahead of its start, in m.
+    pub y_m: f64,
+}
+
+/// The filter of one truck; see the module's documentation.
+#[derive(Debug, Clone)]
+pub struct PoseFilter {
+    tuning: FilterTuning,
+    /// When the odometry last said something new.
+    now: Stamp,
+    odom: OdomPose,
+    /// Present while nothing has been learnt: the pose is then the odometry's.
+    alignment: Option<MapFromOdom>,
+    state: State,
+    travel: Travel,
+    history: History,
+    gathered: Gathered,
+    last_fix: Option<Stamp>,
+    counts: FixCounts,
+}
+
+impl PoseFilter {
+    /// A truck that stands at `start` while its odometry says `odom`.
+    #[must_use]
+    pub fn new(
+        vehicle: &VehicleConfig,
+        tuning: FilterTuning,
+        now: Stamp,
+        odom: &OdomPose,
+        start: &MapPose,
+    ) -> Self {
+        let state = State::at(start, &tuning);
+        let mut filter = Self {
+            now,
+            odom: *odom,
+            alignment: Some(MapFromOdom::aligning(odom, start)),
+            state,
+            travel: Travel::new(vehicle.geometry.wheelbase_m, tuning.yaw_noise_rad),
+            history: History::default(),
+            gathered: Gathered::default(),
+            last_fix: None,
+            counts: FixCounts::default(),
+            tuning,
+        };
+        filter.begin_history();
+        filter
+    }
+
+    /// What the odometry says at `now`; to be called whenever it may have changed, the oftener the better.
+    ///
+    /// # Errors
+    /// A pose that is not finite; it is left out.
+    pub fn odometry(&mut self, now: Stamp, odom: &OdomPose) -> Result<(), OdometryError> {
+        if !(odom.x_m.is_finite() && odom.y_m.is_finite()) {
+            return Err(OdometryError { x_m: odom.x_m, y_m: odom.y_m });
+        }
+        if *odom == self.odom && now.since_ms(self.now) < IDLE_MS {
+            return Ok(());
+        }
+        let mut increment = self.travel.step(self.now, now, &self.odom, odom);
+        (self.now, self.odom) = (self.now.max(now), *odom);
+        if let Some(alignment) = &self.alignment {
+            increment.stood_radps = None; // learning from standing would leave the odometry's bits
+            self.state.predict(&increment, &self.tuning);
+            self.state.set_pose(&alignment.pose(odom));
+        } else {
+            self.state.predict(&increment, &self.tuning);
+        }
+        self.history.push(self.now, increment, &self.state);
+        Ok(())
+    }
+
+    /// The odometry started again elsewhere, without the truck having moved.
+    pub fn rezeroed(&mut self, before: &OdomPose, after: &OdomPose) {
+        if let Some(alignment) = &mut self.alignment {
+            *alignment = MapFromOdom::aligning(after, &alignment.pose(before));
+        }
+        self.odom = *after;
+        self.travel.rezeroed();
+    }
+
+    /// Somebody says where the truck is. What was learnt of gyro and wheels is kept.
+    pub fn set_pose(&mut self, now: Stamp, odom: &OdomPose, pose: &MapPose) {
+        self.now = self.now.max(now);
+        self.odom = *odom;
+        self.travel.rezeroed();
+        let learnt = self.alignment.is_none();
+        self.alignment = (!learnt).then(|| MapFromOdom::aligning(odom, pose));
+        self.state.restart(pose, self.tuning.start_m, self.tuning.start_rad);
+        self.last_fix = None;
+        self.gathered.clear();
+        self.begin_history();
+    }
+
+    /// What something else than the truck measured of it.
+    ///
+    /// # Errors
+    /// A fix that cannot be: not finite, without a usable covariance, measured after `now`.
+    pub fn fix(&mut self, now: Stamp, fix: &Fix) -> Result<FixOutcome, FixError> {
+        let measurement = fix.check(now)?;
+        let age_s = now.since_s(fix.stamp);
+        let slot = self.history.slot(fix.stamp).filter(|_| age_s <= self.tuning.late_s);
+        let Some(slot) = slot else {
+            self.counts.too_old += 1;
+            return Ok(FixOutcome::TooOld { age_s, limit_s: self.tuning.late_s });
+        };
+        if self.is_lost() {
+            return Ok(self.gather(fix.stamp, slot, measurement, None));
+        }
+        let mut state = *self.history.state(slot);
+        let test = state.correct(&measurement);
+        if !test.passed() {
+            return Ok(self.gather(fix.stamp, slot, measurement, Some(test.mahalanobis)));
+        }
+        self.alignment = None;
+        self.gathered.clear();
+        self.counts.accepted += 1;
+        self.last_fix = self.last_fix.max(Some(fix.stamp));
+        self.state = self.history.insert(slot, measurement, state, &self.tuning);
+        Ok(FixOutcome::Accepted { mahalanobis: test.mahalanobis, limit: test.limit })
+    }
+
+    /// Where the truck is now, and how sure that is.
+    #[must_use]
+    pub fn estimate(&self, now: Stamp) -> Estimate {
+        let pose = self.alignment.map_or_else(|| self.state.pose(), |alignment| alignment.pose(&self.odom));
+        Estimate::of(&self.state, pose, self.last_fix.map(|at| now.since_ms(at)), self.counts)
+    }
+
+    /// Too unsure of the heading for a correction to point the right way.
+    fn is_lost(&self) -> bool {
+        self.state.sigma_yaw_rad() > self.tuning.lost_rad
+    }
+
+    /// Keeps a fix that does not fit, and starts again if those kept agree with each other.
+    fn gather(&mut self, at: Stamp, slot: usize, fix: Measurement, mahalanobis: Option<f64>) -> FixOutcome {
+        self.gathered.push(fix, self.history.state(slot).pose());
+        if let Some(agreement) = self.gathered.agreement() {
+            return self.start_again(at, &agreement);
+        }
+        match mahalanobis {
+            Some(mahalanobis) => {
+                self.counts.rejected += 1;
+                FixOutcome::Rejected { mahalanobis, limit: fix.limit() }
+            }
+            None => {
+                self.counts.gathered += 1;
+                FixOutcome::Gathered { have: self.gathered.len(), need: gathered::ENOUGH }
+            }
+        }
+    }
+
+    fn start_again(&mut self, at: Stamp, agreement: &Agreement) -> FixOutcome {
+        let before = self.state.pose();
+        let pose = agreement.moved(&before);
+        self.state.restart(&pose, agreement.sigma_m, agreement.sigma_rad);
+        self.state.doubt_learnt(&self.tuning);
+        self.alignment = None;
+        self.last_fix = self.last_fix.max(Some(at));
+        self.counts.restarts += 1;
+        if self.is_lost() {
+            self.gathered.follow(agreement);
+        } else {
+            self.gathered.clear();
+        }
+        self.begin_history();
+        FixOutcome::Restarted {
+            moved_m: libm::hypot(pose.x_m - before.x_m, pose.y_m - before.y_m),
+            turned_rad: agreement.turn_rad,
+        }
+    }
+
+    /// What was before now has another pose: no fix from then fits any more.
+    fn begin_history(&mut self) {
+        self.history.begin(self.now, &self.state);
+    }
+}

@@ -1,0 +1,101 @@
+//! The last steps, so that a late fix can be applied where it was measured.
+
+use super::fix::Measurement;
+use super::model::State;
+use super::travel::Increment;
+use super::tuning::Filter;
+use crate::MapPose;
+use xtb_control::units::Stamp;
+
+/// More than half a second of gyro readings and encoder windows (120 a second).
+const LENGTH: usize = 90;
+
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    stamp: Stamp,
+    /// How the truck came here.
+    increment: Increment,
+    /// What corrected it here.
+    fix: Option<Measurement>,
+    state: State,
+}
+
+/// A ring of steps, the newest of which is now.
+#[derive(Debug, Clone)]
+pub(crate) struct History {
+    /// Always full length, so that nothing is ever allocated again.
+    ring: Vec<Entry>,
+    oldest: usize,
+    length: usize,
+}
+
+impl Default for History {
+    fn default() -> Self {
+        let nowhere = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
+        let entry = Entry {
+            stamp: Stamp::ZERO,
+            increment: Increment::default(),
+            fix: None,
+            state: State::at(&nowhere, &Filter::default()),
+        };
+        Self { ring: vec![entry; LENGTH], oldest: 0, length: 0 }
+    }
+}
+
+impl History {
+    /// Forgets everything before now.
+    pub(crate) fn begin(&mut self, now: Stamp, state: &State) {
+        self.length = 0;
+        self.push(now, Increment::default(), state);
+    }
+
+    /// A step that led to `state`.
+    pub(crate) fn push(&mut self, now: Stamp, increment: Increment, state: &State) {
+        let place = (self.oldest + self.length) % LENGTH;
+        self.ring[place] = Entry { stamp: now, increment, fix: None, state: *state };
+        if self.length == LENGTH {
+            self.oldest = (self.oldest + 1) % LENGTH;
+        } else {
+            self.length += 1;
+        }
+    }
+
+    fn at(&self, slot: usize) -> &Entry {
+        &self.ring[(self.oldest + slot) % LENGTH]
+    }
+
+    fn at_mut(&mut self, slot: usize) -> &mut Entry {
+        &mut self.ring[(self.oldest + slot) % LENGTH]
+    }
+
+    /// The newest step not after `stamp` that has no fix yet.
+    pub(crate) fn slot(&self, stamp: Stamp) -> Option<usize> {
+        (0..self.length).rev().find(|&slot| self.at(slot).stamp <= stamp && self.at(slot).fix.is_none())
+    }
+
+    /// The state after the step in this slot.
+    pub(crate) fn state(&self, slot: usize) -> &State {
+        &self.at(slot).state
+    }
+
+    /// Puts a fix that made `state` into its slot and predicts again from there: the state now.
+    pub(crate) fn insert(
+        &mut self,
+        slot: usize,
+        fix: Measurement,
+        mut state: State,
+        tuning: &Filter,
+    ) -> State {
+        let entry = self.at_mut(slot);
+        (entry.fix, entry.state) = (Some(fix), state);
+        for later in slot + 1..self.length {
+            let entry = self.at_mut(later);
+            state.predict(&entry.increment, tuning);
+            if let Some(fix) = &entry.fix {
+                state.correct(fix);
+            }
+            entry.state = state;
+        }
+        state
+    }
+}

@@ -1,0 +1,184 @@
+//! What the map does not know: obstacles seen by the range finders, for a short time.
+//!
+//! Six beams of each bumper, parallel and 7 cm apart, put marks where they hit and take marks away where
+//! they pass. A mark counts once it was seen twice, and fades when it is not seen any more. What the map or
+//! the known pose of another truck explains is no mark.
+//!
+//! ```text
+//!                     ┌ trusted ┐┌ too near by up to 20 cm ┐
+//!   bumper ·──────────┼─────────┼┼─────────────────────────┼───────
+//!          0         10        40                         56 cm    (readings by §4.5)
+//!   folds back: a sensor that was nearer than 14 cm keeps its mark until the truck has backed off
+//! ```
+
+mod beams;
+mod marks;
+#[cfg(test)]
+mod tests;
+
+pub use marks::LocalObstacle;
+
+use crate::{Car, Cell, Grid, MapPose};
+use beams::{Beam, Foldback, Sight, beams};
+use marks::Marks;
+use xtb_control::infrared::BumperRanges;
+use xtb_control::units::Stamp;
+
+/// So far beside a hit something that is known explains it, in m.
+const EXPLAINED_M: f64 = 0.12;
+/// With an unsure pose it explains more, but never more than this, in m.
+const MOST_EXPLAINED_M: f64 = 0.30;
+/// A beam clears up to this much before what it hits, in m.
+const BEFORE_HIT_M: f64 = 0.08;
+
+/// What one scan of the bumpers saw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BumperScan {
+    /// Where the truck was.
+    pub pose: MapPose,
+    /// How sure that is: standard deviation in m.
+    pub sigma_m: f64,
+    /// Front bumper in cm, left to right.
+    pub front_cm: BumperRanges,
+    /// Rear bumper in cm, left to right with the truck pointing up.
+    pub rear_cm: BumperRanges,
+}
+
+/// Marks of one truck; see the module's documentation.
+#[derive(Debug, Clone)]
+pub struct LocalLayer {
+    car: Car,
+    marks: Marks,
+    foldback: [Foldback; 12],
+}
+
+impl LocalLayer {
+    /// Side of a cell where there is no map, in m.
+    pub const RESOLUTION_M: f64 = 0.05;
+    /// How long a mark that is not seen again counts.
+    pub const FADES_MS: u64 = 15_000;
+    /// Most marks; beyond, the one that was not seen for longest goes.
+    pub const MOST_MARKS: usize = Marks::MOST;
+
+    /// A layer without marks whose cells are those of the map, or of [`LocalLayer::RESOLUTION_M`].
+    #[must_use]
+    pub fn new(car: Car, map: Option<&Grid>) -> Self {
+        let (resolution_m, origin_m) =
+            map.map_or((Self::RESOLUTION_M, [0.0; 2]), |map| (map.resolution_m(), map.origin_m()));
+        Self { car, marks: Marks::new(resolution_m, origin_m), foldback: [Foldback::default(); 12] }
+    }
+
+    /// A scan at `now`; `others` are trucks whose poses are known. A pose that is not finite sees nothing.
+    pub fn see(&mut self, now: Stamp, scan: &BumperScan, map: Option<&Grid>, others: &[(MapPose, Car)]) {
+        let MapPose { x_m, y_m, yaw_rad } = scan.pose;
+        if ![x_m, y_m, yaw_rad, scan.sigma_m].iter().all(|v| v.is_finite()) {
+            return;
+        }
+        self.marks.fade(now, Self::FADES_MS);
+        let known_m = (EXPLAINED_M + 2.0 * scan.sigma_m).clamp(EXPLAINED_M, MOST_EXPLAINED_M);
+        let beams = beams(&self.car, &scan.pose);
+        let sights: [Sight; 12] = std::array::from_fn(|i| {
+            let range = if i < 6 { scan.front_cm[i] } else { scan.rear_cm[i - 6] };
+            self.foldback[i].judge(&beams[i], range)
+        });
+        for (beam, sight) in beams.iter().zip(sights) {
+            match sight {
+                Sight::Folded(point) => self.marks.see(now, point),
+                Sight::Hit { at_m, unsure_m } => {
+                    // An unsure reading is too near: what explains it stands farther away.
+                    let steps = libm::ceil(unsure_m / known_m) as u32;
+                    let known = |step: u32| {
+                        let point = beam.at(at_m + f64::from(step) * known_m);
+                        map.is_some_and(|map| is_near(map, point, known_m))
+                            || others.iter().any(|(pose, car)| car.distance_m(pose, point) <= known_m)
+                    };
+                    if !(0..=steps).any(known) {
+                        self.marks.see(now, beam.at(at_m));
+                    }
+                }
+                Sight::Free { .. } => {}
+            }
+        }
+        for (beam, sight) in beams.iter().zip(sights) {
+            match sight {
+                Sight::Free { to_m } => self.clear_beam(now, beam, to_m),
+                Sight::Hit { at_m, .. } => self.clear_beam(now, beam, at_m - BEFORE_HIT_M),
+                Sight::Folded(_) => {}
+            }
+        }
+        let (car, pose) = (self.car, scan.pose);
+        self.marks.retain(|point| {
+            car.distance_m(&pose, point) > 0.0
+                && others.iter().all(|(there, other)| other.distance_m(there, point) > known_m)
+        });
+    }
+
+    /// Takes away what stood in a beam that got through, unless another beam hits it now.
+    fn clear_beam(&mut self, now: Stamp, beam: &Beam, to_m: f64) {
+        let step_m = self.marks.resolution_m() / 2.0;
+        let steps = libm::floor(to_m / step_m);
+        if steps >= 0.0 {
+            for step in 0..=steps as u32 {
+                self.marks.remove_before(now, beam.at(f64::from(step) * step_m));
+            }
+        }
+    }
+
+    /// Forgets everything: the pose was set anew, all marks are in the wrong place.
+    pub fn clear(&mut self) {
+        self.marks.clear();
+        self.foldback = [Foldback::default(); 12];
+    }
+
+    /// What stands there now, rows from south to north.
+    pub fn obstacles(&self, now: Stamp) -> impl Iterator<Item = LocalObstacle> {
+        self.marks.counting(now, Self::FADES_MS)
+    }
+
+    /// Whether something stands within `radius_m` of a point.
+    #[must_use]
+    pub fn occupied_near(&self, now: Stamp, point: [f64; 2], radius_m: f64) -> bool {
+        let half_m = self.marks.resolution_m() / 2.0;
+        self.obstacles(now).any(|obstacle| obstacle.distance_m(point) <= radius_m + half_m)
+    }
+
+    /// What stands nearest to a point: for `blocked near (x, y)`.
+    #[must_use]
+    pub fn nearest(&self, now: Stamp, point: [f64; 2]) -> Option<LocalObstacle> {
+        self.obstacles(now).min_by(|a, b| a.distance_m(point).total_cmp(&b.distance_m(point)))
+    }
+
+    /// Marks everything that stands on a planner's grid as occupied.
+    pub fn stamp_onto(&self, now: Stamp, grid: &mut Grid) {
+        let resolution_m = self.marks.resolution_m();
+        // A hair less than the cell, so that a grid of the same cells gets one for one.
+        let half_m = resolution_m * 0.499;
+        for LocalObstacle { x_m, y_m, .. } in self.obstacles(now) {
+            let (west, south) = grid.place(x_m - half_m, y_m - half_m);
+            let (east, north) = grid.place(x_m + half_m, y_m + half_m);
+            for row in south..=north {
+                for column in west..=east {
+                    grid.set(column, row, Cell::Occupied);
+                }
+            }
+        }
+    }
+
+    /// How many marks had to go for newer ones.
+    #[must_use]
+    pub fn overflowed(&self) -> u64 {
+        self.marks.overflowed()
+    }
+}
+
+/// Whether a cell of the map that is not free lies within `radius_m` of a point.
+fn is_near(map: &Grid, point: [f64; 2], radius_m: f64) -> bool {
+    let reach = libm::ceil(radius_m / map.resolution_m()) as i64;
+    let (column, row) = map.place(point[0], point[1]);
+    (row - reach..=row + reach).any(|row| {
+        (column - reach..=column + reach).any(|column| {
+            let [x_m, y_m] = map.centre_m(column, row);
+            map.cell(column, row) != Cell::Free && libm::hypot(x_m - point[0], y_m - point[1]) <= radius_m
+        })
+    })
+}

@@ -1,0 +1,88 @@
+//! The twelve beams and what their readings are worth.
+
+use crate::{Car, MapPose};
+
+/// Between neighbours of a bumper, in m (§2.2).
+const SPACING_M: f64 = 0.07;
+/// Nearer than this a sensor may fold back: "farther" then means nearer still (§4.5, Fig. 11), in m.
+const FOLDS_M: f64 = 0.14;
+/// Backing off by this much ends the doubt, in m: as the first level's rule.
+const RETREAT_M: f64 = 0.05;
+/// So does having gone elsewhere, in m.
+const ELSEWHERE_M: f64 = 0.30;
+/// Up to here the published fit and the sensor's data sheet agree within 4 cm, in m.
+const SURE_M: f64 = 0.40;
+/// Where the fit ends, in m; the data sheet has 78 cm there.
+const FARTHEST_M: f64 = 0.56;
+/// By so much things are farther away than a reading beyond [`SURE_M`] says, in m per m.
+const UNSURE_PER_M: f64 = 1.4;
+
+/// One beam in the map.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Beam {
+    from_m: [f64; 2],
+    towards: [f64; 2],
+}
+
+impl Beam {
+    /// The point so far along it.
+    pub(super) fn at(&self, m: f64) -> [f64; 2] {
+        [self.from_m[0] + m * self.towards[0], self.from_m[1] + m * self.towards[1]]
+    }
+}
+
+/// Front, then rear, left to right with the truck pointing up.
+pub(super) fn beams(car: &Car, pose: &MapPose) -> [Beam; 12] {
+    let (sin, cos) = libm::sincos(pose.yaw_rad);
+    std::array::from_fn(|i| {
+        let left_m = (2.5 - (i % 6) as f64) * SPACING_M;
+        let (ahead_m, facing) = if i < 6 { (car.front_m, 1.0) } else { (-car.rear_m, -1.0) };
+        Beam {
+            from_m: [pose.x_m + cos * ahead_m - sin * left_m, pose.y_m + sin * ahead_m + cos * left_m],
+            towards: [cos * facing, sin * facing],
+        }
+    })
+}
+
+/// What a reading says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Sight {
+    /// Nothing up to here.
+    Free { to_m: f64 },
+    /// Something there, or up to `unsure_m` farther.
+    Hit { at_m: f64, unsure_m: f64 },
+    /// The reading is worth nothing: what was seen last is still there.
+    Folded([f64; 2]),
+}
+
+/// Whether a sensor may be folding back.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Foldback {
+    /// Where the sensor was, and what it saw, when it last was too near to be sure.
+    near: Option<([f64; 2], [f64; 2])>,
+}
+
+impl Foldback {
+    /// What a reading in cm is worth. One that is not finite counts as none.
+    pub(super) fn judge(&mut self, beam: &Beam, range_cm: Option<f64>) -> Sight {
+        let range_m = range_cm.filter(|cm| cm.is_finite() && *cm >= 0.0).map(|cm| cm / 100.0);
+        if let Some(at_m) = range_m.filter(|m| *m < FOLDS_M) {
+            self.near = Some((beam.from_m, beam.at(at_m)));
+            return Sight::Hit { at_m, unsure_m: 0.0 };
+        }
+        if let Some((from_m, seen_m)) = self.near {
+            let (dx, dy) = (beam.from_m[0] - from_m[0], beam.from_m[1] - from_m[1]);
+            let nearer_m = dx * beam.towards[0] + dy * beam.towards[1];
+            if nearer_m > -RETREAT_M && libm::hypot(dx, dy) < ELSEWHERE_M {
+                return Sight::Folded(seen_m);
+            }
+            self.near = None;
+        }
+        match range_m {
+            Some(at_m) if at_m <= FARTHEST_M => {
+                Sight::Hit { at_m, unsure_m: UNSURE_PER_M * (at_m - SURE_M).max(0.0) }
+            }
+            _ => Sight::Free { to_m: SURE_M },
+        }
+    }
+}

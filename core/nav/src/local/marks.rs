@@ -1,0 +1,126 @@
+//! Marked cells: few, sorted, each with when it was seen last.
+
+use xtb_control::units::Stamp;
+
+/// Seen so often a mark counts: a single reading is a disturbance.
+const COUNTS_FROM: u32 = 2;
+
+/// Something that stands where the map has nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LocalObstacle {
+    /// Middle of its cell, east, in m.
+    pub x_m: f64,
+    /// North, in m.
+    pub y_m: f64,
+    /// When it was seen last.
+    pub seen: Stamp,
+}
+
+impl LocalObstacle {
+    /// From its middle to a point.
+    #[must_use]
+    pub fn distance_m(&self, point: [f64; 2]) -> f64 {
+        libm::hypot(self.x_m - point[0], self.y_m - point[1])
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Mark {
+    /// (row, column)
+    place: (i64, i64),
+    seen: Stamp,
+    times: u32,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Marks {
+    resolution_m: f64,
+    origin_m: [f64; 2],
+    /// By place.
+    marks: Vec<Mark>,
+    overflowed: u64,
+}
+
+impl Marks {
+    pub(super) const MOST: usize = 1024;
+
+    pub(super) fn new(resolution_m: f64, origin_m: [f64; 2]) -> Self {
+        Self { resolution_m, origin_m, marks: Vec::with_capacity(Self::MOST), overflowed: 0 }
+    }
+
+    pub(super) fn resolution_m(&self) -> f64 {
+        self.resolution_m
+    }
+
+    pub(super) fn overflowed(&self) -> u64 {
+        self.overflowed
+    }
+
+    fn place(&self, point: [f64; 2]) -> (i64, i64) {
+        let along = |axis: usize| libm::floor((point[axis] - self.origin_m[axis]) / self.resolution_m) as i64;
+        (along(1), along(0))
+    }
+
+    /// Something was seen there.
+    pub(super) fn see(&mut self, now: Stamp, point: [f64; 2]) {
+        let place = self.place(point);
+        match self.marks.binary_search_by_key(&place, |mark| mark.place) {
+            Ok(known) => {
+                let mark = &mut self.marks[known];
+                (mark.seen, mark.times) = (mark.seen.max(now), mark.times.saturating_add(1));
+            }
+            Err(_) => {
+                self.make_room();
+                let index = self.marks.partition_point(|mark| mark.place < place);
+                self.marks.insert(index, Mark { place, seen: now, times: 1 });
+            }
+        }
+    }
+
+    fn make_room(&mut self) {
+        if self.marks.len() < Self::MOST {
+            return;
+        }
+        let oldest = self.marks.iter().enumerate().min_by_key(|(_, mark)| mark.seen).map(|(i, _)| i);
+        if let Some(oldest) = oldest {
+            self.marks.remove(oldest);
+            self.overflowed += 1;
+        }
+    }
+
+    /// Nothing stands there, unless it was seen just now.
+    pub(super) fn remove_before(&mut self, now: Stamp, point: [f64; 2]) {
+        let place = self.place(point);
+        if let Ok(known) = self.marks.binary_search_by_key(&place, |mark| mark.place)
+            && self.marks[known].seen < now
+        {
+            self.marks.remove(known);
+        }
+    }
+
+    pub(super) fn retain(&mut self, keep: impl Fn([f64; 2]) -> bool) {
+        let (resolution_m, origin_m) = (self.resolution_m, self.origin_m);
+        self.marks.retain(|mark| keep(middle(resolution_m, origin_m, mark.place)));
+    }
+
+    pub(super) fn fade(&mut self, now: Stamp, fades_ms: u64) {
+        self.marks.retain(|mark| now.since_ms(mark.seen) <= fades_ms);
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.marks.clear();
+    }
+
+    /// Those that count at `now`.
+    pub(super) fn counting(&self, now: Stamp, fades_ms: u64) -> impl Iterator<Item = LocalObstacle> {
+        let counts = move |mark: &&Mark| mark.times >= COUNTS_FROM && now.since_ms(mark.seen) <= fades_ms;
+        self.marks.iter().filter(counts).map(|mark| {
+            let [x_m, y_m] = middle(self.resolution_m, self.origin_m, mark.place);
+            LocalObstacle { x_m, y_m, seen: mark.seen }
+        })
+    }
+}
+
+fn middle(resolution_m: f64, origin_m: [f64; 2], (row, column): (i64, i64)) -> [f64; 2] {
+    [origin_m[0] + (column as f64 + 0.5) * resolution_m, origin_m[1] + (row as f64 + 0.5) * resolution_m]
+}
