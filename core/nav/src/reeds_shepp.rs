@@ -5,8 +5,8 @@
 //! ahead; all others are these mirrored (left ↔ right), flipped in time (ahead ↔ astern) or driven
 //! from the other end. Here the radius is 1 and the start is the origin; lengths are angles.
 
-use crate::path::{Path, Piece, wrap_rad};
 use crate::MapPose;
+use crate::path::{Path, Piece, wrap_rad};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Rounding that still counts as zero.
@@ -68,6 +68,42 @@ pub fn all(from: &MapPose, to: &MapPose, radius_m: f64) -> Vec<Path> {
     found.into_iter().map(|(_, word)| word.path(from, radius_m)).collect()
 }
 
+/// A word in m, without a start; it needs no memory of its own.
+#[derive(Debug, Clone, Copy)]
+pub struct Way {
+    length_m: f64,
+    pieces: [Piece; 5],
+    count: usize,
+}
+
+impl Way {
+    /// Its arcs.
+    #[must_use]
+    pub fn pieces(&self) -> &[Piece] {
+        &self.pieces[..self.count]
+    }
+
+    /// Whichever gear, in m.
+    #[must_use]
+    pub fn length_m(&self) -> f64 {
+        self.length_m
+    }
+}
+
+/// Like [`all`], into memory that is used again; only those up to `most` times as long as the shortest.
+pub fn ways(from: &MapPose, to: &MapPose, radius_m: f64, most: f64, found: &mut Vec<Way>) {
+    found.clear();
+    let mut shortest = f64::INFINITY;
+    each(target(from, to, radius_m), |length, word| {
+        shortest = shortest.min(length);
+        if length <= most * shortest {
+            found.push(word.way(length, radius_m));
+        }
+    });
+    found.retain(|way| way.length_m <= most * shortest * radius_m + ZERO);
+    found.sort_by(|a, b| a.length_m.total_cmp(&b.length_m));
+}
+
 fn target(from: &MapPose, to: &MapPose, radius_m: f64) -> Target {
     let (sin, cos) = libm::sincos(from.yaw_rad);
     let (dx, dy) = ((to.x_m - from.x_m) / radius_m, (to.y_m - from.y_m) / radius_m);
@@ -77,6 +113,16 @@ fn target(from: &MapPose, to: &MapPose, radius_m: f64) -> Target {
 impl Word {
     fn path(&self, from: &MapPose, radius_m: f64) -> Path {
         let mut path = Path::standing(*from);
+        self.way(0.0, radius_m).pieces().iter().for_each(|piece| path.push(*piece));
+        path
+    }
+
+    fn way(&self, length: f64, radius_m: f64) -> Way {
+        let mut way = Way {
+            length_m: length * radius_m,
+            pieces: [Piece { length_m: 0.0, curvature_per_m: 0.0 }; 5],
+            count: 0,
+        };
         for (turn, length) in self.turns.iter().zip(self.lengths).take(self.count) {
             let curvature = match turn {
                 L => 1.0,
@@ -84,10 +130,12 @@ impl Word {
                 R => -1.0,
             };
             if length.abs() > ZERO {
-                path.push(Piece { length_m: length * radius_m, curvature_per_m: curvature / radius_m });
+                way.pieces[way.count] =
+                    Piece { length_m: length * radius_m, curvature_per_m: curvature / radius_m };
+                way.count += 1;
             }
         }
-        path
+        way
     }
 }
 
@@ -258,11 +306,13 @@ mod tests {
 
     /// Poses on a lattice around the origin, in all directions.
     fn poses() -> impl Iterator<Item = MapPose> {
-        (-4..=4).flat_map(|x| (-4..=4).flat_map(move |y| (-6..6).map(move |yaw| (x, y, yaw)))).map(|(x, y, yaw)| MapPose {
-            x_m: f64::from(x) * 0.37 + 0.01,
-            y_m: f64::from(y) * 0.41 - 0.02,
-            yaw_rad: f64::from(yaw) * 0.52 + 0.03,
-        })
+        (-4..=4).flat_map(|x| (-4..=4).flat_map(move |y| (-6..6).map(move |yaw| (x, y, yaw)))).map(
+            |(x, y, yaw)| MapPose {
+                x_m: f64::from(x) * 0.37 + 0.01,
+                y_m: f64::from(y) * 0.41 - 0.02,
+                yaw_rad: f64::from(yaw) * 0.52 + 0.03,
+            },
+        )
     }
 
     #[test]
@@ -273,7 +323,8 @@ mod tests {
             assert!(!ways.is_empty(), "no way to {to:?}");
             for way in ways {
                 let end = way.end();
-                let off = libm::hypot(end.x_m - to.x_m, end.y_m - to.y_m) + wrap_rad(end.yaw_rad - to.yaw_rad).abs();
+                let off = libm::hypot(end.x_m - to.x_m, end.y_m - to.y_m)
+                    + wrap_rad(end.yaw_rad - to.yaw_rad).abs();
                 assert!(off < 1e-6, "{way:?} ends {off} beside {to:?}");
             }
         }
