@@ -10,17 +10,21 @@
 //! ```
 
 pub mod car;
+pub mod clearance;
 pub mod filter;
 pub mod follower;
 pub mod grid;
 pub mod local;
 pub mod path;
 pub mod reeds_shepp;
+pub mod space;
 
 pub use car::Car;
+pub use clearance::Clearance;
 pub use filter::PoseFilter;
 pub use follower::{Drive, Follower, FollowerSettings, Released, Status};
 pub use grid::{Cell, Grid};
 pub use local::LocalLayer;
 pub use path::{Path, Piece};
+pub use space::{GridSpace, Space};
 pub use xtb_control::frames::MapPose;

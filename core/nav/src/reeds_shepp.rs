@@ -68,6 +68,42 @@ pub fn all(from: &MapPose, to: &MapPose, radius_m: f64) -> Vec<Path> {
     found.into_iter().map(|(_, word)| word.path(from, radius_m)).collect()
 }
 
+/// A word in m, without a start; it needs no memory of its own.
+#[derive(Debug, Clone, Copy)]
+pub struct Way {
+    length_m: f64,
+    pieces: [Piece; 5],
+    count: usize,
+}
+
+impl Way {
+    /// Its arcs.
+    #[must_use]
+    pub fn pieces(&self) -> &[Piece] {
+        &self.pieces[..self.count]
+    }
+
+    /// Whichever gear, in m.
+    #[must_use]
+    pub fn length_m(&self) -> f64 {
+        self.length_m
+    }
+}
+
+/// Like [`all`], into memory that is used again; only those up to `most` times as long as the shortest.
+pub fn ways(from: &MapPose, to: &MapPose, radius_m: f64, most: f64, found: &mut Vec<Way>) {
+    found.clear();
+    let mut shortest = f64::INFINITY;
+    each(target(from, to, radius_m), |length, word| {
+        shortest = shortest.min(length);
+        if length <= most * shortest {
+            found.push(word.way(length, radius_m));
+        }
+    });
+    found.retain(|way| way.length_m <= most * shortest * radius_m + ZERO);
+    found.sort_by(|a, b| a.length_m.total_cmp(&b.length_m));
+}
+
 fn target(from: &MapPose, to: &MapPose, radius_m: f64) -> Target {
     let (sin, cos) = libm::sincos(from.yaw_rad);
     let (dx, dy) = ((to.x_m - from.x_m) / radius_m, (to.y_m - from.y_m) / radius_m);
@@ -77,6 +113,16 @@ fn target(from: &MapPose, to: &MapPose, radius_m: f64) -> Target {
 impl Word {
     fn path(&self, from: &MapPose, radius_m: f64) -> Path {
         let mut path = Path::standing(*from);
+        self.way(0.0, radius_m).pieces().iter().for_each(|piece| path.push(*piece));
+        path
+    }
+
+    fn way(&self, length: f64, radius_m: f64) -> Way {
+        let mut way = Way {
+            length_m: length * radius_m,
+            pieces: [Piece { length_m: 0.0, curvature_per_m: 0.0 }; 5],
+            count: 0,
+        };
         for (turn, length) in self.turns.iter().zip(self.lengths).take(self.count) {
             let curvature = match turn {
                 L => 1.0,
@@ -84,10 +130,12 @@ impl Word {
                 R => -1.0,
             };
             if length.abs() > ZERO {
-                path.push(Piece { length_m: length * radius_m, curvature_per_m: curvature / radius_m });
+                way.pieces[way.count] =
+                    Piece { length_m: length * radius_m, curvature_per_m: curvature / radius_m };
+                way.count += 1;
             }
         }
-        path
+        way
     }
 }
 
