@@ -59,7 +59,9 @@ impl Inbox {
         if !self.own_map {
             match Map::try_from(&message) {
                 Ok(map) => self.put(Tiding::Map(Arc::new(map))),
-                Err(error) => return tracing::warn!("the fleet's map {} cannot be used: {error}", message.name),
+                Err(error) => {
+                    return tracing::warn!("the fleet's map {} cannot be used: {error}", message.name);
+                }
             }
         }
         self.put(Tiding::FleetMap(message.hash));

@@ -178,7 +178,14 @@ impl Fleet {
     /// # Panics
     /// If it is refused.
     pub async fn goto(&self, number: usize, x_m: f64, y_m: f64) -> Uuid {
-        let body = Body::Goto { x_m, y_m, yaw_rad: None, via: None, on_link_loss: LinkLoss::Finish, finish_s: 300.0 };
+        let body = Body::Goto {
+            x_m,
+            y_m,
+            yaw_rad: None,
+            via: None,
+            on_link_loss: LinkLoss::Finish,
+            finish_s: 300.0,
+        };
         match self.ask(number, body).await {
             Outcome::Ok(Done { goal: Some(goal), .. }) => goal,
             other => panic!("the goal was not accepted: {other:?}"),

@@ -31,12 +31,12 @@ use xtb_control::controller::Mode;
 use xtb_control::frames::MapPose;
 use xtb_control::odometry::OdomPose;
 use xtb_control::{Command, Outputs, Stamp, VehicleConfig};
+use xtb_nav::filter::{FilterTuning, PoseFilter};
+use xtb_nav::navigator::Navigator;
 use xtb_protocol::messages::{
     Event, EventKind, Fault, GoalEnd, GoalStatus, InputAges, Latch, Lease, LinkLoss, PoseSource, PoseState,
     StopReason,
 };
-use xtb_nav::filter::{FilterTuning, PoseFilter};
-use xtb_nav::navigator::Navigator;
 use xtb_protocol::{Name, Uuid};
 
 /// Events that wait for the uplink; the oldest is dropped and counted when full.

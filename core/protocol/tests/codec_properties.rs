@@ -8,7 +8,7 @@ use xtb_control::{AdcCount, PwmCount};
 use xtb_protocol::board::{BoardError, FrameReader, FrameWriter, FromBoard, MAX_PULSES, ToBoard};
 use xtb_protocol::codec::{CodecError, Format, MAX_BYTES, decode, encode, encoding};
 use xtb_protocol::gyro_3dmg::GyroReader;
-use xtb_protocol::messages::{Body, Event, LinkLoss, Via, Message, Reply, Request, RobotState, Setpoint};
+use xtb_protocol::messages::{Body, Event, LinkLoss, Message, Reply, Request, RobotState, Setpoint, Via};
 use xtb_protocol::{Uuid, keys::Key};
 
 fn pwm() -> impl Strategy<Value = PwmOutputs> {
@@ -160,7 +160,7 @@ fn what_is_wrong_is_named() {
     let too_long = decode::<Request>("application/json", &vec![b' '; MAX_BYTES + 1]).unwrap_err();
     assert_eq!(too_long, CodecError::Oversized { len: MAX_BYTES + 1, max: MAX_BYTES });
     let version = decode::<Request>("application/x-postcard;xtb.Request.v9", &[]).unwrap_err();
-    assert_eq!(version.to_string(), "Request version 9, this program speaks version 1");
+    assert_eq!(version.to_string(), "Request version 9, this program speaks version 2");
     let foreign = decode::<Request>("", b"{}").unwrap_err();
     assert!(foreign.to_string().contains("application/json"), "{foreign}");
     let unknown = decode::<Request>("application/json", br#"{"id":1}"#).unwrap_err();

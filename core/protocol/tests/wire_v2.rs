@@ -81,29 +81,43 @@ fn sensors() {
 
 #[test]
 fn a_goto_request() {
-    let body =
-        Body::Goto { x_m: 1.5, y_m: -2.0, yaw_rad: None, via: Some(Via::Planned), on_link_loss: LinkLoss::Finish, finish_s: 300.0 };
+    let body = Body::Goto {
+        x_m: 1.5,
+        y_m: -2.0,
+        yaw_rad: None,
+        via: Some(Via::Planned),
+        on_link_loss: LinkLoss::Finish,
+        finish_s: 300.0,
+    };
     let request = Request { id: id(), lease: Some(Lease { epoch: 300, root: 2 }), body };
     pinned(
         &request,
-        "1000112233445566778899aabbccddeeff01ac020203000000000000f83f00000000000000c000010000000000c07240",
         concat!(
-            r#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"#,
-            r#""body":{"goto":{"x_m":1.5,"y_m":-2.0,"yaw_rad":null,"on_link_loss":"finish","finish_s":300.0}}}"#
+            "1000112233445566778899aabbccddeeff01ac020203000000000000f83f00000000000000c00001",
+            "01010000000000c07240"
+        ),
+        concat!(
+            r#"{"id":"00112233-4455-6677-8899-aabbccddeeff","lease":{"epoch":300,"root":2},"body":{"g"#,
+            r#"oto":{"x_m":1.5,"y_m":-2.0,"yaw_rad":null,"via":"planned","on_link_loss":"finish","fin"#,
+            r#"ish_s":300.0}}}"#
         ),
     );
 }
-
 
 #[test]
 fn a_request_in_json_may_leave_defaults_out() {
     let json = br#"{"id":"00112233-4455-6677-8899-aabbccddeeff","body":{"goto":{"x_m":1,"y_m":2}}}"#;
     let (request, _) = decode::<Request>("application/json", json).unwrap();
-    let body =
-        Body::Goto { x_m: 1.0, y_m: 2.0, yaw_rad: None, via: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 };
+    let body = Body::Goto {
+        x_m: 1.0,
+        y_m: 2.0,
+        yaw_rad: None,
+        via: None,
+        on_link_loss: LinkLoss::Halt,
+        finish_s: 300.0,
+    };
     assert_eq!(request, Request { id: id(), lease: None, body });
 }
-
 
 #[test]
 fn a_reset_request() {

@@ -5,9 +5,7 @@
 
 use xtb_control::Mode;
 use xtb_protocol::codec::{Format, decode, encode, encoding};
-use xtb_protocol::messages::{
-    BatteryLevel, Event, EventKind, Fault, GoalStatus, Latch, Message, StopReason,
-};
+use xtb_protocol::messages::{BatteryLevel, Event, EventKind, Fault, GoalStatus, Latch, Message, StopReason};
 use xtb_protocol::{Name, Uuid};
 
 fn id() -> Uuid {

@@ -190,8 +190,14 @@ impl Tour {
         let id = Uuid::new_v4();
         let began_s = self.truth.latest().t_s;
         let (x_m, y_m) = goal;
-        let body =
-            Body::Goto { x_m, y_m, yaw_rad: None, via: None, on_link_loss: LinkLoss::Halt, finish_s: GOAL_WITHIN_S };
+        let body = Body::Goto {
+            x_m,
+            y_m,
+            yaw_rad: None,
+            via: None,
+            on_link_loss: LinkLoss::Halt,
+            finish_s: GOAL_WITHIN_S,
+        };
         control.request(id, body).await?;
         let status = self.outcome(id, began_s).await;
         let truth = self.truth.latest();

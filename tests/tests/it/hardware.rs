@@ -141,7 +141,14 @@ impl<'a> Truck<'a> {
     async fn ask_ahead(&self, way_m: f64) -> Outcome {
         let pose = self.fleet.state(self.number).await.pose;
         let (x_m, y_m) = (pose.x_m + way_m * pose.yaw_rad.cos(), pose.y_m + way_m * pose.yaw_rad.sin());
-        let body = Body::Goto { x_m, y_m, yaw_rad: None, via: None, on_link_loss: LinkLoss::Finish, finish_s: 300.0 };
+        let body = Body::Goto {
+            x_m,
+            y_m,
+            yaw_rad: None,
+            via: None,
+            on_link_loss: LinkLoss::Finish,
+            finish_s: 300.0,
+        };
         self.fleet.ask(self.number, body).await
     }
 

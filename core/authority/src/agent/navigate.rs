@@ -11,8 +11,8 @@ use xtb_nav::map::Map;
 use xtb_nav::navigator::{Aim, Decision, Led, Phase, PlanDone, PlanJob, Sensed, Standing};
 use xtb_nav::{MapPose, Path, Piece};
 use xtb_protocol::messages::{
-    Arc, Fix, FixSource, GoalStatus, MapHash, MapState, NavPhase, NavState, RejectCode, Route, RouteSource,
-    RouteState, StopReason, Track, Via,
+    Arc, Fix, FixSource, GoalStatus, MapHash, MapState, NavPhase, NavState, RejectCode, Route, RouteGoal,
+    RouteSource, RouteState, StopReason, Track, Via,
 };
 
 /// The navigator's turns come at the gyro's rate.
@@ -89,7 +89,8 @@ impl Agent {
         }
         self.lead.last = Some((route.epoch, route.seq, now));
         let present = self.goal.as_ref().filter(|goal| !goal.status.is_final() && goal.is_planned());
-        let meant = present.is_some_and(|goal| route.goal == Some((self.identity.epoch, goal.id)));
+        let meant = present
+            .is_some_and(|goal| route.goal == Some(RouteGoal { epoch: self.identity.epoch, id: goal.id }));
         let led = meant.then(|| Led {
             plan: route.plan,
             path: route.track.as_ref().map(path_of),

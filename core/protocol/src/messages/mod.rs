@@ -14,7 +14,8 @@ mod state;
 pub use fault::{Fault, FaultState};
 pub use latch::{Latch, LatchState};
 pub use nav::{
-    Arc, Fix, FixSource, MapState, NavPhase, NavState, Route, RouteSource, RouteState, Track, TrafficState,
+    Arc, Fix, FixSource, MapState, NavPhase, NavState, Route, RouteGoal, RouteSource, RouteState, Track,
+    TrafficState,
 };
 pub use request::{
     Body, Done, ErrorBody, Estop, Estopped, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint,

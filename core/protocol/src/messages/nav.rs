@@ -97,6 +97,16 @@ impl Track {
     }
 }
 
+/// The goal that a route is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RouteGoal {
+    /// The robot's boot.
+    pub epoch: u64,
+    /// The goal's id.
+    pub id: Uuid,
+}
+
 /// From traffic control to one robot, several times a second: the path, and how far along it.
 ///
 /// It moves nothing by itself: it guides a goal that a lease holder has sent and that still runs.
@@ -107,8 +117,8 @@ pub struct Route {
     pub epoch: u64,
     /// Counts its messages to this robot; one that is not above the last is dropped.
     pub seq: u64,
-    /// The robot's boot and the goal for which it is; `None` = no path, only a sign of life.
-    pub goal: Option<(u64, Uuid)>,
+    /// `None` = no path, only a sign of life.
+    pub goal: Option<RouteGoal>,
     /// The path from where it was planned; `None` = none yet, stand.
     pub track: Option<Track>,
     /// Counts the coordinator's paths for this robot.

@@ -78,8 +78,14 @@ impl WholeRobot {
 
     /// Asks for a drive to a point; false if it is refused.
     pub(crate) fn goto(&mut self, x_m: f64, y_m: f64) -> bool {
-        let reply =
-            self.ask(Body::Goto { x_m, y_m, yaw_rad: None, via: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 });
+        let reply = self.ask(Body::Goto {
+            x_m,
+            y_m,
+            yaw_rad: None,
+            via: None,
+            on_link_loss: LinkLoss::Halt,
+            finish_s: 300.0,
+        });
         matches!(reply.result, Outcome::Ok(_))
     }
 

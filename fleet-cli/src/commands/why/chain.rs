@@ -242,10 +242,7 @@ fn only_latched(reason: StopReason) -> bool {
 
 /// Why the motor rests while the robot is under way.
 fn passes(reason: StopReason) -> bool {
-    matches!(
-        reason,
-        StopReason::Starting | StopReason::Coasting | StopReason::AtCusp | StopReason::Planning
-    )
+    matches!(reason, StopReason::Starting | StopReason::Coasting | StopReason::AtCusp | StopReason::Planning)
 }
 
 /// What allows it to drive.
