@@ -11,10 +11,12 @@
 
 pub mod car;
 pub mod grid;
+pub mod map;
 pub mod path;
 pub mod reeds_shepp;
 
 pub use car::Car;
 pub use grid::{Cell, Grid};
+pub use map::{Map, Zone, ZoneKind};
 pub use path::{Path, Piece};
 pub use xtb_control::frames::MapPose;

@@ -11,6 +11,7 @@
 //! | `xtb/<fleet>/<robot>/teleop/<client>` | [`Channel::Teleop`] | [`Setpoint`](crate::messages::Setpoint) |
 //! | `xtb/<fleet>/<robot>/estop/<client>` | [`Channel::Estop`] | [`Estop`](crate::messages::Estop), put, or asked → [`Estopped`](crate::messages::Estopped) |
 //! | `xtb/<fleet>/all/estop/<client>` | [`Channel::EstopAll`] | [`Estop`](crate::messages::Estop) for every robot |
+//! | `xtb/<fleet>/map` | [`Channel::Map`] | [`FleetMap`](crate::messages::FleetMap) |
 //! | `xtb/<fleet>/sim/truth` | [`Channel::SimTruth`] | [`Truth`](crate::messages::Truth), JSON |
 //! | `xtb/<fleet>/sim/roster` | [`Channel::SimRoster`] | [`Roster`](crate::messages::Roster), JSON |
 
@@ -97,7 +98,7 @@ impl std::str::FromStr for Name {
     }
 }
 
-/// One channel of a robot or of the simulator.
+/// One channel of a robot, of the fleet or of the simulator.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Channel {
     /// Liveliness token, declared last: alive means commandable.
@@ -118,6 +119,8 @@ pub enum Channel {
     Estop(Name),
     /// Emergency stop of every robot.
     EstopAll(Name),
+    /// The fleet's map; also a queryable for late joiners.
+    Map,
     /// Ground truth of the simulator, 20 Hz.
     SimTruth,
     /// Which robots the simulator runs, queryable.
@@ -146,6 +149,8 @@ pub enum Priority {
     Data,
     /// Raw samples.
     DataLow,
+    /// What may take long.
+    Background,
 }
 
 /// How Zenoh shall treat a channel's messages.
@@ -169,6 +174,7 @@ impl Channel {
         match self {
             Self::State => qos(Drop, Priority::DataHigh, true),
             Self::Sensors | Self::SimTruth => qos(Drop, Priority::DataLow, false),
+            Self::Map => qos(Drop, Priority::Background, false),
             Self::Estop(_) | Self::EstopAll(_) => qos(Block, Priority::RealTime, true),
             Self::Teleop(_) => qos(Drop, Priority::InteractiveHigh, true),
             Self::Alive | Self::Event | Self::About | Self::Cmd(_) | Self::SimRoster => {
@@ -196,6 +202,8 @@ pub mod any {
     pub const TELEOP: &str = "xtb/*/*/teleop/*";
     /// See [`Channel::Estop`](super::Channel::Estop); also of [`Channel::EstopAll`](super::Channel::EstopAll).
     pub const ESTOP: &str = "xtb/*/*/estop/*";
+    /// See [`Channel::Map`](super::Channel::Map).
+    pub const MAP: &str = "xtb/*/map";
     /// See [`Channel::SimTruth`](super::Channel::SimTruth).
     pub const SIM_TRUTH: &str = "xtb/*/sim/truth";
     /// See [`Channel::SimRoster`](super::Channel::SimRoster).
@@ -207,7 +215,7 @@ pub mod any {
 pub struct Key {
     /// Whose.
     pub fleet: Name,
-    /// `None` for the simulator's own channels, and for those of all robots.
+    /// `None` for the channels of the fleet and the simulator, and for those of all robots.
     pub robot: Option<Name>,
     /// Which.
     pub channel: Channel,
@@ -222,10 +230,13 @@ impl Key {
             return None;
         }
         let fleet = Name::new(parts.next()?).ok()?;
-        let (who, what, client) = (parts.next()?, parts.next()?, parts.next());
+        let (who, what, client) = (parts.next()?, parts.next(), parts.next());
         if parts.next().is_some() {
             return None;
         }
+        let Some(what) = what else {
+            return (who == "map").then_some(Self { fleet, robot: None, channel: Channel::Map });
+        };
         if who == "sim" {
             let channel = match (what, client) {
                 ("truth", None) => Channel::SimTruth,
@@ -280,6 +291,12 @@ impl FleetKeys {
     #[must_use]
     pub fn estop_all(&self, client: Option<&Name>) -> String {
         format!("{ROOT}/{}/all/estop/{}", self.0, client.map_or(ANY, Name::as_str))
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn map(&self) -> String {
+        format!("{ROOT}/{}/map", self.0)
     }
 
     /// Ground truth.
@@ -378,6 +395,7 @@ mod tests {
             (robot.teleop(Some(&client)), Channel::Teleop(client.clone())),
             (robot.estop(Some(&client)), Channel::Estop(client.clone())),
             (fleet.estop_all(Some(&client)), Channel::EstopAll(client.clone())),
+            (fleet.map(), Channel::Map),
             (fleet.sim_truth(), Channel::SimTruth),
             (fleet.sim_roster(), Channel::SimRoster),
         ] {
@@ -391,6 +409,7 @@ mod tests {
             assert_eq!(Key::parse(key), None, "{key}");
         }
         assert_eq!(Key::parse("xtb/lab/all/state"), None);
+        assert_eq!(Key::parse("xtb/lab/map/state"), None);
         assert_eq!(Key::parse("xtb/lab/xtb-1/cmd/a/b"), None);
     }
 

@@ -6,12 +6,17 @@
 
 mod fault;
 mod latch;
+mod map;
 mod request;
 mod sim;
 mod state;
 
 pub use fault::{Fault, FaultState};
 pub use latch::{Latch, LatchState};
+pub use map::{
+    FleetMap, MAX_MAP_CELLS, MAX_MAP_NAME, MAX_ZONE_POINTS, MAX_ZONES, MapCell, MapHash, MapZone,
+    MapZoneKind, NoMapHash, is_map_name,
+};
 pub use request::{
     Body, Done, ErrorBody, Estop, Estopped, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint,
 };
