@@ -60,6 +60,7 @@ pub(crate) fn priority(channel: &Channel) -> ZenohPriority {
         Priority::DataHigh => ZenohPriority::DataHigh,
         Priority::Data => ZenohPriority::Data,
         Priority::DataLow => ZenohPriority::DataLow,
+        Priority::Background => ZenohPriority::Background,
     }
 }
 

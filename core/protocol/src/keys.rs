@@ -15,6 +15,7 @@
 //! | `xtb/<fleet>/all/estop/<client>` | [`Channel::EstopAll`] | [`Estop`](crate::messages::Estop) for every robot |
 //! | `xtb/<fleet>/traffic/alive` | [`Channel::TrafficAlive`] | presence of traffic control (liveliness token) |
 //! | `xtb/<fleet>/traffic/state` | [`Channel::TrafficState`] | [`TrafficState`](crate::messages::TrafficState) |
+//! | `xtb/<fleet>/map` | [`Channel::Map`] | [`FleetMap`](crate::messages::FleetMap) |
 //! | `xtb/<fleet>/sim/truth` | [`Channel::SimTruth`] | [`Truth`](crate::messages::Truth), JSON |
 //! | `xtb/<fleet>/sim/roster` | [`Channel::SimRoster`] | [`Roster`](crate::messages::Roster), JSON |
 
@@ -101,7 +102,7 @@ impl std::str::FromStr for Name {
     }
 }
 
-/// One channel of a robot or of the simulator.
+/// One channel of a robot, of the fleet or of the simulator.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Channel {
     /// Liveliness token, declared last: alive means commandable.
@@ -130,6 +131,8 @@ pub enum Channel {
     TrafficAlive,
     /// What traffic control does, 2 Hz.
     TrafficState,
+    /// The fleet's map; also a queryable for late joiners.
+    Map,
     /// Ground truth of the simulator, 20 Hz.
     SimTruth,
     /// Which robots the simulator runs, queryable.
@@ -158,6 +161,8 @@ pub enum Priority {
     Data,
     /// Raw samples.
     DataLow,
+    /// What may take long.
+    Background,
 }
 
 /// How Zenoh shall treat a channel's messages.
@@ -181,6 +186,7 @@ impl Channel {
         match self {
             Self::State | Self::Fix | Self::Route => qos(Drop, Priority::DataHigh, true),
             Self::Sensors | Self::SimTruth | Self::TrafficState => qos(Drop, Priority::DataLow, false),
+            Self::Map => qos(Drop, Priority::Background, false),
             Self::Estop(_) | Self::EstopAll(_) => qos(Block, Priority::RealTime, true),
             Self::Teleop(_) => qos(Drop, Priority::InteractiveHigh, true),
             Self::Alive | Self::TrafficAlive | Self::Event | Self::About | Self::Cmd(_) | Self::SimRoster => {
@@ -212,6 +218,8 @@ pub mod any {
     pub const FIX: &str = "xtb/*/*/fix";
     /// See [`Channel::Route`](super::Channel::Route).
     pub const ROUTE: &str = "xtb/*/*/route";
+    /// See [`Channel::Map`](super::Channel::Map).
+    pub const MAP: &str = "xtb/*/map";
     /// See [`Channel::SimTruth`](super::Channel::SimTruth).
     pub const SIM_TRUTH: &str = "xtb/*/sim/truth";
     /// See [`Channel::SimRoster`](super::Channel::SimRoster).
@@ -223,7 +231,7 @@ pub mod any {
 pub struct Key {
     /// Whose.
     pub fleet: Name,
-    /// `None` for the simulator's own channels, and for those of all robots.
+    /// `None` for the channels of the fleet and the simulator, and for those of all robots.
     pub robot: Option<Name>,
     /// Which.
     pub channel: Channel,
@@ -238,10 +246,13 @@ impl Key {
             return None;
         }
         let fleet = Name::new(parts.next()?).ok()?;
-        let (who, what, client) = (parts.next()?, parts.next()?, parts.next());
+        let (who, what, client) = (parts.next()?, parts.next(), parts.next());
         if parts.next().is_some() {
             return None;
         }
+        let Some(what) = what else {
+            return (who == "map").then_some(Self { fleet, robot: None, channel: Channel::Map });
+        };
         if who == "sim" {
             let channel = match (what, client) {
                 ("truth", None) => Channel::SimTruth,
@@ -318,6 +329,10 @@ impl FleetKeys {
     #[must_use]
     pub fn traffic_state(&self) -> String {
         format!("{ROOT}/{}/traffic/state", self.0)
+    /// The map.
+    #[must_use]
+    pub fn map(&self) -> String {
+        format!("{ROOT}/{}/map", self.0)
     }
 
     /// Ground truth.
@@ -432,6 +447,7 @@ mod tests {
             (fleet.estop_all(Some(&client)), Channel::EstopAll(client.clone())),
             (fleet.traffic_alive(), Channel::TrafficAlive),
             (fleet.traffic_state(), Channel::TrafficState),
+            (fleet.map(), Channel::Map),
             (fleet.sim_truth(), Channel::SimTruth),
             (fleet.sim_roster(), Channel::SimRoster),
         ] {
@@ -445,6 +461,7 @@ mod tests {
             assert_eq!(Key::parse(key), None, "{key}");
         }
         assert_eq!(Key::parse("xtb/lab/all/state"), None);
+        assert_eq!(Key::parse("xtb/lab/map/state"), None);
         assert_eq!(Key::parse("xtb/lab/xtb-1/cmd/a/b"), None);
     }
 

@@ -9,7 +9,8 @@ use xtb_protocol::board::FrameWriter;
 use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::gyro_3dmg::EulerFrame;
 use xtb_protocol::messages::{
-    Done, Estop, Estopped, Event, EventKind, GoalStatus, Message, RejectCode, Reply, Setpoint,
+    Done, Estop, Estopped, Event, EventKind, FleetMap, GoalStatus, MapCell, MapHash, MapZone, MapZoneKind,
+    Message, RejectCode, Reply, Setpoint,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -136,4 +137,83 @@ fn the_numbers_of_the_codes() {
             "battery_low no_map keep_out goal_blocked"
         )
     );
+}
+
+#[test]
+fn the_fleets_map() {
+    let points = vec![[0.5, 0.0], [1.0, 0.0], [1.0, 0.5]];
+    let zone = |name: &str, kind| MapZone { name: name.to_owned(), kind, points: points.clone() };
+    let map = FleetMap {
+        name: "lab".to_owned(),
+        hash: MapHash::new(0x17ac_03f8_7e07_7be9),
+        resolution_m: 0.5,
+        origin_m: [-1.5, 2.0],
+        width: 100,
+        height: 3,
+        cells: vec![(MapCell::Free, 200), (MapCell::Occupied, 1), (MapCell::Unknown, 99)],
+        zones: vec![
+            zone("charger", MapZoneKind::KeepOut),
+            zone("lane", MapZoneKind::OneWay { heading_rad: 0.25 }),
+        ],
+    };
+    pinned(
+        &map,
+        concat!(
+            "036c61621031376163303366383765303737626539000000000000e03f000000000000f8bf000000",
+            "000000004064030300c801010102630207636861726765720003000000000000e03f000000000000",
+            "0000000000000000f03f0000000000000000000000000000f03f000000000000e03f046c616e6501",
+            "000000000000d03f03000000000000e03f0000000000000000000000000000f03f00000000000000",
+            "00000000000000f03f000000000000e03f"
+        ),
+        concat!(
+            r#"{"name":"lab","hash":"17ac03f87e077be9","resolution_m":0.5,"origin_m":[-1.5,2.0],"#,
+            r#""width":100,"height":3,"cells":[["free",200],["occupied",1],["unknown",99]],"#,
+            r#""zones":[{"name":"charger","kind":"keep_out","points":[[0.5,0.0],[1.0,0.0],[1.0,0.5]]},"#,
+            r#"{"name":"lane","kind":{"one_way":{"heading_rad":0.25}},"#,
+            r#""points":[[0.5,0.0],[1.0,0.0],[1.0,0.5]]}]}"#
+        ),
+    );
+}
+
+#[test]
+fn a_map_that_cannot_be_is_refused() {
+    let good = FleetMap {
+        name: "lab".to_owned(),
+        hash: MapHash::new(0),
+        resolution_m: 0.05,
+        origin_m: [0.0, 0.0],
+        width: 2,
+        height: 2,
+        cells: vec![(MapCell::Free, 4)],
+        zones: Vec::new(),
+    };
+    good.validate().unwrap();
+    let zone = |points: Vec<[f64; 2]>, heading_rad| MapZone {
+        name: "z".to_owned(),
+        kind: MapZoneKind::OneWay { heading_rad },
+        points,
+    };
+    let corners = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]];
+    let refused = |what: &str, change: &dyn Fn(&mut FleetMap)| {
+        let mut map = good.clone();
+        change(&mut map);
+        assert!(map.validate().is_err(), "{what}");
+    };
+    refused("name", &|map| map.name = " lab".to_owned());
+    refused("long name", &|map| map.name = "x".repeat(65));
+    refused("resolution", &|map| map.resolution_m = f64::NAN);
+    refused("origin", &|map| map.origin_m[1] = f64::INFINITY);
+    refused("far origin", &|map| map.origin_m[0] = 1000.5);
+    refused("no cells", &|map| (map.width, map.cells) = (0, Vec::new()));
+    refused("too many cells", &|map| {
+        (map.width, map.height, map.cells) = (4001, 4000, vec![(MapCell::Free, 4001 * 4000)]);
+    });
+    refused("runs too short", &|map| map.cells = vec![(MapCell::Free, 3)]);
+    refused("runs too long", &|map| map.cells.push((MapCell::Occupied, 1)));
+    refused("empty run", &|map| map.cells.push((MapCell::Occupied, 0)));
+    refused("two corners", &|map| map.zones = vec![zone(corners[..2].to_vec(), 0.0)]);
+    refused("heading", &|map| map.zones = vec![zone(corners.clone(), 7.5)]);
+    refused("corner", &|map| map.zones = vec![zone(vec![[0.0, f64::NAN]; 3], 0.0)]);
+    refused("zones", &|map| map.zones = vec![zone(corners.clone(), 0.0); 201]);
+    refused("corners", &|map| map.zones = vec![zone(vec![[0.0, 0.0]; 201], 0.0)]);
 }

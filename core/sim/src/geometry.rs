@@ -146,6 +146,15 @@ impl OrientedBox {
         Bounds::around(x_m, y_m, 2.0 * (cos * half.x + sin * half.y), 2.0 * (sin * half.x + cos * half.y))
     }
 
+    /// Its corners, counter-clockwise.
+    pub(crate) fn corners(&self) -> [[f64; 2]; 4] {
+        let half = self.cuboid.half_extents;
+        [(half.x, half.y), (-half.x, half.y), (-half.x, -half.y), (half.x, -half.y)].map(|(x, y)| {
+            let corner = self.pose.transform_point(Vector::new(x, y));
+            [corner.x, corner.y]
+        })
+    }
+
     pub(crate) fn holds(&self, x_m: f64, y_m: f64) -> bool {
         let local = self.pose.inverse_transform_point(Vector::new(x_m, y_m));
         local.x.abs() <= self.cuboid.half_extents.x && local.y.abs() <= self.cuboid.half_extents.y

@@ -9,6 +9,7 @@
 
 mod board;
 pub mod calibration;
+mod chart;
 pub mod days;
 mod drive;
 pub mod faults;
@@ -31,6 +32,7 @@ pub mod world;
 mod world_error;
 
 pub use calibration::{CalibrationTruth, Measured};
+pub use chart::{CHART_RESOLUTION_M, ChartError};
 pub use faults::{
     DriveFault, EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults,
 };

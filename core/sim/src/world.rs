@@ -30,6 +30,10 @@
 //! x_m = 0.0
 //! y_m = 0.0
 //! yaw_rad = 1.5707963267948966
+//! [[zones]]                   # a rule for planners, drawn on the map; nothing that stands there
+//! name = "charger"
+//! kind = "keep_out"           # or "one_way", with heading_rad
+//! points = [[-4.0, -6.0], [-3.0, -6.0], [-3.0, -5.0]]
 //! ```
 
 use crate::geometry::{Bounds, OrientedBox};
@@ -38,6 +42,7 @@ use crate::starts::places;
 use crate::world_error::{WorldError, check};
 use serde::Deserialize;
 use xtb_control::frames::MapPose;
+use xtb_nav::Zone;
 
 /// Farthest coordinate, in m: the same limit as for goals.
 const LIMIT_M: f64 = 1000.0;
@@ -157,6 +162,7 @@ struct Contents {
     boxes: Vec<NamedBox>,
     ramps: Vec<Ramp>,
     starts: Vec<MapPose>,
+    zones: Vec<Zone>,
 }
 
 /// Something that trucks cannot pass.
@@ -242,6 +248,12 @@ impl World {
     #[must_use]
     pub fn ramps(&self) -> &[Ramp] {
         &self.0.ramps
+    }
+
+    /// The zones of its map.
+    #[must_use]
+    pub fn zones(&self) -> &[Zone] {
+        &self.0.zones
     }
 
     /// Adds a box, or moves and resizes the one of that name.
@@ -333,11 +345,18 @@ impl World {
 
     fn check_names(&self) -> Result<(), WorldError> {
         let names: Vec<_> = self.0.boxes.iter().filter_map(|b| b.name.as_deref()).collect();
-        match names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
-            Some((_, name)) => Err(WorldError::BoxNamedTwice { name: (*name).to_owned() }),
-            None => Ok(()),
+        if let Some(name) = twice(&names) {
+            return Err(WorldError::BoxNamedTwice { name });
         }
+        let names: Vec<_> = self.0.zones.iter().map(Zone::name).collect();
+        twice(&names).map_or(Ok(()), |name| Err(WorldError::ZoneNamedTwice { name }))
     }
+}
+
+/// The first name that stands there again.
+fn twice(names: &[&str]) -> Option<String> {
+    let again = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name));
+    again.map(|(_, name)| (*name).to_owned())
 }
 
 fn box_name(i: usize, b: &NamedBox) -> String {

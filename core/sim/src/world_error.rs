@@ -36,6 +36,12 @@ pub enum WorldError {
         /// The name.
         name: String,
     },
+    /// Two zones of one name could not be told apart.
+    #[error("two zones are called \"{name}\"")]
+    ZoneNamedTwice {
+        /// The name.
+        name: String,
+    },
     /// There is no box of this name.
     #[error("no box is called \"{name}\"")]
     NoSuchBox {

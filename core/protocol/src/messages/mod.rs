@@ -6,6 +6,7 @@
 
 mod fault;
 mod latch;
+mod map;
 mod nav;
 mod request;
 mod sim;
@@ -13,6 +14,10 @@ mod state;
 
 pub use fault::{Fault, FaultState};
 pub use latch::{Latch, LatchState};
+pub use map::{
+    FleetMap, MAX_MAP_CELLS, MAX_MAP_NAME, MAX_ZONE_POINTS, MAX_ZONES, MapCell, MapHash, MapZone,
+    MapZoneKind, NoMapHash, is_map_name,
+};
 pub use nav::{
     Arc, Fix, FixSource, MapState, NavPhase, NavState, Route, RouteGoal, RouteSource, RouteState, Track,
     TrafficState,

@@ -5,6 +5,7 @@
 mod agent;
 mod approaches;
 mod calibration;
+mod chart;
 mod closed_loop;
 mod contacts;
 mod days;

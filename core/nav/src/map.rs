@@ -1,0 +1,155 @@
+//! The fleet's map: an occupancy grid, zones drawn as polygons, and a hash of both.
+//!
+//! A [`Map`] comes from our world files (`xtb_sim::World::chart`), from the files of ROS's map_server
+//! ([`ros`]) or from the wire ([`wire`]), and whatever way it came, the same floor has the same
+//! [`Map::hash`]: programs that plan together compare it first.
+//!
+//! The hash is CRC-64/XZ over canonical bytes, from the crate `crc` that the frames of the I/O board
+//! use already. It tells different floors apart (any two by chance the same: once in 10¹⁹); it is no
+//! protection against somebody who wants two maps to look the same.
+
+pub mod check;
+pub mod polygon;
+pub mod raster;
+pub mod ros;
+pub mod wire;
+mod zone;
+
+pub use zone::{Zone, ZoneError, ZoneKind};
+
+use crate::{Car, Cell, Grid, MapPose};
+use crc::{CRC_64_XZ, Crc};
+use thiserror::Error;
+use xtb_protocol::messages::{MAX_ZONES, MapHash, is_map_name};
+
+/// Why a map cannot be.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum MapError {
+    /// See [`is_map_name`].
+    #[error("{0:?} cannot be a map's name: 1 to 64 characters, no blank at either end")]
+    Name(String),
+    /// More than [`MAX_ZONES`].
+    #[error("{0} zones, at most {MAX_ZONES} are allowed")]
+    TooManyZones(usize),
+    /// Two zones of one name could not be told apart.
+    #[error("two zones are called {0:?}")]
+    ZoneNamedTwice(String),
+}
+
+/// A floor: every value of this type has passed the checks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Map {
+    name: String,
+    grid: Grid,
+    zones: Vec<Zone>,
+}
+
+impl Map {
+    /// A map of this name.
+    ///
+    /// # Errors
+    /// See [`MapError`].
+    pub fn new(name: &str, grid: Grid, zones: Vec<Zone>) -> Result<Self, MapError> {
+        if !is_map_name(name) {
+            return Err(MapError::Name(name.chars().take(100).collect()));
+        }
+        if zones.len() > MAX_ZONES {
+            return Err(MapError::TooManyZones(zones.len()));
+        }
+        let again = |(i, zone): (usize, &Zone)| zones[..i].iter().any(|other| other.name() == zone.name());
+        if let Some(i) = (0..zones.len()).find(|&i| again((i, &zones[i]))) {
+            return Err(MapError::ZoneNamedTwice(zones[i].name().to_owned()));
+        }
+        Ok(Self { name: name.to_owned(), grid, zones })
+    }
+
+    /// As people call it; not part of the hash.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What stands where; zones are not drawn into it.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// All zones.
+    #[must_use]
+    pub fn zones(&self) -> &[Zone] {
+        &self.zones
+    }
+
+    /// The zones that no robot may touch.
+    pub fn keep_outs(&self) -> impl Iterator<Item = &Zone> {
+        self.zones.iter().filter(|zone| zone.kind() == ZoneKind::KeepOut)
+    }
+
+    /// The zone that holds a point, in m; a keep-out before any other.
+    #[must_use]
+    pub fn zone_at(&self, x_m: f64, y_m: f64) -> Option<&Zone> {
+        let mut here = self.zones.iter().filter(|zone| zone.holds(x_m, y_m));
+        self.keep_outs().find(|zone| zone.holds(x_m, y_m)).or_else(|| here.next())
+    }
+
+    /// The keep-out that a car touches when it stands at `pose`; its border counts.
+    #[must_use]
+    pub fn keep_out_under(&self, car: &Car, pose: &MapPose) -> Option<&Zone> {
+        let corners = car.corners(pose);
+        self.keep_outs().find(|zone| zone.touches(&corners))
+    }
+
+    /// The one-way zone that forbids to be at a point while driving on this course (the direction of
+    /// motion, counter-clockwise from +x): more than 90° off its heading.
+    #[must_use]
+    pub fn one_way_against(&self, x_m: f64, y_m: f64, course_rad: f64) -> Option<&Zone> {
+        self.zones.iter().find(|zone| !zone.allows(course_rad) && zone.holds(x_m, y_m))
+    }
+
+    /// The grid with the keep-outs drawn into it as occupied.
+    #[must_use]
+    pub fn grid_with_keep_outs(&self) -> Grid {
+        let mut grid = self.grid.clone();
+        for zone in self.keep_outs() {
+            raster::polygon(&mut grid, zone.points(), Cell::Occupied);
+        }
+        grid
+    }
+
+    /// The same for the same resolution, origin, cells and zones, in whatever form they came.
+    #[must_use]
+    pub fn hash(&self) -> MapHash {
+        const CRC: Crc<u64> = Crc::<u64>::new(&CRC_64_XZ);
+        let mut digest = CRC.digest();
+        digest.update(b"xtb map 1");
+        let [x_m, y_m] = self.grid.origin_m();
+        for number in [self.grid.resolution_m(), x_m, y_m] {
+            digest.update(&canonical(number));
+        }
+        for count in [self.grid.width(), self.grid.height(), self.zones.len()] {
+            digest.update(&(count as u64).to_le_bytes());
+        }
+        for row in self.grid.cells().chunks(self.grid.width()) {
+            let bytes: Vec<u8> = row.iter().map(|cell| cell_code(*cell)).collect();
+            digest.update(&bytes);
+        }
+        for zone in &self.zones {
+            zone.feed(&mut |bytes| digest.update(bytes));
+        }
+        MapHash::new(digest.finalize())
+    }
+}
+
+fn cell_code(cell: Cell) -> u8 {
+    match cell {
+        Cell::Free => 0,
+        Cell::Occupied => 1,
+        Cell::Unknown => 2,
+    }
+}
+
+/// The bytes of a number; −0 is 0.
+fn canonical(number: f64) -> [u8; 8] {
+    (number + 0.0).to_bits().to_le_bytes()
+}
