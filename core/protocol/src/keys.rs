@@ -329,6 +329,8 @@ impl FleetKeys {
     #[must_use]
     pub fn traffic_state(&self) -> String {
         format!("{ROOT}/{}/traffic/state", self.0)
+    }
+
     /// The map.
     #[must_use]
     pub fn map(&self) -> String {
