@@ -134,6 +134,12 @@ impl PoseFilter {
         self.travel.rezeroed();
     }
 
+    /// From the odometry's frame to the map's, as it is now.
+    #[must_use]
+    pub fn map_from_odom(&self) -> MapFromOdom {
+        self.alignment.unwrap_or_else(|| MapFromOdom::aligning(&self.odom, &self.state.pose()))
+    }
+
     /// Somebody says where the truck is. What was learnt of gyro and wheels is kept.
     pub fn set_pose(&mut self, now: Stamp, odom: &OdomPose, pose: &MapPose) {
         self.now = self.now.max(now);

@@ -16,7 +16,9 @@ pub mod follower;
 pub mod grid;
 pub mod local;
 pub mod map;
+pub mod navigator;
 pub mod path;
+pub mod planner;
 pub mod reeds_shepp;
 pub mod space;
 

@@ -9,12 +9,14 @@
 //! protection against somebody who wants two maps to look the same.
 
 pub mod check;
+mod layers;
 pub mod polygon;
 pub mod raster;
 pub mod ros;
 pub mod wire;
 mod zone;
 
+pub use layers::ZoneLayers;
 pub use zone::{Zone, ZoneError, ZoneKind};
 
 use crate::{Car, Cell, Grid, MapPose};

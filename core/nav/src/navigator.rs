@@ -26,7 +26,7 @@ use crate::clearance::Clearance;
 use crate::filter::Estimate;
 use crate::follower::{Follower, FollowerSettings, GoalTolerance};
 use crate::local::{BumperScan, LocalLayer};
-use crate::map::Map;
+use crate::map::{Map, ZoneLayers};
 use crate::path::Path;
 use follow::Following;
 use std::sync::Arc;
@@ -51,6 +51,8 @@ const BLOCKED_MS: u64 = 1_500;
 const PAUSE_MS: u64 = 3_000;
 /// Tries without any way gained before it gives up.
 const TRIES: u32 = 6;
+/// A plan that has not come back after this long is asked for again.
+const PLAN_WITHIN_MS: u64 = 15_000;
 /// Way along a path that counts as progress, in m.
 const PROGRESS_M: f64 = 0.5;
 /// Longest reversing of a recovery.
@@ -151,7 +153,7 @@ pub struct Progress<'a> {
 #[derive(Debug, Clone)]
 enum Stage {
     /// Asks for a path once it stands.
-    Seeking { job: Option<u64>, since: Stamp },
+    Seeking { job: Option<(u64, Stamp)> },
     /// Along a path.
     Following(Box<Following>),
     /// Waits before it tries again.
@@ -169,8 +171,6 @@ struct Task {
     tries: u32,
     /// Paths for this goal.
     plans: u32,
-    /// Where it was when `tries` began to count.
-    tried_at: MapPose,
     /// What was in the way last.
     blocked_at: Option<[f64; 2]>,
     /// In words, for when it gives up.
@@ -188,6 +188,7 @@ pub struct Navigator {
     car: Car,
     follower: FollowerSettings,
     map: Option<Arc<Map>>,
+    zones: Arc<ZoneLayers>,
     clearance: Option<Arc<Clearance>>,
     local: Option<LocalLayer>,
     task: Option<Task>,
@@ -205,6 +206,7 @@ impl Navigator {
             car: Car::of(vehicle),
             follower: FollowerSettings::default(),
             map: None,
+            zones: Arc::default(),
             clearance: None,
             local: None,
             task: None,
@@ -215,12 +217,13 @@ impl Navigator {
     }
 
     /// The map that it plans on from now on; a goal under way is planned anew.
-    pub fn set_map(&mut self, now: Stamp, map: Arc<Map>) {
+    pub fn set_map(&mut self, map: Arc<Map>) {
+        self.zones = Arc::new(ZoneLayers::of(&map));
         self.clearance = Some(Arc::new(Clearance::of(map.grid())));
         self.local = Some(LocalLayer::new(self.car, Some(map.grid())));
         self.map = Some(map);
         if let Some(task) = &mut self.task {
-            task.seek(now);
+            task.seek();
         }
     }
 
@@ -237,15 +240,14 @@ impl Navigator {
     }
 
     /// A goal begins; the one before is forgotten.
-    pub fn begin(&mut self, now: Stamp, aim: Aim, pose: &MapPose) {
+    pub fn begin(&mut self, aim: Aim) {
         self.outbox = None;
         self.led.forget_track();
         self.task = Some(Task {
             aim,
-            stage: Stage::Seeking { job: None, since: now },
+            stage: Stage::Seeking { job: None },
             tries: 0,
             plans: 0,
-            tried_at: *pose,
             blocked_at: None,
             trouble: String::new(),
             recoveries: 0,
@@ -286,7 +288,13 @@ impl Navigator {
             Stage::Following(following) => {
                 let length_m = following.follower.length_m();
                 let release_m = following.release_m.min(length_m);
-                (Some(&following.path), following.plan, following.follower.way_m(), release_m, following.off_m)
+                (
+                    Some(&following.path),
+                    following.plan,
+                    following.follower.way_m(),
+                    release_m,
+                    following.off_m,
+                )
             }
             _ => (None, 0, 0.0, 0.0, 0.0),
         };
@@ -306,9 +314,7 @@ impl Navigator {
     pub fn keep_out_at(&self, aim: &Aim) -> Option<String> {
         let map = self.map.as_ref()?;
         let zone = match aim.yaw_rad {
-            Some(yaw_rad) => {
-                map.keep_out_under(&self.car, &MapPose { x_m: aim.x_m, y_m: aim.y_m, yaw_rad })
-            }
+            Some(yaw_rad) => map.keep_out_under(&self.car, &MapPose { x_m: aim.x_m, y_m: aim.y_m, yaw_rad }),
             None => map.keep_outs().find(|zone| zone.holds(aim.x_m, aim.y_m)),
         };
         zone.map(|zone| zone.name().to_owned())
@@ -325,7 +331,7 @@ impl Navigator {
             return Some("it is not on the map");
         }
         let least_m = self.car.core_m() - grid.resolution_m();
-        (clearance.at(aim.x_m, aim.y_m) < least_m).then_some("something on the map stands there")
+        (clearance.at_least_m(aim.x_m, aim.y_m) < least_m).then_some("something on the map stands there")
     }
 
     /// What the local layer holds.
@@ -363,7 +369,7 @@ impl Navigator {
     fn decide(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
         let pose = sensed.estimate.pose;
         if let Some(zone) = self.map.as_ref().and_then(|map| map.keep_out_under(&self.car, &pose)) {
-            return Decision::Failed(format!("it stands in the keep-out zone {zone}"));
+            return Decision::Failed(format!("it stands in the keep-out zone {}", zone.name()));
         }
         self.follow_lead(now, sensed.speed_mps.abs() < 0.01, task);
         match &mut task.stage {
@@ -380,19 +386,21 @@ impl Navigator {
     /// Stands until there is a path; asks for one unless traffic control makes it.
     fn seek(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
         let stand = stand(Standing::Planning);
-        let Stage::Seeking { job, .. } = &mut task.stage else { return stand };
+        let Stage::Seeking { job } = &mut task.stage else { return stand };
         let Some(map) = &self.map else {
             return Decision::Failed("the robot has no map".to_owned());
         };
         let rolls = sensed.speed_mps.abs() > 0.01;
-        if job.is_some() || rolls || self.led.leads(now) {
+        let asked = job.is_some_and(|(_, at)| now.since_ms(at) < PLAN_WITHIN_MS);
+        if asked || rolls || self.led.leads(now) {
             return stand;
         }
         self.jobs += 1;
-        *job = Some(self.jobs);
+        *job = Some((self.jobs, now));
         self.outbox = Some(PlanJob {
             number: self.jobs,
             map: map.clone(),
+            zones: self.zones.clone(),
             local: self.local.iter().flat_map(|local| local.obstacles(now)).map(|o| [o.x_m, o.y_m]).collect(),
             car: self.car,
             start: sensed.estimate.pose,
@@ -404,13 +412,15 @@ impl Navigator {
     /// A plan comes back.
     pub fn planned(&mut self, now: Stamp, done: PlanDone) {
         let Some(task) = &mut self.task else { return };
-        if !matches!(task.stage, Stage::Seeking { job: Some(number), .. } if number == done.number) {
+        if !matches!(task.stage, Stage::Seeking { job: Some((number, _)) } if number == done.number) {
             return;
         }
         let follower = done.result.and_then(|path| {
             let tolerance = tolerance(&task.aim);
-            let follower = Follower::new(&path, &self.car, self.follower, tolerance);
-            follower.map(|follower| (path, follower)).map_err(|error| PlanFailure::for_good(error.to_string()))
+            let follower = Follower::new(&path, &self.car, self.follower.clone(), tolerance);
+            follower
+                .map(|follower| (path, follower))
+                .map_err(|error| PlanFailure::for_good(error.to_string()))
         });
         match follower {
             Ok((path, follower)) => {
@@ -424,8 +434,8 @@ impl Navigator {
 
 impl Task {
     /// Plans anew, from where it stands.
-    fn seek(&mut self, now: Stamp) {
-        self.stage = Stage::Seeking { job: None, since: now };
+    fn seek(&mut self) {
+        self.stage = Stage::Seeking { job: None };
     }
 
     /// There is no way at present: another try later, or the end.

@@ -5,12 +5,17 @@
 
 use crate::simulation::{Simulation, SimulationError};
 use crate::vehicle::Truck;
+use std::collections::VecDeque;
+use std::sync::Arc;
 use thiserror::Error;
 use xtb_authority::agent::Arrival;
 use xtb_authority::{Identity, Robot};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
+use xtb_nav::map::Map;
+use xtb_nav::navigator::PlanDone;
+use xtb_nav::planner::Planner;
 use xtb_protocol::keys::NameError;
 use xtb_protocol::messages::{Body, Lease, Outcome, Rejected, Reply, Request, RobotState, TruthRobot};
 use xtb_protocol::{Name, Uuid};
@@ -26,8 +31,11 @@ pub enum LockstepError {
     Name(#[from] NameError),
 }
 
+/// How long a plan takes in simulated time.
+pub const PLAN_MS: u64 = 50;
+
 /// A simulation with a robot on each of its trucks.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Lockstep {
     simulation: Simulation,
     robots: Vec<Robot>,
@@ -35,6 +43,9 @@ pub struct Lockstep {
     leases: Vec<Option<Lease>>,
     bytes: Vec<u8>,
     asked: Arrival,
+    planner: Planner,
+    /// Plans on their way back, with when and to whom.
+    plans: VecDeque<(Stamp, usize, PlanDone)>,
 }
 
 impl Lockstep {
@@ -56,7 +67,15 @@ impl Lockstep {
         let robots: Vec<Robot> =
             simulation.trucks().iter().enumerate().map(robot).collect::<Result<_, NameError>>()?;
         let leases = vec![None; robots.len()];
-        Ok(Self { simulation, robots, leases, bytes: Vec::with_capacity(1024), asked: 0 })
+        Ok(Self {
+            simulation,
+            robots,
+            leases,
+            bytes: Vec::with_capacity(1024),
+            asked: 0,
+            planner: Planner::new(),
+            plans: VecDeque::new(),
+        })
     }
 
     /// Simulated time.
@@ -106,6 +125,31 @@ impl Lockstep {
         self.robots.get_mut(index).map(|robot| robot.state(now, Rejected::default()))
     }
 
+    /// The robot with this index, to be told of poses and paths between two steps.
+    pub fn robot_mut(&mut self, index: usize) -> Option<&mut Robot> {
+        self.robots.get_mut(index)
+    }
+
+    /// Gives every robot this map to plan on.
+    pub fn set_map(&mut self, map: &Arc<Map>) {
+        for robot in &mut self.robots {
+            robot.agent_mut().set_map(map.clone());
+        }
+    }
+
+    /// Paths that were asked for come back after [`PLAN_MS`], whatever they cost this machine.
+    fn plan(&mut self) {
+        let now = self.now();
+        for (index, robot) in self.robots.iter_mut().enumerate() {
+            if let Some(job) = robot.agent_mut().take_plan_job() {
+                self.plans.push_back((now.plus_ms(PLAN_MS), index, job.run(&mut self.planner)));
+            }
+        }
+        while let Some((_, index, done)) = self.plans.pop_front_if(|(at, ..)| *at <= now) {
+            self.robots[index].agent_mut().planned(now, done);
+        }
+    }
+
     /// One step of the world and one turn of every robot.
     pub fn step(&mut self) {
         let Self { simulation, robots, leases, bytes, .. } = self;
@@ -118,6 +162,7 @@ impl Lockstep {
             turn(truck, robot, now, bytes);
             while robot.agent_mut().next_event().is_some() {}
         }
+        self.plan();
     }
 }
 

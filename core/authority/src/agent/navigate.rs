@@ -35,8 +35,8 @@ pub(super) struct Lead {
 
 impl Agent {
     /// The map to plan on: its own, or the fleet's.
-    pub fn set_map(&mut self, now: Stamp, map: Shared<Map>) {
-        self.nav.set_map(now, map);
+    pub fn set_map(&mut self, map: Shared<Map>) {
+        self.nav.set_map(map);
     }
 
     /// The hash of the fleet's map; with another one than its own the robot takes no planned goals.
@@ -162,8 +162,8 @@ impl Agent {
     }
 
     /// A planned goal was accepted.
-    pub(super) fn begin_path(&mut self, now: Stamp, aim: Aim) {
-        self.nav.begin(now, aim, &self.filter.estimate(now).pose);
+    pub(super) fn begin_path(&mut self, aim: Aim) {
+        self.nav.begin(aim);
     }
 
     /// The odometry, into the filter.

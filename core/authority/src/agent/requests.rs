@@ -146,7 +146,7 @@ impl Agent {
                 goal.limit = finish_limit(now, *on_link_loss, *finish_s);
                 let done = self.begin(now, arrival, goal, command, view)?;
                 if via == Via::Planned {
-                    self.begin_path(now, aim);
+                    self.begin_path(aim);
                 }
                 Ok(done)
             }

@@ -144,7 +144,7 @@ impl Navigator {
         let body = self.car.grown(IN_THE_WAY_M);
         while obstructed.is_none() {
             let (pose, _) = following.path.at(way_m);
-            let room_m = f64::from(clearance.at(pose.x_m, pose.y_m)) - self.car.half_width_m;
+            let room_m = clearance.at_least_m(pose.x_m, pose.y_m) - self.car.half_width_m;
             least_m = least_m.min(room_m);
             let there = |point: &[f64; 2]| body.distance_m(&pose, *point) <= 0.0;
             obstructed = marks.iter().copied().find(there).map(|at| (way_m, at));
@@ -158,9 +158,7 @@ impl Navigator {
         following.obstructed = obstructed.map(|(way_m, at)| ((way_m - LOOKOUT_M).max(from_m), at));
         let stands = sensed.speed_mps.abs() < 0.01;
         following.obstructed_since = match following.obstructed {
-            Some((way_m, _)) if way_m - from_m < 0.05 && stands => {
-                following.obstructed_since.or(Some(now))
-            }
+            Some((way_m, _)) if way_m - from_m < 0.05 && stands => following.obstructed_since.or(Some(now)),
             _ => None,
         };
     }
@@ -182,12 +180,18 @@ impl Navigator {
         if task.tries > TRIES {
             return Decision::Failed(task.failure());
         }
-        task.seek(now);
+        task.seek();
         stand(Standing::Planning)
     }
 
     /// After a plan that failed: again, or astern out of it, or the end.
-    pub(super) fn pause(&mut self, now: Stamp, until: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+    pub(super) fn pause(
+        &mut self,
+        now: Stamp,
+        until: Stamp,
+        sensed: &Sensed<'_>,
+        task: &mut Task,
+    ) -> Decision {
         if task.tries > TRIES {
             return Decision::Failed(task.failure());
         }
@@ -201,13 +205,15 @@ impl Navigator {
             task.stage = Stage::Recovering { until, steering, from: sensed.estimate.pose };
             return self.recover(now, sensed, task);
         }
-        task.seek(now);
+        task.seek();
         stand(Standing::Planning)
     }
 
     /// The memorandum's avoidance (§4.6): astern while turning, as far as there is room.
     pub(super) fn recover(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
-        let Stage::Recovering { until, steering, from } = task.stage else { return stand(Standing::Planning) };
+        let Stage::Recovering { until, steering, from } = task.stage else {
+            return stand(Standing::Planning);
+        };
         let gone_m = distance_m(&from, &sensed.estimate.pose);
         if now >= until || gone_m >= RECOVERED_M || (sensed.blocked && sensed.speed_mps == 0.0) {
             task.stage = Stage::Pausing { until: now.plus_ms(PAUSE_MS / 6) };

@@ -3,14 +3,21 @@
 use super::{Aim, LOOKOUT_M, MARGIN_M, RADIUS_FACTOR};
 use crate::MapPose;
 use crate::car::Car;
-use crate::map::Map;
+use crate::map::{Map, ZoneLayers};
 use crate::path::Path;
-use crate::planner::{Goal, PlanError, Planner, PlannerSettings};
-use crate::space::{GridSpace, Layers, LookOut};
+use crate::planner::{End, Goal, PlanError, Planner, PlannerSettings};
+use crate::space::{GridSpace, Hit, Layers, LookOut};
 use std::sync::Arc;
 
 /// Room beside the body, in m: as much as there is, least last.
 const MARGINS_M: [f64; 3] = [MARGIN_M, 0.03, 0.005];
+
+/// A path ends this near to its goal: the follower needs the rest of the box for itself.
+const TOLERANCE_M: f64 = 0.05;
+/// And this near to its yaw.
+const TOLERANCE_RAD: f64 = 0.05;
+/// About two seconds on a small computer.
+const EXPANSIONS: usize = 300_000;
 
 /// A path to look for.
 #[derive(Debug, Clone)]
@@ -18,6 +25,7 @@ pub struct PlanJob {
     /// For the answer.
     pub(super) number: u64,
     pub(super) map: Arc<Map>,
+    pub(super) zones: Arc<ZoneLayers>,
     /// What is not on the map, (x, y) in m.
     pub(super) local: Vec<[f64; 2]>,
     pub(super) car: Car,
@@ -73,20 +81,26 @@ impl PlanJob {
         Err(PlanFailure { for_good: alone, ..error })
     }
 
-    fn plan_with(&self, planner: &mut Planner, margin_m: f64, local: &[[f64; 2]]) -> Result<Path, PlanFailure> {
+    fn plan_with(
+        &self,
+        planner: &mut Planner,
+        margin_m: f64,
+        local: &[[f64; 2]],
+    ) -> Result<Path, PlanFailure> {
         let car = Car { radius_m: self.car.radius_m * RADIUS_FACTOR, ..self.car.grown(margin_m) };
-        let zones = self.map.layers();
         let layers = Layers {
             grid: self.map.grid(),
-            zones: Some(&zones.keep_outs),
-            one_way: zones.one_way.as_deref(),
+            zones: Some(&self.zones.keep_outs),
+            one_way: self.zones.one_way.as_deref(),
             local_m: local,
         };
         let look_out = LookOut { ahead_m: LOOKOUT_M - margin_m, half_width_m: 0.2 };
         let space = GridSpace::new(&layers, car, look_out)
             .map_err(|error| PlanFailure::for_good(error.to_string()))?;
-        let goal = Goal::new(self.aim.x_m, self.aim.y_m, self.aim.yaw_rad);
-        match planner.plan(&space, &self.start, &goal, &PlannerSettings::default()) {
+        let Aim { x_m, y_m, yaw_rad } = self.aim;
+        let goal = Goal { x_m, y_m, yaw_rad, tolerance_m: TOLERANCE_M, tolerance_rad: TOLERANCE_RAD };
+        let settings = PlannerSettings { most_expansions: EXPANSIONS, ..PlannerSettings::default() };
+        match planner.plan(&space, &self.start, &goal, &settings, &mut || true) {
             Ok(plan) => Ok(plan.path),
             Err(error) => Err(failure(&error)),
         }
@@ -94,10 +108,15 @@ impl PlanJob {
 }
 
 fn failure(error: &PlanError) -> PlanFailure {
-    PlanFailure {
-        words: error.to_string(),
-        at: error.near_m(),
-        for_good: false,
-        enclosed: matches!(error, PlanError::StartBlocked(_) | PlanError::Unreachable { .. }),
-    }
+    let hit = |hit: &Hit| Some([hit.x_m, hit.y_m]);
+    let at = match error {
+        PlanError::StartInCollision(at) | PlanError::GoalInCollision(at) => hit(at),
+        PlanError::GoalKeptOut { at, .. } => hit(at),
+        PlanError::Unreachable { at_m, by, .. } => by.as_ref().map_or(Some(*at_m), hit),
+        PlanError::Budget { nearest, by, .. } => by.as_ref().map_or(Some([nearest.x_m, nearest.y_m]), hit),
+        PlanError::NotAPose(_) | PlanError::Settings(_) => None,
+    };
+    let enclosed =
+        matches!(error, PlanError::StartInCollision(_) | PlanError::Unreachable { end: End::Start, .. });
+    PlanFailure { words: error.to_string(), at, for_good: false, enclosed }
 }

@@ -69,7 +69,7 @@ impl Navigator {
                 && following.plan > 0
                 && stands
             {
-                task.seek(now);
+                task.seek();
             }
             return;
         }
@@ -84,7 +84,9 @@ impl Navigator {
             return;
         }
         let Some(path) = led.path.as_ref().filter(|_| stands) else { return };
-        let Ok(follower) = Follower::new(path, &self.car, self.follower, tolerance(&task.aim)) else { return };
+        let Ok(follower) = Follower::new(path, &self.car, self.follower.clone(), tolerance(&task.aim)) else {
+            return;
+        };
         task.plans += 1;
         let mut following = Following::led(path.clone(), follower, led.plan);
         (following.release_m, following.cruise_mps) = (led.release_m, led.cruise_mps);
