@@ -12,6 +12,7 @@ pub mod calibration;
 pub mod days;
 mod drive;
 pub mod faults;
+pub mod fixes;
 mod geometry;
 mod grid;
 mod gyro;
@@ -34,6 +35,7 @@ pub use calibration::{CalibrationTruth, Measured};
 pub use faults::{
     DriveFault, EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults,
 };
+pub use fixes::{FixMaker, FixTruth, SimulatedFix};
 pub use lockstep::{Lockstep, LockstepError};
 pub use parameters::{Body, TruckParameters};
 pub use receiver::Transmitter;
