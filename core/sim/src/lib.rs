@@ -13,6 +13,7 @@ mod chart;
 pub mod days;
 mod drive;
 pub mod faults;
+pub mod fixes;
 mod geometry;
 mod grid;
 mod gyro;
@@ -36,6 +37,7 @@ pub use chart::{CHART_RESOLUTION_M, ChartError};
 pub use faults::{
     DriveFault, EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults,
 };
+pub use fixes::{FixMaker, FixTruth, SimulatedFix};
 pub use lockstep::{Lockstep, LockstepError};
 pub use parameters::{Body, TruckParameters};
 pub use receiver::Transmitter;
