@@ -298,7 +298,7 @@ impl Follower {
             Phase::Driving if left_m <= rolls_m.max(settings.settle_m / 2.0) => Phase::Halting,
             Phase::Halting if stands && worth_it => Phase::Turning,
             // More was released meanwhile.
-            Phase::Halting if along_mps > 0.0 && left_m > 2.0 * (settings.settle_m + rolls_m) => {
+            Phase::Halting if along_mps > 0.0 && worth_it => {
                 Phase::Driving
             }
             phase => phase,
