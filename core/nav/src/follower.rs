@@ -284,6 +284,7 @@ impl Follower {
     fn enter(&mut self, phase: Phase) {
         if phase != self.phase {
             (self.phase, self.phase_s) = (phase, 0.0);
+            self.wheels.turn_anew();
         }
     }
 
@@ -298,9 +299,7 @@ impl Follower {
             Phase::Driving if left_m <= rolls_m.max(settings.settle_m / 2.0) => Phase::Halting,
             Phase::Halting if stands && worth_it => Phase::Turning,
             // More was released meanwhile.
-            Phase::Halting if along_mps > 0.0 && left_m > 2.0 * (settings.settle_m + rolls_m) => {
-                Phase::Driving
-            }
+            Phase::Halting if along_mps > 0.0 && worth_it => Phase::Driving,
             phase => phase,
         }
     }

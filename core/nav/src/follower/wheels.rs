@@ -20,6 +20,11 @@ impl Wheels {
         Self { curvature_per_m: 0.0, turned_for_s: 0.0 }
     }
 
+    /// Something else is wanted from now on.
+    pub(super) fn turn_anew(&mut self) {
+        self.turned_for_s = 0.0;
+    }
+
     /// `dt_s` later, with `wanted_per_m` commanded all the while; full lock is `most_per_m`.
     pub(super) fn step(
         &mut self,
