@@ -14,7 +14,7 @@ use xtb_control::config_section;
 use xtb_control::frames::wrap_rad;
 use xtb_control::units::Stamp;
 use xtb_nav::filter::{Fix, FixSource};
-use xtb_protocol::messages::TruthRobot;
+use xtb_protocol::messages::{self, TruthRobot};
 
 config_section! {
     /// What measures the trucks' poses from outside.
@@ -38,6 +38,27 @@ pub struct SimulatedFix {
     pub fix: Fix,
     /// Whether it is an outlier.
     pub outlier: bool,
+}
+
+impl SimulatedFix {
+    /// As it travels.
+    #[must_use]
+    pub fn message(&self, now: Stamp) -> messages::Fix {
+        let Fix { stamp, x_m, y_m, yaw_rad, covariance, source } = self.fix;
+        messages::Fix {
+            x_m,
+            y_m,
+            yaw_rad,
+            sigma_m: covariance[0][0].sqrt(),
+            sigma_yaw_rad: covariance[2][2].sqrt(),
+            source: match source {
+                FixSource::MotionCapture => messages::FixSource::MotionCapture,
+                FixSource::Tags => messages::FixSource::Tags,
+                FixSource::Uwb => messages::FixSource::Uwb,
+            },
+            age_ms: now.since_ms(stamp),
+        }
+    }
 }
 
 /// The source of one truck's fixes.

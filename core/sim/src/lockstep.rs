@@ -3,6 +3,7 @@
 //! The same [`Robot`] as in `robot-agent`, the same bytes between it and its truck. A turn is a step
 //! of the world; same arguments, same bits.
 
+use crate::fixes::{FixMaker, FixTruth};
 use crate::simulation::{Simulation, SimulationError};
 use crate::vehicle::Truck;
 use std::collections::VecDeque;
@@ -43,6 +44,8 @@ pub struct Lockstep {
     leases: Vec<Option<Lease>>,
     bytes: Vec<u8>,
     asked: Arrival,
+    /// What measures the trucks from outside.
+    fixes: Vec<FixMaker>,
     planner: Planner,
     /// Plans on their way back, with when and to whom.
     plans: VecDeque<(Stamp, usize, PlanDone)>,
@@ -73,6 +76,7 @@ impl Lockstep {
             leases,
             bytes: Vec::with_capacity(1024),
             asked: 0,
+            fixes: Vec::new(),
             planner: Planner::new(),
             plans: VecDeque::new(),
         })
@@ -130,6 +134,23 @@ impl Lockstep {
         self.robots.get_mut(index)
     }
 
+    /// Pose fixes for every robot from now on.
+    pub fn set_fixes(&mut self, truth: FixTruth, seed: u64) {
+        self.fixes = (0..self.robots.len()).map(|truck| FixMaker::new(truth.clone(), seed, truck)).collect();
+    }
+
+    fn fix(&mut self) {
+        let now = self.now();
+        for ((maker, truck), robot) in
+            self.fixes.iter_mut().zip(self.simulation.trucks()).zip(&mut self.robots)
+        {
+            maker.step(now, &truck.truth());
+            while let Some(made) = maker.take(now) {
+                robot.agent_mut().fix(now, now, &made.message(now));
+            }
+        }
+    }
+
     /// Gives every robot this map to plan on.
     pub fn set_map(&mut self, map: &Arc<Map>) {
         for robot in &mut self.robots {
@@ -162,6 +183,7 @@ impl Lockstep {
             turn(truck, robot, now, bytes);
             while robot.agent_mut().next_event().is_some() {}
         }
+        self.fix();
         self.plan();
     }
 }

@@ -108,7 +108,7 @@ impl Navigator {
         match drive.status {
             Status::Reached => Decision::Reached,
             Status::Deviated { .. } | Status::Stuck(Stuck::Missed | Stuck::NoProgress | Stuck::NoPose) => {
-                self.lose_the_path(now, task, "it gets off its path")
+                self.lose_the_path(task, "it gets off its path")
             }
             _ if following.blocked_since.is_some_and(|since| now.since_ms(since) >= BLOCKED_MS) => {
                 let ahead_m = drive.speed_mps.signum() * (self.car.front_m + 0.2);
@@ -170,11 +170,11 @@ impl Navigator {
         if following.plan > 0 && self.led.leads(now) {
             return stand(Standing::WayBlocked);
         }
-        self.lose_the_path(now, task, "something that is not on the map")
+        self.lose_the_path(task, "something that is not on the map")
     }
 
     /// Another path from here, unless that was tried often enough.
-    fn lose_the_path(&mut self, now: Stamp, task: &mut Task, why: &str) -> Decision {
+    fn lose_the_path(&mut self, task: &mut Task, why: &str) -> Decision {
         task.tries += 1;
         why.clone_into(&mut task.trouble);
         if task.tries > TRIES {

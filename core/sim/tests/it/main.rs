@@ -20,6 +20,7 @@ mod motion;
 mod ordinary;
 mod parking;
 mod parkings;
+mod planned;
 mod platform;
 mod remote;
 mod sensors;
