@@ -15,6 +15,7 @@ mod faults;
 mod goto;
 mod guards;
 mod hazards;
+mod journeys;
 mod levelling;
 mod motion;
 mod ordinary;

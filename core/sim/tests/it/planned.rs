@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use xtb_control::VehicleConfig;
+use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Outcome, Request, RobotState, Via};
 use xtb_protocol::{Name, Uuid};
 use xtb_sim::fixes::FixTruth;
@@ -19,9 +20,20 @@ impl Drive {
     /// Trucks in a world, with its map and fixes at 2 Hz.
     pub(crate) fn new(world: &str, trucks: usize, seed: u64) -> Self {
         let world = World::from_toml(world).unwrap();
-        let map = Arc::new(world.chart(0.05).unwrap());
         let names: Vec<String> = (1..=trucks).map(|n| format!("xtb-{n}")).collect();
         let simulation = Simulation::new(world, &TruckParameters::default(), &names, seed).unwrap();
+        Self::with(simulation, seed)
+    }
+
+    /// Trucks that start here.
+    pub(crate) fn at(world: World, starts: &[MapPose], seed: u64) -> Self {
+        let names: Vec<String> = (1..=starts.len()).map(|n| format!("xtb-{n}")).collect();
+        let starts: Vec<_> = names.iter().map(String::as_str).zip(starts.iter().copied()).collect();
+        Self::with(Simulation::with_starts(world, &TruckParameters::default(), &starts, seed).unwrap(), seed)
+    }
+
+    fn with(simulation: Simulation, seed: u64) -> Self {
+        let map = Arc::new(simulation.world().chart(0.05).unwrap());
         let mut lockstep =
             Lockstep::new(simulation, &Name::new("lab").unwrap(), &VehicleConfig::default()).unwrap();
         lockstep.set_map(&map);

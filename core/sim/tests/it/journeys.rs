@@ -1,0 +1,194 @@
+//! Journeys: planned goals at random in known rooms, the whole robot on the whole vehicle, poses from fixes;
+//! on request something that is not on the map is put into the way. The tests in `planned.rs` and the
+//! example `journeys` measure with this.
+
+use crate::draw::{Draw, in_parallel};
+use crate::planned::Drive;
+use std::f64::consts::PI;
+use xtb_control::VehicleConfig;
+use xtb_nav::planner::{Goal, Planner, PlannerSettings};
+use xtb_nav::space::{GridSpace, Layers, LookOut, Space};
+use xtb_nav::{Car, MapPose, Path};
+use xtb_protocol::messages::{GoalStatus, Outcome};
+use xtb_sim::BoxSpec;
+use xtb_sim::World;
+
+/// Longer than any way in these rooms takes.
+const PATIENCE_S: f64 = 400.0;
+
+/// What came of one.
+#[derive(Debug, Clone)]
+pub(crate) struct Journey {
+    pub(crate) seed: u64,
+    pub(crate) start: MapPose,
+    pub(crate) goal: MapPose,
+    pub(crate) with_yaw: bool,
+    pub(crate) status: Option<GoalStatus>,
+    pub(crate) reason: Option<String>,
+    pub(crate) contacts: u64,
+    /// By the truth.
+    pub(crate) off_m: f64,
+    pub(crate) took_s: f64,
+    /// Length of the shortest path that the planner knew of at the start, in m.
+    pub(crate) planned_m: f64,
+    /// Paths that it took.
+    pub(crate) plans: u32,
+    /// Longest standstill, in s.
+    pub(crate) stood_s: f64,
+    /// Something was put into the way, and where.
+    pub(crate) hindered: Option<[f64; 2]>,
+    /// Whether a path exists that knows everything.
+    pub(crate) possible: bool,
+}
+
+impl Journey {
+    /// Arrived, or failed and says what is so.
+    pub(crate) fn is_honest(&self) -> bool {
+        match self.status {
+            Some(GoalStatus::Reached) => self.off_m < 0.35,
+            Some(GoalStatus::Failed) => !self.possible,
+            _ => false,
+        }
+    }
+}
+
+/// A room as the planner sees it.
+struct Room {
+    world: World,
+    space: GridSpace,
+}
+
+impl Room {
+    fn of(world: World) -> Self {
+        let map = world.chart(0.05).unwrap();
+        let car = Car::of(&VehicleConfig::default());
+        let car = Car { radius_m: car.radius_m * 1.15, ..car.grown(0.06) };
+        let look_out = LookOut { ahead_m: 0.26, half_width_m: 0.2 };
+        let space = GridSpace::new(&Layers::map(map.grid()), car, look_out).unwrap();
+        Self { world, space }
+    }
+
+    /// A pose at which it can stand, with room to drive off.
+    fn pose(&self, draw: &mut Draw) -> MapPose {
+        let bounds = self.space.bounds();
+        loop {
+            let pose = MapPose {
+                x_m: draw.uniform(bounds.low_m[0], bounds.high_m[0]),
+                y_m: draw.uniform(bounds.low_m[1], bounds.high_m[1]),
+                yaw_rad: draw.uniform(-PI, PI),
+            };
+            if self.space.standing(&pose).is_none() && self.space.clearance_m(pose.x_m, pose.y_m) > 0.4 {
+                return pose;
+            }
+        }
+    }
+
+    fn path(&self, start: &MapPose, goal: &MapPose, with_yaw: bool) -> Option<Path> {
+        let goal = Goal {
+            x_m: goal.x_m,
+            y_m: goal.y_m,
+            yaw_rad: with_yaw.then_some(goal.yaw_rad),
+            tolerance_m: 0.05,
+            tolerance_rad: 0.05,
+        };
+        let settings = PlannerSettings::default();
+        Planner::new().plan(&self.space, start, &goal, &settings, &mut || true).ok().map(|plan| plan.path)
+    }
+}
+
+/// The journey of this seed.
+pub(crate) fn journey(world: &str, seed: u64, hinder: bool) -> Journey {
+    let mut draw = Draw::new(seed);
+    let room = Room::of(World::from_toml(world).unwrap());
+    let (start, goal, with_yaw, path) = loop {
+        let (start, goal, with_yaw) =
+            (room.pose(&mut draw), room.pose(&mut draw), draw.uniform(0.0, 1.0) < 0.5);
+        if let Some(path) = room.path(&start, &goal, with_yaw).filter(|path| path.length_m() > 1.5) {
+            break (start, goal, with_yaw, path);
+        }
+    };
+    let mut drive = Drive::at(room.world.clone(), &[start], seed);
+    let mut made = Journey {
+        seed,
+        start,
+        goal,
+        with_yaw,
+        status: None,
+        reason: None,
+        contacts: 0,
+        off_m: f64::NAN,
+        took_s: 0.0,
+        planned_m: path.length_m(),
+        plans: 0,
+        stood_s: 0.0,
+        hindered: None,
+        possible: true,
+    };
+    if let Outcome::Error(error) = drive.goto(0, goal.x_m, goal.y_m, with_yaw.then_some(goal.yaw_rad)) {
+        made.reason = Some(error.message);
+        return made;
+    }
+    let begun = drive.lockstep.now();
+    let hinder_at_s = if hinder { draw.uniform(1.0, 0.6 * path.length_m() / 0.2) } else { f64::MAX };
+    let mut stood_s: f64 = 0.0;
+    while made.took_s < PATIENCE_S {
+        drive.run_s(0.1);
+        made.took_s = drive.lockstep.now().since_s(begun);
+        let truth = drive.lockstep.simulation().trucks()[0].truth();
+        stood_s = if truth.speed_mps.abs() < 0.01 { stood_s + 0.1 } else { 0.0 };
+        made.stood_s = made.stood_s.max(stood_s);
+        if made.hindered.is_none() && made.took_s >= hinder_at_s {
+            made.hindered = put_in_the_way(&mut drive, &mut draw);
+        }
+        let state = drive.lockstep.state(0).unwrap();
+        made.plans = state.nav.route.map_or(made.plans, |route| route.plans);
+        let goal = state.goal.unwrap();
+        (made.status, made.reason) = (Some(goal.status), goal.reason);
+        if goal.status.is_final() {
+            break;
+        }
+    }
+    let truth = drive.lockstep.simulation().trucks()[0].truth();
+    made.contacts = truth.contacts;
+    made.off_m = (truth.x_m - goal.x_m).abs().max((truth.y_m - goal.y_m).abs());
+    if made.hindered.is_some() {
+        let now = MapPose { x_m: truth.x_m, y_m: truth.y_m, yaw_rad: truth.yaw_rad };
+        let world = drive.lockstep.simulation().world().clone();
+        made.possible = Room::of(world).path(&now, &goal, with_yaw).is_some();
+    }
+    made
+}
+
+/// A box on the way that is left, far enough ahead to stop before it.
+fn put_in_the_way(drive: &mut Drive, draw: &mut Draw) -> Option<[f64; 2]> {
+    let route = drive.lockstep.state(0).unwrap().nav.route?;
+    let track = route.track?;
+    let mut path = Path::standing(track.start);
+    for arc in &track.arcs {
+        path.push(xtb_nav::Piece { length_m: arc.length_m, curvature_per_m: arc.curvature_per_m });
+    }
+    let (ahead_m, half_m) = (draw.uniform(0.9, 2.0), draw.uniform(0.05, 0.25));
+    let (pose, piece) = path.at(route.done_m + ahead_m);
+    piece?;
+    let truth = drive.lockstep.simulation().trucks()[0].truth();
+    let here = MapPose { x_m: truth.x_m, y_m: truth.y_m, yaw_rad: truth.yaw_rad };
+    let car = Car::of(&VehicleConfig::default());
+    if car.distance_m(&here, [pose.x_m, pose.y_m]) < 0.45 + half_m * 1.5 {
+        return None;
+    }
+    let side = 2.0 * half_m;
+    let spec = BoxSpec {
+        x_m: pose.x_m,
+        y_m: pose.y_m,
+        width_m: side,
+        depth_m: side,
+        yaw_rad: draw.uniform(0.0, PI),
+    };
+    drive.lockstep.simulation_mut().put_box("stranger", spec).ok()?;
+    Some([pose.x_m, pose.y_m])
+}
+
+/// Journeys of all these seeds.
+pub(crate) fn journeys(world: &str, seeds: std::ops::Range<u64>, hinder: bool) -> Vec<Journey> {
+    in_parallel(seeds, |seed| journey(world, seed, hinder))
+}
