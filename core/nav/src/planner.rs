@@ -189,26 +189,48 @@ impl Planner {
     ) -> Result<Plan, PlanError> {
         check(start, goal, settings)?;
         self.ends(space, start, goal)?;
-        self.around_everything(space, start, goal, settings)?;
-        self.curves.begin(space.car().radius_m);
         let costs = Costs::new(settings, space.car().core_m());
+        self.curves.begin(space.car().radius_m, &costs);
+        if let Some(path) = self.at_once(space, &costs, start) {
+            return Ok(self.finished(space, &costs, settings, path, 0));
+        }
+        self.around_everything(space, start, goal, settings)?;
         let mut expansions = 0;
         for (number, lattice) in settings.lattices.iter().enumerate() {
             let last = number + 1 == settings.lattices.len();
             let query = Query { space, costs: &costs, start, goal, settings, lattice, last };
             match self.search(&query, &mut expansions, keep_going) {
-                Outcome::Found(path) => {
-                    let path = (0..settings.rounds).fold(path, |path, _| {
-                        self.shorten.path(space, &costs, &mut self.shots, &mut self.curves, path)
-                    });
-                    return Ok(Plan { cost: costs.path(space, &path), path, expansions });
-                }
+                Outcome::Found(path) => return Ok(self.finished(space, &costs, settings, path, expansions)),
                 Outcome::Emptied(tree) if last => return Err(self.walled_in(&query, tree)),
                 Outcome::Budget => return Err(self.spent(&query, expansions)),
                 Outcome::Emptied(_) | Outcome::Spent => {}
             }
         }
         Err(PlanError::Settings("a search needs a lattice"))
+    }
+
+    /// A single curve that does it.
+    fn at_once(&mut self, space: &impl Space, costs: &Costs, start: &MapPose) -> Option<Path> {
+        nearest_goals(&mut self.curves, &self.goals, start).find_map(|goal| {
+            let way = self.shots.free(space, costs, start, &self.goals[goal])?;
+            let mut path = Path::standing(*start);
+            way.pieces().iter().for_each(|piece| path.push(*piece));
+            Some(path)
+        })
+    }
+
+    fn finished(
+        &mut self,
+        space: &impl Space,
+        costs: &Costs,
+        settings: &PlannerSettings,
+        path: Path,
+        expansions: usize,
+    ) -> Plan {
+        let path = (0..settings.rounds).fold(path, |path, _| {
+            self.shorten.path(space, costs, &mut self.shots, &mut self.curves, path)
+        });
+        Plan { cost: costs.path(space, &path), path, expansions }
     }
 
     /// Whether the car can stand at both ends, and in which headings at the goal.
@@ -227,8 +249,7 @@ impl Planner {
             self.goals.push(goal.pose(first));
         }
         if goal.yaw_rad.is_none() || hit.is_some() {
-            let free =
-                others.into_iter().map(|yaw| goal.pose(yaw)).filter(|pose| space.standing(pose).is_none());
+            let free = others.into_iter().map(|yaw| goal.pose(yaw)).filter(|pose| space.standing(pose).is_none());
             self.goals.extend(free.take(if goal.yaw_rad.is_some() { 1 } else { usize::MAX }));
         }
         match hit {
@@ -338,13 +359,7 @@ impl Planner {
         if tree == BACKWARD {
             return self.shot(query, view.moves, tree, (node, &pose), (0, query.start));
         }
-        // The two headings at the goal that are nearest.
-        let lengths = |goal: &MapPose| self.curves.length_m(&pose, goal);
-        let lengths: Vec<f64> = self.goals.iter().map(lengths).collect();
-        let mut order: Vec<usize> = (0..lengths.len()).collect();
-        order.sort_by(|a, b| lengths[*a].total_cmp(&lengths[*b]));
-        order.truncate(2);
-        order.into_iter().find_map(|root| {
+        nearest_goals(&mut self.curves, &self.goals, &pose).find_map(|root| {
             let goal = self.goals[root];
             self.shot(query, view.moves, tree, (node, &pose), (root as u32, &goal))
         })
@@ -411,6 +426,20 @@ struct Query<'a, S: Space> {
     last: bool,
 }
 
+/// The two headings at the goal that are the cheapest to get to from a pose where nothing is in the way.
+fn nearest_goals(curves: &mut Curves, goals: &[MapPose], from: &MapPose) -> impl Iterator<Item = usize> + use<> {
+    let mut best = [(f64::INFINITY, usize::MAX); 2];
+    for (index, goal) in goals.iter().enumerate() {
+        let cost = curves.cost(from, goal);
+        if cost < best[0].0 {
+            best = [(cost, index), best[0]];
+        } else if cost < best[1].0 {
+            best[1] = (cost, index);
+        }
+    }
+    best.into_iter().map(|(_, index)| index).filter(|&index| index != usize::MAX)
+}
+
 fn check(start: &MapPose, goal: &Goal, settings: &PlannerSettings) -> Result<(), PlanError> {
     if ![start.x_m, start.y_m, start.yaw_rad].iter().all(|v| v.is_finite()) {
         return Err(PlanError::NotAPose(End::Start));
@@ -428,15 +457,11 @@ fn check(start: &MapPose, goal: &Goal, settings: &PlannerSettings) -> Result<(),
             && (1..=lattice.headings / 4).contains(&lattice.turn)
     };
     if settings.lattices.is_empty() || !settings.lattices.iter().all(fits) {
-        return Err(PlanError::Settings(
-            "a lattice has cells of 0.005 to 1 m, a multiple of 24 headings up to 360, and moves of up to a quarter turn",
-        ));
+        return Err(PlanError::Settings("a lattice has cells of 0.005 to 1 m, a multiple of 24 headings up to 360, and moves of up to a quarter turn"));
     }
-    let weights =
-        [settings.reverse_factor, settings.gear_change_m, settings.bend_change_m, settings.near_factor];
+    let weights = [settings.reverse_factor, settings.gear_change_m, settings.bend_change_m, settings.near_factor];
     let sizes = [settings.near_m, settings.greed, settings.square_m, settings.shot_spacing_m];
-    if !weights.iter().all(|v| v.is_finite() && *v >= 0.0) || !sizes.iter().all(|v| v.is_finite() && *v > 0.0)
-    {
+    if !weights.iter().all(|v| v.is_finite() && *v >= 0.0) || !sizes.iter().all(|v| v.is_finite() && *v > 0.0) {
         return Err(PlanError::Settings("weights are not negative, sizes more than 0"));
     }
     Ok(())

@@ -9,7 +9,7 @@ use crate::{MapPose, reeds_shepp::Way};
 const LOOK_M: f64 = 0.1;
 
 /// What is weighed, with the car's narrowest half.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Costs {
     reverse_factor: f64,
     gear_change_m: f64,
@@ -21,8 +21,7 @@ pub(super) struct Costs {
 
 impl Costs {
     pub(super) fn new(settings: &PlannerSettings, core_m: f64) -> Self {
-        let PlannerSettings { reverse_factor, gear_change_m, bend_change_m, near_m, near_factor, .. } =
-            *settings;
+        let PlannerSettings { reverse_factor, gear_change_m, bend_change_m, near_m, near_factor, .. } = *settings;
         Self { reverse_factor, gear_change_m, bend_change_m, near_m, near_factor, core_m }
     }
 
