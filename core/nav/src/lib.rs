@@ -13,12 +13,15 @@ pub mod car;
 pub mod clearance;
 pub mod grid;
 pub mod path;
+pub mod planner;
 pub mod reeds_shepp;
+pub mod rooms;
 pub mod space;
 
 pub use car::Car;
 pub use clearance::Clearance;
 pub use grid::{Cell, Grid};
 pub use path::{Path, Piece};
+pub use planner::{Goal, Plan, PlanError, Planner, PlannerSettings};
 pub use space::{GridSpace, Space};
 pub use xtb_control::frames::MapPose;

@@ -1,0 +1,480 @@
+//! Finds a way for a car that goes ahead and astern: hybrid A* from both ends.
+//!
+//! ```text
+//!   start ──► tree of driven arcs ──► Reeds–Shepp shot ◄── tree of arcs that lead to ◄── goal
+//!                     │                                             │
+//!                     └── promise: cost so far + greed · max(way around everything, curves)
+//! ```
+//!
+//! D. Dolgov, S. Thrun, M. Montemerlo and J. Diebel, *Practical search techniques in path planning for
+//! autonomous driving* (2008). Two things differ. The two ends take turns, so it costs no more than
+//! twice what the easier one does: a car leaves a narrow place sooner than it finds into it, and a
+//! pocket without a way out is known as soon as its few poses are. And a search that has emptied a
+//! coarse lattice goes on with a finer one before it says that there is no way.
+
+mod costs;
+mod curves;
+mod distances;
+mod error;
+mod lattice;
+mod pages;
+mod shorten;
+mod shots;
+mod tree;
+
+pub use error::{End, PlanError};
+pub use lattice::Lattice;
+
+use crate::path::{Path, wrap_rad};
+use crate::space::{Hit, Space, What};
+use crate::{MapPose, Piece};
+use costs::Costs;
+use curves::Curves;
+use lattice::Moves;
+use shorten::Shorten;
+use shots::Shots;
+use std::f64::consts::TAU;
+use tree::{Tree, View};
+
+/// Expansions of one tree until it is the other's turn.
+const TURN: usize = 16;
+/// Headings that a goal without one is approached in.
+const GOAL_HEADINGS: u16 = 24;
+/// The tree from the start on, and that from the goal back.
+const FORWARD: usize = 0;
+const BACKWARD: usize = 1;
+
+/// Where to go.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Goal {
+    /// In m.
+    pub x_m: f64,
+    /// In m.
+    pub y_m: f64,
+    /// `None` = any heading will do.
+    pub yaw_rad: Option<f64>,
+    /// A path may end this far away, in m; it does so only where that saves the search something.
+    pub tolerance_m: f64,
+    /// And this far off its heading, in rad.
+    pub tolerance_rad: f64,
+}
+
+impl Goal {
+    /// This pose exactly.
+    #[must_use]
+    pub fn exactly(pose: &MapPose) -> Self {
+        let MapPose { x_m, y_m, yaw_rad } = *pose;
+        Self { x_m, y_m, yaw_rad: Some(yaw_rad), tolerance_m: 0.0, tolerance_rad: 0.0 }
+    }
+
+    /// Whether a car at `pose` is there.
+    #[must_use]
+    pub fn met_by(&self, pose: &MapPose) -> bool {
+        const ROUNDING: f64 = 1e-6;
+        let turned = self.yaw_rad.map_or(0.0, |yaw| wrap_rad(pose.yaw_rad - yaw).abs());
+        let apart = libm::hypot(pose.x_m - self.x_m, pose.y_m - self.y_m);
+        apart <= self.tolerance_m + ROUNDING && turned <= self.tolerance_rad + ROUNDING
+    }
+
+    fn pose(&self, yaw_rad: f64) -> MapPose {
+        MapPose { x_m: self.x_m, y_m: self.y_m, yaw_rad: wrap_rad(yaw_rad) }
+    }
+}
+
+/// What a search weighs and how much it may cost. Costs are in m of free floor driven ahead.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannerSettings {
+    /// What a metre astern costs.
+    pub reverse_factor: f64,
+    /// What a change of gear costs.
+    pub gear_change_m: f64,
+    /// What a change of curvature costs.
+    pub bend_change_m: f64,
+    /// What a metre costs more while the car's side touches something; less further off.
+    pub near_factor: f64,
+    /// Beyond this much room beside the car it costs nothing more.
+    pub near_m: f64,
+    /// How much the rest of the way counts against the way so far: 1 = the cheapest path of the
+    /// lattice, more = sooner.
+    pub greed: f64,
+    /// Squares in which the way around everything is measured, in m.
+    pub square_m: f64,
+    /// A shot is tried each time that this much less is left, in m per expansion; the nearer, the more often.
+    pub shot_spacing_m: f64,
+    /// From coarse to fine; the last one decides that there is no way.
+    pub lattices: Vec<Lattice>,
+    /// Expansions on all lattices together.
+    pub most_expansions: usize,
+    /// Rounds of shortening.
+    pub rounds: usize,
+}
+
+impl Default for PlannerSettings {
+    fn default() -> Self {
+        let lattice = |cell_m, headings, turn, most_expansions| Lattice {
+            cell_m,
+            headings,
+            turn,
+            half_lock: false,
+            most_expansions,
+        };
+        Self {
+            reverse_factor: 1.3,
+            gear_change_m: 0.3,
+            bend_change_m: 0.02,
+            near_factor: 1.0,
+            near_m: 0.2,
+            greed: 1.5,
+            square_m: 0.05,
+            shot_spacing_m: 0.2,
+            lattices: vec![lattice(0.1, 48, 3, 20_000), lattice(0.05, 72, 3, usize::MAX)],
+            most_expansions: 1_000_000,
+            rounds: 2,
+        }
+    }
+}
+
+/// A way there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Begins exactly at the start and meets the goal.
+    pub path: Path,
+    /// What it costs by the settings.
+    pub cost: f64,
+    /// Poses the search has looked at.
+    pub expansions: usize,
+}
+
+/// The search, with memory that is used again from plan to plan.
+#[derive(Debug, Default)]
+pub struct Planner {
+    trees: [Tree; 2],
+    moves: Moves,
+    curves: Curves,
+    shots: Shots,
+    shorten: Shorten,
+    goals: Vec<MapPose>,
+}
+
+/// How a search on one lattice ended.
+enum Outcome {
+    Found(Path),
+    /// This tree has nothing left to look at.
+    Emptied(usize),
+    /// As many expansions as this lattice may have.
+    Spent,
+    /// As many as all may have, or the caller wants no more.
+    Budget,
+}
+
+impl Planner {
+    /// A search without memory yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A path from `start` to `goal` for the car of the space. `keep_going` is asked now and then
+    /// whether the search may go on.
+    ///
+    /// # Errors
+    /// Why there is none, see [`PlanError`].
+    pub fn plan(
+        &mut self,
+        space: &impl Space,
+        start: &MapPose,
+        goal: &Goal,
+        settings: &PlannerSettings,
+        keep_going: &mut dyn FnMut() -> bool,
+    ) -> Result<Plan, PlanError> {
+        check(start, goal, settings)?;
+        self.ends(space, start, goal)?;
+        let costs = Costs::new(settings, space.car().core_m());
+        self.curves.begin(space.car().radius_m, &costs);
+        if let Some(path) = self.at_once(space, &costs, start) {
+            return Ok(self.finished(space, &costs, settings, path, 0));
+        }
+        self.around_everything(space, start, goal, settings)?;
+        let mut expansions = 0;
+        for (number, lattice) in settings.lattices.iter().enumerate() {
+            let last = number + 1 == settings.lattices.len();
+            let query = Query { space, costs: &costs, start, goal, settings, lattice, last };
+            match self.search(&query, &mut expansions, keep_going) {
+                Outcome::Found(path) => return Ok(self.finished(space, &costs, settings, path, expansions)),
+                Outcome::Emptied(tree) if last => return Err(self.walled_in(&query, tree)),
+                Outcome::Budget => return Err(self.spent(&query, expansions)),
+                Outcome::Emptied(_) | Outcome::Spent => {}
+            }
+        }
+        Err(PlanError::Settings("a search needs a lattice"))
+    }
+
+    /// A single curve that does it.
+    fn at_once(&mut self, space: &impl Space, costs: &Costs, start: &MapPose) -> Option<Path> {
+        nearest_goals(&mut self.curves, &self.goals, start).find_map(|goal| {
+            let way = self.shots.free(space, costs, start, &self.goals[goal])?;
+            let mut path = Path::standing(*start);
+            way.pieces().iter().for_each(|piece| path.push(*piece));
+            Some(path)
+        })
+    }
+
+    fn finished(
+        &mut self,
+        space: &impl Space,
+        costs: &Costs,
+        settings: &PlannerSettings,
+        path: Path,
+        expansions: usize,
+    ) -> Plan {
+        let path = (0..settings.rounds).fold(path, |path, _| {
+            self.shorten.path(space, costs, &mut self.shots, &mut self.curves, path)
+        });
+        Plan { cost: costs.path(space, &path), path, expansions }
+    }
+
+    /// Whether the car can stand at both ends, and in which headings at the goal.
+    fn ends(&mut self, space: &impl Space, start: &MapPose, goal: &Goal) -> Result<(), PlanError> {
+        if let Some(hit) = space.standing(start) {
+            return Err(PlanError::StartInCollision(hit));
+        }
+        let turned = |parts: u16| move |n: u16| f64::from(n) * TAU / f64::from(parts);
+        let (first, others) = match goal.yaw_rad {
+            Some(yaw) => (yaw, [-0.5, 0.5, -1.0, 1.0].map(|part| yaw + part * goal.tolerance_rad).to_vec()),
+            None => (0.0, (1..GOAL_HEADINGS).map(turned(GOAL_HEADINGS)).collect()),
+        };
+        let hit = space.standing(&goal.pose(first));
+        self.goals.clear();
+        if hit.is_none() {
+            self.goals.push(goal.pose(first));
+        }
+        if goal.yaw_rad.is_none() || hit.is_some() {
+            let free = others.into_iter().map(|yaw| goal.pose(yaw)).filter(|pose| space.standing(pose).is_none());
+            self.goals.extend(free.take(if goal.yaw_rad.is_some() { 1 } else { usize::MAX }));
+        }
+        match hit {
+            Some(at) if self.goals.is_empty() => Err(match &at.what {
+                What::KeepOut(name) => PlanError::GoalKeptOut { name: name.clone(), at },
+                _ => PlanError::GoalInCollision(at),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether there is a way around everything for a car that turns on the spot.
+    fn around_everything(
+        &mut self,
+        space: &impl Space,
+        start: &MapPose,
+        goal: &Goal,
+        settings: &PlannerSettings,
+    ) -> Result<(), PlanError> {
+        let (start_m, goal_m) = ([start.x_m, start.y_m], [goal.x_m, goal.y_m]);
+        let [ahead, back] = &mut self.trees;
+        ahead.distances.begin(space, settings.square_m, goal_m);
+        back.distances.begin(space, settings.square_m, start_m);
+        if ahead.distances.to_m(space, start.x_m, start.y_m).is_finite() {
+            return Ok(());
+        }
+        let goal_is_walled_in = ahead.distances.finish(space) <= back.distances.finish(space);
+        let (end, inside, outside_m) = match goal_is_walled_in {
+            true => (End::Goal, &ahead.distances, start_m),
+            false => (End::Start, &back.distances, goal_m),
+        };
+        let at_m = inside.nearest_m(outside_m).unwrap_or(if goal_is_walled_in { goal_m } else { start_m });
+        Err(PlanError::Unreachable { end, at_m, by: first_hit(space, at_m, outside_m) })
+    }
+
+    fn search<S: Space>(
+        &mut self,
+        query: &Query<'_, S>,
+        expansions: &mut usize,
+        keep_going: &mut dyn FnMut() -> bool,
+    ) -> Outcome {
+        let Query { space, costs, lattice, settings, .. } = *query;
+        self.moves.begin(lattice, space.car().radius_m);
+        let moves = std::mem::take(&mut self.moves);
+        let view = View { space, moves: &moves, costs, greed: settings.greed };
+        self.plant(query, &view);
+        let most = if query.last { usize::MAX } else { lattice.most_expansions };
+        let mut here = 0;
+        let outcome = 'search: loop {
+            for tree in [FORWARD, BACKWARD] {
+                for _ in 0..TURN {
+                    let Some(node) = self.trees[tree].pop() else { break 'search Outcome::Emptied(tree) };
+                    (*expansions, here) = (*expansions + 1, here + 1);
+                    if let Some(path) = self.connect(query, &view, tree, node) {
+                        break 'search Outcome::Found(path);
+                    }
+                    self.trees[tree].expand(&view, &mut self.curves, node);
+                }
+            }
+            if *expansions >= settings.most_expansions || !keep_going() {
+                break Outcome::Budget;
+            }
+            if here >= most {
+                break Outcome::Spent;
+            }
+        };
+        self.moves = moves;
+        outcome
+    }
+
+    fn plant<S: Space>(&mut self, query: &Query<'_, S>, view: &View<'_, S>) {
+        let Lattice { cell_m, headings, .. } = *query.lattice;
+        let [ahead, back] = &mut self.trees;
+        let goal = query.goal.yaw_rad.and_then(|_| self.goals.first().copied());
+        ahead.begin(view, cell_m, headings, (*query.start, false), goal);
+        ahead.plant(view, &mut self.curves, query.start);
+        back.begin(view, cell_m, headings, (self.goals[0], true), Some(*query.start));
+        for pose in &self.goals {
+            back.plant(view, &mut self.curves, pose);
+        }
+    }
+
+    /// A path through a node, if it is at the goal, near the other tree or has a free shot.
+    fn connect<S: Space>(
+        &mut self,
+        query: &Query<'_, S>,
+        view: &View<'_, S>,
+        tree: usize,
+        node: u32,
+    ) -> Option<Path> {
+        let pose = self.trees[tree].pose(view.moves, node);
+        if tree == FORWARD && query.goal.met_by(&pose) {
+            return Some(self.joined(query.start, view.moves, node, &[], None));
+        }
+        if let Some(met) = self.trees[1 - tree].near(view.moves, &pose) {
+            let other = self.trees[1 - tree].pose(view.moves, met);
+            if let Some(path) = self.shot(query, view.moves, tree, (node, &pose), (met, &other)) {
+                return Some(path);
+            }
+        }
+        if self.trees[tree].until_shot > 0 {
+            self.trees[tree].until_shot -= 1;
+            return None;
+        }
+        let left_m = self.trees[tree].left_from_m(node);
+        self.trees[tree].until_shot = (left_m / query.settings.shot_spacing_m) as u32;
+        if tree == BACKWARD {
+            return self.shot(query, view.moves, tree, (node, &pose), (0, query.start));
+        }
+        nearest_goals(&mut self.curves, &self.goals, &pose).find_map(|root| {
+            let goal = self.goals[root];
+            self.shot(query, view.moves, tree, (node, &pose), (root as u32, &goal))
+        })
+    }
+
+    /// A path by a shot between nodes of both trees.
+    fn shot<S: Space>(
+        &mut self,
+        query: &Query<'_, S>,
+        moves: &Moves,
+        tree: usize,
+        node: (u32, &MapPose),
+        other: (u32, &MapPose),
+    ) -> Option<Path> {
+        let (from, to) = if tree == FORWARD { (node, other) } else { (other, node) };
+        let way = self.shots.free(query.space, query.costs, from.1, to.1)?;
+        Some(self.joined(query.start, moves, from.0, way.pieces(), Some(to.0)))
+    }
+
+    /// From the start to a node, by these pieces, and from a node of the other tree to the goal.
+    fn joined(&self, start: &MapPose, moves: &Moves, from: u32, way: &[Piece], to: Option<u32>) -> Path {
+        let mut path = Path::standing(*start);
+        let driven: Vec<Piece> = self.trees[FORWARD].pieces(moves, from).collect();
+        driven.iter().rev().chain(way).for_each(|piece| path.push(*piece));
+        if let Some(to) = to {
+            self.trees[BACKWARD].pieces(moves, to).for_each(|piece| path.push(piece));
+        }
+        path
+    }
+
+    fn walled_in<S: Space>(&self, query: &Query<'_, S>, tree: usize) -> PlanError {
+        let (start_m, goal_m) = ([query.start.x_m, query.start.y_m], [query.goal.x_m, query.goal.y_m]);
+        let (end, own_m, other_m) =
+            if tree == FORWARD { (End::Start, start_m, goal_m) } else { (End::Goal, goal_m, start_m) };
+        let best = self.trees[tree].best().map(|node| self.trees[tree].pose(&self.moves, node));
+        let at_m = best.map_or(own_m, |pose| [pose.x_m, pose.y_m]);
+        PlanError::Unreachable { end, at_m, by: first_hit(query.space, at_m, other_m) }
+    }
+
+    fn spent<S: Space>(&self, query: &Query<'_, S>, expansions: usize) -> PlanError {
+        let tree = &self.trees[FORWARD];
+        let best = tree.best();
+        let nearest = best.map_or(*query.start, |node| tree.pose(&self.moves, node));
+        let left_m = best.map_or(f64::INFINITY, |node| tree.left_from_m(node));
+        let by = first_hit(query.space, [nearest.x_m, nearest.y_m], [query.goal.x_m, query.goal.y_m]);
+        PlanError::Budget { expansions, nearest, left_m, by }
+    }
+
+    /// Poses in memory after the last search.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.trees.iter().map(Tree::len).sum()
+    }
+}
+
+/// What one search is about.
+struct Query<'a, S: Space> {
+    space: &'a S,
+    costs: &'a Costs,
+    start: &'a MapPose,
+    goal: &'a Goal,
+    settings: &'a PlannerSettings,
+    lattice: &'a Lattice,
+    last: bool,
+}
+
+/// The two headings at the goal that are the cheapest to get to from a pose where nothing is in the way.
+fn nearest_goals(curves: &mut Curves, goals: &[MapPose], from: &MapPose) -> impl Iterator<Item = usize> + use<> {
+    let mut best = [(f64::INFINITY, usize::MAX); 2];
+    for (index, goal) in goals.iter().enumerate() {
+        let cost = curves.cost(from, goal);
+        if cost < best[0].0 {
+            best = [(cost, index), best[0]];
+        } else if cost < best[1].0 {
+            best[1] = (cost, index);
+        }
+    }
+    best.into_iter().map(|(_, index)| index).filter(|&index| index != usize::MAX)
+}
+
+fn check(start: &MapPose, goal: &Goal, settings: &PlannerSettings) -> Result<(), PlanError> {
+    if ![start.x_m, start.y_m, start.yaw_rad].iter().all(|v| v.is_finite()) {
+        return Err(PlanError::NotAPose(End::Start));
+    }
+    let tolerances = [goal.tolerance_m, goal.tolerance_rad];
+    if ![goal.x_m, goal.y_m, goal.yaw_rad.unwrap_or(0.0)].iter().all(|v| v.is_finite())
+        || !tolerances.iter().all(|v| v.is_finite() && *v >= 0.0)
+    {
+        return Err(PlanError::NotAPose(End::Goal));
+    }
+    let fits = |lattice: &Lattice| {
+        (0.005..=1.0).contains(&lattice.cell_m)
+            && (GOAL_HEADINGS..=360).contains(&lattice.headings)
+            && lattice.headings.is_multiple_of(GOAL_HEADINGS)
+            && (1..=lattice.headings / 4).contains(&lattice.turn)
+    };
+    if settings.lattices.is_empty() || !settings.lattices.iter().all(fits) {
+        return Err(PlanError::Settings("a lattice has cells of 0.005 to 1 m, a multiple of 24 headings up to 360, and moves of up to a quarter turn"));
+    }
+    let weights = [settings.reverse_factor, settings.gear_change_m, settings.bend_change_m, settings.near_factor];
+    let sizes = [settings.near_m, settings.greed, settings.square_m, settings.shot_spacing_m];
+    if !weights.iter().all(|v| v.is_finite() && *v >= 0.0) || !sizes.iter().all(|v| v.is_finite() && *v > 0.0) {
+        return Err(PlanError::Settings("weights are not negative, sizes more than 0"));
+    }
+    Ok(())
+}
+
+/// What a car that goes straight from one point to another would touch first.
+fn first_hit(space: &impl Space, from_m: [f64; 2], to_m: [f64; 2]) -> Option<Hit> {
+    const STEP_M: f64 = 0.02;
+    let (dx, dy) = (to_m[0] - from_m[0], to_m[1] - from_m[1]);
+    let yaw_rad = libm::atan2(dy, dx);
+    let steps = libm::ceil(libm::hypot(dx, dy) / STEP_M).max(1.0);
+    (0..=steps as usize).find_map(|step| {
+        let part = step as f64 / steps;
+        space.standing(&MapPose { x_m: from_m[0] + part * dx, y_m: from_m[1] + part * dy, yaw_rad })
+    })
+}

@@ -1,0 +1,192 @@
+//! One search: from the start on, or from the goal back. It grows by the pose that promises most.
+
+use super::costs::Costs;
+use super::curves::Curves;
+use super::distances::Distances;
+use super::lattice::{Moves, Root};
+use super::pages::{Key, Pages};
+use crate::space::Space;
+use crate::{MapPose, Piece};
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// The move of a root.
+const NO_MOVE: u8 = u8::MAX;
+
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    at_m: [f64; 2],
+    cost: f32,
+    left: f32,
+    parent: u32,
+    heading: u16,
+    step: u8,
+    done: bool,
+}
+
+/// What both searches look at while they grow.
+pub(super) struct View<'a, S: Space> {
+    pub(super) space: &'a S,
+    pub(super) moves: &'a Moves,
+    pub(super) costs: &'a Costs,
+    pub(super) greed: f64,
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Tree {
+    backward: bool,
+    nodes: Vec<Node>,
+    open: BinaryHeap<Reverse<u64>>,
+    pages: Pages,
+    /// Around everything, to the end that is looked for.
+    pub(super) distances: Distances,
+    target: Option<MapPose>,
+    root: Root,
+    low_m: [f64; 2],
+    cell_m: f64,
+    best: Option<u32>,
+    /// Expansions until the next shot.
+    pub(super) until_shot: u32,
+}
+
+impl Tree {
+    /// Begins anew; roots follow.
+    pub(super) fn begin<S: Space>(
+        &mut self,
+        view: &View<'_, S>,
+        cell_m: f64,
+        headings: u16,
+        root: (MapPose, bool),
+        target: Option<MapPose>,
+    ) {
+        let bounds = view.space.bounds();
+        self.nodes.clear();
+        self.open.clear();
+        (self.backward, self.target, self.best, self.until_shot) = (root.1, target, None, 0);
+        self.root = Root::new(root.0.yaw_rad);
+        self.cell_m = cell_m;
+        // The first root stands in the middle of a square.
+        let aligned = |low: f64, at: f64| at - (libm::ceil((at - low) / cell_m) + 0.5) * cell_m;
+        self.low_m = [aligned(bounds.low_m[0], root.0.x_m), aligned(bounds.low_m[1], root.0.y_m)];
+        let squares = |axis: usize| libm::ceil((bounds.high_m[axis] - self.low_m[axis]) / cell_m).max(1.0) as usize;
+        self.pages.begin(squares(0), squares(1), usize::from(headings));
+    }
+
+    /// A pose to begin at.
+    pub(super) fn plant<S: Space>(&mut self, view: &View<'_, S>, curves: &mut Curves, pose: &MapPose) {
+        let heading = view.moves.heading(pose.yaw_rad, self.root);
+        let at_m = [pose.x_m, pose.y_m];
+        let Some(key) = self.key(at_m, heading) else { return };
+        let left = self.left_m(view.space, curves, pose) as f32;
+        self.add(key, Node { at_m, cost: 0.0, left, parent: 0, heading, step: NO_MOVE, done: false }, view.greed);
+    }
+
+    /// The most promising pose that is left; `None` = all that can be reached has been.
+    pub(super) fn pop(&mut self) -> Option<u32> {
+        while let Some(Reverse(entry)) = self.open.pop() {
+            let index = !(entry as u32);
+            let node = self.nodes[index as usize];
+            let current = self.key(node.at_m, node.heading).and_then(|key| self.pages.get(key));
+            if node.done || current != Some(index) {
+                continue;
+            }
+            self.nodes[index as usize].done = true;
+            if self.best.is_none_or(|best| node.left < self.nodes[best as usize].left) {
+                self.best = Some(index);
+            }
+            return Some(index);
+        }
+        None
+    }
+
+    /// Grows by all moves from a pose.
+    pub(super) fn expand<S: Space>(&mut self, view: &View<'_, S>, curves: &mut Curves, index: u32) {
+        let node = self.nodes[index as usize];
+        let last = view.moves.all.get(usize::from(node.step)).map(|step| step.piece);
+        let here = self.pose_of(view.moves, &node);
+        for (number, step) in view.moves.all.iter().enumerate() {
+            let (at_m, heading) = view.moves.next(step, (node.at_m, node.heading), self.root, self.backward);
+            let Some(key) = self.key(at_m, heading) else { continue };
+            let change = last.map_or(0.0, |last| view.costs.change(&last, &step.piece));
+            let near = view.costs.near(view.space, at_m[0], at_m[1]) * step.piece.length_m.abs();
+            let cost = node.cost + (view.costs.arc(&step.piece) + change + near) as f32;
+            let known = self.pages.get(key).map(|known| &self.nodes[known as usize]);
+            if known.is_some_and(|known| known.done || known.cost <= cost) {
+                continue;
+            }
+            let there = MapPose { x_m: at_m[0], y_m: at_m[1], yaw_rad: view.moves.yaw_rad(heading, self.root) };
+            if !view.space.drives(if self.backward { &there } else { &here }, &step.piece) {
+                continue;
+            }
+            let left = self.left_m(view.space, curves, &there) as f32;
+            let next = Node { at_m, cost, left, parent: index, heading, step: number as u8, done: false };
+            self.add(key, next, view.greed);
+        }
+    }
+
+    fn add(&mut self, key: Key, node: Node, greed: f64) {
+        if !node.left.is_finite() {
+            return;
+        }
+        let index = self.nodes.len() as u32;
+        let promise = node.cost + greed as f32 * node.left;
+        self.nodes.push(node);
+        self.pages.set(key, index);
+        // Positive floats sort like their bits; among equals the newest is first.
+        self.open.push(Reverse(u64::from(promise.to_bits()) << 32 | u64::from(!index)));
+    }
+
+    /// About the least that is left from a pose, in m.
+    fn left_m(&mut self, space: &impl Space, curves: &mut Curves, pose: &MapPose) -> f64 {
+        let around = self.distances.to_m(space, pose.x_m, pose.y_m);
+        let curve = self.target.map_or(0.0, |target| {
+            if self.backward { curves.cost(&target, pose) } else { curves.cost(pose, &target) }
+        });
+        around.max(curve)
+    }
+
+    fn key(&self, at_m: [f64; 2], heading: u16) -> Option<Key> {
+        let (u, v) = ((at_m[0] - self.low_m[0]) / self.cell_m, (at_m[1] - self.low_m[1]) / self.cell_m);
+        (u >= 0.0 && v >= 0.0).then_some((u as usize, v as usize, usize::from(heading)))
+    }
+
+    /// The expanded node in whose cell a pose lies.
+    pub(super) fn near(&self, moves: &Moves, pose: &MapPose) -> Option<u32> {
+        let key = self.key([pose.x_m, pose.y_m], moves.heading(pose.yaw_rad, self.root))?;
+        self.pages.get(key).filter(|&index| self.nodes[index as usize].done)
+    }
+
+    fn pose_of(&self, moves: &Moves, node: &Node) -> MapPose {
+        MapPose { x_m: node.at_m[0], y_m: node.at_m[1], yaw_rad: moves.yaw_rad(node.heading, self.root) }
+    }
+
+    pub(super) fn pose(&self, moves: &Moves, index: u32) -> MapPose {
+        self.pose_of(moves, &self.nodes[index as usize])
+    }
+
+    /// About the least that is left from a node, in m.
+    pub(super) fn left_from_m(&self, index: u32) -> f64 {
+        f64::from(self.nodes[index as usize].left)
+    }
+
+    /// The expanded node with the least left.
+    pub(super) fn best(&self) -> Option<u32> {
+        self.best
+    }
+
+    /// Nodes in memory.
+    pub(super) fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// The pieces between the root and a node, from the node on.
+    pub(super) fn pieces<'a>(&'a self, moves: &'a Moves, index: u32) -> impl Iterator<Item = Piece> + 'a {
+        let mut index = index;
+        std::iter::from_fn(move || {
+            let node = &self.nodes[index as usize];
+            let step = moves.all.get(usize::from(node.step))?;
+            index = node.parent;
+            Some(step.piece)
+        })
+    }
+}
