@@ -20,6 +20,7 @@ pub mod navigator;
 pub mod path;
 pub mod planner;
 pub mod reeds_shepp;
+pub mod rooms;
 pub mod space;
 
 pub use car::Car;
@@ -30,5 +31,6 @@ pub use grid::{Cell, Grid};
 pub use local::LocalLayer;
 pub use map::{Map, Zone, ZoneKind};
 pub use path::{Path, Piece};
+pub use planner::{Goal, Plan, PlanError, Planner, PlannerSettings};
 pub use space::{GridSpace, Space};
 pub use xtb_control::frames::MapPose;
