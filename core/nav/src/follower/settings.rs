@@ -9,8 +9,8 @@ use xtb_control::config_section;
 config_section! {
     /// How a path is driven.
     FollowerSettings "follower" {
-        look_ahead_m: f64 = 0.15, "m", Range(0.05, 2.0), Ours, "Look-ahead at a standstill: errors of the pose fade over about this way.";
-        look_ahead_s: f64 = 0.3, "s", Range(0.0, 2.0), Ours, "So much more of it for the speed.";
+        look_ahead_m: f64 = 0.22, "m", Range(0.05, 2.0), Ours, "Look-ahead at a standstill: errors of the pose fade over about this way.";
+        look_ahead_s: f64 = 0.2, "s", Range(0.0, 2.0), Ours, "So much more of it for the speed.";
         look_ahead_tight_m: f64 = 0.10, "m", Range(0.0, 2.0), Ours, "With less clearance than this the look-ahead is as short as at a standstill.";
         approach_deg: f64 = 35.0, "deg", Range(5.0, 80.0), Ours, "Steepest angle at which it drives back to the path.";
         lock_s: f64 = 0.1, "s", Range(0.0, 2.0), Assumed, "The servos take this long from straight to full lock (20° at 200°/s).";

@@ -19,6 +19,7 @@ mod motion;
 mod ordinary;
 mod parking;
 mod parkings;
+mod pillars;
 mod platform;
 mod remote;
 mod sensors;
