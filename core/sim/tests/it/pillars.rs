@@ -13,6 +13,11 @@ const STEP_M: f64 = 0.02;
 /// The obstacle rule's beams reach to 17.5 cm either side; a little more, for a heading that is off.
 const HALF_LOOK_OUT_M: f64 = 0.20;
 
+/// A bumper that was nearer than 14 cm to something lets go only 5 cm farther on: so near it should not be …
+const LATCH_M: f64 = 0.17;
+/// … on the last centimetres before the gear in which it leads.
+const LATCH_WAY_M: f64 = 0.10;
+
 /// What a planner keeps free.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Margins {
@@ -22,34 +27,60 @@ pub(crate) struct Margins {
     pub(crate) look_out_m: f64,
 }
 
+/// A pose of a path.
+struct Passing {
+    pose: MapPose,
+    is_ahead: bool,
+    /// The gear changes within [`LATCH_WAY_M`].
+    near_cusp: bool,
+}
+
 /// Everything that the truck covers and looks at along a path.
 struct Swept {
     body: Car,
     /// Ahead and astern.
     look_outs: [Car; 2],
-    /// Each with whether it is driven ahead.
-    poses: Vec<(MapPose, bool)>,
+    /// What may keep a bumper's latch, ahead and astern.
+    latches: [Car; 2],
+    passings: Vec<Passing>,
+}
+
+/// The strips beyond both bumpers.
+fn strips(car: &Car, length_m: f64) -> [Car; 2] {
+    let (near_m, far_m) = (car.front_m, car.front_m + length_m);
+    let ahead = Car { front_m: far_m, rear_m: -near_m, half_width_m: HALF_LOOK_OUT_M, ..*car };
+    [ahead, Car { front_m: -near_m, rear_m: far_m, ..ahead }]
 }
 
 impl Swept {
     fn new(path: &Path, car: &Car, margins: &Margins) -> Self {
-        let (near_m, far_m) = (car.front_m, car.front_m + margins.look_out_m);
-        let ahead = Car { front_m: far_m, rear_m: -near_m, half_width_m: HALF_LOOK_OUT_M, ..*car };
-        let astern = Car { front_m: -near_m, rear_m: far_m, ..ahead };
-        let (mut poses, mut start) = (Vec::new(), path.start);
-        for piece in &path.pieces {
+        let (mut passings, mut start) = (Vec::new(), path.start);
+        for (number, piece) in path.pieces.iter().enumerate() {
+            let gear = piece.gear();
+            let rest = path.pieces[number + 1..].iter();
+            let rest_m: f64 =
+                rest.clone().take_while(|next| next.gear() == gear).map(|next| next.length_m.abs()).sum();
+            let cusp_follows = rest.clone().any(|next| next.gear() != gear);
             let steps = libm::ceil(piece.length_m.abs() / STEP_M);
-            let ways = (0..=steps as usize).map(|step| piece.length_m * step as f64 / steps);
-            poses.extend(ways.map(|way_m| (piece.after(&start, way_m), piece.length_m > 0.0)));
+            for step in 0..=steps as usize {
+                let way_m = piece.length_m * step as f64 / steps;
+                let left_m = piece.length_m.abs() - way_m.abs() + rest_m;
+                let near_cusp = cusp_follows && left_m <= LATCH_WAY_M;
+                passings.push(Passing { pose: piece.after(&start, way_m), is_ahead: gear > 0.0, near_cusp });
+            }
             start = piece.end(&start);
         }
-        Self { body: car.grown(margins.body_m), look_outs: [ahead, astern], poses }
+        let (look_outs, latches) = (strips(car, margins.look_out_m), strips(car, LATCH_M));
+        Self { body: car.grown(margins.body_m), look_outs, latches, passings }
     }
 
     fn is_clear_of(&self, pillar: &Car, place: &MapPose) -> bool {
-        !self.poses.iter().any(|(pose, is_ahead)| {
-            let look_out = &self.look_outs[usize::from(!is_ahead)];
-            self.body.overlaps(pose, pillar, place) || look_out.overlaps(pose, pillar, place)
+        !self.passings.iter().any(|Passing { pose, is_ahead, near_cusp }| {
+            let (look_out, latch) =
+                (&self.look_outs[usize::from(!is_ahead)], &self.latches[usize::from(*is_ahead)]);
+            self.body.overlaps(pose, pillar, place)
+                || look_out.overlaps(pose, pillar, place)
+                || (*near_cusp && latch.overlaps(pose, pillar, place))
         })
     }
 }
