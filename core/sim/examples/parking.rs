@@ -27,9 +27,9 @@ const MARGINS: Option<Margins> = Some(Margins { body_m: 0.02, look_out_m: 0.28 }
 fn main() {
     let parkings = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(500);
     println!(
-        "| | reached | contacts | held | off the goal, cm: p50 | p95 | most | yaw, °: p50 | p95 | most | beside the path, cm: p95 | most | corner outside, cm: p95 | most | past a stop, cm: p95 | most | time, s: p50 | p95 | most |"
+        "| | reached | contacts | held | alarms | off the goal, cm: p50 | p95 | most | yaw, °: p50 | p95 | most | beside the path, cm: p95 | most | corner outside, cm: p95 | most | past a stop, cm: p95 | most | time, s: p50 | p95 | most |"
     );
-    println!("| --- {}|", "| ---: ".repeat(18));
+    println!("| --- {}|", "| ---: ".repeat(19));
     let between =
         |cruise_mps, radius_factor| Course { margins: MARGINS, ..Course::new(cruise_mps, radius_factor) };
     for radius_factor in [1.05, 1.1, 1.15, 1.2] {
@@ -54,10 +54,11 @@ fn row(name: &str, parkings: u64, course: &Course) {
     };
     let count = |holds: &dyn Fn(&Parked) -> bool| all.iter().filter(|parked| holds(parked)).count();
     println!(
-        "| {name} | {} of {parkings} | {} | {} | {} | {} | {} | {} | {} | {} |",
+        "| {name} | {} of {parkings} | {} | {} | {} | {} | {} | {} | {} | {} | {} |",
         count(&|parked| parked.reached),
         all.iter().map(|parked| parked.contacts).sum::<u64>(),
         count(&|parked| parked.blocked_s > 0.0),
+        count(&|parked| parked.alarmed),
         parts(&[0.5, 0.95, 1.0], 100.0, &|parked| parked.missed_m),
         parts(&[0.5, 0.95, 1.0], 1.0, &|parked| parked.missed_deg),
         parts(&[0.95, 1.0], 100.0, &|parked| parked.beside_m),

@@ -5,6 +5,8 @@ use crate::agent::Bench;
 use crate::draw::{Draw, in_parallel};
 use crate::pillars::{Margins, pillars};
 use std::f64::consts::PI;
+use xtb_authority::Guards;
+use xtb_authority::monitor::{Driven, Monitors};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::odometry::OdomPose;
@@ -12,6 +14,7 @@ use xtb_nav::follower::GoalTolerance;
 use xtb_nav::path::wrap_rad;
 use xtb_nav::reeds_shepp::shortest;
 use xtb_nav::{Car, Drive, Follower, FollowerSettings, Path, Released, Status};
+use xtb_protocol::messages::Fault;
 use xtb_sim::{TruckParameters, World};
 
 /// Steps of the simulation between two gyro samples.
@@ -95,6 +98,8 @@ pub(crate) struct Parked {
     pub(crate) contacts: u64,
     /// For how long the obstacle rule held the truck.
     pub(crate) blocked_s: f64,
+    /// The robot's monitors took something for a runaway or a stall.
+    pub(crate) alarmed: bool,
 }
 
 /// What fixes leave of an error of the pose.
@@ -136,6 +141,8 @@ pub(crate) struct Pilot {
     map: MapFromOdom,
     eyes: Eyes,
     wrong: Wrong,
+    monitors: Monitors,
+    alarmed: bool,
     steps: u64,
 }
 
@@ -157,6 +164,8 @@ impl Pilot {
             map: MapFromOdom::aligning(&OdomPose::default(), &path.start),
             eyes: course.eyes,
             wrong: Wrong::new(seed),
+            monitors: Monitors::default(),
+            alarmed: false,
             steps: 0,
         }
     }
@@ -177,12 +186,32 @@ impl Pilot {
         let speed_mps = outputs.rpm * vehicle.mps_per_rpm();
         let drive = self.follower.step(self.bench.simulation.now(), &pose, speed_mps, limits);
         self.bench.command(drive.command(vehicle));
-        (0..GYRO_STEPS).for_each(|_| self.bench.step());
+        for _ in 0..GYRO_STEPS {
+            self.bench.step();
+            self.watch(vehicle);
+        }
         self.steps += 1;
         if self.steps.is_multiple_of(FIX_STEPS) {
             self.wrong.fix();
         }
         drive
+    }
+
+    /// What `robot-agent` has watching the drive.
+    fn watch(&mut self, vehicle: &VehicleConfig) {
+        let Self { bench, monitors, .. } = self;
+        let outputs = &bench.agent.outputs;
+        let (motor, reference_rpm) = (outputs.pwm.motor, outputs.reference_rpm);
+        monitors.drive(Driven { by_hand: false, motor, reference_rpm });
+        if let Some(pulses) = bench.agent.window.take() {
+            monitors.window(vehicle, bench.simulation.now(), pulses);
+            let mut faults = monitors.faults(Guards::default());
+            self.alarmed |= faults.any(|(fault, _)| matches!(fault, Fault::Runaway | Fault::Stalled));
+        }
+    }
+
+    pub(crate) fn alarmed(&self) -> bool {
+        self.alarmed
     }
 
     pub(crate) fn seconds(&self) -> f64 {
@@ -227,6 +256,7 @@ fn park(seed: u64, course: &Course) -> Parked {
         cusps: path.cusps(),
         contacts: pilot.bench.simulation.trucks()[0].truth().contacts,
         blocked_s,
+        alarmed: pilot.alarmed(),
     }
 }
 
