@@ -9,15 +9,15 @@ use xtb_control::config_section;
 config_section! {
     /// How a path is driven.
     FollowerSettings "follower" {
-        look_ahead_m: f64 = 0.15, "m", Range(0.05, 2.0), Ours, "Look-ahead at a standstill: errors of the pose fade over about this way.";
-        look_ahead_s: f64 = 0.3, "s", Range(0.0, 2.0), Ours, "So much more of it for the speed.";
+        look_ahead_m: f64 = 0.22, "m", Range(0.05, 2.0), Ours, "Look-ahead at a standstill: errors of the pose fade over about this way.";
+        look_ahead_s: f64 = 0.2, "s", Range(0.0, 2.0), Ours, "So much more of it for the speed.";
         look_ahead_tight_m: f64 = 0.10, "m", Range(0.0, 2.0), Ours, "With less clearance than this the look-ahead is as short as at a standstill.";
         approach_deg: f64 = 35.0, "deg", Range(5.0, 80.0), Ours, "Steepest angle at which it drives back to the path.";
         lock_s: f64 = 0.1, "s", Range(0.0, 2.0), Assumed, "The servos take this long from straight to full lock (20° at 200°/s).";
         servo_lag_s: f64 = 0.03, "s", Range(0.001, 1.0), Assumed, "Their first-order lag near the wanted angle.";
         servo_delay_s: f64 = 0.035, "s", Range(0.0, 0.5), Assumed, "From a command to the servos' first movement: a turn, a frame and a pulse period, in the mean.";
         acceleration_mps2: f64 = 0.5, "m/s²", Range(0.05, 5.0), Ours, "How fast the speed asked for grows.";
-        creep_mps: f64 = 0.08, "m/s", Range(0.01, 0.2), Ours, "Slowest speed asked for: a start from the dead band is quick enough.";
+        creep_mps: f64 = 0.08, "m/s", Range(0.01, 0.2), Ours, "Slowest speed asked for: out of the dead band within 0.2 s and held within 5 %; 0.05 m/s takes twice, 0.02 m/s ten times as long.";
         stop_s: f64 = 0.45, "s", Range(0.1, 5.0), Ours, "Speed towards a stop is the way left over this; more than obstacle.reaction_s (0.358 s).";
         coast_s: f64 = 0.26, "s", Range(0.01, 5.0), Assumed, "With a neutral motor it rolls on for its speed times this: motor lag 0.25 s and a pulse's way to the motor.";
         settle_m: f64 = 0.008, "m", Range(0.001, 0.2), Ours, "A stop that falls short of its point by no more than this is good enough.";

@@ -19,6 +19,8 @@ pub(crate) struct Agent {
     bytes: Vec<u8>,
     samples: Vec<Sample>,
     sent: Option<(Stamp, PwmCount)>,
+    /// Pulses of the last window, until somebody takes them.
+    pub(crate) window: Option<u16>,
     pub(crate) outputs: Outputs,
 }
 
@@ -36,6 +38,7 @@ impl Agent {
             bytes: Vec::new(),
             samples: Vec::new(),
             sent: None,
+            window: None,
             outputs,
         }
     }
@@ -73,11 +76,14 @@ impl Agent {
     }
 
     fn read_board(&mut self, truck: &mut Truck) {
-        let Self { board, setup, samples, bytes, .. } = self;
+        let Self { board, setup, samples, bytes, window, .. } = self;
         bytes.clear();
         truck.take_board_tx(bytes);
         board.from_board(bytes, |frame| match frame.unwrap() {
-            FromBoard::Encoder { pulses } => samples.push(Sample::Encoder { pulses: pulses.into() }),
+            FromBoard::Encoder { pulses } => {
+                samples.push(Sample::Encoder { pulses: pulses.into() });
+                *window = Some(pulses);
+            }
             FromBoard::Adc { sample, .. } => samples.push(Sample::Adc(sample)),
             FromBoard::Remote(sample) => samples.push(Sample::Remote(sample)),
             FromBoard::Status(status) => setup.confirm(status.ready, status.setup_checksum),

@@ -3,7 +3,10 @@
 
 use crate::agent::Bench;
 use crate::draw::{Draw, in_parallel};
+use crate::pillars::{Margins, pillars};
 use std::f64::consts::PI;
+use xtb_authority::Guards;
+use xtb_authority::monitor::{Driven, Monitors};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::odometry::OdomPose;
@@ -11,15 +14,18 @@ use xtb_nav::follower::GoalTolerance;
 use xtb_nav::path::wrap_rad;
 use xtb_nav::reeds_shepp::shortest;
 use xtb_nav::{Car, Drive, Follower, FollowerSettings, Path, Released, Status};
+use xtb_protocol::messages::Fault;
 use xtb_sim::{TruckParameters, World};
 
 /// Steps of the simulation between two gyro samples.
 const GYRO_STEPS: u64 = 2;
+/// Gyro samples between two fixes.
+const FIX_STEPS: u64 = 50;
 /// A way takes no longer than this many times what it would take at cruise …
 const PATIENCE: f64 = 5.0;
 /// … and this much for each stop.
 const PATIENCE_S: f64 = 8.0;
-const ROOM: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0";
+const ROOM: &str = "[room]\nwidth_m = 14.0\ndepth_m = 14.0";
 /// Nothing stands near.
 const CLEARANCE_M: f64 = 1.0;
 
@@ -30,6 +36,9 @@ pub(crate) enum Eyes {
     Truth,
     /// The truck's own odometry, with its drift.
     Odometry,
+    /// Ground truth, wrong by what a filter leaves of poor fixes: 2 cm and 1° (one standard deviation)
+    /// that jump twice a second.
+    Fixes,
 }
 
 /// How parkings are driven.
@@ -39,12 +48,34 @@ pub(crate) struct Course {
     pub(crate) cruise_mps: f64,
     /// Radius of the planned arcs over the truck's smallest.
     pub(crate) radius_factor: f64,
+    /// Goals lie up to so far away along x and y each.
+    pub(crate) reach_m: f64,
     pub(crate) settings: FollowerSettings,
+    /// Things stand around the path, as near as a planner with these margins would pass them.
+    pub(crate) margins: Option<Margins>,
 }
 
 impl Course {
     pub(crate) fn new(cruise_mps: f64, radius_factor: f64) -> Self {
-        Self { eyes: Eyes::Truth, cruise_mps, radius_factor, settings: FollowerSettings::default() }
+        let settings = FollowerSettings::default();
+        Self { eyes: Eyes::Truth, cruise_mps, radius_factor, reach_m: 1.0, settings, margins: None }
+    }
+
+    /// Path of this number that changes its gear: from somewhere in the middle of the room to a goal
+    /// within reach, turned anyhow.
+    pub(crate) fn path(&self, seed: u64, car: &Car) -> Path {
+        let mut draw = Draw::new(seed);
+        loop {
+            let (x_m, y_m) = (draw.uniform(-1.0, 1.0), draw.uniform(-1.0, 1.0));
+            let mut away_m = || draw.uniform(-self.reach_m, self.reach_m);
+            let (goal_x_m, goal_y_m) = (x_m + away_m(), y_m + away_m());
+            let start = MapPose { x_m, y_m, yaw_rad: draw.uniform(-PI, PI) };
+            let goal = MapPose { x_m: goal_x_m, y_m: goal_y_m, yaw_rad: draw.uniform(-PI, PI) };
+            let path = shortest(&start, &goal, car.radius_m * self.radius_factor);
+            if path.cusps() > 0 {
+                return path;
+            }
+        }
     }
 }
 
@@ -65,6 +96,42 @@ pub(crate) struct Parked {
     pub(crate) overshoot_m: f64,
     pub(crate) cusps: usize,
     pub(crate) contacts: u64,
+    /// For how long the obstacle rule held the truck.
+    pub(crate) blocked_s: f64,
+    /// The robot's monitors took something for a runaway or a stall.
+    pub(crate) alarmed: bool,
+}
+
+/// What fixes leave of an error of the pose.
+struct Wrong {
+    draw: Draw,
+    error: [f64; 3],
+}
+
+impl Wrong {
+    /// One standard deviation in m, m and rad.
+    const SPREAD: [f64; 3] = [0.02, 0.02, 0.0175];
+    /// So much of an error is left after a fix.
+    const KEPT: f64 = 0.8;
+
+    fn new(seed: u64) -> Self {
+        let mut wrong = Self { draw: Draw::new(seed ^ 0xF1CE5), error: [0.0; 3] };
+        (0..20).for_each(|_| wrong.fix());
+        wrong
+    }
+
+    fn fix(&mut self) {
+        for (error, spread) in self.error.iter_mut().zip(Self::SPREAD) {
+            // Twelve of them have a standard deviation of 1.
+            let bell: f64 = (0..12).map(|_| self.draw.uniform(-0.5, 0.5)).sum();
+            *error = *error * Self::KEPT + bell * spread * (1.0 - Self::KEPT * Self::KEPT).sqrt();
+        }
+    }
+
+    fn pose(&self, truth: &MapPose) -> MapPose {
+        let [x_m, y_m, yaw_rad] = self.error;
+        MapPose { x_m: truth.x_m + x_m, y_m: truth.y_m + y_m, yaw_rad: wrap_rad(truth.yaw_rad + yaw_rad) }
+    }
 }
 
 /// A truck with a follower.
@@ -73,13 +140,21 @@ pub(crate) struct Pilot {
     pub(crate) follower: Follower,
     map: MapFromOdom,
     eyes: Eyes,
+    wrong: Wrong,
+    monitors: Monitors,
+    alarmed: bool,
     steps: u64,
 }
 
 impl Pilot {
     /// Stands at the path's start, its lines up.
     pub(crate) fn new(course: &Course, path: &Path, car: &Car, seed: u64) -> Self {
-        let room = World::from_toml(ROOM).unwrap();
+        let mut room = World::from_toml(ROOM).unwrap();
+        for (number, spec) in
+            course.margins.iter().flat_map(|margins| pillars(seed, path, car, margins)).enumerate()
+        {
+            room.put_box(&format!("pillar {number}"), spec).unwrap();
+        }
         let mut bench = Bench::new(room, &TruckParameters::default(), path.start, seed);
         bench.run_s(0.2);
         let settings = course.settings.clone();
@@ -88,6 +163,9 @@ impl Pilot {
             follower: Follower::new(path, car, settings, GoalTolerance::default()).unwrap(),
             map: MapFromOdom::aligning(&OdomPose::default(), &path.start),
             eyes: course.eyes,
+            wrong: Wrong::new(seed),
+            monitors: Monitors::default(),
+            alarmed: false,
             steps: 0,
         }
     }
@@ -103,13 +181,37 @@ impl Pilot {
         let pose = match self.eyes {
             Eyes::Truth => self.truth(),
             Eyes::Odometry => self.map.pose(&outputs.pose),
+            Eyes::Fixes => self.wrong.pose(&self.truth()),
         };
         let speed_mps = outputs.rpm * vehicle.mps_per_rpm();
         let drive = self.follower.step(self.bench.simulation.now(), &pose, speed_mps, limits);
         self.bench.command(drive.command(vehicle));
-        (0..GYRO_STEPS).for_each(|_| self.bench.step());
+        for _ in 0..GYRO_STEPS {
+            self.bench.step();
+            self.watch(vehicle);
+        }
         self.steps += 1;
+        if self.steps.is_multiple_of(FIX_STEPS) {
+            self.wrong.fix();
+        }
         drive
+    }
+
+    /// What `robot-agent` has watching the drive.
+    fn watch(&mut self, vehicle: &VehicleConfig) {
+        let Self { bench, monitors, .. } = self;
+        let outputs = &bench.agent.outputs;
+        let (motor, reference_rpm) = (outputs.pwm.motor, outputs.reference_rpm);
+        monitors.drive(Driven { by_hand: false, motor, reference_rpm });
+        if let Some(pulses) = bench.agent.window.take() {
+            monitors.window(vehicle, bench.simulation.now(), pulses);
+            let mut faults = monitors.faults(Guards::default());
+            self.alarmed |= faults.any(|(fault, _)| matches!(fault, Fault::Runaway | Fault::Stalled));
+        }
+    }
+
+    pub(crate) fn alarmed(&self) -> bool {
+        self.alarmed
     }
 
     pub(crate) fn seconds(&self) -> f64 {
@@ -117,41 +219,26 @@ impl Pilot {
     }
 }
 
-/// A path of this number that changes its gear: from somewhere in the middle of the room to a goal up to
-/// 1 m away along x and y each, turned anyhow.
-pub(crate) fn draw_path(seed: u64, radius_m: f64) -> Path {
-    let mut draw = Draw::new(seed);
-    loop {
-        let mut near = |middle: f64| draw.uniform(middle - 1.0, middle + 1.0);
-        let (x_m, y_m) = (near(0.0), near(0.0));
-        let (goal_x_m, goal_y_m) = (near(x_m), near(y_m));
-        let start = MapPose { x_m, y_m, yaw_rad: draw.uniform(-PI, PI) };
-        let goal = MapPose { x_m: goal_x_m, y_m: goal_y_m, yaw_rad: draw.uniform(-PI, PI) };
-        let path = shortest(&start, &goal, radius_m);
-        if path.cusps() > 0 {
-            return path;
-        }
-    }
-}
-
 fn park(seed: u64, course: &Course) -> Parked {
     let vehicle = VehicleConfig::default();
     let car = Car::of(&vehicle);
-    let path = draw_path(seed, car.radius_m * course.radius_factor);
+    let path = course.path(seed, &car);
     let mut pilot = Pilot::new(course, &path, &car, seed);
     let limits = Released { way_m: f64::INFINITY, cruise_mps: course.cruise_mps, clearance_m: CLEARANCE_M };
     let stops = path.cusps() + 1;
     let most_s = PATIENCE * path.length_m() / course.cruise_mps + PATIENCE_S * stops as f64;
     let (mut beside_m, mut outside_m, mut overshoot_m): (f64, f64, f64) = (0.0, 0.0, 0.0);
-    let mut status = Status::Following;
+    let (mut status, mut blocked_s) = (Status::Following, 0.0);
     while !matches!(status, Status::Reached | Status::Deviated { .. }) && pilot.seconds() < most_s {
         let pose = pilot.truth();
         let drive = pilot.step(&vehicle, &limits);
         let (foot, _) = path.at(drive.way_m);
         let corners = car.corners(&pose);
         outside_m = corners.iter().map(|corner| car.distance_m(&foot, *corner)).fold(outside_m, f64::max);
-        beside_m = beside_m.max(drive.cross_m.abs());
+        let (sin, cos) = libm::sincos(foot.yaw_rad);
+        beside_m = beside_m.max(((pose.y_m - foot.y_m) * cos - (pose.x_m - foot.x_m) * sin).abs());
         overshoot_m = overshoot_m.max(-drive.left_m);
+        blocked_s += if pilot.bench.agent.outputs.blocked { 0.01 } else { 0.0 };
         status = drive.status;
     }
     let (truth, goal) = (pilot.truth(), path.end());
@@ -168,6 +255,8 @@ fn park(seed: u64, course: &Course) -> Parked {
         overshoot_m,
         cusps: path.cusps(),
         contacts: pilot.bench.simulation.trucks()[0].truth().contacts,
+        blocked_s,
+        alarmed: pilot.alarmed(),
     }
 }
 
