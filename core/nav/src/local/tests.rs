@@ -43,7 +43,7 @@ fn a_hit_marks_the_cell_where_the_beam_ends_once_it_was_seen_twice() {
     let now = look(&mut layer, 0, 1, &scan(third(31.0)), Some(&room()));
     assert_eq!(places(&layer, now), Vec::<[f64; 2]>::new(), "a single reading is a disturbance");
     let now = look(&mut layer, 40, 1, &scan(third(31.0)), Some(&room()));
-    // 0.25 m to the bumper, 0.31 m on, 3.5 cm to the left.
+    // 0.25 m to the bumper, 0.31 m on (0.335 by the data sheet), 3.5 cm to the left.
     let found = places(&layer, now);
     assert!(found.len() == 1 && libm::hypot(found[0][0] - 0.575, found[0][1] - 0.025) < 1e-9, "{found:?}");
     assert!(layer.occupied_near(now, [0.56, 0.035], 0.01) && !layer.occupied_near(now, [0.0, 0.5], 0.3));
@@ -53,9 +53,9 @@ fn a_hit_marks_the_cell_where_the_beam_ends_once_it_was_seen_twice() {
 #[test]
 fn beams_leave_their_bumpers_where_the_sensors_sit() {
     for (front, yaw_rad, expected) in [
-        (true, 0.0, [0.55, 0.175]),
-        (false, 0.0, [-0.55, 0.175]),
-        (true, std::f64::consts::FRAC_PI_2, [-0.175, 0.55]),
+        (true, 0.0, [0.574, 0.175]),
+        (false, 0.0, [-0.574, 0.175]),
+        (true, std::f64::consts::FRAC_PI_2, [-0.175, 0.574]),
     ] {
         let mut layer = LocalLayer::new(car(), None);
         let ranges = [Some(30.0), None, None, None, None, None];
@@ -123,12 +123,14 @@ fn what_the_map_explains_is_no_mark() {
 fn a_far_wall_that_reads_too_near_is_still_the_wall_of_the_map() {
     let mut map = room();
     for row in 0..80 {
-        map.set(map.place(0.25 + 0.76, 0.0).0, row, Cell::Occupied);
+        map.set(map.place(0.25 + 0.66, 0.0).0, row, Cell::Occupied);
     }
     let mut layer = LocalLayer::new(car(), Some(&map));
-    // The fit makes 55 cm of 76 (docs of the fit: it ends at 0.42 V).
-    let now = look(&mut layer, 0, 5, &scan([Some(55.0); 6]), Some(&map));
+    // The fit makes 51.5 cm of 64.
+    let now = look(&mut layer, 0, 5, &scan([Some(51.5); 6]), Some(&map));
     assert_eq!(places(&layer, now), Vec::<[f64; 2]>::new());
+    let now = look(&mut layer, 1000, 5, &scan([Some(51.5); 6]), Some(&room()));
+    assert!(layer.obstacles(now).count() >= 5, "and something new where the map has none");
 }
 
 #[test]
@@ -156,6 +158,17 @@ fn a_sensor_that_folds_back_keeps_its_mark_until_the_truck_backs_off() {
 }
 
 #[test]
+fn a_wall_of_the_map_that_is_nearly_touched_is_no_mark_either() {
+    let mut map = room();
+    let column = map.place(0.38, 0.0).0;
+    (0..80).for_each(|row| map.set(column, row, Cell::Occupied));
+    let mut layer = LocalLayer::new(car(), Some(&map));
+    look(&mut layer, 0, 3, &scan(third(11.0)), Some(&map));
+    let now = look(&mut layer, 200, 5, &scan(NOTHING), Some(&map));
+    assert_eq!(layer.obstacles(now).count(), 0);
+}
+
+#[test]
 fn marks_are_bounded_and_the_oldest_goes() {
     let mut layer = LocalLayer::new(car(), None);
     for i in 0..LocalLayer::MOST_MARKS as u64 + 5 {
@@ -175,7 +188,7 @@ fn stamped_onto_a_grid_a_mark_covers_its_cells_and_no_more() {
     let occupied = |grid: &Grid| grid.cells().iter().filter(|cell| **cell == Cell::Occupied).count();
     let mut same = room();
     layer.stamp_onto(now, &mut same);
-    assert_eq!((occupied(&same), same.at(0.55, 0.035)), (1, Cell::Occupied));
+    assert_eq!((occupied(&same), same.at(0.573, 0.035)), (1, Cell::Occupied));
     let mut fine = Grid::free(0.02, [-2.0, -2.0], 200, 200).unwrap();
     layer.stamp_onto(now, &mut fine);
     assert!((4..=9).contains(&occupied(&fine)), "{}", occupied(&fine));
