@@ -4,12 +4,10 @@
 //! they pass. A mark counts once it was seen twice, and fades when it is not seen any more. What the map or
 //! the known pose of another truck explains is no mark.
 //!
-//! ```text
-//!                     ┌ trusted ┐┌ too near by up to 20 cm ┐
-//!   bumper ·──────────┼─────────┼┼─────────────────────────┼───────
-//!          0         10        40                         56 cm    (readings by §4.5)
-//!   folds back: a sensor that was nearer than 14 cm keeps its mark until the truck has backed off
-//! ```
+//! The published fit (§4.5) reads farther things too near, by 13 cm of the data sheet's 64. A mark goes
+//! where the data sheet has it: if the fit is right after all, that shows in time as the truck comes nearer,
+//! while a mark too near would close ways that are free. Sensors that may fold back (nearer than 14 cm) keep
+//! their mark until the truck has backed off, as the first level's rule does.
 
 mod beams;
 mod marks;
@@ -81,28 +79,27 @@ impl LocalLayer {
             let range = if i < 6 { scan.front_cm[i] } else { scan.rear_cm[i - 6] };
             self.foldback[i].judge(&beams[i], range)
         });
+        let known = |point: [f64; 2]| {
+            map.is_some_and(|map| is_near(map, point, known_m))
+                || others.iter().any(|(pose, car)| car.distance_m(pose, point) <= known_m)
+        };
         for (beam, sight) in beams.iter().zip(sights) {
             match sight {
-                Sight::Folded(point) => self.marks.see(now, point),
-                Sight::Hit { at_m, unsure_m } => {
-                    // An unsure reading is too near: what explains it stands farther away.
-                    let steps = libm::ceil(unsure_m / known_m) as u32;
-                    let known = |step: u32| {
-                        let point = beam.at(at_m + f64::from(step) * known_m);
-                        map.is_some_and(|map| is_near(map, point, known_m))
-                            || others.iter().any(|(pose, car)| car.distance_m(pose, point) <= known_m)
-                    };
-                    if !(0..=steps).any(known) {
-                        self.marks.see(now, beam.at(at_m));
+                Sight::Folded(point) if !known(point) => self.marks.see(now, point),
+                Sight::Hit { from_m, to_m } => {
+                    let steps = libm::ceil((to_m - from_m) / known_m).max(1.0);
+                    let place = |step: u32| beam.at(from_m + f64::from(step) / steps * (to_m - from_m));
+                    if !(0..=steps as u32).any(|step| known(place(step))) {
+                        self.marks.see(now, beam.at(to_m));
                     }
                 }
-                Sight::Free { .. } => {}
+                Sight::Folded(_) | Sight::Free { .. } => {}
             }
         }
         for (beam, sight) in beams.iter().zip(sights) {
             match sight {
                 Sight::Free { to_m } => self.clear_beam(now, beam, to_m),
-                Sight::Hit { at_m, .. } => self.clear_beam(now, beam, at_m - BEFORE_HIT_M),
+                Sight::Hit { from_m, .. } => self.clear_beam(now, beam, from_m - BEFORE_HIT_M),
                 Sight::Folded(_) => {}
             }
         }

@@ -1,5 +1,5 @@
-//! The table and the plot of docs/navigation.md: how far the pose is off, with and without fixes.
-//! `cargo run -p xtb-sim --example pose_table`
+//! The table and the plot of docs/navigation.md, docs/images/pose-filter.svg: how far the pose is off, with
+//! and without fixes. `cargo run -p xtb-sim --example pose_table`
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -12,8 +12,11 @@ mod draw;
 #[allow(dead_code)]
 #[path = "../tests/it/fixed.rs"]
 mod fixed;
+#[path = "pose_table/plot.rs"]
+mod plot;
 
 use fixed::{Drive, Moment, two_hertz};
+use std::path::Path;
 use xtb_sim::FixTruth;
 
 const TRUCKS: u64 = 20;
@@ -29,14 +32,18 @@ fn main() {
     let late = FixTruth { latency_s: 0.3, ..two_hertz() };
     let many = FixTruth { outliers: 0.2, ..two_hertz() };
     row("none", &FixTruth::default());
-    row("2 Hz, 5 cm, 2 % outliers", &two_hertz());
+    let drives = row("2 Hz, 5 cm, 2 % outliers", &two_hertz());
     row("the same with headings of 0.05 rad", &heading);
-    row("the same, 0.3 s late", &late);
-    row("the same, 20 s drop-outs", &drop_outs);
-    row("the same, 20 % outliers", &many);
+    row("the same as the second, 0.3 s late", &late);
+    row("the same as the second, 20 s drop-outs", &drop_outs);
+    row("the same as the second, 20 % outliers", &many);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/images/pose-filter.svg");
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(&path, plot::svg(&drives)).unwrap();
+    println!("\n{}", path.canonicalize().unwrap().display());
 }
 
-fn row(name: &str, fixes: &FixTruth) {
+fn row(name: &str, fixes: &FixTruth) -> Vec<Drive> {
     let drives: Vec<Drive> = (0..TRUCKS).map(|seed| Drive::new(seed, fixes.clone()).run_s(SECONDS)).collect();
     let all = |of: &dyn Fn(&Moment) -> f64| {
         let mut values: Vec<f64> = drives.iter().flat_map(|d| d.moments.iter().map(of)).collect();
@@ -57,4 +64,5 @@ fn row(name: &str, fixes: &FixTruth) {
         at(&turned, 0.95),
         100.0 * within,
     );
+    drives
 }

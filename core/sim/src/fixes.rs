@@ -109,7 +109,8 @@ impl FixMaker {
     /// The next fix that has arrived by `now`.
     pub fn take(&mut self, now: Stamp) -> Option<SimulatedFix> {
         let latency_ns = Stamp::from_s(self.truth.latency_s).ns();
-        self.coming.pop_front_if(|coming| coming.fix.stamp.plus_ns(latency_ns) <= now)
+        let arrived = self.coming.front().is_some_and(|first| first.fix.stamp.plus_ns(latency_ns) <= now);
+        if arrived { self.coming.pop_front() } else { None }
     }
 
     fn plan_drop_out(&mut self, now: Stamp) {

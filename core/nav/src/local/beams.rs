@@ -10,12 +10,17 @@ const FOLDS_M: f64 = 0.14;
 const RETREAT_M: f64 = 0.05;
 /// So does having gone elsewhere, in m.
 const ELSEWHERE_M: f64 = 0.30;
-/// Up to here the published fit and the sensor's data sheet agree within 4 cm, in m.
-const SURE_M: f64 = 0.40;
-/// Where the fit ends, in m; the data sheet has 78 cm there.
-const FARTHEST_M: f64 = 0.56;
-/// By so much things are farther away than a reading beyond [`SURE_M`] says, in m per m.
-const UNSURE_PER_M: f64 = 1.4;
+/// A reading of nothing means at least this much free way, in m.
+const FREE_M: f64 = 0.40;
+/// Readings beyond this say nothing: the fit ends at 56 cm, and noise alone moves them by 10 cm, in m.
+const FARTHEST_M: f64 = 0.52;
+
+/// How much farther away than the published fit (§4.5) the sensor's data sheet has a thing, in m: 1 cm at
+/// 18, 2 cm at 27, 4 cm at 41 and 13 cm at 51 cm.
+fn farther_m(range_m: f64) -> f64 {
+    let steep_m = (range_m - 0.40).max(0.0);
+    0.12 * (range_m - 0.10).max(0.0) + 6.5 * steep_m * steep_m
+}
 
 /// One beam in the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,8 +54,8 @@ pub(super) fn beams(car: &Car, pose: &MapPose) -> [Beam; 12] {
 pub(super) enum Sight {
     /// Nothing up to here.
     Free { to_m: f64 },
-    /// Something there, or up to `unsure_m` farther.
-    Hit { at_m: f64, unsure_m: f64 },
+    /// Something between here and there.
+    Hit { from_m: f64, to_m: f64 },
     /// The reading is worth nothing: what was seen last is still there.
     Folded([f64; 2]),
 }
@@ -68,7 +73,7 @@ impl Foldback {
         let range_m = range_cm.filter(|cm| cm.is_finite() && *cm >= 0.0).map(|cm| cm / 100.0);
         if let Some(at_m) = range_m.filter(|m| *m < FOLDS_M) {
             self.near = Some((beam.from_m, beam.at(at_m)));
-            return Sight::Hit { at_m, unsure_m: 0.0 };
+            return Sight::Hit { from_m: at_m, to_m: at_m };
         }
         if let Some((from_m, seen_m)) = self.near {
             let (dx, dy) = (beam.from_m[0] - from_m[0], beam.from_m[1] - from_m[1]);
@@ -79,10 +84,8 @@ impl Foldback {
             self.near = None;
         }
         match range_m {
-            Some(at_m) if at_m <= FARTHEST_M => {
-                Sight::Hit { at_m, unsure_m: UNSURE_PER_M * (at_m - SURE_M).max(0.0) }
-            }
-            _ => Sight::Free { to_m: SURE_M },
+            Some(at_m) if at_m <= FARTHEST_M => Sight::Hit { from_m: at_m, to_m: at_m + farther_m(at_m) },
+            _ => Sight::Free { to_m: FREE_M },
         }
     }
 }

@@ -130,7 +130,7 @@ impl Drive {
                 self.restarts.push(now.s());
             }
         }
-        if now.ns() / xtb_sim::STEP_NS % SAMPLE_STEPS == 0 {
+        if (now.ns() / xtb_sim::STEP_NS).is_multiple_of(SAMPLE_STEPS) {
             let truth = MapPose { x_m: truth.x_m, y_m: truth.y_m, yaw_rad: truth.yaw_rad };
             let (estimate, odometry) = (self.filter.estimate(now), self.align.pose(&odom));
             self.moments.push(Moment { t_s: now.s(), truth, estimate, odometry });
