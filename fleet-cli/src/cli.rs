@@ -1,5 +1,11 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
+mod map;
+
+pub use map::{
+    MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs,
+};
+
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, parser::ValueSource};
 use std::ffi::OsString;
@@ -107,6 +113,8 @@ pub enum Verb {
     Teleop(TeleopArgs),
     /// Print messages as JSON lines.
     Watch(WatchArgs),
+    /// Show, check, import or serve a map of the floor.
+    Map(MapArgs),
     /// Run a router: all the infrastructure that a small lab needs.
     Router(RouterArgs),
     /// Run simulated robots with real agents.

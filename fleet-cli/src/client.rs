@@ -194,14 +194,7 @@ impl Client {
 
     /// Everybody's answers on `selector`.
     pub(crate) async fn get(&self, selector: &str) -> std::result::Result<Vec<Incoming>, BusError> {
-        let within = self.shared.ctx.timeout;
-        let asked = Instant::now();
-        let answers = self.bus().get(selector, within).await?;
-        if !answers.is_empty() || asked.elapsed() >= within {
-            return Ok(answers);
-        }
-        tokio::time::sleep(SETTLE).await;
-        self.bus().get(selector, within).await
+        get(self.bus(), selector, self.shared.ctx.timeout).await
     }
 
     /// Asks a robot for something that needs no lease.
@@ -289,6 +282,21 @@ impl Client {
              another fleet is named with --fleet, another router with --connect",
         )
     }
+}
+
+/// Everybody's answers on `selector`; asked for once more if there are none at once.
+pub(crate) async fn get(
+    bus: &Bus,
+    selector: &str,
+    within: Duration,
+) -> std::result::Result<Vec<Incoming>, BusError> {
+    let asked = Instant::now();
+    let answers = bus.get(selector, within).await?;
+    if !answers.is_empty() || asked.elapsed() >= within {
+        return Ok(answers);
+    }
+    tokio::time::sleep(SETTLE).await;
+    bus.get(selector, within).await
 }
 
 /// What came back for one ask.

@@ -5,6 +5,7 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod charts;
 pub mod cli;
 pub mod client;
 pub mod commands;
@@ -91,6 +92,7 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         }
         Verb::Teleop(args) => commands::teleop::run(&ctx()?, &args).await,
         Verb::Watch(args) => commands::watch::run(&ctx()?, &args).await,
+        Verb::Map(args) => commands::map::run(&ctx()?, &args).await,
         Verb::Router(args) => commands::router::run(&ctx()?, &args).await,
         Verb::Sim(args) => commands::sim::run(&ctx()?, args).await,
         Verb::Demo(args) => commands::demo::run(&ctx()?, args).await,

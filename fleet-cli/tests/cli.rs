@@ -121,6 +121,7 @@ fn without_a_router_every_verb_says_what_it_tried_and_what_to_do() {
         "estop xtb-1",
         "reset xtb-1 --latch gyro_lost --take",
         "watch xtb/**",
+        "map show --live",
     ] {
         let said = stderr(&home.alone(line).code(3));
         assert!(said.contains(&format!("error: No router answers at {NOWHERE}")), "{line}: {said}");
@@ -202,6 +203,71 @@ fn an_unknown_config_key_names_the_one_meant() {
     assert!(said.contains("did you mean robots[0].name?"), "{said}");
     let missing = stderr(&home.alone("list --config nowhere.toml").code(2));
     assert!(missing.contains("cannot read the config nowhere.toml"), "{missing}");
+}
+
+const HALL: &str = "name = 'hall'\n[room]\nwidth_m = 6.0\ndepth_m = 4.0\n[[walls]]\n\
+                    points = [[0.0, -2.0], [0.0, 0.5]]\n[[zones]]\nname = 'charger'\nkind = 'keep_out'\n\
+                    points = [[-3.0, -2.0], [-2.0, -2.0], [-2.0, -1.0], [-3.0, -1.0]]\n";
+
+#[test]
+fn a_world_is_imported_and_the_files_are_the_same_map() {
+    let home = Home::empty();
+    std::fs::write(home.path().join("hall.toml"), HALL).unwrap();
+    let world = json(&home.run("map show hall.toml --json").code(0));
+    assert_eq!((&world["name"], &world["width"], &world["height"]), (&"hall".into(), &124.into(), &84.into()));
+    let written = json(&home.run("--json map import hall.toml --out new.yaml").code(0));
+    assert_eq!((&written["hash"], &written["image"]), (&world["hash"], &"new.pgm".into()));
+    let file = json(&home.run("map show new.yaml --json").code(0));
+    assert_eq!(file, world);
+    let again = stderr(&home.run("map import new.yaml --out new.yaml").code(1));
+    assert!(again.contains("new.yaml is there already") && again.contains("hint: --force"), "{again}");
+    home.run("map import new.yaml --out new.yaml --force").code(0);
+    let coarse = json(&home.run("map show hall.toml --resolution 0.1 --json").code(0));
+    assert_eq!(coarse["width"], 62);
+}
+
+#[test]
+fn a_map_is_drawn_and_checked() {
+    let home = Home::empty();
+    std::fs::write(home.path().join("hall.toml"), HALL).unwrap();
+    let drawn = stdout(&home.run("map show hall.toml").code(0));
+    assert!(drawn.contains("▒ keep-out charger") && drawn.contains("6.20 × 4.20 m, cells of 5 cm"), "{drawn}");
+    assert!(drawn.lines().all(|line| line.chars().count() <= 80), "{drawn}");
+    let good = stdout(&home.run("map check hall.toml").code(0));
+    assert!(good.contains("ok       one island") && good.ends_with("0 problems, 0 warnings\n"), "{good}");
+    std::fs::write(home.path().join("wide.toml"), "[vehicle.geometry]\nbody_width_m = 3.9\n").unwrap();
+    let wide = json(&home.run("--json map check hall.toml --car-from wide.toml").code(1));
+    assert_eq!((&wide["problems"], wide["islands"].as_array().unwrap().len()), (&1.into(), 0));
+    let off = HALL.replace("[-3.0, -2.0], [-2.0, -2.0], [-2.0, -1.0], [-3.0, -1.0]", "[9, 9], [8, 9], [8, 8]");
+    std::fs::write(home.path().join("off.toml"), off).unwrap();
+    let said = stdout(&home.run("map check off.toml").code(1));
+    assert!(said.contains("problem  zone charger lies off the map"), "{said}");
+}
+
+#[test]
+fn what_is_no_map_is_refused_with_file_and_reason() {
+    let home = Home::empty();
+    let file = |name: &str, text: &str| std::fs::write(home.path().join(name), text).unwrap();
+    let yaml = "image: gone.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\n\
+                free_thresh: 0.196\n";
+    file("gone.yaml", yaml);
+    file("turned.yaml", &yaml.replace("0, 0, 0", "0, 0, 1.5"));
+    file("bow.toml", &HALL.replace("[-2.0, -2.0], [-2.0, -1.0]", "[-2.0, -1.0], [-2.0, -2.0]"));
+    file("map.txt", "");
+    for (line, reason) in [
+        ("map show nothing.yaml", "cannot read nothing.yaml"),
+        ("map check gone.yaml", "cannot read gone.pgm"),
+        ("map serve turned.yaml", "turned.yaml: the YAML's origin: a yaw of 1.5 rad"),
+        ("map import bow.toml --out x.yaml", "zone \"charger\": the side from point"),
+        ("map show map.txt", "neither a map nor a world"),
+        ("map import bow.toml --out x.pgm", "zone"),
+        ("map show", "required arguments"),
+        ("map show map.txt --live", "cannot be used with"),
+        ("map show map.txt --resolution 2", "0.005..=1"),
+    ] {
+        let said = stderr(&home.alone(line).code(2));
+        assert!(said.contains(reason), "{line}: {said}");
+    }
 }
 
 #[test]

@@ -4,7 +4,9 @@
 
 use serde::{Serialize, de::DeserializeOwned};
 use xtb_control::Mode;
-use xtb_protocol::messages::{BatteryLevel, Fault, GoalStatus, Latch, RejectCode, Rejected, StopReason};
+use xtb_protocol::messages::{
+    BatteryLevel, Fault, GoalStatus, Latch, MapCell, RejectCode, Rejected, StopReason,
+};
 
 const DOC: &str = include_str!("../../../docs/protocol.md");
 
@@ -38,6 +40,14 @@ fn every_code_mode_status_reason_latch_and_fault_is_in_its_table() {
     knows::<BatteryLevel>("## State");
     knows::<Latch>("### Latches");
     knows::<Fault>("### Faults");
+}
+
+#[test]
+fn every_field_of_a_map_and_every_kind_of_cell_and_zone_is_in_its_table() {
+    knows::<MapCell>("## Map");
+    has("## Map", ["name", "hash", "resolution_m", "origin_m", "width", "height", "cells", "zones"]);
+    has("## Map", ["kind", "points"]);
+    assert!(section("## Map").contains(r#""keep_out""#) && section("## Map").contains(r#"{"one_way": {"heading_rad"}}"#));
 }
 
 #[test]

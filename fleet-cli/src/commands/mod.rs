@@ -7,6 +7,7 @@ pub mod estop;
 mod goal;
 pub mod goto;
 pub mod list;
+pub mod map;
 mod muster;
 pub mod reset;
 pub mod router;

@@ -17,7 +17,7 @@ use tokio::task::JoinSet;
 use xtb_bus::{BusError, Incoming, Presence, Subscription};
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, Estop, Event, Message, Request, RobotState, Roster, Sensors, Setpoint, Truth,
+    About, Estop, Event, FleetMap, Message, Request, RobotState, Roster, Sensors, Setpoint, Truth,
 };
 
 /// Messages between Zenoh and the printer; those that find no room are dropped and counted.
@@ -205,6 +205,7 @@ fn line(incoming: &Incoming) -> Result<String> {
         Channel::Cmd(_) => decoded::<Request>(incoming),
         Channel::Teleop(_) => decoded::<Setpoint>(incoming),
         Channel::Estop(_) | Channel::EstopAll(_) => decoded::<Estop>(incoming),
+        Channel::Map => decoded::<FleetMap>(incoming),
         Channel::SimTruth => decoded::<Truth>(incoming),
         Channel::SimRoster => decoded::<Roster>(incoming),
         Channel::Alive => undecodable(incoming, "presence carries no payload".to_owned()),

@@ -11,6 +11,7 @@ mod truth;
 pub use agents::RunningAgent;
 pub use truth::TruthView;
 
+use crate::charts::MapService;
 use crate::error::{Failure, Kind, Result};
 use crate::router;
 use agents::AgentSettings;
@@ -22,16 +23,19 @@ use tokio::task::JoinHandle;
 use xtb_bus::{Bus, Role, Service};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
+use xtb_nav::Map;
 use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{Roster, RosterEntry};
-use xtb_sim::{Simulation, TruckParameters, World};
+use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters, World};
 
 /// More robots than this do not fit one process at real time.
 pub const MAX_ROBOTS: usize = 500;
 /// Agents are alive within a second; a busy machine may need longer for hundreds.
 const READY_WITHIN: Duration = Duration::from_secs(60);
+/// For whoever serves a map already.
+const MAP_ANSWER_WITHIN: Duration = Duration::from_secs(2);
 
 /// What to simulate.
 #[derive(Debug, Clone)]
@@ -70,6 +74,7 @@ pub struct Simulator {
     truth: TruthView,
     publishing: JoinHandle<()>,
     _roster_service: Service,
+    _map_service: Option<MapService>,
     bus: Bus,
     world: RunningWorld,
     ptys: Option<ptys::PtyFolder>,
@@ -82,7 +87,9 @@ impl Simulator {
     /// An impossible plan or world, a port that is taken, a folder that cannot be used.
     pub async fn start(plan: Plan) -> Result<Self> {
         check(&plan)?;
-        let simulation = simulation(&plan)?;
+        let world = world(&plan);
+        let world_map = world.chart(CHART_RESOLUTION_M);
+        let simulation = simulation(&plan, world)?;
         let roster = roster_of(&simulation)?;
         let (bus, endpoint, connect) = session(&plan).await?;
 
@@ -111,6 +118,7 @@ impl Simulator {
         let keys = FleetKeys::new(plan.fleet.clone());
         let publishing = truth::publish(bus.clone(), keys.sim_truth(), truth.clone());
         let roster_service = serve_roster(&bus, keys.sim_roster(), roster.clone()).await?;
+        let map_service = serve_map(&bus, &keys, &world_map).await;
         let simulator = Self {
             endpoint,
             fleet: plan.fleet,
@@ -120,6 +128,7 @@ impl Simulator {
             truth,
             publishing,
             _roster_service: roster_service,
+            _map_service: map_service,
             bus,
             world,
             ptys,
@@ -228,10 +237,14 @@ fn check(plan: &Plan) -> Result<()> {
     Ok(())
 }
 
-fn simulation(plan: &Plan) -> Result<Simulation> {
+fn world(plan: &Plan) -> World {
+    let body = TruckParameters::default().body;
+    plan.world.clone().unwrap_or_else(|| World::for_robots(plan.robots, &body))
+}
+
+fn simulation(plan: &Plan, world: World) -> Result<Simulation> {
     let parameters = TruckParameters::default();
     let names: Vec<String> = (1..=plan.robots).map(|n| format!("xtb-{n}")).collect();
-    let world = plan.world.clone().unwrap_or_else(|| World::for_robots(plan.robots, &parameters.body));
     let made = if plan.starts.is_empty() {
         Simulation::new(world, &parameters, &names, plan.seed)
     } else {
@@ -272,6 +285,17 @@ fn lines(plan: &Plan, roster: &Roster) -> Result<Lines> {
     }
     let (hardware, lines) = roster.robots.iter().map(|_| SimulatedHardware::connect()).unzip();
     Ok((lines, hardware, None))
+}
+
+/// Serves the world's map. A world that has none, and a fleet that has another already, can do without.
+async fn serve_map(
+    bus: &Bus,
+    keys: &FleetKeys,
+    map: &std::result::Result<Map, ChartError>,
+) -> Option<MapService> {
+    let map = map.as_ref().inspect_err(|error| tracing::warn!("no map is served: {error}")).ok()?;
+    let service = MapService::start(bus, keys, map, MAP_ANSWER_WITHIN).await;
+    service.inspect_err(|failure| tracing::warn!("the world's map is not served: {failure}")).ok()
 }
 
 async fn serve_roster(bus: &Bus, key: String, roster: Roster) -> Result<Service> {

@@ -116,6 +116,21 @@ fn watch_decodes_what_travels() {
 }
 
 #[test]
+fn a_simulator_serves_the_map_of_its_world() {
+    let world = concat!(env!("CARGO_MANIFEST_DIR"), "/../worlds/lab.toml");
+    let sim = sim(&["--robots", "1", "--world", world]);
+    let (code, live, output) = sim.run(&["map", "show", "--live"]);
+    assert_eq!((code, &live["name"]), (0, &Value::from("lab")), "{output:?}");
+    let (_, drawn, _) = sim.run(&["map", "show", world]);
+    assert_eq!(live, drawn);
+
+    let other = concat!(env!("CARGO_MANIFEST_DIR"), "/../worlds/corridor.toml");
+    let (code, refused, output) = sim.run(&["map", "serve", other]);
+    let said = refused["error"]["message"].as_str().unwrap();
+    assert!(code == 1 && said.contains(live["hash"].as_str().unwrap()), "{output:?}");
+}
+
+#[test]
 fn an_impossible_simulation_says_so() {
     let sim = sim(&["--robots", "1"]);
     let refused = |arguments: &[&str]| {

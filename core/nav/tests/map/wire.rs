@@ -19,6 +19,23 @@ proptest! {
     }
 
     #[test]
+    fn damaged_messages_are_refused_without_a_panic(
+        map in any::map(), at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<prop::sample::Index>(),
+    ) {
+        let mut bytes = encode(&FleetMap::from(&map), Format::Postcard).unwrap();
+        let i = at.index(bytes.len());
+        prop_assume!(bytes[i] != byte);
+        bytes[i] = byte;
+        let postcard = encoding::<FleetMap>(Format::Postcard);
+        let read = decode::<FleetMap>(&postcard, &bytes).ok().and_then(|(message, _)| Map::try_from(&message).ok());
+        // The name is all that the hash does not cover (and -0 is 0).
+        let same = |read: Map| read.hash() == map.hash();
+        prop_assert!(read.is_none_or(same));
+        bytes.truncate(cut.index(bytes.len()));
+        prop_assert!(decode::<FleetMap>(&postcard, &bytes).is_err());
+    }
+
+    #[test]
     fn a_map_that_is_not_what_its_hash_says_is_refused(map in any::map(), x_m in -1000.0..1000.0_f64) {
         let mut message = FleetMap::from(&map);
         message.origin_m[0] = x_m;

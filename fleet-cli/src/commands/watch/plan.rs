@@ -15,7 +15,7 @@ const ANY_MANY: &str = "**";
 const ANY_PART: &str = "$*";
 
 /// Keys that carry published messages only.
-const PUBLISHED: [&str; 4] = [any::SENSORS, any::TELEOP, any::ESTOP, any::SIM_TRUTH];
+const PUBLISHED: [&str; 5] = [any::SENSORS, any::TELEOP, any::ESTOP, any::MAP, any::SIM_TRUTH];
 
 /// How to watch an expression.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,10 +46,13 @@ impl Plan {
         let [states, abouts, rosters] = asks;
         let presence = overlap(expression, any::ALIVE);
         let events = overlap(expression, any::EVENT);
+        let maps = overlap(expression, any::MAP);
         let answers: Vec<String> = abouts.into_iter().chain(rosters).collect();
         match last_chunk(expression) {
             "alive" if !presence.is_empty() => return Ok(Self::Presence),
             "event" if !events.is_empty() => return Ok(Self::Events),
+            // Long, so not within wider expressions.
+            "map" if !maps.is_empty() => return Ok(Self::Messages { ask: maps, presence: Vec::new() }),
             "about" | "roster" if !answers.is_empty() => return Ok(Self::Answers(answers)),
             _ => {}
         }
@@ -154,6 +157,8 @@ mod tests {
             ("xtb/lab/*/sensors", messages(&[], &[])),
             ("xtb/lab/sim/truth", messages(&[], &[])),
             ("xtb/lab/*/teleop/*", messages(&[], &[])),
+            ("xtb/lab/map", messages(&["xtb/lab/map"], &[])),
+            ("xtb/**/map", messages(&["xtb/*/map"], &[])),
             ("ros/**", messages(&[], &[])),
         ] {
             assert_eq!(Plan::of(expression), Ok(plan), "{expression}");

@@ -1,0 +1,156 @@
+//! Maps of the floor: read from files, asked of the fleet, served to it.
+
+use crate::client;
+use crate::error::{Failure, Kind, Result};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::task::JoinHandle;
+use tokio::time::MissedTickBehavior;
+use xtb_bus::{Bus, Publisher, Service};
+use xtb_nav::Map;
+use xtb_nav::map::ros::Description;
+use xtb_protocol::codec::Format;
+use xtb_protocol::keys::{Channel, FleetKeys};
+use xtb_protocol::messages::{FleetMap, MapHash};
+use xtb_sim::World;
+
+/// A map is published again this often, for whoever missed it.
+const PUBLISH_EVERY: Duration = Duration::from_secs(30);
+
+/// Reads a map (YAML and image) or draws a world (TOML) in cells of `resolution_m`.
+///
+/// # Errors
+/// [`Kind::Config`]: a file cannot be read, or is no map and no world.
+pub fn read(path: &Path, resolution_m: f64) -> Result<Map> {
+    let broken = |reason: String| Failure::new(Kind::Config, format!("{}: {reason}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|error| unreadable(path, &error))?;
+    let named = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    match named {
+        "toml" => {
+            let hint = "worlds/ holds examples; --resolution takes larger cells for a large world";
+            let world = World::from_toml(&text).map_err(|error| broken(error.to_string()).hint(hint))?;
+            world.chart(resolution_m).map_err(|error| broken(error.to_string()).hint(hint))
+        }
+        "yaml" | "yml" => {
+            let hint = "docs/maps.md says which maps are read";
+            let description =
+                Description::from_yaml(&text).map_err(|error| broken(error.to_string()).hint(hint))?;
+            let image_path = path.parent().unwrap_or(Path::new("")).join(description.image());
+            let image = std::fs::read(&image_path).map_err(|error| unreadable(&image_path, &error))?;
+            let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or("map");
+            description.map(stem, &image).map_err(|error| broken(error.to_string()).hint(hint))
+        }
+        _ => Err(broken("neither a map nor a world by its ending".to_owned())
+            .hint("maps end in .yaml (as map_server writes them), worlds in .toml")),
+    }
+}
+
+fn unreadable(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
+        .hint("a map is a YAML file and the image that it names; worlds/ holds worlds")
+}
+
+/// The maps that are served to a fleet now; more than one is a mistake of its people.
+///
+/// # Errors
+/// [`Kind::Failed`] if the question could not be sent.
+pub async fn served(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec<FleetMap>> {
+    let answers = client::get(bus, &keys.map(), within).await?;
+    let read = |answer: &xtb_bus::Incoming| {
+        answer.decode().inspect_err(|error| tracing::warn!("on {}: {error}", answer.key)).ok()
+    };
+    Ok(answers.iter().filter_map(read).collect())
+}
+
+/// Serves a map to a fleet until it is dropped.
+pub struct MapService {
+    publishing: JoinHandle<()>,
+    _answering: Service,
+}
+
+impl MapService {
+    /// Publishes a map, now and again, and answers questions for it.
+    ///
+    /// # Errors
+    /// Another map is served already, or Zenoh refuses.
+    pub async fn start(bus: &Bus, keys: &FleetKeys, map: &Map, within: Duration) -> Result<Self> {
+        let message = FleetMap::from(map);
+        if let Some(other) = served(bus, keys, within).await?.iter().find(|other| other.hash != message.hash) {
+            return Err(taken(&other.name, other.hash));
+        }
+        let (key, message) = (keys.map(), Arc::new(message));
+        let answering = answer(bus, key.clone(), Arc::clone(&message)).await?;
+        let publisher = bus.publisher::<FleetMap>(&key, &Channel::Map, Format::Postcard).await?;
+        let publishing = tokio::spawn(publish(publisher, message));
+        Ok(Self { publishing, _answering: answering })
+    }
+}
+
+impl Drop for MapService {
+    fn drop(&mut self) {
+        self.publishing.abort();
+    }
+}
+
+fn taken(name: &str, hash: MapHash) -> Failure {
+    Failure::new(Kind::Failed, format!("another map is served already: {name} ({hash})"))
+        .hint("`fleet-cli map show --live` shows it; end whoever serves it, or name another --fleet")
+}
+
+async fn answer(bus: &Bus, key: String, message: Arc<FleetMap>) -> Result<Service> {
+    let runtime = tokio::runtime::Handle::current();
+    let own_key = key.clone();
+    let service = bus.serve(&key, move |question| {
+        let (own_key, message) = (own_key.clone(), Arc::clone(&message));
+        runtime.spawn(async move {
+            let format = question.wanted_format();
+            if let Err(error) = question.reply(&own_key, message.as_ref(), format).await {
+                tracing::debug!("the map was not sent: {error}");
+            }
+        });
+    });
+    Ok(service.await?)
+}
+
+async fn publish(publisher: Publisher<FleetMap>, message: Arc<FleetMap>) {
+    let mut tick = tokio::time::interval(PUBLISH_EVERY);
+    tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    loop {
+        tick.tick().await;
+        if let Err(error) = publisher.put(&message).await {
+            tracing::warn!("the map was not published: {error}");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::client::Client;
+    use xtb_nav::Grid;
+
+    fn map(name: &str, width: usize) -> Map {
+        Map::new(name, Grid::free(0.05, [0.0, 0.0], width, 10).unwrap(), Vec::new()).unwrap()
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn one_map_is_served_at_a_time_and_the_next_when_that_has_ended() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let (bus, keys, within) = (client.bus(), client.keys(), Duration::from_secs(30));
+        assert!(served(bus, keys, within).await.unwrap().is_empty());
+        let lab = map("lab", 20);
+        let first = MapService::start(bus, keys, &lab, within).await.unwrap();
+        let found = served(bus, keys, within).await.unwrap();
+        assert_eq!(found.iter().map(|map| Map::try_from(map).unwrap()).collect::<Vec<_>>(), [lab.clone()]);
+
+        let refused = MapService::start(bus, keys, &map("barn", 21), within).await.map(drop).unwrap_err();
+        let named = format!("another map is served already: lab ({})", lab.hash());
+        assert_eq!((refused.kind, refused.message), (Kind::Failed, named));
+        // The same floor by another name is no other map.
+        drop(MapService::start(bus, keys, &map("room", 20), within).await.unwrap());
+
+        drop(first);
+        drop(MapService::start(bus, keys, &map("barn", 21), within).await.unwrap());
+    }
+}

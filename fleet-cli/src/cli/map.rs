@@ -1,0 +1,105 @@
+//! The grammar of `map` and its verbs.
+
+use super::number;
+use clap::{Args, Subcommand};
+use std::path::PathBuf;
+use xtb_nav::Grid;
+use xtb_sim::CHART_RESOLUTION_M;
+
+const CHECK_HELP: &str = "\
+Problems (no room for the truck, a zone off the map, keep-outs that cut the floor in pieces) make the \
+exit code 1; warnings (several islands, doors too narrow) do not.";
+
+const SERVE_HELP: &str = "\
+Robots plan on the map that is served. One map at a time: while another one is served, this one is not.";
+
+/// Arguments of `map`.
+#[derive(Debug, Clone, Args)]
+pub struct MapArgs {
+    /// What to do with a map.
+    #[command(subcommand)]
+    pub verb: MapVerb,
+}
+
+/// What to do with a map.
+#[derive(Debug, Clone, Subcommand)]
+pub enum MapVerb {
+    /// Draw a map, or the one that the fleet has.
+    Show(MapShowArgs),
+    /// Look for what is wrong with a map.
+    Check(MapCheckArgs),
+    /// Write a world or a map as map_server files: YAML and PGM.
+    Import(MapImportArgs),
+    /// Publish a map to the fleet until Ctrl-C.
+    Serve(MapServeArgs),
+}
+
+/// Arguments of `map show`.
+#[derive(Debug, Clone, Args)]
+pub struct MapShowArgs {
+    /// Map (map_server YAML) or world (TOML).
+    #[arg(value_name = "FILE", required_unless_present = "live")]
+    pub file: Option<PathBuf>,
+    /// The map that the fleet has now.
+    #[arg(long, conflicts_with_all = ["file", "resolution_m"])]
+    pub live: bool,
+    /// How fine a world is drawn.
+    #[command(flatten)]
+    pub fine: ResolutionArgs,
+}
+
+/// Arguments of `map check`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = CHECK_HELP)]
+pub struct MapCheckArgs {
+    /// Map (map_server YAML) or world (TOML).
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// The truck of this robot-agent config (TOML) [default: the default truck].
+    #[arg(long, value_name = "FILE")]
+    pub car_from: Option<PathBuf>,
+    /// How fine a world is drawn.
+    #[command(flatten)]
+    pub fine: ResolutionArgs,
+}
+
+/// Arguments of `map import`.
+#[derive(Debug, Clone, Args)]
+pub struct MapImportArgs {
+    /// World (TOML) or map (map_server YAML).
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// The YAML to write; the image goes beside it, with the ending .pgm.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Replace files that are there.
+    #[arg(long)]
+    pub force: bool,
+    /// How fine a world is drawn.
+    #[command(flatten)]
+    pub fine: ResolutionArgs,
+}
+
+/// Arguments of `map serve`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = SERVE_HELP)]
+pub struct MapServeArgs {
+    /// Map (map_server YAML) or world (TOML).
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// How fine a world is drawn.
+    #[command(flatten)]
+    pub fine: ResolutionArgs,
+}
+
+/// How fine a world is drawn.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct ResolutionArgs {
+    /// Side of a cell of a world's map, in m; a map file has its own.
+    #[arg(long = "resolution", value_name = "M", default_value_t = CHART_RESOLUTION_M, value_parser = cell)]
+    pub resolution_m: f64,
+}
+
+fn cell(text: &str) -> Result<f64, String> {
+    number(text, *Grid::RESOLUTION_M.start(), *Grid::RESOLUTION_M.end(), "metres")
+}

@@ -1,0 +1,232 @@
+//! `map check`: what is wrong with a map, and what to do about it.
+
+use super::{size, size_m};
+use crate::charts;
+use crate::cli::MapCheckArgs;
+use crate::context::Context;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::output::{Output, Tone};
+use robot_agent::config::Layers;
+use serde::Serialize;
+use std::path::Path;
+use xtb_control::VehicleConfig;
+use xtb_nav::map::check::{Report, ZoneFinding, check};
+use xtb_nav::{Car, Map};
+use xtb_protocol::messages::MapHash;
+
+/// Islands and narrow places that are listed for people; JSON has all.
+const LISTED: usize = 5;
+const LEVEL_WIDTH: usize = 8;
+
+/// How bad it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Level {
+    /// As it should be.
+    Ok,
+    /// Worth a look.
+    Warning,
+    /// The map is broken.
+    Problem,
+}
+
+/// One thing that was found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Finding {
+    level: Level,
+    text: String,
+    /// What to do about it; empty if nothing has to be.
+    todo: String,
+}
+
+#[derive(Debug, Serialize)]
+struct Place {
+    x_m: f64,
+    y_m: f64,
+    /// Of an island: where the truck's middle can be.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    area_m2: Option<f64>,
+    /// Of a narrow place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    width_m: Option<f64>,
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Found<'a> {
+    name: &'a str,
+    hash: MapHash,
+    size_m: [f64; 2],
+    resolution_m: f64,
+    free_m2: f64,
+    occupied_m2: f64,
+    unknown_m2: f64,
+    islands: Vec<Place>,
+    narrow: Vec<Place>,
+    problems: usize,
+    warnings: usize,
+    findings: Vec<Finding>,
+}
+
+/// Checks a map. Problems make it [`Exit::Failed`], warnings do not.
+///
+/// # Errors
+/// A file that is no map, or no config.
+pub(super) fn run(ctx: &Context, args: &MapCheckArgs) -> Result<Exit> {
+    let vehicle = args.car_from.as_deref().map_or_else(|| Ok(VehicleConfig::default()), vehicle)?;
+    let map = charts::read(&args.file, args.fine.resolution_m)?;
+    let found = found(&map, &Car::of(&vehicle));
+    ctx.out.result(&found, |found| text(found, &map, &ctx.out))?;
+    Ok(if found.problems == 0 { Exit::Done } else { Exit::Failed })
+}
+
+fn vehicle(path: &Path) -> Result<VehicleConfig> {
+    let place = path.display().to_string();
+    let invalid = |reason: &dyn std::fmt::Display| {
+        Failure::new(Kind::Config, format!("{place}: {reason}"))
+            .hint("`robot-agent --print-config` prints a config with all settings")
+    };
+    let text = std::fs::read_to_string(path).map_err(|error| invalid(&error))?;
+    let mut layers = Layers::default();
+    layers.file(&place, &text).map_err(|error| invalid(&error))?;
+    Ok(layers.finish().map_err(|error| invalid(&error))?.vehicle)
+}
+
+fn found<'a>(map: &'a Map, car: &Car) -> Found<'a> {
+    let report = check(map, car);
+    let findings = findings(&report, car);
+    let count = |level| findings.iter().filter(|finding| finding.level == level).count();
+    let place = |[x_m, y_m]: [f64; 2], area_m2, width_m| Place { x_m, y_m, area_m2, width_m };
+    Found {
+        name: map.name(),
+        hash: map.hash(),
+        size_m: size_m(map),
+        resolution_m: map.grid().resolution_m(),
+        free_m2: report.free_m2,
+        occupied_m2: report.occupied_m2,
+        unknown_m2: report.unknown_m2,
+        islands: report.islands.iter().map(|it| place(it.at_m, Some(it.area_m2), None)).collect(),
+        narrow: report.narrows.iter().map(|it| place(it.at_m, None, Some(it.width_m))).collect(),
+        problems: count(Level::Problem),
+        warnings: count(Level::Warning),
+        findings,
+    }
+}
+
+fn findings(report: &Report, car: &Car) -> Vec<Finding> {
+    let finding = |level, text: String, todo: &str| Finding { level, text, todo: todo.to_owned() };
+    let at = |[x_m, y_m]: [f64; 2]| format!("({x_m:.2}, {y_m:.2})");
+    let width_m = 2.0 * car.half_width_m;
+    let mut all = Vec::new();
+    match report.islands.as_slice() {
+        [] => all.push(finding(
+            Level::Problem,
+            format!("no floor is wide enough for a truck of {width_m:.2} m"),
+            "is the resolution right, and is free drawn white?",
+        )),
+        [one] => {
+            let text = format!("one island: the truck's middle can be on {:.1} m² of floor", one.area_m2);
+            all.push(finding(Level::Ok, text, ""));
+        }
+        several => {
+            let each = |island: &xtb_nav::map::check::Island| {
+                format!("{:.1} m² around {}", island.area_m2, at(island.at_m))
+            };
+            let mut listed: Vec<String> = several.iter().take(LISTED).map(each).collect();
+            if several.len() > LISTED {
+                listed.push(format!("{} smaller ones", several.len() - LISTED));
+            }
+            let text = format!("{} islands between which no truck gets: {}", several.len(), listed.join(", "));
+            let todo = "a goal on another island than the truck's is refused as unreachable";
+            all.push(finding(Level::Warning, text, todo));
+        }
+    }
+    for narrow in report.narrows.iter().take(LISTED) {
+        let text = format!(
+            "too narrow at {}: about {:.2} m, the truck needs more than {width_m:.2} m",
+            at(narrow.at_m),
+            narrow.width_m
+        );
+        all.push(finding(Level::Warning, text, "widen it, or draw it closed so that nobody wonders"));
+    }
+    all.extend(report.zones.iter().map(zone_finding));
+    all
+}
+
+fn zone_finding(found: &ZoneFinding) -> Finding {
+    let (level, text, todo) = match found {
+        ZoneFinding::Outside { zone } => {
+            (Level::Problem, format!("zone {zone} lies off the map"), "points are (x, y) in m, x east")
+        }
+        ZoneFinding::PartlyOutside { zone } => {
+            (Level::Warning, format!("zone {zone} reaches over the map's border"), "it ends there")
+        }
+        ZoneFinding::Cut { zones, pieces } => {
+            let many = if zones.len() == 1 { "keep-out" } else { "keep-outs" };
+            let text = format!("{many} {} cut an island in {pieces} pieces", zones.join(", "));
+            (Level::Problem, text, "leave more than the truck's width beside them")
+        }
+    };
+    Finding { level, text, todo: todo.to_owned() }
+}
+
+fn text(found: &Found<'_>, map: &Map, out: &Output) -> String {
+    let mut lines = vec![
+        format!("{}  {}  {}", out.paint(Tone::Strong, found.name), size(map), found.hash),
+        format!(
+            "{:.1} m² free, {:.1} m² occupied, {:.1} m² unknown",
+            found.free_m2, found.occupied_m2, found.unknown_m2
+        ),
+    ];
+    for finding in &found.findings {
+        let (word, tone) = match finding.level {
+            Level::Ok => ("ok", Tone::Good),
+            Level::Warning => ("warning", Tone::Warning),
+            Level::Problem => ("problem", Tone::Bad),
+        };
+        lines.push(format!("{} {}", out.paint(tone, &format!("{word:LEVEL_WIDTH$}")), finding.text));
+        if !finding.todo.is_empty() {
+            lines.push(format!("{:LEVEL_WIDTH$} {}", "", out.paint(Tone::Dim, &format!("→ {}", finding.todo))));
+        }
+    }
+    let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    lines.push(format!("{}, {}", count(found.problems, "problem"), count(found.warnings, "warning")));
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_nav::map::raster;
+    use xtb_nav::{Cell, Grid, Zone, ZoneKind};
+
+    fn report(zones: Vec<Zone>) -> (usize, String) {
+        let mut grid = Grid::free(0.05, [0.0, 0.0], 120, 80).unwrap();
+        raster::polyline(&mut grid, &[[3.0, 0.0], [3.0, 1.8]], 0.1, Cell::Occupied);
+        raster::polyline(&mut grid, &[[3.0, 2.2], [3.0, 4.0]], 0.1, Cell::Occupied);
+        let map = Map::new("hall", grid, zones).unwrap();
+        let found = found(&map, &Car::of(&VehicleConfig::default()));
+        (found.problems, text(&found, &map, &Output { json: false, colors: false }))
+    }
+
+    #[test]
+    fn a_narrow_door_is_a_warning_with_place_and_width() {
+        let (problems, text) = report(Vec::new());
+        assert!(text.starts_with("hall  6.00 × 4.00 m, cells of 5 cm  "), "{text}");
+        assert!(text.contains("warning  2 islands between which no truck gets"), "{text}");
+        assert!(text.contains("too narrow at (3.") && text.contains("more than 0.40 m"), "{text}");
+        assert!(problems == 0 && text.ends_with("0 problems, 2 warnings"), "{text}");
+    }
+
+    #[test]
+    fn a_zone_off_the_map_and_a_keep_out_that_cuts_are_problems() {
+        let zone = |name: &str, west: f64, east: f64| {
+            let points = vec![[west, 0.0], [east, 0.0], [east, 4.0], [west, 4.0]];
+            Zone::new(name, ZoneKind::KeepOut, points).unwrap()
+        };
+        let (problems, text) = report(vec![zone("far", 9.0, 10.0), zone("across", 1.2, 1.4)]);
+        assert!(text.contains("problem  zone far lies off the map"), "{text}");
+        assert!(text.contains("problem  keep-out across cut an island in 2 pieces"), "{text}");
+        assert_eq!(problems, 2, "{text}");
+    }
+}

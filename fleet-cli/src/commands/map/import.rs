@@ -1,0 +1,64 @@
+//! `map import`: a world or a map as map_server files.
+
+use super::size;
+use crate::charts;
+use crate::cli::MapImportArgs;
+use crate::context::Context;
+use crate::error::{Exit, Failure, Kind, Result};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use xtb_nav::map::ros::Files;
+use xtb_protocol::messages::MapHash;
+
+/// What was written.
+#[derive(Debug, Serialize)]
+struct Written<'a> {
+    yaml: &'a Path,
+    image: &'a Path,
+    name: &'a str,
+    hash: MapHash,
+    width: usize,
+    height: usize,
+    resolution_m: f64,
+}
+
+/// Reads, and writes YAML and PGM.
+///
+/// # Errors
+/// A file that cannot be read or written, or is there already.
+pub(super) fn run(ctx: &Context, args: &MapImportArgs) -> Result<Exit> {
+    let map = charts::read(&args.file, args.fine.resolution_m)?;
+    let yaml = &args.out;
+    if !matches!(yaml.extension().and_then(|ending| ending.to_str()), Some("yaml" | "yml")) {
+        let message = format!("{} does not end in .yaml", yaml.display());
+        return Err(Failure::new(Kind::Usage, message).hint("--out names the YAML; the image goes beside it"));
+    }
+    let image = yaml.with_extension("pgm");
+    let beside = PathBuf::from(image.file_name().unwrap_or_default());
+    let failed = |error: &dyn std::fmt::Display| Failure::new(Kind::Failed, error.to_string());
+    let files = Files::of(&map, &beside.to_string_lossy()).map_err(|error| failed(&error))?;
+    for path in [yaml, &image] {
+        if path.exists() && !args.force {
+            return Err(Failure::new(Kind::Failed, format!("{} is there already", path.display()))
+                .hint("--force replaces it"));
+        }
+    }
+    write(&image, &files.image)?;
+    write(yaml, files.yaml.as_bytes())?;
+    let (width, height) = (map.grid().width(), map.grid().height());
+    let resolution_m = map.grid().resolution_m();
+    let written =
+        Written { yaml, image: &image, name: map.name(), hash: map.hash(), width, height, resolution_m };
+    ctx.out.result(&written, |written| {
+        let (yaml, image) = (yaml.display(), image.display());
+        format!("wrote {yaml} and {image}: {}, {}, {}", written.name, size(&map), written.hash)
+    })?;
+    Ok(Exit::Done)
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    std::fs::write(path, bytes).map_err(|error| {
+        Failure::new(Kind::Failed, format!("cannot write {}: {error}", path.display()))
+            .hint("--out takes a file in a folder that is there")
+    })
+}

@@ -1,0 +1,47 @@
+//! `map serve`: publishes a map to the fleet until Ctrl-C.
+
+use crate::charts::{self, MapService};
+use crate::cli::MapServeArgs;
+use crate::client::Client;
+use crate::context::Context;
+use crate::error::{Exit, Failure, Result};
+use crate::interrupt::interrupted;
+use serde::Serialize;
+use std::pin::pin;
+use xtb_protocol::Name;
+use xtb_protocol::messages::MapHash;
+
+/// The one line that says it is ready.
+#[derive(Debug, Serialize)]
+struct Ready<'a> {
+    ready: bool,
+    fleet: &'a Name,
+    name: &'a str,
+    hash: MapHash,
+}
+
+/// Serves until it is interrupted.
+///
+/// # Errors
+/// A file that is no map, no router, or another map that is served already.
+pub(super) async fn run(ctx: &Context, args: &MapServeArgs) -> Result<Exit> {
+    let map = charts::read(&args.file, args.fine.resolution_m)?;
+    let mut stop = pin!(interrupted());
+    let starting = async {
+        let client = Client::open(ctx).await?;
+        let service = MapService::start(client.bus(), client.keys(), &map, ctx.timeout).await?;
+        Ok::<_, Failure>((client, service))
+    };
+    let (client, service) = tokio::select! {
+        started = starting => started?,
+        () = &mut stop => return Ok(Exit::Interrupted),
+    };
+    let ready = Ready { ready: true, fleet: &ctx.fleet, name: map.name(), hash: map.hash() };
+    ctx.out.result(&ready, |ready| {
+        format!("map {} ({}) served to fleet {}; Ctrl-C ends", ready.name, ready.hash, ready.fleet)
+    })?;
+    stop.await;
+    drop(service);
+    client.close().await;
+    Ok(Exit::Done)
+}
