@@ -227,9 +227,8 @@ impl Planner {
         path: Path,
         expansions: usize,
     ) -> Plan {
-        let path = (0..settings.rounds).fold(path, |path, _| {
-            self.shorten.path(space, costs, &mut self.shots, &mut self.curves, path)
-        });
+        let path = (0..settings.rounds)
+            .fold(path, |path, _| self.shorten.path(space, costs, &mut self.shots, &mut self.curves, path));
         Plan { cost: costs.path(space, &path), path, expansions }
     }
 
@@ -249,7 +248,8 @@ impl Planner {
             self.goals.push(goal.pose(first));
         }
         if goal.yaw_rad.is_none() || hit.is_some() {
-            let free = others.into_iter().map(|yaw| goal.pose(yaw)).filter(|pose| space.standing(pose).is_none());
+            let free =
+                others.into_iter().map(|yaw| goal.pose(yaw)).filter(|pose| space.standing(pose).is_none());
             self.goals.extend(free.take(if goal.yaw_rad.is_some() { 1 } else { usize::MAX }));
         }
         match hit {
@@ -427,7 +427,11 @@ struct Query<'a, S: Space> {
 }
 
 /// The two headings at the goal that are the cheapest to get to from a pose where nothing is in the way.
-fn nearest_goals(curves: &mut Curves, goals: &[MapPose], from: &MapPose) -> impl Iterator<Item = usize> + use<> {
+fn nearest_goals(
+    curves: &mut Curves,
+    goals: &[MapPose],
+    from: &MapPose,
+) -> impl Iterator<Item = usize> + use<> {
     let mut best = [(f64::INFINITY, usize::MAX); 2];
     for (index, goal) in goals.iter().enumerate() {
         let cost = curves.cost(from, goal);
@@ -457,11 +461,15 @@ fn check(start: &MapPose, goal: &Goal, settings: &PlannerSettings) -> Result<(),
             && (1..=lattice.headings / 4).contains(&lattice.turn)
     };
     if settings.lattices.is_empty() || !settings.lattices.iter().all(fits) {
-        return Err(PlanError::Settings("a lattice has cells of 0.005 to 1 m, a multiple of 24 headings up to 360, and moves of up to a quarter turn"));
+        return Err(PlanError::Settings(
+            "a lattice has cells of 0.005 to 1 m, a multiple of 24 headings up to 360, and moves of up to a quarter turn",
+        ));
     }
-    let weights = [settings.reverse_factor, settings.gear_change_m, settings.bend_change_m, settings.near_factor];
+    let weights =
+        [settings.reverse_factor, settings.gear_change_m, settings.bend_change_m, settings.near_factor];
     let sizes = [settings.near_m, settings.greed, settings.square_m, settings.shot_spacing_m];
-    if !weights.iter().all(|v| v.is_finite() && *v >= 0.0) || !sizes.iter().all(|v| v.is_finite() && *v > 0.0) {
+    if !weights.iter().all(|v| v.is_finite() && *v >= 0.0) || !sizes.iter().all(|v| v.is_finite() && *v > 0.0)
+    {
         return Err(PlanError::Settings("weights are not negative, sizes more than 0"));
     }
     Ok(())

@@ -74,11 +74,18 @@ impl Moves {
     }
 
     /// Where the move leads from a point and heading, or where it must have begun to lead there.
-    pub(super) fn next(&self, step: &Move, at: ([f64; 2], u16), root: Root, backward: bool) -> ([f64; 2], u16) {
+    pub(super) fn next(
+        &self,
+        step: &Move,
+        at: ([f64; 2], u16),
+        root: Root,
+        backward: bool,
+    ) -> ([f64; 2], u16) {
         let ([x, y], heading) = at;
         let (sin, cos) = self.directions[usize::from(heading)];
         let (sin, cos) = (sin * root.cos + cos * root.sin, cos * root.cos - sin * root.sin);
-        let ([ahead, left], turn) = if backward { (step.back_m, -step.turn) } else { (step.there_m, step.turn) };
+        let ([ahead, left], turn) =
+            if backward { (step.back_m, -step.turn) } else { (step.there_m, step.turn) };
         let heading = (i32::from(heading) + turn).rem_euclid(self.headings) as u16;
         ([x + ahead * cos - left * sin, y + ahead * sin + left * cos], heading)
     }

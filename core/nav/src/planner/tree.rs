@@ -68,7 +68,8 @@ impl Tree {
         // The first root stands in the middle of a square.
         let aligned = |low: f64, at: f64| at - (libm::ceil((at - low) / cell_m) + 0.5) * cell_m;
         self.low_m = [aligned(bounds.low_m[0], root.0.x_m), aligned(bounds.low_m[1], root.0.y_m)];
-        let squares = |axis: usize| libm::ceil((bounds.high_m[axis] - self.low_m[axis]) / cell_m).max(1.0) as usize;
+        let squares =
+            |axis: usize| libm::ceil((bounds.high_m[axis] - self.low_m[axis]) / cell_m).max(1.0) as usize;
         self.pages.begin(squares(0), squares(1), usize::from(headings));
     }
 
@@ -78,7 +79,11 @@ impl Tree {
         let at_m = [pose.x_m, pose.y_m];
         let Some(key) = self.key(at_m, heading) else { return };
         let left = self.left_m(view.space, curves, pose) as f32;
-        self.add(key, Node { at_m, cost: 0.0, left, parent: 0, heading, step: NO_MOVE, done: false }, view.greed);
+        self.add(
+            key,
+            Node { at_m, cost: 0.0, left, parent: 0, heading, step: NO_MOVE, done: false },
+            view.greed,
+        );
     }
 
     /// The most promising pose that is left; `None` = all that can be reached has been.
@@ -114,7 +119,8 @@ impl Tree {
             if known.is_some_and(|known| known.done || known.cost <= cost) {
                 continue;
             }
-            let there = MapPose { x_m: at_m[0], y_m: at_m[1], yaw_rad: view.moves.yaw_rad(heading, self.root) };
+            let there =
+                MapPose { x_m: at_m[0], y_m: at_m[1], yaw_rad: view.moves.yaw_rad(heading, self.root) };
             if !view.space.drives(if self.backward { &there } else { &here }, &step.piece) {
                 continue;
             }

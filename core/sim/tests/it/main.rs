@@ -22,6 +22,7 @@ mod motion;
 mod ordinary;
 mod parking;
 mod parkings;
+mod pillars;
 mod planned;
 mod platform;
 mod poses;

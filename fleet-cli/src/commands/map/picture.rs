@@ -52,9 +52,11 @@ impl Picture {
     pub(super) fn lines(&self, map: &Map, out: &Output) -> Vec<String> {
         (0..self.rows)
             .map(|row| {
-                let chars: Vec<(Tone, char)> = (0..self.columns).map(|column| self.look(map, column, row)).collect();
+                let chars: Vec<(Tone, char)> =
+                    (0..self.columns).map(|column| self.look(map, column, row)).collect();
                 let runs = chars.chunk_by(|a, b| a.0 == b.0);
-                runs.map(|run| out.paint(run[0].0, &run.iter().map(|(_, c)| *c).collect::<String>())).collect()
+                runs.map(|run| out.paint(run[0].0, &run.iter().map(|(_, c)| *c).collect::<String>()))
+                    .collect()
             })
             .collect()
     }
@@ -112,7 +114,8 @@ impl Picture {
         let grid = map.grid();
         let cells = |chars: f64, dots: usize| chars * dots as f64 * self.cells_per_dot;
         let [x_m, y_m] = grid.origin_m();
-        let middle = [cells(column as f64 + 0.5, ACROSS), grid.height() as f64 - cells(row as f64 + 0.5, DOWN)];
+        let middle =
+            [cells(column as f64 + 0.5, ACROSS), grid.height() as f64 - cells(row as f64 + 0.5, DOWN)];
         let (x_m, y_m) = (x_m + middle[0] * grid.resolution_m(), y_m + middle[1] * grid.resolution_m());
         // A little around the middle: a zone smaller than a character shows too.
         let half_m = cells(0.25, ACROSS) * grid.resolution_m();

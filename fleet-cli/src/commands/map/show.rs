@@ -113,7 +113,8 @@ fn text(map: &Map, (columns, rows): (usize, usize), out: &Output) -> String {
         (None, None) => return legend.into_iter().map(|(line, _)| line).collect::<Vec<_>>().join("\n"),
     };
     let mut lines = picture.lines(map, out);
-    let scale = format!("a dot is {}, north is up", centimetres(picture.cells_per_dot() * map.grid().resolution_m()));
+    let scale =
+        format!("a dot is {}, north is up", centimetres(picture.cells_per_dot() * map.grid().resolution_m()));
     let scale = out.paint(Tone::Dim, &scale);
     let legend = legend.into_iter().map(|(line, _)| line).chain([scale]);
     if !is_beside {
@@ -190,7 +191,8 @@ mod tests {
         let text = text(&hall(), (200, 11), &PLAIN);
         let first = text.lines().next().unwrap();
         assert_eq!(first, format!("⣿{}▒▒▒▒▒▒▒▒▒▒{}↓↓↓↓↓↓↓↓↓↓  hall", " ".repeat(9), " ".repeat(10)));
-        for part in ["4.00 × 2.00 m, cells of 5 cm", "▒ keep-out charger", "↓ one-way lane", "a dot is 5 cm"] {
+        for part in ["4.00 × 2.00 m, cells of 5 cm", "▒ keep-out charger", "↓ one-way lane", "a dot is 5 cm"]
+        {
             assert!(text.contains(part), "{part}\n{text}");
         }
     }
