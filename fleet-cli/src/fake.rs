@@ -11,8 +11,8 @@ use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
     About, BatteryLevel, Body, Done, Estop, Estopped, GoalKind, GoalState, GoalStatus, InputAges, Latch,
-    LatchState, Lease, LeaseState, Limits, LinkLoss, ObstacleView, PoseSource, PoseState, RejectCode,
-    Rejected, Reply, Request, RobotState, TiltState,
+    LatchState, Lease, LeaseState, Limits, LinkLoss, NavState, ObstacleView, PoseSource, PoseState,
+    RejectCode, Rejected, Reply, Request, RobotState, TiltState, Via,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -31,7 +31,16 @@ pub(crate) fn state(robot: &str) -> RobotState {
         tick_ms: 0,
         mode: xtb_control::Mode::Idle,
         lease: None,
-        pose: PoseState { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0, source: PoseSource::Odometry, age_ms: Some(10) },
+        pose: PoseState {
+            x_m: 0.0,
+            y_m: 0.0,
+            yaw_rad: 0.0,
+            source: PoseSource::Odometry,
+            age_ms: Some(10),
+            sigma_m: 0.02,
+            sigma_yaw_rad: 0.01,
+            fix_age_ms: None,
+        },
         speed_mps: Some(0.0),
         reference_rpm: 0.0,
         steering: 0.0,
@@ -43,6 +52,7 @@ pub(crate) fn state(robot: &str) -> RobotState {
         ended_goals: Vec::new(),
         faults: Vec::new(),
         latches: Vec::new(),
+        nav: NavState::default(),
         stopped_because: Vec::new(),
         stopped_age_ms: None,
         input_age_ms: InputAges {
@@ -65,6 +75,8 @@ pub(crate) fn goal(id: Uuid, status: GoalStatus) -> GoalState {
         kind: GoalKind::Goto,
         x_m: Some(1.0),
         y_m: Some(2.0),
+        yaw_rad: None,
+        via: Some(Via::Direct),
         status,
         distance_m: Some(1.5),
         age_ms: 0,

@@ -17,7 +17,8 @@ use tokio::task::JoinSet;
 use xtb_bus::{BusError, Incoming, Presence, Subscription};
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, Estop, Event, FleetMap, Message, Request, RobotState, Roster, Sensors, Setpoint, Truth,
+    About, Estop, Event, Fix, FleetMap, Message, Request, RobotState, Roster, Route, Sensors, Setpoint,
+    TrafficState, Truth,
 };
 
 /// Messages between Zenoh and the printer; those that find no room are dropped and counted.
@@ -205,10 +206,15 @@ fn line(incoming: &Incoming) -> Result<String> {
         Channel::Cmd(_) => decoded::<Request>(incoming),
         Channel::Teleop(_) => decoded::<Setpoint>(incoming),
         Channel::Estop(_) | Channel::EstopAll(_) => decoded::<Estop>(incoming),
+        Channel::Fix => decoded::<Fix>(incoming),
+        Channel::Route => decoded::<Route>(incoming),
+        Channel::TrafficState => decoded::<TrafficState>(incoming),
         Channel::Map => decoded::<FleetMap>(incoming),
         Channel::SimTruth => decoded::<Truth>(incoming),
         Channel::SimRoster => decoded::<Roster>(incoming),
-        Channel::Alive => undecodable(incoming, "presence carries no payload".to_owned()),
+        Channel::Alive | Channel::TrafficAlive => {
+            undecodable(incoming, "presence carries no payload".to_owned())
+        }
     }
 }
 
