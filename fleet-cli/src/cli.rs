@@ -336,10 +336,40 @@ pub struct SimArgs {
     /// Record every sample, command and decision of each robot: DIR/ROBOT-….mcap.
     #[arg(long, value_name = "DIR", conflicts_with = "pty")]
     pub record: Option<PathBuf>,
+    /// What measures the robots' poses.
+    #[command(flatten)]
+    pub fixes: FixArgs,
     /// No router and no agents, but a bad day of a virtual fleet: tells what happens on the day of --seed,
     /// and whether a rule of docs/safety.md was broken.
     #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "listen", "pty", "truth_log", "record"])]
     pub virtual_day: bool,
+}
+
+/// A simulated tracker that measures where the robots are.
+#[derive(Debug, Clone, Copy, Args)]
+#[command(next_help_heading = "Pose fixes")]
+pub struct FixArgs {
+    /// Pose fixes a second; 0 = none: odometry alone, which drifts.
+    #[arg(long = "fixes", value_name = "HZ", default_value_t = 2.0, value_parser = fix_rate)]
+    pub rate_hz: f64,
+    /// Their noise, a standard deviation in m.
+    #[arg(long = "fix-noise", value_name = "METRES", default_value_t = 0.05, value_parser = fix_noise)]
+    pub noise_m: f64,
+    /// The part of them that is somewhere else altogether, 0 to 1.
+    #[arg(long = "fix-outliers", value_name = "PART", default_value_t = 0.0, value_parser = part)]
+    pub outliers: f64,
+    /// Mean time between drop-outs of about 5 s, in s; 0 = none.
+    #[arg(long = "fix-drop-outs", value_name = "SECONDS", default_value_t = 0.0, value_parser = drop_outs)]
+    pub drop_out_every_s: f64,
+}
+
+impl FixArgs {
+    /// As the simulator takes it.
+    #[must_use]
+    pub fn truth(self) -> xtb_sim::fixes::FixTruth {
+        let Self { rate_hz, noise_m, outliers, drop_out_every_s } = self;
+        xtb_sim::fixes::FixTruth { rate_hz, noise_m, outliers, drop_out_every_s, ..Default::default() }
+    }
 }
 
 /// Arguments of `demo`.
@@ -410,6 +440,22 @@ fn seconds(text: &str) -> Result<Duration, String> {
 fn metres(text: &str) -> Result<f64, String> {
     let most = xtb_protocol::messages::MAX_COORDINATE_M;
     number(text, -most, most, "metres")
+}
+
+fn fix_rate(text: &str) -> Result<f64, String> {
+    number(text, 0.0, 50.0, "Hz")
+}
+
+fn fix_noise(text: &str) -> Result<f64, String> {
+    number(text, 0.001, 10.0, "metres")
+}
+
+fn part(text: &str) -> Result<f64, String> {
+    number(text, 0.0, 1.0, "parts of one")
+}
+
+fn drop_outs(text: &str) -> Result<f64, String> {
+    number(text, 0.0, 1.0e6, "seconds")
 }
 
 fn degrees(text: &str) -> Result<f64, String> {

@@ -27,10 +27,11 @@ use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_protocol::keys::{FleetKeys, RobotKeys};
 use xtb_protocol::messages::{
-    Body, Done, Event, EventKind, GoalStatus, LinkLoss, Outcome, RobotState, TruthRobot,
+    Body, Done, Event, EventKind, GoalStatus, LinkLoss, Outcome, RobotState, TruthRobot, Via,
 };
 use xtb_protocol::{Name, Uuid};
 use xtb_sim::World;
+use xtb_sim::fixes::FixTruth;
 
 /// A generous bound: nothing here takes that long unless something is broken.
 pub const PATIENCE: Duration = Duration::from_secs(60);
@@ -95,13 +96,24 @@ pub struct Setup {
     pub starts: Vec<(f64, f64, f64)>,
     /// No agents, but ptys here.
     pub pty: Option<PathBuf>,
+    /// What measures the robots' poses; nothing, unless a test asks for it.
+    pub fixes: FixTruth,
     /// Every robot records into this folder.
     pub record: Option<PathBuf>,
 }
 
 impl Default for Setup {
     fn default() -> Self {
-        Self { robots: 1, speed: 8.0, seed: 1, world: None, starts: Vec::new(), pty: None, record: None }
+        Self {
+            robots: 1,
+            speed: 8.0,
+            seed: 1,
+            world: None,
+            starts: Vec::new(),
+            pty: None,
+            fixes: FixTruth::default(),
+            record: None,
+        }
     }
 }
 
@@ -123,6 +135,7 @@ impl Fleet {
     pub async fn start(setup: Setup) -> Self {
         let pose = |&(x_m, y_m, yaw_rad): &(f64, f64, f64)| MapPose { x_m, y_m, yaw_rad };
         let plan = Plan {
+            fixes: setup.fixes.clone(),
             fleet: name("lab"),
             robots: setup.robots,
             world: setup.world,
@@ -182,7 +195,7 @@ impl Fleet {
             x_m,
             y_m,
             yaw_rad: None,
-            via: None,
+            via: Some(Via::Direct),
             on_link_loss: LinkLoss::Finish,
             finish_s: 300.0,
         };

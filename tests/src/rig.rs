@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use xtb_bus::{Bus, Role};
 use xtb_control::Mode;
-use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, RobotState, TruthRobot};
+use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, RobotState, TruthRobot, Via};
 
 /// A truck that drives.
 const DRIVES_MPS: f64 = 0.08;
@@ -88,7 +88,8 @@ impl Rig {
     /// does not: a machine so busy that its world stands still for 150 ms looks like broken lines.
     async fn drive(&self, number: usize, pilot: &Pilot, on_link_loss: LinkLoss) -> (f64, f64) {
         let (x_m, y_m) = self.next_goal(number);
-        let goto = Body::Goto { x_m, y_m, yaw_rad: None, via: None, on_link_loss, finish_s: 120.0 };
+        let goto =
+            Body::Goto { x_m, y_m, yaw_rad: None, via: Some(Via::Direct), on_link_loss, finish_s: 120.0 };
         let asked_s = Cell::new(f64::NEG_INFINITY);
         eventually("driving", || async {
             if self.fleet.time_s() > asked_s.get() + AGAIN_S {

@@ -21,6 +21,7 @@ use std::time::{Duration, Instant};
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Roster};
 use xtb_protocol::{Name, Uuid};
+use xtb_sim::fixes::FixTruth;
 
 /// A goal that takes longer than this much simulated time has failed.
 const GOAL_WITHIN_S: f64 = 240.0;
@@ -60,6 +61,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
         );
     }
     let plan = Plan {
+        fixes: FixTruth { rate_hz: 2.0, ..FixTruth::default() },
         fleet: ctx.fleet.clone(),
         robots: args.robots,
         world: None,

@@ -43,6 +43,7 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
         connect: if ctx.connect_given { ctx.connect.clone() } else { Vec::new() },
         pty: args.pty.clone(),
         truth_log: args.truth_log,
+        fixes: args.fixes.truth(),
         record: args.record,
     };
     let simulator = tokio::select! {

@@ -5,6 +5,7 @@
 //! lines, or ptys to which separate `robot-agent` processes connect.
 
 mod agents;
+mod fixes;
 mod ptys;
 mod truth;
 
@@ -28,6 +29,7 @@ use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{Roster, RosterEntry};
+use xtb_sim::fixes::FixTruth;
 use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters, World};
 
 /// More robots than this do not fit one process at real time.
@@ -60,6 +62,8 @@ pub struct Plan {
     pub pty: Option<PathBuf>,
     /// Where to write the truth at every step.
     pub truth_log: Option<PathBuf>,
+    /// What measures the robots' poses.
+    pub fixes: FixTruth,
     /// Folder where every agent records its steps.
     pub record: Option<PathBuf>,
 }
@@ -72,7 +76,7 @@ pub struct Simulator {
     roster: Roster,
     agents: Vec<Option<RunningAgent>>,
     truth: TruthView,
-    publishing: JoinHandle<()>,
+    publishing: [JoinHandle<()>; 2],
     _roster_service: Service,
     _map_service: Option<MapService>,
     bus: Bus,
@@ -116,7 +120,10 @@ impl Simulator {
         let agents: Vec<_> = agents.collect();
 
         let keys = FleetKeys::new(plan.fleet.clone());
-        let publishing = truth::publish(bus.clone(), keys.sim_truth(), truth.clone());
+        let publishing = [
+            truth::publish(bus.clone(), keys.sim_truth(), truth.clone()),
+            fixes::publish(bus.clone(), keys.clone(), &roster, truth.clone(), &plan.fixes, plan.seed),
+        ];
         let roster_service = serve_roster(&bus, keys.sim_roster(), roster.clone()).await?;
         let map_service = serve_map(&bus, &keys, &world_map).await;
         let simulator = Self {
@@ -198,7 +205,7 @@ impl Simulator {
         for agent in ending {
             let _ = agent.await;
         }
-        publishing.abort();
+        publishing.iter().for_each(JoinHandle::abort);
         drop(world);
         bus.close().await;
     }

@@ -24,7 +24,7 @@ use xtb_control::Mode;
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{
     Body, Event, EventKind, Fault, FaultState, GoalStatus, LinkLoss, Outcome, RejectCode, RobotState,
-    StopReason,
+    StopReason, Via,
 };
 use xtb_sim::{LineFault, LineFaults, Transmitter};
 
@@ -145,7 +145,7 @@ impl<'a> Truck<'a> {
             x_m,
             y_m,
             yaw_rad: None,
-            via: None,
+            via: Some(Via::Direct),
             on_link_loss: LinkLoss::Finish,
             finish_s: 300.0,
         };
