@@ -216,6 +216,17 @@ impl Follower {
         })
     }
 
+    /// Goes on along another path that is the same as this one as far as it has been driven and beyond to
+    /// where it can stop: what has been driven still counts.
+    ///
+    /// # Errors
+    /// See [`FollowerError`]; the path is then the one before.
+    pub fn go_on(&mut self, path: &Path, car: &Car) -> Result<(), FollowerError> {
+        check(path, car)?;
+        self.track = Track::new(path);
+        Ok(())
+    }
+
     /// How far along the path it is, in m; never beyond the next change of gear.
     #[must_use]
     pub fn way_m(&self) -> f64 {

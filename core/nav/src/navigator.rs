@@ -274,6 +274,23 @@ impl Navigator {
         self.task.as_ref().and_then(|task| task.standing)
     }
 
+    /// The pose has changed by more than was driven: what stands around is not where it was seen, and a
+    /// path is looked for anew.
+    pub fn pose_jumped(&mut self) {
+        if let Some(local) = &mut self.local {
+            local.clear();
+        }
+        if let Some(task) = &mut self.task {
+            task.seek();
+        }
+    }
+
+    /// The keep-out zone that it stands in.
+    #[must_use]
+    pub fn keep_out_under(&self, pose: &MapPose) -> Option<&str> {
+        self.map.as_ref()?.keep_out_under(&self.car, pose).map(|zone| zone.name())
+    }
+
     /// What traffic control says of the present goal.
     #[must_use]
     pub fn led_by(&self) -> Option<&Led> {
@@ -367,10 +384,6 @@ impl Navigator {
     }
 
     fn decide(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
-        let pose = sensed.estimate.pose;
-        if let Some(zone) = self.map.as_ref().and_then(|map| map.keep_out_under(&self.car, &pose)) {
-            return Decision::Failed(format!("it stands in the keep-out zone {}", zone.name()));
-        }
         self.follow_lead(now, sensed.speed_mps.abs() < 0.01, task);
         match &mut task.stage {
             Stage::Seeking { .. } => self.seek(now, sensed, task),

@@ -66,7 +66,11 @@ impl Agent {
             },
         };
         match self.filter.fix(now, &measured) {
-            Ok(FixOutcome::Accepted { .. } | FixOutcome::Restarted { .. }) => self.lead.fixes += 1,
+            Ok(FixOutcome::Accepted { .. }) => self.lead.fixes += 1,
+            Ok(FixOutcome::Restarted { .. }) => {
+                self.lead.fixes += 1;
+                self.nav.pose_jumped();
+            }
             Ok(FixOutcome::Gathered { .. }) => {}
             _ => self.lead.fixes_refused += 1,
         }
@@ -182,6 +186,13 @@ impl Agent {
         let scanned = scan > self.lead.scanned;
         self.lead.scanned = scan.max(self.lead.scanned);
         let estimate = self.filter.estimate(now);
+        if self.goal_runs()
+            && let Some(zone) = self.nav.keep_out_under(&estimate.pose)
+        {
+            let words = format!("it stands in the keep-out zone {zone}");
+            self.stand(now, StopReason::InKeepOut, GoalStatus::Failed, Some(&words));
+            return self.pending.take();
+        }
         let outputs = view.outputs;
         let sensed = Sensed {
             estimate: &estimate,

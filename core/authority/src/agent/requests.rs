@@ -184,6 +184,7 @@ impl Agent {
                 }
                 let pose = MapPose { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad };
                 self.filter.set_pose(now, &view.outputs.pose, &pose);
+                self.nav.pose_jumped();
                 Ok(Done::default())
             }
             Body::Reset { latch } => {

@@ -83,7 +83,22 @@ impl Navigator {
             following.cruise_mps = led.cruise_mps;
             return;
         }
-        let Some(path) = led.path.as_ref().filter(|_| stands) else { return };
+        let Some(path) = &led.path else { return };
+        // A plan that continues the one before is driven on; any other waits until it stands.
+        if let Stage::Following(following) = &mut task.stage
+            && following.plan > 0
+            && following.path.start == path.start
+        {
+            if following.follower.go_on(path, &self.car).is_ok() {
+                (following.path, following.plan) = (path.clone(), led.plan);
+                following.release_m = following.release_m.max(led.release_m);
+                following.cruise_mps = led.cruise_mps;
+            }
+            return;
+        }
+        if !stands {
+            return;
+        }
         let Ok(follower) = Follower::new(path, &self.car, self.follower.clone(), tolerance(&task.aim)) else {
             return;
         };
