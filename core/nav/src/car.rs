@@ -94,7 +94,10 @@ fn separated(a: &[[f64; 2]; 4], b: &[[f64; 2]; 4], yaw_rad: f64) -> bool {
     let (sin, cos) = libm::sincos(yaw_rad);
     [[cos, sin], [-sin, cos]].into_iter().any(|axis| {
         let span = |corners: &[[f64; 2]; 4]| {
-            corners.iter().map(|p| p[0] * axis[0] + p[1] * axis[1]).fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)))
+            corners
+                .iter()
+                .map(|p| p[0] * axis[0] + p[1] * axis[1])
+                .fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)))
         };
         let ((a_low, a_high), (b_low, b_high)) = (span(a), span(b));
         a_high <= b_low || b_high <= a_low

@@ -10,6 +10,7 @@
 //! ```
 
 pub mod car;
+pub mod coordinator;
 pub mod grid;
 pub mod path;
 pub mod reeds_shepp;

@@ -127,8 +127,16 @@ mod tests {
 
     #[test]
     fn a_quarter_circle_to_the_left_ends_up_left_ahead() {
-        let end = Piece { length_m: FRAC_PI_2, curvature_per_m: 1.0 }.end(&MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 });
-        assert!((end.x_m - 1.0).abs() < 1e-12 && (end.y_m - 1.0).abs() < 1e-12 && (end.yaw_rad - FRAC_PI_2).abs() < 1e-12);
+        let end = Piece { length_m: FRAC_PI_2, curvature_per_m: 1.0 }.end(&MapPose {
+            x_m: 0.0,
+            y_m: 0.0,
+            yaw_rad: 0.0,
+        });
+        assert!(
+            (end.x_m - 1.0).abs() < 1e-12
+                && (end.y_m - 1.0).abs() < 1e-12
+                && (end.yaw_rad - FRAC_PI_2).abs() < 1e-12
+        );
     }
 
     #[test]

@@ -5,8 +5,8 @@
 //! ahead; all others are these mirrored (left ↔ right), flipped in time (ahead ↔ astern) or driven
 //! from the other end. Here the radius is 1 and the start is the origin; lengths are angles.
 
-use crate::path::{Path, Piece, wrap_rad};
 use crate::MapPose;
+use crate::path::{Path, Piece, wrap_rad};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Rounding that still counts as zero.
@@ -258,11 +258,13 @@ mod tests {
 
     /// Poses on a lattice around the origin, in all directions.
     fn poses() -> impl Iterator<Item = MapPose> {
-        (-4..=4).flat_map(|x| (-4..=4).flat_map(move |y| (-6..6).map(move |yaw| (x, y, yaw)))).map(|(x, y, yaw)| MapPose {
-            x_m: f64::from(x) * 0.37 + 0.01,
-            y_m: f64::from(y) * 0.41 - 0.02,
-            yaw_rad: f64::from(yaw) * 0.52 + 0.03,
-        })
+        (-4..=4).flat_map(|x| (-4..=4).flat_map(move |y| (-6..6).map(move |yaw| (x, y, yaw)))).map(
+            |(x, y, yaw)| MapPose {
+                x_m: f64::from(x) * 0.37 + 0.01,
+                y_m: f64::from(y) * 0.41 - 0.02,
+                yaw_rad: f64::from(yaw) * 0.52 + 0.03,
+            },
+        )
     }
 
     #[test]
@@ -273,7 +275,8 @@ mod tests {
             assert!(!ways.is_empty(), "no way to {to:?}");
             for way in ways {
                 let end = way.end();
-                let off = libm::hypot(end.x_m - to.x_m, end.y_m - to.y_m) + wrap_rad(end.yaw_rad - to.yaw_rad).abs();
+                let off = libm::hypot(end.x_m - to.x_m, end.y_m - to.y_m)
+                    + wrap_rad(end.yaw_rad - to.yaw_rad).abs();
                 assert!(off < 1e-6, "{way:?} ends {off} beside {to:?}");
             }
         }
