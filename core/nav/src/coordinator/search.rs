@@ -393,3 +393,49 @@ impl<'a> Search<'a> {
 fn rank(path: &Path) -> f64 {
     path.length_m() + TICK_WAY_M * GEAR_COST * path.cusps() as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coordinator::room::GridRoom;
+    use crate::coordinator::way::Way;
+    use crate::{Cell, Grid};
+    use xtb_control::VehicleConfig;
+
+    fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
+        MapPose { x_m, y_m, yaw_rad }
+    }
+
+    /// Two rooms of 5 m × 6 m and a door of 1.2 m.
+    fn rooms() -> GridRoom {
+        let mut grid = Grid::free(0.05, [0.0, 0.0], 200, 120).unwrap();
+        for row in (0..48).chain(72..120) {
+            for column in 98..102 {
+                grid.set(column, row, Cell::Occupied);
+            }
+        }
+        GridRoom::new(grid)
+    }
+
+    fn find(room: &GridRoom, start: MapPose, goal: MapPose, lines: &[Timeline]) -> (Result<Vec<Leg>, Stuck>, u32) {
+        let car = Car::of(&VehicleConfig::default());
+        let target = Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: Some(goal.yaw_rad) };
+        let field = Field::new(room, car.half_width_m, &[], [goal.x_m, goal.y_m]);
+        let others: Vec<Other<'_>> = lines.iter().map(|line| Other { line, margin_m: 0.08 }).collect();
+        let (others, soft) = (&others[..], &[][..]);
+        let task = Task { room, car: &car, start, gear: 1.0, tick: 0, target, field: &field, others, soft };
+        let mut budget = 5000;
+        let found = search(&task, &mut budget);
+        (found, 5000 - budget)
+    }
+
+    #[test]
+    fn alone_it_finds_the_way_through_the_door_at_once() {
+        let room = rooms();
+        for (yaw_from, yaw_to) in [(0.0, 0.0), (0.0, std::f64::consts::PI), (1.5, -1.5)] {
+            let (legs, expanded) = find(&room, pose(1.2, 1.0, yaw_from), pose(8.8, 4.0, yaw_to), &[]);
+            let legs = legs.unwrap();
+            assert!(expanded < 400, "{expanded} expanded");
+        }
+    }
+}
