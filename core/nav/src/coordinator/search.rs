@@ -25,11 +25,11 @@ const DIRECTIONS: f64 = 20.0;
 /// Planned circles are larger than the smallest ones by this, for the follower to steer within.
 const RADIUS_FACTOR: f64 = 1.15;
 /// What the estimate counts more than what has been driven.
-const GREED: f64 = 1.4;
+const GREED: f64 = 2.0;
 /// What a change of gear costs beyond its time, in ticks.
-const GEAR_COST: f64 = 6.0;
+const GEAR_COST: f64 = 4.0;
 /// What a tick astern costs more than one ahead.
-const ASTERN_COST: f64 = 0.5;
+const ASTERN_COST: f64 = 0.3;
 /// What a move through the place of a truck costs that has to leave it first, in ticks.
 const SOFT_COST: f64 = 12.0;
 /// Longest wait for a gap, in ticks.
@@ -196,7 +196,7 @@ impl<'a> Search<'a> {
             expanded += 1;
             let (pose, gear) = (self.nodes[index].pose, self.nodes[index].gear);
             let hope_m = self.hope(&pose).map_or(f64::MAX, |ticks| ticks * TICK_WAY_M);
-            if hope_m < 2.0 || f64::from(expanded) % libm::ceil(hope_m) == 0.0 {
+            if hope_m < 3.0 || f64::from(expanded) % libm::ceil(hope_m / 2.0) == 0.0 {
                 self.shoot(index, &pose);
             }
             for (turn, way_gear) in
@@ -358,7 +358,7 @@ impl<'a> Search<'a> {
     fn hope(&self, pose: &MapPose) -> Option<f64> {
         let flat_m = self.task.field.distance_m(pose.x_m, pose.y_m)?;
         let curved_m = match (self.task.target.yaw_rad, self.goals.first()) {
-            (Some(_), Some(goal)) if flat_m < 4.0 => reeds_shepp::distance_m(pose, goal, self.radius_m),
+            (Some(_), Some(goal)) => reeds_shepp::distance_m(pose, goal, self.radius_m),
             _ => 0.0,
         };
         Some(flat_m.max(curved_m) / TICK_WAY_M)
