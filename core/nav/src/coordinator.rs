@@ -373,7 +373,9 @@ impl Coordinator {
             return None;
         }
         let members: Vec<Member> = self.trucks.iter().filter_map(|truck| self.member(now, truck)).collect();
-        if !members.iter().any(|member| member.wanting) {
+        let due = |truck: &Truck| !truck.is_live() && truck.retry_at <= now;
+        let is_due = |member: &Member| self.trucks.iter().any(|truck| truck.id == member.id && due(truck));
+        if !members.iter().any(|member| member.wanting && is_due(member)) {
             return None;
         }
         let ids: BTreeSet<u32> = members.iter().map(|member| member.id).collect();
@@ -394,7 +396,7 @@ impl Coordinator {
     fn member(&self, now: Stamp, truck: &Truck) -> Option<Member> {
         let (_, goal) = truck.goal()?;
         let wanting = !truck.is_live();
-        if !truck.can_be_led(now) || (wanting && truck.retry_at > now) {
+        if !truck.can_be_led(now) {
             return None;
         }
         let goes_on =
