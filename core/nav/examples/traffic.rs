@@ -1,7 +1,7 @@
 //! Toy fleets under traffic control over many seeds, as a table; one run as a drawing.
 //!
-//! `cargo run -p xtb-nav --example traffic -- SCENE [SEEDS] [--svg FILE]` with SCENE one of door,
-//! circle, corridor, lane; with `--svg` the first seed is drawn.
+//! `cargo run -p xtb-nav --example traffic -- SCENE [FIRST-LAST] [--svg FILE]` with SCENE one of door,
+//! circle, corridor, lane and seeds from FIRST to LAST; with `--svg` the first one is drawn.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, dead_code)]
 
@@ -25,10 +25,12 @@ fn clock_ms() -> f64 {
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let scene = arguments.first().map_or("door", String::as_str);
-    let seeds = arguments.get(1).and_then(|text| text.parse().ok()).unwrap_or(5);
+    let seeds = arguments.get(1).map_or("1-5", String::as_str);
+    let (first, last) = seeds.split_once('-').unwrap_or((seeds, seeds));
+    let (first, last): (u64, u64) = (first.parse().unwrap(), last.parse().unwrap());
     let svg = arguments.iter().position(|text| text == "--svg").and_then(|place| arguments.get(place + 1));
     println!("seed  arrived  time_s  still_s  wait_s  plans  without  deadlocks  cyclic  stalls  job_ms: median  max");
-    for seed in 1..=seeds {
+    for seed in first..=last {
         let (mut world, goals) = match scene {
             "circle" => scenes::circle(seed, clock_ms),
             "corridor" => scenes::corridor(seed, clock_ms),
@@ -68,7 +70,7 @@ fn main() {
                 println!("      {} at {:?} to {:?}: {says:?}", toy.name, toy.pose, toy.goal);
             }
         }
-        if let Some(file) = svg.filter(|_| seed == 1) {
+        if let Some(file) = svg.filter(|_| seed == first) {
             std::fs::write(file, draw(&world)).unwrap();
         }
     }

@@ -215,7 +215,7 @@ impl Solver<'_> {
     fn orders(&mut self, free: &[usize], led: &[usize], standing: &BTreeSet<usize>) -> Option<Solution> {
         let mut order = free.to_vec();
         let mut seen = BTreeSet::new();
-        for _ in 0..TRIES {
+        for round in 1..=TRIES {
             if self.spent() {
                 return None;
             }
@@ -233,6 +233,9 @@ impl Solver<'_> {
                     order.retain(|&other| other != index);
                     order.insert(0, index);
                 }
+            }
+            if round % 3 == 0 {
+                self.shuffle(&mut order);
             }
             for _ in 0..20 {
                 if !seen.contains(&order) {

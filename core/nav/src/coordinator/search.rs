@@ -30,6 +30,8 @@ const GREED: f64 = 2.0;
 const GEAR_COST: f64 = 4.0;
 /// What a tick astern costs more than one ahead.
 const ASTERN_COST: f64 = 0.3;
+/// What a tick of waiting costs: less than one of driving, or every detour is tried before.
+const WAIT_COST: f64 = 0.3;
 /// What a move through the place of a truck costs that has to leave it first, in ticks.
 const SOFT_COST: f64 = 12.0;
 /// Longest wait for a gap, in ticks.
@@ -257,7 +259,7 @@ impl<'a> Search<'a> {
                 delay += 4;
                 continue;
             }
-            let cost = cost + f64::from(arrive - tick) + extra;
+            let cost = cost + WAIT_COST * f64::from(delay) + sweep.len() as f64 + extra;
             if goal || self.is_new(&end, end_gear, arrive, safe_then, cost) {
                 let legs = legs.iter().map(|leg| Leg { depart: leg.depart + depart, ..*leg }).collect();
                 let (gear, index) = (end_gear, self.nodes.len());
