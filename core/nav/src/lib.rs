@@ -11,6 +11,7 @@
 
 pub mod car;
 pub mod clearance;
+pub mod coordinator;
 pub mod filter;
 pub mod follower;
 pub mod grid;

@@ -1,0 +1,494 @@
+//! A joint plan: one truck after the other around those before it, in several orders.
+//!
+//! First only those without a way look for one around the others' expected times; if no order works,
+//! everybody with a goal gives up what is not released yet and looks anew; if that does not work
+//! either, whoever failed most often stands, and the rest tries without it.
+
+use super::field::Field;
+use super::order::{Order, Runner, Timed, pair, run_ahead};
+use super::rect::{Rect, Stand};
+use super::room::Room;
+use super::search::{Leg, Other, Stuck, Target, Task, search};
+use super::timeline::{NEVER, TICK_WAY_M, Timeline};
+use super::way::Way;
+use crate::{Car, Path};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Margins of a pair while it is planned, in m: the largest at which the two do not meet already.
+const MARGINS_M: [f64; 5] = [0.08, 0.06, 0.04, 0.02, 0.005];
+/// So much less of it counts when the plan is driven, in m.
+const SPARE_M: f64 = 0.02;
+/// Orders that are tried with some of the trucks, at most.
+const TRIES: usize = 8;
+/// Expansions for one truck in one order.
+const EXPANSIONS_EACH: u32 = 5000;
+/// Longest plan, in ticks (20 min).
+pub(super) const MOST_TICKS: usize = 4800;
+/// A truck that has still to leave its place is not driven through so many ticks longer.
+const GRACE_TICKS: u32 = 12;
+
+/// A truck with a goal.
+#[derive(Debug, Clone)]
+pub(super) struct Member {
+    pub(super) id: u32,
+    pub(super) name: String,
+    /// Changes when the truck's situation does.
+    pub(super) revision: u64,
+    /// Its way so far; only the released part counts if it wants another one.
+    pub(super) way: Way,
+    pub(super) done_m: f64,
+    /// Place up to which its way is released.
+    pub(super) held: usize,
+    /// Whether it needs a way.
+    pub(super) wanting: bool,
+    pub(super) target: Target,
+}
+
+impl Member {
+    fn held_stands(&self) -> &[Stand] {
+        let at = self.way.place(self.done_m).min(self.held);
+        &self.way.stands[at..=self.held]
+    }
+}
+
+/// Something that is driven around, by name.
+#[derive(Debug, Clone)]
+pub(super) struct Block {
+    /// The truck that it is; it does not block itself.
+    pub(super) id: u32,
+    pub(super) name: String,
+    pub(super) stands: Vec<Stand>,
+}
+
+/// Work for another thread: everything that a joint plan needs.
+#[derive(Debug, Clone)]
+pub struct JointJob {
+    pub(super) id: u64,
+    pub(super) room: Arc<dyn Room>,
+    pub(super) car: Car,
+    pub(super) members: Vec<Member>,
+    pub(super) blocks: Vec<Block>,
+    pub(super) order: Order,
+    pub(super) seed: u64,
+    /// Nodes that may be expanded in all.
+    pub(super) budget: u32,
+}
+
+/// A way for one truck.
+#[derive(Debug, Clone)]
+pub(super) struct Plan {
+    pub(super) id: u32,
+    pub(super) revision: u64,
+    pub(super) way: Way,
+}
+
+/// Why one truck has none.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct NoWay {
+    pub(super) id: u32,
+    pub(super) revision: u64,
+    /// Who is in the way.
+    pub(super) by: Option<String>,
+    pub(super) reason: String,
+}
+
+/// What came out.
+#[derive(Debug, Clone)]
+pub struct JointResult {
+    pub(super) id: u64,
+    pub(super) plans: Vec<Plan>,
+    pub(super) order: Order,
+    pub(super) none: Vec<NoWay>,
+    /// Nodes that were expanded.
+    pub expansions: u32,
+    /// Orders that were tried.
+    pub tries: u32,
+}
+
+impl JointResult {
+    /// How many trucks got a way, and how many did not.
+    #[must_use]
+    pub fn counts(&self) -> (usize, usize) {
+        (self.plans.len(), self.none.len())
+    }
+}
+
+/// The largest of the planning margins at which nobody of the one meets anybody of the other, in m.
+pub(super) fn margin_m(some: &[Stand], others: &[Stand]) -> f64 {
+    let meets = |margin: f64| some.iter().any(|a| others.iter().any(|b| a.touches(b, margin)));
+    MARGINS_M.into_iter().find(|&margin| !meets(margin)).unwrap_or(0.0)
+}
+
+/// What counts of a planning margin when the plan is driven, in m.
+pub(super) fn driven_margin_m(planned_m: f64) -> f64 {
+    (planned_m - SPARE_M).max(0.0)
+}
+
+/// Ways and orders that fit together.
+struct Solution {
+    ways: BTreeMap<usize, Way>,
+    order: Order,
+}
+
+/// The truck for which an order did not work.
+struct Failed(usize);
+
+struct Solver<'a> {
+    job: &'a JointJob,
+    keep_going: &'a mut dyn FnMut() -> bool,
+    fields: BTreeMap<usize, Field>,
+    blocks: Vec<Timeline>,
+    left: u32,
+    random: u64,
+    tries: u32,
+    failures: BTreeMap<usize, u32>,
+}
+
+impl JointJob {
+    /// Looks for ways until all have one, nothing is left to try, or `keep_going` says no (asked
+    /// before each truck's search).
+    #[must_use]
+    pub fn solve(&self, keep_going: &mut dyn FnMut() -> bool) -> JointResult {
+        let mut solver = Solver {
+            job: self,
+            keep_going,
+            fields: BTreeMap::new(),
+            blocks: self.blocks.iter().map(|block| Timeline::standing(&block.stands)).collect(),
+            left: self.budget,
+            random: self.seed,
+            tries: 0,
+            failures: BTreeMap::new(),
+        };
+        let mut standing = BTreeSet::new();
+        let solution = loop {
+            let rest = |index: &usize| !standing.contains(index);
+            let wanting: Vec<usize> = self.indices(|member| member.wanting).filter(rest).collect();
+            if wanting.is_empty() || solver.spent() {
+                break None;
+            }
+            let led: Vec<usize> = self.indices(|member| !member.wanting).collect();
+            if let Some(found) = solver.orders(&wanting, &led, &standing) {
+                break Some(found);
+            }
+            let all: Vec<usize> = led.iter().chain(&wanting).copied().collect();
+            if !led.is_empty()
+                && let Some(found) = solver.orders(&all, &[], &standing)
+            {
+                break Some(found);
+            }
+            let worst =
+                wanting.iter().max_by_key(|&&index| solver.failures.get(&index).copied().unwrap_or(0));
+            standing.extend(worst.copied());
+        };
+        let planned = |index: usize| solution.as_ref().is_some_and(|found| found.ways.contains_key(&index));
+        let without: Vec<usize> =
+            self.indices(|member| member.wanting).filter(|&index| !planned(index)).collect();
+        let none = without.into_iter().map(|index| solver.blame(index)).collect();
+        let (expansions, tries) = (self.budget - solver.left, solver.tries);
+        let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
+        let plan = |(index, way)| {
+            let member: &Member = &self.members[index];
+            Plan { id: member.id, revision: member.revision, way }
+        };
+        JointResult {
+            id: self.id,
+            plans: ways.into_iter().map(plan).collect(),
+            order,
+            none,
+            expansions,
+            tries,
+        }
+    }
+
+    fn indices(&self, which: impl Fn(&Member) -> bool) -> impl Iterator<Item = usize> {
+        self.members.iter().enumerate().filter(move |(_, member)| which(member)).map(|(index, _)| index)
+    }
+}
+
+impl Solver<'_> {
+    fn spent(&mut self) -> bool {
+        self.left == 0 || !(self.keep_going)()
+    }
+
+    /// Tries orders of `free`: whoever failed goes first in the next one, then by chance.
+    fn orders(&mut self, free: &[usize], led: &[usize], standing: &BTreeSet<usize>) -> Option<Solution> {
+        let mut order = free.to_vec();
+        let mut seen = BTreeSet::new();
+        for round in 1..=TRIES {
+            if self.spent() {
+                return None;
+            }
+            self.tries += 1;
+            seen.insert(order.clone());
+            match self.attempt(&order, led, standing) {
+                Ok(found) => return Some(found),
+                Err(Failed(index)) => {
+                    *self.failures.entry(index).or_default() += 1;
+                    if order.first() == Some(&index) {
+                        // Not even as the first one.
+                        *self.failures.entry(index).or_default() += 1000;
+                        return None;
+                    }
+                    order.retain(|&other| other != index);
+                    order.insert(0, index);
+                }
+            }
+            if round % 3 == 0 {
+                self.shuffle(&mut order);
+            }
+            for _ in 0..20 {
+                if !seen.contains(&order) {
+                    break;
+                }
+                self.shuffle(&mut order);
+            }
+            if seen.contains(&order) {
+                return None;
+            }
+        }
+        None
+    }
+
+    fn attempt(
+        &mut self,
+        free: &[usize],
+        led: &[usize],
+        standing: &BTreeSet<usize>,
+    ) -> Result<Solution, Failed> {
+        let job = self.job;
+        let fallback = || Failed(free.last().copied().unwrap_or(0));
+        let mut lines: BTreeMap<usize, Timeline> = BTreeMap::new();
+        let mut times: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+        let runners: Vec<Runner<'_>> = led.iter().map(|&index| runner(&job.members[index], None)).collect();
+        let expected = run_ahead(&runners, &job.order, MOST_TICKS).ok_or_else(fallback)?;
+        for (&index, at_m) in led.iter().zip(expected) {
+            let member = &job.members[index];
+            lines.insert(index, Timeline::driving(&member.way, &job.car, &at_m, member.held));
+            times.insert(index, arrivals(&member.way, &at_m));
+        }
+        for &index in standing {
+            lines.insert(index, Timeline::standing(job.members[index].held_stands()));
+        }
+        let mut soft: BTreeMap<usize, Rect> = BTreeMap::new();
+        for &index in free {
+            let member = &job.members[index];
+            let gone = to_release(member).len() as u32 + GRACE_TICKS;
+            lines.insert(index, Timeline::leaving(member.held_stands(), gone));
+            soft.insert(index, member.way.stands[member.held].body);
+        }
+        let mut ways = BTreeMap::new();
+        for &index in free {
+            soft.remove(&index);
+            let soft: Vec<Rect> = soft.values().copied().collect();
+            let (way, at_m) = self.single(index, &lines, &soft).map_err(|_| Failed(index))?;
+            lines.insert(index, Timeline::driving(&way, &job.car, &at_m, job.members[index].held));
+            times.insert(index, arrivals(&way, &at_m));
+            ways.insert(index, way);
+        }
+        self.ordered(ways, led, &times).ok_or_else(fallback)
+    }
+
+    /// The way of one truck around all these, with its position on it at each tick.
+    fn single(
+        &mut self,
+        index: usize,
+        lines: &BTreeMap<usize, Timeline>,
+        soft: &[Rect],
+    ) -> Result<(Way, Vec<f64>), Stuck> {
+        if self.spent() {
+            return Err(Stuck::Budget);
+        }
+        let (job, member) = (self.job, &self.job.members[index]);
+        let standing: Vec<Rect> = others_blocks(job, member)
+            .flat_map(|block| block.stands.iter().map(|stand| stand.body))
+            .collect();
+        let field = self.fields.entry(index).or_insert_with(|| {
+            let goal_m = [member.target.x_m, member.target.y_m];
+            Field::new(&*job.room, job.car.half_width_m, &standing, goal_m)
+        });
+        let mine = member.held_stands();
+        let others: Vec<Other<'_>> = lines
+            .iter()
+            .filter(|(other, _)| **other != index)
+            .map(|(other, line)| Other { line, margin_m: margin_m(mine, job.members[*other].held_stands()) })
+            .chain(
+                self.blocks
+                    .iter()
+                    .zip(&job.blocks)
+                    .filter(|(_, block)| block.id != member.id)
+                    .map(|(line, block)| Other { line, margin_m: margin_m(mine, &block.stands) }),
+            )
+            .collect();
+        let mut at_m = to_release(member);
+        let head = member.way.up_to(member.held);
+        let task = Task {
+            room: &*job.room,
+            car: &job.car,
+            start: head.end(),
+            gear: member.way.gears[member.held],
+            tick: at_m.len() as u32 - 1,
+            target: member.target,
+            field,
+            others: &others,
+            soft,
+        };
+        let mut budget = EXPANSIONS_EACH.min(self.left);
+        let before = budget;
+        let found = search(&task, &mut budget);
+        self.left -= before - budget;
+        if std::env::var("TOY").is_ok() { eprintln!("   {} from {:?} to {:?}: {:?} after {}", member.name, task.start, task.target, found.as_ref().map(|l| l.last().map(|l| l.depart+l.ticks)), before-budget); }
+        let way = Way::new(extend(head, &found?, &mut at_m), &job.car);
+        Ok((way, at_m))
+    }
+
+    /// Who passes first where; `None` if they would block each other.
+    fn ordered(
+        &self,
+        ways: BTreeMap<usize, Way>,
+        led: &[usize],
+        times: &BTreeMap<usize, Vec<f64>>,
+    ) -> Option<Solution> {
+        let job = self.job;
+        let way = |index: usize| ways.get(&index).unwrap_or(&job.members[index].way);
+        let timed = |index: usize| {
+            let member = &job.members[index];
+            let at = way(index).place(member.done_m).min(member.held);
+            Timed { way: way(index), at, held: member.held, ticks: &times[&index] }
+        };
+        let mut order = job.order.clone();
+        let moving: Vec<usize> = times.keys().copied().collect();
+        for (place, &a) in moving.iter().enumerate() {
+            for &b in &moving[place + 1..] {
+                if led.contains(&a) && led.contains(&b) {
+                    continue;
+                }
+                let (one, other) = (&job.members[a], &job.members[b]);
+                let margin = driven_margin_m(margin_m(one.held_stands(), other.held_stands()));
+                let (a_needs, b_needs) = pair(&timed(a), &timed(b), margin);
+                order.insert((one.id, other.id), a_needs);
+                order.insert((other.id, one.id), b_needs);
+            }
+        }
+        let runners: Vec<Runner<'_>> =
+            moving.iter().map(|&index| runner(&job.members[index], Some(way(index)))).collect();
+        run_ahead(&runners, &order, MOST_TICKS)?;
+        Some(Solution { ways, order })
+    }
+
+    /// Who is in a truck's way, as far as can be said.
+    fn blame(&mut self, index: usize) -> NoWay {
+        let (job, member) = (self.job, &self.job.members[index]);
+        let no_way = |by: Option<&String>, reason: String| NoWay {
+            id: member.id,
+            revision: member.revision,
+            by: by.cloned(),
+            reason,
+        };
+        let goal_m = [member.target.x_m, member.target.y_m];
+        let alone = Field::new(&*job.room, job.car.half_width_m, &[], goal_m);
+        let head = member.way.up_to(member.held);
+        let task = Task {
+            room: &*job.room,
+            car: &job.car,
+            start: head.end(),
+            gear: member.way.gears[member.held],
+            tick: 0,
+            target: member.target,
+            field: &alone,
+            others: &[],
+            soft: &[],
+        };
+        let mut budget = EXPANSIONS_EACH;
+        let legs = match search(&task, &mut budget) {
+            Ok(legs) => legs,
+            Err(Stuck::Goal) => return no_way(None, "the goal is not free on the map".into()),
+            Err(Stuck::Start) => return no_way(None, "stands in something on the map".into()),
+            Err(Stuck::Nowhere) => return no_way(None, "no way on the map".into()),
+            Err(Stuck::Budget) => return no_way(None, "no way found in time".into()),
+        };
+        let way = Way::new(extend(head, &legs, &mut vec![0.0]), &job.car);
+        let met = |stands: &[Stand]| {
+            let margin = margin_m(member.held_stands(), stands);
+            way.stands.iter().any(|stand| stands.iter().any(|there| stand.conflicts(there, margin)))
+        };
+        let block = others_blocks(job, member).find(|block| met(&block.stands)).map(|block| &block.name);
+        let others = || job.members.iter().filter(|other| other.id != member.id);
+        let name = block
+            .or_else(|| others().find(|other| met(other.held_stands())).map(|other| &other.name))
+            .or_else(|| others().find(|other| met(&other.way.stands)).map(|other| &other.name));
+        match name {
+            Some(name) => no_way(Some(name), format!("blocked by {name}")),
+            None => no_way(None, "no passing order found".into()),
+        }
+    }
+
+    fn shuffle(&mut self, order: &mut [usize]) {
+        for last in (1..order.len()).rev() {
+            order.swap(last, (self.draw() % (last as u64 + 1)) as usize);
+        }
+    }
+
+    /// SplitMix64 (G. Steele, D. Lea and C. Flood, 2014).
+    fn draw(&mut self) -> u64 {
+        self.random = self.random.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut mixed = self.random;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^ (mixed >> 31)
+    }
+}
+
+fn others_blocks<'a>(job: &'a JointJob, member: &'a Member) -> impl Iterator<Item = &'a Block> {
+    job.blocks.iter().filter(|block| block.id != member.id)
+}
+
+fn runner<'a>(member: &'a Member, way: Option<&'a Way>) -> Runner<'a> {
+    Runner { id: member.id, way: way.unwrap_or(&member.way), done_m: member.done_m }
+}
+
+/// Positions tick by tick from where a truck is to the end of what is released to it.
+fn to_release(member: &Member) -> Vec<f64> {
+    let end_m = member.way.at_m(member.held);
+    let mut at_m = vec![member.done_m.min(end_m)];
+    while let Some(&last) = at_m.last().filter(|&&last| last < end_m - 1e-9) {
+        at_m.push((last + TICK_WAY_M).min(end_m));
+    }
+    at_m
+}
+
+/// Appends what the search found, and the positions at the ticks on it.
+fn extend(mut head: Path, legs: &[Leg], at_m: &mut Vec<f64>) -> Path {
+    for leg in legs {
+        let base = at_m.last().copied().unwrap_or(0.0);
+        while at_m.len() <= leg.depart as usize {
+            at_m.push(base);
+        }
+        let length = leg.piece.length_m.abs();
+        at_m.extend((1..=leg.ticks).map(|tick| base + length * f64::from(tick) / f64::from(leg.ticks)));
+        head.push(leg.piece);
+    }
+    head
+}
+
+/// When each place is reached, in ticks.
+fn arrivals(way: &Way, at_m: &[f64]) -> Vec<f64> {
+    let mut tick = 0;
+    let reached = |place: usize| {
+        let way_m = way.at_m(place);
+        while tick + 1 < at_m.len() && at_m[tick] < way_m - 1e-9 {
+            tick += 1;
+        }
+        if at_m[tick] < way_m - 1e-6 {
+            return f64::from(NEVER);
+        }
+        let before = at_m[tick.saturating_sub(1)];
+        let part = if at_m[tick] > before {
+            ((way_m - before) / (at_m[tick] - before)).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        tick as f64 - 1.0 + part
+    };
+    (0..=way.last()).map(reached).collect()
+}

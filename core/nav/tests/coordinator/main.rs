@@ -1,0 +1,124 @@
+//! Traffic control with a toy fleet: everybody arrives, nobody touches, releases never shrink.
+
+#![allow(clippy::unwrap_used)]
+
+mod scenes;
+mod toy;
+
+use scenes::{circle, corridor, door, lane, pose};
+use toy::World;
+use xtb_nav::MapPose;
+
+fn no_clock() -> f64 {
+    0.0
+}
+
+/// Sends everybody there and waits.
+fn all_go(world: &mut World, goals: &[MapPose], most_s: f64) {
+    for (index, goal) in goals.iter().enumerate() {
+        world.send(index, *goal);
+    }
+    assert!(world.run(most_s), "{}", standing(world));
+    waits_are_short(world);
+}
+
+fn standing(world: &World) -> String {
+    let open = world.toys.iter().filter(|toy| toy.goal.is_some());
+    let line = |toy: &toy::Toy| {
+        format!(
+            "{} at {:?}: {:?}",
+            toy.name,
+            toy.pose,
+            toy.guide.as_ref().map(|guide| (&guide.waits_for, &guide.reason))
+        )
+    };
+    open.map(line).collect::<Vec<_>>().join("\n")
+}
+
+fn waits_are_short(world: &World) {
+    assert!(world.longest_still_s <= 15.0, "stood {} s", world.longest_still_s);
+    assert!(world.longest_wait_s <= 60.0, "waited {} s", world.longest_wait_s);
+}
+
+#[test]
+fn five_trucks_swap_places_through_one_door() {
+    for (seed, door_m) in [(1, 1.2), (2, 1.6), (3, 2.0)] {
+        let (mut world, places) = door(seed, door_m, no_clock);
+        for round in 1..=3 {
+            let there = |index: usize| places[(index + 2 * round) % places.len()];
+            let goals: Vec<MapPose> = (0..5).map(there).collect();
+            all_go(&mut world, &goals, 200.0);
+        }
+    }
+}
+
+#[test]
+fn ten_trucks_swap_across_a_circle() {
+    for seed in 1..=2 {
+        let (mut world, goals) = circle(seed, no_clock);
+        all_go(&mut world, &goals, 240.0);
+    }
+}
+
+#[test]
+fn in_a_corridor_and_in_a_lane_one_makes_way() {
+    for seed in 1..=3 {
+        let (mut world, goals) = corridor(seed, no_clock);
+        all_go(&mut world, &goals, 200.0);
+        let (mut world, goals) = lane(seed, no_clock);
+        all_go(&mut world, &goals, 200.0);
+    }
+}
+
+#[test]
+fn with_one_dead_in_the_doorway_the_rest_arrive_or_name_it() {
+    for (seed, door_m) in [(1, 1.2), (2, 2.0)] {
+        let (mut world, places) = door(seed, door_m, no_clock);
+        for index in 0..5 {
+            world.send(index, places[(index + 2) % 5]);
+        }
+        let in_door = |world: &World| world.toys.iter().position(|toy| (toy.pose.x_m - 5.0).abs() < 0.15);
+        while in_door(&world).is_none() {
+            world.turn();
+        }
+        let dead = in_door(&world).unwrap();
+        world.toys[dead].alive = false;
+        let blocker = world.toys[dead].name.clone();
+        world.run(150.0);
+        for toy in world.toys.iter().filter(|toy| toy.alive && toy.goal.is_some()) {
+            let by = toy.guide.as_ref().and_then(|guide| guide.waits_for.clone());
+            let reason = toy.guide.as_ref().and_then(|guide| guide.reason.clone()).unwrap_or_default();
+            assert!(by == Some(blocker.clone()) || reason.contains("blocked by"), "{}", standing(&world));
+        }
+    }
+}
+
+#[test]
+fn a_coordinator_that_is_killed_and_restarted_goes_on_where_it_was() {
+    for seed in 1..=3 {
+        let (mut world, places) = door(seed, 1.6, no_clock);
+        for index in 0..5 {
+            world.send(index, places[(index + 2) % 5]);
+        }
+        assert!(!world.run(8.0 + seed as f64));
+        world.kill_coordinator();
+        assert!(!world.run(5.0));
+        world.start_coordinator();
+        assert!(world.run(200.0), "{}", standing(&world));
+    }
+}
+
+#[test]
+fn a_truck_without_a_goal_is_driven_around_and_one_in_the_only_way_is_named() {
+    let (mut world, _) = lane(1, no_clock);
+    world.send(0, pose(7.0, 2.0, 0.0));
+    assert!(!world.run(30.0));
+    let guide = world.coordinator.as_mut().unwrap().tick(world.now).remove("xtb-1").unwrap();
+    assert_eq!(
+        (guide.waits_for.as_deref(), guide.reason.as_deref()),
+        (Some("xtb-2"), Some("blocked by xtb-2"))
+    );
+    // It is sent away: the way is free again.
+    world.send(1, pose(1.0, 2.0, std::f64::consts::PI));
+    assert!(world.run(150.0), "{}", standing(&world));
+}

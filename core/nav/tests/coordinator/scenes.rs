@@ -1,0 +1,53 @@
+//! Rooms and starts that are hard for several trucks.
+
+use crate::toy::{Trouble, World, room};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use xtb_nav::MapPose;
+
+pub(crate) fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
+    MapPose { x_m, y_m, yaw_rad }
+}
+
+/// Two rooms of 5 m × 6 m with a door between them; three trucks in the one, two in the other.
+pub(crate) fn door(seed: u64, door_m: f64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+    let walls = [[4.9, 0.0, 0.2, 3.0 - door_m / 2.0], [4.9, 3.0 + door_m / 2.0, 0.2, 3.0]];
+    let starts = vec![
+        pose(1.2, 1.0, 0.0),
+        pose(1.2, 3.0, 0.0),
+        pose(1.2, 5.0, 0.0),
+        pose(8.8, 2.0, PI),
+        pose(8.8, 4.0, PI),
+    ];
+    (World::new(room(10.0, 6.0, &walls), &starts, seed, Trouble::SOME, clock_ms), starts)
+}
+
+/// Ten trucks on a circle in 8 m × 8 m, nose inwards, and where each has to go: opposite.
+pub(crate) fn circle(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+    let place = |index: usize, turn: f64| {
+        let angle = index as f64 * TAU / 10.0 + turn;
+        pose(4.0 + 3.1 * angle.cos(), 4.0 + 3.1 * angle.sin(), angle + PI)
+    };
+    let starts: Vec<MapPose> = (0..10).map(|index| place(index, 0.0)).collect();
+    // They arrive as they go: nose outwards.
+    let goals = (0..10).map(|index| place(index, PI)).map(|goal| pose(goal.x_m, goal.y_m, goal.yaw_rad + PI));
+    let world = World::new(room(8.0, 8.0, &[]), &starts, seed, Trouble::SOME, clock_ms);
+    (world, goals.collect())
+}
+
+/// The corridor of the worlds: 2.4 m wide, 20 m long, a side arm, and a narrow place of 1.2 m; two
+/// trucks that want past each other, and one in the arm.
+pub(crate) fn corridor(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+    // Shifted by (1.2, 8.0) against worlds/corridor.toml.
+    let boxes = [[2.4, 0.0, 4.8, 12.0], [2.4, 14.4, 4.8, 5.6], [0.0, 15.7, 1.2, 0.6]];
+    let starts = vec![pose(1.2, 8.0, FRAC_PI_2), pose(1.2, 4.0, FRAC_PI_2), pose(1.2, 18.8, -FRAC_PI_2)];
+    let goals = vec![pose(1.2, 18.6, FRAC_PI_2), pose(5.5, 13.2, 0.0), pose(1.2, 1.5, -FRAC_PI_2)];
+    (World::new(room(7.2, 20.0, &boxes), &starts, seed, Trouble::SOME, clock_ms), goals)
+}
+
+/// A lane of 0.9 m with one bay: two trucks meet, and one has to back out.
+pub(crate) fn lane(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+    let boxes = [[0.0, 0.0, 8.0, 1.5], [0.0, 2.5, 3.0, 1.9], [5.4, 2.5, 2.6, 1.9]];
+    let starts = vec![pose(0.8, 2.0, 0.0), pose(7.2, 2.0, PI)];
+    let goals = vec![pose(7.0, 2.0, 0.0), pose(1.0, 2.0, PI)];
+    (World::new(room(8.0, 4.4, &boxes), &starts, seed, Trouble::SOME, clock_ms), goals)
+}
