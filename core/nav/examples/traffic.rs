@@ -29,7 +29,9 @@ fn main() {
     let (first, last) = seeds.split_once('-').unwrap_or((seeds, seeds));
     let (first, last): (u64, u64) = (first.parse().unwrap(), last.parse().unwrap());
     let svg = arguments.iter().position(|text| text == "--svg").and_then(|place| arguments.get(place + 1));
-    println!("seed  arrived  time_s  still_s  wait_s  plans  without  deadlocks  cyclic  stalls  job_ms: median  max");
+    println!(
+        "seed  arrived  time_s  still_s  wait_s  plans  without  deadlocks  cyclic  stalls  job_ms: median  max"
+    );
     for seed in first..=last {
         let (mut world, goals) = match scene {
             "circle" => scenes::circle(seed, clock_ms),
@@ -42,7 +44,8 @@ fn main() {
         for round in 1..=rounds {
             let count = goals.len();
             for index in 0..count {
-                let goal: MapPose = if scene == "door" { goals[(index + 2 * round) % count] } else { goals[index] };
+                let goal: MapPose =
+                    if scene == "door" { goals[(index + 2 * round) % count] } else { goals[index] };
                 world.send(index, goal);
             }
             arrived &= world.run(240.0);
@@ -96,13 +99,19 @@ fn draw(world: &World) -> String {
             if grid.cell(column, row) != Cell::Free {
                 let [x, y] = grid.centre_m(column, row);
                 let (x, y) = (x * SCALE - side / 2.0, (height - y) * SCALE - side / 2.0);
-                let _ = writeln!(svg, "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{side:.1}\" height=\"{side:.1}\"/>");
+                let _ = writeln!(
+                    svg,
+                    "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{side:.1}\" height=\"{side:.1}\"/>"
+                );
             }
         }
     }
     for (toy, colour) in world.toys.iter().zip(COLOURS.iter().cycle()) {
-        let points: Vec<String> =
-            toy.trace.iter().map(|pose| format!("{:.1},{:.1}", pose.x_m * SCALE, (height - pose.y_m) * SCALE)).collect();
+        let points: Vec<String> = toy
+            .trace
+            .iter()
+            .map(|pose| format!("{:.1},{:.1}", pose.x_m * SCALE, (height - pose.y_m) * SCALE))
+            .collect();
         let _ = writeln!(
             svg,
             "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"/>",

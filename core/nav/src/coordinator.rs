@@ -26,9 +26,11 @@ mod search;
 mod timeline;
 mod truck;
 mod way;
+mod wire;
 
 pub use joint::{JointJob, JointResult};
 pub use room::{GridRoom, Room};
+pub use wire::others_near;
 
 use crate::{Car, MapPose, Path};
 use joint::{Block, MOST_TICKS, Member};

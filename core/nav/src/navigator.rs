@@ -379,7 +379,7 @@ impl Navigator {
                 front_cm: *sensed.ir_front_cm,
                 rear_cm: *sensed.ir_rear_cm,
             };
-            local.see(now, &scan, Some(map.grid()), &[]);
+            local.see(now, &scan, Some(map.grid()), &self.led.others(now, &self.car));
         }
     }
 

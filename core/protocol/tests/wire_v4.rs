@@ -235,19 +235,22 @@ fn a_route() {
         cruise_mps: 0.25,
         waits_for: Some(name("xtb-2")),
         reason: Some("r".to_owned()),
+        others: vec![MapPose { x_m: 1.0, y_m: 2.0, yaw_rad: 0.5 }],
     };
     pinned(
         &route,
         concat!(
             "ac020901051000112233445566778899aabbccddeeff01000000000000f03f000000000000f0bf00",
             "0000000000e03f02000000000000e03f0000000000000040000000000000d0bf0000000000000000",
-            "03000000000000f03f000000000000d03f01057874622d32010172"
+            "03000000000000f03f000000000000d03f01057874622d3201017201000000000000f03f00000000",
+            "00000040000000000000e03f"
         ),
         concat!(
             r#"{"epoch":300,"seq":9,"goal":{"epoch":5,"id":"00112233-4455-6677-8899-aabbccddeeff"},"t"#,
             r#"rack":{"start":{"x_m":1.0,"y_m":-1.0,"yaw_rad":0.5},"arcs":[{"length_m":0.5,"curvature"#,
             r#"_per_m":2.0},{"length_m":-0.25,"curvature_per_m":0.0}]},"plan":3,"release_m":1.0,"crui"#,
-            r#"se_mps":0.25,"waits_for":"xtb-2","reason":"r"}"#
+            r#"se_mps":0.25,"waits_for":"xtb-2","reason":"r","others":[{"x_m":1.0,"y_m":2.0,"yaw_rad""#,
+            r#":0.5}]}"#
         ),
     );
 }

@@ -3,6 +3,10 @@
 //! The same [`Robot`] as in `robot-agent`, the same bytes between it and its truck. A turn is a step
 //! of the world; same arguments, same bits.
 
+mod traffic;
+
+pub use traffic::Traffic;
+
 use crate::fixes::{FixMaker, FixTruth};
 use crate::simulation::{Simulation, SimulationError};
 use crate::vehicle::Truck;
@@ -46,6 +50,7 @@ pub struct Lockstep {
     asked: Arrival,
     /// What measures the trucks from outside.
     fixes: Vec<FixMaker>,
+    traffic: Option<Traffic>,
     planner: Planner,
     /// Plans on their way back, with when and to whom.
     plans: VecDeque<(Stamp, usize, PlanDone)>,
@@ -77,6 +82,7 @@ impl Lockstep {
             bytes: Vec::with_capacity(1024),
             asked: 0,
             fixes: Vec::new(),
+            traffic: None,
             planner: Planner::new(),
             plans: VecDeque::new(),
         })
@@ -151,6 +157,16 @@ impl Lockstep {
         }
     }
 
+    /// Traffic control from now on; `None` = nobody coordinates.
+    pub fn set_traffic(&mut self, traffic: Option<Traffic>) {
+        self.traffic = traffic;
+    }
+
+    /// Traffic control.
+    pub fn traffic_mut(&mut self) -> Option<&mut Traffic> {
+        self.traffic.as_mut()
+    }
+
     /// Gives every robot this map to plan on.
     pub fn set_map(&mut self, map: &Arc<Map>) {
         for robot in &mut self.robots {
@@ -184,6 +200,10 @@ impl Lockstep {
             while robot.agent_mut().next_event().is_some() {}
         }
         self.fix();
+        let now = self.now();
+        if let Some(traffic) = &mut self.traffic {
+            traffic.step(now, &mut self.robots);
+        }
         self.plan();
     }
 }

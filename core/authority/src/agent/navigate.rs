@@ -9,9 +9,9 @@ use xtb_control::{Command, Mode, Stamp, Steering, WheelRpm, goto};
 use xtb_nav::filter::{self, FixOutcome};
 use xtb_nav::map::Map;
 use xtb_nav::navigator::{Aim, Decision, Led, Phase, PlanDone, PlanJob, Sensed, Standing};
-use xtb_nav::{MapPose, Path, Piece};
+use xtb_nav::{MapPose, Path};
 use xtb_protocol::messages::{
-    Arc, Fix, FixSource, GoalStatus, MapHash, MapState, NavPhase, NavState, RejectCode, Route, RouteGoal,
+    Fix, FixSource, GoalStatus, MapHash, MapState, NavPhase, NavState, RejectCode, Route, RouteGoal,
     RouteSource, RouteState, StopReason, Track, Via,
 };
 
@@ -97,13 +97,13 @@ impl Agent {
             .is_some_and(|goal| route.goal == Some(RouteGoal { epoch: self.identity.epoch, id: goal.id }));
         let led = meant.then(|| Led {
             plan: route.plan,
-            path: route.track.as_ref().map(path_of),
+            path: route.track.as_ref().map(Path::from),
             release_m: route.release_m,
             cruise_mps: route.cruise_mps,
             waits_for: route.waits_for.as_ref().map(ToString::to_string),
             reason: route.reason.clone(),
         });
-        self.nav.led(now, led);
+        self.nav.led(now, led, &route.others);
     }
 
     /// A path to look for, beside the control loop.
@@ -283,7 +283,7 @@ impl Agent {
                 Phase::Waiting => NavPhase::Waiting,
                 Phase::Recovering => NavPhase::Recovering,
             },
-            track: progress.path.map(track_of),
+            track: progress.path.map(Track::from),
             done_m: progress.done_m,
             release_m: progress.release_m,
             off_m: progress.off_m,
@@ -297,22 +297,3 @@ impl Agent {
 
 /// Standing, wheels straight, in mode goto.
 const STAND: Command = Command::Follow { rpm: WheelRpm::ZERO, steering: Steering::CENTRED };
-
-fn path_of(track: &Track) -> Path {
-    let mut path = Path::standing(track.start);
-    for arc in &track.arcs {
-        path.push(Piece { length_m: arc.length_m, curvature_per_m: arc.curvature_per_m });
-    }
-    path
-}
-
-/// A path for the wire; one that is longer than a message may be is cut.
-fn track_of(path: &Path) -> Track {
-    let arcs = path.pieces.iter().take(Track::MOST_ARCS);
-    Track {
-        start: path.start,
-        arcs: arcs
-            .map(|piece| Arc { length_m: piece.length_m, curvature_per_m: piece.curvature_per_m })
-            .collect(),
-    }
-}

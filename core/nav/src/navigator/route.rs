@@ -1,6 +1,8 @@
 //! Traffic control's paths: what it last said, and when to go by it.
 
 use super::{Navigator, Stage, TRAFFIC_LOST_MS, Task, tolerance};
+use crate::MapPose;
+use crate::car::Car;
 use crate::follower::Follower;
 use crate::navigator::follow::Following;
 use crate::path::Path;
@@ -23,11 +25,17 @@ pub struct Led {
     pub reason: Option<String>,
 }
 
+/// Poses of others are good for this long, in ms.
+const OTHERS_MS: u64 = 600;
+/// What moves is a little farther on by now, in m.
+const OTHERS_GROWN_M: f64 = 0.08;
+
 /// What was heard of traffic control.
 #[derive(Debug, Clone, Default)]
 pub(super) struct LedBook {
     heard: Option<Stamp>,
     led: Option<Led>,
+    others: Vec<MapPose>,
 }
 
 impl LedBook {
@@ -41,6 +49,13 @@ impl LedBook {
         self.led = None;
     }
 
+    /// Where the others are, as far as that is known.
+    pub(super) fn others(&self, now: Stamp, car: &Car) -> Vec<(MapPose, Car)> {
+        let fresh = self.heard.is_some_and(|at| now.since_ms(at) < OTHERS_MS);
+        let car = car.grown(OTHERS_GROWN_M);
+        self.others.iter().filter(|_| fresh).map(|pose| (*pose, car)).collect()
+    }
+
     pub(super) fn led(&self) -> Option<&Led> {
         self.led.as_ref()
     }
@@ -48,8 +63,9 @@ impl LedBook {
 
 impl Navigator {
     /// Traffic control was heard; `led` is about the goal that runs now, or none.
-    pub fn led(&mut self, now: Stamp, led: Option<Led>) {
+    pub fn led(&mut self, now: Stamp, led: Option<Led>, others: &[MapPose]) {
         self.led.heard = Some(now);
+        self.led.others = others.to_vec();
         if self.task.is_some() {
             self.led.led = led;
         }

@@ -131,6 +131,14 @@ pub struct Route {
     pub waits_for: Option<Name>,
     /// Why there is no path, in words.
     pub reason: Option<String>,
+    /// Where other robots are, nearest first, at most [`Route::MOST_OTHERS`]: what the range finders see of
+    /// them is not unknown.
+    pub others: Vec<MapPose>,
+}
+
+impl Route {
+    /// Most robots that a route tells of.
+    pub const MOST_OTHERS: usize = 16;
 }
 
 impl Message for Route {
@@ -139,6 +147,12 @@ impl Message for Route {
     fn validate(&self) -> Result<(), CodecError> {
         if let Some(track) = &self.track {
             track.validate()?;
+        }
+        bounded("others", self.others.len() as f64, 0.0, Self::MOST_OTHERS as f64, "robots")?;
+        for other in &self.others {
+            coordinate("others x_m", other.x_m)?;
+            coordinate("others y_m", other.y_m)?;
+            angle("others yaw_rad", other.yaw_rad)?;
         }
         bounded("release_m", self.release_m, 0.0, 1.0e5, "m")?;
         bounded("cruise_mps", self.cruise_mps, 0.0, 2.0, "m/s")

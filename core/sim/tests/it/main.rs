@@ -28,6 +28,7 @@ mod platform;
 mod poses;
 mod remote;
 mod sensors;
+mod together;
 mod trips;
 mod walls;
 mod whole_robot;

@@ -1,0 +1,112 @@
+//! Traffic control beside the robots of a lockstep simulation: the same state machine as behind
+//! `fleet-cli traffic serve`, the same messages, on a network that may lose them.
+
+use crate::noise::Noise;
+use std::sync::Arc;
+use xtb_authority::Robot;
+use xtb_control::units::Stamp;
+use xtb_nav::Car;
+use xtb_nav::coordinator::{Coordinator, GridRoom, JointResult, RobotView, others_near};
+use xtb_nav::map::Map;
+use xtb_protocol::messages::{Rejected, RobotState};
+
+/// Reports come in and guides go out this often.
+const TICK_MS: u64 = 100;
+/// A joint plan takes this long in simulated time.
+const JOINT_MS: u64 = 500;
+/// A message is this long on its way.
+const WAY_MS: u64 = 10;
+
+/// Traffic control and its network.
+#[derive(Debug)]
+pub struct Traffic {
+    room: Arc<GridRoom>,
+    car: Car,
+    coordinator: Option<Coordinator>,
+    epoch: u64,
+    seq: u64,
+    next: Stamp,
+    due: Option<(Stamp, JointResult)>,
+    views: Vec<RobotView>,
+    noise: Noise,
+    /// The part of all messages that gets lost.
+    pub lost: f64,
+}
+
+impl Traffic {
+    /// Traffic control of a fleet of `car`s on this map.
+    #[must_use]
+    pub fn new(map: &Map, car: Car, seed: u64) -> Self {
+        let mut traffic = Self {
+            room: Arc::new(GridRoom::new(map.grid_with_keep_outs())),
+            car,
+            coordinator: None,
+            epoch: 0,
+            seq: 0,
+            next: Stamp::ZERO,
+            due: None,
+            views: Vec::new(),
+            noise: Noise::new(seed ^ 0x7AFF_1C00, 0),
+            lost: 0.0,
+        };
+        traffic.restart();
+        traffic
+    }
+
+    /// It dies: nobody is told anything any more.
+    pub fn kill(&mut self) {
+        (self.coordinator, self.due) = (None, None);
+    }
+
+    /// It begins anew and knows nothing.
+    pub fn restart(&mut self) {
+        self.kill();
+        self.epoch += 1;
+        self.seq = 0;
+        self.coordinator = Some(Coordinator::new(self.car, self.room.clone(), self.epoch));
+    }
+
+    /// The state machine.
+    #[must_use]
+    pub fn coordinator(&self) -> Option<&Coordinator> {
+        self.coordinator.as_ref()
+    }
+
+    /// One step of the simulation.
+    pub(super) fn step(&mut self, now: Stamp, robots: &mut [Robot]) {
+        let Some(coordinator) = &mut self.coordinator else { return };
+        if self.due.as_ref().is_some_and(|(at, _)| *at <= now)
+            && let Some((_, result)) = self.due.take()
+        {
+            coordinator.planned(now, result);
+        }
+        if now < self.next {
+            return;
+        }
+        self.next = now.plus_ms(TICK_MS);
+        for robot in robots.iter_mut() {
+            if !self.noise.chance(self.lost) {
+                let state: RobotState = robot.state(now, Rejected::default());
+                let view = RobotView::of(&state, WAY_MS);
+                self.views.retain(|known| known.name != view.name);
+                self.views.push(view.clone());
+                coordinator.robot(now, view);
+            }
+        }
+        let guides = coordinator.tick(now);
+        self.seq += 1;
+        for robot in robots.iter_mut() {
+            let name = robot.agent().identity().robot.to_string();
+            if let Some(guide) = guides.get(&name)
+                && !self.noise.chance(self.lost)
+            {
+                robot
+                    .agent_mut()
+                    .route(now, &guide.route(self.epoch, self.seq, others_near(&self.views, &name)));
+            }
+        }
+        if let Some(job) = coordinator.job(now) {
+            self.due = Some((now.plus_ms(JOINT_MS), job.solve(&mut || true)));
+        }
+    }
+}
