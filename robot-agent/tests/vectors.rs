@@ -97,6 +97,7 @@ fn a_malformed_line_ends_the_run_and_is_named_after_the_lines_before_it() {
     let good = r#"{"t_ns":1,"encoder":{"pulses":1}}"#;
     for (bad, said) in [
         (r#"{"t_ns":2,"command":{"teleop":{"rpm":1.0,"steering":1.5}}}"#, "steering 1.5 is outside"),
+        (r#"{"t_ns":2,"command":{"follow":{"rpm":400.0,"steering":0.5}}}"#, "wheel speed 400 is outside"),
         (r#"{"t_ns":2,"encoder":{"pulses":1,"speed":2}}"#, "unknown field `speed`"),
         (r#"{"t_ns":0,"encoder":{"pulses":1}}"#, "smaller than 1"),
         ("", "EOF"),

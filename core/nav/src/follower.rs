@@ -94,8 +94,8 @@ pub enum Stuck {
     NoProgress,
     /// It stands at the path's end, outside the tolerance.
     Missed,
-    /// The pose or the speed is no number.
-    NoPose,
+    /// The pose, the speed or a limit is no number.
+    NotANumber,
 }
 
 /// How it goes.
@@ -245,9 +245,11 @@ impl Follower {
     pub fn step(&mut self, now: Stamp, pose: &MapPose, speed_mps: f64, limits: &Released) -> Drive {
         let dt_s = self.before.map_or(0.0, |before| now.since_s(before)).min(LONGEST_STEP_S);
         let first = self.before.replace(now).is_none();
-        let inputs = [pose.x_m, pose.y_m, pose.yaw_rad, speed_mps];
-        if !inputs.iter().all(|value| value.is_finite()) {
-            return self.stop(0.0, None, Status::Stuck(Stuck::NoPose));
+        let is_measured = [pose.x_m, pose.y_m, pose.yaw_rad, speed_mps].iter().all(|value| value.is_finite());
+        let is_limited =
+            ![limits.way_m, limits.cruise_mps, limits.clearance_m].iter().any(|value| value.is_nan());
+        if !is_measured || !is_limited {
+            return self.stop(0.0, None, Status::Stuck(Stuck::NotANumber));
         }
         if first {
             self.begin(speed_mps);
@@ -332,6 +334,7 @@ impl Follower {
         self.curvature_per_m = scene.curvature_per_m();
         self.asked_mps = if self.phase == Phase::Driving {
             let faster = self.asked_mps + settings.acceleration_mps2 * dt_s;
+            let faster = faster.min(speed_mps + settings.lead_mps);
             scene.speed_mps(limits, left_m).min(faster.max(settings.creep_mps))
         } else {
             0.0

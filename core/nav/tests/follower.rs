@@ -257,14 +257,23 @@ fn a_goal_outside_the_tolerance_is_missed_not_reached() {
 }
 
 #[test]
-fn a_pose_that_is_no_number_stops_it() {
+fn a_pose_or_a_limit_that_is_no_number_stops_it() {
     let mut toy = Toy::new(&straight(2.0));
     (0..200).for_each(|_| _ = toy.step(&ALL));
     let here = std::mem::replace(&mut toy.pose, MapPose { x_m: f64::NAN, ..ORIGIN });
     let drive = toy.decide(&ALL);
-    assert_eq!((drive.status, drive.speed_mps), (Status::Stuck(Stuck::NoPose), 0.0));
+    assert_eq!((drive.status, drive.speed_mps), (Status::Stuck(Stuck::NotANumber), 0.0));
     assert!(drive.curvature_per_m.is_finite());
     toy.pose = here;
+    let nothing = f64::NAN;
+    for limits in [
+        Released { way_m: nothing, ..ALL },
+        Released { cruise_mps: nothing, ..ALL },
+        Released { clearance_m: nothing, ..ALL },
+    ] {
+        let drive = toy.decide(&limits);
+        assert_eq!((drive.status, drive.speed_mps), (Status::Stuck(Stuck::NotANumber), 0.0), "{limits:?}");
+    }
     toy.until(&ALL, is_reached, |_, _| {});
 }
 
@@ -282,6 +291,17 @@ fn held_wheels_and_slipping_wheels_are_told_apart() {
     };
     assert_eq!(stuck(&mut toy, 0.0), Some(Stuck::NoMotion));
     assert_eq!(stuck(&mut toy, 0.1), Some(Stuck::NoProgress));
+}
+
+#[test]
+fn what_held_it_finds_it_asking_for_little_when_it_lets_go() {
+    let mut toy = Toy::new(&straight(2.0));
+    let mut most_mps: f64 = 0.0;
+    for _ in 0..150 {
+        most_mps = most_mps.max(toy.decide(&ALL).speed_mps);
+    }
+    assert!((0.1..=0.2).contains(&most_mps), "{most_mps}");
+    toy.until(&ALL, is_reached, |_, _| {});
 }
 
 #[test]

@@ -42,8 +42,16 @@ fn main() {
     row("0.2 m/s, 1.1 R, between pillars", parkings, &between(0.2, 1.1));
     row("0.2 m/s, 1.15 R, between pillars", parkings, &between(0.2, 1.15));
     row("0.35 m/s, 1.15 R, up to 3 m away", parkings, &Course { reach_m: 3.0, ..Course::new(0.35, 1.15) });
-    row("the same, pose from fixes", parkings, &Course { eyes: Eyes::Fixes, ..Course::new(0.35, 1.15) });
-    row("the same, odometry alone", parkings, &Course { eyes: Eyes::Odometry, ..Course::new(0.35, 1.15) });
+    row(
+        "0.35 m/s, 1.15 R, pose from fixes",
+        parkings,
+        &Course { eyes: Eyes::Fixes, ..Course::new(0.35, 1.15) },
+    );
+    row(
+        "0.35 m/s, 1.15 R, odometry alone",
+        parkings,
+        &Course { eyes: Eyes::Odometry, ..Course::new(0.35, 1.15) },
+    );
 }
 
 fn row(name: &str, parkings: u64, course: &Course) {

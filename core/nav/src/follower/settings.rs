@@ -17,6 +17,7 @@ config_section! {
         servo_lag_s: f64 = 0.03, "s", Range(0.001, 1.0), Assumed, "Their first-order lag near the wanted angle.";
         servo_delay_s: f64 = 0.035, "s", Range(0.0, 0.5), Assumed, "From a command to the servos' first movement: a turn, a frame and a pulse period, in the mean.";
         acceleration_mps2: f64 = 0.5, "m/s²", Range(0.05, 5.0), Ours, "How fast the speed asked for grows.";
+        lead_mps: f64 = 0.2, "m/s", Range(0.05, 5.0), Ours, "Never so much more than is measured: what an obstacle has held starts gently.";
         creep_mps: f64 = 0.08, "m/s", Range(0.01, 0.2), Ours, "Slowest speed asked for: out of the dead band within 0.2 s and held within 5 %; 0.05 m/s takes twice, 0.02 m/s ten times as long.";
         stop_s: f64 = 0.45, "s", Range(0.1, 5.0), Ours, "Speed towards a stop is the way left over this; more than obstacle.reaction_s (0.358 s).";
         coast_s: f64 = 0.26, "s", Range(0.01, 5.0), Assumed, "With a neutral motor it rolls on for its speed times this: motor lag 0.25 s and a pulse's way to the motor.";
