@@ -261,6 +261,8 @@ fn a_truck_that_was_carried_away_starts_again_where_its_fixes_agree() {
         let sixth = fix(&mut truck);
         let FixOutcome::Restarted { moved_m, turned_rad } = sixth else { panic!("{sixth:?}") };
         assert!(moved_m > 1.0 && (turned_rad - 2.0).abs() < 0.4, "{sixth:?}");
+        let reopened = truck.filter.estimate(truck.now).drift_sigma_radps;
+        assert!(reopened > 0.002, "{reopened}: what it had learnt may have been nonsense");
         let after: Vec<FixOutcome> = (0..20).map(|_| fix(&mut truck)).collect();
         assert!(after.iter().all(|o| matches!(o, FixOutcome::Accepted { .. })), "{after:?}");
         assert_eq!(truck.filter.estimate(truck.now).fixes.restarts, 1);
