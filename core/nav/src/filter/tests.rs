@@ -147,6 +147,20 @@ fn a_rejected_fix_leaves_the_odometry_alone() {
 }
 
 #[test]
+fn a_fix_and_the_odometry_are_weighed_by_how_sure_they_are() {
+    let mut truck = Truck::new(0.0, 0.0);
+    let fix = Fix { x_m: 0.1, ..truck.exact_fix(true) };
+    truck.fixed(&fix);
+    let estimate = truck.filter.estimate(truck.now);
+    let both = |a: f64, b: f64| 1.0 / (1.0 / (a * a) + 1.0 / (b * b));
+    let (m2, rad2) = (both(0.02, 0.05), both(0.02, 0.05));
+    assert!((estimate.pose.x_m - 0.1 * m2 / 0.0025).abs() < 1e-9, "{estimate:?}");
+    assert!((estimate.covariance[0][0] - m2).abs() < 1e-12, "{estimate:?}");
+    assert!((estimate.covariance[2][2] - rad2).abs() < 1e-12, "{estimate:?}");
+    assert!((estimate.sigma_m - m2.sqrt()).abs() < 1e-12);
+}
+
+#[test]
 fn drift_and_wheels_are_learnt_and_serve_when_the_fixes_drop_out() {
     for yaw in [false, true] {
         let mut truck = Truck::new(0.003, -0.02);
@@ -247,6 +261,8 @@ fn a_truck_that_was_carried_away_starts_again_where_its_fixes_agree() {
         let sixth = fix(&mut truck);
         let FixOutcome::Restarted { moved_m, turned_rad } = sixth else { panic!("{sixth:?}") };
         assert!(moved_m > 1.0 && (turned_rad - 2.0).abs() < 0.4, "{sixth:?}");
+        let reopened = truck.filter.estimate(truck.now).drift_sigma_radps;
+        assert!(reopened > 0.002, "{reopened}: what it had learnt may have been nonsense");
         let after: Vec<FixOutcome> = (0..20).map(|_| fix(&mut truck)).collect();
         assert!(after.iter().all(|o| matches!(o, FixOutcome::Accepted { .. })), "{after:?}");
         assert_eq!(truck.filter.estimate(truck.now).fixes.restarts, 1);
@@ -271,6 +287,23 @@ fn carried_away_and_standing_without_headings_it_knows_that_it_does_not_know_its
     truck.tour(10, false);
     assert!(truck.filter.estimate(truck.now).sigma_yaw_rad < 0.2);
     assert!(truck.off_m() < 0.15 && truck.turned_rad() < 0.2, "{}", truck.turned_rad());
+}
+
+#[test]
+fn wheels_that_spin_teach_it_no_impossible_tyres() {
+    let mut truck = Truck::new(0.001, 0.0);
+    truck.tour(20, true);
+    for _ in 0..200 {
+        let here = truck.truth;
+        truck.drive(0.1, 0.1, 0.0);
+        truck.truth = here;
+        let fix = truck.noisy_fix(true);
+        truck.fixed(&fix);
+        assert!(truck.filter.estimate(truck.now).wheel_scale.abs() <= 0.1);
+    }
+    assert!(truck.off_m() < 0.2, "{} m after 2 m of spinning", truck.off_m());
+    truck.tour(30, true);
+    assert!(truck.off_m() < 0.08, "{}", truck.off_m());
 }
 
 #[test]
