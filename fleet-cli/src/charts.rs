@@ -76,7 +76,8 @@ impl MapService {
     /// Another map is served already, or Zenoh refuses.
     pub async fn start(bus: &Bus, keys: &FleetKeys, map: &Map, within: Duration) -> Result<Self> {
         let message = FleetMap::from(map);
-        if let Some(other) = served(bus, keys, within).await?.iter().find(|other| other.hash != message.hash) {
+        if let Some(other) = served(bus, keys, within).await?.iter().find(|other| other.hash != message.hash)
+        {
             return Err(taken(&other.name, other.hash));
         }
         let (key, message) = (keys.map(), Arc::new(message));

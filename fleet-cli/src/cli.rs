@@ -2,9 +2,7 @@
 
 mod map;
 
-pub use map::{
-    MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs,
-};
+pub use map::{MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, parser::ValueSource};

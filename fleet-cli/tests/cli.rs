@@ -214,7 +214,10 @@ fn a_world_is_imported_and_the_files_are_the_same_map() {
     let home = Home::empty();
     std::fs::write(home.path().join("hall.toml"), HALL).unwrap();
     let world = json(&home.run("map show hall.toml --json").code(0));
-    assert_eq!((&world["name"], &world["width"], &world["height"]), (&"hall".into(), &124.into(), &84.into()));
+    assert_eq!(
+        (&world["name"], &world["width"], &world["height"]),
+        (&"hall".into(), &124.into(), &84.into())
+    );
     let written = json(&home.run("--json map import hall.toml --out new.yaml").code(0));
     assert_eq!((&written["hash"], &written["image"]), (&world["hash"], &"new.pgm".into()));
     let file = json(&home.run("map show new.yaml --json").code(0));
@@ -231,14 +234,18 @@ fn a_map_is_drawn_and_checked() {
     let home = Home::empty();
     std::fs::write(home.path().join("hall.toml"), HALL).unwrap();
     let drawn = stdout(&home.run("map show hall.toml").code(0));
-    assert!(drawn.contains("▒ keep-out charger") && drawn.contains("6.20 × 4.20 m, cells of 5 cm"), "{drawn}");
+    assert!(
+        drawn.contains("▒ keep-out charger") && drawn.contains("6.20 × 4.20 m, cells of 5 cm"),
+        "{drawn}"
+    );
     assert!(drawn.lines().all(|line| line.chars().count() <= 80), "{drawn}");
     let good = stdout(&home.run("map check hall.toml").code(0));
     assert!(good.contains("ok       one island") && good.ends_with("0 problems, 0 warnings\n"), "{good}");
-    std::fs::write(home.path().join("wide.toml"), "[vehicle.geometry]\nbody_width_m = 3.9\n").unwrap();
+    std::fs::write(home.path().join("wide.toml"), "[vehicle.geometry]\nbody_width_m = 3.0\n").unwrap();
     let wide = json(&home.run("--json map check hall.toml --car-from wide.toml").code(1));
     assert_eq!((&wide["problems"], wide["islands"].as_array().unwrap().len()), (&1.into(), 0));
-    let off = HALL.replace("[-3.0, -2.0], [-2.0, -2.0], [-2.0, -1.0], [-3.0, -1.0]", "[9, 9], [8, 9], [8, 8]");
+    let off =
+        HALL.replace("[-3.0, -2.0], [-2.0, -2.0], [-2.0, -1.0], [-3.0, -1.0]", "[9, 9], [8, 9], [8, 8]");
     std::fs::write(home.path().join("off.toml"), off).unwrap();
     let said = stdout(&home.run("map check off.toml").code(1));
     assert!(said.contains("problem  zone charger lies off the map"), "{said}");

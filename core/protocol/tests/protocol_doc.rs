@@ -47,7 +47,10 @@ fn every_field_of_a_map_and_every_kind_of_cell_and_zone_is_in_its_table() {
     knows::<MapCell>("## Map");
     has("## Map", ["name", "hash", "resolution_m", "origin_m", "width", "height", "cells", "zones"]);
     has("## Map", ["kind", "points"]);
-    assert!(section("## Map").contains(r#""keep_out""#) && section("## Map").contains(r#"{"one_way": {"heading_rad"}}"#));
+    assert!(
+        section("## Map").contains(r#""keep_out""#)
+            && section("## Map").contains(r#"{"one_way": {"heading_rad"}}"#)
+    );
 }
 
 #[test]

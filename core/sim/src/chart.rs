@@ -94,7 +94,8 @@ fn cropped(grid: &Grid) -> Result<Grid, GridError> {
     let Some((west, south, east, north)) = bounds else { return Ok(grid.clone()) };
     let rows = (south..=north).flat_map(|row| (west..=east).map(move |column| grid.cell(column, row)));
     let [x_m, y_m] = grid.origin_m();
-    let shifted = |from_m: f64, cells: i64| libm::round((from_m + cells as f64 * grid.resolution_m()) * 1e9) / 1e9;
+    let shifted =
+        |from_m: f64, cells: i64| libm::round((from_m + cells as f64 * grid.resolution_m()) * 1e9) / 1e9;
     let (width, height) = ((east - west + 1) as usize, (north - south + 1) as usize);
     Grid::new(grid.resolution_m(), [shifted(x_m, west), shifted(y_m, south)], width, height, rows.collect())
 }

@@ -57,7 +57,8 @@ fn ramps_are_floor_and_zones_are_rules() {
 
 #[test]
 fn impossible_zones_are_refused_with_the_reason() {
-    let zone = "[[zones]]\nname = \"z\"\nkind = \"keep_out\"\npoints = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]\n";
+    let zone =
+        "[[zones]]\nname = \"z\"\nkind = \"keep_out\"\npoints = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]\n";
     let refused = |toml: &str| World::from_toml(toml).unwrap_err().to_string();
     let twice = World::from_toml(&zone.repeat(2)).unwrap_err();
     assert_eq!(twice, WorldError::ZoneNamedTwice { name: "z".into() });

@@ -136,7 +136,8 @@ fn findings(report: &Report, car: &Car) -> Vec<Finding> {
             if several.len() > LISTED {
                 listed.push(format!("{} smaller ones", several.len() - LISTED));
             }
-            let text = format!("{} islands between which no truck gets: {}", several.len(), listed.join(", "));
+            let text =
+                format!("{} islands between which no truck gets: {}", several.len(), listed.join(", "));
             let todo = "a goal on another island than the truck's is refused as unreachable";
             all.push(finding(Level::Warning, text, todo));
         }
@@ -186,7 +187,11 @@ fn text(found: &Found<'_>, map: &Map, out: &Output) -> String {
         };
         lines.push(format!("{} {}", out.paint(tone, &format!("{word:LEVEL_WIDTH$}")), finding.text));
         if !finding.todo.is_empty() {
-            lines.push(format!("{:LEVEL_WIDTH$} {}", "", out.paint(Tone::Dim, &format!("→ {}", finding.todo))));
+            lines.push(format!(
+                "{:LEVEL_WIDTH$} {}",
+                "",
+                out.paint(Tone::Dim, &format!("→ {}", finding.todo))
+            ));
         }
     }
     let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });

@@ -9,7 +9,7 @@ const DOWN: usize = 4;
 /// The bits of Unicode's braille patterns, by row and column.
 const BRAILLE: [[u32; ACROSS]; DOWN] = [[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]];
 /// A map of few cells is not blown up beyond this.
-const FEWEST_CELLS_PER_DOT: f64 = 0.25;
+const FEWEST_CELLS_PER_DOT: f64 = 0.2;
 const ARROWS: [char; 8] = ['→', '↗', '↑', '↖', '←', '↙', '↓', '↘'];
 
 /// How a heading looks.
@@ -34,8 +34,8 @@ impl Picture {
         }
         let (width, height) = (map.grid().width() as f64, map.grid().height() as f64);
         let per_dot = (width / (ACROSS * columns) as f64).max(height / (DOWN * rows) as f64);
-        // In steps, so that a dot is a number of cells that people can reckon with.
-        let cells_per_dot = ((per_dot * 4.0).ceil() / 4.0).max(FEWEST_CELLS_PER_DOT);
+        // In steps: at 5 cm a dot is a whole number of centimetres.
+        let cells_per_dot = ((per_dot * 5.0).ceil() / 5.0).max(FEWEST_CELLS_PER_DOT);
         let chars = |cells: f64, dots: usize| (cells / (cells_per_dot * dots as f64)).ceil() as usize;
         Some(Self { cells_per_dot, columns: chars(width, ACROSS), rows: chars(height, DOWN) })
     }
@@ -52,9 +52,11 @@ impl Picture {
     pub(super) fn lines(&self, map: &Map, out: &Output) -> Vec<String> {
         (0..self.rows)
             .map(|row| {
-                let chars: Vec<(Tone, char)> = (0..self.columns).map(|column| self.look(map, column, row)).collect();
+                let chars: Vec<(Tone, char)> =
+                    (0..self.columns).map(|column| self.look(map, column, row)).collect();
                 let runs = chars.chunk_by(|a, b| a.0 == b.0);
-                runs.map(|run| out.paint(run[0].0, &run.iter().map(|(_, c)| *c).collect::<String>())).collect()
+                runs.map(|run| out.paint(run[0].0, &run.iter().map(|(_, c)| *c).collect::<String>()))
+                    .collect()
             })
             .collect()
     }
@@ -79,7 +81,7 @@ impl Picture {
         match self.zone(map, column, row).map(Zone::kind) {
             Some(ZoneKind::KeepOut) => (Tone::Bad, '▒'),
             Some(ZoneKind::OneWay { heading_rad }) => (Tone::Good, arrow(heading_rad)),
-            None if unknown > 0 && 2 * unknown >= seen => (Tone::Dim, '░'),
+            None if unknown > 0 && 2 * unknown >= seen => (Tone::Dim, '·'),
             None => (Tone::Plain, ' '),
         }
     }
@@ -112,7 +114,8 @@ impl Picture {
         let grid = map.grid();
         let cells = |chars: f64, dots: usize| chars * dots as f64 * self.cells_per_dot;
         let [x_m, y_m] = grid.origin_m();
-        let middle = [cells(column as f64 + 0.5, ACROSS), grid.height() as f64 - cells(row as f64 + 0.5, DOWN)];
+        let middle =
+            [cells(column as f64 + 0.5, ACROSS), grid.height() as f64 - cells(row as f64 + 0.5, DOWN)];
         let (x_m, y_m) = (x_m + middle[0] * grid.resolution_m(), y_m + middle[1] * grid.resolution_m());
         // A little around the middle: a zone smaller than a character shows too.
         let half_m = cells(0.25, ACROSS) * grid.resolution_m();

@@ -17,6 +17,10 @@ use xtb_protocol::messages::MapHash;
 const PAGE: (usize, usize) = (80, 50);
 /// The shell's own line after the picture.
 const PROMPT_LINES: usize = 1;
+/// Below a picture: an empty line, and the scale after the legend.
+const LINES_MORE: usize = 2;
+/// Zones that the legend names.
+const ZONES_NAMED: usize = 9;
 /// Between picture and text.
 const GAP: usize = 2;
 
@@ -105,7 +109,7 @@ fn text(map: &Map, (columns, rows): (usize, usize), out: &Output) -> String {
     let widest = legend.iter().map(|(_, width)| *width).max().unwrap_or(0);
     let rows = rows.saturating_sub(PROMPT_LINES);
     let beside = Picture::fit(map, columns.saturating_sub(widest + GAP), rows);
-    let below = Picture::fit(map, columns, rows.saturating_sub(legend.len() + 1));
+    let below = Picture::fit(map, columns, rows.saturating_sub(legend.len() + LINES_MORE));
     let (picture, is_beside) = match (beside, below) {
         (Some(beside), Some(below)) if beside.cells_per_dot() <= below.cells_per_dot() => (beside, true),
         (Some(beside), None) => (beside, true),
@@ -113,7 +117,8 @@ fn text(map: &Map, (columns, rows): (usize, usize), out: &Output) -> String {
         (None, None) => return legend.into_iter().map(|(line, _)| line).collect::<Vec<_>>().join("\n"),
     };
     let mut lines = picture.lines(map, out);
-    let scale = format!("a dot is {}, north is up", centimetres(picture.cells_per_dot() * map.grid().resolution_m()));
+    let scale =
+        format!("a dot is {}, north is up", centimetres(picture.cells_per_dot() * map.grid().resolution_m()));
     let scale = out.paint(Tone::Dim, &scale);
     let legend = legend.into_iter().map(|(line, _)| line).chain([scale]);
     if !is_beside {
@@ -148,15 +153,18 @@ fn legend(map: &Map, out: &Output) -> Vec<(String, usize)> {
     line(Tone::Plain, String::new());
     line(Tone::Plain, "⣿ occupied".to_owned());
     if map.grid().cells().contains(&Cell::Unknown) {
-        line(Tone::Dim, "░ unknown".to_owned());
+        line(Tone::Dim, "· unknown".to_owned());
     }
-    for zone in map.zones() {
+    for zone in map.zones().iter().take(ZONES_NAMED) {
         match zone.kind() {
             ZoneKind::KeepOut => line(Tone::Bad, format!("▒ keep-out {}", zone.name())),
             ZoneKind::OneWay { heading_rad } => {
                 line(Tone::Good, format!("{} one-way {}", arrow(heading_rad), zone.name()));
             }
         }
+    }
+    if map.zones().len() > ZONES_NAMED {
+        line(Tone::Dim, format!("{} more zones", map.zones().len() - ZONES_NAMED));
     }
     lines
 }
@@ -190,7 +198,8 @@ mod tests {
         let text = text(&hall(), (200, 11), &PLAIN);
         let first = text.lines().next().unwrap();
         assert_eq!(first, format!("⣿{}▒▒▒▒▒▒▒▒▒▒{}↓↓↓↓↓↓↓↓↓↓  hall", " ".repeat(9), " ".repeat(10)));
-        for part in ["4.00 × 2.00 m, cells of 5 cm", "▒ keep-out charger", "↓ one-way lane", "a dot is 5 cm"] {
+        for part in ["4.00 × 2.00 m, cells of 5 cm", "▒ keep-out charger", "↓ one-way lane", "a dot is 5 cm"]
+        {
             assert!(text.contains(part), "{part}\n{text}");
         }
     }
