@@ -1,6 +1,6 @@
 //! `map check`: what is wrong with a map, and what to do about it.
 
-use super::{size, size_m};
+use super::{rounded, size, size_m};
 use crate::charts;
 use crate::cli::MapCheckArgs;
 use crate::context::Context;
@@ -96,15 +96,20 @@ fn found<'a>(map: &'a Map, car: &Car) -> Found<'a> {
     let report = check(map, car);
     let findings = findings(&report, car);
     let count = |level| findings.iter().filter(|finding| finding.level == level).count();
-    let place = |[x_m, y_m]: [f64; 2], area_m2, width_m| Place { x_m, y_m, area_m2, width_m };
+    let place = |[x_m, y_m]: [f64; 2], area_m2: Option<f64>, width_m: Option<f64>| Place {
+        x_m: rounded(x_m),
+        y_m: rounded(y_m),
+        area_m2: area_m2.map(rounded),
+        width_m: width_m.map(rounded),
+    };
     Found {
         name: map.name(),
         hash: map.hash(),
         size_m: size_m(map),
         resolution_m: map.grid().resolution_m(),
-        free_m2: report.free_m2,
-        occupied_m2: report.occupied_m2,
-        unknown_m2: report.unknown_m2,
+        free_m2: rounded(report.free_m2),
+        occupied_m2: rounded(report.occupied_m2),
+        unknown_m2: rounded(report.unknown_m2),
         islands: report.islands.iter().map(|it| place(it.at_m, Some(it.area_m2), None)).collect(),
         narrow: report.narrows.iter().map(|it| place(it.at_m, None, Some(it.width_m))).collect(),
         problems: count(Level::Problem),

@@ -1,7 +1,7 @@
 //! `map show`: a map as a picture in the terminal.
 
 use super::picture::{Picture, arrow};
-use super::{centimetres, size, size_m};
+use super::{centimetres, rounded, size, size_m};
 use crate::charts;
 use crate::cli::MapShowArgs;
 use crate::client::Client;
@@ -83,7 +83,7 @@ fn page() -> (usize, usize) {
 /// Area of the cells of a kind.
 fn area_m2(map: &Map, kind: Cell) -> f64 {
     let count = map.grid().cells().iter().filter(|cell| **cell == kind).count();
-    count as f64 * map.grid().resolution_m() * map.grid().resolution_m()
+    rounded(count as f64 * map.grid().resolution_m() * map.grid().resolution_m())
 }
 
 fn shown(map: &Map) -> Shown<'_> {
