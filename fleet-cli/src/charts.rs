@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
-use xtb_bus::{Bus, Publisher, Service};
+use xtb_bus::{Bus, Incoming, Publisher, Service, Subscription};
 use xtb_nav::Map;
 use xtb_nav::map::ros::Description;
 use xtb_protocol::codec::Format;
@@ -57,7 +57,7 @@ fn unreadable(path: &Path, error: &std::io::Error) -> Failure {
 /// [`Kind::Failed`] if the question could not be sent.
 pub async fn served(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec<FleetMap>> {
     let answers = client::get(bus, &keys.map(), within).await?;
-    let read = |answer: &xtb_bus::Incoming| {
+    let read = |answer: &Incoming| {
         answer.decode().inspect_err(|error| tracing::warn!("on {}: {error}", answer.key)).ok()
     };
     Ok(answers.iter().filter_map(read).collect())
@@ -67,6 +67,7 @@ pub async fn served(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec
 pub struct MapService {
     publishing: JoinHandle<()>,
     _answering: Service,
+    _listening: Subscription,
 }
 
 impl MapService {
@@ -82,15 +83,26 @@ impl MapService {
         }
         let (key, message) = (keys.map(), Arc::new(message));
         let answering = answer(bus, key.clone(), Arc::clone(&message)).await?;
+        let own = message.hash;
+        let listening = bus.subscribe(&key, move |incoming| warn_of_another(own, &incoming)).await?;
         let publisher = bus.publisher::<FleetMap>(&key, &Channel::Map, Format::Postcard).await?;
         let publishing = tokio::spawn(publish(publisher, message));
-        Ok(Self { publishing, _answering: answering })
+        Ok(Self { publishing, _answering: answering, _listening: listening })
     }
 }
 
 impl Drop for MapService {
     fn drop(&mut self) {
         self.publishing.abort();
+    }
+}
+
+/// Two servers that met through a router later than they began.
+fn warn_of_another(own: MapHash, incoming: &Incoming) {
+    if let Ok(FleetMap { name, hash, .. }) = incoming.decode::<FleetMap>()
+        && hash != own
+    {
+        tracing::warn!("another map is served to this fleet too: {name} ({hash}); end one of them");
     }
 }
 
@@ -143,7 +155,7 @@ mod tests {
         let lab = map("lab", 20);
         let first = MapService::start(bus, keys, &lab, within).await.unwrap();
         let found = served(bus, keys, within).await.unwrap();
-        assert_eq!(found.iter().map(|map| Map::try_from(map).unwrap()).collect::<Vec<_>>(), [lab.clone()]);
+        assert_eq!((found.len(), Map::try_from(&found[0]).unwrap()), (1, lab.clone()));
 
         let refused = MapService::start(bus, keys, &map("barn", 21), within).await.map(drop).unwrap_err();
         let named = format!("another map is served already: lab ({})", lab.hash());

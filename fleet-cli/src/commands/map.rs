@@ -27,7 +27,12 @@ pub async fn run(ctx: &Context, args: &MapArgs) -> Result<Exit> {
 
 /// Width and depth, in m.
 fn size_m(map: &Map) -> [f64; 2] {
-    [map.grid().width(), map.grid().height()].map(|cells| cells as f64 * map.grid().resolution_m())
+    [map.grid().width(), map.grid().height()].map(|cells| rounded(cells as f64 * map.grid().resolution_m()))
+}
+
+/// To the sixth decimal: 56.12 instead of 56.120000000000005.
+fn rounded(number: f64) -> f64 {
+    (number * 1e6).round() / 1e6
 }
 
 /// In m: `12.20 × 14.20 m, cells of 5 cm`.

@@ -1,6 +1,6 @@
 //! `map check`: what is wrong with a map, and what to do about it.
 
-use super::{size, size_m};
+use super::{rounded, size, size_m};
 use crate::charts;
 use crate::cli::MapCheckArgs;
 use crate::context::Context;
@@ -35,6 +35,8 @@ enum Level {
 struct Finding {
     level: Level,
     text: String,
+    /// More of it, a line each.
+    detail: Vec<String>,
     /// What to do about it; empty if nothing has to be.
     todo: String,
 }
@@ -96,15 +98,20 @@ fn found<'a>(map: &'a Map, car: &Car) -> Found<'a> {
     let report = check(map, car);
     let findings = findings(&report, car);
     let count = |level| findings.iter().filter(|finding| finding.level == level).count();
-    let place = |[x_m, y_m]: [f64; 2], area_m2, width_m| Place { x_m, y_m, area_m2, width_m };
+    let place = |[x_m, y_m]: [f64; 2], area_m2: Option<f64>, width_m: Option<f64>| Place {
+        x_m: rounded(x_m),
+        y_m: rounded(y_m),
+        area_m2: area_m2.map(rounded),
+        width_m: width_m.map(rounded),
+    };
     Found {
         name: map.name(),
         hash: map.hash(),
         size_m: size_m(map),
         resolution_m: map.grid().resolution_m(),
-        free_m2: report.free_m2,
-        occupied_m2: report.occupied_m2,
-        unknown_m2: report.unknown_m2,
+        free_m2: rounded(report.free_m2),
+        occupied_m2: rounded(report.occupied_m2),
+        unknown_m2: rounded(report.unknown_m2),
         islands: report.islands.iter().map(|it| place(it.at_m, Some(it.area_m2), None)).collect(),
         narrow: report.narrows.iter().map(|it| place(it.at_m, None, Some(it.width_m))).collect(),
         problems: count(Level::Problem),
@@ -114,7 +121,6 @@ fn found<'a>(map: &'a Map, car: &Car) -> Found<'a> {
 }
 
 fn findings(report: &Report, car: &Car) -> Vec<Finding> {
-    let finding = |level, text: String, todo: &str| Finding { level, text, todo: todo.to_owned() };
     let at = |[x_m, y_m]: [f64; 2]| format!("({x_m:.2}, {y_m:.2})");
     let width_m = 2.0 * car.half_width_m;
     let mut all = Vec::new();
@@ -136,18 +142,21 @@ fn findings(report: &Report, car: &Car) -> Vec<Finding> {
             if several.len() > LISTED {
                 listed.push(format!("{} smaller ones", several.len() - LISTED));
             }
+<<<<<<< HEAD
             let text =
                 format!("{} islands between which no truck gets: {}", several.len(), listed.join(", "));
             let todo = "a goal on another island than the truck's is refused as unreachable";
             all.push(finding(Level::Warning, text, todo));
+=======
+            let text = format!("{} islands, and no way for a truck from one to another", several.len());
+            let todo = "a goal on another island than the truck's cannot be reached";
+            all.push(Finding { detail: listed, ..finding(Level::Warning, text, todo) });
+>>>>>>> nav-map
         }
     }
     for narrow in report.narrows.iter().take(LISTED) {
-        let text = format!(
-            "too narrow at {}: about {:.2} m, the truck needs more than {width_m:.2} m",
-            at(narrow.at_m),
-            narrow.width_m
-        );
+        let text =
+            format!("too narrow for {width_m:.2} m at {}: about {:.2} m", at(narrow.at_m), narrow.width_m);
         all.push(finding(Level::Warning, text, "widen it, or draw it closed so that nobody wonders"));
     }
     all.extend(report.zones.iter().map(zone_finding));
@@ -163,12 +172,20 @@ fn zone_finding(found: &ZoneFinding) -> Finding {
             (Level::Warning, format!("zone {zone} reaches over the map's border"), "it ends there")
         }
         ZoneFinding::Cut { zones, pieces } => {
-            let many = if zones.len() == 1 { "keep-out" } else { "keep-outs" };
-            let text = format!("{many} {} cut an island in {pieces} pieces", zones.join(", "));
-            (Level::Problem, text, "leave more than the truck's width beside them")
+            let who = match zones.as_slice() {
+                [] => "keep-outs cut".to_owned(),
+                [one] => format!("keep-out {one} cuts"),
+                several => format!("keep-outs {} cut", several.join(", ")),
+            };
+            let text = format!("{who} an island in {pieces} pieces");
+            (Level::Problem, text, "leave more than the truck's width beside keep-outs")
         }
     };
-    Finding { level, text, todo: todo.to_owned() }
+    finding(level, text, todo)
+}
+
+fn finding(level: Level, text: String, todo: &str) -> Finding {
+    Finding { level, text, detail: Vec::new(), todo: todo.to_owned() }
 }
 
 fn text(found: &Found<'_>, map: &Map, out: &Output) -> String {
@@ -186,6 +203,7 @@ fn text(found: &Found<'_>, map: &Map, out: &Output) -> String {
             Level::Problem => ("problem", Tone::Bad),
         };
         lines.push(format!("{} {}", out.paint(tone, &format!("{word:LEVEL_WIDTH$}")), finding.text));
+        lines.extend(finding.detail.iter().map(|line| format!("{:LEVEL_WIDTH$}   {line}", "")));
         if !finding.todo.is_empty() {
             lines.push(format!(
                 "{:LEVEL_WIDTH$} {}",
@@ -218,8 +236,8 @@ mod tests {
     fn a_narrow_door_is_a_warning_with_place_and_width() {
         let (problems, text) = report(Vec::new());
         assert!(text.starts_with("hall  6.00 × 4.00 m, cells of 5 cm  "), "{text}");
-        assert!(text.contains("warning  2 islands between which no truck gets"), "{text}");
-        assert!(text.contains("too narrow at (3.") && text.contains("more than 0.40 m"), "{text}");
+        assert!(text.contains("warning  2 islands, and no way"), "{text}");
+        assert!(text.contains("warning  too narrow for 0.40 m at (3."), "{text}");
         assert!(problems == 0 && text.ends_with("0 problems, 2 warnings"), "{text}");
     }
 
@@ -231,7 +249,7 @@ mod tests {
         };
         let (problems, text) = report(vec![zone("far", 9.0, 10.0), zone("across", 1.2, 1.4)]);
         assert!(text.contains("problem  zone far lies off the map"), "{text}");
-        assert!(text.contains("problem  keep-out across cut an island in 2 pieces"), "{text}");
+        assert!(text.contains("problem  keep-out across cuts an island in 2 pieces"), "{text}");
         assert_eq!(problems, 2, "{text}");
     }
 }

@@ -9,7 +9,7 @@ const DOWN: usize = 4;
 /// The bits of Unicode's braille patterns, by row and column.
 const BRAILLE: [[u32; ACROSS]; DOWN] = [[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]];
 /// A map of few cells is not blown up beyond this.
-const FEWEST_CELLS_PER_DOT: f64 = 0.25;
+const FEWEST_CELLS_PER_DOT: f64 = 0.2;
 const ARROWS: [char; 8] = ['→', '↗', '↑', '↖', '←', '↙', '↓', '↘'];
 
 /// How a heading looks.
@@ -34,8 +34,8 @@ impl Picture {
         }
         let (width, height) = (map.grid().width() as f64, map.grid().height() as f64);
         let per_dot = (width / (ACROSS * columns) as f64).max(height / (DOWN * rows) as f64);
-        // In steps, so that a dot is a number of cells that people can reckon with.
-        let cells_per_dot = ((per_dot * 4.0).ceil() / 4.0).max(FEWEST_CELLS_PER_DOT);
+        // In steps: at 5 cm a dot is a whole number of centimetres.
+        let cells_per_dot = ((per_dot * 5.0).ceil() / 5.0).max(FEWEST_CELLS_PER_DOT);
         let chars = |cells: f64, dots: usize| (cells / (cells_per_dot * dots as f64)).ceil() as usize;
         Some(Self { cells_per_dot, columns: chars(width, ACROSS), rows: chars(height, DOWN) })
     }
@@ -81,7 +81,7 @@ impl Picture {
         match self.zone(map, column, row).map(Zone::kind) {
             Some(ZoneKind::KeepOut) => (Tone::Bad, '▒'),
             Some(ZoneKind::OneWay { heading_rad }) => (Tone::Good, arrow(heading_rad)),
-            None if unknown > 0 && 2 * unknown >= seen => (Tone::Dim, '░'),
+            None if unknown > 0 && 2 * unknown >= seen => (Tone::Dim, '·'),
             None => (Tone::Plain, ' '),
         }
     }

@@ -1,7 +1,7 @@
 //! `map show`: a map as a picture in the terminal.
 
 use super::picture::{Picture, arrow};
-use super::{centimetres, size, size_m};
+use super::{centimetres, rounded, size, size_m};
 use crate::charts;
 use crate::cli::MapShowArgs;
 use crate::client::Client;
@@ -17,6 +17,10 @@ use xtb_protocol::messages::MapHash;
 const PAGE: (usize, usize) = (80, 50);
 /// The shell's own line after the picture.
 const PROMPT_LINES: usize = 1;
+/// Below a picture: an empty line, and the scale after the legend.
+const LINES_MORE: usize = 2;
+/// Zones that the legend names.
+const ZONES_NAMED: usize = 9;
 /// Between picture and text.
 const GAP: usize = 2;
 
@@ -79,7 +83,7 @@ fn page() -> (usize, usize) {
 /// Area of the cells of a kind.
 fn area_m2(map: &Map, kind: Cell) -> f64 {
     let count = map.grid().cells().iter().filter(|cell| **cell == kind).count();
-    count as f64 * map.grid().resolution_m() * map.grid().resolution_m()
+    rounded(count as f64 * map.grid().resolution_m() * map.grid().resolution_m())
 }
 
 fn shown(map: &Map) -> Shown<'_> {
@@ -105,7 +109,7 @@ fn text(map: &Map, (columns, rows): (usize, usize), out: &Output) -> String {
     let widest = legend.iter().map(|(_, width)| *width).max().unwrap_or(0);
     let rows = rows.saturating_sub(PROMPT_LINES);
     let beside = Picture::fit(map, columns.saturating_sub(widest + GAP), rows);
-    let below = Picture::fit(map, columns, rows.saturating_sub(legend.len() + 1));
+    let below = Picture::fit(map, columns, rows.saturating_sub(legend.len() + LINES_MORE));
     let (picture, is_beside) = match (beside, below) {
         (Some(beside), Some(below)) if beside.cells_per_dot() <= below.cells_per_dot() => (beside, true),
         (Some(beside), None) => (beside, true),
@@ -149,15 +153,18 @@ fn legend(map: &Map, out: &Output) -> Vec<(String, usize)> {
     line(Tone::Plain, String::new());
     line(Tone::Plain, "⣿ occupied".to_owned());
     if map.grid().cells().contains(&Cell::Unknown) {
-        line(Tone::Dim, "░ unknown".to_owned());
+        line(Tone::Dim, "· unknown".to_owned());
     }
-    for zone in map.zones() {
+    for zone in map.zones().iter().take(ZONES_NAMED) {
         match zone.kind() {
             ZoneKind::KeepOut => line(Tone::Bad, format!("▒ keep-out {}", zone.name())),
             ZoneKind::OneWay { heading_rad } => {
                 line(Tone::Good, format!("{} one-way {}", arrow(heading_rad), zone.name()));
             }
         }
+    }
+    if map.zones().len() > ZONES_NAMED {
+        line(Tone::Dim, format!("{} more zones", map.zones().len() - ZONES_NAMED));
     }
     lines
 }

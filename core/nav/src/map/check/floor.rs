@@ -92,7 +92,8 @@ impl Floor {
     pub(super) fn narrows(&self, grid: &Grid) -> Vec<Narrow> {
         let narrow = |&(cell, room2): &(u32, u32)| Narrow {
             at_m: middle_m(grid, cell),
-            width_m: 2.0 * clearance_m(room2, grid.resolution_m()),
+            // Between the odd and the even number of cells that look the same from the middle.
+            width_m: 2.0 * clearance_m(room2, grid.resolution_m()) + grid.resolution_m() / 2.0,
         };
         self.meetings.iter().map(narrow).collect()
     }
