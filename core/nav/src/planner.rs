@@ -124,10 +124,10 @@ impl Default for PlannerSettings {
             bend_change_m: 0.02,
             near_factor: 1.0,
             near_m: 0.2,
-            greed: 1.5,
+            greed: 2.5,
             square_m: 0.05,
             shot_spacing_m: 0.2,
-            lattices: vec![lattice(0.1, 48, 3, 20_000), lattice(0.05, 72, 3, usize::MAX)],
+            lattices: vec![lattice(0.1, 48, 3, 20_000), lattice(0.05, 72, 1, usize::MAX)],
             most_expansions: 1_000_000,
             rounds: 2,
         }

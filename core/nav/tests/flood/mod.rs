@@ -80,13 +80,16 @@ impl<'a, S: Space> Flood<'a, S> {
         self.poses.len()
     }
 
-    /// Whether a driven curve joins the pose with one of the flood, in the flood's own direction.
-    pub(crate) fn joins(&self, pose: &MapPose, ways: &mut Vec<Way>) -> bool {
-        let around = (0..27).map(|n| [n % 3, n / 3 % 3, n / 9].map(|v| if v == 2 { -1 } else { v }));
-        around.filter_map(|offset| self.cell(pose, offset)).any(|cell| {
+    /// Whether a driven curve joins the pose with one of the flood in the same cell or, if `around`,
+    /// in one beside it; in the flood's own direction.
+    pub(crate) fn joins(&self, pose: &MapPose, around: bool, ways: &mut Vec<Way>) -> bool {
+        const MOST_DETOUR: f64 = 10.0;
+        let offsets = (0..if around { 27 } else { 1 }).map(|n| [n % 3, n / 3 % 3, n / 9]);
+        let offsets = offsets.map(|offset| offset.map(|v| if v == 2 { -1 } else { v }));
+        offsets.filter_map(|offset| self.cell(pose, offset)).any(|cell| {
             let Some(there) = self.poses.get(self.cells[cell] as usize) else { return false };
             let (from, to) = if self.backward { (pose, there) } else { (there, pose) };
-            reeds_shepp::ways(from, to, self.space.car().radius_m, f64::INFINITY, ways);
+            reeds_shepp::ways(from, to, self.space.car().radius_m, MOST_DETOUR, ways);
             ways.iter().any(|way| {
                 let mut at = *from;
                 way.pieces().iter().all(|piece| {
@@ -138,16 +141,18 @@ impl<'a, S: Space> Reachable<'a, S> {
             return true;
         }
         // One of them has been flooded to the end without meeting the base.
-        (!goal_from_base && before.joins(start, ways)) || (!start_to_base && after.joins(goal, ways))
+        (!goal_from_base && before.joins(start, true, ways)) || (!start_to_base && after.joins(goal, true, ways))
     }
 }
 
 /// Grows the flood until one of its poses is joined to the other one.
 fn attached<S: Space>(flood: &mut Flood<'_, S>, other: &Flood<'_, S>, ways: &mut Vec<Way>) -> bool {
     while let Some(pose) = flood.step() {
-        if other.joins(&pose, ways) {
+        if other.joins(&pose, false, ways) {
             return true;
         }
     }
-    false
+    // What is as large as this and has no cell in common is apart.
+    const SMALL: usize = 3000;
+    flood.poses.len() < SMALL && flood.poses.iter().any(|pose| other.joins(pose, true, ways))
 }
