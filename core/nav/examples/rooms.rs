@@ -19,7 +19,9 @@ fn main() {
     let (queries, seed) = (numbers.next().unwrap_or(2000), numbers.next().unwrap_or(1));
     for (title, look_out) in [("Body alone", LookOut::OFF), ("With the look-out strip", LookOut::TRUCK)] {
         println!("\n{title}, {queries} queries a room:\n");
-        println!("| room | reachable | solved | unreachable | solved there | median ms | p95 ms | max ms | median expansions | max | mean m |");
+        println!(
+            "| room | reachable | solved | unreachable | solved there | median ms | p95 ms | max ms | median expansions | max | mean m |"
+        );
         println!("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |");
         for room in Room::ALL {
             row(room, look_out, queries, seed);
@@ -50,7 +52,7 @@ fn row(room: Room, look_out: LookOut, queries: u64, seed: u64) {
     for _ in 0..queries {
         let (start, goal) = (draw.free_pose(&space).unwrap(), draw.free_pose(&space).unwrap());
         let began = Instant::now();
-        let plan = planner.plan(&space, &start, &Goal::exactly(&goal), &settings, &mut || true);
+        let plan = planner.plan_on_grid(&space, &start, &Goal::exactly(&goal), &settings, &mut || true);
         let ms = began.elapsed().as_secs_f64() * 1e3;
         let expansions = match &plan {
             Ok(plan) => plan.expansions,
@@ -85,11 +87,18 @@ fn row(room: Room, look_out: LookOut, queries: u64, seed: u64) {
         expansions[expansions.len() - 1],
         stretch / (count(true, true) + count(true, false)).max(1) as f64,
     );
-    for (answer, truth) in answers.iter().zip(&truth).filter(|(answer, truth)| answer.solved != **truth).take(10) {
-        let ends = [answer.start, answer.goal].map(|p| format!("({:.3}, {:.3}, {:.3})", p.x_m, p.y_m, p.yaw_rad));
+    for (answer, truth) in
+        answers.iter().zip(&truth).filter(|(answer, truth)| answer.solved != **truth).take(10)
+    {
+        let ends =
+            [answer.start, answer.goal].map(|p| format!("({:.3}, {:.3}, {:.3})", p.x_m, p.y_m, p.yaw_rad));
         println!("  {} but {truth}: {} → {}", answer.solved, ends[0], ends[1]);
     }
     let unsolved: Vec<f64> = answers.iter().filter(|answer| !answer.solved).map(|answer| answer.ms).collect();
     let worst = unsolved.iter().copied().fold(0.0, f64::max);
-    println!("  flood {} poses, {} not solved, worst of these {worst:.0} ms", reachable.len(), unsolved.len());
+    println!(
+        "  flood {} poses, {} not solved, worst of these {worst:.0} ms",
+        reachable.len(),
+        unsolved.len()
+    );
 }

@@ -107,8 +107,10 @@ impl Builder<'_> {
 
     fn boxes(&mut self, count: usize, sides: std::ops::RangeInclusive<i64>) {
         for _ in 0..count {
-            let (width, height) =
-                (self.draw.whole(*sides.start(), *sides.end()), self.draw.whole(*sides.start(), *sides.end()));
+            let (width, height) = (
+                self.draw.whole(*sides.start(), *sides.end()),
+                self.draw.whole(*sides.start(), *sides.end()),
+            );
             let (column, row) = (self.draw.whole(0, CELLS - width), self.draw.whole(0, CELLS - height));
             self.fill([column, row, width, height]);
         }
@@ -129,7 +131,11 @@ impl Builder<'_> {
         // One small chamber in ten has no door.
         let door = if self.draw.whole(1, 10) == 1 && length < 80 { 0 } else { door };
         for (from, to) in [(0, door_at), (door_at + door, other)] {
-            let wall = if wide { [column + at, row + from, 1, to - from] } else { [column + from, row + at, to - from, 1] };
+            let wall = if wide {
+                [column + at, row + from, 1, to - from]
+            } else {
+                [column + from, row + at, to - from, 1]
+            };
             self.fill(wall);
         }
         let (first, second) = if wide {
@@ -142,7 +148,8 @@ impl Builder<'_> {
     }
 
     fn stub(&mut self, [column, row, width, height]: [i64; 4]) {
-        let (across, along) = (self.draw.whole(width / 3, 2 * width / 3), self.draw.whole(height / 3, 2 * height / 3));
+        let (across, along) =
+            (self.draw.whole(width / 3, 2 * width / 3), self.draw.whole(height / 3, 2 * height / 3));
         match self.draw.whole(0, 4) {
             0 => self.fill([column + across, row, 1, height / 2]),
             1 => self.fill([column + across, row + height / 2, 1, height - height / 2]),

@@ -21,7 +21,8 @@ pub(super) struct Costs {
 
 impl Costs {
     pub(super) fn new(settings: &PlannerSettings, core_m: f64) -> Self {
-        let PlannerSettings { reverse_factor, gear_change_m, bend_change_m, near_m, near_factor, .. } = *settings;
+        let PlannerSettings { reverse_factor, gear_change_m, bend_change_m, near_m, near_factor, .. } =
+            *settings;
         Self { reverse_factor, gear_change_m, bend_change_m, near_m, near_factor, core_m }
     }
 

@@ -2,9 +2,9 @@
 //! in the way.
 
 use super::costs::Costs;
+use crate::MapPose;
 use crate::path::wrap_rad;
 use crate::reeds_shepp::{self, Way};
-use crate::MapPose;
 use std::f64::consts::PI;
 
 /// Steps per radius along x and y.

@@ -55,7 +55,7 @@ impl Distances {
     }
 
     /// Way to the point, in m; infinite when there is none.
-    pub(super) fn to_m(&mut self, space: &impl Space, x_m: f64, y_m: f64) -> f64 {
+    pub(super) fn way_m(&mut self, space: &impl Space, x_m: f64, y_m: f64) -> f64 {
         let Some(square) = self.square(x_m, y_m) else { return f64::INFINITY };
         while self.costs[square] >= self.reached && self.waiting > 0 {
             if self.costs[square] == BLOCKED {
@@ -114,7 +114,8 @@ impl Distances {
     fn spread(&mut self, space: &impl Space, square: usize) {
         let (column, row) = (square % self.columns, square / self.columns);
         for (down, left) in [(1, 0), (1, 1), (1, 2), (0, 1), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)] {
-            let (Some(row), Some(column)) = ((row + down).checked_sub(1), (column + left).checked_sub(1)) else {
+            let (Some(row), Some(column)) = ((row + down).checked_sub(1), (column + left).checked_sub(1))
+            else {
                 continue;
             };
             if row >= self.rows || column >= self.columns {
@@ -136,6 +137,7 @@ impl Distances {
     /// Whether the reference point may be somewhere in the square.
     fn fits(&self, space: &impl Space, square: usize) -> bool {
         let [x_m, y_m] = self.middle_m(square);
-        space.most_clearance_m(x_m, y_m, self.side_m * std::f64::consts::FRAC_1_SQRT_2) >= space.car().core_m()
+        space.most_clearance_m(x_m, y_m, self.side_m * std::f64::consts::FRAC_1_SQRT_2)
+            >= space.car().core_m()
     }
 }

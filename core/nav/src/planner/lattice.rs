@@ -15,8 +15,10 @@ pub struct Lattice {
     pub turn: u16,
     /// Whether there are moves at half lock too.
     pub half_lock: bool,
-    /// After how many expansions the next finer lattice takes over.
+    /// After how many expansions of one tree the next finer lattice takes over.
     pub most_expansions: usize,
+    /// Only for pockets: taken when the coarser lattice has found no more poses than this.
+    pub pocket: usize,
 }
 
 /// One move and what it does to a pose.
@@ -74,11 +76,18 @@ impl Moves {
     }
 
     /// Where the move leads from a point and heading, or where it must have begun to lead there.
-    pub(super) fn next(&self, step: &Move, at: ([f64; 2], u16), root: Root, backward: bool) -> ([f64; 2], u16) {
+    pub(super) fn next(
+        &self,
+        step: &Move,
+        at: ([f64; 2], u16),
+        root: Root,
+        backward: bool,
+    ) -> ([f64; 2], u16) {
         let ([x, y], heading) = at;
         let (sin, cos) = self.directions[usize::from(heading)];
         let (sin, cos) = (sin * root.cos + cos * root.sin, cos * root.cos - sin * root.sin);
-        let ([ahead, left], turn) = if backward { (step.back_m, -step.turn) } else { (step.there_m, step.turn) };
+        let ([ahead, left], turn) =
+            if backward { (step.back_m, -step.turn) } else { (step.there_m, step.turn) };
         let heading = (i32::from(heading) + turn).rem_euclid(self.headings) as u16;
         ([x + ahead * cos - left * sin, y + ahead * sin + left * cos], heading)
     }

@@ -67,7 +67,10 @@ mod tests {
         pages.set((19, 8, 4), 7);
         pages.set((19, 8, 3), 6);
         pages.set((0, 0, 0), 5);
-        assert_eq!([(19, 8, 4), (19, 8, 3), (0, 0, 0)].map(|key| pages.get(key)), [Some(7), Some(6), Some(5)]);
+        assert_eq!(
+            [(19, 8, 4), (19, 8, 3), (0, 0, 0)].map(|key| pages.get(key)),
+            [Some(7), Some(6), Some(5)]
+        );
         assert_eq!((pages.get((18, 8, 4)), pages.get((99, 0, 0))), (None, None));
         pages.set((99, 0, 0), 1);
         pages.begin(20, 9, 5);

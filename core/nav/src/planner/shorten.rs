@@ -3,9 +3,9 @@
 use super::costs::Costs;
 use super::curves::Curves;
 use super::shots::Shots;
+use crate::MapPose;
 use crate::path::{Path, Piece};
 use crate::space::Space;
-use crate::MapPose;
 
 /// Distance between the poses that are joined, in m, at least.
 const SPACING_M: f64 = 0.4;
@@ -55,7 +55,8 @@ impl Shorten {
             (self.knots[to].best, self.knots[to].from) = (along, to - 1);
             for from in 0..to.saturating_sub(1) {
                 let start = &self.knots[from];
-                let (best, least) = (self.knots[to].best, start.best + 0.97 * curves.cost(&start.pose, &here));
+                let (best, least) =
+                    (self.knots[to].best, start.best + 0.97 * curves.cost(&start.pose, &here));
                 if left == 0 || least + WORTH_M > best {
                     continue;
                 }

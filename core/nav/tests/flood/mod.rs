@@ -28,10 +28,10 @@ pub(crate) struct Flood<'a, S: Space> {
 impl<'a, S: Space> Flood<'a, S> {
     pub(crate) fn new(space: &'a S, root: &MapPose, backward: bool) -> Self {
         let bounds = space.bounds();
-        let size = [0, 1].map(|axis| ((bounds.high_m[axis] - bounds.low_m[axis]) / CELL_M).ceil() as usize + 1);
+        let size =
+            [0, 1].map(|axis| ((bounds.high_m[axis] - bounds.low_m[axis]) / CELL_M).ceil() as usize + 1);
         let cells = vec![u32::MAX; size[0] * size[1] * HEADINGS];
-        let mut flood =
-            Self { space, backward, size, cells, poses: Vec::new(), queue: VecDeque::new() };
+        let mut flood = Self { space, backward, size, cells, poses: Vec::new(), queue: VecDeque::new() };
         flood.add(root);
         flood
     }
@@ -41,7 +41,8 @@ impl<'a, S: Space> Flood<'a, S> {
         let place = [(pose.x_m - low[0]) / CELL_M, (pose.y_m - low[1]) / CELL_M];
         let column = usize::try_from(place[0].floor() as i64 + offset[0]).ok()?;
         let row = usize::try_from(place[1].floor() as i64 + offset[1]).ok()?;
-        let heading = ((pose.yaw_rad / TURN_RAD).floor() as i64 + offset[2]).rem_euclid(HEADINGS as i64) as usize;
+        let heading =
+            ((pose.yaw_rad / TURN_RAD).floor() as i64 + offset[2]).rem_euclid(HEADINGS as i64) as usize;
         (column < self.size[0] && row < self.size[1])
             .then_some((row * self.size[0] + column) * HEADINGS + heading)
     }
@@ -61,9 +62,14 @@ impl<'a, S: Space> Flood<'a, S> {
         let radius_m = self.space.car().radius_m;
         let arc_m = TURN_RAD * radius_m;
         for gear in [1.0, -1.0] {
-            for (length_m, curvature) in
-                [(arc_m, 1.0), (arc_m, -1.0), (0.052, 0.0), (0.074, 0.0), (2.0 * arc_m, 0.5), (2.0 * arc_m, -0.5)]
-            {
+            for (length_m, curvature) in [
+                (arc_m, 1.0),
+                (arc_m, -1.0),
+                (0.052, 0.0),
+                (0.074, 0.0),
+                (2.0 * arc_m, 0.5),
+                (2.0 * arc_m, -0.5),
+            ] {
                 let piece = Piece { length_m: gear * length_m, curvature_per_m: curvature / radius_m };
                 let there = piece.after(&here, if self.backward { -piece.length_m } else { piece.length_m });
                 let known = self.cell(&there, [0; 3]).is_none_or(|cell| self.cells[cell] != u32::MAX);
@@ -141,7 +147,8 @@ impl<'a, S: Space> Reachable<'a, S> {
             return true;
         }
         // One of them has been flooded to the end without meeting the base.
-        (!goal_from_base && before.joins(start, true, ways)) || (!start_to_base && after.joins(goal, true, ways))
+        (!goal_from_base && before.joins(start, true, ways))
+            || (!start_to_base && after.joins(goal, true, ways))
     }
 }
 
