@@ -211,6 +211,7 @@ impl Planner {
                     match (popped, finer) {
                         (None, Some(finer)) if poses <= finer.pocket => {}
                         (Some(_), Some(_)) if spent => {}
+                        (None, _) if self.full() => return Err(self.spent(query, expansions)),
                         (None, _) => return Err(self.walled_in(query, tree)),
                         (Some(node), _) => {
                             (expansions, own[tree]) = (expansions + 1, own[tree] + 1);
@@ -225,7 +226,7 @@ impl Planner {
                     self.plant(query, &view, tree, levels[tree]);
                 }
             }
-            if expansions >= settings.most_expansions || !keep_going() {
+            if self.full() || expansions >= settings.most_expansions || !keep_going() {
                 return Err(self.spent(query, expansions));
             }
         }
@@ -312,6 +313,11 @@ impl Planner {
         let left_m = best.map_or(f64::INFINITY, |node| tree.left_from_m(node));
         let by = first_hit(query.space, [nearest.x_m, nearest.y_m], [query.goal.x_m, query.goal.y_m]);
         PlanError::Budget { expansions, nearest, left_m, by }
+    }
+
+    /// Whether there is no memory left for new places.
+    fn full(&self) -> bool {
+        self.trees.iter().any(Tree::full)
     }
 
     /// Poses in memory after the last search.

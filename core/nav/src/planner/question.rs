@@ -98,7 +98,7 @@ impl Default for PlannerSettings {
                 lattice(0.05, 72, 1, ANY, ANY),
                 lattice(0.025, 120, 1, ANY, 2000),
             ],
-            most_expansions: 1_000_000,
+            most_expansions: 500_000,
             rounds: 2,
         }
     }

@@ -181,6 +181,11 @@ impl Tree {
         self.best
     }
 
+    /// Whether there is no memory left for new places.
+    pub(super) fn full(&self) -> bool {
+        self.pages.full()
+    }
+
     /// Nodes in memory.
     pub(super) fn len(&self) -> usize {
         self.nodes.len()
