@@ -97,6 +97,7 @@ impl Default for PlannerSettings {
                 lattice(0.1, 48, 3, 10_000, ANY),
                 lattice(0.05, 72, 1, ANY, ANY),
                 lattice(0.025, 120, 1, ANY, 2000),
+                lattice(0.01, 120, 1, ANY, 2000),
             ],
             most_expansions: 500_000,
             rounds: 2,
