@@ -18,19 +18,21 @@ mod distances;
 mod error;
 mod lattice;
 mod pages;
+mod question;
 mod shorten;
 mod shots;
 mod tree;
 
 pub use error::{End, PlanError};
 pub use lattice::Lattice;
+pub use question::{Goal, PlannerSettings};
 
-use crate::path::{Path, wrap_rad};
-use crate::space::{Hit, Space, What};
+use crate::path::Path;
+use crate::space::{GridSpace, Hit, Space, What};
 use crate::{MapPose, Piece};
 use costs::Costs;
 use curves::Curves;
-use lattice::Moves;
+use question::GOAL_HEADINGS;
 use shorten::Shorten;
 use shots::Shots;
 use std::f64::consts::TAU;
@@ -38,101 +40,9 @@ use tree::{Tree, View};
 
 /// Expansions of one tree until it is the other's turn.
 const TURN: usize = 16;
-/// Headings that a goal without one is approached in.
-const GOAL_HEADINGS: u16 = 24;
 /// The tree from the start on, and that from the goal back.
 const FORWARD: usize = 0;
 const BACKWARD: usize = 1;
-
-/// Where to go.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Goal {
-    /// In m.
-    pub x_m: f64,
-    /// In m.
-    pub y_m: f64,
-    /// `None` = any heading will do.
-    pub yaw_rad: Option<f64>,
-    /// A path may end this far away, in m; it does so only where that saves the search something.
-    pub tolerance_m: f64,
-    /// And this far off its heading, in rad.
-    pub tolerance_rad: f64,
-}
-
-impl Goal {
-    /// This pose exactly.
-    #[must_use]
-    pub fn exactly(pose: &MapPose) -> Self {
-        let MapPose { x_m, y_m, yaw_rad } = *pose;
-        Self { x_m, y_m, yaw_rad: Some(yaw_rad), tolerance_m: 0.0, tolerance_rad: 0.0 }
-    }
-
-    /// Whether a car at `pose` is there.
-    #[must_use]
-    pub fn met_by(&self, pose: &MapPose) -> bool {
-        const ROUNDING: f64 = 1e-6;
-        let turned = self.yaw_rad.map_or(0.0, |yaw| wrap_rad(pose.yaw_rad - yaw).abs());
-        let apart = libm::hypot(pose.x_m - self.x_m, pose.y_m - self.y_m);
-        apart <= self.tolerance_m + ROUNDING && turned <= self.tolerance_rad + ROUNDING
-    }
-
-    fn pose(&self, yaw_rad: f64) -> MapPose {
-        MapPose { x_m: self.x_m, y_m: self.y_m, yaw_rad: wrap_rad(yaw_rad) }
-    }
-}
-
-/// What a search weighs and how much it may cost. Costs are in m of free floor driven ahead.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PlannerSettings {
-    /// What a metre astern costs.
-    pub reverse_factor: f64,
-    /// What a change of gear costs.
-    pub gear_change_m: f64,
-    /// What a change of curvature costs.
-    pub bend_change_m: f64,
-    /// What a metre costs more while the car's side touches something; less further off.
-    pub near_factor: f64,
-    /// Beyond this much room beside the car it costs nothing more.
-    pub near_m: f64,
-    /// How much the rest of the way counts against the way so far: 1 = the cheapest path of the
-    /// lattice, more = sooner.
-    pub greed: f64,
-    /// Squares in which the way around everything is measured, in m.
-    pub square_m: f64,
-    /// A shot is tried each time that this much less is left, in m per expansion; the nearer, the more often.
-    pub shot_spacing_m: f64,
-    /// From coarse to fine; the last one decides that there is no way.
-    pub lattices: Vec<Lattice>,
-    /// Expansions on all lattices together.
-    pub most_expansions: usize,
-    /// Rounds of shortening.
-    pub rounds: usize,
-}
-
-impl Default for PlannerSettings {
-    fn default() -> Self {
-        let lattice = |cell_m, headings, turn, most_expansions| Lattice {
-            cell_m,
-            headings,
-            turn,
-            half_lock: false,
-            most_expansions,
-        };
-        Self {
-            reverse_factor: 1.3,
-            gear_change_m: 0.3,
-            bend_change_m: 0.02,
-            near_factor: 1.0,
-            near_m: 0.2,
-            greed: 1.5,
-            square_m: 0.05,
-            shot_spacing_m: 0.2,
-            lattices: vec![lattice(0.1, 48, 3, 20_000), lattice(0.05, 72, 3, usize::MAX)],
-            most_expansions: 1_000_000,
-            rounds: 2,
-        }
-    }
-}
 
 /// A way there.
 #[derive(Debug, Clone, PartialEq)]
@@ -149,22 +59,10 @@ pub struct Plan {
 #[derive(Debug, Default)]
 pub struct Planner {
     trees: [Tree; 2],
-    moves: Moves,
     curves: Curves,
     shots: Shots,
     shorten: Shorten,
     goals: Vec<MapPose>,
-}
-
-/// How a search on one lattice ended.
-enum Outcome {
-    Found(Path),
-    /// This tree has nothing left to look at.
-    Emptied(usize),
-    /// As many expansions as this lattice may have.
-    Spent,
-    /// As many as all may have, or the caller wants no more.
-    Budget,
 }
 
 impl Planner {
@@ -187,7 +85,7 @@ impl Planner {
         settings: &PlannerSettings,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<Plan, PlanError> {
-        check(start, goal, settings)?;
+        question::check(start, goal, settings)?;
         self.ends(space, start, goal)?;
         let costs = Costs::new(settings, space.car().core_m());
         self.curves.begin(space.car().radius_m, &costs);
@@ -195,18 +93,24 @@ impl Planner {
             return Ok(self.finished(space, &costs, settings, path, 0));
         }
         self.around_everything(space, start, goal, settings)?;
-        let mut expansions = 0;
-        for (number, lattice) in settings.lattices.iter().enumerate() {
-            let last = number + 1 == settings.lattices.len();
-            let query = Query { space, costs: &costs, start, goal, settings, lattice, last };
-            match self.search(&query, &mut expansions, keep_going) {
-                Outcome::Found(path) => return Ok(self.finished(space, &costs, settings, path, expansions)),
-                Outcome::Emptied(tree) if last => return Err(self.walled_in(&query, tree)),
-                Outcome::Budget => return Err(self.spent(&query, expansions)),
-                Outcome::Emptied(_) | Outcome::Spent => {}
-            }
-        }
-        Err(PlanError::Settings("a search needs a lattice"))
+        let query = Query { space, costs: &costs, start, goal, settings };
+        let (path, expansions) = self.search(&query, keep_going)?;
+        Ok(self.finished(space, &costs, settings, path, expansions))
+    }
+
+    /// [`Planner::plan`] on a grid, compiled with this library's optimisation whoever calls it.
+    ///
+    /// # Errors
+    /// Why there is no path, see [`PlanError`].
+    pub fn plan_on_grid(
+        &mut self,
+        space: &GridSpace,
+        start: &MapPose,
+        goal: &Goal,
+        settings: &PlannerSettings,
+        keep_going: &mut dyn FnMut() -> bool,
+    ) -> Result<Plan, PlanError> {
+        self.plan(space, start, goal, settings, keep_going)
     }
 
     /// A single curve that does it.
@@ -273,7 +177,7 @@ impl Planner {
         let [ahead, back] = &mut self.trees;
         ahead.distances.begin(space, settings.square_m, goal_m);
         back.distances.begin(space, settings.square_m, start_m);
-        if ahead.distances.to_m(space, start.x_m, start.y_m).is_finite() {
+        if ahead.distances.way_m(space, start.x_m, start.y_m).is_finite() {
             return Ok(());
         }
         let goal_is_walled_in = ahead.distances.finish(space) <= back.distances.finish(space);
@@ -288,65 +192,69 @@ impl Planner {
     fn search<S: Space>(
         &mut self,
         query: &Query<'_, S>,
-        expansions: &mut usize,
         keep_going: &mut dyn FnMut() -> bool,
-    ) -> Outcome {
-        let Query { space, costs, lattice, settings, .. } = *query;
-        self.moves.begin(lattice, space.car().radius_m);
-        let moves = std::mem::take(&mut self.moves);
-        let view = View { space, moves: &moves, costs, greed: settings.greed };
-        self.plant(query, &view);
-        let most = if query.last { usize::MAX } else { lattice.most_expansions };
-        let mut here = 0;
-        let outcome = 'search: loop {
+    ) -> Result<(Path, usize), PlanError> {
+        let Query { space, costs, settings, .. } = *query;
+        let view = View { space, costs, greed: settings.greed };
+        let (mut expansions, mut own, mut levels) = (0, [0; 2], [0; 2]);
+        self.plant(query, &view, FORWARD, 0);
+        self.plant(query, &view, BACKWARD, 0);
+        loop {
             for tree in [FORWARD, BACKWARD] {
                 for _ in 0..TURN {
-                    let Some(node) = self.trees[tree].pop() else { break 'search Outcome::Emptied(tree) };
-                    (*expansions, here) = (*expansions + 1, here + 1);
-                    if let Some(path) = self.connect(query, &view, tree, node) {
-                        break 'search Outcome::Found(path);
+                    let popped = self.trees[tree].pop();
+                    let finer = settings.lattices.get(levels[tree] + 1);
+                    let (poses, spent) = (
+                        self.trees[tree].len(),
+                        own[tree] >= settings.lattices[levels[tree]].most_expansions,
+                    );
+                    match (popped, finer) {
+                        (None, Some(finer)) if poses <= finer.pocket => {}
+                        (Some(_), Some(_)) if spent => {}
+                        (None, _) if self.full() => return Err(self.spent(query, expansions)),
+                        (None, _) => return Err(self.walled_in(query, tree)),
+                        (Some(node), _) => {
+                            (expansions, own[tree]) = (expansions + 1, own[tree] + 1);
+                            if let Some(path) = self.connect(query, tree, node) {
+                                return Ok((path, expansions));
+                            }
+                            self.trees[tree].expand(&view, &mut self.curves, node);
+                            continue;
+                        }
                     }
-                    self.trees[tree].expand(&view, &mut self.curves, node);
+                    (own[tree], levels[tree]) = (0, levels[tree] + 1);
+                    self.plant(query, &view, tree, levels[tree]);
                 }
             }
-            if *expansions >= settings.most_expansions || !keep_going() {
-                break Outcome::Budget;
+            if self.full() || expansions >= settings.most_expansions || !keep_going() {
+                return Err(self.spent(query, expansions));
             }
-            if here >= most {
-                break Outcome::Spent;
-            }
-        };
-        self.moves = moves;
-        outcome
+        }
     }
 
-    fn plant<S: Space>(&mut self, query: &Query<'_, S>, view: &View<'_, S>) {
-        let Lattice { cell_m, headings, .. } = *query.lattice;
-        let [ahead, back] = &mut self.trees;
-        let goal = query.goal.yaw_rad.and_then(|_| self.goals.first().copied());
-        ahead.begin(view, cell_m, headings, (*query.start, false), goal);
-        ahead.plant(view, &mut self.curves, query.start);
-        back.begin(view, cell_m, headings, (self.goals[0], true), Some(*query.start));
-        for pose in &self.goals {
-            back.plant(view, &mut self.curves, pose);
+    /// Begins a tree anew on a lattice.
+    fn plant<S: Space>(&mut self, query: &Query<'_, S>, view: &View<'_, S>, tree: usize, level: usize) {
+        let lattice = &query.settings.lattices[level];
+        let own = &mut self.trees[tree];
+        if tree == FORWARD {
+            let goal = query.goal.yaw_rad.and_then(|_| self.goals.first().copied());
+            own.begin(view, lattice, (*query.start, false), goal);
+            own.plant(view, &mut self.curves, query.start);
+        } else {
+            own.begin(view, lattice, (self.goals[0], true), Some(*query.start));
+            self.goals.iter().for_each(|pose| own.plant(view, &mut self.curves, pose));
         }
     }
 
     /// A path through a node, if it is at the goal, near the other tree or has a free shot.
-    fn connect<S: Space>(
-        &mut self,
-        query: &Query<'_, S>,
-        view: &View<'_, S>,
-        tree: usize,
-        node: u32,
-    ) -> Option<Path> {
-        let pose = self.trees[tree].pose(view.moves, node);
+    fn connect<S: Space>(&mut self, query: &Query<'_, S>, tree: usize, node: u32) -> Option<Path> {
+        let pose = self.trees[tree].pose(node);
         if tree == FORWARD && query.goal.met_by(&pose) {
-            return Some(self.joined(query.start, view.moves, node, &[], None));
+            return Some(self.joined(query.start, node, &[], None));
         }
-        if let Some(met) = self.trees[1 - tree].near(view.moves, &pose) {
-            let other = self.trees[1 - tree].pose(view.moves, met);
-            if let Some(path) = self.shot(query, view.moves, tree, (node, &pose), (met, &other)) {
+        if let Some(met) = self.trees[1 - tree].near(&pose) {
+            let other = self.trees[1 - tree].pose(met);
+            if let Some(path) = self.shot(query, tree, (node, &pose), (met, &other)) {
                 return Some(path);
             }
         }
@@ -357,11 +265,11 @@ impl Planner {
         let left_m = self.trees[tree].left_from_m(node);
         self.trees[tree].until_shot = (left_m / query.settings.shot_spacing_m) as u32;
         if tree == BACKWARD {
-            return self.shot(query, view.moves, tree, (node, &pose), (0, query.start));
+            return self.shot(query, tree, (node, &pose), (0, query.start));
         }
         nearest_goals(&mut self.curves, &self.goals, &pose).find_map(|root| {
             let goal = self.goals[root];
-            self.shot(query, view.moves, tree, (node, &pose), (root as u32, &goal))
+            self.shot(query, tree, (node, &pose), (root as u32, &goal))
         })
     }
 
@@ -369,23 +277,22 @@ impl Planner {
     fn shot<S: Space>(
         &mut self,
         query: &Query<'_, S>,
-        moves: &Moves,
         tree: usize,
         node: (u32, &MapPose),
         other: (u32, &MapPose),
     ) -> Option<Path> {
         let (from, to) = if tree == FORWARD { (node, other) } else { (other, node) };
         let way = self.shots.free(query.space, query.costs, from.1, to.1)?;
-        Some(self.joined(query.start, moves, from.0, way.pieces(), Some(to.0)))
+        Some(self.joined(query.start, from.0, way.pieces(), Some(to.0)))
     }
 
     /// From the start to a node, by these pieces, and from a node of the other tree to the goal.
-    fn joined(&self, start: &MapPose, moves: &Moves, from: u32, way: &[Piece], to: Option<u32>) -> Path {
+    fn joined(&self, start: &MapPose, from: u32, way: &[Piece], to: Option<u32>) -> Path {
         let mut path = Path::standing(*start);
-        let driven: Vec<Piece> = self.trees[FORWARD].pieces(moves, from).collect();
+        let driven: Vec<Piece> = self.trees[FORWARD].pieces(from).collect();
         driven.iter().rev().chain(way).for_each(|piece| path.push(*piece));
         if let Some(to) = to {
-            self.trees[BACKWARD].pieces(moves, to).for_each(|piece| path.push(piece));
+            self.trees[BACKWARD].pieces(to).for_each(|piece| path.push(piece));
         }
         path
     }
@@ -394,7 +301,7 @@ impl Planner {
         let (start_m, goal_m) = ([query.start.x_m, query.start.y_m], [query.goal.x_m, query.goal.y_m]);
         let (end, own_m, other_m) =
             if tree == FORWARD { (End::Start, start_m, goal_m) } else { (End::Goal, goal_m, start_m) };
-        let best = self.trees[tree].best().map(|node| self.trees[tree].pose(&self.moves, node));
+        let best = self.trees[tree].best().map(|node| self.trees[tree].pose(node));
         let at_m = best.map_or(own_m, |pose| [pose.x_m, pose.y_m]);
         PlanError::Unreachable { end, at_m, by: first_hit(query.space, at_m, other_m) }
     }
@@ -402,10 +309,15 @@ impl Planner {
     fn spent<S: Space>(&self, query: &Query<'_, S>, expansions: usize) -> PlanError {
         let tree = &self.trees[FORWARD];
         let best = tree.best();
-        let nearest = best.map_or(*query.start, |node| tree.pose(&self.moves, node));
+        let nearest = best.map_or(*query.start, |node| tree.pose(node));
         let left_m = best.map_or(f64::INFINITY, |node| tree.left_from_m(node));
         let by = first_hit(query.space, [nearest.x_m, nearest.y_m], [query.goal.x_m, query.goal.y_m]);
         PlanError::Budget { expansions, nearest, left_m, by }
+    }
+
+    /// Whether there is no memory left for new places.
+    fn full(&self) -> bool {
+        self.trees.iter().any(Tree::full)
     }
 
     /// Poses in memory after the last search.
@@ -422,8 +334,6 @@ struct Query<'a, S: Space> {
     start: &'a MapPose,
     goal: &'a Goal,
     settings: &'a PlannerSettings,
-    lattice: &'a Lattice,
-    last: bool,
 }
 
 /// The two headings at the goal that are the cheapest to get to from a pose where nothing is in the way.
@@ -442,37 +352,6 @@ fn nearest_goals(
         }
     }
     best.into_iter().map(|(_, index)| index).filter(|&index| index != usize::MAX)
-}
-
-fn check(start: &MapPose, goal: &Goal, settings: &PlannerSettings) -> Result<(), PlanError> {
-    if ![start.x_m, start.y_m, start.yaw_rad].iter().all(|v| v.is_finite()) {
-        return Err(PlanError::NotAPose(End::Start));
-    }
-    let tolerances = [goal.tolerance_m, goal.tolerance_rad];
-    if ![goal.x_m, goal.y_m, goal.yaw_rad.unwrap_or(0.0)].iter().all(|v| v.is_finite())
-        || !tolerances.iter().all(|v| v.is_finite() && *v >= 0.0)
-    {
-        return Err(PlanError::NotAPose(End::Goal));
-    }
-    let fits = |lattice: &Lattice| {
-        (0.005..=1.0).contains(&lattice.cell_m)
-            && (GOAL_HEADINGS..=360).contains(&lattice.headings)
-            && lattice.headings.is_multiple_of(GOAL_HEADINGS)
-            && (1..=lattice.headings / 4).contains(&lattice.turn)
-    };
-    if settings.lattices.is_empty() || !settings.lattices.iter().all(fits) {
-        return Err(PlanError::Settings(
-            "a lattice has cells of 0.005 to 1 m, a multiple of 24 headings up to 360, and moves of up to a quarter turn",
-        ));
-    }
-    let weights =
-        [settings.reverse_factor, settings.gear_change_m, settings.bend_change_m, settings.near_factor];
-    let sizes = [settings.near_m, settings.greed, settings.square_m, settings.shot_spacing_m];
-    if !weights.iter().all(|v| v.is_finite() && *v >= 0.0) || !sizes.iter().all(|v| v.is_finite() && *v > 0.0)
-    {
-        return Err(PlanError::Settings("weights are not negative, sizes more than 0"));
-    }
-    Ok(())
 }
 
 /// What a car that goes straight from one point to another would touch first.

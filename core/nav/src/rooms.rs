@@ -126,10 +126,10 @@ impl Builder<'_> {
             return;
         }
         let at = self.draw.whole(length / 3, 2 * length / 3);
-        let door = self.draw.whole(11, 18);
+        let door = self.draw.whole(12, 20);
         let door_at = self.draw.whole(2, (other - door - 2).max(2));
-        // One wall in twelve has no door.
-        let door = if self.draw.whole(1, 12) == 1 { 0 } else { door };
+        // One small chamber in ten has no door.
+        let door = if self.draw.whole(1, 10) == 1 && length < 80 { 0 } else { door };
         for (from, to) in [(0, door_at), (door_at + door, other)] {
             let wall = if wide {
                 [column + at, row + from, 1, to - from]

@@ -55,7 +55,7 @@ impl Distances {
     }
 
     /// Way to the point, in m; infinite when there is none.
-    pub(super) fn to_m(&mut self, space: &impl Space, x_m: f64, y_m: f64) -> f64 {
+    pub(super) fn way_m(&mut self, space: &impl Space, x_m: f64, y_m: f64) -> f64 {
         let Some(square) = self.square(x_m, y_m) else { return f64::INFINITY };
         while self.costs[square] >= self.reached && self.waiting > 0 {
             if self.costs[square] == BLOCKED {

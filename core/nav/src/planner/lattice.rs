@@ -15,8 +15,10 @@ pub struct Lattice {
     pub turn: u16,
     /// Whether there are moves at half lock too.
     pub half_lock: bool,
-    /// After how many expansions the next finer lattice takes over.
+    /// After how many expansions of one tree the next finer lattice takes over.
     pub most_expansions: usize,
+    /// Only for pockets: taken when the coarser lattice has found no more poses than this.
+    pub pocket: usize,
 }
 
 /// One move and what it does to a pose.

@@ -4,6 +4,8 @@
 /// Cells to a side of a page.
 const SIDE: usize = 8;
 const NONE: u32 = u32::MAX;
+/// Entries of all pages: 200 MB.
+const MOST_ENTRIES: usize = 50_000_000;
 
 /// A cell: column, row and heading.
 pub(super) type Key = (usize, usize, usize);
@@ -34,15 +36,23 @@ impl Pages {
         (node != NONE).then_some(node)
     }
 
-    /// Puts a node into a cell.
+    /// Puts a node into a cell; into none where a page is missing once they are full.
     pub(super) fn set(&mut self, key: Key, node: u32) {
         let Some(square) = self.square(key) else { return };
         if self.table[square] == NONE {
+            if self.full() {
+                return;
+            }
             self.table[square] = self.pages.len() as u32;
             self.pages.resize(self.pages.len() + SIDE * SIDE * self.headings, NONE);
         }
         let entry = self.table[square] as usize + self.within(key);
         self.pages[entry] = node;
+    }
+
+    /// Whether there is no room for another page.
+    pub(super) fn full(&self) -> bool {
+        self.pages.len() + SIDE * SIDE * self.headings > MOST_ENTRIES
     }
 
     fn square(&self, (column, row, _): Key) -> Option<usize> {

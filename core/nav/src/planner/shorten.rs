@@ -8,13 +8,13 @@ use crate::path::{Path, Piece};
 use crate::space::Space;
 
 /// Distance between the poses that are joined, in m, at least.
-const SPACING_M: f64 = 0.3;
+const SPACING_M: f64 = 0.4;
 /// Poses that are joined at most.
-const MOST_KNOTS: usize = 60;
+const MOST_KNOTS: usize = 30;
 /// Shots in one round at most.
-const MOST_SHOTS: usize = 300;
+const MOST_SHOTS: usize = 120;
 /// What a cut has to gain to be tried, in m.
-const WORTH_M: f64 = 0.02;
+const WORTH_M: f64 = 0.05;
 
 /// Memory that is used again.
 #[derive(Debug, Default)]

@@ -3,7 +3,7 @@
 use super::costs::Costs;
 use super::curves::Curves;
 use super::distances::Distances;
-use super::lattice::{Moves, Root};
+use super::lattice::{Lattice, Moves, Root};
 use super::pages::{Key, Pages};
 use crate::space::Space;
 use crate::{MapPose, Piece};
@@ -27,7 +27,6 @@ struct Node {
 /// What both searches look at while they grow.
 pub(super) struct View<'a, S: Space> {
     pub(super) space: &'a S,
-    pub(super) moves: &'a Moves,
     pub(super) costs: &'a Costs,
     pub(super) greed: f64,
 }
@@ -35,6 +34,7 @@ pub(super) struct View<'a, S: Space> {
 #[derive(Debug, Default)]
 pub(super) struct Tree {
     backward: bool,
+    moves: Moves,
     nodes: Vec<Node>,
     open: BinaryHeap<Reverse<u64>>,
     pages: Pages,
@@ -54,12 +54,12 @@ impl Tree {
     pub(super) fn begin<S: Space>(
         &mut self,
         view: &View<'_, S>,
-        cell_m: f64,
-        headings: u16,
+        lattice: &Lattice,
         root: (MapPose, bool),
         target: Option<MapPose>,
     ) {
-        let bounds = view.space.bounds();
+        let (bounds, cell_m) = (view.space.bounds(), lattice.cell_m);
+        self.moves.begin(lattice, view.space.car().radius_m);
         self.nodes.clear();
         self.open.clear();
         (self.backward, self.target, self.best, self.until_shot) = (root.1, target, None, 0);
@@ -70,12 +70,12 @@ impl Tree {
         self.low_m = [aligned(bounds.low_m[0], root.0.x_m), aligned(bounds.low_m[1], root.0.y_m)];
         let squares =
             |axis: usize| libm::ceil((bounds.high_m[axis] - self.low_m[axis]) / cell_m).max(1.0) as usize;
-        self.pages.begin(squares(0), squares(1), usize::from(headings));
+        self.pages.begin(squares(0), squares(1), usize::from(lattice.headings));
     }
 
     /// A pose to begin at.
     pub(super) fn plant<S: Space>(&mut self, view: &View<'_, S>, curves: &mut Curves, pose: &MapPose) {
-        let heading = view.moves.heading(pose.yaw_rad, self.root);
+        let heading = self.moves.heading(pose.yaw_rad, self.root);
         let at_m = [pose.x_m, pose.y_m];
         let Some(key) = self.key(at_m, heading) else { return };
         let left = self.left_m(view.space, curves, pose) as f32;
@@ -107,10 +107,11 @@ impl Tree {
     /// Grows by all moves from a pose.
     pub(super) fn expand<S: Space>(&mut self, view: &View<'_, S>, curves: &mut Curves, index: u32) {
         let node = self.nodes[index as usize];
-        let last = view.moves.all.get(usize::from(node.step)).map(|step| step.piece);
-        let here = self.pose_of(view.moves, &node);
-        for (number, step) in view.moves.all.iter().enumerate() {
-            let (at_m, heading) = view.moves.next(step, (node.at_m, node.heading), self.root, self.backward);
+        let last = self.moves.all.get(usize::from(node.step)).map(|step| step.piece);
+        let here = self.pose_of(&node);
+        for number in 0..self.moves.all.len() {
+            let step = self.moves.all[number];
+            let (at_m, heading) = self.moves.next(&step, (node.at_m, node.heading), self.root, self.backward);
             let Some(key) = self.key(at_m, heading) else { continue };
             let change = last.map_or(0.0, |last| view.costs.change(&last, &step.piece));
             let near = view.costs.near(view.space, at_m[0], at_m[1]) * step.piece.length_m.abs();
@@ -120,7 +121,7 @@ impl Tree {
                 continue;
             }
             let there =
-                MapPose { x_m: at_m[0], y_m: at_m[1], yaw_rad: view.moves.yaw_rad(heading, self.root) };
+                MapPose { x_m: at_m[0], y_m: at_m[1], yaw_rad: self.moves.yaw_rad(heading, self.root) };
             if !view.space.drives(if self.backward { &there } else { &here }, &step.piece) {
                 continue;
             }
@@ -144,7 +145,7 @@ impl Tree {
 
     /// About the least that is left from a pose, in m.
     fn left_m(&mut self, space: &impl Space, curves: &mut Curves, pose: &MapPose) -> f64 {
-        let around = self.distances.to_m(space, pose.x_m, pose.y_m);
+        let around = self.distances.way_m(space, pose.x_m, pose.y_m);
         let curve = self.target.map_or(0.0, |target| {
             if self.backward { curves.cost(&target, pose) } else { curves.cost(pose, &target) }
         });
@@ -157,17 +158,17 @@ impl Tree {
     }
 
     /// The expanded node in whose cell a pose lies.
-    pub(super) fn near(&self, moves: &Moves, pose: &MapPose) -> Option<u32> {
-        let key = self.key([pose.x_m, pose.y_m], moves.heading(pose.yaw_rad, self.root))?;
+    pub(super) fn near(&self, pose: &MapPose) -> Option<u32> {
+        let key = self.key([pose.x_m, pose.y_m], self.moves.heading(pose.yaw_rad, self.root))?;
         self.pages.get(key).filter(|&index| self.nodes[index as usize].done)
     }
 
-    fn pose_of(&self, moves: &Moves, node: &Node) -> MapPose {
-        MapPose { x_m: node.at_m[0], y_m: node.at_m[1], yaw_rad: moves.yaw_rad(node.heading, self.root) }
+    fn pose_of(&self, node: &Node) -> MapPose {
+        MapPose { x_m: node.at_m[0], y_m: node.at_m[1], yaw_rad: self.moves.yaw_rad(node.heading, self.root) }
     }
 
-    pub(super) fn pose(&self, moves: &Moves, index: u32) -> MapPose {
-        self.pose_of(moves, &self.nodes[index as usize])
+    pub(super) fn pose(&self, index: u32) -> MapPose {
+        self.pose_of(&self.nodes[index as usize])
     }
 
     /// About the least that is left from a node, in m.
@@ -180,17 +181,22 @@ impl Tree {
         self.best
     }
 
+    /// Whether there is no memory left for new places.
+    pub(super) fn full(&self) -> bool {
+        self.pages.full()
+    }
+
     /// Nodes in memory.
     pub(super) fn len(&self) -> usize {
         self.nodes.len()
     }
 
     /// The pieces between the root and a node, from the node on.
-    pub(super) fn pieces<'a>(&'a self, moves: &'a Moves, index: u32) -> impl Iterator<Item = Piece> + 'a {
+    pub(super) fn pieces(&self, index: u32) -> impl Iterator<Item = Piece> + '_ {
         let mut index = index;
         std::iter::from_fn(move || {
             let node = &self.nodes[index as usize];
-            let step = moves.all.get(usize::from(node.step))?;
+            let step = self.moves.all.get(usize::from(node.step))?;
             index = node.parent;
             Some(step.piece)
         })

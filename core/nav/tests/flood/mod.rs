@@ -86,13 +86,16 @@ impl<'a, S: Space> Flood<'a, S> {
         self.poses.len()
     }
 
-    /// Whether a driven curve joins the pose with one of the flood, in the flood's own direction.
-    pub(crate) fn joins(&self, pose: &MapPose, ways: &mut Vec<Way>) -> bool {
-        let around = (0..27).map(|n| [n % 3, n / 3 % 3, n / 9].map(|v| if v == 2 { -1 } else { v }));
-        around.filter_map(|offset| self.cell(pose, offset)).any(|cell| {
+    /// Whether a driven curve joins the pose with one of the flood in the same cell or, if `around`,
+    /// in one beside it; in the flood's own direction.
+    pub(crate) fn joins(&self, pose: &MapPose, around: bool, ways: &mut Vec<Way>) -> bool {
+        const MOST_DETOUR: f64 = 10.0;
+        let offsets = (0..if around { 27 } else { 1 }).map(|n| [n % 3, n / 3 % 3, n / 9]);
+        let offsets = offsets.map(|offset| offset.map(|v| if v == 2 { -1 } else { v }));
+        offsets.filter_map(|offset| self.cell(pose, offset)).any(|cell| {
             let Some(there) = self.poses.get(self.cells[cell] as usize) else { return false };
             let (from, to) = if self.backward { (pose, there) } else { (there, pose) };
-            reeds_shepp::ways(from, to, self.space.car().radius_m, f64::INFINITY, ways);
+            reeds_shepp::ways(from, to, self.space.car().radius_m, MOST_DETOUR, ways);
             ways.iter().any(|way| {
                 let mut at = *from;
                 way.pieces().iter().all(|piece| {
@@ -105,11 +108,15 @@ impl<'a, S: Space> Flood<'a, S> {
     }
 }
 
+/// Floods smaller than this are not kept, and what is larger and has no cell in common is apart.
+const SMALL: usize = 3000;
+
 /// What is reachable in a room.
 pub(crate) struct Reachable<'a, S: Space> {
     space: &'a S,
-    /// From the base on, and back to it; the second is missing where both are the same.
-    from_base: Flood<'a, S>,
+    /// From the base on; where every motion can be driven back, then one of each part of the room.
+    parts: Vec<Flood<'a, S>>,
+    /// Back to the base; missing where every motion can be driven back.
     to_base: Option<Flood<'a, S>>,
     ways: Vec<Way>,
 }
@@ -117,43 +124,77 @@ pub(crate) struct Reachable<'a, S: Space> {
 impl<'a, S: Space> Reachable<'a, S> {
     /// `reversible`: whether every motion can be driven back.
     pub(crate) fn new(space: &'a S, base: &MapPose, reversible: bool) -> Self {
-        let mut from_base = Flood::new(space, base, false);
-        from_base.finish();
-        let to_base = (!reversible).then(|| {
-            let mut flood = Flood::new(space, base, true);
+        let flood = |backward| {
+            let mut flood = Flood::new(space, base, backward);
             flood.finish();
             flood
-        });
-        Self { space, from_base, to_base, ways: Vec::new() }
+        };
+        Self {
+            space,
+            parts: vec![flood(false)],
+            to_base: (!reversible).then(|| flood(true)),
+            ways: Vec::new(),
+        }
     }
 
-    /// Poses of the flood from the base on.
+    /// Poses of all parts.
     pub(crate) fn len(&self) -> usize {
-        self.from_base.poses.len()
+        self.parts.iter().map(|part| part.poses.len()).sum()
     }
 
     /// Whether there is a way from one pose to the other.
     pub(crate) fn is(&mut self, start: &MapPose, goal: &MapPose) -> bool {
-        let Self { space, from_base, to_base, ways } = self;
-        let to_base = to_base.as_ref().unwrap_or(from_base);
-        let mut before = Flood::new(*space, goal, true);
-        let goal_from_base = attached(&mut before, from_base, ways);
-        let mut after = Flood::new(*space, start, false);
-        let start_to_base = attached(&mut after, to_base, ways);
-        if goal_from_base && start_to_base {
-            return true;
+        let (mut before, mut after) =
+            (Flood::new(self.space, goal, true), Flood::new(self.space, start, false));
+        let Self { parts, to_base, ways, .. } = self;
+        if let Some(to_base) = to_base {
+            let from_base = attached(&mut before, parts, ways).is_some();
+            let to_base = attached(&mut after, std::slice::from_ref(to_base), ways).is_some();
+            // One that does not meet the base has been flooded to its end.
+            return from_base && to_base
+                || !from_base && before.joins(start, true, ways)
+                || !to_base && after.joins(goal, true, ways);
         }
-        // One of them has been flooded to the end without meeting the base.
-        (!goal_from_base && before.joins(start, ways)) || (!start_to_base && after.joins(goal, ways))
+        let of_goal = part(before, parts, ways);
+        let of_start = part(after, parts, ways);
+        match (of_start, of_goal) {
+            (Ok(start), Ok(goal)) => start == goal,
+            (Err(pocket), Err(_)) => pocket.joins(goal, true, ways),
+            _ => false,
+        }
     }
 }
 
-/// Grows the flood until one of its poses is joined to the other one.
-fn attached<S: Space>(flood: &mut Flood<'_, S>, other: &Flood<'_, S>, ways: &mut Vec<Way>) -> bool {
-    while let Some(pose) = flood.step() {
-        if other.joins(&pose, ways) {
-            return true;
+/// The part that the flood meets, or that it becomes; a small one comes back.
+fn part<'a, S: Space>(
+    mut flood: Flood<'a, S>,
+    parts: &mut Vec<Flood<'a, S>>,
+    ways: &mut Vec<Way>,
+) -> Result<usize, Flood<'a, S>> {
+    match attached(&mut flood, parts, ways) {
+        Some(part) => Ok(part),
+        None if flood.poses.len() < SMALL => Err(flood),
+        None => {
+            parts.push(flood);
+            Ok(parts.len() - 1)
         }
     }
-    false
+}
+
+/// Grows the flood until one of its poses is joined to one of the others.
+fn attached<S: Space>(
+    flood: &mut Flood<'_, S>,
+    others: &[Flood<'_, S>],
+    ways: &mut Vec<Way>,
+) -> Option<usize> {
+    let mut join = |pose: &MapPose, around| others.iter().position(|other| other.joins(pose, around, ways));
+    while let Some(pose) = flood.step() {
+        if let Some(part) = join(&pose, false) {
+            return Some(part);
+        }
+    }
+    if flood.poses.len() >= SMALL {
+        return None;
+    }
+    flood.poses.iter().find_map(|pose| join(pose, true))
 }

@@ -142,16 +142,9 @@ fn findings(report: &Report, car: &Car) -> Vec<Finding> {
             if several.len() > LISTED {
                 listed.push(format!("{} smaller ones", several.len() - LISTED));
             }
-<<<<<<< HEAD
-            let text =
-                format!("{} islands between which no truck gets: {}", several.len(), listed.join(", "));
-            let todo = "a goal on another island than the truck's is refused as unreachable";
-            all.push(finding(Level::Warning, text, todo));
-=======
             let text = format!("{} islands, and no way for a truck from one to another", several.len());
             let todo = "a goal on another island than the truck's cannot be reached";
             all.push(Finding { detail: listed, ..finding(Level::Warning, text, todo) });
->>>>>>> nav-map
         }
     }
     for narrow in report.narrows.iter().take(LISTED) {
