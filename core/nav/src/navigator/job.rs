@@ -100,7 +100,7 @@ impl PlanJob {
         let Aim { x_m, y_m, yaw_rad } = self.aim;
         let goal = Goal { x_m, y_m, yaw_rad, tolerance_m: TOLERANCE_M, tolerance_rad: TOLERANCE_RAD };
         let settings = PlannerSettings { most_expansions: EXPANSIONS, ..PlannerSettings::default() };
-        match planner.plan(&space, &self.start, &goal, &settings, &mut || true) {
+        match planner.plan_on_grid(&space, &self.start, &goal, &settings, &mut || true) {
             Ok(plan) => Ok(plan.path),
             Err(error) => Err(failure(&error)),
         }
