@@ -50,7 +50,8 @@ fn keys_stand_in_the_key_table_only() {
 
 #[test]
 fn the_core_knows_no_clock_file_socket_or_thread() {
-    let folders = ["core/control/src", "core/protocol/src", "core/authority/src", "core/sim/src"];
+    let folders =
+        ["core/control/src", "core/protocol/src", "core/nav/src", "core/authority/src", "core/sim/src"];
     let words =
         ["Instant::now", "SystemTime", "tokio", "zenoh::", "std::fs", "std::net", "std::thread", "std::io"];
     none(&places(&folders, &words, &[]));
@@ -58,8 +59,14 @@ fn the_core_knows_no_clock_file_socket_or_thread() {
 
 #[test]
 fn zenoh_is_opened_in_the_bus_only() {
-    let folders =
-        ["core/control/src", "core/protocol/src", "core/sim/src", "robot-agent/src", "fleet-cli/src"];
+    let folders = [
+        "core/control/src",
+        "core/protocol/src",
+        "core/nav/src",
+        "core/sim/src",
+        "robot-agent/src",
+        "fleet-cli/src",
+    ];
     none(&places(&folders, &["zenoh::", "zenoh_ext"], &[]));
 }
 

@@ -107,7 +107,8 @@ impl Navigator {
         }
         match drive.status {
             Status::Reached => Decision::Reached,
-            Status::Deviated { .. } | Status::Stuck(Stuck::Missed | Stuck::NoProgress | Stuck::NotANumber) => {
+            Status::Deviated { .. }
+            | Status::Stuck(Stuck::Missed | Stuck::NoProgress | Stuck::NotANumber) => {
                 self.lose_the_path(task, "it gets off its path")
             }
             _ if following.blocked_since.is_some_and(|since| now.since_ms(since) >= BLOCKED_MS) => {

@@ -1,5 +1,6 @@
 //! Planned goals with the full vehicle: around what the map knows of, through doors, to a yaw.
 
+use crate::journeys::journeys;
 use std::sync::Arc;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
@@ -85,4 +86,20 @@ fn a_goal_behind_a_wall_is_reached_through_the_door() {
     assert_eq!(state.goal.as_ref().unwrap().status, GoalStatus::Reached, "{state:#?}\n{truth:?}");
     assert_eq!(truth.contacts, 0);
     assert!((truth.x_m - 4.0).abs() < 0.3 && (truth.y_m - 5.0).abs() < 0.3, "{truth:?}");
+}
+
+#[test]
+fn goals_anywhere_in_the_lab_are_reached_without_touching_anything() {
+    for journey in journeys(LAB, 0..6, false) {
+        assert_eq!((journey.status, journey.contacts), (Some(GoalStatus::Reached), 0), "{journey:?}");
+        assert!(journey.off_m < 0.25, "{journey:?}");
+    }
+}
+
+#[test]
+fn around_a_box_that_nobody_knew_of_or_an_honest_answer() {
+    for journey in journeys(LAB, 20..26, true) {
+        assert!(journey.is_honest(), "{journey:?}");
+        assert_eq!(journey.contacts, 0, "{journey:?}");
+    }
 }

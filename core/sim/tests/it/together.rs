@@ -1,7 +1,7 @@
 //! Several robots and traffic control: everybody arrives, nobody touches anybody.
 
 use crate::planned::Drive;
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{PI, TAU};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_nav::Car;
@@ -91,38 +91,8 @@ pub(crate) fn circle(robots: usize, seed: u64) -> Meeting {
     meet(&mut drive, &goals, 300.0)
 }
 
-/// The lab's two sides of the door.
-fn side(n: usize, north: bool) -> MapPose {
-    let x_m = (n as f64 - 2.0) * 1.3;
-    match north {
-        true => MapPose { x_m, y_m: 5.6, yaw_rad: -FRAC_PI_2 },
-        false => MapPose { x_m, y_m: 2.4, yaw_rad: FRAC_PI_2 },
-    }
-}
-
-/// Five swap places through the lab's door: three from one side, two from the other.
-pub(crate) fn door(rounds: usize, seed: u64) -> Vec<Meeting> {
-    const ROOM: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0\ny_m = 4.0\n\
-        [[walls]]\npoints = [[-4.0, 4.0], [-0.75, 4.0]]\n[[walls]]\npoints = [[0.75, 4.0], [4.0, 4.0]]";
-    let starts: Vec<_> = (0..5).map(|n| side(n, n % 2 == 0)).collect();
-    let mut drive = fleet(ROOM, &starts, seed);
-    (1..=rounds)
-        .map(|round| {
-            let goals: Vec<_> = (0..5).map(|n| side(n, (n + round) % 2 == 0)).collect();
-            meet(&mut drive, &goals, 300.0)
-        })
-        .collect()
-}
-
 #[test]
 fn four_swap_across_a_circle() {
     let made = circle(4, 1);
     assert_eq!((made.reached, made.contacts), (4, 0), "{made:#?}");
-}
-
-#[test]
-fn five_swap_through_a_door() {
-    for made in door(2, 1) {
-        assert_eq!((made.reached, made.contacts), (5, 0), "{made:#?}");
-    }
 }
