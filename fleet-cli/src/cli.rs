@@ -1,8 +1,10 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
 mod map;
+mod traffic;
 
 pub use map::{MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs};
+pub use traffic::{TrafficArgs, TrafficServeArgs, TrafficVerb};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, parser::ValueSource};
@@ -113,6 +115,8 @@ pub enum Verb {
     Watch(WatchArgs),
     /// Show, check, import or serve a map of the floor.
     Map(MapArgs),
+    /// Lead robots with planned goals past each other.
+    Traffic(TrafficArgs),
     /// Run a router: all the infrastructure that a small lab needs.
     Router(RouterArgs),
     /// Run simulated robots with real agents.

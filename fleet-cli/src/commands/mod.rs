@@ -15,6 +15,7 @@ pub mod sim;
 pub mod status;
 pub mod stop;
 pub mod teleop;
+pub mod traffic;
 pub mod wander;
 pub mod watch;
 pub mod why;

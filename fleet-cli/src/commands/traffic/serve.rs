@@ -1,0 +1,69 @@
+//! `traffic serve`: leads the robots with planned goals past each other, until Ctrl-C.
+
+use crate::charts::{self, MapService};
+use crate::cli::TrafficServeArgs;
+use crate::client::Client;
+use crate::context::Context;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::interrupt::interrupted;
+use crate::traffic::TrafficService;
+use serde::Serialize;
+use std::pin::pin;
+use xtb_nav::Map;
+use xtb_protocol::Name;
+use xtb_protocol::messages::MapHash;
+
+/// The one line that says it is ready.
+#[derive(Debug, Serialize)]
+struct Ready<'a> {
+    ready: bool,
+    fleet: &'a Name,
+    map: &'a str,
+    hash: MapHash,
+}
+
+/// Serves until it is interrupted.
+///
+/// # Errors
+/// No map, no router, or traffic control that runs already.
+pub(super) async fn run(ctx: &Context, args: &TrafficServeArgs) -> Result<Exit> {
+    let own = args.map.as_deref().map(|file| charts::read(file, args.fine.resolution_m)).transpose()?;
+    let mut stop = pin!(interrupted());
+    let starting = async {
+        let client = Client::open(ctx).await?;
+        let (map, maps) = match own {
+            Some(map) => {
+                let maps = MapService::start(client.bus(), client.keys(), &map, ctx.timeout).await?;
+                (map, Some(maps))
+            }
+            None => (the_fleets(ctx, &client).await?, None),
+        };
+        let service = TrafficService::start(&client, &map, ctx.timeout).await?;
+        Ok::<_, Failure>((client, map, maps, service))
+    };
+    let (client, map, maps, service) = tokio::select! {
+        started = starting => started?,
+        () = &mut stop => return Ok(Exit::Interrupted),
+    };
+    let ready = Ready { ready: true, fleet: &ctx.fleet, map: map.name(), hash: map.hash() };
+    ctx.out.result(&ready, |ready| {
+        format!(
+            "traffic control of fleet {} on map {} ({}); Ctrl-C ends: robots then stop where their way was \
+             released to, and go on by themselves after 3 s",
+            ready.fleet, ready.map, ready.hash
+        )
+    })?;
+    stop.await;
+    drop((service, maps));
+    client.close().await;
+    Ok(Exit::Done)
+}
+
+async fn the_fleets(ctx: &Context, client: &Client) -> Result<Map> {
+    let served = charts::served(client.bus(), client.keys(), ctx.timeout).await?;
+    let Some(message) = served.first() else {
+        return Err(Failure::new(Kind::Config, "no map is served to this fleet")
+            .hint("`fleet-cli traffic serve --map FILE` serves one too; `fleet-cli sim` has its world's"));
+    };
+    Map::try_from(message).map_err(|error| Failure::new(Kind::Config, error.to_string()))
+}

@@ -1,0 +1,46 @@
+//! `traffic status`: whom traffic control leads, and whom it drives around.
+
+use crate::client::Client;
+use crate::context::Context;
+use crate::error::{Exit, Failure, Kind, Result};
+use tokio::sync::mpsc;
+use xtb_protocol::Name;
+use xtb_protocol::messages::TrafficState;
+
+/// Prints what traffic control says next.
+///
+/// # Errors
+/// No router, or no traffic control.
+pub(super) async fn run(ctx: &Context) -> Result<Exit> {
+    let client = Client::open(ctx).await?;
+    let (sender, mut states) = mpsc::channel(1);
+    let each = move |incoming: xtb_bus::Incoming| match incoming.decode::<TrafficState>() {
+        Ok(state) => drop(sender.try_send(state)),
+        Err(error) => tracing::debug!("on {}: {error}", incoming.key),
+    };
+    let subscription = client.bus().subscribe(&client.keys().traffic_state(), each).await?;
+    let heard = tokio::time::timeout(ctx.timeout, states.recv()).await;
+    drop(subscription);
+    client.close().await;
+    let Ok(Some(state)) = heard else {
+        return Err(Failure::new(Kind::NoRobot, "no traffic control was heard")
+            .hint("`fleet-cli traffic serve` starts one"));
+    };
+    ctx.out.result(&state, |state| {
+        format!(
+            "map {}, {} joint plans\nleads: {}\ndrives around: {}",
+            state.map_hash,
+            state.plans,
+            names(&state.led),
+            names(&state.obstacles)
+        )
+    })?;
+    Ok(Exit::Done)
+}
+
+fn names(names: &[Name]) -> String {
+    match names {
+        [] => "nobody".to_owned(),
+        names => names.iter().map(Name::as_str).collect::<Vec<_>>().join(", "),
+    }
+}
