@@ -2,7 +2,7 @@
 
 use fleet_tests::{Fleet, Setup, eventually};
 use xtb_control::Mode;
-use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Outcome, RejectCode, StopReason};
+use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Outcome, RejectCode, StopReason, Via};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_truck_is_really_there_after_three_metres() {
@@ -84,7 +84,7 @@ async fn what_a_robot_cannot_do_is_refused_by_name() {
         x_m: 1.0,
         y_m: 1.0,
         yaw_rad: Some(0.0),
-        via: None,
+        via: Some(Via::Direct),
         on_link_loss: LinkLoss::Finish,
         finish_s: 300.0,
     };

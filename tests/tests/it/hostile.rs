@@ -67,7 +67,7 @@ async fn a_flood_of_garbage_does_not_keep_a_goal_from_being_reached() {
 async fn bad_requests_are_refused_by_name_and_start_nothing() {
     let fleet = Fleet::start(Setup::default()).await;
     let key = fleet.robot(1).cmd(Some(&name("stranger")));
-    let ours = "application/x-postcard;xtb.Request.v1";
+    let ours = "application/x-postcard;xtb.Request.v2";
     let json = "application/json";
     let goto = |x: &str| format!(r#"{{"id":"{}","body":{{"goto":{{"x_m":{x},"y_m":1}}}}}}"#, Uuid::nil());
     let cases: [(&str, Vec<u8>, RejectCode); 6] = [

@@ -10,7 +10,10 @@ use std::time::Instant;
 /// A long drive whose client stays with it; returns once it has control.
 fn driver(sim: &Sim, client: &str) -> Process {
     let mut command = fleet_cli(&["--connect", &sim.endpoint, "--client", client]);
-    command.args(["goto", "xtb-1", "0", "900", "--wait"]).stdout(Stdio::piped()).stderr(Stdio::null());
+    command
+        .args(["goto", "xtb-1", "0", "900", "--via", "direct", "--wait"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null());
     let process = Process(command.spawn().unwrap());
     let give_up = Instant::now() + PATIENCE;
     while sim.run(&["status", "xtb-1"]).1["robots"][0]["state"]["lease"]["holder"] != client {
@@ -26,7 +29,7 @@ fn a_second_operator_is_told_who_drives_and_takes_control_only_when_told_to() {
     let (code, refused, _) = sim.run(&["goto", "xtb-1", "0", "1", "--client", "bob"]);
     assert_eq!((code, &refused["error"]["code"]), (1, &json!("lease_held")), "{refused}");
     assert!(refused["error"]["message"].as_str().unwrap().contains("alice"), "{refused}");
-    let bob = ["goto", "xtb-1", "0", "900", "--client", "bob", "--take"];
+    let bob = ["goto", "xtb-1", "0", "900", "--via", "direct", "--client", "bob", "--take"];
     let (code, taken, _) = sim.run(&bob);
     assert_eq!((code, &taken["taken_from"]), (0, &json!("alice")), "{taken}");
     let mut said = String::new();
