@@ -1,7 +1,7 @@
 //! Toy fleets under traffic control over many seeds, as a table; one run as a drawing.
 //!
 //! `cargo run -p xtb-nav --example traffic -- SCENE [FIRST-LAST] [--svg FILE]` with SCENE one of door,
-//! circle, corridor, lane and seeds from FIRST to LAST; with `--svg` the first one is drawn.
+//! sleepers, circle, corridor, lane and seeds from FIRST to LAST; with `--svg` the first one is drawn.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, dead_code)]
 
@@ -13,7 +13,7 @@ mod toy;
 use std::fmt::Write as _;
 use std::sync::OnceLock;
 use std::time::Instant;
-use toy::World;
+use toy::{Trouble, World};
 use xtb_nav::coordinator::Room;
 use xtb_nav::{Cell, MapPose};
 
@@ -29,20 +29,24 @@ fn main() {
     let (first, last) = seeds.split_once('-').unwrap_or((seeds, seeds));
     let (first, last): (u64, u64) = (first.parse().unwrap(), last.parse().unwrap());
     let svg = arguments.iter().position(|text| text == "--svg").and_then(|place| arguments.get(place + 1));
-    println!("seed  arrived  time_s  still_s  wait_s  plans  without  deadlocks  cyclic  stalls  job_ms: median  max");
+    println!(
+        "seed  arrived  time_s  still_s  wait_s  plans  without  deadlocks  cyclic  stalls  job_ms: median  max"
+    );
     for seed in first..=last {
         let (mut world, goals) = match scene {
             "circle" => scenes::circle(seed, clock_ms),
             "corridor" => scenes::corridor(seed, clock_ms),
             "lane" => scenes::lane(seed, clock_ms),
-            _ => scenes::door(seed, 1.2 + 0.2 * (seed % 5) as f64, clock_ms),
+            "sleepers" => scenes::door(seed, 1.2 + 0.2 * (seed % 5) as f64, Trouble::SLEEPY, clock_ms),
+            _ => scenes::door(seed, 1.2 + 0.2 * (seed % 5) as f64, Trouble::SOME, clock_ms),
         };
-        let rounds = if scene == "door" { 3 } else { 1 };
+        let doors = matches!(scene, "door" | "sleepers");
+        let rounds = if doors { 3 } else { 1 };
         let mut arrived = true;
         for round in 1..=rounds {
             let count = goals.len();
             for index in 0..count {
-                let goal: MapPose = if scene == "door" { goals[(index + 2 * round) % count] } else { goals[index] };
+                let goal: MapPose = if doors { goals[(index + 2 * round) % count] } else { goals[index] };
                 world.send(index, goal);
             }
             arrived &= world.run(240.0);
@@ -66,7 +70,7 @@ fn main() {
         );
         if !arrived {
             for toy in world.toys.iter().filter(|toy| toy.goal.is_some()) {
-                let says = toy.guide.as_ref().map(|guide| (&guide.waits_for, &guide.reason, guide.release_m));
+                let says = toy.says.as_ref().map(|guide| (&guide.waits_for, &guide.reason, guide.release_m));
                 println!("      {} at {:?} to {:?}: {says:?}", toy.name, toy.pose, toy.goal);
             }
         }
@@ -96,13 +100,19 @@ fn draw(world: &World) -> String {
             if grid.cell(column, row) != Cell::Free {
                 let [x, y] = grid.centre_m(column, row);
                 let (x, y) = (x * SCALE - side / 2.0, (height - y) * SCALE - side / 2.0);
-                let _ = writeln!(svg, "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{side:.1}\" height=\"{side:.1}\"/>");
+                let _ = writeln!(
+                    svg,
+                    "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{side:.1}\" height=\"{side:.1}\"/>"
+                );
             }
         }
     }
     for (toy, colour) in world.toys.iter().zip(COLOURS.iter().cycle()) {
-        let points: Vec<String> =
-            toy.trace.iter().map(|pose| format!("{:.1},{:.1}", pose.x_m * SCALE, (height - pose.y_m) * SCALE)).collect();
+        let points: Vec<String> = toy
+            .trace
+            .iter()
+            .map(|pose| format!("{:.1},{:.1}", pose.x_m * SCALE, (height - pose.y_m) * SCALE))
+            .collect();
         let _ = writeln!(
             svg,
             "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"/>",

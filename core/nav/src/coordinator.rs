@@ -56,6 +56,8 @@ const PAUSE_MS: u64 = 300;
 const JOB_MS: u64 = 30_000;
 /// Nobody moved for so long though someone should, in ms.
 const DEADLOCK_MS: u64 = 8000;
+/// A way that begins anew begins at most so far from where the truck is when it gets it, in m.
+const START_M: f64 = 0.1;
 /// Nodes that a joint plan may expand in all.
 const BUDGET: u32 = 60_000;
 
@@ -109,7 +111,8 @@ pub struct RobotView {
 }
 
 /// What a robot is told, each tick. A plan continues the one before (the same start, the same pieces
-/// up to its release: what has been driven still counts) or begins where the robot stands.
+/// up to its release: what has been driven still counts) or begins where the robot stands; one that
+/// begins farther than 10 cm from where it is must not be taken up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guide {
     /// Boot and goal for which it is.
@@ -245,7 +248,7 @@ impl Coordinator {
     /// Takes over what an earlier coordinator has released to a truck.
     fn adopt(&mut self, index: usize) {
         let truck = &mut self.trucks[index];
-        let (Some((goal, _)), Some(report)) = (truck.goal(), truck.view.route.clone()) else { return };
+        let Some(report) = truck.view.route.clone().filter(|_| truck.view.goal.is_some()) else { return };
         self.plan = self.plan.max(report.plan);
         let way = Way::new(report.path, &self.car);
         let release_m = report.release_m.clamp(0.0, way.length_m);
@@ -254,7 +257,7 @@ impl Coordinator {
         let live = release == way.last();
         let done_m = report.done_m.clamp(0.0, release_m);
         let plan = report.plan;
-        truck.route = Some(Route { goal, plan, base: plan, way, done_m, release, release_m, live });
+        truck.route = Some(Route { plan, base: plan, way, done_m, release, release_m, live });
     }
 
     /// Something has changed: those without a way may try again soon.
@@ -281,7 +284,7 @@ impl Coordinator {
         if changed {
             self.stir(now);
         }
-        let blocks = self.blocks(now);
+        let blocks = self.blocks();
         if self.job.is_none() && now.since_ms(began) >= LISTEN_MS {
             self.turn_away(now, &blocks);
             for index in 0..self.trucks.len() {
@@ -297,9 +300,9 @@ impl Coordinator {
     }
 
     /// Everything that is driven around, and what led trucks may still use of earlier ways.
-    fn blocks(&self, now: Stamp) -> Vec<Block> {
+    fn blocks(&self) -> Vec<Block> {
         let block = |truck: &Truck| {
-            let stands = if truck.is_live() { truck.retained.clone() } else { truck.block(now, &self.car) };
+            let stands = if truck.is_live() { truck.retained.clone() } else { truck.block(&self.car) };
             Block { id: truck.id, name: truck.view.name.clone(), stands }
         };
         self.trucks.iter().map(block).filter(|block| !block.stands.is_empty()).collect()
@@ -379,7 +382,7 @@ impl Coordinator {
             return None;
         }
         let ids: BTreeSet<u32> = members.iter().map(|member| member.id).collect();
-        let mut blocks = self.blocks(now);
+        let mut blocks = self.blocks();
         // A member that goes on from its release's end is no obstacle; what one that begins anew may
         // still use of its old way is.
         let goes_on = |truck: &&Truck| ids.contains(&truck.id) && truck.retained.is_empty() && !truck.stalled;
@@ -469,19 +472,22 @@ impl Coordinator {
 
 /// Gives a truck its new way.
 fn lead(truck: &mut Truck, now: Stamp, plan: u64, way: Way) {
-    let Some((goal, _)) = truck.goal() else { return };
-    truck.revision += 1;
-    truck.none = None;
-    truck.busy = now;
     let goes_on = |route: &Route| route.way.path.start == way.path.start && !truck.stalled;
     if !truck.route.as_ref().is_some_and(goes_on) {
+        let (start, here) = (way.path.start, truck.view.pose);
+        if !truck.stands() || libm::hypot(start.x_m - here.x_m, start.y_m - here.y_m) > START_M {
+            return;
+        }
         truck.retain_held();
         truck.route = None;
     }
+    truck.revision += 1;
+    truck.none = None;
+    truck.busy = now;
     truck.stalled = false;
     let continued = truck.route.take();
     truck.route = Some(match continued {
         Some(before) => Route { plan, way, live: true, ..before },
-        None => Route { goal, plan, base: plan, way, done_m: 0.0, release: 0, release_m: 0.0, live: true },
+        None => Route { plan, base: plan, way, done_m: 0.0, release: 0, release_m: 0.0, live: true },
     });
 }

@@ -419,7 +419,12 @@ mod tests {
         GridRoom::new(grid)
     }
 
-    fn find(room: &GridRoom, start: MapPose, goal: MapPose, lines: &[Timeline]) -> (Result<Vec<Leg>, Stuck>, u32) {
+    fn find(
+        room: &GridRoom,
+        start: MapPose,
+        goal: MapPose,
+        lines: &[Timeline],
+    ) -> (Result<Vec<Leg>, Stuck>, u32) {
         let car = Car::of(&VehicleConfig::default());
         let target = Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: Some(goal.yaw_rad) };
         let field = Field::new(room, car.half_width_m, &[], [goal.x_m, goal.y_m]);

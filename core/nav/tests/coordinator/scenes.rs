@@ -9,7 +9,7 @@ pub(crate) fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
 }
 
 /// Two rooms of 5 m × 6 m with a door between them; three trucks in the one, two in the other.
-pub(crate) fn door(seed: u64, door_m: f64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+pub(crate) fn door(seed: u64, door_m: f64, trouble: Trouble, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
     let walls = [[4.9, 0.0, 0.2, 3.0 - door_m / 2.0], [4.9, 3.0 + door_m / 2.0, 0.2, 3.0]];
     let starts = vec![
         pose(1.2, 1.0, 0.0),
@@ -18,7 +18,7 @@ pub(crate) fn door(seed: u64, door_m: f64, clock_ms: fn() -> f64) -> (World, Vec
         pose(8.8, 2.0, PI),
         pose(8.8, 4.0, PI),
     ];
-    (World::new(room(10.0, 6.0, &walls), &starts, seed, Trouble::SOME, clock_ms), starts)
+    (World::new(room(10.0, 6.0, &walls), &starts, seed, trouble, clock_ms), starts)
 }
 
 /// Ten trucks on a circle in 8 m × 8 m, nose inwards, and where each has to go: opposite.
