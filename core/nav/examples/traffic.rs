@@ -1,7 +1,7 @@
 //! Toy fleets under traffic control over many seeds, as a table; one run as a drawing.
 //!
 //! `cargo run -p xtb-nav --example traffic -- SCENE [FIRST-LAST] [--svg FILE]` with SCENE one of door,
-//! sleepers, circle, corridor, lane and seeds from FIRST to LAST; with `--svg` the first one is drawn.
+//! sleepers, life, circle, corridor, lane and seeds from FIRST to LAST; with `--svg` the first one is drawn.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, dead_code)]
 
@@ -41,6 +41,10 @@ fn main() {
             _ => scenes::door(seed, 1.2 + 0.2 * (seed % 5) as f64, Trouble::SOME, clock_ms),
         };
         let doors = matches!(scene, "door" | "sleepers");
+        if scene == "life" {
+            live(seed);
+            continue;
+        }
         let rounds = if doors { 3 } else { 1 };
         let mut arrived = true;
         for round in 1..=rounds {
@@ -78,6 +82,28 @@ fn main() {
             std::fs::write(file, draw(&world)).unwrap();
         }
     }
+}
+
+/// Ten minutes in which everybody who arrives is sent on.
+fn live(seed: u64) {
+    let (mut world, places) = scenes::life(seed, Trouble::SOME, clock_ms);
+    let mut draw = toy::Draw::new(seed + 1000);
+    while world.now.s() < 600.0 {
+        scenes::send_on(&mut world, &places, &mut draw);
+        world.turn();
+    }
+    let arrived: u32 = world.toys.iter().map(|toy| toy.arrived).sum();
+    let mut jobs = world.jobs_ms.clone();
+    jobs.sort_by(f64::total_cmp);
+    println!(
+        "{seed:4}  {arrived} arrivals, stood {:.1} s, waited {:.1} s, {} jobs: median {:.0} ms, longest {:.0} ms, {:?}",
+        world.longest_still_s,
+        world.longest_wait_s,
+        jobs.len(),
+        jobs.get(jobs.len() / 2).unwrap_or(&0.0),
+        jobs.last().unwrap_or(&0.0),
+        world.counters(),
+    );
 }
 
 /// The room, and the way that each truck drove.

@@ -101,6 +101,9 @@ struct Node {
     goal: bool,
 }
 
+/// Tick of arrival, tick until which it may stay, cost.
+type Seen = (u32, u32, f64);
+
 /// Lowest estimate first, then the older one.
 struct Ranked(f64, usize);
 
@@ -135,7 +138,7 @@ struct Search<'a> {
     goals: Vec<MapPose>,
     nodes: Vec<Node>,
     open: BinaryHeap<Reverse<Ranked>>,
-    closed: BTreeMap<(i32, i32, i32), Vec<(u32, u32, f64)>>,
+    closed: BTreeMap<(i32, i32, i32), Vec<Seen>>,
     sweep: Vec<Stand>,
 }
 

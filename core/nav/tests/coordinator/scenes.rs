@@ -1,6 +1,6 @@
 //! Rooms and starts that are hard for several trucks.
 
-use crate::toy::{Trouble, World, room};
+use crate::toy::{Draw, Trouble, World, room};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use xtb_nav::MapPose;
 
@@ -50,4 +50,32 @@ pub(crate) fn lane(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
     let starts = vec![pose(0.8, 2.0, 0.0), pose(7.2, 2.0, PI)];
     let goals = vec![pose(7.0, 2.0, 0.0), pose(1.0, 2.0, PI)];
     (World::new(room(8.0, 4.4, &boxes), &starts, seed, Trouble::SOME, clock_ms), goals)
+}
+
+/// The two rooms with a door, and eight places where trucks may be sent one at a time.
+pub(crate) fn life(seed: u64, trouble: Trouble, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+    let (world, mut places) = door(seed, 1.4, trouble, clock_ms);
+    places.extend([pose(3.2, 0.8, 0.0), pose(3.2, 5.2, PI), pose(6.6, 0.8, 0.0)]);
+    (world, places)
+}
+
+/// Sends whoever has arrived to a place that nobody else stands at or is sent to.
+pub(crate) fn send_on(world: &mut World, places: &[MapPose], draw: &mut Draw) {
+    for index in 0..world.toys.len() {
+        if world.toys[index].goal.is_some() || world.toys[index].taken_over || !draw.chance(0.02) {
+            continue;
+        }
+        let near = |x_m: f64, y_m: f64, place: &MapPose| (x_m - place.x_m).hypot(y_m - place.y_m) < 1.0;
+        let taken = |place: &&MapPose| {
+            world.toys.iter().any(|toy| match toy.goal {
+                Some(goal) => near(goal.x_m, goal.y_m, place),
+                None => near(toy.pose.x_m, toy.pose.y_m, place),
+            })
+        };
+        let free: Vec<MapPose> = places.iter().filter(|place| !taken(place)).copied().collect();
+        if !free.is_empty() {
+            let place = free[draw.uniform(0.0, free.len() as f64) as usize];
+            world.send(index, place);
+        }
+    }
 }
