@@ -1,7 +1,7 @@
 //! Toy fleets under traffic control over many seeds, as a table; one run as a drawing.
 //!
 //! `cargo run -p xtb-nav --example traffic -- SCENE [FIRST-LAST] [--svg FILE]` with SCENE one of door,
-//! sleepers, life, circle, corridor, lane and seeds from FIRST to LAST; with `--svg` the first one is drawn.
+//! sleepers, life, dead, restart, circle, corridor, lane, pocket and seeds from FIRST to LAST; with `--svg` the first one is drawn.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, dead_code)]
 
@@ -33,7 +33,12 @@ fn main() {
         "seed  arrived  time_s  still_s  wait_s  plans  without  deadlocks  cyclic  stalls  job_ms: median  max"
     );
     for seed in first..=last {
+        if matches!(scene, "dead" | "restart") {
+            hurt(scene, seed);
+            continue;
+        }
         let (mut world, goals) = match scene {
+            "pocket" => scenes::pocket(seed, clock_ms),
             "circle" => scenes::circle(seed, clock_ms),
             "corridor" => scenes::corridor(seed, clock_ms),
             "lane" => scenes::lane(seed, clock_ms),
@@ -82,6 +87,39 @@ fn main() {
             std::fs::write(file, draw(&world)).unwrap();
         }
     }
+}
+
+/// One dies in the doorway, or the coordinator dies three times.
+fn hurt(scene: &str, seed: u64) {
+    let door_m = 1.2 + 0.2 * (seed % 5) as f64;
+    let mut world = if scene == "dead" {
+        scenes::dead(seed, door_m, clock_ms).0
+    } else {
+        let (mut world, places) = scenes::door(seed, door_m, Trouble::SOME, clock_ms);
+        (0..5).for_each(|index| world.send(index, places[(index + 2) % 5]));
+        let mut draw = toy::Draw::new(seed + 1000);
+        for _ in 0..3 {
+            world.run(draw.uniform(3.0, 15.0));
+            world.kill_coordinator();
+            world.run(draw.uniform(0.3, 8.0));
+            world.start_coordinator();
+        }
+        world
+    };
+    let arrived = world.run(200.0);
+    let open: Vec<String> = world
+        .toys
+        .iter()
+        .filter(|toy| toy.goal.is_some() && toy.alive)
+        .map(|toy| format!("{}: {:?}", toy.name, toy.says.as_ref().and_then(|guide| guide.reason.clone())))
+        .collect();
+    println!(
+        "{seed:4}  all there: {arrived} after {:.1} s, stood {:.1} s, waited {:.1} s, {:?}; open: {open:?}",
+        world.now.s(),
+        world.longest_still_s,
+        world.longest_wait_s,
+        world.counters()
+    );
 }
 
 /// Ten minutes in which everybody who arrives is sent on.

@@ -5,8 +5,8 @@
 mod scenes;
 mod toy;
 
-use scenes::{circle, corridor, door, lane, pose};
-use toy::{Trouble, World};
+use scenes::{circle, corridor, dead, door, lane, life, pocket, pose, send_on};
+use toy::{Draw, Trouble, World};
 use xtb_nav::MapPose;
 
 fn no_clock() -> f64 {
@@ -67,22 +67,15 @@ fn in_a_corridor_and_in_a_lane_one_makes_way() {
         all_go(&mut world, &goals, 200.0);
         let (mut world, goals) = lane(seed, no_clock);
         all_go(&mut world, &goals, 200.0);
+        let (mut world, goals) = pocket(seed, no_clock);
+        all_go(&mut world, &goals, 200.0);
     }
 }
 
 #[test]
 fn with_one_dead_in_the_doorway_the_rest_arrive_or_name_it() {
     for (seed, door_m) in [(1, 1.2), (2, 2.0)] {
-        let (mut world, places) = door(seed, door_m, Trouble::SOME, no_clock);
-        for index in 0..5 {
-            world.send(index, places[(index + 2) % 5]);
-        }
-        let in_door = |world: &World| world.toys.iter().position(|toy| (toy.pose.x_m - 5.0).abs() < 0.15);
-        while in_door(&world).is_none() {
-            world.turn();
-        }
-        let dead = in_door(&world).unwrap();
-        world.toys[dead].alive = false;
+        let (mut world, dead) = dead(seed, door_m, no_clock);
         let blocker = world.toys[dead].name.clone();
         world.run(150.0);
         for toy in world.toys.iter().filter(|toy| toy.alive && toy.goal.is_some()) {
@@ -152,4 +145,17 @@ fn the_same_seed_gives_the_same_drive() {
         world.toys.iter().map(|toy| toy.pose).collect::<Vec<_>>()
     };
     assert_eq!(drive(), drive());
+}
+
+#[test]
+fn whoever_arrives_is_sent_on_and_nobody_else_has_to_stop_for_that() {
+    let (mut world, places) = life(1, Trouble::SOME, no_clock);
+    let mut draw = Draw::new(1000);
+    while world.now.s() < 200.0 {
+        send_on(&mut world, &places, &mut draw);
+        world.turn();
+    }
+    waits_are_short(&world);
+    let arrived: u32 = world.toys.iter().map(|toy| toy.arrived).sum();
+    assert!(arrived >= 20, "{arrived} arrivals");
 }

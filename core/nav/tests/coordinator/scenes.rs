@@ -79,3 +79,27 @@ pub(crate) fn send_on(world: &mut World, places: &[MapPose], draw: &mut Draw) {
         }
     }
 }
+
+/// A lane of 0.9 m with a dead end; the truck at its end wants out, and the one in it wants there: it
+/// has to back out first.
+pub(crate) fn pocket(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+    let boxes = [[0.0, 0.0, 4.0, 1.0], [0.0, 1.9, 4.0, 1.6]];
+    let starts = vec![pose(0.8, 1.45, 0.0), pose(2.4, 1.45, PI)];
+    let goals = vec![pose(6.0, 0.8, 0.0), pose(0.8, 1.45, PI)];
+    (World::new(room(7.0, 3.5, &boxes), &starts, seed, Trouble::SOME, clock_ms), goals)
+}
+
+/// Everybody in the two rooms on the way; one dies in the doorway.
+pub(crate) fn dead(seed: u64, door_m: f64, clock_ms: fn() -> f64) -> (World, usize) {
+    let (mut world, places) = door(seed, door_m, Trouble::SOME, clock_ms);
+    for index in 0..5 {
+        world.send(index, places[(index + 2) % 5]);
+    }
+    loop {
+        world.turn();
+        if let Some(dead) = world.toys.iter().position(|toy| (toy.pose.x_m - 5.0).abs() < 0.15) {
+            world.toys[dead].alive = false;
+            return (world, dead);
+        }
+    }
+}
