@@ -176,7 +176,6 @@ pub(crate) struct World {
     pub(crate) toys: Vec<Toy>,
     pub(crate) coordinator: Option<Coordinator>,
     pub(crate) now: Stamp,
-    pub(crate) earlier: Counters,
     /// Wall time that jobs took, in ms, by the caller's clock.
     pub(crate) jobs_ms: Vec<f64>,
     /// Longest stand of one that was not told for whom it waits, in s.
@@ -228,7 +227,6 @@ impl World {
             room,
             toys: starts.iter().enumerate().map(toy).collect(),
             now: Stamp::from_ms(1000),
-            earlier: Counters::default(),
             jobs_ms: Vec::new(),
             longest_still_s: 0.0,
             longest_wait_s: 0.0,
@@ -279,7 +277,7 @@ impl World {
         self.now = self.now.plus_ms(TURN_MS);
         self.drive();
         self.check();
-        if self.now.ms() / TURN_MS % 2 == 0 {
+        if (self.now.ms() / TURN_MS).is_multiple_of(2) {
             self.control();
         }
     }
