@@ -44,13 +44,16 @@ pub(super) fn blame(job: &JointJob, member: &Member) -> NoWay {
     let goal = way.stands.last().map(|stand| Stand { look: None, ..*stand });
     let at_goal = suspects.iter().find(|suspect| goal.is_some_and(|goal| meets(&goal, suspect.stands)));
     let mut met: Vec<&Suspect<'_>> = Vec::new();
-    for stand in &way.stands {
+    for stand in &way.stands[member.held..] {
         let new = |one: &&Suspect<'_>| !met.iter().any(|other| std::ptr::eq(*other, *one));
-        let now: Vec<&Suspect<'_>> = suspects.iter().filter(new).filter(|one| meets(stand, one.stands)).collect();
+        let now: Vec<&Suspect<'_>> =
+            suspects.iter().filter(new).filter(|one| meets(stand, one.stands)).collect();
         met.extend(now);
     }
     let by = at_goal.or_else(|| bolt(job, member, &met)).or(met.first().copied()).map(|suspect| suspect.name);
-    let crosses = || others().find(|other| way.stands.iter().any(|stand| meets(stand, &other.way.stands)));
+    let crosses = || {
+        others().find(|other| way.stands[member.held..].iter().any(|stand| meets(stand, &other.way.stands)))
+    };
     match by.or_else(|| crosses().map(|other| other.name.as_str())) {
         Some(name) => no_way(Some(name), format!("blocked by {name}")),
         None => no_way(None, "no passing order found".into()),
@@ -65,11 +68,8 @@ fn way_around(job: &JointJob, member: &Member, suspects: &[&Suspect<'_>], budget
     let field = Field::new(&*job.room, job.car.half_width_m, &bodies, goal_m);
     let lines: Vec<Timeline> = suspects.iter().map(|suspect| Timeline::standing(suspect.stands)).collect();
     let margin = |suspect: &Suspect<'_>| margin_m(member.held_stands(), suspect.stands);
-    let others: Vec<Other<'_>> = lines
-        .iter()
-        .zip(suspects)
-        .map(|(line, suspect)| Other { line, margin_m: margin(suspect) })
-        .collect();
+    let others: Vec<Other<'_>> =
+        lines.iter().zip(suspects).map(|(line, suspect)| Other { line, margin_m: margin(suspect) }).collect();
     let head = member.way.up_to(member.held);
     let task = Task {
         room: &*job.room,
@@ -77,7 +77,7 @@ fn way_around(job: &JointJob, member: &Member, suspects: &[&Suspect<'_>], budget
         start: head.end(),
         gear: member.way.gears[member.held],
         tick: 0,
-        target: member.target,
+        target: Some(member.target),
         field: &field,
         others: &others,
         soft: &[],
