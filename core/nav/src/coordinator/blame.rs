@@ -19,14 +19,15 @@ struct Suspect<'a> {
 
 /// Says why: the map, or somebody who stands at the goal, or without whom there would be a way, or
 /// whom the way meets first that it would take alone.
-pub(super) fn blame(job: &JointJob, member: &Member) -> NoWay {
+/// All that is expanded counts down in `left`.
+pub(super) fn blame(job: &JointJob, member: &Member, left: &mut u32) -> NoWay {
     let no_way = |by: Option<&str>, reason: String| NoWay {
         id: member.id,
         revision: member.revision,
         by: by.map(str::to_owned),
         reason,
     };
-    let way = match way_around(job, member, &[], EXPANSIONS_EACH) {
+    let way = match way_around(job, member, &[], EXPANSIONS_EACH, left) {
         Ok(way) => way,
         Err(Stuck::Goal) => return no_way(None, "the goal is not free on the map".into()),
         Err(Stuck::Start) => return no_way(None, "stands in something on the map".into()),
@@ -50,7 +51,10 @@ pub(super) fn blame(job: &JointJob, member: &Member) -> NoWay {
             suspects.iter().filter(new).filter(|one| meets(stand, one.stands)).collect();
         met.extend(now);
     }
-    let by = at_goal.or_else(|| bolt(job, member, &met)).or(met.first().copied()).map(|suspect| suspect.name);
+    let by = at_goal
+        .or_else(|| bolt(job, member, &met, left))
+        .or(met.first().copied())
+        .map(|suspect| suspect.name);
     let crosses = || {
         others().find(|other| way.stands[member.held..].iter().any(|stand| meets(stand, &other.way.stands)))
     };
@@ -61,7 +65,13 @@ pub(super) fn blame(job: &JointJob, member: &Member) -> NoWay {
 }
 
 /// The way that it would take if only these stood there, and as they stand now.
-fn way_around(job: &JointJob, member: &Member, suspects: &[&Suspect<'_>], budget: u32) -> Result<Way, Stuck> {
+fn way_around(
+    job: &JointJob,
+    member: &Member,
+    suspects: &[&Suspect<'_>],
+    most: u32,
+    left: &mut u32,
+) -> Result<Way, Stuck> {
     let bodies: Vec<Rect> =
         suspects.iter().flat_map(|suspect| suspect.stands.iter().map(|stand| stand.body)).collect();
     let goal_m = [member.target.x_m, member.target.y_m];
@@ -82,17 +92,24 @@ fn way_around(job: &JointJob, member: &Member, suspects: &[&Suspect<'_>], budget
         others: &others,
         soft: &[],
     };
-    let mut budget = budget;
-    let legs = search(&task, &mut budget)?;
-    Ok(Way::new(extend(head, &legs, &mut vec![0.0]), &job.car))
+    let mut budget = most.min(*left);
+    let before = budget;
+    let legs = search(&task, &mut budget);
+    *left -= before - budget;
+    Ok(Way::new(extend(head, &legs?, &mut vec![0.0]), &job.car))
 }
 
 /// Who closes the only way: without that one the goal can be reached, with it not.
-fn bolt<'a>(job: &JointJob, member: &Member, suspects: &[&'a Suspect<'a>]) -> Option<&'a Suspect<'a>> {
-    let is_open = |without: Option<usize>| {
+fn bolt<'a>(
+    job: &JointJob,
+    member: &Member,
+    suspects: &[&'a Suspect<'a>],
+    left: &mut u32,
+) -> Option<&'a Suspect<'a>> {
+    let mut is_open = |without: Option<usize>| {
         let rest = suspects.iter().enumerate().filter(|(index, _)| without != Some(*index));
         let standing: Vec<&Suspect<'_>> = rest.map(|(_, suspect)| *suspect).collect();
-        way_around(job, member, &standing, EXPANSIONS).is_ok()
+        way_around(job, member, &standing, EXPANSIONS, left).is_ok()
     };
     if is_open(None) {
         return None;

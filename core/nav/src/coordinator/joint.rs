@@ -24,7 +24,9 @@ const SPARE_M: f64 = 0.02;
 /// Orders that are tried with some of the trucks, at most.
 const TRIES: usize = 8;
 /// Expansions for one truck in one order.
-pub(super) const EXPANSIONS_EACH: u32 = 5000;
+pub(super) const EXPANSIONS_EACH: u32 = 4000;
+/// Expansions to find out who is in whose way, in all.
+const EXPANSIONS_BLAME: u32 = 12_000;
 /// Longest plan, in ticks (20 min).
 pub(super) const MOST_TICKS: usize = 4800;
 /// A truck that has still to leave its place is not driven through so many ticks longer.
@@ -202,14 +204,15 @@ impl JointJob {
         };
         let without: Vec<usize> =
             self.indices(|member| member.wanting).filter(|&index| !planned(index)).collect();
-        let none = without.into_iter().map(|index| blame(self, &self.members[index])).collect();
+        let mut left = EXPANSIONS_BLAME;
+        let none = without.into_iter().map(|index| blame(self, &self.members[index], &mut left)).collect();
         let (expansions, tries) = (self.budget - solver.left, solver.tries);
         let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
         let plan = |(index, way): (usize, Way)| {
             let member: &Member = &self.members[index];
             let evades = solver.evading.contains(&index);
-            let moves = way.length_m > member.way.at_m(member.held) + 1e-6;
-            (moves || !evades).then(|| Plan { id: member.id, revision: member.revision, way, evades })
+            let moves = way.length_m > member.way.at_m(member.held) + 0.01;
+            (moves || !evades).then_some(Plan { id: member.id, revision: member.revision, way, evades })
         };
         JointResult {
             id: self.id,

@@ -15,7 +15,7 @@ const MANY_ARCS: usize = 160;
 /// Between the end of one joint plan and the beginning of the next, in ms.
 const PAUSE_MS: u64 = 300;
 /// Nodes that a joint plan may expand in all.
-const BUDGET: u32 = 60_000;
+const BUDGET: u32 = 30_000;
 /// A way that begins anew begins at most so far from where the truck is when it gets it, in m.
 const START_M: f64 = 0.1;
 
