@@ -2,27 +2,28 @@
 //!
 //! First only those without a way look for one around the others' expected times; if no order works,
 //! everybody with a goal gives up what is not released yet and looks anew; if that does not work
-//! either, whoever failed most often stands, and the rest tries without it.
+//! either, whoever failed most often only makes way for the rest; if it cannot, it stands.
 
+use super::blame::blame;
 use super::field::Field;
+use super::margin::{driven_margin_m, margin_m};
 use super::order::{Order, Runner, Timed, pair, run_ahead};
 use super::rect::{Rect, Stand};
 use super::room::Room;
-use super::search::{Leg, Other, Stuck, Target, Task, search};
-use super::timeline::{NEVER, TICK_WAY_M, Timeline};
+use super::search::{Other, Stuck, Target, Task, search};
+use super::timeline::Timeline;
+use super::times::{arrivals, extend, to_release};
 use super::way::Way;
-use crate::{Car, Path};
+use crate::Car;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Margins of a pair while it is planned, in m: the largest at which the two do not meet already.
-const MARGINS_M: [f64; 5] = [0.08, 0.06, 0.04, 0.02, 0.005];
-/// So much less of it counts when the plan is driven, in m.
-const SPARE_M: f64 = 0.02;
 /// Orders that are tried with some of the trucks, at most.
 const TRIES: usize = 8;
 /// Expansions for one truck in one order.
-const EXPANSIONS_EACH: u32 = 5000;
+pub(super) const EXPANSIONS_EACH: u32 = 4000;
+/// Expansions to find out who is in whose way, in all.
+const EXPANSIONS_BLAME: u32 = 12_000;
 /// Longest plan, in ticks (20 min).
 pub(super) const MOST_TICKS: usize = 4800;
 /// A truck that has still to leave its place is not driven through so many ticks longer.
@@ -46,7 +47,7 @@ pub(super) struct Member {
 }
 
 impl Member {
-    fn held_stands(&self) -> &[Stand] {
+    pub(super) fn held_stands(&self) -> &[Stand] {
         let at = self.way.place(self.done_m).min(self.held);
         &self.way.stands[at..=self.held]
     }
@@ -81,6 +82,8 @@ pub(super) struct Plan {
     pub(super) id: u32,
     pub(super) revision: u64,
     pub(super) way: Way,
+    /// It ends out of the others' way, not at the goal.
+    pub(super) evades: bool,
 }
 
 /// Why one truck has none.
@@ -114,17 +117,6 @@ impl JointResult {
     }
 }
 
-/// The largest of the planning margins at which nobody of the one meets anybody of the other, in m.
-pub(super) fn margin_m(some: &[Stand], others: &[Stand]) -> f64 {
-    let meets = |margin: f64| some.iter().any(|a| others.iter().any(|b| a.touches(b, margin)));
-    MARGINS_M.into_iter().find(|&margin| !meets(margin)).unwrap_or(0.0)
-}
-
-/// What counts of a planning margin when the plan is driven, in m.
-pub(super) fn driven_margin_m(planned_m: f64) -> f64 {
-    (planned_m - SPARE_M).max(0.0)
-}
-
 /// Ways and orders that fit together.
 struct Solution {
     ways: BTreeMap<usize, Way>,
@@ -143,6 +135,10 @@ struct Solver<'a> {
     random: u64,
     tries: u32,
     failures: BTreeMap<usize, u32>,
+    /// Those that have no way to their goals and only make way.
+    evading: BTreeSet<usize>,
+    /// One of these that cannot.
+    stuck: Option<usize>,
 }
 
 impl JointJob {
@@ -159,10 +155,12 @@ impl JointJob {
             random: self.seed,
             tries: 0,
             failures: BTreeMap::new(),
+            evading: BTreeSet::new(),
+            stuck: None,
         };
         let mut standing = BTreeSet::new();
         let solution = loop {
-            let rest = |index: &usize| !standing.contains(index);
+            let rest = |index: &usize| !standing.contains(index) && !solver.evading.contains(index);
             let wanting: Vec<usize> = self.indices(|member| member.wanting).filter(rest).collect();
             if wanting.is_empty() || solver.spent() {
                 break None;
@@ -177,28 +175,44 @@ impl JointJob {
             {
                 break Some(found);
             }
+            if let Some(stuck) = solver.stuck.take() {
+                solver.evading.remove(&stuck);
+                standing.insert(stuck);
+                continue;
+            }
             let worst =
                 wanting.iter().max_by_key(|&&index| solver.failures.get(&index).copied().unwrap_or(0));
-            standing.extend(worst.copied());
+            solver.evading.extend(worst.copied());
         };
-        let planned = |index: usize| solution.as_ref().is_some_and(|found| found.ways.contains_key(&index));
+        let planned = |index: usize| {
+            !solver.evading.contains(&index)
+                && solution.as_ref().is_some_and(|found| found.ways.contains_key(&index))
+        };
         let without: Vec<usize> =
             self.indices(|member| member.wanting).filter(|&index| !planned(index)).collect();
-        let none = without.into_iter().map(|index| solver.blame(index)).collect();
+        let mut left = EXPANSIONS_BLAME;
+        let none = without.into_iter().map(|index| blame(self, &self.members[index], &mut left)).collect();
         let (expansions, tries) = (self.budget - solver.left, solver.tries);
         let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
-        let plan = |(index, way)| {
+        let plan = |(index, way): (usize, Way)| {
             let member: &Member = &self.members[index];
-            Plan { id: member.id, revision: member.revision, way }
+            let evades = solver.evading.contains(&index);
+            let moves = way.length_m > member.way.at_m(member.held) + 0.01;
+            (moves || !evades).then_some(Plan { id: member.id, revision: member.revision, way, evades })
         };
         JointResult {
             id: self.id,
-            plans: ways.into_iter().map(plan).collect(),
+            plans: ways.into_iter().filter_map(plan).collect(),
             order,
             none,
             expansions,
             tries,
         }
+    }
+
+    /// What is driven around by this one.
+    pub(super) fn others<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = &'a Block> {
+        self.blocks.iter().filter(|block| block.id != member.id)
     }
 
     fn indices(&self, which: impl Fn(&Member) -> bool) -> impl Iterator<Item = usize> {
@@ -223,6 +237,10 @@ impl Solver<'_> {
             seen.insert(order.clone());
             match self.attempt(&order, led, standing) {
                 Ok(found) => return Some(found),
+                Err(Failed(index)) if self.evading.contains(&index) => {
+                    self.stuck = Some(index);
+                    return None;
+                }
                 Err(Failed(index)) => {
                     *self.failures.entry(index).or_default() += 1;
                     if order.first() == Some(&index) {
@@ -271,14 +289,15 @@ impl Solver<'_> {
             lines.insert(index, Timeline::standing(job.members[index].held_stands()));
         }
         let mut soft: BTreeMap<usize, Rect> = BTreeMap::new();
-        for &index in free {
+        let free: Vec<usize> = free.iter().chain(&self.evading).copied().collect();
+        for &index in &free {
             let member = &job.members[index];
             let gone = to_release(member).len() as u32 + GRACE_TICKS;
             lines.insert(index, Timeline::leaving(member.held_stands(), gone));
             soft.insert(index, member.way.stands[member.held].body);
         }
         let mut ways = BTreeMap::new();
-        for &index in free {
+        for &index in &free {
             soft.remove(&index);
             let soft: Vec<Rect> = soft.values().copied().collect();
             let (way, at_m) = self.single(index, &lines, &soft).map_err(|_| Failed(index))?;
@@ -300,9 +319,8 @@ impl Solver<'_> {
             return Err(Stuck::Budget);
         }
         let (job, member) = (self.job, &self.job.members[index]);
-        let standing: Vec<Rect> = others_blocks(job, member)
-            .flat_map(|block| block.stands.iter().map(|stand| stand.body))
-            .collect();
+        let standing: Vec<Rect> =
+            job.others(member).flat_map(|block| block.stands.iter().map(|stand| stand.body)).collect();
         let field = self.fields.entry(index).or_insert_with(|| {
             let goal_m = [member.target.x_m, member.target.y_m];
             Field::new(&*job.room, job.car.half_width_m, &standing, goal_m)
@@ -328,7 +346,7 @@ impl Solver<'_> {
             start: head.end(),
             gear: member.way.gears[member.held],
             tick: at_m.len() as u32 - 1,
-            target: member.target,
+            target: (!self.evading.contains(&index)).then_some(member.target),
             field,
             others: &others,
             soft,
@@ -337,6 +355,7 @@ impl Solver<'_> {
         let before = budget;
         let found = search(&task, &mut budget);
         self.left -= before - budget;
+<<<<<<< HEAD
         if std::env::var("TOY").is_ok() {
             eprintln!(
                 "   {} from {:?} to {:?}: {:?} after {}",
@@ -347,6 +366,8 @@ impl Solver<'_> {
                 before - budget
             );
         }
+=======
+>>>>>>> nav-traffic
         let way = Way::new(extend(head, &found?, &mut at_m), &job.car);
         Ok((way, at_m))
     }
@@ -385,53 +406,6 @@ impl Solver<'_> {
         Some(Solution { ways, order })
     }
 
-    /// Who is in a truck's way, as far as can be said.
-    fn blame(&mut self, index: usize) -> NoWay {
-        let (job, member) = (self.job, &self.job.members[index]);
-        let no_way = |by: Option<&String>, reason: String| NoWay {
-            id: member.id,
-            revision: member.revision,
-            by: by.cloned(),
-            reason,
-        };
-        let goal_m = [member.target.x_m, member.target.y_m];
-        let alone = Field::new(&*job.room, job.car.half_width_m, &[], goal_m);
-        let head = member.way.up_to(member.held);
-        let task = Task {
-            room: &*job.room,
-            car: &job.car,
-            start: head.end(),
-            gear: member.way.gears[member.held],
-            tick: 0,
-            target: member.target,
-            field: &alone,
-            others: &[],
-            soft: &[],
-        };
-        let mut budget = EXPANSIONS_EACH;
-        let legs = match search(&task, &mut budget) {
-            Ok(legs) => legs,
-            Err(Stuck::Goal) => return no_way(None, "the goal is not free on the map".into()),
-            Err(Stuck::Start) => return no_way(None, "stands in something on the map".into()),
-            Err(Stuck::Nowhere) => return no_way(None, "no way on the map".into()),
-            Err(Stuck::Budget) => return no_way(None, "no way found in time".into()),
-        };
-        let way = Way::new(extend(head, &legs, &mut vec![0.0]), &job.car);
-        let met = |stands: &[Stand]| {
-            let margin = margin_m(member.held_stands(), stands);
-            way.stands.iter().any(|stand| stands.iter().any(|there| stand.conflicts(there, margin)))
-        };
-        let block = others_blocks(job, member).find(|block| met(&block.stands)).map(|block| &block.name);
-        let others = || job.members.iter().filter(|other| other.id != member.id);
-        let name = block
-            .or_else(|| others().find(|other| met(other.held_stands())).map(|other| &other.name))
-            .or_else(|| others().find(|other| met(&other.way.stands)).map(|other| &other.name));
-        match name {
-            Some(name) => no_way(Some(name), format!("blocked by {name}")),
-            None => no_way(None, "no passing order found".into()),
-        }
-    }
-
     fn shuffle(&mut self, order: &mut [usize]) {
         for last in (1..order.len()).rev() {
             order.swap(last, (self.draw() % (last as u64 + 1)) as usize);
@@ -448,56 +422,6 @@ impl Solver<'_> {
     }
 }
 
-fn others_blocks<'a>(job: &'a JointJob, member: &'a Member) -> impl Iterator<Item = &'a Block> {
-    job.blocks.iter().filter(|block| block.id != member.id)
-}
-
 fn runner<'a>(member: &'a Member, way: Option<&'a Way>) -> Runner<'a> {
     Runner { id: member.id, way: way.unwrap_or(&member.way), done_m: member.done_m }
-}
-
-/// Positions tick by tick from where a truck is to the end of what is released to it.
-fn to_release(member: &Member) -> Vec<f64> {
-    let end_m = member.way.at_m(member.held);
-    let mut at_m = vec![member.done_m.min(end_m)];
-    while let Some(&last) = at_m.last().filter(|&&last| last < end_m - 1e-9) {
-        at_m.push((last + TICK_WAY_M).min(end_m));
-    }
-    at_m
-}
-
-/// Appends what the search found, and the positions at the ticks on it.
-fn extend(mut head: Path, legs: &[Leg], at_m: &mut Vec<f64>) -> Path {
-    for leg in legs {
-        let base = at_m.last().copied().unwrap_or(0.0);
-        while at_m.len() <= leg.depart as usize {
-            at_m.push(base);
-        }
-        let length = leg.piece.length_m.abs();
-        at_m.extend((1..=leg.ticks).map(|tick| base + length * f64::from(tick) / f64::from(leg.ticks)));
-        head.push(leg.piece);
-    }
-    head
-}
-
-/// When each place is reached, in ticks.
-fn arrivals(way: &Way, at_m: &[f64]) -> Vec<f64> {
-    let mut tick = 0;
-    let reached = |place: usize| {
-        let way_m = way.at_m(place);
-        while tick + 1 < at_m.len() && at_m[tick] < way_m - 1e-9 {
-            tick += 1;
-        }
-        if at_m[tick] < way_m - 1e-6 {
-            return f64::from(NEVER);
-        }
-        let before = at_m[tick.saturating_sub(1)];
-        let part = if at_m[tick] > before {
-            ((way_m - before) / (at_m[tick] - before)).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        tick as f64 - 1.0 + part
-    };
-    (0..=way.last()).map(reached).collect()
 }
