@@ -13,6 +13,7 @@ pub mod car;
 pub mod grid;
 pub mod path;
 pub mod reeds_shepp;
+pub mod traffic;
 
 pub use car::Car;
 pub use grid::{Cell, Grid};
