@@ -3,15 +3,25 @@
 
 use serde::Deserialize;
 use std::time::Instant;
-use xtb_nav::traffic::{Bounds, Obstacle, Problem, Settings, Solver, Task, check};
+use xtb_nav::traffic::{Bounds, Obstacle, Problem, Settings, Solver, Task, Tolerance, check};
 use xtb_nav::{Car, MapPose};
 
 #[derive(Deserialize)]
-struct Instance { agents: Vec<Agent>, map: Map }
+struct Instance {
+    agents: Vec<Agent>,
+    map: Map,
+}
 #[derive(Deserialize)]
-struct Agent { name: String, start: [f64; 3], goal: [f64; 3] }
+struct Agent {
+    name: String,
+    start: [f64; 3],
+    goal: [f64; 3],
+}
 #[derive(Deserialize)]
-struct Map { dimensions: [f64; 2], obstacles: Vec<[f64; 2]> }
+struct Map {
+    dimensions: [f64; 2],
+    obstacles: Vec<[f64; 2]>,
+}
 
 fn main() {
     let mut args = std::env::args().skip(1);
@@ -28,27 +38,50 @@ fn main() {
         let pose = |p: [f64; 3]| MapPose { x_m: p[0], y_m: h - p[1], yaw_rad: p[2] };
         let problem = Problem {
             bounds: Bounds { west_m: 0.0, south_m: 0.0, east_m: w, north_m: h },
-            obstacles: i.map.obstacles.iter().map(|o| Obstacle::Disc { x_m: o[0], y_m: h - o[1], radius_m: 0.8 }).collect(),
-            cars: i.agents.iter().map(|a| Task { name: a.name.clone(), car, start: pose(a.start), goal: pose(a.goal) }).collect(),
+            obstacles: i
+                .map
+                .obstacles
+                .iter()
+                .map(|o| Obstacle::Disc { x_m: o[0], y_m: h - o[1], radius_m: 0.8 })
+                .collect(),
+            cars: i
+                .agents
+                .iter()
+                .map(|a| Task { name: a.name.clone(), car, start: pose(a.start), goal: pose(a.goal) })
+                .collect(),
             step_m: 2.118,
             clearance_m: 0.02,
+            tolerance: Tolerance { position_m: 0.1, yaw_rad: 0.05 },
         };
         let begin = Instant::now();
         let mut go = || begin.elapsed().as_secs_f64() < limit;
         let solver = Solver::new(&problem, &mut go);
         let prepared = begin.elapsed().as_secs_f64();
-        let result = solver.and_then(|solver| solver.solve(&Settings { seed, priorities_first: first, ..Settings::default() }, &mut go));
+        let result = solver.and_then(|solver| {
+            solver.solve(&Settings { seed, priorities_first: first, ..Settings::default() }, &mut go)
+        });
         let time = begin.elapsed().as_secs_f64();
         let name = path.rsplit('/').next().unwrap();
         match result {
             Ok(schedule) => {
                 let fine = check(&problem, &schedule);
-                if fine.is_ok() { solved += 1; times.push(time); }
-                println!("{name} {fine:?} {time:.2} s (prep {prepared:.2}) makespan {} flowtime {}", schedule.makespan(), schedule.flowtime());
+                if fine.is_ok() {
+                    solved += 1;
+                    times.push(time);
+                }
+                println!(
+                    "{name} {fine:?} {time:.2} s (prep {prepared:.2}) makespan {} flowtime {}",
+                    schedule.makespan(),
+                    schedule.flowtime()
+                );
             }
             Err(error) => println!("{name} UNSOLVED {time:.2} s (prep {prepared:.2}): {error}"),
         }
     }
     times.sort_by(f64::total_cmp);
-    println!("solved {solved} of {count}, median {:.2} s, worst {:.2}", times.get(times.len() / 2).unwrap_or(&0.0), times.last().unwrap_or(&0.0));
+    println!(
+        "solved {solved} of {count}, median {:.2} s, worst {:.2}",
+        times.get(times.len() / 2).unwrap_or(&0.0),
+        times.last().unwrap_or(&0.0)
+    );
 }

@@ -19,9 +19,11 @@ mod body;
 mod check;
 mod closed;
 mod cost_to_go;
+mod driver;
 mod floor;
 mod groups;
 mod motion;
+mod places;
 mod plans;
 mod priorities;
 mod problem;
@@ -35,7 +37,7 @@ mod table;
 mod tests;
 
 pub use check::{Fault, check};
-pub use problem::{Bounds, Obstacle, Place, Problem, ProblemError, Task, obstacles_of};
+pub use problem::{Bounds, MOST_CARS, Obstacle, Place, Problem, ProblemError, Task, Tolerance, obstacles_of};
 pub use schedule::{Row, Schedule, Way};
 
 use plans::Plans;
@@ -132,6 +134,10 @@ impl Solver {
         if !plans.solved() {
             repair::run(&mut plans, settings.most_rounds, keep_going);
         }
-        if plans.solved() { Ok(plans.schedule()) } else { Err(plans.unsolved()) }
+        if !plans.solved() {
+            return Err(plans.unsolved());
+        }
+        repair::polish(&mut plans, keep_going);
+        Ok(plans.schedule())
     }
 }

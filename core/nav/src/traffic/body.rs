@@ -77,10 +77,14 @@ impl Placed {
         let cos = (self.cos * other.cos + self.sin * other.sin).abs();
         let sin = (self.sin * other.cos - self.cos * other.sin).abs();
         let (a, b) = (self, other);
-        let ahead = (dx * a.cos + dy * a.sin).abs() - (a.half_length + b.half_length * cos + b.half_width * sin);
-        let aside = (dy * a.cos - dx * a.sin).abs() - (a.half_width + b.half_length * sin + b.half_width * cos);
-        let there = (dx * b.cos + dy * b.sin).abs() - (b.half_length + a.half_length * cos + a.half_width * sin);
-        let beside = (dy * b.cos - dx * b.sin).abs() - (b.half_width + a.half_length * sin + a.half_width * cos);
+        let ahead =
+            (dx * a.cos + dy * a.sin).abs() - (a.half_length + b.half_length * cos + b.half_width * sin);
+        let aside =
+            (dy * a.cos - dx * a.sin).abs() - (a.half_width + b.half_length * sin + b.half_width * cos);
+        let there =
+            (dx * b.cos + dy * b.sin).abs() - (b.half_length + a.half_length * cos + a.half_width * sin);
+        let beside =
+            (dy * b.cos - dx * b.sin).abs() - (b.half_width + a.half_length * sin + a.half_width * cos);
         ahead.max(aside).max(there.max(beside))
     }
 
@@ -143,7 +147,8 @@ mod tests {
     fn a_gap_is_negative_exactly_where_the_cars_overlap() {
         let (body, here) = (Body::new(&CAR), spot(0.0, 0.0, 0.3));
         for step in 0..400 {
-            let there = spot(f64::from(step % 20) * 0.5 - 5.0, f64::from(step / 20) * 0.5 - 5.0, f64::from(step));
+            let there =
+                spot(f64::from(step % 20) * 0.5 - 5.0, f64::from(step / 20) * 0.5 - 5.0, f64::from(step));
             let overlap = CAR.overlaps(&here.pose(), &CAR, &there.pose());
             assert_eq!(body.at(&here).gap(&body.at(&there)) < 0.0, overlap, "{there:?}");
         }

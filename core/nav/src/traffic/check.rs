@@ -78,18 +78,28 @@ pub fn check(problem: &Problem, schedule: &Schedule) -> Result<(), Fault> {
     for (i, task) in problem.cars.iter().enumerate() {
         let way = schedule.ways.get(i).filter(|way| way.name == task.name && !way.rows.is_empty());
         let Some(way) = way else { return Err(Fault::Missing(task.name.clone())) };
-        let ends = [(Place::Start, way.rows.first(), &task.start), (Place::Goal, way.rows.last(), &task.goal)];
+        let ends =
+            [(Place::Start, way.rows.first(), &task.start), (Place::Goal, way.rows.last(), &task.goal)];
         for (place, row, wanted) in ends {
-            if !row.is_some_and(|row| same(&row.pose, wanted, problem.step_m)) {
+            if !row.is_some_and(|row| at(&row.pose, wanted, problem)) {
                 return Err(Fault::Place { name: task.name.clone(), place });
             }
         }
         for (step, rows) in way.rows.windows(2).enumerate() {
-            drivable(problem, &task.car, rows)
-                .map_err(|what| Fault::Drive { name: task.name.clone(), step, what })?;
+            drivable(problem, &task.car, rows).map_err(|what| Fault::Drive {
+                name: task.name.clone(),
+                step,
+                what,
+            })?;
         }
     }
     (0..=schedule.makespan()).try_for_each(|step| slices(problem, schedule, step))
+}
+
+fn at(pose: &MapPose, wanted: &MapPose, problem: &Problem) -> bool {
+    let position_m = problem.tolerance.position_m.max(problem.step_m * ROUNDING);
+    libm::hypot(pose.x_m - wanted.x_m, pose.y_m - wanted.y_m) <= position_m
+        && wrap_rad(pose.yaw_rad - wanted.yaw_rad).abs() <= problem.tolerance.yaw_rad.max(ROUNDING)
 }
 
 fn same(a: &MapPose, b: &MapPose, step_m: f64) -> bool {
@@ -125,12 +135,16 @@ fn slices(problem: &Problem, schedule: &Schedule, step: usize) -> Result<(), Fau
         let poses: Vec<MapPose> = schedule.ways.iter().map(|way| pose(&way.rows, step, fraction)).collect();
         for (car, pose) in poses.iter().enumerate() {
             let bounds = &problem.bounds;
-            let wide = (bounds.west_m - ROUNDING * touch..=bounds.east_m + ROUNDING * touch).contains(&pose.x_m);
-            let deep = (bounds.south_m - ROUNDING * touch..=bounds.north_m + ROUNDING * touch).contains(&pose.y_m);
+            let wide =
+                (bounds.west_m - ROUNDING * touch..=bounds.east_m + ROUNDING * touch).contains(&pose.x_m);
+            let deep =
+                (bounds.south_m - ROUNDING * touch..=bounds.north_m + ROUNDING * touch).contains(&pose.y_m);
             if !(wide && deep) {
                 return Err(Fault::Outside { name: name(car), step });
             }
-            if let Some(obstacle) = problem.obstacles.iter().find(|obstacle| hits(&bodies[car], pose, obstacle)) {
+            if let Some(obstacle) =
+                problem.obstacles.iter().find(|obstacle| hits(&bodies[car], pose, obstacle))
+            {
                 let [x_m, y_m] = obstacle.middle_m();
                 return Err(Fault::Obstacle { name: name(car), step, x_m, y_m });
             }

@@ -12,6 +12,22 @@ const EDGE: f64 = 5e-4;
 /// Most squares along a side.
 const MOST_ALONG: usize = 512;
 
+/// What a car keeps from obstacles, in m.
+#[derive(Debug, Clone)]
+pub(crate) struct Keep {
+    pub(crate) margin: f64,
+    /// Obstacles that its start or goal is nearer to.
+    pub(crate) exceptions: Vec<(u32, f64)>,
+}
+
+impl Keep {
+    #[inline]
+    fn from(&self, obstacle: u32) -> f64 {
+        let own = self.exceptions.iter().filter(|(index, _)| *index == obstacle);
+        own.fold(self.margin, |least, (_, margin)| least.min(*margin))
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 enum Solid {
     Disc { x: f64, y: f64, radius: f64 },
@@ -39,9 +55,10 @@ impl Floor {
         let poses = || problem.cars.iter().flat_map(|task| [&task.start, &task.goal]);
         let within = |side: f64, inner: f64, value: &dyn Fn(&crate::MapPose) -> f64| {
             // A car that starts on the very edge must be able to stand there.
-            poses().map(value).filter(|v| (v - side).abs() < edge).fold(inner, |inner, v| {
-                if inner > side { inner.min(v) } else { inner.max(v) }
-            })
+            poses()
+                .map(value)
+                .filter(|v| (v - side).abs() < edge)
+                .fold(inner, |inner, v| if inner > side { inner.min(v) } else { inner.max(v) })
         };
         bounds.west_m = within(bounds.west_m, bounds.west_m + edge, &|pose| pose.x_m);
         bounds.south_m = within(bounds.south_m, bounds.south_m + edge, &|pose| pose.y_m);
@@ -59,7 +76,10 @@ impl Floor {
                 for column in 0..columns {
                     let (west, south) =
                         (bounds.west_m + column as f64 * side, bounds.south_m + row as f64 * side);
-                    let (dx, dy) = ((west - x).max(x - west - side).max(0.0), (south - y).max(y - south - side).max(0.0));
+                    let (dx, dy) = (
+                        (west - x).max(x - west - side).max(0.0),
+                        (south - y).max(y - south - side).max(0.0),
+                    );
                     if dx * dx + dy * dy < far * far {
                         lists[row * columns + column].push(index as u32);
                     }
@@ -81,8 +101,8 @@ impl Floor {
         x >= west_m && x <= east_m && y >= south_m && y <= north_m
     }
 
-    /// Whether a body keeps off everything by `margin` while it drives this piece.
-    pub(crate) fn clear(&self, body: &Body, spot: &Spot, piece: &Piece, margin: f64) -> bool {
+    /// Whether a body keeps off everything while it drives this piece.
+    pub(crate) fn clear(&self, body: &Body, spot: &Spot, piece: &Piece, keep: &Keep) -> bool {
         let end = spot.after(piece, 1.0);
         if !self.inside(end.x, end.y) {
             return false;
@@ -106,21 +126,28 @@ impl Floor {
         let centre = body.centre(spot);
         self.around(spot).iter().all(|&index| {
             let solid = &self.solids[index as usize];
-            solid.beyond(centre, body.reach + way + margin)
-                || stays_clear(way, margin, |fraction| solid.gap(&body.at(&spot.after(piece, fraction))))
+            solid.beyond(centre, body.reach + way + keep.margin)
+                || stays_clear(way, keep.from(index), |fraction| {
+                    solid.gap(&body.at(&spot.after(piece, fraction)))
+                })
         })
     }
 
-    /// The obstacle nearest to a standing body and the gap to it, among those near it.
-    pub(crate) fn nearest(&self, body: &Body, spot: &Spot) -> Option<(f64, usize)> {
+    /// Gaps between a standing body and the obstacles near it.
+    pub(crate) fn gaps(&self, body: &Body, spot: &Spot) -> impl Iterator<Item = (f64, usize)> {
         let placed = body.at(spot);
-        let gaps = self.around(spot).iter().map(|&index| (self.solids[index as usize].gap(&placed), index as usize));
-        gaps.min_by(|a, b| a.0.total_cmp(&b.0))
+        self.around(spot).iter().map(move |&index| (self.solids[index as usize].gap(&placed), index as usize))
+    }
+
+    /// The least of them.
+    pub(crate) fn nearest(&self, body: &Body, spot: &Spot) -> Option<(f64, usize)> {
+        self.gaps(body, spot).min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     #[inline]
     fn around(&self, spot: &Spot) -> &[u32] {
-        let place = |v: f64, least: f64, count: usize| (((v - least) / self.side).max(0.0) as usize).min(count - 1);
+        let place =
+            |v: f64, least: f64, count: usize| (((v - least) / self.side).max(0.0) as usize).min(count - 1);
         let column = place(spot.x, self.bounds.west_m, self.columns);
         let row = place(spot.y, self.bounds.south_m, self.rows);
         let square = row * self.columns + column;

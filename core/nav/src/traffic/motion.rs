@@ -51,7 +51,8 @@ impl Spot {
 fn chord(turned: f64) -> (f64, f64) {
     let q = turned * turned;
     let along = 1.0
-        - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0 * (1.0 - q / 110.0 * (1.0 - q / 156.0)))));
+        - q / 6.0
+            * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0 * (1.0 - q / 110.0 * (1.0 - q / 156.0)))));
     let across = turned / 2.0
         * (1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0 * (1.0 - q / 90.0 * (1.0 - q / 132.0)))));
     (along, across)
@@ -67,7 +68,8 @@ mod tests {
         for curvature_per_m in [-0.9, -0.3, 0.0, 0.2, 1.0] {
             for length_m in [-1.0, -0.2, 0.6, 1.0] {
                 let piece = Piece { length_m, curvature_per_m };
-                let (exact, spot) = (piece.after(&start, length_m * 0.7), Spot::new(&start).after(&piece, 0.7));
+                let (exact, spot) =
+                    (piece.after(&start, length_m * 0.7), Spot::new(&start).after(&piece, 0.7));
                 let off = libm::hypot(exact.x_m - spot.x, exact.y_m - spot.y)
                     + (exact.yaw_rad - spot.yaw).abs()
                     + (libm::cos(spot.yaw) - spot.cos).abs()

@@ -160,7 +160,8 @@ impl<'s> Plans<'s> {
 
     pub(crate) fn unsolved(&self) -> Unsolved {
         let name = |car: usize| self.scene.drivers[car].name.clone();
-        let pairs = (0..self.cars()).flat_map(|a| bits(self.clashes[a]).filter(move |&b| a < b).map(move |b| (a, b)));
+        let pairs =
+            (0..self.cars()).flat_map(|a| bits(self.clashes[a]).filter(move |&b| a < b).map(move |b| (a, b)));
         let conflicts: Vec<_> = pairs.map(|(a, b)| (name(a), name(b))).collect();
         let without = self.missing().into_iter().map(name).collect();
         Unsolved::OutOfBudget { conflicts, without }

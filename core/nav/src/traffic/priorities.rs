@@ -80,7 +80,8 @@ fn choose(plans: &mut Plans<'_>, choice: &Choice) {
 
 /// The pair that touches first.
 fn first_pair(plans: &Plans<'_>) -> Option<(usize, usize)> {
-    let pairs = (0..plans.cars()).flat_map(|a| bits(plans.clashes(a)).filter(move |&b| a < b).map(move |b| (a, b)));
+    let pairs =
+        (0..plans.cars()).flat_map(|a| bits(plans.clashes(a)).filter(move |&b| a < b).map(move |b| (a, b)));
     pairs.min_by_key(|&(a, b)| plans.first_clash(a, b))
 }
 

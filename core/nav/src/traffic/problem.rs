@@ -69,6 +69,17 @@ pub struct Problem {
     pub step_m: f64,
     /// What cars keep from each other and from obstacles, in m; less where starts or goals are nearer.
     pub clearance_m: f64,
+    /// Within this a car counts as being at its start or goal. Used only where it would touch something.
+    pub tolerance: Tolerance,
+}
+
+/// How exactly starts and goals are meant.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tolerance {
+    /// In m.
+    pub position_m: f64,
+    /// In rad.
+    pub yaw_rad: f64,
 }
 
 /// Start or goal.
@@ -121,12 +132,14 @@ pub enum ProblemError {
         y_m: f64,
     },
     /// A start or goal on an obstacle.
-    #[error("the {place} of {name} touches the obstacle at ({x_m:.2}, {y_m:.2})")]
+    #[error("the {place} of {name} overlaps the obstacle at ({x_m:.2}, {y_m:.2}) by {overlap_m:.3} m")]
     Blocked {
         /// Start or goal.
         place: Place,
         /// Whose.
         name: String,
+        /// How deep even the best place within the tolerance lies in it, in m.
+        overlap_m: f64,
         /// Of the obstacle, in m.
         x_m: f64,
         /// Of the obstacle, in m.
@@ -167,6 +180,7 @@ impl Problem {
         positive(&|| "the map's depth".to_owned(), north_m - south_m)?;
         positive(&|| "the way of one step".to_owned(), self.step_m)?;
         near(&|| "the clearance".to_owned(), self.clearance_m)?;
+        near(&|| "the tolerance".to_owned(), self.tolerance.position_m + self.tolerance.yaw_rad)?;
         for obstacle in &self.obstacles {
             let what = || "an obstacle's number".to_owned();
             obstacle.numbers().into_iter().try_for_each(|value| near(&what, value))?;
@@ -185,7 +199,8 @@ impl Problem {
                 positive(&|| format!("a measure of {name}"), value)?;
             }
             if self.step_m > car.radius_m * MOST_TURN_RAD {
-                let (what, expected) = (format!("the way of one step of {name}"), "at most its turning radius");
+                let (what, expected) =
+                    (format!("the way of one step of {name}"), "at most its turning radius");
                 return Err(ProblemError::Value { what, value: self.step_m, expected });
             }
         }

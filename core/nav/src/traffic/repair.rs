@@ -4,6 +4,7 @@
 //! A neighbourhood is chosen around a car that is in somebody's way: those it touches and those they
 //! touch, those that stand in its best way, or those that are near it somewhere.
 
+use super::groups;
 use super::motion::Spot;
 use super::plans::{Cars, Manner, Plans, bits};
 use super::search::Rank;
@@ -65,6 +66,11 @@ pub(crate) fn alone(plans: &mut Plans<'_>, car: usize) -> Option<Rc<Track>> {
 fn round(plans: &mut Plans<'_>, nodes: usize, keep_going: &mut dyn FnMut() -> bool) {
     let mut group = neighbourhood(plans);
     plans.shuffle(&mut group);
+    if group.len() <= groups::MOST && nodes > NODES && plans.draw(2) == 0 {
+        // Orders were tried often enough: perhaps there is none.
+        groups::run(plans, &group, keep_going);
+        return;
+    }
     let before = plans.pairs();
     let old: Vec<_> = group.iter().map(|&car| plans.take(car)).collect();
     let mut complete = true;
@@ -152,5 +158,22 @@ fn nearby(plans: &mut Plans<'_>, group: &mut Cars, size: usize) {
     }
     while (group.count_ones() as usize) < size {
         *group |= 1 << plans.draw(plans.cars());
+    }
+}
+
+/// Shortens ways where the others leave room, once around.
+pub(crate) fn polish(plans: &mut Plans<'_>, keep_going: &mut dyn FnMut() -> bool) {
+    let mut order: Vec<usize> = (0..plans.cars()).collect();
+    plans.shuffle(&mut order);
+    let ranks = vec![Rank::Hard; plans.cars()];
+    for car in order {
+        if !keep_going() {
+            return;
+        }
+        let manner = Manner { clash_steps: 0, greed: 100, most_nodes: NODES };
+        let Some(track) = plans.search(car, &ranks, &[], manner) else { continue };
+        if plans.table.track(car).is_some_and(|old| track.steps() < old.steps()) {
+            plans.put(car, track);
+        }
     }
 }

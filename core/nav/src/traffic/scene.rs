@@ -2,33 +2,25 @@
 
 use super::Unsolved;
 use super::body::{Body, pass};
-use super::cost_to_go::{CostToGo, Lattice};
-use super::floor::Floor;
-use super::motion::{Spot, WAIT};
-use super::problem::{Place, Problem, ProblemError};
+use super::cost_to_go::{Grain, Lattice};
+use super::driver::Driver;
+use super::floor::{Floor, Keep};
+use super::motion::Spot;
+use super::places::{Places, TOUCH, settle};
+use super::problem::Problem;
+use super::search::{Query, Rank, Search};
+use super::table::Table;
 use crate::{MapPose, Piece};
 
-/// Overlap of starts or goals that counts as touching, in parts of a step.
-const TOUCH: f64 = 0.005;
+/// What a gap may differ by when it is computed another time.
+const ROUNDING_M: f64 = 1e-9;
 /// Longest schedule, in steps.
 const MOST_STEPS: usize = 1024;
+/// Nodes of a search without other cars, and how much it trusts its compass.
+const MOST_NODES: usize = 30_000;
+const GREED: u32 = 120;
 /// Time beyond the longest way alone, in steps.
 const SPARE_STEPS: usize = 96;
-
-/// One car, ready for the search.
-#[derive(Debug)]
-pub(crate) struct Driver {
-    pub(crate) name: String,
-    pub(crate) body: Body,
-    pub(crate) radius: f64,
-    pub(crate) start: Spot,
-    pub(crate) goal: MapPose,
-    /// Straight, left and right, ahead and astern.
-    pub(crate) moves: [Piece; 6],
-    /// To obstacles, in m.
-    pub(crate) margin: f64,
-    pub(crate) to_goal: CostToGo,
-}
 
 /// Everything that stays the same while schedules are looked for.
 #[derive(Debug)]
@@ -56,23 +48,46 @@ impl Scene {
         let farthest = most(&|i| bodies[i].reach_of_reference());
         let way = most(&|i| bodies[i].way(&full_lock(problem.step_m, problem.cars[i].car.radius_m)));
         let floor = Floor::new(problem, farthest + way + problem.clearance_m.max(0.0) + problem.step_m);
-        let margins = car_margins(problem, &bodies)?;
-        let lattice = Lattice::new(problem);
+        let places = settle(problem, &floor, &bodies)?;
+        let margins = car_margins(problem, &bodies, &places);
+        let lattice = Lattice::new(problem, Grain::COARSE.side);
         let mut drivers = Vec::with_capacity(bodies.len());
-        let mut longest = 0;
-        for (task, body) in problem.cars.iter().zip(bodies) {
-            let margin = floor_margin(problem, &floor, &body, task)?;
-            let (start, goal) = (Spot::new(&task.start), Spot::new(&task.goal));
-            let moves = moves(problem.step_m, task.car.radius_m);
-            let flood = CostToGo::flood(&lattice, &floor, (&body, &moves, margin), goal, keep_going);
-            let to_goal = flood.ok_or(Unsolved::NotBegun)?;
-            let steps = to_goal.steps(&lattice, &start);
-            longest = longest.max(steps.ok_or_else(|| Unsolved::NoWay { name: task.name.clone() })?);
-            let (name, goal, radius) = (task.name.clone(), task.goal, task.car.radius_m);
-            drivers.push(Driver { name, body, radius, start, goal, moves, margin, to_goal });
+        for ((task, body), places) in problem.cars.iter().zip(bodies).zip(&places) {
+            let exceptions = exceptions(problem.clearance_m, &floor, &body, places);
+            let keep = Keep { margin: problem.clearance_m, exceptions };
+            let driver = Driver::new(problem, &floor, (task, body, keep, places), keep_going);
+            drivers.push(driver.ok_or(Unsolved::NotBegun)?);
         }
-        let horizon = (2 * usize::from(longest) + SPARE_STEPS).next_multiple_of(64).min(MOST_STEPS);
-        Ok(Self { floor, lattice, drivers, margins, step: problem.step_m, horizon, reach, farthest })
+        let (step, horizon) = (problem.step_m, MOST_STEPS);
+        let mut scene = Self { floor, lattice, drivers, margins, step, horizon, reach, farthest };
+        let mut longest = 0;
+        for car in 0..scene.cars() {
+            longest = longest.max(scene.steps_alone(problem, car, keep_going)?);
+        }
+        scene.horizon = (2 * longest + SPARE_STEPS).next_multiple_of(64).min(MOST_STEPS);
+        Ok(scene)
+    }
+
+    /// Steps that a car needs without the others. Where it finds no way it looks closer.
+    fn steps_alone(
+        &mut self,
+        problem: &Problem,
+        car: usize,
+        keep_going: &mut dyn FnMut() -> bool,
+    ) -> Result<usize, Unsolved> {
+        for grain in [None, Some(Grain::SHORT), Some(Grain::FINE)] {
+            if let Some(grain) = grain {
+                let Self { floor, drivers, .. } = self;
+                drivers[car].look(problem, floor, grain, keep_going).ok_or(Unsolved::NotBegun)?;
+            }
+            let (table, ranks) = (Table::new(self), vec![Rank::Ignored; self.cars()]);
+            let query =
+                Query { me: car, ranks: &ranks, ghosts: &[], clash: 0, greed: GREED, most_nodes: MOST_NODES };
+            if let Some(track) = Search::new().run(self, &table, &query) {
+                return Ok(track.steps());
+            }
+        }
+        Err(Unsolved::NoWay { name: self.drivers[car].name.clone() })
     }
 
     /// Between two cars, in m.
@@ -96,59 +111,37 @@ fn full_lock(step: f64, radius: f64) -> Piece {
     Piece { length_m: step, curvature_per_m: 1.0 / radius }
 }
 
-fn moves(step: f64, radius: f64) -> [Piece; 6] {
-    let piece = |gear: f64, turn: f64| Piece { length_m: gear * step, curvature_per_m: turn / radius };
-    [piece(1.0, 0.0), piece(1.0, 1.0), piece(1.0, -1.0), piece(-1.0, 0.0), piece(-1.0, 1.0), piece(-1.0, -1.0)]
-}
-
 /// The wished clearance, or what starts and goals leave of it.
-fn car_margins(problem: &Problem, bodies: &[Body]) -> Result<Vec<f64>, ProblemError> {
+fn car_margins(problem: &Problem, bodies: &[Body], places: &[Places]) -> Vec<f64> {
     let (count, touch) = (bodies.len(), problem.step_m * TOUCH);
     let mut margins = vec![problem.clearance_m; count * count];
     for a in 0..count {
         for b in 0..a {
-            let (first, second) = (&problem.cars[b], &problem.cars[a]);
             let gap = |at: &MapPose, there: &MapPose| {
                 bodies[b].at(&Spot::new(at)).gap(&bodies[a].at(&Spot::new(there)))
             };
-            let (starts, goals) = (gap(&first.start, &second.start), gap(&first.goal, &second.goal));
-            for (place, apart) in [(Place::Start, starts), (Place::Goal, goals)] {
-                if apart < -touch {
-                    let (first, second) = (first.name.clone(), second.name.clone());
-                    return Err(ProblemError::Overlap { place, first, second });
-                }
-            }
+            let (first, second) = (&places[b], &places[a]);
             // A start may lie on another's goal: these two are not taken at the same time then.
-            let crossed = [gap(&first.start, &second.goal), gap(&first.goal, &second.start)];
-            let kept = crossed.into_iter().filter(|&apart| apart >= -touch);
-            let least = kept.fold(starts.min(goals), f64::min);
-            let margin = problem.clearance_m.min(least - 1e-9);
+            let gaps = [
+                gap(&first.start, &second.start),
+                gap(&first.goal, &second.goal),
+                gap(&first.start, &second.goal),
+                gap(&first.goal, &second.start),
+            ];
+            let kept = gaps.into_iter().filter(|&apart| apart >= -touch);
+            let margin = kept.map(|apart| apart - ROUNDING_M).fold(problem.clearance_m, f64::min);
             margins[a * count + b] = margin;
             margins[b * count + a] = margin;
         }
     }
-    Ok(margins)
+    margins
 }
 
-fn floor_margin(
-    problem: &Problem,
-    floor: &Floor,
-    body: &Body,
-    task: &super::problem::Task,
-) -> Result<f64, ProblemError> {
-    let mut margin = problem.clearance_m;
-    for (place, pose) in [(Place::Start, &task.start), (Place::Goal, &task.goal)] {
-        let (name, spot) = (task.name.clone(), Spot::new(pose));
-        let (x_m, y_m) = (pose.x_m, pose.y_m);
-        if !floor.clear(body, &spot, &WAIT, f64::NEG_INFINITY) {
-            return Err(ProblemError::Outside { place, name, x_m, y_m });
-        }
-        let Some((gap, index)) = floor.nearest(body, &spot) else { continue };
-        if gap < -problem.step_m * TOUCH {
-            let [x_m, y_m] = problem.obstacles[index].middle_m();
-            return Err(ProblemError::Blocked { place, name, x_m, y_m });
-        }
-        margin = margin.min(gap - 1e-9);
-    }
-    Ok(margin)
+/// The same for obstacles: those nearer to a start or goal than the clearance.
+fn exceptions(clearance_m: f64, floor: &Floor, body: &Body, places: &Places) -> Vec<(u32, f64)> {
+    let near =
+        |pose: &MapPose| floor.gaps(body, &Spot::new(pose)).filter(|(gap, _)| *gap < clearance_m).collect();
+    let mut found: Vec<(f64, usize)> = near(&places.start);
+    found.extend::<Vec<_>>(near(&places.goal));
+    found.into_iter().map(|(gap, index)| (index as u32, gap - ROUNDING_M)).collect()
 }

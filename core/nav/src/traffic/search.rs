@@ -5,9 +5,9 @@
 //! comes near, only the first arrival counts. Other cars are walls, cost something, or are ignored.
 
 use super::closed::Closed;
-use super::cost_to_go::{SECTORS, sector};
+use super::driver::Driver;
 use super::motion::{Spot, WAIT};
-use super::scene::{Driver, Scene};
+use super::scene::Scene;
 use super::shot;
 use super::table::{Table, Track};
 use crate::Piece;
@@ -126,9 +126,10 @@ impl Search {
         let driver = &scene.drivers[query.me];
         let world = World { scene, table, query, driver };
         let goal_opens = world.goal_opens(&mut self.clashes)?;
-        let to_go = u32::from(driver.to_goal.steps(&scene.lattice, &driver.start)?);
+        let to_go = u32::from(driver.to_goal.steps(&driver.start)?);
         let square = scene.lattice.square(driver.start.x, driver.start.y) as u32;
-        let root = Node { spot: driver.start, piece: WAIT, step: 0, parent: ROOT, extra: 0, to_go, gear: 0, square };
+        let root =
+            Node { spot: driver.start, piece: WAIT, step: 0, parent: ROOT, extra: 0, to_go, gear: 0, square };
         self.push(&world, root, goal_opens);
         let mut expanded = 0;
         while let Some(Reverse((_, _, index))) = self.open.pop() {
@@ -170,7 +171,7 @@ impl Search {
                 continue;
             }
             let square = world.scene.lattice.square(spot.x, spot.y);
-            let Some(to_go) = world.driver.to_goal.steps(&world.scene.lattice, &spot) else { continue };
+            let Some(to_go) = world.driver.to_goal.steps(&spot) else { continue };
             let gear = if piece.length_m > 0.0 { 1 } else { -1 };
             let mut extra = node.extra + DRIVE + if gear < 0 { ASTERN } else { 0 };
             if gear * node.gear < 0 {
@@ -181,7 +182,7 @@ impl Search {
             if self.closed.get(key).is_some_and(|best| best <= cost(extra)) {
                 continue;
             }
-            if !world.scene.floor.clear(&world.driver.body, &node.spot, piece, world.driver.margin) {
+            if !world.scene.floor.clear(&world.driver.body, &node.spot, piece, &world.driver.keep) {
                 continue;
             }
             let Some(clashes) = world.clashes(&node.spot, piece, step) else {
@@ -195,7 +196,11 @@ impl Search {
             }
             self.closed.put(key, cost(extra));
             let (step, to_go, square) = (node.step + 1, u32::from(to_go), square as u32);
-            self.push(world, Node { spot, piece: *piece, step, parent: index, extra, to_go, gear, square }, goal_opens);
+            self.push(
+                world,
+                Node { spot, piece: *piece, step, parent: index, extra, to_go, gear, square },
+                goal_opens,
+            );
         }
         if hindered || world.table.busy_later(node.square as usize, step) {
             self.wait(world, index, goal_opens);
@@ -236,7 +241,7 @@ impl Search {
             let (mut extra, mut gear) = (node.extra, node.gear);
             let came_through = std::iter::repeat_n(&WAIT, waits).chain(&pieces).all(|piece| {
                 let drives = piece.length_m != 0.0;
-                if drives && !floor.clear(&world.driver.body, &spot, piece, world.driver.margin) {
+                if drives && !floor.clear(&world.driver.body, &spot, piece, &world.driver.keep) {
                     return false;
                 }
                 let Some(clashes) = world.clashes(&spot, piece, step) else { return false };
@@ -291,7 +296,7 @@ struct World<'a> {
 impl World<'_> {
     #[inline]
     fn key(&self, square: usize, spot: &Spot, step: usize) -> u64 {
-        let place = (square * SECTORS + sector(spot.yaw)) as u64;
+        let place = self.driver.to_goal.state(spot) as u64;
         place << 24 | u64::from(self.table.moment(square, step))
     }
 

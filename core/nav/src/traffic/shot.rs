@@ -1,7 +1,7 @@
 //! The last stretch: Reeds–Shepp words to the goal, cut into steps.
 
+use super::driver::Driver;
 use super::motion::Spot;
-use super::scene::Driver;
 use crate::{Path, Piece, reeds_shepp};
 
 /// Words that are looked at, those with the fewest steps first.

@@ -41,14 +41,6 @@ impl Track {
             None => (&self.spots[self.pieces.len()], &WAIT),
         }
     }
-
-    pub(crate) fn spots(&self) -> &[Spot] {
-        &self.spots
-    }
-
-    pub(crate) fn pieces(&self) -> &[Piece] {
-        &self.pieces
-    }
 }
 
 /// The tracks of all cars that have one, and an index by step and by square.
@@ -63,6 +55,8 @@ pub(crate) struct Table<'s> {
     /// The same as bits: any.
     bits: Vec<u64>,
     words: usize,
+    /// How many steps it holds.
+    horizon: usize,
 }
 
 impl<'s> Table<'s> {
@@ -75,6 +69,7 @@ impl<'s> Table<'s> {
             counts: vec![0; squares * steps],
             bits: vec![0; squares * steps / WORD],
             words: steps / WORD,
+            horizon: steps,
         }
     }
 
@@ -90,7 +85,7 @@ impl<'s> Table<'s> {
     pub(crate) fn put(&mut self, car: usize, track: Rc<Track>) {
         self.take(car);
         let body = &self.scene.drivers[car].body;
-        for step in 0..self.scene.horizon {
+        for step in 0..self.horizon {
             self.centres[step * self.scene.cars() + car] = body.centre(track.at(step).0);
         }
         self.mark(car, &track, true);
@@ -99,7 +94,7 @@ impl<'s> Table<'s> {
 
     pub(crate) fn take(&mut self, car: usize) -> Option<Rc<Track>> {
         let track = self.tracks[car].take()?;
-        for step in 0..self.scene.horizon {
+        for step in 0..self.horizon {
             self.centres[step * self.scene.cars() + car] = NOWHERE;
         }
         self.mark(car, &track, false);
@@ -108,7 +103,8 @@ impl<'s> Table<'s> {
 
     /// Counts the car in or out in all squares in which another one could not stand beside it.
     fn mark(&mut self, car: usize, track: &Track, there: bool) {
-        let Scene { lattice, drivers, farthest, horizon, .. } = self.scene;
+        let Scene { lattice, drivers, farthest, .. } = self.scene;
+        let horizon = self.horizon;
         let body = &drivers[car].body;
         for step in 0..=track.steps().min(horizon - 1) {
             let (spot, piece) = track.at(step);
@@ -116,9 +112,11 @@ impl<'s> Table<'s> {
             let far = body.reach + farthest + piece.length_m.abs() / 2.0 + lattice.side * 0.75;
             let [x, y] = [(ax + bx) / 2.0, (ay + by) / 2.0];
             let last = step == track.steps();
-            let until = if last { *horizon } else { step + 1 };
+            let until = if last { horizon } else { step + 1 };
             let ([column, row], around) = (lattice.place(x, y), far / lattice.side);
-            let span = |v: f64, count: usize| ((v - around).max(0.0) as usize, ((v + around).max(0.0) as usize + 1).min(count));
+            let span = |v: f64, count: usize| {
+                ((v - around).max(0.0) as usize, ((v + around).max(0.0) as usize + 1).min(count))
+            };
             let ((west, east), (south, north)) = (span(column, lattice.columns), span(row, lattice.rows));
             for row in south..north {
                 for column in west..east {
@@ -132,7 +130,7 @@ impl<'s> Table<'s> {
     }
 
     fn count(&mut self, square: usize, steps: std::ops::Range<usize>, there: bool) {
-        let base = square * self.scene.horizon;
+        let base = square * self.horizon;
         for step in steps {
             let count = &mut self.counts[base + step];
             *count = if there { *count + 1 } else { *count - 1 };
