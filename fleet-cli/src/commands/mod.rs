@@ -8,6 +8,7 @@ mod goal;
 pub mod goto;
 pub mod list;
 mod muster;
+pub mod plan;
 pub mod reset;
 pub mod router;
 pub mod sim;
