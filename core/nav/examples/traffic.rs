@@ -1,6 +1,8 @@
 //! Solves public multi-car planning instances and prints one line for each.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
+use rand_core::Rng;
+use rand_pcg::Pcg32;
 use serde::Deserialize;
 use std::time::Instant;
 use xtb_nav::traffic::{Bounds, Obstacle, Problem, Settings, Solver, Task, Tolerance, check};
@@ -23,6 +25,31 @@ struct Map {
     obstacles: Vec<[f64; 2]>,
 }
 
+/// random:SIDE:DISCS:CARS:SPACING:SEED
+fn random(what: &str) -> Instance {
+    let n: Vec<f64> = what.split(':').skip(1).map(|n| n.parse().unwrap()).collect();
+    let (side, spacing) = (n[0], n[3]);
+    let mut random = Pcg32::new(n[4] as u64, 17);
+    let mut uniform = |low: f64, high: f64| low + (high - low) * f64::from(random.next_u32()) / 4_294_967_296.0;
+    let obstacles: Vec<[f64; 2]> = (0..n[1] as usize).map(|_| [uniform(0.0, side), uniform(0.0, side)]).collect();
+    let car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
+    let pose = |p: &[f64; 3]| MapPose { x_m: p[0], y_m: side - p[1], yaw_rad: p[2] };
+    let mut place = |taken: &[[f64; 3]]| loop {
+        let p = [uniform(2.0, side - 1.0).floor(), uniform(2.0, side - 1.0).floor(), [0.0, 1.57, 3.14, -1.57][uniform(0.0, 4.0) as usize]];
+        let off = obstacles.iter().all(|o| car.distance_m(&pose(&p), [o[0], side - o[1]]) > 0.8);
+        if off && taken.iter().all(|q| !car.overlaps(&pose(&p), &car, &pose(q)) && (p[0] - q[0]).hypot(p[1] - q[1]) > spacing) { return p; }
+    };
+    let (mut starts, mut goals) = (Vec::new(), Vec::new());
+    for _ in 0..n[2] as usize {
+        let start = place(&starts);
+        starts.push(start);
+        let goal = place(&goals);
+        goals.push(goal);
+    }
+    let agents = starts.into_iter().zip(goals).enumerate().map(|(i, (start, goal))| Agent { name: format!("agent{i}"), start, goal }).collect();
+    Instance { agents, map: Map { dimensions: [side, side], obstacles } }
+}
+
 fn main() {
     let mut args = std::env::args().skip(1);
     let limit: f64 = args.next().unwrap().parse().unwrap();
@@ -31,8 +58,7 @@ fn main() {
     let (mut solved, mut times, mut count) = (0, Vec::new(), 0);
     for path in args {
         count += 1;
-        let text = std::fs::read_to_string(&path).unwrap();
-        let i: Instance = serde_saphyr::from_str(&text).unwrap();
+        let i: Instance = if path.starts_with("random:") { random(&path) } else { serde_saphyr::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap() };
         let car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
         let [w, h] = i.map.dimensions;
         let pose = |p: [f64; 3]| MapPose { x_m: p[0], y_m: h - p[1], yaw_rad: p[2] };
@@ -52,6 +78,7 @@ fn main() {
             step_m: 2.118,
             clearance_m: 0.02,
             tolerance: Tolerance { position_m: 0.1, yaw_rad: 0.05 },
+            by_order: std::env::var_os("BY_ORDER").is_some(),
         };
         let begin = Instant::now();
         let mut go = || begin.elapsed().as_secs_f64() < limit;

@@ -23,6 +23,7 @@ mod driver;
 mod floor;
 mod groups;
 mod motion;
+mod order;
 mod places;
 mod plans;
 mod priorities;
@@ -37,6 +38,7 @@ mod table;
 mod tests;
 
 pub use check::{Fault, check};
+pub use order::{Precedence, precedences};
 pub use problem::{Bounds, MOST_CARS, Obstacle, Place, Problem, ProblemError, Task, Tolerance, obstacles_of};
 pub use schedule::{Row, Schedule, Way};
 

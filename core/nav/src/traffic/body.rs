@@ -5,6 +5,8 @@ use crate::{Car, Piece};
 
 /// Part of a step below which two moments count as the same.
 const FINEST: f64 = 1.0 / 64.0;
+/// Moments of one move at which a body is compared with the whole of another one's.
+const LOOKS: u32 = 4;
 
 /// A car's body around its own middle. Lengths in m.
 #[derive(Debug, Clone, Copy)]
@@ -129,6 +131,23 @@ pub(crate) fn pass(a: (&Body, &Spot, &Piece), b: (&Body, &Spot, &Piece), margin:
     }
     stays_clear(way, margin, |fraction| {
         a.0.at(&a.1.after(a.2, fraction)).gap(&b.0.at(&b.1.after(b.2, fraction)))
+    })
+}
+
+/// Whether two moves have no place in common, whenever each of them is driven.
+pub(crate) fn never_meet(a: (&Body, &Spot, &Piece), b: (&Body, &Spot, &Piece), margin: f64) -> bool {
+    let (way, their_way) = (a.0.way(a.2), b.0.way(b.2));
+    let ([ax, ay], [bx, by]) = (a.0.centre(a.1), b.0.centre(b.1));
+    let near = a.0.reach + b.0.reach + way + their_way + margin;
+    if (ax - bx) * (ax - bx) + (ay - by) * (ay - by) > near * near {
+        return true;
+    }
+    // Between two looks the body moves half of the distance at most away from one of them.
+    let looks = if way > 0.0 { LOOKS } else { 0 };
+    let between = way / f64::from(2 * LOOKS);
+    (0..=looks).all(|look| {
+        let mine = a.0.at(&a.1.after(a.2, f64::from(look) / f64::from(LOOKS)));
+        stays_clear(their_way, margin + between, |fraction| mine.gap(&b.0.at(&b.1.after(b.2, fraction))))
     })
 }
 

@@ -71,6 +71,9 @@ pub struct Problem {
     pub clearance_m: f64,
     /// Within this a car counts as being at its start or goal. Used only where it would touch something.
     pub tolerance: Tolerance,
+    /// Whether the schedule is to be driven by its [order](super::precedences) alone: then no car uses in a
+    /// step what another one uses in the same step, whoever is early or late in it.
+    pub by_order: bool,
 }
 
 /// How exactly starts and goals are meant.

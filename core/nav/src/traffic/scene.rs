@@ -1,7 +1,7 @@
 //! A checked problem with what is computed once for it.
 
 use super::Unsolved;
-use super::body::{Body, pass};
+use super::body::{Body, never_meet, pass};
 use super::cost_to_go::{Grain, Lattice};
 use super::driver::Driver;
 use super::floor::{Floor, Keep};
@@ -31,6 +31,8 @@ pub(crate) struct Scene {
     /// Between two cars, in m; row by row.
     margins: Vec<f64>,
     pub(crate) step: f64,
+    /// See [`Problem::by_order`].
+    by_order: bool,
     /// Longest schedule, in steps.
     pub(crate) horizon: usize,
     /// Farthest corner of any car from its middle, in m.
@@ -59,7 +61,8 @@ impl Scene {
             drivers.push(driver.ok_or(Unsolved::NotBegun)?);
         }
         let (step, horizon) = (problem.step_m, MOST_STEPS);
-        let mut scene = Self { floor, lattice, drivers, margins, step, horizon, reach, farthest };
+        let by_order = problem.by_order;
+        let mut scene = Self { floor, lattice, drivers, margins, step, by_order, horizon, reach, farthest };
         let mut longest = 0;
         for car in 0..scene.cars() {
             longest = longest.max(scene.steps_alone(problem, car, keep_going)?);
@@ -92,14 +95,15 @@ impl Scene {
 
     /// Between two cars, in m.
     #[inline]
-    pub(crate) fn margin(&self, a: usize, b: usize) -> f64 {
+    fn margin(&self, a: usize, b: usize) -> f64 {
         self.margins[a * self.drivers.len() + b]
     }
 
     /// Whether two cars stay clear of each other in one step.
     pub(crate) fn pass(&self, a: (usize, &Spot, &Piece), b: (usize, &Spot, &Piece)) -> bool {
         let of = |car: usize| &self.drivers[car].body;
-        pass((of(a.0), a.1, a.2), (of(b.0), b.1, b.2), self.margin(a.0, b.0))
+        let (mine, theirs, margin) = ((of(a.0), a.1, a.2), (of(b.0), b.1, b.2), self.margin(a.0, b.0));
+        if self.by_order { never_meet(mine, theirs, margin) } else { pass(mine, theirs, margin) }
     }
 
     pub(crate) fn cars(&self) -> usize {

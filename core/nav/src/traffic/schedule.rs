@@ -2,7 +2,7 @@
 
 use super::scene::Scene;
 use super::table::Track;
-use crate::{MapPose, Piece};
+use crate::{MapPose, Path, Piece};
 
 /// Where a car is at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,5 +63,15 @@ impl Schedule {
     #[must_use]
     pub fn length_m(&self) -> f64 {
         self.ways.iter().flat_map(|way| &way.rows).map(|row| row.piece.length_m.abs()).sum()
+    }
+}
+
+impl Way {
+    /// The same as a path, without its times.
+    #[must_use]
+    pub fn path(&self) -> Option<Path> {
+        let mut path = Path::standing(self.rows.first()?.pose);
+        self.rows.iter().for_each(|row| path.push(row.piece));
+        Some(path)
     }
 }

@@ -1,6 +1,5 @@
 //! Who is where in which step: the reservations of all cars.
 
-use super::body::pass;
 use super::motion::{Spot, WAIT};
 use super::scene::Scene;
 use crate::Piece;
@@ -191,8 +190,7 @@ impl<'s> Table<'s> {
             }
             let Some(track) = &self.tracks[other] else { continue };
             let (there, driven) = track.at(step);
-            let theirs = (&drivers[other].body, there, driven);
-            if !pass((body, spot, piece), theirs, self.scene.margin(me, other)) && !found(other) {
+            if !self.scene.pass((me, spot, piece), (other, there, driven)) && !found(other) {
                 return;
             }
         }

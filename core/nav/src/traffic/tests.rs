@@ -11,12 +11,15 @@ use std::f64::consts::{FRAC_PI_2, PI};
 const PUBLIC_CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
 const SQUARE: Car = Car { front_m: 1.0, rear_m: 1.0, half_width_m: 0.8, radius_m: 2.0 };
 
+/// Between two starts, or two goals: what the public instances keep.
+const SPACING: f64 = 5.6;
+
 fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
     MapPose { x_m, y_m, yaw_rad }
 }
 
-/// Like the public instances: discs anywhere, whole-numbered places in four directions, none of which
-/// touches another or a disc.
+/// Like the public instances: discs anywhere, whole-numbered places in four directions, off the discs
+/// and a car's length or two from each other.
 fn random(side: f64, discs: usize, cars: usize, seed: u64) -> Problem {
     let mut random = Pcg32::new(seed, 11);
     let mut uniform =
@@ -27,12 +30,13 @@ fn random(side: f64, discs: usize, cars: usize, seed: u64) -> Problem {
     let mut free_place = |taken: &[MapPose]| loop {
         let direction = libm::floor(uniform(0.0, 4.0));
         let place = pose(
-            libm::floor(uniform(3.0, side - 2.0)),
-            libm::floor(uniform(3.0, side - 2.0)),
+            libm::floor(uniform(2.0, side - 1.0)),
+            libm::floor(uniform(2.0, side - 1.0)),
             wrap_rad(direction * FRAC_PI_2),
         );
         let clear = obstacles.iter().all(|disc| PUBLIC_CAR.distance_m(&place, disc.middle_m()) > 0.8);
-        if clear && taken.iter().all(|other| !PUBLIC_CAR.overlaps(&place, &PUBLIC_CAR, other)) {
+        let far = |other: &MapPose| libm::hypot(other.x_m - place.x_m, other.y_m - place.y_m) > SPACING;
+        if clear && taken.iter().all(far) {
             return place;
         }
     };
@@ -54,6 +58,7 @@ fn random(side: f64, discs: usize, cars: usize, seed: u64) -> Problem {
         step_m: 2.118,
         clearance_m: 0.02,
         tolerance: Tolerance::default(),
+        by_order: false,
     }
 }
 
@@ -72,6 +77,7 @@ fn room(wide: f64, deep: f64, obstacles: Vec<Obstacle>, ways: &[(MapPose, MapPos
         step_m: 1.4,
         clearance_m: 0.05,
         tolerance: Tolerance::default(),
+        by_order: false,
     }
 }
 
@@ -265,4 +271,51 @@ fn the_squares_of_a_grid_become_few_boxes() {
     let Obstacle::Box { middle, half_length_m, half_width_m } = boxes[0] else { panic!() };
     assert!((middle.x_m - -0.4).abs() < 1e-12 && (middle.y_m - 2.4).abs() < 1e-12, "{middle:?}");
     assert!((half_length_m - 0.3).abs() < 1e-12 && (half_width_m - 0.2).abs() < 1e-12);
+}
+
+/// Drives a schedule by its order alone: in each round only those go on whom the dice let, and who
+/// need not wait. Nobody may touch anybody, and all must arrive.
+#[test]
+fn the_order_keeps_cars_apart_when_they_are_late() {
+    let problem = Problem { by_order: true, ..random(50.0, 25, 15, 6) };
+    let schedule = solved(&problem);
+    let order = precedences(&problem, &schedule, 0.0);
+    let ends: Vec<usize> = schedule.ways.iter().map(|way| way.rows.len() - 1).collect();
+    let mut random = Pcg32::new(3, 3);
+    let mut at = vec![0; ends.len()];
+    for _ in 0..2_000 {
+        let may = |car: usize, at: &[usize]| {
+            at[car] < ends[car]
+                && order.iter().all(|p| p.car != car || p.row != at[car] || at[p.first] >= p.reached)
+        };
+        let moving: Vec<bool> =
+            (0..at.len()).map(|car| may(car, &at) && random.next_u32() % 3 == 0).collect();
+        for slice in 0..8 {
+            let pose = |car: usize| {
+                let row = &schedule.ways[car].rows[at[car]];
+                let way = if moving[car] { row.piece.length_m * f64::from(slice) / 8.0 } else { 0.0 };
+                row.piece.after(&row.pose, way)
+            };
+            for car in 0..at.len() {
+                for other in 0..car {
+                    assert!(!PUBLIC_CAR.overlaps(&pose(car), &PUBLIC_CAR, &pose(other)), "{car} and {other}");
+                }
+            }
+        }
+        for (place, moved) in at.iter_mut().zip(moving) {
+            *place += usize::from(moved);
+        }
+    }
+    assert_eq!(at, ends);
+}
+
+#[test]
+fn a_way_is_a_path_with_the_same_ends() {
+    let schedule = solved(&random(50.0, 25, 5, 7));
+    for way in &schedule.ways {
+        let (path, last) = (way.path().unwrap(), way.rows[way.rows.len() - 1].pose);
+        let end = path.end();
+        assert!(libm::hypot(end.x_m - last.x_m, end.y_m - last.y_m) < 1e-6);
+        assert!(wrap_rad(end.yaw_rad - last.yaw_rad).abs() < 1e-6);
+    }
 }

@@ -40,8 +40,7 @@ pub(super) fn svg(problem: &Problem, schedule: &Schedule) -> String {
         canvas.obstacle(obstacle);
     }
     for (index, (way, task)) in schedule.ways.iter().zip(&problem.cars).enumerate() {
-        let hue = (index as f64 * HUE_DEG) % 360.0;
-        canvas.way(way, &task.car, &format!("hsl({hue:.0},70%,42%)"));
+        canvas.way(way, &task.car, &color(index));
     }
     canvas.add(format_args!("</svg>"));
     canvas.svg
@@ -114,6 +113,16 @@ impl Canvas {
         ));
         self.add(format_args!("<polyline points=\"{front}\" stroke=\"#101418\" stroke-width=\"2\"/>"));
     }
+}
+
+/// A strong colour of its own for each robot, as #rrggbb: not every viewer knows hsl().
+fn color(index: usize) -> String {
+    let turns = (index as f64 * HUE_DEG / 360.0).fract();
+    let part = |shift: f64| {
+        let away = ((turns + shift).fract() * 6.0 - 3.0).abs();
+        (40.0 + 160.0 * (away - 1.0).clamp(0.0, 1.0)).round() as u8
+    };
+    format!("#{:02x}{:02x}{:02x}", part(0.0), part(2.0 / 3.0), part(1.0 / 3.0))
 }
 
 fn escaped(name: &str) -> String {

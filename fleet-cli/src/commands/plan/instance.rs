@@ -143,6 +143,7 @@ impl Instance {
             step_m: PUBLIC_STEP,
             clearance_m: PUBLIC_CLEARANCE,
             tolerance: PUBLIC_TOLERANCE,
+            by_order: false,
         };
         Self { problem, flipped_at: Some(depth), step_time: 1.0 }
     }
@@ -168,6 +169,7 @@ impl Instance {
             step_m,
             clearance_m: file.clearance_m,
             tolerance: Tolerance::default(),
+            by_order: true,
         };
         Self { problem, flipped_at: None, step_time: step_m / file.speed_m_s }
     }
