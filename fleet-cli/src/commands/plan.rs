@@ -49,7 +49,7 @@ pub async fn run(out: Output, args: PlanArgs) -> Result<Exit> {
             return Ok(Exit::Interrupted);
         }
     };
-    let schedule = schedule.map_err(|unsolved| explain(&unsolved, &args))?;
+    let schedule = schedule.map_err(|unsolved| explain(unsolved, &instance, &args))?;
     xtb_nav::traffic::check(&instance.problem, &schedule).map_err(|fault| wrong(&fault))?;
     let statistics = statistics(&instance, &schedule, begun);
     write(&args.out, &schedule::text(&instance, &schedule, &statistics)?)?;
@@ -90,7 +90,11 @@ async fn follow(
     }
 }
 
-fn explain(unsolved: &Unsolved, args: &PlanArgs) -> Failure {
+fn explain(unsolved: Unsolved, instance: &Instance, args: &PlanArgs) -> Failure {
+    let unsolved = match unsolved {
+        Unsolved::Problem(error) => Unsolved::Problem(instance.placed(error)),
+        other => other,
+    };
     let place = args.instance.display();
     let (kind, hint) = match unsolved {
         Unsolved::Problem(

@@ -18,7 +18,7 @@ use crate::error::{Failure, Kind, Result};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use xtb_control::VehicleConfig;
-use xtb_nav::traffic::{Bounds, Obstacle, Problem, Task, Tolerance};
+use xtb_nav::traffic::{Bounds, Obstacle, Problem, ProblemError, Task, Tolerance};
 use xtb_nav::{Car, MapPose};
 use xtb_sim::World;
 
@@ -181,7 +181,19 @@ impl Instance {
 
     /// (x, y, yaw) as the file counts them.
     pub(crate) fn place(&self, pose: &MapPose) -> [f64; 3] {
-        [pose.x_m, self.flipped_at.map_or(pose.y_m, |depth| depth - pose.y_m), pose.yaw_rad]
+        [pose.x_m, self.north(pose.y_m), pose.yaw_rad]
+    }
+
+    /// The same error with the places as the file counts them.
+    pub(crate) fn placed(&self, mut error: ProblemError) -> ProblemError {
+        if let ProblemError::Outside { y_m, .. } | ProblemError::Blocked { y_m, .. } = &mut error {
+            *y_m = self.north(*y_m);
+        }
+        error
+    }
+
+    fn north(&self, y_m: f64) -> f64 {
+        self.flipped_at.map_or(y_m, |depth| depth - y_m)
     }
 }
 
