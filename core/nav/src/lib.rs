@@ -23,6 +23,7 @@ pub mod planner;
 pub mod reeds_shepp;
 pub mod rooms;
 pub mod space;
+pub mod traffic;
 
 pub use car::Car;
 pub use clearance::Clearance;

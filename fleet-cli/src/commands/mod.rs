@@ -9,6 +9,7 @@ pub mod goto;
 pub mod list;
 pub mod map;
 mod muster;
+pub mod plan;
 pub mod reset;
 pub mod router;
 pub mod sim;

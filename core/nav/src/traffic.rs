@@ -1,0 +1,145 @@
+//! Traffic: ways for several cars at once on which no two ever touch.
+//!
+//! ```text
+//!   Problem ──► Solver::new ──► solve ──► Schedule ──► check
+//!               floor,           │
+//!               ways to goals    ├─ priorities: who gives way to whom, depth-first (PBS)
+//!                                └─ repair: new ways for a few cars around a conflict (LNS, CBS)
+//!                                      └─ search: one car in space and time, around the others (A*)
+//! ```
+//!
+//! Time goes in steps of equal length; in a step a car drives one arc of at most `step_m` or waits.
+//! Contact is judged along the whole step, never at its ends only. A car that has arrived stays.
+//!
+//! Priorities: H. Ma et al., *Searching with Consistent Prioritization for Multi-Agent Path
+//! Finding*, AAAI 2019. Repair: J. Li et al., *MAPF-LNS2*, AAAI 2022. Groups: G. Sharon et al.,
+//! *Conflict-based search*, AIJ 219 (2015); for cars L. Wen et al., *CL-MAPF*, 2020.
+
+mod body;
+mod check;
+mod closed;
+mod cost_to_go;
+mod driver;
+mod floor;
+mod groups;
+mod motion;
+mod order;
+mod places;
+mod plans;
+mod priorities;
+mod problem;
+mod repair;
+mod scene;
+mod schedule;
+mod search;
+mod shot;
+mod table;
+#[cfg(test)]
+mod tests;
+
+pub use check::{Fault, check};
+pub use order::{Precedence, precedences};
+pub use problem::{Bounds, MOST_CARS, Obstacle, Place, Problem, ProblemError, Task, Tolerance, obstacles_of};
+pub use schedule::{Row, Schedule, Way};
+
+use plans::Plans;
+use scene::Scene;
+use thiserror::Error;
+
+/// How long and how hard to try.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Settings {
+    /// Of every random choice.
+    pub seed: u64,
+    /// Begin with priorities, as long as they promise something; otherwise with repair at once.
+    pub priorities_first: bool,
+    /// Rounds of repair after which it gives up even if it may go on.
+    pub most_rounds: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { seed: 1, priorities_first: true, most_rounds: 100_000 }
+    }
+}
+
+/// Why there is no schedule.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Unsolved {
+    /// The problem cannot be.
+    #[error(transparent)]
+    Problem(#[from] ProblemError),
+    /// Even alone this car does not get there.
+    #[error("no way from the start to the goal of {name}, even without the other cars")]
+    NoWay {
+        /// Its name.
+        name: String,
+    },
+    /// The budget ended before these pairs of cars got out of each other's way.
+    #[error("the budget is used up; {}", trouble(conflicts, without))]
+    OutOfBudget {
+        /// Names, two by two.
+        conflicts: Vec<(String, String)>,
+        /// Names of those for which no way was found at all.
+        without: Vec<String>,
+    },
+    /// The budget ended before the search had begun.
+    #[error("the budget is used up before the search began")]
+    NotBegun,
+}
+
+fn trouble(conflicts: &[(String, String)], without: &[String]) -> String {
+    const SHOWN: usize = 6;
+    let mut text: Vec<String> = conflicts.iter().take(SHOWN).map(|(a, b)| format!("{a} and {b}")).collect();
+    if conflicts.len() > SHOWN {
+        text.push(format!("{} more pairs", conflicts.len() - SHOWN));
+    }
+    let mut parts = Vec::new();
+    if !text.is_empty() {
+        parts.push(format!("still in each other's way: {}", text.join(", ")));
+    }
+    if !without.is_empty() {
+        parts.push(format!("no way was found for {}", without.join(", ")));
+    }
+    parts.join("; ")
+}
+
+/// A problem with everything that is computed once: several threads may solve it with other seeds.
+#[derive(Debug)]
+pub struct Solver {
+    scene: Scene,
+}
+
+impl Solver {
+    /// Checks the problem and computes the ways to each goal. `keep_going` is asked now and then.
+    ///
+    /// # Errors
+    /// A problem that cannot be, a car that has no way even alone, or [`Unsolved::NotBegun`].
+    pub fn new(problem: &Problem, keep_going: &mut dyn FnMut() -> bool) -> Result<Self, Unsolved> {
+        Ok(Self { scene: Scene::new(problem, keep_going)? })
+    }
+
+    /// Looks for a schedule until there is one, or until `keep_going` says no. With the same settings
+    /// the same schedule comes out, unless the budget ends first.
+    ///
+    /// # Errors
+    /// [`Unsolved::OutOfBudget`].
+    pub fn solve(
+        &self,
+        settings: &Settings,
+        keep_going: &mut dyn FnMut() -> bool,
+    ) -> Result<Schedule, Unsolved> {
+        let mut plans = Plans::new(&self.scene, settings.seed);
+        if settings.priorities_first {
+            priorities::run(&mut plans, keep_going);
+        }
+        if !plans.solved() {
+            repair::run(&mut plans, settings.most_rounds, keep_going);
+        }
+        if !plans.solved() {
+            return Err(plans.unsolved());
+        }
+        repair::polish(&mut plans, keep_going);
+        Ok(plans.schedule())
+    }
+}

@@ -1,0 +1,181 @@
+//! All cars' tracks and who is in whose way: what priorities and repair work on.
+
+use super::Unsolved;
+use super::motion::WAIT;
+use super::scene::Scene;
+use super::schedule::Schedule;
+use super::search::{Ghost, Query, Rank, STEP, Search};
+use super::table::{Table, Track};
+use rand_core::Rng;
+use rand_pcg::Pcg32;
+use std::rc::Rc;
+
+/// Bits of cars; [`MOST_CARS`](super::problem::MOST_CARS) of them.
+pub(crate) type Cars = u128;
+
+/// How a car is to be planned.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Manner {
+    /// Steps that it would rather lose than be in another's way for one.
+    pub(crate) clash_steps: u32,
+    /// See [`Query::greed`].
+    pub(crate) greed: u32,
+    /// See [`Query::most_nodes`].
+    pub(crate) most_nodes: usize,
+}
+
+/// The state of the search for a schedule.
+#[derive(Debug)]
+pub(crate) struct Plans<'s> {
+    pub(crate) scene: &'s Scene,
+    pub(crate) table: Table<'s>,
+    pub(crate) search: Search,
+    random: Pcg32,
+    /// Who is in whose way; symmetric.
+    clashes: Vec<Cars>,
+}
+
+impl<'s> Plans<'s> {
+    pub(crate) fn new(scene: &'s Scene, seed: u64) -> Self {
+        Self {
+            scene,
+            table: Table::new(scene),
+            search: Search::new(),
+            random: Pcg32::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15), 5),
+            clashes: vec![0; scene.cars()],
+        }
+    }
+
+    pub(crate) fn cars(&self) -> usize {
+        self.scene.cars()
+    }
+
+    /// Uniform in 0..`below`.
+    pub(crate) fn draw(&mut self, below: usize) -> usize {
+        (u64::from(self.random.next_u32()) * below.max(1) as u64 >> 32) as usize
+    }
+
+    pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
+        for last in (1..items.len()).rev() {
+            let other = self.draw(last + 1);
+            items.swap(last, other);
+        }
+    }
+
+    /// A track for a car, with ranks for all others. Nothing changes.
+    pub(crate) fn search(
+        &mut self,
+        me: usize,
+        ranks: &[Rank],
+        ghosts: &[Ghost],
+        manner: Manner,
+    ) -> Option<Rc<Track>> {
+        let Manner { clash_steps, greed, most_nodes } = manner;
+        let query = Query { me, ranks, ghosts, clash: clash_steps * STEP, greed, most_nodes };
+        self.search.run(self.scene, &self.table, &query).map(Rc::new)
+    }
+
+    /// Gives a car its track.
+    pub(crate) fn put(&mut self, car: usize, track: Rc<Track>) {
+        self.take(car);
+        let met = self.met_by(car, &track);
+        self.table.put(car, track);
+        self.clashes[car] = met;
+        for other in bits(met) {
+            self.clashes[other] |= 1 << car;
+        }
+    }
+
+    /// Takes it away.
+    pub(crate) fn take(&mut self, car: usize) -> Option<Rc<Track>> {
+        for other in bits(self.clashes[car]) {
+            self.clashes[other] &= !(1 << car);
+        }
+        self.clashes[car] = 0;
+        self.table.take(car)
+    }
+
+    /// Whom a car would be in the way of on this track.
+    pub(crate) fn met_by(&self, car: usize, track: &Track) -> Cars {
+        let last = self.table.steps().max(track.steps());
+        let mut met: Cars = 0;
+        for step in 0..=last {
+            self.table.meets(car, track.at(step), step, |other| {
+                met |= 1 << other;
+                true
+            });
+        }
+        met
+    }
+
+    /// Cars that this one is in the way of.
+    pub(crate) fn clashes(&self, car: usize) -> Cars {
+        self.clashes[car]
+    }
+
+    /// Pairs that are in each other's way.
+    pub(crate) fn pairs(&self) -> usize {
+        self.clashes.iter().map(|cars| cars.count_ones() as usize).sum::<usize>() / 2
+    }
+
+    /// Cars that are in the way of somebody.
+    pub(crate) fn clashing(&self) -> Vec<usize> {
+        (0..self.cars()).filter(|&car| self.clashes[car] != 0).collect()
+    }
+
+    /// Cars without a track.
+    pub(crate) fn missing(&self) -> Vec<usize> {
+        (0..self.cars()).filter(|&car| self.table.track(car).is_none()).collect()
+    }
+
+    pub(crate) fn solved(&self) -> bool {
+        self.clashes.iter().all(|&cars| cars == 0) && self.missing().is_empty()
+    }
+
+    /// First step in which two cars touch.
+    pub(crate) fn first_clash(&self, a: usize, b: usize) -> Option<usize> {
+        let (first, second) = (self.table.track(a)?, self.table.track(b)?);
+        (0..=first.steps().max(second.steps())).find(|&step| {
+            let ((at, piece), (there, driven)) = (first.at(step), second.at(step));
+            !self.scene.pass((a, at, piece), (b, there, driven))
+        })
+    }
+
+    /// Where a car is in a step, and what it drives.
+    pub(crate) fn ghost(&self, car: usize, step: usize) -> Option<Ghost> {
+        let track = self.table.track(car)?;
+        let (spot, piece) = track.at(step);
+        let stays = step >= track.steps() && *piece == WAIT;
+        Some(Ghost { car, step, spot: *spot, piece: *piece, stays })
+    }
+
+    /// Sum of all cars' steps.
+    pub(crate) fn flowtime(&self) -> usize {
+        (0..self.cars()).filter_map(|car| self.table.track(car)).map(|track| track.steps()).sum()
+    }
+
+    pub(crate) fn schedule(&self) -> Schedule {
+        Schedule::new(self.scene, |car| self.table.track(car).map(Rc::as_ref))
+    }
+
+    pub(crate) fn unsolved(&self) -> Unsolved {
+        let name = |car: usize| self.scene.drivers[car].name.clone();
+        let pairs =
+            (0..self.cars()).flat_map(|a| bits(self.clashes[a]).filter(move |&b| a < b).map(move |b| (a, b)));
+        let conflicts: Vec<_> = pairs.map(|(a, b)| (name(a), name(b))).collect();
+        let without = self.missing().into_iter().map(name).collect();
+        Unsolved::OutOfBudget { conflicts, without }
+    }
+}
+
+/// The cars whose bits are set.
+pub(crate) fn bits(mut cars: Cars) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        if cars == 0 {
+            return None;
+        }
+        let car = cars.trailing_zeros() as usize;
+        cars &= cars - 1;
+        Some(car)
+    })
+}

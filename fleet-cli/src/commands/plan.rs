@@ -1,0 +1,133 @@
+//! `plan`: ways for a whole fleet at once, computed beforehand, on which no two robots ever touch.
+
+mod drawing;
+mod instance;
+mod race;
+mod schedule;
+
+use crate::cli::PlanArgs;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::interrupt::interrupted;
+use crate::output::{Output, Progress};
+use instance::Instance;
+use race::Race;
+use serde::Serialize;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use xtb_nav::traffic::{Fault, ProblemError, Schedule, Unsolved};
+
+/// Between two lines of progress.
+const PROGRESS_EVERY: Duration = Duration::from_millis(500);
+
+/// What came out, for programs and people.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(crate) struct Statistics {
+    agents: usize,
+    /// Way of all robots together, in the instance's unit.
+    cost: f64,
+    /// When the last one arrives, in the schedule's unit of time.
+    makespan: f64,
+    /// Sum of all arrivals.
+    flowtime: f64,
+    /// In s.
+    runtime: f64,
+}
+
+/// Plans, checks the plan once more, and writes it.
+///
+/// # Errors
+/// An instance that cannot be read, or has no solution; no schedule within the time; files that cannot
+/// be written.
+pub async fn run(out: Output, args: PlanArgs) -> Result<Exit> {
+    let begun = Instant::now();
+    let instance = Instance::read(&args.instance)?;
+    let race = Race::start(&instance.problem, args.seed, begun + args.time_limit);
+    let schedule = tokio::select! {
+        ended = follow(out, begun, &args, &race) => ended,
+        () = interrupted() => {
+            race.stop();
+            return Ok(Exit::Interrupted);
+        }
+    };
+    let schedule = schedule.map_err(|unsolved| explain(unsolved, &instance, &args))?;
+    xtb_nav::traffic::check(&instance.problem, &schedule).map_err(|fault| wrong(&fault))?;
+    let statistics = statistics(&instance, &schedule, begun);
+    write(&args.out, &schedule::text(&instance, &schedule, &statistics)?)?;
+    if let Some(file) = &args.plot {
+        write(file, &drawing::svg(&instance.problem, &schedule))?;
+    }
+    out.result(&statistics, |statistics| {
+        format!(
+            "{} robots, makespan {}, flowtime {}, {:.1} s → {}",
+            statistics.agents,
+            statistics.makespan,
+            statistics.flowtime,
+            statistics.runtime,
+            args.out.display()
+        )
+    })?;
+    Ok(Exit::Done)
+}
+
+/// Waits for the race, telling how long it takes.
+async fn follow(
+    out: Output,
+    begun: Instant,
+    args: &PlanArgs,
+    race: &Race,
+) -> std::result::Result<Schedule, Unsolved> {
+    let mut progress = Progress::new();
+    loop {
+        tokio::time::sleep(race::LOOK_EVERY).await;
+        if let Some(ended) = race.ended() {
+            progress.end();
+            return ended;
+        }
+        if !out.json && begun.elapsed() > PROGRESS_EVERY {
+            let (spent, limit) = (begun.elapsed().as_secs(), args.time_limit.as_secs_f64());
+            progress.show(&format!("planning: {spent} of at most {limit} s"));
+        }
+    }
+}
+
+fn explain(unsolved: Unsolved, instance: &Instance, args: &PlanArgs) -> Failure {
+    let unsolved = match unsolved {
+        Unsolved::Problem(error) => Unsolved::Problem(instance.placed(error)),
+        other => other,
+    };
+    let place = args.instance.display();
+    let (kind, hint) = match unsolved {
+        Unsolved::Problem(
+            ProblemError::Value { .. } | ProblemError::TooMany(_) | ProblemError::SameName(_),
+        ) => (Kind::Config, "the instance's numbers and names are wrong"),
+        Unsolved::Problem(_) => (Kind::Failed, "no schedule can begin or end there: move the start or goal"),
+        Unsolved::NoWay { .. } => {
+            (Kind::Failed, "something stands in its way, or it is too wide or turns too widely")
+        }
+        Unsolved::OutOfBudget { .. } | Unsolved::NotBegun => {
+            (Kind::Failed, "a longer --time-limit or another --seed may help")
+        }
+    };
+    Failure::new(kind, format!("{place}: {unsolved}")).hint(hint)
+}
+
+/// What must never happen: nothing is written then.
+fn wrong(fault: &Fault) -> Failure {
+    Failure::new(Kind::Failed, format!("the schedule found is wrong: {fault}; it was not written"))
+        .hint("this is an error of fleet-cli; another --seed may help")
+}
+
+fn statistics(instance: &Instance, schedule: &Schedule, begun: Instant) -> Statistics {
+    Statistics {
+        agents: schedule.ways.len(),
+        cost: schedule.length_m(),
+        makespan: instance.time(schedule.makespan()),
+        flowtime: instance.time(schedule.flowtime()),
+        runtime: begun.elapsed().as_secs_f64(),
+    }
+}
+
+fn write(path: &Path, text: &str) -> Result<()> {
+    std::fs::write(path, text)
+        .map_err(|error| Failure::new(Kind::Failed, format!("cannot write {}: {error}", path.display())))
+}
