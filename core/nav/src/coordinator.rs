@@ -36,11 +36,8 @@ mod wire;
 
 pub use joint::{JointJob, JointResult};
 pub use room::{GridRoom, Room};
-<<<<<<< HEAD
-pub use wire::others_near;
-=======
 pub use view::{Counters, Guide, PlannedGoal, RobotView, RouteReport};
->>>>>>> nav-traffic
+pub use wire::others_near;
 
 use crate::Car;
 use joint::{Block, MOST_TICKS};

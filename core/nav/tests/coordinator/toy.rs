@@ -344,19 +344,6 @@ impl World {
             let before = (self.clock_ms)();
             let result = job.solve(&mut || true);
             self.jobs_ms.push((self.clock_ms)() - before);
-<<<<<<< HEAD
-            if std::env::var("TOY").is_ok() {
-                eprintln!(
-                    "{:.1}: job {:?} expansions {} tries {} in {:.0} ms",
-                    self.now.s(),
-                    result.counts(),
-                    result.expansions,
-                    result.tries,
-                    self.jobs_ms.last().unwrap()
-                );
-            }
-=======
->>>>>>> nav-traffic
             coordinator.planned(self.now, result);
             assert!(coordinator.is_acyclic(), "the passing order blocks itself");
         } else if let Some(job) = coordinator.job(self.now) {
