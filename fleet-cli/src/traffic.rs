@@ -131,7 +131,7 @@ impl Work {
             if let Some(job) = self.coordinator.job(now()) {
                 self.plan(job, sender.clone());
             }
-            if self.seq % TELL_EVERY == 0 {
+            if self.seq.is_multiple_of(TELL_EVERY) {
                 self.tell().await;
             }
         }

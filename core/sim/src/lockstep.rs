@@ -182,8 +182,10 @@ impl Lockstep {
                 self.plans.push_back((now.plus_ms(PLAN_MS), index, job.run(&mut self.planner)));
             }
         }
-        while let Some((_, index, done)) = self.plans.pop_front_if(|(at, ..)| *at <= now) {
-            self.robots[index].agent_mut().planned(now, done);
+        while self.plans.front().is_some_and(|(at, ..)| *at <= now) {
+            if let Some((_, index, done)) = self.plans.pop_front() {
+                self.robots[index].agent_mut().planned(now, done);
+            }
         }
     }
 

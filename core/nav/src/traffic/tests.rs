@@ -289,7 +289,7 @@ fn the_order_keeps_cars_apart_when_they_are_late() {
                 && order.iter().all(|p| p.car != car || p.row != at[car] || at[p.first] >= p.reached)
         };
         let moving: Vec<bool> =
-            (0..at.len()).map(|car| may(car, &at) && random.next_u32() % 3 == 0).collect();
+            (0..at.len()).map(|car| may(car, &at) && random.next_u32().is_multiple_of(3)).collect();
         for slice in 0..8 {
             let pose = |car: usize| {
                 let row = &schedule.ways[car].rows[at[car]];
