@@ -18,6 +18,7 @@ const PATIENCE_S: f64 = 400.0;
 
 /// What came of one.
 #[derive(Debug, Clone)]
+#[allow(dead_code)] // shown when a test fails, and by the example
 pub(crate) struct Journey {
     pub(crate) seed: u64,
     pub(crate) start: MapPose,

@@ -54,13 +54,13 @@ pub(crate) fn meet(drive: &mut Drive, goals: &[MapPose], within_s: f64) -> Meeti
         drive.run_s(0.2);
         made.took_s = drive.lockstep.now().since_s(begun);
         made.ends.clear();
-        for index in 0..goals.len() {
+        for (index, stood) in stood.iter_mut().enumerate() {
             let state = drive.lockstep.state(index).unwrap();
             let goal = state.goal.clone().unwrap();
             let stands = !goal.status.is_final() && state.speed_mps.is_none_or(|mps| mps.abs() < 0.01);
-            stood[index] = if stands { stood[index] + 0.2 } else { 0.0 };
-            if stood[index] > made.stood_s {
-                made.stood_s = stood[index];
+            *stood = if stands { *stood + 0.2 } else { 0.0 };
+            if *stood > made.stood_s {
+                made.stood_s = *stood;
                 made.stood_for = format!("{}: {:?} {:?}", state.robot, state.stopped_because, goal.reason);
             }
             made.ends.push((goal.status, goal.reason));
