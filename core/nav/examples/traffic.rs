@@ -1,5 +1,5 @@
 //! Solves public multi-car planning instances and prints one line for each.
-#![allow(clippy::print_stdout, clippy::unwrap_used)]
+#![allow(clippy::approx_constant, clippy::print_stdout, clippy::unwrap_used)]
 
 use rand_core::Rng;
 use rand_pcg::Pcg32;
