@@ -1,7 +1,7 @@
 //! Toy fleets under traffic control over many seeds, as a table; one run as a drawing.
 //!
 //! `cargo run -p xtb-nav --example traffic -- SCENE [FIRST-LAST] [--svg FILE]` with SCENE one of door,
-//! circle, corridor, lane and seeds from FIRST to LAST; with `--svg` the first one is drawn.
+//! sleepers, life, dead, restart, circle, corridor, lane, pocket and seeds from FIRST to LAST; with `--svg` the first one is drawn.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, dead_code)]
 
@@ -13,7 +13,7 @@ mod toy;
 use std::fmt::Write as _;
 use std::sync::OnceLock;
 use std::time::Instant;
-use toy::World;
+use toy::{Trouble, World};
 use xtb_nav::coordinator::Room;
 use xtb_nav::{Cell, MapPose};
 
@@ -33,19 +33,34 @@ fn main() {
         "seed  arrived  time_s  still_s  wait_s  plans  without  deadlocks  cyclic  stalls  job_ms: median  max"
     );
     for seed in first..=last {
+        if matches!(scene, "dead" | "restart") {
+            hurt(scene, seed);
+            continue;
+        }
         let (mut world, goals) = match scene {
+            "pocket" => scenes::pocket(seed, clock_ms),
             "circle" => scenes::circle(seed, clock_ms),
             "corridor" => scenes::corridor(seed, clock_ms),
             "lane" => scenes::lane(seed, clock_ms),
-            _ => scenes::door(seed, 1.2 + 0.2 * (seed % 5) as f64, clock_ms),
+            "sleepers" => scenes::door(seed, 1.2 + 0.2 * (seed % 5) as f64, Trouble::SLEEPY, clock_ms),
+            _ => scenes::door(seed, 1.2 + 0.2 * (seed % 5) as f64, Trouble::SOME, clock_ms),
         };
-        let rounds = if scene == "door" { 3 } else { 1 };
+        let doors = matches!(scene, "door" | "sleepers");
+        if scene == "life" {
+            live(seed);
+            continue;
+        }
+        let rounds = if doors { 3 } else { 1 };
         let mut arrived = true;
         for round in 1..=rounds {
             let count = goals.len();
             for index in 0..count {
+<<<<<<< HEAD
                 let goal: MapPose =
                     if scene == "door" { goals[(index + 2 * round) % count] } else { goals[index] };
+=======
+                let goal: MapPose = if doors { goals[(index + 2 * round) % count] } else { goals[index] };
+>>>>>>> nav-traffic
                 world.send(index, goal);
             }
             arrived &= world.run(240.0);
@@ -69,7 +84,7 @@ fn main() {
         );
         if !arrived {
             for toy in world.toys.iter().filter(|toy| toy.goal.is_some()) {
-                let says = toy.guide.as_ref().map(|guide| (&guide.waits_for, &guide.reason, guide.release_m));
+                let says = toy.says.as_ref().map(|guide| (&guide.waits_for, &guide.reason, guide.release_m));
                 println!("      {} at {:?} to {:?}: {says:?}", toy.name, toy.pose, toy.goal);
             }
         }
@@ -77,6 +92,61 @@ fn main() {
             std::fs::write(file, draw(&world)).unwrap();
         }
     }
+}
+
+/// One dies in the doorway, or the coordinator dies three times.
+fn hurt(scene: &str, seed: u64) {
+    let door_m = 1.2 + 0.2 * (seed % 5) as f64;
+    let mut world = if scene == "dead" {
+        scenes::dead(seed, door_m, clock_ms).0
+    } else {
+        let (mut world, places) = scenes::door(seed, door_m, Trouble::SOME, clock_ms);
+        (0..5).for_each(|index| world.send(index, places[(index + 2) % 5]));
+        let mut draw = toy::Draw::new(seed + 1000);
+        for _ in 0..3 {
+            world.run(draw.uniform(3.0, 15.0));
+            world.kill_coordinator();
+            world.run(draw.uniform(0.3, 8.0));
+            world.start_coordinator();
+        }
+        world
+    };
+    let arrived = world.run(200.0);
+    let open: Vec<String> = world
+        .toys
+        .iter()
+        .filter(|toy| toy.goal.is_some() && toy.alive)
+        .map(|toy| format!("{}: {:?}", toy.name, toy.says.as_ref().and_then(|guide| guide.reason.clone())))
+        .collect();
+    println!(
+        "{seed:4}  all there: {arrived} after {:.1} s, stood {:.1} s, waited {:.1} s, {:?}; open: {open:?}",
+        world.now.s(),
+        world.longest_still_s,
+        world.longest_wait_s,
+        world.counters()
+    );
+}
+
+/// Ten minutes in which everybody who arrives is sent on.
+fn live(seed: u64) {
+    let (mut world, places) = scenes::life(seed, Trouble::SOME, clock_ms);
+    let mut draw = toy::Draw::new(seed + 1000);
+    while world.now.s() < 600.0 {
+        scenes::send_on(&mut world, &places, &mut draw);
+        world.turn();
+    }
+    let arrived: u32 = world.toys.iter().map(|toy| toy.arrived).sum();
+    let mut jobs = world.jobs_ms.clone();
+    jobs.sort_by(f64::total_cmp);
+    println!(
+        "{seed:4}  {arrived} arrivals, stood {:.1} s, waited {:.1} s, {} jobs: median {:.0} ms, longest {:.0} ms, {:?}",
+        world.longest_still_s,
+        world.longest_wait_s,
+        jobs.len(),
+        jobs.get(jobs.len() / 2).unwrap_or(&0.0),
+        jobs.last().unwrap_or(&0.0),
+        world.counters(),
+    );
 }
 
 /// The room, and the way that each truck drove.

@@ -4,14 +4,16 @@
 //! everybody with a goal gives up what is not released yet and looks anew; if that does not work
 //! either, whoever failed most often stands, and the rest tries without it.
 
+use super::blame::blame;
 use super::field::Field;
 use super::order::{Order, Runner, Timed, pair, run_ahead};
 use super::rect::{Rect, Stand};
 use super::room::Room;
-use super::search::{Leg, Other, Stuck, Target, Task, search};
-use super::timeline::{NEVER, TICK_WAY_M, Timeline};
+use super::search::{Other, Stuck, Target, Task, search};
+use super::timeline::Timeline;
+use super::times::{arrivals, extend, to_release};
 use super::way::Way;
-use crate::{Car, Path};
+use crate::Car;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -22,7 +24,7 @@ const SPARE_M: f64 = 0.02;
 /// Orders that are tried with some of the trucks, at most.
 const TRIES: usize = 8;
 /// Expansions for one truck in one order.
-const EXPANSIONS_EACH: u32 = 5000;
+pub(super) const EXPANSIONS_EACH: u32 = 5000;
 /// Longest plan, in ticks (20 min).
 pub(super) const MOST_TICKS: usize = 4800;
 /// A truck that has still to leave its place is not driven through so many ticks longer.
@@ -46,7 +48,7 @@ pub(super) struct Member {
 }
 
 impl Member {
-    fn held_stands(&self) -> &[Stand] {
+    pub(super) fn held_stands(&self) -> &[Stand] {
         let at = self.way.place(self.done_m).min(self.held);
         &self.way.stands[at..=self.held]
     }
@@ -184,7 +186,7 @@ impl JointJob {
         let planned = |index: usize| solution.as_ref().is_some_and(|found| found.ways.contains_key(&index));
         let without: Vec<usize> =
             self.indices(|member| member.wanting).filter(|&index| !planned(index)).collect();
-        let none = without.into_iter().map(|index| solver.blame(index)).collect();
+        let none = without.into_iter().map(|index| blame(self, &self.members[index])).collect();
         let (expansions, tries) = (self.budget - solver.left, solver.tries);
         let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
         let plan = |(index, way)| {
@@ -199,6 +201,11 @@ impl JointJob {
             expansions,
             tries,
         }
+    }
+
+    /// What is driven around by this one.
+    pub(super) fn others<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = &'a Block> {
+        self.blocks.iter().filter(|block| block.id != member.id)
     }
 
     fn indices(&self, which: impl Fn(&Member) -> bool) -> impl Iterator<Item = usize> {
@@ -300,7 +307,7 @@ impl Solver<'_> {
             return Err(Stuck::Budget);
         }
         let (job, member) = (self.job, &self.job.members[index]);
-        let standing: Vec<Rect> = others_blocks(job, member)
+        let standing: Vec<Rect> = job.others(member)
             .flat_map(|block| block.stands.iter().map(|stand| stand.body))
             .collect();
         let field = self.fields.entry(index).or_insert_with(|| {
@@ -337,6 +344,7 @@ impl Solver<'_> {
         let before = budget;
         let found = search(&task, &mut budget);
         self.left -= before - budget;
+<<<<<<< HEAD
         if std::env::var("TOY").is_ok() {
             eprintln!(
                 "   {} from {:?} to {:?}: {:?} after {}",
@@ -347,6 +355,8 @@ impl Solver<'_> {
                 before - budget
             );
         }
+=======
+>>>>>>> nav-traffic
         let way = Way::new(extend(head, &found?, &mut at_m), &job.car);
         Ok((way, at_m))
     }
@@ -385,53 +395,6 @@ impl Solver<'_> {
         Some(Solution { ways, order })
     }
 
-    /// Who is in a truck's way, as far as can be said.
-    fn blame(&mut self, index: usize) -> NoWay {
-        let (job, member) = (self.job, &self.job.members[index]);
-        let no_way = |by: Option<&String>, reason: String| NoWay {
-            id: member.id,
-            revision: member.revision,
-            by: by.cloned(),
-            reason,
-        };
-        let goal_m = [member.target.x_m, member.target.y_m];
-        let alone = Field::new(&*job.room, job.car.half_width_m, &[], goal_m);
-        let head = member.way.up_to(member.held);
-        let task = Task {
-            room: &*job.room,
-            car: &job.car,
-            start: head.end(),
-            gear: member.way.gears[member.held],
-            tick: 0,
-            target: member.target,
-            field: &alone,
-            others: &[],
-            soft: &[],
-        };
-        let mut budget = EXPANSIONS_EACH;
-        let legs = match search(&task, &mut budget) {
-            Ok(legs) => legs,
-            Err(Stuck::Goal) => return no_way(None, "the goal is not free on the map".into()),
-            Err(Stuck::Start) => return no_way(None, "stands in something on the map".into()),
-            Err(Stuck::Nowhere) => return no_way(None, "no way on the map".into()),
-            Err(Stuck::Budget) => return no_way(None, "no way found in time".into()),
-        };
-        let way = Way::new(extend(head, &legs, &mut vec![0.0]), &job.car);
-        let met = |stands: &[Stand]| {
-            let margin = margin_m(member.held_stands(), stands);
-            way.stands.iter().any(|stand| stands.iter().any(|there| stand.conflicts(there, margin)))
-        };
-        let block = others_blocks(job, member).find(|block| met(&block.stands)).map(|block| &block.name);
-        let others = || job.members.iter().filter(|other| other.id != member.id);
-        let name = block
-            .or_else(|| others().find(|other| met(other.held_stands())).map(|other| &other.name))
-            .or_else(|| others().find(|other| met(&other.way.stands)).map(|other| &other.name));
-        match name {
-            Some(name) => no_way(Some(name), format!("blocked by {name}")),
-            None => no_way(None, "no passing order found".into()),
-        }
-    }
-
     fn shuffle(&mut self, order: &mut [usize]) {
         for last in (1..order.len()).rev() {
             order.swap(last, (self.draw() % (last as u64 + 1)) as usize);
@@ -448,56 +411,6 @@ impl Solver<'_> {
     }
 }
 
-fn others_blocks<'a>(job: &'a JointJob, member: &'a Member) -> impl Iterator<Item = &'a Block> {
-    job.blocks.iter().filter(|block| block.id != member.id)
-}
-
 fn runner<'a>(member: &'a Member, way: Option<&'a Way>) -> Runner<'a> {
     Runner { id: member.id, way: way.unwrap_or(&member.way), done_m: member.done_m }
-}
-
-/// Positions tick by tick from where a truck is to the end of what is released to it.
-fn to_release(member: &Member) -> Vec<f64> {
-    let end_m = member.way.at_m(member.held);
-    let mut at_m = vec![member.done_m.min(end_m)];
-    while let Some(&last) = at_m.last().filter(|&&last| last < end_m - 1e-9) {
-        at_m.push((last + TICK_WAY_M).min(end_m));
-    }
-    at_m
-}
-
-/// Appends what the search found, and the positions at the ticks on it.
-fn extend(mut head: Path, legs: &[Leg], at_m: &mut Vec<f64>) -> Path {
-    for leg in legs {
-        let base = at_m.last().copied().unwrap_or(0.0);
-        while at_m.len() <= leg.depart as usize {
-            at_m.push(base);
-        }
-        let length = leg.piece.length_m.abs();
-        at_m.extend((1..=leg.ticks).map(|tick| base + length * f64::from(tick) / f64::from(leg.ticks)));
-        head.push(leg.piece);
-    }
-    head
-}
-
-/// When each place is reached, in ticks.
-fn arrivals(way: &Way, at_m: &[f64]) -> Vec<f64> {
-    let mut tick = 0;
-    let reached = |place: usize| {
-        let way_m = way.at_m(place);
-        while tick + 1 < at_m.len() && at_m[tick] < way_m - 1e-9 {
-            tick += 1;
-        }
-        if at_m[tick] < way_m - 1e-6 {
-            return f64::from(NEVER);
-        }
-        let before = at_m[tick.saturating_sub(1)];
-        let part = if at_m[tick] > before {
-            ((way_m - before) / (at_m[tick] - before)).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        tick as f64 - 1.0 + part
-    };
-    (0..=way.last()).map(reached).collect()
 }

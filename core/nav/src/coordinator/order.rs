@@ -41,7 +41,7 @@ impl Timed<'_> {
 /// What each of two trucks needs of the other.
 pub(super) fn pair(a: &Timed<'_>, b: &Timed<'_>, margin_m: f64) -> (Vec<u32>, Vec<u32>) {
     let (mut a_needs, mut b_needs) = (vec![0_u32; a.way.stands.len()], vec![0_u32; b.way.stands.len()]);
-    for i in a.at..a.way.stands.len() {
+    for (i, a_need) in a_needs.iter_mut().enumerate().skip(a.at) {
         let mine = a.look(i);
         let mut j = b.at;
         while j < b.way.stands.len() {
@@ -59,12 +59,12 @@ pub(super) fn pair(a: &Timed<'_>, b: &Timed<'_>, margin_m: f64) -> (Vec<u32>, Ve
                         // Out of the look-out it is already when it has arrived at i.
                         raise(&mut b_needs[j], i + usize::from(touches));
                     } else {
-                        raise(&mut a_needs[i], j + 1);
+                        raise(a_need, j + 1);
                     }
                 }
                 if !touches && other.sees(&mine, margin_m) {
                     if second <= first {
-                        raise(&mut a_needs[i], j);
+                        raise(a_need, j);
                     } else {
                         raise(&mut b_needs[j], i + 1);
                     }

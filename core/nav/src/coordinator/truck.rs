@@ -18,15 +18,13 @@ const SHORT_M: f64 = 0.06;
 /// Farther beside its path it is not on it any more, in m.
 const OFF_M: f64 = 0.3;
 /// Released way that is not driven for so long makes a truck stalled, in ms.
-const STALL_MS: u64 = 6000;
+const STALL_MS: u64 = 8000;
 /// Way in which a truck that is not led can stop, per m/s, in m, and at least.
 const STOPPING_S: f64 = 0.8;
 
 /// A way that has been given to a truck.
 #[derive(Debug, Clone)]
 pub(super) struct Route {
-    /// Boot and goal for which it is.
-    pub(super) goal: (u64, u128),
     pub(super) plan: u64,
     /// The plan with which it began at its present start.
     pub(super) base: u64,
@@ -120,6 +118,7 @@ impl Truck {
             (Some(route), Some(report)) if (route.base..=route.plan).contains(&report.plan) => {
                 if report.done_m > route.done_m + 0.01 {
                     self.busy = seen;
+                    self.stalled = false;
                 }
                 route.done_m = report.done_m.clamp(route.done_m, route.release_m.max(route.done_m));
                 true
@@ -207,12 +206,9 @@ impl Truck {
     }
 
     /// Where it has to be driven around, as one that is not led.
-    pub(super) fn block(&self, now: Stamp, car: &Car) -> Vec<Stand> {
+    pub(super) fn block(&self, car: &Car) -> Vec<Stand> {
         let mut stands = self.retained.clone();
-        let sure = self.is_fresh(now) && self.stands() && !self.view.drives;
-        if self.route.is_some() && !sure {
-            stands.extend_from_slice(self.held());
-        }
+        stands.extend_from_slice(self.held());
         let stopping_m = if self.stands() { 0.0 } else { 0.1 + STOPPING_S * self.view.speed_mps.abs() };
         let longer = Car {
             front_m: car.front_m + if self.view.speed_mps > 0.0 { stopping_m } else { 0.0 },

@@ -5,8 +5,8 @@
 mod scenes;
 mod toy;
 
-use scenes::{circle, corridor, door, lane, pose};
-use toy::World;
+use scenes::{circle, corridor, dead, door, lane, life, pocket, pose, send_on};
+use toy::{Draw, Trouble, World};
 use xtb_nav::MapPose;
 
 fn no_clock() -> f64 {
@@ -29,7 +29,7 @@ fn standing(world: &World) -> String {
             "{} at {:?}: {:?}",
             toy.name,
             toy.pose,
-            toy.guide.as_ref().map(|guide| (&guide.waits_for, &guide.reason))
+            toy.says.as_ref().map(|guide| (&guide.waits_for, &guide.reason))
         )
     };
     open.map(line).collect::<Vec<_>>().join("\n")
@@ -37,13 +37,14 @@ fn standing(world: &World) -> String {
 
 fn waits_are_short(world: &World) {
     assert!(world.longest_still_s <= 15.0, "stood {} s", world.longest_still_s);
+    assert_eq!(world.counters().cyclic + world.counters().deadlocks, 0);
     assert!(world.longest_wait_s <= 60.0, "waited {} s", world.longest_wait_s);
 }
 
 #[test]
 fn five_trucks_swap_places_through_one_door() {
     for (seed, door_m) in [(1, 1.2), (2, 1.6), (3, 2.0)] {
-        let (mut world, places) = door(seed, door_m, no_clock);
+        let (mut world, places) = door(seed, door_m, Trouble::SOME, no_clock);
         for round in 1..=3 {
             let there = |index: usize| places[(index + 2 * round) % places.len()];
             let goals: Vec<MapPose> = (0..5).map(there).collect();
@@ -67,28 +68,21 @@ fn in_a_corridor_and_in_a_lane_one_makes_way() {
         all_go(&mut world, &goals, 200.0);
         let (mut world, goals) = lane(seed, no_clock);
         all_go(&mut world, &goals, 200.0);
+        let (mut world, goals) = pocket(seed, no_clock);
+        all_go(&mut world, &goals, 200.0);
     }
 }
 
 #[test]
 fn with_one_dead_in_the_doorway_the_rest_arrive_or_name_it() {
     for (seed, door_m) in [(1, 1.2), (2, 2.0)] {
-        let (mut world, places) = door(seed, door_m, no_clock);
-        for index in 0..5 {
-            world.send(index, places[(index + 2) % 5]);
-        }
-        let in_door = |world: &World| world.toys.iter().position(|toy| (toy.pose.x_m - 5.0).abs() < 0.15);
-        while in_door(&world).is_none() {
-            world.turn();
-        }
-        let dead = in_door(&world).unwrap();
-        world.toys[dead].alive = false;
+        let (mut world, dead) = dead(seed, door_m, no_clock);
         let blocker = world.toys[dead].name.clone();
-        world.run(150.0);
+        let arrived = world.run(150.0);
+        assert_eq!(arrived, door_m > 1.5, "{}", standing(&world));
         for toy in world.toys.iter().filter(|toy| toy.alive && toy.goal.is_some()) {
-            let by = toy.guide.as_ref().and_then(|guide| guide.waits_for.clone());
-            let reason = toy.guide.as_ref().and_then(|guide| guide.reason.clone()).unwrap_or_default();
-            assert!(by == Some(blocker.clone()) || reason.contains("blocked by"), "{}", standing(&world));
+            let reason = toy.says.as_ref().and_then(|guide| guide.reason.clone());
+            assert_eq!(reason, Some(format!("blocked by {blocker}")), "{}", standing(&world));
         }
     }
 }
@@ -96,7 +90,7 @@ fn with_one_dead_in_the_doorway_the_rest_arrive_or_name_it() {
 #[test]
 fn a_coordinator_that_is_killed_and_restarted_goes_on_where_it_was() {
     for seed in 1..=3 {
-        let (mut world, places) = door(seed, 1.6, no_clock);
+        let (mut world, places) = door(seed, 1.6, Trouble::SOME, no_clock);
         for index in 0..5 {
             world.send(index, places[(index + 2) % 5]);
         }
@@ -121,4 +115,48 @@ fn a_truck_without_a_goal_is_driven_around_and_one_in_the_only_way_is_named() {
     // It is sent away: the way is free again.
     world.send(1, pose(1.0, 2.0, std::f64::consts::PI));
     assert!(world.run(150.0), "{}", standing(&world));
+}
+
+#[test]
+fn sleepers_and_those_taken_over_are_driven_around_and_go_on_later() {
+    for seed in 1..=2 {
+        let (mut world, places) = door(seed, 2.0, Trouble::SLEEPY, no_clock);
+        let goals: Vec<MapPose> = (0..5).map(|index| places[(index + 2) % 5]).collect();
+        for (index, goal) in goals.iter().enumerate() {
+            world.send(index, *goal);
+        }
+        assert!(!world.run(10.0));
+        world.take_over(2);
+        assert!(!world.run(20.0));
+        world.send(2, goals[2]);
+        // Another goal in the middle of the way.
+        world.send(0, pose(3.0, 1.0, 0.0));
+        assert!(world.run(300.0), "{}", standing(&world));
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_drive() {
+    let drive = || {
+        let (mut world, goals) = circle(4, no_clock);
+        for (index, goal) in goals.iter().enumerate() {
+            world.send(index, *goal);
+        }
+        world.run(20.0);
+        world.toys.iter().map(|toy| toy.pose).collect::<Vec<_>>()
+    };
+    assert_eq!(drive(), drive());
+}
+
+#[test]
+fn whoever_arrives_is_sent_on_and_nobody_else_has_to_stop_for_that() {
+    let (mut world, places) = life(1, Trouble::SOME, no_clock);
+    let mut draw = Draw::new(1000);
+    while world.now.s() < 200.0 {
+        send_on(&mut world, &places, &mut draw);
+        world.turn();
+    }
+    waits_are_short(&world);
+    let arrived: u32 = world.toys.iter().map(|toy| toy.arrived).sum();
+    assert!(arrived >= 20, "{arrived} arrivals");
 }

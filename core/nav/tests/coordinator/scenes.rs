@@ -1,6 +1,6 @@
 //! Rooms and starts that are hard for several trucks.
 
-use crate::toy::{Trouble, World, room};
+use crate::toy::{Draw, Trouble, World, room};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use xtb_nav::MapPose;
 
@@ -9,7 +9,7 @@ pub(crate) fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
 }
 
 /// Two rooms of 5 m × 6 m with a door between them; three trucks in the one, two in the other.
-pub(crate) fn door(seed: u64, door_m: f64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+pub(crate) fn door(seed: u64, door_m: f64, trouble: Trouble, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
     let walls = [[4.9, 0.0, 0.2, 3.0 - door_m / 2.0], [4.9, 3.0 + door_m / 2.0, 0.2, 3.0]];
     let starts = vec![
         pose(1.2, 1.0, 0.0),
@@ -18,7 +18,7 @@ pub(crate) fn door(seed: u64, door_m: f64, clock_ms: fn() -> f64) -> (World, Vec
         pose(8.8, 2.0, PI),
         pose(8.8, 4.0, PI),
     ];
-    (World::new(room(10.0, 6.0, &walls), &starts, seed, Trouble::SOME, clock_ms), starts)
+    (World::new(room(10.0, 6.0, &walls), &starts, seed, trouble, clock_ms), starts)
 }
 
 /// Ten trucks on a circle in 8 m × 8 m, nose inwards, and where each has to go: opposite.
@@ -50,4 +50,56 @@ pub(crate) fn lane(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
     let starts = vec![pose(0.8, 2.0, 0.0), pose(7.2, 2.0, PI)];
     let goals = vec![pose(7.0, 2.0, 0.0), pose(1.0, 2.0, PI)];
     (World::new(room(8.0, 4.4, &boxes), &starts, seed, Trouble::SOME, clock_ms), goals)
+}
+
+/// The two rooms with a door, and eight places where trucks may be sent one at a time.
+pub(crate) fn life(seed: u64, trouble: Trouble, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+    let (world, mut places) = door(seed, 1.4, trouble, clock_ms);
+    places.extend([pose(3.2, 0.8, 0.0), pose(3.2, 5.2, PI), pose(6.6, 0.8, 0.0)]);
+    (world, places)
+}
+
+/// Sends whoever has arrived to a place that nobody else stands at or is sent to.
+pub(crate) fn send_on(world: &mut World, places: &[MapPose], draw: &mut Draw) {
+    for index in 0..world.toys.len() {
+        if world.toys[index].goal.is_some() || world.toys[index].taken_over || !draw.chance(0.02) {
+            continue;
+        }
+        let near = |x_m: f64, y_m: f64, place: &MapPose| (x_m - place.x_m).hypot(y_m - place.y_m) < 1.0;
+        let taken = |place: &&MapPose| {
+            world.toys.iter().any(|toy| match toy.goal {
+                Some(goal) => near(goal.x_m, goal.y_m, place),
+                None => near(toy.pose.x_m, toy.pose.y_m, place),
+            })
+        };
+        let free: Vec<MapPose> = places.iter().filter(|place| !taken(place)).copied().collect();
+        if !free.is_empty() {
+            let place = free[draw.uniform(0.0, free.len() as f64) as usize];
+            world.send(index, place);
+        }
+    }
+}
+
+/// A lane of 0.9 m with a dead end; the truck at its end wants out, and the one in it wants there: it
+/// has to back out first.
+pub(crate) fn pocket(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+    let boxes = [[0.0, 0.0, 4.0, 1.0], [0.0, 1.9, 4.0, 1.6]];
+    let starts = vec![pose(0.8, 1.45, 0.0), pose(2.4, 1.45, PI)];
+    let goals = vec![pose(6.0, 0.8, 0.0), pose(0.8, 1.45, PI)];
+    (World::new(room(7.0, 3.5, &boxes), &starts, seed, Trouble::SOME, clock_ms), goals)
+}
+
+/// Everybody in the two rooms on the way; one dies in the doorway.
+pub(crate) fn dead(seed: u64, door_m: f64, clock_ms: fn() -> f64) -> (World, usize) {
+    let (mut world, places) = door(seed, door_m, Trouble::SOME, clock_ms);
+    for index in 0..5 {
+        world.send(index, places[(index + 2) % 5]);
+    }
+    loop {
+        world.turn();
+        if let Some(dead) = world.toys.iter().position(|toy| (toy.pose.x_m - 5.0).abs() < 0.15) {
+            world.toys[dead].alive = false;
+            return (world, dead);
+        }
+    }
 }

@@ -45,14 +45,18 @@ impl Draw {
 pub(crate) struct Trouble {
     /// Probability that a guide or a report is lost.
     pub(crate) loss: f64,
-    /// Probability in each second that a robot pauses for 1 to 4 s.
+    /// Probability in each second that a robot pauses.
     pub(crate) pause: f64,
+    /// It pauses for 1 s to so long.
+    pub(crate) pause_s: f64,
     /// A joint plan takes up to so long, in s.
     pub(crate) planning_s: f64,
 }
 
 impl Trouble {
-    pub(crate) const SOME: Self = Self { loss: 0.1, pause: 0.02, planning_s: 1.0 };
+    pub(crate) const SOME: Self = Self { loss: 0.1, pause: 0.02, pause_s: 4.0, planning_s: 1.0 };
+    /// Robots fall asleep for longer than traffic control waits for them.
+    pub(crate) const SLEEPY: Self = Self { pause: 0.015, pause_s: 15.0, ..Self::SOME };
 }
 
 pub(crate) struct Toy {
@@ -60,13 +64,25 @@ pub(crate) struct Toy {
     pub(crate) pose: MapPose,
     pub(crate) alive: bool,
     pub(crate) goal: Option<PlannedGoal>,
+    /// The route that it follows.
     pub(crate) guide: Option<Guide>,
+    /// What it heard last.
+    pub(crate) says: Option<Guide>,
     pub(crate) arrived: u32,
     speed_mps: f64,
     done_m: f64,
+    /// It drives so far to the left of its path.
+    beside_m: f64,
+    /// It stops so far before its release's end.
+    short_m: f64,
     pause_until: Stamp,
     heard: Stamp,
+    /// Taken over: it stands, and traffic control may not lead it.
+    pub(crate) taken_over: bool,
+    /// Since when it stands.
     pub(crate) still_since: Stamp,
+    /// Since when it stands and is not told for whom.
+    lost_since: Stamp,
     pub(crate) trace: Vec<MapPose>,
     pub(crate) driven: Vec<Path>,
 }
@@ -87,13 +103,14 @@ impl Toy {
             speed_mps: self.speed_mps,
             goal: self.goal,
             route: self.guide.as_ref().and_then(of),
-            drives: true,
+            drives: !self.taken_over,
             age_ms,
         }
     }
 
     fn hear(&mut self, now: Stamp, guide: &Guide) {
         self.heard = now;
+        self.says = Some(guide.clone());
         if guide.goal != self.goal.map(|goal| (1, goal.id)) || guide.path.is_none() {
             return;
         }
@@ -101,8 +118,12 @@ impl Toy {
         let same_start =
             before.is_some_and(|path| Some(path.start) == guide.path.as_ref().map(|path| path.start));
         if !same_start {
+            let start = guide.path.as_ref().map_or(self.pose, |path| path.start);
+            let off_m = libm::hypot(start.x_m - self.pose.x_m, start.y_m - self.pose.y_m);
+            if off_m > 0.1 || self.speed_mps != 0.0 {
+                return;
+            }
             self.done_m = 0.0;
-            self.speed_mps = 0.0;
         } else if let Some(old) = &self.guide {
             assert!(guide.plan >= old.plan, "{}: plan {} after {}", self.name, guide.plan, old.plan);
             assert!(guide.release_m >= old.release_m - 1e-9, "{}: the release shrank", self.name);
@@ -121,17 +142,24 @@ impl Toy {
             self.speed_mps = 0.0;
             return;
         };
-        let end_m = guide.release_m.min(path.length_m());
+        let short_m = if guide.release_m < path.length_m() - 1e-6 { self.short_m } else { 0.0 };
+        let end_m = guide.release_m.min(path.length_m()) - short_m;
         let (_, piece) = path.at(self.done_m + 1e-6);
         let gear = piece.map_or(1.0, |piece| piece.gear());
         let left_m = (end_m - self.done_m).max(0.0);
-        let stop = now < self.pause_until || now.since_ms(self.heard) > 3000 || !clear(&self.pose, gear);
+        let stop = now < self.pause_until
+            || self.taken_over
+            || now.since_ms(self.heard) > 3000
+            || !clear(&self.pose, gear);
         let most = if stop { 0.0 } else { guide.cruise_mps.min(libm::sqrt(2.0 * ACCELERATION * left_m)) };
         let speed = (self.speed_mps.abs() + ACCELERATION * turn_s).min(most);
         let step_m = (speed * turn_s).min(left_m);
         self.done_m += step_m;
         self.speed_mps = gear * if step_m > 1e-4 { step_m / turn_s } else { 0.0 };
-        self.pose = path.at(self.done_m).0;
+        let (on, yaw_rad) = (path.at(self.done_m).0, path.at(self.done_m).0.yaw_rad);
+        let beside_m = self.beside_m * (self.done_m / 0.5).min(1.0);
+        let (sin, cos) = libm::sincos(yaw_rad);
+        self.pose = MapPose { x_m: on.x_m - beside_m * sin, y_m: on.y_m + beside_m * cos, yaw_rad };
     }
 
     fn is_there(&self) -> bool {
@@ -148,10 +176,11 @@ pub(crate) struct World {
     pub(crate) toys: Vec<Toy>,
     pub(crate) coordinator: Option<Coordinator>,
     pub(crate) now: Stamp,
-    pub(crate) earlier: Counters,
     /// Wall time that jobs took, in ms, by the caller's clock.
     pub(crate) jobs_ms: Vec<f64>,
+    /// Longest stand of one that was not told for whom it waits, in s.
     pub(crate) longest_still_s: f64,
+    /// Longest stand of all, in s.
     pub(crate) longest_wait_s: f64,
     clock_ms: fn() -> f64,
     draw: Draw,
@@ -169,15 +198,21 @@ impl World {
         clock_ms: fn() -> f64,
     ) -> Self {
         let car = Car::of(&VehicleConfig::default());
+        let mut draw = Draw::new(seed);
         let toy = |(index, pose): (usize, &MapPose)| Toy {
             name: format!("xtb-{}", index + 1),
             pose: *pose,
             alive: true,
             goal: None,
             guide: None,
+            says: None,
             arrived: 0,
             speed_mps: 0.0,
             done_m: 0.0,
+            beside_m: draw.uniform(-0.025, 0.025),
+            short_m: draw.uniform(0.0, 0.03),
+            taken_over: false,
+            lost_since: Stamp::ZERO,
             pause_until: Stamp::ZERO,
             heard: Stamp::ZERO,
             still_since: Stamp::ZERO,
@@ -192,12 +227,11 @@ impl World {
             room,
             toys: starts.iter().enumerate().map(toy).collect(),
             now: Stamp::from_ms(1000),
-            earlier: Counters::default(),
             jobs_ms: Vec::new(),
             longest_still_s: 0.0,
             longest_wait_s: 0.0,
             clock_ms,
-            draw: Draw::new(seed),
+            draw,
             trouble,
             job: None,
             seed,
@@ -209,7 +243,15 @@ impl World {
         let toy = &mut self.toys[index];
         toy.goal = Some(PlannedGoal { id, x_m: to.x_m, y_m: to.y_m, yaw_rad: Some(to.yaw_rad) });
         toy.guide = None;
-        toy.still_since = self.now;
+        toy.taken_over = false;
+        toy.speed_mps = 0.0;
+        (toy.still_since, toy.lost_since) = (self.now, self.now);
+    }
+
+    /// Somebody takes a robot over: its goal is gone, and it stands.
+    pub(crate) fn take_over(&mut self, index: usize) {
+        let toy = &mut self.toys[index];
+        (toy.goal, toy.guide, toy.taken_over, toy.speed_mps) = (None, None, true, 0.0);
     }
 
     pub(crate) fn kill_coordinator(&mut self) {
@@ -235,7 +277,7 @@ impl World {
         self.now = self.now.plus_ms(TURN_MS);
         self.drive();
         self.check();
-        if self.now.ms() / TURN_MS % 2 == 0 {
+        if (self.now.ms() / TURN_MS).is_multiple_of(2) {
             self.control();
         }
     }
@@ -245,7 +287,7 @@ impl World {
         let seen = Car { half_width_m: INFRARED_M.1, ..self.car };
         for index in 0..self.toys.len() {
             if self.draw.chance(self.trouble.pause * TURN_MS as f64 / 1000.0) {
-                let pause_s = self.draw.uniform(1.0, 4.0);
+                let pause_s = self.draw.uniform(1.0, self.trouble.pause_s);
                 self.toys[index].pause_until = self.now.plus_ms((pause_s * 1000.0) as u64);
             }
             if !self.toys[index].alive {
@@ -302,16 +344,6 @@ impl World {
             let before = (self.clock_ms)();
             let result = job.solve(&mut || true);
             self.jobs_ms.push((self.clock_ms)() - before);
-            if std::env::var("TOY").is_ok() {
-                eprintln!(
-                    "{:.1}: job {:?} expansions {} tries {} in {:.0} ms",
-                    self.now.s(),
-                    result.counts(),
-                    result.expansions,
-                    result.tries,
-                    self.jobs_ms.last().unwrap()
-                );
-            }
             coordinator.planned(self.now, result);
             assert!(coordinator.is_acyclic(), "the passing order blocks itself");
         } else if let Some(job) = coordinator.job(self.now) {
@@ -334,12 +366,14 @@ impl World {
                 );
             }
             assert!(self.room.is_free(&Rect::body(&self.car, &one.pose), -0.01), "{} is in a wall", one.name);
-            if one.goal.is_some() && one.alive {
-                let still_s = self.now.since_s(one.still_since);
-                let waits = one.guide.as_ref().is_some_and(|guide| guide.waits_for.is_some());
-                let longest = if waits { &mut self.longest_wait_s } else { &mut self.longest_still_s };
-                *longest = longest.max(still_s);
+        }
+        for one in self.toys.iter_mut().filter(|toy| toy.goal.is_some() && toy.alive) {
+            if one.still_since == self.now || one.says.as_ref().is_some_and(|guide| guide.waits_for.is_some())
+            {
+                one.lost_since = self.now;
             }
+            self.longest_still_s = self.longest_still_s.max(self.now.since_s(one.lost_since));
+            self.longest_wait_s = self.longest_wait_s.max(self.now.since_s(one.still_since));
         }
     }
 
