@@ -55,12 +55,7 @@ fn main() {
         for round in 1..=rounds {
             let count = goals.len();
             for index in 0..count {
-<<<<<<< HEAD
-                let goal: MapPose =
-                    if scene == "door" { goals[(index + 2 * round) % count] } else { goals[index] };
-=======
                 let goal: MapPose = if doors { goals[(index + 2 * round) % count] } else { goals[index] };
->>>>>>> nav-traffic
                 world.send(index, goal);
             }
             arrived &= world.run(240.0);

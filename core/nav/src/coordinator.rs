@@ -34,11 +34,8 @@ mod wire;
 
 pub use joint::{JointJob, JointResult};
 pub use room::{GridRoom, Room};
-<<<<<<< HEAD
-pub use wire::others_near;
-=======
 pub use view::{Counters, Guide, PlannedGoal, RobotView, RouteReport};
->>>>>>> nav-traffic
+pub use wire::others_near;
 
 use crate::Car;
 use joint::{Block, MOST_TICKS};
@@ -105,6 +102,18 @@ impl Coordinator {
     #[must_use]
     pub fn counters(&self) -> Counters {
         self.counters
+    }
+
+    /// TEMP
+    #[must_use]
+    pub fn debug(&self) -> String {
+        let mut out = String::new();
+        for truck in &self.trucks {
+            let route = truck.route.as_ref().map(|r| (r.base, r.plan, r.done_m, r.release_m, r.live, r.way.length_m));
+            out += &format!("   {} route {:?} confirmed {} stalled {} retained {} waits {:?} none {:?}\n", truck.view.name, route, truck.confirmed(), truck.stalled, truck.retained.len(), truck.waits_for, truck.none.as_ref().map(|n| &n.reason));
+        }
+        out += &format!("   {:?} job {:?}", self.counters, self.job);
+        out
     }
 
     /// Names of the trucks that are led, and of those that are driven around.

@@ -344,19 +344,6 @@ impl Solver<'_> {
         let before = budget;
         let found = search(&task, &mut budget);
         self.left -= before - budget;
-<<<<<<< HEAD
-        if std::env::var("TOY").is_ok() {
-            eprintln!(
-                "   {} from {:?} to {:?}: {:?} after {}",
-                member.name,
-                task.start,
-                task.target,
-                found.as_ref().map(|l| l.last().map(|l| l.depart + l.ticks)),
-                before - budget
-            );
-        }
-=======
->>>>>>> nav-traffic
         let way = Way::new(extend(head, &found?, &mut at_m), &job.car);
         Ok((way, at_m))
     }

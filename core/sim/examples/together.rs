@@ -1,0 +1,63 @@
+//! The table of docs/navigation.md: several robots and traffic control, the whole robots on the whole
+//! vehicles. `cargo run -p xtb-sim --example together [SEEDS] [FIRST] [SCENE]`
+
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+#[allow(dead_code)]
+#[path = "../tests/it/meetings.rs"]
+mod meetings;
+#[allow(dead_code, unused_imports)]
+#[path = "../tests/it/planned.rs"]
+mod planned;
+
+use meetings::{Door, Meeting, circle, narrow};
+use planned::Drive;
+
+fn main() {
+    let argument = |n| std::env::args().nth(n);
+    let number = |n, default| argument(n).and_then(|text| text.parse().ok()).unwrap_or(default);
+    let seeds = number(2, 1)..number(2, 1) + number(1, 3);
+    let wanted = argument(3);
+    println!("| scene | seed | reached | contacts | stood | waited | took | |");
+    println!("| --- | ---: | ---: | ---: | ---: | ---: | ---: | --- |");
+    for (name, rounds) in [("four", 1), ("ten", 1), ("door", 20), ("narrow", 1)] {
+        if wanted.as_ref().is_some_and(|wanted| wanted != name) {
+            continue;
+        }
+        for seed in seeds.clone() {
+            let every_s = std::env::var("SHOW").ok().and_then(|text| text.parse().ok());
+            let (show, every_s) = (every_s.is_some(), every_s.unwrap_or(1.0));
+            let mut meddle = |drive: &mut Drive, at_s: f64| {
+                if show && (at_s / every_s).fract() < 0.19 / every_s {
+                    println!("{at_s:.1} s\n{}", meetings::scene(drive));
+                    println!("{}", drive.lockstep.traffic_mut().unwrap().coordinator().map(|c| c.debug()).unwrap_or_default());
+                }
+            };
+            let mut door = (name == "door").then(|| Door::new(seed));
+            for _ in 0..rounds {
+                let made = match &mut door {
+                    Some(door) => door.round(&mut meddle),
+                    None if name == "four" => circle(4, seed, &mut meddle),
+                    None if name == "ten" => circle(10, seed, &mut meddle),
+                    None => narrow(seed, &mut meddle),
+                };
+                row(name, seed, &made);
+            }
+        }
+    }
+}
+
+fn row(name: &str, seed: u64, made: &Meeting) {
+    let Meeting { reached, contacts, stood_s, waited_s, took_s, stood_for, ends, .. } = made;
+    let why = if *stood_s > 10.0 { stood_for } else { "" };
+    println!(
+        "| {name} | {seed} | {reached} of {} | {contacts} | {stood_s:.1} s | {waited_s:.1} s | {took_s:.0} s | {why} |",
+        ends.len()
+    );
+    for touched in &made.touched {
+        println!("  {touched}");
+    }
+    if *reached < ends.len() {
+        println!("  {ends:?}");
+    }
+}
