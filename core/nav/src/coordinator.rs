@@ -180,7 +180,7 @@ impl Coordinator {
         let live = release == way.last();
         let done_m = report.done_m.clamp(0.0, release_m);
         let plan = report.plan;
-        truck.route = Some(Route { plan, base: plan, way, done_m, release, release_m, live });
+        truck.route = Some(Route { plan, base: plan, way, done_m, release, release_m, live, evades: false });
     }
 
     /// Something has changed: those without a way may try again soon.
@@ -269,7 +269,7 @@ impl Coordinator {
         let name =
             |id: u32| self.trucks.iter().find(|other| other.id == id).map(|other| other.view.name.clone());
         let waits = truck.waits_for.filter(|_| truck.is_live());
-        let blocked = truck.none.as_ref().filter(|_| !truck.is_live());
+        let blocked = truck.none.as_ref();
         let waits_for =
             waits.and_then(|(id, _)| name(id)).or_else(|| blocked.and_then(|none| none.by.clone()));
         let reason = match (waits, blocked) {

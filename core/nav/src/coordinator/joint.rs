@@ -2,7 +2,7 @@
 //!
 //! First only those without a way look for one around the others' expected times; if no order works,
 //! everybody with a goal gives up what is not released yet and looks anew; if that does not work
-//! either, whoever failed most often stands, and the rest tries without it.
+//! either, whoever failed most often only makes way for the rest; if it cannot, it stands.
 
 use super::blame::blame;
 use super::field::Field;
@@ -24,7 +24,9 @@ const SPARE_M: f64 = 0.02;
 /// Orders that are tried with some of the trucks, at most.
 const TRIES: usize = 8;
 /// Expansions for one truck in one order.
-pub(super) const EXPANSIONS_EACH: u32 = 5000;
+pub(super) const EXPANSIONS_EACH: u32 = 4000;
+/// Expansions to find out who is in whose way, in all.
+const EXPANSIONS_BLAME: u32 = 12_000;
 /// Longest plan, in ticks (20 min).
 pub(super) const MOST_TICKS: usize = 4800;
 /// A truck that has still to leave its place is not driven through so many ticks longer.
@@ -83,6 +85,8 @@ pub(super) struct Plan {
     pub(super) id: u32,
     pub(super) revision: u64,
     pub(super) way: Way,
+    /// It ends out of the others' way, not at the goal.
+    pub(super) evades: bool,
 }
 
 /// Why one truck has none.
@@ -145,6 +149,10 @@ struct Solver<'a> {
     random: u64,
     tries: u32,
     failures: BTreeMap<usize, u32>,
+    /// Those that have no way to their goals and only make way.
+    evading: BTreeSet<usize>,
+    /// One of these that cannot.
+    stuck: Option<usize>,
 }
 
 impl JointJob {
@@ -161,10 +169,12 @@ impl JointJob {
             random: self.seed,
             tries: 0,
             failures: BTreeMap::new(),
+            evading: BTreeSet::new(),
+            stuck: None,
         };
         let mut standing = BTreeSet::new();
         let solution = loop {
-            let rest = |index: &usize| !standing.contains(index);
+            let rest = |index: &usize| !standing.contains(index) && !solver.evading.contains(index);
             let wanting: Vec<usize> = self.indices(|member| member.wanting).filter(rest).collect();
             if wanting.is_empty() || solver.spent() {
                 break None;
@@ -179,23 +189,34 @@ impl JointJob {
             {
                 break Some(found);
             }
+            if let Some(stuck) = solver.stuck.take() {
+                solver.evading.remove(&stuck);
+                standing.insert(stuck);
+                continue;
+            }
             let worst =
                 wanting.iter().max_by_key(|&&index| solver.failures.get(&index).copied().unwrap_or(0));
-            standing.extend(worst.copied());
+            solver.evading.extend(worst.copied());
         };
-        let planned = |index: usize| solution.as_ref().is_some_and(|found| found.ways.contains_key(&index));
+        let planned = |index: usize| {
+            !solver.evading.contains(&index)
+                && solution.as_ref().is_some_and(|found| found.ways.contains_key(&index))
+        };
         let without: Vec<usize> =
             self.indices(|member| member.wanting).filter(|&index| !planned(index)).collect();
-        let none = without.into_iter().map(|index| blame(self, &self.members[index])).collect();
+        let mut left = EXPANSIONS_BLAME;
+        let none = without.into_iter().map(|index| blame(self, &self.members[index], &mut left)).collect();
         let (expansions, tries) = (self.budget - solver.left, solver.tries);
         let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
-        let plan = |(index, way)| {
+        let plan = |(index, way): (usize, Way)| {
             let member: &Member = &self.members[index];
-            Plan { id: member.id, revision: member.revision, way }
+            let evades = solver.evading.contains(&index);
+            let moves = way.length_m > member.way.at_m(member.held) + 0.01;
+            (moves || !evades).then_some(Plan { id: member.id, revision: member.revision, way, evades })
         };
         JointResult {
             id: self.id,
-            plans: ways.into_iter().map(plan).collect(),
+            plans: ways.into_iter().filter_map(plan).collect(),
             order,
             none,
             expansions,
@@ -230,6 +251,10 @@ impl Solver<'_> {
             seen.insert(order.clone());
             match self.attempt(&order, led, standing) {
                 Ok(found) => return Some(found),
+                Err(Failed(index)) if self.evading.contains(&index) => {
+                    self.stuck = Some(index);
+                    return None;
+                }
                 Err(Failed(index)) => {
                     *self.failures.entry(index).or_default() += 1;
                     if order.first() == Some(&index) {
@@ -278,14 +303,15 @@ impl Solver<'_> {
             lines.insert(index, Timeline::standing(job.members[index].held_stands()));
         }
         let mut soft: BTreeMap<usize, Rect> = BTreeMap::new();
-        for &index in free {
+        let free: Vec<usize> = free.iter().chain(&self.evading).copied().collect();
+        for &index in &free {
             let member = &job.members[index];
             let gone = to_release(member).len() as u32 + GRACE_TICKS;
             lines.insert(index, Timeline::leaving(member.held_stands(), gone));
             soft.insert(index, member.way.stands[member.held].body);
         }
         let mut ways = BTreeMap::new();
-        for &index in free {
+        for &index in &free {
             soft.remove(&index);
             let soft: Vec<Rect> = soft.values().copied().collect();
             let (way, at_m) = self.single(index, &lines, &soft).map_err(|_| Failed(index))?;
@@ -307,9 +333,8 @@ impl Solver<'_> {
             return Err(Stuck::Budget);
         }
         let (job, member) = (self.job, &self.job.members[index]);
-        let standing: Vec<Rect> = job.others(member)
-            .flat_map(|block| block.stands.iter().map(|stand| stand.body))
-            .collect();
+        let standing: Vec<Rect> =
+            job.others(member).flat_map(|block| block.stands.iter().map(|stand| stand.body)).collect();
         let field = self.fields.entry(index).or_insert_with(|| {
             let goal_m = [member.target.x_m, member.target.y_m];
             Field::new(&*job.room, job.car.half_width_m, &standing, goal_m)
@@ -335,7 +360,7 @@ impl Solver<'_> {
             start: head.end(),
             gear: member.way.gears[member.held],
             tick: at_m.len() as u32 - 1,
-            target: member.target,
+            target: (!self.evading.contains(&index)).then_some(member.target),
             field,
             others: &others,
             soft,

@@ -1,6 +1,6 @@
 //! Joint plans: what goes out as work, and what of the result still fits when it comes back.
 
-use super::joint::{JointJob, JointResult, Member};
+use super::joint::{JointJob, JointResult, Member, Plan};
 use super::search::Target;
 use super::truck::{Route, Truck};
 use super::way::Way;
@@ -15,7 +15,7 @@ const MANY_ARCS: usize = 160;
 /// Between the end of one joint plan and the beginning of the next, in ms.
 const PAUSE_MS: u64 = 300;
 /// Nodes that a joint plan may expand in all.
-const BUDGET: u32 = 60_000;
+const BUDGET: u32 = 30_000;
 /// A way that begins anew begins at most so far from where the truck is when it gets it, in m.
 const START_M: f64 = 0.1;
 
@@ -97,7 +97,7 @@ impl Coordinator {
                 && plan.way.path.pieces.len() <= MOST_ARCS
             {
                 self.plan += 1;
-                lead(truck, now, self.plan, plan.way);
+                lead(truck, now, self.plan, plan);
             }
         }
         if any {
@@ -112,7 +112,8 @@ impl Coordinator {
 }
 
 /// Gives a truck its new way.
-fn lead(truck: &mut Truck, now: Stamp, plan: u64, way: Way) {
+fn lead(truck: &mut Truck, now: Stamp, plan: u64, found: Plan) {
+    let Plan { way, evades, .. } = found;
     let goes_on = |route: &Route| route.way.path.start == way.path.start && !truck.stalled;
     if !truck.route.as_ref().is_some_and(goes_on) {
         let (start, here) = (way.path.start, truck.view.pose);
@@ -123,12 +124,12 @@ fn lead(truck: &mut Truck, now: Stamp, plan: u64, way: Way) {
         truck.route = None;
     }
     truck.revision += 1;
-    truck.none = None;
+    truck.none = truck.none.take().filter(|_| evades);
     truck.busy = now;
     truck.stalled = false;
     let continued = truck.route.take();
     truck.route = Some(match continued {
-        Some(before) => Route { plan, way, live: true, ..before },
-        None => Route { plan, base: plan, way, done_m: 0.0, release: 0, release_m: 0.0, live: true },
+        Some(before) => Route { plan, way, live: true, evades, ..before },
+        None => Route { plan, base: plan, way, done_m: 0.0, release: 0, release_m: 0.0, live: true, evades },
     });
 }

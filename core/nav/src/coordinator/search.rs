@@ -61,7 +61,8 @@ pub(super) struct Task<'a> {
     pub(super) gear: f64,
     /// Tick at which it is at the start.
     pub(super) tick: u32,
-    pub(super) target: Target,
+    /// `None` = anywhere out of everybody's way.
+    pub(super) target: Option<Target>,
     pub(super) field: &'a Field,
     pub(super) others: &'a [Other<'a>],
     /// Places of trucks that have to go away some time.
@@ -160,15 +161,16 @@ impl<'a> Search<'a> {
             closed: BTreeMap::new(),
             sweep: Vec::new(),
         };
-        let target = &task.target;
-        let yaws: Vec<f64> = match target.yaw_rad {
-            Some(yaw_rad) => vec![yaw_rad],
-            None => (0..16).map(|step| wrap_rad(f64::from(step) * TAU / 16.0)).collect(),
-        };
-        let poses = yaws.into_iter().map(|yaw_rad| MapPose { x_m: target.x_m, y_m: target.y_m, yaw_rad });
-        search.goals = poses.filter(|pose| search.may_stay(pose)).collect();
-        if search.goals.is_empty() {
-            return Err(Stuck::Goal);
+        if let Some(target) = &task.target {
+            let yaws: Vec<f64> = match target.yaw_rad {
+                Some(yaw_rad) => vec![yaw_rad],
+                None => (0..16).map(|step| wrap_rad(f64::from(step) * TAU / 16.0)).collect(),
+            };
+            let poses = yaws.into_iter().map(|yaw_rad| MapPose { x_m: target.x_m, y_m: target.y_m, yaw_rad });
+            search.goals = poses.filter(|pose| search.may_stay(pose)).collect();
+            if search.goals.is_empty() {
+                return Err(Stuck::Goal);
+            }
         }
         let stand = Stand::still(task.car, &task.start);
         let safe = search.safe_until(&stand, task.tick);
@@ -191,7 +193,7 @@ impl<'a> Search<'a> {
     fn run(mut self, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
         let mut expanded = 0_u32;
         while let Some(Reverse(Ranked(_, index))) = self.open.pop() {
-            if self.nodes[index].goal {
+            if self.nodes[index].goal || (self.task.target.is_none() && self.nodes[index].safe == NEVER) {
                 return Ok(self.legs(index));
             }
             if *budget == 0 {
@@ -361,8 +363,9 @@ impl<'a> Search<'a> {
 
     /// Ticks to the goal at least, or nearly; `None` where none can be reached.
     fn hope(&self, pose: &MapPose) -> Option<f64> {
+        let Some(target) = &self.task.target else { return Some(0.0) };
         let flat_m = self.task.field.distance_m(pose.x_m, pose.y_m)?;
-        let curved_m = match (self.task.target.yaw_rad, self.goals.first()) {
+        let curved_m = match (target.yaw_rad, self.goals.first()) {
             (Some(_), Some(goal)) => reeds_shepp::distance_m(pose, goal, self.radius_m),
             _ => 0.0,
         };
@@ -428,7 +431,7 @@ mod tests {
         lines: &[Timeline],
     ) -> (Result<Vec<Leg>, Stuck>, u32) {
         let car = Car::of(&VehicleConfig::default());
-        let target = Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: Some(goal.yaw_rad) };
+        let target = Some(Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: Some(goal.yaw_rad) });
         let field = Field::new(room, car.half_width_m, &[], [goal.x_m, goal.y_m]);
         let others: Vec<Other<'_>> = lines.iter().map(|line| Other { line, margin_m: 0.08 }).collect();
         let (others, soft) = (&others[..], &[][..]);

@@ -37,6 +37,8 @@ pub(super) struct Route {
     pub(super) release_m: f64,
     /// Whether the rest of it is still to be driven.
     pub(super) live: bool,
+    /// It leads out of the others' way, not to the goal.
+    pub(super) evades: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -188,8 +190,15 @@ impl Truck {
             self.halt(now);
             changed = true;
         }
+        let aside =
+            self.is_complete() && self.stands() && self.route.as_ref().is_some_and(|route| route.evades);
+        if aside && self.is_live() && self.confirmed() == self.route.as_ref().map_or(0, |route| route.release)
+        {
+            self.halt(now);
+        }
         let Some(route) = &self.route else { return changed };
-        let way_left = route.release_m - route.done_m > 0.1 || route.release == route.way.last();
+        let way_left =
+            route.release_m - route.done_m > 0.1 || (route.release == route.way.last() && !route.evades);
         let (there, _) = route.way.path.at(route.done_m);
         let off_m = libm::hypot(there.x_m - self.view.pose.x_m, there.y_m - self.view.pose.y_m);
         let off = self.can_be_led(now) && self.retained.is_empty() && off_m > OFF_M;

@@ -2,10 +2,11 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod rules;
 mod scenes;
 mod toy;
 
-use scenes::{circle, corridor, dead, door, lane, life, pocket, pose, send_on};
+use scenes::{circle, corridor, dead, door, lane, life, no_place, pocket, pose, send_on};
 use toy::{Draw, Trouble, World};
 use xtb_nav::MapPose;
 
@@ -159,4 +160,13 @@ fn whoever_arrives_is_sent_on_and_nobody_else_has_to_stop_for_that() {
     waits_are_short(&world);
     let arrived: u32 = world.toys.iter().map(|toy| toy.arrived).sum();
     assert!(arrived >= 20, "{arrived} arrivals");
+}
+
+#[test]
+fn who_cannot_reach_its_goal_still_makes_way() {
+    let mut world = no_place(1, no_clock);
+    assert!(!world.run(80.0));
+    assert!(world.toys[0].goal.is_none(), "{}", standing(&world));
+    let reason = world.toys[1].says.as_ref().and_then(|guide| guide.reason.clone());
+    assert_eq!(reason.as_deref(), Some("blocked by xtb-3"));
 }

@@ -89,6 +89,16 @@ pub(crate) fn pocket(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) 
     (World::new(room(7.0, 3.5, &boxes), &starts, seed, Trouble::SOME, clock_ms), goals)
 }
 
+/// The same lane; the truck in it wants where a third one stands that nobody has sent anywhere.
+pub(crate) fn no_place(seed: u64, clock_ms: fn() -> f64) -> World {
+    let boxes = [[0.0, 0.0, 4.0, 1.0], [0.0, 1.9, 4.0, 1.6]];
+    let starts = [pose(0.8, 1.45, 0.0), pose(2.4, 1.45, PI), pose(6.3, 2.8, 0.0)];
+    let mut world = World::new(room(7.0, 3.5, &boxes), &starts, seed, Trouble::SOME, clock_ms);
+    world.send(0, pose(6.0, 0.8, 0.0));
+    world.send(1, pose(6.3, 2.8, 0.0));
+    world
+}
+
 /// Everybody in the two rooms on the way; one dies in the doorway.
 pub(crate) fn dead(seed: u64, door_m: f64, clock_ms: fn() -> f64) -> (World, usize) {
     let (mut world, places) = door(seed, door_m, Trouble::SOME, clock_ms);
