@@ -179,6 +179,8 @@ struct Task {
     /// The last plan found no way out of where it stands.
     enclosed: bool,
     standing: Option<Standing>,
+    /// Where traffic control's path began that it got off: only another one will do.
+    lost: Option<MapPose>,
 }
 
 /// The second level of one robot.
@@ -253,6 +255,7 @@ impl Navigator {
             recoveries: 0,
             enclosed: false,
             standing: Some(Standing::Planning),
+            lost: None,
         });
     }
 
@@ -384,7 +387,7 @@ impl Navigator {
     }
 
     fn decide(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
-        self.follow_lead(now, sensed.speed_mps.abs() < 0.01, task);
+        self.follow_lead(now, sensed, task);
         match &mut task.stage {
             Stage::Seeking { .. } => self.seek(now, sensed, task),
             Stage::Following(_) => self.follow(now, sensed, task),
