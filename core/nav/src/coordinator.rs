@@ -109,8 +109,18 @@ impl Coordinator {
     pub fn debug(&self) -> String {
         let mut out = String::new();
         for truck in &self.trucks {
-            let route = truck.route.as_ref().map(|r| (r.base, r.plan, r.done_m, r.release_m, r.live, r.way.length_m));
-            out += &format!("   {} route {:?} confirmed {} stalled {} retained {} waits {:?} none {:?}\n", truck.view.name, route, truck.confirmed(), truck.stalled, truck.retained.len(), truck.waits_for, truck.none.as_ref().map(|n| &n.reason));
+            let route =
+                truck.route.as_ref().map(|r| (r.base, r.plan, r.done_m, r.release_m, r.live, r.way.length_m));
+            out += &format!(
+                "   {} route {:?} confirmed {} stalled {} retained {} waits {:?} none {:?}\n",
+                truck.view.name,
+                route,
+                truck.confirmed(),
+                truck.stalled,
+                truck.retained.len(),
+                truck.waits_for,
+                truck.none.as_ref().map(|n| &n.reason)
+            );
         }
         out += &format!("   {:?} job {:?}", self.counters, self.job);
         out

@@ -10,7 +10,7 @@ mod meetings;
 #[path = "../tests/it/planned.rs"]
 mod planned;
 
-use meetings::{Door, Meeting, circle, narrow};
+use meetings::{Door, Meeting, Trouble, circle, narrow};
 use planned::Drive;
 
 fn main() {
@@ -20,25 +20,48 @@ fn main() {
     let wanted = argument(3);
     println!("| scene | seed | reached | contacts | stood | waited | took | |");
     println!("| --- | ---: | ---: | ---: | ---: | ---: | ---: | --- |");
-    for (name, rounds) in [("four", 1), ("ten", 1), ("door", 20), ("narrow", 1)] {
+    for (name, rounds, trouble) in [
+        ("four", 1, Trouble::None),
+        ("ten", 1, Trouble::None),
+        ("ten-restart", 1, Trouble::Restart),
+        ("ten-loss", 1, Trouble::Loss),
+        ("door", 20, Trouble::None),
+        ("door-death", 1, Trouble::Death),
+        ("door-latch", 1, Trouble::Latch),
+        ("door-restart", 2, Trouble::Restart),
+        ("door-loss", 5, Trouble::Loss),
+        ("narrow", 1, Trouble::None),
+        ("narrow-restart", 1, Trouble::Restart),
+        ("narrow-loss", 1, Trouble::Loss),
+    ] {
         if wanted.as_ref().is_some_and(|wanted| wanted != name) {
             continue;
         }
         for seed in seeds.clone() {
-            let every_s = std::env::var("SHOW").ok().and_then(|text| text.parse().ok());
-            let (show, every_s) = (every_s.is_some(), every_s.unwrap_or(1.0));
+            let every_s: Option<f64> = std::env::var("SHOW").ok().and_then(|text| text.parse().ok());
+            let mut trouble = trouble.meddle();
             let mut meddle = |drive: &mut Drive, at_s: f64| {
-                if show && (at_s / every_s).fract() < 0.19 / every_s {
+                if every_s.is_some_and(|every_s| (at_s / every_s).fract() < 0.19 / every_s) {
                     println!("{at_s:.1} s\n{}", meetings::scene(drive));
-                    println!("{}", drive.lockstep.traffic_mut().unwrap().coordinator().map(|c| c.debug()).unwrap_or_default());
+                    println!(
+                        "{}",
+                        drive
+                            .lockstep
+                            .traffic_mut()
+                            .unwrap()
+                            .coordinator()
+                            .map(|c| c.debug())
+                            .unwrap_or_default()
+                    );
                 }
+                trouble(drive, at_s);
             };
-            let mut door = (name == "door").then(|| Door::new(seed));
+            let mut door = name.starts_with("door").then(|| Door::new(seed));
             for _ in 0..rounds {
                 let made = match &mut door {
                     Some(door) => door.round(&mut meddle),
                     None if name == "four" => circle(4, seed, &mut meddle),
-                    None if name == "ten" => circle(10, seed, &mut meddle),
+                    None if name.starts_with("ten") => circle(10, seed, &mut meddle),
                     None => narrow(seed, &mut meddle),
                 };
                 row(name, seed, &made);

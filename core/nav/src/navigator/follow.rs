@@ -1,8 +1,8 @@
 //! Along a path, and out of where there is none.
 
 use super::{
-    BLOCKED_MS, CRUISE_MPS, Decision, HEAD_ON_MPS, LOOKOUT_M, MARGIN_M, Navigator, PAUSE_MS, PROGRESS_M, RECOVERY_MPS,
-    RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
+    BLOCKED_MS, CRUISE_MPS, Decision, HEAD_ON_MPS, LOOKOUT_M, MARGIN_M, Navigator, PAUSE_MS, PROGRESS_M,
+    RECOVERY_MPS, RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
 };
 use crate::MapPose;
 use crate::filter::Trust;
@@ -113,7 +113,8 @@ impl Navigator {
         }
         match drive.status {
             Status::Reached => Decision::Reached,
-            Status::Deviated { .. } | Status::Stuck(Stuck::Missed | Stuck::NoProgress | Stuck::NotANumber) => {
+            Status::Deviated { .. }
+            | Status::Stuck(Stuck::Missed | Stuck::NoProgress | Stuck::NotANumber) => {
                 self.lose_the_path(task, "it gets off its path")
             }
             _ if following.blocked_since.is_some_and(|since| now.since_ms(since) >= BLOCKED_MS) => {

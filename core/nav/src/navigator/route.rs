@@ -1,6 +1,6 @@
 //! Traffic control's paths: what it last said, and when to go by it.
 
-use super::{Navigator, Sensed, Stage, TRAFFIC_LOST_MS, Task, tolerance};
+use super::{ALONE_AFTER_MS, Navigator, Sensed, Stage, TRAFFIC_LOST_MS, Task, tolerance};
 use crate::MapPose;
 use crate::car::Car;
 use crate::follower::Follower;
@@ -46,6 +46,11 @@ impl LedBook {
         self.heard.is_some_and(|at| now.since_ms(at) < TRAFFIC_LOST_MS)
     }
 
+    /// Whether it lives, or was there a moment ago and may come back.
+    pub(super) fn may_lead(&self, now: Stamp) -> bool {
+        self.heard.is_some_and(|at| now.since_ms(at) < ALONE_AFTER_MS)
+    }
+
     /// The path belongs to a goal that is over.
     pub(super) fn forget_track(&mut self) {
         self.led = None;
@@ -80,10 +85,13 @@ impl Navigator {
     }
 
     /// Takes over a new path once it stands, and each release at once. Without traffic control for
-    /// [`TRAFFIC_LOST_MS`] a robot that stands at the end of what was released looks for itself.
+    /// [`ALONE_AFTER_MS`] a robot that stands at the end of what was released looks for itself.
     pub(super) fn follow_lead(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) {
         let stands = sensed.speed_mps.abs() < 0.01;
         if !self.led.leads(now) {
+            if self.led.may_lead(now) {
+                return;
+            }
             if let Stage::Following(following) = &task.stage
                 && following.plan > 0
                 && stands

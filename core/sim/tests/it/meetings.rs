@@ -27,6 +27,7 @@ pub(crate) struct Meeting {
     pub(crate) stood_for: String,
     /// Longest standstill of one with an open goal, whatever for.
     pub(crate) waited_s: f64,
+    /// Of those that neither died nor were latched.
     pub(crate) ends: Vec<(GoalStatus, Option<String>)>,
     /// Who touched what, and what they were doing.
     pub(crate) touched: Vec<String>,
@@ -38,7 +39,8 @@ impl Meeting {
     /// Whether everybody has arrived or says who is in the way.
     pub(crate) fn is_told(&self) -> bool {
         let told = |(status, reason): &(GoalStatus, Option<String>)| {
-            *status == GoalStatus::Reached || reason.as_ref().is_some_and(|words| words.contains("blocked by xtb-"))
+            *status == GoalStatus::Reached
+                || reason.as_ref().is_some_and(|words| words.contains("blocked by xtb-"))
         };
         self.ends.iter().all(told)
     }
@@ -75,9 +77,8 @@ pub(crate) fn meet(
     within_s: f64,
     meddle: &mut dyn FnMut(&mut Drive, f64),
 ) -> Meeting {
-    let mut seen: Vec<Seen> = (0..goals.len())
-        .map(|index| Seen { contacts: contacts(drive, index), ..Seen::default() })
-        .collect();
+    let mut seen: Vec<Seen> =
+        (0..goals.len()).map(|index| Seen { contacts: contacts(drive, index), ..Seen::default() }).collect();
     for (index, goal) in goals.iter().enumerate() {
         let asked = drive.goto(index, goal.x_m, goal.y_m, Some(goal.yaw_rad));
         assert!(matches!(asked, Outcome::Ok(_)), "{asked:?}");
@@ -85,7 +86,7 @@ pub(crate) fn meet(
     let begun = drive.lockstep.now();
     let mut made = Meeting { tracks: vec![Vec::new(); goals.len()], ..Meeting::default() };
     let mut told_s = 0.0;
-    while made.took_s < within_s && told_s < 10.0 {
+    while made.took_s < within_s && told_s < 20.0 {
         drive.run_s(STEP_S);
         made.took_s = drive.lockstep.now().since_s(begun);
         let states: Vec<RobotState> =
@@ -95,7 +96,7 @@ pub(crate) fn meet(
         if made.ends.iter().all(|(status, _)| status.is_final()) {
             break;
         }
-        told_s = if made.is_told() { told_s + STEP_S } else { 0.0 };
+        told_s = if made.ends.len() < goals.len() && made.is_told() { told_s + STEP_S } else { 0.0 };
     }
     made.reached = made.ends.iter().filter(|(status, _)| *status == GoalStatus::Reached).count();
     made
@@ -107,8 +108,12 @@ fn contacts(drive: &Drive, index: usize) -> u64 {
 
 fn watch(drive: &Drive, states: &[RobotState], seen: &mut [Seen], made: &mut Meeting) {
     made.ends.clear();
+    let is_out = |index: usize| drive.lockstep.is_dead(index) || !states[index].latches.is_empty();
     let stood: Vec<f64> = seen.iter().map(|one| one.stood_s).collect();
     for (index, state) in states.iter().enumerate() {
+        if is_out(index) {
+            continue;
+        }
         let (truth, one) = (drive.lockstep.simulation().trucks()[index].truth(), &mut seen[index]);
         made.tracks[index].push(MapPose { x_m: truth.x_m, y_m: truth.y_m, yaw_rad: truth.yaw_rad });
         let words = || words(state, &truth_pose(drive, index));
@@ -119,7 +124,8 @@ fn watch(drive: &Drive, states: &[RobotState], seen: &mut [Seen], made: &mut Mee
         }
         let goal = state.goal.as_ref().unwrap();
         made.ends.push((goal.status, goal.reason.clone()));
-        let blocked = goal.reason.as_ref().is_some_and(|words| words.contains("blocked by xtb-"));
+        let blocked = (0..states.len()).any(is_out)
+            && goal.reason.as_ref().is_some_and(|words| words.contains("blocked by xtb-"));
         if goal.status.is_final() || truth.speed_mps.abs() > 0.01 || blocked {
             (one.stood_s, one.idle_s) = (0.0, 0.0);
             continue;
@@ -159,10 +165,17 @@ fn words(state: &RobotState, truth: &MapPose) -> String {
     let off_m = (state.pose.x_m - truth.x_m).hypot(state.pose.y_m - truth.y_m);
     let goal = state.goal.as_ref().and_then(|goal| goal.reason.clone());
     let route = state.nav.route.as_ref().map_or_else(String::new, |route| {
-        let length_m = route.track.as_ref().map_or(0.0, |t| t.arcs.iter().map(|arc| arc.length_m.abs()).sum::<f64>());
+        let length_m =
+            route.track.as_ref().map_or(0.0, |t| t.arcs.iter().map(|arc| arc.length_m.abs()).sum::<f64>());
         format!(
             "plan {} {:?} at {:.2} of {:.2} of {length_m:.2} m, {:.2} off, waits for {:?}, blocked at {:?}",
-            route.plan, route.phase, route.done_m, route.release_m, route.off_m, route.waits_for, route.blocked_at_m
+            route.plan,
+            route.phase,
+            route.done_m,
+            route.release_m,
+            route.off_m,
+            route.waits_for,
+            route.blocked_at_m
         )
     });
     format!(
@@ -238,4 +251,57 @@ pub(crate) fn narrow(seed: u64, meddle: &mut dyn FnMut(&mut Drive, f64)) -> Meet
     let goals = [pose(0.3, 10.8, FRAC_PI_2), pose(0.0, 0.0, -FRAC_PI_2), pose(-0.4, 9.6, FRAC_PI_2)];
     let mut drive = fleet(CORRIDOR, &starts, seed);
     meet(&mut drive, &goals, 300.0, meddle)
+}
+
+/// What goes wrong on the way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Trouble {
+    /// Nothing.
+    None,
+    /// The agent of the first truck in the doorway dies.
+    Death,
+    /// The drive of the first truck in the doorway is latched.
+    Latch,
+    /// Traffic control dies after 8 s and comes back, knowing nothing, 5 s later.
+    Restart,
+    /// One message of ten gets lost.
+    Loss,
+}
+
+impl Trouble {
+    /// As [`meet`] takes it.
+    pub(crate) fn meddle(self) -> impl FnMut(&mut Drive, f64) {
+        let (mut done, mut back) = (false, false);
+        move |drive, at_s| {
+            let Some(traffic) = drive.lockstep.traffic_mut() else { return };
+            match self {
+                Self::Loss => traffic.lost = 0.1,
+                Self::Restart if at_s > 8.0 && !done => {
+                    done = true;
+                    traffic.kill();
+                }
+                Self::Restart if at_s > 13.0 && !back => {
+                    back = true;
+                    traffic.restart();
+                }
+                Self::Death | Self::Latch if !done => {
+                    let trucks = drive.lockstep.simulation().trucks().len();
+                    let Some(index) = (0..trucks).find(|&index| is_in_doorway(&truth_pose(drive, index)))
+                    else {
+                        return;
+                    };
+                    done = true;
+                    match self {
+                        Self::Death => drive.lockstep.kill(index),
+                        _ => drive.estop(index),
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+fn is_in_doorway(pose: &MapPose) -> bool {
+    pose.x_m.abs() < 0.75 && (pose.y_m - 4.0).abs() < 0.2
 }
