@@ -104,28 +104,6 @@ impl Coordinator {
         self.counters
     }
 
-    /// TEMP
-    #[must_use]
-    pub fn debug(&self) -> String {
-        let mut out = String::new();
-        for truck in &self.trucks {
-            let route =
-                truck.route.as_ref().map(|r| (r.base, r.plan, r.done_m, r.release_m, r.live, r.way.length_m));
-            out += &format!(
-                "   {} route {:?} confirmed {} stalled {} retained {} waits {:?} none {:?}\n",
-                truck.view.name,
-                route,
-                truck.confirmed(),
-                truck.stalled,
-                truck.retained.len(),
-                truck.waits_for,
-                truck.none.as_ref().map(|n| &n.reason)
-            );
-        }
-        out += &format!("   {:?} job {:?}", self.counters, self.job);
-        out
-    }
-
     /// Names of the trucks that are led, and of those that are driven around.
     #[must_use]
     pub fn names(&self) -> (Vec<String>, Vec<String>) {

@@ -1,5 +1,6 @@
 //! The table of docs/navigation.md: several robots and traffic control, the whole robots on the whole
-//! vehicles. `cargo run -p xtb-sim --example together [SEEDS] [FIRST] [SCENE]`
+//! vehicles. `cargo run -p xtb-sim --example together [SEEDS] [FIRST] [SCENE]`; with
+//! `SHOW=5` everybody is shown each 5 s
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -43,16 +44,6 @@ fn main() {
             let mut meddle = |drive: &mut Drive, at_s: f64| {
                 if every_s.is_some_and(|every_s| (at_s / every_s).fract() < 0.19 / every_s) {
                     println!("{at_s:.1} s\n{}", meetings::scene(drive));
-                    println!(
-                        "{}",
-                        drive
-                            .lockstep
-                            .traffic_mut()
-                            .unwrap()
-                            .coordinator()
-                            .map(|c| c.debug())
-                            .unwrap_or_default()
-                    );
                 }
                 trouble(drive, at_s);
             };
