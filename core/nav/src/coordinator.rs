@@ -21,10 +21,12 @@ pub mod room;
 
 mod blame;
 mod field;
+mod margin;
 mod order;
 mod plans;
 mod release;
 mod search;
+mod task;
 mod timeline;
 mod times;
 mod truck;

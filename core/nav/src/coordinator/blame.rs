@@ -1,7 +1,8 @@
 //! Who is in the way of a truck for which no way was found.
 
 use super::field::Field;
-use super::joint::{EXPANSIONS_EACH, JointJob, Member, NoWay, margin_m};
+use super::joint::{EXPANSIONS_EACH, JointJob, Member, NoWay};
+use super::margin::margin_m;
 use super::rect::{Rect, Stand};
 use super::search::{Other, Stuck, Task, search};
 use super::timeline::Timeline;

@@ -6,6 +6,7 @@
 
 use super::blame::blame;
 use super::field::Field;
+use super::margin::{driven_margin_m, margin_m};
 use super::order::{Order, Runner, Timed, pair, run_ahead};
 use super::rect::{Rect, Stand};
 use super::room::Room;
@@ -17,10 +18,6 @@ use crate::Car;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Margins of a pair while it is planned, in m: the largest at which the two do not meet already.
-const MARGINS_M: [f64; 5] = [0.08, 0.06, 0.04, 0.02, 0.005];
-/// So much less of it counts when the plan is driven, in m.
-const SPARE_M: f64 = 0.02;
 /// Orders that are tried with some of the trucks, at most.
 const TRIES: usize = 8;
 /// Expansions for one truck in one order.
@@ -118,17 +115,6 @@ impl JointResult {
     pub fn counts(&self) -> (usize, usize) {
         (self.plans.len(), self.none.len())
     }
-}
-
-/// The largest of the planning margins at which nobody of the one meets anybody of the other, in m.
-pub(super) fn margin_m(some: &[Stand], others: &[Stand]) -> f64 {
-    let meets = |margin: f64| some.iter().any(|a| others.iter().any(|b| a.touches(b, margin)));
-    MARGINS_M.into_iter().find(|&margin| !meets(margin)).unwrap_or(0.0)
-}
-
-/// What counts of a planning margin when the plan is driven, in m.
-pub(super) fn driven_margin_m(planned_m: f64) -> f64 {
-    (planned_m - SPARE_M).max(0.0)
 }
 
 /// Ways and orders that fit together.

@@ -1,6 +1,7 @@
 //! How far each truck may go now, how fast, and for whom it waits.
 
-use super::joint::{Block, driven_margin_m, margin_m};
+use super::joint::Block;
+use super::margin::{driven_margin_m, margin_m};
 use super::order::Order;
 use super::rect::Stand;
 use super::truck::Truck;

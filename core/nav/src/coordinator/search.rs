@@ -5,13 +5,12 @@
 //! interval. Two nodes of one cell compete only if the truck could have waited from one to the other
 //! (M. Phillips and M. Likhachev, *SIPP: Safe interval path planning*, ICRA 2011).
 
-use super::field::Field;
 use super::order::GEAR_TICKS;
 use super::rect::{Rect, Stand};
-use super::room::Room;
-use super::timeline::{NEVER, TICK_WAY_M, Timeline};
+pub(super) use super::task::{Leg, Other, Stuck, Target, Task};
+use super::timeline::{NEVER, TICK_WAY_M};
 use crate::path::wrap_rad;
-use crate::{Car, MapPose, Path, Piece, reeds_shepp};
+use crate::{MapPose, Path, Piece, reeds_shepp};
 use std::cmp::{Ordering, Reverse};
 use std::collections::{BTreeMap, BinaryHeap};
 use std::f64::consts::TAU;
@@ -38,58 +37,6 @@ const SOFT_COST: f64 = 12.0;
 const MOST_WAIT: u32 = 400;
 /// Margin of the look-out to fixed things, in m.
 const LOOK_MARGIN_M: f64 = 0.02;
-
-/// Where to.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Target {
-    pub(super) x_m: f64,
-    pub(super) y_m: f64,
-    pub(super) yaw_rad: Option<f64>,
-}
-
-/// Another truck, and how far to stay away from it in m.
-pub(super) struct Other<'a> {
-    pub(super) line: &'a Timeline,
-    pub(super) margin_m: f64,
-}
-
-/// What is asked for.
-pub(super) struct Task<'a> {
-    pub(super) room: &'a dyn Room,
-    pub(super) car: &'a Car,
-    pub(super) start: MapPose,
-    pub(super) gear: f64,
-    /// Tick at which it is at the start.
-    pub(super) tick: u32,
-    /// `None` = anywhere out of everybody's way.
-    pub(super) target: Option<Target>,
-    pub(super) field: &'a Field,
-    pub(super) others: &'a [Other<'a>],
-    /// Places of trucks that have to go away some time.
-    pub(super) soft: &'a [Rect],
-}
-
-/// One arc and when it is driven.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Leg {
-    pub(super) piece: Piece,
-    /// Tick at which it begins.
-    pub(super) depart: u32,
-    pub(super) ticks: u32,
-}
-
-/// Why there is no way.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stuck {
-    /// Something stands, or will stand, at the goal.
-    Goal,
-    /// It stands inside of something.
-    Start,
-    /// All that can be reached has been seen.
-    Nowhere,
-    /// Not enough expansions.
-    Budget,
-}
 
 struct Node {
     pose: MapPose,
@@ -405,8 +352,10 @@ fn rank(path: &Path) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::coordinator::field::Field;
     use crate::coordinator::room::GridRoom;
-    use crate::{Cell, Grid};
+    use crate::coordinator::timeline::Timeline;
+    use crate::{Car, Cell, Grid};
     use xtb_control::VehicleConfig;
 
     fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {

@@ -85,6 +85,6 @@ pub struct Counters {
     pub cyclic: u64,
     /// Trucks that did not use their released way.
     pub stalls: u64,
-    /// Reports of trucks beyond [`MOST_TRUCKS`].
+    /// Reports of trucks beyond [`MOST_TRUCKS`](super::MOST_TRUCKS).
     pub ignored: u64,
 }
