@@ -200,6 +200,8 @@ impl Coordinator {
         let blocks = self.blocks();
         if self.job.is_none() && now.since_ms(began) >= LISTEN_MS {
             self.turn_away(now, &blocks);
+            // Who has just given up its way is in the way from now on.
+            let blocks = self.blocks();
             for index in 0..self.trucks.len() {
                 if release::grow(&mut self.trucks, index, &self.order, &blocks) {
                     self.moved = now;

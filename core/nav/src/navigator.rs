@@ -45,6 +45,9 @@ pub const CRUISE_MPS: f64 = 0.35;
 pub const HEAD_ON_MPS: f64 = 0.2;
 /// Traffic control that has not been heard for this long is gone.
 pub const TRAFFIC_LOST_MS: u64 = 3_000;
+/// And this long after its last word a robot that was led goes its own way: a service that died is back
+/// by then.
+pub const ALONE_AFTER_MS: u64 = 10_000;
 /// The first level holds it this long before it looks for another way.
 const BLOCKED_MS: u64 = 1_500;
 /// It waits this long for something unknown to go away, before each further try.
@@ -179,6 +182,8 @@ struct Task {
     /// The last plan found no way out of where it stands.
     enclosed: bool,
     standing: Option<Standing>,
+    /// Where traffic control's path began that it got off: only another one will do.
+    lost: Option<MapPose>,
 }
 
 /// The second level of one robot.
@@ -253,6 +258,7 @@ impl Navigator {
             recoveries: 0,
             enclosed: false,
             standing: Some(Standing::Planning),
+            lost: None,
         });
     }
 
@@ -384,7 +390,7 @@ impl Navigator {
     }
 
     fn decide(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
-        self.follow_lead(now, sensed.speed_mps.abs() < 0.01, task);
+        self.follow_lead(now, sensed, task);
         match &mut task.stage {
             Stage::Seeking { .. } => self.seek(now, sensed, task),
             Stage::Following(_) => self.follow(now, sensed, task),
@@ -405,7 +411,7 @@ impl Navigator {
         };
         let rolls = sensed.speed_mps.abs() > 0.01;
         let asked = job.is_some_and(|(_, at)| now.since_ms(at) < PLAN_WITHIN_MS);
-        if asked || rolls || self.led.leads(now) {
+        if asked || rolls || self.led.may_lead(now) {
             return stand;
         }
         self.jobs += 1;

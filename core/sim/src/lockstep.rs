@@ -10,7 +10,7 @@ pub use traffic::Traffic;
 use crate::fixes::{FixMaker, FixTruth};
 use crate::simulation::{Simulation, SimulationError};
 use crate::vehicle::Truck;
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
 use thiserror::Error;
 use xtb_authority::agent::Arrival;
@@ -54,6 +54,8 @@ pub struct Lockstep {
     planner: Planner,
     /// Plans on their way back, with when and to whom.
     plans: VecDeque<(Stamp, usize, PlanDone)>,
+    /// Whose agents have died.
+    dead: BTreeSet<usize>,
 }
 
 impl Lockstep {
@@ -85,6 +87,7 @@ impl Lockstep {
             traffic: None,
             planner: Planner::new(),
             plans: VecDeque::new(),
+            dead: BTreeSet::new(),
         })
     }
 
@@ -189,12 +192,25 @@ impl Lockstep {
         }
     }
 
+    /// The agent of the robot with this index dies: no turn and no word of it any more, and its truck hears
+    /// nothing.
+    pub fn kill(&mut self, index: usize) {
+        self.dead.insert(index);
+    }
+
+    /// Whether the agent of the robot with this index has died.
+    #[must_use]
+    pub fn is_dead(&self, index: usize) -> bool {
+        self.dead.contains(&index)
+    }
+
     /// One step of the world and one turn of every robot.
     pub fn step(&mut self) {
-        let Self { simulation, robots, leases, bytes, .. } = self;
+        let Self { simulation, robots, leases, bytes, dead, .. } = self;
         simulation.step();
         let now = simulation.now();
-        for ((truck, robot), lease) in simulation.trucks_mut().iter_mut().zip(robots).zip(leases) {
+        let each = simulation.trucks_mut().iter_mut().zip(robots).zip(leases).enumerate();
+        for (_, ((truck, robot), lease)) in each.filter(|(index, _)| !dead.contains(index)) {
             if let Some(lease) = lease {
                 robot.agent_mut().heard(now, *lease);
             }
@@ -204,7 +220,7 @@ impl Lockstep {
         self.fix();
         let now = self.now();
         if let Some(traffic) = &mut self.traffic {
-            traffic.step(now, &mut self.robots);
+            traffic.step(now, &mut self.robots, &self.dead);
         }
         self.plan();
     }

@@ -241,8 +241,8 @@ impl Agent {
     fn blocked_words(&self, blocked: bool, standing: Option<Standing>) -> Option<String> {
         match standing {
             Some(Standing::WaitingForTraffic) => {
-                let led = self.nav.led_by();
-                led.and_then(|led| led.waits_for.as_ref()).map(|name| format!("{name} goes first"))
+                let first = |led: &Led| led.waits_for.as_ref().map(|name| format!("{name} goes first"));
+                self.nav.led_by().and_then(|led| led.reason.clone().or_else(|| first(led)))
             }
             Some(Standing::Planning) => self.nav.led_by().and_then(|led| led.reason.clone()),
             Some(Standing::WayBlocked) => Some("something that is not on the map is in its way".to_owned()),

@@ -52,6 +52,8 @@ pub(super) struct Truck {
     /// Places of an earlier way that it may still use.
     pub(super) retained: Vec<Stand>,
     pub(super) stalled: bool,
+    /// The last plan that it has reported.
+    taken: u64,
     /// Since when no released way is left or progress is made.
     pub(super) busy: Stamp,
     /// Since when it has no live route, and stands where it stands.
@@ -73,6 +75,7 @@ impl Truck {
             route: None,
             retained: Vec::new(),
             stalled: false,
+            taken: 0,
             busy: now,
             fixed_since: now,
             fixed_at: view.pose,
@@ -122,6 +125,7 @@ impl Truck {
                     self.busy = seen;
                     self.stalled = false;
                 }
+                self.taken = report.plan;
                 route.done_m = report.done_m.clamp(route.done_m, route.release_m.max(route.done_m));
                 true
             }
@@ -205,7 +209,9 @@ impl Truck {
         if !way_left || !self.can_be_led(now) {
             self.busy = now;
         }
-        if !self.stalled && (off || now.since_ms(self.busy) > STALL_MS) {
+        // It got off its path, or went its own way while nobody led it.
+        let lost = self.view.route.is_none() && (route.base..=route.plan).contains(&self.taken);
+        if !self.stalled && (off || lost && self.can_be_led(now) || now.since_ms(self.busy) > STALL_MS) {
             self.stalled = true;
             self.halt(now);
             self.retry_at = now;
@@ -216,8 +222,11 @@ impl Truck {
 
     /// Where it has to be driven around, as one that is not led.
     pub(super) fn block(&self, car: &Car) -> Vec<Stand> {
-        let mut stands = self.retained.clone();
-        stands.extend_from_slice(self.held());
+        // One that goes on to the end of what is released needs its look-out there.
+        let goes_on = self.view.drives && !self.stalled;
+        let held = self.retained.iter().chain(self.held());
+        let mut stands: Vec<Stand> =
+            held.map(|stand| Stand { look: stand.look.filter(|_| goes_on), ..*stand }).collect();
         let stopping_m = if self.stands() { 0.0 } else { 0.1 + STOPPING_S * self.view.speed_mps.abs() };
         let longer = Car {
             front_m: car.front_m + if self.view.speed_mps > 0.0 { stopping_m } else { 0.0 },
@@ -225,6 +234,6 @@ impl Truck {
             ..*car
         };
         stands.push(Stand { body: Rect::body(&longer, &self.view.pose), look: None });
-        stands.into_iter().map(|stand| Stand { look: None, ..stand }).collect()
+        stands
     }
 }

@@ -1,8 +1,8 @@
 //! Along a path, and out of where there is none.
 
 use super::{
-    BLOCKED_MS, CRUISE_MPS, Decision, HEAD_ON_MPS, LOOKOUT_M, Navigator, PAUSE_MS, PROGRESS_M, RECOVERY_MPS,
-    RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
+    BLOCKED_MS, CRUISE_MPS, Decision, HEAD_ON_MPS, LOOKOUT_M, MARGIN_M, Navigator, PAUSE_MS, PROGRESS_M,
+    RECOVERY_MPS, RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
 };
 use crate::MapPose;
 use crate::filter::Trust;
@@ -80,15 +80,21 @@ impl Navigator {
         let Stage::Following(following) = &mut task.stage else { return stand(Standing::Planning) };
         self.look_ahead(now, sensed, following);
         let pose = sensed.estimate.pose;
-        let trust = Trust::of(sensed.estimate, following.clearance_m);
+        // Less room than the margin was accepted by whoever planned the path: no reason to stop there.
+        let trust = Trust::of(sensed.estimate, following.clearance_m.max(MARGIN_M));
         let trusted_mps = match trust {
             Trust::Full => f64::MAX,
             Trust::Slow { mps } => mps,
             Trust::Stop => 0.0,
         };
         let free_m = following.obstructed.map_or(f64::MAX, |(way_m, _)| way_m);
+        // Its own path ends where traffic control takes over again.
+        let release_m = match following.plan {
+            0 if self.led.leads(now) => 0.0,
+            _ => following.release_m,
+        };
         let released = Released {
-            way_m: following.release_m.min(free_m),
+            way_m: release_m.min(free_m),
             cruise_mps: following.cruise_mps.min(trusted_mps),
             clearance_m: following.clearance_m,
         };
@@ -180,6 +186,9 @@ impl Navigator {
         why.clone_into(&mut task.trouble);
         if task.tries > TRIES {
             return Decision::Failed(task.failure());
+        }
+        if let Stage::Following(following) = &task.stage {
+            task.lost = (following.plan > 0).then_some(following.path.start);
         }
         task.seek();
         stand(Standing::Planning)

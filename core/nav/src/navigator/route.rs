@@ -1,6 +1,6 @@
 //! Traffic control's paths: what it last said, and when to go by it.
 
-use super::{Navigator, Stage, TRAFFIC_LOST_MS, Task, tolerance};
+use super::{ALONE_AFTER_MS, Navigator, Sensed, Stage, TRAFFIC_LOST_MS, Task, tolerance};
 use crate::MapPose;
 use crate::car::Car;
 use crate::follower::Follower;
@@ -25,6 +25,8 @@ pub struct Led {
     pub reason: Option<String>,
 }
 
+/// A path that begins farther away than this is not for where it is now, in m.
+const START_M: f64 = 0.12;
 /// Poses of others are good for this long, in ms.
 const OTHERS_MS: u64 = 600;
 /// What moves is a little farther on by now, in m.
@@ -42,6 +44,11 @@ impl LedBook {
     /// Whether traffic control lives.
     pub(super) fn leads(&self, now: Stamp) -> bool {
         self.heard.is_some_and(|at| now.since_ms(at) < TRAFFIC_LOST_MS)
+    }
+
+    /// Whether it lives, or was there a moment ago and may come back.
+    pub(super) fn may_lead(&self, now: Stamp) -> bool {
+        self.heard.is_some_and(|at| now.since_ms(at) < ALONE_AFTER_MS)
     }
 
     /// The path belongs to a goal that is over.
@@ -78,9 +85,13 @@ impl Navigator {
     }
 
     /// Takes over a new path once it stands, and each release at once. Without traffic control for
-    /// [`TRAFFIC_LOST_MS`] a robot that stands at the end of what was released looks for itself.
-    pub(super) fn follow_lead(&mut self, now: Stamp, stands: bool, task: &mut Task) {
+    /// [`ALONE_AFTER_MS`] a robot that stands at the end of what was released looks for itself.
+    pub(super) fn follow_lead(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) {
+        let stands = sensed.speed_mps.abs() < 0.01;
         if !self.led.leads(now) {
+            if self.led.may_lead(now) {
+                return;
+            }
             if let Stage::Following(following) = &task.stage
                 && following.plan > 0
                 && stands
@@ -99,7 +110,7 @@ impl Navigator {
             following.cruise_mps = led.cruise_mps;
             return;
         }
-        let Some(path) = &led.path else { return };
+        let Some(path) = led.path.as_ref().filter(|path| task.lost != Some(path.start)) else { return };
         // A plan that continues the one before is driven on; any other waits until it stands.
         if let Stage::Following(following) = &mut task.stage
             && following.plan > 0
@@ -112,7 +123,8 @@ impl Navigator {
             }
             return;
         }
-        if !stands {
+        let (start, here) = (&path.start, &sensed.estimate.pose);
+        if !stands || libm::hypot(start.x_m - here.x_m, start.y_m - here.y_m) > START_M {
             return;
         }
         let Ok(follower) = Follower::new(path, &self.car, self.follower.clone(), tolerance(&task.aim)) else {

@@ -2,6 +2,7 @@
 //! `fleet-cli traffic serve`, the same messages, on a network that may lose them.
 
 use crate::noise::Noise;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use xtb_authority::Robot;
 use xtb_control::units::Stamp;
@@ -73,7 +74,7 @@ impl Traffic {
     }
 
     /// One step of the simulation.
-    pub(super) fn step(&mut self, now: Stamp, robots: &mut [Robot]) {
+    pub(super) fn step(&mut self, now: Stamp, robots: &mut [Robot], dead: &BTreeSet<usize>) {
         let Some(coordinator) = &mut self.coordinator else { return };
         if self.due.as_ref().is_some_and(|(at, _)| *at <= now)
             && let Some((_, result)) = self.due.take()
@@ -84,7 +85,7 @@ impl Traffic {
             return;
         }
         self.next = now.plus_ms(TICK_MS);
-        for robot in robots.iter_mut() {
+        for (_, robot) in robots.iter_mut().enumerate().filter(|(index, _)| !dead.contains(index)) {
             if !self.noise.chance(self.lost) {
                 let state: RobotState = robot.state(now, Rejected::default());
                 let view = RobotView::of(&state, WAY_MS);
@@ -95,7 +96,7 @@ impl Traffic {
         }
         let guides = coordinator.tick(now);
         self.seq += 1;
-        for robot in robots.iter_mut() {
+        for (_, robot) in robots.iter_mut().enumerate().filter(|(index, _)| !dead.contains(index)) {
             let name = robot.agent().identity().robot.to_string();
             if let Some(guide) = guides.get(&name)
                 && !self.noise.chance(self.lost)

@@ -18,6 +18,7 @@ mod guards;
 mod hazards;
 mod journeys;
 mod levelling;
+mod meetings;
 mod motion;
 mod ordinary;
 mod parking;

@@ -64,6 +64,13 @@ impl Drive {
         self.lockstep.request(index, &Name::new("tester").unwrap(), &request).unwrap().result
     }
 
+    /// Somebody hits this robot's emergency stop.
+    pub(crate) fn estop(&mut self, index: usize) {
+        let (now, id) = (self.lockstep.now(), Uuid::from_u128(u128::MAX / 2));
+        let by = Name::new("tester").unwrap();
+        self.lockstep.robot_mut(index).unwrap().agent_mut().estop(now, u64::MAX, &by, id);
+    }
+
     /// Runs until the goal has ended, at most so long.
     pub(crate) fn wait(&mut self, index: usize, seconds: f64) -> RobotState {
         for _ in 0..(seconds / 0.5) as u32 {
