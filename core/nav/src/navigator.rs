@@ -29,6 +29,7 @@ use crate::local::{BumperScan, LocalLayer};
 use crate::map::{Map, ZoneLayers};
 use crate::path::Path;
 use follow::Following;
+use job::{CARES, Planned};
 use std::sync::Arc;
 use xtb_control::infrared::BumperRanges;
 use xtb_control::{Command, Stamp, Steering, VehicleConfig, WheelRpm};
@@ -410,11 +411,13 @@ impl Navigator {
         }
         self.jobs += 1;
         *job = Some((self.jobs, now));
+        let around = |reach_m| self.local.as_ref().map(|local| local.unseen_around(now, reach_m));
         self.outbox = Some(PlanJob {
             number: self.jobs,
             map: map.clone(),
             zones: self.zones.clone(),
             local: self.local.iter().flat_map(|local| local.obstacles(now)).map(|o| [o.x_m, o.y_m]).collect(),
+            unseen: CARES.map(|care| around(care.unseen_m).unwrap_or_default()),
             car: self.car,
             start: sensed.estimate.pose,
             aim: task.aim,
@@ -428,17 +431,17 @@ impl Navigator {
         if !matches!(task.stage, Stage::Seeking { job: Some((number, _)) } if number == done.number) {
             return;
         }
-        let follower = done.result.and_then(|path| {
+        let follower = done.result.and_then(|Planned { path, unseen_m }| {
             let tolerance = tolerance(&task.aim);
             let follower = Follower::new(&path, &self.car, self.follower.clone(), tolerance);
             follower
-                .map(|follower| (path, follower))
+                .map(|follower| (path, follower, unseen_m))
                 .map_err(|error| PlanFailure::for_good(error.to_string()))
         });
         match follower {
-            Ok((path, follower)) => {
+            Ok((path, follower, unseen_m)) => {
                 task.plans += 1;
-                task.stage = Stage::Following(Box::new(Following::own(path, follower)));
+                task.stage = Stage::Following(Box::new(Following::own(path, follower, unseen_m)));
             }
             Err(failure) => task.no_way(now, failure),
         }
