@@ -1,5 +1,5 @@
 //! The table of docs/navigation.md: planned goals at random, the whole robot on the whole vehicle.
-//! `cargo run -p xtb-sim --example journeys [JOURNEYS] [SEED] [ROOM]`
+//! `cargo run -p xtb-sim --example journeys [JOURNEYS] [SEED] [ROOM] [HINDER]`
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -35,10 +35,10 @@ fn main() {
     println!(
         "| room | in the way | reached | honest | contacts | off p50 | p95 | max | time of way p50 | p95 | stood max |"
     );
-    let only: Option<String> = std::env::args().nth(3);
+    let only = |n, name: &str| std::env::args().nth(n).is_none_or(|only| only == name);
     let names = ROOMS.map(|(name, _)| name).into_iter().chain(["clutter"]);
-    for name in names.filter(|name| only.as_ref().is_none_or(|only| only == name)) {
-        for hinder in Hinder::ALL {
+    for name in names.filter(|name| only(3, name)) {
+        for hinder in Hinder::ALL.into_iter().filter(|hinder| only(4, &format!("{hinder:?}"))) {
             let seeds = first..first + count;
             let all = match ROOMS.iter().find(|room| room.0 == name) {
                 Some((_, world)) => journeys(world, seeds, hinder),
