@@ -35,8 +35,8 @@ const BEFORE_HIT_M: f64 = 0.08;
 
 /// A beam that gets through speaks for this much to either side: half of the way to its neighbour, in m.
 const BESIDE_BEAM_M: f64 = 0.034;
-/// Marks as near as this to the body are kept, in m.
-const BESIDE_BODY_M: f64 = 0.6;
+/// Marks as near as this to its sides are kept, in m.
+const BESIDE_BODY_M: f64 = 0.4;
 
 /// What one scan of the bumpers saw.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,7 +69,7 @@ impl LocalLayer {
     /// Most marks; beyond, the one that was not seen for longest goes.
     pub const MOST_MARKS: usize = 1024;
     /// How long a mark beside the body counts that is not seen again.
-    pub const FADES_BESIDE_MS: u64 = 60_000;
+    pub const FADES_BESIDE_MS: u64 = 20_000;
     /// Most cells that are known to be free.
     const MOST_FREE: usize = 4096;
 
@@ -126,7 +126,7 @@ impl LocalLayer {
         }
         let (car, pose) = (self.car, scan.pose);
         self.stand_on(now, &pose);
-        let beside = |point| car.distance_m(&pose, point) <= BESIDE_BODY_M;
+        let beside = |point| is_beside(&car, &pose, point);
         self.marks.hold(now.plus_ms(Self::FADES_MS), Self::FADES_BESIDE_MS, beside);
         self.marks.retain(|point| {
             car.distance_m(&pose, point) > 0.0
@@ -232,6 +232,14 @@ impl LocalLayer {
     pub fn overflowed(&self) -> u64 {
         self.marks.overflowed()
     }
+}
+
+/// Whether a point lies to the left or right of the body, where no beam gets to.
+fn is_beside(car: &Car, pose: &MapPose, point: [f64; 2]) -> bool {
+    let (sin, cos) = libm::sincos(pose.yaw_rad);
+    let (dx, dy) = (point[0] - pose.x_m, point[1] - pose.y_m);
+    let (ahead_m, left_m) = (dx * cos + dy * sin, dy * cos - dx * sin);
+    (-car.rear_m..=car.front_m).contains(&ahead_m) && left_m.abs() <= car.half_width_m + BESIDE_BODY_M
 }
 
 /// Whether a cell of the map that is not free lies within `radius_m` of a point.

@@ -48,10 +48,13 @@ pub const HEAD_ON_MPS: f64 = 0.2;
 pub const TRAFFIC_LOST_MS: u64 = 3_000;
 /// The first level holds it this long before it looks for another way.
 const BLOCKED_MS: u64 = 1_500;
-/// It waits this long for something unknown to go away, before each further try.
-const PAUSE_MS: u64 = 3_000;
+/// It waits this long for something unknown to go away, before each further try; all tries together take
+/// longer than marks of what has gone need to fade.
+const PAUSE_MS: u64 = 5_000;
 /// Tries without any way gained before it gives up.
 const TRIES: u32 = 6;
+/// Paths for one goal before it gives up.
+const MOST_PLANS: u32 = 40;
 /// A plan that has not come back after this long is asked for again.
 const PLAN_WITHIN_MS: u64 = 15_000;
 /// Way along a path that counts as progress, in m.
@@ -168,8 +171,10 @@ enum Stage {
 struct Task {
     aim: Aim,
     stage: Stage,
-    /// Tries since the last progress.
+    /// Plans that found no way since the last progress.
     tries: u32,
+    /// Paths that came to nothing since the last progress.
+    lost: u32,
     /// Paths for this goal.
     plans: u32,
     /// What was in the way last.
@@ -248,6 +253,7 @@ impl Navigator {
             aim,
             stage: Stage::Seeking { job: None },
             tries: 0,
+            lost: 0,
             plans: 0,
             blocked_at: None,
             trouble: String::new(),

@@ -2,8 +2,8 @@
 
 use super::job::STANDS_M;
 use super::{
-    BLOCKED_MS, CRUISE_MPS, Decision, HEAD_ON_MPS, LOOKOUT_M, Navigator, PAUSE_MS, PROGRESS_M, RECOVERY_MPS,
-    RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
+    BLOCKED_MS, CRUISE_MPS, Decision, HEAD_ON_MPS, LOOKOUT_M, MOST_PLANS, Navigator, PAUSE_MS, PROGRESS_M,
+    RECOVERY_MPS, RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
 };
 use crate::filter::Trust;
 use crate::follower::{Follower, Released, Status, Stuck};
@@ -107,7 +107,7 @@ impl Navigator {
         following.off_m = drive.cross_m;
         if drive.way_m > following.counted_m + PROGRESS_M {
             following.counted_m = drive.way_m;
-            (task.tries, task.blocked_at) = (0, None);
+            (task.tries, task.lost, task.blocked_at) = (0, 0, None);
         }
         let held = sensed.blocked || drive.status == Status::Stuck(Stuck::NoMotion);
         following.blocked_since = held.then(|| following.blocked_since.unwrap_or(now));
@@ -193,9 +193,9 @@ impl Navigator {
 
     /// Another path from here, unless that was tried often enough.
     fn lose_the_path(&mut self, task: &mut Task, why: &str) -> Decision {
-        task.tries += 1;
+        task.lost += 1;
         why.clone_into(&mut task.trouble);
-        if task.tries > TRIES {
+        if task.lost > TRIES || task.plans >= MOST_PLANS {
             return Decision::Failed(task.failure());
         }
         task.seek();
