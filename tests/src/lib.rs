@@ -232,7 +232,8 @@ impl Fleet {
     /// If it does not in time, or another goal has taken its place.
     pub async fn outcome(&self, number: usize, id: Uuid) -> GoalStatus {
         let ended = |state: &RobotState| {
-            let goal = state.goal.as_ref().unwrap_or_else(|| panic!("the goal is gone"));
+            // The reply to its request may come before the first state that has it.
+            let Some(goal) = &state.goal else { return false };
             let over = state.ended_goals.iter().any(|ended| ended.id == id);
             assert!(!over, "another goal has taken its place");
             goal.id == id && goal.status.is_final()

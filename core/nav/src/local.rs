@@ -8,6 +8,10 @@
 //! where the data sheet has it: if the fit is right after all, that shows in time as the truck comes nearer,
 //! while a mark too near would close ways that are free. Sensors that may fold back (nearer than 14 cm) keep
 //! their mark until the truck has backed off, as the first level's rule does.
+//!
+//! What is seen is only the face of a thing: it goes on behind and beside the beams. So the layer also
+//! keeps where beams got through and where the truck itself has stood; [`LocalLayer::unseen_around`] is
+//! what is left around the marks. A mark beside the body, where no beam can see it, is kept for longer.
 
 mod beams;
 mod marks;
@@ -29,6 +33,11 @@ const MOST_EXPLAINED_M: f64 = 0.30;
 /// A beam clears up to this much before what it hits, in m.
 const BEFORE_HIT_M: f64 = 0.08;
 
+/// A beam that gets through speaks for this much to either side: half of the way to its neighbour, in m.
+const BESIDE_BEAM_M: f64 = 0.034;
+/// Marks as near as this to its sides are kept, in m.
+const BESIDE_BODY_M: f64 = 0.4;
+
 /// What one scan of the bumpers saw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BumperScan {
@@ -47,6 +56,8 @@ pub struct BumperScan {
 pub struct LocalLayer {
     car: Car,
     marks: Marks,
+    /// Where nothing stood.
+    free: Marks,
     foldback: [Foldback; 12],
 }
 
@@ -56,14 +67,23 @@ impl LocalLayer {
     /// How long a mark that is not seen again counts.
     pub const FADES_MS: u64 = 15_000;
     /// Most marks; beyond, the one that was not seen for longest goes.
-    pub const MOST_MARKS: usize = Marks::MOST;
+    pub const MOST_MARKS: usize = 1024;
+    /// How long a mark beside the body counts that is not seen again.
+    pub const FADES_BESIDE_MS: u64 = 20_000;
+    /// Most cells that are known to be free.
+    const MOST_FREE: usize = 4096;
 
     /// A layer without marks whose cells are those of the map, or of [`LocalLayer::RESOLUTION_M`].
     #[must_use]
     pub fn new(car: Car, map: Option<&Grid>) -> Self {
         let (resolution_m, origin_m) =
             map.map_or((Self::RESOLUTION_M, [0.0; 2]), |map| (map.resolution_m(), map.origin_m()));
-        Self { car, marks: Marks::new(resolution_m, origin_m), foldback: [Foldback::default(); 12] }
+        Self {
+            car,
+            marks: Marks::new(resolution_m, origin_m, Self::MOST_MARKS),
+            free: Marks::new(resolution_m, origin_m, Self::MOST_FREE),
+            foldback: [Foldback::default(); 12],
+        }
     }
 
     /// A scan at `now`; `others` are trucks whose poses are known. A pose that is not finite sees nothing.
@@ -72,7 +92,8 @@ impl LocalLayer {
         if ![x_m, y_m, yaw_rad, scan.sigma_m].iter().all(|v| v.is_finite()) {
             return;
         }
-        self.marks.fade(now, Self::FADES_MS);
+        self.marks.fade(now);
+        self.free.fade(now);
         let known_m = (EXPLAINED_M + 2.0 * scan.sigma_m).clamp(EXPLAINED_M, MOST_EXPLAINED_M);
         let beams = beams(&self.car, &scan.pose);
         let sights: [Sight; 12] = std::array::from_fn(|i| {
@@ -85,12 +106,12 @@ impl LocalLayer {
         };
         for (beam, sight) in beams.iter().zip(sights) {
             match sight {
-                Sight::Folded(point) if !known(point) => self.marks.see(now, point),
+                Sight::Folded(point) if !known(point) => self.marks.see(now, point, Self::FADES_MS),
                 Sight::Hit { from_m, to_m } => {
                     let steps = libm::ceil((to_m - from_m) / known_m).max(1.0);
                     let place = |step: u32| beam.at(from_m + f64::from(step) / steps * (to_m - from_m));
                     if !(0..=steps as u32).any(|step| known(place(step))) {
-                        self.marks.see(now, beam.at(to_m));
+                        self.marks.see(now, beam.at(to_m), Self::FADES_MS);
                     }
                 }
                 Sight::Folded(_) | Sight::Free { .. } => {}
@@ -104,6 +125,9 @@ impl LocalLayer {
             }
         }
         let (car, pose) = (self.car, scan.pose);
+        self.stand_on(now, &pose);
+        let beside = |point| is_beside(&car, &pose, point);
+        self.marks.hold(now.plus_ms(Self::FADES_MS), Self::FADES_BESIDE_MS, beside);
         self.marks.retain(|point| {
             car.distance_m(&pose, point) > 0.0
                 && others.iter().all(|(there, other)| other.distance_m(there, point) > known_m)
@@ -116,7 +140,27 @@ impl LocalLayer {
         let steps = libm::floor(to_m / step_m);
         if steps >= 0.0 {
             for step in 0..=steps as u32 {
-                self.marks.remove_before(now, beam.at(f64::from(step) * step_m));
+                let along_m = f64::from(step) * step_m;
+                self.marks.remove_before(now, beam.at(along_m));
+                for left_m in [-BESIDE_BEAM_M, 0.0, BESIDE_BEAM_M] {
+                    self.free.see(now, beam.beside(along_m, left_m), Self::FADES_MS);
+                }
+            }
+        }
+    }
+
+    /// Nothing stands where the truck does.
+    fn stand_on(&mut self, now: Stamp, pose: &MapPose) {
+        let step_m = self.marks.resolution_m() / 2.0;
+        let (sin, cos) = libm::sincos(pose.yaw_rad);
+        let steps = |from_m: f64, to_m: f64| {
+            let steps = libm::ceil((to_m - from_m) / step_m).max(1.0);
+            (0..=steps as u32).map(move |step| from_m + (to_m - from_m) * f64::from(step) / steps)
+        };
+        for ahead_m in steps(-self.car.rear_m, self.car.front_m) {
+            for left_m in steps(-self.car.half_width_m, self.car.half_width_m) {
+                let (x_m, y_m) = (ahead_m * cos - left_m * sin, ahead_m * sin + left_m * cos);
+                self.free.see(now, [pose.x_m + x_m, pose.y_m + y_m], Self::FADES_MS);
             }
         }
     }
@@ -124,12 +168,34 @@ impl LocalLayer {
     /// Forgets everything: the pose was set anew, all marks are in the wrong place.
     pub fn clear(&mut self) {
         self.marks.clear();
+        self.free.clear();
         self.foldback = [Foldback::default(); 12];
     }
 
     /// What stands there now, rows from south to north.
     pub fn obstacles(&self, now: Stamp) -> impl Iterator<Item = LocalObstacle> {
-        self.marks.counting(now, Self::FADES_MS)
+        self.marks.counting(now)
+    }
+
+    /// Cells within `reach_m` of what stands there now that nothing has shown to be free since: as far as
+    /// is known the thing goes on there. Middles in m, rows from south to north.
+    #[must_use]
+    pub fn unseen_around(&self, now: Stamp, reach_m: f64) -> Vec<[f64; 2]> {
+        let reach = libm::floor(reach_m / self.marks.resolution_m()) as i64;
+        let mut places = Vec::new();
+        for mark in self.obstacles(now) {
+            let (row, column) = self.marks.place([mark.x_m, mark.y_m]);
+            for (up, right) in (-reach..=reach).flat_map(|up| (-reach..=reach).map(move |r| (up, r))) {
+                let place = (row + up, column + right);
+                let seen_free = || self.free.seen(place).is_some_and(|seen| seen >= mark.first);
+                if (up, right) != (0, 0) && up * up + right * right <= reach * reach && !seen_free() {
+                    places.push(place);
+                }
+            }
+        }
+        places.sort_unstable();
+        places.dedup();
+        places.into_iter().map(|place| self.marks.middle(place)).collect()
     }
 
     /// Whether something stands within `radius_m` of a point.
@@ -166,6 +232,14 @@ impl LocalLayer {
     pub fn overflowed(&self) -> u64 {
         self.marks.overflowed()
     }
+}
+
+/// Whether a point lies to the left or right of the body, where no beam gets to.
+fn is_beside(car: &Car, pose: &MapPose, point: [f64; 2]) -> bool {
+    let (sin, cos) = libm::sincos(pose.yaw_rad);
+    let (dx, dy) = (point[0] - pose.x_m, point[1] - pose.y_m);
+    let (ahead_m, left_m) = (dx * cos + dy * sin, dy * cos - dx * sin);
+    (-car.rear_m..=car.front_m).contains(&ahead_m) && left_m.abs() <= car.half_width_m + BESIDE_BODY_M
 }
 
 /// Whether a cell of the map that is not free lies within `radius_m` of a point.

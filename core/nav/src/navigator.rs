@@ -29,6 +29,7 @@ use crate::local::{BumperScan, LocalLayer};
 use crate::map::{Map, ZoneLayers};
 use crate::path::Path;
 use follow::Following;
+use job::{CARES, Planned};
 use std::sync::Arc;
 use xtb_control::infrared::BumperRanges;
 use xtb_control::{Command, Stamp, Steering, VehicleConfig, WheelRpm};
@@ -50,10 +51,13 @@ pub const TRAFFIC_LOST_MS: u64 = 3_000;
 pub const ALONE_AFTER_MS: u64 = 10_000;
 /// The first level holds it this long before it looks for another way.
 const BLOCKED_MS: u64 = 1_500;
-/// It waits this long for something unknown to go away, before each further try.
-const PAUSE_MS: u64 = 3_000;
+/// It waits this long for something unknown to go away, before each further try; all tries together take
+/// longer than marks of what has gone need to fade.
+const PAUSE_MS: u64 = 5_000;
 /// Tries without any way gained before it gives up.
 const TRIES: u32 = 6;
+/// Paths for one goal before it gives up.
+const MOST_PLANS: u32 = 40;
 /// A plan that has not come back after this long is asked for again.
 const PLAN_WITHIN_MS: u64 = 15_000;
 /// Way along a path that counts as progress, in m.
@@ -170,8 +174,10 @@ enum Stage {
 struct Task {
     aim: Aim,
     stage: Stage,
-    /// Tries since the last progress.
+    /// Plans that found no way since the last progress.
     tries: u32,
+    /// Paths that came to nothing since the last progress.
+    lost: u32,
     /// Paths for this goal.
     plans: u32,
     /// What was in the way last.
@@ -183,7 +189,7 @@ struct Task {
     enclosed: bool,
     standing: Option<Standing>,
     /// Where traffic control's path began that it got off: only another one will do.
-    lost: Option<MapPose>,
+    lost_start: Option<MapPose>,
 }
 
 /// The second level of one robot.
@@ -252,13 +258,14 @@ impl Navigator {
             aim,
             stage: Stage::Seeking { job: None },
             tries: 0,
+            lost: 0,
             plans: 0,
             blocked_at: None,
             trouble: String::new(),
             recoveries: 0,
             enclosed: false,
             standing: Some(Standing::Planning),
-            lost: None,
+            lost_start: None,
         });
     }
 
@@ -416,11 +423,13 @@ impl Navigator {
         }
         self.jobs += 1;
         *job = Some((self.jobs, now));
+        let around = |reach_m| self.local.as_ref().map(|local| local.unseen_around(now, reach_m));
         self.outbox = Some(PlanJob {
             number: self.jobs,
             map: map.clone(),
             zones: self.zones.clone(),
             local: self.local.iter().flat_map(|local| local.obstacles(now)).map(|o| [o.x_m, o.y_m]).collect(),
+            unseen: CARES.map(|care| around(care.unseen_m).unwrap_or_default()),
             car: self.car,
             start: sensed.estimate.pose,
             aim: task.aim,
@@ -434,17 +443,17 @@ impl Navigator {
         if !matches!(task.stage, Stage::Seeking { job: Some((number, _)) } if number == done.number) {
             return;
         }
-        let follower = done.result.and_then(|path| {
+        let follower = done.result.and_then(|Planned { path, unseen_m }| {
             let tolerance = tolerance(&task.aim);
             let follower = Follower::new(&path, &self.car, self.follower.clone(), tolerance);
             follower
-                .map(|follower| (path, follower))
+                .map(|follower| (path, follower, unseen_m))
                 .map_err(|error| PlanFailure::for_good(error.to_string()))
         });
         match follower {
-            Ok((path, follower)) => {
+            Ok((path, follower, unseen_m)) => {
                 task.plans += 1;
-                task.stage = Stage::Following(Box::new(Following::own(path, follower)));
+                task.stage = Stage::Following(Box::new(Following::own(path, follower, unseen_m)));
             }
             Err(failure) => task.no_way(now, failure),
         }

@@ -1,5 +1,5 @@
 //! The table of docs/navigation.md: planned goals at random, the whole robot on the whole vehicle.
-//! `cargo run -p xtb-sim --example journeys [JOURNEYS] [SEED]`
+//! `cargo run -p xtb-sim --example journeys [JOURNEYS] [SEED] [ROOM] [HINDER]`
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -19,7 +19,7 @@ mod planned;
 #[path = "../tests/it/trips.rs"]
 mod trips;
 
-use journeys::{Journey, journeys};
+use journeys::{Hinder, Journey, journeys, journeys_in_clutter};
 use trips::quantile;
 use xtb_protocol::messages::GoalStatus;
 
@@ -35,9 +35,15 @@ fn main() {
     println!(
         "| room | in the way | reached | honest | contacts | off p50 | p95 | max | time of way p50 | p95 | stood max |"
     );
-    for (name, world) in ROOMS {
-        for hinder in [false, true] {
-            let all = journeys(world, first..first + count, hinder);
+    let only = |n, name: &str| std::env::args().nth(n).is_none_or(|only| only == name);
+    let names = ROOMS.map(|(name, _)| name).into_iter().chain(["clutter"]);
+    for name in names.filter(|name| only(3, name)) {
+        for hinder in Hinder::ALL.into_iter().filter(|hinder| only(4, &format!("{hinder:?}"))) {
+            let seeds = first..first + count;
+            let all = match ROOMS.iter().find(|room| room.0 == name) {
+                Some((_, world)) => journeys(world, seeds, hinder),
+                None => journeys_in_clutter(seeds, hinder),
+            };
             row(name, hinder, &all);
             for bad in all.iter().filter(|journey| !journey.is_honest() || journey.contacts > 0) {
                 println!("  {bad:?}");
@@ -46,7 +52,7 @@ fn main() {
     }
 }
 
-fn row(name: &str, hinder: bool, all: &[Journey]) {
+fn row(name: &str, hinder: Hinder, all: &[Journey]) {
     let reached: Vec<&Journey> =
         all.iter().filter(|journey| journey.status == Some(GoalStatus::Reached)).collect();
     let at = |part: f64, of: &dyn Fn(&Journey) -> f64| {
@@ -55,8 +61,7 @@ fn row(name: &str, hinder: bool, all: &[Journey]) {
     let off = |part| format!("{:.1} cm", at(part, &|journey| journey.off_m) * 100.0);
     let pace = |part| format!("{:.1}", at(part, &|journey| journey.took_s * 0.2 / journey.planned_m));
     println!(
-        "| {name} | {} | {} of {} | {} | {} | {} | {} | {} | {} | {} | {:.1} s |",
-        if hinder { all.iter().filter(|journey| journey.hindered.is_some()).count() } else { 0 },
+        "| {name} | {hinder:?} | {} of {} | {} | {} | {} | {} | {} | {} | {} | {:.1} s |",
         reached.len(),
         all.len(),
         all.iter().filter(|journey| journey.is_honest()).count(),

@@ -5,6 +5,12 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 #[allow(dead_code)]
+#[path = "../tests/it/draw.rs"]
+mod draw;
+#[allow(dead_code)]
+#[path = "../tests/it/journeys.rs"]
+mod journeys;
+#[allow(dead_code)]
 #[path = "../tests/it/meetings.rs"]
 mod meetings;
 #[allow(dead_code, unused_imports)]

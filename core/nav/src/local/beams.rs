@@ -32,7 +32,13 @@ pub(super) struct Beam {
 impl Beam {
     /// The point so far along it.
     pub(super) fn at(&self, m: f64) -> [f64; 2] {
-        [self.from_m[0] + m * self.towards[0], self.from_m[1] + m * self.towards[1]]
+        self.beside(m, 0.0)
+    }
+
+    /// The point so far along it and so far to its left.
+    pub(super) fn beside(&self, m: f64, left_m: f64) -> [f64; 2] {
+        let [x, y] = self.towards;
+        [self.from_m[0] + m * x - left_m * y, self.from_m[1] + m * y + left_m * x]
     }
 }
 

@@ -12,6 +12,8 @@ pub struct LocalObstacle {
     pub x_m: f64,
     /// North, in m.
     pub y_m: f64,
+    /// When it was seen first.
+    pub first: Stamp,
     /// When it was seen last.
     pub seen: Stamp,
 }
@@ -28,7 +30,10 @@ impl LocalObstacle {
 struct Mark {
     /// (row, column)
     place: (i64, i64),
+    first: Stamp,
     seen: Stamp,
+    /// It counts as long as this.
+    fades: Stamp,
     times: u32,
 }
 
@@ -38,14 +43,14 @@ pub(super) struct Marks {
     origin_m: [f64; 2],
     /// By place.
     marks: Vec<Mark>,
+    most: usize,
     overflowed: u64,
 }
 
 impl Marks {
-    pub(super) const MOST: usize = 1024;
-
-    pub(super) fn new(resolution_m: f64, origin_m: [f64; 2]) -> Self {
-        Self { resolution_m, origin_m, marks: Vec::with_capacity(Self::MOST), overflowed: 0 }
+    /// None yet; never more than `most`.
+    pub(super) fn new(resolution_m: f64, origin_m: [f64; 2], most: usize) -> Self {
+        Self { resolution_m, origin_m, marks: Vec::with_capacity(most), most, overflowed: 0 }
     }
 
     pub(super) fn resolution_m(&self) -> f64 {
@@ -56,29 +61,36 @@ impl Marks {
         self.overflowed
     }
 
-    fn place(&self, point: [f64; 2]) -> (i64, i64) {
+    pub(super) fn place(&self, point: [f64; 2]) -> (i64, i64) {
         let along = |axis: usize| libm::floor((point[axis] - self.origin_m[axis]) / self.resolution_m) as i64;
         (along(1), along(0))
     }
 
-    /// Something was seen there.
-    pub(super) fn see(&mut self, now: Stamp, point: [f64; 2]) {
-        let place = self.place(point);
+    /// When a cell was seen last.
+    pub(super) fn seen(&self, place: (i64, i64)) -> Option<Stamp> {
+        let known = self.marks.binary_search_by_key(&place, |mark| mark.place).ok()?;
+        Some(self.marks[known].seen)
+    }
+
+    /// Something was seen there; it counts for so long.
+    pub(super) fn see(&mut self, now: Stamp, point: [f64; 2], fades_ms: u64) {
+        let (place, fades) = (self.place(point), now.plus_ms(fades_ms));
         match self.marks.binary_search_by_key(&place, |mark| mark.place) {
             Ok(known) => {
                 let mark = &mut self.marks[known];
                 (mark.seen, mark.times) = (mark.seen.max(now), mark.times.saturating_add(1));
+                mark.fades = mark.fades.max(fades);
             }
             Err(_) => {
                 self.make_room();
                 let index = self.marks.partition_point(|mark| mark.place < place);
-                self.marks.insert(index, Mark { place, seen: now, times: 1 });
+                self.marks.insert(index, Mark { place, first: now, seen: now, fades, times: 1 });
             }
         }
     }
 
     fn make_room(&mut self) {
-        if self.marks.len() < Self::MOST {
+        if self.marks.len() < self.most {
             return;
         }
         let oldest = self.marks.iter().enumerate().min_by_key(|(_, mark)| mark.seen).map(|(i, _)| i);
@@ -103,8 +115,23 @@ impl Marks {
         self.marks.retain(|mark| keep(middle(resolution_m, origin_m, mark.place)));
     }
 
-    pub(super) fn fade(&mut self, now: Stamp, fades_ms: u64) {
-        self.marks.retain(|mark| now.since_ms(mark.seen) <= fades_ms);
+    pub(super) fn fade(&mut self, now: Stamp) {
+        self.marks.retain(|mark| now <= mark.fades);
+    }
+
+    /// Those that are `meant` count until then, but no longer than `most_ms` after they were seen.
+    pub(super) fn hold(&mut self, until: Stamp, most_ms: u64, meant: impl Fn([f64; 2]) -> bool) {
+        let (resolution_m, origin_m) = (self.resolution_m, self.origin_m);
+        for mark in &mut self.marks {
+            if meant(middle(resolution_m, origin_m, mark.place)) {
+                mark.fades = mark.fades.max(until.min(mark.seen.plus_ms(most_ms)));
+            }
+        }
+    }
+
+    /// The middle of a cell, in m.
+    pub(super) fn middle(&self, place: (i64, i64)) -> [f64; 2] {
+        middle(self.resolution_m, self.origin_m, place)
     }
 
     pub(super) fn clear(&mut self) {
@@ -112,11 +139,11 @@ impl Marks {
     }
 
     /// Those that count at `now`.
-    pub(super) fn counting(&self, now: Stamp, fades_ms: u64) -> impl Iterator<Item = LocalObstacle> {
-        let counts = move |mark: &&Mark| mark.times >= COUNTS_FROM && now.since_ms(mark.seen) <= fades_ms;
+    pub(super) fn counting(&self, now: Stamp) -> impl Iterator<Item = LocalObstacle> {
+        let counts = move |mark: &&Mark| mark.times >= COUNTS_FROM && now <= mark.fades;
         self.marks.iter().filter(counts).map(|mark| {
             let [x_m, y_m] = middle(self.resolution_m, self.origin_m, mark.place);
-            LocalObstacle { x_m, y_m, seen: mark.seen }
+            LocalObstacle { x_m, y_m, first: mark.first, seen: mark.seen }
         })
     }
 }

@@ -1,13 +1,14 @@
 //! Along a path, and out of where there is none.
 
+use super::job::STANDS_M;
 use super::{
-    BLOCKED_MS, CRUISE_MPS, Decision, HEAD_ON_MPS, LOOKOUT_M, MARGIN_M, Navigator, PAUSE_MS, PROGRESS_M,
-    RECOVERY_MPS, RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
+    BLOCKED_MS, CRUISE_MPS, Decision, HEAD_ON_MPS, LOOKOUT_M, MARGIN_M, MOST_PLANS, Navigator, PAUSE_MS,
+    PROGRESS_M, RECOVERY_MPS, RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
 };
-use crate::MapPose;
 use crate::filter::Trust;
 use crate::follower::{Follower, Released, Status, Stuck};
-use crate::path::Path;
+use crate::path::{Path, Piece};
+use crate::{Cell, MapPose};
 use xtb_control::{Command, Stamp, Steering, WheelRpm};
 
 /// The way ahead is looked at this often.
@@ -18,8 +19,14 @@ const LOOK_M: f64 = 1.2;
 const LOOK_STEP_M: f64 = 0.04;
 /// An obstacle as near as this to the body on the path is in the way, in m.
 const IN_THE_WAY_M: f64 = 0.02;
+/// Of what it keeps off unseen parts when it plans: so much counts when something comes into sight.
+const IN_THE_WAY_PART: f64 = 0.3;
+/// Room that the pose is held against at least, in m: narrower places are planned on purpose.
+const LEAST_ROOM_M: f64 = 0.06;
 /// A recovery that has gone so far is done, in m.
 const RECOVERED_M: f64 = 0.4;
+/// What was seen goes on so far where nobody has looked, for a recovery, in m.
+const RECOVERY_UNSEEN_M: f64 = 0.10;
 /// Recoveries for one goal.
 const RECOVERIES: u32 = 3;
 
@@ -33,6 +40,8 @@ pub(super) struct Following {
     pub(super) release_m: f64,
     pub(super) cruise_mps: f64,
     pub(super) off_m: f64,
+    /// What comes into sight beside the path may go on so far before it is in the way, in m.
+    unseen_m: f64,
     /// The first level has held the motor since.
     blocked_since: Option<Stamp>,
     looked: Option<Stamp>,
@@ -47,8 +56,9 @@ pub(super) struct Following {
 
 impl Following {
     /// Its own path: nobody vouches for the others, so it drives as if one came head-on.
-    pub(super) fn own(path: Path, follower: Follower) -> Self {
-        Self::new(path, follower, 0, f64::MAX, HEAD_ON_MPS)
+    pub(super) fn own(path: Path, follower: Follower, unseen_m: f64) -> Self {
+        let unseen_m = unseen_m * IN_THE_WAY_PART;
+        Self { unseen_m, ..Self::new(path, follower, 0, f64::MAX, HEAD_ON_MPS) }
     }
 
     /// Traffic control's path.
@@ -64,6 +74,7 @@ impl Following {
             release_m,
             cruise_mps,
             off_m: 0.0,
+            unseen_m: 0.0,
             blocked_since: None,
             looked: None,
             obstructed: None,
@@ -102,7 +113,7 @@ impl Navigator {
         following.off_m = drive.cross_m;
         if drive.way_m > following.counted_m + PROGRESS_M {
             following.counted_m = drive.way_m;
-            (task.tries, task.blocked_at) = (0, None);
+            (task.tries, task.lost, task.blocked_at) = (0, 0, None);
         }
         let held = sensed.blocked || drive.status == Status::Stuck(Stuck::NoMotion);
         following.blocked_since = held.then(|| following.blocked_since.unwrap_or(now));
@@ -121,7 +132,9 @@ impl Navigator {
                 let ahead_m = drive.speed_mps.signum() * (self.car.front_m + 0.2);
                 let (sin, cos) = libm::sincos(pose.yaw_rad);
                 let at = [pose.x_m + ahead_m * cos, pose.y_m + ahead_m * sin];
-                self.find_blocked(now, task, at)
+                let mark = self.local.as_ref().and_then(|local| local.nearest(now, at));
+                let mark = mark.filter(|mark| mark.distance_m(at) < 0.4);
+                self.find_blocked(now, task, mark.map_or(at, |mark| [mark.x_m, mark.y_m]))
             }
             _ if following.obstructed_since.is_some_and(|since| now.since_ms(since) >= LOOK_MS)
                 && sensed.speed_mps.abs() < 0.01 =>
@@ -145,7 +158,11 @@ impl Navigator {
         let (Some(local), Some(clearance)) = (&self.local, &self.clearance) else { return };
         let from_m = following.follower.way_m();
         let to_m = (from_m + LOOK_M).min(following.follower.length_m());
-        let marks: Vec<[f64; 2]> = local.obstacles(now).map(|mark| [mark.x_m, mark.y_m]).collect();
+        let mut marks: Vec<[f64; 2]> = local.obstacles(now).map(|mark| [mark.x_m, mark.y_m]).collect();
+        let here = sensed.estimate.pose;
+        let beside = local.unseen_around(now, following.unseen_m);
+        let stands_m = IN_THE_WAY_M + STANDS_M;
+        marks.extend(beside.into_iter().filter(|point| self.car.distance_m(&here, *point) > stands_m));
         let (mut way_m, mut least_m) = (from_m, f64::MAX);
         let mut obstructed = None;
         let body = self.car.grown(IN_THE_WAY_M);
@@ -160,7 +177,7 @@ impl Navigator {
             }
             way_m = (way_m + LOOK_STEP_M).min(to_m);
         }
-        following.clearance_m = least_m.max(0.02);
+        following.clearance_m = least_m.max(LEAST_ROOM_M);
         // A stop with the look-out's room before it.
         following.obstructed = obstructed.map(|(way_m, at)| ((way_m - LOOKOUT_M).max(from_m), at));
         let stands = sensed.speed_mps.abs() < 0.01;
@@ -182,13 +199,13 @@ impl Navigator {
 
     /// Another path from here, unless that was tried often enough.
     fn lose_the_path(&mut self, task: &mut Task, why: &str) -> Decision {
-        task.tries += 1;
+        task.lost += 1;
         why.clone_into(&mut task.trouble);
-        if task.tries > TRIES {
+        if task.lost > TRIES || task.plans >= MOST_PLANS {
             return Decision::Failed(task.failure());
         }
         if let Stage::Following(following) = &task.stage {
-            task.lost = (following.plan > 0).then_some(following.path.start);
+            task.lost_start = (following.plan > 0).then_some(following.path.start);
         }
         task.seek();
         stand(Standing::Planning)
@@ -210,13 +227,52 @@ impl Navigator {
         }
         if task.enclosed && task.recoveries < RECOVERIES {
             task.recoveries += 1;
-            let steering = if task.recoveries % 2 == 1 { 1.0 } else { -1.0 };
-            let until = now.plus_ns(RECOVERY_MS * 1_000_000);
-            task.stage = Stage::Recovering { until, steering, from: sensed.estimate.pose };
-            return self.recover(now, sensed, task);
+            if let Some(steering) = self.way_out(now, &sensed.estimate.pose, task.recoveries % 2 == 1) {
+                let until = now.plus_ms(RECOVERY_MS);
+                task.stage = Stage::Recovering { until, steering, from: sensed.estimate.pose };
+                return self.recover(now, sensed, task);
+            }
         }
         task.seek();
         stand(Standing::Planning)
+    }
+
+    /// The steering with which there is room astern: to one side first, then the other, then straight.
+    fn way_out(&self, now: Stamp, pose: &MapPose, right: bool) -> Option<f64> {
+        const STEP_M: f64 = 0.04;
+        let side = if right { 1.0 } else { -1.0 };
+        let things = self.things_around(now, pose);
+        let body = self.car.grown(IN_THE_WAY_M);
+        let nears = |pose: &MapPose, point: &[f64; 2]| body.distance_m(pose, *point) <= 0.0;
+        // What is that near already does not hold it there.
+        let away: Vec<[f64; 2]> = things.into_iter().filter(|point| !nears(pose, point)).collect();
+        [side, -side, 0.0].into_iter().find(|steering| {
+            let back = Piece { length_m: -RECOVERED_M, curvature_per_m: -steering / self.car.radius_m };
+            let steps = libm::ceil(RECOVERED_M / STEP_M) as u32;
+            (1..=steps).all(|step| {
+                let there = back.after(pose, -f64::from(step) * STEP_M);
+                !away.iter().any(|point| nears(&there, point))
+            })
+        })
+    }
+
+    /// Middles of all cells nearby that are not free, or not known to be.
+    fn things_around(&self, now: Stamp, pose: &MapPose) -> Vec<[f64; 2]> {
+        let mut things = Vec::new();
+        if let Some(local) = &self.local {
+            things.extend(local.obstacles(now).map(|mark| [mark.x_m, mark.y_m]));
+            things.extend(local.unseen_around(now, RECOVERY_UNSEEN_M));
+        }
+        if let Some(map) = &self.map {
+            let grid = map.grid();
+            let reach = libm::ceil((self.car.reach_m() + RECOVERED_M) / grid.resolution_m()) as i64;
+            let (column, row) = grid.place(pose.x_m, pose.y_m);
+            let cells = (-reach..=reach).flat_map(|up| (-reach..=reach).map(move |right| (right, up)));
+            let cells = cells.map(|(right, up)| (column + right, row + up));
+            let taken = cells.filter(|&(column, row)| grid.cell(column, row) != Cell::Free);
+            things.extend(taken.map(|(column, row)| grid.centre_m(column, row)));
+        }
+        things
     }
 
     /// The memorandum's avoidance (§4.6): astern while turning, as far as there is room.

@@ -9,16 +9,33 @@ use crate::planner::{End, Goal, PlanError, Planner, PlannerSettings};
 use crate::space::{GridSpace, Hit, Layers, LookOut};
 use std::sync::Arc;
 
-/// Room beside the body, in m: as much as there is, least last.
-const MARGINS_M: [f64; 3] = [MARGIN_M, 0.03, 0.005];
+/// How careful a plan is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Care {
+    /// Room beside the body, in m.
+    margin_m: f64,
+    /// What was seen goes on so far where nobody has looked, in m.
+    pub(super) unseen_m: f64,
+    /// As much as the search may cost.
+    expansions: usize,
+}
+
+/// As careful as there is room, least last. A search that finds nothing costs most, so only the last ones
+/// may take long: 300 000 expansions are about two seconds on a small computer.
+pub(super) const CARES: [Care; 5] = [
+    Care { margin_m: MARGIN_M, unseen_m: 0.40, expansions: 50_000 },
+    Care { margin_m: MARGIN_M, unseen_m: 0.20, expansions: 100_000 },
+    Care { margin_m: MARGIN_M, unseen_m: 0.10, expansions: 100_000 },
+    Care { margin_m: 0.03, unseen_m: 0.05, expansions: 200_000 },
+    Care { margin_m: 0.005, unseen_m: 0.0, expansions: 300_000 },
+];
+/// Where the truck stands it may be nearer than this to what nobody has seen, in m.
+pub(super) const STANDS_M: f64 = 0.04;
 
 /// A path ends this near to its goal: the follower needs the rest of the box for itself.
 const TOLERANCE_M: f64 = 0.05;
 /// And this near to its yaw.
 const TOLERANCE_RAD: f64 = 0.05;
-/// About two seconds on a small computer.
-const EXPANSIONS: usize = 300_000;
-
 /// A path to look for.
 #[derive(Debug, Clone)]
 pub struct PlanJob {
@@ -28,6 +45,8 @@ pub struct PlanJob {
     pub(super) zones: Arc<ZoneLayers>,
     /// What is not on the map, (x, y) in m.
     pub(super) local: Vec<[f64; 2]>,
+    /// Where that may go on, for each of [`CARES`].
+    pub(super) unseen: [Vec<[f64; 2]>; CARES.len()],
     pub(super) car: Car,
     pub(super) start: MapPose,
     pub(super) aim: Aim,
@@ -37,7 +56,15 @@ pub struct PlanJob {
 #[derive(Debug, Clone)]
 pub struct PlanDone {
     pub(super) number: u64,
-    pub(super) result: Result<Path, PlanFailure>,
+    pub(super) result: Result<Planned, PlanFailure>,
+}
+
+/// A path, and how careful it is.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Planned {
+    pub(super) path: Path,
+    /// It keeps so far off what was seen where nobody has looked, in m.
+    pub(super) unseen_m: f64,
 }
 
 /// Why there is no path.
@@ -67,26 +94,48 @@ impl PlanJob {
         PlanDone { number: self.number, result: self.plan(planner) }
     }
 
-    fn plan(&self, planner: &mut Planner) -> Result<Path, PlanFailure> {
-        let mut first = None;
-        for margin_m in MARGINS_M {
-            match self.plan_with(planner, margin_m, &self.local) {
-                Ok(path) => return Ok(path),
-                Err(error) => first = Some(first.unwrap_or(error)),
+    fn plan(&self, planner: &mut Planner) -> Result<Planned, PlanFailure> {
+        let mut last = PlanFailure::for_good("no plan was made".to_owned());
+        for (care, unseen) in CARES.iter().zip(&self.unseen) {
+            let known = self.local.is_empty() && care.unseen_m > 0.0 && care.unseen_m < CARES[0].unseen_m;
+            if known && care.margin_m == MARGIN_M {
+                continue;
+            }
+            match self.plan_with(planner, care, &self.around(care, unseen)) {
+                Ok(path) => return Ok(Planned { path, unseen_m: care.unseen_m }),
+                Err(failure) => last = failure,
             }
         }
-        let error = first.unwrap_or_else(|| PlanFailure::for_good("no plan was made".to_owned()));
+        if self.local.is_empty() {
+            return Err(PlanFailure { for_good: !last.enclosed, ..last });
+        }
         // Is it the map, or only what stands around today?
-        let alone = self.local.is_empty() || self.plan_with(planner, MARGINS_M[1], &[]).is_err();
-        Err(PlanFailure { for_good: alone, ..error })
+        match self.plan_with(planner, &CARES[CARES.len() - 1], &[]) {
+            Ok(path) => Err(PlanFailure { at: self.first_on(&path).or(last.at), ..last }),
+            Err(failure) => Err(PlanFailure { for_good: !failure.enclosed, ..failure }),
+        }
     }
 
-    fn plan_with(
-        &self,
-        planner: &mut Planner,
-        margin_m: f64,
-        local: &[[f64; 2]],
-    ) -> Result<Path, PlanFailure> {
+    /// What is not on the map, and where it may go on.
+    fn around(&self, care: &Care, unseen: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let least_m = care.margin_m + STANDS_M;
+        let apart = unseen.iter().filter(|point| self.car.distance_m(&self.start, **point) > least_m);
+        self.local.iter().chain(apart).copied().collect()
+    }
+
+    /// What stands on a path.
+    fn first_on(&self, path: &Path) -> Option<[f64; 2]> {
+        const STEP_M: f64 = 0.02;
+        let body = self.car.grown(STEP_M);
+        let steps = libm::ceil(path.length_m() / STEP_M) as u32;
+        (0..=steps).find_map(|step| {
+            let (pose, _) = path.at(f64::from(step) * STEP_M);
+            self.local.iter().copied().find(|point| body.distance_m(&pose, *point) <= 0.0)
+        })
+    }
+
+    fn plan_with(&self, planner: &mut Planner, care: &Care, local: &[[f64; 2]]) -> Result<Path, PlanFailure> {
+        let margin_m = care.margin_m;
         let car = Car { radius_m: self.car.radius_m * RADIUS_FACTOR, ..self.car.grown(margin_m) };
         let layers = Layers {
             grid: self.map.grid(),
@@ -99,7 +148,7 @@ impl PlanJob {
             .map_err(|error| PlanFailure::for_good(error.to_string()))?;
         let Aim { x_m, y_m, yaw_rad } = self.aim;
         let goal = Goal { x_m, y_m, yaw_rad, tolerance_m: TOLERANCE_M, tolerance_rad: TOLERANCE_RAD };
-        let settings = PlannerSettings { most_expansions: EXPANSIONS, ..PlannerSettings::default() };
+        let settings = PlannerSettings { most_expansions: care.expansions, ..PlannerSettings::default() };
         match planner.plan_on_grid(&space, &self.start, &goal, &settings, &mut || true) {
             Ok(plan) => Ok(plan.path),
             Err(error) => Err(failure(&error)),

@@ -110,7 +110,7 @@ impl Navigator {
             following.cruise_mps = led.cruise_mps;
             return;
         }
-        let Some(path) = led.path.as_ref().filter(|path| task.lost != Some(path.start)) else { return };
+        let Some(path) = led.path.as_ref().filter(|path| task.lost_start != Some(path.start)) else { return };
         // A plan that continues the one before is driven on; any other waits until it stands.
         if let Stage::Following(following) = &mut task.stage
             && following.plan > 0

@@ -6,6 +6,7 @@ use crate::draw::{Draw, in_parallel};
 use crate::planned::Drive;
 use std::f64::consts::PI;
 use xtb_control::VehicleConfig;
+use xtb_nav::map::{Map, ZoneLayers};
 use xtb_nav::planner::{Goal, Planner, PlannerSettings};
 use xtb_nav::space::{GridSpace, Layers, LookOut, Space};
 use xtb_nav::{Car, MapPose, Path};
@@ -13,6 +14,8 @@ use xtb_protocol::messages::{GoalStatus, Outcome};
 use xtb_sim::BoxSpec;
 use xtb_sim::World;
 
+/// A room without anything in it.
+const EMPTY: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0\n";
 /// Longer than any way in these rooms takes.
 const PATIENCE_S: f64 = 400.0;
 
@@ -37,7 +40,9 @@ pub(crate) struct Journey {
     /// Longest standstill, in s.
     pub(crate) stood_s: f64,
     /// Something was put into the way, and where.
-    pub(crate) hindered: Option<[f64; 2]>,
+    pub(crate) hindered: Vec<[f64; 2]>,
+    /// Where it says that the way is blocked, from the nearest of them, in m.
+    pub(crate) said_off_m: Option<f64>,
     /// Whether a path exists that knows everything.
     pub(crate) possible: bool,
 }
@@ -47,8 +52,34 @@ impl Journey {
     pub(crate) fn is_honest(&self) -> bool {
         match self.status {
             Some(GoalStatus::Reached) => self.off_m < 0.35,
-            Some(GoalStatus::Failed) => !self.possible,
+            Some(GoalStatus::Failed) => !self.possible && self.said_off_m.is_some_and(|off_m| off_m < 0.6),
             _ => false,
+        }
+    }
+}
+
+/// What is put into the way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Hinder {
+    /// Nothing.
+    Nothing,
+    /// A box that stays.
+    Box,
+    /// Two, one after the other.
+    TwoBoxes,
+    /// Somebody who goes away after 3 to 8 s.
+    Person,
+}
+
+impl Hinder {
+    #[allow(dead_code)] // for the example
+    pub(crate) const ALL: [Self; 4] = [Self::Nothing, Self::Box, Self::TwoBoxes, Self::Person];
+
+    fn times(self) -> usize {
+        match self {
+            Self::Nothing => 0,
+            Self::Box | Self::Person => 1,
+            Self::TwoBoxes => 2,
         }
     }
 }
@@ -60,12 +91,29 @@ struct Room {
 }
 
 impl Room {
+    /// As the robot plans first.
     fn of(world: World) -> Self {
-        let map = world.chart(0.05).unwrap();
+        let grid = world.chart(0.05).unwrap();
+        Self::with(world, &grid, 0.06)
+    }
+
+    /// With nothing but the bare body, by the rules of the map (what was put there has none).
+    fn barely(world: World) -> Self {
+        let grid = world.chart(0.05).unwrap();
+        Self::with(world, &grid, 0.005)
+    }
+
+    fn with(world: World, map: &Map, margin_m: f64) -> Self {
+        let zones = ZoneLayers::of(map);
         let car = Car::of(&VehicleConfig::default());
-        let car = Car { radius_m: car.radius_m * 1.15, ..car.grown(0.06) };
-        let look_out = LookOut { ahead_m: 0.26, half_width_m: 0.2 };
-        let space = GridSpace::new(&Layers::map(map.grid()), car, look_out).unwrap();
+        let car = Car { radius_m: car.radius_m * 1.15, ..car.grown(margin_m) };
+        let look_out = LookOut { ahead_m: 0.32 - margin_m, half_width_m: 0.2 };
+        let layers = Layers {
+            zones: Some(&zones.keep_outs),
+            one_way: zones.one_way.as_deref(),
+            ..Layers::map(map.grid())
+        };
+        let space = GridSpace::new(&layers, car, look_out).unwrap();
         Self { world, space }
     }
 
@@ -98,9 +146,26 @@ impl Room {
 }
 
 /// The journey of this seed.
-pub(crate) fn journey(world: &str, seed: u64, hinder: bool) -> Journey {
-    let mut draw = Draw::new(seed);
+pub(crate) fn journey(world: &str, seed: u64, hinder: Hinder) -> Journey {
+    let draw = Draw::new(seed);
     let room = Room::of(World::from_toml(world).unwrap());
+    travel(&room, draw, seed, hinder)
+}
+
+/// A journey in a room of 8 × 8 m with boxes that the map knows of.
+pub(crate) fn journey_in_clutter(seed: u64, hinder: Hinder) -> Journey {
+    let mut draw = Draw::new(seed ^ 0xC1);
+    let mut world = World::from_toml(EMPTY).unwrap();
+    for number in 0..14 {
+        let (x_m, y_m) = (draw.uniform(-3.8, 3.8), draw.uniform(-3.8, 3.8));
+        let (width_m, depth_m) = (draw.uniform(0.15, 0.7), draw.uniform(0.15, 0.7));
+        let spec = BoxSpec { x_m, y_m, width_m, depth_m, yaw_rad: draw.uniform(0.0, PI) };
+        world.put_box(&format!("known-{number}"), spec).unwrap();
+    }
+    travel(&Room::of(world), draw, seed, hinder)
+}
+
+fn travel(room: &Room, mut draw: Draw, seed: u64, hinder: Hinder) -> Journey {
     let (start, goal, with_yaw, path) = loop {
         let (start, goal, with_yaw) =
             (room.pose(&mut draw), room.pose(&mut draw), draw.uniform(0.0, 1.0) < 0.5);
@@ -122,24 +187,53 @@ pub(crate) fn journey(world: &str, seed: u64, hinder: bool) -> Journey {
         planned_m: path.length_m(),
         plans: 0,
         stood_s: 0.0,
-        hindered: None,
+        hindered: Vec::new(),
+        said_off_m: None,
         possible: true,
     };
     if let Outcome::Error(error) = drive.goto(0, goal.x_m, goal.y_m, with_yaw.then_some(goal.yaw_rad)) {
         made.reason = Some(error.message);
         return made;
     }
+    run(&mut drive, &mut draw, hinder, &mut made);
+    let truth = drive.lockstep.simulation().trucks()[0].truth();
+    made.contacts = truth.contacts;
+    made.off_m = (truth.x_m - goal.x_m).abs().max((truth.y_m - goal.y_m).abs());
+    if made.status == Some(GoalStatus::Failed) {
+        let now = MapPose { x_m: truth.x_m, y_m: truth.y_m, yaw_rad: truth.yaw_rad };
+        let world = drive.lockstep.simulation().world().clone();
+        let said = drive.lockstep.state(0).unwrap().nav.route.and_then(|route| route.blocked_at_m);
+        made.said_off_m = said.or_else(|| place_in(made.reason.as_deref()?)).map(|(x_m, y_m)| {
+            let off_m = |[x, y]: &[f64; 2]| (x - x_m).hypot(y - y_m);
+            made.hindered.iter().map(off_m).fold(f64::MAX, f64::min)
+        });
+        made.possible = Room::barely(world).path(&now, &goal, with_yaw).is_some();
+    }
+    made
+}
+
+/// Drives until the goal has ended, and puts things into the way.
+fn run(drive: &mut Drive, draw: &mut Draw, hinder: Hinder, made: &mut Journey) {
     let begun = drive.lockstep.now();
-    let hinder_at_s = if hinder { draw.uniform(1.0, 0.6 * path.length_m() / 0.2) } else { f64::MAX };
-    let mut stood_s: f64 = 0.0;
+    let mut hinder_at_s = draw.uniform(1.0, 0.6 * made.planned_m / 0.2);
+    let (mut stood_s, mut goes_at_s): (f64, f64) = (0.0, f64::MAX);
     while made.took_s < PATIENCE_S {
         drive.run_s(0.1);
         made.took_s = drive.lockstep.now().since_s(begun);
         let truth = drive.lockstep.simulation().trucks()[0].truth();
         stood_s = if truth.speed_mps.abs() < 0.01 { stood_s + 0.1 } else { 0.0 };
         made.stood_s = made.stood_s.max(stood_s);
-        if made.hindered.is_none() && made.took_s >= hinder_at_s {
-            made.hindered = put_in_the_way(&mut drive, &mut draw);
+        if made.hindered.len() < hinder.times() && made.took_s >= hinder_at_s {
+            let name = format!("stranger-{}", made.hindered.len());
+            if let Some(at) = put_in_the_way(drive, draw, &name) {
+                made.hindered.push(at);
+                hinder_at_s = made.took_s + draw.uniform(1.0, 15.0);
+                goes_at_s = made.took_s + draw.uniform(3.0, 8.0);
+            }
+        }
+        if hinder == Hinder::Person && made.took_s >= goes_at_s {
+            drive.lockstep.simulation_mut().remove_box("stranger-0").unwrap();
+            goes_at_s = f64::MAX;
         }
         let state = drive.lockstep.state(0).unwrap();
         made.plans = state.nav.route.map_or(made.plans, |route| route.plans);
@@ -149,19 +243,16 @@ pub(crate) fn journey(world: &str, seed: u64, hinder: bool) -> Journey {
             break;
         }
     }
-    let truth = drive.lockstep.simulation().trucks()[0].truth();
-    made.contacts = truth.contacts;
-    made.off_m = (truth.x_m - goal.x_m).abs().max((truth.y_m - goal.y_m).abs());
-    if made.hindered.is_some() {
-        let now = MapPose { x_m: truth.x_m, y_m: truth.y_m, yaw_rad: truth.yaw_rad };
-        let world = drive.lockstep.simulation().world().clone();
-        made.possible = Room::of(world).path(&now, &goal, with_yaw).is_some();
-    }
-    made
+}
+
+/// The first "(x, y)" of a text.
+fn place_in(text: &str) -> Option<(f64, f64)> {
+    let (x, rest) = text.split_once('(')?.1.split_once(", ")?;
+    Some((x.parse().ok()?, rest.split_once(')')?.0.parse().ok()?))
 }
 
 /// A box on the way that is left, far enough ahead to stop before it.
-fn put_in_the_way(drive: &mut Drive, draw: &mut Draw) -> Option<[f64; 2]> {
+fn put_in_the_way(drive: &mut Drive, draw: &mut Draw, name: &str) -> Option<[f64; 2]> {
     let route = drive.lockstep.state(0).unwrap().nav.route?;
     let track = route.track?;
     let mut path = Path::standing(track.start);
@@ -185,11 +276,16 @@ fn put_in_the_way(drive: &mut Drive, draw: &mut Draw) -> Option<[f64; 2]> {
         depth_m: side,
         yaw_rad: draw.uniform(0.0, PI),
     };
-    drive.lockstep.simulation_mut().put_box("stranger", spec).ok()?;
+    drive.lockstep.simulation_mut().put_box(name, spec).ok()?;
     Some([pose.x_m, pose.y_m])
 }
 
 /// Journeys of all these seeds.
-pub(crate) fn journeys(world: &str, seeds: std::ops::Range<u64>, hinder: bool) -> Vec<Journey> {
+pub(crate) fn journeys(world: &str, seeds: std::ops::Range<u64>, hinder: Hinder) -> Vec<Journey> {
     in_parallel(seeds, |seed| journey(world, seed, hinder))
+}
+
+/// The same in rooms full of boxes.
+pub(crate) fn journeys_in_clutter(seeds: std::ops::Range<u64>, hinder: Hinder) -> Vec<Journey> {
+    in_parallel(seeds, |seed| journey_in_clutter(seed, hinder))
 }

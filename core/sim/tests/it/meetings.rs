@@ -190,6 +190,7 @@ fn words(state: &RobotState, truth: &MapPose) -> String {
 }
 
 /// All robots, a line each.
+#[allow(dead_code)] // for the example
 pub(crate) fn scene(drive: &mut Drive) -> String {
     let mut lines = String::new();
     let mut index = 0;
@@ -239,7 +240,7 @@ impl Door {
     /// All change sides once.
     pub(crate) fn round(&mut self, meddle: &mut dyn FnMut(&mut Drive, f64)) -> Meeting {
         self.round += 1;
-        let goals: Vec<_> = (0..5).map(|n| side(n, (n + self.round) % 2 == 0)).collect();
+        let goals: Vec<_> = (0..5).map(|n| side(n, (n + self.round).is_multiple_of(2))).collect();
         meet(&mut self.drive, &goals, 300.0, meddle)
     }
 }

@@ -1,6 +1,6 @@
 //! Planned goals with the full vehicle: around what the map knows of, through doors, to a yaw.
 
-use crate::journeys::journeys;
+use crate::journeys::{Hinder, journeys, journeys_in_clutter};
 use std::sync::Arc;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
@@ -97,7 +97,7 @@ fn a_goal_behind_a_wall_is_reached_through_the_door() {
 
 #[test]
 fn goals_anywhere_in_the_lab_are_reached_without_touching_anything() {
-    for journey in journeys(LAB, 0..6, false) {
+    for journey in journeys(LAB, 0..6, Hinder::Nothing) {
         assert_eq!((journey.status, journey.contacts), (Some(GoalStatus::Reached), 0), "{journey:?}");
         assert!(journey.off_m < 0.25, "{journey:?}");
     }
@@ -105,7 +105,22 @@ fn goals_anywhere_in_the_lab_are_reached_without_touching_anything() {
 
 #[test]
 fn around_a_box_that_nobody_knew_of_or_an_honest_answer() {
-    for journey in journeys(LAB, 20..26, true) {
+    for journey in journeys(LAB, 20..26, Hinder::Box) {
+        assert!(journey.is_honest(), "{journey:?}");
+        assert_eq!(journey.contacts, 0, "{journey:?}");
+    }
+}
+
+#[test]
+fn somebody_who_steps_into_the_way_and_goes_again_keeps_it_from_nothing() {
+    for journey in journeys(LAB, 40..44, Hinder::Person) {
+        assert_eq!((journey.status, journey.contacts), (Some(GoalStatus::Reached), 0), "{journey:?}");
+    }
+}
+
+#[test]
+fn among_boxes_known_and_unknown_nothing_is_touched() {
+    for journey in journeys_in_clutter(0..4, Hinder::TwoBoxes) {
         assert!(journey.is_honest(), "{journey:?}");
         assert_eq!(journey.contacts, 0, "{journey:?}");
     }
