@@ -52,7 +52,7 @@ impl<'s> Plans<'s> {
 
     /// Uniform in 0..`below`.
     pub(crate) fn draw(&mut self, below: usize) -> usize {
-        (u64::from(self.random.next_u32()) * below.max(1) as u64 >> 32) as usize
+        ((u64::from(self.random.next_u32()) * below.max(1) as u64) >> 32) as usize
     }
 
     pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {

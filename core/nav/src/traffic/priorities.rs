@@ -100,9 +100,9 @@ fn child(
     choose(plans, parent);
     let mut order = parent.above.clone();
     let raised = order[above] | 1 << above;
-    for car in 0..plans.cars() {
-        if car == below || order[car] >> below & 1 == 1 {
-            order[car] |= raised;
+    for (car, over) in order.iter_mut().enumerate() {
+        if car == below || *over >> below & 1 == 1 {
+            *over |= raised;
         }
     }
     // Those with fewer above them first: nobody is planned before one that stands above it.

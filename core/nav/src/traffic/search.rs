@@ -158,7 +158,7 @@ impl Search {
         let node = self.nodes[index as usize];
         let step = node.step as usize;
         let near = node.to_go <= SHOT_WITHIN;
-        if near && (node.to_go <= SHOT_ALWAYS || expanded % SHOT_EVERY == 0) {
+        if near && (node.to_go <= SHOT_ALWAYS || expanded.is_multiple_of(SHOT_EVERY)) {
             self.shoot(world, index, goal_opens);
         }
         if step + 2 >= world.scene.horizon || self.nodes.len() >= SHOT as usize - 8 {
