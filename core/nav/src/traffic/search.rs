@@ -297,7 +297,25 @@ impl World<'_> {
     #[inline]
     fn key(&self, square: usize, spot: &Spot, step: usize) -> u64 {
         let place = self.driver.to_goal.state(spot) as u64;
-        place << 24 | u64::from(self.table.moment(square, step))
+        place << 24 | u64::from(self.moment(square, spot, step))
+    }
+
+    /// Since when a car could have stood there: arriving at any time since is the same, because it could
+    /// have come first and waited. Where it is in somebody's way each step is its own.
+    fn moment(&self, square: usize, spot: &Spot, step: usize) -> u32 {
+        let moment = self.table.moment(square, step);
+        if moment & 1 == 0 {
+            return moment;
+        }
+        let stands = |step: usize| self.clashes(spot, &WAIT, step) == Some(0);
+        if !stands(step) {
+            return moment;
+        }
+        let mut since = step;
+        while since > 0 && stands(since - 1) {
+            since -= 1;
+        }
+        2 * since as u32
     }
 
     /// Soft cars in the way of this piece; `None` if a hard one is.
