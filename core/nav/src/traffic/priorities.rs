@@ -9,10 +9,10 @@ use std::rc::Rc;
 /// Choices that are looked at, for each car.
 const CHOICES_PER_CAR: usize = 8;
 /// Nodes of one search.
-const NODES: usize = 4_000;
+const NODES: usize = 12_000;
 /// Steps that a car would rather lose than be for one in the way of a car that need not give way to it.
 const CLASH_STEPS: u32 = 2;
-const GREED: u32 = 120;
+const GREED: u32 = 200;
 
 /// A choice: tracks, and who stands above whom.
 #[derive(Debug, Clone)]

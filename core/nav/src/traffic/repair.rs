@@ -15,12 +15,12 @@ use std::rc::Rc;
 const FEWEST: usize = 2;
 const MOST: usize = 8;
 /// Nodes of one search, and how they grow while nothing gets better.
-const NODES: usize = 2_000;
-const MOST_NODES: usize = 32_000;
-const PATIENCE: usize = 40;
+const NODES: usize = 4_000;
+const MOST_NODES: usize = 64_000;
+const PATIENCE: usize = 20;
 /// How patient a car is: steps that it would rather lose than be in another's way for one; and the more
 /// it may have to wait, the more it must trust its compass, or it looks at every way of passing the time.
-const TEMPERS: [(u32, u32); 3] = [(8, 130), (20, 200), (60, 300)];
+const TEMPERS: [(u32, u32); 3] = [(8, 130), (20, 200), (60, 400)];
 const GREED: u32 = 130;
 
 /// Works until nobody is in anybody's way, the rounds are used up, or it is told to stop.
