@@ -1,8 +1,9 @@
 //! The way of one car in space and time, around the tracks of others: A* over steps.
 //!
 //! A node is a pose in a step; it leads on by six moves, by waiting, and by a Reeds–Shepp shot to the
-//! goal. Two nodes are the same if square, sector and moment are (see [`Table::moment`]): where nobody
-//! comes near, only the first arrival counts. Other cars are walls, cost something, or are ignored.
+//! goal. Two nodes are the same if square, sector and moment are: as long as a car can stand somewhere
+//! only its first arrival counts (M. Phillips and M. Likhachev, *SIPP*, ICRA 2011). Other cars are walls,
+//! cost something, or are ignored.
 
 use super::closed::Closed;
 use super::driver::Driver;
