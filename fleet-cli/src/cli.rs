@@ -1,9 +1,11 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
 mod map;
+mod plan;
 mod traffic;
 
 pub use map::{MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs};
+pub use plan::PlanArgs;
 pub use traffic::{TrafficArgs, TrafficServeArgs, TrafficVerb};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -34,20 +36,6 @@ that every robot of the roster has; without a roster nobody can know that, and i
 
 This is no safety-rated stop: it needs the radio link, the robot's computer and this program. Keep a \
 switch for the motor's power within reach.";
-
-const PLAN_HELP: &str = "\
-An instance of our own names a world beside it and robots with start and goal (x, y in m, yaw in rad):
-
-  world: lab.toml
-  agents:
-    - {name: xtb-1, start: [0, 0, 1.57], goal: [0, 6, 1.57]}
-  speed_m_s: 0.35     # default
-  clearance_m: 0.05   # default; between robots, and from walls
-  look_out_m: 0.27    # default; kept free before both bumpers
-
-The schedule has a row {x, y, yaw, t} for each step (t in s; in steps for CL-MAPF instances), between two \
-rows a robot drives one arc or waits. It is checked once more before it is written. Exit code 1: none was \
-found, and which robots were in each other's way.";
 
 /// Drive, watch, send and stop a fleet of XTB robots from one terminal.
 #[derive(Debug, Parser)]
@@ -413,27 +401,6 @@ pub struct DemoArgs {
     /// Where its router listens; port 0 takes a free one.
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:0")]
     pub listen: String,
-}
-
-/// Arguments of `plan`.
-#[derive(Debug, Clone, Args)]
-#[command(after_help = PLAN_HELP)]
-pub struct PlanArgs {
-    /// What to plan: a CL-MAPF instance, or a world with robots (YAML).
-    #[arg(value_name = "INSTANCE")]
-    pub instance: PathBuf,
-    /// Where to write the schedule (YAML).
-    #[arg(long, value_name = "FILE")]
-    pub out: PathBuf,
-    /// Give up after this long, in s.
-    #[arg(long, value_name = "SECONDS", default_value = "20", value_parser = seconds)]
-    pub time_limit: Duration,
-    /// Draw the schedule (SVG).
-    #[arg(long, value_name = "FILE")]
-    pub plot: Option<PathBuf>,
-    /// Seed of every random choice.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
 }
 
 /// Arguments of `completions`.

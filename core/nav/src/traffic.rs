@@ -107,6 +107,7 @@ fn trouble(conflicts: &[(String, String)], without: &[String]) -> String {
 /// A problem with everything that is computed once: several threads may solve it with other seeds.
 #[derive(Debug)]
 pub struct Solver {
+    problem: Problem,
     scene: Scene,
 }
 
@@ -116,7 +117,23 @@ impl Solver {
     /// # Errors
     /// A problem that cannot be, a car that has no way even alone, or [`Unsolved::NotBegun`].
     pub fn new(problem: &Problem, keep_going: &mut dyn FnMut() -> bool) -> Result<Self, Unsolved> {
-        Ok(Self { scene: Scene::new(problem, keep_going)? })
+        Ok(Self { problem: problem.clone(), scene: Scene::new(problem, None, keep_going)? })
+    }
+
+    /// The same for what came of this problem: on an unchanged floor, ways to goals that are known
+    /// already are not computed again, wherever the cars are by now.
+    ///
+    /// # Errors
+    /// Like [`Solver::new`].
+    pub fn next(&self, problem: &Problem, keep_going: &mut dyn FnMut() -> bool) -> Result<Self, Unsolved> {
+        let scene = Scene::new(problem, Some((&self.problem, &self.scene)), keep_going)?;
+        Ok(Self { problem: problem.clone(), scene })
+    }
+
+    /// What is to be solved.
+    #[must_use]
+    pub fn problem(&self) -> &Problem {
+        &self.problem
     }
 
     /// Looks for a schedule until there is one, or until `keep_going` says no. With the same settings

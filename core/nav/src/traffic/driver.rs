@@ -7,6 +7,7 @@ use super::motion::Spot;
 use super::places::Places;
 use super::problem::{Problem, Task};
 use crate::{MapPose, Piece};
+use std::sync::Arc;
 
 /// One car, ready for the search.
 #[derive(Debug)]
@@ -20,20 +21,26 @@ pub(crate) struct Driver {
     pub(crate) moves: Vec<Piece>,
     /// From obstacles.
     pub(crate) keep: Keep,
-    pub(crate) to_goal: CostToGo,
+    pub(crate) to_goal: Arc<CostToGo>,
 }
 
 impl Driver {
-    /// A car at its places, with a coarse compass. `None` when it was told not to go on.
+    /// A car at its places, with a coarse compass, or that of the same car on the way to the same goal.
+    /// `None` when it was told not to go on.
     pub(crate) fn new(
         problem: &Problem,
         floor: &Floor,
         (task, body, keep, places): (&Task, Body, Keep, &Places),
+        known: Option<&Self>,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Option<Self> {
         let (name, radius, goal) = (task.name.clone(), task.car.radius_m, places.goal);
         let (start, moves) = (Spot::new(&places.start), Vec::new());
-        let to_goal = CostToGo::unknown(problem);
+        if let Some(known) = known {
+            let (moves, to_goal) = (known.moves.clone(), known.to_goal.clone());
+            return Some(Self { name, body, radius, start, goal, moves, keep, to_goal });
+        }
+        let to_goal = Arc::new(CostToGo::unknown(problem));
         let mut driver = Self { name, body, radius, start, goal, moves, keep, to_goal };
         driver.look(problem, floor, Grain::COARSE, keep_going)?;
         Some(driver)
@@ -49,7 +56,7 @@ impl Driver {
     ) -> Option<()> {
         self.moves = grain.moves(problem.step_m, self.radius);
         let (car, goal) = ((&self.body, &self.moves[..], &self.keep), Spot::new(&self.goal));
-        self.to_goal = CostToGo::flood(problem, grain, floor, car, goal, keep_going)?;
+        self.to_goal = Arc::new(CostToGo::flood(problem, grain, floor, car, goal, keep_going)?);
         Some(())
     }
 }

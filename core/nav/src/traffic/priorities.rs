@@ -9,10 +9,10 @@ use std::rc::Rc;
 /// Choices that are looked at, for each car.
 const CHOICES_PER_CAR: usize = 8;
 /// Nodes of one search.
-const NODES: usize = 4_000;
+const NODES: usize = 12_000;
 /// Steps that a car would rather lose than be for one in the way of a car that need not give way to it.
 const CLASH_STEPS: u32 = 2;
-const GREED: u32 = 120;
+const GREED: u32 = 200;
 
 /// A choice: tracks, and who stands above whom.
 #[derive(Debug, Clone)]
@@ -100,9 +100,9 @@ fn child(
     choose(plans, parent);
     let mut order = parent.above.clone();
     let raised = order[above] | 1 << above;
-    for (car, above) in order.iter_mut().enumerate() {
-        if car == below || *above >> below & 1 == 1 {
-            *above |= raised;
+    for (car, over) in order.iter_mut().enumerate() {
+        if car == below || *over >> below & 1 == 1 {
+            *over |= raised;
         }
     }
     // Those with fewer above them first: nobody is planned before one that stands above it.

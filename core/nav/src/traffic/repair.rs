@@ -15,11 +15,12 @@ use std::rc::Rc;
 const FEWEST: usize = 2;
 const MOST: usize = 8;
 /// Nodes of one search, and how they grow while nothing gets better.
-const NODES: usize = 2_000;
-const MOST_NODES: usize = 32_000;
-const PATIENCE: usize = 40;
-/// Steps that a car would rather lose than be in another's way for one.
-const CLASH_STEPS: u32 = 8;
+const NODES: usize = 4_000;
+const MOST_NODES: usize = 64_000;
+const PATIENCE: usize = 20;
+/// How patient a car is: steps that it would rather lose than be in another's way for one; and the more
+/// it may have to wait, the more it must trust its compass, or it looks at every way of passing the time.
+const TEMPERS: [(u32, u32); 3] = [(8, 130), (20, 200), (60, 400)];
 const GREED: u32 = 130;
 
 /// Works until nobody is in anybody's way, the rounds are used up, or it is told to stop.
@@ -45,15 +46,20 @@ fn complete(plans: &mut Plans<'_>, keep_going: &mut dyn FnMut() -> bool) {
         if !keep_going() {
             return;
         }
-        if let Some(track) = soft(plans, car, NODES).or_else(|| alone(plans, car)) {
+        if let Some(track) = soft(plans, car, TEMPERS[0], NODES).or_else(|| alone(plans, car)) {
             plans.put(car, track);
         }
     }
 }
 
-fn soft(plans: &mut Plans<'_>, car: usize, most_nodes: usize) -> Option<Rc<Track>> {
+fn soft(
+    plans: &mut Plans<'_>,
+    car: usize,
+    (clash_steps, greed): (u32, u32),
+    most_nodes: usize,
+) -> Option<Rc<Track>> {
     let ranks = vec![Rank::Soft; plans.cars()];
-    plans.search(car, &ranks, &[], Manner { clash_steps: CLASH_STEPS, greed: GREED, most_nodes })
+    plans.search(car, &ranks, &[], Manner { clash_steps, greed, most_nodes })
 }
 
 /// The way that a car would take without all others.
@@ -73,9 +79,10 @@ fn round(plans: &mut Plans<'_>, nodes: usize, keep_going: &mut dyn FnMut() -> bo
     }
     let before = plans.pairs();
     let old: Vec<_> = group.iter().map(|&car| plans.take(car)).collect();
+    let temper = TEMPERS[plans.draw(TEMPERS.len())];
     let mut complete = true;
     for &car in &group {
-        let track = if keep_going() { soft(plans, car, nodes) } else { None };
+        let track = if keep_going() { soft(plans, car, temper, nodes) } else { None };
         let Some(track) = track else {
             complete = false;
             break;

@@ -7,7 +7,7 @@ use super::driver::Driver;
 use super::floor::{Floor, Keep};
 use super::motion::Spot;
 use super::places::{Places, TOUCH, settle};
-use super::problem::Problem;
+use super::problem::{Problem, Task};
 use super::search::{Query, Rank, Search};
 use super::table::Table;
 use crate::{MapPose, Piece};
@@ -42,7 +42,12 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    pub(crate) fn new(problem: &Problem, keep_going: &mut dyn FnMut() -> bool) -> Result<Self, Unsolved> {
+    /// `known` is the scene of another problem, if there was one: what is the same is not computed again.
+    pub(crate) fn new(
+        problem: &Problem,
+        known: Option<(&Problem, &Self)>,
+        keep_going: &mut dyn FnMut() -> bool,
+    ) -> Result<Self, Unsolved> {
         problem.validate()?;
         let bodies: Vec<Body> = problem.cars.iter().map(|task| Body::new(&task.car)).collect();
         let most = |of: &dyn Fn(usize) -> f64| (0..bodies.len()).map(of).fold(0.0, f64::max);
@@ -57,7 +62,8 @@ impl Scene {
         for ((task, body), places) in problem.cars.iter().zip(bodies).zip(&places) {
             let exceptions = exceptions(problem.clearance_m, &floor, &body, places);
             let keep = Keep { margin: problem.clearance_m, exceptions };
-            let driver = Driver::new(problem, &floor, (task, body, keep, places), keep_going);
+            let known = known.and_then(|(before, scene)| scene.same(before, problem, task, places));
+            let driver = Driver::new(problem, &floor, (task, body, keep, places), known, keep_going);
             drivers.push(driver.ok_or(Unsolved::NotBegun)?);
         }
         let (step, horizon) = (problem.step_m, MOST_STEPS);
@@ -69,6 +75,17 @@ impl Scene {
         }
         scene.horizon = (2 * longest + SPARE_STEPS).next_multiple_of(64).min(MOST_STEPS);
         Ok(scene)
+    }
+
+    /// The same car on the same floor on the way to the same goal.
+    fn same(&self, before: &Problem, now: &Problem, task: &Task, places: &Places) -> Option<&Driver> {
+        let floor = |problem: &Problem| (problem.bounds, problem.step_m, problem.clearance_m);
+        if floor(before) != floor(now) || before.obstacles != now.obstacles {
+            return None;
+        }
+        let mut cars = before.cars.iter().zip(&self.drivers);
+        cars.find(|(known, driver)| known.car == task.car && driver.goal == places.goal)
+            .map(|(_, driver)| driver)
     }
 
     /// Steps that a car needs without the others. Where it finds no way it looks closer.

@@ -62,7 +62,7 @@ impl Schedule {
     /// Way of all cars together, in m.
     #[must_use]
     pub fn length_m(&self) -> f64 {
-        self.ways.iter().flat_map(|way| &way.rows).map(|row| row.piece.length_m.abs()).sum()
+        self.ways.iter().flat_map(|way| &way.rows).fold(0.0, |sum, row| sum + row.piece.length_m.abs())
     }
 }
 

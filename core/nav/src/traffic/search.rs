@@ -1,8 +1,9 @@
 //! The way of one car in space and time, around the tracks of others: A* over steps.
 //!
 //! A node is a pose in a step; it leads on by six moves, by waiting, and by a Reeds–Shepp shot to the
-//! goal. Two nodes are the same if square, sector and moment are (see [`Table::moment`]): where nobody
-//! comes near, only the first arrival counts. Other cars are walls, cost something, or are ignored.
+//! goal. Two nodes are the same if square, sector and moment are: as long as a car can stand somewhere
+//! only its first arrival counts (M. Phillips and M. Likhachev, *SIPP*, ICRA 2011). Other cars are walls,
+//! cost something, or are ignored.
 
 use super::closed::Closed;
 use super::driver::Driver;
@@ -297,7 +298,25 @@ impl World<'_> {
     #[inline]
     fn key(&self, square: usize, spot: &Spot, step: usize) -> u64 {
         let place = self.driver.to_goal.state(spot) as u64;
-        place << 24 | u64::from(self.table.moment(square, step))
+        place << 24 | u64::from(self.moment(square, spot, step))
+    }
+
+    /// Since when a car could have stood there: arriving at any time since is the same, because it could
+    /// have come first and waited. Where it is in somebody's way each step is its own.
+    fn moment(&self, square: usize, spot: &Spot, step: usize) -> u32 {
+        let moment = self.table.moment(square, step);
+        if moment & 1 == 0 {
+            return moment;
+        }
+        let stands = |step: usize| self.clashes(spot, &WAIT, step) == Some(0);
+        if !stands(step) {
+            return moment;
+        }
+        let mut since = step;
+        while since > 0 && stands(since - 1) {
+            since -= 1;
+        }
+        2 * since as u32
     }
 
     /// Soft cars in the way of this piece; `None` if a hard one is.

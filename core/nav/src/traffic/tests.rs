@@ -163,7 +163,7 @@ fn a_group_finds_its_ways_around_each_other() {
         (pose(10.0, 4.0, FRAC_PI_2), pose(10.0, 16.0, FRAC_PI_2)),
     ];
     let problem = room(20.0, 20.0, Vec::new(), &ways);
-    let scene = scene::Scene::new(&problem, &mut || true).unwrap();
+    let scene = scene::Scene::new(&problem, None, &mut || true).unwrap();
     let mut plans = Plans::new(&scene, 1);
     assert!(groups::run(&mut plans, &[0, 1, 2], &mut || true));
     assert!(plans.solved());
@@ -182,6 +182,21 @@ fn a_start_on_an_obstacle_is_moved_within_the_tolerance_or_named() {
     let deep = Problem { tolerance, ..room(20.0, 20.0, vec![disc(6.5)], &ways) };
     let error = solve(&deep, &Settings::default()).unwrap_err().to_string();
     assert_eq!(error, "the start of car-0 overlaps the obstacle at (6.50, 10.00) by 0.201 m");
+}
+
+#[test]
+fn ways_to_known_goals_are_not_computed_again() {
+    let mut problem = random(50.0, 25, 8, 8);
+    let solver = Solver::new(&problem, &mut || true).unwrap();
+    let schedule = solver.solve(&Settings::default(), &mut || true).unwrap();
+    for (task, way) in problem.cars.iter_mut().zip(&schedule.ways) {
+        task.start = way.rows[5.min(way.rows.len() - 1)].pose;
+    }
+    problem.cars.swap(0, 1);
+    let next = solver.next(&problem, &mut || panic!("it floods again")).unwrap();
+    let schedule = next.solve(&Settings::default(), &mut || true).unwrap();
+    assert_eq!(check(&problem, &schedule), Ok(()));
+    assert_eq!(schedule.ways[0].name, "agent1");
 }
 
 #[test]
