@@ -58,6 +58,9 @@ const TRIES: u32 = 6;
 const MOST_LOOKS: u32 = 6;
 /// A mark that was not seen for this long is not in sight.
 const IN_SIGHT_MS: u64 = 1_000;
+/// After so many tries in vain only marks count that were seen within the last so many ms.
+const PATIENT_TRIES: u32 = 4;
+const LATELY_MS: u64 = 15_000;
 /// Paths for one goal before it gives up.
 const MOST_PLANS: u32 = 40;
 /// A plan that has not come back after this long is asked for again.
@@ -425,12 +428,20 @@ impl Navigator {
         }
         self.jobs += 1;
         *job = Some((self.jobs, now));
+        // Whoever waits for long believes only what was seen lately.
+        let lately_ms = if task.tries < PATIENT_TRIES { u64::MAX } else { LATELY_MS };
         let around = |reach_m| self.local.as_ref().map(|local| local.unseen_around(now, reach_m));
         self.outbox = Some(PlanJob {
             number: self.jobs,
             map: map.clone(),
             zones: self.zones.clone(),
-            local: self.local.iter().flat_map(|local| local.obstacles(now)).map(|o| [o.x_m, o.y_m]).collect(),
+            local: self
+                .local
+                .iter()
+                .flat_map(|local| local.obstacles(now))
+                .filter(|mark| now.since_ms(mark.seen) < lately_ms)
+                .map(|mark| [mark.x_m, mark.y_m])
+                .collect(),
             unseen: CARES.map(|care| around(care.unseen_m).unwrap_or_default()),
             stale: self
                 .local

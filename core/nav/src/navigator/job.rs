@@ -1,7 +1,7 @@
 //! A plan as a job: everything it needs in one value, to be worked off wherever there is time.
 
 use super::follow::IN_THE_WAY_M;
-use super::look::{LOOK_CARE, first_on};
+use super::look::first_on;
 use super::{Aim, LOOKOUT_M, MARGIN_M, RADIUS_FACTOR};
 use crate::MapPose;
 use crate::car::Car;
@@ -104,27 +104,28 @@ impl PlanJob {
 
     fn plan(&self, planner: &mut Planner) -> Result<Planned, PlanFailure> {
         let mut last = PlanFailure::for_good("no plan was made".to_owned());
-        for (care, unseen) in CARES.iter().zip(&self.unseen) {
+        for (index, (care, unseen)) in CARES.iter().zip(&self.unseen).enumerate() {
             let known = self.local.is_empty() && care.unseen_m > 0.0 && care.unseen_m < CARES[0].unseen_m;
             if known && care.margin_m == MARGIN_M {
                 continue;
             }
-            match self.plan_with(planner, care, &self.local, unseen, &self.goal()) {
+            match self.plan_with(planner, care, &self.local, unseen) {
                 Ok(path) => return Ok(Planned { path, unseen_m: care.unseen_m, look: false }),
                 Err(failure) => last = failure,
             }
-            if care.unseen_m == LOOK_CARE.unseen_m
+            if index == 0
                 && self.may_look
-                && let Some(path) = self.look(planner)
+                && !self.local.is_empty()
+                && let Some((path, unseen_m)) = self.look(planner)
             {
-                return Ok(Planned { path, unseen_m: care.unseen_m, look: true });
+                return Ok(Planned { path, unseen_m, look: true });
             }
         }
         if self.local.is_empty() {
             return Err(PlanFailure { for_good: !last.enclosed, ..last });
         }
         // Is it the map, or only what stands around today?
-        match self.plan_with(planner, &CARES[CARES.len() - 1], &[], &[], &self.goal()) {
+        match self.plan_with(planner, &CARES[CARES.len() - 1], &[], &[]) {
             Ok(path) => {
                 let body = self.car.grown(IN_THE_WAY_M);
                 let at = first_on(&path, &body, |touches| self.local.iter().copied().find(|p| touches(p)));
@@ -166,8 +167,17 @@ impl PlanJob {
         care: &Care,
         local: &[[f64; 2]],
         unseen: &[[f64; 2]],
-        goal: &Goal,
     ) -> Result<Path, PlanFailure> {
+        self.search(planner, &self.space(care, local, unseen)?, &self.goal(), care.expansions)
+    }
+
+    /// The world as this care has it.
+    pub(super) fn space(
+        &self,
+        care: &Care,
+        local: &[[f64; 2]],
+        unseen: &[[f64; 2]],
+    ) -> Result<GridSpace, PlanFailure> {
         let margin_m = care.margin_m;
         let car = Car { radius_m: self.car.radius_m * RADIUS_FACTOR, ..self.car.grown(margin_m) };
         let zones = self.zones(care, unseen);
@@ -178,10 +188,19 @@ impl PlanJob {
             local_m: local,
         };
         let look_out = LookOut { ahead_m: LOOKOUT_M - margin_m, half_width_m: 0.2 };
-        let space = GridSpace::new(&layers, car, look_out)
-            .map_err(|error| PlanFailure::for_good(error.to_string()))?;
-        let settings = PlannerSettings { most_expansions: care.expansions, ..PlannerSettings::default() };
-        match planner.plan_on_grid(&space, &self.start, goal, &settings, &mut || true) {
+        GridSpace::new(&layers, car, look_out).map_err(|error| PlanFailure::for_good(error.to_string()))
+    }
+
+    /// A path in it, for so many expansions.
+    pub(super) fn search(
+        &self,
+        planner: &mut Planner,
+        space: &GridSpace,
+        goal: &Goal,
+        expansions: usize,
+    ) -> Result<Path, PlanFailure> {
+        let settings = PlannerSettings { most_expansions: expansions, ..PlannerSettings::default() };
+        match planner.plan_on_grid(space, &self.start, goal, &settings, &mut || true) {
             Ok(plan) => Ok(plan.path),
             Err(error) => Err(failure(&error)),
         }

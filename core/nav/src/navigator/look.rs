@@ -5,13 +5,21 @@ use super::MARGIN_M;
 use super::job::{CARES, Care, PlanJob, STANDS_M, TOLERANCE_M};
 use crate::path::{Path, wrap_rad};
 use crate::planner::{Goal, Planner};
+use crate::space::Space;
 use crate::{Cell, MapPose};
 use std::f64::consts::{PI, TAU};
 
-/// How carefully it goes there.
-pub(super) const LOOK_CARE: Care = Care { margin_m: MARGIN_M, unseen_m: 0.20, expansions: 15_000 };
+/// What a search for a place to look from may cost.
+const EXPANSIONS: usize = 8_000;
+/// And one for the way that it is all about.
+const WAY_EXPANSIONS: usize = 50_000;
+/// Of [`CARES`] so many are careful enough to go there.
+const CAREFUL: usize = 2;
+/// Doubts on the way that are looked at in turn, and how far apart they are, in m.
+const DOUBTS: usize = 3;
+const APART_M: f64 = 0.2;
 /// From the bumper to what is looked at, in m: a beam that gets through says 40 cm.
-const SIGHTS_M: [f64; 2] = [0.33, 0.27];
+const SIGHTS_M: [f64; 3] = [0.35, 0.27, 0.20];
 /// Directions to look from.
 const DIRECTIONS: u32 = 24;
 /// Places that a path is looked for to.
@@ -27,38 +35,53 @@ const BESIDE_SIGHT_M: f64 = 0.04;
 const TOLERANCE_RAD: f64 = 0.1;
 
 impl PlanJob {
-    /// A path to where the first doubt on the way to the goal can be seen.
-    pub(super) fn look(&self, planner: &mut Planner) -> Option<Path> {
-        let at = self.doubt(planner)?;
-        let mut places: Vec<(f64, MapPose)> = self.places(at).map(|pose| (self.far(&pose), pose)).collect();
-        places.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let unseen = &CARES.iter().position(|care| care.unseen_m == LOOK_CARE.unseen_m);
-        let unseen = unseen.map_or(&[][..], |index| &self.unseen[index]);
-        places.iter().take(PLACES).find_map(|(_, pose)| {
-            let MapPose { x_m, y_m, yaw_rad } = *pose;
-            let (tolerance_m, tolerance_rad) = (TOLERANCE_M, TOLERANCE_RAD);
-            let goal = Goal { x_m, y_m, yaw_rad: Some(yaw_rad), tolerance_m, tolerance_rad };
-            self.plan_with(planner, &LOOK_CARE, &self.local, unseen, &goal).ok()
+    /// A path to where a doubt on the way to the goal can be seen, and how far it keeps off doubts, in m.
+    pub(super) fn look(&self, planner: &mut Planner) -> Option<(Path, f64)> {
+        let doubts = self.doubts(planner);
+        CARES[..CAREFUL].iter().zip(&self.unseen).find_map(|(care, unseen)| {
+            let space = self.space(care, &self.local, unseen).ok()?;
+            doubts.iter().find_map(|at| {
+                let free = self.places(*at).filter(|pose| space.standing(pose).is_none());
+                let mut places: Vec<(f64, MapPose)> = free.map(|pose| (self.far(&pose), pose)).collect();
+                places.sort_by(|a, b| a.0.total_cmp(&b.0));
+                places.iter().filter(|place| place.0 < f64::MAX).take(PLACES).find_map(|(_, pose)| {
+                    let MapPose { x_m, y_m, yaw_rad } = *pose;
+                    let (tolerance_m, tolerance_rad) = (TOLERANCE_M, TOLERANCE_RAD);
+                    let goal = Goal { x_m, y_m, yaw_rad: Some(yaw_rad), tolerance_m, tolerance_rad };
+                    let path = self.search(planner, &space, &goal, EXPANSIONS).ok()?;
+                    Some((path, care.unseen_m))
+                })
+            })
         })
     }
 
-    /// The first thing on the way to the goal that is only supposed to stand there.
-    fn doubt(&self, planner: &mut Planner) -> Option<[f64; 2]> {
+    /// Things on the way to the goal that are only supposed to stand there, the first one first.
+    fn doubts(&self, planner: &mut Planner) -> Vec<[f64; 2]> {
         let fresh: Vec<[f64; 2]> =
             self.local.iter().filter(|point| !self.stale.contains(point)).copied().collect();
-        let barely = &CARES[CARES.len() - 1..];
-        let ways =
-            [(&self.local, &CARES[..1]), (&self.local, barely), (&fresh, &CARES[..1]), (&fresh, barely)];
+        let barely = &CARES[CARES.len() - 1];
+        let ways = [(&self.local, &CARES[0]), (&self.local, barely), (&fresh, &CARES[0]), (&fresh, barely)];
         let path = ways.into_iter().find_map(|(local, care)| {
-            let care = Care { expansions: 3 * LOOK_CARE.expansions, ..care[0] };
-            self.plan_with(planner, &care, local, &[], &self.goal()).ok()
-        })?;
-        let unseen = CARES.iter().zip(&self.unseen).find(|(care, _)| care.unseen_m == LOOK_CARE.unseen_m)?.1;
-        let least_m = LOOK_CARE.margin_m + STANDS_M;
-        first_on(&path, &self.car.grown(LOOK_CARE.margin_m), |point| {
-            let mut supposed = unseen.iter().chain(&self.stale).copied();
-            supposed.find(|doubt| point(doubt) && self.car.distance_m(&self.start, *doubt) > least_m)
-        })
+            let care = Care { expansions: WAY_EXPANSIONS, ..*care };
+            self.plan_with(planner, &care, local, &[]).ok()
+        });
+        let Some(path) = path else { return Vec::new() };
+        let mut doubts: Vec<[f64; 2]> = Vec::new();
+        let least_m = MARGIN_M + STANDS_M;
+        let known = |point: &[f64; 2]| self.car.distance_m(&self.start, *point) <= least_m;
+        while doubts.len() < DOUBTS {
+            let next = first_on(&path, &self.car.grown(MARGIN_M), |touches| {
+                let supposed = self.unseen[0].iter().chain(&self.stale).filter(|point| !known(point));
+                let apart =
+                    |a: &[f64; 2]| doubts.iter().all(|b| libm::hypot(a[0] - b[0], a[1] - b[1]) >= APART_M);
+                supposed.copied().find(|point| apart(point) && touches(point))
+            });
+            match next {
+                Some(next) => doubts.push(next),
+                None => break,
+            }
+        }
+        doubts
     }
 
     /// Where a bumper faces a point with nothing in between.
