@@ -65,11 +65,11 @@ impl LocalLayer {
     /// Side of a cell where there is no map, in m.
     pub const RESOLUTION_M: f64 = 0.05;
     /// How long a mark that is not seen again counts.
-    pub const FADES_MS: u64 = 15_000;
+    pub const FADES_MS: u64 = 60_000;
     /// Most marks; beyond, the one that was not seen for longest goes.
     pub const MOST_MARKS: usize = 1024;
     /// How long a mark beside the body counts that is not seen again.
-    pub const FADES_BESIDE_MS: u64 = 20_000;
+    pub const FADES_BESIDE_MS: u64 = 60_000;
     /// Most cells that are known to be free.
     const MOST_FREE: usize = 4096;
 

@@ -15,6 +15,7 @@
 
 mod follow;
 mod job;
+mod look;
 mod route;
 
 pub use job::{PlanDone, PlanFailure, PlanJob};
@@ -56,6 +57,13 @@ const BLOCKED_MS: u64 = 1_500;
 const PAUSE_MS: u64 = 5_000;
 /// Tries without any way gained before it gives up.
 const TRIES: u32 = 6;
+/// Ways only to look, for one goal.
+const MOST_LOOKS: u32 = 6;
+/// A mark that was not seen for this long is not in sight.
+const IN_SIGHT_MS: u64 = 1_000;
+/// After so many tries in vain only marks count that were seen within the last so many ms.
+const PATIENT_TRIES: u32 = 4;
+const LATELY_MS: u64 = 15_000;
 /// Paths for one goal before it gives up.
 const MOST_PLANS: u32 = 40;
 /// A plan that has not come back after this long is asked for again.
@@ -178,6 +186,8 @@ struct Task {
     tries: u32,
     /// Paths that came to nothing since the last progress.
     lost: u32,
+    /// Ways only to look.
+    looks: u32,
     /// Paths for this goal.
     plans: u32,
     /// What was in the way last.
@@ -259,6 +269,7 @@ impl Navigator {
             stage: Stage::Seeking { job: None },
             tries: 0,
             lost: 0,
+            looks: 0,
             plans: 0,
             blocked_at: None,
             trouble: String::new(),
@@ -423,13 +434,29 @@ impl Navigator {
         }
         self.jobs += 1;
         *job = Some((self.jobs, now));
+        // Whoever waits for long believes only what was seen lately.
+        let lately_ms = if task.tries < PATIENT_TRIES { u64::MAX } else { LATELY_MS };
         let around = |reach_m| self.local.as_ref().map(|local| local.unseen_around(now, reach_m));
         self.outbox = Some(PlanJob {
             number: self.jobs,
             map: map.clone(),
             zones: self.zones.clone(),
-            local: self.local.iter().flat_map(|local| local.obstacles(now)).map(|o| [o.x_m, o.y_m]).collect(),
+            local: self
+                .local
+                .iter()
+                .flat_map(|local| local.obstacles(now))
+                .filter(|mark| now.since_ms(mark.seen) < lately_ms)
+                .map(|mark| [mark.x_m, mark.y_m])
+                .collect(),
             unseen: CARES.map(|care| around(care.unseen_m).unwrap_or_default()),
+            stale: self
+                .local
+                .iter()
+                .flat_map(|local| local.obstacles(now))
+                .filter(|mark| now.since_ms(mark.seen) > IN_SIGHT_MS)
+                .map(|mark| [mark.x_m, mark.y_m])
+                .collect(),
+            may_look: task.looks < MOST_LOOKS,
             car: self.car,
             start: sensed.estimate.pose,
             aim: task.aim,
@@ -443,17 +470,18 @@ impl Navigator {
         if !matches!(task.stage, Stage::Seeking { job: Some((number, _)) } if number == done.number) {
             return;
         }
-        let follower = done.result.and_then(|Planned { path, unseen_m }| {
-            let tolerance = tolerance(&task.aim);
+        let follower = done.result.and_then(|Planned { path, unseen_m, look }| {
+            let tolerance = if look { GoalTolerance::default() } else { tolerance(&task.aim) };
             let follower = Follower::new(&path, &self.car, self.follower.clone(), tolerance);
             follower
-                .map(|follower| (path, follower, unseen_m))
+                .map(|follower| (path, follower, unseen_m, look))
                 .map_err(|error| PlanFailure::for_good(error.to_string()))
         });
         match follower {
-            Ok((path, follower, unseen_m)) => {
+            Ok((path, follower, unseen_m, look)) => {
                 task.plans += 1;
-                task.stage = Stage::Following(Box::new(Following::own(path, follower, unseen_m)));
+                task.looks += u32::from(look);
+                task.stage = Stage::Following(Box::new(Following::own(path, follower, unseen_m, look)));
             }
             Err(failure) => task.no_way(now, failure),
         }

@@ -18,7 +18,7 @@ const LOOK_M: f64 = 1.2;
 /// In steps of this, in m.
 const LOOK_STEP_M: f64 = 0.04;
 /// An obstacle as near as this to the body on the path is in the way, in m.
-const IN_THE_WAY_M: f64 = 0.02;
+pub(super) const IN_THE_WAY_M: f64 = 0.02;
 /// Of what it keeps off unseen parts when it plans: so much counts when something comes into sight.
 const IN_THE_WAY_PART: f64 = 0.3;
 /// Room that the pose is held against at least, in m: narrower places are planned on purpose.
@@ -40,6 +40,8 @@ pub(super) struct Following {
     pub(super) release_m: f64,
     pub(super) cruise_mps: f64,
     pub(super) off_m: f64,
+    /// It leads to where something can be seen, not to the goal.
+    look: bool,
     /// What comes into sight beside the path may go on so far before it is in the way, in m.
     unseen_m: f64,
     /// The first level has held the motor since.
@@ -56,9 +58,9 @@ pub(super) struct Following {
 
 impl Following {
     /// Its own path: nobody vouches for the others, so it drives as if one came head-on.
-    pub(super) fn own(path: Path, follower: Follower, unseen_m: f64) -> Self {
+    pub(super) fn own(path: Path, follower: Follower, unseen_m: f64, look: bool) -> Self {
         let unseen_m = unseen_m * IN_THE_WAY_PART;
-        Self { unseen_m, ..Self::new(path, follower, 0, f64::MAX, HEAD_ON_MPS) }
+        Self { unseen_m, look, ..Self::new(path, follower, 0, f64::MAX, HEAD_ON_MPS) }
     }
 
     /// Traffic control's path.
@@ -74,6 +76,7 @@ impl Following {
             release_m,
             cruise_mps,
             off_m: 0.0,
+            look: false,
             unseen_m: 0.0,
             blocked_since: None,
             looked: None,
@@ -123,6 +126,10 @@ impl Navigator {
             return go(Some(Standing::PoseUncertain));
         }
         match drive.status {
+            Status::Reached | Status::Stuck(Stuck::Missed) if following.look => {
+                task.seek();
+                stand(Standing::Planning)
+            }
             Status::Reached => Decision::Reached,
             Status::Deviated { .. }
             | Status::Stuck(Stuck::Missed | Stuck::NoProgress | Stuck::NotANumber) => {

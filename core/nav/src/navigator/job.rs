@@ -1,23 +1,25 @@
 //! A plan as a job: everything it needs in one value, to be worked off wherever there is time.
 
+use super::follow::IN_THE_WAY_M;
+use super::look::first_on;
 use super::{Aim, LOOKOUT_M, MARGIN_M, RADIUS_FACTOR};
 use crate::MapPose;
 use crate::car::Car;
 use crate::map::{Map, ZoneLayers};
 use crate::path::Path;
 use crate::planner::{End, Goal, PlanError, Planner, PlannerSettings};
-use crate::space::{GridSpace, Hit, Layers, LookOut};
+use crate::space::{GridSpace, Hit, Layers, LookOut, Zones};
 use std::sync::Arc;
 
 /// How careful a plan is.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Care {
     /// Room beside the body, in m.
-    margin_m: f64,
+    pub(super) margin_m: f64,
     /// What was seen goes on so far where nobody has looked, in m.
     pub(super) unseen_m: f64,
     /// As much as the search may cost.
-    expansions: usize,
+    pub(super) expansions: usize,
 }
 
 /// As careful as there is room, least last. A search that finds nothing costs most, so only the last ones
@@ -33,7 +35,7 @@ pub(super) const CARES: [Care; 5] = [
 pub(super) const STANDS_M: f64 = 0.04;
 
 /// A path ends this near to its goal: the follower needs the rest of the box for itself.
-const TOLERANCE_M: f64 = 0.05;
+pub(super) const TOLERANCE_M: f64 = 0.05;
 /// And this near to its yaw.
 const TOLERANCE_RAD: f64 = 0.05;
 /// A path to look for.
@@ -47,6 +49,10 @@ pub struct PlanJob {
     pub(super) local: Vec<[f64; 2]>,
     /// Where that may go on, for each of [`CARES`].
     pub(super) unseen: [Vec<[f64; 2]>; CARES.len()],
+    /// Of the local ones those that are not in sight now.
+    pub(super) stale: Vec<[f64; 2]>,
+    /// Whether it may go and look first.
+    pub(super) may_look: bool,
     pub(super) car: Car,
     pub(super) start: MapPose,
     pub(super) aim: Aim,
@@ -65,6 +71,8 @@ pub(super) struct Planned {
     pub(super) path: Path,
     /// It keeps so far off what was seen where nobody has looked, in m.
     pub(super) unseen_m: f64,
+    /// It leads to where something can be seen, not to the goal.
+    pub(super) look: bool,
 }
 
 /// Why there is no path.
@@ -96,60 +104,103 @@ impl PlanJob {
 
     fn plan(&self, planner: &mut Planner) -> Result<Planned, PlanFailure> {
         let mut last = PlanFailure::for_good("no plan was made".to_owned());
-        for (care, unseen) in CARES.iter().zip(&self.unseen) {
+        for (index, (care, unseen)) in CARES.iter().zip(&self.unseen).enumerate() {
             let known = self.local.is_empty() && care.unseen_m > 0.0 && care.unseen_m < CARES[0].unseen_m;
             if known && care.margin_m == MARGIN_M {
                 continue;
             }
-            match self.plan_with(planner, care, &self.around(care, unseen)) {
-                Ok(path) => return Ok(Planned { path, unseen_m: care.unseen_m }),
+            match self.plan_with(planner, care, &self.local, unseen) {
+                Ok(path) => return Ok(Planned { path, unseen_m: care.unseen_m, look: false }),
                 Err(failure) => last = failure,
+            }
+            if index == 0
+                && self.may_look
+                && !self.local.is_empty()
+                && let Some((path, unseen_m)) = self.look(planner)
+            {
+                return Ok(Planned { path, unseen_m, look: true });
             }
         }
         if self.local.is_empty() {
             return Err(PlanFailure { for_good: !last.enclosed, ..last });
         }
         // Is it the map, or only what stands around today?
-        match self.plan_with(planner, &CARES[CARES.len() - 1], &[]) {
-            Ok(path) => Err(PlanFailure { at: self.first_on(&path).or(last.at), ..last }),
+        match self.plan_with(planner, &CARES[CARES.len() - 1], &[], &[]) {
+            Ok(path) => {
+                let body = self.car.grown(IN_THE_WAY_M);
+                let at = first_on(&path, &body, |touches| self.local.iter().copied().find(|p| touches(p)));
+                Err(PlanFailure { at: at.or(last.at), ..last })
+            }
             Err(failure) => Err(PlanFailure { for_good: !failure.enclosed, ..failure }),
         }
     }
 
-    /// What is not on the map, and where it may go on.
-    fn around(&self, care: &Care, unseen: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    /// Keep-out zones, and where what is not on the map may go on: the body keeps off both, while the
+    /// look-out may reach into either.
+    fn zones(&self, care: &Care, unseen: &[[f64; 2]]) -> Zones {
+        let grid = self.map.grid();
+        let mut zones = self.zones.keep_outs.clone();
+        zones.cells.resize(grid.cells().len(), 0);
+        zones.names.push("unseen".to_owned());
+        let number = zones.names.len() as u16;
         let least_m = care.margin_m + STANDS_M;
-        let apart = unseen.iter().filter(|point| self.car.distance_m(&self.start, **point) > least_m);
-        self.local.iter().chain(apart).copied().collect()
+        for point in unseen.iter().filter(|point| self.car.distance_m(&self.start, **point) > least_m) {
+            let (column, row) = grid.place(point[0], point[1]);
+            let (Ok(column), Ok(row)) = (usize::try_from(column), usize::try_from(row)) else { continue };
+            if column < grid.width() && row < grid.height() {
+                let zone = &mut zones.cells[row * grid.width() + column];
+                *zone = if *zone == 0 { number } else { *zone };
+            }
+        }
+        zones
     }
 
-    /// What stands on a path.
-    fn first_on(&self, path: &Path) -> Option<[f64; 2]> {
-        const STEP_M: f64 = 0.02;
-        let body = self.car.grown(STEP_M);
-        let steps = libm::ceil(path.length_m() / STEP_M) as u32;
-        (0..=steps).find_map(|step| {
-            let (pose, _) = path.at(f64::from(step) * STEP_M);
-            self.local.iter().copied().find(|point| body.distance_m(&pose, *point) <= 0.0)
-        })
+    /// The goal itself.
+    pub(super) fn goal(&self) -> Goal {
+        let Aim { x_m, y_m, yaw_rad } = self.aim;
+        Goal { x_m, y_m, yaw_rad, tolerance_m: TOLERANCE_M, tolerance_rad: TOLERANCE_RAD }
     }
 
-    fn plan_with(&self, planner: &mut Planner, care: &Care, local: &[[f64; 2]]) -> Result<Path, PlanFailure> {
+    pub(super) fn plan_with(
+        &self,
+        planner: &mut Planner,
+        care: &Care,
+        local: &[[f64; 2]],
+        unseen: &[[f64; 2]],
+    ) -> Result<Path, PlanFailure> {
+        self.search(planner, &self.space(care, local, unseen)?, &self.goal(), care.expansions)
+    }
+
+    /// The world as this care has it.
+    pub(super) fn space(
+        &self,
+        care: &Care,
+        local: &[[f64; 2]],
+        unseen: &[[f64; 2]],
+    ) -> Result<GridSpace, PlanFailure> {
         let margin_m = care.margin_m;
         let car = Car { radius_m: self.car.radius_m * RADIUS_FACTOR, ..self.car.grown(margin_m) };
+        let zones = self.zones(care, unseen);
         let layers = Layers {
             grid: self.map.grid(),
-            zones: Some(&self.zones.keep_outs),
+            zones: Some(&zones),
             one_way: self.zones.one_way.as_deref(),
             local_m: local,
         };
         let look_out = LookOut { ahead_m: LOOKOUT_M - margin_m, half_width_m: 0.2 };
-        let space = GridSpace::new(&layers, car, look_out)
-            .map_err(|error| PlanFailure::for_good(error.to_string()))?;
-        let Aim { x_m, y_m, yaw_rad } = self.aim;
-        let goal = Goal { x_m, y_m, yaw_rad, tolerance_m: TOLERANCE_M, tolerance_rad: TOLERANCE_RAD };
-        let settings = PlannerSettings { most_expansions: care.expansions, ..PlannerSettings::default() };
-        match planner.plan_on_grid(&space, &self.start, &goal, &settings, &mut || true) {
+        GridSpace::new(&layers, car, look_out).map_err(|error| PlanFailure::for_good(error.to_string()))
+    }
+
+    /// A path in it, for so many expansions.
+    pub(super) fn search(
+        &self,
+        planner: &mut Planner,
+        space: &GridSpace,
+        goal: &Goal,
+        expansions: usize,
+    ) -> Result<Path, PlanFailure> {
+        let settings = PlannerSettings { most_expansions: expansions, ..PlannerSettings::default() };
+        match planner.plan_on_grid(space, &self.start, goal, &settings, &mut || true) {
             Ok(plan) => Ok(plan.path),
             Err(error) => Err(failure(&error)),
         }
