@@ -30,6 +30,7 @@ mod task;
 mod timeline;
 mod times;
 mod truck;
+mod unknown;
 mod view;
 mod way;
 mod wire;
@@ -45,6 +46,7 @@ use order::{Order, Runner, run_ahead};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use truck::{Route, Truck};
+use unknown::Unknown;
 use way::{STEP_M, Way};
 use xtb_control::Stamp;
 
@@ -67,6 +69,7 @@ pub struct Coordinator {
     car: Car,
     room: Arc<dyn Room>,
     trucks: Vec<Truck>,
+    unknown: Unknown,
     order: Order,
     ids: u32,
     plan: u64,
@@ -87,6 +90,7 @@ impl Coordinator {
             car,
             room,
             trucks: Vec::new(),
+            unknown: Unknown::default(),
             order: Order::new(),
             ids: 0,
             plan: 0,
@@ -149,9 +153,15 @@ impl Coordinator {
             }
         };
         let (before, could) = (self.trucks[index].confirmed(), self.trucks[index].can_be_led(now));
+        let blocked_at_m = view.blocked_at_m;
         let other_goal = self.trucks[index].hear(seen, view);
         if self.trucks[index].confirmed() > before {
             self.moved = now;
+        }
+        if let Some(at_m) = blocked_at_m
+            && self.unknown.report(now, at_m, &self.trucks, &self.car)
+        {
+            self.stir(now);
         }
         if other_goal || could != self.trucks[index].can_be_led(now) {
             self.stir(now);
@@ -194,6 +204,7 @@ impl Coordinator {
             stalls += u64::from(truck.stalled && !stalled);
         }
         self.counters.stalls += stalls;
+        self.unknown.fade(now);
         if changed {
             self.stir(now);
         }
@@ -220,7 +231,8 @@ impl Coordinator {
             let stands = if truck.is_live() { truck.retained.clone() } else { truck.block(&self.car) };
             Block { id: truck.id, name: truck.view.name.clone(), stands }
         };
-        self.trucks.iter().map(block).filter(|block| !block.stands.is_empty()).collect()
+        let trucks = self.trucks.iter().map(block).filter(|block| !block.stands.is_empty());
+        trucks.chain(self.unknown.blocks()).collect()
     }
 
     /// Who would run into something that stays there looks for another way.
@@ -230,6 +242,7 @@ impl Coordinator {
             .iter()
             .filter(|truck| !truck.is_live() && now.since_ms(truck.fixed_since) >= SETTLED_MS)
             .map(|truck| truck.id)
+            .chain(self.unknown.ids())
             .collect();
         for truck in &mut self.trucks {
             let mut others =

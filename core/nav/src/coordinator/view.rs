@@ -45,6 +45,8 @@ pub struct RobotView {
     pub goal: Option<PlannedGoal>,
     /// Its route for that goal, if traffic control gave it one.
     pub route: Option<RouteReport>,
+    /// Where something that is not on the map keeps it standing, (x, y) in m.
+    pub blocked_at_m: Option<[f64; 2]>,
     /// Whether it may move: not latched, failed, taken over or driven by hand.
     pub drives: bool,
     /// How old all this is.

@@ -5,7 +5,7 @@ use crate::MapPose;
 use crate::path::{Path, Piece};
 use xtb_control::Mode;
 use xtb_protocol::messages::{
-    Arc, GoalState, RobotState, Route, RouteGoal, RouteSource, RouteState, Track, Via,
+    Arc, GoalState, NavPhase, RobotState, Route, RouteGoal, RouteSource, RouteState, Track, Via,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -34,6 +34,13 @@ impl RobotView {
                     release_m: route.release_m,
                 })
             }),
+            blocked_at_m: state
+                .nav
+                .route
+                .as_ref()
+                .filter(|route| route.phase == NavPhase::Waiting)
+                .and_then(|route| route.blocked_at_m)
+                .map(<[f64; 2]>::from),
             goal,
             age_ms,
         }

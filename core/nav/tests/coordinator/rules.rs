@@ -22,6 +22,7 @@ fn view(name: &str, here: MapPose, goal: Option<(u128, f64, f64)>) -> RobotView 
         speed_mps: 0.0,
         goal: goal.map(|(id, x_m, y_m)| PlannedGoal { id, x_m, y_m, yaw_rad: None }),
         route: None,
+        blocked_at_m: None,
         drives: true,
         age_ms: 0,
     }

@@ -103,6 +103,7 @@ impl Toy {
             speed_mps: self.speed_mps,
             goal: self.goal,
             route: self.guide.as_ref().and_then(of),
+            blocked_at_m: None,
             drives: !self.taken_over,
             age_ms,
         }
