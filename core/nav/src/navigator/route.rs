@@ -120,6 +120,7 @@ impl Navigator {
                 (following.path, following.plan) = (path.clone(), led.plan);
                 following.release_m = following.release_m.max(led.release_m);
                 following.cruise_mps = led.cruise_mps;
+                task.blocked_at = None;
             }
             return;
         }
@@ -131,6 +132,7 @@ impl Navigator {
             return;
         };
         task.plans += 1;
+        task.blocked_at = None;
         let mut following = Following::led(path.clone(), follower, led.plan);
         (following.release_m, following.cruise_mps) = (led.release_m, led.cruise_mps);
         task.stage = Stage::Following(Box::new(following));
