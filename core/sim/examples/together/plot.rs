@@ -14,6 +14,12 @@ const HALF_M: (f64, f64) = (0.25, 0.20);
 /// Bodies are drawn at each 25th moment: each 5 s.
 const EVERY: usize = 25;
 
+/// Of the trucks.
+const COLOURS: [&str; 10] = [
+    "#1f5fbf", "#c4560a", "#2a8a3a", "#b3261e", "#7a4fb5", "#7a5230", "#c03a92", "#5f6b73", "#8f8f00",
+    "#0a8f9c",
+];
+
 /// One room of [`SIDE_M`] around the origin.
 pub(crate) fn svg(made: &Meeting) -> String {
     let size = SIDE_M * SCALE + 2.0 * EDGE;
@@ -28,7 +34,7 @@ pub(crate) fn svg(made: &Meeting) -> String {
     );
     let trucks = made.tracks.len();
     for (index, track) in made.tracks.iter().enumerate() {
-        let colour = format!("hsl({}, 70%, 42%)", 360 * index / trucks);
+        let colour = COLOURS[index % COLOURS.len()];
         let points: String =
             track.iter().map(|pose| px(pose, 0.0, 0.0)).fold(String::new(), |mut all, (x, y)| {
                 write!(all, "{x:.1},{y:.1} ").unwrap();
