@@ -11,8 +11,6 @@ use super::way::Way;
 
 /// Expansions for each question whether somebody closes the way.
 const EXPANSIONS: u32 = 2000;
-/// And for the first question, whether there is a way at all.
-const EXPANSIONS_ALONE: u32 = 4 * EXPANSIONS_EACH;
 
 /// Somebody who may be in the way.
 struct Suspect<'a> {
