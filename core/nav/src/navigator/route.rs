@@ -71,6 +71,11 @@ impl LedBook {
 impl Navigator {
     /// Traffic control was heard; `led` is about the goal that runs now, or none.
     pub fn led(&mut self, now: Stamp, led: Option<Led>, others: &[MapPose]) {
+        // What was seen while nobody said where the others are may have been one of them.
+        let was_gone = self.led.heard.is_some_and(|at| now.since_ms(at) >= TRAFFIC_LOST_MS);
+        if let Some(local) = self.local.as_mut().filter(|_| was_gone) {
+            local.clear();
+        }
         self.led.heard = Some(now);
         self.led.others = others.to_vec();
         if self.task.is_some() {
