@@ -1,4 +1,4 @@
-//! The table of docs/navigation.md: several robots and traffic control, the whole robots on the whole
+//! The table and the drawing of docs/navigation.md, docs/images/room-of-ten.svg: several robots and traffic control, the whole robots on the whole
 //! vehicles. `cargo run -p xtb-sim --example together [SEEDS] [FIRST] [SCENE]`; with
 //! `SHOW=5` everybody is shown each 5 s
 
@@ -16,9 +16,12 @@ mod meetings;
 #[allow(dead_code, unused_imports)]
 #[path = "../tests/it/planned.rs"]
 mod planned;
+#[path = "together/plot.rs"]
+mod plot;
 
 use meetings::{Door, Meeting, Trouble, circle, narrow};
 use planned::Drive;
+use std::path::Path;
 
 fn main() {
     let argument = |n| std::env::args().nth(n);
@@ -64,6 +67,12 @@ fn main() {
                 row(name, seed, &made);
             }
         }
+    }
+    if wanted.is_none_or(|wanted| wanted == "plot") {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/images/room-of-ten.svg");
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, plot::svg(&circle(10, 1, &mut |_, _| {}))).unwrap();
+        println!("\n{}", path.canonicalize().unwrap().display());
     }
 }
 

@@ -190,8 +190,14 @@ impl JointJob {
         };
         let without: Vec<usize> =
             self.indices(|member| member.wanting).filter(|&index| !planned(index)).collect();
-        let mut left = EXPANSIONS_BLAME;
-        let none = without.into_iter().map(|index| blame(self, &self.members[index], &mut left)).collect();
+        // A share each: who is asked last gets an answer too.
+        let share = EXPANSIONS_BLAME / without.len().max(1) as u32;
+        let mut none = Vec::with_capacity(without.len());
+        let mut left = 0;
+        for index in without {
+            left += share;
+            none.push(blame(self, &self.members[index], &mut left));
+        }
         let (expansions, tries) = (self.budget - solver.left, solver.tries);
         let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
         let plan = |(index, way): (usize, Way)| {

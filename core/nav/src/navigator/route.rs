@@ -71,6 +71,11 @@ impl LedBook {
 impl Navigator {
     /// Traffic control was heard; `led` is about the goal that runs now, or none.
     pub fn led(&mut self, now: Stamp, led: Option<Led>, others: &[MapPose]) {
+        // What was seen while nobody said where the others are may have been one of them.
+        let was_gone = self.led.heard.is_some_and(|at| now.since_ms(at) >= TRAFFIC_LOST_MS);
+        if let Some(local) = self.local.as_mut().filter(|_| was_gone) {
+            local.clear();
+        }
         self.led.heard = Some(now);
         self.led.others = others.to_vec();
         if self.task.is_some() {
@@ -120,6 +125,7 @@ impl Navigator {
                 (following.path, following.plan) = (path.clone(), led.plan);
                 following.release_m = following.release_m.max(led.release_m);
                 following.cruise_mps = led.cruise_mps;
+                task.blocked_at = None;
             }
             return;
         }
@@ -131,6 +137,7 @@ impl Navigator {
             return;
         };
         task.plans += 1;
+        task.blocked_at = None;
         let mut following = Following::led(path.clone(), follower, led.plan);
         (following.release_m, following.cruise_mps) = (led.release_m, led.cruise_mps);
         task.stage = Stage::Following(Box::new(following));

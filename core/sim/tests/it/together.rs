@@ -59,12 +59,12 @@ fn five_swap_through_a_door_with_one_message_of_ten_lost() {
 
 #[test]
 fn when_one_dies_in_the_doorway_the_rest_arrives_or_says_who_is_in_the_way() {
-    (1..=2).for_each(|seed| all_arrive_or_tell(&Door::new(seed).round(&mut Trouble::Death.meddle())));
+    all_arrive_or_tell(&Door::new(1).round(&mut Trouble::Death.meddle()));
 }
 
 #[test]
 fn when_one_is_latched_in_the_doorway_the_rest_arrives_or_says_who_is_in_the_way() {
-    (3..=4).for_each(|seed| all_arrive_or_tell(&Door::new(seed).round(&mut Trouble::Latch.meddle())));
+    all_arrive_or_tell(&Door::new(3).round(&mut Trouble::Latch.meddle()));
 }
 
 #[test]
