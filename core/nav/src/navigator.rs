@@ -435,7 +435,7 @@ impl Navigator {
         self.jobs += 1;
         *job = Some((self.jobs, now));
         // Whoever waits for long believes only what was seen lately.
-        let lately_ms = if task.tries < PATIENT_TRIES { u64::MAX } else { LATELY_MS };
+        let lately_ms = lately_ms(task.tries);
         let around = |reach_m| self.local.as_ref().map(|local| local.unseen_around(now, reach_m));
         self.outbox = Some(PlanJob {
             number: self.jobs,
@@ -481,7 +481,9 @@ impl Navigator {
             Ok((path, follower, unseen_m, look)) => {
                 task.plans += 1;
                 task.looks += u32::from(look);
-                task.stage = Stage::Following(Box::new(Following::own(path, follower, unseen_m, look)));
+                let mut following = Following::own(path, follower, unseen_m, look);
+                following.lately_ms = lately_ms(task.tries);
+                task.stage = Stage::Following(Box::new(following));
             }
             Err(failure) => task.no_way(now, failure),
         }
@@ -518,6 +520,11 @@ impl Task {
             None => self.trouble.clone(),
         }
     }
+}
+
+/// Marks count that were seen within this time.
+fn lately_ms(tries: u32) -> u64 {
+    if tries < PATIENT_TRIES { u64::MAX } else { LATELY_MS }
 }
 
 /// Stands with straight wheels.

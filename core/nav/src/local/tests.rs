@@ -205,3 +205,17 @@ fn a_pose_or_a_range_that_is_none_marks_nothing() {
     let now = look(&mut layer, 0, 3, &scan(third(f64::NAN)), None);
     assert_eq!(layer.obstacles(now).count(), 0);
 }
+
+#[test]
+fn what_was_seen_may_go_on_beside_and_behind_but_not_where_beams_got_through() {
+    let mut layer = LocalLayer::new(car(), Some(&room()));
+    let now = look(&mut layer, 0, 3, &scan(third(30.0)), Some(&room()));
+    let unseen = layer.unseen_around(now, 0.3);
+    let holds = |x_m: f64, y_m: f64| {
+        unseen.iter().any(|at| (at[0] - x_m).abs() < 0.026 && (at[1] - y_m).abs() < 0.026)
+    };
+    assert!(holds(0.775, 0.025), "behind it");
+    assert!(!holds(0.425, 0.025), "before it");
+    assert!(!holds(0.575, -0.125) && holds(0.675, -0.125), "beside it as far as the other beams say");
+    assert!(layer.unseen_around(now, 0.04).is_empty());
+}

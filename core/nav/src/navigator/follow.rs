@@ -42,6 +42,8 @@ pub(super) struct Following {
     pub(super) off_m: f64,
     /// It leads to where something can be seen, not to the goal.
     look: bool,
+    /// It was planned with marks that were seen within this time.
+    pub(super) lately_ms: u64,
     /// What comes into sight beside the path may go on so far before it is in the way, in m.
     unseen_m: f64,
     /// The first level has held the motor since.
@@ -77,6 +79,7 @@ impl Following {
             cruise_mps,
             off_m: 0.0,
             look: false,
+            lately_ms: u64::MAX,
             unseen_m: 0.0,
             blocked_since: None,
             looked: None,
@@ -165,11 +168,17 @@ impl Navigator {
         let (Some(local), Some(clearance)) = (&self.local, &self.clearance) else { return };
         let from_m = following.follower.way_m();
         let to_m = (from_m + LOOK_M).min(following.follower.length_m());
-        let mut marks: Vec<[f64; 2]> = local.obstacles(now).map(|mark| [mark.x_m, mark.y_m]).collect();
+        let mut marks: Vec<[f64; 2]> = {
+            let counting = local.obstacles(now).filter(|mark| now.since_ms(mark.seen) < following.lately_ms);
+            counting.map(|mark| [mark.x_m, mark.y_m]).collect()
+        };
         let here = sensed.estimate.pose;
         let beside = local.unseen_around(now, following.unseen_m);
-        let stands_m = IN_THE_WAY_M + STANDS_M;
-        marks.extend(beside.into_iter().filter(|point| self.car.distance_m(&here, *point) > stands_m));
+        // As when it was planned: where it stands and stood it may be near what nobody has seen.
+        let (stands_m, start) = (MARGIN_M + STANDS_M, following.path.start);
+        let apart =
+            |point: &[f64; 2]| [here, start].iter().all(|pose| self.car.distance_m(pose, *point) > stands_m);
+        marks.extend(beside.into_iter().filter(apart));
         let (mut way_m, mut least_m) = (from_m, f64::MAX);
         let mut obstructed = None;
         let body = self.car.grown(IN_THE_WAY_M);
