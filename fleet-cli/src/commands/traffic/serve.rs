@@ -49,7 +49,7 @@ pub(super) async fn run(ctx: &Context, args: &TrafficServeArgs) -> Result<Exit> 
     ctx.out.result(&ready, |ready| {
         format!(
             "traffic control of fleet {} on map {} ({}); Ctrl-C ends: robots then stop where their way was \
-             released to, and go on by themselves after 3 s",
+             released to, and go on by themselves after 10 s",
             ready.fleet, ready.map, ready.hash
         )
     })?;
