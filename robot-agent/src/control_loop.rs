@@ -115,7 +115,7 @@ impl ControlLoop {
             match tiding {
                 Tiding::Fix(at, fix) => agent.fix(now, at, &fix),
                 Tiding::Route(route) => agent.route(now, &route),
-                Tiding::Map(map) => agent.set_map(map),
+                Tiding::Floor(floor) => agent.set_floor(floor),
                 Tiding::FleetMap(hash) => agent.set_fleet_map(hash),
             }
         }

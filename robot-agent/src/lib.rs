@@ -30,6 +30,7 @@ use thiserror::Error;
 use tokio::sync::watch;
 use xtb_authority::{Identity, Robot};
 use xtb_bus::BusError;
+use xtb_nav::navigator::Floor;
 use xtb_protocol::{Name, Uuid};
 
 /// The agent's version, as events and factsheet give it.
@@ -84,7 +85,7 @@ pub async fn run(
     let mut robot = Robot::new(identity.clone(), config.vehicle.clone(), VERSION);
     robot.agent_mut().set_world_speed(config.world_speed);
     if let Some(path) = &config.map {
-        robot.agent_mut().set_map(Arc::new(chart::read(path)?));
+        robot.agent_mut().set_floor(Arc::new(Floor::of(chart::read(path)?)));
     }
     let (recorder, recording) = match &config.record {
         Some(folder) => {

@@ -21,7 +21,7 @@ use tokio::sync::{mpsc, watch};
 use xtb_authority::agent::Arrival;
 use xtb_bus::Question;
 use xtb_control::Stamp;
-use xtb_nav::map::Map;
+use xtb_nav::navigator::Floor;
 use xtb_protocol::Name;
 use xtb_protocol::codec::{CodecError, Format};
 use xtb_protocol::messages::{
@@ -101,7 +101,7 @@ pub(crate) enum Tiding {
     /// From traffic control.
     Route(Box<Route>),
     /// The fleet's map, for a robot without one of its own.
-    Map(Arc<Map>),
+    Floor(Arc<Floor>),
     /// The hash of the fleet's map.
     FleetMap(MapHash),
 }

@@ -6,13 +6,14 @@
 use crate::clock::Clock;
 use crate::config::AgentConfig;
 use crate::mailbox::{Counters, SessionEnds, Tiding};
-use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use xtb_bus::{Bus, BusError, Incoming, Subscription};
 use xtb_nav::map::Map;
+use xtb_nav::navigator::Floor;
 use xtb_protocol::keys::FleetKeys;
-use xtb_protocol::messages::{Fix, FleetMap, Route};
+use xtb_protocol::messages::{Fix, FleetMap, MapHash, Route};
 
 const ASK_WITHIN: Duration = Duration::from_secs(2);
 
@@ -28,25 +29,30 @@ struct Inbox {
     counters: Arc<Counters>,
     /// The robot has a map of its own.
     own_map: bool,
+    /// The map that was told last: it is published again and again.
+    told: Arc<Mutex<Option<MapHash>>>,
 }
 
 impl Inbox {
-    fn put(&self, tiding: Tiding) {
-        if self.tidings.try_send(tiding).is_err() {
+    /// Whether there was room for it.
+    fn put(&self, tiding: Tiding) -> bool {
+        let put = self.tidings.try_send(tiding).is_ok();
+        if !put {
             self.counters.overloaded();
         }
+        put
     }
 
     fn fix(&self, clock: &Clock, incoming: &Incoming) {
         match incoming.decode::<Fix>() {
-            Ok(fix) => self.put(Tiding::Fix(clock.now(), fix)),
+            Ok(fix) => drop(self.put(Tiding::Fix(clock.now(), fix))),
             Err(error) => self.counters.rejected(&error),
         }
     }
 
     fn route(&self, incoming: &Incoming) {
         match incoming.decode::<Route>() {
-            Ok(route) => self.put(Tiding::Route(Box::new(route))),
+            Ok(route) => drop(self.put(Tiding::Route(Box::new(route)))),
             Err(error) => self.counters.rejected(&error),
         }
     }
@@ -56,15 +62,25 @@ impl Inbox {
             Ok(message) => message,
             Err(error) => return self.counters.rejected(&error),
         };
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if *told == Some(message.hash) {
+            return;
+        }
         if !self.own_map {
-            match Map::try_from(&message) {
-                Ok(map) => self.put(Tiding::Map(Arc::new(map))),
+            let map = match Map::try_from(&message) {
+                Ok(map) => map,
                 Err(error) => {
                     return tracing::warn!("the fleet's map {} cannot be used: {error}", message.name);
                 }
+            };
+            // Measured here, not in the control loop. Without room for it, it is published again.
+            if !self.put(Tiding::Floor(Arc::new(Floor::of(map)))) {
+                return;
             }
         }
-        self.put(Tiding::FleetMap(message.hash));
+        if self.put(Tiding::FleetMap(message.hash)) {
+            *told = Some(message.hash);
+        }
     }
 }
 
@@ -81,7 +97,12 @@ pub(crate) async fn declare(
 ) -> Result<Tidings, BusError> {
     let keys = fleet.robot(&config.robot);
     let own_map = config.map.is_some();
-    let inbox = Inbox { tidings: ends.tidings.clone(), counters: ends.counters.clone(), own_map };
+    let inbox = Inbox {
+        tidings: ends.tidings.clone(),
+        counters: ends.counters.clone(),
+        own_map,
+        told: Arc::default(),
+    };
     let (fixes, routes, maps) = (inbox.clone(), inbox.clone(), inbox.clone());
     let clock = clock.clone();
     let subscriptions = [

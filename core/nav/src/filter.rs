@@ -28,9 +28,10 @@ mod trust;
 mod tuning;
 
 pub use estimate::{Estimate, FixCounts};
-pub use fix::{Fix, FixError, FixOutcome, FixSource};
+pub use fix::{Fix, FixError, FixOutcome};
 pub use trust::Trust;
 pub use tuning::Filter as FilterTuning;
+pub use xtb_protocol::messages::FixSource;
 
 use crate::MapPose;
 use fix::Measurement;

@@ -44,6 +44,8 @@ pub struct Map {
     name: String,
     grid: Grid,
     zones: Vec<Zone>,
+    /// Of grid and zones, which never change.
+    hash: MapHash,
 }
 
 impl Map {
@@ -62,7 +64,8 @@ impl Map {
         if let Some(i) = (0..zones.len()).find(|&i| again((i, &zones[i]))) {
             return Err(MapError::ZoneNamedTwice(zones[i].name().to_owned()));
         }
-        Ok(Self { name: name.to_owned(), grid, zones })
+        let hash = hash_of(&grid, &zones);
+        Ok(Self { name: name.to_owned(), grid, zones, hash })
     }
 
     /// As people call it; not part of the hash.
@@ -122,25 +125,29 @@ impl Map {
     /// The same for the same resolution, origin, cells and zones, in whatever form they came.
     #[must_use]
     pub fn hash(&self) -> MapHash {
-        const CRC: Crc<u64> = Crc::<u64>::new(&CRC_64_XZ);
-        let mut digest = CRC.digest();
-        digest.update(b"xtb map 1");
-        let [x_m, y_m] = self.grid.origin_m();
-        for number in [self.grid.resolution_m(), x_m, y_m] {
-            digest.update(&canonical(number));
-        }
-        for count in [self.grid.width(), self.grid.height(), self.zones.len()] {
-            digest.update(&(count as u64).to_le_bytes());
-        }
-        for row in self.grid.cells().chunks(self.grid.width()) {
-            let bytes: Vec<u8> = row.iter().map(|cell| cell_code(*cell)).collect();
-            digest.update(&bytes);
-        }
-        for zone in &self.zones {
-            zone.feed(&mut |bytes| digest.update(bytes));
-        }
-        MapHash::new(digest.finalize())
+        self.hash
     }
+}
+
+fn hash_of(grid: &Grid, zones: &[Zone]) -> MapHash {
+    const CRC: Crc<u64> = Crc::<u64>::new(&CRC_64_XZ);
+    let mut digest = CRC.digest();
+    digest.update(b"xtb map 1");
+    let [x_m, y_m] = grid.origin_m();
+    for number in [grid.resolution_m(), x_m, y_m] {
+        digest.update(&canonical(number));
+    }
+    for count in [grid.width(), grid.height(), zones.len()] {
+        digest.update(&(count as u64).to_le_bytes());
+    }
+    for row in grid.cells().chunks(grid.width()) {
+        let bytes: Vec<u8> = row.iter().map(|cell| cell_code(*cell)).collect();
+        digest.update(&bytes);
+    }
+    for zone in zones {
+        zone.feed(&mut |bytes| digest.update(bytes));
+    }
+    MapHash::new(digest.finalize())
 }
 
 fn cell_code(cell: Cell) -> u8 {

@@ -13,27 +13,28 @@
 //! Words: *released* is the way up to which it may drive; *off* is the distance from the path; *blocked* is
 //! what the first level says when an obstacle holds the motor.
 
+mod floor;
 mod follow;
 mod job;
 mod look;
 mod route;
 
+pub use floor::Floor;
 pub use job::{PlanDone, PlanFailure, PlanJob};
 pub use route::Led;
 
 use crate::MapPose;
 use crate::car::Car;
-use crate::clearance::Clearance;
 use crate::filter::Estimate;
 use crate::follower::{Follower, FollowerSettings, GoalTolerance};
 use crate::local::{BumperScan, LocalLayer};
-use crate::map::{Map, ZoneLayers};
 use crate::path::Path;
 use follow::Following;
-use job::{CARES, Planned};
+use job::Planned;
 use std::sync::Arc;
 use xtb_control::infrared::BumperRanges;
 use xtb_control::{Command, Stamp, Steering, VehicleConfig, WheelRpm};
+use xtb_protocol::messages::NavPhase;
 
 /// Kept free around the body beside what the map says: tracking and pose error, in m.
 pub const MARGIN_M: f64 = 0.06;
@@ -59,8 +60,6 @@ const PAUSE_MS: u64 = 5_000;
 const TRIES: u32 = 6;
 /// Ways only to look, for one goal.
 const MOST_LOOKS: u32 = 6;
-/// A mark that was not seen for this long is not in sight.
-const IN_SIGHT_MS: u64 = 1_000;
 /// After so many tries in vain only marks count that were seen within the last so many ms.
 const PATIENT_TRIES: u32 = 4;
 const LATELY_MS: u64 = 15_000;
@@ -103,6 +102,15 @@ pub struct Sensed<'a> {
     pub scanned: bool,
 }
 
+/// Slower than this is standing, in m/s: one pulse of the encoder a window is 0.005.
+const STANDS_MPS: f64 = 0.01;
+
+impl Sensed<'_> {
+    fn stands(&self) -> bool {
+        self.speed_mps.abs() < STANDS_MPS
+    }
+}
+
 /// Why it stands while its goal runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
@@ -129,19 +137,6 @@ pub enum Decision {
     Failed(String),
 }
 
-/// What it is at, for the state.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
-    /// A path is looked for.
-    Planning,
-    /// Along the path.
-    Following,
-    /// Standing.
-    Waiting,
-    /// Reversing while turning.
-    Recovering,
-}
-
 /// How a path is driven, for the state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress<'a> {
@@ -150,7 +145,7 @@ pub struct Progress<'a> {
     /// Traffic control's number of it; 0 = its own, or none.
     pub plan: u64,
     /// What it is at.
-    pub phase: Phase,
+    pub phase: NavPhase,
     /// Driven along it, in m.
     pub done_m: f64,
     /// Released, in m.
@@ -208,9 +203,7 @@ pub struct Navigator {
     vehicle: VehicleConfig,
     car: Car,
     follower: FollowerSettings,
-    map: Option<Arc<Map>>,
-    zones: Arc<ZoneLayers>,
-    clearance: Option<Arc<Clearance>>,
+    floor: Option<Arc<Floor>>,
     local: Option<LocalLayer>,
     task: Option<Task>,
     led: route::LedBook,
@@ -226,9 +219,7 @@ impl Navigator {
             vehicle: vehicle.clone(),
             car: Car::of(vehicle),
             follower: FollowerSettings::default(),
-            map: None,
-            zones: Arc::default(),
-            clearance: None,
+            floor: None,
             local: None,
             task: None,
             led: route::LedBook::default(),
@@ -237,12 +228,14 @@ impl Navigator {
         }
     }
 
-    /// The map that it plans on from now on; a goal under way is planned anew.
-    pub fn set_map(&mut self, map: Arc<Map>) {
-        self.zones = Arc::new(ZoneLayers::of(&map));
-        self.clearance = Some(Arc::new(Clearance::of(map.grid())));
-        self.local = Some(LocalLayer::new(self.car, Some(map.grid())));
-        self.map = Some(map);
+    /// The map that it plans on from now on; a goal under way is planned anew. The same map again changes
+    /// nothing.
+    pub fn set_floor(&mut self, floor: Arc<Floor>) {
+        if self.floor.as_ref().is_some_and(|known| known.map.hash() == floor.map.hash()) {
+            return;
+        }
+        self.local = Some(LocalLayer::new(self.car, Some(floor.map.grid())));
+        self.floor = Some(floor);
         if let Some(task) = &mut self.task {
             task.seek();
         }
@@ -250,8 +243,8 @@ impl Navigator {
 
     /// The map.
     #[must_use]
-    pub fn map(&self) -> Option<&Arc<Map>> {
-        self.map.as_ref()
+    pub fn floor(&self) -> Option<&Arc<Floor>> {
+        self.floor.as_ref()
     }
 
     /// The car as it is planned for.
@@ -309,12 +302,6 @@ impl Navigator {
         }
     }
 
-    /// The keep-out zone that it stands in.
-    #[must_use]
-    pub fn keep_out_under(&self, pose: &MapPose) -> Option<&str> {
-        self.map.as_ref()?.keep_out_under(&self.car, pose).map(|zone| zone.name())
-    }
-
     /// What traffic control says of the present goal.
     #[must_use]
     pub fn led_by(&self) -> Option<&Led> {
@@ -340,39 +327,14 @@ impl Navigator {
             _ => (None, 0, 0.0, 0.0, 0.0),
         };
         let phase = match (&task.stage, task.standing) {
-            (Stage::Seeking { .. }, _) => Phase::Planning,
-            (Stage::Recovering { .. }, _) => Phase::Recovering,
-            (Stage::Following(_), None | Some(Standing::AtCusp)) => Phase::Following,
-            _ => Phase::Waiting,
+            (Stage::Seeking { .. }, _) => NavPhase::Planning,
+            (Stage::Recovering { .. }, _) => NavPhase::Recovering,
+            (Stage::Following(_), None | Some(Standing::AtCusp)) => NavPhase::Following,
+            _ => NavPhase::Waiting,
         };
         let waits_for = self.led.led().and_then(|led| led.waits_for.as_deref());
         let (plans, blocked_at) = (task.plans, task.blocked_at);
         Some(Progress { path, plan, phase, done_m, release_m, off_m, waits_for, blocked_at, plans })
-    }
-
-    /// The keep-out that a goal lies in.
-    #[must_use]
-    pub fn keep_out_at(&self, aim: &Aim) -> Option<String> {
-        let map = self.map.as_ref()?;
-        let zone = match aim.yaw_rad {
-            Some(yaw_rad) => map.keep_out_under(&self.car, &MapPose { x_m: aim.x_m, y_m: aim.y_m, yaw_rad }),
-            None => map.keep_outs().find(|zone| zone.holds(aim.x_m, aim.y_m)),
-        };
-        zone.map(|zone| zone.name().to_owned())
-    }
-
-    /// What keeps it from standing at a goal, whatever its yaw.
-    #[must_use]
-    pub fn in_the_way_at(&self, aim: &Aim) -> Option<&'static str> {
-        let (map, clearance) = (self.map.as_ref()?, self.clearance.as_ref()?);
-        let grid = map.grid();
-        let (column, row) = grid.place(aim.x_m, aim.y_m);
-        let (width, height) = (grid.width() as i64, grid.height() as i64);
-        if !(0..width).contains(&column) || !(0..height).contains(&row) {
-            return Some("it is not on the map");
-        }
-        let least_m = self.car.core_m() - grid.resolution_m();
-        (clearance.at_least_m(aim.x_m, aim.y_m) < least_m).then_some("something on the map stands there")
     }
 
     /// What the local layer holds.
@@ -396,14 +358,14 @@ impl Navigator {
 
     /// The range finders, into the local layer.
     fn look(&mut self, now: Stamp, sensed: &Sensed<'_>) {
-        if let (Some(map), Some(local), true) = (&self.map, &mut self.local, sensed.scanned) {
+        if let (Some(floor), Some(local), true) = (&self.floor, &mut self.local, sensed.scanned) {
             let scan = BumperScan {
                 pose: sensed.estimate.pose,
                 sigma_m: sensed.estimate.sigma_m,
                 front_cm: *sensed.ir_front_cm,
                 rear_cm: *sensed.ir_rear_cm,
             };
-            local.see(now, &scan, Some(map.grid()), &self.led.others(now, &self.car));
+            local.see(now, &scan, Some(floor.map.grid()), &self.led.others(now, &self.car));
         }
     }
 
@@ -424,38 +386,22 @@ impl Navigator {
     fn seek(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
         let stand = stand(Standing::Planning);
         let Stage::Seeking { job } = &mut task.stage else { return stand };
-        let Some(map) = &self.map else {
+        let (Some(floor), Some(local)) = (&self.floor, &self.local) else {
             return Decision::Failed("the robot has no map".to_owned());
         };
-        let rolls = sensed.speed_mps.abs() > 0.01;
         let asked = job.is_some_and(|(_, at)| now.since_ms(at) < PLAN_WITHIN_MS);
-        if asked || rolls || self.led.may_lead(now) {
+        if asked || !sensed.stands() || self.led.may_lead(now) {
             return stand;
         }
         self.jobs += 1;
         *job = Some((self.jobs, now));
-        // Whoever waits for long believes only what was seen lately.
-        let lately_ms = lately_ms(task.tries);
-        let around = |reach_m| self.local.as_ref().map(|local| local.unseen_around(now, reach_m));
         self.outbox = Some(PlanJob {
             number: self.jobs,
-            map: map.clone(),
-            zones: self.zones.clone(),
-            local: self
-                .local
-                .iter()
-                .flat_map(|local| local.obstacles(now))
-                .filter(|mark| now.since_ms(mark.seen) < lately_ms)
-                .map(|mark| [mark.x_m, mark.y_m])
-                .collect(),
-            unseen: CARES.map(|care| around(care.unseen_m).unwrap_or_default()),
-            stale: self
-                .local
-                .iter()
-                .flat_map(|local| local.obstacles(now))
-                .filter(|mark| now.since_ms(mark.seen) > IN_SIGHT_MS)
-                .map(|mark| [mark.x_m, mark.y_m])
-                .collect(),
+            now,
+            floor: floor.clone(),
+            layer: local.clone(),
+            // Whoever waits for long believes only what was seen lately.
+            lately_ms: lately_ms(task.tries),
             may_look: task.looks < MOST_LOOKS,
             car: self.car,
             start: sensed.estimate.pose,

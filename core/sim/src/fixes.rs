@@ -51,11 +51,7 @@ impl SimulatedFix {
             yaw_rad,
             sigma_m: covariance[0][0].sqrt(),
             sigma_yaw_rad: covariance[2][2].sqrt(),
-            source: match source {
-                FixSource::MotionCapture => messages::FixSource::MotionCapture,
-                FixSource::Tags => messages::FixSource::Tags,
-                FixSource::Uwb => messages::FixSource::Uwb,
-            },
+            source,
             age_ms: now.since_ms(stamp),
         }
     }

@@ -18,8 +18,8 @@ use xtb_authority::{Identity, Robot};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
-use xtb_nav::map::Map;
-use xtb_nav::navigator::PlanDone;
+use xtb_nav::Map;
+use xtb_nav::navigator::{Floor, PlanDone};
 use xtb_nav::planner::Planner;
 use xtb_protocol::keys::NameError;
 use xtb_protocol::messages::{Body, Lease, Outcome, Rejected, Reply, Request, RobotState, TruthRobot};
@@ -171,9 +171,10 @@ impl Lockstep {
     }
 
     /// Gives every robot this map to plan on.
-    pub fn set_map(&mut self, map: &Arc<Map>) {
+    pub fn set_map(&mut self, map: &Map) {
+        let floor = Arc::new(Floor::of(map.clone()));
         for robot in &mut self.robots {
-            robot.agent_mut().set_map(map.clone());
+            robot.agent_mut().set_floor(floor.clone());
         }
     }
 

@@ -7,12 +7,11 @@ use crate::arbitration::Writer;
 use std::sync::Arc as Shared;
 use xtb_control::{Command, Mode, Stamp, Steering, WheelRpm, goto};
 use xtb_nav::filter::{self, FixOutcome};
-use xtb_nav::map::Map;
-use xtb_nav::navigator::{Aim, Decision, Led, Phase, PlanDone, PlanJob, Sensed, Standing};
+use xtb_nav::navigator::{Aim, Decision, Floor, Led, PlanDone, PlanJob, Sensed, Standing};
 use xtb_nav::{MapPose, Path};
 use xtb_protocol::messages::{
-    Fix, FixSource, GoalStatus, MapHash, MapState, NavPhase, NavState, RejectCode, Route, RouteGoal,
-    RouteSource, RouteState, StopReason, Track, Via,
+    Fix, GoalStatus, MapHash, MapState, NavState, RejectCode, Route, RouteGoal, RouteSource, RouteState,
+    StopReason, Track, Via,
 };
 
 /// The navigator's turns come at the gyro's rate.
@@ -35,8 +34,8 @@ pub(super) struct Lead {
 
 impl Agent {
     /// The map to plan on: its own, or the fleet's.
-    pub fn set_map(&mut self, map: Shared<Map>) {
-        self.nav.set_map(map);
+    pub fn set_floor(&mut self, floor: Shared<Floor>) {
+        self.nav.set_floor(floor);
     }
 
     /// The hash of the fleet's map; with another one than its own the robot takes no planned goals.
@@ -46,7 +45,7 @@ impl Agent {
 
     /// Whether the fleet's map is another one.
     fn has_other_map(&self) -> bool {
-        let own = self.nav.map().map(|map| map.hash());
+        let own = self.nav.floor().map(|floor| floor.map().hash());
         own.is_some() && self.lead.fleet_hash.is_some_and(|fleet| own != Some(fleet))
     }
 
@@ -59,11 +58,7 @@ impl Agent {
             y_m: fix.y_m,
             yaw_rad: fix.yaw_rad,
             covariance: filter::Fix::independent(fix.sigma_m, fix.sigma_yaw_rad),
-            source: match fix.source {
-                FixSource::MotionCapture => filter::FixSource::MotionCapture,
-                FixSource::Tags => filter::FixSource::Tags,
-                FixSource::Uwb => filter::FixSource::Uwb,
-            },
+            source: fix.source,
         };
         match self.filter.fix(now, &measured) {
             Ok(FixOutcome::Accepted { .. }) => self.lead.fixes += 1,
@@ -118,7 +113,7 @@ impl Agent {
 
     /// How a goal is driven to if it does not say.
     pub(super) fn usual_way(&self) -> Via {
-        if self.nav.map().is_some() { Via::Planned } else { Via::Direct }
+        if self.nav.floor().is_some() { Via::Planned } else { Via::Direct }
     }
 
     /// The memorandum's A-to-B.
@@ -139,7 +134,7 @@ impl Agent {
 
     /// Whether a path to there could be looked for at all.
     pub(super) fn planned_goal(&self, aim: &Aim) -> Result<Command, Refusal> {
-        let Some(map) = self.nav.map() else {
+        let Some(floor) = self.nav.floor() else {
             return Err((
                 RejectCode::NoMap,
                 "a planned goal needs a map, and the robot has none".into(),
@@ -150,15 +145,15 @@ impl Agent {
             let fleet = self.lead.fleet_hash.map_or_else(String::new, |hash| hash.to_string());
             return Err((
                 RejectCode::NoMap,
-                format!("its map {} is not the fleet's, {fleet}", map.hash()),
+                format!("its map {} is not the fleet's, {fleet}", floor.map().hash()),
                 "give both the same map; `--via direct` needs none",
             ));
         }
-        if let Some(zone) = self.nav.keep_out_at(aim) {
+        if let Some(zone) = floor.keep_out_at(self.nav.car(), aim) {
             let message = format!("({}, {}) lies in the keep-out zone {zone}", aim.x_m, aim.y_m);
             return Err((RejectCode::KeepOut, message, "`fleet-cli map show --live` shows the zones"));
         }
-        if let Some(what) = self.nav.in_the_way_at(aim) {
+        if let Some(what) = floor.in_the_way_at(self.nav.car(), aim) {
             let message = format!("it cannot stand at ({}, {}): {what}", aim.x_m, aim.y_m);
             return Err((RejectCode::GoalBlocked, message, "`fleet-cli map show --live` shows what is free"));
         }
@@ -178,16 +173,17 @@ impl Agent {
 
     /// What the navigator wants of the first level now.
     pub(super) fn navigate(&mut self, now: Stamp, view: View<'_>) -> Option<Command> {
-        if now < self.lead.next_step || self.nav.map().is_none() {
+        if now < self.lead.next_step {
             return None;
         }
+        let floor = self.nav.floor()?.clone();
         self.lead.next_step = now.plus_ns(STEP_NS);
         let scan = view.ages.adc.map(|ms| Stamp::from_ns(now.ns().saturating_sub(ms * 1_000_000)));
         let scanned = scan > self.lead.scanned;
         self.lead.scanned = scan.max(self.lead.scanned);
         let estimate = self.filter.estimate(now);
         if self.goal_runs()
-            && let Some(zone) = self.nav.keep_out_under(&estimate.pose)
+            && let Some(zone) = floor.keep_out_under(self.nav.car(), &estimate.pose)
         {
             let words = format!("it stands in the keep-out zone {zone}");
             self.stand(now, StopReason::InKeepOut, GoalStatus::Failed, Some(&words));
@@ -269,7 +265,7 @@ impl Agent {
     /// Map and path, for the state.
     #[must_use]
     pub fn nav_state(&self, now: Stamp) -> NavState {
-        let map = self.nav.map().map(|map| MapState {
+        let map = self.nav.floor().map(|floor| floor.map()).map(|map| MapState {
             name: map.name().to_owned(),
             hash: map.hash().to_string(),
             fleet_hash: self.lead.fleet_hash.filter(|_| self.has_other_map()).map(|hash| hash.to_string()),
@@ -277,12 +273,7 @@ impl Agent {
         let route = self.nav.progress().map(|progress| RouteState {
             source: if progress.plan > 0 { RouteSource::Traffic } else { RouteSource::Own },
             plan: progress.plan,
-            phase: match progress.phase {
-                Phase::Planning => NavPhase::Planning,
-                Phase::Following => NavPhase::Following,
-                Phase::Waiting => NavPhase::Waiting,
-                Phase::Recovering => NavPhase::Recovering,
-            },
+            phase: progress.phase,
             track: progress.path.map(Track::from),
             done_m: progress.done_m,
             release_m: progress.release_m,

@@ -1,7 +1,7 @@
 //! What stands on the floor for good, as the traffic search asks for it.
 
 use super::rect::Rect;
-use crate::{Cell, Grid};
+use crate::{Cell, Clearance, Grid};
 
 /// A floor with fixed things on it.
 pub trait Room: std::fmt::Debug + Send + Sync {
@@ -16,45 +16,18 @@ pub trait Room: std::fmt::Debug + Send + Sync {
 /// Farther than this the distance to the nearest thing does not matter, in m.
 const FAR_M: f64 = 1.0;
 
-/// An occupancy grid with the distance of each cell to the nearest occupied one.
+/// An occupancy grid with its distance field.
 #[derive(Debug, Clone)]
 pub struct GridRoom {
     grid: Grid,
-    distance_m: Vec<f32>,
+    clearance: Clearance,
 }
 
 impl GridRoom {
     /// Measures the distances. What lies outside the grid is occupied.
     #[must_use]
     pub fn new(grid: Grid) -> Self {
-        let resolution = grid.resolution_m();
-        let (width, height) = (grid.width() as i64, grid.height() as i64);
-        let most = libm::ceil(FAR_M / resolution) as i64;
-        let blocked = |column, row| grid.cell(column, row) != Cell::Free;
-        // First along each column, then along each row over the columns' results.
-        let mut vertical = vec![most; grid.width() * grid.height()];
-        for column in 0..width {
-            for rows in [(0..height).collect::<Vec<_>>(), (0..height).rev().collect()] {
-                let mut since = 0;
-                for row in rows {
-                    since = if blocked(column, row) { 0 } else { (since + 1).min(most) };
-                    let index = (row * width + column) as usize;
-                    vertical[index] = vertical[index].min(since);
-                }
-            }
-        }
-        let mut distance_m = Vec::with_capacity(vertical.len());
-        for row in 0..height {
-            for column in 0..width {
-                let mut least = (most * most).min(square((column + 1).min(width - column)));
-                for other in (column - most).max(0)..=(column + most).min(width - 1) {
-                    let up = vertical[(row * width + other) as usize];
-                    least = least.min(square(other - column) + up * up);
-                }
-                distance_m.push((libm::sqrt(least as f64) * resolution) as f32);
-            }
-        }
-        Self { grid, distance_m }
+        Self { clearance: Clearance::of(&grid), grid }
     }
 
     /// The grid.
@@ -62,31 +35,16 @@ impl GridRoom {
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
-
-    fn distance_m(&self, x_m: f64, y_m: f64) -> f64 {
-        let (column, row) = self.grid.place(x_m, y_m);
-        let (width, height) = (self.grid.width() as i64, self.grid.height() as i64);
-        if !(0..width).contains(&column) || !(0..height).contains(&row) {
-            return 0.0;
-        }
-        f64::from(self.distance_m[(row * width + column) as usize])
-    }
-}
-
-fn square(cells: i64) -> i64 {
-    cells * cells
 }
 
 impl Room for GridRoom {
     fn is_free(&self, rect: &Rect, margin_m: f64) -> bool {
         let resolution = self.grid.resolution_m();
-        let distance = self.distance_m(rect.x_m, rect.y_m);
         let reach = rect.reach_m() + 1.5 * margin_m;
-        // Both middles of cells may be off by half a diagonal.
-        if distance - 1.42 * resolution > reach {
+        if self.clearance.at_least_m(rect.x_m, rect.y_m) > reach {
             return true;
         }
-        if distance + 0.71 * resolution < rect.core_m() {
+        if self.clearance.at_most_m(rect.x_m, rect.y_m) < rect.core_m() {
             return false;
         }
         let (left, low) = self.grid.place(rect.x_m - reach, rect.y_m - reach);
@@ -101,7 +59,7 @@ impl Room for GridRoom {
     }
 
     fn clearance_m(&self, x_m: f64, y_m: f64) -> f64 {
-        (self.distance_m(x_m, y_m) - 0.5 * self.grid.resolution_m()).max(0.0)
+        self.clearance.at_least_m(x_m, y_m).min(FAR_M)
     }
 
     fn corners_m(&self) -> [[f64; 2]; 2] {

@@ -1,27 +1,15 @@
 //! Fixes: what something else than the truck says of its pose, checked where it comes in.
 
 use nalgebra::SMatrix;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use xtb_control::units::Stamp;
+use xtb_protocol::messages::FixSource;
 
 /// Farthest coordinate, in m: the same as for goals.
 const LIMIT_M: f64 = 1.0e4;
 /// Standard deviations that can be meant, in m and in rad: no tracker is better than a tenth of a millimetre,
 /// and beyond a hundred metres nothing is measured.
 const SIGMA: std::ops::RangeInclusive<f64> = 1.0e-4..=100.0;
-
-/// Who measured it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FixSource {
-    /// Cameras that see the truck.
-    MotionCapture,
-    /// A camera that sees tags.
-    Tags,
-    /// Ultra-wide-band ranging.
-    Uwb,
-}
 
 /// A pose in the map as measured from outside.
 #[derive(Debug, Clone, Copy, PartialEq)]

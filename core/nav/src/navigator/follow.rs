@@ -21,8 +21,6 @@ const LOOK_STEP_M: f64 = 0.04;
 pub(super) const IN_THE_WAY_M: f64 = 0.02;
 /// Of what it keeps off unseen parts when it plans: so much counts when something comes into sight.
 const IN_THE_WAY_PART: f64 = 0.3;
-/// Room that the pose is held against at least, in m: narrower places are planned on purpose.
-const LEAST_ROOM_M: f64 = 0.06;
 /// A recovery that has gone so far is done, in m.
 const RECOVERED_M: f64 = 0.4;
 /// What was seen goes on so far where nobody has looked, for a recovery, in m.
@@ -97,8 +95,7 @@ impl Navigator {
         let Stage::Following(following) = &mut task.stage else { return stand(Standing::Planning) };
         self.look_ahead(now, sensed, following);
         let pose = sensed.estimate.pose;
-        // Less room than the margin was accepted by whoever planned the path: no reason to stop there.
-        let trust = Trust::of(sensed.estimate, following.clearance_m.max(MARGIN_M));
+        let trust = Trust::of(sensed.estimate, following.clearance_m);
         let trusted_mps = match trust {
             Trust::Full => f64::MAX,
             Trust::Slow { mps } => mps,
@@ -147,7 +144,7 @@ impl Navigator {
                 self.find_blocked(now, task, mark.map_or(at, |mark| [mark.x_m, mark.y_m]))
             }
             _ if following.obstructed_since.is_some_and(|since| now.since_ms(since) >= LOOK_MS)
-                && sensed.speed_mps.abs() < 0.01 =>
+                && sensed.stands() =>
             {
                 let at = following.obstructed.map_or([pose.x_m, pose.y_m], |(_, at)| at);
                 self.find_blocked(now, task, at)
@@ -165,7 +162,7 @@ impl Navigator {
             return;
         }
         following.looked = Some(now);
-        let (Some(local), Some(clearance)) = (&self.local, &self.clearance) else { return };
+        let (Some(local), Some(floor)) = (&self.local, &self.floor) else { return };
         let from_m = following.follower.way_m();
         let to_m = (from_m + LOOK_M).min(following.follower.length_m());
         let mut marks: Vec<[f64; 2]> = {
@@ -184,7 +181,7 @@ impl Navigator {
         let body = self.car.grown(IN_THE_WAY_M);
         while obstructed.is_none() {
             let (pose, _) = following.path.at(way_m);
-            let room_m = clearance.at_least_m(pose.x_m, pose.y_m) - self.car.half_width_m;
+            let room_m = floor.clearance.at_least_m(pose.x_m, pose.y_m) - self.car.half_width_m;
             least_m = least_m.min(room_m);
             let there = |point: &[f64; 2]| body.distance_m(&pose, *point) <= 0.0;
             obstructed = marks.iter().copied().find(there).map(|at| (way_m, at));
@@ -193,12 +190,14 @@ impl Navigator {
             }
             way_m = (way_m + LOOK_STEP_M).min(to_m);
         }
-        following.clearance_m = least_m.max(LEAST_ROOM_M);
+        // Less room than the margin was accepted by whoever planned the path: no reason to stop there.
+        following.clearance_m = least_m.max(MARGIN_M);
         // A stop with the look-out's room before it.
         following.obstructed = obstructed.map(|(way_m, at)| ((way_m - LOOKOUT_M).max(from_m), at));
-        let stands = sensed.speed_mps.abs() < 0.01;
         following.obstructed_since = match following.obstructed {
-            Some((way_m, _)) if way_m - from_m < 0.05 && stands => following.obstructed_since.or(Some(now)),
+            Some((way_m, _)) if way_m - from_m < 0.05 && sensed.stands() => {
+                following.obstructed_since.or(Some(now))
+            }
             _ => None,
         };
     }
@@ -279,8 +278,8 @@ impl Navigator {
             things.extend(local.obstacles(now).map(|mark| [mark.x_m, mark.y_m]));
             things.extend(local.unseen_around(now, RECOVERY_UNSEEN_M));
         }
-        if let Some(map) = &self.map {
-            let grid = map.grid();
+        if let Some(floor) = &self.floor {
+            let grid = floor.map.grid();
             let reach = libm::ceil((self.car.reach_m() + RECOVERED_M) / grid.resolution_m()) as i64;
             let (column, row) = grid.place(pose.x_m, pose.y_m);
             let cells = (-reach..=reach).flat_map(|up| (-reach..=reach).map(move |right| (right, up)));

@@ -2,14 +2,15 @@
 
 use super::follow::IN_THE_WAY_M;
 use super::look::first_on;
-use super::{Aim, LOOKOUT_M, MARGIN_M, RADIUS_FACTOR};
+use super::{Aim, Floor, LOOKOUT_M, MARGIN_M, RADIUS_FACTOR};
 use crate::MapPose;
 use crate::car::Car;
-use crate::map::{Map, ZoneLayers};
+use crate::local::{LocalLayer, LocalObstacle};
 use crate::path::Path;
 use crate::planner::{End, Goal, PlanError, Planner, PlannerSettings};
 use crate::space::{GridSpace, Hit, Layers, LookOut, Zones};
 use std::sync::Arc;
+use xtb_control::Stamp;
 
 /// How careful a plan is.
 #[derive(Debug, Clone, Copy)]
@@ -41,24 +42,44 @@ pub(super) const STANDS_M: f64 = 0.04;
 pub(super) const TOLERANCE_M: f64 = 0.05;
 /// And this near to its yaw.
 const TOLERANCE_RAD: f64 = 0.05;
+/// A mark that was not seen for this long is not in sight.
+const IN_SIGHT_MS: u64 = 1_000;
+
 /// A path to look for.
 #[derive(Debug, Clone)]
 pub struct PlanJob {
     /// For the answer.
     pub(super) number: u64,
-    pub(super) map: Arc<Map>,
-    pub(super) zones: Arc<ZoneLayers>,
+    pub(super) now: Stamp,
+    pub(super) floor: Arc<Floor>,
+    /// What is not on the map.
+    pub(super) layer: LocalLayer,
+    /// Marks count that were seen within this time.
+    pub(super) lately_ms: u64,
+    /// Whether it may go and look first.
+    pub(super) may_look: bool,
+    pub(super) car: Car,
+    pub(super) start: MapPose,
+    pub(super) aim: Aim,
+}
+
+/// A job that is being worked off.
+pub(super) struct Search<'a> {
+    job: &'a PlanJob,
     /// What is not on the map, (x, y) in m.
     pub(super) local: Vec<[f64; 2]>,
     /// Where that may go on, for each of [`CARES`].
     pub(super) unseen: [Vec<[f64; 2]>; CARES.len()],
     /// Of the local ones those that are not in sight now.
     pub(super) stale: Vec<[f64; 2]>,
-    /// Whether it may go and look first.
-    pub(super) may_look: bool,
-    pub(super) car: Car,
-    pub(super) start: MapPose,
-    pub(super) aim: Aim,
+}
+
+impl std::ops::Deref for Search<'_> {
+    type Target = PlanJob;
+
+    fn deref(&self) -> &PlanJob {
+        self.job
+    }
 }
 
 /// What came of a job.
@@ -102,9 +123,22 @@ impl PlanJob {
     /// Works it off; takes milliseconds, in bad cases a few hundred.
     #[must_use]
     pub fn run(&self, planner: &mut Planner) -> PlanDone {
-        PlanDone { number: self.number, result: self.plan(planner) }
+        let age_ms = |mark: &LocalObstacle| self.now.since_ms(mark.seen);
+        let marks = |counts: &dyn Fn(u64) -> bool| {
+            let counting = self.layer.obstacles(self.now).filter(|mark| counts(age_ms(mark)));
+            counting.map(|mark| [mark.x_m, mark.y_m]).collect()
+        };
+        let search = Search {
+            job: self,
+            local: marks(&|age_ms| age_ms < self.lately_ms),
+            unseen: CARES.map(|care| self.layer.unseen_around(self.now, care.unseen_m)),
+            stale: marks(&|age_ms| age_ms > IN_SIGHT_MS),
+        };
+        PlanDone { number: self.number, result: search.plan(planner) }
     }
+}
 
+impl Search<'_> {
     fn plan(&self, planner: &mut Planner) -> Result<Planned, PlanFailure> {
         let mut last = PlanFailure::for_good("no plan was made".to_owned());
         for (index, (care, unseen)) in CARES.iter().zip(&self.unseen).enumerate() {
@@ -142,8 +176,8 @@ impl PlanJob {
     /// Keep-out zones, and where what is not on the map may go on: the body keeps off both, while the
     /// look-out may reach into either.
     fn zones(&self, care: &Care, unseen: &[[f64; 2]]) -> Zones {
-        let grid = self.map.grid();
-        let mut zones = self.zones.keep_outs.clone();
+        let grid = self.floor.map.grid();
+        let mut zones = self.floor.zones.keep_outs.clone();
         zones.cells.resize(grid.cells().len(), 0);
         zones.names.push(UNSEEN.to_owned());
         let number = zones.names.len() as u16;
@@ -186,9 +220,9 @@ impl PlanJob {
         let car = Car { radius_m: self.car.radius_m * RADIUS_FACTOR, ..self.car.grown(margin_m) };
         let zones = self.zones(care, unseen);
         let layers = Layers {
-            grid: self.map.grid(),
+            grid: self.floor.map.grid(),
             zones: Some(&zones),
-            one_way: self.zones.one_way.as_deref(),
+            one_way: self.floor.zones.one_way.as_deref(),
             local_m: local,
         };
         let look_out = LookOut { ahead_m: LOOKOUT_M - margin_m, half_width_m: 0.2 };

@@ -2,7 +2,7 @@
 //! marks that nobody has seen for a while, a place from which the beams of a bumper show more.
 
 use super::MARGIN_M;
-use super::job::{CARES, Care, PlanJob, STANDS_M, TOLERANCE_M};
+use super::job::{CARES, Care, STANDS_M, Search, TOLERANCE_M};
 use crate::path::{Path, wrap_rad};
 use crate::planner::{Goal, Planner};
 use crate::space::Space;
@@ -34,7 +34,7 @@ const BESIDE_SIGHT_M: f64 = 0.04;
 /// The yaw in which it looks.
 const TOLERANCE_RAD: f64 = 0.1;
 
-impl PlanJob {
+impl Search<'_> {
     /// A path to where a doubt on the way to the goal can be seen, and how far it keeps off doubts, in m.
     pub(super) fn look(&self, planner: &mut Planner) -> Option<(Path, f64)> {
         let doubts = self.doubts(planner);
@@ -109,7 +109,7 @@ impl PlanJob {
             let (before_m, beside_m) = (dx * cos + dy * sin, dy * cos - dx * sin);
             (AT_IT_M..sight_m).contains(&before_m) && beside_m.abs() < BESIDE_SIGHT_M
         };
-        let grid = self.map.grid();
+        let grid = self.floor.map.grid();
         let steps = libm::ceil(2.0 * sight_m / grid.resolution_m()) as u32;
         let mut line = (0..=steps).map(|step| sight_m * f64::from(step) / f64::from(steps));
         !self.local.iter().any(hides) && line.all(|m| grid.at(at[0] - m * cos, at[1] - m * sin) == Cell::Free)

@@ -92,7 +92,7 @@ impl Navigator {
     /// Takes over a new path once it stands, and each release at once. Without traffic control for
     /// [`ALONE_AFTER_MS`] a robot that stands at the end of what was released looks for itself.
     pub(super) fn follow_lead(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) {
-        let stands = sensed.speed_mps.abs() < 0.01;
+        let stands = sensed.stands();
         if !self.led.leads(now) {
             if self.led.may_lead(now) {
                 return;

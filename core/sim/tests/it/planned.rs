@@ -1,7 +1,6 @@
 //! Planned goals with the full vehicle: around what the map knows of, through doors, to a yaw.
 
 use crate::journeys::{Hinder, journeys, journeys_in_clutter};
-use std::sync::Arc;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Outcome, Request, RobotState, Via};
@@ -34,7 +33,7 @@ impl Drive {
     }
 
     fn with(simulation: Simulation, seed: u64) -> Self {
-        let map = Arc::new(simulation.world().chart(0.05).unwrap());
+        let map = simulation.world().chart(0.05).unwrap();
         let mut lockstep =
             Lockstep::new(simulation, &Name::new("lab").unwrap(), &VehicleConfig::default()).unwrap();
         lockstep.set_map(&map);
@@ -124,4 +123,20 @@ fn among_boxes_known_and_unknown_nothing_is_touched() {
         assert!(journey.is_honest(), "{journey:?}");
         assert_eq!(journey.contacts, 0, "{journey:?}");
     }
+}
+
+/// A fleet's map is published again every half minute.
+#[test]
+fn the_same_map_again_changes_nothing() {
+    let mut drive = Drive::new(LAB, 1, 3);
+    let map = drive.lockstep.simulation().world().chart(0.05).unwrap();
+    assert!(matches!(drive.goto(0, 4.0, 5.0, Some(0.0)), Outcome::Ok(_)));
+    drive.run_s(5.0);
+    let route = |drive: &mut Drive| drive.lockstep.state(0).unwrap().nav.route.unwrap();
+    let before = route(&mut drive);
+    drive.lockstep.set_map(&map);
+    drive.run_s(1.0);
+    let after = route(&mut drive);
+    assert_eq!((after.plans, after.track), (before.plans, before.track));
+    assert!(after.done_m > before.done_m + 0.1, "it drives on: {} m, {} m", before.done_m, after.done_m);
 }
