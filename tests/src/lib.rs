@@ -4,12 +4,14 @@
 //! these run side by side.
 
 pub mod fuzz;
+pub mod live;
 pub mod load;
 mod pilot;
 mod probe;
 pub mod processes;
 pub mod rig;
 
+pub use live::Live;
 pub use pilot::Pilot;
 pub use probe::Probe;
 pub use rig::{Rig, Trial};

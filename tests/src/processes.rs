@@ -49,6 +49,25 @@ impl Process {
         Self(child.unwrap_or_else(|error| panic!("{error}")))
     }
 
+    /// Starts `command` and returns the first line that it prints: it is ready then.
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    #[must_use]
+    pub fn start_ready(command: &mut Command) -> (Self, String) {
+        let mut process = Self::start(command.stdout(Stdio::piped()));
+        let mut line = String::new();
+        let output = process.0.stdout.take().unwrap_or_else(|| panic!("no output"));
+        let _ = BufReader::new(output).read_line(&mut line);
+        (process, line)
+    }
+
+    /// Whether it has not ended yet.
+    #[must_use]
+    pub fn runs(&mut self) -> bool {
+        matches!(self.0.try_wait(), Ok(None))
+    }
+
     /// Sends a signal.
     ///
     /// # Panics
@@ -96,11 +115,7 @@ impl RouterProcess {
 
     fn start_at(listen: &str) -> Self {
         let mut command = Command::new(program("fleet-cli"));
-        let mut process =
-            Process::start(command.args(["--json", "router", "--listen", listen]).stdout(Stdio::piped()));
-        let mut line = String::new();
-        let output = process.0.stdout.take().unwrap_or_else(|| panic!("no output"));
-        let _ = BufReader::new(output).read_line(&mut line);
+        let (process, line) = Process::start_ready(command.args(["--json", "router", "--listen", listen]));
         // {"ready":true,"router":"tcp/127.0.0.1:40001"}
         let endpoint = line.split('"').find(|part| part.starts_with("tcp/"));
         let endpoint = endpoint.unwrap_or_else(|| panic!("the router says {line:?}")).to_owned();

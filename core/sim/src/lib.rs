@@ -20,6 +20,7 @@ mod gyro;
 mod infrared;
 mod line;
 pub mod lockstep;
+pub mod meetings;
 mod noise;
 pub mod parameters;
 mod platform;
