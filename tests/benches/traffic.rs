@@ -120,6 +120,7 @@ fn tell(name: &str, round: usize, told: &Told) {
     told.meeting.touched.iter().for_each(|touched| println!("  touched: {touched}"));
     println!("  stood for: {}", told.meeting.stood_for);
     println!("  ends: {:?}", told.meeting.ends);
+    told.latched.iter().for_each(|latched| println!("  latched: {latched}"));
 }
 
 /// A scene in a line of the table, and whether every round kept its limits.

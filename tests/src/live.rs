@@ -49,6 +49,9 @@ pub struct Told {
     pub robots: usize,
     /// Whose agent was killed.
     pub killed: Option<String>,
+    /// What was latched at the end, and whose: nobody here latches anything, but a machine that is too busy for
+    /// its agents does.
+    pub latched: Vec<String>,
     /// Real time that it took.
     pub wall_s: f64,
     /// Turns of the control loops that came more than 5 ms late, of all.
@@ -199,11 +202,18 @@ impl Live {
             self.meddle(trouble, made.took_s, &sights);
         }
         let late = |sights: &[Sight]| sights.iter().map(|sight| sight.state.turns_late).sum::<u64>();
+        let after = self.sights();
+        let latched = |sight: &Sight| {
+            let Sight { state, .. } = sight;
+            let latches: Vec<_> = state.latches.iter().map(|latch| latch.latch).collect();
+            (!latches.is_empty()).then(|| format!("{} {latches:?} {:?}", state.robot, state.faults))
+        };
         Told {
+            latched: after.iter().filter_map(latched).collect(),
             robots: goals.len(),
             killed: self.dead.first().map(|&index| self.names[index].to_string()),
             wall_s: began.elapsed().as_secs_f64(),
-            turns_late: late(&self.sights()) - late(&before),
+            turns_late: late(&after) - late(&before),
             meeting: witness.into_made(),
         }
     }

@@ -14,3 +14,4 @@ mod processes;
 mod recording;
 mod style;
 mod teleop;
+mod traffic;
