@@ -1,6 +1,6 @@
 //! Scenes for several robots and traffic control, and what comes of them by ground truth.
 
-use crate::planned::Drive;
+use crate::drive::Drive;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
