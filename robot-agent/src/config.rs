@@ -13,6 +13,8 @@ use xtb_control::VehicleConfig;
 use xtb_control::config::{Allowed::*, ConfigError, Origin::*, Parameter, render_toml, validate};
 use xtb_control::config_section;
 use xtb_control::frames::MapPose;
+use xtb_nav::NavSettings;
+use xtb_nav::settings::{ArrivalSettings, DriveSettings, PoseSettings, UnknownSettings};
 use xtb_protocol::Name;
 use xtb_protocol::board::rates::LineRates;
 use xtb_protocol::keys::NameError;
@@ -55,9 +57,40 @@ config_section! {
 }
 
 config_section! {
-    /// Planned goals.
-    NavSection "nav" {
+    /// Planned goals: on which map.
+    MapSection "navigation" {
         map: String = String::new(), "", Text, Ours, "Map to plan on, a YAML file of ROS's map_server; empty = the fleet's, from `fleet-cli map serve`.";
+    }
+}
+
+/// The second level: the map, and beside it the sections of [`NavSettings`].
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NavigationSection {
+    /// See [`MapSection`].
+    pub map: String,
+    /// Along a path.
+    pub drive: DriveSettings,
+    /// On arrival.
+    pub arrival: ArrivalSettings,
+    /// What is not on the map.
+    pub unknown: UnknownSettings,
+    /// Where it is.
+    pub pose: PoseSettings,
+}
+
+impl NavigationSection {
+    fn parameters(&self) -> Vec<Parameter> {
+        let mut all = MapSection { map: self.map.clone() }.parameters();
+        all.extend(self.settings().parameters());
+        all
+    }
+
+    /// How it drives.
+    #[must_use]
+    pub fn settings(&self) -> NavSettings {
+        let Self { drive, arrival, unknown, pose, .. } = self.clone();
+        NavSettings { drive, arrival, unknown, pose }
     }
 }
 
@@ -73,8 +106,8 @@ pub struct ConfigFile {
     pub hardware: HardwareSection,
     /// Where it stands.
     pub start_pose: StartPose,
-    /// Planned goals.
-    pub nav: NavSection,
+    /// The second level.
+    pub navigation: NavigationSection,
     /// What it is.
     pub vehicle: VehicleConfig,
 }
@@ -143,6 +176,8 @@ pub struct AgentConfig {
     pub start_pose: MapPose,
     /// Its vehicle.
     pub vehicle: VehicleConfig,
+    /// How it drives along paths.
+    pub navigation: NavSettings,
     /// Its own map; `None` = the fleet's.
     pub map: Option<PathBuf>,
     /// Folder for a recording of every step.
@@ -220,6 +255,7 @@ impl Layers {
                 reason: error.to_string().trim_end().to_owned(),
             })?;
         validate(&file.own_parameters())?;
+        file.navigation.settings().validate()?;
         file.vehicle.validate()?;
         file.validate_rates()?;
         Ok(file)
@@ -232,7 +268,7 @@ impl ConfigFile {
         all.extend(self.zenoh.parameters());
         all.extend(self.hardware.parameters());
         all.extend(self.start_pose.parameters());
-        all.extend(self.nav.parameters());
+        all.extend(self.navigation.parameters());
         all
     }
 
@@ -267,11 +303,13 @@ impl ConfigFile {
         )
     }
 
-    /// What the agent needs, with names checked.
+    /// What the agent needs, with names and planned speeds checked.
     ///
     /// # Errors
-    /// [`ConfigProblem::Name`].
+    /// [`ConfigProblem::Name`]; [`ConfigProblem::Value`] for speeds from which this vehicle cannot stop.
     pub fn agent(&self) -> Result<AgentConfig, ConfigProblem> {
+        let navigation = self.navigation.settings();
+        navigation.validate_for(&self.vehicle)?;
         let StartPose { x_m, y_m, yaw_rad } = self.start_pose;
         Ok(AgentConfig {
             fleet: Name::new(&self.agent.fleet)?,
@@ -280,7 +318,8 @@ impl ConfigFile {
             connect: self.zenoh.connect.clone(),
             start_pose: MapPose { x_m, y_m, yaw_rad },
             vehicle: self.vehicle.clone(),
-            map: (!self.nav.map.is_empty()).then(|| PathBuf::from(&self.nav.map)),
+            map: (!self.navigation.map.is_empty()).then(|| PathBuf::from(&self.navigation.map)),
+            navigation,
             record: None,
             world_speed: 1.0,
         })
@@ -355,6 +394,29 @@ mod tests {
     fn a_value_out_of_range_names_field_value_and_range() {
         let error = with("[vehicle.goto]\ntolerance_m = 0.0\n").unwrap_err().to_string();
         assert_eq!(error, "goto.tolerance_m = 0.0 is not allowed: 0.01..=5 m");
+    }
+
+    #[test]
+    fn a_setting_of_navigation_is_refused_by_its_whole_name() {
+        let error = with("[navigation.drive]\nlook_ahead_m = 2.0\n").unwrap_err().to_string();
+        assert_eq!(error, "navigation.drive.look_ahead_m = 2.0 is not allowed: 0.15..=0.6 m");
+        let error = with("[navigation.drive]\nmeeting_mps = 0.4\n").unwrap_err().to_string();
+        assert!(error.starts_with("navigation.drive.cruise_mps = 0.35 is not allowed: it must"), "{error}");
+        let error = with("[navigation.pose]\ngates = 2\n").unwrap_err().to_string();
+        assert!(error.ends_with("did you mean navigation.pose.gate?"), "{error}");
+        // What a replay needs is in order; the truck that drives would not stop in time.
+        let file = with("[vehicle.obstacle]\nthreshold_cm = 20.0\n").unwrap();
+        let error = file.agent().unwrap_err().to_string();
+        assert!(error.starts_with("navigation.drive.cruise_mps = 0.35 is not allowed: the 20 cm"), "{error}");
+    }
+
+    #[test]
+    fn settings_of_navigation_reach_the_agent() {
+        let text = "[navigation]\nmap = \"lab.yaml\"\n[navigation.drive]\ncruise_mps = 0.3\n\
+                    [navigation.unknown]\nfades_s = 20\n";
+        let agent = with(text).unwrap().agent().unwrap();
+        assert_eq!(agent.map, Some(PathBuf::from("lab.yaml")));
+        assert_eq!((agent.navigation.drive.cruise_mps, agent.navigation.unknown.fades_s), (0.3, 20.0));
     }
 
     #[test]

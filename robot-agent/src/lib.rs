@@ -83,6 +83,7 @@ pub async fn run(
     };
     let about = session::about(config, &identity, hardware.kind());
     let mut robot = Robot::new(identity.clone(), config.vehicle.clone(), VERSION);
+    robot.agent_mut().set_navigation(&config.vehicle, &config.navigation);
     robot.agent_mut().set_world_speed(config.world_speed);
     if let Some(path) = &config.map {
         robot.agent_mut().set_floor(Arc::new(Floor::of(chart::read(path)?)));

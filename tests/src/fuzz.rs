@@ -6,13 +6,15 @@
 //! corpus on the stable toolchain.
 
 mod lines;
+mod maps;
 mod messages;
 mod mutate;
 mod seeds;
 mod text;
 
 pub use lines::{board, gyro};
-pub use messages::{command, estop, teleop};
+pub use maps::{fleet_map, ros_map};
+pub use messages::{command, estop, fix, robot_state, route, teleop, traffic};
 pub use mutate::Mutator;
 pub use text::{agent_config, fleet_config, trace};
 
@@ -35,7 +37,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 14] = [
     Target { name: "command", check: command, seeds: seeds::command, rounds: 30_000 },
     Target { name: "teleop", check: teleop, seeds: seeds::teleop, rounds: 40_000 },
     Target { name: "estop", check: estop, seeds: seeds::estop, rounds: 40_000 },
@@ -43,6 +45,12 @@ pub const TARGETS: [Target; 8] = [
     Target { name: "gyro", check: gyro, seeds: seeds::gyro, rounds: 40_000 },
     Target { name: "fleet_config", check: fleet_config, seeds: seeds::fleet_config, rounds: 60_000 },
     Target { name: "agent_config", check: agent_config, seeds: seeds::agent_config, rounds: 8_000 },
+    Target { name: "fix", check: fix, seeds: seeds::fix, rounds: 40_000 },
+    Target { name: "route", check: route, seeds: seeds::route, rounds: 20_000 },
+    Target { name: "traffic", check: traffic, seeds: seeds::traffic, rounds: 30_000 },
+    Target { name: "robot_state", check: robot_state, seeds: seeds::robot_state, rounds: 10_000 },
+    Target { name: "fleet_map", check: fleet_map, seeds: seeds::fleet_map, rounds: 10_000 },
+    Target { name: "ros_map", check: ros_map, seeds: seeds::ros_map, rounds: 10_000 },
     Target { name: "trace", check: trace, seeds: seeds::trace, rounds: 20_000 },
 ];
 

@@ -31,7 +31,8 @@ use xtb_control::controller::Mode;
 use xtb_control::frames::MapPose;
 use xtb_control::odometry::OdomPose;
 use xtb_control::{Command, Outputs, Stamp, VehicleConfig};
-use xtb_nav::filter::{FilterTuning, PoseFilter};
+use xtb_nav::NavSettings;
+use xtb_nav::filter::PoseFilter;
 use xtb_nav::navigator::Navigator;
 use xtb_protocol::messages::{
     Event, EventKind, Fault, GoalEnd, GoalStatus, InputAges, Latch, Lease, LinkLoss, PoseSource, PoseState,
@@ -153,14 +154,8 @@ impl Agent {
             },
             max_rpm: vehicle.teleop.max_rpm,
             mps_per_rpm: vehicle.mps_per_rpm(),
-            filter: PoseFilter::new(
-                vehicle,
-                FilterTuning::default(),
-                Stamp::ZERO,
-                &OdomPose::default(),
-                &identity.start_pose,
-            ),
-            nav: Navigator::new(vehicle),
+            filter: filter(vehicle, &NavSettings::default(), &identity),
+            nav: Navigator::new(vehicle, &NavSettings::default()),
             lead: navigate::Lead::default(),
             guards: Guards::default(),
             lease: LeaseBook::new(identity.epoch),
@@ -194,6 +189,12 @@ impl Agent {
         };
         agent.emit(Stamp::ZERO, EventKind::Started { version: version.to_owned() });
         agent
+    }
+
+    /// Other settings of the second level, before its first turn.
+    pub fn set_navigation(&mut self, vehicle: &VehicleConfig, settings: &NavSettings) {
+        self.filter = filter(vehicle, settings, &self.identity);
+        self.nav = Navigator::new(vehicle, settings);
     }
 
     /// Which rules are in force; see [`Guard`].
@@ -492,4 +493,9 @@ impl Agent {
             fix_age_ms: estimate.fix_age_ms,
         }
     }
+}
+
+/// A filter of a robot that stands at its start pose.
+fn filter(vehicle: &VehicleConfig, settings: &NavSettings, identity: &Identity) -> PoseFilter {
+    PoseFilter::new(vehicle, settings.filter(), Stamp::ZERO, &OdomPose::default(), &identity.start_pose)
 }

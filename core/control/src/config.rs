@@ -192,7 +192,7 @@ pub fn render_toml(prefix: &str, parameters: &[Parameter]) -> String {
     let mut open = "";
     for p in parameters {
         // What stands in no section of its own belongs to the prefix's.
-        let (section, field) = p.name.split_once('.').unwrap_or(("", &p.name));
+        let (section, field) = p.name.rsplit_once('.').unwrap_or(("", &p.name));
         if section != open || text.is_empty() {
             text.push_str(&format!("\n[{}]\n", format!("{prefix}{section}").trim_end_matches('.')));
             open = section;

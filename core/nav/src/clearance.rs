@@ -31,14 +31,10 @@ impl Clearance {
     /// The field around all cells, by their index, that are `blocked`.
     pub(crate) fn around(grid: &Grid, blocked: impl Fn(usize) -> bool) -> Self {
         let (columns, rows) = (grid.width() + 1, grid.height() + 1);
-        let away = along_columns(&touching(grid, blocked), columns);
         let mut metres = vec![0.0; columns * rows];
-        let mut envelope = Vec::with_capacity(columns);
-        for (row, metres) in away.chunks(columns).zip(metres.chunks_mut(columns)) {
-            along_row(row, &mut envelope, |column, squared| {
-                metres[column] = rounded_down(libm::sqrt(squared as f64) * grid.resolution_m());
-            });
-        }
+        squared_distances(&touching(grid, blocked), columns, |corner, squared| {
+            metres[corner] = rounded_down(libm::sqrt(squared as f64) * grid.resolution_m());
+        });
         Self { resolution_m: grid.resolution_m(), origin_m: grid.origin_m(), columns, rows, metres }
     }
 
@@ -89,6 +85,16 @@ fn touching(grid: &Grid, blocked: impl Fn(usize) -> bool) -> Vec<bool> {
         }
     }
     corners
+}
+
+/// Tells for each point of a lattice with so many columns the squared distance to the nearest one that is
+/// marked, by index. The first row must be.
+pub(crate) fn squared_distances(marked: &[bool], columns: usize, mut tell: impl FnMut(usize, i64)) {
+    let away = along_columns(marked, columns);
+    let mut envelope = Vec::with_capacity(columns);
+    for (row, away) in away.chunks(columns).enumerate() {
+        along_row(away, &mut envelope, |column, squared| tell(row * columns + column, squared));
+    }
 }
 
 /// In cells, how far the nearest marked corner of the same column is. The edge is marked, so there is one.

@@ -29,7 +29,7 @@ mod tuning;
 
 pub use estimate::{Estimate, FixCounts};
 pub use fix::{Fix, FixError, FixOutcome};
-pub use trust::Trust;
+pub use trust::{Trust, TrustLimits};
 pub use tuning::Filter as FilterTuning;
 pub use xtb_protocol::messages::FixSource;
 
@@ -170,7 +170,7 @@ impl PoseFilter {
             return Ok(self.gather(fix.stamp, slot, measurement, None));
         }
         let mut state = *self.history.state(slot);
-        let test = state.correct(&measurement);
+        let test = state.correct(&measurement, self.tuning.gate);
         if !test.passed() {
             return Ok(self.gather(fix.stamp, slot, measurement, Some(test.mahalanobis)));
         }
@@ -203,7 +203,7 @@ impl PoseFilter {
         match mahalanobis {
             Some(mahalanobis) => {
                 self.counts.rejected += 1;
-                FixOutcome::Rejected { mahalanobis, limit: fix.limit() }
+                FixOutcome::Rejected { mahalanobis, limit: fix.limit(self.tuning.gate) }
             }
             None => {
                 self.counts.gathered += 1;

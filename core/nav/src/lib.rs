@@ -22,6 +22,7 @@ pub mod path;
 pub mod planner;
 pub mod reeds_shepp;
 pub mod rooms;
+pub mod settings;
 pub mod space;
 pub mod traffic;
 
@@ -34,5 +35,6 @@ pub use local::LocalLayer;
 pub use map::{Map, Zone, ZoneKind};
 pub use path::{Path, Piece};
 pub use planner::{Goal, Plan, PlanError, Planner, PlannerSettings};
+pub use settings::NavSettings;
 pub use space::{GridSpace, Space};
 pub use xtb_control::frames::MapPose;

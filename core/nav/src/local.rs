@@ -59,16 +59,18 @@ pub struct LocalLayer {
     /// Where nothing stood.
     free: Marks,
     foldback: [Foldback; 12],
+    fades_ms: u64,
+    fades_beside_ms: u64,
 }
 
 impl LocalLayer {
     /// Side of a cell where there is no map, in m.
     pub const RESOLUTION_M: f64 = 0.05;
-    /// How long a mark that is not seen again counts.
+    /// How long a mark that is not seen again counts, unless it is set.
     pub const FADES_MS: u64 = 60_000;
     /// Most marks; beyond, the one that was not seen for longest goes.
     pub const MOST_MARKS: usize = 1024;
-    /// How long a mark beside the body counts that is not seen again.
+    /// How long a mark beside the body counts that is not seen again, unless it is set.
     pub const FADES_BESIDE_MS: u64 = 60_000;
     /// Most cells that are known to be free.
     const MOST_FREE: usize = 4096;
@@ -83,7 +85,15 @@ impl LocalLayer {
             marks: Marks::new(resolution_m, origin_m, Self::MOST_MARKS),
             free: Marks::new(resolution_m, origin_m, Self::MOST_FREE),
             foldback: [Foldback::default(); 12],
+            fades_ms: Self::FADES_MS,
+            fades_beside_ms: Self::FADES_BESIDE_MS,
         }
+    }
+
+    /// With other times for marks that are not seen again.
+    #[must_use]
+    pub fn fading(self, fades_ms: u64, fades_beside_ms: u64) -> Self {
+        Self { fades_ms, fades_beside_ms, ..self }
     }
 
     /// A scan at `now`; `others` are trucks whose poses are known. A pose that is not finite sees nothing.
@@ -106,12 +116,12 @@ impl LocalLayer {
         };
         for (beam, sight) in beams.iter().zip(sights) {
             match sight {
-                Sight::Folded(point) if !known(point) => self.marks.see(now, point, Self::FADES_MS),
+                Sight::Folded(point) if !known(point) => self.marks.see(now, point, self.fades_ms),
                 Sight::Hit { from_m, to_m } => {
                     let steps = libm::ceil((to_m - from_m) / known_m).max(1.0);
                     let place = |step: u32| beam.at(from_m + f64::from(step) / steps * (to_m - from_m));
                     if !(0..=steps as u32).any(|step| known(place(step))) {
-                        self.marks.see(now, beam.at(to_m), Self::FADES_MS);
+                        self.marks.see(now, beam.at(to_m), self.fades_ms);
                     }
                 }
                 Sight::Folded(_) | Sight::Free { .. } => {}
@@ -127,7 +137,7 @@ impl LocalLayer {
         let (car, pose) = (self.car, scan.pose);
         self.stand_on(now, &pose);
         let beside = |point| is_beside(&car, &pose, point);
-        self.marks.hold(now.plus_ms(Self::FADES_MS), Self::FADES_BESIDE_MS, beside);
+        self.marks.hold(now.plus_ms(self.fades_ms), self.fades_beside_ms, beside);
         self.marks.retain(|point| {
             car.distance_m(&pose, point) > 0.0
                 && others.iter().all(|(there, other)| other.distance_m(there, point) > known_m)
@@ -143,7 +153,7 @@ impl LocalLayer {
                 let along_m = f64::from(step) * step_m;
                 self.marks.remove_before(now, beam.at(along_m));
                 for left_m in [-BESIDE_BEAM_M, 0.0, BESIDE_BEAM_M] {
-                    self.free.see(now, beam.beside(along_m, left_m), Self::FADES_MS);
+                    self.free.see(now, beam.beside(along_m, left_m), self.fades_ms);
                 }
             }
         }
@@ -160,7 +170,7 @@ impl LocalLayer {
         for ahead_m in steps(-self.car.rear_m, self.car.front_m) {
             for left_m in steps(-self.car.half_width_m, self.car.half_width_m) {
                 let (x_m, y_m) = (ahead_m * cos - left_m * sin, ahead_m * sin + left_m * cos);
-                self.free.see(now, [pose.x_m + x_m, pose.y_m + y_m], Self::FADES_MS);
+                self.free.see(now, [pose.x_m + x_m, pose.y_m + y_m], self.fades_ms);
             }
         }
     }

@@ -26,9 +26,10 @@ pub use route::Led;
 use crate::MapPose;
 use crate::car::Car;
 use crate::filter::Estimate;
-use crate::follower::{Follower, FollowerSettings, GoalTolerance};
+use crate::follower::{Follower, FollowerSettings};
 use crate::local::{BumperScan, LocalLayer};
 use crate::path::Path;
+use crate::settings::NavSettings;
 use follow::Following;
 use job::Planned;
 use std::sync::Arc;
@@ -42,10 +43,6 @@ pub const MARGIN_M: f64 = 0.06;
 pub const LOOKOUT_M: f64 = 0.32;
 /// Planned circles are wider than the smallest by this factor, so that there is steering to correct with.
 pub const RADIUS_FACTOR: f64 = 1.15;
-/// On released stretches, in m/s.
-pub const CRUISE_MPS: f64 = 0.35;
-/// Where another robot may come head-on, in m/s: each of two needs its own stopping distance.
-pub const HEAD_ON_MPS: f64 = 0.2;
 /// Traffic control that has not been heard for this long is gone.
 pub const TRAFFIC_LOST_MS: u64 = 3_000;
 /// And this long after its last word a robot that was led goes its own way: a service that died is back
@@ -202,6 +199,7 @@ struct Task {
 pub struct Navigator {
     vehicle: VehicleConfig,
     car: Car,
+    settings: NavSettings,
     follower: FollowerSettings,
     floor: Option<Arc<Floor>>,
     local: Option<LocalLayer>,
@@ -214,11 +212,12 @@ pub struct Navigator {
 impl Navigator {
     /// A navigator without a map.
     #[must_use]
-    pub fn new(vehicle: &VehicleConfig) -> Self {
+    pub fn new(vehicle: &VehicleConfig, settings: &NavSettings) -> Self {
         Self {
             vehicle: vehicle.clone(),
             car: Car::of(vehicle),
-            follower: FollowerSettings::default(),
+            settings: settings.clone(),
+            follower: settings.follower(),
             floor: None,
             local: None,
             task: None,
@@ -234,7 +233,9 @@ impl Navigator {
         if self.floor.as_ref().is_some_and(|known| known.map.hash() == floor.map.hash()) {
             return;
         }
-        self.local = Some(LocalLayer::new(self.car, Some(floor.map.grid())));
+        let (fades_ms, beside_ms) = self.settings.fades_ms();
+        let local = LocalLayer::new(self.car, Some(floor.map.grid()));
+        self.local = Some(local.fading(fades_ms, beside_ms));
         self.floor = Some(floor);
         if let Some(task) = &mut self.task {
             task.seek();
@@ -417,7 +418,7 @@ impl Navigator {
             return;
         }
         let follower = done.result.and_then(|Planned { path, unseen_m, look }| {
-            let tolerance = if look { GoalTolerance::default() } else { tolerance(&task.aim) };
+            let tolerance = self.settings.tolerance(look || task.aim.yaw_rad.is_some());
             let follower = Follower::new(&path, &self.car, self.follower.clone(), tolerance);
             follower
                 .map(|follower| (path, follower, unseen_m, look))
@@ -429,6 +430,7 @@ impl Navigator {
                 task.looks += u32::from(look);
                 let mut following = Following::own(path, follower, unseen_m, look);
                 following.lately_ms = lately_ms(task.tries);
+                following.cruise_mps = self.settings.drive.meeting_mps;
                 task.stage = Stage::Following(Box::new(following));
             }
             Err(failure) => task.no_way(now, failure),
@@ -476,10 +478,4 @@ fn lately_ms(tries: u32) -> u64 {
 /// Stands with straight wheels.
 fn stand(why: Standing) -> Decision {
     Decision::Go(Command::Follow { rpm: WheelRpm::ZERO, steering: Steering::CENTRED }, Some(why))
-}
-
-/// The memorandum's box (§4.10), and 15° where a yaw was asked for.
-fn tolerance(aim: &Aim) -> GoalTolerance {
-    let yaw_rad = aim.yaw_rad.and(GoalTolerance::default().yaw_rad);
-    GoalTolerance { yaw_rad, ..GoalTolerance::default() }
 }

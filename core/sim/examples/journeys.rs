@@ -10,11 +10,11 @@ mod agent;
 #[path = "../tests/it/draw.rs"]
 mod draw;
 #[allow(dead_code)]
+#[path = "../tests/it/drive.rs"]
+mod drive;
+#[allow(dead_code)]
 #[path = "../tests/it/journeys.rs"]
 mod journeys;
-#[allow(dead_code, unused_imports)]
-#[path = "../tests/it/planned.rs"]
-mod planned;
 #[allow(dead_code)]
 #[path = "../tests/it/trips.rs"]
 mod trips;

@@ -5,22 +5,19 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 #[allow(dead_code)]
-#[path = "../tests/it/draw.rs"]
-mod draw;
+#[path = "drawing/mod.rs"]
+mod drawing;
 #[allow(dead_code)]
-#[path = "../tests/it/journeys.rs"]
-mod journeys;
+#[path = "../tests/it/drive.rs"]
+mod drive;
 #[allow(dead_code)]
 #[path = "../tests/it/meetings.rs"]
 mod meetings;
-#[allow(dead_code, unused_imports)]
-#[path = "../tests/it/planned.rs"]
-mod planned;
 #[path = "together/plot.rs"]
 mod plot;
 
+use drive::Drive;
 use meetings::{Door, Meeting, Trouble, circle, narrow};
-use planned::Drive;
 use std::path::Path;
 
 fn main() {

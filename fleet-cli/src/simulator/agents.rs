@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use xtb_control::VehicleConfig;
+use xtb_nav::NavSettings;
 use xtb_protocol::Name;
 use xtb_protocol::messages::RosterEntry;
 
@@ -38,6 +39,7 @@ impl RunningAgent {
         clock: Clock,
     ) -> Self {
         let config = AgentConfig {
+            navigation: NavSettings::default(),
             map: None,
             fleet: settings.fleet.clone(),
             robot: robot.name.clone(),

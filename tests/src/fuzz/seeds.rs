@@ -2,6 +2,10 @@
 //!
 //! `cargo run -p fleet-tests --example fuzz_corpus` writes it; a test compares it with the files.
 
+mod navigation;
+
+pub(crate) use navigation::{fix, fleet_map, robot_state, ros_map, route, traffic};
+
 use super::Seed;
 use robot_agent::config::ConfigFile;
 use std::path::Path;
@@ -12,7 +16,7 @@ use xtb_protocol::Uuid;
 use xtb_protocol::board::{BoardStatus, FrameWriter};
 use xtb_protocol::codec::{Format, encode, encoding};
 use xtb_protocol::gyro_3dmg::{EulerFrame, encode_firmware};
-use xtb_protocol::messages::{Body, Estop, Latch, Lease, LinkLoss, Message, Request, Setpoint};
+use xtb_protocol::messages::{Body, Estop, Latch, Lease, LinkLoss, Message, Request, Setpoint, Via};
 
 const ID: Uuid = Uuid::from_u128(0x0011_2233_4455_6677_8899_aabb_ccdd_eeff);
 const LEASE: Option<Lease> = Some(Lease { epoch: 300, root: 2 });
@@ -36,6 +40,10 @@ pub(super) fn command() -> Vec<Seed> {
         ("retain", Body::Retain {}),
         ("release", Body::Release {}),
         ("goto", Body::Goto { x_m: 1.5, y_m: -2.0, yaw_rad: Some(0.5), via: None, on_link_loss, finish_s }),
+        (
+            "goto_planned",
+            Body::Goto { x_m: 4.0, y_m: 5.0, yaw_rad: None, via: Some(Via::Planned), on_link_loss, finish_s },
+        ),
         ("wander", Body::Wander { for_s: Some(20.0), on_link_loss, finish_s }),
         ("stop", Body::Stop {}),
         ("cancel", Body::Cancel { goal: ID }),
@@ -177,6 +185,11 @@ pub(super) fn agent_config() -> Vec<Seed> {
         ),
         text("routers.toml", "[zenoh]\nmode = 'peer'\nconnect = ['tcp/a:1', \"tcp/\\u0007\"]\n"),
         text("gains.toml", "[vehicle.speed]\nkp = 3\n[vehicle.goto]\ntolerance_m = 0.5\n"),
+        text(
+            "navigation.toml",
+            "[navigation]\nmap = 'lab.yaml'\n[navigation.drive]\ncruise_mps = 0.3\n[navigation.pose]\ngate = 2\n",
+        ),
+        text("out_of_order.toml", "[navigation.pose]\nslow_part = 0.9\nstop_part = 0.8\n"),
         text("out_of_range.toml", "[vehicle.goto]\ntolerance_m = 0.0\n"),
         text("not_finite.toml", "[start_pose]\nx_m = nan\n"),
         text("unknown_key.toml", "[vehicle.speed]\nkpp = 3.0\n"),

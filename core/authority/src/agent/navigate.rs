@@ -7,6 +7,7 @@ use crate::arbitration::Writer;
 use std::sync::Arc as Shared;
 use xtb_control::{Command, Mode, Stamp, Steering, WheelRpm, goto};
 use xtb_nav::filter::{self, FixOutcome};
+use xtb_nav::local::LocalObstacle;
 use xtb_nav::navigator::{Aim, Decision, Floor, Led, PlanDone, PlanJob, Sensed, Standing};
 use xtb_nav::{MapPose, Path};
 use xtb_protocol::messages::{
@@ -260,6 +261,11 @@ impl Agent {
             Standing::PoseUncertain => StopReason::PoseUncertain,
             Standing::AtCusp => StopReason::AtCusp,
         })
+    }
+
+    /// What its range finders have seen that is not on its map.
+    pub fn unknown_obstacles(&self, now: Stamp) -> impl Iterator<Item = LocalObstacle> {
+        self.nav.local().into_iter().flat_map(move |local| local.obstacles(now))
     }
 
     /// Map and path, for the state.

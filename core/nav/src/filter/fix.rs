@@ -130,7 +130,7 @@ pub enum FixOutcome {
     Rejected {
         /// Squared distance from what was expected, in its standard deviations.
         mahalanobis: f64,
-        /// Most that is accepted: 1 in 1000 good fixes is farther away.
+        /// Most that is accepted: 1 in 1000 good fixes is farther away (with the gate as it is by default).
         limit: f64,
     },
     /// The heading is lost: fixes are kept until enough of them agree.
@@ -170,9 +170,10 @@ impl Measurement {
         SMatrix::from_fn(|row, column| self.covariance[row][column])
     }
 
-    /// χ² with two and with three degrees of freedom that 1 in 1000 exceeds.
-    pub(crate) fn limit(&self) -> f64 {
-        if self.yaw_rad.is_some() { 16.266 } else { 13.816 }
+    /// χ² with two and with three degrees of freedom that 1 in 1000 exceeds, for `gate` times its distance.
+    pub(crate) fn limit(&self, gate: f64) -> f64 {
+        let chi2 = if self.yaw_rad.is_some() { 16.266 } else { 13.816 };
+        gate * gate * chi2
     }
 
     /// Standard deviation of the place along the axes' mean.

@@ -92,7 +92,7 @@ impl History {
             let entry = self.at_mut(later);
             state.predict(&entry.increment, tuning);
             if let Some(fix) = &entry.fix {
-                state.correct(fix);
+                state.correct(fix, tuning.gate);
             }
             entry.state = state;
         }

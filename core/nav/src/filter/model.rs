@@ -145,10 +145,10 @@ impl State {
         self.update(&h, &innovation, &noise, ONE_LIMIT);
     }
 
-    /// Corrects by a fix, if it is no outlier; otherwise nothing changes.
-    pub(crate) fn correct(&mut self, fix: &Measurement) -> Test {
+    /// Corrects by a fix, if it is no outlier for this gate; otherwise nothing changes.
+    pub(crate) fn correct(&mut self, fix: &Measurement, gate: f64) -> Test {
         let [x_m, y_m] = fix.place_m;
-        let (dx, dy, limit) = (x_m - self.mean[X], y_m - self.mean[Y], fix.limit());
+        let (dx, dy, limit) = (x_m - self.mean[X], y_m - self.mean[Y], fix.limit(gate));
         match fix.yaw_rad {
             Some(yaw_rad) => {
                 let turn = wrap_rad(yaw_rad - self.mean[YAW]);

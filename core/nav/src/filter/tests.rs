@@ -283,7 +283,7 @@ fn carried_away_and_standing_without_headings_it_knows_that_it_does_not_know_its
     assert_eq!(outcomes.iter().filter(|o| matches!(o, FixOutcome::Restarted { .. })).count(), 1);
     let estimate = truck.filter.estimate(truck.now);
     assert!(truck.off_m() < 0.1 && estimate.sigma_yaw_rad > 1.5, "{estimate:?}");
-    assert_eq!(Trust::of(&estimate, 0.5), Trust::Stop);
+    assert_eq!(trust(&estimate, 0.5), Trust::Stop);
     truck.tour(10, false);
     assert!(truck.filter.estimate(truck.now).sigma_yaw_rad < 0.2);
     assert!(truck.off_m() < 0.15 && truck.turned_rad() < 0.2, "{}", truck.turned_rad());
@@ -379,14 +379,46 @@ fn trust_falls_with_the_clearance() {
     let mut estimate = truck.filter.estimate(truck.now);
     (estimate.sigma_m, estimate.sigma_yaw_rad) = (0.05, 0.0);
     assert!((Trust::uncertain_m(&estimate) - 0.1).abs() < 1e-12);
-    assert_eq!(Trust::of(&estimate, 0.21), Trust::Full);
-    let Trust::Slow { mps } = Trust::of(&estimate, 0.1 / 0.75) else { panic!("slow") };
+    assert_eq!(trust(&estimate, 0.21), Trust::Full);
+    let Trust::Slow { mps } = trust(&estimate, 0.1 / 0.75) else { panic!("slow") };
     assert!((mps - 0.225).abs() < 1e-9, "{mps}");
     for clearance_m in [0.099, 0.0, -1.0, f64::NAN] {
-        assert_eq!(Trust::of(&estimate, clearance_m), Trust::Stop, "{clearance_m}");
+        assert_eq!(trust(&estimate, clearance_m), Trust::Stop, "{clearance_m}");
     }
     estimate.sigma_m = f64::NAN;
-    assert_eq!(Trust::of(&estimate, 1.0), Trust::Stop);
+    assert_eq!(trust(&estimate, 1.0), Trust::Stop);
+}
+
+fn trust(estimate: &Estimate, clearance_m: f64) -> Trust {
+    Trust::of(estimate, clearance_m, &TrustLimits::default())
+}
+
+#[test]
+fn other_limits_trust_earlier_or_later() {
+    let truck = Truck::new(0.0, 0.0);
+    let mut estimate = truck.filter.estimate(truck.now);
+    (estimate.sigma_m, estimate.sigma_yaw_rad) = (0.05, 0.0);
+    let limits = TrustLimits { slow_part: 0.2, stop_part: 0.4, cruise_mps: 0.3, least_mps: 0.1 };
+    assert_eq!(Trust::of(&estimate, 0.51, &limits), Trust::Full);
+    let Trust::Slow { mps } = Trust::of(&estimate, 0.1 / 0.3, &limits) else { panic!("slow") };
+    assert!((mps - 0.2).abs() < 1e-9, "{mps}");
+    assert_eq!(Trust::of(&estimate, 0.24, &limits), Trust::Stop);
+}
+
+#[test]
+fn a_wider_gate_accepts_what_the_usual_one_does_not() {
+    let outcome = |gate: f64| {
+        let mut truck = Truck::new(0.0, 0.0);
+        truck.filter.tuning.gate = gate;
+        truck.drive(1.0, 0.2, 0.0);
+        let mut fix = truck.exact_fix(true);
+        fix.covariance = Fix::independent(0.05, 0.02);
+        fix.x_m += 0.35;
+        truck.fixed(&fix)
+    };
+    let FixOutcome::Rejected { mahalanobis, limit } = outcome(1.0) else { panic!("an outlier") };
+    assert!(limit == 16.266 && mahalanobis < 4.0 * limit, "{mahalanobis}");
+    assert!(matches!(outcome(2.0), FixOutcome::Accepted { limit, .. } if limit == 4.0 * 16.266));
 }
 
 proptest! {

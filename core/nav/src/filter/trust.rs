@@ -5,18 +5,34 @@
 //!
 //! ```text
 //!   u ≤ c / 2       full speed
-//!   c / 2 < u ≤ c   slower in proportion, from cruise down to creep
+//!   c / 2 < u ≤ c   slower in proportion, from cruise down to 0.10 m/s
 //!   u > c           stop, and ask for a fix or a pose
 //! ```
+//! Both parts of c can be set: [`TrustLimits`].
 
 use super::Estimate;
 
 /// From the middle of the truck to its corner, in m (0.50 × 0.40 m).
 const REACH_M: f64 = 0.32;
-/// Fastest planned speed, in m/s.
-const CRUISE_MPS: f64 = 0.35;
-/// Slowest speed that makes sense, in m/s.
-const CREEP_MPS: f64 = 0.10;
+
+/// Where the speeds change.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrustLimits {
+    /// Part of the clearance up to which it drives as fast as planned.
+    pub slow_part: f64,
+    /// Part of the clearance beyond which it stands; more than `slow_part`.
+    pub stop_part: f64,
+    /// Fastest planned speed, in m/s.
+    pub cruise_mps: f64,
+    /// Slowest speed that makes sense, in m/s.
+    pub least_mps: f64,
+}
+
+impl Default for TrustLimits {
+    fn default() -> Self {
+        Self { slow_part: 0.5, stop_part: 1.0, cruise_mps: 0.35, least_mps: 0.10 }
+    }
+}
 
 /// What the pose allows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,14 +52,16 @@ impl Trust {
     /// What an estimate allows where the map leaves `clearance_m` beside the body. A clearance that is not
     /// finite or not positive allows nothing.
     #[must_use]
-    pub fn of(estimate: &Estimate, clearance_m: f64) -> Self {
+    pub fn of(estimate: &Estimate, clearance_m: f64, limits: &TrustLimits) -> Self {
         let used = Self::uncertain_m(estimate) / clearance_m;
-        if !(clearance_m > 0.0 && clearance_m.is_finite() && used <= 1.0) {
+        let TrustLimits { slow_part, stop_part, cruise_mps, least_mps } = *limits;
+        if !(clearance_m > 0.0 && clearance_m.is_finite() && used <= stop_part) {
             Self::Stop
-        } else if used <= 0.5 {
+        } else if used <= slow_part {
             Self::Full
         } else {
-            Self::Slow { mps: CRUISE_MPS + (CREEP_MPS - CRUISE_MPS) * (used - 0.5) * 2.0 }
+            let slower = (used - slow_part) / (stop_part - slow_part);
+            Self::Slow { mps: cruise_mps + (least_mps - cruise_mps) * slower }
         }
     }
 

@@ -2,8 +2,8 @@
 
 use super::job::STANDS_M;
 use super::{
-    BLOCKED_MS, CRUISE_MPS, Decision, HEAD_ON_MPS, LOOKOUT_M, MARGIN_M, MOST_PLANS, Navigator, PAUSE_MS,
-    PROGRESS_M, RECOVERY_MPS, RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
+    BLOCKED_MS, Decision, LOOKOUT_M, MARGIN_M, MOST_PLANS, Navigator, PAUSE_MS, PROGRESS_M, RECOVERY_MPS,
+    RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
 };
 use crate::filter::Trust;
 use crate::follower::{Follower, Released, Status, Stuck};
@@ -36,6 +36,7 @@ pub(super) struct Following {
     /// Traffic control's number of it; 0 = its own.
     pub(super) plan: u64,
     pub(super) release_m: f64,
+    /// Stands until it is said.
     pub(super) cruise_mps: f64,
     pub(super) off_m: f64,
     /// It leads to where something can be seen, not to the goal.
@@ -57,24 +58,24 @@ pub(super) struct Following {
 }
 
 impl Following {
-    /// Its own path: nobody vouches for the others, so it drives as if one came head-on.
+    /// Its own path. Nobody vouches for the others: it drives as if one came head-on.
     pub(super) fn own(path: Path, follower: Follower, unseen_m: f64, look: bool) -> Self {
         let unseen_m = unseen_m * IN_THE_WAY_PART;
-        Self { unseen_m, look, ..Self::new(path, follower, 0, f64::MAX, HEAD_ON_MPS) }
+        Self { unseen_m, look, ..Self::new(path, follower, 0, f64::MAX) }
     }
 
     /// Traffic control's path.
     pub(super) fn led(path: Path, follower: Follower, plan: u64) -> Self {
-        Self::new(path, follower, plan, 0.0, CRUISE_MPS)
+        Self::new(path, follower, plan, 0.0)
     }
 
-    fn new(path: Path, follower: Follower, plan: u64, release_m: f64, cruise_mps: f64) -> Self {
+    fn new(path: Path, follower: Follower, plan: u64, release_m: f64) -> Self {
         Self {
             path,
             follower,
             plan,
             release_m,
-            cruise_mps,
+            cruise_mps: 0.0,
             off_m: 0.0,
             look: false,
             lately_ms: u64::MAX,
@@ -95,9 +96,9 @@ impl Navigator {
         let Stage::Following(following) = &mut task.stage else { return stand(Standing::Planning) };
         self.look_ahead(now, sensed, following);
         let pose = sensed.estimate.pose;
-        let trust = Trust::of(sensed.estimate, following.clearance_m);
+        let trust = Trust::of(sensed.estimate, following.clearance_m, &self.settings.trust());
         let trusted_mps = match trust {
-            Trust::Full => f64::MAX,
+            Trust::Full => self.settings.drive.cruise_mps,
             Trust::Slow { mps } => mps,
             Trust::Stop => 0.0,
         };

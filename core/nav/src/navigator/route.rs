@@ -1,6 +1,6 @@
 //! Traffic control's paths: what it last said, and when to go by it.
 
-use super::{ALONE_AFTER_MS, Navigator, Sensed, Stage, TRAFFIC_LOST_MS, Task, tolerance};
+use super::{ALONE_AFTER_MS, Navigator, Sensed, Stage, TRAFFIC_LOST_MS, Task};
 use crate::MapPose;
 use crate::car::Car;
 use crate::follower::Follower;
@@ -133,7 +133,8 @@ impl Navigator {
         if !stands || libm::hypot(start.x_m - here.x_m, start.y_m - here.y_m) > START_M {
             return;
         }
-        let Ok(follower) = Follower::new(path, &self.car, self.follower.clone(), tolerance(&task.aim)) else {
+        let tolerance = self.settings.tolerance(task.aim.yaw_rad.is_some());
+        let Ok(follower) = Follower::new(path, &self.car, self.follower.clone(), tolerance) else {
             return;
         };
         task.plans += 1;

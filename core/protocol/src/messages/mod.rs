@@ -4,14 +4,19 @@
 //! fields with a default may be left out, unknown ones are errors. [`Message::validate`] holds what
 //! the types cannot: finite, in range, bounded.
 
+mod about;
+mod event;
 mod fault;
 mod latch;
 mod map;
 mod nav;
 mod request;
+mod sensors;
 mod sim;
 mod state;
 
+pub use about::{About, Limits, ParameterInfo};
+pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};
 pub use latch::{Latch, LatchState};
 pub use map::{
@@ -26,11 +31,11 @@ pub use request::{
     Body, Done, ErrorBody, Estop, Estopped, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint,
     Via,
 };
+pub use sensors::Sensors;
 pub use sim::{Roster, RosterEntry, Truth, TruthRobot};
 pub use state::{
-    About, BatteryLevel, Event, EventKind, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, LeaseState,
-    Limits, ObstacleView, ParameterInfo, PoseSource, PoseState, Rejected, RobotState, Sensors, StopReason,
-    TiltState,
+    BatteryLevel, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, LeaseState, ObstacleView, PoseSource,
+    PoseState, Rejected, RobotState, StopReason, TiltState,
 };
 
 use crate::codec::CodecError;
@@ -70,6 +75,10 @@ fn bounded(
     } else {
         Err(CodecError::OutOfRange(OutOfRange { quantity, value, min, max, unit }))
     }
+}
+
+fn finite(quantity: &'static str, value: Option<f64>) -> Result<(), CodecError> {
+    bounded(quantity, value.unwrap_or(0.0), f64::MIN, f64::MAX, "")
 }
 
 fn coordinate(quantity: &'static str, value: f64) -> Result<(), CodecError> {

@@ -1,6 +1,6 @@
 //! The second level on the wire: where a robot is, which way it goes, and how far it may.
 
-use super::{Message, angle, bounded, coordinate};
+use super::{Message, angle, bounded, coordinate, finite};
 use crate::codec::CodecError;
 use crate::keys::Name;
 use serde::{Deserialize, Serialize};
@@ -259,6 +259,12 @@ pub struct NavState {
 
 impl NavState {
     pub(super) fn validate(&self) -> Result<(), CodecError> {
-        self.route.iter().filter_map(|route| route.track.as_ref()).try_for_each(Track::validate)
+        let Some(route) = &self.route else { return Ok(()) };
+        finite("done_m", Some(route.done_m))?;
+        finite("release_m", Some(route.release_m))?;
+        finite("off_m", Some(route.off_m))?;
+        finite("blocked_at_m x", route.blocked_at_m.map(|(x_m, _)| x_m))?;
+        finite("blocked_at_m y", route.blocked_at_m.map(|(_, y_m)| y_m))?;
+        route.track.as_ref().map_or(Ok(()), Track::validate)
     }
 }

@@ -1,12 +1,11 @@
-//! What a robot says of itself: state, samples, events and its factsheet.
+//! What a robot says of itself, 20 times a second.
 
-use super::{Fault, FaultState, Latch, LatchState, LinkLoss, Message, NavState, Via};
+use super::{FaultState, LatchState, LinkLoss, Message, NavState, Via, finite};
 use crate::codec::CodecError;
 use crate::keys::Name;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use xtb_control::Mode;
-use xtb_control::frames::MapPose;
 
 /// Who holds control.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -365,187 +364,26 @@ impl Message for RobotState {
     const NAME: &'static str = "RobotState";
     const VERSION: u32 = 4;
 
+    /// Every number is finite: JSON has no other.
     fn validate(&self) -> Result<(), CodecError> {
+        let Self { pose, goal, tilt_deg, .. } = self;
+        finite("pose x_m", Some(pose.x_m))?;
+        finite("pose y_m", Some(pose.y_m))?;
+        finite("pose yaw_rad", Some(pose.yaw_rad))?;
+        finite("pose sigma_m", Some(pose.sigma_m))?;
+        finite("pose sigma_yaw_rad", Some(pose.sigma_yaw_rad))?;
+        finite("speed_mps", self.speed_mps)?;
+        finite("reference_rpm", Some(self.reference_rpm))?;
+        finite("steering", Some(self.steering))?;
+        finite("tilt_deg x", tilt_deg.x)?;
+        finite("tilt_deg y", tilt_deg.y)?;
+        finite("battery_v", self.battery_v)?;
+        if let Some(goal) = goal {
+            finite("goal x_m", goal.x_m)?;
+            finite("goal y_m", goal.y_m)?;
+            finite("goal yaw_rad", goal.yaw_rad)?;
+            finite("goal distance_m", goal.distance_m)?;
+        }
         self.nav.validate()
     }
-}
-
-/// Raw and converted samples, 10 times a second while somebody listens.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Sensors {
-    /// Whose.
-    pub robot: Name,
-    /// The robot's monotonic clock.
-    pub tick_ms: u64,
-    /// Raw yaw counts, 360/65536 deg.
-    pub gyro_yaw: i16,
-    /// Pulses of the last encoder window.
-    pub encoder_pulses: u16,
-    /// Front range finders, counts.
-    pub ir_front: [u16; 6],
-    /// Rear range finders, counts.
-    pub ir_rear: [u16; 6],
-    /// Front range finders, cm; `None` = nothing in range.
-    pub ir_front_cm: [Option<f64>; 6],
-    /// Rear range finders, cm.
-    pub ir_rear_cm: [Option<f64>; 6],
-    /// Tilt sensor x and y, counts (means of 64 scans).
-    pub tilt: [f64; 2],
-    /// Positions of the pistons FL, FR, RL, RR, counts (means of 64 scans).
-    pub pistons: [f64; 4],
-    /// Heights of the pistons FL, FR, RL, RR.
-    pub pistons_m: [f64; 4],
-    /// Remote control: speed, steering, selector in time counts of 1.6 µs; `None` = no pulse.
-    pub remote: [Option<u32>; 3],
-    /// The gyro's firmware (1300 = 1.3.00); `None` = it has not answered.
-    pub gyro_firmware: Option<u16>,
-    /// The board's firmware, major in the high byte; `None` = no status has come.
-    pub board_firmware: Option<u16>,
-    /// Signed wheel speed.
-    pub rpm: f64,
-    /// Motor pulse in counts of 0.4 µs, as commanded.
-    pub motor_counts: u16,
-    /// Front steering pulse.
-    pub steer_front_counts: u16,
-    /// Rear steering pulse.
-    pub steer_rear_counts: u16,
-    /// Bumper pulses, front and rear.
-    pub bumper_counts: [u16; 2],
-    /// Piston pulses FL, FR, RL, RR.
-    pub piston_counts: [u16; 4],
-}
-
-impl Message for Sensors {
-    const NAME: &'static str = "Sensors";
-    const VERSION: u32 = 2;
-}
-
-/// Something happened.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum EventKind {
-    /// The agent began to run.
-    Started {
-        /// Its version.
-        version: String,
-    },
-    /// The controller's mode changed.
-    Mode {
-        /// Before.
-        from: Mode,
-        /// After.
-        to: Mode,
-    },
-    /// A goal changed its status.
-    Goal {
-        /// Which.
-        id: Uuid,
-        /// To what.
-        status: GoalStatus,
-        /// Why, where that is not plain.
-        reason: Option<String>,
-    },
-    /// The lease changed hands.
-    Lease {
-        /// To whom; `None` = free.
-        holder: Option<Name>,
-    },
-    /// Something broke, or works again.
-    Fault {
-        /// What.
-        fault: Fault,
-        /// False: it works again.
-        present: bool,
-        /// The system's words, where there are any.
-        detail: Option<String>,
-    },
-    /// A stop was latched, or reset.
-    Latch {
-        /// Which.
-        latch: Latch,
-        /// False: it was reset.
-        set: bool,
-        /// Who or what did so.
-        by: String,
-    },
-}
-
-/// An event with its place in the robot's history.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Event {
-    /// Whose.
-    pub robot: Name,
-    /// Random at boot.
-    pub epoch: u64,
-    /// Counts the events of this boot.
-    pub seq: u64,
-    /// The robot's monotonic clock.
-    pub tick_ms: u64,
-    /// What happened.
-    pub kind: EventKind,
-}
-
-impl Message for Event {
-    const NAME: &'static str = "Event";
-    const VERSION: u32 = 3;
-}
-
-/// A parameter as the factsheet lists it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ParameterInfo {
-    /// `section.field`.
-    pub name: String,
-    /// In TOML.
-    pub value: String,
-    /// Empty for switches.
-    pub unit: String,
-    /// Printed, data sheet, assumed or ours.
-    pub origin: String,
-}
-
-/// What the robot accepts at most.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Limits {
-    /// Fastest setpoint, in wheel rpm.
-    pub max_rpm: f64,
-    /// Fastest speed that the obstacle rule stops from, in m/s.
-    pub admitted_mps: f64,
-    /// How long a setpoint lives.
-    pub setpoint_lifetime_ms: u32,
-    /// Largest |x| or |y| of a goal.
-    pub max_coordinate_m: f64,
-}
-
-/// The factsheet.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct About {
-    /// Who.
-    pub robot: Name,
-    /// Of which fleet.
-    pub fleet: Name,
-    /// The agent's version.
-    pub version: String,
-    /// Random at boot.
-    pub epoch: u64,
-    /// `simulated` or `serial`.
-    pub hardware: String,
-    /// Where it started.
-    pub start_pose: MapPose,
-    /// What it accepts at most.
-    pub limits: Limits,
-    /// Which requests it understands.
-    pub capabilities: Vec<String>,
-    /// CRC-32 of the vehicle parameters, in hexadecimal.
-    pub vehicle_hash: String,
-    /// The vehicle parameters.
-    pub vehicle: Vec<ParameterInfo>,
-}
-
-impl Message for About {
-    const NAME: &'static str = "About";
 }

@@ -3,7 +3,7 @@
 //! example `journeys` measure with this.
 
 use crate::draw::{Draw, in_parallel};
-use crate::planned::Drive;
+use crate::drive::Drive;
 use std::f64::consts::PI;
 use xtb_control::VehicleConfig;
 use xtb_nav::map::{Map, ZoneLayers};

@@ -11,6 +11,7 @@ mod contacts;
 mod days;
 mod determinism;
 mod draw;
+mod drive;
 mod faults;
 mod fixed;
 mod goto;

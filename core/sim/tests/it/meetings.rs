@@ -1,6 +1,6 @@
 //! The scenes for several robots in lockstep, with traffic control.
 
-use crate::planned::Drive;
+use crate::drive::Drive;
 use std::collections::BTreeSet;
 use xtb_control::VehicleConfig;
 use xtb_nav::Car;

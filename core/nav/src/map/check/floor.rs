@@ -2,6 +2,7 @@
 //! first, so where two islands meet is the widest way between them.
 
 use super::{Island, Narrow};
+use crate::clearance::squared_distances;
 use crate::{Car, Cell, Grid};
 
 /// Narrower than this is a gap between things, no door, in m.
@@ -165,76 +166,25 @@ impl Sets {
 }
 
 /// The square of the distance from each cell to the nearest that is not free, from centre to centre, in
-/// cells; 0 where it is not free itself. Beyond the grid nothing is free. (Felzenszwalb and Huttenlocher,
-/// Distance transforms of sampled functions, 2012.)
+/// cells; 0 where it is not free itself. Beyond the grid nothing is free.
 fn room2(grid: &Grid) -> Vec<u32> {
     let (width, height) = (grid.width(), grid.height());
-    let mut upright = vec![0_u32; width * height];
-    for column in 0..width {
-        let mut since = 0_u32;
-        for row in 0..height {
-            let i = row * width + column;
-            since = if grid.cells()[i] == Cell::Free { since + 1 } else { 0 };
-            upright[i] = since;
-        }
-        since = 0;
-        for row in (0..height).rev() {
-            let i = row * width + column;
-            since = if grid.cells()[i] == Cell::Free { since + 1 } else { 0 };
-            upright[i] = upright[i].min(since);
+    // One cell more on each side, which is not free.
+    let columns = width + 2;
+    let mut taken = vec![true; columns * (height + 2)];
+    for (row, cells) in grid.cells().chunks(width).enumerate() {
+        for (column, cell) in cells.iter().enumerate() {
+            taken[(row + 1) * columns + column + 1] = *cell != Cell::Free;
         }
     }
-    let mut room = Vec::with_capacity(width * height);
-    let mut line = Vec::with_capacity(width + 2);
-    let mut lowest = Envelope::default();
-    for row in upright.chunks(width) {
-        // One cell more on either side, which is not free.
-        line.clear();
-        line.push(0.0);
-        line.extend(row.iter().map(|&cells| f64::from(cells) * f64::from(cells)));
-        line.push(0.0);
-        lowest.of(&line);
-        room.extend((1..=width).map(|at| lowest.at(at)));
-    }
+    let mut room = vec![0; width * height];
+    squared_distances(&taken, columns, |index, squared| {
+        let (column, row) = (index % columns, index / columns);
+        if (1..=width).contains(&column) && (1..=height).contains(&row) {
+            room[(row - 1) * width + column - 1] = u32::try_from(squared).unwrap_or(u32::MAX);
+        }
+    });
     room
-}
-
-/// The lowest of the parabolas (x − i)² + line[i], at each whole x.
-#[derive(Default)]
-struct Envelope {
-    /// Apex, height there, and from where on it is the lowest.
-    parabolas: Vec<(f64, f64, f64)>,
-    next: usize,
-}
-
-impl Envelope {
-    fn of(&mut self, line: &[f64]) {
-        self.parabolas.clear();
-        self.next = 0;
-        for (i, &height) in line.iter().enumerate() {
-            let apex = i as f64;
-            let mut from = f64::NEG_INFINITY;
-            while let Some(&(other, other_height, other_from)) = self.parabolas.last() {
-                from = ((height + apex * apex) - (other_height + other * other)) / (2.0 * (apex - other));
-                if from > other_from {
-                    break;
-                }
-                self.parabolas.pop();
-                from = f64::NEG_INFINITY;
-            }
-            self.parabolas.push((apex, height, from));
-        }
-    }
-
-    /// At x, which never gets smaller from one call to the next.
-    fn at(&mut self, x: usize) -> u32 {
-        let x = x as f64;
-        while self.parabolas.get(self.next + 1).is_some_and(|&(_, _, from)| from < x) {
-            self.next += 1;
-        }
-        let (apex, height, _) = self.parabolas[self.next];
-        ((x - apex) * (x - apex) + height) as u32
-    }
 }
 
 #[cfg(test)]

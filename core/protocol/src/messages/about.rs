@@ -1,0 +1,64 @@
+//! A robot's factsheet: who it is, what it accepts, and its parameters.
+
+use super::Message;
+use crate::keys::Name;
+use serde::{Deserialize, Serialize};
+use xtb_control::frames::MapPose;
+
+/// A parameter as the factsheet lists it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ParameterInfo {
+    /// `section.field`.
+    pub name: String,
+    /// In TOML.
+    pub value: String,
+    /// Empty for switches.
+    pub unit: String,
+    /// Printed, data sheet, assumed or ours.
+    pub origin: String,
+}
+
+/// What the robot accepts at most.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Limits {
+    /// Fastest setpoint, in wheel rpm.
+    pub max_rpm: f64,
+    /// Fastest speed that the obstacle rule stops from, in m/s.
+    pub admitted_mps: f64,
+    /// How long a setpoint lives.
+    pub setpoint_lifetime_ms: u32,
+    /// Largest |x| or |y| of a goal.
+    pub max_coordinate_m: f64,
+}
+
+/// The factsheet.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct About {
+    /// Who.
+    pub robot: Name,
+    /// Of which fleet.
+    pub fleet: Name,
+    /// The agent's version.
+    pub version: String,
+    /// Random at boot.
+    pub epoch: u64,
+    /// `simulated` or `serial`.
+    pub hardware: String,
+    /// Where it started.
+    pub start_pose: MapPose,
+    /// What it accepts at most.
+    pub limits: Limits,
+    /// Which requests it understands.
+    pub capabilities: Vec<String>,
+    /// CRC-32 of the vehicle parameters, in hexadecimal.
+    pub vehicle_hash: String,
+    /// The vehicle parameters.
+    pub vehicle: Vec<ParameterInfo>,
+}
+
+impl Message for About {
+    const NAME: &'static str = "About";
+}

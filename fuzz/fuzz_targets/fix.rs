@@ -1,0 +1,7 @@
+//! Pose fixes.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = fleet_tests::fuzz::fix(bytes);
+});
