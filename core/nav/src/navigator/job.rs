@@ -176,9 +176,10 @@ impl Search<'_> {
         // Is it the map, or only what stands around today?
         match self.plan_with(planner, &CARES[CARES.len() - 1], &[], &[]) {
             Ok(path) => {
-                let body = self.car.grown(IN_THE_WAY_M);
                 let things = || self.local.iter().chain(&self.stale).copied();
-                let at = first_on(&path, &body, |touches| things().find(|p| touches(p)));
+                let at = [IN_THE_WAY_M, LOOKOUT_M].into_iter().find_map(|room_m| {
+                    first_on(&path, &self.car.grown(room_m), |touches| things().find(|p| touches(p)))
+                });
                 let nearest = |at: [f64; 2]| {
                     let off_m = |a: &[f64; 2]| libm::hypot(a[0] - at[0], a[1] - at[1]);
                     things().min_by(|a, b| off_m(a).total_cmp(&off_m(b))).filter(|a| off_m(a) <= GOES_ON_M)
