@@ -70,3 +70,56 @@ fn looks_at(car: &Car, pose: &MapPose, point: [f64; 2]) -> bool {
     let beyond_m = (ahead_m - car.front_m).max(-car.rear_m - ahead_m);
     (0.0..=SIGHT_M).contains(&beyond_m) && left_m.abs() <= SIGHT_HALF_WIDTH_M
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::Piece;
+    use xtb_control::VehicleConfig;
+
+    const TIGHT_PER_M: f64 = 1.0 / 0.45;
+
+    fn car() -> Car {
+        Car::of(&VehicleConfig::default())
+    }
+
+    /// From the origin, facing east.
+    fn blind(length_m: f64, curvature_per_m: f64, point: [f64; 2]) -> bool {
+        let start = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
+        let path = Path { start, pieces: vec![Piece { length_m, curvature_per_m }] };
+        !blind_on(&path, [0.0, path.length_m()], &car(), &[point]).is_empty()
+    }
+
+    #[test]
+    fn straight_ahead_and_straight_astern_the_beams_look_first() {
+        for (ahead_m, left_m) in [(0.6, 0.0), (0.6, 0.2), (0.6, -0.2), (0.6, 0.25)] {
+            assert!(!blind(1.0, 0.0, [ahead_m, left_m]), "({ahead_m}, {left_m})");
+            assert!(!blind(-1.0, 0.0, [-ahead_m, left_m]), "({ahead_m}, {left_m})");
+        }
+    }
+
+    #[test]
+    fn a_corner_that_swings_out_goes_where_no_beam_looks() {
+        // Beside the right rear wheel, 3 cm off the body.
+        assert!(blind(0.5, TIGHT_PER_M, [-0.1, -0.23]));
+        assert!(!blind(0.5, 0.0, [-0.1, -0.23]), "driving straight on it does not");
+    }
+
+    #[test]
+    fn so_does_the_inner_side_of_a_tight_bend() {
+        // The circle's middle is at (0, 0.45); the side gets as near to it as 0.25 m, the beams only 0.37 m.
+        assert!(blind(1.2, TIGHT_PER_M, [0.29, 0.45]));
+        assert!(!blind(1.2, TIGHT_PER_M, [0.47, 0.45]), "in the middle of the lane they look first");
+    }
+
+    #[test]
+    fn a_look_that_comes_too_late_to_stop_is_none() {
+        assert!(blind(0.5, 0.0, [0.25 + 0.08, 0.0]));
+        assert!(!blind(0.5, 0.0, [0.25 + 0.25, 0.0]));
+    }
+
+    #[test]
+    fn what_it_touches_where_it_begins_does_not_count() {
+        assert!(!blind(0.5, TIGHT_PER_M, [0.0, 0.21]));
+    }
+}
