@@ -12,6 +12,9 @@
 //! What is seen is only the face of a thing: it goes on behind and beside the beams. So the layer also
 //! keeps where beams got through and where the truck itself has stood; [`LocalLayer::unseen_around`] is
 //! what is left around the marks. A mark beside the body, where no beam can see it, is kept for longer.
+//!
+//! Time alone takes nothing away: a mark that has faded is no obstacle any more, but stays a doubt until a
+//! beam has got through or the truck has stood there; [`LocalLayer::unverified`] has these too.
 
 mod beams;
 mod marks;
@@ -35,6 +38,8 @@ const BEFORE_HIT_M: f64 = 0.08;
 
 /// A beam that gets through speaks for this much to either side: half of the way to its neighbour, in m.
 const BESIDE_BEAM_M: f64 = 0.034;
+/// A mark as near as this to others belongs to the same thing, in m: two beams, aslant.
+const JOINS_M: f64 = 0.15;
 /// Marks as near as this to its sides are kept, in m.
 const BESIDE_BODY_M: f64 = 0.4;
 
@@ -72,6 +77,8 @@ impl LocalLayer {
     pub const MOST_MARKS: usize = 1024;
     /// How long a mark beside the body counts that is not seen again, unless it is set.
     pub const FADES_BESIDE_MS: u64 = 60_000;
+    /// How long a mark that has faded stays a doubt.
+    pub const DOUBTFUL_MS: u64 = 600_000;
     /// Most cells that are known to be free.
     const MOST_FREE: usize = 4096;
 
@@ -82,8 +89,8 @@ impl LocalLayer {
             map.map_or((Self::RESOLUTION_M, [0.0; 2]), |map| (map.resolution_m(), map.origin_m()));
         Self {
             car,
-            marks: Marks::new(resolution_m, origin_m, Self::MOST_MARKS),
-            free: Marks::new(resolution_m, origin_m, Self::MOST_FREE),
+            marks: Marks::new(resolution_m, origin_m, Self::MOST_MARKS, Self::DOUBTFUL_MS),
+            free: Marks::new(resolution_m, origin_m, Self::MOST_FREE, 0),
             foldback: [Foldback::default(); 12],
             fades_ms: Self::FADES_MS,
             fades_beside_ms: Self::FADES_BESIDE_MS,
@@ -116,12 +123,14 @@ impl LocalLayer {
         };
         for (beam, sight) in beams.iter().zip(sights) {
             match sight {
-                Sight::Folded(point) if !known(point) => self.marks.see(now, point, self.fades_ms),
+                Sight::Folded(point) if !known(point) => {
+                    self.marks.see_part(now, point, self.fades_ms, JOINS_M)
+                }
                 Sight::Hit { from_m, to_m } => {
                     let steps = libm::ceil((to_m - from_m) / known_m).max(1.0);
                     let place = |step: u32| beam.at(from_m + f64::from(step) / steps * (to_m - from_m));
                     if !(0..=steps as u32).any(|step| known(place(step))) {
-                        self.marks.see(now, beam.at(to_m), self.fades_ms);
+                        self.marks.see_part(now, beam.at(to_m), self.fades_ms, JOINS_M);
                     }
                 }
                 Sight::Folded(_) | Sight::Free { .. } => {}
@@ -187,13 +196,33 @@ impl LocalLayer {
         self.marks.counting(now)
     }
 
+    /// What stood there and nothing has shown to be gone since, though it was not seen for long.
+    pub fn doubts(&self, now: Stamp) -> impl Iterator<Item = LocalObstacle> {
+        self.marks.doubtful(now)
+    }
+
     /// Cells within `reach_m` of what stands there now that nothing has shown to be free since: as far as
     /// is known the thing goes on there. Middles in m, rows from south to north.
     #[must_use]
     pub fn unseen_around(&self, now: Stamp, reach_m: f64) -> Vec<[f64; 2]> {
+        self.unseen(self.obstacles(now), reach_m)
+    }
+
+    /// Where a thing may stand for all that is known, however long ago it was seen: marks and doubts within
+    /// `near_m` of a place, and the cells within `reach_m` of them that nothing has shown to be free since.
+    #[must_use]
+    pub fn unverified(&self, now: Stamp, reach_m: f64, place: [f64; 2], near_m: f64) -> Vec<[f64; 2]> {
+        let all = || self.obstacles(now).chain(self.doubts(now));
+        let near = || all().filter(|mark| mark.distance_m(place) <= near_m);
+        let mut points: Vec<[f64; 2]> = near().map(|mark| [mark.x_m, mark.y_m]).collect();
+        points.extend(self.unseen(near(), reach_m));
+        points
+    }
+
+    fn unseen(&self, marks: impl Iterator<Item = LocalObstacle>, reach_m: f64) -> Vec<[f64; 2]> {
         let reach = libm::floor(reach_m / self.marks.resolution_m()) as i64;
         let mut places = Vec::new();
-        for mark in self.obstacles(now) {
+        for mark in marks {
             let (row, column) = self.marks.place([mark.x_m, mark.y_m]);
             for (up, right) in (-reach..=reach).flat_map(|up| (-reach..=reach).map(move |r| (up, r))) {
                 let place = (row + up, column + right);

@@ -13,6 +13,7 @@
 //! Words: *released* is the way up to which it may drive; *off* is the distance from the path; *blocked* is
 //! what the first level says when an obstacle holds the motor.
 
+mod blind;
 mod floor;
 mod follow;
 mod job;
@@ -417,18 +418,18 @@ impl Navigator {
         if !matches!(task.stage, Stage::Seeking { job: Some((number, _)) } if number == done.number) {
             return;
         }
-        let follower = done.result.and_then(|Planned { path, unseen_m, look }| {
+        let follower = done.result.and_then(|Planned { path, look }| {
             let tolerance = self.settings.tolerance(look || task.aim.yaw_rad.is_some());
             let follower = Follower::new(&path, &self.car, self.follower.clone(), tolerance);
             follower
-                .map(|follower| (path, follower, unseen_m, look))
+                .map(|follower| (path, follower, look))
                 .map_err(|error| PlanFailure::for_good(error.to_string()))
         });
         match follower {
-            Ok((path, follower, unseen_m, look)) => {
+            Ok((path, follower, look)) => {
                 task.plans += 1;
                 task.looks += u32::from(look);
-                let mut following = Following::own(path, follower, unseen_m, look);
+                let mut following = Following::own(path, follower, look);
                 following.lately_ms = lately_ms(task.tries);
                 following.cruise_mps = self.settings.drive.meeting_mps;
                 task.stage = Stage::Following(Box::new(following));

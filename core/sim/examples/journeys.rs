@@ -33,7 +33,7 @@ fn main() {
     let count = argument(1).unwrap_or(200);
     let first = argument(2).unwrap_or(0);
     println!(
-        "| room | in the way | reached | honest | contacts | off p50 | p95 | max | time of way p50 | p95 | stood max |"
+        "| room | in the way | put there | reached | honest | to the last | contacts | off p50 | p95 | max | time of way p50 | p95 | stood max |"
     );
     let only = |n, name: &str| std::env::args().nth(n).is_none_or(|only| only == name);
     let names = ROOMS.map(|(name, _)| name).into_iter().chain(["clutter"]);
@@ -61,10 +61,12 @@ fn row(name: &str, hinder: Hinder, all: &[Journey]) {
     let off = |part| format!("{:.1} cm", at(part, &|journey| journey.off_m) * 100.0);
     let pace = |part| format!("{:.1}", at(part, &|journey| journey.took_s * 0.2 / journey.planned_m));
     println!(
-        "| {name} | {hinder:?} | {} of {} | {} | {} | {} | {} | {} | {} | {} | {:.1} s |",
+        "| {name} | {hinder:?} | {} | {} of {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.1} s |",
+        all.iter().map(|journey| journey.hindered.len()).sum::<usize>(),
         reached.len(),
         all.len(),
         all.iter().filter(|journey| journey.is_honest()).count(),
+        all.iter().filter(|journey| journey.is_honest_to_the_last()).count(),
         all.iter().map(|journey| journey.contacts).sum::<u64>(),
         off(0.5),
         off(0.95),

@@ -37,6 +37,12 @@ struct Mark {
     times: u32,
 }
 
+impl Mark {
+    fn counts(&self) -> bool {
+        self.times >= COUNTS_FROM
+    }
+}
+
 #[derive(Debug, Clone)]
 pub(super) struct Marks {
     resolution_m: f64,
@@ -44,13 +50,15 @@ pub(super) struct Marks {
     /// By place.
     marks: Vec<Mark>,
     most: usize,
+    /// One that counted stays a doubt for so long after it has faded.
+    doubtful_ms: u64,
     overflowed: u64,
 }
 
 impl Marks {
-    /// None yet; never more than `most`.
-    pub(super) fn new(resolution_m: f64, origin_m: [f64; 2], most: usize) -> Self {
-        Self { resolution_m, origin_m, marks: Vec::with_capacity(most), most, overflowed: 0 }
+    /// None yet; never more than `most`. One that counted stays a doubt for so long after it has faded.
+    pub(super) fn new(resolution_m: f64, origin_m: [f64; 2], most: usize, doubtful_ms: u64) -> Self {
+        Self { resolution_m, origin_m, marks: Vec::with_capacity(most), most, doubtful_ms, overflowed: 0 }
     }
 
     pub(super) fn resolution_m(&self) -> f64 {
@@ -78,6 +86,7 @@ impl Marks {
         match self.marks.binary_search_by_key(&place, |mark| mark.place) {
             Ok(known) => {
                 let mark = &mut self.marks[known];
+                mark.first = if now <= mark.fades { mark.first } else { now };
                 (mark.seen, mark.times) = (mark.seen.max(now), mark.times.saturating_add(1));
                 mark.fades = mark.fades.max(fades);
             }
@@ -86,6 +95,17 @@ impl Marks {
                 let index = self.marks.partition_point(|mark| mark.place < place);
                 self.marks.insert(index, Mark { place, first: now, seen: now, fades, times: 1 });
             }
+        }
+    }
+
+    /// Part of a thing was seen there: it has stood there for as long as the marks that it joins.
+    pub(super) fn see_part(&mut self, now: Stamp, point: [f64; 2], fades_ms: u64, joins_m: f64) {
+        let joined = self.counting(now).filter(|mark| mark.distance_m(point) <= joins_m);
+        let since = joined.map(|mark| mark.first).min();
+        self.see(now, point, fades_ms);
+        let place = self.place(point);
+        if let (Some(since), Ok(seen)) = (since, self.marks.binary_search_by_key(&place, |mark| mark.place)) {
+            self.marks[seen].first = self.marks[seen].first.min(since);
         }
     }
 
@@ -116,7 +136,9 @@ impl Marks {
     }
 
     pub(super) fn fade(&mut self, now: Stamp) {
-        self.marks.retain(|mark| now <= mark.fades);
+        let doubtful_ms = self.doubtful_ms;
+        let doubtful = |mark: &Mark| mark.counts() && now <= mark.fades.plus_ms(doubtful_ms);
+        self.marks.retain(|mark| now <= mark.fades || doubtful(mark));
     }
 
     /// Those that are `meant` count until then, but no longer than `most_ms` after they were seen.
@@ -140,8 +162,16 @@ impl Marks {
 
     /// Those that count at `now`.
     pub(super) fn counting(&self, now: Stamp) -> impl Iterator<Item = LocalObstacle> {
-        let counts = move |mark: &&Mark| mark.times >= COUNTS_FROM && now <= mark.fades;
-        self.marks.iter().filter(counts).map(|mark| {
+        self.obstacles(move |mark| now <= mark.fades)
+    }
+
+    /// Those that have faded, and nothing has shown to be gone.
+    pub(super) fn doubtful(&self, now: Stamp) -> impl Iterator<Item = LocalObstacle> {
+        self.obstacles(move |mark| now > mark.fades)
+    }
+
+    fn obstacles(&self, meant: impl Fn(&Mark) -> bool) -> impl Iterator<Item = LocalObstacle> {
+        self.marks.iter().filter(move |mark| mark.counts() && meant(mark)).map(|mark| {
             let [x_m, y_m] = middle(self.resolution_m, self.origin_m, mark.place);
             LocalObstacle { x_m, y_m, first: mark.first, seen: mark.seen }
         })

@@ -219,3 +219,43 @@ fn what_was_seen_may_go_on_beside_and_behind_but_not_where_beams_got_through() {
     assert!(!holds(0.575, -0.125) && holds(0.675, -0.125), "beside it as far as the other beams say");
     assert!(layer.unseen_around(now, 0.04).is_empty());
 }
+
+#[test]
+fn what_has_faded_stays_a_doubt_until_a_beam_gets_through() {
+    let mut layer = LocalLayer::new(car(), Some(&room()));
+    let seen = look(&mut layer, 0, 3, &scan(third(30.0)), Some(&room()));
+    let elsewhere = BumperScan { pose: MapPose { x_m: -1.0, ..HERE }, ..scan(NOTHING) };
+    let later = seen.plus_ms(LocalLayer::FADES_MS + 1_000);
+    layer.see(later, &elsewhere, Some(&room()), &[]);
+    let doubts = |layer: &LocalLayer, now| layer.doubts(now).map(|at| [at.x_m, at.y_m]).collect::<Vec<_>>();
+    assert_eq!(layer.obstacles(later).count(), 0, "nothing is in the way any more");
+    let [at] = doubts(&layer, later)[..] else { panic!("{:?}", doubts(&layer, later)) };
+    let unverified = layer.unverified(later, 0.2, [0.0; 2], 2.0);
+    assert!(unverified.contains(&at) && unverified.len() > 5, "it and what is around it");
+    assert!(layer.unverified(later, 0.2, [0.0, 9.0], 2.0).is_empty(), "far away it does not matter");
+    layer.see(later.plus_ms(40), &scan(NOTHING), Some(&room()), &[]);
+    assert_eq!(doubts(&layer, later.plus_ms(40)), Vec::<[f64; 2]>::new());
+}
+
+#[test]
+fn a_doubt_ends_some_time() {
+    let mut layer = LocalLayer::new(car(), Some(&room()));
+    let seen = look(&mut layer, 0, 3, &scan(third(30.0)), Some(&room()));
+    let elsewhere = BumperScan { pose: MapPose { x_m: -1.0, ..HERE }, ..scan(NOTHING) };
+    let later = seen.plus_ms(LocalLayer::FADES_MS + LocalLayer::DOUBTFUL_MS + 1_000);
+    layer.see(later, &elsewhere, Some(&room()), &[]);
+    assert_eq!(layer.doubts(later).count(), 0);
+}
+
+#[test]
+fn a_new_mark_beside_an_older_one_takes_nothing_back_that_was_seen_free_since() {
+    let mut layer = LocalLayer::new(car(), Some(&room()));
+    look(&mut layer, 0, 3, &scan(third(30.0)), Some(&room()));
+    // From 7 cm farther left, one more beam hits; none gets to where the last one on the right was.
+    let both = [None, None, None, Some(24.0), Some(24.0), None];
+    let moved = BumperScan { pose: MapPose { x_m: 0.06, y_m: 0.07, yaw_rad: 0.0 }, ..scan(both) };
+    let now = look(&mut layer, 1_000, 3, &moved, Some(&room()));
+    assert_eq!(layer.obstacles(now).count(), 2);
+    let unseen = layer.unseen_around(now, 0.3);
+    assert!(!unseen.iter().any(|at| (at[0] - 0.525).abs() < 0.026 && (at[1] + 0.175).abs() < 0.026));
+}

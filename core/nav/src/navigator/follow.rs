@@ -1,6 +1,6 @@
 //! Along a path, and out of where there is none.
 
-use super::job::STANDS_M;
+use super::blind::{GOES_ON_M, blind_on};
 use super::{
     BLOCKED_MS, Decision, LOOKOUT_M, MARGIN_M, MOST_PLANS, Navigator, PAUSE_MS, PROGRESS_M, RECOVERY_MPS,
     RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
@@ -19,8 +19,10 @@ const LOOK_M: f64 = 1.2;
 const LOOK_STEP_M: f64 = 0.04;
 /// An obstacle as near as this to the body on the path is in the way, in m.
 pub(super) const IN_THE_WAY_M: f64 = 0.02;
-/// Of what it keeps off unseen parts when it plans: so much counts when something comes into sight.
-const IN_THE_WAY_PART: f64 = 0.3;
+/// Before a place where the body would go without looking it stops so far off, in m.
+const BLIND_STOP_M: f64 = 0.12;
+/// Things this far away have nothing to do with the way that is looked at, in m.
+const NEAR_M: f64 = LOOK_M + 0.8;
 /// A recovery that has gone so far is done, in m.
 const RECOVERED_M: f64 = 0.4;
 /// What was seen goes on so far where nobody has looked, for a recovery, in m.
@@ -43,8 +45,6 @@ pub(super) struct Following {
     look: bool,
     /// It was planned with marks that were seen within this time.
     pub(super) lately_ms: u64,
-    /// What comes into sight beside the path may go on so far before it is in the way, in m.
-    unseen_m: f64,
     /// The first level has held the motor since.
     blocked_since: Option<Stamp>,
     looked: Option<Stamp>,
@@ -58,10 +58,9 @@ pub(super) struct Following {
 }
 
 impl Following {
-    /// Its own path. Nobody vouches for the others: it drives as if one came head-on.
-    pub(super) fn own(path: Path, follower: Follower, unseen_m: f64, look: bool) -> Self {
-        let unseen_m = unseen_m * IN_THE_WAY_PART;
-        Self { unseen_m, look, ..Self::new(path, follower, 0, f64::MAX) }
+    /// Its own path: nobody vouches for the others, so it drives as if one came head-on.
+    pub(super) fn own(path: Path, follower: Follower, look: bool) -> Self {
+        Self { look, ..Self::new(path, follower, 0, f64::MAX) }
     }
 
     /// Traffic control's path.
@@ -79,7 +78,6 @@ impl Following {
             off_m: 0.0,
             look: false,
             lately_ms: u64::MAX,
-            unseen_m: 0.0,
             blocked_since: None,
             looked: None,
             obstructed: None,
@@ -166,17 +164,11 @@ impl Navigator {
         let (Some(local), Some(floor)) = (&self.local, &self.floor) else { return };
         let from_m = following.follower.way_m();
         let to_m = (from_m + LOOK_M).min(following.follower.length_m());
-        let mut marks: Vec<[f64; 2]> = {
+        let marks: Vec<[f64; 2]> = {
             let counting = local.obstacles(now).filter(|mark| now.since_ms(mark.seen) < following.lately_ms);
             counting.map(|mark| [mark.x_m, mark.y_m]).collect()
         };
         let here = sensed.estimate.pose;
-        let beside = local.unseen_around(now, following.unseen_m);
-        // As when it was planned: where it stands and stood it may be near what nobody has seen.
-        let (stands_m, start) = (MARGIN_M + STANDS_M, following.path.start);
-        let apart =
-            |point: &[f64; 2]| [here, start].iter().all(|pose| self.car.distance_m(pose, *point) > stands_m);
-        marks.extend(beside.into_iter().filter(apart));
         let (mut way_m, mut least_m) = (from_m, f64::MAX);
         let mut obstructed = None;
         let body = self.car.grown(IN_THE_WAY_M);
@@ -194,7 +186,14 @@ impl Navigator {
         // Less room than the margin was accepted by whoever planned the path: no reason to stop there.
         following.clearance_m = least_m.max(MARGIN_M);
         // A stop with the look-out's room before it.
-        following.obstructed = obstructed.map(|(way_m, at)| ((way_m - LOOKOUT_M).max(from_m), at));
+        let seen = obstructed.map(|(way_m, at)| (way_m - LOOKOUT_M, at));
+        let blind = (following.plan == 0).then(|| {
+            let things = local.unverified(now, GOES_ON_M, [here.x_m, here.y_m], NEAR_M);
+            blind_on(&following.path, [from_m, to_m], &self.car, &things).first().copied()
+        });
+        let blind = blind.flatten().map(|(way_m, at)| (way_m - BLIND_STOP_M, at));
+        let first = seen.into_iter().chain(blind).min_by(|a, b| a.0.total_cmp(&b.0));
+        following.obstructed = first.map(|(way_m, at)| (way_m.max(from_m), at));
         following.obstructed_since = match following.obstructed {
             Some((way_m, _)) if way_m - from_m < 0.05 && sensed.stands() => {
                 following.obstructed_since.or(Some(now))
@@ -258,6 +257,10 @@ impl Navigator {
         const STEP_M: f64 = 0.04;
         let side = if right { 1.0 } else { -1.0 };
         let things = self.things_around(now, pose);
+        let unverified = self
+            .local
+            .as_ref()
+            .map_or_else(Vec::new, |local| local.unverified(now, GOES_ON_M, [pose.x_m, pose.y_m], NEAR_M));
         let body = self.car.grown(IN_THE_WAY_M);
         let nears = |pose: &MapPose, point: &[f64; 2]| body.distance_m(pose, *point) <= 0.0;
         // What is that near already does not hold it there.
@@ -268,7 +271,10 @@ impl Navigator {
             (1..=steps).all(|step| {
                 let there = back.after(pose, -f64::from(step) * STEP_M);
                 !away.iter().any(|point| nears(&there, point))
-            })
+            }) && {
+                let path = Path { start: *pose, pieces: vec![back] };
+                blind_on(&path, [0.0, RECOVERED_M], &self.car, &unverified).is_empty()
+            }
         })
     }
 

@@ -1,5 +1,6 @@
 //! A plan as a job: everything it needs in one value, to be worked off wherever there is time.
 
+use super::blind::{GOES_ON_M, blind_on};
 use super::follow::IN_THE_WAY_M;
 use super::look::first_on;
 use super::{Aim, Floor, LOOKOUT_M, MARGIN_M, RADIUS_FACTOR};
@@ -29,8 +30,8 @@ pub(super) struct Care {
 pub(super) const CARES: [Care; 5] = [
     Care { margin_m: MARGIN_M, unseen_m: 0.40, expansions: 50_000 },
     Care { margin_m: MARGIN_M, unseen_m: 0.20, expansions: 100_000 },
-    Care { margin_m: MARGIN_M, unseen_m: 0.10, expansions: 100_000 },
-    Care { margin_m: 0.03, unseen_m: 0.10, expansions: 100_000 },
+    Care { margin_m: MARGIN_M, unseen_m: 0.0, expansions: 100_000 },
+    Care { margin_m: 0.03, unseen_m: 0.0, expansions: 100_000 },
     Care { margin_m: 0.005, unseen_m: 0.0, expansions: 300_000 },
 ];
 /// As if it were a zone: where what is not on the map may go on.
@@ -42,6 +43,8 @@ pub(super) const STANDS_M: f64 = 0.04;
 pub(super) const TOLERANCE_M: f64 = 0.05;
 /// And this near to its yaw.
 const TOLERANCE_RAD: f64 = 0.05;
+/// Paths that lead the body where no beam looks first are replaced so often by one that keeps off there.
+const ROUNDS: u32 = 6;
 /// A mark that was not seen for this long is not in sight.
 const IN_SIGHT_MS: u64 = 1_000;
 
@@ -70,8 +73,10 @@ pub(super) struct Search<'a> {
     pub(super) local: Vec<[f64; 2]>,
     /// Where that may go on, for each of [`CARES`].
     pub(super) unseen: [Vec<[f64; 2]>; CARES.len()],
-    /// Of the local ones those that are not in sight now.
+    /// Those that are not in sight now, doubts among them.
     pub(super) stale: Vec<[f64; 2]>,
+    /// Where something may stand for all that is known.
+    pub(super) unverified: Vec<[f64; 2]>,
 }
 
 impl std::ops::Deref for Search<'_> {
@@ -93,8 +98,6 @@ pub struct PlanDone {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Planned {
     pub(super) path: Path,
-    /// It keeps so far off what was seen where nobody has looked, in m.
-    pub(super) unseen_m: f64,
     /// It leads to where something can be seen, not to the goal.
     pub(super) look: bool,
 }
@@ -126,13 +129,21 @@ impl PlanJob {
         let age_ms = |mark: &LocalObstacle| self.now.since_ms(mark.seen);
         let marks = |counts: &dyn Fn(u64) -> bool| {
             let counting = self.layer.obstacles(self.now).filter(|mark| counts(age_ms(mark)));
-            counting.map(|mark| [mark.x_m, mark.y_m]).collect()
+            counting.map(|mark| [mark.x_m, mark.y_m]).collect::<Vec<_>>()
         };
+        let mut stale = marks(&|age_ms| age_ms > IN_SIGHT_MS);
+        stale.extend(self.layer.doubts(self.now).map(|mark| [mark.x_m, mark.y_m]));
         let search = Search {
             job: self,
             local: marks(&|age_ms| age_ms < self.lately_ms),
             unseen: CARES.map(|care| self.layer.unseen_around(self.now, care.unseen_m)),
-            stale: marks(&|age_ms| age_ms > IN_SIGHT_MS),
+            stale,
+            unverified: self.layer.unverified(
+                self.now,
+                GOES_ON_M,
+                [self.start.x_m, self.start.y_m],
+                f64::MAX,
+            ),
         };
         PlanDone { number: self.number, result: search.plan(planner) }
     }
@@ -141,36 +152,71 @@ impl PlanJob {
 impl Search<'_> {
     fn plan(&self, planner: &mut Planner) -> Result<Planned, PlanFailure> {
         let mut last = PlanFailure::for_good("no plan was made".to_owned());
+        let stranger = !self.unverified.is_empty();
         for (index, (care, unseen)) in CARES.iter().zip(&self.unseen).enumerate() {
-            let stranger = !self.local.is_empty();
             let same = !stranger && index > 0 && care.margin_m == MARGIN_M;
-            if same || (stranger && care.unseen_m == 0.0) {
+            if same || (stranger && index + 1 == CARES.len()) {
                 continue;
             }
-            match self.plan_with(planner, care, &self.local, unseen) {
-                Ok(path) => return Ok(Planned { path, unseen_m: care.unseen_m, look: false }),
+            match self.plan_looking(planner, care, unseen) {
+                Ok(path) => return Ok(Planned { path, look: false }),
                 Err(failure) => last = failure,
             }
             if index == 0
                 && self.may_look
-                && !self.local.is_empty()
-                && let Some((path, unseen_m)) = self.look(planner)
+                && stranger
+                && let Some(path) = self.look(planner)
             {
-                return Ok(Planned { path, unseen_m, look: true });
+                return Ok(Planned { path, look: true });
             }
         }
-        if self.local.is_empty() {
+        if !stranger {
             return Err(PlanFailure { for_good: !last.enclosed, ..last });
         }
         // Is it the map, or only what stands around today?
         match self.plan_with(planner, &CARES[CARES.len() - 1], &[], &[]) {
             Ok(path) => {
-                let body = self.car.grown(IN_THE_WAY_M);
-                let at = first_on(&path, &body, |touches| self.local.iter().copied().find(|p| touches(p)));
-                Err(PlanFailure { at: at.or(last.at), ..last })
+                let things = || self.local.iter().chain(&self.stale).copied();
+                let at = [IN_THE_WAY_M, LOOKOUT_M].into_iter().find_map(|room_m| {
+                    first_on(&path, &self.car.grown(room_m), |touches| things().find(|p| touches(p)))
+                });
+                let nearest = |at: [f64; 2]| {
+                    let off_m = |a: &[f64; 2]| libm::hypot(a[0] - at[0], a[1] - at[1]);
+                    things().min_by(|a, b| off_m(a).total_cmp(&off_m(b))).filter(|a| off_m(a) <= GOES_ON_M)
+                };
+                let last_at = last.at.map(|at| nearest(at).unwrap_or(at));
+                Err(PlanFailure { at: at.or(last_at), ..last })
             }
             Err(failure) => Err(PlanFailure { for_good: !failure.enclosed, ..failure }),
         }
+    }
+
+    /// A path that leads the body nowhere near a thing where no beam looks first.
+    fn plan_looking(
+        &self,
+        planner: &mut Planner,
+        care: &Care,
+        unseen: &[[f64; 2]],
+    ) -> Result<Path, PlanFailure> {
+        let mut unseen = unseen.to_vec();
+        let mut at = None;
+        for _ in 0..ROUNDS {
+            let path = self.plan_with(planner, care, &self.local, &unseen)?;
+            let blind = self.blind(&path);
+            if blind.is_empty() {
+                return Ok(path);
+            }
+            at = at.or(blind.first().copied());
+            unseen.extend(blind);
+        }
+        let words = "no way past it on which it could be looked at".to_owned();
+        Err(PlanFailure { words, at, for_good: false, enclosed: false })
+    }
+
+    /// Where a path leads the body without looking.
+    pub(super) fn blind(&self, path: &Path) -> Vec<[f64; 2]> {
+        let ways_m = [0.0, path.length_m()];
+        blind_on(path, ways_m, &self.car, &self.unverified).into_iter().map(|(_, at)| at).collect()
     }
 
     /// Keep-out zones, and where what is not on the map may go on: the body keeps off both, while the

@@ -35,8 +35,8 @@ const BESIDE_SIGHT_M: f64 = 0.04;
 const TOLERANCE_RAD: f64 = 0.1;
 
 impl Search<'_> {
-    /// A path to where a doubt on the way to the goal can be seen, and how far it keeps off doubts, in m.
-    pub(super) fn look(&self, planner: &mut Planner) -> Option<(Path, f64)> {
+    /// A path to where a doubt on the way to the goal can be seen.
+    pub(super) fn look(&self, planner: &mut Planner) -> Option<Path> {
         let doubts = self.doubts(planner);
         CARES[..CAREFUL].iter().zip(&self.unseen).find_map(|(care, unseen)| {
             let space = self.space(care, &self.local, unseen).ok()?;
@@ -49,7 +49,7 @@ impl Search<'_> {
                     let (tolerance_m, tolerance_rad) = (TOLERANCE_M, TOLERANCE_RAD);
                     let goal = Goal { x_m, y_m, yaw_rad: Some(yaw_rad), tolerance_m, tolerance_rad };
                     let path = self.search(planner, &space, &goal, EXPANSIONS).ok()?;
-                    Some((path, care.unseen_m))
+                    self.blind(&path).is_empty().then_some(path)
                 })
             })
         })
@@ -67,9 +67,17 @@ impl Search<'_> {
         });
         let Some(path) = path else { return Vec::new() };
         let mut doubts: Vec<[f64; 2]> = Vec::new();
+        // Where it would go without looking first of all.
+        for at in self.blind(&path) {
+            let apart = doubts.iter().all(|b| libm::hypot(at[0] - b[0], at[1] - b[1]) >= APART_M);
+            if apart && doubts.len() < DOUBTS {
+                doubts.push(at);
+            }
+        }
+        let most = doubts.len() + DOUBTS;
         let least_m = MARGIN_M + STANDS_M;
         let known = |point: &[f64; 2]| self.car.distance_m(&self.start, *point) <= least_m;
-        while doubts.len() < DOUBTS {
+        while doubts.len() < most {
             let next = first_on(&path, &self.car.grown(MARGIN_M), |touches| {
                 let supposed = self.unseen[0].iter().chain(&self.stale).filter(|point| !known(point));
                 let apart =

@@ -4,9 +4,10 @@
 
 use crate::draw::{Draw, in_parallel};
 use crate::drive::Drive;
-use std::f64::consts::PI;
+use std::f64::consts::{PI, SQRT_2};
 use xtb_control::VehicleConfig;
 use xtb_nav::map::{Map, ZoneLayers};
+use xtb_nav::navigator::RADIUS_FACTOR;
 use xtb_nav::planner::{Goal, Planner, PlannerSettings};
 use xtb_nav::space::{GridSpace, Layers, LookOut, Space};
 use xtb_nav::{Car, MapPose, Path};
@@ -16,6 +17,9 @@ use xtb_sim::World;
 
 /// A room without anything in it.
 const EMPTY: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0\n";
+/// A thing comes into being at least so far from the body: the obstacle rule's 25 cm, what it takes to notice
+/// and to stop, and as much again. Nearer, no driver could be blamed.
+const FAIR_M: f64 = 0.45;
 /// Longer than any way in these rooms takes.
 const PATIENCE_S: f64 = 400.0;
 
@@ -43,16 +47,28 @@ pub(crate) struct Journey {
     pub(crate) hindered: Vec<[f64; 2]>,
     /// Where it says that the way is blocked, from the nearest of them, in m.
     pub(crate) said_off_m: Option<f64>,
-    /// Whether a path exists that knows everything.
+    /// Whether a path exists that knows everything: at full lock, with 5 mm to spare.
     pub(crate) possible: bool,
+    /// The same with what the robot needs to steer: a seventh of its lock and 3 cm beside the body.
+    pub(crate) drivable: bool,
 }
 
 impl Journey {
-    /// Arrived, or failed and says what is so.
+    /// Arrived, or failed and says what is so: there is no way that it can drive, and what it names is there.
     pub(crate) fn is_honest(&self) -> bool {
+        self.is_true(self.drivable)
+    }
+
+    /// The same, where no driver at all finds a way.
+    #[allow(dead_code)] // for the example
+    pub(crate) fn is_honest_to_the_last(&self) -> bool {
+        self.is_true(self.possible)
+    }
+
+    fn is_true(&self, possible: bool) -> bool {
         match self.status {
             Some(GoalStatus::Reached) => self.off_m < 0.35,
-            Some(GoalStatus::Failed) => !self.possible && self.said_off_m.is_some_and(|off_m| off_m < 0.6),
+            Some(GoalStatus::Failed) => !possible && self.said_off_m.is_some_and(|off_m| off_m < 0.6),
             _ => false,
         }
     }
@@ -94,19 +110,19 @@ impl Room {
     /// As the robot plans first.
     fn of(world: World) -> Self {
         let grid = world.chart(0.05).unwrap();
-        Self::with(world, &grid, 0.06)
+        Self::with(world, &grid, 0.06, RADIUS_FACTOR)
     }
 
-    /// With nothing but the bare body, by the rules of the map (what was put there has none).
-    fn barely(world: World) -> Self {
+    /// With everything that stands there, by the rules of the map (what was put there has none).
+    fn knowing(world: &World, margin_m: f64, radius_factor: f64) -> Self {
         let grid = world.chart(0.05).unwrap();
-        Self::with(world, &grid, 0.005)
+        Self::with(world.clone(), &grid, margin_m, radius_factor)
     }
 
-    fn with(world: World, map: &Map, margin_m: f64) -> Self {
+    fn with(world: World, map: &Map, margin_m: f64, radius_factor: f64) -> Self {
         let zones = ZoneLayers::of(map);
         let car = Car::of(&VehicleConfig::default());
-        let car = Car { radius_m: car.radius_m * 1.15, ..car.grown(margin_m) };
+        let car = Car { radius_m: car.radius_m * radius_factor, ..car.grown(margin_m) };
         let look_out = LookOut { ahead_m: 0.32 - margin_m, half_width_m: 0.2 };
         let layers = Layers {
             zones: Some(&zones.keep_outs),
@@ -190,6 +206,7 @@ fn travel(room: &Room, mut draw: Draw, seed: u64, hinder: Hinder) -> Journey {
         hindered: Vec::new(),
         said_off_m: None,
         possible: true,
+        drivable: true,
     };
     if let Outcome::Error(error) = drive.goto(0, goal.x_m, goal.y_m, with_yaw.then_some(goal.yaw_rad)) {
         made.reason = Some(error.message);
@@ -207,7 +224,11 @@ fn travel(room: &Room, mut draw: Draw, seed: u64, hinder: Hinder) -> Journey {
             let off_m = |[x, y]: &[f64; 2]| (x - x_m).hypot(y - y_m);
             made.hindered.iter().map(off_m).fold(f64::MAX, f64::min)
         });
-        made.possible = Room::barely(world).path(&now, &goal, with_yaw).is_some();
+        let leads_there = |margin_m, radius_factor| {
+            Room::knowing(&world, margin_m, radius_factor).path(&now, &goal, with_yaw).is_some()
+        };
+        made.possible = leads_there(0.005, 1.0);
+        made.drivable = leads_there(0.03, RADIUS_FACTOR);
     }
     made
 }
@@ -251,7 +272,8 @@ fn place_in(text: &str) -> Option<(f64, f64)> {
     Some((x.parse().ok()?, rest.split_once(')')?.0.parse().ok()?))
 }
 
-/// A box on the way that is left, far enough ahead to stop before it.
+/// A box of 10 to 50 cm, turned anyhow, its middle on the way that is left, 0.9 to 2 m ahead; not now, if
+/// some of it were nearer than [`FAIR_M`]. Whether a beam looks there is not asked.
 fn put_in_the_way(drive: &mut Drive, draw: &mut Draw, name: &str) -> Option<[f64; 2]> {
     let route = drive.lockstep.state(0).unwrap().nav.route?;
     let track = route.track?;
@@ -265,7 +287,7 @@ fn put_in_the_way(drive: &mut Drive, draw: &mut Draw, name: &str) -> Option<[f64
     let truth = drive.lockstep.simulation().trucks()[0].truth();
     let here = MapPose { x_m: truth.x_m, y_m: truth.y_m, yaw_rad: truth.yaw_rad };
     let car = Car::of(&VehicleConfig::default());
-    if car.distance_m(&here, [pose.x_m, pose.y_m]) < 0.45 + half_m * 1.5 {
+    if car.distance_m(&here, [pose.x_m, pose.y_m]) < FAIR_M + half_m * SQRT_2 {
         return None;
     }
     let side = 2.0 * half_m;

@@ -33,6 +33,15 @@ fn around_a_box_that_nobody_knew_of_or_an_honest_answer() {
     }
 }
 
+/// In one it had looked at the box half a minute before, in the other it had seen one corner of it.
+#[test]
+fn a_box_beside_a_tight_bend_is_not_touched() {
+    for journey in [journeys(LAB, 138..139, Hinder::Box), journeys(LAB, 143..144, Hinder::Box)].concat() {
+        assert!(journey.is_honest(), "{journey:?}");
+        assert_eq!((journey.contacts, journey.hindered.len()), (0, 1), "{journey:?}");
+    }
+}
+
 #[test]
 fn somebody_who_steps_into_the_way_and_goes_again_keeps_it_from_nothing() {
     for journey in journeys(LAB, 40..44, Hinder::Person) {
