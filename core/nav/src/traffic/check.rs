@@ -46,6 +46,18 @@ pub enum Fault {
         /// Where in the schedule.
         step: usize,
     },
+    /// A step against a one-way zone.
+    #[error("{name} drives the wrong way of a one-way zone at ({x_m:.2}, {y_m:.2}) in step {step}")]
+    WrongWay {
+        /// Who.
+        name: String,
+        /// Where in the schedule.
+        step: usize,
+        /// In m.
+        x_m: f64,
+        /// In m.
+        y_m: f64,
+    },
     /// A contact with something that stands.
     #[error("{name} touches the obstacle at ({x_m:.2}, {y_m:.2}) in step {step}")]
     Obstacle {
@@ -91,6 +103,7 @@ pub fn check(problem: &Problem, schedule: &Schedule) -> Result<(), Fault> {
                 step,
                 what,
             })?;
+            right_way(problem, &task.name, &rows[0])?;
         }
     }
     (0..=schedule.makespan()).try_for_each(|step| slices(problem, schedule, step))
@@ -123,6 +136,15 @@ fn drivable(problem: &Problem, car: &Car, rows: &[Row]) -> Result<(), &'static s
         return Err("the arc ends elsewhere");
     }
     Ok(())
+}
+
+/// The rule of one-way zones, by the row's own pose.
+fn right_way(problem: &Problem, name: &str, row: &Row) -> Result<(), Fault> {
+    let zones = problem.one_way.as_ref().filter(|_| row.piece.length_m != 0.0);
+    match zones.and_then(|zones| zones.against(&row.pose, &row.piece)) {
+        Some([x_m, y_m]) => Err(Fault::WrongWay { name: name.to_owned(), step: row.step, x_m, y_m }),
+        None => Ok(()),
+    }
 }
 
 /// Looks at one step slice by slice.
