@@ -3,12 +3,14 @@
 use super::rect::Rect;
 use super::rect::Stand;
 use super::way::{Walk, Way};
-use crate::Car;
+use crate::{Car, MapPose};
 
 /// Way in one tick of the plan's clock (0.25 s at 0.28 m/s), in m.
 pub(super) const TICK_WAY_M: f64 = 0.07;
 /// Never.
 pub(super) const NEVER: u32 = u32::MAX;
+/// Where nobody is, in m.
+const AWAY_M: f64 = 1.0e9;
 /// Ticks in one block of the coarse look.
 const BLOCK: usize = 8;
 
@@ -62,6 +64,38 @@ impl Timeline {
     /// A truck that is going to leave its place some time after `gone`.
     pub(super) fn leaving(stands: &[Stand], gone: u32) -> Self {
         Self::build(Vec::new(), stands.iter().map(|stand| (*stand, gone)).collect(), gone)
+    }
+
+    /// Where this one is from one tick to another (and for good if that is [`NEVER`]), and nowhere else.
+    pub(super) fn between(&self, from: u32, until: u32) -> Self {
+        let away = MapPose { x_m: AWAY_M, y_m: AWAY_M, yaw_rad: 0.0 };
+        let Some(last) = self.ticks.len().checked_sub(1) else { return Self::default() };
+        let end = (until as usize).min(last.max(from as usize));
+        let point = Car { front_m: 0.0, rear_m: 0.0, half_width_m: 0.0, radius_m: 1.0 };
+        let mut ticks = vec![Stand::still(&point, &away); from as usize];
+        ticks.extend((from as usize..=end).map(|tick| self.ticks[tick.min(last)]));
+        Self::build(ticks, Vec::new(), until.saturating_add(1))
+    }
+
+    /// When two trucks on their ways come too near to each other first, and until when they are;
+    /// [`NEVER`] = they stay so.
+    pub(super) fn meets(&self, other: &Self, margin_m: f64) -> Option<(u32, u32)> {
+        let end = self.ticks.len().max(other.ticks.len()) as u32;
+        let from = (0..end).find(|&tick| self.meets_at(other, tick, margin_m))?;
+        let apart = (from + 1..end).find(|&tick| !self.meets_at(other, tick, margin_m));
+        Some((from, apart.map_or(NEVER, |tick| tick - 1)))
+    }
+
+    /// In how many ticks two trucks come too near to each other until both have arrived.
+    pub(super) fn contact_ticks(&self, other: &Self, margin_m: f64) -> usize {
+        let end = self.ticks.len().max(other.ticks.len()) as u32;
+        (0..end).filter(|&tick| self.meets_at(other, tick, margin_m)).count()
+    }
+
+    fn meets_at(&self, other: &Self, tick: u32, margin_m: f64) -> bool {
+        let at = |line: &Self| line.ticks.get(tick as usize).or(line.ticks.last()).copied();
+        at(self).is_some_and(|stand| other.hits(&stand, tick, margin_m))
+            || at(other).is_some_and(|stand| self.hits(&stand, tick, margin_m))
     }
 
     fn build(ticks: Vec<Stand>, held: Vec<(Stand, u32)>, gone: u32) -> Self {
@@ -132,7 +166,7 @@ fn circle<'a>(stands: impl Iterator<Item = &'a Stand> + Clone) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{MapPose, Path, Piece};
+    use crate::{Path, Piece};
     use xtb_control::VehicleConfig;
 
     fn car() -> Car {

@@ -6,7 +6,7 @@ mod rules;
 mod scenes;
 mod toy;
 
-use scenes::{circle, corridor, dead, door, lane, life, no_place, one_way, pocket, pose, send_on};
+use scenes::{bay, circle, corridor, dead, door, lane, life, no_place, one_way, pocket, pose, send_on};
 use toy::{Draw, Trouble, World};
 use xtb_nav::coordinator::{GridRoom, Room};
 use xtb_nav::{Map, MapPose, Zone, ZoneKind};
@@ -72,6 +72,15 @@ fn in_a_corridor_and_in_a_lane_one_makes_way() {
         all_go(&mut world, &goals, 200.0);
         let (mut world, goals) = pocket(seed, no_clock);
         all_go(&mut world, &goals, 200.0);
+    }
+}
+
+#[test]
+fn where_no_order_of_priorities_works_a_group_is_planned_at_once() {
+    for seed in 1..=3 {
+        let (mut world, goals) = bay(seed, no_clock);
+        all_go(&mut world, &goals, 200.0);
+        assert!(world.counters().grouped > 0);
     }
 }
 

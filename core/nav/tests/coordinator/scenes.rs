@@ -68,6 +68,15 @@ pub(crate) fn one_way(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>)
     (World::new(GridRoom::of(&map), &starts, seed, Trouble::SOME, clock_ms), goals)
 }
 
+/// A lane with dead ends and one bay in its middle, for one truck: whoever goes first in an order would be
+/// there before the other one could make room.
+pub(crate) fn bay(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+    let boxes = [[0.0, 0.0, 8.0, 1.5], [0.0, 2.4, 3.4, 1.6], [4.6, 2.4, 3.4, 1.6], [0.0, 3.4, 8.0, 0.6]];
+    let starts = vec![pose(0.8, 1.95, 0.0), pose(7.2, 1.95, PI)];
+    let goals = vec![pose(7.0, 1.95, 0.0), pose(1.0, 1.95, PI)];
+    (World::new(room(8.0, 4.0, &boxes), &starts, seed, Trouble::SOME, clock_ms), goals)
+}
+
 /// The two rooms with a door, and eight places where trucks may be sent one at a time.
 pub(crate) fn life(seed: u64, trouble: Trouble, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
     let (world, mut places) = door(seed, 1.4, trouble, clock_ms);
