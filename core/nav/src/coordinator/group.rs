@@ -15,7 +15,7 @@ const MOST: usize = 4;
 /// Choices that are looked at.
 const MOST_CHOICES: usize = 100;
 /// Expansions for one truck in one choice.
-const EXPANSIONS: u32 = 1500;
+const EXPANSIONS: u32 = 800;
 /// Longest part of another one's way that is avoided at once, in ticks (10 s).
 const MOST_AVOIDED: u32 = 40;
 /// What a tick in each other's way counts against one of driving: ways that need few more bans first.
@@ -161,7 +161,7 @@ mod tests {
     use std::sync::Arc;
     use xtb_control::VehicleConfig;
 
-    const BUDGET: u32 = 20_000;
+    const BUDGET: u32 = 8_000;
 
     /// A room with walls around it and these boxes in it: x, y, width, depth in m.
     fn room(width_m: f64, height_m: f64, boxes: &[[f64; 4]]) -> GridRoom {

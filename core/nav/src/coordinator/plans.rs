@@ -17,7 +17,7 @@ const PAUSE_MS: u64 = 300;
 /// Nodes that a joint plan may expand for orders of priorities.
 const BUDGET: u32 = 30_000;
 /// The same for groups for which no order works.
-const GROUP_BUDGET: u32 = 20_000;
+const GROUP_BUDGET: u32 = 8_000;
 /// A way that begins anew begins at most so far from where the truck is when it gets it, in m.
 const START_M: f64 = 0.1;
 
