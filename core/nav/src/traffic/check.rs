@@ -9,8 +9,8 @@ use thiserror::Error;
 
 /// Slices of a step.
 const SLICES: usize = 40;
-/// Rounding, and starts or goals that touch, in parts of a step.
-const TOUCH: f64 = 0.006;
+/// Rounding, and starts or goals that touch (`places::TOUCH`), in parts of a step.
+const TOUCH: f64 = 0.0094;
 /// Rounding of angles and radii.
 const ROUNDING: f64 = 1e-3;
 
@@ -165,7 +165,7 @@ fn slices(problem: &Problem, schedule: &Schedule, step: usize) -> Result<(), Fau
                 return Err(Fault::Outside { name: name(car), step });
             }
             if let Some(obstacle) =
-                problem.obstacles.iter().find(|obstacle| hits(&bodies[car], pose, obstacle))
+                problem.obstacles.iter().find(|obstacle| hits(&problem.cars[car].car, pose, obstacle, touch))
             {
                 let [x_m, y_m] = obstacle.middle_m();
                 return Err(Fault::Obstacle { name: name(car), step, x_m, y_m });
@@ -187,13 +187,14 @@ fn pose(rows: &[Row], step: usize, fraction: f64) -> MapPose {
     }
 }
 
-fn hits(car: &Car, pose: &MapPose, obstacle: &Obstacle) -> bool {
+/// Whether a car is deeper than `touch` in an obstacle.
+fn hits(car: &Car, pose: &MapPose, obstacle: &Obstacle, touch: f64) -> bool {
     match *obstacle {
-        Obstacle::Disc { x_m, y_m, radius_m } => car.distance_m(pose, [x_m, y_m]) < radius_m,
+        Obstacle::Disc { x_m, y_m, radius_m } => car.distance_m(pose, [x_m, y_m]) < radius_m - touch,
         Obstacle::Box { middle, half_length_m, half_width_m } => {
             let radius_m = f64::INFINITY;
             let solid = Car { front_m: half_length_m, rear_m: half_length_m, half_width_m, radius_m };
-            car.overlaps(pose, &solid, &middle)
+            car.grown(-touch).overlaps(pose, &solid, &middle)
         }
     }
 }

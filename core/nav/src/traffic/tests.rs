@@ -216,6 +216,8 @@ fn a_start_on_an_obstacle_is_moved_within_the_tolerance_or_named() {
     let slight = Problem { tolerance, ..room(20.0, 20.0, vec![disc(6.75)], &ways) };
     solved(&slight);
     assert!(solve(&Problem { tolerance: Tolerance::default(), ..slight }, &Settings::default()).is_err());
+    // 10 cm into the nose, and 1.2 cm more: that is as good as touching.
+    solved(&Problem { tolerance, ..room(20.0, 20.0, vec![disc(6.69)], &ways) });
     let deep = Problem { tolerance, ..room(20.0, 20.0, vec![disc(6.5)], &ways) };
     let error = solve(&deep, &Settings::default()).unwrap_err().to_string();
     assert_eq!(error, "the start of car-0 overlaps the obstacle at (6.50, 10.00) by 0.201 m");
