@@ -206,6 +206,38 @@ mod tests {
     }
 
     #[test]
+    fn a_part_of_a_line_is_there_in_its_time_only() {
+        let line = eastward();
+        let tick = line.next_hit(&at(2.2), 0, 0.0);
+        let part = line.between(tick, tick + 3);
+        assert!(part.hits(&at(2.2), tick, 0.0) && !part.hits(&at(2.2), tick - 1, 0.0));
+        assert!(line.hits(&at(2.2), tick + 4, 0.0) && !part.hits(&at(2.2), tick + 4, 0.0));
+        // What it holds at the start is no part of it.
+        assert!(!part.hits(&at(1.0), 0, 0.0));
+        // At its end it stays.
+        let end = line.between(70, NEVER);
+        assert!(!end.hits(&at(3.0), 69, 0.0) && end.hits(&at(3.0), 10_000, 0.0));
+    }
+
+    #[test]
+    fn two_lines_meet_from_one_tick_to_another_or_for_good() {
+        let line = eastward();
+        let tick = line.next_hit(&at(2.2), 0, 0.0);
+        let across = |until: usize| {
+            let mut ticks = vec![at(9.0); until];
+            ticks.extend([at(2.2); 30]);
+            Timeline::build(ticks, Vec::new(), NEVER)
+        };
+        // It is there before: as soon as the other comes, and until that one has passed.
+        let (from, until) = line.meets(&across(0), 0.0).unwrap();
+        assert!(from == tick && (tick..60).contains(&until), "{from} to {until}");
+        assert_eq!(line.contact_ticks(&across(0), 0.0) as u32, until - from + 1);
+        assert_eq!(line.meets(&across(80), 0.0), None);
+        let goal = Timeline::standing(&[at(3.0)]);
+        assert_eq!(line.meets(&goal, 0.0).map(|(_, until)| until), Some(NEVER));
+    }
+
+    #[test]
     fn one_that_is_leaving_is_gone_after_its_time() {
         let line = Timeline::leaving(&[at(0.0)], 12);
         assert!(line.hits(&at(0.2), 11, 0.0) && !line.hits(&at(0.2), 12, 0.0));
