@@ -51,7 +51,7 @@ impl TrafficService {
         let publisher =
             bus.publisher(&keys.traffic_state(), &Channel::TrafficState, Format::Postcard).await?;
         let epoch = (Uuid::new_v4().as_u128() >> 76) as u64;
-        let room = Arc::new(GridRoom::new(map.grid_with_keep_outs()));
+        let room = Arc::new(GridRoom::of(map));
         let coordinator = Coordinator::new(Car::of(&VehicleConfig::default()), room, epoch);
         let stop = Arc::new(AtomicBool::new(false));
         let (told, state) = watch::channel(said(epoch, 0, map.hash(), &coordinator));

@@ -46,6 +46,42 @@ agents:
   - {name: xtb-2, start: [5.0, 0.0, 3.1416], goal: [-5.0, 0.0, 3.1416]}
 ";
 
+/// Two halls with two doors; one leads to the east only, the other one is kept out of.
+const ZONES: &str = r#"
+[room]
+width_m = 10.0
+depth_m = 8.0
+
+[[walls]]
+points = [[0.0, -4.0], [0.0, -2.8]]
+
+[[walls]]
+points = [[0.0, -1.2], [0.0, 1.2]]
+
+[[walls]]
+points = [[0.0, 2.8], [0.0, 4.0]]
+
+[[zones]]
+name = "out"
+kind = "one_way"
+heading_rad = 0.0
+points = [[-0.5, 1.2], [0.5, 1.2], [0.5, 2.8], [-0.5, 2.8]]
+"#;
+
+const KEPT_OUT: &str = r#"
+[[zones]]
+name = "wet"
+kind = "keep_out"
+points = [[-0.5, -2.8], [0.5, -2.8], [0.5, -1.2], [-0.5, -1.2]]
+"#;
+
+const THROUGH: &str = "\
+world: halls.toml
+agents:
+  - {name: xtb-1, start: [-3.0, -2.0, 0.0], goal: [3.0, -2.0, 0.0]}
+  - {name: xtb-2, start: [3.0, 2.0, 3.1416], goal: [-3.0, 2.0, 3.1416]}
+";
+
 #[derive(Deserialize)]
 struct File {
     statistics: Statistics,
@@ -143,6 +179,28 @@ fn trucks_in_a_world_of_ours_swap_places_through_its_door() {
     let through =
         |rows: &[Row]| rows.iter().filter(|row| (row.y - 4.0).abs() < 0.3).all(|row| row.x.abs() < 1.0);
     assert!(file.schedule.values().all(|rows| through(rows)));
+}
+
+#[test]
+fn a_worlds_zones_hold_for_its_plans() {
+    let wet = format!("{ZONES}{KEPT_OUT}");
+    let east = THROUGH.lines().take(3).collect::<Vec<_>>().join("\n");
+    let folder = Folder::with(&[("halls.toml", ZONES), ("both.yaml", THROUGH)]);
+    // The one-way door is not taken to the west, though xtb-2 stands before it.
+    folder.run("plan both.yaml --out schedule.yaml").code(0);
+    let door = |file: &File, name: &str| {
+        let rows = &file.schedule[name];
+        rows.windows(2).find(|pair| (pair[0].x < 0.0) != (pair[1].x < 0.0)).unwrap()[0].y
+    };
+    assert!(door(&folder.schedule("schedule.yaml"), "xtb-2") < 0.0);
+    // With the other door kept out of, the way east leads through it, and there is none to the west.
+    let folder = Folder::with(&[("halls.toml", &wet), ("east.yaml", &east), ("both.yaml", THROUGH)]);
+    folder.run("plan east.yaml --out schedule.yaml").code(0);
+    assert!(door(&folder.schedule("schedule.yaml"), "xtb-1") > 0.0);
+    let ended = folder.run("plan both.yaml --out both.out --json").code(1);
+    let error = &json(&ended)["error"];
+    let message = error["message"].as_str().unwrap();
+    assert!(message.contains("no way from the start to the goal of xtb-2"), "{message}");
 }
 
 #[test]

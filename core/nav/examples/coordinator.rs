@@ -1,7 +1,7 @@
 //! Toy fleets under traffic control over many seeds, as a table; one run as a drawing.
 //!
 //! `cargo run -p xtb-nav --example coordinator -- SCENE [FIRST-LAST] [--svg FILE]` with SCENE one of door,
-//! sleepers, life, dead, restart, circle, corridor, lane, pocket and seeds from FIRST to LAST; with `--svg` the first one is drawn.
+//! sleepers, life, dead, restart, circle, corridor, lane, pocket, bay and seeds from FIRST to LAST; with `--svg` the first one is drawn.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, dead_code)]
 
@@ -39,6 +39,7 @@ fn main() {
         }
         let (mut world, goals) = match scene {
             "pocket" => scenes::pocket(seed, clock_ms),
+            "bay" => scenes::bay(seed, clock_ms),
             "circle" => scenes::circle(seed, clock_ms),
             "corridor" => scenes::corridor(seed, clock_ms),
             "lane" => scenes::lane(seed, clock_ms),

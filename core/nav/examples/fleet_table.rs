@@ -82,6 +82,7 @@ impl Family {
                 .map(|(i, (start, goal))| Task { name: format!("car-{i}"), car: CAR, start, goal })
                 .collect(),
             obstacles,
+            one_way: None,
             step_m: 2.118,
             clearance_m: 0.02,
             tolerance: Tolerance::default(),

@@ -19,8 +19,10 @@ pub mod joint;
 pub mod rect;
 pub mod room;
 
+mod attempt;
 mod blame;
 mod field;
+mod group;
 mod margin;
 mod order;
 mod plans;

@@ -11,6 +11,7 @@
 
 pub mod car;
 pub mod clearance;
+mod conflicts;
 pub mod coordinator;
 pub mod filter;
 pub mod follower;

@@ -3,9 +3,11 @@
 //! A trait, so that the same search plans on a grid, among discs or between cars that move.
 
 mod grid_space;
+mod one_way;
 mod sweep;
 
 pub use grid_space::{GridSpace, Layers, LayersError, LookOut, Zones};
+pub use one_way::OneWay;
 
 use crate::{Car, MapPose, Piece};
 use std::fmt;

@@ -3,6 +3,7 @@
 
 use super::rect::Rect;
 use super::room::Room;
+use crate::space::OneWay;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -36,12 +37,12 @@ impl Field {
             })
             .collect();
         if let Some(goal) = field.index(goal_m[0], goal_m[1]) {
-            field.flood(goal, &open);
+            field.flood(goal, &open, room.one_way());
         }
         field
     }
 
-    fn flood(&mut self, goal: usize, open: &[bool]) {
+    fn flood(&mut self, goal: usize, open: &[bool], one_way: Option<&OneWay>) {
         let mut heap = BinaryHeap::from([Reverse((0_u32, goal))]);
         self.distance[goal] = 0;
         while let Some(Reverse((distance, index))) = heap.pop() {
@@ -56,7 +57,10 @@ impl Field {
                 }
                 let next = y as usize * self.width + x as usize;
                 let longer = distance + if dx != 0 && dy != 0 { 1414 } else { 1000 };
-                if open[next] && longer < self.distance[next] {
+                // It is driven the other way: from there to here.
+                let may =
+                    || one_way.is_none_or(|zones| zones.lets_through(self.middle(next), self.middle(index)));
+                if open[next] && longer < self.distance[next] && may() {
                     self.distance[next] = longer;
                     heap.push(Reverse((longer, next)));
                 }

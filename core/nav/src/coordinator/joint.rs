@@ -2,17 +2,16 @@
 //!
 //! First only those without a way look for one around the others' expected times; if no order works,
 //! everybody with a goal gives up what is not released yet and looks anew; if that does not work
-//! either, whoever failed most often only makes way for the rest; if it cannot, it stands.
+//! either, a few of them are planned at once, by conflict-based search; after that, whoever failed most
+//! often only makes way for the rest; if it cannot, it stands.
 
 use super::blame::blame;
 use super::field::Field;
-use super::margin::{driven_margin_m, margin_m};
-use super::order::{Order, Runner, Timed, pair, run_ahead};
-use super::rect::{Rect, Stand};
+use super::order::Order;
+use super::rect::Stand;
 use super::room::Room;
-use super::search::{Other, Stuck, Target, Task, search};
+use super::search::Target;
 use super::timeline::Timeline;
-use super::times::{arrivals, extend, to_release};
 use super::way::Way;
 use crate::Car;
 use std::collections::{BTreeMap, BTreeSet};
@@ -26,8 +25,6 @@ pub(super) const EXPANSIONS_EACH: u32 = 4000;
 const EXPANSIONS_BLAME: u32 = 12_000;
 /// Longest plan, in ticks (20 min).
 pub(super) const MOST_TICKS: usize = 4800;
-/// A truck that has still to leave its place is not driven through so many ticks longer.
-const GRACE_TICKS: u32 = 12;
 
 /// A truck with a goal.
 #[derive(Debug, Clone)]
@@ -72,8 +69,10 @@ pub struct JointJob {
     pub(super) blocks: Vec<Block>,
     pub(super) order: Order,
     pub(super) seed: u64,
-    /// Nodes that may be expanded in all.
+    /// Nodes that may be expanded for orders of priorities.
     pub(super) budget: u32,
+    /// The same for groups, when no order works; 0 = orders only.
+    pub(super) group_budget: u32,
 }
 
 /// A way for one truck.
@@ -107,6 +106,10 @@ pub struct JointResult {
     pub expansions: u32,
     /// Orders that were tried.
     pub tries: u32,
+    /// Choices of conflict-based search that were looked at.
+    pub choices: u32,
+    /// No order worked, but these choices did.
+    pub grouped: bool,
 }
 
 impl JointResult {
@@ -118,25 +121,27 @@ impl JointResult {
 }
 
 /// Ways and orders that fit together.
-struct Solution {
-    ways: BTreeMap<usize, Way>,
-    order: Order,
+pub(super) struct Solution {
+    pub(super) ways: BTreeMap<usize, Way>,
+    pub(super) order: Order,
 }
 
 /// The truck for which an order did not work.
-struct Failed(usize);
+pub(super) struct Failed(pub(super) usize);
 
-struct Solver<'a> {
-    job: &'a JointJob,
-    keep_going: &'a mut dyn FnMut() -> bool,
-    fields: BTreeMap<usize, Field>,
-    blocks: Vec<Timeline>,
-    left: u32,
+pub(super) struct Solver<'a> {
+    pub(super) job: &'a JointJob,
+    pub(super) keep_going: &'a mut dyn FnMut() -> bool,
+    pub(super) fields: BTreeMap<usize, Field>,
+    pub(super) blocks: Vec<Timeline>,
+    pub(super) left: u32,
+    pub(super) group_left: u32,
     random: u64,
     tries: u32,
-    failures: BTreeMap<usize, u32>,
+    pub(super) choices: u32,
+    pub(super) failures: BTreeMap<usize, u32>,
     /// Those that have no way to their goals and only make way.
-    evading: BTreeSet<usize>,
+    pub(super) evading: BTreeSet<usize>,
     /// One of these that cannot.
     stuck: Option<usize>,
 }
@@ -152,13 +157,15 @@ impl JointJob {
             fields: BTreeMap::new(),
             blocks: self.blocks.iter().map(|block| Timeline::standing(&block.stands)).collect(),
             left: self.budget,
+            group_left: self.group_budget,
             random: self.seed,
             tries: 0,
+            choices: 0,
             failures: BTreeMap::new(),
             evading: BTreeSet::new(),
             stuck: None,
         };
-        let mut standing = BTreeSet::new();
+        let (mut standing, mut grouped) = (BTreeSet::new(), false);
         let solution = loop {
             let rest = |index: &usize| !standing.contains(index) && !solver.evading.contains(index);
             let wanting: Vec<usize> = self.indices(|member| member.wanting).filter(rest).collect();
@@ -173,6 +180,12 @@ impl JointJob {
             if !led.is_empty()
                 && let Some(found) = solver.orders(&all, &[], &standing)
             {
+                break Some(found);
+            }
+            if solver.stuck.is_none()
+                && let Some(found) = solver.group(&all, &standing)
+            {
+                grouped = true;
                 break Some(found);
             }
             if let Some(stuck) = solver.stuck.take() {
@@ -198,7 +211,8 @@ impl JointJob {
             left += share;
             none.push(blame(self, &self.members[index], &mut left));
         }
-        let (expansions, tries) = (self.budget - solver.left, solver.tries);
+        let expansions = self.budget - solver.left + self.group_budget - solver.group_left;
+        let (tries, choices) = (solver.tries, solver.choices);
         let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
         let plan = |(index, way): (usize, Way)| {
             let member: &Member = &self.members[index];
@@ -213,6 +227,8 @@ impl JointJob {
             none,
             expansions,
             tries,
+            choices,
+            grouped,
         }
     }
 
@@ -227,7 +243,7 @@ impl JointJob {
 }
 
 impl Solver<'_> {
-    fn spent(&mut self) -> bool {
+    pub(super) fn spent(&mut self) -> bool {
         self.left == 0 || !(self.keep_going)()
     }
 
@@ -274,131 +290,6 @@ impl Solver<'_> {
         None
     }
 
-    fn attempt(
-        &mut self,
-        free: &[usize],
-        led: &[usize],
-        standing: &BTreeSet<usize>,
-    ) -> Result<Solution, Failed> {
-        let job = self.job;
-        let fallback = || Failed(free.last().copied().unwrap_or(0));
-        let mut lines: BTreeMap<usize, Timeline> = BTreeMap::new();
-        let mut times: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
-        let runners: Vec<Runner<'_>> = led.iter().map(|&index| runner(&job.members[index], None)).collect();
-        let expected = run_ahead(&runners, &job.order, MOST_TICKS).ok_or_else(fallback)?;
-        for (&index, at_m) in led.iter().zip(expected) {
-            let member = &job.members[index];
-            lines.insert(index, Timeline::driving(&member.way, &job.car, &at_m, member.held));
-            times.insert(index, arrivals(&member.way, &at_m));
-        }
-        for &index in standing {
-            lines.insert(index, Timeline::standing(job.members[index].held_stands()));
-        }
-        let mut soft: BTreeMap<usize, Rect> = BTreeMap::new();
-        let free: Vec<usize> = free.iter().chain(&self.evading).copied().collect();
-        for &index in &free {
-            let member = &job.members[index];
-            let gone = to_release(member).len() as u32 + GRACE_TICKS;
-            lines.insert(index, Timeline::leaving(member.held_stands(), gone));
-            soft.insert(index, member.way.stands[member.held].body);
-        }
-        let mut ways = BTreeMap::new();
-        for &index in &free {
-            soft.remove(&index);
-            let soft: Vec<Rect> = soft.values().copied().collect();
-            let (way, at_m) = self.single(index, &lines, &soft).map_err(|_| Failed(index))?;
-            lines.insert(index, Timeline::driving(&way, &job.car, &at_m, job.members[index].held));
-            times.insert(index, arrivals(&way, &at_m));
-            ways.insert(index, way);
-        }
-        self.ordered(ways, led, &times).ok_or_else(fallback)
-    }
-
-    /// The way of one truck around all these, with its position on it at each tick.
-    fn single(
-        &mut self,
-        index: usize,
-        lines: &BTreeMap<usize, Timeline>,
-        soft: &[Rect],
-    ) -> Result<(Way, Vec<f64>), Stuck> {
-        if self.spent() {
-            return Err(Stuck::Budget);
-        }
-        let (job, member) = (self.job, &self.job.members[index]);
-        let standing: Vec<Rect> =
-            job.others(member).flat_map(|block| block.stands.iter().map(|stand| stand.body)).collect();
-        let field = self.fields.entry(index).or_insert_with(|| {
-            let goal_m = [member.target.x_m, member.target.y_m];
-            Field::new(&*job.room, job.car.half_width_m, &standing, goal_m)
-        });
-        let mine = member.held_stands();
-        let others: Vec<Other<'_>> = lines
-            .iter()
-            .filter(|(other, _)| **other != index)
-            .map(|(other, line)| Other { line, margin_m: margin_m(mine, job.members[*other].held_stands()) })
-            .chain(
-                self.blocks
-                    .iter()
-                    .zip(&job.blocks)
-                    .filter(|(_, block)| block.id != member.id)
-                    .map(|(line, block)| Other { line, margin_m: margin_m(mine, &block.stands) }),
-            )
-            .collect();
-        let mut at_m = to_release(member);
-        let head = member.way.up_to(member.held);
-        let task = Task {
-            room: &*job.room,
-            car: &job.car,
-            start: head.end(),
-            gear: member.way.gears[member.held],
-            tick: at_m.len() as u32 - 1,
-            target: (!self.evading.contains(&index)).then_some(member.target),
-            field,
-            others: &others,
-            soft,
-        };
-        let mut budget = EXPANSIONS_EACH.min(self.left);
-        let before = budget;
-        let found = search(&task, &mut budget);
-        self.left -= before - budget;
-        let way = Way::new(extend(head, &found?, &mut at_m), &job.car);
-        Ok((way, at_m))
-    }
-
-    /// Who passes first where; `None` if they would block each other.
-    fn ordered(
-        &self,
-        ways: BTreeMap<usize, Way>,
-        led: &[usize],
-        times: &BTreeMap<usize, Vec<f64>>,
-    ) -> Option<Solution> {
-        let job = self.job;
-        let way = |index: usize| ways.get(&index).unwrap_or(&job.members[index].way);
-        let timed = |index: usize| {
-            let member = &job.members[index];
-            let at = way(index).place(member.done_m).min(member.held);
-            Timed { way: way(index), at, held: member.held, ticks: &times[&index] }
-        };
-        let mut order = job.order.clone();
-        let moving: Vec<usize> = times.keys().copied().collect();
-        for (place, &a) in moving.iter().enumerate() {
-            for &b in &moving[place + 1..] {
-                if led.contains(&a) && led.contains(&b) {
-                    continue;
-                }
-                let (one, other) = (&job.members[a], &job.members[b]);
-                let margin = driven_margin_m(margin_m(one.held_stands(), other.held_stands()));
-                let (a_needs, b_needs) = pair(&timed(a), &timed(b), margin);
-                order.insert((one.id, other.id), a_needs);
-                order.insert((other.id, one.id), b_needs);
-            }
-        }
-        let runners: Vec<Runner<'_>> =
-            moving.iter().map(|&index| runner(&job.members[index], Some(way(index)))).collect();
-        run_ahead(&runners, &order, MOST_TICKS)?;
-        Some(Solution { ways, order })
-    }
-
     fn shuffle(&mut self, order: &mut [usize]) {
         for last in (1..order.len()).rev() {
             order.swap(last, (self.draw() % (last as u64 + 1)) as usize);
@@ -413,8 +304,4 @@ impl Solver<'_> {
         mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         mixed ^ (mixed >> 31)
     }
-}
-
-fn runner<'a>(member: &'a Member, way: Option<&'a Way>) -> Runner<'a> {
-    Runner { id: member.id, way: way.unwrap_or(&member.way), done_m: member.done_m }
 }

@@ -14,8 +14,10 @@ use xtb_control::Stamp;
 const MANY_ARCS: usize = 160;
 /// Between the end of one joint plan and the beginning of the next, in ms.
 const PAUSE_MS: u64 = 300;
-/// Nodes that a joint plan may expand in all.
+/// Nodes that a joint plan may expand for orders of priorities.
 const BUDGET: u32 = 30_000;
+/// The same for groups for which no order works.
+const GROUP_BUDGET: u32 = 8_000;
 /// A way that begins anew begins at most so far from where the truck is when it gets it, in m.
 const START_M: f64 = 0.1;
 
@@ -44,7 +46,17 @@ impl Coordinator {
         self.job = Some((self.jobs, now));
         let (order, room) = (self.order.clone(), Arc::clone(&self.room));
         let seed = self.seed.wrapping_add(self.jobs);
-        Some(JointJob { id: self.jobs, room, car: self.car, members, blocks, order, seed, budget: BUDGET })
+        Some(JointJob {
+            id: self.jobs,
+            room,
+            car: self.car,
+            members,
+            blocks,
+            order,
+            seed,
+            budget: BUDGET,
+            group_budget: GROUP_BUDGET,
+        })
     }
 
     /// A truck as a joint plan sees it; `None` = it is driven around.
@@ -82,6 +94,7 @@ impl Coordinator {
         self.next_job = Stamp::from_ns(now.ns() + PAUSE_MS * 1_000_000);
         self.counters.without_way += u64::from(!result.none.is_empty());
         self.counters.plans += u64::from(!result.plans.is_empty());
+        self.counters.grouped += u64::from(result.grouped);
         for none in result.none {
             let fits = |truck: &&mut Truck| truck.id == none.id && truck.revision == none.revision;
             if let Some(truck) = self.trucks.iter_mut().find(fits) {

@@ -1,7 +1,8 @@
 //! What stands on the floor for good, as the traffic search asks for it.
 
 use super::rect::Rect;
-use crate::{Cell, Clearance, Grid};
+use crate::space::OneWay;
+use crate::{Cell, Clearance, Grid, Map};
 
 /// A floor with fixed things on it.
 pub trait Room: std::fmt::Debug + Send + Sync {
@@ -11,6 +12,10 @@ pub trait Room: std::fmt::Debug + Send + Sync {
     fn clearance_m(&self, x_m: f64, y_m: f64) -> f64;
     /// South-west and north-east corner, in m.
     fn corners_m(&self) -> [[f64; 2]; 2];
+    /// Where it may be driven in one direction only; `None` = nowhere.
+    fn one_way(&self) -> Option<&OneWay> {
+        None
+    }
 }
 
 /// Farther than this the distance to the nearest thing does not matter, in m.
@@ -21,13 +26,20 @@ const FAR_M: f64 = 1.0;
 pub struct GridRoom {
     grid: Grid,
     clearance: Clearance,
+    one_way: Option<OneWay>,
 }
 
 impl GridRoom {
     /// Measures the distances. What lies outside the grid is occupied.
     #[must_use]
     pub fn new(grid: Grid) -> Self {
-        Self { clearance: Clearance::of(&grid), grid }
+        Self { clearance: Clearance::of(&grid), grid, one_way: None }
+    }
+
+    /// The floor of a map, with its keep-outs as things and its one-way zones.
+    #[must_use]
+    pub fn of(map: &Map) -> Self {
+        Self { one_way: OneWay::of(map), ..Self::new(map.grid_with_keep_outs()) }
     }
 
     /// The grid.
@@ -66,6 +78,10 @@ impl Room for GridRoom {
         let [x, y] = self.grid.origin_m();
         let side = self.grid.resolution_m();
         [[x, y], [x + side * self.grid.width() as f64, y + side * self.grid.height() as f64]]
+    }
+
+    fn one_way(&self) -> Option<&OneWay> {
+        self.one_way.as_ref()
     }
 }
 

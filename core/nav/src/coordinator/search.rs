@@ -250,6 +250,9 @@ impl<'a> Search<'a> {
         let (mut pose, mut gear, mut extra, mut legs) = (from, gear, 0.0, Vec::with_capacity(pieces.len()));
         let (car, room) = (self.task.car, self.task.room);
         for piece in pieces {
+            if room.one_way().is_some_and(|zones| zones.against(&pose, piece).is_some()) {
+                return None;
+            }
             let next = piece.gear();
             if next != gear {
                 let still = Stand::still(car, &pose);

@@ -3,12 +3,14 @@
 use super::rect::Rect;
 use super::rect::Stand;
 use super::way::{Walk, Way};
-use crate::Car;
+use crate::{Car, MapPose};
 
 /// Way in one tick of the plan's clock (0.25 s at 0.28 m/s), in m.
 pub(super) const TICK_WAY_M: f64 = 0.07;
 /// Never.
 pub(super) const NEVER: u32 = u32::MAX;
+/// Where nobody is, in m.
+const AWAY_M: f64 = 1.0e9;
 /// Ticks in one block of the coarse look.
 const BLOCK: usize = 8;
 
@@ -62,6 +64,38 @@ impl Timeline {
     /// A truck that is going to leave its place some time after `gone`.
     pub(super) fn leaving(stands: &[Stand], gone: u32) -> Self {
         Self::build(Vec::new(), stands.iter().map(|stand| (*stand, gone)).collect(), gone)
+    }
+
+    /// Where this one is from one tick to another (and for good if that is [`NEVER`]), and nowhere else.
+    pub(super) fn between(&self, from: u32, until: u32) -> Self {
+        let away = MapPose { x_m: AWAY_M, y_m: AWAY_M, yaw_rad: 0.0 };
+        let Some(last) = self.ticks.len().checked_sub(1) else { return Self::default() };
+        let end = (until as usize).min(last.max(from as usize));
+        let point = Car { front_m: 0.0, rear_m: 0.0, half_width_m: 0.0, radius_m: 1.0 };
+        let mut ticks = vec![Stand::still(&point, &away); from as usize];
+        ticks.extend((from as usize..=end).map(|tick| self.ticks[tick.min(last)]));
+        Self::build(ticks, Vec::new(), until.saturating_add(1))
+    }
+
+    /// When two trucks on their ways come too near to each other first, and until when they are;
+    /// [`NEVER`] = they stay so.
+    pub(super) fn meets(&self, other: &Self, margin_m: f64) -> Option<(u32, u32)> {
+        let end = self.ticks.len().max(other.ticks.len()) as u32;
+        let from = (0..end).find(|&tick| self.meets_at(other, tick, margin_m))?;
+        let apart = (from + 1..end).find(|&tick| !self.meets_at(other, tick, margin_m));
+        Some((from, apart.map_or(NEVER, |tick| tick - 1)))
+    }
+
+    /// In how many ticks two trucks come too near to each other until both have arrived.
+    pub(super) fn contact_ticks(&self, other: &Self, margin_m: f64) -> usize {
+        let end = self.ticks.len().max(other.ticks.len()) as u32;
+        (0..end).filter(|&tick| self.meets_at(other, tick, margin_m)).count()
+    }
+
+    fn meets_at(&self, other: &Self, tick: u32, margin_m: f64) -> bool {
+        let at = |line: &Self| line.ticks.get(tick as usize).or(line.ticks.last()).copied();
+        at(self).is_some_and(|stand| other.hits(&stand, tick, margin_m))
+            || at(other).is_some_and(|stand| self.hits(&stand, tick, margin_m))
     }
 
     fn build(ticks: Vec<Stand>, held: Vec<(Stand, u32)>, gone: u32) -> Self {
@@ -132,7 +166,7 @@ fn circle<'a>(stands: impl Iterator<Item = &'a Stand> + Clone) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{MapPose, Path, Piece};
+    use crate::{Path, Piece};
     use xtb_control::VehicleConfig;
 
     fn car() -> Car {
@@ -169,6 +203,38 @@ mod tests {
         assert!(line.hits(&at(2.2), hit, 0.0) && !line.hits(&at(2.2), hit - 1, 0.0));
         assert_eq!(line.next_hit(&at(5.0), 0, 0.0), NEVER);
         assert!(line.hits(&at(3.0), 10_000, 0.0));
+    }
+
+    #[test]
+    fn a_part_of_a_line_is_there_in_its_time_only() {
+        let line = eastward();
+        let tick = line.next_hit(&at(2.2), 0, 0.0);
+        let part = line.between(tick, tick + 3);
+        assert!(part.hits(&at(2.2), tick, 0.0) && !part.hits(&at(2.2), tick - 1, 0.0));
+        assert!(line.hits(&at(2.2), tick + 4, 0.0) && !part.hits(&at(2.2), tick + 4, 0.0));
+        // What it holds at the start is no part of it.
+        assert!(!part.hits(&at(1.0), 0, 0.0));
+        // At its end it stays.
+        let end = line.between(70, NEVER);
+        assert!(!end.hits(&at(3.0), 69, 0.0) && end.hits(&at(3.0), 10_000, 0.0));
+    }
+
+    #[test]
+    fn two_lines_meet_from_one_tick_to_another_or_for_good() {
+        let line = eastward();
+        let tick = line.next_hit(&at(2.2), 0, 0.0);
+        let across = |until: usize| {
+            let mut ticks = vec![at(9.0); until];
+            ticks.extend([at(2.2); 30]);
+            Timeline::build(ticks, Vec::new(), NEVER)
+        };
+        // It is there before: as soon as the other comes, and until that one has passed.
+        let (from, until) = line.meets(&across(0), 0.0).unwrap();
+        assert!(from == tick && (tick..60).contains(&until), "{from} to {until}");
+        assert_eq!(line.contact_ticks(&across(0), 0.0) as u32, until - from + 1);
+        assert_eq!(line.meets(&across(80), 0.0), None);
+        let goal = Timeline::standing(&[at(3.0)]);
+        assert_eq!(line.meets(&goal, 0.0).map(|(_, until)| until), Some(NEVER));
     }
 
     #[test]

@@ -89,4 +89,6 @@ pub struct Counters {
     pub stalls: u64,
     /// Reports of trucks beyond [`MOST_TRUCKS`](super::MOST_TRUCKS).
     pub ignored: u64,
+    /// Joint plans for which no order of priorities worked, but conflict-based search did.
+    pub grouped: u64,
 }

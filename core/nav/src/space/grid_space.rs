@@ -5,7 +5,7 @@
 //! decide, and cell by cell where they do not.
 
 use super::sweep::{Floor, Frame, Plate, touch};
-use super::{Bounds, Hit, Space, What};
+use super::{Bounds, Hit, OneWay, Space, What};
 use crate::clearance::Clearance;
 use crate::{Car, Cell, Grid, MapPose, Piece};
 use thiserror::Error;
@@ -92,7 +92,7 @@ pub struct GridSpace {
     all: Layer,
     /// Without zones; `None` = there are none.
     seen: Option<Layer>,
-    one_way: Option<Vec<Option<f32>>>,
+    one_way: Option<OneWay>,
     zones: Vec<String>,
 }
 
@@ -103,15 +103,10 @@ impl GridSpace {
     /// If a layer does not belong to the grid.
     pub fn new(layers: &Layers<'_>, car: Car, look_out: LookOut) -> Result<Self, LayersError> {
         let wanted = layers.grid.cells().len();
-        let sizes = [
-            ("zone", layers.zones.map(|zones| zones.cells.len())),
-            ("one-way", layers.one_way.map(<[_]>::len)),
-        ];
-        for (layer, cells) in sizes.into_iter().filter_map(|(layer, size)| Some((layer, size?))) {
-            if cells != wanted {
-                return Err(LayersError::Cells { layer, cells, wanted });
-            }
+        if let Some(cells) = layers.zones.map(|zones| zones.cells.len()).filter(|&cells| cells != wanted) {
+            return Err(LayersError::Cells { layer: "zone", cells, wanted });
         }
+        let one_way = layers.one_way.map(|allowed| OneWay::new(layers.grid, allowed.to_vec())).transpose()?;
         let mut cells = things(layers);
         let zones = layers.zones.filter(|zones| zones.cells.iter().any(|&zone| zone != 0));
         let seen = zones.map(|_| Layer::new(layers.grid, cells.clone()));
@@ -137,7 +132,7 @@ impl GridSpace {
             strips: (look_out.ahead_m > 0.0).then_some([ahead, astern]),
             all: Layer::new(layers.grid, cells),
             seen,
-            one_way: layers.one_way.map(<[_]>::to_vec),
+            one_way,
             zones: zones.map_or_else(Vec::new, |zones| zones.names.clone()),
         })
     }
@@ -161,14 +156,7 @@ impl GridSpace {
 
     /// Where the reference point would go against a one-way zone.
     fn against(&self, from: &MapPose, piece: &Piece) -> Option<[f64; 2]> {
-        let one_way = self.one_way.as_ref()?;
-        let steps = libm::ceil(2.0 * piece.length_m.abs() / self.all.resolution_m).max(1.0);
-        (0..=steps as usize).find_map(|step| {
-            let pose = piece.after(from, piece.length_m * step as f64 / steps);
-            let allowed = one_way[self.all.index(self.all.place(pose.x_m, pose.y_m))?]?;
-            let along = libm::cos(pose.yaw_rad - f64::from(allowed)) * piece.gear();
-            (along < -1e-9).then_some([pose.x_m, pose.y_m])
-        })
+        self.one_way.as_ref()?.against(from, piece)
     }
 
     fn what(&self, cell: u16) -> What {

@@ -9,8 +9,8 @@ use thiserror::Error;
 
 /// Slices of a step.
 const SLICES: usize = 40;
-/// Rounding, and starts or goals that touch, in parts of a step.
-const TOUCH: f64 = 0.006;
+/// Rounding, and starts or goals that touch (`places::TOUCH`), in parts of a step.
+const TOUCH: f64 = 0.0094;
 /// Rounding of angles and radii.
 const ROUNDING: f64 = 1e-3;
 
@@ -45,6 +45,18 @@ pub enum Fault {
         name: String,
         /// Where in the schedule.
         step: usize,
+    },
+    /// A step against a one-way zone.
+    #[error("{name} drives the wrong way of a one-way zone at ({x_m:.2}, {y_m:.2}) in step {step}")]
+    WrongWay {
+        /// Who.
+        name: String,
+        /// Where in the schedule.
+        step: usize,
+        /// In m.
+        x_m: f64,
+        /// In m.
+        y_m: f64,
     },
     /// A contact with something that stands.
     #[error("{name} touches the obstacle at ({x_m:.2}, {y_m:.2}) in step {step}")]
@@ -91,6 +103,7 @@ pub fn check(problem: &Problem, schedule: &Schedule) -> Result<(), Fault> {
                 step,
                 what,
             })?;
+            right_way(problem, &task.name, &rows[0])?;
         }
     }
     (0..=schedule.makespan()).try_for_each(|step| slices(problem, schedule, step))
@@ -125,6 +138,15 @@ fn drivable(problem: &Problem, car: &Car, rows: &[Row]) -> Result<(), &'static s
     Ok(())
 }
 
+/// The rule of one-way zones, by the row's own pose.
+fn right_way(problem: &Problem, name: &str, row: &Row) -> Result<(), Fault> {
+    let zones = problem.one_way.as_ref().filter(|_| row.piece.length_m != 0.0);
+    match zones.and_then(|zones| zones.against(&row.pose, &row.piece)) {
+        Some([x_m, y_m]) => Err(Fault::WrongWay { name: name.to_owned(), step: row.step, x_m, y_m }),
+        None => Ok(()),
+    }
+}
+
 /// Looks at one step slice by slice.
 fn slices(problem: &Problem, schedule: &Schedule, step: usize) -> Result<(), Fault> {
     let touch = problem.step_m * TOUCH;
@@ -143,7 +165,7 @@ fn slices(problem: &Problem, schedule: &Schedule, step: usize) -> Result<(), Fau
                 return Err(Fault::Outside { name: name(car), step });
             }
             if let Some(obstacle) =
-                problem.obstacles.iter().find(|obstacle| hits(&bodies[car], pose, obstacle))
+                problem.obstacles.iter().find(|obstacle| hits(&problem.cars[car].car, pose, obstacle, touch))
             {
                 let [x_m, y_m] = obstacle.middle_m();
                 return Err(Fault::Obstacle { name: name(car), step, x_m, y_m });
@@ -165,13 +187,14 @@ fn pose(rows: &[Row], step: usize, fraction: f64) -> MapPose {
     }
 }
 
-fn hits(car: &Car, pose: &MapPose, obstacle: &Obstacle) -> bool {
+/// Whether a car is deeper than `touch` in an obstacle.
+fn hits(car: &Car, pose: &MapPose, obstacle: &Obstacle, touch: f64) -> bool {
     match *obstacle {
-        Obstacle::Disc { x_m, y_m, radius_m } => car.distance_m(pose, [x_m, y_m]) < radius_m,
+        Obstacle::Disc { x_m, y_m, radius_m } => car.distance_m(pose, [x_m, y_m]) < radius_m - touch,
         Obstacle::Box { middle, half_length_m, half_width_m } => {
             let radius_m = f64::INFINITY;
             let solid = Car { front_m: half_length_m, rear_m: half_length_m, half_width_m, radius_m };
-            car.overlaps(pose, &solid, &middle)
+            car.grown(-touch).overlaps(pose, &solid, &middle)
         }
     }
 }

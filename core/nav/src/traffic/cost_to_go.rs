@@ -1,6 +1,6 @@
 //! How many steps it takes from anywhere to a goal when nothing moves: the search's compass.
 //!
-//! A breadth-first flood from the goal with the car's own moves, which can be driven both ways.
+//! A breadth-first flood from the goal with the car's own moves, which can be driven both ways, but in one-way zones.
 //! Poses stay as they are driven to; squares and sectors only tell which were reached before.
 
 use super::body::Body;
@@ -141,6 +141,7 @@ impl CostToGo {
                     if floor.inside(there.x, there.y)
                         && flood.steps[flood.state(&there)] == NEVER
                         && floor.clear(body, &spot, piece, keep)
+                        && floor.allows(&there, &Piece { length_m: -piece.length_m, ..*piece })
                     {
                         flood.reach(&there, count);
                         next.push(there);

@@ -4,6 +4,8 @@ use super::body::{Body, Placed, stays_clear};
 use super::motion::Spot;
 use super::problem::{Bounds, Obstacle, Problem};
 use crate::Piece;
+use crate::space::OneWay;
+use std::sync::Arc;
 
 /// Moments of a step at which a reference point must be within the bounds.
 const LOOKS: u32 = 12;
@@ -38,6 +40,7 @@ enum Solid {
 #[derive(Debug)]
 pub(crate) struct Floor {
     bounds: Bounds,
+    one_way: Option<Arc<OneWay>>,
     solids: Vec<Solid>,
     side: f64,
     columns: usize,
@@ -93,7 +96,8 @@ impl Floor {
             first.push(near.len() as u32);
         }
         let solids = problem.obstacles.iter().map(Solid::new).collect();
-        Self { bounds, solids, side, columns, rows, first, near }
+        let one_way = problem.one_way.clone();
+        Self { bounds, one_way, solids, side, columns, rows, first, near }
     }
 
     pub(crate) fn inside(&self, x: f64, y: f64) -> bool {
@@ -101,7 +105,14 @@ impl Floor {
         x >= west_m && x <= east_m && y >= south_m && y <= north_m
     }
 
-    /// Whether a body keeps off everything while it drives this piece.
+    /// Whether no one-way zone forbids to drive this piece.
+    #[inline]
+    pub(crate) fn allows(&self, spot: &Spot, piece: &Piece) -> bool {
+        let against = |zones: &Arc<OneWay>| zones.against(&spot.pose(), piece).is_some();
+        !self.one_way.as_ref().is_some_and(against)
+    }
+
+    /// Whether a body keeps off everything while it drives this piece, in either direction.
     pub(crate) fn clear(&self, body: &Body, spot: &Spot, piece: &Piece, keep: &Keep) -> bool {
         let end = spot.after(piece, 1.0);
         if !self.inside(end.x, end.y) {

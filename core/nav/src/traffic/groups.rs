@@ -1,12 +1,10 @@
-//! Small groups for which no order of priorities works: conflict-based search. Where two of the group
-//! touch, either the one or the other must avoid that one move; each choice is planned, the cheapest
-//! looked at next. Everybody outside of the group is a wall.
+//! Small groups for which no order of priorities works: conflict-based search, a move at a time.
+//! Everybody outside of the group is a wall.
 
 use super::plans::{Manner, Plans};
 use super::search::{Ghost, Rank};
 use super::table::Track;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use crate::conflicts::{self, Meeting};
 use std::rc::Rc;
 
 /// Most cars of a group: the choices double with each move that is forbidden.
@@ -16,77 +14,64 @@ const MOST_CHOICES: usize = 60;
 /// Nodes of one search.
 const MANNER: Manner = Manner { clash_steps: 1, greed: 110, most_nodes: 4_000 };
 
-/// Tracks of the group, and what each of its cars must avoid.
-#[derive(Debug, Clone)]
-struct Choice {
-    tracks: Vec<Rc<Track>>,
-    avoid: Vec<Vec<Ghost>>,
+/// Some of the cars; the tracks that were looked at last are those in `plans`.
+struct Group<'g, 's> {
+    plans: &'g mut Plans<'s>,
+    cars: &'g [usize],
+    keep_going: &'g mut dyn FnMut() -> bool,
 }
 
 /// Plans the group anew around all others. If that fails everything stays as it was.
-pub(crate) fn run(plans: &mut Plans<'_>, group: &[usize], keep_going: &mut dyn FnMut() -> bool) -> bool {
-    let old: Vec<_> = group.iter().map(|&car| plans.take(car)).collect();
-    let found = choices(plans, group, keep_going).is_some();
-    if !found {
-        for (&car, track) in group.iter().zip(old) {
+pub(crate) fn run(plans: &mut Plans<'_>, cars: &[usize], keep_going: &mut dyn FnMut() -> bool) -> bool {
+    let old: Vec<_> = cars.iter().map(|&car| plans.take(car)).collect();
+    let found = conflicts::resolve(&mut Group { plans, cars, keep_going }, MOST_CHOICES, &mut 0);
+    if found.is_none() {
+        for (&car, track) in cars.iter().zip(old) {
             plans.take(car);
             if let Some(track) = track {
                 plans.put(car, track);
             }
         }
     }
-    found
+    found.is_some()
 }
 
-/// Leaves the tracks in place that solve it.
-fn choices(plans: &mut Plans<'_>, group: &[usize], keep_going: &mut dyn FnMut() -> bool) -> Option<()> {
-    let mut tracks = Vec::with_capacity(group.len());
-    for &car in group {
-        tracks.push(search(plans, group, car, &[])?);
+impl conflicts::Group for Group<'_, '_> {
+    type Way = Rc<Track>;
+    type Ban = Ghost;
+
+    fn size(&self) -> usize {
+        self.cars.len()
     }
-    let mut known = vec![Choice { tracks, avoid: vec![Vec::new(); group.len()] }];
-    let mut open = BinaryHeap::from([Reverse((known[0].steps(), 0))]);
-    for _ in 0..MOST_CHOICES {
-        let Reverse((_, index)) = open.pop()?;
-        if !keep_going() {
-            return None;
+
+    /// A track around everybody outside of the group. The search must not see the car's own old track,
+    /// and it never does.
+    fn way(&mut self, member: usize, bans: &[Ghost]) -> Option<Rc<Track>> {
+        let mut ranks = vec![Rank::Hard; self.plans.cars()];
+        for &car in self.cars {
+            ranks[car] = Rank::Soft;
         }
-        let choice = known[index].clone();
-        for (&car, track) in group.iter().zip(&choice.tracks) {
-            plans.put(car, track.clone());
+        self.plans.search(self.cars[member], &ranks, bans, MANNER)
+    }
+
+    fn cost(&self, ways: &[Rc<Track>]) -> usize {
+        ways.iter().map(|track| track.steps()).sum()
+    }
+
+    /// The first contact; leaves the tracks in place.
+    fn meeting(&mut self, ways: &[Rc<Track>]) -> Option<Meeting<Ghost>> {
+        for (&car, track) in self.cars.iter().zip(ways) {
+            self.plans.put(car, track.clone());
         }
-        let Some((first, second, step)) = clash(plans, group) else { return Some(()) };
-        for (one, other) in [(first, second), (second, first)] {
-            let mut child = choice.clone();
-            child.avoid[one].push(plans.ghost(group[other], step)?);
-            // The search must not see the one's own old track, and it never does.
-            let Some(track) = search(plans, group, group[one], &child.avoid[one]) else { continue };
-            child.tracks[one] = track;
-            open.push(Reverse((child.steps(), known.len())));
-            known.push(child);
-        }
+        let (plans, cars) = (&*self.plans, self.cars);
+        let pairs = (0..cars.len()).flat_map(|a| (a + 1..cars.len()).map(move |b| (a, b)));
+        let clashes = pairs.filter_map(|(a, b)| Some((a, b, plans.first_clash(cars[a], cars[b])?)));
+        let (one, other, step) = clashes.min_by_key(|&(_, _, step)| step)?;
+        let (avoids, avoids_too) = (plans.ghost(cars[other], step)?, plans.ghost(cars[one], step)?);
+        Some(Meeting { one, avoids, other, avoids_too })
     }
-    None
-}
 
-impl Choice {
-    fn steps(&self) -> usize {
-        self.tracks.iter().map(|track| track.steps()).sum()
+    fn goes_on(&mut self) -> bool {
+        (self.keep_going)()
     }
-}
-
-/// A track around everybody outside of the group.
-fn search(plans: &mut Plans<'_>, group: &[usize], car: usize, avoid: &[Ghost]) -> Option<Rc<Track>> {
-    let mut ranks = vec![Rank::Hard; plans.cars()];
-    for &member in group {
-        ranks[member] = Rank::Soft;
-    }
-    plans.search(car, &ranks, avoid, MANNER)
-}
-
-/// The first contact within the group: two places in it, and the step.
-fn clash(plans: &Plans<'_>, group: &[usize]) -> Option<(usize, usize, usize)> {
-    let pairs = (0..group.len()).flat_map(|a| (a + 1..group.len()).map(move |b| (a, b)));
-    let clashes = pairs.filter_map(|(a, b)| Some((a, b, plans.first_clash(group[a], group[b])?)));
-    clashes.min_by_key(|&(_, _, step)| step)
 }

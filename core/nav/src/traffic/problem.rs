@@ -1,7 +1,9 @@
 //! The question: a floor, things on it, and cars that want to go somewhere.
 
 use super::motion::MOST_TURN_RAD;
+use crate::space::OneWay;
 use crate::{Car, Cell, Grid, MapPose};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Most cars of one problem.
@@ -63,6 +65,8 @@ pub struct Problem {
     pub bounds: Bounds,
     /// What stands on the floor.
     pub obstacles: Vec<Obstacle>,
+    /// Where it may be driven in one direction only; `None` = nowhere.
+    pub one_way: Option<Arc<OneWay>>,
     /// Who goes where.
     pub cars: Vec<Task>,
     /// Longest way in one step of time, in m; at most the smallest turning radius.

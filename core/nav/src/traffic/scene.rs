@@ -80,7 +80,8 @@ impl Scene {
     /// The same car on the same floor on the way to the same goal.
     fn same(&self, before: &Problem, now: &Problem, task: &Task, places: &Places) -> Option<&Driver> {
         let floor = |problem: &Problem| (problem.bounds, problem.step_m, problem.clearance_m);
-        if floor(before) != floor(now) || before.obstacles != now.obstacles {
+        let changed = before.obstacles != now.obstacles || before.one_way != now.one_way;
+        if floor(before) != floor(now) || changed {
             return None;
         }
         let mut cars = before.cars.iter().zip(&self.drivers);

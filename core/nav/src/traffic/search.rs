@@ -183,7 +183,7 @@ impl Search {
             if self.closed.get(key).is_some_and(|best| best <= cost(extra)) {
                 continue;
             }
-            if !world.scene.floor.clear(&world.driver.body, &node.spot, piece, &world.driver.keep) {
+            if !world.may_drive(&node.spot, piece) {
                 continue;
             }
             let Some(clashes) = world.clashes(&node.spot, piece, step) else {
@@ -230,7 +230,7 @@ impl Search {
     /// Tries to drive straight to the goal, now or so that it is reached when it becomes free.
     fn shoot(&mut self, world: &World<'_>, index: u32, goal_opens: u32) {
         let node = self.nodes[index as usize];
-        let Scene { step: length, horizon, floor, .. } = world.scene;
+        let Scene { step: length, horizon, .. } = world.scene;
         for path in shot::words(world.driver, &node.spot, *length, (node.to_go + SHOT_DETOUR) as usize) {
             let pieces = shot::cut(&path, *length);
             let waits = (goal_opens as usize).saturating_sub(node.step as usize + pieces.len());
@@ -242,7 +242,7 @@ impl Search {
             let (mut extra, mut gear) = (node.extra, node.gear);
             let came_through = std::iter::repeat_n(&WAIT, waits).chain(&pieces).all(|piece| {
                 let drives = piece.length_m != 0.0;
-                if drives && !floor.clear(&world.driver.body, &spot, piece, &world.driver.keep) {
+                if drives && !world.may_drive(&spot, piece) {
                     return false;
                 }
                 let Some(clashes) = world.clashes(&spot, piece, step) else { return false };
@@ -295,6 +295,13 @@ struct World<'a> {
 }
 
 impl World<'_> {
+    /// Whether nothing that stays as it is forbids this piece.
+    #[inline]
+    fn may_drive(&self, spot: &Spot, piece: &Piece) -> bool {
+        let (floor, driver) = (&self.scene.floor, self.driver);
+        floor.clear(&driver.body, spot, piece, &driver.keep) && floor.allows(spot, piece)
+    }
+
     #[inline]
     fn key(&self, square: usize, spot: &Spot, step: usize) -> u64 {
         let place = self.driver.to_goal.state(spot) as u64;

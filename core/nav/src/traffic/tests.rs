@@ -3,10 +3,12 @@
 
 use super::*;
 use crate::path::wrap_rad;
-use crate::{Car, Cell, Grid, MapPose};
+use crate::space::OneWay;
+use crate::{Car, Cell, Grid, Map, MapPose, Zone, ZoneKind};
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
 
 const PUBLIC_CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
 const SQUARE: Car = Car { front_m: 1.0, rear_m: 1.0, half_width_m: 0.8, radius_m: 2.0 };
@@ -55,6 +57,7 @@ fn random(side: f64, discs: usize, cars: usize, seed: u64) -> Problem {
         bounds: Bounds { west_m: 0.0, south_m: 0.0, east_m: side, north_m: side },
         cars: tasks.collect(),
         obstacles,
+        one_way: None,
         step_m: 2.118,
         clearance_m: 0.02,
         tolerance: Tolerance::default(),
@@ -73,6 +76,7 @@ fn room(wide: f64, deep: f64, obstacles: Vec<Obstacle>, ways: &[(MapPose, MapPos
     Problem {
         bounds: Bounds { west_m: 0.0, south_m: 0.0, east_m: wide, north_m: deep },
         obstacles,
+        one_way: None,
         cars: ways.iter().enumerate().map(task).collect(),
         step_m: 1.4,
         clearance_m: 0.05,
@@ -155,6 +159,39 @@ fn a_car_that_has_arrived_makes_room_for_one_that_comes_later() {
     assert!(schedule.ways[0].rows.len() > 5, "the first one has to wait for the second");
 }
 
+/// Two halls with two doors, the northern one to the west only, the southern one to the east; each of
+/// two cars stands before the door that it may not take.
+fn one_way_doors() -> Problem {
+    let walls =
+        vec![block(11.0, 0.0, 12.0, 4.0), block(11.0, 7.0, 12.0, 13.0), block(11.0, 16.0, 12.0, 20.0)];
+    let ways = [(pose(4.0, 14.5, 0.0), pose(19.0, 14.5, 0.0)), (pose(19.0, 5.5, PI), pose(4.0, 5.5, PI))];
+    let grid = Grid::free(0.5, [0.0, 0.0], 46, 40).unwrap();
+    let zone = |name: &str, south: f64, heading_rad: f64| {
+        let corners = vec![[10.0, south], [13.0, south], [13.0, south + 3.0], [10.0, south + 3.0]];
+        Zone::new(name, ZoneKind::OneWay { heading_rad }, corners).unwrap()
+    };
+    let zones = vec![zone("in", 13.0, PI), zone("out", 4.0, 0.0)];
+    let zones = OneWay::of(&Map::new("doors", grid, zones).unwrap());
+    Problem { one_way: zones.map(Arc::new), ..room(23.0, 20.0, walls, &ways) }
+}
+
+#[test]
+fn one_way_doors_are_taken_the_right_way_only() {
+    let problem = one_way_doors();
+    let schedule = solved(&problem);
+    let northern = |car: usize| {
+        schedule.ways[car].rows.iter().any(|row| (row.pose.x_m - 11.5).abs() < 1.4 && row.pose.y_m > 10.0)
+    };
+    assert!(!northern(0) && northern(1));
+    // Without the zones both go straight on, which with them is a fault.
+    let free = solved(&Problem { one_way: None, ..problem.clone() });
+    assert!(matches!(check(&problem, &free), Err(Fault::WrongWay { .. })));
+    // One door only, against it: no way.
+    let shut =
+        Problem { obstacles: vec![block(11.0, 0.0, 12.0, 13.0), block(11.0, 16.0, 12.0, 20.0)], ..problem };
+    assert_eq!(solve(&shut, &Settings::default()), Err(Unsolved::NoWay { name: "car-0".to_owned() }));
+}
+
 #[test]
 fn a_group_finds_its_ways_around_each_other() {
     let ways = [
@@ -179,6 +216,8 @@ fn a_start_on_an_obstacle_is_moved_within_the_tolerance_or_named() {
     let slight = Problem { tolerance, ..room(20.0, 20.0, vec![disc(6.75)], &ways) };
     solved(&slight);
     assert!(solve(&Problem { tolerance: Tolerance::default(), ..slight }, &Settings::default()).is_err());
+    // 10 cm into the nose, and 1.2 cm more: that is as good as touching.
+    solved(&Problem { tolerance, ..room(20.0, 20.0, vec![disc(6.69)], &ways) });
     let deep = Problem { tolerance, ..room(20.0, 20.0, vec![disc(6.5)], &ways) };
     let error = solve(&deep, &Settings::default()).unwrap_err().to_string();
     assert_eq!(error, "the start of car-0 overlaps the obstacle at (6.50, 10.00) by 0.201 m");

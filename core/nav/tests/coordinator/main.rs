@@ -6,9 +6,10 @@ mod rules;
 mod scenes;
 mod toy;
 
-use scenes::{circle, corridor, dead, door, lane, life, no_place, pocket, pose, send_on};
+use scenes::{bay, circle, corridor, dead, door, lane, life, no_place, one_way, pocket, pose, send_on};
 use toy::{Draw, Trouble, World};
-use xtb_nav::MapPose;
+use xtb_nav::coordinator::{GridRoom, Room};
+use xtb_nav::{Map, MapPose, Zone, ZoneKind};
 
 fn no_clock() -> f64 {
     0.0
@@ -72,6 +73,53 @@ fn in_a_corridor_and_in_a_lane_one_makes_way() {
         let (mut world, goals) = pocket(seed, no_clock);
         all_go(&mut world, &goals, 200.0);
     }
+}
+
+#[test]
+fn where_no_order_of_priorities_works_a_group_is_planned_at_once() {
+    for seed in 1..=3 {
+        let (mut world, goals) = bay(seed, no_clock);
+        all_go(&mut world, &goals, 200.0);
+        assert!(world.counters().grouped > 0);
+    }
+}
+
+#[test]
+fn one_way_doors_are_taken_the_right_way_only() {
+    for seed in 1..=3 {
+        let (mut world, goals) = one_way(seed, no_clock);
+        all_go(&mut world, &goals, 120.0);
+        let zones = world.room.one_way().unwrap();
+        for toy in &world.toys {
+            for path in &toy.driven {
+                let mut from = path.start;
+                for piece in &path.pieces {
+                    assert_eq!(zones.against(&from, piece), None, "{}: {from:?} {piece:?}", toy.name);
+                    from = piece.end(&from);
+                }
+            }
+        }
+        // Each took the other door than the one that it stood before.
+        let northern = |index: usize| {
+            let through = world.toys[index].trace.iter().find(|pose| (pose.x_m - 4.0).abs() < 0.1);
+            through.unwrap().y_m > 3.0
+        };
+        assert!(!northern(0) && northern(1));
+    }
+}
+
+#[test]
+fn where_all_doors_lead_the_other_way_there_is_no_way() {
+    let walls = [[3.9, 0.0, 0.2, 2.3], [3.9, 3.7, 0.2, 2.3]];
+    let corners = vec![[3.4, 2.3], [4.6, 2.3], [4.6, 3.7], [3.4, 3.7]];
+    let heading_rad = std::f64::consts::PI;
+    let zone = Zone::new("out", ZoneKind::OneWay { heading_rad }, corners).unwrap();
+    let map = Map::new("door", toy::floor(8.0, 6.0, &walls), vec![zone]).unwrap();
+    let mut world = World::new(GridRoom::of(&map), &[pose(1.2, 3.0, 0.0)], 1, Trouble::SOME, no_clock);
+    world.send(0, pose(6.8, 3.0, 0.0));
+    assert!(!world.run(20.0));
+    let reason = world.toys[0].says.as_ref().and_then(|guide| guide.reason.clone());
+    assert_eq!(reason.as_deref(), Some("no way on the map"));
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Rooms and starts that are hard for several trucks.
 
-use crate::toy::{Draw, Trouble, World, room};
+use crate::toy::{Draw, Trouble, World, floor, room};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-use xtb_nav::MapPose;
+use xtb_nav::coordinator::GridRoom;
+use xtb_nav::{Map, MapPose, Zone, ZoneKind};
 
 pub(crate) fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
     MapPose { x_m, y_m, yaw_rad }
@@ -50,6 +51,30 @@ pub(crate) fn lane(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
     let starts = vec![pose(0.8, 2.0, 0.0), pose(7.2, 2.0, PI)];
     let goals = vec![pose(7.0, 2.0, 0.0), pose(1.0, 2.0, PI)];
     (World::new(room(8.0, 4.4, &boxes), &starts, seed, Trouble::SOME, clock_ms), goals)
+}
+
+/// Two rooms of 4 m × 6 m with two doors, the northern one to the west only, the southern one to the
+/// east; each of two trucks stands before the door that it may not take.
+pub(crate) fn one_way(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+    let walls = [[3.9, 0.0, 0.2, 0.8], [3.9, 2.2, 0.2, 1.6], [3.9, 5.2, 0.2, 0.8]];
+    let zone = |name: &str, south: f64, heading_rad: f64| {
+        let corners = vec![[3.4, south], [4.6, south], [4.6, south + 1.4], [3.4, south + 1.4]];
+        Zone::new(name, ZoneKind::OneWay { heading_rad }, corners).unwrap()
+    };
+    let zones = vec![zone("in", 3.8, PI), zone("out", 0.8, 0.0)];
+    let map = Map::new("doors", floor(8.0, 6.0, &walls), zones).unwrap();
+    let starts = vec![pose(1.2, 4.5, 0.0), pose(6.8, 1.5, PI)];
+    let goals = vec![pose(6.8, 4.5, 0.0), pose(1.2, 1.5, PI)];
+    (World::new(GridRoom::of(&map), &starts, seed, Trouble::SOME, clock_ms), goals)
+}
+
+/// A lane with dead ends and one bay in its middle, for one truck: whoever goes first in an order would be
+/// there before the other one could make room.
+pub(crate) fn bay(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<MapPose>) {
+    let boxes = [[0.0, 0.0, 8.0, 1.5], [0.0, 2.4, 3.4, 1.6], [4.6, 2.4, 3.4, 1.6], [0.0, 3.4, 8.0, 0.6]];
+    let starts = vec![pose(0.8, 1.95, 0.0), pose(7.2, 1.95, PI)];
+    let goals = vec![pose(7.0, 1.95, 0.0), pose(1.0, 1.95, PI)];
+    (World::new(room(8.0, 4.0, &boxes), &starts, seed, Trouble::SOME, clock_ms), goals)
 }
 
 /// The two rooms with a door, and eight places where trucks may be sent one at a time.

@@ -393,6 +393,11 @@ impl World {
 
 /// A room with walls around it and these boxes in it: x, y, width, depth in m.
 pub(crate) fn room(width_m: f64, height_m: f64, boxes: &[[f64; 4]]) -> GridRoom {
+    GridRoom::new(floor(width_m, height_m, boxes))
+}
+
+/// The same as a grid.
+pub(crate) fn floor(width_m: f64, height_m: f64, boxes: &[[f64; 4]]) -> Grid {
     let cells = |length: f64| (length / 0.05).round() as usize;
     let mut grid = Grid::free(0.05, [0.0, 0.0], cells(width_m), cells(height_m)).unwrap();
     for row in 0..grid.height() as i64 {
@@ -403,5 +408,5 @@ pub(crate) fn room(width_m: f64, height_m: f64, boxes: &[[f64; 4]]) -> GridRoom 
             }
         }
     }
-    GridRoom::new(grid)
+    grid
 }

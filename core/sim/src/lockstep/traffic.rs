@@ -39,7 +39,7 @@ impl Traffic {
     #[must_use]
     pub fn new(map: &Map, car: Car, seed: u64) -> Self {
         let mut traffic = Self {
-            room: Arc::new(GridRoom::new(map.grid_with_keep_outs())),
+            room: Arc::new(GridRoom::of(map)),
             car,
             coordinator: None,
             epoch: 0,

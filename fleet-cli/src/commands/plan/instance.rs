@@ -12,15 +12,20 @@
 //! clearance_m: 0.05           # default; kept between robots, and from walls
 //! look_out_m: 0.27            # default; kept free before both bumpers: nearer things stop a truck
 //! ```
+//!
+//! The world's zones hold as on its map: keep-outs are walls, one-way zones are driven one way.
 
 use crate::commands::sim::read_world;
 use crate::error::{Failure, Kind, Result};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use xtb_control::VehicleConfig;
-use xtb_nav::traffic::{Bounds, Obstacle, Problem, ProblemError, Task, Tolerance};
-use xtb_nav::{Car, MapPose};
-use xtb_sim::World;
+use xtb_nav::map::raster;
+use xtb_nav::space::OneWay;
+use xtb_nav::traffic::{Bounds, Obstacle, Problem, ProblemError, Task, Tolerance, obstacles_of};
+use xtb_nav::{Car, Cell, Grid, Map, MapPose};
+use xtb_sim::{CHART_RESOLUTION_M, World};
 
 /// The public instances' car, see their checker's header.
 const PUBLIC_CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
@@ -123,7 +128,8 @@ impl Instance {
         }
         let beside = path.parent().unwrap_or(Path::new(""));
         let world = read_world(&beside.join(&ours.world))?;
-        Ok(Self::ours(&ours, &world))
+        let chart = world.chart(CHART_RESOLUTION_M).map_err(|error| invalid(error.to_string()))?;
+        Ok(Self::ours(&ours, &world, &chart))
     }
 
     fn public(file: Public) -> Self {
@@ -139,6 +145,7 @@ impl Instance {
         let problem = Problem {
             bounds: Bounds { west_m: 0.0, south_m: 0.0, east_m: width, north_m: depth },
             obstacles: file.map.obstacles.unwrap_or_default().into_iter().map(disc).collect(),
+            one_way: None,
             cars: file.agents.into_iter().map(task).collect(),
             step_m: PUBLIC_STEP,
             clearance_m: PUBLIC_CLEARANCE,
@@ -148,7 +155,7 @@ impl Instance {
         Self { problem, flipped_at: Some(depth), step_time: 1.0 }
     }
 
-    fn ours(file: &Ours, world: &World) -> Self {
+    fn ours(file: &Ours, world: &World, chart: &Map) -> Self {
         let truck = Car::of(&VehicleConfig::default());
         let car =
             Car { front_m: truck.front_m + file.look_out_m, rear_m: truck.rear_m + file.look_out_m, ..truck };
@@ -160,11 +167,14 @@ impl Instance {
             goal: pose(agent.goal),
         };
         let cars: Vec<Task> = file.agents.iter().map(task).collect();
-        let obstacles = solids(world);
+        let mut obstacles = solids(world);
+        let bounds = bounds(world, &obstacles, &cars);
+        obstacles.extend(keep_outs(chart));
         let step_m = truck.radius_m * TURN_RAD;
         let problem = Problem {
-            bounds: bounds(world, &obstacles, &cars),
+            bounds,
             obstacles,
+            one_way: OneWay::of(chart).map(Arc::new),
             cars,
             step_m,
             clearance_m: file.clearance_m,
@@ -228,6 +238,15 @@ fn solids(world: &World) -> Vec<Obstacle> {
         half_width_m: spec.depth_m / 2.0,
     }));
     solids
+}
+
+/// The squares under keep-outs: robots' look-outs stay off them too, which is more than is needed.
+fn keep_outs(chart: &Map) -> Vec<Obstacle> {
+    let grid = chart.grid();
+    let blank = Grid::free(grid.resolution_m(), grid.origin_m(), grid.width(), grid.height());
+    let Ok(mut drawn) = blank else { return Vec::new() };
+    chart.keep_outs().for_each(|zone| raster::polygon(&mut drawn, zone.points(), Cell::Occupied));
+    obstacles_of(&drawn)
 }
 
 /// The room; without one everything there is, and some floor around it.
