@@ -19,6 +19,7 @@ use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
 use xtb_nav::Map;
+use xtb_nav::navigator::giveway::Neighbour;
 use xtb_nav::navigator::{Floor, PlanDone};
 use xtb_nav::planner::Planner;
 use xtb_protocol::keys::NameError;
@@ -39,6 +40,9 @@ pub enum LockstepError {
 /// How long a plan takes in simulated time.
 pub const PLAN_MS: u64 = 50;
 
+/// The robots hear each other's states this often, as `robot-agent` lets them.
+const HEARING_MS: u64 = 200;
+
 /// A simulation with a robot on each of its trucks.
 #[derive(Debug)]
 pub struct Lockstep {
@@ -56,6 +60,8 @@ pub struct Lockstep {
     plans: VecDeque<(Stamp, usize, PlanDone)>,
     /// Whose agents have died.
     dead: BTreeSet<usize>,
+    /// When the robots hear each other next.
+    next_hearing: Stamp,
 }
 
 impl Lockstep {
@@ -88,6 +94,7 @@ impl Lockstep {
             planner: Planner::new(),
             plans: VecDeque::new(),
             dead: BTreeSet::new(),
+            next_hearing: Stamp::ZERO,
         })
     }
 
@@ -193,6 +200,22 @@ impl Lockstep {
         }
     }
 
+    /// What each says of itself, to all others.
+    fn hear(&mut self) {
+        let now = self.now();
+        if self.robots.len() < 2 || now < self.next_hearing {
+            return;
+        }
+        self.next_hearing = now.plus_ms(HEARING_MS);
+        let alive = |(index, _): &(usize, &mut Robot)| !self.dead.contains(index);
+        let said: Vec<Neighbour> = (self.robots.iter_mut().enumerate().filter(alive))
+            .filter_map(|(_, robot)| Neighbour::of(&robot.state(now, Rejected::default())))
+            .collect();
+        for robot in &mut self.robots {
+            said.iter().for_each(|said| robot.agent_mut().neighbour(now, said.clone()));
+        }
+    }
+
     /// The agent of the robot with this index dies: no turn and no word of it any more, and its truck hears
     /// nothing.
     pub fn kill(&mut self, index: usize) {
@@ -219,6 +242,7 @@ impl Lockstep {
             while robot.agent_mut().next_event().is_some() {}
         }
         self.fix();
+        self.hear();
         let now = self.now();
         if let Some(traffic) = &mut self.traffic {
             traffic.step(now, &mut self.robots, &self.dead);

@@ -13,6 +13,7 @@ mod determinism;
 mod draw;
 mod faults;
 mod fixed;
+mod giveway;
 mod goto;
 mod guards;
 mod hazards;
