@@ -102,6 +102,12 @@ impl Agent {
         self.nav.led(now, led, &route.others);
     }
 
+    /// Whether it drives to a planned goal and hears no traffic control: then it has to hear the others.
+    #[must_use]
+    pub fn goes_alone(&self, now: Stamp) -> bool {
+        self.nav.goes_alone(now)
+    }
+
     /// Another robot said this of itself; it came in `at`.
     pub fn neighbour(&mut self, at: Stamp, said: Neighbour) {
         self.nav.neighbour(at, said);

@@ -115,6 +115,12 @@ impl Navigator {
         self.neighbours.hear(at, said);
     }
 
+    /// Whether it has a goal and nobody coordinates.
+    #[must_use]
+    pub fn goes_alone(&self, now: Stamp) -> bool {
+        self.task.is_some() && !self.led.leads(now)
+    }
+
     /// For whom it stands, where nobody coordinates.
     #[must_use]
     pub fn waits_for(&self) -> Option<&str> {

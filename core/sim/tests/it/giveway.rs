@@ -2,12 +2,13 @@
 
 use crate::meetings::{Meeting, meet};
 use crate::planned::Drive;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::GoalStatus;
 use xtb_sim::World;
 
 const HALL: &str = "[room]\nwidth_m = 8.0\ndepth_m = 6.0";
+const SQUARE: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0";
 /// Two rooms and a corridor of 0.9 m between them: nobody passes anybody in there.
 const CORRIDOR: &str = "[room]\nwidth_m = 10.0\ndepth_m = 3.0\n\
     [[boxes]]\nname = \"north\"\nx_m = 0.0\ny_m = 0.975\nwidth_m = 4.0\ndepth_m = 1.05\n\
@@ -57,10 +58,10 @@ fn nose_to_nose_in_a_hall_both_arrive() {
 #[test]
 fn at_right_angles_both_arrive_and_the_smaller_name_hardly_stops() {
     for seed in 1..=20 {
-        let late_m = (seed as f64 - 10.0) * 0.05;
-        let starts = [pose(-2.5, 0.0, 0.0), pose(0.0, -2.3 + late_m, FRAC_PI_2)];
-        let goals = [pose(2.5, 0.0, 0.0), pose(0.0, 2.3, FRAC_PI_2)];
-        let mut drive = alone(HALL, &starts, seed);
+        let later_m = (seed as f64 - 10.0) * 0.06;
+        let starts = [pose(-2.5, 0.0, 0.0), pose(0.0, -2.6 + later_m, FRAC_PI_2)];
+        let goals = [pose(2.5, 0.0, 0.0), pose(0.0, 3.0, FRAC_PI_2)];
+        let mut drive = alone(SQUARE, &starts, seed);
         let mut stood_s: f64 = 0.0;
         let made = meet(&mut drive, &goals, 240.0, &mut |drive, _| {
             let state = drive.lockstep.state(0).unwrap();
@@ -100,5 +101,56 @@ fn a_parked_robot_is_gone_round() {
         eprintln!("parked {seed}: {:.0} s waited {:.1} contacts {} {:?}", made.took_s, made.waited_s, made.contacts, made.ends);
         all_arrive(&made, seed);
         assert_eq!(drive.lockstep.simulation().trucks()[1].truth().contacts, 0);
+    }
+}
+
+fn circle(robots: usize, seed: u64) -> Meeting {
+    let place = |n: usize, turned: f64, facing: f64| {
+        let angle = TAU * n as f64 / robots as f64 + turned;
+        pose(3.0 * angle.cos(), 3.0 * angle.sin(), xtb_nav::path::wrap_rad(angle + facing))
+    };
+    let starts: Vec<_> = (0..robots).map(|n| place(n, 0.0, PI)).collect();
+    let goals: Vec<_> = (0..robots).map(|n| place(n, PI, 0.0)).collect();
+    let mut drive = alone(SQUARE, &starts, seed);
+    meet(&mut drive, &goals, 290.0, &mut |_, _| ())
+}
+
+#[test]
+fn explore_circles() {
+    for robots in [3, 4, 6, 10] {
+        for seed in 1..=5 {
+            let made = circle(robots, seed);
+            eprintln!("circle {robots} {seed}: {:.0} s stood {:.1} {} waited {:.1} contacts {} {:?}\n   {:#?}", made.took_s, made.stood_s, made.stood_for, made.waited_s, made.contacts, made.ends, made.touched);
+        }
+    }
+}
+
+#[test]
+fn explore_door() {
+    const ROOM: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0\ny_m = 4.0\n\
+            [[walls]]\npoints = [[-4.0, 4.0], [-0.75, 4.0]]\n[[walls]]\npoints = [[0.75, 4.0], [4.0, 4.0]]";
+    for seed in 1..=5 {
+        let side = |n: usize, north: bool| {
+            let x_m = (n as f64 - 2.0) * 1.3;
+            if north { pose(x_m, 5.6, -FRAC_PI_2) } else { pose(x_m, 2.4, FRAC_PI_2) }
+        };
+        let starts: Vec<_> = (0..5).map(|n| side(n, n % 2 == 0)).collect();
+        let goals: Vec<_> = (0..5).map(|n| side(n, n % 2 == 1)).collect();
+        let mut drive = alone(ROOM, &starts, seed);
+        let made = meet(&mut drive, &goals, 290.0, &mut |_, _| ());
+        eprintln!("door {seed}: {:.0} s stood {:.1} {} waited {:.1} contacts {} {:?}\n   {:#?}", made.took_s, made.stood_s, made.stood_for, made.waited_s, made.contacts, made.ends, made.touched);
+    }
+}
+
+#[test]
+fn explore_closed() {
+    for seed in 1..=5 {
+        // A parked, then a latched one in the corridor.
+        let starts = [pose(-3.5, 0.0, 0.0), pose(0.3, 0.0, PI)];
+        let mut drive = alone(CORRIDOR, &starts, seed);
+        let made = meet(&mut drive, &[pose(4.0, 0.0, 0.0)], 240.0, &mut |_, _| ());
+        eprintln!("closed {seed}: {:.0} s waited {:.1} contacts {} {:?}", made.took_s, made.waited_s, made.contacts, made.ends);
+        let made = meet(&mut drive, &[pose(4.0, 0.0, 0.0), pose(-4.0, 0.6, PI)], 240.0, &mut |_, _| ());
+        eprintln!("again {seed}: {:.0} s waited {:.1} contacts {} {:?}", made.took_s, made.waited_s, made.contacts, made.ends);
     }
 }
