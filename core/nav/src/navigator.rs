@@ -15,8 +15,8 @@
 //! Words: *released* is the way up to which it may drive; *off* is the distance from the path; *blocked* is
 //! what the first level says when an obstacle holds the motor.
 
-mod floor;
 mod among;
+mod floor;
 mod follow;
 pub mod giveway;
 mod job;

@@ -8,6 +8,7 @@ mod traffic;
 pub use traffic::Traffic;
 
 use crate::fixes::{FixMaker, FixTruth};
+use crate::noise::Noise;
 use crate::simulation::{Simulation, SimulationError};
 use crate::vehicle::Truck;
 use std::collections::{BTreeSet, VecDeque};
@@ -62,6 +63,8 @@ pub struct Lockstep {
     dead: BTreeSet<usize>,
     /// When the robots hear each other next.
     next_hearing: Stamp,
+    /// The part of what they say that gets lost on the way to each.
+    unheard: (f64, Noise),
 }
 
 impl Lockstep {
@@ -95,6 +98,7 @@ impl Lockstep {
             plans: VecDeque::new(),
             dead: BTreeSet::new(),
             next_hearing: Stamp::ZERO,
+            unheard: (0.0, Noise::new(0, 0)),
         })
     }
 
@@ -200,6 +204,11 @@ impl Lockstep {
         }
     }
 
+    /// This part of what the robots say to each other gets lost from now on.
+    pub fn set_unheard(&mut self, part: f64, seed: u64) {
+        self.unheard = (part, Noise::new(seed ^ 0x4EA2_0000, 0));
+    }
+
     /// What each says of itself, to all others.
     fn hear(&mut self) {
         let now = self.now();
@@ -212,7 +221,12 @@ impl Lockstep {
             .filter_map(|(_, robot)| Neighbour::of(&robot.state(now, Rejected::default())))
             .collect();
         for robot in &mut self.robots {
-            said.iter().for_each(|said| robot.agent_mut().neighbour(now, said.clone()));
+            for said in &said {
+                let (part, noise) = &mut self.unheard;
+                if !noise.chance(*part) {
+                    robot.agent_mut().neighbour(now, said.clone());
+                }
+            }
         }
     }
 

@@ -182,7 +182,9 @@ impl Navigator {
             false if through => PAUSE_MS,
             false => STANDS_MS,
         };
-        if held_ms < MOST_MS && (what == InTheWay::Way || stood_ms < patience_ms || through && held_ms < PAUSE_MS) {
+        if held_ms < MOST_MS
+            && (what == InTheWay::Way || stood_ms < patience_ms || through && held_ms < PAUSE_MS)
+        {
             let standing = before || stood_ms < STANDS_MS;
             return Ok(if standing { Standing::GivingWay } else { Standing::WayBlocked });
         }

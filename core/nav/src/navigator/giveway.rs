@@ -39,14 +39,16 @@ const LEAVES_S: f64 = 3.5;
 const STOPS_S: f64 = 0.8;
 /// Nobody knows where one goes that says no way: along its heading for this long, in s.
 const GUESSED_S: f64 = 3.0;
-/// Between a body and a place that is driven through, half of it on each side, in m.
+/// Between a body and a place that is driven through, in m.
 const BODY_M: f64 = 0.06;
-/// Between the ways of two.
+/// Between the ways of two, in m.
 const WAYS_M: f64 = 0.14;
 /// It stops so far before a body, so that there is room to turn, in m.
 const ROOM_M: f64 = 0.6;
 /// And before a way, in m.
 const BEFORE_M: f64 = 0.15;
+/// Who is nearer to a body already keeps that room but for this, in m.
+const NEARER_M: f64 = 0.01;
 /// Middles that near to each other are no way out, in m.
 const NEAR_M: f64 = 0.9;
 
@@ -151,11 +153,11 @@ impl Other<'_> {
     }
 
     /// Where its body is and can come to a stop.
-    fn bodies(&self, car: &Car) -> Vec<Rect> {
+    fn bodies(&self) -> Vec<MapPose> {
         let to_m = self.said.speed_mps.abs() * STOPS_S;
         let steps = if to_m > 0.01 { 3 } else { 1 };
         let along = |step: u32| to_m * f64::from(step) / 2.0;
-        (0..steps).map(|step| Rect::body(car, &self.ahead(along(step)))).collect()
+        (0..steps).map(|step| self.ahead(along(step))).collect()
     }
 
     /// Where it will be after so much way.
@@ -184,7 +186,7 @@ impl Other<'_> {
     /// All that it still has to drive through, with what its range finders need to be free.
     #[must_use]
     pub fn sweep(&self, car: &Car) -> Vec<Rect> {
-        let mut sweep = self.bodies(car);
+        let mut sweep: Vec<Rect> = self.bodies().iter().map(|pose| Rect::body(car, pose)).collect();
         if let Some(way) = &self.said.way {
             let to_m = (way.path.length_m() - way.done_m).max(0.0);
             for step in 0..=libm::ceil((to_m / STEP_M).min(200.0)) as u32 {
@@ -268,18 +270,36 @@ struct Place {
     body: Rect,
 }
 
-/// The first place that its body is in. Where I am near it already, every place is free that leads away.
+/// The first place that is too near to its body. Where I am near it already, every place is free that is not
+/// nearer.
 fn before_its_body(car: &Car, mine: &[Place], other: &Other<'_>) -> Option<usize> {
-    let bodies = other.bodies(car);
-    let meets = |place: &Place| bodies.iter().any(|body| body.overlaps(&place.body, BODY_M / 2.0));
-    let (mut leaving, mut far_m) = (true, 0.0);
+    let bodies = other.bodies();
+    let gap_m =
+        |place: &Place| bodies.iter().map(|body| gap_m(car, &place.pose, body)).fold(BODY_M, f64::min);
+    let here_m = gap_m(mine.first()?);
+    if here_m > 0.0 {
+        let least_m = if here_m < BODY_M { (here_m - NEARER_M).max(here_m / 2.0) } else { BODY_M };
+        return mine.iter().position(|place| gap_m(place) < least_m);
+    }
+    // One of the two poses is wrong: away from it.
+    let mut far_m = 0.0;
     mine.iter().position(|place| {
-        let meets = meets(place);
-        let now_m = distance_m(&place.pose, &other.pose);
-        leaving &= meets && now_m >= far_m - 0.001;
-        far_m = now_m;
-        meets && !leaving
+        let before_m = std::mem::replace(&mut far_m, distance_m(&place.pose, &other.pose));
+        gap_m(place) == 0.0 && far_m < before_m
     })
+}
+
+/// Between two bodies, in m, as far as it is less than [`BODY_M`]; 0 = they overlap.
+fn gap_m(car: &Car, a: &MapPose, b: &MapPose) -> f64 {
+    if distance_m(a, b) >= 2.0 * car.reach_m() + BODY_M {
+        return BODY_M;
+    }
+    if car.overlaps(a, car, b) {
+        return 0.0;
+    }
+    let to_b = car.corners(a).map(|corner| car.distance_m(b, corner));
+    let to_a = car.corners(b).map(|corner| car.distance_m(a, corner));
+    to_b.into_iter().chain(to_a).fold(BODY_M, f64::min)
 }
 
 /// The first place of the stretch on which the two of us would meet; 0 where I stand in it already and it
@@ -291,7 +311,8 @@ fn before_its_way(car: &Car, mine: &[Place], other: &Other<'_>) -> Option<usize>
         theirs.iter().find(|(_, body)| body.overlaps(&place.body, WAYS_M / 2.0)).map(|(at_s, _)| *at_s)
     };
     let comes: Vec<Option<f64>> = mine.iter().map(comes).collect();
-    let meets = |place: usize| comes[place].is_some_and(|at_s| mine[place].ahead_m / SLOW_MPS + LEAVES_S >= at_s);
+    let meets =
+        |place: usize| comes[place].is_some_and(|at_s| mine[place].ahead_m / SLOW_MPS + LEAVES_S >= at_s);
     let met = (0..mine.len()).find(|place| meets(*place))?;
     let begins = (0..=met).rev().take_while(|place| comes[*place].is_some()).last().unwrap_or(met);
     if begins > 0 {

@@ -313,7 +313,8 @@ pub(super) fn points_of(car: &Car, pose: &MapPose) -> Vec<[f64; 2]> {
     };
     let all = steps(-car.rear_m, car.front_m)
         .flat_map(|ahead_m| steps(-car.half_width_m, car.half_width_m).map(move |left_m| (ahead_m, left_m)));
-    all.map(|(ahead, left)| [pose.x_m + ahead * cos - left * sin, pose.y_m + ahead * sin + left * cos]).collect()
+    all.map(|(ahead, left)| [pose.x_m + ahead * cos - left * sin, pose.y_m + ahead * sin + left * cos])
+        .collect()
 }
 
 fn failure(error: &PlanError) -> PlanFailure {

@@ -74,7 +74,9 @@ impl Search<'_> {
             }
             let [x_m, y_m] = grid.centre_m(column, row);
             if column % APART == 0 && row % APART == 0 {
-                places.extend(self.yaws().map(|yaw_rad| MapPose { x_m, y_m, yaw_rad }).filter(clear).take(EACH));
+                places.extend(
+                    self.yaws().map(|yaw_rad| MapPose { x_m, y_m, yaw_rad }).filter(clear).take(EACH),
+                );
             }
             for (right, up) in [(1, 0), (0, 1), (-1, 0), (0, -1)] {
                 let next = (column + right, row + up);
