@@ -104,7 +104,6 @@ fn where_nobody_can_make_room_both_say_who_is_in_the_way() {
         let starts = [pose(-east_m, 0.0, 0.0), pose(east_m, 0.0, PI)];
         let goals = [pose(3.0, 0.0, 0.0), pose(-3.0, 0.0, PI)];
         let made = meet_alone(&mut alone(TUBE, &starts, seed), &goals);
-        eprintln!("tube {seed}: {:.0} s {:?}", made.took_s, made.ends);
         assert_eq!(made.contacts, 0, "seed {seed}: {:#?}", made.touched);
         assert!(made.took_s < 150.0, "seed {seed}: {} s", made.took_s);
         assert!(is_told(&made.ends[0], "blocked by xtb-2"), "seed {seed}: {:#?}", made.ends);
