@@ -30,8 +30,8 @@ const MOST_MS: u64 = 60_000;
 const MOST_RETREATS: u32 = 4;
 /// After a way back it lets the others begin.
 const AFTER_RETREAT_MS: u64 = 3_000;
-/// Bodies that a path is planned around, the nearest ones.
-const MOST_BODIES: usize = 16;
+/// Others that are looked at, the nearest ones.
+const MOST_NEAR: usize = 16;
 /// What moves is a little farther on by now, in m.
 const GROWN_M: f64 = 0.08;
 
@@ -136,19 +136,20 @@ impl Navigator {
         self.neighbours.others(now).map(|other| (other.pose, car)).collect()
     }
 
+    /// The nearest of the others that are meant, nearest first.
+    fn nearest(&self, now: Stamp, from: &MapPose, meant: impl Fn(&Other<'_>) -> bool) -> Vec<Other<'_>> {
+        let far_m = |pose: &MapPose| libm::hypot(pose.x_m - from.x_m, pose.y_m - from.y_m);
+        let mut others: Vec<Other<'_>> = self.neighbours.others(now).filter(meant).collect();
+        others.sort_by(|a, b| far_m(&a.pose).total_cmp(&far_m(&b.pose)));
+        others.truncate(MOST_NEAR);
+        others
+    }
+
     /// Bodies to plan around.
     pub(super) fn in_the_search(&self, now: Stamp, from: &MapPose) -> Vec<(String, MapPose)> {
         let still = |other: &Other<'_>| other.said.role == Role::Parked || other.still_ms >= STILL_MS;
-        let far_m = |pose: &MapPose| libm::hypot(pose.x_m - from.x_m, pose.y_m - from.y_m);
-        let mut bodies: Vec<(String, MapPose)> = self
-            .neighbours
-            .others(now)
-            .filter(still)
-            .map(|other| (other.said.name.clone(), other.pose))
-            .collect();
-        bodies.sort_by(|a, b| far_m(&a.1).total_cmp(&far_m(&b.1)));
-        bodies.truncate(MOST_BODIES);
-        bodies
+        let still = self.nearest(now, from, still);
+        still.into_iter().map(|other| (other.said.name.clone(), other.pose)).collect()
     }
 
     /// What has to become free, if a way back is looked for.
@@ -160,7 +161,7 @@ impl Navigator {
 
     /// How far the rule lets it drive.
     pub(super) fn hold(&self, now: Stamp, path: &Path, from_m: f64) -> Option<Hold> {
-        let others: Vec<Other<'_>> = self.neighbours.others(now).collect();
+        let others = self.nearest(now, &path.at(from_m).0, |_| true);
         hold(&self.neighbours.me, &self.car, path, from_m, &others)
     }
 
