@@ -107,8 +107,13 @@ impl ControlLoop {
         ends.door.follow(self.robot.agent());
     }
 
-    /// What the second level has to know: poses, paths, maps.
+    /// What the second level has to know: other robots, poses, paths, maps.
     fn take_tidings(&mut self, now: Stamp) {
+        let alone = self.robot.agent().goes_alone(now);
+        self.ends.listens.send_if_modified(|listens| std::mem::replace(listens, alone) != alone);
+        for (at, said) in self.ends.neighbours.take() {
+            self.robot.agent_mut().neighbour(at, said);
+        }
         for _ in 0..TIDINGS {
             let Ok(tiding) = self.ends.tidings.try_recv() else { return };
             let agent = self.robot.agent_mut();

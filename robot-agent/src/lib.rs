@@ -12,6 +12,7 @@ mod door;
 mod downlink;
 pub mod hardware;
 mod mailbox;
+mod neighbours;
 mod planning;
 mod recorder;
 pub mod recording;

@@ -8,6 +8,7 @@
 //! | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
 //! | downlink → loop | setpoint of the holder | 1, latest wins | the older one is dropped, counted |
 //! | downlink → loop | poses, paths, maps | [`TIDINGS`] | dropped, counted as overloaded; newer ones follow |
+//! | other robots → loop | their states | the latest of 64 robots | those of more robots are dropped, counted as overloaded |
 //! | loop → downlink | replies | [`REPLIES`] | requests wait in their own queue |
 //! | loop → uplink | snapshot | 1, latest wins | the older one is dropped |
 //! | loop → uplink | events | [`EVENTS`] | dropped, counted |
@@ -15,6 +16,7 @@
 //! | Zenoh → uplink | questions for `state`, `about` | 64 | dropped, counted; the client asks again |
 
 use crate::door::Door;
+use crate::neighbours::NeighbourSlot;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc as std_mpsc};
 use tokio::sync::{mpsc, watch};
@@ -150,6 +152,11 @@ impl Counters {
         counter.fetch_add(1, Ordering::Relaxed);
     }
 
+    /// Counts a state of another robot that cannot be true.
+    pub(crate) fn impossible(&self) {
+        self.out_of_range.fetch_add(1, Ordering::Relaxed);
+    }
+
     /// Counts a request or reply that found its queue full.
     pub(crate) fn overloaded(&self) {
         self.overloaded.fetch_add(1, Ordering::Relaxed);
@@ -222,6 +229,10 @@ pub(crate) struct LoopEnds {
     pub(crate) setpoint: Arc<SetpointSlot>,
     /// Poses, paths, maps.
     pub(crate) tidings: std_mpsc::Receiver<Tiding>,
+    /// What other robots say of themselves.
+    pub(crate) neighbours: Arc<NeighbourSlot>,
+    /// Whether it wants to know.
+    pub(crate) listens: watch::Sender<bool>,
     /// Order of arrival, and stops.
     pub(crate) arrivals: Arc<Arrivals>,
     /// What must not wait in a queue.
@@ -248,6 +259,10 @@ pub(crate) struct SessionEnds {
     pub(crate) setpoint: Arc<SetpointSlot>,
     /// Poses, paths, maps.
     pub(crate) tidings: std_mpsc::SyncSender<Tiding>,
+    /// What other robots say of themselves.
+    pub(crate) neighbours: Arc<NeighbourSlot>,
+    /// Whether the loop wants to know.
+    pub(crate) listens: watch::Receiver<bool>,
     /// Order of arrival, and stops.
     pub(crate) arrivals: Arc<Arrivals>,
     /// What must not wait in a queue.
@@ -275,6 +290,8 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let (event_sender, event_receiver) = mpsc::channel(EVENTS);
     let (note_sender, note_receiver) = mpsc::channel(NOTES);
     let (snapshot_sender, snapshot_receiver) = watch::channel(None);
+    let (listens_sender, listens_receiver) = watch::channel(false);
+    let neighbours = Arc::new(NeighbourSlot::default());
     let setpoint = Arc::new(SetpointSlot::default());
     let arrivals = Arc::new(Arrivals::default());
     let door = Arc::new(Door::default());
@@ -284,6 +301,8 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
         requests: request_receiver,
         setpoint: setpoint.clone(),
         tidings: tiding_receiver,
+        neighbours: neighbours.clone(),
+        listens: listens_sender,
         arrivals: arrivals.clone(),
         door: door.clone(),
         replies: reply_sender.clone(),
@@ -297,6 +316,8 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
         requests: request_sender,
         setpoint,
         tidings: tiding_sender,
+        neighbours,
+        listens: listens_receiver,
         arrivals,
         door,
         reply_sender,

@@ -3,7 +3,7 @@
 use crate::clock::Clock;
 use crate::config::AgentConfig;
 use crate::mailbox::{SessionEnds, Snapshot};
-use crate::{AgentError, Shutdown, VERSION, downlink, tidings, uplink};
+use crate::{AgentError, Shutdown, VERSION, downlink, neighbours, tidings, uplink};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -123,6 +123,15 @@ async fn serve(
         downlink::send_replies(ends.replies).await;
         Ok(())
     });
+    tasks.spawn(neighbours::listen(
+        bus.clone(),
+        fleet,
+        config.robot.clone(),
+        clock.clone(),
+        ends.neighbours,
+        ends.counters,
+        ends.listens,
+    ));
     tasks.spawn(follow_link(link.up.clone(), ends.link_up));
     tokio::select! {
         Some(ended) = tasks.join_next() => match ended {

@@ -187,6 +187,7 @@ impl Agent {
             fenced: 0,
             identity,
         };
+        agent.nav.set_name(agent.identity.robot.as_str());
         agent.emit(Stamp::ZERO, EventKind::Started { version: version.to_owned() });
         agent
     }

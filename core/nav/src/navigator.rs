@@ -7,17 +7,22 @@
 //!              │   └ no way ──┴────────────────────────────────────────────► Recovering ────────┤
 //!              └────────────────────────────────────────────────────────────────────────────────┘
 //! ```
+//! Without traffic control the rule of [`giveway`] says who goes first.
+//!
 //! A path is its own, planned on its own map, or traffic control's, which also says how far along it is
 //! released. Planning takes longer than a turn: it goes out as a [`PlanJob`] and comes back as a [`PlanDone`].
 //!
 //! Words: *released* is the way up to which it may drive; *off* is the distance from the path; *blocked* is
 //! what the first level says when an obstacle holds the motor.
 
+mod among;
 mod blind;
 mod floor;
 mod follow;
+pub mod giveway;
 mod job;
 mod look;
+mod retreat;
 mod route;
 
 pub use floor::Floor;
@@ -31,6 +36,7 @@ use crate::follower::{Follower, FollowerSettings};
 use crate::local::{BumperScan, LocalLayer};
 use crate::path::Path;
 use crate::settings::NavSettings;
+use among::Errand;
 use follow::Following;
 use job::Planned;
 use std::sync::Arc;
@@ -122,6 +128,8 @@ pub enum Standing {
     PoseUncertain,
     /// Between two gears.
     AtCusp,
+    /// Another robot goes first, and nobody coordinates.
+    GivingWay,
 }
 
 /// What a turn decides.
@@ -193,6 +201,8 @@ struct Task {
     standing: Option<Standing>,
     /// Where traffic control's path began that it got off: only another one will do.
     lost_start: Option<MapPose>,
+    /// What it is to others, and they to it.
+    among: among::Among,
 }
 
 /// The second level of one robot.
@@ -206,6 +216,7 @@ pub struct Navigator {
     local: Option<LocalLayer>,
     task: Option<Task>,
     led: route::LedBook,
+    neighbours: giveway::Neighbours,
     jobs: u64,
     outbox: Option<PlanJob>,
 }
@@ -223,6 +234,7 @@ impl Navigator {
             local: None,
             task: None,
             led: route::LedBook::default(),
+            neighbours: giveway::Neighbours::default(),
             jobs: 0,
             outbox: None,
         }
@@ -272,6 +284,7 @@ impl Navigator {
             enclosed: false,
             standing: Some(Standing::Planning),
             lost_start: None,
+            among: among::Among::default(),
         });
     }
 
@@ -334,7 +347,7 @@ impl Navigator {
             (Stage::Following(_), None | Some(Standing::AtCusp)) => NavPhase::Following,
             _ => NavPhase::Waiting,
         };
-        let waits_for = self.led.led().and_then(|led| led.waits_for.as_deref());
+        let waits_for = self.led.led().and_then(|led| led.waits_for.as_deref()).or(self.waits_for());
         let (plans, blocked_at) = (task.plans, task.blocked_at);
         Some(Progress { path, plan, phase, done_m, release_m, off_m, waits_for, blocked_at, plans })
     }
@@ -360,6 +373,7 @@ impl Navigator {
 
     /// The range finders, into the local layer.
     fn look(&mut self, now: Stamp, sensed: &Sensed<'_>) {
+        let others = self.others(now);
         if let (Some(floor), Some(local), true) = (&self.floor, &mut self.local, sensed.scanned) {
             let scan = BumperScan {
                 pose: sensed.estimate.pose,
@@ -367,11 +381,12 @@ impl Navigator {
                 front_cm: *sensed.ir_front_cm,
                 rear_cm: *sensed.ir_rear_cm,
             };
-            local.see(now, &scan, Some(floor.map.grid()), &self.led.others(now, &self.car));
+            local.see(now, &scan, Some(floor.map.grid()), &others);
         }
     }
 
     fn decide(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+        task.among.waits_for = None;
         self.follow_lead(now, sensed, task);
         match &mut task.stage {
             Stage::Seeking { .. } => self.seek(now, sensed, task),
@@ -408,33 +423,39 @@ impl Navigator {
             car: self.car,
             start: sensed.estimate.pose,
             aim: task.aim,
+            others: self.in_the_search(now, &sensed.estimate.pose),
+            retreat: self.retreat_from(now, task),
         });
         stand
     }
 
     /// A plan comes back.
     pub fn planned(&mut self, now: Stamp, done: PlanDone) {
-        let Some(task) = &mut self.task else { return };
-        if !matches!(task.stage, Stage::Seeking { job: Some((number, _)) } if number == done.number) {
-            return;
+        let Some(mut task) = self.task.take() else { return };
+        if matches!(task.stage, Stage::Seeking { job: Some((number, _)) } if number == done.number)
+            && let Some((planned, errand)) = self.among(now, &mut task, done.result, done.by)
+        {
+            self.take_up(now, &mut task, planned, errand);
         }
-        let follower = done.result.and_then(|Planned { path, look }| {
-            let tolerance = self.settings.tolerance(look || task.aim.yaw_rad.is_some());
-            let follower = Follower::new(&path, &self.car, self.follower.clone(), tolerance);
-            follower
-                .map(|follower| (path, follower, look))
-                .map_err(|error| PlanFailure::for_good(error.to_string()))
-        });
-        match follower {
-            Ok((path, follower, look)) => {
+        self.task = Some(task);
+    }
+
+    /// A path that was planned is driven from now on.
+    fn take_up(&self, now: Stamp, task: &mut Task, planned: Planned, errand: Errand) {
+        let Planned { path, look } = planned;
+        let exact = look || errand == Errand::Retreat || task.aim.yaw_rad.is_some();
+        let tolerance = self.settings.tolerance(exact);
+        match Follower::new(&path, &self.car, self.follower.clone(), tolerance) {
+            Ok(follower) => {
                 task.plans += 1;
                 task.looks += u32::from(look);
                 let mut following = Following::own(path, follower, look);
                 following.lately_ms = lately_ms(task.tries);
                 following.cruise_mps = self.settings.drive.meeting_mps;
+                following.held.errand = errand;
                 task.stage = Stage::Following(Box::new(following));
             }
-            Err(failure) => task.no_way(now, failure),
+            Err(error) => task.no_way(now, PlanFailure::for_good(error.to_string())),
         }
     }
 }
@@ -464,6 +485,9 @@ impl Task {
 
     /// In words, once it gives up.
     fn failure(&self) -> String {
+        if let Some(words) = self.blamed() {
+            return words;
+        }
         match self.blocked_at {
             Some([x_m, y_m]) => format!("blocked near ({x_m:.2}, {y_m:.2}): {}", self.trouble),
             None => self.trouble.clone(),

@@ -8,6 +8,7 @@ mod traffic;
 pub use traffic::Traffic;
 
 use crate::fixes::{FixMaker, FixTruth};
+use crate::noise::Noise;
 use crate::simulation::{Simulation, SimulationError};
 use crate::vehicle::Truck;
 use std::collections::{BTreeSet, VecDeque};
@@ -19,6 +20,7 @@ use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
 use xtb_nav::Map;
+use xtb_nav::navigator::giveway::Neighbour;
 use xtb_nav::navigator::{Floor, PlanDone};
 use xtb_nav::planner::Planner;
 use xtb_protocol::keys::NameError;
@@ -39,6 +41,9 @@ pub enum LockstepError {
 /// How long a plan takes in simulated time.
 pub const PLAN_MS: u64 = 50;
 
+/// The robots hear each other's states this often, as `robot-agent` lets them.
+const HEARING_MS: u64 = 200;
+
 /// A simulation with a robot on each of its trucks.
 #[derive(Debug)]
 pub struct Lockstep {
@@ -56,6 +61,10 @@ pub struct Lockstep {
     plans: VecDeque<(Stamp, usize, PlanDone)>,
     /// Whose agents have died.
     dead: BTreeSet<usize>,
+    /// When the robots hear each other next.
+    next_hearing: Stamp,
+    /// The part of what they say that gets lost on the way to each.
+    unheard: (f64, Noise),
 }
 
 impl Lockstep {
@@ -88,6 +97,8 @@ impl Lockstep {
             planner: Planner::new(),
             plans: VecDeque::new(),
             dead: BTreeSet::new(),
+            next_hearing: Stamp::ZERO,
+            unheard: (0.0, Noise::new(0, 0)),
         })
     }
 
@@ -193,6 +204,32 @@ impl Lockstep {
         }
     }
 
+    /// This part of what the robots say to each other gets lost from now on.
+    pub fn set_unheard(&mut self, part: f64, seed: u64) {
+        self.unheard = (part, Noise::new(seed ^ 0x4EA2_0000, 0));
+    }
+
+    /// What each says of itself, to all others.
+    fn hear(&mut self) {
+        let now = self.now();
+        if self.robots.len() < 2 || now < self.next_hearing {
+            return;
+        }
+        self.next_hearing = now.plus_ms(HEARING_MS);
+        let alive = |(index, _): &(usize, &mut Robot)| !self.dead.contains(index);
+        let said: Vec<Neighbour> = (self.robots.iter_mut().enumerate().filter(alive))
+            .filter_map(|(_, robot)| Neighbour::of(&robot.state(now, Rejected::default())))
+            .collect();
+        for robot in &mut self.robots {
+            for said in &said {
+                let (part, noise) = &mut self.unheard;
+                if !noise.chance(*part) {
+                    robot.agent_mut().neighbour(now, said.clone());
+                }
+            }
+        }
+    }
+
     /// The agent of the robot with this index dies: no turn and no word of it any more, and its truck hears
     /// nothing.
     pub fn kill(&mut self, index: usize) {
@@ -219,6 +256,7 @@ impl Lockstep {
             while robot.agent_mut().next_event().is_some() {}
         }
         self.fix();
+        self.hear();
         let now = self.now();
         if let Some(traffic) = &mut self.traffic {
             traffic.step(now, &mut self.robots, &self.dead);

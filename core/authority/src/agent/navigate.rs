@@ -8,6 +8,7 @@ use std::sync::Arc as Shared;
 use xtb_control::{Command, Mode, Stamp, Steering, WheelRpm, goto};
 use xtb_nav::filter::{self, FixOutcome};
 use xtb_nav::local::LocalObstacle;
+use xtb_nav::navigator::giveway::Neighbour;
 use xtb_nav::navigator::{Aim, Decision, Floor, Led, PlanDone, PlanJob, Sensed, Standing};
 use xtb_nav::{MapPose, Path};
 use xtb_protocol::messages::{
@@ -100,6 +101,17 @@ impl Agent {
             reason: route.reason.clone(),
         });
         self.nav.led(now, led, &route.others);
+    }
+
+    /// Whether it drives to a planned goal and hears no traffic control: then it has to hear the others.
+    #[must_use]
+    pub fn goes_alone(&self, now: Stamp) -> bool {
+        self.nav.goes_alone(now)
+    }
+
+    /// Another robot said this of itself; it came in `at`.
+    pub fn neighbour(&mut self, at: Stamp, said: Neighbour) {
+        self.nav.neighbour(at, said);
     }
 
     /// A path to look for, beside the control loop.
@@ -242,6 +254,10 @@ impl Agent {
                 self.nav.led_by().and_then(|led| led.reason.clone().or_else(|| first(led)))
             }
             Some(Standing::Planning) => self.nav.led_by().and_then(|led| led.reason.clone()),
+            Some(Standing::GivingWay) => self.nav.waits_for().map(|name| format!("{name} goes first")),
+            Some(Standing::WayBlocked) if self.nav.waits_for().is_some() => {
+                self.nav.waits_for().map(|name| format!("blocked by {name}"))
+            }
             Some(Standing::WayBlocked) => Some("something that is not on the map is in its way".to_owned()),
             Some(Standing::PoseUncertain) => Some("it does not know well enough where it is".to_owned()),
             Some(Standing::AtCusp) => None,
@@ -260,6 +276,7 @@ impl Agent {
             Standing::WayBlocked => StopReason::WayBlocked,
             Standing::PoseUncertain => StopReason::PoseUncertain,
             Standing::AtCusp => StopReason::AtCusp,
+            Standing::GivingWay => StopReason::GivingWay,
         })
     }
 

@@ -1,6 +1,8 @@
 //! Along a path, and out of where there is none.
 
+use super::among::{Errand, Held};
 use super::blind::{GOES_ON_M, blind_on};
+use super::job::points_of;
 use super::{
     BLOCKED_MS, Decision, LOOKOUT_M, MARGIN_M, MOST_PLANS, Navigator, PAUSE_MS, PROGRESS_M, RECOVERY_MPS,
     RECOVERY_MS, Sensed, Stage, Standing, TRIES, Task, stand,
@@ -55,6 +57,8 @@ pub(super) struct Following {
     clearance_m: f64,
     /// Progress counted so far, in m.
     counted_m: f64,
+    /// By other robots.
+    pub(super) held: Held,
 }
 
 impl Following {
@@ -84,6 +88,7 @@ impl Following {
             obstructed_since: None,
             clearance_m: 0.0,
             counted_m: 0.0,
+            held: Held::default(),
         }
     }
 }
@@ -100,7 +105,8 @@ impl Navigator {
             Trust::Slow { mps } => mps,
             Trust::Stop => 0.0,
         };
-        let free_m = following.obstructed.map_or(f64::MAX, |(way_m, _)| way_m);
+        let held_m = following.held.hold.as_ref().map_or(f64::MAX, |hold| hold.way_m);
+        let free_m = following.obstructed.map_or(held_m, |(way_m, _)| way_m.min(held_m));
         // Its own path ends where traffic control takes over again.
         let release_m = match following.plan {
             0 if self.led.leads(now) => 0.0,
@@ -129,10 +135,20 @@ impl Navigator {
                 task.seek();
                 stand(Standing::Planning)
             }
+            Status::Reached | Status::Stuck(Stuck::Missed) if following.held.errand == Errand::Retreat => {
+                task.has_made_room(now);
+                stand(task.pausing())
+            }
             Status::Reached => Decision::Reached,
             Status::Deviated { .. }
             | Status::Stuck(Stuck::Missed | Stuck::NoProgress | Stuck::NotANumber) => {
                 self.lose_the_path(task, "it gets off its path")
+            }
+            Status::AtReleaseEnd if following.held.hold.is_some() && sensed.stands() => {
+                match self.wait_for_other(now, task) {
+                    Ok(standing) => go(Some(standing)),
+                    Err(decision) => decision,
+                }
             }
             _ if following.blocked_since.is_some_and(|since| now.since_ms(since) >= BLOCKED_MS) => {
                 let ahead_m = drive.speed_mps.signum() * (self.car.front_m + 0.2);
@@ -161,6 +177,9 @@ impl Navigator {
             return;
         }
         following.looked = Some(now);
+        let alone = following.plan == 0 && !self.led.leads(now);
+        let hold = alone.then(|| self.hold(now, &following.path, following.follower.way_m()));
+        following.held.is(now, hold.flatten(), sensed.stands());
         let (Some(local), Some(floor)) = (&self.local, &self.floor) else { return };
         let from_m = following.follower.way_m();
         let to_m = (from_m + LOOK_M).min(following.follower.length_m());
@@ -213,7 +232,7 @@ impl Navigator {
     }
 
     /// Another path from here, unless that was tried often enough.
-    fn lose_the_path(&mut self, task: &mut Task, why: &str) -> Decision {
+    pub(super) fn lose_the_path(&mut self, task: &mut Task, why: &str) -> Decision {
         task.lost += 1;
         why.clone_into(&mut task.trouble);
         if task.lost > TRIES || task.plans >= MOST_PLANS {
@@ -238,7 +257,7 @@ impl Navigator {
             return Decision::Failed(task.failure());
         }
         if now < until {
-            return stand(Standing::WayBlocked);
+            return stand(task.pausing());
         }
         if task.enclosed && task.recoveries < RECOVERIES {
             task.recoveries += 1;
@@ -285,6 +304,7 @@ impl Navigator {
             things.extend(local.obstacles(now).map(|mark| [mark.x_m, mark.y_m]));
             things.extend(local.unseen_around(now, RECOVERY_UNSEEN_M));
         }
+        things.extend(self.others(now).iter().flat_map(|(pose, car)| points_of(car, pose)));
         if let Some(floor) = &self.floor {
             let grid = floor.map.grid();
             let reach = libm::ceil((self.car.reach_m() + RECOVERED_M) / grid.resolution_m()) as i64;

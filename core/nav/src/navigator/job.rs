@@ -6,6 +6,7 @@ use super::look::first_on;
 use super::{Aim, Floor, LOOKOUT_M, MARGIN_M, RADIUS_FACTOR};
 use crate::MapPose;
 use crate::car::Car;
+use crate::coordinator::rect::Rect;
 use crate::local::{LocalLayer, LocalObstacle};
 use crate::path::Path;
 use crate::planner::{End, Goal, PlanError, Planner, PlannerSettings};
@@ -45,6 +46,10 @@ pub(super) const TOLERANCE_M: f64 = 0.05;
 const TOLERANCE_RAD: f64 = 0.05;
 /// Paths that lead the body where no beam looks first are replaced so often by one that keeps off there.
 const ROUNDS: u32 = 6;
+/// Kept free beside another robot, on top of the margin, in m.
+const BESIDE_M: f64 = 0.08;
+/// Others move on: a search around them costs no more than this.
+const AMONG_OTHERS: usize = 60_000;
 /// A mark that was not seen for this long is not in sight.
 const IN_SIGHT_MS: u64 = 1_000;
 
@@ -64,6 +69,10 @@ pub struct PlanJob {
     pub(super) car: Car,
     pub(super) start: MapPose,
     pub(super) aim: Aim,
+    /// Robots that stand around.
+    pub(super) others: Vec<(String, MapPose)>,
+    /// Not to the goal, but out of what somebody drives through.
+    pub(super) retreat: Option<Vec<Rect>>,
 }
 
 /// A job that is being worked off.
@@ -77,6 +86,8 @@ pub(super) struct Search<'a> {
     pub(super) stale: Vec<[f64; 2]>,
     /// Where something may stand for all that is known.
     pub(super) unverified: Vec<[f64; 2]>,
+    /// Of the robots that stand around, (x, y) in m.
+    bodies: Vec<[f64; 2]>,
 }
 
 impl std::ops::Deref for Search<'_> {
@@ -92,6 +103,16 @@ impl std::ops::Deref for Search<'_> {
 pub struct PlanDone {
     pub(super) number: u64,
     pub(super) result: Result<Planned, PlanFailure>,
+    /// Who is in the way, where there is no path because of a robot.
+    pub(super) by: Option<Blamed>,
+}
+
+/// A robot that is in the way.
+#[derive(Debug, Clone)]
+pub(super) struct Blamed {
+    pub(super) name: String,
+    /// The path without it.
+    pub(super) planned: Planned,
 }
 
 /// A path, and how careful it is.
@@ -144,8 +165,43 @@ impl PlanJob {
                 [self.start.x_m, self.start.y_m],
                 f64::MAX,
             ),
+            bodies: self.bodies(),
         };
-        PlanDone { number: self.number, result: search.plan(planner) }
+        if let Some(sweep) = &self.retreat {
+            return PlanDone { number: self.number, result: search.back(planner, sweep), by: None };
+        }
+        let result = search.plan(planner);
+        if result.is_ok() || search.bodies.is_empty() {
+            return PlanDone { number: self.number, result, by: None };
+        }
+        // Is it one of them, or would there be no way without them either?
+        match (Search { bodies: Vec::new(), ..search }).plan(planner) {
+            Ok(planned) => {
+                let by = self.first_on(&planned.path).map(|name| Blamed { name, planned });
+                PlanDone { number: self.number, result, by }
+            }
+            failed => PlanDone { number: self.number, result: failed, by: None },
+        }
+    }
+
+    /// Points of the robots that stand around, with some room, but none where it stands itself.
+    fn bodies(&self) -> Vec<[f64; 2]> {
+        let bodies = self.others.iter().flat_map(|(_, pose)| points_of(&self.car.grown(BESIDE_M), pose));
+        let own = self.car.grown(MARGIN_M + STANDS_M);
+        bodies.filter(|point| own.distance_m(&self.start, *point) > 0.0).collect()
+    }
+
+    /// The first robot on a path, or else the nearest.
+    fn first_on(&self, path: &Path) -> Option<String> {
+        let body = self.car.grown(BESIDE_M + MARGIN_M);
+        let first = first_on(path, &body, |touches| {
+            let points = self.others.iter().flat_map(|(_, pose)| points_of(&self.car, pose));
+            points.into_iter().find(|point| touches(point))
+        });
+        let from = first.unwrap_or([self.start.x_m, self.start.y_m]);
+        let far_m = |pose: &MapPose| self.car.distance_m(pose, from);
+        let near = self.others.iter().min_by(|a, b| far_m(&a.1).total_cmp(&far_m(&b.1)));
+        near.map(|(name, _)| name.clone())
     }
 }
 
@@ -265,11 +321,12 @@ impl Search<'_> {
         let margin_m = care.margin_m;
         let car = Car { radius_m: self.car.radius_m * RADIUS_FACTOR, ..self.car.grown(margin_m) };
         let zones = self.zones(care, unseen);
+        let things = [local, &self.bodies].concat();
         let layers = Layers {
             grid: self.floor.map.grid(),
             zones: Some(&zones),
             one_way: self.floor.zones.one_way.as_deref(),
-            local_m: local,
+            local_m: &things,
         };
         let look_out = LookOut { ahead_m: LOOKOUT_M - margin_m, half_width_m: 0.2 };
         GridSpace::new(&layers, car, look_out).map_err(|error| PlanFailure::for_good(error.to_string()))
@@ -283,12 +340,27 @@ impl Search<'_> {
         goal: &Goal,
         expansions: usize,
     ) -> Result<Path, PlanFailure> {
-        let settings = PlannerSettings { most_expansions: expansions, ..PlannerSettings::default() };
+        let most_expansions = if self.bodies.is_empty() { expansions } else { expansions.min(AMONG_OTHERS) };
+        let settings = PlannerSettings { most_expansions, ..PlannerSettings::default() };
         match planner.plan_on_grid(space, &self.start, goal, &settings, &mut || true) {
             Ok(plan) => Ok(plan.path),
             Err(error) => Err(failure(&error)),
         }
     }
+}
+
+/// Points of a body that no cell of a map lies between.
+pub(super) fn points_of(car: &Car, pose: &MapPose) -> Vec<[f64; 2]> {
+    const STEP_M: f64 = 0.05;
+    let (sin, cos) = libm::sincos(pose.yaw_rad);
+    let steps = |from_m: f64, to_m: f64| {
+        let steps = libm::ceil((to_m - from_m) / STEP_M);
+        (0..=steps as u32).map(move |step| from_m + (to_m - from_m) * f64::from(step) / steps)
+    };
+    let all = steps(-car.rear_m, car.front_m)
+        .flat_map(|ahead_m| steps(-car.half_width_m, car.half_width_m).map(move |left_m| (ahead_m, left_m)));
+    all.map(|(ahead, left)| [pose.x_m + ahead * cos - left * sin, pose.y_m + ahead * sin + left * cos])
+        .collect()
 }
 
 fn failure(error: &PlanError) -> PlanFailure {

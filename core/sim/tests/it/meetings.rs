@@ -3,7 +3,7 @@
 use crate::drive::Drive;
 use std::collections::BTreeSet;
 use xtb_control::VehicleConfig;
-use xtb_nav::Car;
+use xtb_nav::{Car, MapPose};
 use xtb_protocol::messages::{Outcome, TruthRobot};
 use xtb_sim::World;
 use xtb_sim::lockstep::Traffic;
@@ -29,15 +29,20 @@ fn fleet(setting: &Setting, seed: u64) -> Drive {
 }
 
 /// All go to their goals at once; `meddle` may do what it likes with them, each 0.2 s.
-fn meet(drive: &mut Drive, setting: &Setting, meddle: &mut dyn FnMut(&mut Drive, f64)) -> Meeting {
-    let robots = setting.goals.len();
+pub(crate) fn meet(
+    drive: &mut Drive,
+    goals: &[MapPose],
+    within_s: f64,
+    meddle: &mut dyn FnMut(&mut Drive, f64),
+) -> Meeting {
+    let robots = goals.len();
     let mut witness = Witness::new((0..robots).map(|index| truth(drive, index).contacts));
-    for (index, goal) in setting.goals.iter().enumerate() {
+    for (index, goal) in goals.iter().enumerate() {
         let asked = drive.goto(index, goal.x_m, goal.y_m, Some(goal.yaw_rad));
         assert!(matches!(asked, Outcome::Ok(_)), "{asked:?}");
     }
     let mut told_s = 0.0;
-    while witness.made().took_s < WITHIN_S && told_s < TOLD_S {
+    while witness.made().took_s < within_s && told_s < TOLD_S {
         drive.run_s(STEP_S);
         let dead: BTreeSet<usize> = (0..robots).filter(|&index| drive.lockstep.is_dead(index)).collect();
         witness.look(STEP_S, &sights(drive, robots), &dead);
@@ -71,7 +76,7 @@ pub(crate) fn scene(drive: &mut Drive) -> String {
 /// Many on a circle, each to the place opposite, in 8 × 8 m.
 pub(crate) fn circle(robots: usize, seed: u64, meddle: &mut dyn FnMut(&mut Drive, f64)) -> Meeting {
     let setting = Setting::circle(robots);
-    meet(&mut fleet(&setting, seed), &setting, meddle)
+    meet(&mut fleet(&setting, seed), &setting.goals, WITHIN_S, meddle)
 }
 
 /// Five swap places through a door; and back.
@@ -95,7 +100,7 @@ impl Door {
 /// Nose to nose in a narrow place: one must back out.
 pub(crate) fn narrow(seed: u64, meddle: &mut dyn FnMut(&mut Drive, f64)) -> Meeting {
     let setting = Setting::narrow();
-    meet(&mut fleet(&setting, seed), &setting, meddle)
+    meet(&mut fleet(&setting, seed), &setting.goals, WITHIN_S, meddle)
 }
 
 /// What goes wrong on the way.

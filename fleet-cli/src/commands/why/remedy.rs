@@ -19,8 +19,13 @@ pub(super) fn of_reason(robot: &Name, reason: StopReason) -> Option<String> {
         R::WanderPause | R::ChangingDirection | R::Starting | R::Coasting | R::Planning | R::AtCusp => {
             return None;
         }
-        R::WaitingForTraffic | R::GivingWay => {
+        R::WaitingForTraffic => {
             "nothing, if the others move: `fleet-cli status` shows whom it waits for".to_owned()
+        }
+        R::GivingWay => {
+            "nothing: it goes on when the other robot has passed, or round it if that one stands; \
+                         `fleet-cli traffic serve` leads both"
+                .to_owned()
         }
         R::WayBlocked => "clear its way; it looks for another one by itself".to_owned(),
         R::PoseUncertain => "bring it pose fixes, or tell it where it stands (request `set_pose`)".to_owned(),
