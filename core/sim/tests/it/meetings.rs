@@ -93,7 +93,7 @@ impl Door {
     /// All change sides once.
     pub(crate) fn round(&mut self, meddle: &mut dyn FnMut(&mut Drive, f64)) -> Meeting {
         self.round += 1;
-        meet(&mut self.drive, &Setting::door(self.round), meddle)
+        meet(&mut self.drive, &Setting::door(self.round).goals, WITHIN_S, meddle)
     }
 }
 
