@@ -20,6 +20,8 @@ const SIGHT_M: f64 = 0.35;
 /// From where something comes into sight to where it is touched, at least, in m of way: the time to see it
 /// twice, to look ahead, and to stop from 0.2 m/s.
 const STOPS_WITHIN_M: f64 = 0.15;
+/// Of what stands nearer than that already: so much nearer is not nearer, in m.
+const NEARER_M: f64 = 0.003;
 /// Way between two looks at the path, in m.
 const STEP_M: f64 = 0.02;
 
@@ -31,20 +33,15 @@ pub(super) fn blind_on(
     car: &Car,
     points: &[[f64; 2]],
 ) -> Vec<(f64, [f64; 2])> {
-    let body = car.grown(IN_THE_WAY_M);
     let here = path.at(ways_m[0]).0;
-    let mut open: Vec<([f64; 2], f64)> = points
-        .iter()
-        .filter(|point| body.distance_m(&here, **point) > 0.0)
-        .map(|point| (*point, f64::MAX))
-        .collect();
+    let mut open: Vec<Open> = points.iter().filter_map(|point| Open::at(*point, car, &here)).collect();
     let mut blind = Vec::new();
     let steps = libm::ceil((ways_m[1] - ways_m[0]).max(0.0) / STEP_M) as u32;
     for step in 0..=steps {
         let way_m = (ways_m[0] + f64::from(step) * STEP_M).min(ways_m[1]);
         let (pose, _) = path.at(way_m);
-        open.retain_mut(|(point, seen_m)| {
-            if body.distance_m(&pose, *point) <= 0.0 {
+        open.retain_mut(|Open { point, least_m, seen_m }| {
+            if car.distance_m(&pose, *point) <= *least_m {
                 if *seen_m > way_m - STOPS_WITHIN_M {
                     blind.push((way_m, *point));
                 }
@@ -60,6 +57,24 @@ pub(super) fn blind_on(
         }
     }
     blind
+}
+
+/// A point that no beam has passed over yet, or only so far along the path.
+struct Open {
+    point: [f64; 2],
+    /// As near as this the body touches it.
+    least_m: f64,
+    /// Where a beam first looks there; without one, never.
+    seen_m: f64,
+}
+
+impl Open {
+    /// `None` under the body. What is that near already may stay so, but the body gets no nearer.
+    fn at(point: [f64; 2], car: &Car, here: &MapPose) -> Option<Self> {
+        let off_m = car.distance_m(here, point);
+        let least_m = if off_m > IN_THE_WAY_M { IN_THE_WAY_M } else { off_m - NEARER_M };
+        (off_m > 0.0).then_some(Self { point, least_m, seen_m: f64::MAX })
+    }
 }
 
 /// Whether a beam of either bumper passes over a point.
@@ -119,7 +134,9 @@ mod tests {
     }
 
     #[test]
-    fn what_it_touches_where_it_begins_does_not_count() {
-        assert!(!blind(0.5, TIGHT_PER_M, [0.0, 0.21]));
+    fn what_is_nearly_touched_already_is_left_and_not_driven_into() {
+        let corner = [0.26, -0.19];
+        assert!(blind(0.5, 0.0, corner) && blind(0.5, TIGHT_PER_M, corner));
+        assert!(!blind(-0.5, 0.0, corner), "astern is away from it");
     }
 }
