@@ -64,6 +64,21 @@ fn plain(folder: &Path, submitters: usize) -> f64 {
     })
 }
 
+/// How long a dispatcher waits for its ledger when it starts.
+fn opening(records: u64) -> Duration {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("a folder");
+    let path = folder.path().join("bench.ledger");
+    let (mut ledger, _) = Ledger::create_or_open(&path, "bench").expect("a ledger");
+    for from in (0..records).step_by(1000) {
+        ledger.append(&(from..from + 1000).map(task).collect::<Vec<Value>>()).expect("written");
+    }
+    drop(ledger);
+    let begun = Instant::now();
+    let (_, recovered) = Ledger::<Value>::create_or_open(&path, "bench").expect("a ledger");
+    assert_eq!(recovered.rows.len() as u64, records);
+    begun.elapsed()
+}
+
 fn median(mut rates: Vec<f64>) -> f64 {
     rates.sort_by(f64::total_cmp);
     rates[rates.len() / 2]

@@ -22,6 +22,7 @@ pub use export::{Reading, StoredRow, backup, read};
 pub use writer::{Counters, QUEUE, Refused, Ticket, WriteError, Writer};
 
 use holder::{Holder, beside};
+use rusqlite::config::DbConfig;
 use rusqlite::{Connection, OpenFlags, params};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -141,6 +142,7 @@ impl<R: Serialize + DeserializeOwned> Ledger<R> {
         }
         let rows = rows.into_iter().map(StoredRow::decode).collect::<Result<_, _>>()?;
         holder.note_and_sync(last_seq).map_err(|error| Fault::io("writing the lock file", error))?;
+        keep_log(&connection, false).map_err(|error| Fault::sqlite("opening it", error))?;
         let (path, records) = (path.to_owned(), PhantomData);
         let mut ledger =
             Self { path, connection, holder, last_seq, tail_unsure: false, marks_missed: 0, records };
@@ -265,16 +267,18 @@ fn make(path: &Path, fleet: &str, mark: Option<u64>) -> Result<(), Fault> {
     let mut connection = Connection::open(&draft).map_err(|error| Fault::sqlite(doing, error))?;
     schema::create(&mut connection, fleet)?;
     connection.close().map_err(|(_, error)| Fault::sqlite(doing, error))?;
-    let folder = match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    };
     let steps = || {
         File::open(&draft)?.sync_all()?;
         fs::rename(&draft, path)?;
-        File::open(folder)?.sync_all()
+        sync_folder(path)
     };
     steps().map_err(|error| Fault::io(doing, error))
+}
+
+/// Makes a file's name in its folder outlive a power cut.
+fn sync_folder(path: &Path) -> std::io::Result<()> {
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
 }
 
 /// Opens what is there, if it is this fleet's and whole.
@@ -283,6 +287,7 @@ fn connect(path: &Path, fleet: &str) -> Result<Connection, Fault> {
     let doing = "opening it";
     let fault = |error| Fault::sqlite(doing, error);
     let mut connection = Connection::open_with_flags(path, flags).map_err(fault)?;
+    keep_log(&connection, true).map_err(fault)?;
     schema::set_up(&connection).map_err(fault)?;
     let version = schema::version(&connection, schema::STEPS.len())?;
     if connection.is_readonly("main").map_err(fault)? {
@@ -304,6 +309,12 @@ fn connect(path: &Path, fleet: &str) -> Result<Connection, Fault> {
         return Err(Fault::ReadOnly { doing: "switching the log on" });
     }
     Ok(connection)
+}
+
+/// Whether closing leaves the log as it is, even what SQLite does not see in it: so that a ledger that is
+/// refused stays as it was found.
+fn keep_log(connection: &Connection, keep: bool) -> rusqlite::Result<()> {
+    connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, keep).map(|_| ())
 }
 
 /// Every row intact and none missing.

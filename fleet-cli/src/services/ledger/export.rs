@@ -78,9 +78,13 @@ pub fn backup(path: &Path, to: &Path) -> Result<(), LedgerError> {
             return Err(Fault::io(doing, io::ErrorKind::AlreadyExists.into()));
         }
         let connection = open(path)?;
+        // From the root on, so that no name looks like a URI.
+        let to = std::path::absolute(to).map_err(|error| Fault::io(doing, error))?;
         let copied = connection.execute("VACUUM INTO ?1", [to.to_string_lossy()]);
         copied.map_err(|error| Fault::sqlite(doing, error))?;
-        File::open(to).and_then(|copy| copy.sync_all()).map_err(|error| Fault::io(doing, error))
+        // SQLite does not wait for the disk here.
+        let synced = File::open(&to).and_then(|copy| copy.sync_all()).and_then(|()| super::sync_folder(&to));
+        synced.map_err(|error| Fault::io(doing, error))
     };
     copy().map_err(|fault| fault.of(path))
 }

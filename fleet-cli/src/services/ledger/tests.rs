@@ -6,6 +6,7 @@ mod queue;
 use super::*;
 use crate::error::Failure;
 use serde_json::{Value, json};
+use std::os::unix::fs::PermissionsExt;
 use tempfile::TempDir;
 
 type Open = Result<(Ledger<Value>, Recovered<Value>), LedgerError>;
@@ -282,4 +283,24 @@ fn what_may_not_be_written_is_said_and_read_all_the_same() {
     assert_eq!(read(&place.path()).unwrap().rows.len(), 2);
     ledger.connection.pragma_update(None, "query_only", false).unwrap();
     assert_eq!(ledger.append(&[task(3)]).unwrap(), 3);
+}
+
+#[test]
+#[allow(clippy::print_stderr)]
+fn a_file_and_a_folder_that_may_not_be_written_are_said_and_read_all_the_same() {
+    let place = Place::filled(2);
+    let allow = |path: &Path, mode| fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
+    allow(&place.path(), 0o444);
+    allow(place.folder.path(), 0o555);
+    if fs::write(place.beside("-probe"), "").is_ok() {
+        return eprintln!("skipped, as this user may write everything");
+    }
+    assert!(matches!(place.fault(), Fault::ReadOnly { .. }));
+    assert_eq!(read(&place.path()).unwrap().rows.len(), 2);
+    let other = place.folder.path().join("other.ledger");
+    let error = Ledger::<Value>::create_or_open(&other, "lab").unwrap_err();
+    assert!(matches!(error.fault, Fault::ReadOnly { .. }), "{error}");
+    allow(place.folder.path(), 0o755);
+    allow(&place.path(), 0o644);
+    assert_eq!(records(place.open().unwrap().1), tasks(2));
 }

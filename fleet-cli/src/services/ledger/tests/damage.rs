@@ -86,6 +86,21 @@ fn a_log_cut_anywhere_keeps_what_was_acknowledged_before_the_cut() {
 }
 
 #[test]
+fn a_ledger_that_is_refused_stays_as_it_was_found() {
+    let mut remains = Remains::of(COMMITS, 3);
+    let last = remains.log.len() - 100;
+    for at in [last, 32 + 4096 + 24 + 100] {
+        let before = remains.log[at];
+        remains.log[at] ^= 1;
+        let place = remains.put(true);
+        assert!(is_typed(&place.fault()));
+        assert_eq!(fs::read(place.path()).unwrap(), remains.file);
+        assert_eq!(fs::read(place.beside("-wal")).unwrap(), remains.log);
+        remains.log[at] = before;
+    }
+}
+
+#[test]
 fn a_log_zeroed_from_anywhere_on_keeps_what_was_acknowledged_before() {
     let mut remains = Remains::of(COMMITS, 0);
     let whole = remains.log.clone();
