@@ -99,4 +99,7 @@ fn main() {
         let (ours, theirs) = (median(ours), median(theirs));
         println!("{submitters:10}   {ours:9.0}   {group:16.1}   {theirs:15.0}   {:5.2}", ours / theirs);
     }
+    for records in [10_000, 100_000] {
+        println!("opening a ledger of {records} records: {} ms", opening(records).as_millis());
+    }
 }
