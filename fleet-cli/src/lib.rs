@@ -20,6 +20,7 @@ pub mod interrupt;
 pub mod lease;
 pub mod output;
 pub mod router;
+pub mod services;
 pub mod simulator;
 pub mod table;
 pub mod terminal;

@@ -1,0 +1,3 @@
+//! What runs for the fleet's sake rather than for one command.
+
+pub mod ledger;
