@@ -4,6 +4,8 @@
 //! fields with a default may be left out, unknown ones are errors. [`Message::validate`] holds what
 //! the types cannot: finite, in range, bounded.
 
+mod assign;
+mod dispatch;
 mod fault;
 mod latch;
 mod map;
@@ -12,6 +14,12 @@ mod request;
 mod sim;
 mod state;
 
+pub use assign::{Assignment, Errand, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG};
+pub use dispatch::{
+    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, MAX_POINTS,
+    MAX_PRIORITY, MAX_SUBMISSION, NoTaskId, OnTakeover, TaskChange, TaskEvent, TaskHistory, TaskId, TaskKind,
+    TaskList, TaskSpec, TaskState, TaskStep, TaskView, Waypoint, Who,
+};
 pub use fault::{Fault, FaultState};
 pub use latch::{Latch, LatchState};
 pub use map::{
