@@ -1,1 +1,1 @@
-//! To come.
+//! A task's life, one event at a time.

@@ -16,14 +16,14 @@ use xtb_protocol::messages::{
 };
 use xtb_protocol::{Name, Uuid};
 
-pub const LEDGER: u64 = 0x1234_5678_9abc;
-pub const GROUND: OpenGround = OpenGround { radius_m: 0.4 };
+pub(crate) const LEDGER: u64 = 0x1234_5678_9abc;
+pub(crate) const GROUND: OpenGround = OpenGround { radius_m: 0.4 };
 const START_MS: u64 = 1_800_000_000_000;
 const STEP_MS: u64 = 10;
 
 /// A rule that is switched off, to see that its breach is noticed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Off {
+pub(crate) enum Off {
     Nothing,
     /// The ledger says *written* before it is.
     Durability,
@@ -37,34 +37,37 @@ pub enum Off {
 
 /// How bad a world is.
 #[derive(Debug, Clone, Copy)]
-pub struct Weather {
-    pub off: Off,
-    pub robots: usize,
-    pub tasks: usize,
-    /// Share of messages that are lost.
-    pub loss: f64,
+pub(crate) struct Weather {
+    pub(crate) off: Off,
+    pub(crate) robots: usize,
+    pub(crate) tasks: usize,
+    /// Share of messages that are lost, and of those that are held up.
+    pub(crate) loss: f64,
+    /// For how long at most, in ms.
+    pub(crate) slow_ms: i64,
     /// Share of writes at which the dispatcher dies; half of them before they are durable.
-    pub crash: f64,
+    pub(crate) crash: f64,
     /// Share of writes that fail.
-    pub full: f64,
+    pub(crate) full: f64,
     /// Dies at exactly this write: its number, and whether that is durable.
-    pub crash_at: Option<(u64, bool)>,
+    pub(crate) crash_at: Option<(u64, bool)>,
     /// Fails exactly from this write on, for two seconds.
-    pub full_at: Option<u64>,
+    pub(crate) full_at: Option<u64>,
     /// Per robot and second.
-    pub partitions: f64,
-    pub reboots: f64,
-    pub takeovers: f64,
-    pub latches: f64,
-    pub cancels: bool,
+    pub(crate) partitions: f64,
+    pub(crate) reboots: f64,
+    pub(crate) takeovers: f64,
+    pub(crate) latches: f64,
+    pub(crate) cancels: bool,
 }
 
 impl Weather {
-    pub const CALM: Self = Self {
+    pub(crate) const CALM: Self = Self {
         off: Off::Nothing,
         robots: 3,
         tasks: 8,
         loss: 0.0,
+        slow_ms: 1500,
         crash: 0.0,
         full: 0.0,
         crash_at: None,
@@ -75,7 +78,7 @@ impl Weather {
         latches: 0.0,
         cancels: false,
     };
-    pub const STORM: Self = Self {
+    pub(crate) const STORM: Self = Self {
         loss: 0.05,
         crash: 0.02,
         full: 0.02,
@@ -102,41 +105,45 @@ struct Submission {
     task: Option<TaskId>,
 }
 
-pub struct World {
-    pub weather: Weather,
+pub(crate) struct World {
+    pub(crate) weather: Weather,
     draw: Draw,
-    pub now_ms: u64,
+    pub(crate) now_ms: u64,
     chaos_until_ms: u64,
-    pub robots: Vec<FakeRobot>,
-    cut_until_ms: Vec<u64>,
+    pub(crate) robots: Vec<FakeRobot>,
+    /// Until when a robot hears nothing, and is not heard.
+    deaf_until_ms: Vec<u64>,
+    mute_until_ms: Vec<u64>,
+    up_at_ms: Vec<u64>,
     outages: Vec<Vec<(u64, u64)>>,
     takeover_until_ms: Vec<u64>,
     mail: Vec<(u64, u64, Mail)>,
     sent: u64,
-    pub ledger: Vec<Entry>,
-    pub dispatcher: Option<Dispatcher>,
+    pub(crate) ledger: Vec<Entry>,
+    pub(crate) dispatcher: Option<Dispatcher>,
     run: u64,
     restart_ms: u64,
     write: Option<(u64, Write)>,
-    pub writes: u64,
+    pub(crate) writes: u64,
     full_until_ms: u64,
     submissions: Vec<Submission>,
     tickets: BTreeMap<u64, Ticket>,
     next_ticket: u64,
     /// Tasks whose cancellation was confirmed.
     confirmed: BTreeSet<TaskId>,
-    pub crashes: u64,
-    pub replies: VecDeque<DispatchReply>,
+    pub(crate) crashes: u64,
+    pub(crate) replies: VecDeque<DispatchReply>,
 }
 
 #[derive(Clone, Copy)]
 enum Ticket {
     Submission(usize),
     Cancel(TaskId),
+    Retry(TaskId),
     Other,
 }
 
-pub fn me() -> Name {
+pub(crate) fn me() -> Name {
     Name::new("dispatch").unwrap()
 }
 
@@ -145,18 +152,18 @@ fn person() -> Name {
 }
 
 impl World {
-    pub fn new(seed: u64, weather: Weather) -> Self {
+    pub(crate) fn new(seed: u64, weather: Weather) -> Self {
         let mut draw = Draw::new(seed);
         let robots = (1..=weather.robots).map(|i| {
             let at = (draw.uniform(-3.0, 3.0), draw.uniform(-3.0, 3.0));
             let unfenced = weather.off == Off::Fence;
-            FakeRobot { unfenced, ..FakeRobot::new(&format!("xtb-{i}"), at) }
+            FakeRobot { unfenced, doomed: vec![DOOMED], ..FakeRobot::new(&format!("xtb-{i}"), at) }
         });
         let robots: Vec<FakeRobot> = robots.collect();
         let submissions = (0..weather.tasks).map(|i| Submission {
             at_ms: START_MS + draw.whole(0, 15_000) as u64,
             key: Uuid::from_u64_pair(seed, i as u64 + 1),
-            spec: spec(&mut draw, weather.robots),
+            spec: spec(&mut draw, weather),
             asked_ms: None,
             task: None,
         });
@@ -165,7 +172,9 @@ impl World {
             weather,
             now_ms: START_MS,
             chaos_until_ms: START_MS + 40_000,
-            cut_until_ms: vec![0; robots.len()],
+            deaf_until_ms: vec![0; robots.len()],
+            mute_until_ms: vec![0; robots.len()],
+            up_at_ms: vec![0; robots.len()],
             outages: vec![Vec::new(); robots.len()],
             takeover_until_ms: vec![0; robots.len()],
             robots,
@@ -192,22 +201,32 @@ impl World {
 
     fn settings(&self) -> Settings {
         let usual = Settings::default();
-        if self.weather.off == Off::Grace { Settings { silent_ms: 100, halted_ms: 0, ..usual } } else { usual }
+        if self.weather.off == Off::Grace {
+            Settings { silent_ms: 100, halted_ms: 0, ..usual }
+        } else {
+            usual
+        }
     }
 
     fn start(&mut self) {
         self.run += 1;
         let read = self.ledger.iter().map(|entry| Entry::from_json(&entry.to_json().unwrap()).unwrap());
         let identity = Identity { me: me(), ledger: LEDGER, run: self.run };
-        let dispatcher = Dispatcher::recover(self.now_ms, identity, self.settings(), read.collect::<Vec<_>>());
+        let dispatcher =
+            Dispatcher::recover(self.now_ms, identity, self.settings(), read.collect::<Vec<_>>());
         self.dispatcher = Some(dispatcher.unwrap());
     }
 
-    pub fn crash(&mut self) {
+    pub(crate) fn crash(&mut self) {
         (self.dispatcher, self.write) = (None, None);
         self.tickets.clear();
         self.crashes += 1;
         self.restart_ms = self.now_ms + self.draw.whole(20, 3000) as u64;
+    }
+
+    /// Starts at once.
+    pub(crate) fn restart(&mut self) {
+        self.start();
     }
 
     fn chance(&mut self, share: f64) -> bool {
@@ -215,7 +234,7 @@ impl World {
     }
 
     /// Until every task has ended, or the time is up.
-    pub fn run(&mut self) -> Result<(), String> {
+    pub(crate) fn run(&mut self) -> Result<(), String> {
         let end_ms = self.chaos_until_ms + 400_000;
         while self.now_ms < end_ms {
             self.step()?;
@@ -234,7 +253,7 @@ impl World {
             && self.write.is_none()
     }
 
-    pub fn step(&mut self) -> Result<(), String> {
+    pub(crate) fn step(&mut self) -> Result<(), String> {
         self.now_ms += STEP_MS;
         let now_ms = self.now_ms;
         if self.dispatcher.is_none() && now_ms >= self.restart_ms {
@@ -268,12 +287,23 @@ impl World {
         for i in 0..self.robots.len() {
             if self.chance(partitions * per_step) {
                 let until_ms = self.now_ms + self.draw.whole(200, 20_000) as u64;
-                self.cut_until_ms[i] = self.cut_until_ms[i].max(until_ms);
+                let which = self.draw.whole(0, 3);
+                if which != 0 {
+                    self.deaf_until_ms[i] = self.deaf_until_ms[i].max(until_ms);
+                }
+                if which != 1 {
+                    self.mute_until_ms[i] = self.mute_until_ms[i].max(until_ms);
+                }
                 self.outages[i].push((self.now_ms, until_ms));
             }
             if self.chance(reboots * per_step) {
                 self.robots[i].reboot();
-                self.outages[i].push((self.now_ms, self.now_ms + 1000));
+                self.robots[i].up = false;
+                self.up_at_ms[i] = self.now_ms + self.draw.whole(100, 12_000) as u64;
+                self.outages[i].push((self.now_ms, self.up_at_ms[i] + 1000));
+            }
+            if !self.robots[i].up && self.now_ms >= self.up_at_ms[i] {
+                self.robots[i].up = true;
             }
             if self.chance(latches * per_step) {
                 self.robots[i].latch();
@@ -283,7 +313,11 @@ impl World {
             }
             if self.chance(takeovers * per_step) {
                 self.takeover_until_ms[i] = self.now_ms + self.draw.whole(500, 8_000) as u64;
-                let body = if self.draw.uniform(0.0, 1.0) < 0.3 { Body::Stop {} } else { Body::Acquire { take: true } };
+                let body = if self.draw.uniform(0.0, 1.0) < 0.3 {
+                    Body::Stop {}
+                } else {
+                    Body::Acquire { take: true }
+                };
                 self.by_person(i, body);
             }
             if self.takeover_until_ms[i] > 0 {
@@ -313,8 +347,10 @@ impl World {
 
     fn post(&mut self, robot: usize, mail: Mail) {
         let weather = self.weather;
-        let lost = self.chance(weather.loss) || self.now_ms < self.cut_until_ms[robot];
-        let slow = if self.chance(weather.loss) { 1500 } else { 30 };
+        let to_robot = matches!(mail, Mail::Ask(..));
+        let cut_ms = if to_robot { self.deaf_until_ms[robot] } else { self.mute_until_ms[robot] };
+        let lost = self.chance(weather.loss) || self.now_ms < cut_ms;
+        let slow = if self.chance(weather.loss) { weather.slow_ms } else { 30 };
         let at_ms = self.now_ms + self.draw.whole(1, slow) as u64;
         self.sent += 1;
         if !lost {
@@ -351,7 +387,7 @@ impl World {
         }
     }
 
-    pub fn ask(&mut self, body: DispatchBody) -> u64 {
+    pub(crate) fn ask(&mut self, body: DispatchBody) -> u64 {
         self.sent += 1;
         let request = DispatchRequest { id: Uuid::from_u64_pair(77, self.sent), body };
         self.ask_as(&request, Ticket::Other)
@@ -385,17 +421,39 @@ impl World {
             self.submissions[i].asked_ms = Some(self.now_ms);
             self.ask_as(&DispatchRequest { id: key, body }, Ticket::Submission(i));
         }
-        if self.weather.cancels && self.chance(0.000_5) {
-            let open: Vec<TaskId> =
-                self.dispatcher.iter().flat_map(|d| d.book().open().map(|task| task.id)).collect();
-            if !open.is_empty() {
-                let task = open[self.draw.whole(0, open.len() as i64 - 1) as usize];
-                self.sent += 1;
-                let body = DispatchBody::Cancel { tasks: Some(vec![task]) };
-                let request = DispatchRequest { id: Uuid::from_u64_pair(77, self.sent), body };
-                self.ask_as(&request, Ticket::Cancel(task));
+        if self.weather.cancels && self.chance(0.001) {
+            self.meddle();
+        }
+        if self.now_ms > self.chaos_until_ms && self.now_ms.is_multiple_of(5000) {
+            let resting = |state| matches!(state, TaskState::Paused | TaskState::Held);
+            let tasks = self.dispatcher.iter().flat_map(|d| d.book().open());
+            let tasks: Vec<TaskId> = tasks.filter(|task| resting(task.state)).map(|task| task.id).collect();
+            if !tasks.is_empty() {
+                self.ask(DispatchBody::Resume { tasks });
             }
         }
+    }
+
+    /// Somebody changes their mind about a task.
+    fn meddle(&mut self) {
+        let all: Vec<TaskId> =
+            self.dispatcher.iter().flat_map(|d| d.book().tasks().map(|task| task.id)).collect();
+        if all.is_empty() {
+            return;
+        }
+        let task = all[self.draw.whole(0, all.len() as i64 - 1) as usize];
+        let tasks = vec![task];
+        let (body, ticket) = match self.draw.whole(0, 4) {
+            0 | 1 => (DispatchBody::Cancel { tasks: Some(tasks) }, Ticket::Cancel(task)),
+            2 => (DispatchBody::Pause { tasks }, Ticket::Other),
+            3 => (DispatchBody::Resume { tasks }, Ticket::Other),
+            _ => {
+                self.confirmed.remove(&task);
+                (DispatchBody::Retry { tasks }, Ticket::Retry(task))
+            }
+        };
+        self.sent += 1;
+        self.ask_as(&DispatchRequest { id: Uuid::from_u64_pair(77, self.sent), body }, ticket);
     }
 
     fn effects(&mut self) -> Result<(), String> {
@@ -403,7 +461,8 @@ impl World {
             match effect {
                 Effect::Write(write) => self.begin_write(write)?,
                 Effect::Ask { robot, request } => {
-                    let i = self.robots.iter().position(|other| other.name == robot).ok_or("no such robot")?;
+                    let i =
+                        self.robots.iter().position(|other| other.name == robot).ok_or("no such robot")?;
                     self.post(i, Mail::Ask(i, me(), request));
                 }
                 Effect::Reply { ticket, reply } => self.replied(ticket, reply)?,
@@ -439,6 +498,9 @@ impl World {
                     self.confirmed.insert(task);
                 }
             }
+            (Some(Ticket::Retry(task)), _) => {
+                self.confirmed.remove(&task);
+            }
             _ => self.replies.push_back(reply),
         }
         Ok(())
@@ -470,7 +532,9 @@ impl World {
     fn finish_write(&mut self) -> Result<(), String> {
         let Some((_, write)) = self.write.take_if(|(at_ms, _)| *at_ms <= self.now_ms) else { return Ok(()) };
         let weather = self.weather;
-        if let Some((at, durable)) = weather.crash_at.filter(|(at, _)| *at == self.writes && self.crashes == 0) {
+        if let Some((at, durable)) =
+            weather.crash_at.filter(|(at, _)| *at == self.writes && self.crashes == 0)
+        {
             let _ = at;
             if durable {
                 self.ledger.extend(write.entries);
@@ -561,9 +625,11 @@ impl World {
 
     /// A drive that counts as done was driven: once, but for those that nobody could know of.
     fn check_leg(&self, tasks: &BTreeMap<u64, TaskId>, task: TaskId, leg: u32) -> Result<(), String> {
-        let finishes = self.robots.iter().enumerate().flat_map(|(i, robot)| {
-            robot.finished.iter().map(move |finished| (i, *finished))
-        });
+        let finishes = self
+            .robots
+            .iter()
+            .enumerate()
+            .flat_map(|(i, robot)| robot.finished.iter().map(move |finished| (i, *finished)));
         let mut of_leg: Vec<(u64, usize)> = finishes
             .filter(|(_, finished)| {
                 let of = Assignment::of_goal(LEDGER, finished.goal);
@@ -588,28 +654,38 @@ impl World {
     }
 }
 
+/// Where nobody gets to.
+const DOOMED: (f64, f64) = (1.0, 1.0);
+
 fn point(draw: &mut Draw) -> Waypoint {
+    if draw.whole(0, 15) == 0 {
+        return Waypoint { x_m: DOOMED.0, y_m: DOOMED.1, yaw_rad: None };
+    }
     Waypoint { x_m: draw.uniform(-3.0, 3.0), y_m: draw.uniform(-3.0, 3.0), yaw_rad: None }
 }
 
-fn spec(draw: &mut Draw, robots: usize) -> TaskSpec {
+fn spec(draw: &mut Draw, weather: Weather) -> TaskSpec {
     let kind = match draw.whole(0, 5) {
         0..=2 => TaskKind::Goto { to: point(draw) },
         3 => TaskKind::Route { points: (0..3).map(|_| point(draw)).collect(), loops: 2, dwell_s: 0.2 },
-        4 => TaskKind::Patrol { points: (0..2).map(|_| point(draw)).collect(), dwell_s: 0.0, for_s: Some(12.0) },
+        4 => TaskKind::Patrol {
+            points: (0..2).map(|_| point(draw)).collect(),
+            dwell_s: 0.0,
+            for_s: Some(12.0),
+        },
         _ => TaskKind::Wander { for_s: 3.0 },
     };
     let mut spec = TaskSpec::new(kind);
     spec.priority = draw.whole(0, 9) as u8;
-    spec.grace_s = draw.uniform(1.0, 8.0);
+    spec.grace_s = if weather.off == Off::Grace { 0.0 } else { draw.uniform(0.0, 8.0) };
     spec.finish_s = 20.0;
     if draw.whole(0, 2) == 0 {
         spec.on_link_loss = LinkLoss::Finish;
     }
     if draw.whole(0, 3) == 0 {
-        spec.who = Who::Robot(Name::new(&format!("xtb-{}", draw.whole(1, robots as i64))).unwrap());
+        spec.who = Who::Robot(Name::new(&format!("xtb-{}", draw.whole(1, weather.robots as i64))).unwrap());
     }
-    spec.on_takeover = [OnTakeover::Requeue, OnTakeover::Fail][draw.whole(0, 1) as usize];
+    spec.on_takeover = [OnTakeover::Requeue, OnTakeover::Resume, OnTakeover::Fail][draw.whole(0, 2) as usize];
     if draw.whole(0, 9) == 0 {
         spec.deadline_ms = Some(START_MS + draw.whole(20_000, 60_000) as u64);
     }

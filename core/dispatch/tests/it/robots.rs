@@ -1,14 +1,14 @@
 //! Robots of the model: the agent's rules of lease, assignment and goal, without wheels.
 
 use xtb_authority::assigned::{Assigned, Known};
-use xtb_control::frames::MapPose;
-use xtb_control::{Mode, Stamp};
 use xtb_authority::lease::{LEASE_FREE_MS, LINK_LOSS_MS, LeaseBook};
 use xtb_authority::replies::ReplyBook;
+use xtb_control::frames::MapPose;
+use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{
     Assignment, BatteryLevel, Body, Done, Errand, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, Latch,
-    LatchState, LinkLoss, NavState, ObstacleView, PoseSource, PoseState, RejectCode, Rejected, Reply, Request,
-    RobotState, TiltState,
+    LatchState, LinkLoss, NavState, ObstacleView, PoseSource, PoseState, RejectCode, Rejected, Reply,
+    Request, RobotState, TiltState,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -17,47 +17,47 @@ const SPEED: f64 = 0.000_5;
 
 /// A drive that a robot has finished: under which goal, when.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Finished {
-    pub goal: Uuid,
-    pub at_ms: u64,
+pub(crate) struct Finished {
+    pub(crate) goal: Uuid,
+    pub(crate) at_ms: u64,
 }
 
 #[derive(Debug, Clone)]
-pub struct Goal {
-    pub id: Uuid,
-    pub by: Name,
-    pub status: GoalStatus,
-    pub reason: Option<String>,
-    pub ends_ms: u64,
-    pub to: Option<(f64, f64)>,
-    pub on_link_loss: LinkLoss,
-    pub limit_ms: Option<u64>,
+pub(crate) struct Goal {
+    pub(crate) id: Uuid,
+    pub(crate) by: Name,
+    pub(crate) status: GoalStatus,
+    pub(crate) reason: Option<String>,
+    pub(crate) ends_ms: u64,
+    pub(crate) to: Option<(f64, f64)>,
+    pub(crate) on_link_loss: LinkLoss,
+    pub(crate) limit_ms: Option<u64>,
     /// Fails on the way, for a reason of the goal's.
-    pub doomed: bool,
+    pub(crate) doomed: bool,
 }
 
 #[derive(Debug, Clone)]
-pub struct FakeRobot {
-    pub name: Name,
-    pub epoch: u64,
-    pub seq: u64,
-    pub at: (f64, f64),
-    pub lease: LeaseBook,
-    pub goal: Option<Goal>,
-    pub ended: Vec<GoalEnd>,
-    pub assigned: Assigned,
-    pub replies: ReplyBook,
-    pub latched: bool,
-    pub up: bool,
-    pub finished: Vec<Finished>,
+pub(crate) struct FakeRobot {
+    pub(crate) name: Name,
+    pub(crate) epoch: u64,
+    pub(crate) seq: u64,
+    pub(crate) at: (f64, f64),
+    pub(crate) lease: LeaseBook,
+    pub(crate) goal: Option<Goal>,
+    pub(crate) ended: Vec<GoalEnd>,
+    pub(crate) assigned: Assigned,
+    pub(crate) replies: ReplyBook,
+    pub(crate) latched: bool,
+    pub(crate) up: bool,
+    pub(crate) finished: Vec<Finished>,
     /// Points at which every drive fails.
-    pub doomed: Vec<(f64, f64)>,
+    pub(crate) doomed: Vec<(f64, f64)>,
     /// A robot without its fence: does what it is told, in whatever order.
-    pub unfenced: bool,
+    pub(crate) unfenced: bool,
 }
 
 impl FakeRobot {
-    pub fn new(name: &str, at: (f64, f64)) -> Self {
+    pub(crate) fn new(name: &str, at: (f64, f64)) -> Self {
         Self {
             name: Name::new(name).unwrap(),
             epoch: 1,
@@ -76,29 +76,30 @@ impl FakeRobot {
         }
     }
 
-    pub fn reboot(&mut self) {
+    pub(crate) fn reboot(&mut self) {
         let epoch = self.epoch + 1;
         let fresh = Self::new(self.name.as_str(), self.at);
         let (finished, doomed) = (std::mem::take(&mut self.finished), std::mem::take(&mut self.doomed));
-        *self = Self { epoch, lease: LeaseBook::new(epoch), finished, doomed, unfenced: self.unfenced, ..fresh };
+        *self =
+            Self { epoch, lease: LeaseBook::new(epoch), finished, doomed, unfenced: self.unfenced, ..fresh };
     }
 
-    pub fn running(&self) -> Option<&Goal> {
+    pub(crate) fn running(&self) -> Option<&Goal> {
         self.goal.as_ref().filter(|goal| self.up && !goal.status.is_final())
     }
 
-    pub fn end(&mut self, status: GoalStatus, reason: Option<&str>) {
+    pub(crate) fn end(&mut self, status: GoalStatus, reason: Option<&str>) {
         if let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) {
             (goal.status, goal.reason) = (status, reason.map(str::to_owned));
         }
     }
 
-    pub fn latch(&mut self) {
+    pub(crate) fn latch(&mut self) {
         self.latched = true;
         self.end(GoalStatus::Failed, Some("the robot is held"));
     }
 
-    pub fn turn(&mut self, now_ms: u64) {
+    pub(crate) fn turn(&mut self, now_ms: u64) {
         if !self.up {
             return;
         }
@@ -128,7 +129,7 @@ impl FakeRobot {
         }
     }
 
-    pub fn request(&mut self, now_ms: u64, client: &Name, request: &Request) -> Option<Reply> {
+    pub(crate) fn request(&mut self, now_ms: u64, client: &Name, request: &Request) -> Option<Reply> {
         if !self.up {
             return None;
         }
@@ -146,7 +147,12 @@ impl FakeRobot {
         Some(reply)
     }
 
-    fn carry_out(&mut self, now_ms: u64, client: &Name, request: &Request) -> Result<Done, (RejectCode, String)> {
+    fn carry_out(
+        &mut self,
+        now_ms: u64,
+        client: &Name,
+        request: &Request,
+    ) -> Result<Done, (RejectCode, String)> {
         let now = Stamp::from_ms(now_ms);
         let present = request.lease.is_some_and(|lease| self.lease.is_present(client, lease));
         if present {
@@ -219,7 +225,7 @@ impl FakeRobot {
         }
     }
 
-    pub fn begin(&mut self, goal: Goal) {
+    pub(crate) fn begin(&mut self, goal: Goal) {
         self.end(GoalStatus::Replaced, None);
         if let Some(before) = self.goal.replace(goal) {
             self.ended.insert(0, GoalEnd { id: before.id, status: before.status });
@@ -227,7 +233,7 @@ impl FakeRobot {
         }
     }
 
-    pub fn state(&mut self, now_ms: u64) -> RobotState {
+    pub(crate) fn state(&mut self, now_ms: u64) -> RobotState {
         self.seq += 1;
         let latch = LatchState { latch: Latch::Estop, age_ms: 0, by: "cli-7".into(), present: false };
         RobotState {
@@ -281,7 +287,7 @@ impl FakeRobot {
         }
     }
 
-    pub fn pose(&self) -> MapPose {
+    pub(crate) fn pose(&self) -> MapPose {
         MapPose { x_m: self.at.0, y_m: self.at.1, yaw_rad: 0.0 }
     }
 }
