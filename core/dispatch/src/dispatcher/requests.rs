@@ -66,10 +66,8 @@ impl Dispatcher {
                 let outcome = self.show(now_ms, *task);
                 return self.reply(ticket, request.id, outcome);
             }
-            DispatchBody::Cancel { tasks: None } => {
-                (Verb::Cancel, self.book.open().map(|task| task.id).collect())
-            }
-            DispatchBody::Cancel { tasks: Some(tasks) } => (Verb::Cancel, tasks.clone()),
+            DispatchBody::CancelAll {} => (Verb::Cancel, self.book.open().map(|task| task.id).collect()),
+            DispatchBody::Cancel { tasks } => (Verb::Cancel, tasks.clone()),
             DispatchBody::Pause { tasks } => (Verb::Pause, tasks.clone()),
             DispatchBody::Resume { tasks } => (Verb::Resume, tasks.clone()),
             DispatchBody::Retry { tasks } => (Verb::Retry, tasks.clone()),

@@ -444,7 +444,7 @@ impl World {
         let task = all[self.draw.whole(0, all.len() as i64 - 1) as usize];
         let tasks = vec![task];
         let (body, ticket) = match self.draw.whole(0, 4) {
-            0 | 1 => (DispatchBody::Cancel { tasks: Some(tasks) }, Ticket::Cancel(task)),
+            0 | 1 => (DispatchBody::Cancel { tasks }, Ticket::Cancel(task)),
             2 => (DispatchBody::Pause { tasks }, Ticket::Other),
             3 => (DispatchBody::Resume { tasks }, Ticket::Other),
             _ => {

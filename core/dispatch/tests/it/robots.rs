@@ -3,7 +3,6 @@
 use xtb_authority::assigned::{Assigned, Known};
 use xtb_authority::lease::{LEASE_FREE_MS, LINK_LOSS_MS, LeaseBook};
 use xtb_authority::replies::ReplyBook;
-use xtb_control::frames::MapPose;
 use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{
     Assignment, BatteryLevel, Body, Done, Errand, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, Latch,
@@ -285,9 +284,5 @@ impl FakeRobot {
             turns_late: 0,
             rejected: Rejected::default(),
         }
-    }
-
-    pub(crate) fn pose(&self) -> MapPose {
-        MapPose { x_m: self.at.0, y_m: self.at.1, yaw_rad: 0.0 }
     }
 }

@@ -311,7 +311,7 @@ impl TaskState {
     }
 }
 
-/// What is asked of the dispatcher. `cancel` without tasks is for all that have not ended.
+/// What is asked of the dispatcher.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum DispatchBody {
@@ -322,8 +322,8 @@ pub enum DispatchBody {
     },
     /// End them; the answer comes when their robots have confirmed.
     Cancel {
-        /// Which; `None` = all.
-        tasks: Option<Vec<TaskId>>,
+        /// Which.
+        tasks: Vec<TaskId>,
     },
     /// Put them aside; their robots stop.
     Pause {
@@ -345,6 +345,8 @@ pub enum DispatchBody {
         /// Which.
         task: TaskId,
     },
+    /// End all that have not ended.
+    CancelAll {},
 }
 
 /// One question to the dispatcher. The same id again, from the same client, submits nothing twice.
@@ -367,11 +369,11 @@ impl Message for DispatchRequest {
                 tasks.iter().try_for_each(TaskSpec::validate)?;
                 tasks.len()
             }
-            DispatchBody::Cancel { tasks: Some(tasks) }
+            DispatchBody::Cancel { tasks }
             | DispatchBody::Pause { tasks }
             | DispatchBody::Resume { tasks }
             | DispatchBody::Retry { tasks } => tasks.len(),
-            DispatchBody::Cancel { tasks: None } | DispatchBody::Show { .. } => 1,
+            DispatchBody::CancelAll {} | DispatchBody::Show { .. } => 1,
         };
         bounded("tasks", count as f64, 1.0, MAX_SUBMISSION as f64, "")
     }
