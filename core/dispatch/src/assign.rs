@@ -16,7 +16,9 @@ use crate::ground::Ground;
 use xtb_nav::MapPose;
 use xtb_protocol::messages::{TaskId, Waypoint};
 
-/// Pairs up to which a level is solved exactly, with exact distances.
+/// Pairs up to which distances are exact: up to 30 µs each on a slow machine.
+const EXACT_DISTANCES: usize = 4_000;
+/// Pairs up to which a level is solved exactly.
 const EXACT_PAIRS: usize = 20_000;
 /// Rows up to which a level is solved exactly.
 const EXACT_ROWS: usize = 128;
@@ -87,7 +89,7 @@ fn costs(
     ground: &dyn Ground,
     fits: &dyn Fn(usize, usize) -> Option<f64>,
 ) -> Vec<f32> {
-    let exact = window.len() * free.len() <= EXACT_PAIRS;
+    let exact = window.len() * free.len() <= EXACT_DISTANCES;
     let mut cost = Vec::with_capacity(window.len() * free.len());
     for &task in window {
         for &robot in free {

@@ -1,6 +1,6 @@
 //! What the dispatcher knows of the floor: how far it is, and where nobody may be sent.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 use xtb_control::VehicleConfig;
 use xtb_nav::reeds_shepp;
 use xtb_nav::{Car, Cell, Map, MapPose};
@@ -37,25 +37,52 @@ impl OpenGround {
     }
 }
 
+/// From so many turning radii on, one bend and a straight are as good as any way to a point.
+const FAR_RADII: f64 = 4.0;
+
+impl OpenGround {
+    /// To a point that is far: a bend on the full lock towards it, then straight, ahead or astern.
+    fn far_m(&self, from: &MapPose, to: &Waypoint) -> Option<f64> {
+        let (along_m, across_m) = seen_from(from, to);
+        let radius_m = self.radius_m;
+        if libm::hypot(along_m, across_m) < FAR_RADII * radius_m {
+            return None;
+        }
+        let beside_m = across_m.abs() - radius_m; // from the middle of the turning circle on that side
+        let straight_m = libm::sqrt(along_m * along_m + beside_m * beside_m - radius_m * radius_m);
+        let bend = |along_m: f64| {
+            let bend_rad = libm::atan2(beside_m, along_m) + libm::atan2(radius_m, straight_m);
+            if bend_rad < 0.0 { bend_rad + TAU } else { bend_rad }
+        };
+        Some(straight_m + radius_m * bend(along_m).min(bend(-along_m)))
+    }
+}
+
+/// Where a point lies for a car: ahead, and to its left.
+fn seen_from(from: &MapPose, to: &Waypoint) -> (f64, f64) {
+    let (sin, cos) = libm::sincos(from.yaw_rad);
+    let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
+    (dx * cos + dy * sin, dy * cos - dx * sin)
+}
+
 impl Ground for OpenGround {
     fn distance_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
         let pose = |yaw_rad| MapPose { x_m: to.x_m, y_m: to.y_m, yaw_rad };
         match to.yaw_rad {
             Some(yaw_rad) => reeds_shepp::distance_m(from, &pose(yaw_rad), self.radius_m),
-            // Any yaw: the best of sixteen is at most a twentieth of a turn too long.
-            None => (0..16)
-                .map(|i| reeds_shepp::distance_m(from, &pose(f64::from(i) * PI / 8.0), self.radius_m))
-                .fold(f64::INFINITY, f64::min),
+            None => self.far_m(from, to).unwrap_or_else(|| {
+                let yaws = (0..16).map(|i| f64::from(i) * PI / 8.0);
+                let ways = yaws.map(|yaw_rad| reeds_shepp::distance_m(from, &pose(yaw_rad), self.radius_m));
+                ways.fold(f64::INFINITY, f64::min)
+            }),
         }
     }
 
     fn rough_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
-        let (sin, cos) = libm::sincos(from.yaw_rad);
-        let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
-        let (along, across) = (dx * cos + dy * sin, dy * cos - dx * sin);
-        let straight_m = libm::sqrt(along * along + across * across);
+        let (along_m, across_m) = seen_from(from, to);
+        let straight_m = libm::sqrt(along_m * along_m + across_m * across_m);
         // A point beside the car takes up to a quarter of a turn; ahead and astern are as good.
-        let turn = if straight_m > 1e-6 { across.abs() / straight_m } else { 0.0 };
+        let turn = if straight_m > 1e-6 { across_m.abs() / straight_m } else { 0.0 };
         straight_m + self.radius_m * turn
     }
 

@@ -5,8 +5,8 @@ use std::time::Instant;
 use xtb_dispatch::assign::auction::RAISE_M;
 use xtb_dispatch::assign::{Candidate, Demand, NEVER, assign, auction, exact, solve};
 use xtb_dispatch::{Ground, OpenGround};
-use xtb_nav::MapPose;
 use xtb_nav::rooms::Draw;
+use xtb_nav::{MapPose, reeds_shepp};
 use xtb_protocol::messages::{TaskId, Waypoint};
 
 const GROUND: OpenGround = OpenGround { radius_m: 0.4 };
@@ -134,6 +134,24 @@ fn higher_levels_go_first_and_no_free_robot_is_left_with_a_task_it_could_do() {
     let left = (10..100).filter(|task| !taken.contains(task)).map(|task| tasks[task].level).max();
     assert!(lowest >= left, "{lowest:?} before {left:?}");
     assert_eq!(pairs, assign(&tasks, &robots, &GROUND, &fits), "the same each time");
+}
+
+/// Against the best of 360 yaws on arrival.
+#[test]
+fn distances_to_far_points_are_those_of_the_shortest_ways() {
+    let mut draw = Draw::new(6);
+    for _ in 0..300 {
+        let from = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: draw.uniform(-3.0, 3.0) };
+        let (angle, far_m) = (draw.uniform(-3.2, 3.2), draw.uniform(1.6, 10.0));
+        let (x_m, y_m) = (far_m * angle.cos(), far_m * angle.sin());
+        let yaws = (0..360).map(|deg| f64::from(deg).to_radians());
+        let ways = yaws.map(|yaw_rad| reeds_shepp::distance_m(&from, &MapPose { x_m, y_m, yaw_rad }, 0.4));
+        let best_m = ways.fold(f64::INFINITY, f64::min);
+        let ours_m = GROUND.distance_m(&from, &Waypoint { x_m, y_m, yaw_rad: None });
+        assert!((-0.01..0.1).contains(&(ours_m - best_m)), "{ours_m}, best {best_m} to {x_m} {y_m}");
+        let rough_m = GROUND.rough_m(&from, &Waypoint { x_m, y_m, yaw_rad: None });
+        assert!((rough_m - best_m).abs() < 0.4, "{rough_m}, best {best_m}");
+    }
 }
 
 #[test]
