@@ -150,12 +150,17 @@ impl Fake {
                 self.release();
                 done(Done::default())
             }
-            Body::Goto { .. } | Body::Wander { .. } => {
+            Body::Withdraw { .. } => done(Done::default()),
+            Body::Goto { .. } | Body::Wander { .. } | Body::Assign { .. } => {
                 if let Some(latch) = self.state.latches.first() {
                     return refuse(RejectCode::Latched, format!("{} is latched", latch.latch));
                 }
-                self.state.goal = Some(goal(request.id, GoalStatus::Running));
-                done(Done { lease: None, goal: Some(request.id) })
+                let id = match &request.body {
+                    Body::Assign { assignment, .. } => assignment.goal_id(),
+                    _ => request.id,
+                };
+                self.state.goal = Some(goal(id, GoalStatus::Running));
+                done(Done { lease: None, goal: Some(id) })
             }
             Body::Cancel { .. } => match &mut self.state.goal {
                 Some(goal) if !goal.status.is_final() => {
