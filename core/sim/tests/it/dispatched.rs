@@ -1,8 +1,8 @@
 //! The dispatcher over whole robots with traffic control: they work through tasks while it is killed at
 //! its writes and messages get lost.
 
+use crate::drive::Drive;
 use crate::meetings::fleet;
-use crate::planned::Drive;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_2;
 use xtb_control::VehicleConfig;
