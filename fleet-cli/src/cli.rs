@@ -1,9 +1,13 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
+mod dispatch;
 mod map;
 mod plan;
 mod traffic;
 
+pub use dispatch::{
+    DispatchArgs, DispatchCompactArgs, DispatchExportArgs, DispatchServeArgs, DispatchVerb, LedgerArgs,
+};
 pub use map::{MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs};
 pub use plan::PlanArgs;
 pub use traffic::{TrafficArgs, TrafficServeArgs, TrafficVerb};
@@ -119,6 +123,8 @@ pub enum Verb {
     Map(MapArgs),
     /// Lead robots with planned goals past each other.
     Traffic(TrafficArgs),
+    /// Take tasks for the fleet, and give them to its robots.
+    Dispatch(DispatchArgs),
     /// Run a router: all the infrastructure that a small lab needs.
     Router(RouterArgs),
     /// Run simulated robots with real agents.

@@ -95,6 +95,7 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::Teleop(args) => commands::teleop::run(&ctx()?, &args).await,
         Verb::Watch(args) => commands::watch::run(&ctx()?, &args).await,
         Verb::Traffic(args) => commands::traffic::run(&ctx()?, &args).await,
+        Verb::Dispatch(args) => commands::dispatch::run(&ctx()?, &args).await,
         Verb::Map(args) => commands::map::run(&ctx()?, &args).await,
         Verb::Router(args) => commands::router::run(&ctx()?, &args).await,
         Verb::Sim(args) => commands::sim::run(&ctx()?, args).await,

@@ -2,6 +2,7 @@
 
 pub mod completions;
 pub mod demo;
+pub mod dispatch;
 pub mod doctor;
 pub mod estop;
 mod goal;
