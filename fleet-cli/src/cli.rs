@@ -3,6 +3,7 @@
 mod dispatch;
 mod map;
 mod plan;
+mod tasks;
 mod traffic;
 
 pub use dispatch::{
@@ -10,6 +11,10 @@ pub use dispatch::{
 };
 pub use map::{MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs};
 pub use plan::PlanArgs;
+pub use tasks::{
+    CancelArgs, PauseArgs, ResumeArgs, RetryArgs, StayArgs, TakeoverArg, TaskArgs, TaskGotoArgs,
+    TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs, TasksArgs, TermArgs,
+};
 pub use traffic::{TrafficArgs, TrafficServeArgs, TrafficVerb};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -26,9 +31,9 @@ pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 const EXIT_CODES: &str = "\
 Exit codes:
   0    done
-  1    failed: refused, goal not reached, contact, port taken …
+  1    failed: refused, goal not reached, task failed or cancelled, contact, port taken …
   2    wrong usage or configuration; nothing was sent
-  3    no router or no robot answered, or the outcome is unknown
+  3    no router, no robot or no dispatcher answered, or the outcome is unknown
   130  interrupted
 
 JSON: with --json each result is one line on standard output; so is an error:
@@ -125,6 +130,18 @@ pub enum Verb {
     Traffic(TrafficArgs),
     /// Take tasks for the fleet, and give them to its robots.
     Dispatch(DispatchArgs),
+    /// Show the dispatcher's tasks.
+    Tasks(TasksArgs),
+    /// Show one task and how it came to be so.
+    Task(TaskArgs),
+    /// End tasks; the answer comes when their robots have confirmed.
+    Cancel(CancelArgs),
+    /// Put tasks aside; their robots stop.
+    Pause(PauseArgs),
+    /// Let tasks go on that are paused or held.
+    Resume(ResumeArgs),
+    /// Queue tasks again that have failed or were cancelled.
+    Retry(RetryArgs),
     /// Run a router: all the infrastructure that a small lab needs.
     Router(RouterArgs),
     /// Run simulated robots with real agents.
@@ -424,12 +441,26 @@ impl Cli {
     /// Wrong usage; and the texts of `--help` and `--version`, which clap treats alike.
     pub fn read(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
         let mut command = Self::command();
-        let matches = command.try_get_matches_from_mut(arguments)?;
+        let matches = command.try_get_matches_from_mut(arguments.into_iter().map(shielded))?;
         let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         cli.global.connect_given = matches.value_source("connect") == Some(ValueSource::CommandLine);
         cli.global.connect.retain(|endpoint| !endpoint.is_empty());
         Ok(cli)
     }
+}
+
+/// clap takes `-1,0` for an option. A blank in front makes it a value, and points are read without it.
+fn shielded(argument: OsString) -> OsString {
+    let is_point = argument.to_str().is_some_and(|text| {
+        let digits = text.strip_prefix('-').unwrap_or_default();
+        digits.contains(',') && digits.starts_with(|c: char| c.is_ascii_digit() || c == '.')
+    });
+    if !is_point {
+        return argument;
+    }
+    let mut shielded = OsString::from(" ");
+    shielded.push(argument);
+    shielded
 }
 
 /// The latches by name: completions know them, so they must be written down.
@@ -449,6 +480,11 @@ fn number(text: &str, min: f64, max: f64, unit: &str) -> Result<f64, String> {
 
 fn seconds(text: &str) -> Result<Duration, String> {
     number(text, 0.01, 86_400.0, "seconds").map(Duration::from_secs_f64)
+}
+
+/// Seconds from 0 to a day.
+fn part_of_a_day(text: &str) -> Result<f64, String> {
+    number(text, 0.0, 86_400.0, "seconds")
 }
 
 fn metres(text: &str) -> Result<f64, String> {

@@ -12,6 +12,7 @@ pub mod commands;
 pub mod config;
 pub mod context;
 mod describe;
+pub mod dispatching;
 pub mod error;
 #[cfg(test)]
 mod fake;
@@ -23,6 +24,7 @@ pub mod router;
 pub mod services;
 pub mod simulator;
 pub mod table;
+mod task_words;
 pub mod terminal;
 pub mod traffic;
 pub mod tui;
@@ -96,6 +98,12 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::Watch(args) => commands::watch::run(&ctx()?, &args).await,
         Verb::Traffic(args) => commands::traffic::run(&ctx()?, &args).await,
         Verb::Dispatch(args) => commands::dispatch::run(&ctx()?, &args).await,
+        Verb::Tasks(args) => commands::tasks::run(&ctx()?, &args).await,
+        Verb::Task(args) => or_interrupted(commands::task::run(&ctx()?, &args)).await,
+        Verb::Cancel(args) => changing(commands::change::cancel(&ctx()?, args)).await,
+        Verb::Pause(args) => changing(commands::change::pause(&ctx()?, args)).await,
+        Verb::Resume(args) => changing(commands::change::resume(&ctx()?, args)).await,
+        Verb::Retry(args) => changing(commands::change::retry(&ctx()?, args)).await,
         Verb::Map(args) => commands::map::run(&ctx()?, &args).await,
         Verb::Router(args) => commands::router::run(&ctx()?, &args).await,
         Verb::Sim(args) => commands::sim::run(&ctx()?, args).await,
@@ -103,4 +111,9 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::Plan(args) => commands::plan::run(out, args).await,
         Verb::Completions(args) => commands::completions::run(out, &args),
     }
+}
+
+async fn changing(command: impl Future<Output = Result<Exit>>) -> Result<Exit> {
+    or_interrupted_saying(command, "what was changed is unknown", "`fleet-cli tasks` shows how they stand")
+        .await
 }

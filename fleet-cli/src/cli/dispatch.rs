@@ -1,6 +1,7 @@
 //! The grammar of `dispatch` and its verbs.
 
 use super::map::ResolutionArgs;
+use super::tasks::{TaskGotoArgs, TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -25,6 +26,16 @@ pub struct DispatchArgs {
 pub enum DispatchVerb {
     /// Take tasks for the fleet and give them to its robots until Ctrl-C.
     Serve(DispatchServeArgs),
+    /// Submit a task: a robot drives to a point.
+    Goto(TaskGotoArgs),
+    /// Submit a task: a robot drives along points.
+    Route(TaskRouteArgs),
+    /// Submit a task: a robot drives along points again and again.
+    Patrol(TaskPatrolArgs),
+    /// Submit a task: a robot wanders.
+    Wander(TaskWanderArgs),
+    /// Submit the tasks of a file, all or none.
+    Submit(TaskSubmitArgs),
     /// Replace what the ledger holds by one snapshot of it; no dispatcher may run.
     Compact(DispatchCompactArgs),
     /// Print a ledger's records, also beside a running dispatcher or what is left of a damaged one.

@@ -1,5 +1,6 @@
 //! One verb a file.
 
+pub mod change;
 pub mod completions;
 pub mod demo;
 pub mod dispatch;
@@ -16,6 +17,8 @@ pub mod router;
 pub mod sim;
 pub mod status;
 pub mod stop;
+pub mod task;
+pub mod tasks;
 pub mod teleop;
 pub mod traffic;
 pub mod wander;
