@@ -18,7 +18,7 @@ fn a_history_has_times_robots_and_reasons() {
     view.spec.deadline_ms = Some(61_000);
     let steps = vec![
         step(1000, TaskState::Queued, None),
-        step(1250, TaskState::Assigned, None),
+        step(1300, TaskState::Assigned, None),
         step(2000, TaskState::Failed, Some("xtb-1: blocked near (1, 2)")),
     ];
     let history = TaskHistory { task: view, steps, left_out: 4 };

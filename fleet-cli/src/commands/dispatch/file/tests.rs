@@ -63,7 +63,7 @@ fn errors_name_line_and_task() {
         ("[[task]]\ngoto = [1, 2]\nrobot = \"a\"\ntag = \"b\"\n", 4, "not several"),
         ("[[task]]\ngoto = [1, 2]\ndeadline_s = -1\n", 4, "deadline_s"),
         ("[[task]]\ngoto = [1, nan]\n", 4, "Y = NaN"),
-        ("[[task]]\ngoto = [1, 2\n", 6, ""),
+        ("[[task]]\ngoto = [1, 2\n", 5, "unclosed array"),
     ] {
         let said = said(&format!("{first}{second}"));
         assert!(said.starts_with(&format!("line {line}, task 2: ")), "{second}: {said}");
@@ -76,4 +76,10 @@ fn a_file_without_tasks_or_with_too_many_is_refused() {
     assert!(said("").contains("no task is in it"));
     assert!(said("[[tasks]]\ngoto = [1, 2]\n").starts_with("line 1: unknown field `tasks`"));
     assert!(said(&"[[task]]\ngoto = [1, 2]\n".repeat(501)).starts_with("501 tasks are in it"));
+}
+
+#[test]
+fn the_example_in_configs_can_be_submitted() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/tasks.toml");
+    assert_eq!(read(&path, NOW_MS).unwrap().len(), 5);
 }
