@@ -150,8 +150,11 @@ pub enum Verb {
     Demo(DemoArgs),
     /// Plan ways for many robots at once, without a fleet: none ever touches another.
     Plan(PlanArgs),
-    /// Print a completion script.
+    /// Print a completion script; in bash and fish it knows the robots and tasks that there are.
     Completions(CompletionsArgs),
+    /// Print the names that there are, for completion scripts.
+    #[command(hide = true)]
+    Names(NamesArgs),
 }
 
 /// Arguments of `list`.
@@ -432,6 +435,23 @@ pub struct CompletionsArgs {
     /// For which shell.
     #[arg(value_name = "SHELL")]
     pub shell: clap_complete::Shell,
+}
+
+/// Arguments of `names`.
+#[derive(Debug, Clone, Args)]
+pub struct NamesArgs {
+    /// Of what.
+    #[arg(value_enum)]
+    pub of: NamesOf,
+}
+
+/// What has names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum NamesOf {
+    /// Robots that are there.
+    Robots,
+    /// Tasks of the dispatcher, newest first.
+    Tasks,
 }
 
 impl Cli {

@@ -109,6 +109,7 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::Sim(args) => commands::sim::run(&ctx()?, args).await,
         Verb::Demo(args) => commands::demo::run(&ctx()?, args).await,
         Verb::Plan(args) => commands::plan::run(out, args).await,
+        Verb::Names(args) => commands::names::run(&ctx()?, &args).await,
         Verb::Completions(args) => commands::completions::run(out, &args),
     }
 }

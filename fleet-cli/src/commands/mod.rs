@@ -11,6 +11,7 @@ pub mod goto;
 pub mod list;
 pub mod map;
 mod muster;
+pub mod names;
 pub mod plan;
 pub mod reset;
 pub mod router;
