@@ -370,12 +370,21 @@ pub struct SimArgs {
     /// Record every sample, command and decision of each robot: DIR/ROBOT-….mcap.
     #[arg(long, value_name = "DIR", conflicts_with = "pty")]
     pub record: Option<PathBuf>,
+    /// Run a dispatcher (and traffic control) too, and say at the end what each robot did.
+    #[arg(long)]
+    pub dispatch: bool,
+    /// Its ledger [default: FLEET.ledger in $XDG_DATA_HOME/xtb/sim or ~/.local/share/xtb/sim].
+    #[arg(long, value_name = "FILE", requires = "dispatch")]
+    pub ledger: Option<PathBuf>,
+    /// End as soon as there were tasks and all have ended; exit code 1 if one failed or a truck was touched.
+    #[arg(long, requires = "dispatch")]
+    pub until_done: bool,
     /// What measures the robots' poses.
     #[command(flatten)]
     pub fixes: FixArgs,
     /// No router and no agents, but a bad day of a virtual fleet: tells what happens on the day of --seed,
     /// and whether a rule of docs/safety.md was broken.
-    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "listen", "pty", "truth_log", "record"])]
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "listen", "pty", "truth_log", "record", "dispatch"])]
     pub virtual_day: bool,
 }
 

@@ -130,6 +130,18 @@ impl Dispatcher {
         Some(Entry { v: VERSION, n: self.book.next_n() - 1, at_ms: now_ms, record })
     }
 
+    /// Has everything so far written as one snapshot, in the place of all entries before it; it is an entry
+    /// with a number of its own. `false` = not now: something else is being written, or the ledger fails.
+    pub fn compact(&mut self, now_ms: u64) -> bool {
+        if self.book.ledger().is_none() || self.writer.len() > 0 || !self.writer.may_try(now_ms) {
+            return false;
+        }
+        let record = Record::Snapshot(Box::new(self.book.clone()));
+        self.writer.push(now_ms, vec![record], Then::Nothing);
+        self.write(now_ms);
+        true
+    }
+
     /// All tasks that are remembered.
     #[must_use]
     pub fn list(&self, now_ms: u64) -> TaskList {

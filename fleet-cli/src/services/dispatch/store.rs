@@ -56,11 +56,24 @@ impl Store {
 /// # Errors
 /// [`Kind::Usage`]: none is named, and there is no such folder.
 pub fn path(named: Option<&Path>, fleet: &Name) -> Result<PathBuf> {
+    named_or_usual(named, &["xtb"], fleet)
+}
+
+/// The ledger of simulated robots, which is never by accident that of real ones.
+///
+/// # Errors
+/// As [`path`].
+pub fn simulated(named: Option<&Path>, fleet: &Name) -> Result<PathBuf> {
+    named_or_usual(named, &["xtb", "sim"], fleet)
+}
+
+fn named_or_usual(named: Option<&Path>, folders: &[&str], fleet: &Name) -> Result<PathBuf> {
     let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let base = || {
         absolute("XDG_DATA_HOME").or_else(|| absolute("HOME").map(|home| home.join(".local").join("share")))
     };
-    let usual = || base().map(|base| base.join("xtb").join(format!("{fleet}.ledger")));
+    let usual =
+        || base().map(|base| base.join(folders.iter().collect::<PathBuf>()).join(format!("{fleet}.ledger")));
     named.map(Path::to_owned).or_else(usual).ok_or_else(|| {
         Failure::new(Kind::Usage, "there is no folder for the ledger: neither XDG_DATA_HOME nor HOME is set")
             .hint("name a file with --ledger")
