@@ -10,7 +10,7 @@ use clap_complete::Shell;
 const LIVE_BASH: &str = r#"
 _fleet-cli_live() {
     local cur="${COMP_WORDS[COMP_CWORD]}" word kind=
-    _fleet-cli "$@"
+    _fleet__cli "$@"
     if [[ ${COMP_WORDS[COMP_CWORD-1]} == --robot ]]; then
         kind=robots
     elif [[ $cur != -* ]]; then
