@@ -1,11 +1,20 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
+mod dispatch;
 mod map;
 mod plan;
+mod tasks;
 mod traffic;
 
+pub use dispatch::{
+    DispatchArgs, DispatchCompactArgs, DispatchExportArgs, DispatchServeArgs, DispatchVerb, LedgerArgs,
+};
 pub use map::{MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs};
 pub use plan::PlanArgs;
+pub use tasks::{
+    CancelArgs, PauseArgs, ResumeArgs, RetryArgs, StayArgs, TakeoverArg, TaskArgs, TaskGotoArgs,
+    TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs, TasksArgs, TermArgs,
+};
 pub use traffic::{TrafficArgs, TrafficServeArgs, TrafficVerb};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -22,9 +31,9 @@ pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 const EXIT_CODES: &str = "\
 Exit codes:
   0    done
-  1    failed: refused, goal not reached, contact, port taken …
+  1    failed: refused, goal not reached, task failed or cancelled, contact, port taken …
   2    wrong usage or configuration; nothing was sent
-  3    no router or no robot answered, or the outcome is unknown
+  3    no router, no robot or no dispatcher answered, or the outcome is unknown
   130  interrupted
 
 JSON: with --json each result is one line on standard output; so is an error:
@@ -119,6 +128,20 @@ pub enum Verb {
     Map(MapArgs),
     /// Lead robots with planned goals past each other.
     Traffic(TrafficArgs),
+    /// Take tasks for the fleet, and give them to its robots.
+    Dispatch(DispatchArgs),
+    /// Show the dispatcher's tasks.
+    Tasks(TasksArgs),
+    /// Show one task and how it came to be so.
+    Task(TaskArgs),
+    /// End tasks; the answer comes when their robots have confirmed.
+    Cancel(CancelArgs),
+    /// Put tasks aside; their robots stop.
+    Pause(PauseArgs),
+    /// Let tasks go on that are paused or held.
+    Resume(ResumeArgs),
+    /// Queue tasks again that have failed or were cancelled.
+    Retry(RetryArgs),
     /// Run a router: all the infrastructure that a small lab needs.
     Router(RouterArgs),
     /// Run simulated robots with real agents.
@@ -127,8 +150,11 @@ pub enum Verb {
     Demo(DemoArgs),
     /// Plan ways for many robots at once, without a fleet: none ever touches another.
     Plan(PlanArgs),
-    /// Print a completion script.
+    /// Print a completion script; in bash and fish it knows the robots and tasks that there are.
     Completions(CompletionsArgs),
+    /// Print the names that there are, for completion scripts.
+    #[command(hide = true)]
+    Names(NamesArgs),
 }
 
 /// Arguments of `list`.
@@ -344,12 +370,21 @@ pub struct SimArgs {
     /// Record every sample, command and decision of each robot: DIR/ROBOT-….mcap.
     #[arg(long, value_name = "DIR", conflicts_with = "pty")]
     pub record: Option<PathBuf>,
+    /// Run a dispatcher (and traffic control) too, and say at the end what each robot did.
+    #[arg(long)]
+    pub dispatch: bool,
+    /// Its ledger [default: FLEET.ledger in $XDG_DATA_HOME/xtb/sim or ~/.local/share/xtb/sim].
+    #[arg(long, value_name = "FILE", requires = "dispatch")]
+    pub ledger: Option<PathBuf>,
+    /// End as soon as there were tasks and all have ended; exit code 1 if one failed or a truck was touched.
+    #[arg(long, requires = "dispatch")]
+    pub until_done: bool,
     /// What measures the robots' poses.
     #[command(flatten)]
     pub fixes: FixArgs,
     /// No router and no agents, but a bad day of a virtual fleet: tells what happens on the day of --seed,
     /// and whether a rule of docs/safety.md was broken.
-    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "listen", "pty", "truth_log", "record"])]
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "listen", "pty", "truth_log", "record", "dispatch"])]
     pub virtual_day: bool,
 }
 
@@ -411,6 +446,23 @@ pub struct CompletionsArgs {
     pub shell: clap_complete::Shell,
 }
 
+/// Arguments of `names`.
+#[derive(Debug, Clone, Args)]
+pub struct NamesArgs {
+    /// Of what.
+    #[arg(value_enum)]
+    pub of: NamesOf,
+}
+
+/// What has names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum NamesOf {
+    /// Robots that are there.
+    Robots,
+    /// Tasks of the dispatcher, newest first.
+    Tasks,
+}
+
 impl Cli {
     /// Reads a command line, the program's name first.
     ///
@@ -418,12 +470,26 @@ impl Cli {
     /// Wrong usage; and the texts of `--help` and `--version`, which clap treats alike.
     pub fn read(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
         let mut command = Self::command();
-        let matches = command.try_get_matches_from_mut(arguments)?;
+        let matches = command.try_get_matches_from_mut(arguments.into_iter().map(shielded))?;
         let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         cli.global.connect_given = matches.value_source("connect") == Some(ValueSource::CommandLine);
         cli.global.connect.retain(|endpoint| !endpoint.is_empty());
         Ok(cli)
     }
+}
+
+/// clap takes `-1,0` for an option. A blank in front makes it a value, and points are read without it.
+fn shielded(argument: OsString) -> OsString {
+    let is_point = argument.to_str().is_some_and(|text| {
+        let digits = text.strip_prefix('-').unwrap_or_default();
+        digits.contains(',') && digits.starts_with(|c: char| c.is_ascii_digit() || c == '.')
+    });
+    if !is_point {
+        return argument;
+    }
+    let mut shielded = OsString::from(" ");
+    shielded.push(argument);
+    shielded
 }
 
 /// The latches by name: completions know them, so they must be written down.
@@ -443,6 +509,11 @@ fn number(text: &str, min: f64, max: f64, unit: &str) -> Result<f64, String> {
 
 fn seconds(text: &str) -> Result<Duration, String> {
     number(text, 0.01, 86_400.0, "seconds").map(Duration::from_secs_f64)
+}
+
+/// Seconds from 0 to a day.
+fn part_of_a_day(text: &str) -> Result<f64, String> {
+    number(text, 0.0, 86_400.0, "seconds")
 }
 
 fn metres(text: &str) -> Result<f64, String> {

@@ -101,6 +101,12 @@ impl Client {
         &self.shared.keys
     }
 
+    /// The fleet's name.
+    #[must_use]
+    pub fn fleet(&self) -> &Name {
+        &self.shared.ctx.fleet
+    }
+
     /// This client's name.
     #[must_use]
     pub fn name(&self) -> &Name {

@@ -3,7 +3,7 @@
 use crate::words;
 use std::fmt;
 use xtb_bus::BusError;
-use xtb_protocol::messages::{ErrorBody, RejectCode};
+use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, RejectCode};
 
 /// How a command ended, as the shell sees it; `--help` lists the codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,7 +14,7 @@ pub enum Exit {
     Failed,
     /// Wrong usage or configuration.
     Usage,
-    /// No router or no robot answered, or the outcome is unknown.
+    /// No router, no robot or no dispatcher answered, or the outcome is unknown.
     Unknown,
     /// By Ctrl-C.
     Interrupted,
@@ -45,10 +45,14 @@ pub enum Kind {
     NoRouter,
     /// No robot, or not this one, answers.
     NoRobot,
+    /// The fleet has no dispatcher.
+    NoDispatcher,
     /// A request was sent and not answered.
     OutcomeUnknown,
     /// The robot refused.
     Refused(RejectCode),
+    /// The dispatcher refused.
+    NotDispatched(DispatchCode),
     /// A port is taken.
     PortTaken,
     /// Everything else.
@@ -82,8 +86,10 @@ impl Kind {
             Self::Config => "config".into(),
             Self::NoRouter => "no_router".into(),
             Self::NoRobot => "no_robot".into(),
+            Self::NoDispatcher => "no_dispatcher".into(),
             Self::OutcomeUnknown => "outcome_unknown".into(),
             Self::Refused(code) => words::name(&code),
+            Self::NotDispatched(code) => words::name(&code),
             Self::PortTaken => "port_taken".into(),
             Self::Failed => "failed".into(),
             Self::Interrupted => "interrupted".into(),
@@ -96,8 +102,9 @@ impl Kind {
     pub fn exit(self) -> Exit {
         match self {
             Self::Usage | Self::Config => Exit::Usage,
-            Self::NoRouter | Self::NoRobot | Self::OutcomeUnknown => Exit::Unknown,
-            Self::Refused(_) | Self::PortTaken | Self::Failed => Exit::Failed,
+            Self::NoRouter | Self::NoRobot | Self::NoDispatcher | Self::OutcomeUnknown => Exit::Unknown,
+            Self::NotDispatched(DispatchCode::Unconfirmed) => Exit::Unknown,
+            Self::Refused(_) | Self::NotDispatched(_) | Self::PortTaken | Self::Failed => Exit::Failed,
             Self::Interrupted => Exit::Interrupted,
             Self::PipeClosed => Exit::Done,
         }
@@ -122,6 +129,12 @@ impl Failure {
     pub fn refused(robot: &xtb_protocol::Name, error: &ErrorBody) -> Self {
         Self::new(Kind::Refused(error.code), format!("{robot} refuses: {}", error.message))
             .hint(error.hint.clone())
+    }
+}
+
+impl From<DispatchError> for Failure {
+    fn from(error: DispatchError) -> Self {
+        Self::new(Kind::NotDispatched(error.code), error.message).hint(error.hint)
     }
 }
 

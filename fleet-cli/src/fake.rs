@@ -1,6 +1,10 @@
 //! A robot that a test plays in the client's own session: it knows the rules of lease, latch and
 //! emergency stop, and says what the test wants of everything else.
 
+mod dispatcher;
+
+pub(crate) use dispatcher::{FakeDispatcher, Told};
+
 use crate::client::Client;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
@@ -12,7 +16,8 @@ use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
     About, BatteryLevel, Body, Done, Estop, Estopped, GoalKind, GoalState, GoalStatus, InputAges, Latch,
     LatchState, Lease, LeaseState, Limits, LinkLoss, NavState, ObstacleView, PoseSource, PoseState,
-    RejectCode, Rejected, Reply, Request, RobotState, TiltState, Via,
+    RejectCode, Rejected, Reply, Request, RobotState, TaskId, TaskKind, TaskSpec, TaskState, TaskView,
+    TiltState, Via, Waypoint,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -150,12 +155,17 @@ impl Fake {
                 self.release();
                 done(Done::default())
             }
-            Body::Goto { .. } | Body::Wander { .. } => {
+            Body::Withdraw { .. } => done(Done::default()),
+            Body::Goto { .. } | Body::Wander { .. } | Body::Assign { .. } => {
                 if let Some(latch) = self.state.latches.first() {
                     return refuse(RejectCode::Latched, format!("{} is latched", latch.latch));
                 }
-                self.state.goal = Some(goal(request.id, GoalStatus::Running));
-                done(Done { lease: None, goal: Some(request.id) })
+                let id = match &request.body {
+                    Body::Assign { assignment, .. } => assignment.goal_id(),
+                    _ => request.id,
+                };
+                self.state.goal = Some(goal(id, GoalStatus::Running));
+                done(Done { lease: None, goal: Some(id) })
             }
             Body::Cancel { .. } => match &mut self.state.goal {
                 Some(goal) if !goal.status.is_final() => {
@@ -291,5 +301,24 @@ async fn answer(
                 question.reply(&keys.cmd(Some(&client)), &reply, format).await.unwrap();
             }
         }
+    }
+}
+
+/// A task of client `me` that is to drive to (1, 2), since 1 s, in its third.
+pub(crate) fn task(number: u64, state: TaskState) -> TaskView {
+    let to = Waypoint { x_m: 1.0, y_m: 2.0, yaw_rad: None };
+    let on = matches!(state, TaskState::Queued | TaskState::Paused);
+    TaskView {
+        id: TaskId::new(number),
+        state,
+        since_ms: 2000,
+        reason: None,
+        robot: (!on).then(|| name("xtb-1")),
+        legs_done: u32::from(state == TaskState::Done),
+        legs: Some(1),
+        failures: 0,
+        by: name("me"),
+        submitted_ms: 1000,
+        spec: TaskSpec::new(TaskKind::Goto { to }),
     }
 }

@@ -12,6 +12,7 @@ pub mod commands;
 pub mod config;
 pub mod context;
 mod describe;
+pub mod dispatching;
 pub mod error;
 #[cfg(test)]
 mod fake;
@@ -20,8 +21,10 @@ pub mod interrupt;
 pub mod lease;
 pub mod output;
 pub mod router;
+pub mod services;
 pub mod simulator;
 pub mod table;
+mod task_words;
 pub mod terminal;
 pub mod traffic;
 pub mod tui;
@@ -94,11 +97,24 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::Teleop(args) => commands::teleop::run(&ctx()?, &args).await,
         Verb::Watch(args) => commands::watch::run(&ctx()?, &args).await,
         Verb::Traffic(args) => commands::traffic::run(&ctx()?, &args).await,
+        Verb::Dispatch(args) => commands::dispatch::run(&ctx()?, &args).await,
+        Verb::Tasks(args) => commands::tasks::run(&ctx()?, &args).await,
+        Verb::Task(args) => or_interrupted(commands::task::run(&ctx()?, &args)).await,
+        Verb::Cancel(args) => changing(commands::change::cancel(&ctx()?, args)).await,
+        Verb::Pause(args) => changing(commands::change::pause(&ctx()?, args)).await,
+        Verb::Resume(args) => changing(commands::change::resume(&ctx()?, args)).await,
+        Verb::Retry(args) => changing(commands::change::retry(&ctx()?, args)).await,
         Verb::Map(args) => commands::map::run(&ctx()?, &args).await,
         Verb::Router(args) => commands::router::run(&ctx()?, &args).await,
         Verb::Sim(args) => commands::sim::run(&ctx()?, args).await,
         Verb::Demo(args) => commands::demo::run(&ctx()?, args).await,
         Verb::Plan(args) => commands::plan::run(out, args).await,
+        Verb::Names(args) => commands::names::run(&ctx()?, &args).await,
         Verb::Completions(args) => commands::completions::run(out, &args),
     }
+}
+
+async fn changing(command: impl Future<Output = Result<Exit>>) -> Result<Exit> {
+    or_interrupted_saying(command, "what was changed is unknown", "`fleet-cli tasks` shows how they stand")
+        .await
 }

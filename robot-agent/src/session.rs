@@ -48,7 +48,7 @@ pub(crate) fn about(config: &AgentConfig, identity: &Identity, hardware: &str) -
             setpoint_lifetime_ms: vehicle.teleop.lifetime_ms,
             max_coordinate_m: MAX_COORDINATE_M,
         },
-        capabilities: ["goto", "wander", "teleop", "stop", "estop", "reset", "cancel", "set_pose"]
+        capabilities: ["goto", "wander", "teleop", "stop", "estop", "reset", "cancel", "set_pose", "assign"]
             .map(str::to_owned)
             .to_vec(),
         vehicle_hash: format!("{hash:08x}"),

@@ -18,6 +18,7 @@ mod stops;
 mod why;
 
 use crate::arbitration::{Facts, Writer, writer};
+use crate::assigned::Assigned;
 use crate::faults::{FaultBook, stops};
 use crate::gate::Gate;
 use crate::goal::{Goal, Target};
@@ -102,6 +103,7 @@ pub struct Agent {
     latches: LatchBook,
     replies: ReplyBook,
     goal: Option<Goal>,
+    assigned: Assigned,
     ended: VecDeque<GoalEnd>,
     teleop: Option<Teleop>,
     /// Number of the last setpoint that was accepted under the present grant.
@@ -162,6 +164,7 @@ impl Agent {
             latches: LatchBook::default(),
             replies: ReplyBook::default(),
             goal: None,
+            assigned: Assigned::default(),
             ended: VecDeque::with_capacity(ENDED_GOALS),
             teleop: None,
             last_seq: None,

@@ -5,11 +5,12 @@
 //! * [`robot`]: brain, controller and line codecs in one turn: what `robot-agent` runs against real
 //!   time and the simulator in lockstep.
 //! * [`mod@line`], [`monitor`], [`faults`]: what is broken, by name, and whether it must stop the robot.
-//! * [`arbitration`], [`lease`], [`latch`], [`guard`]: the rules it goes by, each in one place.
+//! * [`arbitration`], [`assigned`], [`lease`], [`latch`], [`guard`]: the rules it goes by, each in one place.
 //! * [`operator`]: the client's side: acquire, retain, retry.
 
 pub mod agent;
 pub mod arbitration;
+pub mod assigned;
 pub mod faults;
 pub mod gate;
 pub mod goal;

@@ -16,6 +16,10 @@
 //! | `xtb/<fleet>/traffic/alive` | [`Channel::TrafficAlive`] | presence of traffic control (liveliness token) |
 //! | `xtb/<fleet>/traffic/state` | [`Channel::TrafficState`] | [`TrafficState`](crate::messages::TrafficState) |
 //! | `xtb/<fleet>/map` | [`Channel::Map`] | [`FleetMap`](crate::messages::FleetMap) |
+//! | `xtb/<fleet>/dispatch/alive` | [`Channel::DispatchAlive`] | presence of the dispatcher (liveliness token) |
+//! | `xtb/<fleet>/dispatch/cmd/<client>` | [`Channel::DispatchCmd`] | [`DispatchRequest`](crate::messages::DispatchRequest) → [`DispatchReply`](crate::messages::DispatchReply) |
+//! | `xtb/<fleet>/dispatch/tasks` | [`Channel::DispatchTasks`] | [`TaskList`](crate::messages::TaskList) |
+//! | `xtb/<fleet>/dispatch/event` | [`Channel::DispatchEvent`] | [`TaskEvent`](crate::messages::TaskEvent) |
 //! | `xtb/<fleet>/sim/truth` | [`Channel::SimTruth`] | [`Truth`](crate::messages::Truth), JSON |
 //! | `xtb/<fleet>/sim/roster` | [`Channel::SimRoster`] | [`Roster`](crate::messages::Roster), JSON |
 
@@ -133,6 +137,14 @@ pub enum Channel {
     TrafficState,
     /// The fleet's map; also a queryable for late joiners.
     Map,
+    /// Liveliness token of the dispatcher: one for a fleet.
+    DispatchAlive,
+    /// Submissions, cancellations and questions to the dispatcher, by client.
+    DispatchCmd(Name),
+    /// The list of tasks, queryable.
+    DispatchTasks,
+    /// Each change of a task; recoverable.
+    DispatchEvent,
     /// Ground truth of the simulator, 20 Hz.
     SimTruth,
     /// Which robots the simulator runs, queryable.
@@ -189,9 +201,16 @@ impl Channel {
             Self::Map => qos(Drop, Priority::Background, false),
             Self::Estop(_) | Self::EstopAll(_) => qos(Block, Priority::RealTime, true),
             Self::Teleop(_) => qos(Drop, Priority::InteractiveHigh, true),
-            Self::Alive | Self::TrafficAlive | Self::Event | Self::About | Self::Cmd(_) | Self::SimRoster => {
-                qos(Block, Priority::Data, true)
-            }
+            Self::Alive
+            | Self::TrafficAlive
+            | Self::DispatchAlive
+            | Self::Event
+            | Self::DispatchEvent
+            | Self::About
+            | Self::Cmd(_)
+            | Self::DispatchCmd(_)
+            | Self::DispatchTasks
+            | Self::SimRoster => qos(Block, Priority::Data, true),
         }
     }
 }
@@ -269,6 +288,16 @@ impl Key {
             };
             return Some(Self { fleet, robot: None, channel });
         }
+        if who == "dispatch" {
+            let channel = match (what, client) {
+                ("alive", None) => Channel::DispatchAlive,
+                ("tasks", None) => Channel::DispatchTasks,
+                ("event", None) => Channel::DispatchEvent,
+                ("cmd", Some(client)) => Channel::DispatchCmd(Name::new(client).ok()?),
+                _ => return None,
+            };
+            return Some(Self { fleet, robot: None, channel });
+        }
         if who == "all" {
             let ("estop", Some(client)) = (what, client) else { return None };
             return Some(Self { fleet, robot: None, channel: Channel::EstopAll(Name::new(client).ok()?) });
@@ -335,6 +364,30 @@ impl FleetKeys {
     #[must_use]
     pub fn map(&self) -> String {
         format!("{ROOT}/{}/map", self.0)
+    }
+
+    /// Presence of the dispatcher.
+    #[must_use]
+    pub fn dispatch_alive(&self) -> String {
+        format!("{ROOT}/{}/dispatch/alive", self.0)
+    }
+
+    /// Requests of one client to the dispatcher, or of any.
+    #[must_use]
+    pub fn dispatch_cmd(&self, client: Option<&Name>) -> String {
+        format!("{ROOT}/{}/dispatch/cmd/{}", self.0, client.map_or(ANY, Name::as_str))
+    }
+
+    /// The list of tasks.
+    #[must_use]
+    pub fn dispatch_tasks(&self) -> String {
+        format!("{ROOT}/{}/dispatch/tasks", self.0)
+    }
+
+    /// Changes of tasks.
+    #[must_use]
+    pub fn dispatch_event(&self) -> String {
+        format!("{ROOT}/{}/dispatch/event", self.0)
     }
 
     /// Ground truth.
@@ -450,6 +503,10 @@ mod tests {
             (fleet.traffic_alive(), Channel::TrafficAlive),
             (fleet.traffic_state(), Channel::TrafficState),
             (fleet.map(), Channel::Map),
+            (fleet.dispatch_alive(), Channel::DispatchAlive),
+            (fleet.dispatch_cmd(Some(&client)), Channel::DispatchCmd(client.clone())),
+            (fleet.dispatch_tasks(), Channel::DispatchTasks),
+            (fleet.dispatch_event(), Channel::DispatchEvent),
             (fleet.sim_truth(), Channel::SimTruth),
             (fleet.sim_roster(), Channel::SimRoster),
         ] {

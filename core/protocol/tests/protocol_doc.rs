@@ -5,7 +5,8 @@
 use serde::{Serialize, de::DeserializeOwned};
 use xtb_control::Mode;
 use xtb_protocol::messages::{
-    BatteryLevel, Fault, GoalStatus, Latch, MapCell, RejectCode, Rejected, StopReason,
+    BatteryLevel, DispatchCode, Fault, GoalStatus, Latch, MapCell, RejectCode, Rejected, StopReason,
+    TaskState,
 };
 
 const DOC: &str = include_str!("../../../docs/protocol.md");
@@ -40,6 +41,8 @@ fn every_code_mode_status_reason_latch_and_fault_is_in_its_table() {
     knows::<BatteryLevel>("## State");
     knows::<Latch>("### Latches");
     knows::<Fault>("### Faults");
+    knows::<TaskState>("## Dispatch");
+    knows::<DispatchCode>("## Dispatch");
 }
 
 #[test]

@@ -49,3 +49,40 @@ fn a_reserved_name_is_no_robot() {
     assert!(read("fleet-cli stop").is_err());
     assert!(read("fleet-cli stop --all --expect xtb-1,xtb-2").is_ok());
 }
+
+#[test]
+fn points_may_be_negative_and_options_may_follow_them() {
+    let line = "fleet-cli dispatch route -1,0 -.5,-2,90 1,1 --loops 2 --robot xtb-1 --wait";
+    let Verb::Dispatch(DispatchArgs { verb: DispatchVerb::Route(route) }) = read(line).unwrap().verb else {
+        panic!()
+    };
+    let points: Vec<&str> = route.points.iter().map(|point| point.trim()).collect();
+    assert_eq!(points, ["-1,0", "-.5,-2,90", "1,1"]);
+    assert_eq!((route.loops, route.stay.wait), (2, true));
+    assert!(read("fleet-cli dispatch goto -1.5 -2 --yaw -90").is_ok());
+}
+
+#[test]
+fn tasks_are_called_by_their_ids() {
+    let Verb::Cancel(cancel) = read("fleet-cli cancel t17 t3").unwrap().verb else { panic!() };
+    assert_eq!(cancel.tasks.iter().map(|task| task.number()).collect::<Vec<_>>(), [17, 3]);
+    assert!(read("fleet-cli cancel 17").unwrap_err().to_string().contains("such as t17"));
+    for bad in ["cancel", "cancel --all t1", "pause", "resume", "retry", "task"] {
+        assert!(read(&format!("fleet-cli {bad}")).is_err(), "{bad}");
+    }
+    assert!(read("fleet-cli cancel --all").is_ok());
+}
+
+#[test]
+fn a_task_is_for_one_robot_tag_or_capability_and_interrupting_needs_waiting() {
+    for bad in [
+        "goto 1 2 --robot xtb-1 --tag red",
+        "goto 1 2 --cancel-on-interrupt",
+        "goto 1 2 --priority 10",
+        "wander",
+        "route",
+        "patrol 0,0 --dwell -1",
+    ] {
+        assert!(read(&format!("fleet-cli dispatch {bad}")).is_err(), "{bad}");
+    }
+}

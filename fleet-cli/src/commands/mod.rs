@@ -1,7 +1,9 @@
 //! One verb a file.
 
+pub mod change;
 pub mod completions;
 pub mod demo;
+pub mod dispatch;
 pub mod doctor;
 pub mod estop;
 mod goal;
@@ -9,12 +11,15 @@ pub mod goto;
 pub mod list;
 pub mod map;
 mod muster;
+pub mod names;
 pub mod plan;
 pub mod reset;
 pub mod router;
 pub mod sim;
 pub mod status;
 pub mod stop;
+pub mod task;
+pub mod tasks;
 pub mod teleop;
 pub mod traffic;
 pub mod wander;

@@ -4,9 +4,13 @@ use crate::cli::{DEFAULT_ENDPOINT, SimArgs};
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
+use crate::services::dispatch::beside::{self, Beside};
+use crate::services::dispatch::store::{self, Store};
+use crate::services::dispatch::usage::Usage;
 use crate::simulator::{Plan, Simulator};
 use serde::Serialize;
 use std::path::Path;
+use std::pin::pin;
 use xtb_protocol::Name;
 use xtb_protocol::messages::RosterEntry;
 use xtb_sim::World;
@@ -18,6 +22,19 @@ struct Ready<'a> {
     fleet: &'a Name,
     router: &'a str,
     robots: &'a [RosterEntry],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ledger: Option<String>,
+}
+
+/// What came of the tasks, said at the end of a simulation with a dispatcher.
+#[derive(Debug, Serialize)]
+struct Ended {
+    open: usize,
+    tasks: usize,
+    contacts: u64,
+    simulated_s: f64,
+    #[serde(flatten)]
+    usage: Usage,
 }
 
 /// Runs the simulator until it is interrupted.
@@ -46,14 +63,59 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
         fixes: args.fixes.truth(),
         record: args.record,
     };
-    let simulator = tokio::select! {
-        started = Simulator::start(plan) => started?,
-        () = interrupted() => return Ok(Exit::Interrupted),
+    let ledger = args.dispatch.then(|| store::simulated(args.ledger.as_deref(), &ctx.fleet)).transpose()?;
+    let store = ledger.as_deref().map(|path| Store::open(path, &ctx.fleet)).transpose()?;
+    let mut stop = pin!(interrupted());
+    let starting = async {
+        let simulator = Simulator::start(plan).await?;
+        let dispatcher = match store {
+            Some(store) => Some(Beside::start(ctx, &simulator, store).await?),
+            None => None,
+        };
+        Ok::<_, Failure>((simulator, dispatcher))
     };
-    announce(ctx, &simulator, args.speed, args.pty.as_deref())?;
-    interrupted().await;
+    let (simulator, mut dispatcher) = tokio::select! {
+        started = starting => started?,
+        () = &mut stop => return Ok(Exit::Interrupted),
+    };
+    announce(ctx, &simulator, args.speed, args.pty.as_deref(), ledger.as_deref())?;
+    let done = tokio::select! {
+        done = until_done(dispatcher.as_mut(), args.until_done) => Some(done),
+        () = &mut stop => None,
+    };
+    let exit = match dispatcher {
+        Some(dispatcher) if !matches!(done, Some(Err(_))) => tell(ctx, &simulator, dispatcher).await,
+        _ => Ok(Exit::Done),
+    };
     simulator.stop().await;
-    Ok(Exit::Done)
+    done.unwrap_or(Ok(()))?;
+    if args.until_done { exit } else { exit.map(|_| Exit::Done) }
+}
+
+/// Resolves when the simulation shall end by itself.
+async fn until_done(dispatcher: Option<&mut Beside>, wanted: bool) -> Result<()> {
+    match dispatcher {
+        Some(dispatcher) if wanted => dispatcher.until_done().await,
+        Some(dispatcher) => Err(dispatcher.ended().await),
+        None => std::future::pending().await,
+    }
+}
+
+/// Ends the dispatcher and says what came of its tasks.
+async fn tell(ctx: &Context, simulator: &Simulator, dispatcher: Beside) -> Result<Exit> {
+    let standing = dispatcher.stop().await?;
+    let truth = simulator.truth().latest();
+    let contacts = truth.robots.values().map(|robot| robot.contacts).sum();
+    let (open, tasks, usage) = (standing.open, standing.tasks, standing.usage);
+    let failed = usage.robots.values().any(|spent| spent.failed > 0);
+    let ended = Ended { open, tasks, contacts, simulated_s: truth.t_s, usage };
+    ctx.out.result(&ended, |Ended { open, tasks, contacts, simulated_s, usage }| {
+        format!(
+            "{}\n{open} of {tasks} tasks are open; {contacts} contacts in {simulated_s:.0} s simulated",
+            beside::table(&ctx.out, usage)
+        )
+    })?;
+    Ok(if failed || contacts > 0 { Exit::Failed } else { Exit::Done })
 }
 
 /// A day of the virtual fleet, as its seed has it.
@@ -106,7 +168,13 @@ pub fn read_world(path: &Path) -> Result<World> {
     })
 }
 
-fn announce(ctx: &Context, simulator: &Simulator, speed: f64, pty: Option<&Path>) -> Result<()> {
+fn announce(
+    ctx: &Context,
+    simulator: &Simulator,
+    speed: f64,
+    pty: Option<&Path>,
+    ledger: Option<&Path>,
+) -> Result<()> {
     let robots = &simulator.roster().robots;
     if speed > 1.0 {
         ctx.out.note(&format!(
@@ -129,9 +197,12 @@ fn announce(ctx: &Context, simulator: &Simulator, speed: f64, pty: Option<&Path>
             ),
         });
     }
-    let ready = Ready { ready: true, fleet: &ctx.fleet, router: simulator.endpoint(), robots };
+    let ledger = ledger.map(|path| path.display().to_string());
+    let ready = Ready { ready: true, fleet: &ctx.fleet, router: simulator.endpoint(), robots, ledger };
     ctx.out.result(&ready, |ready| {
         let many = if robots.len() == 1 { "robot" } else { "robots" };
-        format!("sim ready: {} {many} of fleet {}, router {}", robots.len(), ready.fleet, ready.router)
+        let with =
+            ready.ledger.as_ref().map_or_else(String::new, |file| format!(", dispatcher's ledger {file}"));
+        format!("sim ready: {} {many} of fleet {}, router {}{with}", robots.len(), ready.fleet, ready.router)
     })
 }

@@ -17,8 +17,8 @@ use tokio::task::JoinSet;
 use xtb_bus::{BusError, Incoming, Presence, Subscription};
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, Estop, Event, Fix, FleetMap, Message, Request, RobotState, Roster, Route, Sensors, Setpoint,
-    TrafficState, Truth,
+    About, DispatchRequest, Estop, Event, Fix, FleetMap, Message, Request, RobotState, Roster, Route,
+    Sensors, Setpoint, TaskEvent, TaskList, TrafficState, Truth,
 };
 
 /// Messages between Zenoh and the printer; those that find no room are dropped and counted.
@@ -212,7 +212,10 @@ fn line(incoming: &Incoming) -> Result<String> {
         Channel::Map => decoded::<FleetMap>(incoming),
         Channel::SimTruth => decoded::<Truth>(incoming),
         Channel::SimRoster => decoded::<Roster>(incoming),
-        Channel::Alive | Channel::TrafficAlive => {
+        Channel::DispatchCmd(_) => decoded::<DispatchRequest>(incoming),
+        Channel::DispatchTasks => decoded::<TaskList>(incoming),
+        Channel::DispatchEvent => decoded::<TaskEvent>(incoming),
+        Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive => {
             undecodable(incoming, "presence carries no payload".to_owned())
         }
     }

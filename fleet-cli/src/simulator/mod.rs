@@ -152,6 +152,12 @@ impl Simulator {
         &self.endpoint
     }
 
+    /// The same as a list, where it uses several routers.
+    #[must_use]
+    pub fn endpoints(&self) -> &[String] {
+        &self.settings.connect
+    }
+
     /// The robots.
     #[must_use]
     pub fn roster(&self) -> &Roster {

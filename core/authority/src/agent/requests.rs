@@ -9,20 +9,23 @@
 //! | `cancel` | present | yes | ends that goal |
 //! | `set_pose` | present | yes | the pose, while nothing is under way |
 //! | `reset` | present | yes | clears latches whose cause is gone; moves nothing |
+//! | `assign` | present | no | as `goto` or `wander`, unless a later assignment came first |
+//! | `withdraw` | none | yes | ends the client's own assignment, and fences it |
 //! | `stop` | none | yes | ends everything of the network |
 
 use super::{Agent, Arrival, ENDED_GOALS, View};
+use crate::assigned::Known;
 use crate::faults::INPUT_LOST_MS;
 use crate::goal::{Goal, Target, TimeLimit};
 use crate::guard::Guard;
 use xtb_control::frames::MapPose;
 use xtb_control::{Command, Mode, Stamp};
 use xtb_nav::navigator::Aim;
-use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    Body, Done, EventKind, Fault, GoalEnd, GoalStatus, InputAges, LinkLoss, RejectCode, Reply, Request,
-    StopReason, Via,
+    Assignment, Body, Done, Errand, EventKind, Fault, GoalEnd, GoalStatus, InputAges, LinkLoss, RejectCode,
+    Reply, Request, StopReason, Via,
 };
+use xtb_protocol::{Name, Uuid};
 
 pub(super) type Refusal = (RejectCode, String, &'static str);
 type Outcome = Result<Done, Refusal>;
@@ -31,11 +34,12 @@ type Outcome = Result<Done, Refusal>;
 #[must_use]
 fn needs_lease(body: &Body) -> bool {
     match body {
-        Body::Acquire { .. } | Body::Stop {} => false,
+        Body::Acquire { .. } | Body::Stop {} | Body::Withdraw { .. } => false,
         Body::Retain {}
         | Body::Release {}
         | Body::Goto { .. }
         | Body::Wander { .. }
+        | Body::Assign { .. }
         | Body::Cancel { .. }
         | Body::SetPose { .. }
         | Body::Reset { .. } => true,
@@ -135,28 +139,27 @@ impl Agent {
                 Ok(Done::default())
             }
             Body::Goto { x_m, y_m, yaw_rad, via, on_link_loss, finish_s } => {
-                let aim = Aim { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad };
-                let via = via.unwrap_or_else(|| self.usual_way());
-                let command = match via {
-                    Via::Direct => self.direct(&aim)?,
-                    Via::Planned => self.planned_goal(&aim)?,
-                };
-                let target = Target::Point { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad, via };
-                let mut goal = Goal::accepted(now, client.clone(), request.id, target, *on_link_loss);
-                goal.limit = finish_limit(now, *on_link_loss, *finish_s);
-                let done = self.begin(now, arrival, goal, command, view)?;
-                if via == Via::Planned {
-                    self.begin_path(aim);
-                }
-                Ok(done)
+                let errand = Errand::Goto { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad, via: *via };
+                let patience = (*on_link_loss, *finish_s);
+                self.set_out(now, arrival, (client, request.id), &errand, patience, view)
             }
             Body::Wander { for_s, on_link_loss, finish_s } => {
-                let lasting = for_s.map(|s| TimeLimit { at: after(now, s), then: GoalStatus::Reached });
-                let bounded = finish_limit(now, *on_link_loss, *finish_s);
-                let mut goal =
-                    Goal::accepted(now, client.clone(), request.id, Target::Anywhere, *on_link_loss);
-                goal.limit = [lasting, bounded].into_iter().flatten().min_by_key(|limit| limit.at);
-                self.begin(now, arrival, goal, Command::Wander, view)
+                let patience = (*on_link_loss, *finish_s);
+                self.wander(now, arrival, (client, request.id), *for_s, patience, view)
+            }
+            Body::Assign { assignment, errand, on_link_loss, finish_s } => {
+                if self.assigned.check(assignment, self.ends())? == Known::Already {
+                    return Ok(Done { lease: None, goal: Some(assignment.goal_id()) });
+                }
+                let patience = (*on_link_loss, *finish_s);
+                let goal = (client, assignment.goal_id());
+                let done = self.set_out(now, arrival, goal, errand, patience, view)?;
+                self.assigned.begun(client, assignment);
+                Ok(done)
+            }
+            Body::Withdraw { ledger, assign_seq } => {
+                self.withdraw(now, arrival, client, (*ledger, *assign_seq));
+                Ok(Done::default())
             }
             Body::Stop {} => {
                 self.stop(now, arrival);
@@ -194,6 +197,75 @@ impl Agent {
                     Some(latch) => Err(self.cause_present(*latch)),
                 }
             }
+        }
+    }
+
+    /// Begins a goal of this client under this id.
+    fn set_out(
+        &mut self,
+        now: Stamp,
+        arrival: Arrival,
+        (client, id): (&Name, Uuid),
+        errand: &Errand,
+        (on_link_loss, finish_s): (LinkLoss, f64),
+        view: View<'_>,
+    ) -> Outcome {
+        let (aim, via) = match *errand {
+            Errand::Goto { x_m, y_m, yaw_rad, via } => (Aim { x_m, y_m, yaw_rad }, via),
+            Errand::Wander { for_s } => {
+                return self.wander(now, arrival, (client, id), Some(for_s), (on_link_loss, finish_s), view);
+            }
+        };
+        let via = via.unwrap_or_else(|| self.usual_way());
+        let command = match via {
+            Via::Direct => self.direct(&aim)?,
+            Via::Planned => self.planned_goal(&aim)?,
+        };
+        let target = Target::Point { x_m: aim.x_m, y_m: aim.y_m, yaw_rad: aim.yaw_rad, via };
+        let mut goal = Goal::accepted(now, client.clone(), id, target, on_link_loss);
+        goal.limit = finish_limit(now, on_link_loss, finish_s);
+        let done = self.begin(now, arrival, goal, command, view)?;
+        if via == Via::Planned {
+            self.begin_path(aim);
+        }
+        Ok(done)
+    }
+
+    fn wander(
+        &mut self,
+        now: Stamp,
+        arrival: Arrival,
+        (client, id): (&Name, Uuid),
+        for_s: Option<f64>,
+        (on_link_loss, finish_s): (LinkLoss, f64),
+        view: View<'_>,
+    ) -> Outcome {
+        let lasting = for_s.map(|s| TimeLimit { at: after(now, s), then: GoalStatus::Reached });
+        let bounded = finish_limit(now, on_link_loss, finish_s);
+        let mut goal = Goal::accepted(now, client.clone(), id, Target::Anywhere, on_link_loss);
+        goal.limit = [lasting, bounded].into_iter().flatten().min_by_key(|limit| limit.at);
+        self.begin(now, arrival, goal, Command::Wander, view)
+    }
+
+    /// The present goal and those before it, as the state shows them.
+    fn ends(&self) -> impl Iterator<Item = Uuid> {
+        let present = self.goal.as_ref().map(|goal| goal.id);
+        present.into_iter().chain(self.ended.iter().map(|end| end.id))
+    }
+
+    /// Ends an assignment of this client, if it or an earlier one runs, and fences it.
+    fn withdraw(&mut self, now: Stamp, arrival: Arrival, client: &Name, (ledger, assign_seq): (u64, u64)) {
+        self.assigned.withdraw(client, ledger, assign_seq);
+        let runs = self.goal.as_ref().filter(|goal| goal.by == *client && !goal.status.is_final());
+        let seq = runs.and_then(|goal| Assignment::of_goal(ledger, goal.id)).map(|(seq, _)| seq);
+        if seq.is_some_and(|seq| seq <= assign_seq) {
+            self.commanded_by = self.commanded_by.max(arrival);
+            self.stand(
+                now,
+                StopReason::Cancelled,
+                GoalStatus::Cancelled,
+                Some("its assignment was withdrawn"),
+            );
         }
     }
 

@@ -5,6 +5,8 @@
 //! the types cannot: finite, in range, bounded.
 
 mod about;
+mod assign;
+mod dispatch;
 mod event;
 mod fault;
 mod latch;
@@ -16,6 +18,12 @@ mod sim;
 mod state;
 
 pub use about::{About, Limits, ParameterInfo};
+pub use assign::{Assignment, Errand, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG};
+pub use dispatch::{
+    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, MAX_POINTS,
+    MAX_PRIORITY, MAX_SUBMISSION, NoTaskId, OnTakeover, TaskChange, TaskEvent, TaskHistory, TaskId, TaskKind,
+    TaskList, TaskSpec, TaskState, TaskStep, TaskView, Waypoint, Who,
+};
 pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};
 pub use latch::{Latch, LatchState};

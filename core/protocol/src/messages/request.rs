@@ -1,6 +1,6 @@
 //! Requests to a robot, its replies, and teleoperation setpoints.
 
-use super::{Latch, Message, angle, bounded, coordinate};
+use super::{Assignment, Errand, Latch, MAX_ASSIGN_SEQ, MAX_LEDGER, Message, angle, bounded, coordinate};
 use crate::codec::CodecError;
 use crate::keys::Name;
 use serde::{Deserialize, Serialize};
@@ -109,6 +109,28 @@ pub enum Body {
         #[serde(default)]
         latch: Option<Latch>,
     },
+    /// Drive under an assignment of the dispatcher; the goal's id is the assignment's. A lower one is
+    /// refused, an equal one acknowledged again, a higher one replaces the goal.
+    Assign {
+        /// Which.
+        assignment: Assignment,
+        /// What to do.
+        errand: Errand,
+        /// When the client falls silent.
+        #[serde(default)]
+        on_link_loss: LinkLoss,
+        /// See [`Body::Goto`].
+        #[serde(default = "finish_s")]
+        finish_s: f64,
+    },
+    /// End this assignment, and let it never begin: no drive of it or of an earlier one counts any more.
+    /// It needs no lease, as it only ever ends what the same client began.
+    Withdraw {
+        /// The ledger.
+        ledger: u64,
+        /// Number of the assignment.
+        assign_seq: u64,
+    },
 }
 
 /// One question to a robot. The same id again gets the same answer and does nothing twice.
@@ -149,6 +171,15 @@ impl Message for Request {
                 coordinate("y_m", *y_m)?;
                 angle("yaw_rad", *yaw_rad)
             }
+            Body::Assign { assignment, errand, finish_s, .. } => {
+                assignment.validate()?;
+                errand.validate()?;
+                bounded("finish_s", *finish_s, 0.0, 86_400.0, "s")
+            }
+            Body::Withdraw { ledger, assign_seq } => {
+                bounded("ledger", *ledger as f64, 0.0, MAX_LEDGER as f64, "")?;
+                bounded("assign_seq", *assign_seq as f64, 0.0, MAX_ASSIGN_SEQ as f64, "")
+            }
             Body::Acquire { .. }
             | Body::Retain {}
             | Body::Release {}
@@ -177,7 +208,7 @@ pub enum RejectCode {
     LeaseLost,
     /// A goal runs, and this cannot be done meanwhile.
     Busy,
-    /// No goal of that id runs.
+    /// No goal of that id runs, or may begin any more.
     UnknownGoal,
     /// A sensor that this needs has not been heard lately.
     NotReady,

@@ -10,6 +10,7 @@ mod closed_loop;
 mod contacts;
 mod days;
 mod determinism;
+mod dispatched;
 mod draw;
 mod drive;
 mod faults;

@@ -19,10 +19,10 @@ const WITHIN_S: f64 = 300.0;
 const TOLD_S: f64 = 20.0;
 
 /// Robots at the starts, and traffic control.
-fn fleet(setting: &Setting, seed: u64) -> Drive {
-    let world = World::from_toml(setting.world).unwrap();
+pub(crate) fn fleet(world: &str, starts: &[MapPose], seed: u64) -> Drive {
+    let world = World::from_toml(world).unwrap();
     let map = world.chart(0.05).unwrap();
-    let mut drive = Drive::at(world, &setting.starts, seed);
+    let mut drive = Drive::at(world, starts, seed);
     let car = Car::of(&VehicleConfig::default());
     drive.lockstep.set_traffic(Some(Traffic::new(&map, car, seed)));
     drive
@@ -76,7 +76,7 @@ pub(crate) fn scene(drive: &mut Drive) -> String {
 /// Many on a circle, each to the place opposite, in 8 × 8 m.
 pub(crate) fn circle(robots: usize, seed: u64, meddle: &mut dyn FnMut(&mut Drive, f64)) -> Meeting {
     let setting = Setting::circle(robots);
-    meet(&mut fleet(&setting, seed), &setting.goals, WITHIN_S, meddle)
+    meet(&mut fleet(setting.world, &setting.starts, seed), &setting.goals, WITHIN_S, meddle)
 }
 
 /// Five swap places through a door; and back.
@@ -87,7 +87,8 @@ pub(crate) struct Door {
 
 impl Door {
     pub(crate) fn new(seed: u64) -> Self {
-        Self { drive: fleet(&Setting::door(1), seed), round: 0 }
+        let Setting { world, starts, .. } = Setting::door(1);
+        Self { drive: fleet(world, &starts, seed), round: 0 }
     }
 
     /// All change sides once.
@@ -100,7 +101,7 @@ impl Door {
 /// Nose to nose in a narrow place: one must back out.
 pub(crate) fn narrow(seed: u64, meddle: &mut dyn FnMut(&mut Drive, f64)) -> Meeting {
     let setting = Setting::narrow();
-    meet(&mut fleet(&setting, seed), &setting.goals, WITHIN_S, meddle)
+    meet(&mut fleet(setting.world, &setting.starts, seed), &setting.goals, WITHIN_S, meddle)
 }
 
 /// What goes wrong on the way.

@@ -86,6 +86,13 @@ impl Witness {
                 self.begin(now, to.name, request, *on_link_loss, bound_s(*on_link_loss, *finish_s, *for_s));
                 Ok(())
             }
+            Body::Assign { on_link_loss, finish_s, .. } => {
+                self.owns(now, to, request)?;
+                self.check_begins(arrival, request, goal)?;
+                self.begin(now, to.name, request, *on_link_loss, bound_s(*on_link_loss, *finish_s, None));
+                Ok(())
+            }
+            Body::Withdraw { .. } => Ok(()), // ends a goal at most, which the state shows
             Body::Cancel { .. } => {
                 self.owns(now, to, request)?;
                 self.cut_goal();

@@ -1,0 +1,120 @@
+//! Which assignment of a dispatcher a robot goes by: lower is refused, equal acknowledged, higher replaces.
+//!
+//! The order is that of (`assign_seq`, leg) within one ledger. It outlives leases and other clients'
+//! goals, not a restart of the robot: then the lease of the boot before fences what comes late.
+
+use xtb_protocol::messages::{Assignment, MAX_LEG, RejectCode};
+use xtb_protocol::{Name, Uuid};
+
+/// The newest assignment that was begun or withdrawn.
+#[derive(Debug, Clone, Default)]
+pub struct Assigned {
+    newest: Option<Newest>,
+}
+
+#[derive(Debug, Clone)]
+struct Newest {
+    client: Name,
+    ledger: u64,
+    /// Assignment and leg.
+    order: (u64, u32),
+}
+
+/// What an assignment is to the robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Known {
+    /// Later than all before.
+    New,
+    /// The one that runs, or has ended and is still in the state: nothing is begun again.
+    Already,
+}
+
+impl Assigned {
+    /// Whether this assignment may begin. `goals` are those that the state shows.
+    ///
+    /// # Errors
+    /// [`RejectCode::UnknownGoal`] with words, for one that a later one or a withdrawal came before.
+    pub fn check(
+        &self,
+        assignment: &Assignment,
+        mut goals: impl Iterator<Item = Uuid>,
+    ) -> Result<Known, (RejectCode, String, &'static str)> {
+        let Some(newest) = self.newest.as_ref().filter(|newest| newest.ledger == assignment.ledger) else {
+            return Ok(Known::New);
+        };
+        let order = (assignment.assign_seq, assignment.leg);
+        if order > newest.order {
+            return Ok(Known::New);
+        }
+        if order == newest.order && goals.any(|goal| goal == assignment.goal_id()) {
+            return Ok(Known::Already);
+        }
+        let (seq, leg) = newest.order;
+        let message = if leg > MAX_LEG {
+            format!("assignment {} was withdrawn with {seq}", assignment.assign_seq)
+        } else {
+            format!("assignment {} leg {} comes after {seq} leg {leg}", order.0, order.1)
+        };
+        Err((RejectCode::UnknownGoal, message, "assign it anew, with a higher number"))
+    }
+
+    /// An assignment was begun.
+    pub fn begun(&mut self, client: &Name, assignment: &Assignment) {
+        let order = (assignment.assign_seq, assignment.leg);
+        self.newest = Some(Newest { client: client.clone(), ledger: assignment.ledger, order });
+    }
+
+    /// This assignment and those before it shall never begin. Another client's are left alone.
+    pub fn withdraw(&mut self, client: &Name, ledger: u64, assign_seq: u64) {
+        let order = (assign_seq, MAX_LEG + 1);
+        let later = match &self.newest {
+            None => true,
+            Some(newest) if newest.client != *client => false,
+            Some(newest) => newest.ledger != ledger || newest.order < order,
+        };
+        if later {
+            self.newest = Some(Newest { client: client.clone(), ledger, order });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_protocol::messages::TaskId;
+
+    fn assignment(assign_seq: u64, leg: u32) -> Assignment {
+        Assignment { ledger: 7, task: TaskId::new(1), assign_seq, leg }
+    }
+
+    #[test]
+    fn lower_is_refused_equal_acknowledged_higher_replaces() {
+        let (mut assigned, me) = (Assigned::default(), Name::new("dispatch").unwrap());
+        let now = assignment(5, 1);
+        assert_eq!(assigned.check(&now, std::iter::empty()), Ok(Known::New));
+        assigned.begun(&me, &now);
+        assert_eq!(assigned.check(&now, [now.goal_id()].into_iter()), Ok(Known::Already));
+        assert!(assigned.check(&now, std::iter::empty()).is_err(), "its end is forgotten");
+        for (seq, leg, may) in [(4, 9, false), (5, 0, false), (5, 2, true), (6, 0, true)] {
+            let known = assigned.check(&assignment(seq, leg), [now.goal_id()].into_iter());
+            assert_eq!(known.ok(), may.then_some(Known::New), "{seq} {leg}");
+        }
+    }
+
+    #[test]
+    fn what_is_withdrawn_never_begins_and_strangers_withdraw_nothing() {
+        let (mut assigned, me) = (Assigned::default(), Name::new("dispatch").unwrap());
+        assigned.begun(&me, &assignment(5, 1));
+        assigned.withdraw(&Name::new("cli-7").unwrap(), 7, 99);
+        assert_eq!(assigned.check(&assignment(5, 2), std::iter::empty()), Ok(Known::New));
+        assigned.withdraw(&me, 7, 6);
+        for seq in [5, 6] {
+            assert!(assigned.check(&assignment(seq, MAX_LEG), std::iter::empty()).is_err(), "{seq}");
+        }
+        assigned.withdraw(&me, 7, 3);
+        assert!(assigned.check(&assignment(6, 0), std::iter::empty()).is_err(), "a late one undoes nothing");
+        assert_eq!(assigned.check(&assignment(7, 0), std::iter::empty()), Ok(Known::New));
+        let other = Assignment { ledger: 8, ..assignment(0, 0) };
+        assert_eq!(assigned.check(&other, std::iter::empty()), Ok(Known::New), "another ledger");
+    }
+}

@@ -1,0 +1,278 @@
+//! The dispatcher: inputs change what it knows, [`step`](Dispatcher::step) decides, effects come out.
+//!
+//! It never touches the [`Book`] itself: it proposes records, and when their write is durable the book
+//! takes them and what follows from them goes out. Whatever it wants of a robot it reads off book and
+//! robot anew at each step ([`drive`](crate::drive)).
+
+mod handing;
+mod requests;
+mod talking;
+
+use crate::book::{Book, BookError};
+use crate::ground::Ground;
+use crate::record::{Entry, Record, VERSION};
+use crate::robot::Robot;
+use crate::settings::Settings;
+use crate::task::Task;
+use crate::writer::{Then, Write, Writer};
+use requests::Waiting;
+use std::collections::{BTreeMap, VecDeque};
+use xtb_protocol::messages::{
+    DispatchOutcome, DispatchReply, Request, RobotState, Roster, TaskEvent, TaskHistory, TaskId, TaskList,
+};
+use xtb_protocol::{Name, Uuid};
+
+/// Which question of the caller's an answer belongs to; chosen by the caller.
+pub type Ticket = u64;
+
+/// What the caller has to do.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Effect {
+    /// Make these entries durable, all or none, then say [`Dispatcher::written`] or
+    /// [`Dispatcher::not_written`]. There is never more than one write out.
+    Write(Write),
+    /// Ask this robot, as the client that the dispatcher was named; what it answers goes to
+    /// [`Dispatcher::replied`]. No answer needs no report.
+    Ask {
+        /// Whom.
+        robot: Name,
+        /// What.
+        request: Request,
+    },
+    /// The answer to a question.
+    Reply {
+        /// Which.
+        ticket: Ticket,
+        /// For whoever asked.
+        reply: DispatchReply,
+    },
+    /// A task has changed, and it is in the ledger.
+    Event(TaskEvent),
+}
+
+/// Who this dispatcher is, fixed at its start.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Identity {
+    /// As which client it asks robots; the same at each start, so that it gets its leases back.
+    pub me: Name,
+    /// Number of the ledger, if it has to be opened: random, at most 48 bits.
+    pub ledger: u64,
+    /// Random at each start: ids of requests come from it.
+    pub run: u64,
+}
+
+/// The dispatcher.
+#[derive(Debug, Clone)]
+pub struct Dispatcher {
+    identity: Identity,
+    settings: Settings,
+    book: Book,
+    writer: Writer,
+    robots: BTreeMap<Name, Robot>,
+    has_roster: bool,
+    waiting: VecDeque<Waiting>,
+    effects: VecDeque<Effect>,
+    requests: u64,
+    assign_at_ms: u64,
+    started_ms: u64,
+}
+
+impl Dispatcher {
+    /// Goes on where these entries of a ledger end; none = a ledger that is to be opened.
+    ///
+    /// # Errors
+    /// Entries that do not fit: nothing may be written to that ledger then.
+    pub fn recover(
+        now_ms: u64,
+        identity: Identity,
+        settings: Settings,
+        entries: impl IntoIterator<Item = Entry>,
+    ) -> Result<Self, BookError> {
+        let book = Book::replay(settings.keep_ended, entries)?;
+        let mut writer = Writer::default();
+        if book.ledger().is_none() {
+            writer.push(now_ms, vec![Record::Opened { ledger: identity.ledger }], Then::Nothing);
+        }
+        let robots = book.busy().map(|(name, _)| (name.clone(), Robot::new(name.clone(), now_ms))).collect();
+        Ok(Self {
+            identity,
+            settings,
+            book,
+            writer,
+            robots,
+            has_roster: false,
+            waiting: VecDeque::new(),
+            effects: VecDeque::new(),
+            requests: 0,
+            assign_at_ms: 0,
+            started_ms: now_ms,
+        })
+    }
+
+    /// The ledger as it is in memory.
+    #[must_use]
+    pub fn book(&self) -> &Book {
+        &self.book
+    }
+
+    /// What is known of the robots.
+    #[must_use]
+    pub fn robots(&self) -> &BTreeMap<Name, Robot> {
+        &self.robots
+    }
+
+    /// Everything up to the last entry, to stand in the place of it and of all before; `None` before the
+    /// ledger was opened.
+    #[must_use]
+    pub fn snapshot(&self, now_ms: u64) -> Option<Entry> {
+        self.book.ledger()?;
+        let record = Record::Snapshot(Box::new(self.book.clone()));
+        Some(Entry { v: VERSION, n: self.book.next_n() - 1, at_ms: now_ms, record })
+    }
+
+    /// Has everything so far written as one snapshot, in the place of all entries before it; it is an entry
+    /// with a number of its own. `false` = not now: something else is being written, or the ledger fails.
+    pub fn compact(&mut self, now_ms: u64) -> bool {
+        if self.book.ledger().is_none() || self.writer.len() > 0 || !self.writer.may_try(now_ms) {
+            return false;
+        }
+        let record = Record::Snapshot(Box::new(self.book.clone()));
+        self.writer.push(now_ms, vec![record], Then::Nothing);
+        self.write(now_ms);
+        true
+    }
+
+    /// All tasks that are remembered.
+    #[must_use]
+    pub fn list(&self, now_ms: u64) -> TaskList {
+        TaskList {
+            ledger: self.book.ledger().unwrap_or_default(),
+            at_ms: now_ms,
+            ledger_failed: self.writer.failed().map(str::to_owned),
+            tasks: self.book.tasks().map(Task::view).collect(),
+        }
+    }
+
+    /// One task with its history.
+    #[must_use]
+    pub fn history(&self, id: TaskId) -> Option<TaskHistory> {
+        self.book.task(id).map(Task::history)
+    }
+
+    /// Which robots there should be; from now on others are refused by name.
+    pub fn roster(&mut self, now_ms: u64, roster: &Roster) {
+        self.has_roster = true;
+        self.robots.values_mut().for_each(|robot| robot.listed = false);
+        for entry in &roster.robots {
+            let robot = self.robot(now_ms, &entry.name);
+            robot.listed = true;
+            robot.tags = entry.tags.iter().map(|tag| tag.trim_start_matches('@').to_owned()).collect();
+        }
+    }
+
+    /// A robot's presence was declared, or is gone.
+    pub fn presence(&mut self, now_ms: u64, name: &Name, alive: bool) {
+        self.robot(now_ms, name).alive = alive;
+    }
+
+    /// A robot's factsheet says what it can do.
+    pub fn able(&mut self, now_ms: u64, name: &Name, capabilities: &[String]) {
+        self.robot(now_ms, name).able = Some(capabilities.iter().cloned().collect());
+    }
+
+    /// A robot's state.
+    pub fn state(&mut self, now_ms: u64, state: &RobotState) {
+        let me = self.identity.me.clone();
+        self.robot(now_ms, &state.robot).hear(now_ms, state, &me);
+    }
+
+    fn robot(&mut self, now_ms: u64, name: &Name) -> &mut Robot {
+        self.robots.entry(name.clone()).or_insert_with(|| Robot::new(name.clone(), now_ms))
+    }
+
+    /// Decides. To be called some 20 times a second, and after anything that should not wait.
+    pub fn step(&mut self, now_ms: u64, ground: &dyn Ground) {
+        self.talk(now_ms);
+        self.answer(now_ms);
+        if self.writer.may_try(now_ms) {
+            self.watch_clock(now_ms);
+            self.watch_robots(now_ms);
+            if now_ms >= self.assign_at_ms {
+                self.assign_at_ms = now_ms + self.settings.assign_ms;
+                self.hand_out(now_ms, ground);
+            }
+        }
+        self.write(now_ms);
+    }
+
+    fn write(&mut self, now_ms: u64) {
+        if self.writer.may_try(now_ms)
+            && let Some(write) = self.writer.next(&self.book)
+        {
+            self.effects.push_back(Effect::Write(write));
+        }
+    }
+
+    /// The next thing to do.
+    pub fn next_effect(&mut self) -> Option<Effect> {
+        self.effects.pop_front()
+    }
+
+    /// A write is durable: the book takes it, and what follows from it goes out.
+    ///
+    /// # Errors
+    /// Never, unless the entries were not those of [`Effect::Write`]: then this process must end.
+    pub fn written(&mut self, now_ms: u64, id: u64) -> Result<(), BookError> {
+        let Some((entries, jobs)) = self.writer.written(id) else { return Ok(()) };
+        for entry in &entries {
+            self.book.apply(entry)?;
+            self.announce(entry);
+        }
+        for job in jobs {
+            if let Then::Submitted { ticket, request, tasks } = job.then {
+                self.reply(ticket, request, DispatchOutcome::Submitted(tasks));
+            }
+        }
+        self.write(now_ms);
+        Ok(())
+    }
+
+    /// A write has failed, and nothing of it is in the ledger: whoever waited is told why; everything else
+    /// is seen again.
+    pub fn not_written(&mut self, now_ms: u64, id: u64, why: &str) {
+        let again_ms = now_ms + self.settings.rewrite_ms;
+        for job in self.writer.lost(id, why.to_owned(), again_ms).unwrap_or_default() {
+            if let Then::Submitted { ticket, request, .. } = job.then {
+                let error = requests::ledger_failed(why);
+                self.reply(ticket, request, DispatchOutcome::Error(error));
+            }
+            if job.records.iter().any(|record| matches!(record, Record::Opened { .. })) {
+                self.writer.push(job.at_ms, job.records, Then::Nothing);
+            }
+        }
+    }
+
+    fn announce(&mut self, entry: &Entry) {
+        let task = match &entry.record {
+            Record::Submitted { task, .. }
+            | Record::Assigned { task, .. }
+            | Record::Reached { task, .. }
+            | Record::Became { task, .. } => *task,
+            Record::Opened { .. } | Record::Snapshot(_) => return,
+        };
+        self.follow_up(entry, task);
+        let step = self.book.task(task).and_then(|task| task.steps.back().cloned());
+        if let (Some(ledger), Some(step)) = (self.book.ledger(), step) {
+            self.effects.push_back(Effect::Event(TaskEvent { ledger, entry: entry.n, task, step }));
+        }
+    }
+
+    fn reply(&mut self, ticket: Ticket, id: Uuid, result: DispatchOutcome) {
+        self.effects.push_back(Effect::Reply { ticket, reply: DispatchReply { id, result } });
+    }
+
+    fn new_id(&mut self) -> Uuid {
+        self.requests += 1;
+        Uuid::from_u64_pair(self.identity.run, self.requests)
+    }
+}

@@ -1,0 +1,144 @@
+//! Requests to robots: one at a time each, asked again until answered; and what they answer.
+
+use super::{Dispatcher, Effect};
+use crate::drive::{self, Eye};
+use crate::robot::Purpose;
+use crate::task::Task;
+use xtb_authority::operator::Step;
+use xtb_control::Stamp;
+use xtb_protocol::Name;
+use xtb_protocol::messages::{Assignment, Body, Outcome, RejectCode, Reply};
+
+/// The state of a robot that has just let go needs this long to show it, in ms.
+const SHOWS_MS: u64 = 100;
+
+impl Dispatcher {
+    /// Keeps leases, asks again, and asks what is to be asked next. No robot waits for another one.
+    pub(super) fn talk(&mut self, now_ms: u64) {
+        let names: Vec<Name> = self.robots.keys().cloned().collect();
+        for name in names {
+            self.talk_to(now_ms, &name);
+        }
+    }
+
+    fn talk_to(&mut self, now_ms: u64, name: &Name) {
+        let Some(ledger) = self.book.ledger() else { return };
+        let task = self.book.on(name);
+        let settled = !self.writer.has_robot(name) && task.is_none_or(|task| !self.writer.has_task(task.id));
+        let Some(robot) = self.robots.get(name) else { return };
+        if !robot.is_there(now_ms, &self.settings) {
+            return self.fall_silent(now_ms, name);
+        }
+        let eye = Eye { now_ms, ledger, me: &self.identity.me, settings: &self.settings };
+        let due = robot.flight.is_none() && now_ms >= robot.ask_at_ms && settled;
+        let purpose = if due { drive::duty(eye, task, robot) } else { None };
+        let next = purpose.and_then(|purpose| Some((purpose, body(purpose, task, ledger)?)));
+        let (id, keep) = (self.new_id(), self.new_id());
+        let Some(robot) = self.robots.get_mut(name) else { return };
+        if let Some((purpose, body)) = next {
+            robot.set_out(now_ms, id, purpose, body, &self.settings);
+        }
+        let mut asks = Vec::new();
+        if let Some(flight) = &mut robot.flight {
+            match flight.call.step(Stamp::from_ms(now_ms)) {
+                Step::Ask(request) => asks.push(request),
+                Step::Wait(_) => {}
+                Step::GiveUp { .. } => {
+                    (robot.flight, robot.ask_at_ms) = (None, now_ms + self.settings.pause_ms);
+                }
+            }
+        }
+        if robot.taken_by(&self.identity.me).is_none() {
+            asks.extend(robot.retain(now_ms, keep));
+        }
+        if !asks.is_empty() {
+            robot.spoke_ms = now_ms;
+        }
+        for request in asks {
+            self.effects.push_back(Effect::Ask { robot: name.clone(), request });
+        }
+    }
+
+    /// Nothing more is said to a robot that does not speak: its lease runs out, and a goal that halts with
+    /// it. What is in flight is given up.
+    fn fall_silent(&mut self, now_ms: u64, name: &Name) {
+        let Some(robot) = self.robots.get_mut(name) else { return };
+        if robot.flight.take().is_some() {
+            robot.ask_at_ms = now_ms;
+        }
+    }
+
+    /// A robot's answer.
+    pub fn replied(&mut self, now_ms: u64, name: &Name, reply: &Reply) {
+        let Some(robot) = self.robots.get_mut(name) else { return };
+        robot.operator.replied(Stamp::from_ms(now_ms), reply);
+        let Some(flight) = robot.flight.take_if(|flight| flight.id == reply.id) else { return };
+        match &reply.result {
+            Outcome::Ok(_) => self.granted(now_ms, name, flight.purpose),
+            Outcome::Error(error) => self.refused(now_ms, name, flight.purpose, error.code, &error.message),
+        }
+    }
+
+    fn granted(&mut self, now_ms: u64, name: &Name, purpose: Purpose) {
+        let Some(robot) = self.robots.get_mut(name) else { return };
+        match purpose {
+            Purpose::Acquire => {}
+            Purpose::Release => robot.operator = Default::default(),
+            Purpose::Assign(Assignment { assign_seq, leg, .. }) => {
+                let state = robot.seen.as_ref().map_or(0, |seen| seen.seq);
+                robot.acked = Some((assign_seq, leg, state));
+            }
+            Purpose::Withdraw { seq } => {
+                robot.withdrawn = Some(robot.withdrawn.map_or(seq, |before| before.max(seq)));
+                robot.ask_at_ms = now_ms + SHOWS_MS;
+            }
+        }
+    }
+
+    fn refused(&mut self, now_ms: u64, name: &Name, purpose: Purpose, code: RejectCode, message: &str) {
+        let pause_ms = self.settings.pause_ms;
+        let Some(robot) = self.robots.get_mut(name) else { return };
+        robot.ask_at_ms = now_ms + pause_ms;
+        match purpose {
+            Purpose::Release => robot.operator = Default::default(),
+            Purpose::Acquire | Purpose::Withdraw { .. } => {}
+            Purpose::Assign(assignment) => self.not_begun(now_ms, name, assignment, code, message),
+        }
+    }
+
+    fn not_begun(&mut self, now_ms: u64, name: &Name, of: Assignment, code: RejectCode, message: &str) {
+        use RejectCode::{Malformed, NoMap, Unsupported, WrongVersion};
+        let (Some(task), Some(robot)) = (self.book.on(name), self.robots.get(name)) else { return };
+        let current = task.wants_to_drive() && task.assignment(of.ledger) == Some(of);
+        if !current || self.writer.has_task(task.id) {
+            return;
+        }
+        let id = task.id;
+        let eye = Eye { now_ms, ledger: of.ledger, me: &self.identity.me, settings: &self.settings };
+        let Some(news) = drive::refused(eye, task, robot, code, message) else { return };
+        if matches!(code, Malformed | WrongVersion | Unsupported | NoMap)
+            && let Some(robot) = self.robots.get_mut(name)
+        {
+            robot.cannot.insert(id, message.to_owned());
+        }
+        self.record(now_ms, id, news);
+    }
+}
+
+/// The request for a purpose.
+fn body(purpose: Purpose, task: Option<&Task>, ledger: u64) -> Option<Body> {
+    Some(match purpose {
+        Purpose::Acquire => Body::Acquire { take: false },
+        Purpose::Release => Body::Release {},
+        Purpose::Withdraw { seq } => Body::Withdraw { ledger, assign_seq: seq },
+        Purpose::Assign(assignment) => {
+            let task = task?;
+            Body::Assign {
+                assignment,
+                errand: task.errand(assignment.leg),
+                on_link_loss: task.spec.on_link_loss,
+                finish_s: task.finish_s(),
+            }
+        }
+    })
+}

@@ -1,0 +1,141 @@
+//! What the dispatcher knows of the floor: how far it is, and where nobody may be sent.
+
+use std::f64::consts::{PI, TAU};
+use xtb_control::VehicleConfig;
+use xtb_nav::reeds_shepp;
+use xtb_nav::{Car, Cell, Map, MapPose};
+use xtb_protocol::messages::{DispatchCode, Waypoint};
+
+/// Distances and places, for whoever knows the floor better than an open field.
+pub trait Ground {
+    /// How far a robot at `from` drives to `to`, in m, with its turning.
+    fn distance_m(&self, from: &MapPose, to: &Waypoint) -> f64;
+
+    /// About as much, at once: with ten thousand tasks and a thousand robots it is asked for a million
+    /// times.
+    fn rough_m(&self, from: &MapPose, to: &Waypoint) -> f64;
+
+    /// Whether robots may be sent there.
+    ///
+    /// # Errors
+    /// [`DispatchCode::KeepOut`] or [`DispatchCode::GoalBlocked`], and in words.
+    fn admits(&self, to: &Waypoint) -> Result<(), (DispatchCode, String)>;
+}
+
+/// An open field: the car's shortest way (Reeds and Shepp's), and no place is refused.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OpenGround {
+    /// Smallest turning radius, in m.
+    pub radius_m: f64,
+}
+
+impl OpenGround {
+    /// For this vehicle.
+    #[must_use]
+    pub fn of(vehicle: &VehicleConfig) -> Self {
+        Self { radius_m: Car::of(vehicle).radius_m }
+    }
+}
+
+/// From so many turning radii on, one bend and a straight are as good as any way to a point.
+const FAR_RADII: f64 = 4.0;
+
+impl OpenGround {
+    /// To a point that is far: a bend on the full lock towards it, then straight, ahead or astern.
+    fn far_m(&self, from: &MapPose, to: &Waypoint) -> Option<f64> {
+        let (along_m, across_m) = seen_from(from, to);
+        let radius_m = self.radius_m;
+        if libm::hypot(along_m, across_m) < FAR_RADII * radius_m {
+            return None;
+        }
+        let beside_m = across_m.abs() - radius_m; // from the middle of the turning circle on that side
+        let straight_m = libm::sqrt(along_m * along_m + beside_m * beside_m - radius_m * radius_m);
+        let bend = |along_m: f64| {
+            let bend_rad = libm::atan2(beside_m, along_m) + libm::atan2(radius_m, straight_m);
+            if bend_rad < 0.0 { bend_rad + TAU } else { bend_rad }
+        };
+        Some(straight_m + radius_m * bend(along_m).min(bend(-along_m)))
+    }
+}
+
+/// Where a point lies for a car: ahead, and to its left.
+fn seen_from(from: &MapPose, to: &Waypoint) -> (f64, f64) {
+    let (sin, cos) = libm::sincos(from.yaw_rad);
+    let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
+    (dx * cos + dy * sin, dy * cos - dx * sin)
+}
+
+impl Ground for OpenGround {
+    fn distance_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
+        let pose = |yaw_rad| MapPose { x_m: to.x_m, y_m: to.y_m, yaw_rad };
+        match to.yaw_rad {
+            Some(yaw_rad) => reeds_shepp::distance_m(from, &pose(yaw_rad), self.radius_m),
+            None => self.far_m(from, to).unwrap_or_else(|| {
+                let yaws = (0..16).map(|i| f64::from(i) * PI / 8.0);
+                let ways = yaws.map(|yaw_rad| reeds_shepp::distance_m(from, &pose(yaw_rad), self.radius_m));
+                ways.fold(f64::INFINITY, f64::min)
+            }),
+        }
+    }
+
+    fn rough_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
+        let (along_m, across_m) = seen_from(from, to);
+        let straight_m = libm::sqrt(along_m * along_m + across_m * across_m);
+        // A point beside the car takes up to a quarter of a turn; ahead and astern are as good.
+        let turn = if straight_m > 1e-6 { across_m.abs() / straight_m } else { 0.0 };
+        straight_m + self.radius_m * turn
+    }
+
+    fn admits(&self, _: &Waypoint) -> Result<(), (DispatchCode, String)> {
+        Ok(())
+    }
+}
+
+/// The fleet's map: distances as on an open field, places as the robots' planners would refuse them.
+#[derive(Debug, Clone)]
+pub struct MapGround {
+    open: OpenGround,
+    map: Map,
+    /// Half the car's width: nothing may be nearer, whatever its yaw.
+    core_m: f64,
+}
+
+impl MapGround {
+    /// This map, for this vehicle.
+    #[must_use]
+    pub fn new(map: Map, vehicle: &VehicleConfig) -> Self {
+        Self { open: OpenGround::of(vehicle), map, core_m: Car::of(vehicle).core_m() }
+    }
+}
+
+impl Ground for MapGround {
+    fn distance_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
+        self.open.distance_m(from, to)
+    }
+
+    fn rough_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
+        self.open.rough_m(from, to)
+    }
+
+    fn admits(&self, to: &Waypoint) -> Result<(), (DispatchCode, String)> {
+        let (x_m, y_m) = (to.x_m, to.y_m);
+        if let Some(zone) = self.map.keep_outs().find(|zone| zone.holds(x_m, y_m)) {
+            return Err((DispatchCode::KeepOut, format!("({x_m}, {y_m}) lies in keep-out {}", zone.name())));
+        }
+        let grid = self.map.grid();
+        let step_m = grid.resolution_m();
+        let reach = libm::floor(self.core_m / step_m) as i64;
+        for (i, j) in (-reach..=reach).flat_map(|i| (-reach..=reach).map(move |j| (i, j))) {
+            let (dx, dy) = (i as f64 * step_m, j as f64 * step_m);
+            if libm::hypot(dx, dy) > self.core_m {
+                continue;
+            }
+            if grid.at(x_m + dx, y_m + dy) == Cell::Free {
+                continue;
+            }
+            let what = format!("({x_m}, {y_m}) is on top of something on the map, or off it");
+            return Err((DispatchCode::GoalBlocked, what));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,287 @@
+//! What is known of a robot now: learned from its state, forgotten at a restart.
+
+use crate::settings::Settings;
+use std::collections::{BTreeMap, BTreeSet};
+use xtb_authority::faults::stops;
+use xtb_authority::operator::{Call, Operator};
+use xtb_control::frames::MapPose;
+use xtb_control::{Mode, Stamp};
+use xtb_protocol::messages::{
+    Assignment, BatteryLevel, Body, GoalStatus, Lease, Request, RobotState, TaskId, Who,
+};
+use xtb_protocol::{Name, Uuid};
+
+/// The present or last goal of a robot, or the end of an earlier one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GoalSeen {
+    /// Its id.
+    pub id: Uuid,
+    /// How it stands.
+    pub status: GoalStatus,
+    /// Why.
+    pub reason: Option<String>,
+    /// Who sent it, if it is the present or last one.
+    pub by: Option<Name>,
+}
+
+/// What a robot last said of itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seen {
+    /// Which boot.
+    pub epoch: u64,
+    /// Number of the state in it.
+    pub seq: u64,
+    /// Where it is.
+    pub pose: MapPose,
+    /// Who holds its lease.
+    pub holder: Option<Name>,
+    /// Its goals, the present or last one first.
+    pub goals: Vec<GoalSeen>,
+    /// Why it cannot drive, if so.
+    pub unfit: Option<String>,
+    /// Whether its battery is getting low.
+    pub tired: bool,
+}
+
+impl Seen {
+    fn of(state: &RobotState) -> Self {
+        let present = state.goal.iter().map(|goal| GoalSeen {
+            id: goal.id,
+            status: goal.status,
+            reason: goal.reason.clone(),
+            by: Some(goal.by.clone()),
+        });
+        let ended = state.ended_goals.iter();
+        let ended = ended.map(|end| GoalSeen { id: end.id, status: end.status, reason: None, by: None });
+        let pose = &state.pose;
+        Self {
+            epoch: state.epoch,
+            seq: state.seq,
+            pose: MapPose { x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad },
+            holder: state.lease.as_ref().map(|lease| lease.holder.clone()),
+            goals: present.chain(ended).collect(),
+            unfit: unfit(state),
+            tired: state.battery_level == BatteryLevel::Warn,
+        }
+    }
+
+    /// The goal that runs, if one does.
+    #[must_use]
+    pub fn running(&self) -> Option<&GoalSeen> {
+        self.goals.first().filter(|goal| !goal.status.is_final())
+    }
+
+    /// A goal by its id.
+    #[must_use]
+    pub fn goal(&self, id: Uuid) -> Option<&GoalSeen> {
+        self.goals.iter().find(|goal| goal.id == id)
+    }
+}
+
+fn unfit(state: &RobotState) -> Option<String> {
+    if let Some(latch) = state.latches.first() {
+        return Some(format!("it is latched: {}", latch.latch));
+    }
+    if let Some(fault) = state.faults.iter().find(|fault| stops(fault.fault).is_some()) {
+        return Some(format!("it has a fault: {}", fault.fault));
+    }
+    match (state.mode, state.battery_level) {
+        (Mode::Manual, _) => Some("the remote control drives it".to_owned()),
+        (_, BatteryLevel::Finish | BatteryLevel::Critical) => Some("its battery is low".to_owned()),
+        _ => None,
+    }
+}
+
+/// What a request in flight is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// The lease.
+    Acquire,
+    /// To give it back.
+    Release,
+    /// To begin a drive.
+    Assign(Assignment),
+    /// To end an assignment.
+    Withdraw {
+        /// Its number.
+        seq: u64,
+    },
+}
+
+/// The one request that a robot has to answer.
+#[derive(Debug, Clone)]
+pub struct Flight {
+    /// Its id.
+    pub id: Uuid,
+    /// What it is for.
+    pub purpose: Purpose,
+    /// When to ask again and when to give up.
+    pub call: Call,
+}
+
+/// A robot.
+#[derive(Debug, Clone)]
+pub struct Robot {
+    /// Its name.
+    pub name: Name,
+    /// From the roster.
+    pub tags: BTreeSet<String>,
+    /// From its factsheet; `None` = not read yet.
+    pub able: Option<BTreeSet<String>>,
+    /// Whether the roster names it.
+    pub listed: bool,
+    /// Whether its presence is declared.
+    pub alive: bool,
+    /// When its last state came; before the first, when we began to listen.
+    pub heard_ms: u64,
+    /// What it said; `None` = nothing yet.
+    pub seen: Option<Seen>,
+    /// Our lease.
+    pub operator: Operator,
+    /// The last request of ours that keeps the lease, or lets a goal begin.
+    pub spoke_ms: u64,
+    /// What it has to answer.
+    pub flight: Option<Flight>,
+    /// Nothing is asked before this.
+    pub ask_at_ms: u64,
+    /// No task for it before this, and why.
+    pub shunned: Option<(u64, String)>,
+    /// Tasks that it cannot do, until it restarts.
+    pub cannot: BTreeMap<TaskId, String>,
+    /// The last assignment and drive that it has acknowledged, and with which state it was then.
+    pub acked: Option<(u64, u32, u64)>,
+    /// The last assignment whose withdrawal it has confirmed, in this boot.
+    pub withdrawn: Option<u64>,
+    /// Since when something is in the way of its goal.
+    pub blocked_ms: Option<u64>,
+    /// Since when nobody else holds it.
+    pub ours_since_ms: u64,
+    /// Since when it has no task.
+    pub idle_since_ms: u64,
+}
+
+impl Robot {
+    /// One of which nothing is known yet.
+    #[must_use]
+    pub fn new(name: Name, now_ms: u64) -> Self {
+        Self {
+            name,
+            tags: BTreeSet::new(),
+            able: None,
+            listed: false,
+            alive: false,
+            heard_ms: now_ms,
+            seen: None,
+            operator: Operator::default(),
+            spoke_ms: 0,
+            flight: None,
+            ask_at_ms: 0,
+            shunned: None,
+            cannot: BTreeMap::new(),
+            acked: None,
+            withdrawn: None,
+            blocked_ms: None,
+            ours_since_ms: now_ms,
+            idle_since_ms: now_ms,
+        }
+    }
+
+    /// Its state came. One that is older than the last of the same boot changes nothing.
+    pub fn hear(&mut self, now_ms: u64, state: &RobotState, me: &Name) {
+        let before = self.seen.as_ref();
+        if before.is_some_and(|seen| seen.epoch == state.epoch && seen.seq >= state.seq) {
+            return;
+        }
+        if before.is_none_or(|seen| seen.epoch != state.epoch) {
+            // Another boot: whatever was asked of the one before is void.
+            self.operator = Operator::default();
+            (self.flight, self.acked, self.withdrawn, self.ask_at_ms) = (None, None, None, 0);
+            self.cannot.clear();
+        }
+        let seen = Seen::of(state);
+        if seen.holder.as_ref().is_some_and(|holder| holder != me) {
+            self.ours_since_ms = now_ms;
+        }
+        let blocked = seen.running().is_some_and(|goal| goal.status == GoalStatus::Blocked);
+        self.blocked_ms = if blocked { self.blocked_ms.or(Some(now_ms)) } else { None };
+        (self.seen, self.heard_ms) = (Some(seen), now_ms);
+    }
+
+    /// How long it has been silent, in ms.
+    #[must_use]
+    pub fn silent_ms(&self, now_ms: u64) -> u64 {
+        now_ms.saturating_sub(self.heard_ms)
+    }
+
+    /// Whether it is there and speaks.
+    #[must_use]
+    pub fn is_there(&self, now_ms: u64, settings: &Settings) -> bool {
+        self.seen.is_some() && self.silent_ms(now_ms) < settings.silent_ms
+    }
+
+    /// Somebody else who holds its lease.
+    #[must_use]
+    pub fn taken_by(&self, me: &Name) -> Option<&Name> {
+        self.seen.as_ref()?.holder.as_ref().filter(|holder| *holder != me)
+    }
+
+    /// Our lease, if its state does not show another holder.
+    #[must_use]
+    pub fn lease(&self, me: &Name) -> Option<Lease> {
+        self.operator.lease().filter(|_| self.taken_by(me).is_none())
+    }
+
+    /// Why it can have no task now, if so.
+    ///
+    /// # Errors
+    /// In words.
+    pub fn fitness(&self, now_ms: u64, settings: &Settings, me: &Name) -> Result<(), String> {
+        let Some(seen) = &self.seen else { return Err("it has not been heard yet".to_owned()) };
+        if !self.is_there(now_ms, settings) {
+            return Err(format!("it has not been heard for {} s", self.silent_ms(now_ms) / 1000));
+        }
+        if let Some(unfit) = &seen.unfit {
+            return Err(unfit.clone());
+        }
+        if let Some(holder) = self.taken_by(me) {
+            return Err(format!("{holder} holds its lease"));
+        }
+        if let Some(goal) = seen.running() {
+            let by = goal.by.as_ref().map_or("somebody", Name::as_str);
+            return Err(format!("it drives to a goal of {by}"));
+        }
+        match &self.shunned {
+            Some((until_ms, why)) if now_ms < *until_ms => Err(why.clone()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether it may do a task for these.
+    #[must_use]
+    pub fn is_one_of(&self, who: &Who) -> bool {
+        match who {
+            Who::Any => true,
+            Who::Robot(name) => *name == self.name,
+            Who::Tag(tag) => self.tags.contains(tag.trim_start_matches('@')),
+            Who::Able(able) => self.able.as_ref().is_some_and(|all| all.contains(able)),
+        }
+    }
+
+    /// Nothing is asked of it, and no task given, for a while.
+    pub fn shun(&mut self, now_ms: u64, for_ms: u64, why: String) {
+        self.shunned = Some((now_ms + for_ms, why));
+    }
+
+    /// A request goes out and has to be answered.
+    pub fn set_out(&mut self, now_ms: u64, id: Uuid, purpose: Purpose, body: Body, settings: &Settings) {
+        let now = Stamp::from_ms(now_ms);
+        let call = self.operator.call(id, body, now, now.plus_ms(settings.ask_for_ms));
+        self.flight = Some(Flight { id, purpose, call });
+    }
+
+    /// A request that keeps the lease, if one is due.
+    pub fn retain(&mut self, now_ms: u64, id: Uuid) -> Option<Request> {
+        let body = self.operator.retain(Stamp::from_ms(now_ms))?;
+        Some(Request { id, lease: self.operator.lease(), body })
+    }
+}

@@ -1,0 +1,73 @@
+//! Bounds and times of a dispatcher.
+
+/// Bounds and times; times in ms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Settings {
+    /// Tasks that have not ended, at most; more are refused as `queue_full`.
+    pub max_open: usize,
+    /// Ended tasks that stay readable; the oldest are forgotten first.
+    pub keep_ended: usize,
+    /// Requests that wait for robots to confirm, at most; more are refused as `overloaded`.
+    pub max_waiting: usize,
+    /// Changes of tasks that wait for the ledger, at most; more submissions are refused as `overloaded`.
+    pub max_unwritten: usize,
+    /// A robot without a state for this long is silent.
+    pub silent_ms: u64,
+    /// A silent robot's `halt` goal has surely ended after this much without a request of ours.
+    pub halted_ms: u64,
+    /// Longer than any `finish` goal outlasts its bound.
+    pub finish_margin_ms: u64,
+    /// A cancelled task's robot has this long to confirm before the answer says that it has not.
+    pub confirm_ms: u64,
+    /// A request is asked again with the same id for this long.
+    pub ask_for_ms: u64,
+    /// Pause after a request that was refused or not answered.
+    pub pause_ms: u64,
+    /// A robot that has refused a task is not asked for another one for this long.
+    pub refused_ms: u64,
+    /// A task waits this long after it has failed, before it is begun anew; longer each time.
+    pub retry_ms: u64,
+    /// Longest of these pauses.
+    pub retry_max_ms: u64,
+    /// Something has to be in the way for this long before the history says so.
+    pub blocked_ms: u64,
+    /// A task that waits gains one level of priority each.
+    pub age_ms: u64,
+    /// Time between two rounds of assignment.
+    pub assign_ms: u64,
+    /// The ledger is tried again this long after a write has failed.
+    pub rewrite_ms: u64,
+    /// A lease is given back after this long without a task.
+    pub linger_ms: u64,
+    /// A robot that was given back has to be left alone for this long before its task goes on.
+    pub calm_ms: u64,
+    /// After a start, robots have this long to be heard of before their silence counts.
+    pub start_ms: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            max_open: 20_000,
+            keep_ended: 2_000,
+            max_waiting: 256,
+            max_unwritten: 40_000,
+            silent_ms: 1_500,
+            halted_ms: 2_000,
+            finish_margin_ms: 5_000,
+            confirm_ms: 5_000,
+            ask_for_ms: 2_000,
+            pause_ms: 500,
+            refused_ms: 5_000,
+            retry_ms: 2_000,
+            retry_max_ms: 60_000,
+            blocked_ms: 2_000,
+            age_ms: 60_000,
+            assign_ms: 200,
+            rewrite_ms: 1_000,
+            linger_ms: 1_000,
+            calm_ms: 3_000,
+            start_ms: 3_000,
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! The ledger's entries: versions, gaps, snapshots.
+
+use crate::model::{Weather, World};
+use xtb_dispatch::book::BookError;
+use xtb_dispatch::record::EntryError;
+use xtb_dispatch::{Book, Entry};
+
+fn ledger() -> (Vec<Entry>, Book) {
+    let mut world = World::new(3, Weather::CALM);
+    world.run().unwrap();
+    let book = world.dispatcher.as_ref().unwrap().book().clone();
+    (world.ledger, book)
+}
+
+#[test]
+fn a_ledger_read_again_is_the_same_book() {
+    let (entries, book) = ledger();
+    let read = entries.iter().map(|entry| Entry::from_json(&entry.to_json().unwrap()).unwrap());
+    assert_eq!(Book::replay(2000, read).unwrap(), book);
+}
+
+#[test]
+fn a_snapshot_stands_in_the_place_of_all_before_it() {
+    let (entries, book) = ledger();
+    for cut in [1, 2, entries.len() / 2, entries.len()] {
+        let mut world = World::new(3, Weather::CALM);
+        world.ledger = entries[..cut].to_vec();
+        world.crash();
+        world.restart();
+        let snapshot = world.dispatcher.as_ref().unwrap().snapshot(world.now_ms).unwrap();
+        assert_eq!(snapshot.n, cut as u64);
+        let snapshot = Entry::from_json(&snapshot.to_json().unwrap()).unwrap();
+        let rest = entries[cut..].iter().cloned();
+        assert_eq!(Book::replay(2000, std::iter::once(snapshot).chain(rest)).unwrap(), book, "{cut}");
+    }
+}
+
+#[test]
+fn what_is_missing_or_twice_or_out_of_place_is_refused() {
+    let (entries, _) = ledger();
+    let gap: Vec<Entry> = entries.iter().filter(|entry| entry.n != 4).cloned().collect();
+    assert_eq!(Book::replay(9, gap).unwrap_err(), BookError::Gap { expected: 4, got: 5 });
+    let twice = entries[..3].iter().chain(&entries[2..]).cloned();
+    assert_eq!(Book::replay(9, twice).unwrap_err(), BookError::Gap { expected: 4, got: 3 });
+    let headless: Vec<Entry> =
+        entries[1..].iter().zip(1..).map(|(entry, n)| Entry { n, ..entry.clone() }).collect();
+    assert_eq!(Book::replay(9, headless).unwrap_err(), BookError::NoBeginning);
+}
+
+#[test]
+fn an_entry_of_a_later_program_or_none_at_all_is_refused() {
+    let (entries, _) = ledger();
+    let text = entries[0].to_json().unwrap();
+    let later = text.replacen("\"v\":1", "\"v\":2", 1);
+    assert_eq!(Entry::from_json(&later), Err(EntryError::Version { got: 2 }));
+    for bad in ["", "{}", &text[..text.len() - 1], &text.replacen("\"n\"", "\"m\"", 1)] {
+        assert!(matches!(Entry::from_json(bad), Err(EntryError::Malformed(_))), "{bad}");
+    }
+}
+
+/// The layout of what stands on disks; this test is never edited to pass.
+#[test]
+fn the_entries_of_version_1() {
+    for text in [
+        r#"{"v":1,"n":1,"at_ms":5,"record":{"opened":{"ledger":7}}}"#,
+        concat!(
+            r#"{"v":1,"n":2,"at_ms":6,"record":{"submitted":{"task":"t1","by":"cli-7","key":"00000000-0000-"#,
+            r#"0000-0000-000000000001","spec":{"kind":{"goto":{"to":{"x_m":1.5,"y_m":2.0,"yaw_rad":null}}},"#,
+            r#""priority":5,"deadline_ms":null,"who":{"tag":"red"},"retries":2,"on_link_loss":"halt","#,
+            r#""finish_s":300.0,"on_takeover":"requeue","grace_s":30.0}}}}"#
+        ),
+        r#"{"v":1,"n":3,"at_ms":7,"record":{"assigned":{"task":"t1","robot":"xtb-1","seq":1}}}"#,
+        r#"{"v":1,"n":4,"at_ms":8,"record":{"became":{"task":"t1","change":"running","why":null}}}"#,
+        r#"{"v":1,"n":5,"at_ms":9,"record":{"became":{"task":"t1","change":{"held":{"by":"cli-7"}},"why":"w"}}}"#,
+        concat!(
+            r#"{"v":1,"n":6,"at_ms":9,"record":{"became":{"task":"t1","change":{"queued":"#,
+            r#"{"not_before_ms":9,"failed":true}},"why":"w"}}}"#
+        ),
+        r#"{"v":1,"n":7,"at_ms":9,"record":{"reached":{"task":"t1","seq":1,"leg":0}}}"#,
+        concat!(
+            r#"{"v":1,"n":8,"at_ms":9,"record":{"became":{"task":"t1","change":{"ended":"#,
+            r#"{"ending":"done"}},"why":null}}}"#
+        ),
+    ] {
+        assert_eq!(Entry::from_json(text).unwrap().to_json().unwrap(), text);
+    }
+}

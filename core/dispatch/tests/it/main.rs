@@ -1,0 +1,10 @@
+//! The dispatcher against a model: robots, a lossy network and a ledger with faults, in virtual time.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on shall end
+
+mod assigning;
+mod journal;
+mod life;
+mod model;
+mod robots;
+mod storms;

@@ -1,0 +1,693 @@
+//! One world of a seed: a dispatcher that crashes, its ledger, robots, a bad network, and people.
+//!
+//! Checked at every step: what is acknowledged is durable, no robot drives for an assignment that is not
+//! in the ledger, no two robots drive for one task, nothing drives for a task whose end was confirmed.
+//! Checked at the end: every acknowledged task has ended, once, and what is called done was driven.
+
+use crate::robots::FakeRobot;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use xtb_dispatch::dispatcher::Identity;
+use xtb_dispatch::record::Record;
+use xtb_dispatch::{Dispatcher, Effect, Entry, OpenGround, Settings, Write};
+use xtb_nav::rooms::Draw;
+use xtb_protocol::messages::{
+    Assignment, Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, LinkLoss,
+    OnTakeover, Reply, Request, RobotState, TaskId, TaskKind, TaskSpec, TaskState, Waypoint, Who,
+};
+use xtb_protocol::{Name, Uuid};
+
+pub(crate) const LEDGER: u64 = 0x1234_5678_9abc;
+pub(crate) const GROUND: OpenGround = OpenGround { radius_m: 0.4 };
+const START_MS: u64 = 1_800_000_000_000;
+const STEP_MS: u64 = 10;
+
+/// A rule that is switched off, to see that its breach is noticed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Off {
+    Nothing,
+    /// The ledger says *written* before it is.
+    Durability,
+    /// Robots take assignments in any order, and again.
+    Fence,
+    /// A silent robot's task is given away at once.
+    Grace,
+    /// Clients ask again with a new id.
+    SameId,
+}
+
+/// How bad a world is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Weather {
+    pub(crate) off: Off,
+    pub(crate) robots: usize,
+    pub(crate) tasks: usize,
+    /// Share of messages that are lost, and of those that are held up.
+    pub(crate) loss: f64,
+    /// For how long at most, in ms.
+    pub(crate) slow_ms: i64,
+    /// Share of writes at which the dispatcher dies; half of them before they are durable.
+    pub(crate) crash: f64,
+    /// Share of writes that fail.
+    pub(crate) full: f64,
+    /// Dies at exactly this write: its number, and whether that is durable.
+    pub(crate) crash_at: Option<(u64, bool)>,
+    /// Fails exactly from this write on, for two seconds.
+    pub(crate) full_at: Option<u64>,
+    /// Per robot and second.
+    pub(crate) partitions: f64,
+    pub(crate) reboots: f64,
+    pub(crate) takeovers: f64,
+    pub(crate) latches: f64,
+    pub(crate) cancels: bool,
+}
+
+impl Weather {
+    pub(crate) const CALM: Self = Self {
+        off: Off::Nothing,
+        robots: 3,
+        tasks: 8,
+        loss: 0.0,
+        slow_ms: 1500,
+        crash: 0.0,
+        full: 0.0,
+        crash_at: None,
+        full_at: None,
+        partitions: 0.0,
+        reboots: 0.0,
+        takeovers: 0.0,
+        latches: 0.0,
+        cancels: false,
+    };
+    pub(crate) const STORM: Self = Self {
+        loss: 0.05,
+        crash: 0.02,
+        full: 0.02,
+        partitions: 0.02,
+        reboots: 0.01,
+        takeovers: 0.01,
+        latches: 0.01,
+        cancels: true,
+        ..Self::CALM
+    };
+}
+
+enum Mail {
+    Ask(usize, Name, Request),
+    Answer { run: u64, robot: usize, reply: Reply },
+    State(Box<RobotState>),
+}
+
+struct Submission {
+    at_ms: u64,
+    key: Uuid,
+    spec: TaskSpec,
+    asked_ms: Option<u64>,
+    task: Option<TaskId>,
+}
+
+pub(crate) struct World {
+    pub(crate) weather: Weather,
+    draw: Draw,
+    pub(crate) now_ms: u64,
+    chaos_until_ms: u64,
+    pub(crate) robots: Vec<FakeRobot>,
+    /// Until when a robot hears nothing, and is not heard.
+    deaf_until_ms: Vec<u64>,
+    mute_until_ms: Vec<u64>,
+    up_at_ms: Vec<u64>,
+    outages: Vec<Vec<(u64, u64)>>,
+    takeover_until_ms: Vec<u64>,
+    mail: Vec<(u64, u64, Mail)>,
+    sent: u64,
+    pub(crate) ledger: Vec<Entry>,
+    pub(crate) dispatcher: Option<Dispatcher>,
+    run: u64,
+    restart_ms: u64,
+    write: Option<(u64, Write)>,
+    pub(crate) writes: u64,
+    full_until_ms: u64,
+    submissions: Vec<Submission>,
+    tickets: BTreeMap<u64, Ticket>,
+    next_ticket: u64,
+    /// Tasks whose cancellation was confirmed.
+    confirmed: BTreeSet<TaskId>,
+    pub(crate) crashes: u64,
+    pub(crate) replies: VecDeque<DispatchReply>,
+}
+
+#[derive(Clone, Copy)]
+enum Ticket {
+    Submission(usize),
+    Cancel(TaskId),
+    Retry(TaskId),
+    Other,
+}
+
+pub(crate) fn me() -> Name {
+    Name::new("dispatch").unwrap()
+}
+
+fn person() -> Name {
+    Name::new("cli-7").unwrap()
+}
+
+impl World {
+    pub(crate) fn new(seed: u64, weather: Weather) -> Self {
+        let mut draw = Draw::new(seed);
+        let robots = (1..=weather.robots).map(|i| {
+            let at = (draw.uniform(-3.0, 3.0), draw.uniform(-3.0, 3.0));
+            let unfenced = weather.off == Off::Fence;
+            FakeRobot { unfenced, doomed: vec![DOOMED], ..FakeRobot::new(&format!("xtb-{i}"), at) }
+        });
+        let robots: Vec<FakeRobot> = robots.collect();
+        let submissions = (0..weather.tasks).map(|i| Submission {
+            at_ms: START_MS + draw.whole(0, 15_000) as u64,
+            key: Uuid::from_u64_pair(seed, i as u64 + 1),
+            spec: spec(&mut draw, weather),
+            asked_ms: None,
+            task: None,
+        });
+        let submissions = submissions.collect();
+        let mut world = Self {
+            weather,
+            now_ms: START_MS,
+            chaos_until_ms: START_MS + 40_000,
+            deaf_until_ms: vec![0; robots.len()],
+            mute_until_ms: vec![0; robots.len()],
+            up_at_ms: vec![0; robots.len()],
+            outages: vec![Vec::new(); robots.len()],
+            takeover_until_ms: vec![0; robots.len()],
+            robots,
+            draw,
+            mail: Vec::new(),
+            sent: 0,
+            ledger: Vec::new(),
+            dispatcher: None,
+            run: 0,
+            restart_ms: 0,
+            write: None,
+            writes: 0,
+            full_until_ms: 0,
+            submissions,
+            tickets: BTreeMap::new(),
+            next_ticket: 0,
+            confirmed: BTreeSet::new(),
+            crashes: 0,
+            replies: VecDeque::new(),
+        };
+        world.start();
+        world
+    }
+
+    fn settings(&self) -> Settings {
+        let usual = Settings::default();
+        if self.weather.off == Off::Grace {
+            Settings { silent_ms: 100, halted_ms: 0, ..usual }
+        } else {
+            usual
+        }
+    }
+
+    fn start(&mut self) {
+        self.run += 1;
+        let read = self.ledger.iter().map(|entry| Entry::from_json(&entry.to_json().unwrap()).unwrap());
+        let identity = Identity { me: me(), ledger: LEDGER, run: self.run };
+        let dispatcher =
+            Dispatcher::recover(self.now_ms, identity, self.settings(), read.collect::<Vec<_>>());
+        self.dispatcher = Some(dispatcher.unwrap());
+    }
+
+    pub(crate) fn crash(&mut self) {
+        (self.dispatcher, self.write) = (None, None);
+        self.tickets.clear();
+        self.crashes += 1;
+        self.restart_ms = self.now_ms + self.draw.whole(20, 3000) as u64;
+    }
+
+    /// Starts at once.
+    pub(crate) fn restart(&mut self) {
+        self.start();
+    }
+
+    fn chance(&mut self, share: f64) -> bool {
+        share > 0.0 && self.now_ms < self.chaos_until_ms && self.draw.uniform(0.0, 1.0) < share
+    }
+
+    /// Until every task has ended, or the time is up.
+    pub(crate) fn run(&mut self) -> Result<(), String> {
+        let end_ms = self.chaos_until_ms + 400_000;
+        while self.now_ms < end_ms {
+            self.step()?;
+            if self.now_ms > self.chaos_until_ms && self.is_over() {
+                return self.check_end();
+            }
+        }
+        let open = self.dispatcher.as_ref().map(|d| d.book().open().cloned().collect::<Vec<_>>());
+        Err(format!("tasks wait for ever: {:?}", open.unwrap_or_default().first()))
+    }
+
+    fn is_over(&self) -> bool {
+        let Some(dispatcher) = &self.dispatcher else { return false };
+        self.submissions.iter().all(|submission| submission.task.is_some())
+            && dispatcher.book().open_count() == 0
+            && self.write.is_none()
+    }
+
+    pub(crate) fn step(&mut self) -> Result<(), String> {
+        self.now_ms += STEP_MS;
+        let now_ms = self.now_ms;
+        if self.dispatcher.is_none() && now_ms >= self.restart_ms {
+            self.start();
+        }
+        self.trouble();
+        self.deliver();
+        for robot in &mut self.robots {
+            robot.turn(now_ms);
+        }
+        if now_ms.is_multiple_of(50) {
+            for i in 0..self.robots.len() {
+                if self.robots[i].up {
+                    let state = self.robots[i].state(now_ms);
+                    self.post(i, Mail::State(Box::new(state)));
+                }
+            }
+        }
+        self.people();
+        if let Some(dispatcher) = &mut self.dispatcher {
+            dispatcher.step(now_ms, &GROUND);
+        }
+        self.effects()?;
+        self.finish_write()?;
+        self.check()
+    }
+
+    fn trouble(&mut self) {
+        let per_step = STEP_MS as f64 / 1000.0;
+        let Weather { partitions, reboots, takeovers, latches, .. } = self.weather;
+        for i in 0..self.robots.len() {
+            if self.chance(partitions * per_step) {
+                let until_ms = self.now_ms + self.draw.whole(200, 20_000) as u64;
+                let which = self.draw.whole(0, 3);
+                if which != 0 {
+                    self.deaf_until_ms[i] = self.deaf_until_ms[i].max(until_ms);
+                }
+                if which != 1 {
+                    self.mute_until_ms[i] = self.mute_until_ms[i].max(until_ms);
+                }
+                self.outages[i].push((self.now_ms, until_ms));
+            }
+            if self.chance(reboots * per_step) {
+                self.robots[i].reboot();
+                self.robots[i].up = false;
+                self.up_at_ms[i] = self.now_ms + self.draw.whole(100, 12_000) as u64;
+                self.outages[i].push((self.now_ms, self.up_at_ms[i] + 1000));
+            }
+            if !self.robots[i].up && self.now_ms >= self.up_at_ms[i] {
+                self.robots[i].up = true;
+            }
+            if self.chance(latches * per_step) {
+                self.robots[i].latch();
+            }
+            if self.robots[i].latched && self.draw.uniform(0.0, 1.0) < 0.3 * per_step {
+                self.robots[i].latched = false;
+            }
+            if self.chance(takeovers * per_step) {
+                self.takeover_until_ms[i] = self.now_ms + self.draw.whole(500, 8_000) as u64;
+                let body = if self.draw.uniform(0.0, 1.0) < 0.3 {
+                    Body::Stop {}
+                } else {
+                    Body::Acquire { take: true }
+                };
+                self.by_person(i, body);
+            }
+            if self.takeover_until_ms[i] > 0 {
+                self.hold(i);
+            }
+        }
+    }
+
+    fn hold(&mut self, i: usize) {
+        let robot = &mut self.robots[i];
+        if robot.lease.holder() != Some(&person()) {
+            self.takeover_until_ms[i] = 0;
+        } else if self.now_ms >= self.takeover_until_ms[i] {
+            self.takeover_until_ms[i] = 0;
+            self.by_person(i, Body::Release {});
+        } else {
+            robot.lease.heard(xtb_control::Stamp::from_ms(self.now_ms));
+        }
+    }
+
+    fn by_person(&mut self, i: usize, body: Body) {
+        let lease = self.robots[i].lease.present();
+        self.sent += 1;
+        let request = Request { id: Uuid::from_u64_pair(99, self.sent), lease, body };
+        self.robots[i].request(self.now_ms, &person(), &request);
+    }
+
+    fn post(&mut self, robot: usize, mail: Mail) {
+        let weather = self.weather;
+        let to_robot = matches!(mail, Mail::Ask(..));
+        let cut_ms = if to_robot { self.deaf_until_ms[robot] } else { self.mute_until_ms[robot] };
+        let lost = self.chance(weather.loss) || self.now_ms < cut_ms;
+        let slow = if self.chance(weather.loss) { weather.slow_ms } else { 30 };
+        let at_ms = self.now_ms + self.draw.whole(1, slow) as u64;
+        self.sent += 1;
+        if !lost {
+            self.mail.push((at_ms, self.sent, mail));
+        }
+    }
+
+    fn deliver(&mut self) {
+        let now_ms = self.now_ms;
+        let (mut due, later): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.mail).into_iter().partition(|(at_ms, ..)| *at_ms <= now_ms);
+        self.mail = later;
+        due.sort_by_key(|(at_ms, n, _)| (*at_ms, *n));
+        for (_, _, mail) in due {
+            match mail {
+                Mail::Ask(robot, client, request) => {
+                    if let Some(reply) = self.robots[robot].request(now_ms, &client, &request) {
+                        self.post(robot, Mail::Answer { run: self.run, robot, reply });
+                    }
+                }
+                Mail::Answer { run, robot, reply } if run == self.run => {
+                    let name = self.robots[robot].name.clone();
+                    if let Some(dispatcher) = &mut self.dispatcher {
+                        dispatcher.replied(now_ms, &name, &reply);
+                    }
+                }
+                Mail::Answer { .. } => {}
+                Mail::State(state) => {
+                    if let Some(dispatcher) = &mut self.dispatcher {
+                        dispatcher.state(now_ms, &state);
+                    }
+                }
+            }
+        }
+    }
+
+    pub(crate) fn ask(&mut self, body: DispatchBody) -> u64 {
+        self.sent += 1;
+        let request = DispatchRequest { id: Uuid::from_u64_pair(77, self.sent), body };
+        self.ask_as(&request, Ticket::Other)
+    }
+
+    fn ask_as(&mut self, request: &DispatchRequest, what: Ticket) -> u64 {
+        self.next_ticket += 1;
+        self.tickets.insert(self.next_ticket, what);
+        if let Some(dispatcher) = &mut self.dispatcher {
+            dispatcher.request(self.now_ms, self.next_ticket, &person(), request, &GROUND);
+        }
+        self.next_ticket
+    }
+
+    fn people(&mut self) {
+        if self.dispatcher.is_none() {
+            return;
+        }
+        for i in 0..self.submissions.len() {
+            let submission = &self.submissions[i];
+            let again = submission.asked_ms.is_none_or(|asked_ms| self.now_ms > asked_ms + 2000);
+            if submission.task.is_some() || self.now_ms < submission.at_ms || !again {
+                continue;
+            }
+            let mut key = submission.key;
+            if self.weather.off == Off::SameId {
+                self.sent += 1;
+                key = Uuid::from_u64_pair(55, self.sent);
+            }
+            let body = DispatchBody::Submit { tasks: vec![submission.spec.clone()] };
+            self.submissions[i].asked_ms = Some(self.now_ms);
+            self.ask_as(&DispatchRequest { id: key, body }, Ticket::Submission(i));
+        }
+        if self.weather.cancels && self.chance(0.001) {
+            self.meddle();
+        }
+        if self.now_ms > self.chaos_until_ms && self.now_ms.is_multiple_of(5000) {
+            let resting = |state| matches!(state, TaskState::Paused | TaskState::Held);
+            let tasks = self.dispatcher.iter().flat_map(|d| d.book().open());
+            let tasks: Vec<TaskId> = tasks.filter(|task| resting(task.state)).map(|task| task.id).collect();
+            if !tasks.is_empty() {
+                self.ask(DispatchBody::Resume { tasks });
+            }
+        }
+    }
+
+    /// Somebody changes their mind about a task.
+    fn meddle(&mut self) {
+        let all: Vec<TaskId> =
+            self.dispatcher.iter().flat_map(|d| d.book().tasks().map(|task| task.id)).collect();
+        if all.is_empty() {
+            return;
+        }
+        let task = all[self.draw.whole(0, all.len() as i64 - 1) as usize];
+        let tasks = vec![task];
+        let (body, ticket) = match self.draw.whole(0, 4) {
+            0 | 1 => (DispatchBody::Cancel { tasks }, Ticket::Cancel(task)),
+            2 => (DispatchBody::Pause { tasks }, Ticket::Other),
+            3 => (DispatchBody::Resume { tasks }, Ticket::Other),
+            _ => {
+                self.confirmed.remove(&task);
+                (DispatchBody::Retry { tasks }, Ticket::Retry(task))
+            }
+        };
+        self.sent += 1;
+        self.ask_as(&DispatchRequest { id: Uuid::from_u64_pair(77, self.sent), body }, ticket);
+    }
+
+    fn effects(&mut self) -> Result<(), String> {
+        while let Some(effect) = self.dispatcher.as_mut().and_then(Dispatcher::next_effect) {
+            match effect {
+                Effect::Write(write) => self.begin_write(write)?,
+                Effect::Ask { robot, request } => {
+                    let i =
+                        self.robots.iter().position(|other| other.name == robot).ok_or("no such robot")?;
+                    self.post(i, Mail::Ask(i, me(), request));
+                }
+                Effect::Reply { ticket, reply } => self.replied(ticket, reply)?,
+                Effect::Event(event) => {
+                    if !self.ledger.iter().any(|entry| entry.n == event.entry) {
+                        return Err(format!("an event of entry {} that is not durable", event.entry));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn replied(&mut self, ticket: u64, reply: DispatchReply) -> Result<(), String> {
+        match (self.tickets.remove(&ticket), &reply.result) {
+            (Some(Ticket::Submission(i)), DispatchOutcome::Submitted(tasks)) => {
+                let task = *tasks.first().ok_or("a submission without a task")?;
+                if !self.submitted().contains_key(&task) {
+                    return Err(format!("{task} was acknowledged and is not durable"));
+                }
+                self.submissions[i].task = Some(task);
+            }
+            (Some(Ticket::Submission(i)), DispatchOutcome::Error(error)) => {
+                let expected = [DispatchCode::LedgerFailed, DispatchCode::Overloaded].contains(&error.code);
+                if !expected {
+                    return Err(format!("refused: {error:?}"));
+                }
+                self.submissions[i].asked_ms = Some(self.now_ms);
+            }
+            (Some(Ticket::Cancel(task)), DispatchOutcome::Changed(changes)) => {
+                let [change] = changes.as_slice() else { return Err("not one change".into()) };
+                if change.error.is_none() && change.state == Some(TaskState::Cancelled) {
+                    self.confirmed.insert(task);
+                }
+            }
+            (Some(Ticket::Retry(task)), _) => {
+                self.confirmed.remove(&task);
+            }
+            _ => self.replies.push_back(reply),
+        }
+        Ok(())
+    }
+
+    fn submitted(&self) -> BTreeMap<TaskId, Uuid> {
+        let of = |entry: &Entry| match &entry.record {
+            Record::Submitted { task, key, .. } => Some((*task, *key)),
+            _ => None,
+        };
+        self.ledger.iter().filter_map(of).collect()
+    }
+
+    fn begin_write(&mut self, write: Write) -> Result<(), String> {
+        if self.write.is_some() {
+            return Err("two writes at once".into());
+        }
+        self.writes += 1;
+        if self.weather.off == Off::Durability
+            && let Some(dispatcher) = &mut self.dispatcher
+        {
+            dispatcher.written(self.now_ms, write.id).map_err(|error| error.to_string())?;
+        }
+        let at_ms = self.now_ms + self.draw.whole(0, 40) as u64;
+        self.write = Some((at_ms, write));
+        Ok(())
+    }
+
+    fn finish_write(&mut self) -> Result<(), String> {
+        let Some((_, write)) = self.write.take_if(|(at_ms, _)| *at_ms <= self.now_ms) else { return Ok(()) };
+        let weather = self.weather;
+        if let Some((at, durable)) =
+            weather.crash_at.filter(|(at, _)| *at == self.writes && self.crashes == 0)
+        {
+            let _ = at;
+            if durable {
+                self.ledger.extend(write.entries);
+            }
+            self.crash();
+            return Ok(());
+        }
+        if weather.full_at == Some(self.writes) && self.full_until_ms == 0 {
+            self.full_until_ms = self.now_ms + 2000;
+        }
+        if self.chance(weather.crash) {
+            if self.draw.uniform(0.0, 1.0) < 0.5 {
+                self.ledger.extend(write.entries);
+            }
+            self.crash();
+            return Ok(());
+        }
+        let full = self.now_ms < self.full_until_ms || self.chance(weather.full);
+        let Some(dispatcher) = &mut self.dispatcher else { return Ok(()) };
+        if full && weather.off != Off::Durability {
+            dispatcher.not_written(self.now_ms, write.id, "the disk is full");
+        } else {
+            self.ledger.extend(write.entries);
+            dispatcher.written(self.now_ms, write.id).map_err(|error| error.to_string())?;
+        }
+        self.effects()
+    }
+
+    /// Which task an assignment of the ledger is of.
+    fn tasks_of_seq(&self) -> BTreeMap<u64, TaskId> {
+        let of = |entry: &Entry| match &entry.record {
+            Record::Assigned { task, seq, .. } => Some((*seq, *task)),
+            _ => None,
+        };
+        self.ledger.iter().filter_map(of).collect()
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let running = self.robots.iter().filter_map(|robot| Some((robot, robot.running()?)));
+        let ours = running.filter_map(|(robot, goal)| Some((robot, Assignment::of_goal(LEDGER, goal.id)?)));
+        let ours: Vec<_> = ours.collect();
+        if ours.is_empty() {
+            return Ok(());
+        }
+        let tasks = self.tasks_of_seq();
+        let mut drivers: BTreeMap<TaskId, &Name> = BTreeMap::new();
+        for (robot, (seq, _)) in ours {
+            let name = &robot.name;
+            let Some(task) = tasks.get(&seq) else {
+                return Err(format!("{name} drives for assignment {seq}, which is not in the ledger"));
+            };
+            if let Some(other) = drivers.insert(*task, name) {
+                return Err(format!("{other} and {name} drive for {task} at {}", self.now_ms - START_MS));
+            }
+            if self.confirmed.contains(task) {
+                return Err(format!("{name} drives for {task}, whose cancellation was confirmed"));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_end(&self) -> Result<(), String> {
+        let submitted = self.submitted();
+        for submission in &self.submissions {
+            let task = submission.task.ok_or("a submission without an answer")?;
+            if self.weather.off != Off::SameId && submitted.get(&task) != Some(&submission.key) {
+                return Err(format!("{task} is another submission's"));
+            }
+        }
+        if submitted.len() != self.submissions.len() {
+            return Err(format!("{} tasks of {} submissions", submitted.len(), self.submissions.len()));
+        }
+        let dispatcher = self.dispatcher.as_ref().ok_or("no dispatcher")?;
+        let tasks = self.tasks_of_seq();
+        for task in dispatcher.book().tasks() {
+            if task.state == TaskState::Failed && task.reason.is_none() {
+                return Err(format!("{} failed without a reason", task.id));
+            }
+            for leg in 0..task.legs_done {
+                self.check_leg(&tasks, task.id, leg)?;
+            }
+            if task.state == TaskState::Done && task.legs().is_some_and(|legs| task.legs_done != legs) {
+                return Err(format!("{} is called done after {} drives", task.id, task.legs_done));
+            }
+        }
+        Ok(())
+    }
+
+    /// A drive that counts as done was driven: once, but for those that nobody could know of.
+    fn check_leg(&self, tasks: &BTreeMap<u64, TaskId>, task: TaskId, leg: u32) -> Result<(), String> {
+        let finishes = self
+            .robots
+            .iter()
+            .enumerate()
+            .flat_map(|(i, robot)| robot.finished.iter().map(move |finished| (i, *finished)));
+        let mut of_leg: Vec<(u64, usize)> = finishes
+            .filter(|(_, finished)| {
+                let of = Assignment::of_goal(LEDGER, finished.goal);
+                of.is_some_and(|(seq, at)| tasks.get(&seq) == Some(&task) && at == leg)
+            })
+            .map(|(i, finished)| (finished.at_ms, i))
+            .collect();
+        of_leg.sort_unstable();
+        if of_leg.is_empty() {
+            return Err(format!("{task} leg {leg} counts as done and was never driven"));
+        }
+        for pair in of_leg.windows(2) {
+            let ((first_ms, robot), (second_ms, _)) = (pair[0], pair[1]);
+            let excused = self.outages[robot]
+                .iter()
+                .any(|(from_ms, until_ms)| *from_ms < second_ms && *until_ms + 3000 > first_ms);
+            if !excused {
+                return Err(format!("{task} leg {leg} was driven twice: {of_leg:?}"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where nobody gets to.
+const DOOMED: (f64, f64) = (1.0, 1.0);
+
+fn point(draw: &mut Draw) -> Waypoint {
+    if draw.whole(0, 15) == 0 {
+        return Waypoint { x_m: DOOMED.0, y_m: DOOMED.1, yaw_rad: None };
+    }
+    Waypoint { x_m: draw.uniform(-3.0, 3.0), y_m: draw.uniform(-3.0, 3.0), yaw_rad: None }
+}
+
+fn spec(draw: &mut Draw, weather: Weather) -> TaskSpec {
+    let kind = match draw.whole(0, 5) {
+        0..=2 => TaskKind::Goto { to: point(draw) },
+        3 => TaskKind::Route { points: (0..3).map(|_| point(draw)).collect(), loops: 2, dwell_s: 0.2 },
+        4 => TaskKind::Patrol {
+            points: (0..2).map(|_| point(draw)).collect(),
+            dwell_s: 0.0,
+            for_s: Some(12.0),
+        },
+        _ => TaskKind::Wander { for_s: 3.0 },
+    };
+    let mut spec = TaskSpec::new(kind);
+    spec.priority = draw.whole(0, 9) as u8;
+    spec.grace_s = if weather.off == Off::Grace { 0.0 } else { draw.uniform(0.0, 8.0) };
+    spec.finish_s = 20.0;
+    if draw.whole(0, 2) == 0 {
+        spec.on_link_loss = LinkLoss::Finish;
+    }
+    if draw.whole(0, 3) == 0 {
+        spec.who = Who::Robot(Name::new(&format!("xtb-{}", draw.whole(1, weather.robots as i64))).unwrap());
+    }
+    spec.on_takeover = [OnTakeover::Requeue, OnTakeover::Resume, OnTakeover::Fail][draw.whole(0, 2) as usize];
+    if draw.whole(0, 9) == 0 {
+        spec.deadline_ms = Some(START_MS + draw.whole(20_000, 60_000) as u64);
+    }
+    spec
+}

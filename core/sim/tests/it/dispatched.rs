@@ -1,0 +1,235 @@
+//! The dispatcher over whole robots with traffic control: they work through tasks while it is killed at
+//! its writes and messages get lost.
+
+use crate::drive::Drive;
+use crate::meetings::fleet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::FRAC_PI_2;
+use xtb_control::VehicleConfig;
+use xtb_control::frames::MapPose;
+use xtb_dispatch::dispatcher::Identity;
+use xtb_dispatch::{Dispatcher, Effect, Entry, MapGround, Record, Settings};
+use xtb_nav::rooms::Draw;
+use xtb_protocol::Name;
+use xtb_protocol::Uuid;
+use xtb_protocol::messages::{
+    Assignment, DispatchBody, DispatchRequest, GoalStatus, Request, TaskId, TaskKind, TaskSpec, TaskState,
+    Waypoint,
+};
+use xtb_sim::World;
+
+const LEDGER: u64 = 0x1234;
+const EPOCH_MS: u64 = 1_800_000_000_000;
+const OPEN: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0";
+const DOOR: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0\n\
+    [[walls]]\npoints = [[-4.0, 0.0], [-0.75, 0.0]]\n[[walls]]\npoints = [[0.75, 0.0], [4.0, 0.0]]";
+
+/// A working day.
+struct Shift {
+    drive: Drive,
+    ground: MapGround,
+    dispatcher: Dispatcher,
+    ledger: Vec<Entry>,
+    draw: Draw,
+    loss: f64,
+    /// Dies at each so many writes; every other time after they are durable. 0 = never.
+    kill_each: u64,
+    writes: u64,
+    kills: u64,
+    arrivals: u64,
+    /// Goals that were seen reached.
+    reached: BTreeSet<Uuid>,
+}
+
+fn me() -> Name {
+    Name::new("dispatch").unwrap()
+}
+
+fn dispatcher(now_ms: u64, run: u64, entries: Vec<Entry>) -> Dispatcher {
+    let identity = Identity { me: me(), ledger: LEDGER, run };
+    Dispatcher::recover(now_ms, identity, Settings::default(), entries).unwrap()
+}
+
+impl Shift {
+    fn new(world: &str, robots: usize, seed: u64) -> Self {
+        let starts: Vec<MapPose> = (0..robots)
+            .map(|n| MapPose { x_m: n as f64 * 1.5 - 2.25, y_m: -2.5, yaw_rad: FRAC_PI_2 })
+            .collect();
+        let map = World::from_toml(world).unwrap().chart(0.05).unwrap();
+        Self {
+            drive: fleet(world, &starts, seed),
+            ground: MapGround::new(map, &VehicleConfig::default()),
+            dispatcher: dispatcher(EPOCH_MS, 1, Vec::new()),
+            ledger: Vec::new(),
+            draw: Draw::new(seed),
+            loss: 0.0,
+            kill_each: 0,
+            writes: 0,
+            kills: 0,
+            arrivals: 1_000_000,
+            reached: BTreeSet::new(),
+        }
+    }
+
+    fn now_ms(&self) -> u64 {
+        EPOCH_MS + self.drive.lockstep.now().ms()
+    }
+
+    fn is_lost(&mut self) -> bool {
+        self.draw.uniform(0.0, 1.0) < self.loss
+    }
+
+    fn submit(&mut self, tasks: Vec<TaskSpec>) {
+        let request = DispatchRequest { id: Uuid::from_u128(1), body: DispatchBody::Submit { tasks } };
+        let (now_ms, client) = (self.now_ms(), Name::new("cli-7").unwrap());
+        self.dispatcher.request(now_ms, 1, &client, &request, &self.ground);
+    }
+
+    fn step(&mut self) {
+        self.drive.lockstep.step();
+        let now_ms = self.now_ms();
+        if !self.drive.lockstep.now().ns().is_multiple_of(50_000_000) {
+            return;
+        }
+        let mut index = 0;
+        while let Some(state) = self.drive.lockstep.state(index) {
+            let goal = state.goal.iter().map(|goal| (goal.id, goal.status));
+            let ended = state.ended_goals.iter().map(|end| (end.id, end.status));
+            let reached = goal.chain(ended).filter(|(_, status)| *status == GoalStatus::Reached);
+            self.reached.extend(reached.map(|(id, _)| id));
+            if !self.is_lost() {
+                self.dispatcher.state(now_ms, &state);
+            }
+            index += 1;
+        }
+        self.dispatcher.step(now_ms, &self.ground);
+        while let Some(effect) = self.dispatcher.next_effect() {
+            match effect {
+                Effect::Write(write) => {
+                    self.writes += 1;
+                    let killed = self.kill_each > 0 && self.writes.is_multiple_of(self.kill_each);
+                    if !killed || self.writes.is_multiple_of(2 * self.kill_each) {
+                        self.ledger.extend(write.entries);
+                    }
+                    if killed {
+                        self.kills += 1;
+                        self.dispatcher = dispatcher(now_ms, self.writes, self.ledger.clone());
+                    } else {
+                        self.dispatcher.written(now_ms, write.id).unwrap();
+                    }
+                }
+                Effect::Ask { robot, request } => self.ask(&robot, &request),
+                Effect::Reply { .. } | Effect::Event(_) => {}
+            }
+        }
+    }
+
+    fn ask(&mut self, name: &Name, request: &Request) {
+        let number: usize = name.as_str().trim_start_matches("xtb-").parse().unwrap();
+        if self.is_lost() {
+            return;
+        }
+        self.arrivals += 1;
+        let (now, arrival) = (self.drive.lockstep.now(), self.arrivals);
+        let robot = self.drive.lockstep.robot_mut(number - 1).unwrap();
+        if let Some(lease) = request.lease {
+            robot.agent_mut().heard(now, lease);
+        }
+        let reply = robot.request(now, arrival, &me(), request);
+        if !self.is_lost() {
+            let now_ms = self.now_ms();
+            self.dispatcher.replied(now_ms, name, &reply);
+        }
+    }
+
+    fn contacts(&self) -> u64 {
+        self.drive.lockstep.simulation().trucks().iter().map(|truck| truck.truth().contacts).sum()
+    }
+
+    /// Until all is done.
+    fn work(&mut self, tasks: usize, within_s: u64) {
+        let end_ms = self.now_ms() + within_s * 1000;
+        let over = |shift: &Self| {
+            let book = shift.dispatcher.book();
+            book.next_task() > tasks as u64 && book.open_count() == 0
+        };
+        while !over(self) && self.now_ms() < end_ms {
+            self.step();
+        }
+    }
+
+    /// Every task is done, and each of its drives was driven once.
+    fn check(&self, tasks: usize) {
+        let book = self.dispatcher.book();
+        for task in book.tasks() {
+            let history = task.history();
+            assert_eq!(task.state, TaskState::Done, "{:?} {:#?}", task.id, history.steps);
+        }
+        assert_eq!(book.tasks().count(), tasks);
+        assert_eq!(self.contacts(), 0);
+        let of_seq: BTreeMap<u64, TaskId> = self
+            .ledger
+            .iter()
+            .filter_map(|entry| match &entry.record {
+                Record::Assigned { task, seq, .. } => Some((*seq, *task)),
+                _ => None,
+            })
+            .collect();
+        let mut drives: BTreeMap<(TaskId, u32), usize> = BTreeMap::new();
+        for goal in &self.reached {
+            let (seq, leg) = Assignment::of_goal(LEDGER, *goal).unwrap();
+            *drives.entry((of_seq[&seq], leg)).or_default() += 1;
+        }
+        let expected: usize = book.tasks().filter_map(|task| task.legs()).map(|legs| legs as usize).sum();
+        assert_eq!(drives.len(), expected);
+        assert!(drives.values().all(|times| *times == 1), "{drives:?}");
+    }
+}
+
+/// Places of their own, so that nobody parks where another one shall go.
+fn tasks(draw: &mut Draw, count: usize) -> Vec<TaskSpec> {
+    let mut places: Vec<Waypoint> = (0..5)
+        .flat_map(|i| (0..3).map(move |j| (f64::from(i) * 1.5 - 3.0, f64::from(j) * 1.6 - 0.8)))
+        .map(|(x_m, y_m)| Waypoint { x_m, y_m, yaw_rad: None })
+        .collect();
+    let mut next = || {
+        let at = draw.whole(0, places.len() as i64 - 1) as usize;
+        places.swap_remove(at)
+    };
+    let one = |i: usize| match i % 4 {
+        3 => TaskKind::Route { points: vec![next(), next()], loops: 1, dwell_s: 1.0 },
+        _ => TaskKind::Goto { to: next() },
+    };
+    (0..count).map(one).map(TaskSpec::new).collect()
+}
+
+fn day(world: &str, seed: u64, loss: f64, kill_each: u64) -> Shift {
+    const TASKS: usize = 12;
+    let mut shift = Shift { loss: 0.0, ..Shift::new(world, 4, seed) };
+    let tasks = tasks(&mut Draw::new(seed), TASKS);
+    while shift.dispatcher.book().next_task() == 1 {
+        shift.submit(tasks.clone());
+        shift.step();
+    }
+    (shift.loss, shift.kill_each) = (loss, kill_each);
+    shift.work(TASKS, 900);
+    shift.check(TASKS);
+    shift
+}
+
+#[test]
+fn a_day_in_an_open_room() {
+    day(OPEN, 1, 0.0, 0);
+}
+
+#[test]
+fn a_day_in_a_room_with_a_door_with_messages_lost_and_the_dispatcher_killed_at_every_fourth_write() {
+    let shift = day(DOOR, 2, 0.05, 4);
+    assert!(shift.kills >= 5, "{}", shift.kills);
+}
+
+#[test]
+fn a_day_in_an_open_room_with_the_dispatcher_killed_at_every_second_write() {
+    let shift = day(OPEN, 3, 0.05, 2);
+    assert!(shift.kills >= 10, "{}", shift.kills);
+}

@@ -1,0 +1,74 @@
+//! `cancel`, `pause`, `resume` and `retry`: answered when robots have confirmed.
+
+use crate::cli::{CancelArgs, PauseArgs, ResumeArgs, RetryArgs};
+use crate::client::Client;
+use crate::context::Context;
+use crate::dispatching::{Dispatching, worst};
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::task_words::tone;
+use crate::words;
+use xtb_protocol::messages::{DispatchBody, TaskChange};
+
+/// Ends tasks.
+///
+/// # Errors
+/// No router, no dispatcher, or it does not answer.
+pub async fn cancel(ctx: &Context, args: CancelArgs) -> Result<Exit> {
+    let body = match args.all {
+        true => DispatchBody::CancelAll {},
+        false => DispatchBody::Cancel { tasks: args.tasks },
+    };
+    change(ctx, body).await
+}
+
+/// Puts tasks aside.
+///
+/// # Errors
+/// As [`cancel`].
+pub async fn pause(ctx: &Context, args: PauseArgs) -> Result<Exit> {
+    change(ctx, DispatchBody::Pause { tasks: args.tasks }).await
+}
+
+/// Lets tasks go on.
+///
+/// # Errors
+/// As [`cancel`].
+pub async fn resume(ctx: &Context, args: ResumeArgs) -> Result<Exit> {
+    change(ctx, DispatchBody::Resume { tasks: args.tasks }).await
+}
+
+/// Queues tasks again.
+///
+/// # Errors
+/// As [`cancel`].
+pub async fn retry(ctx: &Context, args: RetryArgs) -> Result<Exit> {
+    change(ctx, DispatchBody::Retry { tasks: args.tasks }).await
+}
+
+async fn change(ctx: &Context, body: DispatchBody) -> Result<Exit> {
+    let client = Client::open(ctx).await?;
+    let changes = Dispatching::of(&client).change(body).await;
+    client.close().await;
+    report(ctx, &changes?)
+}
+
+/// A line for each task: on standard output how it stands, on standard error why it is not as asked.
+fn report(ctx: &Context, changes: &[TaskChange]) -> Result<Exit> {
+    if changes.is_empty() && !ctx.out.json {
+        ctx.out.note("no task is open");
+    }
+    for change in changes {
+        if ctx.out.json {
+            ctx.out.line(change)?;
+        } else if let Some(error) = &change.error {
+            ctx.out.failure(&Failure::from(error.clone()));
+        } else if let Some(state) = change.state {
+            let state = ctx.out.paint(tone(state), &words::name(&state));
+            ctx.out.text(&format!("{} {state}", change.id))?;
+        }
+    }
+    Ok(worst(changes).map_or(Exit::Done, |error| Kind::NotDispatched(error.code).exit()))
+}
+
+#[cfg(test)]
+mod tests;

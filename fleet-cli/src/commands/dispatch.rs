@@ -1,0 +1,30 @@
+//! `dispatch`: tasks for the fleet, one verb a file.
+
+mod compact;
+mod export;
+mod file;
+mod points;
+mod serve;
+mod submit;
+mod wait;
+
+use crate::cli::{DispatchArgs, DispatchVerb};
+use crate::context::Context;
+use crate::error::{Exit, Result};
+
+/// Carries out one of its verbs.
+///
+/// # Errors
+/// See each verb.
+pub async fn run(ctx: &Context, args: &DispatchArgs) -> Result<Exit> {
+    match &args.verb {
+        DispatchVerb::Serve(args) => serve::run(ctx, args).await,
+        DispatchVerb::Goto(args) => submit::goto(ctx, args).await,
+        DispatchVerb::Route(args) => submit::route(ctx, args).await,
+        DispatchVerb::Patrol(args) => submit::patrol(ctx, args).await,
+        DispatchVerb::Wander(args) => submit::wander(ctx, args).await,
+        DispatchVerb::Submit(args) => submit::file(ctx, args).await,
+        DispatchVerb::Compact(args) => compact::run(ctx, args),
+        DispatchVerb::Export(args) => export::run(ctx, args),
+    }
+}

@@ -1,0 +1,46 @@
+//! `dispatch compact`: one snapshot in place of all that the ledger holds.
+
+use crate::cli::DispatchCompactArgs;
+use crate::context::Context;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::services::dispatch::store::{self, Store};
+use serde::Serialize;
+use xtb_dispatch::{Book, Entry, Record};
+
+/// What it came to.
+#[derive(Debug, Serialize)]
+struct Compacted {
+    ledger: String,
+    records: usize,
+    tasks: usize,
+    open: usize,
+}
+
+/// Compacts it.
+///
+/// # Errors
+/// There is none, a dispatcher holds it, it is damaged, or the disk is full: nothing is changed then.
+pub(super) fn run(ctx: &Context, args: &DispatchCompactArgs) -> Result<Exit> {
+    let path = store::path(args.ledger.ledger.as_deref(), &ctx.fleet)?;
+    if !path.exists() {
+        return Err(Failure::new(Kind::Config, format!("there is no ledger {}", path.display()))
+            .hint("name one with --ledger"));
+    }
+    let Store { mut ledger, entries, .. } = Store::open(&path, &ctx.fleet)?;
+    let (records, n) = (entries.len(), ledger.last_seq() + 1);
+    let keep = xtb_dispatch::Settings::default().keep_ended;
+    let book = Book::replay(keep, entries).map_err(|error| store::unreadable(&path, &error))?;
+    let compacted = Compacted {
+        ledger: path.display().to_string(),
+        records,
+        tasks: book.tasks().count(),
+        open: book.open_count(),
+    };
+    let v = xtb_dispatch::record::VERSION;
+    let record = Record::Snapshot(Box::new(book));
+    ledger.compact(&Entry { v, n, at_ms: store::wall_ms(), record })?;
+    ctx.out.result(&compacted, |Compacted { ledger, records, tasks, open }| {
+        format!("{ledger}: {records} records became one, with {tasks} tasks, {open} of them open")
+    })?;
+    Ok(Exit::Done)
+}

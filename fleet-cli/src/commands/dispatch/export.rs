@@ -1,0 +1,42 @@
+//! `dispatch export`: a ledger's records as JSON lines, as far as they can be read.
+
+use crate::cli::DispatchExportArgs;
+use crate::context::Context;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::services::dispatch::store;
+use crate::services::ledger;
+use serde::Serialize;
+use serde_json::Value;
+
+/// One record.
+#[derive(Debug, Serialize)]
+struct Line {
+    seq: u64,
+    at_ms: i64,
+    snapshot: bool,
+    intact: bool,
+    /// As it was written; a text where it is no JSON any more.
+    record: Value,
+}
+
+/// Prints what can be read, and says what cannot.
+///
+/// # Errors
+/// There is no ledger, or nothing of it can be read.
+pub(super) fn run(ctx: &Context, args: &DispatchExportArgs) -> Result<Exit> {
+    let path = store::path(args.ledger.ledger.as_deref(), &ctx.fleet)?;
+    if !path.exists() {
+        return Err(Failure::new(Kind::Config, format!("there is no ledger {}", path.display()))
+            .hint("name one with --ledger"));
+    }
+    let reading = ledger::read(&path)?;
+    for row in reading.rows {
+        let record = serde_json::from_str(&row.body).unwrap_or(Value::String(row.body));
+        let (seq, at_ms, snapshot, intact) = (row.seq, row.at_ms, row.snapshot, row.intact);
+        ctx.out.line(&Line { seq, at_ms, snapshot, intact, record })?;
+    }
+    for damage in &reading.damage {
+        ctx.out.note(&format!("damage: {damage}"));
+    }
+    Ok(if reading.damage.is_empty() { Exit::Done } else { Exit::Failed })
+}

@@ -1,0 +1,176 @@
+//! Files of tasks (TOML): read and checked as a whole before anything is submitted.
+
+use super::points::waypoint;
+use crate::error::{Failure, Kind, Result};
+use serde::Deserialize;
+use std::io::Read;
+use std::ops::Range;
+use std::path::Path;
+use toml::Spanned;
+use xtb_protocol::Name;
+use xtb_protocol::messages::{LinkLoss, MAX_SUBMISSION, OnTakeover, TaskKind, TaskSpec, Waypoint, Who};
+
+/// A file of tasks is not longer than this.
+const MAX_BYTES: u64 = 4 << 20;
+const HINT: &str = "`fleet-cli dispatch submit --help` has an example";
+
+/// A text file.
+///
+/// # Errors
+/// [`Kind::Config`]: it cannot be read, or is too long.
+pub(super) fn text(path: &Path, max_bytes: u64) -> Result<String> {
+    let cannot = |what: String| Failure::new(Kind::Config, format!("cannot read {}: {what}", path.display()));
+    let file = std::fs::File::open(path).map_err(|error| cannot(error.to_string()))?;
+    let mut text = String::new();
+    file.take(max_bytes + 1).read_to_string(&mut text).map_err(|error| cannot(error.to_string()))?;
+    match u64::try_from(text.len()).unwrap_or(u64::MAX) > max_bytes {
+        true => Err(cannot(format!("it is longer than {max_bytes} bytes"))),
+        false => Ok(text),
+    }
+}
+
+/// The tasks of a file; deadlines count from `now_ms`.
+///
+/// # Errors
+/// [`Kind::Config`] with file, line and task.
+pub(super) fn read(path: &Path, now_ms: u64) -> Result<Vec<TaskSpec>> {
+    let text = text(path, MAX_BYTES)?;
+    parse(&text, now_ms)
+        .map_err(|failure| Failure { message: format!("{}, {}", path.display(), failure.message), ..failure })
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(default)]
+    task: Vec<Spanned<Entry>>,
+}
+
+/// One task as people write it: exactly one of the first four says what is to be done.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    goto: Option<Vec<f64>>,
+    route: Option<Vec<Vec<f64>>>,
+    patrol: Option<Vec<Vec<f64>>>,
+    wander_for_s: Option<f64>,
+    loops: Option<u32>,
+    dwell_s: Option<f64>,
+    for_s: Option<f64>,
+    robot: Option<String>,
+    tag: Option<String>,
+    able: Option<String>,
+    priority: Option<u8>,
+    deadline_s: Option<f64>,
+    retries: Option<u32>,
+    on_link_loss: Option<LinkLoss>,
+    finish_s: Option<f64>,
+    on_takeover: Option<OnTakeover>,
+    grace_s: Option<f64>,
+}
+
+fn parse(text: &str, now_ms: u64) -> Result<Vec<TaskSpec>> {
+    let wrong = |at: usize, task: Option<usize>, what: &str| {
+        let task = task.map(|n| format!(", task {n}")).unwrap_or_default();
+        Failure::new(Kind::Config, format!("line {}{task}: {what}", line_of(text, at))).hint(HINT)
+    };
+    let file: File = toml::from_str(text).map_err(|error| {
+        let at = error.span().map_or(0, |span| span.start);
+        wrong(at, task_at(text, at), error.message().trim_end())
+    })?;
+    if file.task.is_empty() {
+        return Err(Failure::new(Kind::Config, "no task is in it: a task begins with [[task]]").hint(HINT));
+    }
+    if file.task.len() > MAX_SUBMISSION {
+        let message = format!("{} tasks are in it, {MAX_SUBMISSION} are the most", file.task.len());
+        return Err(Failure::new(Kind::Config, message).hint("submit them in parts"));
+    }
+    let mut specs = Vec::new();
+    for (i, entry) in file.task.into_iter().enumerate() {
+        let Range { start, .. } = entry.span();
+        specs.push(entry.into_inner().spec(now_ms).map_err(|what| wrong(start, Some(i + 1), &what))?);
+    }
+    Ok(specs)
+}
+
+/// The line of a byte, counted from 1.
+fn line_of(text: &str, at: usize) -> usize {
+    text.bytes().take(at).filter(|byte| *byte == b'\n').count() + 1
+}
+
+/// The task in which a byte stands, counted from 1.
+fn task_at(text: &str, at: usize) -> Option<usize> {
+    let upto = line_of(text, at);
+    let headings = text.lines().take(upto).filter(|line| line.trim_start().starts_with("[[task]]")).count();
+    (headings > 0).then_some(headings)
+}
+
+fn points(all: &[Vec<f64>]) -> std::result::Result<Vec<Waypoint>, String> {
+    let point = |(i, numbers): (usize, &Vec<f64>)| {
+        waypoint(numbers).map_err(|what| format!("point {}: {what}", i + 1))
+    };
+    all.iter().enumerate().map(point).collect()
+}
+
+impl Entry {
+    fn spec(self, now_ms: u64) -> std::result::Result<TaskSpec, String> {
+        let mut spec = TaskSpec::new(self.kind()?);
+        spec.who = self.who()?;
+        spec.priority = self.priority.unwrap_or(spec.priority);
+        spec.retries = self.retries.unwrap_or(spec.retries);
+        spec.on_link_loss = self.on_link_loss.unwrap_or(spec.on_link_loss);
+        spec.finish_s = self.finish_s.unwrap_or(spec.finish_s);
+        spec.on_takeover = self.on_takeover.unwrap_or(spec.on_takeover);
+        spec.grace_s = self.grace_s.unwrap_or(spec.grace_s);
+        if let Some(deadline_s) = self.deadline_s {
+            if !(0.0..=1.0e9).contains(&deadline_s) {
+                return Err(format!("deadline_s = {deadline_s} is not a time from now"));
+            }
+            spec.deadline_ms = Some(now_ms + (deadline_s * 1000.0) as u64);
+        }
+        spec.validate().map_err(|error| error.to_string())?;
+        Ok(spec)
+    }
+
+    fn kind(&self) -> std::result::Result<TaskKind, String> {
+        let Self { goto, route, patrol, wander_for_s, loops, dwell_s, for_s, .. } = self;
+        let only = |name: &str, given: bool, with: &str| match given {
+            true => Err(format!("{name} goes with {with} only")),
+            false => Ok(()),
+        };
+        let (is_route, is_patrol) = (route.is_some(), patrol.is_some());
+        only("loops", loops.is_some() && !is_route, "route")?;
+        only("for_s", for_s.is_some() && !is_patrol, "patrol")?;
+        only("dwell_s", dwell_s.is_some() && !is_route && !is_patrol, "route and patrol")?;
+        let dwell_s = dwell_s.unwrap_or(0.0);
+        match (goto, route, patrol, wander_for_s) {
+            (Some(to), None, None, None) => Ok(TaskKind::Goto { to: waypoint(to)? }),
+            (None, Some(all), None, None) => {
+                Ok(TaskKind::Route { points: points(all)?, loops: loops.unwrap_or(1), dwell_s })
+            }
+            (None, None, Some(all), None) => {
+                Ok(TaskKind::Patrol { points: points(all)?, dwell_s, for_s: *for_s })
+            }
+            (None, None, None, Some(for_s)) => Ok(TaskKind::Wander { for_s: *for_s }),
+            (None, None, None, None) => {
+                Err("nothing is to be done: goto, route, patrol or wander_for_s".to_owned())
+            }
+            _ => Err("one of goto, route, patrol and wander_for_s, not several".to_owned()),
+        }
+    }
+
+    fn who(&self) -> std::result::Result<Who, String> {
+        match (&self.robot, &self.tag, &self.able) {
+            (None, None, None) => Ok(Who::Any),
+            (Some(robot), None, None) => {
+                Name::robot(robot).map(Who::Robot).map_err(|error| format!("robot: {error}"))
+            }
+            (None, Some(tag), None) => Ok(Who::Tag(tag.trim_start_matches('@').to_owned())),
+            (None, None, Some(able)) => Ok(Who::Able(able.clone())),
+            _ => Err("one of robot, tag and able, not several".to_owned()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,38 @@
+//! `names`: robots or tasks that there are, one a line, for completion scripts.
+
+use crate::cli::{NamesArgs, NamesOf};
+use crate::client::Client;
+use crate::context::Context;
+use crate::dispatching::Dispatching;
+use crate::error::{Exit, Result};
+use std::time::Duration;
+
+/// Nobody waits longer for a suggestion.
+const WITHIN: Duration = Duration::from_millis(700);
+
+/// Prints what is found in time; nothing and no error if there is nothing.
+///
+/// # Errors
+/// Nobody reads it.
+pub async fn run(ctx: &Context, args: &NamesArgs) -> Result<Exit> {
+    let ctx = Context { timeout: WITHIN, ..ctx.clone() };
+    let found = tokio::time::timeout(WITHIN, names(&ctx, args.of)).await;
+    if let Ok(Ok(names)) = found
+        && !names.is_empty()
+    {
+        ctx.out.text(&names.join("\n"))?;
+    }
+    Ok(Exit::Done)
+}
+
+async fn names(ctx: &Context, of: NamesOf) -> Result<Vec<String>> {
+    let client = Client::open(ctx).await?;
+    match of {
+        NamesOf::Robots => Ok(client.alive().await?.iter().map(ToString::to_string).collect()),
+        NamesOf::Tasks => {
+            let list = Dispatching::of(&client).list().await?;
+            // The newest are meant more often.
+            Ok(list.tasks.iter().rev().map(|task| task.id.to_string()).collect())
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! `tasks`: what the dispatcher has to do, does and has done.
+
+mod watch;
+
+use crate::cli::TasksArgs;
+use crate::client::Client;
+use crate::context::Context;
+use crate::dispatching::Dispatching;
+use crate::error::{Exit, Result};
+use crate::interrupt::or_interrupted;
+use crate::output::{Output, Tone};
+use crate::task_words;
+use xtb_protocol::Name;
+use xtb_protocol::messages::{TaskList, TaskView, Who};
+
+/// Tasks that have ended and are shown without `--all`.
+const ENDED_SHOWN: usize = 5;
+
+/// Prints them, or keeps showing them.
+///
+/// # Errors
+/// No router, or no dispatcher.
+pub async fn run(ctx: &Context, args: &TasksArgs) -> Result<Exit> {
+    if args.watch {
+        let client = Client::open(ctx).await?;
+        let exit = watch::run(ctx, &client, args).await;
+        client.close().await;
+        return exit;
+    }
+    or_interrupted(once(ctx, args)).await
+}
+
+async fn once(ctx: &Context, args: &TasksArgs) -> Result<Exit> {
+    let client = Client::open(ctx).await?;
+    let list = Dispatching::of(&client).list().await;
+    client.close().await;
+    let list = list?;
+    if ctx.out.json {
+        let wanted: Vec<&TaskView> =
+            list.tasks.iter().filter(|task| concerns(task, args.robot.as_ref())).collect();
+        ctx.out.line(&wanted)?;
+    } else {
+        ctx.out.text(&screen(&list, args, &ctx.out).join("\n"))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// Whether a task is on that robot, ended there or waits for it.
+fn concerns(task: &TaskView, robot: Option<&Name>) -> bool {
+    let wishes = |robot: &Name| matches!(&task.spec.who, Who::Robot(wished) if wished == robot);
+    robot.is_none_or(|robot| task.robot.as_ref() == Some(robot) || wishes(robot))
+}
+
+/// The table, what is not in it, and what is wrong.
+fn screen(list: &TaskList, args: &TasksArgs, out: &Output) -> Vec<String> {
+    let wanted = |task: &&TaskView| concerns(task, args.robot.as_ref());
+    let ended = list.tasks.iter().filter(wanted).filter(|task| task.state.is_final()).count();
+    let mut hidden = if args.all { 0 } else { ended.saturating_sub(ENDED_SHOWN) };
+    let all: Vec<TaskView> = list.tasks.iter().filter(wanted).cloned().collect();
+    let count = task_words::count(&all);
+    let left_out = hidden;
+    let shown: Vec<&TaskView> = all
+        .iter()
+        .filter(|task| {
+            let hide = hidden > 0 && task.state.is_final();
+            hidden -= usize::from(hide);
+            !hide
+        })
+        .collect();
+    let mut lines = Vec::new();
+    if let Some(why) = &list.ledger_failed {
+        lines.push(out.paint(Tone::Bad, &format!("the ledger cannot be written: {why}")));
+    }
+    if !shown.is_empty() {
+        lines.extend(task_words::table(shown.into_iter(), list.at_ms, out).lines().map(str::to_owned));
+    }
+    let more = if left_out > 0 { format!(" ({left_out} of them not shown: --all)") } else { String::new() };
+    lines.push(out.paint(Tone::Dim, &format!("{count}{more}")));
+    lines
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,203 @@
+//! Talking with the fleet's dispatcher: questions that are asked until answered, and news of tasks.
+
+use crate::client::{Client, get};
+use crate::error::{Failure, Kind, Result};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::Notify;
+use xtb_bus::{BusError, Subscription};
+use xtb_protocol::Uuid;
+use xtb_protocol::codec::{self, Format};
+use xtb_protocol::messages::{
+    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, Message,
+    TaskChange, TaskHistory, TaskId, TaskList, TaskSpec,
+};
+
+/// A dispatcher that is just starting, or is started again, is waited for this long.
+const STARTS_WITHIN: Duration = Duration::from_secs(5);
+/// The dispatcher answers a change within 5 s, confirmed or not.
+const CONFIRMS_WITHIN: Duration = Duration::from_secs(6);
+/// Anything else it answers as soon as it is in the ledger; then the same is asked again.
+const ANSWERS_WITHIN: Duration = Duration::from_secs(2);
+/// Between a question that nobody answered and the next one.
+const ASK_AGAIN: Duration = Duration::from_millis(200);
+
+const HOW_TO_START: &str = "`fleet-cli dispatch serve` starts one; `fleet-cli sim --dispatch` contains one";
+
+/// The fleet's dispatcher, as a client sees it.
+#[derive(Debug, Clone, Copy)]
+pub struct Dispatching<'a> {
+    client: &'a Client,
+    starts_within: Duration,
+}
+
+impl<'a> Dispatching<'a> {
+    /// Over a client's session.
+    #[must_use]
+    pub fn of(client: &'a Client) -> Self {
+        Self { client, starts_within: STARTS_WITHIN }
+    }
+
+    /// Submits tasks, all or none. Asked again with the same id until answered, so that they are taken
+    /// once.
+    ///
+    /// # Errors
+    /// The dispatcher's refusal, [`Kind::NoDispatcher`], or [`Kind::OutcomeUnknown`].
+    pub async fn submit(&self, tasks: Vec<TaskSpec>) -> Result<Vec<TaskId>> {
+        match self.ask(DispatchBody::Submit { tasks }, self.starts_within).await? {
+            DispatchOutcome::Submitted(ids) => Ok(ids),
+            other => Err(unexpected(&other)),
+        }
+    }
+
+    /// Cancels, pauses, resumes or retries; answered when robots have confirmed, or have not in time.
+    ///
+    /// # Errors
+    /// As [`Self::submit`].
+    pub async fn change(&self, body: DispatchBody) -> Result<Vec<TaskChange>> {
+        match self.ask(body, self.starts_within).await? {
+            DispatchOutcome::Changed(changes) => Ok(changes),
+            other => Err(unexpected(&other)),
+        }
+    }
+
+    /// One task with its history.
+    ///
+    /// # Errors
+    /// As [`Self::submit`]; a dispatcher that does not run is not waited for.
+    pub async fn show(&self, task: TaskId) -> Result<TaskHistory> {
+        match self.ask(DispatchBody::Show { task }, Duration::ZERO).await? {
+            DispatchOutcome::Shown(history) => Ok(*history),
+            other => Err(unexpected(&other)),
+        }
+    }
+
+    /// All tasks that the dispatcher remembers.
+    ///
+    /// # Errors
+    /// [`Kind::NoDispatcher`], or [`Kind::OutcomeUnknown`] if it does not answer.
+    pub async fn list(&self) -> Result<TaskList> {
+        let answers = get(self.client.bus(), &self.client.keys().dispatch_tasks(), ANSWERS_WITHIN).await?;
+        match answers.first() {
+            Some(answer) => answer.decode().map_err(|error| not_ours(&error.to_string())),
+            None => Err(self.silent(Duration::ZERO, "nothing was asked of it", self.is_there().await)),
+        }
+    }
+
+    /// Whether one runs.
+    pub async fn is_there(&self) -> bool {
+        let within = Duration::from_millis(500);
+        let alive = self.client.bus().alive(&self.client.keys().dispatch_alive(), within).await;
+        alive.is_ok_and(|keys| !keys.is_empty())
+    }
+
+    async fn ask(&self, body: DispatchBody, patience: Duration) -> Result<DispatchOutcome> {
+        let request = DispatchRequest { id: Uuid::new_v4(), body };
+        request.validate().map_err(|error| Failure::new(Kind::Usage, error.to_string()))?;
+        let (within, left_undone) = match &request.body {
+            DispatchBody::Submit { .. } => (ANSWERS_WITHIN, "nothing was submitted"),
+            DispatchBody::Show { .. } => (ANSWERS_WITHIN, "nothing was asked of it"),
+            _ => (CONFIRMS_WITHIN, "nothing was changed"),
+        };
+        let began = Instant::now();
+        let (mut was_there, mut busy) = (false, None);
+        loop {
+            match self.ask_once(&request, within).await? {
+                Some(DispatchOutcome::Error(error)) if error.code == DispatchCode::Overloaded => {
+                    busy = Some(error);
+                }
+                Some(outcome) => return settled(outcome),
+                None => was_there |= self.is_there().await,
+            }
+            if began.elapsed() >= patience {
+                return Err(busy.map_or_else(|| self.silent(patience, left_undone, was_there), Failure::from));
+            }
+            tokio::time::sleep(ASK_AGAIN).await;
+        }
+    }
+
+    async fn ask_once(&self, request: &DispatchRequest, within: Duration) -> Result<Option<DispatchOutcome>> {
+        let key = self.client.keys().dispatch_cmd(Some(self.client.name()));
+        let bytes = codec::encode(request, Format::Postcard).map_err(BusError::from)?;
+        let encoding = codec::encoding::<DispatchRequest>(Format::Postcard);
+        let answer = match self.client.bus().ask_raw(&key, &encoding, bytes, within).await {
+            Ok(answer) => answer,
+            Err(error @ BusError::Operation { .. }) => {
+                tracing::debug!("{error}");
+                None
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let Some(answer) = answer else { return Ok(None) };
+        let reply: DispatchReply = answer.decode().map_err(|error| not_ours(&error.to_string()))?;
+        Ok(Some(reply.result))
+    }
+
+    /// Nobody has answered.
+    fn silent(&self, waited: Duration, left_undone: &str, was_there: bool) -> Failure {
+        let fleet = self.client.fleet();
+        if was_there {
+            let message = format!("the dispatcher of fleet {fleet} does not answer: outcome unknown");
+            return Failure::new(Kind::OutcomeUnknown, message)
+                .hint("`fleet-cli tasks` shows what it has, once it answers");
+        }
+        let waited = match waited.as_secs() {
+            0 => String::new(),
+            seconds => format!(" (waited {seconds} s for one)"),
+        };
+        let message = format!("no dispatcher runs for fleet {fleet}{waited}: {left_undone}");
+        Failure::new(Kind::NoDispatcher, message).hint(HOW_TO_START)
+    }
+}
+
+fn settled(outcome: DispatchOutcome) -> Result<DispatchOutcome> {
+    match outcome {
+        DispatchOutcome::Error(error) => Err(error.into()),
+        outcome => Ok(outcome),
+    }
+}
+
+fn unexpected(outcome: &DispatchOutcome) -> Failure {
+    not_ours(&format!("{outcome:?}").chars().take(80).collect::<String>())
+}
+
+fn not_ours(what: &str) -> Failure {
+    Failure::new(Kind::Failed, format!("the dispatcher's answer cannot be read: {what}"))
+        .hint("`fleet-cli --version` here and where the dispatcher runs: are they the same?")
+}
+
+/// Why a task is not as asked, if it is not; the worst of several decides how the command ends.
+#[must_use]
+pub fn worst(changes: &[TaskChange]) -> Option<&DispatchError> {
+    let errors = || changes.iter().filter_map(|change| change.error.as_ref());
+    errors().find(|error| error.code == DispatchCode::Unconfirmed).or_else(|| errors().next())
+}
+
+/// Says when a task has changed, until it is dropped.
+pub struct News {
+    arrived: Arc<Notify>,
+    _subscription: Subscription,
+}
+
+impl News {
+    /// Subscribes.
+    ///
+    /// # Errors
+    /// [`Kind::Failed`]: Zenoh would not.
+    pub async fn open(client: &Client) -> Result<Self> {
+        let arrived = Arc::new(Notify::new());
+        let notify = Arc::clone(&arrived);
+        let _subscription =
+            client.bus().subscribe(&client.keys().dispatch_event(), move |_| notify.notify_one()).await?;
+        Ok(Self { arrived, _subscription })
+    }
+
+    /// Waits for a change since the last call, `at_most` this long.
+    pub async fn next(&self, at_most: Duration) {
+        // Time is up, or something has come: both are a reason to look.
+        let _ = tokio::time::timeout(at_most, self.arrived.notified()).await;
+    }
+}
+
+#[cfg(test)]
+mod tests;

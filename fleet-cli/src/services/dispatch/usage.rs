@@ -1,0 +1,72 @@
+//! What each robot did while the dispatcher ran: tasks, metres, and how its time was spent.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+use xtb_protocol::Name;
+use xtb_protocol::messages::{RobotState, TaskState, TaskStep};
+
+/// A robot that moved this much between two looks was set there, by a fix or by hand.
+const LEAP_M: f64 = 0.5;
+/// Slower than this is standing.
+const STANDS_MPS: f64 = 0.02;
+/// Looks further apart than this count as this: whoever did not look does not know.
+const LONGEST_LOOK_MS: u64 = 1_000;
+
+/// How a robot spent its time, in s, and what came of it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Spent {
+    /// Tasks that it brought to their end.
+    pub done: u64,
+    /// Tasks that failed on it for good.
+    pub failed: u64,
+    /// As its own poses have it.
+    pub distance_m: f64,
+    /// With a task, and driving.
+    pub busy_s: f64,
+    /// With a task, and standing.
+    pub waiting_s: f64,
+    /// Without a task.
+    pub idle_s: f64,
+}
+
+/// All robots, by name.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Usage {
+    /// What each did.
+    pub robots: BTreeMap<Name, Spent>,
+    #[serde(skip)]
+    last: BTreeMap<Name, (u64, f64, f64)>,
+}
+
+impl Usage {
+    /// A robot's state, and whether it has a task.
+    pub fn look(&mut self, now_ms: u64, state: &RobotState, has_task: bool) {
+        let (x_m, y_m) = (state.pose.x_m, state.pose.y_m);
+        let spent = self.robots.entry(state.robot.clone()).or_default();
+        let last = self.last.insert(state.robot.clone(), (now_ms, x_m, y_m));
+        let Some((before_ms, from_x_m, from_y_m)) = last else { return };
+        let took_s = now_ms.saturating_sub(before_ms).min(LONGEST_LOOK_MS) as f64 / 1000.0;
+        let drove_m = (x_m - from_x_m).hypot(y_m - from_y_m);
+        let drives = state.speed_mps.is_some_and(|speed_mps| speed_mps.abs() > STANDS_MPS);
+        // Fixes shift the pose of a robot that stands.
+        if drives && drove_m < LEAP_M {
+            spent.distance_m += drove_m;
+        }
+        match (has_task, drives) {
+            (true, true) => spent.busy_s += took_s,
+            (true, false) => spent.waiting_s += took_s,
+            (false, _) => spent.idle_s += took_s,
+        }
+    }
+
+    /// A task has changed.
+    pub fn step(&mut self, step: &TaskStep) {
+        let Some(robot) = &step.robot else { return };
+        let spent = self.robots.entry(robot.clone()).or_default();
+        match step.state {
+            TaskState::Done => spent.done += 1,
+            TaskState::Failed => spent.failed += 1,
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! Who holds a ledger, and what was acknowledged last: the file `LEDGER-lock` beside it.
+//!
+//! The lock is the system's (`flock`): it goes with the process, however that ends. The file stays; it is
+//! two lines of fixed length, the holder's process and the number of the last record that was
+//! acknowledged. That number is written after the commit and before the acknowledgement, without waiting
+//! for the disk: it is never ahead of what the disk has, it outlives a kill, and only a power cut can put
+//! it behind. So a ledger that ends before it has lost its end.
+
+use super::error::Fault;
+use super::schema::check_sum;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+/// Where the second line begins: after `pid 4294967295\n`.
+const MARK_AT: u64 = 15;
+
+/// The right to write a ledger, until it is dropped.
+#[derive(Debug)]
+pub(super) struct Holder {
+    file: File,
+}
+
+/// `LEDGER-lock`.
+pub(super) fn lock_path(ledger: &Path) -> PathBuf {
+    beside(ledger, "-lock")
+}
+
+/// The ledger's path with something at its end.
+pub(super) fn beside(ledger: &Path, end: &str) -> PathBuf {
+    let mut path = ledger.as_os_str().to_owned();
+    path.push(end);
+    path.into()
+}
+
+impl Holder {
+    /// Takes the ledger, and says what was acknowledged last, if that is known.
+    pub(super) fn take(ledger: &Path) -> Result<(Self, Option<u64>), Fault> {
+        let path = lock_path(ledger);
+        let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
+        let file = open.map_err(|error| Fault::io("opening the lock file", error))?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(Fault::Held { pid: pid(&text(&file)) }),
+            Err(TryLockError::Error(error)) => return Err(Fault::io("locking", error)),
+        }
+        let mark = mark(&text(&file));
+        let line = format!("pid {:<10}\n", std::process::id());
+        file.write_all_at(line.as_bytes(), 0).map_err(|error| Fault::io("writing the lock file", error))?;
+        Ok((Self { file }, mark))
+    }
+
+    /// Notes the last record that is acknowledged; does not wait for the disk.
+    pub(super) fn note(&self, seq: u64) -> io::Result<()> {
+        let number = format!("{seq:020}");
+        let line = format!("acknowledged {number} {:08x}\n", check_sum(number.as_bytes()));
+        self.file.write_all_at(line.as_bytes(), MARK_AT)
+    }
+
+    /// The same, and waits for the disk.
+    pub(super) fn note_and_sync(&self, seq: u64) -> io::Result<()> {
+        self.note(seq)?;
+        self.file.sync_data()
+    }
+}
+
+/// What was acknowledged last according to the file beside a ledger.
+pub(super) fn acknowledged(ledger: &Path) -> Option<u64> {
+    std::fs::read_to_string(lock_path(ledger)).ok().and_then(|text| mark(&text))
+}
+
+fn text(file: &File) -> String {
+    let mut bytes = [0; 128];
+    let length = file.read_at(&mut bytes, 0).unwrap_or(0);
+    String::from_utf8_lossy(&bytes[..length]).into_owned()
+}
+
+fn pid(text: &str) -> Option<u32> {
+    text.lines().next()?.strip_prefix("pid ")?.trim().parse().ok()
+}
+
+fn mark(text: &str) -> Option<u64> {
+    let (number, sum) = text.lines().nth(1)?.strip_prefix("acknowledged ")?.split_once(' ')?;
+    let right = u32::from_str_radix(sum, 16) == Ok(check_sum(number.as_bytes()));
+    if right { number.parse().ok() } else { None }
+}

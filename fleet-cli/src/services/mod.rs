@@ -1,0 +1,4 @@
+//! What runs for the fleet's sake rather than for one command.
+
+pub mod dispatch;
+pub mod ledger;
