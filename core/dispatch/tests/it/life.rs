@@ -353,7 +353,7 @@ fn a_robot_that_does_not_confirm_is_named_and_the_task_ends_later() {
     assert_eq!((change.id, change.state), (id, Some(TaskState::Cancelling)));
     let error = change.error.unwrap();
     assert!(error.code == DispatchCode::Unconfirmed && error.message.contains("xtb-1"), "{error:?}");
-    bench.run_ms(5000);
+    bench.run_ms(6000);
     assert_eq!(bench.state(id), TaskState::Cancelled);
     assert!(bench.reason(id).contains("ended by its own policy"), "{}", bench.reason(id));
 }
@@ -425,11 +425,11 @@ fn a_deadline_that_passes_stops_the_robot() {
 #[test]
 fn a_robot_that_leaves_gives_its_task_back_after_the_grace_and_not_before() {
     let mut bench = Bench::new(2);
-    let id = bench.submit(TaskSpec { grace_s: 5.0, ..goto(1.0, 4.0) });
+    let id = bench.submit(TaskSpec { grace_s: 15.0, ..goto(1.0, 4.0) });
     bench.run_ms(1000);
     let first = bench.robot_of(id).unwrap();
     bench.cut[first] = true;
-    bench.run_ms(4500);
+    bench.run_ms(14_500);
     assert_eq!(bench.robot_of(id), Some(first));
     bench.run_ms(1500);
     assert_eq!(bench.robot_of(id), Some(1 - first));
