@@ -13,12 +13,12 @@ mod nav;
 mod request;
 mod sim;
 mod state;
+mod task;
 
 pub use assign::{Assignment, Errand, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG};
 pub use dispatch::{
-    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, MAX_POINTS,
-    MAX_PRIORITY, MAX_SUBMISSION, NoTaskId, OnTakeover, TaskChange, TaskEvent, TaskHistory, TaskId, TaskKind,
-    TaskList, TaskSpec, TaskState, TaskStep, TaskView, Waypoint, Who,
+    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
+    MAX_SUBMISSION, TaskChange, TaskEvent, TaskHistory, TaskList, TaskStep, TaskView,
 };
 pub use fault::{Fault, FaultState};
 pub use latch::{Latch, LatchState};
@@ -39,6 +39,9 @@ pub use state::{
     About, BatteryLevel, Event, EventKind, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, LeaseState,
     Limits, ObstacleView, ParameterInfo, PoseSource, PoseState, Rejected, RobotState, Sensors, StopReason,
     TiltState,
+};
+pub use task::{
+    MAX_POINTS, MAX_PRIORITY, NoTaskId, OnTakeover, TaskId, TaskKind, TaskSpec, TaskState, Waypoint, Who,
 };
 
 use crate::codec::CodecError;
