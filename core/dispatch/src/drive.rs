@@ -51,8 +51,10 @@ pub fn look(eye: Eye<'_>, task: &Task, robot: &Robot) -> Option<News> {
     }
     let seen = robot.seen.as_ref()?;
     if task.wants_to_end() {
-        let confirmed = robot.withdrawn.is_some_and(|seq| seq >= assigned.seq);
-        return confirmed.then(|| ended(task));
+        return robot.has_let_go(assigned.seq).then(|| ended(task));
+    }
+    if let Some((_, news)) = robot.leaving.as_ref().filter(|(seq, _)| *seq == assigned.seq) {
+        return robot.has_let_go(assigned.seq).then(|| news.clone());
     }
     if task.state == TaskState::Held {
         return held(eye, task, assigned, robot, seen);
@@ -180,11 +182,8 @@ fn tried(eye: Eye<'_>, task: &Task, why: String) -> News {
 /// It was taken over, or told to stop: what the task's policy says.
 fn held(eye: Eye<'_>, task: &Task, assigned: &Assigned, robot: &Robot, seen: &Seen) -> Option<News> {
     let waited_ms = eye.now_ms.saturating_sub(task.since_ms);
-    let ours = seen.running().is_some_and(|goal| {
-        Assignment::of_goal(eye.ledger, goal.id).is_some_and(|(seq, _)| seq == assigned.seq)
-    });
-    if ours {
-        return None; // it is withdrawn first
+    if !robot.has_let_go(assigned.seq) {
+        return None;
     }
     let given_back = robot.taken_by(eye.me).is_none()
         && seen.running().is_none()
@@ -198,6 +197,19 @@ fn held(eye: Eye<'_>, task: &Task, assigned: &Assigned, robot: &Robot, seen: &Se
         OnTakeover::Requeue => (waited_ms >= task.grace_ms())
             .then(|| News::queued(eye.now_ms, task.reason.clone().unwrap_or_default())),
     }
+}
+
+/// Whether a task may leave a robot that is there only when that has confirmed: a request of ours may be
+/// on its way yet, unless the drive has begun and ended.
+#[must_use]
+pub fn has_to_confirm(eye: Eye<'_>, task: &Task, robot: &Robot, news: &News) -> bool {
+    let leaves = matches!(news, News::Became(Change::Queued { .. } | Change::Ended { .. }, _));
+    let (Some(assigned), Some(seen)) = (&task.assigned, &robot.seen) else { return false };
+    let goal = task.assignment(eye.ledger).and_then(|assignment| seen.goal(assignment.goal_id()));
+    leaves
+        && robot.is_there(eye.now_ms, eye.settings)
+        && !goal.is_some_and(|goal| goal.status.is_final())
+        && !robot.has_let_go(assigned.seq)
 }
 
 /// What a refusal of a drive says of its task.
@@ -237,7 +249,11 @@ pub fn duty(eye: Eye<'_>, task: Option<&Task>, robot: &Robot) -> Option<Purpose>
         return Some(Purpose::Withdraw { seq });
     }
     let free = seen.holder.is_none() || seen.holder.as_ref() == Some(eye.me);
-    let Some(task) = task.filter(|task| task.wants_to_drive()) else {
+    let leaving = robot.leaving.as_ref().map(|(seq, _)| *seq);
+    let drives = |task: &&Task| {
+        task.wants_to_drive() && leaving != task.assigned.as_ref().map(|assigned| assigned.seq)
+    };
+    let Some(task) = task.filter(drives) else {
         let idle_ms = eye.now_ms.saturating_sub(robot.idle_since_ms);
         let lingers = task.is_none() && idle_ms < eye.settings.linger_ms;
         return (robot.operator.lease().is_some() && !lingers).then_some(Purpose::Release);
@@ -257,13 +273,13 @@ pub fn duty(eye: Eye<'_>, task: Option<&Task>, robot: &Robot) -> Option<Purpose>
 
 /// The number of an assignment that the robot may drive for and that nobody wants.
 fn unwanted(eye: Eye<'_>, task: Option<&Task>, robot: &Robot, seen: &Seen) -> Option<u64> {
-    let wanted = task.filter(|task| task.wants_to_drive()).and_then(|task| task.assigned.as_ref());
-    let ending = task.filter(|task| task.wants_to_end()).and_then(|task| task.assigned.as_ref());
-    if let Some(assigned) = ending
-        && robot.withdrawn.is_none_or(|seq| seq < assigned.seq)
-    {
+    let assigned = task.and_then(|task| task.assigned.as_ref());
+    let leaves = |seq: u64| robot.leaving.as_ref().is_some_and(|(leaving, _)| *leaving == seq);
+    let rests = task.is_some_and(Task::shall_rest) || assigned.is_some_and(|assigned| leaves(assigned.seq));
+    if let Some(assigned) = assigned.filter(|assigned| rests && !robot.has_let_go(assigned.seq)) {
         return Some(assigned.seq);
     }
+    let wanted = assigned.filter(|_| !rests);
     let (seq, _) = Assignment::of_goal(eye.ledger, seen.running()?.id)?;
     wanted.is_none_or(|assigned| assigned.seq != seq).then_some(seq)
 }

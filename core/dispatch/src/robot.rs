@@ -1,5 +1,6 @@
 //! What is known of a robot now: learned from its state, forgotten at a restart.
 
+use crate::drive::News;
 use crate::settings::Settings;
 use std::collections::{BTreeMap, BTreeSet};
 use xtb_authority::faults::stops;
@@ -152,6 +153,8 @@ pub struct Robot {
     pub acked: Option<(u64, u32, u64)>,
     /// The last assignment whose withdrawal it has confirmed, in this boot.
     pub withdrawn: Option<u64>,
+    /// What becomes of its task as soon as it has confirmed to let go of this assignment.
+    pub leaving: Option<(u64, News)>,
     /// Since when something is in the way of its goal.
     pub blocked_ms: Option<u64>,
     /// Since when nobody else holds it.
@@ -180,6 +183,7 @@ impl Robot {
             cannot: BTreeMap::new(),
             acked: None,
             withdrawn: None,
+            leaving: None,
             blocked_ms: None,
             ours_since_ms: now_ms,
             idle_since_ms: now_ms,
@@ -197,6 +201,7 @@ impl Robot {
             self.operator = Operator::default();
             (self.flight, self.acked, self.withdrawn, self.ask_at_ms) = (None, None, None, 0);
             self.cannot.clear();
+            self.leaving = None;
         }
         let seen = Seen::of(state);
         if seen.holder.as_ref().is_some_and(|holder| holder != me) {
@@ -205,6 +210,12 @@ impl Robot {
         let blocked = seen.running().is_some_and(|goal| goal.status == GoalStatus::Blocked);
         self.blocked_ms = if blocked { self.blocked_ms.or(Some(now_ms)) } else { None };
         (self.seen, self.heard_ms) = (Some(seen), now_ms);
+    }
+
+    /// Whether it has confirmed that it will never drive for this assignment.
+    #[must_use]
+    pub fn has_let_go(&self, seq: u64) -> bool {
+        self.withdrawn.is_some_and(|withdrawn| withdrawn >= seq)
     }
 
     /// How long it has been silent, in ms.

@@ -13,9 +13,10 @@ pub struct Settings {
     pub max_unwritten: usize,
     /// A robot without a state for this long is silent.
     pub silent_ms: u64,
-    /// A silent robot's `halt` goal has surely ended after this much without a request of ours.
+    /// A silent robot's `halt` goal has surely ended after this much without a request of ours: its own
+    /// 0.5 s, and as long as the network may hold a request up.
     pub halted_ms: u64,
-    /// Longer than any `finish` goal outlasts its bound.
+    /// A `finish` goal has surely ended so long after its bound: as long as the network may hold a request up.
     pub finish_margin_ms: u64,
     /// A cancelled task's robot has this long to confirm before the answer says that it has not.
     pub confirm_ms: u64,
@@ -53,8 +54,8 @@ impl Default for Settings {
             max_waiting: 256,
             max_unwritten: 40_000,
             silent_ms: 1_500,
-            halted_ms: 2_000,
-            finish_margin_ms: 5_000,
+            halted_ms: 10_000,
+            finish_margin_ms: 10_000,
             confirm_ms: 5_000,
             ask_for_ms: 2_000,
             pause_ms: 500,

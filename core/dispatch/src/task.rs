@@ -195,6 +195,12 @@ impl Task {
         matches!(self.state, TaskState::Paused | TaskState::Cancelling) && self.assigned.is_some()
     }
 
+    /// Its robot shall not drive for it.
+    #[must_use]
+    pub fn shall_rest(&self) -> bool {
+        self.wants_to_end() || (self.state == TaskState::Held && self.assigned.is_some())
+    }
+
     /// A robot was chosen.
     pub(crate) fn assign(&mut self, at_ms: u64, robot: Name, seq: u64) {
         self.assigned = Some(Assigned { robot, seq, at_ms });

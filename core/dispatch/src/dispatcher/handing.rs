@@ -21,14 +21,23 @@ impl Dispatcher {
     pub(super) fn record(&mut self, now_ms: u64, id: TaskId, news: News) {
         let Some(task) = self.book.task(id) else { return };
         let Some(assigned) = task.assigned.as_ref().or(task.last.as_ref()) else { return };
+        let (seq, name) = (assigned.seq, assigned.robot.clone());
+        let Some(ledger) = self.book.ledger() else { return };
+        let eye = Eye { now_ms, ledger, me: &self.identity.me, settings: &self.settings };
+        if let Some(robot) = self.robots.get_mut(&name)
+            && drive::has_to_confirm(eye, task, robot, &news)
+        {
+            robot.leaving = Some((seq, news));
+            return;
+        }
         let records = match news {
             News::Became(change, why) => vec![Record::Became { task: id, change, why }],
             News::Renew => {
                 let seq = self.book.next_seq() + self.writer.new_seqs();
-                vec![Record::Assigned { task: id, robot: assigned.robot.clone(), seq }]
+                vec![Record::Assigned { task: id, robot: name, seq }]
             }
             News::Reached => {
-                let (seq, leg) = (assigned.seq, task.legs_done);
+                let leg = task.legs_done;
                 let mut records = vec![Record::Reached { task: id, seq, leg }];
                 if task.is_all(leg + 1, now_ms) {
                     let change = Change::Ended { ending: Ending::Done };

@@ -158,6 +158,14 @@ impl Dispatcher {
         }
     }
 
+    /// Whether the robot of a held task has not confirmed yet that it will not drive for it.
+    fn still_has(&self, task: &Task) -> bool {
+        let assigned = task.assigned.as_ref().filter(|_| task.state == TaskState::Held);
+        assigned.is_some_and(|assigned| {
+            !self.robots.get(&assigned.robot).is_some_and(|robot| robot.has_let_go(assigned.seq))
+        })
+    }
+
     fn go_on(&mut self, now_ms: u64, waiting: &mut Waiting) {
         let Waiting { by, verb, until_ms, tasks, .. } = waiting;
         for (id, change) in tasks.iter_mut().filter(|(_, change)| change.is_none()) {
@@ -167,7 +175,7 @@ impl Dispatcher {
             };
             let state = Some(task.state);
             let done = |error| Some(TaskChange { id: *id, state, error });
-            let wait = self.writer.has_task(*id);
+            let wait = self.writer.has_task(*id) || (*verb == Verb::Resume && self.still_has(task));
             match if wait { Progress::Wait } else { progress(*verb, task, by) } {
                 Progress::Done => *change = done(None),
                 Progress::Wrong(what) => {

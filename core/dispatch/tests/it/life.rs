@@ -23,6 +23,8 @@ struct Bench {
     /// Robots that neither hear nor are heard.
     cut: Vec<bool>,
     full: bool,
+    /// The network holds assignments up: here they are.
+    held_up: Option<Vec<Request>>,
     asked: u64,
     answers: Vec<(u64, DispatchOutcome)>,
     /// Requests to robots but for retains.
@@ -58,6 +60,7 @@ impl Bench {
             robots: (1..=robots).map(|i| FakeRobot::new(&format!("xtb-{i}"), (i as f64, 0.0))).collect(),
             cut: vec![false; robots],
             full: false,
+            held_up: None,
             asked: 0,
             answers: Vec::new(),
             asks: Vec::new(),
@@ -106,6 +109,9 @@ impl Bench {
         let i = self.robots.iter().position(|robot| robot.name == *name).unwrap();
         if self.cut[i] {
             return;
+        }
+        if let (Body::Assign { .. }, Some(held_up)) = (&request.body, &mut self.held_up) {
+            return held_up.push(request.clone());
         }
         if let Some(reply) = self.robots[i].request(self.now_ms, &me(), request) {
             self.dispatcher.replied(self.now_ms, name, &reply);
@@ -353,7 +359,7 @@ fn a_robot_that_does_not_confirm_is_named_and_the_task_ends_later() {
     assert_eq!((change.id, change.state), (id, Some(TaskState::Cancelling)));
     let error = change.error.unwrap();
     assert!(error.code == DispatchCode::Unconfirmed && error.message.contains("xtb-1"), "{error:?}");
-    bench.run_ms(5000);
+    bench.run_ms(6000);
     assert_eq!(bench.state(id), TaskState::Cancelled);
     assert!(bench.reason(id).contains("ended by its own policy"), "{}", bench.reason(id));
 }
@@ -425,11 +431,11 @@ fn a_deadline_that_passes_stops_the_robot() {
 #[test]
 fn a_robot_that_leaves_gives_its_task_back_after_the_grace_and_not_before() {
     let mut bench = Bench::new(2);
-    let id = bench.submit(TaskSpec { grace_s: 5.0, ..goto(1.0, 4.0) });
+    let id = bench.submit(TaskSpec { grace_s: 15.0, ..goto(1.0, 4.0) });
     bench.run_ms(1000);
     let first = bench.robot_of(id).unwrap();
     bench.cut[first] = true;
-    bench.run_ms(4500);
+    bench.run_ms(14_500);
     assert_eq!(bench.robot_of(id), Some(first));
     bench.run_ms(1500);
     assert_eq!(bench.robot_of(id), Some(1 - first));
@@ -452,6 +458,23 @@ fn a_latched_robot_gives_its_task_to_another_at_once() {
         steps.iter().any(|step| step.reason.as_deref().is_some_and(|why| why.contains("latched: estop")))
     );
     assert_eq!(bench.dispatcher.book().task(id).unwrap().failures, 0);
+}
+
+#[test]
+fn an_assignment_that_was_held_up_begins_nothing_once_its_task_has_left() {
+    let mut bench = Bench::new(2);
+    bench.held_up = Some(Vec::new());
+    let id = bench.submit(goto(1.0, 4.0));
+    bench.run_ms(500);
+    let first = bench.robot_of(id).unwrap();
+    let late = bench.held_up.take().unwrap().remove(0);
+    bench.robots[first].latch();
+    bench.run_ms(1000);
+    assert_eq!(bench.robot_of(id), Some(1 - first));
+    bench.robots[first].latched = false;
+    bench.robots[first].request(bench.now_ms, &me(), &late);
+    assert!(bench.robots[first].running().is_none());
+    assert!(bench.asks.iter().any(|(_, body)| matches!(body, Body::Withdraw { .. })));
 }
 
 #[test]

@@ -16,13 +16,13 @@ mod request;
 mod sensors;
 mod sim;
 mod state;
+mod task;
 
 pub use about::{About, Limits, ParameterInfo};
 pub use assign::{Assignment, Errand, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG};
 pub use dispatch::{
-    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, MAX_POINTS,
-    MAX_PRIORITY, MAX_SUBMISSION, NoTaskId, OnTakeover, TaskChange, TaskEvent, TaskHistory, TaskId, TaskKind,
-    TaskList, TaskSpec, TaskState, TaskStep, TaskView, Waypoint, Who,
+    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
+    MAX_SUBMISSION, TaskChange, TaskEvent, TaskHistory, TaskList, TaskStep, TaskView,
 };
 pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};
@@ -44,6 +44,9 @@ pub use sim::{Roster, RosterEntry, Truth, TruthRobot};
 pub use state::{
     BatteryLevel, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, LeaseState, ObstacleView, PoseSource,
     PoseState, Rejected, RobotState, StopReason, TiltState,
+};
+pub use task::{
+    MAX_POINTS, MAX_PRIORITY, NoTaskId, OnTakeover, TaskId, TaskKind, TaskSpec, TaskState, Waypoint, Who,
 };
 
 use crate::codec::CodecError;
