@@ -3,6 +3,7 @@
 //! Router on port 0, multicast off, a seed, and [`eventually`] instead of sleeps: any number of
 //! these run side by side.
 
+pub mod dispatch;
 pub mod fuzz;
 pub mod live;
 pub mod load;

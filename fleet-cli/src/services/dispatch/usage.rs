@@ -9,8 +9,8 @@ use xtb_protocol::messages::{RobotState, TaskState, TaskStep};
 const LEAP_M: f64 = 0.5;
 /// Slower than this is standing.
 const STANDS_MPS: f64 = 0.02;
-/// Looks further apart than this count as this: whoever did not look does not know.
-const LONGEST_LOOK_MS: u64 = 1_000;
+/// States further apart than this count as this: whoever did not look does not know.
+const LONGEST_LOOK_MS: u64 = 2_000;
 
 /// How a robot spent its time, in s, and what came of it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -35,18 +35,28 @@ pub struct Usage {
     /// What each did.
     pub robots: BTreeMap<Name, Spent>,
     #[serde(skip)]
-    last: BTreeMap<Name, (u64, f64, f64)>,
+    last: BTreeMap<Name, Last>,
+}
+
+/// A robot at its last state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Last {
+    epoch: u64,
+    tick_ms: u64,
+    x_m: f64,
+    y_m: f64,
 }
 
 impl Usage {
-    /// A robot's state, and whether it has a task.
-    pub fn look(&mut self, now_ms: u64, state: &RobotState, has_task: bool) {
-        let (x_m, y_m) = (state.pose.x_m, state.pose.y_m);
+    /// A robot's state, and whether it has a task. Time is the robot's: simulated for simulated ones.
+    pub fn look(&mut self, state: &RobotState, has_task: bool) {
         let spent = self.robots.entry(state.robot.clone()).or_default();
-        let last = self.last.insert(state.robot.clone(), (now_ms, x_m, y_m));
-        let Some((before_ms, from_x_m, from_y_m)) = last else { return };
-        let took_s = now_ms.saturating_sub(before_ms).min(LONGEST_LOOK_MS) as f64 / 1000.0;
-        let drove_m = (x_m - from_x_m).hypot(y_m - from_y_m);
+        let RobotState { epoch, tick_ms, .. } = *state;
+        let now = Last { epoch, tick_ms, x_m: state.pose.x_m, y_m: state.pose.y_m };
+        let last = self.last.insert(state.robot.clone(), now);
+        let Some(last) = last.filter(|last| last.epoch == epoch) else { return };
+        let took_s = tick_ms.saturating_sub(last.tick_ms).min(LONGEST_LOOK_MS) as f64 / 1000.0;
+        let drove_m = (now.x_m - last.x_m).hypot(now.y_m - last.y_m);
         let drives = state.speed_mps.is_some_and(|speed_mps| speed_mps.abs() > STANDS_MPS);
         // Fixes shift the pose of a robot that stands.
         if drives && drove_m < LEAP_M {

@@ -152,7 +152,7 @@ impl Work {
             }
             self.dispatcher.state(now_ms, &seen.state);
             let has_task = self.dispatcher.book().on(&name).is_some();
-            self.usage.look(now_ms, &seen.state, has_task);
+            self.usage.look(&seen.state, has_task);
         }
         let busy = self.dispatcher.book().open_count() > 0;
         let due = if busy { COMPACT_BUSY_AT } else { COMPACT_AT };

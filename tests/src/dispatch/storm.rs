@@ -1,0 +1,392 @@
+//! A fleet that works through tasks while its dispatcher, or its robots, are killed at random times; and the
+//! reckoning at the end: nothing that was acknowledged is lost, nothing is done twice.
+
+use super::witness::{Reached, Written};
+use super::{Asker, Serve, Witness, route};
+use crate::processes::{Process, Signal, program};
+use crate::{Fleet, Setup, eventually, name};
+use rand_core::Rng;
+use rand_pcg::Pcg32;
+use std::collections::BTreeSet;
+use std::fmt;
+use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use xtb_protocol::Name;
+use xtb_protocol::messages::{
+    DispatchBody, DispatchOutcome, LinkLoss, TaskId, TaskList, TaskSpec, TaskState,
+};
+use xtb_sim::World;
+use xtb_sim::fixes::FixTruth;
+
+/// Room and points: nobody has to stand where another one stands, mostly.
+const ROOM: &str = "[room]\nwidth_m = 9.0\ndepth_m = 9.0\n";
+const REACH_M: f64 = 3.2;
+/// A victim is left alone for at most so long, in ms.
+const LONGEST_LIFE_MS: u32 = 1_500;
+/// A submission is given this long: the dispatcher is killed again and again meanwhile.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// Without any task ended for this long, what is left is stuck.
+const STUCK: Duration = Duration::from_secs(300);
+/// A robot that was killed this soon after it had reached a goal may have told nobody.
+const UNTOLD: Duration = Duration::from_secs(2);
+
+/// Who is killed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Whom {
+    /// The dispatcher's process.
+    Dispatcher,
+    /// Robots' agents, one at a time, which are processes of their own.
+    Robots,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy)]
+pub struct Storm {
+    /// Who is killed.
+    pub whom: Whom,
+    /// How often.
+    pub kills: usize,
+    /// Tasks of a round; a new one begins while kills are left.
+    pub tasks: usize,
+    /// Robots.
+    pub robots: usize,
+    /// Seed of tasks and times.
+    pub seed: u64,
+    /// Times real time; 1 where agents are processes.
+    pub speed: f64,
+}
+
+/// What came of it.
+#[derive(Debug, Clone, Default)]
+pub struct Totals {
+    /// Kills.
+    pub kills: usize,
+    /// Submissions that were acknowledged.
+    pub submissions: usize,
+    /// Those of them that had to be asked more than once.
+    pub asked_again: usize,
+    /// Tasks that were acknowledged.
+    pub acknowledged: usize,
+    /// Acknowledged tasks that the ledger does not hold.
+    pub lost: Vec<TaskId>,
+    /// Tasks in the ledger that nobody was given.
+    pub doubled: Vec<TaskId>,
+    /// Acknowledged tasks that are done.
+    pub done: usize,
+    /// Tasks that have failed, and why.
+    pub failed: Vec<String>,
+    /// Tasks that had not ended when nothing went on any more.
+    pub stuck: Vec<String>,
+    /// Drives that robots reported as reached.
+    pub drives: usize,
+    /// Drives that were reached twice by a robot that was not killed at that time.
+    pub repeated: Vec<String>,
+    /// Drives that were reached twice, as the robot was killed before it could tell.
+    pub untold: Vec<String>,
+    /// Drives that the ledger has as done, and no robot has reported.
+    pub undriven: Vec<String>,
+    /// Contacts of the trucks.
+    pub contacts: u64,
+    /// Records in the ledger.
+    pub records: usize,
+    /// How long each start of the dispatcher took.
+    pub ready: Vec<Duration>,
+    /// Real time of all.
+    pub took: Duration,
+}
+
+impl Totals {
+    /// Nothing lost, nothing double.
+    #[must_use]
+    pub fn is_kept(&self) -> bool {
+        let empty = [&self.failed, &self.stuck, &self.repeated, &self.undriven];
+        let whole =
+            self.lost.is_empty() && self.doubled.is_empty() && empty.iter().all(|list| list.is_empty());
+        whole && self.done == self.acknowledged && self.contacts == 0
+    }
+}
+
+impl fmt::Display for Totals {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut ready: Vec<u128> = self.ready.iter().map(Duration::as_millis).collect();
+        ready.sort_unstable();
+        let at = |part: usize| ready.get((ready.len() * part / 100).min(ready.len().saturating_sub(1)));
+        let ms = |part| at(part).map_or_else(|| "-".to_owned(), ToString::to_string);
+        writeln!(
+            f,
+            "{} kills in {:.0} s; {} tasks acknowledged in {} submissions ({} asked again), {} done, {} failed, \
+             {} stuck",
+            self.kills,
+            self.took.as_secs_f64(),
+            self.acknowledged,
+            self.submissions,
+            self.asked_again,
+            self.done,
+            self.failed.len(),
+            self.stuck.len()
+        )?;
+        writeln!(
+            f,
+            "lost {}, submitted double {}; {} drives, repeated {}, repeated as the robot was killed before it \
+             could tell {}, not driven {}; {} contacts, {} records",
+            self.lost.len(),
+            self.doubled.len(),
+            self.drives,
+            self.repeated.len(),
+            self.untold.len(),
+            self.undriven.len(),
+            self.contacts,
+            self.records
+        )?;
+        write!(f, "ready after ms: median {}, 99 % {}, longest {}", ms(50), ms(99), ms(100))?;
+        let lists = [&self.failed, &self.stuck, &self.repeated, &self.untold, &self.undriven];
+        for line in lists.into_iter().flatten() {
+            write!(f, "\n  {line}")?;
+        }
+        for id in self.lost.iter().chain(&self.doubled) {
+            write!(f, "\n  {id} lost or double")?;
+        }
+        Ok(())
+    }
+}
+
+/// What submitters were told.
+#[derive(Debug, Default)]
+struct Told {
+    tasks: BTreeSet<TaskId>,
+    submissions: usize,
+    asked_again: usize,
+}
+
+impl Storm {
+    /// Lets it pass over a fleet whose ledger is in this folder.
+    ///
+    /// # Panics
+    /// If something does not start, or Zenoh fails.
+    pub async fn pass(&self, folder: &Path, mut each: impl FnMut(usize)) -> Totals {
+        let began = Instant::now();
+        let mut dice = Pcg32::new(self.seed, 0xd15a);
+        let ledger = folder.join("storm.ledger");
+        let apart = self.whom == Whom::Robots;
+        let setup = Setup {
+            robots: self.robots,
+            speed: if apart { 1.0 } else { self.speed },
+            seed: self.seed,
+            world: Some(World::from_toml(ROOM).unwrap_or_else(|error| panic!("{error}"))),
+            pty: apart.then(|| folder.to_owned()),
+            fixes: FixTruth { rate_hz: 2.0, ..FixTruth::default() },
+            ..Setup::default()
+        };
+        let fleet = Fleet::start(setup).await;
+        let mut agents = Agents::start(&fleet, if apart { Some(folder) } else { None }).await;
+        let witness = Witness::listen(&fleet.bus).await;
+        let mut serve = Serve::start(fleet.simulator.endpoint(), &ledger);
+        let mut ready = vec![serve.ready_within];
+        let asker = Asker::connect(fleet.simulator.endpoint(), "storm").await;
+        let (told, enough) = (Arc::<Mutex<Told>>::default(), Arc::<AtomicBool>::default());
+        let work = submit(asker.clone(), told.clone(), enough.clone(), self.tasks, self.seed);
+        let submitting = tokio::spawn(work);
+
+        let mut killed = Vec::new();
+        for kill in 0..self.kills {
+            let life_ms = u64::from(dice.next_u32() % LONGEST_LIFE_MS);
+            tokio::time::sleep(Duration::from_millis(life_ms)).await;
+            match self.whom {
+                Whom::Dispatcher => {
+                    serve.kill();
+                    serve.restart();
+                    ready.push(serve.ready_within);
+                }
+                Whom::Robots => {
+                    let number = dice.next_u32() as usize % self.robots + 1;
+                    killed.push((name(&format!("xtb-{number}")), Instant::now()));
+                    agents.kill_and_restart(&fleet, number).await;
+                }
+            }
+            each(kill + 1);
+        }
+        enough.store(true, Ordering::Relaxed);
+        submitting.await.unwrap_or_else(|error| panic!("{error}"));
+        let list = until_ended(&asker).await;
+        let written = Written::read(&ledger);
+        let told = std::mem::take(&mut *lock(&told));
+        let mut totals = reckon(&told, &list, &written, &witness, &killed);
+        let truth = fleet.simulator.truth().latest();
+        totals.contacts = truth.robots.values().map(|robot| robot.contacts).sum();
+        (totals.kills, totals.ready) = (self.kills, ready);
+        drop((serve, agents, witness));
+        fleet.end().await;
+        totals.took = began.elapsed();
+        totals
+    }
+}
+
+fn lock(told: &Mutex<Told>) -> std::sync::MutexGuard<'_, Told> {
+    told.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Submits rounds of tasks until there is enough; each submission with one id until it is acknowledged.
+async fn submit(asker: Asker, told: Arc<Mutex<Told>>, enough: Arc<AtomicBool>, round: usize, seed: u64) {
+    let mut dice = Pcg32::new(seed, 0x5ab);
+    loop {
+        let mut left = round;
+        while left > 0 {
+            let count = (dice.next_u32() as usize % 4 + 1).min(left);
+            left -= count;
+            let tasks: Vec<TaskSpec> = (0..count).map(|_| task(&mut dice)).collect();
+            let (outcome, asked) = asker.ask_until(DispatchBody::Submit { tasks }, PATIENCE).await;
+            let DispatchOutcome::Submitted(ids) = outcome else { panic!("not taken: {outcome:?}") };
+            assert_eq!(ids.len(), count, "so many were submitted");
+            note(&mut lock(&told), ids, asked);
+            tokio::time::sleep(Duration::from_millis(u64::from(dice.next_u32() % 300))).await;
+        }
+        // The next round begins when this one is nearly over.
+        loop {
+            if enough.load(Ordering::Relaxed) {
+                return;
+            }
+            let open = |list: TaskList| list.tasks.iter().filter(|task| !task.state.is_final()).count();
+            if asker.list().await.is_some_and(|list| open(list) < 10) {
+                break;
+            }
+            tokio::time::sleep(Duration::from_millis(200)).await;
+        }
+    }
+}
+
+/// A submission was acknowledged.
+fn note(told: &mut Told, ids: Vec<TaskId>, asked: u32) {
+    told.submissions += 1;
+    told.asked_again += usize::from(asked > 1);
+    for id in ids {
+        assert!(told.tasks.insert(id), "{id} was given to two submissions");
+    }
+}
+
+/// One or two drives; it is begun anew as often as needed.
+fn task(dice: &mut Pcg32) -> TaskSpec {
+    let mut share = || f64::from(dice.next_u32()) / f64::from(u32::MAX);
+    let mut point = || (REACH_M * (2.0 * share() - 1.0), REACH_M * (2.0 * share() - 1.0));
+    let points = [point(), point()];
+    let drives = if share() < 0.5 { 1 } else { 2 };
+    // One that goes on without its dispatcher may be there before the next one has started.
+    let on_link_loss = if share() < 0.5 { LinkLoss::Finish } else { LinkLoss::Halt };
+    TaskSpec { retries: 100, on_link_loss, finish_s: 60.0, ..route(&points[..drives]) }
+}
+
+/// Waits until every task has ended, or nothing goes on any more.
+async fn until_ended(asker: &Asker) -> TaskList {
+    let (mut ended_before, mut since) = (0, Instant::now());
+    loop {
+        if let Some(list) = asker.list().await {
+            let ended = list.tasks.iter().filter(|task| task.state.is_final()).count();
+            if ended == list.tasks.len() || since.elapsed() > STUCK {
+                return list;
+            }
+            if ended > ended_before {
+                (ended_before, since) = (ended, Instant::now());
+            }
+        }
+        tokio::time::sleep(Duration::from_millis(200)).await;
+    }
+}
+
+fn reckon(
+    told: &Told,
+    list: &TaskList,
+    written: &Written,
+    witness: &Witness,
+    killed: &[(Name, Instant)],
+) -> Totals {
+    let mut totals = Totals {
+        submissions: told.submissions,
+        asked_again: told.asked_again,
+        acknowledged: told.tasks.len(),
+        lost: told.tasks.difference(&written.submitted).copied().collect(),
+        doubled: written.submitted.difference(&told.tasks).copied().collect(),
+        records: written.records,
+        ..Totals::default()
+    };
+    for task in &list.tasks {
+        let line = || format!("{} {:?} on {:?}: {:?}", task.id, task.state, task.robot, task.reason);
+        match task.state {
+            TaskState::Done => totals.done += usize::from(told.tasks.contains(&task.id)),
+            state if state.is_final() => totals.failed.push(line()),
+            _ => totals.stuck.push(line()),
+        }
+    }
+    let drives = witness.drives(written);
+    totals.drives = drives.values().map(Vec::len).sum();
+    for ((task, leg), reached) in &drives {
+        let [first, _, ..] = reached.as_slice() else { continue };
+        let line =
+            format!("{task} drive {leg} was reached {} times, first by {}", reached.len(), first.robot);
+        let list = if was_killed(first, killed) { &mut totals.untold } else { &mut totals.repeated };
+        list.push(line);
+    }
+    let driven = |drive: &(TaskId, u32)| drives.contains_key(drive);
+    let undriven = written.legs.keys().filter(|drive| !driven(drive));
+    totals.undriven =
+        undriven.map(|(task, leg)| format!("{task} drive {leg} is done, and nobody was there")).collect();
+    totals
+}
+
+fn was_killed(reached: &Reached, killed: &[(Name, Instant)]) -> bool {
+    let soon = |at: Instant| at + UNTOLD >= reached.at && at <= reached.at + UNTOLD;
+    killed.iter().any(|(robot, at)| *robot == reached.robot && soon(*at))
+}
+
+/// Agents as processes of their own, if they are.
+struct Agents {
+    folder: Option<std::path::PathBuf>,
+    processes: Vec<Option<Process>>,
+}
+
+impl Agents {
+    async fn start(fleet: &Fleet, folder: Option<&Path>) -> Self {
+        let robots = fleet.simulator.roster().robots.len();
+        let mut agents =
+            Self { folder: folder.map(Path::to_owned), processes: (0..robots).map(|_| None).collect() };
+        if folder.is_some() {
+            for number in 1..=robots {
+                agents.begin(fleet, number);
+            }
+            eventually("the agents", || async { (fleet.alive().await.len() == robots).then_some(()) }).await;
+        }
+        agents
+    }
+
+    /// Where its truck stands now.
+    fn begin(&mut self, fleet: &Fleet, number: usize) {
+        let Some(lines) = &self.folder else { return };
+        let truth = fleet.truth(number);
+        let line = |device: &str| lines.join(format!("xtb-{number}.{device}"));
+        let mut command = Command::new(program("robot-agent"));
+        command.args(["--hardware", "serial", "--name", &format!("xtb-{number}")]);
+        command.args(["--connect", fleet.simulator.endpoint()]).arg("--board").arg(line("board"));
+        command.arg("--gyro").arg(line("gyro")).arg("--start-pose");
+        command.arg(format!("{:.4},{:.4},{:.4}", truth.x_m, truth.y_m, truth.yaw_rad));
+        self.processes[number - 1] = Some(Process::start(&mut command));
+    }
+
+    async fn kill_and_restart(&mut self, fleet: &Fleet, number: usize) {
+        if let Some(mut process) = self.processes[number - 1].take() {
+            process.signal(Signal::Kill);
+            let _ = process.0.wait();
+        }
+        let stands = || async { (fleet.truth(number).speed_mps == 0.0).then_some(()) };
+        eventually("the truck to stand", stands).await;
+        let key = fleet.robot(number).alive();
+        let gone = || async {
+            let alive = fleet.alive().await;
+            (!alive.contains(&key)).then_some(())
+        };
+        eventually("its death to be known", gone).await;
+        self.begin(fleet, number);
+        let back = || async { fleet.alive().await.contains(&key).then_some(()) };
+        eventually("the agent again", back).await;
+    }
+}
