@@ -32,6 +32,13 @@ const RECOVERY_UNSEEN_M: f64 = 0.10;
 /// Recoveries for one goal.
 const RECOVERIES: u32 = 3;
 
+/// A bend is tight from this part of the tightest one's curvature on.
+const TIGHT: f64 = 0.5;
+/// Speed in it, in m/s.
+const BEND_MPS: f64 = 0.12;
+/// And from so far before it on, in m.
+const BEFORE_BEND_M: f64 = 0.06;
+
 /// A path under way.
 #[derive(Debug, Clone)]
 pub(super) struct Following {
@@ -91,6 +98,18 @@ impl Following {
             held: Held::default(),
         }
     }
+
+    /// On its own path: slowly where the corner that leads, the inner side or the tail gets to floor that no
+    /// beam has passed over, so that a beam that sees something at last is soon enough.
+    fn bend_mps(&self, radius_m: f64) -> f64 {
+        let way_m = self.follower.way_m();
+        let tight = |ahead_m: f64| {
+            let (_, piece) = self.path.at((way_m + ahead_m).min(self.path.length_m()));
+            piece.is_some_and(|piece| piece.curvature_per_m.abs() * radius_m >= TIGHT)
+        };
+        let slowly = self.plan == 0 && (tight(0.0) || tight(BEFORE_BEND_M));
+        if slowly { BEND_MPS } else { f64::MAX }
+    }
 }
 
 impl Navigator {
@@ -114,7 +133,7 @@ impl Navigator {
         };
         let released = Released {
             way_m: release_m.min(free_m),
-            cruise_mps: following.cruise_mps.min(trusted_mps),
+            cruise_mps: following.cruise_mps.min(trusted_mps).min(following.bend_mps(self.car.radius_m)),
             clearance_m: following.clearance_m,
         };
         let drive = following.follower.step(now, &pose, sensed.speed_mps, &released);
