@@ -10,7 +10,7 @@ mod talking;
 
 use crate::book::{Book, BookError};
 use crate::ground::Ground;
-use crate::record::{Entry, Record, VERSION};
+use crate::record::{Entry, Record};
 use crate::robot::Robot;
 use crate::settings::Settings;
 use crate::task::Task;
@@ -119,15 +119,6 @@ impl Dispatcher {
     #[must_use]
     pub fn robots(&self) -> &BTreeMap<Name, Robot> {
         &self.robots
-    }
-
-    /// Everything up to the last entry, to stand in the place of it and of all before; `None` before the
-    /// ledger was opened.
-    #[must_use]
-    pub fn snapshot(&self, now_ms: u64) -> Option<Entry> {
-        self.book.ledger()?;
-        let record = Record::Snapshot(Box::new(self.book.clone()));
-        Some(Entry { v: VERSION, n: self.book.next_n() - 1, at_ms: now_ms, record })
     }
 
     /// Has everything so far written as one snapshot, in the place of all entries before it; it is an entry

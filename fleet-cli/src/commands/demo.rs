@@ -11,6 +11,8 @@ use crate::feed::Feed;
 use crate::interrupt::interrupted;
 use crate::lease::Control;
 use crate::output::Tone;
+use crate::services::dispatch::beside::Beside;
+use crate::services::dispatch::store::{Scratch, Store};
 use crate::simulator::{Plan, Simulator};
 use crate::table::{Cell, Table};
 use crate::tui::picture::{Picture, Scene};
@@ -78,7 +80,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
         started = Simulator::start(plan) => started?,
         () = interrupted() => return Ok(Exit::Interrupted),
     };
-    let driven = drive(ctx, &args, &simulator).await;
+    let driven = accompanied(ctx, &args, &simulator).await;
     let truth = simulator.truth().latest();
     simulator.stop().await;
     let Some(legs) = driven? else { return Ok(Exit::Interrupted) };
@@ -93,6 +95,15 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
     ctx.out.result(&summary, |summary| report(ctx, summary, &legs))?;
     let good = summary.reached == summary.goals && summary.contacts == 0;
     Ok(if good { Exit::Done } else { Exit::Failed })
+}
+
+/// The drives, with a dispatcher beside them that has a ledger of its own for as long.
+async fn accompanied(ctx: &Context, args: &DemoArgs, simulator: &Simulator) -> Result<Option<Vec<Leg>>> {
+    let scratch = Scratch::new();
+    let dispatcher = Beside::start(ctx, simulator, Store::open(scratch.path(), &ctx.fleet)?).await?;
+    let driven = drive(ctx, args, simulator).await;
+    dispatcher.stop().await?;
+    driven
 }
 
 /// Sends every robot to its goals. `None` = interrupted.

@@ -84,6 +84,7 @@ impl DispatchService {
     pub async fn start(client: &Client, store: Store, map: Option<Map>, within: Duration) -> Result<Self> {
         let now = Clock::start();
         let path = store.ledger.path().to_owned();
+        let read = store.entries.len() as u64;
         let dispatcher = recover(now.ms(), &path, store.entries)?;
         let (bus, keys) = (client.bus(), client.keys());
         alone(bus, &keys.dispatch_alive(), within).await?;
@@ -95,7 +96,7 @@ impl DispatchService {
             counters: Counters::default(),
             usage: Usage::default(),
         });
-        let work = work::Work::new(client, now, dispatcher, store.ledger, map, told).await?;
+        let work = work::Work::new(client, now, dispatcher, store.ledger, read, map, told).await?;
         let working = tokio::spawn(run(work, stopped, token));
         Ok(Self { working, standing, stop: Some(stop) })
     }
@@ -162,11 +163,15 @@ async fn alone(bus: &Bus, key: &str, within: Duration) -> Result<()> {
             return Ok(());
         }
         if began.elapsed() > GONE_WITHIN {
-            return Err(Failure::new(Kind::Failed, "this fleet has a dispatcher already")
-                .hint("`fleet-cli tasks` shows what it does; one is enough, or name another --fleet"));
+            return Err(second());
         }
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
+}
+
+fn second() -> Failure {
+    Failure::new(Kind::Failed, "this fleet has a dispatcher already")
+        .hint("`fleet-cli tasks` shows what it does; one is enough, or name another --fleet")
 }
 
 /// Wall clock at the start and monotonic since: it never goes back and does not jump.

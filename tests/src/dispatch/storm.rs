@@ -14,6 +14,7 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use tokio::sync::Notify;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
     DispatchBody, DispatchOutcome, LinkLoss, TaskId, TaskList, TaskSpec, TaskState,
@@ -26,6 +27,10 @@ const ROOM: &str = "[room]\nwidth_m = 9.0\ndepth_m = 9.0\n";
 const REACH_M: f64 = 3.2;
 /// A victim is left alone for at most so long, in ms.
 const LONGEST_LIFE_MS: u32 = 1_500;
+/// Every third victim falls this soon after a submission has left, in ms, at the latest: while it is written.
+const SOON_MS: u32 = 20;
+/// Between two submissions, in ms, at most.
+const LONGEST_PAUSE_MS: u32 = 800;
 /// A submission is given this long: the dispatcher is killed again and again meanwhile.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Without any task ended for this long, what is left is stuck.
@@ -187,13 +192,19 @@ impl Storm {
         let mut ready = vec![serve.ready_within];
         let asker = Asker::connect(fleet.simulator.endpoint(), "storm").await;
         let (told, enough) = (Arc::<Mutex<Told>>::default(), Arc::<AtomicBool>::default());
-        let work = submit(asker.clone(), told.clone(), enough.clone(), self.tasks, self.seed);
+        let left = Arc::<Notify>::default();
+        let hands = (told.clone(), enough.clone(), left.clone());
+        let work = submit(asker.clone(), hands, self.tasks, self.seed);
         let submitting = tokio::spawn(work);
 
         let mut killed = Vec::new();
         for kill in 0..self.kills {
-            let life_ms = u64::from(dice.next_u32() % LONGEST_LIFE_MS);
-            tokio::time::sleep(Duration::from_millis(life_ms)).await;
+            let life = millis(&mut dice, LONGEST_LIFE_MS);
+            let soon = millis(&mut dice, SOON_MS);
+            tokio::select! {
+                () = tokio::time::sleep(life) => {}
+                () = left.notified(), if kill % 3 == 2 => tokio::time::sleep(soon).await,
+            }
             match self.whom {
                 Whom::Dispatcher => {
                     serve.kill();
@@ -228,20 +239,28 @@ fn lock(told: &Mutex<Told>) -> std::sync::MutexGuard<'_, Told> {
     told.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+fn millis(dice: &mut Pcg32, below: u32) -> Duration {
+    Duration::from_millis(u64::from(dice.next_u32() % below))
+}
+
+/// What submitters were told, whether it is enough, and when a submission leaves.
+type Hands = (Arc<Mutex<Told>>, Arc<AtomicBool>, Arc<Notify>);
+
 /// Submits rounds of tasks until there is enough; each submission with one id until it is acknowledged.
-async fn submit(asker: Asker, told: Arc<Mutex<Told>>, enough: Arc<AtomicBool>, round: usize, seed: u64) {
+async fn submit(asker: Asker, (told, enough, sent): Hands, round: usize, seed: u64) {
     let mut dice = Pcg32::new(seed, 0x5ab);
     loop {
         let mut left = round;
         while left > 0 {
-            let count = (dice.next_u32() as usize % 4 + 1).min(left);
+            let count = (dice.next_u32() as usize % 3 + 1).min(left);
             left -= count;
             let tasks: Vec<TaskSpec> = (0..count).map(|_| task(&mut dice)).collect();
+            sent.notify_waiters();
             let (outcome, asked) = asker.ask_until(DispatchBody::Submit { tasks }, PATIENCE).await;
             let DispatchOutcome::Submitted(ids) = outcome else { panic!("not taken: {outcome:?}") };
             assert_eq!(ids.len(), count, "so many were submitted");
             note(&mut lock(&told), ids, asked);
-            tokio::time::sleep(Duration::from_millis(u64::from(dice.next_u32() % 300))).await;
+            tokio::time::sleep(millis(&mut dice, LONGEST_PAUSE_MS)).await;
         }
         // The next round begins when this one is nearly over.
         loop {
@@ -274,7 +293,7 @@ fn task(dice: &mut Pcg32) -> TaskSpec {
     let drives = if share() < 0.5 { 1 } else { 2 };
     // One that goes on without its dispatcher may be there before the next one has started.
     let on_link_loss = if share() < 0.5 { LinkLoss::Finish } else { LinkLoss::Halt };
-    TaskSpec { retries: 100, on_link_loss, finish_s: 60.0, ..route(&points[..drives]) }
+    TaskSpec { retries: 100, on_link_loss, finish_s: 300.0, ..route(&points[..drives]) }
 }
 
 /// Waits until every task has ended, or nothing goes on any more.

@@ -1,5 +1,6 @@
 //! Separate processes: serial lines, real kills, and clients in another language.
 
+use fleet_tests::dispatch::{Asker, Serve, goto};
 use fleet_tests::processes::{Process, program};
 use fleet_tests::{Fleet, Setup, eventually};
 use std::path::{Path, PathBuf};
@@ -67,14 +68,19 @@ fn python() -> Option<PathBuf> {
     })
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn the_python_example_of_the_docs_drives_a_robot() {
+/// An example of the docs, which stands in them as it is; and a Python to run it with, if there is one.
+fn example(file: &str) -> (PathBuf, Option<PathBuf>) {
     let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
-    let example = docs.join("examples/goto.py");
+    let example = docs.join("examples").join(file);
     let code = std::fs::read_to_string(&example).unwrap();
     let page = std::fs::read_to_string(docs.join("protocol.md")).unwrap();
-    assert!(page.contains(code.trim()), "docs/protocol.md does not hold docs/examples/goto.py as it is");
-    let Some(python) = python() else {
+    assert!(page.contains(code.trim()), "docs/protocol.md does not hold docs/examples/{file} as it is");
+    (example, python())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_python_example_of_the_docs_drives_a_robot() {
+    let (example, Some(python)) = example("goto.py") else {
         return eprintln_skip("no Python with the package eclipse-zenoh: the example was not run");
     };
     // The robot's time is the program's: it retains its lease every 100 ms.
@@ -86,6 +92,27 @@ async fn the_python_example_of_the_docs_drives_a_robot() {
     let truth = fleet.truth(1);
     assert!((truth.x_m - 0.1).hypot(truth.y_m - 0.8) < 0.4, "{truth:?}");
     fleet.until(1, "the lease given back", |state| state.lease.is_none()).await;
+    fleet.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_python_example_of_the_docs_watches_tasks() {
+    let (example, Some(python)) = example("tasks.py") else {
+        return eprintln_skip("no Python with the package eclipse-zenoh: the example was not run");
+    };
+    let fleet = Fleet::start(Setup { robots: 2, speed: 4.0, ..Setup::default() }).await;
+    let folder = tempfile::tempdir().unwrap();
+    let _serve = Serve::start(fleet.simulator.endpoint(), &folder.path().join("lab.ledger"));
+    let mut command = Command::new(python);
+    command.arg(&example).args([fleet.simulator.endpoint(), "lab"]);
+    let watching = tokio::task::spawn_blocking(move || command.output());
+    Asker::new(&fleet.bus, "test").submit(vec![goto(0.0, 1.5), goto(2.0, 1.5)]).await;
+    let output = watching.await.unwrap().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && text.contains("t1 done xtb-") && text.contains("t2 done"),
+        "{output:?}"
+    );
     fleet.end().await;
 }
 

@@ -3,7 +3,7 @@
 use crate::model::{Weather, World};
 use xtb_dispatch::book::BookError;
 use xtb_dispatch::record::EntryError;
-use xtb_dispatch::{Book, Entry};
+use xtb_dispatch::{Book, Effect, Entry, Record};
 
 fn ledger() -> (Vec<Entry>, Book) {
     let mut world = World::new(3, Weather::CALM);
@@ -27,12 +27,37 @@ fn a_snapshot_stands_in_the_place_of_all_before_it() {
         world.ledger = entries[..cut].to_vec();
         world.crash();
         world.restart();
-        let snapshot = world.dispatcher.as_ref().unwrap().snapshot(world.now_ms).unwrap();
-        assert_eq!(snapshot.n, cut as u64);
+        let now = world.dispatcher.as_ref().unwrap().book().clone();
+        let record = Record::Snapshot(Box::new(now));
+        let snapshot = Entry { v: 1, n: cut as u64, at_ms: world.now_ms, record };
         let snapshot = Entry::from_json(&snapshot.to_json().unwrap()).unwrap();
         let rest = entries[cut..].iter().cloned();
         assert_eq!(Book::replay(2000, std::iter::once(snapshot).chain(rest)).unwrap(), book, "{cut}");
     }
+}
+
+#[test]
+fn a_snapshot_that_is_written_has_a_number_of_its_own_and_nothing_changes_by_it() {
+    let mut world = World::new(3, Weather::CALM);
+    world.run().unwrap();
+    let (now_ms, entries) = (world.now_ms, world.ledger.len() as u64);
+    let mut dispatcher = world.dispatcher.take().unwrap();
+    while dispatcher.next_effect().is_some() {}
+    let tasks = dispatcher.list(now_ms).tasks;
+    assert!(dispatcher.compact(now_ms) && !dispatcher.compact(now_ms), "one at a time");
+    let Some(Effect::Write(write)) = dispatcher.next_effect() else { panic!("no write") };
+    assert_eq!(write.entries.iter().map(|entry| entry.n).collect::<Vec<_>>(), [entries + 1]);
+    // One that fails has never been.
+    dispatcher.not_written(now_ms, write.id, "full");
+    assert!(!dispatcher.compact(now_ms), "the ledger is not tried again at once");
+    let later_ms = now_ms + 60_000;
+    assert!(dispatcher.compact(later_ms));
+    let Some(Effect::Write(write)) = dispatcher.next_effect() else { panic!("no write") };
+    dispatcher.written(later_ms, write.id).unwrap();
+    assert_eq!(dispatcher.list(now_ms).tasks, tasks);
+    assert_eq!(dispatcher.book().next_n(), entries + 2);
+    let read = write.entries.iter().map(|entry| Entry::from_json(&entry.to_json().unwrap()).unwrap());
+    assert_eq!(&Book::replay(2000, read).unwrap(), dispatcher.book());
 }
 
 #[test]

@@ -26,7 +26,8 @@ impl Beside {
     /// # Errors
     /// As [`DispatchService::start`].
     pub async fn start(ctx: &Context, simulator: &Simulator, store: Store) -> Result<Self> {
-        let own = Context { connect: simulator.endpoints().to_vec(), ..ctx.clone() };
+        let robots = simulator.roster().robots.clone();
+        let own = Context { connect: simulator.endpoints().to_vec(), robots, ..ctx.clone() };
         let client = Client::open(&own).await?;
         let service = DispatchService::start(&client, store, None, ctx.timeout).await?;
         Ok(Self { client, service })

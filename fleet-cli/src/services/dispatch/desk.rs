@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::mpsc;
+use tokio::task::JoinSet;
 use xtb_bus::{Publisher, Question, Service};
 use xtb_dispatch::Ticket;
 use xtb_dispatch::admit::refusal;
@@ -46,6 +47,8 @@ pub(super) struct Desk {
     events: mpsc::Sender<TaskEvent>,
     lists: Publisher<TaskList>,
     services: Vec<Service>,
+    /// Answers on their way.
+    answers: JoinSet<()>,
 }
 
 impl Desk {
@@ -83,7 +86,16 @@ impl Desk {
             }
         });
         let services = vec![answering.await?, listing.await?];
-        let desk = Self { keys, open: BTreeMap::new(), next: 0, overloaded, events: sender, lists, services };
+        let desk = Self {
+            keys,
+            open: BTreeMap::new(),
+            next: 0,
+            overloaded,
+            events: sender,
+            lists,
+            services,
+            answers: JoinSet::new(),
+        };
         Ok((desk, queue))
     }
 
@@ -123,7 +135,8 @@ impl Desk {
     pub(super) fn reply(&mut self, ticket: Ticket, reply: DispatchReply) {
         let Some((question, client, format)) = self.open.remove(&ticket) else { return };
         let key = self.keys.dispatch_cmd(Some(&client));
-        tokio::spawn(async move {
+        while self.answers.try_join_next().is_some() {}
+        self.answers.spawn(async move {
             if let Err(error) = question.reply(&key, &reply, format).await {
                 tracing::debug!("an answer was not sent: {error}");
             }
@@ -166,6 +179,11 @@ impl Desk {
     /// Takes no more questions.
     pub(super) fn close(&mut self) {
         self.services.clear();
+    }
+
+    /// Waits until the answers that are on their way have left.
+    pub(super) async fn last_answers(&mut self) {
+        while self.answers.join_next().await.is_some() {}
     }
 }
 

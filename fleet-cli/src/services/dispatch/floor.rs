@@ -21,14 +21,16 @@ const FIRST_LOOK: Duration = Duration::from_millis(400);
 pub(super) struct Found {
     pub(super) roster: Option<Roster>,
     pub(super) map: Option<Map>,
+    /// Another dispatcher answers too.
+    pub(super) second: bool,
 }
 
 /// Looks once, in vain at most for [`FIRST_LOOK`].
 pub(super) async fn first_look(client: &Client, map: Option<Map>) -> Found {
     let both = async { tokio::join!(roster(client), known_or_served(client, map.clone(), FIRST_LOOK)) };
     match tokio::time::timeout(FIRST_LOOK, both).await {
-        Ok((roster, map)) => Found { roster, map },
-        Err(_) => Found { roster: None, map },
+        Ok((roster, map)) => Found { roster, map, second: false },
+        Err(_) => Found { roster: None, map, second: false },
     }
 }
 
@@ -52,7 +54,12 @@ impl Drop for Looking {
 }
 
 async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender<Found>) {
-    let Found { roster: mut known, mut map } = found;
+    let Found { roster: mut known, mut map, .. } = found;
+    if has_second(&client, within).await
+        && news.send(Found { second: true, ..Found::default() }).await.is_err()
+    {
+        return;
+    }
     let (mut traffic, mut said) = (None, false);
     let mut tick = tokio::time::interval(LOOK_EVERY);
     tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -80,6 +87,12 @@ async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender
             Err(_) => {}
         }
     }
+}
+
+/// Two that began at the same moment have not seen each other's presence: both answer, and both end.
+async fn has_second(client: &Client, within: Duration) -> bool {
+    let answers = client.bus().get(&client.keys().dispatch_tasks(), within).await;
+    answers.is_ok_and(|answers| answers.len() > 1)
 }
 
 async fn roster(client: &Client) -> Option<Roster> {

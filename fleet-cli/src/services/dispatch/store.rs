@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 use xtb_dispatch::record::VERSION;
 use xtb_dispatch::{BookError, Entry};
-use xtb_protocol::Name;
+use xtb_protocol::{Name, Uuid};
 
 /// A ledger that is held, and what stands in it.
 #[derive(Debug)]
@@ -80,6 +80,40 @@ fn named_or_usual(named: Option<&Path>, folders: &[&str], fleet: &Name) -> Resul
     })
 }
 
+/// A ledger's place for a while: what lies there goes when this does.
+#[derive(Debug)]
+pub struct Scratch(PathBuf);
+
+impl Scratch {
+    /// In the system's folder for such things, of this process.
+    #[must_use]
+    pub fn new() -> Self {
+        Self(std::env::temp_dir().join(format!("xtb-{}.ledger", Uuid::new_v4().simple())))
+    }
+
+    /// Where.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        for end in ["", "-wal", "-shm", "-lock"] {
+            let mut name = self.0.clone().into_os_string();
+            name.push(end);
+            let _ = std::fs::remove_file(name);
+        }
+    }
+}
+
 /// Entries that are intact and make no sense together.
 #[must_use]
 pub fn unreadable(path: &Path, error: &BookError) -> Failure {
@@ -92,4 +126,57 @@ pub fn unreadable(path: &Path, error: &BookError) -> Failure {
 pub fn wall_ms() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_dispatch::Record;
+
+    fn fleet() -> Name {
+        Name::new("lab").unwrap()
+    }
+
+    fn entry(v: u32, n: u64) -> Entry {
+        Entry { v, n, at_ms: 5, record: Record::Opened { ledger: 7 } }
+    }
+
+    #[test]
+    fn a_ledger_is_read_back_and_is_gone_with_its_scratch() {
+        let scratch = Scratch::new();
+        let mut store = Store::open(scratch.path(), &fleet()).unwrap();
+        assert!(store.created && store.entries.is_empty());
+        store.ledger.append(&[entry(VERSION, 1)]).unwrap();
+        drop(store);
+        let store = Store::open(scratch.path(), &fleet()).unwrap();
+        assert_eq!((store.created, store.entries.as_slice()), (false, &[entry(VERSION, 1)][..]));
+        drop(store);
+        let path = scratch.path().to_owned();
+        drop(scratch);
+        let beside = std::fs::read_dir(path.parent().unwrap()).unwrap();
+        let stem = path.file_name().unwrap().to_str().unwrap();
+        let left =
+            beside.filter(|file| file.as_ref().unwrap().file_name().to_str().unwrap().starts_with(stem));
+        assert_eq!(left.count(), 0);
+    }
+
+    #[test]
+    fn entries_of_a_later_program_or_out_of_their_place_are_refused() {
+        for (wrong, words) in
+            [(entry(VERSION + 1, 1), "has version 2"), (entry(VERSION, 3), "it is number 3")]
+        {
+            let scratch = Scratch::new();
+            Store::open(scratch.path(), &fleet()).unwrap().ledger.append(&[wrong]).unwrap();
+            let failure = Store::open(scratch.path(), &fleet()).unwrap_err();
+            assert!(failure.message.contains(words), "{failure:?}");
+        }
+    }
+
+    #[test]
+    fn a_simulation_has_another_ledger_than_the_lab() {
+        let named = Path::new("some.ledger");
+        assert_eq!(path(Some(named), &fleet()).unwrap(), named);
+        let (Ok(real), Ok(simulated)) = (path(None, &fleet()), simulated(None, &fleet())) else { return };
+        assert!(real.ends_with("xtb/lab.ledger") && simulated.ends_with("xtb/sim/lab.ledger"));
+    }
 }

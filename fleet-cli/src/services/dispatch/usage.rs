@@ -80,3 +80,49 @@ impl Usage {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_protocol::messages::TaskState;
+
+    fn name() -> Name {
+        Name::new("xtb-1").unwrap()
+    }
+
+    fn look(usage: &mut Usage, (epoch, tick_ms): (u64, u64), y_m: f64, speed_mps: f64, has_task: bool) {
+        let mut state = crate::fake::state("xtb-1");
+        (state.epoch, state.tick_ms, state.pose.y_m) = (epoch, tick_ms, y_m);
+        state.speed_mps = Some(speed_mps);
+        usage.look(&state, has_task);
+    }
+
+    #[test]
+    fn time_goes_where_the_robot_spent_it() {
+        let mut usage = Usage::default();
+        look(&mut usage, (1, 0), 0.0, 0.0, false);
+        look(&mut usage, (1, 500), 0.0, 0.0, false);
+        look(&mut usage, (1, 1000), 0.2, 0.4, true);
+        look(&mut usage, (1, 1250), 0.25, 0.0, true);
+        let spent = usage.robots[&name()];
+        assert_eq!((spent.idle_s, spent.busy_s, spent.waiting_s), (0.5, 0.5, 0.25));
+        assert!((spent.distance_m - 0.2).abs() < 1e-9, "it stood while a fix shifted it");
+        // A robot that restarted, was set elsewhere, or was not heard for long has not driven that.
+        look(&mut usage, (2, 10), 5.0, 0.4, true);
+        look(&mut usage, (2, 20), 8.0, 0.4, true);
+        look(&mut usage, (2, 60_020), 8.1, 0.4, true);
+        let spent = usage.robots[&name()];
+        assert!((spent.distance_m - 0.3).abs() < 1e-9, "{spent:?}");
+        assert!((spent.busy_s - 2.51).abs() < 1e-9, "{spent:?}");
+    }
+
+    #[test]
+    fn a_task_counts_for_the_robot_that_ended_it() {
+        let mut usage = Usage::default();
+        let step = |state, robot| TaskStep { at_ms: 1, state, robot, legs_done: 0, reason: None };
+        usage.step(&step(TaskState::Running, Some(name())));
+        usage.step(&step(TaskState::Done, Some(name())));
+        usage.step(&step(TaskState::Cancelled, None));
+        assert_eq!(usage.robots[&name()], Spent { done: 1, ..Spent::default() });
+    }
+}

@@ -4,7 +4,7 @@ use super::desk::{Asked, Desk, Input};
 use super::fleet::{Fleet, News};
 use super::floor::{self, Found, Looking};
 use super::usage::Usage;
-use super::{CLIENT, Clock, Counters, List, Standing};
+use super::{CLIENT, Clock, Counters, List, Standing, second};
 use crate::client::Client;
 use crate::error::{Failure, Kind, Result};
 use crate::feed::Feed;
@@ -69,6 +69,7 @@ impl Work {
         clock: Clock,
         mut dispatcher: Dispatcher,
         ledger: Ledger<Entry>,
+        since_snapshot: u64,
         map: Option<Map>,
         told: watch::Sender<Standing>,
     ) -> Result<Self> {
@@ -79,7 +80,6 @@ impl Work {
             dispatcher.roster(clock.ms(), roster);
         }
         let ground = ground(found.map.as_ref());
-        let since_snapshot = dispatcher.book().next_n() - 1;
         let writer = Writer::start(ledger, ledger::QUEUE)?;
         let (fleet, news) = Fleet::new(client, me);
         let (desk, questions) = Desk::open(client).await?;
@@ -118,7 +118,7 @@ impl Work {
                 written = durable(&mut self.flying) => self.settle(written)?,
                 Some(input) = self.questions.recv() => self.take(input),
                 Some(news) = self.news.recv() => self.hear(news),
-                Some(found) = self.looking.news.recv() => self.found(&found),
+                Some(found) = self.looking.news.recv() => self.found(&found)?,
                 _ = tick.tick() => {
                     ticks += 1;
                     self.look();
@@ -185,13 +185,17 @@ impl Work {
         }
     }
 
-    fn found(&mut self, found: &Found) {
+    fn found(&mut self, found: &Found) -> Result<()> {
+        if found.second {
+            return Err(second());
+        }
         if let Some(roster) = &found.roster {
             self.dispatcher.roster(self.clock.ms(), roster);
         }
         if found.map.is_some() {
             self.ground = ground(found.map.as_ref());
         }
+        Ok(())
     }
 
     /// Does what the dispatcher wants.
@@ -296,6 +300,7 @@ impl Work {
                 }
             }
         }
+        self.desk.last_answers().await;
         self.tell().await;
         Ok(())
     }
