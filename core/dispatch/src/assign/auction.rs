@@ -1,8 +1,8 @@
 //! A nearly cheapest assignment for many: an auction (Bertsekas 1988).
 //!
 //! Rows bid for columns. Each bid raises the column's price to where the next best would do as well,
-//! and by [`RAISE_M`] more; the row that had the column bids again. Nobody bids more than [`LIMIT_M`]:
-//! who cannot have a column for that goes without. The sum is at most rows × [`RAISE_M`] above the best.
+//! and by `RAISE_M` more; the row that had the column bids again. Nobody bids more than `LIMIT_M`:
+//! who cannot have a column for that goes without. The sum is at most rows × `RAISE_M` above the best.
 
 use super::NEVER;
 
