@@ -33,8 +33,10 @@ const SOON_MS: u32 = 20;
 const LONGEST_PAUSE_MS: u32 = 800;
 /// A submission is given this long: the dispatcher is killed again and again meanwhile.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// Without any task ended for this long, what is left is stuck.
-const STUCK: Duration = Duration::from_secs(300);
+/// Between two looks at the list.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// Without any task ended for so many looks, what is left is stuck: 5 min of a process that is not held up.
+const STUCK_LOOKS: u32 = 1_500;
 /// A robot that was killed this soon after it had reached a goal may have told nobody.
 const UNTOLD: Duration = Duration::from_secs(2);
 
@@ -228,6 +230,9 @@ impl Storm {
         let truth = fleet.simulator.truth().latest();
         totals.contacts = truth.robots.values().map(|robot| robot.contacts).sum();
         (totals.kills, totals.ready) = (self.kills, ready);
+        if !totals.stuck.is_empty() {
+            totals.stuck.extend(unfit(&fleet, self.robots).await);
+        }
         drop((serve, agents, witness));
         fleet.end().await;
         totals.took = began.elapsed();
@@ -271,7 +276,7 @@ async fn submit(asker: Asker, (told, enough, sent): Hands, round: usize, seed: u
             if asker.list().await.is_some_and(|list| open(list) < 10) {
                 break;
             }
-            tokio::time::sleep(Duration::from_millis(200)).await;
+            tokio::time::sleep(LOOK_EVERY).await;
         }
     }
 }
@@ -298,19 +303,31 @@ fn task(dice: &mut Pcg32) -> TaskSpec {
 
 /// Waits until every task has ended, or nothing goes on any more.
 async fn until_ended(asker: &Asker) -> TaskList {
-    let (mut ended_before, mut since) = (0, Instant::now());
+    let (mut ended_before, mut looks) = (0, 0);
     loop {
         if let Some(list) = asker.list().await {
             let ended = list.tasks.iter().filter(|task| task.state.is_final()).count();
-            if ended == list.tasks.len() || since.elapsed() > STUCK {
+            looks = if ended > ended_before { 0 } else { looks + 1 };
+            ended_before = ended;
+            if ended == list.tasks.len() || looks > STUCK_LOOKS {
                 return list;
             }
-            if ended > ended_before {
-                (ended_before, since) = (ended, Instant::now());
-            }
         }
-        tokio::time::sleep(Duration::from_millis(200)).await;
+        tokio::time::sleep(LOOK_EVERY).await;
     }
+}
+
+/// Robots that could not go on, and why.
+async fn unfit(fleet: &Fleet, robots: usize) -> Vec<String> {
+    let mut lines = Vec::new();
+    for number in 1..=robots {
+        let state = fleet.state(number).await;
+        let latches: Vec<_> = state.latches.iter().map(|latch| latch.latch).collect();
+        let goal = state.goal.map(|goal| (goal.status, goal.reason));
+        let because = (state.stopped_because, state.lease.map(|lease| lease.holder));
+        lines.push(format!("xtb-{number} {latches:?} {:?} {goal:?} {because:?}", state.faults));
+    }
+    lines
 }
 
 fn reckon(
