@@ -157,7 +157,7 @@ impl Client {
         self.told_entries(expect).into_iter().map(|entry| entry.name).collect()
     }
 
-    fn told_entries(&self, expect: &[Name]) -> Vec<RosterEntry> {
+    pub(crate) fn told_entries(&self, expect: &[Name]) -> Vec<RosterEntry> {
         let known = &self.shared.ctx.robots;
         if expect.is_empty() {
             return known.clone();

@@ -1,35 +1,29 @@
 //! `watch`: any key of ours as JSON lines.
 
-mod plan;
-
 use crate::cli::WatchArgs;
 use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
-use plan::Plan;
+use crate::listen::plan::Plan;
+use crate::listen::{Inlet, Item, Sources, not_a_key_expr};
+use crate::news::News;
 use serde::Serialize;
 use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::mpsc;
-use tokio::task::JoinSet;
-use xtb_bus::{BusError, Incoming, Presence, Subscription};
-use xtb_protocol::keys::{Channel, Key};
-use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetMap, Message, Request, RobotState, Roster, Route,
-    Sensors, Setpoint, TaskEvent, TaskList, TrafficState, Truth,
-};
+use xtb_bus::Incoming;
 
 /// Messages between Zenoh and the printer; those that find no room are dropped and counted.
 const QUEUE: usize = 1024;
 
 #[derive(Debug, Serialize)]
-struct Decoded<'a, M> {
+struct Decoded<'a> {
     key: &'a str,
     #[serde(rename = "type")]
     name: &'static str,
-    value: M,
+    value: &'a News,
 }
 
 #[derive(Debug, Serialize)]
@@ -38,37 +32,6 @@ struct Undecodable<'a> {
     encoding: &'a str,
     bytes: usize,
     error: String,
-}
-
-/// Something to print.
-enum Item {
-    /// A message or an answer.
-    Message(Incoming),
-    /// A key that is now alive, or is not any more.
-    Presence(String, bool),
-}
-
-/// What keeps the items coming, until it is dropped.
-#[derive(Default)]
-struct Sources {
-    subscriptions: Vec<Subscription>,
-    presences: Vec<Presence>,
-    questions: JoinSet<()>,
-}
-
-/// Where sources put what they have.
-#[derive(Clone)]
-struct Inlet {
-    queue: mpsc::Sender<Item>,
-    dropped: Arc<AtomicU64>,
-}
-
-impl Inlet {
-    fn put(&self, item: Item) {
-        if self.queue.try_send(item).is_err() {
-            self.dropped.fetch_add(1, Ordering::Relaxed);
-        }
-    }
 }
 
 /// Prints messages until it is interrupted or has printed `--count`; where only answers are to be
@@ -104,13 +67,20 @@ async fn print_answers(ctx: &Context, client: &Client, args: &WatchArgs, ask: &[
             .hint("`fleet-cli list` shows who is there; a roster is known to `fleet-cli sim` only"));
     }
     let most = args.count.map_or(usize::MAX, |count| usize::try_from(count).unwrap_or(usize::MAX));
-    answers.iter().take(most).try_for_each(|answer| ctx.out.text(&line(answer)?))
+    answers.into_iter().take(most).try_for_each(|answer| ctx.out.text(&line(&Item::Message(answer))?))
 }
 
 async fn follow(ctx: &Context, client: &Client, args: &WatchArgs, plan: Plan) -> Result<()> {
     let (queue, mut items) = mpsc::channel(QUEUE);
-    let inlet = Inlet { queue, dropped: Arc::default() };
-    let sources = open(client, &args.key_expr, plan, &inlet).await.map_err(not_a_key_expr)?;
+    let dropped = Arc::new(AtomicU64::new(0));
+    let drops = Arc::clone(&dropped);
+    let inlet: Inlet = Arc::new(move |item| {
+        if queue.try_send(item).is_err() {
+            drops.fetch_add(1, Ordering::Relaxed);
+        }
+    });
+    let mut sources = Sources::default();
+    sources.add_plan(client, &args.key_expr, plan, &inlet).await.map_err(not_a_key_expr)?;
     let mut stop = pin!(interrupted());
     let mut left = args.count;
     while left != Some(0) {
@@ -119,118 +89,29 @@ async fn follow(ctx: &Context, client: &Client, args: &WatchArgs, plan: Plan) ->
             item = items.recv() => item,
         };
         let Some(item) = item else { break };
-        ctx.out.text(&item_line(&item)?)?;
+        ctx.out.text(&line(&item)?)?;
         left = left.map(|left| left - 1);
     }
     drop(sources);
-    let dropped = inlet.dropped.load(Ordering::Relaxed);
+    let dropped = dropped.load(Ordering::Relaxed);
     if dropped > 0 {
         ctx.out.note(&format!("warning: {dropped} messages came faster than they could be printed"));
     }
     Ok(())
 }
 
-async fn open(
-    client: &Client,
-    key_expr: &str,
-    plan: Plan,
-    inlet: &Inlet,
-) -> std::result::Result<Sources, BusError> {
-    let mut sources = Sources::default();
-    match plan {
-        Plan::Presence => sources.presences.push(presence(client, key_expr, inlet).await?),
-        Plan::Events => {
-            let each = message_to(inlet);
-            sources.subscriptions.push(client.bus().subscribe_events(key_expr, each).await?);
+fn line(item: &Item) -> Result<String> {
+    match (item, News::of(item)) {
+        (Item::Message(Incoming { key, .. }) | Item::Presence(key, _), Ok((_, news))) => {
+            json(&Decoded { key, name: news.name(), value: &news })
         }
-        Plan::Messages { ask, presence: there } => {
-            sources.subscriptions.push(client.bus().subscribe(key_expr, message_to(inlet)).await?);
-            for key_expr in there {
-                sources.presences.push(presence(client, &key_expr, inlet).await?);
-            }
-            // Beside the stream: who answers slowly must not hold it up.
-            for key_expr in ask {
-                sources.questions.spawn(answers_to(client.clone(), key_expr, inlet.clone()));
-            }
+        (Item::Message(Incoming { key, encoding, payload }), Err(error)) => {
+            json(&Undecodable { key, encoding, bytes: payload.len(), error: error.to_string() })
         }
-        // Has no sources that last.
-        Plan::Answers(_) => {}
-    }
-    Ok(sources)
-}
-
-async fn presence(client: &Client, key_expr: &str, inlet: &Inlet) -> std::result::Result<Presence, BusError> {
-    let inlet = inlet.clone();
-    let each = move |key: &str, there: bool| inlet.put(Item::Presence(key.to_owned(), there));
-    client.bus().watch_alive(key_expr, each).await
-}
-
-fn message_to(inlet: &Inlet) -> impl Fn(Incoming) + Send + Sync + 'static {
-    let inlet = inlet.clone();
-    move |incoming| inlet.put(Item::Message(incoming))
-}
-
-async fn answers_to(client: Client, key_expr: String, inlet: Inlet) {
-    match client.get(&key_expr).await {
-        Ok(answers) => answers.into_iter().for_each(|answer| inlet.put(Item::Message(answer))),
-        Err(error) => tracing::warn!("{error}"),
-    }
-}
-
-fn not_a_key_expr(error: BusError) -> Failure {
-    match error {
-        BusError::Operation { key, reason, .. } => {
-            Failure::new(Kind::Usage, format!("cannot watch {key:?}: {reason}"))
-                .hint("a key expression looks like xtb/lab/*/state or xtb/**")
-        }
-        other => other.into(),
-    }
-}
-
-fn item_line(item: &Item) -> Result<String> {
-    match item {
-        Item::Message(incoming) => line(incoming),
-        Item::Presence(key, there) => json(&Decoded { key, name: "Alive", value: there }),
-    }
-}
-
-fn line(incoming: &Incoming) -> Result<String> {
-    let Some(key) = Key::parse(&incoming.key) else {
-        return undecodable(incoming, "not a key of this project".to_owned());
-    };
-    match key.channel {
-        Channel::State => decoded::<RobotState>(incoming),
-        Channel::Sensors => decoded::<Sensors>(incoming),
-        Channel::Event => decoded::<Event>(incoming),
-        Channel::About => decoded::<About>(incoming),
-        Channel::Cmd(_) => decoded::<Request>(incoming),
-        Channel::Teleop(_) => decoded::<Setpoint>(incoming),
-        Channel::Estop(_) | Channel::EstopAll(_) => decoded::<Estop>(incoming),
-        Channel::Fix => decoded::<Fix>(incoming),
-        Channel::Route => decoded::<Route>(incoming),
-        Channel::TrafficState => decoded::<TrafficState>(incoming),
-        Channel::Map => decoded::<FleetMap>(incoming),
-        Channel::SimTruth => decoded::<Truth>(incoming),
-        Channel::SimRoster => decoded::<Roster>(incoming),
-        Channel::DispatchCmd(_) => decoded::<DispatchRequest>(incoming),
-        Channel::DispatchTasks => decoded::<TaskList>(incoming),
-        Channel::DispatchEvent => decoded::<TaskEvent>(incoming),
-        Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive => {
-            undecodable(incoming, "presence carries no payload".to_owned())
+        (Item::Presence(key, _), Err(error)) => {
+            json(&Undecodable { key, encoding: "", bytes: 0, error: error.to_string() })
         }
     }
-}
-
-fn decoded<M: Message>(incoming: &Incoming) -> Result<String> {
-    match incoming.decode::<M>() {
-        Ok(value) => json(&Decoded { key: &incoming.key, name: M::NAME, value }),
-        Err(error) => undecodable(incoming, error.to_string()),
-    }
-}
-
-fn undecodable(incoming: &Incoming, error: String) -> Result<String> {
-    let Incoming { key, encoding, payload } = incoming;
-    json(&Undecodable { key, encoding, bytes: payload.len(), error })
 }
 
 fn json(value: &impl Serialize) -> Result<String> {
@@ -241,9 +122,10 @@ fn json(value: &impl Serialize) -> Result<String> {
 mod tests {
     use super::*;
     use xtb_protocol::codec::{self, Format};
+    use xtb_protocol::messages::Setpoint;
 
-    fn incoming(key: &str, encoding: &str, payload: &[u8]) -> Incoming {
-        Incoming { key: key.into(), encoding: encoding.into(), payload: payload.into() }
+    fn incoming(key: &str, encoding: &str, payload: &[u8]) -> Item {
+        Item::Message(Incoming { key: key.into(), encoding: encoding.into(), payload: payload.into() })
     }
 
     #[test]
@@ -271,7 +153,7 @@ mod tests {
     #[test]
     fn presence_is_true_or_false() {
         for there in [true, false] {
-            let shown = item_line(&Item::Presence("xtb/lab/xtb-1/alive".into(), there)).unwrap();
+            let shown = line(&Item::Presence("xtb/lab/xtb-1/alive".into(), there)).unwrap();
             assert_eq!(shown, format!(r#"{{"key":"xtb/lab/xtb-1/alive","type":"Alive","value":{there}}}"#));
         }
     }

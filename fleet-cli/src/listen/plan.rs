@@ -19,7 +19,7 @@ const PUBLISHED: [&str; 5] = [any::SENSORS, any::TELEOP, any::ESTOP, any::MAP, a
 
 /// How to watch an expression.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Plan {
+pub(crate) enum Plan {
     /// Presence comes and goes.
     Presence,
     /// The last events, then each new one.
@@ -41,7 +41,7 @@ impl Plan {
     ///
     /// # Errors
     /// [`Kind::Usage`]: it names commands and nothing else.
-    pub(super) fn of(expression: &str) -> Result<Self> {
+    pub(crate) fn of(expression: &str) -> Result<Self> {
         let asks = [any::STATE, any::ABOUT, any::SIM_ROSTER].map(|pattern| overlap(expression, pattern));
         let [states, abouts, rosters] = asks;
         let presence = overlap(expression, any::ALIVE);

@@ -1,0 +1,291 @@
+//! The fleet as screens show it: what `top` and `dashboard` draw, whether it comes from Zenoh
+//! ([`live`]) or out of a recording.
+//!
+//! A state machine without I/O: [`News`] and the viewer's clock come in as arguments. The latest of
+//! everything is kept with when it came; trails and events are bounded, the oldest go first. What is
+//! old is handed out with its age, never as if it were the present.
+
+pub mod live;
+
+use crate::client::STALE;
+use crate::news::News;
+use serde::Serialize;
+use std::collections::{BTreeMap, VecDeque};
+use xtb_protocol::Name;
+use xtb_protocol::keys::{Channel, Key};
+use xtb_protocol::messages::{
+    About, Event, FleetMap, RobotState, RosterEntry, Sensors, TaskEvent, TaskList, TrafficState, Truth,
+};
+
+/// Points of a trail; at [`TRAIL_STEP_M`] that is 20 m.
+pub const TRAIL: usize = 400;
+/// A new point of the trail this far from the last.
+const TRAIL_STEP_M: f64 = 0.05;
+/// Happenings that stay readable.
+pub const HAPPENINGS: usize = 200;
+/// Robots that a scene holds; states of further ones are counted and not kept.
+pub const MOST_ROBOTS: usize = 256;
+
+/// The viewer's monotonic clock, in ms.
+pub type AtMs = u64;
+
+/// Something and when it came.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seen<T> {
+    /// When.
+    pub at_ms: AtMs,
+    /// What.
+    pub value: T,
+}
+
+impl<T> Seen<T> {
+    fn new(at_ms: AtMs, value: T) -> Self {
+        Self { at_ms, value }
+    }
+
+    /// Its age at `now_ms`.
+    #[must_use]
+    pub fn age_ms(&self, now_ms: AtMs) -> u64 {
+        now_ms.saturating_sub(self.at_ms)
+    }
+
+    /// The value, unless it is older than a state may be ([`STALE`]).
+    #[must_use]
+    pub fn fresh(&self, now_ms: AtMs) -> Option<&T> {
+        (u128::from(self.age_ms(now_ms)) <= STALE.as_millis()).then_some(&self.value)
+    }
+}
+
+/// One robot.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Robot {
+    /// Whether it is present: alive means commandable.
+    pub alive: bool,
+    /// From the roster; `None` = it is not in the roster, or there is none.
+    pub roster: Option<RosterEntry>,
+    /// Its last state.
+    pub state: Option<Seen<RobotState>>,
+    /// Its last samples.
+    pub sensors: Option<Seen<Sensors>>,
+    /// Its factsheet.
+    pub about: Option<About>,
+    /// Where it has been, (x, y) in m, the newest last; at most [`TRAIL`].
+    pub trail: VecDeque<(f64, f64)>,
+    /// Points that the trail has had since the robot was first seen: what a viewer has already is not
+    /// needed again.
+    pub trail_count: u64,
+}
+
+impl Robot {
+    fn show(&mut self, at_ms: AtMs, state: RobotState) {
+        let here = (state.pose.x_m, state.pose.y_m);
+        let far = |last: &(f64, f64)| (last.0 - here.0).hypot(last.1 - here.1) >= TRAIL_STEP_M;
+        if self.trail.back().is_none_or(far) {
+            if self.trail.len() == TRAIL {
+                self.trail.pop_front();
+            }
+            self.trail.push_back(here);
+            self.trail_count += 1;
+        }
+        self.state = Some(Seen::new(at_ms, state));
+    }
+}
+
+/// Something that happened, in the order in which it came.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Happening {
+    /// Counts all that have come.
+    pub number: u64,
+    /// When it came, by the viewer's clock.
+    pub at_ms: AtMs,
+    /// What.
+    pub what: What,
+}
+
+/// Whose change it is.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum What {
+    /// A robot's.
+    Robot(Event),
+    /// A task's.
+    Task(TaskEvent),
+    /// Somebody has come or gone.
+    Presence {
+        /// `None` = the dispatcher or traffic control.
+        robot: Option<Name>,
+        /// The key of the presence.
+        key: String,
+        /// Whether it is there now.
+        there: bool,
+    },
+}
+
+/// The whole fleet.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    fleet: Name,
+    robots: BTreeMap<Name, Robot>,
+    map: Option<FleetMap>,
+    tasks: Option<Seen<TaskList>>,
+    traffic: Option<Seen<TrafficState>>,
+    truth: Option<Seen<Truth>>,
+    dispatcher: bool,
+    traffic_control: bool,
+    happenings: VecDeque<Happening>,
+    happened: u64,
+    refused: u64,
+}
+
+impl Scene {
+    /// Nothing known yet.
+    #[must_use]
+    pub fn new(fleet: Name) -> Self {
+        Self {
+            fleet,
+            robots: BTreeMap::new(),
+            map: None,
+            tasks: None,
+            traffic: None,
+            truth: None,
+            dispatcher: false,
+            traffic_control: false,
+            happenings: VecDeque::new(),
+            happened: 0,
+            refused: 0,
+        }
+    }
+
+    /// Takes in what came on `key` at `at_ms`. News of other fleets, and of more than
+    /// [`MOST_ROBOTS`], change only the count of what was refused.
+    pub fn take(&mut self, at_ms: AtMs, key: &Key, news: News) {
+        if key.fleet != self.fleet {
+            self.refused += 1;
+            return;
+        }
+        match (news, &key.robot) {
+            (News::State(state), Some(name)) => self.with(name, |robot| robot.show(at_ms, *state)),
+            (News::Sensors(sensors), Some(name)) => {
+                self.with(name, |robot| robot.sensors = Some(Seen::new(at_ms, *sensors)));
+            }
+            (News::About(about), Some(name)) => self.with(name, |robot| robot.about = Some(*about)),
+            (News::Event(event), Some(_)) => self.happened(at_ms, What::Robot(*event)),
+            (News::TaskEvent(event), None) => self.happened(at_ms, What::Task(*event)),
+            (News::Alive(there), _) => self.presence(at_ms, key, there),
+            (News::Roster(roster), None) => roster.robots.into_iter().for_each(|entry| self.expect(entry)),
+            (News::Map(map), None) => self.map = Some(*map),
+            (News::Tasks(tasks), None) => self.tasks = Some(Seen::new(at_ms, *tasks)),
+            (News::Traffic(traffic), None) => self.traffic = Some(Seen::new(at_ms, *traffic)),
+            (News::Truth(truth), None) => self.truth = Some(Seen::new(at_ms, *truth)),
+            // Commands, setpoints, fixes and routes show in the states that they bring about.
+            _ => {}
+        }
+    }
+
+    /// A robot that should be there, from the roster.
+    pub fn expect(&mut self, entry: RosterEntry) {
+        let name = entry.name.clone();
+        self.with(&name, |robot| robot.roster = Some(entry));
+    }
+
+    fn with(&mut self, name: &Name, change: impl FnOnce(&mut Robot)) {
+        if !self.robots.contains_key(name) && self.robots.len() == MOST_ROBOTS {
+            self.refused += 1;
+            return;
+        }
+        change(self.robots.entry(name.clone()).or_default());
+    }
+
+    fn presence(&mut self, at_ms: AtMs, key: &Key, there: bool) {
+        let was = match (&key.channel, &key.robot) {
+            (Channel::DispatchAlive, _) => std::mem::replace(&mut self.dispatcher, there),
+            (Channel::TrafficAlive, _) => std::mem::replace(&mut self.traffic_control, there),
+            (_, Some(name)) => {
+                let mut was = there;
+                self.with(name, |robot| was = std::mem::replace(&mut robot.alive, there));
+                was
+            }
+            _ => there,
+        };
+        if was != there {
+            let who = match &key.channel {
+                Channel::DispatchAlive => "dispatch",
+                Channel::TrafficAlive => "traffic",
+                _ => key.robot.as_ref().map_or("", Name::as_str),
+            };
+            let key_text = format!("xtb/{}/{who}/alive", self.fleet);
+            self.happened(at_ms, What::Presence { robot: key.robot.clone(), key: key_text, there });
+        }
+    }
+
+    fn happened(&mut self, at_ms: AtMs, what: What) {
+        if self.happenings.len() == HAPPENINGS {
+            self.happenings.pop_front();
+        }
+        self.happened += 1;
+        self.happenings.push_back(Happening { number: self.happened, at_ms, what });
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn fleet(&self) -> &Name {
+        &self.fleet
+    }
+
+    /// Everybody who is or should be there, by name.
+    #[must_use]
+    pub fn robots(&self) -> &BTreeMap<Name, Robot> {
+        &self.robots
+    }
+
+    /// The floor, if anybody serves one.
+    #[must_use]
+    pub fn map(&self) -> Option<&FleetMap> {
+        self.map.as_ref()
+    }
+
+    /// The dispatcher's tasks.
+    #[must_use]
+    pub fn tasks(&self) -> Option<&Seen<TaskList>> {
+        self.tasks.as_ref()
+    }
+
+    /// What traffic control does.
+    #[must_use]
+    pub fn traffic(&self) -> Option<&Seen<TrafficState>> {
+        self.traffic.as_ref()
+    }
+
+    /// Where simulated robots really are.
+    #[must_use]
+    pub fn truth(&self) -> Option<&Seen<Truth>> {
+        self.truth.as_ref()
+    }
+
+    /// Whether a dispatcher is there.
+    #[must_use]
+    pub fn dispatcher(&self) -> bool {
+        self.dispatcher
+    }
+
+    /// Whether traffic control is there.
+    #[must_use]
+    pub fn traffic_control(&self) -> bool {
+        self.traffic_control
+    }
+
+    /// The last [`HAPPENINGS`], the newest last.
+    #[must_use]
+    pub fn happenings(&self) -> &VecDeque<Happening> {
+        &self.happenings
+    }
+
+    /// News that were of another fleet, or of too many robots.
+    #[must_use]
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+}
+
+#[cfg(test)]
+mod tests;
