@@ -1,6 +1,7 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
 mod dispatch;
+mod fetch_log;
 mod map;
 mod plan;
 mod tasks;
@@ -9,6 +10,7 @@ mod traffic;
 pub use dispatch::{
     DispatchArgs, DispatchCompactArgs, DispatchExportArgs, DispatchServeArgs, DispatchVerb, LedgerArgs,
 };
+pub use fetch_log::FetchLogArgs;
 pub use map::{MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs};
 pub use plan::PlanArgs;
 pub use tasks::{
@@ -124,6 +126,8 @@ pub enum Verb {
     Teleop(TeleopArgs),
     /// Print messages as JSON lines.
     Watch(WatchArgs),
+    /// Bring a robot's own recording here.
+    FetchLog(FetchLogArgs),
     /// Show, check, import or serve a map of the floor.
     Map(MapArgs),
     /// Lead robots with planned goals past each other.

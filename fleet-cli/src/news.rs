@@ -8,8 +8,8 @@ use xtb_bus::Incoming;
 use xtb_protocol::codec::CodecError;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetMap, Message, Request, RobotState, Roster, Route,
-    Sensors, Setpoint, TaskEvent, TaskList, TrafficState, Truth,
+    About, DispatchRequest, Estop, Event, Fix, FleetMap, LogRequest, Message, Request, RobotState, Roster,
+    Route, Sensors, Setpoint, TaskEvent, TaskList, TrafficState, Truth,
 };
 
 /// Why something that came in says nothing to us.
@@ -85,6 +85,8 @@ news! {
     Roster(Roster),
     /// What a client asks of the dispatcher.
     DispatchRequest(DispatchRequest),
+    /// What a client asks of a robot's recordings.
+    LogRequest(LogRequest),
     /// The dispatcher's tasks.
     Tasks(TaskList),
     /// A change of a task.
@@ -120,6 +122,7 @@ impl News {
             Channel::Teleop(_) => incoming.decode::<Setpoint>()?.into(),
             Channel::Estop(_) | Channel::EstopAll(_) => incoming.decode::<Estop>()?.into(),
             Channel::Fix => incoming.decode::<Fix>()?.into(),
+            Channel::Log(_) => incoming.decode::<LogRequest>()?.into(),
             Channel::Route => incoming.decode::<Route>()?.into(),
             Channel::TrafficState => incoming.decode::<TrafficState>()?.into(),
             Channel::Map => incoming.decode::<FleetMap>()?.into(),

@@ -6,6 +6,7 @@ pub mod demo;
 pub mod dispatch;
 pub mod doctor;
 pub mod estop;
+pub mod fetch_log;
 mod goal;
 pub mod goto;
 pub mod list;

@@ -5,6 +5,7 @@
 mod commands;
 mod dispatch;
 mod driving;
+mod fetching;
 mod fuzz;
 mod hardware;
 mod hostile;
