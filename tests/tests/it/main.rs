@@ -14,5 +14,6 @@ mod operators;
 mod processes;
 mod recording;
 mod style;
+mod tasks;
 mod teleop;
 mod traffic;

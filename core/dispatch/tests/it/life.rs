@@ -397,7 +397,9 @@ fn verbs_that_do_not_fit_say_why() {
     ] {
         let ticket = bench.ask(body);
         bench.run_ms(50);
-        assert_eq!(bench.change(ticket).unwrap().error.unwrap().code, DispatchCode::WrongState);
+        let error = bench.change(ticket).unwrap().error.unwrap();
+        assert_eq!(error.code, DispatchCode::WrongState);
+        assert!(error.hint.contains(&format!("`fleet-cli task {id}`")), "{}", error.hint);
     }
     let ticket = bench.ask(DispatchBody::Cancel { tasks: vec![TaskId::new(99)] });
     bench.run_ms(50);
