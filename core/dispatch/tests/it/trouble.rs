@@ -28,6 +28,25 @@ fn a_task_is_blocked_while_something_stands_in_its_robots_way_and_then_goes_on()
 }
 
 #[test]
+fn a_task_that_stays_blocked_goes_to_another_robot_if_another_may_do_it() {
+    for (who, other) in [(Who::Any, true), (Who::Robot(name("xtb-1")), false)] {
+        let mut bench = Bench::new(2);
+        let id = bench.submit(TaskSpec { who, ..goto(1.2, 3.0) });
+        bench.run_ms(1000);
+        assert_eq!(bench.robot_of(id), Some(0));
+        bench.robots[0].obstruct(bench.now_ms, bench.now_ms + 120_000);
+        bench.run_ms(60_000);
+        assert_eq!((bench.state(id), bench.robot_of(id)), (TaskState::Blocked, Some(0)));
+        bench.run_ms(3_000);
+        assert_eq!(bench.robot_of(id), Some(usize::from(other)));
+        assert_eq!(bench.robots[0].running().is_none(), other, "two robots drive for one task");
+        bench.run_ms(10_000);
+        let done = bench.state(id) == TaskState::Done;
+        assert_eq!((done, bench.dispatcher.book().task(id).unwrap().failures), (other, 0));
+    }
+}
+
+#[test]
 fn a_blocked_task_can_be_cancelled() {
     let mut bench = Bench::new(1);
     let id = bench.submit(goto(2.0, 0.0));

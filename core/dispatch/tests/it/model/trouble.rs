@@ -37,7 +37,8 @@ impl World {
                 self.robots[i].latched = false;
             }
             if self.chance(obstacles * per_step) {
-                let until_ms = self.now_ms + self.draw.whole(200, 8_000) as u64;
+                let most_ms = if self.draw.whole(0, 9) == 0 { 90_000 } else { 8_000 };
+                let until_ms = self.now_ms + self.draw.whole(200, most_ms) as u64;
                 self.robots[i].obstruct(self.now_ms, until_ms);
             }
             if self.chance(takeovers * per_step) {
