@@ -12,6 +12,9 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
+/// Between two looks at a command that goes on.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
 struct Lab {
     sim: Sim,
     serve: Option<Serve>,
@@ -52,7 +55,7 @@ impl Beside {
         let give_up = Instant::now() + PATIENCE;
         while self.0.runs() {
             assert!(Instant::now() < give_up, "the command does not end");
-            std::thread::yield_now();
+            std::thread::sleep(LOOK_EVERY);
         }
         let mut printed = String::new();
         self.0.0.stdout.take().unwrap().read_to_string(&mut printed).unwrap();
@@ -211,7 +214,7 @@ fn a_task_is_paused_resumed_cancelled_and_retried() {
 #[test]
 fn a_task_that_failed_is_done_when_it_is_retried() {
     let lab = Lab::new(1);
-    let waiting = lab.beside("dispatch goto 0 3 --on-takeover fail --retries 0 --wait");
+    let waiting = lab.beside("dispatch route 0,3 0,1 --loops 3 --on-takeover fail --retries 0 --wait");
     lab.until("t1", "running");
     lab.run("stop xtb-1").ok();
     let failed = waiting.end();

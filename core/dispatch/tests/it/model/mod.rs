@@ -12,12 +12,13 @@ pub(crate) use weather::{Off, Weather};
 
 use crate::robots::FakeRobot;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use weather::{DOOMED, spec};
 use xtb_dispatch::dispatcher::Identity;
 use xtb_dispatch::{Dispatcher, Effect, Entry, OpenGround, Settings, Write};
 use xtb_nav::rooms::Draw;
 use xtb_protocol::messages::{
-    Assignment, Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, LinkLoss,
-    OnTakeover, Reply, Request, RobotState, TaskId, TaskKind, TaskSpec, TaskState, Waypoint, Who,
+    Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, Reply, Request,
+    RobotState, TaskId, TaskSpec, TaskState,
 };
 use xtb_protocol::{Name, Uuid};
 
