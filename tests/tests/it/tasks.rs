@@ -84,7 +84,8 @@ impl Lab {
     }
 
     fn command(&self, line: &str) -> Command {
-        let mut command = fleet_cli(&["--connect", &self.sim.endpoint]);
+        // A busy machine takes its time to connect.
+        let mut command = fleet_cli(&["--timeout", "30", "--connect", &self.sim.endpoint]);
         command.args(line.split(' ')).stdin(Stdio::null());
         command
     }

@@ -48,7 +48,7 @@ pub(crate) struct FakeRobot {
     pub(crate) replies: ReplyBook,
     pub(crate) latched: bool,
     /// Something stands in its way until then.
-    blocked_until_ms: u64,
+    pub(crate) blocked_until_ms: u64,
     pub(crate) up: bool,
     pub(crate) finished: Vec<Finished>,
     /// Points at which every drive fails.
