@@ -15,5 +15,6 @@ mod operators;
 mod processes;
 mod recording;
 mod style;
+mod tasks;
 mod teleop;
 mod traffic;
