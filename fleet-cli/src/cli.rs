@@ -3,6 +3,7 @@
 mod dispatch;
 mod map;
 mod plan;
+mod recording;
 mod tasks;
 mod traffic;
 
@@ -11,6 +12,7 @@ pub use dispatch::{
 };
 pub use map::{MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs};
 pub use plan::PlanArgs;
+pub use recording::{ExportArgs, PlayArgs, RecordArgs};
 pub use tasks::{
     CancelArgs, PauseArgs, ResumeArgs, RetryArgs, StayArgs, TakeoverArg, TaskArgs, TaskGotoArgs,
     TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs, TasksArgs, TermArgs,
@@ -124,6 +126,12 @@ pub enum Verb {
     Teleop(TeleopArgs),
     /// Print messages as JSON lines.
     Watch(WatchArgs),
+    /// Record the fleet's messages into MCAP, for Foxglove, Rerun, Python, `play` and `export`.
+    Record(RecordArgs),
+    /// Show a recording of the fleet again.
+    Play(PlayArgs),
+    /// Make tables of a recording of the fleet.
+    Export(ExportArgs),
     /// Show, check, import or serve a map of the floor.
     Map(MapArgs),
     /// Lead robots with planned goals past each other.
