@@ -17,6 +17,8 @@ pub mod error;
 #[cfg(test)]
 mod fake;
 pub mod feed;
+#[cfg(feature = "foxglove")]
+pub mod foxglove;
 pub mod interrupt;
 pub mod lease;
 pub mod listen;

@@ -34,7 +34,7 @@ pub struct PlayStatus {
     pub speed: f64,
     /// Whether it stands because somebody wants that.
     pub paused: bool,
-    /// Whether it is at its end.
+    /// Whether it is at its end, and the scene too.
     pub ended: bool,
     /// Messages that could not be read.
     pub unreadable: u64,
@@ -45,6 +45,8 @@ pub struct PlayStatus {
 #[derive(Debug)]
 struct Control {
     player: Player,
+    /// Whether the scene holds everything up to the player's place.
+    caught_up: bool,
     failed: Option<String>,
     stop: bool,
 }
@@ -86,7 +88,7 @@ impl Playing {
         }
         let scene = Arc::new(Shared::played(Scene::new(fleet.clone())));
         let desk = Arc::new(Desk {
-            control: Mutex::new(Control { player, failed: None, stop: false }),
+            control: Mutex::new(Control { player, caught_up: false, failed: None, stop: false }),
             wish: Condvar::new(),
         });
         let mut projector =
@@ -112,7 +114,7 @@ impl Playing {
             duration_ms: player.duration_ms(),
             speed: player.speed(),
             paused: player.paused(),
-            ended: player.ended(),
+            ended: player.ended() && control.caught_up,
             unreadable: self.scene.unreadable(),
             failed: control.failed.clone(),
         }
@@ -207,6 +209,7 @@ impl Projector {
             };
             self.scene.set_now_ms(player.position_ms());
             let mut control = self.desk.lock();
+            control.caught_up = matches!(played, Ok(false)) && control.player == player;
             match played {
                 Ok(true) => continue,
                 Ok(false) => {}

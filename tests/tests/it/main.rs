@@ -5,6 +5,9 @@
 mod commands;
 mod dispatch;
 mod driving;
+mod fleet_recording;
+#[cfg(feature = "foxglove")]
+mod foxglove;
 mod fuzz;
 mod hardware;
 mod hostile;
