@@ -209,6 +209,8 @@ fn options() -> LinearReaderOptions {
 fn breaks_off(error: &McapError) -> bool {
     match error {
         McapError::UnexpectedEof | McapError::UnexpectedEoc => true,
+        // So a chunk begins that was still being written.
+        McapError::RecordTooLarge { len: u64::MAX, .. } => true,
         McapError::Io(error) => error.kind() == io::ErrorKind::UnexpectedEof,
         _ => false,
     }
