@@ -113,6 +113,7 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::Pause(args) => changing(commands::change::pause(&ctx()?, args)).await,
         Verb::Resume(args) => changing(commands::change::resume(&ctx()?, args)).await,
         Verb::Retry(args) => changing(commands::change::retry(&ctx()?, args)).await,
+        Verb::FetchLog(args) => commands::fetch_log::run(&ctx()?, &args).await,
         Verb::Map(args) => commands::map::run(&ctx()?, &args).await,
         Verb::Router(args) => commands::router::run(&ctx()?, &args).await,
         Verb::Sim(args) => commands::sim::run(&ctx()?, args).await,

@@ -8,8 +8,8 @@ use xtb_bus::Incoming;
 use xtb_protocol::codec::CodecError;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetMap, Message, Request, RobotState, Roster, Route,
-    Sensors, Setpoint, TaskEvent, TaskList, TrafficState, Truth,
+    About, DispatchRequest, Estop, Event, Fix, FleetMap, LogRequest, Message, Request, RobotState, Roster,
+    Route, Sensors, Setpoint, TaskEvent, TaskList, TrafficState, Truth,
 };
 
 /// Why something that came in says nothing to us.
@@ -85,6 +85,8 @@ news! {
     Roster(Roster),
     /// What a client asks of the dispatcher.
     DispatchRequest(DispatchRequest),
+    /// What a client asks of a robot's recordings.
+    LogRequest(LogRequest),
     /// The dispatcher's tasks.
     Tasks(TaskList),
     /// A change of a task.
@@ -134,6 +136,7 @@ impl News {
             Channel::Teleop(_) => bytes.read::<Setpoint>()?.into(),
             Channel::Estop(_) | Channel::EstopAll(_) => bytes.read::<Estop>()?.into(),
             Channel::Fix => bytes.read::<Fix>()?.into(),
+            Channel::Log(_) => bytes.read::<LogRequest>()?.into(),
             Channel::Route => bytes.read::<Route>()?.into(),
             Channel::TrafficState => bytes.read::<TrafficState>()?.into(),
             Channel::Map => bytes.read::<FleetMap>()?.into(),

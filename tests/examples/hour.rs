@@ -30,8 +30,8 @@ const WALL_M: f64 = 1.0;
 const FLUSH_EVERY_NS: u64 = 1_000_000_000;
 
 fn main() {
-    let number = |n, default| std::env::args().nth(n).and_then(|text| text.parse().ok()).unwrap_or(default);
-    let (robots, minutes): (usize, u64) = (number(1, 4), number(2, 60));
+    let number = |n, default: u64| std::env::args().nth(n).map_or(default, |text| text.parse().unwrap());
+    let (robots, minutes) = (number(1, 4) as usize, number(2, 60));
     let folder = std::env::temp_dir().join(format!("xtb-hour-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let path = folder.join("hour.mcap");

@@ -1,6 +1,6 @@
 //! Arguments of `record`, `play` and `export`.
 
-use super::number;
+use super::values::{number, part_of_a_day, seconds};
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -24,7 +24,7 @@ pub struct RecordArgs {
     #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = chunk)]
     pub chunk: Duration,
     /// End after this long [default: at Ctrl-C].
-    #[arg(long = "for", value_name = "SECONDS", value_parser = super::seconds)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
     pub lasting: Option<Duration>,
 }
 
@@ -38,7 +38,7 @@ pub struct PlayArgs {
     #[arg(long, value_name = "X", default_value = "1", value_parser = speed)]
     pub speed: f64,
     /// Where to begin, in s from the first message.
-    #[arg(long, value_name = "SECONDS", default_value = "0", value_parser = super::part_of_a_day)]
+    #[arg(long, value_name = "SECONDS", default_value = "0", value_parser = part_of_a_day)]
     pub from: f64,
     /// Begin anew at the end.
     #[arg(long = "loop")]

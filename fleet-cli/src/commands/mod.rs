@@ -7,6 +7,7 @@ pub mod dispatch;
 pub mod doctor;
 pub mod estop;
 pub mod export;
+pub mod fetch_log;
 mod goal;
 pub mod goto;
 pub mod list;

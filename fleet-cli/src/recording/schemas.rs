@@ -12,8 +12,8 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::sync::LazyLock;
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetMap, Message, Request, RobotState, Roster, Route,
-    Sensors, Setpoint, TaskEvent, TaskList, TrafficState, Truth,
+    About, DispatchRequest, Estop, Event, Fix, FleetMap, LogRequest, Message, Request, RobotState, Roster,
+    Route, Sensors, Setpoint, TaskEvent, TaskList, TrafficState, Truth,
 };
 
 /// What all of Foxglove's own begin with.
@@ -68,6 +68,7 @@ static ALL: LazyLock<Vec<Schema>> = LazyLock::new(|| {
         wire::<Truth>(),
         wire::<Roster>(),
         wire::<DispatchRequest>(),
+        wire::<LogRequest>(),
         wire::<TaskList>(),
         wire::<TaskEvent>(),
         Schema { name: wire_name(PRESENCE), text: presence.to_string().into_bytes() },
@@ -117,6 +118,11 @@ fn text<T: JsonSchema>() -> Vec<u8> {
     let settings = SchemaSettings::draft2020_12().for_serialize().with(|it| it.inline_subschemas = true);
     let mut schema = settings.into_generator().into_root_schema_for::<T>().to_value();
     simplify(&mut schema);
+    // A message that is one of several objects is an object all the same.
+    if let Value::Object(schema) = &mut schema {
+        schema.entry("type").or_insert_with(|| "object".into());
+        schema.entry("properties").or_insert_with(|| json!({}));
+    }
     schema.to_string().into_bytes()
 }
 

@@ -9,6 +9,7 @@ use crate::news::{News, Unreadable};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
+use xtb_protocol::keys::FleetKeys;
 
 /// What a screen wants beyond states, events, presence, tasks and the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -128,18 +129,18 @@ impl Live {
         let into = Arc::clone(&scene);
         let inlet: Inlet = Arc::new(move |item| into.put(&item));
         let mut sources = Sources::default();
-        let fleet = client.fleet();
-        for rest in key_exprs(wanted) {
-            sources.add(client, &format!("xtb/{fleet}/{rest}"), &inlet).await?;
+        for key_expr in key_exprs(client.keys(), wanted) {
+            sources.add(client, &key_expr, &inlet).await?;
         }
         Ok(Self { scene, _sources: sources })
     }
 }
 
-fn key_exprs(wanted: Wanted) -> impl Iterator<Item = &'static str> {
-    let always =
-        ["*/alive", "*/state", "*/event", "*/about", "map", "sim/roster", "dispatch/tasks", "traffic/state"];
-    let sensors = wanted.sensors.then_some("*/sensors");
-    let truth = wanted.truth.then_some("sim/truth");
-    always.into_iter().chain(sensors).chain(truth)
+fn key_exprs(keys: &FleetKeys, wanted: Wanted) -> Vec<String> {
+    let robots = keys.any_robot();
+    let mut found = vec![robots.alive(), robots.state(), robots.event(), robots.about()];
+    found.extend([keys.map(), keys.sim_roster(), keys.dispatch_tasks(), keys.traffic_state()]);
+    found.extend(wanted.sensors.then(|| robots.sensors()));
+    found.extend(wanted.truth.then(|| keys.sim_truth()));
+    found
 }

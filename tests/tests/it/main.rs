@@ -5,6 +5,7 @@
 mod commands;
 mod dispatch;
 mod driving;
+mod fetching;
 mod fleet_recording;
 #[cfg(feature = "foxglove")]
 mod foxglove;
@@ -17,5 +18,6 @@ mod operators;
 mod processes;
 mod recording;
 mod style;
+mod tasks;
 mod teleop;
 mod traffic;
