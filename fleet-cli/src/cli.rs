@@ -1,11 +1,13 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
+mod dashboard;
 mod dispatch;
 mod map;
 mod plan;
 mod tasks;
 mod traffic;
 
+pub use dashboard::DashboardArgs;
 pub use dispatch::{
     DispatchArgs, DispatchCompactArgs, DispatchExportArgs, DispatchServeArgs, DispatchVerb, LedgerArgs,
 };
@@ -142,6 +144,8 @@ pub enum Verb {
     Resume(ResumeArgs),
     /// Queue tasks again that have failed or were cancelled.
     Retry(RetryArgs),
+    /// Show the fleet in a browser, and command it from there.
+    Dashboard(DashboardArgs),
     /// Run a router: all the infrastructure that a small lab needs.
     Router(RouterArgs),
     /// Run simulated robots with real agents.
