@@ -1,6 +1,6 @@
 // The map's picture: floor and trails from pictures that are kept, everything that moves anew each time.
 
-import { bounds, cellsPicture, drawCells, drawGrid, drawScale, drawZones } from "./floor.js";
+import { bounds, cellsPictures, drawCells, drawGrid, drawScale, drawZones } from "./floor.js";
 import { shown } from "./store.js";
 
 // The truck (configs/default.toml: vehicle.geometry) and its range finders (docs/simulator.md).
@@ -77,7 +77,7 @@ export class Picture {
     this.#points(view, look.points);
     if (look.preview) this.#preview(view, look.preview, store.robot());
     if (look.cursor) this.#cursor(view, look.cursor);
-    drawScale(context, view, 14, this.height - 14, this.#colours);
+    drawScale(context, view, 14, this.height - 22, this.#colours);
   }
 
   #keepFloor(store, view, ratio) {
@@ -91,12 +91,12 @@ export class Picture {
     context.fillStyle = store.map ? this.#colours.bg : this.#colours.floor;
     context.fillRect(0, 0, this.width, this.height);
     if (store.map && this.#cellsKey !== store.map.hash) {
-      this.#cells = cellsPicture(store.map, this.#colours);
+      this.#cells = cellsPictures(store.map, this.#colours);
       this.#cellsKey = store.map.hash;
     }
     context.save();
     if (store.map) {
-      drawCells(context, view, store.map, this.#cells);
+      drawCells(context, view, store.map, this.#cells.ground);
       const [west, south, east, north] = bounds(store.map);
       const [[x0, y0], [x1, y1]] = [view.toScreen(west, north), view.toScreen(east, south)];
       context.beginPath();
@@ -105,7 +105,9 @@ export class Picture {
     }
     drawGrid(context, view, this.width, this.height, this.#colours);
     context.restore();
-    if (store.map) drawZones(context, view, store.map, this.#colours);
+    if (!store.map) return;
+    drawZones(context, view, store.map, this.#colours);
+    drawCells(context, view, store.map, this.#cells.walls);
   }
 
   #keepTrails(store, view, ratio, level, nowMs) {
@@ -169,6 +171,7 @@ export class Picture {
     const context = this.#context;
     const pose = shown(robot, nowMs);
     for (const [side, ahead] of [["front", 1], ["rear", -1]]) {
+      this.#sight(view, pose, robot.ir_cm[side], ahead);
       for (let i = 0; i < FINDERS.count; i += 1) {
         const cm = robot.ir_cm[side][i];
         if (cm === null) continue;
@@ -185,6 +188,23 @@ export class Picture {
       }
     }
     context.globalAlpha = 1;
+  }
+
+  // What the range finders of one side see, as an area before the bumper.
+  #sight(view, pose, cms, ahead) {
+    if (cms.every((cm) => cm === null)) return;
+    const context = this.#context;
+    context.beginPath();
+    const far = cms.map((cm, i) => [(cm ?? 0) / 100, (2.5 - i) * FINDERS.spacing_m]);
+    const near = [[0, 2.5 * -FINDERS.spacing_m], [0, 2.5 * FINDERS.spacing_m]];
+    for (const [out_m, left_m] of [...far, ...near]) {
+      context.lineTo(...view.toScreen(...onFloor(pose, ahead * (BODY.length_m / 2 + out_m), left_m)));
+    }
+    context.closePath();
+    const isNear = cms.some((cm) => cm !== null && cm < FINDERS.threshold_cm);
+    context.fillStyle = isNear ? this.#colours.bad : this.#colours.warn;
+    context.globalAlpha = 0.16;
+    context.fill();
   }
 
   #robot(view, robot, chosen, nowMs) {
@@ -219,7 +239,6 @@ export class Picture {
     context.fillStyle = robot.stale ? this.#colours.stale : this.#colours.panel;
     context.fill();
     context.restore();
-    if (latched) octagon(context, x, y, Math.max(7, width * 0.26), this.#colours.bad, this.#colours.panel);
   }
 
   #name(view, robot, chosen, nowMs) {
@@ -236,6 +255,10 @@ export class Picture {
     context.strokeText(text, x, y + below);
     context.fillStyle = robot.stale ? this.#colours.dim : this.#colours.text;
     context.fillText(text, x, y + below);
+    if (robot.latches.length > 0) {
+      const beside = context.measureText(text).width / 2 + 12;
+      octagon(context, x - beside, y + below - 4, 8, this.#colours.bad, this.#colours.panel);
+    }
   }
 
   #points(view, points) {

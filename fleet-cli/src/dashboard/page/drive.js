@@ -72,7 +72,7 @@ export class Drive {
 
   // The server says how it stands, or the socket has closed.
   update() {
-    const { box, who, says, share } = this.#parts;
+    const { box, who, says, stick } = this.#parts;
     const robot = this.robot;
     const { teleop } = this.#store;
     if (teleop?.state === "ended" && teleop.robot === this.#asked) {
@@ -80,7 +80,7 @@ export class Drive {
       this.#asked = null;
     }
     if (robot === null) this.letGo();
-    if (robot !== null && box.hidden) queueMicrotask(() => share.focus({ preventScroll: true }));
+    if (robot !== null && box.hidden) queueMicrotask(() => stick.focus({ preventScroll: true }));
     box.hidden = robot === null;
     who.textContent = robot ?? "";
     if (robot !== null && !this.#hold.held) says.textContent = "not driven";

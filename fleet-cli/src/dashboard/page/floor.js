@@ -2,15 +2,20 @@
 
 const UNKNOWN = "unknown";
 
-// The map's cells as a picture, one pixel a cell, north up.
-export function cellsPicture(map, colours) {
+// The map's cells as pictures, one pixel a cell, north up: the ground, and the walls that hide the grid.
+export function cellsPictures(map, colours) {
+  const ground = { free: packed(colours.floor), occupied: packed(colours.floor), [UNKNOWN]: packed(colours.unknown) };
+  const walls = { free: 0, occupied: packed(colours.wall), [UNKNOWN]: 0 };
+  return { ground: cellsPicture(map, ground), walls: cellsPicture(map, walls) };
+}
+
+function cellsPicture(map, kinds) {
   const picture = document.createElement("canvas");
   picture.width = map.width;
   picture.height = map.height;
   const context = picture.getContext("2d");
   const image = context.createImageData(map.width, map.height);
   const pixels = new Uint32Array(image.data.buffer);
-  const kinds = { free: packed(colours.floor), occupied: packed(colours.wall), [UNKNOWN]: packed(colours.unknown) };
   let cell = 0;
   for (const [kind, count] of map.cells) {
     for (const end = cell + count; cell < end; cell += 1) {

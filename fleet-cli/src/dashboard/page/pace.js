@@ -17,8 +17,9 @@ export class Pace {
   #changedMs = 0;
   level = 0;
 
-  // Notes a picture.
+  // Notes a picture. The first two seconds of a page are for loading.
   drew(nowMs) {
+    if (this.#times.length === 0) this.#changedMs = nowMs;
     this.#times.push(nowMs);
     while (this.#times.length > 0 && nowMs - this.#times[0] > WINDOW_MS) this.#times.shift();
     if (nowMs - this.#changedMs < WINDOW_MS) return; // the last change has yet to show

@@ -6,7 +6,7 @@ const HEIGHT_PX = 96;
 
 // Name → its series: keys of the samples, and the least span of the value axis.
 export const PLOTS = {
-  speed: { title: "Speed", unit: "m/s", keys: ["speed", "reference"], names: ["actual", "reference"], least: 0.1 },
+  speed: { title: "Speed", unit: "m/s", keys: ["speed", "reference"], names: ["actual", "reference"], least: 0.1, holds: 0 },
   tilt: { title: "Tilt", unit: "°", keys: ["tiltX", "tiltY"], names: ["pitch", "roll"], least: 2 },
   infrared: { title: "Infrared, nearest", unit: "cm", keys: ["irFront", "irRear"], names: ["front", "rear"], from: [0, 90] },
   battery: { title: "Battery", unit: "V", keys: ["battery"], names: ["battery"], least: 0.4 },
@@ -60,10 +60,10 @@ export class Plots {
       height: HEIGHT_PX,
       legend: { show: false },
       cursor: { show: false },
-      padding: [6, 4, 0, 0],
+      padding: [6, 16, 0, 0],
       scales: { x: { time: false, auto: false }, y: { auto: false } },
       axes: [
-        { ...axis, size: 20, gap: 2, space: 60, values: (plot, ticks) => ticks.map((t) => ago(plot, t)), splits: tens },
+        { ...axis, size: 18, gap: 2, space: 60, values: (plot, ticks) => ticks.map((t) => ago(plot, t)), splits: tens },
         { ...axis, size: 44, gap: 4, space: 26 },
       ],
       series: [{}, ...spec.keys.map((_, i) => ({ stroke: series[i], width: 1.75, points: { show: false } }))],
@@ -89,7 +89,7 @@ function ago(plot, t) {
 
 function range(spec, lists) {
   if (spec.from) return { min: spec.from[0], max: spec.from[1] };
-  let [min, max] = [Infinity, -Infinity];
+  let [min, max] = [spec.holds ?? Infinity, spec.holds ?? -Infinity];
   for (const list of lists) {
     for (const value of list) {
       if (value === null) continue;
