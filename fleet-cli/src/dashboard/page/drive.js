@@ -140,8 +140,14 @@ export class Drive {
     } else if (!this.#hold.held && this.#timer !== null) {
       clearInterval(this.#timer);
       this.#timer = null;
-      if (this.robot !== null) this.#link.setpoint(this.#hold.zero());
+      if (this.robot !== null) this.#send(this.#hold.zero());
     }
+  }
+
+  // With the number of the latest frame: the server passes on nothing that was made before an old picture.
+  #send(setpoint) {
+    const { frame } = this.#store;
+    if (frame !== null) this.#link.setpoint({ ...setpoint, seen: frame.n });
   }
 
   #tick() {
@@ -151,7 +157,7 @@ export class Drive {
     }
     const setpoint = this.#hold.tick(performance.now(), Number(this.#parts.share.value));
     if (setpoint !== null) {
-      this.#link.setpoint(setpoint);
+      this.#send(setpoint);
     } else {
       this.#settle();
       this.#parts.says.textContent = "the page was held up: press again";

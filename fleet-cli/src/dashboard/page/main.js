@@ -36,7 +36,7 @@ let panelsMs = 0;
 let stop = null; // what became of the last emergency stop
 let said = { text: "", atMs: 0 };
 let answer = null; // to the last command for the selected robot
-let heldBy = null; // who has control, when driving was refused
+let held = null; // {text, take()}: somebody else has control of the selected robot
 let moved = true; // something is to be drawn
 
 const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws${location.search}`;
@@ -102,7 +102,7 @@ function actions() {
     changed,
     select(name, show) {
       store.select(name);
-      [answer, heldBy] = [null, null];
+      [answer, held] = [null, null];
       if (drive.robot !== null && drive.robot !== name) drive.end();
       aim.clear();
       link.send({ watch: name });
@@ -122,8 +122,10 @@ function actions() {
     },
     sendGoal: () => aim.send(),
     dropGoal: () => aim.clear(),
-    goal({ x_m, y_m, yaw_rad }) {
-      ask({ goto: { robot: store.selected, x_m, y_m, yaw_rad } }, `Goal for ${store.selected}`);
+    async goal({ x_m, y_m, yaw_rad }) {
+      const robot = store.selected;
+      const send = (take) => ask({ goto: { robot, x_m, y_m, yaw_rad, take } }, `Goal for ${robot}`);
+      mayTake((await send(false)).error, robot, "Take control and send", () => send(true));
     },
     stop: (robot) => ask({ stop: { robot } }, `Stop of ${robot}`),
     reset: (robot) => ask({ reset: { robot } }, `Reset of ${robot}`),
@@ -144,10 +146,10 @@ function actions() {
       changed();
     },
     async drive(robot, take) {
-      heldBy = null;
       const { error } = await drive.begin(robot, take);
-      if (error && !take) heldBy = `${error.message}${error.hint ? ` (${error.hint})` : ""}`;
-      else if (error) tell(`Driving: ${error.message}`);
+      if (!mayTake(error, robot, "Take control and drive", () => act.drive(robot, true)) && error) {
+        tell(`Driving: ${error.message}`);
+      }
       changed();
     },
     driveEnd: () => drive.end(),
@@ -158,6 +160,14 @@ function actions() {
       moved = true;
     },
   };
+}
+
+// After a refusal because somebody else has control: offers to take it. True = it does.
+function mayTake(error, robot, title, take) {
+  const isHeld = error?.code === "lease_held" && robot === store.selected;
+  held = isHeld ? { text: error.message, title, take: () => { held = null; take(); } } : null;
+  changed();
+  return isHeld;
 }
 
 function done(ok) {
@@ -209,7 +219,7 @@ function drawPanels(nowMs) {
   const tab = document.documentElement.dataset.tab;
   if (WIDE.matches && tab === "robots") document.documentElement.dataset.tab = "robot";
   const look = { tool: aim.tool, preview: aim.preview, points: aim.points, said: nowMs - said.atMs < SAID_MS ? said.text : "",
-    answer, heldBy, driving: drive.robot };
+    answer, held, driving: drive.robot };
   drawHeader(nowMs);
   render(panels.stops(stop, () => { stop = null; changed(); }), byId("stops"));
   render(panels.tabs(document.documentElement.dataset.tab, store, act), byId("tabs"));

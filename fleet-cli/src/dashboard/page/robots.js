@@ -84,15 +84,15 @@ function why(robot) {
 
 function buttons(robot, act, look) {
   const driving = look.driving === robot.name;
-  const held = look.heldBy;
+  const { held } = look;
   return html`<div class="row">
       <button type="button" id="goal-here" @click=${act.aim} aria-pressed=${look.tool === "goals"}>Send goals</button>
       <button type="button" id="drive-begin" ?disabled=${!robot.alive || robot.stale}
         @click=${() => (driving ? act.driveEnd() : act.drive(robot.name, false))}>${driving ? "End driving" : "Drive by hand"}</button>
     </div>
     ${held
-      ? html`<div class="box warn"><p>${held}</p><div class="row">
-          <button type="button" class="danger" @click=${() => act.drive(robot.name, true)}>Take control and drive</button></div></div>`
+      ? html`<div class="box warn"><p>${held.text}</p><div class="row">
+          <button type="button" class="danger" id="take" @click=${held.take}>${held.title}</button></div></div>`
       : nothing}
     <div class="row">
       <button type="button" id="stop-one" @click=${() => act.stop(robot.name)}>Stop</button>
