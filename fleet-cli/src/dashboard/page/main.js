@@ -311,3 +311,6 @@ stopAll();
 document.addEventListener("visibilitychange", () => pace.restart(performance.now()));
 WIDE.addEventListener("change", changed);
 requestAnimationFrame(animate);
+
+// For tests in a browser.
+export { aim, pace, store, view };
