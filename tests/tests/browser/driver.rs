@@ -34,7 +34,7 @@ const ARGUMENTS: [&str; 8] = [
 ];
 
 /// Whether there is a browser here; if not, says so.
-pub fn is_there() -> bool {
+pub(crate) fn is_there() -> bool {
     let missing = [CHROMIUM, CHROMEDRIVER].into_iter().find(|path| !Path::new(path).exists());
     if let Some(path) = missing {
         say(&format!("SKIP: no {path}; `apt-get install chromium chromium-driver` brings it"));
@@ -43,21 +43,21 @@ pub fn is_there() -> bool {
 }
 
 /// Says something to whoever runs this.
-pub fn say(text: &str) {
+pub(crate) fn say(text: &str) {
     use std::io::Write;
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// `fleet-cli dashboard` for a fleet.
-pub struct Dashboard {
+pub(crate) struct Dashboard {
     _process: Process,
     /// Where it is, such as `127.0.0.1:40001`.
-    pub address: String,
+    pub(crate) address: String,
 }
 
 impl Dashboard {
     /// Starts it on a free port.
-    pub fn start(router: &str) -> Self {
+    pub(crate) fn start(router: &str) -> Self {
         let mut command = Command::new(program("fleet-cli"));
         command.args(["--json", "--connect", router, "dashboard", "--listen", "127.0.0.1:0"]);
         let (process, line) = Process::start_ready(&mut command);
@@ -66,7 +66,7 @@ impl Dashboard {
         Self { _process: process, address }
     }
 
-    pub fn url(&self) -> String {
+    pub(crate) fn url(&self) -> String {
         format!("http://{}/", self.address)
     }
 }
@@ -82,9 +82,9 @@ impl Drop for Group {
 }
 
 /// A browser.
-pub struct Browser {
+pub(crate) struct Browser {
     /// Its window.
-    pub page: Client,
+    pub(crate) page: Client,
     driver: SocketAddr,
     session: String,
     _group: Group,
@@ -93,7 +93,7 @@ pub struct Browser {
 
 impl Browser {
     /// Starts one with an empty profile.
-    pub async fn start() -> Self {
+    pub(crate) async fn start() -> Self {
         let profile = tempfile::tempdir().unwrap();
         let mut command = Command::new(CHROMEDRIVER);
         command.arg("--port=0").process_group(0).env("HOME", profile.path());
@@ -119,7 +119,7 @@ impl Browser {
     }
 
     /// Opens the dashboard and waits until it shows this many robots that are heard.
-    pub async fn open(&self, url: &str, robots: usize) {
+    pub(crate) async fn open(&self, url: &str, robots: usize) {
         self.page.goto(url).await.unwrap();
         eventually("the robots on the page", || async {
             let fresh = "return [...store.robots.values()].filter((robot) => !robot.stale).length";
@@ -129,7 +129,7 @@ impl Browser {
     }
 
     /// What a script of the page's says; `store`, `view`, `aim` and `pace` are the page's own.
-    pub async fn ask(&self, script: &str) -> Value {
+    pub(crate) async fn ask(&self, script: &str) -> Value {
         let script = format!(
             "const tell = arguments[arguments.length - 1];
              import('/assets/main.js').then(({{store, view, aim, pace}}) => tell((() => {{ {script} }})()), () => tell(null));"
@@ -138,12 +138,12 @@ impl Browser {
     }
 
     /// Waits until a script says true.
-    pub async fn until(&self, what: &str, script: &str) {
+    pub(crate) async fn until(&self, what: &str, script: &str) {
         eventually(what, || async { (self.ask(script).await == true).then_some(()) }).await;
     }
 
     /// Where a point of the floor is in the window, in px.
-    pub async fn on_screen(&self, x_m: f64, y_m: f64) -> (f64, f64) {
+    pub(crate) async fn on_screen(&self, x_m: f64, y_m: f64) -> (f64, f64) {
         let script = format!(
             "const box = document.getElementById('floor').getBoundingClientRect();
              const [x, y] = view.toScreen({x_m}, {y_m});
@@ -154,7 +154,7 @@ impl Browser {
     }
 
     /// Presses and lets go with the mouse.
-    pub async fn click_at(&self, (x, y): (f64, f64)) {
+    pub(crate) async fn click_at(&self, (x, y): (f64, f64)) {
         let button = fantoccini::actions::MOUSE_BUTTON_LEFT;
         let click = MouseActions::new("mouse".into())
             .then(PointerAction::MoveTo { duration: None, x: x.round(), y: y.round() })
@@ -164,13 +164,13 @@ impl Browser {
     }
 
     /// Clicks what a CSS selector names, once it is there.
-    pub async fn click(&self, css: &str) {
+    pub(crate) async fn click(&self, css: &str) {
         let element = self.page.wait().at_most(PATIENCE).for_element(fantoccini::Locator::Css(css));
         element.await.unwrap().click().await.unwrap();
     }
 
     /// Errors and warnings on the page's console so far, its policy's refusals among them.
-    pub async fn complaints(&self) -> Vec<String> {
+    pub(crate) async fn complaints(&self) -> Vec<String> {
         let log = self.driver("POST", "se/log", &json!({ "type": "browser" })).await;
         let entries = log.as_array().unwrap().clone();
         let bad = entries.into_iter().filter(|entry| entry["level"] == "SEVERE" || entry["level"] == "WARNING");
@@ -178,7 +178,7 @@ impl Browser {
     }
 
     /// A command of the Chrome DevTools protocol.
-    pub async fn devtools(&self, command: &str, parameters: Value) -> Value {
+    pub(crate) async fn devtools(&self, command: &str, parameters: Value) -> Value {
         self.driver("POST", "goog/cdp/execute", &json!({ "cmd": command, "params": parameters })).await
     }
 
@@ -192,13 +192,13 @@ impl Browser {
     }
 
     /// Ends it.
-    pub async fn end(self) {
+    pub(crate) async fn end(self) {
         let _ = self.page.close().await;
     }
 }
 
 /// One HTTP request; the whole answer, head and body.
-pub async fn http(to: SocketAddr, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> String {
+pub(crate) async fn http(to: SocketAddr, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> String {
     let mut stream = TcpStream::connect(to).await.unwrap();
     let headers: String = headers.iter().map(|(name, value)| format!("{name}: {value}\r\n")).collect();
     let head = format!(

@@ -7,7 +7,7 @@ use fantoccini::actions::{InputSource, MouseActions, PointerAction};
 use fleet_tests::{Fleet, eventually};
 
 /// Takes xtb-1 by hand and holds the stick ahead until it rolls.
-pub async fn drive(fleet: &Fleet, browser: &Browser) {
+pub(crate) async fn drive(fleet: &Fleet, browser: &Browser) {
     browser.click("[data-robot=xtb-1]").await;
     browser.click("#drive-begin").await;
     browser.until("the joystick", "return !document.getElementById('drive').hidden").await;
@@ -29,6 +29,6 @@ pub async fn drive(fleet: &Fleet, browser: &Browser) {
 }
 
 /// Since when the motor of xtb-1 is neutral, in s of the world.
-pub async fn neutral_since_s(fleet: &Fleet) -> f64 {
+pub(crate) async fn neutral_since_s(fleet: &Fleet) -> f64 {
     eventually("neutral", || async { fleet.truth(1).neutral_since_s }).await
 }

@@ -27,7 +27,7 @@ export class Aim {
   #do;
   #press = null; // {pointer, x, y, kind: "tap" | "goal" | "turn"}
 
-  // `act`: {select(name), goal(preview), changed(), say(text), mayAim()}
+  // `act`: {select(name), goal(preview), changed(), say(text), fit(), mayAim()}
   constructor(canvas, view, store, act) {
     [this.#canvas, this.#view, this.#store, this.#do] = [canvas, view, store, act];
     canvas.addEventListener("pointerdown", (event) => this.#down(event));
@@ -176,7 +176,7 @@ export class Aim {
       "]": () => this.#turn(-TURN_RAD),
       "+": () => this.#view.zoomBy(1),
       "-": () => this.#view.zoomBy(-1),
-      0: () => { this.#view.touched = false; },
+      0: () => this.#do.fit(),
       n: () => this.#next(),
     };
     const act = keys[event.key];

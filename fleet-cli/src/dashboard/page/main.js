@@ -38,6 +38,7 @@ let said = { text: "", atMs: 0 };
 let answer = null; // to the last command for the selected robot
 let held = null; // {text, take()}: somebody else has control of the selected robot
 let moved = true; // something is to be drawn
+let fitted = false; // all of the map was shown once; what the user looks at since then is left alone
 
 const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws${location.search}`;
 const link = new Link(address, {
@@ -59,6 +60,7 @@ const aim = new Aim(canvas, view, store, {
   goal: act.goal,
   changed,
   say: (text) => { byId("map-said").textContent = text; },
+  fit: act.fit,
   mayAim: () => store.writable() && link.open,
 });
 
@@ -72,7 +74,7 @@ function take(message) {
   } else if (kind === "happenings") {
     byId("event-said").textContent = message.happenings.map((one) => happening(one)[0]).slice(-3).join("; ");
   } else if (kind === "map") {
-    view.touched = false;
+    [fitted, view.touched] = [false, false];
   }
   if (kind !== "frame") changed();
   moved = true;
@@ -156,8 +158,7 @@ function actions() {
     estop,
     zoom: (steps) => view.zoomBy(steps),
     fit() {
-      view.touched = false;
-      moved = true;
+      [fitted, view.touched] = [false, false];
     },
   };
 }
@@ -270,7 +271,7 @@ function fit() {
   } else {
     return;
   }
-  view.touched = true;
+  fitted = true;
 }
 
 const GLIDES_MS = 120; // a frame's robots have reached their places by then
@@ -278,11 +279,7 @@ const GLIDES_MS = 120; // a frame's robots have reached their places by then
 function animate(nowMs) {
   requestAnimationFrame(animate);
   const isResized = picture.resize();
-  if (isResized && !userLooks) view.touched = false;
-  if (!view.touched) {
-    fit();
-    userLooks = false;
-  }
+  if (!view.touched && (!fitted || isResized)) fit();
   const gliding = !CALM.matches && store.frameAtMs !== null && nowMs - store.frameAtMs < GLIDES_MS;
   if (moved || view.changed || isResized || gliding) {
     [moved, view.changed] = [false, false];
@@ -297,10 +294,6 @@ function animate(nowMs) {
   const every = pace.level >= 5 ? PANELS_SLOW_MS : PANELS_EVERY_MS;
   if (nowMs - panelsMs >= every || panelsMs === 0) drawPanels(nowMs);
 }
-
-let userLooks = false; // the user has chosen the part of the map: a new size does not change it
-canvas.addEventListener("wheel", () => { userLooks = true; }, { passive: true });
-canvas.addEventListener("pointermove", (event) => { if (event.buttons !== 0) userLooks = true; });
 
 theme(byId("theme"), () => {
   picture.recolour();

@@ -60,8 +60,8 @@ function formOf(store, act, look, isThere) {
   const tags = [...new Set([...store.robots.values()].flatMap((robot) => robot.tags))];
   const needsPoints = form.kind !== "wander";
   return html`<form class="form" @submit=${(event) => { event.preventDefault(); act.submit(); }}>
-    <label>What<select @change=${set("kind")}>${option("goto", "Go to a point", "kind")}${option("route", "Route: points in order", "kind")}
-      ${option("patrol", "Patrol: round and round", "kind")}${option("wander", "Wander", "kind")}</select></label>
+    <label>What<select @change=${set("kind")}>${option("goto", "Go to a point", "kind")}${option("route", "Route", "kind")}
+      ${option("patrol", "Patrol", "kind")}${option("wander", "Wander", "kind")}</select></label>
     <label>Who<select @change=${set("who")}>${option("any", "Any robot", "who")}
       ${robots.map((name) => option(`robot:${name}`, name, "who"))}${tags.map((tag) => option(`tag:${tag}`, `tag ${tag}`, "who"))}</select></label>
     ${field("priority", "Priority (9 = first)", { min: 0, max: 9 })}
