@@ -6,6 +6,10 @@ use axum::response::Response;
 use crc::{CRC_32_ISO_HDLC, Crc};
 
 const HTML: &str = "text/html; charset=utf-8";
+const JS: &str = "text/javascript; charset=utf-8";
+const CSS: &str = "text/css; charset=utf-8";
+const SVG: &str = "image/svg+xml";
+const TEXT: &str = "text/plain; charset=utf-8";
 
 /// One file of the page.
 #[derive(Debug)]
@@ -17,16 +21,56 @@ struct Asset {
 }
 
 macro_rules! asset {
-    ($path:literal, $file:literal, $content_type:expr) => {
+    ($file:literal, $content_type:expr) => {
         Asset {
-            path: $path,
+            path: concat!("/assets/", $file),
             content_type: $content_type,
             bytes: include_bytes!(concat!("page/", $file)),
         }
     };
 }
 
-const ASSETS: &[Asset] = &[asset!("/", "index.html", HTML)];
+const ASSETS: &[Asset] = &[
+    Asset { path: "/", content_type: HTML, bytes: include_bytes!("page/index.html") },
+    asset!("aim.js", JS),
+    asset!("draw.js", JS),
+    asset!("drive.js", JS),
+    asset!("floor.js", JS),
+    asset!("hold.js", JS),
+    asset!("icon.svg", SVG),
+    asset!("link.js", JS),
+    asset!("main.js", JS),
+    asset!("map.css", CSS),
+    asset!("pace.js", JS),
+    asset!("panels.js", JS),
+    asset!("plots.js", JS),
+    asset!("robots.js", JS),
+    asset!("store.js", JS),
+    asset!("style.css", CSS),
+    asset!("tasks.js", JS),
+    asset!("theme.js", JS),
+    asset!("view.js", JS),
+    asset!("words.js", JS),
+    asset!("vendor/LICENSE-d3.txt", TEXT),
+    asset!("vendor/LICENSE-lit-html.txt", TEXT),
+    asset!("vendor/LICENSE-uPlot.txt", TEXT),
+    asset!("vendor/d3-color.min.js", JS),
+    asset!("vendor/d3-dispatch.min.js", JS),
+    asset!("vendor/d3-drag.min.js", JS),
+    asset!("vendor/d3-ease.min.js", JS),
+    asset!("vendor/d3-interpolate.min.js", JS),
+    asset!("vendor/d3-selection.min.js", JS),
+    asset!("vendor/d3-timer.min.js", JS),
+    asset!("vendor/d3-transition.min.js", JS),
+    asset!("vendor/d3-zoom.min.js", JS),
+    asset!("vendor/directive-helpers.js", JS),
+    asset!("vendor/directive.js", JS),
+    asset!("vendor/lit-html.js", JS),
+    asset!("vendor/uPlot.iife.min.js", JS),
+    asset!("vendor/uPlot.min.css", CSS),
+    asset!("vendor/directives/live.js", JS),
+    asset!("vendor/directives/repeat.js", JS),
+];
 
 impl Asset {
     /// Changes with the content.
@@ -73,6 +117,27 @@ mod tests {
             let old = HeaderMap::from_iter([(header::IF_NONE_MATCH, HeaderValue::from_static("\"0-0\""))]);
             assert_eq!(answer(asset.path, &old).unwrap().status(), StatusCode::OK);
         }
+    }
+
+    #[test]
+    fn whatever_the_page_asks_for_is_in_the_table() {
+        let mut asked = 0;
+        for asset in ASSETS.iter().filter(|asset| [HTML, JS].contains(&asset.content_type)) {
+            let folder = asset.path.rsplit_once('/').map_or("", |(folder, _)| folder);
+            let text = String::from_utf8_lossy(asset.bytes);
+            for word in text.split(['"', '\'', '`']) {
+                let is_file = [".js", ".css", ".svg"].iter().any(|end| word.ends_with(end));
+                let path = match word.strip_prefix("./") {
+                    Some(beside) => format!("{folder}/{beside}"),
+                    None => word.to_owned(),
+                };
+                if is_file && path.starts_with("/assets/") {
+                    asked += 1;
+                    assert!(ASSETS.iter().any(|asset| asset.path == path), "{word} in {}", asset.path);
+                }
+            }
+        }
+        assert!(asked > 10, "{asked}");
     }
 
     #[test]
