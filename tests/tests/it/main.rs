@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
 mod commands;
+mod dashboard;
 mod dispatch;
 mod driving;
 mod fuzz;
