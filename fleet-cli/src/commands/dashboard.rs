@@ -9,10 +9,16 @@ use crate::context::Context;
 use crate::dashboard::{Running, Settings, Shown};
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
+use crate::listen::Sources;
 use crate::scene::live::{Live, Wanted};
 use serde::Serialize;
 use std::pin::pin;
 use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::MissedTickBehavior;
+
+/// How soon after a page samples come.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]
@@ -35,7 +41,7 @@ pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
     let starting = async {
         foxglove(args)?;
         let client = Client::open(ctx).await?;
-        let live = Live::open(&client, Wanted { sensors: true, truth: false }).await?;
+        let live = Live::open(&client, Wanted::default()).await?;
         let shown = Shown {
             scene: Arc::clone(&live.scene),
             commands: Some((ctx.clone(), client.clone())),
@@ -49,11 +55,30 @@ pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
         () = &mut stop => return Ok(Exit::Interrupted),
     };
     ready(ctx, &running, args.read_only)?;
-    stop.await;
+    tokio::select! {
+        () = &mut stop => {}
+        () = sensors_for_pages(&client, &live, &running) => {}
+    }
     running.stop().await;
     drop(live);
     client.close().await;
     Ok(Exit::Done)
+}
+
+/// Robots send samples only while a page is there to show them.
+async fn sensors_for_pages(client: &Client, live: &Live, running: &Running) {
+    let mut look = tokio::time::interval(LOOK_EVERY);
+    look.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let mut sources: Option<Sources> = None;
+    loop {
+        look.tick().await;
+        if running.pages() == 0 {
+            sources = None;
+        } else if sources.is_none() {
+            let opened = live.sensors(client).await;
+            sources = opened.inspect_err(|failure| tracing::warn!("{failure}")).ok();
+        }
+    }
 }
 
 /// Shows a scene that somebody else keeps up to date, such as a recording that is played, until it is

@@ -127,6 +127,7 @@ pub struct Running {
     address: SocketAddr,
     token: Option<String>,
     stop: watch::Sender<bool>,
+    places: Arc<Semaphore>,
     busy: Arc<Semaphore>,
     tasks: Vec<JoinHandle<()>>,
 }
@@ -150,6 +151,7 @@ impl Running {
         let listener = bind(listen).map_err(|error| taken(listen, &error))?;
         let address = listener.local_addr()?;
         let (stop, stopped) = watch::channel(false);
+        let places = Arc::new(Semaphore::new(MOST_SOCKETS));
         let busy = Arc::new(Semaphore::new(BUSY as usize));
         let app = Arc::new(App {
             metrics: Metrics::new(Arc::clone(&shown.scene)),
@@ -158,7 +160,7 @@ impl Running {
             guard,
             began: Instant::now(),
             ticks: watch::channel(0).0,
-            places: Arc::new(Semaphore::new(MOST_SOCKETS)),
+            places: Arc::clone(&places),
             stop: stopped,
             busy: Arc::clone(&busy),
         });
@@ -169,13 +171,19 @@ impl Running {
                 tracing::error!("the dashboard: {error}");
             }
         });
-        Ok(Self { address, token, stop, busy, tasks: vec![ticker, serving] })
+        Ok(Self { address, token, stop, places, busy, tasks: vec![ticker, serving] })
     }
 
     /// Where it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Pages that are connected.
+    #[must_use]
+    pub fn pages(&self) -> usize {
+        MOST_SOCKETS - self.places.available_permits()
     }
 
     /// What to open in a browser.
