@@ -274,7 +274,11 @@ impl Cockpit {
             }
             (Grasp::Lost(text), _) => self.deeds.tell(now_ms, Tone::Bad, format!("drive {robot}: {text}")),
             (Grasp::Ended(None), _) => {
-                self.deeds.tell(now_ms, Tone::Plain, format!("{robot} was not driven; control is given back"));
+                self.deeds.tell(
+                    now_ms,
+                    Tone::Plain,
+                    format!("{robot} was not driven; control is given back"),
+                );
             }
             (Grasp::Ended(Some(true)), _) => {
                 let text = format!("{robot} was told to stop; control is given back");
@@ -373,7 +377,9 @@ impl Cockpit {
             Press::Turn(by) => self.turn(f64::from(by)),
             Press::AnyYaw => self.cursor = self.cursor.map(|at| Cursor { yaw_rad: None, ..at }),
             Press::Pause if self.playing.is_some() => return vec![Action::Pause],
-            Press::Teleop => return self.selected.clone().map_or_else(Vec::new, |robot| self.grip(robot, false, now_ms)),
+            Press::Teleop => {
+                return self.selected.clone().map_or_else(Vec::new, |robot| self.grip(robot, false, now_ms));
+            }
             Press::Go => return self.go(now_ms),
             Press::Reset => self.reset(&sights, now_ms),
             Press::Cancel => return self.cancel(&sights, now_ms),

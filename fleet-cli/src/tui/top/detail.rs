@@ -43,12 +43,17 @@ fn headline(sight: &Sight<'_>) -> String {
 fn facts(sight: &Sight<'_>) -> [(&'static str, String, Tone); 7] {
     let show = |text: fn(&RobotState) -> String| sight.state.map_or_else(|| UNKNOWN.to_owned(), text);
     let state = sight.state;
-    let blocked = state.is_some_and(|state| [state.obstacle.front, state.obstacle.rear].contains(&Some(true)));
+    let blocked =
+        state.is_some_and(|state| [state.obstacle.front, state.obstacle.rear].contains(&Some(true)));
     let low = state.is_some_and(|state| state.battery_level > BatteryLevel::Ok);
     let bad = state.is_some_and(|state| !(state.latches.is_empty() && state.faults.is_empty()));
     let when = |so: bool, tone: Tone| if so { tone } else { Tone::Plain };
     [
-        ("goal", show(|state| state.goal.as_ref().map_or_else(|| "none".to_owned(), describe::goal)), Tone::Plain),
+        (
+            "goal",
+            show(|state| state.goal.as_ref().map_or_else(|| "none".to_owned(), describe::goal)),
+            Tone::Plain,
+        ),
         ("task", task(sight), Tone::Plain),
         ("pose", pose(sight), when(state.is_none(), Tone::Dim)),
         ("wrong", show(wrong), when(bad, Tone::Bad)),

@@ -107,7 +107,9 @@ fn robot(event: &Event) -> (String, Tone) {
             };
             (format!("{name} goal {}{why}", words::name(status)), tone)
         }
-        EventKind::Lease { holder: Some(holder) } => (format!("{name} is controlled by {holder}"), Tone::Plain),
+        EventKind::Lease { holder: Some(holder) } => {
+            (format!("{name} is controlled by {holder}"), Tone::Plain)
+        }
         EventKind::Lease { holder: None } => (format!("{name} is free"), Tone::Dim),
         EventKind::Fault { fault, present: true, detail } => {
             let detail = detail.as_ref().map(|words| format!(" ({words})")).unwrap_or_default();

@@ -10,7 +10,8 @@ use ratatui::widgets::Paragraph;
 
 /// Smaller than this there is no use.
 const SMALLEST: (u16, u16) = (20, 4);
-const HINTS: &str = "? keys  Tab robot  arrows+Enter go there  t drive  s/S stop  e/E E-STOP  x reset  w why  q";
+const HINTS: &str =
+    "? keys  Tab robot  arrows+Enter go there  t drive  s/S stop  e/E E-STOP  x reset  w why  q";
 const SHORT_HINTS: &str = "? keys  E E-STOP ALL  q leave";
 const PLAYING_HINTS: &str = "? keys  Tab robot  space pause  arrows wind  w why  v tasks  f follow  q leave";
 const READING_HINTS: &str = "? keys  Tab robot  w why  v tasks  f follow  +/- zoom  a all  q leave";
@@ -68,7 +69,8 @@ impl Cockpit {
         };
         let plural = if sights.len() == 1 { "robot" } else { "robots" };
         add(format!("{} {plural}", sights.len()), Tone::Plain);
-        let count = |wanted: &[Standing]| sights.iter().filter(|sight| wanted.contains(&sight.standing())).count();
+        let count =
+            |wanted: &[Standing]| sights.iter().filter(|sight| wanted.contains(&sight.standing())).count();
         for (wanted, words) in [
             (&[Standing::Drives][..], "drive"),
             (&[Standing::Hindered], "hindered"),

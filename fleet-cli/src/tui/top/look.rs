@@ -151,13 +151,15 @@ mod tests {
     #[test]
     fn arrows_point_where_the_robot_does() {
         let utf8 = look(true, false, &[("LANG", "C.utf8")]);
-        assert_eq!([0.0, 90.0, 180.0, -90.0, -46.0].map(|deg: f64| utf8.arrow(deg.to_radians())), [
-            '→', '↑', '←', '↓', '↘'
-        ]);
+        assert_eq!(
+            [0.0, 90.0, 180.0, -90.0, -46.0].map(|deg: f64| utf8.arrow(deg.to_radians())),
+            ['→', '↑', '←', '↓', '↘']
+        );
         let ascii = look(true, true, &[]);
-        assert_eq!([10.0, 80.0, 200.0, 359.0].map(|deg: f64| ascii.arrow(deg.to_radians())), [
-            '>', '^', '<', '>'
-        ]);
+        assert_eq!(
+            [10.0, 80.0, 200.0, 359.0].map(|deg: f64| ascii.arrow(deg.to_radians())),
+            ['>', '^', '<', '>']
+        );
     }
 
     #[test]

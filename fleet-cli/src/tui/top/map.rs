@@ -154,9 +154,8 @@ impl Drawing<'_> {
     fn dashes(&self, [from, to]: &floor::Segment) -> Vec<(f64, f64)> {
         let length_m = (to.0 - from.0).hypot(to.1 - from.1);
         let count = (length_m / self.view.cell_m().0).ceil().clamp(1.0, 1000.0);
-        let at = |step: f64| {
-            (from.0 + (to.0 - from.0) * step / count, from.1 + (to.1 - from.1) * step / count)
-        };
+        let at =
+            |step: f64| (from.0 + (to.0 - from.0) * step / count, from.1 + (to.1 - from.1) * step / count);
         (0..=count as u32).map(|step| at(f64::from(step))).collect()
     }
 
@@ -231,8 +230,13 @@ fn at((x_m, y_m, yaw_rad): (f64, f64, f64), ahead_m: f64, left_m: f64) -> (f64, 
 
 fn outline(canvas: &mut Context<'_>, place: (f64, f64, f64), body: &Geometry, color: Color) {
     let (half_m, side_m) = (body.body_length_m / 2.0, body.body_width_m / 2.0);
-    let corners =
-        [(half_m, 0.0), (half_m / 2.0, side_m), (-half_m, side_m), (-half_m, -side_m), (half_m / 2.0, -side_m)];
+    let corners = [
+        (half_m, 0.0),
+        (half_m / 2.0, side_m),
+        (-half_m, side_m),
+        (-half_m, -side_m),
+        (half_m / 2.0, -side_m),
+    ];
     let corners = corners.map(|(ahead, left)| at(place, ahead, left));
     for (index, &(x1, y1)) in corners.iter().enumerate() {
         let (x2, y2) = corners[(index + 1) % corners.len()];

@@ -47,7 +47,8 @@ impl Cockpit {
                 None => return,
             },
             Some(Over::Question(question)) => {
-                let lines = vec![question.text.clone(), String::new(), "y = yes, any other key = no".to_owned()];
+                let lines =
+                    vec![question.text.clone(), String::new(), "y = yes, any other key = no".to_owned()];
                 (" ? ".to_owned(), lines)
             }
         };
