@@ -90,7 +90,7 @@ impl Cockpit {
             let is = |there: bool| if there { Tone::Plain } else { Tone::Dim };
             let (dispatcher, traffic) = (scene.dispatcher(), scene.traffic_control());
             add(if dispatcher { "dispatcher" } else { "no dispatcher" }.to_owned(), is(dispatcher));
-            add(if traffic { "traffic control" } else { "no traffic control" }.to_owned(), is(traffic));
+            add(if traffic { "traffic" } else { "no traffic" }.to_owned(), is(traffic));
         }
         if self.unreadable > 0 {
             add(format!("{} unreadable", self.unreadable), Tone::Warning);

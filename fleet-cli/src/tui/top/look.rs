@@ -111,10 +111,12 @@ fn dots(bits: u32) -> char {
     const LOWER: u32 = 0xe4;
     const COLUMNS: [u32; 2] = [0x47, 0xb8];
     const ROWS: [u32; 4] = [0x09, 0x12, 0x24, 0xc0];
+    const BARS: [u32; 3] = [0x1b, 0x36, 0xe4];
     let within = |mask: u32| bits & !mask == 0;
     match bits.count_ones() {
         0 => ' ',
         5.. => '#',
+        4 if BARS.contains(&bits) => '=',
         3.. if COLUMNS.into_iter().any(within) => '|',
         2 if ROWS.into_iter().any(within) => '-',
         _ if within(UPPER) => '\'',
@@ -164,7 +166,7 @@ mod tests {
 
     #[test]
     fn dots_become_signs_of_their_shape() {
-        let signs: String = "⠀⠁⡀⡇⢸⠒⣿⢁".chars().map(ascii).collect();
-        assert_eq!(signs, " '.||-#:");
+        let signs: String = "⠀⠁⡀⡇⢸⠒⣿⢁⠶".chars().map(ascii).collect();
+        assert_eq!(signs, " '.||-#:=");
     }
 }

@@ -20,8 +20,8 @@ const BEAM_SPACING_M: f64 = 0.07;
 const BODY_CELLS: f64 = 4.0;
 /// Without a map this much around the robots is shown.
 const AROUND_M: f64 = 2.0;
-/// Narrower maps show what names differ in, not whole names.
-const NAMES_FROM: u16 = 60;
+/// Wider cells have room for what names differ in, not for whole names.
+const NAMES_UP_TO_M: f64 = 0.25;
 
 impl Cockpit {
     /// The map in its frame.
@@ -39,7 +39,7 @@ impl Cockpit {
         }
         let selected = self.sight(sights).and_then(Sight::place).map(|(x_m, y_m, _)| (x_m, y_m));
         self.view.arrange(inner, self.bounds(sights), selected);
-        let names = short_names(sights, area.width >= NAMES_FROM);
+        let names = short_names(sights, self.view.cell_m().0 <= NAMES_UP_TO_M);
         let drawing = Drawing { cockpit: self, view: &self.view, look, now_ms };
         let (x, y) = self.view.bounds();
         let canvas = Canvas::default().marker(Marker::Braille).x_bounds(x).y_bounds(y).paint(|canvas| {
@@ -136,18 +136,26 @@ impl Drawing<'_> {
                 let dashes = self.dashes(edge);
                 canvas.draw(&Points { coords: &dashes, color });
             }
-            let name = match zone.heading_rad {
-                Some(heading_rad) => format!("{} {}", self.look.arrow(heading_rad), zone.name),
-                None => zone.name.clone(),
-            };
-            // From its middle to the left, so that it stays over the zone.
-            let left_m = name.chars().count() as f64 / 2.0 * self.view.cell_m().0;
             let style = self.look.tone(Tone::Dim).fg(color);
-            let x_m = (zone.middle.0 - left_m).max(self.view.bounds().0[0]);
-            canvas.print(x_m, zone.middle.1, Text::styled(name, style));
+            let Some(name) = self.zone_name(zone) else { continue };
+            let left_m = name.chars().count() as f64 / 2.0 * self.view.cell_m().0;
+            canvas.print(zone.middle.0 - left_m, zone.middle.1, Text::styled(name, style));
         }
         let color = self.look.paint(Color::Gray);
         floor.walls.iter().for_each(|wall| canvas.draw(&line(wall, color)));
+    }
+
+    /// As much of its name as lies within it.
+    fn zone_name(&self, zone: &floor::Zone) -> Option<String> {
+        let east = zone.edges.iter().map(|[from, _]| from.0);
+        let (low, high) = east.fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x), high.max(x)));
+        let arrow = zone.heading_rad.map(|heading_rad| self.look.arrow(heading_rad).to_string());
+        let whole = match &arrow {
+            Some(arrow) => format!("{arrow} {}", zone.name),
+            None => zone.name.clone(),
+        };
+        let fits = (whole.chars().count() + 1) as f64 * self.view.cell_m().0 < high - low;
+        if fits { Some(whole) } else { arrow }
     }
 
     /// Points of a line, so far apart that it is told from a wall.
