@@ -119,7 +119,7 @@ impl Cockpit {
                 let asked = crate::describe::fixed(drive.throttle * max_rpm, 0);
                 let side = crate::describe::fixed(drive.steering, 2);
                 Some(format!(
-                    " DRIVING {robot}: {asked} rpm, steering {side} (+ right)  hold arrows · space zero · t lets go"
+                    " DRIVING {robot}: {asked} rpm, steering {side}   hold arrows, space zero, t lets go"
                 ))
             }
         }
