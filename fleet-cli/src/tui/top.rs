@@ -221,7 +221,12 @@ impl Cockpit {
             Input::Key(key) if self.steers(key, now_ms) => Vec::new(),
             Input::Key(key) => match keys::press(key) {
                 Some(press) => self.press(press, scene, now_ms),
-                None => Vec::new(),
+                None => {
+                    // Any key but the yes is a no; shift alone is none.
+                    let typed = key.kind == KeyEventKind::Press && !matches!(key.code, KeyCode::Modifier(_));
+                    self.over.take_if(|over| typed && matches!(over, Over::Question(_)));
+                    Vec::new()
+                }
             },
         }
     }

@@ -27,6 +27,17 @@ fn until(sim: &Sim, robot: &str, what: &str, so: impl Fn(&Value) -> bool) -> Val
     }
 }
 
+/// Takes the wheel and holds the key for ahead until the robot obeys.
+fn drive(sim: &Sim, top: &mut OnTerminal) {
+    top.keys("t");
+    top.until("the wheel", |text| text.contains("DRIVING xtb-1"));
+    let give_up = Instant::now() + PATIENCE;
+    while sim.run(&["status", "xtb-1"]).1["robots"][0]["state"]["mode"] != "teleop" {
+        assert!(Instant::now() < give_up, "it was never driven\n{}", top.screen().text());
+        top.keys("\x1b[A");
+    }
+}
+
 #[test]
 fn three_robots_are_seen_one_is_sent_by_the_cursor_and_all_are_latched_by_one_key() {
     let sim = sim(&["--robots", "3"]);
@@ -66,14 +77,7 @@ fn a_robot_is_driven_while_a_key_repeats_and_stands_free_after_leaving() {
     let sim = sim(&["--robots", "1"]);
     let mut top = top(&sim, (80, 24), &[]);
     top.until("the robot", |text| text.contains(" idle "));
-    top.keys("t");
-    top.until("the wheel", |text| text.contains("DRIVING xtb-1"));
-    let give_up = Instant::now() + PATIENCE;
-    // As a held key repeats.
-    while sim.run(&["status", "xtb-1"]).1["robots"][0]["state"]["mode"] != "teleop" {
-        assert!(Instant::now() < give_up, "it was never driven\n{}", top.screen().text());
-        top.keys("\x1b[A");
-    }
+    drive(&sim, &mut top);
     top.keys("\x1b[A\x1b[A");
     top.keys("q");
     assert_eq!(top.ended(), Some(0));
@@ -86,10 +90,9 @@ fn a_lost_focus_takes_the_hand_off_the_wheel() {
     let sim = sim(&["--robots", "1"]);
     let mut top = top(&sim, (160, 50), &[]);
     top.until("the robot", |text| text.contains(" idle "));
-    top.keys("t");
-    top.until("the wheel", |text| text.contains("DRIVING xtb-1"));
-    top.keys("\x1b[A");
-    top.keys("\x1b[O");
+    drive(&sim, &mut top);
+    // As a held key goes on while the window is left.
+    top.keys("\x1b[A\x1b[A\x1b[O\x1b[A");
     top.until("let go", |text| text.contains("xtb-1 was told to stop; control is given back"));
     until(&sim, "xtb-1", "free", |state| state["lease"].is_null());
     top.keys("\x03");

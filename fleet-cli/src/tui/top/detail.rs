@@ -1,6 +1,6 @@
 //! Everything about the selected robot in a few lines.
 
-use super::sight::{Sight, UNKNOWN, age};
+use super::sight::{Sight, Standing, UNKNOWN, age};
 use super::*;
 use crate::describe;
 use crate::task_words;
@@ -16,7 +16,7 @@ impl Cockpit {
         let look = self.setup.look;
         let standing = sight.standing();
         let mut head = vec![Span::styled(format!(" {} ", sight.name), look.tone(Tone::Strong))];
-        head.push(Span::styled(headline(sight), look.tone(standing.tone())));
+        head.push(Span::styled(headline(sight, standing), look.tone(standing.tone())));
         let mut lines = vec![Line::from(head)];
         let fact = |label: &str, text: String, tone: Tone| {
             let label = Span::styled(format!("  {label:8}"), look.tone(Tone::Dim));
@@ -29,12 +29,13 @@ impl Cockpit {
     }
 }
 
-fn headline(sight: &Sight<'_>) -> String {
+fn headline(sight: &Sight<'_>, standing: Standing) -> String {
     match sight.state {
         None => sight.why(true),
         Some(state) => match describe::stands(state) {
             Some(stands) => format!("stands {stands}"),
-            None => format!("drives, {}", describe::speed(state)),
+            None if standing == Standing::Drives => format!("drives, {}", describe::speed(state)),
+            None => "stands".to_owned(),
         },
     }
 }
@@ -81,7 +82,7 @@ fn pose(sight: &Sight<'_>) -> String {
             format!("{pose} ±{sigma_m} m")
         }
         (None, Some(seen)) => {
-            format!("{UNKNOWN} (was {} {} ago)", describe::pose(&seen.value.pose), age(sight.age_ms))
+            format!("{UNKNOWN}, {} ago {}", age(sight.age_ms), describe::pose(&seen.value.pose))
         }
         (None, None) => UNKNOWN.to_owned(),
     }

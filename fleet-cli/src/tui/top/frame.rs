@@ -67,6 +67,9 @@ impl Cockpit {
             spans.push(Span::raw("· "));
             spans.push(Span::styled(format!("{text} "), look.tone(tone)));
         };
+        if let Some(playing) = &self.playing {
+            add(play_words(playing), Tone::Strong);
+        }
         let plural = if sights.len() == 1 { "robot" } else { "robots" };
         add(format!("{} {plural}", sights.len()), Tone::Plain);
         let count =
@@ -84,9 +87,7 @@ impl Cockpit {
                 add(format!("{found} {words}"), wanted[0].tone());
             }
         }
-        if let Some(playing) = &self.playing {
-            add(play_words(playing), Tone::Strong);
-        } else {
+        if self.playing.is_none() {
             let is = |there: bool| if there { Tone::Plain } else { Tone::Dim };
             let (dispatcher, traffic) = (scene.dispatcher(), scene.traffic_control());
             add(if dispatcher { "dispatcher" } else { "no dispatcher" }.to_owned(), is(dispatcher));
@@ -129,15 +130,18 @@ impl Cockpit {
     fn draw_foot(&self, frame: &mut Frame<'_>, areas: &Areas, now_ms: AtMs) {
         let look = self.setup.look;
         let asked = self.deeds.under_way().iter().rev().map(|open| {
-            let since = age(Some(now_ms.saturating_sub(open.since_ms)));
             let tone = if open.deed.is_stop() { Tone::Warning } else { Tone::Plain };
-            Line::styled(format!(" {since:>7}  {}: asked, no answer yet", open.deed.words()), look.tone(tone))
+            (open.since_ms, format!("{}: asked, no answer yet", open.deed.words()), tone)
         });
-        let told = self.deeds.notices().map(|notice| {
-            let since = age(Some(now_ms.saturating_sub(notice.at_ms)));
-            Line::styled(format!(" {since:>7}  {}", notice.text), look.tone(notice.tone))
-        });
-        let lines: Vec<Line<'_>> = asked.chain(told).take(usize::from(areas.notices.height)).collect();
+        let told = self.deeds.notices().map(|notice| (notice.at_ms, notice.text.clone(), notice.tone));
+        let mut lines: Vec<(AtMs, String, Tone)> = told.chain(asked).collect();
+        lines.sort_by_key(|(at_ms, ..)| std::cmp::Reverse(*at_ms));
+        lines.truncate(usize::from(areas.notices.height));
+        let line = |(at_ms, text, tone): (AtMs, String, Tone)| {
+            let since = age(Some(now_ms.saturating_sub(at_ms)));
+            Line::styled(format!(" {since:>7}  {text}"), look.tone(tone))
+        };
+        let lines: Vec<Line<'_>> = lines.into_iter().map(line).collect();
         frame.render_widget(Paragraph::new(lines), areas.notices);
         let hints = match (&self.playing, self.setup.read_only) {
             (Some(_), _) => PLAYING_HINTS,

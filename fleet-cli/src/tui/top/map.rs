@@ -27,18 +27,18 @@ impl Cockpit {
     /// The map in its frame.
     pub(super) fn draw_map(&mut self, frame: &mut Frame<'_>, area: Rect, sights: &[Sight<'_>], now_ms: AtMs) {
         let look = self.setup.look;
+        let inner = Block::bordered().inner(area);
+        frame.render_widget(Clear, area);
+        let selected = self.sight(sights).and_then(Sight::place).map(|(x_m, y_m, _)| (x_m, y_m));
+        self.view.arrange(inner, self.bounds(sights), selected);
         let block = Block::bordered()
             .border_style(look.tone(Tone::Dim))
             .title(self.map_title(area.width))
             .title_bottom(self.cursor_title());
-        let inner = block.inner(area);
-        frame.render_widget(Clear, area);
         frame.render_widget(block, area);
         if inner.is_empty() {
             return;
         }
-        let selected = self.sight(sights).and_then(Sight::place).map(|(x_m, y_m, _)| (x_m, y_m));
-        self.view.arrange(inner, self.bounds(sights), selected);
         let names = short_names(sights, self.view.cell_m().0 <= NAMES_UP_TO_M);
         let drawing = Drawing { cockpit: self, view: &self.view, look, now_ms };
         let (x, y) = self.view.bounds();

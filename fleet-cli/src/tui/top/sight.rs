@@ -122,9 +122,9 @@ impl Sight<'_> {
     pub(super) fn why(&self, long: bool) -> String {
         let Some(state) = self.state else {
             return match self.standing() {
-                Standing::Missing => "MISSING, never heard".to_owned(),
-                Standing::Gone => format!("GONE, heard {} ago", age(self.age_ms)),
-                _ if self.age_ms.is_none() => "STALE, never heard".to_owned(),
+                Standing::Missing => "MISSING".to_owned(),
+                Standing::Gone => format!("GONE for {}", age(self.age_ms)),
+                _ if self.age_ms.is_none() => "STALE".to_owned(),
                 _ => format!("STALE for {}", age(self.age_ms)),
             };
         };

@@ -87,7 +87,7 @@ impl Cockpit {
             .iter()
             .map(|(column, title, _)| match column {
                 Column::Name => Cell::from(format!(" {title}")),
-                Column::Why if more > 0 => Cell::from(format!("{title} ({more} rows more)")),
+                Column::Why if more > 0 => Cell::from(format!("why (+{more} rows)")),
                 _ => Cell::from(*title),
             })
             .collect();

@@ -64,10 +64,13 @@ fn fleet() -> Scene {
     let mut tell = |at_ms: AtMs, state: RobotState| {
         scene.take(at_ms, &key(&format!("{}/state", state.robot)), state.into());
     };
-    let mut drives = under_way(at("xtb-1", -4.0, 2.0, 0.0), GoalStatus::Running);
+    let mut drives = under_way(at("xtb-1", -4.0, 3.0, 0.0), GoalStatus::Running);
+    if let Some(goal) = &mut drives.goal {
+        (goal.x_m, goal.y_m) = (Some(1.5), Some(3.0));
+    }
     drives.speed_mps = Some(0.31);
     let track = Track {
-        start: xtb_control::frames::MapPose { x_m: -4.5, y_m: 2.0, yaw_rad: 0.0 },
+        start: xtb_control::frames::MapPose { x_m: -4.5, y_m: 3.0, yaw_rad: 0.0 },
         arcs: vec![Arc { length_m: 6.0, curvature_per_m: 0.0 }],
     };
     drives.nav.route = Some(RouteState {

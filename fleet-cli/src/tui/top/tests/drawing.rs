@@ -16,8 +16,8 @@ fn every_robot_is_told_apart_in_the_table_at_both_sizes() {
         assert!(blocked.contains("goto"), "{blocked}");
         assert!(line(&shown, "LATCHED estop").contains("xtb-3"), "{all}");
         assert!(line(&shown, "STALE for 4.0 s").contains("xtb-4"), "{all}");
-        assert!(line(&shown, "GONE, heard").contains("xtb-5"), "{all}");
-        assert!(line(&shown, "MISSING, never").contains("xtb-6"), "{all}");
+        assert!(line(&shown, "GONE for 5.0 s").contains("xtb-5"), "{all}");
+        assert!(line(&shown, "MISSING").contains("xtb-6"), "{all}");
         for word in ["6 robots", "1 drive", "1 hindered", "1 LATCHED", "1 STALE", "2 GONE"] {
             assert!(shown[0].contains(word), "{word}: {}", shown[0]);
         }
@@ -35,7 +35,7 @@ fn what_a_stale_robot_said_is_not_shown_as_if_it_were_so() {
         assert!(!all.contains("0.77"), "its old speed:\n{all}");
         let row = line(&shown, "STALE for 4.0 s");
         assert!(row.contains(">xtb-4") && row.contains('?') && row.contains("4.0 s"), "{row}");
-        assert!(line(&shown, "pose  ").contains("? (was (-2.00, -2.00) 45° 4.0 s ago)"), "{all}");
+        assert!(line(&shown, "pose  ").contains("?, 4.0 s ago (-2.00, -2.00) 45°"), "{all}");
         assert!(line(&shown, "battery ").contains('?'), "{all}");
         // On the map it has no heading, but its age.
         let map: Vec<&str> = shown.iter().filter_map(|line| line.split('│').nth(1)).collect();
@@ -69,8 +69,8 @@ fn without_a_map_the_robots_are_the_bounds() {
     }
     let shown = screen(&mut cockpit(), &scene, 160, 50);
     let map: Vec<&str> = shown.iter().filter_map(|line| line.split('│').nth(1)).collect();
-    let row = map.iter().find(|line| line.contains("→xtb-1")).unwrap();
-    assert!(row.contains("→xtb-2"), "{row}");
+    let row = map.iter().find(|line| line.contains("→1")).unwrap();
+    assert!(row.contains("→2"), "{row}");
     line(&shown, "no map");
 }
 
@@ -99,7 +99,7 @@ fn in_ascii_there_is_nothing_else_in_any_overlay() {
         for (width, height) in SIZES {
             let shown = screen(&mut cockpit, &scene, width, height).join("\n");
             assert!(shown.is_ascii(), "{shown}");
-            assert!(shown.contains("xtb-3"), "{shown}");
+            assert!(shown.contains("xtb-3") || over == Some('?'), "{shown}");
         }
     }
     let shown = screen(&mut with(Look { color: false, ascii: true }, None), &scene, 80, 24).join("\n");
@@ -167,7 +167,10 @@ fn a_large_fleet_scrolls_with_the_selection_and_says_how_many_there_are_more() {
     }
     let mut cockpit = cockpit();
     let shown = screen(&mut cockpit, &scene, 80, 24).join("\n");
-    assert!(shown.contains(">xtb-1 ") && shown.contains("rows more") && !shown.contains("xtb-30"), "{shown}");
+    assert!(
+        shown.contains(">xtb-1 ") && shown.contains("(+33 rows)") && !shown.contains("xtb-30"),
+        "{shown}"
+    );
     for _ in 0..29 {
         press(&mut cockpit, &scene, KeyCode::Tab);
     }
