@@ -6,6 +6,10 @@ mod cockpit;
 mod commands;
 mod dispatch;
 mod driving;
+mod fetching;
+mod fleet_recording;
+#[cfg(feature = "foxglove")]
+mod foxglove;
 mod fuzz;
 mod hardware;
 mod hostile;
@@ -15,5 +19,6 @@ mod operators;
 mod processes;
 mod recording;
 mod style;
+mod tasks;
 mod teleop;
 mod traffic;
