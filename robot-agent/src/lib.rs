@@ -19,6 +19,7 @@ mod recorder;
 pub mod recording;
 pub mod replay;
 mod session;
+mod shelf;
 mod tidings;
 mod uplink;
 

@@ -10,13 +10,22 @@ use crate::dashboard::{Running, Settings, Shown};
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
 use crate::listen::Sources;
+use crate::recording::playing::Playing;
 use crate::scene::live::{Live, Wanted};
 use serde::Serialize;
+use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::MissedTickBehavior;
 
+#[cfg(feature = "foxglove")]
+type Foxglove = crate::foxglove::Handle;
+#[cfg(not(feature = "foxglove"))]
+type Foxglove = std::convert::Infallible;
+
+/// Frames a second of a recording at most.
+const PLAYED_HZ: f64 = 20.0;
 /// How soon after a page samples come.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
@@ -39,18 +48,14 @@ struct Ready<'a> {
 pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
     let mut stop = pin!(interrupted());
     let starting = async {
-        foxglove(args)?;
         let client = Client::open(ctx).await?;
         let live = Live::open(&client, Wanted::default()).await?;
-        let shown = Shown {
-            scene: Arc::clone(&live.scene),
-            commands: Some((ctx.clone(), client.clone())),
-            rewinds: Arc::new(|| 0),
-        };
+        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some((ctx.clone(), client.clone())) };
+        let foxglove = foxglove(ctx, args, &live).await?;
         let running = Running::start(settings(args), shown).await?;
-        Ok::<_, Failure>((client, live, running))
+        Ok::<_, Failure>((client, live, running, foxglove))
     };
-    let (client, live, running) = tokio::select! {
+    let (client, live, running, foxglove) = tokio::select! {
         started = starting => started?,
         () = &mut stop => return Ok(Exit::Interrupted),
     };
@@ -60,7 +65,7 @@ pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
         () = sensors_for_pages(&client, &live, &running) => {}
     }
     running.stop().await;
-    drop(live);
+    drop((live, foxglove));
     client.close().await;
     Ok(Exit::Done)
 }
@@ -81,14 +86,15 @@ async fn sensors_for_pages(client: &Client, live: &Live, running: &Running) {
     }
 }
 
-/// Shows a scene that somebody else keeps up to date, such as a recording that is played, until it is
-/// interrupted. Nothing can be commanded.
+/// Shows a recording that is played, until it is interrupted. Nothing can be commanded.
 ///
 /// # Errors
 /// A port that is taken, or an address that needs a token.
-pub async fn show(ctx: &Context, args: &DashboardArgs, shown: Shown) -> Result<Exit> {
+pub(crate) async fn played(ctx: &Context, playing: Arc<Playing>, listen: SocketAddr) -> Result<Exit> {
     let stop = pin!(interrupted());
-    let running = Running::start(settings(args), Shown { commands: None, ..shown }).await?;
+    let settings =
+        Settings { listen, token: None, read_only: true, allow_origins: Vec::new(), hz: PLAYED_HZ };
+    let running = Running::start(settings, Shown { scene: playing.scene(), commands: None }).await?;
     ready(ctx, &running, true)?;
     stop.await;
     running.stop().await;
@@ -114,9 +120,20 @@ fn ready(ctx: &Context, running: &Running, read_only: bool) -> Result<()> {
     })
 }
 
-fn foxglove(args: &DashboardArgs) -> Result<()> {
+/// The live scene for the Foxglove app, as long as what comes back is kept.
+#[cfg(feature = "foxglove")]
+async fn foxglove(ctx: &Context, args: &DashboardArgs, live: &Live) -> Result<Option<Foxglove>> {
+    let Some(listen) = args.foxglove else { return Ok(None) };
+    let serving = crate::foxglove::serve(Arc::clone(&live.scene), listen).await?;
+    ctx.out.note(&format!("Foxglove opens ws://{}", serving.address()));
+    Ok(Some(serving))
+}
+
+/// See above: it is not built in.
+#[cfg(not(feature = "foxglove"))]
+async fn foxglove(_: &Context, args: &DashboardArgs, _: &Live) -> Result<Option<Foxglove>> {
     match args.foxglove {
-        None => Ok(()),
+        None => Ok(None),
         Some(_) => Err(Failure::new(Kind::Usage, "this fleet-cli was built without Foxglove")
             .hint("`cargo build --release -p fleet-cli --features foxglove` builds it in")),
     }

@@ -60,8 +60,6 @@ pub struct Shown {
     pub scene: Arc<Shared>,
     /// Who commands; `None` = a recording is played.
     pub commands: Option<(Context, Client)>,
-    /// Counts how often the scene was wound back.
-    pub rewinds: Arc<dyn Fn() -> u64 + Send + Sync>,
 }
 
 /// What all requests share.
@@ -291,7 +289,8 @@ async fn metrics(State(app): State<Arc<App>>) -> Response {
 
 async fn page(request: Request) -> Response {
     if !matches!(*request.method(), Method::GET | Method::HEAD) {
-        return (StatusCode::METHOD_NOT_ALLOWED, "commands come over the page's socket only\n").into_response();
+        return (StatusCode::METHOD_NOT_ALLOWED, "commands come over the page's socket only\n")
+            .into_response();
     }
     assets::answer(request.uri().path(), request.headers())
         .unwrap_or_else(|| (StatusCode::NOT_FOUND, "there is no such page\n").into_response())

@@ -5,14 +5,14 @@ use super::{AtMs, MOST_ROBOTS, Scene};
 use crate::client::Client;
 use crate::error::Result;
 use crate::listen::{Inlet, Item, Sources};
-use crate::news::News;
+use crate::news::{News, Unreadable};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use xtb_protocol::Name;
-use xtb_protocol::keys::Key;
+use xtb_protocol::keys::{FleetKeys, Key};
 
 /// What a screen wants beyond states, events, presence, tasks and the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -27,21 +27,65 @@ pub struct Wanted {
 #[derive(Debug)]
 pub struct Shared {
     scene: Mutex<Scene>,
-    began: Instant,
+    clock: Clock,
     unreadable: AtomicU64,
+    rewinds: AtomicU64,
+}
+
+/// What tells a scene's time.
+#[derive(Debug)]
+enum Clock {
+    /// The viewer's, since then.
+    Running(Instant),
+    /// Whoever plays a recording.
+    Set(AtomicU64),
 }
 
 impl Shared {
     /// A scene whose clock begins now.
     #[must_use]
     pub fn new(scene: Scene) -> Self {
-        Self { scene: Mutex::new(scene), began: Instant::now(), unreadable: AtomicU64::new(0) }
+        Self::timed(scene, Clock::Running(Instant::now()))
     }
 
-    /// The viewer's clock.
+    /// A scene out of a recording, whose clock is where that is played: it stands while that is paused.
+    #[must_use]
+    pub fn played(scene: Scene) -> Self {
+        Self::timed(scene, Clock::Set(AtomicU64::new(0)))
+    }
+
+    fn timed(scene: Scene, clock: Clock) -> Self {
+        Self { scene: Mutex::new(scene), clock, unreadable: AtomicU64::new(0), rewinds: AtomicU64::new(0) }
+    }
+
+    /// The clock by which everything in the scene has its age: the viewer's, or the recording's.
     #[must_use]
     pub fn now_ms(&self) -> AtMs {
-        u64::try_from(self.began.elapsed().as_millis()).unwrap_or(u64::MAX)
+        match &self.clock {
+            Clock::Running(began) => u64::try_from(began.elapsed().as_millis()).unwrap_or(u64::MAX),
+            Clock::Set(at_ms) => at_ms.load(Ordering::Acquire),
+        }
+    }
+
+    /// Sets the clock of a recording.
+    pub(crate) fn set_now_ms(&self, now_ms: AtMs) {
+        if let Clock::Set(at_ms) = &self.clock {
+            at_ms.store(now_ms, Ordering::Release);
+        }
+    }
+
+    /// Begins anew, at another place of a recording: what a viewer holds of the scene before is void.
+    pub(crate) fn rewind(&self, scene: Scene, now_ms: AtMs) {
+        let mut place = self.lock();
+        *place = scene;
+        self.set_now_ms(now_ms);
+        self.rewinds.fetch_add(1, Ordering::Release);
+    }
+
+    /// How often it has begun anew; what is live never does.
+    #[must_use]
+    pub fn rewinds(&self) -> u64 {
+        self.rewinds.load(Ordering::Acquire)
     }
 
     /// The scene, locked: read and let go, nothing else.
@@ -53,11 +97,13 @@ impl Shared {
     pub fn put(&self, item: &Item) {
         match News::of(item) {
             Ok((key, news)) => self.lock().take(self.now_ms(), &key, news),
-            Err(error) => {
-                self.unreadable.fetch_add(1, Ordering::Relaxed);
-                tracing::debug!("unreadable: {error}");
-            }
+            Err(error) => self.note_unreadable(&error),
         }
+    }
+
+    pub(crate) fn note_unreadable(&self, error: &Unreadable) {
+        self.unreadable.fetch_add(1, Ordering::Relaxed);
+        tracing::debug!("unreadable: {error}");
     }
 
     /// Messages that could not be read.
@@ -103,9 +149,8 @@ impl Live {
         });
         let asking = tokio::spawn(ask_factsheets(client.clone(), Arc::clone(&scene), comers));
         let mut sources = Sources::default();
-        let fleet = client.fleet();
-        for rest in key_exprs(wanted) {
-            sources.add(client, &format!("xtb/{fleet}/{rest}"), &inlet).await?;
+        for key_expr in key_exprs(client.keys(), wanted) {
+            sources.add(client, &key_expr, &inlet).await?;
         }
         Ok(Self { scene, _sources: sources, asking })
     }
@@ -134,10 +179,11 @@ async fn ask_factsheets(client: Client, scene: Arc<Shared>, mut comers: mpsc::Re
     }
 }
 
-fn key_exprs(wanted: Wanted) -> impl Iterator<Item = &'static str> {
-    let always =
-        ["*/alive", "*/state", "*/event", "*/about", "map", "sim/roster", "dispatch/tasks", "traffic/state"];
-    let sensors = wanted.sensors.then_some("*/sensors");
-    let truth = wanted.truth.then_some("sim/truth");
-    always.into_iter().chain(sensors).chain(truth)
+fn key_exprs(keys: &FleetKeys, wanted: Wanted) -> Vec<String> {
+    let robots = keys.any_robot();
+    let mut found = vec![robots.alive(), robots.state(), robots.event(), robots.about()];
+    found.extend([keys.map(), keys.sim_roster(), keys.dispatch_tasks(), keys.traffic_state()]);
+    found.extend(wanted.sensors.then(|| robots.sensors()));
+    found.extend(wanted.truth.then(|| keys.sim_truth()));
+    found
 }
