@@ -2,7 +2,9 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
+mod cockpit;
 mod commands;
+mod dashboard;
 mod dispatch;
 mod driving;
 mod fetching;
