@@ -1,22 +1,27 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
+mod dashboard;
 mod dispatch;
 mod fetch_log;
 mod map;
 mod plan;
+mod recording;
 mod robots;
 mod shell;
 mod sim;
 mod tasks;
+mod top;
 mod traffic;
 mod values;
 
+pub use dashboard::DashboardArgs;
 pub use dispatch::{
     DispatchArgs, DispatchCompactArgs, DispatchExportArgs, DispatchServeArgs, DispatchVerb, LedgerArgs,
 };
 pub use fetch_log::FetchLogArgs;
 pub use map::{MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs};
 pub use plan::PlanArgs;
+pub use recording::{ExportArgs, PlayArgs, RecordArgs};
 pub use robots::{
     DoctorArgs, EstopArgs, GotoArgs, LeaseArgs, ListArgs, ResetArgs, StatusArgs, StopArgs, TeleopArgs,
     ViaArg, WanderArgs, WatchArgs, WhoArgs, WhyArgs,
@@ -27,9 +32,11 @@ pub use tasks::{
     CancelArgs, LinkLossArg, PauseArgs, ResumeArgs, RetryArgs, StayArgs, TakeoverArg, TaskArgs, TaskGotoArgs,
     TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs, TasksArgs, TermArgs,
 };
+pub use top::TopArgs;
 pub use traffic::{TrafficArgs, TrafficServeArgs, TrafficVerb};
 
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, parser::ValueSource};
+use robot_agent::logging::LogFormat;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -90,6 +97,9 @@ pub struct GlobalArgs {
     /// Colours.
     #[arg(long, global = true, value_name = "WHEN", default_value = "auto")]
     pub color: ColorChoice,
+    /// How the log's lines look, on standard error; XTB_LOG=debug makes it detailed.
+    #[arg(long, global = true, value_name = "FORMAT", env = "XTB_LOG_FORMAT", default_value = "text")]
+    pub log_format: LogFormat,
 }
 
 /// When to use colours.
@@ -126,8 +136,16 @@ pub enum Verb {
     Reset(ResetArgs),
     /// Drive a robot by hand.
     Teleop(TeleopArgs),
+    /// Show the fleet on the whole terminal: map, robots, events; keys send, stop and drive.
+    Top(TopArgs),
     /// Print messages as JSON lines.
     Watch(WatchArgs),
+    /// Record the fleet's messages into MCAP, for Foxglove, Rerun, Python, `play` and `export`.
+    Record(RecordArgs),
+    /// Show a recording of the fleet again.
+    Play(PlayArgs),
+    /// Make tables of a recording of the fleet.
+    Export(ExportArgs),
     /// Bring a robot's own recording here.
     FetchLog(FetchLogArgs),
     /// Show, check, import or serve a map of the floor.
@@ -148,6 +166,8 @@ pub enum Verb {
     Resume(ResumeArgs),
     /// Queue tasks again that have failed or were cancelled.
     Retry(RetryArgs),
+    /// Show the fleet in a browser, and command it from there.
+    Dashboard(DashboardArgs),
     /// Run a router: all the infrastructure that a small lab needs.
     Router(RouterArgs),
     /// Run simulated robots with real agents.
@@ -175,6 +195,12 @@ impl Cli {
         cli.global.connect_given = matches.value_source("connect") == Some(ValueSource::CommandLine);
         cli.global.connect.retain(|endpoint| !endpoint.is_empty());
         Ok(cli)
+    }
+
+    /// Whether the verb draws on the whole terminal for as long as it runs.
+    #[must_use]
+    pub fn takes_screen(&self) -> bool {
+        matches!(self.verb, Verb::Top(_))
     }
 }
 

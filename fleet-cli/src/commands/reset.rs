@@ -3,7 +3,7 @@
 //! The robot answers yes or no; which latches it has ended shows in its state before and after.
 
 use super::take_control;
-use crate::cli::ResetArgs;
+use crate::cli::{LeaseArgs, ResetArgs};
 use crate::client::Client;
 use crate::context::Context;
 use crate::describe;
@@ -21,7 +21,7 @@ const STATE_EVERY: Duration = Duration::from_millis(50);
 
 /// What came of it, as `--json` prints it.
 #[derive(Debug, PartialEq, Serialize)]
-struct Report<'a> {
+pub(super) struct Report<'a> {
     robot: &'a Name,
     /// Latches that are ended; `None` = the robot's state was not heard.
     cleared: Option<Vec<Latch>>,
@@ -52,7 +52,22 @@ pub async fn run(ctx: &Context, args: &ResetArgs) -> Result<Exit> {
     Ok(if report.refused.is_none() { Exit::Done } else { Exit::Failed })
 }
 
-async fn reset<'a>(
+/// Resets all of a robot's latches with the control that is held; what came of it in words, and whether
+/// it was refused.
+pub(super) async fn in_words(
+    ctx: &Context,
+    client: &Client,
+    control: &Control,
+    robot: &Name,
+) -> Result<(String, bool)> {
+    let lease = LeaseArgs { take: false };
+    let args = ResetArgs { robot: robot.clone(), latch: None, lease };
+    let report = reset(ctx, client, control, &args).await?;
+    let words = text(&report, None, &Output { json: false, colors: false });
+    Ok((words, report.refused.is_some()))
+}
+
+pub(super) async fn reset<'a>(
     ctx: &Context,
     client: &Client,
     control: &Control,
@@ -154,7 +169,6 @@ fn text(report: &Report<'_>, asked: Option<Latch>, out: &Output) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::LeaseArgs;
     use crate::fake::{self, FakeRobot, name};
 
     fn args(latch: Option<Latch>) -> ResetArgs {

@@ -2,10 +2,15 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
+mod cockpit;
 mod commands;
+mod dashboard;
 mod dispatch;
 mod driving;
 mod fetching;
+mod fleet_recording;
+#[cfg(feature = "foxglove")]
+mod foxglove;
 mod fuzz;
 mod hardware;
 mod hostile;
