@@ -14,6 +14,7 @@ mod foxglove;
 mod fuzz;
 mod hardware;
 mod hostile;
+mod logs;
 mod membership;
 mod obstacles;
 mod operators;
