@@ -1,11 +1,14 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
+mod dashboard;
 mod dispatch;
 mod map;
 mod plan;
 mod tasks;
+mod top;
 mod traffic;
 
+pub use dashboard::DashboardArgs;
 pub use dispatch::{
     DispatchArgs, DispatchCompactArgs, DispatchExportArgs, DispatchServeArgs, DispatchVerb, LedgerArgs,
 };
@@ -15,6 +18,7 @@ pub use tasks::{
     CancelArgs, PauseArgs, ResumeArgs, RetryArgs, StayArgs, TakeoverArg, TaskArgs, TaskGotoArgs,
     TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs, TasksArgs, TermArgs,
 };
+pub use top::TopArgs;
 pub use traffic::{TrafficArgs, TrafficServeArgs, TrafficVerb};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -122,6 +126,8 @@ pub enum Verb {
     Reset(ResetArgs),
     /// Drive a robot by hand.
     Teleop(TeleopArgs),
+    /// Show the fleet on the whole terminal: map, robots, events; keys send, stop and drive.
+    Top(TopArgs),
     /// Print messages as JSON lines.
     Watch(WatchArgs),
     /// Show, check, import or serve a map of the floor.
@@ -142,6 +148,8 @@ pub enum Verb {
     Resume(ResumeArgs),
     /// Queue tasks again that have failed or were cancelled.
     Retry(RetryArgs),
+    /// Show the fleet in a browser, and command it from there.
+    Dashboard(DashboardArgs),
     /// Run a router: all the infrastructure that a small lab needs.
     Router(RouterArgs),
     /// Run simulated robots with real agents.
@@ -475,6 +483,12 @@ impl Cli {
         cli.global.connect_given = matches.value_source("connect") == Some(ValueSource::CommandLine);
         cli.global.connect.retain(|endpoint| !endpoint.is_empty());
         Ok(cli)
+    }
+
+    /// Whether the verb draws on the whole terminal for as long as it runs.
+    #[must_use]
+    pub fn takes_screen(&self) -> bool {
+        matches!(self.verb, Verb::Top(_))
     }
 }
 

@@ -11,6 +11,7 @@ pub mod client;
 pub mod commands;
 pub mod config;
 pub mod context;
+pub mod dashboard;
 mod describe;
 pub mod dispatching;
 pub mod error;
@@ -98,6 +99,7 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
             or_interrupted_saying(reset, "what was reset is unknown; nothing moves", SHOWS_STANDSTILL).await
         }
         Verb::Teleop(args) => commands::teleop::run(&ctx()?, &args).await,
+        Verb::Top(args) => commands::top::run(&ctx()?, &args).await,
         Verb::Watch(args) => commands::watch::run(&ctx()?, &args).await,
         Verb::Traffic(args) => commands::traffic::run(&ctx()?, &args).await,
         Verb::Dispatch(args) => commands::dispatch::run(&ctx()?, &args).await,
@@ -108,6 +110,7 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::Resume(args) => changing(commands::change::resume(&ctx()?, args)).await,
         Verb::Retry(args) => changing(commands::change::retry(&ctx()?, args)).await,
         Verb::Map(args) => commands::map::run(&ctx()?, &args).await,
+        Verb::Dashboard(args) => commands::dashboard::run(&ctx()?, &args).await,
         Verb::Router(args) => commands::router::run(&ctx()?, &args).await,
         Verb::Sim(args) => commands::sim::run(&ctx()?, args).await,
         Verb::Demo(args) => commands::demo::run(&ctx()?, args).await,

@@ -2,6 +2,7 @@
 
 pub mod change;
 pub mod completions;
+pub mod dashboard;
 pub mod demo;
 pub mod dispatch;
 pub mod doctor;
@@ -21,6 +22,7 @@ pub mod stop;
 pub mod task;
 pub mod tasks;
 pub mod teleop;
+pub mod top;
 pub mod traffic;
 pub mod wander;
 pub mod watch;

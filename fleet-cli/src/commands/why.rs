@@ -8,7 +8,7 @@ use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Result};
 use crate::output::{Output, Tone};
-use crate::view::FleetView;
+use crate::view::{FleetView, RobotView};
 use chain::{Verdict, Why};
 use std::collections::BTreeSet;
 
@@ -32,6 +32,11 @@ pub async fn run(ctx: &Context, args: &WhyArgs) -> Result<Exit> {
     Ok(if why.verdict == Verdict::Unknown { Exit::Unknown } else { Exit::Done })
 }
 
+/// The same of a robot that is known already, without colours.
+pub(crate) fn in_words(robot: &RobotView) -> String {
+    text(&chain::explain(robot), &Output { json: false, colors: false })
+}
+
 fn text(why: &Why, out: &Output) -> String {
     let tone = match why.verdict {
         Verdict::Drives => Tone::Good,
@@ -53,7 +58,6 @@ fn text(why: &Why, out: &Output) -> String {
 mod tests {
     use super::*;
     use crate::fake;
-    use crate::view::RobotView;
     use xtb_protocol::messages::{Latch, RobotState, StopReason};
 
     #[test]
