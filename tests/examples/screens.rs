@@ -62,8 +62,8 @@ async fn main() {
     let dashboard = Dashboard::start(fleet.simulator.endpoint());
     let camera = Camera { browser: Browser::start().await, folder };
     let browser = &camera.browser;
-    camera.setting(DESKTOP, "dark").await;
     browser.open(&dashboard.url(), 5).await;
+    camera.setting(DESKTOP, "dark").await;
     work(&fleet).await;
     browser.click("[data-robot=xtb-2]").await;
     browser

@@ -217,7 +217,17 @@ pub(crate) async fn http(
     );
     stream.write_all(head.as_bytes()).await.unwrap();
     stream.write_all(body.as_bytes()).await.unwrap();
+    // Not every server closes when it is asked to: it says how much there is.
     let mut answer = Vec::new();
-    stream.read_to_end(&mut answer).await.unwrap();
+    while !is_whole(&answer) && stream.read_buf(&mut answer).await.unwrap() > 0 {}
     String::from_utf8_lossy(&answer).into_owned()
+}
+
+fn is_whole(answer: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(answer).to_lowercase();
+    let Some((head, _)) = text.split_once("\r\n\r\n") else { return false };
+    let length =
+        head.lines().find_map(|line| line.strip_prefix("content-length:")?.trim().parse::<usize>().ok());
+    let begins = answer.windows(4).position(|bytes| bytes == b"\r\n\r\n").map(|at| at + 4);
+    begins.zip(length).is_some_and(|(begins, length)| answer.len() >= begins + length)
 }

@@ -1,6 +1,6 @@
 //! Driving by hand in the browser: what is let go of stops, however it is let go.
 
-use crate::driver::{self, Browser, say};
+use crate::driver::{self, say};
 use crate::hand::{self, drive};
 use crate::{MACHINE, fleet_on_page};
 use fleet_tests::Fleet;

@@ -78,7 +78,7 @@ pub(super) fn sights<'a>(scene: &'a Scene, only: &[Name], now_ms: AtMs) -> Vec<S
     let wanted = |name: &Name| only.is_empty() || only.contains(name);
     let mut robots: Vec<_> = scene.robots().iter().filter(|(name, _)| wanted(name)).collect();
     robots.sort_by_key(|(name, _)| by_number(name));
-    let tasks = || scene.tasks().iter().flat_map(|list| &list.value.tasks);
+    let tasks = || scene.tasks().into_iter().flat_map(|list| &list.value.tasks);
     let sight = |(row, (name, robot)): (usize, (&'a Name, &'a Robot))| Sight {
         name,
         row,
