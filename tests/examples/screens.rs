@@ -121,7 +121,7 @@ async fn fleet() -> Fleet {
     let starts =
         vec![(-2.0, -2.0, 0.8), (0.0, -4.0, 1.57), (2.5, 0.5, 3.1), (-3.0, 2.0, 0.0), (3.0, -5.0, 1.57)];
     let world = World::from_toml(&world).unwrap();
-    let fixes = FixTruth { ..FixTruth::default() };
+    let fixes = FixTruth { rate_hz: 2.0, ..FixTruth::default() };
     Fleet::start(Setup {
         robots: starts.len(),
         speed: 1.0,
