@@ -7,7 +7,7 @@ use fantoccini::actions::{InputSource, MouseActions, PointerAction};
 use fantoccini::wd::Capabilities;
 use fantoccini::{Client, ClientBuilder};
 use fleet_tests::processes::{Process, program};
-use fleet_tests::{PATIENCE, eventually};
+use fleet_tests::eventually;
 use hyper_util::client::legacy::connect::HttpConnector;
 use rustix::process::{Pid, Signal, kill_process_group};
 use serde_json::{Value, json};
@@ -22,7 +22,7 @@ use tokio::net::TcpStream;
 
 const CHROMIUM: &str = "/usr/bin/chromium";
 const CHROMEDRIVER: &str = "/usr/bin/chromedriver";
-const ARGUMENTS: [&str; 8] = [
+const ARGUMENTS: [&str; 9] = [
     "--headless",
     "--no-sandbox",
     "--disable-gpu",
@@ -31,6 +31,7 @@ const ARGUMENTS: [&str; 8] = [
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    "--window-size=1440,1000",
 ];
 
 /// Whether there is a browser here; if not, says so.
@@ -163,10 +164,13 @@ impl Browser {
         self.page.perform_actions(click).await.unwrap();
     }
 
-    /// Clicks what a CSS selector names, once it is there.
+    /// Clicks what a CSS selector names, once it is there and nothing lies over it.
     pub(crate) async fn click(&self, css: &str) {
-        let element = self.page.wait().at_most(PATIENCE).for_element(fantoccini::Locator::Css(css));
-        element.await.unwrap().click().await.unwrap();
+        eventually(&format!("a click on {css}"), || async {
+            let element = self.page.find(fantoccini::Locator::Css(css)).await.ok()?;
+            element.click().await.ok()
+        })
+        .await;
     }
 
     /// Errors and warnings on the page's console so far, its policy's refusals among them.
