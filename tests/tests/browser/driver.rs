@@ -6,8 +6,8 @@
 use fantoccini::actions::{InputSource, MouseActions, PointerAction};
 use fantoccini::wd::Capabilities;
 use fantoccini::{Client, ClientBuilder};
-use fleet_tests::processes::{Process, program};
 use fleet_tests::eventually;
+use fleet_tests::processes::{Process, program};
 use hyper_util::client::legacy::connect::HttpConnector;
 use rustix::process::{Pid, Signal, kill_process_group};
 use serde_json::{Value, json};
@@ -75,6 +75,22 @@ impl Dashboard {
 /// Chromedriver and its browsers: a process group that ends with this.
 struct Group(Child);
 
+impl Group {
+    /// Starts it on a free port; `None` = somebody else was faster there.
+    fn start(home: &Path) -> Option<(Self, SocketAddr)> {
+        let mut command = Command::new(CHROMEDRIVER);
+        command.arg("--port=0").process_group(0).env("HOME", home);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let group = Self(child);
+        // ChromeDriver was started successfully on port 40001.
+        let port = lines.map_while(Result::ok).find_map(|line| {
+            line.split("successfully on port ").nth(1)?.trim_end_matches('.').parse::<u16>().ok()
+        });
+        Some((group, SocketAddr::from(([127, 0, 0, 1], port?))))
+    }
+}
+
 impl Drop for Group {
     fn drop(&mut self) {
         let _ = kill_process_group(Pid::from_child(&self.0), Signal::KILL);
@@ -96,16 +112,7 @@ impl Browser {
     /// Starts one with an empty profile.
     pub(crate) async fn start() -> Self {
         let profile = tempfile::tempdir().unwrap();
-        let mut command = Command::new(CHROMEDRIVER);
-        command.arg("--port=0").process_group(0).env("HOME", profile.path());
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let group = Group(child);
-        // ChromeDriver was started successfully on port 40001.
-        let port = lines.map_while(Result::ok).find_map(|line| {
-            line.split("successfully on port ").nth(1)?.trim_end_matches('.').parse::<u16>().ok()
-        });
-        let driver = SocketAddr::from(([127, 0, 0, 1], port.unwrap()));
+        let (group, driver) = eventually("a chromedriver", || async { Group::start(profile.path()) }).await;
         let mut arguments = ARGUMENTS.map(str::to_owned).to_vec();
         arguments.push(format!("--user-data-dir={}", profile.path().join("profile").display()));
         let wanted: Capabilities = serde_json::from_value(json!({
