@@ -104,7 +104,7 @@ pub(crate) struct Browser {
     pub(crate) page: Client,
     driver: SocketAddr,
     session: String,
-    _group: Group,
+    group: Group,
     _profile: TempDir,
 }
 
@@ -123,7 +123,7 @@ impl Browser {
         let mut builder = ClientBuilder::new(HttpConnector::new());
         let page = builder.capabilities(wanted).connect(&format!("http://{driver}")).await.unwrap();
         let session = page.session_id().await.unwrap().unwrap();
-        Self { page, driver, session, _group: group, _profile: profile }
+        Self { page, driver, session, group: group, _profile: profile }
     }
 
     /// Opens the dashboard and waits until it shows this many robots that are heard.
@@ -204,6 +204,12 @@ impl Browser {
         let mut value: Value =
             serde_json::from_str(content).unwrap_or_else(|error| panic!("{error}: {answer}"));
         value["value"].take()
+    }
+
+    /// Freezes the browser with all its processes, or wakes it.
+    pub(crate) fn freeze(&self, is_frozen: bool) {
+        let signal = if is_frozen { Signal::STOP } else { Signal::CONT };
+        kill_process_group(Pid::from_child(&self.group.0), signal).unwrap();
     }
 
     /// Ends it.
