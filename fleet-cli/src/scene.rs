@@ -13,12 +13,12 @@ use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::PI;
 use xtb_protocol::Name;
-use xtb_protocol::keys::{Channel, Key};
+use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::{
     About, Event, FleetMap, RobotState, RosterEntry, Sensors, TaskEvent, TaskList, TrafficState, Truth,
 };
 
-/// Points of a trail; at [`TRAIL_STEP_M`] that is 20 m.
+/// Points of a trail; 5 cm apart: 20 m.
 pub const TRAIL: usize = 400;
 /// A new point of the trail this far from the last.
 const TRAIL_STEP_M: f64 = 0.05;
@@ -220,12 +220,12 @@ impl Scene {
             _ => there,
         };
         if was != there {
-            let who = match &key.channel {
-                Channel::DispatchAlive => "dispatch",
-                Channel::TrafficAlive => "traffic",
-                _ => key.robot.as_ref().map_or("", Name::as_str),
+            let keys = FleetKeys::new(self.fleet.clone());
+            let key_text = match (&key.channel, &key.robot) {
+                (_, Some(robot)) => keys.robot(robot).alive(),
+                (Channel::DispatchAlive, None) => keys.dispatch_alive(),
+                _ => keys.traffic_alive(),
             };
-            let key_text = format!("xtb/{}/{who}/alive", self.fleet);
             self.happened(at_ms, What::Presence { robot: key.robot.clone(), key: key_text, there });
         }
     }

@@ -80,7 +80,7 @@ pub(crate) async fn declare(
 }
 
 /// The last part of a key: the client's name.
-fn client_of(key: &str) -> Option<Name> {
+pub(crate) fn client_of(key: &str) -> Option<Name> {
     key.rsplit('/').next().and_then(|name| Name::new(name).ok())
 }
 

@@ -11,6 +11,7 @@ mod control_loop;
 mod door;
 mod downlink;
 pub mod hardware;
+pub mod logging;
 mod mailbox;
 mod neighbours;
 mod planning;
@@ -18,6 +19,7 @@ mod recorder;
 pub mod recording;
 pub mod replay;
 mod session;
+mod shelf;
 mod tidings;
 mod uplink;
 

@@ -3,6 +3,7 @@
 use crate::clock::Clock;
 use crate::config::AgentConfig;
 use crate::mailbox::{SessionEnds, Snapshot};
+use crate::shelf::{self, Shelf};
 use crate::{AgentError, Shutdown, VERSION, downlink, neighbours, tidings, uplink};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use std::sync::Arc;
@@ -109,6 +110,7 @@ async fn serve(
     let _uplink = uplink::declare(bus, &keys, &ends.snapshot, &ends.counters, about).await?;
     let _tidings = tidings::declare(bus, &fleet, config, clock, &ends).await?;
     let _downlink = downlink::declare(bus, &fleet, &config.robot, clock, &ends).await?;
+    let _shelf = shelf::declare(bus, &keys, Shelf::new(config.record.clone(), config.robot.clone())).await?;
     let link = bus.watch_link().await?;
     wait_for_inputs(&mut ends.snapshot).await;
     let _token = bus.declare_alive(&keys.alive()).await?;

@@ -32,10 +32,14 @@ impl Drop for Process {
 pub enum Signal {
     /// `kill -9`.
     Kill,
+    /// Ctrl-C.
+    Interrupt,
     /// `SIGSTOP`.
     Stop,
     /// `SIGCONT`.
     Continue,
+    /// `SIGINT`, as Ctrl-C.
+    Interrupt,
 }
 
 impl Process {
@@ -76,8 +80,10 @@ impl Process {
         use rustix::process::{Pid, Signal as Os, kill_process};
         let signal = match signal {
             Signal::Kill => Os::KILL,
+            Signal::Interrupt => Os::INT,
             Signal::Stop => Os::STOP,
             Signal::Continue => Os::CONT,
+            Signal::Interrupt => Os::INT,
         };
         let sent = kill_process(Pid::from_child(&self.0), signal);
         sent.unwrap_or_else(|error| panic!("{error}"));

@@ -82,6 +82,22 @@ fn starved(bench: &mut Bench, watchdog: bool) {
 }
 
 #[test]
+fn a_board_whose_watchdog_began_gets_a_neutral_frame_before_the_goal_goes_on() {
+    let mut bench = Bench::new();
+    let reply = bench.ask(ahead(5.0));
+    bench.run_ms(1000);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+    starved(&mut bench, true);
+    bench.run_ms(20);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    starved(&mut bench, false);
+    bench.run_ms(25);
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+    let goal = bench.state().goal.unwrap();
+    assert_eq!((goal.id, goal.status), (goal_of(&reply), GoalStatus::Running));
+}
+
+#[test]
 fn a_board_that_hears_no_pulses_ends_the_goal_and_nothing_goes_on_when_it_does() {
     let mut bench = Bench::new();
     bench.ask(ahead(5.0));

@@ -13,6 +13,7 @@
 //! | `xtb/<fleet>/<robot>/route` | [`Channel::Route`] | [`Route`](crate::messages::Route) |
 //! | `xtb/<fleet>/<robot>/estop/<client>` | [`Channel::Estop`] | [`Estop`](crate::messages::Estop), put, or asked → [`Estopped`](crate::messages::Estopped) |
 //! | `xtb/<fleet>/all/estop/<client>` | [`Channel::EstopAll`] | [`Estop`](crate::messages::Estop) for every robot |
+//! | `xtb/<fleet>/<robot>/log/<client>` | [`Channel::Log`] | [`LogRequest`](crate::messages::LogRequest) → [`LogReply`](crate::messages::LogReply) |
 //! | `xtb/<fleet>/traffic/alive` | [`Channel::TrafficAlive`] | presence of traffic control (liveliness token) |
 //! | `xtb/<fleet>/traffic/state` | [`Channel::TrafficState`] | [`TrafficState`](crate::messages::TrafficState) |
 //! | `xtb/<fleet>/map` | [`Channel::Map`] | [`FleetMap`](crate::messages::FleetMap) |
@@ -47,6 +48,7 @@ pub enum NameError {
 
 /// The name of a fleet, a robot or a client: 1–32 of `a-z 0-9 -`.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(try_from = "String", into = "String")]
 pub struct Name(String);
 
@@ -131,6 +133,8 @@ pub enum Channel {
     Estop(Name),
     /// Emergency stop of every robot.
     EstopAll(Name),
+    /// The robot's recordings, asked for piece by piece.
+    Log(Name),
     /// Liveliness token of traffic control: one for a fleet.
     TrafficAlive,
     /// What traffic control does, 2 Hz.
@@ -198,7 +202,7 @@ impl Channel {
         match self {
             Self::State | Self::Fix | Self::Route => qos(Drop, Priority::DataHigh, true),
             Self::Sensors | Self::SimTruth | Self::TrafficState => qos(Drop, Priority::DataLow, false),
-            Self::Map => qos(Drop, Priority::Background, false),
+            Self::Map | Self::Log(_) => qos(Drop, Priority::Background, false),
             Self::Estop(_) | Self::EstopAll(_) => qos(Block, Priority::RealTime, true),
             Self::Teleop(_) => qos(Drop, Priority::InteractiveHigh, true),
             Self::Alive
@@ -311,6 +315,7 @@ impl Key {
             ("fix", None) => Channel::Fix,
             ("route", None) => Channel::Route,
             ("cmd", Some(client)) => Channel::Cmd(Name::new(client).ok()?),
+            ("log", Some(client)) => Channel::Log(Name::new(client).ok()?),
             ("teleop", Some(client)) => Channel::Teleop(Name::new(client).ok()?),
             ("estop", Some(client)) => Channel::Estop(Name::new(client).ok()?),
             _ => return None,
@@ -462,6 +467,12 @@ impl RobotKeys {
         format!("{}/cmd/{}", self.0, client.map_or(ANY, Name::as_str))
     }
 
+    /// Recordings for one client, or for any.
+    #[must_use]
+    pub fn log(&self, client: Option<&Name>) -> String {
+        format!("{}/log/{}", self.0, client.map_or(ANY, Name::as_str))
+    }
+
     /// Emergency stop by one client, or by any.
     #[must_use]
     pub fn estop(&self, client: Option<&Name>) -> String {
@@ -497,6 +508,7 @@ mod tests {
             (robot.fix(), Channel::Fix),
             (robot.route(), Channel::Route),
             (robot.cmd(Some(&client)), Channel::Cmd(client.clone())),
+            (robot.log(Some(&client)), Channel::Log(client.clone())),
             (robot.teleop(Some(&client)), Channel::Teleop(client.clone())),
             (robot.estop(Some(&client)), Channel::Estop(client.clone())),
             (fleet.estop_all(Some(&client)), Channel::EstopAll(client.clone())),

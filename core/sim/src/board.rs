@@ -9,7 +9,8 @@
 //! ```
 //! New pulses take effect when a PWM period ends. Without a good PWM frame for the watchdog's time
 //! (100 ms) the motor goes neutral and the pistons hold, while the steering keeps its angle: a truck
-//! that coasts should not swerve. Periods and windows are those of the set-up; where their phase
+//! that coasts should not swerve. Only a frame with a neutral motor ends that: what a dead agent has
+//! left in a buffer on the way drives nobody. Periods and windows are those of the set-up; where their phase
 //! lies is chance.
 
 use crate::faults::EncoderFault;
@@ -203,6 +204,7 @@ impl Board {
             }
             // Before the set-up there is nothing that a pulse or a reset could act on.
             ToBoard::Pwm(_) | ToBoard::Reset(_) if self.running.is_none() => {}
+            ToBoard::Pwm(pwm) if pwm.motor != PwmCount::NEUTRAL && self.is_starved(now) => {}
             ToBoard::Pwm(pwm) => (self.requested, self.heard) = (pwm, Some(now)),
             ToBoard::Reset(mask) => {
                 if let Some(receiver) = &mut self.receiver {
@@ -210,6 +212,12 @@ impl Board {
                 }
             }
         }
+    }
+
+    /// Whether the watchdog has its reason: then only a frame with a neutral motor is heard.
+    fn is_starved(&self, now: Stamp) -> bool {
+        let Some(running) = &self.running else { return true };
+        self.heard.is_none_or(|heard| now.since_s(heard) >= running.watchdog_s())
     }
 
     fn set_up(&mut self, setup: Setup, now: Stamp, noise: &mut Noise) {

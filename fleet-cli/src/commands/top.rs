@@ -16,7 +16,7 @@ use crate::interrupt::interrupted;
 use crate::output::Tone;
 use crate::scene::live::{Live, Shared, Wanted};
 use crate::terminal::Terminal;
-use crate::tui::top::{Action, Cockpit, Grasp, Look, Outcome, Playing, Setup};
+use crate::tui::top::{Action, Cockpit, Look, Outcome, Playing, Setup};
 use ratatui::backend::CrosstermBackend;
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Stdout, stdout};
@@ -91,7 +91,8 @@ pub async fn run_played(ctx: &Context, args: &TopArgs, played: Arc<dyn Playback>
 }
 
 fn refuse(ctx: &Context) -> Result<()> {
-    let hint = "`fleet-cli list` shows the fleet once, `fleet-cli watch` prints what travels; both know --json";
+    let hint =
+        "`fleet-cli list` shows the fleet once, `fleet-cli watch` prints what travels; both know --json";
     if ctx.out.json {
         return Err(Failure::new(Kind::Usage, "top is a screen for people: it has no --json").hint(hint));
     }

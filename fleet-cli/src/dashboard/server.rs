@@ -17,7 +17,7 @@ use axum::routing::get;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpSocket};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
@@ -29,6 +29,10 @@ pub(super) const MOST_SOCKETS: usize = 16;
 const MAX_MESSAGE: usize = 16 * 1024;
 /// Bytes of a message that wait for the network before it is told to take them.
 const WRITE_BUFFER: usize = 64 * 1024;
+/// What the system keeps for a page that does not read, in bytes; else it may be megabytes.
+const SEND_BUFFER: u32 = 256 * 1024;
+/// Connections that wait in the system's queue.
+const BACKLOG: u32 = 128;
 /// Pages and wheels that are waited for at the end.
 const BUSY: u32 = 1024;
 /// Sockets are closed, wheels let go, and then it ends.
@@ -56,8 +60,6 @@ pub struct Shown {
     pub scene: Arc<Shared>,
     /// Who commands; `None` = a recording is played.
     pub commands: Option<(Context, Client)>,
-    /// Counts how often the scene was wound back.
-    pub rewinds: Arc<dyn Fn() -> u64 + Send + Sync>,
 }
 
 /// What all requests share.
@@ -123,6 +125,7 @@ pub struct Running {
     address: SocketAddr,
     token: Option<String>,
     stop: watch::Sender<bool>,
+    places: Arc<Semaphore>,
     busy: Arc<Semaphore>,
     tasks: Vec<JoinHandle<()>>,
 }
@@ -143,9 +146,10 @@ impl Running {
         let Settings { listen, token, read_only, allow_origins, hz } = settings;
         let cookie = Uuid::new_v4().simple().to_string();
         let guard = Guard::new(listen, token.clone(), cookie, allow_origins)?;
-        let listener = TcpListener::bind(listen).await.map_err(|error| taken(listen, &error))?;
+        let listener = bind(listen).map_err(|error| taken(listen, &error))?;
         let address = listener.local_addr()?;
         let (stop, stopped) = watch::channel(false);
+        let places = Arc::new(Semaphore::new(MOST_SOCKETS));
         let busy = Arc::new(Semaphore::new(BUSY as usize));
         let app = Arc::new(App {
             metrics: Metrics::new(Arc::clone(&shown.scene)),
@@ -154,7 +158,7 @@ impl Running {
             guard,
             began: Instant::now(),
             ticks: watch::channel(0).0,
-            places: Arc::new(Semaphore::new(MOST_SOCKETS)),
+            places: Arc::clone(&places),
             stop: stopped,
             busy: Arc::clone(&busy),
         });
@@ -165,13 +169,19 @@ impl Running {
                 tracing::error!("the dashboard: {error}");
             }
         });
-        Ok(Self { address, token, stop, busy, tasks: vec![ticker, serving] })
+        Ok(Self { address, token, stop, places, busy, tasks: vec![ticker, serving] })
     }
 
     /// Where it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Pages that are connected.
+    #[must_use]
+    pub fn pages(&self) -> usize {
+        MOST_SOCKETS - self.places.available_permits()
     }
 
     /// What to open in a browser.
@@ -279,10 +289,19 @@ async fn metrics(State(app): State<Arc<App>>) -> Response {
 
 async fn page(request: Request) -> Response {
     if !matches!(*request.method(), Method::GET | Method::HEAD) {
-        return (StatusCode::METHOD_NOT_ALLOWED, "commands come over the page's socket only\n").into_response();
+        return (StatusCode::METHOD_NOT_ALLOWED, "commands come over the page's socket only\n")
+            .into_response();
     }
     assets::answer(request.uri().path(), request.headers())
         .unwrap_or_else(|| (StatusCode::NOT_FOUND, "there is no such page\n").into_response())
+}
+
+fn bind(listen: SocketAddr) -> std::io::Result<TcpListener> {
+    let socket = if listen.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
+    socket.set_reuseaddr(true)?;
+    socket.set_send_buffer_size(SEND_BUFFER)?;
+    socket.bind(listen)?;
+    socket.listen(BACKLOG)
 }
 
 fn taken(listen: SocketAddr, error: &std::io::Error) -> Failure {

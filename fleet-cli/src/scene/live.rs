@@ -1,14 +1,18 @@
 //! A [`Scene`] kept up to date from Zenoh. Callbacks only read and store, so a screen that is slow
 //! misses pictures and holds up nobody.
 
-use super::{AtMs, Scene};
+use super::{AtMs, MOST_ROBOTS, Scene};
 use crate::client::Client;
 use crate::error::Result;
 use crate::listen::{Inlet, Item, Sources};
-use crate::news::News;
+use crate::news::{News, Unreadable};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use xtb_protocol::Name;
+use xtb_protocol::keys::{FleetKeys, Key};
 
 /// What a screen wants beyond states, events, presence, tasks and the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -23,21 +27,65 @@ pub struct Wanted {
 #[derive(Debug)]
 pub struct Shared {
     scene: Mutex<Scene>,
-    began: Instant,
+    clock: Clock,
     unreadable: AtomicU64,
+    rewinds: AtomicU64,
+}
+
+/// What tells a scene's time.
+#[derive(Debug)]
+enum Clock {
+    /// The viewer's, since then.
+    Running(Instant),
+    /// Whoever plays a recording.
+    Set(AtomicU64),
 }
 
 impl Shared {
     /// A scene whose clock begins now.
     #[must_use]
     pub fn new(scene: Scene) -> Self {
-        Self { scene: Mutex::new(scene), began: Instant::now(), unreadable: AtomicU64::new(0) }
+        Self::timed(scene, Clock::Running(Instant::now()))
     }
 
-    /// The viewer's clock.
+    /// A scene out of a recording, whose clock is where that is played: it stands while that is paused.
+    #[must_use]
+    pub fn played(scene: Scene) -> Self {
+        Self::timed(scene, Clock::Set(AtomicU64::new(0)))
+    }
+
+    fn timed(scene: Scene, clock: Clock) -> Self {
+        Self { scene: Mutex::new(scene), clock, unreadable: AtomicU64::new(0), rewinds: AtomicU64::new(0) }
+    }
+
+    /// The clock by which everything in the scene has its age: the viewer's, or the recording's.
     #[must_use]
     pub fn now_ms(&self) -> AtMs {
-        u64::try_from(self.began.elapsed().as_millis()).unwrap_or(u64::MAX)
+        match &self.clock {
+            Clock::Running(began) => u64::try_from(began.elapsed().as_millis()).unwrap_or(u64::MAX),
+            Clock::Set(at_ms) => at_ms.load(Ordering::Acquire),
+        }
+    }
+
+    /// Sets the clock of a recording.
+    pub(crate) fn set_now_ms(&self, now_ms: AtMs) {
+        if let Clock::Set(at_ms) = &self.clock {
+            at_ms.store(now_ms, Ordering::Release);
+        }
+    }
+
+    /// Begins anew, at another place of a recording: what a viewer holds of the scene before is void.
+    pub(crate) fn rewind(&self, scene: Scene, now_ms: AtMs) {
+        let mut place = self.lock();
+        *place = scene;
+        self.set_now_ms(now_ms);
+        self.rewinds.fetch_add(1, Ordering::Release);
+    }
+
+    /// How often it has begun anew; what is live never does.
+    #[must_use]
+    pub fn rewinds(&self) -> u64 {
+        self.rewinds.load(Ordering::Acquire)
     }
 
     /// The scene, locked: read and let go, nothing else.
@@ -49,11 +97,13 @@ impl Shared {
     pub fn put(&self, item: &Item) {
         match News::of(item) {
             Ok((key, news)) => self.lock().take(self.now_ms(), &key, news),
-            Err(error) => {
-                self.unreadable.fetch_add(1, Ordering::Relaxed);
-                tracing::debug!("unreadable: {error}");
-            }
+            Err(error) => self.note_unreadable(&error),
         }
+    }
+
+    pub(crate) fn note_unreadable(&self, error: &Unreadable) {
+        self.unreadable.fetch_add(1, Ordering::Relaxed);
+        tracing::debug!("unreadable: {error}");
     }
 
     /// Messages that could not be read.
@@ -68,6 +118,13 @@ pub struct Live {
     /// What is known.
     pub scene: Arc<Shared>,
     _sources: Sources,
+    asking: JoinHandle<()>,
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        self.asking.abort();
+    }
 }
 
 impl Live {
@@ -80,20 +137,53 @@ impl Live {
         client.told_entries(&[]).into_iter().for_each(|entry| scene.expect(entry));
         let scene = Arc::new(Shared::new(scene));
         let into = Arc::clone(&scene);
+        let (come, comers) = mpsc::channel(MOST_ROBOTS);
+        let inlet: Inlet = Arc::new(move |item| {
+            if let Item::Presence(key, true) = &item
+                && let Some(robot) = Key::parse(key).and_then(|key| key.robot)
+            {
+                // Without room its factsheet stays unknown, until it comes again.
+                let _ = come.try_send(robot);
+            }
+            into.put(&item);
+        });
+        let asking = tokio::spawn(ask_factsheets(client.clone(), Arc::clone(&scene), comers));
+        let mut sources = Sources::default();
+        for key_expr in key_exprs(client.keys(), wanted) {
+            sources.add(client, &key_expr, &inlet).await?;
+        }
+        Ok(Self { scene, _sources: sources, asking })
+    }
+
+    /// Samples of every robot too, for as long as what comes back is kept: robots send them only while
+    /// somebody listens.
+    ///
+    /// # Errors
+    /// [`Kind::Failed`](crate::Kind::Failed): Zenoh would not.
+    pub async fn sensors(&self, client: &Client) -> Result<Sources> {
+        let into = Arc::clone(&self.scene);
         let inlet: Inlet = Arc::new(move |item| into.put(&item));
         let mut sources = Sources::default();
-        let fleet = client.fleet();
-        for rest in key_exprs(wanted) {
-            sources.add(client, &format!("xtb/{fleet}/{rest}"), &inlet).await?;
-        }
-        Ok(Self { scene, _sources: sources })
+        sources.add(client, &client.keys().any_robot().sensors(), &inlet).await?;
+        Ok(sources)
     }
 }
 
-fn key_exprs(wanted: Wanted) -> impl Iterator<Item = &'static str> {
-    let always =
-        ["*/alive", "*/state", "*/event", "*/about", "map", "sim/roster", "dispatch/tasks", "traffic/state"];
-    let sensors = wanted.sensors.then_some("*/sensors");
-    let truth = wanted.truth.then_some("sim/truth");
-    always.into_iter().chain(sensors).chain(truth)
+/// Who comes, or comes again, is asked for its factsheet: that is not published.
+async fn ask_factsheets(client: Client, scene: Arc<Shared>, mut comers: mpsc::Receiver<Name>) {
+    while let Some(robot) = comers.recv().await {
+        match client.get(&client.keys().robot(&robot).about()).await {
+            Ok(answers) => answers.into_iter().for_each(|answer| scene.put(&Item::Message(answer))),
+            Err(error) => tracing::debug!("{error}"),
+        }
+    }
+}
+
+fn key_exprs(keys: &FleetKeys, wanted: Wanted) -> Vec<String> {
+    let robots = keys.any_robot();
+    let mut found = vec![robots.alive(), robots.state(), robots.event(), robots.about()];
+    found.extend([keys.map(), keys.sim_roster(), keys.dispatch_tasks(), keys.traffic_state()]);
+    found.extend(wanted.sensors.then(|| robots.sensors()));
+    found.extend(wanted.truth.then(|| keys.sim_truth()));
+    found
 }

@@ -1,3 +1,5 @@
+//! What a scene keeps, and for how long.
+
 use super::*;
 use xtb_protocol::messages::{Roster, Truth};
 

@@ -221,7 +221,12 @@ impl Cockpit {
             Input::Key(key) if self.steers(key, now_ms) => Vec::new(),
             Input::Key(key) => match keys::press(key) {
                 Some(press) => self.press(press, scene, now_ms),
-                None => Vec::new(),
+                None => {
+                    // Any key but the yes is a no; shift alone is none.
+                    let typed = key.kind == KeyEventKind::Press && !matches!(key.code, KeyCode::Modifier(_));
+                    self.over.take_if(|over| typed && matches!(over, Over::Question(_)));
+                    Vec::new()
+                }
             },
         }
     }
@@ -274,7 +279,11 @@ impl Cockpit {
             }
             (Grasp::Lost(text), _) => self.deeds.tell(now_ms, Tone::Bad, format!("drive {robot}: {text}")),
             (Grasp::Ended(None), _) => {
-                self.deeds.tell(now_ms, Tone::Plain, format!("{robot} was not driven; control is given back"));
+                self.deeds.tell(
+                    now_ms,
+                    Tone::Plain,
+                    format!("{robot} was not driven; control is given back"),
+                );
             }
             (Grasp::Ended(Some(true)), _) => {
                 let text = format!("{robot} was told to stop; control is given back");
@@ -373,7 +382,9 @@ impl Cockpit {
             Press::Turn(by) => self.turn(f64::from(by)),
             Press::AnyYaw => self.cursor = self.cursor.map(|at| Cursor { yaw_rad: None, ..at }),
             Press::Pause if self.playing.is_some() => return vec![Action::Pause],
-            Press::Teleop => return self.selected.clone().map_or_else(Vec::new, |robot| self.grip(robot, false, now_ms)),
+            Press::Teleop => {
+                return self.selected.clone().map_or_else(Vec::new, |robot| self.grip(robot, false, now_ms));
+            }
             Press::Go => return self.go(now_ms),
             Press::Reset => self.reset(&sights, now_ms),
             Press::Cancel => return self.cancel(&sights, now_ms),

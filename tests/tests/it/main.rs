@@ -2,9 +2,15 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
+mod cockpit;
 mod commands;
+mod dashboard;
 mod dispatch;
 mod driving;
+mod fetching;
+mod fleet_recording;
+#[cfg(feature = "foxglove")]
+mod foxglove;
 mod fuzz;
 mod hardware;
 mod hostile;
@@ -14,5 +20,6 @@ mod operators;
 mod processes;
 mod recording;
 mod style;
+mod tasks;
 mod teleop;
 mod traffic;

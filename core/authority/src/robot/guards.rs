@@ -76,13 +76,15 @@ impl Robot {
         }
     }
 
-    /// What the board gets: what was decided, but no drive while nobody may write the motor, and none in
-    /// mode manual before the stick has been neutral.
+    /// What the board gets: what was decided, but no drive while nobody may write the motor, none in
+    /// mode manual before the stick has been neutral, and none while the board's watchdog waits for a
+    /// frame with a neutral motor.
     pub(super) fn pulses(&self) -> PwmOutputs {
         let nobody = self.agent.writer() == Writer::Nobody;
         let manual = self.outputs.mode == Mode::Manual;
         let stick_held = manual && (self.stick_held || self.over_speed());
-        match nobody || stick_held || !self.setup.is_done() {
+        let starved = self.newest.status.is_some_and(|status| status.watchdog);
+        match nobody || stick_held || starved || !self.setup.is_done() {
             true => PwmOutputs { motor: PwmCount::NEUTRAL, ..self.outputs.pwm },
             false => self.outputs.pwm,
         }

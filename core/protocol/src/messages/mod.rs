@@ -10,6 +10,7 @@ mod dispatch;
 mod event;
 mod fault;
 mod latch;
+mod log;
 mod map;
 mod nav;
 mod request;
@@ -27,6 +28,7 @@ pub use dispatch::{
 pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};
 pub use latch::{Latch, LatchState};
+pub use log::{LogCode, LogFile, LogReply, LogRequest, MAX_LOG_NAME, MAX_LOGS, MAX_PIECE};
 pub use map::{
     FleetMap, MAX_MAP_CELLS, MAX_MAP_NAME, MAX_ZONE_POINTS, MAX_ZONES, MapCell, MapHash, MapZone,
     MapZoneKind, NoMapHash, is_map_name,

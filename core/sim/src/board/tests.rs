@@ -18,10 +18,16 @@ impl Bench {
         Self { board, writer: FrameWriter::default(), noise }
     }
 
+    /// Set up, and fed once with a neutral motor.
     fn ready() -> Self {
         let mut bench = Self::waiting();
         bench.set_up(&setup(), 0);
+        bench.pwm(&bench.neutral(), 0);
         bench
+    }
+
+    fn neutral(&self) -> PwmOutputs {
+        PwmOutputs { motor: PwmCount::NEUTRAL, ..*self.board.outputs() }
     }
 
     fn set_up(&mut self, setup: &Setup, ms: u64) {
@@ -159,6 +165,7 @@ fn a_power_cycle_ends_everything_until_the_next_set_up() {
     assert_eq!(frames.len(), statuses(&frames).len());
     assert!(statuses(&frames).iter().all(|status| !status.ready));
     bench.set_up(&setup(), 300);
+    bench.pwm(&bench.neutral(), 300);
     bench.pwm(&driving, 300);
     bench.run(300, 350);
     assert_eq!(*bench.board.outputs(), driving);
@@ -224,9 +231,41 @@ fn the_watchdog_goes_neutral_100_ms_after_the_last_good_frame_and_keeps_the_stee
     assert!(bench.board.counters().rejected > 50);
     let since = bench.board.neutral_since().unwrap();
     assert!(since <= Stamp::from_ms(neutral_at) && since >= Stamp::from_ms(150));
-    bench.pwm(&pwm, 400);
-    bench.board.latch(Stamp::from_ms(425));
-    assert_eq!(bench.board.outputs().motor, pwm.motor, "the next good frame drives again");
+}
+
+#[test]
+fn a_starved_board_hears_only_a_neutral_frame() {
+    let mut bench = Bench::ready();
+    let (pwm, neutral) = (bench.driving(), bench.neutral());
+    bench.pwm(&pwm, 20);
+    bench.run(20, 50);
+    assert_eq!(bench.board.outputs().motor, pwm.motor);
+    // What a dead process left on the way comes when the watchdog's time is over: before the period
+    // that stops the motor ends, and after.
+    for ms in [125, 150, 200, 300, 400] {
+        bench.pwm(&pwm, ms);
+        bench.run(ms, ms + 25);
+        assert_eq!(bench.board.outputs().motor, PwmCount::NEUTRAL, "{ms} ms");
+        assert_eq!(bench.board.outputs().pistons, [PwmCount::NEUTRAL; 4], "{ms} ms");
+    }
+    bench.pwm(&neutral, 450);
+    bench.pwm(&pwm, 455);
+    bench.run(455, 480);
+    assert_eq!(bench.board.outputs().motor, pwm.motor, "neutral once, and it drives again");
+}
+
+#[test]
+fn after_a_set_up_the_first_frame_has_to_be_neutral() {
+    let mut bench = Bench::waiting();
+    bench.set_up(&setup(), 0);
+    let pwm = bench.driving();
+    bench.pwm(&pwm, 0);
+    bench.run(0, 50);
+    assert_eq!(bench.board.outputs().motor, PwmCount::NEUTRAL);
+    bench.pwm(&bench.neutral(), 50);
+    bench.pwm(&pwm, 50);
+    bench.run(50, 75);
+    assert_eq!(bench.board.outputs().motor, pwm.motor);
 }
 
 #[test]

@@ -15,6 +15,8 @@ pub(crate) struct Agent {
     board: FrameReader,
     gyro: GyroReader,
     setup: SetupTask,
+    /// The board's watchdog waits for a frame with a neutral motor.
+    starved: bool,
     writer: FrameWriter,
     bytes: Vec<u8>,
     samples: Vec<Sample>,
@@ -34,6 +36,7 @@ impl Agent {
             board: FrameReader::default(),
             gyro: GyroReader::default(),
             setup: SetupTask::new(setup),
+            starved: true,
             writer: FrameWriter::default(),
             bytes: Vec::new(),
             samples: Vec::new(),
@@ -48,7 +51,7 @@ impl Agent {
     }
 
     /// Reads what came, lets the controller decide, sends a PWM frame every 20 ms and at once on
-    /// neutral; sets the board up whenever it is not.
+    /// neutral; sets the board up whenever it is not, and answers its watchdog.
     pub(crate) fn turn(&mut self, now: Stamp, truck: &mut Truck) {
         self.read_board(truck);
         self.read_gyro(truck);
@@ -63,20 +66,20 @@ impl Agent {
         if reset.any() {
             truck.board_rx(self.writer.reset(reset).as_bytes());
         }
-        let motor = self.outputs.pwm.motor;
+        let motor = if self.starved { PwmCount::NEUTRAL } else { self.outputs.pwm.motor };
         let (at, was) = *self.sent.get_or_insert_with(|| {
             truck.gyro_rx(&START_CONTINUOUS);
             (Stamp::ZERO, motor)
         });
         let stops = motor == PwmCount::NEUTRAL && was != motor;
         if stops || now.since_ms(at) >= 20 {
-            truck.board_rx(self.writer.pwm(&self.outputs.pwm).as_bytes());
+            truck.board_rx(self.writer.pwm(&PwmOutputs { motor, ..self.outputs.pwm }).as_bytes());
             self.sent = Some((now, motor));
         }
     }
 
     fn read_board(&mut self, truck: &mut Truck) {
-        let Self { board, setup, samples, bytes, window, .. } = self;
+        let Self { board, setup, samples, bytes, window, starved, .. } = self;
         bytes.clear();
         truck.take_board_tx(bytes);
         board.from_board(bytes, |frame| match frame.unwrap() {
@@ -86,7 +89,10 @@ impl Agent {
             }
             FromBoard::Adc { sample, .. } => samples.push(Sample::Adc(sample)),
             FromBoard::Remote(sample) => samples.push(Sample::Remote(sample)),
-            FromBoard::Status(status) => setup.confirm(status.ready, status.setup_checksum),
+            FromBoard::Status(status) => {
+                *starved = status.watchdog;
+                setup.confirm(status.ready, status.setup_checksum);
+            }
         });
     }
 
@@ -173,11 +179,12 @@ pub(crate) fn exact_steering() -> TruckParameters {
     parameters
 }
 
-/// Sets every board up as the default configuration wants it; again is harmless.
+/// Sets every board up as the default configuration wants it, and ends its watchdog; again is harmless.
 pub(crate) fn set_up(simulation: &mut Simulation, writer: &mut FrameWriter) {
     let setup = Setup::of(&VehicleConfig::default()).unwrap();
     for truck in simulation.trucks_mut() {
         truck.board_rx(writer.setup(&setup).as_bytes());
+        truck.board_rx(writer.pwm(&pulses(PwmCount::NEUTRAL.get(), 0)).as_bytes());
     }
 }
 

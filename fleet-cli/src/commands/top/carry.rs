@@ -19,9 +19,7 @@ use xtb_protocol::{Name, Uuid};
 pub(super) async fn carry(ctx: &Context, client: &Client, deed: &Deed) -> Outcome {
     match attempt(ctx, client, deed).await {
         Ok((tone, text)) => Outcome { tone, text, held: false },
-        Err(failure) => {
-            Outcome { tone: Tone::Bad, text: failure.to_string(), held: is_held(&failure) }
-        }
+        Err(failure) => Outcome { tone: Tone::Bad, text: failure.to_string(), held: is_held(&failure) },
     }
 }
 

@@ -1,6 +1,6 @@
 //! Everything about the selected robot in a few lines.
 
-use super::sight::{Sight, UNKNOWN, age};
+use super::sight::{Sight, Standing, UNKNOWN, age};
 use super::*;
 use crate::describe;
 use crate::task_words;
@@ -16,7 +16,7 @@ impl Cockpit {
         let look = self.setup.look;
         let standing = sight.standing();
         let mut head = vec![Span::styled(format!(" {} ", sight.name), look.tone(Tone::Strong))];
-        head.push(Span::styled(headline(sight), look.tone(standing.tone())));
+        head.push(Span::styled(headline(sight, standing), look.tone(standing.tone())));
         let mut lines = vec![Line::from(head)];
         let fact = |label: &str, text: String, tone: Tone| {
             let label = Span::styled(format!("  {label:8}"), look.tone(Tone::Dim));
@@ -29,12 +29,13 @@ impl Cockpit {
     }
 }
 
-fn headline(sight: &Sight<'_>) -> String {
+fn headline(sight: &Sight<'_>, standing: Standing) -> String {
     match sight.state {
         None => sight.why(true),
         Some(state) => match describe::stands(state) {
             Some(stands) => format!("stands {stands}"),
-            None => format!("drives, {}", describe::speed(state)),
+            None if standing == Standing::Drives => format!("drives, {}", describe::speed(state)),
+            None => "stands".to_owned(),
         },
     }
 }
@@ -43,12 +44,17 @@ fn headline(sight: &Sight<'_>) -> String {
 fn facts(sight: &Sight<'_>) -> [(&'static str, String, Tone); 7] {
     let show = |text: fn(&RobotState) -> String| sight.state.map_or_else(|| UNKNOWN.to_owned(), text);
     let state = sight.state;
-    let blocked = state.is_some_and(|state| [state.obstacle.front, state.obstacle.rear].contains(&Some(true)));
+    let blocked =
+        state.is_some_and(|state| [state.obstacle.front, state.obstacle.rear].contains(&Some(true)));
     let low = state.is_some_and(|state| state.battery_level > BatteryLevel::Ok);
     let bad = state.is_some_and(|state| !(state.latches.is_empty() && state.faults.is_empty()));
     let when = |so: bool, tone: Tone| if so { tone } else { Tone::Plain };
     [
-        ("goal", show(|state| state.goal.as_ref().map_or_else(|| "none".to_owned(), describe::goal)), Tone::Plain),
+        (
+            "goal",
+            show(|state| state.goal.as_ref().map_or_else(|| "none".to_owned(), describe::goal)),
+            Tone::Plain,
+        ),
         ("task", task(sight), Tone::Plain),
         ("pose", pose(sight), when(state.is_none(), Tone::Dim)),
         ("wrong", show(wrong), when(bad, Tone::Bad)),
@@ -76,7 +82,7 @@ fn pose(sight: &Sight<'_>) -> String {
             format!("{pose} ±{sigma_m} m")
         }
         (None, Some(seen)) => {
-            format!("{UNKNOWN} (was {} {} ago)", describe::pose(&seen.value.pose), age(sight.age_ms))
+            format!("{UNKNOWN}, {} ago {}", age(sight.age_ms), describe::pose(&seen.value.pose))
         }
         (None, None) => UNKNOWN.to_owned(),
     }

@@ -33,13 +33,18 @@ impl Cockpit {
             What::Task(event) => event.step.robot.as_ref().is_none_or(shown),
             What::Presence { robot, .. } => robot.as_ref().is_none_or(shown),
         };
-        let line = |happening: &Happening| {
+        let line = |(since_ms, happening): (u64, &Happening)| {
             let (text, tone) = happened(&happening.what);
-            let since = age(Some(now_ms.saturating_sub(happening.at_ms)));
+            let since = age(Some(since_ms));
             let since = Span::styled(format!("{since:>7} "), self.setup.look.tone(Tone::Dim));
             Line::from(vec![since, Span::styled(text, self.setup.look.tone(tone))])
         };
-        scene.happenings().iter().rev().filter(concerns).map(line).collect()
+        let shown = scene.happenings().iter().rev().filter(concerns);
+        let mut shown: Vec<_> =
+            shown.map(|happening| (since_ms(scene, happening, now_ms), happening)).collect();
+        // Those from before the screen opened come robot by robot.
+        shown.sort_by_key(|(since_ms, _)| *since_ms);
+        shown.into_iter().map(line).collect()
     }
 
     /// Open ones first, then those that ended last.
@@ -65,8 +70,27 @@ impl Cockpit {
     }
 }
 
+/// How long ago it happened. The last events of before come when the screen opens: how old they are
+/// then, their robot's clock says, or the dispatcher's.
+fn since_ms(scene: &Scene, happening: &Happening, now_ms: AtMs) -> u64 {
+    let came = now_ms.saturating_sub(happening.at_ms);
+    let happened = match &happening.what {
+        What::Robot(event) => {
+            let state = scene.robots().get(&event.robot).and_then(|robot| robot.state.as_ref());
+            let state = state.filter(|state| state.value.epoch == event.epoch);
+            state.map(|state| state.age_ms(now_ms) + state.value.tick_ms.saturating_sub(event.tick_ms))
+        }
+        What::Task(event) => {
+            scene.tasks().map(|list| list.age_ms(now_ms) + list.value.at_ms.saturating_sub(event.step.at_ms))
+        }
+        What::Presence { .. } => None,
+    };
+    // Never younger than its message.
+    happened.unwrap_or(came).max(came)
+}
+
 /// In words, and how good it is.
-pub(super) fn happened(what: &What) -> (String, Tone) {
+fn happened(what: &What) -> (String, Tone) {
     match what {
         What::Robot(event) => robot(event),
         What::Task(TaskEvent { task, step, .. }) => {
@@ -100,6 +124,8 @@ fn robot(event: &Event) -> (String, Tone) {
         EventKind::Goal { status, reason, .. } => {
             let why = reason.as_ref().map(|reason| format!(": {reason}")).unwrap_or_default();
             let tone = match status {
+                // It has begun, and rests in passing.
+                GoalStatus::Blocked if reason.as_deref() == Some("planning") => Tone::Plain,
                 GoalStatus::Reached => Tone::Good,
                 GoalStatus::Blocked | GoalStatus::Cancelled | GoalStatus::Interrupted => Tone::Warning,
                 GoalStatus::Failed => Tone::Bad,
@@ -107,7 +133,9 @@ fn robot(event: &Event) -> (String, Tone) {
             };
             (format!("{name} goal {}{why}", words::name(status)), tone)
         }
-        EventKind::Lease { holder: Some(holder) } => (format!("{name} is controlled by {holder}"), Tone::Plain),
+        EventKind::Lease { holder: Some(holder) } => {
+            (format!("{name} is controlled by {holder}"), Tone::Plain)
+        }
         EventKind::Lease { holder: None } => (format!("{name} is free"), Tone::Dim),
         EventKind::Fault { fault, present: true, detail } => {
             let detail = detail.as_ref().map(|words| format!(" ({words})")).unwrap_or_default();

@@ -10,7 +10,7 @@ use ratatui::widgets::Paragraph;
 
 /// Smaller than this there is no use.
 const SMALLEST: (u16, u16) = (20, 4);
-const HINTS: &str = "? keys  Tab robot  arrows+Enter go there  t drive  s/S stop  e/E E-STOP  x reset  w why  q";
+const HINTS: &str = "? keys  Tab robot  arrows Enter go  t drive  s S stop  e E E-STOP  x reset  q";
 const SHORT_HINTS: &str = "? keys  E E-STOP ALL  q leave";
 const PLAYING_HINTS: &str = "? keys  Tab robot  space pause  arrows wind  w why  v tasks  f follow  q leave";
 const READING_HINTS: &str = "? keys  Tab robot  w why  v tasks  f follow  +/- zoom  a all  q leave";
@@ -66,9 +66,13 @@ impl Cockpit {
             spans.push(Span::raw("· "));
             spans.push(Span::styled(format!("{text} "), look.tone(tone)));
         };
+        if let Some(playing) = &self.playing {
+            add(play_words(playing), Tone::Strong);
+        }
         let plural = if sights.len() == 1 { "robot" } else { "robots" };
         add(format!("{} {plural}", sights.len()), Tone::Plain);
-        let count = |wanted: &[Standing]| sights.iter().filter(|sight| wanted.contains(&sight.standing())).count();
+        let count =
+            |wanted: &[Standing]| sights.iter().filter(|sight| wanted.contains(&sight.standing())).count();
         for (wanted, words) in [
             (&[Standing::Drives][..], "drive"),
             (&[Standing::Hindered], "hindered"),
@@ -82,13 +86,11 @@ impl Cockpit {
                 add(format!("{found} {words}"), wanted[0].tone());
             }
         }
-        if let Some(playing) = &self.playing {
-            add(play_words(playing), Tone::Strong);
-        } else {
+        if self.playing.is_none() {
             let is = |there: bool| if there { Tone::Plain } else { Tone::Dim };
             let (dispatcher, traffic) = (scene.dispatcher(), scene.traffic_control());
             add(if dispatcher { "dispatcher" } else { "no dispatcher" }.to_owned(), is(dispatcher));
-            add(if traffic { "traffic control" } else { "no traffic control" }.to_owned(), is(traffic));
+            add(if traffic { "traffic" } else { "no traffic" }.to_owned(), is(traffic));
         }
         if self.unreadable > 0 {
             add(format!("{} unreadable", self.unreadable), Tone::Warning);
@@ -117,7 +119,7 @@ impl Cockpit {
                 let asked = crate::describe::fixed(drive.throttle * max_rpm, 0);
                 let side = crate::describe::fixed(drive.steering, 2);
                 Some(format!(
-                    " DRIVING {robot}: {asked} rpm, steering {side} (+ right)  hold arrows · space zero · t lets go"
+                    " DRIVING {robot}: {asked} rpm, steering {side}   hold arrows, space zero, t lets go"
                 ))
             }
         }
@@ -127,15 +129,18 @@ impl Cockpit {
     fn draw_foot(&self, frame: &mut Frame<'_>, areas: &Areas, now_ms: AtMs) {
         let look = self.setup.look;
         let asked = self.deeds.under_way().iter().rev().map(|open| {
-            let since = age(Some(now_ms.saturating_sub(open.since_ms)));
             let tone = if open.deed.is_stop() { Tone::Warning } else { Tone::Plain };
-            Line::styled(format!(" {since:>7}  {}: asked, no answer yet", open.deed.words()), look.tone(tone))
+            (open.since_ms, format!("{}: asked, no answer yet", open.deed.words()), tone)
         });
-        let told = self.deeds.notices().map(|notice| {
-            let since = age(Some(now_ms.saturating_sub(notice.at_ms)));
-            Line::styled(format!(" {since:>7}  {}", notice.text), look.tone(notice.tone))
-        });
-        let lines: Vec<Line<'_>> = asked.chain(told).take(usize::from(areas.notices.height)).collect();
+        let told = self.deeds.notices().map(|notice| (notice.at_ms, notice.text.clone(), notice.tone));
+        let mut lines: Vec<(AtMs, String, Tone)> = told.chain(asked).collect();
+        lines.sort_by_key(|(at_ms, ..)| std::cmp::Reverse(*at_ms));
+        lines.truncate(usize::from(areas.notices.height));
+        let line = |(at_ms, text, tone): (AtMs, String, Tone)| {
+            let since = age(Some(now_ms.saturating_sub(at_ms)));
+            Line::styled(format!(" {since:>7}  {text}"), look.tone(tone))
+        };
+        let lines: Vec<Line<'_>> = lines.into_iter().map(line).collect();
         frame.render_widget(Paragraph::new(lines), areas.notices);
         let hints = match (&self.playing, self.setup.read_only) {
             (Some(_), _) => PLAYING_HINTS,

@@ -132,9 +132,11 @@ mod tests {
     #[test]
     fn a_shifted_letter_is_the_capital_one_whatever_the_terminal_says() {
         let shift = KeyModifiers::SHIFT;
-        for (code, modifiers) in
-            [(KeyCode::Char('E'), KeyModifiers::NONE), (KeyCode::Char('E'), shift), (KeyCode::Char('e'), shift)]
-        {
+        for (code, modifiers) in [
+            (KeyCode::Char('E'), KeyModifiers::NONE),
+            (KeyCode::Char('E'), shift),
+            (KeyCode::Char('e'), shift),
+        ] {
             assert_eq!(key(code, modifiers, KeyEventKind::Press), Some(Press::EstopAll));
         }
         assert_eq!(

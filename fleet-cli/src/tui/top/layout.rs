@@ -49,8 +49,7 @@ pub(super) fn areas(area: Rect, robots: usize) -> Areas {
     }
     if area.width < BESIDE {
         let table = rows.min(body.height / 2);
-        let [map, table] =
-            Layout::vertical([Constraint::Fill(1), Constraint::Length(table)]).areas(body);
+        let [map, table] = Layout::vertical([Constraint::Fill(1), Constraint::Length(table)]).areas(body);
         (areas.map, areas.robots) = (Some(map), table);
         return areas;
     }

@@ -111,10 +111,12 @@ fn dots(bits: u32) -> char {
     const LOWER: u32 = 0xe4;
     const COLUMNS: [u32; 2] = [0x47, 0xb8];
     const ROWS: [u32; 4] = [0x09, 0x12, 0x24, 0xc0];
+    const BARS: [u32; 3] = [0x1b, 0x36, 0xe4];
     let within = |mask: u32| bits & !mask == 0;
     match bits.count_ones() {
         0 => ' ',
         5.. => '#',
+        4 if BARS.contains(&bits) => '=',
         3.. if COLUMNS.into_iter().any(within) => '|',
         2 if ROWS.into_iter().any(within) => '-',
         _ if within(UPPER) => '\'',
@@ -151,18 +153,20 @@ mod tests {
     #[test]
     fn arrows_point_where_the_robot_does() {
         let utf8 = look(true, false, &[("LANG", "C.utf8")]);
-        assert_eq!([0.0, 90.0, 180.0, -90.0, -46.0].map(|deg: f64| utf8.arrow(deg.to_radians())), [
-            '→', '↑', '←', '↓', '↘'
-        ]);
+        assert_eq!(
+            [0.0, 90.0, 180.0, -90.0, -46.0].map(|deg: f64| utf8.arrow(deg.to_radians())),
+            ['→', '↑', '←', '↓', '↘']
+        );
         let ascii = look(true, true, &[]);
-        assert_eq!([10.0, 80.0, 200.0, 359.0].map(|deg: f64| ascii.arrow(deg.to_radians())), [
-            '>', '^', '<', '>'
-        ]);
+        assert_eq!(
+            [10.0, 80.0, 200.0, 359.0].map(|deg: f64| ascii.arrow(deg.to_radians())),
+            ['>', '^', '<', '>']
+        );
     }
 
     #[test]
     fn dots_become_signs_of_their_shape() {
-        let signs: String = "⠀⠁⡀⡇⢸⠒⣿⢁".chars().map(ascii).collect();
-        assert_eq!(signs, " '.||-#:");
+        let signs: String = "⠀⠁⡀⡇⢸⠒⣿⢁⠶".chars().map(ascii).collect();
+        assert_eq!(signs, " '.||-#:=");
     }
 }

@@ -20,26 +20,26 @@ const BEAM_SPACING_M: f64 = 0.07;
 const BODY_CELLS: f64 = 4.0;
 /// Without a map this much around the robots is shown.
 const AROUND_M: f64 = 2.0;
-/// Narrower maps show what names differ in, not whole names.
-const NAMES_FROM: u16 = 60;
+/// Wider cells have room for what names differ in, not for whole names.
+const NAMES_UP_TO_M: f64 = 0.25;
 
 impl Cockpit {
     /// The map in its frame.
     pub(super) fn draw_map(&mut self, frame: &mut Frame<'_>, area: Rect, sights: &[Sight<'_>], now_ms: AtMs) {
         let look = self.setup.look;
+        let inner = Block::bordered().inner(area);
+        frame.render_widget(Clear, area);
+        let selected = self.sight(sights).and_then(Sight::place).map(|(x_m, y_m, _)| (x_m, y_m));
+        self.view.arrange(inner, self.bounds(sights), selected);
         let block = Block::bordered()
             .border_style(look.tone(Tone::Dim))
             .title(self.map_title(area.width))
             .title_bottom(self.cursor_title());
-        let inner = block.inner(area);
-        frame.render_widget(Clear, area);
         frame.render_widget(block, area);
         if inner.is_empty() {
             return;
         }
-        let selected = self.sight(sights).and_then(Sight::place).map(|(x_m, y_m, _)| (x_m, y_m));
-        self.view.arrange(inner, self.bounds(sights), selected);
-        let names = short_names(sights, area.width >= NAMES_FROM);
+        let names = short_names(sights, self.view.cell_m().0 <= NAMES_UP_TO_M);
         let drawing = Drawing { cockpit: self, view: &self.view, look, now_ms };
         let (x, y) = self.view.bounds();
         let canvas = Canvas::default().marker(Marker::Braille).x_bounds(x).y_bounds(y).paint(|canvas| {
@@ -136,27 +136,34 @@ impl Drawing<'_> {
                 let dashes = self.dashes(edge);
                 canvas.draw(&Points { coords: &dashes, color });
             }
-            let name = match zone.heading_rad {
-                Some(heading_rad) => format!("{} {}", self.look.arrow(heading_rad), zone.name),
-                None => zone.name.clone(),
-            };
-            // From its middle to the left, so that it stays over the zone.
-            let left_m = name.chars().count() as f64 / 2.0 * self.view.cell_m().0;
             let style = self.look.tone(Tone::Dim).fg(color);
-            let x_m = (zone.middle.0 - left_m).max(self.view.bounds().0[0]);
-            canvas.print(x_m, zone.middle.1, Text::styled(name, style));
+            let Some(name) = self.zone_name(zone) else { continue };
+            let left_m = name.chars().count() as f64 / 2.0 * self.view.cell_m().0;
+            canvas.print(zone.middle.0 - left_m, zone.middle.1, Text::styled(name, style));
         }
         let color = self.look.paint(Color::Gray);
         floor.walls.iter().for_each(|wall| canvas.draw(&line(wall, color)));
+    }
+
+    /// As much of its name as lies within it.
+    fn zone_name(&self, zone: &floor::Zone) -> Option<String> {
+        let east = zone.edges.iter().map(|[from, _]| from.0);
+        let (low, high) = east.fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x), high.max(x)));
+        let arrow = zone.heading_rad.map(|heading_rad| self.look.arrow(heading_rad).to_string());
+        let whole = match &arrow {
+            Some(arrow) => format!("{arrow} {}", zone.name),
+            None => zone.name.clone(),
+        };
+        let fits = (whole.chars().count() + 1) as f64 * self.view.cell_m().0 < high - low;
+        if fits { Some(whole) } else { arrow }
     }
 
     /// Points of a line, so far apart that it is told from a wall.
     fn dashes(&self, [from, to]: &floor::Segment) -> Vec<(f64, f64)> {
         let length_m = (to.0 - from.0).hypot(to.1 - from.1);
         let count = (length_m / self.view.cell_m().0).ceil().clamp(1.0, 1000.0);
-        let at = |step: f64| {
-            (from.0 + (to.0 - from.0) * step / count, from.1 + (to.1 - from.1) * step / count)
-        };
+        let at =
+            |step: f64| (from.0 + (to.0 - from.0) * step / count, from.1 + (to.1 - from.1) * step / count);
         (0..=count as u32).map(|step| at(f64::from(step))).collect()
     }
 
@@ -189,8 +196,9 @@ impl Drawing<'_> {
     fn goal(&self, canvas: &mut Context<'_>, sight: &Sight<'_>, name: &str) {
         let Some((x_m, y_m, yaw_rad)) = goal_of(sight) else { return };
         let arrow = yaw_rad.map(|yaw| self.look.arrow(yaw).to_string()).unwrap_or_default();
+        let gap = if name.starts_with(|c: char| c.is_ascii_digit()) { "" } else { " " };
         let style = Style::new().fg(self.look.robot(sight.row));
-        canvas.print(x_m, y_m, Text::styled(format!("x{arrow}{name}"), style));
+        canvas.print(x_m, y_m, Text::styled(format!("x{arrow}{gap}{name}"), style));
     }
 
     fn robot(&self, canvas: &mut Context<'_>, sight: &Sight<'_>, name: &str) {
@@ -231,8 +239,13 @@ fn at((x_m, y_m, yaw_rad): (f64, f64, f64), ahead_m: f64, left_m: f64) -> (f64, 
 
 fn outline(canvas: &mut Context<'_>, place: (f64, f64, f64), body: &Geometry, color: Color) {
     let (half_m, side_m) = (body.body_length_m / 2.0, body.body_width_m / 2.0);
-    let corners =
-        [(half_m, 0.0), (half_m / 2.0, side_m), (-half_m, side_m), (-half_m, -side_m), (half_m / 2.0, -side_m)];
+    let corners = [
+        (half_m, 0.0),
+        (half_m / 2.0, side_m),
+        (-half_m, side_m),
+        (-half_m, -side_m),
+        (half_m / 2.0, -side_m),
+    ];
     let corners = corners.map(|(ahead, left)| at(place, ahead, left));
     for (index, &(x1, y1)) in corners.iter().enumerate() {
         let (x2, y2) = corners[(index + 1) % corners.len()];

@@ -9,20 +9,20 @@ use ratatui::text::Line;
 use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
 
 const KEYS: &[(&str, &str)] = &[
-    ("e / E", "E-STOP the selected robot / ALL of the fleet: latched until reset"),
+    ("e / E", "E-STOP the selected robot / ALL: latched until reset"),
     ("s / S", "stop the selected robot / all"),
     ("Tab j k 0-9", "select a robot"),
-    ("arrows", "cursor; with shift by 5 cells; g puts it on the robot"),
-    ("Enter", "send the robot to the cursor (it goes on without the cockpit)"),
+    ("arrows", "cursor, with shift by 5 cells; g puts it on the robot"),
+    ("Enter", "send the robot to the cursor; it goes on without you"),
     ("r R u", "yaw on arrival: left, right, any"),
     ("c", "cancel its task or goal"),
-    ("t", "drive it: hold the arrow keys, space is zero, t or Esc lets go"),
+    ("t", "drive: hold arrows, space is zero; t or Esc lets go"),
     ("x", "reset its latches (asks)"),
     ("w", "why it stands, and what to do"),
     ("v", "events or tasks"),
     ("+ - a f", "map: nearer, farther, all, follow the robot"),
     ("H J K L", "map: west, south, north, east"),
-    ("q Esc ^C", "leave: a robot that is driven is stopped"),
+    ("q Esc ^C", "leave; a robot that you drive is stopped"),
 ];
 const PLAYING_KEYS: &[(&str, &str)] = &[
     ("space", "pause, and go on"),
@@ -34,8 +34,10 @@ const PLAYING_KEYS: &[(&str, &str)] = &[
     ("H J K L", "map: west, south, north, east"),
     ("q Esc ^C", "leave"),
 ];
-const SIGNS: &str = "Map: arrow = robot and heading, x = goal, dots = way ahead and behind; \
-    # latched, ! hindered or faulty, ? stale: drawn where it was last heard of";
+const SIGNS: [&str; 2] = [
+    "Map: arrow = heading, x = goal, dots = way behind and ahead.",
+    "# latched  ! hindered or faulty  ? stale: where it was last heard",
+];
 
 impl Cockpit {
     pub(super) fn draw_over(&self, frame: &mut Frame<'_>, area: Rect, sights: &[Sight<'_>], _now_ms: AtMs) {
@@ -47,11 +49,12 @@ impl Cockpit {
                 None => return,
             },
             Some(Over::Question(question)) => {
-                let lines = vec![question.text.clone(), String::new(), "y = yes, any other key = no".to_owned()];
+                let lines =
+                    vec![question.text.clone(), String::new(), "y = yes, any other key = no".to_owned()];
                 (" ? ".to_owned(), lines)
             }
         };
-        let (width, wanted) = (area.width.saturating_sub(4).clamp(16, 90), lines.len());
+        let (width, wanted) = (area.width.saturating_sub(2).clamp(16, 90), lines.len());
         let inner = usize::from(width.saturating_sub(4)).max(1);
         let rows: usize = lines.iter().map(|line| line.chars().count().div_ceil(inner).max(1)).sum();
         let rows = u16::try_from(rows.max(wanted)).unwrap_or(u16::MAX).saturating_add(2);
@@ -73,7 +76,8 @@ impl Cockpit {
         let keys = if self.playing.is_some() { PLAYING_KEYS } else { KEYS };
         let lines = keys.iter().map(|(key, meaning)| format!("{key:12} {meaning}"));
         let read_only = self.setup.read_only.map(|why| format!("Nothing is sent to robots: {why}"));
-        lines.chain([SIGNS.to_owned()]).chain(read_only).collect()
+        let signs = SIGNS.map(str::to_owned);
+        lines.chain([String::new()]).chain(signs).chain(read_only).collect()
     }
 }
 

@@ -1,11 +1,13 @@
 //! A robot as the cockpit shows it: what is known now, what is not, and since when.
 
+use crate::commands::why;
 use crate::describe;
 use crate::output::Tone;
 use crate::scene::{AtMs, Robot, Scene};
 use crate::view::{RobotView, by_number};
 use crate::words;
 use std::time::Duration;
+use xtb_control::Mode;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{RobotState, TaskView};
 
@@ -104,7 +106,7 @@ impl Sight<'_> {
         match () {
             () if !state.latches.is_empty() => Standing::Latched,
             () if !state.faults.is_empty() => Standing::Faulty,
-            () if state.stopped_age_ms.is_none() && state.stopped_because.is_empty() => Standing::Drives,
+            () if why::drives(state) && (under_way || state.mode != Mode::Idle) => Standing::Drives,
             () if under_way => Standing::Hindered,
             () => Standing::Stands,
         }
@@ -120,9 +122,9 @@ impl Sight<'_> {
     pub(super) fn why(&self, long: bool) -> String {
         let Some(state) = self.state else {
             return match self.standing() {
-                Standing::Missing => "MISSING, never heard".to_owned(),
-                Standing::Gone => format!("GONE, heard {} ago", age(self.age_ms)),
-                _ if self.age_ms.is_none() => "STALE, never heard".to_owned(),
+                Standing::Missing => "MISSING".to_owned(),
+                Standing::Gone => format!("GONE for {}", age(self.age_ms)),
+                _ if self.age_ms.is_none() => "STALE".to_owned(),
                 _ => format!("STALE for {}", age(self.age_ms)),
             };
         };

@@ -87,7 +87,7 @@ impl Cockpit {
             .iter()
             .map(|(column, title, _)| match column {
                 Column::Name => Cell::from(format!(" {title}")),
-                Column::Why if more > 0 => Cell::from(format!("{title} ({more} rows more)")),
+                Column::Why if more > 0 => Cell::from(format!("why (+{more} rows)")),
                 _ => Cell::from(*title),
             })
             .collect();
@@ -136,7 +136,10 @@ fn cell(sight: &Sight<'_>, column: Column, width: u16) -> (String, Tone) {
         Column::ToGo => known(|state| (to_go(state), Tone::Plain)),
         Column::Task => (sight.task.map(|task| task.id.to_string()).unwrap_or_default(), Tone::Plain),
         Column::Lease => known(|state| {
-            (state.lease.as_ref().map_or_else(|| "free".to_owned(), |lease| lease.holder.to_string()), Tone::Plain)
+            (
+                state.lease.as_ref().map_or_else(|| "free".to_owned(), |lease| lease.holder.to_string()),
+                Tone::Plain,
+            )
         }),
         Column::Battery => known(battery),
         Column::Why => (sight.why(width >= LONG_WHY), sight.standing().tone()),

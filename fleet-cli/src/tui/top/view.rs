@@ -38,12 +38,7 @@ impl View {
     }
 
     /// Takes in where there is to draw, what there is to show, and where the selected robot is.
-    pub(super) fn arrange(
-        &mut self,
-        area: Rect,
-        bounds: ([f64; 2], [f64; 2]),
-        followed: Option<(f64, f64)>,
-    ) {
+    pub(super) fn arrange(&mut self, area: Rect, bounds: ([f64; 2], [f64; 2]), followed: Option<(f64, f64)>) {
         // Signs stand between the first and the last cell: one less than there are.
         self.columns = f64::from(area.width.saturating_sub(1).max(1));
         self.rows = f64::from(area.height.saturating_sub(1).max(1));
@@ -160,7 +155,10 @@ mod tests {
         assert_eq!(view.cell(area, (0.0, 99.0)), None);
         let (left, right) = (view.cell(area, (-5.0, 0.0)).unwrap(), view.cell(area, (5.0, 0.0)).unwrap());
         assert!(left.0 < right.0 && left.1 == right.1);
-        assert!(view.cell(area, (0.0, 5.0)).unwrap().1 < view.cell(area, (0.0, -5.0)).unwrap().1, "north is up");
+        assert!(
+            view.cell(area, (0.0, 5.0)).unwrap().1 < view.cell(area, (0.0, -5.0)).unwrap().1,
+            "north is up"
+        );
     }
 
     #[test]

@@ -1,3 +1,5 @@
+//! Deeds, carried out on robots that the test plays.
+
 use super::*;
 use crate::fake::{FakeRobot, latch, name};
 use std::time::Duration;
@@ -11,8 +13,7 @@ async fn client() -> Client {
 async fn a_goal_is_sent_as_the_verb_does_and_the_lease_given_back() {
     let client = client().await;
     let robot = FakeRobot::start(&client, "xtb-1").await;
-    let deed =
-        Deed::Goto { robot: name("xtb-1"), x_m: 1.0, y_m: 2.0, yaw_rad: Some(0.5), take: false };
+    let deed = Deed::Goto { robot: name("xtb-1"), x_m: 1.0, y_m: 2.0, yaw_rad: Some(0.5), take: false };
     let outcome = carry(client.context(), &client, &deed).await;
     assert_eq!((outcome.tone, outcome.text.as_str(), outcome.held), (Tone::Good, "accepted", false));
     let fake = robot.lock();

@@ -1,10 +1,15 @@
+//! The wheel of a robot that the test plays.
+
 use super::*;
 use crate::fake::{FakeRobot, name};
 use xtb_protocol::messages::{Body, Setpoint};
 
 const AHEAD: Drive = Drive { throttle: 1.0, steering: 0.0 };
 
-async fn setpoints(client: &Client, robot: &Name) -> (xtb_bus::Subscription, mpsc::UnboundedReceiver<Setpoint>) {
+async fn setpoints(
+    client: &Client,
+    robot: &Name,
+) -> (xtb_bus::Subscription, mpsc::UnboundedReceiver<Setpoint>) {
     let (sender, setpoints) = mpsc::unbounded_channel();
     let each = move |incoming: xtb_bus::Incoming| {
         sender.send(incoming.decode::<Setpoint>().unwrap()).unwrap_or_default();

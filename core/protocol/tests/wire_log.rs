@@ -1,0 +1,71 @@
+//! The bytes of what is asked and answered about recordings, all in version 1. This file is never edited to
+//! pass: bytes that change need a new version of their type, and a file of their own.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on shall end
+
+use xtb_protocol::codec::{CodecError, Format, decode, encode, encoding};
+use xtb_protocol::messages::{LogCode, LogFile, LogReply, LogRequest, MAX_LOG_NAME, MAX_PIECE, Message};
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn pinned<M: Message + PartialEq + std::fmt::Debug>(message: &M, postcard: &str, json: &str) {
+    let bytes = encode(message, Format::Postcard).unwrap();
+    let text = encode(message, Format::Json).unwrap();
+    assert_eq!((hex(&bytes).as_str(), std::str::from_utf8(&text).unwrap()), (postcard, json));
+    for (format, bytes) in [(Format::Postcard, &bytes), (Format::Json, &text)] {
+        assert_eq!(&decode::<M>(&encoding::<M>(format), bytes).unwrap().0, message);
+    }
+}
+
+fn read(file: &str, length: u32) -> LogRequest {
+    LogRequest::Read { file: file.to_owned(), offset: 300, length }
+}
+
+#[test]
+fn requests() {
+    assert_eq!(encoding::<LogRequest>(Format::Postcard), "application/x-postcard;xtb.LogRequest.v1");
+    pinned(&LogRequest::List {}, "00", r#"{"list":{}}"#);
+    let json = r#"{"read":{"file":"a.mcap","offset":300,"length":5}}"#;
+    pinned(&read("a.mcap", 5), "0106612e6d636170ac0205", json);
+}
+
+#[test]
+fn replies() {
+    assert_eq!(encoding::<LogReply>(Format::Postcard), "application/x-postcard;xtb.LogReply.v1");
+    let file = LogFile { file: "a".to_owned(), bytes: 300, age_s: 7, open: true };
+    pinned(
+        &LogReply::Files { files: vec![file], left_out: 2 },
+        "00010161ac02070102",
+        r#"{"files":{"files":[{"file":"a","bytes":300,"age_s":7,"open":true}],"left_out":2}}"#,
+    );
+    pinned(
+        &LogReply::Piece { bytes: 300, open: false, data: vec![1, 255] },
+        "01ac02000201ff",
+        r#"{"piece":{"bytes":300,"open":false,"data":[1,255]}}"#,
+    );
+    pinned(
+        &LogReply::Error { code: LogCode::Overloaded, message: "m".to_owned() },
+        "0205016d",
+        r#"{"error":{"code":"overloaded","message":"m"}}"#,
+    );
+}
+
+#[test]
+fn a_piece_has_a_length_and_a_recording_a_name() {
+    for request in [
+        read("a.mcap", 0),
+        read("a.mcap", MAX_PIECE + 1),
+        read("", 1),
+        read(&"a".repeat(MAX_LOG_NAME + 1), 1),
+    ] {
+        let refused = encode(&request, Format::Postcard).unwrap_err();
+        assert!(matches!(refused, CodecError::OutOfRange(_)), "{request:?}: {refused}");
+    }
+    let whole = LogReply::Piece { bytes: 1 << 40, open: true, data: vec![255; MAX_PIECE as usize] };
+    for format in [Format::Postcard, Format::Json] {
+        let bytes = encode(&whole, format).unwrap();
+        assert_eq!(decode::<LogReply>(&encoding::<LogReply>(format), &bytes).unwrap().0, whole);
+    }
+}

@@ -1,0 +1,97 @@
+//! `fleet-cli fetch-log`: a robot's recordings come over Zenoh as they are on its disk, whatever
+//! interrupts them.
+
+use crate::commands::{fleet_cli, sim};
+use fleet_tests::PATIENCE;
+use fleet_tests::processes::{Process, program};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+const OLD: &str = "xtb-1-20041201T120000Z.mcap";
+
+/// Bytes that nobody guesses from those before.
+fn noise(bytes: usize) -> Vec<u8> {
+    let mut state = 2_004_262_u64;
+    let next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 56) as u8
+    };
+    std::iter::repeat_with(next).take(bytes).collect()
+}
+
+fn length(path: &Path) -> u64 {
+    fs::metadata(path).map_or(0, |about| about.len())
+}
+
+#[test]
+fn a_recording_is_fetched_whole_and_goes_on_where_it_was_interrupted() {
+    let (theirs, ours) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let recording = noise(12_000_000);
+    fs::write(theirs.path().join(OLD), &recording).unwrap();
+    fs::write(theirs.path().join("xtb-9-20041201T120000Z.mcap"), b"another robot's").unwrap();
+    let sim = sim(&["--robots", "1", "--record", theirs.path().to_str().unwrap()]);
+    let (code, list, output) = sim.run(&["fetch-log", "xtb-1", "--list"]);
+    let names: Vec<&str> = list.as_array().unwrap().iter().map(|f| f["file"].as_str().unwrap()).collect();
+    assert_eq!((code, names.len()), (0, 2), "{output:?}");
+    assert!(names.contains(&OLD) && names.iter().all(|name| name.starts_with("xtb-1-")), "{names:?}");
+
+    // Killed on the way, then again: what had come is not asked for again.
+    let (here, part) = (ours.path().join("old.mcap"), ours.path().join("old.mcap.part"));
+    let fetch = ["fetch-log", "xtb-1", OLD, "--out", here.to_str().unwrap()];
+    let mut command = fleet_cli(&["--connect", &sim.endpoint]);
+    let child = command.args(fetch).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let process = Process(child);
+    let began = Instant::now();
+    while length(&part) < 100_000 {
+        assert!(began.elapsed() < PATIENCE && !here.exists(), "it was to be killed on the way");
+        std::thread::yield_now();
+    }
+    drop(process);
+    assert!(!here.exists());
+    let kept = length(&part);
+    let (code, fetched, output) = sim.run(&fetch);
+    assert_eq!((code, fetched["bytes"].as_u64()), (0, Some(12_000_000)), "{output:?}");
+    assert_eq!(fetched["resumed_from"].as_u64(), Some(kept), "{output:?}");
+    assert!(fs::read(&here).unwrap() == recording && !part.exists());
+
+    // Never over something that is there, and never onto something else.
+    let (code, refused, output) = sim.run(&fetch);
+    assert_eq!(code, 1, "{output:?}");
+    assert!(refused["error"]["message"].as_str().unwrap().contains("is there already"), "{refused}");
+    fs::remove_file(&here).unwrap();
+    fs::write(&part, noise(200_000).iter().map(|byte| byte ^ 1).collect::<Vec<_>>()).unwrap();
+    let (code, refused, output) = sim.run(&fetch);
+    assert_eq!((code, length(&part)), (1, 200_000), "{output:?}");
+    assert!(refused["error"]["hint"].as_str().unwrap().contains("--restart"), "{refused}");
+    let (code, fetched, output) = sim.run(&[&fetch[..], &["--restart"]].concat());
+    assert_eq!((code, fetched["resumed_from"].as_u64()), (0, Some(0)), "{output:?}");
+    assert!(fs::read(&here).unwrap() == recording);
+}
+
+#[test]
+fn the_newest_recording_is_fetched_while_it_is_written_and_can_be_replayed() {
+    let (theirs, ours) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let sim = sim(&["--robots", "1", "--record", theirs.path().to_str().unwrap(), "--speed", "8"]);
+    let (code, _, output) = sim.run(&["goto", "xtb-1", "0.5", "1.5", "--wait"]);
+    assert_eq!(code, 0, "{output:?}");
+    let here = ours.path().join("newest.mcap");
+    let (code, fetched, output) = sim.run(&["fetch-log", "xtb-1", "--out", here.to_str().unwrap()]);
+    assert_eq!((code, &fetched["open"]), (0, &Value::from(true)), "{output:?}");
+    let replayed = Command::new(program("robot-agent")).arg("replay").arg(&here).output().unwrap();
+    let text = String::from_utf8_lossy(&replayed.stdout);
+    assert!(text.contains("identical"), "{replayed:?}");
+}
+
+#[test]
+fn what_is_not_there_is_said_with_a_hint() {
+    let folder = tempfile::tempdir().unwrap();
+    let sim = sim(&["--robots", "1"]);
+    let out = folder.path().join("x.mcap");
+    let (code, refused, output) = sim.run(&["fetch-log", "xtb-1", "--out", out.to_str().unwrap()]);
+    assert_eq!(code, 1, "{output:?}");
+    assert!(refused["error"]["hint"].as_str().unwrap().contains("robot-agent --record"), "{refused}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left behind");
+}
