@@ -7,6 +7,7 @@ mod dispatch;
 mod driving;
 mod fetching;
 mod fuzz;
+mod guide;
 mod hardware;
 mod hostile;
 mod membership;
