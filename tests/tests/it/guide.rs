@@ -10,7 +10,17 @@ use page::{What, folder, names, steps, text};
 use walk::walk;
 
 /// The pages, and the tests below: one each, so that they run side by side.
-const PAGES: [&str; 1] = ["README.md"];
+const PAGES: [&str; 9] = [
+    "README.md",
+    "first-drive.md",
+    "fleet.md",
+    "install.md",
+    "recordings.md",
+    "screens.md",
+    "tasks.md",
+    "troubleshooting.md",
+    "your-robot.md",
+];
 /// Commands that no test can run: they install, ask for a password, or need a service manager.
 const NOT_RUN: usize = 12;
 
@@ -44,3 +54,42 @@ fn every_link_leads_somewhere() {
     }
 }
 
+#[test]
+fn first_drive_runs_as_written() {
+    walk("first-drive.md");
+}
+
+#[test]
+fn fleet_runs_as_written() {
+    walk("fleet.md");
+}
+
+#[test]
+fn install_runs_as_written() {
+    walk("install.md");
+}
+
+#[test]
+fn recordings_runs_as_written() {
+    walk("recordings.md");
+}
+
+#[test]
+fn screens_runs_as_written() {
+    walk("screens.md");
+}
+
+#[test]
+fn tasks_runs_as_written() {
+    walk("tasks.md");
+}
+
+#[test]
+fn troubleshooting_runs_as_written() {
+    walk("troubleshooting.md");
+}
+
+#[test]
+fn your_robot_runs_as_written() {
+    walk("your-robot.md");
+}

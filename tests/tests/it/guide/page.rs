@@ -52,8 +52,8 @@ impl Notes {
 
 /// Notes of the three languages; anything else is a slip of the pen.
 const KNOWN: [(&str, &[&str]); 4] = [
-    ("sh", &["background", "screen", "not-run", "until", "expect=", "keys=", "shows="]),
-    ("text", &[]),
+    ("sh", &["background", "screen", "not-run", "until", "expect=", "ready=", "keys=", "shows="]),
+    ("text", &["file="]),
     ("toml", &["file=", "fleet", "agent", "tasks"]),
     ("ini", &["file="]),
 ];
@@ -100,7 +100,7 @@ fn step(notes: Notes, body: &[&str]) -> What {
             let typed = body.iter().filter(|line| !line.trim().is_empty() && !line.trim().starts_with('#'));
             What::Commands(notes, typed.map(|line| (*line).to_owned()).collect())
         }
-        "text" => What::Shown(body.join("\n")),
+        "text" if notes.value("file").is_none() => What::Shown(body.join("\n")),
         _ => What::File(notes, body.join("\n") + "\n"),
     }
 }

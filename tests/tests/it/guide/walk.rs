@@ -18,7 +18,13 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 const FAST: &str = " --speed 8";
+/// For commands that are answered: a machine that runs many tests at once may be slow.
+const PATIENT: &str = "fleet-cli --timeout 20 ";
+/// What programs that stay say when they are ready.
+const READY: [&str; 3] = ["ready", "the link to the router is up", "dispatcher of fleet"];
 const LOOK_EVERY: Duration = Duration::from_millis(10);
+/// A command that was not done yet when it was interrupted.
+const INTERRUPTED: i32 = 130;
 /// Each command, and each program's way to ready.
 const AT_MOST: Duration = PATIENCE;
 
@@ -92,9 +98,9 @@ impl<'a> Walk<'a> {
                 let value = self.adapted(value.split(" #").next().unwrap_or_default().trim());
                 self.variables.insert(name.to_owned(), value);
             } else if notes.has("background") {
-                self.begin(line, typed);
+                self.begin(line, notes, typed);
             } else if notes.has("screen") {
-                let mut command = self.shell(typed);
+                let mut command = self.shell(&typed.replace("fleet-cli ", PATIENT));
                 let (code, drawn) = terminal::run(&mut command, notes.value("shows"), notes.value("keys"));
                 assert_eq!(code, notes.exit_code(), "{}: {typed}\n{drawn}", self.place(line));
                 self.seen.push_str(&drawn);
@@ -107,8 +113,12 @@ impl<'a> Walk<'a> {
     /// Runs a command to its end; where the block says `until`, again and again until it is as told.
     fn finish(&mut self, line: usize, notes: &Notes, typed: &str, shown: Option<&str>) {
         let (began, wanted) = (Instant::now(), notes.exit_code());
+        let typed = match wanted {
+            3 => typed.to_owned(),
+            _ => typed.replace("fleet-cli ", PATIENT),
+        };
         loop {
-            let (code, seen) = self.run(line, typed);
+            let (code, seen) = self.run(line, &typed);
             let as_told = code == wanted && shown.is_none_or(|shown| fits(shown, &seen));
             if !notes.has("until") || as_told || began.elapsed() > AT_MOST {
                 assert_eq!(code, wanted, "{}: {typed}\n{seen}", self.place(line));
@@ -134,7 +144,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Starts a program that stays, and waits until it is ready.
-    fn begin(&mut self, line: usize, typed: &str) {
+    fn begin(&mut self, line: usize, notes: &Notes, typed: &str) {
         let output = self.output();
         let mut command = self.shell(&format!("exec {}", self.on_a_free_port(typed)));
         let mut process = Process(to_file(&mut command, &output).spawn().unwrap());
@@ -142,7 +152,11 @@ impl<'a> Walk<'a> {
         let ready = loop {
             let seen = read(&output);
             let whole = seen.rsplit_once('\n').map_or("", |(whole, _)| whole);
-            if let Some(ready) = whole.lines().find(|line| line.contains("ready") || line.contains("router is up")) {
+            let is_ready = |line: &&str| match notes.value("ready") {
+                Some(word) => line.contains(word),
+                None => READY.iter().any(|word| line.contains(word)),
+            };
+            if let Some(ready) = whole.lines().find(is_ready) {
                 break ready.to_owned();
             }
             let place = self.place(line);
@@ -174,7 +188,7 @@ impl<'a> Walk<'a> {
                 std::thread::sleep(LOOK_EVERY);
             };
             let seen = read(&one.output);
-            assert!(status.success(), "{}: {} ended with {status}\n{seen}", self.page, one.typed);
+            assert!(matches!(status.code(), Some(0 | INTERRUPTED)), "{}: {} ended with {status}\n{seen}", self.page, one.typed);
             self.seen.push_str(&seen);
         }
     }
@@ -182,20 +196,32 @@ impl<'a> Walk<'a> {
     fn write(&mut self, line: usize, notes: &Notes, text: &str) {
         let text = self.adapted(text);
         let place = self.place(line);
+        let path = notes.value("file").map(|file| self.home.path().join(file.trim_start_matches("~/")));
         if notes.has("fleet") {
             FleetConfig::parse(&text).unwrap_or_else(|failure| panic!("{place}: {failure}"));
         } else if notes.has("agent") {
             let mut layers = Layers::default();
             layers.file(&place, &text).unwrap_or_else(|problem| panic!("{problem}"));
             layers.finish().unwrap_or_else(|problem| panic!("{place}: {problem}"));
+        } else if notes.language == "ini" {
+            self.unit(line, &text);
         } else {
-            assert!(notes.has("tasks") || notes.language == "ini", "{place}: what file is this?");
+            assert!(notes.has("tasks") || notes.language == "text", "{place}: what file is this?");
         }
-        if let Some(file) = notes.value("file") {
-            let path = self.home.path().join(file.trim_start_matches("~/"));
+        if let Some(path) = path {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, text).unwrap();
         }
+    }
+
+    /// What a systemd unit starts is understood, with the configuration that the page has written.
+    fn unit(&mut self, line: usize, text: &str) {
+        let start = text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap();
+        let (program, arguments) = start.rsplit_once("/robot-agent ").unwrap();
+        assert!(program.starts_with('/'), "systemd wants whole paths: {start}");
+        let arguments = arguments.replace("/etc/xtb/", "");
+        let (code, seen) = self.run(line, &format!("robot-agent {arguments} --print-config"));
+        assert_eq!(code, 0, "{}: {start}\n{seen}", self.place(line));
     }
 
     fn place(&self, line: usize) -> String {
