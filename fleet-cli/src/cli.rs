@@ -5,6 +5,7 @@ mod fetch_log;
 mod map;
 mod plan;
 mod tasks;
+mod top;
 mod traffic;
 
 pub use dispatch::{
@@ -17,6 +18,7 @@ pub use tasks::{
     CancelArgs, PauseArgs, ResumeArgs, RetryArgs, StayArgs, TakeoverArg, TaskArgs, TaskGotoArgs,
     TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs, TasksArgs, TermArgs,
 };
+pub use top::TopArgs;
 pub use traffic::{TrafficArgs, TrafficServeArgs, TrafficVerb};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -124,6 +126,8 @@ pub enum Verb {
     Reset(ResetArgs),
     /// Drive a robot by hand.
     Teleop(TeleopArgs),
+    /// Show the fleet on the whole terminal: map, robots, events; keys send, stop and drive.
+    Top(TopArgs),
     /// Print messages as JSON lines.
     Watch(WatchArgs),
     /// Bring a robot's own recording here.
@@ -479,6 +483,12 @@ impl Cli {
         cli.global.connect_given = matches.value_source("connect") == Some(ValueSource::CommandLine);
         cli.global.connect.retain(|endpoint| !endpoint.is_empty());
         Ok(cli)
+    }
+
+    /// Whether the verb draws on the whole terminal for as long as it runs.
+    #[must_use]
+    pub fn takes_screen(&self) -> bool {
+        matches!(self.verb, Verb::Top(_))
     }
 }
 

@@ -98,6 +98,7 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
             or_interrupted_saying(reset, "what was reset is unknown; nothing moves", SHOWS_STANDSTILL).await
         }
         Verb::Teleop(args) => commands::teleop::run(&ctx()?, &args).await,
+        Verb::Top(args) => commands::top::run(&ctx()?, &args).await,
         Verb::Watch(args) => commands::watch::run(&ctx()?, &args).await,
         Verb::Traffic(args) => commands::traffic::run(&ctx()?, &args).await,
         Verb::Dispatch(args) => commands::dispatch::run(&ctx()?, &args).await,

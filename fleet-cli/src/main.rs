@@ -1,6 +1,7 @@
 //! The `fleet-cli` binary: arguments, runtime, logging; everything else is in the library.
 
 use fleet_cli::{Cli, Exit};
+use std::io::IsTerminal;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -16,7 +17,10 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> Exit {
-    log_to_stderr();
+    // A line of a log in the middle of a picture helps nobody.
+    if !(cli.takes_screen() && std::io::stderr().is_terminal()) {
+        log_to_stderr();
+    }
     match tokio::runtime::Builder::new_multi_thread().enable_all().build() {
         Ok(runtime) => {
             let exit = runtime.block_on(fleet_cli::run(cli));

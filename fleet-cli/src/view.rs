@@ -104,7 +104,7 @@ impl FleetView {
 }
 
 /// `xtb-2` comes before `xtb-10`.
-fn by_number(name: &Name) -> (String, u64, String) {
+pub(crate) fn by_number(name: &Name) -> (String, u64, String) {
     let text = name.as_str();
     let stem = text.trim_end_matches(|c: char| c.is_ascii_digit());
     (stem.to_owned(), text[stem.len()..].parse().unwrap_or(0), text.to_owned())

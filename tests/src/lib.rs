@@ -11,6 +11,7 @@ mod pilot;
 mod probe;
 pub mod processes;
 pub mod rig;
+pub mod screen;
 
 pub use live::Live;
 pub use pilot::Pilot;

@@ -5,7 +5,7 @@
 //! that every robot hears, before anybody knows who they are.
 
 use super::muster::{Gaps, Muster, Outcome, Report};
-use crate::cli::EstopArgs;
+use crate::cli::{EstopArgs, WhoArgs};
 use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Result};
@@ -30,14 +30,7 @@ const ANSWER_WITHIN: Duration = Duration::from_millis(500);
 /// No router, or nobody to stop.
 pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
-    let call = Call { id: Uuid::new_v4(), within: ctx.timeout };
-    let (report, gaps) = if args.who.all {
-        call.everybody(&client, &args.who.expect).await
-    } else {
-        let mut muster = Muster::new(&client, |client, robot| call.one(client, robot));
-        muster.call(args.who.robots.iter().cloned());
-        (Report::new(muster.outcomes().await, &Gaps::default()), Gaps::default())
-    };
+    let (report, gaps) = call(&client, ctx.timeout, &args.who).await;
     if report.robots.is_empty() {
         return Err(gaps.alive.unwrap_or_else(|| client.nobody()));
     }
@@ -48,6 +41,17 @@ pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     }
     client.close().await;
     Ok(report.exit())
+}
+
+/// Calls it for them for so long, and says what came of it.
+pub(super) async fn call(client: &Client, within: Duration, who: &WhoArgs) -> (Report, Gaps) {
+    let call = Call { id: Uuid::new_v4(), within };
+    if who.all {
+        return call.everybody(client, &who.expect).await;
+    }
+    let mut muster = Muster::new(client, |client, robot| call.one(client, robot));
+    muster.call(who.robots.iter().cloned());
+    (Report::new(muster.outcomes().await, &Gaps::default()), Gaps::default())
 }
 
 /// One emergency stop: the same id in each repetition.

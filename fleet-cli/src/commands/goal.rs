@@ -1,6 +1,6 @@
 //! What `goto` and `wander` share: start a goal, and with `--wait` follow it to its end.
 
-mod cancel;
+pub(super) mod cancel;
 mod follow;
 mod task;
 
@@ -99,7 +99,7 @@ async fn send(ctx: &Context, control: &Control, task: &Task, stop: impl Future<O
 }
 
 /// Sends the goal. Whether the robot has taken it may stay unknown: then it is told to forget it.
-async fn start(control: &Control, task: &Task, goal: Uuid) -> Result<()> {
+pub(super) async fn start(control: &Control, task: &Task, goal: Uuid) -> Result<()> {
     match control.request(goal, task.body()).await {
         Ok(_) => Ok(()),
         Err(failure) if failure.kind == Kind::OutcomeUnknown => {

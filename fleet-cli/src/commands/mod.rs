@@ -22,6 +22,7 @@ pub mod stop;
 pub mod task;
 pub mod tasks;
 pub mod teleop;
+pub mod top;
 pub mod traffic;
 pub mod wander;
 pub mod watch;

@@ -3,7 +3,7 @@
 //! The robot answers yes or no; which latches it has ended shows in its state before and after.
 
 use super::take_control;
-use crate::cli::ResetArgs;
+use crate::cli::{LeaseArgs, ResetArgs};
 use crate::client::Client;
 use crate::context::Context;
 use crate::describe;
@@ -50,6 +50,21 @@ pub async fn run(ctx: &Context, args: &ResetArgs) -> Result<Exit> {
     }
     client.close().await;
     Ok(if report.refused.is_none() { Exit::Done } else { Exit::Failed })
+}
+
+/// Resets all of a robot's latches with the control that is held; what came of it in words, and whether
+/// it was refused.
+pub(super) async fn in_words(
+    ctx: &Context,
+    client: &Client,
+    control: &Control,
+    robot: &Name,
+) -> Result<(String, bool)> {
+    let lease = LeaseArgs { take: false };
+    let args = ResetArgs { robot: robot.clone(), latch: None, lease };
+    let report = reset(ctx, client, control, &args).await?;
+    let words = text(&report, None, &Output { json: false, colors: false });
+    Ok((words, report.refused.is_some()))
 }
 
 async fn reset<'a>(
@@ -154,7 +169,6 @@ fn text(report: &Report<'_>, asked: Option<Latch>, out: &Output) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::LeaseArgs;
     use crate::fake::{self, FakeRobot, name};
 
     fn args(latch: Option<Latch>) -> ResetArgs {

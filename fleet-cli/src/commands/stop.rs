@@ -1,7 +1,7 @@
 //! `stop`: robots drop their goals and stand; each is asked at once and must say so itself.
 
 use super::muster::{Gaps, Muster, Outcome, Report};
-use crate::cli::StopArgs;
+use crate::cli::{StopArgs, WhoArgs};
 use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
@@ -14,22 +14,26 @@ use xtb_protocol::messages::Body;
 /// No router, or nobody to stop.
 pub async fn run(ctx: &Context, args: &StopArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
-    let mut stops = Muster::new(&client, stop);
-    let gaps = if args.who.all {
-        stops.call_all(&args.who.expect).await
-    } else {
-        stops.call(args.who.robots.iter().cloned());
-        Gaps::default()
-    };
-    let robots = stops.outcomes().await;
-    if robots.is_empty() {
+    let (report, gaps) = call(&client, &args.who).await;
+    if report.robots.is_empty() {
         return Err(gaps.alive.unwrap_or_else(|| client.nobody()));
     }
-    let report = Report::new(robots, &gaps);
     ctx.out.result(&report, |report| report.table("stopped", &ctx.out))?;
     gaps.warn(ctx);
     client.close().await;
     Ok(report.exit())
+}
+
+/// Asks them, and says what came of it.
+pub(super) async fn call(client: &Client, who: &WhoArgs) -> (Report, Gaps) {
+    let mut stops = Muster::new(client, stop);
+    let gaps = if who.all {
+        stops.call_all(&who.expect).await
+    } else {
+        stops.call(who.robots.iter().cloned());
+        Gaps::default()
+    };
+    (Report::new(stops.outcomes().await, &gaps), gaps)
 }
 
 async fn stop(client: Client, robot: Name) -> Outcome {

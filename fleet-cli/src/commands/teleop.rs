@@ -3,7 +3,7 @@
 //! Every way out ends in zero: letting go, leaving, an error and a lost focus on this side; silence
 //! for 200 ms on the robot's own clock if this side is gone altogether.
 
-mod keys;
+pub(crate) mod keys;
 mod screen;
 
 use super::take_control;
@@ -29,11 +29,11 @@ use xtb_protocol::messages::{Body, Done, Setpoint};
 use xtb_protocol::{Name, Uuid};
 
 /// 20 Hz.
-const SEND_EVERY: Duration = Duration::from_millis(50);
+pub(super) const SEND_EVERY: Duration = Duration::from_millis(50);
 /// The screen is painted each second time.
 const PAINT_EVERY: Duration = Duration::from_millis(100);
 /// Full throttle at most, in rpm, if the robot does not say what it accepts.
-const CAUTIOUS_RPM: f64 = 20.0;
+pub(super) const CAUTIOUS_RPM: f64 = 20.0;
 
 #[derive(Debug, Serialize)]
 struct Report<'a> {
@@ -97,16 +97,7 @@ async fn drive(ctx: &Context, mut wheel: Wheel<'_>) -> Result<(u64, Option<bool>
     let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
     let mut keyboard = Keyboard::new(reporting);
     let ended = hands_on(ctx, &mut wheel, &feed, &mut terminal, &mut keyboard).await;
-    // Whatever ended it. Who only watched does not end another's goal, nor does who has lost control.
-    // If the message is lost, the robot's own clock ends the setpoint.
-    let mut stopped = None;
-    if wheel.sent > 0 && !wheel.control.is_lost() {
-        let zero = wheel.send(Drive::default(), &feed).await;
-        let stop = wheel.control.request(Uuid::new_v4(), Body::Stop {}).await;
-        stopped = Some(
-            zero.and(stop.map(drop)).inspect_err(|failure| tracing::debug!("stopping: {failure}")).is_ok(),
-        );
-    }
+    let stopped = wheel.let_go(&feed).await;
     ended.map(|()| (wheel.sent, stopped))
 }
 
@@ -206,7 +197,7 @@ enum Heed {
 }
 
 /// Ticks that leave out those that were missed: after a stall nothing old is sent in a burst.
-fn ticks(every: Duration) -> Interval {
+pub(super) fn ticks(every: Duration) -> Interval {
     let mut ticks = tokio::time::interval(every);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
     ticks
@@ -237,7 +228,7 @@ fn heed(keyboard: &mut Keyboard, now: Stamp, input: Option<Input>) -> Heed {
 }
 
 /// Two hands on one wheel: this one lets go.
-fn lost(wheel: &Wheel<'_>, feed: &Feed, failure: Failure) -> Failure {
+pub(super) fn lost(wheel: &Wheel<'_>, feed: &Feed, failure: Failure) -> Failure {
     let seen = feed.last(wheel.robot);
     let holder = seen.as_ref().and_then(|seen| seen.fresh()?.lease.as_ref());
     let Some(lease) = holder.filter(|lease| lease.holder != *wheel.client.name()) else { return failure };
@@ -245,18 +236,19 @@ fn lost(wheel: &Wheel<'_>, feed: &Feed, failure: Failure) -> Failure {
     Failure { message, ..failure }.hint("`fleet-cli teleop … --take` takes control again")
 }
 
-struct Wheel<'a> {
-    client: &'a Client,
-    control: &'a Control,
-    robot: &'a Name,
-    max_rpm: f64,
-    sent: u64,
+/// A robot under control, and how many setpoints it was sent.
+pub(super) struct Wheel<'a> {
+    pub(super) client: &'a Client,
+    pub(super) control: &'a Control,
+    pub(super) robot: &'a Name,
+    pub(super) max_rpm: f64,
+    pub(super) sent: u64,
 }
 
 impl Wheel<'_> {
     /// Sends a setpoint, unless the robot has not been heard yet: without an echo of its clock it
     /// would accept none.
-    async fn send(&mut self, drive: Drive, feed: &Feed) -> Result<()> {
+    pub(super) async fn send(&mut self, drive: Drive, feed: &Feed) -> Result<()> {
         let Some(seen) = feed.last(self.robot) else { return Ok(()) };
         self.sent += 1;
         let setpoint = Setpoint {
@@ -271,6 +263,19 @@ impl Wheel<'_> {
         let key = self.client.keys().robot(self.robot).teleop(Some(me));
         let channel = Channel::Teleop(me.clone());
         Ok(self.client.bus().put(&key, &channel, &setpoint, Format::Postcard).await?)
+    }
+
+    /// Zero and stop, whatever ended it. Who only watched does not end another's goal, nor does who has
+    /// lost control: then it is `None`, else whether the robot has confirmed. If the message is lost, the
+    /// robot's own clock ends the setpoint.
+    pub(super) async fn let_go(&mut self, feed: &Feed) -> Option<bool> {
+        if self.sent == 0 || self.control.is_lost() {
+            return None;
+        }
+        let zero = self.send(Drive::default(), feed).await;
+        let stop = self.control.request(Uuid::new_v4(), Body::Stop {}).await;
+        let both = zero.and(stop.map(drop)).inspect_err(|failure| tracing::debug!("stopping: {failure}"));
+        Some(both.is_ok())
     }
 }
 

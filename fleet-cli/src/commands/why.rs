@@ -8,9 +8,10 @@ use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Result};
 use crate::output::{Output, Tone};
-use crate::view::FleetView;
+use crate::view::{FleetView, RobotView};
 use chain::{Verdict, Why};
 use std::collections::BTreeSet;
+use xtb_protocol::messages::RobotState;
 
 const LABEL_WIDTH: usize = 8;
 
@@ -30,6 +31,16 @@ pub async fn run(ctx: &Context, args: &WhyArgs) -> Result<Exit> {
     let Some(why) = view.robots.first().map(chain::explain) else { return Ok(Exit::Unknown) };
     ctx.out.result(&why, |why| text(why, &ctx.out))?;
     Ok(if why.verdict == Verdict::Unknown { Exit::Unknown } else { Exit::Done })
+}
+
+/// Whether it drives, or rests only in passing while it is under way.
+pub(crate) fn drives(state: &RobotState) -> bool {
+    state.latches.is_empty() && state.stopped_because.iter().all(|&reason| chain::passes(reason))
+}
+
+/// Why, of a robot that is known already, without colours.
+pub(crate) fn in_words(robot: &RobotView) -> String {
+    text(&chain::explain(robot), &Output { json: false, colors: false })
 }
 
 fn text(why: &Why, out: &Output) -> String {
@@ -53,8 +64,7 @@ fn text(why: &Why, out: &Output) -> String {
 mod tests {
     use super::*;
     use crate::fake;
-    use crate::view::RobotView;
-    use xtb_protocol::messages::{Latch, RobotState, StopReason};
+    use xtb_protocol::messages::{Latch, StopReason};
 
     #[test]
     fn each_reason_is_a_line_and_what_to_do_the_next() {

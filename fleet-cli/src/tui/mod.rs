@@ -1,3 +1,4 @@
-//! Pictures in the terminal.
+//! Pictures and screens in the terminal.
 
 pub mod picture;
+pub(crate) mod top;

@@ -14,7 +14,7 @@ const STANDING_MPS: f64 = 0.02;
 
 /// What came of a `cancel`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Cancel {
+pub(in crate::commands) enum Cancel {
     /// The goal ran and was ended.
     Ended,
     /// It did not run: it had ended by itself, or never began.
@@ -22,7 +22,7 @@ pub(super) enum Cancel {
 }
 
 /// Asks the robot to end a goal.
-pub(super) async fn ask(control: &Control, robot: &Name, goal: Uuid) -> Result<Cancel> {
+pub(in crate::commands) async fn ask(control: &Control, robot: &Name, goal: Uuid) -> Result<Cancel> {
     // A link that was away for a second has cost the lease, but not the right to end the own goal.
     if control.is_lost() {
         answer(robot, goal, control.regain().await)?;

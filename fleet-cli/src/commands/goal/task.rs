@@ -68,7 +68,7 @@ impl Task {
     }
 
     /// The goal in a word or two.
-    pub(super) fn words(&self) -> String {
+    pub(in crate::commands) fn words(&self) -> String {
         match self.aim {
             Aim::Point { x_m, y_m, .. } => {
                 format!("({}, {})", describe::fixed(x_m, 2), describe::fixed(y_m, 2))
@@ -78,7 +78,7 @@ impl Task {
     }
 
     /// What the robot does once nobody is with it.
-    pub(super) fn alone(&self) -> String {
+    pub(in crate::commands) fn alone(&self) -> String {
         let robot = &self.robot;
         match (self.on_link_loss(), &self.aim) {
             (LinkLoss::Halt, _) => format!("{robot} stops by itself within 0.7 s"),

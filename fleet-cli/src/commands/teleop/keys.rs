@@ -14,7 +14,7 @@
 use xtb_control::Stamp;
 
 /// How long a press acts where releases are not reported.
-pub(super) const PULSE_MS: u64 = 250;
+pub(crate) const PULSE_MS: u64 = 250;
 /// A held key repeats; after this long without a word from the terminal its release may be lost.
 const SILENT_MS: u64 = 1500;
 /// Zeros are sent for this long after the last motion: one of them gets through.
@@ -24,7 +24,7 @@ const STEERING_STEP: f64 = 0.25;
 
 /// What the terminal tells of keys.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Reporting {
+pub(crate) enum Reporting {
     /// Presses, repeats and releases.
     Releases,
     /// Presses only; a repeat looks like one.
@@ -33,7 +33,7 @@ pub(super) enum Reporting {
 
 /// A key with a meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Key {
+pub(crate) enum Key {
     /// Drive ahead.
     Ahead,
     /// Drive astern.
@@ -48,7 +48,7 @@ pub(super) enum Key {
 
 /// What happened to it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Action {
+pub(crate) enum Action {
     /// It went down.
     Press,
     /// It is still down.
@@ -59,16 +59,16 @@ pub(super) enum Action {
 
 /// What is asked of the truck.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Drive {
+pub(crate) struct Drive {
     /// −1, 0 or 1 times the fastest speed, + = ahead.
-    pub(super) throttle: f64,
+    pub(crate) throttle: f64,
     /// −1..=1, + = right.
-    pub(super) steering: f64,
+    pub(crate) steering: f64,
 }
 
 /// The keyboard's state.
 #[derive(Debug, Clone)]
-pub(super) struct Keyboard {
+pub(crate) struct Keyboard {
     reporting: Reporting,
     /// Ahead, astern, left, right.
     held: [bool; 4],
@@ -84,7 +84,7 @@ pub(super) struct Keyboard {
 
 impl Keyboard {
     /// No key touched.
-    pub(super) fn new(reporting: Reporting) -> Self {
+    pub(crate) fn new(reporting: Reporting) -> Self {
         Self {
             reporting,
             held: [false; 4],
@@ -97,7 +97,7 @@ impl Keyboard {
     }
 
     /// A key event.
-    pub(super) fn key(&mut self, now: Stamp, key: Key, action: Action) {
+    pub(crate) fn key(&mut self, now: Stamp, key: Key, action: Action) {
         self.heard = now;
         match (self.reporting, action) {
             _ if key == Key::Stop => {
@@ -126,13 +126,13 @@ impl Keyboard {
     }
 
     /// The hand is gone, or may be: focus lost, leaving.
-    pub(super) fn let_go(&mut self) {
+    pub(crate) fn let_go(&mut self) {
         self.held = [false; 4];
         self.pulse = None;
     }
 
     /// What is asked for at `now`.
-    pub(super) fn drive(&self, now: Stamp) -> Drive {
+    pub(crate) fn drive(&self, now: Stamp) -> Drive {
         let [ahead, astern, left, right] = self.held.map(|held| f64::from(u8::from(held)));
         match self.reporting {
             Reporting::Releases => Drive { throttle: ahead - astern, steering: right - left },
@@ -144,7 +144,7 @@ impl Keyboard {
     }
 
     /// What to send at `now`; `None` = nothing, the truck's silence is its own.
-    pub(super) fn send(&mut self, now: Stamp) -> Option<Drive> {
+    pub(crate) fn send(&mut self, now: Stamp) -> Option<Drive> {
         if now.since_ms(self.heard) >= SILENT_MS {
             self.let_go();
         }

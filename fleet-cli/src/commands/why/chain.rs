@@ -161,7 +161,7 @@ fn known(robot: &RobotView, state: &RobotState) -> (Verdict, String, Vec<Reason>
     let (name, old) = (&robot.name, age(robot.age_ms.unwrap_or_default()));
     let mode = words::name(&state.mode);
     let mut reasons: Vec<Reason> = latches(state).chain(faults(state)).collect();
-    let drives = state.latches.is_empty() && state.stopped_because.iter().all(|&reason| passes(reason));
+    let drives = super::drives(state);
     let (verdict, headline) = if drives {
         reasons.insert(0, may(state));
         reasons.extend(stops(state));
@@ -241,7 +241,7 @@ fn only_latched(reason: StopReason) -> bool {
 }
 
 /// Why the motor rests while the robot is under way.
-fn passes(reason: StopReason) -> bool {
+pub(super) fn passes(reason: StopReason) -> bool {
     matches!(reason, StopReason::Starting | StopReason::Coasting | StopReason::AtCusp | StopReason::Planning)
 }
 

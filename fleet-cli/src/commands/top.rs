@@ -1,0 +1,277 @@
+//! `top`: the fleet on the whole terminal. The shell around [`Cockpit`]: keys in, pictures out, and
+//! what it wants of robots carried out beside the screen, as the verbs do it.
+//!
+//! Nothing here waits for a robot: each deed is a task of its own, and the screen goes on meanwhile.
+
+mod carry;
+mod steer;
+
+use crate::cli::TopArgs;
+use crate::client::Client;
+use crate::commands::teleop::keys::Reporting;
+use crate::commands::teleop::{SEND_EVERY, ticks};
+use crate::context::Context;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::interrupt::interrupted;
+use crate::output::Tone;
+use crate::scene::live::{Live, Shared, Wanted};
+use crate::terminal::Terminal;
+use crate::tui::top::{Action, Cockpit, Look, Outcome, Playing, Setup};
+use ratatui::backend::CrosstermBackend;
+use std::collections::BTreeMap;
+use std::io::{IsTerminal, Stdout, stdout};
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+use steer::Hand;
+use tokio::sync::watch;
+use tokio::task::{Id, JoinSet};
+use xtb_protocol::Name;
+
+/// 10 pictures a second at most; what did not change is not painted.
+const PAINT_EVERY: Duration = Duration::from_millis(100);
+
+/// How a recording stands.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Played {
+    /// Played so far.
+    pub position_ms: u64,
+    /// Its length.
+    pub duration_ms: u64,
+    /// Times real time.
+    pub speed: f64,
+    /// Whether it rests, or stands at its end.
+    pub paused: bool,
+}
+
+/// A recording that is played.
+pub trait Playback: Send + Sync {
+    /// What it shows now.
+    fn scene(&self) -> Arc<Shared>;
+    /// How it stands.
+    fn status(&self) -> Played;
+    /// Rests, or goes on.
+    fn pause(&self, pause: bool);
+    /// Goes on from there.
+    fn seek(&self, position_ms: u64);
+}
+
+/// Shows the fleet until the person leaves.
+///
+/// # Errors
+/// No terminal, no router, or the terminal is gone.
+pub async fn run(ctx: &Context, args: &TopArgs) -> Result<Exit> {
+    refuse(ctx)?;
+    let opening = async {
+        let client = Client::open(ctx).await?;
+        let live = Live::open(&client, Wanted { sensors: true, truth: false }).await?;
+        let link = client.bus().watch_link().await?;
+        Ok::<_, Failure>((client, live, link))
+    };
+    let (client, live, link) = tokio::select! {
+        opened = opening => opened?,
+        () = interrupted() => return Ok(Exit::Interrupted),
+    };
+    let read_only = args.read_only.then_some("--read-only; `fleet-cli estop --all` stops the fleet");
+    let source = Source { scene: Arc::clone(&live.scene), client: Some(&client), played: None };
+    let shown = show(ctx, source, link.up.clone(), args, read_only).await;
+    client.close().await;
+    shown
+}
+
+/// Shows a recording until the person leaves.
+///
+/// # Errors
+/// No terminal, or it is gone.
+pub async fn run_played(ctx: &Context, args: &TopArgs, played: Arc<dyn Playback>) -> Result<Exit> {
+    refuse(ctx)?;
+    let (_keep, link) = watch::channel(true);
+    let source = Source { scene: played.scene(), client: None, played: Some(played) };
+    show(ctx, source, link, args, Some("a recording is played")).await
+}
+
+fn refuse(ctx: &Context) -> Result<()> {
+    let hint =
+        "`fleet-cli list` shows the fleet once, `fleet-cli watch` prints what travels; both know --json";
+    if ctx.out.json {
+        return Err(Failure::new(Kind::Usage, "top is a screen for people: it has no --json").hint(hint));
+    }
+    let dumb = std::env::var("TERM").is_ok_and(|term| term == "dumb");
+    if dumb || !std::io::stdin().is_terminal() || !stdout().is_terminal() {
+        return Err(Failure::new(Kind::Usage, "top needs a terminal for its keys and its screen").hint(hint));
+    }
+    Ok(())
+}
+
+/// Where the fleet comes from, and who can be asked for something.
+struct Source<'a> {
+    scene: Arc<Shared>,
+    client: Option<&'a Client>,
+    played: Option<Arc<dyn Playback>>,
+}
+
+async fn show(
+    ctx: &Context,
+    source: Source<'_>,
+    link: watch::Receiver<bool>,
+    args: &TopArgs,
+    read_only: Option<&'static str>,
+) -> Result<Exit> {
+    let terminal = Terminal::open()?;
+    let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
+    let look = Look::of(ctx.out.colors, args.ascii, |name| std::env::var(name).ok());
+    let setup = Setup { robots: args.robots.clone(), look, reporting, read_only };
+    let mut shell = Shell {
+        ctx,
+        source,
+        cockpit: Cockpit::new(setup),
+        picture: ratatui::Terminal::new(CrosstermBackend::new(stdout()))?,
+        deeds: JoinSet::new(),
+        numbers: BTreeMap::new(),
+        hand: None,
+    };
+    let shown = shell.run(terminal, link).await;
+    // The terminal is as it was from here on.
+    if let Some(words) = shell.cockpit.last_words() {
+        ctx.out.note(&words);
+    }
+    shown.map(|()| Exit::Done)
+}
+
+struct Shell<'a> {
+    ctx: &'a Context,
+    source: Source<'a>,
+    cockpit: Cockpit,
+    picture: ratatui::Terminal<CrosstermBackend<Stdout>>,
+    /// Bounded by the cockpit: it begins no more than it can name.
+    deeds: JoinSet<Outcome>,
+    numbers: BTreeMap<Id, u64>,
+    hand: Option<Hand>,
+}
+
+impl Shell<'_> {
+    async fn run(&mut self, mut terminal: Terminal, mut link: watch::Receiver<bool>) -> Result<()> {
+        let mut stop = pin!(interrupted());
+        let mut stopping = false;
+        let (mut send, mut paint) = (ticks(SEND_EVERY), ticks(PAINT_EVERY));
+        self.cockpit.link(*link.borrow_and_update(), self.now_ms());
+        loop {
+            tokio::select! {
+                // What ends or changes motion comes before what repeats it.
+                biased;
+                () = &mut stop, if !stopping => {
+                    stopping = true;
+                    let actions = self.cockpit.leave(self.now_ms());
+                    self.act(actions);
+                }
+                input = terminal.next() => {
+                    // Without a terminal nobody can insist either.
+                    let Some(input) = input else { return Ok(()) };
+                    let actions = {
+                        let (now_ms, scene) = (self.now_ms(), self.source.scene.lock());
+                        self.cockpit.input(&input, &scene, now_ms)
+                    };
+                    self.act(actions);
+                    // Not at the next tick: letting go means zero at once.
+                    send.reset_immediately();
+                }
+                grasp = steer::news(&mut self.hand), if self.hand.is_some() => {
+                    self.cockpit.grasp(grasp, self.now_ms());
+                }
+                _ = send.tick() => {
+                    if let (Some(drive), Some(hand)) = (self.cockpit.drive(self.now_ms()), &self.hand) {
+                        hand.drive(drive);
+                    }
+                }
+                Some(ended) = self.deeds.join_next_with_id() => {
+                    let (id, outcome) = match ended {
+                        Ok((id, outcome)) => (id, Some(outcome)),
+                        Err(error) => (error.id(), error.is_panic().then(broken)),
+                    };
+                    if let (Some(number), Some(outcome)) = (self.numbers.remove(&id), outcome) {
+                        self.cockpit.done(number, &outcome, self.now_ms());
+                    }
+                }
+                Ok(()) = link.changed() => self.cockpit.link(*link.borrow_and_update(), self.now_ms()),
+                _ = paint.tick() => self.paint()?,
+            }
+            if self.cockpit.is_over() {
+                return Ok(());
+            }
+        }
+    }
+
+    fn now_ms(&self) -> u64 {
+        self.source.scene.now_ms()
+    }
+
+    /// The scene is let go before anything is written: a slow terminal holds up nobody.
+    fn paint(&mut self) -> Result<()> {
+        if let Some(played) = &self.source.played {
+            self.source.scene = played.scene();
+            self.cockpit.playing(playing(&played.status()));
+        }
+        self.cockpit.unreadable(self.source.scene.unreadable());
+        let (cockpit, shared) = (&mut self.cockpit, &self.source.scene);
+        self.picture.draw(|frame| {
+            let (now_ms, scene) = (shared.now_ms(), shared.lock());
+            cockpit.draw(frame, &scene, now_ms);
+        })?;
+        Ok(())
+    }
+
+    fn act(&mut self, actions: Vec<Action>) {
+        for action in actions {
+            match (action, self.source.client) {
+                (Action::Do { number, deed, instead }, Some(client)) => {
+                    let (ctx, client) = (self.ctx.clone(), client.clone());
+                    self.give_up(instead);
+                    let begun = self.deeds.spawn(async move { carry::carry(&ctx, &client, &deed).await });
+                    self.numbers.insert(begun.id(), number);
+                }
+                (Action::Grip { robot, take }, Some(client)) => self.grip(client.clone(), robot, take),
+                (Action::LetGo, _) => self.hand.iter_mut().for_each(Hand::let_go),
+                (Action::Pause, _) => {
+                    if let Some(played) = &self.source.played {
+                        played.pause(!played.status().paused);
+                    }
+                }
+                (Action::Seek(by_s), _) => {
+                    if let Some(played) = &self.source.played {
+                        let now_ms = played.status().position_ms as f64;
+                        played.seek((now_ms + by_s * 1000.0).max(0.0) as u64);
+                    }
+                }
+                // A recording has nobody to ask; the cockpit is read-only then.
+                (Action::Do { .. } | Action::Grip { .. }, None) => {}
+            }
+        }
+    }
+
+    fn grip(&mut self, client: Client, robot: Name, take: bool) {
+        self.hand = Some(Hand::take(client, robot, take));
+    }
+
+    /// Its successor says what came of it.
+    fn give_up(&mut self, number: Option<u64>) {
+        let ended: Vec<Id> =
+            self.numbers.iter().filter(|(_, other)| Some(**other) == number).map(|(id, _)| *id).collect();
+        for id in ended {
+            self.numbers.remove(&id);
+        }
+    }
+}
+
+fn broken() -> Outcome {
+    Outcome { tone: Tone::Bad, text: "outcome unknown: an error of this program".to_owned(), held: false }
+}
+
+fn playing(status: &Played) -> Playing {
+    let seconds = |ms: u64| ms as f64 / 1000.0;
+    Playing {
+        at_s: seconds(status.position_ms),
+        length_s: seconds(status.duration_ms),
+        speed: status.speed,
+        paused: status.paused,
+    }
+}

@@ -1,0 +1,400 @@
+//! The terminal cockpit as a state machine: keys and the fleet's [`Scene`] in, a picture and
+//! [`Action`]s out. It does no I/O; `commands/top.rs` carries the actions out.
+//!
+//! ```text
+//!   keys ──► Cockpit ──Action──► commands/top.rs ──► client, lease, operator ──► robots
+//!              ▲  │                     │
+//!      Scene ──┘  └──► picture          └── outcomes come back as notices
+//! ```
+//! Stops come first: `s`, `S`, `e` and `E` mean the same in every overlay and while driving, and need
+//! no second key.
+
+mod deeds;
+mod detail;
+mod events;
+mod floor;
+mod frame;
+mod keys;
+mod layout;
+mod look;
+mod map;
+mod overlay;
+mod sight;
+mod table;
+mod view;
+
+pub(crate) use deeds::{Deed, Outcome, Whom};
+pub(crate) use look::Look;
+
+use crate::commands::teleop::keys::{Action as Touch, Drive, Key as Wheel, Keyboard, Reporting};
+use crate::output::Tone;
+use crate::scene::{AtMs, Scene};
+use crate::terminal::Input;
+use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use deeds::{Begun, Deeds};
+use floor::Floor;
+use keys::Press;
+use sight::{Sight, sights};
+use view::View;
+use xtb_control::Stamp;
+use xtb_nav::path::wrap_rad;
+use xtb_protocol::Name;
+
+/// One turn of the goal's yaw.
+const TURN_RAD: f64 = std::f64::consts::PI / 12.0;
+/// With shift the cursor goes so many cells.
+const MANY_CELLS: i8 = 5;
+/// With an arrow, and with shift, a recording is wound so far.
+const SEEK_S: (f64, f64) = (5.0, 60.0);
+const LET_GO_FIRST: &str = "let go first: t or Esc";
+
+/// What does not change while the cockpit is open.
+#[derive(Debug, Clone)]
+pub(crate) struct Setup {
+    /// Robots to show; empty = all.
+    pub(crate) robots: Vec<Name>,
+    /// What the terminal can show.
+    pub(crate) look: Look,
+    /// What the terminal tells of keys.
+    pub(crate) reporting: Reporting,
+    /// Why nothing may be asked of robots; `None` = it may.
+    pub(crate) read_only: Option<&'static str>,
+}
+
+/// What the shell has to do.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Action {
+    /// Carry this out beside the screen, then say [`Cockpit::done`].
+    Do {
+        /// Its number.
+        number: u64,
+        /// What.
+        deed: Deed,
+        /// Give this one up: it is asked anew.
+        instead: Option<u64>,
+    },
+    /// Take the wheel of a robot.
+    Grip {
+        /// Whose.
+        robot: Name,
+        /// Take control from whoever has it.
+        take: bool,
+    },
+    /// Zero, stop, and give the lease back.
+    LetGo,
+    /// The recording runs or rests.
+    Pause,
+    /// The recording goes on so many s later.
+    Seek(f64),
+}
+
+/// What the shell says of the wheel.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Grasp {
+    /// It is held.
+    Held {
+        /// Full throttle, in rpm.
+        max_rpm: f64,
+    },
+    /// It is not given; `held`: somebody else has it.
+    Refused {
+        /// Why.
+        text: String,
+        /// Whether somebody else has control.
+        held: bool,
+    },
+    /// Somebody else has it now, or it broke.
+    Lost(String),
+    /// It was let go. Whether the robot has confirmed the stop; `None` = it was not driven.
+    Ended(Option<bool>),
+}
+
+/// How a recording stands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Playing {
+    /// Since its beginning.
+    pub(crate) at_s: f64,
+    /// Its length.
+    pub(crate) length_s: f64,
+    /// Times real time.
+    pub(crate) speed: f64,
+    /// Whether it rests.
+    pub(crate) paused: bool,
+}
+
+/// The hand at a robot's wheel.
+#[derive(Debug, Clone)]
+enum Grip {
+    Asking(Name),
+    Driving { robot: Name, max_rpm: f64, keyboard: Box<Keyboard> },
+    Ending(Name),
+}
+
+impl Grip {
+    fn robot(&self) -> &Name {
+        match self {
+            Self::Asking(robot) | Self::Driving { robot, .. } | Self::Ending(robot) => robot,
+        }
+    }
+}
+
+/// A point of the floor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Cursor {
+    x_m: f64,
+    y_m: f64,
+    yaw_rad: Option<f64>,
+}
+
+/// Something that waits for a yes.
+#[derive(Debug, Clone, PartialEq)]
+struct Question {
+    text: String,
+    yes: Wish,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Wish {
+    Deed(Deed),
+    Grip { robot: Name, take: bool },
+}
+
+/// What lies over the picture.
+#[derive(Debug, Clone, PartialEq)]
+enum Over {
+    Help,
+    Why,
+    Question(Question),
+}
+
+/// Below the robots.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pane {
+    Events,
+    Tasks,
+}
+
+/// The whole state of the screen.
+#[derive(Debug, Clone)]
+pub(crate) struct Cockpit {
+    setup: Setup,
+    selected: Option<Name>,
+    cursor: Option<Cursor>,
+    view: View,
+    floor: Option<Floor>,
+    pane: Pane,
+    over: Option<Over>,
+    deeds: Deeds,
+    grip: Option<Grip>,
+    /// Whether the link stands, and since when.
+    link: (bool, AtMs),
+    unreadable: u64,
+    playing: Option<Playing>,
+    /// How often somebody has asked to leave.
+    leaving: u32,
+}
+
+impl Cockpit {
+    /// Nothing seen yet.
+    pub(crate) fn new(setup: Setup) -> Self {
+        Self {
+            setup,
+            selected: None,
+            cursor: None,
+            view: View::new(),
+            floor: None,
+            pane: Pane::Events,
+            over: None,
+            deeds: Deeds::default(),
+            grip: None,
+            link: (true, 0),
+            unreadable: 0,
+            playing: None,
+            leaving: 0,
+        }
+    }
+
+    /// What the person did.
+    pub(crate) fn input(&mut self, input: &Input, scene: &Scene, now_ms: AtMs) -> Vec<Action> {
+        match input {
+            Input::FocusLost => self.let_go(now_ms, "the window has lost the keyboard"),
+            Input::Key(key) if self.steers(key, now_ms) => Vec::new(),
+            Input::Key(key) => match keys::press(key) {
+                Some(press) => self.press(press, scene, now_ms),
+                None => {
+                    // Any key but the yes is a no; shift alone is none.
+                    let typed = key.kind == KeyEventKind::Press && !matches!(key.code, KeyCode::Modifier(_));
+                    self.over.take_if(|over| typed && matches!(over, Over::Question(_)));
+                    Vec::new()
+                }
+            },
+        }
+    }
+
+    /// Somebody wants an end: by signal, or because the terminal is gone.
+    pub(crate) fn leave(&mut self, now_ms: AtMs) -> Vec<Action> {
+        self.leaving += 1;
+        self.let_go(now_ms, "leaving")
+    }
+
+    /// Whether the screen may close: everything is answered and let go, or the person insists.
+    pub(crate) fn is_over(&self) -> bool {
+        let idle = self.deeds.under_way().is_empty() && self.grip.is_none();
+        self.leaving > 1 || (self.leaving == 1 && idle)
+    }
+
+    /// The setpoint that is due now, 20 times a second; `None` = nothing is to be sent.
+    pub(crate) fn drive(&mut self, now_ms: AtMs) -> Option<Drive> {
+        match &mut self.grip {
+            Some(Grip::Driving { keyboard, .. }) => keyboard.send(Stamp::from_ms(now_ms)),
+            _ => None,
+        }
+    }
+
+    /// What came of a deed.
+    pub(crate) fn done(&mut self, number: u64, outcome: &Outcome, now_ms: AtMs) {
+        let Some(deed) = self.deeds.end(now_ms, number, outcome) else { return };
+        if let Some(taking) = deed.taking().filter(|_| outcome.held) {
+            let text = format!("{}. Take control?", outcome.text);
+            self.ask(Question { text, yes: Wish::Deed(taking) });
+        }
+    }
+
+    /// What became of the wheel.
+    pub(crate) fn grasp(&mut self, grasp: Grasp, now_ms: AtMs) {
+        let Some(grip) = self.grip.take() else { return };
+        let robot = grip.robot().clone();
+        match (grasp, grip) {
+            (Grasp::Held { max_rpm }, Grip::Asking(robot)) => {
+                let keyboard = Box::new(Keyboard::new(self.setup.reporting));
+                self.grip = Some(Grip::Driving { robot, max_rpm, keyboard });
+            }
+            (Grasp::Held { .. }, grip) => self.grip = Some(grip),
+            (Grasp::Refused { text, held }, grip) => {
+                self.deeds.tell(now_ms, Tone::Bad, format!("drive {robot}: {text}"));
+                if held && matches!(grip, Grip::Asking(_)) {
+                    let text = format!("{text}. Take control?");
+                    self.ask(Question { text, yes: Wish::Grip { robot, take: true } });
+                }
+            }
+            (Grasp::Lost(text), _) => self.deeds.tell(now_ms, Tone::Bad, format!("drive {robot}: {text}")),
+            (Grasp::Ended(None), _) => {
+                self.deeds.tell(
+                    now_ms,
+                    Tone::Plain,
+                    format!("{robot} was not driven; control is given back"),
+                );
+            }
+            (Grasp::Ended(Some(true)), _) => {
+                let text = format!("{robot} was told to stop; control is given back");
+                self.deeds.tell(now_ms, Tone::Good, text);
+            }
+            (Grasp::Ended(Some(false)), _) => {
+                let text = format!(
+                    "{robot} did not confirm the stop: its own clock ends the last setpoint within 250 ms"
+                );
+                self.deeds.tell(now_ms, Tone::Bad, text);
+            }
+        }
+    }
+
+    /// Whether the link to the router stands.
+    pub(crate) fn link(&mut self, up: bool, now_ms: AtMs) {
+        if self.link.0 != up {
+            self.link = (up, now_ms);
+        }
+    }
+
+    /// How many messages could not be read.
+    pub(crate) fn unreadable(&mut self, count: u64) {
+        self.unreadable = count;
+    }
+
+    /// How the recording stands.
+    pub(crate) fn playing(&mut self, playing: Playing) {
+        self.playing = Some(playing);
+    }
+
+    /// The last words, for the shell's own screen.
+    pub(crate) fn last_words(&self) -> Option<String> {
+        let open: Vec<String> = self.deeds.under_way().iter().map(|open| open.deed.words()).collect();
+        (!open.is_empty()).then(|| format!("not answered when you left: {}", open.join(", ")))
+    }
+
+    /// Whether a key steers the robot that is driven.
+    fn steers(&mut self, key: &KeyEvent, now_ms: AtMs) -> bool {
+        let Some(Grip::Driving { keyboard, .. }) = &mut self.grip else { return false };
+        if key.modifiers.intersects(KeyModifiers::CONTROL | KeyModifiers::ALT) {
+            return false;
+        }
+        let wheel = match key.code {
+            KeyCode::Up => Wheel::Ahead,
+            KeyCode::Down => Wheel::Astern,
+            KeyCode::Left => Wheel::Left,
+            KeyCode::Right => Wheel::Right,
+            KeyCode::Char(' ') => Wheel::Stop,
+            _ => return false,
+        };
+        let touch = match key.kind {
+            KeyEventKind::Press => Touch::Press,
+            KeyEventKind::Repeat => Touch::Repeat,
+            KeyEventKind::Release => Touch::Release,
+        };
+        keyboard.key(Stamp::from_ms(now_ms), wheel, touch);
+        true
+    }
+
+    fn press(&mut self, press: Press, scene: &Scene, now_ms: AtMs) -> Vec<Action> {
+        let sights = sights(scene, &self.setup.robots, now_ms);
+        self.settle(&sights);
+        match press {
+            Press::EstopAll => return self.stop(Deed::Estop(Whom::All), now_ms),
+            Press::StopAll => return self.stop(Deed::Stop(Whom::All), now_ms),
+            Press::Estop => return self.stop_selected(Deed::Estop, now_ms),
+            Press::Stop => return self.stop_selected(Deed::Stop, now_ms),
+            Press::Leave => return self.leave(now_ms),
+            _ if self.leaving > 0 => return Vec::new(),
+            _ => {}
+        }
+        if let Some(Over::Question(question)) = self.over.take_if(|over| matches!(over, Over::Question(_))) {
+            return match (press, question.yes) {
+                (Press::Yes, Wish::Deed(deed)) => self.wish(deed, now_ms),
+                (Press::Yes, Wish::Grip { robot, take }) => self.grip(robot, take, now_ms),
+                _ => Vec::new(),
+            };
+        }
+        match press {
+            Press::Back if self.over.is_some() => self.over = None,
+            Press::Back | Press::Teleop if self.grip.is_some() => return self.let_go(now_ms, "let go"),
+            Press::Back => return self.leave(now_ms),
+            Press::Help => self.toggle(Over::Help),
+            Press::Why => self.toggle(Over::Why),
+            Press::Pane => self.pane = if self.pane == Pane::Events { Pane::Tasks } else { Pane::Events },
+            Press::Zoom(nearer) => self.view.zoom(nearer, self.point_of_interest(&sights)),
+            Press::Whole => self.view.whole(),
+            Press::Follow => self.view.follow(),
+            Press::Pan(east, north) => self.view.pan(east, north),
+            _ if self.grip.is_some() => self.deeds.tell(now_ms, Tone::Warning, LET_GO_FIRST),
+            Press::Step(by) => self.step(&sights, by),
+            Press::Number(number) => self.select_number(&sights, number),
+            Press::Cursor(right, up, many) => return self.arrow(&sights, right, up, many),
+            Press::Home => self.cursor = self.place(&sights).map(|at| Cursor { yaw_rad: None, ..at }),
+            Press::Turn(by) => self.turn(f64::from(by)),
+            Press::AnyYaw => self.cursor = self.cursor.map(|at| Cursor { yaw_rad: None, ..at }),
+            Press::Pause if self.playing.is_some() => return vec![Action::Pause],
+            Press::Teleop => {
+                return self.selected.clone().map_or_else(Vec::new, |robot| self.grip(robot, false, now_ms));
+            }
+            Press::Go => return self.go(now_ms),
+            Press::Reset => self.reset(&sights, now_ms),
+            Press::Cancel => return self.cancel(&sights, now_ms),
+            _ => {}
+        }
+        Vec::new()
+    }
+}
+
+mod wishes;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,161 @@
+//! The picture: all panes at their places, the title above, notices and keys below.
+
+use super::layout::{Areas, areas};
+use super::sight::{Sight, Standing, age, sights};
+use super::*;
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+
+/// Smaller than this there is no use.
+const SMALLEST: (u16, u16) = (20, 4);
+const HINTS: &str =
+    "? keys  Tab robot  arrows+Enter go there  t drive  s/S stop  e/E E-STOP  x reset  w why  q";
+const SHORT_HINTS: &str = "? keys  E E-STOP ALL  q leave";
+const PLAYING_HINTS: &str = "? keys  Tab robot  space pause  arrows wind  w why  v tasks  f follow  q leave";
+const READING_HINTS: &str = "? keys  Tab robot  w why  v tasks  f follow  +/- zoom  a all  q leave";
+
+impl Cockpit {
+    /// Draws the fleet as it is at `now_ms`.
+    pub(crate) fn draw(&mut self, frame: &mut Frame<'_>, scene: &Scene, now_ms: AtMs) {
+        let (look, area) = (self.setup.look, frame.area());
+        if area.width < SMALLEST.0 || area.height < SMALLEST.1 {
+            frame.render_widget(Line::from("too small; E, S, q"), area);
+            return look.reduce(frame.buffer_mut());
+        }
+        let names = self.setup.robots.clone();
+        let sights = sights(scene, &names, now_ms);
+        self.settle(&sights);
+        self.learn(scene);
+        let areas = areas(area, sights.len());
+        frame.render_widget(self.title(scene, &sights, areas.title.width, now_ms), areas.title);
+        if let Some(map) = areas.map {
+            self.draw_map(frame, map, &sights, now_ms);
+        }
+        self.draw_table(frame, areas.robots, &sights);
+        if let (Some(area), Some(sight)) = (areas.detail, self.sight(&sights)) {
+            self.draw_detail(frame, area, sight);
+        }
+        if let Some(area) = areas.pane {
+            self.draw_pane(frame, area, scene, now_ms);
+        }
+        self.draw_foot(frame, &areas, now_ms);
+        self.draw_over(frame, area, &sights, now_ms);
+        look.reduce(frame.buffer_mut());
+    }
+
+    /// Makes the floor ready for drawing when there is another one.
+    fn learn(&mut self, scene: &Scene) {
+        match scene.map() {
+            Some(map) if self.floor.as_ref().is_none_or(|floor| floor.hash != map.hash) => {
+                self.floor = Some(Floor::of(map));
+            }
+            Some(_) => {}
+            None => self.floor = None,
+        }
+    }
+
+    /// What matters most about the whole fleet; an alarm takes its place.
+    fn title(&self, scene: &Scene, sights: &[Sight<'_>], width: u16, now_ms: AtMs) -> Line<'static> {
+        let look = self.setup.look;
+        if let Some(alarm) = self.alarm(now_ms) {
+            return Line::styled(format!("{alarm:width$}", width = usize::from(width)), look.alarm());
+        }
+        let mut spans = vec![Span::styled(format!(" {} ", scene.fleet()), look.tone(Tone::Strong))];
+        let mut add = |text: String, tone: Tone| {
+            spans.push(Span::raw("· "));
+            spans.push(Span::styled(format!("{text} "), look.tone(tone)));
+        };
+        if let Some(playing) = &self.playing {
+            add(play_words(playing), Tone::Strong);
+        }
+        let plural = if sights.len() == 1 { "robot" } else { "robots" };
+        add(format!("{} {plural}", sights.len()), Tone::Plain);
+        let count =
+            |wanted: &[Standing]| sights.iter().filter(|sight| wanted.contains(&sight.standing())).count();
+        for (wanted, words) in [
+            (&[Standing::Drives][..], "drive"),
+            (&[Standing::Hindered], "hindered"),
+            (&[Standing::Latched], "LATCHED"),
+            (&[Standing::Faulty], "FAULTY"),
+            (&[Standing::Stale], "STALE"),
+            (&[Standing::Gone, Standing::Missing], "GONE"),
+        ] {
+            let found = count(wanted);
+            if found > 0 {
+                add(format!("{found} {words}"), wanted[0].tone());
+            }
+        }
+        if self.playing.is_none() {
+            let is = |there: bool| if there { Tone::Plain } else { Tone::Dim };
+            let (dispatcher, traffic) = (scene.dispatcher(), scene.traffic_control());
+            add(if dispatcher { "dispatcher" } else { "no dispatcher" }.to_owned(), is(dispatcher));
+            add(if traffic { "traffic" } else { "no traffic" }.to_owned(), is(traffic));
+        }
+        if self.unreadable > 0 {
+            add(format!("{} unreadable", self.unreadable), Tone::Warning);
+        }
+        if scene.refused() > 0 {
+            add(format!("{} refused", scene.refused()), Tone::Warning);
+        }
+        Line::from(spans)
+    }
+
+    /// What must be known before anything else is looked at.
+    fn alarm(&self, now_ms: AtMs) -> Option<String> {
+        if self.leaving > 0 {
+            let open = self.deeds.under_way().len() + usize::from(self.grip.is_some());
+            return Some(format!(" LEAVING: {open} not answered yet; q leaves at once"));
+        }
+        if !self.link.0 {
+            let since = age(Some(now_ms.saturating_sub(self.link.1)));
+            return Some(format!(" NO LINK to the router for {since}: nothing reaches the robots from here"));
+        }
+        match self.grip.as_ref()? {
+            Grip::Asking(robot) => Some(format!(" DRIVE {robot}: asking for control")),
+            Grip::Ending(robot) => Some(format!(" DRIVE {robot}: letting go")),
+            Grip::Driving { robot, max_rpm, keyboard } => {
+                let drive = keyboard.drive(Stamp::from_ms(now_ms));
+                let asked = crate::describe::fixed(drive.throttle * max_rpm, 0);
+                let side = crate::describe::fixed(drive.steering, 2);
+                Some(format!(
+                    " DRIVING {robot}: {asked} rpm, steering {side}   hold arrows, space zero, t lets go"
+                ))
+            }
+        }
+    }
+
+    /// What was told and is not answered, and the keys.
+    fn draw_foot(&self, frame: &mut Frame<'_>, areas: &Areas, now_ms: AtMs) {
+        let look = self.setup.look;
+        let asked = self.deeds.under_way().iter().rev().map(|open| {
+            let tone = if open.deed.is_stop() { Tone::Warning } else { Tone::Plain };
+            (open.since_ms, format!("{}: asked, no answer yet", open.deed.words()), tone)
+        });
+        let told = self.deeds.notices().map(|notice| (notice.at_ms, notice.text.clone(), notice.tone));
+        let mut lines: Vec<(AtMs, String, Tone)> = told.chain(asked).collect();
+        lines.sort_by_key(|(at_ms, ..)| std::cmp::Reverse(*at_ms));
+        lines.truncate(usize::from(areas.notices.height));
+        let line = |(at_ms, text, tone): (AtMs, String, Tone)| {
+            let since = age(Some(now_ms.saturating_sub(at_ms)));
+            Line::styled(format!(" {since:>7}  {text}"), look.tone(tone))
+        };
+        let lines: Vec<Line<'_>> = lines.into_iter().map(line).collect();
+        frame.render_widget(Paragraph::new(lines), areas.notices);
+        let hints = match (&self.playing, self.setup.read_only) {
+            (Some(_), _) => PLAYING_HINTS,
+            (_, Some(_)) => READING_HINTS,
+            _ if areas.keys.width < 70 => SHORT_HINTS,
+            _ => HINTS,
+        };
+        let keys = Rect { x: areas.keys.x + 1, width: areas.keys.width.saturating_sub(1), ..areas.keys };
+        frame.render_widget(Line::styled(hints, look.tone(Tone::Dim)), keys);
+    }
+}
+
+fn play_words(playing: &Playing) -> String {
+    let Playing { at_s, length_s, speed, paused } = playing;
+    let rests = if *paused { ", PAUSED" } else { "" };
+    format!("RECORDING {at_s:.1} of {length_s:.1} s, {speed}×{rests}").replace('×', " times")
+}

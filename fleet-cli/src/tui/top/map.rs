@@ -1,0 +1,291 @@
+//! The map: walls and zones, and on them paths, trails, range finders, goals and robots.
+
+use super::sight::{Sight, Standing, age};
+use super::view::View;
+use super::*;
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::symbols::Marker;
+use ratatui::text::{Line as Text, Span};
+use ratatui::widgets::canvas::{Canvas, Context, Line, Points};
+use ratatui::widgets::{Block, Clear};
+use xtb_control::vehicle::Geometry;
+use xtb_nav::Path;
+use xtb_protocol::messages::{RouteState, Sensors};
+
+/// Between neighbouring range finders of a bumper (§2.2).
+const BEAM_SPACING_M: f64 = 0.07;
+/// Narrower than this a body is only a sign.
+const BODY_CELLS: f64 = 4.0;
+/// Without a map this much around the robots is shown.
+const AROUND_M: f64 = 2.0;
+/// Wider cells have room for what names differ in, not for whole names.
+const NAMES_UP_TO_M: f64 = 0.25;
+
+impl Cockpit {
+    /// The map in its frame.
+    pub(super) fn draw_map(&mut self, frame: &mut Frame<'_>, area: Rect, sights: &[Sight<'_>], now_ms: AtMs) {
+        let look = self.setup.look;
+        let inner = Block::bordered().inner(area);
+        frame.render_widget(Clear, area);
+        let selected = self.sight(sights).and_then(Sight::place).map(|(x_m, y_m, _)| (x_m, y_m));
+        self.view.arrange(inner, self.bounds(sights), selected);
+        let block = Block::bordered()
+            .border_style(look.tone(Tone::Dim))
+            .title(self.map_title(area.width))
+            .title_bottom(self.cursor_title());
+        frame.render_widget(block, area);
+        if inner.is_empty() {
+            return;
+        }
+        let names = short_names(sights, self.view.cell_m().0 <= NAMES_UP_TO_M);
+        let drawing = Drawing { cockpit: self, view: &self.view, look, now_ms };
+        let (x, y) = self.view.bounds();
+        let canvas = Canvas::default().marker(Marker::Braille).x_bounds(x).y_bounds(y).paint(|canvas| {
+            drawing.floor(canvas);
+            sights.iter().for_each(|sight| drawing.way(canvas, sight));
+            canvas.layer();
+            sights.iter().for_each(|sight| drawing.sensed(canvas, sight));
+            for (sight, name) in sights.iter().zip(&names) {
+                drawing.goal(canvas, sight, name);
+            }
+            for (sight, name) in sights.iter().zip(&names) {
+                drawing.robot(canvas, sight, name);
+            }
+        });
+        frame.render_widget(canvas, inner);
+        self.draw_cursor(frame, inner);
+    }
+
+    fn map_title(&self, width: u16) -> Text<'static> {
+        let name = self.floor.as_ref().map_or("no map", |floor| floor.name.as_str());
+        let (width_m, height_m) = self.view.cell_m();
+        let mode = if self.view.follows() { ", follows" } else { "" };
+        let scale = format!(" {name}{mode} · a cell is {width_m:.2} × {height_m:.2} m ").replace('×', "by");
+        let short = format!(" {name}{mode} ");
+        Text::raw(if scale.chars().count() + 2 <= usize::from(width) { scale } else { short })
+    }
+
+    fn cursor_title(&self) -> Text<'static> {
+        let Some(Cursor { x_m, y_m, yaw_rad }) = self.cursor else { return Text::raw("") };
+        let yaw = yaw_rad.map_or_else(|| "any yaw".to_owned(), |yaw| format!("{:.0}°", yaw.to_degrees()));
+        let (x_m, y_m) = (crate::describe::fixed(x_m, 2), crate::describe::fixed(y_m, 2));
+        Text::raw(format!(" cursor ({x_m}, {y_m}) {yaw} "))
+    }
+
+    /// Of the floor, else of the robots.
+    fn bounds(&self, sights: &[Sight<'_>]) -> ([f64; 2], [f64; 2]) {
+        if let Some(floor) = &self.floor {
+            return floor.bounds;
+        }
+        let places = sights.iter().filter_map(Sight::place);
+        let goals = sights.iter().filter_map(goal_of).map(|(x_m, y_m, yaw)| (x_m, y_m, yaw.unwrap_or(0.0)));
+        let points: Vec<(f64, f64, f64)> = places.chain(goals).collect();
+        let span = |along: fn(&(f64, f64, f64)) -> f64| {
+            let fold = |(low, high): (f64, f64), at: f64| (low.min(at), high.max(at));
+            let (low, high) = points.iter().map(along).fold((f64::MAX, f64::MIN), fold);
+            if low > high { [-AROUND_M, AROUND_M] } else { [low - AROUND_M, high + AROUND_M] }
+        };
+        (span(|point| point.0), span(|point| point.1))
+    }
+
+    fn draw_cursor(&self, frame: &mut Frame<'_>, inner: Rect) {
+        let Some(cursor) = self.cursor else { return };
+        let Some(at) = self.view.cell(inner, (cursor.x_m, cursor.y_m)) else { return };
+        let sign = cursor.yaw_rad.map_or('+', |yaw| self.setup.look.arrow(yaw));
+        if let Some(cell) = frame.buffer_mut().cell_mut(at) {
+            cell.set_char(sign).set_style(Style::reset().add_modifier(Modifier::REVERSED | Modifier::BOLD));
+        }
+    }
+}
+
+/// What tells robots apart: whole names where there is room, else without what all begin with.
+fn short_names(sights: &[Sight<'_>], whole: bool) -> Vec<String> {
+    let names: Vec<&str> = sights.iter().map(|sight| sight.name.as_str()).collect();
+    let first = names.first().copied().unwrap_or_default();
+    let stem = first.trim_end_matches(|c: char| c.is_ascii_digit());
+    let numbered = |name: &&str| name.strip_prefix(stem).is_some_and(|rest| rest.parse::<u64>().is_ok());
+    let stem = if whole || !names.iter().all(numbered) { "" } else { stem };
+    names.iter().map(|name| name[stem.len()..].to_owned()).collect()
+}
+
+/// The goal that it is under way to.
+fn goal_of(sight: &Sight<'_>) -> Option<(f64, f64, Option<f64>)> {
+    let goal = sight.state?.goal.as_ref().filter(|goal| !goal.status.is_final())?;
+    Some((goal.x_m?, goal.y_m?, goal.yaw_rad))
+}
+
+struct Drawing<'a> {
+    cockpit: &'a Cockpit,
+    view: &'a View,
+    look: Look,
+    now_ms: AtMs,
+}
+
+impl Drawing<'_> {
+    fn floor(&self, canvas: &mut Context<'_>) {
+        let Some(floor) = &self.cockpit.floor else { return };
+        let line = |segment: &floor::Segment, color: Color| {
+            let [(x1, y1), (x2, y2)] = *segment;
+            Line { x1, y1, x2, y2, color }
+        };
+        for zone in &floor.zones {
+            let color = self.look.paint(if zone.heading_rad.is_some() { Color::Blue } else { Color::Red });
+            for edge in &zone.edges {
+                let dashes = self.dashes(edge);
+                canvas.draw(&Points { coords: &dashes, color });
+            }
+            let style = self.look.tone(Tone::Dim).fg(color);
+            let Some(name) = self.zone_name(zone) else { continue };
+            let left_m = name.chars().count() as f64 / 2.0 * self.view.cell_m().0;
+            canvas.print(zone.middle.0 - left_m, zone.middle.1, Text::styled(name, style));
+        }
+        let color = self.look.paint(Color::Gray);
+        floor.walls.iter().for_each(|wall| canvas.draw(&line(wall, color)));
+    }
+
+    /// As much of its name as lies within it.
+    fn zone_name(&self, zone: &floor::Zone) -> Option<String> {
+        let east = zone.edges.iter().map(|[from, _]| from.0);
+        let (low, high) = east.fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x), high.max(x)));
+        let arrow = zone.heading_rad.map(|heading_rad| self.look.arrow(heading_rad).to_string());
+        let whole = match &arrow {
+            Some(arrow) => format!("{arrow} {}", zone.name),
+            None => zone.name.clone(),
+        };
+        let fits = (whole.chars().count() + 1) as f64 * self.view.cell_m().0 < high - low;
+        if fits { Some(whole) } else { arrow }
+    }
+
+    /// Points of a line, so far apart that it is told from a wall.
+    fn dashes(&self, [from, to]: &floor::Segment) -> Vec<(f64, f64)> {
+        let length_m = (to.0 - from.0).hypot(to.1 - from.1);
+        let count = (length_m / self.view.cell_m().0).ceil().clamp(1.0, 1000.0);
+        let at =
+            |step: f64| (from.0 + (to.0 - from.0) * step / count, from.1 + (to.1 - from.1) * step / count);
+        (0..=count as u32).map(|step| at(f64::from(step))).collect()
+    }
+
+    /// Where it has been, and where its path goes: dense as far as it is released, thin beyond.
+    fn way(&self, canvas: &mut Context<'_>, sight: &Sight<'_>) {
+        let trail: Vec<(f64, f64)> = sight.robot.trail.iter().copied().collect();
+        canvas.draw(&Points { coords: &trail, color: self.look.paint(Color::DarkGray) });
+        let route = sight.state.and_then(|state| state.nav.route.as_ref());
+        let Some((route, path)) = route.and_then(|route| Some((route, path_of(route)?))) else { return };
+        let dot_m = self.view.cell_m().0 / 2.0;
+        let points: Vec<(f64, f64)> = along(&path, route, dot_m);
+        canvas.draw(&Points { coords: &points, color: self.look.robot(sight.row) });
+    }
+
+    /// What its range finders see, from neighbour to neighbour.
+    fn sensed(&self, canvas: &mut Context<'_>, sight: &Sight<'_>) {
+        let sensors = sight.robot.sensors.as_ref().and_then(|seen| seen.fresh(self.now_ms));
+        let (Some(pose), Some(sensors)) = (sight.state.map(|state| &state.pose), sensors) else { return };
+        let color = self.look.paint(Color::LightRed);
+        let to_map = |(ahead, left): (f64, f64)| at((pose.x_m, pose.y_m, pose.yaw_rad), ahead, left);
+        for arc in arcs(sensors) {
+            let arc: Vec<(f64, f64)> = arc.into_iter().map(to_map).collect();
+            canvas.draw(&Points { coords: &arc, color });
+            for pair in arc.windows(2) {
+                canvas.draw(&Line { x1: pair[0].0, y1: pair[0].1, x2: pair[1].0, y2: pair[1].1, color });
+            }
+        }
+    }
+
+    fn goal(&self, canvas: &mut Context<'_>, sight: &Sight<'_>, name: &str) {
+        let Some((x_m, y_m, yaw_rad)) = goal_of(sight) else { return };
+        let arrow = yaw_rad.map(|yaw| self.look.arrow(yaw).to_string()).unwrap_or_default();
+        let style = Style::new().fg(self.look.robot(sight.row));
+        canvas.print(x_m, y_m, Text::styled(format!("x{arrow}{name}"), style));
+    }
+
+    fn robot(&self, canvas: &mut Context<'_>, sight: &Sight<'_>, name: &str) {
+        let Some(place) = sight.place() else { return };
+        let standing = sight.standing();
+        let known = sight.state.is_some();
+        let color = if known { self.look.robot(sight.row) } else { self.look.paint(Color::DarkGray) };
+        let body = Geometry::default();
+        let large = body.body_length_m / self.view.cell_m().0 >= BODY_CELLS;
+        if known && large {
+            outline(canvas, place, &body, color);
+        }
+        let heading = if known { self.look.arrow(place.2) } else { '?' };
+        let selected = self.cockpit.selected.as_ref() == Some(sight.name);
+        let style = Style::new().fg(color).add_modifier(if known { Modifier::BOLD } else { Modifier::DIM });
+        let style = if selected { style.add_modifier(Modifier::REVERSED) } else { style };
+        let mut spans = vec![Span::styled(heading.to_string(), style), Span::styled(name.to_owned(), style)];
+        if let Some(sign) = standing.sign().filter(|_| known) {
+            spans.push(Span::styled(sign.to_string(), self.look.tone(standing.tone())));
+        }
+        if matches!(standing, Standing::Stale | Standing::Gone) {
+            spans.push(Span::styled(format!(" {}", age(sight.age_ms)), self.look.tone(Tone::Dim)));
+        }
+        // So that it does not hang over the right edge.
+        let columns: usize = spans.iter().map(Span::width).sum();
+        let edge_m = self.view.bounds().0[1] - columns.saturating_sub(1) as f64 * self.view.cell_m().0;
+        let (west_m, _) = (self.view.bounds().0[0], ());
+        let x_m = if place.0 > edge_m { edge_m.max(west_m) } else { place.0 };
+        canvas.print(x_m, place.1, Text::from(spans));
+    }
+}
+
+/// A point of the robot's own frame, in the map.
+fn at((x_m, y_m, yaw_rad): (f64, f64, f64), ahead_m: f64, left_m: f64) -> (f64, f64) {
+    let (sin, cos) = yaw_rad.sin_cos();
+    (x_m + ahead_m * cos - left_m * sin, y_m + ahead_m * sin + left_m * cos)
+}
+
+fn outline(canvas: &mut Context<'_>, place: (f64, f64, f64), body: &Geometry, color: Color) {
+    let (half_m, side_m) = (body.body_length_m / 2.0, body.body_width_m / 2.0);
+    let corners = [
+        (half_m, 0.0),
+        (half_m / 2.0, side_m),
+        (-half_m, side_m),
+        (-half_m, -side_m),
+        (half_m / 2.0, -side_m),
+    ];
+    let corners = corners.map(|(ahead, left)| at(place, ahead, left));
+    for (index, &(x1, y1)) in corners.iter().enumerate() {
+        let (x2, y2) = corners[(index + 1) % corners.len()];
+        canvas.draw(&Line { x1, y1, x2, y2, color });
+    }
+}
+
+/// Ends of the beams that see something, (ahead, left) of the robot, in groups of neighbours.
+fn arcs(sensors: &Sensors) -> Vec<Vec<(f64, f64)>> {
+    let half_m = Geometry::default().body_length_m / 2.0;
+    let mut arcs = Vec::new();
+    for (readings, facing) in [(&sensors.ir_front_cm, 1.0), (&sensors.ir_rear_cm, -1.0)] {
+        let mut arc = Vec::new();
+        for (index, reading) in readings.iter().enumerate() {
+            match reading {
+                Some(cm) => {
+                    let left_m = (2.5 - index as f64) * BEAM_SPACING_M;
+                    arc.push((facing * (half_m + cm / 100.0), left_m));
+                }
+                None => arcs.push(std::mem::take(&mut arc)),
+            }
+        }
+        arcs.push(arc);
+    }
+    arcs.retain(|arc| !arc.is_empty());
+    arcs
+}
+
+fn path_of(route: &RouteState) -> Option<Path> {
+    route.track.as_ref().map(Path::from)
+}
+
+/// Points of what is still to be driven: at each dot as far as it is released, at each fourth beyond.
+fn along(path: &Path, route: &RouteState, dot_m: f64) -> Vec<(f64, f64)> {
+    const MOST: usize = 2000;
+    let (mut way_m, end_m) = (route.done_m.max(0.0), path.length_m());
+    let mut points = Vec::new();
+    while way_m <= end_m && points.len() < MOST {
+        let (pose, _) = path.at(way_m);
+        points.push((pose.x_m, pose.y_m));
+        way_m += if way_m < route.release_m { dot_m } else { 4.0 * dot_m };
+    }
+    points
+}

@@ -1,0 +1,86 @@
+//! What lies over the picture: the keys, why a robot stands, a question.
+
+use super::sight::Sight;
+use super::*;
+use crate::commands::why;
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::text::Line;
+use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
+
+const KEYS: &[(&str, &str)] = &[
+    ("e / E", "E-STOP the selected robot / ALL: latched until reset"),
+    ("s / S", "stop the selected robot / all"),
+    ("Tab j k 0-9", "select a robot"),
+    ("arrows", "cursor, with shift by 5 cells; g puts it on the robot"),
+    ("Enter", "send the robot to the cursor; it goes on without you"),
+    ("r R u", "yaw on arrival: left, right, any"),
+    ("c", "cancel its task or goal"),
+    ("t", "drive: hold arrows, space is zero; t or Esc lets go"),
+    ("x", "reset its latches (asks)"),
+    ("w", "why it stands, and what to do"),
+    ("v", "events or tasks"),
+    ("+ - a f", "map: nearer, farther, all, follow the robot"),
+    ("H J K L", "map: west, south, north, east"),
+    ("q Esc ^C", "leave; a robot that you drive is stopped"),
+];
+const PLAYING_KEYS: &[(&str, &str)] = &[
+    ("space", "pause, and go on"),
+    ("left right", "5 s back, 5 s on; with shift 60 s"),
+    ("Tab j k 0-9", "select a robot"),
+    ("w", "why it stands, and what to do"),
+    ("v", "events or tasks"),
+    ("+ - a f", "map: nearer, farther, all, follow the robot"),
+    ("H J K L", "map: west, south, north, east"),
+    ("q Esc ^C", "leave"),
+];
+const SIGNS: [&str; 2] = [
+    "Map: arrow = heading, x = goal, dots = way behind and ahead.",
+    "# latched  ! hindered or faulty  ? stale: where it was last heard",
+];
+
+impl Cockpit {
+    pub(super) fn draw_over(&self, frame: &mut Frame<'_>, area: Rect, sights: &[Sight<'_>], _now_ms: AtMs) {
+        let (title, lines) = match &self.over {
+            None => return,
+            Some(Over::Help) => (" keys ".to_owned(), self.help()),
+            Some(Over::Why) => match self.sight(sights) {
+                Some(sight) => (format!(" why {} ", sight.name), explained(*sight)),
+                None => return,
+            },
+            Some(Over::Question(question)) => {
+                let lines =
+                    vec![question.text.clone(), String::new(), "y = yes, any other key = no".to_owned()];
+                (" ? ".to_owned(), lines)
+            }
+        };
+        let (width, wanted) = (area.width.saturating_sub(2).clamp(16, 90), lines.len());
+        let inner = usize::from(width.saturating_sub(4)).max(1);
+        let rows: usize = lines.iter().map(|line| line.chars().count().div_ceil(inner).max(1)).sum();
+        let rows = u16::try_from(rows.max(wanted)).unwrap_or(u16::MAX).saturating_add(2);
+        let height = rows.min(area.height);
+        let at = Rect {
+            x: area.x + (area.width.saturating_sub(width)) / 2,
+            y: area.y + (area.height.saturating_sub(height)) / 2,
+            width: width.min(area.width),
+            height,
+        };
+        let lines: Vec<Line<'_>> = lines.into_iter().map(Line::from).collect();
+        let block = Block::bordered().title(title).border_style(self.setup.look.tone(Tone::Strong));
+        let block = block.padding(ratatui::widgets::Padding::horizontal(1));
+        frame.render_widget(Clear, at);
+        frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: false }).block(block), at);
+    }
+
+    fn help(&self) -> Vec<String> {
+        let keys = if self.playing.is_some() { PLAYING_KEYS } else { KEYS };
+        let lines = keys.iter().map(|(key, meaning)| format!("{key:12} {meaning}"));
+        let read_only = self.setup.read_only.map(|why| format!("Nothing is sent to robots: {why}"));
+        let signs = SIGNS.map(str::to_owned);
+        lines.chain([String::new()]).chain(signs).chain(read_only).collect()
+    }
+}
+
+fn explained(sight: Sight<'_>) -> Vec<String> {
+    why::in_words(&sight.to_view()).lines().map(str::to_owned).collect()
+}
