@@ -1,5 +1,6 @@
 //! The command line's grammar: global options, verbs and their arguments, nothing else.
 
+mod dashboard;
 mod dispatch;
 mod fetch_log;
 mod map;
@@ -8,6 +9,7 @@ mod tasks;
 mod top;
 mod traffic;
 
+pub use dashboard::DashboardArgs;
 pub use dispatch::{
     DispatchArgs, DispatchCompactArgs, DispatchExportArgs, DispatchServeArgs, DispatchVerb, LedgerArgs,
 };
@@ -150,6 +152,8 @@ pub enum Verb {
     Resume(ResumeArgs),
     /// Queue tasks again that have failed or were cancelled.
     Retry(RetryArgs),
+    /// Show the fleet in a browser, and command it from there.
+    Dashboard(DashboardArgs),
     /// Run a router: all the infrastructure that a small lab needs.
     Router(RouterArgs),
     /// Run simulated robots with real agents.

@@ -11,6 +11,7 @@ pub mod client;
 pub mod commands;
 pub mod config;
 pub mod context;
+pub mod dashboard;
 mod describe;
 pub mod dispatching;
 pub mod error;
@@ -110,6 +111,7 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::Retry(args) => changing(commands::change::retry(&ctx()?, args)).await,
         Verb::FetchLog(args) => commands::fetch_log::run(&ctx()?, &args).await,
         Verb::Map(args) => commands::map::run(&ctx()?, &args).await,
+        Verb::Dashboard(args) => commands::dashboard::run(&ctx()?, &args).await,
         Verb::Router(args) => commands::router::run(&ctx()?, &args).await,
         Verb::Sim(args) => commands::sim::run(&ctx()?, args).await,
         Verb::Demo(args) => commands::demo::run(&ctx()?, args).await,

@@ -11,6 +11,7 @@ use crate::client::STALE;
 use crate::news::News;
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
+use std::f64::consts::PI;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::{
@@ -25,6 +26,9 @@ const TRAIL_STEP_M: f64 = 0.05;
 pub const HAPPENINGS: usize = 200;
 /// Robots that a scene holds; states of further ones are counted and not kept.
 pub const MOST_ROBOTS: usize = 256;
+
+/// The factsheet's name for the wheels' diameter, in m.
+const WHEEL_DIAMETER: &str = "geometry.wheel_diameter_m";
 
 /// The viewer's monotonic clock, in ms.
 pub type AtMs = u64;
@@ -77,6 +81,14 @@ pub struct Robot {
 }
 
 impl Robot {
+    /// Metres per second at one wheel rpm, by its factsheet; `None` = that has not come.
+    #[must_use]
+    pub fn mps_per_rpm(&self) -> Option<f64> {
+        let about = self.about.as_ref()?;
+        let diameter = about.vehicle.iter().find(|info| info.name == WHEEL_DIAMETER)?;
+        Some(PI * diameter.value.parse::<f64>().ok()? / 60.0)
+    }
+
     fn show(&mut self, at_ms: AtMs, state: RobotState) {
         let here = (state.pose.x_m, state.pose.y_m);
         let far = |last: &(f64, f64)| (last.0 - here.0).hypot(last.1 - here.1) >= TRAIL_STEP_M;

@@ -2,6 +2,7 @@
 
 pub mod change;
 pub mod completions;
+pub mod dashboard;
 pub mod demo;
 pub mod dispatch;
 pub mod doctor;

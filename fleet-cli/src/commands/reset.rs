@@ -21,7 +21,7 @@ const STATE_EVERY: Duration = Duration::from_millis(50);
 
 /// What came of it, as `--json` prints it.
 #[derive(Debug, PartialEq, Serialize)]
-struct Report<'a> {
+pub(super) struct Report<'a> {
     robot: &'a Name,
     /// Latches that are ended; `None` = the robot's state was not heard.
     cleared: Option<Vec<Latch>>,
@@ -67,7 +67,7 @@ pub(super) async fn in_words(
     Ok((words, report.refused.is_some()))
 }
 
-async fn reset<'a>(
+pub(super) async fn reset<'a>(
     ctx: &Context,
     client: &Client,
     control: &Control,

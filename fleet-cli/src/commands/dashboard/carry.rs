@@ -1,0 +1,157 @@
+//! Carrying out what a page asks for, with the code of the verbs.
+
+use crate::cli::{LeaseArgs, ResetArgs, WhoArgs};
+use crate::client::Client;
+use crate::commands::goal::{self, Aim, Task};
+use crate::commands::muster::{Gaps, Report};
+use crate::commands::{estop, reset, stop};
+use crate::context::Context;
+use crate::dispatching::{Dispatching, worst};
+use crate::error::{Failure, Kind, Result};
+use crate::lease::Control;
+use crate::words;
+use serde::Serialize;
+use serde_json::{Value, json};
+use xtb_protocol::messages::{DispatchBody, TaskId, TaskSpec, Via};
+use xtb_protocol::{Name, Uuid};
+
+/// Where to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Point {
+    /// East.
+    pub(crate) x_m: f64,
+    /// North.
+    pub(crate) y_m: f64,
+    /// On arrival.
+    pub(crate) yaw_rad: Option<f64>,
+    /// How; `None` = as the robot likes.
+    pub(crate) via: Option<Via>,
+}
+
+/// As `goto` without `--wait`: the goal outlives this client and is bounded by the robot's own clock.
+pub(crate) async fn goto(client: &Client, robot: Name, to: Point, take: bool) -> Result<Value> {
+    let Point { x_m, y_m, yaw_rad, via } = to;
+    let task = Task { robot, aim: Aim::Point { x_m, y_m, yaw_rad, via }, within: None, wait: false, take };
+    let control = Control::acquire(client, &task.robot, take).await?;
+    let goal = Uuid::new_v4();
+    let started = goal::start(&control, &task, goal).await;
+    let taken_from = control.taken_from().map(str::to_owned);
+    control.release().await;
+    started?;
+    Ok(json!({ "robot": task.robot, "goal": goal, "status": "accepted", "taken_from": taken_from }))
+}
+
+/// As `stop`: who has stopped, and who has not said so.
+pub(crate) async fn stop(client: &Client, robot: Option<Name>) -> Result<Value> {
+    report(client, stop::call(client, &who(robot)).await)
+}
+
+/// As `estop`: who has acknowledged it, and who has not.
+pub(crate) async fn estop(ctx: &Context, client: &Client, robot: Option<Name>) -> Result<Value> {
+    report(client, estop::call(client, ctx.timeout, &who(robot)).await)
+}
+
+/// As `reset`: which latches are ended, and which remain.
+pub(crate) async fn reset(ctx: &Context, client: &Client, robot: Name) -> Result<Value> {
+    let args = ResetArgs { robot, latch: None, lease: LeaseArgs { take: false } };
+    let control = Control::acquire(client, &args.robot, false).await?;
+    let done = reset::reset(ctx, client, &control, &args).await.and_then(|report| value(&report));
+    control.release().await;
+    done
+}
+
+/// Submits a task; the answer has its name.
+pub(crate) async fn submit(client: &Client, spec: TaskSpec) -> Result<Value> {
+    let tasks = Dispatching::of(client).submit(vec![spec]).await?;
+    Ok(json!({ "submitted": tasks }))
+}
+
+/// Cancels a task; the answer comes when its robot has confirmed.
+pub(crate) async fn cancel(client: &Client, task: TaskId) -> Result<Value> {
+    let changes = Dispatching::of(client).change(DispatchBody::Cancel { tasks: vec![task] }).await?;
+    if let Some(error) = worst(&changes) {
+        return Err(error.clone().into());
+    }
+    let state = changes.first().and_then(|change| change.state);
+    Ok(json!({ "task": task, "status": state.map(|state| words::name(&state)) }))
+}
+
+fn who(robot: Option<Name>) -> WhoArgs {
+    let robots: Vec<Name> = robot.into_iter().collect();
+    WhoArgs { all: robots.is_empty(), robots, expect: Vec::new() }
+}
+
+fn report(client: &Client, (report, gaps): (Report, Gaps)) -> Result<Value> {
+    if report.robots.is_empty() {
+        return Err(gaps.alive.unwrap_or_else(|| client.nobody()));
+    }
+    value(&report)
+}
+
+fn value(value: &impl Serialize) -> Result<Value> {
+    serde_json::to_value(value)
+        .map_err(|error| Failure::new(Kind::Failed, format!("cannot write JSON: {error}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fake::{self, FakeRobot, name};
+    use std::time::Duration;
+    use xtb_protocol::messages::{Body, GoalStatus, Latch, LinkLoss};
+
+    const PATIENT: Duration = Duration::from_secs(30);
+    const THERE: Point = Point { x_m: 1.0, y_m: 2.0, yaw_rad: None, via: None };
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_goal_is_given_with_a_bound_and_the_lease_is_given_back() {
+        let client = Client::alone(PATIENT).await;
+        let fake = FakeRobot::start(&client, "xtb-1").await;
+        let given = goto(&client, name("xtb-1"), THERE, false).await.unwrap();
+        let fake = fake.lock();
+        let goal = fake.state.goal.as_ref().unwrap();
+        assert_eq!((given["goal"].as_str().unwrap(), goal.status.is_final()), (&*goal.id.to_string(), false));
+        assert_ne!(goal.status, GoalStatus::Cancelled);
+        assert_eq!(fake.lease, None);
+        let asked = |body: &Body| matches!(body, Body::Goto { on_link_loss: LinkLoss::Finish, finish_s: 300.0, .. });
+        assert!(fake.asked.iter().any(|(_, body)| asked(body)), "{:?}", fake.asked);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_robot_that_somebody_controls_is_not_sent_anywhere() {
+        let client = Client::alone(PATIENT).await;
+        let fake = FakeRobot::start(&client, "xtb-1").await;
+        fake.lock().grant(&name("cli-123456"));
+        let failure = goto(&client, name("xtb-1"), THERE, false).await.unwrap_err();
+        assert_eq!(failure.kind.code(), "lease_held");
+        assert!(failure.message.contains("cli-123456"), "{failure}");
+        let taken = goto(&client, name("xtb-1"), THERE, true).await.unwrap();
+        assert_eq!(taken["taken_from"], "cli-123456");
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn an_emergency_stop_lists_who_has_acknowledged_and_who_has_not() {
+        let client = Client::alone(Duration::from_secs(1)).await;
+        let _there = FakeRobot::start(&client, "xtb-1").await;
+        let silent = FakeRobot::start(&client, "xtb-2").await;
+        silent.lock().mute = true;
+        let _token = client.bus().declare_alive(&client.keys().robot(&name("xtb-2")).alive()).await.unwrap();
+        let ctx = client.context().clone();
+        let ended = estop(&ctx, &client, Some(name("xtb-2"))).await.unwrap();
+        assert_eq!(ended, json!({ "robots": { "xtb-2": "unknown" }, "complete": false }));
+        let ended = estop(&ctx, &client, Some(name("xtb-1"))).await.unwrap();
+        assert_eq!(ended, json!({ "robots": { "xtb-1": "stopped" }, "complete": true }));
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_reset_says_what_is_cleared_and_what_remains() {
+        let client = Client::alone(PATIENT).await;
+        let fake = FakeRobot::start(&client, "xtb-1").await;
+        fake.lock().state.latches =
+            vec![fake::latch(Latch::Estop, "cli-1", false), fake::latch(Latch::GyroLost, "gyro_silent", true)];
+        let done = reset(client.context(), &client, name("xtb-1")).await.unwrap();
+        assert_eq!(done["cleared"], json!(["estop"]));
+        assert_eq!(done["remaining"][0]["latch"], "gyro_lost");
+        assert_eq!(fake.lock().lease, None);
+    }
+}

@@ -1,0 +1,309 @@
+// The page: wires the connection, what is known, the map and the panels together.
+//
+// One picture for each animation frame, from the latest frame only; it is answered when it has been drawn,
+// so a slow page makes the server leave frames out and nobody wait.
+
+import { render } from "./vendor/lit-html.js";
+import { Aim } from "./aim.js";
+import { Drive } from "./drive.js";
+import { Picture } from "./draw.js";
+import { bounds } from "./floor.js";
+import { Link } from "./link.js";
+import { Pace } from "./pace.js";
+import * as panels from "./panels.js";
+import { Plots } from "./plots.js";
+import { robotList, robotPanel } from "./robots.js";
+import { Store } from "./store.js";
+import { form, spec, taskPanel } from "./tasks.js";
+import { theme } from "./theme.js";
+import { View } from "./view.js";
+import { age, happening } from "./words.js";
+
+const PANELS_EVERY_MS = 200;
+const PANELS_SLOW_MS = 1000; // when pictures are too few
+const LOST_MS = 1500; // no message for so long: the connection is lost, whatever the socket says
+const SAID_MS = 8000;
+const WIDE = matchMedia("(min-width: 1151px)");
+const CALM = matchMedia("(prefers-reduced-motion: reduce)");
+
+const byId = (id) => document.getElementById(id);
+const [store, pace, plots] = [new Store(), new Pace(), new Plots()];
+const canvas = byId("floor");
+const picture = new Picture(canvas);
+const view = new View(canvas);
+let unseen = null; // number of the frame that is not answered yet
+let panelsMs = 0;
+let stop = null; // what became of the last emergency stop
+let said = { text: "", atMs: 0 };
+let answer = null; // to the last command for the selected robot
+let held = null; // {text, take()}: somebody else has control of the selected robot
+let moved = true; // something is to be drawn
+let fitted = false; // all of the map was shown once; what the user looks at since then is left alone
+
+const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws${location.search}`;
+const link = new Link(address, {
+  open: () => {
+    store.begin();
+    if (store.selected) link.send({ watch: store.selected });
+  },
+  message: take,
+  closed: () => {
+    store.begin();
+    drive.lost();
+    changed();
+  },
+});
+const drive = new Drive(link, store, tell);
+const act = actions();
+const aim = new Aim(canvas, view, store, {
+  select: (name) => act.select(name, true),
+  goal: act.goal,
+  changed,
+  say: (text) => { byId("map-said").textContent = text; },
+  fit: act.fit,
+  mayAim: () => store.writable() && link.open,
+});
+
+function take(message) {
+  const kind = store.take(message, performance.now());
+  if (kind === "frame") {
+    unseen = message.frame.n;
+    if (store.selected === null && store.robots.size > 0 && WIDE.matches) act.select([...store.robots.keys()][0], false);
+  } else if (kind === "teleop") {
+    drive.update();
+  } else if (kind === "happenings") {
+    byId("event-said").textContent = message.happenings.map((one) => happening(one)[0]).slice(-3).join("; ");
+  } else if (kind === "map") {
+    [fitted, view.touched] = [false, false];
+  }
+  if (kind !== "frame") changed();
+  moved = true;
+}
+
+// The panels are drawn anew with the next picture.
+function changed() {
+  panelsMs = 0;
+  moved = true;
+}
+
+function tell(text) {
+  said = { text, atMs: performance.now() };
+  changed();
+}
+
+function actions() {
+  const ask = async (command, words) => {
+    const robot = store.selected;
+    const { error, ok } = await link.command(command);
+    const text = error ? `${words}: ${error.message}${error.hint ? ` (${error.hint})` : ""}` : `${words}: ${done(ok)}`;
+    if (robot === store.selected) answer = { text, error: Boolean(error) };
+    tell(text);
+    return { error, ok };
+  };
+  return {
+    changed,
+    select(name, show) {
+      store.select(name);
+      [answer, held] = [null, null];
+      if (drive.robot !== null && drive.robot !== name) drive.end();
+      aim.clear();
+      link.send({ watch: name });
+      if (show) act.tab("robot");
+      changed();
+    },
+    tab(name) {
+      document.documentElement.dataset.tab = name;
+      changed();
+    },
+    use: (tool) => aim.use(tool),
+    aim: () => aim.use(aim.tool === "goals" ? "look" : "goals"),
+    pickPoints: () => aim.use(aim.tool === "points" ? "look" : "points"),
+    dropPoints() {
+      aim.points = [];
+      changed();
+    },
+    sendGoal: () => aim.send(),
+    dropGoal: () => aim.clear(),
+    async goal({ x_m, y_m, yaw_rad }) {
+      const robot = store.selected;
+      const send = (take) => ask({ goto: { robot, x_m, y_m, yaw_rad, take } }, `Goal for ${robot}`);
+      mayTake((await send(false)).error, robot, "Take control and send", () => send(true));
+    },
+    stop: (robot) => ask({ stop: { robot } }, `Stop of ${robot}`),
+    reset: (robot) => ask({ reset: { robot } }, `Reset of ${robot}`),
+    cancel: (task) => ask({ cancel: { task } }, `Cancel of ${task}`),
+    async submit() {
+      const made = spec(aim.points);
+      form.sent = null;
+      form.error = made.error ?? null;
+      if (made.spec) {
+        const { error, ok } = await ask({ submit: { spec: made.spec } }, "Task");
+        form.error = error?.message ?? null;
+        if (ok) {
+          form.sent = `Submitted${ok.submitted ? ` as ${[ok.submitted].flat().join(", ")}` : ""}.`;
+          aim.points = [];
+          aim.use("look");
+        }
+      }
+      changed();
+    },
+    async drive(robot, take) {
+      const { error } = await drive.begin(robot, take);
+      if (!mayTake(error, robot, "Take control and drive", () => act.drive(robot, true)) && error) {
+        tell(`Driving: ${error.message}`);
+      }
+      changed();
+    },
+    driveEnd: () => drive.end(),
+    estop,
+    zoom: (steps) => view.zoomBy(steps),
+    fit() {
+      [fitted, view.touched] = [false, false];
+    },
+  };
+}
+
+// After a refusal because somebody else has control: offers to take it. True = it does.
+function mayTake(error, robot, title, take) {
+  const isHeld = error?.code === "lease_held" && robot === store.selected;
+  held = isHeld ? { text: error.message, title, take: () => { held = null; take(); } } : null;
+  changed();
+  return isHeld;
+}
+
+function done(ok) {
+  if (ok?.status) return ok.status;
+  if (ok?.cleared) return ok.remaining?.length ? "some latches remain" : "done";
+  return "done";
+}
+
+// Stops one robot, or all of them; shows which have confirmed.
+async function estop(robot) {
+  drive.letGo();
+  const call = { who: robot ?? "all robots", pending: true, robots: {}, error: null };
+  stop = call;
+  changed();
+  const { ok, error } = await link.command({ estop: { robot } });
+  call.pending = false;
+  call.robots = ok?.robots ?? {};
+  if (error) call.error = `NOT CONFIRMED, ${error.message}. Use the transmitter or the switch on the robot.`;
+  changed();
+}
+
+function stopAll() {
+  const button = byId("estop");
+  // A press acts at once; the click that follows it is the same stop.
+  let pressedMs = -Infinity;
+  button.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0) return;
+    pressedMs = event.timeStamp;
+    estop(null);
+  });
+  button.addEventListener("click", (event) => {
+    if (event.detail !== 0 && event.timeStamp - pressedMs < 3000) return;
+    estop(null);
+  });
+  const shortcut = (event) => event.code === "Space" && event.shiftKey;
+  window.addEventListener("keydown", (event) => {
+    if (!shortcut(event)) return;
+    event.preventDefault();
+    event.stopPropagation();
+    if (!event.repeat) estop(null);
+  }, true);
+  window.addEventListener("keyup", (event) => {
+    if (shortcut(event)) event.preventDefault(); // else a focused button would be pressed too
+  }, true);
+}
+
+function drawPanels(nowMs) {
+  panelsMs = nowMs;
+  const tab = document.documentElement.dataset.tab;
+  if (WIDE.matches && tab === "robots") document.documentElement.dataset.tab = "robot";
+  const look = { tool: aim.tool, preview: aim.preview, points: aim.points, said: nowMs - said.atMs < SAID_MS ? said.text : "",
+    answer, held, driving: drive.robot };
+  drawHeader(nowMs);
+  render(panels.stops(stop, () => { stop = null; changed(); }), byId("stops"));
+  render(panels.tabs(document.documentElement.dataset.tab, store, act), byId("tabs"));
+  render(robotList(store, act), byId("robots"));
+  render(robotPanel(store, act, look), byId("robot"));
+  if (tab === "tasks") render(taskPanel(store, act, look), byId("tasks"));
+  if (tab === "events") render(panels.events(store), byId("events"));
+  render(panels.tools(store, act, look), byId("map-tools"));
+  render(panels.zoom(act), byId("map-zoom"));
+  render(panels.note(store, act, look), byId("map-note"));
+  render(panels.pace(pace, store), byId("pace"));
+  if (tab !== "tasks" && tab !== "events") plots.draw(store.samples, (name) => document.querySelector(`[data-plot="${name}"]`));
+}
+
+function drawHeader(nowMs) {
+  const { hello } = store;
+  byId("fleet").textContent = hello?.fleet ?? "fleet";
+  if (hello) document.title = `XTB ${hello.fleet}`;
+  const ageMs = link.ageMs(nowMs);
+  const lost = !link.open || (ageMs !== null && ageMs > LOST_MS);
+  const state = byId("link");
+  state.className = `link ${lost ? "lost" : "live"}`;
+  const words = lost ? "no connection" : hello?.live === false ? "recording" : "live";
+  if (state.textContent !== words) state.textContent = words;
+  const readOnly = hello && !hello.writable ? `Nothing can be sent: ${hello.why_not ?? "read only"}.` : "";
+  const banner = byId("banner");
+  banner.className = `banner ${lost ? "lost" : ""}`;
+  banner.hidden = !lost && !readOnly;
+  const text = lost
+    ? `Connection lost${ageMs === null ? "" : ` ${age(Math.floor(ageMs / 1000) * 1000).replace(".0", "")} ago`}: what is shown is old, nothing can be sent, not even a stop.`
+    : readOnly;
+  if (banner.textContent !== text) banner.textContent = text;
+  document.documentElement.classList.toggle("lost", lost);
+  byId("estop").disabled = Boolean(readOnly);
+  render(panels.services(store), byId("services"));
+}
+
+function fit() {
+  const map = store.map;
+  const poses = [...store.robots.values()].flatMap((robot) => (robot.pose ? [robot.pose] : []));
+  if (map) {
+    view.fit(bounds(map), picture.width, picture.height);
+  } else if (poses.length > 0) {
+    const [xs, ys] = [poses.map((pose) => pose.x_m), poses.map((pose) => pose.y_m)];
+    const room = 2.5;
+    view.fit([Math.min(...xs) - room, Math.min(...ys) - room, Math.max(...xs) + room, Math.max(...ys) + room],
+      picture.width, picture.height);
+  } else {
+    return;
+  }
+  fitted = true;
+}
+
+const GLIDES_MS = 120; // a frame's robots have reached their places by then
+
+function animate(nowMs) {
+  requestAnimationFrame(animate);
+  const isResized = picture.resize();
+  if (!view.touched && (!fitted || isResized)) fit();
+  const gliding = !CALM.matches && store.frameAtMs !== null && nowMs - store.frameAtMs < GLIDES_MS;
+  if (moved || view.changed || isResized || gliding) {
+    [moved, view.changed] = [false, false];
+    picture.draw(store, view, { preview: aim.preview, cursor: aim.cursor, points: aim.points, level: pace.level },
+      CALM.matches ? Infinity : nowMs);
+  }
+  if (store.frameAtMs !== null) pace.drew(nowMs);
+  if (unseen !== null) {
+    link.send({ seen: unseen });
+    unseen = null;
+  }
+  const every = pace.level >= 5 ? PANELS_SLOW_MS : PANELS_EVERY_MS;
+  if (nowMs - panelsMs >= every || panelsMs === 0) drawPanels(nowMs);
+}
+
+theme(byId("theme"), () => {
+  picture.recolour();
+  plots.recolour();
+  changed();
+});
+stopAll();
+document.addEventListener("visibilitychange", () => pace.restart(performance.now()));
+WIDE.addEventListener("change", changed);
+requestAnimationFrame(animate);
+
+// For tests in a browser.
+export { aim, pace, store, view };

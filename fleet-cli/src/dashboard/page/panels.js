@@ -1,0 +1,93 @@
+// The rest of the panels: tabs, events, what became of an emergency stop, the tools on the map, the header.
+
+import { html, nothing } from "./vendor/lit-html.js";
+import { repeat } from "./vendor/directives/repeat.js";
+import { age, degrees, happening, number, point } from "./words.js";
+
+export const TABS = { robots: "Robots", robot: "Robot", tasks: "Tasks", events: "Events" };
+
+export function tabs(shown, store, act) {
+  const title = (name) => (name === "robot" && store.selected ? store.selected : TABS[name]);
+  const key = (event) => {
+    const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (!by) return;
+    const all = [...event.currentTarget.parentElement.children].filter((tab) => tab.offsetParent !== null);
+    const next = all[(all.indexOf(event.currentTarget) + by + all.length) % all.length];
+    act.tab(next.dataset.for);
+    next.focus();
+  };
+  return Object.keys(TABS).map((name) => html`<button type="button" role="tab" id="tab-${name}" data-for=${name}
+    aria-selected=${shown === name} aria-controls=${name} tabindex=${shown === name ? 0 : -1}
+    @keydown=${key} @click=${() => act.tab(name)}>${title(name)}</button>`);
+}
+
+export function events(store) {
+  const rows = store.happenings.toReversed();
+  const nowMs = store.frame?.now_ms ?? 0;
+  return html`<h2>Events</h2>
+    <ol class="event-list">${repeat(rows, (one) => one.number, (one) => {
+      const [text, tone] = happening(one);
+      return html`<li><time>−${age(Math.max(0, nowMs - one.at_ms)).replace(/\.\d s$/, " s").replace(/^\d+ ms$/, "0 s")}</time><span class=${tone}>${text}</span></li>`;
+    })}</ol>
+    ${rows.length === 0 ? html`<p class="empty">Nothing has happened yet.</p>` : nothing}`;
+}
+
+// `stop`: {who, pending, robots: {name: "stopped" | "unknown"}, error}
+export function stops(stop, close) {
+  if (stop === null) return nothing;
+  const robots = Object.entries(stop.robots);
+  const unknown = robots.filter(([, outcome]) => outcome !== "stopped");
+  const verdict = stop.pending
+    ? "asked, waiting for each robot…"
+    : stop.error ?? (unknown.length > 0 ? `${unknown.length} of ${robots.length} UNKNOWN: may still drive` : "all have stopped");
+  return html`<strong>Emergency stop of ${stop.who}: ${verdict}</strong>
+    ${robots.map(([name, outcome]) => html`<span class="chip ${outcome === "stopped" ? "good" : "bad"}" data-stopped=${name}>
+      ${name} ${outcome}</span>`)}
+    <span class="grow"></span><button type="button" @click=${close}>Close</button>`;
+}
+
+export function tools(store, act, look) {
+  const button = (tool, text, title) => html`<button type="button" data-tool=${tool} title=${title}
+    aria-pressed=${look.tool === tool} @click=${() => act.use(tool)}>${text}</button>`;
+  if (!store.writable()) return nothing;
+  return html`${button("look", "Look", "Pan and zoom; a tap on the floor is a goal to look at first")}
+    ${button("goals", "Send goals", "Press, drag for the heading, let go: sent at once")}
+    ${look.tool === "points" ? button("points", "Points", "Each tap is a point of the new task") : nothing}`;
+}
+
+export function zoom(act) {
+  return html`<button type="button" aria-label="Zoom in" @click=${() => act.zoom(1)}>+</button>
+    <button type="button" aria-label="Zoom out" @click=${() => act.zoom(-1)}>−</button>
+    <button type="button" aria-label="Show all" title="Show all" @click=${act.fit}>⤢</button>`;
+}
+
+export function note(store, act, look) {
+  const { preview, said, tool } = look;
+  if (preview) {
+    const heading = preview.yaw_rad === null ? "any heading" : degrees(preview.yaw_rad);
+    return html`<span><strong>${store.selected}</strong> to ${point(preview)}, ${heading}</span>
+      ${tool === "goals" ? nothing : html`<button type="button" class="main" id="goal-send" @click=${act.sendGoal}>Send</button>
+        <button type="button" aria-label="Drop this goal" @click=${act.dropGoal}>✕</button>`}`;
+  }
+  if (said) return html`<span>${said}</span>`;
+  if (tool === "goals") {
+    return store.selected ? html`<span>Press where <strong>${store.selected}</strong> shall go; drag for the heading</span>`
+      : html`<span>Select a robot first</span>`;
+  }
+  return tool === "points" ? html`<span>Click the points of the task, in order</span>` : nothing;
+}
+
+export function services(store) {
+  const { frame } = store;
+  if (!frame) return nothing;
+  const chip = (is, name) => html`<span class="chip ${is ? "good" : ""}">${name} ${is ? "on" : "off"}</span>`;
+  return html`${chip(frame.traffic_control, "traffic control")}${chip(frame.dispatcher, "dispatcher")}`;
+}
+
+export function pace(pace, store) {
+  const fps = pace.fps();
+  const thinned = pace.thinned();
+  const skipped = store.frame?.skipped ?? 0;
+  return html`${thinned.length > 0 ? html`<b>Thinned out: ${thinned.join("; ")}</b><br>` : nothing}
+    ${fps === null ? "" : number(fps, 0, "pictures/s")}${skipped > 0 ? `, ${skipped} frames left out` : ""}`;
+}

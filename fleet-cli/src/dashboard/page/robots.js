@@ -1,0 +1,142 @@
+// The list of robots, and the panel of the one that is selected.
+
+import { html, nothing } from "./vendor/lit-html.js";
+import { repeat } from "./vendor/directives/repeat.js";
+import { PLOTS } from "./plots.js";
+import { nearest } from "./store.js";
+import { age, chip, degrees, line, metres, number, plain, point, reason, remedy } from "./words.js";
+
+const RUNNING = ["accepted", "running", "blocked"];
+
+function chipOf(robot) {
+  const [words, tone] = chip(robot);
+  return html`<span class="chip ${tone}">${words}</span>`;
+}
+
+export function robotList(store, act) {
+  const robots = [...store.robots.values()];
+  if (robots.length === 0) {
+    return html`<h2>Robots</h2>
+      <p class="empty">${store.frame ? "Nobody is there. Start robots with robot-agent, or fleet-cli sim." : "Looking…"}</p>`;
+  }
+  return html`<h2>Robots (${robots.length})</h2>
+    <ul class="robot-list">
+      ${repeat(robots, (robot) => robot.name, (robot) => html`<li>
+        <button type="button" class="robot-row ${robot.stale ? "is-stale" : ""}" data-robot=${robot.name}
+          aria-pressed=${store.selected === robot.name} @click=${() => act.select(robot.name, true)}>
+          <span class="dot c${robot.colour}" aria-hidden="true"></span>
+          <span class="name">${robot.name}</span>
+          ${chipOf(robot)}
+          <span class="why" title=${line(robot)}>${line(robot)}</span>
+          <span class="age">${robot.stale ? `${age(robot.age_ms)} old` : robot.task ?? ""}</span>
+        </button></li>`)}
+    </ul>`;
+}
+
+export function robotPanel(store, act, look) {
+  const robot = store.robot();
+  if (!robot) {
+    return html`<p class="empty">No robot is selected: choose one in the list or on the map.</p>`;
+  }
+  return html`
+    <div class="title ${robot.stale ? "is-stale" : ""}">
+      <span class="dot c${robot.colour}" aria-hidden="true"></span>
+      <h2>${robot.name}</h2>${chipOf(robot)}
+      ${robot.tags.map((tag) => html`<span class="chip">${tag}</span>`)}
+    </div>
+    ${robot.stale ? stale(robot) : html`${latches(robot, store, act)}${why(robot)}`}
+    ${look.answer ? html`<p class="box ${look.answer.error ? "bad" : ""}" role="status">${look.answer.text}</p>` : nothing}
+    ${store.writable() ? buttons(robot, act, look) : nothing}
+    ${facts(robot, store)}
+    ${Object.entries(PLOTS).map(([name, spec]) => plot(name, spec, robot))}`;
+}
+
+function stale(robot) {
+  const last = robot.pose ? ` It was last seen at ${point(robot.pose)}.` : "";
+  return html`<div class="box warn"><p><strong>${robot.alive ? "Silent" : "Gone"}: what it does is unknown.</strong></p>
+    <p>Last heard ${robot.age_ms === null ? "never" : `${age(robot.age_ms)} ago`}.${last}</p></div>`;
+}
+
+function latches(robot, store, act) {
+  const states = store.detail()?.state?.latches ?? [];
+  return robot.latches.map((latch) => {
+    const state = states.find((one) => one.latch === latch);
+    const by = state ? ` by ${state.by}, ${age(state.age_ms)} ago` : "";
+    const cause = state?.present ? html`<p class="todo">Its cause is still there: ${remedy(latch)}</p>` : nothing;
+    return html`<div class="box bad"><p><strong>Latched: ${reason(latch)}</strong>${by}</p>${cause}
+      <p class="todo">A reset moves nothing; a new goal must follow.</p>
+      ${store.writable()
+        ? html`<div class="row"><button type="button" data-reset=${latch} @click=${() => act.reset(robot.name)}>
+            Reset ${robot.name}</button></div>`
+        : nothing}</div>`;
+  });
+}
+
+function why(robot) {
+  const reasons = robot.why.filter((name) => !robot.latches.includes(name));
+  const faults = robot.faults.map((fault) => html`<div class="box bad"><p><strong>Fault: ${plain(fault)}</strong></p></div>`);
+  if (robot.why.length === 0) return html`${faults}<div class="box"><p>${capital(line(robot))}</p></div>`;
+  if (reasons.length === 0) return faults;
+  const since = robot.stopped_age_ms === null ? "" : ` for ${age(robot.stopped_age_ms)}`;
+  return html`${faults}<div class="box"><p><strong>Stands${since}:</strong> ${reasons.map(reason).join(", ")}</p>
+    ${reasons.map((name) => (remedy(name) ? html`<p class="todo">${remedy(name)}</p>` : nothing))}</div>`;
+}
+
+function buttons(robot, act, look) {
+  const driving = look.driving === robot.name;
+  const { held } = look;
+  return html`<div class="row">
+      <button type="button" id="goal-here" @click=${act.aim} aria-pressed=${look.tool === "goals"}>Send goals</button>
+      <button type="button" id="drive-begin" ?disabled=${!robot.alive || robot.stale}
+        @click=${() => (driving ? act.driveEnd() : act.drive(robot.name, false))}>${driving ? "End driving" : "Drive by hand"}</button>
+    </div>
+    ${held
+      ? html`<div class="box warn"><p>${held.text}</p><div class="row">
+          <button type="button" class="danger" id="take" @click=${held.take}>${held.title}</button></div></div>`
+      : nothing}
+    <div class="row">
+      <button type="button" id="stop-one" @click=${() => act.stop(robot.name)}>Stop</button>
+      <button type="button" class="danger" id="estop-one" @click=${() => act.estop(robot.name)}>E-stop ${robot.name}</button>
+    </div>`;
+}
+
+function facts(robot, store) {
+  const state = store.detail()?.state;
+  const { goal, pose } = robot;
+  const fact = (name, value) => html`<div><dt>${name}</dt><dd>${value}</dd></div>`;
+  const where = pose && !robot.stale ? `${point(pose)}, ${degrees(pose.yaw_rad)} ± ${number(pose.sigma_m * 100, 0, "cm")}` : "unknown";
+  const isRunning = goal && RUNNING.includes(goal.status);
+  const target = goal && goal.x_m !== null ? `${point(goal)}, ` : "";
+  return html`<dl class="facts">
+    ${fact("Pose", where)}
+    ${fact(isRunning ? "Goal" : "Last goal", goal ? `${target}${plain(goal.status)}` : robot.stale ? "unknown" : "none")}
+    ${fact("Left to the goal", isRunning ? metres(goal.distance_m) : "–")}
+    ${fact("Task", robot.task ?? (robot.stale ? "unknown" : "none"))}
+    ${fact("Control", robot.stale ? "unknown" : robot.lease ? `${robot.lease}${robot.lease === store.hello?.client ? " (here)" : ""}` : "free")}
+    ${fact("Waits for", state?.nav?.route?.waits_for ?? "–")}
+    ${fact("State", robot.age_ms === null ? "never heard" : `${age(robot.age_ms)} old`)}
+    ${fact("Battery", robot.battery_level ? `${plain(robot.battery_level)}` : "unknown")}
+  </dl>`;
+}
+
+function plot(name, spec, robot) {
+  const values = {
+    speed: () => `${number(robot.speed_mps, 2, "m/s")}`,
+    tilt: () => `${number(robot.tilt_deg?.x, 1, "°")}, ${number(robot.tilt_deg?.y, 1, "°")}`,
+    battery: () => number(robot.battery_v, 2, "V"),
+    infrared: () => ["front", "rear"].map((side) => far(robot, side)).join(", "),
+  };
+  const keys = spec.names.map((key, i) => html`<span class="key ${i === 1 ? "second" : ""}">${key}</span>`);
+  return html`<div class="plot"><h3>${spec.title}<span>${spec.names.length > 1 ? keys : nothing} ${values[name]()}</span></h3>
+    <div class="plot-at" data-plot=${name} role="img" aria-label="${spec.title} of the last minute; now ${values[name]()}"></div></div>`;
+}
+
+function far(robot, side) {
+  if (!robot.ir_cm) return "unknown";
+  const cm = nearest(robot.ir_cm[side]);
+  return cm === null ? "free" : number(cm, 0, "cm");
+}
+
+function capital(text) {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}

@@ -1,0 +1,165 @@
+// What the page knows of the fleet: takes in the server's messages, holds the latest of everything.
+// No I/O and no clock: `nowMs` is the page's monotonic clock, given by the caller.
+// A stale robot keeps only its last pose, marked as such; everything else of it is unknown.
+
+export const TRAIL_POINTS = 400;
+export const SAMPLES = 1200; // of the watched robot: 60 s at 20 Hz
+export const HAPPENINGS = 200;
+const COLOURS = 8;
+
+export class Store {
+  hello = null;
+  map = null;
+  mapCount = 0; // grows with each map: who draws it sees that there is a new one
+  robots = new Map(); // by name, in the order of the names
+  frame = null; // the latest, without its robots
+  frameAtMs = null; // page's clock
+  tasks = null;
+  happenings = []; // the newest last
+  teleop = null; // {robot, state, why}
+  selected = null;
+  samples = emptySamples();
+
+  // A new connection: what was known before is not known any more.
+  begin() {
+    const { selected, hello, robots } = this;
+    Object.assign(this, new Store(), { selected, hello });
+    // Until the first frame comes the robots stay where they were last seen, grey.
+    for (const [name, robot] of robots) this.robots.set(name, unknown(robot));
+  }
+
+  // Takes in one message; says what has changed: "frame", "map", …
+  take(message, nowMs) {
+    const [kind] = Object.keys(message);
+    const body = message[kind];
+    switch (kind) {
+      case "hello":
+        this.hello = body;
+        break;
+      case "map":
+        this.map = body;
+        this.mapCount += 1;
+        break;
+      case "frame":
+        this.#frame(body, nowMs);
+        break;
+      case "tasks":
+        this.tasks = body;
+        break;
+      case "happenings":
+        this.happenings = this.happenings.concat(body).slice(-HAPPENINGS);
+        break;
+      case "teleop":
+        this.teleop = body;
+        break;
+      default:
+        break; // answers belong to the link; what is newer than this page is not for it
+    }
+    return kind;
+  }
+
+  select(name) {
+    if (name === this.selected) return;
+    this.selected = name;
+    this.samples = emptySamples();
+  }
+
+  robot() {
+    return this.robots.get(this.selected) ?? null;
+  }
+
+  writable() {
+    return this.hello !== null && this.hello.writable;
+  }
+
+  // The selected robot's full state, as long as it is fresh.
+  detail() {
+    const detail = this.frame?.detail;
+    const robot = this.robot();
+    return detail && robot && !robot.stale && detail.robot === this.selected ? detail : null;
+  }
+
+  #frame(frame, nowMs) {
+    const before = this.robots;
+    const after = new Map();
+    const all = [...frame.robots].sort((a, b) => compare(a.name, b.name));
+    all.forEach((news, index) => {
+      after.set(news.name, merge(before.get(news.name), news, index % COLOURS, nowMs));
+    });
+    this.robots = after;
+    this.frame = { ...frame, robots: undefined };
+    this.frameAtMs = nowMs;
+    this.#sample(frame.now_ms);
+  }
+
+  #sample(atMs) {
+    const robot = this.robot();
+    if (!robot) return;
+    const fresh = !robot.stale;
+    const samples = this.samples;
+    const put = (list, value) => list.push(fresh && Number.isFinite(value) ? value : null);
+    samples.t.push(atMs / 1000);
+    put(samples.speed, robot.speed_mps);
+    put(samples.reference, robot.reference_mps);
+    put(samples.tiltX, robot.tilt_deg?.x);
+    put(samples.tiltY, robot.tilt_deg?.y);
+    put(samples.battery, robot.battery_v);
+    put(samples.irFront, nearest(robot.ir_cm?.front));
+    put(samples.irRear, nearest(robot.ir_cm?.rear));
+    if (samples.t.length > SAMPLES) for (const list of Object.values(samples)) list.shift();
+  }
+}
+
+function emptySamples() {
+  return { t: [], speed: [], reference: [], tiltX: [], tiltY: [], battery: [], irFront: [], irRear: [] };
+}
+
+function compare(a, b) {
+  return a.localeCompare(b, "en", { numeric: true });
+}
+
+export function nearest(all) {
+  const seen = (all ?? []).filter((cm) => cm !== null);
+  return seen.length === 0 ? null : Math.min(...seen);
+}
+
+function unknown(robot) {
+  return { ...robot, alive: false, stale: true, latches: [], faults: [], why: [], mode: null, lease: null,
+    task: null, goal: null, ir_cm: null, path: null, speed_mps: null, reference_mps: null,
+    battery_v: null, battery_level: null, tilt_deg: null, obstacle: null, stopped_age_ms: null };
+}
+
+// The news of a frame, with what a frame leaves out because it was sent before.
+function merge(old, news, colour, nowMs) {
+  const robot = { ...news, colour, latches: news.latches ?? [], faults: news.faults ?? [], why: news.why ?? [] };
+  robot.trail = news.trail_reset || !old ? [] : old.trail;
+  if (news.trail?.length) {
+    robot.trail = robot.trail.concat(news.trail).slice(-TRAIL_POINTS);
+  }
+  if (news.path && !news.path.points) {
+    const points = old?.path?.plan === news.path.plan ? old.path.points : null;
+    robot.path = points ? { ...news.path, points } : null;
+  }
+  // Where it was shown last, so that the picture glides there instead of jumping.
+  robot.glide = old?.pose && news.pose ? { from: shown(old, nowMs), atMs: nowMs } : null;
+  return robot;
+}
+
+const GLIDE_MS = 60; // a frame comes each 50 ms
+const JUMP_M = 0.5; // farther than this it was put somewhere else
+
+// Where the robot is drawn at `nowMs`: its latest pose, or on the way there from the one before.
+export function shown(robot, nowMs) {
+  const { pose, glide } = robot;
+  if (!pose || !glide || robot.stale) return pose;
+  const part = Math.min(1, Math.max(0, (nowMs - glide.atMs) / GLIDE_MS));
+  const { from } = glide;
+  if (part >= 1 || !from || Math.hypot(pose.x_m - from.x_m, pose.y_m - from.y_m) > JUMP_M) return pose;
+  const turn = Math.atan2(Math.sin(pose.yaw_rad - from.yaw_rad), Math.cos(pose.yaw_rad - from.yaw_rad));
+  return {
+    ...pose,
+    x_m: from.x_m + part * (pose.x_m - from.x_m),
+    y_m: from.y_m + part * (pose.y_m - from.y_m),
+    yaw_rad: from.yaw_rad + part * turn,
+  };
+}

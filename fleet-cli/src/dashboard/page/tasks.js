@@ -1,0 +1,115 @@
+// The dispatcher's tasks: the list, and the form that submits one.
+
+import { html, nothing } from "./vendor/lit-html.js";
+import { repeat } from "./vendor/directives/repeat.js";
+import { plain, point } from "./words.js";
+
+const ENDED = ["done", "failed", "cancelled"];
+const TONES = { running: "good", done: "good", failed: "bad", blocked: "warn", held: "warn", paused: "warn" };
+const ENDED_SHOWN = 30;
+
+// The form as it stands; kept here so that a new picture loses nothing.
+export const form = { kind: "goto", who: "any", priority: 5, loops: 1, dwell_s: 0, for_s: "", error: null, sent: null };
+
+// What the form means for the points: a TaskSpec, or the reason why it is none.
+export function spec(points) {
+  const { kind, who, priority, loops, dwell_s, for_s } = form;
+  const waypoints = points.map(({ x_m, y_m, yaw_rad }) => ({ x_m: round(x_m), y_m: round(y_m), yaw_rad }));
+  const least = { goto: 1, route: 1, patrol: 1, wander: 0 }[kind];
+  if (waypoints.length < least) return { error: "Click on the map where it shall go." };
+  const seconds = for_s === "" ? null : Number(for_s);
+  if (kind === "wander" && seconds === null) return { error: "Say for how many seconds it shall wander." };
+  const kinds = {
+    goto: () => ({ goto: { to: waypoints.at(-1) } }),
+    route: () => ({ route: { points: waypoints, loops: Number(loops), dwell_s: Number(dwell_s) } }),
+    patrol: () => ({ patrol: { points: waypoints, dwell_s: Number(dwell_s), for_s: seconds } }),
+    wander: () => ({ wander: { for_s: seconds } }),
+  };
+  return { spec: { kind: kinds[kind](), priority: Number(priority), who: whom(who) } };
+}
+
+function round(m) {
+  return Math.round(m * 1000) / 1000;
+}
+
+function whom(who) {
+  const [kind, name] = who.split(":");
+  return kind === "any" ? "any" : { [kind]: name };
+}
+
+export function taskPanel(store, act, look) {
+  const list = store.tasks;
+  const isThere = store.frame?.dispatcher === true;
+  return html`<h2>New task</h2>
+    ${!isThere ? html`<p class="box warn">No dispatcher is there: <code>fleet-cli dispatch serve</code> starts one.</p>` : nothing}
+    ${store.writable() ? formOf(store, act, look, isThere) : nothing}
+    ${list?.ledger_failed ? html`<p class="box bad">The ledger cannot be written: ${list.ledger_failed}</p>` : nothing}
+    ${tasks(list, store, act, isThere)}`;
+}
+
+function formOf(store, act, look, isThere) {
+  const set = (name) => (event) => {
+    form[name] = event.target.value;
+    form.error = form.sent = null;
+    act.changed();
+  };
+  const option = (value, text, name) => html`<option value=${value} ?selected=${form[name] === value}>${text}</option>`;
+  const field = (name, label, rest) => html`<label>${label}<input type="number" .value=${String(form[name])}
+    min=${rest.min} max=${rest.max} step=${rest.step ?? 1} placeholder=${rest.placeholder ?? ""} @input=${set(name)}></label>`;
+  const robots = [...store.robots.keys()];
+  const tags = [...new Set([...store.robots.values()].flatMap((robot) => robot.tags))];
+  const needsPoints = form.kind !== "wander";
+  return html`<form class="form" @submit=${(event) => { event.preventDefault(); act.submit(); }}>
+    <label>What<select @change=${set("kind")}>${option("goto", "Go to a point", "kind")}${option("route", "Route", "kind")}
+      ${option("patrol", "Patrol", "kind")}${option("wander", "Wander", "kind")}</select></label>
+    <label>Who<select @change=${set("who")}>${option("any", "Any robot", "who")}
+      ${robots.map((name) => option(`robot:${name}`, name, "who"))}${tags.map((tag) => option(`tag:${tag}`, `tag ${tag}`, "who"))}</select></label>
+    ${field("priority", "Priority (9 = first)", { min: 0, max: 9 })}
+    ${form.kind === "route" ? field("loops", "Times", { min: 1, max: 1000 }) : nothing}
+    ${form.kind === "route" || form.kind === "patrol" ? field("dwell_s", "Pause at each, s", { min: 0, max: 86400, step: "any" }) : nothing}
+    ${form.kind === "patrol" || form.kind === "wander" ? field("for_s", "For how long, s", { min: 0, max: 86400, step: "any", placeholder: form.kind === "patrol" ? "until cancelled" : "" }) : nothing}
+    ${needsPoints ? pointsOf(act, look) : nothing}
+    ${form.error ? html`<p class="wide error" role="alert">${form.error}</p>` : nothing}
+    ${form.sent ? html`<p class="wide hint" role="status">${form.sent}</p>` : nothing}
+    <button class="wide main" id="task-submit" ?disabled=${!isThere}>Submit</button>
+  </form>`;
+}
+
+function pointsOf(act, look) {
+  const text = look.points.length === 0 ? "none yet" : look.points.map(point).join(" → ");
+  return html`<p class="wide hint">Points: ${text}</p>
+    <button type="button" id="task-points" aria-pressed=${look.tool === "points"} @click=${act.pickPoints}>
+      ${look.tool === "points" ? "Picking: click on the map" : "Pick points on the map"}</button>
+    <button type="button" ?disabled=${look.points.length === 0} @click=${act.dropPoints}>Clear points</button>`;
+}
+
+function tasks(list, store, act, isThere) {
+  if (!list) return html`<p class="empty">No tasks are known.</p>`;
+  const open = list.tasks.filter((task) => !ENDED.includes(task.state));
+  const ended = list.tasks.filter((task) => ENDED.includes(task.state)).reverse();
+  const shown = [...open, ...ended.slice(0, ENDED_SHOWN)];
+  const row = (task) => html`<li class=${isThere ? "" : "is-stale"}>
+    <span class="what">${task.id} · ${words(task)}</span>
+    <span class="chip ${TONES[task.state] ?? ""}">${plain(task.state)}</span>
+    <span class="more">${more(task)}</span>
+    ${store.writable() && isThere && !ENDED.includes(task.state)
+      ? html`<button type="button" aria-label="Cancel ${task.id}" @click=${() => act.cancel(task.id)}>Cancel</button>`
+      : nothing}</li>`;
+  return html`<h2 class="later">Tasks${isThere ? "" : " as last heard"} (${open.length} open)</h2>
+    <ul class="task-list">${repeat(shown, (task) => task.id, row)}</ul>
+    ${shown.length === 0 ? html`<p class="empty">No tasks yet.</p>` : nothing}`;
+}
+
+function words({ spec: { kind } }) {
+  const [name] = Object.keys(kind);
+  const body = kind[name];
+  if (name === "goto") return `go to ${point(body.to)}`;
+  if (name === "wander") return `wander for ${body.for_s} s`;
+  return `${name} over ${body.points.length} points`;
+}
+
+function more(task) {
+  const legs = task.legs === null ? `${task.legs_done} legs` : `${task.legs_done}/${task.legs}`;
+  const parts = [task.robot, legs, `priority ${task.spec.priority}`, `by ${task.by}`, task.reason];
+  return parts.filter((part) => part).join(" · ");
+}

@@ -1,0 +1,149 @@
+//! One page's socket: what it says comes in, frames and answers go out.
+//!
+//! Two tasks, so that a page that takes nothing is still heard: an emergency stop comes in while a frame
+//! is stuck on its way out.
+
+use super::commands::FromPage;
+use super::desk::Desk;
+use super::frames::{Hello, ToPage};
+use super::server::App;
+use super::session::Session;
+use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
+use futures_util::stream::{SplitSink, SplitStream};
+use futures_util::{SinkExt, StreamExt};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::sync::{mpsc, watch};
+use xtb_protocol::{Name, Uuid};
+
+/// A page that does not take a message within this is closed.
+const SEND_WITHIN: Duration = Duration::from_secs(5);
+/// The last word may take this long.
+const CLOSE_WITHIN: Duration = Duration::from_millis(500);
+/// Answers that wait for the page; one that finds no room closes it.
+const ANSWERS: usize = 64;
+
+/// Serves one page until it leaves.
+pub(super) async fn serve(app: Arc<App>, socket: WebSocket) {
+    let name = format!("web-{}", &Uuid::new_v4().simple().to_string()[..6]);
+    let Ok(name) = Name::new(&name) else { return };
+    let _busy = app.busy();
+    let (sink, stream) = socket.split();
+    let session = Arc::<Mutex<Session>>::default();
+    let (answers, queue) = mpsc::channel(ANSWERS);
+    let desk = Desk::new(Arc::clone(&app), &name, answers);
+    let writer = Writer { app: Arc::clone(&app), sink, session: Arc::clone(&session), answers: queue };
+    let mut writer = tokio::spawn(writer.run(app.hello(name)));
+    tokio::select! {
+        _ = &mut writer => {}
+        () = read(&app, stream, &session, desk) => {}
+    }
+    writer.abort();
+}
+
+/// Hears the page until it is gone; the wheel is let go with the desk.
+async fn read(app: &App, mut stream: SplitStream<WebSocket>, session: &Mutex<Session>, mut desk: Desk) {
+    loop {
+        let heard = tokio::select! {
+            message = stream.next() => match message {
+                Some(Ok(Message::Text(text))) => hear(app, session, &mut desk, text.as_str()),
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+                Some(Ok(_)) => Ok(()),
+            },
+            done = desk.next() => desk.ended(done),
+        };
+        if heard.is_err() {
+            return;
+        }
+    }
+}
+
+fn hear(app: &App, session: &Mutex<Session>, desk: &mut Desk, text: &str) -> Result<(), super::desk::Gone> {
+    match serde_json::from_str(text) {
+        Ok(FromPage::Seen(n)) => lock(session).seen(n),
+        Ok(FromPage::Watch(robot)) => lock(session).watch(robot),
+        Ok(FromPage::Setpoint(hand)) => {
+            let picture_ms = lock(session).picture_ms(hand.seen, app.clock_ms());
+            desk.hand(hand, picture_ms);
+        }
+        Ok(FromPage::Do(order)) => return desk.order(order),
+        Err(error) => {
+            app.metrics.malformed.inc();
+            tracing::debug!("from a page: {error}");
+        }
+    }
+    Ok(())
+}
+
+struct Writer {
+    app: Arc<App>,
+    sink: SplitSink<WebSocket, Message>,
+    session: Arc<Mutex<Session>>,
+    answers: mpsc::Receiver<ToPage>,
+}
+
+impl Writer {
+    /// Until the page is gone, takes nothing, or the server ends.
+    async fn run(mut self, hello: Hello) -> Option<()> {
+        let (mut ticks, mut stop) = (self.app.ticks(), self.app.stop());
+        self.send(&ToPage::Hello(hello)).await?;
+        loop {
+            tokio::select! {
+                biased;
+                _ = stopped(&mut stop) => {
+                    let frame = CloseFrame { code: close_code::AWAY, reason: "the dashboard ends".into() };
+                    let close = self.sink.send(Message::Close(Some(frame)));
+                    return tokio::time::timeout(CLOSE_WITHIN, close).await.ok()?.ok();
+                }
+                answer = self.answers.recv() => self.send(&answer?).await?,
+                ticked = ticks.changed() => {
+                    ticked.ok()?;
+                    for message in self.news() {
+                        self.send(&message).await?;
+                    }
+                }
+            }
+        }
+    }
+
+    fn news(&self) -> Vec<ToPage> {
+        let mut session = lock(&self.session);
+        if !session.is_due() {
+            self.app.metrics.skipped.inc();
+            return Vec::new();
+        }
+        self.app.metrics.sent.inc();
+        let shown = &self.app.shown;
+        session.rewound((shown.rewinds)());
+        let scene = shown.scene.lock();
+        session.tick(&scene, shown.scene.now_ms(), self.app.clock_ms())
+    }
+
+    async fn send(&mut self, message: &ToPage) -> Option<()> {
+        let text = match serde_json::to_string(message) {
+            Ok(text) => text,
+            Err(error) => {
+                tracing::error!("a message to a page cannot be written: {error}");
+                return None;
+            }
+        };
+        match tokio::time::timeout(SEND_WITHIN, self.sink.send(Message::Text(text.into()))).await {
+            Ok(sent) => sent.ok(),
+            Err(_) => {
+                self.app.metrics.stalled.inc();
+                tracing::debug!("a page takes nothing");
+                None
+            }
+        }
+    }
+}
+
+async fn stopped(stop: &mut watch::Receiver<bool>) {
+    // Who stops it by dropping it says nothing.
+    let _ = stop.wait_for(|stop| *stop).await;
+}
+
+/// A panic elsewhere does not make a session unreadable.
+fn lock(session: &Mutex<Session>) -> MutexGuard<'_, Session> {
+    session.lock().unwrap_or_else(PoisonError::into_inner)
+}
