@@ -2,6 +2,8 @@
 
 use crate::client::{Client, get};
 use crate::error::{Failure, Kind, Result};
+use crate::output::Progress;
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
@@ -21,6 +23,8 @@ const CONFIRMS_WITHIN: Duration = Duration::from_secs(6);
 const ANSWERS_WITHIN: Duration = Duration::from_secs(2);
 /// Between a question that nobody answered and the next one.
 const ASK_AGAIN: Duration = Duration::from_millis(200);
+/// Who waits longer than this is told for what.
+const SAY_SO_AFTER: Duration = Duration::from_secs(1);
 
 const HOW_TO_START: &str = "`fleet-cli dispatch serve` starts one; `fleet-cli sim --dispatch` contains one";
 
@@ -91,7 +95,26 @@ impl<'a> Dispatching<'a> {
         alive.is_ok_and(|keys| !keys.is_empty())
     }
 
+    /// Says what is waited for if the answer takes its time.
     async fn ask(&self, body: DispatchBody, patience: Duration) -> Result<DispatchOutcome> {
+        let what = match &body {
+            DispatchBody::Show { .. } => None,
+            DispatchBody::Submit { .. } => Some("waiting for a dispatcher"),
+            _ => Some("waiting for the dispatcher, and for robots to confirm"),
+        };
+        let mut progress = Progress::new();
+        let mut asking = pin!(self.ask_quietly(body, patience));
+        tokio::select! {
+            outcome = &mut asking => return outcome,
+            () = tokio::time::sleep(SAY_SO_AFTER) => {}
+        }
+        if let Some(what) = what {
+            progress.show(what);
+        }
+        asking.await
+    }
+
+    async fn ask_quietly(&self, body: DispatchBody, patience: Duration) -> Result<DispatchOutcome> {
         let request = DispatchRequest { id: Uuid::new_v4(), body };
         request.validate().map_err(|error| Failure::new(Kind::Usage, error.to_string()))?;
         let (within, left_undone) = match &request.body {

@@ -18,11 +18,14 @@ pub mod error;
 #[cfg(test)]
 mod fake;
 pub mod feed;
+#[cfg(feature = "foxglove")]
+pub mod foxglove;
 pub mod interrupt;
 pub mod lease;
 pub mod listen;
 pub mod news;
 pub mod output;
+pub mod recording;
 pub mod router;
 pub mod scene;
 pub mod services;
@@ -101,6 +104,9 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::Teleop(args) => commands::teleop::run(&ctx()?, &args).await,
         Verb::Top(args) => commands::top::run(&ctx()?, &args).await,
         Verb::Watch(args) => commands::watch::run(&ctx()?, &args).await,
+        Verb::Record(args) => commands::record::run(&ctx()?, args).await,
+        Verb::Play(args) => commands::play::run(&ctx()?, &args).await,
+        Verb::Export(args) => commands::export::run(&ctx()?, &args),
         Verb::Traffic(args) => commands::traffic::run(&ctx()?, &args).await,
         Verb::Dispatch(args) => commands::dispatch::run(&ctx()?, &args).await,
         Verb::Tasks(args) => commands::tasks::run(&ctx()?, &args).await,

@@ -113,28 +113,65 @@ impl News {
     /// Every [`Unreadable`].
     pub fn read(incoming: &Incoming) -> Result<(Key, Self), Unreadable> {
         let key = Key::parse(&incoming.key).ok_or(Unreadable::Foreign)?;
-        let news = match key.channel {
-            Channel::State => incoming.decode::<RobotState>()?.into(),
-            Channel::Sensors => incoming.decode::<Sensors>()?.into(),
-            Channel::Event => incoming.decode::<Event>()?.into(),
-            Channel::About => incoming.decode::<About>()?.into(),
-            Channel::Cmd(_) => incoming.decode::<Request>()?.into(),
-            Channel::Teleop(_) => incoming.decode::<Setpoint>()?.into(),
-            Channel::Estop(_) | Channel::EstopAll(_) => incoming.decode::<Estop>()?.into(),
-            Channel::Fix => incoming.decode::<Fix>()?.into(),
-            Channel::Log(_) => incoming.decode::<LogRequest>()?.into(),
-            Channel::Route => incoming.decode::<Route>()?.into(),
-            Channel::TrafficState => incoming.decode::<TrafficState>()?.into(),
-            Channel::Map => incoming.decode::<FleetMap>()?.into(),
-            Channel::SimTruth => incoming.decode::<Truth>()?.into(),
-            Channel::SimRoster => incoming.decode::<Roster>()?.into(),
-            Channel::DispatchCmd(_) => incoming.decode::<DispatchRequest>()?.into(),
-            Channel::DispatchTasks => incoming.decode::<TaskList>()?.into(),
-            Channel::DispatchEvent => incoming.decode::<TaskEvent>()?.into(),
+        let news = Self::on(&key.channel, incoming)?;
+        Ok((key, news))
+    }
+
+    /// Reads the JSON of a message of this channel, as recordings hold it: however long, as JSON is
+    /// longer than what is sent.
+    ///
+    /// # Errors
+    /// [`Unreadable::Presence`] or [`Unreadable::Codec`].
+    pub fn of_json(channel: &Channel, json: &[u8]) -> Result<Self, Unreadable> {
+        Self::on(channel, &Json(json))
+    }
+
+    fn on(channel: &Channel, bytes: &impl Readable) -> Result<Self, Unreadable> {
+        Ok(match channel {
+            Channel::State => bytes.read::<RobotState>()?.into(),
+            Channel::Sensors => bytes.read::<Sensors>()?.into(),
+            Channel::Event => bytes.read::<Event>()?.into(),
+            Channel::About => bytes.read::<About>()?.into(),
+            Channel::Cmd(_) => bytes.read::<Request>()?.into(),
+            Channel::Teleop(_) => bytes.read::<Setpoint>()?.into(),
+            Channel::Estop(_) | Channel::EstopAll(_) => bytes.read::<Estop>()?.into(),
+            Channel::Fix => bytes.read::<Fix>()?.into(),
+            Channel::Log(_) => bytes.read::<LogRequest>()?.into(),
+            Channel::Route => bytes.read::<Route>()?.into(),
+            Channel::TrafficState => bytes.read::<TrafficState>()?.into(),
+            Channel::Map => bytes.read::<FleetMap>()?.into(),
+            Channel::SimTruth => bytes.read::<Truth>()?.into(),
+            Channel::SimRoster => bytes.read::<Roster>()?.into(),
+            Channel::DispatchCmd(_) => bytes.read::<DispatchRequest>()?.into(),
+            Channel::DispatchTasks => bytes.read::<TaskList>()?.into(),
+            Channel::DispatchEvent => bytes.read::<TaskEvent>()?.into(),
             Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive => {
                 return Err(Unreadable::Presence);
             }
-        };
-        Ok((key, news))
+        })
+    }
+}
+
+/// Bytes that a message can be read from.
+trait Readable {
+    fn read<M: Message>(&self) -> Result<M, CodecError>;
+}
+
+impl Readable for Incoming {
+    fn read<M: Message>(&self) -> Result<M, CodecError> {
+        self.decode()
+    }
+}
+
+/// JSON of any length.
+struct Json<'a>(&'a [u8]);
+
+impl Readable for Json<'_> {
+    fn read<M: Message>(&self) -> Result<M, CodecError> {
+        let malformed =
+            |error: serde_json::Error| CodecError::Malformed { name: M::NAME, reason: error.to_string() };
+        let message: M = serde_json::from_slice(self.0).map_err(malformed)?;
+        message.validate()?;
+        Ok(message)
     }
 }

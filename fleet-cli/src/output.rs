@@ -179,6 +179,12 @@ impl Progress {
     }
 }
 
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
 impl Default for Progress {
     fn default() -> Self {
         Self::new()

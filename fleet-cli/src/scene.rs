@@ -18,7 +18,7 @@ use xtb_protocol::messages::{
     About, Event, FleetMap, RobotState, RosterEntry, Sensors, TaskEvent, TaskList, TrafficState, Truth,
 };
 
-/// Points of a trail; at [`TRAIL_STEP_M`] that is 20 m.
+/// Points of a trail; 5 cm apart: 20 m.
 pub const TRAIL: usize = 400;
 /// A new point of the trail this far from the last.
 const TRAIL_STEP_M: f64 = 0.05;

@@ -4,6 +4,7 @@ use crate::describe::fixed;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use crate::words;
+use xtb_protocol::Name;
 use xtb_protocol::messages::{TaskKind, TaskState, TaskView, Waypoint, Who};
 
 const HEADINGS: [&str; 8] = ["task", "state", "for", "robot", "legs", "pri", "what", "why"];
@@ -80,6 +81,11 @@ pub(crate) fn whose(wish: &Who) -> String {
     }
 }
 
+/// Which robot has it, or had it when it ended. What waits or is put aside is no robot's.
+pub(crate) fn robot(task: &TaskView) -> Option<&Name> {
+    task.robot.as_ref().filter(|_| !matches!(task.state, TaskState::Queued | TaskState::Paused))
+}
+
 /// How far it is.
 pub(crate) fn legs(task: &TaskView) -> String {
     match task.legs {
@@ -102,7 +108,7 @@ pub(crate) fn since(now_ms: u64, then_ms: u64) -> String {
 pub(crate) fn table<'a>(tasks: impl Iterator<Item = &'a TaskView>, now_ms: u64, out: &Output) -> String {
     let mut table = Table::new(&HEADINGS);
     for task in tasks {
-        let robot = match &task.robot {
+        let robot = match robot(task) {
             Some(robot) => robot.as_str().into(),
             None => Cell::new(who(&task.spec.who), Tone::Dim),
         };
@@ -149,7 +155,7 @@ pub(crate) fn count(tasks: &[TaskView]) -> String {
 
 /// A task in one line.
 pub(crate) fn line(task: &TaskView) -> String {
-    let on = task.robot.as_ref().map(|robot| format!(" on {robot}")).unwrap_or_default();
+    let on = robot(task).map(|robot| format!(" on {robot}")).unwrap_or_default();
     let legs = match task.legs {
         Some(1) => String::new(),
         _ => format!(" · {}", legs(task)),

@@ -309,6 +309,41 @@ fn completions_exist_for_every_shell_and_need_no_config() {
 }
 
 #[test]
+fn bash_completes_robots_and_tasks_that_there_are() {
+    let script = stdout(&Home::empty().run("completions bash").code(0));
+    for (words, expected) in [
+        ("cancel ''", "tasks-now"),
+        ("goto ''", "robots-now"),
+        ("dispatch goto 1 2 --robot ''", "robots-now"),
+    ] {
+        let last = words.split(' ').count();
+        let ask = format!(
+            "fleet-cli() {{ [ \"$1\" = names ] && echo \"$2-now\"; }}\n{script}\n\
+             COMP_WORDS=(fleet-cli {words}); COMP_CWORD={last}\n\
+             _fleet-cli_live fleet-cli '' \"${{COMP_WORDS[COMP_CWORD-1]}}\"; echo \"${{COMPREPLY[*]}}\""
+        );
+        let output = std::process::Command::new("bash").args(["--norc", "-c", &ask]).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(said.split_whitespace().any(|word| word == expected), "{words}: {output:?}");
+    }
+}
+
+#[test]
+fn zsh_and_fish_complete_robots_and_tasks_that_there_are() {
+    let zsh = stdout(&Home::empty().run("completions zsh").code(0));
+    let asks = |end: &str| zsh.lines().filter(|line| line.ends_with(end)).count();
+    let of = |what: &str| asks(&format!(":_fleet-cli_{what}' \\"));
+    // task, cancel, pause, resume, retry; as many robots as there are places for them.
+    assert_eq!(of("tasks"), 5, "{zsh}");
+    let left = zsh.lines().filter(|line| line.contains(":ROBOT:_default") || line.contains("obot:_default"));
+    assert_eq!((of("robots") > 10, left.count()), (true, 0), "{zsh}");
+    let defined = zsh.find("_fleet-cli_tasks() {").unwrap();
+    assert!(defined < zsh.find("if [ \"$funcstack").unwrap(), "the script runs before they are there");
+    let fish = stdout(&Home::empty().run("completions fish").code(0));
+    assert!(fish.contains("(fleet-cli names tasks") && fish.contains("(fleet-cli names robots"), "{fish}");
+}
+
+#[test]
 fn nothing_is_coloured_outside_a_terminal() {
     let home = Home::empty();
     home.config("[[robots]]\nname = 'xtb-1'");

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use fleet_cli::services::dispatch::store::Store;
 use fleet_cli::services::ledger::{Fault, Ledger, Recovered, Writer, read};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -10,6 +11,10 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
+use xtb_dispatch::dispatcher::Identity;
+use xtb_dispatch::{Dispatcher, Effect, Entry, Settings};
+use xtb_protocol::Name;
+use xtb_protocol::messages::{TaskId, TaskState};
 
 const LEDGER: &str = "XTB_TEST_LEDGER";
 /// How often to kill; 50 unless this variable says more.
@@ -188,4 +193,41 @@ fn a_disk_that_is_really_full_loses_nothing() {
     assert!(recovered.rows.iter().all(|row| row.record.is_right(row.seq)));
     assert_eq!(ledger.append(&[Record::new(written + 1)]).unwrap(), written + 1);
     assert_eq!(read(&path).unwrap().rows.len() as u64, written + 1);
+}
+
+/// What a dispatcher of schema 1 wrote, and left when it was ended. The file is never made anew: a later program
+/// has to bring it to its own schema.
+#[test]
+fn the_ledger_of_a_dispatcher_of_schema_1_is_opened_and_gone_on_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lab.ledger");
+    fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ledgers/v1.ledger"), &path).unwrap();
+    assert_eq!(read(&path).unwrap().rows.len(), 47, "it cannot be exported");
+
+    let store = Store::open(&path, &Name::new("lab").unwrap()).unwrap();
+    assert!(!store.created);
+    let now_ms = store.entries.last().unwrap().at_ms;
+    let mut dispatcher = dispatcher(now_ms, store.entries);
+    use TaskState::{Cancelled, Done, Failed, Paused, Running};
+    let tasks: Vec<_> =
+        dispatcher.book().tasks().map(|task| (task.id.number(), task.state, task.legs_done)).collect();
+    let expected =
+        [(Done, 1), (Cancelled, 1), (Cancelled, 0), (Done, 4), (Paused, 4), (Failed, 0), (Running, 0)];
+    assert_eq!(tasks, (1..).zip(expected).map(|(n, (state, legs))| (n, state, legs)).collect::<Vec<_>>());
+    let failed = dispatcher.book().task(TaskId::new(6)).unwrap();
+    assert_eq!(failed.reason.as_deref(), Some("xtb-2 was told to stop"));
+
+    assert!(dispatcher.compact(now_ms));
+    let Some(Effect::Write(write)) = dispatcher.next_effect() else { panic!("no write") };
+    let mut ledger = store.ledger;
+    assert_eq!(ledger.compact(&write.entries[0]).unwrap(), 48);
+    drop(ledger);
+    let again = Store::open(&path, &Name::new("lab").unwrap()).unwrap();
+    dispatcher.written(now_ms, write.id).unwrap();
+    assert_eq!(self::dispatcher(now_ms, again.entries).book(), dispatcher.book());
+}
+
+fn dispatcher(now_ms: u64, entries: Vec<Entry>) -> Dispatcher {
+    let identity = Identity { me: Name::new("dispatch").unwrap(), ledger: 1, run: 1 };
+    Dispatcher::recover(now_ms, identity, Settings::default(), entries).unwrap()
 }

@@ -14,7 +14,7 @@ mod text;
 
 pub use lines::{board, gyro};
 pub use maps::{fleet_map, ros_map};
-pub use messages::{command, estop, fix, robot_state, route, teleop, traffic};
+pub use messages::{command, dispatch, estop, fix, robot_state, route, teleop, traffic};
 pub use mutate::Mutator;
 pub use text::{agent_config, fleet_config, trace};
 
@@ -37,8 +37,9 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 14] = [
+pub const TARGETS: [Target; 15] = [
     Target { name: "command", check: command, seeds: seeds::command, rounds: 30_000 },
+    Target { name: "dispatch", check: dispatch, seeds: seeds::dispatch, rounds: 20_000 },
     Target { name: "teleop", check: teleop, seeds: seeds::teleop, rounds: 40_000 },
     Target { name: "estop", check: estop, seeds: seeds::estop, rounds: 40_000 },
     Target { name: "board", check: board, seeds: seeds::board, rounds: 20_000 },

@@ -38,6 +38,8 @@ pub enum Signal {
     Stop,
     /// `SIGCONT`.
     Continue,
+    /// `SIGINT`, as Ctrl-C.
+    Interrupt,
 }
 
 impl Process {
@@ -81,6 +83,7 @@ impl Process {
             Signal::Kill => Os::KILL,
             Signal::Stop => Os::STOP,
             Signal::Continue => Os::CONT,
+            Signal::Interrupt => Os::INT,
         };
         let sent = kill_process(Pid::from_child(&self.0), signal);
         sent.unwrap_or_else(|error| panic!("{error}"));

@@ -13,6 +13,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A pose in the map.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct MapPose {
     /// East, in m.

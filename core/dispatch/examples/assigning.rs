@@ -1,9 +1,12 @@
 //! How long one round of assignment takes, and how near it is to the best: the table and the plot of
 //! docs/dispatch.md. `cargo run -p xtb-dispatch --example assigning [SVG]`
+//!
+//! Exit code 1 if a round took longer than [`LIMIT_MS`].
 
 #![allow(clippy::print_stdout)]
 
 use std::fmt::Write as _;
+use std::process::ExitCode;
 use std::time::Instant;
 use xtb_dispatch::OpenGround;
 use xtb_dispatch::assign::{Candidate, Demand, assign};
@@ -15,6 +18,9 @@ const GROUND: OpenGround = OpenGround { radius_m: 0.4 };
 const ROBOTS: [usize; 7] = [10, 20, 50, 100, 200, 500, 1000];
 const TASKS: [usize; 3] = [100, 1000, 10_000];
 const COLOURS: [&str; 3] = ["#0072b2", "#e69f00", "#d55e00"];
+
+/// Ten thousand tasks and a thousand robots take less than a second.
+const LIMIT_MS: f64 = 1000.0;
 
 /// Which number of tasks, whether from one depot, and ms by robots.
 type Line = (usize, bool, Vec<(usize, f64)>);
@@ -44,7 +50,7 @@ fn round_ms(robots: usize, tasks: usize, depot: bool) -> f64 {
     best.fold(f64::INFINITY, f64::min)
 }
 
-fn main() -> std::io::Result<()> {
+fn main() -> std::io::Result<ExitCode> {
     println!("| robots | tasks | spread, ms | one depot, ms |\n| ---: | ---: | ---: | ---: |");
     let mut lines: Vec<Line> = Vec::new();
     for (i, tasks) in TASKS.into_iter().enumerate() {
@@ -57,10 +63,12 @@ fn main() -> std::io::Result<()> {
         }
         lines.extend([(i, false, spread), (i, true, depot)]);
     }
-    match std::env::args().nth(1) {
-        Some(path) => std::fs::write(path, plot(&lines)),
-        None => Ok(()),
+    if let Some(path) = std::env::args().nth(1) {
+        std::fs::write(path, plot(&lines))?;
     }
+    let longest_ms = lines.iter().flat_map(|(_, _, took)| took).map(|(_, ms)| *ms).fold(0.0, f64::max);
+    println!("\nlongest: {longest_ms:.1} ms of at most {LIMIT_MS}");
+    Ok(if longest_ms < LIMIT_MS { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// Both axes logarithmic: robots 10 to 1000, 0.1 to 10,000 ms.

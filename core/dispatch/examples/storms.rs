@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 #[allow(dead_code)]
-#[path = "../tests/it/model.rs"]
+#[path = "../tests/it/model/mod.rs"]
 mod model;
 #[allow(dead_code)]
 #[path = "../tests/it/robots.rs"]

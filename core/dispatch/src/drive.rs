@@ -10,7 +10,7 @@ use crate::robot::{Purpose, Robot, Seen};
 use crate::settings::Settings;
 use crate::task::{Assigned, Task};
 use xtb_protocol::Name;
-use xtb_protocol::messages::{Assignment, GoalStatus, LinkLoss, OnTakeover, RejectCode, TaskState};
+use xtb_protocol::messages::{Assignment, GoalStatus, LinkLoss, OnTakeover, RejectCode, TaskState, Who};
 
 /// What became of a task, as its robot shows it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -66,17 +66,28 @@ pub fn look(eye: Eye<'_>, task: &Task, robot: &Robot) -> Option<News> {
         GoalStatus::Accepted | GoalStatus::Running => {
             (task.state != TaskState::Running).then_some(News::Became(Change::Running, None))
         }
-        GoalStatus::Blocked => {
-            let since_ms = robot.blocked_ms.unwrap_or(eye.now_ms);
-            let long = eye.now_ms.saturating_sub(since_ms) >= eye.settings.blocked_ms;
-            (long && task.state != TaskState::Blocked)
-                .then(|| News::Became(Change::Blocked, goal.reason.clone()))
-        }
+        GoalStatus::Blocked => blocked(eye, task, robot, goal.reason.as_deref()),
         GoalStatus::Cancelled | GoalStatus::Replaced => Some(interfered(eye, robot, seen)),
         GoalStatus::Failed | GoalStatus::Interrupted => {
             Some(failed(eye, task, robot, goal.reason.as_deref()))
         }
     }
+}
+
+/// Something is in its way. After a while another robot may be luckier, first of all one that is what stands
+/// there.
+fn blocked(eye: Eye<'_>, task: &Task, robot: &Robot, reason: Option<&str>) -> Option<News> {
+    if task.state != TaskState::Blocked {
+        let since_ms = robot.blocked_ms.unwrap_or(eye.now_ms);
+        let long = eye.now_ms.saturating_sub(since_ms) >= eye.settings.blocked_ms;
+        return long.then(|| News::Became(Change::Blocked, reason.map(str::to_owned)));
+    }
+    let blocked_ms = eye.now_ms.saturating_sub(task.since_ms);
+    let only_it = matches!(task.spec.who, Who::Robot(_));
+    (blocked_ms >= eye.settings.blocked_most_ms && !only_it).then(|| {
+        let (name, what) = (&robot.name, reason.unwrap_or("blocked"));
+        News::queued(eye.now_ms, format!("{name}: {what}, for {} s", blocked_ms / 1000))
+    })
 }
 
 /// The robot has confirmed that it does not drive for a task that is to end or to rest.

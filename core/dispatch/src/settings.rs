@@ -32,6 +32,8 @@ pub struct Settings {
     pub retry_max_ms: u64,
     /// Something has to be in the way for this long before the history says so.
     pub blocked_ms: u64,
+    /// A task that any of several may do goes back to the queue after it was blocked for this long.
+    pub blocked_most_ms: u64,
     /// A task that waits gains one level of priority each.
     pub age_ms: u64,
     /// Time between two rounds of assignment.
@@ -63,6 +65,7 @@ impl Default for Settings {
             retry_ms: 2_000,
             retry_max_ms: 60_000,
             blocked_ms: 2_000,
+            blocked_most_ms: 60_000,
             age_ms: 60_000,
             assign_ms: 200,
             rewrite_ms: 1_000,

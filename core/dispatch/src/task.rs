@@ -3,7 +3,7 @@
 //! ```text
 //!   queued ──► assigned ──► running ◄──► blocked        done
 //!     ▲  ▲        │  └──────────┴──────────┴──────────► failed
-//!     │  └────────┴── robot gone, latched, refused        ▲
+//!     │  └────────┴── robot gone, latched, refused, stuck ▲
 //!     │           └── taken over, told to stop ─► held ───┤
 //!     └── resume ── paused ◄── pause                      │ deadline
 //!                        any ──► cancelling ──► cancelled ┘

@@ -1,6 +1,6 @@
 //! The grammar of `map` and its verbs.
 
-use super::number;
+use super::values::number;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 use xtb_nav::Grid;

@@ -1,6 +1,6 @@
 //! Arguments of `plan`.
 
-use super::seconds;
+use super::values::seconds;
 use clap::Args;
 use std::path::PathBuf;
 use std::time::Duration;

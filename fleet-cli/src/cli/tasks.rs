@@ -1,11 +1,11 @@
 //! The grammar of tasks: what can be submitted, and what can be done about them afterwards.
 
-use super::{degrees, metres, part_of_a_day, seconds};
+use super::values::{degrees, metres, part_of_a_day, seconds};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use std::time::Duration;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{MAX_PRIORITY, OnTakeover, TaskId};
+use xtb_protocol::messages::{LinkLoss, MAX_PRIORITY, OnTakeover, TaskId};
 
 const GOTO_EXAMPLE: &str = "\
 Example: fleet-cli dispatch goto 4 2 --yaw 90 --tag red --wait";
@@ -176,6 +176,30 @@ pub struct TermArgs {
     /// How long it waits for a robot that is gone or taken.
     #[arg(long, value_name = "SECONDS", default_value = "30", value_parser = part_of_a_day)]
     pub grace: f64,
+    /// What its robot does when it hears nothing from the dispatcher.
+    #[arg(long, value_name = "WHAT", value_enum, default_value = "halt")]
+    pub on_link_loss: LinkLossArg,
+    /// With --on-link-loss finish: how long one drive may take [default: 300].
+    #[arg(long, value_name = "SECONDS", value_parser = part_of_a_day, requires = "on_link_loss")]
+    pub finish: Option<f64>,
+}
+
+/// What a robot does when it hears nothing from the dispatcher.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum LinkLossArg {
+    /// It stops, and the task waits or goes to another one.
+    Halt,
+    /// It goes on to the point it drives to.
+    Finish,
+}
+
+impl From<LinkLossArg> for LinkLoss {
+    fn from(arg: LinkLossArg) -> Self {
+        match arg {
+            LinkLossArg::Halt => Self::Halt,
+            LinkLossArg::Finish => Self::Finish,
+        }
+    }
 }
 
 /// What becomes of a task whose robot somebody else took.

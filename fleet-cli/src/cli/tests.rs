@@ -1,6 +1,8 @@
 //! Command lines and what they mean.
 
+use super::values::LATCHES;
 use super::*;
+use xtb_protocol::messages::Latch;
 
 fn read(line: &str) -> Result<Cli, clap::Error> {
     Cli::read(line.split(' ').map(OsString::from))
@@ -82,7 +84,22 @@ fn a_task_is_for_one_robot_tag_or_capability_and_interrupting_needs_waiting() {
         "wander",
         "route",
         "patrol 0,0 --dwell -1",
+        "goto 1 2 --on-link-loss go",
+        "goto 1 2 --finish 60",
     ] {
         assert!(read(&format!("fleet-cli dispatch {bad}")).is_err(), "{bad}");
     }
+}
+
+#[test]
+fn a_task_says_what_its_robot_does_without_the_dispatcher() {
+    let terms = |line: &str| match read(&format!("fleet-cli dispatch {line}")).unwrap().verb {
+        Verb::Dispatch(DispatchArgs { verb: DispatchVerb::Wander(args) }) => args.terms,
+        Verb::Dispatch(DispatchArgs { verb: DispatchVerb::Goto(args) }) => args.terms,
+        other => panic!("{other:?}"),
+    };
+    let finish = terms("goto 1 2 --on-link-loss finish --finish 60");
+    assert_eq!((finish.on_link_loss, finish.finish), (LinkLossArg::Finish, Some(60.0)));
+    let halt = terms("wander --for 60");
+    assert_eq!((halt.on_link_loss, halt.finish), (LinkLossArg::Halt, None));
 }

@@ -33,6 +33,40 @@ complete -c fleet-cli -f -n "__fish_seen_subcommand_from status why goto wander 
 complete -c fleet-cli -n "__fish_seen_subcommand_from dispatch tasks" -l robot -x -a "(fleet-cli names robots 2>/dev/null)"
 "#;
 
+/// For zsh these stand in the place of clap's `_default`.
+const LIVE_ZSH: &str = r#"
+(( $+functions[_fleet-cli_robots] )) ||
+_fleet-cli_robots() {
+    local names; names=(${(f)"$(fleet-cli names robots 2>/dev/null)"})
+    _describe -t robots 'robot' names
+}
+(( $+functions[_fleet-cli_tasks] )) ||
+_fleet-cli_tasks() {
+    local names; names=(${(f)"$(fleet-cli names tasks 2>/dev/null)"})
+    _describe -V -t tasks 'task' names
+}
+"#;
+
+/// clap's script for zsh, which asks for robots and tasks where it has arguments that are such.
+fn zsh(script: &str) -> String {
+    let live = |line: &str| {
+        let whose = line.trim_start_matches('\'').trim_start_matches('*').trim_start_matches(':');
+        let of = match whose.split([' ', '=']).next() {
+            Some("robot" | "robots" | "--robot") if line.contains(" -- ") || line.contains(":ROBOT:") => {
+                "robots"
+            }
+            Some("task" | "tasks") if line.contains(" -- ") => "tasks",
+            _ => return line.to_owned(),
+        };
+        line.replace(":_default'", &format!(":_fleet-cli_{of}'"))
+    };
+    let mut lines: Vec<String> = script.lines().map(live).collect();
+    // The end of the script runs it, so that these have to stand before.
+    let at = lines.iter().rposition(|line| line.starts_with("if [ \"$funcstack")).unwrap_or(lines.len());
+    lines.insert(at, LIVE_ZSH.to_owned());
+    lines.join("\n") + "\n"
+}
+
 /// Prints the script; needs neither config nor router.
 ///
 /// # Errors
@@ -40,11 +74,12 @@ complete -c fleet-cli -n "__fish_seen_subcommand_from dispatch tasks" -l robot -
 pub fn run(out: Output, args: &CompletionsArgs) -> Result<Exit> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "fleet-cli", &mut script);
-    let live = match args.shell {
-        Shell::Bash => LIVE_BASH,
-        Shell::Fish => LIVE_FISH,
-        _ => "",
-    };
-    out.text(&format!("{}{live}", String::from_utf8_lossy(&script)))?;
+    let script = String::from_utf8_lossy(&script);
+    out.text(&match args.shell {
+        Shell::Bash => format!("{script}{LIVE_BASH}"),
+        Shell::Fish => format!("{script}{LIVE_FISH}"),
+        Shell::Zsh => zsh(&script),
+        _ => script.into_owned(),
+    })?;
     Ok(Exit::Done)
 }

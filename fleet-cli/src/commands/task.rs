@@ -8,7 +8,7 @@ use crate::dispatching::Dispatching;
 use crate::error::{Exit, Result};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
-use crate::task_words::{legs, since, tone, what, whose};
+use crate::task_words::{legs, robot, since, tone, what, whose};
 use crate::words;
 use std::time::{SystemTime, UNIX_EPOCH};
 use xtb_protocol::messages::{OnTakeover, TaskHistory, TaskView};
@@ -30,7 +30,7 @@ pub async fn run(ctx: &Context, args: &TaskArgs) -> Result<Exit> {
 fn text(history: &TaskHistory, now_ms: u64, out: &Output) -> String {
     let TaskHistory { task, steps, left_out } = history;
     let state = out.paint(tone(task.state), &words::name(&task.state));
-    let on = task.robot.as_ref().map(|robot| format!(" on {robot}")).unwrap_or_default();
+    let on = robot(task).map(|robot| format!(" on {robot}")).unwrap_or_default();
     let mut lines = vec![
         format!("{}  {}", out.paint(Tone::Strong, &task.id.to_string()), what(&task.spec.kind)),
         format!("state    {state}{on}, for {}", since(now_ms, task.since_ms)),

@@ -48,7 +48,7 @@ async fn once(ctx: &Context, args: &TasksArgs) -> Result<Exit> {
 /// Whether a task is on that robot, ended there or waits for it.
 fn concerns(task: &TaskView, robot: Option<&Name>) -> bool {
     let wishes = |robot: &Name| matches!(&task.spec.who, Who::Robot(wished) if wished == robot);
-    robot.is_none_or(|robot| task.robot.as_ref() == Some(robot) || wishes(robot))
+    robot.is_none_or(|robot| task_words::robot(task) == Some(robot) || wishes(robot))
 }
 
 /// The table, what is not in it, and what is wrong.

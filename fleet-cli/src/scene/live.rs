@@ -5,7 +5,7 @@ use super::{AtMs, Scene};
 use crate::client::Client;
 use crate::error::Result;
 use crate::listen::{Inlet, Item, Sources};
-use crate::news::News;
+use crate::news::{News, Unreadable};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -24,21 +24,65 @@ pub struct Wanted {
 #[derive(Debug)]
 pub struct Shared {
     scene: Mutex<Scene>,
-    began: Instant,
+    clock: Clock,
     unreadable: AtomicU64,
+    rewinds: AtomicU64,
+}
+
+/// What tells a scene's time.
+#[derive(Debug)]
+enum Clock {
+    /// The viewer's, since then.
+    Running(Instant),
+    /// Whoever plays a recording.
+    Set(AtomicU64),
 }
 
 impl Shared {
     /// A scene whose clock begins now.
     #[must_use]
     pub fn new(scene: Scene) -> Self {
-        Self { scene: Mutex::new(scene), began: Instant::now(), unreadable: AtomicU64::new(0) }
+        Self::timed(scene, Clock::Running(Instant::now()))
     }
 
-    /// The viewer's clock.
+    /// A scene out of a recording, whose clock is where that is played: it stands while that is paused.
+    #[must_use]
+    pub fn played(scene: Scene) -> Self {
+        Self::timed(scene, Clock::Set(AtomicU64::new(0)))
+    }
+
+    fn timed(scene: Scene, clock: Clock) -> Self {
+        Self { scene: Mutex::new(scene), clock, unreadable: AtomicU64::new(0), rewinds: AtomicU64::new(0) }
+    }
+
+    /// The clock by which everything in the scene has its age: the viewer's, or the recording's.
     #[must_use]
     pub fn now_ms(&self) -> AtMs {
-        u64::try_from(self.began.elapsed().as_millis()).unwrap_or(u64::MAX)
+        match &self.clock {
+            Clock::Running(began) => u64::try_from(began.elapsed().as_millis()).unwrap_or(u64::MAX),
+            Clock::Set(at_ms) => at_ms.load(Ordering::Acquire),
+        }
+    }
+
+    /// Sets the clock of a recording.
+    pub(crate) fn set_now_ms(&self, now_ms: AtMs) {
+        if let Clock::Set(at_ms) = &self.clock {
+            at_ms.store(now_ms, Ordering::Release);
+        }
+    }
+
+    /// Begins anew, at another place of a recording: what a viewer holds of the scene before is void.
+    pub(crate) fn rewind(&self, scene: Scene, now_ms: AtMs) {
+        let mut place = self.lock();
+        *place = scene;
+        self.set_now_ms(now_ms);
+        self.rewinds.fetch_add(1, Ordering::Release);
+    }
+
+    /// How often it has begun anew; what is live never does.
+    #[must_use]
+    pub fn rewinds(&self) -> u64 {
+        self.rewinds.load(Ordering::Acquire)
     }
 
     /// The scene, locked: read and let go, nothing else.
@@ -50,11 +94,13 @@ impl Shared {
     pub fn put(&self, item: &Item) {
         match News::of(item) {
             Ok((key, news)) => self.lock().take(self.now_ms(), &key, news),
-            Err(error) => {
-                self.unreadable.fetch_add(1, Ordering::Relaxed);
-                tracing::debug!("unreadable: {error}");
-            }
+            Err(error) => self.note_unreadable(&error),
         }
+    }
+
+    pub(crate) fn note_unreadable(&self, error: &Unreadable) {
+        self.unreadable.fetch_add(1, Ordering::Relaxed);
+        tracing::debug!("unreadable: {error}");
     }
 
     /// Messages that could not be read.

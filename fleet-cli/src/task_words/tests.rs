@@ -55,3 +55,14 @@ fn a_line_has_robot_legs_and_reason() {
     assert_eq!(line(&view), "t3 blocked on xtb-1: goto (1.00, 2.00) · 1/4 · a chair");
     assert_eq!(line(&task(4, TaskState::Queued)), "t4 queued: goto (1.00, 2.00)");
 }
+
+#[test]
+fn a_task_that_waits_is_no_robots_whoever_had_it_before() {
+    let on = |state| TaskView { robot: Some(Name::robot("xtb-1").unwrap()), ..task(1, state) };
+    assert!(line(&on(TaskState::Running)).starts_with("t1 running on xtb-1: "));
+    assert!(line(&on(TaskState::Done)).starts_with("t1 done on xtb-1: "));
+    for state in [TaskState::Queued, TaskState::Paused] {
+        assert_eq!(robot(&on(state)), None);
+        assert!(!line(&on(state)).contains("xtb-1"));
+    }
+}

@@ -1,10 +1,12 @@
-//! Messages from the network: requests, setpoints, emergency stops, pose fixes, routes, states.
+//! Messages from the network: requests, questions to the dispatcher, setpoints, emergency stops, pose fixes, routes, states.
 
 use std::fmt::Debug;
 use xtb_protocol::Uuid;
 use xtb_protocol::codec::{self, CodecError, Format, decode, encode, encoding};
 use xtb_protocol::messages::{
-    Body, Estop, Fix, Message, RejectCode, Reply, Request, RobotState, Route, Setpoint, Track, TrafficState,
+    Assignment, Body, DispatchBody, DispatchRequest, Errand, Estop, Fix, MAX_POINTS, MAX_PRIORITY,
+    MAX_SUBMISSION, Message, RejectCode, Reply, Request, RobotState, Route, Setpoint, TaskSpec, Track,
+    TrafficState,
 };
 
 const FORMATS: [Format; 2] = [Format::Postcard, Format::Json];
@@ -19,8 +21,43 @@ pub fn command(bytes: &[u8]) -> bool {
             in_map(x_m, y_m) && yaw_rad.is_none_or(is_angle) && is_time(finish_s)
         }
         Body::Wander { for_s, finish_s, .. } => for_s.is_none_or(is_time) && is_time(finish_s),
+        Body::Assign { assignment, errand, finish_s, .. } => {
+            let known = Assignment::of_goal(assignment.ledger, assignment.goal_id());
+            known == Some((assignment.assign_seq, assignment.leg)) && is_errand(&errand) && is_time(finish_s)
+        }
         Body::SetPose { x_m, y_m, yaw_rad } => in_map(x_m, y_m) && is_angle(yaw_rad),
         _ => true,
+    })
+}
+
+fn is_errand(errand: &Errand) -> bool {
+    match *errand {
+        Errand::Goto { x_m, y_m, yaw_rad, .. } => in_map(x_m, y_m) && yaw_rad.is_none_or(is_angle),
+        Errand::Wander { for_s } => is_time(for_s),
+    }
+}
+
+fn is_task(task: &TaskSpec) -> bool {
+    let points = task.kind.points();
+    points.len() <= MAX_POINTS
+        && points.iter().all(|at| in_map(at.x_m, at.y_m) && at.yaw_rad.is_none_or(is_angle))
+        && task.priority <= MAX_PRIORITY
+        && is_time(task.finish_s)
+        && is_time(task.grace_s)
+}
+
+/// A question to the dispatcher.
+#[must_use]
+pub fn dispatch(bytes: &[u8]) -> bool {
+    message(bytes, |request: &DispatchRequest| match &request.body {
+        DispatchBody::Submit { tasks } => {
+            (1..=MAX_SUBMISSION).contains(&tasks.len()) && tasks.iter().all(is_task)
+        }
+        DispatchBody::Cancel { tasks }
+        | DispatchBody::Pause { tasks }
+        | DispatchBody::Resume { tasks }
+        | DispatchBody::Retry { tasks } => (1..=MAX_SUBMISSION).contains(&tasks.len()),
+        DispatchBody::Show { .. } | DispatchBody::CancelAll {} => true,
     })
 }
 

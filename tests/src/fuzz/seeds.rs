@@ -3,8 +3,10 @@
 //! `cargo run -p fleet-tests --example fuzz_corpus` writes it; a test compares it with the files.
 
 mod navigation;
+mod tasks;
 
 pub(crate) use navigation::{fix, fleet_map, robot_state, ros_map, route, traffic};
+pub(crate) use tasks::dispatch;
 
 use super::Seed;
 use robot_agent::config::ConfigFile;
@@ -16,10 +18,16 @@ use xtb_protocol::Uuid;
 use xtb_protocol::board::{BoardStatus, FrameWriter};
 use xtb_protocol::codec::{Format, encode, encoding};
 use xtb_protocol::gyro_3dmg::{EulerFrame, encode_firmware};
-use xtb_protocol::messages::{Body, Estop, Latch, Lease, LinkLoss, Message, Request, Setpoint, Via};
+use xtb_protocol::messages::{
+    Assignment, Body, Errand, Estop, Latch, Lease, LinkLoss, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG, Message,
+    Request, Setpoint, TaskId, Via,
+};
 
 const ID: Uuid = Uuid::from_u128(0x0011_2233_4455_6677_8899_aabb_ccdd_eeff);
 const LEASE: Option<Lease> = Some(Lease { epoch: 300, root: 2 });
+/// The largest numbers that fit.
+const ASSIGNMENT: Assignment =
+    Assignment { ledger: MAX_LEDGER, task: TaskId::new(17), assign_seq: MAX_ASSIGN_SEQ, leg: MAX_LEG };
 
 /// A message in both formats, and once with its encoding in front.
 fn message<M: Message>(name: &str, message: &M) -> [Seed; 3] {
@@ -35,6 +43,8 @@ fn text(name: &str, text: &str) -> Seed {
 
 pub(super) fn command() -> Vec<Seed> {
     let (on_link_loss, finish_s) = (LinkLoss::Finish, 60.0);
+    let there = Errand::Goto { x_m: 1.5, y_m: -2.0, yaw_rad: None, via: Some(Via::Planned) };
+    let assign = |errand| Body::Assign { assignment: ASSIGNMENT, errand, on_link_loss, finish_s };
     let bodies = [
         ("acquire", Body::Acquire { take: true }),
         ("retain", Body::Retain {}),
@@ -50,6 +60,9 @@ pub(super) fn command() -> Vec<Seed> {
         ("set_pose", Body::SetPose { x_m: 0.5, y_m: 0.25, yaw_rad: -1.5 }),
         ("reset", Body::Reset { latch: Some(Latch::SensorFault) }),
         ("reset_all", Body::Reset { latch: None }),
+        ("assign_goto", assign(there)),
+        ("assign_wander", assign(Errand::Wander { for_s: 20.0 })),
+        ("withdraw", Body::Withdraw { ledger: ASSIGNMENT.ledger, assign_seq: ASSIGNMENT.assign_seq }),
     ];
     let mut seeds: Vec<Seed> = bodies
         .into_iter()

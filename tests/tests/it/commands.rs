@@ -65,7 +65,7 @@ fn a_fleet_is_listed_driven_and_stopped_from_the_command_line() {
 }
 
 /// `robot-agent` on the serial lines of a simulated truck; returns when it is listed.
-fn agent(sim: &Sim, lines: &Path, robot: &str) -> Process {
+pub(crate) fn agent(sim: &Sim, lines: &Path, robot: &str) -> Process {
     let child = Command::new(program("robot-agent"))
         .env_clear()
         .args(["--hardware", "serial", "--name", robot, "--connect", &sim.endpoint, "--board"])

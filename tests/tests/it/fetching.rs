@@ -14,7 +14,7 @@ const OLD: &str = "xtb-1-20041201T120000Z.mcap";
 
 /// Bytes that nobody guesses from those before.
 fn noise(bytes: usize) -> Vec<u8> {
-    let mut state = 0x2004_262_u64;
+    let mut state = 2_004_262_u64;
     let next = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 56) as u8

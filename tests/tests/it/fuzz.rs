@@ -57,6 +57,11 @@ fn any_request_is_read_or_refused() {
 }
 
 #[test]
+fn any_question_to_the_dispatcher_is_read_or_refused() {
+    drive("dispatch");
+}
+
+#[test]
 fn any_setpoint_is_read_or_refused() {
     drive("teleop");
 }

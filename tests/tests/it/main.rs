@@ -7,6 +7,9 @@ mod commands;
 mod dispatch;
 mod driving;
 mod fetching;
+mod fleet_recording;
+#[cfg(feature = "foxglove")]
+mod foxglove;
 mod fuzz;
 mod guide;
 mod hardware;
@@ -17,5 +20,6 @@ mod operators;
 mod processes;
 mod recording;
 mod style;
+mod tasks;
 mod teleop;
 mod traffic;

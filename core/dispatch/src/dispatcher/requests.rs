@@ -176,12 +176,12 @@ impl Dispatcher {
             let state = Some(task.state);
             let done = |error| Some(TaskChange { id: *id, state, error });
             let wait = self.writer.has_task(*id) || (*verb == Verb::Resume && self.still_has(task));
-            match if wait { Progress::Wait } else { progress(*verb, task, by) } {
+            match if wait { Progress::Wait } else { progress(now_ms, *verb, task, by) } {
                 Progress::Done => *change = done(None),
                 Progress::Wrong(what) => {
                     let message = format!("{id} {what}");
-                    *change =
-                        done(Some(refusal(DispatchCode::WrongState, message, "`fleet-cli task` shows it")));
+                    let hint = format!("`fleet-cli task {id}` shows how it came to be so");
+                    *change = done(Some(refusal(DispatchCode::WrongState, message, &hint)));
                 }
                 Progress::Write(what, why) if self.writer.may_try(now_ms) => {
                     let record = Record::Became { task: *id, change: what, why: Some(why) };
@@ -197,7 +197,7 @@ impl Dispatcher {
     }
 }
 
-fn progress(verb: Verb, task: &Task, by: &Name) -> Progress {
+fn progress(now_ms: u64, verb: Verb, task: &Task, by: &Name) -> Progress {
     use TaskState::{Cancelled, Cancelling, Done, Failed, Held, Paused};
     let again = Change::Queued { not_before_ms: 0, failed: false };
     let free = task.assigned.is_none();
@@ -213,6 +213,9 @@ fn progress(verb: Verb, task: &Task, by: &Name) -> Progress {
         (Verb::Resume, Paused | Held) => Progress::Write(again, format!("resumed by {by}")),
         (Verb::Resume, Cancelled | Cancelling | Done | Failed) => {
             Progress::Wrong("has ended; retry begins it again")
+        }
+        (Verb::Retry, Cancelled | Failed) if task.spec.deadline_ms.is_some_and(|at_ms| at_ms <= now_ms) => {
+            Progress::Wrong("has a deadline that is over; submit it anew")
         }
         (Verb::Retry, Cancelled | Failed) => Progress::Write(again, format!("retried by {by}")),
         (Verb::Retry, Done) => Progress::Wrong("is done; submit it anew"),

@@ -1,7 +1,6 @@
 //! Who does what: cheapest, fair, and fast.
 
 use std::collections::BTreeSet;
-use std::time::Instant;
 use xtb_dispatch::assign::auction::RAISE_M;
 use xtb_dispatch::assign::{Candidate, Demand, NEVER, assign, auction, exact, solve};
 use xtb_dispatch::{Ground, OpenGround};
@@ -109,16 +108,15 @@ fn fleet(draw: &mut Draw, robots: usize, tasks: usize, depot: bool) -> (Vec<Cand
     (robots, tasks.collect())
 }
 
-/// CI machines are slow and shared: four times what it may take alone.
+/// In how much time is told by the example `assigning`.
 #[test]
-fn ten_thousand_tasks_and_a_thousand_robots_take_less_than_a_second() {
+fn of_ten_thousand_tasks_each_of_a_thousand_robots_gets_one() {
     for depot in [false, true] {
         let (robots, tasks) = fleet(&mut Draw::new(4), 1000, 10_000, depot);
-        let start = Instant::now();
         let pairs = assign(&tasks, &robots, &GROUND, &|_, _| Some(0.0));
-        let took = start.elapsed();
-        assert_eq!(pairs.len(), 1000);
-        assert!(took.as_secs_f64() < 4.0, "{took:?}");
+        let taken: BTreeSet<usize> = pairs.iter().map(|(task, _)| *task).collect();
+        let given: BTreeSet<usize> = pairs.iter().map(|(_, robot)| *robot).collect();
+        assert_eq!((pairs.len(), taken.len(), given.len()), (1000, 1000, 1000));
     }
 }
 

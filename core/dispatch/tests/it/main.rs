@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
 mod assigning;
+mod bench;
 mod journal;
 mod life;
 mod model;
 mod robots;
 mod storms;
+mod trouble;

@@ -47,6 +47,8 @@ pub(crate) struct FakeRobot {
     pub(crate) assigned: Assigned,
     pub(crate) replies: ReplyBook,
     pub(crate) latched: bool,
+    /// Something stands in its way until then.
+    pub(crate) blocked_until_ms: u64,
     pub(crate) up: bool,
     pub(crate) finished: Vec<Finished>,
     /// Points at which every drive fails.
@@ -68,6 +70,7 @@ impl FakeRobot {
             assigned: Assigned::default(),
             replies: ReplyBook::default(),
             latched: false,
+            blocked_until_ms: 0,
             up: true,
             finished: Vec::new(),
             doomed: Vec::new(),
@@ -98,6 +101,15 @@ impl FakeRobot {
         self.end(GoalStatus::Failed, Some("the robot is held"));
     }
 
+    /// It can go on when that is over, and arrives as much later.
+    pub(crate) fn obstruct(&mut self, now_ms: u64, until_ms: u64) {
+        let stands_ms = until_ms.saturating_sub(self.blocked_until_ms.max(now_ms));
+        self.blocked_until_ms = self.blocked_until_ms.max(until_ms);
+        if let Some(goal) = self.goal.as_mut() {
+            goal.ends_ms += stands_ms;
+        }
+    }
+
     pub(crate) fn turn(&mut self, now_ms: u64) {
         if !self.up {
             return;
@@ -112,9 +124,9 @@ impl FakeRobot {
             self.lease.free();
         }
         let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
-        if goal.status == GoalStatus::Accepted {
-            goal.status = GoalStatus::Running;
-        }
+        let blocked = now_ms < self.blocked_until_ms;
+        goal.status = if blocked { GoalStatus::Blocked } else { GoalStatus::Running };
+        goal.reason = blocked.then(|| "something stands in front".to_owned());
         if goal.limit_ms.is_some_and(|limit_ms| now_ms >= limit_ms) {
             return self.end(GoalStatus::Failed, Some("its time was up"));
         }
@@ -211,7 +223,7 @@ impl FakeRobot {
                     by: client.clone(),
                     status: GoalStatus::Accepted,
                     reason: None,
-                    ends_ms: now_ms + 200 + (way / SPEED) as u64,
+                    ends_ms: self.blocked_until_ms.max(now_ms) + 200 + (way / SPEED) as u64,
                     to,
                     on_link_loss: *on_link_loss,
                     limit_ms: (*on_link_loss == LinkLoss::Finish).then_some(limit_ms),

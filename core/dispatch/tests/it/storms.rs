@@ -24,6 +24,7 @@ fn storms_bring_about_every_change() {
     }
     let all = [
         "assigned",
+        "blocked",
         "cancelling",
         "done",
         "ended: cancelled",

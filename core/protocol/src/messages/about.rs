@@ -7,6 +7,7 @@ use xtb_control::frames::MapPose;
 
 /// A parameter as the factsheet lists it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ParameterInfo {
     /// `section.field`.
@@ -21,6 +22,7 @@ pub struct ParameterInfo {
 
 /// What the robot accepts at most.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
     /// Fastest setpoint, in wheel rpm.
@@ -35,6 +37,7 @@ pub struct Limits {
 
 /// The factsheet.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct About {
     /// Who.

@@ -17,6 +17,7 @@ pub const MAX_LEG: u32 = (1 << 22) - 1;
 
 /// One drive of a task on a robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Assignment {
     /// The ledger that the task stands in, random at its making, at most 48 bits.
@@ -56,6 +57,7 @@ impl Assignment {
 
 /// What an assigned robot does.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Errand {
     /// As the request `goto`.

@@ -13,6 +13,7 @@ const MAX_BYTES: usize = 16 * 1024 * 1024;
 
 /// What is asked of the dispatcher.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum DispatchBody {
     /// Take these, all or none.
@@ -51,6 +52,7 @@ pub enum DispatchBody {
 
 /// One question to the dispatcher. The same id again, from the same client, submits nothing twice.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DispatchRequest {
     /// Chosen by the client.
@@ -81,6 +83,7 @@ impl Message for DispatchRequest {
 
 /// Why the dispatcher refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum DispatchCode {
     /// Not a message of ours, or of another version.
@@ -115,6 +118,7 @@ pub enum DispatchCode {
 
 /// A refusal, for people and programs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DispatchError {
     /// For programs.
@@ -127,6 +131,7 @@ pub struct DispatchError {
 
 /// What became of one task of a request.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TaskChange {
     /// Which.
@@ -139,6 +144,7 @@ pub struct TaskChange {
 
 /// What the dispatcher answers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum DispatchOutcome {
     /// Taken, and in the ledger; in the order of the submission.
@@ -153,6 +159,7 @@ pub enum DispatchOutcome {
 
 /// The answer to a request.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DispatchReply {
     /// The request's id; nil if it could not be read.
@@ -168,6 +175,7 @@ impl Message for DispatchReply {
 
 /// A task as lists show it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TaskView {
     /// Its name.
@@ -196,6 +204,7 @@ pub struct TaskView {
 
 /// One change in a task's life.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TaskStep {
     /// When, in ms since 1970.
@@ -212,6 +221,7 @@ pub struct TaskStep {
 
 /// A task and how it came to be so.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TaskHistory {
     /// As it is now.
@@ -224,6 +234,7 @@ pub struct TaskHistory {
 
 /// All tasks that are remembered, oldest first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TaskList {
     /// Number of the ledger.
@@ -243,6 +254,7 @@ impl Message for TaskList {
 
 /// A task has changed, and the ledger says so.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TaskEvent {
     /// Number of the ledger.

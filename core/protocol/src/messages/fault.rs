@@ -5,6 +5,7 @@ use std::fmt;
 
 /// Something that is broken now. The first part of a name says where.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Fault {
     /// The board's port does not exist.
@@ -159,6 +160,7 @@ impl fmt::Display for Fault {
 
 /// A fault with its age.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct FaultState {
     /// Which.

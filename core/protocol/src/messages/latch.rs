@@ -7,6 +7,7 @@ use std::str::FromStr;
 
 /// Why a robot stands until somebody resets it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Latch {
     /// Somebody called for it.
@@ -77,6 +78,7 @@ impl FromStr for Latch {
 
 /// A latch that is set.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LatchState {
     /// Which.

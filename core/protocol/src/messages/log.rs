@@ -14,6 +14,7 @@ const MAX_BYTES: usize = 256 * 1024;
 
 /// What is asked of a robot's recordings.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum LogRequest {
     /// Which there are.
@@ -41,6 +42,7 @@ impl Message for LogRequest {
 
 /// One recording.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LogFile {
     /// Its name, without any folder.
@@ -55,6 +57,7 @@ pub struct LogFile {
 
 /// Why a robot refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum LogCode {
     /// Not a message of ours, or of another version.
@@ -73,6 +76,7 @@ pub enum LogCode {
 
 /// A robot's answer.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum LogReply {
     /// The newest [`MAX_LOGS`], the newest first.

@@ -18,6 +18,7 @@ pub const MAX_MAP_CELLS: u64 = 16_000_000;
 /// What a map holds as 64 bits, written as 16 hexadecimal digits: the same for the same resolution,
 /// origin, cells and zones, whatever file or message they came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(try_from = "String", into = "String")]
 pub struct MapHash(u64);
 
@@ -73,6 +74,7 @@ impl From<MapHash> for String {
 
 /// What is known of a square of the floor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum MapCell {
     /// Nothing stands there.
@@ -85,6 +87,7 @@ pub enum MapCell {
 
 /// What holds inside a zone.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum MapZoneKind {
     /// No part of a robot may be inside.
@@ -98,6 +101,7 @@ pub enum MapZoneKind {
 
 /// A polygon on the floor, and its rule.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct MapZone {
     /// As people call it.
@@ -110,6 +114,7 @@ pub struct MapZone {
 
 /// The map that all robots of a fleet plan on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct FleetMap {
     /// As people call it.

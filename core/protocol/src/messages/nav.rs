@@ -9,6 +9,7 @@ use xtb_control::frames::MapPose;
 
 /// What measured a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FixSource {
     /// Cameras on the walls.
@@ -21,6 +22,7 @@ pub enum FixSource {
 
 /// A measured pose. Anyone who may write to the robot's `fix` key can send one; outliers are gated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Fix {
     /// East, in m.
@@ -62,6 +64,7 @@ impl Message for Fix {
 
 /// One arc or straight, driven in one gear.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Arc {
     /// Way of the middle between the axles, in m; negative = astern.
@@ -72,6 +75,7 @@ pub struct Arc {
 
 /// A path: a start, and arcs from there.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Track {
     /// Where it begins.
@@ -99,6 +103,7 @@ impl Track {
 
 /// The goal that a route is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RouteGoal {
     /// The robot's boot.
@@ -111,6 +116,7 @@ pub struct RouteGoal {
 ///
 /// It moves nothing by itself: it guides a goal that a lease holder has sent and that still runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Route {
     /// Random at the coordinator's start.
@@ -161,6 +167,7 @@ impl Message for Route {
 
 /// What traffic control says of itself, twice a second.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TrafficState {
     /// Random at its start.
@@ -183,6 +190,7 @@ impl Message for TrafficState {
 
 /// Who made a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum RouteSource {
     /// The robot itself, on its own map.
@@ -193,6 +201,7 @@ pub enum RouteSource {
 
 /// What a planned goal is at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NavPhase {
     /// A path is looked for.
@@ -207,6 +216,7 @@ pub enum NavPhase {
 
 /// The map a robot plans on.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct MapState {
     /// Its name.
@@ -219,6 +229,7 @@ pub struct MapState {
 
 /// The path of the present goal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RouteState {
     /// Who made it.
@@ -245,6 +256,7 @@ pub struct RouteState {
 
 /// Map and path of a robot.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct NavState {
     /// The map; `None` = it has none.

@@ -9,6 +9,7 @@ use xtb_control::units::{Steering, WheelRpm};
 
 /// Proof that the robot granted control: which boot, and which grant of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Lease {
     /// Random at the robot's boot, below 2^53.
@@ -19,6 +20,7 @@ pub struct Lease {
 
 /// What a goal does when its client falls silent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum LinkLoss {
     /// Stand.
@@ -30,6 +32,7 @@ pub enum LinkLoss {
 
 /// How a goal is driven to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Via {
     /// The memorandum's A-to-B (§4.10): straight, as Table 4 says.
@@ -44,6 +47,7 @@ fn finish_s() -> f64 {
 
 /// What is asked of a robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Body {
     /// Ask for the lease.
@@ -135,6 +139,7 @@ pub enum Body {
 
 /// One question to a robot. The same id again gets the same answer and does nothing twice.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Chosen by the client; a goal's id is its request's.
@@ -192,6 +197,7 @@ impl Message for Request {
 
 /// Why a request was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum RejectCode {
     /// Not a message of ours.
@@ -236,6 +242,7 @@ pub enum RejectCode {
 
 /// What a successful request gave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Done {
     /// From `acquire`.
@@ -248,6 +255,7 @@ pub struct Done {
 
 /// A refusal, for people and programs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ErrorBody {
     /// For programs.
@@ -260,6 +268,7 @@ pub struct ErrorBody {
 
 /// `ok` or `error`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// Done.
@@ -270,6 +279,7 @@ pub enum Outcome {
 
 /// The answer to a request.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Reply {
     /// The request's id; nil if it could not be read.
@@ -299,6 +309,7 @@ impl Reply {
 
 /// An emergency stop, put or asked: latched, whoever sends it. It needs no lease.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Estop {
     /// The same in each repetition: after a reset, a repetition that was held up does not latch again.
@@ -311,6 +322,7 @@ impl Message for Estop {
 
 /// A robot's acknowledgement of an emergency stop.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Estopped {
     /// Who stands.
@@ -325,6 +337,7 @@ impl Message for Estopped {
 
 /// A teleoperation setpoint; lives 200 ms on the robot's own clock.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Setpoint {
     /// The client's lease.

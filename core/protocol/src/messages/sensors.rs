@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Raw and converted samples, 10 times a second while somebody listens.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Sensors {
     /// Whose.

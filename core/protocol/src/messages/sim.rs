@@ -11,6 +11,7 @@ const MAX_BYTES: usize = 1024 * 1024;
 
 /// Where a truck really is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct TruthRobot {
     /// East, in m.
     pub x_m: f64,
@@ -30,6 +31,7 @@ pub struct TruthRobot {
 
 /// Ground truth of all trucks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Truth {
     /// Simulated time.
     pub t_s: f64,
@@ -44,6 +46,7 @@ impl Message for Truth {
 
 /// A robot that should be there.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RosterEntry {
     /// Its name.
@@ -58,6 +61,7 @@ pub struct RosterEntry {
 
 /// Which robots should be there.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Roster {
     /// In the order of their names' numbers.

@@ -9,6 +9,7 @@ use xtb_control::Mode;
 
 /// Who holds control.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LeaseState {
     /// The client.
@@ -19,6 +20,7 @@ pub struct LeaseState {
 
 /// Where a pose comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum PoseSource {
     /// The configured start pose; nothing has been measured yet.
@@ -31,6 +33,7 @@ pub enum PoseSource {
 
 /// The pose in the map (ENU, REP-103).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PoseState {
     /// East, in m.
@@ -53,6 +56,7 @@ pub struct PoseState {
 
 /// The obstacle rule's view; `None` = the range finders have not been heard lately.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ObstacleView {
     /// Ahead.
@@ -63,6 +67,7 @@ pub struct ObstacleView {
 
 /// Platform tilt; `None` = not measured.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TiltState {
     /// Pitch, in degrees.
@@ -73,6 +78,7 @@ pub struct TiltState {
 
 /// What kind of goal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum GoalKind {
     /// To a point.
@@ -83,6 +89,7 @@ pub enum GoalKind {
 
 /// The life of a goal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum GoalStatus {
     /// Taken, not yet begun.
@@ -113,6 +120,7 @@ impl GoalStatus {
 
 /// The present or last goal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct GoalState {
     /// Its request's id.
@@ -143,6 +151,7 @@ pub struct GoalState {
 
 /// How an earlier goal ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct GoalEnd {
     /// Its request's id.
@@ -153,6 +162,7 @@ pub struct GoalEnd {
 
 /// What the battery's voltage means, a few seconds of load left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum BatteryLevel {
     /// Not measured: it may be empty.
@@ -170,6 +180,7 @@ pub enum BatteryLevel {
 
 /// Why a robot stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum StopReason {
     /// Nobody asked for anything.
@@ -248,6 +259,7 @@ pub enum StopReason {
 
 /// Ages of the inputs in ms; `None` = never heard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct InputAges {
     /// Gyro frame.
@@ -264,6 +276,7 @@ pub struct InputAges {
 
 /// What was refused or dropped since boot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Rejected {
     /// Messages that could not be read.
@@ -306,6 +319,7 @@ pub struct Rejected {
 
 /// Everything about a robot, 20 times a second.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RobotState {
     /// Whose.

@@ -14,6 +14,7 @@ pub const MAX_PRIORITY: u8 = 9;
 
 /// What a task is called: `t17`. Counted by the ledger, never given twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(try_from = "String", into = "String")]
 pub struct TaskId(u64);
 
@@ -68,6 +69,7 @@ impl From<TaskId> for String {
 
 /// A place to drive to.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Waypoint {
     /// East, in m.
@@ -85,6 +87,7 @@ fn one() -> u32 {
 
 /// What is to be done.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum TaskKind {
     /// Drive to a point.
@@ -146,6 +149,7 @@ impl TaskKind {
 
 /// Who may do a task.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Who {
     /// Any robot.
@@ -161,6 +165,7 @@ pub enum Who {
 
 /// What becomes of a task whose robot somebody else has taken over, or told to stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum OnTakeover {
     /// After the grace period it is queued again, for any robot.
@@ -190,6 +195,7 @@ fn grace_s() -> f64 {
 
 /// A task as it is submitted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TaskSpec {
     /// What is to be done.
@@ -274,6 +280,7 @@ impl TaskSpec {
 
 /// How a task stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum TaskState {
     /// Waits for a robot.

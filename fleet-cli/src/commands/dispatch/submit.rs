@@ -67,6 +67,7 @@ fn spec(kind: TaskKind, terms: &TermArgs, now_ms: u64) -> TaskSpec {
     let tag = terms.tag.as_ref().map(|tag| Who::Tag(tag.trim_start_matches('@').to_owned()));
     let able = terms.able.clone().map(Who::Able);
     let deadline_ms = |within: Duration| now_ms + u64::try_from(within.as_millis()).unwrap_or(u64::MAX / 2);
+    let usual = TaskSpec::new(kind);
     TaskSpec {
         who: terms.robot.clone().map(Who::Robot).or(tag).or(able).unwrap_or_default(),
         priority: terms.priority,
@@ -74,7 +75,9 @@ fn spec(kind: TaskKind, terms: &TermArgs, now_ms: u64) -> TaskSpec {
         retries: terms.retries,
         on_takeover: terms.on_takeover.into(),
         grace_s: terms.grace,
-        ..TaskSpec::new(kind)
+        on_link_loss: terms.on_link_loss.into(),
+        finish_s: terms.finish.unwrap_or(usual.finish_s),
+        ..usual
     }
 }
 

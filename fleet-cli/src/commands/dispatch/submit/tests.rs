@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::cli::{Cli, DispatchVerb, Verb};
-use xtb_protocol::messages::OnTakeover;
+use xtb_protocol::messages::{LinkLoss, OnTakeover};
 
 fn terms(line: &str) -> TermArgs {
     let line = format!("fleet-cli dispatch goto 1 2 {line}");
@@ -23,10 +23,12 @@ fn without_options_a_task_has_the_protocols_values() {
 
 #[test]
 fn options_say_who_and_until_when() {
-    let line = "--tag @red --priority 9 --deadline 60 --retries 0 --on-takeover fail --grace 5";
+    let line = "--tag @red --priority 9 --deadline 60 --retries 0 --on-takeover fail --grace 5 \
+        --on-link-loss finish --finish 60";
     let spec = spec(kind(), &terms(line), 1000);
     assert_eq!((spec.who, spec.priority, spec.deadline_ms), (Who::Tag("red".into()), 9, Some(61_000)));
     assert_eq!((spec.retries, spec.on_takeover, spec.grace_s), (0, OnTakeover::Fail, 5.0));
+    assert_eq!((spec.on_link_loss, spec.finish_s), (LinkLoss::Finish, 60.0));
 }
 
 #[test]

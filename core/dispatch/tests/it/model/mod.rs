@@ -4,15 +4,21 @@
 //! in the ledger, no two robots drive for one task, nothing drives for a task whose end was confirmed.
 //! Checked at the end: every acknowledged task has ended, once, and what is called done was driven.
 
+mod checks;
+mod trouble;
+mod weather;
+
+pub(crate) use weather::{Off, Weather};
+
 use crate::robots::FakeRobot;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use weather::{DOOMED, spec};
 use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::record::Record;
 use xtb_dispatch::{Dispatcher, Effect, Entry, OpenGround, Settings, Write};
 use xtb_nav::rooms::Draw;
 use xtb_protocol::messages::{
-    Assignment, Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, LinkLoss,
-    OnTakeover, Reply, Request, RobotState, TaskId, TaskKind, TaskSpec, TaskState, Waypoint, Who,
+    Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, Reply, Request,
+    RobotState, TaskId, TaskSpec, TaskState,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -20,76 +26,6 @@ pub(crate) const LEDGER: u64 = 0x1234_5678_9abc;
 pub(crate) const GROUND: OpenGround = OpenGround { radius_m: 0.4 };
 const START_MS: u64 = 1_800_000_000_000;
 const STEP_MS: u64 = 10;
-
-/// A rule that is switched off, to see that its breach is noticed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Off {
-    Nothing,
-    /// The ledger says *written* before it is.
-    Durability,
-    /// Robots take assignments in any order, and again.
-    Fence,
-    /// A silent robot's task is given away at once.
-    Grace,
-    /// Clients ask again with a new id.
-    SameId,
-}
-
-/// How bad a world is.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Weather {
-    pub(crate) off: Off,
-    pub(crate) robots: usize,
-    pub(crate) tasks: usize,
-    /// Share of messages that are lost, and of those that are held up.
-    pub(crate) loss: f64,
-    /// For how long at most, in ms.
-    pub(crate) slow_ms: i64,
-    /// Share of writes at which the dispatcher dies; half of them before they are durable.
-    pub(crate) crash: f64,
-    /// Share of writes that fail.
-    pub(crate) full: f64,
-    /// Dies at exactly this write: its number, and whether that is durable.
-    pub(crate) crash_at: Option<(u64, bool)>,
-    /// Fails exactly from this write on, for two seconds.
-    pub(crate) full_at: Option<u64>,
-    /// Per robot and second.
-    pub(crate) partitions: f64,
-    pub(crate) reboots: f64,
-    pub(crate) takeovers: f64,
-    pub(crate) latches: f64,
-    pub(crate) cancels: bool,
-}
-
-impl Weather {
-    pub(crate) const CALM: Self = Self {
-        off: Off::Nothing,
-        robots: 3,
-        tasks: 8,
-        loss: 0.0,
-        slow_ms: 1500,
-        crash: 0.0,
-        full: 0.0,
-        crash_at: None,
-        full_at: None,
-        partitions: 0.0,
-        reboots: 0.0,
-        takeovers: 0.0,
-        latches: 0.0,
-        cancels: false,
-    };
-    pub(crate) const STORM: Self = Self {
-        loss: 0.05,
-        crash: 0.02,
-        full: 0.02,
-        partitions: 0.02,
-        reboots: 0.01,
-        takeovers: 0.01,
-        latches: 0.01,
-        cancels: true,
-        ..Self::CALM
-    };
-}
 
 enum Mail {
     Ask(usize, Name, Request),
@@ -281,63 +217,6 @@ impl World {
         self.check()
     }
 
-    fn trouble(&mut self) {
-        let per_step = STEP_MS as f64 / 1000.0;
-        let Weather { partitions, reboots, takeovers, latches, .. } = self.weather;
-        for i in 0..self.robots.len() {
-            if self.chance(partitions * per_step) {
-                let until_ms = self.now_ms + self.draw.whole(200, 20_000) as u64;
-                let which = self.draw.whole(0, 3);
-                if which != 0 {
-                    self.deaf_until_ms[i] = self.deaf_until_ms[i].max(until_ms);
-                }
-                if which != 1 {
-                    self.mute_until_ms[i] = self.mute_until_ms[i].max(until_ms);
-                }
-                self.outages[i].push((self.now_ms, until_ms));
-            }
-            if self.chance(reboots * per_step) {
-                self.robots[i].reboot();
-                self.robots[i].up = false;
-                self.up_at_ms[i] = self.now_ms + self.draw.whole(100, 12_000) as u64;
-                self.outages[i].push((self.now_ms, self.up_at_ms[i] + 1000));
-            }
-            if !self.robots[i].up && self.now_ms >= self.up_at_ms[i] {
-                self.robots[i].up = true;
-            }
-            if self.chance(latches * per_step) {
-                self.robots[i].latch();
-            }
-            if self.robots[i].latched && self.draw.uniform(0.0, 1.0) < 0.3 * per_step {
-                self.robots[i].latched = false;
-            }
-            if self.chance(takeovers * per_step) {
-                self.takeover_until_ms[i] = self.now_ms + self.draw.whole(500, 8_000) as u64;
-                let body = if self.draw.uniform(0.0, 1.0) < 0.3 {
-                    Body::Stop {}
-                } else {
-                    Body::Acquire { take: true }
-                };
-                self.by_person(i, body);
-            }
-            if self.takeover_until_ms[i] > 0 {
-                self.hold(i);
-            }
-        }
-    }
-
-    fn hold(&mut self, i: usize) {
-        let robot = &mut self.robots[i];
-        if robot.lease.holder() != Some(&person()) {
-            self.takeover_until_ms[i] = 0;
-        } else if self.now_ms >= self.takeover_until_ms[i] {
-            self.takeover_until_ms[i] = 0;
-            self.by_person(i, Body::Release {});
-        } else {
-            robot.lease.heard(xtb_control::Stamp::from_ms(self.now_ms));
-        }
-    }
-
     fn by_person(&mut self, i: usize, body: Body) {
         let lease = self.robots[i].lease.present();
         self.sent += 1;
@@ -402,60 +281,6 @@ impl World {
         self.next_ticket
     }
 
-    fn people(&mut self) {
-        if self.dispatcher.is_none() {
-            return;
-        }
-        for i in 0..self.submissions.len() {
-            let submission = &self.submissions[i];
-            let again = submission.asked_ms.is_none_or(|asked_ms| self.now_ms > asked_ms + 2000);
-            if submission.task.is_some() || self.now_ms < submission.at_ms || !again {
-                continue;
-            }
-            let mut key = submission.key;
-            if self.weather.off == Off::SameId {
-                self.sent += 1;
-                key = Uuid::from_u64_pair(55, self.sent);
-            }
-            let body = DispatchBody::Submit { tasks: vec![submission.spec.clone()] };
-            self.submissions[i].asked_ms = Some(self.now_ms);
-            self.ask_as(&DispatchRequest { id: key, body }, Ticket::Submission(i));
-        }
-        if self.weather.cancels && self.chance(0.001) {
-            self.meddle();
-        }
-        if self.now_ms > self.chaos_until_ms && self.now_ms.is_multiple_of(5000) {
-            let resting = |state| matches!(state, TaskState::Paused | TaskState::Held);
-            let tasks = self.dispatcher.iter().flat_map(|d| d.book().open());
-            let tasks: Vec<TaskId> = tasks.filter(|task| resting(task.state)).map(|task| task.id).collect();
-            if !tasks.is_empty() {
-                self.ask(DispatchBody::Resume { tasks });
-            }
-        }
-    }
-
-    /// Somebody changes their mind about a task.
-    fn meddle(&mut self) {
-        let all: Vec<TaskId> =
-            self.dispatcher.iter().flat_map(|d| d.book().tasks().map(|task| task.id)).collect();
-        if all.is_empty() {
-            return;
-        }
-        let task = all[self.draw.whole(0, all.len() as i64 - 1) as usize];
-        let tasks = vec![task];
-        let (body, ticket) = match self.draw.whole(0, 4) {
-            0 | 1 => (DispatchBody::Cancel { tasks }, Ticket::Cancel(task)),
-            2 => (DispatchBody::Pause { tasks }, Ticket::Other),
-            3 => (DispatchBody::Resume { tasks }, Ticket::Other),
-            _ => {
-                self.confirmed.remove(&task);
-                (DispatchBody::Retry { tasks }, Ticket::Retry(task))
-            }
-        };
-        self.sent += 1;
-        self.ask_as(&DispatchRequest { id: Uuid::from_u64_pair(77, self.sent), body }, ticket);
-    }
-
     fn effects(&mut self) -> Result<(), String> {
         while let Some(effect) = self.dispatcher.as_mut().and_then(Dispatcher::next_effect) {
             match effect {
@@ -506,14 +331,6 @@ impl World {
         Ok(())
     }
 
-    fn submitted(&self) -> BTreeMap<TaskId, Uuid> {
-        let of = |entry: &Entry| match &entry.record {
-            Record::Submitted { task, key, .. } => Some((*task, *key)),
-            _ => None,
-        };
-        self.ledger.iter().filter_map(of).collect()
-    }
-
     fn begin_write(&mut self, write: Write) -> Result<(), String> {
         if self.write.is_some() {
             return Err("two writes at once".into());
@@ -562,132 +379,4 @@ impl World {
         }
         self.effects()
     }
-
-    /// Which task an assignment of the ledger is of.
-    fn tasks_of_seq(&self) -> BTreeMap<u64, TaskId> {
-        let of = |entry: &Entry| match &entry.record {
-            Record::Assigned { task, seq, .. } => Some((*seq, *task)),
-            _ => None,
-        };
-        self.ledger.iter().filter_map(of).collect()
-    }
-
-    fn check(&self) -> Result<(), String> {
-        let running = self.robots.iter().filter_map(|robot| Some((robot, robot.running()?)));
-        let ours = running.filter_map(|(robot, goal)| Some((robot, Assignment::of_goal(LEDGER, goal.id)?)));
-        let ours: Vec<_> = ours.collect();
-        if ours.is_empty() {
-            return Ok(());
-        }
-        let tasks = self.tasks_of_seq();
-        let mut drivers: BTreeMap<TaskId, &Name> = BTreeMap::new();
-        for (robot, (seq, _)) in ours {
-            let name = &robot.name;
-            let Some(task) = tasks.get(&seq) else {
-                return Err(format!("{name} drives for assignment {seq}, which is not in the ledger"));
-            };
-            if let Some(other) = drivers.insert(*task, name) {
-                return Err(format!("{other} and {name} drive for {task} at {}", self.now_ms - START_MS));
-            }
-            if self.confirmed.contains(task) {
-                return Err(format!("{name} drives for {task}, whose cancellation was confirmed"));
-            }
-        }
-        Ok(())
-    }
-
-    fn check_end(&self) -> Result<(), String> {
-        let submitted = self.submitted();
-        for submission in &self.submissions {
-            let task = submission.task.ok_or("a submission without an answer")?;
-            if self.weather.off != Off::SameId && submitted.get(&task) != Some(&submission.key) {
-                return Err(format!("{task} is another submission's"));
-            }
-        }
-        if submitted.len() != self.submissions.len() {
-            return Err(format!("{} tasks of {} submissions", submitted.len(), self.submissions.len()));
-        }
-        let dispatcher = self.dispatcher.as_ref().ok_or("no dispatcher")?;
-        let tasks = self.tasks_of_seq();
-        for task in dispatcher.book().tasks() {
-            if task.state == TaskState::Failed && task.reason.is_none() {
-                return Err(format!("{} failed without a reason", task.id));
-            }
-            for leg in 0..task.legs_done {
-                self.check_leg(&tasks, task.id, leg)?;
-            }
-            if task.state == TaskState::Done && task.legs().is_some_and(|legs| task.legs_done != legs) {
-                return Err(format!("{} is called done after {} drives", task.id, task.legs_done));
-            }
-        }
-        Ok(())
-    }
-
-    /// A drive that counts as done was driven: once, but for those that nobody could know of.
-    fn check_leg(&self, tasks: &BTreeMap<u64, TaskId>, task: TaskId, leg: u32) -> Result<(), String> {
-        let finishes = self
-            .robots
-            .iter()
-            .enumerate()
-            .flat_map(|(i, robot)| robot.finished.iter().map(move |finished| (i, *finished)));
-        let mut of_leg: Vec<(u64, usize)> = finishes
-            .filter(|(_, finished)| {
-                let of = Assignment::of_goal(LEDGER, finished.goal);
-                of.is_some_and(|(seq, at)| tasks.get(&seq) == Some(&task) && at == leg)
-            })
-            .map(|(i, finished)| (finished.at_ms, i))
-            .collect();
-        of_leg.sort_unstable();
-        if of_leg.is_empty() {
-            return Err(format!("{task} leg {leg} counts as done and was never driven"));
-        }
-        for pair in of_leg.windows(2) {
-            let ((first_ms, robot), (second_ms, _)) = (pair[0], pair[1]);
-            let excused = self.outages[robot]
-                .iter()
-                .any(|(from_ms, until_ms)| *from_ms < second_ms && *until_ms + 3000 > first_ms);
-            if !excused {
-                return Err(format!("{task} leg {leg} was driven twice: {of_leg:?}"));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Where nobody gets to.
-const DOOMED: (f64, f64) = (1.0, 1.0);
-
-fn point(draw: &mut Draw) -> Waypoint {
-    if draw.whole(0, 15) == 0 {
-        return Waypoint { x_m: DOOMED.0, y_m: DOOMED.1, yaw_rad: None };
-    }
-    Waypoint { x_m: draw.uniform(-3.0, 3.0), y_m: draw.uniform(-3.0, 3.0), yaw_rad: None }
-}
-
-fn spec(draw: &mut Draw, weather: Weather) -> TaskSpec {
-    let kind = match draw.whole(0, 5) {
-        0..=2 => TaskKind::Goto { to: point(draw) },
-        3 => TaskKind::Route { points: (0..3).map(|_| point(draw)).collect(), loops: 2, dwell_s: 0.2 },
-        4 => TaskKind::Patrol {
-            points: (0..2).map(|_| point(draw)).collect(),
-            dwell_s: 0.0,
-            for_s: Some(12.0),
-        },
-        _ => TaskKind::Wander { for_s: 3.0 },
-    };
-    let mut spec = TaskSpec::new(kind);
-    spec.priority = draw.whole(0, 9) as u8;
-    spec.grace_s = if weather.off == Off::Grace { 0.0 } else { draw.uniform(0.0, 8.0) };
-    spec.finish_s = 20.0;
-    if draw.whole(0, 2) == 0 {
-        spec.on_link_loss = LinkLoss::Finish;
-    }
-    if draw.whole(0, 3) == 0 {
-        spec.who = Who::Robot(Name::new(&format!("xtb-{}", draw.whole(1, weather.robots as i64))).unwrap());
-    }
-    spec.on_takeover = [OnTakeover::Requeue, OnTakeover::Resume, OnTakeover::Fail][draw.whole(0, 2) as usize];
-    if draw.whole(0, 9) == 0 {
-        spec.deadline_ms = Some(START_MS + draw.whole(20_000, 60_000) as u64);
-    }
-    spec
 }

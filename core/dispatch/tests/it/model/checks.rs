@@ -1,0 +1,110 @@
+//! What must hold in the model, at every step and at the end.
+
+use super::weather::Off;
+use super::{LEDGER, START_MS, World};
+use std::collections::BTreeMap;
+use xtb_dispatch::Entry;
+use xtb_dispatch::record::Record;
+use xtb_protocol::messages::{Assignment, TaskId, TaskState};
+use xtb_protocol::{Name, Uuid};
+
+impl World {
+    /// What the ledger has, and under which request.
+    pub(super) fn submitted(&self) -> BTreeMap<TaskId, Uuid> {
+        let of = |entry: &Entry| match &entry.record {
+            Record::Submitted { task, key, .. } => Some((*task, *key)),
+            _ => None,
+        };
+        self.ledger.iter().filter_map(of).collect()
+    }
+
+    /// Which task an assignment of the ledger is of.
+    fn tasks_of_seq(&self) -> BTreeMap<u64, TaskId> {
+        let of = |entry: &Entry| match &entry.record {
+            Record::Assigned { task, seq, .. } => Some((*seq, *task)),
+            _ => None,
+        };
+        self.ledger.iter().filter_map(of).collect()
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        let running = self.robots.iter().filter_map(|robot| Some((robot, robot.running()?)));
+        let ours = running.filter_map(|(robot, goal)| Some((robot, Assignment::of_goal(LEDGER, goal.id)?)));
+        let ours: Vec<_> = ours.collect();
+        if ours.is_empty() {
+            return Ok(());
+        }
+        let tasks = self.tasks_of_seq();
+        let mut drivers: BTreeMap<TaskId, &Name> = BTreeMap::new();
+        for (robot, (seq, _)) in ours {
+            let name = &robot.name;
+            let Some(task) = tasks.get(&seq) else {
+                return Err(format!("{name} drives for assignment {seq}, which is not in the ledger"));
+            };
+            if let Some(other) = drivers.insert(*task, name) {
+                return Err(format!("{other} and {name} drive for {task} at {}", self.now_ms - START_MS));
+            }
+            if self.confirmed.contains(task) {
+                return Err(format!("{name} drives for {task}, whose cancellation was confirmed"));
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn check_end(&self) -> Result<(), String> {
+        let submitted = self.submitted();
+        for submission in &self.submissions {
+            let task = submission.task.ok_or("a submission without an answer")?;
+            if self.weather.off != Off::SameId && submitted.get(&task) != Some(&submission.key) {
+                return Err(format!("{task} is another submission's"));
+            }
+        }
+        if submitted.len() != self.submissions.len() {
+            return Err(format!("{} tasks of {} submissions", submitted.len(), self.submissions.len()));
+        }
+        let dispatcher = self.dispatcher.as_ref().ok_or("no dispatcher")?;
+        let tasks = self.tasks_of_seq();
+        for task in dispatcher.book().tasks() {
+            if task.state == TaskState::Failed && task.reason.is_none() {
+                return Err(format!("{} failed without a reason", task.id));
+            }
+            for leg in 0..task.legs_done {
+                self.check_leg(&tasks, task.id, leg)?;
+            }
+            if task.state == TaskState::Done && task.legs().is_some_and(|legs| task.legs_done != legs) {
+                return Err(format!("{} is called done after {} drives", task.id, task.legs_done));
+            }
+        }
+        Ok(())
+    }
+
+    /// A drive that counts as done was driven: once, but for those that nobody could know of.
+    fn check_leg(&self, tasks: &BTreeMap<u64, TaskId>, task: TaskId, leg: u32) -> Result<(), String> {
+        let finishes = self
+            .robots
+            .iter()
+            .enumerate()
+            .flat_map(|(i, robot)| robot.finished.iter().map(move |finished| (i, *finished)));
+        let mut of_leg: Vec<(u64, usize)> = finishes
+            .filter(|(_, finished)| {
+                let of = Assignment::of_goal(LEDGER, finished.goal);
+                of.is_some_and(|(seq, at)| tasks.get(&seq) == Some(&task) && at == leg)
+            })
+            .map(|(i, finished)| (finished.at_ms, i))
+            .collect();
+        of_leg.sort_unstable();
+        if of_leg.is_empty() {
+            return Err(format!("{task} leg {leg} counts as done and was never driven"));
+        }
+        for pair in of_leg.windows(2) {
+            let ((first_ms, robot), (second_ms, _)) = (pair[0], pair[1]);
+            let excused = self.outages[robot]
+                .iter()
+                .any(|(from_ms, until_ms)| *from_ms < second_ms && *until_ms + 3000 > first_ms);
+            if !excused {
+                return Err(format!("{task} leg {leg} was driven twice: {of_leg:?}"));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,192 @@
+//! The grammar of verbs for robots: looking at them, sending, driving and stopping them.
+
+use super::values::{degrees, latch, metres, rpm, seconds};
+use clap::Args;
+use std::time::Duration;
+use xtb_protocol::Name;
+use xtb_protocol::messages::Latch;
+
+const ESTOP_HELP: &str = "\
+It is sent again and again until each robot has acknowledged it or --timeout is over. Exit code 0 means \
+that every robot of the roster has; without a roster nobody can know that, and it is 3.
+
+This is no safety-rated stop: it needs the radio link, the robot's computer and this program. Keep a \
+switch for the motor's power within reach.";
+
+/// Arguments of `list`.
+#[derive(Debug, Clone, Args)]
+pub struct ListArgs {
+    /// Robots that should be there, separated by commas [default: the config's or the simulator's roster].
+    #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot)]
+    pub expect: Vec<Name>,
+}
+
+/// Arguments of `status`.
+#[derive(Debug, Clone, Args)]
+pub struct StatusArgs {
+    /// Robots [default: all].
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robots: Vec<Name>,
+    /// Keep showing it; q or Ctrl-C leaves.
+    #[arg(long)]
+    pub watch: bool,
+}
+
+/// Arguments of `why`.
+#[derive(Debug, Clone, Args)]
+pub struct WhyArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+}
+
+/// Arguments of `doctor`.
+#[derive(Debug, Clone, Args)]
+pub struct DoctorArgs {
+    /// Robots that should be there, separated by commas [default: the config's or the simulator's roster].
+    #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot)]
+    pub expect: Vec<Name>,
+}
+
+/// Arguments of `goto`.
+#[derive(Debug, Clone, Args)]
+#[command(allow_negative_numbers = true)]
+pub struct GotoArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// East, in m.
+    #[arg(value_name = "X", value_parser = metres)]
+    pub x_m: f64,
+    /// North, in m.
+    #[arg(value_name = "Y", value_parser = metres)]
+    pub y_m: f64,
+    /// Yaw on arrival, in degrees counter-clockwise from east; only along a planned path.
+    #[arg(long, value_name = "DEGREES", value_parser = degrees)]
+    pub yaw: Option<f64>,
+    /// How to drive there [default: planned if the robot has a map, else direct].
+    #[arg(long, value_enum)]
+    pub via: Option<ViaArg>,
+    /// Stay and show progress until the goal ends; Ctrl-C cancels it.
+    #[arg(long)]
+    pub wait: bool,
+    /// Give the goal up after this long [default: 300 without --wait, none with it].
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub within: Option<Duration>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
+
+/// How a goal is driven to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum ViaArg {
+    /// The memorandum's A-to-B: straight, and it stops at obstacles.
+    Direct,
+    /// Along a planned path, around what the map and the range finders know of.
+    Planned,
+}
+
+impl From<ViaArg> for xtb_protocol::messages::Via {
+    fn from(via: ViaArg) -> Self {
+        match via {
+            ViaArg::Direct => Self::Direct,
+            ViaArg::Planned => Self::Planned,
+        }
+    }
+}
+
+/// Whether a verb may take control from its holder.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct LeaseArgs {
+    /// Take control from whoever has it; without this, a robot that somebody controls refuses.
+    #[arg(long)]
+    pub take: bool,
+}
+
+/// Arguments of `wander`.
+#[derive(Debug, Clone, Args)]
+pub struct WanderArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// How long [default: until stopped, or 300 s without --wait].
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    pub lasting: Option<Duration>,
+    /// Stay and show progress until it ends; Ctrl-C cancels it.
+    #[arg(long)]
+    pub wait: bool,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
+
+/// Which robots are to stop.
+#[derive(Debug, Clone, Args)]
+pub struct WhoArgs {
+    /// Robots.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot, required_unless_present = "all")]
+    pub robots: Vec<Name>,
+    /// All robots of the roster, and all others that are there.
+    #[arg(long, conflicts_with = "robots")]
+    pub all: bool,
+    /// Roster for --all, separated by commas [default: the config's or the simulator's].
+    #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot, requires = "all")]
+    pub expect: Vec<Name>,
+}
+
+/// Arguments of `stop`.
+#[derive(Debug, Clone, Args)]
+pub struct StopArgs {
+    /// Which robots.
+    #[command(flatten)]
+    pub who: WhoArgs,
+}
+
+/// Arguments of `estop`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = ESTOP_HELP)]
+pub struct EstopArgs {
+    /// Which robots.
+    #[command(flatten)]
+    pub who: WhoArgs,
+}
+
+/// Arguments of `reset`.
+#[derive(Debug, Clone, Args)]
+pub struct ResetArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// Only this latch [default: all].
+    #[arg(long, value_name = "NAME", value_parser = latch())]
+    pub latch: Option<Latch>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
+
+/// Arguments of `teleop`.
+#[derive(Debug, Clone, Args)]
+pub struct TeleopArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// Fastest wheel speed asked for, in rpm [default: the robot's limit].
+    #[arg(long, value_name = "R", value_parser = rpm)]
+    pub max_rpm: Option<f64>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
+
+/// Arguments of `watch`.
+#[derive(Debug, Clone, Args)]
+pub struct WatchArgs {
+    /// Zenoh key expression, such as `xtb/lab/*/event` or `xtb/**`; about and roster answer once, commands cannot be watched.
+    #[arg(value_name = "KEYEXPR")]
+    pub key_expr: String,
+    /// End after this many messages.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub count: Option<u64>,
+}

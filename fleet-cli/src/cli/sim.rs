@@ -1,0 +1,109 @@
+//! The grammar of what stands in for a lab: a router, simulated robots, the demo.
+
+use super::DEFAULT_ENDPOINT;
+use super::values::{drop_outs, fix_noise, fix_rate, part};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Arguments of `router`.
+#[derive(Debug, Clone, Args)]
+pub struct RouterArgs {
+    /// Where to listen; port 0 takes a free one.
+    #[arg(long, value_name = "ENDPOINT", default_value = DEFAULT_ENDPOINT)]
+    pub listen: String,
+}
+
+/// Arguments of `sim`.
+#[derive(Debug, Clone, Args)]
+pub struct SimArgs {
+    /// How many robots: xtb-1 … xtb-N.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub robots: usize,
+    /// World (TOML) [default: an empty room].
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+    /// Seed of every random number.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// Times real time.
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    pub speed: f64,
+    /// Where its router listens [default: tcp/127.0.0.1:7447]; with --connect it runs no router.
+    #[arg(long, value_name = "ENDPOINT")]
+    pub listen: Option<String>,
+    /// Start no agents; make two serial lines for each truck instead: DIR/ROBOT.board and DIR/ROBOT.gyro.
+    #[arg(long, value_name = "DIR")]
+    pub pty: Option<PathBuf>,
+    /// Write the ground truth at board rate, as JSON lines.
+    #[arg(long, value_name = "FILE")]
+    pub truth_log: Option<PathBuf>,
+    /// Record every sample, command and decision of each robot: DIR/ROBOT-….mcap.
+    #[arg(long, value_name = "DIR", conflicts_with = "pty")]
+    pub record: Option<PathBuf>,
+    /// Run a dispatcher (and traffic control) too, and say at the end what each robot did.
+    #[arg(long)]
+    pub dispatch: bool,
+    /// Its ledger [default: FLEET.ledger in $XDG_DATA_HOME/xtb/sim or ~/.local/share/xtb/sim].
+    #[arg(long, value_name = "FILE", requires = "dispatch")]
+    pub ledger: Option<PathBuf>,
+    /// End as soon as there were tasks and all have ended; exit code 1 if one failed or a truck was touched.
+    #[arg(long, requires = "dispatch")]
+    pub until_done: bool,
+    /// What measures the robots' poses.
+    #[command(flatten)]
+    pub fixes: FixArgs,
+    /// No router and no agents, but a bad day of a virtual fleet: tells what happens on the day of --seed,
+    /// and whether a rule of docs/safety.md was broken.
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "listen", "pty", "truth_log", "record", "dispatch"])]
+    pub virtual_day: bool,
+}
+
+/// A simulated tracker that measures where the robots are.
+#[derive(Debug, Clone, Copy, Args)]
+#[command(next_help_heading = "Pose fixes")]
+pub struct FixArgs {
+    /// Pose fixes a second; 0 = none: odometry alone, which drifts.
+    #[arg(long = "fixes", value_name = "HZ", default_value_t = 2.0, value_parser = fix_rate)]
+    pub rate_hz: f64,
+    /// Their noise, a standard deviation in m.
+    #[arg(long = "fix-noise", value_name = "METRES", default_value_t = 0.05, value_parser = fix_noise)]
+    pub noise_m: f64,
+    /// The part of them that is somewhere else altogether, 0 to 1.
+    #[arg(long = "fix-outliers", value_name = "PART", default_value_t = 0.0, value_parser = part)]
+    pub outliers: f64,
+    /// Mean time between drop-outs of about 5 s, in s; 0 = none.
+    #[arg(long = "fix-drop-outs", value_name = "SECONDS", default_value_t = 0.0, value_parser = drop_outs)]
+    pub drop_out_every_s: f64,
+}
+
+impl FixArgs {
+    /// As the simulator takes it.
+    #[must_use]
+    pub fn truth(self) -> xtb_sim::fixes::FixTruth {
+        let Self { rate_hz, noise_m, outliers, drop_out_every_s } = self;
+        xtb_sim::fixes::FixTruth { rate_hz, noise_m, outliers, drop_out_every_s, ..Default::default() }
+    }
+}
+
+/// Arguments of `demo`.
+#[derive(Debug, Clone, Args)]
+pub struct DemoArgs {
+    /// No live picture.
+    #[arg(long)]
+    pub headless: bool,
+    /// How many robots.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub robots: usize,
+    /// Seed of every random number.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// Times real time.
+    #[arg(long, value_name = "X", default_value_t = 4.0)]
+    pub speed: f64,
+    /// Goals of each robot.
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    pub goals: usize,
+    /// Where its router listens; port 0 takes a free one.
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:0")]
+    pub listen: String,
+}

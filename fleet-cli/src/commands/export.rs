@@ -1,0 +1,101 @@
+//! `export`: a recording of the fleet as tables, one for each type of message.
+
+use crate::cli::ExportArgs;
+use crate::context::Context;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::recording::playing::not_readable;
+use crate::recording::reader::Reader;
+use crate::recording::schemas;
+use crate::recording::table::Table;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, Serialize)]
+struct Exported {
+    tables: BTreeMap<PathBuf, u64>,
+    left_out: u64,
+    cut: Option<String>,
+}
+
+struct Sheet {
+    path: PathBuf,
+    table: Table,
+    file: BufWriter<File>,
+    rows: u64,
+}
+
+/// Writes the tables.
+///
+/// # Errors
+/// A file that is no recording, a table that is there already, a full disk.
+pub fn run(ctx: &Context, args: &ExportArgs) -> Result<Exit> {
+    let folder = args.out.clone().unwrap_or_else(|| args.file.with_extension(""));
+    let wrong = |error| not_readable(&args.file, &error);
+    let mut reader = Reader::open(&args.file).map_err(wrong)?;
+    let mut sheets: BTreeMap<String, Sheet> = BTreeMap::new();
+    let mut left_out = 0;
+    while let Some(message) = reader.next_message().map_err(wrong)? {
+        if schemas::is_derived(&message.schema) {
+            continue;
+        }
+        let (Some(schema), Ok(value)) = (schemas::of(&message.schema), serde_json::from_slice(&message.data))
+        else {
+            left_out += 1;
+            continue;
+        };
+        if !sheets.contains_key(&message.schema) {
+            let name = message.schema.trim_start_matches("xtb.");
+            let path = folder.join(format!("{name}.csv"));
+            let sheet = begin(&path, Table::of(schema), args.force).map_err(|it| cannot_write(&path, &it))?;
+            sheets.insert(message.schema.clone(), sheet);
+        }
+        if let Some(sheet) = sheets.get_mut(&message.schema) {
+            let row = sheet.table.row(message.log_ns, &message.topic, &value);
+            sheet.file.write_all(row.as_bytes()).map_err(|error| cannot_write(&sheet.path, &error))?;
+            sheet.rows += 1;
+        }
+    }
+    let mut tables = BTreeMap::new();
+    for mut sheet in sheets.into_values() {
+        sheet.file.flush().map_err(|error| cannot_write(&sheet.path, &error))?;
+        tables.insert(sheet.path, sheet.rows);
+    }
+    let cut = reader.cut_because().map(str::to_owned);
+    ctx.out.result(&Exported { tables, left_out, cut }, words)?;
+    Ok(Exit::Done)
+}
+
+fn begin(path: &Path, table: Table, force: bool) -> io::Result<Sheet> {
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    let file = if force { File::create(path) } else { File::create_new(path) };
+    let mut file = BufWriter::new(file?);
+    file.write_all(table.header().as_bytes())?;
+    Ok(Sheet { path: path.to_owned(), table, file, rows: 0 })
+}
+
+fn cannot_write(path: &Path, error: &io::Error) -> Failure {
+    match error.kind() {
+        io::ErrorKind::AlreadyExists => {
+            Failure::new(Kind::Usage, format!("{} is there already", path.display()))
+                .hint("name another folder with --out, or overwrite it with --force")
+        }
+        _ => Failure::new(Kind::Failed, format!("cannot write {}: {error}", path.display())),
+    }
+}
+
+fn words(exported: &Exported) -> String {
+    let mut lines: Vec<String> =
+        exported.tables.iter().map(|(path, rows)| format!("{}: {rows} rows", path.display())).collect();
+    if exported.left_out > 0 {
+        lines.push(format!("{} messages of types that this program does not know", exported.left_out));
+    }
+    if let Some(reason) = &exported.cut {
+        lines.push(format!("the recording breaks off: {reason}"));
+    }
+    lines.join("\n")
+}

@@ -1,0 +1,94 @@
+//! `play`: a recording of the fleet again, as it happened.
+
+use crate::cli::PlayArgs;
+use crate::context::Context;
+use crate::error::{Exit, Result};
+use crate::interrupt::interrupted;
+use crate::news::News;
+use crate::recording::drawing;
+use crate::recording::player::{Move, Player};
+use crate::recording::playing::{PlaySettings, not_readable, read};
+use crate::recording::reader::{self, Reader};
+use serde::Serialize;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Between two looks at what is due.
+const TICK: Duration = Duration::from_millis(20);
+
+#[derive(Debug, Serialize)]
+struct Line<'a> {
+    key: &'a str,
+    #[serde(rename = "type")]
+    name: &'static str,
+    at_s: f64,
+    value: &'a News,
+}
+
+/// Plays it: what happened as lines; with `--json` every message, as `watch` prints them.
+///
+/// # Errors
+/// A file that is no recording, or is damaged.
+pub async fn run(ctx: &Context, args: &PlayArgs) -> Result<Exit> {
+    let settings =
+        PlaySettings { speed: args.speed, from_ms: (args.from * 1000.0) as u64, repeat: args.repeat };
+    tokio::select! {
+        played = print(ctx, &args.file, settings) => played.map(|()| Exit::Done),
+        () = interrupted() => Ok(Exit::Interrupted),
+    }
+}
+
+async fn print(ctx: &Context, path: &Path, settings: PlaySettings) -> Result<()> {
+    let wrong = |error| not_readable(path, &error);
+    let span = reader::span(path).map_err(wrong)?;
+    let mut player = Player::new(span, settings);
+    let mut reader = Reader::open(path).map_err(wrong)?;
+    let mut looked = Instant::now();
+    let mut next = None;
+    let mut skipping = true;
+    loop {
+        let now = Instant::now();
+        if player.advance(now - looked) == Move::Again {
+            reader = Reader::open(path).map_err(wrong)?;
+            (next, skipping) = (None, true);
+        }
+        looked = now;
+        loop {
+            if next.is_none() {
+                next = reader.next_message().map_err(wrong)?;
+            }
+            let Some(message) = next.take_if(|next| player.is_due(next.log_ns)) else { break };
+            let at_ms = player.at_ms(message.log_ns);
+            // What is before `--from` is passed by.
+            skipping &= at_ms < player.position_ms();
+            if !skipping {
+                say(ctx, at_ms, &message)?;
+            }
+        }
+        skipping = false;
+        if player.ended() && !settings.repeat {
+            break;
+        }
+        tokio::time::sleep(TICK).await;
+    }
+    if let Some(reason) = reader.cut_because() {
+        ctx.out.note(&format!("the recording breaks off here: {reason}"));
+    }
+    Ok(())
+}
+
+fn say(ctx: &Context, at_ms: u64, message: &reader::Recorded) -> Result<()> {
+    let (key, news) = match read(message) {
+        Some(Ok(found)) => found,
+        Some(Err(error)) => return Ok(ctx.out.note(&format!("{}: {error}", message.topic))),
+        None => return Ok(()),
+    };
+    let at_s = at_ms as f64 / 1000.0;
+    if ctx.out.json {
+        return ctx.out.line(&Line { key: &message.topic, name: news.name(), at_s, value: &news });
+    }
+    match drawing::log(message.log_ns, &key, &news) {
+        Some(line) => ctx.out.text(&format!("{at_s:9.3} s  {:<12} {}", line.name, line.message)),
+        None => Ok(()),
+    }
+}

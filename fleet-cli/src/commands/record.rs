@@ -1,0 +1,157 @@
+//! `record`: what is said on the fleet's keys, into MCAP that Foxglove, Rerun and Python open.
+
+use crate::cli::RecordArgs;
+use crate::client::Client;
+use crate::context::Context;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::interrupt::interrupted;
+use crate::listen::plan::Plan;
+use crate::listen::{Inlet, Sources, not_a_key_expr};
+use crate::output;
+use crate::recording::recorder::Counts;
+use crate::recording::tape::TapeSettings;
+use crate::recording::writing::{Progress, Writing};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::pin::pin;
+use std::time::{Duration, Instant, SystemTime};
+
+const SHOW_EVERY: Duration = Duration::from_millis(500);
+
+#[derive(Debug, Serialize)]
+struct Ready {
+    ready: bool,
+    recording: PathBuf,
+}
+
+#[derive(Debug, Serialize)]
+struct Ended {
+    files: Vec<PathBuf>,
+    bytes: u64,
+    seconds: f64,
+    #[serde(flatten)]
+    counts: Counts,
+}
+
+/// Records until it is interrupted, `--for` is over, or the disk is full.
+///
+/// # Errors
+/// No router, a key expression that is none, a file that is there already or cannot be written.
+pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
+    // Before anything else: what comes in the first second shall not be missed.
+    let mut stop = pin!(interrupted());
+    let client = Client::open(ctx).await?;
+    let path = args.out.clone().unwrap_or_else(|| usual_path(ctx));
+    let settings = TapeSettings {
+        path: path.clone(),
+        force: args.force,
+        max_bytes: args.max_size,
+        fleet: ctx.fleet.to_string(),
+        keys: args.key_exprs.clone(),
+    };
+    let writing = Writing::start(settings, args.chunk)?;
+    let sources = match listen(&client, &args.key_exprs, &writing.inlet()).await {
+        Ok(sources) => sources,
+        Err(failure) => {
+            // Nothing was recorded: no empty file stays behind.
+            drop(writing.finish());
+            drop(std::fs::remove_file(&path));
+            return Err(failure);
+        }
+    };
+    let began = Instant::now();
+    match ctx.out.json {
+        true => ctx.out.line(&Ready { ready: true, recording: path })?,
+        false => ctx.out.note(&format!("recording into {}; Ctrl-C ends it", path.display())),
+    }
+    let mut shown = output::Progress::new();
+    let mut tick = tokio::time::interval(SHOW_EVERY);
+    while !writing.ended() && args.lasting.is_none_or(|lasting| began.elapsed() < lasting) {
+        let left = args.lasting.map_or(SHOW_EVERY, |lasting| lasting.saturating_sub(began.elapsed()));
+        tokio::select! {
+            () = &mut stop => break,
+            () = tokio::time::sleep(left) => {}
+            _ = tick.tick() => shown.show(&progress(&writing.progress(), began.elapsed())),
+        }
+    }
+    shown.end();
+    let seconds = began.elapsed().as_secs_f64();
+    drop(sources);
+    let finishing = tokio::task::spawn_blocking(|| writing.finish());
+    let Progress { files, bytes, counts } =
+        finishing.await.map_err(|error| Failure::new(Kind::Failed, error.to_string()))??;
+    client.close().await;
+    ctx.out.result(&Ended { files, bytes, seconds, counts }, words)?;
+    Ok(Exit::Done)
+}
+
+/// Listens on what is wanted: by default on everything, and what only answers is asked once.
+async fn listen(client: &Client, key_exprs: &[String], inlet: &Inlet) -> Result<Sources> {
+    let mut sources = Sources::default();
+    if !key_exprs.is_empty() {
+        for key_expr in key_exprs {
+            sources.add(client, key_expr, inlet).await?;
+        }
+        return Ok(sources);
+    }
+    let map = client.keys().map();
+    let tasks = client.keys().dispatch_tasks();
+    let everything = format!("{}**", map.strip_suffix("map").unwrap_or_default());
+    let plans = [
+        (everything.clone(), Plan::of(&everything)?),
+        (map.clone(), Plan::Answers(vec![map])),
+        (tasks.clone(), Plan::Answers(vec![tasks])),
+    ];
+    for (key_expr, plan) in plans {
+        sources.add_plan(client, &key_expr, plan, inlet).await.map_err(not_a_key_expr)?;
+    }
+    Ok(sources)
+}
+
+fn usual_path(ctx: &Context) -> PathBuf {
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    PathBuf::from(format!("{}-{}.mcap", ctx.fleet, now.as_secs()))
+}
+
+fn progress(progress: &Progress, elapsed: Duration) -> String {
+    let Counts { messages, unreadable, dropped, .. } = progress.counts;
+    let mut text = format!(
+        "{:.0} s  {messages} messages  {}  {dropped} dropped",
+        elapsed.as_secs_f64(),
+        in_bytes(progress.bytes)
+    );
+    if unreadable > 0 {
+        text.push_str(&format!("  {unreadable} not readable"));
+    }
+    if let [.., last] = progress.files.as_slice() {
+        text.push_str(&format!("  {}", last.display()));
+    }
+    text
+}
+
+fn words(ended: &Ended) -> String {
+    let Counts { messages, unreadable, dropped, .. } = ended.counts;
+    let files: Vec<String> = ended.files.iter().map(|file| file.display().to_string()).collect();
+    let mut text = format!(
+        "{messages} messages in {:.1} s, {}: {}",
+        ended.seconds,
+        in_bytes(ended.bytes),
+        files.join(", ")
+    );
+    if dropped > 0 {
+        text.push_str(&format!("\n{dropped} messages came faster than they could be written: they are lost"));
+    }
+    if unreadable > 0 {
+        text.push_str(&format!("\n{unreadable} messages were none of this project's and were left out"));
+    }
+    text
+}
+
+fn in_bytes(bytes: u64) -> String {
+    match bytes {
+        0..1_000 => format!("{bytes} B"),
+        1_000..1_000_000 => format!("{:.1} kB", bytes as f64 / 1e3),
+        1_000_000..1_000_000_000 => format!("{:.1} MB", bytes as f64 / 1e6),
+        _ => format!("{:.2} GB", bytes as f64 / 1e9),
+    }
+}

@@ -1,0 +1,30 @@
+//! The fleet on file: `record` writes what is said on the keys into MCAP, `play` shows it again, `export`
+//! makes tables of it. `docs/fleet-recordings.md` is the contract.
+//!
+//! ```text
+//! listen ─► queue (bounded) ─► Recorder (pure: items in, records out) ─► Tape (files) ─► FILE.mcap
+//! FILE.mcap ─► Reader ─► Player (pure: what is due) ─► Playing (a thread) ─► scene
+//! ```
+//!
+//! The robots' own recordings (`robot-agent --record`) are another thing: every sample and decision of
+//! one controller, to be decided again bit for bit.
+
+pub mod drawing;
+pub mod player;
+pub mod playing;
+pub mod reader;
+pub mod recorder;
+pub mod schemas;
+pub mod table;
+pub mod tape;
+pub mod well_known;
+pub mod writing;
+
+/// Name of the metadata that a file begins with: who recorded what.
+pub const BEGAN: &str = "xtb.recording";
+/// Name of the metadata that count what was and was not kept; the last of a file holds.
+pub const COUNTS: &str = "xtb.recording.counts";
+/// What the scene for Foxglove is called.
+pub const SCENE_TOPIC: &str = "foxglove/scene";
+/// What the log for Foxglove is called.
+pub const LOG_TOPIC: &str = "foxglove/log";
