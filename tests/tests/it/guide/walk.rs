@@ -23,6 +23,8 @@ const PATIENT: &str = "fleet-cli --timeout 20 ";
 /// What programs that stay say when they are ready.
 const READY: [&str; 3] = ["ready", "the link to the router is up", "dispatcher of fleet"];
 const LOOK_EVERY: Duration = Duration::from_millis(10);
+/// The exit code when nobody has answered: that takes the whole of a command's patience.
+const UNANSWERED: i32 = 3;
 /// A command that was not done yet when it was interrupted.
 const INTERRUPTED: i32 = 130;
 /// Each command, and each program's way to ready.
@@ -93,54 +95,67 @@ impl<'a> Walk<'a> {
 
     fn block(&mut self, line: usize, notes: &Notes, typed: &[String], shown: Option<&str>) {
         self.seen.clear();
-        for typed in typed {
-            if let Some((name, value)) = typed.strip_prefix("export ").and_then(|rest| rest.split_once('=')) {
-                let value = self.adapted(value.split(" #").next().unwrap_or_default().trim());
-                self.variables.insert(name.to_owned(), value);
-            } else if notes.has("background") {
-                self.begin(line, notes, typed);
-            } else if notes.has("screen") {
-                let mut command = self.shell(&typed.replace("fleet-cli ", PATIENT));
-                let (code, drawn) = terminal::run(&mut command, notes.value("shows"), notes.value("keys"));
-                assert_eq!(code, notes.exit_code(), "{}: {typed}\n{drawn}", self.place(line));
-                self.seen.push_str(&drawn);
-            } else {
-                self.finish(line, notes, typed, shown);
-            }
+        if notes.has("background") {
+            typed.iter().for_each(|typed| self.begin(line, notes, typed));
+        } else if notes.has("screen") {
+            typed.iter().for_each(|typed| self.draw(line, notes, typed));
+        } else {
+            self.finish(line, notes, typed, shown);
         }
     }
 
-    /// Runs a command to its end; where the block says `until`, again and again until it is as told.
-    fn finish(&mut self, line: usize, notes: &Notes, typed: &str, shown: Option<&str>) {
+    /// Runs commands to their end; where the block says `until`, again and again until all is as told.
+    fn finish(&mut self, line: usize, notes: &Notes, typed: &[String], shown: Option<&str>) {
         let (began, wanted) = (Instant::now(), notes.exit_code());
-        let typed = match wanted {
-            3 => typed.to_owned(),
-            _ => typed.replace("fleet-cli ", PATIENT),
-        };
         loop {
-            let (code, seen) = self.run(line, &typed);
-            let as_told = code == wanted && shown.is_none_or(|shown| fits(shown, &seen));
-            if !notes.has("until") || as_told || began.elapsed() > AT_MOST {
-                assert_eq!(code, wanted, "{}: {typed}\n{seen}", self.place(line));
-                self.seen.push_str(&seen);
+            self.seen.clear();
+            let mut as_told = true;
+            for typed in typed {
+                let code = self.run(line, typed, wanted);
+                let last_try = !notes.has("until") || began.elapsed() > AT_MOST;
+                assert!(code == wanted || !last_try, "{}: {typed} ended with {code}\n{}", self.place(line), self.seen);
+                as_told &= code == wanted;
+            }
+            as_told &= shown.is_none_or(|shown| fits(shown, &self.seen));
+            if as_told || !notes.has("until") || began.elapsed() > AT_MOST {
                 return;
             }
         }
     }
 
-    fn run(&mut self, line: usize, typed: &str) -> (i32, String) {
+    /// Runs a command on a terminal of its own until it ends.
+    fn draw(&mut self, line: usize, notes: &Notes, typed: &str) {
+        let mut command = self.shell(&typed.replace("fleet-cli ", PATIENT));
+        let (code, drawn) = terminal::run(&mut command, notes.value("shows"), notes.value("keys"));
+        assert_eq!(code, notes.exit_code(), "{}: {typed}\n{drawn}", self.place(line));
+        self.seen.push_str(&drawn);
+    }
+
+    /// Runs a command to its end, and returns its exit code.
+    fn run(&mut self, line: usize, typed: &str, wanted: i32) -> i32 {
+        if let Some((name, value)) = typed.strip_prefix("export ").and_then(|rest| rest.split_once('=')) {
+            let value = self.adapted(value.split(" #").next().unwrap_or_default().trim());
+            self.variables.insert(name.to_owned(), value);
+            return 0;
+        }
+        let typed = match wanted {
+            UNANSWERED => typed.to_owned(),
+            _ => typed.replace("fleet-cli ", PATIENT),
+        };
         let output = self.output();
-        let mut command = self.shell(typed);
+        let mut command = self.shell(&typed);
         let mut process = Process(to_file(&mut command, &output).spawn().unwrap());
         let began = Instant::now();
-        loop {
+        let status = loop {
             if let Some(status) = process.0.try_wait().unwrap() {
-                return (status.code().unwrap_or(-1), std::fs::read_to_string(&output).unwrap());
+                break status;
             }
             let place = self.place(line);
             assert!(began.elapsed() < AT_MOST, "{place}: does not end: {typed}\n{}", read(&output));
             std::thread::sleep(LOOK_EVERY);
-        }
+        };
+        self.seen.push_str(&read(&output));
+        status.code().unwrap_or(-1)
     }
 
     /// Starts a program that stays, and waits until it is ready.
@@ -220,8 +235,8 @@ impl<'a> Walk<'a> {
         let (program, arguments) = start.rsplit_once("/robot-agent ").unwrap();
         assert!(program.starts_with('/'), "systemd wants whole paths: {start}");
         let arguments = arguments.replace("/etc/xtb/", "");
-        let (code, seen) = self.run(line, &format!("robot-agent {arguments} --print-config"));
-        assert_eq!(code, 0, "{}: {start}\n{seen}", self.place(line));
+        let code = self.run(line, &format!("robot-agent {arguments} --print-config"), 0);
+        assert_eq!(code, 0, "{}: {start}\n{}", self.place(line), self.seen);
     }
 
     fn place(&self, line: usize) -> String {
