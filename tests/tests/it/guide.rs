@@ -10,12 +10,13 @@ use page::{What, folder, names, steps, text};
 use walk::walk;
 
 /// The pages, and the tests below: one each, so that they run side by side.
-const PAGES: [&str; 9] = [
+const PAGES: [&str; 10] = [
     "README.md",
     "first-drive.md",
     "fleet.md",
     "install.md",
     "recordings.md",
+    "rooms.md",
     "screens.md",
     "tasks.md",
     "troubleshooting.md",
@@ -72,6 +73,11 @@ fn install_runs_as_written() {
 #[test]
 fn recordings_runs_as_written() {
     walk("recordings.md");
+}
+
+#[test]
+fn rooms_runs_as_written() {
+    walk("rooms.md");
 }
 
 #[test]
