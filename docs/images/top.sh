@@ -6,12 +6,12 @@ cd "$(dirname "$0")/../.."
 here=docs/images
 made=$(mktemp -d)
 trap 'rm -rf "$made"' EXIT
-cargo build --workspace --bins
-cargo run -p fleet-tests --example cockpit -- "$made"
+cargo build --workspace --bins --example cockpit
+"${CARGO_TARGET_DIR:-target}/debug/examples/cockpit" "$made"
 for size in 80x24 160x50; do
   svg=$made/top-$size.svg
-  width=$(sed -n "s/.* width='\([0-9]*\)' height=.*/\1/p;q" "$svg" | head -1)
-  height=$(sed -n "s/.* height='\([0-9]*\)' font.*/\1/p;q" "$svg" | head -1)
+  # Cells of 9 by 18, and a margin.
+  width=$((${size%x*} * 9 + 16)) height=$((${size#*x} * 18 + 16))
   chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --window-size="$width,$height" \
     --screenshot="$PWD/$here/top-$size.png" "file://$svg" 2>/dev/null
 done

@@ -300,6 +300,8 @@ async fn a_recording_is_played_as_a_scene() {
     let last = fleet.state(1).await;
     fleet.end().await;
 
+    lines_and_tables_hold_every_message(&recording, folder.path());
+
     let playing = Playing::open(&recording.file, PlaySettings { speed: 20.0, ..Default::default() }).unwrap();
     let scene = playing.scene();
     eventually("the end", || async { playing.status().ended.then_some(()) }).await;
@@ -319,6 +321,39 @@ async fn a_recording_is_played_as_a_scene() {
     eventually("its place", || async { (scene.now_ms() == 200).then_some(()) }).await;
     let robots: Vec<_> = scene.lock().robots().keys().cloned().collect();
     assert!(robots.contains(&name("xtb-1")), "{robots:?}");
+}
+
+/// `play --json` and `export --csv` of a recording, as processes.
+fn lines_and_tables_hold_every_message(recording: &Recording, folder: &Path) {
+    let (messages, cut) = recording.messages();
+    assert_eq!(cut, None);
+    let count = |schema: &str| messages.iter().filter(|message| message.schema == schema).count();
+    let of_ours = messages.iter().filter(|message| message.schema.starts_with("xtb.")).count();
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(program("fleet-cli"));
+        let output = command.env_clear().args(arguments).arg(&recording.file).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let lines = run(&["--json", "play", "--speed", "1000"]);
+    assert_eq!(lines.lines().count(), of_ours);
+    let first: Value = serde_json::from_str(lines.lines().next().unwrap()).unwrap();
+    assert!(first["key"].is_string() && first["type"].is_string(), "{first}");
+
+    let tables = folder.join("tables");
+    run(&["export", "--csv", "--out", tables.to_str().unwrap()]);
+    let table = std::fs::read_to_string(tables.join("RobotState.csv")).unwrap();
+    let rows: Vec<&str> = table.split("\r\n").collect();
+    // The header, and nothing behind the last line's end.
+    assert_eq!(rows.len(), count("xtb.RobotState") + 2);
+    let columns: Vec<&str> = rows[0].split(',').collect();
+    assert_eq!(columns[..2], ["log_ns", "topic"]);
+    assert!(columns.contains(&"pose.x_m") && columns.contains(&"nav.route.release_m"), "{columns:?}");
+    assert!(tables.join("Event.csv").exists() && !tables.join("SceneUpdate.csv").exists());
+    // What is there already is left alone.
+    let mut again = Command::new(program("fleet-cli"));
+    let again = again.env_clear().args(["export", "--csv", "--out"]).arg(&tables).arg(&recording.file);
+    assert_eq!(again.output().unwrap().status.code(), Some(2));
 }
 
 #[allow(clippy::print_stderr)] // people who run the tests shall see it

@@ -10,8 +10,7 @@ use ratatui::widgets::Paragraph;
 
 /// Smaller than this there is no use.
 const SMALLEST: (u16, u16) = (20, 4);
-const HINTS: &str =
-    "? keys  Tab robot  arrows+Enter go there  t drive  s/S stop  e/E E-STOP  x reset  w why  q";
+const HINTS: &str = "? keys  Tab robot  arrows Enter go  t drive  s S stop  e E E-STOP  x reset  q";
 const SHORT_HINTS: &str = "? keys  E E-STOP ALL  q leave";
 const PLAYING_HINTS: &str = "? keys  Tab robot  space pause  arrows wind  w why  v tasks  f follow  q leave";
 const READING_HINTS: &str = "? keys  Tab robot  w why  v tasks  f follow  +/- zoom  a all  q leave";

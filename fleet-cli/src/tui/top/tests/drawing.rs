@@ -50,7 +50,7 @@ fn the_map_shows_headings_goals_walls_and_zones() {
     let scene = fleet();
     let shown = screen(&mut cockpit(), &scene, 160, 50);
     let all = shown.join("\n");
-    for part in ["→xtb-1", "↑xtb-2!", "←xtb-3#", "xxtb-1", "chargers", "room"] {
+    for part in ["→xtb-1", "↑xtb-2!", "←xtb-3#", "x xtb-1", "chargers", "room"] {
         assert!(all.contains(part), "{part}:\n{all}");
     }
     let dots = |line: &String| line.chars().filter(|sign| ('\u{2801}'..='\u{28ff}').contains(sign)).count();
