@@ -374,3 +374,6 @@ fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }
 
+
+#[cfg(test)]
+mod tests;

@@ -115,7 +115,7 @@ impl Metrics {
         own.register("requests_refused", help, metrics.refused.clone());
         own.register("commands", "Commands of pages by their result", metrics.commands.clone());
         for reason in ["origin", "host", "token", "full"] {
-            metrics.refused.get_or_create(&Reason { reason });
+            drop(metrics.refused.get_or_create(&Reason { reason }));
         }
         let began: Gauge<f64, AtomicU64> = Gauge::default();
         began.set(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64());

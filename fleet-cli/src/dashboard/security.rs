@@ -182,11 +182,6 @@ impl Guard {
         }
     }
 
-    /// The token, if there is one.
-    pub(super) fn token(&self) -> Option<&str> {
-        self.token.as_deref()
-    }
-
     /// The cookie as it is set: scripts cannot read it, and no other site's request bears it.
     pub(super) fn set_cookie(&self) -> String {
         format!("{COOKIE}={}; HttpOnly; SameSite=Strict; Path=/", self.cookie)

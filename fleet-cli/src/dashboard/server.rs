@@ -17,7 +17,7 @@ use axum::routing::get;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpSocket};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
@@ -29,6 +29,10 @@ pub(super) const MOST_SOCKETS: usize = 16;
 const MAX_MESSAGE: usize = 16 * 1024;
 /// Bytes of a message that wait for the network before it is told to take them.
 const WRITE_BUFFER: usize = 64 * 1024;
+/// What the system keeps for a page that does not read, in bytes; else it may be megabytes.
+const SEND_BUFFER: u32 = 256 * 1024;
+/// Connections that wait in the system's queue.
+const BACKLOG: u32 = 128;
 /// Pages and wheels that are waited for at the end.
 const BUSY: u32 = 1024;
 /// Sockets are closed, wheels let go, and then it ends.
@@ -143,7 +147,7 @@ impl Running {
         let Settings { listen, token, read_only, allow_origins, hz } = settings;
         let cookie = Uuid::new_v4().simple().to_string();
         let guard = Guard::new(listen, token.clone(), cookie, allow_origins)?;
-        let listener = TcpListener::bind(listen).await.map_err(|error| taken(listen, &error))?;
+        let listener = bind(listen).map_err(|error| taken(listen, &error))?;
         let address = listener.local_addr()?;
         let (stop, stopped) = watch::channel(false);
         let busy = Arc::new(Semaphore::new(BUSY as usize));
@@ -283,6 +287,14 @@ async fn page(request: Request) -> Response {
     }
     assets::answer(request.uri().path(), request.headers())
         .unwrap_or_else(|| (StatusCode::NOT_FOUND, "there is no such page\n").into_response())
+}
+
+fn bind(listen: SocketAddr) -> std::io::Result<TcpListener> {
+    let socket = if listen.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
+    socket.set_reuseaddr(true)?;
+    socket.set_send_buffer_size(SEND_BUFFER)?;
+    socket.bind(listen)?;
+    socket.listen(BACKLOG)
 }
 
 fn taken(listen: SocketAddr, error: &std::io::Error) -> Failure {

@@ -69,11 +69,6 @@ impl Session {
             self.known = Known::default();
         }
     }
-
-    /// Frames left out.
-    pub(super) fn skipped(&self) -> u64 {
-        self.skipped
-    }
 }
 
 #[cfg(test)]
@@ -100,7 +95,7 @@ mod tests {
         for ms in 2..100 {
             assert_eq!(tick(&mut session, 50 * ms), Vec::<u64>::new());
         }
-        assert_eq!(session.skipped(), 98);
+        assert_eq!(session.skipped, 98);
         session.seen(1);
         assert_eq!(tick(&mut session, 5000), [3]);
         assert!(!session.is_due());

@@ -4,6 +4,7 @@
 
 mod cockpit;
 mod commands;
+mod dashboard;
 mod dispatch;
 mod driving;
 mod fetching;

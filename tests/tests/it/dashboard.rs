@@ -1,0 +1,77 @@
+//! The dashboard's server as pages meet it: over real sockets, a real router and simulated robots.
+
+mod commands;
+mod driving;
+mod entry;
+mod page;
+mod stalled;
+
+use fleet_cli::client::Client;
+use fleet_cli::context::Context;
+use fleet_cli::dashboard::{Running, Settings, Shown};
+use fleet_cli::scene::live::{Live, Wanted};
+use fleet_tests::{Fleet, PATIENCE, Setup, name};
+use page::Page;
+use std::sync::Arc;
+
+/// A dashboard in this process, and the fleet that it shows.
+struct Rig {
+    fleet: Fleet,
+    dashboard: Running,
+    client: Client,
+    _live: Live,
+}
+
+impl Rig {
+    async fn start(setup: Setup) -> Self {
+        Self::with(setup, |_| {}).await
+    }
+
+    async fn with(setup: Setup, change: impl FnOnce(&mut Settings)) -> Self {
+        let fleet = Fleet::start(setup).await;
+        let ctx = Context {
+            connect: vec![fleet.simulator.endpoint().to_owned()],
+            connect_given: true,
+            fleet: name("lab"),
+            client: name("dashboard"),
+            timeout: PATIENCE,
+            robots: Vec::new(),
+            out: fleet_cli::Output { json: true, colors: false },
+        };
+        let client = Client::open(&ctx).await.unwrap();
+        let live = Live::open(&client, Wanted { sensors: true, truth: false }).await.unwrap();
+        let mut settings = Settings {
+            listen: "127.0.0.1:0".parse().unwrap(),
+            token: None,
+            read_only: false,
+            allow_origins: Vec::new(),
+            hz: 20.0,
+        };
+        change(&mut settings);
+        let shown = Shown {
+            scene: Arc::clone(&live.scene),
+            commands: Some((ctx, client.clone())),
+            rewinds: Arc::new(|| 0),
+        };
+        let dashboard = Running::start(settings, shown).await.unwrap();
+        Self { fleet, dashboard, client, _live: live }
+    }
+
+    /// A page that sees its robots.
+    async fn page(&self) -> Page {
+        let mut page = Page::open(self.dashboard.address()).await;
+        let robots = self.fleet.simulator.truth().latest().robots.len();
+        page.until("the robots", |page| {
+            let fresh = page.rows().filter(|row| row["stale"] == false && row["alive"] == true).count();
+            (fresh == robots).then_some(())
+        })
+        .await;
+        page
+    }
+
+    async fn end(self) {
+        self.dashboard.stop().await;
+        self.client.close().await;
+        self.fleet.end().await;
+    }
+}
