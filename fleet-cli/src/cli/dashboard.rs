@@ -44,5 +44,5 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 
 /// Driving by hand needs a picture that is not older than 300 ms.
 fn rate(text: &str) -> Result<f64, String> {
-    super::number(text, 5.0, 20.0, "Hz")
+    super::values::number(text, 5.0, 20.0, "Hz")
 }
