@@ -38,8 +38,6 @@ pub enum Signal {
     Stop,
     /// `SIGCONT`.
     Continue,
-    /// `SIGINT`, as Ctrl-C.
-    Interrupt,
 }
 
 impl Process {
@@ -83,7 +81,6 @@ impl Process {
             Signal::Interrupt => Os::INT,
             Signal::Stop => Os::STOP,
             Signal::Continue => Os::CONT,
-            Signal::Interrupt => Os::INT,
         };
         let sent = kill_process(Pid::from_child(&self.0), signal);
         sent.unwrap_or_else(|error| panic!("{error}"));

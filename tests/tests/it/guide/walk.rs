@@ -21,7 +21,7 @@ const FAST: &str = " --speed 8";
 /// For commands that are answered: a machine that runs many tests at once may be slow.
 const PATIENT: &str = "fleet-cli --timeout 20 ";
 /// What programs that stay say when they are ready.
-const READY: [&str; 3] = ["ready", "the link to the router is up", "dispatcher of fleet"];
+const READY: [&str; 4] = ["ready", "the link to the router is up", "dispatcher of fleet", "traffic control of fleet"];
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// The exit code when nobody has answered: that takes the whole of a command's patience.
 const UNANSWERED: i32 = 3;
