@@ -6,7 +6,10 @@ mod shown;
 mod terminal;
 mod walk;
 
+use fleet_tests::processes::program;
 use page::{What, folder, names, steps, text};
+use std::collections::BTreeSet;
+use std::process::Command;
 use walk::walk;
 
 /// The pages, and the tests below: one each, so that they run side by side.
@@ -44,15 +47,48 @@ fn few_commands_are_not_run() {
 }
 
 #[test]
+fn every_verb_is_met() {
+    let guide: String = names().iter().map(|page| text(page)).collect();
+    for name in ["fleet-cli", "robot-agent"] {
+        let output = Command::new(program(name)).arg("--help").output().unwrap();
+        let help = String::from_utf8(output.stdout).unwrap();
+        let verbs =
+            help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+        let verbs: Vec<&str> = verbs.filter(|line| !line.starts_with("   ")).filter_map(first_word).collect();
+        assert!(verbs.len() > 5, "{help}");
+        let missing =
+            verbs.iter().filter(|verb| **verb != "help" && !guide.contains(&format!("{name} {verb}")));
+        assert_eq!(missing.collect::<Vec<_>>(), Vec::<&&str>::new(), "the guide does not know them");
+    }
+}
+
+fn first_word(line: &str) -> Option<&str> {
+    line.split_whitespace().next()
+}
+
+#[test]
 fn every_link_leads_somewhere() {
     for page in names() {
         for part in text(&page).split("](").skip(1) {
             let target = part.split(')').next().unwrap_or_default();
-            let file = target.split('#').next().unwrap_or_default();
-            let leads = target.starts_with("https://") || folder().join(file).exists();
-            assert!(leads, "{page}: {target}");
+            let (file, heading) = target.split_once('#').unwrap_or((target, ""));
+            let file = folder().join(file);
+            let leads = || {
+                let there = heading.is_empty()
+                    || headings(&std::fs::read_to_string(&file).unwrap()).contains(heading);
+                file.exists() && there
+            };
+            assert!(target.starts_with("https://") || leads(), "{page}: {target}");
         }
     }
+}
+
+/// The headings of a page, as links name them.
+fn headings(text: &str) -> BTreeSet<String> {
+    let headings = text.lines().filter(|line| line.starts_with('#'));
+    let named = headings.map(|line| line.trim_start_matches('#').trim().to_lowercase());
+    let letter = |c: &char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_');
+    named.map(|line| line.chars().filter(letter).collect::<String>().replace(' ', "-")).collect()
 }
 
 #[test]

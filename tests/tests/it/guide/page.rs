@@ -87,7 +87,8 @@ pub(super) fn steps(page: &str, text: &str) -> Vec<Step> {
             steps.push(Step { line: at, what: What::CtrlC(word.to_owned()) });
         } else if let Some(info) = line.strip_prefix("```") {
             let notes = notes(info).unwrap_or_else(|wrong| panic!("{page}:{at}: {wrong}"));
-            let body: Vec<&str> = lines.by_ref().map(|(_, line)| line).take_while(|line| *line != "```").collect();
+            let body: Vec<&str> =
+                lines.by_ref().map(|(_, line)| line).take_while(|line| *line != "```").collect();
             steps.push(Step { line: at, what: step(notes, &body) });
         }
     }
@@ -111,7 +112,8 @@ fn notes(info: &str) -> Result<Notes, String> {
     let known = KNOWN.iter().find(|(name, _)| *name == language);
     let (_, known) = known.ok_or_else(|| format!("nothing is done with {language:?}"))?;
     let words: Vec<String> = words.collect();
-    let is_known = |word: &String| known.iter().any(|one| word == one || one.ends_with('=') && word.starts_with(one));
+    let is_known =
+        |word: &String| known.iter().any(|one| word == one || one.ends_with('=') && word.starts_with(one));
     match words.iter().find(|word| !is_known(word)) {
         Some(word) => Err(format!("{word:?} says nothing about {language}")),
         None => Ok(Notes { language, words }),
@@ -130,7 +132,10 @@ fn a_page_becomes_steps() {
     assert_eq!(steps[1].what, What::Shown("name".to_owned()));
     assert_eq!(steps[2].what, What::CtrlC("sim".to_owned()));
     let What::File(notes, text) = &steps[3].what else { panic!("{steps:?}") };
-    assert_eq!((notes.value("file"), notes.has("fleet"), text.as_str()), (Some("a.toml"), true, "fleet = \"lab\"\n"));
+    assert_eq!(
+        (notes.value("file"), notes.has("fleet"), text.as_str()),
+        (Some("a.toml"), true, "fleet = \"lab\"\n")
+    );
     assert!(notes_of_slips().iter().all(Result::is_err));
 }
 

@@ -5,9 +5,8 @@
 
 /// Whether `shown` describes `seen`.
 pub(super) fn fits(shown: &str, seen: &str) -> bool {
-    let tidy = |text: &str| -> Vec<String> {
-        text.lines().map(plain).filter(|line| !line.is_empty()).collect()
-    };
+    let tidy =
+        |text: &str| -> Vec<String> { text.lines().map(plain).filter(|line| !line.is_empty()).collect() };
     lines_fit(&tidy(shown), &tidy(seen))
 }
 
@@ -15,7 +14,9 @@ fn lines_fit(shown: &[String], seen: &[String]) -> bool {
     match shown {
         [] => seen.is_empty(),
         [gap, rest @ ..] if gap == "…" => (0..=seen.len()).any(|skipped| lines_fit(rest, &seen[skipped..])),
-        [line, rest @ ..] => seen.first().is_some_and(|first| line_fits(line, first) && lines_fit(rest, &seen[1..])),
+        [line, rest @ ..] => {
+            seen.first().is_some_and(|first| line_fits(line, first) && lines_fit(rest, &seen[1..]))
+        }
     }
 }
 
@@ -39,7 +40,8 @@ fn plain(line: &str) -> String {
         let number = number(rest);
         let part_of_a_name = {
             let before = out.trim_end_matches('-');
-            out.ends_with(char::is_alphanumeric) || before.len() < out.len() && before.ends_with(char::is_alphanumeric)
+            out.ends_with(char::is_alphanumeric)
+                || before.len() < out.len() && before.ends_with(char::is_alphanumeric)
         };
         if number > 0 && !part_of_a_name {
             out.push('0');
@@ -68,7 +70,9 @@ fn number(text: &str) -> usize {
 #[test]
 fn numbers_may_vary_and_names_may_not() {
     assert!(fits("xtb-1  idle  (0.00, 0.01) 90°", "xtb-1 idle   (-0.31, 12) 87.5°\n"));
-    assert!(!fits("xtb-1 idle", "xtb-2 idle") && !fits("xtb-1 idle", "xtb-1 goto") && !fits("t1 done", "t2 done"));
+    assert!(
+        !fits("xtb-1 idle", "xtb-2 idle") && !fits("xtb-1 idle", "xtb-1 goto") && !fits("t1 done", "t2 done")
+    );
     assert!(fits("recordings/xtb-1-….mcap is whole", "recordings/xtb-1-20041201T120000Z.mcap is whole"));
     assert!(fits("a … b … c", "a 1 b 2 c") && !fits("a … b … c", "a 1 c 2 c"));
     assert!(fits("slope −0.0205", "slope 0.03"));

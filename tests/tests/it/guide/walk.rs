@@ -1,7 +1,8 @@
 //! Walks through a page as its reader would, in an empty home: types, compares, ends programs.
 //!
 //! What differs from the reader's: programs listen on free ports, and the others are sent there; a
-//! simulator without serial lines runs eight times as fast, unless the page says how fast.
+//! simulator without serial lines runs eight times as fast, unless the page says how fast; and who
+//! waits for an answer waits longer than a person would.
 
 use super::page::{Notes, Step, What, steps, text};
 use super::shown::fits;
@@ -18,10 +19,13 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 const FAST: &str = " --speed 8";
+/// Verbs that bring a router with them.
+const ROUTERS: [&str; 2] = ["router", "sim"];
 /// For commands that are answered: a machine that runs many tests at once may be slow.
 const PATIENT: &str = "fleet-cli --timeout 20 ";
 /// What programs that stay say when they are ready.
-const READY: [&str; 4] = ["ready", "the link to the router is up", "dispatcher of fleet", "traffic control of fleet"];
+const READY: [&str; 4] =
+    ["ready", "the link to the router is up", "dispatcher of fleet", "traffic control of fleet"];
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// The exit code when nobody has answered: that takes the whole of a command's patience.
 const UNANSWERED: i32 = 3;
@@ -113,7 +117,12 @@ impl<'a> Walk<'a> {
             for typed in typed {
                 let code = self.run(line, typed, wanted);
                 let last_try = !notes.has("until") || began.elapsed() > AT_MOST;
-                assert!(code == wanted || !last_try, "{}: {typed} ended with {code}\n{}", self.place(line), self.seen);
+                assert!(
+                    code == wanted || !last_try,
+                    "{}: {typed} ended with {code}\n{}",
+                    self.place(line),
+                    self.seen
+                );
                 as_told &= code == wanted;
             }
             as_told &= shown.is_none_or(|shown| fits(shown, &self.seen));
@@ -138,10 +147,14 @@ impl<'a> Walk<'a> {
             self.variables.insert(name.to_owned(), value);
             return 0;
         }
-        let typed = match wanted {
+        let mut typed = match wanted {
             UNANSWERED => typed.to_owned(),
             _ => typed.replace("fleet-cli ", PATIENT),
         };
+        if ROUTERS.iter().any(|verb| typed == format!("{PATIENT}{verb}")) {
+            // To the reader it is the same port that is taken.
+            typed.push_str(&format!(" --listen {}", self.variables["XTB_CONNECT"]));
+        }
         let output = self.output();
         let mut command = self.shell(&typed);
         let mut process = Process(to_file(&mut command, &output).spawn().unwrap());
@@ -187,7 +200,8 @@ impl<'a> Walk<'a> {
 
     /// Ctrl-C for the programs with `word` in their command line, the last one first.
     fn ctrl_c(&mut self, line: usize, word: &str) {
-        let (ending, staying) = std::mem::take(&mut self.running).into_iter().partition(|one| one.typed.contains(word));
+        let (ending, staying) =
+            std::mem::take(&mut self.running).into_iter().partition(|one| one.typed.contains(word));
         self.running = staying;
         let ending: Vec<Running> = ending;
         assert!(line == 0 || !ending.is_empty(), "{}: nothing runs with {word}", self.place(line));
@@ -203,7 +217,12 @@ impl<'a> Walk<'a> {
                 std::thread::sleep(LOOK_EVERY);
             };
             let seen = read(&one.output);
-            assert!(matches!(status.code(), Some(0 | INTERRUPTED)), "{}: {} ended with {status}\n{seen}", self.page, one.typed);
+            assert!(
+                matches!(status.code(), Some(0 | INTERRUPTED)),
+                "{}: {} ended with {status}\n{seen}",
+                self.page,
+                one.typed
+            );
             self.seen.push_str(&seen);
         }
     }
@@ -280,8 +299,7 @@ impl<'a> Walk<'a> {
         let mut words: Vec<&str> = typed.split_whitespace().collect();
         let verb = words.get(1).copied().filter(|_| words[0] == "fleet-cli");
         let free = match verb {
-            Some("router") => "tcp/127.0.0.1:0",
-            Some("sim") if !typed.contains("--connect") => "tcp/127.0.0.1:0",
+            Some(verb) if ROUTERS.contains(&verb) && !typed.contains("--connect") => "tcp/127.0.0.1:0",
             Some("dashboard") => "127.0.0.1:0",
             _ => return typed.to_owned(),
         };
@@ -295,7 +313,8 @@ impl<'a> Walk<'a> {
 
 /// Where the router is that a program has just brought with it.
 fn endpoint(typed: &str, ready: &str) -> Option<String> {
-    let brings = typed.starts_with("fleet-cli router") || typed.starts_with("fleet-cli sim") && !typed.contains("--connect");
+    let verb = typed.split_whitespace().nth(1).unwrap_or_default();
+    let brings = ROUTERS.contains(&verb) && !typed.contains("--connect");
     let words = ready.split(|c: char| c.is_whitespace() || c == ',' || c == '"');
     words.filter(|_| brings).find(|word| word.starts_with("tcp/")).map(str::to_owned)
 }
