@@ -36,6 +36,7 @@ pub use top::TopArgs;
 pub use traffic::{TrafficArgs, TrafficServeArgs, TrafficVerb};
 
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, parser::ValueSource};
+use robot_agent::logging::LogFormat;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -96,6 +97,9 @@ pub struct GlobalArgs {
     /// Colours.
     #[arg(long, global = true, value_name = "WHEN", default_value = "auto")]
     pub color: ColorChoice,
+    /// How the log's lines look, on standard error; XTB_LOG=debug makes it detailed.
+    #[arg(long, global = true, value_name = "FORMAT", env = "XTB_LOG_FORMAT", default_value = "text")]
+    pub log_format: LogFormat,
 }
 
 /// When to use colours.

@@ -1,12 +1,16 @@
 //! The `fleet-cli` binary: arguments, runtime, logging; everything else is in the library.
 
 use fleet_cli::{Cli, Exit};
+use robot_agent::logging;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use std::time::Duration;
 
 /// Zenoh's blocking tasks may hold a runtime for seconds; nobody waits for that.
 const LEAVE_WITHIN: Duration = Duration::from_millis(200);
+
+/// Zenoh's own warnings would only repeat what commands say in clearer words.
+const USUAL_LOG: &str = "warn,zenoh=off,zenoh_transport=off,zenoh_link=off";
 
 fn main() -> ExitCode {
     let exit = match Cli::read(std::env::args_os()) {
@@ -19,7 +23,7 @@ fn main() -> ExitCode {
 fn run(cli: Cli) -> Exit {
     // A line of a log in the middle of a picture helps nobody.
     if !(cli.takes_screen() && std::io::stderr().is_terminal()) {
-        log_to_stderr();
+        logging::start(cli.global.log_format, USUAL_LOG);
     }
     match tokio::runtime::Builder::new_multi_thread().enable_all().build() {
         Ok(runtime) => {
@@ -32,12 +36,4 @@ fn run(cli: Cli) -> Exit {
             Exit::Failed
         }
     }
-}
-
-/// `RUST_LOG` overrides. Zenoh's own warnings would only repeat what commands say in clearer words.
-fn log_to_stderr() {
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| {
-        tracing_subscriber::EnvFilter::new("warn,zenoh=off,zenoh_transport=off,zenoh_link=off")
-    });
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
 }

@@ -3,6 +3,7 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
+use robot_agent::logging::LogFormat;
 use std::path::{Path, PathBuf};
 use toml::Value;
 use xtb_control::calibration::Actuator;
@@ -11,7 +12,7 @@ const EXIT_CODES: &str = "\
 Exit codes: 0 ended as asked · 1 failed, or a check found something · 2 wrong usage or configuration · 4 name taken
 
 Without a command the robot runs until Ctrl-C. Settings come from the compiled-in defaults, then
---config, then the environment, then flags. The log's detail: RUST_LOG=debug.";
+--config, then the environment, then flags. The log's detail: XTB_LOG=debug.";
 
 /// One robot: the first-level controller of TM 2004-262 beside its Zenoh session.
 #[derive(Debug, Parser)]
@@ -25,6 +26,9 @@ pub(crate) struct Args {
     /// Record every sample, command and decision into a file in this folder
     #[arg(long, value_name = "DIR", env = "XTB_RECORD")]
     pub(crate) record: Option<PathBuf>,
+    /// How the log's lines look, on standard error
+    #[arg(long, value_name = "FORMAT", env = "XTB_LOG_FORMAT", value_enum, default_value_t, global = true)]
+    pub(crate) log_format: LogFormat,
     #[command(subcommand)]
     pub(crate) command: Option<Verb>,
 }

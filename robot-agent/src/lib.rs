@@ -11,6 +11,7 @@ mod control_loop;
 mod door;
 mod downlink;
 pub mod hardware;
+pub mod logging;
 mod mailbox;
 mod neighbours;
 mod planning;

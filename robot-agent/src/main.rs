@@ -34,7 +34,7 @@ fn dispatch(args: Args) -> Result<ExitCode, Failure> {
     match args.command {
         Some(Verb::Calibrate(asked)) => calibrate::run(&file, settings.file().as_deref(), &asked),
         Some(Verb::CheckHardware(check)) => check_hardware::run(&file, &check),
-        Some(Verb::Record(record)) => run::run(&file, Some(&record.folder)),
-        _ => run::run(&file, args.record.as_deref()),
+        Some(Verb::Record(record)) => run::run(&file, Some(&record.folder), args.log_format),
+        _ => run::run(&file, args.record.as_deref(), args.log_format),
     }
 }

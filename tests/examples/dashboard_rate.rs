@@ -61,7 +61,12 @@ async fn pictures(dashboard: &Dashboard, seconds: u64) {
            requestAnimationFrame(look);
          }});"
     );
-    browser.devtools("Emulation.setDeviceMetricsOverride", serde_json::json!({ "width": 1440, "height": 900, "deviceScaleFactor": 1, "mobile": false })).await;
+    browser
+        .devtools(
+            "Emulation.setDeviceMetricsOverride",
+            serde_json::json!({ "width": 1440, "height": 900, "deviceScaleFactor": 1, "mobile": false }),
+        )
+        .await;
     browser.page.update_timeouts(patient(seconds)).await.unwrap();
     let seen = browser.page.execute_async(&script, Vec::new()).await.unwrap();
     let times: Vec<f64> = seen["times"].as_array().unwrap().iter().filter_map(Value::as_f64).collect();
@@ -105,7 +110,9 @@ async fn closed_tabs(fleet: &Fleet, dashboard: &Dashboard, trials: u64) {
     }
     took_ms.sort_unstable_by(f64::total_cmp);
     if let Some((median, worst)) = took_ms.get(took_ms.len() / 2).zip(took_ms.last()) {
-        say(&format!("{trials} tabs closed while driving: neutral after {median:.0} ms (median), {worst:.0} ms at most"));
+        say(&format!(
+            "{trials} tabs closed while driving: neutral after {median:.0} ms (median), {worst:.0} ms at most"
+        ));
     }
     browser.end().await;
 }
@@ -165,9 +172,7 @@ async fn sensors(bus: &Bus, fleet: &Fleet) -> Sensors {
     let heard = Arc::<Mutex<Option<Sensors>>>::default();
     let into = Arc::clone(&heard);
     let key = fleet.robot(1).sensors();
-    let _listening = bus
-        .subscribe(&key, move |incoming| *into.lock().unwrap() = incoming.decode().ok())
-        .await
-        .unwrap();
+    let _listening =
+        bus.subscribe(&key, move |incoming| *into.lock().unwrap() = incoming.decode().ok()).await.unwrap();
     eventually("samples", || async { heard.lock().unwrap().clone() }).await
 }

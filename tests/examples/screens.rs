@@ -31,8 +31,7 @@ struct Camera {
 impl Camera {
     async fn setting(&self, (width, height): (u32, u32), scheme: &str) {
         let is_phone = width < 600;
-        let metrics =
-            json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": is_phone });
+        let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": is_phone });
         self.browser.devtools("Emulation.setDeviceMetricsOverride", metrics).await;
         let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
         self.browser.devtools("Emulation.setEmulatedMedia", media).await;
@@ -54,10 +53,9 @@ async fn main() {
     if !driver::is_there() {
         return;
     }
-    let folder = std::env::args().nth(1).map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/images"),
-        PathBuf::from,
-    );
+    let folder = std::env::args()
+        .nth(1)
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/images"), PathBuf::from);
     let ledger = tempfile::tempdir().unwrap();
     let fleet = fleet().await;
     let _serve = Serve::start(fleet.simulator.endpoint(), &ledger.path().join("lab.ledger"));
@@ -68,7 +66,12 @@ async fn main() {
     browser.open(&dashboard.url(), 5).await;
     work(&fleet).await;
     browser.click("[data-robot=xtb-2]").await;
-    browser.until("trails", "return [...store.robots.values()].filter((robot) => robot.trail.length > 25).length >= 3").await;
+    browser
+        .until(
+            "trails",
+            "return [...store.robots.values()].filter((robot) => robot.trail.length > 25).length >= 3",
+        )
+        .await;
     browser.until("a full plot", "return store.samples.t.length > 500").await;
     camera.take("desktop-dark").await;
 
@@ -96,7 +99,12 @@ async fn main() {
     camera.setting(DESKTOP, "dark").await;
     browser.click("[data-robot=xtb-3]").await;
     browser.click("#estop").await;
-    browser.until("all are latched", "return [...store.robots.values()].every((robot) => robot.latches.length > 0)").await;
+    browser
+        .until(
+            "all are latched",
+            "return [...store.robots.values()].every((robot) => robot.latches.length > 0)",
+        )
+        .await;
     browser.until("who has stopped", "return document.querySelectorAll('[data-stopped]').length >= 5").await;
     camera.setting(DESKTOP, "dark").await;
     camera.take("estop").await;
@@ -110,17 +118,30 @@ async fn main() {
 /// Five robots in the lab.
 async fn fleet() -> Fleet {
     let world = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../worlds/lab.toml")).unwrap();
-    let starts = vec![(-2.0, -2.0, 0.8), (0.0, -4.0, 1.57), (2.5, 0.5, 3.1), (-3.0, 2.0, 0.0), (3.0, -5.0, 1.57)];
+    let starts =
+        vec![(-2.0, -2.0, 0.8), (0.0, -4.0, 1.57), (2.5, 0.5, 3.1), (-3.0, 2.0, 0.0), (3.0, -5.0, 1.57)];
     let world = World::from_toml(&world).unwrap();
     let fixes = FixTruth { ..FixTruth::default() };
-    Fleet::start(Setup { robots: starts.len(), speed: 1.0, world: Some(world), starts, fixes, ..Setup::default() }).await
+    Fleet::start(Setup {
+        robots: starts.len(),
+        speed: 1.0,
+        world: Some(world),
+        starts,
+        fixes,
+        ..Setup::default()
+    })
+    .await
 }
 
 /// Gives the robots something to do, and waits until they are at it.
 async fn work(fleet: &Fleet) {
     let asker = Asker::connect(fleet.simulator.endpoint(), "alice").await;
     let at = |x_m, y_m| Waypoint { x_m, y_m, yaw_rad: None };
-    let patrol = TaskKind::Patrol { points: vec![at(-1.5, 2.5), at(3.0, 2.5), at(3.5, -2.0)], dwell_s: 2.0, for_s: None };
+    let patrol = TaskKind::Patrol {
+        points: vec![at(-1.5, 2.5), at(3.0, 2.5), at(3.5, -2.0)],
+        dwell_s: 2.0,
+        for_s: None,
+    };
     let who = |spec: TaskSpec, robot: &str| TaskSpec { who: Who::Robot(fleet_tests::name(robot)), ..spec };
     let tasks = vec![
         who(route(&[(1.0, 1.0), (0.0, 5.5), (2.5, 5.0)]), "xtb-1"),

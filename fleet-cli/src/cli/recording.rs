@@ -2,6 +2,7 @@
 
 use super::values::{number, part_of_a_day, seconds};
 use clap::{ArgGroup, Args};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -43,6 +44,9 @@ pub struct PlayArgs {
     /// Begin anew at the end.
     #[arg(long = "loop")]
     pub repeat: bool,
+    /// Show it in a browser, as `dashboard` shows a fleet; on this machine only [default: 127.0.0.1:8080].
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = super::dashboard::address)]
+    pub dashboard: Option<SocketAddr>,
 }
 
 /// Arguments of `export`.

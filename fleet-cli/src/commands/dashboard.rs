@@ -9,10 +9,25 @@ use crate::context::Context;
 use crate::dashboard::{Running, Settings, Shown};
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
+use crate::listen::Sources;
+use crate::recording::playing::Playing;
 use crate::scene::live::{Live, Wanted};
 use serde::Serialize;
+use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::MissedTickBehavior;
+
+#[cfg(feature = "foxglove")]
+type Foxglove = crate::foxglove::Handle;
+#[cfg(not(feature = "foxglove"))]
+type Foxglove = std::convert::Infallible;
+
+/// Frames a second of a recording at most.
+const PLAYED_HZ: f64 = 20.0;
+/// How soon after a page samples come.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]
@@ -33,37 +48,53 @@ struct Ready<'a> {
 pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
     let mut stop = pin!(interrupted());
     let starting = async {
-        foxglove(args)?;
         let client = Client::open(ctx).await?;
-        let live = Live::open(&client, Wanted { sensors: true, truth: false }).await?;
-        let shown = Shown {
-            scene: Arc::clone(&live.scene),
-            commands: Some((ctx.clone(), client.clone())),
-            rewinds: Arc::new(|| 0),
-        };
+        let live = Live::open(&client, Wanted::default()).await?;
+        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some((ctx.clone(), client.clone())) };
+        let foxglove = foxglove(ctx, args, &live).await?;
         let running = Running::start(settings(args), shown).await?;
-        Ok::<_, Failure>((client, live, running))
+        Ok::<_, Failure>((client, live, running, foxglove))
     };
-    let (client, live, running) = tokio::select! {
+    let (client, live, running, foxglove) = tokio::select! {
         started = starting => started?,
         () = &mut stop => return Ok(Exit::Interrupted),
     };
     ready(ctx, &running, args.read_only)?;
-    stop.await;
+    tokio::select! {
+        () = &mut stop => {}
+        () = sensors_for_pages(&client, &live, &running) => {}
+    }
     running.stop().await;
-    drop(live);
+    drop((live, foxglove));
     client.close().await;
     Ok(Exit::Done)
 }
 
-/// Shows a scene that somebody else keeps up to date, such as a recording that is played, until it is
-/// interrupted. Nothing can be commanded.
+/// Robots send samples only while a page is there to show them.
+async fn sensors_for_pages(client: &Client, live: &Live, running: &Running) {
+    let mut look = tokio::time::interval(LOOK_EVERY);
+    look.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let mut sources: Option<Sources> = None;
+    loop {
+        look.tick().await;
+        if running.pages() == 0 {
+            sources = None;
+        } else if sources.is_none() {
+            let opened = live.sensors(client).await;
+            sources = opened.inspect_err(|failure| tracing::warn!("{failure}")).ok();
+        }
+    }
+}
+
+/// Shows a recording that is played, until it is interrupted. Nothing can be commanded.
 ///
 /// # Errors
 /// A port that is taken, or an address that needs a token.
-pub async fn show(ctx: &Context, args: &DashboardArgs, shown: Shown) -> Result<Exit> {
+pub(crate) async fn played(ctx: &Context, playing: Arc<Playing>, listen: SocketAddr) -> Result<Exit> {
     let stop = pin!(interrupted());
-    let running = Running::start(settings(args), Shown { commands: None, ..shown }).await?;
+    let settings =
+        Settings { listen, token: None, read_only: true, allow_origins: Vec::new(), hz: PLAYED_HZ };
+    let running = Running::start(settings, Shown { scene: playing.scene(), commands: None }).await?;
     ready(ctx, &running, true)?;
     stop.await;
     running.stop().await;
@@ -89,9 +120,20 @@ fn ready(ctx: &Context, running: &Running, read_only: bool) -> Result<()> {
     })
 }
 
-fn foxglove(args: &DashboardArgs) -> Result<()> {
+/// The live scene for the Foxglove app, as long as what comes back is kept.
+#[cfg(feature = "foxglove")]
+async fn foxglove(ctx: &Context, args: &DashboardArgs, live: &Live) -> Result<Option<Foxglove>> {
+    let Some(listen) = args.foxglove else { return Ok(None) };
+    let serving = crate::foxglove::serve(Arc::clone(&live.scene), listen).await?;
+    ctx.out.note(&format!("Foxglove opens ws://{}", serving.address()));
+    Ok(Some(serving))
+}
+
+/// See above: it is not built in.
+#[cfg(not(feature = "foxglove"))]
+async fn foxglove(_: &Context, args: &DashboardArgs, _: &Live) -> Result<Option<Foxglove>> {
     match args.foxglove {
-        None => Ok(()),
+        None => Ok(None),
         Some(_) => Err(Failure::new(Kind::Usage, "this fleet-cli was built without Foxglove")
             .hint("`cargo build --release -p fleet-cli --features foxglove` builds it in")),
     }

@@ -7,10 +7,11 @@ use crate::interrupt::interrupted;
 use crate::news::News;
 use crate::recording::drawing;
 use crate::recording::player::{Move, Player};
-use crate::recording::playing::{PlaySettings, not_readable, read};
+use crate::recording::playing::{PlaySettings, Playing, not_readable, read};
 use crate::recording::reader::{self, Reader};
 use serde::Serialize;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Between two looks at what is due.
@@ -32,6 +33,10 @@ struct Line<'a> {
 pub async fn run(ctx: &Context, args: &PlayArgs) -> Result<Exit> {
     let settings =
         PlaySettings { speed: args.speed, from_ms: (args.from * 1000.0) as u64, repeat: args.repeat };
+    if let Some(listen) = args.dashboard {
+        let playing = Playing::open(&args.file, settings)?;
+        return super::dashboard::played(ctx, Arc::new(playing), listen).await;
+    }
     tokio::select! {
         played = print(ctx, &args.file, settings) => played.map(|()| Exit::Done),
         () = interrupted() => Ok(Exit::Interrupted),

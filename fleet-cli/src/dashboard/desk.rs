@@ -220,7 +220,9 @@ impl Desk {
     }
 
     fn taken(&mut self, id: u64, result: Result<AtWheel>) -> std::result::Result<(), Gone> {
-        let Grip::Taking { robot, wanted } = std::mem::replace(&mut self.grip, Grip::Off) else { return Ok(()) };
+        let Grip::Taking { robot, wanted } = std::mem::replace(&mut self.grip, Grip::Off) else {
+            return Ok(());
+        };
         let at_wheel = match result {
             Ok(at_wheel) => at_wheel,
             Err(failure) => {

@@ -260,10 +260,7 @@ impl KnownRobot {
             mode: Some(state.mode),
             speed_mps: state.speed_mps.map(rounded),
             reference_mps: robot.mps_per_rpm().map(|mps| rounded(mps * state.reference_rpm)),
-            tilt_deg: Some(TiltState {
-                x: state.tilt_deg.x.map(rounded),
-                y: state.tilt_deg.y.map(rounded),
-            }),
+            tilt_deg: Some(TiltState { x: state.tilt_deg.x.map(rounded), y: state.tilt_deg.y.map(rounded) }),
             battery_v: state.battery_v.map(rounded),
             battery_level: Some(state.battery_level),
             lease: state.lease.as_ref().map(|lease| lease.holder.clone()),
@@ -373,7 +370,6 @@ fn points_of(track: &Track) -> Vec<[f64; 2]> {
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }
-
 
 #[cfg(test)]
 mod tests;

@@ -156,7 +156,11 @@ impl Collector for Fleet {
         // A copy: a slow scrape must not hold up what comes in.
         let scene = self.scene.lock().clone();
         let mut out = Sheet { encoder: &mut encoder };
-        out.count("messages_unreadable", "Messages on the fleet's keys that could not be read", self.scene.unreadable())?;
+        out.count(
+            "messages_unreadable",
+            "Messages on the fleet's keys that could not be read",
+            self.scene.unreadable(),
+        )?;
         let help = "Messages of other fleets, or of more robots than the dashboard keeps";
         out.count("messages_refused", help, scene.refused())?;
         robots(&mut out, &scene, now_ms)?;
@@ -172,7 +176,9 @@ struct Sheet<'a, 'b> {
 
 impl Sheet<'_, '_> {
     fn count(&mut self, name: &str, help: &str, value: u64) -> fmt::Result {
-        self.encoder.encode_descriptor(name, help, None, MetricType::Counter)?.encode_counter::<NoLabelSet, _, u64>(&value, None)
+        self.encoder
+            .encode_descriptor(name, help, None, MetricType::Counter)?
+            .encode_counter::<NoLabelSet, _, u64>(&value, None)
     }
 
     fn gauges<L: EncodeLabelSet>(
@@ -217,10 +223,16 @@ fn of(name: &Name) -> OfRobot {
 fn robots(out: &mut Sheet<'_, '_>, scene: &Scene, now_ms: AtMs) -> fmt::Result {
     let count = |there: bool| scene.robots().values().filter(|robot| robot.alive == there).count() as f64;
     let there = [(Present { present: "true" }, count(true)), (Present { present: "false" }, count(false))];
-    out.gauges("fleet_robots", "Robots that are present, and those of the roster that are not", None, there.into_iter())?;
-    let ages = scene.robots().iter().filter_map(|(name, robot)| {
-        Some((of(name), robot.state.as_ref()?.age_ms(now_ms) as f64 / 1000.0))
-    });
+    out.gauges(
+        "fleet_robots",
+        "Robots that are present, and those of the roster that are not",
+        None,
+        there.into_iter(),
+    )?;
+    let ages = scene
+        .robots()
+        .iter()
+        .filter_map(|(name, robot)| Some((of(name), robot.state.as_ref()?.age_ms(now_ms) as f64 / 1000.0)));
     out.gauges("robot_state_age", "Since the robot's last state came", Some(Unit::Seconds), ages)?;
     let speeds = fresh(scene, now_ms).filter_map(|(name, state)| Some((of(name), state.speed_mps?)));
     let unit = Unit::Other("meters_per_second".to_owned());

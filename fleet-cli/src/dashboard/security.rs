@@ -310,7 +310,9 @@ mod tests {
         for good in ["127.0.0.1:8080", "localhost:9000", "LOCALHOST", "[::1]:8080", "fleet.example"] {
             assert_eq!(with(&local, good), Ok(Entry::In), "{good}");
         }
-        for bad in ["evil.example:8080", "192.168.1.7:8080", "localhost.evil.example", "a b", "", "x:y", "[::1"] {
+        for bad in
+            ["evil.example:8080", "192.168.1.7:8080", "localhost.evil.example", "a b", "", "x:y", "[::1"]
+        {
             assert_eq!(with(&local, bad), Err(Refusal::Host), "{bad}");
         }
         assert_eq!(admit(&local, Method::GET, "/", &[]), Err(Refusal::Host));
@@ -339,8 +341,14 @@ mod tests {
         let host = ("host", "192.168.1.7:8080");
         let with = |path: &str, more: (&str, &str)| admit(&guard, Method::GET, path, &[host, more]);
         let none = ("accept", "*/*");
-        for path in ["/", "/assets/app.js", "/metrics", "/?token=", "/?token=0123456789abcdeX", "/metrics?token=0123456789abcdef"]
-        {
+        for path in [
+            "/",
+            "/assets/app.js",
+            "/metrics",
+            "/?token=",
+            "/?token=0123456789abcdeX",
+            "/metrics?token=0123456789abcdef",
+        ] {
             assert_eq!(with(path, none), Err(Refusal::Token), "{path}");
         }
         assert_eq!(with("/healthz", none), Ok(Entry::In));
@@ -376,7 +384,9 @@ mod tests {
 
     #[test]
     fn scripts_and_frames_of_others_are_forbidden() {
-        for rule in ["default-src 'none'", "script-src 'self'", "connect-src 'self'", "frame-ancestors 'none'"] {
+        for rule in
+            ["default-src 'none'", "script-src 'self'", "connect-src 'self'", "frame-ancestors 'none'"]
+        {
             assert!(CSP.contains(rule), "{rule}");
         }
         assert!(!CSP.contains("unsafe") && !CSP.contains('*'));

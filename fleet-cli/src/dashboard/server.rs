@@ -60,8 +60,6 @@ pub struct Shown {
     pub scene: Arc<Shared>,
     /// Who commands; `None` = a recording is played.
     pub commands: Option<(Context, Client)>,
-    /// Counts how often the scene was wound back.
-    pub rewinds: Arc<dyn Fn() -> u64 + Send + Sync>,
 }
 
 /// What all requests share.
@@ -127,6 +125,7 @@ pub struct Running {
     address: SocketAddr,
     token: Option<String>,
     stop: watch::Sender<bool>,
+    places: Arc<Semaphore>,
     busy: Arc<Semaphore>,
     tasks: Vec<JoinHandle<()>>,
 }
@@ -150,6 +149,7 @@ impl Running {
         let listener = bind(listen).map_err(|error| taken(listen, &error))?;
         let address = listener.local_addr()?;
         let (stop, stopped) = watch::channel(false);
+        let places = Arc::new(Semaphore::new(MOST_SOCKETS));
         let busy = Arc::new(Semaphore::new(BUSY as usize));
         let app = Arc::new(App {
             metrics: Metrics::new(Arc::clone(&shown.scene)),
@@ -158,7 +158,7 @@ impl Running {
             guard,
             began: Instant::now(),
             ticks: watch::channel(0).0,
-            places: Arc::new(Semaphore::new(MOST_SOCKETS)),
+            places: Arc::clone(&places),
             stop: stopped,
             busy: Arc::clone(&busy),
         });
@@ -169,13 +169,19 @@ impl Running {
                 tracing::error!("the dashboard: {error}");
             }
         });
-        Ok(Self { address, token, stop, busy, tasks: vec![ticker, serving] })
+        Ok(Self { address, token, stop, places, busy, tasks: vec![ticker, serving] })
     }
 
     /// Where it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Pages that are connected.
+    #[must_use]
+    pub fn pages(&self) -> usize {
+        MOST_SOCKETS - self.places.available_permits()
     }
 
     /// What to open in a browser.
@@ -283,7 +289,8 @@ async fn metrics(State(app): State<Arc<App>>) -> Response {
 
 async fn page(request: Request) -> Response {
     if !matches!(*request.method(), Method::GET | Method::HEAD) {
-        return (StatusCode::METHOD_NOT_ALLOWED, "commands come over the page's socket only\n").into_response();
+        return (StatusCode::METHOD_NOT_ALLOWED, "commands come over the page's socket only\n")
+            .into_response();
     }
     assets::answer(request.uri().path(), request.headers())
         .unwrap_or_else(|| (StatusCode::NOT_FOUND, "there is no such page\n").into_response())

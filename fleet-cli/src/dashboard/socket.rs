@@ -114,7 +114,7 @@ impl Writer {
         }
         self.app.metrics.sent.inc();
         let shown = &self.app.shown;
-        session.rewound((shown.rewinds)());
+        session.rewound(shown.scene.rewinds());
         let scene = shown.scene.lock();
         session.tick(&scene, shown.scene.now_ms(), self.app.clock_ms())
     }

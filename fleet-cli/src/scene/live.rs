@@ -1,7 +1,7 @@
 //! A [`Scene`] kept up to date from Zenoh. Callbacks only read and store, so a screen that is slow
 //! misses pictures and holds up nobody.
 
-use super::{AtMs, Scene};
+use super::{AtMs, MOST_ROBOTS, Scene};
 use crate::client::Client;
 use crate::error::Result;
 use crate::listen::{Inlet, Item, Sources};
@@ -9,7 +9,10 @@ use crate::news::{News, Unreadable};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-use xtb_protocol::keys::FleetKeys;
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use xtb_protocol::Name;
+use xtb_protocol::keys::{FleetKeys, Key};
 
 /// What a screen wants beyond states, events, presence, tasks and the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -115,6 +118,13 @@ pub struct Live {
     /// What is known.
     pub scene: Arc<Shared>,
     _sources: Sources,
+    asking: JoinHandle<()>,
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        self.asking.abort();
+    }
 }
 
 impl Live {
@@ -127,12 +137,45 @@ impl Live {
         client.told_entries(&[]).into_iter().for_each(|entry| scene.expect(entry));
         let scene = Arc::new(Shared::new(scene));
         let into = Arc::clone(&scene);
-        let inlet: Inlet = Arc::new(move |item| into.put(&item));
+        let (come, comers) = mpsc::channel(MOST_ROBOTS);
+        let inlet: Inlet = Arc::new(move |item| {
+            if let Item::Presence(key, true) = &item
+                && let Some(robot) = Key::parse(key).and_then(|key| key.robot)
+            {
+                // Without room its factsheet stays unknown, until it comes again.
+                let _ = come.try_send(robot);
+            }
+            into.put(&item);
+        });
+        let asking = tokio::spawn(ask_factsheets(client.clone(), Arc::clone(&scene), comers));
         let mut sources = Sources::default();
         for key_expr in key_exprs(client.keys(), wanted) {
             sources.add(client, &key_expr, &inlet).await?;
         }
-        Ok(Self { scene, _sources: sources })
+        Ok(Self { scene, _sources: sources, asking })
+    }
+
+    /// Samples of every robot too, for as long as what comes back is kept: robots send them only while
+    /// somebody listens.
+    ///
+    /// # Errors
+    /// [`Kind::Failed`](crate::Kind::Failed): Zenoh would not.
+    pub async fn sensors(&self, client: &Client) -> Result<Sources> {
+        let into = Arc::clone(&self.scene);
+        let inlet: Inlet = Arc::new(move |item| into.put(&item));
+        let mut sources = Sources::default();
+        sources.add(client, &client.keys().any_robot().sensors(), &inlet).await?;
+        Ok(sources)
+    }
+}
+
+/// Who comes, or comes again, is asked for its factsheet: that is not published.
+async fn ask_factsheets(client: Client, scene: Arc<Shared>, mut comers: mpsc::Receiver<Name>) {
+    while let Some(robot) = comers.recv().await {
+        match client.get(&client.keys().robot(&robot).about()).await {
+            Ok(answers) => answers.into_iter().for_each(|answer| scene.put(&Item::Message(answer))),
+            Err(error) => tracing::debug!("{error}"),
+        }
     }
 }
 

@@ -7,23 +7,16 @@ use robot_agent::config::ConfigFile;
 use robot_agent::hardware::Hardware;
 use robot_agent::hardware::serial::{PortSettings, SerialHardware};
 use robot_agent::hardware::simulated::LoneTruck;
-use std::io::IsTerminal;
+use robot_agent::logging::{self, LogFormat};
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 use tokio::sync::watch;
-use tracing_subscriber::EnvFilter;
 
-pub(crate) fn run(file: &ConfigFile, record: Option<&Path>) -> Result<ExitCode, Failure> {
+pub(crate) fn run(file: &ConfigFile, record: Option<&Path>, log: LogFormat) -> Result<ExitCode, Failure> {
     let mut agent = file.agent()?;
     agent.record = record.map(Path::to_owned);
-    let filter = EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| EnvFilter::new("info,zenoh=error,zenoh_transport=error"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_writer(std::io::stderr)
-        .init();
+    logging::start(log, "info,zenoh=error,zenoh_transport=error");
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()

@@ -173,7 +173,8 @@ impl Browser {
     pub(crate) async fn complaints(&self) -> Vec<String> {
         let log = self.driver("POST", "se/log", &json!({ "type": "browser" })).await;
         let entries = log.as_array().unwrap().clone();
-        let bad = entries.into_iter().filter(|entry| entry["level"] == "SEVERE" || entry["level"] == "WARNING");
+        let bad =
+            entries.into_iter().filter(|entry| entry["level"] == "SEVERE" || entry["level"] == "WARNING");
         bad.map(|entry| entry["message"].to_string()).collect()
     }
 
@@ -185,9 +186,12 @@ impl Browser {
     /// Something of chromedriver's own.
     async fn driver(&self, method: &str, path: &str, body: &Value) -> Value {
         let path = format!("/session/{}/{path}", self.session);
-        let answer = http(self.driver, method, &path, &[("Content-Type", "application/json")], &body.to_string()).await;
+        let answer =
+            http(self.driver, method, &path, &[("Content-Type", "application/json")], &body.to_string())
+                .await;
         let content = answer.split_once("\r\n\r\n").unwrap().1;
-        let mut value: Value = serde_json::from_str(content).unwrap_or_else(|error| panic!("{error}: {answer}"));
+        let mut value: Value =
+            serde_json::from_str(content).unwrap_or_else(|error| panic!("{error}: {answer}"));
         value["value"].take()
     }
 
@@ -198,7 +202,13 @@ impl Browser {
 }
 
 /// One HTTP request; the whole answer, head and body.
-pub(crate) async fn http(to: SocketAddr, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> String {
+pub(crate) async fn http(
+    to: SocketAddr,
+    method: &str,
+    path: &str,
+    headers: &[(&str, &str)],
+    body: &str,
+) -> String {
     let mut stream = TcpStream::connect(to).await.unwrap();
     let headers: String = headers.iter().map(|(name, value)| format!("{name}: {value}\r\n")).collect();
     let head = format!(

@@ -14,7 +14,8 @@ async fn foreign_page() -> SocketAddr {
         while let Ok((mut stream, _)) = listener.accept().await {
             let _ = stream.read(&mut [0; 4096]).await;
             let page = "<!doctype html><title>foreign</title>";
-            let head = format!("HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: {}\r\n", page.len());
+            let head =
+                format!("HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: {}\r\n", page.len());
             let _ = stream.write_all(format!("{head}Connection: close\r\n\r\n{page}").as_bytes()).await;
         }
     });

@@ -57,7 +57,10 @@ async fn goals_are_clicked_and_reached_and_an_emergency_stop_latches_all() {
         .await;
     }
     browser
-        .until("all goals are reached on the page", "return [...store.robots.values()].every((robot) => robot.goal?.status === 'reached')")
+        .until(
+            "all goals are reached on the page",
+            "return [...store.robots.values()].every((robot) => robot.goal?.status === 'reached')",
+        )
         .await;
     for number in 1..=3 {
         let truth = fleet.truth(number);
@@ -70,11 +73,20 @@ async fn goals_are_clicked_and_reached_and_an_emergency_stop_latches_all() {
         browser.click(&format!("[data-robot=xtb-{number}]")).await;
         browser.click_at(browser.on_screen(1.2 * (number - 1) as f64, 2.6).await).await;
     }
-    eventually("all drive", || async { (1..=3).all(|n| fleet.truth(n).speed_mps > 0.05).then_some(()) }).await;
+    eventually("all drive", || async { (1..=3).all(|n| fleet.truth(n).speed_mps > 0.05).then_some(()) })
+        .await;
     browser.click("#estop").await;
-    browser.until("the page shows who has stopped", "return document.querySelectorAll('[data-stopped].good, .good[data-stopped]').length === 3").await;
     browser
-        .until("the page shows the latches", "return [...store.robots.values()].every((robot) => robot.latches.includes('estop'))")
+        .until(
+            "the page shows who has stopped",
+            "return document.querySelectorAll('[data-stopped].good, .good[data-stopped]').length === 3",
+        )
+        .await;
+    browser
+        .until(
+            "the page shows the latches",
+            "return [...store.robots.values()].every((robot) => robot.latches.includes('estop'))",
+        )
         .await;
     for number in 1..=3 {
         eventually("neutral", || async { fleet.truth(number).neutral_since_s }).await;
@@ -103,7 +115,8 @@ async fn press(browser: &Browser, keys: &[char]) {
 async fn tab_to(browser: &Browser, what: &str, script: &str) {
     eventually(what, || async {
         press(browser, &[char::from(Key::Tab)]).await;
-        (browser.ask(&format!("const it = document.activeElement; return {script};")).await == true).then_some(())
+        (browser.ask(&format!("const it = document.activeElement; return {script};")).await == true)
+            .then_some(())
     })
     .await;
 }

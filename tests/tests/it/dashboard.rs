@@ -48,11 +48,7 @@ impl Rig {
             hz: 20.0,
         };
         change(&mut settings);
-        let shown = Shown {
-            scene: Arc::clone(&live.scene),
-            commands: Some((ctx, client.clone())),
-            rewinds: Arc::new(|| 0),
-        };
+        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some((ctx, client.clone())) };
         let dashboard = Running::start(settings, shown).await.unwrap();
         Self { fleet, dashboard, client, _live: live }
     }

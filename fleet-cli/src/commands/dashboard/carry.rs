@@ -113,7 +113,8 @@ mod tests {
         assert_eq!((given["goal"].as_str().unwrap(), goal.status.is_final()), (&*goal.id.to_string(), false));
         assert_ne!(goal.status, GoalStatus::Cancelled);
         assert_eq!(fake.lease, None);
-        let asked = |body: &Body| matches!(body, Body::Goto { on_link_loss: LinkLoss::Finish, finish_s: 300.0, .. });
+        let asked =
+            |body: &Body| matches!(body, Body::Goto { on_link_loss: LinkLoss::Finish, finish_s: 300.0, .. });
         assert!(fake.asked.iter().any(|(_, body)| asked(body)), "{:?}", fake.asked);
     }
 
@@ -147,8 +148,10 @@ mod tests {
     async fn a_reset_says_what_is_cleared_and_what_remains() {
         let client = Client::alone(PATIENT).await;
         let fake = FakeRobot::start(&client, "xtb-1").await;
-        fake.lock().state.latches =
-            vec![fake::latch(Latch::Estop, "cli-1", false), fake::latch(Latch::GyroLost, "gyro_silent", true)];
+        fake.lock().state.latches = vec![
+            fake::latch(Latch::Estop, "cli-1", false),
+            fake::latch(Latch::GyroLost, "gyro_silent", true),
+        ];
         let done = reset(client.context(), &client, name("xtb-1")).await.unwrap();
         assert_eq!(done["cleared"], json!(["estop"]));
         assert_eq!(done["remaining"][0]["latch"], "gyro_lost");

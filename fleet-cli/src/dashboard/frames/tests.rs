@@ -135,7 +135,10 @@ fn a_trail_comes_whole_first_and_then_its_new_points() {
         go(&mut scene, 3.0 + step as f64);
     }
     let late = row(&mut known, &scene, 0);
-    assert_eq!((late["trail"].as_array().unwrap().len(), &late["trail_reset"]), (crate::scene::TRAIL, &json!(true)));
+    assert_eq!(
+        (late["trail"].as_array().unwrap().len(), &late["trail_reset"]),
+        (crate::scene::TRAIL, &json!(true))
+    );
 }
 
 #[test]

@@ -77,7 +77,8 @@ async fn an_emergency_stop_of_all_latches_all_and_says_so() {
     for number in 1..=3 {
         assert_eq!(answer["ok"]["robots"][format!("xtb-{number}")], "stopped", "{answer}");
     }
-    let latched = |page: &super::Page| page.rows().all(|row| row["latches"] == json!(["estop"])).then_some(());
+    let latched =
+        |page: &super::Page| page.rows().all(|row| row["latches"] == json!(["estop"])).then_some(());
     page.until("all latched", latched).await;
     let refused = page.ask(json!({ "goto": { "robot": "xtb-2", "x_m": 0.0, "y_m": 1.0 } })).await;
     assert_eq!(refused["error"]["code"], "latched", "{refused}");

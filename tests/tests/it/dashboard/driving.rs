@@ -61,7 +61,8 @@ async fn silence_is_neutral_although_the_socket_is_open() {
     take(&mut page, "xtb-1", false).await;
     roll(&rig, &mut page).await;
     let neutral_s = page.until("neutral", |_| rig.fleet.truth(1).neutral_since_s).await;
-    let state = rig.fleet.until(1, "standing", |state| state.stopped_because == [StopReason::SetpointExpired]).await;
+    let state =
+        rig.fleet.until(1, "standing", |state| state.stopped_because == [StopReason::SetpointExpired]).await;
     let age_ms = state.input_age_ms.setpoint.unwrap();
     let took_s = neutral_s - (state.tick_ms - age_ms) as f64 / 1000.0;
     eprintln!("neutral {took_s:.3} s after the last setpoint arrived");

@@ -70,7 +70,8 @@ async fn so_many_pages_and_no_more() {
     assert_eq!(status, 503);
     assert!(body.contains("16 pages"), "{body}");
     drop(pages.pop());
-    fleet_tests::eventually("room again", || async { connect(address, &[("origin", &own)]).await.ok() }).await;
+    fleet_tests::eventually("room again", || async { connect(address, &[("origin", &own)]).await.ok() })
+        .await;
     rig.end().await;
 }
 

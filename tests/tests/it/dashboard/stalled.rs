@@ -32,7 +32,9 @@ async fn a_page_that_answers_no_frame_gets_two_and_then_the_present() {
         while frames.len() < until {
             healthy.take().await.unwrap();
             let next = futures_util::StreamExt::next(&mut stalled.socket);
-            let Ok(Some(Ok(Message::Text(text)))) = tokio::time::timeout(Duration::from_millis(1), next).await else {
+            let Ok(Some(Ok(Message::Text(text)))) =
+                tokio::time::timeout(Duration::from_millis(1), next).await
+            else {
                 continue;
             };
             let message: Value = serde_json::from_str(&text).unwrap();
@@ -63,7 +65,9 @@ async fn a_page_that_reads_nothing_is_closed_and_holds_up_nobody() {
     let fleet = Fleet::start(Setup { robots: 3, speed: 1.0, ..Setup::default() }).await;
     let (process, address) = dashboard(&fleet);
     let mut healthy = Page::open(address).await;
-    healthy.until("robots", |page| (page.rows().filter(|row| row["stale"] == false).count() == 3).then_some(())).await;
+    healthy
+        .until("robots", |page| (page.rows().filter(|row| row["stale"] == false).count() == 3).then_some(()))
+        .await;
     let socket = TcpSocket::new_v4().unwrap();
     socket.set_recv_buffer_size(4096).unwrap();
     let stream = socket.connect(address).await.unwrap();
