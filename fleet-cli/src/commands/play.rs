@@ -85,7 +85,10 @@ async fn print(ctx: &Context, path: &Path, settings: PlaySettings) -> Result<()>
 fn say(ctx: &Context, at_ms: u64, message: &reader::Recorded) -> Result<()> {
     let (key, news) = match read(message) {
         Some(Ok(found)) => found,
-        Some(Err(error)) => return Ok(ctx.out.note(&format!("{}: {error}", message.topic))),
+        Some(Err(error)) => {
+            ctx.out.note(&format!("{}: {error}", message.topic));
+            return Ok(());
+        }
         None => return Ok(()),
     };
     let at_s = at_ms as f64 / 1000.0;

@@ -47,7 +47,10 @@ pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
         force: args.force,
         max_bytes: args.max_size,
         fleet: ctx.fleet.to_string(),
-        keys: args.key_exprs.clone(),
+        keys: match args.key_exprs.as_slice() {
+            [] => vec![everything(&client)],
+            key_exprs => key_exprs.to_vec(),
+        },
     };
     let writing = Writing::start(settings, args.chunk)?;
     let sources = match listen(&client, &args.key_exprs, &writing.inlet()).await {
@@ -96,7 +99,7 @@ async fn listen(client: &Client, key_exprs: &[String], inlet: &Inlet) -> Result<
     }
     let map = client.keys().map();
     let tasks = client.keys().dispatch_tasks();
-    let everything = format!("{}**", map.strip_suffix("map").unwrap_or_default());
+    let everything = everything(client);
     let plans = [
         (everything.clone(), Plan::of(&everything)?),
         (map.clone(), Plan::Answers(vec![map])),
@@ -106,6 +109,11 @@ async fn listen(client: &Client, key_exprs: &[String], inlet: &Inlet) -> Result<
         sources.add_plan(client, &key_expr, plan, inlet).await.map_err(not_a_key_expr)?;
     }
     Ok(sources)
+}
+
+/// All keys of the fleet.
+fn everything(client: &Client) -> String {
+    format!("{}**", client.keys().map().trim_end_matches("map"))
 }
 
 fn usual_path(ctx: &Context) -> PathBuf {

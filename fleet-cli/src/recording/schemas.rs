@@ -133,9 +133,9 @@ fn simplify(schema: &mut Value) {
         Value::Object(schema) => {
             schema.values_mut().for_each(simplify);
             // A recording outlives the program: a later one may have more fields.
-            schema.remove("additionalProperties").filter(Value::is_object).map(|all| {
-                schema.insert("additionalProperties".into(), all);
-            });
+            if schema.get("additionalProperties").is_some_and(Value::is_boolean) {
+                schema.remove("additionalProperties");
+            }
             name_variants(schema);
             set_apart(schema);
         }

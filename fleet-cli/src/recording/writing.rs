@@ -72,11 +72,30 @@ impl Shared {
     }
 }
 
-/// A recording that is being written.
-pub struct Writing {
+/// Where items go in.
+#[derive(Debug, Clone)]
+struct Door {
     queue: SyncSender<Timed>,
     shared: Arc<Shared>,
     clock: Clock,
+}
+
+impl Door {
+    /// Never waits: what finds no room is dropped and counted.
+    fn put(&self, item: Item) {
+        let bytes = weight(&item);
+        let before = self.shared.waiting_bytes.fetch_add(bytes, Ordering::AcqRel);
+        let room = before + bytes <= QUEUE_BYTES;
+        if !room || self.queue.try_send((self.clock.now_ns(), item)).is_err() {
+            self.shared.waiting_bytes.fetch_sub(bytes, Ordering::AcqRel);
+            self.shared.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// A recording that is being written.
+pub struct Writing {
+    door: Door,
     thread: JoinHandle<Result<()>>,
 }
 
@@ -98,35 +117,28 @@ impl Writing {
             writer.shared.ended.store(true, Ordering::Release);
             ended
         })?;
-        Ok(Self { queue, shared, clock, thread })
+        Ok(Self { door: Door { queue, shared, clock }, thread })
     }
 
     /// Where items go in, from any thread; what finds no room is dropped and counted.
     #[must_use]
     pub fn inlet(&self) -> Inlet {
-        let (queue, shared, clock) = (self.queue.clone(), Arc::clone(&self.shared), self.clock);
-        Arc::new(move |item| {
-            let bytes = weight(&item);
-            let before = shared.waiting_bytes.fetch_add(bytes, Ordering::AcqRel);
-            if before + bytes > QUEUE_BYTES || queue.try_send((clock.now_ns(), item)).is_err() {
-                shared.waiting_bytes.fetch_sub(bytes, Ordering::AcqRel);
-                shared.dropped.fetch_add(1, Ordering::Relaxed);
-            }
-        })
+        let door = self.door.clone();
+        Arc::new(move |item| door.put(item))
     }
 
     /// How it stands.
     #[must_use]
     pub fn progress(&self) -> Progress {
-        let mut progress = self.shared.progress.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        progress.counts.dropped = self.shared.dropped.load(Ordering::Relaxed);
+        let mut progress = self.door.shared.progress.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        progress.counts.dropped = self.door.shared.dropped.load(Ordering::Relaxed);
         progress
     }
 
     /// Whether it has ended by itself: the disk is full or gone.
     #[must_use]
     pub fn ended(&self) -> bool {
-        self.shared.ended.load(Ordering::Acquire)
+        self.door.shared.ended.load(Ordering::Acquire)
     }
 
     /// Writes what waits, and the end of the file. It may take a few seconds: not for an async task.
@@ -134,8 +146,8 @@ impl Writing {
     /// # Errors
     /// Why the recording ended before, or cannot be ended.
     pub fn finish(self) -> Result<Progress> {
-        self.shared.stop.store(true, Ordering::Release);
-        let shared = Arc::clone(&self.shared);
+        let shared = self.door.shared;
+        shared.stop.store(true, Ordering::Release);
         let ended = self.thread.join();
         ended.map_err(|_| Failure::new(Kind::Failed, "the recording's thread broke"))??;
         Ok(shared.progress.lock().unwrap_or_else(PoisonError::into_inner).clone())
@@ -198,5 +210,46 @@ fn weight(item: &Item) -> usize {
     match item {
         Item::Message(incoming) => incoming.payload.len() + incoming.key.len(),
         Item::Presence(key, _) => key.len(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_bus::Incoming;
+
+    fn door(items: usize) -> (Door, Receiver<Timed>) {
+        let (queue, waiting) = mpsc::sync_channel(items);
+        (Door { queue, shared: Arc::default(), clock: Clock::start() }, waiting)
+    }
+
+    fn item(bytes: usize) -> Item {
+        Item::Message(Incoming { key: String::new(), encoding: String::new(), payload: vec![0; bytes] })
+    }
+
+    #[test]
+    fn a_disk_that_does_not_keep_up_costs_items_that_are_counted_and_nobody_waits() {
+        let (door, waiting) = door(2);
+        for bytes in 1..=5 {
+            door.put(item(bytes));
+        }
+        let kept: Vec<usize> = waiting.try_iter().map(|(_, item)| weight(&item)).collect();
+        assert_eq!((kept, door.shared.dropped.load(Ordering::Relaxed)), (vec![1, 2], 3));
+    }
+
+    #[test]
+    fn long_items_do_not_fill_the_memory() {
+        let (door, waiting) = door(100);
+        for _ in 0..5 {
+            door.put(item(QUEUE_BYTES / 2));
+        }
+        assert_eq!((waiting.try_iter().count(), door.shared.dropped.load(Ordering::Relaxed)), (2, 3));
+    }
+
+    #[test]
+    fn log_times_never_go_back() {
+        let clock = Clock::start();
+        let times: Vec<u64> = (0..1000).map(|_| clock.now_ns()).collect();
+        assert!(times.is_sorted() && times[0] > 1_700_000_000_000_000_000);
     }
 }

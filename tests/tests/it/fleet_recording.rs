@@ -215,6 +215,12 @@ async fn an_independent_reader_finds_every_topic_schema_and_message() {
     // An emergency stop is among them.
     let mut others = one_of_each(&fleet.bus, &keys, Format::Postcard).await;
     assert_eq!(others, one_of_each(&fleet.bus, &keys, Format::Json).await);
+    // They have to arrive before the end: the last of them is on the disk.
+    eventually("the last of them", || async {
+        let (messages, _) = recording.messages();
+        messages.iter().any(|message| Some(&message.topic) == others.last()).then_some(())
+    })
+    .await;
     assert!(recording.end() < Duration::from_secs(5));
 
     let found = independent(&python, &recording.file);

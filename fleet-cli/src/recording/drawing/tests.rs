@@ -1,3 +1,5 @@
+//! What is drawn when, and what goes.
+
 use super::*;
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{

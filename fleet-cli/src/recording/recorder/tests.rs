@@ -1,3 +1,5 @@
+//! Which records an item becomes, and what is counted.
+
 use super::*;
 use xtb_bus::Incoming;
 use xtb_protocol::Uuid;

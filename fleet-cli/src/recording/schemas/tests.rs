@@ -1,3 +1,5 @@
+//! What a schema takes, what Foxglove reads of it, and what is drawn.
+
 use super::*;
 use crate::recording::drawing;
 use xtb_protocol::keys::Key;

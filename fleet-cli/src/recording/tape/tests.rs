@@ -1,3 +1,5 @@
+//! Files: how they follow each other, and what is left of one that was never finished.
+
 use super::*;
 use crate::listen::Item;
 use crate::recording::reader::{self, Reader};
