@@ -296,6 +296,9 @@ impl<'a> Walk<'a> {
     /// The same command line, listening on a free port, and not slower than it need be.
     fn on_a_free_port(&self, typed: &str) -> String {
         let typed = typed.split(" #").next().unwrap_or_default().trim();
+        if let Some(page) = typed.strip_suffix("--dashboard") {
+            return format!("{page}--dashboard 127.0.0.1:0");
+        }
         let mut words: Vec<&str> = typed.split_whitespace().collect();
         let verb = words.get(1).copied().filter(|_| words[0] == "fleet-cli");
         let free = match verb {
