@@ -31,8 +31,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(10);
 const UNANSWERED: i32 = 3;
 /// A command that was not done yet when it was interrupted.
 const INTERRUPTED: i32 = 130;
-/// Each command, and each program's way to ready.
-const AT_MOST: Duration = PATIENCE;
+/// Each command, and each program's way to ready and to its end.
+const AT_MOST: Duration = PATIENCE.saturating_mul(2);
 
 /// A program that stays.
 struct Running {
@@ -174,7 +174,7 @@ impl<'a> Walk<'a> {
     /// Starts a program that stays, and waits until it is ready.
     fn begin(&mut self, line: usize, notes: &Notes, typed: &str) {
         let output = self.output();
-        let mut command = self.shell(&format!("exec {}", self.on_a_free_port(typed)));
+        let mut command = self.shell(&self.on_a_free_port(typed));
         let mut process = Process(to_file(&mut command, &output).spawn().unwrap());
         let began = Instant::now();
         let ready = loop {
@@ -272,7 +272,10 @@ impl<'a> Walk<'a> {
     fn shell(&self, typed: &str) -> Command {
         let mut command = Command::new("/bin/sh");
         command.env_clear().envs(&self.variables).current_dir(self.home.path());
-        command.arg("-c").arg(self.adapted(typed)).stdin(Stdio::null());
+        // In the shell's place, so that what ends the one ends the other.
+        let ours = ["fleet-cli ", "robot-agent "].iter().any(|program| typed.starts_with(program));
+        let exec = if ours { "exec " } else { "" };
+        command.arg("-c").arg(format!("{exec}{}", self.adapted(typed))).stdin(Stdio::null());
         command
     }
 
