@@ -231,7 +231,11 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
         Reason {
             name: Some(words::name(&reason)),
             age_ms: since,
-            todo: if again { Some(remedy::anew(&state.robot)) } else { remedy::of_reason(&state.robot, reason) },
+            todo: if again {
+                Some(remedy::anew(&state.robot))
+            } else {
+                remedy::of_reason(&state.robot, reason)
+            },
             hinders: !passes(reason),
             ..Reason::new(Kind::Stop, format!("{words}{last}"))
         }
