@@ -138,7 +138,8 @@ impl Stage {
         }
         let now_ms = self.shared.now_ms();
         let (news, lines) = {
-            let scene = self.shared.lock();
+            let shared = Arc::clone(&self.shared);
+            let scene = shared.lock();
             (self.news(&scene, now_ms), self.lines(&scene))
         };
         for (key, news) in news {

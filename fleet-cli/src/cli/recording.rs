@@ -44,8 +44,14 @@ pub struct PlayArgs {
     /// Begin anew at the end.
     #[arg(long = "loop")]
     pub repeat: bool,
+    /// Show it in the cockpit [default on a terminal].
+    #[arg(long, group = "how")]
+    pub top: bool,
+    /// Print what happened as lines [default where no terminal is].
+    #[arg(long, group = "how")]
+    pub lines: bool,
     /// Show it in a browser, as `dashboard` shows a fleet; on this machine only [default: 127.0.0.1:8080].
-    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = super::dashboard::address)]
+    #[arg(long, value_name = "ADDRESS", group = "how", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = super::dashboard::address)]
     pub dashboard: Option<SocketAddr>,
 }
 

@@ -7,7 +7,7 @@ use crate::cli::DashboardArgs;
 use crate::client::Client;
 use crate::context::Context;
 use crate::dashboard::{Running, Settings, Shown};
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::error::{Exit, Failure, Result};
 use crate::interrupt::interrupted;
 use crate::listen::Sources;
 use crate::recording::playing::Playing;
@@ -134,7 +134,7 @@ async fn foxglove(ctx: &Context, args: &DashboardArgs, live: &Live) -> Result<Op
 async fn foxglove(_: &Context, args: &DashboardArgs, _: &Live) -> Result<Option<Foxglove>> {
     match args.foxglove {
         None => Ok(None),
-        Some(_) => Err(Failure::new(Kind::Usage, "this fleet-cli was built without Foxglove")
+        Some(_) => Err(Failure::new(crate::Kind::Usage, "this fleet-cli was built without Foxglove")
             .hint("`cargo build --release -p fleet-cli --features foxglove` builds it in")),
     }
 }

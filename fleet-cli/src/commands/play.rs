@@ -10,6 +10,7 @@ use crate::recording::player::{Move, Player};
 use crate::recording::playing::{PlaySettings, Playing, not_readable, read};
 use crate::recording::reader::{self, Reader};
 use serde::Serialize;
+use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -26,7 +27,8 @@ struct Line<'a> {
     value: &'a News,
 }
 
-/// Plays it: what happened as lines; with `--json` every message, as `watch` prints them.
+/// Plays it: in the cockpit, on the dashboard's page, or what happened as lines; with `--json` every
+/// message, as `watch` prints them.
 ///
 /// # Errors
 /// A file that is no recording, or is damaged.
@@ -36,6 +38,13 @@ pub async fn run(ctx: &Context, args: &PlayArgs) -> Result<Exit> {
     if let Some(listen) = args.dashboard {
         let playing = Playing::open(&args.file, settings)?;
         return super::dashboard::played(ctx, Arc::new(playing), listen).await;
+    }
+    let terminal = std::io::stdin().is_terminal() && std::io::stdout().is_terminal();
+    if args.top || terminal && !args.lines && !ctx.out.json {
+        let playing = Playing::open(&args.file, settings)?;
+        let fleet = playing.scene().lock().fleet().clone();
+        let ctx = Context { fleet, ..ctx.clone() };
+        return super::top::run_played(&ctx, Arc::new(playing)).await;
     }
     tokio::select! {
         played = print(ctx, &args.file, settings) => played.map(|()| Exit::Done),

@@ -14,6 +14,7 @@ use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
 use crate::output::Tone;
+use crate::recording::playing::{PlayStatus, Playing as Playback};
 use crate::scene::live::{Live, Shared, Wanted};
 use crate::terminal::Terminal;
 use crate::tui::top::{Action, Cockpit, Look, Outcome, Playing, Setup};
@@ -30,31 +31,6 @@ use xtb_protocol::Name;
 
 /// 10 pictures a second at most; what did not change is not painted.
 const PAINT_EVERY: Duration = Duration::from_millis(100);
-
-/// How a recording stands.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Played {
-    /// Played so far.
-    pub position_ms: u64,
-    /// Its length.
-    pub duration_ms: u64,
-    /// Times real time.
-    pub speed: f64,
-    /// Whether it rests, or stands at its end.
-    pub paused: bool,
-}
-
-/// A recording that is played.
-pub trait Playback: Send + Sync {
-    /// What it shows now.
-    fn scene(&self) -> Arc<Shared>;
-    /// How it stands.
-    fn status(&self) -> Played;
-    /// Rests, or goes on.
-    fn pause(&self, pause: bool);
-    /// Goes on from there.
-    fn seek(&self, position_ms: u64);
-}
 
 /// Shows the fleet until the person leaves.
 ///
@@ -83,11 +59,12 @@ pub async fn run(ctx: &Context, args: &TopArgs) -> Result<Exit> {
 ///
 /// # Errors
 /// No terminal, or it is gone.
-pub async fn run_played(ctx: &Context, args: &TopArgs, played: Arc<dyn Playback>) -> Result<Exit> {
+pub async fn run_played(ctx: &Context, played: Arc<Playback>) -> Result<Exit> {
     refuse(ctx)?;
+    let args = TopArgs { robots: Vec::new(), read_only: true, ascii: false };
     let (_keep, link) = watch::channel(true);
     let source = Source { scene: played.scene(), client: None, played: Some(played) };
-    show(ctx, source, link, args, Some("a recording is played")).await
+    show(ctx, source, link, &args, Some("a recording is played")).await
 }
 
 fn refuse(ctx: &Context) -> Result<()> {
@@ -107,7 +84,7 @@ fn refuse(ctx: &Context) -> Result<()> {
 struct Source<'a> {
     scene: Arc<Shared>,
     client: Option<&'a Client>,
-    played: Option<Arc<dyn Playback>>,
+    played: Option<Arc<Playback>>,
 }
 
 async fn show(
@@ -208,7 +185,6 @@ impl Shell<'_> {
     /// The scene is let go before anything is written: a slow terminal holds up nobody.
     fn paint(&mut self) -> Result<()> {
         if let Some(played) = &self.source.played {
-            self.source.scene = played.scene();
             self.cockpit.playing(playing(&played.status()));
         }
         self.cockpit.unreadable(self.source.scene.unreadable());
@@ -266,12 +242,17 @@ fn broken() -> Outcome {
     Outcome { tone: Tone::Bad, text: "outcome unknown: an error of this program".to_owned(), held: false }
 }
 
-fn playing(status: &Played) -> Playing {
+fn playing(status: &PlayStatus) -> Playing {
     let seconds = |ms: u64| ms as f64 / 1000.0;
+    let stands = match &status.failed {
+        Some(why) => Some(format!("BROKEN: {why}")),
+        None if status.ended => Some("AT ITS END".to_owned()),
+        None => status.paused.then(|| "PAUSED".to_owned()),
+    };
     Playing {
         at_s: seconds(status.position_ms),
         length_s: seconds(status.duration_ms),
         speed: status.speed,
-        paused: status.paused,
+        stands,
     }
 }

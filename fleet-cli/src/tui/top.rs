@@ -110,7 +110,7 @@ pub(crate) enum Grasp {
 }
 
 /// How a recording stands.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Playing {
     /// Since its beginning.
     pub(crate) at_s: f64,
@@ -118,8 +118,8 @@ pub(crate) struct Playing {
     pub(crate) length_s: f64,
     /// Times real time.
     pub(crate) speed: f64,
-    /// Whether it rests.
-    pub(crate) paused: bool,
+    /// Why it does not go on; `None` = it does.
+    pub(crate) stands: Option<String>,
 }
 
 /// The hand at a robot's wheel.

@@ -154,7 +154,7 @@ impl Cockpit {
 }
 
 fn play_words(playing: &Playing) -> String {
-    let Playing { at_s, length_s, speed, paused } = playing;
-    let rests = if *paused { ", PAUSED" } else { "" };
-    format!("RECORDING {at_s:.1} of {length_s:.1} s, {speed}×{rests}").replace('×', " times")
+    let Playing { at_s, length_s, speed, stands } = playing;
+    let stands = stands.as_ref().map(|why| format!(", {why}")).unwrap_or_default();
+    format!("RECORDING {at_s:.1} of {length_s:.1} s, {speed} times{stands}")
 }

@@ -239,7 +239,7 @@ fn read_only_sends_nothing_and_says_so() {
 fn a_recording_is_paused_and_wound() {
     let (mut cockpit, scene) =
         (with(Look { color: true, ascii: false }, Some("a recording is played")), fleet());
-    cockpit.playing(Playing { at_s: 1.0, length_s: 60.0, speed: 1.0, paused: false });
+    cockpit.playing(Playing { at_s: 1.0, length_s: 60.0, speed: 1.0, stands: None });
     assert_eq!(letter(&mut cockpit, &scene, ' '), [Action::Pause]);
     assert_eq!(press(&mut cockpit, &scene, KeyCode::Left), [Action::Seek(-SEEK_S.0)]);
     assert_eq!(press(&mut cockpit, &scene, KeyCode::Right), [Action::Seek(SEEK_S.0)]);
