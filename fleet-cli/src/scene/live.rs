@@ -187,3 +187,23 @@ fn key_exprs(keys: &FleetKeys, wanted: Wanted) -> Vec<String> {
     found.extend(wanted.truth.then(|| keys.sim_truth()));
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fake::{FakeRobot, name};
+    use std::time::Duration;
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn who_comes_later_is_asked_for_its_factsheet_too() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let live = Live::open(&client, Wanted::default()).await.unwrap();
+        let _late = FakeRobot::start(&client, "xtb-1").await;
+        let mut look = tokio::time::interval(Duration::from_millis(5));
+        let is_known =
+            || live.scene.lock().robots().get(&name("xtb-1")).is_some_and(|robot| robot.about.is_some());
+        while !is_known() {
+            look.tick().await;
+        }
+    }
+}

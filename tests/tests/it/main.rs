@@ -15,6 +15,7 @@ mod fuzz;
 mod guide;
 mod hardware;
 mod hostile;
+mod logs;
 mod membership;
 mod obstacles;
 mod operators;
