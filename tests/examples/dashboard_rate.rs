@@ -20,6 +20,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::task::JoinHandle;
 use xtb_bus::{Bus, Role};
+use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{RobotState, Sensors};
 
@@ -129,8 +130,10 @@ async fn crowd(fleet: &Fleet) -> JoinHandle<()> {
         for number in 0..ROBOTS {
             let robot = name(&format!("car-{number}"));
             let keys = keys.robot(&robot);
-            let states = bus.publisher::<RobotState>(&keys.state(), &Channel::State).await.unwrap();
-            let samples = bus.publisher::<Sensors>(&keys.sensors(), &Channel::Sensors).await.unwrap();
+            let states =
+                bus.publisher::<RobotState>(&keys.state(), &Channel::State, Format::Postcard).await.unwrap();
+            let samples =
+                bus.publisher::<Sensors>(&keys.sensors(), &Channel::Sensors, Format::Postcard).await.unwrap();
             let token = bus.declare_alive(&keys.alive()).await.unwrap();
             players.push((robot, states, samples, token));
         }

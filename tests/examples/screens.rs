@@ -62,8 +62,8 @@ async fn main() {
     let dashboard = Dashboard::start(fleet.simulator.endpoint());
     let camera = Camera { browser: Browser::start().await, folder };
     let browser = &camera.browser;
-    camera.setting(DESKTOP, "dark").await;
     browser.open(&dashboard.url(), 5).await;
+    camera.setting(DESKTOP, "dark").await;
     work(&fleet).await;
     browser.click("[data-robot=xtb-2]").await;
     browser
@@ -121,7 +121,7 @@ async fn fleet() -> Fleet {
     let starts =
         vec![(-2.0, -2.0, 0.8), (0.0, -4.0, 1.57), (2.5, 0.5, 3.1), (-3.0, 2.0, 0.0), (3.0, -5.0, 1.57)];
     let world = World::from_toml(&world).unwrap();
-    let fixes = FixTruth { ..FixTruth::default() };
+    let fixes = FixTruth { rate_hz: 2.0, ..FixTruth::default() };
     Fleet::start(Setup {
         robots: starts.len(),
         speed: 1.0,
@@ -144,10 +144,10 @@ async fn work(fleet: &Fleet) {
     };
     let who = |spec: TaskSpec, robot: &str| TaskSpec { who: Who::Robot(fleet_tests::name(robot)), ..spec };
     let tasks = vec![
-        who(route(&[(1.0, 1.0), (0.0, 5.5), (2.5, 5.0)]), "xtb-1"),
+        who(route(&[(1.0, 1.0), (0.5, 5.5), (3.0, 5.0)]), "xtb-1"),
         who(TaskSpec { priority: 7, ..TaskSpec::new(patrol) }, "xtb-2"),
-        who(goto(-3.0, -2.5), "xtb-3"),
-        who(goto(0.0, 6.0), "xtb-4"),
+        who(route(&[(-2.5, -2.0), (-3.0, -4.0)]), "xtb-3"),
+        who(route(&[(-2.0, 3.0), (-2.5, 5.0), (0.0, 6.0)]), "xtb-4"),
         TaskSpec { priority: 2, ..who(goto(-2.0, 5.0), "xtb-1") },
     ];
     asker.ask_until(DispatchBody::Submit { tasks }, PATIENCE).await;

@@ -45,6 +45,7 @@ const ASSETS: &[Asset] = &[
     asset!("panels.js", JS),
     asset!("plots.js", JS),
     asset!("robots.js", JS),
+    asset!("shapes.js", JS),
     asset!("store.js", JS),
     asset!("style.css", CSS),
     asset!("tasks.js", JS),

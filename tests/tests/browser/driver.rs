@@ -6,8 +6,8 @@
 use fantoccini::actions::{InputSource, MouseActions, PointerAction};
 use fantoccini::wd::Capabilities;
 use fantoccini::{Client, ClientBuilder};
+use fleet_tests::eventually;
 use fleet_tests::processes::{Process, program};
-use fleet_tests::{PATIENCE, eventually};
 use hyper_util::client::legacy::connect::HttpConnector;
 use rustix::process::{Pid, Signal, kill_process_group};
 use serde_json::{Value, json};
@@ -22,7 +22,7 @@ use tokio::net::TcpStream;
 
 const CHROMIUM: &str = "/usr/bin/chromium";
 const CHROMEDRIVER: &str = "/usr/bin/chromedriver";
-const ARGUMENTS: [&str; 8] = [
+const ARGUMENTS: [&str; 9] = [
     "--headless",
     "--no-sandbox",
     "--disable-gpu",
@@ -31,6 +31,7 @@ const ARGUMENTS: [&str; 8] = [
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    "--window-size=1440,1000",
 ];
 
 /// Whether there is a browser here; if not, says so.
@@ -74,6 +75,22 @@ impl Dashboard {
 /// Chromedriver and its browsers: a process group that ends with this.
 struct Group(Child);
 
+impl Group {
+    /// Starts it on a free port; `None` = somebody else was faster there.
+    fn start(home: &Path) -> Option<(Self, SocketAddr)> {
+        let mut command = Command::new(CHROMEDRIVER);
+        command.arg("--port=0").process_group(0).env("HOME", home);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let group = Self(child);
+        // ChromeDriver was started successfully on port 40001.
+        let port = lines.map_while(Result::ok).find_map(|line| {
+            line.split("successfully on port ").nth(1)?.trim_end_matches('.').parse::<u16>().ok()
+        });
+        Some((group, SocketAddr::from(([127, 0, 0, 1], port?))))
+    }
+}
+
 impl Drop for Group {
     fn drop(&mut self) {
         let _ = kill_process_group(Pid::from_child(&self.0), Signal::KILL);
@@ -87,7 +104,7 @@ pub(crate) struct Browser {
     pub(crate) page: Client,
     driver: SocketAddr,
     session: String,
-    _group: Group,
+    group: Group,
     _profile: TempDir,
 }
 
@@ -95,16 +112,7 @@ impl Browser {
     /// Starts one with an empty profile.
     pub(crate) async fn start() -> Self {
         let profile = tempfile::tempdir().unwrap();
-        let mut command = Command::new(CHROMEDRIVER);
-        command.arg("--port=0").process_group(0).env("HOME", profile.path());
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let group = Group(child);
-        // ChromeDriver was started successfully on port 40001.
-        let port = lines.map_while(Result::ok).find_map(|line| {
-            line.split("successfully on port ").nth(1)?.trim_end_matches('.').parse::<u16>().ok()
-        });
-        let driver = SocketAddr::from(([127, 0, 0, 1], port.unwrap()));
+        let (group, driver) = eventually("a chromedriver", || async { Group::start(profile.path()) }).await;
         let mut arguments = ARGUMENTS.map(str::to_owned).to_vec();
         arguments.push(format!("--user-data-dir={}", profile.path().join("profile").display()));
         let wanted: Capabilities = serde_json::from_value(json!({
@@ -115,7 +123,7 @@ impl Browser {
         let mut builder = ClientBuilder::new(HttpConnector::new());
         let page = builder.capabilities(wanted).connect(&format!("http://{driver}")).await.unwrap();
         let session = page.session_id().await.unwrap().unwrap();
-        Self { page, driver, session, _group: group, _profile: profile }
+        Self { page, driver, session, group: group, _profile: profile }
     }
 
     /// Opens the dashboard and waits until it shows this many robots that are heard.
@@ -163,10 +171,13 @@ impl Browser {
         self.page.perform_actions(click).await.unwrap();
     }
 
-    /// Clicks what a CSS selector names, once it is there.
+    /// Clicks what a CSS selector names, once it is there and nothing lies over it.
     pub(crate) async fn click(&self, css: &str) {
-        let element = self.page.wait().at_most(PATIENCE).for_element(fantoccini::Locator::Css(css));
-        element.await.unwrap().click().await.unwrap();
+        eventually(&format!("a click on {css}"), || async {
+            let element = self.page.find(fantoccini::Locator::Css(css)).await.ok()?;
+            element.click().await.ok()
+        })
+        .await;
     }
 
     /// Errors and warnings on the page's console so far, its policy's refusals among them.
@@ -195,6 +206,12 @@ impl Browser {
         value["value"].take()
     }
 
+    /// Freezes the browser with all its processes, or wakes it.
+    pub(crate) fn freeze(&self, is_frozen: bool) {
+        let signal = if is_frozen { Signal::STOP } else { Signal::CONT };
+        kill_process_group(Pid::from_child(&self.group.0), signal).unwrap();
+    }
+
     /// Ends it.
     pub(crate) async fn end(self) {
         let _ = self.page.close().await;
@@ -217,7 +234,17 @@ pub(crate) async fn http(
     );
     stream.write_all(head.as_bytes()).await.unwrap();
     stream.write_all(body.as_bytes()).await.unwrap();
+    // Not every server closes when it is asked to: it says how much there is.
     let mut answer = Vec::new();
-    stream.read_to_end(&mut answer).await.unwrap();
+    while !is_whole(&answer) && stream.read_buf(&mut answer).await.unwrap() > 0 {}
     String::from_utf8_lossy(&answer).into_owned()
+}
+
+fn is_whole(answer: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(answer).to_lowercase();
+    let Some((head, _)) = text.split_once("\r\n\r\n") else { return false };
+    let length =
+        head.lines().find_map(|line| line.strip_prefix("content-length:")?.trim().parse::<usize>().ok());
+    let begins = answer.windows(4).position(|bytes| bytes == b"\r\n\r\n").map(|at| at + 4);
+    begins.zip(length).is_some_and(|(begins, length)| answer.len() >= begins + length)
 }

@@ -1,6 +1,6 @@
 //! Driving by hand in the browser: what is let go of stops, however it is let go.
 
-use crate::driver::{self, Browser, say};
+use crate::driver::{self, say};
 use crate::hand::{self, drive};
 use crate::{MACHINE, fleet_on_page};
 use fleet_tests::Fleet;
@@ -61,6 +61,33 @@ async fn a_robot_stands_when_the_stick_is_let_go_the_page_hidden_or_the_tab_clos
     fleet.until(1, "the lease is given back", is_free).await;
     browser.page.switch_to_window(first).await.unwrap();
     assert_eq!(browser.complaints().await, Vec::<String>::new());
+    browser.end().await;
+    fleet.end().await;
+}
+
+/// For so long nothing may move after the browser has woken up, in s of the world.
+const STANDS_S: f64 = 1.0;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_frozen_browser_stops_the_robot_and_does_not_drive_on_when_it_wakes_up() {
+    if !driver::is_there() {
+        return;
+    }
+    let _alone = MACHINE.lock().await;
+    let (fleet, _dashboard, browser) = fleet_on_page(1, 1.0).await;
+    drive(&fleet, &browser).await;
+    let frozen_s = fleet.time_s();
+    browser.freeze(true);
+    let neutral_since_s = hand::neutral_since_s(&fleet).await;
+    let took_s = neutral_since_s - frozen_s;
+    say(&format!("browser frozen: neutral after {:.0} ms", took_s * 1e3));
+    assert!(took_s < NEUTRAL_S, "neutral {took_s} s after the browser froze");
+    fleet.simulated(STANDS_S).await;
+    browser.freeze(false);
+    // The stick is still pressed, but the page has let go of it.
+    browser.until("the page runs again", "return document.querySelector('#stick.held') === null").await;
+    fleet.simulated(STANDS_S).await;
+    assert_eq!(fleet.truth(1).neutral_since_s, Some(neutral_since_s), "it drove on");
     browser.end().await;
     fleet.end().await;
 }

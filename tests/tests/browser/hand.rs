@@ -15,17 +15,26 @@ pub(crate) async fn drive(fleet: &Fleet, browser: &Browser) {
         return [Math.round(box.left + box.width / 2), Math.round(box.top + box.height / 2)];";
     let at = browser.ask(stick).await;
     let (x, y) = (at[0].as_f64().unwrap(), at[1].as_f64().unwrap());
+    eventually("rolling", || async {
+        // A page that was held up lets go by itself: then the hand has to do so too, and press again.
+        if browser.ask("return document.querySelector('#stick.held') === null;").await == true {
+            browser.page.release_actions().await.unwrap();
+            press(browser, (x, y)).await;
+        }
+        let truth = fleet.truth(1);
+        (truth.speed_mps > 0.05 && truth.neutral_since_s.is_none()).then_some(())
+    })
+    .await;
+}
+
+/// Takes the stick at its centre, and pushes it ahead.
+async fn press(browser: &Browser, (x, y): (f64, f64)) {
     let button = fantoccini::actions::MOUSE_BUTTON_LEFT;
     let hold = MouseActions::new("mouse".into())
         .then(PointerAction::MoveTo { duration: None, x, y })
         .then(PointerAction::Down { button })
         .then(PointerAction::MoveBy { duration: None, x: 0.0, y: -60.0 });
     browser.page.perform_actions(hold).await.unwrap();
-    eventually("rolling", || async {
-        let truth = fleet.truth(1);
-        (truth.speed_mps > 0.05 && truth.neutral_since_s.is_none()).then_some(())
-    })
-    .await;
 }
 
 /// Since when the motor of xtb-1 is neutral, in s of the world.

@@ -9,6 +9,7 @@ mod driver;
 mod driving;
 mod foreign;
 mod hand;
+mod tasks;
 
 use driver::{Browser, Dashboard};
 use fantoccini::actions::{InputSource, KeyAction, KeyActions};
@@ -95,6 +96,30 @@ async fn goals_are_clicked_and_reached_and_an_emergency_stop_latches_all() {
     browser.click("[data-reset=estop]").await;
     fleet.until(3, "reset", |state| state.latches.is_empty()).await;
     assert_eq!(browser.complaints().await, Vec::<String>::new());
+    browser.end().await;
+    fleet.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lost_server_is_said_and_what_is_old_is_grey() {
+    if !driver::is_there() {
+        return;
+    }
+    let _alone = MACHINE.lock().await;
+    let (fleet, dashboard, browser) = fleet_on_page(2, 1.0).await;
+    browser.until("all is well", "return document.getElementById('banner').hidden").await;
+    drop(dashboard);
+    let lost = "const banner = document.getElementById('banner');
+        return !banner.hidden && banner.textContent.includes('Connection lost');";
+    browser.until("the page says that it is alone", lost).await;
+    let grey = "return [...store.robots.values()].every((robot) => robot.stale && robot.speed_mps === null)
+        && document.querySelectorAll('.robot-row.is-stale').length === 2";
+    browser.until("all robots are grey", grey).await;
+    let grows = "return [...store.robots.values()].every((robot) => robot.age_ms > 2000)";
+    browser.until("the ages grow", grows).await;
+    browser.click("#estop").await;
+    let not_sent = "return document.getElementById('stops').textContent.includes('NOT CONFIRMED')";
+    browser.until("a stop that cannot be sent is said to be none", not_sent).await;
     browser.end().await;
     fleet.end().await;
 }

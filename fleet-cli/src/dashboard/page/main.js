@@ -217,6 +217,7 @@ function stopAll() {
 
 function drawPanels(nowMs) {
   panelsMs = nowMs;
+  store.age(nowMs);
   const tab = document.documentElement.dataset.tab;
   if (WIDE.matches && tab === "robots") document.documentElement.dataset.tab = "robot";
   const look = { tool: aim.tool, preview: aim.preview, points: aim.points, said: nowMs - said.atMs < SAID_MS ? said.text : "",

@@ -64,7 +64,7 @@ export class Plots {
       scales: { x: { time: false, auto: false }, y: { auto: false } },
       axes: [
         { ...axis, size: 18, gap: 2, space: 60, values: (plot, ticks) => ticks.map((t) => ago(plot, t)), splits: tens },
-        { ...axis, size: 44, gap: 4, space: 26 },
+        { ...axis, size: 44, gap: 4, space: 18 },
       ],
       series: [{}, ...spec.keys.map((_, i) => ({ stroke: series[i], width: 1.75, points: { show: false } }))],
     };

@@ -44,7 +44,7 @@ export function robotPanel(store, act, look) {
       <h2>${robot.name}</h2>${chipOf(robot)}
       ${robot.tags.map((tag) => html`<span class="chip">${tag}</span>`)}
     </div>
-    ${robot.stale ? stale(robot) : html`${latches(robot, store, act)}${why(robot)}`}
+    ${robot.stale ? stale(robot) : html`${latches(robot, store, act)}${why(robot, store)}`}
     ${look.answer ? html`<p class="box ${look.answer.error ? "bad" : ""}" role="status">${look.answer.text}</p>` : nothing}
     ${store.writable() ? buttons(robot, act, look) : nothing}
     ${facts(robot, store)}
@@ -72,13 +72,16 @@ function latches(robot, store, act) {
   });
 }
 
-function why(robot) {
+function why(robot, store) {
   const reasons = robot.why.filter((name) => !robot.latches.includes(name));
   const faults = robot.faults.map((fault) => html`<div class="box bad"><p><strong>Fault: ${plain(fault)}</strong></p></div>`);
   if (robot.why.length === 0) return html`${faults}<div class="box"><p>${capital(line(robot))}</p></div>`;
   if (reasons.length === 0) return faults;
+  const goal = store.detail()?.state?.goal; // says who is in the way
+  const detail = RUNNING.includes(goal?.status) ? goal.reason : null;
   const since = robot.stopped_age_ms === null ? "" : ` for ${age(robot.stopped_age_ms)}`;
   return html`${faults}<div class="box"><p><strong>Stands${since}:</strong> ${reasons.map(reason).join(", ")}</p>
+    ${detail ? html`<p>${capital(detail)}</p>` : nothing}
     ${reasons.map((name) => (remedy(name) ? html`<p class="todo">${remedy(name)}</p>` : nothing))}</div>`;
 }
 

@@ -20,12 +20,22 @@ export class Store {
   selected = null;
   samples = emptySamples();
 
-  // A new connection: what was known before is not known any more.
+  // The connection has been lost, or is a new one: what was known before is not known any more. Until the
+  // first frame comes the robots stay where they were last seen, grey, on the map as it was.
   begin() {
-    const { selected, hello, robots } = this;
-    Object.assign(this, new Store(), { selected, hello });
-    // Until the first frame comes the robots stay where they were last seen, grey.
-    for (const [name, robot] of robots) this.robots.set(name, unknown(robot));
+    const { selected, hello, robots, map, mapCount, frameAtMs } = this;
+    Object.assign(this, new Store(), { selected, hello, map, mapCount, frameAtMs });
+    for (const [name, robot] of robots) {
+      const heardMs = robot.heardMs ?? (robot.age_ms === null ? null : frameAtMs - robot.age_ms);
+      this.robots.set(name, { ...unknown(robot), heardMs });
+    }
+  }
+
+  // Without frames, ages grow by the page's own clock.
+  age(nowMs) {
+    for (const robot of this.robots.values()) {
+      if (robot.heardMs) robot.age_ms = nowMs - robot.heardMs;
+    }
   }
 
   // Takes in one message; says what has changed: "frame", "map", …

@@ -79,7 +79,7 @@ function pointsOf(act, look) {
   const text = look.points.length === 0 ? "none yet" : look.points.map(point).join(" → ");
   return html`<p class="wide hint">Points: ${text}</p>
     <button type="button" id="task-points" aria-pressed=${look.tool === "points"} @click=${act.pickPoints}>
-      ${look.tool === "points" ? "Picking: click on the map" : "Pick points on the map"}</button>
+      ${look.tool === "points" ? "Click on the map…" : "Pick on the map"}</button>
     <button type="button" ?disabled=${look.points.length === 0} @click=${act.dropPoints}>Clear points</button>`;
 }
 
@@ -109,7 +109,7 @@ function words({ spec: { kind } }) {
 }
 
 function more(task) {
-  const legs = task.legs === null ? `${task.legs_done} legs` : `${task.legs_done}/${task.legs}`;
+  const legs = task.legs === null ? `${task.legs_done} ${task.legs_done === 1 ? "leg" : "legs"}` : `${task.legs_done}/${task.legs}`;
   const parts = [task.robot, legs, `priority ${task.spec.priority}`, `by ${task.by}`, task.reason];
   return parts.filter((part) => part).join(" · ");
 }

@@ -77,7 +77,8 @@ export function chip(robot) {
   if (robot.latches.length > 0) return ["latched", "bad"];
   if (robot.faults.length > 0) return ["fault", "bad"];
   if (robot.goal?.status === "blocked") return ["blocked", "warn"];
-  if (robot.why.length === 0) return [plain(robot.mode), "good"];
+  // What ends by itself is part of driving.
+  if (!robot.why.some(remedy)) return [plain(robot.mode), "good"];
   return robot.mode === "idle" ? ["idle", ""] : [plain(robot.mode), "warn"];
 }
 
