@@ -62,8 +62,8 @@ fn main() {
         top.keys("1g\x1b[A\x1b[A\x1b[A\x1b[A\x1b[C\x1b[Cr\r");
         top.until("the goal", |text| text.contains("goto xtb-1") && text.contains("accepted"));
         top.keys("2");
-        let rest = |text: &str| ["starting", "planning", "coasting"].iter().any(|word| text.contains(word));
-        top.until("all that drive", |text| text.contains("4 drive") && !rest(text));
+        let moving = |text: &str| text.matches("goto   0.").count() - text.matches("goto   0.0").count();
+        top.until("three that move", |text| text.contains("4 drive") && moving(text) >= 3);
         let path = Path::new(&folder).join(format!("top-{columns}x{rows}.svg"));
         std::fs::write(&path, svg(&top.screen(), columns.into(), rows.into())).unwrap();
         top.keys("q");
