@@ -30,6 +30,8 @@ impl Drop for Process {
 /// A signal to a process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Signal {
+    /// `SIGINT`, as Ctrl-C.
+    Interrupt,
     /// `kill -9`.
     Kill,
     /// `SIGSTOP`.
@@ -75,6 +77,7 @@ impl Process {
     pub fn signal(&self, signal: Signal) {
         use rustix::process::{Pid, Signal as Os, kill_process};
         let signal = match signal {
+            Signal::Interrupt => Os::INT,
             Signal::Kill => Os::KILL,
             Signal::Stop => Os::STOP,
             Signal::Continue => Os::CONT,
