@@ -30,14 +30,14 @@ impl Drop for Process {
 /// A signal to a process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Signal {
+    /// `SIGINT`, as Ctrl-C.
+    Interrupt,
     /// `kill -9`.
     Kill,
     /// `SIGSTOP`.
     Stop,
     /// `SIGCONT`.
     Continue,
-    /// `SIGINT`, as Ctrl-C.
-    Interrupt,
 }
 
 impl Process {
@@ -77,10 +77,10 @@ impl Process {
     pub fn signal(&self, signal: Signal) {
         use rustix::process::{Pid, Signal as Os, kill_process};
         let signal = match signal {
+            Signal::Interrupt => Os::INT,
             Signal::Kill => Os::KILL,
             Signal::Stop => Os::STOP,
             Signal::Continue => Os::CONT,
-            Signal::Interrupt => Os::INT,
         };
         let sent = kill_process(Pid::from_child(&self.0), signal);
         sent.unwrap_or_else(|error| panic!("{error}"));

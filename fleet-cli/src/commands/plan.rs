@@ -58,7 +58,7 @@ pub async fn run(out: Output, args: PlanArgs) -> Result<Exit> {
     }
     out.result(&statistics, |statistics| {
         format!(
-            "{} robots, makespan {}, flowtime {}, {:.1} s → {}",
+            "{} robots, makespan {:.1}, flowtime {:.1}, {:.1} s → {}",
             statistics.agents,
             statistics.makespan,
             statistics.flowtime,

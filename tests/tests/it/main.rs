@@ -12,6 +12,7 @@ mod fleet_recording;
 #[cfg(feature = "foxglove")]
 mod foxglove;
 mod fuzz;
+mod guide;
 mod hardware;
 mod hostile;
 mod logs;

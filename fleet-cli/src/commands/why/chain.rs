@@ -219,7 +219,11 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
             StopReason::RemoteLost => state.input_age_ms.remote,
             _ => None,
         };
+        let again = is_loss(reason) && since.is_some_and(|ms| ms <= INPUT_LOST_MS);
+        let words = words::reason(reason);
+        let words = if again { words.replace(" is lost", " was lost") } else { words.to_owned() };
         let last = match since {
+            Some(_) if again => ", and is heard again".to_owned(),
             Some(ms) => format!(", the last one came {} ago", age(ms)),
             None if only_latched(reason) => ": that is reset".to_owned(),
             None => String::new(),
@@ -227,11 +231,20 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
         Reason {
             name: Some(words::name(&reason)),
             age_ms: since,
-            todo: remedy::of_reason(&state.robot, reason),
+            todo: if again {
+                Some(remedy::anew(&state.robot))
+            } else {
+                remedy::of_reason(&state.robot, reason)
+            },
             hinders: !passes(reason),
-            ..Reason::new(Kind::Stop, format!("{}{last}", words::reason(reason)))
+            ..Reason::new(Kind::Stop, format!("{words}{last}"))
         }
     })
+}
+
+/// Something was not heard any more: once it is heard again, that is only why it stopped.
+fn is_loss(reason: StopReason) -> bool {
+    matches!(reason, StopReason::BoardLost | StopReason::GyroLost)
 }
 
 /// What holds a robot by a latch alone: without the latch it is only why it stopped.

@@ -3,10 +3,15 @@
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Fault, Latch, LatchState, RobotState, StopReason};
 
+/// What to do when nothing stands in the way any more.
+pub(super) fn anew(robot: &Name) -> String {
+    format!("give a new command, such as `fleet-cli goto {robot} X Y`")
+}
+
 /// What to do about a standstill for this reason; `None` = nothing, it ends by itself.
 pub(super) fn of_reason(robot: &Name, reason: StopReason) -> Option<String> {
     use StopReason as R;
-    let anew = || format!("give a new command, such as `fleet-cli goto {robot} X Y`");
+    let anew = || anew(robot);
     Some(match reason {
         R::NoCommand | R::GoalReached | R::Stop | R::Cancelled | R::TimeUp | R::LeaseReleased => anew(),
         // Their latches have been reset, or they would be shown instead.

@@ -115,3 +115,14 @@ fn a_latch_that_was_reset_is_only_why_it_stopped() {
     assert_eq!(why.reasons[0].text, "somebody called an emergency stop: that is reset");
     assert!(why.reasons[0].todo.as_ref().unwrap().contains("give a new command"));
 }
+
+#[test]
+fn a_line_that_is_heard_again_is_only_why_it_stopped() {
+    let mut state = RobotState { stopped_because: vec![StopReason::BoardLost], ..fake::state("xtb-1") };
+    state.input_age_ms.encoder = Some(20);
+    let why = explain(&view(state.clone()));
+    assert_eq!(why.reasons[0].text, "the I/O board was lost, and is heard again");
+    assert!(why.reasons[0].todo.as_ref().unwrap().contains("give a new command"));
+    state.input_age_ms.encoder = Some(3000);
+    assert_eq!(explain(&view(state)).reasons[0].text, "the I/O board is lost, the last one came 3.0 s ago");
+}
