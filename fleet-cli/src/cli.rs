@@ -200,7 +200,11 @@ impl Cli {
     /// Whether the verb draws on the whole terminal for as long as it runs.
     #[must_use]
     pub fn takes_screen(&self) -> bool {
-        matches!(self.verb, Verb::Top(_))
+        match &self.verb {
+            Verb::Top(_) => true,
+            Verb::Play(args) => args.dashboard.is_none() && !args.lines && !self.global.json,
+            _ => false,
+        }
     }
 }
 
