@@ -210,7 +210,7 @@ impl Guard {
         }
         let given = uri.query().into_iter().flat_map(|query| query.split('&'));
         let given = given.filter_map(|part| part.strip_prefix("token="));
-        match given.last().is_some_and(|given| same(given, token)) && uri.path() == "/" {
+        match given.next_back().is_some_and(|given| same(given, token)) && uri.path() == "/" {
             true => Ok(Entry::SetCookie),
             false => Err(Refusal::Token),
         }
