@@ -209,7 +209,7 @@ impl Guard {
             return Ok(Entry::In);
         }
         let given = uri.query().into_iter().flat_map(|query| query.split('&'));
-        let given = given.filter_map(|part| part.strip_prefix("token="));
+        let mut given = given.filter_map(|part| part.strip_prefix("token="));
         match given.next_back().is_some_and(|given| same(given, token)) && uri.path() == "/" {
             true => Ok(Entry::SetCookie),
             false => Err(Refusal::Token),
