@@ -160,7 +160,8 @@ fn the_wheel_is_held_to_run() {
 #[test]
 fn lost_focus_stops_and_every_way_out_lets_go() {
     let scene = fleet();
-    let out: [(&str, fn(&mut Cockpit, &Scene) -> Vec<Action>); 8] = [
+    type Way = fn(&mut Cockpit, &Scene) -> Vec<Action>;
+    let out: [(&str, Way); 8] = [
         ("focus", |cockpit, scene| cockpit.input(&Input::FocusLost, scene, NOW)),
         ("t", |cockpit, scene| letter(cockpit, scene, 't')),
         ("Esc", |cockpit, scene| press(cockpit, scene, KeyCode::Esc)),
