@@ -123,7 +123,7 @@ impl Browser {
         let mut builder = ClientBuilder::new(HttpConnector::new());
         let page = builder.capabilities(wanted).connect(&format!("http://{driver}")).await.unwrap();
         let session = page.session_id().await.unwrap().unwrap();
-        Self { page, driver, session, group: group, _profile: profile }
+        Self { page, driver, session, group, _profile: profile }
     }
 
     /// Opens the dashboard and waits until it shows this many robots that are heard.
