@@ -32,8 +32,6 @@ impl Drop for Process {
 pub enum Signal {
     /// `kill -9`.
     Kill,
-    /// Ctrl-C.
-    Interrupt,
     /// `SIGSTOP`.
     Stop,
     /// `SIGCONT`.
@@ -80,7 +78,6 @@ impl Process {
         use rustix::process::{Pid, Signal as Os, kill_process};
         let signal = match signal {
             Signal::Kill => Os::KILL,
-            Signal::Interrupt => Os::INT,
             Signal::Stop => Os::STOP,
             Signal::Continue => Os::CONT,
             Signal::Interrupt => Os::INT,
