@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn two_frames_are_out_at_most_and_the_others_are_counted() {
         let (mut session, scene) = (Session::default(), Scene::new(name("lab")));
-        let mut tick = |session: &mut Session, ms| match session.is_due() {
+        let tick = |session: &mut Session, ms| match session.is_due() {
             true => frames(&session.tick(&scene, ms, ms)),
             false => Vec::new(),
         };

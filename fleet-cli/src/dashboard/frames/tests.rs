@@ -119,7 +119,7 @@ fn who_was_never_heard_has_no_age_and_no_place() {
 #[test]
 fn a_trail_comes_whole_first_and_then_its_new_points() {
     let (mut known, mut scene) = (Known::default(), scene());
-    let mut go = |scene: &mut Scene, x_m: f64| {
+    let go = |scene: &mut Scene, x_m: f64| {
         let mut state = fake::state("xtb-1");
         state.pose.x_m = x_m;
         put_state(scene, 0, state);
