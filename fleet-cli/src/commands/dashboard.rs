@@ -47,12 +47,14 @@ struct Ready<'a> {
 /// No router, a port that is taken, or an address that needs a token.
 pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
     let mut stop = pin!(interrupted());
+    let settings = settings(args);
+    settings.check()?;
     let starting = async {
         let client = Client::open(ctx).await?;
         let live = Live::open(&client, Wanted::default()).await?;
         let shown = Shown { scene: Arc::clone(&live.scene), commands: Some((ctx.clone(), client.clone())) };
         let foxglove = foxglove(ctx, args, &live).await?;
-        let running = Running::start(settings(args), shown).await?;
+        let running = Running::start(settings, shown).await?;
         Ok::<_, Failure>((client, live, running, foxglove))
     };
     let (client, live, running, foxglove) = tokio::select! {

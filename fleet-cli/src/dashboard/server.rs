@@ -53,6 +53,16 @@ pub struct Settings {
     pub hz: f64,
 }
 
+impl Settings {
+    /// Whether it may be served so: to be asked before anything else is begun.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`]: another address than loopback without a token, or a token that is too short.
+    pub fn check(&self) -> Result<()> {
+        Guard::new(self.listen, self.token.clone(), String::new(), self.allow_origins.clone()).map(drop)
+    }
+}
+
 /// What is shown, and who commands.
 #[derive(Clone)]
 pub struct Shown {

@@ -1,5 +1,7 @@
 //! The dashboard's server as pages meet it: over real sockets, a real router and simulated robots.
 
+#![allow(clippy::print_stderr)] // measured figures, for whoever runs it with --nocapture
+
 mod commands;
 mod driving;
 mod entry;

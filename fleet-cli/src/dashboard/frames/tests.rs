@@ -150,7 +150,7 @@ fn a_path_comes_with_its_points_once() {
             source: RouteSource::Own,
             plan: 0,
             phase: NavPhase::Following,
-            track: Some(Track { start: MapPose::default(), arcs }),
+            track: Some(Track { start: MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 }, arcs }),
             done_m,
             release_m: 1.2,
             off_m: 0.0,
