@@ -208,9 +208,9 @@ impl Guard {
         if bearer || self.has_cookie(headers) || uri.path() == "/healthz" {
             return Ok(Entry::In);
         }
-        let given = uri.query().into_iter().flat_map(|query| query.split('&'));
-        let given = given.filter_map(|part| part.strip_prefix("token="));
-        match given.last().is_some_and(|given| same(given, token)) && uri.path() == "/" {
+        let mut parts = uri.query().into_iter().flat_map(|query| query.split('&'));
+        let given = parts.find_map(|part| part.strip_prefix("token="));
+        match given.is_some_and(|given| same(given, token)) && uri.path() == "/" {
             true => Ok(Entry::SetCookie),
             false => Err(Refusal::Token),
         }
