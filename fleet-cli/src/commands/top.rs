@@ -1,4 +1,4 @@
-//! `top`: the fleet on the whole terminal. The shell around [`Cockpit`]: keys in, pictures out, and
+//! `top`: the fleet on the whole terminal. The shell around the cockpit: keys in, pictures out, and
 //! what it wants of robots carried out beside the screen, as the verbs do it.
 //!
 //! Nothing here waits for a robot: each deed is a task of its own, and the screen goes on meanwhile.
