@@ -38,8 +38,7 @@ impl Input {
 /// The open screen. Dropping it, on a panic too, puts the terminal back as it was.
 pub struct Terminal {
     out: Stdout,
-    inputs: mpsc::Receiver<Input>,
-    wanted: Arc<AtomicBool>,
+    keys: Option<Keys>,
     reports_release: bool,
 }
 
@@ -50,10 +49,8 @@ impl Terminal {
     /// It is none, or does not obey.
     pub fn open() -> Result<Self> {
         terminal::enable_raw_mode()?;
-        let (sender, inputs) = mpsc::channel(KEY_QUEUE);
-        let wanted = Arc::new(AtomicBool::new(true));
         // From here on a failure drops it, which undoes what was done.
-        let mut this = Self { out: stdout(), inputs, wanted: Arc::clone(&wanted), reports_release: false };
+        let mut this = Self { out: stdout(), keys: None, reports_release: false };
         execute!(this.out, terminal::EnterAlternateScreen, cursor::Hide, terminal::DisableLineWrap)?;
         execute!(this.out, EnableFocusChange)?;
         if terminal::supports_keyboard_enhancement().unwrap_or(false) {
@@ -64,7 +61,7 @@ impl Terminal {
             execute!(this.out, PushKeyboardEnhancementFlags(flags))?;
             this.reports_release = true;
         }
-        std::thread::Builder::new().name("keys".into()).spawn(move || read_keys(&wanted, &sender))?;
+        this.keys = Some(Keys::open()?);
         Ok(this)
     }
 
@@ -76,7 +73,10 @@ impl Terminal {
 
     /// The next input; `None` = the terminal is gone.
     pub async fn next(&mut self) -> Option<Input> {
-        self.inputs.recv().await
+        match &mut self.keys {
+            Some(keys) => keys.inputs.recv().await,
+            None => None,
+        }
     }
 
     /// Shows these lines from the top, as many as there is room for.
@@ -104,7 +104,7 @@ impl Terminal {
 
 impl Drop for Terminal {
     fn drop(&mut self) {
-        self.wanted.store(false, Ordering::Relaxed);
+        self.keys = None;
         // Each step on its own: one that fails must not keep the others from being tried, and there
         // is nobody left to tell.
         if self.reports_release {
@@ -116,7 +116,34 @@ impl Drop for Terminal {
     }
 }
 
-/// crossterm's reader blocks, so it has a thread of its own.
+/// What is typed, read on a thread of its own until this is dropped: crossterm's reader blocks, and for
+/// ever where the terminal is gone.
+pub(crate) struct Keys {
+    inputs: mpsc::Receiver<Input>,
+    wanted: Arc<AtomicBool>,
+}
+
+impl Keys {
+    pub(crate) fn open() -> Result<Self> {
+        let (sender, inputs) = mpsc::channel(KEY_QUEUE);
+        let wanted = Arc::new(AtomicBool::new(true));
+        let reads = Arc::clone(&wanted);
+        std::thread::Builder::new().name("keys".into()).spawn(move || read_keys(&reads, &sender))?;
+        Ok(Self { inputs, wanted })
+    }
+
+    /// What has been typed since the last time.
+    pub(crate) fn typed(&mut self) -> impl Iterator<Item = Input> + '_ {
+        std::iter::from_fn(|| self.inputs.try_recv().ok())
+    }
+}
+
+impl Drop for Keys {
+    fn drop(&mut self) {
+        self.wanted.store(false, Ordering::Relaxed);
+    }
+}
+
 fn read_keys(wanted: &AtomicBool, sender: &mpsc::Sender<Input>) {
     while wanted.load(Ordering::Relaxed) {
         let input = match event::poll(LOOK_EVERY).and_then(|ready| ready.then(event::read).transpose()) {

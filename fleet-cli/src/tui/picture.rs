@@ -2,7 +2,8 @@
 
 use crate::client::Seen;
 use crate::error::Result;
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
+use crate::terminal::{Input, Keys};
+use crossterm::event::KeyCode;
 use ratatui::layout::{Constraint, Layout};
 use ratatui::style::{Color, Stylize};
 use ratatui::symbols::Marker;
@@ -10,7 +11,6 @@ use ratatui::widgets::canvas::{Canvas, Circle, Context, Line, Points};
 use ratatui::widgets::{Block, Row, Table};
 use ratatui::{DefaultTerminal, Frame};
 use std::collections::BTreeMap;
-use std::time::Duration;
 use xtb_control::vehicle::Geometry;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Truth, TruthRobot};
@@ -61,6 +61,7 @@ impl Scene {
 /// A terminal given over to the picture until this is dropped.
 pub struct Picture {
     terminal: DefaultTerminal,
+    keys: Keys,
 }
 
 impl Picture {
@@ -69,7 +70,14 @@ impl Picture {
     /// # Errors
     /// The terminal cannot be put into raw mode.
     pub fn open() -> Result<Self> {
-        Ok(Self { terminal: ratatui::try_init()? })
+        let terminal = ratatui::try_init()?;
+        match Keys::open() {
+            Ok(keys) => Ok(Self { terminal, keys }),
+            Err(failure) => {
+                ratatui::restore();
+                Err(failure)
+            }
+        }
     }
 
     /// Draws the present. True if the user wants to leave (q, Esc or Ctrl-C).
@@ -79,15 +87,11 @@ impl Picture {
     pub fn draw(&mut self, scene: &mut Scene, truth: &Truth, states: &BTreeMap<Name, Seen>) -> Result<bool> {
         scene.remember(truth);
         self.terminal.draw(|frame| render(frame, scene, truth, states))?;
-        while event::poll(Duration::ZERO)? {
-            if let Event::Key(key) = event::read()? {
-                let ctrl_c = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
-                if ctrl_c || matches!(key.code, KeyCode::Char('q') | KeyCode::Esc) {
-                    return Ok(true);
-                }
-            }
-        }
-        Ok(false)
+        let leaves = |input| match input {
+            Input::Key(key) => Input::leaves(&key) || key.code == KeyCode::Char('q'),
+            Input::FocusLost => false,
+        };
+        Ok(self.keys.typed().any(leaves))
     }
 }
 

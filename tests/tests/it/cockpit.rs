@@ -4,9 +4,10 @@ pub(crate) mod pty;
 
 use crate::commands::{Sim, fleet_cli, sim};
 use fleet_tests::PATIENCE;
+use fleet_tests::processes::Signal;
 use pty::OnTerminal;
 use serde_json::{Value, json};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 fn top(sim: &Sim, size: (u16, u16), arguments: &[&str]) -> OnTerminal {
     let mut all = vec!["--connect", &sim.endpoint, "--client", "pilot", "--color", "always", "top"];
@@ -128,5 +129,24 @@ fn without_a_terminal_or_with_json_it_says_what_to_use_instead() {
         let said = String::from_utf8_lossy(&said).into_owned();
         assert_eq!(output.status.code(), Some(2), "{said}");
         assert!(said.contains(message) && said.contains("fleet-cli list"), "{said}");
+    }
+}
+
+#[test]
+fn a_demo_whose_window_is_gone_ends_when_it_is_told_to() {
+    let mut demo = pty::on_a_terminal_that_goes(&[
+        "demo",
+        "--robots",
+        "2",
+        "--goals",
+        "50",
+        "--listen",
+        "tcp/127.0.0.1:0",
+    ]);
+    demo.signal(Signal::Interrupt);
+    let give_up = Instant::now() + PATIENCE;
+    while demo.runs() {
+        assert!(Instant::now() < give_up, "it does not end");
+        std::thread::sleep(Duration::from_millis(20));
     }
 }
