@@ -4,9 +4,14 @@ pub(crate) mod pty;
 
 use crate::commands::{Sim, fleet_cli, sim};
 use fleet_tests::PATIENCE;
-use fleet_tests::processes::Signal;
+use fleet_tests::processes::{Process, Signal, program};
 use pty::OnTerminal;
+use rustix::termios::{Winsize, tcsetwinsize};
 use serde_json::{Value, json};
+use serialport::{SerialPort, TTYPort};
+use std::fs::File;
+use std::io::Read;
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 fn top(sim: &Sim, size: (u16, u16), arguments: &[&str]) -> OnTerminal {
@@ -130,6 +135,24 @@ fn without_a_terminal_or_with_json_it_says_what_to_use_instead() {
         assert_eq!(output.status.code(), Some(2), "{said}");
         assert!(said.contains(message) && said.contains("fleet-cli list"), "{said}");
     }
+}
+
+/// Starts `fleet-cli` on a terminal that is closed as soon as it has drawn something there.
+fn on_a_terminal_that_goes(arguments: &[&str]) -> Process {
+    let (mut master, slave) = TTYPort::pair().unwrap();
+    let name = slave.name().unwrap();
+    let line = || File::options().read(true).write(true).open(&name).unwrap();
+    tcsetwinsize(line(), Winsize { ws_row: 24, ws_col: 80, ws_xpixel: 0, ws_ypixel: 0 }).unwrap();
+    let mut command = Command::new("setsid");
+    command.arg(program("fleet-cli")).args(arguments).env_clear();
+    command.env("HOME", std::env::temp_dir()).env("PATH", "/usr/bin:/bin").env("TERM", "xterm-256color");
+    let process = Process(command.stdin(line()).stdout(line()).stderr(line()).spawn().unwrap());
+    master.set_timeout(PATIENCE).unwrap();
+    let (mut bytes, mut drawn) = ([0; 4096], 0);
+    while drawn < 2000 {
+        drawn += master.read(&mut bytes).unwrap();
+    }
+    process
 }
 
 #[test]

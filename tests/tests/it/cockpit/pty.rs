@@ -80,24 +80,6 @@ impl OnTerminal {
     }
 }
 
-/// Starts `fleet-cli` on a terminal that is closed as soon as it has drawn something there.
-pub(crate) fn on_a_terminal_that_goes(arguments: &[&str]) -> Process {
-    let (mut master, slave) = TTYPort::pair().unwrap();
-    let name = slave.name().unwrap();
-    let line = || File::options().read(true).write(true).open(&name).unwrap();
-    tcsetwinsize(line(), Winsize { ws_row: 24, ws_col: 80, ws_xpixel: 0, ws_ypixel: 0 }).unwrap();
-    let mut command = Command::new("setsid");
-    command.arg(program("fleet-cli")).args(arguments).env_clear();
-    command.env("HOME", std::env::temp_dir()).env("PATH", "/usr/bin:/bin").env("TERM", "xterm-256color");
-    let process = Process(command.stdin(line()).stdout(line()).stderr(line()).spawn().unwrap());
-    master.set_timeout(PATIENCE).unwrap();
-    let (mut bytes, mut drawn) = ([0; 4096], 0);
-    while drawn < 2000 {
-        drawn += master.read(&mut bytes).unwrap();
-    }
-    process
-}
-
 /// Until the terminal is closed.
 fn follow(mut master: TTYPort, screen: Arc<Mutex<Screen>>) {
     master.set_timeout(Duration::from_millis(200)).unwrap();
