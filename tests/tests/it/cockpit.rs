@@ -157,15 +157,8 @@ fn on_a_terminal_that_goes(arguments: &[&str]) -> Process {
 
 #[test]
 fn a_demo_whose_window_is_gone_ends_when_it_is_told_to() {
-    let mut demo = pty::on_a_terminal_that_goes(&[
-        "demo",
-        "--robots",
-        "2",
-        "--goals",
-        "50",
-        "--listen",
-        "tcp/127.0.0.1:0",
-    ]);
+    let mut demo =
+        on_a_terminal_that_goes(&["demo", "--robots", "2", "--goals", "50", "--listen", "tcp/127.0.0.1:0"]);
     demo.signal(Signal::Interrupt);
     let give_up = Instant::now() + PATIENCE;
     while demo.runs() {
