@@ -12,7 +12,6 @@ mod fleet_recording;
 #[cfg(feature = "foxglove")]
 mod foxglove;
 mod fuzz;
-mod guide;
 mod hardware;
 mod hostile;
 mod logs;

@@ -1,5 +1,8 @@
 //! docs/guide: each command of each page is run as it stands there, what the pages show is compared
-//! with what is seen, and what they write is read.
+//! with what is seen, and what they write is read. A binary of its own: ten fleets at once would keep
+//! the real-time ones of the other tests waiting.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
 mod page;
 mod shown;
