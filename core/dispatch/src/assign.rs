@@ -2,7 +2,8 @@
 //!
 //! A task is given to a robot only when that robot is free for it, never earlier; so whenever robots
 //! come, go, fail or are latched, everything that is not under way yet is decided anew. What is under
-//! way is not torn away.
+//! way is not torn away. A robot that is nearly done ([`soon`](crate::soon)) is a candidate that stands
+//! where it will end, and counts farther by the way until then; what falls to it waits.
 //!
 //! Tasks go by their level, priority plus one for each minute of waiting. Level by level, from the top:
 //! small levels are solved exactly ([`exact`]), large ones by auction ([`auction`]), which is within its
@@ -29,12 +30,12 @@ const TASKS_AT_LEAST: usize = 64;
 /// What may not be.
 pub const NEVER: f32 = f32::INFINITY;
 
-/// A robot that is free.
+/// A robot that is free, or soon will be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
-    /// Where it is.
+    /// Where it is, or will be then.
     pub pose: MapPose,
-    /// Added to each of its distances, in m: a battery that is getting low.
+    /// Added to each of its distances, in m: a battery that is getting low, the way until it is free.
     pub handicap_m: f64,
 }
 

@@ -72,6 +72,8 @@ pub struct Dispatcher {
     has_roster: bool,
     waiting: VecDeque<Waiting>,
     effects: VecDeque<Effect>,
+    /// Tasks that wait for a robot which is nearly done, as of the last round.
+    saved: BTreeMap<TaskId, Name>,
     requests: u64,
     assign_at_ms: u64,
     started_ms: u64,
@@ -103,6 +105,7 @@ impl Dispatcher {
             has_roster: false,
             waiting: VecDeque::new(),
             effects: VecDeque::new(),
+            saved: BTreeMap::new(),
             requests: 0,
             assign_at_ms: 0,
             started_ms: now_ms,

@@ -1,13 +1,20 @@
 //! What the dispatcher knows of the floor: how far it is, and where nobody may be sent.
 
+mod ways;
+
 use std::f64::consts::{PI, TAU};
+use ways::Ways;
 use xtb_control::VehicleConfig;
+use xtb_nav::coordinator::GridRoom;
 use xtb_nav::reeds_shepp;
 use xtb_nav::{Car, Cell, Map, MapPose};
 use xtb_protocol::messages::{DispatchCode, Waypoint};
 
 /// Distances and places, for whoever knows the floor better than an open field.
 pub trait Ground {
+    /// A round of assignment begins: what takes long may be measured anew, within bounds.
+    fn begin_round(&self) {}
+
     /// How far a robot at `from` drives to `to`, in m, with its turning.
     fn distance_m(&self, from: &MapPose, to: &Waypoint) -> f64;
 
@@ -91,26 +98,41 @@ impl Ground for OpenGround {
     }
 }
 
-/// The fleet's map: distances as on an open field, places as the robots' planners would refuse them.
-#[derive(Debug, Clone)]
+/// How much farther a place counts that no way on the map leads to, in m: the map may be wrong.
+const NO_WAY_M: f64 = 50.0;
+
+/// The fleet's map: distances around its walls, places as the robots' planners would refuse them.
+#[derive(Debug)]
 pub struct MapGround {
     open: OpenGround,
     map: Map,
     /// Half the car's width: nothing may be nearer, whatever its yaw.
     core_m: f64,
+    ways: Ways,
 }
 
 impl MapGround {
     /// This map, for this vehicle.
     #[must_use]
     pub fn new(map: Map, vehicle: &VehicleConfig) -> Self {
-        Self { open: OpenGround::of(vehicle), map, core_m: Car::of(vehicle).core_m() }
+        let core_m = Car::of(vehicle).core_m();
+        let ways = Ways::new(GridRoom::of(&map), core_m);
+        Self { open: OpenGround::of(vehicle), map, core_m, ways }
     }
 }
 
 impl Ground for MapGround {
+    fn begin_round(&self) {
+        self.ways.begin_round();
+    }
+
     fn distance_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
-        self.open.distance_m(from, to)
+        let open_m = self.open.distance_m(from, to);
+        match self.ways.way_m(from, to) {
+            Some(way_m) if way_m.is_finite() => open_m.max(way_m),
+            Some(_) => open_m + NO_WAY_M,
+            None => open_m,
+        }
     }
 
     fn rough_m(&self, from: &MapPose, to: &Waypoint) -> f64 {

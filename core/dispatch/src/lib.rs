@@ -13,7 +13,7 @@
 //!   robot) leaves only after that entry is durable.
 //! * [`robot`]: what is known of each robot now; forgotten at a restart, learned again from its state.
 //! * [`drive`]: what a task's robot says of it, and what to ask of the robot next.
-//! * [`assign`]: who does what, by cost.
+//! * [`assign`]: who does what, by cost; [`soon`]: when and where a busy robot will be free.
 //!
 //! Times are ms since 1970 and never go back within a run; numbers for ids come in as an argument.
 
@@ -26,6 +26,7 @@ pub mod ground;
 pub mod record;
 pub mod robot;
 pub mod settings;
+pub mod soon;
 pub mod task;
 mod writer;
 

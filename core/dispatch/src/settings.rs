@@ -36,6 +36,8 @@ pub struct Settings {
     pub blocked_most_ms: u64,
     /// A task that waits gains one level of priority each.
     pub age_ms: u64,
+    /// A task is saved for a robot that is nearly done until it has waited for this long.
+    pub save_ms: u64,
     /// Time between two rounds of assignment.
     pub assign_ms: u64,
     /// The ledger is tried again this long after a write has failed.
@@ -67,6 +69,7 @@ impl Default for Settings {
             blocked_ms: 2_000,
             blocked_most_ms: 60_000,
             age_ms: 60_000,
+            save_ms: 30_000,
             assign_ms: 200,
             rewrite_ms: 1_000,
             linger_ms: 1_000,

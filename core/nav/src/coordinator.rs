@@ -37,6 +37,7 @@ mod view;
 mod way;
 mod wire;
 
+pub use field::Field;
 pub use joint::{JointJob, JointResult};
 pub use room::{GridRoom, Room};
 pub use view::{Counters, Guide, PlannedGoal, RobotView, RouteReport};

@@ -6,8 +6,10 @@ use crate::drive::{self, Eye, News};
 use crate::ground::Ground;
 use crate::record::{Change, Ending, Entry, Record};
 use crate::robot::Robot;
+use crate::soon;
 use crate::task::Task;
 use crate::writer::Then;
+use std::collections::BTreeSet;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Assignment, GoalStatus, TaskId, TaskKind, TaskState};
 
@@ -15,6 +17,8 @@ use xtb_protocol::messages::{Assignment, GoalStatus, TaskId, TaskKind, TaskState
 const TIRED_M: f64 = 20.0;
 /// And one on which the task has failed before.
 const FAILED_M: f64 = 50.0;
+/// So many busy robots are looked at, at most: those that are soonest free.
+const SOON_MOST: usize = 16;
 
 impl Dispatcher {
     /// What became of a task is proposed to the ledger.
@@ -106,24 +110,73 @@ impl Dispatcher {
         robot.is_there(now_ms, &self.settings) && status == Some(GoalStatus::Reached)
     }
 
-    /// Gives waiting tasks to free robots.
+    /// Gives waiting tasks to free robots. One that a robot which is nearly done will get to sooner is
+    /// saved for that one, for a while; then, any that is free and left over gets it.
     pub(super) fn hand_out(&mut self, now_ms: u64, ground: &dyn Ground) {
+        self.saved.clear();
         let free = self.robots.values().filter(|robot| self.is_free(now_ms, robot));
-        let (free, candidates): (Vec<&Robot>, Vec<Candidate>) =
+        let (mut robots, mut candidates): (Vec<&Robot>, Vec<Candidate>) =
             free.filter_map(|robot| Some((robot, candidate(robot)?))).unzip();
-        if free.is_empty() {
+        if robots.is_empty() {
             return;
+        }
+        ground.begin_round();
+        let free = robots.len();
+        for (robot, candidate) in self.soon_free(now_ms, ground) {
+            robots.push(robot);
+            candidates.push(candidate);
         }
         let waiting: Vec<&Task> = self.book.open().filter(|task| self.waits(now_ms, task)).collect();
         let demands: Vec<Demand> = waiting.iter().map(|task| self.demand(now_ms, task)).collect();
-        let fits = |task: usize, robot: usize| fits(waiting[task], free[robot]);
-        let pairs = assign::assign(&demands, &candidates, ground, &fits);
-        let chosen: Vec<(TaskId, Name)> =
-            pairs.into_iter().map(|(task, robot)| (waiting[task].id, free[robot].name.clone())).collect();
+        let among = |tasks: &[usize], who: &[usize]| -> Vec<(usize, usize)> {
+            let some_demands: Vec<Demand> = tasks.iter().map(|&task| demands[task]).collect();
+            let some_candidates: Vec<Candidate> = who.iter().map(|&robot| candidates[robot]).collect();
+            let fits = |task: usize, robot: usize| fits(waiting[tasks[task]], robots[who[robot]]);
+            let pairs = assign::assign(&some_demands, &some_candidates, ground, &fits);
+            pairs.into_iter().map(|(task, robot)| (tasks[task], who[robot])).collect()
+        };
+        let all: (Vec<usize>, Vec<usize>) = ((0..waiting.len()).collect(), (0..robots.len()).collect());
+        let pairs = among(&all.0, &all.1);
+        let (mut chosen, saved): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|(_, robot)| *robot < free);
+        let (late, saved): (Vec<_>, Vec<_>) =
+            saved.into_iter().partition(|(task, _)| self.waited_long(now_ms, waiting[*task]));
+        if !late.is_empty() {
+            let late: Vec<usize> = late.into_iter().map(|(task, _)| task).collect();
+            let taken: BTreeSet<usize> = chosen.iter().map(|(_, robot)| *robot).collect();
+            let left: Vec<usize> = (0..free).filter(|robot| !taken.contains(robot)).collect();
+            chosen.extend(among(&late, &left));
+        }
+        let named = |(task, robot): (usize, usize)| (waiting[task].id, robots[robot].name.clone());
+        let chosen: Vec<(TaskId, Name)> = chosen.into_iter().map(named).collect();
+        self.saved = saved.into_iter().map(named).collect();
         for (task, robot) in chosen {
             let seq = self.book.next_seq() + self.writer.new_seqs();
             self.writer.push(now_ms, vec![Record::Assigned { task, robot, seq }], Then::Nothing);
         }
+    }
+
+    /// Whether a task is not to be saved for anybody any more.
+    fn waited_long(&self, now_ms: u64, task: &Task) -> bool {
+        now_ms.saturating_sub(task.waiting_since_ms.max(task.not_before_ms)) >= self.settings.save_ms
+    }
+
+    /// Robots that will be free soon, those first that are soonest.
+    fn soon_free(&self, now_ms: u64, ground: &dyn Ground) -> Vec<(&Robot, Candidate)> {
+        let busy = self.book.busy().filter_map(|(name, id)| {
+            let (robot, task) = (self.robots.get(name)?, self.book.task(id)?);
+            let seen = robot.seen.as_ref()?;
+            let well = robot.is_there(now_ms, &self.settings)
+                && seen.unfit.is_none()
+                && robot.taken_by(&self.identity.me).is_none()
+                && robot.blocked_ms.is_none();
+            let Candidate { handicap_m, .. } = candidate(robot)?;
+            let soon = soon::soon(task, seen.pose, ground).filter(|_| well)?;
+            Some((robot, Candidate { handicap_m: soon.handicap_m + handicap_m, ..soon }))
+        });
+        let mut busy: Vec<_> = busy.collect();
+        busy.sort_by(|(_, a), (_, b)| a.handicap_m.total_cmp(&b.handicap_m));
+        busy.truncate(SOON_MOST);
+        busy
     }
 
     fn is_free(&self, now_ms: u64, robot: &Robot) -> bool {
@@ -187,6 +240,9 @@ impl Dispatcher {
         let task = self.book.task(id).filter(|task| task.state == TaskState::Queued)?;
         if now_ms < task.not_before_ms {
             return Some(format!("it is begun again in {} s", (task.not_before_ms - now_ms) / 1000 + 1));
+        }
+        if let Some(robot) = self.saved.get(&id) {
+            return Some(format!("{robot} is nearly done, and will be there before any other"));
         }
         let mut may = self.robots.values().filter(|robot| robot.is_one_of(&task.spec.who)).peekable();
         if may.peek().is_none() {

@@ -4,9 +4,11 @@
 
 mod assigning;
 mod bench;
+mod ground;
 mod journal;
 mod life;
 mod model;
 mod robots;
+mod soon;
 mod storms;
 mod trouble;

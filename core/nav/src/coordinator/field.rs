@@ -14,7 +14,7 @@ const SLACK_M: f64 = 0.075;
 
 /// Distances to one goal.
 #[derive(Debug, Clone)]
-pub(super) struct Field {
+pub struct Field {
     origin_m: [f64; 2],
     width: usize,
     height: usize,
@@ -24,7 +24,8 @@ pub(super) struct Field {
 
 impl Field {
     /// Floods the floor from the goal around fixed things and standing bodies.
-    pub(super) fn new(room: &dyn Room, half_width_m: f64, standing: &[Rect], goal_m: [f64; 2]) -> Self {
+    #[must_use]
+    pub fn new(room: &dyn Room, half_width_m: f64, standing: &[Rect], goal_m: [f64; 2]) -> Self {
         let [low, high] = room.corners_m();
         let cells = |axis: usize| (libm::ceil((high[axis] - low[axis]) / CELL_M) as usize).clamp(1, 4000);
         let (width, height) = (cells(0), cells(1));
@@ -69,9 +70,16 @@ impl Field {
     }
 
     /// Distance to the goal, in m; `None` where there is no way.
-    pub(super) fn distance_m(&self, x_m: f64, y_m: f64) -> Option<f64> {
+    #[must_use]
+    pub fn distance_m(&self, x_m: f64, y_m: f64) -> Option<f64> {
         let distance = self.distance[self.index(x_m, y_m)?];
         (distance != u32::MAX).then(|| f64::from(distance) * 1e-4)
+    }
+
+    /// How many cells it has: what it takes in time and memory.
+    #[must_use]
+    pub fn cells(&self) -> usize {
+        self.distance.len()
     }
 
     fn index(&self, x_m: f64, y_m: f64) -> Option<usize> {
