@@ -48,6 +48,7 @@ fn main() {
         &["dispatch", "patrol", "-3,-2", "3,-3", "3,2", "-3,2", "--robot", "xtb-2"][..],
         &["dispatch", "route", "0,6", "4,0", "--robot", "xtb-3", "--loops", "9"],
         &["dispatch", "patrol", "2,1", "-2,-5", "--robot", "xtb-5"],
+        &["goto", "xtb-4", "5.4", "0", "--yaw", "0", "--wait"], // before a wall, for its range finders to see
         &["estop", "xtb-4"],
     ] {
         let mut asking = Command::new(program("fleet-cli"));

@@ -105,6 +105,8 @@ pub(super) fn answer(path: &str, headers: &HeaderMap) -> Option<Response> {
 mod tests {
     use super::*;
     use axum::http::HeaderValue;
+    use std::collections::BTreeSet;
+    use xtb_protocol::messages::StopReason;
 
     #[test]
     fn each_file_has_a_type_and_is_not_sent_again_to_who_has_it() {
@@ -139,6 +141,19 @@ mod tests {
             }
         }
         assert!(asked > 10, "{asked}");
+    }
+
+    #[test]
+    fn the_page_has_words_for_each_reason_to_stand_and_for_no_other() {
+        let schema = serde_json::to_value(schemars::schema_for!(StopReason)).unwrap();
+        let variants = schema["oneOf"].as_array().unwrap();
+        let reasons: BTreeSet<&str> = variants.iter().map(|one| one["const"].as_str().unwrap()).collect();
+        let page = include_str!("page/words.js");
+        let table = page.split("const REASONS = {").nth(1).unwrap().split("};").next().unwrap();
+        let worded: BTreeSet<&str> =
+            table.lines().filter_map(|line| line.trim().split_once(": [")).map(|(name, _)| name).collect();
+        assert!(reasons.len() > 40);
+        assert_eq!(worded, reasons);
     }
 
     #[test]

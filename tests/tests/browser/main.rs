@@ -125,6 +125,39 @@ async fn a_lost_server_is_said_and_what_is_old_is_grey() {
 }
 
 /// Presses keys one after the other and lets go of all of them.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_page_that_is_too_slow_says_what_it_leaves_out_and_shows_it_again_when_it_is_not() {
+    if !driver::is_there() {
+        return;
+    }
+    let _alone = MACHINE.lock().await;
+    let (fleet, _dashboard, browser) = fleet_on_page(2, 1.0).await;
+    // Something else keeps the page's only thread busy for 70 ms of each picture.
+    let busy = "window.busy = true;
+        const work = () => {
+            const until = performance.now() + 70;
+            while (performance.now() < until);
+            if (window.busy) requestAnimationFrame(work);
+        };
+        requestAnimationFrame(work);";
+    browser.ask(busy).await;
+    let said = "return pace.level >= 2
+        && document.getElementById('pace').textContent.includes('Thinned out: trails are short; no infrared');";
+    browser.until("the page says what it leaves out", said).await;
+    browser.ask("window.busy = false;").await;
+    // The way back takes the page half a minute: here at pictures' times that pass at once.
+    let levels = "const [paced, levels] = [new pace.constructor(), []];
+        let now = 0;
+        for (const [fps, for_s] of [[20, 30], [40, 30], [60, 60]]) {
+            for (const end = now + for_s * 1000; now < end; now += 1000 / fps) paced.drew(now);
+            levels.push(paced.thinned().length);
+        }
+        return levels;";
+    assert_eq!(browser.ask(levels).await, serde_json::json!([5, 5, 0]));
+    browser.end().await;
+    fleet.end().await;
+}
+
 async fn press(browser: &Browser, keys: &[char]) {
     let mut actions = KeyActions::new("keyboard".into());
     for &value in keys {

@@ -198,7 +198,7 @@ impl Drawing<'_> {
         let arrow = yaw_rad.map(|yaw| self.look.arrow(yaw).to_string()).unwrap_or_default();
         let gap = if name.starts_with(|c: char| c.is_ascii_digit()) { "" } else { " " };
         let style = Style::new().fg(self.look.robot(sight.row));
-        canvas.print(x_m, y_m, Text::styled(format!("x{arrow}{gap}{name}"), style));
+        canvas.print(x_m, y_m, Text::styled(format!("◇{arrow}{gap}{name}"), style));
     }
 
     fn robot(&self, canvas: &mut Context<'_>, sight: &Sight<'_>, name: &str) {

@@ -35,7 +35,7 @@ const PLAYING_KEYS: &[(&str, &str)] = &[
     ("q Esc ^C", "leave"),
 ];
 const SIGNS: [&str; 2] = [
-    "Map: arrow = heading, x = goal, dots = way behind and ahead.",
+    "Map: arrow = heading, ◇ = goal, dots = way behind and ahead.",
     "# latched  ! hindered or faulty  ? stale: where it was last heard",
 ];
 
