@@ -57,11 +57,24 @@ impl Process {
     /// If it cannot be started.
     #[must_use]
     pub fn start_ready(command: &mut Command) -> (Self, String) {
+        let (process, lines) = Self::start_lines(command, 1);
+        (process, lines.concat())
+    }
+
+    /// Starts it and waits for so many lines.
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    #[must_use]
+    pub fn start_lines(command: &mut Command, count: usize) -> (Self, Vec<String>) {
         let mut process = Self::start(command.stdout(Stdio::piped()));
-        let mut line = String::new();
         let output = process.0.stdout.take().unwrap_or_else(|| panic!("no output"));
-        let _ = BufReader::new(output).read_line(&mut line);
-        (process, line)
+        let mut output = BufReader::new(output);
+        let mut lines = vec![String::new(); count];
+        for line in &mut lines {
+            let _ = output.read_line(line);
+        }
+        (process, lines)
     }
 
     /// Whether it has not ended yet.

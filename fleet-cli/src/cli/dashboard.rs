@@ -30,11 +30,22 @@ pub struct DashboardArgs {
     #[arg(long, value_name = "URL")]
     pub allow_origin: Vec<Origin>,
     /// Frames a second at most.
-    #[arg(long, value_name = "HZ", default_value_t = 20.0, value_parser = rate)]
+    #[arg(long, value_name = "HZ", default_value_t = HZ, value_parser = rate)]
     pub hz: f64,
     /// Serve the live scene for the Foxglove app too [default: 127.0.0.1:8765].
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
     pub foxglove: Option<SocketAddr>,
+}
+
+/// Times a second that a page gets a frame, if nobody says otherwise.
+const HZ: f64 = 20.0;
+
+impl DashboardArgs {
+    /// Everything as it is by default, but for the address.
+    #[must_use]
+    pub fn at(listen: SocketAddr) -> Self {
+        Self { listen, token: None, read_only: false, allow_origin: Vec::new(), hz: HZ, foxglove: None }
+    }
 }
 
 pub(super) fn address(text: &str) -> Result<SocketAddr, String> {

@@ -3,6 +3,7 @@
 use super::DEFAULT_ENDPOINT;
 use super::values::{drop_outs, fix_noise, fix_rate, part};
 use clap::Args;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// Arguments of `router`.
@@ -49,12 +50,15 @@ pub struct SimArgs {
     /// End as soon as there were tasks and all have ended; exit code 1 if one failed or a truck was touched.
     #[arg(long, requires = "dispatch")]
     pub until_done: bool,
+    /// Serve the dashboard too [default: 127.0.0.1:8080].
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = super::dashboard::address)]
+    pub dashboard: Option<SocketAddr>,
     /// What measures the robots' poses.
     #[command(flatten)]
     pub fixes: FixArgs,
     /// No router and no agents, but a bad day of a virtual fleet: tells what happens on the day of --seed,
     /// and whether a rule of docs/safety.md was broken.
-    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "listen", "pty", "truth_log", "record", "dispatch"])]
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "listen", "pty", "truth_log", "record", "dispatch", "dashboard"])]
     pub virtual_day: bool,
 }
 

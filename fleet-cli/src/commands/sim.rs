@@ -1,6 +1,7 @@
 //! `sim`: simulated trucks with real agents, until Ctrl-C.
 
-use crate::cli::{DEFAULT_ENDPOINT, SimArgs};
+use super::dashboard;
+use crate::cli::{DEFAULT_ENDPOINT, DashboardArgs, SimArgs};
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
@@ -9,6 +10,7 @@ use crate::services::dispatch::store::{self, Store};
 use crate::services::dispatch::usage::Usage;
 use crate::simulator::{Plan, Simulator};
 use serde::Serialize;
+use std::net::SocketAddr;
 use std::path::Path;
 use std::pin::pin;
 use xtb_protocol::Name;
@@ -81,6 +83,7 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     announce(ctx, &simulator, args.speed, args.pty.as_deref(), ledger.as_deref())?;
     let done = tokio::select! {
         done = until_done(dispatcher.as_mut(), args.until_done) => Some(done),
+        ended = page(ctx, &simulator, args.dashboard) => ended.err().map(Err),
         () = &mut stop => None,
     };
     let exit = match dispatcher {
@@ -99,6 +102,13 @@ async fn until_done(dispatcher: Option<&mut Beside>, wanted: bool) -> Result<()>
         Some(dispatcher) => Err(dispatcher.ended().await),
         None => std::future::pending().await,
     }
+}
+
+/// The dashboard, if it is wanted, until it is interrupted.
+async fn page(ctx: &Context, simulator: &Simulator, listen: Option<SocketAddr>) -> Result<()> {
+    let Some(listen) = listen else { return std::future::pending().await };
+    let own = Context { connect: simulator.endpoints().to_vec(), ..ctx.clone() };
+    dashboard::run(&own, &DashboardArgs::at(listen)).await.map(drop)
 }
 
 /// Ends the dispatcher and says what came of its tasks.

@@ -12,7 +12,8 @@ use fleet_cli::client::Client;
 use fleet_cli::context::Context;
 use fleet_cli::dashboard::{Running, Settings, Shown};
 use fleet_cli::scene::live::{Live, Wanted};
-use fleet_tests::{Fleet, PATIENCE, Setup, name};
+use fleet_tests::processes::{Process, Signal, program};
+use fleet_tests::{Fleet, PATIENCE, Setup, eventually, name};
 use page::Page;
 use std::sync::Arc;
 
@@ -72,4 +73,16 @@ impl Rig {
         self.client.close().await;
         self.fleet.end().await;
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_simulation_serves_the_page_of_its_own_robots() {
+    let mut sim = std::process::Command::new(program("fleet-cli"));
+    sim.args(["--json", "sim", "--robots", "2", "--listen", "tcp/127.0.0.1:0", "--dashboard", "127.0.0.1:0"]);
+    let (mut sim, lines) = Process::start_lines(&mut sim, 2);
+    let ready: serde_json::Value = serde_json::from_str(&lines[1]).unwrap();
+    let mut page = Page::open(ready["address"].as_str().unwrap().parse().unwrap()).await;
+    page.until("both robots", |page| (page.rows().count() == 2).then_some(())).await;
+    sim.signal(Signal::Interrupt);
+    eventually("the simulation ends", || async { (!sim.runs()).then_some(()) }).await;
 }
