@@ -140,7 +140,7 @@ pub enum Verb {
     Top(TopArgs),
     /// Print messages as JSON lines.
     Watch(WatchArgs),
-    /// Record the fleet's messages into MCAP, for Foxglove, Rerun, Python, `play` and `export`.
+    /// Record the fleet's messages into MCAP, for Foxglove, Python, `play` and `export`.
     Record(RecordArgs),
     /// Show a recording of the fleet again.
     Play(PlayArgs),

@@ -1,4 +1,4 @@
-//! `record`: what is said on the fleet's keys, into MCAP that Foxglove, Rerun and Python open.
+//! `record`: what is said on the fleet's keys, into MCAP that Foxglove and Python open.
 
 use crate::cli::RecordArgs;
 use crate::client::Client;

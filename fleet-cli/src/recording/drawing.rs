@@ -124,8 +124,11 @@ fn entity(timestamp: Time, id: String) -> SceneEntity {
         arrows: Vec::new(),
         cubes: Vec::new(),
         spheres: Vec::new(),
+        cylinders: [],
         lines: Vec::new(),
+        triangles: [],
         texts: Vec::new(),
+        models: [],
     }
 }
 

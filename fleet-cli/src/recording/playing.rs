@@ -34,6 +34,8 @@ pub struct PlayStatus {
     pub speed: f64,
     /// Whether it stands because somebody wants that.
     pub paused: bool,
+    /// Whether the scene holds everything up to there.
+    pub caught_up: bool,
     /// Whether it is at its end, and the scene too.
     pub ended: bool,
     /// Messages that could not be read.
@@ -114,6 +116,7 @@ impl Playing {
             duration_ms: player.duration_ms(),
             speed: player.speed(),
             paused: player.paused(),
+            caught_up: control.caught_up,
             ended: player.ended() && control.caught_up,
             unreadable: self.scene.unreadable(),
             failed: control.failed.clone(),
@@ -268,3 +271,6 @@ impl Projector {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

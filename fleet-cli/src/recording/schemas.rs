@@ -1,10 +1,10 @@
-//! JSON Schemas of everything that a recording holds, made from the types themselves.
+//! JSON Schemas of everything that a recording holds: made from the types themselves, or Foxglove's own
+//! for what is drawn for it.
 //!
 //! Foxglove reads `properties` whose type is one word, and refuses a channel for any other. So what may
 //! be null, or is one of several, stands below `allOf`, where validators look and Foxglove does not: the
 //! schema stays whole, and Foxglove shows such fields all the same.
 
-use super::well_known::{Log, PoseInFrame, SceneUpdate};
 use crate::news::News;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
@@ -72,9 +72,9 @@ static ALL: LazyLock<Vec<Schema>> = LazyLock::new(|| {
         wire::<TaskList>(),
         wire::<TaskEvent>(),
         Schema { name: wire_name(PRESENCE), text: presence.to_string().into_bytes() },
-        well_known::<PoseInFrame>("PoseInFrame"),
-        well_known::<SceneUpdate>("SceneUpdate"),
-        well_known::<Log>("Log"),
+        well_known("PoseInFrame", include_str!("schemas/foxglove/PoseInFrame.json")),
+        well_known("SceneUpdate", include_str!("schemas/foxglove/SceneUpdate.json")),
+        well_known("Log", include_str!("schemas/foxglove/Log.json")),
     ]
 });
 
@@ -110,8 +110,8 @@ fn wire<M: Message + JsonSchema>() -> Schema {
     Schema { name: wire_name(M::NAME), text: text::<M>() }
 }
 
-fn well_known<T: JsonSchema>(name: &str) -> Schema {
-    Schema { name: format!("{WELL_KNOWN}{name}"), text: text::<T>() }
+fn well_known(name: &str, text: &str) -> Schema {
+    Schema { name: format!("{WELL_KNOWN}{name}"), text: text.trim().as_bytes().to_vec() }
 }
 
 fn text<T: JsonSchema>() -> Vec<u8> {

@@ -1,12 +1,10 @@
-//! Foxglove's well-known messages, as far as we send them: the fields and titles of
-//! <https://docs.foxglove.dev/docs/sdk/schemas>, in JSON, so that Foxglove and Rerun know them.
+//! Foxglove's well-known messages, as far as we send them, as its own schemas in `schemas/foxglove` have
+//! them (<https://docs.foxglove.dev/docs/sdk/schemas>), in JSON.
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
-/// A point in time; the title tells it from other objects.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
-#[schemars(title = "time")]
+/// A point in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Time {
     /// Seconds since 1970.
     pub sec: u32,
@@ -24,8 +22,7 @@ impl Time {
 }
 
 /// A length of time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
-#[schemars(title = "duration")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Span {
     /// Seconds.
     pub sec: i32,
@@ -34,8 +31,7 @@ pub struct Span {
 }
 
 /// Three numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.Vector3")]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Vector3 {
     /// East, or along the first axis, in m.
     pub x: f64,
@@ -46,8 +42,7 @@ pub struct Vector3 {
 }
 
 /// A point, in m.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.Point3")]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Point3 {
     /// East.
     pub x: f64,
@@ -58,8 +53,7 @@ pub struct Point3 {
 }
 
 /// A turn.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.Quaternion")]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Quaternion {
     /// i.
     pub x: f64,
@@ -72,8 +66,7 @@ pub struct Quaternion {
 }
 
 /// Where something is and how it is turned.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.Pose")]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Pose {
     /// Where.
     pub position: Vector3,
@@ -94,8 +87,7 @@ impl Pose {
 }
 
 /// Parts of one.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.Color")]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Color {
     /// Red.
     pub r: f64,
@@ -108,8 +100,7 @@ pub struct Color {
 }
 
 /// A pose in a frame.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.PoseInFrame")]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PoseInFrame {
     /// When.
     pub timestamp: Time,
@@ -120,8 +111,7 @@ pub struct PoseInFrame {
 }
 
 /// A line of a log.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.Log")]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Log {
     /// When.
     pub timestamp: Time,
@@ -138,8 +128,7 @@ pub struct Log {
 }
 
 /// Something to know about an entity.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.KeyValuePair")]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct KeyValuePair {
     /// What.
     pub key: String,
@@ -148,8 +137,7 @@ pub struct KeyValuePair {
 }
 
 /// An arrow from its tail.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.ArrowPrimitive")]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ArrowPrimitive {
     /// Its tail, pointing along +x.
     pub pose: Pose,
@@ -166,8 +154,7 @@ pub struct ArrowPrimitive {
 }
 
 /// A box or an ellipsoid around its centre.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.CubePrimitive")]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SolidPrimitive {
     /// Its centre.
     pub pose: Pose,
@@ -178,8 +165,7 @@ pub struct SolidPrimitive {
 }
 
 /// A line through points.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.LinePrimitive")]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LinePrimitive {
     /// 0 from point to point, 1 closed, 2 each two points a line.
     #[serde(rename = "type")]
@@ -201,8 +187,7 @@ pub struct LinePrimitive {
 }
 
 /// A word in the scene.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.TextPrimitive")]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TextPrimitive {
     /// Its centre.
     pub pose: Pose,
@@ -219,8 +204,7 @@ pub struct TextPrimitive {
 }
 
 /// Things that belong together; it replaces the earlier one of the same id.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.SceneEntity")]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SceneEntity {
     /// When.
     pub timestamp: Time,
@@ -240,15 +224,20 @@ pub struct SceneEntity {
     pub cubes: Vec<SolidPrimitive>,
     /// Ellipsoids.
     pub spheres: Vec<SolidPrimitive>,
+    /// None of ours, but a part of the type.
+    pub cylinders: [(); 0],
     /// Lines.
     pub lines: Vec<LinePrimitive>,
+    /// None of ours.
+    pub triangles: [(); 0],
     /// Words.
     pub texts: Vec<TextPrimitive>,
+    /// None of ours.
+    pub models: [(); 0],
 }
 
 /// Takes entities away.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.SceneEntityDeletion")]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SceneEntityDeletion {
     /// Earlier ones only.
     pub timestamp: Time,
@@ -260,8 +249,7 @@ pub struct SceneEntityDeletion {
 }
 
 /// What has changed in the scene.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, JsonSchema)]
-#[schemars(title = "foxglove.SceneUpdate")]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct SceneUpdate {
     /// What is gone.
     pub deletions: Vec<SceneEntityDeletion>,

@@ -78,8 +78,8 @@ fn foxglove_reads(schema: &Value, place: &str) {
 }
 
 #[test]
-fn every_schema_is_one_that_foxglove_reads() {
-    for it in all() {
+fn every_schema_of_ours_is_one_that_foxglove_reads() {
+    for it in all().iter().filter(|it| !is_derived(&it.name)) {
         foxglove_reads(&schema(&it.name), &it.name);
     }
 }
@@ -129,14 +129,4 @@ fn what_is_drawn_fits_foxgloves_schemas() {
     assert_eq!(update["entities"][0]["cubes"].as_array().unwrap().len(), 1);
     let line = serde_json::to_value(drawing::log(5, &key, &News::Alive(true)).unwrap()).unwrap();
     assert_eq!(wrong(&schema("foxglove.Log"), &line, "log"), Vec::<String>::new());
-}
-
-#[test]
-fn times_have_the_titles_that_foxglove_knows_them_by() {
-    let schema = schema("foxglove.SceneUpdate");
-    let entity = &schema["properties"]["entities"]["items"]["properties"];
-    assert_eq!(
-        (&entity["timestamp"]["title"], &entity["lifetime"]["title"]),
-        (&json!("time"), &json!("duration"))
-    );
 }
