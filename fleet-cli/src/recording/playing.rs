@@ -47,8 +47,8 @@ pub struct PlayStatus {
 #[derive(Debug)]
 struct Control {
     player: Player,
-    /// Whether the scene holds everything up to the player's place.
-    caught_up: bool,
+    /// The player as it stood when the scene held everything up to its place.
+    shown: Option<Player>,
     failed: Option<String>,
     stop: bool,
 }
@@ -90,7 +90,7 @@ impl Playing {
         }
         let scene = Arc::new(Shared::played(Scene::new(fleet.clone())));
         let desk = Arc::new(Desk {
-            control: Mutex::new(Control { player, caught_up: false, failed: None, stop: false }),
+            control: Mutex::new(Control { player, shown: None, failed: None, stop: false }),
             wish: Condvar::new(),
         });
         let mut projector =
@@ -110,14 +110,15 @@ impl Playing {
     pub fn status(&self) -> PlayStatus {
         let control = self.desk.lock();
         let player = &control.player;
+        let caught_up = control.shown.as_ref() == Some(player);
         PlayStatus {
             began_ms: player.began_ms(),
             position_ms: player.position_ms(),
             duration_ms: player.duration_ms(),
             speed: player.speed(),
             paused: player.paused(),
-            caught_up: control.caught_up,
-            ended: player.ended() && control.caught_up,
+            caught_up,
+            ended: player.ended() && caught_up,
             unreadable: self.scene.unreadable(),
             failed: control.failed.clone(),
         }
@@ -212,7 +213,9 @@ impl Projector {
             };
             self.scene.set_now_ms(player.position_ms());
             let mut control = self.desk.lock();
-            control.caught_up = matches!(played, Ok(false)) && control.player == player;
+            if matches!(played, Ok(false)) {
+                control.shown = Some(player);
+            }
             match played {
                 Ok(true) => continue,
                 Ok(false) => {}

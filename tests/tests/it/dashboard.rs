@@ -84,5 +84,5 @@ async fn a_simulation_serves_the_page_of_its_own_robots() {
     let mut page = Page::open(ready["address"].as_str().unwrap().parse().unwrap()).await;
     page.until("both robots", |page| (page.rows().count() == 2).then_some(())).await;
     sim.signal(Signal::Interrupt);
-    eventually("the simulation ends", || async { (!sim.runs()).then_some(()) }).await;
+    eventually("the simulation ends", || std::future::ready((!sim.runs()).then_some(()))).await;
 }

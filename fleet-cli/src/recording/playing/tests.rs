@@ -37,7 +37,7 @@ fn recording(folder: &Path) -> PathBuf {
 fn shown(playing: &Playing) -> u64 {
     let scene = playing.scene();
     let scene = scene.lock();
-    let (_, robot) = scene.robots().next().unwrap();
+    let (_, robot) = scene.robots().iter().next().unwrap();
     robot.state.as_ref().unwrap().value.tick_ms
 }
 
