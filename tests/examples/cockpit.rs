@@ -12,6 +12,7 @@ use pty::OnTerminal;
 use std::fmt::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 /// Size of a cell in the picture.
 const CELL: (usize, usize) = (9, 18);
@@ -22,6 +23,9 @@ const PALETTE: [&str; 16] = [
     "#3b4048", "#e06c75", "#7ec27e", "#e5c07b", "#61afef", "#c678dd", "#56c2cf", "#b6bcc8", "#6b7280",
     "#ff7b85", "#98e098", "#ffd68a", "#7fc4ff", "#dd9af0", "#7fe0ea", "#ffffff",
 ];
+
+/// So long they draw trails.
+const TRAILS: Duration = Duration::from_secs(8);
 
 fn main() {
     let folder = std::env::args().nth(1).unwrap_or_else(|| ".".to_owned());
@@ -64,7 +68,13 @@ fn main() {
         top.until("the goal", |text| text.contains("goto xtb-1") && text.contains("accepted"));
         top.keys("2");
         let moving = |text: &str| text.matches("goto   0.").count() - text.matches("goto   0.0").count();
-        top.until("three that move", |text| text.contains("4 drive") && moving(text) >= 3);
+        let opened = Instant::now();
+        top.until("three that move, with trails", |text| {
+            opened.elapsed() > TRAILS
+                && text.contains(">xtb-2")
+                && text.contains("4 drive")
+                && moving(text) >= 3
+        });
         let path = Path::new(&folder).join(format!("top-{columns}x{rows}.svg"));
         std::fs::write(&path, svg(&top.screen(), columns.into(), rows.into())).unwrap();
         top.keys("q");

@@ -120,7 +120,7 @@ async fn fleet() -> Fleet {
     let world = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../worlds/lab.toml")).unwrap();
     // The last one before a wall, for its range finders to see.
     let starts =
-        vec![(-2.0, -2.0, 0.8), (0.0, -4.0, 1.57), (2.5, 0.5, 3.1), (-3.0, 2.0, 0.0), (3.0, -6.35, -1.57)];
+        vec![(-2.0, -2.0, 0.8), (0.0, -4.0, 1.57), (2.5, 0.5, 3.1), (-3.0, 2.0, 0.0), (5.35, -3.0, 0.0)];
     let world = World::from_toml(&world).unwrap();
     let fixes = FixTruth { rate_hz: 2.0, ..FixTruth::default() };
     Fleet::start(Setup {

@@ -33,9 +33,9 @@ impl Cockpit {
             What::Task(event) => event.step.robot.as_ref().is_none_or(shown),
             What::Presence { robot, .. } => robot.as_ref().is_none_or(shown),
         };
-        let line = |(since_ms, happening): (u64, &Happening)| {
+        let line = |(since_ms, happening): (Option<u64>, &Happening)| {
             let (text, tone) = happened(&happening.what);
-            let since = age(Some(since_ms));
+            let since = since_ms.map_or_else(|| "?".to_owned(), |ms| age(Some(ms)));
             let since = Span::styled(format!("{since:>7} "), self.setup.look.tone(Tone::Dim));
             Line::from(vec![since, Span::styled(text, self.setup.look.tone(tone))])
         };
@@ -43,7 +43,9 @@ impl Cockpit {
         let mut shown: Vec<_> =
             shown.map(|happening| (since_ms(scene, happening, now_ms), happening)).collect();
         // Those from before the screen opened come robot by robot.
-        shown.sort_by_key(|(since_ms, _)| *since_ms);
+        shown.sort_by_key(|(since_ms, happening)| {
+            since_ms.unwrap_or_else(|| now_ms.saturating_sub(happening.at_ms))
+        });
         shown.into_iter().map(line).collect()
     }
 
@@ -71,22 +73,25 @@ impl Cockpit {
 }
 
 /// How long ago it happened. The last events of before come when the screen opens: how old they are
-/// then, their robot's clock says, or the dispatcher's.
-fn since_ms(scene: &Scene, happening: &Happening, now_ms: AtMs) -> u64 {
+/// then, their robot's clock says, or the dispatcher's; `None` until that has been heard.
+fn since_ms(scene: &Scene, happening: &Happening, now_ms: AtMs) -> Option<u64> {
     let came = now_ms.saturating_sub(happening.at_ms);
     let happened = match &happening.what {
         What::Robot(event) => {
-            let state = scene.robots().get(&event.robot).and_then(|robot| robot.state.as_ref());
-            let state = state.filter(|state| state.value.epoch == event.epoch);
-            state.map(|state| state.age_ms(now_ms) + state.value.tick_ms.saturating_sub(event.tick_ms))
+            let state = scene.robots().get(&event.robot)?.state.as_ref()?;
+            match state.value.epoch == event.epoch {
+                true => state.age_ms(now_ms) + state.value.tick_ms.saturating_sub(event.tick_ms),
+                false => came, // of another boot, with a clock of its own
+            }
         }
         What::Task(event) => {
-            scene.tasks().map(|list| list.age_ms(now_ms) + list.value.at_ms.saturating_sub(event.step.at_ms))
+            let list = scene.tasks()?;
+            list.age_ms(now_ms) + list.value.at_ms.saturating_sub(event.step.at_ms)
         }
-        What::Presence { .. } => None,
+        What::Presence { .. } => came,
     };
     // Never younger than its message.
-    happened.unwrap_or(came).max(came)
+    Some(happened.max(came))
 }
 
 /// In words, and how good it is.
