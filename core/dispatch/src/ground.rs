@@ -142,7 +142,10 @@ impl Ground for MapGround {
     fn admits(&self, to: &Waypoint) -> Result<(), (DispatchCode, String)> {
         let (x_m, y_m) = (to.x_m, to.y_m);
         if let Some(zone) = self.map.keep_outs().find(|zone| zone.holds(x_m, y_m)) {
-            return Err((DispatchCode::KeepOut, format!("({x_m}, {y_m}) lies in keep-out {}", zone.name())));
+            return Err((
+                DispatchCode::KeepOut,
+                format!("({x_m:.2}, {y_m:.2}) lies in keep-out {}", zone.name()),
+            ));
         }
         let grid = self.map.grid();
         let step_m = grid.resolution_m();
@@ -155,7 +158,7 @@ impl Ground for MapGround {
             if grid.at(x_m + dx, y_m + dy) == Cell::Free {
                 continue;
             }
-            let what = format!("({x_m}, {y_m}) is on top of something on the map, or off it");
+            let what = format!("({x_m:.2}, {y_m:.2}) is on top of something on the map, or off it");
             return Err((DispatchCode::GoalBlocked, what));
         }
         Ok(())

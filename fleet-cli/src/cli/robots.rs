@@ -133,6 +133,9 @@ pub struct WhoArgs {
     /// Roster for --all, separated by commas [default: the config's or the simulator's].
     #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot, requires = "all")]
     pub expect: Vec<Name>,
+    /// Robots that the caller knows of by itself: with `all` they are asked too, whatever the router says.
+    #[arg(skip)]
+    pub known: Vec<Name>,
 }
 
 /// Arguments of `stop`.

@@ -2,7 +2,7 @@
 //!
 //! It is put again and again until each robot has acknowledged it or time is up, and asked beside that:
 //! the answer, that the latch is set, is the acknowledgement. With `--all` it is put at once on the key
-//! that every robot hears, before anybody knows who they are.
+//! that every robot hears, before anybody knows who they are. A link that is lost is waited for.
 
 use super::muster::{Gaps, Muster, Outcome, Report};
 use crate::cli::{EstopArgs, WhoArgs};
@@ -11,7 +11,7 @@ use crate::context::Context;
 use crate::error::{Exit, Result};
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_protocol::codec::Format;
@@ -23,6 +23,8 @@ use xtb_protocol::{Name, Uuid};
 const AGAIN_EVERY: Duration = Duration::from_millis(50);
 /// A question that is not answered for so long is asked anew.
 const ANSWER_WITHIN: Duration = Duration::from_millis(500);
+/// A lost link is waited for so long.
+const LINK_WITHIN: Duration = Duration::from_secs(60);
 
 /// Stops the robots named, or all of the roster and whoever else is there, and latches that.
 ///
@@ -47,7 +49,7 @@ pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
 pub(super) async fn call(client: &Client, within: Duration, who: &WhoArgs) -> (Report, Gaps) {
     let call = Call { id: Uuid::new_v4(), within };
     if who.all {
-        return call.everybody(client, &who.expect).await;
+        return call.until_linked(client, who).await;
     }
     let mut muster = Muster::new(client, |client, robot| call.one(client, robot));
     muster.call(who.robots.iter().cloned());
@@ -62,13 +64,28 @@ struct Call {
 }
 
 impl Call {
-    /// Who is told, who is there, and who answers without being either.
-    async fn everybody(self, client: &Client, expect: &[Name]) -> (Report, Gaps) {
+    /// Everybody; and anew when the link is back, if it was lost meanwhile and somebody has not answered.
+    async fn until_linked(self, client: &Client, who: &WhoArgs) -> (Report, Gaps) {
+        let give_up = Instant::now() + LINK_WITHIN;
+        loop {
+            let was_linked = client.bus().is_linked().await;
+            let (report, gaps) = self.everybody(client, &who.expect, &who.known).await;
+            let stopped = !report.robots.is_empty() && report.all_stopped();
+            if stopped || was_linked && client.bus().is_linked().await || Instant::now() >= give_up {
+                return (report, gaps);
+            }
+            tokio::time::sleep(AGAIN_EVERY).await;
+        }
+    }
+
+    /// Who is told, who is known, who is there, and who answers without being any of these.
+    async fn everybody(self, client: &Client, expect: &[Name], known: &[Name]) -> (Report, Gaps) {
         let me = client.name().clone();
         let _puts = self.put(client, client.keys().estop_all(Some(&me)), Channel::EstopAll(me));
         let heard = Arc::new(Mutex::new(BTreeSet::new()));
         let _asking = OnItsOwn(tokio::spawn(self.ask_everybody(client.clone(), Arc::clone(&heard))));
         let mut muster = Muster::new(client, |client, robot| self.one(client, robot));
+        muster.call(known.iter().cloned());
         let gaps = muster.call_all(expect).await;
         let mut robots = muster.outcomes().await;
         robots.extend(lock(&heard).iter().map(|robot| (robot.clone(), Outcome::Stopped)));
@@ -165,7 +182,7 @@ mod tests {
         let silent = FakeRobot::start(&client, "xtb-2").await;
         silent.lock().mute = true;
         let expect = ["xtb-1", "xtb-2", "xtb-3"].map(name);
-        let (report, _) = call(Duration::from_secs(1)).everybody(&client, &expect).await;
+        let (report, _) = call(Duration::from_secs(1)).everybody(&client, &expect, &[]).await;
         let outcomes = [Outcome::Stopped, Outcome::Unknown, Outcome::Unknown];
         assert_eq!(report.robots, expect.into_iter().zip(outcomes).collect::<BTreeMap<_, _>>());
         assert_eq!((report.complete, report.exit()), (false, Exit::Unknown));
@@ -176,12 +193,34 @@ mod tests {
     async fn a_roster_that_has_acknowledged_is_complete_and_nobody_knows_without_one() {
         let client = Client::alone(Duration::from_secs(30)).await;
         let _robot = FakeRobot::start(&client, "xtb-1").await;
-        let (report, _) = call(Duration::from_secs(30)).everybody(&client, &[name("xtb-1")]).await;
+        let (report, _) = call(Duration::from_secs(30)).everybody(&client, &[name("xtb-1")], &[]).await;
         assert_eq!((report.complete, report.exit()), (true, Exit::Done));
-        let (report, gaps) = call(Duration::from_secs(30)).everybody(&client, &[]).await;
+        let (report, gaps) = call(Duration::from_secs(30)).everybody(&client, &[], &[]).await;
         assert!(gaps.no_roster);
         assert_eq!(report.robots, BTreeMap::from([(name("xtb-1"), Outcome::Stopped)]));
         assert_eq!((report.complete, report.exit()), (false, Exit::Unknown));
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn who_is_known_by_sight_is_asked_though_the_router_knows_nobody() {
+        let client = Client::alone(Duration::from_millis(300)).await;
+        let known = [name("xtb-7")];
+        let (report, gaps) = call(Duration::from_millis(300)).everybody(&client, &[], &known).await;
+        assert_eq!(report.robots, BTreeMap::from([(name("xtb-7"), Outcome::Unknown)]));
+        assert!(gaps.no_roster && report.exit() == Exit::Unknown, "known is not all that there should be");
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn it_waits_for_a_lost_link_and_then_stops_who_is_there() {
+        let client = Client::alone(Duration::from_secs(1)).await;
+        let who = WhoArgs { robots: Vec::new(), all: true, expect: Vec::new(), known: vec![name("xtb-1")] };
+        let mut calling = std::pin::pin!(call(Duration::from_millis(200)).until_linked(&client, &who));
+        let early = tokio::time::timeout(Duration::from_millis(600), &mut calling).await;
+        assert!(early.is_err(), "there is neither link nor robot: {early:?}");
+        let robot = FakeRobot::start(&client, "xtb-1").await;
+        let (report, _) = calling.await;
+        assert_eq!(report.robots, BTreeMap::from([(name("xtb-1"), Outcome::Stopped)]));
+        assert_eq!(robot.lock().state.latches[0].latch, Latch::Estop);
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -206,7 +245,7 @@ mod tests {
         };
         let calling = call(Duration::from_secs(30));
         let expect = [name("xtb-1")];
-        let (heard, (report, _)) = tokio::join!(deaf_at_first, calling.everybody(&client, &expect));
+        let (heard, (report, _)) = tokio::join!(deaf_at_first, calling.everybody(&client, &expect, &[]));
         assert!(report.complete, "{report:?}");
         let keys = ["xtb/lab/all/estop/me", "xtb/lab/xtb-1/estop/me"];
         assert_eq!(heard.into_keys().collect::<Vec<_>>(), keys);

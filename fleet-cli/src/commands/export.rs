@@ -3,8 +3,7 @@
 use crate::cli::ExportArgs;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
-use crate::recording::playing::not_readable;
-use crate::recording::reader::Reader;
+use crate::recording::playing::{begin as open, not_readable};
 use crate::recording::schemas;
 use crate::recording::table::Table;
 use serde::Serialize;
@@ -34,7 +33,7 @@ struct Sheet {
 pub fn run(ctx: &Context, args: &ExportArgs) -> Result<Exit> {
     let folder = args.out.clone().unwrap_or_else(|| args.file.with_extension(""));
     let wrong = |error| not_readable(&args.file, &error);
-    let mut reader = Reader::open(&args.file).map_err(wrong)?;
+    let (mut reader, _) = open(&args.file).map_err(wrong)?;
     let mut sheets: BTreeMap<String, Sheet> = BTreeMap::new();
     let mut left_out = 0;
     while let Some(message) = reader.next_message().map_err(wrong)? {

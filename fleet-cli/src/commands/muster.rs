@@ -36,8 +36,13 @@ pub(super) struct Report {
 impl Report {
     /// Complete if all have stopped and none was left out.
     pub(super) fn new(robots: BTreeMap<Name, Outcome>, gaps: &Gaps) -> Self {
-        let all_stopped = robots.values().all(|outcome| *outcome == Outcome::Stopped);
-        Self { robots, complete: all_stopped && gaps.none() }
+        let report = Self { robots, complete: false };
+        Self { complete: report.all_stopped() && gaps.none(), ..report }
+    }
+
+    /// Whether all who were asked have stopped.
+    pub(super) fn all_stopped(&self) -> bool {
+        self.robots.values().all(|outcome| *outcome == Outcome::Stopped)
     }
 
     /// 0 only if it is complete.

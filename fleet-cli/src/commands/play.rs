@@ -7,7 +7,7 @@ use crate::interrupt::interrupted;
 use crate::news::News;
 use crate::recording::drawing;
 use crate::recording::player::{Move, Player};
-use crate::recording::playing::{PlaySettings, Playing, not_readable, read};
+use crate::recording::playing::{PlaySettings, Playing, begin, not_readable, read};
 use crate::recording::reader::{self, Reader};
 use serde::Serialize;
 use std::io::IsTerminal;
@@ -56,7 +56,7 @@ async fn print(ctx: &Context, path: &Path, settings: PlaySettings) -> Result<()>
     let wrong = |error| not_readable(path, &error);
     let span = reader::span(path).map_err(wrong)?;
     let mut player = Player::new(span, settings);
-    let mut reader = Reader::open(path).map_err(wrong)?;
+    let (mut reader, _) = begin(path).map_err(wrong)?;
     let mut looked = Instant::now();
     let mut next = None;
     let mut skipping = true;

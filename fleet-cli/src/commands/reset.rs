@@ -159,7 +159,7 @@ fn text(report: &Report<'_>, asked: Option<Latch>, out: &Output) -> String {
         lines.push(format!("{robot}: {}: {}", out.paint(Tone::Bad, "still latched"), describe::latch(latch)));
     }
     lines.push(if remaining.is_empty() {
-        "nothing moves until a new command".to_owned()
+        "nothing moves until a new command, or a task of the dispatcher's".to_owned()
     } else {
         "nothing moves until all latches are reset, and a new command is given".to_owned()
     });
@@ -213,6 +213,9 @@ mod tests {
     async fn a_reset_of_nothing_is_no_error() {
         let (report, text) = with_latches(Vec::new(), None).await;
         assert_eq!((report.cleared, report.refused), (Some(Vec::new()), None));
-        assert_eq!(text, "xtb-1: nothing latched\nnothing moves until a new command");
+        assert_eq!(
+            text,
+            "xtb-1: nothing latched\nnothing moves until a new command, or a task of the dispatcher's"
+        );
     }
 }

@@ -28,6 +28,7 @@ pub async fn run(ctx: &Context, args: &StopArgs) -> Result<Exit> {
 pub(super) async fn call(client: &Client, who: &WhoArgs) -> (Report, Gaps) {
     let mut stops = Muster::new(client, stop);
     let gaps = if who.all {
+        stops.call(who.known.iter().cloned());
         stops.call_all(&who.expect).await
     } else {
         stops.call(who.robots.iter().cloned());

@@ -202,7 +202,9 @@ impl Shell<'_> {
                 (Action::Do { number, deed, instead }, Some(client)) => {
                     let (ctx, client) = (self.ctx.clone(), client.clone());
                     self.give_up(instead);
-                    let begun = self.deeds.spawn(async move { carry::carry(&ctx, &client, &deed).await });
+                    let known: Vec<Name> = self.source.scene.lock().robots().keys().cloned().collect();
+                    let begun =
+                        self.deeds.spawn(async move { carry::carry(&ctx, &client, &known, &deed).await });
                     self.numbers.insert(begun.id(), number);
                 }
                 (Action::Grip { robot, take }, Some(client)) => self.grip(client.clone(), robot, take),

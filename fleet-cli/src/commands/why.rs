@@ -11,7 +11,7 @@ use crate::output::{Output, Tone};
 use crate::view::{FleetView, RobotView};
 use chain::{Verdict, Why};
 use std::collections::BTreeSet;
-use xtb_protocol::messages::RobotState;
+use xtb_protocol::messages::{RobotState, StopReason};
 
 const LABEL_WIDTH: usize = 8;
 
@@ -31,6 +31,11 @@ pub async fn run(ctx: &Context, args: &WhyArgs) -> Result<Exit> {
     let Some(why) = view.robots.first().map(chain::explain) else { return Ok(Exit::Unknown) };
     ctx.out.result(&why, |why| text(why, &ctx.out))?;
     Ok(if why.verdict == Verdict::Unknown { Exit::Unknown } else { Exit::Done })
+}
+
+/// Whether a reason to stand holds only as long as the latch of its name does.
+pub(crate) fn only_latched(reason: StopReason) -> bool {
+    chain::only_latched(reason)
 }
 
 /// Whether it drives, or rests only in passing while it is under way.

@@ -119,11 +119,12 @@ impl Desk {
                     self.orders.halt(stopped.as_ref());
                 }
                 let (ended, name) = (self.ended.clone(), command.name());
+                let known: Vec<Name> = self.app.shown.scene.lock().robots().keys().cloned().collect();
                 tokio::spawn(async move {
                     let result = tokio::select! {
                         biased;
                         Ok(()) = halted => Err(overtaken()),
-                        result = carry_out(&ctx, &client, command) => result,
+                        result = carry_out(&ctx, &client, &known, command) => result,
                     };
                     // The page may have left.
                     let _ = ended.send(Done::Command { id, name, ticket, result }).await;
@@ -264,13 +265,13 @@ fn overtaken() -> Failure {
     Failure::new(Kind::Refused(RejectCode::Overtaken), "a stop came first: it was not begun, or is stopped")
 }
 
-async fn carry_out(ctx: &Context, client: &Client, command: Command) -> Result<Value> {
+async fn carry_out(ctx: &Context, client: &Client, known: &[Name], command: Command) -> Result<Value> {
     match command {
         Command::Goto { robot, x_m, y_m, yaw_rad, via, take } => {
             carry::goto(client, robot, Point { x_m, y_m, yaw_rad, via }, take).await
         }
-        Command::Stop { robot } => carry::stop(client, robot).await,
-        Command::Estop { robot } => carry::estop(ctx, client, robot).await,
+        Command::Stop { robot } => carry::stop(client, known, robot).await,
+        Command::Estop { robot } => carry::estop(ctx, client, known, robot).await,
         Command::Reset { robot } => carry::reset(ctx, client, robot).await,
         Command::Submit { spec } => carry::submit(client, *spec).await,
         Command::Cancel { task } => carry::cancel(client, task).await,

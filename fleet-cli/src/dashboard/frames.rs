@@ -65,6 +65,8 @@ pub(super) struct Frame {
     pub(super) n: u64,
     /// The viewer's clock, which ages and happenings refer to.
     pub(super) now_ms: AtMs,
+    /// False: the dashboard has lost its router; nothing comes from robots, and nothing reaches them.
+    pub(super) link: bool,
     dispatcher: bool,
     traffic_control: bool,
     /// Frames that were left out because the page had not answered.
@@ -176,6 +178,8 @@ pub(super) struct Moment {
     pub(super) now_ms: AtMs,
     /// Frames left out so far.
     pub(super) skipped: u64,
+    /// Whether there is a router.
+    pub(super) link: bool,
 }
 
 impl Known {
@@ -219,7 +223,7 @@ impl Known {
     }
 
     fn frame(&mut self, scene: &Scene, moment: Moment, watch: Option<&Name>) -> Frame {
-        let Moment { n, now_ms, skipped } = moment;
+        let Moment { n, now_ms, skipped, link } = moment;
         let mut tasks = tasks_by_robot(scene);
         let rows = scene.robots().iter().map(|(name, robot)| {
             let task = tasks.remove(name);
@@ -231,6 +235,7 @@ impl Known {
             now_ms,
             dispatcher: scene.dispatcher(),
             traffic_control: scene.traffic_control(),
+            link,
             skipped,
             robots: rows.collect(),
             detail: watch.and_then(detail),

@@ -16,6 +16,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tokio::net::{TcpListener, TcpSocket};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
@@ -80,6 +81,8 @@ pub(super) struct App {
     guard: Guard,
     began: Instant,
     ticks: watch::Sender<u64>,
+    /// As of the last beat.
+    linked: AtomicBool,
     places: Arc<Semaphore>,
     stop: watch::Receiver<bool>,
     /// A permit is held by whoever has to be waited for at the end.
@@ -112,6 +115,11 @@ impl App {
     /// The beat of all pages' frames.
     pub(super) fn ticks(&self) -> watch::Receiver<u64> {
         self.ticks.subscribe()
+    }
+
+    /// Whether there is a router; a recording needs none.
+    pub(super) fn is_linked(&self) -> bool {
+        self.linked.load(Ordering::Relaxed)
     }
 
     /// Becomes true when the server ends.
@@ -168,6 +176,7 @@ impl Running {
             guard,
             began: Instant::now(),
             ticks: watch::channel(0).0,
+            linked: AtomicBool::new(true),
             places: Arc::clone(&places),
             stop: stopped,
             busy: Arc::clone(&busy),
@@ -222,6 +231,9 @@ async fn tick(app: Arc<App>, every: Duration) {
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
     loop {
         ticks.tick().await;
+        if let Some((_, client)) = &app.shown.commands {
+            app.linked.store(client.bus().is_linked().await, Ordering::Relaxed);
+        }
         app.ticks.send_modify(|n| *n += 1);
     }
 }

@@ -47,14 +47,16 @@ impl Session {
         is_due
     }
 
-    /// What goes out now: `now_ms` is the scene's clock, `clock_ms` one that never stands.
-    pub(super) fn tick(&mut self, scene: &Scene, now_ms: AtMs, clock_ms: u64) -> Vec<ToPage> {
+    /// What goes out now: `now_ms` is the scene's clock, `clock_ms` one that never stands; `link` says whether
+    /// there is a router.
+    pub(super) fn tick(&mut self, scene: &Scene, now_ms: AtMs, clock_ms: u64, link: bool) -> Vec<ToPage> {
         self.sent += 1;
         if self.times.len() == REMEMBERED {
             self.times.pop_front();
         }
         self.times.push_back((self.sent, clock_ms));
-        self.known.news(scene, Moment { n: self.sent, now_ms, skipped: self.skipped }, self.watch.as_ref())
+        let moment = Moment { n: self.sent, now_ms, skipped: self.skipped, link };
+        self.known.news(scene, moment, self.watch.as_ref())
     }
 
     /// The age of a frame in ms; `None` = it was never sent, or long ago.
@@ -88,7 +90,7 @@ mod tests {
     fn two_frames_are_out_at_most_and_the_others_are_counted() {
         let (mut session, scene) = (Session::default(), Scene::new(name("lab")));
         let tick = |session: &mut Session, ms| match session.is_due() {
-            true => frames(&session.tick(&scene, ms, ms)),
+            true => frames(&session.tick(&scene, ms, ms, true)),
             false => Vec::new(),
         };
         assert_eq!((tick(&mut session, 0), tick(&mut session, 50)), (vec![1], vec![2]));
@@ -109,7 +111,7 @@ mod tests {
         session.seen(u64::MAX);
         for _ in 0..MOST_OUT {
             assert!(session.is_due());
-            session.tick(&scene, 0, 0);
+            session.tick(&scene, 0, 0, true);
         }
         session.seen(1000);
         assert!(!session.is_due());
@@ -119,7 +121,7 @@ mod tests {
     fn the_age_of_a_picture_is_known_for_those_that_were_sent() {
         let (mut session, scene) = (Session::default(), Scene::new(name("lab")));
         for n in 1..=100 {
-            session.tick(&scene, 0, 50 * n);
+            session.tick(&scene, 0, 50 * n, true);
         }
         assert_eq!(session.picture_ms(100, 5070), Some(70));
         assert_eq!((session.picture_ms(1, 5070), session.picture_ms(101, 5070)), (None, None));

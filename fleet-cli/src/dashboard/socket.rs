@@ -116,7 +116,7 @@ impl Writer {
         let shown = &self.app.shown;
         session.rewound(shown.scene.rewinds());
         let scene = shown.scene.lock();
-        session.tick(&scene, shown.scene.now_ms(), self.app.clock_ms())
+        session.tick(&scene, shown.scene.now_ms(), self.app.clock_ms(), self.app.is_linked())
     }
 
     async fn send(&mut self, message: &ToPage) -> Option<()> {

@@ -162,7 +162,10 @@ pub(crate) fn not_readable(path: &Path, error: &ReadError) -> Failure {
 }
 
 /// At its beginning, and whose recording it is.
-fn begin(path: &Path) -> std::result::Result<(Reader, Name), ReadError> {
+///
+/// # Errors
+/// It cannot be read, or is no recording of a fleet.
+pub(crate) fn begin(path: &Path) -> std::result::Result<(Reader, Name), ReadError> {
     let mut first = Reader::open(path)?;
     let message = first.next_message()?.ok_or(ReadError::Empty)?;
     let told = first.fleet().and_then(|fleet| Name::new(fleet).ok());

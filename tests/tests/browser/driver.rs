@@ -7,7 +7,7 @@ use fantoccini::actions::{InputSource, MouseActions, PointerAction};
 use fantoccini::wd::Capabilities;
 use fantoccini::{Client, ClientBuilder};
 use fleet_tests::eventually;
-use fleet_tests::processes::{Process, program};
+use fleet_tests::processes::{self, Process, program};
 use hyper_util::client::legacy::connect::HttpConnector;
 use rustix::process::{Pid, Signal, kill_process_group};
 use serde_json::{Value, json};
@@ -51,7 +51,7 @@ pub(crate) fn say(text: &str) {
 
 /// `fleet-cli dashboard` for a fleet.
 pub(crate) struct Dashboard {
-    _process: Process,
+    process: Process,
     /// Where it is, such as `127.0.0.1:40001`.
     pub(crate) address: String,
 }
@@ -64,11 +64,16 @@ impl Dashboard {
         let (process, line) = Process::start_ready(&mut command);
         let address = line.split("http://").nth(1).and_then(|rest| rest.split(['/', '"']).next());
         let address = address.unwrap_or_else(|| panic!("the dashboard says {line:?}")).to_owned();
-        Self { _process: process, address }
+        Self { process, address }
     }
 
     pub(crate) fn url(&self) -> String {
         format!("http://{}/", self.address)
+    }
+
+    /// Freezes the server, or wakes it.
+    pub(crate) fn freeze(&self, is_frozen: bool) {
+        self.process.signal(if is_frozen { processes::Signal::Stop } else { processes::Signal::Continue });
     }
 }
 

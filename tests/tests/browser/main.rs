@@ -126,6 +126,25 @@ async fn a_lost_server_is_said_and_what_is_old_is_grey() {
 
 /// Presses keys one after the other and lets go of all of them.
 #[tokio::test(flavor = "multi_thread")]
+async fn a_server_that_is_stuck_is_said_and_what_is_old_is_grey_until_it_goes_on() {
+    if !driver::is_there() {
+        return;
+    }
+    let _alone = MACHINE.lock().await;
+    let (fleet, dashboard, browser) = fleet_on_page(2, 1.0).await;
+    let grey = "return [...store.robots.values()].every((robot) => robot.stale && robot.speed_mps === null)
+        && document.getElementById('banner').textContent.includes('No word')";
+    dashboard.freeze(true);
+    browser.until("the page says that nothing comes", grey).await;
+    dashboard.freeze(false);
+    let well = "return [...store.robots.values()].every((robot) => !robot.stale && robot.speed_mps !== null)
+        && document.getElementById('banner').hidden";
+    browser.until("all is well again", well).await;
+    browser.end().await;
+    fleet.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_page_that_is_too_slow_says_what_it_leaves_out_and_shows_it_again_when_it_is_not() {
     if !driver::is_there() {
         return;

@@ -163,11 +163,11 @@ impl Agent {
             ));
         }
         if let Some(zone) = floor.keep_out_at(self.nav.car(), aim) {
-            let message = format!("({}, {}) lies in the keep-out zone {zone}", aim.x_m, aim.y_m);
+            let message = format!("({:.2}, {:.2}) lies in the keep-out zone {zone}", aim.x_m, aim.y_m);
             return Err((RejectCode::KeepOut, message, "`fleet-cli map show --live` shows the zones"));
         }
         if let Some(what) = floor.in_the_way_at(self.nav.car(), aim) {
-            let message = format!("it cannot stand at ({}, {}): {what}", aim.x_m, aim.y_m);
+            let message = format!("it cannot stand at ({:.2}, {:.2}): {what}", aim.x_m, aim.y_m);
             return Err((RejectCode::GoalBlocked, message, "`fleet-cli map show --live` shows what is free"));
         }
         Ok(STAND)

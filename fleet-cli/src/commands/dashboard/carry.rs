@@ -41,14 +41,19 @@ pub(crate) async fn goto(client: &Client, robot: Name, to: Point, take: bool) ->
     Ok(json!({ "robot": task.robot, "goal": goal, "status": "accepted", "taken_from": taken_from }))
 }
 
-/// As `stop`: who has stopped, and who has not said so.
-pub(crate) async fn stop(client: &Client, robot: Option<Name>) -> Result<Value> {
-    report(client, stop::call(client, &who(robot)).await)
+/// As `stop`: who has stopped, and who has not said so. `known` are the robots that pages have seen.
+pub(crate) async fn stop(client: &Client, known: &[Name], robot: Option<Name>) -> Result<Value> {
+    report(client, stop::call(client, &who(robot, known)).await)
 }
 
 /// As `estop`: who has acknowledged it, and who has not.
-pub(crate) async fn estop(ctx: &Context, client: &Client, robot: Option<Name>) -> Result<Value> {
-    report(client, estop::call(client, ctx.timeout, &who(robot)).await)
+pub(crate) async fn estop(
+    ctx: &Context,
+    client: &Client,
+    known: &[Name],
+    robot: Option<Name>,
+) -> Result<Value> {
+    report(client, estop::call(client, ctx.timeout, &who(robot, known)).await)
 }
 
 /// As `reset`: which latches are ended, and which remain.
@@ -76,9 +81,9 @@ pub(crate) async fn cancel(client: &Client, task: TaskId) -> Result<Value> {
     Ok(json!({ "task": task, "status": state.map(|state| words::name(&state)) }))
 }
 
-fn who(robot: Option<Name>) -> WhoArgs {
+fn who(robot: Option<Name>, known: &[Name]) -> WhoArgs {
     let robots: Vec<Name> = robot.into_iter().collect();
-    WhoArgs { all: robots.is_empty(), robots, expect: Vec::new() }
+    WhoArgs { all: robots.is_empty(), robots, expect: Vec::new(), known: known.to_vec() }
 }
 
 fn report(client: &Client, (report, gaps): (Report, Gaps)) -> Result<Value> {
@@ -138,9 +143,9 @@ mod tests {
         silent.lock().mute = true;
         let _token = client.bus().declare_alive(&client.keys().robot(&name("xtb-2")).alive()).await.unwrap();
         let ctx = client.context().clone();
-        let ended = estop(&ctx, &client, Some(name("xtb-2"))).await.unwrap();
+        let ended = estop(&ctx, &client, &[], Some(name("xtb-2"))).await.unwrap();
         assert_eq!(ended, json!({ "robots": { "xtb-2": "unknown" }, "complete": false }));
-        let ended = estop(&ctx, &client, Some(name("xtb-1"))).await.unwrap();
+        let ended = estop(&ctx, &client, &[], Some(name("xtb-1"))).await.unwrap();
         assert_eq!(ended, json!({ "robots": { "xtb-1": "stopped" }, "complete": true }));
     }
 

@@ -15,9 +15,10 @@ use crate::words;
 use xtb_protocol::messages::{DispatchBody, RejectCode};
 use xtb_protocol::{Name, Uuid};
 
-/// Asks, and says what came of it. It ends by itself, at the latest a few `--timeout`s later.
-pub(super) async fn carry(ctx: &Context, client: &Client, deed: &Deed) -> Outcome {
-    match attempt(ctx, client, deed).await {
+/// Asks, and says what came of it. It ends by itself, at the latest a few `--timeout`s later; an emergency
+/// stop waits for a lost link to come back. `known` are the robots that the screen has seen.
+pub(super) async fn carry(ctx: &Context, client: &Client, known: &[Name], deed: &Deed) -> Outcome {
+    match attempt(ctx, client, known, deed).await {
         Ok((tone, text)) => Outcome { tone, text, held: false },
         Err(failure) => Outcome { tone: Tone::Bad, text: failure.to_string(), held: is_held(&failure) },
     }
@@ -28,10 +29,12 @@ pub(super) fn is_held(failure: &Failure) -> bool {
     failure.kind == Kind::Refused(RejectCode::LeaseHeld)
 }
 
-async fn attempt(ctx: &Context, client: &Client, deed: &Deed) -> Result<(Tone, String)> {
+async fn attempt(ctx: &Context, client: &Client, known: &[Name], deed: &Deed) -> Result<(Tone, String)> {
     match deed {
-        Deed::Estop(whom) => Ok(stopped(estop::call(client, ctx.timeout, &who(whom)).await, "latched")),
-        Deed::Stop(whom) => Ok(stopped(stop::call(client, &who(whom)).await, "stopped")),
+        Deed::Estop(whom) => {
+            Ok(stopped(estop::call(client, ctx.timeout, &who(whom, known)).await, "latched"))
+        }
+        Deed::Stop(whom) => Ok(stopped(stop::call(client, &who(whom, known)).await, "stopped")),
         Deed::Goto { robot, x_m, y_m, yaw_rad, take } => {
             let aim = Aim::Point { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad, via: None };
             let task = Task { robot: robot.clone(), aim, within: None, wait: false, take: *take };
@@ -73,12 +76,12 @@ async fn attempt(ctx: &Context, client: &Client, deed: &Deed) -> Result<(Tone, S
     }
 }
 
-fn who(whom: &Whom) -> WhoArgs {
+fn who(whom: &Whom, known: &[Name]) -> WhoArgs {
     let robots: Vec<Name> = match whom {
         Whom::One(robot) => vec![robot.clone()],
         Whom::All => Vec::new(),
     };
-    WhoArgs { all: robots.is_empty(), robots, expect: Vec::new() }
+    WhoArgs { all: robots.is_empty(), robots, expect: Vec::new(), known: known.to_vec() }
 }
 
 fn from(control: &Control) -> String {

@@ -248,7 +248,7 @@ fn is_loss(reason: StopReason) -> bool {
 }
 
 /// What holds a robot by a latch alone: without the latch it is only why it stopped.
-fn only_latched(reason: StopReason) -> bool {
+pub(super) fn only_latched(reason: StopReason) -> bool {
     use StopReason as R;
     matches!(reason, R::Estop | R::RemoteTakeover | R::Runaway | R::SensorFault | R::BatteryCritical)
 }

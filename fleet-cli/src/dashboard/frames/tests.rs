@@ -25,7 +25,7 @@ fn put_state(scene: &mut Scene, at_ms: AtMs, state: RobotState) {
 }
 
 fn moment(n: u64, now_ms: AtMs) -> Moment {
-    Moment { n, now_ms, skipped: 3 }
+    Moment { n, now_ms, skipped: 3, link: true }
 }
 
 fn news(known: &mut Known, scene: &Scene, now_ms: AtMs) -> Vec<Value> {

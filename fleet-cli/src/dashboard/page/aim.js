@@ -2,7 +2,7 @@
 //
 //   look:   a tap on a robot selects it; on the floor it sets a preview, whose ring turns it; Send sends
 //   goals:  press, drag for the heading, let go: sent at once
-//   points: each tap adds a point to the task
+//   points: each tap adds a point to the task, or replaces the only one
 
 import { HANDLE_PX } from "./draw.js";
 import { shown } from "./store.js";
@@ -27,7 +27,7 @@ export class Aim {
   #do;
   #press = null; // {pointer, x, y, kind: "tap" | "goal" | "turn"}
 
-  // `act`: {select(name), goal(preview), changed(), say(text), fit(), mayAim()}
+  // `act`: {select(name), goal(preview), changed(), say(text), fit(), withPoint(points, point), mayAim()}
   constructor(canvas, view, store, act) {
     [this.#canvas, this.#view, this.#store, this.#do] = [canvas, view, store, act];
     canvas.addEventListener("pointerdown", (event) => this.#down(event));
@@ -123,7 +123,7 @@ export class Aim {
   }
 
   #addPoint(point) {
-    this.points.push({ ...point, yaw_rad: null });
+    this.points = this.#do.withPoint(this.points, { ...point, yaw_rad: null });
     this.#do.changed();
   }
 

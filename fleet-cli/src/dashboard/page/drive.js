@@ -1,7 +1,7 @@
 // Driving by hand: the shell around hold.js. It takes the lease, feeds inputs in, sends what comes out.
 //
 // Every way in which an input can be lost lets go of it: pointerup, pointercancel, lost capture, keyup,
-// blur of the window, a hidden page, pagehide, a closed socket. The timer runs only while something is held.
+// blur of the window, a hidden page, pagehide, a closed or silent socket. The timer runs only while something is held.
 
 import { Hold, PERIOD_MS, isDriveKey } from "./hold.js";
 
@@ -151,7 +151,7 @@ export class Drive {
   }
 
   #tick() {
-    if (this.robot === null || document.hidden) {
+    if (this.robot === null || document.hidden || this.#store.silent) {
       this.letGo();
       return;
     }

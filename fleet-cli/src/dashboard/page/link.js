@@ -12,7 +12,7 @@ export class Link {
   #waiting = new Map(); // id → {resolve, timer}
   #url;
   #told;
-  lastMs = null; // when the last message came
+  openedMs = null; // when the socket was opened last
 
   // `told`: {open(), message(kindObject), closed()}
   constructor(url, told) {
@@ -23,11 +23,6 @@ export class Link {
 
   get open() {
     return this.#socket !== null && this.#socket.readyState === WebSocket.OPEN;
-  }
-
-  // Milliseconds since something came, null = never.
-  ageMs(nowMs) {
-    return this.lastMs === null ? null : nowMs - this.lastMs;
   }
 
   send(message) {
@@ -69,10 +64,10 @@ export class Link {
     this.#socket = socket;
     socket.addEventListener("open", () => {
       this.#tries = 0;
+      this.openedMs = performance.now();
       this.#told.open();
     });
     socket.addEventListener("message", (event) => {
-      this.lastMs = performance.now();
       const message = JSON.parse(event.data);
       if (message.answer) this.#answer(message.answer);
       else this.#told.message(message);

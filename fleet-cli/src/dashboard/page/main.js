@@ -13,15 +13,16 @@ import { Pace } from "./pace.js";
 import * as panels from "./panels.js";
 import { Plots } from "./plots.js";
 import { robotList, robotPanel } from "./robots.js";
-import { Store } from "./store.js";
-import { form, spec, taskPanel } from "./tasks.js";
+import { Store, shown } from "./store.js";
+import { form, spec, taskPanel, withPoint } from "./tasks.js";
 import { theme } from "./theme.js";
 import { View } from "./view.js";
 import { age, happening } from "./words.js";
 
 const PANELS_EVERY_MS = 200;
 const PANELS_SLOW_MS = 1000; // when pictures are too few
-const LOST_MS = 1500; // no message for so long: the connection is lost, whatever the socket says
+const SILENT_MS = 1000; // no frame for so long: nothing is known, whatever the socket says
+const WAKES_MS = 400; // a page that was hidden gets its first frame within this: no banner for so short a time
 const SAID_MS = 8000;
 const WIDE = matchMedia("(min-width: 1151px)");
 const CALM = matchMedia("(prefers-reduced-motion: reduce)");
@@ -38,6 +39,9 @@ let said = { text: "", atMs: 0 };
 let answer = null; // to the last command for the selected robot
 let held = null; // {text, take()}: somebody else has control of the selected robot
 let moved = true; // something is to be drawn
+let awakeMs = -Infinity; // when the page was hidden last, and seen again
+let clocksMs = null; // wall clock less the page's clock, which stands while the computer sleeps
+let inView = null; // the robot that is driven and was moved to where the drive panel leaves the map free
 let fitted = false; // all of the map was shown once; what the user looks at since then is left alone
 
 const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws${location.search}`;
@@ -61,6 +65,7 @@ const aim = new Aim(canvas, view, store, {
   changed,
   say: (text) => { byId("map-said").textContent = text; },
   fit: act.fit,
+  withPoint,
   mayAim: () => store.writable() && link.open,
 });
 
@@ -118,6 +123,9 @@ function actions() {
     use: (tool) => aim.use(tool),
     aim: () => aim.use(aim.tool === "goals" ? "look" : "goals"),
     pickPoints: () => aim.use(aim.tool === "points" ? "look" : "points"),
+    kindChosen() {
+      if (form.kind === "goto") aim.points = aim.points.slice(-1);
+    },
     dropPoints() {
       aim.points = [];
       changed();
@@ -228,7 +236,7 @@ function drawPanels(nowMs) {
   render(robotList(store, act), byId("robots"));
   render(robotPanel(store, act, look), byId("robot"));
   if (tab === "tasks") render(taskPanel(store, act, look), byId("tasks"));
-  if (tab === "events") render(panels.events(store), byId("events"));
+  if (tab === "events") render(panels.events(store, nowMs), byId("events"));
   render(panels.tools(store, act, look), byId("map-tools"));
   render(panels.zoom(act), byId("map-zoom"));
   render(panels.note(store, act, look), byId("map-note"));
@@ -240,23 +248,74 @@ function drawHeader(nowMs) {
   const { hello } = store;
   byId("fleet").textContent = hello?.fleet ?? "fleet";
   if (hello) document.title = `XTB ${hello.fleet}`;
-  const ageMs = link.ageMs(nowMs);
-  const lost = !link.open || (ageMs !== null && ageMs > LOST_MS);
+  const [words, tone, alarm] = connection(nowMs);
   const state = byId("link");
-  state.className = `link ${lost ? "lost" : "live"}`;
-  const words = lost ? "no connection" : hello?.live === false ? "recording" : "live";
+  state.className = `link ${tone}`;
   if (state.textContent !== words) state.textContent = words;
   const readOnly = hello && !hello.writable ? `Nothing can be sent: ${hello.why_not ?? "read only"}.` : "";
+  const text = alarm ?? readOnly;
   const banner = byId("banner");
-  banner.className = `banner ${lost ? "lost" : ""}`;
-  banner.hidden = !lost && !readOnly;
-  const text = lost
-    ? `Connection lost${ageMs === null ? "" : ` ${age(Math.floor(ageMs / 1000) * 1000).replace(".0", "")} ago`}: what is shown is old, nothing can be sent, not even a stop.`
-    : readOnly;
+  banner.className = `banner ${alarm ? "lost" : ""}`;
+  banner.hidden = !text;
   if (banner.textContent !== text) banner.textContent = text;
-  document.documentElement.classList.toggle("lost", lost);
   byId("estop").disabled = Boolean(readOnly);
   render(panels.services(store), byId("services"));
+}
+
+// How the page is connected: [words, tone, what the banner says or null].
+function connection(nowMs) {
+  const { hello, frame, frameAtMs, silent } = store;
+  const sinceMs = frameAtMs ?? link.openedMs;
+  const since = age(Math.floor((nowMs - sinceMs) / 1000) * 1000).replace(".0", "").replace(/^0 ms$/, "0 s");
+  if (!link.open) {
+    const when = frameAtMs === null ? "" : ` ${since} ago`;
+    return ["no connection", "lost",
+      `Connection lost${when}: what is shown is old, nothing can be sent, not even a stop.`];
+  }
+  if (silent) {
+    const text = `No word from the dashboard for ${since}: what is shown is old, and nobody knows whether anything ` +
+      "that is sent arrives, not even a stop.";
+    return ["no word", "lost", nowMs - awakeMs < WAKES_MS ? null : text];
+  }
+  if (frame?.link === false) {
+    return ["no router", "lost",
+      "The dashboard has no link to the router: nothing reaches the robots, not even a stop."];
+  }
+  if (!frame) return ["connecting…", "", null];
+  return [hello?.live === false ? "recording" : "live", "live", null];
+}
+
+// Sees whether frames still come.
+function listen(nowMs) {
+  const apartMs = Date.now() - nowMs;
+  if (clocksMs !== null && apartMs - clocksMs > SILENT_MS) store.slept(apartMs - clocksMs);
+  clocksMs = apartMs;
+  const sinceMs = store.frameAtMs ?? link.openedMs;
+  if (!link.open || store.silent || sinceMs === null || nowMs - sinceMs <= SILENT_MS) return;
+  drive.letGo();
+  store.hush();
+  changed();
+}
+
+// Moves the map so that the robot that is driven is not under the panel that drives it.
+function uncover(nowMs) {
+  const robot = store.robots.get(drive.robot);
+  if (!robot?.pose) {
+    inView = null;
+    return;
+  }
+  const { x_m, y_m } = shown(robot, nowMs);
+  const [x, y] = view.toScreen(x_m, y_m);
+  const { offsetLeft: left, offsetTop: top, offsetWidth, offsetHeight } = byId("drive");
+  const [right, bottom] = [left + offsetWidth, top + offsetHeight];
+  const near = COVERED_PX;
+  const covered = x > left - near && x < right + near && y > top - near && y < bottom + near;
+  if (view.dragged || (inView === robot.name && !covered)) return;
+  inView = robot.name;
+  // The larger of the two parts: above the panel, and right of it.
+  const { width, height } = picture;
+  if (width * top > (width - right) * height) view.bring(x_m, y_m, width / 2, top / 2);
+  else view.bring(x_m, y_m, (right + width) / 2, height / 2);
 }
 
 function fit() {
@@ -275,12 +334,15 @@ function fit() {
   fitted = true;
 }
 
+const COVERED_PX = 24; // nearer than this to the drive panel a robot is half under it
 const GLIDES_MS = 120; // a frame's robots have reached their places by then
 
 function animate(nowMs) {
   requestAnimationFrame(animate);
+  listen(nowMs);
   const isResized = picture.resize();
   if (!view.touched && (!fitted || isResized)) fit();
+  uncover(nowMs);
   const gliding = !CALM.matches && store.frameAtMs !== null && nowMs - store.frameAtMs < GLIDES_MS;
   if (moved || view.changed || isResized || gliding) {
     [moved, view.changed] = [false, false];
@@ -302,7 +364,10 @@ theme(byId("theme"), () => {
   changed();
 });
 stopAll();
-document.addEventListener("visibilitychange", () => pace.restart(performance.now()));
+document.addEventListener("visibilitychange", () => {
+  awakeMs = performance.now();
+  pace.restart(awakeMs);
+});
 WIDE.addEventListener("change", changed);
 requestAnimationFrame(animate);
 

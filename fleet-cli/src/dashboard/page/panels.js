@@ -2,6 +2,7 @@
 
 import { html, nothing } from "./vendor/lit-html.js";
 import { repeat } from "./vendor/directives/repeat.js";
+import { form } from "./tasks.js";
 import { age, degrees, happening, number, point } from "./words.js";
 
 export const TABS = { robots: "Robots", robot: "Robot", tasks: "Tasks", events: "Events" };
@@ -21,13 +22,13 @@ export function tabs(shown, store, act) {
     @keydown=${key} @click=${() => act.tab(name)}>${title(name)}</button>`);
 }
 
-export function events(store) {
+export function events(store, nowMs) {
   const rows = store.happenings.toReversed();
-  const nowMs = store.frame?.now_ms ?? 0;
+  const serverMs = store.serverMs(nowMs);
   return html`<h2>Events</h2>
     <ol class="event-list">${repeat(rows, (one) => one.number, (one) => {
       const [text, tone] = happening(one);
-      return html`<li><time>−${age(Math.max(0, nowMs - one.at_ms)).replace(/\.\d s$/, " s").replace(/^\d+ ms$/, "0 s")}</time><span class=${tone}>${text}</span></li>`;
+      return html`<li><time>−${age(Math.max(0, serverMs - one.at_ms)).replace(/\.\d s$/, " s").replace(/^\d+ ms$/, "0 s")}</time><span class=${tone}>${text}</span></li>`;
     })}</ol>
     ${rows.length === 0 ? html`<p class="empty">Nothing has happened yet.</p>` : nothing}`;
 }
@@ -74,14 +75,17 @@ export function note(store, act, look) {
     return store.selected ? html`<span>Press where <strong>${store.selected}</strong> shall go; drag for the heading</span>`
       : html`<span>Select a robot first</span>`;
   }
-  return tool === "points" ? html`<span>Click the points of the task, in order</span>` : nothing;
+  if (tool !== "points") return nothing;
+  const words = form.kind === "goto" ? "Click where the task goes" : "Click the points of the task, in order";
+  return html`<span>${words}</span>`;
 }
 
 export function services(store) {
-  const { frame } = store;
-  if (!frame) return nothing;
-  const chip = (is, name) => html`<span class="chip ${is ? "good" : ""}">${name} ${is ? "on" : "off"}</span>`;
-  return html`${chip(frame.traffic_control, "traffic control")}${chip(frame.dispatcher, "dispatcher")}`;
+  if (!store.hello) return nothing;
+  const frame = store.silent ? null : store.frame;
+  const words = (is) => (frame === null ? "?" : is ? "on" : "off");
+  const chip = (is, name) => html`<span class="chip ${is ? "good" : ""}">${name} ${words(is)}</span>`;
+  return html`${chip(frame?.traffic_control, "traffic control")}${chip(frame?.dispatcher, "dispatcher")}`;
 }
 
 export function pace(pace, store) {

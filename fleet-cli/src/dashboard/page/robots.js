@@ -4,7 +4,7 @@ import { html, nothing } from "./vendor/lit-html.js";
 import { repeat } from "./vendor/directives/repeat.js";
 import { PLOTS } from "./plots.js";
 import { nearest } from "./store.js";
-import { age, chip, degrees, line, metres, number, plain, point, reason, remedy } from "./words.js";
+import { age, chip, degrees, line, metres, number, plain, point, reason, remedy, standing } from "./words.js";
 
 const RUNNING = ["accepted", "running", "blocked"];
 
@@ -64,7 +64,9 @@ function latches(robot, store, act) {
     const by = state ? ` by ${state.by}, ${age(state.age_ms)} ago` : "";
     const cause = state?.present ? html`<p class="todo">Its cause is still there: ${remedy(latch)}</p>` : nothing;
     return html`<div class="box bad"><p><strong>Latched: ${reason(latch)}</strong>${by}</p>${cause}
-      <p class="todo">A reset moves nothing; a new goal must follow.</p>
+      <p class="todo">${store.dispatcher()
+        ? "A reset moves nothing by itself, but the dispatcher may give it a task at once."
+        : "A reset moves nothing; a new goal must follow."}</p>
       ${store.writable()
         ? html`<div class="row"><button type="button" data-reset=${latch} @click=${() => act.reset(robot.name)}>
             Reset ${robot.name}</button></div>`
@@ -73,16 +75,18 @@ function latches(robot, store, act) {
 }
 
 function why(robot, store) {
-  const reasons = robot.why.filter((name) => !robot.latches.includes(name));
+  const names = robot.why.filter((name) => !robot.latches.includes(name));
+  const reasons = names.map((name) => standing(name, robot));
   const faults = robot.faults.map((fault) => html`<div class="box bad"><p><strong>Fault: ${plain(fault)}</strong></p></div>`);
   if (robot.why.length === 0) return html`${faults}<div class="box"><p>${capital(line(robot))}</p></div>`;
+  const todos = new Set(reasons.map(([, todo]) => todo));
   if (reasons.length === 0) return faults;
   const goal = store.detail()?.state?.goal; // says who is in the way
   const detail = RUNNING.includes(goal?.status) ? goal.reason : null;
   const since = robot.stopped_age_ms === null ? "" : ` for ${age(robot.stopped_age_ms)}`;
-  return html`${faults}<div class="box"><p><strong>Stands${since}:</strong> ${reasons.map(reason).join(", ")}</p>
+  return html`${faults}<div class="box"><p><strong>Stands${since}:</strong> ${reasons.map(([words]) => words).join(", ")}</p>
     ${detail ? html`<p>${capital(detail)}</p>` : nothing}
-    ${reasons.map((name) => (remedy(name) ? html`<p class="todo">${remedy(name)}</p>` : nothing))}</div>`;
+    ${[...todos].map((todo) => (todo ? html`<p class="todo">${todo}</p>` : nothing))}</div>`;
 }
 
 function buttons(robot, act, look) {

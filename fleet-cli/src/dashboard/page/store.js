@@ -14,6 +14,8 @@ export class Store {
   robots = new Map(); // by name, in the order of the names
   frame = null; // the latest, without its robots
   frameAtMs = null; // page's clock
+  silent = false; // no frame comes any more, though the socket is open
+  #known = null; // robots of the last frame while silent: the next frame leaves out what was in it
   tasks = null;
   happenings = []; // the newest last
   teleop = null; // {robot, state, why}
@@ -25,10 +27,31 @@ export class Store {
   begin() {
     const { selected, hello, robots, map, mapCount, frameAtMs } = this;
     Object.assign(this, new Store(), { selected, hello, map, mapCount, frameAtMs });
-    for (const [name, robot] of robots) {
-      const heardMs = robot.heardMs ?? (robot.age_ms === null ? null : frameAtMs - robot.age_ms);
-      this.robots.set(name, { ...unknown(robot), heardMs });
+    this.#known = null;
+    this.robots = forgotten(robots, frameAtMs);
+  }
+
+  // No frame has come for too long: until one does, everything is as unknown as without a connection.
+  hush() {
+    if (this.silent) return;
+    this.silent = true;
+    this.#known = this.robots;
+    this.robots = forgotten(this.robots, this.frameAtMs);
+    if (this.frame) this.#sample(this.frame.now_ms);
+  }
+
+  // The computer was asleep, and the page's clock stood for so long.
+  slept(ms) {
+    if (this.frameAtMs !== null) this.frameAtMs -= ms;
+    for (const robot of this.robots.values()) {
+      if (robot.heardMs) robot.heardMs -= ms;
     }
+  }
+
+  // The server's clock: without frames it goes on by the page's own.
+  serverMs(nowMs) {
+    if (!this.frame) return 0;
+    return this.frame.now_ms + (this.silent ? nowMs - this.frameAtMs : 0);
   }
 
   // Without frames, ages grow by the page's own clock.
@@ -78,6 +101,11 @@ export class Store {
     return this.robots.get(this.selected) ?? null;
   }
 
+  // Whether a dispatcher is there, null = unknown.
+  dispatcher() {
+    return this.frame && !this.silent ? this.frame.dispatcher === true : null;
+  }
+
   writable() {
     return this.hello !== null && this.hello.writable;
   }
@@ -90,7 +118,8 @@ export class Store {
   }
 
   #frame(frame, nowMs) {
-    const before = this.robots;
+    const before = this.#known ?? this.robots;
+    [this.#known, this.silent] = [null, false];
     const after = new Map();
     const all = [...frame.robots].sort((a, b) => compare(a.name, b.name));
     all.forEach((news, index) => {
@@ -131,6 +160,13 @@ function compare(a, b) {
 export function nearest(all) {
   const seen = (all ?? []).filter((cm) => cm !== null);
   return seen.length === 0 ? null : Math.min(...seen);
+}
+
+function forgotten(robots, frameAtMs) {
+  return new Map([...robots].map(([name, robot]) => {
+    const heardMs = robot.heardMs ?? (robot.age_ms === null ? null : frameAtMs - robot.age_ms);
+    return [name, { ...unknown(robot), heardMs }];
+  }));
 }
 
 function unknown(robot) {

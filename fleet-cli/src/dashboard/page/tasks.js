@@ -28,6 +28,12 @@ export function spec(points) {
   return { spec: { kind: kinds[kind](), priority: Number(priority), who: whom(who) } };
 }
 
+// The points after another one was picked.
+export function withPoint(points, point) {
+  form.error = null;
+  return form.kind === "goto" ? [point] : [...points, point];
+}
+
 function round(m) {
   return Math.round(m * 1000) / 1000;
 }
@@ -39,9 +45,10 @@ function whom(who) {
 
 export function taskPanel(store, act, look) {
   const list = store.tasks;
-  const isThere = store.frame?.dispatcher === true;
+  const isThere = store.dispatcher();
   return html`<h2>New task</h2>
-    ${!isThere ? html`<p class="box warn">No dispatcher is there: <code>fleet-cli dispatch serve</code> starts one.</p>` : nothing}
+    ${isThere ? nothing : html`<p class="box warn">${isThere === null ? "Whether a dispatcher is there is unknown."
+      : html`No dispatcher is there: <code>fleet-cli dispatch serve</code> starts one.`}</p>`}
     ${store.writable() ? formOf(store, act, look, isThere) : nothing}
     ${list?.ledger_failed ? html`<p class="box bad">The ledger cannot be written: ${list.ledger_failed}</p>` : nothing}
     ${tasks(list, store, act, isThere)}`;
@@ -51,6 +58,7 @@ function formOf(store, act, look, isThere) {
   const set = (name) => (event) => {
     form[name] = event.target.value;
     form.error = form.sent = null;
+    if (name === "kind") act.kindChosen();
     act.changed();
   };
   const option = (value, text, name) => html`<option value=${value} ?selected=${form[name] === value}>${text}</option>`;
@@ -77,7 +85,7 @@ function formOf(store, act, look, isThere) {
 
 function pointsOf(act, look) {
   const text = look.points.length === 0 ? "none yet" : look.points.map(point).join(" → ");
-  return html`<p class="wide hint">Points: ${text}</p>
+  return html`<p class="wide hint">${form.kind === "goto" ? "Point" : "Points"}: ${text}</p>
     <button type="button" id="task-points" aria-pressed=${look.tool === "points"} @click=${act.pickPoints}>
       ${look.tool === "points" ? "Click on the map…" : "Pick on the map"}</button>
     <button type="button" ?disabled=${look.points.length === 0} @click=${act.dropPoints}>Clear points</button>`;

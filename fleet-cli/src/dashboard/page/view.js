@@ -10,6 +10,7 @@ export class View {
   #canvas;
   #zoom;
   held = false; // true: a drag means something else than panning
+  dragged = false; // the user is moving it
   changed = true;
   touched = false; // the user has chosen what to see
 
@@ -19,6 +20,9 @@ export class View {
       .scaleExtent([LEAST_PX_PER_M, MOST_PX_PER_M])
       .filter((event) => !this.held && !event.button && (!event.ctrlKey || event.type === "wheel"))
       .clickDistance(6)
+      .on("start end", (event) => {
+        if (event.sourceEvent) this.dragged = event.type === "start";
+      })
       .on("zoom", (event) => {
         this.changed = true;
         if (event.sourceEvent) this.touched = true;
@@ -58,6 +62,12 @@ export class View {
   zoomBy(steps) {
     this.touched = true;
     this.#canvas.call(this.#zoom.scaleBy, STEP ** steps);
+  }
+
+  // Moves a place to a pixel of the canvas.
+  bring(x_m, y_m, x_px, y_px) {
+    const [x, y] = this.toScreen(x_m, y_m);
+    this.panBy(x_px - x, y_px - y);
   }
 
   panBy(dx_px, dy_px) {

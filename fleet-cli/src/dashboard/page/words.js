@@ -42,12 +42,24 @@ const REASONS = {
   coasting: ["it rolls by itself"],
 };
 
+// Reasons that are latches too. The reason stays until the robot drives again, the latch until it is reset.
+const LATCHES = ["estop", "remote_takeover", "runaway", "sensor_fault", "battery_critical", "board_lost", "gyro_lost"];
+
+function isReset(name, robot) {
+  return LATCHES.includes(name) && !robot.latches.includes(name);
+}
+
 export function reason(name) {
   return REASONS[name]?.[0] ?? plain(name);
 }
 
 export function remedy(name) {
   return REASONS[name]?.[1] ?? null;
+}
+
+// Why a robot stands: in words, and what to do about it now.
+export function standing(name, robot) {
+  return isReset(name, robot) ? [`${reason(name)}, that is reset`, ANEW] : [reason(name), remedy(name)];
 }
 
 // `board_half_frames` → `board half frames`
@@ -61,7 +73,7 @@ export function line(robot) {
   if (!robot.alive) return "gone: what it does is unknown";
   if (robot.stale) return "silent: what it does is unknown";
   if (robot.latches.length > 0) return `latched: ${robot.latches.map(reason).join(", ")}`;
-  if (robot.why.length > 0) return robot.why.map(reason).join(", ");
+  if (robot.why.length > 0) return robot.why.map((name) => standing(name, robot)[0]).join(", ");
   const { goal } = robot;
   if (goal && ["accepted", "running", "blocked"].includes(goal.status)) {
     const left = goal.distance_m === null ? "" : `, ${metres(goal.distance_m)} left`;

@@ -132,7 +132,13 @@ impl Sight<'_> {
         let faults = state.faults.iter().map(|fault| format!("FAULT {}", fault.fault));
         let latched = |reason| state.latches.iter().any(|set| set.latch.reason() == reason);
         let reasons = state.stopped_because.iter().filter(|reason| !latched(**reason)).map(|reason| {
-            if long { words::reason(*reason).to_owned() } else { words::name(reason).replace('_', " ") }
+            let is_over = why::only_latched(*reason);
+            match (long, is_over) {
+                (true, false) => words::reason(*reason).to_owned(),
+                (true, true) => format!("{}, that is reset", words::reason(*reason)),
+                (false, false) => words::name(reason).replace('_', " "),
+                (false, true) => format!("{} (reset)", words::name(reason).replace('_', " ")),
+            }
         });
         latches.chain(faults).chain(reasons).collect::<Vec<_>>().join(", ")
     }

@@ -164,7 +164,7 @@ impl Cockpit {
         }
     }
 
-    pub(super) fn reset(&mut self, sights: &[Sight<'_>], now_ms: AtMs) {
+    pub(super) fn reset(&mut self, sights: &[Sight<'_>], dispatcher: bool, now_ms: AtMs) {
         let Some(sight) = self.sight(sights) else { return };
         let robot = sight.name.clone();
         let latches: Vec<String> = match sight.state {
@@ -174,7 +174,8 @@ impl Cockpit {
         if latches.is_empty() {
             return self.deeds.tell(now_ms, Tone::Plain, format!("{robot}: nothing is latched"));
         }
-        let text = format!("Reset {robot}? {}", latches.join("; "));
+        let next = if dispatcher { "; the dispatcher may give it a task at once" } else { "" };
+        let text = format!("Reset {robot}? {}{next}", latches.join("; "));
         self.ask(Question { text, yes: Wish::Deed(Deed::Reset { robot, take: false }) });
     }
 

@@ -14,7 +14,7 @@ async fn a_goal_is_sent_as_the_verb_does_and_the_lease_given_back() {
     let client = client().await;
     let robot = FakeRobot::start(&client, "xtb-1").await;
     let deed = Deed::Goto { robot: name("xtb-1"), x_m: 1.0, y_m: 2.0, yaw_rad: Some(0.5), take: false };
-    let outcome = carry(client.context(), &client, &deed).await;
+    let outcome = carry(client.context(), &client, &[], &deed).await;
     assert_eq!((outcome.tone, outcome.text.as_str(), outcome.held), (Tone::Good, "accepted", false));
     let fake = robot.lock();
     let sent = fake.asked.iter().find_map(|(_, body)| match body {
@@ -31,9 +31,9 @@ async fn a_robot_in_other_hands_is_taken_only_when_told_to() {
     robot.lock().grant(&name("alice"));
     robot.lock().state.goal = Some(crate::fake::goal(Uuid::from_u128(1), GoalStatus::Running));
     let deed = Deed::Reset { robot: name("xtb-1"), take: false };
-    let refused = carry(client.context(), &client, &deed).await;
+    let refused = carry(client.context(), &client, &[], &deed).await;
     assert!(refused.held && refused.tone == Tone::Bad && refused.text.contains("alice"), "{refused:?}");
-    let taken = carry(client.context(), &client, &deed.taking().unwrap()).await;
+    let taken = carry(client.context(), &client, &[], &deed.taking().unwrap()).await;
     assert!(!taken.held && taken.text.ends_with("control was taken from alice"), "{taken:?}");
 }
 
@@ -43,11 +43,11 @@ async fn an_emergency_stop_of_all_names_who_has_not_answered() {
     let there = FakeRobot::start(&client, "xtb-1").await;
     let silent = FakeRobot::start(&client, "xtb-2").await;
     silent.lock().mute = true;
-    let outcome = carry(client.context(), &client, &Deed::Estop(Whom::All)).await;
+    let outcome = carry(client.context(), &client, &[], &Deed::Estop(Whom::All)).await;
     assert_eq!(outcome.tone, Tone::Bad);
     assert!(outcome.text.starts_with("1 of 2 latched; NO ANSWER, may be driving: xtb-2"), "{outcome:?}");
     assert_eq!(there.lock().state.latches[0].latch, Latch::Estop);
-    let one = carry(client.context(), &client, &Deed::Estop(Whom::One(name("xtb-1")))).await;
+    let one = carry(client.context(), &client, &[], &Deed::Estop(Whom::One(name("xtb-1")))).await;
     assert_eq!((one.tone, one.text.as_str()), (Tone::Good, "latched"));
 }
 
@@ -57,6 +57,6 @@ async fn a_reset_that_is_refused_says_what_is_still_latched() {
     let robot = FakeRobot::start(&client, "xtb-1").await;
     robot.lock().state.latches = vec![latch(Latch::GyroLost, "gyro_silent", true)];
     let deed = Deed::Reset { robot: name("xtb-1"), take: false };
-    let outcome = carry(client.context(), &client, &deed).await;
+    let outcome = carry(client.context(), &client, &[], &deed).await;
     assert!(outcome.tone == Tone::Bad && outcome.text.contains("still latched: gyro_lost"), "{outcome:?}");
 }
