@@ -301,6 +301,7 @@ function listen(nowMs) {
 function uncover(nowMs) {
   const robot = store.robots.get(drive.robot);
   if (!robot?.pose) {
+    if (inView !== null) fitted = false; // all of it again, unless the user has chosen what to see
     inView = null;
     return;
   }
@@ -341,8 +342,8 @@ function animate(nowMs) {
   requestAnimationFrame(animate);
   listen(nowMs);
   const isResized = picture.resize();
-  if (!view.touched && (!fitted || isResized)) fit();
   uncover(nowMs);
+  if (inView === null && !view.touched && (!fitted || isResized)) fit();
   const gliding = !CALM.matches && store.frameAtMs !== null && nowMs - store.frameAtMs < GLIDES_MS;
   if (moved || view.changed || isResized || gliding) {
     [moved, view.changed] = [false, false];

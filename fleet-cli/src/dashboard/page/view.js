@@ -67,11 +67,15 @@ export class View {
   // Moves a place to a pixel of the canvas.
   bring(x_m, y_m, x_px, y_px) {
     const [x, y] = this.toScreen(x_m, y_m);
-    this.panBy(x_px - x, y_px - y);
+    this.#move(x_px - x, y_px - y);
   }
 
   panBy(dx_px, dy_px) {
     this.touched = true;
+    this.#move(dx_px, dy_px);
+  }
+
+  #move(dx_px, dy_px) {
     const { k } = this.transform;
     this.#canvas.call(this.#zoom.translateBy, dx_px / k, dy_px / k);
   }
