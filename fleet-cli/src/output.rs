@@ -140,18 +140,20 @@ impl Output {
 }
 
 /// How something goes on, on standard error: one line that is painted over on a terminal; elsewhere a
-/// line now and then.
+/// line now and then, if it is another one.
 #[derive(Debug)]
 pub struct Progress {
     terminal: bool,
     shown: Option<Instant>,
+    /// What was written last where nothing is painted over.
+    last: String,
 }
 
 impl Progress {
     /// Nothing shown yet.
     #[must_use]
     pub fn new() -> Self {
-        Self { terminal: std::io::stderr().is_terminal(), shown: None }
+        Self { terminal: std::io::stderr().is_terminal(), shown: None, last: String::new() }
     }
 
     /// Shows how it stands.
@@ -163,8 +165,9 @@ impl Progress {
             let width = crossterm::terminal::size().map_or(80, |(columns, _)| usize::from(columns));
             let text: String = text.chars().take(width.saturating_sub(1)).collect();
             let _ = write!(err, "\r\x1b[2K{text}").and_then(|()| err.flush());
-        } else if due {
+        } else if due && self.last != text {
             let _ = writeln!(err, "{text}");
+            text.clone_into(&mut self.last);
         }
         if due {
             self.shown = Some(Instant::now());

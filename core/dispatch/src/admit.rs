@@ -61,7 +61,7 @@ fn one(spec: &TaskSpec, bar: Bar<'_>) -> Result<(), DispatchError> {
     }
     known(&spec.who, bar)?;
     for point in spec.kind.points() {
-        let hint = "`fleet-cli map show` shows where robots can stand";
+        let hint = "`fleet-cli map show --live` shows where robots can stand";
         bar.ground.admits(point).map_err(|(code, message)| refusal(code, message, hint))?;
     }
     Ok(())

@@ -6,7 +6,7 @@
 //! for, and one that nobody wants is withdrawn.
 
 use crate::record::{Change, Ending};
-use crate::robot::{Purpose, Robot, Seen};
+use crate::robot::{Purpose, Robot, Seen, Stuck};
 use crate::settings::Settings;
 use crate::task::{Assigned, Task};
 use xtb_protocol::Name;
@@ -64,7 +64,11 @@ pub fn look(eye: Eye<'_>, task: &Task, robot: &Robot) -> Option<News> {
     match goal.status {
         GoalStatus::Reached => Some(News::Reached),
         GoalStatus::Accepted | GoalStatus::Running => {
-            (task.state != TaskState::Running).then_some(News::Became(Change::Running, None))
+            let known = task.state == TaskState::Running;
+            // What is gone for a moment may be back in the next one: the history is not to fill with that.
+            let still = task.state == TaskState::Blocked && robot.stuck.is_some_and(|it| !clear(eye, it));
+            gets_nowhere(eye, task, robot)
+                .or_else(|| (!known && !still).then_some(News::Became(Change::Running, None)))
         }
         GoalStatus::Blocked => blocked(eye, task, robot, goal.reason.as_deref()),
         GoalStatus::Cancelled | GoalStatus::Replaced => Some(interfered(eye, robot, seen)),
@@ -82,11 +86,21 @@ fn blocked(eye: Eye<'_>, task: &Task, robot: &Robot, reason: Option<&str>) -> Op
         let long = eye.now_ms.saturating_sub(since_ms) >= eye.settings.blocked_ms;
         return long.then(|| News::Became(Change::Blocked, reason.map(str::to_owned)));
     }
-    let blocked_ms = eye.now_ms.saturating_sub(task.since_ms);
+    gets_nowhere(eye, task, robot)
+}
+
+/// Whether nothing has been in its way for long enough to say so.
+fn clear(eye: Eye<'_>, stuck: Stuck) -> bool {
+    stuck.clear_ms.is_some_and(|since_ms| eye.now_ms.saturating_sub(since_ms) >= eye.settings.blocked_ms)
+}
+
+/// It was in the way for a minute, on and off: another robot may do better.
+fn gets_nowhere(eye: Eye<'_>, task: &Task, robot: &Robot) -> Option<News> {
     let only_it = matches!(task.spec.who, Who::Robot(_));
-    (blocked_ms >= eye.settings.blocked_most_ms && !only_it).then(|| {
-        let (name, what) = (&robot.name, reason.unwrap_or("blocked"));
-        News::queued(eye.now_ms, format!("{name}: {what}, for {} s", blocked_ms / 1000))
+    let stuck_ms = eye.now_ms.saturating_sub(robot.stuck?.since_ms);
+    (stuck_ms >= eye.settings.blocked_most_ms && !only_it).then(|| {
+        let what = task.reason.as_deref().unwrap_or("blocked");
+        News::queued(eye.now_ms, format!("{}: {what}, for {} s", robot.name, stuck_ms / 1000))
     })
 }
 
@@ -174,7 +188,9 @@ fn failed(eye: Eye<'_>, task: &Task, robot: &Robot, reason: Option<&str>) -> New
         return News::Became(Change::Held { by: Some(holder.clone()) }, why);
     }
     if reason.is_some_and(|reason| reason.contains("fell silent")) {
-        return News::queued(eye.now_ms, format!("{name} did not hear us"));
+        // Our fault: it may have the task again at once, and is the nearest.
+        let why = Some(format!("{name} heard nothing from the dispatcher, and stopped"));
+        return News::Became(Change::Queued { not_before_ms: 0, failed: false }, why);
     }
     let why = format!("{name}: {}", reason.unwrap_or("failed"));
     tried(eye, task, why)

@@ -93,6 +93,46 @@ fn unfit(state: &RobotState) -> Option<String> {
     }
 }
 
+/// A goal that something keeps from getting anywhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stuck {
+    /// Which goal.
+    pub goal: Uuid,
+    /// Since when, in ms since 1970.
+    pub since_ms: u64,
+    /// Where it was then.
+    pub at: MapPose,
+    /// Since when nothing is in its way.
+    pub clear_ms: Option<u64>,
+}
+
+/// A robot that has come so far is not stuck any more, in m.
+const PROGRESS_M: f64 = 0.5;
+/// Nor is one in whose way nothing has been for so long, in ms.
+const CLEAR_MS: u64 = 10_000;
+
+impl Stuck {
+    /// With one state more: another goal, way made, and nothing in the way for long end it.
+    fn next(before: Option<Self>, now_ms: u64, seen: &Seen) -> Option<Self> {
+        let goal = seen.running()?;
+        let blocked = goal.status == GoalStatus::Blocked;
+        let new = Self { goal: goal.id, since_ms: now_ms, at: seen.pose, clear_ms: None };
+        let on = before.filter(|stuck| {
+            let way_m = libm::hypot(seen.pose.x_m - stuck.at.x_m, seen.pose.y_m - stuck.at.y_m);
+            stuck.goal == goal.id && way_m < PROGRESS_M
+        });
+        match (on, blocked) {
+            (None, blocked) => blocked.then_some(new),
+            (Some(stuck), true) => Some(Self { clear_ms: None, ..stuck }),
+            (Some(stuck), false) => {
+                let clear_ms = stuck.clear_ms.unwrap_or(now_ms);
+                let still = now_ms.saturating_sub(clear_ms) < CLEAR_MS;
+                still.then_some(Self { clear_ms: Some(clear_ms), ..stuck })
+            }
+        }
+    }
+}
+
 /// What a request in flight is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
@@ -157,6 +197,8 @@ pub struct Robot {
     pub leaving: Option<(u64, News)>,
     /// Since when something is in the way of its goal.
     pub blocked_ms: Option<u64>,
+    /// What is in its way comes and goes, and it gets nowhere.
+    pub stuck: Option<Stuck>,
     /// Since when nobody else holds it.
     pub ours_since_ms: u64,
     /// Since when it has no task.
@@ -185,6 +227,7 @@ impl Robot {
             withdrawn: None,
             leaving: None,
             blocked_ms: None,
+            stuck: None,
             ours_since_ms: now_ms,
             idle_since_ms: now_ms,
         }
@@ -209,6 +252,7 @@ impl Robot {
         }
         let blocked = seen.running().is_some_and(|goal| goal.status == GoalStatus::Blocked);
         self.blocked_ms = if blocked { self.blocked_ms.or(Some(now_ms)) } else { None };
+        self.stuck = Stuck::next(self.stuck, now_ms, &seen);
         (self.seen, self.heard_ms) = (Some(seen), now_ms);
     }
 

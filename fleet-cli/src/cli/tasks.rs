@@ -36,7 +36,8 @@ The file is checked as a whole, here and by the dispatcher: all of its tasks are
   patrol = [[0, 0], [0, 3]]          # or route, with loops
   dwell_s = 5
   for_s = 600                        # else until it is cancelled
-  priority = 7                       # also deadline_s, retries, on_takeover, grace_s, on_link_loss, finish_s
+  priority = 7                       # also deadline_s, retries, grace_s,
+                                     # on_takeover, on_link_loss, finish_s
 
   [[task]]
   wander_for_s = 60

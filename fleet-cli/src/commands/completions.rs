@@ -67,6 +67,11 @@ fn zsh(script: &str) -> String {
     lines.join("\n") + "\n"
 }
 
+/// clap's script for bash names its subcommands in two ways because of the hyphen in ours: they never meet.
+fn bash(script: &str) -> String {
+    script.replace("fleet__subcmd__cli", "fleet__cli")
+}
+
 /// Prints the script; needs neither config nor router.
 ///
 /// # Errors
@@ -76,10 +81,29 @@ pub fn run(out: Output, args: &CompletionsArgs) -> Result<Exit> {
     clap_complete::generate(args.shell, &mut Cli::command(), "fleet-cli", &mut script);
     let script = String::from_utf8_lossy(&script);
     out.text(&match args.shell {
-        Shell::Bash => format!("{script}{LIVE_BASH}"),
+        Shell::Bash => format!("{}{LIVE_BASH}", bash(&script)),
         Shell::Fish => format!("{script}{LIVE_FISH}"),
         Shell::Zsh => zsh(&script),
         _ => script.into_owned(),
     })?;
     Ok(Exit::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn what_bash_calls_a_subcommand_is_what_it_looks_it_up_by() {
+        let mut script = Vec::new();
+        clap_complete::generate(Shell::Bash, &mut Cli::command(), "fleet-cli", &mut script);
+        let script = bash(std::str::from_utf8(&script).unwrap());
+        let lines = || script.lines().map(str::trim);
+        let looked_up: BTreeSet<&str> = lines().filter_map(|line| line.strip_suffix(')')).collect();
+        let called = lines().filter_map(|line| line.strip_prefix("cmd=\"")?.strip_suffix('"'));
+        let missing: Vec<&str> =
+            called.filter(|name| !name.is_empty() && !looked_up.contains(name)).collect();
+        assert_eq!(missing, Vec::<&str>::new());
+    }
 }

@@ -254,7 +254,12 @@ impl Dispatcher {
             let reason = busy.or_else(|| robot.cannot.get(&id).cloned()).or_else(unfit)?;
             Some(format!("{}: {reason}", robot.name))
         });
-        let reasons: Vec<String> = reasons.take(NAMED).collect();
+        let mut reasons: Vec<String> = reasons.collect();
+        let more = reasons.len().saturating_sub(NAMED);
+        reasons.truncate(NAMED);
+        if more > 0 {
+            reasons.push(format!("and {more} more"));
+        }
         (!reasons.is_empty()).then(|| reasons.join("; "))
     }
 }

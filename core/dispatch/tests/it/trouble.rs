@@ -9,7 +9,7 @@ use xtb_protocol::messages::{
 #[test]
 fn a_task_is_blocked_while_something_stands_in_its_robots_way_and_then_goes_on() {
     let mut bench = Bench::new(1);
-    let id = bench.submit(goto(2.0, 0.0));
+    let id = bench.submit(goto(4.0, 0.0));
     bench.run_ms(500);
     let until_ms = bench.now_ms + 5000;
     bench.robots[0].obstruct(bench.now_ms, until_ms);
@@ -21,10 +21,28 @@ fn a_task_is_blocked_while_something_stands_in_its_robots_way_and_then_goes_on()
     bench.restart();
     bench.run_ms(500);
     assert_eq!((bench.state(id), bench.robot_of(id)), (TaskState::Blocked, Some(0)));
-    bench.run_ms(until_ms + 200 - bench.now_ms);
+    bench.run_ms(until_ms + 2200 - bench.now_ms);
     assert_eq!((bench.state(id), bench.reason(id).as_str()), (TaskState::Running, ""));
-    bench.run_ms(3000);
+    bench.run_ms(5000);
     assert_eq!((bench.state(id), bench.begun().len()), (TaskState::Done, 1));
+}
+
+#[test]
+fn what_is_in_the_way_on_and_off_for_a_minute_is_a_minute_and_fills_no_ledger() {
+    let mut bench = Bench::new(2);
+    bench.robots[1].at = (30.0, 0.0);
+    let id = bench.submit(goto(2.0, 0.0));
+    bench.run_ms(500);
+    assert_eq!(bench.robot_of(id), Some(0));
+    let (began_ms, before) = (bench.now_ms, bench.ledger.len());
+    while bench.robot_of(id) == Some(0) && bench.now_ms < began_ms + 90_000 {
+        let until_ms = bench.now_ms + 6000;
+        bench.robots[0].obstruct(bench.now_ms, until_ms);
+        bench.robots[0].goal.as_mut().unwrap().ends_ms += 2000;
+        bench.run_ms(8000);
+    }
+    assert!((55_000..75_000).contains(&(bench.now_ms - began_ms)), "{} ms", bench.now_ms - began_ms);
+    assert!(bench.ledger.len() < before + 8, "{} records", bench.ledger.len() - before);
 }
 
 #[test]

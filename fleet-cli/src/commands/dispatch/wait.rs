@@ -107,8 +107,15 @@ fn report(ctx: &Context, view: &TaskView, alone: bool) -> Result<()> {
     if view.state == TaskState::Done || !alone {
         return ctx.out.text(&text);
     }
-    let hint =
-        format!("`fleet-cli task {}` shows its history, `fleet-cli retry {}` tries again", view.id, view.id);
+    let over = view.spec.deadline_ms.is_some_and(|deadline_ms| deadline_ms <= view.since_ms);
+    let hint = match over {
+        true => {
+            format!("`fleet-cli task {}` shows its history; its deadline is over, so submit it anew", view.id)
+        }
+        false => {
+            format!("`fleet-cli task {0}` shows its history, `fleet-cli retry {0}` tries again", view.id)
+        }
+    };
     ctx.out.failure(&Failure::new(Kind::Failed, text).hint(hint));
     Ok(())
 }

@@ -19,8 +19,8 @@ pub(super) fn of_reason(robot: &Name, reason: StopReason) -> Option<String> {
         R::SetpointExpired => "hold the key or the joystick; if it was held, look at the link".to_owned(),
         R::LinkLost => "look at the network between robot and router: `fleet-cli doctor`".to_owned(),
         R::SetpointZero => "press a key or move the joystick".to_owned(),
-        R::ObstacleFront => "clear the way ahead, or drive astern".to_owned(),
-        R::ObstacleRear => "clear the way behind, or drive ahead".to_owned(),
+        R::ObstacleFront => "clear the way ahead; if nothing is there any more, drive 5 cm astern".to_owned(),
+        R::ObstacleRear => "clear the way behind; if nothing is there any more, drive 5 cm ahead".to_owned(),
         R::WanderPause | R::ChangingDirection | R::Starting | R::Coasting | R::Planning | R::AtCusp => {
             return None;
         }
