@@ -42,8 +42,8 @@ const REASONS = {
   coasting: ["it rolls by itself"],
 };
 
-// Reasons that are latches too. The reason stays until the robot drives again, the latch until it is reset.
-const LATCHES = ["estop", "remote_takeover", "runaway", "sensor_fault", "battery_critical", "board_lost", "gyro_lost"];
+// Reasons that hold by a latch alone. The reason stays until the robot drives again, the latch until it is reset.
+const LATCHES = ["estop", "remote_takeover", "runaway", "sensor_fault", "battery_critical"];
 
 function isReset(name, robot) {
   return LATCHES.includes(name) && !robot.latches.includes(name);
