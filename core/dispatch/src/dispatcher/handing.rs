@@ -117,7 +117,8 @@ impl Dispatcher {
         let free = self.robots.values().filter(|robot| self.is_free(now_ms, robot));
         let (mut robots, mut candidates): (Vec<&Robot>, Vec<Candidate>) =
             free.filter_map(|robot| Some((robot, candidate(robot)?))).unzip();
-        if robots.is_empty() {
+        let waiting: Vec<&Task> = self.book.open().filter(|task| self.waits(now_ms, task)).collect();
+        if robots.is_empty() || waiting.is_empty() {
             return;
         }
         ground.begin_round();
@@ -126,7 +127,6 @@ impl Dispatcher {
             robots.push(robot);
             candidates.push(candidate);
         }
-        let waiting: Vec<&Task> = self.book.open().filter(|task| self.waits(now_ms, task)).collect();
         let demands: Vec<Demand> = waiting.iter().map(|task| self.demand(now_ms, task)).collect();
         let among = |tasks: &[usize], who: &[usize]| -> Vec<(usize, usize)> {
             let some_demands: Vec<Demand> = tasks.iter().map(|&task| demands[task]).collect();
