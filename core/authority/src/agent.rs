@@ -495,6 +495,9 @@ impl Agent {
             sigma_m: estimate.sigma_m,
             sigma_yaw_rad: estimate.sigma_yaw_rad,
             fix_age_ms: estimate.fix_age_ms,
+            odometry_scale: estimate.fix_age_ms.map(|_| 1.0 + estimate.wheel_scale),
+            odometry_scale_sigma: estimate.fix_age_ms.map(|_| estimate.wheel_scale_sigma),
+            fix_delay_ms: None,
         }
     }
 }

@@ -44,7 +44,12 @@ pub fn stops(fault: Fault) -> Option<StopReason> {
     match fault {
         Fault::RemoteLost => Some(StopReason::RemoteLost),
         Fault::Stalled => Some(StopReason::Stalled),
-        Fault::TiltOutOfRange | Fault::RecordingFailed | Fault::BatteryLow => None,
+        Fault::TiltOutOfRange
+        | Fault::RecordingFailed
+        | Fault::BatteryLow
+        | Fault::OdometryScale
+        | Fault::FixesFrozen
+        | Fault::FixesContradict => None,
         fault => latch_of(fault).map(Latch::reason),
     }
 }
@@ -84,7 +89,10 @@ pub fn latch_of(fault: Fault) -> Option<Latch> {
         | Fault::TiltOutOfRange
         | Fault::RecordingFailed
         | Fault::Stalled
-        | Fault::BatteryLow => None,
+        | Fault::BatteryLow
+        | Fault::OdometryScale
+        | Fault::FixesFrozen
+        | Fault::FixesContradict => None,
     }
 }
 
@@ -168,7 +176,9 @@ mod tests {
         {
             assert_eq!((latch_of(fault), stops(fault)), (None, Some(reason)));
         }
-        for fault in [Fault::BatteryLow, Fault::TiltOutOfRange, Fault::RecordingFailed] {
+        let harmless = [Fault::BatteryLow, Fault::TiltOutOfRange, Fault::RecordingFailed];
+        let of_the_pose = [Fault::OdometryScale, Fault::FixesFrozen, Fault::FixesContradict];
+        for fault in harmless.into_iter().chain(of_the_pose) {
             assert_eq!((latch_of(fault), stops(fault)), (None, None));
         }
     }

@@ -76,5 +76,5 @@ pub struct Event {
 
 impl Message for Event {
     const NAME: &'static str = "Event";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
 }

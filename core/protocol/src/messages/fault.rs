@@ -72,6 +72,12 @@ pub enum Fault {
     BatteryLow,
     /// The battery is nearly empty.
     BatteryCritical,
+    /// Pose fixes show that the truck goes 15 % farther or less far than its encoder says.
+    OdometryScale,
+    /// Pose fixes repeat one pose while the wheels turn.
+    FixesFrozen,
+    /// Pose fixes say another pose than the odometry, and neither can be believed.
+    FixesContradict,
 }
 
 impl Fault {
@@ -106,6 +112,8 @@ impl Fault {
             Self::RemoteLost => "remote control",
             Self::TiltOutOfRange => "tilt sensor",
             Self::RecordingFailed => "recorder",
+            Self::OdometryScale => "odometry",
+            Self::FixesFrozen | Self::FixesContradict => "pose fixes",
         }
     }
 
@@ -148,6 +156,13 @@ impl Fault {
             Self::Stalled => "see what holds the wheels; if nothing does, check the encoder's wire",
             Self::BatteryLow => "bring it home and charge it",
             Self::BatteryCritical => "switch it off and charge it",
+            Self::OdometryScale => {
+                "check the settings encoder.pulses_per_rev and geometry.wheel_diameter_m, and the encoder's wire"
+            }
+            Self::FixesFrozen => "restart what sends the fixes; until then the pose is the odometry's",
+            Self::FixesContradict => {
+                "see that its fixes are not another robot's (`fleet-cli doctor`), then `fleet-cli set-pose`"
+            }
         }
     }
 }

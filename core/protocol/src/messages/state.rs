@@ -52,6 +52,13 @@ pub struct PoseState {
     pub sigma_yaw_rad: f64,
     /// Since the last accepted fix; `None` = none since boot or `set_pose`.
     pub fix_age_ms: Option<u64>,
+    /// Way driven for each metre that the encoder counts, as pose fixes have shown: 1 = what the settings
+    /// say; `None` = not known, there was no fix.
+    pub odometry_scale: Option<f64>,
+    /// Standard deviation of `odometry_scale`.
+    pub odometry_scale_sigma: Option<f64>,
+    /// By how much fixes are older than they say, as estimated from the motion; `None` = not known.
+    pub fix_delay_ms: Option<i64>,
 }
 
 /// The obstacle rule's view; `None` = the range finders have not been heard lately.
@@ -376,7 +383,7 @@ pub struct RobotState {
 
 impl Message for RobotState {
     const NAME: &'static str = "RobotState";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
 
     /// Every number is finite: JSON has no other.
     fn validate(&self) -> Result<(), CodecError> {
@@ -386,6 +393,8 @@ impl Message for RobotState {
         finite("pose yaw_rad", Some(pose.yaw_rad))?;
         finite("pose sigma_m", Some(pose.sigma_m))?;
         finite("pose sigma_yaw_rad", Some(pose.sigma_yaw_rad))?;
+        finite("pose odometry_scale", pose.odometry_scale)?;
+        finite("pose odometry_scale_sigma", pose.odometry_scale_sigma)?;
         finite("speed_mps", self.speed_mps)?;
         finite("reference_rpm", Some(self.reference_rpm))?;
         finite("steering", Some(self.steering))?;
