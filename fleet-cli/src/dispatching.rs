@@ -1,6 +1,8 @@
 //! Talking with the fleet's dispatcher: questions that are asked until answered, and news of tasks.
 
-use crate::client::{Client, get};
+mod pages;
+
+use crate::client::Client;
 use crate::error::{Failure, Kind, Result};
 use crate::output::Progress;
 use std::pin::pin;
@@ -12,7 +14,7 @@ use xtb_protocol::Uuid;
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::messages::{
     DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, Message,
-    TaskChange, TaskHistory, TaskId, TaskList, TaskSpec,
+    TaskChange, TaskHistory, TaskId, TaskSpec,
 };
 
 /// A dispatcher that is just starting, or is started again, is waited for this long.
@@ -27,6 +29,15 @@ const ASK_AGAIN: Duration = Duration::from_millis(200);
 const SAY_SO_AFTER: Duration = Duration::from_secs(1);
 
 const HOW_TO_START: &str = "`fleet-cli dispatch serve` starts one; `fleet-cli sim --dispatch` contains one";
+
+/// What became of the tasks of a request.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Changes {
+    /// Each; of very many first those that are not as asked.
+    pub tasks: Vec<TaskChange>,
+    /// Changes for which the answer had no room.
+    pub left_out: u64,
+}
 
 /// The fleet's dispatcher, as a client sees it.
 #[derive(Debug, Clone, Copy)]
@@ -48,7 +59,7 @@ impl<'a> Dispatching<'a> {
     /// # Errors
     /// The dispatcher's refusal, [`Kind::NoDispatcher`], or [`Kind::OutcomeUnknown`].
     pub async fn submit(&self, tasks: Vec<TaskSpec>) -> Result<Vec<TaskId>> {
-        match self.ask(DispatchBody::Submit { tasks }, self.starts_within).await? {
+        match self.ask(DispatchBody::Submit { tasks }, self.starts_within).await?.result {
             DispatchOutcome::Submitted(ids) => Ok(ids),
             other => Err(unexpected(&other)),
         }
@@ -58,9 +69,10 @@ impl<'a> Dispatching<'a> {
     ///
     /// # Errors
     /// As [`Self::submit`].
-    pub async fn change(&self, body: DispatchBody) -> Result<Vec<TaskChange>> {
-        match self.ask(body, self.starts_within).await? {
-            DispatchOutcome::Changed(changes) => Ok(changes),
+    pub async fn change(&self, body: DispatchBody) -> Result<Changes> {
+        let DispatchReply { result, left_out, .. } = self.ask(body, self.starts_within).await?;
+        match result {
+            DispatchOutcome::Changed(tasks) => Ok(Changes { tasks, left_out }),
             other => Err(unexpected(&other)),
         }
     }
@@ -70,21 +82,9 @@ impl<'a> Dispatching<'a> {
     /// # Errors
     /// As [`Self::submit`]; a dispatcher that does not run is not waited for.
     pub async fn show(&self, task: TaskId) -> Result<TaskHistory> {
-        match self.ask(DispatchBody::Show { task }, Duration::ZERO).await? {
+        match self.ask(DispatchBody::Show { task }, Duration::ZERO).await?.result {
             DispatchOutcome::Shown(history) => Ok(*history),
             other => Err(unexpected(&other)),
-        }
-    }
-
-    /// All tasks that the dispatcher remembers.
-    ///
-    /// # Errors
-    /// [`Kind::NoDispatcher`], or [`Kind::OutcomeUnknown`] if it does not answer.
-    pub async fn list(&self) -> Result<TaskList> {
-        let answers = get(self.client.bus(), &self.client.keys().dispatch_tasks(), ANSWERS_WITHIN).await?;
-        match answers.first() {
-            Some(answer) => answer.decode().map_err(|error| not_ours(&error.to_string())),
-            None => Err(self.silent(Duration::ZERO, "nothing was asked of it", self.is_there().await)),
         }
     }
 
@@ -96,7 +96,7 @@ impl<'a> Dispatching<'a> {
     }
 
     /// Says what is waited for if the answer takes its time.
-    async fn ask(&self, body: DispatchBody, patience: Duration) -> Result<DispatchOutcome> {
+    async fn ask(&self, body: DispatchBody, patience: Duration) -> Result<DispatchReply> {
         let what = match &body {
             DispatchBody::Show { .. } => None,
             DispatchBody::Submit { .. } => Some("waiting for a dispatcher"),
@@ -114,7 +114,7 @@ impl<'a> Dispatching<'a> {
         asking.await
     }
 
-    async fn ask_quietly(&self, body: DispatchBody, patience: Duration) -> Result<DispatchOutcome> {
+    async fn ask_quietly(&self, body: DispatchBody, patience: Duration) -> Result<DispatchReply> {
         let request = DispatchRequest { id: Uuid::new_v4(), body };
         request.validate().map_err(|error| Failure::new(Kind::Usage, error.to_string()))?;
         let (within, left_undone) = match &request.body {
@@ -126,10 +126,11 @@ impl<'a> Dispatching<'a> {
         let (mut was_there, mut busy) = (false, None);
         loop {
             match self.ask_once(&request, within).await? {
-                Some(DispatchOutcome::Error(error)) if error.code == DispatchCode::Overloaded => {
-                    busy = Some(error);
-                }
-                Some(outcome) => return settled(outcome),
+                Some(DispatchReply { result: DispatchOutcome::Error(error), .. }) => match error.code {
+                    DispatchCode::Overloaded => busy = Some(error),
+                    _ => return Err(error.into()),
+                },
+                Some(reply) => return Ok(reply),
                 None => was_there |= self.is_there().await,
             }
             if began.elapsed() >= patience {
@@ -139,7 +140,7 @@ impl<'a> Dispatching<'a> {
         }
     }
 
-    async fn ask_once(&self, request: &DispatchRequest, within: Duration) -> Result<Option<DispatchOutcome>> {
+    async fn ask_once(&self, request: &DispatchRequest, within: Duration) -> Result<Option<DispatchReply>> {
         let key = self.client.keys().dispatch_cmd(Some(self.client.name()));
         let bytes = codec::encode(request, Format::Postcard).map_err(BusError::from)?;
         let encoding = codec::encoding::<DispatchRequest>(Format::Postcard);
@@ -152,8 +153,7 @@ impl<'a> Dispatching<'a> {
             Err(error) => return Err(error.into()),
         };
         let Some(answer) = answer else { return Ok(None) };
-        let reply: DispatchReply = answer.decode().map_err(|error| not_ours(&error.to_string()))?;
-        Ok(Some(reply.result))
+        answer.decode().map(Some).map_err(|error| not_ours(&error.to_string()))
     }
 
     /// Nobody has answered.
@@ -170,13 +170,6 @@ impl<'a> Dispatching<'a> {
         };
         let message = format!("no dispatcher runs for fleet {fleet}{waited}: {left_undone}");
         Failure::new(Kind::NoDispatcher, message).hint(HOW_TO_START)
-    }
-}
-
-fn settled(outcome: DispatchOutcome) -> Result<DispatchOutcome> {
-    match outcome {
-        DispatchOutcome::Error(error) => Err(error.into()),
-        outcome => Ok(outcome),
     }
 }
 

@@ -5,7 +5,7 @@ use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use crate::words;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{TaskKind, TaskState, TaskView, Waypoint, Who};
+use xtb_protocol::messages::{TaskKind, TaskList, TaskState, TaskView, Waypoint, Who};
 
 const HEADINGS: [&str; 8] = ["task", "state", "for", "robot", "legs", "pri", "what", "why"];
 /// Points of a route that are named; the others are counted.
@@ -150,6 +150,14 @@ pub(crate) fn count(tasks: &[TaskView]) -> String {
         (open, ended) if open.is_empty() => format!("all ended: {ended}"),
         (open, ended) if ended.is_empty() => open,
         (open, ended) => format!("{open}; {ended}"),
+    }
+}
+
+/// How many of a list are in which state, and how many it leaves out.
+pub(crate) fn count_list(list: &TaskList) -> String {
+    match (count(&list.tasks), list.left_out) {
+        (count, 0) => count,
+        (count, left_out) => format!("{count}; {left_out} more not listed"),
     }
 }
 

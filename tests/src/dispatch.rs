@@ -120,7 +120,7 @@ impl Asker {
         let mut asked = 0;
         loop {
             asked += 1;
-            if let Some(DispatchReply { id, result }) = self.ask_once(&request).await {
+            if let Some(DispatchReply { id, result, .. }) = self.ask_once(&request).await {
                 assert_eq!(id, request.id, "an answer to another question");
                 let busy = |code| matches!(code, DispatchCode::Overloaded | DispatchCode::LedgerFailed);
                 if !matches!(&result, DispatchOutcome::Error(error) if busy(error.code)) {
@@ -156,8 +156,22 @@ impl Asker {
     /// # Panics
     /// If Zenoh fails, or the answer is none of ours.
     pub async fn list(&self) -> Option<TaskList> {
-        let answers = self.bus.get(&self.keys.dispatch_tasks(), ANSWER_WITHIN).await;
-        let answers = answers.unwrap_or_else(|error| panic!("{error}"));
+        let list = self.page("").await?;
+        if list.left_out == 0 {
+            return Some(list);
+        }
+        let mut whole = self.page("?after=t0").await?;
+        while let Some(last) = whole.tasks.last().filter(|_| whole.left_out > 0) {
+            let next = self.page(&format!("?after={}", last.id)).await?;
+            whole.tasks.extend(next.tasks);
+            whole.left_out = next.left_out;
+        }
+        Some(whole)
+    }
+
+    async fn page(&self, parameters: &str) -> Option<TaskList> {
+        let selector = format!("{}{parameters}", self.keys.dispatch_tasks());
+        let answers = self.bus.get(&selector, ANSWER_WITHIN).await.unwrap_or_else(|error| panic!("{error}"));
         answers.first().map(|answer| answer.decode().unwrap_or_else(|error| panic!("{error}")))
     }
 }

@@ -28,6 +28,20 @@ impl Question {
         if json { Format::Json } else { Format::Postcard }
     }
 
+    /// What the question's selector says of `name`: `tasks?after=t17`.
+    #[must_use]
+    pub fn parameter(&self, name: &str) -> Option<&str> {
+        self.0.parameters().get(name)
+    }
+
+    /// Refuses it in words: for questions that have no message of their own.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`].
+    pub async fn refuse(&self, why: &str) -> Result<(), BusError> {
+        self.0.reply_err(why).encoding("text/plain").await.map_err(failed("refusal", self.key_expr()))
+    }
+
     /// Reads the question's message, and the format that its answer should have.
     ///
     /// # Errors

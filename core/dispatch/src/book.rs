@@ -4,6 +4,7 @@ use crate::record::{Change, Entry, Record};
 use crate::task::Task;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
+use std::ops::Bound;
 use thiserror::Error;
 use uuid::Uuid;
 use xtb_protocol::Name;
@@ -103,6 +104,16 @@ impl Book {
     /// All tasks that are remembered, oldest first.
     pub fn tasks(&self) -> impl Iterator<Item = &Task> {
         self.tasks.values()
+    }
+
+    /// Those that follow another one, oldest first.
+    pub fn tasks_after(&self, after: TaskId) -> impl Iterator<Item = &Task> {
+        self.tasks.range((Bound::Excluded(after), Bound::Unbounded)).map(|(_, task)| task)
+    }
+
+    /// Those that have ended and are remembered, the last one first.
+    pub fn ended(&self) -> impl Iterator<Item = &Task> {
+        self.ended.iter().rev().filter_map(|id| self.tasks.get(id))
     }
 
     /// Those that have not ended, oldest first.

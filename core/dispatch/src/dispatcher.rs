@@ -10,6 +10,7 @@ mod talking;
 
 use crate::book::{Book, BookError};
 use crate::ground::Ground;
+use crate::pages;
 use crate::record::{Entry, Record};
 use crate::robot::Robot;
 use crate::settings::Settings;
@@ -18,7 +19,7 @@ use crate::writer::{Then, Write, Writer};
 use requests::Waiting;
 use std::collections::{BTreeMap, VecDeque};
 use xtb_protocol::messages::{
-    DispatchOutcome, DispatchReply, Request, RobotState, Roster, TaskEvent, TaskHistory, TaskId, TaskList,
+    DispatchOutcome, DispatchReply, Request, RobotState, Roster, TaskEvent, TaskHistory, TaskId,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -136,15 +137,10 @@ impl Dispatcher {
         true
     }
 
-    /// All tasks that are remembered.
+    /// Why the ledger cannot be written now, if it cannot.
     #[must_use]
-    pub fn list(&self, now_ms: u64) -> TaskList {
-        TaskList {
-            ledger: self.book.ledger().unwrap_or_default(),
-            at_ms: now_ms,
-            ledger_failed: self.writer.failed().map(str::to_owned),
-            tasks: self.book.tasks().map(Task::view).collect(),
-        }
+    pub fn ledger_failed(&self) -> Option<&str> {
+        self.writer.failed()
     }
 
     /// One task with its history.
@@ -262,7 +258,14 @@ impl Dispatcher {
     }
 
     fn reply(&mut self, ticket: Ticket, id: Uuid, result: DispatchOutcome) {
-        self.effects.push_back(Effect::Reply { ticket, reply: DispatchReply { id, result } });
+        let (result, left_out) = match result {
+            DispatchOutcome::Changed(changes) => {
+                let (changes, left_out) = pages::fitting(changes);
+                (DispatchOutcome::Changed(changes), left_out)
+            }
+            result => (result, 0),
+        };
+        self.effects.push_back(Effect::Reply { ticket, reply: DispatchReply { id, result, left_out } });
     }
 
     fn new_id(&mut self) -> Uuid {

@@ -14,6 +14,7 @@
 //! * [`robot`]: what is known of each robot now; forgotten at a restart, learned again from its state.
 //! * [`drive`]: what a task's robot says of it, and what to ask of the robot next.
 //! * [`assign`]: who does what, by cost; [`soon`]: when and where a busy robot will be free.
+//! * `pages`: lists and answers that fit into a message.
 //!
 //! Times are ms since 1970 and never go back within a run; numbers for ids come in as an argument.
 
@@ -23,6 +24,7 @@ pub mod book;
 pub mod dispatcher;
 pub mod drive;
 pub mod ground;
+mod pages;
 pub mod record;
 pub mod robot;
 pub mod settings;

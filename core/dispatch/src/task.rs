@@ -22,6 +22,9 @@ use xtb_protocol::messages::{
 /// Steps of a history that are kept; of more, those after the first are left out.
 pub const MAX_STEPS: usize = 64;
 
+/// Characters of a reason that are kept: robots may say more.
+pub const MAX_REASON: usize = 400;
+
 /// On which robot a task is, under which number.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Assigned {
@@ -259,6 +262,10 @@ impl Task {
     }
 
     fn turn(&mut self, at_ms: u64, state: TaskState, reason: Option<String>) {
+        let reason = reason.map(|reason| match reason.char_indices().nth(MAX_REASON) {
+            Some((end, _)) => format!("{}…", &reason[..end]),
+            None => reason,
+        });
         (self.state, self.since_ms, self.reason) = (state, at_ms, reason.clone());
         (self.held_by, self.ending) = (None, None);
         self.note(at_ms, reason);

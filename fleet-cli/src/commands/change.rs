@@ -3,7 +3,7 @@
 use crate::cli::{CancelArgs, PauseArgs, ResumeArgs, RetryArgs};
 use crate::client::Client;
 use crate::context::Context;
-use crate::dispatching::{Dispatching, worst};
+use crate::dispatching::{Changes, Dispatching, worst};
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::task_words::tone;
 use crate::words;
@@ -49,7 +49,12 @@ async fn change(ctx: &Context, body: DispatchBody) -> Result<Exit> {
     let client = Client::open(ctx).await?;
     let changes = Dispatching::of(&client).change(body).await;
     client.close().await;
-    report(ctx, &changes?)
+    let Changes { tasks, left_out } = changes?;
+    let exit = report(ctx, &tasks)?;
+    if left_out > 0 {
+        ctx.out.note(&format!("{left_out} more are not named here; `fleet-cli tasks --all` lists them"));
+    }
+    Ok(exit)
 }
 
 /// A line for each task: on standard output how it stands, on standard error why it is not as asked.

@@ -80,6 +80,26 @@ async fn a_refusal_is_final_and_keeps_its_hint() {
     assert_eq!(fake.told.lock().unwrap().asked.len(), 1);
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_list_of_many_pages_is_put_together() {
+    let client = client().await;
+    let tasks: Vec<_> = (1..=7).map(|number| task(number, TaskState::Queued)).collect();
+    let told = Told { tasks: tasks.clone(), page: Some(2), ..Told::default() };
+    let _fake = FakeDispatcher::start(&client, told).await;
+    let list = patient(&client, Duration::ZERO).list().await.unwrap();
+    assert_eq!((list.tasks, list.left_out), (tasks, 0));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dispatcher_whose_pages_never_end_is_not_asked_for_ever() {
+    let client = client().await;
+    let tasks = vec![task(1, TaskState::Queued)];
+    let told = Told { tasks, page: Some(0), ..Told::default() };
+    let _fake = FakeDispatcher::start(&client, told).await;
+    let failure = patient(&client, Duration::ZERO).list().await.unwrap_err();
+    assert!(failure.message.contains("a page without tasks"), "{failure}");
+}
+
 #[test]
 fn what_is_unconfirmed_weighs_more_than_what_was_refused() {
     let change = |n, code| TaskChange {

@@ -8,7 +8,7 @@ use tokio::sync::mpsc;
 use xtb_bus::{Question, Service, Token};
 use xtb_protocol::codec::Format;
 use xtb_protocol::messages::{
-    DispatchBody, DispatchOutcome, DispatchReply, DispatchRequest, TaskHistory, TaskList, TaskView,
+    DispatchBody, DispatchOutcome, DispatchReply, DispatchRequest, TaskHistory, TaskId, TaskList, TaskView,
 };
 
 /// What it knows, and what it was asked.
@@ -17,6 +17,8 @@ pub(crate) struct Told {
     /// Answers to commands in their order; `None` = silence. `show` is answered from `tasks`.
     pub(crate) answers: VecDeque<Option<DispatchOutcome>>,
     pub(crate) tasks: Vec<TaskView>,
+    /// Tasks of a page at most.
+    pub(crate) page: Option<usize>,
     pub(crate) asked: Vec<DispatchRequest>,
 }
 
@@ -44,15 +46,14 @@ impl FakeDispatcher {
         let answering = tokio::spawn(async move {
             while let Some(question) = questions.recv().await {
                 if question.key_expr().ends_with("/tasks") {
-                    let tasks = knows.lock().unwrap().tasks.clone();
-                    let list = TaskList { ledger: 1, at_ms: 5000, ledger_failed: None, tasks };
+                    let list = knows.lock().unwrap().list(question.parameter("after"));
                     question.reply(&keys.dispatch_tasks(), &list, Format::Postcard).await.unwrap();
                     continue;
                 }
                 let (request, format) = question.decode::<DispatchRequest>().unwrap();
                 let result = knows.lock().unwrap().answer(&request);
                 if let Some(result) = result {
-                    let reply = DispatchReply { id: request.id, result };
+                    let reply = DispatchReply { id: request.id, result, left_out: 0 };
                     question.reply(&keys.dispatch_cmd(Some(&me)), &reply, format).await.unwrap();
                 }
             }
@@ -71,6 +72,15 @@ impl FakeDispatcher {
 }
 
 impl Told {
+    /// A page of them.
+    fn list(&self, after: Option<&str>) -> TaskList {
+        let after = after.map_or(0, |after| after.parse::<TaskId>().unwrap().number());
+        let following = || self.tasks.iter().filter(|task| task.id.number() > after);
+        let tasks: Vec<_> = following().take(self.page.unwrap_or(usize::MAX)).cloned().collect();
+        let left_out = (following().count() - tasks.len()) as u64;
+        TaskList { ledger: 1, at_ms: 5000, ledger_failed: None, tasks, left_out }
+    }
+
     fn answer(&mut self, request: &DispatchRequest) -> Option<DispatchOutcome> {
         self.asked.push(request.clone());
         if let DispatchBody::Show { task } = &request.body {

@@ -5,8 +5,8 @@ use crate::robots::FakeRobot;
 use xtb_dispatch::dispatcher::Identity;
 use xtb_dispatch::{Dispatcher, Effect, Entry, Settings};
 use xtb_protocol::messages::{
-    Assignment, Body, DispatchBody, DispatchError, DispatchOutcome, DispatchRequest, Request, TaskChange,
-    TaskId, TaskKind, TaskSpec, TaskState, Waypoint,
+    Assignment, Body, DispatchBody, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, Request,
+    TaskChange, TaskId, TaskKind, TaskSpec, TaskState, Waypoint,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -24,7 +24,7 @@ pub(crate) struct Bench {
     /// The network holds assignments up: here they are.
     pub(crate) held_up: Option<Vec<Request>>,
     pub(crate) asked: u64,
-    pub(crate) answers: Vec<(u64, DispatchOutcome)>,
+    pub(crate) answers: Vec<(u64, DispatchReply)>,
     /// Requests to robots but for retains.
     pub(crate) asks: Vec<(Name, Body)>,
 }
@@ -94,7 +94,7 @@ impl Bench {
                     self.dispatcher.written(self.now_ms, write.id).unwrap();
                 }
                 Effect::Ask { robot, request } => self.ask_robot(&robot, &request),
-                Effect::Reply { ticket, reply } => self.answers.push((ticket, reply.result)),
+                Effect::Reply { ticket, reply } => self.answers.push((ticket, reply)),
                 Effect::Event(_) => {}
             }
         }
@@ -125,7 +125,11 @@ impl Bench {
     }
 
     pub(crate) fn answer(&self, ticket: u64) -> Option<&DispatchOutcome> {
-        self.answers.iter().find(|(of, _)| *of == ticket).map(|(_, answer)| answer)
+        self.reply(ticket).map(|reply| &reply.result)
+    }
+
+    pub(crate) fn reply(&self, ticket: u64) -> Option<&DispatchReply> {
+        self.answers.iter().find(|(of, _)| *of == ticket).map(|(_, reply)| reply)
     }
 
     pub(crate) fn submit(&mut self, spec: TaskSpec) -> TaskId {

@@ -8,6 +8,7 @@ mod ground;
 mod journal;
 mod life;
 mod model;
+mod pages;
 mod robots;
 mod soon;
 mod storms;

@@ -8,8 +8,11 @@ use uuid::Uuid;
 
 /// Tasks of one submission at most, all of which are taken or none.
 pub const MAX_SUBMISSION: usize = 500;
-/// A list of tasks may be long.
-const MAX_BYTES: usize = 16 * 1024 * 1024;
+/// Longest question or answer, in bytes.
+const MAX_BYTES: usize = 4 * 1024 * 1024;
+/// Tasks of one [`TaskList`], or changes of one [`DispatchReply`], take at most this many bytes of JSON;
+/// postcard is shorter. The others are left out, and counted.
+pub const PAGE_BYTES: usize = 1024 * 1024;
 
 /// What is asked of the dispatcher.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -149,7 +152,7 @@ pub struct TaskChange {
 pub enum DispatchOutcome {
     /// Taken, and in the ledger; in the order of the submission.
     Submitted(Vec<TaskId>),
-    /// What became of each task.
+    /// What became of each task; of more than [`PAGE_BYTES`] first those that are not as asked.
     Changed(Vec<TaskChange>),
     /// The task and its history.
     Shown(Box<TaskHistory>),
@@ -166,10 +169,14 @@ pub struct DispatchReply {
     pub id: Uuid,
     /// What came of it.
     pub result: DispatchOutcome,
+    /// Changes that were made and are not in the answer, for want of room.
+    #[serde(default)]
+    pub left_out: u64,
 }
 
 impl Message for DispatchReply {
     const NAME: &'static str = "DispatchReply";
+    const VERSION: u32 = 2;
     const MAX_BYTES: usize = MAX_BYTES;
 }
 
@@ -232,7 +239,12 @@ pub struct TaskHistory {
     pub left_out: u64,
 }
 
-/// All tasks that are remembered, oldest first.
+/// Tasks that are remembered, oldest first: all of them, or as many as there is room for.
+///
+/// A page (`tasks?after=t17`) has those that follow `t17`; the next page begins after its last one. Ids only
+/// grow, so that pages name each task once, as it was at the time of its page. What is published, and
+/// answered without `after`, has those with a robot first, then the others that have not ended, then those
+/// that ended last.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -245,10 +257,14 @@ pub struct TaskList {
     pub ledger_failed: Option<String>,
     /// The tasks.
     pub tasks: Vec<TaskView>,
+    /// Tasks that are remembered and not in here: of a page, those that follow its last one.
+    #[serde(default)]
+    pub left_out: u64,
 }
 
 impl Message for TaskList {
     const NAME: &'static str = "TaskList";
+    const VERSION: u32 = 2;
     const MAX_BYTES: usize = MAX_BYTES;
 }
 

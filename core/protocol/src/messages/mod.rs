@@ -23,7 +23,7 @@ pub use about::{About, Limits, ParameterInfo};
 pub use assign::{Assignment, Errand, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG};
 pub use dispatch::{
     DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
-    MAX_SUBMISSION, TaskChange, TaskEvent, TaskHistory, TaskList, TaskStep, TaskView,
+    MAX_SUBMISSION, PAGE_BYTES, TaskChange, TaskEvent, TaskHistory, TaskList, TaskStep, TaskView,
 };
 pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};

@@ -74,10 +74,10 @@ pub(crate) async fn submit(client: &Client, spec: TaskSpec) -> Result<Value> {
 /// Cancels a task; the answer comes when its robot has confirmed.
 pub(crate) async fn cancel(client: &Client, task: TaskId) -> Result<Value> {
     let changes = Dispatching::of(client).change(DispatchBody::Cancel { tasks: vec![task] }).await?;
-    if let Some(error) = worst(&changes) {
+    if let Some(error) = worst(&changes.tasks) {
         return Err(error.clone().into());
     }
-    let state = changes.first().and_then(|change| change.state);
+    let state = changes.tasks.first().and_then(|change| change.state);
     Ok(json!({ "task": task, "status": state.map(|state| words::name(&state)) }))
 }
 

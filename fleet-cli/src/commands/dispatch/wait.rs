@@ -132,7 +132,7 @@ async fn left(ctx: &Context, client: &Client, ids: &[TaskId], cancels: bool) -> 
     let changes = Dispatching::of(client).change(DispatchBody::Cancel { tasks: ids.to_vec() }).await?;
     // What had ended by then is no reason to complain.
     let changes: Vec<_> =
-        changes.into_iter().filter(|change| !change.state.is_some_and(TaskState::is_final)).collect();
+        changes.tasks.into_iter().filter(|change| !change.state.is_some_and(TaskState::is_final)).collect();
     match worst(&changes) {
         Some(error) => Err(Failure::from(error.clone())),
         None => {

@@ -66,7 +66,7 @@ async fn attempt(ctx: &Context, client: &Client, known: &[Name], deed: &Deed) ->
         }
         Deed::CancelTask { task, .. } => {
             let changes = Dispatching::of(client).change(DispatchBody::Cancel { tasks: vec![*task] }).await?;
-            if let Some(error) = worst(&changes) {
+            if let Some(error) = worst(&changes.tasks) {
                 return Err(error.clone().into());
             }
             let state = changes.first().and_then(|change| change.state);

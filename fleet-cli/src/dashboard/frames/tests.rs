@@ -60,7 +60,7 @@ fn map_tasks_and_happenings_come_once_and_when_they_change() {
     assert_eq!(kinds(&mut known, &scene), ["map", "frame"], "that there is no map is told");
     assert_eq!(kinds(&mut known, &scene), ["frame"]);
     put(&mut scene, 0, &keys().map(), map(1));
-    let list = TaskList { ledger: 1, at_ms: 7, ledger_failed: None, tasks: Vec::new() };
+    let list = TaskList { ledger: 1, at_ms: 7, ledger_failed: None, tasks: Vec::new(), left_out: 0 };
     put(&mut scene, 0, &keys().dispatch_tasks(), list.clone());
     put(&mut scene, 0, &keys().dispatch_alive(), News::Alive(true));
     assert_eq!(kinds(&mut known, &scene), ["map", "tasks", "happenings", "frame"]);
@@ -196,7 +196,7 @@ fn a_robot_has_the_task_it_is_at_while_there_is_a_dispatcher() {
     let (mut known, mut scene) = (Known::default(), scene());
     put_state(&mut scene, 0, fake::state("xtb-1"));
     let tasks = vec![fake::task(3, TaskState::Done), fake::task(4, TaskState::Running)];
-    let list = TaskList { ledger: 1, at_ms: 7, ledger_failed: None, tasks };
+    let list = TaskList { ledger: 1, at_ms: 7, ledger_failed: None, tasks, left_out: 0 };
     put(&mut scene, 0, &keys().dispatch_tasks(), list);
     assert_eq!(row(&mut known, &scene, 0)["task"], Value::Null);
     put(&mut scene, 0, &keys().dispatch_alive(), News::Alive(true));

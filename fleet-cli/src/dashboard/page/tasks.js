@@ -105,6 +105,7 @@ function tasks(list, store, act, isThere) {
       : nothing}</li>`;
   return html`<h2 class="later">Tasks${isThere ? "" : " as last heard"} (${open.length} open)</h2>
     <ul class="task-list">${repeat(shown, (task) => task.id, row)}</ul>
+    ${list.left_out > 0 ? html`<p class="more">${list.left_out} more are not listed here: <code>fleet-cli tasks --all</code> shows them.</p>` : nothing}
     ${shown.length === 0 ? html`<p class="empty">No tasks yet.</p>` : nothing}`;
 }
 

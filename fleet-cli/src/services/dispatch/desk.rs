@@ -27,7 +27,7 @@ const EVENTS: usize = 4096;
 pub(super) enum Input {
     /// A question about tasks.
     Question(Question),
-    /// A question for the list.
+    /// A question for the list, or for a page of it.
     List(Question),
 }
 
@@ -154,6 +154,15 @@ impl Desk {
         });
     }
 
+    /// A question for the list that makes no sense.
+    pub(super) fn refuse_list(&self, question: Question, why: String) {
+        tokio::spawn(async move {
+            if let Err(error) = question.refuse(&why).await {
+                tracing::debug!("a refusal was not sent: {error}");
+            }
+        });
+    }
+
     /// A change, for everybody.
     pub(super) fn event(&self, event: TaskEvent, counters: &mut Counters) {
         counters.events_dropped += u64::from(self.events.try_send(event).is_err());
@@ -203,7 +212,7 @@ async fn turn_away(question: Question, keys: FleetKeys) {
 async fn refuse(question: Question, keys: FleetKeys, error: DispatchError) {
     let asked = question.decode::<DispatchRequest>();
     let id = asked.map_or(Uuid::nil(), |(request, _)| request.id);
-    let reply = DispatchReply { id, result: DispatchOutcome::Error(error) };
+    let reply = DispatchReply { id, result: DispatchOutcome::Error(error), left_out: 0 };
     // Where the key names no client, the answer goes to nobody in particular.
     let key = match client_of(&question) {
         Some(client) => keys.dispatch_cmd(Some(&client)),

@@ -170,10 +170,17 @@ impl Work {
                     self.dispatcher.request(now_ms, ticket, &client, &request, self.ground.as_ref());
                 }
             }
-            Input::List(question) => {
-                let list = self.list();
-                self.desk.list(question, list);
-            }
+            Input::List(question) => match question.parameter("after").map(str::parse) {
+                None => {
+                    let list = self.list();
+                    self.desk.list(question, list);
+                }
+                Some(Ok(after)) => {
+                    let page = self.dispatcher.page(self.clock.ms(), after);
+                    self.desk.list(question, Arc::new(page));
+                }
+                Some(Err(error)) => self.desk.refuse_list(question, format!("after={error}")),
+            },
         }
     }
 

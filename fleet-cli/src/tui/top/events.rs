@@ -56,7 +56,7 @@ impl Cockpit {
         };
         let old = format!("{} old", long_age(list.age_ms(now_ms)));
         let gone = if scene.dispatcher() || self.playing.is_some() { "" } else { ", DISPATCHER GONE" };
-        let count = task_words::count(&list.value.tasks);
+        let count = task_words::count_list(&list.value);
         let title = format!("tasks (v: events): {count}{gone}, {old}");
         let open = list.value.tasks.iter().filter(|task| !task.state.is_final());
         let ended = list.value.tasks.iter().rev().filter(|task| task.state.is_final());

@@ -108,7 +108,7 @@ fn fleet() -> Scene {
     scene.take(9_000, &key("dispatch/alive"), News::Alive(true));
     let mut task = fake::task(3, TaskState::Running);
     task.robot = Some(name("xtb-2"));
-    let tasks = TaskList { ledger: 1, at_ms: 5_000, ledger_failed: None, tasks: vec![task] };
+    let tasks = TaskList { ledger: 1, at_ms: 5_000, ledger_failed: None, tasks: vec![task], left_out: 0 };
     scene.take(9_000, &key("dispatch/tasks"), tasks.into());
     scene
 }
