@@ -35,9 +35,9 @@ pub struct StatusArgs {
 /// Arguments of `why`.
 #[derive(Debug, Clone, Args)]
 pub struct WhyArgs {
-    /// Robot.
-    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
-    pub robot: Name,
+    /// Robots.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot, required = true)]
+    pub robots: Vec<Name>,
 }
 
 /// Arguments of `doctor`.
@@ -158,9 +158,12 @@ pub struct EstopArgs {
 /// Arguments of `reset`.
 #[derive(Debug, Clone, Args)]
 pub struct ResetArgs {
-    /// Robot.
-    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
-    pub robot: Name,
+    /// Which robots; with --all those that have anything latched, after a question.
+    #[command(flatten)]
+    pub who: WhoArgs,
+    /// With --all: do not ask.
+    #[arg(long, requires = "all")]
+    pub yes: bool,
     /// Only this latch [default: all].
     #[arg(long, value_name = "NAME", value_parser = latch())]
     pub latch: Option<Latch>,

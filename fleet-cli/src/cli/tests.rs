@@ -46,6 +46,23 @@ fn latches_are_named_as_robots_name_them() {
 }
 
 #[test]
+fn a_reset_is_of_named_robots_or_of_all() {
+    let reset = |line: &str| match read(line).map(|cli| cli.verb) {
+        Ok(Verb::Reset(reset)) => Ok((reset.who.robots.len(), reset.who.all, reset.yes)),
+        Ok(other) => panic!("{other:?}"),
+        Err(error) => Err(error.kind()),
+    };
+    assert_eq!(reset("fleet-cli reset xtb-1 xtb-2"), Ok((2, false, false)));
+    assert_eq!(reset("fleet-cli reset --all --yes"), Ok((0, true, true)));
+    for bad in ["reset", "reset xtb-1 --all", "reset --yes"] {
+        assert!(reset(&format!("fleet-cli {bad}")).is_err(), "{bad}");
+    }
+    let Verb::Why(why) = read("fleet-cli why xtb-1 xtb-2").unwrap().verb else { panic!() };
+    assert_eq!(why.robots.len(), 2);
+    assert!(read("fleet-cli why").is_err());
+}
+
+#[test]
 fn a_reserved_name_is_no_robot() {
     assert!(read("fleet-cli stop all").unwrap_err().to_string().contains("reserved"));
     assert!(read("fleet-cli stop").is_err());

@@ -105,6 +105,7 @@ async fn show(
         picture: ratatui::Terminal::new(CrosstermBackend::new(stdout()))?,
         deeds: JoinSet::new(),
         numbers: BTreeMap::new(),
+        stops: watch::channel(0).0,
         hand: None,
     };
     let shown = shell.run(terminal, link).await;
@@ -123,6 +124,8 @@ struct Shell<'a> {
     /// Bounded by the cockpit: it begins no more than it can name.
     deeds: JoinSet<Outcome>,
     numbers: BTreeMap<Id, u64>,
+    /// Counts the stops that were called.
+    stops: watch::Sender<u64>,
     hand: Option<Hand>,
 }
 
@@ -203,8 +206,17 @@ impl Shell<'_> {
                     let (ctx, client) = (self.ctx.clone(), client.clone());
                     self.give_up(instead);
                     let known: Vec<Name> = self.source.scene.lock().robots().keys().cloned().collect();
-                    let begun =
-                        self.deeds.spawn(async move { carry::carry(&ctx, &client, &known, &deed).await });
+                    if deed.is_stop() {
+                        self.stops.send_modify(|stops| *stops += 1);
+                    }
+                    let mut stops = self.stops.subscribe();
+                    let begun = self.deeds.spawn(async move {
+                        tokio::select! {
+                            biased;
+                            Ok(()) = stops.changed(), if deed.is_reset() => carry::overtaken(),
+                            outcome = carry::carry(&ctx, &client, &known, &deed) => outcome,
+                        }
+                    });
                     self.numbers.insert(begun.id(), number);
                 }
                 (Action::Grip { robot, take }, Some(client)) => self.grip(client.clone(), robot, take),

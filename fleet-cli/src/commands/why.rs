@@ -6,31 +6,46 @@ mod remedy;
 use crate::cli::WhyArgs;
 use crate::client::Client;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::error::{Exit, Failure, Result};
 use crate::output::{Output, Tone};
 use crate::view::{FleetView, RobotView};
 use chain::{Verdict, Why};
+use futures_util::future::join_all;
 use std::collections::BTreeSet;
 use xtb_protocol::messages::{RobotState, StopReason};
 
 const LABEL_WIDTH: usize = 8;
 
-/// Asks once, and explains the answer. A robot that nobody can say anything about makes it
+/// Asks once, and explains the answers. A robot that nobody can say anything about makes it
 /// [`Exit::Unknown`].
 ///
 /// # Errors
 /// No router.
 pub async fn run(ctx: &Context, args: &WhyArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
-    let wanted = BTreeSet::from([args.robot.clone()]);
-    let keys = client.keys().robot(&args.robot);
-    let view = FleetView::ask_robots(&client, &ctx.fleet, &keys, &wanted)
-        .await?
-        .only(std::slice::from_ref(&args.robot));
+    let mut robots = args.robots.clone();
+    robots.dedup();
+    let (asked, fleet) = (&client, &ctx.fleet);
+    let views = join_all(robots.iter().map(|robot| async move {
+        let (wanted, keys) = (BTreeSet::from([robot.clone()]), asked.keys().robot(robot));
+        let view = FleetView::ask_robots(asked, fleet, &keys, &wanted).await?;
+        Ok::<_, Failure>(view.only(std::slice::from_ref(robot)))
+    }))
+    .await;
     client.close().await;
-    let Some(why) = view.robots.first().map(chain::explain) else { return Ok(Exit::Unknown) };
-    ctx.out.result(&why, |why| text(why, &ctx.out))?;
-    Ok(if why.verdict == Verdict::Unknown { Exit::Unknown } else { Exit::Done })
+    let mut exit = Exit::Done;
+    for (i, view) in views.into_iter().enumerate() {
+        let view = view?;
+        let Some(why) = view.robots.first().map(chain::explain) else { return Ok(Exit::Unknown) };
+        if i > 0 && !ctx.out.json {
+            ctx.out.text("")?;
+        }
+        ctx.out.result(&why, |why| text(why, &ctx.out))?;
+        if why.verdict == Verdict::Unknown {
+            exit = Exit::Unknown;
+        }
+    }
+    Ok(exit)
 }
 
 /// Whether a reason to stand holds only as long as the latch of its name does.

@@ -67,6 +67,8 @@ pub(super) enum Command {
         /// Whose.
         robot: Name,
     },
+    /// End the latched stops of every robot that has any.
+    ResetAll {},
     /// A task for the dispatcher.
     Submit {
         /// What.
@@ -97,6 +99,7 @@ impl Command {
             Self::Stop { .. } => "stop",
             Self::Estop { .. } => "estop",
             Self::Reset { .. } => "reset",
+            Self::ResetAll {} => "reset_all",
             Self::Submit { .. } => "submit",
             Self::Cancel { .. } => "cancel",
             Self::Teleop { .. } => "teleop",
@@ -109,7 +112,7 @@ impl Command {
         match self {
             Self::Goto { robot, .. } | Self::Reset { robot } | Self::Teleop { robot, .. } => Some(robot),
             Self::Stop { robot } | Self::Estop { robot } => robot.as_ref(),
-            Self::Submit { .. } | Self::Cancel { .. } | Self::TeleopEnd {} => None,
+            Self::ResetAll {} | Self::Submit { .. } | Self::Cancel { .. } | Self::TeleopEnd {} => None,
         }
     }
 }

@@ -23,6 +23,8 @@ pub(super) struct Orders {
     estops: usize,
     /// Commands that take a robot's control, and how they are told of a stop.
     going: BTreeMap<Name, oneshot::Sender<()>>,
+    /// A reset of all that is going on.
+    resetting_all: Option<oneshot::Sender<()>>,
 }
 
 /// A command that was taken on; it is given back when it has ended.
@@ -30,6 +32,7 @@ pub(super) struct Orders {
 pub(super) struct Ticket {
     estop: bool,
     takes: Option<Name>,
+    resets_all: bool,
 }
 
 impl Orders {
@@ -58,16 +61,30 @@ impl Orders {
             let message = format!("the last command to {robot} is still on its way");
             return Err(Failure::new(Kind::Refused(RejectCode::Busy), message).hint("wait for its answer"));
         }
+        let resets_all = matches!(command, Command::ResetAll {});
+        if let Some(robot) = driving.filter(|_| resets_all) {
+            let message = format!("this page drives {robot} by hand");
+            return Err(Failure::new(Kind::Refused(RejectCode::Busy), message).hint("end that first"));
+        }
+        if resets_all && self.resetting_all.is_some() {
+            let message = "the last reset of all is still on its way";
+            return Err(Failure::new(Kind::Refused(RejectCode::Busy), message).hint("wait for its answer"));
+        }
         *open += 1;
         let (halt, halted) = oneshot::channel();
         if let Some(robot) = takes {
             self.going.insert(robot.clone(), halt);
+        } else if resets_all {
+            self.resetting_all = Some(halt);
         }
-        Ok((Ticket { estop, takes: takes.cloned() }, halted))
+        Ok((Ticket { estop, takes: takes.cloned(), resets_all }, halted))
     }
 
     /// A stop comes: what is on its way to this robot, or to all, does not begin any more.
     pub(super) fn halt(&mut self, robot: Option<&Name>) {
+        if let Some(halt) = self.resetting_all.take() {
+            let _ = halt.send(());
+        }
         let all = std::mem::take(&mut self.going);
         for (name, halt) in all {
             if robot.is_none_or(|robot| *robot == name) {
@@ -83,6 +100,9 @@ impl Orders {
     pub(super) fn ended(&mut self, ticket: Ticket) {
         let open = if ticket.estop { &mut self.estops } else { &mut self.usual };
         *open = open.saturating_sub(1);
+        if ticket.resets_all && self.resetting_all.as_ref().is_some_and(oneshot::Sender::is_closed) {
+            self.resetting_all = None;
+        }
         if let Some(robot) = &ticket.takes {
             // One that was halted has left already, and a newer one may have taken its place.
             if self.going.get(robot).is_some_and(oneshot::Sender::is_closed) {
@@ -104,6 +124,25 @@ mod tests {
 
     fn stop() -> Command {
         Command::Stop { robot: None }
+    }
+
+    #[test]
+    fn a_stop_of_anybody_overtakes_a_reset_of_all() {
+        let mut orders = Orders::default();
+        let refused = orders.admit(&Command::ResetAll {}, Some(&name("xtb-1"))).unwrap_err();
+        assert!(refused.message.contains("drives xtb-1 by hand"), "{refused}");
+        let (ticket, mut halted) = orders.admit(&Command::ResetAll {}, None).unwrap();
+        assert!(orders.admit(&Command::ResetAll {}, None).is_err(), "one at a time");
+        assert!(halted.try_recv().is_err());
+        orders.halt(Some(&name("xtb-2")));
+        assert!(halted.try_recv().is_ok());
+        drop(halted);
+        let (next, halted) = orders.admit(&Command::ResetAll {}, None).unwrap();
+        orders.ended(ticket);
+        assert!(orders.admit(&Command::ResetAll {}, None).is_err(), "the newer one goes on");
+        drop(halted);
+        orders.ended(next);
+        assert!(orders.admit(&Command::ResetAll {}, None).is_ok());
     }
 
     #[test]

@@ -387,6 +387,7 @@ impl Cockpit {
             }
             Press::Go => return self.go(now_ms),
             Press::Reset => self.reset(&sights, scene.dispatcher(), now_ms),
+            Press::ResetAll => self.reset_all(&sights, scene.dispatcher(), now_ms),
             Press::Cancel => return self.cancel(&sights, now_ms),
             _ => {}
         }

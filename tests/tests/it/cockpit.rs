@@ -74,6 +74,12 @@ fn three_robots_are_seen_one_is_sent_by_the_cursor_and_all_are_latched_by_one_ke
     top.until("the question", |text| text.contains("Reset xtb-1?"));
     top.keys("y");
     until(&sim, "xtb-1", "reset", |state| state["latches"] == json!([]));
+    top.keys("X");
+    top.until("the question for the others", |text| text.contains("Reset all that is latched? xtb-2, xtb-3"));
+    top.keys("y");
+    for robot in ["xtb-2", "xtb-3"] {
+        until(&sim, robot, "reset too", |state| state["latches"] == json!([]));
+    }
     top.keys("q");
     assert_eq!(top.ended(), Some(0));
 }

@@ -46,6 +46,37 @@ impl Sim {
 }
 
 #[test]
+fn several_are_reset_and_explained_at_once() {
+    let sim = sim(&["--robots", "3", "--speed", "8"]);
+    let lines = |arguments: &[&str]| {
+        let output = fleet_cli(&["--connect", &sim.endpoint]).args(arguments).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let lines = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect::<Vec<Value>>();
+        (output.status.code().unwrap(), lines, String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    assert_eq!(lines(&["estop", "--all"]).0, 0);
+    let (code, why, said) = lines(&["why", "xtb-1", "xtb-2"]);
+    let headlines: Vec<&str> = why.iter().map(|why| why["headline"].as_str().unwrap()).collect();
+    assert!(headlines[0].starts_with("xtb-1 stands") && headlines[1].starts_with("xtb-2 stands"), "{why:?}");
+    assert_eq!((code, why.len()), (0, 2), "{said}");
+    let (code, reset, said) = lines(&["reset", "xtb-1", "xtb-2"]);
+    assert_eq!((code, reset.len()), (0, 2), "{said}");
+    assert!(reset.iter().all(|robot| robot["cleared"] == serde_json::json!(["estop"])), "{reset:?}");
+    // Nobody is there to be asked.
+    let (code, refused, _) = lines(&["reset", "--all"]);
+    let hint = refused[0]["error"]["hint"].as_str().unwrap();
+    assert!(code == 2 && hint.contains("--yes"), "{code} {hint}");
+    assert_eq!(lines(&["estop", "xtb-2"]).0, 0);
+    let (code, reset, said) = lines(&["reset", "--all", "--yes"]);
+    let names: Vec<&str> = reset.iter().map(|robot| robot["robot"].as_str().unwrap()).collect();
+    assert_eq!((code, names), (0, vec!["xtb-2", "xtb-3"]), "{said}");
+    assert_eq!(lines(&["reset", "--all", "--yes"]), (0, Vec::new(), String::new()));
+    let (code, missing, _) = lines(&["reset", "--all", "--yes", "--expect", "xtb-1,xtb-9"]);
+    let missing = missing[0]["error"]["message"].as_str().unwrap();
+    assert!(code == 3 && missing.contains("xtb-9 does not answer"), "{code} {missing}");
+}
+
+#[test]
 fn a_fleet_is_listed_driven_and_stopped_from_the_command_line() {
     let sim = sim(&["--robots", "2", "--speed", "8"]);
     assert_eq!(sim.roster, ["xtb-1", "xtb-2"]);

@@ -1,9 +1,10 @@
 //! Carrying out what a page asks for, with the code of the verbs.
 
-use crate::cli::{LeaseArgs, ResetArgs, WhoArgs};
+use crate::cli::WhoArgs;
 use crate::client::Client;
 use crate::commands::goal::{self, Aim, Task};
 use crate::commands::muster::{Gaps, Report};
+use crate::commands::reset::{Candidates, Report as Reset};
 use crate::commands::{estop, reset, stop};
 use crate::context::Context;
 use crate::dispatching::{Dispatching, worst};
@@ -58,11 +59,27 @@ pub(crate) async fn estop(
 
 /// As `reset`: which latches are ended, and which remain.
 pub(crate) async fn reset(ctx: &Context, client: &Client, robot: Name) -> Result<Value> {
-    let args = ResetArgs { robot, latch: None, lease: LeaseArgs { take: false } };
-    let control = Control::acquire(client, &args.robot, false).await?;
-    let done = reset::reset(ctx, client, &control, &args).await.and_then(|report| value(&report));
-    control.release().await;
-    done
+    let mut ended = reset::each(ctx, client, &[robot], None, false).await;
+    match ended.pop() {
+        Some((_, ended)) => value(&ended?),
+        None => Ok(json!({})),
+    }
+}
+
+/// As `reset --all --yes`: what came of each robot that had anything latched, and whose state is unknown.
+pub(crate) async fn reset_all(ctx: &Context, client: &Client) -> Result<Value> {
+    let Candidates { latched, unknown, .. } = reset::candidates(client, &[]).await?;
+    let robots: Vec<Name> = latched.into_iter().map(|(robot, _)| robot).collect();
+    let ended = reset::each(ctx, client, &robots, None, false).await;
+    let told = |(robot, ended): (Name, Result<Reset>)| {
+        let told = match ended {
+            Ok(report) => value(&report)?,
+            Err(failure) => json!({ "robot": robot, "refused": failure.message }),
+        };
+        Ok((robot.to_string(), told))
+    };
+    let robots = ended.into_iter().map(told).collect::<Result<serde_json::Map<_, _>>>()?;
+    Ok(json!({ "robots": robots, "unknown": unknown }))
 }
 
 /// Submits a task; the answer has its name.

@@ -24,6 +24,12 @@ pub(super) async fn carry(ctx: &Context, client: &Client, known: &[Name], deed: 
     }
 }
 
+/// A stop was called before it was answered.
+pub(super) fn overtaken() -> Outcome {
+    let text = "a stop came first: it was not begun, or only in part".to_owned();
+    Outcome { tone: Tone::Warning, text, held: false }
+}
+
 /// Whether a robot refused because somebody else has control.
 pub(super) fn is_held(failure: &Failure) -> bool {
     failure.kind == Kind::Refused(RejectCode::LeaseHeld)
@@ -53,6 +59,7 @@ async fn attempt(ctx: &Context, client: &Client, known: &[Name], deed: &Deed) ->
             let tone = if refused { Tone::Bad } else { Tone::Good };
             Ok((tone, format!("{}{from}", text.replace('\n', "; "))))
         }
+        Deed::ResetAll { robots } => Ok(reset_all(reset::each(ctx, client, robots, None, false).await)),
         Deed::Cancel { robot, goal, take } => {
             let control = Control::acquire(client, robot, *take).await?;
             let asked = cancel::ask(&control, robot, *goal).await;
@@ -69,10 +76,26 @@ async fn attempt(ctx: &Context, client: &Client, known: &[Name], deed: &Deed) ->
             if let Some(error) = worst(&changes.tasks) {
                 return Err(error.clone().into());
             }
-            let state = changes.first().and_then(|change| change.state);
+            let state = changes.tasks.first().and_then(|change| change.state);
             let text = state.map_or_else(|| "answered".to_owned(), |state| words::name(&state));
             Ok((Tone::Good, text))
         }
+    }
+}
+
+/// Who is not reset is said by name.
+fn reset_all(ended: Vec<(Name, Result<reset::Report>)>) -> (Tone, String) {
+    let all = ended.len();
+    let wrong = ended.into_iter().filter_map(|(robot, ended)| match ended {
+        Ok(report) if !report.is_refused() => None,
+        Ok(_) => Some(format!("{robot}: its cause is still there")),
+        Err(failure) => Some(failure.to_string()),
+    });
+    let wrong: Vec<String> = wrong.collect();
+    let text = format!("{} of {all} reset", all - wrong.len());
+    match wrong.is_empty() {
+        true => (Tone::Good, text),
+        false => (Tone::Bad, format!("{text}; {}", wrong.join("; "))),
     }
 }
 

@@ -139,6 +139,7 @@ function actions() {
     },
     stop: (robot) => ask({ stop: { robot } }, `Stop of ${robot}`),
     reset: (robot) => ask({ reset: { robot } }, `Reset of ${robot}`),
+    resetAll: () => ask({ reset_all: {} }, "Reset of all"),
     cancel: (task) => ask({ cancel: { task } }, `Cancel of ${task}`),
     async submit() {
       const made = spec(aim.points);
@@ -181,8 +182,17 @@ function mayTake(error, robot, title, take) {
 
 function done(ok) {
   if (ok?.status) return ok.status;
+  if (ok?.unknown) return resets(ok);
   if (ok?.cleared) return ok.remaining?.length ? "some latches remain" : "done";
   return "done";
+}
+
+// What came of a reset of all.
+function resets({ robots, unknown }) {
+  const all = Object.entries(robots);
+  const left = all.filter(([, one]) => one.refused).map(([name, one]) => `${name}: ${one.refused}`);
+  const silent = unknown.length > 0 ? [`unknown: ${unknown.join(", ")}`] : [];
+  return [`${all.length - left.length} of ${all.length} robots`, ...left, ...silent].join("; ");
 }
 
 // Stops one robot, or all of them; shows which have confirmed.

@@ -13,6 +13,30 @@ function chipOf(robot) {
   return html`<span class="chip ${tone}">${words}</span>`;
 }
 
+// All that is latched at once: asks first. What is stale may be latched or not, and is not counted.
+let asked = false;
+function resetAll(robots, store, act) {
+  const latched = robots.filter((robot) => robot.latches?.length > 0);
+  if (latched.length === 0 || !store.writable()) {
+    asked = false;
+    return nothing;
+  }
+  const press = (asks, reset) => () => {
+    asked = asks;
+    if (reset) act.resetAll();
+    act.changed();
+  };
+  if (!asked) {
+    return html`<div class="row"><button type="button" id="reset-all" @click=${press(true, false)}>
+      Reset all (${latched.length} latched)</button></div>`;
+  }
+  return html`<div class="box warn" role="alertdialog" aria-label="Reset all">
+    <p><strong>Reset ${latched.map((robot) => robot.name).join(", ")}?</strong>
+      ${store.dispatcher() ? "The dispatcher may give them tasks at once." : "Nothing moves until a new goal."}</p>
+    <div class="row"><button type="button" id="reset-all-yes" @click=${press(false, true)}>Reset</button>
+      <button type="button" @click=${press(false, false)}>Leave them</button></div></div>`;
+}
+
 export function robotList(store, act) {
   const robots = [...store.robots.values()];
   if (robots.length === 0) {
@@ -20,6 +44,7 @@ export function robotList(store, act) {
       <p class="empty">${store.frame ? "Nobody is there. Start robots with robot-agent, or fleet-cli sim." : "Looking…"}</p>`;
   }
   return html`<h2>Robots (${robots.length})</h2>
+    ${resetAll(robots, store, act)}
     <ul class="robot-list">
       ${repeat(robots, (robot) => robot.name, (robot) => html`<li>
         <button type="button" class="robot-row ${robot.stale ? "is-stale" : ""}" data-robot=${robot.name}

@@ -50,6 +50,11 @@ pub(crate) enum Deed {
         /// Take control from whoever has it.
         take: bool,
     },
+    /// End latches of several robots.
+    ResetAll {
+        /// Whose.
+        robots: Vec<Name>,
+    },
     /// End a goal.
     Cancel {
         /// Whose.
@@ -72,6 +77,11 @@ impl Deed {
     /// Whether it only stops.
     pub(crate) fn is_stop(&self) -> bool {
         matches!(self, Self::Estop(_) | Self::Stop(_))
+    }
+
+    /// Whether a stop that is called meanwhile comes first: it would end what the stop has latched.
+    pub(crate) fn is_reset(&self) -> bool {
+        matches!(self, Self::Reset { .. } | Self::ResetAll { .. })
     }
 
     /// The same, taking control; `None` = it needs none, or takes it already.
@@ -98,6 +108,7 @@ impl Deed {
                 format!("goto {robot} ({x_m:.2}, {y_m:.2}){yaw}")
             }
             Self::Reset { robot, .. } => format!("reset {robot}"),
+            Self::ResetAll { robots } => format!("reset {} robots", robots.len()),
             Self::Cancel { robot, .. } => format!("cancel {robot}'s goal"),
             Self::CancelTask { robot, task } => format!("cancel {task} on {robot}"),
         }
@@ -113,7 +124,7 @@ impl Deed {
 
     fn one(&self) -> Option<&Name> {
         match self {
-            Self::Estop(Whom::All) | Self::Stop(Whom::All) => None,
+            Self::Estop(Whom::All) | Self::Stop(Whom::All) | Self::ResetAll { .. } => None,
             Self::Estop(Whom::One(robot)) | Self::Stop(Whom::One(robot)) => Some(robot),
             Self::Goto { robot, .. }
             | Self::Reset { robot, .. }

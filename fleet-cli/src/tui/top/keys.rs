@@ -15,6 +15,8 @@ pub(super) enum Press {
     Stop,
     /// The selected robot's latches are to end.
     Reset,
+    /// All latches of all robots that are shown are to end.
+    ResetAll,
     /// Drive the selected robot, or let it go.
     Teleop,
     /// The selected robot's goal or task is to end.
@@ -94,6 +96,7 @@ fn letter(c: char) -> Option<Press> {
         'S' => Press::StopAll,
         's' => Press::Stop,
         'x' => Press::Reset,
+        'X' => Press::ResetAll,
         't' => Press::Teleop,
         'c' => Press::Cancel,
         'w' => Press::Why,

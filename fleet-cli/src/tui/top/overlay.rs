@@ -17,7 +17,7 @@ const KEYS: &[(&str, &str)] = &[
     ("r R u", "yaw on arrival: left, right, any"),
     ("c", "cancel its task or goal"),
     ("t", "drive: hold arrows, space is zero; t or Esc lets go"),
-    ("x", "reset its latches (asks)"),
+    ("x / X", "reset its latches / those of all robots (asks)"),
     ("w", "why it stands, and what to do"),
     ("v", "events or tasks"),
     ("+ - a f", "map: nearer, farther, all, follow the robot"),

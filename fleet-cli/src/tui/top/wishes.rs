@@ -179,6 +179,22 @@ impl Cockpit {
         self.ask(Question { text, yes: Wish::Deed(Deed::Reset { robot, take: false }) });
     }
 
+    /// All that are seen to have anything latched; whose state is unknown is left out, and named.
+    pub(super) fn reset_all(&mut self, sights: &[Sight<'_>], dispatcher: bool, now_ms: AtMs) {
+        let latched = |sight: &&Sight<'_>| sight.state.is_some_and(|state| !state.latches.is_empty());
+        let robots: Vec<Name> = sights.iter().filter(latched).map(|sight| sight.name.clone()).collect();
+        let unknown = sights.iter().filter(|sight| sight.state.is_none()).map(|sight| sight.name.as_str());
+        let unknown = unknown.collect::<Vec<_>>().join(", ");
+        let left_out = if unknown.is_empty() { unknown } else { format!("; unknown: {unknown}") };
+        if robots.is_empty() {
+            return self.deeds.tell(now_ms, Tone::Plain, format!("nothing is latched{left_out}"));
+        }
+        let next = if dispatcher { "; the dispatcher may give them tasks at once" } else { "" };
+        let names = robots.iter().map(Name::as_str).collect::<Vec<_>>().join(", ");
+        let text = format!("Reset all that is latched? {names}{left_out}{next}");
+        self.ask(Question { text, yes: Wish::Deed(Deed::ResetAll { robots }) });
+    }
+
     /// The dispatcher's task if it has one, else its goal.
     pub(super) fn cancel(&mut self, sights: &[Sight<'_>], now_ms: AtMs) -> Vec<Action> {
         let Some(sight) = self.sight(sights) else { return Vec::new() };

@@ -85,6 +85,13 @@ async fn an_emergency_stop_of_all_latches_all_and_says_so() {
     let reset = page.ask(json!({ "reset": { "robot": "xtb-2" } })).await;
     assert_eq!(reset["ok"]["cleared"], json!(["estop"]), "{reset}");
     page.until("reset", |page| (page.row("xtb-2")["latches"] == json!([])).then_some(())).await;
+    // The other two at once.
+    let reset = page.ask(json!({ "reset_all": {} })).await;
+    let robots = reset["ok"]["robots"].as_object().unwrap();
+    assert_eq!(robots.keys().collect::<Vec<_>>(), ["xtb-1", "xtb-3"], "{reset}");
+    assert!(robots.values().all(|robot| robot["cleared"] == json!(["estop"])), "{reset}");
+    assert_eq!(reset["ok"]["unknown"], json!([]), "{reset}");
+    page.until("all reset", |page| page.rows().all(|row| row["latches"] == json!([])).then_some(())).await;
     rig.end().await;
 }
 
@@ -110,6 +117,7 @@ async fn a_dashboard_that_only_shows_refuses_everything() {
         json!({ "stop": { "robot": null } }),
         json!({ "estop": { "robot": null } }),
         json!({ "reset": { "robot": "xtb-1" } }),
+        json!({ "reset_all": {} }),
         json!({ "teleop": { "robot": "xtb-1", "take": true } }),
         json!({ "teleop_end": {} }),
         json!({ "cancel": { "task": "t1" } }),

@@ -127,6 +127,21 @@ fn a_reset_asks_first_and_names_the_latches() {
 }
 
 #[test]
+fn a_reset_of_all_asks_first_and_names_whom() {
+    let (mut cockpit, scene) = (cockpit(), fleet());
+    assert!(letter(&mut cockpit, &scene, 'X').is_empty());
+    line(&screen(&mut cockpit, &scene, 80, 24), "Reset all that is latched? xtb-3");
+    let mut no = cockpit.clone();
+    assert!(letter(&mut no, &scene, 'n').is_empty());
+    assert!(letter(&mut no, &scene, 'y').is_empty(), "it is asked no longer");
+    let reset = deeds(&letter(&mut cockpit, &scene, 'y'));
+    let [Deed::ResetAll { robots }] = &reset[..] else { panic!("{reset:?}") };
+    assert!(robots.contains(&name("xtb-3")) && !robots.contains(&name("xtb-1")), "{robots:?}");
+    // Whose state is unknown is not reset on the strength of what it was.
+    assert!(!robots.contains(&name("xtb-4")), "{robots:?}");
+}
+
+#[test]
 fn cancel_ends_the_task_or_else_the_goal() {
     let (mut cockpit, scene) = (cockpit(), fleet());
     letter(&mut cockpit, &scene, '2');
