@@ -2,6 +2,7 @@
 
 use crate::client;
 use crate::error::{Failure, Kind, Result};
+use robot_agent::files::{self, FileError};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -24,7 +25,7 @@ const PUBLISH_EVERY: Duration = Duration::from_secs(30);
 /// [`Kind::Config`]: a file cannot be read, or is no map and no world.
 pub fn read(path: &Path, resolution_m: f64) -> Result<Map> {
     let broken = |reason: String| Failure::new(Kind::Config, format!("{}: {reason}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| unreadable(path, &error))?;
+    let text = files::text(path, files::MAX_TEXT).map_err(|error| unreadable(path, &error))?;
     let named = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     match named {
         "toml" => {
@@ -37,7 +38,8 @@ pub fn read(path: &Path, resolution_m: f64) -> Result<Map> {
             let description =
                 Description::from_yaml(&text).map_err(|error| broken(error.to_string()).hint(hint))?;
             let image_path = path.parent().unwrap_or(Path::new("")).join(description.image());
-            let image = std::fs::read(&image_path).map_err(|error| unreadable(&image_path, &error))?;
+            let image = files::bytes(&image_path, files::MAX_IMAGE)
+                .map_err(|error| unreadable(&image_path, &error))?;
             let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or("map");
             description.map(stem, &image).map_err(|error| broken(error.to_string()).hint(hint))
         }
@@ -46,7 +48,7 @@ pub fn read(path: &Path, resolution_m: f64) -> Result<Map> {
     }
 }
 
-fn unreadable(path: &Path, error: &std::io::Error) -> Failure {
+fn unreadable(path: &Path, error: &FileError) -> Failure {
     Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
         .hint("a map is a YAML file and the image that it names; worlds/ holds worlds")
 }

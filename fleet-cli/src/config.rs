@@ -1,6 +1,7 @@
 //! The fleet config: an optional TOML file with the fleet's name, routers and roster.
 
 use crate::error::{Failure, Kind, Result};
+use robot_agent::files;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -35,7 +36,7 @@ impl FleetConfig {
             return Ok(Self::default());
         };
         let place = path.display();
-        let text = std::fs::read_to_string(&path).map_err(|error| {
+        let text = files::text(&path, files::MAX_TEXT).map_err(|error| {
             Failure::new(Kind::Config, format!("cannot read the config {place}: {error}"))
         })?;
         Self::parse(&text)

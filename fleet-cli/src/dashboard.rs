@@ -10,6 +10,7 @@ mod frames;
 mod listener;
 mod metrics;
 mod orders;
+mod places;
 mod security;
 mod server;
 mod session;

@@ -3,6 +3,7 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
+use robot_agent::files;
 use robot_agent::logging::LogFormat;
 use std::path::{Path, PathBuf};
 use toml::Value;
@@ -212,7 +213,7 @@ impl Settings {
     fn over(&self, mut layers: Layers, config: Option<&Path>) -> Result<ConfigFile, ConfigProblem> {
         if let Some(path) = config {
             let origin = path.display().to_string();
-            let text = std::fs::read_to_string(path)
+            let text = files::text(path, files::MAX_TEXT)
                 .map_err(|error| ConfigProblem::Read { path: origin.clone(), reason: error.to_string() })?;
             layers.file(&origin, &text)?;
         }

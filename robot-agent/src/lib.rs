@@ -10,6 +10,7 @@ pub mod config;
 mod control_loop;
 mod door;
 mod downlink;
+pub mod files;
 pub mod hardware;
 pub mod logging;
 mod mailbox;

@@ -13,10 +13,14 @@
 //! that the recorder had to drop. `sample_crc` is the CRC-32 of the sample's message: a sample that
 //! was altered afterwards is found even if it changes no decision.
 
+pub mod bounds;
+
+use crate::files::{self, FileError};
+use bounds::Excess;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use mcap::McapError;
 use mcap::records::Record;
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::sans_io::{LinearReadEvent, LinearReader};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::fs::File;
@@ -28,8 +32,6 @@ use xtb_control::{Sample, Stamp};
 use xtb_protocol::trace::{TraceReader, exact_decision_line, sample_line};
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
-/// Longest record that is read: more than any message, chunks of ours are about 1 MiB.
-const MAX_RECORD: usize = 256 << 20;
 
 /// The topic of the first message.
 pub const CONFIG: &str = "config";
@@ -133,6 +135,12 @@ pub enum RecordingError {
     /// It cannot be read.
     #[error("{0}")]
     Io(#[from] io::Error),
+    /// It cannot be opened, or is no file.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// It holds more of something than any recording does.
+    #[error(transparent)]
+    Excess(#[from] Excess),
     /// It is not MCAP, or damaged.
     #[error("{0}")]
     Mcap(#[from] McapError),
@@ -168,12 +176,8 @@ impl Recording {
     /// # Errors
     /// It cannot be read, or is none.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let options = LinearReaderOptions::default()
-            .with_skip_end_magic(true)
-            .with_validate_chunk_crcs(true)
-            .with_validate_data_section_crc(true)
-            .with_record_length_limit(MAX_RECORD);
-        let mut file = File::open(path)?;
+        let options = bounds::reader_options().with_validate_data_section_crc(true);
+        let mut file = files::open(path)?;
         let finished = ends_with_magic(&mut file)?;
         let mut recording = Self {
             file,
@@ -262,12 +266,16 @@ impl Recording {
                     let read = self.file.read(self.reader.insert(need))?;
                     self.reader.notify_read(read);
                 }
-                LinearReadEvent::Record { data, opcode } => match mcap::parse_record(opcode, data)? {
+                LinearReadEvent::Record { data, opcode } => match parse(opcode, data)? {
                     Record::Channel(channel) => {
                         let topic = channel.topic.rsplit('/').next().unwrap_or_default();
+                        let known = usize::from(self.topics.contains_key(&channel.id));
+                        let others = self.topics.len() - known;
+                        bounds::name(topic, others)?;
                         self.topics.insert(channel.id, topic.to_owned());
                     }
                     Record::Message { header, data } => {
+                        bounds::json(&data)?;
                         self.messages += 1;
                         let text = String::from_utf8_lossy(&data).into_owned();
                         let topic = self.topics.get(&header.channel_id).cloned().unwrap_or_default();
@@ -283,6 +291,12 @@ impl Recording {
             }
         }
     }
+}
+
+/// A record that is not too long.
+fn parse(opcode: u8, data: &[u8]) -> Result<Record<'_>, RecordingError> {
+    bounds::record(opcode, data.len())?;
+    Ok(mcap::parse_record(opcode, data)?)
 }
 
 /// Whether a file ends with MCAP's magic bytes; leaves it at its beginning.

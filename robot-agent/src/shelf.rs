@@ -3,7 +3,6 @@
 //! One thread-pool task reads for all clients, one question after the other, and questions carry
 //! Zenoh's lowest priority: neither the control loop nor a state ever waits for a recording.
 
-use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -150,7 +149,7 @@ fn overloaded() -> LogReply {
 }
 
 fn piece(path: &Path, offset: u64, length: u32, now: SystemTime) -> std::io::Result<LogReply> {
-    let mut file = File::open(path)?;
+    let mut file = crate::files::open(path)?;
     let about = file.metadata()?;
     if offset > about.len() {
         let message = format!("the recording has {} bytes, {offset} is behind its end", about.len());

@@ -105,11 +105,24 @@ impl Process {
     /// If it has ended.
     #[must_use]
     pub fn memory_kib(&self) -> u64 {
+        self.status_kib("VmRSS:")
+    }
+
+    /// The most memory that it has held so far, in KiB.
+    ///
+    /// # Panics
+    /// If it has ended.
+    #[must_use]
+    pub fn peak_memory_kib(&self) -> u64 {
+        self.status_kib("VmHWM:")
+    }
+
+    fn status_kib(&self, field: &str) -> u64 {
         let path = format!("/proc/{}/status", self.0.id());
         let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{error}"));
-        let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let line = text.lines().find_map(|line| line.strip_prefix(field));
         let kib = line.and_then(|line| line.split_whitespace().next()?.parse().ok());
-        kib.unwrap_or_else(|| panic!("no VmRSS in {text}"))
+        kib.unwrap_or_else(|| panic!("no {field} in {text}"))
     }
 }
 
@@ -142,6 +155,12 @@ impl RouterProcess {
     #[must_use]
     pub fn endpoint(&self) -> &str {
         &self.endpoint
+    }
+
+    /// The process.
+    #[must_use]
+    pub fn process(&self) -> &Process {
+        &self.process
     }
 
     /// `kill -9`.

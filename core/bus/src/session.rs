@@ -11,6 +11,9 @@ use zenoh::sample::SampleKind;
 /// How long a link may be silent before the other side takes it for lost; four keep-alives in it.
 /// (Zenoh's own default is 10 s: too long for a fleet.)
 const LINK_LEASE_MS: u32 = 2000;
+/// Longest message that is taken in, in bytes: twice the longest of ours. Of a longer one the rest is thrown
+/// away as it comes, and the link stays. (Zenoh's own limit is 1 GiB.)
+const MAX_MESSAGE: usize = 8 * 1024 * 1024;
 /// Between two attempts to reach the router.
 const RETRY_FIRST_MS: u32 = 200;
 const RETRY_MOST_MS: u32 = 1000;
@@ -122,6 +125,7 @@ impl Role {
         set("scouting/gossip/enabled", multicast.to_string())?;
         set("transport/link/tx/lease", LINK_LEASE_MS.to_string())?;
         set("transport/link/tx/keep_alive", "4".into())?;
+        set("transport/link/rx/max_message_size", MAX_MESSAGE.to_string())?;
         Ok(config)
     }
 }

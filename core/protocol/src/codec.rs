@@ -109,19 +109,7 @@ pub fn encode<M: Message>(message: &M, format: Format) -> Result<Vec<u8>, CodecE
 /// How many bytes a part of a message takes as JSON; what cannot be written takes none.
 #[must_use]
 pub fn json_bytes(part: &impl serde::Serialize) -> usize {
-    struct Count(usize);
-    impl std::io::Write for Count {
-        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-            self.0 += bytes.len();
-            Ok(bytes.len())
-        }
-
-        fn flush(&mut self) -> std::io::Result<()> {
-            Ok(())
-        }
-    }
-    let mut count = Count(0);
-    serde_json::to_writer(&mut count, part).map_or(0, |()| count.0)
+    serde_json::to_vec(part).map_or(0, |json| json.len())
 }
 
 /// A parser repeats the field that it does not know, however long. Both ends of what it says are kept:

@@ -135,8 +135,13 @@ fn answers() {
 
 #[test]
 fn the_list() {
-    let list =
-        TaskList { ledger: 300, at_ms: 950, ledger_failed: Some("full".to_owned()), tasks: vec![view()], left_out: 9 };
+    let list = TaskList {
+        ledger: 300,
+        at_ms: 950,
+        ledger_failed: Some("full".to_owned()),
+        tasks: vec![view()],
+        left_out: 9,
+    };
     pinned(
         &list,
         concat!(

@@ -2,7 +2,7 @@
 
 use crate::dashboard::Origin;
 use clap::Args;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 
 const DASHBOARD_HELP: &str = "\
 Another address than 127.0.0.1 needs a token: whoever gets in may drive robots. What travels can be read and \
@@ -29,6 +29,9 @@ pub struct DashboardArgs {
     /// Where the page is seen from outside, such as behind a proxy; several: repeat it.
     #[arg(long, value_name = "URL")]
     pub allow_origin: Vec<Origin>,
+    /// A proxy in front, on another machine: as many people come from its address; several: repeat it.
+    #[arg(long, value_name = "IP")]
+    pub proxy: Vec<IpAddr>,
     /// Frames a second at most.
     #[arg(long, value_name = "HZ", default_value_t = HZ, value_parser = rate)]
     pub hz: f64,
@@ -44,7 +47,8 @@ impl DashboardArgs {
     /// Everything as it is by default, but for the address.
     #[must_use]
     pub fn at(listen: SocketAddr) -> Self {
-        Self { listen, token: None, read_only: false, allow_origin: Vec::new(), hz: HZ, foxglove: None }
+        let (allow_origin, proxy) = (Vec::new(), Vec::new());
+        Self { listen, token: None, read_only: false, allow_origin, proxy, hz: HZ, foxglove: None }
     }
 }
 

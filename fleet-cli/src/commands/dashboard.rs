@@ -95,7 +95,7 @@ async fn sensors_for_pages(client: &Client, live: &Live, running: &Running) {
 pub(crate) async fn played(ctx: &Context, playing: Arc<Playing>, listen: SocketAddr) -> Result<Exit> {
     let stop = pin!(interrupted());
     let settings =
-        Settings { listen, token: None, read_only: true, allow_origins: Vec::new(), hz: PLAYED_HZ };
+        Settings { token: None, read_only: true, hz: PLAYED_HZ, ..settings(&DashboardArgs::at(listen)) };
     let running = Running::start(settings, Shown { scene: playing.scene(), commands: None }).await?;
     ready(ctx, &running, true)?;
     stop.await;
@@ -109,6 +109,7 @@ fn settings(args: &DashboardArgs) -> Settings {
         token: args.token.clone().filter(|token| !token.is_empty()),
         read_only: args.read_only,
         allow_origins: args.allow_origin.clone(),
+        proxies: args.proxy.clone(),
         hz: args.hz,
     }
 }

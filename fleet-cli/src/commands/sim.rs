@@ -9,6 +9,7 @@ use crate::services::dispatch::beside::{self, Beside};
 use crate::services::dispatch::store::{self, Store};
 use crate::services::dispatch::usage::Usage;
 use crate::simulator::{Plan, Simulator};
+use robot_agent::files;
 use serde::Serialize;
 use std::net::SocketAddr;
 use std::path::Path;
@@ -169,7 +170,7 @@ fn bad_day(ctx: &Context, seed: u64) -> Result<Exit> {
 /// # Errors
 /// The file cannot be read, or the world is impossible.
 pub fn read_world(path: &Path) -> Result<World> {
-    let text = std::fs::read_to_string(path).map_err(|error| {
+    let text = files::text(path, files::MAX_TEXT).map_err(|error| {
         Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
             .hint("worlds/ holds examples")
     })?;

@@ -1,65 +1,114 @@
-//! Connections, bounded: how many there are, and how long one may be silent.
+//! Connections, bounded: how many there are, and how long each may take for what it says and hears.
 
+use super::metrics::Metrics;
+use super::places::{Place, Places};
+use axum::Router;
+use axum::http::StatusCode;
 use axum::serve::Listener;
+use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
 use std::future::Future;
 use std::io;
-use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::task::JoinSet;
 use tokio::time::{Instant, Sleep};
 
-/// Connections at once; further ones wait in the system's own queue.
-const MOST: usize = 128;
+/// A request's first line and headers are there within this, from when it is waited for.
+const HEADERS_WITHIN: Duration = Duration::from_secs(5);
 /// A page answers each frame, and a browser's other requests are short: who says nothing for so long is
 /// gone.
 const SILENT: Duration = Duration::from_secs(60);
+/// Who takes nothing of what is sent for so long does not read it.
+const STUCK: Duration = Duration::from_secs(10);
+/// What is read ahead of one connection, in bytes; longer headers are refused.
+const READ_AHEAD: usize = 32 * 1024;
+/// To whom there is no room for.
+const NO_ROOM: &[u8] =
+    b"HTTP/1.1 503 Service Unavailable\r\nconnection: close\r\ncontent-length: 25\r\n\r\ntoo many connections here";
 
-/// A listener that takes so many connections at most.
-pub(super) struct Bounded {
-    inner: TcpListener,
-    places: Arc<Semaphore>,
-}
-
-impl Bounded {
-    /// Around a listener.
-    pub(super) fn new(inner: TcpListener) -> Self {
-        Self { inner, places: Arc::new(Semaphore::new(MOST)) }
-    }
-}
-
-impl Listener for Bounded {
-    type Io = Connection;
-    type Addr = SocketAddr;
-
-    async fn accept(&mut self) -> (Connection, SocketAddr) {
-        loop {
-            let Ok(place) = Arc::clone(&self.places).acquire_owned().await else {
-                return std::future::pending().await;
-            };
-            let (stream, address) = Listener::accept(&mut self.inner).await;
-            // Frames are small and late ones are worth nothing.
-            if stream.set_nodelay(true).is_ok() {
-                let silent = Box::pin(tokio::time::sleep(SILENT));
-                return (Connection { stream, silent, _place: place }, address);
-            }
+/// Answers connections until it is dropped.
+pub(super) async fn serve(mut listener: TcpListener, places: Places, router: Router, metrics: &Metrics) {
+    let mut open = JoinSet::new();
+    loop {
+        // It waits where the system has no room for a connection.
+        let (stream, from) = Listener::accept(&mut listener).await;
+        while open.try_join_next().is_some() {}
+        let Some(place) = places.take(from.ip()) else {
+            metrics.refused("connections");
+            // Whether it hears that is its own affair.
+            let _ = stream.try_write(NO_ROOM);
+            continue;
+        };
+        // Frames are small and late ones are worth nothing.
+        if stream.set_nodelay(true).is_ok() {
+            open.spawn(answer(stream, Arc::new(place), router.clone()));
         }
     }
+}
 
-    fn local_addr(&self) -> io::Result<SocketAddr> {
-        self.inner.local_addr()
+/// One connection, until it ends, becomes a page's socket, or has to make room.
+async fn answer(stream: TcpStream, place: Arc<Place>, router: Router) {
+    let router = TowerToHyperService::new(router);
+    let working = Arc::clone(&place);
+    let service = service_fn(move |request| {
+        working.at_work();
+        let (response, place) = (router.call(request), Arc::clone(&working));
+        async move {
+            let response = response.await;
+            let is_socket =
+                response.as_ref().is_ok_and(|response| response.status() == StatusCode::SWITCHING_PROTOCOLS);
+            if !is_socket {
+                place.idle();
+            }
+            response
+        }
+    });
+    let io = TokioIo::new(Connection::new(stream, Arc::clone(&place)));
+    let mut http = http1::Builder::new();
+    http.timer(TokioTimer::new()).header_read_timeout(HEADERS_WITHIN).max_buf_size(READ_AHEAD);
+    tokio::select! {
+        ended = http.serve_connection(io, service).with_upgrades() => {
+            if let Err(error) = ended {
+                tracing::debug!("a connection to the dashboard: {error}");
+            }
+        }
+        () = place.taken() => {}
     }
 }
 
-/// A connection that ends when nothing is read from it for [`SILENT`].
-pub(super) struct Connection {
+/// A connection that ends when nothing is read from it for [`SILENT`], or it takes nothing for [`STUCK`].
+struct Connection {
     stream: TcpStream,
     silent: Pin<Box<Sleep>>,
-    _place: OwnedSemaphorePermit,
+    stuck: Option<Pin<Box<Sleep>>>,
+    _place: Arc<Place>,
+}
+
+impl Connection {
+    fn new(stream: TcpStream, place: Arc<Place>) -> Self {
+        let silent = Box::pin(tokio::time::sleep(SILENT));
+        Self { stream, silent, stuck: None, _place: place }
+    }
+
+    /// What came of a write; one that cannot go on for too long has failed.
+    fn written(&mut self, cx: &mut Context<'_>, write: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
+        if write.is_ready() {
+            self.stuck = None;
+            return write;
+        }
+        let stuck = self.stuck.get_or_insert_with(|| Box::pin(tokio::time::sleep(STUCK)));
+        match stuck.as_mut().poll(cx) {
+            Poll::Ready(()) => Poll::Ready(Err(io::ErrorKind::TimedOut.into())),
+            Poll::Pending => Poll::Pending,
+        }
+    }
 }
 
 impl AsyncRead for Connection {
@@ -81,7 +130,8 @@ impl AsyncRead for Connection {
 
 impl AsyncWrite for Connection {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.stream).poll_write(cx, bytes)
+        let write = Pin::new(&mut self.stream).poll_write(cx, bytes);
+        self.written(cx, write)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
@@ -97,7 +147,8 @@ impl AsyncWrite for Connection {
         cx: &mut Context<'_>,
         bytes: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.stream).poll_write_vectored(cx, bytes)
+        let write = Pin::new(&mut self.stream).poll_write_vectored(cx, bytes);
+        self.written(cx, write)
     }
 
     fn is_write_vectored(&self) -> bool {

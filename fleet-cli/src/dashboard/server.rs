@@ -2,6 +2,7 @@
 
 use super::frames::Hello;
 use super::metrics::Metrics;
+use super::places::Places;
 use super::security::{Entry, Guard, HEADERS, Origin, Refusal};
 use super::{assets, listener, socket};
 use crate::client::Client;
@@ -14,7 +15,7 @@ use axum::http::{HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -50,6 +51,8 @@ pub struct Settings {
     pub read_only: bool,
     /// Pages behind a proxy that may command.
     pub allow_origins: Vec<Origin>,
+    /// Proxies that stand in front: their connections are those of many people.
+    pub proxies: Vec<IpAddr>,
     /// Frames a second at most.
     pub hz: f64,
 }
@@ -161,7 +164,7 @@ impl Running {
     /// # Errors
     /// [`Kind::Usage`]: another address than loopback without a token; [`Kind::PortTaken`].
     pub async fn start(settings: Settings, shown: Shown) -> Result<Self> {
-        let Settings { listen, token, read_only, allow_origins, hz } = settings;
+        let Settings { listen, token, read_only, allow_origins, proxies, hz } = settings;
         let cookie = Uuid::new_v4().simple().to_string();
         let guard = Guard::new(listen, token.clone(), cookie, allow_origins)?;
         let listener = bind(listen).map_err(|error| taken(listen, &error))?;
@@ -184,9 +187,7 @@ impl Running {
         let ticker = tokio::spawn(tick(Arc::clone(&app), Duration::from_secs_f64(1.0 / hz)));
         let serving = tokio::spawn(async move {
             let router = router(Arc::clone(&app));
-            if let Err(error) = axum::serve(listener::Bounded::new(listener), router).await {
-                tracing::error!("the dashboard: {error}");
-            }
+            listener::serve(listener, Places::new(&proxies), router, &app.metrics).await;
         });
         Ok(Self { address, token, stop, places, busy, tasks: vec![ticker, serving] })
     }

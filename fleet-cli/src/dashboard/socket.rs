@@ -14,10 +14,13 @@ use futures_util::{SinkExt, StreamExt};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{mpsc, watch};
+use tokio::time::Instant;
 use xtb_protocol::{Name, Uuid};
 
 /// A page that does not take a message within this is closed.
 const SEND_WITHIN: Duration = Duration::from_secs(5);
+/// A page answers each frame: one that ends no message for so long is gone, however many bytes it sends.
+const SILENT: Duration = Duration::from_secs(60);
 /// The last word may take this long.
 const CLOSE_WITHIN: Duration = Duration::from_millis(500);
 /// Answers that wait for the page; one that finds no room closes it.
@@ -43,13 +46,18 @@ pub(super) async fn serve(app: Arc<App>, socket: WebSocket) {
 
 /// Hears the page until it is gone; the wheel is let go with the desk.
 async fn read(app: &App, mut stream: SplitStream<WebSocket>, session: &Mutex<Session>, mut desk: Desk) {
+    let mut heard_at = Instant::now();
     loop {
         let heard = tokio::select! {
-            message = stream.next() => match message {
-                Some(Ok(Message::Text(text))) => hear(app, session, &mut desk, text.as_str()),
-                Some(Ok(Message::Close(_)) | Err(_)) | None => return,
-                Some(Ok(_)) => Ok(()),
-            },
+            message = tokio::time::timeout_at(heard_at + SILENT, stream.next()) => {
+                heard_at = Instant::now();
+                match message {
+                    Ok(Some(Ok(Message::Text(text)))) => hear(app, session, &mut desk, text.as_str()),
+                    // Bytes that make no message are no word either.
+                    Ok(Some(Ok(Message::Close(_)) | Err(_)) | None) | Err(_) => return,
+                    Ok(Some(Ok(_))) => Ok(()),
+                }
+            }
             done = desk.next() => desk.ended(done),
         };
         if heard.is_err() {

@@ -1,18 +1,17 @@
 //! Reads a recording of the fleet from its beginning, message by message, with memory for one chunk
 //! only. A file that was cut is read up to the cut.
 
-use super::BEGAN;
+use super::{BEGAN, COUNTS};
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use robot_agent::files::{self, FileError};
+use robot_agent::recording::bounds::{self, Excess};
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
-
-/// Longest record that is read: more than any message or chunk of ours.
-const MAX_RECORD: usize = 256 << 20;
 
 /// A file is not a recording, or is damaged.
 #[derive(Debug, Error)]
@@ -20,6 +19,12 @@ pub enum ReadError {
     /// It cannot be read.
     #[error("{0}")]
     Io(#[from] io::Error),
+    /// It cannot be opened, or is no file.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// It holds more of something than any recording does.
+    #[error(transparent)]
+    Excess(#[from] Excess),
     /// It is not MCAP, or damaged.
     #[error("{0}")]
     Mcap(#[from] McapError),
@@ -79,12 +84,12 @@ impl Reader {
     /// # Errors
     /// It cannot be opened.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        Self::with(path, options())
+        Self::with(path, bounds::reader_options())
     }
 
     fn with(path: &Path, options: LinearReaderOptions) -> Result<Self, ReadError> {
         Ok(Self {
-            file: File::open(path)?,
+            file: files::open(path)?,
             path: path.to_owned(),
             reader: LinearReader::new_with_options(options),
             schemas: HashMap::new(),
@@ -102,6 +107,7 @@ impl Reader {
     pub fn next_message(&mut self) -> Result<Option<Recorded>, ReadError> {
         while let Some(record) = self.next_record()? {
             if let Record::Message { header, data } = record {
+                bounds::json(&data)?;
                 let (topic, schema) = self.channels.get(&header.channel_id).cloned().unwrap_or_default();
                 return Ok(Some(Recorded {
                     topic,
@@ -131,13 +137,21 @@ impl Reader {
                 }
                 LinearReadEvent::Record { data, opcode } => (data, opcode),
             };
+            bounds::record(opcode, data.len())?;
             match mcap::parse_record(opcode, data)?.into_owned() {
-                Record::Schema { header, .. } => drop(self.schemas.insert(header.id, header.name)),
+                Record::Schema { header, .. } => {
+                    bounds::name(&header.name, beside(&self.schemas, &header.id))?;
+                    self.schemas.insert(header.id, header.name);
+                }
                 Record::Channel(channel) => {
+                    bounds::name(&channel.topic, beside(&self.channels, &channel.id))?;
                     let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
                     self.channels.insert(channel.id, (channel.topic, schema));
                 }
-                Record::Metadata(metadata) => drop(self.metadata.insert(metadata.name, metadata.metadata)),
+                // Others are none of ours.
+                Record::Metadata(metadata) if [BEGAN, COUNTS].contains(&metadata.name.as_str()) => {
+                    self.metadata.insert(metadata.name, metadata.metadata);
+                }
                 // After the data come indexes only; a file that has got so far is complete.
                 Record::DataEnd(_) => self.over = true,
                 record => return Ok(Some(record)),
@@ -183,7 +197,7 @@ impl Reader {
 /// # Errors
 /// Every [`ReadError`].
 pub fn span(path: &Path) -> Result<Span, ReadError> {
-    let mut reader = Reader::with(path, options().with_emit_chunks(true))?;
+    let mut reader = Reader::with(path, bounds::reader_options().with_emit_chunks(true))?;
     let mut found: Option<Span> = None;
     while let Some(record) = reader.next_record()? {
         let (began_ns, ended_ns) = match record {
@@ -198,11 +212,9 @@ pub fn span(path: &Path) -> Result<Span, ReadError> {
     found.ok_or(ReadError::Empty)
 }
 
-fn options() -> LinearReaderOptions {
-    LinearReaderOptions::default()
-        .with_skip_end_magic(true)
-        .with_validate_chunk_crcs(true)
-        .with_record_length_limit(MAX_RECORD)
+/// How many are known beside this one.
+fn beside<K: Eq + std::hash::Hash, V>(known: &HashMap<K, V>, id: &K) -> usize {
+    known.len() - usize::from(known.contains_key(id))
 }
 
 /// Whether a reader's error means that the file ends too early, and not that it is damaged.

@@ -3,6 +3,7 @@
 use super::{Failure, columns, print, print_json};
 use crate::cli::{ReplayArgs, Settings};
 use robot_agent::config::Layers;
+use robot_agent::files;
 use robot_agent::recording::{Ending, Recording, RecordingError};
 use robot_agent::replay::{Comparison, Difference, OtherDecision, WhatIf, compare, unusable, what_if};
 use std::fs::File;
@@ -160,24 +161,26 @@ fn export(
 /// Prints what the controller decides on each line. A malformed line ends the run.
 fn replay_trace(path: &Path, vehicle: VehicleConfig) -> Result<ExitCode, Failure> {
     let name = path.display();
-    let input: Box<dyn BufRead> = if path == Path::new("-") {
+    let mut input: Box<dyn BufRead> = if path == Path::new("-") {
         Box::new(io::stdin().lock())
     } else {
-        let file = File::open(path)
+        let file = files::open(path)
             .map_err(|error| Failure::new(format!("{name}: {error}"), "--trace takes a file of samples"))?;
         Box::new(BufReader::new(file))
     };
     let (mut reader, mut controller) = (TraceReader::default(), Controller::new(vehicle));
     let mut out = BufWriter::new(io::stdout().lock());
-    for (i, line) in input.lines().enumerate() {
-        let read = line
-            .map_err(|error| error.to_string())
-            .and_then(|line| reader.line(&line).map_err(|error| error.to_string()));
+    for number in 1_u64.. {
+        let read = match files::line(&mut input, files::MAX_LINE) {
+            Ok(None) => break,
+            Ok(Some(line)) => reader.line(&line).map_err(|error| error.to_string()),
+            Err(error) => Err(error.to_string()),
+        };
         let (t, sample) = match read {
             Ok(read) => read,
             Err(wrong) => {
                 let _ = out.flush();
-                let message = format!("{name}:{}: {wrong}", i + 1);
+                let message = format!("{name}:{number}: {wrong}");
                 return Err(Failure::at(message, "docs/trace.md says what a line may be"));
             }
         };

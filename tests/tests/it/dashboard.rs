@@ -6,6 +6,7 @@ mod commands;
 mod driving;
 mod entry;
 mod page;
+mod slow;
 mod stalled;
 
 use fleet_cli::client::Client;
@@ -48,6 +49,7 @@ impl Rig {
             token: None,
             read_only: false,
             allow_origins: Vec::new(),
+            proxies: Vec::new(),
             hz: 20.0,
         };
         change(&mut settings);

@@ -9,11 +9,13 @@ mod dispatch;
 mod driving;
 mod fetching;
 mod fleet_recording;
+mod foreign_files;
 #[cfg(feature = "foxglove")]
 mod foxglove;
 mod fuzz;
 mod hardware;
 mod hostile;
+mod huge_messages;
 mod logs;
 mod membership;
 mod obstacles;

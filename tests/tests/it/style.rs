@@ -71,6 +71,15 @@ fn zenoh_is_opened_in_the_bus_only() {
     none(&places(&folders, &["zenoh::", "zenoh_ext"], &[]));
 }
 
+/// A ledger's own files are not somebody else's.
+#[test]
+fn files_are_read_with_their_bounds_only() {
+    let words = ["fs::read_to_string(", "fs::read(", "File::open("];
+    let except =
+        ["files.rs", "ledger.rs", "ledger/wal.rs", "ledger/export.rs", "tests.rs", "tests/damage.rs"];
+    none(&places(&["robot-agent/src", "fleet-cli/src"], &words, &except));
+}
+
 #[test]
 fn every_module_says_what_it_is_for() {
     let mut files = Vec::new();

@@ -2,31 +2,23 @@
 
 use super::points::waypoint;
 use crate::error::{Failure, Kind, Result};
+use robot_agent::files;
 use serde::Deserialize;
-use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{LinkLoss, MAX_SUBMISSION, OnTakeover, TaskKind, TaskSpec, Waypoint, Who};
 
-/// A file of tasks is not longer than this.
-const MAX_BYTES: u64 = 4 << 20;
 const HINT: &str = "`fleet-cli dispatch submit --help` has an example";
 
 /// A text file.
 ///
 /// # Errors
 /// [`Kind::Config`]: it cannot be read, or is too long.
-pub(super) fn text(path: &Path, max_bytes: u64) -> Result<String> {
-    let cannot = |what: String| Failure::new(Kind::Config, format!("cannot read {}: {what}", path.display()));
-    let file = std::fs::File::open(path).map_err(|error| cannot(error.to_string()))?;
-    let mut text = String::new();
-    file.take(max_bytes + 1).read_to_string(&mut text).map_err(|error| cannot(error.to_string()))?;
-    match u64::try_from(text.len()).unwrap_or(u64::MAX) > max_bytes {
-        true => Err(cannot(format!("it is longer than {max_bytes} bytes"))),
-        false => Ok(text),
-    }
+pub(super) fn text(path: &Path, max_bytes: usize) -> Result<String> {
+    files::text(path, max_bytes)
+        .map_err(|error| Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display())))
 }
 
 /// The tasks of a file; deadlines count from `now_ms`.
@@ -34,7 +26,7 @@ pub(super) fn text(path: &Path, max_bytes: u64) -> Result<String> {
 /// # Errors
 /// [`Kind::Config`] with file, line and task.
 pub(super) fn read(path: &Path, now_ms: u64) -> Result<Vec<TaskSpec>> {
-    let text = text(path, MAX_BYTES)?;
+    let text = text(path, files::MAX_TEXT)?;
     parse(&text, now_ms)
         .map_err(|failure| Failure { message: format!("{}, {}", path.display(), failure.message), ..failure })
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use xtb_protocol::messages::{MAX_COORDINATE_M, MAX_POINTS, Waypoint};
 
 /// A file of points is not longer than this.
-const MAX_BYTES: u64 = 1 << 20;
+const MAX_BYTES: usize = 1 << 20;
 
 /// The points that `words` are, or that stand in the file that the only one of them names.
 ///

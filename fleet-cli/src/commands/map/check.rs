@@ -7,6 +7,7 @@ use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::output::{Output, Tone};
 use robot_agent::config::Layers;
+use robot_agent::files;
 use serde::Serialize;
 use std::path::Path;
 use xtb_control::VehicleConfig;
@@ -88,7 +89,7 @@ fn vehicle(path: &Path) -> Result<VehicleConfig> {
         Failure::new(Kind::Config, format!("{place}: {reason}"))
             .hint("`robot-agent --print-config` prints a config with all settings")
     };
-    let text = std::fs::read_to_string(path).map_err(|error| invalid(&error))?;
+    let text = files::text(path, files::MAX_TEXT).map_err(|error| invalid(&error))?;
     let mut layers = Layers::default();
     layers.file(&place, &text).map_err(|error| invalid(&error))?;
     Ok(layers.finish().map_err(|error| invalid(&error))?.vehicle)

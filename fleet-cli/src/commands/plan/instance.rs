@@ -17,6 +17,7 @@
 
 use crate::commands::sim::read_world;
 use crate::error::{Failure, Kind, Result};
+use robot_agent::files;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -112,7 +113,7 @@ impl Instance {
         let invalid = |error: String| {
             Failure::new(Kind::Config, format!("{}: {}", path.display(), error.trim_end())).hint(hint)
         };
-        let text = std::fs::read_to_string(path).map_err(|error| {
+        let text = files::text(path, files::MAX_TEXT).map_err(|error| {
             Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
         })?;
         let kind: Kinds = serde_saphyr::from_str(&text).map_err(|error| invalid(error.to_string()))?;

@@ -8,10 +8,14 @@
 
 use super::error::Fault;
 use super::schema::check_sum;
+use robot_agent::files;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+
+/// Of the file beside a ledger: its process and its mark.
+const MOST_BYTES: usize = 128;
 
 /// Where the second line begins: after `pid 4294967295\n`.
 const MARK_AT: u64 = 15;
@@ -67,11 +71,11 @@ impl Holder {
 
 /// What was acknowledged last according to the file beside a ledger.
 pub(super) fn acknowledged(ledger: &Path) -> Option<u64> {
-    std::fs::read_to_string(lock_path(ledger)).ok().and_then(|text| mark(&text))
+    files::text(&lock_path(ledger), MOST_BYTES).ok().and_then(|text| mark(&text))
 }
 
 fn text(file: &File) -> String {
-    let mut bytes = [0; 128];
+    let mut bytes = [0; MOST_BYTES];
     let length = file.read_at(&mut bytes, 0).unwrap_or(0);
     String::from_utf8_lossy(&bytes[..length]).into_owned()
 }

@@ -1,6 +1,7 @@
 //! Readings from a file: "count quantity" a line, in the order in which they were taken.
 
 use crate::commands::Failure;
+use robot_agent::files;
 use std::path::Path;
 use xtb_control::PwmCount;
 use xtb_control::calibration::{Actuator, Branch, Kind, Point};
@@ -9,7 +10,7 @@ use xtb_control::calibration::{Actuator, Branch, Kind, Point};
 pub(crate) fn read(path: &Path, what: Actuator) -> Result<Vec<Point>, Failure> {
     let name = path.display();
     let hint = format!("a line is a pulse in counts and what was measured there, in {}", what.unit());
-    let text = std::fs::read_to_string(path)
+    let text = files::text(path, files::MAX_TEXT)
         .map_err(|error| Failure::new(format!("cannot read {name}: {error}"), &hint).code(2))?;
     parse(&text, what).map_err(|wrong| Failure::new(format!("{name}:{wrong}"), &hint).code(2))
 }

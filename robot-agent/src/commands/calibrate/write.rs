@@ -4,6 +4,7 @@
 //! power cut leaves the old file or the new one.
 
 use robot_agent::config::{ConfigProblem, Layers};
+use robot_agent::files;
 use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
@@ -58,10 +59,10 @@ fn rounded(value: f64) -> f64 {
 pub(crate) fn write(path: &Path, changes: &[Change]) -> Result<(), WriteError> {
     let name = path.display().to_string();
     let failed = |error: io::Error| WriteError::File { path: name.clone(), error };
-    let old = match fs::read_to_string(path) {
+    let old = match files::text(path, files::MAX_TEXT) {
         Ok(text) => text,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => HEAD.to_owned(),
-        Err(error) => return Err(failed(error)),
+        Err(error) if error.is_missing() => HEAD.to_owned(),
+        Err(error) => return Err(failed(error.into())),
     };
     let new = changed(&old, changes).map_err(|reason| WriteError::Syntax { path: name.clone(), reason })?;
     let mut layers = Layers::default();

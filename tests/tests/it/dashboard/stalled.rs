@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use tokio::net::TcpSocket;
 use tokio_tungstenite::tungstenite::Message;
 
-fn dashboard(fleet: &Fleet) -> (Process, SocketAddr) {
+pub(super) fn dashboard(fleet: &Fleet) -> (Process, SocketAddr) {
     let mut command = Command::new(program("fleet-cli"));
     command.args(["--json", "--connect", fleet.simulator.endpoint(), "dashboard", "--listen", "127.0.0.1:0"]);
     let (process, line) = Process::start_ready(&mut command);
