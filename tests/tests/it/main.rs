@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
+mod attacker;
 mod cockpit;
 mod commands;
 mod dashboard;
@@ -14,6 +15,7 @@ mod foxglove;
 mod fuzz;
 mod hardware;
 mod hostile;
+mod keys;
 mod logs;
 mod membership;
 mod obstacles;
@@ -23,4 +25,5 @@ mod recording;
 mod style;
 mod tasks;
 mod teleop;
+mod terminal;
 mod traffic;
