@@ -283,14 +283,14 @@ async fn answer(
     mut questions: mpsc::UnboundedReceiver<Question>,
 ) {
     while let Some(question) = questions.recv().await {
-        let asked = question.key_expr().to_owned();
-        let client = name(asked.rsplit('/').next().unwrap());
-        if asked.ends_with("/state") {
+        let channel = question.key().channel.clone();
+        let client = channel.client().cloned().unwrap_or_else(|| name("nobody"));
+        if channel == Channel::State {
             let state = fake.lock().unwrap().state.clone();
             question.reply(&keys.state(), &state, Format::Postcard).await.unwrap();
-        } else if asked.ends_with("/about") {
+        } else if channel == Channel::About {
             question.reply(&keys.about(), &about, Format::Postcard).await.unwrap();
-        } else if asked.contains("/estop/") {
+        } else if matches!(channel, Channel::Estop(_)) {
             let (Estop { .. }, format) = question.decode().unwrap();
             let robot = Key::parse(&keys.state()).unwrap().robot.unwrap();
             if fake.lock().unwrap().estop(&client) {

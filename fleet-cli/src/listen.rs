@@ -1,5 +1,6 @@
 //! Listening on any keys of ours, for `watch`, `record` and the screens: what is published, the
-//! answers of those who only answer, and presence, all through one inlet.
+//! answers of those who only answer, and presence, all through one inlet. What is published comes in as it
+//! is, on keys that are none of ours too: [`News`](crate::news::News) tells them apart.
 
 pub(crate) mod plan;
 
@@ -52,10 +53,10 @@ impl Sources {
             Plan::Presence => self.presences.push(presence(client, key_expr, inlet).await?),
             Plan::Events => {
                 let each = message_to(inlet);
-                self.subscriptions.push(client.bus().subscribe_events(key_expr, each).await?);
+                self.subscriptions.push(client.bus().subscribe_events_raw(key_expr, each).await?);
             }
             Plan::Messages { ask, presence: there } => {
-                self.subscriptions.push(client.bus().subscribe(key_expr, message_to(inlet)).await?);
+                self.subscriptions.push(client.bus().subscribe_raw(key_expr, message_to(inlet)).await?);
                 for key_expr in there {
                     self.presences.push(presence(client, &key_expr, inlet).await?);
                 }

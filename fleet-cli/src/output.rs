@@ -1,10 +1,16 @@
 //! The only place that prints: results to standard output, progress and errors to standard error.
+//!
+//! Nothing leaves it that could do more to a terminal than stand there: only our own colours and line feeds
+//! get through. Texts of messages were escaped where they were read
+//! ([`text`](xtb_protocol::text)); this holds for the system's words and whatever else ends up here.
 
 use crate::cli::ColorChoice;
 use crate::error::{Failure, Kind, Result};
 use serde::Serialize;
+use std::borrow::Cow;
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
+use xtb_protocol::text;
 
 /// Between two lines of progress where they cannot be painted over.
 const PROGRESS_EVERY: Duration = Duration::from_secs(2);
@@ -27,7 +33,12 @@ pub enum Tone {
     Bad,
 }
 
+const RESET: &str = "\x1b[0m";
+
 impl Tone {
+    /// All that colour anything.
+    const COLORS: [Self; 5] = [Self::Strong, Self::Dim, Self::Good, Self::Warning, Self::Bad];
+
     fn sgr(self) -> &'static str {
         match self {
             Self::Plain => "",
@@ -38,6 +49,33 @@ impl Tone {
             Self::Bad => "\x1b[31m",
         }
     }
+}
+
+/// The text as a terminal may have it: [`Output::paint`]'s colours and line feeds stay, every other control
+/// character becomes its escape.
+pub(crate) fn safe(text: &str) -> Cow<'_, str> {
+    let mut parts = text.split('\x1b');
+    let first = text::escaped_lines(parts.next().unwrap_or_default());
+    if let Cow::Borrowed(whole) = first
+        && whole.len() == text.len()
+    {
+        return Cow::Borrowed(whole);
+    }
+    let mut out = first.into_owned();
+    for part in parts {
+        let colors = Tone::COLORS.map(Tone::sgr).into_iter().chain([RESET]);
+        let own = colors.filter_map(|sgr| sgr.strip_prefix('\x1b')).find(|sgr| part.starts_with(sgr));
+        out.push_str(if own.is_some() { "\x1b" } else { "\\u{1b}" });
+        out.push_str(&text::escaped_lines(part));
+    }
+    Cow::Owned(out)
+}
+
+/// A line of JSON without any control character, inside its strings either.
+pub(crate) fn json_line(value: &impl Serialize) -> Result<String> {
+    let line = serde_json::to_string(value)
+        .map_err(|error| Failure::new(Kind::Failed, format!("cannot write JSON: {error}")))?;
+    Ok(text::escaped_json(&line).into_owned())
 }
 
 /// Where and how results are printed.
@@ -80,7 +118,7 @@ impl Output {
     #[must_use]
     pub fn paint(&self, tone: Tone, text: &str) -> String {
         if self.colors && tone != Tone::Plain && !text.is_empty() {
-            format!("{}{text}\x1b[0m", tone.sgr())
+            format!("{}{text}{RESET}", tone.sgr())
         } else {
             text.to_owned()
         }
@@ -92,7 +130,7 @@ impl Output {
     /// [`Kind::PipeClosed`], or the system's words.
     pub fn text(&self, text: &str) -> Result<()> {
         let mut out = std::io::stdout().lock();
-        writeln!(out, "{}", text.trim_end_matches('\n'))?;
+        writeln!(out, "{}", safe(text.trim_end_matches('\n')))?;
         Ok(out.flush()?)
     }
 
@@ -101,9 +139,7 @@ impl Output {
     /// # Errors
     /// [`Kind::PipeClosed`], or the system's words.
     pub fn line(&self, value: &impl Serialize) -> Result<()> {
-        let line = serde_json::to_string(value)
-            .map_err(|error| Failure::new(Kind::Failed, format!("cannot write JSON: {error}")))?;
-        self.text(&line)
+        self.text(&json_line(value)?)
     }
 
     /// The result: `value` as a line of JSON, or what `text` makes of it.
@@ -116,7 +152,7 @@ impl Output {
 
     /// A note for people, on standard error. It is lost if nobody reads it.
     pub fn note(&self, text: &str) {
-        let _ = writeln!(std::io::stderr().lock(), "{text}");
+        let _ = writeln!(std::io::stderr().lock(), "{}", safe(text));
     }
 
     /// Says what went wrong: one JSON line on standard output, or `error:` and `hint:` on standard
@@ -158,6 +194,7 @@ impl Progress {
 
     /// Shows how it stands.
     pub fn show(&mut self, text: &str) {
+        let text = &*text::escaped(text);
         let due = self.shown.is_none_or(|at| at.elapsed() >= PROGRESS_EVERY);
         let mut err = std::io::stderr().lock();
         // Progress that nobody reads is no error.
@@ -167,7 +204,7 @@ impl Progress {
             let _ = write!(err, "\r\x1b[2K{text}").and_then(|()| err.flush());
         } else if due && self.last != text {
             let _ = writeln!(err, "{text}");
-            text.clone_into(&mut self.last);
+            self.last = text.to_owned();
         }
         if due {
             self.shown = Some(Instant::now());
@@ -191,5 +228,32 @@ impl Drop for Progress {
 impl Default for Progress {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_our_own_colours_and_line_feeds_reach_a_terminal() {
+        let out = Output { json: false, colors: true };
+        let ours = format!("{}\n{}", out.paint(Tone::Bad, "LATCHED"), out.paint(Tone::Dim, "since 3 s"));
+        assert!(matches!(safe("plain · text\nof two lines"), Cow::Borrowed(_)));
+        assert_eq!(safe(&ours), ours);
+        let theirs = "\x1b]0;t\x07\x1b[2J\x1b\x1b[5m\r\u{9b}1m\x7f\u{202e}x\x1b";
+        let shown = safe(theirs);
+        assert_eq!(shown, "\\u{1b}]0;t\\u{7}\\u{1b}[2J\\u{1b}\\u{1b}[5m\\r\\u{9b}1m\\u{7f}\\u{202e}x\\u{1b}");
+        let mixed = format!("{ours}{theirs}");
+        assert_eq!(safe(&mixed), format!("{ours}{shown}"));
+    }
+
+    #[test]
+    fn json_is_without_control_characters_and_says_the_same() {
+        let value = "\x1b\x7f\u{9b}\u{202e}\u{2028}\n";
+        let line = json_line(&value).unwrap();
+        assert!(!line.contains(text::is_control), "{line:?}");
+        assert_eq!(serde_json::from_str::<String>(&line).unwrap(), value);
+        assert_eq!(safe(&line), line);
     }
 }

@@ -1,6 +1,7 @@
 //! The terminal as a live screen: raw mode, keys, repainting, and everything put back at the end.
 
 use crate::error::Result;
+use crate::output::safe;
 use crossterm::event::{
     self, DisableFocusChange, EnableFocusChange, Event, KeyCode, KeyEvent, KeyModifiers,
     KeyboardEnhancementFlags, PopKeyboardEnhancementFlags, PushKeyboardEnhancementFlags,
@@ -89,7 +90,7 @@ impl Terminal {
             queue!(
                 self.out,
                 cursor::MoveTo(0, row),
-                style::Print(line),
+                style::Print(safe(line)),
                 terminal::Clear(terminal::ClearType::UntilNewLine)
             )?;
         }

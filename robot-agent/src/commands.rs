@@ -10,6 +10,7 @@ use robot_agent::config::ConfigProblem;
 use std::fmt::Display;
 use std::io::{self, Write};
 use std::process::ExitCode;
+use xtb_protocol::text;
 
 /// Why a command failed: exit code, message, and a hint at what to do.
 #[derive(Debug)]
@@ -44,7 +45,7 @@ impl Failure {
         if !self.hint.is_empty() {
             text.push_str(&format!("hint: {}\n", self.hint));
         }
-        let _ = io::stderr().write_all(text.as_bytes());
+        tell(&text);
         ExitCode::from(self.code)
     }
 }
@@ -55,10 +56,17 @@ impl From<ConfigProblem> for Failure {
     }
 }
 
-/// Prints to standard output. A reader that has gone away (`| head`) is no failure, but the end.
+/// Says something on standard error, beside the result. Who has closed it does not want to know.
+pub(crate) fn tell(text: &str) {
+    let mut err = io::stderr().lock();
+    let _ = err.write_all(text::escaped_lines(text).as_bytes()).and_then(|()| err.flush());
+}
+
+/// Prints to standard output, without control characters: a recording that is replayed may come from
+/// anybody. A reader that has gone away (`| head`) is no failure, but the end.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    match out.write_all(text::escaped_lines(text).as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             Err(Failure::new(format!("cannot write: {error}"), ""))
         }
@@ -69,7 +77,7 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
 /// A value as a line of JSON.
 pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(value).map_err(|error| Failure::new(error, ""))?;
-    print(&(text + "\n"))
+    print(&(text::escaped_json(&text).into_owned() + "\n"))
 }
 
 /// Rows as columns, flush left; no line ends in blanks.

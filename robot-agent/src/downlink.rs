@@ -12,7 +12,7 @@ use std::sync::mpsc::{SyncSender, TrySendError};
 use tokio::sync::mpsc;
 use xtb_bus::{Bus, BusError, Incoming, Question, Service, Subscription};
 use xtb_protocol::codec::CodecError;
-use xtb_protocol::keys::{FleetKeys, Name, RobotKeys};
+use xtb_protocol::keys::{FleetKeys, Key, Name, RobotKeys};
 use xtb_protocol::messages::{Body, Estop, RejectCode, Reply, Request, Setpoint};
 use xtb_protocol::{Uuid, codec};
 
@@ -47,7 +47,6 @@ pub(crate) async fn declare(
 ) -> Result<Downlink, BusError> {
     let keys = &fleet.robot(robot);
     let bell = Arc::new(Bell {
-        robot: robot.clone(),
         keys: keys.clone(),
         arrivals: ends.arrivals.clone(),
         door: ends.door.clone(),
@@ -79,9 +78,9 @@ pub(crate) async fn declare(
     Ok(Downlink { _requests: requests, _setpoints: setpoints, _estops: estops, _estops_asked: asked })
 }
 
-/// The last part of a key: the client's name.
-pub(crate) fn client_of(key: &str) -> Option<Name> {
-    key.rsplit('/').next().and_then(|name| Name::new(name).ok())
+/// Who put this. The bus lets only keys in that name their client.
+fn client_of(incoming: &Incoming) -> Option<Name> {
+    Key::parse(&incoming.key)?.channel.client().cloned()
 }
 
 /// Where setpoints come in.
@@ -95,9 +94,7 @@ struct Tray {
 
 impl Tray {
     fn take(&self, incoming: &Incoming) {
-        let Some(client) = client_of(&incoming.key) else {
-            return self.counters.rejected(&nameless());
-        };
+        let Some(client) = client_of(incoming) else { return };
         match incoming.decode::<Setpoint>() {
             Ok(setpoint) => {
                 let at = self.clock.now();
@@ -114,7 +111,6 @@ impl Tray {
 
 /// Where emergency stops come in. What cannot be read is counted, and stops the robot all the same.
 struct Bell {
-    robot: Name,
     keys: RobotKeys,
     arrivals: Arc<Arrivals>,
     door: Arc<Door>,
@@ -123,24 +119,21 @@ struct Bell {
 
 impl Bell {
     fn rung(&self, incoming: &Incoming) {
-        self.ring(&incoming.key, incoming.decode::<Estop>(), None);
+        if let Some(by) = client_of(incoming) {
+            self.ring(by, incoming.decode::<Estop>(), None);
+        }
     }
 
     fn asked(&self, question: Question) {
-        let key_expr = question.key_expr().to_owned();
+        let Some(by) = question.client().cloned() else { return };
         let decoded = question.decode::<Estop>();
         let format = decoded.as_ref().map_or_else(|_| question.likely_format(), |(_, format)| *format);
-        let key = self.keys.estop(client_of(&key_expr).as_ref());
-        self.ring(&key_expr, decoded.map(|(estop, _)| estop), Some(Answer { question, key, format }));
+        let key = self.keys.estop(Some(&by));
+        self.ring(by, decoded.map(|(estop, _)| estop), Some(Answer { question, key, format }));
     }
 
-    fn ring(&self, key: &str, read: Result<Estop, CodecError>, answer: Option<Answer>) {
+    fn ring(&self, by: Name, read: Result<Estop, CodecError>, answer: Option<Answer>) {
         let arrival = self.arrivals.next();
-        // A key that names no client cannot be answered; the robot then stands in for the caller.
-        let (by, answer) = match client_of(key) {
-            Some(client) => (client, answer),
-            None => (self.robot.clone(), None),
-        };
         let id = match read {
             Ok(estop) => estop.id,
             Err(error) => {
@@ -154,20 +147,12 @@ impl Bell {
     }
 }
 
-fn nameless() -> CodecError {
-    CodecError::Malformed { name: "client", reason: "the key does not end in a client's name".into() }
-}
-
 impl Desk {
     fn take(&self, question: Question) {
-        let client = client_of(question.key_expr());
-        let key = self.keys.cmd(client.as_ref());
-        let decoded = match &client {
-            Some(_) => question.decode::<Request>(),
-            None => Err(nameless()),
-        };
-        match (client, decoded) {
-            (Some(client), Ok((request, format))) => {
+        let Some(client) = question.client().cloned() else { return };
+        let key = self.keys.cmd(Some(&client));
+        match question.decode::<Request>() {
+            Ok((request, format)) => {
                 let arrival = self.arrivals.next();
                 self.door.hears(self.clock.now(), &client, request.lease);
                 if matches!(request.body, Body::Stop {}) {
@@ -180,15 +165,11 @@ impl Desk {
                     self.reply(job.answer, overloaded(job.request.id));
                 }
             }
-            (client, Err(error)) => {
+            Err(error) => {
                 self.counters.rejected(&error);
-                if client.is_none() {
-                    return; // a wildcard cannot be answered on a key of its own
-                }
                 let format = question.likely_format();
                 self.reply(Answer { question, key, format }, refusal(&error));
             }
-            (None, Ok(_)) => {}
         }
     }
 

@@ -18,7 +18,7 @@
 use crate::door::Door;
 use crate::neighbours::NeighbourSlot;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, mpsc as std_mpsc};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, mpsc as std_mpsc};
 use tokio::sync::{mpsc, watch};
 use xtb_authority::agent::Arrival;
 use xtb_bus::Question;
@@ -136,6 +136,8 @@ pub(crate) struct Counters {
     overloaded: AtomicU64,
     setpoints_overwritten: AtomicU64,
     fenced: AtomicU64,
+    /// The session's counter of what came in on keys that are none of ours.
+    foreign_keys: OnceLock<Arc<AtomicU64>>,
     /// Events that found the queue to the uplink full.
     pub(crate) events_dropped: AtomicU64,
 }
@@ -150,6 +152,12 @@ impl Counters {
             _ => &self.malformed,
         };
         counter.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// From now on what the session drops because of its key is malformed too.
+    pub(crate) fn follow_foreign_keys(&self, counter: Arc<AtomicU64>) {
+        // There is one session in an agent's life.
+        let _ = self.foreign_keys.set(counter);
     }
 
     /// Counts a state of another robot that cannot be true.
@@ -172,7 +180,7 @@ impl Counters {
     pub(crate) fn rejected_so_far(&self) -> Rejected {
         let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         Rejected {
-            malformed: read(&self.malformed),
+            malformed: read(&self.malformed) + self.foreign_keys.get().map_or(0, |keys| read(keys)),
             oversized: read(&self.oversized),
             wrong_version: read(&self.wrong_version),
             out_of_range: read(&self.out_of_range),

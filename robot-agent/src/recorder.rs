@@ -20,7 +20,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 use xtb_authority::tape::Step;
 use xtb_control::config::render_toml;
-use xtb_protocol::keys::{FleetKeys, RobotKeys};
+use xtb_protocol::keys::{FleetKeys, Name, RobotKeys};
+use xtb_protocol::messages::RecordingName;
 use xtb_protocol::trace::kind;
 
 /// Steps that wait for the disk: about 20 s.
@@ -84,7 +85,7 @@ pub(crate) fn start(
         started: started.clone(),
         vehicle_toml: render_toml("vehicle.", &config.vehicle.parameters()),
     };
-    let path = fresh_path(folder, &header.robot, &started.replace([':', '-'], ""));
+    let path = fresh_path(folder, &config.robot, &started.replace([':', '-'], ""))?;
     let keys = FleetKeys::new(config.fleet.clone()).robot(&config.robot);
     let mut tape = Tape::create(&path, &header, &keys).map_err(io::Error::other)?;
     tracing::info!("recording into {}", path.display());
@@ -102,15 +103,16 @@ pub(crate) fn start(
 }
 
 /// `DIR/xtb-1-20041201T120000Z.mcap`, with a number if that exists.
-fn fresh_path(folder: &Path, robot: &str, stamp: &str) -> PathBuf {
-    let path = |suffix: &str| folder.join(format!("{robot}-{stamp}{suffix}.mcap"));
-    let mut found = path("");
-    let mut n = 1;
-    while found.exists() {
-        n += 1;
-        found = path(&format!("-{n}"));
+fn fresh_path(folder: &Path, robot: &Name, time: &str) -> io::Result<PathBuf> {
+    let unnamed = || io::Error::other(format!("a recording cannot be named after {time:?}"));
+    for number in 1.. {
+        let name = RecordingName::new(robot, time, number).ok_or_else(unnamed)?;
+        let path = folder.join(name.as_str());
+        if !path.exists() {
+            return Ok(path);
+        }
     }
-    found
+    Err(unnamed())
 }
 
 /// The file.

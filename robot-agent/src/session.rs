@@ -82,6 +82,7 @@ pub(crate) async fn run(
         bus = opening => bus?,
         () = &mut ending => return Ok(()),
     };
+    ends.counters.follow_foreign_keys(bus.foreign_keys_counter());
     let served = tokio::select! {
         // Also when it ends by an error: motors first, and nobody could stop them any more.
         served = async {

@@ -10,12 +10,10 @@ use tokio::sync::mpsc;
 use xtb_bus::{Bus, BusError, Question, Service};
 use xtb_protocol::codec::CodecError;
 use xtb_protocol::keys::{Name, RobotKeys};
-use xtb_protocol::messages::{LogCode, LogFile, LogReply, LogRequest, MAX_LOG_NAME, MAX_LOGS};
+use xtb_protocol::messages::{LogCode, LogFile, LogReply, LogRequest, MAX_LOGS, RecordingName};
 
 /// Questions that wait for the disk; more are answered as overloaded.
 const QUESTIONS: usize = 16;
-/// Where recordings are.
-const EXTENSION: &str = "mcap";
 /// A file that was written to this lately is taken for open. The recorder closes a chunk each second.
 const OPEN_S: u64 = 5;
 
@@ -50,7 +48,7 @@ impl Shelf {
         // A file that goes away meanwhile is simply not there.
         let known = entries.filter_map(|entry| {
             let path = entry.ok()?.path();
-            let file = self.own_name(&path)?;
+            let file = self.own_name(path.file_name()?.to_str()?)?.to_string();
             let about = path.metadata().ok().filter(std::fs::Metadata::is_file)?;
             let age_s = age_s(&about, now);
             Some(LogFile { file, bytes: about.len(), age_s, open: age_s < OPEN_S })
@@ -63,12 +61,10 @@ impl Shelf {
     }
 
     fn read(&self, folder: &Path, file: &str, offset: u64, length: u32, now: SystemTime) -> LogReply {
-        // A name and nothing else: no way leads out of the folder.
-        let path = folder.join(file);
-        if self.own_name(&path).as_deref() != Some(file) || path.parent() != Some(folder) {
+        let Some(name) = self.own_name(file) else {
             return refused(LogCode::UnknownFile, &format!("{file:?} is not the name of a recording"));
-        }
-        match piece(&path, offset, length, now) {
+        };
+        match piece(&folder.join(name.as_str()), offset, length, now) {
             Ok(reply) => reply,
             Err(error) if error.kind() == ErrorKind::NotFound => {
                 refused(LogCode::UnknownFile, &format!("there is no recording {file}"))
@@ -77,16 +73,9 @@ impl Shelf {
         }
     }
 
-    /// The file's name, if it is one of this robot's recordings: `ROBOT-20041201T120000Z.mcap`.
-    fn own_name(&self, path: &Path) -> Option<String> {
-        let name = path.file_name()?.to_str()?;
-        let stamp = name.strip_prefix(self.robot.as_str())?.strip_prefix('-')?;
-        let day = stamp.split_once('T')?.0;
-        let fits = day.len() == 8
-            && day.bytes().all(|b| b.is_ascii_digit())
-            && path.extension().is_some_and(|extension| extension == EXTENSION)
-            && name.chars().count() <= MAX_LOG_NAME;
-        fits.then(|| name.to_owned())
+    /// The name, if it is that of one of this robot's recordings.
+    fn own_name(&self, file: &str) -> Option<RecordingName> {
+        RecordingName::parse(file).filter(|name| *name.robot() == self.robot)
     }
 }
 
@@ -123,12 +112,12 @@ pub(crate) async fn declare(bus: &Bus, keys: &RobotKeys, shelf: Shelf) -> Result
     Ok(service)
 }
 
-/// Answers on the asking client's key; who asks without a name is not answered.
+/// Answers on the asking client's key.
 async fn send(question: &Question, keys: &RobotKeys, reply: LogReply) {
-    let Some(client) = crate::downlink::client_of(question.key_expr()) else { return };
+    let Some(client) = question.client() else { return };
     let format =
         question.decode::<LogRequest>().map_or_else(|_| question.likely_format(), |(_, format)| format);
-    if let Err(error) = question.reply(&keys.log(Some(&client)), &reply, format).await {
+    if let Err(error) = question.reply(&keys.log(Some(client)), &reply, format).await {
         tracing::debug!("a piece was not sent: {error}");
     }
 }

@@ -198,6 +198,21 @@ fn an_estop_is_latched_until_a_reset_and_moves_nothing_then() {
 }
 
 #[test]
+fn a_thousand_other_stops_do_not_make_a_repetition_a_new_one() {
+    let mut bench = Bench::new();
+    (0..1024).for_each(|id| bench.estop(id));
+    bench.run_ms(5);
+    bench.ask(Body::Reset { latch: None });
+    assert!(bench.state().latches.is_empty());
+    (0..1024).for_each(|id| bench.estop(id));
+    bench.run_ms(5);
+    assert!(bench.state().latches.is_empty(), "all of them are remembered");
+    bench.estop(1024);
+    bench.run_ms(5);
+    assert!(!bench.state().latches.is_empty(), "a new one latches");
+}
+
+#[test]
 fn a_lost_gyro_is_latched_and_its_reset_refused_until_it_is_back() {
     let mut bench = Bench::new();
     bench.ask(ahead(5.0));

@@ -1,10 +1,11 @@
 //! Publishing and subscribing.
 
+use crate::foreign::ForeignKeys;
 use crate::session::{Bus, BusError, failed};
 use std::marker::PhantomData;
 use std::time::Duration;
 use xtb_protocol::codec::{self, CodecError, Format};
-use xtb_protocol::keys::{Channel, Congestion, Priority};
+use xtb_protocol::keys::{Channel, Congestion, Key, Priority, received};
 use xtb_protocol::messages::Message;
 use zenoh::pubsub::PublisherBuilder;
 use zenoh::qos::{CongestionControl, Priority as ZenohPriority};
@@ -20,7 +21,7 @@ const EVENT_HEARTBEAT: Duration = Duration::from_secs(1);
 /// A message as it came in.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Incoming {
-    /// On which key.
+    /// On which key: a concrete one of ours, unless it was asked for as it is.
     pub key: String,
     /// How it is written.
     pub encoding: String,
@@ -32,9 +33,17 @@ impl Incoming {
     /// Reads it.
     ///
     /// # Errors
-    /// Every [`CodecError`].
+    /// Every [`CodecError`]; a message in which one robot speaks on the key of another is malformed.
     pub fn decode<M: Message>(&self) -> Result<M, CodecError> {
-        codec::decode(&self.encoding, &self.payload).map(|(message, _)| message)
+        let (message, _) = codec::decode::<M>(&self.encoding, &self.payload)?;
+        let owner = Key::parse(&self.key).and_then(|key| key.robot);
+        match (message.speaker(), owner) {
+            (Some(speaker), Some(owner)) if *speaker != owner => {
+                let reason = format!("{speaker} speaks on a key of {owner}");
+                Err(CodecError::Malformed { name: M::NAME, reason })
+            }
+            _ => Ok(message),
+        }
     }
 
     pub(crate) fn of(sample: &zenoh::sample::Sample) -> Self {
@@ -112,6 +121,18 @@ pub struct Subscription {
     _inner: Box<dyn std::any::Any + Send + Sync>,
 }
 
+/// Passes on what came in on a key of ours, under the key that it means to `declared`.
+fn ours(
+    foreign: ForeignKeys,
+    declared: String,
+    each: impl Fn(Incoming) + Send + Sync + 'static,
+) -> impl Fn(Incoming) + Send + Sync + 'static {
+    move |incoming: Incoming| match received::put(&declared, &incoming.key) {
+        Some(key) => each(Incoming { key, ..incoming }),
+        None => foreign.dropped("a message", &incoming.key),
+    }
+}
+
 impl Bus {
     /// A publisher of `M` on `key`, with the quality of service of its channel.
     ///
@@ -160,11 +181,35 @@ impl Bus {
             .express(channel.qos().express)
     }
 
-    /// Calls `each` for each message on `key_expr`.
+    /// Calls `each` for each message on `key_expr` whose key is one of ours.
     ///
     /// # Errors
     /// [`BusError::Operation`].
     pub async fn subscribe(
+        &self,
+        key_expr: &str,
+        each: impl Fn(Incoming) + Send + Sync + 'static,
+    ) -> Result<Subscription, BusError> {
+        self.subscribe_raw(key_expr, ours(self.foreign.clone(), key_expr.to_owned(), each)).await
+    }
+
+    /// The same for events: the last ones first, lost ones recovered.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`].
+    pub async fn subscribe_events(
+        &self,
+        key_expr: &str,
+        each: impl Fn(Incoming) + Send + Sync + 'static,
+    ) -> Result<Subscription, BusError> {
+        self.subscribe_events_raw(key_expr, ours(self.foreign.clone(), key_expr.to_owned(), each)).await
+    }
+
+    /// Calls `each` for each message on `key_expr`, whatever its key: for tools that show what there is.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`].
+    pub async fn subscribe_raw(
         &self,
         key_expr: &str,
         each: impl Fn(Incoming) + Send + Sync + 'static,
@@ -178,11 +223,11 @@ impl Bus {
         Ok(Subscription { _inner: Box::new(inner) })
     }
 
-    /// Calls `each` for each event on `key_expr`: the last ones first, lost ones recovered.
+    /// The same for events: the last ones first, lost ones recovered.
     ///
     /// # Errors
     /// [`BusError::Operation`].
-    pub async fn subscribe_events(
+    pub async fn subscribe_events_raw(
         &self,
         key_expr: &str,
         each: impl Fn(Incoming) + Send + Sync + 'static,

@@ -3,10 +3,15 @@
 //! Everything else names channels by [`keys`](xtb_protocol::keys) and messages by their types; what
 //! Zenoh needs to know (quality of service, targets, time-outs, its traps) stays in here.
 //!
+//! Nothing comes in on a key that is not exactly one of ours (see
+//! [`received`](xtb_protocol::keys::received)): it is dropped here, and counted. The `_raw` functions are for
+//! tools that show what is really on the network.
+//!
 //! Rules that hold for every callback given to this crate: it runs on one of Zenoh's threads, so it
 //! must not block; a callback that blocks hurts every session of the process.
 
 mod channel;
+mod foreign;
 mod presence;
 mod query;
 mod session;

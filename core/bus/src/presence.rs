@@ -2,6 +2,7 @@
 
 use crate::session::{Bus, BusError, failed};
 use std::time::Duration;
+use xtb_protocol::keys::{Channel, Key};
 use zenoh::sample::SampleKind;
 
 /// Says "alive" until it is dropped or its session ends.
@@ -23,6 +24,13 @@ impl Token {
 /// Watches others come and go until it is dropped.
 pub struct Presence {
     _inner: zenoh::pubsub::Subscriber<()>,
+}
+
+/// Whether a key stands for somebody's presence. A token can stand on an expression with wildcards too:
+/// that is nobody.
+fn is_presence(key: &str) -> bool {
+    let channel = Key::parse(key).map(|key| key.channel);
+    matches!(channel, Some(Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive))
 }
 
 impl Bus {
@@ -54,8 +62,10 @@ impl Bus {
             .map_err(failed("asking for presence", key_expr))?;
         let mut keys = Vec::new();
         while let Ok(reply) = replies.recv_async().await {
-            if let Ok(sample) = reply.result() {
-                keys.push(sample.key_expr().as_str().to_owned());
+            let Ok(sample) = reply.result() else { continue };
+            match sample.key_expr().as_str() {
+                key if is_presence(key) => keys.push(key.to_owned()),
+                other => self.foreign.dropped("presence", other),
             }
         }
         keys.sort();
@@ -72,12 +82,16 @@ impl Bus {
         key_expr: &str,
         each: impl Fn(&str, bool) + Send + Sync + 'static,
     ) -> Result<Presence, BusError> {
+        let foreign = self.foreign.clone();
         let inner = self
             .session
             .liveliness()
             .declare_subscriber(key_expr.to_owned())
             .history(true)
-            .callback(move |sample| each(sample.key_expr().as_str(), sample.kind() == SampleKind::Put))
+            .callback(move |sample| match sample.key_expr().as_str() {
+                key if is_presence(key) => each(key, sample.kind() == SampleKind::Put),
+                other => foreign.dropped("presence", other),
+            })
             .await
             .map_err(failed("watching presence", key_expr))?;
         Ok(Presence { _inner: inner })

@@ -4,27 +4,36 @@ use crate::channel::{Incoming, congestion, priority};
 use crate::session::{Bus, BusError, failed};
 use std::time::Duration;
 use xtb_protocol::codec::{self, CodecError, Format};
-use xtb_protocol::keys::{Channel, Name, RobotKeys};
+use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
 use xtb_protocol::messages::{Message, Reply, Request};
-use zenoh::query::{ConsolidationMode, Query, QueryTarget};
+use zenoh::query::{ConsolidationMode, Query, QueryTarget, Reply as ZenohReply};
 
 /// Answers that wait to be read; more would hold up Zenoh's own thread.
 const ANSWERS: usize = 2048;
 
 /// A question that waits for its answer.
-pub struct Question(Query);
+pub struct Question {
+    query: Query,
+    key: Key,
+}
 
 impl Question {
-    /// The key expression that was asked; may hold wildcards.
+    /// The key that was asked, as it means to whoever serves it: concrete, also where every robot was asked.
     #[must_use]
-    pub fn key_expr(&self) -> &str {
-        self.0.key_expr().as_str()
+    pub fn key(&self) -> &Key {
+        &self.key
+    }
+
+    /// Who asks, where the key names its client.
+    #[must_use]
+    pub fn client(&self) -> Option<&Name> {
+        self.key.channel.client()
     }
 
     /// The format asked for with `?format=json`, else postcard.
     #[must_use]
     pub fn wanted_format(&self) -> Format {
-        let json = self.0.parameters().get("format").is_some_and(|format| format == "json");
+        let json = self.query.parameters().get("format").is_some_and(|format| format == "json");
         if json { Format::Json } else { Format::Postcard }
     }
 
@@ -47,8 +56,8 @@ impl Question {
     /// # Errors
     /// Every [`CodecError`]; a question without a payload is malformed.
     pub fn decode<M: Message>(&self) -> Result<(M, Format), CodecError> {
-        let encoding = self.0.encoding().map(ToString::to_string).unwrap_or_default();
-        let payload = self.0.payload().map(|payload| payload.to_bytes()).unwrap_or_default();
+        let encoding = self.query.encoding().map(ToString::to_string).unwrap_or_default();
+        let payload = self.query.payload().map(|payload| payload.to_bytes()).unwrap_or_default();
         codec::decode(&encoding, &payload)
     }
 
@@ -57,7 +66,7 @@ impl Question {
     pub fn likely_format(&self) -> Format {
         let ours = codec::encoding::<Request>(Format::Postcard);
         let kind = ours.split(';').next().unwrap_or_default();
-        let postcard = self.0.encoding().is_some_and(|encoding| encoding.to_string().starts_with(kind));
+        let postcard = self.query.encoding().is_some_and(|encoding| encoding.to_string().starts_with(kind));
         if postcard { Format::Postcard } else { Format::Json }
     }
 
@@ -73,7 +82,7 @@ impl Question {
         format: Format,
     ) -> Result<(), BusError> {
         let bytes = codec::encode(message, format)?;
-        self.0
+        self.query
             .reply(own_key, bytes)
             .encoding(codec::encoding::<M>(format))
             .await
@@ -87,7 +96,8 @@ pub struct Service {
 }
 
 impl Bus {
-    /// Calls `each` for each question on `key_expr`; the answer may come later from elsewhere.
+    /// Calls `each` for each question on `key_expr` whose key is one of ours; the answer may come later from
+    /// elsewhere. The others are not answered.
     ///
     /// # Errors
     /// [`BusError::Operation`].
@@ -96,11 +106,15 @@ impl Bus {
         key_expr: &str,
         each: impl Fn(Question) + Send + Sync + 'static,
     ) -> Result<Service, BusError> {
+        let (declared, foreign) = (key_expr.to_owned(), self.foreign.clone());
         let inner = self
             .session
             .declare_queryable(key_expr.to_owned())
             .complete(true)
-            .callback(move |query| each(Question(query)))
+            .callback(move |query| match received::question(&declared, query.key_expr().as_str()) {
+                Some(key) => each(Question { query, key }),
+                None => foreign.dropped("a question", query.key_expr().as_str()),
+            })
             .await
             .map_err(failed("declaring a queryable", key_expr))?;
         Ok(Service { _inner: inner })
@@ -122,11 +136,19 @@ impl Bus {
             .await
             .map_err(failed("get", selector))?;
         while let Ok(reply) = replies.recv_async().await {
-            if let Ok(sample) = reply.result() {
-                answers.push(Incoming::of(sample));
-            }
+            answers.extend(self.answer(selector, &reply));
         }
         Ok(answers)
+    }
+
+    /// What came back, if it came on a key of one who was asked.
+    fn answer(&self, asked: &str, reply: &ZenohReply) -> Option<Incoming> {
+        let incoming = Incoming::of(reply.result().ok()?);
+        if received::answer(asked, &incoming.key).is_none() {
+            self.foreign.dropped("an answer", &incoming.key);
+            return None;
+        }
+        Some(incoming)
     }
 
     /// Asks everybody on `key_expr` with a message, as its channel is to be treated, and hands each
@@ -158,9 +180,7 @@ impl Bus {
             .await
             .map_err(failed("request", key_expr))?;
         while let Ok(reply) = replies.recv_async().await {
-            if let Ok(sample) = reply.result() {
-                each(Incoming::of(sample));
-            }
+            self.answer(key_expr, &reply).into_iter().for_each(&mut each);
         }
         Ok(())
     }
@@ -187,8 +207,8 @@ impl Bus {
             .await
             .map_err(failed("request", key))?;
         while let Ok(reply) = replies.recv_async().await {
-            if let Ok(sample) = reply.result() {
-                return Ok(Some(Incoming::of(sample)));
+            if let Some(answer) = self.answer(key, &reply) {
+                return Ok(Some(answer));
             }
         }
         Ok(None)

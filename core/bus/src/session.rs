@@ -1,7 +1,9 @@
 //! Opening a session: as a client of a router, as a router, or as a peer.
 
+use crate::foreign::ForeignKeys;
 use std::collections::HashSet;
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::AtomicU64;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use thiserror::Error;
 use tokio::sync::watch;
@@ -134,6 +136,7 @@ impl Role {
 #[derive(Debug, Clone)]
 pub struct Bus {
     pub(crate) session: zenoh::Session,
+    pub(crate) foreign: ForeignKeys,
 }
 
 /// Opens a session: one attempt, without blocking the runtime.
@@ -145,7 +148,7 @@ pub async fn open(role: &Role) -> Result<Bus, BusError> {
     let failed = |reason: String| BusError::Open { role: role.describe(), reason };
     // `zenoh::open` blocks its thread while it tries.
     match tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await {
-        Ok(Ok(session)) => Ok(Bus { session }),
+        Ok(Ok(session)) => Ok(Bus { session, foreign: ForeignKeys::default() }),
         Ok(Err(error)) => Err(failed(words(&error))),
         Err(error) => Err(failed(error.to_string())),
     }
@@ -172,6 +175,19 @@ impl Bus {
     /// Where a router listens.
     pub async fn locators(&self) -> Vec<String> {
         self.session.info().locators().await.iter().map(ToString::to_string).collect()
+    }
+
+    /// How many messages, questions and answers were dropped because their keys are none of ours, or have a
+    /// wildcard where none may be; see [`received`](xtb_protocol::keys::received).
+    #[must_use]
+    pub fn foreign_keys(&self) -> u64 {
+        self.foreign.count()
+    }
+
+    /// The counter behind [`Self::foreign_keys`], for those who publish it.
+    #[must_use]
+    pub fn foreign_keys_counter(&self) -> Arc<AtomicU64> {
+        self.foreign.counter()
     }
 
     /// Whether a link to any other session stands.

@@ -7,6 +7,7 @@
 //! are typed rejections. Nothing is guessed: a message without an encoding is refused.
 
 use crate::messages::{Message, RejectCode};
+use crate::text;
 use thiserror::Error;
 use xtb_control::units::OutOfRange;
 
@@ -112,10 +113,11 @@ pub fn json_bytes(part: &impl serde::Serialize) -> usize {
     serde_json::to_vec(part).map_or(0, |json| json.len())
 }
 
-/// A parser repeats the field that it does not know, however long. Both ends of what it says are kept:
-/// a refusal has to fit into a reply.
+/// A parser repeats the field that it does not know, whatever it holds and however long. It is shown as
+/// text, and both ends of it are kept: a refusal has to fit into a reply.
 fn shortened(reason: String) -> String {
     const KEPT: usize = 200;
+    let reason = text::escaped(&reason).into_owned();
     let len = reason.chars().count();
     if len <= 2 * KEPT {
         return reason;
@@ -167,7 +169,7 @@ fn format_of<M: Message>(encoding: &str) -> Result<Format, CodecError> {
         return Err(unknown());
     }
     if version != M::VERSION.to_string() {
-        let got = version.chars().take(20).collect();
+        let got = text::escaped(version).chars().take(20).collect();
         return Err(CodecError::WrongVersion { name: M::NAME, got, expected: M::VERSION });
     }
     Ok(Format::Postcard)

@@ -24,6 +24,8 @@
 //! | `xtb/<fleet>/sim/truth` | [`Channel::SimTruth`] | [`Truth`](crate::messages::Truth), JSON |
 //! | `xtb/<fleet>/sim/roster` | [`Channel::SimRoster`] | [`Roster`](crate::messages::Roster), JSON |
 
+pub mod received;
+
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use thiserror::Error;
@@ -121,7 +123,7 @@ pub enum Channel {
     Event,
     /// Factsheet, queryable.
     About,
-    /// Request and reply; the client's name stands in the key so that access control can bind it.
+    /// Request and reply; the client's name stands in the key so that identities can be bound to it one day.
     Cmd(Name),
     /// Setpoints.
     Teleop(Name),
@@ -193,6 +195,20 @@ pub struct Qos {
 }
 
 impl Channel {
+    /// The client that the key names, if the channel's keys name one.
+    #[must_use]
+    pub fn client(&self) -> Option<&Name> {
+        match self {
+            Self::Cmd(client)
+            | Self::Teleop(client)
+            | Self::Estop(client)
+            | Self::EstopAll(client)
+            | Self::Log(client)
+            | Self::DispatchCmd(client) => Some(client),
+            _ => None,
+        }
+    }
+
     /// The channel's quality of service. No priority holds both Drop and Block: within Zenoh they
     /// share a lock, and a blocked message would hold the others up for seconds.
     #[must_use]

@@ -8,6 +8,7 @@ pub mod codec;
 pub mod gyro_3dmg;
 pub mod keys;
 pub mod messages;
+pub mod text;
 pub mod trace;
 
 pub use keys::Name;

@@ -19,8 +19,9 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use xtb_protocol::Name;
+use xtb_protocol::codec::CodecError;
 use xtb_protocol::keys::Channel;
-use xtb_protocol::messages::{LogCode, LogFile, LogReply, LogRequest, MAX_PIECE};
+use xtb_protocol::messages::{LogCode, LogFile, LogReply, LogRequest, MAX_PIECE, RecordingName};
 
 /// A question that was not answered is asked again after this.
 const ASK_AGAIN: Duration = Duration::from_millis(1000);
@@ -54,7 +55,9 @@ pub async fn run(ctx: &Context, args: &FetchLogArgs) -> Result<Exit> {
         return Ok(Exit::Done);
     }
     let chosen = choose(&args.robot, &files, args.file.as_deref())?;
-    let path = args.out.clone().unwrap_or_else(|| PathBuf::from(&chosen.file));
+    // Only a bare name becomes a path, whatever the robot has listed.
+    let name = own_recording(&args.robot, &chosen.file)?;
+    let path = args.out.clone().unwrap_or_else(|| PathBuf::from(name.as_str()));
     let mut part = Part::open(&path, args.restart)?;
     let resumed_from = part.bytes;
     let fetching = fetch_all(ctx, &client, &args.robot, chosen, &mut part);
@@ -119,6 +122,16 @@ fn choose<'a>(robot: &Name, files: &'a [LogFile], named: Option<&str>) -> Result
     })
 }
 
+/// The name, if it is that of a recording of this robot.
+fn own_recording(robot: &Name, file: &str) -> Result<RecordingName> {
+    let named = RecordingName::parse(file).filter(|name| name.robot() == robot);
+    named.ok_or_else(|| {
+        let message = format!("{robot} lists {file:?}, which is not the name of a recording of {robot}");
+        Failure::new(Kind::Failed, message)
+            .hint(format!("another program may answer for {robot}: `fleet-cli doctor` looks for more"))
+    })
+}
+
 async fn fetch_all(
     ctx: &Context,
     client: &Client,
@@ -169,20 +182,22 @@ async fn ask(ctx: &Context, client: &Client, robot: &Name, request: &LogRequest)
     let began = Instant::now();
     let mut asked = 0;
     loop {
-        let mut reply = None;
+        let (mut reply, mut unreadable) = (None, None);
         asked += 1;
         client
             .bus()
             .ask_each(&key, &channel, request, ASK_AGAIN, |incoming| match incoming.decode::<LogReply>() {
                 Ok(read) => reply = Some(read),
-                Err(error) => tracing::warn!("on {}: {error}", incoming.key),
+                Err(error) => unreadable = Some(error),
             })
             .await?;
-        match reply {
-            Some(LogReply::Error { code: LogCode::Overloaded, .. }) => tokio::time::sleep(TURNED_AWAY).await,
-            Some(reply) => return Ok(reply),
-            None => tokio::time::sleep(TURNED_AWAY).await,
+        match (reply, unreadable) {
+            (Some(LogReply::Error { code: LogCode::Overloaded, .. }), _) | (None, None) => {}
+            (Some(reply), _) => return Ok(reply),
+            // Asked again, it would say the same.
+            (None, Some(error)) => return Err(not_ours(robot, &error)),
         }
+        tokio::time::sleep(TURNED_AWAY).await;
         if began.elapsed() >= PATIENCE.max(ctx.timeout) {
             let message = format!("{robot} does not answer ({asked} times)");
             return Err(Failure::new(Kind::NoRobot, message).hint(
@@ -190,6 +205,14 @@ async fn ask(ctx: &Context, client: &Client, robot: &Name, request: &LogRequest)
             ));
         }
     }
+}
+
+fn not_ours(robot: &Name, error: &CodecError) -> Failure {
+    let message = format!("the answer of {robot} about its recordings cannot be read: {error}");
+    Failure::new(Kind::Failed, message).hint(match error {
+        CodecError::WrongVersion { .. } => "use programs of the same release on both sides".to_owned(),
+        _ => format!("another program may answer for {robot}: `fleet-cli doctor` looks for more"),
+    })
 }
 
 fn refused(robot: &Name, reply: &LogReply) -> Failure {

@@ -8,6 +8,7 @@ use crate::interrupt::interrupted;
 use crate::listen::plan::Plan;
 use crate::listen::{Inlet, Item, Sources, not_a_key_expr};
 use crate::news::News;
+use crate::output::json_line;
 use serde::Serialize;
 use std::pin::pin;
 use std::sync::Arc;
@@ -103,19 +104,15 @@ async fn follow(ctx: &Context, client: &Client, args: &WatchArgs, plan: Plan) ->
 fn line(item: &Item) -> Result<String> {
     match (item, News::of(item)) {
         (Item::Message(Incoming { key, .. }) | Item::Presence(key, _), Ok((_, news))) => {
-            json(&Decoded { key, name: news.name(), value: &news })
+            json_line(&Decoded { key, name: news.name(), value: &news })
         }
         (Item::Message(Incoming { key, encoding, payload }), Err(error)) => {
-            json(&Undecodable { key, encoding, bytes: payload.len(), error: error.to_string() })
+            json_line(&Undecodable { key, encoding, bytes: payload.len(), error: error.to_string() })
         }
         (Item::Presence(key, _), Err(error)) => {
-            json(&Undecodable { key, encoding: "", bytes: 0, error: error.to_string() })
+            json_line(&Undecodable { key, encoding: "", bytes: 0, error: error.to_string() })
         }
     }
-}
-
-fn json(value: &impl Serialize) -> Result<String> {
-    serde_json::to_string(value).map_err(|error| Failure::new(Kind::Failed, error.to_string()))
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use xtb_bus::{Question, Service, Token};
 use xtb_protocol::codec::Format;
+use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{
     DispatchBody, DispatchOutcome, DispatchReply, DispatchRequest, TaskHistory, TaskId, TaskList, TaskView,
 };
@@ -45,7 +46,7 @@ impl FakeDispatcher {
         let (knows, me) = (Arc::clone(&told), client.name().clone());
         let answering = tokio::spawn(async move {
             while let Some(question) = questions.recv().await {
-                if question.key_expr().ends_with("/tasks") {
+                if question.key().channel == Channel::DispatchTasks {
                     let list = knows.lock().unwrap().list(question.parameter("after"));
                     question.reply(&keys.dispatch_tasks(), &list, Format::Postcard).await.unwrap();
                     continue;

@@ -41,6 +41,8 @@ pub struct Counters {
     pub questions: u64,
     /// Questions that could not be read.
     pub unreadable: u64,
+    /// What came in on keys that are none of ours, and was dropped.
+    pub foreign_keys: u64,
     /// Questions that found the queue full.
     pub overloaded: u64,
     /// Requests sent to robots.

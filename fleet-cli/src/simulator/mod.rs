@@ -217,12 +217,13 @@ impl Simulator {
     }
 
     async fn wait_until_alive(&self) -> Result<()> {
-        let key = FleetKeys::new(self.fleet.clone()).any_robot().alive();
-        let wanted = self.roster.robots.len();
+        let ours = FleetKeys::new(self.fleet.clone());
+        let key = ours.any_robot().alive();
+        let wanted: Vec<String> = self.roster.robots.iter().map(|it| ours.robot(&it.name).alive()).collect();
         let all_alive = async {
             loop {
                 let alive = self.bus.alive(&key, Duration::from_secs(1)).await?;
-                if alive.len() >= wanted {
+                if wanted.iter().all(|key| alive.contains(key)) {
                     return Ok::<(), Failure>(());
                 }
                 if let Some(failure) = self.agents.iter().flatten().find_map(RunningAgent::failure) {

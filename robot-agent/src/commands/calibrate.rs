@@ -14,10 +14,10 @@ mod report;
 mod sweep;
 mod write;
 
-use super::{Failure, print, print_json, run};
+use super::{Failure, print, print_json, run, tell};
 use crate::cli::CalibrateArgs;
 use bench::{Bench, Trouble};
-use console::{Console, say};
+use console::Console;
 use indicatif::{ProgressBar, ProgressStyle};
 use pistons::Piston;
 use report::Report;
@@ -75,7 +75,7 @@ fn conclude(
     if !args.json {
         print(&report.table())?;
     }
-    say(&format!("plot: {}\n", plot.display()));
+    tell(&format!("plot: {}\n", plot.display()));
     let written = match (destination, &fit, refused) {
         (Some(path), Some(fit), None) => offer(args, console, path, what, fit)?,
         _ => None,
@@ -88,7 +88,7 @@ fn conclude(
         return Err(Failure::new(format!("{what} is refused: {refused}"), hint));
     }
     if destination.is_none() && !args.dry_run {
-        say("not written: no --config, and no --write FILE\n");
+        tell("not written: no --config, and no --write FILE\n");
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -116,17 +116,17 @@ fn offer<'a>(
     }
     if !args.yes {
         if !console.is_manned() {
-            say("not written: nobody to ask, and no --yes\n");
+            tell("not written: nobody to ask, and no --yes\n");
             return Ok(None);
         }
         if !console.confirm(&format!("{question}Write this?"))? {
-            say("not written\n");
+            tell("not written\n");
             return Ok(None);
         }
     }
     write::write(path, &changes)
         .map_err(|error| Failure::new(error, "nothing was written; --write FILE takes another file"))?;
-    say(&format!("written to {}; an agent that runs takes it at its next start\n", path.display()));
+    tell(&format!("written to {}; an agent that runs takes it at its next start\n", path.display()));
     Ok(Some(path))
 }
 
@@ -223,7 +223,7 @@ fn permission(
     let whose = if simulated { "a simulated truck's" } else { "the truck's" };
     let warning = if simulated { "" } else { WARNING };
     let how = if by_hand { BY_HAND } else { "" };
-    say(&format!(
+    tell(&format!(
         "{}: moves {whose} servo between the pulses {} and {} (counts of 0.4 µs).\n{warning}{how}",
         args.what,
         sweep.from.get(),

@@ -8,14 +8,13 @@ mod rows;
 mod watch;
 
 use super::run::{open, wait_for_signal};
-use super::{Failure, columns, print, print_json};
+use super::{Failure, columns, print, print_json, tell};
 use crate::cli::CheckArgs;
 use robot_agent::VERSION;
 use robot_agent::config::ConfigFile;
 use robot_agent::hardware::lines::Lines;
 use rows::{Evidence, Row, Verdict, rows};
 use serde::Serialize;
-use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -171,9 +170,4 @@ fn table(report: &Report) -> String {
         (false, _) => format!("\n{missing} missing, {suspicious} suspicious\n"),
     });
     text
-}
-
-/// Who has closed standard error does not want to know.
-fn tell(text: &str) {
-    let _ = std::io::stderr().write_all(text.as_bytes());
 }

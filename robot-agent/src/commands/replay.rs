@@ -1,6 +1,6 @@
 //! `replay`: a trace or a recording through the controller again.
 
-use super::{Failure, columns, print, print_json};
+use super::{Failure, columns, print, print_json, tell};
 use crate::cli::{ReplayArgs, Settings};
 use robot_agent::config::Layers;
 use robot_agent::files;
@@ -154,7 +154,7 @@ fn export(
             return ended(&error);
         }
     }
-    let _ = io::stderr().write_all(ending(&recording.ending()).as_bytes());
+    tell(&ending(&recording.ending()));
     out.flush().map_or_else(|error| ended(&error), |()| Ok(ExitCode::SUCCESS))
 }
 

@@ -1,14 +1,19 @@
 //! `fleet-cli fetch-log`: a robot's recordings come over Zenoh as they are on its disk, whatever
 //! interrupts them.
 
+use crate::attacker;
 use crate::commands::{fleet_cli, sim};
-use fleet_tests::PATIENCE;
 use fleet_tests::processes::{Process, program};
+use fleet_tests::{PATIENCE, name};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
+use xtb_bus::Role;
+use xtb_protocol::codec::{self, Format};
+use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::messages::{LogReply, LogRequest};
 
 const OLD: &str = "xtb-1-20041201T120000Z.mcap";
 
@@ -94,4 +99,61 @@ fn what_is_not_there_is_said_with_a_hint() {
     assert_eq!(code, 1, "{output:?}");
     assert!(refused["error"]["hint"].as_str().unwrap().contains("robot-agent --record"), "{refused}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left behind");
+}
+
+/// The bytes of an answer that lists one recording; no codec of ours would write them.
+fn list_of(file: &str) -> Vec<u8> {
+    let length = u8::try_from(file.len()).unwrap();
+    // One file: its name, 5 bytes, 7 s old, closed; none left out.
+    [&[0, 1, length], file.as_bytes(), &[5, 7, 0, 0]].concat()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_false_robot_does_not_say_where_its_recording_is_written() {
+    let place = tempfile::tempdir().unwrap();
+    let (work, outside) = (place.path().join("work"), place.path().join("outside.mcap"));
+    fs::create_dir(&work).unwrap();
+    let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+    let router = xtb_bus::open(&role).await.unwrap();
+    let endpoint = router.locators().await.remove(0);
+    let attacker = attacker::session(&endpoint).await;
+    let key = FleetKeys::new(name("lab")).robot(&name("xtb-1")).log(None);
+    let stamp = "20041201T120000Z";
+    let absolute = outside.to_str().unwrap().to_owned();
+    let named = [
+        "../outside.mcap".to_owned(),
+        absolute,
+        format!("../xtb-1-{stamp}.mcap"),
+        format!("xtb-1-{stamp}.mcap/../../outside.mcap"),
+        format!("xtb-1-{stamp}/../xtb-1-{stamp}.mcap"),
+        format!("xtb-2-{stamp}.mcap"),
+        format!("xtb-1-{stamp}.sh"),
+        format!("xtb-1-{stamp}.mcap\0"),
+        ".bashrc".to_owned(),
+    ];
+    for file in named {
+        let list = list_of(&file);
+        let piece = codec::encode(
+            &LogReply::Piece { bytes: 5, open: false, data: b"owned".to_vec() },
+            Format::Postcard,
+        );
+        let piece = piece.unwrap();
+        let _answering = attacker::answer::<LogReply>(&attacker, &key, move |asked| {
+            let encoding = codec::encoding::<LogRequest>(Format::Postcard);
+            match codec::decode::<LogRequest>(&encoding, asked).unwrap().0 {
+                LogRequest::List {} => list.clone(),
+                LogRequest::Read { .. } => piece.clone(),
+            }
+        })
+        .await;
+        let mut command = fleet_cli(&["--connect", &endpoint, "--timeout", "1", "fetch-log", "xtb-1"]);
+        command.current_dir(&work);
+        let output = tokio::task::spawn_blocking(move || command.output().unwrap()).await.unwrap();
+        let files = |folder: &Path| fs::read_dir(folder).unwrap().count();
+        assert_eq!((files(place.path()), files(&work)), (1, 0), "{file:?} wrote: {output:?}");
+        assert_eq!(output.status.code(), Some(1), "{file:?}: {output:?}");
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert!(said.contains("recording"), "{file:?}: {said}");
+    }
+    router.close().await;
 }

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
+mod attacker;
 mod cockpit;
 mod commands;
 mod dashboard;
@@ -16,6 +17,7 @@ mod fuzz;
 mod hardware;
 mod hostile;
 mod huge_messages;
+mod keys;
 mod logs;
 mod membership;
 mod obstacles;
@@ -25,4 +27,5 @@ mod recording;
 mod style;
 mod tasks;
 mod teleop;
+mod terminal;
 mod traffic;

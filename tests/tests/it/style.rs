@@ -95,3 +95,47 @@ fn every_module_says_what_it_is_for() {
 fn nothing_that_drives_a_robot_switches_a_guard_off() {
     none(&places(&["robot-agent/src", "fleet-cli/src"], &[".without(", "set_guards", "Guards::"], &[]));
 }
+
+/// Fields of messages that are text without being escaped where they are read: their form is checked.
+const CHECKED: [(&str, &str); 2] = [("log.rs", "pub file: String,"), ("map.rs", "pub name: String,")];
+
+#[test]
+fn every_text_of_a_message_is_escaped_where_it_is_read() {
+    let mut files = Vec::new();
+    sources(&root().join("core/protocol/src/messages"), &mut files);
+    let mut raw = Vec::new();
+    for file in &files {
+        let text = std::fs::read_to_string(file).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        let mut before = "";
+        for line in code.lines().map(str::trim) {
+            let field = line.ends_with("String,") || line.ends_with("String>,") || line.ends_with("String),");
+            let escaped = [before, line].iter().any(|it| it.contains("deserialize_with = \"text::read"));
+            let checked = CHECKED.iter().any(|(name, field)| file.ends_with(name) && line == *field);
+            if field && !escaped && !checked {
+                raw.push(format!("{}: {line}", file.display()));
+            }
+            before = line;
+        }
+    }
+    none(&raw);
+}
+
+#[test]
+fn only_places_that_escape_write_to_the_terminal() {
+    let words = ["stdout()", "stderr()", "style::Print("];
+    // Whether it is a terminal says nothing to it; ratatui drops control characters itself.
+    let harmless = [".is_terminal()", "CrosstermBackend::new(", "with_writer(", "use_stderr()"];
+    let found = places(&["robot-agent/src", "fleet-cli/src"], &words, &[]);
+    let writes = found.iter().filter(|place| !harmless.iter().any(|word| place.contains(word)));
+    let safe = [
+        "fleet-cli/src/output.rs",
+        // Control sequences of its own, and lines that output.rs has looked at.
+        "fleet-cli/src/terminal.rs",
+        "robot-agent/src/logging.rs",
+        "robot-agent/src/commands.rs",
+        // Samples as numbers.
+        "robot-agent/src/commands/replay.rs",
+    ];
+    none(&writes.filter(|place| !safe.iter().any(|file| place.contains(file))).cloned().collect::<Vec<_>>());
+}

@@ -8,8 +8,9 @@ use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{EventKind, Fault, GoalStatus, Latch, LatchState, StopReason};
 use xtb_protocol::{Name, Uuid};
 
-/// Ids of emergency stops that are remembered.
-pub(super) const ESTOP_IDS: usize = 64;
+/// Ids of emergency stops that are remembered: a stranger has to send as many before a repetition of another
+/// one latches again.
+pub(super) const ESTOP_IDS: usize = 1024;
 
 impl Agent {
     /// A stop has arrived: the robot stands, whatever waits in a queue.
@@ -23,14 +24,14 @@ impl Agent {
     /// An emergency stop has arrived: as a stop, and latched. One whose caller and id were seen before is a
     /// repetition and does nothing: it must not latch again after a reset.
     pub fn estop(&mut self, now: Stamp, arrival: Arrival, by: &Name, id: Uuid) {
-        let call = (by.clone(), id);
-        if self.estops.contains(&call) || !self.guards.on(Guard::Estop) {
+        let seen = self.estops.iter().any(|(caller, call)| *call == id && caller == by);
+        if seen || !self.guards.on(Guard::Estop) {
             return;
         }
         if self.estops.len() == ESTOP_IDS {
             self.estops.pop_front();
         }
-        self.estops.push_back(call);
+        self.estops.push_back((by.clone(), id));
         self.overtakes(arrival);
         self.latch_as(now, Latch::Estop, by.as_str());
     }

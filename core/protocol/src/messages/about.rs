@@ -2,6 +2,7 @@
 
 use super::Message;
 use crate::keys::Name;
+use crate::text;
 use serde::{Deserialize, Serialize};
 use xtb_control::frames::MapPose;
 
@@ -11,12 +12,16 @@ use xtb_control::frames::MapPose;
 #[serde(deny_unknown_fields)]
 pub struct ParameterInfo {
     /// `section.field`.
+    #[serde(deserialize_with = "text::read")]
     pub name: String,
     /// In TOML.
+    #[serde(deserialize_with = "text::read")]
     pub value: String,
     /// Empty for switches.
+    #[serde(deserialize_with = "text::read")]
     pub unit: String,
     /// Printed, data sheet, assumed or ours.
+    #[serde(deserialize_with = "text::read")]
     pub origin: String,
 }
 
@@ -45,18 +50,22 @@ pub struct About {
     /// Of which fleet.
     pub fleet: Name,
     /// The agent's version.
+    #[serde(deserialize_with = "text::read")]
     pub version: String,
     /// Random at boot.
     pub epoch: u64,
     /// `simulated` or `serial`.
+    #[serde(deserialize_with = "text::read")]
     pub hardware: String,
     /// Where it started.
     pub start_pose: MapPose,
     /// What it accepts at most.
     pub limits: Limits,
     /// Which requests it understands.
+    #[serde(deserialize_with = "text::read_list")]
     pub capabilities: Vec<String>,
     /// CRC-32 of the vehicle parameters, in hexadecimal.
+    #[serde(deserialize_with = "text::read")]
     pub vehicle_hash: String,
     /// The vehicle parameters.
     pub vehicle: Vec<ParameterInfo>,
@@ -64,4 +73,8 @@ pub struct About {
 
 impl Message for About {
     const NAME: &'static str = "About";
+
+    fn speaker(&self) -> Option<&Name> {
+        Some(&self.robot)
+    }
 }

@@ -3,6 +3,7 @@
 use super::{Message, TaskId, TaskSpec, TaskState, bounded};
 use crate::codec::CodecError;
 use crate::keys::Name;
+use crate::text;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
@@ -127,8 +128,10 @@ pub struct DispatchError {
     /// For programs.
     pub code: DispatchCode,
     /// What was wrong; names the task of a submission where one is to blame.
+    #[serde(deserialize_with = "text::read")]
     pub message: String,
     /// What to do.
+    #[serde(deserialize_with = "text::read")]
     pub hint: String,
 }
 
@@ -192,6 +195,7 @@ pub struct TaskView {
     /// Since when, in ms since 1970.
     pub since_ms: u64,
     /// Why, where that is not plain.
+    #[serde(default, deserialize_with = "text::read_option")]
     pub reason: Option<String>,
     /// On which robot it is, or ended.
     pub robot: Option<Name>,
@@ -223,6 +227,7 @@ pub struct TaskStep {
     /// Drives that were done then.
     pub legs_done: u32,
     /// Why, where that is not plain.
+    #[serde(default, deserialize_with = "text::read_option")]
     pub reason: Option<String>,
 }
 
@@ -254,6 +259,7 @@ pub struct TaskList {
     /// When, in ms since 1970.
     pub at_ms: u64,
     /// Why the ledger cannot be written now, if it cannot.
+    #[serde(default, deserialize_with = "text::read_option")]
     pub ledger_failed: Option<String>,
     /// The tasks.
     pub tasks: Vec<TaskView>,

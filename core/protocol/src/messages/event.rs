@@ -2,6 +2,7 @@
 
 use super::{Fault, GoalStatus, Latch, Message};
 use crate::keys::Name;
+use crate::text;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use xtb_control::Mode;
@@ -14,6 +15,7 @@ pub enum EventKind {
     /// The agent began to run.
     Started {
         /// Its version.
+        #[serde(deserialize_with = "text::read")]
         version: String,
     },
     /// The controller's mode changed.
@@ -30,6 +32,7 @@ pub enum EventKind {
         /// To what.
         status: GoalStatus,
         /// Why, where that is not plain.
+        #[serde(default, deserialize_with = "text::read_option")]
         reason: Option<String>,
     },
     /// The lease changed hands.
@@ -44,6 +47,7 @@ pub enum EventKind {
         /// False: it works again.
         present: bool,
         /// The system's words, where there are any.
+        #[serde(default, deserialize_with = "text::read_option")]
         detail: Option<String>,
     },
     /// A stop was latched, or reset.
@@ -53,6 +57,7 @@ pub enum EventKind {
         /// False: it was reset.
         set: bool,
         /// Who or what did so.
+        #[serde(deserialize_with = "text::read")]
         by: String,
     },
 }
@@ -77,4 +82,8 @@ pub struct Event {
 impl Message for Event {
     const NAME: &'static str = "Event";
     const VERSION: u32 = 4;
+
+    fn speaker(&self) -> Option<&Name> {
+        Some(&self.robot)
+    }
 }

@@ -1,5 +1,6 @@
 //! Faults by name: what a technician has to see to.
 
+use crate::text;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -183,5 +184,6 @@ pub struct FaultState {
     /// Since it was noticed.
     pub age_ms: u64,
     /// The system's words, where there are any.
+    #[serde(default, deserialize_with = "text::read_option")]
     pub detail: Option<String>,
 }

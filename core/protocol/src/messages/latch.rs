@@ -1,6 +1,7 @@
 //! Latched stops by name: what only a `reset` ends.
 
 use super::StopReason;
+use crate::text;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -86,6 +87,7 @@ pub struct LatchState {
     /// Since it was set.
     pub age_ms: u64,
     /// Who or what set it: a client's name, a fault.
+    #[serde(deserialize_with = "text::read")]
     pub by: String,
     /// Whether what set it is still so: then a reset is refused.
     pub present: bool,

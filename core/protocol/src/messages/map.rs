@@ -2,6 +2,7 @@
 
 use super::{Message, angle, bounded, coordinate};
 use crate::codec::CodecError;
+use crate::text;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use thiserror::Error;
@@ -185,7 +186,7 @@ fn name(text: &str) -> Result<(), CodecError> {
 #[must_use]
 pub fn is_map_name(text: &str) -> bool {
     let length = text.chars().take(MAX_MAP_NAME + 1).count();
-    (1..=MAX_MAP_NAME).contains(&length) && text.trim() == text && !text.chars().any(char::is_control)
+    (1..=MAX_MAP_NAME).contains(&length) && text.trim() == text && !text.contains(text::is_control)
 }
 
 fn malformed(reason: String) -> CodecError {

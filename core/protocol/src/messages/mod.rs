@@ -28,7 +28,7 @@ pub use dispatch::{
 pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};
 pub use latch::{Latch, LatchState};
-pub use log::{LogCode, LogFile, LogReply, LogRequest, MAX_LOG_NAME, MAX_LOGS, MAX_PIECE};
+pub use log::{LogCode, LogFile, LogReply, LogRequest, MAX_LOG_NAME, MAX_LOGS, MAX_PIECE, RecordingName};
 pub use map::{
     FleetMap, MAX_MAP_CELLS, MAX_MAP_NAME, MAX_ZONE_POINTS, MAX_ZONES, MapCell, MapHash, MapZone,
     MapZoneKind, NoMapHash, is_map_name,
@@ -52,6 +52,7 @@ pub use task::{
 };
 
 use crate::codec::CodecError;
+use crate::keys::Name;
 use serde::{Serialize, de::DeserializeOwned};
 use xtb_control::units::OutOfRange;
 
@@ -63,6 +64,12 @@ pub trait Message: Serialize + DeserializeOwned {
     const VERSION: u32 = 1;
     /// Longest that is read or written, in bytes.
     const MAX_BYTES: usize = crate::codec::MAX_BYTES;
+
+    /// The robot that says this of itself, if the message names it: the same as in the key, or the message
+    /// is not believed.
+    fn speaker(&self) -> Option<&Name> {
+        None
+    }
 
     /// Checks what the type cannot hold.
     ///

@@ -3,6 +3,7 @@
 use super::{Message, angle, bounded, coordinate, finite};
 use crate::codec::CodecError;
 use crate::keys::Name;
+use crate::text;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use xtb_control::frames::MapPose;
@@ -136,6 +137,7 @@ pub struct Route {
     /// Who has to pass first at the end of the released stretch.
     pub waits_for: Option<Name>,
     /// Why there is no path, in words.
+    #[serde(default, deserialize_with = "text::read_option")]
     pub reason: Option<String>,
     /// Where other robots are, nearest first, at most [`Route::MOST_OTHERS`]: what the range finders see of
     /// them is not unknown.
@@ -175,6 +177,7 @@ pub struct TrafficState {
     /// Counts the states.
     pub seq: u64,
     /// Its map's hash, in hexadecimal.
+    #[serde(deserialize_with = "text::read")]
     pub map_hash: String,
     /// Robots that it leads along paths.
     pub led: Vec<Name>,
@@ -220,10 +223,13 @@ pub enum NavPhase {
 #[serde(deny_unknown_fields)]
 pub struct MapState {
     /// Its name.
+    #[serde(deserialize_with = "text::read")]
     pub name: String,
     /// Its hash, in hexadecimal.
+    #[serde(deserialize_with = "text::read")]
     pub hash: String,
     /// The hash of the fleet's map, if another one is published: no planned goals then.
+    #[serde(default, deserialize_with = "text::read_option")]
     pub fleet_hash: Option<String>,
 }
 

@@ -3,6 +3,7 @@
 use super::{Assignment, Errand, Latch, MAX_ASSIGN_SEQ, MAX_LEDGER, Message, angle, bounded, coordinate};
 use crate::codec::CodecError;
 use crate::keys::Name;
+use crate::text;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use xtb_control::units::{Steering, WheelRpm};
@@ -261,8 +262,10 @@ pub struct ErrorBody {
     /// For programs.
     pub code: RejectCode,
     /// What was wrong.
+    #[serde(deserialize_with = "text::read")]
     pub message: String,
     /// What to do.
+    #[serde(deserialize_with = "text::read")]
     pub hint: String,
 }
 
@@ -333,6 +336,10 @@ pub struct Estopped {
 
 impl Message for Estopped {
     const NAME: &'static str = "Estopped";
+
+    fn speaker(&self) -> Option<&Name> {
+        Some(&self.robot)
+    }
 }
 
 /// A teleoperation setpoint; lives 200 ms on the robot's own clock.

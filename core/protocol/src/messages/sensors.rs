@@ -54,4 +54,8 @@ pub struct Sensors {
 impl Message for Sensors {
     const NAME: &'static str = "Sensors";
     const VERSION: u32 = 2;
+
+    fn speaker(&self) -> Option<&Name> {
+        Some(&self.robot)
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::Message;
 use crate::keys::Name;
+use crate::text;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use xtb_control::frames::MapPose;
@@ -52,7 +53,7 @@ pub struct RosterEntry {
     /// Its name.
     pub name: Name,
     /// What it can do or belongs to.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "text::read_list")]
     pub tags: Vec<String>,
     /// Where it starts.
     #[serde(default)]

@@ -3,6 +3,7 @@
 use super::{FaultState, LatchState, LinkLoss, Message, NavState, Via, finite};
 use crate::codec::CodecError;
 use crate::keys::Name;
+use crate::text;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use xtb_control::Mode;
@@ -149,6 +150,7 @@ pub struct GoalState {
     /// Since it has this status.
     pub age_ms: u64,
     /// Why it has this status, where that is not plain.
+    #[serde(default, deserialize_with = "text::read_option")]
     pub reason: Option<String>,
     /// Who sent it.
     pub by: Name,
@@ -384,6 +386,10 @@ pub struct RobotState {
 impl Message for RobotState {
     const NAME: &'static str = "RobotState";
     const VERSION: u32 = 5;
+
+    fn speaker(&self) -> Option<&Name> {
+        Some(&self.robot)
+    }
 
     /// Every number is finite: JSON has no other.
     fn validate(&self) -> Result<(), CodecError> {

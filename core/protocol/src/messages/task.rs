@@ -3,6 +3,7 @@
 use super::{LinkLoss, angle, bounded, coordinate};
 use crate::codec::CodecError;
 use crate::keys::Name;
+use crate::text;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use thiserror::Error;
@@ -158,9 +159,9 @@ pub enum Who {
     /// This one.
     Robot(Name),
     /// One that bears this tag in the roster.
-    Tag(String),
+    Tag(#[serde(deserialize_with = "text::read")] String),
     /// One whose factsheet names this capability.
-    Able(String),
+    Able(#[serde(deserialize_with = "text::read")] String),
 }
 
 /// What becomes of a task whose robot somebody else has taken over, or told to stop.

@@ -186,7 +186,7 @@ fn versions(facts: &Facts) -> Vec<Finding> {
         } else {
             match facts.abouts.get(name).and_then(|abouts| abouts.first()) {
                 None => {
-                    let todo = "its agent hangs, or access control forbids it: look at the agent's log";
+                    let todo = "its agent hangs, or a router in between forbids it: look at the agent's log";
                     Finding::problem("versions", "it does not answer what it is", todo)
                 }
                 Some(about) if about.version != ours => {

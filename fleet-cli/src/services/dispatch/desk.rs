@@ -12,7 +12,7 @@ use xtb_bus::{Publisher, Question, Service};
 use xtb_dispatch::Ticket;
 use xtb_dispatch::admit::refusal;
 use xtb_protocol::codec::{CodecError, Format};
-use xtb_protocol::keys::{Channel, FleetKeys, Key};
+use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{
     DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, TaskEvent, TaskList,
 };
@@ -44,6 +44,7 @@ pub(super) struct Desk {
     open: BTreeMap<Ticket, (Question, Name, Format)>,
     next: Ticket,
     overloaded: Arc<AtomicU64>,
+    foreign_keys: Arc<AtomicU64>,
     events: mpsc::Sender<TaskEvent>,
     lists: Publisher<TaskList>,
     services: Vec<Service>,
@@ -91,6 +92,7 @@ impl Desk {
             open: BTreeMap::new(),
             next: 0,
             overloaded,
+            foreign_keys: bus.foreign_keys_counter(),
             events: sender,
             lists,
             services,
@@ -101,17 +103,9 @@ impl Desk {
 
     /// Reads a question; one that cannot be read is answered at once.
     pub(super) fn read(&mut self, question: Question, counters: &mut Counters) -> Option<Asked> {
-        let decoded = match client_of(&question) {
-            Some(client) => {
-                question.decode::<DispatchRequest>().map(|(request, format)| (client, request, format))
-            }
-            None => {
-                let reason = "the key does not end in a client's name".into();
-                Err(CodecError::Malformed { name: "client", reason })
-            }
-        };
-        match decoded {
-            Ok((client, request, format)) => {
+        let client = question.client().cloned()?;
+        match question.decode::<DispatchRequest>() {
+            Ok((request, format)) => {
                 counters.questions += 1;
                 self.next += 1;
                 let ticket = self.next;
@@ -185,6 +179,11 @@ impl Desk {
         self.overloaded.load(Ordering::Relaxed)
     }
 
+    /// What came in on keys that are none of ours.
+    pub(super) fn foreign_keys(&self) -> u64 {
+        self.foreign_keys.load(Ordering::Relaxed)
+    }
+
     /// Takes no more questions.
     pub(super) fn close(&mut self) {
         self.services.clear();
@@ -193,13 +192,6 @@ impl Desk {
     /// Waits until the answers that are on their way have left.
     pub(super) async fn last_answers(&mut self) {
         while self.answers.join_next().await.is_some() {}
-    }
-}
-
-fn client_of(question: &Question) -> Option<Name> {
-    match Key::parse(question.key_expr())?.channel {
-        Channel::DispatchCmd(client) => Some(client),
-        _ => None,
     }
 }
 
@@ -213,11 +205,8 @@ async fn refuse(question: Question, keys: FleetKeys, error: DispatchError) {
     let asked = question.decode::<DispatchRequest>();
     let id = asked.map_or(Uuid::nil(), |(request, _)| request.id);
     let reply = DispatchReply { id, result: DispatchOutcome::Error(error), left_out: 0 };
-    // Where the key names no client, the answer goes to nobody in particular.
-    let key = match client_of(&question) {
-        Some(client) => keys.dispatch_cmd(Some(&client)),
-        None => keys.dispatch_tasks(),
-    };
+    let Some(client) = question.client() else { return };
+    let key = keys.dispatch_cmd(Some(client));
     if let Err(error) = question.reply(&key, &reply, question.likely_format()).await {
         tracing::debug!("a refusal was not sent: {error}");
     }

@@ -284,6 +284,7 @@ impl Work {
         let book = self.dispatcher.book();
         let (open, tasks) = (book.open_count(), book.tasks().count());
         self.counters.overloaded = self.desk.overloaded();
+        self.counters.foreign_keys = self.desk.foreign_keys();
         self.counters.ledger = self.writer.counters();
         let (counters, usage) = (self.counters.clone(), self.usage.clone());
         self.told.send_replace(Standing { open, tasks, counters, usage });

@@ -3,8 +3,8 @@
 //! A thread reads standard input, so that the truck's frames go on while a person thinks.
 
 use super::bench::Trouble;
-use crate::commands::{Failure, run};
-use std::io::{self, BufRead, IsTerminal, Write};
+use crate::commands::{Failure, run, tell};
+use std::io::{self, BufRead, IsTerminal};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, sync_channel};
@@ -58,7 +58,7 @@ impl Console {
         question: &str,
         mut meanwhile: impl FnMut() -> Result<(), Trouble>,
     ) -> Result<String, Trouble> {
-        say(question);
+        tell(question);
         let typed = self.typed.as_ref().ok_or(Trouble::NoAnswer)?;
         loop {
             meanwhile()?;
@@ -72,7 +72,7 @@ impl Console {
 
     /// Asks something to be answered with yes; anything else is no.
     pub(crate) fn confirm(&self, question: &str) -> Result<bool, Trouble> {
-        say(&format!("{question} [yes/no] "));
+        tell(&format!("{question} [yes/no] "));
         let typed = self.typed.as_ref().ok_or(Trouble::NoAnswer)?;
         loop {
             if self.interrupted.load(Ordering::Relaxed) {
@@ -85,13 +85,6 @@ impl Console {
             }
         }
     }
-}
-
-/// Says something to the person, beside the result on standard output.
-pub(crate) fn say(text: &str) {
-    let mut err = io::stderr().lock();
-    // Nobody may be listening.
-    let _ = err.write_all(text.as_bytes()).and_then(|()| err.flush());
 }
 
 /// Lines from standard input until its end. The thread ends with the program.
