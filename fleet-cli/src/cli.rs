@@ -23,8 +23,8 @@ pub use map::{MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, M
 pub use plan::PlanArgs;
 pub use recording::{ExportArgs, PlayArgs, RecordArgs};
 pub use robots::{
-    DoctorArgs, EstopArgs, GotoArgs, LeaseArgs, ListArgs, ResetArgs, StatusArgs, StopArgs, TeleopArgs,
-    ViaArg, WanderArgs, WatchArgs, WhoArgs, WhyArgs,
+    DoctorArgs, EstopArgs, GotoArgs, LeaseArgs, ListArgs, ResetArgs, SetPoseArgs, StatusArgs, StopArgs,
+    TeleopArgs, ViaArg, WanderArgs, WatchArgs, WhoArgs, WhyArgs,
 };
 pub use shell::{CompletionsArgs, NamesArgs, NamesOf};
 pub use sim::{DemoArgs, FixArgs, RouterArgs, SimArgs};
@@ -134,6 +134,8 @@ pub enum Verb {
     Estop(EstopArgs),
     /// End a robot's latched stops whose cause is gone; it stands until a new command.
     Reset(ResetArgs),
+    /// Tell a robot that stands where it is, when its pose is uncertain or wrong.
+    SetPose(SetPoseArgs),
     /// Drive a robot by hand.
     Teleop(TeleopArgs),
     /// Show the fleet on the whole terminal: map, robots, events; keys send, stop and drive.

@@ -55,6 +55,14 @@ pub(crate) fn pose_source(pose: &PoseState) -> String {
     }
 }
 
+/// What pose fixes have shown of the odometry and of themselves; `None` = nothing yet.
+pub(crate) fn odometry(pose: &PoseState) -> Option<String> {
+    let scale = fixed(pose.odometry_scale?, 3);
+    let sigma = fixed(pose.odometry_scale_sigma.unwrap_or_default(), 3);
+    let late = pose.fix_delay_ms.map(|ms| format!("; fixes are {ms} ms older than they say"));
+    Some(format!("scale {scale} ± {sigma}{}", late.unwrap_or_default()))
+}
+
 /// Speed over ground.
 pub(crate) fn speed(state: &RobotState) -> String {
     known(state.speed_mps, 2, "m/s")

@@ -46,6 +46,7 @@ pub use output::Output;
 use cli::Verb;
 use interrupt::{or_interrupted, or_interrupted_saying};
 
+const SHOWS_POSE: &str = "`fleet-cli status ROBOT` shows the pose";
 const SHOWS_STANDSTILL: &str = "`fleet-cli list` shows who stands, and who is latched";
 
 /// Carries out one command line and says how it ended.
@@ -100,6 +101,11 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
             let ctx = ctx()?;
             let reset = commands::reset::run(&ctx, &args);
             or_interrupted_saying(reset, "what was reset is unknown; nothing moves", SHOWS_STANDSTILL).await
+        }
+        Verb::SetPose(args) => {
+            let ctx = ctx()?;
+            let set = commands::set_pose::run(&ctx, &args);
+            or_interrupted_saying(set, "whether the pose was set is unknown; nothing moves", SHOWS_POSE).await
         }
         Verb::Teleop(args) => commands::teleop::run(&ctx()?, &args).await,
         Verb::Top(args) => commands::top::run(&ctx()?, &args).await,

@@ -12,6 +12,7 @@
 //! answer to every doubt is [`Command::Idle`].
 
 mod navigate;
+mod odometry;
 mod requests;
 mod setpoints;
 mod stops;
@@ -26,8 +27,10 @@ use crate::guard::{Guard, Guards};
 use crate::latch::LatchBook;
 use crate::lease::{LEASE_FREE_MS, LINK_LOSS_MS, LeaseBook};
 use crate::replies::ReplyBook;
+use odometry::OdometryScale;
 use setpoints::Teleop;
 use std::collections::VecDeque;
+use std::sync::Arc;
 use xtb_control::controller::Mode;
 use xtb_control::frames::MapPose;
 use xtb_control::odometry::OdomPose;
@@ -96,6 +99,7 @@ pub struct Agent {
     max_rpm: f64,
     mps_per_rpm: f64,
     filter: PoseFilter,
+    odometry_scale: OdometryScale,
     nav: Navigator,
     lead: navigate::Lead,
     guards: Guards,
@@ -157,6 +161,7 @@ impl Agent {
             max_rpm: vehicle.teleop.max_rpm,
             mps_per_rpm: vehicle.mps_per_rpm(),
             filter: filter(vehicle, &NavSettings::default(), &identity),
+            odometry_scale: OdometryScale::default(),
             nav: Navigator::new(vehicle, &NavSettings::default()),
             lead: navigate::Lead::default(),
             guards: Guards::default(),
@@ -255,7 +260,7 @@ impl Agent {
             let event = EventKind::Goal { id: goal.id, status: GoalStatus::Running, reason: None };
             self.emit(now, event);
         }
-        command
+        command.map(|command| self.odometry_scale.correct(command))
     }
 
     /// A fault that must stop the robot ends everything that moves; its end starts nothing.
@@ -475,6 +480,22 @@ impl Agent {
         self.setpoint_heard.map(|at| now.since_ms(at))
     }
 
+    /// How far the truck goes for each metre that its encoder counts; 1 as long as fixes have not shown it.
+    #[must_use]
+    pub fn odometry_scale(&self) -> f64 {
+        self.odometry_scale.way()
+    }
+
+    /// What is wrong with odometry and pose fixes, with what was seen.
+    #[must_use]
+    pub fn pose_faults(&self, now: Stamp) -> Vec<(Fault, Option<Arc<str>>)> {
+        let estimate = self.filter.estimate(now);
+        let scale = self.odometry_scale.fault().map(|words| (Fault::OdometryScale, Some(words.into())));
+        let frozen = estimate.frozen.then_some((Fault::FixesFrozen, None));
+        let contradict = estimate.contradicted.then_some((Fault::FixesContradict, None));
+        [scale, frozen, contradict].into_iter().flatten().collect()
+    }
+
     /// Where the robot is in the map.
     #[must_use]
     pub fn pose(&self, now: Stamp, view: View<'_>) -> PoseState {
@@ -495,9 +516,9 @@ impl Agent {
             sigma_m: estimate.sigma_m,
             sigma_yaw_rad: estimate.sigma_yaw_rad,
             fix_age_ms: estimate.fix_age_ms,
-            odometry_scale: estimate.fix_age_ms.map(|_| 1.0 + estimate.wheel_scale),
-            odometry_scale_sigma: estimate.fix_age_ms.map(|_| estimate.wheel_scale_sigma),
-            fix_delay_ms: None,
+            odometry_scale: (estimate.fixes.accepted > 0).then_some(1.0 + estimate.wheel_scale),
+            odometry_scale_sigma: (estimate.fixes.accepted > 0).then_some(estimate.wheel_scale_sigma),
+            fix_delay_ms: estimate.fix_delay_ms(),
         }
     }
 }

@@ -1,16 +1,19 @@
 //! Where am I: an extended Kalman filter over odometry and, where something gives them, pose fixes.
 //!
-//! State: x, y, yaw in the map, the gyro's drift and how far the wheels differ from nominal. Each odometry
-//! step predicts, each fix corrects; drift and wheels are learnt on the way and go on serving when the
-//! fixes drop out. Angles are in rad, the yaw counter-clockwise as in the map.
+//! State: x, y, yaw in the map, the gyro's drift, how far the wheels differ from nominal and how much older
+//! fixes are than they say. Each odometry step predicts, each fix corrects; drift, wheels and delay are
+//! learnt on the way and go on serving when the fixes drop out. Angles are in rad, the yaw counter-clockwise as in the map.
 //!
 //! ```text
 //!             odometry ──────► predict ───► history (¾ s)
 //!                                 ▲            │ a late fix goes where it was measured,
-//!   fix ──► valid? ──► young? ──► gate ────────┘ and everything since is predicted again
-//!                                 │ rejected
-//!                                 ▼
-//!                      six in a row that agree with each other ──► start again where they say
+//!   fix ─► valid? ─► young? ─► repeats? ─► gate ┘ and everything since is predicted again
+//!                                 │ none    │ rejected
+//!                                             ▼
+//!        three in a row that could be of one truck: the pose is uncertain (contradicted)
+//!             │ two that fit: as before         │ the truck drives on, with a bend in its way, and
+//!             ▼                                 ▼ they move as the odometry says
+//!        the pose is sure again            start again where they say
 //! ```
 //!
 //! As long as nothing was learnt from a fix, the pose is the memorandum's odometry (§4.9) to the bit; only
@@ -21,6 +24,7 @@ mod fix;
 mod gathered;
 mod history;
 mod model;
+mod repeats;
 #[cfg(test)]
 mod tests;
 mod travel;
@@ -38,6 +42,7 @@ use fix::Measurement;
 use gathered::{Agreement, Gathered};
 use history::History;
 use model::State;
+use repeats::Repeats;
 use thiserror::Error;
 use travel::Travel;
 use xtb_control::VehicleConfig;
@@ -71,6 +76,7 @@ pub struct PoseFilter {
     travel: Travel,
     history: History,
     gathered: Gathered,
+    repeats: Repeats,
     last_fix: Option<Stamp>,
     counts: FixCounts,
 }
@@ -94,6 +100,7 @@ impl PoseFilter {
             travel: Travel::new(vehicle.geometry.wheelbase_m, tuning.yaw_noise_rad),
             history: History::default(),
             gathered: Gathered::default(),
+            repeats: Repeats::default(),
             last_fix: None,
             counts: FixCounts::default(),
             tuning,
@@ -133,6 +140,7 @@ impl PoseFilter {
         }
         self.odom = *after;
         self.travel.rezeroed();
+        self.repeats.forget();
     }
 
     /// From the odometry's frame to the map's, as it is now.
@@ -151,6 +159,7 @@ impl PoseFilter {
         self.state.restart(pose, self.tuning.start_m, self.tuning.start_rad);
         self.last_fix = None;
         self.gathered.clear();
+        self.repeats.forget();
         self.begin_history();
     }
 
@@ -166,16 +175,27 @@ impl PoseFilter {
             self.counts.too_old += 1;
             return Ok(FixOutcome::TooOld { age_s, limit_s: self.tuning.late_s });
         };
+        if self.repeats.is_repeat(now, &measurement, &self.odom) {
+            self.counts.repeated += 1;
+            return Ok(FixOutcome::Repeated);
+        }
         if self.is_lost() {
-            return Ok(self.gather(fix.stamp, slot, measurement, None));
+            return Ok(self.gather(fix.stamp, slot, measurement));
         }
         let mut state = *self.history.state(slot);
-        let test = state.correct(&measurement, self.tuning.gate);
+        if self.alignment.is_some() {
+            state.open_scale(self.tuning.open_scale);
+        }
+        let test = state.correct(&measurement, self.history.motion(slot), self.tuning.gate);
+        let outcome = FixOutcome::Rejected { mahalanobis: test.mahalanobis, limit: test.limit };
         if !test.passed() {
-            return Ok(self.gather(fix.stamp, slot, measurement, Some(test.mahalanobis)));
+            return Ok(self.contradicted(fix.stamp, slot, measurement).unwrap_or(outcome));
+        }
+        if !self.gathered.fits() {
+            self.counts.rejected += 1;
+            return Ok(outcome);
         }
         self.alignment = None;
-        self.gathered.clear();
         self.counts.accepted += 1;
         self.last_fix = self.last_fix.max(Some(fix.stamp));
         self.state = self.history.insert(slot, measurement, state, &self.tuning);
@@ -186,7 +206,13 @@ impl PoseFilter {
     #[must_use]
     pub fn estimate(&self, now: Stamp) -> Estimate {
         let pose = self.alignment.map_or_else(|| self.state.pose(), |alignment| alignment.pose(&self.odom));
-        Estimate::of(&self.state, pose, self.last_fix.map(|at| now.since_ms(at)), self.counts)
+        let fix_age_ms = self.last_fix.map(|at| now.since_ms(at));
+        let estimate = Estimate::of(&self.state, pose, fix_age_ms, self.counts);
+        let estimate = Estimate { frozen: self.repeats.is_frozen(now), ..estimate };
+        match self.gathered.contradiction() {
+            Some((off_m, off_rad)) => estimate.with_contradiction(off_m, off_rad),
+            None => estimate,
+        }
     }
 
     /// Too unsure of the heading for a correction to point the right way.
@@ -194,22 +220,26 @@ impl PoseFilter {
         self.state.sigma_yaw_rad() > self.tuning.lost_rad
     }
 
-    /// Keeps a fix that does not fit, and starts again if those kept agree with each other.
-    fn gather(&mut self, at: Stamp, slot: usize, fix: Measurement, mahalanobis: Option<f64>) -> FixOutcome {
-        self.gathered.push(fix, self.history.state(slot).pose());
+    /// The heading is lost: keeps a fix, and starts again if those kept agree with each other.
+    fn gather(&mut self, at: Stamp, slot: usize, fix: Measurement) -> FixOutcome {
+        self.gathered.push(at, fix, self.history.state(slot).pose());
         if let Some(agreement) = self.gathered.agreement() {
             return self.start_again(at, &agreement);
         }
-        match mahalanobis {
-            Some(mahalanobis) => {
-                self.counts.rejected += 1;
-                FixOutcome::Rejected { mahalanobis, limit: fix.limit(self.tuning.gate) }
-            }
-            None => {
-                self.counts.gathered += 1;
-                FixOutcome::Gathered { have: self.gathered.len(), need: gathered::ENOUGH }
-            }
+        self.counts.gathered += 1;
+        FixOutcome::Gathered { have: self.gathered.len(), need: gathered::ENOUGH }
+    }
+
+    /// A fix does not fit: starts again where those rejected say, if the truck's motion has confirmed them.
+    fn contradicted(&mut self, at: Stamp, slot: usize, fix: Measurement) -> Option<FixOutcome> {
+        let state = self.history.state(slot);
+        let off = state.off(&fix, self.history.motion(slot));
+        self.gathered.reject(at, fix, state.pose(), off);
+        let confirmed = self.gathered.confirmed();
+        if confirmed.is_none() {
+            self.counts.rejected += 1;
         }
+        confirmed.map(|agreement| self.start_again(at, &agreement))
     }
 
     fn start_again(&mut self, at: Stamp, agreement: &Agreement) -> FixOutcome {

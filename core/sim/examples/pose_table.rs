@@ -14,6 +14,9 @@ mod draw;
 mod fixed;
 #[path = "pose_table/plot.rs"]
 mod plot;
+#[allow(dead_code)]
+#[path = "../tests/it/troubled.rs"]
+mod troubled;
 
 use fixed::{Drive, Moment, two_hertz};
 use std::path::Path;

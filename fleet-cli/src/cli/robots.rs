@@ -172,6 +172,27 @@ pub struct ResetArgs {
     pub lease: LeaseArgs,
 }
 
+/// Arguments of `set-pose`.
+#[derive(Debug, Clone, Args)]
+#[command(allow_negative_numbers = true)]
+pub struct SetPoseArgs {
+    /// Robot; it must stand.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// East, in m.
+    #[arg(value_name = "X", value_parser = metres)]
+    pub x_m: f64,
+    /// North, in m.
+    #[arg(value_name = "Y", value_parser = metres)]
+    pub y_m: f64,
+    /// Yaw, in degrees counter-clockwise from east [default: the present one].
+    #[arg(long, value_name = "DEGREES", value_parser = degrees)]
+    pub yaw: Option<f64>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
+
 /// Arguments of `teleop`.
 #[derive(Debug, Clone, Args)]
 pub struct TeleopArgs {

@@ -2,6 +2,7 @@
 
 mod checks;
 mod clock;
+mod fixes;
 
 use crate::cli::DoctorArgs;
 use crate::client::{Client, Seen};
@@ -11,12 +12,15 @@ use crate::feed::Feed;
 use crate::output::{Output, Tone};
 use checks::{Facts, Finding, Level};
 use clock::Mark;
+use fixes::FixBook;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use xtb_bus::{Incoming, Subscription};
 use xtb_protocol::Name;
 use xtb_protocol::keys::Key;
-use xtb_protocol::messages::{About, RobotState};
+use xtb_protocol::messages::{About, Fix, RobotState};
 
 /// Clocks are compared for this long at least; again while they seem to differ, which a busy network
 /// can feign.
@@ -72,7 +76,8 @@ async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Fac
     let (alive, roster) = tokio::join!(client.alive(), client.roster_entries(&args.expect));
     let mut alive = alive?;
     // Not before: a question for presence right beside a subscription to it was seen to bring nothing.
-    let feed = Feed::open(client, &any).await?;
+    let feed = Arc::new(Feed::open(client, &any).await?);
+    let fixes = listen_for_fixes(client, &feed).await?;
     let (mut abouts, mut unreadable) = (BTreeMap::<Name, Vec<About>>::new(), BTreeMap::new());
     for answer in client.get(&any.about()).await? {
         let Some(robot) = Key::parse(&answer.key).and_then(|key| key.robot) else { continue };
@@ -98,6 +103,7 @@ async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Fac
     let states = feed.states().into_iter().filter_map(|(name, seen)| Some((name, seen.fresh()?.clone())));
     let states = states.collect();
     let connected = ctx.connect.join(", ");
+    let fixes = fixes.book();
     Ok(Facts {
         connected,
         fleet: ctx.fleet.clone(),
@@ -108,7 +114,34 @@ async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Fac
         epochs,
         states,
         rates,
+        fixes,
     })
+}
+
+/// Fixes as they come in, beside what the robots say of themselves.
+struct FixEar {
+    book: Arc<Mutex<FixBook>>,
+    _fixes: Subscription,
+}
+
+impl FixEar {
+    fn book(&self) -> FixBook {
+        self.book.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+async fn listen_for_fixes(client: &Client, feed: &Arc<Feed>) -> Result<FixEar> {
+    let book = Arc::new(Mutex::new(FixBook::default()));
+    let (heard, feed) = (Arc::clone(&book), Arc::clone(feed));
+    let each = move |incoming: Incoming| {
+        let Some(robot) = Key::parse(&incoming.key).and_then(|key| key.robot) else { return };
+        let Ok(fix) = incoming.decode::<Fix>() else { return };
+        let states = feed.states().into_iter();
+        let states = states.filter_map(|(name, seen)| Some((name, seen.fresh()?.clone()))).collect();
+        heard.lock().unwrap_or_else(PoisonError::into_inner).hear(&robot, &fix, &states);
+    };
+    let _fixes = client.bus().subscribe(&client.keys().any_robot().fix(), each).await?;
+    Ok(FixEar { book, _fixes })
 }
 
 /// How fast each robot's clock runs beside ours; `None` = it was not heard twice, or has restarted.
@@ -176,7 +209,9 @@ fn text(report: &Report, out: &Output) -> String {
 mod tests {
     use super::*;
     use crate::fake::{FakeRobot, name};
-    use xtb_protocol::messages::Latch;
+    use xtb_protocol::codec::Format;
+    use xtb_protocol::keys::Channel;
+    use xtb_protocol::messages::{FixSource, Latch};
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn a_missing_and_a_latched_robot_are_found_with_what_to_do() {
@@ -194,5 +229,47 @@ mod tests {
         assert!(text.contains("→ `fleet-cli why xtb-1`"), "{text}");
         assert!(text.contains("ok       versions"), "{text}");
         assert!(report.problems >= 2 && text.ends_with("warnings"), "{text}");
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn two_robots_whose_fixes_are_crossed_are_found() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let robots = [("xtb-1", 0.0), ("xtb-2", 4.0)];
+        let mut fakes = Vec::new();
+        let mut senders = Vec::new();
+        for (robot, x_m) in robots {
+            let fake = FakeRobot::start(&client, robot).await;
+            fake.lock().state.pose.x_m = x_m;
+            fakes.push(fake);
+            let key = client.keys().robot(&name(robot)).fix();
+            senders.push(client.bus().publisher::<Fix>(&key, &Channel::Fix, Format::Json).await.unwrap());
+        }
+        let sending = tokio::spawn(async move {
+            let mut tick = tokio::time::interval(Duration::from_millis(100));
+            loop {
+                tick.tick().await;
+                for (sender, x_m) in senders.iter().zip([4.0, 0.0]) {
+                    let fix = Fix {
+                        x_m,
+                        y_m: 0.0,
+                        yaw_rad: None,
+                        sigma_m: 0.05,
+                        sigma_yaw_rad: 0.05,
+                        source: FixSource::MotionCapture,
+                        age_ms: 0,
+                    };
+                    sender.put(&fix).await.unwrap();
+                }
+            }
+        });
+        let args = DoctorArgs { expect: vec![name("xtb-1"), name("xtb-2")] };
+        let facts = gather(client.context(), &client, &args).await.unwrap();
+        sending.abort();
+        let report = Report::new(&name("lab"), checks::all(&facts));
+        let text = text(&report, &Output { json: false, colors: false });
+        for (robot, other) in [("xtb-1", "xtb-2"), ("xtb-2", "xtb-1")] {
+            let crossed = format!("problem  fixes     {robot}: its fixes and those of {other} are crossed");
+            assert!(text.contains(&crossed), "{text}");
+        }
     }
 }

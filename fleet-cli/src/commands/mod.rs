@@ -20,6 +20,7 @@ pub mod play;
 pub mod record;
 pub mod reset;
 pub mod router;
+pub mod set_pose;
 pub mod sim;
 pub mod status;
 pub mod stop;

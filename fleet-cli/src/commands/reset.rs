@@ -19,7 +19,7 @@ use xtb_protocol::messages::{Body, Latch, LatchState, RejectCode, RobotState};
 use xtb_protocol::{Name, Uuid};
 
 /// A state that shows what the reset did comes within a few of these.
-const STATE_EVERY: Duration = Duration::from_millis(50);
+pub(super) const STATE_EVERY: Duration = Duration::from_millis(50);
 
 /// What came of it, as `--json` prints it.
 #[derive(Debug, PartialEq, Serialize)]
@@ -243,7 +243,7 @@ pub(super) async fn reset(
 }
 
 /// The first state that came in after `since` and is `so`.
-async fn next(
+pub(super) async fn next(
     feed: &Feed,
     robot: &Name,
     since: Instant,

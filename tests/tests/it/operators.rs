@@ -91,3 +91,28 @@ fn an_emergency_stop_is_acknowledged_explained_found_and_reset() {
     let (code, goal, _) = sim.run(&["goto", "xtb-1", "0", "1"]);
     assert_eq!((code, &goal["status"]), (0, &json!("accepted")), "{goal}");
 }
+
+#[test]
+fn a_robot_that_stands_is_told_where_it_is() {
+    let sim = sim(&["--robots", "1", "--fixes", "0"]);
+    let pose = |value: &Value| ["x_m", "y_m", "yaw_rad"].map(|name| value[name].as_f64().unwrap());
+    let (code, first, _) = sim.run(&["set-pose", "xtb-1", "1.5", "-2", "--yaw", "90"]);
+    assert_eq!((code, &first["robot"], &first["taken_from"]), (0, &json!("xtb-1"), &Value::Null), "{first}");
+    let [x_m, y_m, yaw_rad] = pose(&first["after"]);
+    assert!((x_m - 1.5).abs() < 1e-6 && (y_m + 2.0).abs() < 1e-6, "{first}");
+    assert!((yaw_rad - std::f64::consts::FRAC_PI_2).abs() < 0.05, "{first}");
+    let (code, second, _) = sim.run(&["set-pose", "xtb-1", "0", "3"]);
+    assert_eq!(code, 0, "{second}");
+    assert_eq!(pose(&second["before"])[..2], [1.5, -2.0], "{second}");
+    assert!((pose(&second["after"])[2] - yaw_rad).abs() < 0.05, "the yaw stays: {second}");
+
+    let alice = driver(&sim, "alice");
+    let (code, refused, _) = sim.run(&["set-pose", "xtb-1", "0", "0", "--client", "bob"]);
+    assert_eq!((code, &refused["error"]["code"]), (1, &json!("lease_held")), "{refused}");
+    let (code, taken, _) = sim.run(&["set-pose", "xtb-1", "7", "8", "--client", "bob", "--take"]);
+    assert_eq!((code, &taken["taken_from"]), (0, &json!("alice")), "her goal halts without her: {taken}");
+    assert!((pose(&taken["pose"])[0] - 7.0).abs() < 1e-6, "{taken}");
+    drop(alice);
+    let (code, nobody, _) = sim.run(&["set-pose", "xtb-9", "0", "0", "--timeout", "0.5"]);
+    assert_eq!(code, 3, "{nobody}");
+}

@@ -182,6 +182,7 @@ impl Agent {
     pub(super) fn locate(&mut self, now: Stamp, view: View<'_>) {
         // A pose that is not finite is left out: the odometry never makes one.
         let _ = self.filter.odometry(now, &view.outputs.pose);
+        self.odometry_scale.learn(now, &self.filter.estimate(now));
     }
 
     /// What the navigator wants of the first level now.
@@ -205,7 +206,7 @@ impl Agent {
         let outputs = view.outputs;
         let sensed = Sensed {
             estimate: &estimate,
-            speed_mps: outputs.rpm * self.mps_per_rpm,
+            speed_mps: outputs.rpm * self.mps_per_rpm * self.odometry_scale.way(),
             blocked: outputs.blocked,
             ir_front_cm: &outputs.ir_front_cm,
             ir_rear_cm: &outputs.ir_rear_cm,

@@ -354,6 +354,11 @@ impl Agent {
                 fault.remedy(),
             ));
         }
+        if self.faults.present().any(|fault| fault == Fault::OdometryScale) {
+            let words = self.odometry_scale.fault().unwrap_or_default();
+            let message = format!("the odometry has a fault: {words}");
+            return Err((RejectCode::NotReady, message, Fault::OdometryScale.remedy()));
+        }
         if self.faults.present().any(|fault| fault == Fault::BatteryLow) {
             let message = "the battery is too low to begin anything".to_owned();
             return Err((RejectCode::BatteryLow, message, Fault::BatteryLow.remedy()));

@@ -121,6 +121,7 @@ impl Robot {
         if let Some(fault) = gyro {
             faults.push((of_line(Device::Gyro, fault), self.gyro.detail.clone()));
         }
+        faults.extend(self.agent.pose_faults(now));
         let tilted = self.newest.adc.is_some() && self.outputs.tilt.both().is_none();
         for (fault, present) in [
             (Fault::RemoteLost, self.outputs.mode == Mode::Fault && speaks_ms > RECEIVER_BACK_MS),

@@ -90,7 +90,9 @@ impl Robot {
             mode: self.outputs.mode,
             lease: self.agent.lease().state(now),
             pose: self.agent.pose(now, view),
-            speed_mps: fresh(ages.encoder).then(|| self.outputs.rpm * self.controller.config().mps_per_rpm()),
+            speed_mps: fresh(ages.encoder).then(|| {
+                self.outputs.rpm * self.controller.config().mps_per_rpm() * self.agent.odometry_scale()
+            }),
             reference_rpm: self.outputs.reference_rpm,
             steering: self.outputs.steering,
             obstacle: ObstacleView {

@@ -1,8 +1,11 @@
 //! What the filter says: a pose, and how sure it is.
 
-use super::model::{DRIFT, SCALE, State, X, Y, YAW};
+use super::model::{DELAY, DRIFT, SCALE, State, X, Y, YAW};
 use crate::MapPose;
 use std::f64::consts::PI;
+
+/// A delay is known from this standard deviation down, in s.
+const KNOWN_DELAY_S: f64 = 0.05;
 
 /// What became of all fixes since the start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -13,9 +16,11 @@ pub struct FixCounts {
     pub rejected: u64,
     /// Came while the heading was lost.
     pub gathered: u64,
+    /// Repeated an earlier one while the wheels turned.
+    pub repeated: u64,
     /// Measured too long ago.
     pub too_old: u64,
-    /// How often the filter started again where rejected fixes agreed.
+    /// How often the filter started again where fixes agreed.
     pub restarts: u64,
 }
 
@@ -40,6 +45,14 @@ pub struct Estimate {
     pub wheel_scale: f64,
     /// Its standard deviation.
     pub wheel_scale_sigma: f64,
+    /// By how much fixes are older than they say, in s; 0 as long as nothing was learnt.
+    pub delay_s: f64,
+    /// Its standard deviation.
+    pub delay_sigma_s: f64,
+    /// Fixes say another pose, and it is not known which is right: the standard deviations reach there.
+    pub contradicted: bool,
+    /// The fixes repeat one pose while the wheels turn; none of them counts.
+    pub frozen: bool,
     /// What became of all fixes.
     pub fixes: FixCounts,
 }
@@ -60,7 +73,30 @@ impl Estimate {
             drift_sigma_radps: sigma(DRIFT),
             wheel_scale: state.mean[SCALE],
             wheel_scale_sigma: sigma(SCALE),
+            delay_s: state.mean[DELAY],
+            delay_sigma_s: sigma(DELAY),
+            contradicted: false,
+            frozen: false,
             fixes,
         }
+    }
+
+    /// By how much fixes are older than they say, in ms; `None` = not known.
+    #[must_use]
+    pub fn fix_delay_ms(&self) -> Option<i64> {
+        let known = self.fixes.accepted > 0 && self.delay_sigma_s <= KNOWN_DELAY_S;
+        known.then(|| libm::round(self.delay_s * 1000.0) as i64)
+    }
+
+    /// Fixes say that it is so far off: three standard deviations reach there.
+    pub(crate) fn with_contradiction(mut self, off_m: f64, off_rad: f64) -> Self {
+        let (sigma_m, sigma_rad) = (off_m / 3.0, off_rad / 3.0);
+        for (place, sigma) in [(0, sigma_m), (1, sigma_m), (2, sigma_rad)] {
+            self.covariance[place][place] += sigma * sigma;
+        }
+        self.sigma_m = libm::hypot(self.sigma_m, sigma_m);
+        self.sigma_yaw_rad = libm::hypot(self.sigma_yaw_rad, sigma_rad).min(PI);
+        self.contradicted = true;
+        self
     }
 }

@@ -126,7 +126,7 @@ pub enum FixOutcome {
         /// More would have been an outlier.
         limit: f64,
     },
-    /// An outlier; kept in case that the next ones agree with it.
+    /// An outlier, or one of several that contradict the pose.
     Rejected {
         /// Squared distance from what was expected, in its standard deviations.
         mahalanobis: f64,
@@ -140,13 +140,15 @@ pub enum FixOutcome {
         /// So many have to agree.
         need: usize,
     },
-    /// Enough rejected fixes agreed: the filter started again where they say.
+    /// Enough fixes agreed, and against a sure pose moved as the truck did: the filter started again where they say.
     Restarted {
         /// The pose jumped by so much.
         moved_m: f64,
         /// And turned by so much.
         turned_rad: f64,
     },
+    /// It repeats an earlier one although the wheels have turned since: its source is frozen.
+    Repeated,
     /// Measured too long ago, or before the pose was set anew.
     TooOld {
         /// Since it was measured.

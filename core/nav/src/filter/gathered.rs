@@ -2,15 +2,39 @@
 //!
 //! Each is kept with the pose that the filter had then. If the truck is only misplaced, one turn and one
 //! shift take all of these poses to their fixes (least squares, closed form in the plane).
+//!
+//! That fixes agree with each other proves little: those of another robot do so too. Against a pose that
+//! the filter is sure of they count only when the truck has driven long enough, with a bend in its way,
+//! and each fix has moved as the odometry says ([`Gathered::confirmed`]).
 
 use super::fix::Measurement;
 use crate::MapPose;
 use xtb_control::frames::wrap_rad;
+use xtb_control::units::Stamp;
 
 /// So many have to agree.
 pub(crate) const ENOUGH: usize = 6;
 /// So many are kept: a longer way shows the heading where the fixes have none.
-const MOST: usize = 12;
+const MOST: usize = 40;
+/// One is kept when the truck has gone this far since the last one, or after this time.
+const SPACED_M: f64 = 0.10;
+const SPACED_MS: u64 = 250;
+/// Against a sure pose they have to agree for so long, in s, …
+const CONFIRM_S: f64 = 6.0;
+/// … over a way that reaches so far, in m and in their standard deviations, …
+const CONFIRM_M: f64 = 1.2;
+const CONFIRM_SIGMAS: f64 = 6.0;
+/// … and turns by so much: two that drive straight ahead move alike, in rad.
+const CONFIRM_TURN_RAD: f64 = 0.7;
+/// … and miss the common turn and shift by no more than noise does (√2 of it, both axes), and play: the root
+/// of the mean square, in their standard deviations and in m.
+const CONFIRM_MISS_SIGMAS: f64 = 1.7;
+const CONFIRM_MISS_M: f64 = 0.02;
+/// So many rejected in a row that could be of one truck contradict the pose; so many of any.
+const CONTRADICT: u32 = 3;
+const CONTRADICT_ANY: u32 = 8;
+/// After a contradiction so many that fit in a row end it.
+const RECONCILED: u32 = 2;
 /// A fix may miss the common turn and shift by this many of its standard deviations, and by the
 /// odometry's error on the way, in m.
 const MISS_SIGMAS: f64 = 3.5;
@@ -24,15 +48,24 @@ const UNKNOWN_RAD: f64 = 1.814;
 
 #[derive(Debug, Clone, Copy)]
 struct Sighting {
+    at: Stamp,
     fix: Measurement,
     pose: MapPose,
 }
 
 /// The fixes rejected in a row.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct Gathered {
     /// The newest first.
     sightings: [Option<Sighting>; MOST],
+    /// Rejected in a row, the last of them, and how many of them in a row could be of one truck.
+    rejected: u32,
+    last: Option<Sighting>,
+    alike: u32,
+    /// How far the last one was off, in m and in rad.
+    off: (f64, f64),
+    /// What fitted in a row since the contradiction.
+    fitted: u32,
 }
 
 /// A turn about `from_m` and a shift to `to_m` that takes the filter's poses to the fixes.
@@ -43,6 +76,19 @@ pub(crate) struct Agreement {
     pub(crate) turn_rad: f64,
     pub(crate) sigma_m: f64,
     pub(crate) sigma_rad: f64,
+}
+
+impl Sighting {
+    /// As the odometry says, in m.
+    fn moved_m(&self, later: &Self) -> f64 {
+        libm::hypot(later.pose.x_m - self.pose.x_m, later.pose.y_m - self.pose.y_m)
+    }
+
+    /// Whether a later one is not farther from this one than a truck gets meanwhile, and its noise.
+    fn could_become(&self, later: &Self) -> bool {
+        let apart = [0, 1].map(|axis| later.fix.place_m[axis] - self.fix.place_m[axis]);
+        libm::hypot(apart[0], apart[1]) <= self.moved_m(later) + MISS_SIGMAS * later.fix.sigma_m() + MISS_M
+    }
 }
 
 impl Agreement {
@@ -61,28 +107,102 @@ impl Agreement {
         libm::hypot(self.to_m[0] - self.from_m[0], self.to_m[1] - self.from_m[1])
     }
 
+    fn missed_m(&self, sighting: &Sighting) -> f64 {
+        let (place_m, moved) = (sighting.fix.place_m, self.moved(&sighting.pose));
+        libm::hypot(place_m[0] - moved.x_m, place_m[1] - moved.y_m)
+    }
+
     fn explains(&self, sighting: &Sighting) -> bool {
-        let Sighting { fix, pose } = sighting;
-        let moved = self.moved(pose);
-        let missed_m = libm::hypot(fix.place_m[0] - moved.x_m, fix.place_m[1] - moved.y_m);
+        let Sighting { fix, pose, .. } = sighting;
+        let (moved, missed_m) = (self.moved(pose), self.missed_m(sighting));
         let turned_rad = fix.yaw_rad.map_or(0.0, |yaw_rad| wrap_rad(yaw_rad - moved.yaw_rad).abs());
         missed_m <= MISS_SIGMAS * fix.sigma_m() + MISS_M
             && turned_rad <= MISS_SIGMAS * fix.yaw_rad.map_or(0.0, |_| fix.sigma_rad()) + MISS_RAD
     }
 }
 
+impl Default for Gathered {
+    fn default() -> Self {
+        Self { sightings: [None; MOST], rejected: 0, last: None, alike: 0, off: (0.0, 0.0), fitted: 0 }
+    }
+}
+
 impl Gathered {
     pub(crate) fn clear(&mut self) {
-        self.sightings = [None; MOST];
+        *self = Self::default();
+    }
+
+    /// Whether what is rejected says so much against the pose that it is not sure any more.
+    pub(crate) fn contradicts(&self) -> bool {
+        self.alike >= CONTRADICT || self.rejected >= CONTRADICT_ANY
+    }
+
+    /// How far the last rejected fix was off, in m and in rad, while they contradict the pose.
+    pub(crate) fn contradiction(&self) -> Option<(f64, f64)> {
+        self.contradicts().then_some(self.off)
+    }
+
+    /// A fix fits the pose: whether it counts. After a contradiction the first one does not yet.
+    pub(crate) fn fits(&mut self) -> bool {
+        self.fitted += 1;
+        let counts = !self.contradicts() || self.fitted >= RECONCILED;
+        if counts {
+            self.clear();
+        }
+        counts
+    }
+
+    /// A fix was rejected, being so far off.
+    pub(crate) fn reject(&mut self, at: Stamp, fix: Measurement, pose: MapPose, off: (f64, f64)) {
+        let new = Sighting { at, fix, pose };
+        let alike = self.last.is_some_and(|last| last.could_become(&new));
+        self.alike = if alike || self.contradicts() { self.alike + 1 } else { 1 };
+        self.rejected = self.rejected.saturating_add(1);
+        (self.last, self.off, self.fitted) = (Some(new), off, 0);
+        self.push(at, fix, pose);
     }
 
     pub(crate) fn len(&self) -> usize {
         self.sightings.iter().flatten().count()
     }
 
-    pub(crate) fn push(&mut self, fix: Measurement, pose: MapPose) {
-        self.sightings.rotate_right(1);
-        self.sightings[0] = Some(Sighting { fix, pose });
+    /// Keeps a fix, unless it is too near to the last one.
+    pub(crate) fn push(&mut self, at: Stamp, fix: Measurement, pose: MapPose) {
+        let new = Sighting { at, fix, pose };
+        let far = |last: &Sighting| at.since_ms(last.at) >= SPACED_MS || last.moved_m(&new) >= SPACED_M;
+        if self.sightings[0].as_ref().is_none_or(far) {
+            self.sightings.rotate_right(1);
+            self.sightings[0] = Some(new);
+        }
+    }
+
+    /// What fixes say that contradict a sure pose, once the truck's own motion has confirmed them: the
+    /// longest run of the newest ones that does.
+    pub(crate) fn confirmed(&self) -> Option<Agreement> {
+        let have = self.len();
+        [1, 2, 3, 4].map(|part| have / part).into_iter().filter(|few| *few >= ENOUGH).find_map(|few| {
+            let agreement = self.fit(few)?;
+            let sure = agreement.sigma_rad <= SURE_RAD && self.is_close(few, &agreement);
+            (sure && self.has_moved(few)).then_some(agreement)
+        })
+    }
+
+    fn is_close(&self, newest: usize, agreement: &Agreement) -> bool {
+        let missed_m = self.sightings.iter().flatten().take(newest).map(|s| agreement.missed_m(s));
+        let mean_m2 = missed_m.map(|missed_m| missed_m * missed_m).sum::<f64>() / newest as f64;
+        mean_m2.sqrt() <= CONFIRM_MISS_SIGMAS * agreement.sigma_m + CONFIRM_MISS_M
+    }
+
+    /// Whether the truck has driven enough meanwhile to be told from any other.
+    fn has_moved(&self, newest: usize) -> bool {
+        let sightings = || self.sightings.iter().flatten().take(newest);
+        let (Some(last), Some(first)) = (sightings().next(), sightings().last()) else { return false };
+        let of_first = |of: &dyn Fn(&Sighting) -> f64| sightings().map(of).fold(0.0, f64::max);
+        let reach_m = of_first(&|s| first.moved_m(s));
+        let turned_rad = of_first(&|s| wrap_rad(s.pose.yaw_rad - first.pose.yaw_rad).abs());
+        last.at.since_s(first.at) >= CONFIRM_S
+            && reach_m >= CONFIRM_M.max(CONFIRM_SIGMAS * first.fix.sigma_m())
+            && turned_rad >= CONFIRM_TURN_RAD
     }
 
     /// The filter has gone where these fixes said; its poses then are others now.

@@ -2,19 +2,23 @@
 
 use super::fix::Measurement;
 use super::model::State;
-use super::travel::Increment;
+use super::travel::{Increment, Motion};
 use super::tuning::Filter;
 use crate::MapPose;
 use xtb_control::units::Stamp;
 
 /// More than half a second of gyro readings and encoder windows (120 a second).
 const LENGTH: usize = 90;
+/// The speed of late is the mean of this time: some encoder windows, and about as long as a fix is late, in s.
+const OF_LATE_S: f64 = 0.2;
 
 #[derive(Debug, Clone, Copy)]
 struct Entry {
     stamp: Stamp,
     /// How the truck came here.
     increment: Increment,
+    /// How it went just before.
+    motion: Motion,
     /// What corrected it here.
     fix: Option<Measurement>,
     state: State,
@@ -35,6 +39,7 @@ impl Default for History {
         let entry = Entry {
             stamp: Stamp::ZERO,
             increment: Increment::default(),
+            motion: Motion::default(),
             fix: None,
             state: State::at(&nowhere, &Filter::default()),
         };
@@ -51,8 +56,11 @@ impl History {
 
     /// A step that led to `state`.
     pub(crate) fn push(&mut self, now: Stamp, increment: Increment, state: &State) {
+        let before = (0..self.length).rev().map(|slot| self.at(slot));
+        let before = before.take_while(|entry| now.since_s(entry.stamp) < OF_LATE_S);
+        let motion = Motion::over(std::iter::once(increment).chain(before.map(|entry| entry.increment)));
         let place = (self.oldest + self.length) % LENGTH;
-        self.ring[place] = Entry { stamp: now, increment, fix: None, state: *state };
+        self.ring[place] = Entry { stamp: now, increment, motion, fix: None, state: *state };
         if self.length == LENGTH {
             self.oldest = (self.oldest + 1) % LENGTH;
         } else {
@@ -78,6 +86,11 @@ impl History {
         &self.at(slot).state
     }
 
+    /// How the truck went just before this slot.
+    pub(crate) fn motion(&self, slot: usize) -> &Motion {
+        &self.at(slot).motion
+    }
+
     /// Puts a fix that made `state` into its slot and predicts again from there: the state now.
     pub(crate) fn insert(
         &mut self,
@@ -92,7 +105,7 @@ impl History {
             let entry = self.at_mut(later);
             state.predict(&entry.increment, tuning);
             if let Some(fix) = &entry.fix {
-                state.correct(fix, tuning.gate);
+                state.correct(fix, &entry.motion, tuning.gate);
             }
             entry.state = state;
         }

@@ -35,6 +35,31 @@ pub(crate) struct Increment {
     pub(crate) stood_radps: Option<(f64, f64)>,
 }
 
+/// How fast the truck went of late, in its own frame, as odometry and gyro say.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Motion {
+    pub(crate) ahead_mps: f64,
+    pub(crate) left_mps: f64,
+    /// Counter-clockwise.
+    pub(crate) turn_radps: f64,
+}
+
+impl Motion {
+    /// The mean of these steps.
+    pub(crate) fn over(steps: impl Iterator<Item = Increment>) -> Self {
+        let mut sum = Increment::default();
+        for step in steps {
+            (sum.ahead_m, sum.left_m) = (sum.ahead_m + step.ahead_m, sum.left_m + step.left_m);
+            (sum.turn_rad, sum.dt_s) = (sum.turn_rad + step.turn_rad, sum.dt_s + step.dt_s);
+        }
+        if sum.dt_s <= 0.0 {
+            return Self::default();
+        }
+        let each = |value: f64| value / sum.dt_s;
+        Self { ahead_mps: each(sum.ahead_m), left_mps: each(sum.left_m), turn_radps: each(sum.turn_rad) }
+    }
+}
+
 /// The odometry's way, watched from step to step.
 #[derive(Debug, Clone)]
 pub(crate) struct Travel {

@@ -8,7 +8,7 @@
 //!   c / 2 < u ≤ c   slower in proportion, from cruise down to 0.10 m/s
 //!   u > c           stop, and ask for a fix or a pose
 //! ```
-//! Both parts of c can be set: [`TrustLimits`].
+//! Both parts of c can be set: [`TrustLimits`]. A pose that fixes contradict allows nothing.
 
 use super::Estimate;
 
@@ -50,12 +50,13 @@ pub enum Trust {
 
 impl Trust {
     /// What an estimate allows where the map leaves `clearance_m` beside the body. A clearance that is not
-    /// finite or not positive allows nothing.
+    /// finite or not positive allows nothing, nor does a pose that fixes contradict.
     #[must_use]
     pub fn of(estimate: &Estimate, clearance_m: f64, limits: &TrustLimits) -> Self {
         let used = Self::uncertain_m(estimate) / clearance_m;
         let TrustLimits { slow_part, stop_part, cruise_mps, least_mps } = *limits;
-        if !(clearance_m > 0.0 && clearance_m.is_finite() && used <= stop_part) {
+        let possible = clearance_m > 0.0 && clearance_m.is_finite() && used <= stop_part;
+        if !possible || estimate.contradicted {
             Self::Stop
         } else if used <= slow_part {
             Self::Full

@@ -3,13 +3,14 @@
 
 use crate::agent::Bench;
 use crate::draw::Draw;
+use crate::troubled::{Trouble, Troubled};
 use std::f64::consts::PI;
 use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::odometry::OdomPose;
 use xtb_control::units::Stamp;
 use xtb_control::{Command, Steering, VehicleConfig, WheelRpm};
 use xtb_nav::PoseFilter;
-use xtb_nav::filter::{Estimate, FilterTuning, FixOutcome};
+use xtb_nav::filter::{Estimate, FilterTuning, FixOutcome, Trust, TrustLimits};
 use xtb_sim::{FixMaker, FixTruth, TruckParameters, World};
 
 /// Steps from one sample to the next: 50 ms.
@@ -22,6 +23,8 @@ pub(crate) struct Moment {
     pub(crate) truth: MapPose,
     pub(crate) estimate: Estimate,
     pub(crate) odometry: MapPose,
+    /// What no filter can know of it, in m.
+    allowance_m: f64,
 }
 
 fn apart_m(a: &MapPose, b: &MapPose) -> f64 {
@@ -43,6 +46,16 @@ impl Moment {
         xtb_control::frames::wrap_rad(self.estimate.pose.yaw_rad - self.truth.yaw_rad).abs()
     }
 
+    /// Whether it is no farther off than three of its own standard deviations and 5 cm.
+    pub(crate) fn is_consistent(&self) -> bool {
+        self.error_m() <= 3.0 * self.estimate.sigma_m + 0.05 + self.allowance_m
+    }
+
+    /// Whether a robot with 20 cm to spare would stand here because its pose is uncertain.
+    pub(crate) fn is_uncertain(&self) -> bool {
+        Trust::of(&self.estimate, 0.2, &TrustLimits::default()) == Trust::Stop
+    }
+
     /// Whether the truth lies within the ellipse that should hold it 95 % of the time.
     pub(crate) fn is_within_own_bounds(&self) -> bool {
         let [[xx, xy, _], [_, yy, _], _] = self.estimate.covariance;
@@ -57,6 +70,7 @@ pub(crate) struct Drive {
     pub(crate) bench: Bench,
     pub(crate) filter: PoseFilter,
     pub(crate) maker: FixMaker,
+    troubled: Troubled,
     align: MapFromOdom,
     draw: Draw,
     until: Stamp,
@@ -69,6 +83,11 @@ pub(crate) struct Drive {
 
 impl Drive {
     pub(crate) fn new(seed: u64, fixes: FixTruth) -> Self {
+        Self::of(seed, fixes, Trouble::Nothing, &TruckParameters::default())
+    }
+
+    /// With something that is wrong with its fixes, or with the truck.
+    pub(crate) fn of(seed: u64, fixes: FixTruth, trouble: Trouble, truck: &TruckParameters) -> Self {
         let mut draw = Draw::new(seed);
         let start = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: draw.uniform(-PI, PI) };
         let config = VehicleConfig::default();
@@ -76,8 +95,9 @@ impl Drive {
         let tuning = FilterTuning::default();
         Self {
             filter: PoseFilter::new(&config, tuning, Stamp::ZERO, &OdomPose::default(), &start),
-            bench: Bench::with_config(free, &TruckParameters::default(), start, seed, config),
+            bench: Bench::with_config(free, truck, start, seed, config),
             maker: FixMaker::new(fixes, seed, 0),
+            troubled: Troubled::new(trouble, seed),
             align: MapFromOdom::aligning(&OdomPose::default(), &start),
             draw,
             until: Stamp::from_ms(500),
@@ -121,8 +141,11 @@ impl Drive {
         let odom = self.bench.agent.outputs.pose;
         self.filter.odometry(now, &odom).unwrap();
         self.maker.step(now, &truth);
+        let here = MapPose { x_m: truth.x_m, y_m: truth.y_m, yaw_rad: truth.yaw_rad };
+        self.troubled.step(now, &here);
         while let Some(made) = self.maker.take(now) {
-            let outcome = self.filter.fix(now, &made.fix).unwrap();
+            let fix = self.troubled.spoil(now, made.fix, &here);
+            let outcome = self.filter.fix(now, &fix).unwrap();
             let taken = matches!(outcome, FixOutcome::Accepted { .. });
             self.outliers.0 += u64::from(made.outlier && taken);
             self.outliers.1 += u64::from(made.outlier);
@@ -131,9 +154,9 @@ impl Drive {
             }
         }
         if (now.ns() / xtb_sim::STEP_NS).is_multiple_of(SAMPLE_STEPS) {
-            let truth = MapPose { x_m: truth.x_m, y_m: truth.y_m, yaw_rad: truth.yaw_rad };
             let (estimate, odometry) = (self.filter.estimate(now), self.align.pose(&odom));
-            self.moments.push(Moment { t_s: now.s(), truth, estimate, odometry });
+            let allowance_m = self.troubled.allowance_m(&here);
+            self.moments.push(Moment { t_s: now.s(), truth: here, estimate, odometry, allowance_m });
         }
     }
 }

@@ -34,6 +34,7 @@ mod remote;
 mod sensors;
 mod together;
 mod trips;
+mod troubled;
 mod walls;
 mod whole_robot;
 mod worlds;

@@ -1,8 +1,10 @@
 //! The pose filter and the local layer on the full vehicle, with fixes from a simulated tracker.
 
 use crate::agent::Bench;
+use crate::draw::in_parallel;
 use crate::fixed::{Drive, Moment, two_hertz};
 use crate::trips::quantile;
+use crate::troubled::Trouble;
 use xtb_control::frames::MapPose;
 use xtb_control::{Command, VehicleConfig};
 use xtb_nav::local::BumperScan;
@@ -68,9 +70,47 @@ fn a_truck_that_is_carried_away_is_found_again() {
     drive.moments.clear();
     let drive = drive.run_s(60.0);
     let found_s = drive.restarts.first().map(|at_s| at_s - 60.0);
-    assert!(found_s.is_some_and(|s| (2.0..8.0).contains(&s)), "{:?}", drive.restarts);
-    let after: Vec<f64> = drive.moments.iter().filter(|m| m.t_s > 80.0).map(Moment::error_m).collect();
+    assert!(found_s.is_some_and(|s| (2.0..30.0).contains(&s)), "{:?}", drive.restarts);
+    let sure = drive.moments.iter().filter(|m| m.t_s > 63.0 && !m.is_consistent()).count();
+    assert_eq!(sure, 0, "until then it knows that it does not know");
+    let after: Vec<f64> = drive.moments.iter().filter(|m| m.t_s > 95.0).map(Moment::error_m).collect();
     assert!(quantile(after, 0.95) < 0.08);
+}
+
+/// Fixes that are wrong in ways that nobody says, on held-out seeds: `cargo run --release -p xtb-sim --example
+/// fix_troubles` has more of each.
+#[test]
+fn whatever_is_wrong_with_the_fixes_the_pose_knows_how_far_it_is_off() {
+    let clean = FixTruth { noise_m: 0.05, ..FixTruth::default() };
+    let headed = FixTruth { heading: true, ..clean.clone() };
+    let frozen = |s| Trouble::Frozen { s, noise_m: 0.0 };
+    let cases = [
+        ("late", FixTruth { latency_s: 0.2, ..clean.clone() }, Trouble::Undeclared),
+        ("outliers", FixTruth { outliers: 0.05, outlier_m: 1.0, ..clean.clone() }, Trouble::Nothing),
+        ("frozen for 3 s", clean.clone(), frozen(3.0)),
+        ("frozen for 10 s", clean.clone(), frozen(10.0)),
+        ("swapped", clean.clone(), Trouble::Swapped { s: 1.0 }),
+        ("turned about", headed, Trouble::TurnedAbout { s: 1.0 }),
+        ("slow clock", clean.clone(), Trouble::SlowClock(50e-6)),
+        ("turned frame", clean, Trouble::Frame(0.035)),
+    ];
+    for (name, fixes, trouble) in cases {
+        for rate_hz in [2.0, 10.0] {
+            let fixes = FixTruth { rate_hz, ..fixes.clone() };
+            let run =
+                |seed| Drive::of(seed, fixes.clone(), trouble, &TruckParameters::default()).run_s(120.0);
+            let drives = in_parallel(7000..7003, run);
+            let moments: Vec<&Moment> = drives.iter().flat_map(|drive| &drive.moments).collect();
+            let consistent = moments.iter().filter(|m| m.is_consistent()).count();
+            assert!(
+                100 * consistent >= 98 * moments.len(),
+                "{name}, {rate_hz} Hz: {consistent} of {}",
+                moments.len()
+            );
+            let restarts = drives.iter().map(|drive| drive.restarts.len()).sum::<usize>();
+            assert_eq!(restarts, 0, "{name}, {rate_hz} Hz: nothing wrong was believed");
+        }
+    }
 }
 
 /// Walls that the map knows, and a box that it does not.

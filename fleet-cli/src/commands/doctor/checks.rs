@@ -1,5 +1,6 @@
 //! The checks. Pure: facts in, findings out.
 
+use super::fixes::FixBook;
 use crate::describe;
 use crate::error::Failure;
 use serde::Serialize;
@@ -85,6 +86,8 @@ pub(super) struct Facts {
     pub(super) states: BTreeMap<Name, RobotState>,
     /// The robot's time over ours; `None` = it was not heard twice in one boot.
     pub(super) rates: BTreeMap<Name, Option<f64>>,
+    /// What the pose fixes said beside the robots' states.
+    pub(super) fixes: FixBook,
 }
 
 /// A router answered after this long.
@@ -102,7 +105,7 @@ type Check = (&'static str, fn(&Facts) -> Vec<Finding>);
 
 /// Everything but the router.
 pub(super) fn all(facts: &Facts) -> Vec<Finding> {
-    let checks: [Check; 9] = [
+    let checks: [Check; 10] = [
         ("roster", roster),
         ("names", names),
         ("versions", versions),
@@ -112,6 +115,7 @@ pub(super) fn all(facts: &Facts) -> Vec<Finding> {
         ("vehicle", vehicles),
         ("latches", latches),
         ("faults", faults),
+        ("fixes", |facts| facts.fixes.findings()),
     ];
     let mut findings = Vec::new();
     for (topic, check) in checks {

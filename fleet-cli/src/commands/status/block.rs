@@ -60,6 +60,9 @@ fn facts(robot: &RobotView, state: &RobotState) -> Vec<(&'static str, String, To
         ("inputs", describe::inputs(state), Tone::Plain),
         ("state age", describe::age(Duration::from_millis(robot.age_ms.unwrap_or_default())), Tone::Plain),
     ];
+    if let Some(odometry) = describe::odometry(&state.pose) {
+        facts.insert(3, ("odometry", odometry, Tone::Plain));
+    }
     if let Some(stands) = describe::stands(state) {
         facts.insert(1, ("stands", stands, Tone::Warning));
     }

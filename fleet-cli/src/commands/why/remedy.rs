@@ -33,7 +33,10 @@ pub(super) fn of_reason(robot: &Name, reason: StopReason) -> Option<String> {
                 .to_owned()
         }
         R::WayBlocked => "clear its way; it looks for another one by itself".to_owned(),
-        R::PoseUncertain => "bring it pose fixes, or tell it where it stands (request `set_pose`)".to_owned(),
+        R::PoseUncertain => format!(
+            "bring it pose fixes, or `fleet-cli stop {robot}`, then tell it where it is: \
+             `fleet-cli set-pose {robot} X Y --yaw DEGREES`"
+        ),
         R::InKeepOut => format!("drive it out by hand: `fleet-cli teleop {robot}`"),
         R::BoardLost => Fault::BoardSilent.remedy().to_owned(),
         R::GyroLost => Fault::GyroSilent.remedy().to_owned(),

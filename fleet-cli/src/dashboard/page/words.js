@@ -34,7 +34,7 @@ const REASONS = {
   waiting_for_traffic: ["waits: others go first"],
   giving_way: ["another robot goes first"],
   way_blocked: ["something not on the map is in its way", "clear its way; it looks for another one by itself"],
-  pose_uncertain: ["it does not know well enough where it is", "bring it pose fixes, or tell it where it stands"],
+  pose_uncertain: ["it does not know well enough where it is", "bring it pose fixes, or tell it where it is: fleet-cli set-pose"],
   in_keep_out: ["it stands in a keep-out zone", "drive it out by hand"],
   at_cusp: ["it changes gear"],
   starting: ["it has only just been told to drive"],

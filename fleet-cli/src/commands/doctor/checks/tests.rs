@@ -22,6 +22,7 @@ fn healthy() -> Facts {
         epochs: each().map(|(name, _)| (name, BTreeSet::from([7]))).collect(),
         states: each().map(|(name, robot)| (name, fake::state(robot))).collect(),
         rates: each().map(|(name, _)| (name, Some(1.02))).collect(),
+        fixes: FixBook::default(),
     }
 }
 
@@ -76,6 +77,7 @@ fn nobody_at_all_is_one_problem() {
         epochs: BTreeMap::new(),
         states: BTreeMap::new(),
         rates: BTreeMap::new(),
+        fixes: FixBook::default(),
         ..healthy()
     };
     let findings = all(&nobody);

@@ -1,0 +1,112 @@
+//! `set-pose`: tell a robot that stands where it is. It never moves the robot.
+
+use super::{reset, take_control};
+use crate::cli::SetPoseArgs;
+use crate::client::Client;
+use crate::context::Context;
+use crate::describe;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::feed::Feed;
+use crate::lease::Control;
+use serde::Serialize;
+use std::time::Instant;
+use xtb_control::frames::{MapPose, wrap_rad};
+use xtb_protocol::messages::{Body, PoseState};
+use xtb_protocol::{Name, Uuid};
+
+/// What came of it, as `--json` prints it.
+#[derive(Debug, PartialEq, Serialize)]
+struct Report<'a> {
+    robot: &'a Name,
+    /// Where it believed itself to be; `None` = its state was not heard.
+    before: Option<PoseState>,
+    /// What it was told.
+    pose: MapPose,
+    /// What it says since; `None` = its state was not heard.
+    after: Option<PoseState>,
+    taken_from: Option<&'a str>,
+}
+
+/// Sets the pose.
+///
+/// # Errors
+/// No router, no answer, or a refusal, as of a robot that is under way; without `--yaw` also a robot whose
+/// state was not heard.
+pub async fn run(ctx: &Context, args: &SetPoseArgs) -> Result<Exit> {
+    let client = Client::open(ctx).await?;
+    let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
+    let outcome = set_pose(ctx, &client, &control, args).await;
+    let taken_from = control.taken_from().map(str::to_owned);
+    control.release().await;
+    let report = Report { taken_from: taken_from.as_deref(), ..outcome? };
+    ctx.out.result(&report, text)?;
+    client.close().await;
+    Ok(Exit::Done)
+}
+
+async fn set_pose<'a>(
+    ctx: &Context,
+    client: &Client,
+    control: &Control,
+    args: &'a SetPoseArgs,
+) -> Result<Report<'a>> {
+    let robot = &args.robot;
+    let feed = Feed::open(client, &client.keys().robot(robot)).await?;
+    let before = reset::next(&feed, robot, Instant::now(), ctx.timeout, |_| true).await;
+    let before = before.map(|state| state.pose);
+    let Some(yaw_rad) = args.yaw.map(f64::to_radians).or(before.map(|pose| pose.yaw_rad)) else {
+        let message = format!("{robot} says nothing of itself: its present yaw is unknown");
+        return Err(Failure::new(Kind::NoRobot, message).hint("give it with --yaw DEGREES"));
+    };
+    let pose = MapPose { x_m: args.x_m, y_m: args.y_m, yaw_rad: wrap_rad(yaw_rad) };
+    let MapPose { x_m, y_m, yaw_rad } = pose;
+    control.request(Uuid::new_v4(), Body::SetPose { x_m, y_m, yaw_rad }).await?;
+    let since = Instant::now() + reset::STATE_EVERY;
+    let after = reset::next(&feed, robot, since, ctx.timeout, |_| true).await;
+    Ok(Report { robot, before, pose, after: after.map(|state| state.pose), taken_from: None })
+}
+
+fn text(report: &Report<'_>) -> String {
+    let before = report.before.as_ref().map_or_else(|| "unknown".to_owned(), describe::pose);
+    let told = describe::map_pose(&report.pose);
+    let words = format!("{}: was at {before}, is now at {told}", report.robot);
+    match report.after {
+        Some(_) => words,
+        None => format!("{words}; its state was not heard since"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::LeaseArgs;
+    use crate::fake::{FakeRobot, name};
+    use std::time::Duration;
+
+    async fn set(yaw: Option<f64>) -> (Report<'static>, Body) {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let robot = FakeRobot::start(&client, "xtb-1").await;
+        robot.lock().state.pose.yaw_rad = 1.5;
+        let lease = LeaseArgs { take: false };
+        let args = SetPoseArgs { robot: name("xtb-1"), x_m: 2.0, y_m: -3.0, yaw, lease };
+        let args = Box::leak(Box::new(args));
+        let control = Control::acquire(&client, &args.robot, false).await.unwrap();
+        let report = set_pose(client.context(), &client, &control, args).await.unwrap();
+        let asked = robot.lock().asked.last().unwrap().1.clone();
+        (report, asked)
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn without_a_yaw_the_present_one_stays() {
+        let (report, asked) = set(None).await;
+        assert_eq!(asked, Body::SetPose { x_m: 2.0, y_m: -3.0, yaw_rad: 1.5 });
+        assert_eq!(text(&report), "xtb-1: was at (0.00, 0.00) 86°, is now at (2.00, -3.00) 86°");
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_yaw_is_given_in_degrees_and_sent_within_a_turn() {
+        let (_, asked) = set(Some(270.0)).await;
+        let Body::SetPose { yaw_rad, .. } = asked else { panic!("{asked:?}") };
+        assert!((yaw_rad + std::f64::consts::FRAC_PI_2).abs() < 1e-9, "{yaw_rad}");
+    }
+}
