@@ -57,7 +57,8 @@ pub(crate) fn about(config: &AgentConfig, identity: &Identity, hardware: &str) -
     }
 }
 
-/// Serves the robot on Zenoh until `shutdown`; calls `stop_motors` first when that comes.
+/// Serves the robot on Zenoh until `shutdown`; calls `alive` when it is present, and `stop_motors` first
+/// when `shutdown` comes.
 pub(crate) async fn run(
     config: &AgentConfig,
     clock: &Clock,
@@ -65,6 +66,7 @@ pub(crate) async fn run(
     about: About,
     mut shutdown: Shutdown,
     stop_motors: impl Fn(),
+    alive: impl FnOnce(),
 ) -> Result<(), AgentError> {
     let role = config.role();
     let mut told = false;
@@ -85,7 +87,7 @@ pub(crate) async fn run(
     let served = tokio::select! {
         // Also when it ends by an error: motors first, and nobody could stop them any more.
         served = async {
-            let served = serve(config, clock, &bus, ends, about).await;
+            let served = serve(config, clock, &bus, ends, about, alive).await;
             stop_motors();
             served
         } => served,
@@ -102,6 +104,7 @@ async fn serve(
     bus: &Bus,
     mut ends: SessionEnds,
     about: About,
+    alive: impl FnOnce(),
 ) -> Result<(), AgentError> {
     let fleet = FleetKeys::new(config.fleet.clone());
     let keys = fleet.robot(&config.robot);
@@ -115,6 +118,7 @@ async fn serve(
     wait_for_inputs(&mut ends.snapshot).await;
     let _token = bus.declare_alive(&keys.alive()).await?;
     tracing::info!("{} of fleet {} is alive", config.robot, config.fleet);
+    alive();
     let state_key = keys.state();
     // Tasks of their own: a message that has to wait must not hold up the others. Dropping the set
     // ends them.

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::fake::{self, name};
-use xtb_protocol::messages::{FaultState, Latch, ParameterInfo};
+use xtb_protocol::messages::{FaultState, Latch, ParameterInfo, SimStats};
 
 fn entry(robot: &str) -> RosterEntry {
     RosterEntry { name: name(robot), tags: Vec::new(), start_pose: None }
@@ -22,6 +22,9 @@ fn healthy() -> Facts {
         epochs: each().map(|(name, _)| (name, BTreeSet::from([7]))).collect(),
         states: each().map(|(name, robot)| (name, fake::state(robot))).collect(),
         rates: each().map(|(name, _)| (name, Some(1.02))).collect(),
+        services: Services::default(),
+        simulator: None,
+        simulated: BTreeSet::new(),
     }
 }
 
@@ -44,7 +47,10 @@ fn a_healthy_fleet_is_ok_in_every_respect() {
     let topics: Vec<_> = findings.iter().map(|finding| finding.topic).collect();
     assert_eq!(
         topics,
-        ["roster", "names", "versions", "starts", "clocks", "loops", "vehicle", "latches", "faults"]
+        [
+            "roster", "names", "versions", "starts", "clocks", "loops", "vehicle", "latches", "faults",
+            "dispatch", "ledger", "traffic", "map"
+        ]
     );
 }
 
@@ -182,4 +188,51 @@ fn latches_faults_and_batteries_are_shown_with_their_remedies() {
     state.faults.clear();
     (state.battery_level, state.battery_v) = (BatteryLevel::Unknown, None);
     assert!(the_only(&facts).text.contains("may be empty"));
+}
+
+/// The fleet in a simulator that runs at `factor` × real time.
+fn simulated(factor: f64) -> Facts {
+    let stats = SimStats { t_s: 60.0, speed: 1.0, real_time_factor: Some(factor) };
+    Facts { simulator: Some(stats), simulated: ["xtb-1", "xtb-2"].map(name).into(), ..healthy() }
+}
+
+#[test]
+fn an_overloaded_simulator_is_named_and_its_robots_are_not_blamed() {
+    // Silent, late, slow and gone, and one that is no robot of the simulator's.
+    let with_faults = |factor| {
+        let mut facts = simulated(factor);
+        facts.simulated.extend([name("xtb-3"), name("xtb-4")]);
+        facts.alive.insert(name("xtb-3"));
+        facts.roster = Some(["xtb-1", "xtb-2", "xtb-3", "xtb-4"].map(entry).to_vec());
+        facts.states.get_mut(&name("xtb-1")).unwrap().turn_late_us = 90_000;
+        facts.rates.insert(name("xtb-1"), Some(0.19));
+        facts.rates.insert(name("xtb-2"), None);
+        facts
+    };
+    let found = wrong(&with_faults(0.19));
+    assert_eq!((found[0].topic, found[0].level), ("simulator", Level::Warning));
+    assert!(found[0].text.starts_with("simulator runs at 0.19 × real time"), "{found:?}");
+    let topics: Vec<_> = found[1..].iter().map(|finding| (finding.topic, finding.level)).collect();
+    let warned = ["versions", "clocks", "loops"].map(|topic| (topic, Level::Warning));
+    assert_eq!(topics[0], ("roster", Level::Problem), "who is missing is missing");
+    assert_eq!(topics[1..], warned);
+    for finding in &found[1..] {
+        assert!(finding.todo.as_ref().unwrap().contains("not the robot's fault"), "{finding:?}");
+    }
+    // In time, the same robots have to answer for themselves.
+    let blamed = wrong(&with_faults(0.99));
+    assert!(
+        blamed.iter().all(|finding| !finding.todo.as_ref().unwrap().contains("simulator is")),
+        "{blamed:?}"
+    );
+    assert!(blamed.iter().any(|finding| (finding.topic, finding.level) == ("clocks", Level::Problem)));
+}
+
+#[test]
+fn a_real_robot_beside_an_overloaded_simulator_answers_for_itself() {
+    let mut facts = Facts { simulated: BTreeSet::from([name("xtb-1")]), ..simulated(0.19) };
+    facts.rates.insert(name("xtb-2"), Some(0.5));
+    let found = wrong(&facts);
+    let slow = found.iter().find(|finding| finding.robot == Some(name("xtb-2"))).unwrap();
+    assert_eq!((slow.level, slow.text.as_str()), (Level::Problem, "runs at 0.50 times ours"));
 }
