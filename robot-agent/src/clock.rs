@@ -1,7 +1,7 @@
 //! The two clocks a control loop can run on: the machine's, and a simulated world's.
 //!
-//! A simulated clock stands still until the world has computed the next step, and the world waits
-//! (a short while of real time) until every robot has taken its turn. So a busy machine slows the
+//! A simulated clock stands still until the world has computed the next step, and the world waits until
+//! every robot has taken its turn, or none has for a short while of real time. So a busy machine slows the
 //! whole simulation down instead of making robots miss samples.
 
 use rustix::time::{ClockId, clock_gettime};
@@ -9,7 +9,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use xtb_control::Stamp;
 
-/// Longest that the world waits for a robot that does not take its turn, in real time.
+/// Longest that the world waits for the next robot to take its turn, in real time. As long as one after the
+/// other does, the machine is slow and no robot is stalled: however many they are, none misses a sample.
 const PATIENCE: Duration = Duration::from_millis(50);
 
 /// A monotonic clock with absolute deadlines.
@@ -123,16 +124,26 @@ impl WorldTime {
     }
 
     /// The world has computed everything up to `now`: lets the robots take their turns and waits
-    /// for them. False if one of them did not take it in time.
+    /// for them. False if some did not take it while nobody else did either.
     pub fn advance(&self, now: Stamp) -> bool {
+        self.advance_within(now, PATIENCE)
+    }
+
+    fn advance_within(&self, now: Stamp, patience: Duration) -> bool {
         let mut state = self.lock();
         state.advance(now);
         self.advanced.notify_all();
-        let (_state, timeout) = self
-            .turned
-            .wait_timeout_while(state, PATIENCE, |state| state.due > 0)
-            .unwrap_or_else(PoisonError::into_inner);
-        !timeout.timed_out()
+        loop {
+            let due = state.due;
+            state = self
+                .turned
+                .wait_timeout_while(state, patience, |state| state.due > 0)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
+            if state.due == 0 || state.due >= due {
+                return state.due == 0;
+            }
+        }
     }
 
     /// Ends the world: nobody waits any more.
@@ -220,6 +231,28 @@ mod tests {
         drop(clocks);
         assert_eq!(due(), 0);
         assert!(world.advance(Stamp::from_ms(20)), "nobody is waited for");
+    }
+
+    #[test]
+    fn robots_that_take_their_turns_one_after_the_other_are_waited_for_however_long_it_takes() {
+        const PATIENCE: Duration = Duration::from_millis(1000);
+        const TURN: Duration = Duration::from_millis(700);
+        let world = WorldTime::new();
+        let clocks: Vec<_> = (0..2).map(|_| world.join()).collect();
+        let machine = std::thread::spawn(move || {
+            for clock in &clocks {
+                // Its work, on a machine that is far too slow.
+                std::thread::sleep(TURN);
+                let Clock::World(turn) = clock else { panic!() };
+                let mut state = turn.world.lock();
+                if state.wait_for(turn.index, Some(Stamp::from_ms(10))) {
+                    turn.world.turned.notify_one();
+                }
+            }
+            clocks
+        });
+        assert!(world.advance_within(Stamp::from_ms(5), PATIENCE), "it went on without one of them");
+        drop(machine.join());
     }
 
     #[test]

@@ -115,7 +115,7 @@ async fn serve(
     let _downlink = downlink::declare(bus, &fleet, &config.robot, clock, &ends).await?;
     let _shelf = shelf::declare(bus, &keys, Shelf::new(config.record.clone(), config.robot.clone())).await?;
     let link = bus.watch_link().await?;
-    wait_for_inputs(&mut ends.snapshot).await;
+    wait_for_inputs(&mut ends.snapshot, clock).await;
     let _token = bus.declare_alive(&keys.alive()).await?;
     tracing::info!("{} of fleet {} is alive", config.robot, config.fleet);
     alive();
@@ -164,15 +164,18 @@ async fn follow_link(mut up: watch::Receiver<bool>, link_up: Arc<AtomicBool>) ->
 }
 
 /// Alive means commandable: board and gyro have been heard. One that stays silent must be visible
-/// too, so after a while the robot shows itself as it is.
-async fn wait_for_inputs(snapshots: &mut watch::Receiver<Option<Snapshot>>) {
+/// too, so after a while of its own clock (a simulated world may be slow) the robot shows itself as it is.
+async fn wait_for_inputs(snapshots: &mut watch::Receiver<Option<Snapshot>>, clock: &Clock) {
+    let give_up = clock.now().plus_ns(INPUTS_WITHIN.as_nanos() as u64);
     let heard = |snapshot: &Option<Snapshot>| {
         snapshot.as_ref().is_some_and(|now| {
             let ages = now.state.input_age_ms;
             ages.gyro.is_some() && ages.encoder.is_some() && ages.adc.is_some()
         })
     };
-    if tokio::time::timeout(INPUTS_WITHIN, snapshots.wait_for(heard)).await.is_err() {
+    // The control loop shows a snapshot 20 times a second of that clock.
+    let shown = snapshots.wait_for(|snapshot| heard(snapshot) || clock.now() >= give_up).await;
+    if !shown.is_ok_and(|snapshot| heard(&snapshot)) {
         tracing::warn!("board or gyro is silent: the robot cannot be commanded yet");
     }
 }

@@ -22,7 +22,7 @@ use robot_agent::clock::WorldTime;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};
 use stats::StatsService;
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use xtb_bus::{Bus, Role, Service};
@@ -38,8 +38,9 @@ use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters, World
 
 /// More robots than this do not fit one process at real time.
 pub const MAX_ROBOTS: usize = 500;
-/// Agents are alive within a second; a busy machine may need longer for hundreds.
-const READY_WITHIN: Duration = Duration::from_secs(60);
+/// Agents are alive within a second, hundreds one after the other on a busy machine: so long after the last
+/// one no more are expected.
+const NEXT_WITHIN: Duration = Duration::from_secs(60);
 /// For an answer of the router, and for the rest of the agents when one has lost its name.
 const ALIVE_WITHIN: Duration = Duration::from_secs(1);
 /// Between two looks at the agents.
@@ -250,22 +251,24 @@ impl Simulator {
         }
         let key = FleetKeys::new(self.fleet.clone()).any_robot().alive();
         let wanted = self.roster.robots.len();
-        let all_alive = async {
-            loop {
-                if let Some(failure) = self.failure() {
-                    return Err(self.all_of(failure).await);
-                }
-                let own = self.lives().all(|(_, life)| life == Life::Alive);
-                if own && self.bus.alive(&key, ALIVE_WITHIN).await?.len() >= wanted {
-                    return Ok::<(), Failure>(());
-                }
-                tokio::time::sleep(LOOK_EVERY).await;
+        let (mut alive, mut since) = (0, Instant::now());
+        loop {
+            if let Some(failure) = self.failure() {
+                return Err(self.all_of(failure).await);
             }
-        };
-        tokio::time::timeout(READY_WITHIN, all_alive).await.unwrap_or_else(|_| {
-            Err(Failure::new(Kind::Failed, "the simulated robots did not come to life in time")
-                .hint("fewer --robots, or a lower --speed"))
-        })
+            let now = self.lives().filter(|(_, life)| *life == Life::Alive).count();
+            if now == wanted && self.bus.alive(&key, ALIVE_WITHIN).await?.len() >= wanted {
+                return Ok(());
+            }
+            if now > alive {
+                (alive, since) = (now, Instant::now());
+            }
+            if since.elapsed() > NEXT_WITHIN {
+                let message = format!("{now} of {wanted} simulated robots have come to life");
+                return Err(Failure::new(Kind::Failed, message).hint("fewer --robots, or a lower --speed"));
+            }
+            tokio::time::sleep(LOOK_EVERY).await;
+        }
     }
 
     /// Resolves when robots turn out to have lost their names to others.
