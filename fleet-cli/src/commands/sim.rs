@@ -59,20 +59,7 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     if let Some(unused) = ctx.unused_routers("sim") {
         ctx.out.note(&unused);
     }
-    let plan = Plan {
-        fleet: ctx.fleet.clone(),
-        robots: args.robots,
-        world: args.world.as_deref().map(read_world).transpose()?,
-        starts: Vec::new(),
-        seed: args.seed,
-        speed: args.speed,
-        listen: args.listen.unwrap_or_else(|| DEFAULT_ENDPOINT.to_owned()),
-        connect: if ctx.connect_given { ctx.connect.clone() } else { Vec::new() },
-        pty: args.pty.clone(),
-        truth_log: args.truth_log,
-        fixes: args.fixes.truth(),
-        record: args.record,
-    };
+    let plan = plan(ctx, &args)?;
     let ledger = args.dispatch.then(|| store::simulated(args.ledger.as_deref(), &ctx.fleet)).transpose()?;
     let store = ledger.as_deref().map(|path| Store::open(path, &ctx.fleet)).transpose()?;
     let mut stop = pin!(interrupted());
@@ -115,6 +102,24 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     simulator.stop().await;
     done.unwrap_or(Ok(()))?;
     if args.until_done { exit } else { exit.map(|_| Exit::Done) }
+}
+
+/// What is asked for.
+fn plan(ctx: &Context, args: &SimArgs) -> Result<Plan> {
+    Ok(Plan {
+        fleet: ctx.fleet.clone(),
+        robots: args.robots,
+        world: args.world.as_deref().map(read_world).transpose()?,
+        starts: Vec::new(),
+        seed: args.seed,
+        speed: args.speed,
+        listen: args.listen.clone().unwrap_or_else(|| DEFAULT_ENDPOINT.to_owned()),
+        connect: if ctx.connect_given { ctx.connect.clone() } else { Vec::new() },
+        pty: args.pty.clone(),
+        truth_log: args.truth_log.clone(),
+        fixes: args.fixes.truth(),
+        record: args.record.clone(),
+    })
 }
 
 /// Resolves when the simulation shall end by itself.

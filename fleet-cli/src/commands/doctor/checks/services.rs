@@ -37,7 +37,7 @@ impl Services {
     }
 }
 
-fn unreadable<'a, T>(answers: &'a [Answer<T>]) -> Option<&'a str> {
+fn unreadable<T>(answers: &[Answer<T>]) -> Option<&str> {
     answers.iter().find_map(|answer| answer.as_ref().err().map(String::as_str))
 }
 
