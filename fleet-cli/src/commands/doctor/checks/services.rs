@@ -41,6 +41,10 @@ fn unreadable<T>(answers: &[Answer<T>]) -> Option<&str> {
     answers.iter().find_map(|answer| answer.as_ref().err().map(String::as_str))
 }
 
+fn robots(count: usize) -> String {
+    format!("{count} robot{}", if count == 1 { "" } else { "s" })
+}
+
 /// Whether there is one dispatcher, and it answers.
 pub(super) fn dispatcher(facts: &Facts) -> Vec<Finding> {
     const TOPIC: &str = "dispatch";
@@ -129,7 +133,8 @@ fn on_the_map(services: &Services, state: &TrafficState) -> Finding {
         ),
         _ => {
             let (led, around) = (state.led.len(), state.obstacles.len());
-            Finding::ok(TOPIC, format!("traffic control leads {led} robots, and drives around {around}"))
+            let led = robots(led);
+            Finding::ok(TOPIC, format!("traffic control leads {led}, and drives them around {around} others"))
         }
     }
 }
@@ -156,8 +161,8 @@ pub(super) fn map(facts: &Facts) -> Vec<Finding> {
         findings.push(Finding::ok(
             TOPIC,
             match services.map() {
-                Some(map) => format!("{} ({}) is served, {on} robots are on it", map.name, map.hash),
-                None if on > 0 => format!("no map is served; {on} robots have the same one of their own"),
+                Some(map) => format!("{} ({}) is served, {} on it", map.name, map.hash, robots(on)),
+                None if on > 0 => format!("no map is served; {} on a map of their own", robots(on)),
                 None => "no map is served: goals are driven to in a straight line".to_owned(),
             },
         ));
