@@ -15,7 +15,7 @@ const ANSWERS: usize = 2048;
 
 /// Where the answers to a question come in, and where they are read. Coming in never waits: Zenoh hands
 /// over what this very session knows before the question returns, so that nobody reads yet.
-pub(crate) fn answers(key_expr: &str) -> (impl Fn(Answer) + Send + Sync + 'static, mpsc::Receiver<Answer>) {
+pub(crate) fn answers(key_expr: &str) -> (impl Fn(Answer) + Send + Sync + use<>, mpsc::Receiver<Answer>) {
     let (sender, receiver) = mpsc::channel(ANSWERS);
     let (key_expr, full) = (key_expr.to_owned(), AtomicBool::new(false));
     let inlet = move |reply| {
