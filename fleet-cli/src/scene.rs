@@ -281,7 +281,7 @@ impl Scene {
         self.truth.as_ref()
     }
 
-    /// How the simulator runs, if it is overloaded; what is older than [`SIMULATOR_STALE_MS`] says
+    /// How the simulator runs, if it is overloaded; what is older than 5 s says
     /// nothing any more.
     #[must_use]
     pub fn slow_simulator(&self, now_ms: AtMs) -> Option<&SimStats> {
