@@ -12,6 +12,7 @@ mod sim;
 mod tasks;
 mod top;
 mod traffic;
+mod usage;
 mod values;
 
 pub use dashboard::DashboardArgs;
@@ -34,6 +35,7 @@ pub use tasks::{
 };
 pub use top::TopArgs;
 pub use traffic::{TrafficArgs, TrafficServeArgs, TrafficVerb};
+pub use usage::failure as usage_failure;
 
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, parser::ValueSource};
 use robot_agent::logging::LogFormat;
@@ -52,6 +54,7 @@ Exit codes:
   1    failed: refused, goal not reached, task failed or cancelled, contact, port taken …
   2    wrong usage or configuration; nothing was sent
   3    no router, no robot or no dispatcher answered, or the outcome is unknown
+  4    name taken: another robot or simulator of this fleet has it
   130  interrupted
 
 JSON: with --json each result is one line on standard output; so is an error:
@@ -192,7 +195,8 @@ impl Cli {
     /// Wrong usage; and the texts of `--help` and `--version`, which clap treats alike.
     pub fn read(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
         let mut command = Self::command();
-        let matches = command.try_get_matches_from_mut(arguments.into_iter().map(shielded))?;
+        let read = command.try_get_matches_from_mut(arguments.into_iter().map(shielded));
+        let matches = read.map_err(usage::with_tip)?;
         let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         cli.global.connect_given = matches.value_source("connect") == Some(ValueSource::CommandLine);
         cli.global.connect.retain(|endpoint| !endpoint.is_empty());

@@ -11,6 +11,7 @@ use xtb_control::Stamp;
 use xtb_protocol::keys::{FleetKeys, Key, RobotKeys};
 use xtb_protocol::messages::{
     About, Body, Done, Message, Outcome, RejectCode, Reply, Request, RobotState, Roster, RosterEntry,
+    SimStats,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -143,12 +144,30 @@ impl Client {
         if !told.is_empty() {
             return Ok(Some(told));
         }
+        self.simulated().await
+    }
+
+    /// The robots that the fleet's simulator has; `None` = there is none.
+    ///
+    /// # Errors
+    /// [`Kind::Failed`] if the question could not be sent.
+    pub(crate) async fn simulated(&self) -> Result<Option<Vec<RosterEntry>>> {
         let answers = self.get(&self.keys().sim_roster()).await?;
         let rosters: Vec<Roster> = answers.iter().filter_map(read).collect();
         if rosters.is_empty() {
             return Ok(None);
         }
         Ok(Some(rosters.into_iter().flat_map(|roster| roster.robots).collect()))
+    }
+
+    /// How the fleet's simulator runs; `None` = there is none. Asked once: most fleets have none, and
+    /// must not wait for it.
+    ///
+    /// # Errors
+    /// [`Kind::Failed`] if the question could not be sent.
+    pub async fn sim_stats(&self) -> Result<Option<SimStats>> {
+        let answers = self.bus().get(&self.keys().sim_stats(), self.shared.ctx.timeout).await?;
+        Ok(answers.iter().find_map(read))
     }
 
     /// The roster that is known without asking anybody: `expect`, else the config's; empty = none is.

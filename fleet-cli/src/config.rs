@@ -1,6 +1,7 @@
 //! The fleet config: an optional TOML file with the fleet's name, routers and roster.
 
 use crate::error::{Failure, Kind, Result};
+use crate::nearest::nearest;
 use robot_agent::files;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -102,11 +103,7 @@ fn known_keys(top: &Table) -> Result<()> {
 
 fn check(table: &Table, path: &str, known: &[&str]) -> Result<()> {
     let Some(key) = table.keys().find(|key| !known.contains(&key.as_str())) else { return Ok(()) };
-    let nearest = known
-        .iter()
-        .copied()
-        .max_by(|a, b| strsim::jaro_winkler(key, a).total_cmp(&strsim::jaro_winkler(key, b)));
-    let hint = match nearest.filter(|near| strsim::jaro_winkler(key, near) > 0.7) {
+    let hint = match nearest(key, known.iter().copied()) {
         Some(near) => format!("did you mean {path}{near}?"),
         None => format!("known here: {}", known.join(", ")),
     };

@@ -8,6 +8,8 @@ use std::time::Duration;
 use xtb_protocol::messages::RosterEntry;
 use xtb_protocol::{Name, Uuid};
 
+/// Where clients look for a router's name unless `--connect` says it.
+const ROUTERS: &str = "XTB_CONNECT";
 /// The fleet that is meant when nobody names one.
 const DEFAULT_FLEET: &str = "lab";
 
@@ -59,6 +61,23 @@ impl Context {
             robots: config.robots,
             out,
         })
+    }
+
+    /// `verb` runs a router of its own, and which one clients use is named in the environment or in the
+    /// config: says that this is not used.
+    #[must_use]
+    pub fn unused_routers(&self, verb: &str) -> Option<String> {
+        let set = std::env::var(ROUTERS).is_ok_and(|routers| !routers.is_empty());
+        let from = match set {
+            _ if self.connect_given => return None,
+            true => ROUTERS,
+            false if self.connect != [DEFAULT_ENDPOINT] => "the fleet config",
+            false => return None,
+        };
+        let routers = self.connect.join(", ");
+        Some(format!(
+            "{verb} runs its own router: {routers} ({from}) is not used; only --connect changes that"
+        ))
     }
 }
 

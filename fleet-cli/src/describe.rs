@@ -5,7 +5,7 @@ use std::time::Duration;
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{
     BatteryLevel, FaultState, GoalKind, GoalState, LatchState, LinkLoss, ObstacleView, PoseState, Rejected,
-    RobotState, TiltState,
+    RobotState, SimStats, TiltState,
 };
 
 /// What is shown for a value that nobody knows.
@@ -33,6 +33,16 @@ pub(crate) fn age(age: Duration) -> String {
 
 fn age_ms(ms: Option<u64>) -> String {
     ms.map_or_else(|| "never".to_owned(), |ms| age(Duration::from_millis(ms)))
+}
+
+/// How fast a simulator runs, × real time; what was asked for too, where that is something else.
+pub(crate) fn simulator(stats: &SimStats) -> String {
+    let Some(factor) = stats.real_time_factor else {
+        return "simulator runs, how fast is unknown".to_owned();
+    };
+    let digits = if factor < 10.0 { 2 } else { 0 };
+    let runs = format!("simulator runs at {} × real time", fixed(factor, digits));
+    if stats.speed == 1.0 { runs } else { format!("{runs}, {} × was asked for", stats.speed) }
 }
 
 /// Place and direction in the map.

@@ -16,6 +16,8 @@ pub enum Exit {
     Usage,
     /// No router, no robot or no dispatcher answered, or the outcome is unknown.
     Unknown,
+    /// Another robot or simulator of the fleet has the name.
+    NameTaken,
     /// By Ctrl-C.
     Interrupted,
 }
@@ -29,6 +31,7 @@ impl Exit {
             Self::Failed => 1,
             Self::Usage => 2,
             Self::Unknown => 3,
+            Self::NameTaken => 4,
             Self::Interrupted => 130,
         }
     }
@@ -55,6 +58,8 @@ pub enum Kind {
     NotDispatched(DispatchCode),
     /// A port is taken.
     PortTaken,
+    /// Robots of these names are there already.
+    NameTaken,
     /// Everything else.
     Failed,
     /// By Ctrl-C.
@@ -91,6 +96,7 @@ impl Kind {
             Self::Refused(code) => words::name(&code),
             Self::NotDispatched(code) => words::name(&code),
             Self::PortTaken => "port_taken".into(),
+            Self::NameTaken => "name_taken".into(),
             Self::Failed => "failed".into(),
             Self::Interrupted => "interrupted".into(),
             Self::PipeClosed => "pipe_closed".into(),
@@ -105,6 +111,7 @@ impl Kind {
             Self::NoRouter | Self::NoRobot | Self::NoDispatcher | Self::OutcomeUnknown => Exit::Unknown,
             Self::NotDispatched(DispatchCode::Unconfirmed) => Exit::Unknown,
             Self::Refused(_) | Self::NotDispatched(_) | Self::PortTaken | Self::Failed => Exit::Failed,
+            Self::NameTaken => Exit::NameTaken,
             Self::Interrupted => Exit::Interrupted,
             Self::PipeClosed => Exit::Done,
         }

@@ -23,6 +23,7 @@ pub mod foxglove;
 pub mod interrupt;
 pub mod lease;
 pub mod listen;
+mod nearest;
 pub mod news;
 pub mod output;
 pub mod recording;
@@ -65,10 +66,7 @@ pub async fn run(cli: Cli) -> Exit {
 pub fn usage(error: &clap::Error) -> Exit {
     let json = error.use_stderr() && std::env::args_os().any(|argument| argument == "--json");
     if json {
-        let text = error.to_string();
-        let message = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
-        let hint = "fleet-cli --help lists verbs and options";
-        Output { json, colors: false }.failure(&Failure::new(Kind::Usage, message).hint(hint));
+        Output { json, colors: false }.failure(&cli::usage_failure(error));
     } else {
         // clap knows where it belongs and how to paint it; a closed pipe is nobody's concern here.
         let _ = error.print();

@@ -9,7 +9,7 @@ use xtb_protocol::codec::CodecError;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
     About, DispatchRequest, Estop, Event, Fix, FleetMap, LogRequest, Message, Request, RobotState, Roster,
-    Route, Sensors, Setpoint, TaskEvent, TaskList, TrafficState, Truth,
+    Route, Sensors, Setpoint, SimStats, TaskEvent, TaskList, TrafficState, Truth,
 };
 
 /// Why something that came in says nothing to us.
@@ -83,6 +83,8 @@ news! {
     Truth(Truth),
     /// Which robots should be there.
     Roster(Roster),
+    /// How fast the simulator runs.
+    SimStats(SimStats),
     /// What a client asks of the dispatcher.
     DispatchRequest(DispatchRequest),
     /// What a client asks of a robot's recordings.
@@ -142,6 +144,7 @@ impl News {
             Channel::Map => bytes.read::<FleetMap>()?.into(),
             Channel::SimTruth => bytes.read::<Truth>()?.into(),
             Channel::SimRoster => bytes.read::<Roster>()?.into(),
+            Channel::SimStats => bytes.read::<SimStats>()?.into(),
             Channel::DispatchCmd(_) => bytes.read::<DispatchRequest>()?.into(),
             Channel::DispatchTasks => bytes.read::<TaskList>()?.into(),
             Channel::DispatchEvent => bytes.read::<TaskEvent>()?.into(),

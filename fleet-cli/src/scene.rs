@@ -15,7 +15,8 @@ use std::f64::consts::PI;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::{
-    About, Event, FleetMap, RobotState, RosterEntry, Sensors, TaskEvent, TaskList, TrafficState, Truth,
+    About, Event, FleetMap, RobotState, RosterEntry, Sensors, SimStats, TaskEvent, TaskList, TrafficState,
+    Truth,
 };
 
 /// Points of a trail; 5 cm apart: 20 m.
@@ -26,6 +27,9 @@ const TRAIL_STEP_M: f64 = 0.05;
 pub const HAPPENINGS: usize = 200;
 /// Robots that a scene holds; states of further ones are counted and not kept.
 pub const MOST_ROBOTS: usize = 256;
+
+/// A simulator speaks once a second, and not as regularly when it is overloaded.
+const SIMULATOR_STALE_MS: u64 = 5000;
 
 /// The factsheet's name for the wheels' diameter, in m.
 const WHEEL_DIAMETER: &str = "geometry.wheel_diameter_m";
@@ -142,6 +146,7 @@ pub struct Scene {
     tasks: Option<Seen<TaskList>>,
     traffic: Option<Seen<TrafficState>>,
     truth: Option<Seen<Truth>>,
+    simulator: Option<Seen<SimStats>>,
     dispatcher: bool,
     traffic_control: bool,
     happenings: VecDeque<Happening>,
@@ -160,6 +165,7 @@ impl Scene {
             tasks: None,
             traffic: None,
             truth: None,
+            simulator: None,
             dispatcher: false,
             traffic_control: false,
             happenings: VecDeque::new(),
@@ -189,6 +195,7 @@ impl Scene {
             (News::Tasks(tasks), None) => self.tasks = Some(Seen::new(at_ms, *tasks)),
             (News::Traffic(traffic), None) => self.traffic = Some(Seen::new(at_ms, *traffic)),
             (News::Truth(truth), None) => self.truth = Some(Seen::new(at_ms, *truth)),
+            (News::SimStats(stats), None) => self.simulator = Some(Seen::new(at_ms, *stats)),
             // Commands, setpoints, fixes and routes show in the states that they bring about.
             _ => {}
         }
@@ -272,6 +279,14 @@ impl Scene {
     #[must_use]
     pub fn truth(&self) -> Option<&Seen<Truth>> {
         self.truth.as_ref()
+    }
+
+    /// How the simulator runs, if it is overloaded; what is older than 5 s says
+    /// nothing any more.
+    #[must_use]
+    pub fn slow_simulator(&self, now_ms: AtMs) -> Option<&SimStats> {
+        let seen = self.simulator.as_ref().filter(|seen| seen.age_ms(now_ms) <= SIMULATOR_STALE_MS)?;
+        seen.value.is_slow().then_some(&seen.value)
     }
 
     /// Whether a dispatcher is there.

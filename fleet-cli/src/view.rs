@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
 use xtb_protocol::keys::RobotKeys;
-use xtb_protocol::messages::{RobotState, RosterEntry};
+use xtb_protocol::messages::{RobotState, RosterEntry, SimStats};
 
 /// The whole fleet.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -17,6 +17,9 @@ pub(crate) struct FleetView {
     pub(crate) fleet: Name,
     /// In the order of their names' numbers.
     pub(crate) robots: Vec<RobotView>,
+    /// How the simulator runs that has robots of it; `None` = there is none, or nobody asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) simulator: Option<SimStats>,
 }
 
 /// One robot.
@@ -80,7 +83,7 @@ impl FleetView {
                 age_ms: seen.map(|seen| u64::try_from(seen.age().as_millis()).unwrap_or(u64::MAX)),
             }
         });
-        Self { fleet: fleet.clone(), robots: robots.collect() }
+        Self { fleet: fleet.clone(), robots: robots.collect(), simulator: None }
     }
 
     /// With what the roster says of each.
@@ -92,6 +95,12 @@ impl FleetView {
             }
         }
         self
+    }
+
+    /// With how the simulator runs, if there is one.
+    pub(crate) async fn with_simulator(mut self, client: &Client) -> Result<Self> {
+        self.simulator = client.sim_stats().await?;
+        Ok(self)
     }
 
     /// Only these robots; none named = all.

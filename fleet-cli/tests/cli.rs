@@ -112,6 +112,22 @@ fn wrong_usage_exits_with_2() {
 }
 
 #[test]
+fn who_names_nobody_is_told_of_all() {
+    let home = Home::empty();
+    for (verb, what) in [("stop", "robot"), ("estop", "robot"), ("cancel", "task")] {
+        let tip = format!("name at least one {what}, or use --all for every {what}");
+        let said = stderr(&home.run(verb).code(2));
+        assert!(said.contains(&format!("tip: {tip}")), "{said}");
+        let error = &json(&home.run(&format!("{verb} --json")).code(2))["error"];
+        assert_eq!((&error["code"], &error["hint"]), (&"usage".into(), &tip.into()));
+        assert!(error["message"].as_str().unwrap().contains("--all"), "{error}");
+    }
+    // What only a terminal needs is not part of the message, and what was missing is.
+    let error = &json(&home.run("goto xtb-1 --json").code(2))["error"];
+    assert_eq!(error["message"], "the following required arguments were not provided: <X> <Y>");
+}
+
+#[test]
 fn without_a_router_every_verb_says_what_it_tried_and_what_to_do() {
     let home = Home::empty();
     for line in [

@@ -1,7 +1,7 @@
 //! The two clocks a control loop can run on: the machine's, and a simulated world's.
 //!
-//! A simulated clock stands still until the world has computed the next step, and the world waits
-//! (a short while of real time) until every robot has taken its turn. So a busy machine slows the
+//! A simulated clock stands still until the world has computed the next step, and the world waits until
+//! every robot has taken its turn, or none has for a short while of real time. So a busy machine slows the
 //! whole simulation down instead of making robots miss samples.
 
 use rustix::time::{ClockId, clock_gettime};
@@ -9,7 +9,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use xtb_control::Stamp;
 
-/// Longest that the world waits for a robot that does not take its turn, in real time.
+/// Longest that the world waits for the next robot to take its turn, in real time. As long as one after the
+/// other does, the machine is slow and no robot is stalled: however many they are, none misses a sample.
 const PATIENCE: Duration = Duration::from_millis(50);
 
 /// A monotonic clock with absolute deadlines.
@@ -67,7 +68,29 @@ struct WorldState {
     now: Stamp,
     /// What each robot waits for; `None` = it has left.
     waiting: Vec<Option<Stamp>>,
+    /// How many of them have not taken the present turn yet.
+    due: usize,
     ended: bool,
+}
+
+impl WorldState {
+    fn is_due(&self, until: Option<Stamp>) -> bool {
+        until.is_some_and(|until| until <= self.now)
+    }
+
+    /// The robot with this index waits for something else now. True if it was the last that was due: the
+    /// world is woken once a turn, not once for each robot.
+    fn wait_for(&mut self, index: usize, until: Option<Stamp>) -> bool {
+        let (was, is) = (self.is_due(self.waiting[index]), self.is_due(until));
+        self.waiting[index] = until;
+        self.due = self.due + usize::from(is) - usize::from(was);
+        was && self.due == 0
+    }
+
+    fn advance(&mut self, now: Stamp) {
+        self.now = now;
+        self.due = self.waiting.iter().filter(|until| self.is_due(**until)).count();
+    }
 }
 
 /// Time in a simulated world, shared by the world and its robots.
@@ -90,6 +113,7 @@ impl WorldTime {
     pub fn join(self: &Arc<Self>) -> Clock {
         let mut state = self.lock();
         state.waiting.push(Some(Stamp::ZERO));
+        state.due += 1;
         Clock::World(Arc::new(Turn { world: self.clone(), index: state.waiting.len() - 1 }))
     }
 
@@ -100,17 +124,26 @@ impl WorldTime {
     }
 
     /// The world has computed everything up to `now`: lets the robots take their turns and waits
-    /// for them. False if one of them did not take it in time.
+    /// for them. False if some did not take it while nobody else did either.
     pub fn advance(&self, now: Stamp) -> bool {
+        self.advance_within(now, PATIENCE)
+    }
+
+    fn advance_within(&self, now: Stamp, patience: Duration) -> bool {
         let mut state = self.lock();
-        state.now = now;
+        state.advance(now);
         self.advanced.notify_all();
-        let due = |state: &mut WorldState| state.waiting.iter().flatten().any(|&until| until <= now);
-        let (_state, timeout) = self
-            .turned
-            .wait_timeout_while(state, PATIENCE, |state| due(state))
-            .unwrap_or_else(PoisonError::into_inner);
-        !timeout.timed_out()
+        loop {
+            let due = state.due;
+            state = self
+                .turned
+                .wait_timeout_while(state, patience, |state| state.due > 0)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
+            if state.due == 0 || state.due >= due {
+                return state.due == 0;
+            }
+        }
     }
 
     /// Ends the world: nobody waits any more.
@@ -134,8 +167,9 @@ pub struct Turn {
 impl Turn {
     fn wait_until(&self, deadline: Stamp) {
         let mut state = self.world.lock();
-        state.waiting[self.index] = Some(deadline);
-        self.world.turned.notify_one();
+        if state.wait_for(self.index, Some(deadline)) {
+            self.world.turned.notify_one();
+        }
         while state.now < deadline && !state.ended {
             state = self.world.advanced.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
@@ -144,8 +178,9 @@ impl Turn {
 
 impl Drop for Turn {
     fn drop(&mut self) {
-        self.world.lock().waiting[self.index] = None;
-        self.world.turned.notify_one();
+        if self.world.lock().wait_for(self.index, None) {
+            self.world.turned.notify_one();
+        }
     }
 }
 
@@ -177,6 +212,47 @@ mod tests {
             robot.join().unwrap();
         }
         assert_eq!(turns.load(Ordering::SeqCst), 300);
+    }
+
+    #[test]
+    fn robots_that_come_late_leave_or_stall_are_counted_once() {
+        let world = WorldTime::new();
+        let clocks: Vec<_> = (0..3).map(|_| world.join()).collect();
+        let Clock::World(turn) = &clocks[0] else { panic!() };
+        let due = || world.lock().due;
+        assert_eq!(due(), 3, "a robot that has just joined has not taken its turn");
+        world.lock().advance(Stamp::from_ms(5));
+        assert!(!world.lock().wait_for(turn.index, Some(Stamp::from_ms(10))));
+        assert!(!world.lock().wait_for(turn.index, Some(Stamp::from_ms(15))), "again");
+        assert_eq!(due(), 2);
+        let late = world.join();
+        assert_eq!(due(), 3);
+        drop(late);
+        drop(clocks);
+        assert_eq!(due(), 0);
+        assert!(world.advance(Stamp::from_ms(20)), "nobody is waited for");
+    }
+
+    #[test]
+    fn robots_that_take_their_turns_one_after_the_other_are_waited_for_however_long_it_takes() {
+        const PATIENCE: Duration = Duration::from_millis(1000);
+        const TURN: Duration = Duration::from_millis(700);
+        let world = WorldTime::new();
+        let clocks: Vec<_> = (0..2).map(|_| world.join()).collect();
+        let machine = std::thread::spawn(move || {
+            for clock in &clocks {
+                // Its work, on a machine that is far too slow.
+                std::thread::sleep(TURN);
+                let Clock::World(turn) = clock else { panic!() };
+                let mut state = turn.world.lock();
+                if state.wait_for(turn.index, Some(Stamp::from_ms(10))) {
+                    turn.world.turned.notify_one();
+                }
+            }
+            clocks
+        });
+        assert!(world.advance_within(Stamp::from_ms(5), PATIENCE), "it went on without one of them");
+        drop(machine.join());
     }
 
     #[test]

@@ -78,6 +78,20 @@ pub async fn run(
     clock: Clock,
     shutdown: Shutdown,
 ) -> Result<(), AgentError> {
+    run_announced(config, hardware, clock, shutdown, || {}).await
+}
+
+/// The same; `alive` is called when the robot is present under its name, and can be commanded.
+///
+/// # Errors
+/// As [`run`].
+pub async fn run_announced(
+    config: &AgentConfig,
+    hardware: Box<dyn Hardware>,
+    clock: Clock,
+    shutdown: Shutdown,
+    alive: impl FnOnce(),
+) -> Result<(), AgentError> {
     let identity = Identity {
         fleet: config.fleet.clone(),
         robot: config.robot.clone(),
@@ -104,7 +118,7 @@ pub async fn run(
     tokio::spawn(mailbox::log(notes));
     let stop = StopOnDrop(Arc::new(AtomicBool::new(false)));
     let control = control_loop::start(robot, hardware, clock.clone(), loop_ends, recorder, stop.0.clone())?;
-    let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now()).await;
+    let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now(), alive).await;
     stop.now();
     // A turn lasts 5 ms: joining is short.
     let joined = tokio::task::spawn_blocking(move || {

@@ -57,7 +57,8 @@ pub(crate) fn about(config: &AgentConfig, identity: &Identity, hardware: &str) -
     }
 }
 
-/// Serves the robot on Zenoh until `shutdown`; calls `stop_motors` first when that comes.
+/// Serves the robot on Zenoh until `shutdown`; calls `alive` when it is present, and `stop_motors` first
+/// when `shutdown` comes.
 pub(crate) async fn run(
     config: &AgentConfig,
     clock: &Clock,
@@ -65,6 +66,7 @@ pub(crate) async fn run(
     about: About,
     mut shutdown: Shutdown,
     stop_motors: impl Fn(),
+    alive: impl FnOnce(),
 ) -> Result<(), AgentError> {
     let role = config.role();
     let mut told = false;
@@ -86,7 +88,7 @@ pub(crate) async fn run(
     let served = tokio::select! {
         // Also when it ends by an error: motors first, and nobody could stop them any more.
         served = async {
-            let served = serve(config, clock, &bus, ends, about).await;
+            let served = serve(config, clock, &bus, ends, about, alive).await;
             stop_motors();
             served
         } => served,
@@ -103,6 +105,7 @@ async fn serve(
     bus: &Bus,
     mut ends: SessionEnds,
     about: About,
+    alive: impl FnOnce(),
 ) -> Result<(), AgentError> {
     let fleet = FleetKeys::new(config.fleet.clone());
     let keys = fleet.robot(&config.robot);
@@ -113,9 +116,10 @@ async fn serve(
     let _downlink = downlink::declare(bus, &fleet, &config.robot, clock, &ends).await?;
     let _shelf = shelf::declare(bus, &keys, Shelf::new(config.record.clone(), config.robot.clone())).await?;
     let link = bus.watch_link().await?;
-    wait_for_inputs(&mut ends.snapshot).await;
+    wait_for_inputs(&mut ends.snapshot, clock).await;
     let _token = bus.declare_alive(&keys.alive()).await?;
     tracing::info!("{} of fleet {} is alive", config.robot, config.fleet);
+    alive();
     let state_key = keys.state();
     // Tasks of their own: a message that has to wait must not hold up the others. Dropping the set
     // ends them.
@@ -161,15 +165,18 @@ async fn follow_link(mut up: watch::Receiver<bool>, link_up: Arc<AtomicBool>) ->
 }
 
 /// Alive means commandable: board and gyro have been heard. One that stays silent must be visible
-/// too, so after a while the robot shows itself as it is.
-async fn wait_for_inputs(snapshots: &mut watch::Receiver<Option<Snapshot>>) {
+/// too, so after a while of its own clock (a simulated world may be slow) the robot shows itself as it is.
+async fn wait_for_inputs(snapshots: &mut watch::Receiver<Option<Snapshot>>, clock: &Clock) {
+    let give_up = clock.now().plus_ns(INPUTS_WITHIN.as_nanos() as u64);
     let heard = |snapshot: &Option<Snapshot>| {
         snapshot.as_ref().is_some_and(|now| {
             let ages = now.state.input_age_ms;
             ages.gyro.is_some() && ages.encoder.is_some() && ages.adc.is_some()
         })
     };
-    if tokio::time::timeout(INPUTS_WITHIN, snapshots.wait_for(heard)).await.is_err() {
+    // The control loop shows a snapshot 20 times a second of that clock.
+    let shown = snapshots.wait_for(|snapshot| heard(snapshot) || clock.now() >= give_up).await;
+    if !shown.is_ok_and(|snapshot| heard(&snapshot)) {
         tracing::warn!("board or gyro is silent: the robot cannot be commanded yet");
     }
 }

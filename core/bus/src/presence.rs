@@ -1,5 +1,6 @@
 //! Who is there: liveliness tokens.
 
+use crate::query::answers;
 use crate::session::{Bus, BusError, failed};
 use std::time::Duration;
 use xtb_protocol::keys::{Channel, Key};
@@ -53,15 +54,16 @@ impl Bus {
     /// # Errors
     /// [`BusError::Operation`].
     pub async fn alive(&self, key_expr: &str, within: Duration) -> Result<Vec<String>, BusError> {
-        let replies = self
-            .session
+        let (inlet, mut replies) = answers(key_expr);
+        self.session
             .liveliness()
             .get(key_expr)
             .timeout(within)
+            .callback(inlet)
             .await
             .map_err(failed("asking for presence", key_expr))?;
         let mut keys = Vec::new();
-        while let Ok(reply) = replies.recv_async().await {
+        while let Some(reply) = replies.recv().await {
             let Ok(sample) = reply.result() else { continue };
             match sample.key_expr().as_str() {
                 key if is_presence(key) => keys.push(key.to_owned()),
@@ -95,5 +97,37 @@ impl Bus {
             .await
             .map_err(failed("watching presence", key_expr))?;
         Ok(Presence { _inner: inner })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::Role;
+    use std::sync::mpsc;
+    use xtb_protocol::keys::{FleetKeys, Name};
+
+    const FLEET: usize = 300;
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_large_fleet_is_counted_by_the_session_that_knows_it() {
+        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        let bus = crate::open(&role).await.unwrap();
+        let mut tokens = Vec::new();
+        let keys = FleetKeys::new(Name::new("lab").unwrap());
+        for robot in 0..FLEET {
+            let robot = Name::new(&format!("xtb-{robot}")).unwrap();
+            tokens.push(bus.declare_alive(&keys.robot(&robot).alive()).await.unwrap());
+        }
+        let anybody = keys.any_robot().alive();
+        // On a thread of its own: what does not return would hold up the test too.
+        let (sender, found) = mpsc::channel();
+        let (asking, runtime) = (bus.clone(), tokio::runtime::Handle::current());
+        std::thread::spawn(move || {
+            let alive = runtime.block_on(asking.alive(&anybody, Duration::from_secs(10)));
+            let _ = sender.send(alive.map(|keys| keys.len()));
+        });
+        let found = tokio::task::spawn_blocking(move || found.recv_timeout(Duration::from_secs(20)));
+        assert_eq!(found.await.unwrap().expect("asking does not return").unwrap(), FLEET);
     }
 }

@@ -2,14 +2,32 @@
 
 use crate::channel::{Incoming, congestion, priority};
 use crate::session::{Bus, BusError, failed};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+use tokio::sync::mpsc::{self, error::TrySendError};
 use xtb_protocol::codec::{self, CodecError, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
 use xtb_protocol::messages::{Message, Reply, Request};
-use zenoh::query::{ConsolidationMode, Query, QueryTarget, Reply as ZenohReply};
+use zenoh::query::{ConsolidationMode, Query, QueryTarget, Reply as Answer};
 
-/// Answers that wait to be read; more would hold up Zenoh's own thread.
+/// Answers to one question that wait to be read; what comes beyond is dropped, and said.
 const ANSWERS: usize = 2048;
+
+/// Where the answers to a question come in, and where they are read. Coming in never waits: Zenoh hands
+/// over what this very session knows before the question returns, so that nobody reads yet.
+pub(crate) fn answers(key_expr: &str) -> (impl Fn(Answer) + Send + Sync + use<>, mpsc::Receiver<Answer>) {
+    let (sender, receiver) = mpsc::channel(ANSWERS);
+    let (key_expr, full) = (key_expr.to_owned(), AtomicBool::new(false));
+    let inlet = move |reply| {
+        // Whoever has given up reads no more: that is no loss.
+        if let Err(TrySendError::Full(_)) = sender.try_send(reply)
+            && !full.swap(true, Ordering::Relaxed)
+        {
+            tracing::warn!("more than {ANSWERS} answers on {key_expr} at once: some are lost");
+        }
+    };
+    (inlet, receiver)
+}
 
 /// A question that waits for its answer.
 pub struct Question {
@@ -125,24 +143,24 @@ impl Bus {
     /// # Errors
     /// [`BusError::Operation`] if the question could not be sent. No answer is no error.
     pub async fn get(&self, selector: &str, within: Duration) -> Result<Vec<Incoming>, BusError> {
-        let mut answers = Vec::new();
-        let replies = self
-            .session
+        let (inlet, mut replies) = answers(selector);
+        self.session
             .get(selector)
             .target(QueryTarget::All)
             .consolidation(ConsolidationMode::None)
             .timeout(within)
-            .with(zenoh::handlers::FifoChannel::new(ANSWERS))
+            .callback(inlet)
             .await
             .map_err(failed("get", selector))?;
-        while let Ok(reply) = replies.recv_async().await {
+        let mut answers = Vec::new();
+        while let Some(reply) = replies.recv().await {
             answers.extend(self.answer(selector, &reply));
         }
         Ok(answers)
     }
 
     /// What came back, if it came on a key of one who was asked.
-    fn answer(&self, asked: &str, reply: &ZenohReply) -> Option<Incoming> {
+    fn answer(&self, asked: &str, reply: &Answer) -> Option<Incoming> {
         let incoming = Incoming::of(reply.result().ok()?);
         if received::answer(asked, &incoming.key).is_none() {
             self.foreign.dropped("an answer", &incoming.key);
@@ -165,8 +183,8 @@ impl Bus {
         within: Duration,
         mut each: impl FnMut(Incoming),
     ) -> Result<(), BusError> {
-        let replies = self
-            .session
+        let (inlet, mut replies) = answers(key_expr);
+        self.session
             .get(key_expr)
             .payload(codec::encode(message, Format::Postcard)?)
             .encoding(codec::encoding::<M>(Format::Postcard))
@@ -176,10 +194,10 @@ impl Bus {
             .priority(priority(channel))
             .express(channel.qos().express)
             .timeout(within)
-            .with(zenoh::handlers::FifoChannel::new(ANSWERS))
+            .callback(inlet)
             .await
             .map_err(failed("request", key_expr))?;
-        while let Ok(reply) = replies.recv_async().await {
+        while let Some(reply) = replies.recv().await {
             self.answer(key_expr, &reply).into_iter().for_each(&mut each);
         }
         Ok(())
@@ -196,17 +214,18 @@ impl Bus {
         bytes: Vec<u8>,
         within: Duration,
     ) -> Result<Option<Incoming>, BusError> {
-        let replies = self
-            .session
+        let (inlet, mut replies) = answers(key);
+        self.session
             .get(key)
             .payload(bytes)
             .encoding(encoding)
             .target(QueryTarget::All)
             .consolidation(ConsolidationMode::None)
             .timeout(within)
+            .callback(inlet)
             .await
             .map_err(failed("request", key))?;
-        while let Ok(reply) = replies.recv_async().await {
+        while let Some(reply) = replies.recv().await {
             if let Some(answer) = self.answer(key, &reply) {
                 return Ok(Some(answer));
             }

@@ -23,6 +23,7 @@
 //! | `xtb/<fleet>/dispatch/event` | [`Channel::DispatchEvent`] | [`TaskEvent`](crate::messages::TaskEvent) |
 //! | `xtb/<fleet>/sim/truth` | [`Channel::SimTruth`] | [`Truth`](crate::messages::Truth), JSON |
 //! | `xtb/<fleet>/sim/roster` | [`Channel::SimRoster`] | [`Roster`](crate::messages::Roster), JSON |
+//! | `xtb/<fleet>/sim/stats` | [`Channel::SimStats`] | [`SimStats`](crate::messages::SimStats), JSON |
 
 pub mod received;
 
@@ -155,6 +156,8 @@ pub enum Channel {
     SimTruth,
     /// Which robots the simulator runs, queryable.
     SimRoster,
+    /// How fast the simulator runs, 1 Hz; also a queryable.
+    SimStats,
 }
 
 /// What happens when a queue on the way is full.
@@ -217,7 +220,9 @@ impl Channel {
         let qos = |congestion, priority, express| Qos { congestion, priority, express };
         match self {
             Self::State | Self::Fix | Self::Route => qos(Drop, Priority::DataHigh, true),
-            Self::Sensors | Self::SimTruth | Self::TrafficState => qos(Drop, Priority::DataLow, false),
+            Self::Sensors | Self::SimTruth | Self::SimStats | Self::TrafficState => {
+                qos(Drop, Priority::DataLow, false)
+            }
             Self::Map | Self::Log(_) => qos(Drop, Priority::Background, false),
             Self::Estop(_) | Self::EstopAll(_) => qos(Block, Priority::RealTime, true),
             Self::Teleop(_) => qos(Drop, Priority::InteractiveHigh, true),
@@ -263,6 +268,8 @@ pub mod any {
     pub const SIM_TRUTH: &str = "xtb/*/sim/truth";
     /// See [`Channel::SimRoster`](super::Channel::SimRoster).
     pub const SIM_ROSTER: &str = "xtb/*/sim/roster";
+    /// See [`Channel::SimStats`](super::Channel::SimStats).
+    pub const SIM_STATS: &str = "xtb/*/sim/stats";
 }
 
 /// A parsed key.
@@ -296,6 +303,7 @@ impl Key {
             let channel = match (what, client) {
                 ("truth", None) => Channel::SimTruth,
                 ("roster", None) => Channel::SimRoster,
+                ("stats", None) => Channel::SimStats,
                 _ => return None,
             };
             return Some(Self { fleet, robot: None, channel });
@@ -422,6 +430,12 @@ impl FleetKeys {
     pub fn sim_roster(&self) -> String {
         format!("{ROOT}/{}/sim/roster", self.0)
     }
+
+    /// How fast the simulator runs.
+    #[must_use]
+    pub fn sim_stats(&self) -> String {
+        format!("{ROOT}/{}/sim/stats", self.0)
+    }
 }
 
 /// The keys of a robot, or of any robot.
@@ -537,6 +551,7 @@ mod tests {
             (fleet.dispatch_event(), Channel::DispatchEvent),
             (fleet.sim_truth(), Channel::SimTruth),
             (fleet.sim_roster(), Channel::SimRoster),
+            (fleet.sim_stats(), Channel::SimStats),
         ] {
             assert_eq!(Key::parse(&key).unwrap_or_else(|| panic!("{key}")).channel, channel);
         }

@@ -24,6 +24,7 @@ pub mod meetings;
 mod noise;
 pub mod parameters;
 mod platform;
+pub mod real_time;
 pub mod receiver;
 mod scene;
 mod servos;
@@ -41,6 +42,7 @@ pub use faults::{
 pub use fixes::{FixMaker, FixTruth, SimulatedFix};
 pub use lockstep::{Lockstep, LockstepError};
 pub use parameters::{Body, TruckParameters};
+pub use real_time::{Pace, RealTimeMeter};
 pub use receiver::Transmitter;
 pub use scene::StepContext;
 pub use simulation::{STEP_NS, Simulation, SimulationError};

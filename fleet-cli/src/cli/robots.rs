@@ -1,7 +1,7 @@
 //! The grammar of verbs for robots: looking at them, sending, driving and stopping them.
 
 use super::values::{degrees, latch, metres, rpm, seconds};
-use clap::Args;
+use clap::{ArgGroup, Args};
 use std::time::Duration;
 use xtb_protocol::Name;
 use xtb_protocol::messages::Latch;
@@ -123,12 +123,13 @@ pub struct WanderArgs {
 
 /// Which robots are to stop.
 #[derive(Debug, Clone, Args)]
+#[command(group = ArgGroup::new("who").args(["robots", "all"]).required(true))]
 pub struct WhoArgs {
     /// Robots.
-    #[arg(value_name = "ROBOT", value_parser = Name::robot, required_unless_present = "all")]
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
     pub robots: Vec<Name>,
     /// All robots of the roster, and all others that are there.
-    #[arg(long, conflicts_with = "robots")]
+    #[arg(long)]
     pub all: bool,
     /// Roster for --all, separated by commas [default: the config's or the simulator's].
     #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot, requires = "all")]

@@ -29,6 +29,10 @@ pub struct SimArgs {
     /// Times real time.
     #[arg(long, value_name = "X", default_value_t = 1.0)]
     pub speed: f64,
+    /// End with exit code 1 when the world falls below 0.9 of --speed: the machine is too slow for it.
+    /// Without this the simulator only says so; its robots live in its time, clients do not.
+    #[arg(long)]
+    pub strict: bool,
     /// Where its router listens [default: tcp/127.0.0.1:7447]; with --connect it runs no router.
     #[arg(long, value_name = "ENDPOINT")]
     pub listen: Option<String>,
@@ -58,7 +62,7 @@ pub struct SimArgs {
     pub fixes: FixArgs,
     /// No router and no agents, but a bad day of a virtual fleet: tells what happens on the day of --seed,
     /// and whether a rule of docs/safety.md was broken.
-    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "listen", "pty", "truth_log", "record", "dispatch", "dashboard"])]
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "strict", "listen", "pty", "truth_log", "record", "dispatch", "dashboard"])]
     pub virtual_day: bool,
 }
 

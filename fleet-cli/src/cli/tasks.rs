@@ -1,7 +1,7 @@
 //! The grammar of tasks: what can be submitted, and what can be done about them afterwards.
 
 use super::values::{degrees, metres, part_of_a_day, seconds};
-use clap::{Args, ValueEnum};
+use clap::{ArgGroup, Args, ValueEnum};
 use std::path::PathBuf;
 use std::time::Duration;
 use xtb_protocol::Name;
@@ -263,13 +263,13 @@ pub struct TaskArgs {
 
 /// Arguments of `cancel`.
 #[derive(Debug, Clone, Args)]
-#[command(after_help = CANCEL_HELP)]
+#[command(after_help = CANCEL_HELP, group = ArgGroup::new("which").args(["tasks", "all"]).required(true))]
 pub struct CancelArgs {
     /// Tasks, such as t17.
-    #[arg(value_name = "TASK", required_unless_present = "all")]
+    #[arg(value_name = "TASK")]
     pub tasks: Vec<TaskId>,
     /// All that have not ended.
-    #[arg(long, conflicts_with = "tasks")]
+    #[arg(long)]
     pub all: bool,
 }
 

@@ -1,8 +1,10 @@
-//! `doctor`: looks at router, roster, agents and robots, and says what to do about what is wrong.
+//! `doctor`: looks at router, roster, robots and what serves them all, and says what to do about what is
+//! wrong.
 
 mod checks;
 mod clock;
 mod fixes;
+mod services;
 
 use crate::cli::DoctorArgs;
 use crate::client::{Client, Seen};
@@ -73,6 +75,7 @@ pub async fn run(ctx: &Context, args: &DoctorArgs) -> Result<Exit> {
 
 async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Facts> {
     let any = client.keys().any_robot();
+    let services = services::Listening::begin(client).await?;
     let (alive, roster) = tokio::join!(client.alive(), client.roster_entries(&args.expect));
     let mut alive = alive?;
     // Not before: a question for presence right beside a subscription to it was seen to bring nothing.
@@ -102,10 +105,12 @@ async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Fac
     let rates = clock_rates(&feed, &alive, &abouts).await;
     let states = feed.states().into_iter().filter_map(|(name, seen)| Some((name, seen.fresh()?.clone())));
     let states = states.collect();
-    let connected = ctx.connect.join(", ");
     let fixes = fixes.book();
     Ok(Facts {
-        connected,
+        connected: ctx.connect.join(", "),
+        services: services.end(client, ctx.timeout).await?,
+        simulator: client.sim_stats().await?,
+        simulated: client.simulated().await?.into_iter().flatten().map(|entry| entry.name).collect(),
         fleet: ctx.fleet.clone(),
         roster: roster?,
         alive,

@@ -5,6 +5,7 @@
 //! that every robot hears, before anybody knows who they are. A link that is lost is waited for.
 
 use super::muster::{Gaps, Muster, Outcome, Report};
+use super::unknown_robots;
 use crate::cli::{EstopArgs, WhoArgs};
 use crate::client::Client;
 use crate::context::Context;
@@ -32,7 +33,11 @@ const LINK_WITHIN: Duration = Duration::from_secs(60);
 /// No router, or nobody to stop.
 pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
-    let (report, gaps) = call(&client, ctx.timeout, &args.who).await;
+    let calling = call(&client, ctx.timeout, &args.who);
+    let robots = &args.who.robots;
+    let beside = unknown_robots::reported_beside(calling, ctx, &client, robots, "told to stop");
+    let ((mut report, gaps), unknown_robots) = beside.await;
+    report.unknown_robots = unknown_robots;
     if report.robots.is_empty() {
         return Err(gaps.alive.unwrap_or_else(|| client.nobody()));
     }

@@ -24,6 +24,7 @@ pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
     let roster = client.roster_entries(&args.expect).await?.unwrap_or_default();
     let expected = roster.iter().map(|entry| entry.name.clone()).collect();
     let view = FleetView::ask(&client, &ctx.fleet, &expected).await?.with_roster(&roster);
+    let view = view.with_simulator(&client).await?;
     if view.robots.is_empty() {
         return Err(client.nobody());
     }
@@ -57,7 +58,9 @@ fn table(view: &FleetView, out: &Output) -> String {
         }
         table.row(cells);
     }
-    table.render(out)
+    let slow = view.simulator.as_ref().filter(|stats| stats.is_slow()).map(describe::simulator);
+    let slow = slow.map(|words| format!("\n{}", out.paint(Tone::Warning, &words))).unwrap_or_default();
+    format!("{}{slow}", table.render(out).trim_end())
 }
 
 fn row(robot: &RobotView) -> Vec<Cell> {
@@ -109,7 +112,7 @@ mod tests {
     use super::*;
     use crate::fake;
     use xtb_control::frames::MapPose;
-    use xtb_protocol::messages::Latch;
+    use xtb_protocol::messages::{Latch, SimStats};
 
     #[test]
     fn latches_tags_and_start_poses_are_shown_where_there_are_any() {
@@ -133,7 +136,8 @@ mod tests {
             ..robot("xtb-3", fake::state("xtb-3"))
         };
         let out = Output { json: false, colors: false };
-        let mut view = FleetView { fleet: fake::name("lab"), robots: vec![latched, standing] };
+        let mut view =
+            FleetView { fleet: fake::name("lab"), robots: vec![latched, standing], simulator: None };
         let text = table(&view, &out);
         assert!(text.contains("LATCHED estop 12.0 s") && text.contains("2.5 s"), "{text}");
         assert!(!text.contains("tags") && !text.contains("start"), "{text}");
@@ -141,5 +145,13 @@ mod tests {
         let text = table(&view, &out);
         assert!(text.lines().next().unwrap().ends_with("tags      start"), "{text}");
         assert!(text.contains("missing") && text.contains("arm hall  (1.00, 2.00) 0°"), "{text}");
+        for (factor, said) in [(Some(0.19), true), (Some(0.97), false), (None, false)] {
+            view.simulator = Some(SimStats { t_s: 9.0, speed: 1.0, real_time_factor: factor });
+            assert_eq!(
+                table(&view, &out).ends_with("\nsimulator runs at 0.19 × real time"),
+                said,
+                "{factor:?}"
+            );
+        }
     }
 }

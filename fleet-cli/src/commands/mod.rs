@@ -29,6 +29,7 @@ pub mod tasks;
 pub mod teleop;
 pub mod top;
 pub mod traffic;
+mod unknown_robots;
 pub mod wander;
 pub mod watch;
 pub mod why;

@@ -31,12 +31,15 @@ pub(super) struct Report {
     pub(super) robots: BTreeMap<Name, Outcome>,
     /// Whether every robot that should be there has stopped. Never true when nobody knows which.
     pub(super) complete: bool,
+    /// Who was named and is unknown to roster and fleet, with who was probably meant.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) unknown_robots: BTreeMap<Name, Option<Name>>,
 }
 
 impl Report {
     /// Complete if all have stopped and none was left out.
     pub(super) fn new(robots: BTreeMap<Name, Outcome>, gaps: &Gaps) -> Self {
-        let report = Self { robots, complete: false };
+        let report = Self { robots, complete: false, unknown_robots: BTreeMap::new() };
         Self { complete: report.all_stopped() && gaps.none(), ..report }
     }
 

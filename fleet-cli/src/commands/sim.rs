@@ -3,20 +3,25 @@
 use super::dashboard;
 use crate::cli::{DEFAULT_ENDPOINT, DashboardArgs, SimArgs};
 use crate::context::Context;
+use crate::describe;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
 use crate::services::dispatch::beside::{self, Beside};
 use crate::services::dispatch::store::{self, Store};
 use crate::services::dispatch::usage::Usage;
-use crate::simulator::{Plan, Simulator};
+use crate::simulator::{Plan, Simulator, Told};
 use robot_agent::files;
 use serde::Serialize;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::pin::pin;
+use tokio::sync::watch;
 use xtb_protocol::Name;
 use xtb_protocol::messages::RosterEntry;
-use xtb_sim::World;
+use xtb_sim::{Pace, World};
+
+/// What helps an overloaded simulator.
+const TOO_SLOW: &str = "fewer --robots, a lower --speed, or a faster machine";
 
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]
@@ -52,38 +57,42 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
         return Err(Failure::new(Kind::Usage, "--listen and --connect exclude each other")
             .hint("--connect uses a router that runs elsewhere, --listen starts one here"));
     }
-    let plan = Plan {
-        fleet: ctx.fleet.clone(),
-        robots: args.robots,
-        world: args.world.as_deref().map(read_world).transpose()?,
-        starts: Vec::new(),
-        seed: args.seed,
-        speed: args.speed,
-        listen: args.listen.unwrap_or_else(|| DEFAULT_ENDPOINT.to_owned()),
-        connect: if ctx.connect_given { ctx.connect.clone() } else { Vec::new() },
-        pty: args.pty.clone(),
-        truth_log: args.truth_log,
-        fixes: args.fixes.truth(),
-        record: args.record,
-    };
+    if let Some(unused) = ctx.unused_routers("sim") {
+        ctx.out.note(&unused);
+    }
+    let plan = plan(ctx, &args)?;
     let ledger = args.dispatch.then(|| store::simulated(args.ledger.as_deref(), &ctx.fleet)).transpose()?;
     let store = ledger.as_deref().map(|path| Store::open(path, &ctx.fleet)).transpose()?;
     let mut stop = pin!(interrupted());
-    let starting = async {
-        let simulator = Simulator::start(plan).await?;
-        let dispatcher = match store {
-            Some(store) => Some(Beside::start(ctx, &simulator, store).await?),
-            None => None,
-        };
-        Ok::<_, Failure>((simulator, dispatcher))
-    };
-    let (simulator, mut dispatcher) = tokio::select! {
-        started = starting => started?,
+    let simulator = tokio::select! {
+        begun = Simulator::begin(plan) => begun?,
         () = &mut stop => return Ok(Exit::Interrupted),
+    };
+    let mut slow = pin!(pace(ctx, simulator.stats(), args.strict));
+    let starting = async {
+        simulator.ready().await?;
+        match store {
+            Some(store) => Beside::start(ctx, &simulator, store).await.map(Some),
+            None => Ok(None),
+        }
+    };
+    let started = tokio::select! {
+        started = starting => started,
+        slow = &mut slow => Err(slow),
+        () = &mut stop => return Ok(Exit::Interrupted),
+    };
+    let mut dispatcher = match started {
+        Ok(dispatcher) => dispatcher,
+        Err(failure) => {
+            simulator.stop().await;
+            return Err(failure);
+        }
     };
     announce(ctx, &simulator, args.speed, args.pty.as_deref(), ledger.as_deref())?;
     let done = tokio::select! {
         done = until_done(dispatcher.as_mut(), args.until_done) => Some(done),
+        taken = simulator.names_taken() => Some(Err(taken)),
+        slow = &mut slow => Some(Err(slow)),
         ended = page(ctx, &simulator, args.dashboard) => ended.err().map(Err),
         () = &mut stop => None,
     };
@@ -96,12 +105,48 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     if args.until_done { exit } else { exit.map(|_| Exit::Done) }
 }
 
+/// What is asked for.
+fn plan(ctx: &Context, args: &SimArgs) -> Result<Plan> {
+    Ok(Plan {
+        fleet: ctx.fleet.clone(),
+        robots: args.robots,
+        world: args.world.as_deref().map(read_world).transpose()?,
+        starts: Vec::new(),
+        seed: args.seed,
+        speed: args.speed,
+        listen: args.listen.clone().unwrap_or_else(|| DEFAULT_ENDPOINT.to_owned()),
+        connect: if ctx.connect_given { ctx.connect.clone() } else { Vec::new() },
+        pty: args.pty.clone(),
+        truth_log: args.truth_log.clone(),
+        fixes: args.fixes.truth(),
+        record: args.record.clone(),
+    })
+}
+
 /// Resolves when the simulation shall end by itself.
 async fn until_done(dispatcher: Option<&mut Beside>, wanted: bool) -> Result<()> {
     match dispatcher {
         Some(dispatcher) if wanted => dispatcher.until_done().await,
         Some(dispatcher) => Err(dispatcher.ended().await),
         None => std::future::pending().await,
+    }
+}
+
+/// Says when the world falls behind and when it is in time again; with `strict` the first is an error.
+async fn pace(ctx: &Context, mut stats: watch::Receiver<Told>, strict: bool) -> Failure {
+    let mut said = None;
+    loop {
+        let told = *stats.borrow_and_update();
+        let runs = describe::simulator(&told.stats);
+        match told.pace.filter(|pace| said.replace(*pace) != Some(*pace)) {
+            Some(Pace::FellBehind) if strict => return Failure::new(Kind::Failed, runs).hint(TOO_SLOW),
+            Some(Pace::FellBehind) => ctx.out.note(&format!("warning: {runs}: {TOO_SLOW}")),
+            Some(Pace::CaughtUp) => ctx.out.note(&format!("{runs}: in time again")),
+            None => {}
+        }
+        if stats.changed().await.is_err() {
+            return std::future::pending().await;
+        }
     }
 }
 

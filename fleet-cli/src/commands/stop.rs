@@ -1,6 +1,7 @@
 //! `stop`: robots drop their goals and stand; each is asked at once and must say so itself.
 
 use super::muster::{Gaps, Muster, Outcome, Report};
+use super::unknown_robots;
 use crate::cli::{StopArgs, WhoArgs};
 use crate::client::Client;
 use crate::context::Context;
@@ -14,7 +15,11 @@ use xtb_protocol::messages::Body;
 /// No router, or nobody to stop.
 pub async fn run(ctx: &Context, args: &StopArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
-    let (report, gaps) = call(&client, &args.who).await;
+    let calling = call(&client, &args.who);
+    let robots = &args.who.robots;
+    let beside = unknown_robots::reported_beside(calling, ctx, &client, robots, "told to stop");
+    let ((mut report, gaps), unknown_robots) = beside.await;
+    report.unknown_robots = unknown_robots;
     if report.robots.is_empty() {
         return Err(gaps.alive.unwrap_or_else(|| client.nobody()));
     }

@@ -4,6 +4,7 @@
 //! A robot that has not been heard lately keeps its last place, marked as stale; everything else about
 //! it is unknown then.
 
+use crate::describe;
 use crate::scene::{AtMs, Happening, Robot, Scene};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -69,6 +70,9 @@ pub(super) struct Frame {
     pub(super) link: bool,
     dispatcher: bool,
     traffic_control: bool,
+    /// How an overloaded simulator runs, in words; absent while none is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    simulator: Option<String>,
     /// Frames that were left out because the page had not answered.
     pub(super) skipped: u64,
     robots: Vec<Row>,
@@ -235,6 +239,7 @@ impl Known {
             now_ms,
             dispatcher: scene.dispatcher(),
             traffic_control: scene.traffic_control(),
+            simulator: scene.slow_simulator(now_ms).map(describe::simulator),
             link,
             skipped,
             robots: rows.collect(),

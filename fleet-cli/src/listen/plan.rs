@@ -15,7 +15,8 @@ const ANY_MANY: &str = "**";
 const ANY_PART: &str = "$*";
 
 /// Keys that carry published messages only.
-const PUBLISHED: [&str; 5] = [any::SENSORS, any::TELEOP, any::ESTOP, any::MAP, any::SIM_TRUTH];
+const PUBLISHED: [&str; 6] =
+    [any::SENSORS, any::TELEOP, any::ESTOP, any::MAP, any::SIM_TRUTH, any::SIM_STATS];
 
 /// How to watch an expression.
 #[derive(Debug, Clone, PartialEq, Eq)]

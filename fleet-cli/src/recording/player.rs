@@ -172,6 +172,7 @@ fn outlives(channel: &Channel) -> bool {
             | Channel::Teleop(_)
             | Channel::TrafficState
             | Channel::SimTruth
+            | Channel::SimStats
             | Channel::DispatchTasks
     )
 }

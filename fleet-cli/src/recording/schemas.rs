@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 use std::sync::LazyLock;
 use xtb_protocol::messages::{
     About, DispatchRequest, Estop, Event, Fix, FleetMap, LogRequest, Message, Request, RobotState, Roster,
-    Route, Sensors, Setpoint, TaskEvent, TaskList, TrafficState, Truth,
+    Route, Sensors, Setpoint, SimStats, TaskEvent, TaskList, TrafficState, Truth,
 };
 
 /// What all of Foxglove's own begin with.
@@ -67,6 +67,7 @@ static ALL: LazyLock<Vec<Schema>> = LazyLock::new(|| {
         wire::<FleetMap>(),
         wire::<Truth>(),
         wire::<Roster>(),
+        wire::<SimStats>(),
         wire::<DispatchRequest>(),
         wire::<LogRequest>(),
         wire::<TaskList>(),

@@ -6,7 +6,6 @@ use robot_agent::clock::Clock;
 use robot_agent::config::AgentConfig;
 use robot_agent::hardware::simulated::SimulatedHardware;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use xtb_control::VehicleConfig;
@@ -24,11 +23,22 @@ pub(super) struct AgentSettings {
     pub(super) world_speed: f64,
 }
 
+/// How far an agent has come.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Life {
+    /// It looks for its name, its router and its truck.
+    Starting,
+    /// It is present under its name.
+    Alive,
+    /// It has ended by itself.
+    Failed(Failure),
+}
+
 /// One agent.
 pub struct RunningAgent {
     end: watch::Sender<bool>,
     task: JoinHandle<()>,
-    failure: Arc<Mutex<Option<Failure>>>,
+    life: watch::Receiver<Life>,
 }
 
 impl RunningAgent {
@@ -51,21 +61,21 @@ impl RunningAgent {
             world_speed: settings.world_speed,
         };
         let (end, shutdown) = watch::channel(false);
-        let failure = Arc::<Mutex<Option<Failure>>>::default();
-        let slot = failure.clone();
+        let (told, life) = watch::channel(Life::Starting);
         let task = tokio::spawn(async move {
-            if let Err(error) = robot_agent::run(&config, Box::new(hardware), clock, shutdown).await {
+            let alive = || drop(told.send_replace(Life::Alive));
+            let hardware = Box::new(hardware);
+            if let Err(error) = robot_agent::run_announced(&config, hardware, clock, shutdown, alive).await {
                 tracing::warn!("{}: {error}", config.robot);
-                *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(failed(&config.robot, &error));
+                told.send_replace(Life::Failed(failed(&config, &error)));
             }
         });
-        Self { end, task, failure }
+        Self { end, task, life }
     }
 
-    /// Why it ended, if it failed.
-    #[must_use]
-    pub fn failure(&self) -> Option<Failure> {
-        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    /// How far it has come.
+    pub(super) fn life(&self) -> Life {
+        self.life.borrow().clone()
     }
 
     /// Ends it cleanly.
@@ -75,13 +85,24 @@ impl RunningAgent {
     pub async fn stop(self) -> Result<(), Failure> {
         self.end.send_replace(true);
         let _ = self.task.await;
-        self.failure.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
+        match self.life.borrow().clone() {
+            Life::Failed(failure) => Err(failure),
+            Life::Starting | Life::Alive => Ok(()),
+        }
     }
 }
 
-fn failed(robot: &Name, error: &AgentError) -> Failure {
-    Failure::new(Kind::Failed, format!("{robot}: {error}")).hint(match error {
-        AgentError::NameTaken(_) => "another simulator or agent uses this router; choose another --fleet",
-        _ => "",
-    })
+fn failed(config: &AgentConfig, error: &AgentError) -> Failure {
+    match error {
+        AgentError::NameTaken(name) => names_taken(&config.fleet, std::slice::from_ref(name)),
+        _ => Failure::new(Kind::Failed, format!("{}: {error}", config.robot)),
+    }
+}
+
+/// Robots of these names are in the fleet already.
+pub(super) fn names_taken(fleet: &Name, names: &[Name]) -> Failure {
+    let are = if names.len() == 1 { "is" } else { "are" };
+    let names = names.iter().map(Name::as_str).collect::<Vec<_>>().join(", ");
+    Failure::new(Kind::NameTaken, format!("name_taken: {names} {are} already alive in fleet {fleet}"))
+        .hint("another simulator or agent uses this router; choose another --fleet")
 }

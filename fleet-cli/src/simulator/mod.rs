@@ -7,19 +7,23 @@
 mod agents;
 mod fixes;
 mod ptys;
+mod stats;
 mod truth;
 
 pub use agents::RunningAgent;
+pub use stats::Told;
 pub use truth::TruthView;
 
 use crate::charts::MapService;
 use crate::error::{Failure, Kind, Result};
 use crate::router;
-use agents::AgentSettings;
+use agents::{AgentSettings, Life};
 use robot_agent::clock::WorldTime;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};
+use stats::StatsService;
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use xtb_bus::{Bus, Role, Service};
 use xtb_control::VehicleConfig;
@@ -34,8 +38,13 @@ use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters, World
 
 /// More robots than this do not fit one process at real time.
 pub const MAX_ROBOTS: usize = 500;
-/// Agents are alive within a second; a busy machine may need longer for hundreds.
-const READY_WITHIN: Duration = Duration::from_secs(60);
+/// Agents are alive within a second, hundreds one after the other on a busy machine: so long after the last
+/// one no more are expected.
+const NEXT_WITHIN: Duration = Duration::from_secs(60);
+/// For an answer of the router, and for the rest of the agents when one has lost its name.
+const ALIVE_WITHIN: Duration = Duration::from_secs(1);
+/// Between two looks at the agents.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// For whoever serves a map already.
 const MAP_ANSWER_WITHIN: Duration = Duration::from_secs(2);
 
@@ -79,6 +88,7 @@ pub struct Simulator {
     publishing: [JoinHandle<()>; 2],
     _roster_service: Service,
     _map_service: Option<MapService>,
+    stats: StatsService,
     bus: Bus,
     world: RunningWorld,
     ptys: Option<ptys::PtyFolder>,
@@ -88,8 +98,18 @@ impl Simulator {
     /// Starts everything and waits until every agent is alive.
     ///
     /// # Errors
-    /// An impossible plan or world, a port that is taken, a folder that cannot be used.
+    /// As [`Simulator::begin`] and [`Simulator::ready`].
     pub async fn start(plan: Plan) -> Result<Self> {
+        let simulator = Self::begin(plan).await?;
+        simulator.ready().await?;
+        Ok(simulator)
+    }
+
+    /// Starts everything; its agents come to life then.
+    ///
+    /// # Errors
+    /// An impossible plan or world, a port that is taken, a folder that cannot be used.
+    pub async fn begin(plan: Plan) -> Result<Self> {
         check(&plan)?;
         let world = world(&plan);
         let world_map = world.chart(CHART_RESOLUTION_M);
@@ -98,12 +118,14 @@ impl Simulator {
         let (bus, endpoint, connect) = session(&plan).await?;
 
         let time = WorldTime::new();
+        let keys = FleetKeys::new(plan.fleet.clone());
         let (truth, mut observer) = truth::view(&roster, plan.truth_log.as_deref())?;
         let (lines, hardware, ptys) = lines(&plan, &roster)?;
         let clocks: Vec<_> = hardware.iter().map(|_| time.join()).collect();
-        let world = RunningWorld::start(simulation, lines, time, plan.speed, move |simulation| {
+        let world = RunningWorld::start(simulation, lines, time.clone(), plan.speed, move |simulation| {
             observer.step(simulation);
         })?;
+        let stats = StatsService::start(&bus, &keys, time, plan.speed).await?;
 
         let settings = AgentSettings {
             fleet: plan.fleet.clone(),
@@ -119,14 +141,13 @@ impl Simulator {
             .map(|(robot, (lines, clock))| Some(RunningAgent::start(&settings, robot, lines, clock)));
         let agents: Vec<_> = agents.collect();
 
-        let keys = FleetKeys::new(plan.fleet.clone());
         let publishing = [
             truth::publish(bus.clone(), keys.sim_truth(), truth.clone()),
             fixes::publish(bus.clone(), keys.clone(), &roster, truth.clone(), &plan.fixes, plan.seed),
         ];
         let roster_service = serve_roster(&bus, keys.sim_roster(), roster.clone()).await?;
         let map_service = serve_map(&bus, &keys, &world_map).await;
-        let simulator = Self {
+        Ok(Self {
             endpoint,
             fleet: plan.fleet,
             settings,
@@ -136,14 +157,11 @@ impl Simulator {
             publishing,
             _roster_service: roster_service,
             _map_service: map_service,
+            stats,
             bus,
             world,
             ptys,
-        };
-        if simulator.ptys.is_none() {
-            simulator.wait_until_alive().await?;
-        }
-        Ok(simulator)
+        })
     }
 
     /// Where clients connect.
@@ -174,6 +192,12 @@ impl Simulator {
     #[must_use]
     pub fn world(&self) -> &RunningWorld {
         &self.world
+    }
+
+    /// How fast the world really runs.
+    #[must_use]
+    pub fn stats(&self) -> watch::Receiver<Told> {
+        self.stats.told()
     }
 
     /// The agent of the robot with this index, if it runs.
@@ -216,26 +240,76 @@ impl Simulator {
         bus.close().await;
     }
 
-    async fn wait_until_alive(&self) -> Result<()> {
-        let ours = FleetKeys::new(self.fleet.clone());
-        let key = ours.any_robot().alive();
-        let wanted: Vec<String> = self.roster.robots.iter().map(|it| ours.robot(&it.name).alive()).collect();
-        let all_alive = async {
-            loop {
-                let alive = self.bus.alive(&key, Duration::from_secs(1)).await?;
-                if wanted.iter().all(|key| alive.contains(key)) {
-                    return Ok::<(), Failure>(());
-                }
-                if let Some(failure) = self.agents.iter().flatten().find_map(RunningAgent::failure) {
-                    return Err(failure);
-                }
-                tokio::time::sleep(Duration::from_millis(20)).await;
+    /// Waits until each agent is present under its own name, and the router shows that. Agents on ptys
+    /// come by themselves.
+    ///
+    /// # Errors
+    /// [`Kind::NameTaken`], another failure of an agent, or too few come to life in time.
+    pub async fn ready(&self) -> Result<()> {
+        if self.ptys.is_some() {
+            return Ok(());
+        }
+        let key = FleetKeys::new(self.fleet.clone()).any_robot().alive();
+        let wanted = self.roster.robots.len();
+        let (mut alive, mut since) = (0, Instant::now());
+        loop {
+            if let Some(failure) = self.failure() {
+                return Err(self.all_of(failure).await);
+            }
+            let now = self.lives().filter(|(_, life)| *life == Life::Alive).count();
+            if now == wanted && self.bus.alive(&key, ALIVE_WITHIN).await?.len() >= wanted {
+                return Ok(());
+            }
+            if now > alive {
+                (alive, since) = (now, Instant::now());
+            }
+            if since.elapsed() > NEXT_WITHIN {
+                let message = format!("{now} of {wanted} simulated robots have come to life");
+                return Err(Failure::new(Kind::Failed, message).hint("fewer --robots, or a lower --speed"));
+            }
+            tokio::time::sleep(LOOK_EVERY).await;
+        }
+    }
+
+    /// Resolves when robots turn out to have lost their names to others.
+    pub async fn names_taken(&self) -> Failure {
+        loop {
+            match self.failure() {
+                Some(failure) if failure.kind == Kind::NameTaken => return self.all_of(failure).await,
+                _ => tokio::time::sleep(LOOK_EVERY).await,
+            }
+        }
+    }
+
+    fn lives(&self) -> impl Iterator<Item = (&Name, Life)> {
+        let agents = self.roster.robots.iter().zip(&self.agents);
+        agents.filter_map(|(robot, agent)| Some((&robot.name, agent.as_ref()?.life())))
+    }
+
+    /// Why an agent has failed, one that has lost its name before others.
+    fn failure(&self) -> Option<Failure> {
+        let failures = self.lives().filter_map(|(_, life)| match life {
+            Life::Failed(failure) => Some(failure),
+            _ => None,
+        });
+        failures.min_by_key(|failure| failure.kind != Kind::NameTaken)
+    }
+
+    /// Where one name is taken, others are too: they are named together.
+    async fn all_of(&self, first: Failure) -> Failure {
+        if first.kind != Kind::NameTaken {
+            return first;
+        }
+        let decided = async {
+            while self.lives().any(|(_, life)| life == Life::Starting) {
+                tokio::time::sleep(LOOK_EVERY).await;
             }
         };
-        tokio::time::timeout(READY_WITHIN, all_alive).await.unwrap_or_else(|_| {
-            Err(Failure::new(Kind::Failed, "the simulated robots did not come to life in time")
-                .hint("fewer --robots, or a lower --speed"))
-        })
+        // Who is not decided by then is not named.
+        let _ = tokio::time::timeout(ALIVE_WITHIN, decided).await;
+        let taken = |life: &Life| matches!(life, Life::Failed(failure) if failure.kind == Kind::NameTaken);
+        let names = self.lives().filter(|(_, life)| taken(life)).map(|(name, _)| name.clone());
+        agents::names_taken(&self.fleet, &names.collect::<Vec<_>>())
     }
 }
 

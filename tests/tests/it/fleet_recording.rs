@@ -240,7 +240,7 @@ async fn an_independent_reader_finds_every_topic_schema_and_message() {
         others.extend([robot.alive(), robot.state(), robot.sensors(), robot.about()]);
         others.push(format!("{}/pose", robot.state()));
     }
-    others.extend([keys.sim_truth(), "foxglove/scene".into(), "foxglove/log".into()]);
+    others.extend([keys.sim_truth(), keys.sim_stats(), "foxglove/scene".into(), "foxglove/log".into()]);
     for topic in others {
         assert!(of(&topic) > 0, "{topic}");
     }

@@ -24,6 +24,7 @@ mod obstacles;
 mod operators;
 mod processes;
 mod recording;
+mod simulator;
 mod style;
 mod tasks;
 mod teleop;

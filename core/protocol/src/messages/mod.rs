@@ -42,7 +42,7 @@ pub use request::{
     Via,
 };
 pub use sensors::Sensors;
-pub use sim::{Roster, RosterEntry, Truth, TruthRobot};
+pub use sim::{Roster, RosterEntry, SLOW_BELOW, SimStats, Truth, TruthRobot};
 pub use state::{
     BatteryLevel, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, LeaseState, ObstacleView, PoseSource,
     PoseState, Rejected, RobotState, StopReason, TiltState,

@@ -1,6 +1,7 @@
 //! What only a simulator can say; always JSON.
 
-use super::Message;
+use super::{Message, bounded};
+use crate::codec::CodecError;
 use crate::keys::Name;
 use crate::text;
 use serde::{Deserialize, Serialize};
@@ -43,6 +44,42 @@ pub struct Truth {
 impl Message for Truth {
     const NAME: &'static str = "Truth";
     const MAX_BYTES: usize = MAX_BYTES;
+}
+
+/// A simulator that runs at less than this part of the speed that was asked for is overloaded.
+pub const SLOW_BELOW: f64 = 0.9;
+/// Fastest world there can be, × real time.
+const MAX_SPEED: f64 = 1e6;
+
+/// How the simulator runs. Its robots live in its time: where that is slow, so are they.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct SimStats {
+    /// Simulated time.
+    pub t_s: f64,
+    /// What was asked for (`--speed`), × real time.
+    pub speed: f64,
+    /// Simulated over real time, over the last seconds; `None` = not measured yet.
+    pub real_time_factor: Option<f64>,
+}
+
+impl SimStats {
+    /// Whether it runs at less than [`SLOW_BELOW`] of its speed. Not known is not slow.
+    #[must_use]
+    pub fn is_slow(&self) -> bool {
+        self.real_time_factor.is_some_and(|factor| factor < SLOW_BELOW * self.speed)
+    }
+}
+
+impl Message for SimStats {
+    const NAME: &'static str = "SimStats";
+
+    fn validate(&self) -> Result<(), CodecError> {
+        bounded("t_s", self.t_s, 0.0, f64::MAX, "s")?;
+        bounded("speed", self.speed, f64::MIN_POSITIVE, MAX_SPEED, "")?;
+        bounded("real_time_factor", self.real_time_factor.unwrap_or(0.0), 0.0, MAX_SPEED, "")
+    }
 }
 
 /// A robot that should be there.

@@ -1,5 +1,10 @@
 //! The checks. Pure: facts in, findings out.
 
+mod services;
+mod simulator;
+
+pub(super) use services::Services;
+
 use super::fixes::FixBook;
 use crate::describe;
 use crate::error::Failure;
@@ -8,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{About, BatteryLevel, Fault, RobotState, RosterEntry};
+use xtb_protocol::messages::{About, BatteryLevel, Fault, RobotState, RosterEntry, SimStats};
 
 /// Of the robot's clock against ours.
 const CLOCK_TOLERANCE: f64 = 0.05;
@@ -88,6 +93,12 @@ pub(super) struct Facts {
     pub(super) rates: BTreeMap<Name, Option<f64>>,
     /// What the pose fixes said beside the robots' states.
     pub(super) fixes: FixBook,
+    /// Dispatcher, traffic control and map.
+    pub(super) services: Services,
+    /// How the simulator runs, if there is one.
+    pub(super) simulator: Option<SimStats>,
+    /// The robots that it has.
+    pub(super) simulated: BTreeSet<Name>,
 }
 
 /// A router answered after this long.
@@ -105,7 +116,10 @@ type Check = (&'static str, fn(&Facts) -> Vec<Finding>);
 
 /// Everything but the router.
 pub(super) fn all(facts: &Facts) -> Vec<Finding> {
-    let checks: [Check; 10] = [
+    let simulator = simulator::check(facts);
+    // What explains the others comes before them.
+    let (mut findings, last): (Vec<_>, Vec<_>) = simulator.into_iter().partition(|it| it.level != Level::Ok);
+    let checks: [Check; 14] = [
         ("roster", roster),
         ("names", names),
         ("versions", versions),
@@ -116,8 +130,11 @@ pub(super) fn all(facts: &Facts) -> Vec<Finding> {
         ("latches", latches),
         ("faults", faults),
         ("fixes", |facts| facts.fixes.findings()),
+        ("dispatch", services::dispatcher),
+        ("ledger", services::ledger),
+        ("traffic", services::traffic),
+        ("map", services::map),
     ];
-    let mut findings = Vec::new();
     for (topic, check) in checks {
         let found = check(facts);
         // Nothing to say of nobody.
@@ -126,6 +143,7 @@ pub(super) fn all(facts: &Facts) -> Vec<Finding> {
         }
         findings.extend(found);
     }
+    findings.extend(last);
     findings
 }
 
@@ -154,6 +172,7 @@ fn roster(facts: &Facts) -> Vec<Finding> {
             "look at its power and network, and whether `robot-agent --fleet {} --name {}` runs there",
             facts.fleet, entry.name
         );
+        let todo = simulator::or_overloaded(facts, &entry.name, &todo);
         findings.push(Finding::problem("roster", "missing", todo).of(&entry.name));
     }
     for name in facts.alive.iter().filter(|name| !roster.iter().any(|entry| entry.name == **name)) {
@@ -190,8 +209,9 @@ fn versions(facts: &Facts) -> Vec<Finding> {
         } else {
             match facts.abouts.get(name).and_then(|abouts| abouts.first()) {
                 None => {
+                    let text = "it does not answer what it is";
                     let todo = "its agent hangs, or a router in between forbids it: look at the agent's log";
-                    Finding::problem("versions", "it does not answer what it is", todo)
+                    simulator::late(facts, name, Finding::problem("versions", text, todo))
                 }
                 Some(about) if about.version != ours => {
                     let text = format!("agent {}, this fleet-cli {ours}", about.version);
@@ -256,11 +276,15 @@ fn clocks(facts: &Facts) -> Vec<Finding> {
             None if facts.epochs.get(name).is_some_and(|epochs| epochs.len() > 1) => continue,
             None => {
                 let todo = "it restarts, or its state does not arrive: look at its log and its network";
-                Finding::problem("clocks", "its state was not heard twice in one boot", todo)
+                let text = "its state was not heard twice in one boot";
+                simulator::late(facts, name, Finding::problem("clocks", text, todo))
             }
             Some(rate) if keeps_step(*rate) => {
                 good += 1;
                 continue;
+            }
+            Some(rate) if simulator::holds_up(facts, name) => {
+                Finding::ok("clocks", format!("runs at {rate:.2} times ours: its simulator is overloaded"))
             }
             Some(rate) if simulated => {
                 Finding::ok("clocks", format!("runs at {rate:.1} times ours: a simulator's --speed"))
@@ -285,7 +309,7 @@ fn loops(facts: &Facts) -> Vec<Finding> {
         .map(|(name, state)| {
             let text = format!("its control loop was {} ms late", state.turn_late_us / 1000);
             let todo = "its computer is overloaded: end what else runs there";
-            Finding::warning("loops", text, todo).of(name)
+            simulator::late(facts, name, Finding::warning("loops", text, todo)).of(name)
         })
         .collect();
     if findings.is_empty() && !facts.states.is_empty() {

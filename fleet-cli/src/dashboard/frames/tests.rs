@@ -5,7 +5,7 @@ use crate::fake::{self, name};
 use crate::news::News;
 use serde_json::{Value, json};
 use xtb_protocol::keys::{FleetKeys, Key};
-use xtb_protocol::messages::{Arc, MapCell, NavPhase, ParameterInfo, RosterEntry, RouteSource};
+use xtb_protocol::messages::{Arc, MapCell, NavPhase, ParameterInfo, RosterEntry, RouteSource, SimStats};
 
 fn scene() -> Scene {
     Scene::new(name("lab"))
@@ -69,6 +69,20 @@ fn map_tasks_and_happenings_come_once_and_when_they_change() {
     put(&mut scene, 9, &keys().map(), map(2));
     put(&mut scene, 9, &keys().dispatch_tasks(), list);
     assert_eq!(kinds(&mut known, &scene), ["map", "tasks", "frame"]);
+}
+
+#[test]
+fn an_overloaded_simulator_is_told_in_words_as_long_as_it_is_heard() {
+    let (mut known, mut scene) = (Known::default(), scene());
+    let mut said =
+        |scene: &Scene, now_ms| news(&mut known, scene, now_ms).pop().unwrap()["frame"]["simulator"].take();
+    assert_eq!(said(&scene, 0), Value::Null);
+    let stats = |factor| SimStats { t_s: 1.0, speed: 4.0, real_time_factor: factor };
+    put(&mut scene, 1000, &keys().sim_stats(), stats(Some(0.76)));
+    assert_eq!(said(&scene, 2000), "simulator runs at 0.76 × real time, 4 × was asked for");
+    assert_eq!(said(&scene, 9000), Value::Null, "that was long ago");
+    put(&mut scene, 9000, &keys().sim_stats(), stats(Some(3.7)));
+    assert_eq!(said(&scene, 9000), Value::Null, "fast enough");
 }
 
 #[test]

@@ -263,7 +263,8 @@ function drawHeader(nowMs) {
   state.className = `link ${tone}`;
   if (state.textContent !== words) state.textContent = words;
   const readOnly = hello && !hello.writable ? `Nothing can be sent: ${hello.why_not ?? "read only"}.` : "";
-  const text = alarm ?? readOnly;
+  const slow = store.frame?.simulator ? `The ${store.frame.simulator}.` : "";
+  const text = alarm ?? [readOnly, slow].filter(Boolean).join(" ");
   const banner = byId("banner");
   banner.className = `banner ${alarm ? "lost" : ""}`;
   banner.hidden = !text;

@@ -86,6 +86,9 @@ impl Cockpit {
                 add(format!("{found} {words}"), wanted[0].tone());
             }
         }
+        if let Some(stats) = scene.slow_simulator(now_ms) {
+            add(crate::describe::simulator(stats), Tone::Warning);
+        }
         if self.playing.is_none() {
             let is = |there: bool| if there { Tone::Plain } else { Tone::Dim };
             let (dispatcher, traffic) = (scene.dispatcher(), scene.traffic_control());

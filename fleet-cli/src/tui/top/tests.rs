@@ -13,8 +13,8 @@ use xtb_protocol::Uuid;
 use xtb_protocol::keys::{FleetKeys, Key};
 use xtb_protocol::messages::{
     Arc, FleetMap, GoalStatus, Latch, LeaseState, MapCell, MapHash, MapZone, MapZoneKind, NavPhase,
-    RobotState, RosterEntry, RouteSource, RouteState, Sensors, StopReason, TaskId, TaskList, TaskState,
-    Track,
+    RobotState, RosterEntry, RouteSource, RouteState, Sensors, SimStats, StopReason, TaskId, TaskList,
+    TaskState, Track,
 };
 
 /// When the tests look.

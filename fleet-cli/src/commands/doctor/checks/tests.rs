@@ -2,7 +2,10 @@
 
 use super::*;
 use crate::fake::{self, name};
-use xtb_protocol::messages::{FaultState, Latch, ParameterInfo};
+use xtb_protocol::messages::{
+    FaultState, FleetMap, Latch, MapHash, MapState, ParameterInfo, SimStats, TaskList, TaskState,
+    TrafficState,
+};
 
 fn entry(robot: &str) -> RosterEntry {
     RosterEntry { name: name(robot), tags: Vec::new(), start_pose: None }
@@ -23,6 +26,9 @@ fn healthy() -> Facts {
         states: each().map(|(name, robot)| (name, fake::state(robot))).collect(),
         rates: each().map(|(name, _)| (name, Some(1.02))).collect(),
         fixes: FixBook::default(),
+        services: Services::default(),
+        simulator: None,
+        simulated: BTreeSet::new(),
     }
 }
 
@@ -45,7 +51,10 @@ fn a_healthy_fleet_is_ok_in_every_respect() {
     let topics: Vec<_> = findings.iter().map(|finding| finding.topic).collect();
     assert_eq!(
         topics,
-        ["roster", "names", "versions", "starts", "clocks", "loops", "vehicle", "latches", "faults"]
+        [
+            "roster", "names", "versions", "starts", "clocks", "loops", "vehicle", "latches", "faults",
+            "dispatch", "ledger", "traffic", "map"
+        ]
     );
 }
 
@@ -184,4 +193,164 @@ fn latches_faults_and_batteries_are_shown_with_their_remedies() {
     state.faults.clear();
     (state.battery_level, state.battery_v) = (BatteryLevel::Unknown, None);
     assert!(the_only(&facts).text.contains("may be empty"));
+}
+
+/// The fleet in a simulator that runs at `factor` × real time.
+fn simulated(factor: f64) -> Facts {
+    let stats = SimStats { t_s: 60.0, speed: 1.0, real_time_factor: Some(factor) };
+    Facts { simulator: Some(stats), simulated: ["xtb-1", "xtb-2"].map(name).into(), ..healthy() }
+}
+
+#[test]
+fn an_overloaded_simulator_is_named_and_its_robots_are_not_blamed() {
+    // Silent, late, slow and gone, and one that is no robot of the simulator's.
+    let with_faults = |factor| {
+        let mut facts = simulated(factor);
+        facts.simulated.extend([name("xtb-3"), name("xtb-4")]);
+        facts.alive.insert(name("xtb-3"));
+        facts.roster = Some(["xtb-1", "xtb-2", "xtb-3", "xtb-4"].map(entry).to_vec());
+        facts.states.get_mut(&name("xtb-1")).unwrap().turn_late_us = 90_000;
+        facts.rates.insert(name("xtb-1"), Some(0.19));
+        facts.rates.insert(name("xtb-2"), None);
+        facts
+    };
+    let found = wrong(&with_faults(0.19));
+    assert_eq!((found[0].topic, found[0].level), ("simulator", Level::Warning));
+    assert!(found[0].text.starts_with("simulator runs at 0.19 × real time"), "{found:?}");
+    let topics: Vec<_> = found[1..].iter().map(|finding| (finding.topic, finding.level)).collect();
+    let warned = ["versions", "clocks", "loops"].map(|topic| (topic, Level::Warning));
+    assert_eq!(topics[0], ("roster", Level::Problem), "who is missing is missing");
+    assert_eq!(topics[1..], warned);
+    for finding in &found[1..] {
+        assert!(finding.todo.as_ref().unwrap().contains("not the robot's fault"), "{finding:?}");
+    }
+    // In time, the same robots have to answer for themselves.
+    let blamed = wrong(&with_faults(0.99));
+    assert!(
+        blamed.iter().all(|finding| !finding.todo.as_ref().unwrap().contains("simulator is")),
+        "{blamed:?}"
+    );
+    assert!(blamed.iter().any(|finding| (finding.topic, finding.level) == ("clocks", Level::Problem)));
+}
+
+#[test]
+fn a_real_robot_beside_an_overloaded_simulator_answers_for_itself() {
+    let mut facts = Facts { simulated: BTreeSet::from([name("xtb-1")]), ..simulated(0.19) };
+    facts.rates.insert(name("xtb-2"), Some(0.5));
+    let found = wrong(&facts);
+    let slow = found.iter().find(|finding| finding.robot == Some(name("xtb-2"))).unwrap();
+    assert_eq!((slow.level, slow.text.as_str()), (Level::Problem, "runs at 0.50 times ours"));
+}
+
+fn tasks(ledger: u64) -> TaskList {
+    let tasks = [TaskState::Running, TaskState::Queued, TaskState::Done].map(|state| fake::task(1, state));
+    TaskList { ledger, at_ms: 1, ledger_failed: None, tasks: tasks.to_vec() }
+}
+
+fn floor(bits: u64) -> FleetMap {
+    FleetMap {
+        name: "hall".into(),
+        hash: MapHash::new(bits),
+        resolution_m: 0.1,
+        origin_m: [0.0, 0.0],
+        width: 1,
+        height: 1,
+        cells: Vec::new(),
+        zones: Vec::new(),
+    }
+}
+
+/// The fleet with everything that serves it: dispatcher, traffic control and one map that all are on.
+fn served() -> Facts {
+    let mut facts = healthy();
+    let state = TrafficState {
+        epoch: 7,
+        seq: 1,
+        map_hash: MapHash::new(5).to_string(),
+        led: vec![name("xtb-1")],
+        obstacles: Vec::new(),
+        plans: 0,
+    };
+    facts.services = Services {
+        dispatcher: true,
+        tasks: vec![Ok(tasks(1))],
+        traffic: true,
+        traffic_states: BTreeMap::from([(7, state)]),
+        traffic_unreadable: None,
+        maps: vec![Ok(floor(5))],
+    };
+    for state in facts.states.values_mut() {
+        let hash = MapHash::new(5).to_string();
+        state.nav.map = Some(MapState { name: "hall".into(), hash, fleet_hash: None });
+    }
+    facts
+}
+
+/// What is wrong: topic, level, and that the text says it.
+#[track_caller]
+fn is_wrong(facts: &Facts, topic: &str, level: Level, said: &str) {
+    let found = the_only(facts);
+    assert_eq!((found.topic, found.level), (topic, level), "{found:?}");
+    assert!(found.text.contains(said), "{found:?}");
+}
+
+#[test]
+fn what_serves_the_fleet_is_ok_while_it_answers() {
+    let findings = all(&served());
+    assert!(findings.iter().all(|finding| finding.level == Level::Ok), "{findings:?}");
+    let said: Vec<_> = findings.iter().map(|finding| finding.text.as_str()).collect();
+    for part in ["2 of 3 tasks are open", "ledger 1 is written", "leads 1 robot,", "2 robots on it"] {
+        assert!(said.iter().any(|text| text.contains(part)), "{part}: {said:?}");
+    }
+}
+
+#[test]
+fn a_dispatcher_that_is_silent_twice_there_or_of_another_release_is_a_problem() {
+    let mut facts = served();
+    facts.services.tasks.clear();
+    is_wrong(&facts, "dispatch", Level::Problem, "does not answer");
+    facts.services.tasks = vec![Ok(tasks(1)), Ok(tasks(2))];
+    is_wrong(&facts, "dispatch", Level::Problem, "2 dispatchers answer");
+    facts.services.tasks = vec![Err("TaskList.v9".into())];
+    is_wrong(&facts, "dispatch", Level::Problem, "cannot be read: TaskList.v9");
+}
+
+#[test]
+fn a_ledger_that_cannot_be_written_is_a_problem_with_its_reason() {
+    let mut facts = served();
+    facts.services.tasks = vec![Ok(TaskList { ledger_failed: Some("disk full".into()), ..tasks(1) })];
+    is_wrong(&facts, "ledger", Level::Problem, "cannot be written: disk full");
+}
+
+#[test]
+fn traffic_control_that_is_silent_twice_there_or_on_another_map_is_a_problem() {
+    let mut facts = served();
+    let state = facts.services.traffic_states[&7].clone();
+    facts.services.traffic_states.insert(8, TrafficState { epoch: 8, ..state.clone() });
+    is_wrong(&facts, "traffic", Level::Problem, "2 traffic controls");
+    let elsewhere = TrafficState { map_hash: MapHash::new(6).to_string(), ..state };
+    facts.services.traffic_states = BTreeMap::from([(7, elsewhere)]);
+    is_wrong(&facts, "traffic", Level::Problem, "works on map 0000000000000006");
+    facts.services.traffic_states.clear();
+    is_wrong(&facts, "traffic", Level::Problem, "says nothing");
+    facts.services.traffic_unreadable = Some("TrafficState.v9".into());
+    is_wrong(&facts, "traffic", Level::Problem, "cannot be read: TrafficState.v9");
+}
+
+#[test]
+fn robots_that_are_not_on_the_map_that_is_served_are_named() {
+    let mut facts = served();
+    let first = facts.states.get_mut(&name("xtb-1")).unwrap();
+    let own = first.nav.map.take().unwrap();
+    is_wrong(&facts, "map", Level::Warning, "has no map");
+    let other = MapState { hash: MapHash::new(6).to_string(), ..own };
+    facts.states.get_mut(&name("xtb-1")).unwrap().nav.map = Some(other);
+    is_wrong(&facts, "map", Level::Problem, "is on map hall (0000000000000006)");
+    assert_eq!(the_only(&facts).robot, Some(name("xtb-1")));
+    // Nobody serves one: the robots' own are compared.
+    facts.services.maps.clear();
+    is_wrong(&facts, "map", Level::Warning, "others are on");
+    let mut facts = served();
+    facts.services.maps.push(Ok(floor(6)));
+    is_wrong(&facts, "map", Level::Problem, "2 maps are served");
 }

@@ -25,6 +25,22 @@ fn every_robot_is_told_apart_in_the_table_at_both_sizes() {
 }
 
 #[test]
+fn an_overloaded_simulator_stands_in_the_title_at_both_sizes() {
+    let mut scene = fleet();
+    let stats = |factor| SimStats { t_s: 1.0, speed: 1.0, real_time_factor: Some(factor) };
+    let said = "simulator runs at 0.19 × real time";
+    scene.take(NOW - 1000, &key("sim/stats"), stats(0.19).into());
+    let shown = screen(&mut cockpit(), &scene, 160, 50);
+    assert!(shown[0].contains(said), "{}", shown[0]);
+    scene.take(NOW, &key("sim/stats"), stats(0.99).into());
+    assert!(!screen(&mut cockpit(), &scene, 160, 50)[0].contains("simulator"));
+    let mut alone = Scene::new(name("lab"));
+    alone.take(NOW, &key("xtb-1/alive"), News::Alive(true));
+    alone.take(NOW, &key("sim/stats"), stats(0.19).into());
+    assert!(screen(&mut cockpit(), &alone, 80, 24)[0].contains(said));
+}
+
+#[test]
 fn what_a_stale_robot_said_is_not_shown_as_if_it_were_so() {
     let scene = fleet();
     for (width, height) in SIZES {

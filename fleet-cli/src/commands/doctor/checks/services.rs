@@ -1,0 +1,217 @@
+//! The checks of what serves the whole fleet: dispatcher, its ledger, traffic control, the map.
+
+use super::{Facts, Finding};
+use std::collections::{BTreeMap, BTreeSet};
+use xtb_protocol::messages::{FleetMap, MapHash, TaskList, TrafficState};
+
+const SAME_RELEASE: &str = "install the same release of fleet-cli here and where it runs";
+
+/// What answered, or why it cannot be read.
+pub(in super::super) type Answer<T> = std::result::Result<T, String>;
+
+/// What the doctor has seen of them.
+#[derive(Debug, Default)]
+pub(in super::super) struct Services {
+    /// Whether a dispatcher is present.
+    pub(in super::super) dispatcher: bool,
+    /// What answered to the question for its tasks.
+    pub(in super::super) tasks: Vec<Answer<TaskList>>,
+    /// Whether traffic control is present.
+    pub(in super::super) traffic: bool,
+    /// What it said meanwhile: the last state of each boot.
+    pub(in super::super) traffic_states: BTreeMap<u64, TrafficState>,
+    /// Why something that it said cannot be read.
+    pub(in super::super) traffic_unreadable: Option<String>,
+    /// What answered to the question for the fleet's map.
+    pub(in super::super) maps: Vec<Answer<FleetMap>>,
+}
+
+impl Services {
+    /// The map that is served, if it is one.
+    fn map(&self) -> Option<&FleetMap> {
+        self.maps.iter().find_map(|map| map.as_ref().ok())
+    }
+
+    fn hashes(&self) -> BTreeMap<MapHash, &str> {
+        self.maps.iter().flatten().map(|map| (map.hash, map.name.as_str())).collect()
+    }
+}
+
+fn unreadable<T>(answers: &[Answer<T>]) -> Option<&str> {
+    answers.iter().find_map(|answer| answer.as_ref().err().map(String::as_str))
+}
+
+fn robots(count: usize) -> String {
+    format!("{count} robot{}", if count == 1 { "" } else { "s" })
+}
+
+/// Whether there is one dispatcher, and it answers.
+pub(super) fn dispatcher(facts: &Facts) -> Vec<Finding> {
+    const TOPIC: &str = "dispatch";
+    let Services { dispatcher, tasks, .. } = &facts.services;
+    if let Some(error) = unreadable(tasks) {
+        let text = format!("the dispatcher's answer cannot be read: {error}");
+        return vec![Finding::problem(TOPIC, text, SAME_RELEASE)];
+    }
+    let lists: Vec<&TaskList> = tasks.iter().flatten().collect();
+    let ledgers: BTreeSet<u64> = lists.iter().map(|list| list.ledger).collect();
+    let finding = match (lists.first(), ledgers.len()) {
+        (None, _) if *dispatcher => Finding::problem(
+            TOPIC,
+            "the dispatcher is present and does not answer",
+            "look at its log, end it and start `fleet-cli dispatch serve` again: its ledger keeps the tasks",
+        ),
+        (None, _) if facts.alive.is_empty() => return Vec::new(),
+        (None, _) => Finding::ok(TOPIC, "no dispatcher runs"),
+        (Some(list), 1) => {
+            let open = list.tasks.iter().filter(|task| !task.state.is_final()).count();
+            Finding::ok(
+                TOPIC,
+                format!("the dispatcher answers: {open} of {} tasks are open", list.tasks.len()),
+            )
+        }
+        (Some(_), count) => Finding::problem(
+            TOPIC,
+            format!("{count} dispatchers answer, each with a ledger of its own"),
+            "end all but one: robots get tasks from each of them",
+        ),
+    };
+    vec![finding]
+}
+
+/// Whether the ledger is written.
+pub(super) fn ledger(facts: &Facts) -> Vec<Finding> {
+    const TOPIC: &str = "ledger";
+    let lists = facts.services.tasks.iter().flatten();
+    let each = lists.map(|list| match &list.ledger_failed {
+        None => Finding::ok(TOPIC, format!("ledger {} is written", list.ledger)),
+        Some(reason) => Finding::problem(
+            TOPIC,
+            format!("ledger {} cannot be written: {reason}", list.ledger),
+            "look at disk and permissions where the dispatcher runs: until it is written, new tasks are refused",
+        ),
+    });
+    each.collect()
+}
+
+/// Whether there is one traffic control, and it works on the fleet's map.
+pub(super) fn traffic(facts: &Facts) -> Vec<Finding> {
+    const TOPIC: &str = "traffic";
+    const AGAIN: &str = "look at its log, and start `fleet-cli traffic serve` again";
+    let services = &facts.services;
+    let mut heard = services.traffic_states.values();
+    let finding = match (heard.next(), heard.next()) {
+        (Some(_), Some(_)) => Finding::problem(
+            TOPIC,
+            format!("{} traffic controls lead the robots", services.traffic_states.len()),
+            "end all but one, or wait 2 s if one has just been started again",
+        ),
+        (Some(state), None) => return vec![on_the_map(services, state)],
+        (None, _) => match (&services.traffic_unreadable, services.traffic) {
+            (Some(error), _) => {
+                let text = format!("what traffic control says cannot be read: {error}");
+                Finding::problem(TOPIC, text, SAME_RELEASE)
+            }
+            (None, true) => Finding::problem(TOPIC, "traffic control is present and says nothing", AGAIN),
+            (None, false) if facts.alive.is_empty() => return Vec::new(),
+            (None, false) => Finding::ok(TOPIC, "no traffic control runs: robots give way by themselves"),
+        },
+    };
+    vec![finding]
+}
+
+fn on_the_map(services: &Services, state: &TrafficState) -> Finding {
+    const TOPIC: &str = "traffic";
+    match services.map() {
+        Some(map) if map.hash.to_string() != state.map_hash => Finding::problem(
+            TOPIC,
+            format!(
+                "traffic control works on map {}, the fleet's is {} ({})",
+                state.map_hash, map.name, map.hash
+            ),
+            "start `fleet-cli traffic serve` again: it takes the map that is served then",
+        ),
+        _ => {
+            let (led, around) = (state.led.len(), state.obstacles.len());
+            let led = robots(led);
+            Finding::ok(TOPIC, format!("traffic control leads {led}, and drives them around {around} others"))
+        }
+    }
+}
+
+/// Whether one map is served, and every robot is on it.
+pub(super) fn map(facts: &Facts) -> Vec<Finding> {
+    const TOPIC: &str = "map";
+    let services = &facts.services;
+    if let Some(error) = unreadable(&services.maps) {
+        return vec![Finding::problem(TOPIC, format!("the map cannot be read: {error}"), SAME_RELEASE)];
+    }
+    let hashes = services.hashes();
+    if hashes.len() > 1 {
+        let each = hashes.iter().map(|(hash, name)| format!("{name} ({hash})")).collect::<Vec<_>>();
+        let text = format!("{} maps are served: {}", each.len(), each.join(", "));
+        return vec![Finding::problem(TOPIC, text, "end all but one of those who serve them")];
+    }
+    let mut findings = match services.map() {
+        Some(map) => robots_off(facts, map),
+        None => differing(facts),
+    };
+    if findings.is_empty() && !(facts.alive.is_empty() && services.maps.is_empty()) {
+        let on = facts.states.values().filter(|state| state.nav.map.is_some()).count();
+        findings.push(Finding::ok(
+            TOPIC,
+            match services.map() {
+                Some(map) => format!("{} ({}) is served, {} on it", map.name, map.hash, robots(on)),
+                None if on > 0 => format!("no map is served; {} on a map of their own", robots(on)),
+                None => "no map is served: goals are driven to in a straight line".to_owned(),
+            },
+        ));
+    }
+    findings
+}
+
+/// Robots that are not on the map that is served.
+fn robots_off(facts: &Facts, map: &FleetMap) -> Vec<Finding> {
+    const TOPIC: &str = "map";
+    let served = map.hash.to_string();
+    let off = facts.states.values().filter_map(|state| match &state.nav.map {
+        Some(own) if own.hash == served => None,
+        Some(own) => Some(
+            Finding::problem(
+                TOPIC,
+                format!("is on map {} ({}), the fleet's is {} ({served})", own.name, own.hash, map.name),
+                "start its agent without a map of its own, or serve that one: until then it plans no goals",
+            )
+            .of(&state.robot),
+        ),
+        None => Some(
+            Finding::warning(
+                TOPIC,
+                "has no map: it can only drive in a straight line",
+                "it takes the map when that is published next, within 30 s; if not, look at its agent's log",
+            )
+            .of(&state.robot),
+        ),
+    });
+    off.collect()
+}
+
+/// Robots whose own maps differ, where none is served.
+fn differing(facts: &Facts) -> Vec<Finding> {
+    let mut groups = BTreeMap::<&str, Vec<_>>::new();
+    for state in facts.states.values() {
+        if let Some(own) = &state.nav.map {
+            groups.entry(&own.hash).or_default().push((&state.robot, own));
+        }
+    }
+    let Some(most) = groups.iter().max_by_key(|(_, robots)| robots.len()).map(|(hash, _)| *hash) else {
+        return Vec::new();
+    };
+    let others = groups.iter().filter(|(hash, _)| **hash != most).flat_map(|(_, robots)| robots);
+    let finding = |(robot, own): &(&xtb_protocol::Name, &xtb_protocol::messages::MapState)| {
+        let text = format!("is on map {} ({}), others are on {most}", own.name, own.hash);
+        Finding::warning("map", text, "give all agents the same map, or serve one: `fleet-cli map serve`")
+            .of(robot)
+    };
+    others.map(finding).collect()
+}

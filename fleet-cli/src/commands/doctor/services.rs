@@ -1,0 +1,93 @@
+//! Listens for what serves the whole fleet: dispatcher, traffic control, map.
+
+use super::checks::Services;
+use crate::client::Client;
+use crate::error::Result;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::sync::Notify;
+use xtb_bus::{Incoming, Subscription};
+use xtb_protocol::messages::{Message, TrafficState};
+
+/// Boots of traffic control that are told apart; there should be one.
+const BOOTS: usize = 8;
+
+/// What traffic control says twice a second, from now on.
+pub(super) struct Listening {
+    heard: Arc<Heard>,
+    _subscription: Subscription,
+}
+
+#[derive(Default)]
+struct Heard {
+    services: Mutex<Services>,
+    news: Notify,
+}
+
+impl Listening {
+    /// Begins.
+    ///
+    /// # Errors
+    /// [`Kind::Failed`](crate::Kind::Failed): Zenoh would not.
+    pub(super) async fn begin(client: &Client) -> Result<Self> {
+        let heard = Arc::new(Heard::default());
+        let into = Arc::clone(&heard);
+        let each = move |incoming: Incoming| into.take(&incoming);
+        let subscription = client.bus().subscribe(&client.keys().traffic_state(), each).await?;
+        Ok(Self { heard, _subscription: subscription })
+    }
+
+    /// Asks dispatcher and map too. Traffic control that is present and was not heard yet is waited for.
+    ///
+    /// # Errors
+    /// [`Kind::Failed`](crate::Kind::Failed): a question could not be sent.
+    pub(super) async fn end(self, client: &Client, within: Duration) -> Result<Services> {
+        let (bus, keys) = (client.bus(), client.keys());
+        let (dispatch, traffic) = (keys.dispatch_alive(), keys.traffic_alive());
+        let (dispatcher, traffic) = tokio::join!(bus.alive(&dispatch, within), bus.alive(&traffic, within));
+        let (dispatcher, traffic) = (!dispatcher?.is_empty(), !traffic?.is_empty());
+        let (tasks, maps) = (keys.dispatch_tasks(), keys.map());
+        let (tasks, maps) = tokio::join!(client.get(&tasks), client.get(&maps));
+        if traffic {
+            // Who is not heard by then says nothing.
+            let _ = tokio::time::timeout(within, self.heard.something()).await;
+        }
+        let heard = std::mem::take(&mut *self.heard.lock());
+        Ok(Services { dispatcher, traffic, tasks: read(&tasks?), maps: read(&maps?), ..heard })
+    }
+}
+
+impl Heard {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Services> {
+        self.services.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn take(&self, incoming: &Incoming) {
+        let mut services = self.lock();
+        match incoming.decode::<TrafficState>() {
+            Ok(state) if services.traffic_states.len() < BOOTS => {
+                services.traffic_states.insert(state.epoch, state);
+            }
+            Ok(_) => {}
+            Err(error) => services.traffic_unreadable = Some(error.to_string()),
+        }
+        drop(services);
+        self.news.notify_one();
+    }
+
+    async fn something(&self) {
+        loop {
+            {
+                let services = self.lock();
+                if !services.traffic_states.is_empty() || services.traffic_unreadable.is_some() {
+                    return;
+                }
+            }
+            self.news.notified().await;
+        }
+    }
+}
+
+fn read<M: Message>(answers: &[Incoming]) -> Vec<std::result::Result<M, String>> {
+    answers.iter().map(|answer| answer.decode().map_err(|error| error.to_string())).collect()
+}
