@@ -58,7 +58,7 @@ impl Question {
     /// What the question's selector says of `name`: `tasks?after=t17`.
     #[must_use]
     pub fn parameter(&self, name: &str) -> Option<&str> {
-        self.0.parameters().get(name)
+        self.query.parameters().get(name)
     }
 
     /// Refuses it in words: for questions that have no message of their own.
@@ -66,7 +66,11 @@ impl Question {
     /// # Errors
     /// [`BusError::Operation`].
     pub async fn refuse(&self, why: &str) -> Result<(), BusError> {
-        self.0.reply_err(why).encoding("text/plain").await.map_err(failed("refusal", self.key_expr()))
+        self.query
+            .reply_err(why)
+            .encoding("text/plain")
+            .await
+            .map_err(failed("refusal", self.query.key_expr().as_str()))
     }
 
     /// Reads the question's message, and the format that its answer should have.

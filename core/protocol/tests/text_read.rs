@@ -51,7 +51,10 @@ fn refusals() {
     let error = ErrorBody { code: RejectCode::Busy, message: evil(), hint: evil() };
     is_read_as_text(&Reply { id: Uuid::nil(), result: Outcome::Error(error) }, 2);
     let error = DispatchError { code: DispatchCode::Malformed, message: evil(), hint: evil() };
-    is_read_as_text(&DispatchReply { id: Uuid::nil(), result: DispatchOutcome::Error(error) }, 2);
+    is_read_as_text(
+        &DispatchReply { id: Uuid::nil(), result: DispatchOutcome::Error(error), left_out: 0 },
+        2,
+    );
     is_read_as_text(&LogReply::Error { code: LogCode::Unreadable, message: evil() }, 1);
     is_read_as_text(&LogRequest::Read { file: evil(), offset: 0, length: 1 }, 1);
 }
@@ -101,7 +104,7 @@ fn traffic_control_and_the_dispatcher() {
         others: Vec::new(),
     };
     is_read_as_text(&route, 1);
-    let list = TaskList { ledger: 1, at_ms: 1, ledger_failed: Some(evil()), tasks: Vec::new() };
+    let list = TaskList { ledger: 1, at_ms: 1, ledger_failed: Some(evil()), tasks: Vec::new(), left_out: 0 };
     is_read_as_text(&list, 1);
     let (led, obstacles) = (Vec::new(), Vec::new());
     is_read_as_text(&TrafficState { epoch: 1, seq: 1, map_hash: evil(), led, obstacles, plans: 0 }, 1);
