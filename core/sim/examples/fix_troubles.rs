@@ -19,6 +19,7 @@ mod troubled;
 use draw::in_parallel;
 use fixed::{Drive, Moment};
 use troubled::Trouble;
+use xtb_nav::filter::{Trust, TrustLimits};
 use xtb_sim::{FixTruth, TruckParameters};
 
 const SECONDS: f64 = 600.0;
@@ -70,6 +71,11 @@ fn rows() -> Vec<(&'static str, Trouble, Change)> {
     ]
 }
 
+/// Whether a robot with 20 cm to spare would stand here because its pose is uncertain.
+fn would_stand(moment: &Moment) -> bool {
+    Trust::of(&moment.estimate, 0.2, &TrustLimits::default()) == Trust::Stop
+}
+
 fn row(name: &str, drives: &[Drive]) {
     let all = |of: &dyn Fn(&Moment) -> f64| {
         let mut values: Vec<f64> = drives.iter().flat_map(|d| d.moments.iter().map(of)).collect();
@@ -88,7 +94,7 @@ fn row(name: &str, drives: &[Drive]) {
         100.0 * at(&off_m, 0.95),
         100.0 * at(&off_m, 1.0),
         at(&turned, 0.95),
-        share(&Moment::is_uncertain),
+        share(&would_stand),
         drives.iter().map(|d| d.restarts.len()).sum::<usize>(),
     );
 }

@@ -10,7 +10,7 @@ use xtb_control::odometry::OdomPose;
 use xtb_control::units::Stamp;
 use xtb_control::{Command, Steering, VehicleConfig, WheelRpm};
 use xtb_nav::PoseFilter;
-use xtb_nav::filter::{Estimate, FilterTuning, FixOutcome, Trust, TrustLimits};
+use xtb_nav::filter::{Estimate, FilterTuning, FixOutcome};
 use xtb_sim::{FixMaker, FixTruth, TruckParameters, World};
 
 /// Steps from one sample to the next: 50 ms.
@@ -49,11 +49,6 @@ impl Moment {
     /// Whether it is no farther off than three of its own standard deviations and 5 cm.
     pub(crate) fn is_consistent(&self) -> bool {
         self.error_m() <= 3.0 * self.estimate.sigma_m + 0.05 + self.allowance_m
-    }
-
-    /// Whether a robot with 20 cm to spare would stand here because its pose is uncertain.
-    pub(crate) fn is_uncertain(&self) -> bool {
-        Trust::of(&self.estimate, 0.2, &TrustLimits::default()) == Trust::Stop
     }
 
     /// Whether the truth lies within the ellipse that should hold it 95 % of the time.

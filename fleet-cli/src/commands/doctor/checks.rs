@@ -62,11 +62,11 @@ impl Finding {
         Self { level: Level::Warning, topic, robot: None, text: text.into(), todo: Some(todo.into()) }
     }
 
-    fn problem(topic: &'static str, text: impl Into<String>, todo: impl Into<String>) -> Self {
+    pub(super) fn problem(topic: &'static str, text: impl Into<String>, todo: impl Into<String>) -> Self {
         Self { level: Level::Problem, ..Self::warning(topic, text, todo) }
     }
 
-    fn of(self, robot: &Name) -> Self {
+    pub(super) fn of(self, robot: &Name) -> Self {
         Self { robot: Some(robot.clone()), ..self }
     }
 }

@@ -244,7 +244,7 @@ fn a_real_robot_beside_an_overloaded_simulator_answers_for_itself() {
 
 fn tasks(ledger: u64) -> TaskList {
     let tasks = [TaskState::Running, TaskState::Queued, TaskState::Done].map(|state| fake::task(1, state));
-    TaskList { ledger, at_ms: 1, ledger_failed: None, tasks: tasks.to_vec() }
+    TaskList { ledger, at_ms: 1, ledger_failed: None, tasks: tasks.to_vec(), left_out: 0 }
 }
 
 fn floor(bits: u64) -> FleetMap {
