@@ -50,17 +50,20 @@ pub(crate) async fn ask<M: Message>(
     answers
 }
 
-/// Answers each question on `key_expr` with these bytes of an `M`, until it is dropped.
+/// Answers each question on `key_expr` with these bytes of an `M`, until it is dropped: on the question's key,
+/// or on `key_expr` if that has wildcards.
 pub(crate) async fn answer<M: Message>(
     session: &Session,
     key_expr: &str,
     bytes: impl Fn(&[u8]) -> Vec<u8> + Send + Sync + 'static,
 ) -> zenoh::query::Queryable<()> {
     use zenoh::Wait;
+    let own = key_expr.to_owned();
     let queryable = session.declare_queryable(key_expr.to_owned()).complete(true);
     let each = move |query: zenoh::query::Query| {
         let asked = query.payload().map(|payload| payload.to_bytes().into_owned()).unwrap_or_default();
-        let reply = query.reply(query.key_expr().clone(), bytes(&asked));
+        let key = if query.key_expr().is_wild() { own.as_str() } else { query.key_expr().as_str() };
+        let reply = query.reply(key, bytes(&asked));
         reply.encoding(codec::encoding::<M>(Format::Postcard)).wait().unwrap();
     };
     queryable.callback(each).await.unwrap()

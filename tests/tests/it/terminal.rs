@@ -106,10 +106,10 @@ async fn control_characters_in_what_cannot_be_read_do_not_reach_the_log() {
     let ghost = FleetKeys::new(name("lab")).robot(&name("ghost"));
     // The parser repeats the field that it does not know.
     let unknown = serde_json::json!({ EVIL: 1 }).to_string();
-    let session = attacker.clone();
+    let (session, own) = (attacker.clone(), ghost.state());
     let answering = attacker.declare_queryable(ghost.state()).complete(true).callback(move |query| {
         use zenoh::Wait;
-        query.reply(query.key_expr().clone(), unknown.clone()).encoding("application/json").wait().unwrap();
+        query.reply(own.clone(), unknown.clone()).encoding("application/json").wait().unwrap();
     });
     let _answering = answering.await.unwrap();
     let _alive = session.liveliness().declare_token(ghost.alive()).await.unwrap();
