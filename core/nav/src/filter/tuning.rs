@@ -18,7 +18,7 @@ config_section! {
         wheel_scale: f64 = 0.012, "of the diameter", Range(1.0e-4, 0.2), Assumed, "Standard deviation of the tyres (± 2 %).";
         open_scale: f64 = 0.1, "of the diameter", Range(0.0, 0.5), Ours, "The same once there are fixes, which show it: settings may be wrong.";
         delay_s: f64 = 0.1, "s", Range(0.0, 0.5), Assumed, "Standard deviation of the age of a fix against what it says.";
-        delay_walk: f64 = 1.0e-3, "s/√s", Range(0.0, 0.1), Assumed, "How fast that changes.";
+        delay_walk: f64 = 3.0e-4, "s/√s", Range(0.0, 0.1), Assumed, "How fast that changes.";
         along_walk: f64 = 0.01, "m/√m", Range(0.0, 0.2), Assumed, "Error of the way driven beside the tyres' (slip, play).";
         across_walk: f64 = 0.01, "m/√m", Range(0.0, 0.2), Assumed, "Error to the side (axles that are not quite straight).";
         lost_rad: f64 = 0.35, "rad", Range(0.05, 1.0), Ours, "With a less certain heading single fixes are not believed, only several that agree.";
