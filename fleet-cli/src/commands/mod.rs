@@ -40,6 +40,17 @@ use crate::error::Result;
 use crate::lease::Control;
 use xtb_protocol::Name;
 
+/// The robots in the order in which they were named, each once.
+fn once_each(named: &[Name]) -> Vec<Name> {
+    let mut robots: Vec<Name> = Vec::new();
+    for robot in named {
+        if !robots.contains(robot) {
+            robots.push(robot.clone());
+        }
+    }
+    robots
+}
+
 /// Acquires control, and says from whom it was taken.
 async fn take_control(ctx: &Context, client: &Client, robot: &Name, take: bool) -> Result<Control> {
     let control = Control::acquire(client, robot, take).await?;

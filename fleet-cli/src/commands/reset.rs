@@ -2,6 +2,7 @@
 //!
 //! The robot answers yes or no; which latches it has ended shows in its state before and after.
 
+use super::once_each;
 use crate::cli::ResetArgs;
 use crate::client::Client;
 use crate::context::Context;
@@ -68,8 +69,7 @@ pub async fn run(ctx: &Context, args: &ResetArgs) -> Result<Exit> {
 }
 
 async fn named(ctx: &Context, client: &Client, args: &ResetArgs) -> Result<Exit> {
-    let mut robots = args.who.robots.clone();
-    robots.dedup();
+    let robots = once_each(&args.who.robots);
     let mut ended = each(ctx, client, &robots, args.latch, args.lease.take).await;
     if let [(_, Err(_))] = &ended[..]
         && let Some((_, Err(failure))) = ended.pop()
@@ -189,7 +189,9 @@ fn say(ctx: &Context, latch: Option<Latch>, ended: &[(Name, Result<Report>)]) ->
             }
             Err(failure) => {
                 exit = worse(exit, failure.kind.exit());
-                let message = format!("{robot}: {}", failure.message);
+                let is_named = failure.message.contains(robot.as_str());
+                let whose = if is_named { String::new() } else { format!("{robot}: ") };
+                let message = format!("{whose}{}", failure.message);
                 ctx.out.failure(&Failure { message, ..failure.clone() });
             }
         }

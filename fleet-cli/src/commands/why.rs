@@ -3,6 +3,7 @@
 mod chain;
 mod remedy;
 
+use super::once_each;
 use crate::cli::WhyArgs;
 use crate::client::Client;
 use crate::context::Context;
@@ -23,8 +24,7 @@ const LABEL_WIDTH: usize = 8;
 /// No router.
 pub async fn run(ctx: &Context, args: &WhyArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
-    let mut robots = args.robots.clone();
-    robots.dedup();
+    let robots = once_each(&args.robots);
     let (asked, fleet) = (&client, &ctx.fleet);
     let views = join_all(robots.iter().map(|robot| async move {
         let (wanted, keys) = (BTreeSet::from([robot.clone()]), asked.keys().robot(robot));
