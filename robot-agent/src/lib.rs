@@ -30,6 +30,7 @@ use crate::hardware::Hardware;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
+use std::time::Duration;
 use thiserror::Error;
 use tokio::sync::watch;
 use xtb_authority::{Identity, Robot};
@@ -78,19 +79,30 @@ pub async fn run(
     clock: Clock,
     shutdown: Shutdown,
 ) -> Result<(), AgentError> {
-    run_announced(config, hardware, clock, shutdown, || {}).await
+    let host = Host { link_lease: xtb_bus::LINK_LEASE, alive: || {} };
+    run_hosted(config, hardware, clock, shutdown, host).await
 }
 
-/// The same; `alive` is called when the robot is present under its name, and can be commanded.
+/// What an agent has to know of the program that it runs in.
+#[derive(Debug)]
+pub struct Host<Alive> {
+    /// The router takes its link for lost after so much silence. Longer where many agents share a program:
+    /// a busy one is late with all of them, and links that break make it busier.
+    pub link_lease: Duration,
+    /// Called when the robot is present under its name, and can be commanded.
+    pub alive: Alive,
+}
+
+/// Runs a robot within a program that has others too.
 ///
 /// # Errors
 /// As [`run`].
-pub async fn run_announced(
+pub async fn run_hosted(
     config: &AgentConfig,
     hardware: Box<dyn Hardware>,
     clock: Clock,
     shutdown: Shutdown,
-    alive: impl FnOnce(),
+    host: Host<impl FnOnce()>,
 ) -> Result<(), AgentError> {
     let identity = Identity {
         fleet: config.fleet.clone(),
@@ -118,7 +130,7 @@ pub async fn run_announced(
     tokio::spawn(mailbox::log(notes));
     let stop = StopOnDrop(Arc::new(AtomicBool::new(false)));
     let control = control_loop::start(robot, hardware, clock.clone(), loop_ends, recorder, stop.0.clone())?;
-    let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now(), alive).await;
+    let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now(), host).await;
     stop.now();
     // A turn lasts 5 ms: joining is short.
     let joined = tokio::task::spawn_blocking(move || {

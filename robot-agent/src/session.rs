@@ -4,7 +4,7 @@ use crate::clock::Clock;
 use crate::config::AgentConfig;
 use crate::mailbox::{SessionEnds, Snapshot};
 use crate::shelf::{self, Shelf};
-use crate::{AgentError, Shutdown, VERSION, downlink, neighbours, tidings, uplink};
+use crate::{AgentError, Host, Shutdown, VERSION, downlink, neighbours, tidings, uplink};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -57,8 +57,7 @@ pub(crate) fn about(config: &AgentConfig, identity: &Identity, hardware: &str) -
     }
 }
 
-/// Serves the robot on Zenoh until `shutdown`; calls `alive` when it is present, and `stop_motors` first
-/// when `shutdown` comes.
+/// Serves the robot on Zenoh until `shutdown`; calls `stop_motors` first when that comes.
 pub(crate) async fn run(
     config: &AgentConfig,
     clock: &Clock,
@@ -66,11 +65,11 @@ pub(crate) async fn run(
     about: About,
     mut shutdown: Shutdown,
     stop_motors: impl Fn(),
-    alive: impl FnOnce(),
+    host: Host<impl FnOnce()>,
 ) -> Result<(), AgentError> {
     let role = config.role();
     let mut told = false;
-    let opening = xtb_bus::open_patiently(&role, |error| {
+    let opening = xtb_bus::open_patiently_leased(&role, host.link_lease, |error| {
         if !std::mem::replace(&mut told, true) {
             tracing::warn!("{error}; trying on, the controller runs");
         }
@@ -88,7 +87,7 @@ pub(crate) async fn run(
     let served = tokio::select! {
         // Also when it ends by an error: motors first, and nobody could stop them any more.
         served = async {
-            let served = serve(config, clock, &bus, ends, about, alive).await;
+            let served = serve(config, clock, &bus, ends, about, host.alive).await;
             stop_motors();
             served
         } => served,

@@ -19,4 +19,6 @@ mod session;
 pub use channel::{EventPublisher, Incoming, Publisher, Subscription};
 pub use presence::{Presence, Token};
 pub use query::{Question, Service};
-pub use session::{Bus, BusError, LinkWatch, Role, open, open_patiently};
+pub use session::{
+    Bus, BusError, LINK_LEASE, LinkWatch, Role, open, open_leased, open_patiently, open_patiently_leased,
+};

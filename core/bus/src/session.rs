@@ -10,9 +10,9 @@ use tokio::sync::watch;
 use zenoh::Wait;
 use zenoh::sample::SampleKind;
 
-/// How long a link may be silent before the other side takes it for lost; four keep-alives in it.
-/// (Zenoh's own default is 10 s: too long for a fleet.)
-const LINK_LEASE_MS: u32 = 2000;
+/// How long a link may be silent before the other side takes it for lost, unless told otherwise; four
+/// keep-alives in it. (Zenoh's own default is 10 s: too long for a fleet.)
+pub const LINK_LEASE: Duration = Duration::from_millis(2000);
 /// Longest message that is taken in, in bytes: twice the longest of ours. Of a longer one the rest is thrown
 /// away as it comes, and the link stays. (Zenoh's own limit is 1 GiB.)
 const MAX_MESSAGE: usize = 8 * 1024 * 1024;
@@ -101,7 +101,7 @@ impl Role {
         }
     }
 
-    fn config(&self) -> Result<zenoh::Config, BusError> {
+    fn config(&self, link_lease: Duration) -> Result<zenoh::Config, BusError> {
         let (mode, listen, connect, multicast) = match self {
             Self::Client { connect } => ("client", &[][..], connect, false),
             Self::Router { listen, connect } => ("router", &listen[..], connect, false),
@@ -125,7 +125,7 @@ impl Role {
         set("connect/retry", retry)?;
         set("scouting/multicast/enabled", multicast.to_string())?;
         set("scouting/gossip/enabled", multicast.to_string())?;
-        set("transport/link/tx/lease", LINK_LEASE_MS.to_string())?;
+        set("transport/link/tx/lease", link_lease.as_millis().to_string())?;
         set("transport/link/tx/keep_alive", "4".into())?;
         set("transport/link/rx/max_message_size", MAX_MESSAGE.to_string())?;
         Ok(config)
@@ -144,7 +144,15 @@ pub struct Bus {
 /// # Errors
 /// [`BusError::Setting`] or [`BusError::Open`].
 pub async fn open(role: &Role) -> Result<Bus, BusError> {
-    let config = role.config()?;
+    open_leased(role, LINK_LEASE).await
+}
+
+/// The same; the others take this session's links for lost after so much silence.
+///
+/// # Errors
+/// As [`open`].
+pub async fn open_leased(role: &Role, link_lease: Duration) -> Result<Bus, BusError> {
+    let config = role.config(link_lease)?;
     let failed = |reason: String| BusError::Open { role: role.describe(), reason };
     // `zenoh::open` blocks its thread while it tries.
     match tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await {
@@ -159,10 +167,22 @@ pub async fn open(role: &Role) -> Result<Bus, BusError> {
 ///
 /// # Errors
 /// [`BusError::Setting`] only: that would never get better.
-pub async fn open_patiently(role: &Role, mut failing: impl FnMut(&BusError)) -> Result<Bus, BusError> {
+pub async fn open_patiently(role: &Role, failing: impl FnMut(&BusError)) -> Result<Bus, BusError> {
+    open_patiently_leased(role, LINK_LEASE, failing).await
+}
+
+/// The same with a lease as [`open_leased`] takes it.
+///
+/// # Errors
+/// As [`open_patiently`].
+pub async fn open_patiently_leased(
+    role: &Role,
+    link_lease: Duration,
+    mut failing: impl FnMut(&BusError),
+) -> Result<Bus, BusError> {
     let mut pause = Duration::from_millis(RETRY_FIRST_MS.into());
     loop {
-        match open(role).await {
+        match open_leased(role, link_lease).await {
             Err(error @ BusError::Open { .. }) => failing(&error),
             other => return other,
         }
@@ -243,7 +263,7 @@ mod tests {
     #[test]
     fn a_wrong_endpoint_is_told_in_plain_words() {
         let role = Role::Client { connect: vec!["bogus".into()] };
-        let said = role.config().map(drop).unwrap_err().to_string();
+        let said = role.config(LINK_LEASE).map(drop).unwrap_err().to_string();
         assert!(said.ends_with("[?<metadata>][#<config>]: bogus"), "{said}");
     }
 }

@@ -1,11 +1,12 @@
 //! Agents inside the simulator's process: the same `robot_agent::run` as on a real truck.
 
 use crate::error::{Failure, Kind};
-use robot_agent::AgentError;
 use robot_agent::clock::Clock;
 use robot_agent::config::AgentConfig;
 use robot_agent::hardware::simulated::SimulatedHardware;
+use robot_agent::{AgentError, Host};
 use std::path::PathBuf;
+use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use xtb_control::VehicleConfig;
@@ -21,6 +22,7 @@ pub(super) struct AgentSettings {
     pub(super) vehicle: VehicleConfig,
     pub(super) record: Option<PathBuf>,
     pub(super) world_speed: f64,
+    pub(super) link_lease: Duration,
 }
 
 /// How far an agent has come.
@@ -60,12 +62,13 @@ impl RunningAgent {
             record: settings.record.clone(),
             world_speed: settings.world_speed,
         };
+        let link_lease = settings.link_lease;
         let (end, shutdown) = watch::channel(false);
         let (told, life) = watch::channel(Life::Starting);
         let task = tokio::spawn(async move {
-            let alive = || drop(told.send_replace(Life::Alive));
+            let host = Host { link_lease, alive: || drop(told.send_replace(Life::Alive)) };
             let hardware = Box::new(hardware);
-            if let Err(error) = robot_agent::run_announced(&config, hardware, clock, shutdown, alive).await {
+            if let Err(error) = robot_agent::run_hosted(&config, hardware, clock, shutdown, host).await {
                 tracing::warn!("{}: {error}", config.robot);
                 told.send_replace(Life::Failed(failed(&config, &error)));
             }

@@ -53,7 +53,7 @@ fn a_healthy_fleet_is_ok_in_every_respect() {
         topics,
         [
             "roster", "names", "versions", "starts", "clocks", "loops", "vehicle", "latches", "faults",
-            "dispatch", "ledger", "traffic", "map"
+            "fixes", "dispatch", "ledger", "traffic", "map"
         ]
     );
 }
