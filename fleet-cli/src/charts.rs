@@ -6,6 +6,7 @@ use robot_agent::files::{self, FileError};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_bus::{Bus, Incoming, Publisher, Service, Subscription};
@@ -13,7 +14,7 @@ use xtb_nav::Map;
 use xtb_nav::map::ros::Description;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
-use xtb_protocol::messages::{FleetMap, MapHash};
+use xtb_protocol::messages::{FleetMap, MapHash, is_map_name};
 use xtb_sim::World;
 
 /// A map is published again this often, for whoever missed it.
@@ -31,6 +32,7 @@ pub fn read(path: &Path, resolution_m: f64) -> Result<Map> {
         "toml" => {
             let hint = "worlds/ holds examples; --resolution takes larger cells for a large world";
             let world = World::from_toml(&text).map_err(|error| broken(error.to_string()).hint(hint))?;
+            let world = named_by_file(world, path);
             world.chart(resolution_m).map_err(|error| broken(error.to_string()).hint(hint))
         }
         "yaml" | "yml" => {
@@ -45,6 +47,14 @@ pub fn read(path: &Path, resolution_m: f64) -> Result<Map> {
         }
         _ => Err(broken("neither a map nor a world by its ending".to_owned())
             .hint("maps end in .yaml (as map_server writes them), worlds in .toml")),
+    }
+}
+
+/// A world without a name is called as its file is, as a map is.
+pub(crate) fn named_by_file(world: World, path: &Path) -> World {
+    match path.file_stem().and_then(|stem| stem.to_str()).filter(|stem| is_map_name(stem)) {
+        Some(stem) => world.or_named(stem),
+        None => world,
     }
 }
 
@@ -63,6 +73,34 @@ pub async fn served(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec
         answer.decode().inspect_err(|error| tracing::warn!("on {}: {error}", answer.key)).ok()
     };
     Ok(answers.iter().filter_map(read).collect())
+}
+
+/// Each map that is published for the fleet from now on, the newest one only, until it is dropped.
+pub struct MapFeed {
+    newest: watch::Receiver<Option<Arc<FleetMap>>>,
+    _listening: Subscription,
+}
+
+impl MapFeed {
+    /// Subscribes.
+    ///
+    /// # Errors
+    /// [`Kind::Failed`]: Zenoh would not.
+    pub async fn open(bus: &Bus, keys: &FleetKeys) -> Result<Self> {
+        let (sender, newest) = watch::channel(None);
+        let each = move |incoming: Incoming| match incoming.decode::<FleetMap>() {
+            Ok(map) => drop(sender.send_replace(Some(Arc::new(map)))),
+            Err(error) => tracing::warn!("on {}: {error}", incoming.key),
+        };
+        let _listening = bus.subscribe(&keys.map(), each).await?;
+        Ok(Self { newest, _listening })
+    }
+
+    /// The newest one.
+    #[must_use]
+    pub fn newest(&self) -> Option<Arc<FleetMap>> {
+        self.newest.borrow().clone()
+    }
 }
 
 /// Serves a map to a fleet until it is dropped.

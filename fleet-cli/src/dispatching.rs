@@ -5,6 +5,7 @@ mod pages;
 use crate::client::Client;
 use crate::error::{Failure, Kind, Result};
 use crate::output::Progress;
+use serde::Serialize;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -13,8 +14,8 @@ use xtb_bus::{BusError, Subscription};
 use xtb_protocol::Uuid;
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::messages::{
-    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, Message,
-    TaskChange, TaskHistory, TaskId, TaskSpec,
+    Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
+    DispatchStatus, Message, Suspension, TaskChange, TaskHistory, TaskId, TaskSpec,
 };
 
 /// A dispatcher that is just starting, or is started again, is waited for this long.
@@ -39,6 +40,25 @@ pub struct Changes {
     pub left_out: u64,
 }
 
+/// Tasks that were taken.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Taken {
+    /// In the order of the submission.
+    pub tasks: Vec<TaskId>,
+    /// What keeps the dispatcher from assigning them.
+    pub suspended: Vec<Suspension>,
+}
+
+/// How the dispatcher stands.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Status {
+    /// Ledger, map and tasks.
+    #[serde(flatten)]
+    pub dispatcher: DispatchStatus,
+    /// What is suspended.
+    pub suspended: Vec<Suspension>,
+}
+
 /// The fleet's dispatcher, as a client sees it.
 #[derive(Debug, Clone, Copy)]
 pub struct Dispatching<'a> {
@@ -58,9 +78,45 @@ impl<'a> Dispatching<'a> {
     ///
     /// # Errors
     /// The dispatcher's refusal, [`Kind::NoDispatcher`], or [`Kind::OutcomeUnknown`].
-    pub async fn submit(&self, tasks: Vec<TaskSpec>) -> Result<Vec<TaskId>> {
-        match self.ask(DispatchBody::Submit { tasks }, self.starts_within).await?.result {
-            DispatchOutcome::Submitted(ids) => Ok(ids),
+    pub async fn submit(&self, tasks: Vec<TaskSpec>) -> Result<Taken> {
+        let reply = self.ask(DispatchBody::Submit { tasks }, self.starts_within).await?;
+        match reply.result {
+            DispatchOutcome::Submitted(tasks) => Ok(Taken { tasks, suspended: reply.suspended }),
+            other => Err(unexpected(&other)),
+        }
+    }
+
+    /// Lets it assign tasks again; what that has ended, and what is suspended all the same.
+    ///
+    /// # Errors
+    /// As [`Self::submit`].
+    pub async fn activate(&self) -> Result<(Option<Suspension>, Vec<Suspension>)> {
+        let reply = self.ask(DispatchBody::Activate {}, self.starts_within).await?;
+        match reply.result {
+            DispatchOutcome::Activated(ended) => Ok((ended, reply.suspended)),
+            other => Err(unexpected(&other)),
+        }
+    }
+
+    /// Takes the tasks of other maps over to the fleet's.
+    ///
+    /// # Errors
+    /// As [`Self::submit`].
+    pub async fn adopt(&self) -> Result<Adopted> {
+        match self.ask(DispatchBody::Adopt {}, self.starts_within).await?.result {
+            DispatchOutcome::Adopted(adopted) => Ok(adopted),
+            other => Err(unexpected(&other)),
+        }
+    }
+
+    /// How it stands.
+    ///
+    /// # Errors
+    /// As [`Self::show`].
+    pub async fn status(&self) -> Result<Status> {
+        let reply = self.ask(DispatchBody::Status {}, Duration::ZERO).await?;
+        match reply.result {
+            DispatchOutcome::Status(dispatcher) => Ok(Status { dispatcher, suspended: reply.suspended }),
             other => Err(unexpected(&other)),
         }
     }
@@ -98,8 +154,10 @@ impl<'a> Dispatching<'a> {
     /// Says what is waited for if the answer takes its time.
     async fn ask(&self, body: DispatchBody, patience: Duration) -> Result<DispatchReply> {
         let what = match &body {
-            DispatchBody::Show { .. } => None,
-            DispatchBody::Submit { .. } => Some("waiting for a dispatcher"),
+            DispatchBody::Show { .. } | DispatchBody::Status {} => None,
+            DispatchBody::Submit { .. } | DispatchBody::Activate {} | DispatchBody::Adopt {} => {
+                Some("waiting for a dispatcher")
+            }
             _ => Some("waiting for the dispatcher, and for robots to confirm"),
         };
         let mut progress = Progress::new();
@@ -119,7 +177,10 @@ impl<'a> Dispatching<'a> {
         request.validate().map_err(|error| Failure::new(Kind::Usage, error.to_string()))?;
         let (within, left_undone) = match &request.body {
             DispatchBody::Submit { .. } => (ANSWERS_WITHIN, "nothing was submitted"),
-            DispatchBody::Show { .. } => (ANSWERS_WITHIN, "nothing was asked of it"),
+            DispatchBody::Show { .. } | DispatchBody::Status {} => {
+                (ANSWERS_WITHIN, "nothing was asked of it")
+            }
+            DispatchBody::Activate {} | DispatchBody::Adopt {} => (ANSWERS_WITHIN, "nothing was changed"),
             _ => (CONFIRMS_WITHIN, "nothing was changed"),
         };
         let began = Instant::now();

@@ -317,6 +317,7 @@ pub(crate) fn task(number: u64, state: TaskState) -> TaskView {
         since_ms: 2000,
         reason: None,
         robot: (!on).then(|| name("xtb-1")),
+        map: None,
         legs_done: u32::from(state == TaskState::Done),
         legs: Some(1),
         failures: 0,

@@ -15,8 +15,8 @@ use std::f64::consts::PI;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::{
-    About, Event, FleetMap, RobotState, RosterEntry, Sensors, SimStats, TaskEvent, TaskList, TrafficState,
-    Truth,
+    About, Event, FleetMap, RobotState, RosterEntry, Sensors, SimStats, Suspension, TaskEvent, TaskList,
+    TaskView, TrafficState, Truth,
 };
 
 /// Points of a trail; 5 cm apart: 20 m.
@@ -267,6 +267,18 @@ impl Scene {
     #[must_use]
     pub fn tasks(&self) -> Option<&Seen<TaskList>> {
         self.tasks.as_ref()
+    }
+
+    /// The task that a robot has. Nobody knows without the dispatcher.
+    #[must_use]
+    pub fn task_of(&self, robot: &Name) -> Option<&TaskView> {
+        self.tasks.as_ref().filter(|_| self.dispatcher)?.value.of_robot(robot)
+    }
+
+    /// What the dispatcher has suspended. Nobody knows without it.
+    #[must_use]
+    pub fn suspended(&self) -> &[Suspension] {
+        self.tasks.as_ref().filter(|_| self.dispatcher).map_or(&[], |list| &list.value.suspended)
     }
 
     /// What traffic control does.

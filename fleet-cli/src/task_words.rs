@@ -1,11 +1,14 @@
 //! Tasks in words and columns for people.
 
+use crate::context::Context;
 use crate::describe::fixed;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use crate::words;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{TaskKind, TaskList, TaskState, TaskView, Waypoint, Who};
+use xtb_protocol::messages::{
+    Suspension, SuspensionCause, TaskKind, TaskList, TaskState, TaskView, Waypoint, Who,
+};
 
 const HEADINGS: [&str; 8] = ["task", "state", "for", "robot", "legs", "pri", "what", "why"];
 /// Points of a route that are named; the others are counted.
@@ -81,9 +84,35 @@ pub(crate) fn whose(wish: &Who) -> String {
     }
 }
 
-/// Which robot has it, or had it when it ended. What waits or is put aside is no robot's.
+/// Which robot has it, or had it when it ended.
 pub(crate) fn robot(task: &TaskView) -> Option<&Name> {
-    task.robot.as_ref().filter(|_| !matches!(task.state, TaskState::Queued | TaskState::Paused))
+    if task.state.is_final() { task.robot.as_ref() } else { task.on() }
+}
+
+/// What is suspended, a line each; `now_ms`, ms since 1970, for its age.
+pub(crate) fn suspended(all: &[Suspension], now_ms: Option<u64>, out: &Output) -> Vec<String> {
+    let line = |suspension: &Suspension| {
+        let age =
+            now_ms.map(|now_ms| format!(", for {}", since(now_ms, suspension.since_ms))).unwrap_or_default();
+        let what = out.paint(Tone::Bad, &format!("SUSPENDED: {}{age}", suspension.text()));
+        format!("{what}\n{}", out.paint(Tone::Dim, &format!("  → {}", suspension.cause.remedy())))
+    };
+    all.iter().map(line).collect()
+}
+
+/// The suspension of the dispatcher as a whole, if there is one.
+pub(crate) fn fleet_stop(all: &[Suspension]) -> Option<&Suspension> {
+    all.iter().find(|suspension| matches!(suspension.cause, SuspensionCause::FleetStop { .. }))
+}
+
+/// What a dispatcher found when it began: said beside the line that it is ready.
+pub(crate) fn found(ctx: &Context, all: &[Suspension], set_aside: Option<&str>) {
+    if let Some(old) = set_aside {
+        ctx.out.note(&format!("the ledger of before is kept as {old}"));
+    }
+    for suspension in all {
+        ctx.out.note(&format!("{}; {}", suspension.text(), suspension.cause.remedy()));
+    }
 }
 
 /// How far it is.

@@ -1,6 +1,7 @@
 //! The book: what the ledger's entries add up to. It changes only by entries, in their order.
 
 use crate::record::{Change, Entry, Record};
+use crate::suspend::{FleetStop, KnownMap, TaskMap};
 use crate::task::Task;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
@@ -8,7 +9,7 @@ use std::ops::Bound;
 use thiserror::Error;
 use uuid::Uuid;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{TaskId, TaskState};
+use xtb_protocol::messages::{MapHash, TaskId, TaskState};
 
 /// Why entries are no ledger of ours.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -42,6 +43,15 @@ pub struct Book {
     next_task: u64,
     next_seq: u64,
     keep_ended: usize,
+    /// The emergency stop of all robots after which nobody has activated the dispatcher.
+    #[serde(default)]
+    stopped: Option<FleetStop>,
+    /// When somebody did so last, in ms since 1970.
+    #[serde(default)]
+    activated_ms: u64,
+    /// The map that the fleet had last.
+    #[serde(default)]
+    map: Option<KnownMap>,
     tasks: BTreeMap<TaskId, Task>,
     /// In the order of their ends.
     ended: VecDeque<TaskId>,
@@ -93,6 +103,24 @@ impl Book {
     #[must_use]
     pub fn next_seq(&self) -> u64 {
         self.next_seq
+    }
+
+    /// The emergency stop of all robots after which nobody has activated the dispatcher.
+    #[must_use]
+    pub fn stopped(&self) -> Option<&FleetStop> {
+        self.stopped.as_ref()
+    }
+
+    /// When somebody activated it last, in ms since 1970; 0 = never.
+    #[must_use]
+    pub fn activated_ms(&self) -> u64 {
+        self.activated_ms
+    }
+
+    /// The map that the fleet had last.
+    #[must_use]
+    pub fn map(&self) -> Option<&KnownMap> {
+        self.map.as_ref()
     }
 
     /// A task.
@@ -180,7 +208,8 @@ impl Book {
                 }
                 self.next_task += 1;
                 self.keys.entry(*key).or_default().push(*task);
-                self.tasks.insert(*task, Task::new(*task, by.clone(), *key, (**spec).clone(), at_ms));
+                let map = self.map_of(entry.v);
+                self.tasks.insert(*task, Task::new(*task, by.clone(), *key, (**spec).clone(), map, at_ms));
             }
             Record::Assigned { task: id, robot, seq } => {
                 if *seq < self.next_seq {
@@ -205,9 +234,35 @@ impl Book {
                 task.reach(at_ms, *leg);
             }
             Record::Became { task: id, change, why } => self.change(at_ms, *id, change, why.as_deref())?,
+            Record::Suspended { by } => self.stopped = Some(FleetStop { by: by.clone(), at_ms }),
+            Record::Activated { .. } => (self.stopped, self.activated_ms) = (None, at_ms),
+            Record::Map { name, hash } => self.take_map(at_ms, name, *hash),
+            Record::Adopted { map, by } => {
+                let open = self.tasks.values_mut().filter(|task| !task.state.is_final());
+                open.for_each(|task| task.adopt(at_ms, map, by));
+            }
             Record::Snapshot(_) => {}
         }
         Ok(())
+    }
+
+    /// The map of a task that is submitted now, by an entry of this version.
+    fn map_of(&self, version: u32) -> TaskMap {
+        match &self.map {
+            _ if version < 2 => TaskMap::Unknown,
+            Some(map) => TaskMap::Named(map.name.clone()),
+            None => TaskMap::NoMap,
+        }
+    }
+
+    fn take_map(&mut self, at_ms: u64, name: &str, hash: MapHash) {
+        let is_first = self.map.is_none();
+        let same = self.map.take().filter(|map| map.name == name);
+        let since_ms = same.map_or(at_ms, |map| map.since_ms);
+        self.map = Some(KnownMap { name: name.to_owned(), hash, since_ms });
+        for task in self.tasks.values_mut().filter(|task| is_first && task.map == TaskMap::NoMap) {
+            task.map = TaskMap::Named(name.to_owned());
+        }
     }
 
     fn change(&mut self, at_ms: u64, id: TaskId, change: &Change, why: Option<&str>) -> Result<(), String> {

@@ -6,6 +6,7 @@
 
 mod handing;
 mod requests;
+mod suspending;
 mod talking;
 
 use crate::book::{Book, BookError};
@@ -14,10 +15,11 @@ use crate::pages;
 use crate::record::{Entry, Record};
 use crate::robot::Robot;
 use crate::settings::Settings;
-use crate::task::Task;
+use crate::suspend::{FleetStop, KnownMap};
 use crate::writer::{Then, Write, Writer};
 use requests::Waiting;
 use std::collections::{BTreeMap, VecDeque};
+use suspending::Check;
 use xtb_protocol::messages::{
     DispatchOutcome, DispatchReply, Request, RobotState, Roster, TaskEvent, TaskHistory, TaskId,
 };
@@ -75,6 +77,12 @@ pub struct Dispatcher {
     effects: VecDeque<Effect>,
     /// Tasks that wait for a robot which is nearly done, as of the last round.
     saved: BTreeMap<TaskId, Name>,
+    /// An emergency stop of all robots that is not in the ledger yet. It holds at once all the same.
+    unwritten_stop: Option<FleetStop>,
+    /// The fleet's map, as somebody has said it in this run.
+    map: Option<KnownMap>,
+    /// Tasks whose points have to be looked up on the map.
+    check: Option<Check>,
     requests: u64,
     assign_at_ms: u64,
     started_ms: u64,
@@ -107,6 +115,9 @@ impl Dispatcher {
             waiting: VecDeque::new(),
             effects: VecDeque::new(),
             saved: BTreeMap::new(),
+            unwritten_stop: None,
+            map: None,
+            check: None,
             requests: 0,
             assign_at_ms: 0,
             started_ms: now_ms,
@@ -146,7 +157,8 @@ impl Dispatcher {
     /// One task with its history.
     #[must_use]
     pub fn history(&self, id: TaskId) -> Option<TaskHistory> {
-        self.book.task(id).map(Task::history)
+        let task = self.book.task(id)?;
+        Some(TaskHistory { task: self.view(task), ..task.history() })
     }
 
     /// Which robots there should be; from now on others are refused by name.
@@ -182,13 +194,16 @@ impl Dispatcher {
 
     /// Decides. To be called some 20 times a second, and after anything that should not wait.
     pub fn step(&mut self, now_ms: u64, ground: &dyn Ground) {
+        self.watch_stops(now_ms);
         self.talk(now_ms);
         self.answer(now_ms);
         if self.writer.may_try(now_ms) {
+            self.write_switches(now_ms);
             self.watch_clock(now_ms);
             self.watch_robots(now_ms);
             if now_ms >= self.assign_at_ms {
                 self.assign_at_ms = now_ms + self.settings.assign_ms;
+                self.check_points(now_ms, ground);
                 self.hand_out(now_ms, ground);
             }
         }
@@ -219,8 +234,8 @@ impl Dispatcher {
             self.announce(entry);
         }
         for job in jobs {
-            if let Then::Submitted { ticket, request, tasks } = job.then {
-                self.reply(ticket, request, DispatchOutcome::Submitted(tasks));
+            if let Then::Answer { ticket, request, outcome } = job.then {
+                self.reply(ticket, request, outcome);
             }
         }
         self.write(now_ms);
@@ -232,7 +247,7 @@ impl Dispatcher {
     pub fn not_written(&mut self, now_ms: u64, id: u64, why: &str) {
         let again_ms = now_ms + self.settings.rewrite_ms;
         for job in self.writer.lost(id, why.to_owned(), again_ms).unwrap_or_default() {
-            if let Then::Submitted { ticket, request, .. } = job.then {
+            if let Then::Answer { ticket, request, .. } = job.then {
                 let error = requests::ledger_failed(why);
                 self.reply(ticket, request, DispatchOutcome::Error(error));
             }
@@ -248,7 +263,17 @@ impl Dispatcher {
             | Record::Assigned { task, .. }
             | Record::Reached { task, .. }
             | Record::Became { task, .. } => *task,
-            Record::Opened { .. } | Record::Snapshot(_) => return,
+            Record::Suspended { .. } => {
+                self.unwritten_stop = None;
+                return;
+            }
+            Record::Adopted { .. } => {
+                self.check = Some(Check::Points);
+                return;
+            }
+            Record::Opened { .. } | Record::Activated { .. } | Record::Map { .. } | Record::Snapshot(_) => {
+                return;
+            }
         };
         self.follow_up(entry, task);
         let step = self.book.task(task).and_then(|task| task.steps.back().cloned());
@@ -265,7 +290,8 @@ impl Dispatcher {
             }
             result => (result, 0),
         };
-        self.effects.push_back(Effect::Reply { ticket, reply: DispatchReply { id, result, left_out } });
+        let reply = DispatchReply { id, result, left_out, suspended: self.suspensions() };
+        self.effects.push_back(Effect::Reply { ticket, reply });
     }
 
     fn new_id(&mut self) -> Uuid {

@@ -8,9 +8,12 @@
 use crate::record::{Change, Ending};
 use crate::robot::{Purpose, Robot, Seen, Stuck};
 use crate::settings::Settings;
+use crate::suspend::Gate;
 use crate::task::{Assigned, Task};
 use xtb_protocol::Name;
-use xtb_protocol::messages::{Assignment, GoalStatus, LinkLoss, OnTakeover, RejectCode, TaskState, Who};
+use xtb_protocol::messages::{
+    Assignment, GoalStatus, LinkLoss, OnTakeover, RejectCode, SuspensionCause, TaskState, Who,
+};
 
 /// What became of a task, as its robot shows it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -27,6 +30,11 @@ impl News {
     fn queued(now_ms: u64, why: String) -> Self {
         Self::Became(Change::Queued { not_before_ms: now_ms, failed: false }, Some(why))
     }
+
+    /// No fault of the robot: it may have the task again at once.
+    pub(crate) fn suspended(cause: &SuspensionCause) -> Self {
+        Self::Became(Change::Queued { not_before_ms: 0, failed: false }, Some(cause.text()))
+    }
 }
 
 /// Who looks, and when.
@@ -40,6 +48,10 @@ pub struct Eye<'a> {
     pub me: &'a Name,
     /// Bounds and times.
     pub settings: &'a Settings,
+    /// What is suspended.
+    pub gate: Gate<'a>,
+    /// Nobody has said yet whether the fleet still has the ledger's map: no drive is begun.
+    pub map_due: bool,
 }
 
 /// What a task's robot shows of it; `None` = nothing new.
@@ -60,6 +72,10 @@ pub fn look(eye: Eye<'_>, task: &Task, robot: &Robot) -> Option<News> {
         return held(eye, task, assigned, robot, seen);
     }
     let goal = seen.goal(task.assignment(eye.ledger)?.goal_id());
+    let has_reached = goal.is_some_and(|goal| goal.status == GoalStatus::Reached);
+    if let Some(cause) = eye.gate.cause(task).filter(|_| !has_reached) {
+        return Some(News::suspended(&cause));
+    }
     let Some(goal) = goal else { return not_begun(eye, task, assigned, robot, seen) };
     match goal.status {
         GoalStatus::Reached => Some(News::Reached),
@@ -219,7 +235,9 @@ fn held(eye: Eye<'_>, task: &Task, assigned: &Assigned, robot: &Robot, seen: &Se
     match task.spec.on_takeover {
         OnTakeover::Fail => Some(News::Became(Change::Ended { ending: Ending::Failed }, task.reason.clone())),
         // A person's stop is not undone by a clock of ours: only a lease that was given back is.
-        OnTakeover::Resume if task.held_by.is_some() => given_back.then_some(News::Renew),
+        OnTakeover::Resume if task.held_by.is_some() && eye.gate.cause(task).is_none() => {
+            given_back.then_some(News::Renew)
+        }
         OnTakeover::Resume => None,
         OnTakeover::Requeue => (waited_ms >= task.grace_ms())
             .then(|| News::queued(eye.now_ms, task.reason.clone().unwrap_or_default())),
@@ -282,12 +300,17 @@ pub fn duty(eye: Eye<'_>, task: Option<&Task>, robot: &Robot) -> Option<Purpose>
     };
     let Some(task) = task.filter(drives) else {
         let idle_ms = eye.now_ms.saturating_sub(robot.idle_since_ms);
-        let lingers = task.is_none() && idle_ms < eye.settings.linger_ms;
+        // After a stop of the fleet somebody needs the lease for a reset.
+        let stopped = eye.gate.stop.is_some();
+        let lingers = task.is_none() && !stopped && idle_ms < eye.settings.linger_ms;
         return (robot.operator.lease().is_some() && !lingers).then_some(Purpose::Release);
     };
     let assignment = task.assignment(eye.ledger)?;
     if seen.goal(assignment.goal_id()).is_some_and(|goal| goal.status.is_final()) || !free {
         return None; // look() has the word
+    }
+    if eye.gate.cause(task).is_some() {
+        return None; // look() queues it again
     }
     if robot.lease(eye.me).is_none() {
         return Some(Purpose::Acquire);
@@ -295,7 +318,7 @@ pub fn duty(eye: Eye<'_>, task: Option<&Task>, robot: &Robot) -> Option<Purpose>
     let known = seen.goal(assignment.goal_id()).is_some()
         || robot.acked.is_some_and(|(seq, leg, _)| (seq, leg) == (assignment.assign_seq, assignment.leg));
     let dwells = eye.now_ms < task.dwells_until_ms();
-    (!known && !dwells && seen.unfit.is_none()).then_some(Purpose::Assign(assignment))
+    (!known && !dwells && !eye.map_due && seen.unfit.is_none()).then_some(Purpose::Assign(assignment))
 }
 
 /// The number of an assignment that the robot may drive for and that nobody wants.

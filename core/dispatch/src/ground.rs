@@ -27,6 +27,12 @@ pub trait Ground {
     /// # Errors
     /// [`DispatchCode::KeepOut`] or [`DispatchCode::GoalBlocked`], and in words.
     fn admits(&self, to: &Waypoint) -> Result<(), (DispatchCode, String)>;
+
+    /// Whether any way leads there from where a robot stands; `None` = this round has measured enough. Where
+    /// that cannot be said, one does.
+    fn leads(&self, _from: &MapPose, _to: &Waypoint) -> Option<bool> {
+        Some(true)
+    }
 }
 
 /// An open field: the car's shortest way (Reeds and Shepp's), and no place is refused.
@@ -162,5 +168,13 @@ impl Ground for MapGround {
             return Err((DispatchCode::GoalBlocked, what));
         }
         Ok(())
+    }
+
+    fn leads(&self, from: &MapPose, to: &Waypoint) -> Option<bool> {
+        let stands = Waypoint { x_m: from.x_m, y_m: from.y_m, yaw_rad: None };
+        if self.admits(&stands).is_err() {
+            return Some(true); // it stands where no robot can: its pose is not what it seems
+        }
+        Some(self.ways.way_m(from, to)?.is_finite())
     }
 }

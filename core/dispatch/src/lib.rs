@@ -13,6 +13,7 @@
 //!   robot) leaves only after that entry is durable.
 //! * [`robot`]: what is known of each robot now; forgotten at a restart, learned again from its state.
 //! * [`drive`]: what a task's robot says of it, and what to ask of the robot next.
+//! * [`suspend`]: which tasks no robot may be given, after a fleet stop or on another map.
 //! * [`assign`]: who does what, by cost; [`soon`]: when and where a busy robot will be free.
 //! * `pages`: lists and answers that fit into a message.
 //!
@@ -29,6 +30,7 @@ pub mod record;
 pub mod robot;
 pub mod settings;
 pub mod soon;
+pub mod suspend;
 pub mod task;
 mod writer;
 

@@ -47,8 +47,9 @@ impl Dispatcher {
             ledger: self.book().ledger().unwrap_or_default(),
             at_ms: now_ms,
             ledger_failed: self.ledger_failed().map(str::to_owned),
-            tasks: tasks.map(Task::view).take_while(|task| room.takes(task)).collect(),
+            tasks: tasks.map(|task| self.view(task)).take_while(|task| room.takes(task)).collect(),
             left_out: 0,
+            suspended: self.suspensions(),
         }
     }
 }

@@ -5,10 +5,11 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use uuid::Uuid;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{TaskId, TaskSpec};
+use xtb_protocol::messages::{MapHash, TaskId, TaskSpec};
 
-/// Version of the entries that this program writes. It reads this one and those before.
-pub const VERSION: u32 = 1;
+/// Version of the entries that this program writes. It reads this one and those before; a program that
+/// knows less refuses the ledger. 2 added suspensions and maps.
+pub const VERSION: u32 = 2;
 
 /// How a task that is being cancelled shall end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -104,6 +105,30 @@ pub enum Record {
         change: Change,
         /// Why, where that is not plain.
         why: Option<String>,
+    },
+    /// All robots were stopped: nothing is assigned from here on.
+    Suspended {
+        /// By whom, if that is known.
+        by: Option<Name>,
+    },
+    /// Tasks are assigned again.
+    Activated {
+        /// By whom.
+        by: Name,
+    },
+    /// The fleet has this map from here on.
+    Map {
+        /// What it is called.
+        name: String,
+        /// Which version of it.
+        hash: MapHash,
+    },
+    /// All open tasks are of this map from here on.
+    Adopted {
+        /// Which.
+        map: String,
+        /// By whom.
+        by: Name,
     },
     /// Everything so far, in place of all entries before.
     Snapshot(Box<Book>),

@@ -8,7 +8,7 @@ use xtb_authority::operator::{Call, Operator};
 use xtb_control::frames::MapPose;
 use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{
-    Assignment, BatteryLevel, Body, GoalStatus, Lease, Request, RobotState, TaskId, Who,
+    Assignment, BatteryLevel, Body, GoalStatus, Latch, Lease, Request, RobotState, TaskId, Who,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -42,10 +42,23 @@ pub struct Seen {
     pub unfit: Option<String>,
     /// Whether its battery is getting low.
     pub tired: bool,
+    /// An emergency stop that is latched.
+    pub estop: Option<EstopSeen>,
+}
+
+/// An emergency stop that a robot shows as latched.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EstopSeen {
+    /// The client that called for it; `None` = something else.
+    pub by: Option<Name>,
+    /// Since it was latched, by the robot's clock.
+    pub age_ms: u64,
+    /// Since when, in ms since 1970.
+    pub since_ms: u64,
 }
 
 impl Seen {
-    fn of(state: &RobotState) -> Self {
+    fn of(now_ms: u64, state: &RobotState) -> Self {
         let present = state.goal.iter().map(|goal| GoalSeen {
             id: goal.id,
             status: goal.status,
@@ -55,6 +68,12 @@ impl Seen {
         let ended = state.ended_goals.iter();
         let ended = ended.map(|end| GoalSeen { id: end.id, status: end.status, reason: None, by: None });
         let pose = &state.pose;
+        let estop = state.latches.iter().find(|set| set.latch == Latch::Estop);
+        let estop = estop.map(|set| EstopSeen {
+            by: Name::new(&set.by).ok(),
+            age_ms: set.age_ms,
+            since_ms: now_ms.saturating_sub(set.age_ms),
+        });
         Self {
             epoch: state.epoch,
             seq: state.seq,
@@ -63,7 +82,20 @@ impl Seen {
             goals: present.chain(ended).collect(),
             unfit: unfit(state),
             tired: state.battery_level == BatteryLevel::Warn,
+            estop,
         }
+    }
+
+    /// One that goes on is as old as it was thought to be before: a robot's clock may go slower than ours.
+    fn after(mut self, before: Option<&Self>) -> Self {
+        let before = before.filter(|seen| seen.epoch == self.epoch).and_then(|seen| seen.estop.as_ref());
+        if let (Some(estop), Some(before)) = (&mut self.estop, before)
+            && estop.by == before.by
+            && estop.age_ms >= before.age_ms
+        {
+            estop.since_ms = estop.since_ms.min(before.since_ms);
+        }
+        self
     }
 
     /// The goal that runs, if one does.
@@ -246,7 +278,7 @@ impl Robot {
             self.cannot.clear();
             self.leaving = None;
         }
-        let seen = Seen::of(state);
+        let seen = Seen::of(now_ms, state).after(before);
         if seen.holder.as_ref().is_some_and(|holder| holder != me) {
             self.ours_since_ms = now_ms;
         }

@@ -46,6 +46,8 @@ pub struct Settings {
     pub linger_ms: u64,
     /// A robot that was given back has to be left alone for this long before its task goes on.
     pub calm_ms: u64,
+    /// Emergency stops of several robots by one client within this are one call.
+    pub together_ms: u64,
     /// After a start, robots have this long to be heard of before their silence counts.
     pub start_ms: u64,
 }
@@ -74,6 +76,7 @@ impl Default for Settings {
             rewrite_ms: 1_000,
             linger_ms: 1_000,
             calm_ms: 3_000,
+            together_ms: 10_000,
             start_ms: 3_000,
         }
     }

@@ -10,6 +10,7 @@
 //! ```
 
 use crate::record::{Change, Ending};
+use crate::suspend::TaskMap;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use uuid::Uuid;
@@ -49,6 +50,9 @@ pub struct Task {
     pub key: Uuid,
     /// When, in ms since 1970.
     pub submitted_ms: u64,
+    /// For which map.
+    #[serde(default)]
+    pub map: TaskMap,
     /// How it stands.
     pub state: TaskState,
     /// Since when, in ms since 1970.
@@ -84,13 +88,14 @@ pub struct Task {
 impl Task {
     /// A task that has just been taken.
     #[must_use]
-    pub fn new(id: TaskId, by: Name, key: Uuid, spec: TaskSpec, at_ms: u64) -> Self {
+    pub fn new(id: TaskId, by: Name, key: Uuid, spec: TaskSpec, map: TaskMap, at_ms: u64) -> Self {
         let mut task = Self {
             id,
             spec,
             by,
             key,
             submitted_ms: at_ms,
+            map,
             state: TaskState::Queued,
             since_ms: at_ms,
             reason: None,
@@ -216,6 +221,15 @@ impl Task {
         self.note(at_ms, None);
     }
 
+    /// It was taken over to another map.
+    pub(crate) fn adopt(&mut self, at_ms: u64, map: &str, by: &Name) {
+        let named = TaskMap::Named(map.to_owned());
+        if self.map != named {
+            self.map = named;
+            self.note(at_ms, Some(format!("taken over to map {map} by {by}")));
+        }
+    }
+
     /// Its state changes.
     pub(crate) fn become_now(&mut self, at_ms: u64, change: &Change, why: Option<&str>) {
         let why = why.map(str::to_owned);
@@ -280,6 +294,24 @@ impl Task {
         self.steps.push_back(TaskStep { at_ms, state: self.state, robot, legs_done: self.legs_done, reason });
     }
 
+    /// The robot that has it, or had it when it ended.
+    #[must_use]
+    pub fn robot(&self) -> Option<&Name> {
+        match self.state.is_final() {
+            true => self.steps.back()?.robot.as_ref(),
+            false => self.assigned.as_ref().map(|assigned| &assigned.robot),
+        }
+    }
+
+    /// Points that it has yet to drive to; none of a wander.
+    #[must_use]
+    pub fn points_left(&self) -> &[Waypoint] {
+        let points = self.spec.kind.points();
+        let left = self.legs().map_or(u32::MAX, |legs| legs.saturating_sub(self.legs_done));
+        let once = usize::try_from(left).is_ok_and(|left| left < points.len());
+        if once { &points[points.len() - left as usize..] } else { points }
+    }
+
     /// As lists show it.
     #[must_use]
     pub fn view(&self) -> TaskView {
@@ -288,7 +320,8 @@ impl Task {
             state: self.state,
             since_ms: self.since_ms,
             reason: self.reason.clone(),
-            robot: self.assigned.as_ref().or(self.last.as_ref()).map(|assigned| assigned.robot.clone()),
+            robot: self.robot().cloned(),
+            map: self.map.name().map(str::to_owned),
             legs_done: self.legs_done,
             legs: self.legs(),
             failures: self.failures,

@@ -7,7 +7,7 @@ use crate::book::Book;
 use crate::record::{Entry, Record, VERSION};
 use std::collections::{BTreeSet, VecDeque};
 use xtb_protocol::Name;
-use xtb_protocol::messages::TaskId;
+use xtb_protocol::messages::{DispatchOutcome, MapHash, TaskId};
 
 /// Entries of one write at most, but for a submission that alone has more.
 const MAX_ENTRIES: usize = 1024;
@@ -26,14 +26,14 @@ pub struct Write {
 pub(crate) enum Then {
     /// Nobody.
     Nothing,
-    /// A submitter.
-    Submitted {
+    /// Whoever asked for it.
+    Answer {
         /// The question.
         ticket: u64,
         /// Its id.
         request: uuid::Uuid,
-        /// The tasks.
-        tasks: Vec<TaskId>,
+        /// What to say when it is written.
+        outcome: DispatchOutcome,
     },
 }
 
@@ -58,6 +58,10 @@ pub(crate) struct Writer {
     robots: BTreeSet<Name>,
     new_tasks: u64,
     new_seqs: u64,
+    /// Whether the last unwritten switch of the dispatcher suspends it.
+    suspends: Option<bool>,
+    /// The last unwritten map.
+    map: Option<(String, MapHash)>,
     /// Why the last write failed, and when the next may be tried.
     failed: Option<(String, u64)>,
 }
@@ -76,7 +80,10 @@ impl Writer {
                 Record::Reached { task, .. } | Record::Became { task, .. } => {
                     self.tasks.insert(*task);
                 }
-                Record::Opened { .. } | Record::Snapshot(_) => {}
+                Record::Suspended { .. } => self.suspends = Some(true),
+                Record::Activated { .. } => self.suspends = Some(false),
+                Record::Map { name, hash } => self.map = Some((name.clone(), *hash)),
+                Record::Opened { .. } | Record::Adopted { .. } | Record::Snapshot(_) => {}
             }
         }
         self.waiting.push_back(Job { at_ms, records, then });
@@ -96,7 +103,18 @@ impl Writer {
     pub(crate) fn has_submission(&self, key: uuid::Uuid) -> bool {
         let flying = self.flying.iter().flat_map(|(_, jobs)| jobs);
         let mut then = self.waiting.iter().chain(flying).map(|job| &job.then);
-        then.any(|then| matches!(then, Then::Submitted { request, .. } if *request == key))
+        let submitted = |outcome: &DispatchOutcome| matches!(outcome, DispatchOutcome::Submitted(_));
+        then.any(|then| matches!(then, Then::Answer { request, outcome, .. } if *request == key && submitted(outcome)))
+    }
+
+    /// Whether the dispatcher will be suspended when everything is written; `None` = as it is.
+    pub(crate) fn suspends(&self) -> Option<bool> {
+        self.suspends
+    }
+
+    /// The map that will be the fleet's when everything is written; `None` = the one that is.
+    pub(crate) fn map(&self) -> Option<&(String, MapHash)> {
+        self.map.as_ref()
     }
 
     /// Tasks that were not written yet.
@@ -173,6 +191,7 @@ impl Writer {
     fn count(&mut self) {
         let waiting = std::mem::take(&mut self.waiting);
         (self.new_tasks, self.new_seqs) = (0, 0);
+        (self.suspends, self.map) = (None, None);
         self.tasks.clear();
         self.robots.clear();
         for job in waiting {

@@ -8,7 +8,7 @@ use xtb_protocol::codec::{CodecError, Format, JSON, decode, encode, encoding};
 use xtb_protocol::messages::{
     About, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, ErrorBody, Event, EventKind, Fault,
     GoalStatus, Latch, Limits, LogCode, LogReply, LogRequest, Message, Outcome, ParameterInfo, RejectCode,
-    Reply, Roster, RosterEntry, Route, TaskList, TrafficState,
+    Reply, Roster, RosterEntry, Route, Suspension, SuspensionCause, TaskList, TrafficState,
 };
 use xtb_protocol::{Name, Uuid, text};
 
@@ -46,14 +46,24 @@ fn evil() -> String {
     EVIL.to_owned()
 }
 
+fn suspended() -> Vec<Suspension> {
+    let cause = SuspensionCause::OtherMap { of: Some(evil()), now: evil() };
+    vec![Suspension { cause, since_ms: 1, tasks: 1 }]
+}
+
 #[test]
 fn refusals() {
     let error = ErrorBody { code: RejectCode::Busy, message: evil(), hint: evil() };
     is_read_as_text(&Reply { id: Uuid::nil(), result: Outcome::Error(error) }, 2);
     let error = DispatchError { code: DispatchCode::Malformed, message: evil(), hint: evil() };
     is_read_as_text(
-        &DispatchReply { id: Uuid::nil(), result: DispatchOutcome::Error(error), left_out: 0 },
-        2,
+        &DispatchReply {
+            id: Uuid::nil(),
+            result: DispatchOutcome::Error(error),
+            left_out: 0,
+            suspended: suspended(),
+        },
+        4,
     );
     is_read_as_text(&LogReply::Error { code: LogCode::Unreadable, message: evil() }, 1);
     is_read_as_text(&LogRequest::Read { file: evil(), offset: 0, length: 1 }, 1);
@@ -104,8 +114,15 @@ fn traffic_control_and_the_dispatcher() {
         others: Vec::new(),
     };
     is_read_as_text(&route, 1);
-    let list = TaskList { ledger: 1, at_ms: 1, ledger_failed: Some(evil()), tasks: Vec::new(), left_out: 0 };
-    is_read_as_text(&list, 1);
+    let list = TaskList {
+        ledger: 1,
+        at_ms: 1,
+        ledger_failed: Some(evil()),
+        tasks: Vec::new(),
+        left_out: 0,
+        suspended: suspended(),
+    };
+    is_read_as_text(&list, 3);
     let (led, obstacles) = (Vec::new(), Vec::new());
     is_read_as_text(&TrafficState { epoch: 1, seq: 1, map_hash: evil(), led, obstacles, plans: 0 }, 1);
 }

@@ -221,6 +221,13 @@ impl World {
         self.0.name.as_deref()
     }
 
+    /// With this name, unless the file gives one: worlds of different files are different places.
+    #[must_use]
+    pub fn or_named(mut self, name: &str) -> Self {
+        self.0.name.get_or_insert_with(|| name.to_owned());
+        self
+    }
+
     /// Start poses that the file gives, in the robots' order.
     #[must_use]
     pub fn starts(&self) -> &[MapPose] {

@@ -13,6 +13,15 @@ const EXPORT_HELP: &str = "\
 Each line is a record as the ledger has it: {\"seq\", \"at_ms\", \"snapshot\", \"intact\", \"record\"}. What is \
 wrong with a damaged ledger is said on standard error, and the exit code is 1.";
 
+const ACTIVATE_HELP: &str = "\
+An emergency stop of all robots suspends the dispatcher, so that the first reset does not set the fleet in \
+motion: its tasks stay, new ones are taken, none is assigned until it is activated. Robots that are still \
+latched get tasks when they are reset.";
+
+const ADOPT_HELP: &str = "\
+A task is of the map that the fleet had when it was submitted. While the fleet has a map of another name, such \
+tasks are suspended. Those that are taken over and that the map makes unreachable fail, with the reason.";
+
 /// Arguments of `dispatch`.
 #[derive(Debug, Clone, Args)]
 pub struct DispatchArgs {
@@ -36,6 +45,14 @@ pub enum DispatchVerb {
     Wander(TaskWanderArgs),
     /// Submit the tasks of a file, all or none.
     Submit(TaskSubmitArgs),
+    /// Show how the dispatcher stands: ledger, map, tasks, and what is suspended.
+    Status,
+    /// Let it assign tasks again after an emergency stop of all robots.
+    #[command(after_help = ACTIVATE_HELP)]
+    Activate,
+    /// Take the tasks of other maps over to the one that the fleet has now.
+    #[command(after_help = ADOPT_HELP)]
+    Adopt,
     /// Replace what the ledger holds by one snapshot of it; no dispatcher may run.
     Compact(DispatchCompactArgs),
     /// Print a ledger's records, also beside a running dispatcher or what is left of a damaged one.
@@ -57,6 +74,9 @@ pub struct DispatchServeArgs {
     /// Which ledger.
     #[command(flatten)]
     pub ledger: LedgerArgs,
+    /// Begin a new ledger; the one that is there is kept beside it, as NAME.before-TIME.ledger.
+    #[arg(long)]
+    pub fresh: bool,
     /// Map (map_server YAML) or world (TOML), served to the fleet too [default: the fleet's, if there is one].
     #[arg(long, value_name = "FILE")]
     pub map: Option<PathBuf>,

@@ -51,6 +51,9 @@ pub struct SimArgs {
     /// Its ledger [default: FLEET.ledger in $XDG_DATA_HOME/xtb/sim or ~/.local/share/xtb/sim].
     #[arg(long, value_name = "FILE", requires = "dispatch")]
     pub ledger: Option<PathBuf>,
+    /// With --dispatch: begin a new ledger; the one that is there is kept beside it, as NAME.before-TIME.ledger.
+    #[arg(long, requires = "dispatch")]
+    pub fresh: bool,
     /// End as soon as there were tasks and all have ended; exit code 1 if one failed or a truck was touched.
     #[arg(long, requires = "dispatch")]
     pub until_done: bool,

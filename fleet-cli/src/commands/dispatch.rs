@@ -1,10 +1,13 @@
 //! `dispatch`: tasks for the fleet, one verb a file.
 
+mod activate;
+mod adopt;
 mod compact;
 mod export;
 mod file;
 mod points;
 mod serve;
+mod status;
 mod submit;
 mod wait;
 
@@ -24,6 +27,9 @@ pub async fn run(ctx: &Context, args: &DispatchArgs) -> Result<Exit> {
         DispatchVerb::Patrol(args) => submit::patrol(ctx, args).await,
         DispatchVerb::Wander(args) => submit::wander(ctx, args).await,
         DispatchVerb::Submit(args) => submit::file(ctx, args).await,
+        DispatchVerb::Status => status::run(ctx).await,
+        DispatchVerb::Activate => activate::run(ctx).await,
+        DispatchVerb::Adopt => adopt::run(ctx).await,
         DispatchVerb::Compact(args) => compact::run(ctx, args),
         DispatchVerb::Export(args) => export::run(ctx, args),
     }

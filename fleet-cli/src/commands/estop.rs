@@ -9,6 +9,7 @@ use super::unknown_robots;
 use crate::cli::{EstopArgs, WhoArgs};
 use crate::client::Client;
 use crate::context::Context;
+use crate::dispatching::Dispatching;
 use crate::error::{Exit, Result};
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -45,6 +46,9 @@ pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     gaps.warn(ctx);
     if !ctx.out.json {
         ctx.out.note("`fleet-cli reset ROBOT` ends it; it is no safety-rated stop");
+        if args.who.all && Dispatching::of(&client).is_there().await {
+            ctx.out.note("the dispatcher assigns no task until `fleet-cli dispatch activate`");
+        }
     }
     client.close().await;
     Ok(report.exit())

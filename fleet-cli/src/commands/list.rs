@@ -4,15 +4,27 @@ use crate::cli::ListArgs;
 use crate::client::Client;
 use crate::context::Context;
 use crate::describe::{self, UNKNOWN};
+use crate::dispatching::Dispatching;
 use crate::error::{Exit, Result};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
+use crate::task_words;
 use crate::view::{FleetView, RobotView};
 use crate::words;
+use serde::Serialize;
 use std::time::Duration;
-use xtb_protocol::messages::{BatteryLevel, RobotState};
+use xtb_protocol::messages::{BatteryLevel, RobotState, Suspension};
 
 const HEADINGS: [&str; 9] = ["name", "mode", "stands", "pose", "speed", "battery", "lease", "goal", "age"];
+
+/// The fleet, and what its dispatcher has suspended.
+#[derive(Debug, Serialize)]
+struct Listed<'a> {
+    #[serde(flatten)]
+    view: &'a FleetView,
+    /// Empty also if there is no dispatcher.
+    suspended: Vec<Suspension>,
+}
 
 /// Asks once and prints a row for each robot. A robot that should be there and is not makes it
 /// [`Exit::Unknown`].
@@ -23,12 +35,18 @@ pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
     let roster = client.roster_entries(&args.expect).await?.unwrap_or_default();
     let expected = roster.iter().map(|entry| entry.name.clone()).collect();
-    let view = FleetView::ask(&client, &ctx.fleet, &expected).await?.with_roster(&roster);
+    let dispatching = Dispatching::of(&client);
+    let (view, status) = tokio::join!(FleetView::ask(&client, &ctx.fleet, &expected), dispatching.status());
+    let view = view?.with_roster(&roster);
     let view = view.with_simulator(&client).await?;
     if view.robots.is_empty() {
         return Err(client.nobody());
     }
-    ctx.out.result(&view, |view| table(view, &ctx.out))?;
+    let suspended = status.map(|status| status.suspended).unwrap_or_default();
+    ctx.out.result(&Listed { view: &view, suspended }, |Listed { view, suspended }| {
+        let more = task_words::suspended(suspended, None, &ctx.out);
+        [table(view, &ctx.out)].into_iter().chain(more).collect::<Vec<_>>().join("\n")
+    })?;
     if !view.robots.iter().any(|robot| robot.alive) && !ctx.out.json {
         ctx.out.failure(&client.nobody());
     }

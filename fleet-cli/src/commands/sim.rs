@@ -1,23 +1,26 @@
 //! `sim`: simulated trucks with real agents, until Ctrl-C.
 
 use super::dashboard;
+use crate::charts;
 use crate::cli::{DEFAULT_ENDPOINT, DashboardArgs, SimArgs};
 use crate::context::Context;
 use crate::describe;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
+use crate::services::dispatch::Standing;
 use crate::services::dispatch::beside::{self, Beside};
 use crate::services::dispatch::store::{self, Store};
 use crate::services::dispatch::usage::Usage;
 use crate::simulator::{Plan, Simulator, Told};
+use crate::task_words;
 use robot_agent::files;
 use serde::Serialize;
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::pin::pin;
 use tokio::sync::watch;
 use xtb_protocol::Name;
-use xtb_protocol::messages::RosterEntry;
+use xtb_protocol::messages::{DispatchStatus, RosterEntry, Suspension};
 use xtb_sim::{Pace, World};
 
 /// What helps an overloaded simulator.
@@ -32,13 +35,22 @@ struct Ready<'a> {
     robots: &'a [RosterEntry],
     #[serde(skip_serializing_if = "Option::is_none")]
     ledger: Option<String>,
+    /// What the dispatcher found in it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dispatcher: Option<DispatchStatus>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    suspended: Option<Vec<Suspension>>,
+    /// Where the ledger of before is kept.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    set_aside: Option<String>,
 }
 
 /// What came of the tasks, said at the end of a simulation with a dispatcher.
 #[derive(Debug, Serialize)]
 struct Ended {
-    open: usize,
-    tasks: usize,
+    open: u64,
+    tasks: u64,
+    suspended: Vec<Suspension>,
     contacts: u64,
     simulated_s: f64,
     #[serde(flatten)]
@@ -62,7 +74,12 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     }
     let plan = plan(ctx, &args)?;
     let ledger = args.dispatch.then(|| store::simulated(args.ledger.as_deref(), &ctx.fleet)).transpose()?;
-    let store = ledger.as_deref().map(|path| Store::open(path, &ctx.fleet)).transpose()?;
+    let open = |path: &Path| match args.fresh {
+        true => Store::fresh(path, &ctx.fleet),
+        false => Store::open(path, &ctx.fleet),
+    };
+    let store = ledger.as_deref().map(open).transpose()?;
+    let set_aside = store.as_ref().and_then(|store| store.set_aside.clone());
     let mut stop = pin!(interrupted());
     let simulator = tokio::select! {
         begun = Simulator::begin(plan) => begun?,
@@ -88,7 +105,8 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
             return Err(failure);
         }
     };
-    announce(ctx, &simulator, args.speed, args.pty.as_deref(), ledger.as_deref())?;
+    let found = Found { ledger, set_aside, standing: dispatcher.as_ref().map(Beside::standing) };
+    announce(ctx, &simulator, args.speed, args.pty.as_deref(), &found)?;
     let done = tokio::select! {
         done = until_done(dispatcher.as_mut(), args.until_done) => Some(done),
         taken = simulator.names_taken() => Some(Err(taken)),
@@ -162,13 +180,16 @@ async fn tell(ctx: &Context, simulator: &Simulator, dispatcher: Beside) -> Resul
     let standing = dispatcher.stop().await?;
     let truth = simulator.truth().latest();
     let contacts = truth.robots.values().map(|robot| robot.contacts).sum();
-    let (open, tasks, usage) = (standing.open, standing.tasks, standing.usage);
+    let (open, tasks, usage) = (standing.status.open, standing.status.tasks, standing.usage);
     let failed = usage.robots.values().any(|spent| spent.failed > 0);
-    let ended = Ended { open, tasks, contacts, simulated_s: truth.t_s, usage };
-    ctx.out.result(&ended, |Ended { open, tasks, contacts, simulated_s, usage }| {
+    let suspended = standing.suspended;
+    let ended = Ended { open, tasks, suspended, contacts, simulated_s: truth.t_s, usage };
+    ctx.out.result(&ended, |Ended { open, tasks, suspended, contacts, simulated_s, usage }| {
+        let suspended: Vec<String> = task_words::suspended(suspended, None, &ctx.out);
+        let lines = [beside::table(&ctx.out, usage)].into_iter().chain(suspended);
         format!(
             "{}\n{open} of {tasks} tasks are open; {contacts} contacts in {simulated_s:.0} s simulated",
-            beside::table(&ctx.out, usage)
+            lines.collect::<Vec<_>>().join("\n")
         )
     })?;
     Ok(if failed || contacts > 0 { Exit::Failed } else { Exit::Done })
@@ -219,9 +240,17 @@ pub fn read_world(path: &Path) -> Result<World> {
         Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
             .hint("worlds/ holds examples")
     })?;
-    World::from_toml(&text).map_err(|error| {
+    let world = World::from_toml(&text).map_err(|error| {
         Failure::new(Kind::Config, format!("{}: {error}", path.display())).hint("worlds/ holds examples")
-    })
+    })?;
+    Ok(charts::named_by_file(world, path))
+}
+
+/// A dispatcher beside the robots, and what it found in its ledger.
+struct Found {
+    ledger: Option<PathBuf>,
+    set_aside: Option<PathBuf>,
+    standing: Option<Standing>,
 }
 
 fn announce(
@@ -229,7 +258,7 @@ fn announce(
     simulator: &Simulator,
     speed: f64,
     pty: Option<&Path>,
-    ledger: Option<&Path>,
+    found: &Found,
 ) -> Result<()> {
     let robots = &simulator.roster().robots;
     if speed > 1.0 {
@@ -253,12 +282,27 @@ fn announce(
             ),
         });
     }
-    let ledger = ledger.map(|path| path.display().to_string());
-    let ready = Ready { ready: true, fleet: &ctx.fleet, router: simulator.endpoint(), robots, ledger };
+    let standing = found.standing.as_ref();
+    let ready = Ready {
+        ready: true,
+        fleet: &ctx.fleet,
+        router: simulator.endpoint(),
+        robots,
+        ledger: found.ledger.as_ref().map(|path| path.display().to_string()),
+        dispatcher: standing.map(|standing| standing.status.clone()),
+        suspended: standing.map(|standing| standing.suspended.clone()),
+        set_aside: found.set_aside.as_ref().map(|path| path.display().to_string()),
+    };
     ctx.out.result(&ready, |ready| {
         let many = if robots.len() == 1 { "robot" } else { "robots" };
-        let with =
-            ready.ledger.as_ref().map_or_else(String::new, |file| format!(", dispatcher's ledger {file}"));
+        let with = ready.ledger.as_ref().map_or_else(String::new, |file| {
+            let found = standing.map(Standing::found).unwrap_or_default();
+            format!(", dispatcher's ledger {file}: {found}")
+        });
         format!("sim ready: {} {many} of fleet {}, router {}{with}", robots.len(), ready.fleet, ready.router)
-    })
+    })?;
+    if let (Some(standing), false) = (standing, ctx.out.json) {
+        task_words::found(ctx, &standing.suspended, ready.set_aside.as_deref());
+    }
+    Ok(())
 }

@@ -71,6 +71,9 @@ fn screen(list: &TaskList, args: &TasksArgs, out: &Output) -> Vec<String> {
     if let Some(why) = &list.ledger_failed {
         lines.push(out.paint(Tone::Bad, &format!("the ledger cannot be written: {why}")));
     }
+    for suspended in task_words::suspended(&list.suspended, Some(list.at_ms), out) {
+        lines.extend(suspended.lines().map(str::to_owned));
+    }
     if !shown.is_empty() {
         lines.extend(task_words::table(shown.into_iter(), list.at_ms, out).lines().map(str::to_owned));
     }

@@ -7,13 +7,14 @@ use super::once_each;
 use crate::cli::WhyArgs;
 use crate::client::Client;
 use crate::context::Context;
+use crate::dispatching::Dispatching;
 use crate::error::{Exit, Failure, Result};
 use crate::output::{Output, Tone};
 use crate::view::{FleetView, RobotView};
 use chain::{Verdict, Why};
 use futures_util::future::join_all;
 use std::collections::BTreeSet;
-use xtb_protocol::messages::{RobotState, StopReason};
+use xtb_protocol::messages::{RobotState, StopReason, Suspension};
 
 const LABEL_WIDTH: usize = 8;
 
@@ -32,11 +33,14 @@ pub async fn run(ctx: &Context, args: &WhyArgs) -> Result<Exit> {
         Ok::<_, Failure>(view.only(std::slice::from_ref(robot)))
     }))
     .await;
+    let suspended =
+        Dispatching::of(&client).status().await.map(|status| status.suspended).unwrap_or_default();
     client.close().await;
     let mut exit = Exit::Done;
     for (i, view) in views.into_iter().enumerate() {
         let view = view?;
         let Some(why) = view.robots.first().map(chain::explain) else { return Ok(Exit::Unknown) };
+        let why = why.beside(&suspended);
         if i > 0 && !ctx.out.json {
             ctx.out.text("")?;
         }
@@ -59,8 +63,8 @@ pub(crate) fn drives(state: &RobotState) -> bool {
 }
 
 /// Why, of a robot that is known already, without colours.
-pub(crate) fn in_words(robot: &RobotView) -> String {
-    text(&chain::explain(robot), &Output { json: false, colors: false })
+pub(crate) fn in_words(robot: &RobotView, suspended: &[Suspension]) -> String {
+    text(&chain::explain(robot).beside(suspended), &Output { json: false, colors: false })
 }
 
 fn text(why: &Why, out: &Output) -> String {

@@ -79,6 +79,10 @@ pub(super) enum Command {
         /// Which.
         task: TaskId,
     },
+    /// Let the dispatcher assign tasks again after an emergency stop of all robots.
+    Activate {},
+    /// Take the tasks of other maps over to the fleet's.
+    Adopt {},
     /// Begin to drive by hand.
     Teleop {
         /// Whom.
@@ -102,6 +106,8 @@ impl Command {
             Self::ResetAll {} => "reset_all",
             Self::Submit { .. } => "submit",
             Self::Cancel { .. } => "cancel",
+            Self::Activate {} => "activate",
+            Self::Adopt {} => "adopt",
             Self::Teleop { .. } => "teleop",
             Self::TeleopEnd {} => "teleop_end",
         }
@@ -112,7 +118,12 @@ impl Command {
         match self {
             Self::Goto { robot, .. } | Self::Reset { robot } | Self::Teleop { robot, .. } => Some(robot),
             Self::Stop { robot } | Self::Estop { robot } => robot.as_ref(),
-            Self::ResetAll {} | Self::Submit { .. } | Self::Cancel { .. } | Self::TeleopEnd {} => None,
+            Self::ResetAll {}
+            | Self::Submit { .. }
+            | Self::Cancel { .. }
+            | Self::Activate {}
+            | Self::Adopt {}
+            | Self::TeleopEnd {} => None,
         }
     }
 }

@@ -276,6 +276,8 @@ async fn carry_out(ctx: &Context, client: &Client, known: &[Name], command: Comm
         Command::ResetAll {} => carry::reset_all(ctx, client).await,
         Command::Submit { spec } => carry::submit(client, *spec).await,
         Command::Cancel { task } => carry::cancel(client, task).await,
+        Command::Activate {} => carry::activate(client).await,
+        Command::Adopt {} => carry::adopt(client).await,
         Command::Teleop { .. } | Command::TeleopEnd {} => Ok(json!({})),
     }
 }

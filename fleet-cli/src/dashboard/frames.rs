@@ -14,7 +14,7 @@ use xtb_nav::path::Piece;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
     About, BatteryLevel, Fault, FleetMap, GoalKind, GoalStatus, Latch, MapHash, ObstacleView, RobotState,
-    RouteState, Sensors, StopReason, TaskId, TaskList, TaskState, TiltState, Track,
+    RouteState, Sensors, StopReason, Suspension, SuspensionCause, TaskId, TaskList, TiltState, Track,
 };
 
 /// Between two points of a path that is drawn, in m.
@@ -70,6 +70,8 @@ pub(super) struct Frame {
     pub(super) link: bool,
     dispatcher: bool,
     traffic_control: bool,
+    /// What the dispatcher has suspended.
+    suspended: Vec<Suspended>,
     /// How an overloaded simulator runs, in words; absent while none is.
     #[serde(skip_serializing_if = "Option::is_none")]
     simulator: Option<String>,
@@ -77,6 +79,15 @@ pub(super) struct Frame {
     pub(super) skipped: u64,
     robots: Vec<Row>,
     detail: Option<Detail>,
+}
+
+/// What the dispatcher has suspended, in words: as every screen says it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Suspended {
+    text: String,
+    remedy: &'static str,
+    /// Nothing at all is assigned, until `activate`.
+    all: bool,
 }
 
 /// One robot, as the map and the table show it.
@@ -228,9 +239,8 @@ impl Known {
 
     fn frame(&mut self, scene: &Scene, moment: Moment, watch: Option<&Name>) -> Frame {
         let Moment { n, now_ms, skipped, link } = moment;
-        let mut tasks = tasks_by_robot(scene);
         let rows = scene.robots().iter().map(|(name, robot)| {
-            let task = tasks.remove(name);
+            let task = scene.task_of(name).map(|task| task.id);
             self.robots.entry(name.clone()).or_default().row(name, robot, now_ms, task)
         });
         let detail = |name| Some(Detail::of(name, scene.robots().get(name)?, now_ms));
@@ -239,6 +249,7 @@ impl Known {
             now_ms,
             dispatcher: scene.dispatcher(),
             traffic_control: scene.traffic_control(),
+            suspended: scene.suspended().iter().map(Suspended::of).collect(),
             simulator: scene.slow_simulator(now_ms).map(describe::simulator),
             link,
             skipped,
@@ -321,6 +332,13 @@ impl KnownRobot {
     }
 }
 
+impl Suspended {
+    fn of(suspension: &Suspension) -> Self {
+        let all = matches!(suspension.cause, SuspensionCause::FleetStop { .. });
+        Self { text: suspension.text(), remedy: suspension.cause.remedy(), all }
+    }
+}
+
 impl Pose {
     fn of(state: &RobotState) -> Self {
         let pose = &state.pose;
@@ -344,17 +362,6 @@ impl Detail {
             about: robot.about.clone(),
         }
     }
-}
-
-/// The task that each robot is at. Nobody knows without the dispatcher.
-fn tasks_by_robot(scene: &Scene) -> BTreeMap<Name, TaskId> {
-    let list = scene.tasks().filter(|_| scene.dispatcher());
-    let under_way = |state: TaskState| {
-        use TaskState::{Assigned, Blocked, Cancelling, Held, Running};
-        matches!(state, Assigned | Running | Blocked | Held | Cancelling)
-    };
-    let tasks = list.iter().flat_map(|seen| &seen.value.tasks).filter(|task| under_way(task.state));
-    tasks.filter_map(|task| Some((task.robot.clone()?, task.id))).collect()
 }
 
 /// Points along a track.

@@ -3,6 +3,7 @@
 
 use crate::scene::live::Shared;
 use crate::scene::{AtMs, Robot, Scene};
+use crate::task_words;
 use crate::words;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::text::encode;
@@ -273,6 +274,16 @@ fn services(out: &mut Sheet<'_, '_>, scene: &Scene) -> fmt::Result {
     let there = [("dispatcher", scene.dispatcher()), ("traffic_control", scene.traffic_control())];
     let there = there.into_iter().map(|(service, there)| (Service { service }, is(there)));
     out.gauges("fleet_service_up", "1 = it is there", None, there)?;
+    if scene.dispatcher() {
+        let suspended = is(task_words::fleet_stop(scene.suspended()).is_some());
+        let help = "1 = it assigns nothing after an emergency stop of all robots, until it is activated";
+        out.gauges(
+            "dispatcher_suspended",
+            help,
+            None,
+            [(Service { service: "dispatcher" }, suspended)].into_iter(),
+        )?;
+    }
     let mut tasks: BTreeMap<String, f64> = BTreeMap::new();
     let list = scene.tasks().filter(|_| scene.dispatcher());
     for task in list.iter().flat_map(|seen| &seen.value.tasks) {

@@ -26,8 +26,8 @@ async fn a_submission_is_asked_again_with_its_id_until_it_is_taken() {
     let answers =
         [Some(error(DispatchCode::Overloaded)), Some(DispatchOutcome::Submitted(vec![TaskId::new(17)]))];
     let fake = FakeDispatcher::start(&client, Told { answers: answers.into(), ..Told::default() }).await;
-    let ids = patient(&client, Duration::from_secs(30)).submit(one()).await.unwrap();
-    assert_eq!(ids, [TaskId::new(17)]);
+    let taken = patient(&client, Duration::from_secs(30)).submit(one()).await.unwrap();
+    assert_eq!(taken.tasks, [TaskId::new(17)]);
     let asked = fake.told.lock().unwrap().asked.clone();
     assert_eq!(asked.len(), 2);
     assert_eq!(asked[0], asked[1]);
@@ -43,8 +43,8 @@ async fn a_dispatcher_that_is_just_starting_is_waited_for() {
         assert!(!dispatching.is_there().await);
         FakeDispatcher::start(&client, Told { answers: answers.into(), ..Told::default() }).await
     };
-    let (ids, _fake) = tokio::join!(dispatching.submit(one()), starting);
-    assert_eq!(ids.unwrap(), [TaskId::new(1)]);
+    let (taken, _fake) = tokio::join!(dispatching.submit(one()), starting);
+    assert_eq!(taken.unwrap().tasks, [TaskId::new(1)]);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -9,7 +9,8 @@ use xtb_bus::{Question, Service, Token};
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{
-    DispatchBody, DispatchOutcome, DispatchReply, DispatchRequest, TaskHistory, TaskId, TaskList, TaskView,
+    DispatchBody, DispatchOutcome, DispatchReply, DispatchRequest, Suspension, TaskHistory, TaskId, TaskList,
+    TaskView,
 };
 
 /// What it knows, and what it was asked.
@@ -18,6 +19,7 @@ pub(crate) struct Told {
     /// Answers to commands in their order; `None` = silence. `show` is answered from `tasks`.
     pub(crate) answers: VecDeque<Option<DispatchOutcome>>,
     pub(crate) tasks: Vec<TaskView>,
+    pub(crate) suspended: Vec<Suspension>,
     /// Tasks of a page at most.
     pub(crate) page: Option<usize>,
     pub(crate) asked: Vec<DispatchRequest>,
@@ -54,7 +56,8 @@ impl FakeDispatcher {
                 let (request, format) = question.decode::<DispatchRequest>().unwrap();
                 let result = knows.lock().unwrap().answer(&request);
                 if let Some(result) = result {
-                    let reply = DispatchReply { id: request.id, result, left_out: 0 };
+                    let suspended = knows.lock().unwrap().suspended.clone();
+                    let reply = DispatchReply { id: request.id, result, left_out: 0, suspended };
                     question.reply(&keys.dispatch_cmd(Some(&me)), &reply, format).await.unwrap();
                 }
             }
@@ -79,7 +82,8 @@ impl Told {
         let following = || self.tasks.iter().filter(|task| task.id.number() > after);
         let tasks: Vec<_> = following().take(self.page.unwrap_or(usize::MAX)).cloned().collect();
         let left_out = (following().count() - tasks.len()) as u64;
-        TaskList { ledger: 1, at_ms: 5000, ledger_failed: None, tasks, left_out }
+        let suspended = self.suspended.clone();
+        TaskList { ledger: 1, at_ms: 5000, ledger_failed: None, tasks, left_out, suspended }
     }
 
     fn answer(&mut self, request: &DispatchRequest) -> Option<DispatchOutcome> {

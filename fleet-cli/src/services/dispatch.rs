@@ -26,7 +26,7 @@ use xtb_bus::{Bus, Token};
 use xtb_dispatch::dispatcher::Identity;
 use xtb_dispatch::{Dispatcher, Settings};
 use xtb_nav::Map;
-use xtb_protocol::messages::TaskList;
+use xtb_protocol::messages::{DispatchStatus, Suspension, SuspensionCause, TaskList};
 use xtb_protocol::{Name, Uuid};
 
 /// As which client it asks robots: always the same, so that it gets its leases back after a restart.
@@ -60,10 +60,10 @@ pub struct Counters {
 /// What it says of itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Standing {
-    /// Tasks that have not ended.
-    pub open: usize,
-    /// Tasks that are remembered.
-    pub tasks: usize,
+    /// Its tasks, and for which map it takes them.
+    pub status: DispatchStatus,
+    /// What is suspended.
+    pub suspended: Vec<Suspension>,
     /// What it has done.
     pub counters: Counters,
     /// What the robots did since it began.
@@ -75,6 +75,29 @@ pub struct DispatchService {
     working: JoinHandle<Result<()>>,
     standing: watch::Receiver<Standing>,
     stop: Option<oneshot::Sender<()>>,
+}
+
+impl Standing {
+    fn of(dispatcher: &Dispatcher, now_ms: u64, counters: Counters, usage: Usage) -> Self {
+        let (status, suspended) = (dispatcher.status(now_ms), dispatcher.suspensions());
+        Self { status, suspended, counters, usage }
+    }
+
+    /// Its open tasks, such as `12 open tasks of map lab`; for whom it says what it found at the start.
+    #[must_use]
+    pub fn found(&self) -> String {
+        let others: u64 = self.of_other_maps().map(|suspension| suspension.tasks).sum();
+        let open = self.status.open.saturating_sub(others);
+        let tasks = if open == 1 { "task" } else { "tasks" };
+        let map = self.status.map.as_ref().map(|map| format!(" of map {map}")).unwrap_or_default();
+        format!("{open} open {tasks}{map}")
+    }
+
+    fn of_other_maps(&self) -> impl Iterator<Item = &Suspension> {
+        let of_another =
+            |suspension: &&Suspension| matches!(suspension.cause, SuspensionCause::OtherMap { .. });
+        self.suspended.iter().filter(of_another)
+    }
 }
 
 impl DispatchService {
@@ -92,12 +115,8 @@ impl DispatchService {
         alone(bus, &keys.dispatch_alive(), within).await?;
         let token = bus.declare_alive(&keys.dispatch_alive()).await?;
         let (stop, stopped) = oneshot::channel();
-        let (told, standing) = watch::channel(Standing {
-            open: dispatcher.book().open_count(),
-            tasks: dispatcher.book().tasks().count(),
-            counters: Counters::default(),
-            usage: Usage::default(),
-        });
+        let none = Standing::of(&dispatcher, now.ms(), Counters::default(), Usage::default());
+        let (told, standing) = watch::channel(none);
         let work = work::Work::new(client, now, dispatcher, store.ledger, read, map, told).await?;
         let working = tokio::spawn(run(work, stopped, token));
         Ok(Self { working, standing, stop: Some(stop) })

@@ -8,6 +8,7 @@
 //! [`Ledger`] writes and waits for the disk; [`Writer`] does so on a thread, many submissions to a commit;
 //! [`read`] reads beside a running dispatcher, and what is left of a damaged file.
 
+mod anew;
 mod error;
 mod export;
 mod holder;
@@ -123,6 +124,15 @@ impl<R: Serialize + DeserializeOwned> Ledger<R> {
 
     fn open_or_make(path: &Path, fleet: &str) -> Result<(Self, Recovered<R>), Fault> {
         let (holder, mark) = Holder::take(path)?;
+        Self::open_held(path, fleet, holder, mark)
+    }
+
+    fn open_held(
+        path: &Path,
+        fleet: &str,
+        holder: Holder,
+        mark: Option<u64>,
+    ) -> Result<(Self, Recovered<R>), Fault> {
         let created = match fs::metadata(path) {
             Ok(file) if file.is_dir() => return Err(Fault::NotALedger { what: "a folder".into() }),
             Ok(file) if file.len() == 0 => return Err(Fault::Empty),

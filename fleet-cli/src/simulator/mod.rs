@@ -91,6 +91,8 @@ pub struct Simulator {
     publishing: [JoinHandle<()>; 2],
     _roster_service: Service,
     _map_service: Option<MapService>,
+    /// The one that is served.
+    map: Option<Map>,
     stats: StatsService,
     bus: Bus,
     world: RunningWorld,
@@ -98,6 +100,12 @@ pub struct Simulator {
 }
 
 impl Simulator {
+    /// The map that it serves, if it does.
+    #[must_use]
+    pub fn map(&self) -> Option<&Map> {
+        self.map.as_ref()
+    }
+
     /// Starts everything and waits until every agent is alive.
     ///
     /// # Errors
@@ -160,6 +168,7 @@ impl Simulator {
             truth,
             publishing,
             _roster_service: roster_service,
+            map: map_service.is_some().then(|| world_map.ok()).flatten(),
             _map_service: map_service,
             stats,
             bus,

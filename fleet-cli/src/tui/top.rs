@@ -386,8 +386,8 @@ impl Cockpit {
                 return self.selected.clone().map_or_else(Vec::new, |robot| self.grip(robot, false, now_ms));
             }
             Press::Go => return self.go(now_ms),
-            Press::Reset => self.reset(&sights, scene.dispatcher(), now_ms),
-            Press::ResetAll => self.reset_all(&sights, scene.dispatcher(), now_ms),
+            Press::Reset => self.reset(&sights, scene, now_ms),
+            Press::ResetAll => self.reset_all(&sights, scene, now_ms),
             Press::Cancel => return self.cancel(&sights, now_ms),
             _ => {}
         }

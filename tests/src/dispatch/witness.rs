@@ -110,7 +110,11 @@ impl Written {
                 }
                 Record::Assigned { task, seq, .. } => drop(written.assigned.insert(seq, task)),
                 Record::Reached { task, leg, .. } => *written.legs.entry((task, leg)).or_default() += 1,
-                Record::Became { .. } => {}
+                Record::Became { .. }
+                | Record::Suspended { .. }
+                | Record::Activated { .. }
+                | Record::Map { .. }
+                | Record::Adopted { .. } => {}
                 Record::Snapshot(_) => panic!("it was compacted, and who did what is not in it any more"),
             }
         }

@@ -57,7 +57,11 @@ pub fn dispatch(bytes: &[u8]) -> bool {
         | DispatchBody::Pause { tasks }
         | DispatchBody::Resume { tasks }
         | DispatchBody::Retry { tasks } => (1..=MAX_SUBMISSION).contains(&tasks.len()),
-        DispatchBody::Show { .. } | DispatchBody::CancelAll {} => true,
+        DispatchBody::Show { .. }
+        | DispatchBody::CancelAll {}
+        | DispatchBody::Activate {}
+        | DispatchBody::Adopt {}
+        | DispatchBody::Status {} => true,
     })
 }
 

@@ -150,6 +150,62 @@ async fn a_simulation_with_a_dispatcher_goes_on_with_the_same_ledger_until_all_i
     assert_eq!((written.submitted.len(), written.legs.len()), (4, 12));
 }
 
+/// A simulation of a world in this file, with a dispatcher on this ledger, and what it says when it is ready.
+fn in_world(
+    world: &Path,
+    ledger: &Path,
+    more: &[&str],
+) -> (fleet_tests::processes::Process, serde_json::Value) {
+    let mut command = Command::new(fleet_tests::processes::program("fleet-cli"));
+    command.args(["--json", "sim", "--robots", "1", "--speed", "4", "--listen", "tcp/127.0.0.1:0"]);
+    command.arg("--world").arg(world).arg("--dispatch").arg("--ledger").arg(ledger).args(more);
+    let (process, ready) = fleet_tests::processes::Process::start_ready(&mut command);
+    (process, serde_json::from_str(&ready).unwrap())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn tasks_of_one_world_do_not_drive_robots_in_another_until_they_are_adopted() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let ledger = place("sim.ledger");
+    // Worlds without a name are called as their files are.
+    for (name, side_m) in [("barn.toml", 9), ("hall.toml", 12)] {
+        std::fs::write(place(name), format!("[room]\nwidth_m = {side_m}\ndepth_m = {side_m}\n")).unwrap();
+    }
+    let endpoint = |ready: &serde_json::Value| ready["router"].as_str().unwrap().to_owned();
+    let (mut barn, ready) = in_world(&place("barn.toml"), &ledger, &[]);
+    assert_eq!((&ready["dispatcher"]["map"], &ready["dispatcher"]["open"]), (&"barn".into(), &0.into()));
+    let asker = Asker::connect(&endpoint(&ready), "test").await;
+    let ids = asker.submit(vec![route(&[(0.0, 1.0), (0.0, 2.0)]); 3]).await;
+    until(&asker, ids[0], "under way", |task| task.state == TaskState::Running).await;
+    barn.signal(fleet_tests::processes::Signal::Interrupt);
+    let _ = barn.0.wait();
+
+    let (mut hall, ready) = in_world(&place("hall.toml"), &ledger, &[]);
+    assert_eq!(ready["dispatcher"]["map"], "hall");
+    let suspended = &ready["suspended"][0];
+    assert_eq!(suspended["cause"], serde_json::json!({"other_map": {"of": "barn", "now": "hall"}}));
+    let open = suspended["tasks"].as_u64().unwrap();
+    assert!((2..=3).contains(&open), "{ready}");
+    let asker = Asker::connect(&endpoint(&ready), "test").await;
+    let here = asker.submit(vec![goto(0.0, 1.5)]).await[0];
+    until(&asker, here, "done", |task| task.state == TaskState::Done).await;
+    let last = until(&asker, ids[2], "waiting", |_| true).await;
+    assert!(last.reason.as_deref().unwrap().contains("map barn, the fleet's map is hall"), "{last:?}");
+    assert_eq!((last.state, &last.robot), (TaskState::Queued, &None));
+    let adopted = asker.ask(DispatchBody::Adopt {}).await;
+    let DispatchOutcome::Adopted(adopted) = &adopted else { panic!("{adopted:?}") };
+    assert_eq!((adopted.map.as_deref(), adopted.tasks.len() as u64), (Some("hall"), open));
+    until(&asker, ids[2], "done", |task| task.state == TaskState::Done).await;
+    hall.signal(fleet_tests::processes::Signal::Interrupt);
+    let _ = hall.0.wait();
+
+    let (_barn, ready) = in_world(&place("barn.toml"), &ledger, &["--fresh"]);
+    assert_eq!((&ready["dispatcher"]["tasks"], &ready["suspended"]), (&0.into(), &serde_json::json!([])));
+    let aside = ready["set_aside"].as_str().unwrap();
+    assert!(fleet_tests::dispatch::Written::read(Path::new(aside)).submitted.len() >= 4, "{aside}");
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn killed_ten_times_it_loses_nothing_and_does_nothing_twice() {
     let folder = tempfile::tempdir().unwrap();

@@ -109,6 +109,7 @@ async fn one_of_each(bus: &Bus, keys: &FleetKeys, format: Format) -> Vec<String>
         since_ms: 1,
         reason: None,
         robot: Some(name("ghost")),
+        map: None,
         legs_done: 0,
         legs: None,
         failures: 0,
@@ -161,7 +162,14 @@ async fn one_of_each(bus: &Bus, keys: &FleetKeys, format: Format) -> Vec<String>
     let request = Request { id, lease: None, body: Body::Acquire { take: false } };
     let submit = DispatchRequest { id, body: DispatchBody::Submit { tasks: vec![spec] } };
     let roster = Roster { robots: vec![RosterEntry { name: me.clone(), tags: vec![], start_pose: None }] };
-    let list = TaskList { ledger: 1, at_ms: 1, ledger_failed: None, tasks: vec![task], left_out: 0 };
+    let list = TaskList {
+        ledger: 1,
+        at_ms: 1,
+        ledger_failed: None,
+        tasks: vec![task],
+        left_out: 0,
+        suspended: Vec::new(),
+    };
     let changed = TaskEvent { ledger: 1, entry: 1, task: TaskId::new(3), step };
     put(bus, &robot.event(), &Channel::Event, &event, format).await;
     put(bus, &robot.fix(), &Channel::Fix, &fix, format).await;

@@ -170,6 +170,44 @@ fn a_file_is_submitted_as_a_whole_or_not_at_all() {
 }
 
 #[test]
+fn after_an_emergency_stop_of_all_nothing_is_assigned_until_the_dispatcher_is_activated() {
+    let mut lab = Lab::new(2);
+    lab.submit("patrol 0,1 0,2.5");
+    lab.until("t1", "running");
+    lab.run("estop --all").ok();
+    lab.until("t1", "queued");
+    let serve = lab.serve.as_mut().unwrap();
+    serve.kill();
+    serve.restart();
+    let give_up = Instant::now() + PATIENCE;
+    for robot in ["xtb-1", "xtb-2"] {
+        // The dispatcher that was killed had their leases.
+        while lab.run(&format!("reset {robot}")).code != 0 {
+            assert!(Instant::now() < give_up, "{robot} is not reset");
+        }
+    }
+    lab.submit("goto 0 1.2");
+    // A while in which robots are free: as long as this one's deadline.
+    lab.submit("goto 2 1 --deadline 4");
+    assert!(lab.until("t3", "failed")["reason"].as_str().unwrap().contains("deadline"));
+    for id in ["t1", "t2"] {
+        let task = lab.until(id, "queued");
+        assert!(task["reason"].as_str().unwrap().contains("emergency stop of all robots"), "{task}");
+        assert_eq!(task["robot"], Value::Null, "{task}");
+    }
+    let steps = lab.run("task t2").ok()[0]["steps"].as_array().unwrap().len();
+    assert_eq!(steps, 1, "it was assigned in between");
+    for screen in ["dispatch status", "list", "why xtb-1"] {
+        let shown = lab.run(screen).ok()[0].to_string();
+        assert!(shown.contains("fleet_stop") || shown.contains("dispatch activate"), "{screen}: {shown}");
+    }
+    let activated = lab.run("dispatch activate").ok();
+    assert_eq!(activated[0]["ended"]["tasks"], 2, "{activated:?}");
+    lab.until("t2", "done");
+    assert_eq!(lab.run("dispatch activate").ok()[0]["ended"], Value::Null);
+}
+
+#[test]
 fn a_task_that_is_waited_for_ends_with_its_history() {
     let lab = Lab::new(1);
     let ended = lab.run("dispatch goto 0 1.2 --on-link-loss finish --finish 60 --wait").ok();

@@ -1,6 +1,7 @@
 //! What is decided about tasks: what their robots show, what the clock says, and who gets which.
 
 use super::Dispatcher;
+use super::suspending::gate;
 use crate::assign::{self, Candidate, Demand};
 use crate::drive::{self, Eye, News};
 use crate::ground::Ground;
@@ -27,7 +28,13 @@ impl Dispatcher {
         let Some(assigned) = task.assigned.as_ref().or(task.last.as_ref()) else { return };
         let (seq, name) = (assigned.seq, assigned.robot.clone());
         let Some(ledger) = self.book.ledger() else { return };
-        let eye = Eye { now_ms, ledger, me: &self.identity.me, settings: &self.settings };
+        let gate = gate(self.unwritten_stop.as_ref(), self.map.as_ref(), &self.book);
+        let eye =
+            Eye { now_ms, ledger, me: &self.identity.me, settings: &self.settings, gate, map_due: false };
+        let news = match gate.cause(task) {
+            Some(cause) if news == News::Renew => News::suspended(&cause),
+            _ => news,
+        };
         if let Some(robot) = self.robots.get_mut(&name)
             && drive::has_to_confirm(eye, task, robot, &news)
         {
@@ -79,7 +86,7 @@ impl Dispatcher {
     /// What robots show of their tasks, and of those that they had before.
     pub(super) fn watch_robots(&mut self, now_ms: u64) {
         let Some(ledger) = self.book.ledger() else { return };
-        let eye = Eye { now_ms, ledger, me: &self.identity.me, settings: &self.settings };
+        let eye = self.eye(now_ms, ledger);
         let mut news = Vec::new();
         for (name, id) in self.book.busy() {
             let (Some(task), Some(robot)) = (self.book.task(id), self.robots.get(name)) else { continue };
@@ -114,6 +121,9 @@ impl Dispatcher {
     /// saved for that one, for a while; then, any that is free and left over gets it.
     pub(super) fn hand_out(&mut self, now_ms: u64, ground: &dyn Ground) {
         self.saved.clear();
+        if self.gate().stop.is_some() {
+            return;
+        }
         let free = self.robots.values().filter(|robot| self.is_free(now_ms, robot));
         let (mut robots, mut candidates): (Vec<&Robot>, Vec<Candidate>) =
             free.filter_map(|robot| Some((robot, candidate(robot)?))).unzip();
@@ -197,6 +207,8 @@ impl Dispatcher {
         task.state == TaskState::Queued
             && now_ms >= task.not_before_ms
             && heard
+            && !self.is_map_due(now_ms)
+            && self.gate().cause(task).is_none()
             && !self.writer.has_task(task.id)
     }
 
@@ -238,6 +250,9 @@ impl Dispatcher {
     pub fn why_queued(&self, now_ms: u64, id: TaskId) -> Option<String> {
         const NAMED: usize = 3;
         let task = self.book.task(id).filter(|task| task.state == TaskState::Queued)?;
+        if let Some(cause) = self.gate().cause(task) {
+            return Some(format!("{}; {}", cause.text(), cause.remedy()));
+        }
         if now_ms < task.not_before_ms {
             return Some(format!("it is begun again in {} s", (task.not_before_ms - now_ms) / 1000 + 1));
         }

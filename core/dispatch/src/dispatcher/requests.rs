@@ -66,6 +66,12 @@ impl Dispatcher {
                 let outcome = self.show(now_ms, *task);
                 return self.reply(ticket, request.id, outcome);
             }
+            DispatchBody::Activate {} => return self.activate(now_ms, (ticket, request.id), client),
+            DispatchBody::Adopt {} => return self.adopt(now_ms, (ticket, request.id), client),
+            DispatchBody::Status {} => {
+                let status = self.status(now_ms);
+                return self.reply(ticket, request.id, DispatchOutcome::Status(status));
+            }
             DispatchBody::CancelAll {} => (Verb::Cancel, self.book.open().map(|task| task.id).collect()),
             DispatchBody::Cancel { tasks } => (Verb::Cancel, tasks.clone()),
             DispatchBody::Pause { tasks } => (Verb::Pause, tasks.clone()),
@@ -109,6 +115,8 @@ impl Dispatcher {
         if let Err(error) = self.admit(now_ms, key, tasks, ground) {
             return self.reply(ticket, key, DispatchOutcome::Error(error));
         }
+        // A map that was told of comes before the tasks that were taken for it.
+        self.write_switches(now_ms);
         let first = self.book.next_task() + self.writer.new_tasks();
         let ids: Vec<TaskId> = (first..).take(tasks.len()).map(TaskId::new).collect();
         let records = tasks.iter().zip(&ids).map(|(spec, task)| {
@@ -116,7 +124,8 @@ impl Dispatcher {
             Record::Submitted { task: *task, by: by.clone(), key, spec }
         });
         let records = records.collect();
-        self.writer.push(now_ms, records, Then::Submitted { ticket, request: key, tasks: ids });
+        let outcome = DispatchOutcome::Submitted(ids);
+        self.writer.push(now_ms, records, Then::Answer { ticket, request: key, outcome });
     }
 
     fn admit(

@@ -1,7 +1,7 @@
 //! Requests to robots: one at a time each, asked again until answered; and what they answer.
 
 use super::{Dispatcher, Effect};
-use crate::drive::{self, Eye};
+use crate::drive;
 use crate::robot::Purpose;
 use crate::task::Task;
 use xtb_authority::operator::Step;
@@ -29,12 +29,15 @@ impl Dispatcher {
         if !robot.is_there(now_ms, &self.settings) {
             return self.fall_silent(now_ms, name);
         }
-        let eye = Eye { now_ms, ledger, me: &self.identity.me, settings: &self.settings };
+        let eye = self.eye(now_ms, ledger);
         let due = robot.flight.is_none() && now_ms >= robot.ask_at_ms && settled;
         let purpose = if due { drive::duty(eye, task, robot) } else { None };
         let next = purpose.and_then(|purpose| Some((purpose, body(purpose, task, ledger)?)));
+        let is_suspended = task.is_some_and(|task| eye.gate.cause(task).is_some());
         let (id, keep) = (self.new_id(), self.new_id());
         let Some(robot) = self.robots.get_mut(name) else { return };
+        // What may have arrived is withdrawn when its task is queued again.
+        robot.flight.take_if(|flight| is_suspended && matches!(flight.purpose, Purpose::Assign(_)));
         if let Some((purpose, body)) = next {
             robot.set_out(now_ms, id, purpose, body, &self.settings);
         }
@@ -114,7 +117,7 @@ impl Dispatcher {
             return;
         }
         let id = task.id;
-        let eye = Eye { now_ms, ledger: of.ledger, me: &self.identity.me, settings: &self.settings };
+        let eye = self.eye(now_ms, of.ledger);
         let Some(news) = drive::refused(eye, task, robot, code, message) else { return };
         if matches!(code, Malformed | WrongVersion | Unsupported | NoMap)
             && let Some(robot) = self.robots.get_mut(name)

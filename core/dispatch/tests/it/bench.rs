@@ -3,7 +3,7 @@
 use crate::model::{GROUND, LEDGER, me};
 use crate::robots::FakeRobot;
 use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, Effect, Entry, Settings};
+use xtb_dispatch::{Dispatcher, Effect, Entry, Ground, Settings};
 use xtb_protocol::messages::{
     Assignment, Body, DispatchBody, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, Request,
     TaskChange, TaskId, TaskKind, TaskSpec, TaskState, Waypoint,
@@ -21,6 +21,7 @@ pub(crate) struct Bench {
     /// Robots that neither hear nor are heard.
     pub(crate) cut: Vec<bool>,
     pub(crate) full: bool,
+    pub(crate) ground: Box<dyn Ground>,
     /// The network holds assignments up: here they are.
     pub(crate) held_up: Option<Vec<Request>>,
     pub(crate) asked: u64,
@@ -58,6 +59,7 @@ impl Bench {
             robots: (1..=robots).map(|i| FakeRobot::new(&format!("xtb-{i}"), (i as f64, 0.0))).collect(),
             cut: vec![false; robots],
             full: false,
+            ground: Box::new(GROUND),
             held_up: None,
             asked: 0,
             answers: Vec::new(),
@@ -78,7 +80,7 @@ impl Bench {
                 }
             }
             self.robots.iter_mut().for_each(|robot| robot.turn(self.now_ms));
-            self.dispatcher.step(self.now_ms, &GROUND);
+            self.dispatcher.step(self.now_ms, self.ground.as_ref());
             self.effects();
         }
     }
@@ -119,7 +121,7 @@ impl Bench {
     pub(crate) fn ask(&mut self, body: DispatchBody) -> u64 {
         self.asked += 1;
         let request = DispatchRequest { id: Uuid::from_u128(u128::from(self.asked)), body };
-        self.dispatcher.request(self.now_ms, self.asked, &name("cli-7"), &request, &GROUND);
+        self.dispatcher.request(self.now_ms, self.asked, &name("cli-7"), &request, self.ground.as_ref());
         self.effects();
         self.asked
     }

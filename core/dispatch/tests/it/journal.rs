@@ -76,8 +76,8 @@ fn what_is_missing_or_twice_or_out_of_place_is_refused() {
 fn an_entry_of_a_later_program_or_none_at_all_is_refused() {
     let (entries, _) = ledger();
     let text = entries[0].to_json().unwrap();
-    let later = text.replacen("\"v\":1", "\"v\":2", 1);
-    assert_eq!(Entry::from_json(&later), Err(EntryError::Version { got: 2 }));
+    let later = text.replacen("\"v\":2", "\"v\":3", 1);
+    assert_eq!(Entry::from_json(&later), Err(EntryError::Version { got: 3 }));
     for bad in ["", "{}", &text[..text.len() - 1], &text.replacen("\"n\"", "\"m\"", 1)] {
         assert!(matches!(Entry::from_json(bad), Err(EntryError::Malformed(_))), "{bad}");
     }
@@ -109,4 +109,36 @@ fn the_entries_of_version_1() {
     ] {
         assert_eq!(Entry::from_json(text).unwrap().to_json().unwrap(), text);
     }
+}
+
+/// The layout of what stands on disks; this test is never edited to pass.
+#[test]
+fn the_entries_that_version_2_added() {
+    for text in [
+        r#"{"v":2,"n":2,"at_ms":6,"record":{"suspended":{"by":"cli-7"}}}"#,
+        r#"{"v":2,"n":2,"at_ms":6,"record":{"suspended":{"by":null}}}"#,
+        r#"{"v":2,"n":3,"at_ms":7,"record":{"activated":{"by":"cli-7"}}}"#,
+        r#"{"v":2,"n":4,"at_ms":8,"record":{"map":{"name":"lab","hash":"00000000000000ff"}}}"#,
+        r#"{"v":2,"n":5,"at_ms":9,"record":{"adopted":{"map":"lab","by":"cli-7"}}}"#,
+    ] {
+        assert_eq!(Entry::from_json(text).unwrap().to_json().unwrap(), text);
+    }
+}
+
+/// A snapshot of version 1 knew neither maps nor suspensions.
+#[test]
+fn a_snapshot_of_version_1_is_read() {
+    let (_, book) = ledger();
+    let record = Record::Snapshot(Box::new(book.clone()));
+    let text = Entry { v: 1, n: 9, at_ms: 9, record }.to_json().unwrap();
+    let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let old = value["record"]["snapshot"].as_object_mut().unwrap();
+    for field in ["stopped", "activated_ms", "map"] {
+        assert!(old.remove(field).is_some(), "{field}");
+    }
+    let tasks = old["tasks"].as_object_mut().unwrap().values_mut();
+    tasks.for_each(|task| drop(task.as_object_mut().unwrap().remove("map").unwrap()));
+    let read = Book::replay(2000, [Entry::from_json(&value.to_string()).unwrap()]).unwrap();
+    assert_eq!((read.stopped(), read.map(), read.tasks().count()), (None, None, book.tasks().count()));
+    assert!(read.tasks().all(|task| task.map == xtb_dispatch::suspend::TaskMap::Unknown));
 }

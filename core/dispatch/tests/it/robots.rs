@@ -46,7 +46,8 @@ pub(crate) struct FakeRobot {
     pub(crate) ended: Vec<GoalEnd>,
     pub(crate) assigned: Assigned,
     pub(crate) replies: ReplyBook,
-    pub(crate) latched: bool,
+    /// Since when an emergency stop is latched, in ms since 1970.
+    pub(crate) latched: Option<u64>,
     /// Something stands in its way until then.
     pub(crate) blocked_until_ms: u64,
     pub(crate) up: bool,
@@ -69,7 +70,7 @@ impl FakeRobot {
             ended: Vec::new(),
             assigned: Assigned::default(),
             replies: ReplyBook::default(),
-            latched: false,
+            latched: None,
             blocked_until_ms: 0,
             up: true,
             finished: Vec::new(),
@@ -96,8 +97,8 @@ impl FakeRobot {
         }
     }
 
-    pub(crate) fn latch(&mut self) {
-        self.latched = true;
+    pub(crate) fn latch(&mut self, now_ms: u64) {
+        self.latched = self.latched.or(Some(now_ms));
         self.end(GoalStatus::Failed, Some("the robot is held"));
     }
 
@@ -209,7 +210,7 @@ impl FakeRobot {
                     Ok(Known::Already) => return Ok(Done { lease: None, goal: Some(assignment.goal_id()) }),
                     Err((code, message, _)) => return Err((code, message)),
                 }
-                if self.latched {
+                if self.latched.is_some() {
                     return Err((RejectCode::Latched, "estop".into()));
                 }
                 let to = match errand {
@@ -246,7 +247,12 @@ impl FakeRobot {
 
     pub(crate) fn state(&mut self, now_ms: u64) -> RobotState {
         self.seq += 1;
-        let latch = LatchState { latch: Latch::Estop, age_ms: 0, by: "cli-7".into(), present: false };
+        let latch = |since_ms: u64| LatchState {
+            latch: Latch::Estop,
+            age_ms: now_ms.saturating_sub(since_ms),
+            by: "cli-7".into(),
+            present: false,
+        };
         RobotState {
             robot: self.name.clone(),
             epoch: self.epoch,
@@ -290,7 +296,7 @@ impl FakeRobot {
             }),
             ended_goals: self.ended.clone(),
             faults: Vec::new(),
-            latches: if self.latched { vec![latch] } else { Vec::new() },
+            latches: self.latched.map(latch).into_iter().collect(),
             nav: NavState::default(),
             stopped_because: Vec::new(),
             stopped_age_ms: None,

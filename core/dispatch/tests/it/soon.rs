@@ -55,7 +55,7 @@ fn nobody_waits_for_a_robot_that_is_blocked_silent_or_latched() {
     let trouble: [fn(&mut Bench); 3] = [
         |bench| bench.robots[0].obstruct(bench.now_ms, bench.now_ms + 60_000),
         |bench| bench.cut[0] = true,
-        |bench| bench.robots[0].latch(),
+        |bench| bench.robots[0].latch(bench.now_ms),
     ];
     for what in trouble {
         let (mut bench, _, second) = nearly_done_and_far();

@@ -23,6 +23,8 @@ fn storms_bring_about_every_change() {
         seen.extend(world.ledger.iter().map(kind));
     }
     let all = [
+        "activated",
+        "adopted",
         "assigned",
         "blocked",
         "cancelling",
@@ -31,6 +33,7 @@ fn storms_bring_about_every_change() {
         "failed",
         "held",
         "let go",
+        "map",
         "opened",
         "paused",
         "queued",
@@ -38,6 +41,7 @@ fn storms_bring_about_every_change() {
         "reached",
         "running",
         "submitted",
+        "suspended",
     ];
     assert_eq!(seen.into_iter().collect::<Vec<_>>(), all);
 }
@@ -48,6 +52,10 @@ fn kind(entry: &Entry) -> &'static str {
         Record::Submitted { .. } => return "submitted",
         Record::Assigned { .. } => return "assigned",
         Record::Reached { .. } => return "reached",
+        Record::Suspended { .. } => return "suspended",
+        Record::Activated { .. } => return "activated",
+        Record::Map { .. } => return "map",
+        Record::Adopted { .. } => return "adopted",
         Record::Snapshot(_) => return "snapshot",
         Record::Became { change, .. } => change,
     };

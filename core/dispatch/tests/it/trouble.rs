@@ -186,7 +186,7 @@ fn a_latched_robot_gives_its_task_to_another_at_once() {
     let id = bench.submit(goto(1.0, 4.0));
     bench.run_ms(1000);
     let first = bench.robot_of(id).unwrap();
-    bench.robots[first].latch();
+    bench.robots[first].latch(bench.now_ms);
     bench.run_ms(1000);
     assert_eq!(bench.robot_of(id), Some(1 - first));
     let steps = bench.dispatcher.history(id).unwrap().steps;
@@ -204,10 +204,10 @@ fn an_assignment_that_was_held_up_begins_nothing_once_its_task_has_left() {
     bench.run_ms(500);
     let first = bench.robot_of(id).unwrap();
     let late = bench.held_up.take().unwrap().remove(0);
-    bench.robots[first].latch();
+    bench.robots[first].latch(bench.now_ms);
     bench.run_ms(1000);
     assert_eq!(bench.robot_of(id), Some(1 - first));
-    bench.robots[first].latched = false;
+    bench.robots[first].latched = None;
     bench.robots[first].request(bench.now_ms, &me(), &late);
     assert!(bench.robots[first].running().is_none());
     assert!(bench.asks.iter().any(|(_, body)| matches!(body, Body::Withdraw { .. })));

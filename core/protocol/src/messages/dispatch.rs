@@ -1,6 +1,6 @@
 //! What people and programs say to the dispatcher about tasks, and what it answers.
 
-use super::{Message, TaskId, TaskSpec, TaskState, bounded};
+use super::{Message, Suspension, TaskId, TaskSpec, TaskState, bounded};
 use crate::codec::CodecError;
 use crate::keys::Name;
 use crate::text;
@@ -52,6 +52,12 @@ pub enum DispatchBody {
     },
     /// End all that have not ended.
     CancelAll {},
+    /// Assign tasks again after an emergency stop of all robots.
+    Activate {},
+    /// Take the tasks of other maps over to the one that the fleet has now.
+    Adopt {},
+    /// How the dispatcher stands, without its tasks.
+    Status {},
 }
 
 /// One question to the dispatcher. The same id again, from the same client, submits nothing twice.
@@ -67,6 +73,7 @@ pub struct DispatchRequest {
 
 impl Message for DispatchRequest {
     const NAME: &'static str = "DispatchRequest";
+    const VERSION: u32 = 2;
     const MAX_BYTES: usize = MAX_BYTES;
 
     fn validate(&self) -> Result<(), CodecError> {
@@ -79,7 +86,11 @@ impl Message for DispatchRequest {
             | DispatchBody::Pause { tasks }
             | DispatchBody::Resume { tasks }
             | DispatchBody::Retry { tasks } => tasks.len(),
-            DispatchBody::CancelAll {} | DispatchBody::Show { .. } => 1,
+            DispatchBody::CancelAll {}
+            | DispatchBody::Show { .. }
+            | DispatchBody::Activate {}
+            | DispatchBody::Adopt {}
+            | DispatchBody::Status {} => 1,
         };
         bounded("tasks", count as f64, 1.0, MAX_SUBMISSION as f64, "")
     }
@@ -148,6 +159,41 @@ pub struct TaskChange {
     pub error: Option<DispatchError>,
 }
 
+/// Which tasks were taken over to the fleet's map.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Adopted {
+    /// The map; `None` = the fleet has none.
+    #[serde(default, deserialize_with = "text::read_option")]
+    pub map: Option<String>,
+    /// Those that were of another one, oldest first.
+    pub tasks: Vec<TaskId>,
+}
+
+/// How the dispatcher stands.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct DispatchStatus {
+    /// Number of the ledger.
+    pub ledger: u64,
+    /// Why the ledger cannot be written now, if it cannot.
+    #[serde(default, deserialize_with = "text::read_option")]
+    pub ledger_failed: Option<String>,
+    /// The map that tasks are taken for; `None` = no map is known.
+    #[serde(default, deserialize_with = "text::read_option")]
+    pub map: Option<String>,
+    /// Tasks that are remembered.
+    pub tasks: u64,
+    /// Those of them that have not ended.
+    pub open: u64,
+    /// Those of them that a robot has.
+    pub assigned: u64,
+    /// Robots that are heard now.
+    pub robots: u64,
+}
+
 /// What the dispatcher answers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -161,6 +207,12 @@ pub enum DispatchOutcome {
     Shown(Box<TaskHistory>),
     /// Nothing was done.
     Error(DispatchError),
+    /// Tasks are assigned again; the suspension that this has ended, `None` = there was none.
+    Activated(Option<Suspension>),
+    /// What was taken over.
+    Adopted(Adopted),
+    /// How it stands.
+    Status(DispatchStatus),
 }
 
 /// The answer to a request.
@@ -175,6 +227,9 @@ pub struct DispatchReply {
     /// Changes that were made and are not in the answer, for want of room.
     #[serde(default)]
     pub left_out: u64,
+    /// What is suspended; empty in the refusal of a question that could not be read.
+    #[serde(default)]
+    pub suspended: Vec<Suspension>,
 }
 
 impl Message for DispatchReply {
@@ -197,8 +252,11 @@ pub struct TaskView {
     /// Why, where that is not plain.
     #[serde(default, deserialize_with = "text::read_option")]
     pub reason: Option<String>,
-    /// On which robot it is, or ended.
+    /// On which robot it is, or ended; `None` = on none.
     pub robot: Option<Name>,
+    /// The map that it was submitted for; `None` = none was known then.
+    #[serde(default, deserialize_with = "text::read_option")]
+    pub map: Option<String>,
     /// Drives that are done.
     pub legs_done: u32,
     /// Drives altogether; `None` = until the time is up.
@@ -211,6 +269,17 @@ pub struct TaskView {
     pub submitted_ms: u64,
     /// As submitted.
     pub spec: TaskSpec,
+}
+
+impl TaskView {
+    /// The robot that has the task now. One that waits, is put aside or has ended is on none, whichever robot
+    /// had it last.
+    #[must_use]
+    pub fn on(&self) -> Option<&Name> {
+        use TaskState::{Assigned, Blocked, Cancelling, Held, Running};
+        let is_on = matches!(self.state, Assigned | Running | Blocked | Held | Cancelling);
+        self.robot.as_ref().filter(|_| is_on)
+    }
 }
 
 /// One change in a task's life.
@@ -266,6 +335,17 @@ pub struct TaskList {
     /// Tasks that are remembered and not in here: of a page, those that follow its last one.
     #[serde(default)]
     pub left_out: u64,
+    /// What is suspended.
+    #[serde(default)]
+    pub suspended: Vec<Suspension>,
+}
+
+impl TaskList {
+    /// The task that a robot has now. It has one at most.
+    #[must_use]
+    pub fn of_robot(&self, robot: &Name) -> Option<&TaskView> {
+        self.tasks.iter().find(|task| task.on() == Some(robot))
+    }
 }
 
 impl Message for TaskList {

@@ -31,7 +31,7 @@ pub struct NoMapHash(String);
 impl MapHash {
     /// These bits.
     #[must_use]
-    pub fn new(bits: u64) -> Self {
+    pub const fn new(bits: u64) -> Self {
         Self(bits)
     }
 

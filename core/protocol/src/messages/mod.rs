@@ -17,13 +17,15 @@ mod request;
 mod sensors;
 mod sim;
 mod state;
+mod suspension;
 mod task;
 
 pub use about::{About, Limits, ParameterInfo};
 pub use assign::{Assignment, Errand, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG};
 pub use dispatch::{
-    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
-    MAX_SUBMISSION, PAGE_BYTES, TaskChange, TaskEvent, TaskHistory, TaskList, TaskStep, TaskView,
+    Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
+    DispatchStatus, MAX_SUBMISSION, PAGE_BYTES, TaskChange, TaskEvent, TaskHistory, TaskList, TaskStep,
+    TaskView,
 };
 pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};
@@ -47,6 +49,7 @@ pub use state::{
     BatteryLevel, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, LeaseState, ObstacleView, PoseSource,
     PoseState, Rejected, RobotState, StopReason, TiltState,
 };
+pub use suspension::{Suspension, SuspensionCause};
 pub use task::{
     MAX_POINTS, MAX_PRIORITY, NoTaskId, OnTakeover, TaskId, TaskKind, TaskSpec, TaskState, Waypoint, Who,
 };

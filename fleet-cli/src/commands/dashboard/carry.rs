@@ -7,9 +7,10 @@ use crate::commands::muster::{Gaps, Report};
 use crate::commands::reset::{Candidates, Report as Reset};
 use crate::commands::{estop, reset, stop};
 use crate::context::Context;
-use crate::dispatching::{Dispatching, worst};
+use crate::dispatching::{Dispatching, Taken, worst};
 use crate::error::{Failure, Kind, Result};
 use crate::lease::Control;
+use crate::task_words;
 use crate::words;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -84,8 +85,20 @@ pub(crate) async fn reset_all(ctx: &Context, client: &Client) -> Result<Value> {
 
 /// Submits a task; the answer has its name.
 pub(crate) async fn submit(client: &Client, spec: TaskSpec) -> Result<Value> {
-    let tasks = Dispatching::of(client).submit(vec![spec]).await?;
-    Ok(json!({ "submitted": tasks }))
+    let Taken { tasks, suspended } = Dispatching::of(client).submit(vec![spec]).await?;
+    let waits = task_words::fleet_stop(&suspended).map(|stop| stop.cause.text());
+    Ok(json!({ "submitted": tasks, "waits": waits }))
+}
+
+/// Lets the dispatcher assign tasks again.
+pub(crate) async fn activate(client: &Client) -> Result<Value> {
+    let (ended, suspended) = Dispatching::of(client).activate().await?;
+    Ok(json!({ "ended": ended, "suspended": suspended }))
+}
+
+/// Takes the tasks of other maps over.
+pub(crate) async fn adopt(client: &Client) -> Result<Value> {
+    value(&Dispatching::of(client).adopt().await?)
 }
 
 /// Cancels a task; the answer comes when its robot has confirmed.

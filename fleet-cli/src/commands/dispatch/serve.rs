@@ -8,9 +8,11 @@ use crate::error::{Exit, Failure, Result};
 use crate::interrupt::interrupted;
 use crate::services::dispatch::store::{self, Store};
 use crate::services::dispatch::{Counters, DispatchService};
+use crate::task_words;
 use serde::Serialize;
 use std::pin::pin;
 use xtb_protocol::Name;
+use xtb_protocol::messages::Suspension;
 
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]
@@ -19,14 +21,20 @@ struct Ready<'a> {
     fleet: &'a Name,
     ledger: String,
     created: bool,
-    tasks: usize,
-    open: usize,
+    /// Where the ledger of before is kept.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    set_aside: Option<String>,
+    /// The map that tasks are taken for.
+    map: Option<String>,
+    tasks: u64,
+    open: u64,
+    suspended: Vec<Suspension>,
 }
 
 /// What it did, said at the end.
 #[derive(Debug, Serialize)]
 struct Ended {
-    open: usize,
+    open: u64,
     counters: Counters,
 }
 
@@ -39,8 +47,11 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.fleet)?;
     let own = args.map.as_deref().map(|file| charts::read(file, args.fine.resolution_m)).transpose()?;
     // Before anybody can ask: what is acknowledged has to go there.
-    let store = Store::open(&path, &ctx.fleet)?;
-    let created = store.created;
+    let store = match args.fresh {
+        true => Store::fresh(&path, &ctx.fleet)?,
+        false => Store::open(&path, &ctx.fleet)?,
+    };
+    let (created, set_aside) = (store.created, store.set_aside.clone());
     let mut stop = pin!(interrupted());
     let starting = async {
         let client = Client::open(ctx).await?;
@@ -56,18 +67,27 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
         () = &mut stop => return Ok(Exit::Interrupted),
     };
     let standing = service.standing();
-    let ledger = path.display().to_string();
-    let (tasks, open) = (standing.tasks, standing.open);
-    let ready = Ready { ready: true, fleet: &ctx.fleet, ledger, created, tasks, open };
-    ctx.out.result(&ready, |ready| {
-        let Ready { fleet, ledger, tasks, open, .. } = ready;
-        let new = if ready.created { "new " } else { "" };
+    let ready = Ready {
+        ready: true,
+        fleet: &ctx.fleet,
+        ledger: path.display().to_string(),
+        created,
+        set_aside: set_aside.map(|path| path.display().to_string()),
+        map: standing.status.map.clone(),
+        tasks: standing.status.tasks,
+        open: standing.status.open,
+        suspended: standing.suspended.clone(),
+    };
+    ctx.out.result(&ready, |Ready { fleet, ledger, created, tasks, .. }| {
+        let (new, found) = (if *created { "new " } else { "" }, standing.found());
         format!(
-            "dispatcher of fleet {fleet}, {new}ledger {ledger}: {tasks} tasks, {open} of them open; Ctrl-C \
-             ends: robots then stop, or finish their drive if their task says so, and the next `dispatch \
-             serve` goes on"
+            "dispatcher of fleet {fleet}, {new}ledger {ledger}: {found}, {tasks} tasks remembered; Ctrl-C ends: robots \
+             then stop, or finish their drive if their task says so, and the next `dispatch serve` goes on"
         )
     })?;
+    if !ctx.out.json {
+        task_words::found(ctx, &standing.suspended, ready.set_aside.as_deref());
+    }
     tokio::select! {
         failure = service.ended() => return Err(failure),
         () = &mut stop => {}
@@ -75,7 +95,7 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
     let standing = service.stop().await?;
     drop(maps);
     client.close().await;
-    let ended = Ended { open: standing.open, counters: standing.counters };
+    let ended = Ended { open: standing.status.open, counters: standing.counters };
     ctx.out.result(&ended, |Ended { open, counters }| {
         let Counters { questions, asked, ledger, .. } = counters;
         format!(

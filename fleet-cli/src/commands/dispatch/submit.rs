@@ -6,7 +6,7 @@ use crate::cli::{
 };
 use crate::client::Client;
 use crate::context::Context;
-use crate::dispatching::Dispatching;
+use crate::dispatching::{Dispatching, Taken};
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
 use crate::task_words;
@@ -85,16 +85,20 @@ async fn submit(ctx: &Context, specs: Vec<TaskSpec>, stay: StayArgs) -> Result<E
     let mut stop = pin!(interrupted());
     let submitted = async {
         let client = Client::open(ctx).await?;
-        let ids = Dispatching::of(&client).submit(specs.clone()).await?;
-        Ok::<_, Failure>((client, ids))
+        let taken = Dispatching::of(&client).submit(specs.clone()).await?;
+        Ok::<_, Failure>((client, taken))
     };
-    let (client, ids) = tokio::select! {
+    let (client, Taken { tasks: ids, suspended }) = tokio::select! {
         submitted = submitted => submitted?,
         () = &mut stop => {
             let message = "interrupted: whether anything was submitted is unknown";
             return Err(Failure::new(Kind::Interrupted, message).hint("`fleet-cli tasks` shows it"));
         }
     };
+    // What is of another map does not keep the new ones waiting.
+    if let Some(stop) = task_words::fleet_stop(&suspended) {
+        ctx.out.note(&format!("taken, and not assigned yet: {}; {}", stop.cause.text(), stop.cause.remedy()));
+    }
     let exit = if stay.wait {
         wait::run(ctx, &client, &ids, stay.cancel_on_interrupt, stop).await
     } else {

@@ -11,7 +11,7 @@ fn args(all: bool, robot: Option<&str>) -> TasksArgs {
 fn list() -> TaskList {
     let mut tasks: Vec<TaskView> = (1..=7).map(|n| task(n, TaskState::Done)).collect();
     tasks.extend([task(8, TaskState::Running), task(9, TaskState::Queued)]);
-    TaskList { ledger: 1, at_ms: 66_000, ledger_failed: None, tasks, left_out: 0 }
+    TaskList { ledger: 1, at_ms: 66_000, ledger_failed: None, tasks, left_out: 0, suspended: Vec::new() }
 }
 
 const PLAIN: Output = Output { json: false, colors: false };

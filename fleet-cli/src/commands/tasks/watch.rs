@@ -150,7 +150,14 @@ mod tests {
 
     #[test]
     fn only_what_has_changed_gets_a_line() {
-        let list = |tasks| TaskList { ledger: 1, at_ms: 0, ledger_failed: None, tasks, left_out: 0 };
+        let list = |tasks| TaskList {
+            ledger: 1,
+            at_ms: 0,
+            ledger_failed: None,
+            tasks,
+            left_out: 0,
+            suspended: Vec::new(),
+        };
         let mut shown = BTreeMap::new();
         let ids = |tasks: Vec<&TaskView>| tasks.iter().map(|task| task.id.number()).collect::<Vec<_>>();
         let first = list(vec![task(1, TaskState::Queued), task(2, TaskState::Running)]);

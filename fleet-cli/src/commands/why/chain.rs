@@ -13,7 +13,7 @@ use std::time::Duration;
 use xtb_authority::faults::INPUT_LOST_MS;
 use xtb_control::Mode;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{BatteryLevel, Fault, GoalStatus, RobotState, StopReason};
+use xtb_protocol::messages::{BatteryLevel, Fault, GoalStatus, RobotState, StopReason, Suspension};
 
 /// What it does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -28,7 +28,7 @@ pub(super) enum Verdict {
 }
 
 /// What a reason is about.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Kind {
     /// Whether it can be heard.
@@ -43,6 +43,8 @@ pub(super) enum Kind {
     May,
     /// Its present or last goal.
     Goal,
+    /// What the dispatcher has suspended.
+    Tasks,
     /// Who has control.
     Lease,
     /// Its sensors.
@@ -105,6 +107,17 @@ pub(super) struct Why {
     pub(super) state_age_ms: Option<u64>,
     /// Most important first.
     pub(super) reasons: Vec<Reason>,
+}
+
+impl Why {
+    /// Beside a dispatcher that has suspended this.
+    pub(super) fn beside(mut self, suspended: &[Suspension]) -> Self {
+        if self.verdict == Verdict::Stands {
+            let after = self.reasons.iter().take_while(|reason| reason.kind <= Kind::Goal).count();
+            self.reasons.splice(after..after, suspended.iter().map(tasks));
+        }
+        self
+    }
 }
 
 /// Explains what a robot does.
@@ -177,6 +190,11 @@ fn known(robot: &RobotView, state: &RobotState) -> (Verdict, String, Vec<Reason>
     reasons.extend(inputs(state));
     reasons.push(battery(state));
     (verdict, headline, reasons)
+}
+
+fn tasks(suspension: &Suspension) -> Reason {
+    let todo = Some(suspension.cause.remedy().to_owned());
+    Reason { todo, hinders: true, ..Reason::new(Kind::Tasks, suspension.text()) }
 }
 
 fn latches(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {

@@ -5,7 +5,10 @@ use crate::fake::{self, name};
 use crate::news::News;
 use serde_json::{Value, json};
 use xtb_protocol::keys::{FleetKeys, Key};
-use xtb_protocol::messages::{Arc, MapCell, NavPhase, ParameterInfo, RosterEntry, RouteSource, SimStats};
+use xtb_protocol::messages::{
+    Arc, MapCell, NavPhase, ParameterInfo, RosterEntry, RouteSource, SimStats, Suspension, SuspensionCause,
+    TaskState,
+};
 
 fn scene() -> Scene {
     Scene::new(name("lab"))
@@ -60,7 +63,14 @@ fn map_tasks_and_happenings_come_once_and_when_they_change() {
     assert_eq!(kinds(&mut known, &scene), ["map", "frame"], "that there is no map is told");
     assert_eq!(kinds(&mut known, &scene), ["frame"]);
     put(&mut scene, 0, &keys().map(), map(1));
-    let list = TaskList { ledger: 1, at_ms: 7, ledger_failed: None, tasks: Vec::new(), left_out: 0 };
+    let list = TaskList {
+        ledger: 1,
+        at_ms: 7,
+        ledger_failed: None,
+        tasks: Vec::new(),
+        left_out: 0,
+        suspended: Vec::new(),
+    };
     put(&mut scene, 0, &keys().dispatch_tasks(), list.clone());
     put(&mut scene, 0, &keys().dispatch_alive(), News::Alive(true));
     assert_eq!(kinds(&mut known, &scene), ["map", "tasks", "happenings", "frame"]);
@@ -210,11 +220,28 @@ fn a_robot_has_the_task_it_is_at_while_there_is_a_dispatcher() {
     let (mut known, mut scene) = (Known::default(), scene());
     put_state(&mut scene, 0, fake::state("xtb-1"));
     let tasks = vec![fake::task(3, TaskState::Done), fake::task(4, TaskState::Running)];
-    let list = TaskList { ledger: 1, at_ms: 7, ledger_failed: None, tasks, left_out: 0 };
+    let list =
+        TaskList { ledger: 1, at_ms: 7, ledger_failed: None, tasks, left_out: 0, suspended: Vec::new() };
     put(&mut scene, 0, &keys().dispatch_tasks(), list);
     assert_eq!(row(&mut known, &scene, 0)["task"], Value::Null);
     put(&mut scene, 0, &keys().dispatch_alive(), News::Alive(true));
     assert_eq!(row(&mut known, &scene, 0)["task"], json!("t4"));
+}
+
+#[test]
+fn a_frame_says_what_is_suspended_in_the_words_of_every_screen() {
+    let (mut known, mut scene) = (Known::default(), scene());
+    let cause = SuspensionCause::OtherMap { of: Some("lab".into()), now: "hall".into() };
+    let suspended = vec![Suspension { cause, since_ms: 5, tasks: 12 }];
+    let list =
+        TaskList { ledger: 1, at_ms: 7, ledger_failed: None, tasks: Vec::new(), left_out: 0, suspended };
+    put(&mut scene, 0, &keys().dispatch_tasks(), list);
+    put(&mut scene, 0, &keys().dispatch_alive(), News::Alive(true));
+    let news = known.news(&scene, moment(1, 0), None);
+    let said = &serde_json::to_value(news.last().unwrap()).unwrap()["frame"]["suspended"][0];
+    assert_eq!(said["text"], json!("12 open tasks of map lab are suspended: the fleet's map is hall"));
+    assert_eq!(said["all"], json!(false));
+    assert!(said["remedy"].as_str().unwrap().contains("dispatch adopt"), "{said}");
 }
 
 #[test]

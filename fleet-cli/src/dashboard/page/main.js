@@ -141,6 +141,8 @@ function actions() {
     reset: (robot) => ask({ reset: { robot } }, `Reset of ${robot}`),
     resetAll: () => ask({ reset_all: {} }, "Reset of all"),
     cancel: (task) => ask({ cancel: { task } }, `Cancel of ${task}`),
+    activate: () => ask({ activate: {} }, "Activation of the dispatcher"),
+    adopt: () => ask({ adopt: {} }, "Taking tasks over"),
     async submit() {
       const made = spec(aim.points);
       form.sent = null;
@@ -149,7 +151,8 @@ function actions() {
         const { error, ok } = await ask({ submit: { spec: made.spec } }, "Task");
         form.error = error?.message ?? null;
         if (ok) {
-          form.sent = `Submitted${ok.submitted ? ` as ${[ok.submitted].flat().join(", ")}` : ""}.`;
+          const waits = ok.waits ? ` It is not assigned yet: ${ok.waits}.` : "";
+          form.sent = `Submitted${ok.submitted ? ` as ${[ok.submitted].flat().join(", ")}` : ""}.${waits}`;
           aim.points = [];
           aim.use("look");
         }

@@ -85,7 +85,10 @@ export function services(store) {
   const frame = store.silent ? null : store.frame;
   const words = (is) => (frame === null ? "?" : is ? "on" : "off");
   const chip = (is, name) => html`<span class="chip ${is ? "good" : ""}">${name} ${words(is)}</span>`;
-  return html`${chip(frame?.traffic_control, "traffic control")}${chip(frame?.dispatcher, "dispatcher")}`;
+  const dispatcher = store.isSuspended()
+    ? html`<span class="chip bad" title=${store.suspended()[0].text}>dispatcher suspended</span>`
+    : chip(frame?.dispatcher, "dispatcher");
+  return html`${chip(frame?.traffic_control, "traffic control")}${dispatcher}`;
 }
 
 export function pace(pace, store) {

@@ -32,7 +32,8 @@ function resetAll(robots, store, act) {
   }
   return html`<div class="box warn" role="alertdialog" aria-label="Reset all">
     <p><strong>Reset ${latched.map((robot) => robot.name).join(", ")}?</strong>
-      ${store.dispatcher() ? "The dispatcher may give them tasks at once." : "Nothing moves until a new goal."}</p>
+      ${store.isSuspended() ? "The dispatcher is suspended: it assigns no task until it is activated."
+        : store.dispatcher() ? "The dispatcher may give them tasks at once." : "Nothing moves until a new goal."}</p>
     <div class="row"><button type="button" id="reset-all-yes" @click=${press(false, true)}>Reset</button>
       <button type="button" @click=${press(false, false)}>Leave them</button></div></div>`;
 }
@@ -89,7 +90,9 @@ function latches(robot, store, act) {
     const by = state ? ` by ${state.by}, ${age(state.age_ms)} ago` : "";
     const cause = state?.present ? html`<p class="todo">Its cause is still there: ${remedy(latch)}</p>` : nothing;
     return html`<div class="box bad"><p><strong>Latched: ${reason(latch)}</strong>${by}</p>${cause}
-      <p class="todo">${store.dispatcher()
+      <p class="todo">${store.isSuspended()
+        ? "A reset moves nothing: the dispatcher is suspended until it is activated."
+        : store.dispatcher()
         ? "A reset moves nothing by itself, but the dispatcher may give it a task at once."
         : "A reset moves nothing; a new goal must follow."}</p>
       ${store.writable()

@@ -101,6 +101,16 @@ export class Store {
     return this.robots.get(this.selected) ?? null;
   }
 
+  // What the dispatcher has suspended; nothing where that is unknown.
+  suspended() {
+    return this.dispatcher() ? this.frame.suspended ?? [] : [];
+  }
+
+  // Whether it assigns nothing at all.
+  isSuspended() {
+    return this.suspended().some((one) => one.all);
+  }
+
   // Whether a dispatcher is there, null = unknown.
   dispatcher() {
     return this.frame && !this.silent ? this.frame.dispatcher === true : null;

@@ -49,9 +49,19 @@ export function taskPanel(store, act, look) {
   return html`<h2>New task</h2>
     ${isThere ? nothing : html`<p class="box warn">${isThere === null ? "Whether a dispatcher is there is unknown."
       : html`No dispatcher is there: <code>fleet-cli dispatch serve</code> starts one.`}</p>`}
+    ${store.suspended().map((one) => suspended(one, store, act))}
     ${store.writable() ? formOf(store, act, look, isThere) : nothing}
     ${list?.ledger_failed ? html`<p class="box bad">The ledger cannot be written: ${list.ledger_failed}</p>` : nothing}
     ${tasks(list, store, act, isThere)}`;
+}
+
+function suspended(one, store, act) {
+  const button = one.all
+    ? html`<button type="button" id="activate" @click=${act.activate}>Activate the dispatcher</button>`
+    : html`<button type="button" id="adopt" @click=${act.adopt}>Take these tasks over to this map</button>`;
+  return html`<div class="box bad"><p><strong>Suspended:</strong> ${one.text}</p>
+    <p class="todo">${one.remedy.split("`").map((part, i) => (i % 2 ? html`<code>${part}</code>` : part))}</p>
+    ${store.writable() ? html`<div class="row">${button}</div>` : nothing}</div>`;
 }
 
 function formOf(store, act, look, isThere) {

@@ -29,7 +29,7 @@ impl Beside {
         let robots = simulator.roster().robots.clone();
         let own = Context { connect: simulator.endpoints().to_vec(), robots, ..ctx.clone() };
         let client = Client::open(&own).await?;
-        let service = DispatchService::start(&client, store, None, ctx.timeout).await?;
+        let service = DispatchService::start(&client, store, simulator.map().cloned(), ctx.timeout).await?;
         Ok(Self { client, service })
     }
 
@@ -55,7 +55,8 @@ impl Beside {
             tokio::select! {
                 failure = self.service.ended() => return Err(failure),
                 _ = look.tick() => {
-                    let Standing { open, usage, .. } = self.service.standing();
+                    let Standing { status, usage, .. } = self.service.standing();
+                    let open = status.open;
                     any |= open > 0 || usage.robots.values().any(|spent| spent.done + spent.failed > 0);
                     if any && open == 0 {
                         return Ok(());

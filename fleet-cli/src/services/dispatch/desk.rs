@@ -204,7 +204,8 @@ async fn turn_away(question: Question, keys: FleetKeys) {
 async fn refuse(question: Question, keys: FleetKeys, error: DispatchError) {
     let asked = question.decode::<DispatchRequest>();
     let id = asked.map_or(Uuid::nil(), |(request, _)| request.id);
-    let reply = DispatchReply { id, result: DispatchOutcome::Error(error), left_out: 0 };
+    let result = DispatchOutcome::Error(error);
+    let reply = DispatchReply { id, result, left_out: 0, suspended: Vec::new() };
     let Some(client) = question.client() else { return };
     let key = keys.dispatch_cmd(Some(client));
     if let Err(error) = question.reply(&key, &reply, question.likely_format()).await {

@@ -1,7 +1,7 @@
 //! What the dispatcher has to find out beside its robots: who should be there and the map; and traffic
 //! control, which it runs unless somebody else does.
 
-use crate::charts;
+use crate::charts::{self, MapFeed};
 use crate::client::Client;
 use crate::traffic::TrafficService;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_nav::Map;
-use xtb_protocol::messages::Roster;
+use xtb_protocol::messages::{FleetMap, Roster};
 
 /// It looks again this often.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
@@ -21,16 +21,24 @@ const FIRST_LOOK: Duration = Duration::from_millis(400);
 pub(super) struct Found {
     pub(super) roster: Option<Roster>,
     pub(super) map: Option<Map>,
+    /// It is the one that this process serves.
+    pub(super) own_map: bool,
     /// Another dispatcher answers too.
     pub(super) second: bool,
 }
 
-/// Looks once, in vain at most for [`FIRST_LOOK`].
-pub(super) async fn first_look(client: &Client, map: Option<Map>) -> Found {
-    let both = async { tokio::join!(roster(client), known_or_served(client, map.clone(), FIRST_LOOK)) };
-    match tokio::time::timeout(FIRST_LOOK, both).await {
-        Ok((roster, map)) => Found { roster, map, second: false },
-        Err(_) => Found { roster: None, map, second: false },
+/// Looks once, in vain at most for [`FIRST_LOOK`]. A map that is known beforehand is ours to serve.
+pub(super) async fn first_look(client: &Client, own: Option<Map>) -> Found {
+    let own_map = own.is_some();
+    let map = async {
+        match own.clone() {
+            Some(own) => Some(own),
+            None => served(client, FIRST_LOOK).await,
+        }
+    };
+    match tokio::time::timeout(FIRST_LOOK, async { tokio::join!(roster(client), map) }).await {
+        Ok((roster, map)) => Found { roster, map, own_map, second: false },
+        Err(_) => Found { roster: None, map: own, own_map, second: false },
     }
 }
 
@@ -54,12 +62,14 @@ impl Drop for Looking {
 }
 
 async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender<Found>) {
-    let Found { roster: mut known, mut map, .. } = found;
+    let Found { roster: mut known, mut map, own_map, .. } = found;
     if has_second(&client, within).await
         && news.send(Found { second: true, ..Found::default() }).await.is_err()
     {
         return;
     }
+    let maps = MapFeed::open(client.bus(), client.keys()).await;
+    let maps = maps.inspect_err(|failure| tracing::warn!("another map is not noticed: {failure}")).ok();
     let (mut traffic, mut said) = (None, false);
     let mut tick = tokio::time::interval(LOOK_EVERY);
     tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -70,9 +80,15 @@ async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender
             known = Some(roster.clone());
             found.roster = Some(roster);
         }
-        if map.is_none() {
-            map = known_or_served(&client, None, within).await;
-            found.map.clone_from(&map);
+        found.map = match &map {
+            None => served(&client, within).await,
+            // Whoever serves a map knows which one it is.
+            Some(_) if own_map => None,
+            Some(map) => maps.as_ref().and_then(|maps| another(map, maps)),
+        };
+        if found.map.is_some() {
+            map.clone_from(&found.map);
+            traffic = None;
         }
         if (found.roster.is_some() || found.map.is_some()) && news.send(found).await.is_err() {
             return;
@@ -89,6 +105,13 @@ async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender
     }
 }
 
+/// The map that was published last, if it is not this one.
+fn another(map: &Map, maps: &MapFeed) -> Option<Map> {
+    let newest = maps.newest()?;
+    let same = newest.name == map.name() && newest.hash == map.hash();
+    if same { None } else { read(&newest) }
+}
+
 /// Two that began at the same moment have not seen each other's presence: both answer, and both end.
 async fn has_second(client: &Client, within: Duration) -> bool {
     let answers = client.bus().get(&client.keys().dispatch_tasks(), within).await;
@@ -101,12 +124,12 @@ async fn roster(client: &Client) -> Option<Roster> {
     Some(Roster { robots })
 }
 
-async fn known_or_served(client: &Client, known: Option<Map>, within: Duration) -> Option<Map> {
-    if known.is_some() {
-        return known;
-    }
+async fn served(client: &Client, within: Duration) -> Option<Map> {
     let served = charts::served(client.bus(), client.keys(), within).await;
-    let message =
-        served.inspect_err(|failure| tracing::debug!("no map: {failure}")).ok()?.into_iter().next()?;
-    Map::try_from(&message).inspect_err(|error| tracing::warn!("the fleet's map: {error}")).ok()
+    let served = served.inspect_err(|failure| tracing::debug!("no map: {failure}")).ok()?;
+    read(served.first()?)
+}
+
+fn read(message: &FleetMap) -> Option<Map> {
+    Map::try_from(message).inspect_err(|error| tracing::warn!("the fleet's map: {error}")).ok()
 }

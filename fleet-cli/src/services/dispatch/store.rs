@@ -15,8 +15,10 @@ pub struct Store {
     pub ledger: Ledger<Entry>,
     /// Its entries, from the last snapshot on.
     pub entries: Vec<Entry>,
-    /// It is new: there was none.
+    /// It is new: there was none, or that was put aside.
     pub created: bool,
+    /// Where the one of before is kept, if that was put aside.
+    pub set_aside: Option<PathBuf>,
 }
 
 impl Store {
@@ -25,13 +27,24 @@ impl Store {
     /// # Errors
     /// What the ledger says; or entries of a later version, or out of their place.
     pub fn open(path: &Path, fleet: &Name) -> Result<Self> {
-        if let Some(folder) = path.parent().filter(|folder| *folder != Path::new("")) {
-            std::fs::create_dir_all(folder).map_err(|error| {
-                let message = format!("cannot make the folder {}: {error}", folder.display());
-                Failure::new(Kind::Failed, message).hint("name another ledger with --ledger")
-            })?;
-        }
-        let (ledger, Recovered { created, rows }) = Ledger::<Entry>::create_or_open(path, fleet.as_str())?;
+        make_folder(path)?;
+        let (ledger, recovered) = Ledger::<Entry>::create_or_open(path, fleet.as_str())?;
+        Self::read(path, ledger, recovered)
+    }
+
+    /// Begins a new ledger. One that is there is kept aside, whole, under a name with today's date.
+    ///
+    /// # Errors
+    /// Another process holds it; there is something else than a ledger of this fleet; the system refuses.
+    pub fn fresh(path: &Path, fleet: &Name) -> Result<Self> {
+        make_folder(path)?;
+        let (ledger, set_aside) = Ledger::<Entry>::begin_anew(path, fleet.as_str(), wall_ms())?;
+        let recovered = Recovered { created: true, rows: Vec::new() };
+        Ok(Self { set_aside, ..Self::read(path, ledger, recovered)? })
+    }
+
+    fn read(path: &Path, ledger: Ledger<Entry>, recovered: Recovered<Entry>) -> Result<Self> {
+        let Recovered { created, rows } = recovered;
         let mut entries = Vec::with_capacity(rows.len());
         for row in rows {
             let entry = row.record;
@@ -47,8 +60,16 @@ impl Store {
             }
             entries.push(entry);
         }
-        Ok(Self { ledger, entries, created })
+        Ok(Self { ledger, entries, created, set_aside: None })
     }
+}
+
+fn make_folder(path: &Path) -> Result<()> {
+    let Some(folder) = path.parent().filter(|folder| *folder != Path::new("")) else { return Ok(()) };
+    std::fs::create_dir_all(folder).map_err(|error| {
+        let message = format!("cannot make the folder {}: {error}", folder.display());
+        Failure::new(Kind::Failed, message).hint("name another ledger with --ledger")
+    })
 }
 
 /// The ledger that is meant: the one named, or the fleet's in the user's data folder.
@@ -163,7 +184,7 @@ mod tests {
     #[test]
     fn entries_of_a_later_program_or_out_of_their_place_are_refused() {
         for (wrong, words) in
-            [(entry(VERSION + 1, 1), "has version 2"), (entry(VERSION, 3), "it is number 3")]
+            [(entry(VERSION + 1, 1), "has version 3"), (entry(VERSION, 3), "it is number 3")]
         {
             let scratch = Scratch::new();
             Store::open(scratch.path(), &fleet()).unwrap().ledger.append(&[wrong]).unwrap();

@@ -14,10 +14,12 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::MissedTickBehavior;
+use xtb_bus::{Incoming, Subscription};
 use xtb_control::VehicleConfig;
 use xtb_dispatch::{Dispatcher, Effect, Entry, Ground, MapGround, OpenGround, Record, Write};
 use xtb_nav::Map;
 use xtb_protocol::Name;
+use xtb_protocol::keys::{Channel, Key};
 
 /// It decides this often, and after each question.
 const TICK: Duration = Duration::from_millis(50);
@@ -30,6 +32,9 @@ const COMPACT_AT: u64 = 10_000;
 const COMPACT_BUSY_AT: u64 = 40_000;
 /// A write that is out at the end is waited for this long.
 const LAST_WRITE: Duration = Duration::from_secs(5);
+
+/// Emergency stops that wait to be read.
+const STOPS: usize = 16;
 
 /// The write that is out.
 struct Flying {
@@ -55,6 +60,9 @@ pub(super) struct Work {
     fleet: Fleet,
     news: mpsc::Receiver<News>,
     looking: Looking,
+    /// Emergency stops of all robots: by whom.
+    stops: mpsc::Receiver<Option<Name>>,
+    _stops: Subscription,
     list: Option<List>,
     changed: bool,
     counters: Counters,
@@ -75,11 +83,17 @@ impl Work {
     ) -> Result<Self> {
         let me = Name::new(CLIENT).map_err(|error| Failure::new(Kind::Failed, error.to_string()))?;
         let feed = Feed::open(client, &client.keys().any_robot()).await?;
+        // Before any task can be given to anybody.
+        let (stops, _stops) = hear_stops(client).await?;
         let found = floor::first_look(client, map).await;
         if let Some(roster) = &found.roster {
             dispatcher.roster(clock.ms(), roster);
         }
         let ground = ground(found.map.as_ref());
+        if let Some(map) = &found.map {
+            dispatcher.map(clock.ms(), map.name(), map.hash());
+        }
+        told.send_replace(Standing::of(&dispatcher, clock.ms(), Counters::default(), Usage::default()));
         let writer = Writer::start(ledger, ledger::QUEUE)?;
         let (fleet, news) = Fleet::new(client, me);
         let (desk, questions) = Desk::open(client).await?;
@@ -99,6 +113,8 @@ impl Work {
             fleet,
             news,
             looking,
+            stops,
+            _stops,
             list: None,
             changed: true,
             counters: Counters::default(),
@@ -115,6 +131,7 @@ impl Work {
         loop {
             tokio::select! {
                 _ = &mut stopped => break,
+                Some(by) = self.stops.recv() => self.fleet_stop(by.as_ref()),
                 written = durable(&mut self.flying) => self.settle(written)?,
                 Some(input) = self.questions.recv() => self.take(input),
                 Some(news) = self.news.recv() => self.hear(news),
@@ -199,10 +216,27 @@ impl Work {
         if let Some(roster) = &found.roster {
             self.dispatcher.roster(self.clock.ms(), roster);
         }
-        if found.map.is_some() {
+        if let Some(map) = &found.map {
             self.ground = ground(found.map.as_ref());
+            let now_ms = self.clock.ms();
+            self.dispatcher.map(now_ms, map.name(), map.hash());
+            self.changed = true;
+            for suspension in self.dispatcher.suspensions() {
+                tracing::warn!("{}; {}", suspension.text(), suspension.cause.remedy());
+            }
         }
         Ok(())
+    }
+
+    fn fleet_stop(&mut self, by: Option<&Name>) {
+        let was = self.dispatcher.suspensions();
+        self.dispatcher.fleet_stop(self.clock.ms(), by);
+        self.changed = true;
+        if let Some(new) =
+            self.dispatcher.suspensions().into_iter().find(|suspension| !was.contains(suspension))
+        {
+            tracing::warn!("{}; {}", new.text(), new.cause.remedy());
+        }
     }
 
     /// Does what the dispatcher wants.
@@ -281,13 +315,11 @@ impl Work {
     }
 
     async fn tell(&mut self) {
-        let book = self.dispatcher.book();
-        let (open, tasks) = (book.open_count(), book.tasks().count());
         self.counters.overloaded = self.desk.overloaded();
         self.counters.foreign_keys = self.desk.foreign_keys();
         self.counters.ledger = self.writer.counters();
         let (counters, usage) = (self.counters.clone(), self.usage.clone());
-        self.told.send_replace(Standing { open, tasks, counters, usage });
+        self.told.send_replace(Standing::of(&self.dispatcher, self.clock.ms(), counters, usage));
         if self.desk.has_listeners().await {
             let list = self.list();
             self.desk.tell(&list).await;
@@ -328,6 +360,17 @@ async fn durable(flying: &mut Option<Flying>) -> (Flying, Written) {
         }
         None => std::future::pending().await,
     }
+}
+
+/// Emergency stops of all robots, whatever they carry. They come again and again: what finds no room is the same.
+async fn hear_stops(client: &Client) -> Result<(mpsc::Receiver<Option<Name>>, Subscription)> {
+    let (sender, stops) = mpsc::channel(STOPS);
+    let each = move |incoming: Incoming| match Key::parse(&incoming.key).map(|key| key.channel) {
+        Some(Channel::EstopAll(by)) => drop(sender.try_send(Some(by))),
+        _ => tracing::warn!("an emergency stop on {} is on no key of ours", incoming.key),
+    };
+    let subscription = client.bus().subscribe(&client.keys().estop_all(None), each).await?;
+    Ok((stops, subscription))
 }
 
 fn ground(map: Option<&Map>) -> Box<dyn Ground + Send + Sync> {

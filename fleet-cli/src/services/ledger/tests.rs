@@ -1,5 +1,6 @@
 //! Opening, refusing, writing and compacting.
 
+mod anew;
 mod damage;
 mod queue;
 

@@ -61,14 +61,20 @@ impl Cockpit {
         let open = list.value.tasks.iter().filter(|task| !task.state.is_final());
         let ended = list.value.tasks.iter().rev().filter(|task| task.state.is_final());
         let line = |task: &TaskView| {
-            let robot = task.robot.as_ref().map_or_else(|| task_words::who(&task.spec.who), Name::to_string);
+            let robot =
+                task_words::robot(task).map_or_else(|| task_words::who(&task.spec.who), Name::to_string);
             let state = words::name(&task.state);
             let why = task.reason.as_ref().map(|reason| format!(": {reason}")).unwrap_or_default();
             let (legs, what) = (task_words::legs(task), task_words::what(&task.spec.kind));
             let text = format!(" {:>4} {state:10} {robot:8} {legs:>5} {what}{why}", task.id.to_string());
             Line::styled(text, self.setup.look.tone(task_words::tone(task.state)))
         };
-        (title, open.chain(ended).map(line).collect())
+        let suspended = scene.suspended().iter().flat_map(|suspension| {
+            let line = |text: String, tone| Line::styled(text, self.setup.look.tone(tone));
+            let remedy = format!("  → {}", suspension.cause.remedy());
+            [line(format!(" SUSPENDED: {}", suspension.text()), Tone::Bad), line(remedy, Tone::Dim)]
+        });
+        (title, suspended.chain(open.chain(ended).map(line)).collect())
     }
 }
 

@@ -3,6 +3,7 @@
 use super::layout::{Areas, areas};
 use super::sight::{Sight, Standing, age, sights};
 use super::*;
+use crate::task_words;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
@@ -40,7 +41,7 @@ impl Cockpit {
             self.draw_pane(frame, area, scene, now_ms);
         }
         self.draw_foot(frame, &areas, now_ms);
-        self.draw_over(frame, area, &sights, now_ms);
+        self.draw_over(frame, area, &sights, scene);
         look.reduce(frame.buffer_mut());
     }
 
@@ -92,7 +93,16 @@ impl Cockpit {
         if self.playing.is_none() {
             let is = |there: bool| if there { Tone::Plain } else { Tone::Dim };
             let (dispatcher, traffic) = (scene.dispatcher(), scene.traffic_control());
-            add(if dispatcher { "dispatcher" } else { "no dispatcher" }.to_owned(), is(dispatcher));
+            match task_words::fleet_stop(scene.suspended()) {
+                Some(_) => add("dispatcher SUSPENDED (v)".to_owned(), Tone::Bad),
+                None if scene.suspended().is_empty() => {
+                    add(if dispatcher { "dispatcher" } else { "no dispatcher" }.to_owned(), is(dispatcher));
+                }
+                None => {
+                    let tasks: u64 = scene.suspended().iter().map(|suspension| suspension.tasks).sum();
+                    add(format!("dispatcher, {tasks} tasks SUSPENDED (v)"), Tone::Warning);
+                }
+            }
             add(if traffic { "traffic" } else { "no traffic" }.to_owned(), is(traffic));
         }
         if self.unreadable > 0 {

@@ -40,12 +40,12 @@ const SIGNS: [&str; 2] = [
 ];
 
 impl Cockpit {
-    pub(super) fn draw_over(&self, frame: &mut Frame<'_>, area: Rect, sights: &[Sight<'_>], _now_ms: AtMs) {
+    pub(super) fn draw_over(&self, frame: &mut Frame<'_>, area: Rect, sights: &[Sight<'_>], scene: &Scene) {
         let (title, lines) = match &self.over {
             None => return,
             Some(Over::Help) => (" keys ".to_owned(), self.help()),
             Some(Over::Why) => match self.sight(sights) {
-                Some(sight) => (format!(" why {} ", sight.name), explained(*sight)),
+                Some(sight) => (format!(" why {} ", sight.name), explained(*sight, scene)),
                 None => return,
             },
             Some(Over::Question(question)) => {
@@ -81,6 +81,6 @@ impl Cockpit {
     }
 }
 
-fn explained(sight: Sight<'_>) -> Vec<String> {
-    why::in_words(&sight.to_view()).lines().map(str::to_owned).collect()
+fn explained(sight: Sight<'_>, scene: &Scene) -> Vec<String> {
+    why::in_words(&sight.to_view(), scene.suspended()).lines().map(str::to_owned).collect()
 }

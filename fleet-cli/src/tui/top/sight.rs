@@ -71,7 +71,7 @@ pub(super) struct Sight<'a> {
     pub(super) state: Option<&'a RobotState>,
     /// Since its last state came; `None` = none has.
     pub(super) age_ms: Option<u64>,
-    /// The dispatcher's task on it that has not ended.
+    /// The dispatcher's task that it has.
     pub(super) task: Option<&'a TaskView>,
 }
 
@@ -80,14 +80,13 @@ pub(super) fn sights<'a>(scene: &'a Scene, only: &[Name], now_ms: AtMs) -> Vec<S
     let wanted = |name: &Name| only.is_empty() || only.contains(name);
     let mut robots: Vec<_> = scene.robots().iter().filter(|(name, _)| wanted(name)).collect();
     robots.sort_by_key(|(name, _)| by_number(name));
-    let tasks = || scene.tasks().into_iter().flat_map(|list| &list.value.tasks);
     let sight = |(row, (name, robot)): (usize, (&'a Name, &'a Robot))| Sight {
         name,
         row,
         robot,
         state: robot.state.as_ref().and_then(|seen| seen.fresh(now_ms)),
         age_ms: robot.state.as_ref().map(|seen| seen.age_ms(now_ms)),
-        task: tasks().find(|task| !task.state.is_final() && task.robot.as_ref() == Some(name)),
+        task: scene.task_of(name),
     };
     robots.into_iter().enumerate().map(sight).collect()
 }

@@ -13,8 +13,8 @@ use xtb_protocol::Uuid;
 use xtb_protocol::keys::{FleetKeys, Key};
 use xtb_protocol::messages::{
     Arc, FleetMap, GoalStatus, Latch, LeaseState, MapCell, MapHash, MapZone, MapZoneKind, NavPhase,
-    RobotState, RosterEntry, RouteSource, RouteState, Sensors, SimStats, StopReason, TaskId, TaskList,
-    TaskState, Track,
+    RobotState, RosterEntry, RouteSource, RouteState, Sensors, SimStats, StopReason, Suspension,
+    SuspensionCause, TaskId, TaskList, TaskState, TaskView, Track,
 };
 
 /// When the tests look.
@@ -108,9 +108,12 @@ fn fleet() -> Scene {
     scene.take(9_000, &key("dispatch/alive"), News::Alive(true));
     let mut task = fake::task(3, TaskState::Running);
     task.robot = Some(name("xtb-2"));
-    let tasks = TaskList { ledger: 1, at_ms: 5_000, ledger_failed: None, tasks: vec![task], left_out: 0 };
-    scene.take(9_000, &key("dispatch/tasks"), tasks.into());
+    scene.take(9_000, &key("dispatch/tasks"), list(vec![task], Vec::new()).into());
     scene
+}
+
+fn list(tasks: Vec<TaskView>, suspended: Vec<Suspension>) -> TaskList {
+    TaskList { ledger: 1, at_ms: 5_000, ledger_failed: None, tasks, left_out: 0, suspended }
 }
 
 fn sensors(robot: &str) -> Sensors {

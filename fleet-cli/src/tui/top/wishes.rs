@@ -1,6 +1,7 @@
 //! What keys do to the cockpit's state, and what they ask of robots.
 
 use super::*;
+use crate::task_words;
 
 impl Cockpit {
     /// Somebody is always selected, if there is anybody.
@@ -164,7 +165,7 @@ impl Cockpit {
         }
     }
 
-    pub(super) fn reset(&mut self, sights: &[Sight<'_>], dispatcher: bool, now_ms: AtMs) {
+    pub(super) fn reset(&mut self, sights: &[Sight<'_>], scene: &Scene, now_ms: AtMs) {
         let Some(sight) = self.sight(sights) else { return };
         let robot = sight.name.clone();
         let latches: Vec<String> = match sight.state {
@@ -174,13 +175,13 @@ impl Cockpit {
         if latches.is_empty() {
             return self.deeds.tell(now_ms, Tone::Plain, format!("{robot}: nothing is latched"));
         }
-        let next = if dispatcher { "; the dispatcher may give it a task at once" } else { "" };
+        let next = after_reset(scene, "; the dispatcher may give it a task at once");
         let text = format!("Reset {robot}? {}{next}", latches.join("; "));
         self.ask(Question { text, yes: Wish::Deed(Deed::Reset { robot, take: false }) });
     }
 
     /// All that are seen to have anything latched; whose state is unknown is left out, and named.
-    pub(super) fn reset_all(&mut self, sights: &[Sight<'_>], dispatcher: bool, now_ms: AtMs) {
+    pub(super) fn reset_all(&mut self, sights: &[Sight<'_>], scene: &Scene, now_ms: AtMs) {
         let latched = |sight: &&Sight<'_>| sight.state.is_some_and(|state| !state.latches.is_empty());
         let robots: Vec<Name> = sights.iter().filter(latched).map(|sight| sight.name.clone()).collect();
         let unknown = sights.iter().filter(|sight| sight.state.is_none()).map(|sight| sight.name.as_str());
@@ -189,7 +190,7 @@ impl Cockpit {
         if robots.is_empty() {
             return self.deeds.tell(now_ms, Tone::Plain, format!("nothing is latched{left_out}"));
         }
-        let next = if dispatcher { "; the dispatcher may give them tasks at once" } else { "" };
+        let next = after_reset(scene, "; the dispatcher may give them tasks at once");
         let names = robots.iter().map(Name::as_str).collect::<Vec<_>>().join(", ");
         let text = format!("Reset all that is latched? {names}{left_out}{next}");
         self.ask(Question { text, yes: Wish::Deed(Deed::ResetAll { robots }) });
@@ -210,5 +211,14 @@ impl Cockpit {
                 Vec::new()
             }
         }
+    }
+}
+
+/// What may follow a reset.
+fn after_reset(scene: &Scene, tasks: &'static str) -> &'static str {
+    match (scene.dispatcher(), task_words::fleet_stop(scene.suspended())) {
+        (false, _) => "",
+        (true, None) => tasks,
+        (true, Some(_)) => "; the dispatcher is suspended and assigns no task",
     }
 }

@@ -39,6 +39,9 @@ pub(crate) fn dispatch() -> Vec<Seed> {
         ("retry", DispatchBody::Retry { tasks: some() }),
         ("show", DispatchBody::Show { task: TaskId::new(17) }),
         ("cancel_all", DispatchBody::CancelAll {}),
+        ("activate", DispatchBody::Activate {}),
+        ("adopt", DispatchBody::Adopt {}),
+        ("status", DispatchBody::Status {}),
     ];
     let seeds = bodies.into_iter().flat_map(|(name, body)| message(name, &DispatchRequest { id: ID, body }));
     let mut seeds: Vec<Seed> = seeds.collect();

@@ -3,9 +3,9 @@
 use super::weather::Off;
 use super::{LEDGER, START_MS, World};
 use std::collections::BTreeMap;
-use xtb_dispatch::Entry;
 use xtb_dispatch::record::Record;
-use xtb_protocol::messages::{Assignment, TaskId, TaskState};
+use xtb_dispatch::{Dispatcher, Entry};
+use xtb_protocol::messages::{Assignment, Body, Request, SuspensionCause, TaskId, TaskState};
 use xtb_protocol::{Name, Uuid};
 
 impl World {
@@ -51,7 +51,51 @@ impl World {
         Ok(())
     }
 
+    /// Nothing is begun while the dispatcher is suspended.
+    pub(super) fn check_ask(&self, request: &Request) -> Result<(), String> {
+        let suspended = self.dispatcher.iter().flat_map(Dispatcher::suspensions);
+        let stopped = suspended.map(|it| it.cause).find(|it| matches!(it, SuspensionCause::FleetStop { .. }));
+        match (&request.body, stopped) {
+            (Body::Assign { assignment, .. }, Some(cause)) => {
+                Err(format!("{} is asked for although {}", assignment.task, cause.text()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// No assignment in the ledger is of a task that was suspended there: what the ledger says, read anew.
+    fn check_suspensions(&self) -> Result<(), String> {
+        let (mut stopped, mut map) = (false, None::<&str>);
+        let mut of: BTreeMap<TaskId, Option<&str>> = BTreeMap::new();
+        for entry in &self.ledger {
+            match &entry.record {
+                Record::Suspended { .. } => stopped = true,
+                Record::Activated { .. } => stopped = false,
+                Record::Map { name, .. } => {
+                    let none = of.values_mut().filter(|task| task.is_none());
+                    none.for_each(|task| *task = Some(name));
+                    map = Some(name);
+                }
+                Record::Adopted { map, .. } => of.values_mut().for_each(|task| *task = Some(map)),
+                Record::Submitted { task, .. } => drop(of.insert(*task, map)),
+                Record::Assigned { task, .. } => {
+                    let own = of.get(task).copied().flatten();
+                    if stopped || own != map {
+                        let (n, what) =
+                            (entry.n, if stopped { "after a stop of the fleet" } else { "elsewhere" });
+                        return Err(format!(
+                            "entry {n} assigns {task} of {own:?} {what}, the map is {map:?}"
+                        ));
+                    }
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
     pub(super) fn check_end(&self) -> Result<(), String> {
+        self.check_suspensions()?;
         let submitted = self.submitted();
         for submission in &self.submissions {
             let task = submission.task.ok_or("a submission without an answer")?;

@@ -17,8 +17,8 @@ use xtb_dispatch::dispatcher::Identity;
 use xtb_dispatch::{Dispatcher, Effect, Entry, OpenGround, Settings, Write};
 use xtb_nav::rooms::Draw;
 use xtb_protocol::messages::{
-    Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, Reply, Request,
-    RobotState, TaskId, TaskSpec, TaskState,
+    Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, MapHash, Reply,
+    Request, RobotState, TaskId, TaskSpec, TaskState,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -26,6 +26,7 @@ pub(crate) const LEDGER: u64 = 0x1234_5678_9abc;
 pub(crate) const GROUND: OpenGround = OpenGround { radius_m: 0.4 };
 const START_MS: u64 = 1_800_000_000_000;
 const STEP_MS: u64 = 10;
+const MAPS: [&str; 2] = ["lab", "hall"];
 
 enum Mail {
     Ask(usize, Name, Request),
@@ -58,6 +59,8 @@ pub(crate) struct World {
     pub(crate) ledger: Vec<Entry>,
     pub(crate) dispatcher: Option<Dispatcher>,
     run: u64,
+    /// The fleet's map, and when the dispatcher of this run hears of it.
+    map: (&'static str, u64),
     restart_ms: u64,
     write: Option<(u64, Write)>,
     pub(crate) writes: u64,
@@ -120,6 +123,7 @@ impl World {
             ledger: Vec::new(),
             dispatcher: None,
             run: 0,
+            map: (MAPS[0], 0),
             restart_ms: 0,
             write: None,
             writes: 0,
@@ -151,6 +155,9 @@ impl World {
         let dispatcher =
             Dispatcher::recover(self.now_ms, identity, self.settings(), read.collect::<Vec<_>>());
         self.dispatcher = Some(dispatcher.unwrap());
+        let moves = self.chance(self.weather.moves);
+        let name = if moves { MAPS[self.draw.whole(0, 1) as usize] } else { self.map.0 };
+        self.map = (name, self.now_ms + self.draw.whole(0, 400) as u64);
     }
 
     pub(crate) fn crash(&mut self) {
@@ -210,6 +217,9 @@ impl World {
         }
         self.people();
         if let Some(dispatcher) = &mut self.dispatcher {
+            if now_ms >= self.map.1 {
+                dispatcher.map(now_ms, self.map.0, MapHash::new(self.run % 2));
+            }
             dispatcher.step(now_ms, &GROUND);
         }
         self.effects()?;
@@ -286,6 +296,7 @@ impl World {
             match effect {
                 Effect::Write(write) => self.begin_write(write)?,
                 Effect::Ask { robot, request } => {
+                    self.check_ask(&request)?;
                     let i =
                         self.robots.iter().position(|other| other.name == robot).ok_or("no such robot")?;
                     self.post(i, Mail::Ask(i, me(), request));

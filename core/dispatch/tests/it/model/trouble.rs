@@ -8,7 +8,10 @@ use xtb_protocol::messages::{Body, DispatchBody, DispatchRequest, TaskId, TaskSt
 impl World {
     pub(super) fn trouble(&mut self) {
         let per_step = STEP_MS as f64 / 1000.0;
-        let Weather { partitions, reboots, takeovers, latches, obstacles, .. } = self.weather;
+        let Weather { partitions, reboots, takeovers, latches, obstacles, fleet_stops, .. } = self.weather;
+        if self.chance(fleet_stops * per_step) {
+            self.stop_fleet();
+        }
         for i in 0..self.robots.len() {
             if self.chance(partitions * per_step) {
                 let until_ms = self.now_ms + self.draw.whole(200, 20_000) as u64;
@@ -31,10 +34,11 @@ impl World {
                 self.robots[i].up = true;
             }
             if self.chance(latches * per_step) {
-                self.robots[i].latch();
+                let now_ms = self.now_ms;
+                self.robots[i].latch(now_ms);
             }
-            if self.robots[i].latched && self.draw.uniform(0.0, 1.0) < 0.3 * per_step {
-                self.robots[i].latched = false;
+            if self.robots[i].latched.is_some() && self.draw.uniform(0.0, 1.0) < 0.3 * per_step {
+                self.robots[i].latched = None;
             }
             if self.chance(obstacles * per_step) {
                 let most_ms = if self.draw.whole(0, 9) == 0 { 90_000 } else { 8_000 };
@@ -53,6 +57,19 @@ impl World {
             if self.takeover_until_ms[i] > 0 {
                 self.hold(i);
             }
+        }
+    }
+
+    /// Somebody stops all: most robots hear it, and the dispatcher if it runs.
+    fn stop_fleet(&mut self) {
+        let now_ms = self.now_ms;
+        for i in 0..self.robots.len() {
+            if self.robots[i].up && self.draw.whole(0, 9) > 0 {
+                self.robots[i].latch(now_ms);
+            }
+        }
+        if let Some(dispatcher) = &mut self.dispatcher {
+            dispatcher.fleet_stop(now_ms, Some(&person()));
         }
     }
 
@@ -97,6 +114,8 @@ impl World {
             if !tasks.is_empty() {
                 self.ask(DispatchBody::Resume { tasks });
             }
+            self.ask(DispatchBody::Activate {});
+            self.ask(DispatchBody::Adopt {});
         }
     }
 
@@ -109,7 +128,9 @@ impl World {
         }
         let task = all[self.draw.whole(0, all.len() as i64 - 1) as usize];
         let tasks = vec![task];
-        let (body, ticket) = match self.draw.whole(0, 4) {
+        let (body, ticket) = match self.draw.whole(0, 6) {
+            5 => (DispatchBody::Activate {}, Ticket::Other),
+            6 => (DispatchBody::Adopt {}, Ticket::Other),
             0 | 1 => (DispatchBody::Cancel { tasks }, Ticket::Cancel(task)),
             2 => (DispatchBody::Pause { tasks }, Ticket::Other),
             3 => (DispatchBody::Resume { tasks }, Ticket::Other),

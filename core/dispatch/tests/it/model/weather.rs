@@ -42,6 +42,10 @@ pub(crate) struct Weather {
     pub(crate) reboots: f64,
     pub(crate) takeovers: f64,
     pub(crate) latches: f64,
+    /// Emergency stops of all robots, per second.
+    pub(crate) fleet_stops: f64,
+    /// Share of starts of the dispatcher at which the fleet has another map.
+    pub(crate) moves: f64,
     /// Something stands in the way for a while.
     pub(crate) obstacles: f64,
     pub(crate) cancels: bool,
@@ -62,6 +66,8 @@ impl Weather {
         reboots: 0.0,
         takeovers: 0.0,
         latches: 0.0,
+        fleet_stops: 0.0,
+        moves: 0.0,
         obstacles: 0.0,
         cancels: false,
     };
@@ -73,6 +79,8 @@ impl Weather {
         reboots: 0.01,
         takeovers: 0.01,
         latches: 0.01,
+        fleet_stops: 0.01,
+        moves: 0.3,
         obstacles: 0.03,
         cancels: true,
         ..Self::CALM

@@ -76,7 +76,7 @@ pub(super) fn dispatcher(facts: &Facts) -> Vec<Finding> {
             "end all but one: robots get tasks from each of them",
         ),
     };
-    vec![finding]
+    std::iter::once(finding).chain(suspended(facts)).collect()
 }
 
 /// Whether the ledger is written.
@@ -92,6 +92,12 @@ pub(super) fn ledger(facts: &Facts) -> Vec<Finding> {
         ),
     });
     each.collect()
+}
+
+/// What the dispatcher has suspended.
+fn suspended(facts: &Facts) -> impl Iterator<Item = Finding> {
+    let suspended = facts.services.tasks.iter().flatten().flat_map(|list| &list.suspended);
+    suspended.map(|one| Finding::warning("dispatch", one.text(), one.cause.remedy()))
 }
 
 /// Whether there is one traffic control, and it works on the fleet's map.

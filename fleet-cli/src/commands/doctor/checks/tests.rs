@@ -244,7 +244,14 @@ fn a_real_robot_beside_an_overloaded_simulator_answers_for_itself() {
 
 fn tasks(ledger: u64) -> TaskList {
     let tasks = [TaskState::Running, TaskState::Queued, TaskState::Done].map(|state| fake::task(1, state));
-    TaskList { ledger, at_ms: 1, ledger_failed: None, tasks: tasks.to_vec(), left_out: 0 }
+    TaskList {
+        ledger,
+        at_ms: 1,
+        ledger_failed: None,
+        tasks: tasks.to_vec(),
+        left_out: 0,
+        suspended: Vec::new(),
+    }
 }
 
 fn floor(bits: u64) -> FleetMap {
@@ -320,6 +327,15 @@ fn a_ledger_that_cannot_be_written_is_a_problem_with_its_reason() {
     let mut facts = served();
     facts.services.tasks = vec![Ok(TaskList { ledger_failed: Some("disk full".into()), ..tasks(1) })];
     is_wrong(&facts, "ledger", Level::Problem, "cannot be written: disk full");
+}
+
+#[test]
+fn a_suspended_dispatcher_is_a_warning_that_says_what_ends_it() {
+    let mut facts = served();
+    let cause = xtb_protocol::messages::SuspensionCause::FleetStop { by: None };
+    let suspended = vec![xtb_protocol::messages::Suspension { cause, since_ms: 0, tasks: 3 }];
+    facts.services.tasks = vec![Ok(TaskList { suspended, ..tasks(1) })];
+    is_wrong(&facts, "dispatch", Level::Warning, "emergency stop of all robots; 3 open tasks wait");
 }
 
 #[test]

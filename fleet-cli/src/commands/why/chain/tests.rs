@@ -126,3 +126,14 @@ fn a_line_that_is_heard_again_is_only_why_it_stopped() {
     state.input_age_ms.encoder = Some(3000);
     assert_eq!(explain(&view(state)).reasons[0].text, "the I/O board is lost, the last one came 3.0 s ago");
 }
+
+#[test]
+fn a_robot_that_stands_beside_a_suspended_dispatcher_has_that_for_a_reason() {
+    let cause = xtb_protocol::messages::SuspensionCause::FleetStop { by: None };
+    let suspended = [Suspension { cause, since_ms: 0, tasks: 2 }];
+    let state = RobotState { stopped_because: vec![StopReason::NoCommand], ..fake::state("xtb-1") };
+    let why = explain(&view(state)).beside(&suspended);
+    let reason = why.reasons.iter().find(|reason| reason.kind == Kind::Tasks).unwrap();
+    assert!(reason.text.contains("emergency stop of all robots; 2 open tasks wait"), "{}", reason.text);
+    assert!(reason.todo.as_ref().unwrap().contains("dispatch activate"));
+}

@@ -214,3 +214,30 @@ fn a_recording_shows_where_it_is() {
     assert!(shown[0].contains("RECORDING 12.3 of 60.0 s, 2 times, PAUSED"), "{}", shown[0]);
     assert!(shown[23].contains("space pause"), "{}", shown[23]);
 }
+
+#[test]
+fn a_suspended_dispatcher_stands_in_the_title_and_says_what_ends_it() {
+    let (mut cockpit, mut scene) = (cockpit(), fleet());
+    let cause = SuspensionCause::FleetStop { by: Some(name("cli-7")) };
+    let suspended = vec![Suspension { cause, since_ms: 4_000, tasks: 3 }];
+    scene.take(9_500, &key("dispatch/tasks"), list(Vec::new(), suspended).into());
+    let shown = screen(&mut cockpit, &scene, 160, 50);
+    assert!(shown[0].contains("dispatcher SUSPENDED"), "{}", shown[0]);
+    letter(&mut cockpit, &scene, 'v');
+    let shown = screen(&mut cockpit, &scene, 200, 50);
+    line(
+        &shown,
+        "SUSPENDED: the dispatcher is suspended: emergency stop of all robots by cli-7; 3 open tasks wait",
+    );
+    line(&shown, "`fleet-cli dispatch activate`");
+    letter(&mut cockpit, &scene, '3');
+    letter(&mut cockpit, &scene, 'x');
+    line(&screen(&mut cockpit, &scene, 160, 50), "the dispatcher is suspended and assigns no task");
+    scene.take(9_600, &key("dispatch/alive"), News::Alive(false));
+    let shown = screen(&mut cockpit, &scene, 160, 50);
+    assert!(
+        !shown[0].contains("SUSPENDED"),
+        "what a dispatcher that is gone had suspended is unknown: {}",
+        shown[0]
+    );
+}

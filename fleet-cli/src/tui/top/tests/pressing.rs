@@ -156,6 +156,31 @@ fn cancel_ends_the_task_or_else_the_goal() {
 }
 
 #[test]
+fn a_task_that_has_left_the_robot_is_neither_its_task_nor_cancelled() {
+    for state in [TaskState::Queued, TaskState::Paused, TaskState::Done] {
+        let (mut cockpit, mut scene) = (cockpit(), fleet());
+        // As a list says it that still names the last robot.
+        let task = TaskView { robot: Some(name("xtb-1")), ..fake::task(3, state) };
+        scene.take(9_500, &key("dispatch/tasks"), list(vec![task], Vec::new()).into());
+        letter(&mut cockpit, &scene, '1');
+        let shown = screen(&mut cockpit, &scene, 100, 30);
+        assert!(line(&shown, "  task ").contains("none"), "{state:?}: {}", line(&shown, "  task "));
+        let goal = Deed::Cancel { robot: name("xtb-1"), goal: Uuid::from_u128(7), take: false };
+        assert_eq!(deeds(&letter(&mut cockpit, &scene, 'c')), [goal], "{state:?}");
+    }
+}
+
+#[test]
+fn what_a_dispatcher_that_is_gone_had_given_a_robot_is_not_known() {
+    let (mut cockpit, mut scene) = (cockpit(), fleet());
+    scene.take(9_500, &key("dispatch/alive"), News::Alive(false));
+    letter(&mut cockpit, &scene, '2');
+    assert!(
+        !deeds(&letter(&mut cockpit, &scene, 'c')).iter().any(|deed| matches!(deed, Deed::CancelTask { .. }))
+    );
+}
+
+#[test]
 fn the_wheel_is_held_to_run() {
     let scene = fleet();
     let mut cockpit = driving(&scene);

@@ -1,0 +1,42 @@
+//! `dispatch adopt`: the tasks of other maps are taken over to the fleet's.
+
+use crate::client::Client;
+use crate::context::Context;
+use crate::dispatching::Dispatching;
+use crate::error::{Exit, Failure, Kind, Result};
+use crate::interrupt::or_interrupted;
+
+/// Tasks that are named one by one.
+const NAMED: usize = 10;
+
+/// Takes them over, and says which.
+///
+/// # Errors
+/// No router, no dispatcher, no map, or its ledger cannot be written.
+pub(super) async fn run(ctx: &Context) -> Result<Exit> {
+    or_interrupted(adopt(ctx)).await
+}
+
+async fn adopt(ctx: &Context) -> Result<Exit> {
+    let client = Client::open(ctx).await?;
+    let adopted = Dispatching::of(&client).adopt().await;
+    client.close().await;
+    let adopted = adopted?;
+    let Some(map) = &adopted.map else {
+        return Err(Failure::new(Kind::Failed, "the dispatcher knows no map: no task is suspended for one")
+            .hint("`fleet-cli map serve` serves one, `dispatch serve --map` too"));
+    };
+    ctx.out.result(&adopted, |adopted| {
+        let named = adopted.tasks.iter().take(NAMED).map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        match adopted.tasks.len() {
+            0 => format!("no task is of another map than {map}"),
+            1 => format!("1 task is of map {map} now: {named}"),
+            count if count <= NAMED => format!("{count} tasks are of map {map} now: {named}"),
+            count => format!("{count} tasks are of map {map} now: {named} and {} more", count - NAMED),
+        }
+    })?;
+    if !adopted.tasks.is_empty() && !ctx.out.json {
+        ctx.out.note("those that it makes unreachable fail; `fleet-cli tasks` shows them");
+    }
+    Ok(Exit::Done)
+}
