@@ -232,7 +232,7 @@ fn a_suspended_dispatcher_stands_in_the_title_and_says_what_ends_it() {
     line(&shown, "`fleet-cli dispatch activate`");
     letter(&mut cockpit, &scene, '3');
     letter(&mut cockpit, &scene, 'x');
-    line(&screen(&mut cockpit, &scene, 160, 50), "the dispatcher is suspended and assigns no task");
+    line(&screen(&mut cockpit, &scene, 160, 50), "the dispatcher is suspended and assigns");
     scene.take(9_600, &key("dispatch/alive"), News::Alive(false));
     let shown = screen(&mut cockpit, &scene, 160, 50);
     assert!(
