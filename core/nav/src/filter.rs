@@ -53,6 +53,13 @@ use xtb_control::units::Stamp;
 /// A step of the odometry that changes nothing is left out for this long.
 const IDLE_MS: u64 = 50;
 
+/// A truck that stands while fixes contradict its pose may have slipped: its place grows unsure by this much
+/// in √s, …
+const SLIP_WALK_M: f64 = 0.05;
+/// … up to this, in m: what is farther off than a third of a metre, as another robot always is, that does not
+/// explain.
+const SLIP_MOST_M: f64 = 0.08;
+
 /// The odometry gave a pose that is none.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error("the odometry's pose ({x_m}, {y_m}) is not finite")]
@@ -128,6 +135,9 @@ impl PoseFilter {
             self.state.set_pose(&alignment.pose(odom));
         } else {
             self.state.predict(&increment, &self.tuning);
+            if self.gathered.contradicts() && self.travel.rests(now) {
+                self.state.slip(SLIP_WALK_M, SLIP_MOST_M, increment.dt_s);
+            }
         }
         self.history.push(self.now, increment, &self.state);
         Ok(())
@@ -233,7 +243,9 @@ impl PoseFilter {
     /// A fix does not fit: starts again where those rejected say, if the truck's motion has confirmed them.
     fn contradicted(&mut self, at: Stamp, slot: usize, fix: Measurement) -> Option<FixOutcome> {
         let state = self.history.state(slot);
-        let off = state.off(&fix, self.history.motion(slot));
+        let (off_m, off_rad) = state.off(&fix, self.history.motion(slot));
+        // As far as the fix itself may be off.
+        let off = (off_m + 3.0 * fix.sigma_m(), off_rad + fix.yaw_rad.map_or(0.0, |_| 3.0 * fix.sigma_rad()));
         self.gathered.reject(at, fix, state.pose(), off);
         let confirmed = self.gathered.confirmed();
         if confirmed.is_none() {

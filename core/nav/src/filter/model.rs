@@ -101,6 +101,14 @@ impl State {
         self.covariance[(SCALE, SCALE)] = sigma2;
     }
 
+    /// The wheels may have slipped: the place grows unsure by `walk_m` in √s, up to `most_m`.
+    pub(crate) fn slip(&mut self, walk_m: f64, most_m: f64, dt_s: f64) {
+        for place in [X, Y] {
+            let room = (square(most_m) - self.covariance[(place, place)]).max(0.0);
+            self.covariance[(place, place)] += (square(walk_m) * dt_s).min(room);
+        }
+    }
+
     /// From the first fix on the scale can be learnt, however wrong the settings are.
     pub(crate) fn open_scale(&mut self, sigma: f64) {
         let more = (square(sigma) - self.covariance[(SCALE, SCALE)]).max(0.0);

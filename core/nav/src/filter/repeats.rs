@@ -9,8 +9,10 @@ use xtb_control::odometry::OdomPose;
 const SAME_MOVED_M: f64 = 0.005;
 /// One that is nearly the same repeats once they have gone this far, in m.
 const NEAR_MOVED_M: f64 = 0.03;
+/// A source that has repeated goes on repeating within this part of its standard deviation.
+const STILL_SIGMAS: f64 = 0.5;
 /// Nearly the same: within this part of its standard deviation, but at least so much in m and in rad, …
-const NEAR_SIGMAS: f64 = 0.1;
+const NEAR_SIGMAS: f64 = 0.2;
 const NEAR_M: f64 = 1.0e-3;
 const NEAR_RAD: f64 = 1.0e-3;
 /// … and within this part of the way that the wheels have gone: fixes that are smoothed follow it.
@@ -43,7 +45,8 @@ impl Repeats {
 
     /// Whether a fix that came `now`, while the odometry says `odom`, only repeats an earlier one.
     pub(crate) fn is_repeat(&mut self, now: Stamp, fix: &Measurement, odom: &OdomPose) -> bool {
-        let near = self.anchor.filter(|anchor| anchor.is_near(fix));
+        let sigmas = if self.repeats > 0 { STILL_SIGMAS } else { NEAR_SIGMAS };
+        let near = self.anchor.filter(|anchor| anchor.is_near(fix, sigmas));
         let Some(anchor) = near else {
             *self = Self { anchor: Some(Anchor { fix: *fix, odom: *odom }), ..Self::default() };
             return false;
@@ -76,9 +79,9 @@ impl Anchor {
         }
     }
 
-    fn is_near(&self, fix: &Measurement) -> bool {
-        let yaw_rad = fix.yaw_rad.map_or(0.0, |_| (NEAR_SIGMAS * fix.sigma_rad()).max(NEAR_RAD));
-        self.off_m(fix) <= (NEAR_SIGMAS * fix.sigma_m()).max(NEAR_M) && self.turned_rad(fix) <= yaw_rad
+    fn is_near(&self, fix: &Measurement, sigmas: f64) -> bool {
+        let yaw_rad = fix.yaw_rad.map_or(0.0, |_| (sigmas * fix.sigma_rad()).max(NEAR_RAD));
+        self.off_m(fix) <= (sigmas * fix.sigma_m()).max(NEAR_M) && self.turned_rad(fix) <= yaw_rad
     }
 
     /// Whether the wheels have gone where this fix has not.

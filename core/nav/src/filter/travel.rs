@@ -82,6 +82,11 @@ impl Travel {
         (self.rolled_at, self.turned_rad, self.standing) = (None, 0.0, None);
     }
 
+    /// Whether the wheels have not turned for a moment.
+    pub(crate) fn rests(&self, now: Stamp) -> bool {
+        self.rolled_at.is_none_or(|at| now.since_s(at) >= STANDS_S)
+    }
+
     pub(crate) fn step(&mut self, was: Stamp, now: Stamp, from: &OdomPose, to: &OdomPose) -> Increment {
         let yaw_rad = FRAC_PI_2 - to.yaw.rad();
         let (sin, cos) = libm::sincos(yaw_rad);
@@ -113,8 +118,7 @@ impl Travel {
     }
 
     fn stand(&mut self, now: Stamp, yaw_rad: f64, rolled: bool) -> Option<(f64, f64)> {
-        let rests = self.rolled_at.is_none_or(|at| now.since_s(at) >= STANDS_S);
-        if rolled || !rests {
+        if rolled || !self.rests(now) {
             self.standing = None;
             return None;
         }
