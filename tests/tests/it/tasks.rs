@@ -320,7 +320,7 @@ fn a_ledger_is_exported_beside_its_dispatcher_and_compacted_without() {
     lab.run("dispatch goto 0 1.2 --wait").ok();
     let records = lab.ledger_verb("export").ok();
     assert!(records.iter().all(|record| record["intact"] == true), "{records:?}");
-    assert!(records[1].to_string().contains("\"submitted\""), "{}", records[1]);
+    assert!(records.iter().any(|record| record.to_string().contains("\"submitted\"")), "{records:?}");
     let refused = lab.ledger_verb("compact");
     let (code, _, message, _) = refused.error();
     assert!(code == 1 && message.contains("another dispatcher holds it"), "{refused:?}");

@@ -56,6 +56,9 @@ fn is_there(path: &Path) -> Result<bool, Fault> {
 /// Nothing but a ledger of this fleet is moved. One whose fleet cannot be read any more counts as that.
 fn is_ours(path: &Path, fleet: &str) -> Result<(), Fault> {
     let mut head = Vec::new();
+    if !path.metadata().is_ok_and(|found| found.is_file()) {
+        return Err(Fault::NotALedger { what: "it is not a file".into() });
+    }
     let read = File::open(path).and_then(|file| file.take(100).read_to_end(&mut head));
     read.map_err(|error| Fault::io("reading the head", error))?;
     if head.is_empty() {
