@@ -99,7 +99,7 @@ pub(crate) async fn listen(
     counters: Arc<Counters>,
     mut wanted: watch::Receiver<bool>,
 ) -> Result<(), BusError> {
-    let key = fleet.any_robot().state();
+    let key = fleet.neighbour_states();
     while wanted.wait_for(|wanted| *wanted).await.is_ok() {
         let (me, clock, slot, counters) = (me.clone(), clock.clone(), slot.clone(), counters.clone());
         let each = move |incoming: Incoming| slot.hear(clock.now(), &me, &incoming, &counters);

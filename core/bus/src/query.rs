@@ -10,6 +10,8 @@ use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 
 /// Answers that wait to be read; more would hold up Zenoh's own thread.
 const ANSWERS: usize = 2048;
+/// Of those who answer in one robot's name no more are read.
+const MOST_LINGERING: usize = 8;
 
 /// A question that waits for its answer.
 pub struct Question(Query);
@@ -92,12 +94,17 @@ impl Bus {
         Ok(Service { _inner: inner })
     }
 
-    /// Asks everybody on `selector` and collects the answers that come within `within`.
+    /// Asks everybody on `selector` and collects the answers that come, until everybody has answered, nothing has
+    /// come for `quiet`, or `within` is over.
     ///
     /// # Errors
     /// [`BusError::Operation`] if the question could not be sent. No answer is no error.
-    pub async fn get(&self, selector: &str, within: Duration) -> Result<Vec<Incoming>, BusError> {
-        let mut answers = Vec::new();
+    pub async fn gather(
+        &self,
+        selector: &str,
+        quiet: Duration,
+        within: Duration,
+    ) -> Result<Vec<Incoming>, BusError> {
         let replies = self
             .session
             .get(selector)
@@ -107,12 +114,21 @@ impl Bus {
             .with(zenoh::handlers::FifoChannel::new(ANSWERS))
             .await
             .map_err(failed("get", selector))?;
-        while let Ok(reply) = replies.recv_async().await {
+        let mut answers = Vec::new();
+        while let Ok(Ok(reply)) = tokio::time::timeout(quiet, replies.recv_async()).await {
             if let Ok(sample) = reply.result() {
                 answers.push(Incoming::of(sample));
             }
         }
         Ok(answers)
+    }
+
+    /// Asks everybody on `selector` and collects the answers that come within `within`.
+    ///
+    /// # Errors
+    /// As [`Bus::gather`].
+    pub async fn get(&self, selector: &str, within: Duration) -> Result<Vec<Incoming>, BusError> {
+        self.gather(selector, within, within).await
     }
 
     /// Asks everybody on `key_expr` with a message, as its channel is to be treated, and hands each
@@ -151,7 +167,7 @@ impl Bus {
         Ok(())
     }
 
-    /// Asks with bytes as they are: for tools and tests that must be able to send wrong ones.
+    /// Asks with bytes as they are: for tools and tests that must be able to send wrong ones. The first answer.
     ///
     /// # Errors
     /// [`BusError::Operation`] if the question could not be sent.
@@ -162,6 +178,18 @@ impl Bus {
         bytes: Vec<u8>,
         within: Duration,
     ) -> Result<Option<Incoming>, BusError> {
+        Ok(self.ask_lingering(key, encoding, bytes, within, Duration::ZERO).await?.into_iter().next())
+    }
+
+    /// All answers that come within `linger` of the first one.
+    async fn ask_lingering(
+        &self,
+        key: &str,
+        encoding: &str,
+        bytes: Vec<u8>,
+        within: Duration,
+        linger: Duration,
+    ) -> Result<Vec<Incoming>, BusError> {
         let replies = self
             .session
             .get(key)
@@ -172,12 +200,19 @@ impl Bus {
             .timeout(within)
             .await
             .map_err(failed("request", key))?;
-        while let Ok(reply) = replies.recv_async().await {
-            if let Ok(sample) = reply.result() {
-                return Ok(Some(Incoming::of(sample)));
+        let mut answers = Vec::new();
+        let mut until = tokio::time::Instant::now() + within;
+        while let Ok(Ok(reply)) = tokio::time::timeout_at(until, replies.recv_async()).await {
+            let Ok(sample) = reply.result() else { continue };
+            if answers.is_empty() {
+                until = until.min(tokio::time::Instant::now() + linger);
+            }
+            answers.push(Incoming::of(sample));
+            if linger.is_zero() || answers.len() >= MOST_LINGERING {
+                break;
             }
         }
-        Ok(None)
+        Ok(answers)
     }
 
     /// Sends one request to one robot. `None` = no answer: the outcome is unknown and the same
@@ -192,12 +227,26 @@ impl Bus {
         request: &Request,
         within: Duration,
     ) -> Result<Option<Reply>, BusError> {
+        Ok(self.ask_all(robot, client, request, within, Duration::ZERO).await?.into_iter().next())
+    }
+
+    /// The same, with every answer that comes within `linger` of the first: a robot gives one, so more than one
+    /// means that somebody else answers in its name.
+    ///
+    /// # Errors
+    /// As [`Bus::ask`].
+    pub async fn ask_all(
+        &self,
+        robot: &RobotKeys,
+        client: &Name,
+        request: &Request,
+        within: Duration,
+        linger: Duration,
+    ) -> Result<Vec<Reply>, BusError> {
         let key = robot.cmd(Some(client));
         let bytes = codec::encode(request, Format::Postcard)?;
         let encoding = codec::encoding::<Request>(Format::Postcard);
-        match self.ask_raw(&key, &encoding, bytes, within).await? {
-            Some(answer) => Ok(Some(answer.decode()?)),
-            None => Ok(None),
-        }
+        let answers = self.ask_lingering(&key, &encoding, bytes, within, linger).await?;
+        answers.iter().map(|answer| Ok(answer.decode()?)).collect()
     }
 }

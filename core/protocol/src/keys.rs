@@ -32,6 +32,8 @@ use thiserror::Error;
 pub const RESERVED: [&str; 5] = ["all", "sim", "dispatch", "traffic", "map"];
 const ROOT: &str = "xtb";
 const ANY: &str = "*";
+/// Any number of characters within a chunk, none too.
+const ANY_PART: &str = "$*";
 /// Longest name in characters.
 pub const MAX_NAME: usize = 32;
 
@@ -345,6 +347,14 @@ impl FleetKeys {
     #[must_use]
     pub fn any_robot(&self) -> RobotKeys {
         RobotKeys(format!("{ROOT}/{}/{ANY}", self.0))
+    }
+
+    /// The states of all robots, for a robot that listens to them for a while. It matches the same keys as
+    /// `any_robot().state()` and is another expression: of those who take back a subscription, questions on the
+    /// very same expression no longer reached the queryables (Zenoh 1.10).
+    #[must_use]
+    pub fn neighbour_states(&self) -> String {
+        format!("{ROOT}/{}/{ANY}/state{ANY_PART}", self.0)
     }
 
     /// Emergency stop of every robot, by one client or by any.

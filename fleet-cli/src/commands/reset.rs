@@ -39,7 +39,7 @@ pub(super) struct Report<'a> {
 pub async fn run(ctx: &Context, args: &ResetArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
     let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
-    let outcome = reset(ctx, &client, &control, args).await;
+    let outcome = reset(&client, &control, args).await;
     let taken_from = control.taken_from().map(str::to_owned);
     control.release().await;
     let report = Report { taken_from: taken_from.as_deref(), ..outcome? };
@@ -54,28 +54,18 @@ pub async fn run(ctx: &Context, args: &ResetArgs) -> Result<Exit> {
 
 /// Resets all of a robot's latches with the control that is held; what came of it in words, and whether
 /// it was refused.
-pub(super) async fn in_words(
-    ctx: &Context,
-    client: &Client,
-    control: &Control,
-    robot: &Name,
-) -> Result<(String, bool)> {
+pub(super) async fn in_words(client: &Client, control: &Control, robot: &Name) -> Result<(String, bool)> {
     let lease = LeaseArgs { take: false };
     let args = ResetArgs { robot: robot.clone(), latch: None, lease };
-    let report = reset(ctx, client, control, &args).await?;
+    let report = reset(client, control, &args).await?;
     let words = text(&report, None, &Output { json: false, colors: false });
     Ok((words, report.refused.is_some()))
 }
 
-pub(super) async fn reset<'a>(
-    ctx: &Context,
-    client: &Client,
-    control: &Control,
-    args: &'a ResetArgs,
-) -> Result<Report<'a>> {
+pub(super) async fn reset<'a>(client: &Client, control: &Control, args: &'a ResetArgs) -> Result<Report<'a>> {
     let robot = &args.robot;
-    let feed = Feed::open(client, &client.keys().robot(robot)).await?;
-    let before = next(&feed, robot, Instant::now(), ctx.timeout, |_| true).await;
+    let (feed, within) = (Feed::asked(client, robot, STATE_EVERY), client.patience());
+    let before = next(&feed, robot, Instant::now(), within, |_| true).await;
     let answer = control.request(Uuid::new_v4(), Body::Reset { latch: args.latch }).await;
     let refused = match answer {
         Ok(_) => None,
@@ -83,7 +73,7 @@ pub(super) async fn reset<'a>(
         Err(failure) => return Err(failure),
     };
     let seq = before.as_ref().map(|state| state.seq);
-    let after = settled(&feed, robot, ctx.timeout, seq, refused.is_some(), args.latch).await;
+    let after = settled(&feed, robot, within, seq, refused.is_some(), args.latch).await;
     let (cleared, remaining) = match (before, after) {
         (Some(before), Some(after)) => {
             let (cleared, remaining) = compare(&before, after);
@@ -181,7 +171,7 @@ mod tests {
         robot.lock().state.latches = latches;
         let args = Box::leak(Box::new(args(latch)));
         let control = Control::acquire(&client, &args.robot, false).await.unwrap();
-        let report = reset(client.context(), &client, &control, args).await.unwrap();
+        let report = reset(&client, &control, args).await.unwrap();
         let text = text(&report, latch, &Output { json: false, colors: false });
         (report, text)
     }

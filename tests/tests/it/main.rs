@@ -20,6 +20,7 @@ mod obstacles;
 mod operators;
 mod processes;
 mod recording;
+mod slow_links;
 mod style;
 mod tasks;
 mod teleop;

@@ -31,7 +31,14 @@ pub(crate) struct Point {
 /// As `goto` without `--wait`: the goal outlives this client and is bounded by the robot's own clock.
 pub(crate) async fn goto(client: &Client, robot: Name, to: Point, take: bool) -> Result<Value> {
     let Point { x_m, y_m, yaw_rad, via } = to;
-    let task = Task { robot, aim: Aim::Point { x_m, y_m, yaw_rad, via }, within: None, wait: false, take };
+    let task = Task {
+        robot,
+        aim: Aim::Point { x_m, y_m, yaw_rad, via },
+        within: None,
+        wait: false,
+        on_link_loss: None,
+        take,
+    };
     let control = Control::acquire(client, &task.robot, take).await?;
     let goal = Uuid::new_v4();
     let started = goal::start(&control, &task, goal).await;
@@ -57,10 +64,10 @@ pub(crate) async fn estop(
 }
 
 /// As `reset`: which latches are ended, and which remain.
-pub(crate) async fn reset(ctx: &Context, client: &Client, robot: Name) -> Result<Value> {
+pub(crate) async fn reset(client: &Client, robot: Name) -> Result<Value> {
     let args = ResetArgs { robot, latch: None, lease: LeaseArgs { take: false } };
     let control = Control::acquire(client, &args.robot, false).await?;
-    let done = reset::reset(ctx, client, &control, &args).await.and_then(|report| value(&report));
+    let done = reset::reset(client, &control, &args).await.and_then(|report| value(&report));
     control.release().await;
     done
 }
@@ -157,7 +164,7 @@ mod tests {
             fake::latch(Latch::Estop, "cli-1", false),
             fake::latch(Latch::GyroLost, "gyro_silent", true),
         ];
-        let done = reset(client.context(), &client, name("xtb-1")).await.unwrap();
+        let done = reset(&client, name("xtb-1")).await.unwrap();
         assert_eq!(done["cleared"], json!(["estop"]));
         assert_eq!(done["remaining"][0]["latch"], "gyro_lost");
         assert_eq!(fake.lock().lease, None);

@@ -20,6 +20,8 @@ fn healthy() -> Facts {
         abouts: each().map(|(name, robot)| (name, vec![fake::about(robot, "00c0ffee")])).collect(),
         unreadable: BTreeMap::new(),
         epochs: each().map(|(name, _)| (name, BTreeSet::from([7]))).collect(),
+        voices: each().map(|(name, _)| (name, 1)).collect(),
+        answered_for_nobody: false,
         states: each().map(|(name, robot)| (name, fake::state(robot))).collect(),
         rates: each().map(|(name, _)| (name, Some(1.02))).collect(),
     }
@@ -74,6 +76,8 @@ fn nobody_at_all_is_one_problem() {
         alive: BTreeSet::new(),
         abouts: BTreeMap::new(),
         epochs: BTreeMap::new(),
+        voices: BTreeMap::new(),
+        answered_for_nobody: false,
         states: BTreeMap::new(),
         rates: BTreeMap::new(),
         ..healthy()
