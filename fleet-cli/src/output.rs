@@ -2,7 +2,7 @@
 //!
 //! Nothing leaves it that could do more to a terminal than stand there: only our own colours and line feeds
 //! get through. Texts of messages were escaped where they were read
-//! ([`text`](xtb_protocol::text)); this holds for the system's words and whatever else ends up here.
+//! ([`xtb_protocol::text`]); this holds for the system's words and whatever else ends up here.
 
 use crate::cli::ColorChoice;
 use crate::error::{Failure, Kind, Result};
