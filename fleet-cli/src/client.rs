@@ -1,25 +1,35 @@
 //! A session with the fleet: who is there, who should be, and requests that are asked until answered.
 
+mod asking;
+
 use crate::context::Context;
 use crate::error::{Failure, Kind, Result};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
+use std::pin::pin;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use xtb_authority::operator::{ASK_AGAIN_MS, Operator, Step};
+use tokio::task::JoinSet;
+use xtb_authority::RoundTrip;
+use xtb_authority::round_trip::PATIENCE_MOST;
 use xtb_bus::{Bus, BusError, Incoming, Role};
 use xtb_control::Stamp;
+use xtb_protocol::Name;
 use xtb_protocol::keys::{FleetKeys, Key, RobotKeys};
 use xtb_protocol::messages::{
-    About, Body, Done, Message, Outcome, RejectCode, Reply, Request, RobotState, Roster, RosterEntry,
-    SimStats,
+    About, Done, Message, Outcome, Reply, RobotState, Roster, RosterEntry, SimStats,
 };
-use xtb_protocol::{Name, Uuid};
 
 /// A state older than this is stale: it is not shown as if it were the present one.
 pub const STALE: Duration = Duration::from_millis(500);
 /// Right after a session opens or a link returns, a query can come back at once without a reply
 /// (Zenoh issue 2767): an empty answer is asked for once more, this much later.
 const SETTLE: Duration = Duration::from_millis(150);
+/// A first attempt to open a session that has not failed by `--timeout` is waited for this many times as long:
+/// its handshake takes two round trips.
+const OPENING_TAKES: u32 = 3;
+/// An opening handshake that took longer than this says something of the link, not only of this computer.
+const SLOW_HANDSHAKE: Duration = Duration::from_millis(300);
 
 /// A state and when it arrived.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +66,7 @@ struct Shared {
     keys: FleetKeys,
     ctx: Context,
     began: Instant,
+    link: Mutex<RoundTrip>,
 }
 
 impl Client {
@@ -65,29 +76,30 @@ impl Client {
     /// [`Kind::NoRouter`] or, for an endpoint that is none, [`Kind::Usage`].
     pub async fn open(ctx: &Context) -> Result<Self> {
         let role = Role::Client { connect: ctx.connect.clone() };
-        let opening = xtb_bus::open_patiently(&role, |error| tracing::debug!("{error}"));
-        match tokio::time::timeout(ctx.timeout, opening).await {
-            Ok(opened) => Ok(Self::on(ctx, opened?)),
-            Err(_) => {
-                let tried = ctx.connect.join(", ");
-                let seconds = ctx.timeout.as_secs_f64();
-                Err(Failure::new(
-                    Kind::NoRouter,
-                    format!("No router answers at {tried} (tried for {seconds} s)"),
-                )
-                .hint(
-                    "start `fleet-cli sim` or `fleet-cli router`, \
-                         or name a router with --connect or XTB_CONNECT",
-                ))
-            }
+        let (began, failed) = (Instant::now(), AtomicBool::new(false));
+        let mut opening = pin!(xtb_bus::open_patiently(&role, |error| {
+            failed.store(true, Ordering::Relaxed);
+            tracing::debug!("{error}");
+        }));
+        let mut opened = tokio::time::timeout(ctx.timeout, &mut opening).await;
+        if opened.is_err() && !failed.load(Ordering::Relaxed) {
+            opened = tokio::time::timeout(ctx.timeout * (OPENING_TAKES - 1), &mut opening).await;
         }
+        let took = began.elapsed();
+        let Ok(opened) = opened else { return Err(no_router(ctx, took)) };
+        let client = Self::on(ctx, opened?);
+        if took > SLOW_HANDSHAKE && !failed.load(Ordering::Relaxed) {
+            client.measured(took / 2);
+        }
+        Ok(client)
     }
 
     /// A client on a session that is open already.
     #[must_use]
     pub fn on(ctx: &Context, bus: Bus) -> Self {
         let keys = FleetKeys::new(ctx.fleet.clone());
-        Self { shared: Arc::new(Shared { bus, keys, ctx: ctx.clone(), began: Instant::now() }) }
+        let link = Mutex::default();
+        Self { shared: Arc::new(Shared { bus, keys, ctx: ctx.clone(), began: Instant::now(), link }) }
     }
 
     /// The session.
@@ -118,6 +130,27 @@ impl Client {
     #[must_use]
     pub fn now(&self) -> Stamp {
         Stamp::from_ns(u64::try_from(self.shared.began.elapsed().as_nanos()).unwrap_or(u64::MAX))
+    }
+
+    fn link(&self) -> MutexGuard<'_, RoundTrip> {
+        self.shared.link.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The link to the robots, as far as it was measured.
+    #[must_use]
+    pub fn round_trip(&self) -> RoundTrip {
+        *self.link()
+    }
+
+    /// An answer took this long.
+    pub(crate) fn measured(&self, took: Duration) {
+        self.link().measured(took);
+    }
+
+    /// How long to wait for an answer: `--timeout`, longer on a slow link.
+    #[must_use]
+    pub fn patience(&self) -> Duration {
+        self.link().patience(self.shared.ctx.timeout)
     }
 
     /// Closes the session.
@@ -194,8 +227,17 @@ impl Client {
     /// [`Kind::Failed`] if the question could not be sent.
     pub async fn alive(&self) -> Result<BTreeSet<Name>> {
         let key_expr = self.keys().any_robot().alive();
-        let keys = self.bus().alive(&key_expr, self.shared.ctx.timeout).await?;
+        let keys = self.bus().alive(&key_expr, self.patience()).await?;
         Ok(keys.iter().filter_map(|key| Key::parse(key)?.robot).collect())
+    }
+
+    /// Whether this robot is there now.
+    ///
+    /// # Errors
+    /// [`Kind::Failed`] if the question could not be sent.
+    pub async fn is_alive(&self, robot: &Name) -> Result<bool> {
+        let keys = self.bus().alive(&self.keys().robot(robot).alive(), self.patience()).await?;
+        Ok(!keys.is_empty())
     }
 
     /// The states of the robots behind `keys`.
@@ -219,81 +261,62 @@ impl Client {
 
     /// Everybody's answers on `selector`.
     pub(crate) async fn get(&self, selector: &str) -> std::result::Result<Vec<Incoming>, BusError> {
-        get(self.bus(), selector, self.shared.ctx.timeout).await
+        get(self.bus(), selector, self.patience()).await
     }
 
-    /// Asks a robot for something that needs no lease.
+    /// The answers of robots on one of their keys: everybody is asked at once, then by name those of `there` who
+    /// have not answered.
+    pub(crate) async fn get_each(
+        &self,
+        key: fn(&RobotKeys) -> String,
+        there: &BTreeSet<Name>,
+    ) -> std::result::Result<Vec<Incoming>, BusError> {
+        let answers = self.get(&key(&self.keys().any_robot())).await?;
+        self.ask_the_silent(key, answers, there).await
+    }
+
+    /// Asks by name those of `there` who have not answered a question to all. (A wildcard reaches only those whom
+    /// the routers on the way know to match it.)
+    async fn ask_the_silent(
+        &self,
+        key: fn(&RobotKeys) -> String,
+        mut answers: Vec<Incoming>,
+        there: &BTreeSet<Name>,
+    ) -> std::result::Result<Vec<Incoming>, BusError> {
+        let answered: BTreeSet<Name> =
+            answers.iter().filter_map(|answer| Key::parse(&answer.key)?.robot).collect();
+        let mut asking = JoinSet::new();
+        for robot in there.difference(&answered) {
+            let (client, key) = (self.clone(), key(&self.keys().robot(robot)));
+            asking.spawn(async move { client.get(&key).await });
+        }
+        while let Some(asked) = asking.join_next().await {
+            match asked {
+                Ok(found) => answers.extend(found?),
+                Err(error) => tracing::error!("asking a robot by name: {error}"),
+            }
+        }
+        Ok(answers)
+    }
+
+    /// Who is there, and the states of all; who does not answer a question to all is asked by name.
     ///
     /// # Errors
-    /// [`Kind::Refused`], [`Kind::OutcomeUnknown`], or [`Kind::Usage`] if the request is not valid.
-    pub async fn request(&self, robot: &Name, body: Body) -> Result<Done> {
-        let reply = self.carry_out(robot, &Operator::default(), Uuid::new_v4(), body).await?;
-        accepted(robot, &reply)
-    }
-
-    /// Asks, and asks again with the same id while nobody answers or the robot has no room for the
-    /// request, until `--timeout` is up.
-    pub(crate) async fn carry_out(
-        &self,
-        robot: &Name,
-        operator: &Operator,
-        id: Uuid,
-        body: Body,
-    ) -> Result<Reply> {
-        Request { id, lease: None, body: body.clone() }
-            .validate()
-            .map_err(|error| Failure::new(Kind::Usage, error.to_string()))?;
-        let began = self.now();
-        let give_up = began.plus_ns(u64::try_from(self.shared.ctx.timeout.as_nanos()).unwrap_or(u64::MAX));
-        let mut call = operator.call(id, body, began, give_up);
-        let mut turned_away = 0;
-        loop {
-            match call.step(self.now()) {
-                Step::Ask(request) => {
-                    match self.ask_once(robot, &request).await?.map_or(Answer::Missing, Answer::of) {
-                        Answer::Settled(reply) => return Ok(reply),
-                        Answer::TurnedAway => turned_away += 1,
-                        Answer::Missing => {}
-                    }
-                    call.unanswered(self.now());
-                }
-                Step::Wait(until) => {
-                    let nap = until.ns().saturating_sub(self.now().ns());
-                    tokio::time::sleep(Duration::from_nanos(nap)).await;
-                }
-                Step::GiveUp { asked } => return Err(self.no_answer(robot, asked, turned_away)),
-            }
+    /// [`Kind::Failed`] if the question could not be sent.
+    pub async fn heard(&self) -> Result<(BTreeSet<Name>, BTreeMap<Name, Seen>)> {
+        let any = self.keys().any_robot().state();
+        let (alive, answers) = tokio::join!(self.alive(), self.get(&any));
+        let alive = alive?;
+        let asked = Instant::now();
+        let mut answers = self.ask_the_silent(RobotKeys::state, answers?, &alive).await?;
+        if asked.elapsed() > STALE / 2 {
+            // Somebody took his time: the others' states have become old.
+            answers.extend(self.get(&any).await?);
         }
-    }
-
-    async fn ask_once(&self, robot: &Name, request: &Request) -> Result<Option<Reply>> {
-        let keys = self.keys().robot(robot);
-        let within = Duration::from_millis(ASK_AGAIN_MS).min(self.shared.ctx.timeout);
-        match self.bus().ask(&keys, self.name(), request, within).await {
-            Ok(reply) => Ok(reply),
-            Err(error @ BusError::Operation { .. }) => {
-                tracing::debug!("{error}");
-                Ok(None)
-            }
-            Err(error) => Err(error.into()),
-        }
-    }
-
-    fn no_answer(&self, robot: &Name, asked: u32, turned_away: u32) -> Failure {
-        let Context { timeout, fleet, .. } = &self.shared.ctx;
-        let seconds = timeout.as_secs_f64();
-        let (how, hint) = match turned_away {
-            0 => (
-                format!("does not answer ({asked} times in {seconds} s)"),
-                "`fleet-cli list` shows who is there",
-            ),
-            _ => (
-                format!("is overloaded (it turned away {turned_away} of {asked} requests in {seconds} s)"),
-                "too many clients ask it for too much: end some of them, or wait longer with --timeout",
-            ),
-        };
-        let message = format!("{robot} of fleet {fleet} {how}: outcome unknown");
-        Failure::new(Kind::OutcomeUnknown, message).hint(hint)
+        let at = Instant::now();
+        let states = answers.iter().filter_map(read::<RobotState>);
+        let states = states.map(|state| (state.robot.clone(), Seen { state, at })).collect();
+        Ok((alive, states))
     }
 
     /// What to say when nobody is there.
@@ -309,39 +332,29 @@ impl Client {
     }
 }
 
-/// Everybody's answers on `selector`; asked for once more if there are none at once.
+fn no_router(ctx: &Context, tried: Duration) -> Failure {
+    let (endpoints, seconds) = (ctx.connect.join(", "), (tried.as_secs_f64() * 10.0).round() / 10.0);
+    Failure::new(Kind::NoRouter, format!("No router answers at {endpoints} (tried for {seconds} s)")).hint(
+        "start `fleet-cli sim` or `fleet-cli router`, \
+         or name a router with --connect or XTB_CONNECT",
+    )
+}
+
+/// Everybody's answers on `selector`; asked for once more if there are none at once. Silence for `within` ends
+/// it: on a slow link the states of a fleet come one by one.
 pub(crate) async fn get(
     bus: &Bus,
     selector: &str,
     within: Duration,
 ) -> std::result::Result<Vec<Incoming>, BusError> {
     let asked = Instant::now();
-    let answers = bus.get(selector, within).await?;
+    let most = within.max(PATIENCE_MOST);
+    let answers = bus.gather(selector, within, most).await?;
     if !answers.is_empty() || asked.elapsed() >= within {
         return Ok(answers);
     }
     tokio::time::sleep(SETTLE).await;
-    bus.get(selector, within).await
-}
-
-/// What came back for one ask.
-#[derive(Debug, PartialEq)]
-enum Answer {
-    /// The robot's word; asking again would change nothing.
-    Settled(Reply),
-    /// The robot had no room for the request: it was not looked at.
-    TurnedAway,
-    /// Nothing.
-    Missing,
-}
-
-impl Answer {
-    fn of(reply: Reply) -> Self {
-        match &reply.result {
-            Outcome::Error(error) if error.code == RejectCode::Overloaded => Self::TurnedAway,
-            _ => Self::Settled(reply),
-        }
-    }
+    bus.gather(selector, within, most).await
 }
 
 /// What a reply gave.
@@ -378,6 +391,12 @@ impl Client {
         };
         let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
         Self::on(&ctx, xtb_bus::open(&role).await.unwrap())
+    }
+
+    /// Another session of the same fleet, connected to this one.
+    pub(crate) async fn another(&self) -> Self {
+        let role = Role::Client { connect: self.bus().locators().await };
+        Self::on(self.context(), xtb_bus::open(&role).await.unwrap())
     }
 }
 

@@ -24,6 +24,8 @@ const STARTS_WITHIN: Duration = Duration::from_secs(5);
 const CONFIRMS_WITHIN: Duration = Duration::from_secs(6);
 /// Anything else it answers as soon as it is in the ledger; then the same is asked again.
 const ANSWERS_WITHIN: Duration = Duration::from_secs(2);
+/// Whether it is there shows within this.
+const IS_THERE_WITHIN: Duration = Duration::from_millis(500);
 /// Between a question that nobody answered and the next one.
 const ASK_AGAIN: Duration = Duration::from_millis(200);
 /// Who waits longer than this is told for what.
@@ -144,9 +146,14 @@ impl<'a> Dispatching<'a> {
         }
     }
 
+    /// Longer on a slow link.
+    fn within(&self, usual: Duration) -> Duration {
+        self.client.round_trip().patience(usual)
+    }
+
     /// Whether one runs.
     pub async fn is_there(&self) -> bool {
-        let within = Duration::from_millis(500);
+        let within = self.within(IS_THERE_WITHIN);
         let alive = self.client.bus().alive(&self.client.keys().dispatch_alive(), within).await;
         alive.is_ok_and(|keys| !keys.is_empty())
     }
@@ -186,7 +193,7 @@ impl<'a> Dispatching<'a> {
         let began = Instant::now();
         let (mut was_there, mut busy) = (false, None);
         loop {
-            match self.ask_once(&request, within).await? {
+            match self.ask_once(&request, self.within(within)).await? {
                 Some(DispatchReply { result: DispatchOutcome::Error(error), .. }) => match error.code {
                     DispatchCode::Overloaded => busy = Some(error),
                     _ => return Err(error.into()),

@@ -21,6 +21,20 @@ use xtb_protocol::messages::{
 };
 use xtb_protocol::{Name, Uuid};
 
+/// Somebody who says yes to every command, whichever robot is meant.
+pub(crate) async fn yes_man(client: &Client) -> Service {
+    let (runtime, robots) = (tokio::runtime::Handle::current(), client.keys().clone());
+    let each = move |question: Question| {
+        let (robot, client) = (question.key().robot.clone().unwrap(), question.client().cloned().unwrap());
+        let key = robots.robot(&robot).cmd(Some(&client));
+        runtime.spawn(async move {
+            let (request, format) = question.decode::<Request>().unwrap();
+            question.reply(&key, &Reply::done(request.id, Done::default()), format).await.unwrap();
+        });
+    };
+    client.bus().serve(&client.keys().any_robot().cmd(None), each).await.unwrap()
+}
+
 const PUBLISH_EVERY: Duration = Duration::from_millis(20);
 
 pub(crate) fn name(text: &str) -> Name {
@@ -124,9 +138,13 @@ pub(crate) struct Fake {
     pub(crate) state: RobotState,
     pub(crate) lease: Option<(Name, Lease)>,
     root: u32,
+    /// The acquire that was granted last: asked again it gets the same lease.
+    granted: Option<(Uuid, Lease)>,
     pub(crate) asked: Vec<(Name, Body)>,
     /// Whether it carries goals out at all.
     pub(crate) mute: bool,
+    /// Whether it says yes to a stop and drives on.
+    pub(crate) stubborn: bool,
 }
 
 impl Fake {
@@ -143,14 +161,24 @@ impl Fake {
             holder == client && request.lease.is_some_and(|given| given == *lease)
         });
         match &request.body {
+            Body::Acquire { .. } if self.granted.is_some_and(|(id, _)| id == request.id) => {
+                let lease = self.granted.map(|(_, lease)| lease);
+                done(Done { lease, goal: None })
+            }
             Body::Acquire { take } => {
                 let other = self.lease.as_ref().filter(|(holder, _)| holder != client);
                 if let Some((holder, _)) = other.filter(|_| !take) {
                     return refuse(RejectCode::LeaseHeld, format!("the lease is held by {holder}"));
                 }
-                Some(Reply::done(request.id, Done { lease: Some(self.grant(client)), goal: None }))
+                let lease = self.grant(client);
+                self.granted = Some((request.id, lease));
+                done(Done { lease: Some(lease), goal: None })
             }
-            Body::Stop {} => done(Done::default()),
+            Body::Stop {} => {
+                let goal = self.state.goal.as_mut().filter(|goal| !goal.status.is_final() && !self.stubborn);
+                goal.into_iter().for_each(|goal| goal.status = GoalStatus::Cancelled);
+                done(Done::default())
+            }
             _ if request.lease.is_none() => refuse(RejectCode::LeaseRequired, "a lease is needed".into()),
             _ if !ours => refuse(RejectCode::LeaseLost, format!("the lease is not {client}'s any more")),
             Body::Retain {} => done(Done::default()),
@@ -225,7 +253,15 @@ impl FakeRobot {
     pub(crate) async fn start(client: &Client, robot: &str) -> Self {
         let keys = client.keys().robot(&name(robot));
         let bus = client.bus();
-        let fake = Fake { state: state(robot), lease: None, root: 0, asked: Vec::new(), mute: false };
+        let fake = Fake {
+            state: state(robot),
+            lease: None,
+            root: 0,
+            granted: None,
+            asked: Vec::new(),
+            mute: false,
+            stubborn: false,
+        };
         let fake = Arc::new(Mutex::new(fake));
         let (sender, questions) = mpsc::unbounded_channel::<Question>();
         let mut services = Vec::new();

@@ -4,8 +4,10 @@ use crate::client::{Client, Seen};
 use crate::error::Result;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tokio::sync::{Notify, mpsc};
+use tokio::task::{JoinHandle, JoinSet};
+use tokio::time::MissedTickBehavior;
 use xtb_bus::{Presence, Subscription};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Key, RobotKeys};
@@ -13,6 +15,8 @@ use xtb_protocol::messages::{Event, RobotState};
 
 /// Events that wait for their reader; one that finds no room is dropped (and logged).
 const EVENT_QUEUE: usize = 256;
+/// Questions for a state on their way at most: on a slow link they come as fast as they are answered.
+const QUESTIONS: usize = 2;
 
 #[derive(Debug, Default)]
 struct Latest {
@@ -24,8 +28,28 @@ struct Latest {
 /// Latest states and presence of one robot or of all, until it is dropped.
 pub struct Feed {
     latest: Arc<Latest>,
-    _states: Subscription,
-    _presence: Presence,
+    _source: Source,
+}
+
+/// Where they come from.
+enum Source {
+    Published { _states: Subscription, _presence: Presence },
+    Asked(JoinHandle<()>),
+}
+
+impl Drop for Source {
+    fn drop(&mut self) {
+        if let Self::Asked(asking) = self {
+            asking.abort();
+        }
+    }
+}
+
+impl Latest {
+    fn put(&self, state: RobotState) {
+        lock(&self.states).insert(state.robot.clone(), Seen { at: Instant::now(), state });
+        self.news.notify_one();
+    }
 }
 
 impl Feed {
@@ -37,11 +61,7 @@ impl Feed {
         let latest = Arc::new(Latest::default());
         let states = Arc::clone(&latest);
         let each = move |incoming: xtb_bus::Incoming| match incoming.decode::<RobotState>() {
-            Ok(state) => {
-                let seen = Seen { at: Instant::now(), state };
-                lock(&states.states).insert(seen.state.robot.clone(), seen);
-                states.news.notify_one();
-            }
+            Ok(state) => states.put(state),
             Err(error) => tracing::debug!("on {}: {error}", incoming.key),
         };
         let _states = client.bus().subscribe(&keys.state(), each).await?;
@@ -58,7 +78,16 @@ impl Feed {
             presence.news.notify_one();
         };
         let _presence = client.bus().watch_alive(&keys.alive(), each).await?;
-        Ok(Self { latest, _states, _presence })
+        Ok(Self { latest, _source: Source::Published { _states, _presence } })
+    }
+
+    /// Asks one robot for its state, `every` so often or as often as the link can: a subscription to 20 states a
+    /// second takes 80 kbit/s, and fills every queue of a link that has less.
+    #[must_use]
+    pub fn asked(client: &Client, robot: &Name, every: Duration) -> Self {
+        let latest = Arc::new(Latest::default());
+        let asking = ask_on(client.clone(), robot.clone(), every, Arc::clone(&latest));
+        Self { latest, _source: Source::Asked(tokio::spawn(asking)) }
     }
 
     /// The last state of a robot, however old.
@@ -82,6 +111,27 @@ impl Feed {
     /// Waits until something has come in since the last call.
     pub async fn news(&self) {
         self.latest.news.notified().await;
+    }
+}
+
+async fn ask_on(client: Client, robot: Name, every: Duration, latest: Arc<Latest>) {
+    let mut ask = tokio::time::interval(every);
+    ask.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut asking = JoinSet::new();
+    loop {
+        tokio::select! {
+            Some(states) = asking.join_next() => {
+                let states: Vec<RobotState> = states.unwrap_or_default();
+                states.into_iter().filter(|state| state.robot == robot).for_each(|state| latest.put(state));
+            }
+            _ = ask.tick(), if asking.len() < QUESTIONS => {
+                let (client, key) = (client.clone(), client.keys().robot(&robot).state());
+                asking.spawn(async move {
+                    let answers = client.bus().get(&key, client.patience()).await.unwrap_or_default();
+                    answers.iter().filter_map(|answer| answer.decode().ok()).collect()
+                });
+            }
+        }
     }
 }
 

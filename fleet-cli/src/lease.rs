@@ -1,11 +1,14 @@
 //! A lease for as long as a command needs it: acquired, or taken from its holder; retained in the
 //! background; released.
+//!
+//! Retains are sent each 100 ms whether or not those before were answered: however long a round trip takes, the
+//! robot hears one each 100 ms.
 
 use crate::client::{Client, accepted};
 use crate::error::{Failure, Kind, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
-use tokio::task::JoinHandle;
+use std::time::{Duration, Instant};
+use tokio::task::{JoinHandle, JoinSet};
 use tokio::time::MissedTickBehavior;
 use xtb_authority::operator::{Operator, RETAIN_MS};
 use xtb_control::Stamp;
@@ -14,8 +17,12 @@ use xtb_protocol::{Name, Uuid};
 
 /// How exactly the 100 ms between two retains are kept.
 const LOOK_EVERY: Duration = Duration::from_millis(RETAIN_MS / 5);
-/// A retain that takes longer is given up for the next one; 500 ms of silence end a halting goal.
-const RETAIN_WITHIN: Duration = Duration::from_millis(2 * RETAIN_MS);
+/// The answer to a retain is waited for so long, longer on a slow link.
+const RETAIN_WITHIN: Duration = Duration::from_millis(5 * RETAIN_MS);
+/// And at most.
+const RETAIN_WITHIN_MOST: Duration = Duration::from_secs(4);
+/// Retains on their way at most: those of the longest wait. One more is left out.
+const RETAINS: usize = 48;
 
 /// The client's standing with the robot.
 #[derive(Debug, Default)]
@@ -170,17 +177,22 @@ struct Keeper {
 
 impl Keeper {
     async fn keep(self) {
-        let keys = self.client.keys().robot(&self.robot);
         let mut look = tokio::time::interval(LOOK_EVERY);
         look.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        let mut asked = JoinSet::new();
         loop {
-            look.tick().await;
-            let Some((lease, body)) = self.due() else { continue };
-            let request = Request { id: Uuid::new_v4(), lease, body };
-            match self.client.bus().ask(&keys, self.client.name(), &request, RETAIN_WITHIN).await {
-                Ok(Some(reply)) => self.answered(lease, &reply),
-                Ok(None) => tracing::debug!("{} did not answer a retain", self.robot),
-                Err(error) => tracing::debug!("retaining the lease of {}: {error}", self.robot),
+            tokio::select! {
+                _ = look.tick() => {
+                    if asked.len() < RETAINS && let Some((lease, body)) = self.due() {
+                        let request = Request { id: Uuid::new_v4(), lease, body };
+                        asked.spawn(retain(self.client.clone(), self.robot.clone(), request));
+                    }
+                }
+                Some(answer) = asked.join_next() => {
+                    if let Ok(Some((lease, reply))) = answer {
+                        self.answered(lease, &reply);
+                    }
+                }
             }
         }
     }
@@ -199,6 +211,22 @@ impl Keeper {
             book.replied(self.client.now(), &self.robot, reply);
         }
     }
+}
+
+/// One retain, and what came of it.
+async fn retain(client: Client, robot: Name, request: Request) -> Option<(Option<Lease>, Reply)> {
+    let keys = client.keys().robot(&robot);
+    let within = client.round_trip().patience(RETAIN_WITHIN).min(RETAIN_WITHIN_MOST);
+    let asked = Instant::now();
+    match client.bus().ask(&keys, client.name(), &request, within).await {
+        Ok(Some(reply)) => {
+            client.measured(asked.elapsed());
+            return Some((request.lease, reply));
+        }
+        Ok(None) => tracing::debug!("{robot} did not answer a retain"),
+        Err(error) => tracing::debug!("retaining the lease of {robot}: {error}"),
+    }
+    None
 }
 
 /// A panic elsewhere does not make the book unreadable.

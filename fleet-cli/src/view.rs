@@ -40,9 +40,11 @@ pub(crate) struct RobotView {
 }
 
 impl FleetView {
-    /// Asks everybody once; `wanted` robots get a row in any case.
+    /// Asks everybody once, and by name those who are there and did not answer; `wanted` robots get a row in any
+    /// case.
     pub(crate) async fn ask(client: &Client, fleet: &Name, wanted: &BTreeSet<Name>) -> Result<Self> {
-        Self::ask_robots(client, fleet, &client.keys().any_robot(), wanted).await
+        let (alive, states) = client.heard().await?;
+        Ok(Self::of(fleet, &alive, &states, wanted))
     }
 
     /// The same, but asks only the robots behind `keys` for their states.
@@ -63,7 +65,8 @@ impl FleetView {
         Self::of(fleet, &feed.alive(), &states, &wanted)
     }
 
-    fn of(
+    /// Of those who are there, their states, and whoever gets a row in any case.
+    pub(crate) fn of(
         fleet: &Name,
         alive: &BTreeSet<Name>,
         states: &BTreeMap<Name, Seen>,
@@ -84,6 +87,11 @@ impl FleetView {
             }
         });
         Self { fleet: fleet.clone(), robots: robots.collect(), simulator: None }
+    }
+
+    /// Whether each of them is there and was heard.
+    pub(crate) fn is_known(&self) -> bool {
+        self.robots.iter().all(|robot| robot.alive && robot.state.is_some())
     }
 
     /// With what the roster says of each.

@@ -12,6 +12,8 @@ mod probe;
 pub mod processes;
 pub mod rig;
 pub mod screen;
+pub mod slow_link;
+pub mod slow_verbs;
 
 pub use live::Live;
 pub use pilot::Pilot;

@@ -6,7 +6,7 @@
 //!   time and the simulator in lockstep.
 //! * [`mod@line`], [`monitor`], [`faults`]: what is broken, by name, and whether it must stop the robot.
 //! * [`arbitration`], [`assigned`], [`lease`], [`latch`], [`guard`]: the rules it goes by, each in one place.
-//! * [`operator`]: the client's side: acquire, retain, retry.
+//! * [`operator`], [`round_trip`]: the client's side: acquire, retain, retry, and how long to wait for an answer.
 
 pub mod agent;
 pub mod arbitration;
@@ -22,9 +22,11 @@ pub mod monitor;
 pub mod operator;
 pub mod replies;
 pub mod robot;
+pub mod round_trip;
 pub mod tape;
 
 pub use agent::{Agent, Identity};
 pub use guard::{Guard, Guards};
 pub use operator::Operator;
 pub use robot::Robot;
+pub use round_trip::RoundTrip;

@@ -11,6 +11,9 @@ use xtb_protocol::messages::{Body, Lease, Outcome, RejectCode, Reply, Request, S
 pub const RETAIN_MS: u64 = 100;
 /// An unanswered request is asked again after this long.
 pub const ASK_AGAIN_MS: u64 = 500;
+/// An `acquire` sooner, however long its answer takes: the repetition keeps the lease that the first one was
+/// granted, until retains take over.
+pub const ACQUIRE_AGAIN_MS: u64 = 200;
 
 /// One request on its way.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,6 +21,7 @@ pub struct Call {
     request: Request,
     give_up: Stamp,
     next_ask: Stamp,
+    again_ms: u64,
     asked: u32,
 }
 
@@ -36,6 +40,13 @@ pub enum Step {
 }
 
 impl Call {
+    /// On a slow link asked again only after this long; an `acquire` at its own pace.
+    #[must_use]
+    pub fn again_after(self, ms: u64) -> Self {
+        let acquires = matches!(self.request.body, Body::Acquire { .. });
+        Self { again_ms: if acquires { ACQUIRE_AGAIN_MS } else { ms }, ..self }
+    }
+
     /// What to do at `now`.
     pub fn step(&mut self, now: Stamp) -> Step {
         if now >= self.give_up {
@@ -45,7 +56,7 @@ impl Call {
             return Step::Wait(self.next_ask.min(self.give_up));
         }
         self.asked += 1;
-        self.next_ask = now.plus_ms(ASK_AGAIN_MS);
+        self.next_ask = now.plus_ms(self.again_ms);
         Step::Ask(self.request.clone())
     }
 
@@ -72,7 +83,8 @@ impl Operator {
     /// A request with the lease that is held, to be answered before `give_up`.
     #[must_use]
     pub fn call(&self, id: Uuid, body: Body, now: Stamp, give_up: Stamp) -> Call {
-        Call { request: Request { id, lease: self.lease, body }, give_up, next_ask: now, asked: 0 }
+        let request = Request { id, lease: self.lease, body };
+        Call { request, give_up, next_ask: now, again_ms: ASK_AGAIN_MS, asked: 0 }
     }
 
     /// The lease that is held.
@@ -150,6 +162,17 @@ mod tests {
         }
         assert_eq!(asks, 3);
         assert_eq!(call.step(Stamp::from_ms(1200)), Step::GiveUp { asked: 3 });
+    }
+
+    #[test]
+    fn on_a_slow_link_it_is_asked_less_often_but_an_acquire_keeps_its_pace() {
+        let asks = |body: Body| {
+            let end = Stamp::from_ms(1200);
+            let mut call = Operator::default().call(Uuid::nil(), body, Stamp::ZERO, end).again_after(1000);
+            (0..1200).filter(|ms| matches!(call.step(Stamp::from_ms(*ms)), Step::Ask(_))).count()
+        };
+        assert_eq!(asks(Body::Stop {}), 2);
+        assert_eq!(asks(Body::Acquire { take: false }), 6);
     }
 
     fn granted() -> Reply {

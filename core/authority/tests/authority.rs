@@ -340,3 +340,19 @@ fn a_command_that_waited_until_its_lease_had_run_out_comes_too_late() {
     bench.now = bench.now.plus_ms(950); // held up: no turn has freed the lease
     assert_eq!(code_of(&bench.ask(ahead(5.0))), RejectCode::LeaseLost);
 }
+
+#[test]
+fn an_acquire_that_is_repeated_keeps_the_lease_until_its_client_knows_of_it() {
+    let mut bench = Bench::new();
+    let acquire = Request { id: Uuid::from_u128(1), lease: None, body: Body::Acquire { take: false } };
+    let lease = lease_in(&bench.ask_as(CLIENT, &acquire));
+    for _ in 0..10 {
+        bench.run_ms(200);
+        assert_eq!(lease_in(&bench.ask_as(CLIENT, &acquire)), lease);
+    }
+    let retain = Request { id: Uuid::from_u128(2), lease: Some(lease), body: Body::Retain {} };
+    assert!(matches!(bench.ask_as(CLIENT, &retain).result, Outcome::Ok(_)));
+    bench.run_ms(1000);
+    bench.ask_as(CLIENT, &acquire);
+    assert_eq!(code_of(&bench.ask_as(CLIENT, &retain)), RejectCode::LeaseLost, "what has run out stays so");
+}

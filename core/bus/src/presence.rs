@@ -49,7 +49,7 @@ impl Bus {
         Ok(Token { inner, key: key.to_owned() })
     }
 
-    /// The keys on `key_expr` that are alive now.
+    /// The keys on `key_expr` that are alive now, as far as they are told within `within`.
     ///
     /// # Errors
     /// [`BusError::Operation`].

@@ -12,6 +12,8 @@ use zenoh::query::{ConsolidationMode, Query, QueryTarget, Reply as Answer};
 
 /// Answers to one question that wait to be read; what comes beyond is dropped, and said.
 const ANSWERS: usize = 2048;
+/// Of those who answer in one robot's name no more are read.
+const MOST_LINGERING: usize = 8;
 
 /// Where the answers to a question come in, and where they are read. Coming in never waits: Zenoh hands
 /// over what this very session knows before the question returns, so that nobody reads yet.
@@ -142,11 +144,17 @@ impl Bus {
         Ok(Service { _inner: inner })
     }
 
-    /// Asks everybody on `selector` and collects the answers that come within `within`.
+    /// Asks everybody on `selector` and collects the answers that come, until everybody has answered, nothing has
+    /// come for `quiet`, or `within` is over.
     ///
     /// # Errors
     /// [`BusError::Operation`] if the question could not be sent. No answer is no error.
-    pub async fn get(&self, selector: &str, within: Duration) -> Result<Vec<Incoming>, BusError> {
+    pub async fn gather(
+        &self,
+        selector: &str,
+        quiet: Duration,
+        within: Duration,
+    ) -> Result<Vec<Incoming>, BusError> {
         let (inlet, mut replies) = answers(selector);
         self.session
             .get(selector)
@@ -157,10 +165,18 @@ impl Bus {
             .await
             .map_err(failed("get", selector))?;
         let mut answers = Vec::new();
-        while let Some(reply) = replies.recv().await {
+        while let Ok(Some(reply)) = tokio::time::timeout(quiet, replies.recv()).await {
             answers.extend(self.answer(selector, &reply));
         }
         Ok(answers)
+    }
+
+    /// Asks everybody on `selector` and collects the answers that come within `within`.
+    ///
+    /// # Errors
+    /// As [`Bus::gather`].
+    pub async fn get(&self, selector: &str, within: Duration) -> Result<Vec<Incoming>, BusError> {
+        self.gather(selector, within, within).await
     }
 
     /// What came back, if it came on a key of one who was asked.
@@ -207,7 +223,7 @@ impl Bus {
         Ok(())
     }
 
-    /// Asks with bytes as they are: for tools and tests that must be able to send wrong ones.
+    /// Asks with bytes as they are: for tools and tests that must be able to send wrong ones. The first answer.
     ///
     /// # Errors
     /// [`BusError::Operation`] if the question could not be sent.
@@ -218,6 +234,18 @@ impl Bus {
         bytes: Vec<u8>,
         within: Duration,
     ) -> Result<Option<Incoming>, BusError> {
+        Ok(self.ask_lingering(key, encoding, bytes, within, Duration::ZERO).await?.into_iter().next())
+    }
+
+    /// All answers that come within `linger` of the first one.
+    async fn ask_lingering(
+        &self,
+        key: &str,
+        encoding: &str,
+        bytes: Vec<u8>,
+        within: Duration,
+        linger: Duration,
+    ) -> Result<Vec<Incoming>, BusError> {
         let (inlet, mut replies) = answers(key);
         self.session
             .get(key)
@@ -229,12 +257,19 @@ impl Bus {
             .callback(inlet)
             .await
             .map_err(failed("request", key))?;
-        while let Some(reply) = replies.recv().await {
-            if let Some(answer) = self.answer(key, &reply) {
-                return Ok(Some(answer));
+        let mut answers = Vec::new();
+        let mut until = tokio::time::Instant::now() + within;
+        while let Ok(Some(reply)) = tokio::time::timeout_at(until, replies.recv()).await {
+            let Some(answer) = self.answer(key, &reply) else { continue };
+            if answers.is_empty() {
+                until = until.min(tokio::time::Instant::now() + linger);
+            }
+            answers.push(answer);
+            if linger.is_zero() || answers.len() >= MOST_LINGERING {
+                break;
             }
         }
-        Ok(None)
+        Ok(answers)
     }
 
     /// Sends one request to one robot. `None` = no answer: the outcome is unknown and the same
@@ -249,12 +284,26 @@ impl Bus {
         request: &Request,
         within: Duration,
     ) -> Result<Option<Reply>, BusError> {
+        Ok(self.ask_all(robot, client, request, within, Duration::ZERO).await?.into_iter().next())
+    }
+
+    /// The same, with every answer that comes within `linger` of the first: a robot gives one, so more than one
+    /// means that somebody else answers in its name.
+    ///
+    /// # Errors
+    /// As [`Bus::ask`].
+    pub async fn ask_all(
+        &self,
+        robot: &RobotKeys,
+        client: &Name,
+        request: &Request,
+        within: Duration,
+        linger: Duration,
+    ) -> Result<Vec<Reply>, BusError> {
         let key = robot.cmd(Some(client));
         let bytes = codec::encode(request, Format::Postcard)?;
         let encoding = codec::encoding::<Request>(Format::Postcard);
-        match self.ask_raw(&key, &encoding, bytes, within).await? {
-            Some(answer) => Ok(Some(answer.decode()?)),
-            None => Ok(None),
-        }
+        let answers = self.ask_lingering(&key, &encoding, bytes, within, linger).await?;
+        answers.iter().map(|answer| Ok(answer.decode()?)).collect()
     }
 }

@@ -1,5 +1,6 @@
 //! The grammar of verbs for robots: looking at them, sending, driving and stopping them.
 
+use super::LinkLossArg;
 use super::values::{degrees, latch, metres, rpm, seconds};
 use clap::{ArgGroup, Args};
 use std::time::Duration;
@@ -73,6 +74,10 @@ pub struct GotoArgs {
     /// Give the goal up after this long [default: 300 without --wait, none with it].
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub within: Option<Duration>,
+    /// What the robot does when it has not heard this program for 0.5 s: halt, or finish the goal [default: halt
+    /// with --wait, else finish].
+    #[arg(long, value_enum, value_name = "POLICY")]
+    pub on_link_loss: Option<LinkLossArg>,
     /// Control of the robot.
     #[command(flatten)]
     pub lease: LeaseArgs,
@@ -116,6 +121,10 @@ pub struct WanderArgs {
     /// Stay and show progress until it ends; Ctrl-C cancels it.
     #[arg(long)]
     pub wait: bool,
+    /// What the robot does when it has not heard this program for 0.5 s: halt, or finish [default: halt with
+    /// --wait, else finish].
+    #[arg(long, value_enum, value_name = "POLICY")]
+    pub on_link_loss: Option<LinkLossArg>,
     /// Control of the robot.
     #[command(flatten)]
     pub lease: LeaseArgs,

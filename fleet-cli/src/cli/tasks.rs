@@ -185,10 +185,10 @@ pub struct TermArgs {
     pub finish: Option<f64>,
 }
 
-/// What a robot does when it hears nothing from the dispatcher.
+/// What a robot does when it hears nothing more from whoever sent it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LinkLossArg {
-    /// It stops, and the task waits or goes to another one.
+    /// It stops; a task then waits or goes to another one.
     Halt,
     /// It goes on to the point it drives to.
     Finish,

@@ -1,10 +1,12 @@
 //! Requests that are turned away, against a robot that a test plays.
 
+use super::asking::Answer;
 use super::*;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::AtomicU32;
 use tokio::sync::mpsc;
 use xtb_bus::{Question, Service};
+use xtb_protocol::Uuid;
+use xtb_protocol::messages::{Body, RejectCode, Request};
 
 fn name(text: &str) -> Name {
     Name::new(text).unwrap()
@@ -44,9 +46,9 @@ async fn busy(robot: &Name, turns_away: u32, timeout: Duration) -> Busy {
 #[test]
 fn only_an_overloaded_robot_is_asked_again() {
     let id = Uuid::from_u128(1);
-    assert_eq!(Answer::of(overloaded(id)), Answer::TurnedAway);
+    assert_eq!(Answer::of(vec![overloaded(id)]), Answer::TurnedAway);
     let refused = Reply::refused(id, RejectCode::Busy, "", "");
-    assert_eq!(Answer::of(refused.clone()), Answer::Settled(refused));
+    assert_eq!(Answer::of(vec![refused.clone()]), Answer::Settled(vec![refused]));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -19,10 +19,11 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use tokio::task::JoinSet;
 use xtb_bus::{Incoming, Subscription};
-use xtb_protocol::Name;
-use xtb_protocol::keys::Key;
-use xtb_protocol::messages::{About, Fix, RobotState};
+use xtb_protocol::keys::{Key, RobotKeys};
+use xtb_protocol::messages::{About, Body, Fix, Request, RobotState};
+use xtb_protocol::{Name, Uuid};
 
 /// Clocks are compared for this long at least; again while they seem to differ, which a busy network
 /// can feign.
@@ -31,6 +32,8 @@ const COMPARE_FOR: Duration = Duration::from_secs(1);
 const COMPARE_TIMES: u32 = 3;
 /// How soon a robot that is there shows its state, 20 times a second.
 const FIRST_STATE_WITHIN: Duration = Duration::from_secs(1);
+/// Who else answers in a robot's name is heard this long after the first answer.
+const LINGER: Duration = Duration::from_millis(200);
 const LABEL_WIDTHS: [usize; 2] = [8, 9];
 
 /// What was found, as `--json` prints it.
@@ -82,7 +85,7 @@ async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Fac
     let feed = Arc::new(Feed::open(client, &any).await?);
     let fixes = listen_for_fixes(client, &feed).await?;
     let (mut abouts, mut unreadable) = (BTreeMap::<Name, Vec<About>>::new(), BTreeMap::new());
-    for answer in client.get(&any.about()).await? {
+    for answer in client.get_each(RobotKeys::about, &alive).await? {
         let Some(robot) = Key::parse(&answer.key).and_then(|key| key.robot) else { continue };
         match answer.decode::<About>() {
             Ok(about) => abouts.entry(robot).or_default().push(about),
@@ -91,7 +94,7 @@ async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Fac
     }
     // Asked, not only listened to: two robots of one name both answer.
     let mut epochs = BTreeMap::<Name, BTreeSet<u64>>::new();
-    for answer in client.get(&any.state()).await? {
+    for answer in client.get_each(RobotKeys::state, &alive).await? {
         let Some(robot) = Key::parse(&answer.key).and_then(|key| key.robot) else { continue };
         match answer.decode::<RobotState>() {
             Ok(state) => drop(epochs.entry(robot).or_default().insert(state.epoch)),
@@ -102,6 +105,7 @@ async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Fac
         epochs.entry(robot.clone()).or_default().extend(abouts.iter().map(|about| about.epoch));
     }
     alive.extend(feed.alive());
+    let (voices, answered_for_nobody) = tokio::join!(voices(client, &alive), answered_for_nobody(client));
     let rates = clock_rates(&feed, &alive, &abouts).await;
     let states = feed.states().into_iter().filter_map(|(name, seen)| Some((name, seen.fresh()?.clone())));
     let states = states.collect();
@@ -117,6 +121,8 @@ async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Fac
         abouts,
         unreadable,
         epochs,
+        voices,
+        answered_for_nobody,
         states,
         rates,
         fixes,
@@ -147,6 +153,33 @@ async fn listen_for_fixes(client: &Client, feed: &Arc<Feed>) -> Result<FixEar> {
     };
     let _fixes = client.bus().subscribe(&client.keys().any_robot().fix(), each).await?;
     Ok(FixEar { book, _fixes })
+}
+
+/// How many programs answer each robot's commands. (What is asked, to retain a lease that nobody holds, is refused
+/// and changes nothing.)
+async fn voices(client: &Client, alive: &BTreeSet<Name>) -> BTreeMap<Name, usize> {
+    let mut asking = JoinSet::new();
+    for robot in alive {
+        let (client, robot) = (client.clone(), robot.clone());
+        asking.spawn(async move { (robot.clone(), answers_to_a_command(&client, &robot).await) });
+    }
+    asking.join_all().await.into_iter().collect()
+}
+
+/// Whether somebody answers the commands to a robot that is not there.
+async fn answered_for_nobody(client: &Client) -> bool {
+    let invented = format!("nobody-{}", &Uuid::new_v4().simple().to_string()[..12]);
+    match Name::robot(&invented) {
+        Ok(robot) => answers_to_a_command(client, &robot).await > 0,
+        Err(_) => false,
+    }
+}
+
+async fn answers_to_a_command(client: &Client, robot: &Name) -> usize {
+    let request = Request { id: Uuid::new_v4(), lease: None, body: Body::Retain {} };
+    let (keys, within) = (client.keys().robot(robot), client.patience());
+    let heard = client.bus().ask_all(&keys, client.name(), &request, within, LINGER).await;
+    heard.map_or(0, |replies| replies.len())
 }
 
 /// How fast each robot's clock runs beside ours; `None` = it was not heard twice, or has restarted.
@@ -276,5 +309,18 @@ mod tests {
             let crossed = format!("problem  fixes     {robot}: its fixes and those of {other} are crossed");
             assert!(text.contains(&crossed), "{text}");
         }
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn who_answers_in_the_name_of_robots_is_found() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let _robot = FakeRobot::start(&client, "xtb-1").await;
+        let other = client.another().await;
+        let _shadow = crate::fake::yes_man(&other).await;
+        let facts = gather(client.context(), &client, &DoctorArgs { expect: Vec::new() }).await.unwrap();
+        let report = Report::new(&name("lab"), checks::all(&facts));
+        let text = text(&report, &Output { json: false, colors: false });
+        assert!(text.contains("problem  names     xtb-1: 2 programs answer its commands"), "{text}");
+        assert!(text.contains("problem  names     a program answers commands to robots that are not there"));
     }
 }

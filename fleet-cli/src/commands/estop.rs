@@ -1,9 +1,10 @@
 //! `estop`: robots stand, latched, until somebody resets them. It needs no lease.
 //!
-//! It is put again and again until each robot has acknowledged it or time is up, and asked beside that:
-//! the answer, that the latch is set, is the acknowledgement. With `--all` it is put at once on the key
+//! It is put again and again until each robot has acknowledged it or time is up, and asked beside that: the
+//! answer, that the latch is set, is the acknowledgement, and the robot's own state has to show it. With `--all` it is put at once on the key
 //! that every robot hears, before anybody knows who they are. A link that is lost is waited for.
 
+use super::confirm::confirm;
 use super::muster::{Gaps, Muster, Outcome, Report};
 use super::unknown_robots;
 use crate::cli::{EstopArgs, WhoArgs};
@@ -11,18 +12,21 @@ use crate::client::Client;
 use crate::context::Context;
 use crate::dispatching::Dispatching;
 use crate::error::{Exit, Result};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use tokio::task::JoinHandle;
-use tokio::time::MissedTickBehavior;
+use tokio::task::{JoinHandle, JoinSet};
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::Channel;
-use xtb_protocol::messages::{Estop, Estopped};
+use xtb_protocol::messages::{Estop, Estopped, Latch, RobotState};
 use xtb_protocol::{Name, Uuid};
 
-/// Between two puts, and between two questions.
+/// Between two puts, and between two questions, at first.
 const AGAIN_EVERY: Duration = Duration::from_millis(50);
+/// Later, so that repetitions do not fill a slow link.
+const AGAIN_MOST: Duration = Duration::from_millis(400);
+/// Questions to one robot on their way at most.
+const IN_FLIGHT: usize = 16;
 /// A question that is not answered for so long is asked anew.
 const ANSWER_WITHIN: Duration = Duration::from_millis(500);
 /// A lost link is waited for so long.
@@ -97,43 +101,67 @@ impl Call {
         muster.call(known.iter().cloned());
         let gaps = muster.call_all(expect).await;
         let mut robots = muster.outcomes().await;
-        robots.extend(lock(&heard).iter().map(|robot| (robot.clone(), Outcome::Stopped)));
+        // Who has answered a question to all, and is none of those asked by name or did not answer that.
+        let unsaid = |robot: &&Name| matches!(robots.get(*robot), None | Some(Outcome::Unknown));
+        let late: Vec<Name> = lock(&heard).iter().filter(unsaid).cloned().collect();
+        let mut others = Muster::new(client, |client, robot| self.one(client, robot));
+        others.call(late);
+        robots.extend(others.outcomes().await);
         (Report::new(robots, &gaps), gaps)
     }
 
     async fn ask_everybody(self, client: Client, heard: Arc<Mutex<BTreeSet<Name>>>) {
         let key_expr = client.keys().any_robot().estop(Some(client.name()));
         loop {
-            for robot in self.ask(&client, &key_expr).await {
-                lock(&heard).insert(robot);
-            }
+            let latched = self.ask(&client, &key_expr).await;
+            lock(&heard).extend(latched.into_keys());
             tokio::time::sleep(AGAIN_EVERY).await;
         }
     }
 
-    /// One robot, until it has acknowledged or time is up.
+    /// One robot, until it has acknowledged or time is up, and then until its state shows it.
     async fn one(self, client: Client, robot: Name) -> Outcome {
         let key = client.keys().robot(&robot).estop(Some(client.name()));
-        let _puts = self.put(&client, key.clone(), Channel::Estop(client.name().clone()));
-        let acknowledged = async {
-            while !self.ask(&client, &key).await.contains(&robot) {
-                tokio::time::sleep(AGAIN_EVERY).await;
+        let puts = self.put(&client, key.clone(), Channel::Estop(client.name().clone()));
+        let within = client.round_trip().patience(self.within);
+        let acknowledged = self.acknowledged(&client, key, &robot);
+        let Ok(voices) = tokio::time::timeout(within, acknowledged).await else { return Outcome::Unknown };
+        drop(puts);
+        if voices > 1 { Outcome::Ambiguous } else { confirm(&client, &robot, is_latched).await }
+    }
+
+    /// How many programs say in the robot's name that it is latched, once one does. A question is asked again
+    /// before those before are answered: a slow link costs one round trip.
+    async fn acknowledged(self, client: &Client, key: String, robot: &Name) -> usize {
+        let mut asking = JoinSet::new();
+        let (mut next, mut pause) = (tokio::time::Instant::now(), AGAIN_EVERY);
+        loop {
+            tokio::select! {
+                biased;
+                Some(latched) = asking.join_next() => {
+                    let latched: BTreeMap<Name, usize> = latched.unwrap_or_default();
+                    if let Some(voices) = latched.get(robot) {
+                        return *voices;
+                    }
+                }
+                () = tokio::time::sleep_until(next), if asking.len() < IN_FLIGHT => {
+                    let (client, key) = (client.clone(), key.clone());
+                    asking.spawn(async move { self.ask(&client, &key).await });
+                    next = tokio::time::Instant::now() + pause;
+                    pause = longer(pause);
+                }
             }
-        };
-        match tokio::time::timeout(self.within, acknowledged).await {
-            Ok(()) => Outcome::Stopped,
-            Err(_) => Outcome::Unknown,
         }
     }
 
-    /// Who answers that it is latched.
-    async fn ask(self, client: &Client, key_expr: &str) -> BTreeSet<Name> {
-        let mut latched = BTreeSet::new();
+    /// Who is said to be latched, and by how many.
+    async fn ask(self, client: &Client, key_expr: &str) -> BTreeMap<Name, usize> {
+        let mut latched = BTreeMap::new();
         let channel = Channel::Estop(client.name().clone());
         let estop = Estop { id: self.id };
-        let within = ANSWER_WITHIN.min(self.within);
+        let within = client.round_trip().patience(ANSWER_WITHIN.min(self.within));
         let each = |answer: xtb_bus::Incoming| match answer.decode::<Estopped>() {
-            Ok(Estopped { robot, latched: true }) => drop(latched.insert(robot)),
+            Ok(Estopped { robot, latched: true }) => *latched.entry(robot).or_default() += 1,
             Ok(Estopped { robot, .. }) => tracing::debug!("{robot} has heard of it and is not latched"),
             Err(error) => tracing::warn!("on {}: {error}", answer.key),
         };
@@ -147,16 +175,24 @@ impl Call {
     fn put(self, client: &Client, key: String, channel: Channel) -> OnItsOwn {
         let bus = client.bus().clone();
         OnItsOwn(tokio::spawn(async move {
-            let mut again = tokio::time::interval(AGAIN_EVERY);
-            again.set_missed_tick_behavior(MissedTickBehavior::Skip);
+            let mut pause = AGAIN_EVERY;
             loop {
-                again.tick().await;
                 if let Err(error) = bus.put(&key, &channel, &Estop { id: self.id }, Format::Postcard).await {
                     tracing::debug!("{error}");
                 }
+                tokio::time::sleep(pause).await;
+                pause = longer(pause);
             }
         }))
     }
+}
+
+fn longer(pause: Duration) -> Duration {
+    (pause * 5 / 4).min(AGAIN_MOST)
+}
+
+fn is_latched(state: &RobotState) -> bool {
+    state.latches.iter().any(|set| set.latch == Latch::Estop)
 }
 
 /// A task that ends with its owner.
@@ -177,8 +213,6 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 mod tests {
     use super::*;
     use crate::fake::{FakeRobot, name};
-    use std::collections::BTreeMap;
-    use xtb_protocol::messages::Latch;
 
     fn call(within: Duration) -> Call {
         Call { id: Uuid::from_u128(1), within }

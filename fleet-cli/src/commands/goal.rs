@@ -21,11 +21,13 @@ use follow::{End, Follow};
 use serde::Serialize;
 use std::pin::pin;
 use std::time::{Duration, Instant};
-use xtb_protocol::messages::{GoalStatus, LinkLoss, RejectCode, RobotState};
+use xtb_protocol::messages::{GoalStatus, LinkLoss, RejectCode, RobotState, StopReason};
 use xtb_protocol::{Name, Uuid};
 
 /// How often progress is looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// How often the robot is asked how it stands, if the link can.
+const STATE_EVERY: Duration = Duration::from_millis(150);
 /// A robot that was not heard for this long may be anywhere: waiting ends, outcome unknown.
 const GIVE_UP_AFTER: Duration = Duration::from_secs(5);
 /// Control that was lost shows within this, two retains.
@@ -123,7 +125,7 @@ async fn drive(
 ) -> Result<Exit> {
     let keys = client.keys().robot(&task.robot);
     // Both before the goal: nothing of it can be missed.
-    let feed = Feed::open(client, &keys).await?;
+    let feed = Feed::asked(client, &task.robot, STATE_EVERY);
     let mut events = Events::open(client, &keys).await?;
     let goal = Uuid::new_v4();
     let mut follow = Follow::new(goal, control.lease().map(|lease| lease.epoch));
@@ -158,11 +160,11 @@ async fn drive(
         if let Some(end) = follow.ended(began.elapsed()) {
             progress.end();
             if end.status != GoalStatus::Reached {
-                loss_shows(control, &feed, task).await;
+                loss_shows(client, control, &feed, task).await;
             }
             return match lost(ctx, control, &feed, task) {
                 Some(failure) if end.status != GoalStatus::Reached => Err(with_end(failure, task, &end)),
-                _ => report(ctx, control, task, &follow, end, began.elapsed()),
+                _ => report(ctx, (control, &feed), task, &follow, end, began.elapsed()),
             };
         }
         if wait.is_over() {
@@ -180,7 +182,7 @@ async fn drive(
                 }
             }
             let end = End { status: GoalStatus::Cancelled, reason: Some("its time was up".into()) };
-            return report(ctx, control, task, &follow, end, began.elapsed());
+            return report(ctx, (control, &feed), task, &follow, end, began.elapsed());
         }
     }
 }
@@ -230,8 +232,8 @@ impl Wait {
 
 /// Waits until it shows whether control was lost with the goal: a retain is due each 100 ms, the goal's
 /// end is told at once.
-async fn loss_shows(control: &Control, feed: &Feed, task: &Task) {
-    let began = Instant::now();
+async fn loss_shows(client: &Client, control: &Control, feed: &Feed, task: &Task) {
+    let (began, within) = (Instant::now(), LOSS_SHOWS + client.round_trip().bound());
     let ours = || {
         // One from before may show the holder from before.
         let seen = feed.last(&task.robot).filter(|seen| seen.at > began);
@@ -239,7 +241,7 @@ async fn loss_shows(control: &Control, feed: &Feed, task: &Task) {
         lease.is_some_and(|lease| lease.holder == *control.client_name())
     };
     let mut look = tokio::time::interval(LOOK_EVERY / 5);
-    while !control.is_lost() && !ours() && began.elapsed() < LOSS_SHOWS {
+    while !control.is_lost() && !ours() && began.elapsed() < within {
         look.tick().await;
     }
 }
@@ -249,7 +251,10 @@ fn lost(ctx: &Context, control: &Control, feed: &Feed, task: &Task) -> Option<Fa
     let failure = control.lost()?;
     let seen = feed.last(&task.robot);
     let lease = seen.as_ref().and_then(|seen| seen.fresh()?.lease.as_ref());
-    let Some(lease) = lease.filter(|lease| lease.holder != ctx.client) else { return Some(failure) };
+    // Nobody took it: it ran out while the robot did not hear this client.
+    let Some(lease) = lease.filter(|lease| lease.holder != ctx.client) else {
+        return Some(Failure { hint: gap_hint(task), ..failure });
+    };
     let message = format!("{} is now controlled by {}", task.robot, lease.holder);
     Some(Failure { kind: Kind::Refused(RejectCode::LeaseLost), message, ..failure })
 }
@@ -278,7 +283,7 @@ fn line(task: &Task, state: Option<&RobotState>, age: Duration, lease_lost: bool
 
 fn report(
     ctx: &Context,
-    control: &Control,
+    (control, feed): (&Control, &Feed),
     task: &Task,
     follow: &Follow,
     end: End,
@@ -308,9 +313,35 @@ fn report(
         let reason = end.reason.map(|reason| format!(" ({reason})")).unwrap_or_default();
         let status = words::name(&end.status);
         let message = format!("{robot}: goal {} {status}{reason} after {seconds}", task.words());
-        ctx.out.failure(&Failure::new(Kind::Failed, message).hint(hint(robot, end.status)));
+        let hint =
+            if fell_silent(feed, robot, follow.goal()) { gap_hint(task) } else { hint(robot, end.status) };
+        ctx.out.failure(&Failure::new(Kind::Failed, message).hint(hint));
     }
     Ok(if reached { Exit::Done } else { Exit::Failed })
+}
+
+/// Whether the robot stands because it did not hear this client any more.
+fn fell_silent(feed: &Feed, robot: &Name, goal: Uuid) -> bool {
+    feed.last(robot).is_some_and(|Seen { state, .. }| {
+        state.goal.as_ref().is_some_and(|present| present.id == goal)
+            && state.stopped_because.contains(&StopReason::LeaseExpired)
+    })
+}
+
+/// What to do about a gap in the network that ended a goal.
+fn gap_hint(task: &Task) -> String {
+    let robot = &task.robot;
+    match task.on_link_loss() {
+        LinkLoss::Halt => format!(
+            "a gap in the network of more than 0.5 s ends a goal that is waited for; with \
+             `--on-link-loss finish` {robot} drives on through it"
+        ),
+        LinkLoss::Finish => {
+            format!(
+                "a gap in the network ended control, not the goal: `fleet-cli why {robot}` shows how it stands"
+            )
+        }
+    }
 }
 
 /// What to do about a robot that is out of reach while its goal runs.
@@ -318,7 +349,10 @@ fn unheard_hint(task: &Task) -> String {
     let back = format!("`fleet-cli why {}` shows when it is back", task.robot);
     match task.on_link_loss() {
         LinkLoss::Finish => format!("{}; {back}", task.alone()),
-        LinkLoss::Halt => format!("if its link is lost, {}; {back}", task.alone()),
+        LinkLoss::Halt => format!(
+            "if its link is lost, {}; with `--on-link-loss finish` it drives on; {back}",
+            task.alone()
+        ),
     }
 }
 
@@ -339,7 +373,7 @@ mod tests {
 
     fn task() -> Task {
         let aim = Aim::Point { x_m: 1.0, y_m: 2.0, yaw_rad: None, via: None };
-        Task { robot: name("xtb-1"), aim, within: None, wait: true, take: false }
+        Task { robot: name("xtb-1"), aim, within: None, wait: true, on_link_loss: None, take: false }
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -372,5 +406,28 @@ mod tests {
         let goal = fake.lock().state.goal.clone().unwrap();
         assert_eq!(goal.status, GoalStatus::Cancelled);
         assert!(fake.lock().asked.contains(&(name("me"), Body::Cancel { goal: goal.id })));
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn who_loses_control_by_a_gap_is_pointed_to_the_policy_and_not_to_taking_control() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let fake = FakeRobot::start(&client, "xtb-1").await;
+        let (task, ctx) = (task(), client.context().clone());
+        let control = Control::acquire(&client, &task.robot, false).await.unwrap();
+        let stop = pin!(std::future::pending());
+        let waiting = drive(&ctx, &client, &control, &task, stop);
+        let gap = async {
+            fake.until(|fake| fake.state.goal.is_some()).await;
+            let mut fake = fake.lock();
+            (fake.lease, fake.state.lease) = (None, None);
+            let goal = fake.state.goal.as_mut().unwrap();
+            (goal.status, goal.reason) = (GoalStatus::Failed, Some("its client me fell silent".into()));
+            fake.state.stopped_because = vec![StopReason::LeaseExpired];
+        };
+        let (ended, ()) = tokio::join!(waiting, gap);
+        let failure = ended.unwrap_err();
+        assert_eq!(failure.kind.exit(), Exit::Failed);
+        assert!(failure.hint.contains("--on-link-loss finish"), "{}", failure.hint);
+        assert!(!failure.hint.contains("--take"), "{}", failure.hint);
     }
 }

@@ -10,7 +10,8 @@ use crate::error::{Exit, Result};
 /// # Errors
 /// No router, no answer, or a refusal.
 pub async fn run(ctx: &Context, args: GotoArgs) -> Result<Exit> {
-    let GotoArgs { robot, x_m, y_m, yaw, via, wait, within, lease } = args;
+    let GotoArgs { robot, x_m, y_m, yaw, via, wait, within, on_link_loss, lease } = args;
     let aim = Aim::Point { x_m, y_m, yaw_rad: yaw.map(f64::to_radians), via: via.map(Into::into) };
-    goal::run(ctx, &Task { robot, aim, within, wait, take: lease.take }).await
+    let on_link_loss = on_link_loss.map(Into::into);
+    goal::run(ctx, &Task { robot, aim, within, wait, on_link_loss, take: lease.take }).await
 }

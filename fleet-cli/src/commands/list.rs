@@ -26,18 +26,19 @@ struct Listed<'a> {
     suspended: Vec<Suspension>,
 }
 
-/// Asks once and prints a row for each robot. A robot that should be there and is not makes it
-/// [`Exit::Unknown`].
+/// Asks once and prints a row for each robot. A robot that should be there and is not, or is there and does not
+/// say how it is, makes it [`Exit::Unknown`].
 ///
 /// # Errors
 /// No router, or nobody is there and nobody is expected.
 pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
-    let roster = client.roster_entries(&args.expect).await?.unwrap_or_default();
-    let expected = roster.iter().map(|entry| entry.name.clone()).collect();
     let dispatching = Dispatching::of(&client);
-    let (view, status) = tokio::join!(FleetView::ask(&client, &ctx.fleet, &expected), dispatching.status());
-    let view = view?.with_roster(&roster);
+    let (roster, heard, status) =
+        tokio::join!(client.roster_entries(&args.expect), client.heard(), dispatching.status());
+    let (roster, (alive, states)) = (roster?.unwrap_or_default(), heard?);
+    let expected = roster.iter().map(|entry| entry.name.clone()).collect();
+    let view = FleetView::of(&ctx.fleet, &alive, &states, &expected).with_roster(&roster);
     let view = view.with_simulator(&client).await?;
     if view.robots.is_empty() {
         return Err(client.nobody());
@@ -51,8 +52,7 @@ pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
         ctx.out.failure(&client.nobody());
     }
     client.close().await;
-    let complete = view.robots.iter().all(|robot| robot.alive);
-    Ok(if complete { Exit::Done } else { Exit::Unknown })
+    Ok(if view.is_known() { Exit::Done } else { Exit::Unknown })
 }
 
 fn table(view: &FleetView, out: &Output) -> String {

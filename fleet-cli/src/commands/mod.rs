@@ -2,6 +2,7 @@
 
 pub mod change;
 pub mod completions;
+mod confirm;
 pub mod dashboard;
 pub mod demo;
 pub mod dispatch;

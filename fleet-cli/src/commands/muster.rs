@@ -1,4 +1,4 @@
-//! What `stop` and `estop` share: each robot is asked at once and must say so itself, and whose answers
+//! What `stop` and `estop` share: each robot is asked at once and must say and show so itself, and whose answers
 //! are missing is said by name.
 
 use crate::client::Client;
@@ -16,12 +16,18 @@ use xtb_protocol::Name;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Outcome {
-    /// It said so.
+    /// It said so, and its own state shows it.
     Stopped,
     /// It said that it would not.
     Refused,
     /// It did not answer, or had no room for the request: it may be driving.
     Unknown,
+    /// It answered, and no state of its own shows it: it may be driving.
+    Unconfirmed,
+    /// Somebody answered, and no robot of this name is there.
+    Absent,
+    /// More than one program answers for it: nobody knows which one is the robot.
+    Ambiguous,
 }
 
 /// What came of it for all.
@@ -66,6 +72,16 @@ impl Report {
                 Outcome::Stopped => Cell::new(stopped, Tone::Good),
                 Outcome::Refused => Cell::new("refused", Tone::Bad),
                 Outcome::Unknown => Cell::new("unknown (no answer: it may be driving)", Tone::Bad),
+                Outcome::Unconfirmed => {
+                    Cell::new("not confirmed (answered, but its state does not show it)", Tone::Bad)
+                }
+                Outcome::Absent => Cell::new(
+                    "not confirmed (answered, but no such robot is there: `fleet-cli doctor`)",
+                    Tone::Bad,
+                ),
+                Outcome::Ambiguous => {
+                    Cell::new("not confirmed (several programs answer for it: `fleet-cli doctor`)", Tone::Bad)
+                }
             };
             table.row(vec![Cell::new(robot.as_str(), Tone::Strong), outcome]);
         }
@@ -207,6 +223,9 @@ mod tests {
         assert_eq!(exit(&[Outcome::Stopped], &none), Exit::Done);
         assert_eq!(exit(&[Outcome::Stopped], &gap), Exit::Unknown);
         assert_eq!(exit(&[Outcome::Stopped, Outcome::Unknown], &none), Exit::Unknown);
+        for doubtful in [Outcome::Unconfirmed, Outcome::Absent, Outcome::Ambiguous] {
+            assert_eq!(exit(&[Outcome::Stopped, doubtful], &none), Exit::Unknown);
+        }
         assert_eq!(exit(&[Outcome::Unknown, Outcome::Refused], &gap), Exit::Failed);
     }
 }

@@ -70,7 +70,7 @@ pub async fn run(ctx: &Context, args: &ResetArgs) -> Result<Exit> {
 
 async fn named(ctx: &Context, client: &Client, args: &ResetArgs) -> Result<Exit> {
     let robots = once_each(&args.who.robots);
-    let mut ended = each(ctx, client, &robots, args.latch, args.lease.take).await;
+    let mut ended = each(client, &robots, args.latch, args.lease.take).await;
     if let [(_, Err(_))] = &ended[..]
         && let Some((_, Err(failure))) = ended.pop()
     {
@@ -103,7 +103,7 @@ async fn all(ctx: &Context, client: &Client, args: &ResetArgs) -> Result<Exit> {
         return Ok(Exit::Failed);
     }
     let robots: Vec<Name> = latched.into_iter().map(|(robot, _)| robot).collect();
-    let ended = each(ctx, client, &robots, args.latch, args.lease.take).await;
+    let ended = each(client, &robots, args.latch, args.lease.take).await;
     match say(ctx, args.latch, &ended)? {
         Exit::Done => Ok(complete),
         exit => Ok(exit),
@@ -149,7 +149,6 @@ pub(super) async fn candidates(client: &Client, expect: &[Name]) -> Result<Candi
 
 /// Resets several robots, each as if it were the only one.
 pub(super) async fn each(
-    ctx: &Context,
     client: &Client,
     robots: &[Name],
     latch: Option<Latch>,
@@ -158,7 +157,7 @@ pub(super) async fn each(
     let each = robots.iter().map(|robot| async move {
         let reset = async {
             let control = Control::acquire(client, robot, take).await?;
-            let outcome = reset(ctx, client, &control, robot, latch).await;
+            let outcome = reset(client, &control, robot, latch).await;
             let taken_from = control.taken_from().map(str::to_owned);
             control.release().await;
             Ok(Report { taken_from, ..outcome? })
@@ -206,26 +205,20 @@ fn worse(one: Exit, other: Exit) -> Exit {
 
 /// Resets all of a robot's latches with the control that is held; what came of it in words, and whether
 /// it was refused.
-pub(super) async fn in_words(
-    ctx: &Context,
-    client: &Client,
-    control: &Control,
-    robot: &Name,
-) -> Result<(String, bool)> {
-    let report = reset(ctx, client, control, robot, None).await?;
+pub(super) async fn in_words(client: &Client, control: &Control, robot: &Name) -> Result<(String, bool)> {
+    let report = reset(client, control, robot, None).await?;
     let words = text(&report, None, &Output { json: false, colors: false });
     Ok((words, report.is_refused()))
 }
 
 pub(super) async fn reset(
-    ctx: &Context,
     client: &Client,
     control: &Control,
     robot: &Name,
     latch: Option<Latch>,
 ) -> Result<Report> {
-    let feed = Feed::open(client, &client.keys().robot(robot)).await?;
-    let before = next(&feed, robot, Instant::now(), ctx.timeout, |_| true).await;
+    let (feed, within) = (Feed::asked(client, robot, STATE_EVERY), client.patience());
+    let before = next(&feed, robot, Instant::now(), within, |_| true).await;
     let answer = control.request(Uuid::new_v4(), Body::Reset { latch }).await;
     let refused = match answer {
         Ok(_) => None,
@@ -233,7 +226,7 @@ pub(super) async fn reset(
         Err(failure) => return Err(failure),
     };
     let seq = before.as_ref().map(|state| state.seq);
-    let after = settled(&feed, robot, ctx.timeout, seq, refused.is_some(), latch).await;
+    let after = settled(&feed, robot, within, seq, refused.is_some(), latch).await;
     let (cleared, remaining) = match (before, after) {
         (Some(before), Some(after)) => {
             let (cleared, remaining) = compare(&before, after);
@@ -325,7 +318,7 @@ mod tests {
         let client = Client::alone(Duration::from_secs(30)).await;
         let robot = FakeRobot::start(&client, "xtb-1").await;
         robot.lock().state.latches = latches;
-        let mut ended = each(client.context(), &client, &[name("xtb-1")], latch, false).await;
+        let mut ended = each(&client, &[name("xtb-1")], latch, false).await;
         let report = ended.remove(0).1.unwrap();
         let text = text(&report, latch, &Output { json: false, colors: false });
         (report, text)
@@ -379,7 +372,7 @@ mod tests {
         assert_eq!((names, found.unknown, found.roster), (vec!["xtb-1", "xtb-3"], vec![name("xtb-4")], true));
         assert!(found.latched[0].1.contains("estop by cli-1"), "{}", found.latched[0].1);
         let both: Vec<Name> = found.latched.into_iter().map(|(robot, _)| robot).collect();
-        let ended = each(client.context(), &client, &both, None, false).await;
+        let ended = each(&client, &both, None, false).await;
         assert!(ended.iter().all(|(_, ended)| ended.as_ref().is_ok_and(|report| !report.is_refused())));
         assert!(robots.iter().all(|robot| robot.lock().state.latches.is_empty()));
     }

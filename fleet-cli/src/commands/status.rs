@@ -7,7 +7,7 @@ use crate::cli::StatusArgs;
 use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Result};
-use crate::view::{FleetView, RobotView};
+use crate::view::FleetView;
 use std::collections::BTreeSet;
 use xtb_protocol::Name;
 
@@ -39,6 +39,5 @@ async fn once(ctx: &Context, client: &Client, args: &StatusArgs, wanted: &BTreeS
         let blocks = view.robots.iter().map(|robot| block::lines(robot, &ctx.out).join("\n"));
         blocks.collect::<Vec<_>>().join("\n\n")
     })?;
-    let unknown = |robot: &RobotView| !robot.alive || robot.state.is_none();
-    Ok(if view.robots.iter().any(unknown) { Exit::Unknown } else { Exit::Done })
+    Ok(if view.is_known() { Exit::Done } else { Exit::Unknown })
 }

@@ -1,13 +1,16 @@
-//! `stop`: robots drop their goals and stand; each is asked at once and must say so itself.
+//! `stop`: robots drop their goals and stand; each is asked at once, must say so itself, and its own state must
+//! show it.
 
+use super::confirm::confirm;
 use super::muster::{Gaps, Muster, Outcome, Report};
 use super::unknown_robots;
 use crate::cli::{StopArgs, WhoArgs};
-use crate::client::Client;
+use crate::client::{Client, accepted};
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::error::{Exit, Result};
+use xtb_control::Mode;
 use xtb_protocol::Name;
-use xtb_protocol::messages::Body;
+use xtb_protocol::messages::{Body, RobotState};
 
 /// Stops the robots named, or all of the roster and whoever else is there.
 ///
@@ -43,25 +46,36 @@ pub(super) async fn call(client: &Client, who: &WhoArgs) -> (Report, Gaps) {
 }
 
 async fn stop(client: Client, robot: Name) -> Outcome {
-    match client.request(&robot, Body::Stop {}).await {
-        Ok(_) => Outcome::Stopped,
-        Err(Failure { kind: Kind::Refused(_), .. }) => Outcome::Refused,
+    let replies = match client.carry_out_all(&robot, Body::Stop {}).await {
+        Ok(replies) => replies,
         Err(failure) => {
             tracing::debug!("stopping {robot}: {failure}");
-            Outcome::Unknown
+            return Outcome::Unknown;
         }
+    };
+    match replies.as_slice() {
+        [reply] if accepted(&robot, reply).is_err() => Outcome::Refused,
+        [_] => confirm(&client, &robot, has_stopped).await,
+        _ => Outcome::Ambiguous,
     }
+}
+
+/// Nothing that came over the network drives it.
+fn has_stopped(state: &RobotState) -> bool {
+    let driven = matches!(state.mode, Mode::Teleop | Mode::Goto | Mode::Wander);
+    !driven && state.goal.as_ref().is_none_or(|goal| goal.status.is_final())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fake::{self, FakeRobot, name};
     use std::collections::BTreeMap;
     use std::time::Duration;
     use tokio::sync::mpsc;
     use xtb_bus::{Question, Service};
     use xtb_protocol::codec::Format;
-    use xtb_protocol::messages::{Done, Reply, Request, Roster};
+    use xtb_protocol::messages::{GoalStatus, Roster};
 
     /// Passes the questions on `key_expr` on.
     async fn questions(client: &Client, key_expr: &str) -> (Service, mpsc::UnboundedReceiver<Question>) {
@@ -70,30 +84,55 @@ mod tests {
         (client.bus().serve(key_expr, each).await.unwrap(), receiver)
     }
 
+    async fn outcome(client: &Client, robot: &str) -> Outcome {
+        stop(client.clone(), name(robot)).await
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn who_is_answered_for_and_is_not_there_has_not_stopped() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let _shadow = fake::yes_man(&client).await;
+        assert_eq!(outcome(&client, "xtb-9").await, Outcome::Absent);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_robot_that_somebody_else_answers_for_too_is_said_to_be_so() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let _robot = FakeRobot::start(&client, "xtb-1").await;
+        assert_eq!(outcome(&client, "xtb-1").await, Outcome::Stopped);
+        // In a session of its own, as any program on the network.
+        let other = client.another().await;
+        let _shadow = fake::yes_man(&other).await;
+        assert_eq!(outcome(&client, "xtb-1").await, Outcome::Ambiguous);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_robot_that_says_yes_and_drives_on_has_not_stopped() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let robot = FakeRobot::start(&client, "xtb-1").await;
+        robot.lock().state.goal = Some(fake::goal(xtb_protocol::Uuid::nil(), GoalStatus::Running));
+        robot.lock().stubborn = true;
+        assert_eq!(outcome(&client, "xtb-1").await, Outcome::Unconfirmed);
+        robot.lock().stubborn = false;
+        assert_eq!(outcome(&client, "xtb-1").await, Outcome::Stopped);
+    }
+
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn a_robot_that_is_there_is_stopped_before_the_roster_is_known() {
         let client = Client::alone(Duration::from_secs(30)).await;
-        let robot = Name::new("xtb-1").unwrap();
-        let keys = client.keys().robot(&robot);
-        let (_commands, mut commands) = questions(&client, &keys.cmd(None)).await;
+        let robot = FakeRobot::start(&client, "xtb-1").await;
         let roster_key = client.keys().sim_roster();
         let (_rosters, mut rosters) = questions(&client, &roster_key).await;
-        let _token = client.bus().declare_alive(&keys.alive()).await.unwrap();
-        let own_key = keys.cmd(Some(client.name()));
-        let world = tokio::spawn(async move {
-            let stop = commands.recv().await.unwrap();
-            let (request, format) = stop.decode::<Request>().unwrap();
-            stop.reply(&own_key, &Reply::done(request.id, Done::default()), format).await.unwrap();
-            drop(stop);
+        let world = async {
+            robot.until(|robot| robot.asked.iter().any(|(_, body)| *body == Body::Stop {})).await;
             // The roster comes only now.
             let question = rosters.recv().await.unwrap();
             question.reply(&roster_key, &Roster { robots: Vec::new() }, Format::Json).await.unwrap();
-        });
+        };
         let mut stops = Muster::new(&client, stop);
-        let gaps = stops.call_all(&[]).await;
+        let (gaps, ()) = tokio::join!(stops.call_all(&[]), world);
         assert!(gaps.none(), "{gaps:?}");
-        assert_eq!(stops.outcomes().await, BTreeMap::from([(robot, Outcome::Stopped)]));
-        world.await.unwrap();
+        assert_eq!(stops.outcomes().await, BTreeMap::from([(name("xtb-1"), Outcome::Stopped)]));
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -4,6 +4,7 @@
 //! for 200 ms on the robot's own clock if this side is gone altogether.
 
 pub(crate) mod keys;
+mod lateness;
 mod screen;
 
 use super::take_control;
@@ -17,6 +18,7 @@ use crate::lease::Control;
 use crate::terminal::{Input, Terminal};
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
 use keys::{Action, Drive, Key, Keyboard, Reporting};
+use lateness::Lateness;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::pin::{Pin, pin};
@@ -32,6 +34,8 @@ use xtb_protocol::{Name, Uuid};
 pub(super) const SEND_EVERY: Duration = Duration::from_millis(50);
 /// The screen is painted each second time.
 const PAINT_EVERY: Duration = Duration::from_millis(100);
+/// A screen or page whose setpoints have all come too late for this long lets go and says so.
+const REFUSED_MOST_MS: u64 = 2_000;
 /// Full throttle at most, in rpm, if the robot does not say what it accepts.
 pub(super) const CAUTIOUS_RPM: f64 = 20.0;
 
@@ -68,7 +72,7 @@ pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
         }
     };
     let max_rpm = args.max_rpm.unwrap_or(limit).min(limit);
-    let wheel = Wheel { client: &client, control: &control, robot: &args.robot, max_rpm, sent: 0 };
+    let wheel = Wheel::new(&client, &control, &args.robot, max_rpm);
     let driven = drive(ctx, wheel).await;
     let taken_from = control.taken_from().map(str::to_owned);
     control.release().await;
@@ -152,6 +156,7 @@ async fn hands_on(
             }
             Turn::Paint => {
                 let seen = feed.last(wheel.robot);
+                let late = wheel.refused(feed).unwrap_or_default();
                 terminal.paint(&screen::lines(
                     &screen::View {
                         robot: wheel.robot,
@@ -159,7 +164,7 @@ async fn hands_on(
                         drive: keyboard.drive(now),
                         max_rpm: wheel.max_rpm,
                         reporting,
-                        notice: &notice,
+                        notice: if late.is_empty() { &notice } else { &late },
                     },
                     &ctx.out,
                 ))?;
@@ -243,9 +248,37 @@ pub(super) struct Wheel<'a> {
     pub(super) robot: &'a Name,
     pub(super) max_rpm: f64,
     pub(super) sent: u64,
+    late: Lateness,
 }
 
-impl Wheel<'_> {
+impl<'a> Wheel<'a> {
+    /// Nothing sent yet.
+    pub(super) fn new(client: &'a Client, control: &'a Control, robot: &'a Name, max_rpm: f64) -> Self {
+        Self { client, control, robot, max_rpm, sent: 0, late: Lateness::default() }
+    }
+
+    /// Why the robot takes no setpoint of this link, if it takes none or the link is known to be too slow.
+    pub(super) fn refused(&mut self, feed: &Feed) -> Option<String> {
+        let round_trip = self.client.round_trip().smoothed();
+        let late = self.late_for_ms(feed).is_some() || lateness::is_too_long(round_trip);
+        late.then(|| lateness::words(self.robot, round_trip))
+    }
+
+    /// The same, once it has taken none for long.
+    pub(super) fn given_up(&mut self, feed: &Feed) -> Option<Failure> {
+        let long = self.late_for_ms(feed).is_some_and(|ms| ms > REFUSED_MOST_MS);
+        let words = || lateness::words(self.robot, self.client.round_trip().smoothed());
+        long.then(|| Failure::new(Kind::Failed, words()))
+    }
+
+    fn late_for_ms(&mut self, feed: &Feed) -> Option<u64> {
+        let now_ms = self.client.now().ms();
+        if let Some(seen) = feed.last(self.robot) {
+            self.late.saw(now_ms, &seen.state);
+        }
+        self.late.for_ms(now_ms)
+    }
+
     /// Sends a setpoint, unless the robot has not been heard yet: without an echo of its clock it
     /// would accept none.
     pub(super) async fn send(&mut self, drive: Drive, feed: &Feed) -> Result<()> {
@@ -348,7 +381,7 @@ mod tests {
         };
         let teleop = client.keys().robot(&robot).teleop(None);
         let _watch = client.bus().subscribe(&teleop, each).await.unwrap();
-        let mut wheel = Wheel { client: &client, control: &control, robot: &robot, max_rpm: 30.0, sent: 0 };
+        let mut wheel = Wheel::new(&client, &control, &robot, 30.0);
         let unheard = Feed::open(&client, &client.keys().robot(&name("xtb-2"))).await.unwrap();
         wheel.send(Drive::default(), &unheard).await.unwrap();
         assert_eq!(wheel.sent, 0);

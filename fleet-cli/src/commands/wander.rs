@@ -10,6 +10,7 @@ use crate::error::{Exit, Result};
 /// # Errors
 /// No router, no answer, or a refusal.
 pub async fn run(ctx: &Context, args: WanderArgs) -> Result<Exit> {
-    let WanderArgs { robot, lasting, wait, lease } = args;
-    goal::run(ctx, &Task { robot, aim: Aim::Wander { lasting }, within: None, wait, take: lease.take }).await
+    let WanderArgs { robot, lasting, wait, on_link_loss, lease } = args;
+    let (aim, on_link_loss) = (Aim::Wander { lasting }, on_link_loss.map(Into::into));
+    goal::run(ctx, &Task { robot, aim, within: None, wait, on_link_loss, take: lease.take }).await
 }

@@ -272,8 +272,8 @@ async fn carry_out(ctx: &Context, client: &Client, known: &[Name], command: Comm
         }
         Command::Stop { robot } => carry::stop(client, known, robot).await,
         Command::Estop { robot } => carry::estop(ctx, client, known, robot).await,
-        Command::Reset { robot } => carry::reset(ctx, client, robot).await,
-        Command::ResetAll {} => carry::reset_all(ctx, client).await,
+        Command::Reset { robot } => carry::reset(client, robot).await,
+        Command::ResetAll {} => carry::reset_all(client).await,
         Command::Submit { spec } => carry::submit(client, *spec).await,
         Command::Cancel { task } => carry::cancel(client, task).await,
         Command::Activate {} => carry::activate(client).await,

@@ -41,7 +41,7 @@ impl Dispatching<'_> {
 
     /// One page, and how long it is in bytes.
     async fn page(&self, selector: &str) -> Result<(TaskList, usize)> {
-        let answers = get(self.client.bus(), selector, ANSWERS_WITHIN).await?;
+        let answers = get(self.client.bus(), selector, self.within(ANSWERS_WITHIN)).await?;
         match answers.first() {
             Some(answer) => {
                 let page = answer.decode().map_err(|error| not_ours(&error.to_string()))?;

@@ -1,12 +1,15 @@
 //! `fleet-cli` from outside, against a simulator in a process of its own.
 
-use fleet_tests::PATIENCE;
 use fleet_tests::processes::{Process, program};
+use fleet_tests::{PATIENCE, eventually, name};
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use std::time::Instant;
+use std::time::{Duration, Instant};
+use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::messages::RobotState;
 
 /// `fleet-cli` in an empty home, with JSON output.
 pub(crate) fn fleet_cli(arguments: &[&str]) -> Command {
@@ -189,4 +192,37 @@ fn a_simulator_uses_the_router_that_is_named() {
     let _inner = Process(child);
     let (code, list, output) = outer.run(&["list", "--fleet", "barn"]);
     assert_eq!((code, list["robots"].as_array().unwrap().len()), (0, 1), "{output:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn robots_that_have_arrived_answer_a_question_to_all() {
+    let world = concat!(env!("CARGO_MANIFEST_DIR"), "/../worlds/lab.toml");
+    let sim = tokio::task::block_in_place(|| sim(&["--robots", "3", "--speed", "4", "--world", world]));
+    let role = xtb_bus::Role::Client { connect: vec![sim.endpoint.clone()] };
+    let bus = xtb_bus::open(&role).await.unwrap();
+    let any = FleetKeys::new(name("lab")).any_robot().state();
+    let states = || async {
+        let answers = bus.get(&any, Duration::from_secs(2)).await.unwrap();
+        let states = answers.iter().filter_map(|answer| answer.decode::<RobotState>().ok());
+        states.map(|state| (state.robot.to_string(), state)).collect::<BTreeMap<_, _>>()
+    };
+    let all = |found: BTreeMap<String, RobotState>| (found.len() == 3).then_some(found);
+    let starts = eventually("three states", || async { all(states().await) }).await;
+    for (robot, ahead_m) in [("xtb-1", 0.6), ("xtb-2", 2.5), ("xtb-3", 2.5)] {
+        let pose = starts[robot].pose;
+        let (x, y) = (pose.x_m.to_string(), (pose.y_m + ahead_m).to_string());
+        let goto = ["goto", robot, &x, &y, "--via", "planned"];
+        let (code, _, output) = tokio::task::block_in_place(|| sim.run(&goto));
+        assert_eq!(code, 0, "{output:?}");
+    }
+    // As `list` does, while they drive.
+    eventually("three states under way", || async { all(states().await) }).await;
+    let ended = |state: &RobotState| state.goal.as_ref().is_some_and(|goal| goal.status.is_final());
+    for arrived in 1..=3 {
+        let what = format!("three states when {arrived} have arrived");
+        eventually(&what, || async {
+            all(states().await).filter(|found| found.values().filter(|state| ended(state)).count() >= arrived)
+        })
+        .await;
+    }
 }

@@ -25,6 +25,7 @@ mod operators;
 mod processes;
 mod recording;
 mod simulator;
+mod slow_links;
 mod style;
 mod tasks;
 mod teleop;

@@ -60,9 +60,10 @@ impl Agent {
         let each_time = matches!(request.body, Body::Retain {} | Body::Stop {});
         if !each_time
             && self.guards.on(Guard::Idempotency)
-            && let Some(reply) = self.replies.find(client, request.id)
+            && let Some(reply) = self.replies.find(client, request.id).cloned()
         {
-            return reply.clone();
+            self.heard_again(now, &reply);
+            return reply;
         }
         let done = self
             .check_lease(now, client, request)
@@ -78,6 +79,14 @@ impl Agent {
             self.replies.remember(client, reply.clone(), self.lease.holder());
         }
         reply
+    }
+
+    /// A request that was granted the present lease came again: its client lives, and does not know of the grant
+    /// yet. On a link with a round trip of a second the lease would run out before the first retain.
+    fn heard_again(&mut self, now: Stamp, reply: &Reply) {
+        if let xtb_protocol::messages::Outcome::Ok(Done { lease: Some(lease), .. }) = &reply.result {
+            self.heard(now, *lease);
+        }
     }
 
     /// The present lease, where one is needed. That its holder lives is told by [`Agent::heard`] from the door,

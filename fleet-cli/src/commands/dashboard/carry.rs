@@ -33,7 +33,14 @@ pub(crate) struct Point {
 /// As `goto` without `--wait`: the goal outlives this client and is bounded by the robot's own clock.
 pub(crate) async fn goto(client: &Client, robot: Name, to: Point, take: bool) -> Result<Value> {
     let Point { x_m, y_m, yaw_rad, via } = to;
-    let task = Task { robot, aim: Aim::Point { x_m, y_m, yaw_rad, via }, within: None, wait: false, take };
+    let task = Task {
+        robot,
+        aim: Aim::Point { x_m, y_m, yaw_rad, via },
+        within: None,
+        wait: false,
+        on_link_loss: None,
+        take,
+    };
     let control = Control::acquire(client, &task.robot, take).await?;
     let goal = Uuid::new_v4();
     let started = goal::start(&control, &task, goal).await;
@@ -59,8 +66,8 @@ pub(crate) async fn estop(
 }
 
 /// As `reset`: which latches are ended, and which remain.
-pub(crate) async fn reset(ctx: &Context, client: &Client, robot: Name) -> Result<Value> {
-    let mut ended = reset::each(ctx, client, &[robot], None, false).await;
+pub(crate) async fn reset(client: &Client, robot: Name) -> Result<Value> {
+    let mut ended = reset::each(client, &[robot], None, false).await;
     match ended.pop() {
         Some((_, ended)) => value(&ended?),
         None => Ok(json!({})),
@@ -68,10 +75,10 @@ pub(crate) async fn reset(ctx: &Context, client: &Client, robot: Name) -> Result
 }
 
 /// As `reset --all --yes`: what came of each robot that had anything latched, and whose state is unknown.
-pub(crate) async fn reset_all(ctx: &Context, client: &Client) -> Result<Value> {
+pub(crate) async fn reset_all(client: &Client) -> Result<Value> {
     let Candidates { latched, unknown, .. } = reset::candidates(client, &[]).await?;
     let robots: Vec<Name> = latched.into_iter().map(|(robot, _)| robot).collect();
-    let ended = reset::each(ctx, client, &robots, None, false).await;
+    let ended = reset::each(client, &robots, None, false).await;
     let told = |(robot, ended): (Name, Result<Reset>)| {
         let told = match ended {
             Ok(report) => value(&report)?,
@@ -187,7 +194,7 @@ mod tests {
             fake::latch(Latch::Estop, "cli-1", false),
             fake::latch(Latch::GyroLost, "gyro_silent", true),
         ];
-        let done = reset(client.context(), &client, name("xtb-1")).await.unwrap();
+        let done = reset(&client, name("xtb-1")).await.unwrap();
         assert_eq!(done["cleared"], json!(["estop"]));
         assert_eq!(done["remaining"][0]["latch"], "gyro_lost");
         assert_eq!(fake.lock().lease, None);

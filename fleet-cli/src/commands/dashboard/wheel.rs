@@ -61,7 +61,7 @@ impl AtWheel {
         mut end: oneshot::Receiver<()>,
     ) -> Option<String> {
         let Self { client, robot, control, feed, max_rpm } = self;
-        let mut wheel = Wheel { client: &client, control: &control, robot: &robot, max_rpm, sent: 0 };
+        let mut wheel = Wheel::new(&client, &control, &robot, max_rpm);
         let mut dead_man = DeadMan::new(ms(&client));
         let mut look = tokio::time::interval(LOOK_EVERY);
         look.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -83,6 +83,9 @@ impl AtWheel {
                 _ = look.tick() => {
                     if let Some(failure) = control.lost() {
                         break Some(lost(&wheel, &feed, failure));
+                    }
+                    if let Some(failure) = wheel.given_up(&feed) {
+                        break Some(failure);
                     }
                     if let Some(failure) = dead_man.is_idle(ms(&client)).then(idle) {
                         break Some(failure);

@@ -87,6 +87,10 @@ pub(super) struct Facts {
     pub(super) unreadable: BTreeMap<Name, String>,
     /// Boots that answered to each name.
     pub(super) epochs: BTreeMap<Name, BTreeSet<u64>>,
+    /// How many programs answer each robot's commands.
+    pub(super) voices: BTreeMap<Name, usize>,
+    /// Whether commands to a robot that does not exist are answered.
+    pub(super) answered_for_nobody: bool,
     /// Fresh states.
     pub(super) states: BTreeMap<Name, RobotState>,
     /// The robot's time over ours; `None` = it was not heard twice in one boot.
@@ -187,12 +191,21 @@ fn roster(facts: &Facts) -> Vec<Finding> {
 
 fn names(facts: &Facts) -> Vec<Finding> {
     let twice = facts.epochs.iter().filter(|(_, epochs)| epochs.len() > 1);
-    let findings: Vec<_> = twice
+    let mut findings: Vec<_> = twice
         .map(|(name, epochs)| {
             let text = format!("{} agents answer to this name", epochs.len());
             Finding::problem("names", text, "end all but one, or give them names of their own").of(name)
         })
         .collect();
+    let shadow = "find out who that is and end it: it can say that a robot has stopped that drives";
+    for (name, voices) in facts.voices.iter().filter(|(_, voices)| **voices > 1) {
+        let text = format!("{voices} programs answer its commands");
+        findings.push(Finding::problem("names", text, shadow).of(name));
+    }
+    if facts.answered_for_nobody {
+        let text = "a program answers commands to robots that are not there";
+        findings.push(Finding::problem("names", text, shadow));
+    }
     if findings.is_empty() && !facts.alive.is_empty() {
         return vec![Finding::ok("names", "each name is there once")];
     }

@@ -38,6 +38,8 @@ pub(in crate::commands) struct Task {
     pub(in crate::commands) within: Option<Duration>,
     /// Follow it to its end.
     pub(in crate::commands) wait: bool,
+    /// What the robot does when this client falls silent; `None` = halt while it is waited for, else finish.
+    pub(in crate::commands) on_link_loss: Option<LinkLoss>,
     /// Take control from whoever has it.
     pub(in crate::commands) take: bool,
 }
@@ -45,7 +47,8 @@ pub(in crate::commands) struct Task {
 impl Task {
     /// A goal that has a limit, or that outlives this client, is bounded by the robot's own clock too.
     pub(super) fn on_link_loss(&self) -> LinkLoss {
-        if self.wait && self.within.is_none() { LinkLoss::Halt } else { LinkLoss::Finish }
+        let usual = if self.wait && self.within.is_none() { LinkLoss::Halt } else { LinkLoss::Finish };
+        self.on_link_loss.unwrap_or(usual)
     }
 
     fn finish_s(&self) -> f64 {
@@ -100,7 +103,8 @@ mod tests {
     fn task(wait: bool, within_s: Option<u64>) -> Task {
         let aim = Aim::Point { x_m: 1.0, y_m: 2.0, yaw_rad: None, via: None };
         let robot = Name::new("xtb-1").unwrap();
-        Task { robot, aim, within: within_s.map(Duration::from_secs), wait, take: false }
+        let within = within_s.map(Duration::from_secs);
+        Task { robot, aim, within, wait, on_link_loss: None, take: false }
     }
 
     #[test]
@@ -115,6 +119,17 @@ mod tests {
             let Body::Goto { on_link_loss, finish_s, .. } = task.body() else { panic!() };
             assert_eq!((on_link_loss, finish_s), (policy, seconds), "wait {wait}, within {within:?}");
             assert!(task.alone().contains(alone), "{}", task.alone());
+        }
+    }
+
+    #[test]
+    fn what_is_said_of_a_lost_link_counts() {
+        for policy in [LinkLoss::Halt, LinkLoss::Finish] {
+            for wait in [false, true] {
+                let task = Task { on_link_loss: Some(policy), ..task(wait, None) };
+                let Body::Goto { on_link_loss, .. } = task.body() else { panic!() };
+                assert_eq!(on_link_loss, policy, "wait {wait}");
+            }
         }
     }
 }

@@ -43,7 +43,14 @@ async fn attempt(ctx: &Context, client: &Client, known: &[Name], deed: &Deed) ->
         Deed::Stop(whom) => Ok(stopped(stop::call(client, &who(whom, known)).await, "stopped")),
         Deed::Goto { robot, x_m, y_m, yaw_rad, take } => {
             let aim = Aim::Point { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad, via: None };
-            let task = Task { robot: robot.clone(), aim, within: None, wait: false, take: *take };
+            let task = Task {
+                robot: robot.clone(),
+                aim,
+                within: None,
+                wait: false,
+                on_link_loss: None,
+                take: *take,
+            };
             let control = Control::acquire(client, robot, *take).await?;
             let started = goal::start(&control, &task, Uuid::new_v4()).await;
             let text = format!("accepted{}", from(&control));
@@ -52,14 +59,14 @@ async fn attempt(ctx: &Context, client: &Client, known: &[Name], deed: &Deed) ->
         }
         Deed::Reset { robot, take } => {
             let control = Control::acquire(client, robot, *take).await?;
-            let done = reset::in_words(ctx, client, &control, robot).await;
+            let done = reset::in_words(client, &control, robot).await;
             let from = from(&control);
             control.release().await;
             let (text, refused) = done?;
             let tone = if refused { Tone::Bad } else { Tone::Good };
             Ok((tone, format!("{}{from}", text.replace('\n', "; "))))
         }
-        Deed::ResetAll { robots } => Ok(reset_all(reset::each(ctx, client, robots, None, false).await)),
+        Deed::ResetAll { robots } => Ok(reset_all(reset::each(client, robots, None, false).await)),
         Deed::Cancel { robot, goal, take } => {
             let control = Control::acquire(client, robot, *take).await?;
             let asked = cancel::ask(&control, robot, *goal).await;
@@ -118,6 +125,7 @@ fn stopped((report, gaps): (Report, Gaps), word: &str) -> (Tone, String) {
         found.map(|(robot, _)| robot.to_string()).collect::<Vec<_>>()
     };
     let (unknown, refused) = (names(Stopped::Unknown), names(Stopped::Refused));
+    let doubtful = [Stopped::Unconfirmed, Stopped::Absent, Stopped::Ambiguous].map(names).concat();
     let (done, all) = (names(Stopped::Stopped).len(), report.robots.len());
     if all == 0 {
         return (Tone::Bad, "NOBODY ANSWERED: robots may be driving".to_owned());
@@ -125,6 +133,9 @@ fn stopped((report, gaps): (Report, Gaps), word: &str) -> (Tone, String) {
     let mut text = if all == 1 && done == 1 { word.to_owned() } else { format!("{done} of {all} {word}") };
     if !unknown.is_empty() {
         text.push_str(&format!("; NO ANSWER, may be driving: {}", unknown.join(", ")));
+    }
+    if !doubtful.is_empty() {
+        text.push_str(&format!("; NOT CONFIRMED by its own state: {}", doubtful.join(", ")));
     }
     if !refused.is_empty() {
         text.push_str(&format!("; REFUSED: {}", refused.join(", ")));

@@ -89,7 +89,7 @@ async fn steer(
     mut orders: watch::Receiver<Order>,
     holding: &mpsc::Sender<f64>,
 ) -> Grasp {
-    let mut wheel = Wheel { client, control: &control, robot, max_rpm, sent: 0 };
+    let mut wheel = Wheel::new(client, &control, robot, max_rpm);
     let mut look = ticks(SEND_EVERY);
     // There is room: it is the only message.
     let _ = holding.try_send(max_rpm);
@@ -110,6 +110,9 @@ async fn steer(
             _ = look.tick() => {
                 if let Some(failure) = control.lost() {
                     break Some(lost(&wheel, &feed, failure));
+                }
+                if let Some(failure) = wheel.given_up(&feed) {
+                    break Some(failure);
                 }
             }
         }
