@@ -105,12 +105,6 @@ impl FleetView {
         self
     }
 
-    /// With how the simulator runs, if there is one.
-    pub(crate) async fn with_simulator(mut self, client: &Client) -> Result<Self> {
-        self.simulator = client.sim_stats().await?;
-        Ok(self)
-    }
-
     /// Only these robots; none named = all.
     pub(crate) fn only(mut self, robots: &[Name]) -> Self {
         if !robots.is_empty() {

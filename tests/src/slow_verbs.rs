@@ -56,7 +56,7 @@ impl SlowFleet {
     pub async fn start(robots: usize, quality: LinkQuality, seed: u64) -> Self {
         let count = robots.to_string();
         let mut command = cli();
-        command.args(["sim", "--listen", "tcp/127.0.0.1:0", "--robots", &count]);
+        command.args(["--json", "sim", "--listen", "tcp/127.0.0.1:0", "--robots", &count]);
         let child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let mut child = child.unwrap_or_else(|error| panic!("{error}"));
         let output = child.stdout.take().unwrap_or_else(|| panic!("no output"));
@@ -67,7 +67,7 @@ impl SlowFleet {
         let router = between(&line, "\"router\":\"", "\"");
         let link = SlowLink::open(&router, quality, seed).await;
         // Beside the link: where the first robot stands.
-        let (_, list) = run(&router, &["list".into()]);
+        let (_, list) = run(&router, &["--json".into(), "list".into()]);
         let number = |key: &str| between(&list, key, ",").parse().unwrap_or_else(|_| panic!("{key}: {list}"));
         let start = (number("\"x_m\":"), number("\"y_m\":"));
         Self { _simulator: simulator, link, router, start }
@@ -97,7 +97,7 @@ impl SlowFleet {
 /// `fleet-cli` without anything from this user's environment.
 fn cli() -> Command {
     let mut command = Command::new(program("fleet-cli"));
-    command.env_clear().env("HOME", std::env::temp_dir()).arg("--json");
+    command.env_clear().env("HOME", std::env::temp_dir());
     command
 }
 

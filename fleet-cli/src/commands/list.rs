@@ -34,12 +34,14 @@ struct Listed<'a> {
 pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
     let client = Client::open(ctx).await?;
     let dispatching = Dispatching::of(&client);
-    let (roster, heard, status) =
-        tokio::join!(client.roster_entries(&args.expect), client.heard(), dispatching.status());
-    let (roster, (alive, states)) = (roster?.unwrap_or_default(), heard?);
+    let (roster, simulator, status) =
+        tokio::join!(client.roster_entries(&args.expect), client.sim_stats(), dispatching.status());
+    let roster = roster?.unwrap_or_default();
     let expected = roster.iter().map(|entry| entry.name.clone()).collect();
+    // The states last: they age while others are waited for.
+    let (alive, states) = client.heard().await?;
     let view = FleetView::of(&ctx.fleet, &alive, &states, &expected).with_roster(&roster);
-    let view = view.with_simulator(&client).await?;
+    let view = FleetView { simulator: simulator?, ..view };
     if view.robots.is_empty() {
         return Err(client.nobody());
     }

@@ -213,7 +213,7 @@ impl Shell<'_> {
                     let begun = self.deeds.spawn(async move {
                         tokio::select! {
                             biased;
-                            Ok(()) = stops.changed(), if deed.is_reset() => carry::overtaken(),
+                            Ok(()) = stops.changed(), if deed.loosens() => carry::overtaken(),
                             outcome = carry::carry(&ctx, &client, &known, &deed) => outcome,
                         }
                     });

@@ -388,6 +388,7 @@ impl Cockpit {
             Press::Go => return self.go(now_ms),
             Press::Reset => self.reset(&sights, scene, now_ms),
             Press::ResetAll => self.reset_all(&sights, scene, now_ms),
+            Press::Activate => self.activate(scene, now_ms),
             Press::Cancel => return self.cancel(&sights, now_ms),
             _ => {}
         }

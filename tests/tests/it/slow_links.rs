@@ -15,11 +15,6 @@ async fn all_work(robots: usize, quality: LinkQuality, seed: u64) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn every_verb_works_over_a_link_of_250_ms_each_way() {
-    all_work(2, LinkQuality::delayed(Duration::from_millis(250)), 1).await;
-}
-
-#[tokio::test(flavor = "multi_thread")]
 async fn every_verb_works_over_a_link_of_500_ms_each_way() {
     all_work(2, LinkQuality::delayed(Duration::from_millis(500)), 2).await;
 }

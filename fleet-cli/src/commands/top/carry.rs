@@ -12,7 +12,7 @@ use crate::lease::Control;
 use crate::output::Tone;
 use crate::tui::top::{Deed, Outcome, Whom};
 use crate::words;
-use xtb_protocol::messages::{DispatchBody, RejectCode};
+use xtb_protocol::messages::{DispatchBody, RejectCode, Suspension};
 use xtb_protocol::{Name, Uuid};
 
 /// Asks, and says what came of it. It ends by itself, at the latest a few `--timeout`s later; an emergency
@@ -67,6 +67,18 @@ async fn attempt(ctx: &Context, client: &Client, known: &[Name], deed: &Deed) ->
             Ok((tone, format!("{}{from}", text.replace('\n', "; "))))
         }
         Deed::ResetAll { robots } => Ok(reset_all(reset::each(client, robots, None, false).await)),
+        Deed::Activate => {
+            let (_, suspended) = Dispatching::of(client).activate().await?;
+            let more: Vec<String> = suspended.iter().map(Suspension::text).collect();
+            Ok((
+                Tone::Good,
+                ["the dispatcher is active".to_owned()]
+                    .into_iter()
+                    .chain(more)
+                    .collect::<Vec<_>>()
+                    .join("; "),
+            ))
+        }
         Deed::Cancel { robot, goal, take } => {
             let control = Control::acquire(client, robot, *take).await?;
             let asked = cancel::ask(&control, robot, *goal).await;

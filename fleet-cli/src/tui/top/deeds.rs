@@ -55,6 +55,8 @@ pub(crate) enum Deed {
         /// Whose.
         robots: Vec<Name>,
     },
+    /// Let the dispatcher assign tasks again.
+    Activate,
     /// End a goal.
     Cancel {
         /// Whose.
@@ -79,9 +81,9 @@ impl Deed {
         matches!(self, Self::Estop(_) | Self::Stop(_))
     }
 
-    /// Whether a stop that is called meanwhile comes first: it would end what the stop has latched.
-    pub(crate) fn is_reset(&self) -> bool {
-        matches!(self, Self::Reset { .. } | Self::ResetAll { .. })
+    /// Whether a stop that is called meanwhile comes first: it would end what the stop has set.
+    pub(crate) fn loosens(&self) -> bool {
+        matches!(self, Self::Reset { .. } | Self::ResetAll { .. } | Self::Activate)
     }
 
     /// The same, taking control; `None` = it needs none, or takes it already.
@@ -109,6 +111,7 @@ impl Deed {
             }
             Self::Reset { robot, .. } => format!("reset {robot}"),
             Self::ResetAll { robots } => format!("reset {} robots", robots.len()),
+            Self::Activate => "activate the dispatcher".to_owned(),
             Self::Cancel { robot, .. } => format!("cancel {robot}'s goal"),
             Self::CancelTask { robot, task } => format!("cancel {task} on {robot}"),
         }
@@ -124,7 +127,7 @@ impl Deed {
 
     fn one(&self) -> Option<&Name> {
         match self {
-            Self::Estop(Whom::All) | Self::Stop(Whom::All) | Self::ResetAll { .. } => None,
+            Self::Estop(Whom::All) | Self::Stop(Whom::All) | Self::ResetAll { .. } | Self::Activate => None,
             Self::Estop(Whom::One(robot)) | Self::Stop(Whom::One(robot)) => Some(robot),
             Self::Goto { robot, .. }
             | Self::Reset { robot, .. }

@@ -17,6 +17,8 @@ pub(super) enum Press {
     Reset,
     /// All latches of all robots that are shown are to end.
     ResetAll,
+    /// The dispatcher is to assign tasks again.
+    Activate,
     /// Drive the selected robot, or let it go.
     Teleop,
     /// The selected robot's goal or task is to end.
@@ -97,6 +99,7 @@ fn letter(c: char) -> Option<Press> {
         's' => Press::Stop,
         'x' => Press::Reset,
         'X' => Press::ResetAll,
+        'A' => Press::Activate,
         't' => Press::Teleop,
         'c' => Press::Cancel,
         'w' => Press::Why,

@@ -18,6 +18,7 @@ const KEYS: &[(&str, &str)] = &[
     ("c", "cancel its task or goal"),
     ("t", "drive: hold arrows, space is zero; t or Esc lets go"),
     ("x / X", "reset its latches / those of all robots (asks)"),
+    ("A", "let a suspended dispatcher assign tasks again (asks)"),
     ("w", "why it stands, and what to do"),
     ("v", "events or tasks"),
     ("+ - a f", "map: nearer, farther, all, follow the robot"),

@@ -196,6 +196,21 @@ impl Cockpit {
         self.ask(Question { text, yes: Wish::Deed(Deed::ResetAll { robots }) });
     }
 
+    /// Asks first: robots may drive at once.
+    pub(super) fn activate(&mut self, scene: &Scene, now_ms: AtMs) {
+        let Some(stop) = task_words::fleet_stop(scene.suspended()) else {
+            let why =
+                if scene.dispatcher() { "the dispatcher is not suspended" } else { "no dispatcher runs" };
+            return self.deeds.tell(now_ms, Tone::Plain, why);
+        };
+        let text = format!(
+            "Activate the dispatcher? It was suspended by an {}; {} open tasks wait, robots may drive at once",
+            stop.cause.text(),
+            stop.tasks
+        );
+        self.ask(Question { text, yes: Wish::Deed(Deed::Activate) });
+    }
+
     /// The dispatcher's task if it has one, else its goal.
     pub(super) fn cancel(&mut self, sights: &[Sight<'_>], now_ms: AtMs) -> Vec<Action> {
         let Some(sight) = self.sight(sights) else { return Vec::new() };

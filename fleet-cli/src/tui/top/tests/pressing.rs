@@ -142,6 +142,20 @@ fn a_reset_of_all_asks_first_and_names_whom() {
 }
 
 #[test]
+fn a_suspended_dispatcher_is_activated_after_a_yes_and_only_if_it_is_suspended() {
+    let (mut cockpit, mut scene) = (cockpit(), fleet());
+    assert!(letter(&mut cockpit, &scene, 'A').is_empty());
+    line(&screen(&mut cockpit, &scene, 80, 24), "the dispatcher is not suspended");
+    let cause = SuspensionCause::FleetStop { by: Some(name("cli-7")) };
+    let suspended = vec![Suspension { cause, since_ms: 4_000, tasks: 3 }];
+    scene.take(9_500, &key("dispatch/tasks"), list(Vec::new(), suspended).into());
+    assert!(letter(&mut cockpit, &scene, 'A').is_empty());
+    line(&screen(&mut cockpit, &scene, 80, 24), "3 open tasks wait");
+    assert!(letter(&mut cockpit.clone(), &scene, 'n').is_empty());
+    assert_eq!(deeds(&letter(&mut cockpit, &scene, 'y')), [Deed::Activate]);
+}
+
+#[test]
 fn cancel_ends_the_task_or_else_the_goal() {
     let (mut cockpit, scene) = (cockpit(), fleet());
     letter(&mut cockpit, &scene, '2');
