@@ -72,9 +72,11 @@ fn nothing_is_begun_after_a_start_before_somebody_had_time_to_say_that_the_map_i
         if known {
             bench.dispatcher.map(bench.now_ms, "lab", LAB);
         }
-        let [first, _second] = [goto(9.0, 0.0), goto(3.0, 0.0)].map(|spec| bench.submit(spec));
+        for x_m in [9.0, 3.0] {
+            bench.submit(goto(x_m, 0.0));
+        }
         bench.run_ms(1000);
-        assert_eq!(bench.state(first), TaskState::Running);
+        assert!(bench.robots[0].running().is_some());
         bench.robots[0].reboot(); // another world: it knows of nothing
         let begun = bench.begun().len();
         bench.restart();

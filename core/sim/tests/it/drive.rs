@@ -26,9 +26,14 @@ impl Drive {
 
     /// Trucks that start here.
     pub(crate) fn at(world: World, starts: &[MapPose], seed: u64) -> Self {
+        Self::of(world, starts, &TruckParameters::default(), seed)
+    }
+
+    /// Other trucks than their settings say.
+    pub(crate) fn of(world: World, starts: &[MapPose], truck: &TruckParameters, seed: u64) -> Self {
         let names: Vec<String> = (1..=starts.len()).map(|n| format!("xtb-{n}")).collect();
         let starts: Vec<_> = names.iter().map(String::as_str).zip(starts.iter().copied()).collect();
-        Self::with(Simulation::with_starts(world, &TruckParameters::default(), &starts, seed).unwrap(), seed)
+        Self::with(Simulation::with_starts(world, truck, &starts, seed).unwrap(), seed)
     }
 
     fn with(simulation: Simulation, seed: u64) -> Self {

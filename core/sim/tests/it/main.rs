@@ -36,5 +36,6 @@ mod together;
 mod trips;
 mod troubled;
 mod walls;
+mod wheels;
 mod whole_robot;
 mod worlds;
