@@ -68,7 +68,11 @@ impl Control {
             taken_from = Some(holder(client, robot).await);
             reply = ask(client, robot, &book.operator, true).await?;
         }
-        accepted(robot, &reply)?;
+        if accepted(robot, &reply)?.lease.is_none() {
+            let message = format!("{robot} was answered for without a lease: no robot answers like that");
+            return Err(Failure::new(Kind::OutcomeUnknown, message)
+                .hint("`fleet-cli doctor` finds programs that answer in a robot's name"));
+        }
         book.replied(client.now(), robot, &reply);
         let book = Arc::new(Mutex::new(book));
         let keeper = Keeper { client: client.clone(), robot: robot.clone(), book: Arc::clone(&book) };

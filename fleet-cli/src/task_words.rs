@@ -94,7 +94,7 @@ pub(crate) fn suspended(all: &[Suspension], now_ms: Option<u64>, out: &Output) -
     let line = |suspension: &Suspension| {
         let age =
             now_ms.map(|now_ms| format!(", for {}", since(now_ms, suspension.since_ms))).unwrap_or_default();
-        let what = out.paint(Tone::Bad, &format!("SUSPENDED: {}{age}", suspension.text()));
+        let what = out.paint(Tone::Bad, &format!("{}{age}", suspension.text()));
         format!("{what}\n{}", out.paint(Tone::Dim, &format!("  → {}", suspension.cause.remedy())))
     };
     all.iter().map(line).collect()

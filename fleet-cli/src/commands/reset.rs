@@ -36,9 +36,10 @@ pub(super) struct Report {
 }
 
 impl Report {
-    /// Whether it would not reset what was asked for.
-    pub(super) fn is_refused(&self) -> bool {
-        self.refused.is_some()
+    /// Whether it would not reset what was asked for, or said yes and has not.
+    pub(super) fn is_refused(&self, latch: Option<Latch>) -> bool {
+        let asked = |set: &LatchState| latch.is_none_or(|latch| latch == set.latch);
+        self.refused.is_some() || self.remaining.iter().flatten().any(asked)
     }
 }
 
@@ -177,8 +178,10 @@ fn say(ctx: &Context, latch: Option<Latch>, ended: &[(Name, Result<Report>)]) ->
                     ctx.out.note(&format!("took control of {robot} from {holder}"));
                 }
                 ctx.out.result(report, |report| text(report, latch, &ctx.out))?;
-                if let Some(refused) = &report.refused {
+                if report.is_refused(latch) {
                     exit = worse(exit, Exit::Failed);
+                }
+                if let Some(refused) = &report.refused {
                     let hint = format!("`fleet-cli why {robot}` shows causes, and what to do about them");
                     let failure = Failure::new(Kind::Refused(RejectCode::CausePresent), refused).hint(hint);
                     if !ctx.out.json {
@@ -208,7 +211,7 @@ fn worse(one: Exit, other: Exit) -> Exit {
 pub(super) async fn in_words(client: &Client, control: &Control, robot: &Name) -> Result<(String, bool)> {
     let report = reset(client, control, robot, None).await?;
     let words = text(&report, None, &Output { json: false, colors: false });
-    Ok((words, report.is_refused()))
+    Ok((words, report.is_refused(None)))
 }
 
 pub(super) async fn reset(
@@ -373,7 +376,7 @@ mod tests {
         assert!(found.latched[0].1.contains("estop by cli-1"), "{}", found.latched[0].1);
         let both: Vec<Name> = found.latched.into_iter().map(|(robot, _)| robot).collect();
         let ended = each(&client, &both, None, false).await;
-        assert!(ended.iter().all(|(_, ended)| ended.as_ref().is_ok_and(|report| !report.is_refused())));
+        assert!(ended.iter().all(|(_, ended)| ended.as_ref().is_ok_and(|report| !report.is_refused(None))));
         assert!(robots.iter().all(|robot| robot.lock().state.latches.is_empty()));
     }
 

@@ -30,7 +30,10 @@ pub(super) async fn reported_beside<T>(
         unknown = &mut finding => unknown,
     };
     if !ctx.out.json {
-        unknown.said.iter().for_each(|said| ctx.out.note(&format!("{said} It is {anyway} all the same.")));
+        unknown
+            .said
+            .iter()
+            .for_each(|said| ctx.out.note(&format!("{said} The robot as named is {anyway} all the same.")));
     }
     (call.await, unknown.meant)
 }

@@ -117,7 +117,9 @@ mod tests {
         );
         assert_eq!(
             lines.next(),
-            Some("           → `fleet-cli reset xtb-1 --latch estop`, then give a new command")
+            Some(
+                "           → `fleet-cli reset xtb-1 --latch estop`, then give a new command (a dispatcher needs none)"
+            )
         );
     }
 }

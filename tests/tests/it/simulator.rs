@@ -134,7 +134,10 @@ fn a_name_that_the_roster_lacks_is_pointed_out_at_once_and_told_to_stop_all_the_
         let mut command = in_words(&["--connect", &sim.endpoint, "--timeout", "60", verb, "xtb-11"]);
         let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let said = line(&mut Process(child), "xtb-11");
-        assert_eq!(said, "xtb-11 is not in the roster: did you mean xtb-1? It is told to stop all the same.");
+        assert_eq!(
+            said,
+            "xtb-11 is not in the roster: did you mean xtb-1? The robot as named is told to stop all the same."
+        );
         assert!(began.elapsed() < PATIENCE / 2, "not before it gave up");
         let (code, report, output) = sim.run(&["--timeout", "1", verb, "xtb-2", "xtb-11"]);
         assert_eq!((code, &report["unknown_robots"]["xtb-11"]), (3, &"xtb-1".into()), "{output:?}");

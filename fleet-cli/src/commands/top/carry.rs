@@ -106,8 +106,8 @@ async fn attempt(ctx: &Context, client: &Client, known: &[Name], deed: &Deed) ->
 fn reset_all(ended: Vec<(Name, Result<reset::Report>)>) -> (Tone, String) {
     let all = ended.len();
     let wrong = ended.into_iter().filter_map(|(robot, ended)| match ended {
-        Ok(report) if !report.is_refused() => None,
-        Ok(_) => Some(format!("{robot}: its cause is still there")),
+        Ok(report) if !report.is_refused(None) => None,
+        Ok(_) => Some(format!("{robot}: it is still latched")),
         Err(failure) => Some(failure.to_string()),
     });
     let wrong: Vec<String> = wrong.collect();

@@ -54,7 +54,10 @@ pub(super) fn of_reason(robot: &Name, reason: StopReason) -> Option<String> {
 
 /// What to do about a latch.
 pub(super) fn of_latch(robot: &Name, latch: &LatchState, state: &RobotState) -> String {
-    let reset = format!("`fleet-cli reset {robot} --latch {}`, then give a new command", latch.latch);
+    let reset = format!(
+        "`fleet-cli reset {robot} --latch {}`, then give a new command (a dispatcher needs none)",
+        latch.latch
+    );
     if !latch.present {
         return reset;
     }

@@ -55,10 +55,22 @@ export function taskPanel(store, act, look) {
     ${tasks(list, store, act, isThere)}`;
 }
 
+// What ends a suspension may set robots in motion: it asks first.
+let asked = null;
 function suspended(one, store, act) {
-  const button = one.all
-    ? html`<button type="button" id="activate" @click=${act.activate}>Activate the dispatcher</button>`
-    : html`<button type="button" id="adopt" @click=${act.adopt}>Take these tasks over to this map</button>`;
+  const [id, what, end] = one.all
+    ? ["activate", "Activate the dispatcher", act.activate]
+    : ["adopt", "Take these tasks over to this map", act.adopt];
+  const press = (asks, does) => () => {
+    asked = asks;
+    if (does) end();
+    act.changed();
+  };
+  const button = asked === id
+    ? html`<span>Robots may drive at once.</span>
+      <button type="button" id="${id}-yes" @click=${press(null, true)}>${what}</button>
+      <button type="button" @click=${press(null, false)}>Leave it</button>`
+    : html`<button type="button" id=${id} @click=${press(id, false)}>${what}</button>`;
   return html`<div class="box bad"><p><strong>Suspended:</strong> ${one.text}</p>
     <p class="todo">${one.remedy.split("`").map((part, i) => (i % 2 ? html`<code>${part}</code>` : part))}</p>
     ${store.writable() ? html`<div class="row">${button}</div>` : nothing}</div>`;

@@ -72,7 +72,7 @@ impl Cockpit {
         let suspended = scene.suspended().iter().flat_map(|suspension| {
             let line = |text: String, tone| Line::styled(text, self.setup.look.tone(tone));
             let remedy = format!("  → {}", suspension.cause.remedy());
-            [line(format!(" SUSPENDED: {}", suspension.text()), Tone::Bad), line(remedy, Tone::Dim)]
+            [line(format!(" {}", suspension.text()), Tone::Bad), line(remedy, Tone::Dim)]
         });
         (title, suspended.chain(open.chain(ended).map(line)).collect())
     }

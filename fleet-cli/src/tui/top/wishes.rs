@@ -199,15 +199,16 @@ impl Cockpit {
     /// Asks first: robots may drive at once.
     pub(super) fn activate(&mut self, scene: &Scene, now_ms: AtMs) {
         let Some(stop) = task_words::fleet_stop(scene.suspended()) else {
-            let why =
-                if scene.dispatcher() { "the dispatcher is not suspended" } else { "no dispatcher runs" };
+            let why = match scene.suspended() {
+                _ if !scene.dispatcher() => "no dispatcher runs".to_owned(),
+                [] => "the dispatcher is not suspended".to_owned(),
+                [other, ..] => {
+                    format!("the dispatcher is active; {}: {}", other.text(), other.cause.remedy())
+                }
+            };
             return self.deeds.tell(now_ms, Tone::Plain, why);
         };
-        let text = format!(
-            "Activate the dispatcher? It was suspended by an {}; {} open tasks wait, robots may drive at once",
-            stop.cause.text(),
-            stop.tasks
-        );
+        let text = format!("Activate the dispatcher? Robots may drive at once: {}", stop.text());
         self.ask(Question { text, yes: Wish::Deed(Deed::Activate) });
     }
 

@@ -2,6 +2,7 @@
 
 use super::{Facts, Finding};
 use std::collections::{BTreeMap, BTreeSet};
+use xtb_protocol::Name;
 use xtb_protocol::messages::{FleetMap, MapHash, TaskList, TrafficState};
 
 const SAME_RELEASE: &str = "install the same release of fleet-cli here and where it runs";
@@ -112,7 +113,9 @@ pub(super) fn traffic(facts: &Facts) -> Vec<Finding> {
             format!("{} traffic controls lead the robots", services.traffic_states.len()),
             "end all but one, or wait 2 s if one has just been started again",
         ),
-        (Some(state), None) => return vec![on_the_map(services, state)],
+        (Some(state), None) => {
+            return [on_the_map(services, state)].into_iter().chain(gone(facts, state)).collect();
+        }
         (None, _) => match (&services.traffic_unreadable, services.traffic) {
             (Some(error), _) => {
                 let text = format!("what traffic control says cannot be read: {error}");
@@ -143,6 +146,16 @@ fn on_the_map(services: &Services, state: &TrafficState) -> Finding {
             Finding::ok(TOPIC, format!("traffic control leads {led}, and drives them around {around} others"))
         }
     }
+}
+
+/// A robot that traffic control has seen and that has left may stand where it was: the others drive around it.
+fn gone(facts: &Facts, state: &TrafficState) -> Option<Finding> {
+    let gone = state.obstacles.iter().chain(&state.led).filter(|robot| !facts.alive.contains(*robot));
+    let gone = gone.map(Name::as_str).collect::<Vec<_>>().join(", ");
+    let text = format!("{gone} is gone: the others drive around where it was last heard");
+    const TODO: &str =
+        "start it again, or, once its place is clear, start what contains traffic control again";
+    (!gone.is_empty()).then(|| Finding::warning("traffic", text, TODO))
 }
 
 /// Whether one map is served, and every robot is on it.

@@ -343,11 +343,14 @@ fn a_suspended_dispatcher_is_a_warning_that_says_what_ends_it() {
 }
 
 #[test]
-fn traffic_control_that_is_silent_twice_there_or_on_another_map_is_a_problem() {
+fn traffic_control_that_is_silent_twice_there_on_another_map_or_sees_ghosts_is_named() {
     let mut facts = served();
     let state = facts.services.traffic_states[&7].clone();
     facts.services.traffic_states.insert(8, TrafficState { epoch: 8, ..state.clone() });
     is_wrong(&facts, "traffic", Level::Problem, "2 traffic controls");
+    let around = TrafficState { obstacles: vec![name("xtb-5")], ..state.clone() };
+    facts.services.traffic_states = BTreeMap::from([(7, around)]);
+    is_wrong(&facts, "traffic", Level::Warning, "xtb-5 is gone: the others drive around");
     let elsewhere = TrafficState { map_hash: MapHash::new(6).to_string(), ..state };
     facts.services.traffic_states = BTreeMap::from([(7, elsewhere)]);
     is_wrong(&facts, "traffic", Level::Problem, "works on map 0000000000000006");

@@ -225,10 +225,7 @@ fn a_suspended_dispatcher_stands_in_the_title_and_says_what_ends_it() {
     assert!(shown[0].contains("dispatcher SUSPENDED"), "{}", shown[0]);
     letter(&mut cockpit, &scene, 'v');
     let shown = screen(&mut cockpit, &scene, 200, 50);
-    line(
-        &shown,
-        "SUSPENDED: the dispatcher is suspended: emergency stop of all robots by cli-7; 3 open tasks wait",
-    );
+    line(&shown, "the dispatcher is suspended: emergency stop of all robots by cli-7; 3 open tasks wait");
     line(&shown, "`fleet-cli dispatch activate`");
     letter(&mut cockpit, &scene, '3');
     letter(&mut cockpit, &scene, 'x');
