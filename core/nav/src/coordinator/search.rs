@@ -5,6 +5,7 @@
 //! interval. Two nodes of one cell compete only if the truck could have waited from one to the other
 //! (M. Phillips and M. Likhachev, *SIPP: Safe interval path planning*, ICRA 2011).
 
+use super::lane;
 use super::order::GEAR_TICKS;
 use super::rect::{Rect, Stand};
 pub(super) use super::task::{Leg, Other, Stuck, Target, Task};
@@ -15,12 +16,19 @@ use std::cmp::{Ordering, Reverse};
 use std::collections::{BTreeMap, BinaryHeap};
 use std::f64::consts::TAU;
 
-/// Ticks of one move.
-const MOVE_TICKS: usize = 4;
-/// Side of a cell in which nodes compete, in m.
-const CELL_M: f64 = 0.12;
-/// Directions of a cell.
-const DIRECTIONS: f64 = 20.0;
+/// How closely is looked.
+struct Grain {
+    /// Of moves that each node tries, in ticks.
+    moves: &'static [u32],
+    /// Side of a cell in which nodes compete, in m.
+    cell_m: f64,
+    /// Directions of a cell.
+    directions: f64,
+}
+
+const COARSE: Grain = Grain { moves: &[4], cell_m: 0.12, directions: 20.0 };
+/// For turning between two walls.
+const FINE: Grain = Grain { moves: &[4, 1], cell_m: 0.05, directions: 48.0 };
 /// Planned circles are larger than the smallest ones by this, for the follower to steer within.
 const RADIUS_FACTOR: f64 = 1.15;
 /// What the estimate counts more than what has been driven.
@@ -33,6 +41,10 @@ const ASTERN_COST: f64 = 0.3;
 const WAIT_COST: f64 = 0.3;
 /// What a move through the place of a truck costs that has to leave it first, in ticks.
 const SOFT_COST: f64 = 12.0;
+/// What a tick costs more for each metre beside the lane in a corridor.
+const LANE_COST: f64 = 0.6;
+/// So often on its way a truck is looked at for that, in ticks.
+const LANE_TICKS: u32 = 4;
 /// Longest wait for a gap, in ticks.
 const MOST_WAIT: u32 = 400;
 /// Margin of the look-out to fixed things, in m.
@@ -72,13 +84,20 @@ impl Ord for Ranked {
     }
 }
 
-/// Looks for a way; every node that is expanded counts one down in `budget`.
+/// Looks for a way, and closer where what is fixed leaves none to large steps; every node that is expanded counts
+/// one down in `budget`.
 pub(super) fn search(task: &Task<'_>, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
-    Search::new(task)?.run(budget)
+    let coarse = |task: &Task<'_>, budget: &mut u32| Search::new(task, &COARSE)?.run(budget);
+    let found = coarse(task, budget);
+    let alone = Task { others: &[], ..*task };
+    let is_narrow = found == Err(Stuck::Nowhere)
+        && (task.others.is_empty() || coarse(&alone, budget) == Err(Stuck::Nowhere));
+    if is_narrow { Search::new(task, &FINE)?.run(budget) } else { found }
 }
 
 struct Search<'a> {
     task: &'a Task<'a>,
+    grain: &'static Grain,
     radius_m: f64,
     body_margin_m: f64,
     /// No other truck moves any more from this tick on.
@@ -91,7 +110,7 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(task: &'a Task<'a>) -> Result<Self, Stuck> {
+    fn new(task: &'a Task<'a>, grain: &'static Grain) -> Result<Self, Stuck> {
         let here = Rect::body(task.car, &task.start);
         let margins = [0.05, 0.03, 0.01, -0.02, -0.05];
         let margin =
@@ -99,6 +118,7 @@ impl<'a> Search<'a> {
         let still = task.others.iter().map(|other| other.line.end()).max().unwrap_or(0);
         let mut search = Self {
             task,
+            grain,
             radius_m: task.car.radius_m * RADIUS_FACTOR,
             body_margin_m: margin,
             still,
@@ -153,12 +173,14 @@ impl<'a> Search<'a> {
             if hope_m < 3.0 || f64::from(expanded) % libm::ceil(hope_m / 2.0) == 0.0 {
                 self.shoot(index, &pose);
             }
-            for (turn, way_gear) in
-                [(0.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, -1.0)]
-            {
-                let length_m = TICK_WAY_M * MOVE_TICKS as f64 * way_gear;
-                let piece = Piece { length_m, curvature_per_m: turn / self.radius_m };
-                self.go(index, &[piece], gear, false);
+            for &ticks in self.grain.moves {
+                for (turn, way_gear) in
+                    [(0.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, -1.0)]
+                {
+                    let length_m = TICK_WAY_M * f64::from(ticks) * way_gear;
+                    let piece = Piece { length_m, curvature_per_m: turn / self.radius_m };
+                    self.go(index, &[piece], gear, false);
+                }
             }
         }
         Err(Stuck::Nowhere)
@@ -276,6 +298,10 @@ impl<'a> Search<'a> {
                 }
                 sweep.push(stand);
                 before = there;
+                if tick % LANE_TICKS == 0 || tick == ticks {
+                    let share = if tick % LANE_TICKS == 0 { LANE_TICKS } else { tick % LANE_TICKS };
+                    extra += LANE_COST * f64::from(share) * lane::beside_m(room, car, &there, gear);
+                }
             }
             if gear < 0.0 {
                 extra += ASTERN_COST * f64::from(ticks);
@@ -313,8 +339,8 @@ impl<'a> Search<'a> {
 
     /// Ticks to the goal at least, or nearly; `None` where none can be reached.
     fn hope(&self, pose: &MapPose) -> Option<f64> {
-        let Some(target) = &self.task.target else { return Some(0.0) };
         let flat_m = self.task.field.distance_m(pose.x_m, pose.y_m)?;
+        let Some(target) = &self.task.target else { return Some(flat_m / TICK_WAY_M) };
         let curved_m = match (target.yaw_rad, self.goals.first()) {
             (Some(_), Some(goal)) => reeds_shepp::distance_m(pose, goal, self.radius_m),
             _ => 0.0,
@@ -324,8 +350,8 @@ impl<'a> Search<'a> {
 
     /// Whether no earlier node of this cell could have waited until then for less.
     fn is_new(&mut self, pose: &MapPose, gear: f64, tick: u32, safe: u32, cost: f64) -> bool {
-        let along = |v: f64| libm::floor(v / CELL_M) as i32;
-        let turn = libm::floor((pose.yaw_rad / TAU + 0.5) * DIRECTIONS) as i32;
+        let along = |v: f64| libm::floor(v / self.grain.cell_m) as i32;
+        let turn = libm::floor((pose.yaw_rad / TAU + 0.5) * self.grain.directions) as i32;
         let key = (along(pose.x_m), along(pose.y_m), turn * 2 + i32::from(gear > 0.0));
         let seen = self.closed.entry(key).or_default();
         if seen.iter().any(|&(from, until, least)| from <= tick && tick <= until && least <= cost + 1.0) {
