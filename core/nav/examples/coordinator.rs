@@ -1,7 +1,7 @@
 //! Toy fleets under traffic control over many seeds, as a table; one run as a drawing.
 //!
 //! `cargo run -p xtb-nav --example coordinator -- SCENE [FIRST-LAST] [--svg FILE]` with SCENE one of door,
-//! sleepers, life, dead, restart, circle, corridor, lane, pocket, bay and seeds from FIRST to LAST; with `--svg` the first one is drawn.
+//! sleepers, life, narrow, dead, restart, circle, corridor, lane, pocket, bay, l and seeds from FIRST to LAST; with `--svg` the first one is drawn.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, dead_code)]
 
@@ -41,14 +41,18 @@ fn main() {
             "pocket" => scenes::pocket(seed, clock_ms),
             "bay" => scenes::bay(seed, clock_ms),
             "circle" => scenes::circle(seed, clock_ms),
+            "l" => {
+                let (world, goals) = scenes::l_corridor(seed, clock_ms);
+                (world, goals.into_iter().map(|[x_m, y_m]| scenes::pose(x_m, y_m, 0.0)).collect())
+            }
             "corridor" => scenes::corridor(seed, clock_ms),
             "lane" => scenes::lane(seed, clock_ms),
             "sleepers" => scenes::door(seed, 1.2 + 0.2 * (seed % 5) as f64, Trouble::SLEEPY, clock_ms),
             _ => scenes::door(seed, 1.2 + 0.2 * (seed % 5) as f64, Trouble::SOME, clock_ms),
         };
         let doors = matches!(scene, "door" | "sleepers");
-        if scene == "life" {
-            live(seed);
+        if matches!(scene, "life" | "narrow") {
+            live(scene, seed);
             continue;
         }
         let rounds = if doors { 3 } else { 1 };
@@ -57,7 +61,7 @@ fn main() {
             let count = goals.len();
             for index in 0..count {
                 let goal: MapPose = if doors { goals[(index + 2 * round) % count] } else { goals[index] };
-                world.send(index, goal);
+                world.send_to(index, [goal.x_m, goal.y_m], (scene != "l").then_some(goal.yaw_rad));
             }
             arrived &= world.run(240.0);
         }
@@ -123,14 +127,40 @@ fn hurt(scene: &str, seed: u64) {
     );
 }
 
-/// Ten minutes in which everybody who arrives is sent on.
-fn live(seed: u64) {
-    let (mut world, places) = scenes::life(seed, Trouble::SOME, clock_ms);
+/// Everybody who arrives is sent on: ten minutes in the two rooms, five in narrow ones.
+fn live(scene: &str, seed: u64) {
     let mut draw = toy::Draw::new(seed + 1000);
-    while world.now.s() < 600.0 {
-        scenes::send_on(&mut world, &places, &mut draw);
-        world.turn();
-    }
+    let world = if scene == "life" {
+        let (mut world, places) = scenes::life(seed, Trouble::SOME, clock_ms);
+        while world.now.s() < 600.0 {
+            scenes::send_on(&mut world, &places, &mut draw);
+            world.turn();
+        }
+        world
+    } else {
+        let mut world = scenes::narrow(seed, clock_ms);
+        let (mut still, mut most) = (0.0_f64, (0.0_f64, 0.0));
+        while world.now.s() < 300.0 {
+            for index in 0..world.toys.len() {
+                while world.toys[index].goal.is_none() {
+                    let place = scenes::free_place(&world.room, &mut draw);
+                    let near = |toy: &toy::Toy| {
+                        let [x_m, y_m] =
+                            toy.goal.map_or([toy.pose.x_m, toy.pose.y_m], |goal| [goal.x_m, goal.y_m]);
+                        (x_m - place[0]).hypot(y_m - place[1]) < 1.0
+                    };
+                    if !world.toys.iter().any(near) {
+                        world.send_to(index, place, None);
+                    }
+                }
+            }
+            world.turn();
+            still = if world.toys.iter().any(|toy| toy.still_since == world.now) { 0.0 } else { still + 0.1 };
+            most = if still > most.0 { (still, world.now.s()) } else { most };
+        }
+        println!("{} trucks, all stood {:.1} s until {:.1} s", world.toys.len(), most.0, most.1);
+        world
+    };
     let arrived: u32 = world.toys.iter().map(|toy| toy.arrived).sum();
     let mut jobs = world.jobs_ms.clone();
     jobs.sort_by(f64::total_cmp);

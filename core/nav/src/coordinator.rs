@@ -23,6 +23,8 @@ mod attempt;
 mod blame;
 mod field;
 mod group;
+mod in_turn;
+mod lane;
 mod margin;
 mod order;
 mod plans;
@@ -61,10 +63,26 @@ pub const MOST_ARCS: usize = 256;
 const LISTEN_MS: u64 = 1500;
 /// Something stands so long before ways are planned around it, in ms.
 const SETTLED_MS: u64 = 1500;
-/// A job that takes longer is given up, in ms.
-const JOB_MS: u64 = 30_000;
+/// A job that takes longer is lost, in ms. Jobs end by what they may expand, not by the clock: this is only for
+/// one whose thread has died.
+const JOB_MS: u64 = 300_000;
 /// Nobody moved for so long though someone should, in ms.
 const DEADLOCK_MS: u64 = 8000;
+/// Nobody moved for so long though someone should, and no joint plan is being made: one of them gives its
+/// goal up, in ms.
+const STANDSTILL_MS: u64 = 5000;
+/// Turns of [`Coordinator::tick`] farther apart than this count as so long, in ms.
+const LONGEST_TURN_MS: u64 = 500;
+
+/// For how long the whole fleet has stood.
+#[derive(Debug, Default)]
+struct Standstill {
+    /// Without the time for which a joint plan was being made, in ms.
+    stood_ms: u64,
+    looked: Option<Stamp>,
+    /// Who gives its goal up for that, and which: boot and id.
+    gives_up: Option<(u32, (u64, u128))>,
+}
 
 /// Traffic control.
 #[derive(Debug)]
@@ -81,6 +99,9 @@ pub struct Coordinator {
     next_job: Stamp,
     began: Option<Stamp>,
     moved: Stamp,
+    /// Since when joint plans have not led everybody to its goal.
+    in_vain: Option<Stamp>,
+    standstill: Standstill,
     seed: u64,
     counters: Counters,
 }
@@ -102,6 +123,8 @@ impl Coordinator {
             next_job: Stamp::ZERO,
             began: None,
             moved: Stamp::ZERO,
+            in_vain: None,
+            standstill: Standstill::default(),
             seed,
             counters: Counters::default(),
         }
@@ -223,8 +246,9 @@ impl Coordinator {
             }
             self.break_deadlock(now);
         }
+        self.end_standstill(now);
         (0..self.trucks.len())
-            .map(|index| (self.trucks[index].view.name.clone(), self.guide(index)))
+            .map(|index| (self.trucks[index].view.name.clone(), self.guide(now, index)))
             .collect()
     }
 
@@ -272,7 +296,51 @@ impl Coordinator {
         }
     }
 
-    fn guide(&self, index: usize) -> Guide {
+    /// The last net: if nobody has moved for long, whatever the plans say, then of those that have no way or
+    /// wait for another one whoever has waited longest is told that there is none. The time for which a joint
+    /// plan is being made does not count: on a slow machine it takes longer.
+    fn end_standstill(&mut self, now: Stamp) {
+        let goal =
+            |truck: &Truck| truck.goal().filter(|_| truck.can_be_led(now)).map(|(key, _)| (truck.id, key));
+        let moves = self.trucks.iter().any(|truck| truck.is_fresh(now) && !truck.stands());
+        let Standstill { stood_ms, looked, gives_up } = &mut self.standstill;
+        let turn_ms = looked.map_or(0, |at| now.since_ms(at)).min(LONGEST_TURN_MS);
+        *looked = Some(now);
+        let is_over = gives_up.is_some() && !self.trucks.iter().any(|truck| goal(truck) == *gives_up);
+        if moves || is_over {
+            (*stood_ms, *gives_up) = (0, None);
+            return;
+        }
+        if self.job.is_none() {
+            *stood_ms += turn_ms;
+        }
+        if *stood_ms > STANDSTILL_MS && gives_up.is_none() {
+            let waits = |truck: &&Truck| match truck.waits_for {
+                Some((_, is_led)) if truck.is_live() => is_led,
+                _ => truck.none.is_some(),
+            };
+            let longest = self.trucks.iter().filter(waits).filter(|truck| goal(truck).is_some());
+            *gives_up = longest.max_by_key(|truck| truck.waited_ms(now)).and_then(goal);
+            self.counters.given_up += u64::from(gives_up.is_some());
+        }
+    }
+
+    /// Who stands in the way for good behind this one: somebody, or something, that nobody leads.
+    fn for_good(&self, now: Stamp, name: &str) -> Option<String> {
+        let mut name = name;
+        for _ in &self.trucks {
+            let Some(truck) = self.trucks.iter().find(|truck| truck.view.name == name) else { break };
+            if !truck.can_be_led(now) {
+                break;
+            }
+            // That one goes somewhere: it is a matter of time.
+            name = truck.none.as_ref().filter(|_| !truck.is_live())?.by.as_deref()?;
+        }
+        let is_led = |truck: &Truck| truck.view.name == name && truck.can_be_led(now);
+        (!self.trucks.iter().any(is_led)).then(|| name.to_owned())
+    }
+
+    fn guide(&self, now: Stamp, index: usize) -> Guide {
         let truck = &self.trucks[index];
         let name =
             |id: u32| self.trucks.iter().find(|other| other.id == id).map(|other| other.view.name.clone());
@@ -280,12 +348,15 @@ impl Coordinator {
         let blocked = truck.none.as_ref();
         let waits_for =
             waits.and_then(|(id, _)| name(id)).or_else(|| blocked.and_then(|none| none.by.clone()));
-        let reason = match (waits, blocked) {
+        let gives_up = self.standstill.gives_up.is_some_and(|(id, _)| id == truck.id);
+        let reason = match &waits_for {
             _ if truck.view.goal.is_none() => None,
-            (Some((id, false)), _) => name(id).map(|name| format!("blocked by {name}")),
-            (_, Some(none)) => Some(none.reason.clone()),
-            _ if truck.is_live() => None,
-            _ => Some("planning".to_owned()),
+            Some(name) if gives_up => Some(format!("blocked by {name}")),
+            Some(name) if waits.is_none_or(|(_, is_led)| !is_led) => {
+                self.for_good(now, name).map(|name| format!("blocked by {name}"))
+            }
+            Some(_) => None,
+            None => blocked.filter(|none| gives_up || none.for_good).map(|none| none.reason.clone()),
         };
         let route = truck.route.as_ref();
         Guide {

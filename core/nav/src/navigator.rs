@@ -55,6 +55,8 @@ pub const TRAFFIC_LOST_MS: u64 = 3_000;
 /// And this long after its last word a robot that was led goes its own way: a service that died is back
 /// by then.
 pub const ALONE_AFTER_MS: u64 = 10_000;
+/// A robot that traffic control has told for this long that there is no way gives its goal up.
+pub const NO_WAY_MS: u64 = 20_000;
 /// The first level holds it this long before it looks for another way.
 const BLOCKED_MS: u64 = 1_500;
 /// It waits this long for something unknown to go away, before each further try; all tries together take
@@ -388,6 +390,9 @@ impl Navigator {
     fn decide(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
         task.among.waits_for = None;
         self.follow_lead(now, sensed, task);
+        if let Some(reason) = self.led.no_way(now).filter(|_| sensed.stands()) {
+            return Decision::Failed(reason.to_owned());
+        }
         match &mut task.stage {
             Stage::Seeking { .. } => self.seek(now, sensed, task),
             Stage::Following(_) => self.follow(now, sensed, task),

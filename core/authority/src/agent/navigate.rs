@@ -250,11 +250,10 @@ impl Agent {
     /// Why the goal is blocked, if it is.
     fn blocked_words(&self, blocked: bool, standing: Option<Standing>) -> Option<String> {
         match standing {
-            Some(Standing::WaitingForTraffic) => {
+            Some(Standing::WaitingForTraffic | Standing::Planning) => {
                 let first = |led: &Led| led.waits_for.as_ref().map(|name| format!("{name} goes first"));
                 self.nav.led_by().and_then(|led| led.reason.clone().or_else(|| first(led)))
             }
-            Some(Standing::Planning) => self.nav.led_by().and_then(|led| led.reason.clone()),
             Some(Standing::GivingWay) => self.nav.waits_for().map(|name| format!("{name} goes first")),
             Some(Standing::WayBlocked) if self.nav.waits_for().is_some() => {
                 self.nav.waits_for().map(|name| format!("blocked by {name}"))

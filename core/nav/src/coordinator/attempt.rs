@@ -16,6 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 const GRACE_TICKS: u32 = 12;
 
 /// Where everybody is expected while ways are looked for one by one.
+#[derive(Clone)]
 pub(super) struct Expected {
     /// By member. Those without a way yet leave their places some time.
     pub(super) lines: BTreeMap<usize, Timeline>,
@@ -34,6 +35,12 @@ impl Expected {
     /// Places of those without a way yet, but for these.
     pub(super) fn soft(&self, but: &[usize]) -> Vec<Rect> {
         self.soft.iter().filter(|(index, _)| !but.contains(index)).map(|(_, rect)| *rect).collect()
+    }
+
+    /// Bodies of the others all along their ways.
+    pub(super) fn taken(&self, index: usize) -> impl Iterator<Item = Rect> {
+        let lines = self.lines.iter().filter(move |(other, _)| **other != index);
+        lines.flat_map(|(_, line)| line.bodies())
     }
 
     /// From now on this one goes so, with its position at each tick.
@@ -100,7 +107,8 @@ impl Solver<'_> {
         let evading: Vec<usize> = self.evading.iter().copied().collect();
         for &index in free.iter().chain(&evading) {
             let soft = expected.soft(&[index]);
-            let found = self.single(index, &expected.others(index), &soft, EXPANSIONS_EACH);
+            let aside = self.evading.contains(&index).then(|| self.aside(index, &expected));
+            let found = self.single(index, &expected.others(index), &soft, aside.as_ref(), EXPANSIONS_EACH);
             let (way, at_m) = found.map_err(|_| Failed(index))?;
             let line = Timeline::driving(&way, &self.job.car, &at_m, self.job.members[index].held);
             expected.take(index, way, &at_m, line);
@@ -109,25 +117,36 @@ impl Solver<'_> {
         self.ordered(expected, led).ok_or(Failed(last))
     }
 
-    /// The way of one truck around all these, with its position on it at each tick; at most so many nodes
-    /// are expanded.
+    /// How far it is from anywhere to where this one is off all ways that are known by now.
+    pub(super) fn aside(&self, index: usize, expected: &Expected) -> Field {
+        let (job, member) = (self.job, &self.job.members[index]);
+        let standing: Vec<Rect> = job.bodies_around(member).collect();
+        let taken: Vec<Rect> = expected.taken(index).collect();
+        Field::aside(&*job.room, job.car.half_width_m, &standing, &taken)
+    }
+
+    /// The way of one truck around all these, with its position on it at each tick: to its goal, or out of
+    /// the others' way by the distances in `aside`. At most so many nodes are expanded.
     pub(super) fn single(
         &mut self,
         index: usize,
         lines: &[(usize, &Timeline)],
         soft: &[Rect],
+        aside: Option<&Field>,
         most: u32,
     ) -> Result<(Way, Vec<f64>), Stuck> {
         if self.spent() {
             return Err(Stuck::Budget);
         }
         let (job, member) = (self.job, &self.job.members[index]);
-        let standing: Vec<Rect> =
-            job.others(member).flat_map(|block| block.stands.iter().map(|stand| stand.body)).collect();
-        let field = self.fields.entry(index).or_insert_with(|| {
-            let goal_m = [member.target.x_m, member.target.y_m];
-            Field::new(&*job.room, job.car.half_width_m, &standing, goal_m)
-        });
+        let to_goal = || {
+            let (standing, target): (Vec<Rect>, _) = (job.bodies_around(member).collect(), member.target);
+            Field::new(&*job.room, job.car.half_width_m, &standing, [target.x_m, target.y_m])
+        };
+        let field = match aside {
+            Some(field) => field,
+            None => &*self.fields.entry(index).or_insert_with(to_goal),
+        };
         let mine = member.held_stands();
         let others: Vec<Other<'_>> = lines
             .iter()
@@ -148,7 +167,7 @@ impl Solver<'_> {
             start: head.end(),
             gear: member.way.gears[member.held],
             tick: at_m.len() as u32 - 1,
-            target: (!self.evading.contains(&index)).then_some(member.target),
+            target: aside.is_none().then_some(member.target),
             field,
             others: &others,
             soft,
@@ -162,7 +181,7 @@ impl Solver<'_> {
     }
 
     /// Who passes first where; `None` if they would block each other.
-    fn ordered(&self, expected: Expected, led: &[usize]) -> Option<Solution> {
+    pub(super) fn ordered(&self, expected: Expected, led: &[usize]) -> Option<Solution> {
         let (job, Expected { ways, times, .. }) = (self.job, expected);
         let way = |index: usize| ways.get(&index).unwrap_or(&job.members[index].way);
         let timed = |index: usize| {

@@ -27,12 +27,14 @@ pub(super) fn blame(job: &JointJob, member: &Member, left: &mut u32) -> NoWay {
         revision: member.revision,
         by: by.map(str::to_owned),
         reason,
+        for_good: false,
     };
+    let for_good = |reason: &str| NoWay { for_good: true, ..no_way(None, reason.to_owned()) };
     let way = match way_around(job, member, &[], EXPANSIONS_EACH, left) {
         Ok(way) => way,
-        Err(Stuck::Goal) => return no_way(None, "the goal is not free on the map".into()),
-        Err(Stuck::Start) => return no_way(None, "stands in something on the map".into()),
-        Err(Stuck::Nowhere) => return no_way(None, "no way on the map".into()),
+        Err(Stuck::Goal) => return for_good("the goal is not free on the map"),
+        Err(Stuck::Start) => return for_good("stands in something on the map"),
+        Err(Stuck::Nowhere) => return for_good("no way on the map"),
         Err(Stuck::Budget) => return no_way(None, "no way found in time".into()),
     };
     let others = || job.members.iter().filter(|other| other.id != member.id);

@@ -26,26 +26,54 @@ impl Field {
     /// Floods the floor from the goal around fixed things and standing bodies.
     #[must_use]
     pub fn new(room: &dyn Room, half_width_m: f64, standing: &[Rect], goal_m: [f64; 2]) -> Self {
+        let (mut field, open) = Self::unknown(room, half_width_m, standing);
+        let goal = field.index(goal_m[0], goal_m[1]);
+        field.flood(goal.into_iter(), &open, room.one_way());
+        field
+    }
+
+    /// Floods it from everywhere off these places: how far it is out of the way.
+    #[must_use]
+    pub fn aside(room: &dyn Room, half_width_m: f64, standing: &[Rect], taken: &[Rect]) -> Self {
+        let (mut field, open) = Self::unknown(room, half_width_m, standing);
+        let mut free = open.clone();
+        for rect in taken {
+            let reach_m = rect.reach_m() + half_width_m;
+            let place =
+                |v: f64, axis: usize| libm::floor((v - field.origin_m[axis]) / CELL_M).max(0.0) as usize;
+            let (left, low) = (place(rect.x_m - reach_m, 0), place(rect.y_m - reach_m, 1));
+            let (right, high) = (place(rect.x_m + reach_m, 0), place(rect.y_m + reach_m, 1));
+            for row in low..=high.min(field.height - 1) {
+                for index in row * field.width + left..=row * field.width + right.min(field.width - 1) {
+                    let [x, y] = field.middle(index);
+                    free[index] &= rect.distance_m(x, y) >= half_width_m;
+                }
+            }
+        }
+        let sources: Vec<usize> = (0..free.len()).filter(|&index| free[index]).collect();
+        field.flood(sources.into_iter(), &open, room.one_way());
+        field
+    }
+
+    /// Without any distance yet, and where a truck's middle can be.
+    fn unknown(room: &dyn Room, half_width_m: f64, standing: &[Rect]) -> (Self, Vec<bool>) {
         let [low, high] = room.corners_m();
         let cells = |axis: usize| (libm::ceil((high[axis] - low[axis]) / CELL_M) as usize).clamp(1, 4000);
         let (width, height) = (cells(0), cells(1));
-        let mut field = Self { origin_m: low, width, height, distance: vec![u32::MAX; width * height] };
+        let field = Self { origin_m: low, width, height, distance: vec![u32::MAX; width * height] };
         let keep = half_width_m - SLACK_M;
-        let open: Vec<bool> = (0..width * height)
+        let open = (0..width * height)
             .map(|index| {
                 let [x, y] = field.middle(index);
                 room.clearance_m(x, y) >= keep && standing.iter().all(|rect| rect.distance_m(x, y) >= keep)
             })
             .collect();
-        if let Some(goal) = field.index(goal_m[0], goal_m[1]) {
-            field.flood(goal, &open, room.one_way());
-        }
-        field
+        (field, open)
     }
 
-    fn flood(&mut self, goal: usize, open: &[bool], one_way: Option<&OneWay>) {
-        let mut heap = BinaryHeap::from([Reverse((0_u32, goal))]);
-        self.distance[goal] = 0;
+    fn flood(&mut self, from: impl Iterator<Item = usize>, open: &[bool], one_way: Option<&OneWay>) {
+        let mut heap: BinaryHeap<Reverse<(u32, usize)>> = from.map(|index| Reverse((0, index))).collect();
+        heap.iter().for_each(|Reverse((_, index))| self.distance[*index] = 0);
         while let Some(Reverse((distance, index))) = heap.pop() {
             if distance > self.distance[index] {
                 continue;

@@ -108,7 +108,7 @@ impl conflicts::Group for Group<'_, '_> {
         let mut lines = self.expected.others(index);
         lines.extend(bans.iter().map(|(other, line)| (*other, &**line)));
         let soft = self.expected.soft(self.members);
-        let (way, at_m) = self.solver.single(index, &lines, &soft, EXPANSIONS).ok()?;
+        let (way, at_m) = self.solver.single(index, &lines, &soft, None, EXPANSIONS).ok()?;
         let job = self.solver.job;
         let line = Timeline::driving(&way, &job.car, &at_m, job.members[index].held);
         Some(Rc::new(Drive { way, at_m, line }))
@@ -188,6 +188,7 @@ mod tests {
             done_m: 0.0,
             held: 0,
             wanting: true,
+            waited_ms: 0,
             target: Target { x_m: to[0], y_m: to[1], yaw_rad: Some(to[2]) },
         };
         JointJob {
@@ -200,6 +201,7 @@ mod tests {
             seed: 1,
             budget: 30_000,
             group_budget,
+            turn_budget: 0,
         }
     }
 
@@ -266,6 +268,24 @@ mod tests {
         assert_eq!(job(hall(), &ways, 0).solve(&mut || true).counts().1, 2);
         let grouped = job(hall(), &ways, BUDGET).solve(&mut || true);
         assert_eq!((grouped.counts(), grouped.grouped), ((6, 0), true));
+    }
+
+    #[test]
+    fn where_nobody_can_pass_one_is_served_and_the_other_makes_room() {
+        // The lane leads into a hall: one of the two has its goal there, the other one's is in the lane.
+        let walls = [[0.0, 0.0, 6.0, 1.5], [0.0, 2.4, 6.0, 1.6]];
+        let ways = [([1.0, 1.95, EAST], [9.0, 1.0, EAST]), ([3.0, 1.95, EAST], [0.8, 1.95, EAST])];
+        let mut job = job(room(10.0, 4.0, &walls), &ways, 0);
+        (job.budget, job.turn_budget) = (0, 24_000);
+        let none = JointJob { turn_budget: 0, ..job.clone() }.solve(&mut || true);
+        assert_eq!((none.counts().0, none.in_turn), (0, false));
+        let result = job.solve(&mut || true);
+        assert!(result.in_turn && result.counts().0 == 2, "{:?}", result.counts());
+        assert!(result.expansions <= 24_000, "{}", result.expansions);
+        // Whoever has waited longer comes first, if there is a way for it.
+        job.members[1].waited_ms = 9_000;
+        let other = job.solve(&mut || true);
+        assert!(other.in_turn, "{:?}", other.counts());
     }
 
     #[test]

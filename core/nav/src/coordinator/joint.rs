@@ -8,7 +8,7 @@
 use super::blame::blame;
 use super::field::Field;
 use super::order::Order;
-use super::rect::Stand;
+use super::rect::{Rect, Stand};
 use super::room::Room;
 use super::search::Target;
 use super::timeline::Timeline;
@@ -23,6 +23,8 @@ const TRIES: usize = 8;
 pub(super) const EXPANSIONS_EACH: u32 = 4000;
 /// Expansions to find out who is in whose way, in all.
 const EXPANSIONS_BLAME: u32 = 12_000;
+/// Who has waited for longer than this is served before ways for all are looked for, in ms.
+pub(super) const PATIENCE_MS: u64 = 30_000;
 /// Longest plan, in ticks (20 min).
 pub(super) const MOST_TICKS: usize = 4800;
 
@@ -40,6 +42,8 @@ pub(super) struct Member {
     pub(super) held: usize,
     /// Whether it needs a way.
     pub(super) wanting: bool,
+    /// For so long it has had a goal and has not been led to it, in ms.
+    pub(super) waited_ms: u64,
     pub(super) target: Target,
 }
 
@@ -71,8 +75,10 @@ pub struct JointJob {
     pub(super) seed: u64,
     /// Nodes that may be expanded for orders of priorities.
     pub(super) budget: u32,
-    /// The same for groups, when no order works; 0 = orders only.
+    /// The same for groups, when no order works; 0 = no groups.
     pub(super) group_budget: u32,
+    /// The same for serving one after the other, when that does not work either; 0 = not at all.
+    pub(super) turn_budget: u32,
 }
 
 /// A way for one truck.
@@ -93,6 +99,8 @@ pub(super) struct NoWay {
     /// Who is in the way.
     pub(super) by: Option<String>,
     pub(super) reason: String,
+    /// The map leaves none: it will be the same later.
+    pub(super) for_good: bool,
 }
 
 /// What came out.
@@ -110,6 +118,8 @@ pub struct JointResult {
     pub choices: u32,
     /// No order worked, but these choices did.
     pub grouped: bool,
+    /// Neither did, but one can be served while the others make room.
+    pub in_turn: bool,
 }
 
 impl JointResult {
@@ -136,6 +146,7 @@ pub(super) struct Solver<'a> {
     pub(super) blocks: Vec<Timeline>,
     pub(super) left: u32,
     pub(super) group_left: u32,
+    pub(super) turn_left: u32,
     random: u64,
     tries: u32,
     pub(super) choices: u32,
@@ -144,6 +155,8 @@ pub(super) struct Solver<'a> {
     pub(super) evading: BTreeSet<usize>,
     /// One of these that cannot.
     stuck: Option<usize>,
+    /// For whom the others make way.
+    pub(super) served: Option<usize>,
 }
 
 impl JointJob {
@@ -158,45 +171,32 @@ impl JointJob {
             blocks: self.blocks.iter().map(|block| Timeline::standing(&block.stands)).collect(),
             left: self.budget,
             group_left: self.group_budget,
+            turn_left: self.turn_budget,
             random: self.seed,
             tries: 0,
             choices: 0,
             failures: BTreeMap::new(),
             evading: BTreeSet::new(),
             stuck: None,
+            served: None,
         };
-        let (mut standing, mut grouped) = (BTreeSet::new(), false);
-        let solution = loop {
-            let rest = |index: &usize| !standing.contains(index) && !solver.evading.contains(index);
-            let wanting: Vec<usize> = self.indices(|member| member.wanting).filter(rest).collect();
-            if wanting.is_empty() || solver.spent() {
-                break None;
-            }
-            let led: Vec<usize> = self.indices(|member| !member.wanting).collect();
-            if let Some(found) = solver.orders(&wanting, &led, &standing) {
-                break Some(found);
-            }
-            let all: Vec<usize> = led.iter().chain(&wanting).copied().collect();
-            if !led.is_empty()
-                && let Some(found) = solver.orders(&all, &[], &standing)
-            {
-                break Some(found);
-            }
-            if solver.stuck.is_none()
-                && let Some(found) = solver.group(&all, &standing)
-            {
-                grouped = true;
-                break Some(found);
-            }
-            if let Some(stuck) = solver.stuck.take() {
-                solver.evading.remove(&stuck);
-                standing.insert(stuck);
-                continue;
-            }
-            let worst =
-                wanting.iter().max_by_key(|&&index| solver.failures.get(&index).copied().unwrap_or(0));
-            solver.evading.extend(worst.copied());
-        };
+        let wanting: Vec<usize> = self.indices(|member| member.wanting).collect();
+        let led: Vec<usize> = self.indices(|member| !member.wanting).collect();
+        // Whoever has waited for long is not passed over again.
+        let in_turn = wanting.iter().any(|&index| self.members[index].waited_ms > PATIENCE_MS);
+        let mut solution = if in_turn { solver.in_turn(&wanting, &led) } else { None };
+        let mut grouped = false;
+        if solution.is_none() {
+            (solution, grouped) = solver.all_at_once();
+        }
+        if solution.is_none() && !in_turn {
+            solution = solver.in_turn(&wanting, &led);
+        }
+        self.result(solver, solution, grouped)
+    }
+
+    /// What is told of it.
+    fn result(&self, solver: Solver<'_>, solution: Option<Solution>, grouped: bool) -> JointResult {
         let planned = |index: usize| {
             !solver.evading.contains(&index)
                 && solution.as_ref().is_some_and(|found| found.ways.contains_key(&index))
@@ -209,9 +209,16 @@ impl JointJob {
         let mut left = 0;
         for index in without {
             left += share;
-            none.push(blame(self, &self.members[index], &mut left));
+            let member = &self.members[index];
+            none.push(match solver.served {
+                Some(served) => NoWay::behind(member, &self.members[served].name),
+                None => blame(self, member, &mut left),
+            });
         }
-        let expansions = self.budget - solver.left + self.group_budget - solver.group_left;
+        let spent = |most: u32, left: u32| most - left;
+        let expansions = spent(self.budget, solver.left)
+            + spent(self.group_budget, solver.group_left)
+            + spent(self.turn_budget, solver.turn_left);
         let (tries, choices) = (solver.tries, solver.choices);
         let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
         let plan = |(index, way): (usize, Way)| {
@@ -229,6 +236,7 @@ impl JointJob {
             tries,
             choices,
             grouped,
+            in_turn: solver.served.is_some(),
         }
     }
 
@@ -237,12 +245,60 @@ impl JointJob {
         self.blocks.iter().filter(|block| block.id != member.id)
     }
 
+    /// Bodies of all that is driven around by this one.
+    pub(super) fn bodies_around<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = Rect> {
+        self.others(member).flat_map(|block| block.stands.iter().map(|stand| stand.body))
+    }
+
     fn indices(&self, which: impl Fn(&Member) -> bool) -> impl Iterator<Item = usize> {
         self.members.iter().enumerate().filter(move |(_, member)| which(member)).map(|(index, _)| index)
     }
 }
 
+impl NoWay {
+    /// Somebody else is served before.
+    fn behind(member: &Member, name: &str) -> Self {
+        let (by, reason) = (Some(name.to_owned()), format!("blocked by {name}"));
+        Self { id: member.id, revision: member.revision, by, reason, for_good: false }
+    }
+}
+
 impl Solver<'_> {
+    /// Ways for all to their goals, as far as there are any; and whether a group was planned at once.
+    fn all_at_once(&mut self) -> (Option<Solution>, bool) {
+        let mut standing = BTreeSet::new();
+        loop {
+            let rest = |index: &usize| !standing.contains(index) && !self.evading.contains(index);
+            let wanting: Vec<usize> = self.job.indices(|member| member.wanting).filter(rest).collect();
+            if wanting.is_empty() || self.spent() {
+                self.evading.clear();
+                return (None, false);
+            }
+            let led: Vec<usize> = self.job.indices(|member| !member.wanting).collect();
+            if let Some(found) = self.orders(&wanting, &led, &standing) {
+                return (Some(found), false);
+            }
+            let all: Vec<usize> = led.iter().chain(&wanting).copied().collect();
+            if !led.is_empty()
+                && let Some(found) = self.orders(&all, &[], &standing)
+            {
+                return (Some(found), false);
+            }
+            if self.stuck.is_none()
+                && let Some(found) = self.group(&all, &standing)
+            {
+                return (Some(found), true);
+            }
+            if let Some(stuck) = self.stuck.take() {
+                self.evading.remove(&stuck);
+                standing.insert(stuck);
+                continue;
+            }
+            let worst = wanting.iter().max_by_key(|&&index| self.failures.get(&index).copied().unwrap_or(0));
+            self.evading.extend(worst.copied());
+        }
+    }
+
     pub(super) fn spent(&mut self) -> bool {
         self.left == 0 || !(self.keep_going)()
     }

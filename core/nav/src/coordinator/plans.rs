@@ -18,6 +18,12 @@ const PAUSE_MS: u64 = 300;
 const BUDGET: u32 = 30_000;
 /// The same for groups for which no order works.
 const GROUP_BUDGET: u32 = 8_000;
+/// The same for serving one after the other.
+const TURN_BUDGET: u32 = 24_000;
+/// After a joint plan that did not lead everybody to its goal: orders of priorities for so long only with so
+/// few nodes, and no groups.
+const IN_VAIN_MS: u64 = 10_000;
+const IN_VAIN_BUDGET: u32 = 6_000;
 /// A way that begins anew begins at most so far from where the truck is when it gets it, in m.
 const START_M: f64 = 0.1;
 
@@ -46,6 +52,7 @@ impl Coordinator {
         self.job = Some((self.jobs, now));
         let (order, room) = (self.order.clone(), Arc::clone(&self.room));
         let seed = self.seed.wrapping_add(self.jobs);
+        let in_vain = self.in_vain.is_some_and(|at| now.since_ms(at) < IN_VAIN_MS);
         Some(JointJob {
             id: self.jobs,
             room,
@@ -54,8 +61,9 @@ impl Coordinator {
             blocks,
             order,
             seed,
-            budget: BUDGET,
-            group_budget: GROUP_BUDGET,
+            budget: if in_vain { IN_VAIN_BUDGET } else { BUDGET },
+            group_budget: if in_vain { 0 } else { GROUP_BUDGET },
+            turn_budget: TURN_BUDGET,
         })
     }
 
@@ -81,6 +89,7 @@ impl Coordinator {
             done_m,
             held,
             wanting,
+            waited_ms: truck.waited_ms(now),
             target: Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: goal.yaw_rad },
         })
     }
@@ -95,6 +104,10 @@ impl Coordinator {
         self.counters.without_way += u64::from(!result.none.is_empty());
         self.counters.plans += u64::from(!result.plans.is_empty());
         self.counters.grouped += u64::from(result.grouped);
+        self.counters.in_turn += u64::from(result.in_turn);
+        if self.in_vain.is_none_or(|at| now.since_ms(at) >= IN_VAIN_MS) {
+            self.in_vain = (!result.none.is_empty()).then_some(now);
+        }
         for none in result.none {
             let fits = |truck: &&mut Truck| truck.id == none.id && truck.revision == none.revision;
             if let Some(truck) = self.trucks.iter_mut().find(fits) {
@@ -140,6 +153,9 @@ fn lead(truck: &mut Truck, now: Stamp, plan: u64, found: Plan) {
     truck.none = truck.none.take().filter(|_| evades);
     truck.busy = now;
     truck.stalled = false;
+    if !evades {
+        truck.is_served(now);
+    }
     let continued = truck.route.take();
     truck.route = Some(match continued {
         Some(before) => Route { plan, way, live: true, evades, ..before },

@@ -5,6 +5,7 @@
 //! interval. Two nodes of one cell compete only if the truck could have waited from one to the other
 //! (M. Phillips and M. Likhachev, *SIPP: Safe interval path planning*, ICRA 2011).
 
+use super::lane;
 use super::order::GEAR_TICKS;
 use super::rect::{Rect, Stand};
 pub(super) use super::task::{Leg, Other, Stuck, Target, Task};
@@ -33,6 +34,10 @@ const ASTERN_COST: f64 = 0.3;
 const WAIT_COST: f64 = 0.3;
 /// What a move through the place of a truck costs that has to leave it first, in ticks.
 const SOFT_COST: f64 = 12.0;
+/// What a tick costs more for each metre beside the lane in a corridor.
+const LANE_COST: f64 = 0.6;
+/// So often on its way a truck is looked at for that, in ticks.
+const LANE_TICKS: u32 = 4;
 /// Longest wait for a gap, in ticks.
 const MOST_WAIT: u32 = 400;
 /// Margin of the look-out to fixed things, in m.
@@ -276,6 +281,10 @@ impl<'a> Search<'a> {
                 }
                 sweep.push(stand);
                 before = there;
+                if tick % LANE_TICKS == 0 || tick == ticks {
+                    let share = if tick % LANE_TICKS == 0 { LANE_TICKS } else { tick % LANE_TICKS };
+                    extra += LANE_COST * f64::from(share) * lane::beside_m(room, car, &there, gear);
+                }
             }
             if gear < 0.0 {
                 extra += ASTERN_COST * f64::from(ticks);
@@ -313,8 +322,8 @@ impl<'a> Search<'a> {
 
     /// Ticks to the goal at least, or nearly; `None` where none can be reached.
     fn hope(&self, pose: &MapPose) -> Option<f64> {
-        let Some(target) = &self.task.target else { return Some(0.0) };
         let flat_m = self.task.field.distance_m(pose.x_m, pose.y_m)?;
+        let Some(target) = &self.task.target else { return Some(flat_m / TICK_WAY_M) };
         let curved_m = match (target.yaw_rad, self.goals.first()) {
             (Some(_), Some(goal)) => reeds_shepp::distance_m(pose, goal, self.radius_m),
             _ => 0.0,

@@ -104,6 +104,11 @@ impl Timeline {
         Self { ticks, held, held_circle, circles, gone }
     }
 
+    /// Where it is at its ticks, one after the other: its whole way.
+    pub(super) fn bodies(&self) -> impl Iterator<Item = Rect> {
+        self.ticks.iter().step_by(2).chain(self.ticks.last()).map(|stand| stand.body)
+    }
+
     /// After this tick nothing changes any more.
     pub(super) fn end(&self) -> u32 {
         let held =

@@ -64,6 +64,8 @@ pub(super) struct Truck {
     pub(super) none: Option<NoWay>,
     /// Who has to pass first, and whether that one is led itself.
     pub(super) waits_for: Option<(u32, bool)>,
+    /// Since when it has had this goal without being led to it.
+    wants_since: Stamp,
 }
 
 impl Truck {
@@ -83,6 +85,7 @@ impl Truck {
             retry_ms: 0,
             none: None,
             waits_for: None,
+            wants_since: now,
             view,
         }
     }
@@ -105,6 +108,16 @@ impl Truck {
         self.is_fresh(now) && self.view.drives && self.view.goal.is_some()
     }
 
+    /// For how long it has had this goal without being led to it, in ms.
+    pub(super) fn waited_ms(&self, now: Stamp) -> u64 {
+        now.since_ms(self.wants_since)
+    }
+
+    /// It is led to its goal, and has its turn with that.
+    pub(super) fn is_served(&mut self, now: Stamp) {
+        self.wants_since = now;
+    }
+
     pub(super) fn is_live(&self) -> bool {
         self.route.as_ref().is_some_and(|route| route.live)
     }
@@ -118,6 +131,7 @@ impl Truck {
             self.drop_route();
             self.stalled = false;
             self.none = None;
+            self.wants_since = seen;
         }
         let confirmed = match (&mut self.route, &self.view.route) {
             (Some(route), Some(report)) if (route.base..=route.plan).contains(&report.plan) => {
@@ -199,6 +213,7 @@ impl Truck {
         if aside && self.is_live() && self.confirmed() == self.route.as_ref().map_or(0, |route| route.release)
         {
             self.halt(now);
+            self.retry_at = now;
         }
         let Some(route) = &self.route else { return changed };
         let way_left =

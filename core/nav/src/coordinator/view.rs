@@ -70,7 +70,8 @@ pub struct Guide {
     pub cruise_mps: f64,
     /// Who has to pass first, or is in the way.
     pub waits_for: Option<String>,
-    /// Why there is no path, or no way on.
+    /// Why there is no path, or no way on. A robot that is told so for
+    /// [`NO_WAY_MS`](crate::navigator::NO_WAY_MS) gives its goal up; so one that only has to wait hears none.
     pub reason: Option<String>,
 }
 
@@ -91,4 +92,8 @@ pub struct Counters {
     pub ignored: u64,
     /// Joint plans for which no order of priorities worked, but conflict-based search did.
     pub grouped: u64,
+    /// Joint plans in which one was served while others only made room.
+    pub in_turn: u64,
+    /// Times that the whole fleet stood and one was told that there is no way.
+    pub given_up: u64,
 }

@@ -1,6 +1,6 @@
 //! Traffic control's paths: what it last said, and when to go by it.
 
-use super::{ALONE_AFTER_MS, Navigator, Sensed, Stage, TRAFFIC_LOST_MS, Task};
+use super::{ALONE_AFTER_MS, NO_WAY_MS, Navigator, Sensed, Stage, TRAFFIC_LOST_MS, Task};
 use crate::MapPose;
 use crate::car::Car;
 use crate::follower::Follower;
@@ -21,7 +21,7 @@ pub struct Led {
     pub cruise_mps: f64,
     /// Who has to pass first.
     pub waits_for: Option<String>,
-    /// Why there is no path.
+    /// Why there is no way: after [`NO_WAY_MS`] the goal fails with it.
     pub reason: Option<String>,
 }
 
@@ -37,6 +37,8 @@ const OTHERS_GROWN_M: f64 = 0.08;
 pub(super) struct LedBook {
     heard: Option<Stamp>,
     led: Option<Led>,
+    /// Since when it has said that there is no way.
+    no_way_since: Option<Stamp>,
     others: Vec<MapPose>,
 }
 
@@ -53,7 +55,13 @@ impl LedBook {
 
     /// The path belongs to a goal that is over.
     pub(super) fn forget_track(&mut self) {
-        self.led = None;
+        (self.led, self.no_way_since) = (None, None);
+    }
+
+    /// Why there is no way, once traffic control has said so for long.
+    pub(super) fn no_way(&self, now: Stamp) -> Option<&str> {
+        self.no_way_since.filter(|since| self.leads(now) && now.since_ms(*since) >= NO_WAY_MS)?;
+        self.led.as_ref()?.reason.as_deref()
     }
 
     /// Where the others are, as far as that is known.
@@ -79,6 +87,9 @@ impl Navigator {
         self.led.heard = Some(now);
         self.led.others = others.to_vec();
         if self.task.is_some() {
+            let says_no = led.as_ref().is_some_and(|led| led.reason.is_some());
+            self.led.no_way_since =
+                says_no.then(|| self.led.no_way_since.filter(|_| !was_gone).unwrap_or(now));
             self.led.led = led;
         }
     }

@@ -2,8 +2,10 @@
 
 use crate::toy::{Draw, Trouble, World, floor, room};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-use xtb_nav::coordinator::GridRoom;
-use xtb_nav::{Map, MapPose, Zone, ZoneKind};
+use xtb_control::VehicleConfig;
+use xtb_nav::coordinator::rect::Rect;
+use xtb_nav::coordinator::{GridRoom, Room as _};
+use xtb_nav::{Car, Map, MapPose, Zone, ZoneKind};
 
 pub(crate) fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
     MapPose { x_m, y_m, yaw_rad }
@@ -135,6 +137,61 @@ pub(crate) fn dead(seed: u64, door_m: f64, clock_ms: fn() -> f64) -> (World, usi
         if let Some(dead) = world.toys.iter().position(|toy| (toy.pose.x_m - 5.0).abs() < 0.15) {
             world.toys[dead].alive = false;
             return (world, dead);
+        }
+    }
+}
+
+/// An L-shaped corridor of 1.5 m; two want from the one arm into the other, two the other way.
+pub(crate) fn l_corridor(seed: u64, clock_ms: fn() -> f64) -> (World, Vec<[f64; 2]>) {
+    let starts = [
+        pose(0.75, 3.0, FRAC_PI_2),
+        pose(0.75, 10.0, -FRAC_PI_2),
+        pose(6.0, 0.75, 0.0),
+        pose(14.0, 0.75, PI),
+    ];
+    let goals = vec![[1.72, 0.66], [7.03, 0.66], [0.51, 6.39], [0.88, 8.04]];
+    let room = room(16.0, 12.0, &[[1.5, 1.5, 14.5, 10.5]]);
+    (World::new(room, &starts, seed, Trouble::SOME, clock_ms), goals)
+}
+
+/// An L, a U or aisles with corridors of 1.2 to 1.8 m, and three to six trucks somewhere in it.
+#[allow(dead_code)] // for the example
+pub(crate) fn narrow(seed: u64, clock_ms: fn() -> f64) -> World {
+    let mut draw = Draw::new(seed + 500);
+    let wide_m = (draw.uniform(1.2, 1.8) / 0.05).round() * 0.05;
+    let (x_m, y_m) = (draw.uniform(7.0, 12.0), draw.uniform(5.0, 9.0));
+    let boxes = match seed % 3 {
+        0 => vec![[wide_m, wide_m, x_m, y_m]],
+        1 => vec![[wide_m, wide_m, x_m - 2.0 * wide_m, y_m]],
+        _ => (0..3)
+            .map(|rack| [wide_m + f64::from(rack) * (wide_m + 0.8), wide_m, 0.8, y_m - 2.0 * wide_m])
+            .collect(),
+    };
+    let x_m = if seed % 3 == 2 { 4.0 * wide_m + 2.4 } else { x_m };
+    let room = room(x_m, y_m, &boxes);
+    let mut starts: Vec<MapPose> = Vec::new();
+    let count = 3 + draw.uniform(0.0, 4.0) as usize;
+    while starts.len() < count {
+        let [x_m, y_m] = free_place(&room, &mut draw);
+        let yaw_rad = draw.uniform(0.0, 4.0).floor() * FRAC_PI_2 - FRAC_PI_2;
+        let here = pose(x_m, y_m, yaw_rad);
+        let apart = starts.iter().all(|other| (other.x_m - x_m).hypot(other.y_m - y_m) > 1.0);
+        let car = Car::of(&VehicleConfig::default());
+        if apart && room.is_free(&Rect::body(&car, &here), 0.1) {
+            starts.push(here);
+        }
+    }
+    World::new(room, &starts, seed, Trouble { pause: 0.0, ..Trouble::SOME }, clock_ms)
+}
+
+/// A place in which a truck can stand somehow.
+#[allow(dead_code)] // for the example
+pub(crate) fn free_place(room: &GridRoom, draw: &mut Draw) -> [f64; 2] {
+    loop {
+        let [_, [x_m, y_m]] = room.corners_m();
+        let place = [draw.uniform(0.0, x_m), draw.uniform(0.0, y_m)];
+        if room.clearance_m(place[0], place[1]) >= 0.5 {
+            return place;
         }
     }
 }

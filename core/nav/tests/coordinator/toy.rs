@@ -240,9 +240,14 @@ impl World {
     }
 
     pub(crate) fn send(&mut self, index: usize, to: MapPose) {
+        self.send_to(index, [to.x_m, to.y_m], Some(to.yaw_rad));
+    }
+
+    /// Sends one there, to stand in this direction or in any.
+    pub(crate) fn send_to(&mut self, index: usize, [x_m, y_m]: [f64; 2], yaw_rad: Option<f64>) {
         let id = u128::from(self.now.ns()) * 100 + index as u128;
         let toy = &mut self.toys[index];
-        toy.goal = Some(PlannedGoal { id, x_m: to.x_m, y_m: to.y_m, yaw_rad: Some(to.yaw_rad) });
+        toy.goal = Some(PlannedGoal { id, x_m, y_m, yaw_rad });
         toy.guide = None;
         toy.taken_over = false;
         toy.speed_mps = 0.0;
