@@ -51,7 +51,8 @@ fn main() -> ExitCode {
         let led = if runs("led") { live(&room, seed, true, seconds) } else { Life::default() };
         let alone = if runs("alone") { live(&room, seed, false, seconds) } else { Life::default() };
         let judge = Judge::new(&room.world);
-        let verdicts: Vec<Verdict> = led.failed.iter().map(|failed| judge.of(failed)).collect();
+        let judged = led.failed.iter().filter(|_| only.is_none());
+        let verdicts: Vec<Verdict> = judged.map(|failed| judge.of(failed)).collect();
         let wrongly = verdicts.iter().filter(|verdict| matches!(verdict, Verdict::Way { .. })).count();
         let part = f64::from(led.reached) / f64::from(alone.reached.max(1));
         println!(
@@ -91,7 +92,10 @@ fn live(room: &Room, seed: u64, led: bool, seconds: u64) -> Life {
             println!("{at_s:.1} s\n{}", meetings::scene(&mut fleet.drive));
         }
     };
+    let began = std::time::Instant::now();
     fleet.run(seconds as f64, true, &mut show);
+    eprintln!("{seed} {led} {:.1} s {:?}", began.elapsed().as_secs_f64(), fleet.drive.lockstep.traffic_mut().and_then(|t| t.coordinator().map(|c| c.counters())));
+    for f in &fleet.life.failed { eprintln!("   {:.0} {} {}", f.at_s, f.robot + 1, f.reason); }
     fleet.life
 }
 

@@ -206,7 +206,7 @@ impl Solver<'_> {
         let runners: Vec<Runner<'_>> =
             moving.iter().map(|&index| runner(&job.members[index], Some(way(index)))).collect();
         run_ahead(&runners, &order, MOST_TICKS)?;
-        Some(Solution { ways, order })
+        Some(Solution { ways, order, evading: self.evading.clone(), ..Solution::default() })
     }
 }
 

@@ -44,9 +44,10 @@ impl Field {
             let (left, low) = (place(rect.x_m - reach_m, 0), place(rect.y_m - reach_m, 1));
             let (right, high) = (place(rect.x_m + reach_m, 0), place(rect.y_m + reach_m, 1));
             for row in low..=high.min(field.height - 1) {
-                for index in row * field.width + left..=row * field.width + right.min(field.width - 1) {
+                let (from, to) = (row * field.width + left, row * field.width + right.min(field.width - 1));
+                for (index, free) in free.iter_mut().enumerate().take(to + 1).skip(from) {
                     let [x, y] = field.middle(index);
-                    free[index] &= rect.distance_m(x, y) >= half_width_m;
+                    *free &= rect.distance_m(x, y) >= half_width_m;
                 }
             }
         }

@@ -6,11 +6,14 @@
 //! have to, and it still drives as soon as the way is free.
 
 use super::attempt::Expected;
+use super::blame::way_around;
 use super::field::Field;
-use super::joint::{EXPANSIONS_EACH, Failed, PATIENCE_MS, Solution, Solver};
+use super::joint::{EXPANSIONS_EACH, Failed, Member, PATIENCE_MS, Solution, Solver};
+use super::rect::Stand;
 use super::timeline::Timeline;
 use super::times::to_release;
 use super::way::Way;
+use std::cmp::Reverse;
 use std::collections::BTreeSet;
 
 /// The one that is served begins so late, in ticks: at once, or when others may have driven 10 m.
@@ -20,6 +23,12 @@ const EXPANSIONS_ASIDE: u32 = 2500;
 /// Expansions for one truck that may go on to its goal as well.
 const EXPANSIONS_FURTHER: u32 = 1500;
 
+/// Expansions to see whether one that stays behind could go on later.
+const EXPANSIONS_BEHIND: u32 = 1500;
+
+/// How many are shut out: they will find no way past those that have arrived. And how many arrive.
+type Worth = (Reverse<usize>, usize);
+
 /// The one that is served, and how.
 struct Served {
     index: usize,
@@ -28,44 +37,62 @@ struct Served {
 }
 
 impl Solver<'_> {
-    /// Serves one of `wanting`, whoever has waited longest if that works. Those that only make room are in
-    /// `evading` then.
-    pub(super) fn in_turn(&mut self, wanting: &[usize], led: &[usize]) -> Option<Solution> {
+    /// Serves one of `wanting`, whoever has waited longest if that works; or what has been found before, if
+    /// that is as good.
+    pub(super) fn in_turn(
+        &mut self,
+        wanting: &[usize],
+        led: &[usize],
+        before: Option<Solution>,
+    ) -> Option<Solution> {
         let left = std::mem::replace(&mut self.left, self.turn_left);
-        let found = self.best(wanting, led);
+        let found = self.best(wanting, led, before);
         self.turn_left = std::mem::replace(&mut self.left, left);
-        if found.is_none() {
-            self.evading.clear();
-        }
         found
     }
 
-    /// The solution that leads most of them to their goals. If one has waited for long, the first one in which
-    /// that one is served.
-    fn best(&mut self, wanting: &[usize], led: &[usize]) -> Option<Solution> {
-        let waited_ms = |&index: &usize| std::cmp::Reverse(self.job.members[index].waited_ms);
+    /// The solution that shuts out the fewest, and of those the one that leads most to their goals. If one has
+    /// waited for long, the first one in which that one is served.
+    fn best(&mut self, wanting: &[usize], led: &[usize], before: Option<Solution>) -> Option<Solution> {
+        let waited_ms = |&index: &usize| Reverse(self.job.members[index].waited_ms);
         let mut queue = wanting.to_vec();
         queue.sort_by_key(waited_ms);
         let in_a_hurry = self.job.members[*queue.first()?].waited_ms > PATIENCE_MS;
-        let mut best: Option<(usize, BTreeSet<usize>, usize, Solution)> = None;
+        let mut best: Option<(Worth, Solution)> = before.map(|found| (self.worth(&found, &queue, led), found));
         for (first, late_ticks) in queue.iter().flat_map(|&first| LATE_TICKS.map(|late| (first, late))) {
-            if self.spent() || in_a_hurry && best.is_some() {
+            let good = best.as_ref().is_some_and(|((Reverse(shut_out), _), _)| in_a_hurry || *shut_out == 0);
+            if good || self.spent() {
                 break;
             }
             let Some(expected) = self.others_make_room(first, late_ticks, &queue, led) else { continue };
             let Some(found) = self.with_further(expected, first, &queue, led) else { continue };
-            let arriving =
-                queue.iter().filter(|index| found.ways.contains_key(index)).count() - self.evading.len();
-            if best.as_ref().is_none_or(|(most, ..)| arriving > *most) {
-                best = Some((arriving, self.evading.clone(), first, found));
-            }
-            if arriving == queue.len() {
-                break;
+            let found = Solution { served: Some(first), ..found };
+            let worth = self.worth(&found, &queue, led);
+            if best.as_ref().is_none_or(|(most, _)| worth > *most) {
+                best = Some((worth, found));
             }
         }
-        let (_, evading, first, found) = best?;
-        (self.evading, self.served) = (evading, Some(first));
-        Some(found)
+        best.map(|(_, found)| found)
+    }
+
+    /// How good a solution is.
+    fn worth(&mut self, found: &Solution, wanting: &[usize], led: &[usize]) -> Worth {
+        let (arriving, behind): (Vec<usize>, Vec<usize>) =
+            wanting.iter().partition(|&&index| found.arrives(index));
+        let job = self.job;
+        let end = |index: usize| {
+            let way = found.ways.get(&index).unwrap_or(&job.members[index].way);
+            way.stands.last().map(|stand| Stand { look: None, ..*stand })
+        };
+        let parked: Vec<Stand> = arriving.iter().chain(led).filter_map(|&index| end(index)).collect();
+        let is_shut_out = |&&index: &&usize| {
+            let member = &job.members[index];
+            let stays = || Way::new(member.way.up_to(member.held), &job.car);
+            let way = found.ways.get(&index).cloned().unwrap_or_else(stays);
+            let there = Member { done_m: way.length_m, held: way.last(), way, ..member.clone() };
+            way_around(job, &there, &[&parked], EXPANSIONS_BEHIND, &mut self.left).is_err()
+        };
+        (Reverse(behind.iter().filter(is_shut_out).count()), arriving.len())
     }
 
     /// Ways for `first` to its goal and for the others out of its way. Who finds none is asked before the

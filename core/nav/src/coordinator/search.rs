@@ -16,12 +16,23 @@ use std::cmp::{Ordering, Reverse};
 use std::collections::{BTreeMap, BinaryHeap};
 use std::f64::consts::TAU;
 
-/// Ticks of one move.
-const MOVE_TICKS: usize = 4;
-/// Side of a cell in which nodes compete, in m.
-const CELL_M: f64 = 0.12;
-/// Directions of a cell.
-const DIRECTIONS: f64 = 20.0;
+/// How closely is looked.
+struct Grain {
+    /// Of moves that each node tries, in ticks.
+    moves: &'static [u32],
+    /// Side of a cell in which nodes compete, in m.
+    cell_m: f64,
+    /// Directions of a cell.
+    directions: f64,
+    /// Kept free of fixed things at most, in m.
+    margin_m: f64,
+}
+
+const COARSE: Grain = Grain { moves: &[4], cell_m: 0.12, directions: 20.0, margin_m: 0.05 };
+/// For turning between two walls.
+const FINE: Grain = Grain { moves: &[4, 1], cell_m: 0.05, directions: 48.0, margin_m: 0.01 };
+/// Who sees no more nodes than this is hemmed in.
+const HEMMED_IN: u32 = 200;
 /// Planned circles are larger than the smallest ones by this, for the follower to steer within.
 const RADIUS_FACTOR: f64 = 1.15;
 /// What the estimate counts more than what has been driven.
@@ -36,6 +47,8 @@ const WAIT_COST: f64 = 0.3;
 const SOFT_COST: f64 = 12.0;
 /// What a tick costs more for each metre beside the lane in a corridor.
 const LANE_COST: f64 = 0.6;
+/// What it costs to stop across a corridor, in ticks.
+const ACROSS_COST: f64 = 40.0;
 /// So often on its way a truck is looked at for that, in ticks.
 const LANE_TICKS: u32 = 4;
 /// Longest wait for a gap, in ticks.
@@ -52,6 +65,24 @@ struct Node {
     parent: usize,
     legs: Vec<Leg>,
     goal: bool,
+}
+
+/// Where it may stop, and what that costs, in ticks.
+struct Goal {
+    pose: MapPose,
+    cost: f64,
+}
+
+/// Where another one could pass it in a corridor, it had better not stop across that.
+fn goals_in_any_direction(task: &Task<'_>, target: &Target) -> Vec<Goal> {
+    let along_rad = lane::along_rad(task.room, task.car, target.x_m, target.y_m);
+    let from_rad = along_rad.unwrap_or(0.0);
+    let goal = |step: u32| {
+        let pose = target.pose(wrap_rad(from_rad + f64::from(step) * TAU / 16.0));
+        let across = along_rad.is_some() && step % 8 != 0;
+        Goal { pose, cost: if across { ACROSS_COST } else { 0.0 } }
+    };
+    (0..16).map(goal).collect()
 }
 
 /// Tick of arrival, tick until which it may stay, cost.
@@ -77,18 +108,25 @@ impl Ord for Ranked {
     }
 }
 
-/// Looks for a way; every node that is expanded counts one down in `budget`.
+/// Looks for a way, and closer if it is hemmed in; every node that is expanded counts one down in `budget`.
 pub(super) fn search(task: &Task<'_>, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
-    Search::new(task)?.run(budget)
+    let most = *budget;
+    match Search::new(task, &COARSE).and_then(|search| search.run(budget)) {
+        Err(Stuck::Nowhere | Stuck::Goal) if most - *budget <= HEMMED_IN => {
+            Search::new(task, &FINE)?.run(budget)
+        }
+        found => found,
+    }
 }
 
 struct Search<'a> {
     task: &'a Task<'a>,
+    grain: &'static Grain,
     radius_m: f64,
     body_margin_m: f64,
     /// No other truck moves any more from this tick on.
     still: u32,
-    goals: Vec<MapPose>,
+    goals: Vec<Goal>,
     nodes: Vec<Node>,
     open: BinaryHeap<Reverse<Ranked>>,
     closed: BTreeMap<(i32, i32, i32), Vec<Seen>>,
@@ -96,14 +134,14 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(task: &'a Task<'a>) -> Result<Self, Stuck> {
+    fn new(task: &'a Task<'a>, grain: &'static Grain) -> Result<Self, Stuck> {
         let here = Rect::body(task.car, &task.start);
-        let margins = [0.05, 0.03, 0.01, -0.02, -0.05];
-        let margin =
-            margins.into_iter().find(|&margin| task.room.is_free(&here, margin)).ok_or(Stuck::Start)?;
+        let margins = [0.05, 0.03, 0.01, -0.02, -0.05].into_iter().filter(|&margin| margin <= grain.margin_m);
+        let margin = { margins }.find(|&margin| task.room.is_free(&here, margin)).ok_or(Stuck::Start)?;
         let still = task.others.iter().map(|other| other.line.end()).max().unwrap_or(0);
         let mut search = Self {
             task,
+            grain,
             radius_m: task.car.radius_m * RADIUS_FACTOR,
             body_margin_m: margin,
             still,
@@ -114,12 +152,11 @@ impl<'a> Search<'a> {
             sweep: Vec::new(),
         };
         if let Some(target) = &task.target {
-            let yaws: Vec<f64> = match target.yaw_rad {
-                Some(yaw_rad) => vec![yaw_rad],
-                None => (0..16).map(|step| wrap_rad(f64::from(step) * TAU / 16.0)).collect(),
+            let goals = match target.yaw_rad {
+                Some(yaw_rad) => vec![Goal { pose: target.pose(yaw_rad), cost: 0.0 }],
+                None => goals_in_any_direction(task, target),
             };
-            let poses = yaws.into_iter().map(|yaw_rad| MapPose { x_m: target.x_m, y_m: target.y_m, yaw_rad });
-            search.goals = poses.filter(|pose| search.may_stay(pose)).collect();
+            search.goals = goals.into_iter().filter(|goal| search.may_stay(&goal.pose)).collect();
             if search.goals.is_empty() {
                 return Err(Stuck::Goal);
             }
@@ -158,12 +195,14 @@ impl<'a> Search<'a> {
             if hope_m < 3.0 || f64::from(expanded) % libm::ceil(hope_m / 2.0) == 0.0 {
                 self.shoot(index, &pose);
             }
-            for (turn, way_gear) in
-                [(0.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, -1.0)]
-            {
-                let length_m = TICK_WAY_M * MOVE_TICKS as f64 * way_gear;
-                let piece = Piece { length_m, curvature_per_m: turn / self.radius_m };
-                self.go(index, &[piece], gear, false);
+            for &ticks in self.grain.moves {
+                for (turn, way_gear) in
+                    [(0.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, -1.0)]
+                {
+                    let length_m = TICK_WAY_M * f64::from(ticks) * way_gear;
+                    let piece = Piece { length_m, curvature_per_m: turn / self.radius_m };
+                    self.go(index, &[piece], gear, None);
+                }
             }
         }
         Err(Stuck::Nowhere)
@@ -172,20 +211,22 @@ impl<'a> Search<'a> {
     /// Straight to the goal along a Reeds–Shepp curve.
     fn shoot(&mut self, index: usize, pose: &MapPose) {
         let radius_m = self.radius_m;
-        let mut ways: Vec<Path> =
-            self.goals.iter().map(|goal| reeds_shepp::shortest(pose, goal, radius_m)).collect();
+        let way = |goal: &Goal| (reeds_shepp::shortest(pose, &goal.pose, radius_m), goal.cost);
+        let mut ways: Vec<(Path, f64)> = self.goals.iter().map(way).collect();
+        let rank = |(way, cost): &(Path, f64)| rank(way) + TICK_WAY_M * cost;
         ways.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
         let gear = self.nodes[index].gear;
-        for way in ways.iter().take(3) {
-            if self.go(index, &way.pieces, gear, true) {
+        for (way, cost) in ways.iter().take(3) {
+            if self.go(index, &way.pieces, gear, Some(*cost)) {
                 break;
             }
         }
     }
 
-    /// Drives these pieces from a node as early as possible, and once more in a later gap. True if
-    /// there is a gap.
-    fn go(&mut self, from: usize, pieces: &[Piece], gear: f64, goal: bool) -> bool {
+    /// Drives these pieces from a node as early as possible, and once more in a later gap; to a goal, with
+    /// what that costs, or just on. True if there is a gap.
+    fn go(&mut self, from: usize, pieces: &[Piece], gear: f64, goal_cost: Option<f64>) -> bool {
+        let goal = goal_cost.is_some();
         let Node { pose, tick, safe, cost, .. } = self.nodes[from];
         let mut sweep = std::mem::take(&mut self.sweep);
         let swept = self.sweep_over(&mut sweep, pose, gear, pieces);
@@ -216,7 +257,8 @@ impl<'a> Search<'a> {
                 delay += 4;
                 continue;
             }
-            let cost = cost + WAIT_COST * f64::from(delay) + sweep.len() as f64 + extra;
+            let cost =
+                cost + WAIT_COST * f64::from(delay) + sweep.len() as f64 + extra + goal_cost.unwrap_or(0.0);
             if goal || self.is_new(&end, end_gear, arrive, safe_then, cost) {
                 let legs = legs.iter().map(|leg| Leg { depart: leg.depart + depart, ..*leg }).collect();
                 let (gear, index) = (end_gear, self.nodes.len());
@@ -325,7 +367,7 @@ impl<'a> Search<'a> {
         let flat_m = self.task.field.distance_m(pose.x_m, pose.y_m)?;
         let Some(target) = &self.task.target else { return Some(flat_m / TICK_WAY_M) };
         let curved_m = match (target.yaw_rad, self.goals.first()) {
-            (Some(_), Some(goal)) => reeds_shepp::distance_m(pose, goal, self.radius_m),
+            (Some(_), Some(goal)) => reeds_shepp::distance_m(pose, &goal.pose, self.radius_m),
             _ => 0.0,
         };
         Some(flat_m.max(curved_m) / TICK_WAY_M)
@@ -333,8 +375,8 @@ impl<'a> Search<'a> {
 
     /// Whether no earlier node of this cell could have waited until then for less.
     fn is_new(&mut self, pose: &MapPose, gear: f64, tick: u32, safe: u32, cost: f64) -> bool {
-        let along = |v: f64| libm::floor(v / CELL_M) as i32;
-        let turn = libm::floor((pose.yaw_rad / TAU + 0.5) * DIRECTIONS) as i32;
+        let along = |v: f64| libm::floor(v / self.grain.cell_m) as i32;
+        let turn = libm::floor((pose.yaw_rad / TAU + 0.5) * self.grain.directions) as i32;
         let key = (along(pose.x_m), along(pose.y_m), turn * 2 + i32::from(gear > 0.0));
         let seen = self.closed.entry(key).or_default();
         if seen.iter().any(|&(from, until, least)| from <= tick && tick <= until && least <= cost + 1.0) {

@@ -14,6 +14,13 @@ pub(super) struct Target {
     pub(super) yaw_rad: Option<f64>,
 }
 
+impl Target {
+    /// There, in a direction.
+    pub(super) fn pose(&self, yaw_rad: f64) -> MapPose {
+        MapPose { x_m: self.x_m, y_m: self.y_m, yaw_rad }
+    }
+}
+
 /// Another truck, and how far to stay away from it in m.
 pub(super) struct Other<'a> {
     pub(super) line: &'a Timeline,
