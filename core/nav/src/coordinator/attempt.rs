@@ -171,6 +171,7 @@ impl Solver<'_> {
             field,
             others: &others,
             soft,
+            closely: most > EXPANSIONS_EACH,
         };
         let mut budget = most.min(self.left);
         let before = budget;

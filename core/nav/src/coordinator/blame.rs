@@ -68,24 +68,21 @@ pub(super) fn blame(job: &JointJob, member: &Member, left: &mut u32) -> NoWay {
 }
 
 /// The way that it would take if only these stood there, and as they stand now.
-pub(super) fn way_around(
+fn way_around(
     job: &JointJob,
     member: &Member,
-    standing: &[&[Stand]],
+    suspects: &[&Suspect<'_>],
     most: u32,
     left: &mut u32,
 ) -> Result<Way, Stuck> {
     let bodies: Vec<Rect> =
-        standing.iter().flat_map(|stands| stands.iter().map(|stand| stand.body)).collect();
+        suspects.iter().flat_map(|suspect| suspect.stands.iter().map(|stand| stand.body)).collect();
     let goal_m = [member.target.x_m, member.target.y_m];
     let field = Field::new(&*job.room, job.car.half_width_m, &bodies, goal_m);
-    let lines: Vec<Timeline> = standing.iter().map(|stands| Timeline::standing(stands)).collect();
-    let margin_m = |stands: &[Stand]| margin_m(member.held_stands(), stands);
-    let others: Vec<Other<'_>> = lines
-        .iter()
-        .zip(standing)
-        .map(|(line, stands)| Other { line, margin_m: margin_m(stands) })
-        .collect();
+    let lines: Vec<Timeline> = suspects.iter().map(|suspect| Timeline::standing(suspect.stands)).collect();
+    let margin = |suspect: &Suspect<'_>| margin_m(member.held_stands(), suspect.stands);
+    let others: Vec<Other<'_>> =
+        lines.iter().zip(suspects).map(|(line, suspect)| Other { line, margin_m: margin(suspect) }).collect();
     let head = member.way.up_to(member.held);
     let task = Task {
         room: &*job.room,
@@ -97,6 +94,7 @@ pub(super) fn way_around(
         field: &field,
         others: &others,
         soft: &[],
+        closely: false,
     };
     let mut budget = most.min(*left);
     let before = budget;
@@ -114,7 +112,7 @@ fn bolt<'a>(
 ) -> Option<&'a Suspect<'a>> {
     let mut is_open = |without: Option<usize>| {
         let rest = suspects.iter().enumerate().filter(|(index, _)| without != Some(*index));
-        let standing: Vec<&[Stand]> = rest.map(|(_, suspect)| suspect.stands).collect();
+        let standing: Vec<&Suspect<'_>> = rest.map(|(_, suspect)| *suspect).collect();
         way_around(job, member, &standing, EXPANSIONS, left).is_ok()
     };
     if is_open(None) {

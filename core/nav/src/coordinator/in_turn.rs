@@ -6,10 +6,9 @@
 //! have to, and it still drives as soon as the way is free.
 
 use super::attempt::Expected;
-use super::blame::way_around;
 use super::field::Field;
-use super::joint::{EXPANSIONS_EACH, Failed, Member, PATIENCE_MS, Solution, Solver};
-use super::rect::Stand;
+use super::joint::{Failed, PATIENCE_MS, Solution, Solver};
+use super::rect::Rect;
 use super::timeline::Timeline;
 use super::times::to_release;
 use super::way::Way;
@@ -18,15 +17,14 @@ use std::collections::BTreeSet;
 
 /// The one that is served begins so late, in ticks: at once, or when others may have driven 10 m.
 const LATE_TICKS: [usize; 2] = [0, 144];
+/// Expansions for the one that is served.
+const EXPANSIONS_SERVED: u32 = 12_000;
 /// Expansions for one truck that makes room.
 const EXPANSIONS_ASIDE: u32 = 2500;
 /// Expansions for one truck that may go on to its goal as well.
-const EXPANSIONS_FURTHER: u32 = 1500;
+const EXPANSIONS_FURTHER: u32 = 3000;
 
-/// Expansions to see whether one that stays behind could go on later.
-const EXPANSIONS_BEHIND: u32 = 1500;
-
-/// How many are shut out: they will find no way past those that have arrived. And how many arrive.
+/// How many are shut out: those that have arrived leave them no way. And how many arrive.
 type Worth = (Reverse<usize>, usize);
 
 /// The one that is served, and how.
@@ -65,32 +63,32 @@ impl Solver<'_> {
                 break;
             }
             let Some(expected) = self.others_make_room(first, late_ticks, &queue, led) else { continue };
-            let Some(found) = self.with_further(expected, first, &queue, led) else { continue };
-            let found = Solution { served: Some(first), ..found };
-            let worth = self.worth(&found, &queue, led);
-            if best.as_ref().is_none_or(|(most, _)| worth > *most) {
-                best = Some((worth, found));
+            for found in self.with_further(expected, first, &queue, led) {
+                let found = Solution { served: Some(first), ..found };
+                let worth = self.worth(&found, &queue, led);
+                if best.as_ref().is_none_or(|(most, _)| worth > *most) {
+                    best = Some((worth, found));
+                }
             }
         }
         best.map(|(_, found)| found)
     }
 
     /// How good a solution is.
-    fn worth(&mut self, found: &Solution, wanting: &[usize], led: &[usize]) -> Worth {
+    fn worth(&self, found: &Solution, wanting: &[usize], led: &[usize]) -> Worth {
         let (arriving, behind): (Vec<usize>, Vec<usize>) =
             wanting.iter().partition(|&&index| found.arrives(index));
         let job = self.job;
-        let end = |index: usize| {
-            let way = found.ways.get(&index).unwrap_or(&job.members[index].way);
-            way.stands.last().map(|stand| Stand { look: None, ..*stand })
+        let end = |index: usize| match found.ways.get(&index) {
+            Some(way) => way.stands[way.last()].body,
+            None if led.contains(&index) => job.members[index].way.stands[job.members[index].way.last()].body,
+            None => job.members[index].way.stands[job.members[index].held].body,
         };
-        let parked: Vec<Stand> = arriving.iter().chain(led).filter_map(|&index| end(index)).collect();
+        let parked: Vec<Rect> = arriving.iter().chain(led).map(|&index| end(index)).collect();
         let is_shut_out = |&&index: &&usize| {
-            let member = &job.members[index];
-            let stays = || Way::new(member.way.up_to(member.held), &job.car);
-            let way = found.ways.get(&index).cloned().unwrap_or_else(stays);
-            let there = Member { done_m: way.length_m, held: way.last(), way, ..member.clone() };
-            way_around(job, &there, &[&parked], EXPANSIONS_BEHIND, &mut self.left).is_err()
+            let (target, from) = (job.members[index].target, end(index));
+            let field = Field::strict(&*job.room, job.car.half_width_m, &parked, [target.x_m, target.y_m]);
+            field.distance_m(from.x_m, from.y_m).is_none()
         };
         (Reverse(behind.iter().filter(is_shut_out).count()), arriving.len())
     }
@@ -147,7 +145,7 @@ impl Solver<'_> {
         let expected = self.expected(&[first], led, standing)?;
         let soft = expected.soft(&[first]);
         let (way, mut at_m) =
-            self.single(first, &expected.others(first), &soft, None, EXPANSIONS_EACH).ok()?;
+            self.single(first, &expected.others(first), &soft, None, EXPANSIONS_SERVED).ok()?;
         let released = to_release(&self.job.members[first]).len();
         let wait_m = at_m[released - 1];
         at_m.splice(released..released, std::iter::repeat_n(wait_m, late_ticks));
@@ -170,31 +168,26 @@ impl Solver<'_> {
         Ok(expected)
     }
 
-    /// Those that make room go on to their goals, if they find a way there beside all others.
+    /// Those that make room stay there; or go on to their goals, if they find a way there beside all others.
     fn with_further(
         &mut self,
         expected: Expected,
         first: usize,
         queue: &[usize],
         led: &[usize],
-    ) -> Option<Solution> {
-        let (mut further, mut arriving) = (expected.clone(), BTreeSet::new());
+    ) -> Vec<Solution> {
+        let mut found: Vec<Solution> = self.ordered(expected.clone(), led).into_iter().collect();
+        let mut further = expected;
         for &index in queue.iter().filter(|&&index| index != first) {
-            if !self.evading.contains(&index) {
-                continue;
-            }
-            if let Some((way, at_m)) = self.beside(index, &further, None, EXPANSIONS_FURTHER) {
+            if self.evading.contains(&index)
+                && let Some((way, at_m)) = self.beside(index, &further, None, EXPANSIONS_FURTHER)
+            {
                 self.take(&mut further, index, way, &at_m);
-                arriving.insert(index);
+                self.evading.remove(&index);
+                found.extend(self.ordered(further.clone(), led));
             }
         }
-        if !arriving.is_empty()
-            && let Some(found) = self.ordered(further, led)
-        {
-            self.evading.retain(|index| !arriving.contains(index));
-            return Some(found);
-        }
-        self.ordered(expected, led)
+        found
     }
 
     fn beside(

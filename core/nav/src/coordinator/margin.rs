@@ -3,7 +3,7 @@
 use super::rect::Stand;
 
 /// Margins of a pair while it is planned, in m: the largest at which the two do not meet already.
-const MARGINS_M: [f64; 5] = [0.08, 0.06, 0.04, 0.02, 0.005];
+const MARGINS_M: [f64; 4] = [0.05, 0.04, 0.02, 0.005];
 /// So much less of it counts when the plan is driven, in m.
 const SPARE_M: f64 = 0.02;
 

@@ -108,13 +108,16 @@ impl Ord for Ranked {
     }
 }
 
-/// Looks for a way, and closer if it is hemmed in; every node that is expanded counts one down in `budget`.
+/// Looks for a way, and closer if it is hemmed in or told to; every node that is expanded counts one down in
+/// `budget`.
 pub(super) fn search(task: &Task<'_>, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
-    let most = *budget;
-    match Search::new(task, &COARSE).and_then(|search| search.run(budget)) {
-        Err(Stuck::Nowhere | Stuck::Goal) if most - *budget <= HEMMED_IN => {
-            Search::new(task, &FINE)?.run(budget)
-        }
+    let most = if task.closely { *budget / 3 } else { *budget };
+    let mut left = most;
+    let found = Search::new(task, &COARSE).and_then(|search| search.run(&mut left));
+    *budget -= most - left;
+    match found {
+        Err(Stuck::Nowhere | Stuck::Goal) if most - left <= HEMMED_IN => Search::new(task, &FINE)?.run(budget),
+        Err(_) if task.closely => Search::new(task, &FINE)?.run(budget),
         found => found,
     }
 }
@@ -438,7 +441,7 @@ mod tests {
         let field = Field::new(room, car.half_width_m, &[], [goal.x_m, goal.y_m]);
         let others: Vec<Other<'_>> = lines.iter().map(|line| Other { line, margin_m: 0.08 }).collect();
         let (others, soft) = (&others[..], &[][..]);
-        let task = Task { room, car: &car, start, gear: 1.0, tick: 0, target, field: &field, others, soft };
+        let task = Task { room, car: &car, start, gear: 1.0, tick: 0, target, field: &field, others, soft, closely: false };
         let mut budget = 5000;
         let found = search(&task, &mut budget);
         (found, 5000 - budget)

@@ -41,6 +41,8 @@ pub(super) struct Task<'a> {
     pub(super) others: &'a [Other<'a>],
     /// Places of trucks that have to go away some time.
     pub(super) soft: &'a [Rect],
+    /// Looks closer if the first look finds nothing in a third of its budget.
+    pub(super) closely: bool,
 }
 
 /// One arc and when it is driven.
