@@ -92,10 +92,7 @@ fn live(room: &Room, seed: u64, led: bool, seconds: u64) -> Life {
             println!("{at_s:.1} s\n{}", meetings::scene(&mut fleet.drive));
         }
     };
-    let began = std::time::Instant::now();
     fleet.run(seconds as f64, true, &mut show);
-    eprintln!("{seed} {led} {:.1} s {:?}", began.elapsed().as_secs_f64(), fleet.drive.lockstep.traffic_mut().and_then(|t| t.coordinator().map(|c| c.counters())));
-    for f in &fleet.life.failed { eprintln!("   {:.0} {} {}", f.at_s, f.robot + 1, f.reason); }
     fleet.life
 }
 

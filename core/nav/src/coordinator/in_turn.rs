@@ -56,7 +56,8 @@ impl Solver<'_> {
         let mut queue = wanting.to_vec();
         queue.sort_by_key(waited_ms);
         let in_a_hurry = self.job.members[*queue.first()?].waited_ms > PATIENCE_MS;
-        let mut best: Option<(Worth, Solution)> = before.map(|found| (self.worth(&found, &queue, led), found));
+        let mut best: Option<(Worth, Solution)> =
+            before.map(|found| (self.worth(&found, &queue, led), found));
         for (first, late_ticks) in queue.iter().flat_map(|&first| LATE_TICKS.map(|late| (first, late))) {
             let good = best.as_ref().is_some_and(|((Reverse(shut_out), _), _)| in_a_hurry || *shut_out == 0);
             if good || self.spent() {

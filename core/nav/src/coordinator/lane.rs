@@ -34,8 +34,7 @@ pub(super) fn beside_m(room: &dyn Room, car: &Car, pose: &MapPose, gear: f64) ->
 pub(super) fn along_rad(room: &dyn Room, car: &Car, x_m: f64, y_m: f64) -> Option<f64> {
     let wide = |step: u32| {
         let across_rad = f64::from(step) * PI / 8.0;
-        let wide_m =
-            to_wall_m(room, [x_m, y_m], across_rad)? + to_wall_m(room, [x_m, y_m], across_rad + PI)?;
+        let wide_m = to_wall_m(room, [x_m, y_m], across_rad)? + to_wall_m(room, [x_m, y_m], across_rad + PI)?;
         Some((wide_m, across_rad))
     };
     let (wide_m, across_rad) = (0..8).filter_map(wide).min_by(|a, b| a.0.total_cmp(&b.0))?;

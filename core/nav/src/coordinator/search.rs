@@ -116,7 +116,9 @@ pub(super) fn search(task: &Task<'_>, budget: &mut u32) -> Result<Vec<Leg>, Stuc
     let found = Search::new(task, &COARSE).and_then(|search| search.run(&mut left));
     *budget -= most - left;
     match found {
-        Err(Stuck::Nowhere | Stuck::Goal) if most - left <= HEMMED_IN => Search::new(task, &FINE)?.run(budget),
+        Err(Stuck::Nowhere | Stuck::Goal) if most - left <= HEMMED_IN => {
+            Search::new(task, &FINE)?.run(budget)
+        }
         Err(_) if task.closely => Search::new(task, &FINE)?.run(budget),
         found => found,
     }
@@ -441,7 +443,8 @@ mod tests {
         let field = Field::new(room, car.half_width_m, &[], [goal.x_m, goal.y_m]);
         let others: Vec<Other<'_>> = lines.iter().map(|line| Other { line, margin_m: 0.08 }).collect();
         let (others, soft) = (&others[..], &[][..]);
-        let task = Task { room, car: &car, start, gear: 1.0, tick: 0, target, field: &field, others, soft, closely: false };
+        let (gear, tick, closely) = (1.0, 0, false);
+        let task = Task { room, car: &car, start, gear, tick, target, field: &field, others, soft, closely };
         let mut budget = 5000;
         let found = search(&task, &mut budget);
         (found, 5000 - budget)

@@ -1,5 +1,5 @@
 //! Whether a goal that failed had a way: the search of `fleet-cli plan`, with its clearance and look-out, for
-//! 60 s, from where everybody stood.
+//! 60 s each question, from where everybody stood.
 //!
 //! A goal without a yaw is looked at with each of the four yaws along the room's walls in which a robot can
 //! stand there. All others either come to where they were to go, or back to where they stood; meanwhile they
@@ -16,7 +16,7 @@ use xtb_nav::traffic::{
 use xtb_nav::{Car, MapPose};
 use xtb_sim::World;
 
-/// For all questions about one goal.
+/// For one question.
 const WITHIN: Duration = Duration::from_secs(60);
 /// As `fleet-cli plan` has them.
 const CLEARANCE_M: f64 = 0.05;
@@ -60,7 +60,6 @@ impl Judge {
     }
 
     pub(crate) fn of(&self, failed: &Failed) -> Verdict {
-        let end = Instant::now() + WITHIN;
         let goals: Vec<[f64; 2]> = failed.goals.clone();
         let mut why = String::new();
         for yaw_rad in [0.0, FRAC_PI_2, PI, -FRAC_PI_2] {
@@ -76,7 +75,7 @@ impl Judge {
                         _ => failed.poses[index],
                     }
                 };
-                match self.solve(failed, &goal, end) {
+                match self.solve(failed, &goal) {
                     Ok(()) => return Verdict::Way { others },
                     Err(unsolved) => why = unsolved.to_string(),
                 }
@@ -104,7 +103,7 @@ impl Judge {
         yaws.iter().copied().find(stands).unwrap_or(yaws[0])
     }
 
-    fn solve(&self, failed: &Failed, goal: &dyn Fn(usize) -> MapPose, end: Instant) -> Result<(), Unsolved> {
+    fn solve(&self, failed: &Failed, goal: &dyn Fn(usize) -> MapPose) -> Result<(), Unsolved> {
         let truck = self.truck;
         let car = Car { front_m: truck.front_m + LOOK_OUT_M, rear_m: truck.rear_m + LOOK_OUT_M, ..truck };
         let task = |(index, start): (usize, &MapPose)| Task {
@@ -123,9 +122,8 @@ impl Judge {
             tolerance: Tolerance::default(),
             by_order: true,
         };
-        // A share of the time for each question, so that each gets an answer.
-        let share = Instant::now() + end.saturating_duration_since(Instant::now()) / 2;
-        let mut on_time = || Instant::now() < share;
+        let end = Instant::now() + WITHIN;
+        let mut on_time = || Instant::now() < end;
         Solver::new(&problem, &mut on_time)?.solve(&Settings::default(), &mut on_time).map(|_| ())
     }
 }

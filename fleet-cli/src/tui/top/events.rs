@@ -135,8 +135,6 @@ fn robot(event: &Event) -> (String, Tone) {
         EventKind::Goal { status, reason, .. } => {
             let why = reason.as_ref().map(|reason| format!(": {reason}")).unwrap_or_default();
             let tone = match status {
-                // It has begun, and rests in passing.
-                GoalStatus::Blocked if reason.as_deref() == Some("planning") => Tone::Plain,
                 GoalStatus::Reached => Tone::Good,
                 GoalStatus::Blocked | GoalStatus::Cancelled | GoalStatus::Interrupted => Tone::Warning,
                 GoalStatus::Failed => Tone::Bad,
