@@ -7,7 +7,7 @@
 
 use super::attempt::Expected;
 use super::field::Field;
-use super::joint::{Failed, PATIENCE_MS, Solution, Solver};
+use super::joint::{EXPANSIONS_EACH, Failed, PATIENCE_MS, Solution, Solver};
 use super::rect::Rect;
 use super::timeline::Timeline;
 use super::times::to_release;
@@ -28,6 +28,7 @@ const EXPANSIONS_FURTHER: u32 = 3000;
 type Worth = (Reverse<usize>, usize);
 
 /// The one that is served, and how.
+#[derive(Clone)]
 struct Served {
     index: usize,
     way: Way,
@@ -58,17 +59,25 @@ impl Solver<'_> {
         let in_a_hurry = self.job.members[*queue.first()?].waited_ms > PATIENCE_MS;
         let mut best: Option<(Worth, Solution)> =
             before.map(|found| (self.worth(&found, &queue, led), found));
-        for (first, late_ticks) in queue.iter().flat_map(|&first| LATE_TICKS.map(|late| (first, late))) {
-            let good = best.as_ref().is_some_and(|((Reverse(shut_out), _), _)| in_a_hurry || *shut_out == 0);
-            if good || self.spent() {
-                break;
-            }
-            let Some(expected) = self.others_make_room(first, late_ticks, &queue, led) else { continue };
-            for found in self.with_further(expected, first, &queue, led) {
-                let found = Solution { served: Some(first), ..found };
-                let worth = self.worth(&found, &queue, led);
-                if best.as_ref().is_none_or(|(most, _)| worth > *most) {
-                    best = Some((worth, found));
+        for (place, &first) in queue.iter().enumerate() {
+            // A share for each: whoever comes last in the queue is tried too.
+            let most = EXPANSIONS_SERVED.min(self.left / (queue.len() - place) as u32);
+            self.evading = queue.iter().copied().filter(|&index| index != first).collect();
+            let Some(served) = self.serve(first, most, led, &BTreeSet::new()) else { continue };
+            for late_ticks in LATE_TICKS {
+                let good = |(Reverse(shut_out), _): &Worth| in_a_hurry || *shut_out == 0;
+                if best.as_ref().is_some_and(|(worth, _)| good(worth)) || self.spent() {
+                    return best.map(|(_, found)| found);
+                }
+                let Some(expected) = self.others_make_room(&served, late_ticks, &queue, led) else {
+                    continue;
+                };
+                for found in self.with_further(expected, first, &queue, led) {
+                    let found = Solution { served: Some(first), ..found };
+                    let worth = self.worth(&found, &queue, led);
+                    if best.as_ref().is_none_or(|(most, _)| worth > *most) {
+                        best = Some((worth, found));
+                    }
                 }
             }
         }
@@ -94,31 +103,33 @@ impl Solver<'_> {
         (Reverse(behind.iter().filter(is_shut_out).count()), arriving.len())
     }
 
-    /// Ways for `first` to its goal and for the others out of its way. Who finds none is asked before the
+    /// The way of the one that is served, and ways for the others out of it. Who finds none is asked before the
     /// others, and if that does not help either it stands.
     fn others_make_room(
         &mut self,
-        first: usize,
+        served: &Served,
         late_ticks: usize,
         wanting: &[usize],
         led: &[usize],
     ) -> Option<Expected> {
+        let place = |index: usize| {
+            let member = &self.job.members[index];
+            member.way.stands[member.held].body
+        };
         let far_m = |index: usize| {
-            let place = |index: usize| {
-                let member = &self.job.members[index];
-                member.way.stands[member.held].body
-            };
-            let (one, other) = (place(first), place(index));
+            let (one, other) = (place(served.index), place(index));
             libm::hypot(one.x_m - other.x_m, one.y_m - other.y_m)
         };
-        let mut others: Vec<usize> = wanting.iter().copied().filter(|&index| index != first).collect();
+        let mut others: Vec<usize> = wanting.iter().copied().filter(|&index| index != served.index).collect();
         others.sort_by(|&a, &b| far_m(a).total_cmp(&far_m(b)));
         let (mut standing, mut raised) = (BTreeSet::new(), BTreeSet::new());
+        let mut served = served.clone();
         loop {
             self.evading = others.iter().copied().collect();
-            let (expected, served) = self.serve(first, late_ticks, led, &standing)?;
+            let expected = self.expected(&[served.index], led, &standing)?;
+            let late = self.late(&served, late_ticks);
             loop {
-                let Failed(stuck) = match self.make_room(expected.clone(), &served, &others) {
+                let Failed(stuck) = match self.make_room(expected.clone(), &late, &others) {
                     Ok(expected) => return Some(expected),
                     Err(failed) => failed,
                 };
@@ -132,25 +143,31 @@ impl Solver<'_> {
                 }
                 others.insert(0, stuck);
             }
+            self.evading = others.iter().copied().collect();
+            served = self.serve(served.index, EXPANSIONS_EACH, led, &standing)?;
         }
     }
 
-    /// The way of the one that is served, as if all others got out of it.
+    /// The way of the one that is served, as if all others but these got out of it.
     fn serve(
         &mut self,
-        first: usize,
-        late_ticks: usize,
+        index: usize,
+        most: u32,
         led: &[usize],
         standing: &BTreeSet<usize>,
-    ) -> Option<(Expected, Served)> {
-        let expected = self.expected(&[first], led, standing)?;
-        let soft = expected.soft(&[first]);
-        let (way, mut at_m) =
-            self.single(first, &expected.others(first), &soft, None, EXPANSIONS_SERVED).ok()?;
-        let released = to_release(&self.job.members[first]).len();
-        let wait_m = at_m[released - 1];
-        at_m.splice(released..released, std::iter::repeat_n(wait_m, late_ticks));
-        Some((expected, Served { index: first, way, at_m }))
+    ) -> Option<Served> {
+        let expected = self.expected(&[index], led, standing)?;
+        let (way, at_m) = self.beside(index, &expected, None, most)?;
+        Some(Served { index, way, at_m })
+    }
+
+    /// The same, begun later.
+    fn late(&self, served: &Served, late_ticks: usize) -> Served {
+        let mut late = served.clone();
+        let released = to_release(&self.job.members[served.index]).len();
+        let wait_m = late.at_m[released - 1];
+        late.at_m.splice(released..released, std::iter::repeat_n(wait_m, late_ticks));
+        late
     }
 
     fn make_room(
