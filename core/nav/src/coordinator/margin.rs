@@ -3,7 +3,7 @@
 use super::rect::Stand;
 
 /// Margins of a pair while it is planned, in m: the largest at which the two do not meet already.
-const MARGINS_M: [f64; 4] = [0.06, 0.04, 0.02, 0.005];
+const MARGINS_M: [f64; 5] = [0.08, 0.06, 0.04, 0.02, 0.005];
 /// So much less of it counts when the plan is driven, in m.
 const SPARE_M: f64 = 0.02;
 
@@ -29,7 +29,7 @@ mod tests {
         let car = Car::of(&VehicleConfig::default());
         let at = |y_m| [Stand::still(&car, &MapPose { x_m: 0.0, y_m, yaw_rad: 0.0 })];
         // Bodies are 0.4 m wide; both are grown by the margin.
-        assert_eq!(margin_m(&at(0.0), &at(0.6)), 0.06);
+        assert_eq!(margin_m(&at(0.0), &at(0.6)), 0.08);
         assert_eq!(margin_m(&at(0.0), &at(0.5)), 0.04);
         assert_eq!(margin_m(&at(0.0), &at(0.39)), 0.0);
         assert_eq!(driven_margin_m(0.005), 0.0);

