@@ -68,16 +68,18 @@ const SETTLED_MS: u64 = 1500;
 const JOB_MS: u64 = 300_000;
 /// Nobody moved for so long though someone should, in ms.
 const DEADLOCK_MS: u64 = 8000;
-/// Nobody moved for so long though someone should, whatever was planned meanwhile: one of them gives its goal
-/// up, in ms.
+/// Nobody moved for so long though someone should, and no joint plan is being made: one of them gives its
+/// goal up, in ms.
 const STANDSTILL_MS: u64 = 5000;
+/// Turns of [`Coordinator::tick`] farther apart than this count as so long, in ms.
+const LONGEST_TURN_MS: u64 = 500;
 
-/// The whole fleet stands.
+/// For how long the whole fleet has stood.
 #[derive(Debug, Default)]
 struct Standstill {
-    since: Option<Stamp>,
-    /// Joint plans that have been made since then.
-    plans: u32,
+    /// Without the time for which a joint plan was being made, in ms.
+    stood_ms: u64,
+    looked: Option<Stamp>,
     /// Who gives its goal up for that, and which: boot and id.
     gives_up: Option<(u32, (u64, u128))>,
 }
@@ -294,20 +296,25 @@ impl Coordinator {
         }
     }
 
-    /// The last net: if nobody has moved for long, and a joint plan has been made meanwhile, then of those that
-    /// have no way or wait for another one whoever has waited longest is told that there is none.
+    /// The last net: if nobody has moved for long, whatever the plans say, then of those that have no way or
+    /// wait for another one whoever has waited longest is told that there is none. The time for which a joint
+    /// plan is being made does not count: on a slow machine it takes longer.
     fn end_standstill(&mut self, now: Stamp) {
         let goal =
             |truck: &Truck| truck.goal().filter(|_| truck.can_be_led(now)).map(|(key, _)| (truck.id, key));
         let moves = self.trucks.iter().any(|truck| truck.is_fresh(now) && !truck.stands());
-        let Standstill { since, plans, gives_up } = &mut self.standstill;
+        let Standstill { stood_ms, looked, gives_up } = &mut self.standstill;
+        let turn_ms = looked.map_or(0, |at| now.since_ms(at)).min(LONGEST_TURN_MS);
+        *looked = Some(now);
         let is_over = gives_up.is_some() && !self.trucks.iter().any(|truck| goal(truck) == *gives_up);
         if moves || is_over {
-            self.standstill = Standstill::default();
+            (*stood_ms, *gives_up) = (0, None);
             return;
         }
-        let stood_ms = now.since_ms(*since.get_or_insert(now));
-        if stood_ms > STANDSTILL_MS && *plans > 0 && gives_up.is_none() {
+        if self.job.is_none() {
+            *stood_ms += turn_ms;
+        }
+        if *stood_ms > STANDSTILL_MS && gives_up.is_none() {
             let waits = |truck: &&Truck| match truck.waits_for {
                 Some((_, is_led)) if truck.is_live() => is_led,
                 _ => truck.none.is_some(),

@@ -56,7 +56,7 @@ pub const TRAFFIC_LOST_MS: u64 = 3_000;
 /// by then.
 pub const ALONE_AFTER_MS: u64 = 10_000;
 /// A robot that traffic control has told for this long that there is no way gives its goal up.
-pub const NO_WAY_MS: u64 = 15_000;
+pub const NO_WAY_MS: u64 = 20_000;
 /// The first level holds it this long before it looks for another way.
 const BLOCKED_MS: u64 = 1_500;
 /// It waits this long for something unknown to go away, before each further try; all tries together take

@@ -171,7 +171,6 @@ impl Solver<'_> {
             field,
             others: &others,
             soft,
-            closely: most > EXPANSIONS_EACH,
         };
         let mut budget = most.min(self.left);
         let before = budget;
@@ -207,7 +206,7 @@ impl Solver<'_> {
         let runners: Vec<Runner<'_>> =
             moving.iter().map(|&index| runner(&job.members[index], Some(way(index)))).collect();
         run_ahead(&runners, &order, MOST_TICKS)?;
-        Some(Solution { ways, order, evading: self.evading.clone(), ..Solution::default() })
+        Some(Solution { ways, order })
     }
 }
 

@@ -94,7 +94,6 @@ fn way_around(
         field: &field,
         others: &others,
         soft: &[],
-        closely: false,
     };
     let mut budget = most.min(*left);
     let before = budget;

@@ -32,12 +32,6 @@ impl Field {
         field
     }
 
-    /// The same where the whole width of the truck has to be free.
-    #[must_use]
-    pub fn strict(room: &dyn Room, half_width_m: f64, standing: &[Rect], goal_m: [f64; 2]) -> Self {
-        Self::new(room, half_width_m + SLACK_M, standing, goal_m)
-    }
-
     /// Floods it from everywhere off these places: how far it is out of the way.
     #[must_use]
     pub fn aside(room: &dyn Room, half_width_m: f64, standing: &[Rect], taken: &[Rect]) -> Self {

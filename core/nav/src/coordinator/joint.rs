@@ -131,23 +131,9 @@ impl JointResult {
 }
 
 /// Ways and orders that fit together.
-#[derive(Default)]
 pub(super) struct Solution {
     pub(super) ways: BTreeMap<usize, Way>,
     pub(super) order: Order,
-    /// Those whose ways lead only out of the others' way.
-    pub(super) evading: BTreeSet<usize>,
-    /// For whom they make way, if it is one of them.
-    pub(super) served: Option<usize>,
-    /// Whether a few of them were planned at once.
-    pub(super) grouped: bool,
-}
-
-impl Solution {
-    /// Whether this one is led to its goal.
-    pub(super) fn arrives(&self, index: usize) -> bool {
-        self.ways.contains_key(&index) && !self.evading.contains(&index)
-    }
 }
 
 /// The truck for which an order did not work.
@@ -169,6 +155,8 @@ pub(super) struct Solver<'a> {
     pub(super) evading: BTreeSet<usize>,
     /// One of these that cannot.
     stuck: Option<usize>,
+    /// For whom the others make way.
+    pub(super) served: Option<usize>,
 }
 
 impl JointJob {
@@ -190,25 +178,31 @@ impl JointJob {
             failures: BTreeMap::new(),
             evading: BTreeSet::new(),
             stuck: None,
+            served: None,
         };
         let wanting: Vec<usize> = self.indices(|member| member.wanting).collect();
         let led: Vec<usize> = self.indices(|member| !member.wanting).collect();
         // Whoever has waited for long is not passed over again.
-        let in_a_hurry = wanting.iter().any(|&index| self.members[index].waited_ms > PATIENCE_MS);
-        let mut found = if in_a_hurry { solver.in_turn(&wanting, &led, None) } else { None };
-        if found.is_none() {
-            found = solver.all_at_once();
-            if !in_a_hurry {
-                found = solver.in_turn(&wanting, &led, found);
-            }
+        let in_turn = wanting.iter().any(|&index| self.members[index].waited_ms > PATIENCE_MS);
+        let mut solution = if in_turn { solver.in_turn(&wanting, &led) } else { None };
+        let mut grouped = false;
+        if solution.is_none() {
+            (solution, grouped) = solver.all_at_once();
         }
-        self.result(solver, found.unwrap_or_default())
+        if solution.is_none() && !in_turn {
+            solution = solver.in_turn(&wanting, &led);
+        }
+        self.result(solver, solution, grouped)
     }
 
     /// What is told of it.
-    fn result(&self, solver: Solver<'_>, found: Solution) -> JointResult {
+    fn result(&self, solver: Solver<'_>, solution: Option<Solution>, grouped: bool) -> JointResult {
+        let planned = |index: usize| {
+            !solver.evading.contains(&index)
+                && solution.as_ref().is_some_and(|found| found.ways.contains_key(&index))
+        };
         let without: Vec<usize> =
-            self.indices(|member| member.wanting).filter(|&index| !found.arrives(index)).collect();
+            self.indices(|member| member.wanting).filter(|&index| !planned(index)).collect();
         // A share each: who is asked last gets an answer too.
         let share = EXPANSIONS_BLAME / without.len().max(1) as u32;
         let mut none = Vec::with_capacity(without.len());
@@ -216,7 +210,7 @@ impl JointJob {
         for index in without {
             left += share;
             let member = &self.members[index];
-            none.push(match found.served {
+            none.push(match solver.served {
                 Some(served) => NoWay::behind(member, &self.members[served].name),
                 None => blame(self, member, &mut left),
             });
@@ -226,10 +220,10 @@ impl JointJob {
             + spent(self.group_budget, solver.group_left)
             + spent(self.turn_budget, solver.turn_left);
         let (tries, choices) = (solver.tries, solver.choices);
-        let Solution { ways, order, evading, served, grouped } = found;
+        let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
         let plan = |(index, way): (usize, Way)| {
             let member: &Member = &self.members[index];
-            let evades = evading.contains(&index);
+            let evades = solver.evading.contains(&index);
             let moves = way.length_m > member.way.at_m(member.held) + 0.01;
             (moves || !evades).then_some(Plan { id: member.id, revision: member.revision, way, evades })
         };
@@ -242,7 +236,7 @@ impl JointJob {
             tries,
             choices,
             grouped,
-            in_turn: served.is_some(),
+            in_turn: solver.served.is_some(),
         }
     }
 
@@ -270,30 +264,30 @@ impl NoWay {
 }
 
 impl Solver<'_> {
-    /// Ways for all to their goals, as far as there are any.
-    fn all_at_once(&mut self) -> Option<Solution> {
-        self.evading.clear();
+    /// Ways for all to their goals, as far as there are any; and whether a group was planned at once.
+    fn all_at_once(&mut self) -> (Option<Solution>, bool) {
         let mut standing = BTreeSet::new();
         loop {
             let rest = |index: &usize| !standing.contains(index) && !self.evading.contains(index);
             let wanting: Vec<usize> = self.job.indices(|member| member.wanting).filter(rest).collect();
             if wanting.is_empty() || self.spent() {
-                return None;
+                self.evading.clear();
+                return (None, false);
             }
             let led: Vec<usize> = self.job.indices(|member| !member.wanting).collect();
             if let Some(found) = self.orders(&wanting, &led, &standing) {
-                return Some(found);
+                return (Some(found), false);
             }
             let all: Vec<usize> = led.iter().chain(&wanting).copied().collect();
             if !led.is_empty()
                 && let Some(found) = self.orders(&all, &[], &standing)
             {
-                return Some(found);
+                return (Some(found), false);
             }
             if self.stuck.is_none()
                 && let Some(found) = self.group(&all, &standing)
             {
-                return Some(Solution { grouped: true, ..found });
+                return (Some(found), true);
             }
             if let Some(stuck) = self.stuck.take() {
                 self.evading.remove(&stuck);

@@ -3,7 +3,7 @@
 
 use super::room::Room;
 use crate::{Car, MapPose};
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 
 /// Walls farther away than this to one side do not matter, in m.
 const FAR_M: f64 = 1.6;
@@ -19,10 +19,10 @@ const MET_M: f64 = 0.05;
 /// How far to the left of its lane a truck is that drives so, in m; 0 where there are no lanes.
 pub(super) fn beside_m(room: &dyn Room, car: &Car, pose: &MapPose, gear: f64) -> f64 {
     let right_rad = pose.yaw_rad - FRAC_PI_2 * gear.signum();
-    let Some(right_m) = to_wall_m(room, [pose.x_m, pose.y_m], right_rad) else { return 0.0 };
-    let Some(left_m) = to_wall_m(room, [pose.x_m, pose.y_m], right_rad + PI) else { return 0.0 };
-    let wide_m = right_m + left_m;
-    if !has_lanes(car, wide_m) {
+    let Some(right_m) = to_wall_m(room, pose, right_rad) else { return 0.0 };
+    let Some(left_m) = to_wall_m(room, pose, right_rad + 2.0 * FRAC_PI_2) else { return 0.0 };
+    let (wide_m, truck_m) = (right_m + left_m, 2.0 * car.half_width_m);
+    if wide_m < 2.0 * truck_m + ROOM_M || wide_m > WIDEST * truck_m {
         return 0.0;
     }
     // The middle of its half, or nearer to the wall where the half is narrow.
@@ -30,29 +30,12 @@ pub(super) fn beside_m(room: &dyn Room, car: &Car, pose: &MapPose, gear: f64) ->
     (right_m - lane_m).max(0.0)
 }
 
-/// One of the two directions of the corridor here; `None` where there are no lanes.
-pub(super) fn along_rad(room: &dyn Room, car: &Car, x_m: f64, y_m: f64) -> Option<f64> {
-    let wide = |step: u32| {
-        let across_rad = f64::from(step) * PI / 8.0;
-        let wide_m = to_wall_m(room, [x_m, y_m], across_rad)? + to_wall_m(room, [x_m, y_m], across_rad + PI)?;
-        Some((wide_m, across_rad))
-    };
-    let (wide_m, across_rad) = (0..8).filter_map(wide).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    has_lanes(car, wide_m).then_some(across_rad - FRAC_PI_2)
-}
-
-/// Whether two can pass each other in a corridor so wide, and it is one.
-fn has_lanes(car: &Car, wide_m: f64) -> bool {
-    let truck_m = 2.0 * car.half_width_m;
-    (2.0 * truck_m + ROOM_M..=WIDEST * truck_m).contains(&wide_m)
-}
-
-/// From a place to the next fixed thing in a direction; `None` = far.
-fn to_wall_m(room: &dyn Room, [x_m, y_m]: [f64; 2], toward_rad: f64) -> Option<f64> {
+/// From a truck's middle to the next fixed thing in a direction; `None` = far.
+fn to_wall_m(room: &dyn Room, pose: &MapPose, toward_rad: f64) -> Option<f64> {
     let (sin, cos) = libm::sincos(toward_rad);
     let mut way_m = 0.0;
     while way_m < FAR_M {
-        let free_m = room.clearance_m(x_m + way_m * cos, y_m + way_m * sin);
+        let free_m = room.clearance_m(pose.x_m + way_m * cos, pose.y_m + way_m * sin);
         if free_m < MET_M {
             return Some(way_m);
         }
@@ -66,6 +49,7 @@ mod tests {
     use super::*;
     use crate::coordinator::room::GridRoom;
     use crate::{Cell, Grid};
+    use std::f64::consts::PI;
     use xtb_control::VehicleConfig;
 
     /// Along x, from y = 0 to its width.

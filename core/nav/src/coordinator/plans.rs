@@ -19,7 +19,7 @@ const BUDGET: u32 = 30_000;
 /// The same for groups for which no order works.
 const GROUP_BUDGET: u32 = 8_000;
 /// The same for serving one after the other.
-const TURN_BUDGET: u32 = 40_000;
+const TURN_BUDGET: u32 = 24_000;
 /// After a joint plan that did not lead everybody to its goal: orders of priorities for so long only with so
 /// few nodes, and no groups.
 const IN_VAIN_MS: u64 = 10_000;
@@ -100,7 +100,6 @@ impl Coordinator {
             return;
         }
         self.job = None;
-        self.standstill.plans += 1;
         self.next_job = Stamp::from_ns(now.ns() + PAUSE_MS * 1_000_000);
         self.counters.without_way += u64::from(!result.none.is_empty());
         self.counters.plans += u64::from(!result.plans.is_empty());

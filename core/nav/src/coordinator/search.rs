@@ -29,8 +29,6 @@ struct Grain {
 const COARSE: Grain = Grain { moves: &[4], cell_m: 0.12, directions: 20.0 };
 /// For turning between two walls.
 const FINE: Grain = Grain { moves: &[4, 1], cell_m: 0.05, directions: 48.0 };
-/// Who sees no more nodes than this is hemmed in.
-const HEMMED_IN: u32 = 200;
 /// Planned circles are larger than the smallest ones by this, for the follower to steer within.
 const RADIUS_FACTOR: f64 = 1.15;
 /// What the estimate counts more than what has been driven.
@@ -45,8 +43,6 @@ const WAIT_COST: f64 = 0.3;
 const SOFT_COST: f64 = 12.0;
 /// What a tick costs more for each metre beside the lane in a corridor.
 const LANE_COST: f64 = 0.6;
-/// What it costs to stop across a corridor, in ticks.
-const ACROSS_COST: f64 = 40.0;
 /// So often on its way a truck is looked at for that, in ticks.
 const LANE_TICKS: u32 = 4;
 /// Longest wait for a gap, in ticks.
@@ -63,24 +59,6 @@ struct Node {
     parent: usize,
     legs: Vec<Leg>,
     goal: bool,
-}
-
-/// Where it may stop, and what that costs, in ticks.
-struct Goal {
-    pose: MapPose,
-    cost: f64,
-}
-
-/// Where another one could pass it in a corridor, it had better not stop across that.
-fn goals_in_any_direction(task: &Task<'_>, target: &Target) -> Vec<Goal> {
-    let along_rad = lane::along_rad(task.room, task.car, target.x_m, target.y_m);
-    let from_rad = along_rad.unwrap_or(0.0);
-    let goal = |step: u32| {
-        let pose = target.pose(wrap_rad(from_rad + f64::from(step) * TAU / 16.0));
-        let across = along_rad.is_some() && step % 8 != 0;
-        Goal { pose, cost: if across { ACROSS_COST } else { 0.0 } }
-    };
-    (0..16).map(goal).collect()
 }
 
 /// Tick of arrival, tick until which it may stay, cost.
@@ -106,18 +84,10 @@ impl Ord for Ranked {
     }
 }
 
-/// Looks for a way, and closer if it is hemmed in or told to; every node that is expanded counts one down in
-/// `budget`.
+/// Looks for a way, and closer if there is none; every node that is expanded counts one down in `budget`.
 pub(super) fn search(task: &Task<'_>, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
-    let most = if task.closely { *budget / 3 } else { *budget };
-    let mut left = most;
-    let found = Search::new(task, &COARSE).and_then(|search| search.run(&mut left));
-    *budget -= most - left;
-    match found {
-        Err(Stuck::Nowhere | Stuck::Goal) if most - left <= HEMMED_IN => {
-            Search::new(task, &FINE)?.run(budget)
-        }
-        Err(_) if task.closely => Search::new(task, &FINE)?.run(budget),
+    match Search::new(task, &COARSE)?.run(budget) {
+        Err(Stuck::Nowhere) => Search::new(task, &FINE)?.run(budget),
         found => found,
     }
 }
@@ -129,7 +99,7 @@ struct Search<'a> {
     body_margin_m: f64,
     /// No other truck moves any more from this tick on.
     still: u32,
-    goals: Vec<Goal>,
+    goals: Vec<MapPose>,
     nodes: Vec<Node>,
     open: BinaryHeap<Reverse<Ranked>>,
     closed: BTreeMap<(i32, i32, i32), Vec<Seen>>,
@@ -156,11 +126,12 @@ impl<'a> Search<'a> {
             sweep: Vec::new(),
         };
         if let Some(target) = &task.target {
-            let goals = match target.yaw_rad {
-                Some(yaw_rad) => vec![Goal { pose: target.pose(yaw_rad), cost: 0.0 }],
-                None => goals_in_any_direction(task, target),
+            let yaws: Vec<f64> = match target.yaw_rad {
+                Some(yaw_rad) => vec![yaw_rad],
+                None => (0..16).map(|step| wrap_rad(f64::from(step) * TAU / 16.0)).collect(),
             };
-            search.goals = goals.into_iter().filter(|goal| search.may_stay(&goal.pose)).collect();
+            let poses = yaws.into_iter().map(|yaw_rad| MapPose { x_m: target.x_m, y_m: target.y_m, yaw_rad });
+            search.goals = poses.filter(|pose| search.may_stay(pose)).collect();
             if search.goals.is_empty() {
                 return Err(Stuck::Goal);
             }
@@ -205,7 +176,7 @@ impl<'a> Search<'a> {
                 {
                     let length_m = TICK_WAY_M * f64::from(ticks) * way_gear;
                     let piece = Piece { length_m, curvature_per_m: turn / self.radius_m };
-                    self.go(index, &[piece], gear, None);
+                    self.go(index, &[piece], gear, false);
                 }
             }
         }
@@ -215,22 +186,20 @@ impl<'a> Search<'a> {
     /// Straight to the goal along a Reeds–Shepp curve.
     fn shoot(&mut self, index: usize, pose: &MapPose) {
         let radius_m = self.radius_m;
-        let way = |goal: &Goal| (reeds_shepp::shortest(pose, &goal.pose, radius_m), goal.cost);
-        let mut ways: Vec<(Path, f64)> = self.goals.iter().map(way).collect();
-        let rank = |(way, cost): &(Path, f64)| rank(way) + TICK_WAY_M * cost;
+        let mut ways: Vec<Path> =
+            self.goals.iter().map(|goal| reeds_shepp::shortest(pose, goal, radius_m)).collect();
         ways.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
         let gear = self.nodes[index].gear;
-        for (way, cost) in ways.iter().take(3) {
-            if self.go(index, &way.pieces, gear, Some(*cost)) {
+        for way in ways.iter().take(3) {
+            if self.go(index, &way.pieces, gear, true) {
                 break;
             }
         }
     }
 
-    /// Drives these pieces from a node as early as possible, and once more in a later gap; to a goal, with
-    /// what that costs, or just on. True if there is a gap.
-    fn go(&mut self, from: usize, pieces: &[Piece], gear: f64, goal_cost: Option<f64>) -> bool {
-        let goal = goal_cost.is_some();
+    /// Drives these pieces from a node as early as possible, and once more in a later gap. True if
+    /// there is a gap.
+    fn go(&mut self, from: usize, pieces: &[Piece], gear: f64, goal: bool) -> bool {
         let Node { pose, tick, safe, cost, .. } = self.nodes[from];
         let mut sweep = std::mem::take(&mut self.sweep);
         let swept = self.sweep_over(&mut sweep, pose, gear, pieces);
@@ -261,8 +230,7 @@ impl<'a> Search<'a> {
                 delay += 4;
                 continue;
             }
-            let cost =
-                cost + WAIT_COST * f64::from(delay) + sweep.len() as f64 + extra + goal_cost.unwrap_or(0.0);
+            let cost = cost + WAIT_COST * f64::from(delay) + sweep.len() as f64 + extra;
             if goal || self.is_new(&end, end_gear, arrive, safe_then, cost) {
                 let legs = legs.iter().map(|leg| Leg { depart: leg.depart + depart, ..*leg }).collect();
                 let (gear, index) = (end_gear, self.nodes.len());
@@ -371,7 +339,7 @@ impl<'a> Search<'a> {
         let flat_m = self.task.field.distance_m(pose.x_m, pose.y_m)?;
         let Some(target) = &self.task.target else { return Some(flat_m / TICK_WAY_M) };
         let curved_m = match (target.yaw_rad, self.goals.first()) {
-            (Some(_), Some(goal)) => reeds_shepp::distance_m(pose, &goal.pose, self.radius_m),
+            (Some(_), Some(goal)) => reeds_shepp::distance_m(pose, goal, self.radius_m),
             _ => 0.0,
         };
         Some(flat_m.max(curved_m) / TICK_WAY_M)
@@ -442,8 +410,7 @@ mod tests {
         let field = Field::new(room, car.half_width_m, &[], [goal.x_m, goal.y_m]);
         let others: Vec<Other<'_>> = lines.iter().map(|line| Other { line, margin_m: 0.08 }).collect();
         let (others, soft) = (&others[..], &[][..]);
-        let (gear, tick, closely) = (1.0, 0, false);
-        let task = Task { room, car: &car, start, gear, tick, target, field: &field, others, soft, closely };
+        let task = Task { room, car: &car, start, gear: 1.0, tick: 0, target, field: &field, others, soft };
         let mut budget = 5000;
         let found = search(&task, &mut budget);
         (found, 5000 - budget)

@@ -14,13 +14,6 @@ pub(super) struct Target {
     pub(super) yaw_rad: Option<f64>,
 }
 
-impl Target {
-    /// There, in a direction.
-    pub(super) fn pose(&self, yaw_rad: f64) -> MapPose {
-        MapPose { x_m: self.x_m, y_m: self.y_m, yaw_rad }
-    }
-}
-
 /// Another truck, and how far to stay away from it in m.
 pub(super) struct Other<'a> {
     pub(super) line: &'a Timeline,
@@ -41,8 +34,6 @@ pub(super) struct Task<'a> {
     pub(super) others: &'a [Other<'a>],
     /// Places of trucks that have to go away some time.
     pub(super) soft: &'a [Rect],
-    /// Looks closer if the first look finds nothing in a third of its budget.
-    pub(super) closely: bool,
 }
 
 /// One arc and when it is driven.
