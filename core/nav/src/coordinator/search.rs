@@ -84,12 +84,15 @@ impl Ord for Ranked {
     }
 }
 
-/// Looks for a way, and closer if there is none; every node that is expanded counts one down in `budget`.
+/// Looks for a way, and closer where what is fixed leaves none to large steps; every node that is expanded counts
+/// one down in `budget`.
 pub(super) fn search(task: &Task<'_>, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
-    match Search::new(task, &COARSE)?.run(budget) {
-        Err(Stuck::Nowhere) => Search::new(task, &FINE)?.run(budget),
-        found => found,
-    }
+    let coarse = |task: &Task<'_>, budget: &mut u32| Search::new(task, &COARSE)?.run(budget);
+    let found = coarse(task, budget);
+    let alone = Task { others: &[], ..*task };
+    let is_narrow = found == Err(Stuck::Nowhere)
+        && (task.others.is_empty() || coarse(&alone, budget) == Err(Stuck::Nowhere));
+    if is_narrow { Search::new(task, &FINE)?.run(budget) } else { found }
 }
 
 struct Search<'a> {

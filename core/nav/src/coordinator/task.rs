@@ -21,6 +21,7 @@ pub(super) struct Other<'a> {
 }
 
 /// What is asked for.
+#[derive(Clone, Copy)]
 pub(super) struct Task<'a> {
     pub(super) room: &'a dyn Room,
     pub(super) car: &'a Car,
