@@ -17,6 +17,7 @@
 
 mod law;
 mod settings;
+mod sweep;
 mod track;
 mod watch;
 mod wheels;

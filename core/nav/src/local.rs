@@ -184,11 +184,31 @@ impl LocalLayer {
         }
     }
 
+    /// Something was touched: marks these places, as if it had always stood there.
+    pub fn touch(&mut self, now: Stamp, places: &[[f64; 2]]) {
+        for place in places {
+            self.marks.know(now, *place, self.fades_ms);
+        }
+    }
+
+    /// It was not there after all.
+    pub fn untouch(&mut self, places: &[[f64; 2]]) {
+        for place in places {
+            self.marks.remove(*place);
+        }
+    }
+
     /// Forgets everything: the pose was set anew, all marks are in the wrong place.
     pub fn clear(&mut self) {
         self.marks.clear();
         self.free.clear();
         self.foldback = [Foldback::default(); 12];
+    }
+
+    /// Whether something has shown lately that nothing stands there.
+    #[must_use]
+    pub fn is_known_free(&self, point: [f64; 2]) -> bool {
+        self.free.seen(self.free.place(point)).is_some()
     }
 
     /// What stands there now, rows from south to north.

@@ -109,6 +109,24 @@ impl Marks {
         }
     }
 
+    /// Something stands there, and has all along.
+    pub(super) fn know(&mut self, now: Stamp, point: [f64; 2], fades_ms: u64) {
+        self.see(now, point, fades_ms);
+        let place = self.place(point);
+        if let Ok(known) = self.marks.binary_search_by_key(&place, |mark| mark.place) {
+            let mark = &mut self.marks[known];
+            (mark.first, mark.times) = (Stamp::ZERO, mark.times.max(COUNTS_FROM));
+        }
+    }
+
+    /// Nothing stands there.
+    pub(super) fn remove(&mut self, point: [f64; 2]) {
+        let place = self.place(point);
+        if let Ok(known) = self.marks.binary_search_by_key(&place, |mark| mark.place) {
+            self.marks.remove(known);
+        }
+    }
+
     fn make_room(&mut self) {
         if self.marks.len() < self.most {
             return;

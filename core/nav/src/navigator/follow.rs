@@ -26,18 +26,28 @@ const BLIND_STOP_M: f64 = 0.12;
 /// Things this far away have nothing to do with the way that is looked at, in m.
 const NEAR_M: f64 = LOOK_M + 0.8;
 /// A recovery that has gone so far is done, in m.
-const RECOVERED_M: f64 = 0.4;
+pub(super) const RECOVERED_M: f64 = 0.4;
 /// What was seen goes on so far where nobody has looked, for a recovery, in m.
 const RECOVERY_UNSEEN_M: f64 = 0.10;
 /// Recoveries for one goal.
 const RECOVERIES: u32 = 3;
 
 /// A bend is tight from this part of the tightest one's curvature on.
-const TIGHT: f64 = 0.5;
+pub(super) const TIGHT: f64 = 0.5;
 /// Speed in it, in m/s.
-const BEND_MPS: f64 = 0.12;
+pub(super) const BEND_MPS: f64 = 0.12;
 /// And from so far before it on, in m.
 const BEFORE_BEND_M: f64 = 0.06;
+
+/// A way without a path.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Recovery {
+    pub(super) until: Stamp,
+    pub(super) steering: f64,
+    pub(super) from: MapPose,
+    /// Negative = astern.
+    pub(super) way_m: f64,
+}
 
 /// A path under way.
 #[derive(Debug, Clone)]
@@ -140,7 +150,7 @@ impl Navigator {
         following.off_m = drive.cross_m;
         if drive.way_m > following.counted_m + PROGRESS_M {
             following.counted_m = drive.way_m;
-            (task.tries, task.lost, task.blocked_at) = (0, 0, None);
+            (task.tries, task.lost, task.touches, task.blocked_at) = (0, 0, 0, None);
         }
         let held = sensed.blocked || drive.status == Status::Stuck(Stuck::NoMotion);
         following.blocked_since = held.then(|| following.blocked_since.unwrap_or(now));
@@ -280,9 +290,11 @@ impl Navigator {
         }
         if task.enclosed && task.recoveries < RECOVERIES {
             task.recoveries += 1;
-            if let Some(steering) = self.way_out(now, &sensed.estimate.pose, task.recoveries % 2 == 1) {
+            let side = if task.recoveries % 2 == 1 { 1.0 } else { -1.0 };
+            let from = sensed.estimate.pose;
+            if let Some(steering) = self.way_out(now, &from, -RECOVERED_M, [side, -side, 0.0]) {
                 let until = now.plus_ms(RECOVERY_MS);
-                task.stage = Stage::Recovering { until, steering, from: sensed.estimate.pose };
+                task.stage = Stage::Recovering(Recovery { until, steering, from, way_m: -RECOVERED_M });
                 return self.recover(now, sensed, task);
             }
         }
@@ -290,10 +302,9 @@ impl Navigator {
         stand(Standing::Planning)
     }
 
-    /// The steering with which there is room astern: to one side first, then the other, then straight.
-    fn way_out(&self, now: Stamp, pose: &MapPose, right: bool) -> Option<f64> {
+    /// The first of some steerings with which there is room for so much way, negative = astern.
+    pub(super) fn way_out(&self, now: Stamp, pose: &MapPose, way_m: f64, steerings: [f64; 3]) -> Option<f64> {
         const STEP_M: f64 = 0.04;
-        let side = if right { 1.0 } else { -1.0 };
         let things = self.things_around(now, pose);
         let unverified = self
             .local
@@ -303,15 +314,15 @@ impl Navigator {
         let nears = |pose: &MapPose, point: &[f64; 2]| body.distance_m(pose, *point) <= 0.0;
         // What is that near already does not hold it there.
         let away: Vec<[f64; 2]> = things.into_iter().filter(|point| !nears(pose, point)).collect();
-        [side, -side, 0.0].into_iter().find(|steering| {
-            let back = Piece { length_m: -RECOVERED_M, curvature_per_m: -steering / self.car.radius_m };
-            let steps = libm::ceil(RECOVERED_M / STEP_M) as u32;
+        steerings.into_iter().find(|steering| {
+            let back = Piece { length_m: way_m, curvature_per_m: -steering / self.car.radius_m };
+            let steps = libm::ceil(way_m.abs() / STEP_M) as u32;
             (1..=steps).all(|step| {
-                let there = back.after(pose, -f64::from(step) * STEP_M);
+                let there = back.after(pose, f64::from(step) * STEP_M * way_m.signum());
                 !away.iter().any(|point| nears(&there, point))
             }) && {
                 let path = Path { start: *pose, pieces: vec![back] };
-                blind_on(&path, [0.0, RECOVERED_M], &self.car, &unverified).is_empty()
+                blind_on(&path, [0.0, way_m.abs()], &self.car, &unverified).is_empty()
             }
         })
     }
@@ -336,18 +347,19 @@ impl Navigator {
         things
     }
 
-    /// The memorandum's avoidance (§4.6): astern while turning, as far as there is room.
+    /// The memorandum's avoidance (§4.6), astern while turning, or away from what was touched.
     pub(super) fn recover(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
-        let Stage::Recovering { until, steering, from } = task.stage else {
+        let Stage::Recovering(Recovery { until, steering, from, way_m }) = task.stage else {
             return stand(Standing::Planning);
         };
         let gone_m = distance_m(&from, &sensed.estimate.pose);
-        if now >= until || gone_m >= RECOVERED_M || (sensed.blocked && sensed.speed_mps == 0.0) {
+        if now >= until || gone_m >= way_m.abs() || (sensed.blocked && sensed.speed_mps == 0.0) {
             task.stage = Stage::Pausing { until: now.plus_ms(PAUSE_MS / 6) };
             task.enclosed = false;
             return stand(Standing::WayBlocked);
         }
-        let rpm = WheelRpm::try_from(-RECOVERY_MPS / self.vehicle.mps_per_rpm()).unwrap_or(WheelRpm::ZERO);
+        let rpm = WheelRpm::try_from(RECOVERY_MPS * way_m.signum() / self.vehicle.mps_per_rpm())
+            .unwrap_or(WheelRpm::ZERO);
         let steering = Steering::try_from(steering).unwrap_or(Steering::CENTRED);
         Decision::Go(Command::Follow { rpm, steering }, None)
     }

@@ -20,6 +20,7 @@ mod goto;
 mod guards;
 mod hazards;
 mod journeys;
+mod legs;
 mod levelling;
 mod meetings;
 mod motion;
