@@ -19,6 +19,7 @@ pub(super) struct Scene<'a> {
     /// Measured, whichever way.
     pub(super) speed_mps: f64,
     pub(super) clearance_m: f64,
+    pub(super) swing_rad: f64,
     /// Of the tightest circle.
     pub(super) most_per_m: f64,
 }
@@ -34,15 +35,19 @@ impl Scene<'_> {
     /// Curvature to steer, + = left.
     pub(super) fn curvature_per_m(&self) -> f64 {
         let Self { settings, place, stretch, .. } = self;
-        let sweep = Sweep::at(settings, self.track, stretch, place.way_m);
+        let sweep = self.sweep(place.way_m);
         let wanted = self.feed_forward_per_m() / (1.0 - place.curvature_per_m * place.cross_m).max(0.5);
-        let wanted = wanted + Sweep::at(settings, self.track, stretch, self.steered_m()).curvature_per_m;
+        let wanted = wanted + self.sweep(self.steered_m()).curvature_per_m;
         let look_ahead_m = self.look_ahead_m();
         let steepest = settings.approach_deg.to_radians();
         let back_rad = ((place.cross_m - sweep.cross_m) / look_ahead_m).clamp(-steepest, steepest);
         let away_rad = stretch.gear * (place.heading_rad - sweep.heading_rad);
         let turn_per_m = -2.0 / look_ahead_m * (away_rad + back_rad);
         (wanted + turn_per_m).clamp(-self.most_per_m, self.most_per_m)
+    }
+
+    fn sweep(&self, way_m: f64) -> Sweep {
+        Sweep::at(self.track, self.stretch, way_m, self.swing_rad, self.most_per_m)
     }
 
     /// Where it will be when the wheels have followed.

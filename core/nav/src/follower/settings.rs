@@ -12,8 +12,6 @@ config_section! {
         look_ahead_m: f64 = 0.22, "m", Range(0.05, 2.0), Ours, "Look-ahead at a standstill: errors of the pose fade over about this way.";
         look_ahead_s: f64 = 0.2, "s", Range(0.0, 2.0), Ours, "So much more of it for the speed.";
         look_ahead_tight_m: f64 = 0.10, "m", Range(0.0, 2.0), Ours, "With less clearance than this the look-ahead is as short as at a standstill.";
-        sweep_deg: f64 = 3.0, "deg", Range(0.0, 10.0), Ours, "On straight ways the body swings to either side by this, so that beams pass over the strips between them; 0 = never.";
-        sweep_m: f64 = 0.4, "m", Range(0.2, 5.0), Ours, "Way of a whole swing: what comes into sight half a metre ahead is passed over before it is near.";
         approach_deg: f64 = 35.0, "deg", Range(5.0, 80.0), Ours, "Steepest angle at which it drives back to the path.";
         lock_s: f64 = 0.1, "s", Range(0.0, 2.0), Assumed, "The servos take this long from straight to full lock (20° at 200°/s).";
         servo_lag_s: f64 = 0.03, "s", Range(0.001, 1.0), Assumed, "Their first-order lag near the wanted angle.";

@@ -10,12 +10,13 @@
 //! With A = 3° that is 2.6 cm to either side half a metre ahead, and 3 mm beside the path. A bend sweeps by
 //! itself; on the last way before a stop nothing is left to be seen.
 
-use super::FollowerSettings;
 use super::track::{Stretch, Track};
 use std::f64::consts::TAU;
 
-/// A bend of this curvature sweeps enough, in 1/m.
-const BEND_PER_M: f64 = 1.0;
+/// Way of a whole swing, in m.
+const SWING_M: f64 = 0.4;
+/// Of the sharpest steering so much is for path and swing together: the rest is for errors.
+const STEERS: f64 = 0.9;
 /// A bend begins and ends over about this way, in m.
 const SMOOTH_M: f64 = 0.10;
 /// So far before a stop it is straight …
@@ -35,13 +36,13 @@ pub(super) struct Sweep {
 }
 
 impl Sweep {
-    /// At a place of a stretch.
-    pub(super) fn at(settings: &FollowerSettings, track: &Track, stretch: &Stretch, way_m: f64) -> Self {
+    /// At a place of a stretch, by at most `swing_rad`, for a car that can steer as sharply as `most_per_m`.
+    pub(super) fn at(track: &Track, stretch: &Stretch, way_m: f64, swing_rad: f64, most_per_m: f64) -> Self {
         let bend_per_m = track.mean_curvature(stretch, way_m - SMOOTH_M, way_m + SMOOTH_M).abs();
-        let straight = (1.0 - bend_per_m / BEND_PER_M).max(0.0);
+        let per_m = TAU / SWING_M;
+        let spare_per_m = (most_per_m * STEERS - bend_per_m).max(0.0);
         let ends = ((stretch.to_m - way_m - STRAIGHT_M) / FADES_M).clamp(0.0, 1.0);
-        let most_rad = settings.sweep_deg.to_radians() * straight * ends;
-        let per_m = TAU / settings.sweep_m;
+        let most_rad = swing_rad.min(spare_per_m / per_m) * ends;
         let (sin, cos) = libm::sincos((way_m - stretch.from_m) * per_m);
         Self {
             heading_rad: most_rad * sin,

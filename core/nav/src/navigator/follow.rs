@@ -39,6 +39,16 @@ pub(super) const BEND_MPS: f64 = 0.12;
 /// And from so far before it on, in m.
 const BEFORE_BEND_M: f64 = 0.06;
 
+/// On its own path the body swings by this to either side, so that its beams pass over the strips between them
+/// and over floor beside the body.
+const SWING_RAD: f64 = 0.105;
+/// On traffic control's path, which keeps the others off.
+const LED_SWING_RAD: f64 = 0.052;
+/// So far ahead what is not on the map counts for it, in m.
+const SWING_LOOK_M: f64 = 0.5;
+/// A corner that swings may take this part of the room beside the body.
+const SWING_ROOM: f64 = 0.3;
+
 /// A way without a path.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Recovery {
@@ -72,6 +82,8 @@ pub(super) struct Following {
     obstructed_since: Option<Stamp>,
     /// Least room beside the body ahead, in m.
     clearance_m: f64,
+    /// The same, what is not on the map with it.
+    room_m: f64,
     /// Progress counted so far, in m.
     counted_m: f64,
     /// By other robots.
@@ -104,6 +116,7 @@ impl Following {
             obstructed: None,
             obstructed_since: None,
             clearance_m: 0.0,
+            room_m: 0.0,
             counted_m: 0.0,
             held: Held::default(),
         }
@@ -119,6 +132,12 @@ impl Following {
         };
         let slowly = self.plan == 0 && (tight(0.0) || tight(BEFORE_BEND_M));
         if slowly { BEND_MPS } else { f64::MAX }
+    }
+
+    /// How far it may swing, so that no corner takes more than a part of the room that there is.
+    fn swing_rad(&self, front_m: f64) -> f64 {
+        let most_rad = if self.plan == 0 { SWING_RAD } else { LED_SWING_RAD };
+        most_rad.min(SWING_ROOM * self.room_m / front_m)
     }
 }
 
@@ -145,6 +164,7 @@ impl Navigator {
             way_m: release_m.min(free_m),
             cruise_mps: following.cruise_mps.min(trusted_mps).min(following.bend_mps(self.car.radius_m)),
             clearance_m: following.clearance_m,
+            swing_rad: following.swing_rad(self.car.front_m),
         };
         let drive = following.follower.step(now, &pose, sensed.speed_mps, &released);
         following.off_m = drive.cross_m;
@@ -217,13 +237,17 @@ impl Navigator {
             counting.map(|mark| [mark.x_m, mark.y_m]).collect()
         };
         let here = sensed.estimate.pose;
-        let (mut way_m, mut least_m) = (from_m, f64::MAX);
+        let (mut way_m, mut least_m, mut marks_m) = (from_m, f64::MAX, f64::MAX);
         let mut obstructed = None;
         let body = self.car.grown(IN_THE_WAY_M);
         while obstructed.is_none() {
             let (pose, _) = following.path.at(way_m);
             let room_m = floor.clearance.at_least_m(pose.x_m, pose.y_m) - self.car.half_width_m;
             least_m = least_m.min(room_m);
+            if way_m <= from_m + SWING_LOOK_M {
+                let off_m = marks.iter().map(|mark| self.car.distance_m(&pose, *mark));
+                marks_m = off_m.fold(marks_m, f64::min);
+            }
             let there = |point: &[f64; 2]| body.distance_m(&pose, *point) <= 0.0;
             obstructed = marks.iter().copied().find(there).map(|at| (way_m, at));
             if way_m >= to_m {
@@ -233,6 +257,7 @@ impl Navigator {
         }
         // Less room than the margin was accepted by whoever planned the path: no reason to stop there.
         following.clearance_m = least_m.max(MARGIN_M);
+        following.room_m = least_m.min(marks_m).max(0.0);
         // A stop with the look-out's room before it.
         let seen = obstructed.map(|(way_m, at)| (way_m - LOOKOUT_M, at));
         let blind = (following.plan == 0).then(|| {

@@ -5,9 +5,9 @@ use crate::draw::{Draw, in_parallel};
 use crate::drive::Drive;
 use crate::journeys::Room;
 use std::f64::consts::PI;
-use xtb_control::VehicleConfig;
+use xtb_control::{Stamp, VehicleConfig};
 use xtb_nav::{Car, MapPose};
-use xtb_protocol::messages::{GoalStatus, Outcome};
+use xtb_protocol::messages::{GoalStatus, Outcome, TruthRobot};
 use xtb_sim::{BoxSpec, World};
 
 /// An empty room.
@@ -38,6 +38,13 @@ pub(crate) struct Leg {
 }
 
 impl Leg {
+    /// How far ahead and to the left of the middle of a body.
+    fn from(&self, truth: &TruthRobot) -> (f64, f64) {
+        let (sin, cos) = libm::sincos(truth.yaw_rad);
+        let (dx, dy) = (self.x_m - truth.x_m, self.y_m - truth.y_m);
+        (dx * cos + dy * sin, dy * cos - dx * sin)
+    }
+
     fn boxes(&self) -> Vec<BoxSpec> {
         let Self { x_m, y_m, width_m, yaw_rad, .. } = *self;
         let slab = |depth_m, yaw_rad| BoxSpec { x_m, y_m, width_m, depth_m, yaw_rad };
@@ -60,6 +67,45 @@ pub(crate) struct Contact {
     pub(crate) ahead_m: f64,
     pub(crate) left_m: f64,
     pub(crate) width_m: f64,
+    /// How sharply the body turned over the last way, + = left, in 1/m of way.
+    pub(crate) turned_per_m: f64,
+    /// When it was in a beam last, before that, in s.
+    pub(crate) seen_s_ago: Option<f64>,
+    /// Whether something that is not on the map was known of.
+    pub(crate) met: bool,
+}
+
+/// What has been seen of the legs of a room, by the truth: a leg of which three beams in turn got nothing has not.
+#[derive(Debug, Clone)]
+struct Witness {
+    /// For each leg how often it was in a beam, and when last.
+    seen: Vec<(u32, Option<Stamp>)>,
+    /// The last yaws, latest last.
+    yaws_rad: [f64; 20],
+}
+
+impl Witness {
+    fn new(legs: &[Leg]) -> Self {
+        Self { seen: vec![(0, None); legs.len()], yaws_rad: [0.0; 20] }
+    }
+
+    fn look(&mut self, now: Stamp, truth: &TruthRobot, legs: &[Leg]) {
+        self.yaws_rad.rotate_left(1);
+        self.yaws_rad[19] = truth.yaw_rad;
+        for (leg, seen) in legs.iter().zip(&mut self.seen) {
+            let (ahead_m, left_m) = leg.from(truth);
+            let off_m = ahead_m.abs() - 0.25 - leg.width_m / 2.0;
+            let half_m = (0.0075 + off_m * 0.0525 / 0.8 + leg.width_m) / 2.0;
+            let in_beam = (0..6).any(|beam| (left_m - (2.5 - f64::from(beam)) * 0.07).abs() <= half_m);
+            if (0.0..0.5).contains(&off_m) && in_beam {
+                *seen = (seen.0 + 1, Some(now));
+            }
+        }
+    }
+
+    fn has_met(&self) -> bool {
+        self.seen.iter().any(|(times, _)| *times >= 3)
+    }
 }
 
 /// What came of one goal.
@@ -134,6 +180,7 @@ pub(crate) fn among_legs(seed: u64, with_legs: bool) -> Vec<LegJourney> {
         }
     }
     let mut from = start;
+    let mut witness = Witness::new(&legs);
     let mut journeys = Vec::new();
     for number in 0..GOALS {
         let (goal, with_yaw, way_m) = loop {
@@ -143,7 +190,7 @@ pub(crate) fn among_legs(seed: u64, with_legs: bool) -> Vec<LegJourney> {
                 break (goal, with_yaw, way_m);
             }
         };
-        journeys.push(to(&mut drive, seed, number, &goal, with_yaw, way_m, &legs, &world));
+        journeys.push(to(&mut drive, seed, number, &goal, with_yaw, way_m, &legs, &mut witness, &world));
         // Where the next one is drawn from does not depend on how this one went.
         from = goal;
     }
@@ -159,6 +206,7 @@ fn to(
     with_yaw: bool,
     way_m: f64,
     legs: &[Leg],
+    witness: &mut Witness,
     world: &World,
 ) -> LegJourney {
     let mut made = LegJourney {
@@ -184,17 +232,26 @@ fn to(
         drive.lockstep.step();
         let truth = drive.lockstep.simulation().trucks()[0].truth();
         if truth.contacts > before.contacts {
-            let (sin, cos) = libm::sincos(truth.yaw_rad);
-            let seen = |leg: &Leg| {
-                let (dx, dy) = (leg.x_m - truth.x_m, leg.y_m - truth.y_m);
-                (dx * cos + dy * sin, dy * cos - dx * sin, leg.width_m)
-            };
             let pose = MapPose { x_m: truth.x_m, y_m: truth.y_m, yaw_rad: truth.yaw_rad };
             let car = Car::of(&VehicleConfig::default());
-            let off_m = |leg: &Leg| car.distance_m(&pose, [leg.x_m, leg.y_m]);
-            let nearest = legs.iter().min_by(|a, b| off_m(a).total_cmp(&off_m(b))).map(seen);
-            let (ahead_m, left_m, width_m) = nearest.unwrap_or_default();
-            made.contacts.push(Contact { speed_mps: before.speed_mps, ahead_m, left_m, width_m });
+            let off_m = |leg: &&Leg| car.distance_m(&pose, [leg.x_m, leg.y_m]);
+            if let Some(leg) = legs.iter().min_by(|a, b| off_m(a).total_cmp(&off_m(b))) {
+                let (ahead_m, left_m) = leg.from(&truth);
+                let at = legs.iter().position(|other| std::ptr::eq(other, leg)).unwrap();
+                let turned_rad = truth.yaw_rad - witness.yaws_rad[10];
+                made.contacts.push(Contact {
+                    speed_mps: before.speed_mps,
+                    ahead_m,
+                    left_m,
+                    width_m: leg.width_m,
+                    turned_per_m: turned_rad / (before.speed_mps * 0.4),
+                    seen_s_ago: witness.seen[at].1.map(|seen| drive.lockstep.now().since_s(seen)),
+                    met: witness.has_met(),
+                });
+            }
+        }
+        if steps % 8 == 0 {
+            witness.look(drive.lockstep.now(), &truth, legs);
         }
         before = truth;
         steps += 1;
