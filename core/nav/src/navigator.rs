@@ -25,6 +25,7 @@ mod follow;
 pub mod giveway;
 mod job;
 mod look;
+mod pivots;
 mod retreat;
 mod route;
 mod touch;

@@ -14,11 +14,13 @@ use super::track::{Stretch, Track};
 use std::f64::consts::TAU;
 
 /// Way of a whole swing, in m.
-const SWING_M: f64 = 0.4;
+const SWING_M: f64 = 0.5;
 /// Of the sharpest steering so much is for path and swing together: the rest is for errors.
 const STEERS: f64 = 0.9;
 /// A bend begins and ends over about this way, in m.
 const SMOOTH_M: f64 = 0.10;
+/// It grows over this way, in m.
+const BEGINS_M: f64 = 0.3;
 /// So far before a stop it is straight …
 const STRAIGHT_M: f64 = 0.12;
 /// … and before that it becomes so over this way, in m.
@@ -42,8 +44,9 @@ impl Sweep {
         let per_m = TAU / SWING_M;
         let spare_per_m = (most_per_m * STEERS - bend_per_m).max(0.0);
         let ends = ((stretch.to_m - way_m - STRAIGHT_M) / FADES_M).clamp(0.0, 1.0);
-        let most_rad = swing_rad.min(spare_per_m / per_m) * ends;
-        let (sin, cos) = libm::sincos((way_m - stretch.from_m) * per_m);
+        let begins = ((way_m - stretch.from_m) / BEGINS_M).clamp(0.0, 1.0);
+        let most_rad = swing_rad.min(spare_per_m / per_m) * ends * begins;
+        let (sin, cos) = libm::sincos((way_m - stretch.to_m) * per_m);
         Self {
             heading_rad: most_rad * sin,
             cross_m: -stretch.gear * most_rad / per_m * cos,
