@@ -25,7 +25,6 @@ mod follow;
 pub mod giveway;
 mod job;
 mod look;
-mod pivots;
 mod retreat;
 mod route;
 mod touch;

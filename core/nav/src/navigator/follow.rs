@@ -42,8 +42,6 @@ const BEFORE_BEND_M: f64 = 0.06;
 /// On its own path the body swings by this to either side, so that its beams pass over the strips between them
 /// and over floor beside the body.
 const SWING_RAD: f64 = 0.105;
-/// And by this where something that is not on the map has been met.
-const WARY_SWING_RAD: f64 = 0.175;
 /// On traffic control's path, which keeps the others off.
 const LED_SWING_RAD: f64 = 0.052;
 /// So far ahead what is not on the map counts for it, in m.
@@ -86,8 +84,6 @@ pub(super) struct Following {
     clearance_m: f64,
     /// The same, what is not on the map with it.
     room_m: f64,
-    /// Something that is not on the map has been met.
-    wary: bool,
     /// Progress counted so far, in m.
     counted_m: f64,
     /// By other robots.
@@ -121,7 +117,6 @@ impl Following {
             obstructed_since: None,
             clearance_m: 0.0,
             room_m: 0.0,
-            wary: false,
             counted_m: 0.0,
             held: Held::default(),
         }
@@ -142,7 +137,6 @@ impl Following {
     /// How far it may swing, so that no corner takes more than a part of the room that there is.
     fn swing_rad(&self, front_m: f64) -> f64 {
         let most_rad = match self.plan {
-            0 if self.wary => WARY_SWING_RAD,
             0 => SWING_RAD,
             _ => LED_SWING_RAD,
         };
@@ -266,7 +260,6 @@ impl Navigator {
         }
         // Less room than the margin was accepted by whoever planned the path: no reason to stop there.
         following.clearance_m = least_m.max(MARGIN_M);
-        following.wary |= !marks.is_empty();
         following.room_m = least_m.min(marks_m).max(0.0);
         // A stop with the look-out's room before it.
         let seen = obstructed.map(|(way_m, at)| (way_m - LOOKOUT_M, at));

@@ -40,9 +40,6 @@ const UNSEEN: &str = "unseen";
 /// Where the truck stands it may be nearer than this to what nobody has seen, in m.
 pub(super) const STANDS_M: f64 = 0.04;
 
-/// A path that turns by less than this turns hardly.
-const HARDLY_RAD: f64 = 0.3;
-
 /// A path ends this near to its goal: the follower needs the rest of the box for itself.
 pub(super) const TOLERANCE_M: f64 = 0.05;
 /// And this near to its yaw.
@@ -221,10 +218,7 @@ impl Search<'_> {
             }
             match self.plan_looking(planner, care, unseen) {
                 Ok(path) => {
-                    let path = match self.unknown_is_near().then(|| self.on_looked_at(care, unseen, &path)) {
-                        Some(Some(better)) => better,
-                        _ => self.least_unseen(planner, care, unseen, path),
-                    };
+                    let path = self.least_unseen(planner, care, unseen, path);
                     return Ok(Planned { path, look: false });
                 }
                 Err(failure) => last = failure,
@@ -256,17 +250,6 @@ impl Search<'_> {
             }
             Err(failure) => Err(PlanFailure { for_good: !failure.enclosed, ..failure }),
         }
-    }
-
-    /// Whether anything that is not on the map has been met.
-    fn unknown_is_near(&self) -> bool {
-        !self.unverified.is_empty()
-    }
-
-    /// A path that turns only where it has looked, unless this one hardly turns.
-    fn on_looked_at(&self, care: &Care, unseen: &[[f64; 2]], path: &Path) -> Option<Path> {
-        let space = self.space(care, &self.local, unseen).ok()?;
-        if turns_rad(path) < HARDLY_RAD { None } else { self.with_pivots(&space) }
     }
 
     /// A path that leads the body nowhere near a thing where no beam looks first.
@@ -381,11 +364,6 @@ impl Search<'_> {
             Err(error) => Err(failure(&error)),
         }
     }
-}
-
-/// How much a path turns.
-fn turns_rad(path: &Path) -> f64 {
-    path.pieces.iter().map(|piece| (piece.curvature_per_m * piece.length_m).abs()).sum()
 }
 
 /// Points of a body that no cell of a map lies between.

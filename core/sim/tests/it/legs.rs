@@ -67,31 +67,27 @@ pub(crate) struct Contact {
     pub(crate) ahead_m: f64,
     pub(crate) left_m: f64,
     pub(crate) width_m: f64,
-    /// How sharply the body turned over the last way, + = left, in 1/m of way.
-    pub(crate) turned_per_m: f64,
     /// When it was in a beam last, before that, in s.
     pub(crate) seen_s_ago: Option<f64>,
     /// Whether something that is not on the map was known of.
     pub(crate) met: bool,
+    /// The path's curvature there; without one it backed off, or stood.
+    pub(crate) path_per_m: Option<f64>,
 }
 
-/// What has been seen of the legs of a room, by the truth: a leg of which three beams in turn got nothing has not.
+/// What the beams have passed over of the legs of a room, by the truth.
 #[derive(Debug, Clone)]
 struct Witness {
     /// For each leg how often it was in a beam, and when last.
     seen: Vec<(u32, Option<Stamp>)>,
-    /// The last yaws, latest last.
-    yaws_rad: [f64; 20],
 }
 
 impl Witness {
     fn new(legs: &[Leg]) -> Self {
-        Self { seen: vec![(0, None); legs.len()], yaws_rad: [0.0; 20] }
+        Self { seen: vec![(0, None); legs.len()] }
     }
 
     fn look(&mut self, now: Stamp, truth: &TruthRobot, legs: &[Leg]) {
-        self.yaws_rad.rotate_left(1);
-        self.yaws_rad[19] = truth.yaw_rad;
         for (leg, seen) in legs.iter().zip(&mut self.seen) {
             let (ahead_m, left_m) = leg.from(truth);
             let off_m = ahead_m.abs() - 0.25 - leg.width_m / 2.0;
@@ -238,15 +234,14 @@ fn to(
             if let Some(leg) = legs.iter().min_by(|a, b| off_m(a).total_cmp(&off_m(b))) {
                 let (ahead_m, left_m) = leg.from(&truth);
                 let at = legs.iter().position(|other| std::ptr::eq(other, leg)).unwrap();
-                let turned_rad = truth.yaw_rad - witness.yaws_rad[10];
                 made.contacts.push(Contact {
                     speed_mps: before.speed_mps,
                     ahead_m,
                     left_m,
                     width_m: leg.width_m,
-                    turned_per_m: turned_rad / (before.speed_mps * 0.4),
                     seen_s_ago: witness.seen[at].1.map(|seen| drive.lockstep.now().since_s(seen)),
                     met: witness.has_met(),
+                    path_per_m: path_per_m(drive),
                 });
             }
         }
@@ -274,6 +269,17 @@ fn to(
         drive.run_s(2.0);
     }
     made
+}
+
+/// Of the path where it is, in 1/m, if it drives one.
+fn path_per_m(drive: &mut Drive) -> Option<f64> {
+    let route = drive.lockstep.state(0)?.nav.route?;
+    let mut to_m = 0.0;
+    let here = route.track?.arcs.into_iter().find(|arc| {
+        to_m += arc.length_m.abs();
+        route.done_m <= to_m
+    });
+    Some(here?.curvature_per_m)
 }
 
 /// All goals in the rooms of these seeds.
