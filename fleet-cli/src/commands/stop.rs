@@ -103,6 +103,8 @@ mod tests {
         // In a session of its own, as any program on the network.
         let other = client.another().await;
         let _shadow = fake::yes_man(&other).await;
+        // Asked again until it is heard: its declaration takes time to arrive.
+        client.carry_out_all(&name("xtb-9"), Body::Stop {}).await.unwrap();
         assert_eq!(outcome(&client, "xtb-1").await, Outcome::Ambiguous);
     }
 
