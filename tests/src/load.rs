@@ -193,8 +193,8 @@ pub struct Flooded {
     pub growth_kib: i64,
     /// Messages of the flood that the agent has counted, per second.
     pub arrived_per_s: f64,
-    /// Whether it drove all the time.
-    pub drove: bool,
+    /// The first state in which it did not drive, in words.
+    pub stood: Option<String>,
 }
 
 /// Floods the agent of xtb-1, a process of its own that wanders meanwhile, with `per_ms` messages a
@@ -235,7 +235,10 @@ pub async fn flood(rig: &Rig, per_ms: usize, lasting: Duration) -> Flooded {
         states_hz: seen.len() as f64 / took_s,
         growth_kib: rig.memory_kib(1) as i64 - memory_kib as i64,
         arrived_per_s: arrived as f64 / took_s,
-        drove: seen.iter().all(runs),
+        stood: seen.iter().find(|state| !runs(state)).map(|state| {
+            let why = state.goal.as_ref().and_then(|goal| goal.reason.as_deref());
+            format!("{:?} {why:?} {:?} {:?}", state.mode, state.stopped_because, state.faults)
+        }),
         turns: seen.first().zip(seen.last()).map_or((0, 0), |(first, last)| {
             ((last.tick_ms - first.tick_ms) / 5, last.turns_late - first.turns_late)
         }),
