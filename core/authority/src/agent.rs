@@ -16,6 +16,7 @@ mod odometry;
 mod requests;
 mod setpoints;
 mod stops;
+mod touch;
 mod why;
 
 use crate::arbitration::{Facts, Writer, writer};
@@ -120,6 +121,8 @@ pub struct Agent {
     link_up: bool,
     idle_because: StopReason,
     faults: FaultBook,
+    /// What wheels that do not turn mean at present.
+    stall_alarm: touch::StallAlarm,
     /// Whether board and gyro have both been well since boot: from then on their loss is latched.
     was_well: bool,
     mode: Mode,
@@ -179,6 +182,7 @@ impl Agent {
             link_up: false,
             idle_because: StopReason::NoCommand,
             faults: FaultBook::default(),
+            stall_alarm: touch::StallAlarm::default(),
             was_well: false,
             mode: Mode::Idle,
             setpoint_heard: None,

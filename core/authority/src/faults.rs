@@ -126,8 +126,11 @@ impl FaultBook {
     }
 
     /// Ends the oldest fault that is not among `current`, if there is one.
-    pub fn end_other_than(&mut self, current: &[(Fault, Option<Arc<str>>)]) -> Option<Fault> {
-        let gone = |known: &Present| !current.iter().any(|(fault, _)| *fault == known.fault);
+    pub fn end_other_than<'a>(
+        &mut self,
+        current: impl Iterator<Item = &'a (Fault, Option<Arc<str>>)> + Clone,
+    ) -> Option<Fault> {
+        let gone = |known: &Present| !current.clone().any(|(fault, _)| *fault == known.fault);
         let place = self.0.iter().position(gone)?;
         Some(self.0.remove(place).fault)
     }

@@ -17,6 +17,7 @@
 
 mod law;
 mod settings;
+mod sweep;
 mod track;
 mod watch;
 mod wheels;
@@ -83,6 +84,8 @@ pub struct Released {
     pub cruise_mps: f64,
     /// Room between the body and what stands around, here and a little ahead, in m.
     pub clearance_m: f64,
+    /// The body may swing so far to either side, to look between its beams; 0 = not at all.
+    pub swing_rad: f64,
 }
 
 /// Why it gets nowhere.
@@ -246,8 +249,9 @@ impl Follower {
         let dt_s = self.before.map_or(0.0, |before| now.since_s(before)).min(LONGEST_STEP_S);
         let first = self.before.replace(now).is_none();
         let is_measured = [pose.x_m, pose.y_m, pose.yaw_rad, speed_mps].iter().all(|value| value.is_finite());
-        let is_limited =
-            ![limits.way_m, limits.cruise_mps, limits.clearance_m].iter().any(|value| value.is_nan());
+        let is_limited = ![limits.way_m, limits.cruise_mps, limits.clearance_m, limits.swing_rad]
+            .iter()
+            .any(|value| value.is_nan());
         if !is_measured || !is_limited {
             return self.stop(0.0, None, Status::Stuck(Stuck::NotANumber));
         }
@@ -329,8 +333,16 @@ impl Follower {
     ) {
         let Self { settings, track, most_per_m, .. } = self;
         let clearance_m = limits.clearance_m.max(0.0);
-        let scene =
-            Scene { settings, track, stretch, place, speed_mps, clearance_m, most_per_m: *most_per_m };
+        let scene = Scene {
+            settings,
+            track,
+            stretch,
+            place,
+            speed_mps,
+            clearance_m,
+            swing_rad: limits.swing_rad,
+            most_per_m: *most_per_m,
+        };
         self.curvature_per_m = scene.curvature_per_m();
         self.asked_mps = if self.phase == Phase::Driving {
             let faster = self.asked_mps + settings.acceleration_mps2 * dt_s;

@@ -38,6 +38,14 @@ const BEFORE_HIT_M: f64 = 0.08;
 
 /// A beam that gets through speaks for this much to either side: half of the way to its neighbour, in m.
 const BESIDE_BEAM_M: f64 = 0.034;
+/// Farther away a reading does not say well enough where, in m.
+const THIN_WITHIN_M: f64 = 0.35;
+/// Two beams that hit at the same distance, within this, in m, hit the same thing.
+const SAME_M: f64 = 0.15;
+/// Something thin is in a beam only this near to its middle, in m.
+const THIN_M: f64 = 0.015;
+/// What was seen so little inside the body may stand right beside it, in m.
+const GRAZES_M: f64 = 0.03;
 /// A mark as near as this to others belongs to the same thing, in m: two beams, aslant.
 const JOINS_M: f64 = 0.15;
 /// Marks as near as this to its sides are kept, in m.
@@ -121,16 +129,17 @@ impl LocalLayer {
             map.is_some_and(|map| is_near(map, point, known_m))
                 || others.iter().any(|(pose, car)| car.distance_m(pose, point) <= known_m)
         };
-        for (beam, sight) in beams.iter().zip(sights) {
+        for (n, (beam, sight)) in beams.iter().zip(sights).enumerate() {
             match sight {
                 Sight::Folded(point) if !known(point) => {
-                    self.marks.see_part(now, point, self.fades_ms, JOINS_M)
+                    self.marks.see_part(now, point, false, self.fades_ms, JOINS_M)
                 }
                 Sight::Hit { from_m, to_m } => {
                     let steps = libm::ceil((to_m - from_m) / known_m).max(1.0);
                     let place = |step: u32| beam.at(from_m + f64::from(step) / steps * (to_m - from_m));
                     if !(0..=steps as u32).any(|step| known(place(step))) {
-                        self.marks.see_part(now, beam.at(to_m), self.fades_ms, JOINS_M);
+                        let thin = from_m <= THIN_WITHIN_M && is_alone(&sights, n);
+                        self.marks.see_part(now, beam.at(to_m), thin, self.fades_ms, JOINS_M);
                     }
                 }
                 Sight::Folded(_) | Sight::Free { .. } => {}
@@ -144,11 +153,12 @@ impl LocalLayer {
             }
         }
         let (car, pose) = (self.car, scan.pose);
+        let inside = car.grown(-GRAZES_M);
         self.stand_on(now, &pose);
         let beside = |point| is_beside(&car, &pose, point);
         self.marks.hold(now.plus_ms(self.fades_ms), self.fades_beside_ms, beside);
-        self.marks.retain(|point| {
-            car.distance_m(&pose, point) > 0.0
+        self.marks.retain(|point, thin| {
+            (if thin { inside } else { car }).distance_m(&pose, point) > 0.0
                 && others.iter().all(|(there, other)| other.distance_m(there, point) > known_m)
         });
     }
@@ -160,7 +170,8 @@ impl LocalLayer {
         if steps >= 0.0 {
             for step in 0..=steps as u32 {
                 let along_m = f64::from(step) * step_m;
-                self.marks.remove_before(now, beam.at(along_m));
+                let is_seen = |at| beam.off_m(at) <= THIN_M;
+                self.marks.remove_before(now, beam.at(along_m), is_seen);
                 for left_m in [-BESIDE_BEAM_M, 0.0, BESIDE_BEAM_M] {
                     self.free.see(now, beam.beside(along_m, left_m), self.fades_ms);
                 }
@@ -184,11 +195,31 @@ impl LocalLayer {
         }
     }
 
+    /// Something was touched: marks these places, as if it had always stood there.
+    pub fn touch(&mut self, now: Stamp, places: &[[f64; 2]]) {
+        for place in places {
+            self.marks.know(now, *place, self.fades_ms);
+        }
+    }
+
+    /// It was not there after all.
+    pub fn untouch(&mut self, places: &[[f64; 2]]) {
+        for place in places {
+            self.marks.remove(*place);
+        }
+    }
+
     /// Forgets everything: the pose was set anew, all marks are in the wrong place.
     pub fn clear(&mut self) {
         self.marks.clear();
         self.free.clear();
         self.foldback = [Foldback::default(); 12];
+    }
+
+    /// Whether something has shown lately that nothing stands there.
+    #[must_use]
+    pub fn is_known_free(&self, point: [f64; 2]) -> bool {
+        self.free.seen(self.free.place(point)).is_some()
     }
 
     /// What stands there now, rows from south to north.
@@ -266,11 +297,32 @@ impl LocalLayer {
         }
     }
 
+    /// The side whose range finders have seen something so near that their readings are worth nothing until it
+    /// has backed off: +1 in front, −1 behind.
+    #[must_use]
+    pub fn folded(&self) -> Option<f64> {
+        let folded = self.foldback.iter().position(Foldback::may_fold);
+        folded.map(|sensor| if sensor < 6 { 1.0 } else { -1.0 })
+    }
+
     /// How many marks had to go for newer ones.
     #[must_use]
     pub fn overflowed(&self) -> u64 {
         self.marks.overflowed()
     }
+}
+
+/// Whether no neighbour of this beam sees something as near: what it hits is thin.
+fn is_alone(sights: &[Sight; 12], n: usize) -> bool {
+    let Sight::Hit { to_m, .. } = sights[n] else { return false };
+    let bumper = n / 6 * 6..n / 6 * 6 + 6;
+    [n.wrapping_sub(1), n + 1].into_iter().filter(|other| bumper.contains(other)).all(|other| {
+        match sights[other] {
+            Sight::Hit { to_m: there_m, .. } => (there_m - to_m).abs() > SAME_M,
+            Sight::Folded(_) => false,
+            Sight::Free { .. } => true,
+        }
+    })
 }
 
 /// Whether a point lies to the left or right of the body, where no beam gets to.

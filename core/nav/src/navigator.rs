@@ -7,6 +7,9 @@
 //!              │   └ no way ──┴────────────────────────────────────────────► Recovering ────────┤
 //!              └────────────────────────────────────────────────────────────────────────────────┘
 //! ```
+//! Wheels that do not turn while it follows a path have touched something (`touch.rs`): it stands, backs off,
+//! and plans anew.
+//!
 //! Without traffic control the rule of [`giveway`] says who goes first.
 //!
 //! A path is its own, planned on its own map, or traffic control's, which also says how far along it is
@@ -16,6 +19,7 @@
 //! what the first level says when an obstacle holds the motor.
 
 mod among;
+mod aside;
 mod blind;
 mod floor;
 mod follow;
@@ -24,6 +28,8 @@ mod job;
 mod look;
 mod retreat;
 mod route;
+mod touch;
+mod unseen;
 
 pub use floor::Floor;
 pub use job::{PlanDone, PlanFailure, PlanJob};
@@ -37,7 +43,7 @@ use crate::local::{BumperScan, LocalLayer};
 use crate::path::Path;
 use crate::settings::NavSettings;
 use among::Errand;
-use follow::Following;
+use follow::{Following, Recovery};
 use job::Planned;
 use std::sync::Arc;
 use xtb_control::infrared::BumperRanges;
@@ -177,7 +183,9 @@ enum Stage {
     /// Waits before it tries again.
     Pausing { until: Stamp },
     /// The memorandum's avoidance (§4.6): astern while turning.
-    Recovering { until: Stamp, steering: f64, from: MapPose },
+    Recovering(Recovery),
+    /// Its wheels do not turn. It stands until it is let go, and backs off then.
+    Touched { let_go: bool },
 }
 
 /// A goal under way.
@@ -198,6 +206,8 @@ struct Task {
     /// In words, for when it gives up.
     trouble: String,
     recoveries: u32,
+    /// Things touched since the last progress.
+    touches: u32,
     /// The last plan found no way out of where it stands.
     enclosed: bool,
     standing: Option<Standing>,
@@ -221,6 +231,7 @@ pub struct Navigator {
     neighbours: giveway::Neighbours,
     jobs: u64,
     outbox: Option<PlanJob>,
+    wheels: touch::Wheels,
 }
 
 impl Navigator {
@@ -239,6 +250,7 @@ impl Navigator {
             neighbours: giveway::Neighbours::default(),
             jobs: 0,
             outbox: None,
+            wheels: touch::Wheels::default(),
         }
     }
 
@@ -283,6 +295,7 @@ impl Navigator {
             blocked_at: None,
             trouble: String::new(),
             recoveries: 0,
+            touches: 0,
             enclosed: false,
             standing: Some(Standing::Planning),
             lost_start: None,
@@ -345,7 +358,7 @@ impl Navigator {
         };
         let phase = match (&task.stage, task.standing) {
             (Stage::Seeking { .. }, _) => NavPhase::Planning,
-            (Stage::Recovering { .. }, _) => NavPhase::Recovering,
+            (Stage::Recovering(_), _) => NavPhase::Recovering,
             (Stage::Following(_), None | Some(Standing::AtCusp)) => NavPhase::Following,
             _ => NavPhase::Waiting,
         };
@@ -365,6 +378,7 @@ impl Navigator {
         self.look(now, sensed);
         let mut task = self.task.take()?;
         let decision = self.decide(now, sensed, &mut task);
+        self.wheels.turn(now, sensed.speed_mps, &decision);
         task.standing = match decision {
             Decision::Go(_, standing) => standing,
             _ => None,
@@ -400,7 +414,9 @@ impl Navigator {
                 let until = *until;
                 self.pause(now, until, sensed, task)
             }
-            Stage::Recovering { .. } => self.recover(now, sensed, task),
+            Stage::Recovering(_) => self.recover(now, sensed, task),
+            Stage::Touched { let_go: false } => stand(Standing::WayBlocked),
+            Stage::Touched { let_go: true } => self.back_off(now, sensed, task),
         }
     }
 
@@ -426,6 +442,7 @@ impl Navigator {
             lately_ms: lately_ms(task.tries),
             may_look: task.looks < MOST_LOOKS,
             car: self.car,
+            cruise_mps: self.settings.drive.meeting_mps,
             start: sensed.estimate.pose,
             aim: task.aim,
             others: self.in_the_search(now, &sensed.estimate.pose),
@@ -466,8 +483,11 @@ impl Navigator {
 }
 
 impl Task {
-    /// Plans anew, from where it stands.
+    /// Plans anew, from where it stands; what it touches comes first.
     fn seek(&mut self) {
+        if self.is_touching() {
+            return;
+        }
         self.stage = Stage::Seeking { job: None };
     }
 

@@ -15,7 +15,7 @@ use xtb_nav::{Car, Drive, Follower, FollowerSettings, MapPose, Path, Piece, Rele
 
 const DT_S: f64 = 0.01;
 const ORIGIN: MapPose = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
-const ALL: Released = Released { way_m: f64::INFINITY, cruise_mps: 0.35, clearance_m: 1.0 };
+const ALL: Released = Released { way_m: f64::INFINITY, cruise_mps: 0.35, clearance_m: 1.0, swing_rad: 0.0 };
 
 fn car() -> Car {
     Car::of(&VehicleConfig::default())
@@ -270,6 +270,7 @@ fn a_pose_or_a_limit_that_is_no_number_stops_it() {
         Released { way_m: nothing, ..ALL },
         Released { cruise_mps: nothing, ..ALL },
         Released { clearance_m: nothing, ..ALL },
+        Released { swing_rad: nothing, ..ALL },
     ] {
         let drive = toy.decide(&limits);
         assert_eq!((drive.status, drive.speed_mps), (Status::Stuck(Stuck::NotANumber), 0.0), "{limits:?}");
@@ -403,7 +404,7 @@ proptest! {
         let mut now = Stamp::ZERO;
         for ((x_m, y_m, yaw_rad, speed_mps), (way_m, cruise_mps, clearance_m), ms) in steps {
             now = now.plus_ms(ms);
-            let limits = Released { way_m, cruise_mps, clearance_m };
+            let limits = Released { way_m, cruise_mps, clearance_m, swing_rad: 0.0 };
             let drive = follower.step(now, &MapPose { x_m, y_m, yaw_rad }, speed_mps, &limits);
             prop_assert!(drive.speed_mps.abs() <= cruise_mps, "{:?}", drive);
             prop_assert!(drive.curvature_per_m.abs() * car().radius_m <= 1.0 + 1e-12, "{:?}", drive);

@@ -8,10 +8,15 @@
 //!     └──┬──────────────┬── cm
 //!        8             80
 //! ```
-//! Each looks ahead (front) or back (rear) along a single ray, tilted with its bumper: an upright
-//! surface at the distance d is then d / cos θ away, so that hyp · cos θ (§4.5) gives d back. Floor
-//! and ceiling are not seen. They are listed left to right, seen from above with the truck pointing
-//! up.
+//! Each looks ahead (front) or back (rear), tilted with its bumper: an upright surface at the
+//! distance d is then d / cos θ away, so that hyp · cos θ (§4.5) gives d back. Floor and ceiling are
+//! not seen. They are listed left to right, seen from above with the truck pointing up.
+//!
+//! A beam is as wide as its lens at the sensor and 6 cm at 80 cm, 2.4 cm at 25 cm: between beams
+//! 7 cm apart there are strips that none looks at. Three rays stand for it, in the middle and at both
+//! edges. What comes back of each is its part of the light by the square of the distance, and the
+//! sensor, which triangulates the spot's middle, shows the mean of their voltages weighted with that
+//! light: a leg before a wall reads a little too far. Too little light is nothing at all.
 
 use crate::faults::RangeFinderFault;
 use crate::geometry::{Beam, OrientedBox};
@@ -23,6 +28,10 @@ use xtb_control::units::{ADC_FULL_SCALE, ADC_SUPPLY_V, AdcCount};
 const SENSORS: usize = 12;
 /// Farther than this the curve lies below any floor voltage.
 const SIGHT_M: f64 = 1.2;
+/// The distance that the beam's width is given for, in m.
+const WIDE_AT_M: f64 = 0.8;
+/// The rays of a beam: where in its half width, + = left, and their part of the light.
+const RAYS: [(f64, f64); 3] = [(-1.0, 0.25), (0.0, 0.5), (1.0, 0.25)];
 
 /// Voltage for an object at `cm`: counts = 6787 / (cm + 4) + 3 beyond the peak, and a straight line
 /// down to `touch_v` below it.
@@ -95,8 +104,8 @@ impl RangeFinders {
             if sensor.next_ns <= now_ns {
                 sensor.next_ns += sensor.period_ns;
                 let stretch = stretch[usize::from(sensor.ahead_m < 0.0)];
-                let way_m = sensor.way_m(context, me, body).map(|way_m| way_m * stretch);
-                sensor.measure(&self.truth, way_m, noise);
+                let seen_v = sensor.seen_v(&self.truth, context, me, body, stretch);
+                sensor.measure(&self.truth, seen_v, noise);
             }
             self.due_ns = self.due_ns.min(sensor.next_ns);
         }
@@ -117,26 +126,57 @@ impl RangeFinders {
 }
 
 impl Sensor {
-    /// Way along the floor to the nearest surface.
-    fn way_m(&self, context: &StepContext<'_>, me: usize, body: &OrientedBox) -> Option<f64> {
-        let ((x_m, y_m), (cos, sin)) = (body.centre_m(), body.direction());
-        let facing = self.ahead_m.signum();
-        let beam = Beam::new(
-            x_m + cos * self.ahead_m - sin * self.left_m,
-            y_m + sin * self.ahead_m + cos * self.left_m,
-            cos * facing,
-            sin * facing,
-            SIGHT_M,
-        );
-        context.nearest_m(me, beam)
+    /// The voltage that comes of what the beam falls on; `None` = nothing in sight.
+    fn seen_v(
+        &self,
+        truth: &InfraredTruth,
+        context: &StepContext<'_>,
+        me: usize,
+        body: &OrientedBox,
+        stretch: f64,
+    ) -> Option<f64> {
+        let (mut light, mut light_v) = (0.0, 0.0);
+        for (beside, part) in RAYS {
+            if let Some(way_m) = self.way_m(truth, context, me, body, beside) {
+                let range_m = way_m * stretch;
+                // Nearer than the peak it is as bright as can be.
+                let bright_m = range_m.max(truth.fold_back_cm / 100.0);
+                let bright = part / (bright_m * bright_m);
+                light += bright;
+                light_v += bright * curve_v(truth, range_m * 100.0);
+            }
+        }
+        (light >= 1.0 / (SIGHT_M * SIGHT_M)).then(|| light_v / light)
     }
 
-    fn measure(&mut self, truth: &InfraredTruth, range_m: Option<f64>, noise: &mut Noise) {
-        let seen_v = match range_m {
-            // Far away the curve sinks below what the sensor shows of nothing at all.
-            Some(range_m) => curve_v(truth, range_m * 100.0).max(self.floor_v),
-            None => self.floor_v,
-        };
+    /// Way along the floor to the nearest surface on one ray of the beam, measured along its middle.
+    fn way_m(
+        &self,
+        truth: &InfraredTruth,
+        context: &StepContext<'_>,
+        me: usize,
+        body: &OrientedBox,
+        beside: f64,
+    ) -> Option<f64> {
+        let ((x_m, y_m), (cos, sin)) = (body.centre_m(), body.direction());
+        let facing = self.ahead_m.signum();
+        let left_m = self.left_m + beside * truth.lens_m / 2.0;
+        let widens = beside * (truth.beam_m - truth.lens_m) / 2.0 / WIDE_AT_M;
+        let along = 1.0 / libm::sqrt(1.0 + widens * widens);
+        let (ahead, left) = (facing * along, widens * along);
+        let beam = Beam::new(
+            x_m + cos * self.ahead_m - sin * left_m,
+            y_m + sin * self.ahead_m + cos * left_m,
+            cos * ahead - sin * left,
+            sin * ahead + cos * left,
+            SIGHT_M,
+        );
+        context.nearest_m(me, beam).map(|way_m| way_m * along)
+    }
+
+    fn measure(&mut self, truth: &InfraredTruth, seen_v: Option<f64>, noise: &mut Noise) {
+        // Far away the curve sinks below what the sensor shows of nothing at all.
+        let seen_v = seen_v.map_or(self.floor_v, |seen_v| seen_v.max(self.floor_v));
         let volts = seen_v + noise.bell(truth.noise_v);
         if self.fault != RangeFinderFault::Frozen {
             self.reading = adc_count(volts, 1.0);

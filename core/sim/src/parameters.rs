@@ -89,6 +89,8 @@ config_section! {
     /// The twelve GP2D12 range finders, six at the face of each bumper.
     InfraredTruth "infrared" {
         spacing_m: f64 = 0.07, "m", Range(0.01, 0.5), Printed("§2.2"), "Between neighbours of a bumper.";
+        beam_m: f64 = 0.06, "m", Range(0.0, 0.5), DataSheet("GP2D12, as its sellers quote it"), "Width of the beam at 80 cm; it widens evenly from the lens on.";
+        lens_m: f64 = 0.0075, "m", Range(0.0, 0.02), Assumed, "Width of the beam at the lens.";
         noise_v: f64 = 0.015, "V", Range(0.0, 0.5), Assumed, "Standard deviation of a reading.";
         refresh_s: f64 = 0.0383, "s", Range(0.005, 1.0), DataSheet("GP2D12"), "Mean time between two measurements.";
         refresh_tolerance_s: f64 = 0.0096, "s", Range(0.0, 0.5), DataSheet("GP2D12"), "A sensor's own period differs by up to this.";

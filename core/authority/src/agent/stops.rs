@@ -69,9 +69,11 @@ impl Agent {
     }
 
     /// What is broken now: all of it, with the system's words. News are reported, and latched where
-    /// the table says so; board and gyro only after they have been well.
+    /// the table says so; board and gyro only after they have been well. A stall on a path may be something
+    /// in the way instead, see `touch.rs`.
     pub fn set_faults(&mut self, now: Stamp, current: &[(Fault, Option<Arc<str>>)]) {
-        for (fault, detail) in current {
+        let current = self.without_touch(now, current);
+        for (fault, detail) in current.clone() {
             if !self.faults.begin(now, *fault, detail.as_deref()) {
                 continue;
             }
@@ -86,7 +88,7 @@ impl Agent {
                 None => {}
             }
         }
-        while let Some(fault) = self.faults.end_other_than(current) {
+        while let Some(fault) = self.faults.end_other_than(current.clone()) {
             self.emit(now, EventKind::Fault { fault, present: false, detail: None });
         }
     }

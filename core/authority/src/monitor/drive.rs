@@ -174,7 +174,10 @@ impl DriveMonitor {
         let is_driven = offset_counts >= limits.stall_counts;
         let still = is_driven && pulses == 0;
         if self.still.lasts(now, still, vehicle.encoder.window_s, limits.stall_s) {
-            self.stalled.raise(|| format!("{offset_counts:.0} counts from neutral and not one pulse"));
+            let from_counts = limits.stall_counts;
+            let limit = format!("guard.stall_counts is {from_counts:.0}");
+            self.stalled
+                .raise(|| format!("{offset_counts:.0} counts from neutral and not one pulse ({limit})"));
         } else if !is_driven {
             self.stalled.quiet(now);
         }

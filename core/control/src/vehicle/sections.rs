@@ -135,7 +135,7 @@ config_section! {
         runaway_part: f64 = 0.3, "", Range(0.05, 2.0), Ours, "The wheels may be faster than the reference by this part of it.";
         runaway_s: f64 = 0.3, "s", Range(0.1, 2.0), Ours, "Longer than this above what a reference or coasting explains is a runaway.";
         coast_s: f64 = 0.5, "s", Range(0.05, 5.0), Assumed, "Time constant of the slowest coasting to a stand, twice what is expected.";
-        stall_counts: f64 = 100.0, "counts", Range(10.0, 1000.0), Assumed, "A motor pulse this far from neutral turns the wheels (the dead band ends at 75).";
+        stall_counts: f64 = 100.0, "counts", Range(10.0, 1000.0), Assumed, "A motor pulse this far from neutral turns the wheels (the dead band ends at 75). An ESC with a larger dead band needs more, or `stalled` is raised with nothing in the way.";
         stall_s: f64 = 0.4, "s", Range(0.1, 0.85), Ours, "Driven for this long without a single pulse of the encoder is a stall.";
         manual_limit: bool = true, "", Switch, Ours, "Let the speed stick through only while the truck is no faster than the obstacle rule can stop.";
     }

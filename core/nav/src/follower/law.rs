@@ -3,8 +3,10 @@
 //! Steering is pure pursuit around the exact arcs. Pursuit of a point at the look-ahead L on a straight
 //! line asks for the curvature −2 e / L² − 2 ψ / L (e beside the line, ψ against it); the same two
 //! terms, with the path's own curvature fed forward, follow an arc without cutting it. The feed-forward
-//! is the mean curvature over the way that the servos need: a ramp that they can follow, early enough.
+//! is the mean curvature over the way that the servos need: a ramp that they can follow, early enough. The
+//! body is meant to swing a little about the path ([`Sweep`]): errors are against that.
 
+use super::sweep::Sweep;
 use super::track::{Place, Stretch, Track};
 use super::{FollowerSettings, Released};
 
@@ -17,6 +19,7 @@ pub(super) struct Scene<'a> {
     /// Measured, whichever way.
     pub(super) speed_mps: f64,
     pub(super) clearance_m: f64,
+    pub(super) swing_rad: f64,
     /// Of the tightest circle.
     pub(super) most_per_m: f64,
 }
@@ -32,20 +35,30 @@ impl Scene<'_> {
     /// Curvature to steer, + = left.
     pub(super) fn curvature_per_m(&self) -> f64 {
         let Self { settings, place, stretch, .. } = self;
+        let sweep = self.sweep(place.way_m);
         let wanted = self.feed_forward_per_m() / (1.0 - place.curvature_per_m * place.cross_m).max(0.5);
+        let wanted = wanted + self.sweep(self.steered_m()).curvature_per_m;
         let look_ahead_m = self.look_ahead_m();
         let steepest = settings.approach_deg.to_radians();
-        let back_rad = (place.cross_m / look_ahead_m).clamp(-steepest, steepest);
-        let away_rad = stretch.gear * place.heading_rad;
+        let back_rad = ((place.cross_m - sweep.cross_m) / look_ahead_m).clamp(-steepest, steepest);
+        let away_rad = stretch.gear * (place.heading_rad - sweep.heading_rad);
         let turn_per_m = -2.0 / look_ahead_m * (away_rad + back_rad);
         (wanted + turn_per_m).clamp(-self.most_per_m, self.most_per_m)
     }
 
+    fn sweep(&self, way_m: f64) -> Sweep {
+        Sweep::at(self.track, self.stretch, way_m, self.swing_rad, self.most_per_m)
+    }
+
+    /// Where it will be when the wheels have followed.
+    fn steered_m(&self) -> f64 {
+        let settings = self.settings;
+        self.place.way_m + self.speed_mps * (settings.servo_delay_s + settings.servo_lag_s)
+    }
+
     /// The path's own curvature where the wheels will be when they have turned.
     fn feed_forward_per_m(&self) -> f64 {
-        let settings = self.settings;
-        let middle_m = self.place.way_m + self.speed_mps * (settings.servo_delay_s + settings.servo_lag_s);
-        let half_m = self.speed_mps * settings.lock_s;
+        let (middle_m, half_m) = (self.steered_m(), self.speed_mps * self.settings.lock_s);
         self.track.mean_curvature(self.stretch, middle_m - half_m, middle_m + half_m)
     }
 

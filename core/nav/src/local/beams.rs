@@ -40,6 +40,12 @@ impl Beam {
         let [x, y] = self.towards;
         [self.from_m[0] + m * x - left_m * y, self.from_m[1] + m * y + left_m * x]
     }
+
+    /// From its middle to a point, in m.
+    pub(super) fn off_m(&self, point: [f64; 2]) -> f64 {
+        let [x, y] = self.towards;
+        ((point[1] - self.from_m[1]) * x - (point[0] - self.from_m[0]) * y).abs()
+    }
 }
 
 /// Front, then rear, left to right with the truck pointing up.
@@ -74,6 +80,11 @@ pub(super) struct Foldback {
 }
 
 impl Foldback {
+    /// Whether something was too near, and it has not backed off since.
+    pub(super) fn may_fold(&self) -> bool {
+        self.near.is_some()
+    }
+
     /// What a reading in cm is worth. One that is not finite counts as none.
     pub(super) fn judge(&mut self, beam: &Beam, range_cm: Option<f64>) -> Sight {
         let range_m = range_cm.filter(|cm| cm.is_finite() && *cm >= 0.0).map(|cm| cm / 100.0);

@@ -4,6 +4,8 @@ use xtb_control::units::Stamp;
 
 /// Seen so often a mark counts: a single reading is a disturbance.
 const COUNTS_FROM: u32 = 2;
+/// The other one may have been in a cell beside it, within this time: a reading is not that exact.
+const AGAIN_MS: u64 = 500;
 
 /// Something that stands where the map has nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +32,10 @@ impl LocalObstacle {
 struct Mark {
     /// (row, column)
     place: (i64, i64),
+    /// Where in it something was seen last.
+    at: [f64; 2],
+    /// No two beams have seen it at once.
+    thin: bool,
     first: Stamp,
     seen: Stamp,
     /// It counts as long as this.
@@ -87,25 +93,51 @@ impl Marks {
             Ok(known) => {
                 let mark = &mut self.marks[known];
                 mark.first = if now <= mark.fades { mark.first } else { now };
-                (mark.seen, mark.times) = (mark.seen.max(now), mark.times.saturating_add(1));
+                (mark.at, mark.seen, mark.times) = (point, mark.seen.max(now), mark.times.saturating_add(1));
                 mark.fades = mark.fades.max(fades);
             }
             Err(_) => {
                 self.make_room();
                 let index = self.marks.partition_point(|mark| mark.place < place);
-                self.marks.insert(index, Mark { place, first: now, seen: now, fades, times: 1 });
+                self.marks.insert(
+                    index,
+                    Mark { place, at: point, first: now, seen: now, fades, times: 1, thin: false },
+                );
             }
         }
     }
 
     /// Part of a thing was seen there: it has stood there for as long as the marks that it joins.
-    pub(super) fn see_part(&mut self, now: Stamp, point: [f64; 2], fades_ms: u64, joins_m: f64) {
+    pub(super) fn see_part(&mut self, now: Stamp, point: [f64; 2], thin: bool, fades_ms: u64, joins_m: f64) {
         let joined = self.counting(now).filter(|mark| mark.distance_m(point) <= joins_m);
         let since = joined.map(|mark| mark.first).min();
+        let (row, column) = self.place(point);
+        let around = (-1..=1).flat_map(|up| (-1..=1).map(move |right| (row + up, column + right)));
+        let lately = around.filter_map(|place| self.seen(place)).any(|seen| now.since_ms(seen) <= AGAIN_MS);
+        self.see(now, point, fades_ms);
+        if let Ok(seen) = self.marks.binary_search_by_key(&(row, column), |mark| mark.place) {
+            let mark = &mut self.marks[seen];
+            mark.first = mark.first.min(since.unwrap_or(mark.first));
+            mark.thin = thin && (mark.thin || mark.times == 1);
+            mark.times = if lately && thin { mark.times.max(COUNTS_FROM) } else { mark.times };
+        }
+    }
+
+    /// Something stands there, and has all along.
+    pub(super) fn know(&mut self, now: Stamp, point: [f64; 2], fades_ms: u64) {
         self.see(now, point, fades_ms);
         let place = self.place(point);
-        if let (Some(since), Ok(seen)) = (since, self.marks.binary_search_by_key(&place, |mark| mark.place)) {
-            self.marks[seen].first = self.marks[seen].first.min(since);
+        if let Ok(known) = self.marks.binary_search_by_key(&place, |mark| mark.place) {
+            let mark = &mut self.marks[known];
+            (mark.first, mark.times) = (Stamp::ZERO, mark.times.max(COUNTS_FROM));
+        }
+    }
+
+    /// Nothing stands there.
+    pub(super) fn remove(&mut self, point: [f64; 2]) {
+        let place = self.place(point);
+        if let Ok(known) = self.marks.binary_search_by_key(&place, |mark| mark.place) {
+            self.marks.remove(known);
         }
     }
 
@@ -120,19 +152,25 @@ impl Marks {
         }
     }
 
-    /// Nothing stands there, unless it was seen just now.
-    pub(super) fn remove_before(&mut self, now: Stamp, point: [f64; 2]) {
+    /// A beam got through here: what is marked in this cell is not there, unless it was seen just now, or is
+    /// thin and was seen where this beam does not look.
+    pub(super) fn remove_before(&mut self, now: Stamp, point: [f64; 2], is_seen: impl Fn([f64; 2]) -> bool) {
         let place = self.place(point);
         if let Ok(known) = self.marks.binary_search_by_key(&place, |mark| mark.place)
             && self.marks[known].seen < now
+            && (!self.marks[known].thin || is_seen(self.marks[known].at))
         {
             self.marks.remove(known);
         }
     }
 
-    pub(super) fn retain(&mut self, keep: impl Fn([f64; 2]) -> bool) {
+    /// Keeps those for which this is true: of their cell's middle, or of where they were seen if they are thin.
+    pub(super) fn retain(&mut self, keep: impl Fn([f64; 2], bool) -> bool) {
         let (resolution_m, origin_m) = (self.resolution_m, self.origin_m);
-        self.marks.retain(|mark| keep(middle(resolution_m, origin_m, mark.place)));
+        self.marks.retain(|mark| match mark.thin {
+            true => keep(mark.at, true),
+            false => keep(middle(resolution_m, origin_m, mark.place), false),
+        });
     }
 
     pub(super) fn fade(&mut self, now: Stamp) {

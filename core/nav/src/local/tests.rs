@@ -259,3 +259,27 @@ fn a_new_mark_beside_an_older_one_takes_nothing_back_that_was_seen_free_since() 
     let unseen = layer.unseen_around(now, 0.3);
     assert!(!unseen.iter().any(|at| (at[0] - 0.525).abs() < 0.026 && (at[1] + 0.175).abs() < 0.026));
 }
+
+/// Two centimetres beside the third beam's middle stands a leg that only this beam has seen.
+#[test]
+fn a_beam_that_passes_beside_something_thin_does_not_take_it_away() {
+    let mut layer = LocalLayer::new(car(), None);
+    let now = look(&mut layer, 0, 3, &scan(third(30.0)), None);
+    assert_eq!(layer.obstacles(now).count(), 1);
+    let beside = |left_m: f64| BumperScan { pose: MapPose { y_m: left_m, ..HERE }, ..scan(NOTHING) };
+    let now = look(&mut layer, 200, 5, &beside(0.02), None);
+    assert_eq!(layer.obstacles(now).count(), 1, "no beam has looked where it was seen");
+    let now = look(&mut layer, 600, 2, &beside(0.0), None);
+    assert_eq!(layer.obstacles(now).count(), 0);
+}
+
+#[test]
+fn something_broad_is_taken_away_by_any_beam_through_its_cells() {
+    let mut layer = LocalLayer::new(car(), None);
+    let broad = [None, None, Some(30.0), Some(30.0), None, None];
+    let now = look(&mut layer, 0, 3, &scan(broad), None);
+    assert_eq!(layer.obstacles(now).count(), 2);
+    let beside = BumperScan { pose: MapPose { y_m: 0.012, ..HERE }, ..scan(NOTHING) };
+    let now = look(&mut layer, 200, 2, &beside, None);
+    assert_eq!(layer.obstacles(now).count(), 0);
+}

@@ -14,12 +14,12 @@ use crate::path::Path;
 pub(super) const GOES_ON_M: f64 = 0.40;
 /// From the middle of a bumper to either side a beam looks, in m: the outermost, and half of the way to
 /// where its neighbour would be.
-const SIGHT_HALF_WIDTH_M: f64 = 0.175 + 0.034;
+pub(super) const SIGHT_HALF_WIDTH_M: f64 = 0.175 + 0.034;
 /// As far ahead as a beam is sure to see something, in m.
-const SIGHT_M: f64 = 0.35;
+pub(super) const SIGHT_M: f64 = 0.35;
 /// From where something comes into sight to where it is touched, at least, in m of way: the time to see it
 /// twice, to look ahead, and to stop from 0.2 m/s.
-const STOPS_WITHIN_M: f64 = 0.15;
+pub(super) const STOPS_WITHIN_M: f64 = 0.15;
 /// Of what stands nearer than that already: so much nearer is not nearer, in m.
 const NEARER_M: f64 = 0.003;
 /// Way between two looks at the path, in m.

@@ -26,18 +26,42 @@ const BLIND_STOP_M: f64 = 0.12;
 /// Things this far away have nothing to do with the way that is looked at, in m.
 const NEAR_M: f64 = LOOK_M + 0.8;
 /// A recovery that has gone so far is done, in m.
-const RECOVERED_M: f64 = 0.4;
+pub(super) const RECOVERED_M: f64 = 0.4;
 /// What was seen goes on so far where nobody has looked, for a recovery, in m.
 const RECOVERY_UNSEEN_M: f64 = 0.10;
+/// Backing off by this much a range finder's readings are sure again, in m.
+const LOOKS_AGAIN_M: f64 = 0.12;
 /// Recoveries for one goal.
 const RECOVERIES: u32 = 3;
 
 /// A bend is tight from this part of the tightest one's curvature on.
-const TIGHT: f64 = 0.5;
-/// Speed in it, in m/s.
-const BEND_MPS: f64 = 0.12;
+pub(super) const TIGHT: f64 = 0.5;
+/// Speed in it, and where something that is not on the map has been met, in m/s.
+pub(super) const BEND_MPS: f64 = 0.12;
+/// As near as this, in m.
+const MET_M: f64 = 2.0;
 /// And from so far before it on, in m.
 const BEFORE_BEND_M: f64 = 0.06;
+
+/// On its own path the body swings by this to either side, so that its beams pass over the strips between them
+/// and over floor beside the body.
+const SWING_RAD: f64 = 0.105;
+/// On traffic control's path, which keeps the others off.
+const LED_SWING_RAD: f64 = 0.052;
+/// So far ahead what is not on the map counts for it, in m.
+const SWING_LOOK_M: f64 = 0.5;
+/// A corner that swings may take this part of the room beside the body.
+const SWING_ROOM: f64 = 0.45;
+
+/// A way without a path.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Recovery {
+    pub(super) until: Stamp,
+    pub(super) steering: f64,
+    pub(super) from: MapPose,
+    /// Negative = astern.
+    pub(super) way_m: f64,
+}
 
 /// A path under way.
 #[derive(Debug, Clone)]
@@ -62,6 +86,10 @@ pub(super) struct Following {
     obstructed_since: Option<Stamp>,
     /// Least room beside the body ahead, in m.
     clearance_m: f64,
+    /// The same, what is not on the map with it.
+    room_m: f64,
+    /// Something that is not on the map has been met near by.
+    met: bool,
     /// Progress counted so far, in m.
     counted_m: f64,
     /// By other robots.
@@ -94,6 +122,8 @@ impl Following {
             obstructed: None,
             obstructed_since: None,
             clearance_m: 0.0,
+            room_m: 0.0,
+            met: false,
             counted_m: 0.0,
             held: Held::default(),
         }
@@ -107,8 +137,17 @@ impl Following {
             let (_, piece) = self.path.at((way_m + ahead_m).min(self.path.length_m()));
             piece.is_some_and(|piece| piece.curvature_per_m.abs() * radius_m >= TIGHT)
         };
-        let slowly = self.plan == 0 && (tight(0.0) || tight(BEFORE_BEND_M));
+        let slowly = self.plan == 0 && (self.met || tight(0.0) || tight(BEFORE_BEND_M));
         if slowly { BEND_MPS } else { f64::MAX }
+    }
+
+    /// How far it may swing, so that no corner takes more than a part of the room that there is.
+    fn swing_rad(&self, front_m: f64) -> f64 {
+        let most_rad = match self.plan {
+            0 => SWING_RAD,
+            _ => LED_SWING_RAD,
+        };
+        most_rad.min(SWING_ROOM * self.room_m / front_m)
     }
 }
 
@@ -135,12 +174,13 @@ impl Navigator {
             way_m: release_m.min(free_m),
             cruise_mps: following.cruise_mps.min(trusted_mps).min(following.bend_mps(self.car.radius_m)),
             clearance_m: following.clearance_m,
+            swing_rad: following.swing_rad(self.car.front_m),
         };
         let drive = following.follower.step(now, &pose, sensed.speed_mps, &released);
         following.off_m = drive.cross_m;
         if drive.way_m > following.counted_m + PROGRESS_M {
             following.counted_m = drive.way_m;
-            (task.tries, task.lost, task.blocked_at) = (0, 0, None);
+            (task.tries, task.lost, task.touches, task.blocked_at) = (0, 0, 0, None);
         }
         let held = sensed.blocked || drive.status == Status::Stuck(Stuck::NoMotion);
         following.blocked_since = held.then(|| following.blocked_since.unwrap_or(now));
@@ -207,13 +247,19 @@ impl Navigator {
             counting.map(|mark| [mark.x_m, mark.y_m]).collect()
         };
         let here = sensed.estimate.pose;
-        let (mut way_m, mut least_m) = (from_m, f64::MAX);
+        let mut met = local.obstacles(now).chain(local.doubts(now));
+        following.met = met.any(|mark| mark.distance_m([here.x_m, here.y_m]) <= MET_M);
+        let (mut way_m, mut least_m, mut marks_m) = (from_m, f64::MAX, f64::MAX);
         let mut obstructed = None;
         let body = self.car.grown(IN_THE_WAY_M);
         while obstructed.is_none() {
             let (pose, _) = following.path.at(way_m);
             let room_m = floor.clearance.at_least_m(pose.x_m, pose.y_m) - self.car.half_width_m;
             least_m = least_m.min(room_m);
+            if way_m <= from_m + SWING_LOOK_M {
+                let off_m = marks.iter().map(|mark| self.car.distance_m(&pose, *mark));
+                marks_m = off_m.fold(marks_m, f64::min);
+            }
             let there = |point: &[f64; 2]| body.distance_m(&pose, *point) <= 0.0;
             obstructed = marks.iter().copied().find(there).map(|at| (way_m, at));
             if way_m >= to_m {
@@ -223,6 +269,7 @@ impl Navigator {
         }
         // Less room than the margin was accepted by whoever planned the path: no reason to stop there.
         following.clearance_m = least_m.max(MARGIN_M);
+        following.room_m = least_m.min(marks_m).max(0.0);
         // A stop with the look-out's room before it.
         let seen = obstructed.map(|(way_m, at)| (way_m - LOOKOUT_M, at));
         let blind = (following.plan == 0).then(|| {
@@ -278,11 +325,24 @@ impl Navigator {
         if now < until {
             return stand(task.pausing());
         }
+        // What passed by, or was seen from too near, stays there until it backs off and looks again.
+        let folded = self.local.as_ref().and_then(crate::LocalLayer::folded);
+        if let Some(side) = folded.filter(|_| task.recoveries < RECOVERIES) {
+            let (from, way_m) = (sensed.estimate.pose, -side * LOOKS_AGAIN_M);
+            if let Some(steering) = self.way_out(now, &from, way_m, [0.0, 1.0, -1.0]) {
+                task.recoveries += 1;
+                let until = now.plus_ms(RECOVERY_MS);
+                task.stage = Stage::Recovering(Recovery { until, steering, from, way_m });
+                return self.recover(now, sensed, task);
+            }
+        }
         if task.enclosed && task.recoveries < RECOVERIES {
             task.recoveries += 1;
-            if let Some(steering) = self.way_out(now, &sensed.estimate.pose, task.recoveries % 2 == 1) {
+            let side = if task.recoveries % 2 == 1 { 1.0 } else { -1.0 };
+            let from = sensed.estimate.pose;
+            if let Some(steering) = self.way_out(now, &from, -RECOVERED_M, [side, -side, 0.0]) {
                 let until = now.plus_ms(RECOVERY_MS);
-                task.stage = Stage::Recovering { until, steering, from: sensed.estimate.pose };
+                task.stage = Stage::Recovering(Recovery { until, steering, from, way_m: -RECOVERED_M });
                 return self.recover(now, sensed, task);
             }
         }
@@ -290,10 +350,9 @@ impl Navigator {
         stand(Standing::Planning)
     }
 
-    /// The steering with which there is room astern: to one side first, then the other, then straight.
-    fn way_out(&self, now: Stamp, pose: &MapPose, right: bool) -> Option<f64> {
+    /// The first of some steerings with which there is room for so much way, negative = astern.
+    pub(super) fn way_out(&self, now: Stamp, pose: &MapPose, way_m: f64, steerings: [f64; 3]) -> Option<f64> {
         const STEP_M: f64 = 0.04;
-        let side = if right { 1.0 } else { -1.0 };
         let things = self.things_around(now, pose);
         let unverified = self
             .local
@@ -303,15 +362,15 @@ impl Navigator {
         let nears = |pose: &MapPose, point: &[f64; 2]| body.distance_m(pose, *point) <= 0.0;
         // What is that near already does not hold it there.
         let away: Vec<[f64; 2]> = things.into_iter().filter(|point| !nears(pose, point)).collect();
-        [side, -side, 0.0].into_iter().find(|steering| {
-            let back = Piece { length_m: -RECOVERED_M, curvature_per_m: -steering / self.car.radius_m };
-            let steps = libm::ceil(RECOVERED_M / STEP_M) as u32;
+        steerings.into_iter().find(|steering| {
+            let back = Piece { length_m: way_m, curvature_per_m: -steering / self.car.radius_m };
+            let steps = libm::ceil(way_m.abs() / STEP_M) as u32;
             (1..=steps).all(|step| {
-                let there = back.after(pose, -f64::from(step) * STEP_M);
+                let there = back.after(pose, f64::from(step) * STEP_M * way_m.signum());
                 !away.iter().any(|point| nears(&there, point))
             }) && {
                 let path = Path { start: *pose, pieces: vec![back] };
-                blind_on(&path, [0.0, RECOVERED_M], &self.car, &unverified).is_empty()
+                blind_on(&path, [0.0, way_m.abs()], &self.car, &unverified).is_empty()
             }
         })
     }
@@ -336,18 +395,19 @@ impl Navigator {
         things
     }
 
-    /// The memorandum's avoidance (§4.6): astern while turning, as far as there is room.
+    /// The memorandum's avoidance (§4.6), astern while turning, or away from what was touched.
     pub(super) fn recover(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
-        let Stage::Recovering { until, steering, from } = task.stage else {
+        let Stage::Recovering(Recovery { until, steering, from, way_m }) = task.stage else {
             return stand(Standing::Planning);
         };
         let gone_m = distance_m(&from, &sensed.estimate.pose);
-        if now >= until || gone_m >= RECOVERED_M || (sensed.blocked && sensed.speed_mps == 0.0) {
+        if now >= until || gone_m >= way_m.abs() || (sensed.blocked && sensed.speed_mps == 0.0) {
             task.stage = Stage::Pausing { until: now.plus_ms(PAUSE_MS / 6) };
             task.enclosed = false;
             return stand(Standing::WayBlocked);
         }
-        let rpm = WheelRpm::try_from(-RECOVERY_MPS / self.vehicle.mps_per_rpm()).unwrap_or(WheelRpm::ZERO);
+        let rpm = WheelRpm::try_from(RECOVERY_MPS * way_m.signum() / self.vehicle.mps_per_rpm())
+            .unwrap_or(WheelRpm::ZERO);
         let steering = Steering::try_from(steering).unwrap_or(Steering::CENTRED);
         Decision::Go(Command::Follow { rpm, steering }, None)
     }

@@ -67,6 +67,8 @@ pub struct PlanJob {
     /// Whether it may go and look first.
     pub(super) may_look: bool,
     pub(super) car: Car,
+    /// As fast as it drives on a straight way.
+    pub(super) cruise_mps: f64,
     pub(super) start: MapPose,
     pub(super) aim: Aim,
     /// Robots that stand around.
@@ -215,7 +217,10 @@ impl Search<'_> {
                 continue;
             }
             match self.plan_looking(planner, care, unseen) {
-                Ok(path) => return Ok(Planned { path, look: false }),
+                Ok(path) => {
+                    let path = self.least_unseen(planner, care, unseen, path);
+                    return Ok(Planned { path, look: false });
+                }
                 Err(failure) => last = failure,
             }
             if index == 0
@@ -318,10 +323,29 @@ impl Search<'_> {
         local: &[[f64; 2]],
         unseen: &[[f64; 2]],
     ) -> Result<GridSpace, PlanFailure> {
+        let car = Car { radius_m: self.car.radius_m * RADIUS_FACTOR, ..self.car };
+        self.space_for(&car, care, local, unseen)
+    }
+
+    /// The same for a car that turns as tightly as this one.
+    pub(super) fn space_for(
+        &self,
+        car: &Car,
+        care: &Care,
+        local: &[[f64; 2]],
+        unseen: &[[f64; 2]],
+    ) -> Result<GridSpace, PlanFailure> {
         let margin_m = care.margin_m;
-        let car = Car { radius_m: self.car.radius_m * RADIUS_FACTOR, ..self.car.grown(margin_m) };
+        let car = car.grown(margin_m);
         let zones = self.zones(care, unseen);
-        let things = [local, &self.bodies].concat();
+        let mut things = [local, &self.bodies].concat();
+        if care.unseen_m > 0.0 {
+            let half_m = self.floor.map.grid().resolution_m() / 2.0;
+            let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]];
+            things.extend(local.iter().flat_map(|[x_m, y_m]| {
+                corners.map(|[east, north]| [x_m + east * half_m, y_m + north * half_m])
+            }));
+        }
         let layers = Layers {
             grid: self.floor.map.grid(),
             zones: Some(&zones),

@@ -104,6 +104,9 @@ impl Navigator {
     /// [`ALONE_AFTER_MS`] a robot that stands at the end of what was released looks for itself.
     pub(super) fn follow_lead(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) {
         let stands = sensed.stands();
+        if task.is_touching() {
+            return;
+        }
         if !self.led.leads(now) {
             if self.led.may_lead(now) {
                 return;

@@ -154,7 +154,9 @@ impl Fault {
             }
             Self::InfraredOutOfRange => "check its wire: `robot-agent check-hardware` shows each reading",
             Self::Runaway => "switch the motor's power off, then look at speed control and encoder",
-            Self::Stalled => "see what holds the wheels; if nothing does, check the encoder's wire",
+            Self::Stalled => {
+                "see what holds the wheels; if nothing does, check the encoder's wire, and raise vehicle.guard.stall_counts for an ESC with a larger dead band"
+            }
             Self::BatteryLow => "bring it home and charge it",
             Self::BatteryCritical => "switch it off and charge it",
             Self::OdometryScale => {

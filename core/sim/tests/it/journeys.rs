@@ -101,20 +101,20 @@ impl Hinder {
 }
 
 /// A room as the planner sees it.
-struct Room {
-    world: World,
+pub(crate) struct Room {
+    pub(crate) world: World,
     space: GridSpace,
 }
 
 impl Room {
     /// As the robot plans first.
-    fn of(world: World) -> Self {
+    pub(crate) fn of(world: World) -> Self {
         let grid = world.chart(0.05).unwrap();
         Self::with(world, &grid, 0.06, RADIUS_FACTOR)
     }
 
     /// With everything that stands there, by the rules of the map (what was put there has none).
-    fn knowing(world: &World, margin_m: f64, radius_factor: f64) -> Self {
+    pub(crate) fn knowing(world: &World, margin_m: f64, radius_factor: f64) -> Self {
         let grid = world.chart(0.05).unwrap();
         Self::with(world.clone(), &grid, margin_m, radius_factor)
     }
@@ -134,7 +134,7 @@ impl Room {
     }
 
     /// A pose at which it can stand, with room to drive off.
-    fn pose(&self, draw: &mut Draw) -> MapPose {
+    pub(crate) fn pose(&self, draw: &mut Draw) -> MapPose {
         let bounds = self.space.bounds();
         loop {
             let pose = MapPose {
@@ -148,7 +148,7 @@ impl Room {
         }
     }
 
-    fn path(&self, start: &MapPose, goal: &MapPose, with_yaw: bool) -> Option<Path> {
+    pub(crate) fn path(&self, start: &MapPose, goal: &MapPose, with_yaw: bool) -> Option<Path> {
         let goal = Goal {
             x_m: goal.x_m,
             y_m: goal.y_m,

@@ -21,6 +21,7 @@ mod goto;
 mod guards;
 mod hazards;
 mod journeys;
+mod legs;
 mod levelling;
 mod lifelong;
 mod meetings;

@@ -68,7 +68,7 @@ fn pilot(seed: u64) -> (Pilot, VehicleConfig, Released) {
     let (vehicle, course) = (VehicleConfig::default(), course(0.35));
     let car = Car::of(&vehicle);
     let pilot = Pilot::new(&course, &course.path(seed, &car), &car, seed);
-    (pilot, vehicle, Released { way_m: f64::INFINITY, cruise_mps: 0.35, clearance_m: 1.0 })
+    (pilot, vehicle, Released { way_m: f64::INFINITY, cruise_mps: 0.35, clearance_m: 1.0, swing_rad: 0.0 })
 }
 
 #[test]

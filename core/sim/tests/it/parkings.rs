@@ -224,7 +224,12 @@ fn park(seed: u64, course: &Course) -> Parked {
     let car = Car::of(&vehicle);
     let path = course.path(seed, &car);
     let mut pilot = Pilot::new(course, &path, &car, seed);
-    let limits = Released { way_m: f64::INFINITY, cruise_mps: course.cruise_mps, clearance_m: CLEARANCE_M };
+    let limits = Released {
+        way_m: f64::INFINITY,
+        cruise_mps: course.cruise_mps,
+        clearance_m: CLEARANCE_M,
+        swing_rad: 0.0,
+    };
     let stops = path.cusps() + 1;
     let most_s = PATIENCE * path.length_m() / course.cruise_mps + PATIENCE_S * stops as f64;
     let (mut beside_m, mut outside_m, mut overshoot_m): (f64, f64, f64) = (0.0, 0.0, 0.0);

@@ -191,3 +191,35 @@ fn the_board_keeps_its_rates() {
     let expected = 100 + 10 + 1;
     assert_eq!(status, expected, "10 s / 100 ms, an answer to each set-up, and the watchdog's rest");
 }
+
+/// Volts of the sensor 3.5 cm to the left with a post of this width, its middle so far to the beam's left.
+fn post_v(gap_m: f64, width_m: f64, off_m: f64) -> f64 {
+    let mut simulation = facing(3.0, 3);
+    // North is up: left is west.
+    let post =
+        BoxSpec { x_m: -0.035 - off_m, y_m: gap_m + width_m / 2.0, width_m, depth_m: width_m, yaw_rad: 0.0 };
+    simulation.put_box("post", post).unwrap();
+    let scans = scans(&mut simulation, 2.0);
+    let late = &scans[scans.len() / 2..];
+    late.iter().map(|s| s.ir_front[2].volts()).sum::<f64>() / late.len() as f64
+}
+
+/// 6 cm at 80 cm and 7.5 mm at the lens make 1.4 cm to either side at 30 cm.
+#[test]
+fn a_post_is_seen_as_far_beside_a_beam_as_the_beam_is_wide() {
+    let wall_v = mean_front_v(0.3);
+    for side in [1.0, -1.0] {
+        let seen = |off_m: f64| post_v(0.3, 0.02, side * off_m);
+        assert!((seen(0.0) - wall_v).abs() < 0.05 && (seen(0.022) - wall_v).abs() < 0.05, "{wall_v}");
+        assert!(seen(0.027) < 0.45, "beside the beam: {}", seen(0.027));
+    }
+}
+
+/// A leg of 2 cm midway between two beams is seen by neither, down to the bumper.
+#[test]
+fn what_stands_midway_between_two_beams_no_beam_sees() {
+    for cm in [5, 10, 20, 30, 40] {
+        let volts = post_v(f64::from(cm) / 100.0, 0.02, 0.035);
+        assert!(volts < 0.45, "{volts} V at {cm} cm");
+    }
+}

@@ -26,7 +26,7 @@ const REASONS = {
   battery_critical: ["the battery is nearly empty", "charge it, then reset"],
   board_lost: ["the I/O board is lost", "look at its cable and its power, then reset"],
   gyro_lost: ["the gyro is lost", "look at its cable and its power, then reset"],
-  stalled: ["the motor was driven and the wheels did not turn", "look whether it is stuck"],
+  stalled: ["the motor was driven and the wheels did not turn", "look whether it is stuck; if nothing holds it, see vehicle.guard.stall_counts in its configuration"],
   remote_neutral: ["the remote control drives, its stick is neutral", "switch its selector to the computer"],
   remote_lost: ["the remote control is lost", "switch the transmitter on"],
   over_speed: ["the remote control drives too fast", "drive slower, or away from the obstacle"],

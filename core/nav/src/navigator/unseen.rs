@@ -1,0 +1,103 @@
+//! How much floor a path takes the body over that nobody has looked at.
+//!
+//! Turning does it: the inner side of a bend and the tail pass over some 3 dm² a radian that no beam gets to,
+//! whatever the radius. Nothing can be done about that in passing; but of several ways the one that turns
+//! less, turns wider, or turns where it has looked, is worth some time. How much depends on what is known of
+//! the place: where something that is not on the map has been met, more of it is likely.
+
+use super::blind::blind_on;
+use super::follow::{BEND_MPS, TIGHT};
+use super::job::{Care, Search};
+use crate::car::Car;
+use crate::path::Path;
+use crate::planner::Planner;
+use crate::space::GridSpace;
+use std::collections::BTreeSet;
+
+/// Circles that are tried beside the tightest, as multiples of its radius.
+const WIDER: [f64; 2] = [2.0, 3.5];
+/// What the search for one of these may cost: where it is not easy, it is not worth it.
+const EXPANSIONS: usize = 8_000;
+/// As much time is a square metre of such floor worth, in s.
+const WORTH_S_PER_M2: f64 = 60.0;
+/// And where something that is not on the map stands this near to the way, in m …
+const NEAR_M: f64 = 3.0;
+/// … this much.
+const WORTH_NEAR_S_PER_M2: f64 = 1000.0;
+/// A change of gear takes this long, in s.
+const CUSP_S: f64 = 1.5;
+/// Between two poses at which the body is laid on the floor, in m.
+const STEP_M: f64 = 0.04;
+/// Longer paths are taken as they are, in m.
+const MOST_M: f64 = 30.0;
+
+impl Search<'_> {
+    /// This path, or a better one with wider bends.
+    pub(super) fn least_unseen(
+        &self,
+        planner: &mut Planner,
+        care: &Care,
+        unseen: &[[f64; 2]],
+        path: Path,
+    ) -> Path {
+        if path.length_m() > MOST_M {
+            return path;
+        }
+        let near = self.local.iter().chain(&self.stale).any(|[x_m, y_m]| {
+            let near = |(pose, _): (crate::MapPose, _)| libm::hypot(pose.x_m - x_m, pose.y_m - y_m) <= NEAR_M;
+            near(path.at(0.0)) || near(path.at(path.length_m() / 2.0)) || near(path.at(path.length_m()))
+        });
+        let valued = |path: Path, space: &GridSpace| {
+            let (worth, (path, unseen_m2)) = match near {
+                true => (WORTH_NEAR_S_PER_M2, self.looking_aside(space, &path)),
+                false => (WORTH_S_PER_M2, (path.clone(), self.unseen_m2(&path))),
+            };
+            (self.duration_s(&path) + worth * unseen_m2, path)
+        };
+        let Ok(space) = self.space(care, &self.local, unseen) else { return path };
+        let mut best = valued(path, &space);
+        for wider in WIDER {
+            let car = Car { radius_m: self.car.radius_m * wider, ..self.car };
+            let Ok(wide) = self.space_for(&car, care, &self.local, unseen) else { continue };
+            let Ok(path) = self.search(planner, &wide, &self.goal(), EXPANSIONS) else { continue };
+            if self.blind(&path).is_empty() {
+                let other = valued(path, &space);
+                best = if other.0 < best.0 { other } else { best };
+            }
+        }
+        best.1
+    }
+
+    /// About how long it takes.
+    fn duration_s(&self, path: &Path) -> f64 {
+        let tight = |curvature_per_m: f64| curvature_per_m.abs() * self.car.radius_m >= TIGHT;
+        let driven_s: f64 = path
+            .pieces
+            .iter()
+            .map(|piece| {
+                let mps = if tight(piece.curvature_per_m) { BEND_MPS } else { self.cruise_mps };
+                piece.length_m.abs() / mps
+            })
+            .sum();
+        let cusps = path.pieces.windows(2).filter(|pair| pair[0].gear() != pair[1].gear()).count();
+        driven_s + CUSP_S * cusps as f64
+    }
+
+    /// Floor that the body passes over before anybody has looked there.
+    fn unseen_m2(&self, path: &Path) -> f64 {
+        let grid = self.floor.map.grid();
+        let side_m = grid.resolution_m();
+        let mut cells = BTreeSet::new();
+        let steps = libm::ceil(path.length_m() / STEP_M) as u32;
+        for step in 0..=steps {
+            let (pose, _) = path.at(f64::from(step) * STEP_M);
+            for [x_m, y_m] in super::job::points_of(&self.car, &pose) {
+                cells.insert(grid.place(x_m, y_m));
+            }
+        }
+        let middles = cells.into_iter().map(|(column, row)| grid.centre_m(column, row));
+        let unknown: Vec<[f64; 2]> = middles.filter(|at| !self.layer.is_known_free(*at)).collect();
+        let blind = blind_on(path, [0.0, path.length_m()], &self.car, &unknown);
+        blind.len() as f64 * side_m * side_m
+    }
+}
