@@ -14,6 +14,7 @@
 //! it any more.
 
 use super::blind::{SIGHT_M, STOPS_WITHIN_M};
+use super::follow::TIGHT;
 use super::job::Search;
 use crate::car::Car;
 use crate::path::{Path, Piece};
@@ -53,10 +54,8 @@ const ON_M: f64 = 0.15;
 const BESIDE_M: f64 = 0.175 + 0.012 + 0.010;
 /// And so much more where the body swings.
 const SWING_M: f64 = 0.045;
-/// It does from so far behind a stop until so far before one, in m, …
+/// It does from so far behind a stop until so far before one, in m, but not in a tight bend.
 const SWINGS_M: [f64; 2] = [0.10, 0.25];
-/// … unless the bend has this part of the tightest one's curvature.
-const TIGHT: f64 = 0.5;
 
 impl Search<'_> {
     /// The path with looks aside before its bends, where that is worth its time, and how much floor near to

@@ -327,27 +327,37 @@ impl Navigator {
         }
         // What passed by, or was seen from too near, stays there until it backs off and looks again.
         let folded = self.local.as_ref().and_then(crate::LocalLayer::folded);
-        if let Some(side) = folded.filter(|_| task.recoveries < RECOVERIES) {
-            let (from, way_m) = (sensed.estimate.pose, -side * LOOKS_AGAIN_M);
-            if let Some(steering) = self.way_out(now, &from, way_m, [0.0, 1.0, -1.0]) {
-                task.recoveries += 1;
-                let until = now.plus_ms(RECOVERY_MS);
-                task.stage = Stage::Recovering(Recovery { until, steering, from, way_m });
-                return self.recover(now, sensed, task);
-            }
+        if let Some(side) = folded.filter(|_| task.recoveries < RECOVERIES)
+            && let Some(decision) = self.get_out(now, sensed, task, -side * LOOKS_AGAIN_M, [0.0, 1.0, -1.0])
+        {
+            task.recoveries += 1;
+            return decision;
         }
         if task.enclosed && task.recoveries < RECOVERIES {
             task.recoveries += 1;
             let side = if task.recoveries % 2 == 1 { 1.0 } else { -1.0 };
-            let from = sensed.estimate.pose;
-            if let Some(steering) = self.way_out(now, &from, -RECOVERED_M, [side, -side, 0.0]) {
-                let until = now.plus_ms(RECOVERY_MS);
-                task.stage = Stage::Recovering(Recovery { until, steering, from, way_m: -RECOVERED_M });
-                return self.recover(now, sensed, task);
+            if let Some(decision) = self.get_out(now, sensed, task, -RECOVERED_M, [side, -side, 0.0]) {
+                return decision;
             }
         }
         task.seek();
         stand(Standing::Planning)
+    }
+
+    /// So much way without a path, with the first of some steerings for which there is room.
+    fn get_out(
+        &mut self,
+        now: Stamp,
+        sensed: &Sensed<'_>,
+        task: &mut Task,
+        way_m: f64,
+        steerings: [f64; 3],
+    ) -> Option<Decision> {
+        let from = sensed.estimate.pose;
+        let steering = self.way_out(now, &from, way_m, steerings)?;
+        let until = now.plus_ms(RECOVERY_MS);
+        task.stage = Stage::Recovering(Recovery { until, steering, from, way_m });
+        Some(self.recover(now, sensed, task))
     }
 
     /// The first of some steerings with which there is room for so much way, negative = astern.

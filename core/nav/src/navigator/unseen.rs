@@ -1,9 +1,9 @@
 //! How much floor a path takes the body over that nobody has looked at.
 //!
 //! Turning does it: the inner side of a bend and the tail pass over some 3 dm² a radian that no beam gets to,
-//! whatever the radius. Nothing can be done about that in passing; but of several ways the one that turns
-//! less, turns wider, or turns where it has looked, is worth some time. How much depends on what is known of
-//! the place: where something that is not on the map has been met, more of it is likely.
+//! whatever the radius. So of several ways the one that turns less, turns wider, or turns where it has looked,
+//! is worth some time. How much depends on what is known of the place: where something that is not on the map
+//! has been met, more of it is likely, and it also looks aside (`aside.rs`).
 
 use super::blind::blind_on;
 use super::follow::{BEND_MPS, TIGHT};
