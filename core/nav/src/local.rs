@@ -25,7 +25,7 @@ pub use marks::LocalObstacle;
 
 use crate::{Car, Cell, Grid, MapPose};
 use beams::{Beam, Foldback, Sight, beams};
-use marks::Marks;
+use marks::{Marks, Part};
 use xtb_control::infrared::BumperRanges;
 use xtb_control::units::Stamp;
 
@@ -39,9 +39,11 @@ const BEFORE_HIT_M: f64 = 0.08;
 /// A beam that gets through speaks for this much to either side: half of the way to its neighbour, in m.
 const BESIDE_BEAM_M: f64 = 0.034;
 /// Farther away a reading does not say well enough where, in m.
-const THIN_WITHIN_M: f64 = 0.35;
+const SURE_WITHIN_M: f64 = 0.35;
 /// Two beams that hit at the same distance, within this, in m, hit the same thing.
 const SAME_M: f64 = 0.15;
+/// As near as this to something broad a mark belongs to it, in m.
+const BROAD_M: f64 = 0.30;
 /// Something thin is in a beam only this near to its middle, in m.
 const THIN_M: f64 = 0.015;
 /// What was seen so little inside the body may stand right beside it, in m.
@@ -132,14 +134,14 @@ impl LocalLayer {
         for (n, (beam, sight)) in beams.iter().zip(sights).enumerate() {
             match sight {
                 Sight::Folded(point) if !known(point) => {
-                    self.marks.see_part(now, point, false, self.fades_ms, JOINS_M)
+                    self.marks.see_part(now, point, Part::Some, self.fades_ms, JOINS_M)
                 }
                 Sight::Hit { from_m, to_m } => {
                     let steps = libm::ceil((to_m - from_m) / known_m).max(1.0);
                     let place = |step: u32| beam.at(from_m + f64::from(step) / steps * (to_m - from_m));
                     if !(0..=steps as u32).any(|step| known(place(step))) {
-                        let thin = from_m <= THIN_WITHIN_M && is_alone(&sights, n);
-                        self.marks.see_part(now, beam.at(to_m), thin, self.fades_ms, JOINS_M);
+                        let part = part(&sights, n);
+                        self.marks.see_part(now, beam.at(to_m), part, self.fades_ms, JOINS_M);
                     }
                 }
                 Sight::Folded(_) | Sight::Free { .. } => {}
@@ -157,8 +159,8 @@ impl LocalLayer {
         self.stand_on(now, &pose);
         let beside = |point| is_beside(&car, &pose, point);
         self.marks.hold(now.plus_ms(self.fades_ms), self.fades_beside_ms, beside);
-        self.marks.retain(|point, thin| {
-            (if thin { inside } else { car }).distance_m(&pose, point) > 0.0
+        self.marks.retain(|point, sure| {
+            (if sure { inside } else { car }).distance_m(&pose, point) > 0.0
                 && others.iter().all(|(there, other)| other.distance_m(there, point) > known_m)
         });
     }
@@ -230,6 +232,12 @@ impl LocalLayer {
     /// What stood there and nothing has shown to be gone since, though it was not seen for long.
     pub fn doubts(&self, now: Stamp) -> impl Iterator<Item = LocalObstacle> {
         self.marks.doubtful(now)
+    }
+
+    /// Where something thin was met, like the leg of a table: only one beam at a time has seen it, or none, and
+    /// nothing broad stands beside it. Nothing has shown since that it is gone.
+    pub fn thin(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.marks.thin(BROAD_M)
     }
 
     /// Cells within `reach_m` of what stands there now that nothing has shown to be free since: as far as
@@ -312,17 +320,20 @@ impl LocalLayer {
     }
 }
 
-/// Whether no neighbour of this beam sees something as near: what it hits is thin.
-fn is_alone(sights: &[Sight; 12], n: usize) -> bool {
-    let Sight::Hit { to_m, .. } = sights[n] else { return false };
+/// What this beam, which hits something, and its neighbours say of that.
+fn part(sights: &[Sight; 12], n: usize) -> Part {
+    let Sight::Hit { from_m, to_m } = sights[n] else { return Part::Some };
     let bumper = n / 6 * 6..n / 6 * 6 + 6;
-    [n.wrapping_sub(1), n + 1].into_iter().filter(|other| bumper.contains(other)).all(|other| {
-        match sights[other] {
-            Sight::Hit { to_m: there_m, .. } => (there_m - to_m).abs() > SAME_M,
-            Sight::Folded(_) => false,
-            Sight::Free { .. } => true,
-        }
-    })
+    let beside = || [n.wrapping_sub(1), n + 1].into_iter().filter(|other| bumper.contains(other));
+    let same = |other| matches!(sights[other], Sight::Hit { to_m: there_m, .. } if (there_m - to_m).abs() <= SAME_M);
+    let unsure = |other| matches!(sights[other], Sight::Folded(_));
+    if beside().any(same) {
+        Part::Broad
+    } else if from_m <= SURE_WITHIN_M && !beside().any(unsure) {
+        Part::AloneNear
+    } else {
+        Part::Some
+    }
 }
 
 /// Whether a point lies to the left or right of the body, where no beam gets to.

@@ -34,8 +34,10 @@ struct Mark {
     place: (i64, i64),
     /// Where in it something was seen last.
     at: [f64; 2],
-    /// No two beams have seen it at once.
-    thin: bool,
+    /// Two beams have seen it at once.
+    broad: bool,
+    /// One has, and no other, from so near that the place is sure.
+    near: bool,
     first: Stamp,
     seen: Stamp,
     /// It counts as long as this.
@@ -47,6 +49,22 @@ impl Mark {
     fn counts(&self) -> bool {
         self.times >= COUNTS_FROM
     }
+
+    /// A beam that does not look just there says nothing about it.
+    fn is_sure(&self) -> bool {
+        self.near && !self.broad
+    }
+}
+
+/// What one reading says of a thing besides its place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Part {
+    /// A neighbouring beam sees it as well.
+    Broad,
+    /// No other beam sees it, from so near that the place is sure.
+    AloneNear,
+    /// Nothing.
+    Some,
 }
 
 #[derive(Debug, Clone)]
@@ -101,14 +119,14 @@ impl Marks {
                 let index = self.marks.partition_point(|mark| mark.place < place);
                 self.marks.insert(
                     index,
-                    Mark { place, at: point, first: now, seen: now, fades, times: 1, thin: false },
+                    Mark { place, at: point, first: now, seen: now, fades, times: 1, broad: false, near: false },
                 );
             }
         }
     }
 
     /// Part of a thing was seen there: it has stood there for as long as the marks that it joins.
-    pub(super) fn see_part(&mut self, now: Stamp, point: [f64; 2], thin: bool, fades_ms: u64, joins_m: f64) {
+    pub(super) fn see_part(&mut self, now: Stamp, point: [f64; 2], part: Part, fades_ms: u64, joins_m: f64) {
         let joined = self.counting(now).filter(|mark| mark.distance_m(point) <= joins_m);
         let since = joined.map(|mark| mark.first).min();
         let (row, column) = self.place(point);
@@ -118,8 +136,11 @@ impl Marks {
         if let Ok(seen) = self.marks.binary_search_by_key(&(row, column), |mark| mark.place) {
             let mark = &mut self.marks[seen];
             mark.first = mark.first.min(since.unwrap_or(mark.first));
-            mark.thin = thin && (mark.thin || mark.times == 1);
-            mark.times = if lately && thin { mark.times.max(COUNTS_FROM) } else { mark.times };
+            mark.broad |= part == Part::Broad;
+            if part == Part::AloneNear {
+                mark.near = true;
+                mark.times = if lately { mark.times.max(COUNTS_FROM) } else { mark.times };
+            }
         }
     }
 
@@ -153,21 +174,21 @@ impl Marks {
     }
 
     /// A beam got through here: what is marked in this cell is not there, unless it was seen just now, or is
-    /// thin and was seen where this beam does not look.
+    /// surely in a place at which this beam does not look.
     pub(super) fn remove_before(&mut self, now: Stamp, point: [f64; 2], is_seen: impl Fn([f64; 2]) -> bool) {
         let place = self.place(point);
         if let Ok(known) = self.marks.binary_search_by_key(&place, |mark| mark.place)
             && self.marks[known].seen < now
-            && (!self.marks[known].thin || is_seen(self.marks[known].at))
+            && (!self.marks[known].is_sure() || is_seen(self.marks[known].at))
         {
             self.marks.remove(known);
         }
     }
 
-    /// Keeps those for which this is true: of their cell's middle, or of where they were seen if they are thin.
+    /// Keeps those for which this is true: of their cell's middle, or of where they were seen if that is sure.
     pub(super) fn retain(&mut self, keep: impl Fn([f64; 2], bool) -> bool) {
         let (resolution_m, origin_m) = (self.resolution_m, self.origin_m);
-        self.marks.retain(|mark| match mark.thin {
+        self.marks.retain(|mark| match mark.is_sure() {
             true => keep(mark.at, true),
             false => keep(middle(resolution_m, origin_m, mark.place), false),
         });
@@ -206,6 +227,17 @@ impl Marks {
     /// Those that have faded, and nothing has shown to be gone.
     pub(super) fn doubtful(&self, now: Stamp) -> impl Iterator<Item = LocalObstacle> {
         self.obstacles(move |mark| now > mark.fades)
+    }
+
+    /// Those that only one beam at a time has seen, nothing broad within this, whether faded or not.
+    pub(super) fn thin(&self, apart_m: f64) -> impl Iterator<Item = [f64; 2]> {
+        let counting = || self.marks.iter().filter(|mark| mark.counts());
+        let beside = move |mark: &Mark| {
+            counting().filter(|other| other.broad).any(|other| {
+                libm::hypot(other.at[0] - mark.at[0], other.at[1] - mark.at[1]) <= apart_m
+            })
+        };
+        counting().filter(move |mark| !mark.broad && !beside(mark)).map(|mark| mark.at)
     }
 
     fn obstacles(&self, meant: impl Fn(&Mark) -> bool) -> impl Iterator<Item = LocalObstacle> {

@@ -7,8 +7,8 @@
 //!    │  │╱   ──► then the bend     that swing out. From a place before the bend, turned, they do.
 //!    └──┘
 //! ```
-//! This is done only where something that is not on the map stands near: where one leg of a table was met
-//! there are more. The path is cut into samples; for each cell of the floor it is known where on the path a
+//! This is done only near something thin that is not on the map: where one leg of a table was met there are
+//! more. The path is cut into samples; for each cell of the floor it is known where on the path a
 //! beam first passes over it and where the body first gets there. A cell that the body gets to first is blind.
 //! Looks are added one by one, each time the one that shows most blind cells for its time, until none is worth
 //! it any more.
@@ -21,7 +21,7 @@ use crate::path::{Path, Piece};
 use crate::space::{GridSpace, Space};
 use crate::{Cell, Grid, MapPose};
 
-/// Around a thing that is not on the map, in m, more is to be expected.
+/// Around something thin, in m, more is to be expected.
 const NEAR_M: f64 = 3.0;
 /// Between two samples of a path, in m.
 const STEP_M: f64 = 0.04;
@@ -61,11 +61,10 @@ impl Search<'_> {
     /// The path with looks aside before its bends, where that is worth its time, and how much floor near to
     /// what has been met stays blind, in m².
     pub(super) fn looking_aside(&self, space: &GridSpace, path: &Path) -> (Path, f64) {
-        let met: Vec<[f64; 2]> = self.local.iter().chain(&self.stale).copied().collect();
         let grid = self.floor.map.grid();
         let is_open = |at: [f64; 2]| {
             let near = |thing: &[f64; 2]| libm::hypot(thing[0] - at[0], thing[1] - at[1]) <= NEAR_M;
-            !self.layer.is_known_free(at) && met.iter().any(near)
+            !self.layer.is_known_free(at) && self.thin.iter().any(near)
         };
         let watched = Watched::new(path, &self.car, grid, &is_open, &self.unverified);
         let (looks, blind_m2) = watched.looks(path, space);

@@ -36,7 +36,7 @@ const RECOVERIES: u32 = 3;
 
 /// A bend is tight from this part of the tightest one's curvature on.
 pub(super) const TIGHT: f64 = 0.5;
-/// Speed in it, and where something that is not on the map has been met, in m/s.
+/// Speed in it, and where something thin that is not on the map has been met, in m/s.
 pub(super) const BEND_MPS: f64 = 0.12;
 /// As near as this, in m.
 const MET_M: f64 = 2.0;
@@ -88,7 +88,7 @@ pub(super) struct Following {
     clearance_m: f64,
     /// The same, what is not on the map with it.
     room_m: f64,
-    /// Something that is not on the map has been met near by.
+    /// Something thin that is not on the map has been met near by.
     met: bool,
     /// Progress counted so far, in m.
     counted_m: f64,
@@ -247,8 +247,8 @@ impl Navigator {
             counting.map(|mark| [mark.x_m, mark.y_m]).collect()
         };
         let here = sensed.estimate.pose;
-        let mut met = local.obstacles(now).chain(local.doubts(now));
-        following.met = met.any(|mark| mark.distance_m([here.x_m, here.y_m]) <= MET_M);
+        let near = |[x_m, y_m]: [f64; 2]| libm::hypot(x_m - here.x_m, y_m - here.y_m) <= MET_M;
+        following.met = local.thin().any(near);
         let (mut way_m, mut least_m, mut marks_m) = (from_m, f64::MAX, f64::MAX);
         let mut obstructed = None;
         let body = self.car.grown(IN_THE_WAY_M);

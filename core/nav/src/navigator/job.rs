@@ -86,6 +86,8 @@ pub(super) struct Search<'a> {
     pub(super) unseen: [Vec<[f64; 2]>; CARES.len()],
     /// Those that are not in sight now, doubts among them.
     pub(super) stale: Vec<[f64; 2]>,
+    /// Where something thin was met.
+    pub(super) thin: Vec<[f64; 2]>,
     /// Where something may stand for all that is known.
     pub(super) unverified: Vec<[f64; 2]>,
     /// Of the robots that stand around, (x, y) in m.
@@ -161,6 +163,7 @@ impl PlanJob {
             local: marks(&|age_ms| age_ms < self.lately_ms),
             unseen: CARES.map(|care| self.layer.unseen_around(self.now, care.unseen_m)),
             stale,
+            thin: self.layer.thin().collect(),
             unverified: self.layer.unverified(
                 self.now,
                 GOES_ON_M,

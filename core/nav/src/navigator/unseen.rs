@@ -2,8 +2,8 @@
 //!
 //! Turning does it: the inner side of a bend and the tail pass over some 3 dm² a radian that no beam gets to,
 //! whatever the radius. So of several ways the one that turns less, turns wider, or turns where it has looked,
-//! is worth some time. How much depends on what is known of the place: where something that is not on the map
-//! has been met, more of it is likely, and it also looks aside (`aside.rs`).
+//! is worth some time. How much depends on what is known of the place: where something thin has been met that is
+//! not on the map, more of it is likely, and it also looks aside (`aside.rs`).
 
 use super::blind::blind_on;
 use super::follow::{BEND_MPS, TIGHT};
@@ -20,7 +20,7 @@ const WIDER: [f64; 2] = [2.0, 3.5];
 const EXPANSIONS: usize = 8_000;
 /// As much time is a square metre of such floor worth, in s.
 const WORTH_S_PER_M2: f64 = 60.0;
-/// And where something that is not on the map stands this near to the way, in m …
+/// And where something thin was met this near to the way, in m …
 const NEAR_M: f64 = 3.0;
 /// … this much.
 const WORTH_NEAR_S_PER_M2: f64 = 1000.0;
@@ -43,7 +43,7 @@ impl Search<'_> {
         if path.length_m() > MOST_M {
             return path;
         }
-        let near = self.local.iter().chain(&self.stale).any(|[x_m, y_m]| {
+        let near = self.thin.iter().any(|[x_m, y_m]| {
             let near = |(pose, _): (crate::MapPose, _)| libm::hypot(pose.x_m - x_m, pose.y_m - y_m) <= NEAR_M;
             near(path.at(0.0)) || near(path.at(path.length_m() / 2.0)) || near(path.at(path.length_m()))
         });
