@@ -45,7 +45,7 @@ const SAME_M: f64 = 0.15;
 /// As near as this to something broad a mark belongs to it, in m.
 const BROAD_M: f64 = 0.30;
 /// Something thin is in a beam only this near to its middle, in m.
-const THIN_M: f64 = 0.015;
+const THIN_M: f64 = 0.007;
 /// What was seen so little inside the body may stand right beside it, in m.
 const GRAZES_M: f64 = 0.03;
 /// A mark as near as this to others belongs to the same thing, in m: two beams, aslant.
@@ -325,7 +325,8 @@ fn part(sights: &[Sight; 12], n: usize) -> Part {
     let Sight::Hit { from_m, to_m } = sights[n] else { return Part::Some };
     let bumper = n / 6 * 6..n / 6 * 6 + 6;
     let beside = || [n.wrapping_sub(1), n + 1].into_iter().filter(|other| bumper.contains(other));
-    let same = |other| matches!(sights[other], Sight::Hit { to_m: there_m, .. } if (there_m - to_m).abs() <= SAME_M);
+    let same =
+        |other| matches!(sights[other], Sight::Hit { to_m: there_m, .. } if (there_m - to_m).abs() <= SAME_M);
     let unsure = |other| matches!(sights[other], Sight::Folded(_));
     if beside().any(same) {
         Part::Broad

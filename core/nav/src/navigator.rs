@@ -464,7 +464,7 @@ impl Navigator {
 
     /// A path that was planned is driven from now on.
     fn take_up(&self, now: Stamp, task: &mut Task, planned: Planned, errand: Errand) {
-        let Planned { path, look } = planned;
+        let Planned { path, look, wary } = planned;
         let exact = look || errand == Errand::Retreat || task.aim.yaw_rad.is_some();
         let tolerance = self.settings.tolerance(exact);
         match Follower::new(&path, &self.car, self.follower.clone(), tolerance) {
@@ -472,6 +472,7 @@ impl Navigator {
                 task.plans += 1;
                 task.looks += u32::from(look);
                 let mut following = Following::own(path, follower, look);
+                following.wary = wary;
                 following.lately_ms = lately_ms(task.tries);
                 following.cruise_mps = self.settings.drive.meeting_mps;
                 following.held.errand = errand;

@@ -4,6 +4,8 @@ use xtb_control::units::Stamp;
 
 /// Seen so often a mark counts: a single reading is a disturbance.
 const COUNTS_FROM: u32 = 2;
+/// Where something is, is the mean of so many readings.
+const MEAN_OF: u32 = 32;
 /// The other one may have been in a cell beside it, within this time: a reading is not that exact.
 const AGAIN_MS: u64 = 500;
 
@@ -32,7 +34,7 @@ impl LocalObstacle {
 struct Mark {
     /// (row, column)
     place: (i64, i64),
-    /// Where in it something was seen last.
+    /// Where in it something was seen, on average.
     at: [f64; 2],
     /// Two beams have seen it at once.
     broad: bool,
@@ -111,7 +113,9 @@ impl Marks {
             Ok(known) => {
                 let mark = &mut self.marks[known];
                 mark.first = if now <= mark.fades { mark.first } else { now };
-                (mark.at, mark.seen, mark.times) = (point, mark.seen.max(now), mark.times.saturating_add(1));
+                (mark.seen, mark.times) = (mark.seen.max(now), mark.times.saturating_add(1));
+                let part = 1.0 / f64::from(mark.times.min(MEAN_OF));
+                mark.at = std::array::from_fn(|axis| mark.at[axis] + part * (point[axis] - mark.at[axis]));
                 mark.fades = mark.fades.max(fades);
             }
             Err(_) => {
@@ -119,7 +123,16 @@ impl Marks {
                 let index = self.marks.partition_point(|mark| mark.place < place);
                 self.marks.insert(
                     index,
-                    Mark { place, at: point, first: now, seen: now, fades, times: 1, broad: false, near: false },
+                    Mark {
+                        place,
+                        at: point,
+                        first: now,
+                        seen: now,
+                        fades,
+                        times: 1,
+                        broad: false,
+                        near: false,
+                    },
                 );
             }
         }
@@ -233,9 +246,9 @@ impl Marks {
     pub(super) fn thin(&self, apart_m: f64) -> impl Iterator<Item = [f64; 2]> {
         let counting = || self.marks.iter().filter(|mark| mark.counts());
         let beside = move |mark: &Mark| {
-            counting().filter(|other| other.broad).any(|other| {
-                libm::hypot(other.at[0] - mark.at[0], other.at[1] - mark.at[1]) <= apart_m
-            })
+            counting()
+                .filter(|other| other.broad)
+                .any(|other| libm::hypot(other.at[0] - mark.at[0], other.at[1] - mark.at[1]) <= apart_m)
         };
         counting().filter(move |mark| !mark.broad && !beside(mark)).map(|mark| mark.at)
     }

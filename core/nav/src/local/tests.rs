@@ -283,3 +283,26 @@ fn something_broad_is_taken_away_by_any_beam_through_its_cells() {
     let now = look(&mut layer, 200, 2, &beside, None);
     assert_eq!(layer.obstacles(now).count(), 0);
 }
+
+/// A leg at the third beam; the robot swings, so that the beam passes over it and then beside it.
+#[test]
+fn a_beam_that_swings_off_something_thin_leaves_its_mark() {
+    let mut layer = LocalLayer::new(car(), None);
+    let at = |left_m: f64, ranges| BumperScan { pose: MapPose { y_m: left_m, ..HERE }, ..scan(ranges) };
+    let lefts_m = (0..10).map(|n| 0.012 - 0.003 * f64::from(n));
+    for (n, left_m) in lefts_m.enumerate() {
+        layer.see(Stamp::from_ms(40 * n as u64), &at(left_m, third(30.0)), None, &[]);
+    }
+    let now = look(&mut layer, 400, 5, &at(-0.021, NOTHING), None);
+    assert_eq!(layer.obstacles(now).count(), 1, "it was seen 2 cm farther to the left, on average");
+}
+
+#[test]
+fn what_one_beam_at_a_time_has_seen_is_thin_until_two_see_it() {
+    let mut layer = LocalLayer::new(car(), None);
+    look(&mut layer, 0, 3, &scan(third(30.0)), None);
+    assert_eq!(layer.thin().count(), 1);
+    let both = [None, None, None, Some(30.0), Some(30.0), None];
+    look(&mut layer, 200, 3, &scan(both), None);
+    assert_eq!(layer.thin().count(), 0, "the one beside something broad belongs to it");
+}

@@ -15,14 +15,11 @@
 
 use super::blind::{SIGHT_M, STOPS_WITHIN_M};
 use super::follow::TIGHT;
-use super::job::Search;
 use crate::car::Car;
 use crate::path::{Path, Piece};
 use crate::space::{GridSpace, Space};
 use crate::{Cell, Grid, MapPose};
 
-/// Around something thin, in m, more is to be expected.
-const NEAR_M: f64 = 3.0;
 /// Between two samples of a path, in m.
 const STEP_M: f64 = 0.04;
 /// Of a path so much is looked at, in m.
@@ -36,13 +33,13 @@ const BEFORE_M: [f64; 9] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0];
 /// Longest way aside, in m.
 const MOST_ASIDE_M: f64 = 0.5;
 /// Looks on one path.
-const MOST_LOOKS: usize = 24;
+const MOST_LOOKS: usize = 64;
 /// The body gets as far as this beyond its outline: off the path, and half of a leg, in m.
 const TOUCH_M: f64 = 0.035;
 /// Side of a cell that is watched, in m.
 const CELL_M: f64 = 0.025;
 /// A look shows so many more blind cells than it is blind for itself, at least.
-const LEAST_CELLS: i32 = 2;
+const LEAST_CELLS: i32 = 1;
 /// A look takes as long as this for its stops, in s, …
 const STOPS_S: f64 = 4.0;
 /// … and its way at this speed, in m/s.
@@ -56,21 +53,6 @@ const BESIDE_M: f64 = 0.175 + 0.012 + 0.010;
 const SWING_M: f64 = 0.045;
 /// It does from so far behind a stop until so far before one, in m, but not in a tight bend.
 const SWINGS_M: [f64; 2] = [0.10, 0.25];
-
-impl Search<'_> {
-    /// The path with looks aside before its bends, where that is worth its time, and how much floor near to
-    /// what has been met stays blind, in m².
-    pub(super) fn looking_aside(&self, space: &GridSpace, path: &Path) -> (Path, f64) {
-        let grid = self.floor.map.grid();
-        let is_open = |at: [f64; 2]| {
-            let near = |thing: &[f64; 2]| libm::hypot(thing[0] - at[0], thing[1] - at[1]) <= NEAR_M;
-            !self.layer.is_known_free(at) && self.thin.iter().any(near)
-        };
-        let watched = Watched::new(path, &self.car, grid, &is_open, &self.unverified);
-        let (looks, blind_m2) = watched.looks(path, space);
-        (with(path, looks), blind_m2)
-    }
-}
 
 /// A way aside, and where on the path it begins.
 #[derive(Debug, Clone, Copy)]
@@ -99,7 +81,7 @@ fn with(path: &Path, mut looks: Vec<Look>) -> Path {
 }
 
 /// The floor around a path.
-struct Watched<'a> {
+pub(super) struct Watched<'a> {
     car: &'a Car,
     /// South-western corner of what is watched.
     first_m: [f64; 2],
@@ -143,7 +125,8 @@ enum Gets {
 }
 
 impl<'a> Watched<'a> {
-    fn new(
+    /// What of the floor that `is_open` is blind on a path. No look leads blindly to one of these `doubts`.
+    pub(super) fn new(
         path: &Path,
         car: &'a Car,
         grid: &'a Grid,
@@ -239,8 +222,19 @@ impl<'a> Watched<'a> {
         touched_m < f64::MAX && self.looked_m[cell] > touched_m - STOPS_WITHIN_M
     }
 
-    /// Looks that are worth their time, and how much floor stays blind, in m².
-    fn looks(mut self, path: &Path, space: &GridSpace) -> (Vec<Look>, f64) {
+    /// How much floor is blind, in m².
+    pub(super) fn blind_m2(&self) -> f64 {
+        let blind = (0..self.looked_m.len()).filter(|cell| self.is_blind(*cell)).count();
+        blind as f64 * CELL_M * CELL_M
+    }
+
+    /// The path with looks aside before its bends, where that is worth its time.
+    pub(super) fn looking_aside(&mut self, path: &Path, space: &GridSpace) -> Path {
+        with(path, self.looks(path, space))
+    }
+
+    /// Looks that are worth their time; what they show is not blind any more.
+    fn looks(&mut self, path: &Path, space: &GridSpace) -> Vec<Look> {
         let (mut looks, mut passed_m) = (Vec::new(), f64::MIN);
         let mut scratch = Aside::new(self.looked_m.len());
         while looks.len() < MOST_LOOKS {
@@ -255,8 +249,7 @@ impl<'a> Watched<'a> {
                 None => passed_m = first_m + ON_M,
             }
         }
-        let blind = (0..self.looked_m.len()).filter(|cell| self.is_blind(*cell)).count();
-        (looks, blind as f64 * CELL_M * CELL_M)
+        looks
     }
 
     /// The look that shows most for its time of what is blind from there on.
@@ -408,11 +401,10 @@ mod tests {
         let planned = Car { radius_m: 1.0 / TIGHT_PER_M, ..car() };
         let space = GridSpace::new(&layers, planned, LookOut { ahead_m: 0.3, half_width_m: 0.2 }).unwrap();
         let (car, path) = (car(), bend());
-        let watched = || Watched::new(&path, &car, &grid, is_open, doubts);
-        let before = watched();
-        let blind = (0..before.looked_m.len()).filter(|cell| before.is_blind(*cell)).count();
-        let (looks, after_m2) = watched().looks(&path, &space);
-        (blind as f64 * CELL_M * CELL_M, looks, after_m2)
+        let mut watched = Watched::new(&path, &car, &grid, is_open, doubts);
+        let before_m2 = watched.blind_m2();
+        let looks = watched.looks(&path, &space);
+        (before_m2, looks, watched.blind_m2())
     }
 
     #[test]

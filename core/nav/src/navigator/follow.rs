@@ -90,6 +90,8 @@ pub(super) struct Following {
     room_m: f64,
     /// Something thin that is not on the map has been met near by.
     met: bool,
+    /// It was planned with that in mind.
+    pub(super) wary: bool,
     /// Progress counted so far, in m.
     counted_m: f64,
     /// By other robots.
@@ -124,6 +126,7 @@ impl Following {
             clearance_m: 0.0,
             room_m: 0.0,
             met: false,
+            wary: true,
             counted_m: 0.0,
             held: Held::default(),
         }
@@ -156,6 +159,10 @@ impl Navigator {
     pub(super) fn follow(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
         let Stage::Following(following) = &mut task.stage else { return stand(Standing::Planning) };
         self.look_ahead(now, sensed, following);
+        if following.met && !following.wary && following.plan == 0 {
+            task.seek();
+            return stand(Standing::Planning);
+        }
         let pose = sensed.estimate.pose;
         let trust = Trust::of(sensed.estimate, following.clearance_m, &self.settings.trust());
         let trusted_mps = match trust {

@@ -125,6 +125,8 @@ pub(super) struct Planned {
     pub(super) path: Path,
     /// It leads to where something can be seen, not to the goal.
     pub(super) look: bool,
+    /// Where something thin turns up on the way it need not be planned anew.
+    pub(super) wary: bool,
 }
 
 /// Why there is no path.
@@ -221,8 +223,7 @@ impl Search<'_> {
             }
             match self.plan_looking(planner, care, unseen) {
                 Ok(path) => {
-                    let path = self.least_unseen(planner, care, unseen, path);
-                    return Ok(Planned { path, look: false });
+                    return Ok(self.least_unseen(planner, care, unseen, path));
                 }
                 Err(failure) => last = failure,
             }
@@ -231,7 +232,7 @@ impl Search<'_> {
                 && stranger
                 && let Some(path) = self.look(planner)
             {
-                return Ok(Planned { path, look: true });
+                return Ok(Planned { path, look: true, wary: true });
             }
         }
         if !stranger {

@@ -43,7 +43,7 @@ impl Search<'_> {
             if let Ok(path) = self.search(planner, &space, &goal, EXPANSIONS)
                 && self.blind(&path).is_empty()
             {
-                return Ok(Planned { path, look: false });
+                return Ok(Planned { path, look: false, wary: true });
             }
         }
         let words = "no way back".to_owned();

@@ -5,14 +5,13 @@
 //! is worth some time. How much depends on what is known of the place: where something thin has been met that is
 //! not on the map, more of it is likely, and it also looks aside (`aside.rs`).
 
-use super::blind::blind_on;
+use super::aside::Watched;
 use super::follow::{BEND_MPS, TIGHT};
-use super::job::{Care, Search};
+use super::job::{Care, Planned, Search};
 use crate::car::Car;
 use crate::path::Path;
 use crate::planner::Planner;
 use crate::space::GridSpace;
-use std::collections::BTreeSet;
 
 /// Circles that are tried beside the tightest, as multiples of its radius.
 const WIDER: [f64; 2] = [2.0, 3.5];
@@ -26,10 +25,15 @@ const NEAR_M: f64 = 3.0;
 const WORTH_NEAR_S_PER_M2: f64 = 1000.0;
 /// A change of gear takes this long, in s.
 const CUSP_S: f64 = 1.5;
-/// Between two poses at which the body is laid on the floor, in m.
-const STEP_M: f64 = 0.04;
 /// Longer paths are taken as they are, in m.
 const MOST_M: f64 = 30.0;
+
+/// A path and what it costs.
+struct Valued {
+    planned: Planned,
+    /// Its time, and what the blind floor is worth, in s.
+    cost_s: f64,
+}
 
 impl Search<'_> {
     /// This path, or a better one with wider bends.
@@ -39,33 +43,36 @@ impl Search<'_> {
         care: &Care,
         unseen: &[[f64; 2]],
         path: Path,
-    ) -> Path {
-        if path.length_m() > MOST_M {
-            return path;
-        }
-        let near = self.thin.iter().any(|[x_m, y_m]| {
-            let near = |(pose, _): (crate::MapPose, _)| libm::hypot(pose.x_m - x_m, pose.y_m - y_m) <= NEAR_M;
-            near(path.at(0.0)) || near(path.at(path.length_m() / 2.0)) || near(path.at(path.length_m()))
-        });
-        let valued = |path: Path, space: &GridSpace| {
-            let (worth, (path, unseen_m2)) = match near {
-                true => (WORTH_NEAR_S_PER_M2, self.looking_aside(space, &path)),
-                false => (WORTH_S_PER_M2, (path.clone(), self.unseen_m2(&path))),
-            };
-            (self.duration_s(&path) + worth * unseen_m2, path)
-        };
-        let Ok(space) = self.space(care, &self.local, unseen) else { return path };
-        let mut best = valued(path, &space);
+    ) -> Planned {
+        let space = self.space(care, &self.local, unseen).ok().filter(|_| path.length_m() <= MOST_M);
+        let Some(space) = space else { return Planned { path, look: false, wary: true } };
+        let mut best = self.valued(path, &space);
         for wider in WIDER {
             let car = Car { radius_m: self.car.radius_m * wider, ..self.car };
             let Ok(wide) = self.space_for(&car, care, &self.local, unseen) else { continue };
             let Ok(path) = self.search(planner, &wide, &self.goal(), EXPANSIONS) else { continue };
             if self.blind(&path).is_empty() {
-                let other = valued(path, &space);
-                best = if other.0 < best.0 { other } else { best };
+                let other = self.valued(path, &space);
+                best = if other.cost_s < best.cost_s { other } else { best };
             }
         }
-        best.1
+        best.planned
+    }
+
+    /// The path with looks aside where something thin was met, and what it costs.
+    fn valued(&self, path: Path, space: &GridSpace) -> Valued {
+        let met =
+            |at: [f64; 2]| self.thin.iter().any(|[x_m, y_m]| libm::hypot(x_m - at[0], y_m - at[1]) <= NEAR_M);
+        let parts = [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| path.at(part * path.length_m()).0);
+        let near = parts.iter().any(|pose| met([pose.x_m, pose.y_m]));
+        let is_open = |at| !self.layer.is_known_free(at) && (!near || met(at));
+        let mut watched = Watched::new(&path, &self.car, self.floor.map.grid(), &is_open, &self.unverified);
+        let (worth, path) = match near {
+            true => (WORTH_NEAR_S_PER_M2, watched.looking_aside(&path, space)),
+            false => (WORTH_S_PER_M2, path),
+        };
+        let cost_s = self.duration_s(&path) + worth * watched.blind_m2();
+        Valued { planned: Planned { path, look: false, wary: near }, cost_s }
     }
 
     /// About how long it takes.
@@ -81,23 +88,5 @@ impl Search<'_> {
             .sum();
         let cusps = path.pieces.windows(2).filter(|pair| pair[0].gear() != pair[1].gear()).count();
         driven_s + CUSP_S * cusps as f64
-    }
-
-    /// Floor that the body passes over before anybody has looked there.
-    fn unseen_m2(&self, path: &Path) -> f64 {
-        let grid = self.floor.map.grid();
-        let side_m = grid.resolution_m();
-        let mut cells = BTreeSet::new();
-        let steps = libm::ceil(path.length_m() / STEP_M) as u32;
-        for step in 0..=steps {
-            let (pose, _) = path.at(f64::from(step) * STEP_M);
-            for [x_m, y_m] in super::job::points_of(&self.car, &pose) {
-                cells.insert(grid.place(x_m, y_m));
-            }
-        }
-        let middles = cells.into_iter().map(|(column, row)| grid.centre_m(column, row));
-        let unknown: Vec<[f64; 2]> = middles.filter(|at| !self.layer.is_known_free(*at)).collect();
-        let blind = blind_on(path, [0.0, path.length_m()], &self.car, &unknown);
-        blind.len() as f64 * side_m * side_m
     }
 }
