@@ -18,14 +18,18 @@
 
 mod beams;
 mod marks;
+mod swept;
 #[cfg(test)]
 mod tests;
+mod thin;
 
 pub use marks::LocalObstacle;
 
 use crate::{Car, Cell, Grid, MapPose};
 use beams::{Beam, Foldback, Sight, beams};
 use marks::{Marks, Part};
+use swept::Swept;
+use thin::{BROAD_M, Thin};
 use xtb_control::infrared::BumperRanges;
 use xtb_control::units::Stamp;
 
@@ -42,8 +46,6 @@ const BESIDE_BEAM_M: f64 = 0.034;
 const SURE_WITHIN_M: f64 = 0.35;
 /// Two beams that hit at the same distance, within this, in m, hit the same thing.
 const SAME_M: f64 = 0.15;
-/// As near as this to something broad a mark belongs to it, in m.
-const BROAD_M: f64 = 0.30;
 /// Something thin is in a beam only this near to its middle, in m.
 const THIN_M: f64 = 0.007;
 /// What was seen so little inside the body may stand right beside it, in m.
@@ -73,6 +75,9 @@ pub struct LocalLayer {
     marks: Marks,
     /// Where nothing stood.
     free: Marks,
+    thin: Thin,
+    /// Where nothing thin stood, while something thin is near.
+    swept: Swept,
     foldback: [Foldback; 12],
     fades_ms: u64,
     fades_beside_ms: u64,
@@ -89,6 +94,8 @@ impl LocalLayer {
     pub const FADES_BESIDE_MS: u64 = 60_000;
     /// How long a mark that has faded stays a doubt.
     pub const DOUBTFUL_MS: u64 = 600_000;
+    /// Around something thin, in m, more of its kind is to be expected.
+    pub const THIN_NEAR_M: f64 = 3.0;
     /// Most cells that are known to be free.
     const MOST_FREE: usize = 4096;
 
@@ -101,6 +108,8 @@ impl LocalLayer {
             car,
             marks: Marks::new(resolution_m, origin_m, Self::MOST_MARKS, Self::DOUBTFUL_MS),
             free: Marks::new(resolution_m, origin_m, Self::MOST_FREE, 0),
+            thin: Thin::default(),
+            swept: Swept::default(),
             foldback: [Foldback::default(); 12],
             fades_ms: Self::FADES_MS,
             fades_beside_ms: Self::FADES_BESIDE_MS,
@@ -121,6 +130,8 @@ impl LocalLayer {
         }
         self.marks.fade(now);
         self.free.fade(now);
+        self.swept.fade(now, self.fades_ms);
+        self.thin.fade(now, Self::DOUBTFUL_MS);
         let known_m = (EXPLAINED_M + 2.0 * scan.sigma_m).clamp(EXPLAINED_M, MOST_EXPLAINED_M);
         let beams = beams(&self.car, &scan.pose);
         let sights: [Sight; 12] = std::array::from_fn(|i| {
@@ -147,14 +158,28 @@ impl LocalLayer {
                 Sight::Folded(_) | Sight::Free { .. } => {}
             }
         }
+        for (at, is_broad) in self.marks.seen_now(now, BROAD_M) {
+            match is_broad {
+                true => self.thin.is_broad(at),
+                false => self.thin.meet(now, at),
+            }
+        }
+        let is_thin_near = self.thin().any(|[x, y]| libm::hypot(x - x_m, y - y_m) <= Self::THIN_NEAR_M);
         for (beam, sight) in beams.iter().zip(sights) {
-            match sight {
-                Sight::Free { to_m } => self.clear_beam(now, beam, to_m),
-                Sight::Hit { from_m, .. } => self.clear_beam(now, beam, from_m - BEFORE_HIT_M),
-                Sight::Folded(_) => {}
+            let to_m = match sight {
+                Sight::Free { to_m } => to_m,
+                Sight::Hit { from_m, .. } => from_m - BEFORE_HIT_M,
+                Sight::Folded(_) => continue,
+            };
+            self.clear_beam(now, beam, to_m);
+            if is_thin_near {
+                self.swept.pass(beam, to_m);
             }
         }
         let (car, pose) = (self.car, scan.pose);
+        if is_thin_near {
+            self.swept.stand(&car, &pose);
+        }
         let inside = car.grown(-GRAZES_M);
         self.stand_on(now, &pose);
         let beside = |point| is_beside(&car, &pose, point);
@@ -201,6 +226,7 @@ impl LocalLayer {
     pub fn touch(&mut self, now: Stamp, places: &[[f64; 2]]) {
         for place in places {
             self.marks.know(now, *place, self.fades_ms);
+            self.thin.meet(now, *place);
         }
     }
 
@@ -215,6 +241,8 @@ impl LocalLayer {
     pub fn clear(&mut self) {
         self.marks.clear();
         self.free.clear();
+        self.thin.clear();
+        self.swept.clear();
         self.foldback = [Foldback::default(); 12];
     }
 
@@ -222,6 +250,12 @@ impl LocalLayer {
     #[must_use]
     pub fn is_known_free(&self, point: [f64; 2]) -> bool {
         self.free.seen(self.free.place(point)).is_some()
+    }
+
+    /// The same for something thin; only within [`LocalLayer::THIN_NEAR_M`] of something thin this is noted.
+    #[must_use]
+    pub fn is_swept(&self, point: [f64; 2]) -> bool {
+        self.swept.holds(point)
     }
 
     /// What stands there now, rows from south to north.
@@ -234,10 +268,10 @@ impl LocalLayer {
         self.marks.doubtful(now)
     }
 
-    /// Where something thin was met, like the leg of a table: only one beam at a time has seen it, or none, and
-    /// nothing broad stands beside it. Nothing has shown since that it is gone.
+    /// Where something thin was met, like the leg of a table, in m. The place is remembered when its mark is
+    /// gone: others of its kind stand around.
     pub fn thin(&self) -> impl Iterator<Item = [f64; 2]> {
-        self.marks.thin(BROAD_M)
+        self.thin.places()
     }
 
     /// Cells within `reach_m` of what stands there now that nothing has shown to be free since: as far as

@@ -41,6 +41,12 @@ impl Beam {
         [self.from_m[0] + m * x - left_m * y, self.from_m[1] + m * y + left_m * x]
     }
 
+    /// How far along it a point is, in m.
+    pub(super) fn along_m(&self, point: [f64; 2]) -> f64 {
+        let [x, y] = self.towards;
+        (point[0] - self.from_m[0]) * x + (point[1] - self.from_m[1]) * y
+    }
+
     /// From its middle to a point, in m.
     pub(super) fn off_m(&self, point: [f64; 2]) -> f64 {
         let [x, y] = self.towards;

@@ -242,15 +242,14 @@ impl Marks {
         self.obstacles(move |mark| now > mark.fades)
     }
 
-    /// Those that only one beam at a time has seen, nothing broad within this, whether faded or not.
-    pub(super) fn thin(&self, apart_m: f64) -> impl Iterator<Item = [f64; 2]> {
+    /// Where something was seen at `now` that counts, and whether it is broad: or something within `apart_m`.
+    pub(super) fn seen_now(&self, now: Stamp, apart_m: f64) -> impl Iterator<Item = ([f64; 2], bool)> {
         let counting = || self.marks.iter().filter(|mark| mark.counts());
-        let beside = move |mark: &Mark| {
-            counting()
-                .filter(|other| other.broad)
-                .any(|other| libm::hypot(other.at[0] - mark.at[0], other.at[1] - mark.at[1]) <= apart_m)
+        let is_broad = move |at: [f64; 2]| {
+            let off_m = |mark: &Mark| libm::hypot(mark.at[0] - at[0], mark.at[1] - at[1]);
+            counting().any(|mark| mark.broad && off_m(mark) <= apart_m)
         };
-        counting().filter(move |mark| !mark.broad && !beside(mark)).map(|mark| mark.at)
+        counting().filter(move |mark| mark.seen == now).map(move |mark| (mark.at, is_broad(mark.at)))
     }
 
     fn obstacles(&self, meant: impl Fn(&Mark) -> bool) -> impl Iterator<Item = LocalObstacle> {

@@ -9,6 +9,7 @@ use super::aside::Watched;
 use super::follow::{BEND_MPS, TIGHT};
 use super::job::{Care, Planned, Search};
 use crate::car::Car;
+use crate::local::LocalLayer;
 use crate::path::Path;
 use crate::planner::Planner;
 use crate::space::GridSpace;
@@ -19,9 +20,7 @@ const WIDER: [f64; 2] = [2.0, 3.5];
 const EXPANSIONS: usize = 8_000;
 /// As much time is a square metre of such floor worth, in s.
 const WORTH_S_PER_M2: f64 = 60.0;
-/// And where something thin was met this near to the way, in m …
-const NEAR_M: f64 = 3.0;
-/// … this much.
+/// And near something thin.
 const WORTH_NEAR_S_PER_M2: f64 = 1000.0;
 /// A change of gear takes this long, in s.
 const CUSP_S: f64 = 1.5;
@@ -61,11 +60,17 @@ impl Search<'_> {
 
     /// The path with looks aside where something thin was met, and what it costs.
     fn valued(&self, path: Path, space: &GridSpace) -> Valued {
-        let met =
-            |at: [f64; 2]| self.thin.iter().any(|[x_m, y_m]| libm::hypot(x_m - at[0], y_m - at[1]) <= NEAR_M);
+        let met = |at: [f64; 2]| {
+            self.thin
+                .iter()
+                .any(|[x_m, y_m]| libm::hypot(x_m - at[0], y_m - at[1]) <= LocalLayer::THIN_NEAR_M)
+        };
         let parts = [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| path.at(part * path.length_m()).0);
         let near = parts.iter().any(|pose| met([pose.x_m, pose.y_m]));
-        let is_open = |at| !self.layer.is_known_free(at) && (!near || met(at));
+        let is_open = |at| match near {
+            true => met(at) && !self.layer.is_swept(at),
+            false => !self.layer.is_known_free(at),
+        };
         let mut watched = Watched::new(&path, &self.car, self.floor.map.grid(), &is_open, &self.unverified);
         let (worth, path) = match near {
             true => (WORTH_NEAR_S_PER_M2, watched.looking_aside(&path, space)),
