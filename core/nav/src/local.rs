@@ -197,7 +197,7 @@ impl LocalLayer {
         if steps >= 0.0 {
             for step in 0..=steps as u32 {
                 let along_m = f64::from(step) * step_m;
-                let is_seen = |at| beam.off_m(at) <= THIN_M;
+                let is_seen = |at| beam.off_m(at) <= THIN_M || !self.thin.is_at(at);
                 self.marks.remove_before(now, beam.at(along_m), is_seen);
                 for left_m in [-BESIDE_BEAM_M, 0.0, BESIDE_BEAM_M] {
                     self.free.see(now, beam.beside(along_m, left_m), self.fades_ms);

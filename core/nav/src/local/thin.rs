@@ -37,6 +37,11 @@ impl Thin {
         self.places.retain(|(_, seen)| now.since_ms(*seen) <= after_ms);
     }
 
+    /// Whether that is one of them.
+    pub(super) fn is_at(&self, at: [f64; 2]) -> bool {
+        self.places().any(|place| off_m(place, at) <= SAME_M)
+    }
+
     pub(super) fn places(&self) -> impl Iterator<Item = [f64; 2]> {
         self.places.iter().map(|(place, _)| *place)
     }

@@ -6,6 +6,7 @@
 //! not on the map, more of it is likely, and it also looks aside (`aside.rs`).
 
 use super::aside::Watched;
+use super::blind::blind_on;
 use super::follow::{BEND_MPS, TIGHT};
 use super::job::{Care, Planned, Search};
 use crate::car::Car;
@@ -13,6 +14,7 @@ use crate::local::LocalLayer;
 use crate::path::Path;
 use crate::planner::Planner;
 use crate::space::GridSpace;
+use std::collections::BTreeSet;
 
 /// Circles that are tried beside the tightest, as multiples of its radius.
 const WIDER: [f64; 2] = [2.0, 3.5];
@@ -24,6 +26,8 @@ const WORTH_S_PER_M2: f64 = 60.0;
 const WORTH_NEAR_S_PER_M2: f64 = 1000.0;
 /// A change of gear takes this long, in s.
 const CUSP_S: f64 = 1.5;
+/// Between two poses at which the body is laid on the floor, in m.
+const STEP_M: f64 = 0.04;
 /// Longer paths are taken as they are, in m.
 const MOST_M: f64 = 30.0;
 
@@ -67,16 +71,17 @@ impl Search<'_> {
         };
         let parts = [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| path.at(part * path.length_m()).0);
         let near = parts.iter().any(|pose| met([pose.x_m, pose.y_m]));
-        let is_open = |at| match near {
-            true => met(at) && !self.layer.is_swept(at),
-            false => !self.layer.is_known_free(at),
+        let (worth, unseen_m2, path) = match near {
+            true => {
+                let is_open = |at| met(at) && !self.layer.is_swept(at);
+                let grid = self.floor.map.grid();
+                let mut watched = Watched::new(&path, &self.car, grid, &is_open, &self.unverified);
+                let path = watched.looking_aside(&path, space);
+                (WORTH_NEAR_S_PER_M2, watched.blind_m2(), path)
+            }
+            false => (WORTH_S_PER_M2, self.unseen_m2(&path), path),
         };
-        let mut watched = Watched::new(&path, &self.car, self.floor.map.grid(), &is_open, &self.unverified);
-        let (worth, path) = match near {
-            true => (WORTH_NEAR_S_PER_M2, watched.looking_aside(&path, space)),
-            false => (WORTH_S_PER_M2, path),
-        };
-        let cost_s = self.duration_s(&path) + worth * watched.blind_m2();
+        let cost_s = self.duration_s(&path) + worth * unseen_m2;
         Valued { planned: Planned { path, look: false, wary: near }, cost_s }
     }
 
@@ -93,5 +98,23 @@ impl Search<'_> {
             .sum();
         let cusps = path.pieces.windows(2).filter(|pair| pair[0].gear() != pair[1].gear()).count();
         driven_s + CUSP_S * cusps as f64
+    }
+
+    /// Floor that the body passes over before anybody has looked there.
+    fn unseen_m2(&self, path: &Path) -> f64 {
+        let grid = self.floor.map.grid();
+        let side_m = grid.resolution_m();
+        let mut cells = BTreeSet::new();
+        let steps = libm::ceil(path.length_m() / STEP_M) as u32;
+        for step in 0..=steps {
+            let (pose, _) = path.at(f64::from(step) * STEP_M);
+            for [x_m, y_m] in super::job::points_of(&self.car, &pose) {
+                cells.insert(grid.place(x_m, y_m));
+            }
+        }
+        let middles = cells.into_iter().map(|(column, row)| grid.centre_m(column, row));
+        let unknown: Vec<[f64; 2]> = middles.filter(|at| !self.layer.is_known_free(*at)).collect();
+        let blind = blind_on(path, [0.0, path.length_m()], &self.car, &unknown);
+        blind.len() as f64 * side_m * side_m
     }
 }
