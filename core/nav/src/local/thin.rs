@@ -74,7 +74,7 @@ mod tests {
     #[test]
     fn what_turns_out_to_be_broad_is_forgotten_with_what_belongs_to_it() {
         let mut thin = Thin::default();
-        [[0.0, 0.0], [0.25, 0.0], [1.0, 0.0]].map(|at| thin.meet(Stamp::ZERO, at));
+        [0.0, 0.25, 1.0].into_iter().for_each(|x_m| thin.meet(Stamp::ZERO, [x_m, 0.0]));
         thin.is_broad([0.1, 0.0]);
         assert_eq!(thin.places().collect::<Vec<_>>(), [[1.0, 0.0]]);
     }

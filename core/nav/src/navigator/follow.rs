@@ -50,6 +50,8 @@ const SWING_RAD: f64 = 0.105;
 const LED_SWING_RAD: f64 = 0.052;
 /// So far ahead what is not on the map counts for it, in m.
 const SWING_LOOK_M: f64 = 0.5;
+/// The pose is surely within so many standard deviations.
+const SURE_SIGMAS: f64 = 2.0;
 /// A corner that swings may take this part of the room beside the body.
 const SWING_ROOM: f64 = 0.45;
 
@@ -86,7 +88,7 @@ pub(super) struct Following {
     obstructed_since: Option<Stamp>,
     /// Least room beside the body ahead, in m.
     clearance_m: f64,
-    /// The same, what is not on the map with it.
+    /// The same, what is not on the map with it, less what it may be off the path.
     room_m: f64,
     /// Something thin that is not on the map has been met near by.
     met: bool,
@@ -276,7 +278,10 @@ impl Navigator {
         }
         // Less room than the margin was accepted by whoever planned the path: no reason to stop there.
         following.clearance_m = least_m.max(MARGIN_M);
-        following.room_m = least_m.min(marks_m).max(0.0);
+        // The body is off the path, and nobody knows better than this where it really is.
+        let unsure_m = sensed.estimate.sigma_m + sensed.estimate.sigma_yaw_rad * self.car.front_m;
+        let off_m = following.off_m.abs() + SURE_SIGMAS * unsure_m;
+        following.room_m = (least_m.min(marks_m) - off_m).max(0.0);
         // A stop with the look-out's room before it.
         let seen = obstructed.map(|(way_m, at)| (way_m - LOOKOUT_M, at));
         let blind = (following.plan == 0).then(|| {
