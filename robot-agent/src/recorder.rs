@@ -2,8 +2,10 @@
 //!
 //! The control loop hands steps over through a bounded queue and never waits; what finds the queue
 //! full is counted (`rejected.record_dropped` in the state). A disk that is full or gone ends the
-//! recording, not the robot: the fault `recording_failed` says so. A chunk is closed every second, so
-//! that what a `kill -9` costs is at most that.
+//! recording, not the robot: the fault `recording_failed` says so. A chunk is closed every second, of the
+//! robot's time or of ours, whichever is over first: that is what a `kill -9` costs at most, and what is
+//! missing for whoever fetches the recording of a robot that drives. A second thread sees it onto the disk,
+//! so that a disk that takes long keeps nothing from being written.
 
 use crate::config::AgentConfig;
 use crate::recording::{CONFIG, Header, OUTPUTS, outputs_message, sample_message};
@@ -15,10 +17,11 @@ use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 use xtb_authority::tape::Step;
+use xtb_control::Stamp;
 use xtb_control::config::render_toml;
 use xtb_protocol::keys::{FleetKeys, Name, RobotKeys};
 use xtb_protocol::messages::RecordingName;
@@ -118,7 +121,7 @@ fn fresh_path(folder: &Path, robot: &Name, time: &str) -> io::Result<PathBuf> {
 /// The file.
 struct Tape {
     writer: Writer<BufWriter<File>>,
-    file: File,
+    file: Arc<File>,
     kinds: BTreeMap<&'static str, u16>,
     outputs: u16,
 }
@@ -145,27 +148,50 @@ impl Tape {
         writer.write_to_known_channel(&message(config, 0, 0), &text)?;
         writer.flush()?;
         file.sync_all()?;
-        Ok(Self { writer, file, kinds, outputs })
+        Ok(Self { writer, file: Arc::new(file), kinds, outputs })
     }
 
     /// Writes what comes, until the sender is gone; then finishes the file.
     fn keep(&mut self, queue: &Receiver<Step>) -> McapResult<()> {
-        let mut flushed = Instant::now();
-        loop {
-            match queue.recv_timeout(FLUSH_EVERY) {
-                Ok(step) => self.write(&step)?,
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => break,
-            }
-            if flushed.elapsed() >= FLUSH_EVERY {
-                self.writer.flush()?;
-                self.file.sync_data()?;
-                flushed = Instant::now();
-            }
-        }
+        let (to_sync, chunks) = mpsc::sync_channel(1);
+        let file = self.file.clone();
+        // Ends with the first error, or when the recording does.
+        let disk = std::thread::Builder::new()
+            .name("record-sync".to_owned())
+            .spawn(move || -> io::Result<()> { chunks.iter().try_for_each(|()| file.sync_data()) })?;
+        let result = self.write_all(queue, &to_sync);
+        drop(to_sync);
+        disk.join().unwrap_or_else(|_| Err(io::Error::other("the thread that syncs is gone")))?;
+        result?;
         self.writer.finish()?;
         self.file.sync_all()?;
         Ok(())
+    }
+
+    fn write_all(&mut self, queue: &Receiver<Step>, to_sync: &SyncSender<()>) -> McapResult<()> {
+        let mut closed = Instant::now();
+        let mut begun: Option<Stamp> = None;
+        loop {
+            let now = match queue.recv_timeout(FLUSH_EVERY) {
+                Ok(step) => {
+                    self.write(&step)?;
+                    Some(step.t)
+                }
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            };
+            begun = begun.or(now);
+            let recorded =
+                begun.zip(now).is_some_and(|(begun, now)| now.since_s(begun) >= FLUSH_EVERY.as_secs_f64());
+            if recorded || closed.elapsed() >= FLUSH_EVERY {
+                self.writer.flush()?;
+                // One that is under way and one that waits for it are enough.
+                if let Err(TrySendError::Disconnected(())) = to_sync.try_send(()) {
+                    return Ok(());
+                }
+                (closed, begun) = (Instant::now(), None);
+            }
+        }
     }
 
     fn write(&mut self, step: &Step) -> McapResult<()> {
@@ -200,7 +226,7 @@ fn schema(topic: &str) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use xtb_control::{Controller, Sample, Stamp, VehicleConfig};
+    use xtb_control::{Controller, Sample, VehicleConfig};
 
     #[test]
     fn a_disk_that_does_not_keep_up_costs_steps_that_are_counted_and_never_waits() {

@@ -27,6 +27,7 @@ pub mod giveway;
 mod job;
 mod look;
 mod retreat;
+mod room;
 mod route;
 mod touch;
 mod unseen;

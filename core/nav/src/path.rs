@@ -98,6 +98,48 @@ impl Path {
         (pose, None)
     }
 
+    /// As far as `way_m`.
+    #[must_use]
+    pub fn head(&self, way_m: f64) -> Self {
+        let mut part = Self::standing(self.start);
+        let mut left_m = way_m.max(0.0);
+        for piece in &self.pieces {
+            let length_m = piece.length_m.abs().min(left_m);
+            part.push(Piece { length_m: length_m * piece.gear(), ..*piece });
+            left_m -= length_m;
+        }
+        part
+    }
+
+    /// From `way_m` on.
+    #[must_use]
+    pub fn tail(&self, way_m: f64) -> Self {
+        let mut part = Self::standing(self.at(way_m).0);
+        let mut skip_m = way_m.max(0.0);
+        for piece in &self.pieces {
+            let length_m = (piece.length_m.abs() - skip_m).max(0.0);
+            part.push(Piece { length_m: length_m * piece.gear(), ..*piece });
+            skip_m = (skip_m - piece.length_m.abs()).max(0.0);
+        }
+        part
+    }
+
+    /// With another one behind it, which begins where this one ends.
+    #[must_use]
+    pub fn and(mut self, next: &Self) -> Self {
+        next.pieces.iter().for_each(|piece| self.push(*piece));
+        self
+    }
+
+    /// From its end to its start, on the same floor.
+    #[must_use]
+    pub fn reversed(&self) -> Self {
+        let mut back = Self::standing(self.end());
+        let pieces = self.pieces.iter().rev();
+        pieces.for_each(|piece| back.push(Piece { length_m: -piece.length_m, ..*piece }));
+        back
+    }
+
     /// Appends an arc; one with the same gear and curvature as the last one lengthens it.
     pub fn push(&mut self, piece: Piece) {
         if piece.length_m == 0.0 {
@@ -158,6 +200,23 @@ mod tests {
         let (pose, piece) = path.at(1.5);
         assert_eq!((pose.x_m, piece.unwrap().gear()), (1.5, -1.0));
         assert_eq!(path.at(9.0), (path.end(), None));
+    }
+
+    #[test]
+    fn a_path_in_two_parts_is_the_path() {
+        let mut path = Path::standing(MapPose { x_m: 0.3, y_m: -1.0, yaw_rad: 0.4 });
+        path.push(Piece { length_m: 1.0, curvature_per_m: 0.5 });
+        path.push(Piece { length_m: -0.5, curvature_per_m: -1.0 });
+        for way_m in [-1.0, 0.0, 0.4, 1.0, 1.2, 1.5, 9.0] {
+            let (part, rest) = (path.head(way_m), path.tail(way_m));
+            let (there, end) = (part.end(), rest.start);
+            assert!((there.x_m - end.x_m).hypot(there.y_m - end.y_m) < 1e-12, "{way_m}");
+            let whole = part.and(&rest);
+            assert_eq!(whole.pieces.len(), 2, "{way_m}");
+            assert!(
+                (whole.length_m() - 1.5).abs() < 1e-12 && (whole.end().x_m - path.end().x_m).abs() < 1e-12
+            );
+        }
     }
 
     #[test]

@@ -86,6 +86,9 @@ fn main() -> ExitCode {
 
 fn live(room: &Room, seed: u64, led: bool, seconds: u64) -> Life {
     let every_s: Option<f64> = std::env::var("SHOW").ok().and_then(|text| text.parse().ok());
+    if every_s.is_some() {
+        println!("{}", room.world);
+    }
     let mut fleet = Fleet::new(&room.world, room.robots, seed, led);
     let mut show = |fleet: &mut Fleet, at_s: f64| {
         if every_s.is_some_and(|every_s| (at_s / every_s).fract() < 0.19 / every_s) {

@@ -35,6 +35,8 @@ pub(super) const CARES: [Care; 5] = [
     Care { margin_m: 0.03, unseen_m: 0.0, expansions: 100_000 },
     Care { margin_m: 0.005, unseen_m: 0.0, expansions: 300_000 },
 ];
+/// From this one of them on there is less room than [`MARGIN_M`].
+pub(super) const MARGINAL: usize = 3;
 /// As if it were a zone: where what is not on the map may go on.
 const UNSEEN: &str = "unseen";
 /// Where the truck stands it may be nearer than this to what nobody has seen, in m.
@@ -91,7 +93,7 @@ pub(super) struct Search<'a> {
     /// Where something may stand for all that is known.
     pub(super) unverified: Vec<[f64; 2]>,
     /// Of the robots that stand around, (x, y) in m.
-    bodies: Vec<[f64; 2]>,
+    pub(super) bodies: Vec<[f64; 2]>,
 }
 
 impl std::ops::Deref for Search<'_> {
@@ -221,10 +223,14 @@ impl Search<'_> {
             if same || (stranger && index + 1 == CARES.len()) {
                 continue;
             }
-            match self.plan_looking(planner, care, unseen) {
-                Ok(path) => {
-                    return Ok(self.least_unseen(planner, care, unseen, path));
-                }
+            let path = self.plan_looking(planner, care, unseen);
+            let path = if index < MARGINAL {
+                path
+            } else {
+                path.and_then(|path| self.with_room(planner, care, unseen, path))
+            };
+            match path {
+                Ok(path) => return Ok(self.least_unseen(planner, care, unseen, path)),
                 Err(failure) => last = failure,
             }
             if index == 0
@@ -368,9 +374,21 @@ impl Search<'_> {
         goal: &Goal,
         expansions: usize,
     ) -> Result<Path, PlanFailure> {
+        self.search_from(planner, space, &self.start, goal, expansions)
+    }
+
+    /// The same from another place.
+    pub(super) fn search_from(
+        &self,
+        planner: &mut Planner,
+        space: &GridSpace,
+        start: &MapPose,
+        goal: &Goal,
+        expansions: usize,
+    ) -> Result<Path, PlanFailure> {
         let most_expansions = if self.bodies.is_empty() { expansions } else { expansions.min(AMONG_OTHERS) };
         let settings = PlannerSettings { most_expansions, ..PlannerSettings::default() };
-        match planner.plan_on_grid(space, &self.start, goal, &settings, &mut || true) {
+        match planner.plan_on_grid(space, start, goal, &settings, &mut || true) {
             Ok(plan) => Ok(plan.path),
             Err(error) => Err(failure(&error)),
         }

@@ -5,6 +5,7 @@
 //! is worth some time. How much depends on what is known of the place: where something thin has been met that is
 //! not on the map, more of it is likely, and it also looks aside (`aside.rs`).
 
+use super::MARGIN_M;
 use super::aside::Watched;
 use super::blind::blind_on;
 use super::follow::{BEND_MPS, TIGHT};
@@ -39,7 +40,7 @@ struct Valued {
 }
 
 impl Search<'_> {
-    /// This path, or a better one with wider bends.
+    /// This path, or, where there is room, a better one with wider bends.
     pub(super) fn least_unseen(
         &self,
         planner: &mut Planner,
@@ -50,7 +51,7 @@ impl Search<'_> {
         let space = self.space(care, &self.local, unseen).ok().filter(|_| path.length_m() <= MOST_M);
         let Some(space) = space else { return Planned { path, look: false, wary: true } };
         let mut best = self.valued(path, &space);
-        for wider in WIDER {
+        for wider in WIDER.into_iter().filter(|_| care.margin_m >= MARGIN_M) {
             let car = Car { radius_m: self.car.radius_m * wider, ..self.car };
             let Ok(wide) = self.space_for(&car, care, &self.local, unseen) else { continue };
             let Ok(path) = self.search(planner, &wide, &self.goal(), EXPANSIONS) else { continue };
