@@ -73,14 +73,11 @@ impl Search<'_> {
     /// Where a path leads through little room beside another robot, once it is away from where it stands.
     fn squeezes(&self, path: &Path, space: &GridSpace) -> Option<[f64; 2]> {
         let body = self.car.grown(BESIDE_M);
-        let roomy = roomy(path, space);
-        let ends_m = roomy.iter().skip(1).map(|next| next[0]).chain([path.length_m()]);
-        roomy.iter().zip(ends_m).find_map(|([_, from_m], to_m)| {
-            let steps = libm::ceil((to_m - from_m) / STEP_M) as u32;
-            let mut poses = (1..steps).map(|step| path.at(from_m + f64::from(step) * STEP_M).0);
-            poses.find_map(|pose| {
-                self.bodies.iter().copied().find(|point| body.distance_m(&pose, *point) <= 0.0)
-            })
+        let steps = libm::ceil(path.length_m() / STEP_M) as u32;
+        (LEAVING_STEPS..=steps).find_map(|step| {
+            let (pose, _) = path.at(f64::from(step) * STEP_M);
+            let beside = self.bodies.iter().copied().find(|point| body.distance_m(&pose, *point) <= 0.0)?;
+            space.standing(&pose).map(|_| beside)
         })
     }
 }
@@ -182,8 +179,8 @@ mod tests {
 
     #[test]
     fn between_a_wall_and_another_robot_it_does_not_squeeze_itself() {
-        // Crosswise in the middle: 42 cm on either side with what is kept free beside it, for a body of 40 cm.
-        let other = MapPose { x_m: 2.8, y_m: 0.75, yaw_rad: std::f64::consts::FRAC_PI_2 };
+        // Crosswise: 47 cm to the wall with what is kept free beside it, for a body of 40 cm.
+        let other = MapPose { x_m: 2.8, y_m: 0.70, yaw_rad: std::f64::consts::FRAC_PI_2 };
         let done = round_the_corner(vec![("xtb-2".to_owned(), other)]);
         assert!(done.result.is_err(), "{done:?}");
         assert_eq!(done.by.unwrap().name, "xtb-2");
