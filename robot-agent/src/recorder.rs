@@ -240,4 +240,38 @@ mod tests {
         assert_eq!(recorder.dropped(), 3);
         assert_eq!(queue.try_iter().map(|step| step.number).collect::<Vec<_>>(), [0, 1]);
     }
+
+    #[test]
+    fn what_is_older_than_a_second_of_the_robots_time_can_be_read_while_it_records() {
+        let folder = tempfile::tempdir().unwrap();
+        let (fleet, robot) = (Name::new("lab").unwrap(), Name::new("xtb-1").unwrap());
+        let header = Header {
+            version: crate::VERSION.to_owned(),
+            fleet: fleet.to_string(),
+            robot: robot.to_string(),
+            epoch: 1,
+            started: String::new(),
+            vehicle_toml: render_toml("vehicle.", &VehicleConfig::default().parameters()),
+        };
+        let path = folder.path().join("growing.mcap");
+        let keys = FleetKeys::new(fleet).robot(&robot);
+        let mut tape = Tape::create(&path, &header, &keys).unwrap();
+        // Ten seconds of a simulated robot's time, in no time at all; nobody finishes the file.
+        let (steps, queue) = mpsc::sync_channel(1000);
+        let sample = Sample::Encoder { pulses: 1 };
+        for number in 0..1000 {
+            let t = Stamp::from_ms(10 * number);
+            let outputs = Controller::new(VehicleConfig::default()).step(t, &sample);
+            steps.send(Step { number, t, sample, outputs }).unwrap();
+        }
+        drop(steps);
+        let (to_sync, _chunks) = mpsc::sync_channel(1);
+        tape.write_all(&queue, &to_sync).unwrap();
+        let mut recording = crate::recording::Recording::open(&path).unwrap();
+        let mut read = 0;
+        while recording.next_step().unwrap().is_some() {
+            read += 1;
+        }
+        assert!(read >= 900, "{read} of 1000 steps");
+    }
 }

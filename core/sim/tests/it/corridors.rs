@@ -1,4 +1,4 @@
-//! Narrow corridors under traffic control: nobody touches anybody, and the room never stands still for long.
+//! Narrow rooms: nobody touches anybody, and under traffic control no room stands still for long.
 
 use crate::lifelong::{Failed, Fleet, Life};
 use crate::rooms::{Room, l};
@@ -44,4 +44,13 @@ fn in_narrow_rooms_at_random_nobody_is_touched_and_no_room_stands_still() {
     assert_eq!(contacts, 0, "seed {seed}: {:#?}", fleet.life);
     assert!(stood_s <= STOOD_MAX_S, "seed {seed}: nobody moved for {stood_s:.0} s");
     assert!(reached > 0, "seed {seed}: nobody arrived");
+}
+
+#[test]
+fn alone_in_a_narrow_room_nobody_squeezes_past_another_one() {
+    // One has to pass a robot that stands crosswise, with 46 cm beside it.
+    let room = Room::of(5102);
+    let mut fleet = Fleet::new(&room.world, room.robots, 5102, false);
+    fleet.run(24.0, true, &mut |_, _| ());
+    assert_eq!(fleet.life.contacts, 0, "{:#?}", fleet.life);
 }
