@@ -234,6 +234,7 @@ impl LocalLayer {
     pub fn untouch(&mut self, places: &[[f64; 2]]) {
         for place in places {
             self.marks.remove(*place);
+            self.thin.forget(*place);
         }
     }
 

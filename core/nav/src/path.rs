@@ -48,6 +48,9 @@ impl Piece {
     }
 }
 
+/// Shorter arcs are none, only what rounding has left, in m.
+const NOTHING_M: f64 = 1e-12;
+
 /// From a pose along arcs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -142,7 +145,7 @@ impl Path {
 
     /// Appends an arc; one with the same gear and curvature as the last one lengthens it.
     pub fn push(&mut self, piece: Piece) {
-        if piece.length_m == 0.0 {
+        if piece.length_m.abs() < NOTHING_M {
             return;
         }
         match self.pieces.last_mut() {

@@ -21,11 +21,16 @@ pub(super) struct Thin {
 impl Thin {
     /// Something was seen there, by one beam or by none.
     pub(super) fn meet(&mut self, now: Stamp, at: [f64; 2]) {
-        self.places.retain(|(place, _)| off_m(*place, at) > SAME_M);
+        self.forget(at);
         if self.places.len() == MOST {
             self.places.remove(0);
         }
         self.places.push((at, now));
+    }
+
+    /// It was not there after all.
+    pub(super) fn forget(&mut self, at: [f64; 2]) {
+        self.places.retain(|(place, _)| off_m(*place, at) > SAME_M);
     }
 
     /// Something broad was seen there.

@@ -121,7 +121,7 @@ pub(super) struct Blamed {
     pub(super) planned: Planned,
 }
 
-/// A path, and how careful it is.
+/// A path, and what it is for.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Planned {
     pub(super) path: Path,
@@ -152,7 +152,7 @@ impl PlanFailure {
 }
 
 impl PlanJob {
-    /// Works it off; takes milliseconds, in bad cases a few hundred.
+    /// Works it off; takes milliseconds, in bad cases seconds.
     #[must_use]
     pub fn run(&self, planner: &mut Planner) -> PlanDone {
         let age_ms = |mark: &LocalObstacle| self.now.since_ms(mark.seen);

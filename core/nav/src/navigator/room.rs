@@ -42,11 +42,13 @@ impl Search<'_> {
             |from: &MapPose, goal: &Goal| self.search_from(planner, &space, from, goal, EXPANSIONS).ok();
         // It had to be tight where it stands only, or at the goal only, or at both.
         let (start, end) = (path.start, path.end());
-        let whole = leaving(&start, &barely, &space).zip(leaving(&end, &barely, &space));
-        let whole = whole.and_then(|(away, back)| {
-            let to = if back.pieces.is_empty() { self.goal() } else { Goal::exactly(&back.end()) };
-            Some(away.clone().and(&again(&away.end(), &to)?).and(&back.reversed()))
+        let ends = leaving(&start, &barely, &space).zip(arriving(&end, &barely, &space));
+        let ends = ends.filter(|(away, last)| away.length_m() + last.length_m() > 0.0);
+        let whole = ends.and_then(|(away, last)| {
+            let to = if last.pieces.is_empty() { self.goal() } else { Goal::exactly(&last.start) };
+            Some(away.clone().and(&again(&away.end(), &to)?).and(&last))
         });
+        let whole = whole.filter(|whole| self.blind(whole).is_empty());
         let better = whole.unwrap_or_else(|| {
             let mut better = Path::standing(start);
             let mut done_m = 0.0;
@@ -70,24 +72,37 @@ impl Search<'_> {
         }
     }
 
-    /// Where a path leads through little room beside another robot, once it is away from where it stands.
+    /// Where a path leads through little room beside another robot, but for where it stands and where it goes.
     fn squeezes(&self, path: &Path, space: &GridSpace) -> Option<[f64; 2]> {
         let body = self.car.grown(BESIDE_M);
         let steps = libm::ceil(path.length_m() / STEP_M) as u32;
-        (LEAVING_STEPS..=steps).find_map(|step| {
+        let is_tight = |pose: &MapPose| space.standing(pose).is_some();
+        let ends = [path.start, path.end()].map(|end| if is_tight(&end) { LEAVING_STEPS } else { 0 });
+        (ends[0]..=steps.saturating_sub(ends[1])).find_map(|step| {
             let (pose, _) = path.at(f64::from(step) * STEP_M);
             let beside = self.bodies.iter().copied().find(|point| body.distance_m(&pose, *point) <= 0.0)?;
-            space.standing(&pose).map(|_| beside)
+            is_tight(&pose).then_some(beside)
         })
     }
 }
 
-/// The shortest way from a place to where there is room, there none if there is some already.
+/// The shortest way from a place to one with room; none of any length where there is some already.
 fn leaving(from: &MapPose, barely: &GridSpace, space: &GridSpace) -> Option<Path> {
+    to_room(from, barely, space).find(|way| drives(way, barely))
+}
+
+/// The shortest way to a place from one with room.
+fn arriving(at: &MapPose, barely: &GridSpace, space: &GridSpace) -> Option<Path> {
+    // In the other gear: another bumper looks ahead then, and one-way zones are driven the other way.
+    to_room(at, barely, space).map(|way| way.reversed()).find(|way| drives(way, barely))
+}
+
+/// Ways from a place to others with room, the shortest first, driven or not.
+fn to_room(from: &MapPose, barely: &GridSpace, space: &GridSpace) -> impl Iterator<Item = Path> {
     let tight_per_m = 1.0 / barely.car().radius_m;
     let shapes = [[0.0, 0.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0]];
-    let bent = |flat: f64| shapes.map(|bends| bends.map(|bend| bend * flat * tight_per_m));
-    let ways = (0..=LEAVING_STEPS).flat_map(|steps| {
+    let bent = move |flat: f64| shapes.map(|bends| bends.map(|bend| bend * flat * tight_per_m));
+    let ways = (0..=LEAVING_STEPS).flat_map(move |steps| {
         let half_m = f64::from(steps) * STEP_M / 2.0;
         let both = FLAT.into_iter().flat_map(bent).flat_map(|bends| [1.0, -1.0].map(|gear| (bends, gear)));
         both.map(move |(bends, gear)| {
@@ -95,11 +110,17 @@ fn leaving(from: &MapPose, barely: &GridSpace, space: &GridSpace) -> Option<Path
             Path::standing(*from).and(&Path { start: *from, pieces: bends.map(piece).to_vec() })
         })
     });
-    let drives = |way: &Path| {
-        let middle = way.pieces.first().map_or(way.start, |piece| piece.end(&way.start));
-        way.pieces.iter().zip([way.start, middle]).all(|(piece, from)| barely.drives(&from, piece))
-    };
-    ways.filter(|way| space.standing(&way.end()).is_none()).find(drives)
+    ways.filter(|way| space.standing(&way.end()).is_none())
+}
+
+/// Whether there is room for a path.
+fn drives(path: &Path, space: &GridSpace) -> bool {
+    let mut at = path.start;
+    path.pieces.iter().all(|piece| {
+        let from = at;
+        at = piece.end(&from);
+        space.drives(&from, piece)
+    })
 }
 
 /// From where to where along a path there is room, in m.
