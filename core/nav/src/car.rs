@@ -66,6 +66,20 @@ impl Car {
         .map(|(ahead, left)| [pose.x_m + ahead * cos - left * sin, pose.y_m + ahead * sin + left * cos])
     }
 
+    /// Points around the body, no farther apart than a quarter of its longest side.
+    #[must_use]
+    pub fn outline(&self, pose: &MapPose) -> impl Iterator<Item = [f64; 2]> {
+        const PARTS: u8 = 4;
+        let corners = self.corners(pose);
+        (0..4).flat_map(move |side| {
+            let (from, to) = (corners[side], corners[(side + 1) % 4]);
+            (0..PARTS).map(move |part| {
+                let part = f64::from(part) / f64::from(PARTS);
+                [from[0] + part * (to[0] - from[0]), from[1] + part * (to[1] - from[1])]
+            })
+        })
+    }
+
     /// How far a point is from the body of a car that stands at `pose`; 0 inside.
     #[must_use]
     pub fn distance_m(&self, pose: &MapPose, point: [f64; 2]) -> f64 {
@@ -110,6 +124,18 @@ mod tests {
 
     fn truck() -> Car {
         Car::of(&VehicleConfig::default())
+    }
+
+    #[test]
+    fn the_outline_goes_once_round_the_body() {
+        let car = truck();
+        let pose = MapPose { x_m: 1.0, y_m: -2.0, yaw_rad: 0.7 };
+        let points: Vec<[f64; 2]> = car.outline(&pose).collect();
+        let inner = car.grown(-1e-9);
+        for (one, next) in points.iter().zip(points.iter().cycle().skip(1)) {
+            assert!(car.distance_m(&pose, *one) < 1e-9 && inner.distance_m(&pose, *one) > 0.0);
+            assert!(libm::hypot(one[0] - next[0], one[1] - next[1]) < 0.126);
+        }
     }
 
     #[test]

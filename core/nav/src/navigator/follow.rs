@@ -88,7 +88,7 @@ pub(super) struct Following {
     obstructed_since: Option<Stamp>,
     /// Least room beside the body ahead, in m.
     clearance_m: f64,
-    /// The same, what is not on the map with it, less what it may be off the path.
+    /// The same around the whole body, what is not on the map with it, less what it may be off the path.
     room_m: f64,
     /// Something thin that is not on the map has been met near by.
     met: bool,
@@ -258,7 +258,7 @@ impl Navigator {
         let here = sensed.estimate.pose;
         let near = |[x_m, y_m]: [f64; 2]| libm::hypot(x_m - here.x_m, y_m - here.y_m) <= MET_M;
         following.met = local.thin().any(near);
-        let (mut way_m, mut least_m, mut marks_m) = (from_m, f64::MAX, f64::MAX);
+        let (mut way_m, mut least_m, mut beside_m) = (from_m, f64::MAX, f64::MAX);
         let mut obstructed = None;
         let body = self.car.grown(IN_THE_WAY_M);
         while obstructed.is_none() {
@@ -267,7 +267,9 @@ impl Navigator {
             least_m = least_m.min(room_m);
             if way_m <= from_m + SWING_LOOK_M {
                 let off_m = marks.iter().map(|mark| self.car.distance_m(&pose, *mark));
-                marks_m = off_m.fold(marks_m, f64::min);
+                let outline = self.car.outline(&pose);
+                let off_map_m = outline.map(|[x_m, y_m]| floor.clearance.at_least_m(x_m, y_m));
+                beside_m = off_m.chain(off_map_m).fold(beside_m, f64::min);
             }
             let there = |point: &[f64; 2]| body.distance_m(&pose, *point) <= 0.0;
             obstructed = marks.iter().copied().find(there).map(|at| (way_m, at));
@@ -281,7 +283,7 @@ impl Navigator {
         // The body is off the path, and nobody knows better than this where it really is.
         let unsure_m = sensed.estimate.sigma_m + sensed.estimate.sigma_yaw_rad * self.car.front_m;
         let off_m = following.off_m.abs() + SURE_SIGMAS * unsure_m;
-        following.room_m = (least_m.min(marks_m) - off_m).max(0.0);
+        following.room_m = (beside_m - off_m).max(0.0);
         // A stop with the look-out's room before it.
         let seen = obstructed.map(|(way_m, at)| (way_m - LOOKOUT_M, at));
         let blind = (following.plan == 0).then(|| {

@@ -43,6 +43,14 @@ fn a_box_beside_a_tight_bend_is_not_touched() {
 }
 
 #[test]
+fn where_the_body_stands_aslant_beside_a_wall_it_swings_no_farther_than_its_corners_may() {
+    let corridor = include_str!("../../../../worlds/corridor.toml");
+    for journey in journeys(corridor, 1085..1086, Hinder::Box) {
+        assert!(journey.is_honest() && journey.contacts == 0, "{journey:?}");
+    }
+}
+
+#[test]
 fn somebody_who_steps_into_the_way_and_goes_again_keeps_it_from_nothing() {
     for journey in journeys(LAB, 40..44, Hinder::Person) {
         assert_eq!((journey.status, journey.contacts), (Some(GoalStatus::Reached), 0), "{journey:?}");
