@@ -67,7 +67,6 @@ impl Car {
     }
 
     /// Points around the body, no farther apart than a quarter of its longest side.
-    #[must_use]
     pub fn outline(&self, pose: &MapPose) -> impl Iterator<Item = [f64; 2]> {
         const PARTS: u8 = 4;
         let corners = self.corners(pose);
