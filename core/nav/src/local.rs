@@ -158,8 +158,10 @@ impl LocalLayer {
                 Sight::Folded(_) | Sight::Free { .. } => {}
             }
         }
+        // What is seen beside another truck is most likely a corner of it, where it has not said yet that it is.
+        let is_truck = |at| others.iter().any(|(there, other)| other.distance_m(there, at) <= BROAD_M);
         for (at, is_broad) in self.marks.seen_now(now, BROAD_M) {
-            match is_broad {
+            match is_broad || is_truck(at) {
                 true => self.thin.is_broad(at),
                 false => self.thin.meet(now, at),
             }

@@ -306,3 +306,16 @@ fn what_one_beam_at_a_time_has_seen_is_thin_until_two_see_it() {
     look(&mut layer, 200, 3, &scan(both), None);
     assert_eq!(layer.thin().count(), 0, "the one beside something broad belongs to it");
 }
+
+#[test]
+fn what_one_beam_sees_beside_another_truck_is_no_thin_thing() {
+    let mut layer = LocalLayer::new(car(), None);
+    let [x_m, y_m] = {
+        let now = look(&mut layer, 0, 3, &scan(third(30.0)), None);
+        places(&layer, now)[0]
+    };
+    assert_eq!(layer.thin().count(), 1);
+    let there = (MapPose { x_m: x_m + car().rear_m + 0.25, y_m, ..HERE }, car());
+    layer.see(Stamp::from_ms(200), &scan(third(30.0)), None, &[there]);
+    assert_eq!((layer.thin().count(), layer.obstacles(Stamp::from_ms(200)).count()), (0, 1), "only a mark");
+}

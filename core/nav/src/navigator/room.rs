@@ -77,8 +77,8 @@ impl Search<'_> {
         let body = self.car.grown(BESIDE_M);
         let steps = libm::ceil(path.length_m() / STEP_M) as u32;
         let is_tight = |pose: &MapPose| space.standing(pose).is_some();
-        let ends = [path.start, path.end()].map(|end| if is_tight(&end) { LEAVING_STEPS } else { 0 });
-        (ends[0]..=steps.saturating_sub(ends[1])).find_map(|step| {
+        let last = if is_tight(&path.end()) { steps.saturating_sub(LEAVING_STEPS) } else { steps };
+        (LEAVING_STEPS..=last).find_map(|step| {
             let (pose, _) = path.at(f64::from(step) * STEP_M);
             let beside = self.bodies.iter().copied().find(|point| body.distance_m(&pose, *point) <= 0.0)?;
             is_tight(&pose).then_some(beside)
