@@ -6,15 +6,28 @@
 
 #![allow(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)] // a bench that cannot go on shall end
 
-use fleet_tests::{Rig, Trial, load};
-use std::process::ExitCode;
+use fleet_tests::load::{self, Flood};
+use fleet_tests::processes::Process;
+use fleet_tests::{Rig, Trial};
+use std::process::{Command, ExitCode};
 use std::time::Duration;
+
+/// What a stranger sends in a millisecond.
+const FLOOD_A_MS: usize = 20;
+/// The first argument of the process of a stranger; the second is the router's endpoint.
+const STRANGER: &str = "stranger";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    if let [STRANGER, endpoint] = arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        return runtime.block_on(async {
+            let _flood = Flood::from(endpoint, FLOOD_A_MS).await;
+            std::future::pending().await
+        });
+    }
     let (what, count) = (arguments.first(), arguments.get(1).and_then(|count| count.parse().ok()));
     let wanted = |name: &str| what.is_none_or(|what| what == name);
-    let runtime = tokio::runtime::Runtime::new().unwrap();
     let mut kept = true;
     runtime.block_on(async {
         if wanted("kill") {
@@ -127,7 +140,11 @@ async fn stops(count: usize) -> bool {
 async fn flood(seconds: usize) -> bool {
     let folder = tempfile::tempdir().unwrap();
     let rig = Rig::start(1, folder.path()).await;
-    let flooded = load::flood(&rig, 20, Duration::from_secs(seconds as u64)).await;
+    // Another process than the world's, as in life: the truck's board does not wait for who floods.
+    let stranger = async |router: &str| {
+        Process::start(Command::new(std::env::current_exe().unwrap()).args([STRANGER, router]))
+    };
+    let flooded = load::flood(&rig, stranger, Duration::from_secs(seconds as u64)).await;
     rig.end().await;
     let at =
         |share: f64| flooded.late_us[((flooded.late_us.len() - 1) as f64 * share) as usize] as f64 / 1000.0;

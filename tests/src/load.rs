@@ -25,7 +25,7 @@ const TICK: Duration = Duration::from_millis(1);
 const ASK_EACH: usize = 100;
 
 /// Messages of a stranger on a robot's keys until this is dropped.
-struct Flood(JoinHandle<()>);
+pub struct Flood(JoinHandle<()>);
 
 impl Drop for Flood {
     fn drop(&mut self) {
@@ -34,6 +34,14 @@ impl Drop for Flood {
 }
 
 impl Flood {
+    /// On xtb-1 of the fleet `lab`, with questions, from a session of its own with the router at `endpoint`.
+    ///
+    /// # Panics
+    /// If Zenoh fails.
+    pub async fn from(endpoint: &str, a_ms: usize) -> Self {
+        Self::start(&client(endpoint).await, &FleetKeys::new(name("lab")).robot(&name("xtb-1")), a_ms, true)
+    }
+
     /// Setpoints without a lease, every fourth message garbage, `a_ms` of them each millisecond; sent
     /// with the care of requests, so that Zenoh drops none. With `asks`, a question now and then too.
     fn start(bus: &Bus, keys: &RobotKeys, a_ms: usize, asks: bool) -> Self {
@@ -197,13 +205,13 @@ pub struct Flooded {
     pub stood: Option<String>,
 }
 
-/// Floods the agent of xtb-1, a process of its own that wanders meanwhile, with `per_ms` messages a
-/// millisecond.
+/// What a flood that `start` starts does to the agent of xtb-1, a process of its own that wanders
+/// meanwhile.
 ///
 /// # Panics
 /// If Zenoh fails.
-pub async fn flood(rig: &Rig, per_ms: usize, lasting: Duration) -> Flooded {
-    let (bus, other) = (rig.client().await, rig.client().await);
+pub async fn flood<F>(rig: &Rig, start: impl AsyncFnOnce(&str) -> F, lasting: Duration) -> Flooded {
+    let bus = rig.client().await;
     let keys = FleetKeys::new(name("lab")).robot(&name("xtb-1"));
     let pilot = Pilot::new(&bus, "lab", "xtb-1", "bench").await;
     let wander = Body::Wander { for_s: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 };
@@ -221,7 +229,7 @@ pub async fn flood(rig: &Rig, per_ms: usize, lasting: Duration) -> Flooded {
     };
     let (before, memory_kib) = (rejected(&bus, &keys).await, rig.memory_kib(1));
     let hearing = bus.subscribe(&keys.state(), hear).await.unwrap_or_else(|error| panic!("{error}"));
-    let (flood, began) = (Flood::start(&other, &keys, per_ms, true), Instant::now());
+    let (flood, began) = (start(rig.endpoint()).await, Instant::now());
     tokio::time::sleep(lasting).await;
     let took_s = began.elapsed().as_secs_f64();
     drop((flood, hearing));

@@ -66,13 +66,18 @@ impl Rig {
         let mut command = Command::new(program("robot-agent"));
         command.args(["--hardware", "serial", "--name", &format!("xtb-{number}")]);
         command.arg("--board").arg(line("board")).arg("--gyro").arg(line("gyro"));
-        command.args(["--start-pose", &pose, "--connect", self.router.endpoint()]);
+        command.args(["--start-pose", &pose, "--connect", self.endpoint()]);
         Process::start(&mut command)
+    }
+
+    /// Where its router listens.
+    pub fn endpoint(&self) -> &str {
+        self.router.endpoint()
     }
 
     /// A session of a client.
     pub async fn client(&self) -> Bus {
-        let role = Role::Client { connect: vec![self.router.endpoint().to_owned()] };
+        let role = Role::Client { connect: vec![self.endpoint().to_owned()] };
         eventually("a session", || async { xtb_bus::open(&role).await.ok() }).await
     }
 

@@ -4,7 +4,8 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
-use fleet_tests::{Rig, load};
+use fleet_tests::Rig;
+use fleet_tests::load::{self, Flood};
 use std::time::Duration;
 use tokio::sync::Mutex;
 
@@ -61,7 +62,8 @@ async fn a_flood_of_strangers_stops_neither_the_robot_nor_its_states() {
     let _alone = MACHINE.lock().await;
     let folder = tempfile::tempdir().unwrap();
     let rig = Rig::start(1, folder.path()).await;
-    let flooded = load::flood(&rig, 5, Duration::from_secs(3)).await;
+    let flooded =
+        load::flood(&rig, async |router| Flood::from(router, 5).await, Duration::from_secs(3)).await;
     assert!(flooded.stood.is_none() && flooded.arrived_per_s > 0.0, "{:?}", flooded.stood);
     assert!(flooded.growth_kib <= 32 * 1024, "{} KiB", flooded.growth_kib);
     rig.end().await;
