@@ -1,6 +1,6 @@
 //! Traffic control of a fleet as a service: states in, routes out, joint plans on a thread beside.
 //!
-//! What it decides is [`xtb_nav::coordinator`]'s; here are its clock, its Zenoh and its thread.
+//! What it decides is [`xtb_traffic::coordinator`]'s; here are its clock, its Zenoh and its thread.
 
 use crate::client::Client;
 use crate::error::{Failure, Kind, Result};
@@ -14,12 +14,12 @@ use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_bus::{Bus, Publisher, Token};
 use xtb_control::{Stamp, VehicleConfig};
-use xtb_nav::coordinator::{Coordinator, GridRoom, JointJob, JointResult, RobotView, others_near};
 use xtb_nav::{Car, Map};
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{MapHash, Route, TrafficState};
 use xtb_protocol::{Name, Uuid};
+use xtb_traffic::coordinator::{Coordinator, GridRoom, JointJob, JointResult, RobotView, others_near};
 
 /// Robots are guided this often.
 const TICK: Duration = Duration::from_millis(100);

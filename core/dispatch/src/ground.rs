@@ -5,10 +5,10 @@ mod ways;
 use std::f64::consts::{PI, TAU};
 use ways::Ways;
 use xtb_control::VehicleConfig;
-use xtb_nav::coordinator::GridRoom;
 use xtb_nav::reeds_shepp;
 use xtb_nav::{Car, Cell, Map, MapPose};
 use xtb_protocol::messages::{DispatchCode, Waypoint};
+use xtb_traffic::coordinator::GridRoom;
 
 /// Distances and places, for whoever knows the floor better than an open field.
 pub trait Ground {

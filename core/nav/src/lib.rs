@@ -1,4 +1,4 @@
-//! The second level: around things, and around each other.
+//! The second level of one robot: around things. Many robots are `xtb-traffic`'s.
 //!
 //! The memorandum ends where a truck stops in front of everything; this library finds the way on.
 //! Pure like the rest of `core`: no clock, no file, no socket; the same input gives the same bits.
@@ -11,8 +11,6 @@
 
 pub mod car;
 pub mod clearance;
-mod conflicts;
-pub mod coordinator;
 pub mod filter;
 pub mod follower;
 pub mod grid;
@@ -21,11 +19,11 @@ pub mod map;
 pub mod navigator;
 pub mod path;
 pub mod planner;
+pub mod rect;
 pub mod reeds_shepp;
 pub mod rooms;
 pub mod settings;
 pub mod space;
-pub mod traffic;
 
 pub use car::Car;
 pub use clearance::Clearance;

@@ -2,6 +2,7 @@
 
 use crate::MapPose;
 use serde::{Deserialize, Serialize};
+use xtb_protocol::messages::{Arc, Track};
 
 /// Arcs flatter than this are straight (a radius of 1000 km).
 const STRAIGHT_PER_M: f64 = 1e-6;
@@ -163,6 +164,21 @@ pub fn wrap_rad(angle: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     let wrapped = angle - TAU * libm::floor((angle + PI) / TAU);
     if wrapped <= -PI { wrapped + TAU } else { wrapped }
+}
+
+impl From<&Track> for Path {
+    fn from(track: &Track) -> Self {
+        let piece = |arc: &Arc| Piece { length_m: arc.length_m, curvature_per_m: arc.curvature_per_m };
+        Self { start: track.start, pieces: track.arcs.iter().map(piece).collect() }
+    }
+}
+
+impl From<&Path> for Track {
+    /// A path that is longer than a message may be is cut.
+    fn from(path: &Path) -> Self {
+        let arc = |piece: &Piece| Arc { length_m: piece.length_m, curvature_per_m: piece.curvature_per_m };
+        Self { start: path.start, arcs: path.pieces.iter().take(Self::MOST_ARCS).map(arc).collect() }
+    }
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use race::Race;
 use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use xtb_nav::traffic::{Fault, ProblemError, Schedule, Unsolved};
+use xtb_traffic::solver::{Fault, ProblemError, Schedule, Unsolved};
 
 /// Between two lines of progress.
 const PROGRESS_EVERY: Duration = Duration::from_millis(500);
@@ -50,7 +50,7 @@ pub async fn run(out: Output, args: PlanArgs) -> Result<Exit> {
         }
     };
     let schedule = schedule.map_err(|unsolved| explain(unsolved, &instance, &args))?;
-    xtb_nav::traffic::check(&instance.problem, &schedule).map_err(|fault| wrong(&fault))?;
+    xtb_traffic::solver::check(&instance.problem, &schedule).map_err(|fault| wrong(&fault))?;
     let statistics = statistics(&instance, &schedule, begun);
     write(&args.out, &schedule::text(&instance, &schedule, &statistics)?)?;
     if let Some(file) = &args.plot {

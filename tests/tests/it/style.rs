@@ -50,8 +50,8 @@ fn keys_stand_in_the_key_table_only() {
 
 #[test]
 fn the_core_knows_no_clock_file_socket_or_thread() {
-    let folders =
-        ["control", "protocol", "nav", "authority", "dispatch", "sim"].map(|name| format!("core/{name}/src"));
+    let folders = ["control", "protocol", "nav", "traffic", "authority", "dispatch", "sim"]
+        .map(|name| format!("core/{name}/src"));
     let folders = folders.each_ref().map(String::as_str);
     let words =
         ["Instant::now", "SystemTime", "tokio", "zenoh::", "std::fs", "std::net", "std::thread", "std::io"];
@@ -64,6 +64,7 @@ fn zenoh_is_opened_in_the_bus_only() {
         "core/control/src",
         "core/protocol/src",
         "core/nav/src",
+        "core/traffic/src",
         "core/sim/src",
         "robot-agent/src",
         "fleet-cli/src",

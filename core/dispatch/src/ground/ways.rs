@@ -6,8 +6,8 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use xtb_nav::MapPose;
-use xtb_nav::coordinator::{Field, GridRoom};
 use xtb_protocol::messages::Waypoint;
+use xtb_traffic::coordinator::{Field, GridRoom};
 
 /// Cells that the floods of one round may have, together; one flood is always made.
 const ROUND_CELLS: usize = 300_000;

@@ -14,7 +14,7 @@ use super::giveway::{Hold, InTheWay, LOST_TURN_MS, Neighbour, Other, Role, hold}
 use super::job::{Blamed, PlanFailure, Planned};
 use super::{Decision, Navigator, PAUSE_MS, Stage, Standing, TRIES, Task};
 use crate::car::Car;
-use crate::coordinator::rect::Rect;
+use crate::rect::Rect;
 use crate::{MapPose, Path};
 use xtb_control::Stamp;
 

@@ -11,8 +11,8 @@
 //! Words: a *place* is a body somewhere along a way; a robot that is *alone* keeps to this rule.
 
 use crate::car::Car;
-use crate::coordinator::rect::Rect;
 use crate::path::Path;
+use crate::rect::Rect;
 use crate::{MapPose, Piece};
 use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{RobotState, RouteSource, Via};

@@ -3,9 +3,9 @@
 use super::MARGIN_M;
 use super::job::{CARES, PlanFailure, Planned, Search, TOLERANCE_M};
 use crate::MapPose;
-use crate::coordinator::rect::Rect;
 use crate::path::wrap_rad;
 use crate::planner::{Goal, Planner};
+use crate::rect::Rect;
 use crate::space::Space;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;

@@ -145,9 +145,9 @@ fn roomy(path: &Path, space: &GridSpace) -> Vec<[f64; 2]> {
 mod tests {
     use super::super::job::{PlanDone, PlanJob};
     use super::super::{Aim, Floor, MARGIN_M};
-    use crate::coordinator::rect::Rect;
     use crate::local::LocalLayer;
     use crate::planner::Planner;
+    use crate::rect::Rect;
     use crate::{Car, Cell, Grid, Map, MapPose};
     use std::sync::Arc;
     use xtb_control::{Stamp, VehicleConfig};
@@ -185,15 +185,19 @@ mod tests {
     fn who_stands_at_a_wall_drives_on_with_room() {
         let (map, car) = (corner(), Car::of(&VehicleConfig::default()));
         let path = round_the_corner(Vec::new()).result.unwrap().path;
-        let space = crate::coordinator::GridRoom::of(&map);
+        let grid = map.grid_with_keep_outs();
+        let meets = |body: &Rect, (column, row): (usize, usize)| {
+            let [x_m, y_m] = grid.centre_m(column as i64, row as i64);
+            grid.cell(column as i64, row as i64) != Cell::Free
+                && body.meets_square(x_m, y_m, grid.resolution_m() / 2.0, MARGIN_M - 0.01)
+        };
         let mut way_m = 1.0;
         while way_m < path.length_m() {
             let (pose, _) = path.at(way_m);
             let body = Rect::body(&car, &pose);
-            assert!(
-                crate::coordinator::Room::is_free(&space, &body, MARGIN_M - 0.01),
-                "{way_m:.2} m: {pose:?}"
-            );
+            let mut cells =
+                (0..grid.height()).flat_map(|row| (0..grid.width()).map(move |column| (column, row)));
+            assert!(!cells.any(|cell| meets(&body, cell)), "{way_m:.2} m: {pose:?}");
             way_m += 0.05;
         }
     }

@@ -64,7 +64,8 @@ impl OneWay {
 
     /// Whether a step between neighbouring cells of a coarse measure, from one point to the other, may be
     /// part of an allowed way.
-    pub(crate) fn lets_through(&self, from_m: [f64; 2], to_m: [f64; 2]) -> bool {
+    #[must_use]
+    pub fn lets_through(&self, from_m: [f64; 2], to_m: [f64; 2]) -> bool {
         let course_rad = libm::atan2(to_m[1] - from_m[1], to_m[0] - from_m[0]);
         [from_m, to_m].iter().all(|[x_m, y_m]| {
             self.allowed_rad(*x_m, *y_m).is_none_or(|allowed| libm::cos(course_rad - allowed) > EIGHTHS)

@@ -10,11 +10,11 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt;
 use std::time::{Duration, Instant};
 use xtb_control::VehicleConfig;
-use xtb_nav::traffic::{
-    Bounds, Obstacle, Problem, Settings, Solver, Task, Tolerance, Unsolved, obstacles_of,
-};
 use xtb_nav::{Car, MapPose};
 use xtb_sim::World;
+use xtb_traffic::solver::{
+    Bounds, Obstacle, Problem, Settings, Solver, Task, Tolerance, Unsolved, obstacles_of,
+};
 
 /// For one question.
 const WITHIN: Duration = Duration::from_secs(60);

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use xtb_authority::Robot;
 use xtb_control::units::Stamp;
 use xtb_nav::Car;
-use xtb_nav::coordinator::{Coordinator, GridRoom, JointResult, RobotView, others_near};
 use xtb_nav::map::Map;
 use xtb_protocol::messages::{Rejected, RobotState};
+use xtb_traffic::coordinator::{Coordinator, GridRoom, JointResult, RobotView, others_near};
 
 /// Reports come in and guides go out this often.
 const TICK_MS: u64 = 100;

@@ -4,12 +4,12 @@
 use crate::draw::Draw;
 use crate::drive::Drive;
 use xtb_control::VehicleConfig;
-use xtb_nav::coordinator::rect::Rect;
-use xtb_nav::coordinator::{GridRoom, Room as _};
+use xtb_nav::rect::Rect;
 use xtb_nav::{Car, Map, MapPose};
 use xtb_protocol::messages::{GoalStatus, Outcome, TruthRobot};
 use xtb_sim::World;
 use xtb_sim::lockstep::Traffic;
+use xtb_traffic::coordinator::{GridRoom, Room as _};
 
 /// Between two looks, in s.
 const LOOK_S: f64 = 0.2;

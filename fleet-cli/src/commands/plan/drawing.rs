@@ -2,8 +2,8 @@
 //! (outline) and where it ends (filled).
 
 use std::fmt::Write;
-use xtb_nav::traffic::{Obstacle, Problem, Schedule, Way};
 use xtb_nav::{Car, MapPose};
+use xtb_traffic::solver::{Obstacle, Problem, Schedule, Way};
 
 /// Longer side of the drawing, in pixels.
 const SIDE: f64 = 900.0;

@@ -24,9 +24,9 @@ use std::sync::Arc;
 use xtb_control::VehicleConfig;
 use xtb_nav::map::raster;
 use xtb_nav::space::OneWay;
-use xtb_nav::traffic::{Bounds, Obstacle, Problem, ProblemError, Task, Tolerance, obstacles_of};
 use xtb_nav::{Car, Cell, Grid, Map, MapPose};
 use xtb_sim::{CHART_RESOLUTION_M, World};
+use xtb_traffic::solver::{Bounds, Obstacle, Problem, ProblemError, Task, Tolerance, obstacles_of};
 
 /// The public instances' car, see their checker's header.
 const PUBLIC_CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };

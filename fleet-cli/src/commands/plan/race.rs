@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use xtb_nav::traffic::{Problem, Schedule, Settings, Solver, Unsolved};
+use xtb_traffic::solver::{Problem, Schedule, Settings, Solver, Unsolved};
 
 /// How often somebody looks whether it has ended.
 pub(super) const LOOK_EVERY: Duration = Duration::from_millis(10);

@@ -6,7 +6,7 @@ use crate::error::{Failure, Kind, Result};
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 use serde_saphyr::FlowMap;
-use xtb_nav::traffic::Schedule;
+use xtb_traffic::solver::Schedule;
 
 #[derive(Serialize)]
 struct File<'a> {

@@ -1,0 +1,382 @@
+//! Traffic control of a fleet: a state machine without I/O.
+//!
+//! ```text
+//!   reports ──► [`Coordinator::robot`] ─┐                    ┌─► guides, one for each truck
+//!                                       ├─ [`Coordinator::tick`]
+//!   joint plans ─► [`Coordinator::planned`] ◄── elsewhere ◄── [`Coordinator::job`]
+//! ```
+//!
+//! * A **way** is an exact path and its places, 5 cm apart. A **release** is the place up to which a
+//!   truck may go whatever happens to the others; it never shrinks. A truck **holds** what it has not
+//!   left for sure and what is released to it.
+//! * The **passing order** says for each place of each way how far each other truck must be before.
+//!   It comes from a joint plan in space and time, and is all that is kept of its clock: a truck that
+//!   is late delays others and meets nobody, and what two trucks hold never conflicts.
+//! * Only trucks with a planned goal are led. All others are driven around: those without a goal,
+//!   latched, taken over, failed, stalled, or not heard of.
+
+pub mod joint;
+pub mod room;
+
+mod attempt;
+mod blame;
+mod field;
+mod group;
+mod in_turn;
+mod lane;
+mod margin;
+mod order;
+mod plans;
+mod release;
+mod search;
+mod task;
+mod timeline;
+mod times;
+mod truck;
+mod unknown;
+mod view;
+mod way;
+mod wire;
+
+pub use field::Field;
+pub use joint::{JointJob, JointResult};
+pub use room::{GridRoom, Room};
+pub use view::{Counters, Guide, PlannedGoal, RobotView, RouteReport};
+pub use wire::others_near;
+
+use joint::{Block, MOST_TICKS};
+use order::{Order, Runner, run_ahead};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use truck::{Route, Truck};
+use unknown::Unknown;
+use way::{STEP_M, Way};
+use xtb_control::Stamp;
+use xtb_nav::Car;
+
+/// Most trucks that are looked at; more are ignored and counted.
+pub const MOST_TRUCKS: usize = 64;
+/// Most arcs of a path that is sent.
+pub const MOST_ARCS: usize = 256;
+/// Listens for so long before it releases anything, in ms: what it finds released stays so.
+const LISTEN_MS: u64 = 1500;
+/// Something stands so long before ways are planned around it, in ms.
+const SETTLED_MS: u64 = 1500;
+/// A job that takes longer is lost, in ms. Jobs end by what they may expand, not by the clock: this is only for
+/// one whose thread has died.
+const JOB_MS: u64 = 300_000;
+/// Nobody moved for so long though someone should, in ms.
+const DEADLOCK_MS: u64 = 8000;
+/// Nobody moved for so long though someone should, and no joint plan is being made: one of them gives its
+/// goal up, in ms.
+const STANDSTILL_MS: u64 = 5000;
+/// Turns of [`Coordinator::tick`] farther apart than this count as so long, in ms.
+const LONGEST_TURN_MS: u64 = 500;
+
+/// For how long the whole fleet has stood.
+#[derive(Debug, Default)]
+struct Standstill {
+    /// Without the time for which a joint plan was being made, in ms.
+    stood_ms: u64,
+    looked: Option<Stamp>,
+    /// Who gives its goal up for that, and which: boot and id.
+    gives_up: Option<(u32, (u64, u128))>,
+}
+
+/// Traffic control.
+#[derive(Debug)]
+pub struct Coordinator {
+    car: Car,
+    room: Arc<dyn Room>,
+    trucks: Vec<Truck>,
+    unknown: Unknown,
+    order: Order,
+    ids: u32,
+    plan: u64,
+    jobs: u64,
+    job: Option<(u64, Stamp)>,
+    next_job: Stamp,
+    began: Option<Stamp>,
+    moved: Stamp,
+    /// Since when joint plans have not led everybody to its goal.
+    in_vain: Option<Stamp>,
+    standstill: Standstill,
+    seed: u64,
+    counters: Counters,
+}
+
+impl Coordinator {
+    /// For trucks of one kind in one room; the seed is for orders that are drawn.
+    #[must_use]
+    pub fn new(car: Car, room: Arc<dyn Room>, seed: u64) -> Self {
+        Self {
+            car,
+            room,
+            trucks: Vec::new(),
+            unknown: Unknown::default(),
+            order: Order::new(),
+            ids: 0,
+            plan: 0,
+            jobs: 0,
+            job: None,
+            next_job: Stamp::ZERO,
+            began: None,
+            moved: Stamp::ZERO,
+            in_vain: None,
+            standstill: Standstill::default(),
+            seed,
+            counters: Counters::default(),
+        }
+    }
+
+    /// What has happened so far.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// Names of the trucks that are led, and of those that are driven around.
+    #[must_use]
+    pub fn names(&self) -> (Vec<String>, Vec<String>) {
+        let of = |live: bool| {
+            let trucks = self.trucks.iter().filter(|truck| truck.is_live() == live);
+            trucks.map(|truck| truck.view.name.clone()).collect()
+        };
+        (of(true), of(false))
+    }
+
+    /// Another map: everybody stops at the end of what is released, and all ways are looked for anew.
+    pub fn map(&mut self, now: Stamp, room: Arc<dyn Room>) {
+        self.room = room;
+        self.trucks.iter_mut().for_each(|truck| truck.halt(now));
+        self.job = None;
+        self.stir(now);
+    }
+
+    /// A robot that is not there any more: nobody drives around it from now on.
+    pub fn forget(&mut self, name: &str) {
+        self.trucks.retain(|truck| truck.view.name != name);
+    }
+
+    /// A report of a robot. One that is older than the last is dropped.
+    pub fn robot(&mut self, now: Stamp, view: RobotView) {
+        let seen = Stamp::from_ns(now.ns().saturating_sub(view.age_ms.saturating_mul(1_000_000)));
+        let known = self.trucks.iter().position(|truck| truck.view.name == view.name);
+        let index = match known {
+            Some(index) if self.trucks[index].seen > seen => return,
+            Some(index) => index,
+            None if self.trucks.len() == MOST_TRUCKS => {
+                self.counters.ignored += 1;
+                return;
+            }
+            None => {
+                self.ids += 1;
+                self.trucks.push(Truck::new(self.ids, seen, view.clone()));
+                self.stir(now);
+                self.adopt(self.trucks.len() - 1);
+                self.trucks.len() - 1
+            }
+        };
+        let (before, could) = (self.trucks[index].confirmed(), self.trucks[index].can_be_led(now));
+        let blocked_at_m = view.blocked_at_m;
+        let other_goal = self.trucks[index].hear(seen, view);
+        if self.trucks[index].confirmed() > before {
+            self.moved = now;
+        }
+        if let Some(at_m) = blocked_at_m
+            && self.unknown.report(now, at_m, &self.trucks, &self.car)
+        {
+            self.stir(now);
+        }
+        if other_goal || could != self.trucks[index].can_be_led(now) {
+            self.stir(now);
+        }
+    }
+
+    /// Takes over what an earlier coordinator has released to a truck.
+    fn adopt(&mut self, index: usize) {
+        let truck = &mut self.trucks[index];
+        let Some(report) = truck.view.route.clone().filter(|_| truck.view.goal.is_some()) else { return };
+        self.plan = self.plan.max(report.plan);
+        let way = Way::new(report.path, &self.car);
+        let release_m = report.release_m.clamp(0.0, way.length_m);
+        // What lies between two places counts as released up to the second one.
+        let release = (libm::ceil(release_m / STEP_M - 1e-6) as usize).min(way.last());
+        let live = release == way.last();
+        let done_m = report.done_m.clamp(0.0, release_m);
+        let plan = report.plan;
+        truck.route = Some(Route { plan, base: plan, way, done_m, release, release_m, live, evades: false });
+    }
+
+    /// Something has changed: those without a way may try again soon.
+    fn stir(&mut self, now: Stamp) {
+        for truck in &mut self.trucks {
+            truck.retry_at = truck.retry_at.min(now);
+            truck.retry_ms = 0;
+        }
+    }
+
+    /// What each robot is told now. At 5 to 10 Hz.
+    pub fn tick(&mut self, now: Stamp) -> BTreeMap<String, Guide> {
+        let began = *self.began.get_or_insert(now);
+        if self.job.is_some_and(|(_, since)| now.since_ms(since) > JOB_MS) {
+            self.job = None;
+        }
+        let (mut changed, mut stalls) = (false, 0);
+        for truck in &mut self.trucks {
+            let stalled = truck.stalled;
+            changed |= truck.watch(now);
+            stalls += u64::from(truck.stalled && !stalled);
+        }
+        self.counters.stalls += stalls;
+        self.unknown.fade(now);
+        if changed {
+            self.stir(now);
+        }
+        let blocks = self.blocks();
+        if self.job.is_none() && now.since_ms(began) >= LISTEN_MS {
+            self.turn_away(now, &blocks);
+            // Who has just given up its way is in the way from now on.
+            let blocks = self.blocks();
+            for index in 0..self.trucks.len() {
+                if release::grow(&mut self.trucks, index, &self.order, &blocks) {
+                    self.moved = now;
+                }
+            }
+            self.break_deadlock(now);
+        }
+        self.end_standstill(now);
+        (0..self.trucks.len())
+            .map(|index| (self.trucks[index].view.name.clone(), self.guide(now, index)))
+            .collect()
+    }
+
+    /// Everything that is driven around, and what led trucks may still use of earlier ways.
+    fn blocks(&self) -> Vec<Block> {
+        let block = |truck: &Truck| {
+            let stands = if truck.is_live() { truck.retained.clone() } else { truck.block(&self.car) };
+            Block { id: truck.id, name: truck.view.name.clone(), stands }
+        };
+        let trucks = self.trucks.iter().map(block).filter(|block| !block.stands.is_empty());
+        trucks.chain(self.unknown.blocks()).collect()
+    }
+
+    /// Who would run into something that stays there looks for another way.
+    fn turn_away(&mut self, now: Stamp, blocks: &[Block]) {
+        let settled: BTreeSet<u32> = self
+            .trucks
+            .iter()
+            .filter(|truck| !truck.is_live() && now.since_ms(truck.fixed_since) >= SETTLED_MS)
+            .map(|truck| truck.id)
+            .chain(self.unknown.ids())
+            .collect();
+        for truck in &mut self.trucks {
+            let mut others =
+                blocks.iter().filter(|block| block.id != truck.id && settled.contains(&block.id));
+            if others.any(|block| release::meets(truck, block)) {
+                truck.halt(now);
+                truck.retry_at = now;
+            }
+        }
+    }
+
+    /// The net below: nobody moves though somebody should.
+    fn break_deadlock(&mut self, now: Stamp) {
+        let open = self.trucks.iter().any(|truck| truck.is_live() && !truck.is_complete());
+        if !open {
+            self.moved = now;
+        }
+        if now.since_ms(self.moved) > DEADLOCK_MS {
+            self.counters.deadlocks += 1;
+            self.seed = self.seed.wrapping_add(1);
+            self.moved = now;
+            self.trucks.iter_mut().filter(|truck| !truck.is_complete()).for_each(|truck| truck.halt(now));
+            self.stir(now);
+        }
+    }
+
+    /// The last net: if nobody has moved for long, whatever the plans say, then of those that have no way or
+    /// wait for another one whoever has waited longest is told that there is none. The time for which a joint
+    /// plan is being made does not count: on a slow machine it takes longer.
+    fn end_standstill(&mut self, now: Stamp) {
+        let goal =
+            |truck: &Truck| truck.goal().filter(|_| truck.can_be_led(now)).map(|(key, _)| (truck.id, key));
+        let moves = self.trucks.iter().any(|truck| truck.is_fresh(now) && !truck.stands());
+        let Standstill { stood_ms, looked, gives_up } = &mut self.standstill;
+        let turn_ms = looked.map_or(0, |at| now.since_ms(at)).min(LONGEST_TURN_MS);
+        *looked = Some(now);
+        let is_over = gives_up.is_some() && !self.trucks.iter().any(|truck| goal(truck) == *gives_up);
+        if moves || is_over {
+            (*stood_ms, *gives_up) = (0, None);
+            return;
+        }
+        if self.job.is_none() {
+            *stood_ms += turn_ms;
+        }
+        if *stood_ms > STANDSTILL_MS && gives_up.is_none() {
+            let waits = |truck: &&Truck| match truck.waits_for {
+                Some((_, is_led)) if truck.is_live() => is_led,
+                _ => truck.none.is_some(),
+            };
+            let longest = self.trucks.iter().filter(waits).filter(|truck| goal(truck).is_some());
+            *gives_up = longest.max_by_key(|truck| truck.waited_ms(now)).and_then(goal);
+            self.counters.given_up += u64::from(gives_up.is_some());
+        }
+    }
+
+    /// Who stands in the way for good behind this one: somebody, or something, that nobody leads.
+    fn for_good(&self, now: Stamp, name: &str) -> Option<String> {
+        let mut name = name;
+        for _ in &self.trucks {
+            let Some(truck) = self.trucks.iter().find(|truck| truck.view.name == name) else { break };
+            if !truck.can_be_led(now) {
+                break;
+            }
+            // That one goes somewhere: it is a matter of time.
+            name = truck.none.as_ref().filter(|_| !truck.is_live())?.by.as_deref()?;
+        }
+        let is_led = |truck: &Truck| truck.view.name == name && truck.can_be_led(now);
+        (!self.trucks.iter().any(is_led)).then(|| name.to_owned())
+    }
+
+    fn guide(&self, now: Stamp, index: usize) -> Guide {
+        let truck = &self.trucks[index];
+        let name =
+            |id: u32| self.trucks.iter().find(|other| other.id == id).map(|other| other.view.name.clone());
+        let waits = truck.waits_for.filter(|_| truck.is_live());
+        let blocked = truck.none.as_ref();
+        let waits_for =
+            waits.and_then(|(id, _)| name(id)).or_else(|| blocked.and_then(|none| none.by.clone()));
+        let gives_up = self.standstill.gives_up.is_some_and(|(id, _)| id == truck.id);
+        let reason = match &waits_for {
+            _ if truck.view.goal.is_none() => None,
+            Some(name) if gives_up => Some(format!("blocked by {name}")),
+            Some(name) if waits.is_none_or(|(_, is_led)| !is_led) => {
+                self.for_good(now, name).map(|name| format!("blocked by {name}"))
+            }
+            Some(_) => None,
+            None => blocked.filter(|none| gives_up || none.for_good).map(|none| none.reason.clone()),
+        };
+        let route = truck.route.as_ref();
+        Guide {
+            goal: truck.goal().map(|(key, _)| key),
+            plan: route.map_or(0, |route| route.plan),
+            path: route.map(|route| route.way.path.clone()),
+            release_m: route.map_or(0.0, |route| route.release_m),
+            cruise_mps: release::cruise_mps(&self.trucks, index),
+            waits_for,
+            reason,
+        }
+    }
+
+    /// Whether everybody who is led would arrive if nobody failed.
+    #[must_use]
+    pub fn is_acyclic(&self) -> bool {
+        let routes = self.trucks.iter().filter_map(|truck| truck.route.as_ref().map(|route| (truck, route)));
+        let runners: Vec<Runner<'_>> = routes
+            .filter(|(_, route)| route.live)
+            .map(|(truck, route)| Runner { id: truck.id, way: &route.way, done_m: route.done_m })
+            .collect();
+        run_ahead(&runners, &self.order, MOST_TICKS).is_some()
+    }
+}

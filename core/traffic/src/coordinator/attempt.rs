@@ -1,0 +1,215 @@
+//! One order of priorities, or a group planned at once and the rest in an order: one truck's way after
+//! the other, and who passes first where.
+
+use super::field::Field;
+use super::joint::{EXPANSIONS_EACH, Failed, MOST_TICKS, Member, Solution, Solver};
+use super::margin::{driven_margin_m, margin_m};
+use super::order::{Runner, Timed, pair, run_ahead};
+use super::search::{Other, Stuck, Task, search};
+use super::timeline::Timeline;
+use super::times::{arrivals, extend, to_release};
+use super::way::Way;
+use std::collections::{BTreeMap, BTreeSet};
+use xtb_nav::rect::Rect;
+
+/// A truck that has still to leave its place is not driven through so many ticks longer.
+const GRACE_TICKS: u32 = 12;
+
+/// Where everybody is expected while ways are looked for one by one.
+#[derive(Clone)]
+pub(super) struct Expected {
+    /// By member. Those without a way yet leave their places some time.
+    pub(super) lines: BTreeMap<usize, Timeline>,
+    times: BTreeMap<usize, Vec<f64>>,
+    /// The places of those without a way yet.
+    soft: BTreeMap<usize, Rect>,
+    ways: BTreeMap<usize, Way>,
+}
+
+impl Expected {
+    /// The lines of all others; what is told twice of one holds twice.
+    pub(super) fn others(&self, index: usize) -> Vec<(usize, &Timeline)> {
+        self.lines.iter().filter(|(other, _)| **other != index).map(|(other, line)| (*other, line)).collect()
+    }
+
+    /// Places of those without a way yet, but for these.
+    pub(super) fn soft(&self, but: &[usize]) -> Vec<Rect> {
+        self.soft.iter().filter(|(index, _)| !but.contains(index)).map(|(_, rect)| *rect).collect()
+    }
+
+    /// Bodies of the others all along their ways.
+    pub(super) fn taken(&self, index: usize) -> impl Iterator<Item = Rect> {
+        let lines = self.lines.iter().filter(move |(other, _)| **other != index);
+        lines.flat_map(|(_, line)| line.bodies())
+    }
+
+    /// From now on this one goes so, with its position at each tick.
+    pub(super) fn take(&mut self, index: usize, way: Way, at_m: &[f64], line: Timeline) {
+        self.soft.remove(&index);
+        self.times.insert(index, arrivals(&way, at_m));
+        self.lines.insert(index, line);
+        self.ways.insert(index, way);
+    }
+}
+
+impl Solver<'_> {
+    /// Before anybody of `free` has a way. `None` if those who have one block each other.
+    pub(super) fn expected(
+        &self,
+        free: &[usize],
+        led: &[usize],
+        standing: &BTreeSet<usize>,
+    ) -> Option<Expected> {
+        let job = self.job;
+        let mut expected = Expected {
+            lines: BTreeMap::new(),
+            times: BTreeMap::new(),
+            soft: BTreeMap::new(),
+            ways: BTreeMap::new(),
+        };
+        let runners: Vec<Runner<'_>> = led.iter().map(|&index| runner(&job.members[index], None)).collect();
+        for (&index, at_m) in led.iter().zip(run_ahead(&runners, &job.order, MOST_TICKS)?) {
+            let member = &job.members[index];
+            expected.lines.insert(index, Timeline::driving(&member.way, &job.car, &at_m, member.held));
+            expected.times.insert(index, arrivals(&member.way, &at_m));
+        }
+        for &index in standing {
+            expected.lines.insert(index, Timeline::standing(job.members[index].held_stands()));
+        }
+        for &index in free.iter().chain(&self.evading) {
+            let member = &job.members[index];
+            let gone = to_release(member).len() as u32 + GRACE_TICKS;
+            expected.lines.insert(index, Timeline::leaving(member.held_stands(), gone));
+            expected.soft.insert(index, member.way.stands[member.held].body);
+        }
+        Some(expected)
+    }
+
+    /// One order.
+    pub(super) fn attempt(
+        &mut self,
+        free: &[usize],
+        led: &[usize],
+        standing: &BTreeSet<usize>,
+    ) -> Result<Solution, Failed> {
+        let fallback = || Failed(free.last().copied().unwrap_or(0));
+        let expected = self.expected(free, led, standing).ok_or_else(fallback)?;
+        self.one_by_one(expected, free, led)
+    }
+
+    /// Ways for these in this order, then for those that make way.
+    pub(super) fn one_by_one(
+        &mut self,
+        mut expected: Expected,
+        free: &[usize],
+        led: &[usize],
+    ) -> Result<Solution, Failed> {
+        let evading: Vec<usize> = self.evading.iter().copied().collect();
+        for &index in free.iter().chain(&evading) {
+            let soft = expected.soft(&[index]);
+            let aside = self.evading.contains(&index).then(|| self.aside(index, &expected));
+            let found = self.single(index, &expected.others(index), &soft, aside.as_ref(), EXPANSIONS_EACH);
+            let (way, at_m) = found.map_err(|_| Failed(index))?;
+            let line = Timeline::driving(&way, &self.job.car, &at_m, self.job.members[index].held);
+            expected.take(index, way, &at_m, line);
+        }
+        let last = free.last().or(evading.last()).copied().unwrap_or(0);
+        self.ordered(expected, led).ok_or(Failed(last))
+    }
+
+    /// How far it is from anywhere to where this one is off all ways that are known by now.
+    pub(super) fn aside(&self, index: usize, expected: &Expected) -> Field {
+        let (job, member) = (self.job, &self.job.members[index]);
+        let standing: Vec<Rect> = job.bodies_around(member).collect();
+        let taken: Vec<Rect> = expected.taken(index).collect();
+        Field::aside(&*job.room, job.car.half_width_m, &standing, &taken)
+    }
+
+    /// The way of one truck around all these, with its position on it at each tick: to its goal, or out of
+    /// the others' way by the distances in `aside`. At most so many nodes are expanded.
+    pub(super) fn single(
+        &mut self,
+        index: usize,
+        lines: &[(usize, &Timeline)],
+        soft: &[Rect],
+        aside: Option<&Field>,
+        most: u32,
+    ) -> Result<(Way, Vec<f64>), Stuck> {
+        if self.spent() {
+            return Err(Stuck::Budget);
+        }
+        let (job, member) = (self.job, &self.job.members[index]);
+        let to_goal = || {
+            let (standing, target): (Vec<Rect>, _) = (job.bodies_around(member).collect(), member.target);
+            Field::new(&*job.room, job.car.half_width_m, &standing, [target.x_m, target.y_m])
+        };
+        let field = match aside {
+            Some(field) => field,
+            None => &*self.fields.entry(index).or_insert_with(to_goal),
+        };
+        let mine = member.held_stands();
+        let others: Vec<Other<'_>> = lines
+            .iter()
+            .map(|&(other, line)| Other { line, margin_m: margin_m(mine, job.members[other].held_stands()) })
+            .chain(
+                self.blocks
+                    .iter()
+                    .zip(&job.blocks)
+                    .filter(|(_, block)| block.id != member.id)
+                    .map(|(line, block)| Other { line, margin_m: margin_m(mine, &block.stands) }),
+            )
+            .collect();
+        let mut at_m = to_release(member);
+        let head = member.way.up_to(member.held);
+        let task = Task {
+            room: &*job.room,
+            car: &job.car,
+            start: head.end(),
+            gear: member.way.gears[member.held],
+            tick: at_m.len() as u32 - 1,
+            target: aside.is_none().then_some(member.target),
+            field,
+            others: &others,
+            soft,
+        };
+        let mut budget = most.min(self.left);
+        let before = budget;
+        let found = search(&task, &mut budget);
+        self.left -= before - budget;
+        let way = Way::new(extend(head, &found?, &mut at_m), &job.car);
+        Ok((way, at_m))
+    }
+
+    /// Who passes first where; `None` if they would block each other.
+    pub(super) fn ordered(&self, expected: Expected, led: &[usize]) -> Option<Solution> {
+        let (job, Expected { ways, times, .. }) = (self.job, expected);
+        let way = |index: usize| ways.get(&index).unwrap_or(&job.members[index].way);
+        let timed = |index: usize| {
+            let member = &job.members[index];
+            let at = way(index).place(member.done_m).min(member.held);
+            Timed { way: way(index), at, held: member.held, ticks: &times[&index] }
+        };
+        let mut order = job.order.clone();
+        let moving: Vec<usize> = times.keys().copied().collect();
+        for (place, &a) in moving.iter().enumerate() {
+            for &b in &moving[place + 1..] {
+                if led.contains(&a) && led.contains(&b) {
+                    continue;
+                }
+                let (one, other) = (&job.members[a], &job.members[b]);
+                let margin = driven_margin_m(margin_m(one.held_stands(), other.held_stands()));
+                let (a_needs, b_needs) = pair(&timed(a), &timed(b), margin);
+                order.insert((one.id, other.id), a_needs);
+                order.insert((other.id, one.id), b_needs);
+            }
+        }
+        let runners: Vec<Runner<'_>> =
+            moving.iter().map(|&index| runner(&job.members[index], Some(way(index)))).collect();
+        run_ahead(&runners, &order, MOST_TICKS)?;
+        Some(Solution { ways, order })
+    }
+}
+
+fn runner<'a>(member: &'a Member, way: Option<&'a Way>) -> Runner<'a> {
+    Runner { id: member.id, way: way.unwrap_or(&member.way), done_m: member.done_m }
+}

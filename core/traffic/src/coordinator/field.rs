@@ -1,0 +1,148 @@
+//! How far it is from anywhere to a goal for a point that keeps the truck's half width: what a search
+//! hopes for.
+
+use super::room::Room;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use xtb_nav::rect::Rect;
+use xtb_nav::space::OneWay;
+
+/// Side of a cell, in m.
+const CELL_M: f64 = 0.1;
+/// A cell's middle may be so much nearer to a thing than the truck that is in the cell, in m.
+const SLACK_M: f64 = 0.075;
+
+/// Distances to one goal.
+#[derive(Debug, Clone)]
+pub struct Field {
+    origin_m: [f64; 2],
+    width: usize,
+    height: usize,
+    /// In tenths of a millimetre; `u32::MAX` = cannot be reached.
+    distance: Vec<u32>,
+}
+
+impl Field {
+    /// Floods the floor from the goal around fixed things and standing bodies.
+    #[must_use]
+    pub fn new(room: &dyn Room, half_width_m: f64, standing: &[Rect], goal_m: [f64; 2]) -> Self {
+        let (mut field, open) = Self::unknown(room, half_width_m, standing);
+        let goal = field.index(goal_m[0], goal_m[1]);
+        field.flood(goal.into_iter(), &open, room.one_way());
+        field
+    }
+
+    /// Floods it from everywhere off these places: how far it is out of the way.
+    #[must_use]
+    pub fn aside(room: &dyn Room, half_width_m: f64, standing: &[Rect], taken: &[Rect]) -> Self {
+        let (mut field, open) = Self::unknown(room, half_width_m, standing);
+        let mut free = open.clone();
+        for rect in taken {
+            let reach_m = rect.reach_m() + half_width_m;
+            let place =
+                |v: f64, axis: usize| libm::floor((v - field.origin_m[axis]) / CELL_M).max(0.0) as usize;
+            let (left, low) = (place(rect.x_m - reach_m, 0), place(rect.y_m - reach_m, 1));
+            let (right, high) = (place(rect.x_m + reach_m, 0), place(rect.y_m + reach_m, 1));
+            for row in low..=high.min(field.height - 1) {
+                let (from, to) = (row * field.width + left, row * field.width + right.min(field.width - 1));
+                for (index, free) in free.iter_mut().enumerate().take(to + 1).skip(from) {
+                    let [x, y] = field.middle(index);
+                    *free &= rect.distance_m(x, y) >= half_width_m;
+                }
+            }
+        }
+        let sources: Vec<usize> = (0..free.len()).filter(|&index| free[index]).collect();
+        field.flood(sources.into_iter(), &open, room.one_way());
+        field
+    }
+
+    /// Without any distance yet, and where a truck's middle can be.
+    fn unknown(room: &dyn Room, half_width_m: f64, standing: &[Rect]) -> (Self, Vec<bool>) {
+        let [low, high] = room.corners_m();
+        let cells = |axis: usize| (libm::ceil((high[axis] - low[axis]) / CELL_M) as usize).clamp(1, 4000);
+        let (width, height) = (cells(0), cells(1));
+        let field = Self { origin_m: low, width, height, distance: vec![u32::MAX; width * height] };
+        let keep = half_width_m - SLACK_M;
+        let open = (0..width * height)
+            .map(|index| {
+                let [x, y] = field.middle(index);
+                room.clearance_m(x, y) >= keep && standing.iter().all(|rect| rect.distance_m(x, y) >= keep)
+            })
+            .collect();
+        (field, open)
+    }
+
+    fn flood(&mut self, from: impl Iterator<Item = usize>, open: &[bool], one_way: Option<&OneWay>) {
+        let mut heap: BinaryHeap<Reverse<(u32, usize)>> = from.map(|index| Reverse((0, index))).collect();
+        heap.iter().for_each(|Reverse((_, index))| self.distance[*index] = 0);
+        while let Some(Reverse((distance, index))) = heap.pop() {
+            if distance > self.distance[index] {
+                continue;
+            }
+            let (column, row) = ((index % self.width) as i64, (index / self.width) as i64);
+            for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)] {
+                let (x, y) = (column + dx, row + dy);
+                if x < 0 || y < 0 || x >= self.width as i64 || y >= self.height as i64 {
+                    continue;
+                }
+                let next = y as usize * self.width + x as usize;
+                let longer = distance + if dx != 0 && dy != 0 { 1414 } else { 1000 };
+                // It is driven the other way: from there to here.
+                let may =
+                    || one_way.is_none_or(|zones| zones.lets_through(self.middle(next), self.middle(index)));
+                if open[next] && longer < self.distance[next] && may() {
+                    self.distance[next] = longer;
+                    heap.push(Reverse((longer, next)));
+                }
+            }
+        }
+    }
+
+    /// Distance to the goal, in m; `None` where there is no way.
+    #[must_use]
+    pub fn distance_m(&self, x_m: f64, y_m: f64) -> Option<f64> {
+        let distance = self.distance[self.index(x_m, y_m)?];
+        (distance != u32::MAX).then(|| f64::from(distance) * 1e-4)
+    }
+
+    /// How many cells it has: what it takes in time and memory.
+    #[must_use]
+    pub fn cells(&self) -> usize {
+        self.distance.len()
+    }
+
+    fn index(&self, x_m: f64, y_m: f64) -> Option<usize> {
+        let place = |v: f64, origin: f64| libm::floor((v - origin) / CELL_M) as i64;
+        let (column, row) = (place(x_m, self.origin_m[0]), place(y_m, self.origin_m[1]));
+        let inside = (0..self.width as i64).contains(&column) && (0..self.height as i64).contains(&row);
+        inside.then(|| row as usize * self.width + column as usize)
+    }
+
+    fn middle(&self, index: usize) -> [f64; 2] {
+        let (column, row) = ((index % self.width) as f64, (index / self.width) as f64);
+        [self.origin_m[0] + (column + 0.5) * CELL_M, self.origin_m[1] + (row + 0.5) * CELL_M]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coordinator::room::GridRoom;
+    use xtb_nav::{Cell, Grid};
+
+    #[test]
+    fn behind_a_wall_the_way_leads_through_its_gap() {
+        let mut grid = Grid::free(0.05, [0.0, 0.0], 80, 80).unwrap();
+        for row in 0..60 {
+            grid.set(40, row, Cell::Occupied);
+        }
+        let room = GridRoom::new(grid.clone());
+        let field = Field::new(&room, 0.2, &[], [1.0, 0.5]);
+        let around = field.distance_m(3.0, 0.5).unwrap();
+        assert!((5.0..7.0).contains(&around), "{around}");
+        for row in 60..80 {
+            grid.set(40, row, Cell::Occupied);
+        }
+        assert_eq!(Field::new(&GridRoom::new(grid), 0.2, &[], [1.0, 0.5]).distance_m(3.0, 0.5), None);
+    }
+}

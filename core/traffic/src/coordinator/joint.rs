@@ -1,0 +1,363 @@
+//! A joint plan: one truck after the other around those before it, in several orders.
+//!
+//! First only those without a way look for one around the others' expected times; if no order works,
+//! everybody with a goal gives up what is not released yet and looks anew; if that does not work
+//! either, a few of them are planned at once, by conflict-based search; after that, whoever failed most
+//! often only makes way for the rest; if it cannot, it stands.
+
+use super::blame::blame;
+use super::field::Field;
+use super::order::Order;
+use super::room::Room;
+use super::search::Target;
+use super::timeline::Timeline;
+use super::way::Way;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use xtb_nav::Car;
+use xtb_nav::rect::{Rect, Stand};
+
+/// Orders that are tried with some of the trucks, at most.
+const TRIES: usize = 8;
+/// Expansions for one truck in one order.
+pub(super) const EXPANSIONS_EACH: u32 = 4000;
+/// Expansions to find out who is in whose way, in all.
+const EXPANSIONS_BLAME: u32 = 12_000;
+/// Who has waited for longer than this is served before ways for all are looked for, in ms.
+pub(super) const PATIENCE_MS: u64 = 30_000;
+/// Longest plan, in ticks (20 min).
+pub(super) const MOST_TICKS: usize = 4800;
+
+/// A truck with a goal.
+#[derive(Debug, Clone)]
+pub(super) struct Member {
+    pub(super) id: u32,
+    pub(super) name: String,
+    /// Changes when the truck's situation does.
+    pub(super) revision: u64,
+    /// Its way so far; only the released part counts if it wants another one.
+    pub(super) way: Way,
+    pub(super) done_m: f64,
+    /// Place up to which its way is released.
+    pub(super) held: usize,
+    /// Whether it needs a way.
+    pub(super) wanting: bool,
+    /// For so long it has had a goal and has not been led to it, in ms.
+    pub(super) waited_ms: u64,
+    pub(super) target: Target,
+}
+
+impl Member {
+    pub(super) fn held_stands(&self) -> &[Stand] {
+        let at = self.way.place(self.done_m).min(self.held);
+        &self.way.stands[at..=self.held]
+    }
+}
+
+/// Something that is driven around, by name.
+#[derive(Debug, Clone)]
+pub(super) struct Block {
+    /// The truck that it is; it does not block itself.
+    pub(super) id: u32,
+    pub(super) name: String,
+    pub(super) stands: Vec<Stand>,
+}
+
+/// Work for another thread: everything that a joint plan needs.
+#[derive(Debug, Clone)]
+pub struct JointJob {
+    pub(super) id: u64,
+    pub(super) room: Arc<dyn Room>,
+    pub(super) car: Car,
+    pub(super) members: Vec<Member>,
+    pub(super) blocks: Vec<Block>,
+    pub(super) order: Order,
+    pub(super) seed: u64,
+    /// Nodes that may be expanded for orders of priorities.
+    pub(super) budget: u32,
+    /// The same for groups, when no order works; 0 = no groups.
+    pub(super) group_budget: u32,
+    /// The same for serving one after the other, when that does not work either; 0 = not at all.
+    pub(super) turn_budget: u32,
+}
+
+/// A way for one truck.
+#[derive(Debug, Clone)]
+pub(super) struct Plan {
+    pub(super) id: u32,
+    pub(super) revision: u64,
+    pub(super) way: Way,
+    /// It ends out of the others' way, not at the goal.
+    pub(super) evades: bool,
+}
+
+/// Why one truck has none.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct NoWay {
+    pub(super) id: u32,
+    pub(super) revision: u64,
+    /// Who is in the way.
+    pub(super) by: Option<String>,
+    pub(super) reason: String,
+    /// The map leaves none: it will be the same later.
+    pub(super) for_good: bool,
+}
+
+/// What came out.
+#[derive(Debug, Clone)]
+pub struct JointResult {
+    pub(super) id: u64,
+    pub(super) plans: Vec<Plan>,
+    pub(super) order: Order,
+    pub(super) none: Vec<NoWay>,
+    /// Nodes that were expanded.
+    pub expansions: u32,
+    /// Orders that were tried.
+    pub tries: u32,
+    /// Choices of conflict-based search that were looked at.
+    pub choices: u32,
+    /// No order worked, but these choices did.
+    pub grouped: bool,
+    /// Neither did, but one can be served while the others make room.
+    pub in_turn: bool,
+}
+
+impl JointResult {
+    /// How many trucks got a way, and how many did not.
+    #[must_use]
+    pub fn counts(&self) -> (usize, usize) {
+        (self.plans.len(), self.none.len())
+    }
+}
+
+/// Ways and orders that fit together.
+pub(super) struct Solution {
+    pub(super) ways: BTreeMap<usize, Way>,
+    pub(super) order: Order,
+}
+
+/// The truck for which an order did not work.
+pub(super) struct Failed(pub(super) usize);
+
+pub(super) struct Solver<'a> {
+    pub(super) job: &'a JointJob,
+    pub(super) keep_going: &'a mut dyn FnMut() -> bool,
+    pub(super) fields: BTreeMap<usize, Field>,
+    pub(super) blocks: Vec<Timeline>,
+    pub(super) left: u32,
+    pub(super) group_left: u32,
+    pub(super) turn_left: u32,
+    random: u64,
+    tries: u32,
+    pub(super) choices: u32,
+    pub(super) failures: BTreeMap<usize, u32>,
+    /// Those that have no way to their goals and only make way.
+    pub(super) evading: BTreeSet<usize>,
+    /// One of these that cannot.
+    stuck: Option<usize>,
+    /// For whom the others make way.
+    pub(super) served: Option<usize>,
+}
+
+impl JointJob {
+    /// Looks for ways until all have one, nothing is left to try, or `keep_going` says no (asked
+    /// before each truck's search).
+    #[must_use]
+    pub fn solve(&self, keep_going: &mut dyn FnMut() -> bool) -> JointResult {
+        let mut solver = Solver {
+            job: self,
+            keep_going,
+            fields: BTreeMap::new(),
+            blocks: self.blocks.iter().map(|block| Timeline::standing(&block.stands)).collect(),
+            left: self.budget,
+            group_left: self.group_budget,
+            turn_left: self.turn_budget,
+            random: self.seed,
+            tries: 0,
+            choices: 0,
+            failures: BTreeMap::new(),
+            evading: BTreeSet::new(),
+            stuck: None,
+            served: None,
+        };
+        let wanting: Vec<usize> = self.indices(|member| member.wanting).collect();
+        let led: Vec<usize> = self.indices(|member| !member.wanting).collect();
+        // Whoever has waited for long is not passed over again.
+        let in_turn = wanting.iter().any(|&index| self.members[index].waited_ms > PATIENCE_MS);
+        let mut solution = if in_turn { solver.in_turn(&wanting, &led) } else { None };
+        let mut grouped = false;
+        if solution.is_none() {
+            (solution, grouped) = solver.all_at_once();
+        }
+        if solution.is_none() && !in_turn {
+            solution = solver.in_turn(&wanting, &led);
+        }
+        self.result(solver, solution, grouped)
+    }
+
+    /// What is told of it.
+    fn result(&self, solver: Solver<'_>, solution: Option<Solution>, grouped: bool) -> JointResult {
+        let planned = |index: usize| {
+            !solver.evading.contains(&index)
+                && solution.as_ref().is_some_and(|found| found.ways.contains_key(&index))
+        };
+        let without: Vec<usize> =
+            self.indices(|member| member.wanting).filter(|&index| !planned(index)).collect();
+        // A share each: who is asked last gets an answer too.
+        let share = EXPANSIONS_BLAME / without.len().max(1) as u32;
+        let mut none = Vec::with_capacity(without.len());
+        let mut left = 0;
+        for index in without {
+            left += share;
+            let member = &self.members[index];
+            none.push(match solver.served {
+                Some(served) => NoWay::behind(member, &self.members[served].name),
+                None => blame(self, member, &mut left),
+            });
+        }
+        let spent = |most: u32, left: u32| most - left;
+        let expansions = spent(self.budget, solver.left)
+            + spent(self.group_budget, solver.group_left)
+            + spent(self.turn_budget, solver.turn_left);
+        let (tries, choices) = (solver.tries, solver.choices);
+        let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
+        let plan = |(index, way): (usize, Way)| {
+            let member: &Member = &self.members[index];
+            let evades = solver.evading.contains(&index);
+            let moves = way.length_m > member.way.at_m(member.held) + 0.01;
+            (moves || !evades).then_some(Plan { id: member.id, revision: member.revision, way, evades })
+        };
+        JointResult {
+            id: self.id,
+            plans: ways.into_iter().filter_map(plan).collect(),
+            order,
+            none,
+            expansions,
+            tries,
+            choices,
+            grouped,
+            in_turn: solver.served.is_some(),
+        }
+    }
+
+    /// What is driven around by this one.
+    pub(super) fn others<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = &'a Block> {
+        self.blocks.iter().filter(|block| block.id != member.id)
+    }
+
+    /// Bodies of all that is driven around by this one.
+    pub(super) fn bodies_around<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = Rect> {
+        self.others(member).flat_map(|block| block.stands.iter().map(|stand| stand.body))
+    }
+
+    fn indices(&self, which: impl Fn(&Member) -> bool) -> impl Iterator<Item = usize> {
+        self.members.iter().enumerate().filter(move |(_, member)| which(member)).map(|(index, _)| index)
+    }
+}
+
+impl NoWay {
+    /// Somebody else is served before.
+    fn behind(member: &Member, name: &str) -> Self {
+        let (by, reason) = (Some(name.to_owned()), format!("blocked by {name}"));
+        Self { id: member.id, revision: member.revision, by, reason, for_good: false }
+    }
+}
+
+impl Solver<'_> {
+    /// Ways for all to their goals, as far as there are any; and whether a group was planned at once.
+    fn all_at_once(&mut self) -> (Option<Solution>, bool) {
+        let mut standing = BTreeSet::new();
+        loop {
+            let rest = |index: &usize| !standing.contains(index) && !self.evading.contains(index);
+            let wanting: Vec<usize> = self.job.indices(|member| member.wanting).filter(rest).collect();
+            if wanting.is_empty() || self.spent() {
+                self.evading.clear();
+                return (None, false);
+            }
+            let led: Vec<usize> = self.job.indices(|member| !member.wanting).collect();
+            if let Some(found) = self.orders(&wanting, &led, &standing) {
+                return (Some(found), false);
+            }
+            let all: Vec<usize> = led.iter().chain(&wanting).copied().collect();
+            if !led.is_empty()
+                && let Some(found) = self.orders(&all, &[], &standing)
+            {
+                return (Some(found), false);
+            }
+            if self.stuck.is_none()
+                && let Some(found) = self.group(&all, &standing)
+            {
+                return (Some(found), true);
+            }
+            if let Some(stuck) = self.stuck.take() {
+                self.evading.remove(&stuck);
+                standing.insert(stuck);
+                continue;
+            }
+            let worst = wanting.iter().max_by_key(|&&index| self.failures.get(&index).copied().unwrap_or(0));
+            self.evading.extend(worst.copied());
+        }
+    }
+
+    pub(super) fn spent(&mut self) -> bool {
+        self.left == 0 || !(self.keep_going)()
+    }
+
+    /// Tries orders of `free`: whoever failed goes first in the next one, then by chance.
+    fn orders(&mut self, free: &[usize], led: &[usize], standing: &BTreeSet<usize>) -> Option<Solution> {
+        let mut order = free.to_vec();
+        let mut seen = BTreeSet::new();
+        for round in 1..=TRIES {
+            if self.spent() {
+                return None;
+            }
+            self.tries += 1;
+            seen.insert(order.clone());
+            match self.attempt(&order, led, standing) {
+                Ok(found) => return Some(found),
+                Err(Failed(index)) if self.evading.contains(&index) => {
+                    self.stuck = Some(index);
+                    return None;
+                }
+                Err(Failed(index)) => {
+                    *self.failures.entry(index).or_default() += 1;
+                    if order.first() == Some(&index) {
+                        // Not even as the first one.
+                        *self.failures.entry(index).or_default() += 1000;
+                        return None;
+                    }
+                    order.retain(|&other| other != index);
+                    order.insert(0, index);
+                }
+            }
+            if round % 3 == 0 {
+                self.shuffle(&mut order);
+            }
+            for _ in 0..20 {
+                if !seen.contains(&order) {
+                    break;
+                }
+                self.shuffle(&mut order);
+            }
+            if seen.contains(&order) {
+                return None;
+            }
+        }
+        None
+    }
+
+    fn shuffle(&mut self, order: &mut [usize]) {
+        for last in (1..order.len()).rev() {
+            order.swap(last, (self.draw() % (last as u64 + 1)) as usize);
+        }
+    }
+
+    /// SplitMix64 (G. Steele, D. Lea and C. Flood, 2014).
+    fn draw(&mut self) -> u64 {
+        self.random = self.random.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut mixed = self.random;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^ (mixed >> 31)
+    }
+}

@@ -1,0 +1,430 @@
+//! One truck's way in space and time around all others: Hybrid-A* on safe intervals.
+//!
+//! A node is a pose and the time at which it is reached, together with the time until which it may
+//! stay there. Waiting is no move of its own: each move leaves as early as it can within that
+//! interval. Two nodes of one cell compete only if the truck could have waited from one to the other
+//! (M. Phillips and M. Likhachev, *SIPP: Safe interval path planning*, ICRA 2011).
+
+use super::lane;
+use super::order::GEAR_TICKS;
+pub(super) use super::task::{Leg, Other, Stuck, Target, Task};
+use super::timeline::{NEVER, TICK_WAY_M};
+use std::cmp::{Ordering, Reverse};
+use std::collections::{BTreeMap, BinaryHeap};
+use std::f64::consts::TAU;
+use xtb_nav::path::wrap_rad;
+use xtb_nav::rect::{Rect, Stand};
+use xtb_nav::{MapPose, Path, Piece, reeds_shepp};
+
+/// How closely is looked.
+struct Grain {
+    /// Of moves that each node tries, in ticks.
+    moves: &'static [u32],
+    /// Side of a cell in which nodes compete, in m.
+    cell_m: f64,
+    /// Directions of a cell.
+    directions: f64,
+}
+
+const COARSE: Grain = Grain { moves: &[4], cell_m: 0.12, directions: 20.0 };
+/// For turning between two walls.
+const FINE: Grain = Grain { moves: &[4, 1], cell_m: 0.05, directions: 48.0 };
+/// Planned circles are larger than the smallest ones by this, for the follower to steer within.
+const RADIUS_FACTOR: f64 = 1.15;
+/// What the estimate counts more than what has been driven.
+const GREED: f64 = 2.0;
+/// What a change of gear costs beyond its time, in ticks.
+const GEAR_COST: f64 = 4.0;
+/// What a tick astern costs more than one ahead.
+const ASTERN_COST: f64 = 0.3;
+/// What a tick of waiting costs: less than one of driving, or every detour is tried before.
+const WAIT_COST: f64 = 0.3;
+/// What a move through the place of a truck costs that has to leave it first, in ticks.
+const SOFT_COST: f64 = 12.0;
+/// What a tick costs more for each metre beside the lane in a corridor.
+const LANE_COST: f64 = 0.6;
+/// So often on its way a truck is looked at for that, in ticks.
+const LANE_TICKS: u32 = 4;
+/// Longest wait for a gap, in ticks.
+const MOST_WAIT: u32 = 400;
+/// Margin of the look-out to fixed things, in m.
+const LOOK_MARGIN_M: f64 = 0.02;
+
+struct Node {
+    pose: MapPose,
+    gear: f64,
+    tick: u32,
+    safe: u32,
+    cost: f64,
+    parent: usize,
+    legs: Vec<Leg>,
+    goal: bool,
+}
+
+/// Tick of arrival, tick until which it may stay, cost.
+type Seen = (u32, u32, f64);
+
+/// Lowest estimate first, then the older one.
+struct Ranked(f64, usize);
+
+impl PartialEq for Ranked {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+impl Eq for Ranked {}
+impl PartialOrd for Ranked {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Ranked {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
+    }
+}
+
+/// Looks for a way, and closer where what is fixed leaves none to large steps; every node that is expanded counts
+/// one down in `budget`.
+pub(super) fn search(task: &Task<'_>, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
+    let coarse = |task: &Task<'_>, budget: &mut u32| Search::new(task, &COARSE)?.run(budget);
+    let found = coarse(task, budget);
+    let alone = Task { others: &[], ..*task };
+    let is_narrow = found == Err(Stuck::Nowhere)
+        && (task.others.is_empty() || coarse(&alone, budget) == Err(Stuck::Nowhere));
+    if is_narrow { Search::new(task, &FINE)?.run(budget) } else { found }
+}
+
+struct Search<'a> {
+    task: &'a Task<'a>,
+    grain: &'static Grain,
+    radius_m: f64,
+    body_margin_m: f64,
+    /// No other truck moves any more from this tick on.
+    still: u32,
+    goals: Vec<MapPose>,
+    nodes: Vec<Node>,
+    open: BinaryHeap<Reverse<Ranked>>,
+    closed: BTreeMap<(i32, i32, i32), Vec<Seen>>,
+    sweep: Vec<Stand>,
+}
+
+impl<'a> Search<'a> {
+    fn new(task: &'a Task<'a>, grain: &'static Grain) -> Result<Self, Stuck> {
+        let here = Rect::body(task.car, &task.start);
+        let margins = [0.05, 0.03, 0.01, -0.02, -0.05];
+        let margin =
+            margins.into_iter().find(|&margin| task.room.is_free(&here, margin)).ok_or(Stuck::Start)?;
+        let still = task.others.iter().map(|other| other.line.end()).max().unwrap_or(0);
+        let mut search = Self {
+            task,
+            grain,
+            radius_m: task.car.radius_m * RADIUS_FACTOR,
+            body_margin_m: margin,
+            still,
+            goals: Vec::new(),
+            nodes: Vec::new(),
+            open: BinaryHeap::new(),
+            closed: BTreeMap::new(),
+            sweep: Vec::new(),
+        };
+        if let Some(target) = &task.target {
+            let yaws: Vec<f64> = match target.yaw_rad {
+                Some(yaw_rad) => vec![yaw_rad],
+                None => (0..16).map(|step| wrap_rad(f64::from(step) * TAU / 16.0)).collect(),
+            };
+            let poses = yaws.into_iter().map(|yaw_rad| MapPose { x_m: target.x_m, y_m: target.y_m, yaw_rad });
+            search.goals = poses.filter(|pose| search.may_stay(pose)).collect();
+            if search.goals.is_empty() {
+                return Err(Stuck::Goal);
+            }
+        }
+        let stand = Stand::still(task.car, &task.start);
+        let safe = search.safe_until(&stand, task.tick);
+        let (gear, tick) = (task.gear, task.tick);
+        let Some(hope) = search.hope(&task.start) else { return Err(Stuck::Nowhere) };
+        search.nodes.push(Node {
+            pose: task.start,
+            gear,
+            tick,
+            safe,
+            cost: 0.0,
+            parent: usize::MAX,
+            legs: Vec::new(),
+            goal: false,
+        });
+        search.open.push(Reverse(Ranked(hope * GREED, 0)));
+        Ok(search)
+    }
+
+    fn run(mut self, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
+        let mut expanded = 0_u32;
+        while let Some(Reverse(Ranked(_, index))) = self.open.pop() {
+            if self.nodes[index].goal || (self.task.target.is_none() && self.nodes[index].safe == NEVER) {
+                return Ok(self.legs(index));
+            }
+            if *budget == 0 {
+                return Err(Stuck::Budget);
+            }
+            *budget -= 1;
+            expanded += 1;
+            let (pose, gear) = (self.nodes[index].pose, self.nodes[index].gear);
+            let hope_m = self.hope(&pose).map_or(f64::MAX, |ticks| ticks * TICK_WAY_M);
+            if hope_m < 3.0 || f64::from(expanded) % libm::ceil(hope_m / 2.0) == 0.0 {
+                self.shoot(index, &pose);
+            }
+            for &ticks in self.grain.moves {
+                for (turn, way_gear) in
+                    [(0.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, -1.0)]
+                {
+                    let length_m = TICK_WAY_M * f64::from(ticks) * way_gear;
+                    let piece = Piece { length_m, curvature_per_m: turn / self.radius_m };
+                    self.go(index, &[piece], gear, false);
+                }
+            }
+        }
+        Err(Stuck::Nowhere)
+    }
+
+    /// Straight to the goal along a Reeds–Shepp curve.
+    fn shoot(&mut self, index: usize, pose: &MapPose) {
+        let radius_m = self.radius_m;
+        let mut ways: Vec<Path> =
+            self.goals.iter().map(|goal| reeds_shepp::shortest(pose, goal, radius_m)).collect();
+        ways.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
+        let gear = self.nodes[index].gear;
+        for way in ways.iter().take(3) {
+            if self.go(index, &way.pieces, gear, true) {
+                break;
+            }
+        }
+    }
+
+    /// Drives these pieces from a node as early as possible, and once more in a later gap. True if
+    /// there is a gap.
+    fn go(&mut self, from: usize, pieces: &[Piece], gear: f64, goal: bool) -> bool {
+        let Node { pose, tick, safe, cost, .. } = self.nodes[from];
+        let mut sweep = std::mem::take(&mut self.sweep);
+        let swept = self.sweep_over(&mut sweep, pose, gear, pieces);
+        let Some((end, end_gear, legs, extra)) = swept else {
+            self.sweep = sweep;
+            return false;
+        };
+        let hope = if goal { Some(0.0) } else { self.hope(&end) };
+        let (mut delay, mut found) = (0, 0);
+        while let Some(hope) = hope {
+            let depart = tick + delay;
+            if depart > safe || delay > MOST_WAIT || found == 2 {
+                break;
+            }
+            if !self.is_clear(&sweep, depart) {
+                if depart > self.still {
+                    break;
+                }
+                delay += 2;
+                continue;
+            }
+            let arrive = depart + sweep.len() as u32;
+            let still = sweep
+                .last()
+                .map_or_else(|| Stand::still(self.task.car, &end), |stand| Stand { look: None, ..*stand });
+            let safe_then = self.safe_until(&still, arrive);
+            if goal && safe_then != NEVER {
+                delay += 4;
+                continue;
+            }
+            let cost = cost + WAIT_COST * f64::from(delay) + sweep.len() as f64 + extra;
+            if goal || self.is_new(&end, end_gear, arrive, safe_then, cost) {
+                let legs = legs.iter().map(|leg| Leg { depart: leg.depart + depart, ..*leg }).collect();
+                let (gear, index) = (end_gear, self.nodes.len());
+                self.nodes.push(Node {
+                    pose: end,
+                    gear,
+                    tick: arrive,
+                    safe: safe_then,
+                    cost,
+                    parent: from,
+                    legs,
+                    goal,
+                });
+                self.open.push(Reverse(Ranked(cost + hope * GREED, index)));
+            }
+            found += 1;
+            if safe_then == NEVER {
+                break;
+            }
+            delay += safe_then - arrive + 1;
+        }
+        self.sweep = sweep;
+        found > 0
+    }
+
+    /// The stands tick by tick, the end, and what the pieces cost beyond their time; `None` if
+    /// something fixed is in the way. The legs' times count from the departure.
+    fn sweep_over(
+        &self,
+        sweep: &mut Vec<Stand>,
+        from: MapPose,
+        gear: f64,
+        pieces: &[Piece],
+    ) -> Option<(MapPose, f64, Vec<Leg>, f64)> {
+        sweep.clear();
+        let (mut pose, mut gear, mut extra, mut legs) = (from, gear, 0.0, Vec::with_capacity(pieces.len()));
+        let (car, room) = (self.task.car, self.task.room);
+        for piece in pieces {
+            if room.one_way().is_some_and(|zones| zones.against(&pose, piece).is_some()) {
+                return None;
+            }
+            let next = piece.gear();
+            if next != gear {
+                let still = Stand::still(car, &pose);
+                sweep.extend([still; GEAR_TICKS as usize]);
+                extra += GEAR_COST;
+                gear = next;
+            }
+            let ticks = libm::ceil(piece.length_m.abs() / TICK_WAY_M - 1e-6).max(1.0) as u32;
+            legs.push(Leg { piece: *piece, depart: sweep.len() as u32, ticks });
+            let mut before = pose;
+            for tick in 1..=ticks {
+                let there = piece.after(&pose, piece.length_m * f64::from(tick) / f64::from(ticks));
+                let stand =
+                    Stand { body: Rect::body(car, &there), look: Some(Rect::looking(car, &before, gear)) };
+                if !room.is_free(&stand.body, self.body_margin_m)
+                    || !stand
+                        .look
+                        .is_none_or(|look| room.is_free(&look, LOOK_MARGIN_M.min(self.body_margin_m)))
+                {
+                    return None;
+                }
+                sweep.push(stand);
+                before = there;
+                if tick % LANE_TICKS == 0 || tick == ticks {
+                    let share = if tick % LANE_TICKS == 0 { LANE_TICKS } else { tick % LANE_TICKS };
+                    extra += LANE_COST * f64::from(share) * lane::beside_m(room, car, &there, gear);
+                }
+            }
+            if gear < 0.0 {
+                extra += ASTERN_COST * f64::from(ticks);
+            }
+            pose = piece.end(&pose);
+        }
+        if sweep.last().is_some_and(|end| self.task.soft.iter().any(|rect| rect.overlaps(&end.body, 0.05))) {
+            extra += SOFT_COST;
+        }
+        Some((pose, gear, legs, extra))
+    }
+
+    fn is_clear(&self, sweep: &[Stand], depart: u32) -> bool {
+        self.task.others.iter().all(|other| {
+            let hit = |(step, stand): (usize, &Stand)| {
+                other.line.hits(stand, depart + 1 + step as u32, other.margin_m)
+            };
+            !sweep.iter().enumerate().any(hit)
+        })
+    }
+
+    fn safe_until(&self, stand: &Stand, tick: u32) -> u32 {
+        let others = self.task.others.iter();
+        let next =
+            others.map(|other| other.line.next_hit(stand, tick, other.margin_m)).min().unwrap_or(NEVER);
+        if next == NEVER { NEVER } else { next - 1 }
+    }
+
+    /// Whether the truck can stand there for good.
+    fn may_stay(&self, pose: &MapPose) -> bool {
+        let stand = Stand::still(self.task.car, pose);
+        self.task.room.is_free(&stand.body, self.body_margin_m)
+            && !self.task.others.iter().any(|other| other.line.hits(&stand, NEVER - 1, other.margin_m))
+    }
+
+    /// Ticks to the goal at least, or nearly; `None` where none can be reached.
+    fn hope(&self, pose: &MapPose) -> Option<f64> {
+        let flat_m = self.task.field.distance_m(pose.x_m, pose.y_m)?;
+        let Some(target) = &self.task.target else { return Some(flat_m / TICK_WAY_M) };
+        let curved_m = match (target.yaw_rad, self.goals.first()) {
+            (Some(_), Some(goal)) => reeds_shepp::distance_m(pose, goal, self.radius_m),
+            _ => 0.0,
+        };
+        Some(flat_m.max(curved_m) / TICK_WAY_M)
+    }
+
+    /// Whether no earlier node of this cell could have waited until then for less.
+    fn is_new(&mut self, pose: &MapPose, gear: f64, tick: u32, safe: u32, cost: f64) -> bool {
+        let along = |v: f64| libm::floor(v / self.grain.cell_m) as i32;
+        let turn = libm::floor((pose.yaw_rad / TAU + 0.5) * self.grain.directions) as i32;
+        let key = (along(pose.x_m), along(pose.y_m), turn * 2 + i32::from(gear > 0.0));
+        let seen = self.closed.entry(key).or_default();
+        if seen.iter().any(|&(from, until, least)| from <= tick && tick <= until && least <= cost + 1.0) {
+            return false;
+        }
+        seen.retain(|&(from, until, least)| {
+            !(tick <= from && from <= safe && cost <= least && until <= safe)
+        });
+        seen.push((tick, safe, cost));
+        true
+    }
+
+    fn legs(&self, goal: usize) -> Vec<Leg> {
+        let (mut chain, mut index) = (Vec::new(), goal);
+        while index != usize::MAX {
+            chain.push(index);
+            index = self.nodes[index].parent;
+        }
+        chain.into_iter().rev().flat_map(|index| self.nodes[index].legs.clone()).collect()
+    }
+}
+
+fn rank(path: &Path) -> f64 {
+    path.length_m() + TICK_WAY_M * GEAR_COST * path.cusps() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coordinator::field::Field;
+    use crate::coordinator::room::GridRoom;
+    use crate::coordinator::timeline::Timeline;
+    use xtb_control::VehicleConfig;
+    use xtb_nav::{Car, Cell, Grid};
+
+    fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
+        MapPose { x_m, y_m, yaw_rad }
+    }
+
+    /// Two rooms of 5 m × 6 m and a door of 1.2 m.
+    fn rooms() -> GridRoom {
+        let mut grid = Grid::free(0.05, [0.0, 0.0], 200, 120).unwrap();
+        for row in (0..48).chain(72..120) {
+            for column in 98..102 {
+                grid.set(column, row, Cell::Occupied);
+            }
+        }
+        GridRoom::new(grid)
+    }
+
+    fn find(
+        room: &GridRoom,
+        start: MapPose,
+        goal: MapPose,
+        lines: &[Timeline],
+    ) -> (Result<Vec<Leg>, Stuck>, u32) {
+        let car = Car::of(&VehicleConfig::default());
+        let target = Some(Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: Some(goal.yaw_rad) });
+        let field = Field::new(room, car.half_width_m, &[], [goal.x_m, goal.y_m]);
+        let others: Vec<Other<'_>> = lines.iter().map(|line| Other { line, margin_m: 0.08 }).collect();
+        let (others, soft) = (&others[..], &[][..]);
+        let task = Task { room, car: &car, start, gear: 1.0, tick: 0, target, field: &field, others, soft };
+        let mut budget = 5000;
+        let found = search(&task, &mut budget);
+        (found, 5000 - budget)
+    }
+
+    #[test]
+    fn alone_it_finds_the_way_through_the_door_at_once() {
+        let room = rooms();
+        for (yaw_from, yaw_to) in [(0.0, 0.0), (0.0, std::f64::consts::PI), (1.5, -1.5)] {
+            let (legs, expanded) = find(&room, pose(1.2, 1.0, yaw_from), pose(8.8, 4.0, yaw_to), &[]);
+            assert!(legs.is_ok() && expanded < 400, "{legs:?}, {expanded} expanded");
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! What traffic control knows of one truck.
+
+use super::joint::NoWay;
+use super::way::Way;
+use super::{PlannedGoal, RobotView};
+use xtb_control::Stamp;
+use xtb_nav::rect::{Rect, Stand};
+use xtb_nav::{Car, MapPose};
+
+/// Without a report for so long a truck is driven around, in ms.
+pub(super) const STALE_MS: u64 = 2000;
+/// Slower than this it stands, in m/s.
+const STANDS_MPS: f64 = 0.02;
+/// So much of the reported way does not count, in m.
+const BEHIND_M: f64 = 0.05;
+/// A truck that stands so near before its release's end has reached it, in m.
+const SHORT_M: f64 = 0.06;
+/// Farther beside its path it is not on it any more, in m.
+const OFF_M: f64 = 0.3;
+/// Released way that is not driven for so long makes a truck stalled, in ms.
+const STALL_MS: u64 = 8000;
+/// Way in which a truck that is not led can stop, per m/s, in m, and at least.
+const STOPPING_S: f64 = 0.8;
+
+/// A way that has been given to a truck.
+#[derive(Debug, Clone)]
+pub(super) struct Route {
+    pub(super) plan: u64,
+    /// The plan with which it began at its present start.
+    pub(super) base: u64,
+    pub(super) way: Way,
+    /// Driven, as reported, in m.
+    pub(super) done_m: f64,
+    /// Released up to this place.
+    pub(super) release: usize,
+    /// The same in m; never shrinks.
+    pub(super) release_m: f64,
+    /// Whether the rest of it is still to be driven.
+    pub(super) live: bool,
+    /// It leads out of the others' way, not to the goal.
+    pub(super) evades: bool,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Truck {
+    pub(super) id: u32,
+    pub(super) view: RobotView,
+    /// When the view was true.
+    pub(super) seen: Stamp,
+    pub(super) revision: u64,
+    pub(super) route: Option<Route>,
+    /// Places of an earlier way that it may still use.
+    pub(super) retained: Vec<Stand>,
+    pub(super) stalled: bool,
+    /// The last plan that it has reported.
+    taken: u64,
+    /// Since when no released way is left or progress is made.
+    pub(super) busy: Stamp,
+    /// Since when it has no live route, and stands where it stands.
+    pub(super) fixed_since: Stamp,
+    fixed_at: MapPose,
+    pub(super) retry_at: Stamp,
+    pub(super) retry_ms: u64,
+    pub(super) none: Option<NoWay>,
+    /// Who has to pass first, and whether that one is led itself.
+    pub(super) waits_for: Option<(u32, bool)>,
+    /// Since when it has had this goal without being led to it.
+    wants_since: Stamp,
+}
+
+impl Truck {
+    pub(super) fn new(id: u32, now: Stamp, view: RobotView) -> Self {
+        Self {
+            id,
+            seen: now,
+            revision: 0,
+            route: None,
+            retained: Vec::new(),
+            stalled: false,
+            taken: 0,
+            busy: now,
+            fixed_since: now,
+            fixed_at: view.pose,
+            retry_at: now,
+            retry_ms: 0,
+            none: None,
+            waits_for: None,
+            wants_since: now,
+            view,
+        }
+    }
+
+    /// The goal by which a route is recognised.
+    pub(super) fn goal(&self) -> Option<((u64, u128), PlannedGoal)> {
+        self.view.goal.map(|goal| ((self.view.epoch, goal.id), goal))
+    }
+
+    pub(super) fn is_fresh(&self, now: Stamp) -> bool {
+        now.since_ms(self.seen) < STALE_MS
+    }
+
+    pub(super) fn stands(&self) -> bool {
+        self.view.speed_mps.abs() < STANDS_MPS
+    }
+
+    /// Whether it can be led: heard of, able to drive, and sent somewhere.
+    pub(super) fn can_be_led(&self, now: Stamp) -> bool {
+        self.is_fresh(now) && self.view.drives && self.view.goal.is_some()
+    }
+
+    /// For how long it has had this goal without being led to it, in ms.
+    pub(super) fn waited_ms(&self, now: Stamp) -> u64 {
+        now.since_ms(self.wants_since)
+    }
+
+    /// It is led to its goal, and has its turn with that.
+    pub(super) fn is_served(&mut self, now: Stamp) {
+        self.wants_since = now;
+    }
+
+    pub(super) fn is_live(&self) -> bool {
+        self.route.as_ref().is_some_and(|route| route.live)
+    }
+
+    /// Takes a report. True if the situation is another one now.
+    pub(super) fn hear(&mut self, seen: Stamp, view: RobotView) -> bool {
+        let other_goal = self.goal().map(|(key, _)| key) != view.goal.map(|goal| (view.epoch, goal.id));
+        self.view = view;
+        self.seen = seen;
+        if other_goal {
+            self.drop_route();
+            self.stalled = false;
+            self.none = None;
+            self.wants_since = seen;
+        }
+        let confirmed = match (&mut self.route, &self.view.route) {
+            (Some(route), Some(report)) if (route.base..=route.plan).contains(&report.plan) => {
+                if report.done_m > route.done_m + 0.01 {
+                    self.busy = seen;
+                    self.stalled = false;
+                }
+                self.taken = report.plan;
+                route.done_m = report.done_m.clamp(route.done_m, route.release_m.max(route.done_m));
+                true
+            }
+            (Some(_), _) => false,
+            (None, _) => self.view.speed_mps.abs() < STANDS_MPS,
+        };
+        if confirmed {
+            self.retained.clear();
+        }
+        other_goal
+    }
+
+    /// Forgets its route; what is released of it stays taken until it stands.
+    pub(super) fn drop_route(&mut self) {
+        self.retain_held();
+        self.route = None;
+        self.revision += 1;
+    }
+
+    /// What it holds stays taken until it is known to be elsewhere.
+    pub(super) fn retain_held(&mut self) {
+        let held = self.held().to_vec();
+        self.retained.extend(held);
+    }
+
+    /// Gives up the rest of its route; what is released stays.
+    pub(super) fn halt(&mut self, now: Stamp) {
+        if let Some(route) = self.route.as_mut().filter(|route| route.live) {
+            route.live = false;
+            self.fixed_since = now;
+            self.revision += 1;
+        }
+    }
+
+    /// The place that it has surely reached.
+    pub(super) fn confirmed(&self) -> usize {
+        let Some(route) = &self.route else { return 0 };
+        if self.stands() && route.done_m >= route.release_m - SHORT_M {
+            return route.release;
+        }
+        let behind = BEHIND_M + self.view.sigma_m.clamp(0.0, 0.1);
+        route.way.place((route.done_m - behind).max(0.0)).min(route.release)
+    }
+
+    /// The places that it has not left for sure and may go to.
+    pub(super) fn held(&self) -> &[Stand] {
+        self.route.as_ref().map_or(&[], |route| &route.way.stands[self.confirmed()..=route.release])
+    }
+
+    /// Whether all of its way is released.
+    pub(super) fn is_complete(&self) -> bool {
+        self.route.as_ref().is_some_and(|route| route.release == route.way.last())
+    }
+
+    /// Notices that it is not where, or not as fast as, it should be. True if that is news.
+    pub(super) fn watch(&mut self, now: Stamp) -> bool {
+        let fixed_m =
+            libm::hypot(self.view.pose.x_m - self.fixed_at.x_m, self.view.pose.y_m - self.fixed_at.y_m);
+        let moved = fixed_m > 0.1;
+        if moved || self.is_live() {
+            self.fixed_since = now;
+            self.fixed_at = self.view.pose;
+        }
+        let mut changed = moved && !self.is_live();
+        if self.is_live() && !self.can_be_led(now) {
+            self.halt(now);
+            changed = true;
+        }
+        let aside =
+            self.is_complete() && self.stands() && self.route.as_ref().is_some_and(|route| route.evades);
+        if aside && self.is_live() && self.confirmed() == self.route.as_ref().map_or(0, |route| route.release)
+        {
+            self.halt(now);
+            self.retry_at = now;
+        }
+        let Some(route) = &self.route else { return changed };
+        let way_left =
+            route.release_m - route.done_m > 0.1 || (route.release == route.way.last() && !route.evades);
+        let (there, _) = route.way.path.at(route.done_m);
+        let off_m = libm::hypot(there.x_m - self.view.pose.x_m, there.y_m - self.view.pose.y_m);
+        let off = self.can_be_led(now) && self.retained.is_empty() && off_m > OFF_M;
+        if !way_left || !self.can_be_led(now) {
+            self.busy = now;
+        }
+        // It got off its path, or went its own way while nobody led it.
+        let lost = self.view.route.is_none() && (route.base..=route.plan).contains(&self.taken);
+        if !self.stalled && (off || lost && self.can_be_led(now) || now.since_ms(self.busy) > STALL_MS) {
+            self.stalled = true;
+            self.halt(now);
+            self.retry_at = now;
+            changed = true;
+        }
+        changed
+    }
+
+    /// Where it has to be driven around, as one that is not led.
+    pub(super) fn block(&self, car: &Car) -> Vec<Stand> {
+        // One that goes on to the end of what is released needs its look-out there.
+        let goes_on = self.view.drives && !self.stalled;
+        let held = self.retained.iter().chain(self.held());
+        let mut stands: Vec<Stand> =
+            held.map(|stand| Stand { look: stand.look.filter(|_| goes_on), ..*stand }).collect();
+        let stopping_m = if self.stands() { 0.0 } else { 0.1 + STOPPING_S * self.view.speed_mps.abs() };
+        let longer = Car {
+            front_m: car.front_m + if self.view.speed_mps > 0.0 { stopping_m } else { 0.0 },
+            rear_m: car.rear_m + if self.view.speed_mps < 0.0 { stopping_m } else { 0.0 },
+            ..*car
+        };
+        stands.push(Stand { body: Rect::body(&longer, &self.view.pose), look: None });
+        stands
+    }
+}

@@ -1,0 +1,200 @@
+//! Is a schedule a solution? Judged from its rows alone, by other means than the search's: each step is
+//! looked at in fine slices with the exact arcs and outlines of [`Car`](xtb_nav::Car) and [`Piece`].
+
+use super::problem::{Obstacle, Place, Problem};
+use super::schedule::{Row, Schedule};
+use thiserror::Error;
+use xtb_nav::path::wrap_rad;
+use xtb_nav::{Car, MapPose, Piece};
+
+/// Slices of a step.
+const SLICES: usize = 40;
+/// Rounding, and starts or goals that touch (`places::TOUCH`), in parts of a step.
+const TOUCH: f64 = 0.0094;
+/// Rounding of angles and radii.
+const ROUNDING: f64 = 1e-3;
+
+/// What is wrong with a schedule.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Fault {
+    /// Not one way for each car, in the problem's order.
+    #[error("{0} has no way of its own")]
+    Missing(String),
+    /// It does not begin at the start, or does not end at the goal.
+    #[error("{name} is not at its {place}")]
+    Place {
+        /// Who.
+        name: String,
+        /// Where it should be.
+        place: Place,
+    },
+    /// A row that the car cannot reach from the one before.
+    #[error("{name} cannot drive so in step {step}: {what}")]
+    Drive {
+        /// Who.
+        name: String,
+        /// Where in the schedule.
+        step: usize,
+        /// What is impossible.
+        what: &'static str,
+    },
+    /// The reference point leaves the map.
+    #[error("{name} leaves the map in step {step}")]
+    Outside {
+        /// Who.
+        name: String,
+        /// Where in the schedule.
+        step: usize,
+    },
+    /// A step against a one-way zone.
+    #[error("{name} drives the wrong way of a one-way zone at ({x_m:.2}, {y_m:.2}) in step {step}")]
+    WrongWay {
+        /// Who.
+        name: String,
+        /// Where in the schedule.
+        step: usize,
+        /// In m.
+        x_m: f64,
+        /// In m.
+        y_m: f64,
+    },
+    /// A contact with something that stands.
+    #[error("{name} touches the obstacle at ({x_m:.2}, {y_m:.2}) in step {step}")]
+    Obstacle {
+        /// Who.
+        name: String,
+        /// Where in the schedule.
+        step: usize,
+        /// In m.
+        x_m: f64,
+        /// In m.
+        y_m: f64,
+    },
+    /// A contact of two cars.
+    #[error("{first} and {second} touch in step {step}")]
+    Contact {
+        /// One.
+        first: String,
+        /// The other.
+        second: String,
+        /// Where in the schedule.
+        step: usize,
+    },
+}
+
+/// Checks a schedule against its problem.
+///
+/// # Errors
+/// The first fault found.
+pub fn check(problem: &Problem, schedule: &Schedule) -> Result<(), Fault> {
+    for (i, task) in problem.cars.iter().enumerate() {
+        let way = schedule.ways.get(i).filter(|way| way.name == task.name && !way.rows.is_empty());
+        let Some(way) = way else { return Err(Fault::Missing(task.name.clone())) };
+        let ends =
+            [(Place::Start, way.rows.first(), &task.start), (Place::Goal, way.rows.last(), &task.goal)];
+        for (place, row, wanted) in ends {
+            if !row.is_some_and(|row| at(&row.pose, wanted, problem)) {
+                return Err(Fault::Place { name: task.name.clone(), place });
+            }
+        }
+        for (step, rows) in way.rows.windows(2).enumerate() {
+            drivable(problem, &task.car, rows).map_err(|what| Fault::Drive {
+                name: task.name.clone(),
+                step,
+                what,
+            })?;
+            right_way(problem, &task.name, &rows[0])?;
+        }
+    }
+    (0..=schedule.makespan()).try_for_each(|step| slices(problem, schedule, step))
+}
+
+fn at(pose: &MapPose, wanted: &MapPose, problem: &Problem) -> bool {
+    let position_m = problem.tolerance.position_m.max(problem.step_m * ROUNDING);
+    libm::hypot(pose.x_m - wanted.x_m, pose.y_m - wanted.y_m) <= position_m
+        && wrap_rad(pose.yaw_rad - wanted.yaw_rad).abs() <= problem.tolerance.yaw_rad.max(ROUNDING)
+}
+
+fn same(a: &MapPose, b: &MapPose, step_m: f64) -> bool {
+    libm::hypot(a.x_m - b.x_m, a.y_m - b.y_m) < step_m * ROUNDING
+        && wrap_rad(a.yaw_rad - b.yaw_rad).abs() < ROUNDING
+}
+
+fn drivable(problem: &Problem, car: &Car, rows: &[Row]) -> Result<(), &'static str> {
+    let (row, next) = (&rows[0], &rows[1]);
+    let Piece { length_m, curvature_per_m } = row.piece;
+    if next.step != row.step + 1 {
+        return Err("a step is missing");
+    }
+    if length_m.abs() > problem.step_m * (1.0 + ROUNDING) {
+        return Err("too fast");
+    }
+    if curvature_per_m.abs() * car.radius_m > 1.0 + ROUNDING {
+        return Err("turns too tightly");
+    }
+    if !same(&row.piece.end(&row.pose), &next.pose, problem.step_m) {
+        return Err("the arc ends elsewhere");
+    }
+    Ok(())
+}
+
+/// The rule of one-way zones, by the row's own pose.
+fn right_way(problem: &Problem, name: &str, row: &Row) -> Result<(), Fault> {
+    let zones = problem.one_way.as_ref().filter(|_| row.piece.length_m != 0.0);
+    match zones.and_then(|zones| zones.against(&row.pose, &row.piece)) {
+        Some([x_m, y_m]) => Err(Fault::WrongWay { name: name.to_owned(), step: row.step, x_m, y_m }),
+        None => Ok(()),
+    }
+}
+
+/// Looks at one step slice by slice.
+fn slices(problem: &Problem, schedule: &Schedule, step: usize) -> Result<(), Fault> {
+    let touch = problem.step_m * TOUCH;
+    let bodies: Vec<Car> = problem.cars.iter().map(|task| task.car.grown(-touch / 2.0)).collect();
+    let name = |car: usize| problem.cars[car].name.clone();
+    for slice in 0..SLICES {
+        let fraction = slice as f64 / SLICES as f64;
+        let poses: Vec<MapPose> = schedule.ways.iter().map(|way| pose(&way.rows, step, fraction)).collect();
+        for (car, pose) in poses.iter().enumerate() {
+            let bounds = &problem.bounds;
+            let wide =
+                (bounds.west_m - ROUNDING * touch..=bounds.east_m + ROUNDING * touch).contains(&pose.x_m);
+            let deep =
+                (bounds.south_m - ROUNDING * touch..=bounds.north_m + ROUNDING * touch).contains(&pose.y_m);
+            if !(wide && deep) {
+                return Err(Fault::Outside { name: name(car), step });
+            }
+            if let Some(obstacle) =
+                problem.obstacles.iter().find(|obstacle| hits(&problem.cars[car].car, pose, obstacle, touch))
+            {
+                let [x_m, y_m] = obstacle.middle_m();
+                return Err(Fault::Obstacle { name: name(car), step, x_m, y_m });
+            }
+            for (other, there) in poses.iter().enumerate().skip(car + 1) {
+                if bodies[car].overlaps(pose, &bodies[other], there) {
+                    return Err(Fault::Contact { first: name(car), second: name(other), step });
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn pose(rows: &[Row], step: usize, fraction: f64) -> MapPose {
+    match rows.get(step) {
+        Some(row) => row.piece.after(&row.pose, row.piece.length_m * fraction),
+        None => rows[rows.len() - 1].pose,
+    }
+}
+
+/// Whether a car is deeper than `touch` in an obstacle.
+fn hits(car: &Car, pose: &MapPose, obstacle: &Obstacle, touch: f64) -> bool {
+    match *obstacle {
+        Obstacle::Disc { x_m, y_m, radius_m } => car.distance_m(pose, [x_m, y_m]) < radius_m - touch,
+        Obstacle::Box { middle, half_length_m, half_width_m } => {
+            let radius_m = f64::INFINITY;
+            let solid = Car { front_m: half_length_m, rear_m: half_length_m, half_width_m, radius_m };
+            car.grown(-touch).overlaps(pose, &solid, &middle)
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! What traffic control does with single reports, without a fleet that drives.
+
+use crate::scenes::pose;
+use crate::toy::room;
+use std::sync::Arc;
+use xtb_control::{Stamp, VehicleConfig};
+use xtb_nav::{Car, MapPose, Path, Piece};
+use xtb_traffic::coordinator::{Coordinator, Guide, MOST_TRUCKS, PlannedGoal, RobotView, RouteReport};
+
+/// A room of 6 m × 4 m with a box in it.
+fn coordinator() -> Coordinator {
+    let room = room(6.0, 4.0, &[[4.0, 1.0, 0.5, 2.0]]);
+    Coordinator::new(Car::of(&VehicleConfig::default()), Arc::new(room), 1)
+}
+
+fn view(name: &str, here: MapPose, goal: Option<(u128, f64, f64)>) -> RobotView {
+    RobotView {
+        name: name.to_owned(),
+        epoch: 1,
+        pose: here,
+        sigma_m: 0.01,
+        speed_mps: 0.0,
+        goal: goal.map(|(id, x_m, y_m)| PlannedGoal { id, x_m, y_m, yaw_rad: None }),
+        route: None,
+        blocked_at_m: None,
+        drives: true,
+        age_ms: 0,
+    }
+}
+
+/// Reports these every 0.2 s and solves jobs at once; what each is told in the end.
+fn listen(coordinator: &mut Coordinator, from_ms: u64, views: &[RobotView]) -> Vec<Guide> {
+    let mut guides = Vec::new();
+    for turn in 0..15 {
+        let now = Stamp::from_ms(from_ms + 200 * turn);
+        views.iter().for_each(|view| coordinator.robot(now, view.clone()));
+        let told = coordinator.tick(now);
+        guides = views.iter().map(|view| told[&view.name].clone()).collect();
+        if let Some(job) = coordinator.job(now) {
+            coordinator.planned(now, job.solve(&mut || true));
+        }
+    }
+    guides
+}
+
+#[test]
+fn a_goal_without_a_heading_gets_a_way_and_one_in_a_box_a_reason() {
+    let mut coordinator = coordinator();
+    let views = [
+        view("a", pose(1.0, 1.0, 0.0), Some((1, 3.0, 3.0))),
+        view("b", pose(1.0, 3.0, 0.0), Some((2, 4.2, 2.0))),
+    ];
+    let guides = listen(&mut coordinator, 1000, &views);
+    let end = guides[0].path.as_ref().unwrap().end();
+    assert!((end.x_m - 3.0).hypot(end.y_m - 3.0) < 1e-6 && guides[0].release_m > 0.5);
+    assert_eq!(guides[1].path, None);
+    assert_eq!(guides[1].reason.as_deref(), Some("the goal is not free on the map"));
+}
+
+#[test]
+fn nothing_is_released_before_it_has_listened() {
+    let mut coordinator = coordinator();
+    let now = Stamp::from_ms(1000);
+    coordinator.robot(now, view("a", pose(1.0, 1.0, 0.0), Some((1, 3.0, 3.0))));
+    coordinator.tick(now);
+    assert!(coordinator.job(now).is_none());
+    let later = Stamp::from_ms(2600);
+    coordinator.robot(later, view("a", pose(1.0, 1.0, 0.0), Some((1, 3.0, 3.0))));
+    coordinator.tick(later);
+    assert!(coordinator.job(later).is_some());
+    assert!(coordinator.job(later).is_none(), "one job is out at a time");
+}
+
+#[test]
+fn a_result_for_an_earlier_goal_is_not_used() {
+    let mut coordinator = coordinator();
+    coordinator.tick(Stamp::from_ms(1000));
+    let now = Stamp::from_ms(3000);
+    coordinator.robot(now, view("a", pose(1.0, 1.0, 0.0), Some((1, 3.0, 3.0))));
+    let job = coordinator.job(now).unwrap();
+    coordinator.robot(now, view("a", pose(1.0, 1.0, 0.0), Some((2, 3.0, 1.0))));
+    coordinator.planned(now, job.solve(&mut || true));
+    assert_eq!(coordinator.tick(now)["a"].path, None);
+    let views = [view("a", pose(1.0, 1.0, 0.0), Some((2, 3.0, 1.0)))];
+    let guides = listen(&mut coordinator, 3200, &views);
+    assert!((guides[0].path.as_ref().unwrap().end().y_m - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn what_an_earlier_coordinator_released_stays_so() {
+    let mut path = Path::standing(pose(1.0, 1.0, 0.0));
+    path.push(Piece { length_m: 2.0, curvature_per_m: 0.0 });
+    let mut one = view("a", pose(1.2, 1.0, 0.0), Some((1, 3.0, 3.0)));
+    one.route = Some(RouteReport { plan: 41, path: path.clone(), done_m: 0.2, release_m: 1.0 });
+    let mut coordinator = coordinator();
+    coordinator.robot(Stamp::from_ms(1000), one.clone());
+    let guide = coordinator.tick(Stamp::from_ms(1000)).remove("a").unwrap();
+    assert_eq!((guide.plan, guide.release_m, guide.path.as_ref()), (41, 1.0, Some(&path)));
+    let guide = listen(&mut coordinator, 1200, &[one]).remove(0);
+    let next = guide.path.unwrap();
+    assert!(guide.plan > 41 && guide.release_m >= 1.0);
+    assert_eq!(next.start, path.start);
+    assert!((next.at(1.0).0.x_m - 2.0).abs() < 1e-9 && (next.end().y_m - 3.0).abs() < 1e-6);
+}
+
+#[test]
+fn an_older_report_changes_nothing_and_too_many_trucks_are_counted() {
+    let mut coordinator = coordinator();
+    let now = Stamp::from_ms(5000);
+    coordinator.robot(now, view("a", pose(1.0, 1.0, 0.0), Some((1, 3.0, 3.0))));
+    coordinator.robot(now, RobotView { age_ms: 500, ..view("a", pose(1.0, 1.0, 0.0), None) });
+    assert_eq!(coordinator.tick(now)["a"].goal, Some((1, 1)));
+    for index in 0..MOST_TRUCKS + 3 {
+        coordinator.robot(now, view(&format!("t{index}"), pose(1.0, 1.0, 0.0), None));
+    }
+    assert_eq!(coordinator.tick(now).len(), MOST_TRUCKS);
+    assert_eq!(coordinator.counters().ignored, 4);
+}
