@@ -5,7 +5,7 @@ use crate::draw::in_parallel;
 use xtb_authority::Guard;
 use xtb_sim::days::{self, Options, Report};
 
-/// Days that a run of the tests goes through, unless `XTB_DAYS` says otherwise (CI: 10,000).
+/// Days that a run of the tests goes through, unless `XTB_DAYS` says otherwise (CI: 2,500).
 const DAYS: u64 = 500;
 /// Days within which a missing rule has to be noticed.
 const NOTICED: u64 = 300;
