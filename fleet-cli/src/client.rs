@@ -10,8 +10,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
-use xtb_authority::RoundTrip;
-use xtb_authority::round_trip::PATIENCE_MOST;
 use xtb_bus::{Bus, BusError, Incoming, Role};
 use xtb_control::Stamp;
 use xtb_protocol::Name;
@@ -19,6 +17,8 @@ use xtb_protocol::keys::{FleetKeys, Key, RobotKeys};
 use xtb_protocol::messages::{
     About, Done, Message, Outcome, Reply, RobotState, Roster, RosterEntry, SimStats,
 };
+use xtb_robot::RoundTrip;
+use xtb_robot::round_trip::PATIENCE_MOST;
 
 /// A state older than this is stale: it is not shown as if it were the present one.
 pub const STALE: Duration = Duration::from_millis(500);

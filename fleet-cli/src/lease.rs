@@ -10,10 +10,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::task::{JoinHandle, JoinSet};
 use tokio::time::MissedTickBehavior;
-use xtb_authority::operator::{Operator, RETAIN_MS};
 use xtb_control::Stamp;
 use xtb_protocol::messages::{Body, Done, ErrorBody, Lease, Outcome, RejectCode, Reply, Request};
 use xtb_protocol::{Name, Uuid};
+use xtb_robot::operator::{Operator, RETAIN_MS};
 
 /// How exactly the 100 ms between two retains are kept.
 const LOOK_EVERY: Duration = Duration::from_millis(RETAIN_MS / 5);

@@ -1,6 +1,6 @@
 //! The operator's command line: everything that people use of the fleet.
 //!
-//! A goal's walk begins here: `commands/goto.rs` → `client.rs` → `xtb-authority`'s operator →
+//! A goal's walk begins here: `commands/goto.rs` → `client.rs` → `xtb-robot`'s operator →
 //! `xtb-bus` → Zenoh.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]

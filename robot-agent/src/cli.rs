@@ -164,7 +164,7 @@ pub(crate) struct Settings {
     /// The router [default: tcp/127.0.0.1:7447]; may be given several times
     #[arg(long, value_name = "ENDPOINT", env = "XTB_CONNECT", value_delimiter = ',', global = true)]
     connect: Vec<String>,
-    /// serial, or simulated: one truck alone in an empty room [default: simulated]
+    /// serial, or simulated: one truck alone in an empty room. Must be given, here or in the configuration
     #[arg(long, value_name = "KIND", env = "XTB_HARDWARE", global = true)]
     hardware: Option<String>,
     /// Serial port of the I/O board

@@ -38,7 +38,7 @@ config_section! {
 config_section! {
     /// Where the truck is plugged in.
     HardwareSection "hardware" {
-        kind: String = "simulated".to_owned(), "", OneOf(&["simulated", "serial"]), Ours, "serial, or one simulated truck alone in an empty room.";
+        kind: String = "none".to_owned(), "", OneOf(&["none", "serial", "simulated"]), Ours, "serial, or simulated: one truck alone in an empty room. Without either the agent does not start.";
         board: String = "/dev/ttyUSB0".to_owned(), "", Text, Assumed, "The I/O board's serial port.";
         gyro: String = "/dev/ttyUSB1".to_owned(), "", Text, Assumed, "The gyro's serial port.";
         board_baud: u32 = 115_200, "baud", Range(1200.0, 4_000_000.0), Ours, "The board's rate. What its frames need is worked out from the periods; the memorandum's 9600 do not carry them.";
@@ -451,7 +451,7 @@ mod tests {
 
     #[test]
     fn the_table_of_rates_has_the_pwm_frames_own_period() {
-        use xtb_authority::robot::PWM_FRAME_NS;
+        use xtb_robot::robot::PWM_FRAME_NS;
         assert_eq!(xtb_protocol::board::rates::PWM_EVERY_S, PWM_FRAME_NS as f64 * 1e-9);
     }
 }

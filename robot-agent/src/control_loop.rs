@@ -4,21 +4,21 @@
 //! through the bounded queues of [`mailbox`](crate::mailbox).
 
 use crate::clock::Clock;
-use crate::door::{ESTOPS, EstopCall};
+use crate::fast_path::{ESTOPS, EstopCall};
 use crate::hardware::Hardware;
 use crate::hardware::lines::Lines;
-use crate::mailbox::{LineNote, LoopEnds, Snapshot, TIDINGS, Tiding, Waiting, Word};
-use crate::planning::Planning;
+use crate::mailbox::{LineNote, LoopEnds, NAV_INPUTS, NavInput, Response, Snapshot, Waiting};
+use crate::planner_worker::PlannerWorker;
 use crate::recorder::Recorder;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use tokio::sync::mpsc;
-use xtb_authority::Robot;
-use xtb_authority::robot::TURN_NS;
 use xtb_control::Stamp;
 use xtb_protocol::messages::{Estopped, Latch};
+use xtb_robot::Robot;
+use xtb_robot::robot::TURN_NS;
 
 /// Requests answered in one turn at most, so that a flood cannot stretch it.
 const REQUESTS_A_TURN: usize = 8;
@@ -40,7 +40,7 @@ pub(crate) fn start(
     stop: Arc<AtomicBool>,
 ) -> io::Result<JoinHandle<()>> {
     let name = format!("control-{}", robot.agent().identity().robot);
-    let planning = Planning::start(&robot.agent().identity().robot)?;
+    let planning = PlannerWorker::start(&robot.agent().identity().robot)?;
     let control = ControlLoop { robot, lines: Lines::new(hardware), ends, recorder, planning };
     std::thread::Builder::new().name(name).spawn(move || control.run(&clock, &stop))
 }
@@ -50,7 +50,7 @@ struct ControlLoop {
     lines: Lines,
     ends: LoopEnds,
     recorder: Option<Recorder>,
-    planning: Planning,
+    planning: PlannerWorker,
 }
 
 impl ControlLoop {
@@ -90,7 +90,7 @@ impl ControlLoop {
     fn take_orders(&mut self, now: Stamp) {
         self.take_estops(now);
         let ends = &mut self.ends;
-        ends.door.tell(self.robot.agent_mut());
+        ends.fast_path.tell(self.robot.agent_mut());
         self.robot.agent_mut().set_link(ends.link_up.load(Ordering::Relaxed));
         self.robot.agent_mut().stop(now, ends.arrivals.latest_stop());
         for _ in 0..REQUESTS_A_TURN {
@@ -99,12 +99,12 @@ impl ControlLoop {
             let Ok(room) = ends.replies.try_reserve() else { break };
             let Ok(job) = ends.requests.try_recv() else { break };
             let reply = self.robot.request(now, job.arrival, &job.client, &job.request);
-            room.send((job.answer, Word::Reply(reply)));
+            room.send((job.answer, Response::Reply(reply)));
         }
         if let Some(Waiting { at, arrival, client, setpoint }) = ends.setpoint.take() {
             self.robot.agent_mut().setpoint(now, at, arrival, &client, &setpoint);
         }
-        ends.door.follow(self.robot.agent());
+        ends.fast_path.follow(self.robot.agent());
     }
 
     /// What the second level has to know: other robots, poses, paths, maps.
@@ -114,14 +114,14 @@ impl ControlLoop {
         for (at, said) in self.ends.neighbours.take() {
             self.robot.agent_mut().neighbour(at, said);
         }
-        for _ in 0..TIDINGS {
-            let Ok(tiding) = self.ends.tidings.try_recv() else { return };
+        for _ in 0..NAV_INPUTS {
+            let Ok(input) = self.ends.nav_inputs.try_recv() else { return };
             let agent = self.robot.agent_mut();
-            match tiding {
-                Tiding::Fix(at, fix) => agent.fix(now, at, &fix),
-                Tiding::Route(route) => agent.route(now, &route),
-                Tiding::Floor(floor) => agent.set_floor(floor),
-                Tiding::FleetMap(hash) => agent.set_fleet_map(hash),
+            match input {
+                NavInput::Fix(at, fix) => agent.fix(now, at, &fix),
+                NavInput::Route(route) => agent.route(now, &route),
+                NavInput::Floor(floor) => agent.set_floor(floor),
+                NavInput::FleetMap(hash) => agent.set_fleet_map(hash),
             }
         }
     }
@@ -140,17 +140,20 @@ impl ControlLoop {
     fn take_estops(&mut self, now: Stamp) {
         let ends = &self.ends;
         for _ in 0..ESTOPS {
-            let Some(mut call) = ends.door.next_estop() else { return };
+            let Some(mut call) = ends.fast_path.next_estop() else { return };
             self.robot.agent_mut().estop(now, call.arrival, &call.by, call.id);
             let Some(answer) = call.answer.take() else { continue };
             // As with requests: without room for its answer the call stays where it is, for to drop its
             // question here could wait for Zenoh. The robot stands already.
             let Ok(room) = ends.replies.try_reserve() else {
-                return ends.door.put_back(EstopCall { answer: Some(answer), ..call });
+                return ends.fast_path.put_back(EstopCall { answer: Some(answer), ..call });
             };
             let agent = self.robot.agent();
             let robot = agent.identity().robot.clone();
-            room.send((answer, Word::Estopped(Estopped { robot, latched: agent.is_latched(Latch::Estop) })));
+            room.send((
+                answer,
+                Response::Estopped(Estopped { robot, latched: agent.is_latched(Latch::Estop) }),
+            ));
         }
     }
 

@@ -5,8 +5,10 @@
 //! client asks again with the same id.
 
 use crate::clock::Clock;
-use crate::door::{Door, EstopCall};
-use crate::mailbox::{Answer, Arrivals, Counters, Job, REQUESTS, SessionEnds, SetpointSlot, Waiting, Word};
+use crate::counters::Counters;
+use crate::fast_path::Answer;
+use crate::fast_path::{EstopCall, FastPath};
+use crate::mailbox::{Arrivals, Job, REQUESTS, Response, SessionEnds, SetpointSlot, Waiting};
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};
 use tokio::sync::mpsc;
@@ -24,13 +26,13 @@ pub(crate) struct Downlink {
     _estops_asked: Service,
 }
 
-struct Desk {
+struct RequestInbox {
     keys: RobotKeys,
     clock: Clock,
     requests: SyncSender<Job>,
     arrivals: Arc<Arrivals>,
-    door: Arc<Door>,
-    replies: mpsc::Sender<(Answer, Word)>,
+    fast_path: Arc<FastPath>,
+    replies: mpsc::Sender<(Answer, Response)>,
     counters: Arc<Counters>,
 }
 
@@ -46,34 +48,34 @@ pub(crate) async fn declare(
     ends: &SessionEnds,
 ) -> Result<Downlink, BusError> {
     let keys = &fleet.robot(robot);
-    let bell = Arc::new(Bell {
+    let estop_inbox = Arc::new(EstopInbox {
         keys: keys.clone(),
         arrivals: ends.arrivals.clone(),
-        door: ends.door.clone(),
+        fast_path: ends.fast_path.clone(),
         counters: ends.counters.clone(),
     });
-    let ring = |bell: Arc<Bell>| move |incoming: Incoming| bell.rung(&incoming);
-    let own = bus.subscribe(&keys.estop(None), ring(bell.clone())).await?;
-    let all = bus.subscribe(&fleet.estop_all(None), ring(bell.clone())).await?;
-    let asked = bus.serve(&keys.estop(None), move |question| bell.asked(question)).await?;
-    let desk = Desk {
+    let take = |estop_inbox: Arc<EstopInbox>| move |incoming: Incoming| estop_inbox.published(&incoming);
+    let own = bus.subscribe(&keys.estop(None), take(estop_inbox.clone())).await?;
+    let all = bus.subscribe(&fleet.estop_all(None), take(estop_inbox.clone())).await?;
+    let asked = bus.serve(&keys.estop(None), move |question| estop_inbox.asked(question)).await?;
+    let request_inbox = RequestInbox {
         keys: keys.clone(),
         clock: clock.clone(),
         requests: ends.requests.clone(),
         arrivals: ends.arrivals.clone(),
-        door: ends.door.clone(),
+        fast_path: ends.fast_path.clone(),
         replies: ends.reply_sender.clone(),
         counters: ends.counters.clone(),
     };
-    let requests = bus.serve(&keys.cmd(None), move |question| desk.take(question)).await?;
-    let tray = Tray {
+    let requests = bus.serve(&keys.cmd(None), move |question| request_inbox.take(question)).await?;
+    let setpoint_inbox = SetpointInbox {
         clock: clock.clone(),
         slot: ends.setpoint.clone(),
         arrivals: ends.arrivals.clone(),
-        door: ends.door.clone(),
+        fast_path: ends.fast_path.clone(),
         counters: ends.counters.clone(),
     };
-    let setpoints = bus.subscribe(&keys.teleop(None), move |incoming| tray.take(&incoming)).await?;
+    let setpoints = bus.subscribe(&keys.teleop(None), move |incoming| setpoint_inbox.take(&incoming)).await?;
     let estops = [own, all];
     Ok(Downlink { _requests: requests, _setpoints: setpoints, _estops: estops, _estops_asked: asked })
 }
@@ -84,21 +86,21 @@ fn client_of(incoming: &Incoming) -> Option<Name> {
 }
 
 /// Where setpoints come in.
-struct Tray {
+struct SetpointInbox {
     clock: Clock,
     slot: Arc<SetpointSlot>,
     arrivals: Arc<Arrivals>,
-    door: Arc<Door>,
+    fast_path: Arc<FastPath>,
     counters: Arc<Counters>,
 }
 
-impl Tray {
+impl SetpointInbox {
     fn take(&self, incoming: &Incoming) {
         let Some(client) = client_of(incoming) else { return };
         match incoming.decode::<Setpoint>() {
             Ok(setpoint) => {
                 let at = self.clock.now();
-                if !self.door.admits(&client, setpoint.lease) {
+                if !self.fast_path.admits(&client, setpoint.lease) {
                     return self.counters.fenced();
                 }
                 let arrival = self.arrivals.next();
@@ -110,17 +112,17 @@ impl Tray {
 }
 
 /// Where emergency stops come in. What cannot be read is counted, and stops the robot all the same.
-struct Bell {
+struct EstopInbox {
     keys: RobotKeys,
     arrivals: Arc<Arrivals>,
-    door: Arc<Door>,
+    fast_path: Arc<FastPath>,
     counters: Arc<Counters>,
 }
 
-impl Bell {
-    fn rung(&self, incoming: &Incoming) {
+impl EstopInbox {
+    fn published(&self, incoming: &Incoming) {
         if let Some(by) = client_of(incoming) {
-            self.ring(by, incoming.decode::<Estop>(), None);
+            self.take(by, incoming.decode::<Estop>(), None);
         }
     }
 
@@ -129,10 +131,10 @@ impl Bell {
         let decoded = question.decode::<Estop>();
         let format = decoded.as_ref().map_or_else(|_| question.likely_format(), |(_, format)| *format);
         let key = self.keys.estop(Some(&by));
-        self.ring(by, decoded.map(|(estop, _)| estop), Some(Answer { question, key, format }));
+        self.take(by, decoded.map(|(estop, _)| estop), Some(Answer { question, key, format }));
     }
 
-    fn ring(&self, by: Name, read: Result<Estop, CodecError>, answer: Option<Answer>) {
+    fn take(&self, by: Name, read: Result<Estop, CodecError>, answer: Option<Answer>) {
         let arrival = self.arrivals.next();
         let id = match read {
             Ok(estop) => estop.id,
@@ -141,20 +143,24 @@ impl Bell {
                 Uuid::new_v4()
             }
         };
-        if self.door.estop(EstopCall { arrival, by, id, answer }).is_some_and(|call| call.answer.is_some()) {
+        if self
+            .fast_path
+            .estop(EstopCall { arrival, by, id, answer })
+            .is_some_and(|call| call.answer.is_some())
+        {
             self.counters.overloaded();
         }
     }
 }
 
-impl Desk {
+impl RequestInbox {
     fn take(&self, question: Question) {
         let Some(client) = question.client().cloned() else { return };
         let key = self.keys.cmd(Some(&client));
         match question.decode::<Request>() {
             Ok((request, format)) => {
                 let arrival = self.arrivals.next();
-                self.door.hears(self.clock.now(), &client, request.lease);
+                self.fast_path.note_heartbeat(self.clock.now(), &client, request.lease);
                 if matches!(request.body, Body::Stop {}) {
                     self.arrivals.stop(arrival); // whatever becomes of the rest of it
                 }
@@ -174,7 +180,7 @@ impl Desk {
     }
 
     fn reply(&self, answer: Answer, reply: Reply) {
-        if self.replies.try_send((answer, Word::Reply(reply))).is_err() {
+        if self.replies.try_send((answer, Response::Reply(reply))).is_err() {
             self.counters.overloaded();
         }
     }
@@ -202,11 +208,11 @@ fn refusal(error: &CodecError) -> Reply {
 }
 
 /// Sends replies until the loop's end is gone.
-pub(crate) async fn send_replies(mut replies: mpsc::Receiver<(Answer, Word)>) {
+pub(crate) async fn send_replies(mut replies: mpsc::Receiver<(Answer, Response)>) {
     while let Some((Answer { question, key, format }, word)) = replies.recv().await {
         let sent = match word {
-            Word::Reply(reply) => question.reply(&key, &reply, format).await,
-            Word::Estopped(estopped) => question.reply(&key, &estopped, format).await,
+            Response::Reply(reply) => question.reply(&key, &reply, format).await,
+            Response::Estopped(estopped) => question.reply(&key, &estopped, format).await,
         };
         if let Err(error) = sent {
             tracing::debug!("a reply was not sent: {error}");

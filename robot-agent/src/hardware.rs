@@ -3,9 +3,11 @@
 //! First stop of the walk "a sample up". Nothing here knows what the bytes mean: the same decoders
 //! stand behind real serial ports, ptys and the simulator's pipes; [`lines`] hands the bytes on.
 
+pub mod instruments;
 pub mod lines;
 pub mod ports;
 pub mod serial;
+#[cfg(feature = "sim")]
 pub mod simulated;
 
 use std::io;

@@ -4,24 +4,25 @@
 //! control before anybody can talk to it; then the session; presence last. It ends in the opposite
 //! order: motors first, then queries, then the session.
 
-mod chart;
 pub mod clock;
 pub mod config;
 mod control_loop;
-mod door;
+mod counters;
 mod downlink;
+mod fast_path;
 pub mod files;
 pub mod hardware;
 pub mod logging;
 mod mailbox;
+mod map_file;
+mod nav_inputs;
 mod neighbours;
-mod planning;
+mod planner_worker;
 mod recorder;
 pub mod recording;
+mod recording_server;
 pub mod replay;
 mod session;
-mod shelf;
-mod tidings;
 mod uplink;
 
 use crate::clock::Clock;
@@ -33,10 +34,10 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use thiserror::Error;
 use tokio::sync::watch;
-use xtb_authority::{Identity, Robot};
 use xtb_bus::BusError;
 use xtb_nav::navigator::Floor;
 use xtb_protocol::{Name, Uuid};
+use xtb_robot::{Identity, Robot};
 
 /// The agent's version, as events and factsheet give it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -116,11 +117,11 @@ pub async fn run_hosted(
     robot.agent_mut().set_navigation(&config.vehicle, &config.navigation);
     robot.agent_mut().set_world_speed(config.world_speed);
     if let Some(path) = &config.map {
-        robot.agent_mut().set_floor(Arc::new(Floor::of(chart::read(path)?)));
+        robot.agent_mut().set_floor(Arc::new(Floor::of(map_file::read(path)?)));
     }
     let (recorder, recording) = match &config.record {
         Some(folder) => {
-            robot.start_tape();
+            robot.record_steps();
             let started = recorder::start(folder, config, identity.epoch).map_err(AgentError::Record)?;
             (Some(started.0), Some(started.1))
         }

@@ -2,12 +2,12 @@
 //!
 //! | from → to | what | bound | when full |
 //! | --- | --- | --- | --- |
-//! | downlink → loop | emergency stop | [`ESTOPS`](crate::door::ESTOPS) | nothing is lost but an acknowledgement, counted; the client asks again |
+//! | downlink → loop | emergency stop | [`ESTOPS`](crate::fast_path::ESTOPS) | nothing is lost but an acknowledgement, counted; the client asks again |
 //! | downlink → loop | stop | 1 number, the latest wins | nothing is lost: one stop is as good as two |
 //! | downlink → loop | the holder lives | 1 time, the latest wins | – |
 //! | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
 //! | downlink → loop | setpoint of the holder | 1, latest wins | the older one is dropped, counted |
-//! | downlink → loop | poses, paths, maps | [`TIDINGS`] | dropped, counted as overloaded; newer ones follow |
+//! | downlink → loop | poses, paths, maps | [`NAV_INPUTS`] | dropped, counted as overloaded; newer ones follow |
 //! | other robots → loop | their states | the latest of 64 robots | those of more robots are dropped, counted as overloaded |
 //! | loop → downlink | replies | [`REPLIES`] | requests wait in their own queue |
 //! | loop → uplink | snapshot | 1, latest wins | the older one is dropped |
@@ -15,20 +15,19 @@
 //! | loop → log | line broken, line works again | [`NOTES`] | dropped |
 //! | Zenoh → uplink | questions for `state`, `about` | 64 | dropped, counted; the client asks again |
 
-use crate::door::Door;
+use crate::counters::Counters;
+use crate::fast_path::{Answer, FastPath};
 use crate::neighbours::NeighbourSlot;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, mpsc as std_mpsc};
+use std::sync::{Arc, Mutex, PoisonError, mpsc as std_mpsc};
 use tokio::sync::{mpsc, watch};
-use xtb_authority::agent::Arrival;
-use xtb_bus::Question;
 use xtb_control::Stamp;
 use xtb_nav::navigator::Floor;
 use xtb_protocol::Name;
-use xtb_protocol::codec::{CodecError, Format};
 use xtb_protocol::messages::{
-    Estopped, Event, Fix, MapHash, RejectCode, Rejected, Reply, Request, RobotState, Route, Sensors, Setpoint,
+    Estopped, Event, Fix, MapHash, Reply, Request, RobotState, Route, Sensors, Setpoint,
 };
+use xtb_robot::agent::Arrival;
 
 /// Requests waiting for a turn.
 pub(crate) const REQUESTS: usize = 64;
@@ -37,7 +36,7 @@ pub(crate) const REPLIES: usize = 256;
 /// Events on their way out.
 pub(crate) const EVENTS: usize = 256;
 /// Poses, paths and maps on their way to the loop.
-pub(crate) const TIDINGS: usize = 64;
+pub(crate) const NAV_INPUTS: usize = 64;
 /// Notes on their way to the log.
 pub(crate) const NOTES: usize = 16;
 
@@ -78,18 +77,8 @@ pub(crate) struct Job {
     pub(crate) answer: Answer,
 }
 
-/// Where a reply goes.
-pub(crate) struct Answer {
-    /// The question.
-    pub(crate) question: Question,
-    /// The robot's own key for it.
-    pub(crate) key: String,
-    /// As the request was written.
-    pub(crate) format: Format,
-}
-
 /// What goes back to whoever asked.
-pub(crate) enum Word {
+pub(crate) enum Response {
     /// To a request.
     Reply(Reply),
     /// To an emergency stop.
@@ -97,7 +86,7 @@ pub(crate) enum Word {
 }
 
 /// What the second level has to know.
-pub(crate) enum Tiding {
+pub(crate) enum NavInput {
     /// A measured pose, and when it came in.
     Fix(Stamp, Fix),
     /// From traffic control.
@@ -124,73 +113,6 @@ pub(crate) struct LineNote {
     pub(crate) line: &'static str,
     /// The system's words; `None` = works again.
     pub(crate) error: Option<String>,
-}
-
-/// What was refused or dropped outside the loop.
-#[derive(Debug, Default)]
-pub(crate) struct Counters {
-    malformed: AtomicU64,
-    oversized: AtomicU64,
-    wrong_version: AtomicU64,
-    out_of_range: AtomicU64,
-    overloaded: AtomicU64,
-    setpoints_overwritten: AtomicU64,
-    fenced: AtomicU64,
-    /// The session's counter of what came in on keys that are none of ours.
-    foreign_keys: OnceLock<Arc<AtomicU64>>,
-    /// Events that found the queue to the uplink full.
-    pub(crate) events_dropped: AtomicU64,
-}
-
-impl Counters {
-    /// Counts a message that could not be read.
-    pub(crate) fn rejected(&self, error: &CodecError) {
-        let counter = match error.code() {
-            RejectCode::Oversized => &self.oversized,
-            RejectCode::WrongVersion => &self.wrong_version,
-            RejectCode::OutOfRange => &self.out_of_range,
-            _ => &self.malformed,
-        };
-        counter.fetch_add(1, Ordering::Relaxed);
-    }
-
-    /// From now on what the session drops because of its key is malformed too.
-    pub(crate) fn follow_foreign_keys(&self, counter: Arc<AtomicU64>) {
-        // There is one session in an agent's life.
-        let _ = self.foreign_keys.set(counter);
-    }
-
-    /// Counts a state of another robot that cannot be true.
-    pub(crate) fn impossible(&self) {
-        self.out_of_range.fetch_add(1, Ordering::Relaxed);
-    }
-
-    /// Counts a request or reply that found its queue full.
-    pub(crate) fn overloaded(&self) {
-        self.overloaded.fetch_add(1, Ordering::Relaxed);
-    }
-
-    /// Counts a setpoint that did not bear the present lease.
-    pub(crate) fn fenced(&self) {
-        self.fenced.fetch_add(1, Ordering::Relaxed);
-    }
-
-    /// For the state.
-    #[must_use]
-    pub(crate) fn rejected_so_far(&self) -> Rejected {
-        let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        Rejected {
-            malformed: read(&self.malformed) + self.foreign_keys.get().map_or(0, |keys| read(keys)),
-            oversized: read(&self.oversized),
-            wrong_version: read(&self.wrong_version),
-            out_of_range: read(&self.out_of_range),
-            overloaded: read(&self.overloaded),
-            setpoints_overwritten: read(&self.setpoints_overwritten),
-            fenced: read(&self.fenced),
-            events_dropped: read(&self.events_dropped),
-            ..Rejected::default()
-        }
-    }
 }
 
 /// The latest setpoint with the time of its arrival.
@@ -236,7 +158,7 @@ pub(crate) struct LoopEnds {
     /// Setpoints.
     pub(crate) setpoint: Arc<SetpointSlot>,
     /// Poses, paths, maps.
-    pub(crate) tidings: std_mpsc::Receiver<Tiding>,
+    pub(crate) nav_inputs: std_mpsc::Receiver<NavInput>,
     /// What other robots say of themselves.
     pub(crate) neighbours: Arc<NeighbourSlot>,
     /// Whether it wants to know.
@@ -244,9 +166,9 @@ pub(crate) struct LoopEnds {
     /// Order of arrival, and stops.
     pub(crate) arrivals: Arc<Arrivals>,
     /// What must not wait in a queue.
-    pub(crate) door: Arc<Door>,
+    pub(crate) fast_path: Arc<FastPath>,
     /// Replies.
-    pub(crate) replies: mpsc::Sender<(Answer, Word)>,
+    pub(crate) replies: mpsc::Sender<(Answer, Response)>,
     /// Snapshots.
     pub(crate) snapshot: watch::Sender<Option<Snapshot>>,
     /// Events.
@@ -266,7 +188,7 @@ pub(crate) struct SessionEnds {
     /// Setpoints.
     pub(crate) setpoint: Arc<SetpointSlot>,
     /// Poses, paths, maps.
-    pub(crate) tidings: std_mpsc::SyncSender<Tiding>,
+    pub(crate) nav_inputs: std_mpsc::SyncSender<NavInput>,
     /// What other robots say of themselves.
     pub(crate) neighbours: Arc<NeighbourSlot>,
     /// Whether the loop wants to know.
@@ -274,11 +196,11 @@ pub(crate) struct SessionEnds {
     /// Order of arrival, and stops.
     pub(crate) arrivals: Arc<Arrivals>,
     /// What must not wait in a queue.
-    pub(crate) door: Arc<Door>,
+    pub(crate) fast_path: Arc<FastPath>,
     /// Replies that were refused before they reached the loop.
-    pub(crate) reply_sender: mpsc::Sender<(Answer, Word)>,
+    pub(crate) reply_sender: mpsc::Sender<(Answer, Response)>,
     /// Replies.
-    pub(crate) replies: mpsc::Receiver<(Answer, Word)>,
+    pub(crate) replies: mpsc::Receiver<(Answer, Response)>,
     /// Snapshots.
     pub(crate) snapshot: watch::Receiver<Option<Snapshot>>,
     /// Events.
@@ -293,7 +215,7 @@ pub(crate) struct SessionEnds {
 #[must_use]
 pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let (request_sender, request_receiver) = std_mpsc::sync_channel(REQUESTS);
-    let (tiding_sender, tiding_receiver) = std_mpsc::sync_channel(TIDINGS);
+    let (nav_input_sender, nav_input_receiver) = std_mpsc::sync_channel(NAV_INPUTS);
     let (reply_sender, reply_receiver) = mpsc::channel(REPLIES);
     let (event_sender, event_receiver) = mpsc::channel(EVENTS);
     let (note_sender, note_receiver) = mpsc::channel(NOTES);
@@ -302,17 +224,17 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let neighbours = Arc::new(NeighbourSlot::default());
     let setpoint = Arc::new(SetpointSlot::default());
     let arrivals = Arc::new(Arrivals::default());
-    let door = Arc::new(Door::default());
+    let fast_path = Arc::new(FastPath::default());
     let link_up = Arc::new(AtomicBool::new(false));
     let counters = Arc::new(Counters::default());
     let loop_ends = LoopEnds {
         requests: request_receiver,
         setpoint: setpoint.clone(),
-        tidings: tiding_receiver,
+        nav_inputs: nav_input_receiver,
         neighbours: neighbours.clone(),
         listens: listens_sender,
         arrivals: arrivals.clone(),
-        door: door.clone(),
+        fast_path: fast_path.clone(),
         replies: reply_sender.clone(),
         snapshot: snapshot_sender,
         events: event_sender,
@@ -323,11 +245,11 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let session_ends = SessionEnds {
         requests: request_sender,
         setpoint,
-        tidings: tiding_sender,
+        nav_inputs: nav_input_sender,
         neighbours,
         listens: listens_receiver,
         arrivals,
-        door,
+        fast_path,
         reply_sender,
         replies: reply_receiver,
         snapshot: snapshot_receiver,

@@ -5,7 +5,7 @@
 //! control loop finds the latest of each, of at most [`MOST_NEIGHBOURS`].
 
 use crate::clock::Clock;
-use crate::mailbox::Counters;
+use crate::counters::Counters;
 use std::collections::BTreeMap;
 use std::mem;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

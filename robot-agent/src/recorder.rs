@@ -20,12 +20,12 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
-use xtb_authority::tape::Step;
 use xtb_control::Stamp;
 use xtb_control::config::render_toml;
 use xtb_protocol::keys::{FleetKeys, Name, RobotKeys};
 use xtb_protocol::messages::RecordingName;
 use xtb_protocol::trace::kind;
+use xtb_robot::step_log::Step;
 
 /// Steps that wait for the disk: about 20 s.
 const QUEUE: usize = 4096;
@@ -90,13 +90,13 @@ pub(crate) fn start(
     };
     let path = fresh_path(folder, &config.robot, &started.replace([':', '-'], ""))?;
     let keys = FleetKeys::new(config.fleet.clone()).robot(&config.robot);
-    let mut tape = Tape::create(&path, &header, &keys).map_err(io::Error::other)?;
+    let mut writer = McapWriter::create(&path, &header, &keys).map_err(io::Error::other)?;
     tracing::info!("recording into {}", path.display());
     let (steps, queue) = mpsc::sync_channel(QUEUE);
     let shared = Arc::<Shared>::default();
     let own = shared.clone();
     let thread = std::thread::Builder::new().name(format!("record-{}", header.robot)).spawn(move || {
-        if let Err(error) = tape.keep(&queue) {
+        if let Err(error) = writer.keep(&queue) {
             own.failed.store(true, Ordering::Relaxed);
             tracing::error!("the recording {} ends here: {error}", path.display());
             // Whatever comes from now on is counted by the sender, which finds nobody.
@@ -119,14 +119,14 @@ fn fresh_path(folder: &Path, robot: &Name, time: &str) -> io::Result<PathBuf> {
 }
 
 /// The file.
-struct Tape {
+struct McapWriter {
     writer: Writer<BufWriter<File>>,
     file: Arc<File>,
     kinds: BTreeMap<&'static str, u16>,
     outputs: u16,
 }
 
-impl Tape {
+impl McapWriter {
     /// Makes the file and writes its header through to the disk.
     fn create(path: &Path, header: &Header, keys: &RobotKeys) -> McapResult<Self> {
         let options = WriteOptions::new()
@@ -255,7 +255,7 @@ mod tests {
         };
         let path = folder.path().join("growing.mcap");
         let keys = FleetKeys::new(fleet).robot(&robot);
-        let mut tape = Tape::create(&path, &header, &keys).unwrap();
+        let mut writer = McapWriter::create(&path, &header, &keys).unwrap();
         // Ten seconds of a simulated robot's time, in no time at all; nobody finishes the file.
         let (steps, queue) = mpsc::sync_channel(1000);
         let sample = Sample::Encoder { pulses: 1 };
@@ -266,7 +266,7 @@ mod tests {
         }
         drop(steps);
         let (to_sync, _chunks) = mpsc::sync_channel(1);
-        tape.write_all(&queue, &to_sync).unwrap();
+        writer.write_all(&queue, &to_sync).unwrap();
         let mut recording = crate::recording::Recording::open(&path).unwrap();
         let mut read = 0;
         while recording.next_step().unwrap().is_some() {

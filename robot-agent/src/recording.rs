@@ -27,9 +27,9 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 use thiserror::Error;
-use xtb_authority::tape::Step;
 use xtb_control::{Sample, Stamp};
 use xtb_protocol::trace::{TraceReader, exact_decision_line, sample_line};
+use xtb_robot::step_log::Step;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 

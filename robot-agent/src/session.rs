@@ -3,8 +3,8 @@
 use crate::clock::Clock;
 use crate::config::AgentConfig;
 use crate::mailbox::{SessionEnds, Snapshot};
-use crate::shelf::{self, Shelf};
-use crate::{AgentError, Host, Shutdown, VERSION, downlink, neighbours, tidings, uplink};
+use crate::recording_server::{self, RecordingServer};
+use crate::{AgentError, Host, Shutdown, VERSION, downlink, nav_inputs, neighbours, uplink};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,10 +12,10 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
-use xtb_authority::Identity;
 use xtb_bus::{Bus, BusError};
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{About, Limits, MAX_COORDINATE_M, ParameterInfo, RobotState};
+use xtb_robot::Identity;
 
 /// A name that is alive elsewhere for this long is taken. (An agent killed just before leaves its
 /// token behind until its link is noticed to be lost: 2 s.)
@@ -111,9 +111,14 @@ async fn serve(
     let epoch = about.epoch;
     wait_for_name(config, bus, &keys.alive()).await?;
     let _uplink = uplink::declare(bus, &keys, &ends.snapshot, &ends.counters, about).await?;
-    let _tidings = tidings::declare(bus, &fleet, config, clock, &ends).await?;
+    let _nav_inputs = nav_inputs::declare(bus, &fleet, config, clock, &ends).await?;
     let _downlink = downlink::declare(bus, &fleet, &config.robot, clock, &ends).await?;
-    let _shelf = shelf::declare(bus, &keys, Shelf::new(config.record.clone(), config.robot.clone())).await?;
+    let _recording_server = recording_server::declare(
+        bus,
+        &keys,
+        RecordingServer::new(config.record.clone(), config.robot.clone()),
+    )
+    .await?;
     let link = bus.watch_link().await?;
     wait_for_inputs(&mut ends.snapshot, clock).await;
     let _token = bus.declare_alive(&keys.alive()).await?;

@@ -53,6 +53,14 @@ fn a_value_out_of_range_is_refused_by_name() {
 }
 
 #[test]
+fn without_hardware_it_does_not_start_and_says_what_to_give() {
+    for verb in [&[][..], &["check-hardware"], &["record", "/nonexistent"]] {
+        let said = stderr_of(agent().args(verb), 2);
+        assert!(said.contains("error: no hardware is configured\nhint: --hardware serial"), "{said}");
+    }
+}
+
+#[test]
 fn a_port_that_is_not_there_is_named_and_waited_for() {
     let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("robot-agent"))
         .env_clear()

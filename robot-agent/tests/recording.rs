@@ -31,7 +31,9 @@ fn start(command: &mut Command) -> Child {
 
 fn arguments(folder: &Path) -> Vec<String> {
     let folder = folder.display().to_string();
-    ["--connect", "tcp/127.0.0.1:1", "--record", &folder].map(str::to_owned).to_vec()
+    ["--hardware", "simulated", "--connect", "tcp/127.0.0.1:1", "--record", &folder]
+        .map(str::to_owned)
+        .to_vec()
 }
 
 /// A recording whose recorder got `kill -9` after a few chunks.

@@ -8,7 +8,7 @@
 //! - `killed`: the door, each agent a process, that of the first truck in the doorway is killed (3)
 //! - `restart`: the door, traffic control is killed in each round and comes back (3)
 //!
-//! or nothing for all. The scenes are those of `core/sim/tests/it/together.rs`. With `SHOW=5` everybody is shown
+//! or nothing for all. The scenes are those of `core/chaos/tests/it/together.rs`. With `SHOW=5` everybody is shown
 //! each 5 s. Exit code 1 if a limit is missed, 130 after Ctrl-C.
 
 #![allow(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)] // a bench that cannot go on shall end
@@ -17,7 +17,7 @@ use fleet_cli::interrupt::interrupted;
 use fleet_tests::Live;
 use fleet_tests::live::{Told, Trouble};
 use std::process::ExitCode;
-use xtb_sim::meetings::{Meeting, Setting, Sight};
+use xtb_chaos::meetings::{Meeting, Setting, Sight};
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();

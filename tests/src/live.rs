@@ -12,11 +12,11 @@ use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use xtb_bus::{Bus, Incoming, Role, Subscription};
+use xtb_chaos::meetings::{Judge, Meeting, Setting, Sight};
 use xtb_control::frames::MapPose;
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{Body, Done, LinkLoss, Outcome, PoseSource, RobotState, Truth, TruthRobot, Via};
 use xtb_protocol::{Name, Uuid};
-use xtb_sim::meetings::{Meeting, Setting, Sight, Witness};
 
 const FLEET: &str = "lab";
 /// The witness looks this often, in s of the world.
@@ -184,7 +184,7 @@ impl Live {
         each: &mut (dyn FnMut(&Meeting, &[Sight]) + Send),
     ) -> Told {
         let before = self.sights();
-        let mut witness = Witness::new(before.iter().map(|sight| sight.truth.contacts));
+        let mut witness = Judge::new(before.iter().map(|sight| sight.truth.contacts));
         self.send(goals).await;
         let (began, mut looked_s, mut told_s) = (Instant::now(), self.time_s(), 0.0);
         while witness.made().took_s < WITHIN_S && told_s < TOLD_S {

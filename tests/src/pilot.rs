@@ -4,13 +4,13 @@ use crate::{ASK_WITHIN, eventually, name};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::task::JoinHandle;
-use xtb_authority::Operator;
 use xtb_bus::{Bus, Incoming, Subscription};
 use xtb_control::Stamp;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys, RobotKeys};
 use xtb_protocol::messages::{Body, Lease, Outcome, RejectCode, Request, RobotState, Setpoint};
 use xtb_protocol::{Name, Uuid};
+use xtb_robot::Operator;
 
 const KEEP_EVERY: Duration = Duration::from_millis(5);
 const RETAIN_WITHIN: Duration = Duration::from_millis(200);

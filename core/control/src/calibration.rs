@@ -43,6 +43,15 @@ const PISTON_POINTS: usize = 20;
 /// Most pulses of a sweep: more than anybody wants to read from a protractor.
 const MOST_POINTS: usize = 200;
 
+/// Angles as read from lines on the floor and from a protractor, with their errors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// Wheel angle of front and rear axle in degrees, + = to the right.
+    pub steering_deg: [f64; 2],
+    /// Angle of front and rear bumper in degrees, + = up.
+    pub bumpers_deg: [f64; 2],
+}
+
 /// A servo whose line Annex A measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Actuator {

@@ -3,14 +3,14 @@
 use crate::drive::News;
 use crate::settings::Settings;
 use std::collections::{BTreeMap, BTreeSet};
-use xtb_authority::faults::stops;
-use xtb_authority::operator::{Call, Operator};
 use xtb_control::frames::MapPose;
 use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{
     Assignment, BatteryLevel, Body, GoalStatus, Latch, Lease, Request, RobotState, TaskId, Who,
 };
 use xtb_protocol::{Name, Uuid};
+use xtb_robot::faults::stops;
+use xtb_robot::operator::{Call, Operator};
 
 /// The present or last goal of a robot, or the end of an earlier one.
 #[derive(Debug, Clone, PartialEq)]

@@ -15,9 +15,9 @@
 
 use crate::faults::EncoderFault;
 use crate::line::Outbox;
-use crate::noise::Noise;
 use crate::parameters::{SteeringTruth, TruckParameters};
 use crate::receiver::{Receiver, Transmitter};
+use crate::rng::Rng;
 use xtb_control::PwmCount;
 use xtb_control::controller::{AdcSample, PwmOutputs};
 use xtb_control::tpu::{Channel, SYSTEM_CLOCK_HZ, Setup};
@@ -40,7 +40,7 @@ struct Timer {
 
 impl Timer {
     /// Comes due for the first time somewhere within its first period.
-    fn new(period_s: f64, now: Stamp, noise: &mut Noise) -> Self {
+    fn new(period_s: f64, now: Stamp, noise: &mut Rng) -> Self {
         let period_ns = libm::round(period_s * 1e9) as u64;
         Self { period_ns, next_ns: now.ns() + noise.up_to(period_ns) }
     }
@@ -83,7 +83,7 @@ struct Running {
 
 impl Running {
     /// Starts periods and windows; `None` if the set-up is impossible.
-    fn start(setup: Setup, now: Stamp, noise: &mut Noise) -> Option<Self> {
+    fn start(setup: Setup, now: Stamp, noise: &mut Rng) -> Option<Self> {
         let pwm_s = f64::from(setup.pwm_period_counts) * PWM_COUNT_US * 1e-6;
         let ticks = f64::from(setup.fqm_window) * f64::from(setup.tcr_prescaler);
         let window_s = ticks / SYSTEM_CLOCK_HZ;
@@ -91,7 +91,7 @@ impl Running {
         if pwm_s < SHORTEST_S || window_s < SHORTEST_S || setup.watchdog_ms == 0 || !known {
             return None;
         }
-        let timer = |period_s: f64, noise: &mut Noise| Timer::new(period_s, now, noise);
+        let timer = |period_s: f64, noise: &mut Rng| Timer::new(period_s, now, noise);
         Some(Self { setup, pwm: timer(pwm_s, noise), encoder: timer(window_s, noise) })
     }
 
@@ -131,7 +131,7 @@ pub(crate) struct Board {
 }
 
 impl Board {
-    pub(crate) fn new(truth: &TruckParameters, noise: &mut Noise) -> Self {
+    pub(crate) fn new(truth: &TruckParameters, noise: &mut Rng) -> Self {
         let outputs = at_rest(&truth.steering);
         Self {
             reader: FrameReader::default(),
@@ -180,7 +180,7 @@ impl Board {
     }
 
     /// Bytes from the agent.
-    pub(crate) fn rx(&mut self, bytes: &[u8], now: Stamp, noise: &mut Noise) {
+    pub(crate) fn rx(&mut self, bytes: &[u8], now: Stamp, noise: &mut Rng) {
         let mut reader = std::mem::take(&mut self.reader);
         reader.to_board(bytes, |frame| {
             // The reader counts what it rejects; the board itself has nothing else to do about it.
@@ -194,7 +194,7 @@ impl Board {
         }
     }
 
-    fn obey(&mut self, frame: ToBoard, now: Stamp, noise: &mut Noise) {
+    fn obey(&mut self, frame: ToBoard, now: Stamp, noise: &mut Rng) {
         match frame {
             ToBoard::Setup(setup) => {
                 self.answer_due = true;
@@ -220,7 +220,7 @@ impl Board {
         self.heard.is_none_or(|heard| now.since_s(heard) >= running.watchdog_s())
     }
 
-    fn set_up(&mut self, setup: Setup, now: Stamp, noise: &mut Noise) {
+    fn set_up(&mut self, setup: Setup, now: Stamp, noise: &mut Rng) {
         let Some(running) = Running::start(setup, now, noise) else {
             self.refused += 1;
             return;
@@ -274,7 +274,7 @@ impl Board {
     }
 
     /// Sends what the receiver gave and how the board is, when either is due.
-    pub(crate) fn report(&mut self, now: Stamp, noise: &mut Noise) {
+    pub(crate) fn report(&mut self, now: Stamp, noise: &mut Rng) {
         if let Some(receiver) = &mut self.receiver
             && self.remote.due(now).is_some()
             && self.running.is_some()

@@ -17,12 +17,3 @@ pub struct CalibrationTruth {
     /// (mean of lifting and lowering), through the pulse of zero movement.
     pub pistons: [Line; 4],
 }
-
-/// Angles as read from lines on the floor and from a protractor, with their errors.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measured {
-    /// Wheel angle of front and rear axle in degrees, + = to the right.
-    pub steering_deg: [f64; 2],
-    /// Angle of front and rear bumper in degrees, + = up.
-    pub bumpers_deg: [f64; 2],
-}

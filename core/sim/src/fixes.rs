@@ -3,7 +3,7 @@
 //! A source measures at its rate, with bell-shaped noise. Some measurements are outliers, which it does not
 //! know of; in drop-outs it measures nothing; and everything comes late. Off unless a rate is asked for.
 
-use crate::noise::Noise;
+use crate::rng::Rng;
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 use xtb_control::config::{
@@ -61,7 +61,7 @@ impl SimulatedFix {
 #[derive(Debug, Clone)]
 pub struct FixMaker {
     truth: FixTruth,
-    noise: Noise,
+    noise: Rng,
     /// When it measures next, and when the present or next drop-out begins and ends.
     next: Stamp,
     drop_out: (Stamp, Stamp),
@@ -74,7 +74,7 @@ impl FixMaker {
     #[must_use]
     pub fn new(truth: FixTruth, seed: u64, truck: usize) -> Self {
         // Another seed than the truck's own, whose stream has the same number.
-        let mut noise = Noise::new(seed ^ 0x0F1C_5EED, truck as u64);
+        let mut noise = Rng::new(seed ^ 0x0F1C_5EED, truck as u64);
         let first_s = if truth.rate_hz > 0.0 { noise.uniform(0.0, 1.0 / truth.rate_hz) } else { 0.0 };
         let mut maker = Self {
             truth,

@@ -5,8 +5,8 @@
 
 use crate::faults::GyroFault;
 use crate::line::Outbox;
-use crate::noise::Noise;
 use crate::parameters::GyroTruth;
+use crate::rng::Rng;
 use xtb_control::controller::GyroSample;
 use xtb_control::odometry::GYRO_DEG_PER_COUNT;
 use xtb_control::units::Stamp;
@@ -44,7 +44,7 @@ pub(crate) struct Gyro {
 }
 
 impl Gyro {
-    pub(crate) fn new(truth: &GyroTruth, noise: &mut Noise) -> Self {
+    pub(crate) fn new(truth: &GyroTruth, noise: &mut Rng) -> Self {
         Self {
             noise_deg: truth.noise_deg,
             offset_deg: noise.uniform(0.0, 360.0),
@@ -58,7 +58,7 @@ impl Gyro {
     }
 
     /// Bytes from the agent.
-    pub(crate) fn rx(&mut self, bytes: &[u8], now: Stamp, attitude: &Attitude, noise: &mut Noise) {
+    pub(crate) fn rx(&mut self, bytes: &[u8], now: Stamp, attitude: &Attitude, noise: &mut Rng) {
         for &byte in bytes {
             match (self.command_bytes, byte) {
                 (2, _) => {
@@ -84,7 +84,7 @@ impl Gyro {
     }
 
     /// Sends what is due in continuous mode.
-    pub(crate) fn step(&mut self, now: Stamp, attitude: &Attitude, noise: &mut Noise) {
+    pub(crate) fn step(&mut self, now: Stamp, attitude: &Attitude, noise: &mut Rng) {
         while let Some(due_ns) = self.next_ns.filter(|&due_ns| due_ns <= now.ns()) {
             self.next_ns = Some(due_ns + PERIOD_NS);
             self.send_angles(now, attitude, noise);
@@ -104,7 +104,7 @@ impl Gyro {
         self.outbox.dropped()
     }
 
-    fn send_angles(&mut self, now: Stamp, attitude: &Attitude, noise: &mut Noise) {
+    fn send_angles(&mut self, now: Stamp, attitude: &Attitude, noise: &mut Rng) {
         let mut counts = |deg: f64| {
             let noisy_deg = deg + noise.bell(self.noise_deg);
             // Beyond half a turn the 16-bit word wraps, as the angle does.
@@ -134,8 +134,8 @@ mod tests {
 
     const LEVEL: Attitude = Attitude { heading_deg: 0.0, pitch_deg: 0.0, roll_deg: 0.0 };
 
-    fn gyro() -> (Gyro, Noise) {
-        let mut noise = Noise::new(5, 0);
+    fn gyro() -> (Gyro, Rng) {
+        let mut noise = Rng::new(5, 0);
         (Gyro::new(&GyroTruth { noise_deg: 0.0, yaw_drift_dps: 0.0 }, &mut noise), noise)
     }
 
@@ -149,7 +149,7 @@ mod tests {
         found
     }
 
-    fn run(gyro: &mut Gyro, noise: &mut Noise, from_ms: u64, to_ms: u64) {
+    fn run(gyro: &mut Gyro, noise: &mut Rng, from_ms: u64, to_ms: u64) {
         for ms in (from_ms..=to_ms).step_by(5) {
             gyro.step(Stamp::from_ms(ms), &LEVEL, noise);
         }

@@ -20,8 +20,8 @@
 
 use crate::faults::RangeFinderFault;
 use crate::geometry::{Beam, OrientedBox};
-use crate::noise::Noise;
 use crate::parameters::{Body, InfraredTruth};
+use crate::rng::Rng;
 use crate::scene::StepContext;
 use xtb_control::units::{ADC_FULL_SCALE, ADC_SUPPLY_V, AdcCount};
 
@@ -68,7 +68,7 @@ pub(crate) struct RangeFinders {
 }
 
 impl RangeFinders {
-    pub(crate) fn new(truth: &InfraredTruth, body: &Body, noise: &mut Noise) -> Self {
+    pub(crate) fn new(truth: &InfraredTruth, body: &Body, noise: &mut Rng) -> Self {
         let sensors = std::array::from_fn(|i| {
             let spread = truth.refresh_tolerance_s;
             let period_s = truth.refresh_s + noise.uniform(-spread, spread);
@@ -93,7 +93,7 @@ impl RangeFinders {
         me: usize,
         body: &OrientedBox,
         stretch: [f64; 2],
-        noise: &mut Noise,
+        noise: &mut Rng,
     ) {
         let now_ns = context.now().ns();
         if now_ns < self.due_ns {
@@ -174,7 +174,7 @@ impl Sensor {
         context.nearest_m(me, beam).map(|way_m| way_m * along)
     }
 
-    fn measure(&mut self, truth: &InfraredTruth, seen_v: Option<f64>, noise: &mut Noise) {
+    fn measure(&mut self, truth: &InfraredTruth, seen_v: Option<f64>, noise: &mut Rng) {
         // Far away the curve sinks below what the sensor shows of nothing at all.
         let seen_v = seen_v.map_or(self.floor_v, |seen_v| seen_v.max(self.floor_v));
         let volts = seen_v + noise.bell(truth.noise_v);
@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn each_sensor_has_its_own_period_within_the_data_sheet() {
-        let finders = RangeFinders::new(&InfraredTruth::default(), &Body::default(), &mut Noise::new(3, 0));
+        let finders = RangeFinders::new(&InfraredTruth::default(), &Body::default(), &mut Rng::new(3, 0));
         let mut periods: Vec<_> = finders.sensors.iter().map(|s| Stamp::from_ns(s.period_ns)).collect();
         for period in &periods {
             assert!((0.0287..=0.0479).contains(&period.s()), "{period:?}");

@@ -10,7 +10,6 @@
 mod board;
 pub mod calibration;
 mod chart;
-pub mod days;
 mod drive;
 pub mod faults;
 pub mod fixes;
@@ -20,12 +19,11 @@ mod gyro;
 mod infrared;
 mod line;
 pub mod lockstep;
-pub mod meetings;
-mod noise;
 pub mod parameters;
 mod platform;
 pub mod real_time;
 pub mod receiver;
+pub mod rng;
 mod scene;
 mod servos;
 pub mod simulation;
@@ -34,7 +32,7 @@ pub mod vehicle;
 pub mod world;
 mod world_error;
 
-pub use calibration::{CalibrationTruth, Measured};
+pub use calibration::CalibrationTruth;
 pub use chart::{CHART_RESOLUTION_M, ChartError};
 pub use faults::{
     DriveFault, EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults,

@@ -1,7 +1,7 @@
 //! What a device has sent and nobody has read yet: bounded like the buffer of a serial port.
 
 use crate::faults::LineFault;
-use crate::noise::Noise;
+use crate::rng::Rng;
 use std::collections::VecDeque;
 
 /// About three seconds of either device.
@@ -16,7 +16,7 @@ pub(crate) struct Outbox {
     bytes: VecDeque<u8>,
     dropped: u64,
     fault: LineFault,
-    noise: Noise,
+    noise: Rng,
     /// The frame at which the device froze.
     frozen: [u8; MAX_FRAME],
     frozen_len: usize,
@@ -24,7 +24,7 @@ pub(crate) struct Outbox {
 
 impl Outbox {
     /// `noise` is for faults alone.
-    pub(crate) fn new(noise: Noise) -> Self {
+    pub(crate) fn new(noise: Rng) -> Self {
         Self {
             bytes: VecDeque::with_capacity(CAPACITY),
             dropped: 0,
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     fn outbox() -> Outbox {
-        Outbox::new(Noise::new(2, 0))
+        Outbox::new(Rng::new(2, 0))
     }
 
     /// What arrives of ten frames `0, 1, … 11` each.

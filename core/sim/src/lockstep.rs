@@ -8,14 +8,12 @@ mod traffic;
 pub use traffic::Traffic;
 
 use crate::fixes::{FixMaker, FixTruth};
-use crate::noise::Noise;
+use crate::rng::Rng;
 use crate::simulation::{Simulation, SimulationError};
 use crate::vehicle::Truck;
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
 use thiserror::Error;
-use xtb_authority::agent::Arrival;
-use xtb_authority::{Identity, Robot};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
@@ -26,6 +24,8 @@ use xtb_nav::planner::Planner;
 use xtb_protocol::keys::NameError;
 use xtb_protocol::messages::{Body, Lease, Outcome, Rejected, Reply, Request, RobotState, TruthRobot};
 use xtb_protocol::{Name, Uuid};
+use xtb_robot::agent::Arrival;
+use xtb_robot::{Identity, Robot};
 
 /// Why robots cannot be put into a simulation.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -64,7 +64,7 @@ pub struct Lockstep {
     /// When the robots hear each other next.
     next_hearing: Stamp,
     /// The part of what they say that gets lost on the way to each.
-    unheard: (f64, Noise),
+    unheard: (f64, Rng),
 }
 
 impl Lockstep {
@@ -98,7 +98,7 @@ impl Lockstep {
             plans: VecDeque::new(),
             dead: BTreeSet::new(),
             next_hearing: Stamp::ZERO,
-            unheard: (0.0, Noise::new(0, 0)),
+            unheard: (0.0, Rng::new(0, 0)),
         })
     }
 
@@ -206,7 +206,7 @@ impl Lockstep {
 
     /// This part of what the robots say to each other gets lost from now on.
     pub fn set_unheard(&mut self, part: f64, seed: u64) {
-        self.unheard = (part, Noise::new(seed ^ 0x4EA2_0000, 0));
+        self.unheard = (part, Rng::new(seed ^ 0x4EA2_0000, 0));
     }
 
     /// What each says of itself, to all others.

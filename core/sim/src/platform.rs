@@ -12,8 +12,8 @@
 
 use crate::gyro::Attitude;
 use crate::infrared::adc_count;
-use crate::noise::Noise;
 use crate::parameters::{Body, PlatformTruth};
+use crate::rng::Rng;
 use xtb_control::PwmCount;
 use xtb_control::units::{ADC_SUPPLY_V, AdcCount};
 use xtb_control::vehicle::Line;
@@ -30,7 +30,7 @@ struct Piston {
 }
 
 impl Piston {
-    fn new(truth: &PlatformTruth, noise: &mut Noise) -> Self {
+    fn new(truth: &PlatformTruth, noise: &mut Rng) -> Self {
         let (zero, gain) = (truth.piston_zero_tolerance_counts, truth.piston_gain_tolerance);
         Self {
             height_m: truth.piston_travel_m / 2.0,
@@ -65,7 +65,7 @@ pub(crate) struct Platform {
 
 impl Platform {
     /// All pistons in the middle.
-    pub(crate) fn new(truth: &PlatformTruth, body: &Body, noise: &mut Noise) -> Self {
+    pub(crate) fn new(truth: &PlatformTruth, body: &Body, noise: &mut Rng) -> Self {
         Self {
             truth: truth.clone(),
             wheelbase_m: body.wheelbase_m,
@@ -135,7 +135,7 @@ mod tests {
     const LEVEL: Attitude = Attitude { heading_deg: 0.0, pitch_deg: 0.0, roll_deg: 0.0 };
 
     fn platform() -> Platform {
-        Platform::new(&PlatformTruth::default(), &Body::default(), &mut Noise::new(3, 0))
+        Platform::new(&PlatformTruth::default(), &Body::default(), &mut Rng::new(3, 0))
     }
 
     fn count(counts: f64) -> PwmCount {

@@ -10,8 +10,8 @@
 //! NITC cannot be told which edge to start on, so a channel may measure the gap between pulses
 //! instead; and now and then one gets into a state with an impossible reading.
 
-use crate::noise::Noise;
 use crate::parameters::ReceiverTruth;
+use crate::rng::Rng;
 use xtb_control::controller::RemoteSample;
 use xtb_control::tpu::{ResetMask, SYSTEM_CLOCK_HZ};
 
@@ -75,13 +75,13 @@ impl Receiver {
     }
 
     /// All channels start, each on an edge of its own choice.
-    pub(crate) fn set_up(&mut self, tcr_prescaler: u16, noise: &mut Noise) {
+    pub(crate) fn set_up(&mut self, tcr_prescaler: u16, noise: &mut Rng) {
         self.tick_s = f64::from(tcr_prescaler.max(1)) / SYSTEM_CLOCK_HZ;
         self.reset(ResetMask { speed: true, steering: true, selector: true }, noise);
     }
 
     /// These channels start again (Fig. 9).
-    pub(crate) fn reset(&mut self, mask: ResetMask, noise: &mut Noise) {
+    pub(crate) fn reset(&mut self, mask: ResetMask, noise: &mut Rng) {
         for (channel, reset) in self.channels.iter_mut().zip([mask.speed, mask.steering, mask.selector]) {
             if reset {
                 let wrong_edge = noise.chance(self.truth.wrong_edge);
@@ -91,7 +91,7 @@ impl Receiver {
     }
 
     /// One reading of all channels.
-    pub(crate) fn read(&mut self, noise: &mut Noise) -> RemoteSample {
+    pub(crate) fn read(&mut self, noise: &mut Rng) -> RemoteSample {
         if !self.transmitter.on {
             return RemoteSample { speed: None, steering: None, selector: None };
         }
@@ -113,7 +113,7 @@ impl Receiver {
         [speed_ms, steering_ms, selector_ms]
     }
 
-    fn channel(&mut self, index: usize, pulse_ms: f64, noise: &mut Noise) -> Option<u32> {
+    fn channel(&mut self, index: usize, pulse_ms: f64, noise: &mut Rng) -> Option<u32> {
         if noise.chance(self.truth.interference) {
             return None;
         }
@@ -137,8 +137,8 @@ impl Receiver {
 mod tests {
     use super::*;
 
-    fn receiver(truth: ReceiverTruth) -> (Receiver, Noise) {
-        let (mut receiver, mut noise) = (Receiver::new(&truth), Noise::new(6, 0));
+    fn receiver(truth: ReceiverTruth) -> (Receiver, Rng) {
+        let (mut receiver, mut noise) = (Receiver::new(&truth), Rng::new(6, 0));
         receiver.set_up(64, &mut noise);
         (receiver, noise)
     }
@@ -148,7 +148,7 @@ mod tests {
         ReceiverTruth { wrong_edge: 0.0, glitch_every_s: 1.0e9, ..ReceiverTruth::default() }
     }
 
-    fn read(receiver: &mut Receiver, noise: &mut Noise) -> [Option<u32>; 3] {
+    fn read(receiver: &mut Receiver, noise: &mut Rng) -> [Option<u32>; 3] {
         let RemoteSample { speed, steering, selector } = receiver.read(noise);
         [speed, steering, selector]
     }

@@ -164,11 +164,11 @@ impl StepContext<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::noise::Noise;
+    use crate::rng::Rng;
     use crate::world::BoxSpec;
 
     /// A crowded world: 40 boxes and 40 trucks anywhere, some beyond the walls.
-    fn crowd(noise: &mut Noise) -> (Scene, Traffic) {
+    fn crowd(noise: &mut Rng) -> (Scene, Traffic) {
         let mut world = World::default();
         for i in 0..40 {
             let spec = BoxSpec {
@@ -186,14 +186,14 @@ mod tests {
         (scene, traffic)
     }
 
-    fn anywhere(noise: &mut Noise) -> OrientedBox {
+    fn anywhere(noise: &mut Rng) -> OrientedBox {
         let (x_m, y_m) = (noise.uniform(-11.0, 11.0), noise.uniform(-11.0, 11.0));
         OrientedBox::new(x_m, y_m, noise.uniform(-3.0, 3.0), 0.5, 0.4)
     }
 
     #[test]
     fn the_broad_phase_finds_what_asking_every_box_finds() {
-        let mut noise = Noise::new(11, 0);
+        let mut noise = Rng::new(11, 0);
         let (scene, traffic) = crowd(&mut noise);
         let context = StepContext { scene: &scene, traffic: &traffic, start: Stamp::ZERO };
         let (mut hits, mut blocks) = (0, 0);

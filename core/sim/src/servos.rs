@@ -9,8 +9,8 @@
 //! The lines differ a little from the nominal ones and from truck to truck: calibration (Annex A)
 //! has to find them.
 
-use crate::noise::Noise;
 use crate::parameters::{BumperTruth, SteeringTruth};
+use crate::rng::Rng;
 use xtb_control::PwmCount;
 use xtb_control::vehicle::Line;
 
@@ -23,7 +23,7 @@ pub(crate) fn response(dt_s: f64, lag_s: f64) -> f64 {
 }
 
 /// A truck's own line near the nominal one: `zero_count` gives an angle of 0.
-fn own_line(deg_per_count: f64, zero_count: f64, tolerance: (f64, f64), noise: &mut Noise) -> Line {
+fn own_line(deg_per_count: f64, zero_count: f64, tolerance: (f64, f64), noise: &mut Rng) -> Line {
     let (slope_part, zero_counts) = tolerance;
     let slope = deg_per_count * (1.0 + noise.uniform(-slope_part, slope_part));
     let zero = zero_count + noise.uniform(-zero_counts, zero_counts);
@@ -69,7 +69,7 @@ pub(crate) struct SteeringAxle {
 
 impl SteeringAxle {
     /// `centre` is the nominal pulse for straight ahead.
-    pub(crate) fn new(truth: &SteeringTruth, centre: f64, dt_s: f64, noise: &mut Noise) -> Self {
+    pub(crate) fn new(truth: &SteeringTruth, centre: f64, dt_s: f64, noise: &mut Rng) -> Self {
         let tolerance = (truth.slope_tolerance, truth.centre_tolerance_counts);
         // A count below the centre turns the wheels to the right.
         let line = own_line(-truth.stop_deg / truth.range_counts, centre, tolerance, noise);
@@ -127,7 +127,7 @@ pub(crate) struct BumperServo {
 }
 
 impl BumperServo {
-    pub(crate) fn new(truth: &BumperTruth, dt_s: f64, noise: &mut Noise) -> Self {
+    pub(crate) fn new(truth: &BumperTruth, dt_s: f64, noise: &mut Rng) -> Self {
         let tolerance = (truth.slope_tolerance, truth.zero_tolerance_counts);
         let servo = Servo {
             line: own_line(truth.deg_per_count, truth.zero_count, tolerance, noise),
@@ -179,7 +179,7 @@ mod tests {
             centre_tolerance_counts: 0.0,
             ..SteeringTruth::default()
         };
-        SteeringAxle::new(&nominal, 3710.0, DT_S, &mut Noise::new(1, 1))
+        SteeringAxle::new(&nominal, 3710.0, DT_S, &mut Rng::new(1, 1))
     }
 
     fn settle(axle: &mut SteeringAxle, counts: u16) -> f64 {
@@ -210,7 +210,7 @@ mod tests {
 
     #[test]
     fn every_axle_has_a_line_of_its_own_within_the_tolerances() {
-        let mut noise = Noise::new(4, 0);
+        let mut noise = Rng::new(4, 0);
         let truth = SteeringTruth::default();
         let lines: Vec<Line> =
             (0..50).map(|_| SteeringAxle::new(&truth, 3710.0, DT_S, &mut noise).line()).collect();
@@ -225,7 +225,7 @@ mod tests {
     fn a_bumper_takes_23_hundredths_of_a_second_for_60_degrees() {
         let nominal =
             BumperTruth { slope_tolerance: 0.0, zero_tolerance_counts: 0.0, ..BumperTruth::default() };
-        let mut bumper = BumperServo::new(&nominal, DT_S, &mut Noise::new(1, 1));
+        let mut bumper = BumperServo::new(&nominal, DT_S, &mut Rng::new(1, 1));
         let up_30 = count(3750 + 833);
         let steps = (1..100).find(|_| {
             bumper.step(up_30);

@@ -14,21 +14,22 @@
 //! R = L / (2 tan δ).
 
 use crate::board::{self, Board, ShaftTravel};
-use crate::calibration::{CalibrationTruth, Measured};
+use crate::calibration::CalibrationTruth;
 use crate::drive::{Battery, Drive};
 use crate::faults::{DriveFault, Impostors, LineFault, LineFaults, SensorFaults};
 use crate::geometry::OrientedBox;
 use crate::gyro::{Attitude, Gyro};
 use crate::infrared::RangeFinders;
-use crate::noise::Noise;
 use crate::parameters::{Body, InstrumentTruth, TruckParameters};
 use crate::platform::Platform;
 use crate::receiver::Transmitter;
+use crate::rng::Rng;
 use crate::scene::StepContext;
 use crate::servos::{BumperServo, SteeringAxle};
 use crate::simulation::STEP_S;
 use crate::starts::footprint;
 use std::f64::consts::PI;
+use xtb_control::calibration::Measured;
 use xtb_control::controller::AdcSample;
 use xtb_control::frames::{MapPose, heading_of, wrap_rad};
 use xtb_control::units::Stamp;
@@ -46,7 +47,7 @@ pub struct Truck {
     name: String,
     dimensions: Body,
     now: Stamp,
-    noise: Noise,
+    noise: Rng,
 
     board: Board,
     gyro: Gyro,
@@ -72,7 +73,7 @@ pub struct Truck {
     ran_into: Vec<usize>,
 
     instruments: InstrumentTruth,
-    instrument_noise: Noise,
+    instrument_noise: Rng,
     impostors: Impostors,
     sensor_faults: SensorFaults,
     /// The last scan, as a converter that freezes shows it.
@@ -88,7 +89,7 @@ impl Truck {
         parameters: &TruckParameters,
         seed: u64,
     ) -> Self {
-        let mut noise = Noise::new(seed, index as u64);
+        let mut noise = Rng::new(seed, index as u64);
         let encoder = &parameters.encoder;
         let scale = 1.0 + noise.uniform(-encoder.scale_tolerance, encoder.scale_tolerance);
         let pulses_per_turn = encoder.pulses_per_rev * encoder.gear_ratio;

@@ -4,10 +4,10 @@ use super::{Client, accepted};
 use crate::error::{Failure, Kind, Result};
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
-use xtb_authority::operator::{Operator, Step};
 use xtb_bus::BusError;
 use xtb_protocol::messages::{Body, Done, Message, Outcome, RejectCode, Reply, Request};
 use xtb_protocol::{Name, Uuid};
+use xtb_robot::operator::{Operator, Step};
 
 /// The same request on its way at most so often; its answers are not waited for one by one.
 const IN_FLIGHT: usize = 32;

@@ -214,7 +214,7 @@ fn bad_day(ctx: &Context, seed: u64) -> Result<Exit> {
             printed = ctx.out.text(text);
         }
     };
-    let day = xtb_sim::days::tell(seed, xtb_sim::days::Options::default(), line)
+    let day = xtb_chaos::tell(seed, xtb_chaos::Options::default(), line)
         .map_err(|error| Failure::new(Kind::Failed, error.to_string()))?;
     printed?;
     let broken =

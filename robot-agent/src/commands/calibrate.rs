@@ -21,10 +21,8 @@ use console::Console;
 use indicatif::{ProgressBar, ProgressStyle};
 use pistons::Piston;
 use report::Report;
-use robot_agent::clock::Clock;
 use robot_agent::config::ConfigFile;
-use robot_agent::hardware::Hardware;
-use robot_agent::hardware::simulated::{Instruments, LoneTruck};
+use robot_agent::hardware::instruments::Instruments;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use xtb_control::PwmCount;
@@ -244,17 +242,12 @@ const BY_HAND: &str = "\
 At each pulse type the angle in degrees; or repeat (the last one was wrong), skip, quit.
 ";
 
-type Lines = (Box<dyn Hardware>, Clock);
-
 /// The lines as for running; a simulated truck comes with instruments and without waiting.
-fn open(file: &ConfigFile) -> Result<(Lines, Option<Instruments>), Failure> {
+fn open(file: &ConfigFile) -> Result<(run::Lines, Option<Instruments>), Failure> {
     if file.hardware.kind != "simulated" {
         return Ok((run::open(file)?, None));
     }
-    let (truck, clock) = LoneTruck::start_at(u64::from(file.hardware.seed), SIMULATED_SPEED)
-        .map_err(|error| Failure::new(error, "the simulated truck cannot be put into its room"))?;
-    let instruments = truck.instruments();
-    Ok(((Box::new(truck), clock), Some(instruments)))
+    run::open_simulated(file, SIMULATED_SPEED).map(|(lines, instruments)| (lines, Some(instruments)))
 }
 
 /// On standard error, and only if that is a terminal.
@@ -267,4 +260,5 @@ fn progress_bar(what: Actuator, length: usize) -> ProgressBar {
 }
 
 #[cfg(test)]
+#[cfg(feature = "sim")]
 mod tests;

@@ -19,11 +19,11 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use watch::Watch;
-use xtb_authority::robot::TURN_NS;
-use xtb_authority::{Identity, Robot};
 use xtb_control::vehicle::Platform;
 use xtb_control::{PwmCount, Stamp, VehicleConfig};
 use xtb_protocol::messages::FaultState;
+use xtb_robot::robot::TURN_NS;
+use xtb_robot::{Identity, Robot};
 
 /// `--timeout` takes these, in s.
 const TIMEOUTS_S: std::ops::RangeInclusive<f64> = 0.1..=3600.0;

@@ -5,8 +5,8 @@ use robot_agent::AgentError;
 use robot_agent::clock::Clock;
 use robot_agent::config::ConfigFile;
 use robot_agent::hardware::Hardware;
+use robot_agent::hardware::instruments::Instruments;
 use robot_agent::hardware::serial::{PortSettings, SerialHardware};
-use robot_agent::hardware::simulated::LoneTruck;
 use robot_agent::logging::{self, LogFormat};
 use std::path::Path;
 use std::process::ExitCode;
@@ -48,19 +48,43 @@ pub(crate) fn run(file: &ConfigFile, record: Option<&Path>, log: LogFormat) -> R
 
 /// The lines and the clock that go with the settings. A port that cannot be opened is no failure: it
 /// is a fault that the state shows, and it is tried again.
-pub(crate) fn open(file: &ConfigFile) -> Result<(Box<dyn Hardware>, Clock), Failure> {
+pub(crate) fn open(file: &ConfigFile) -> Result<Lines, Failure> {
     let hardware = &file.hardware;
-    if hardware.kind == "serial" {
-        let board = PortSettings { path: hardware.board.clone(), baud: hardware.board_baud };
-        let gyro = PortSettings { path: hardware.gyro.clone(), baud: hardware.gyro_baud };
-        let serial = SerialHardware::start(board, gyro)
-            .map_err(|error| Failure::new(error, "the system is out of threads"))?;
-        return Ok((Box::new(serial), Clock::real()));
+    match hardware.kind.as_str() {
+        "serial" => {
+            let board = PortSettings { path: hardware.board.clone(), baud: hardware.board_baud };
+            let gyro = PortSettings { path: hardware.gyro.clone(), baud: hardware.gyro_baud };
+            let serial = SerialHardware::start(board, gyro)
+                .map_err(|error| Failure::new(error, "the system is out of threads"))?;
+            Ok((Box::new(serial), Clock::real()))
+        }
+        "simulated" => open_simulated(file, 1.0).map(|(lines, _)| lines),
+        _ => Err(Failure::new("no hardware is configured", NO_HARDWARE).code(2)),
     }
-    let (truck, clock) = LoneTruck::start(u64::from(hardware.seed))
-        .map_err(|error| Failure::new(error, "the simulated truck cannot be put into its room"))?;
-    Ok((Box::new(truck), clock))
 }
+
+const NO_HARDWARE: &str = "--hardware serial --board PORT --gyro PORT for a truck (`robot-agent ports` lists \
+    the ports), --hardware simulated for one simulated truck alone in an empty room";
+
+/// One simulated truck at `speed` × real time, and the instruments that a person holds to it.
+#[cfg(feature = "sim")]
+pub(crate) fn open_simulated(file: &ConfigFile, speed: f64) -> Result<(Lines, Instruments), Failure> {
+    let (truck, clock) =
+        robot_agent::hardware::simulated::LoneTruck::start_at(u64::from(file.hardware.seed), speed)
+            .map_err(|error| Failure::new(error, "the simulated truck cannot be put into its room"))?;
+    let instruments = truck.instruments();
+    Ok(((Box::new(truck), clock), instruments))
+}
+
+/// This program was built without the simulator.
+#[cfg(not(feature = "sim"))]
+pub(crate) fn open_simulated(_: &ConfigFile, _: f64) -> Result<(Lines, Instruments), Failure> {
+    let hint = "--hardware serial for a truck; `fleet-cli sim` simulates trucks and their agents";
+    Err(Failure::new("this robot-agent was built without the simulator", hint).code(2))
+}
+
+/// Hardware and the clock that it runs on.
+pub(crate) type Lines = (Box<dyn Hardware>, Clock);
 
 /// Returns at Ctrl-C or SIGTERM.
 pub(crate) async fn wait_for_signal() {

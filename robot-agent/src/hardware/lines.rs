@@ -5,9 +5,9 @@
 
 use super::Hardware;
 use std::io;
-use xtb_authority::Robot;
-use xtb_authority::line::PortTrouble;
 use xtb_control::Stamp;
+use xtb_robot::Robot;
+use xtb_robot::line::PortTrouble;
 
 /// Bytes read from a line in one turn at most.
 const READ_BUFFER: usize = 1024;

@@ -5,16 +5,17 @@
 //! slows it down instead of making robots miss samples.
 
 use super::Hardware;
+use super::instruments::Instruments;
 use crate::clock::{Clock, WorldTime};
 use std::collections::VecDeque;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use thiserror::Error;
-use xtb_sim::{Measured, STEP_NS, Simulation, SimulationError, TruckParameters, World};
+use xtb_sim::{STEP_NS, Simulation, SimulationError, TruckParameters, World};
 
 /// Bytes that a line holds; when nobody reads, the oldest go.
 const LINE_CAPACITY: usize = 4096;
@@ -125,31 +126,6 @@ impl Hardware for SimulatedHardware {
 type Order = Box<dyn FnOnce(&mut Simulation, &mut Vec<TruckLines>) + Send>;
 type Orders = Arc<Mutex<Vec<Order>>>;
 
-/// What a person with a protractor reads off a simulated truck (Annex A).
-#[derive(Clone)]
-pub struct Instruments {
-    orders: Orders,
-    index: usize,
-}
-
-impl Instruments {
-    /// Reads them when the world takes its next step, so whoever waits for the answer must go on
-    /// taking turns. No answer comes from a world that has ended.
-    #[must_use]
-    pub fn read(&self) -> Receiver<Measured> {
-        let (answer, answered) = sync_channel(1);
-        let index = self.index;
-        let order: Order = Box::new(move |simulation, _| {
-            if let Some(truck) = simulation.trucks_mut().get_mut(index) {
-                // Nobody may wait any more.
-                let _ = answer.try_send(truck.measured());
-            }
-        });
-        self.orders.lock().unwrap_or_else(PoisonError::into_inner).push(order);
-        answered
-    }
-}
-
 /// A world that runs on a thread of its own until this is dropped.
 pub struct RunningWorld {
     time: Arc<WorldTime>,
@@ -201,7 +177,18 @@ impl RunningWorld {
     /// The instruments that a person holds to the truck with this index.
     #[must_use]
     pub fn instruments(&self, index: usize) -> Instruments {
-        Instruments { orders: self.orders.clone(), index }
+        let orders = self.orders.clone();
+        Instruments::new(move || {
+            let (answer, answered) = sync_channel(1);
+            let order: Order = Box::new(move |simulation, _| {
+                if let Some(truck) = simulation.trucks_mut().get_mut(index) {
+                    // Nobody may wait any more.
+                    let _ = answer.try_send(truck.measured());
+                }
+            });
+            orders.lock().unwrap_or_else(PoisonError::into_inner).push(order);
+            answered
+        })
     }
 
     /// The world's clock.

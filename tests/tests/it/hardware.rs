@@ -408,7 +408,11 @@ async fn check_hardware_reads_everything_names_what_is_broken_and_moves_nothing(
     assert!(said.contains("waiting for the gyro"), "{said}");
     assert_eq!(fleet.truth(1).neutral_since_s, neutral_since_s, "the motor has turned");
 
-    let output = Command::new(program("robot-agent")).env_clear().arg("check-hardware").output().unwrap();
+    let output = Command::new(program("robot-agent"))
+        .env_clear()
+        .args(["check-hardware", "--hardware", "simulated"])
+        .output()
+        .unwrap();
     let table = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success() && table.ends_with("\nall is well\n"), "simulated: {output:?}");
     fleet.end().await;

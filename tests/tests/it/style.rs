@@ -50,7 +50,7 @@ fn keys_stand_in_the_key_table_only() {
 
 #[test]
 fn the_core_knows_no_clock_file_socket_or_thread() {
-    let folders = ["control", "protocol", "nav", "traffic", "authority", "dispatch", "sim"]
+    let folders = ["control", "protocol", "nav", "traffic", "robot", "dispatch", "sim", "chaos"]
         .map(|name| format!("core/{name}/src"));
     let folders = folders.each_ref().map(String::as_str);
     let words =
@@ -66,6 +66,7 @@ fn zenoh_is_opened_in_the_bus_only() {
         "core/nav/src",
         "core/traffic/src",
         "core/sim/src",
+        "core/chaos/src",
         "robot-agent/src",
         "fleet-cli/src",
     ];

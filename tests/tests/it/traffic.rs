@@ -5,9 +5,9 @@ use fleet_tests::Live;
 use fleet_tests::live::Trouble;
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
+use xtb_chaos::meetings::{Meeting, Setting, Sight};
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::RouteSource;
-use xtb_sim::meetings::{Meeting, Setting, Sight};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn two_swap_places_through_a_door_under_traffic_control() {

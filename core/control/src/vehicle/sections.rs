@@ -124,7 +124,7 @@ config_section! {
 
 config_section! {
     /// What counts as broken: sensors that stand still or read what cannot be, wheels that run away or
-    /// do not turn. The monitors of `core/authority` read it.
+    /// do not turn. The monitors of `core/robot` read it.
     GuardLimits "guard" {
         frozen_s: f64 = 0.25, "s", Range(0.1, 5.0), Ours, "Gyro or converter without any change for this long is frozen: noise makes that impossible.";
         frozen_scans: u32 = 50, "scans", Range(10.0, 1000.0), Ours, "A range finder without any change for so many scans with turning wheels is frozen.";

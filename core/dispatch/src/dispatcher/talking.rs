@@ -4,10 +4,10 @@ use super::{Dispatcher, Effect};
 use crate::drive;
 use crate::robot::Purpose;
 use crate::task::Task;
-use xtb_authority::operator::Step;
 use xtb_control::Stamp;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Assignment, Body, Outcome, RejectCode, Reply};
+use xtb_robot::operator::Step;
 
 /// The state of a robot that has just let go needs this long to show it, in ms.
 const SHOWS_MS: u64 = 100;

@@ -1,8 +1,5 @@
 //! Robots of the model: the agent's rules of lease, assignment and goal, without wheels.
 
-use xtb_authority::assigned::{Assigned, Known};
-use xtb_authority::lease::{LEASE_FREE_MS, LINK_LOSS_MS, LeaseBook};
-use xtb_authority::replies::ReplyBook;
 use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{
     Assignment, BatteryLevel, Body, Done, Errand, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, Latch,
@@ -10,6 +7,9 @@ use xtb_protocol::messages::{
     Request, RobotState, TiltState,
 };
 use xtb_protocol::{Name, Uuid};
+use xtb_robot::authority::assignments::{Assigned, Known};
+use xtb_robot::authority::lease::{LEASE_FREE_MS, LINK_LOSS_MS, LeaseBook};
+use xtb_robot::authority::replies::ReplyBook;
 
 /// How fast they drive, in m per ms.
 const SPEED: f64 = 0.000_5;

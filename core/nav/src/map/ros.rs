@@ -233,6 +233,6 @@ impl Files {
             zones: zones.collect(),
         };
         let yaml = serde_saphyr::to_string(&written).map_err(|error| RosError::Yaml(error.to_string()))?;
-        Ok(Self { yaml, image: image::pgm(map.grid())? })
+        Ok(Self { yaml, image: image::pgm(map.grid()) })
     }
 }

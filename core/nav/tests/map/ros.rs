@@ -16,11 +16,38 @@ fn refused(yaml: &str, image: &[u8]) -> String {
     read(yaml, image).unwrap_err().to_string()
 }
 
-fn png(width: u32, height: u32, color: image::ExtendedColorType, bytes: &[u8]) -> Vec<u8> {
-    use image::ImageEncoder;
+fn png(width: u32, height: u32, color: png::ColorType, bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
-    image::codecs::png::PngEncoder::new(&mut out).write_image(bytes, width, height, color).unwrap();
+    let mut encoder = png::Encoder::new(&mut out, width, height);
+    encoder.set_color(color);
+    encoder.write_header().unwrap().write_image_data(bytes).unwrap();
     out
+}
+
+#[test]
+fn every_kind_of_the_family_is_read_as_its_pixels_are() {
+    use Cell::{Free, Occupied};
+    for image in [
+        b"P1 2 2\n01\n# between\n1 0".as_slice(),
+        b"P4 2 2\n\x40\x80",
+        b"P2 2 2 7\n7 0 0 7",
+        b"P3 2 2 9 9 9 9 0 0 0 0 0 0 9 9 9",
+        b"P5 2 2 7\n\x07\x00\x00\x07",
+        b"P6 2 2 255\n\xff\xff\xff\0\0\0\0\0\0\xff\xff\xff",
+    ] {
+        assert_eq!(read(YAML, image).unwrap().grid().cells(), [Occupied, Free, Free, Occupied], "{image:?}");
+    }
+    for (image, reason) in [
+        (b"P2 1 1 7 8".as_slice(), "a sample of 8 is above its maximum of 7"),
+        (b"P2 1 1 0 0", "its maximum must be 1 to 65535"),
+        (b"P5 2 2 255\n\0", "it ends after 1 of 4 samples"),
+        (b"P1 2 1 02", "sample 2 of 2 is none"),
+        (b"P5 # 2", "it has no width"),
+        (b"P5 0 2 255\n", "0 \u{d7} 2 pixels, 1 to"),
+    ] {
+        let said = refused(YAML, image);
+        assert!(said.starts_with(&format!("the image: {reason}")), "{said}");
+    }
 }
 
 #[test]
@@ -34,13 +61,13 @@ fn rows_run_from_north_to_south_and_shades_are_free_unknown_and_occupied() {
     assert_eq!(map.grid().cells(), [Occupied, Unknown, Occupied, Free, Unknown, Occupied]);
     let raw = [b"P5 3 2 255\n".as_slice(), &[254, 205, 0, 0, 100, 89]].concat();
     assert_eq!(read(YAML, &raw).unwrap(), map);
-    let grey = png(3, 2, image::ExtendedColorType::L8, &[254, 205, 0, 0, 100, 89]);
+    let grey = png(3, 2, png::ColorType::Grayscale, &[254, 205, 0, 0, 100, 89]);
     assert_eq!(read(YAML, &grey).unwrap(), map);
 }
 
 #[test]
 fn the_image_may_be_coloured_deep_or_negated() {
-    let coloured = png(2, 1, image::ExtendedColorType::Rgb8, &[250, 255, 254, 10, 0, 40]);
+    let coloured = png(2, 1, png::ColorType::Rgb, &[250, 255, 254, 10, 0, 40]);
     assert_eq!(read(YAML, &coloured).unwrap().grid().cells(), [Cell::Free, Cell::Occupied]);
     let deep = [b"P5 2 1 65535\n".as_slice(), &[0xff, 0xf0, 0x00, 0x10]].concat();
     assert_eq!(read(YAML, &deep).unwrap().grid().cells(), [Cell::Free, Cell::Occupied]);
@@ -49,7 +76,7 @@ fn the_image_may_be_coloured_deep_or_negated() {
         assert_eq!(read(&yaml, &deep).unwrap().grid().cells(), [Cell::Occupied, Cell::Free]);
     }
     // As map_server does, alpha counts as one channel of the mean: what is transparent is not free.
-    let clear = png(2, 1, image::ExtendedColorType::La8, &[254, 0, 254, 255]);
+    let clear = png(2, 1, png::ColorType::GrayscaleAlpha, &[254, 0, 254, 255]);
     assert_eq!(read(YAML, &clear).unwrap().grid().cells(), [Cell::Unknown, Cell::Free]);
 }
 
@@ -74,9 +101,11 @@ fn what_is_not_read_is_refused_with_the_part_and_the_reason() {
     }
     assert_eq!(refused(YAML, b"GIF89a"), "the image: neither PNG nor PGM");
     assert!(refused(YAML, b"P5 2 2 255\n\x00").starts_with("the image: "));
-    assert!(refused(YAML, b"P5 5000 5000 255\n").starts_with("the image: 5000 × 5000 pixels, at most"));
-    let mut huge = png(1, 1, image::ExtendedColorType::L8, &[0]);
+    assert!(refused(YAML, b"P5 5000 5000 255\n").starts_with("the image: 5000 × 5000 pixels, 1 to"));
+    let mut huge = png(1, 1, png::ColorType::Grayscale, &[0]);
     huge[16..24].copy_from_slice(&[0x7f, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff]);
+    let sum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&huge[12..29]);
+    huge[29..33].copy_from_slice(&sum.to_be_bytes());
     assert!(refused(YAML, &huge).starts_with("the image: 2147483647 × 2147483647 pixels"));
     let bow = "zones:\n- {name: bow, kind: keep_out, points: [[0, 0], [1, 1], [1, 0], [0, 1]]}\n";
     assert!(refused(&format!("{YAML}{bow}"), image).contains("zone \"bow\": the side from point 1"));

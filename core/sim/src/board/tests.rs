@@ -8,12 +8,12 @@ use xtb_protocol::board::FromBoard;
 struct Bench {
     board: Board,
     writer: FrameWriter,
-    noise: Noise,
+    noise: Rng,
 }
 
 impl Bench {
     fn waiting() -> Self {
-        let mut noise = Noise::new(1, 1);
+        let mut noise = Rng::new(1, 1);
         let board = Board::new(&TruckParameters::default(), &mut noise);
         Self { board, writer: FrameWriter::default(), noise }
     }

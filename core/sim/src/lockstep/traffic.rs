@@ -1,14 +1,14 @@
 //! Traffic control beside the robots of a lockstep simulation: the same state machine as behind
 //! `fleet-cli traffic serve`, the same messages, on a network that may lose them.
 
-use crate::noise::Noise;
+use crate::rng::Rng;
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use xtb_authority::Robot;
 use xtb_control::units::Stamp;
 use xtb_nav::Car;
 use xtb_nav::map::Map;
 use xtb_protocol::messages::{Rejected, RobotState};
+use xtb_robot::Robot;
 use xtb_traffic::coordinator::{Coordinator, GridRoom, JointResult, RobotView, others_near};
 
 /// Reports come in and guides go out this often.
@@ -29,7 +29,7 @@ pub struct Traffic {
     next: Stamp,
     due: Option<(Stamp, JointResult)>,
     views: Vec<RobotView>,
-    noise: Noise,
+    noise: Rng,
     /// The part of all messages that gets lost.
     pub lost: f64,
 }
@@ -47,7 +47,7 @@ impl Traffic {
             next: Stamp::ZERO,
             due: None,
             views: Vec::new(),
-            noise: Noise::new(seed ^ 0x7AFF_1C00, 0),
+            noise: Rng::new(seed ^ 0x7AFF_1C00, 0),
             lost: 0.0,
         };
         traffic.restart();

@@ -2,10 +2,11 @@
 
 use crate::agent::{board_frames, drive, exact_steering, pulses};
 use xtb_control::PwmCount;
+use xtb_control::calibration::Measured;
 use xtb_control::controller::{AdcSample, PwmOutputs};
 use xtb_control::vehicle::Line;
 use xtb_protocol::board::{FrameWriter, FromBoard};
-use xtb_sim::{Measured, Simulation, TruckParameters, World};
+use xtb_sim::{Simulation, TruckParameters, World};
 
 struct Stand {
     simulation: Simulation,

@@ -6,10 +6,10 @@ use crate::hazards::HAZARDS;
 use crate::ordinary::{KINDS, Ordinary};
 use crate::whole_robot::WholeRobot;
 use std::collections::{BTreeMap, BTreeSet};
-use xtb_authority::Guard;
 use xtb_control::frames::MapPose;
 use xtb_control::{PwmCount, VehicleConfig};
 use xtb_protocol::messages::{BatteryLevel, Body, Fault, GoalStatus, LinkLoss};
+use xtb_robot::Guard;
 use xtb_sim::{DriveFault, RangeFinderFault, SensorFaults, Transmitter, TruckParameters, World};
 
 fn whole(seed: u64) -> WholeRobot {

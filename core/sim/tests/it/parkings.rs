@@ -5,8 +5,6 @@ use crate::agent::Bench;
 use crate::draw::{Draw, in_parallel};
 use crate::pillars::{Margins, pillars};
 use std::f64::consts::PI;
-use xtb_authority::Guards;
-use xtb_authority::monitor::{Driven, Monitors};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::odometry::OdomPose;
@@ -15,6 +13,8 @@ use xtb_nav::path::wrap_rad;
 use xtb_nav::reeds_shepp::shortest;
 use xtb_nav::{Car, Drive, Follower, FollowerSettings, Path, Released, Status};
 use xtb_protocol::messages::Fault;
+use xtb_robot::Guards;
+use xtb_robot::monitor::{Driven, Monitors};
 use xtb_sim::{TruckParameters, World};
 
 /// Steps of the simulation between two gyro samples.

@@ -2,14 +2,14 @@
 
 use crate::agent::steps;
 use std::collections::BTreeSet;
-use xtb_authority::agent::Arrival;
-use xtb_authority::{Identity, Robot};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{
     Body, Done, Fault, GoalStatus, Lease, LinkLoss, Outcome, Rejected, Reply, Request, RobotState, Setpoint,
 };
 use xtb_protocol::{Name, Uuid};
+use xtb_robot::agent::Arrival;
+use xtb_robot::{Identity, Robot};
 use xtb_sim::{Simulation, Truck, TruckParameters, World, lockstep};
 
 /// Between two words of the client, in steps.

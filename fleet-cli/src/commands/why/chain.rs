@@ -10,10 +10,10 @@ use crate::view::RobotView;
 use crate::words;
 use serde::Serialize;
 use std::time::Duration;
-use xtb_authority::faults::INPUT_LOST_MS;
 use xtb_control::Mode;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{BatteryLevel, Fault, GoalStatus, RobotState, StopReason, Suspension};
+use xtb_robot::faults::INPUT_LOST_MS;
 
 /// What it does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -10,19 +10,19 @@
 
 use robot_agent::clock::Clock;
 use robot_agent::hardware::Hardware;
-use robot_agent::hardware::simulated::Instruments;
+use robot_agent::hardware::instruments::Instruments;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::TryRecvError;
 use thiserror::Error;
-use xtb_authority::robot::{PWM_FRAME_NS, TURN_NS};
 use xtb_control::calibration::Actuator;
+use xtb_control::calibration::Measured;
 use xtb_control::config::ConfigError;
 use xtb_control::controller::{AdcSample, PwmOutputs};
 use xtb_control::tpu::{Setup, SetupTask};
 use xtb_control::{Controller, PwmCount, Stamp, VehicleConfig};
 use xtb_protocol::board::{FrameReader, FrameWriter, FromBoard};
-use xtb_sim::Measured;
+use xtb_robot::robot::{PWM_FRAME_NS, TURN_NS};
 
 /// Bytes read from the board in one turn at most.
 const READ_BUFFER: usize = 1024;
@@ -278,6 +278,7 @@ impl Drop for Bench {
 }
 
 #[cfg(test)]
+#[cfg(feature = "sim")]
 mod tests {
     use super::*;
     use robot_agent::hardware::simulated::{SimulatedHardware, TruckLine, TruckLines};

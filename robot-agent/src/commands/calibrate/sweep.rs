@@ -7,8 +7,8 @@ use super::bench::{Bench, Trouble};
 use super::console::Console;
 use indicatif::ProgressBar;
 use xtb_control::PwmCount;
+use xtb_control::calibration::Measured;
 use xtb_control::calibration::{Actuator, Kind, Point, Step};
-use xtb_sim::Measured;
 
 /// From a new pulse to a servo at rest, linkage included.
 const SETTLE_S: f64 = 0.5;

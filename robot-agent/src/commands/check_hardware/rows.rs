@@ -2,7 +2,6 @@
 
 use robot_agent::config::ConfigFile;
 use serde::Serialize;
-use xtb_authority::robot::Readings;
 use xtb_control::odometry::GYRO_DEG_PER_COUNT;
 use xtb_control::pistons::height_m;
 use xtb_control::remote::{Reading as Pulse, reading};
@@ -10,6 +9,7 @@ use xtb_control::speed::wheel_rpm;
 use xtb_control::units::PWM_PERIOD_COUNTS;
 use xtb_control::{AdcCount, Outputs};
 use xtb_protocol::messages::{Fault, FaultState};
+use xtb_robot::robot::Readings;
 
 /// The tilt sensor is linear up to here, in degrees (§2.2).
 const TILT_LINEAR_DEG: f64 = 20.0;

@@ -1,10 +1,10 @@
 //! What is seen over the whole check: what is still missing, counters, the last usable readings.
 
 use super::rows::Counted;
-use xtb_authority::robot::Readings;
 use xtb_control::controller::RemoteSample;
 use xtb_control::remote::{Reading, reading};
 use xtb_control::{Stamp, VehicleConfig};
+use xtb_robot::robot::Readings;
 
 /// Everything has to go on for this long, so that every range finder has measured, a receiver has
 /// had its frames and the counters have something to count.

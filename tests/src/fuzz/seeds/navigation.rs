@@ -3,8 +3,6 @@
 use super::{ID, message, text};
 use crate::fuzz::Seed;
 use crate::fuzz::maps::IMAGE;
-use xtb_authority::agent::Identity;
-use xtb_authority::robot::Robot;
 use xtb_control::frames::MapPose;
 use xtb_control::{Stamp, VehicleConfig};
 use xtb_nav::map::ros::Files;
@@ -14,6 +12,8 @@ use xtb_protocol::messages::{
     Arc, Fix, FixSource, FleetMap, GoalKind, GoalState, GoalStatus, LinkLoss, MapState, NavPhase, NavState,
     Rejected, RobotState, Route, RouteGoal, RouteSource, RouteState, Track, TrafficState, Via,
 };
+use xtb_robot::agent::Identity;
+use xtb_robot::robot::Robot;
 
 const HERE: MapPose = MapPose { x_m: 1.0, y_m: -1.0, yaw_rad: 0.5 };
 

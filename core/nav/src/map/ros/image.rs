@@ -1,74 +1,82 @@
 //! Images of maps: from PNG, PGM and its relatives to cells, and from cells to PGM.
 
+mod pnm;
+
 use super::{FREE, OCCUPIED, RosError, Thresholds, UNKNOWN};
 use crate::{Cell, Grid};
-use image::codecs::pnm::{PnmDecoder, PnmEncoder, PnmSubtype, SampleEncoding};
-use image::{ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat};
+use std::io::Cursor;
 
-/// Where a PNG has its width and its height, each in 4 bytes.
-const PNG_SIZE: std::ops::Range<usize> = 16..24;
+/// Bytes that decoding a PNG may take: four channels of 16 bits for each cell.
+const MOST_PNG_BYTES: usize = 8 * Grid::MOST_CELLS;
 
 fn refused(reason: impl std::fmt::Display) -> RosError {
     RosError::Image(reason.to_string().chars().take(200).collect())
 }
 
+/// Pixels, rows from north to south.
+struct Picture {
+    width: usize,
+    height: usize,
+    channels: usize,
+    /// The value of white.
+    full: u16,
+    samples: Vec<u16>,
+}
+
 /// Width, height and cells, rows from south to north.
 pub(super) fn cells(bytes: &[u8], thresholds: Thresholds) -> Result<(usize, usize, Vec<Cell>), RosError> {
-    let format = match image::guess_format(bytes) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Pnm)) => format,
+    let Picture { width, height, channels, full, samples } = match bytes {
+        [0x89, b'P', b'N', b'G', ..] => png(bytes)?,
+        [b'P', b'1'..=b'6', ..] => pnm::read(bytes)?,
         _ => return Err(refused("neither PNG nor PGM")),
     };
-    // Before any of it is unpacked.
-    let (width, height) = size(bytes, format)?;
-    let most = Grid::MOST_CELLS;
-    if (width as usize).checked_mul(height as usize).is_none_or(|count| count > most) {
-        return Err(refused(format!("{width} × {height} pixels, at most {most} are read")));
-    }
-    let image = image::load_from_memory_with_format(bytes, format).map_err(refused)?;
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    let color = image.color();
-    let channels = usize::from(color.channel_count());
-    let deep = color.bytes_per_pixel() / color.channel_count() == 2;
-    let bytes = image.as_bytes();
-    let value = |i: usize| match deep {
-        true => f64::from(u16::from_ne_bytes([bytes[2 * i], bytes[2 * i + 1]])),
-        false => f64::from(bytes[i]),
+    let cell = |pixel: &[u16]| {
+        let sum: f64 = pixel.iter().map(|&sample| f64::from(sample)).sum();
+        thresholds.cell(sum / channels as f64 / f64::from(full))
     };
-    let full = if deep { f64::from(u16::MAX) } else { f64::from(u8::MAX) };
-    let cell = |pixel: usize| {
-        let sum: f64 = (pixel * channels..(pixel + 1) * channels).map(value).sum();
-        thresholds.cell(sum / channels as f64 / full)
-    };
-    let rows = (0..height).rev();
-    let cells = rows.flat_map(|row| (row * width..(row + 1) * width).map(cell)).collect();
+    let rows = samples.chunks_exact(width * channels).rev();
+    let cells = rows.flat_map(|row| row.chunks_exact(channels).map(cell)).collect();
     Ok((width, height, cells))
 }
 
-fn size(bytes: &[u8], format: ImageFormat) -> Result<(u32, u32), RosError> {
-    if format == ImageFormat::Pnm {
-        return Ok(PnmDecoder::new(bytes).map_err(refused)?.dimensions());
-    }
-    match bytes.get(PNG_SIZE) {
-        Some(&[a, b, c, d, e, f, g, h]) => {
-            Ok((u32::from_be_bytes([a, b, c, d]), u32::from_be_bytes([e, f, g, h])))
-        }
-        _ => Err(refused("a PNG without a size")),
+/// Before any of it is unpacked.
+fn check_size(width: u32, height: u32) -> Result<(usize, usize), RosError> {
+    let (wide, high, most) = (width as usize, height as usize, Grid::MOST_CELLS);
+    match wide.checked_mul(high) {
+        Some(1..) if wide * high <= most => Ok((wide, high)),
+        _ => Err(refused(format!("{width} × {height} pixels, 1 to {most} are read"))),
     }
 }
 
+fn png(bytes: &[u8]) -> Result<Picture, RosError> {
+    let limits = png::Limits { bytes: MOST_PNG_BYTES };
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
+    // Palettes become colours, few bits become eight.
+    decoder.set_transformations(png::Transformations::EXPAND);
+    let header = decoder.read_header_info().map_err(refused)?;
+    let (width, height) = check_size(header.width, header.height)?;
+    let mut reader = decoder.read_info().map_err(refused)?;
+    let length = reader.output_buffer_size().ok_or_else(|| refused("a PNG without a size"))?;
+    let mut raw = vec![0; length];
+    let frame = reader.next_frame(&mut raw).map_err(refused)?;
+    raw.truncate(frame.buffer_size());
+    let (full, samples) = match frame.bit_depth {
+        png::BitDepth::Sixteen => {
+            (u16::MAX, raw.chunks_exact(2).map(|two| u16::from_be_bytes([two[0], two[1]])).collect())
+        }
+        _ => (u16::from(u8::MAX), raw.into_iter().map(u16::from).collect()),
+    };
+    Ok(Picture { width, height, channels: frame.color_type.samples(), full, samples })
+}
+
 /// A binary PGM of a grid.
-pub(super) fn pgm(grid: &Grid) -> Result<Vec<u8>, RosError> {
+pub(super) fn pgm(grid: &Grid) -> Vec<u8> {
     let shade = |cell: &Cell| match cell {
         Cell::Free => FREE,
         Cell::Occupied => OCCUPIED,
         Cell::Unknown => UNKNOWN,
     };
-    let pixels: Vec<u8> = grid.cells().chunks(grid.width()).rev().flatten().map(shade).collect();
-    let side = |count: usize| u32::try_from(count).map_err(refused);
-    let mut bytes = Vec::new();
-    PnmEncoder::new(&mut bytes)
-        .with_subtype(PnmSubtype::Graymap(SampleEncoding::Binary))
-        .write_image(&pixels, side(grid.width())?, side(grid.height())?, ExtendedColorType::L8)
-        .map_err(refused)?;
-    Ok(bytes)
+    let mut bytes = format!("P5\n{} {} 255\n", grid.width(), grid.cells().len() / grid.width()).into_bytes();
+    bytes.extend(grid.cells().chunks(grid.width()).rev().flatten().map(shade));
+    bytes
 }

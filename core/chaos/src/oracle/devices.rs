@@ -1,0 +1,242 @@
+//! What a truck's broken devices demand: for how long each has been broken, and what must stand by now.
+
+use super::{Broken, Invariant};
+use crate::time::{Turn, ms};
+use xtb_control::PwmCount;
+use xtb_protocol::messages::Latch;
+use xtb_sim::faults::{DriveFault, EncoderFault, GyroFault, LineFault, RangeFinderFault, SensorFaults};
+use xtb_sim::receiver::Transmitter;
+
+/// A line without a good frame: 150 ms, plus the longest time between two frames of a kind, doubled.
+const LINE: Turn = ms(260);
+/// A device that repeats itself: a quarter of a second and four samples, 38 ms apart at most.
+const FROZEN: Turn = ms(450);
+/// A range finder that repeats itself while the wheels turn: 50 scans of 38 ms.
+const FINDER_FROZEN: Turn = ms(2500);
+/// Five scans that cannot be.
+const FINDER_BROKEN: Turn = ms(350);
+/// Windows of 52 ms with rng instead of pulses: two in a row that cannot be, most of them being so.
+const WILD: Turn = ms(1000);
+/// A motor that is driven and wheels that do not turn: the limit, and the way to the motor.
+const STALL: Turn = ms(1050);
+/// Wheels that turn by themselves: coasting may take a second, the rule 300 ms, the windows the rest.
+const RUNAWAY: Turn = ms(2500);
+/// A battery below its last level for 2 s, in scans of 38 ms.
+const BATTERY: Turn = ms(2600);
+/// Lower than the level of 6.6 V by more than a converter's count.
+const EMPTY_V: f64 = 6.57;
+/// Driven by hand, and faster than the obstacle rule can stop: 0.43 m/s and what a window hides.
+const FAST_MPS: f64 = 0.5;
+const FAST: Turn = ms(200);
+/// Ten missing frames of the receiver (233 ms), a scan and the turn.
+pub(super) const STICKS: Turn = ms(300);
+/// A transmitter that has been on manual for so long has taken over.
+const TAKEN_OVER: Turn = ms(400);
+/// The dead band in parts of a stick's way, and the receiver's jitter.
+const NEUTRAL_STICK: f64 = 0.065;
+/// Three frames of the receiver: then the agent knows what the selector says.
+const NOTICED: Turn = ms(65);
+/// A pulse this far from neutral turns the wheels: the dead band ends at 75 counts.
+const DRIVEN_COUNTS: u16 = 100;
+
+/// What is true of a truck, beside its agent.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Truth {
+    pub(crate) transmitter: Transmitter,
+    pub(crate) board_line: LineFault,
+    pub(crate) gyro_line: LineFault,
+    /// Board and gyro.
+    pub(crate) plugged: [bool; 2],
+    pub(crate) sensors: SensorFaults,
+    pub(crate) drive: DriveFault,
+    pub(crate) battery_v: f64,
+    pub(crate) speed_mps: f64,
+    pub(crate) motor: u16,
+    /// The agent took a turn just now.
+    pub(crate) turned: bool,
+}
+
+impl Truth {
+    /// Whether frames of the agent reach the board.
+    pub(super) fn reaches(&self) -> bool {
+        self.turned && self.plugged[0]
+    }
+
+    /// Whether all that the board sends reaches the agent.
+    fn hears(&self) -> bool {
+        self.reaches() && self.board_line == LineFault::None
+    }
+}
+
+/// Since when something is so.
+#[derive(Debug, Clone, Copy, Default)]
+struct Since(Option<Turn>);
+
+impl Since {
+    /// For how long it has been so, now that it is or is not.
+    fn update(&mut self, now: Turn, so: bool) -> Turn {
+        self.0 = so.then(|| self.0.unwrap_or(now));
+        self.0.map_or(0, |since| now - since)
+    }
+}
+
+/// What must stand because of a truck's devices and its transmitter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Demand {
+    /// Whatever the network sent is over.
+    pub(super) network: Option<&'static str>,
+    /// The transmitter must not drive either.
+    pub(super) sticks: bool,
+}
+
+/// The clocks of one truck's devices. They run on when its agent dies.
+#[derive(Debug, Default)]
+pub(super) struct Devices {
+    off: Since,
+    /// As the agent hears it, and as it is.
+    manual: Since,
+    selected: Since,
+    board: Since,
+    board_frozen: Since,
+    gyro: Since,
+    gyro_frozen: Since,
+    converter: Since,
+    finder_frozen: Since,
+    finder_broken: Since,
+    wild: Since,
+    stalled: Since,
+    runaway: Since,
+    empty: Since,
+    fast: Since,
+    /// When the selector was on manual last.
+    pub(super) manual_last: Option<Turn>,
+    /// Somebody held the lease when it was set to manual.
+    taken_from_owner: bool,
+    /// The stick was seen neutral since the agent's boot or since the board was lost.
+    pub(super) stick_free: bool,
+}
+
+impl Devices {
+    /// As a new agent has to find it all out.
+    pub(super) fn anew(&self) -> Self {
+        Self { manual_last: self.manual_last, ..Self::default() }
+    }
+
+    /// Latches were reset. A reset never moves: a stick that they held must be let go first.
+    pub(super) fn reset(&mut self, now: Turn, held_sticks: bool) {
+        // A selector that the agent has not seen yet is itself the new command.
+        let manual = self.selected.0.is_some_and(|since| now - since > NOTICED);
+        self.stick_free &= !(held_sticks && manual);
+        self.taken_from_owner = false;
+    }
+
+    /// One turn. What an agent cannot hear it need not obey. `owned`: somebody holds its lease.
+    pub(super) fn update(&mut self, now: Turn, truth: &Truth, owned: bool) -> Demand {
+        let frozen = |fault| fault == LineFault::Frozen;
+        let dead = |fault| !matches!(fault, LineFault::None | LineFault::Lossy(_) | LineFault::Frozen);
+        let board = self.board.update(now, dead(truth.board_line) || !truth.plugged[0]) > LINE;
+        let board_frozen = self.board_frozen.update(now, frozen(truth.board_line)) > FROZEN;
+        let gyro = self.gyro.update(now, dead(truth.gyro_line) || !truth.plugged[1]) > LINE;
+        let hears_gyro = truth.turned && truth.plugged[1] && truth.gyro_line == LineFault::None;
+        let frozen = frozen(truth.gyro_line) || (hears_gyro && truth.sensors.gyro != GyroFault::None);
+        let gyro_frozen = self.gyro_frozen.update(now, frozen) > FROZEN;
+        let sensors = self.sensors(now, truth);
+        let measured = truth.hears() && !truth.sensors.battery_unmeasured && !truth.sensors.converter_frozen;
+        let empty = self.empty.update(now, measured && truth.battery_v < EMPTY_V) > BATTERY;
+        let (off, taken_over) = self.transmitter(now, truth, board || board_frozen, owned);
+        let because = [
+            (board, "the board's line is broken"),
+            (board_frozen, "the board repeats itself"),
+            (gyro, "the gyro's line is broken"),
+            (gyro_frozen, "the gyro repeats itself"),
+            (sensors.is_some(), sensors.unwrap_or_default()),
+            (empty, "the battery is empty"),
+            (off, "the transmitter is off"),
+            (taken_over, "the transmitter has taken over"),
+        ];
+        let network = because.into_iter().find_map(|(so, why)| so.then_some(why));
+        Demand { network, sticks: board || board_frozen || gyro_frozen || sensors.is_some() || empty }
+    }
+
+    fn sensors(&mut self, now: Turn, truth: &Truth) -> Option<&'static str> {
+        let any = |one: RangeFinderFault| truth.sensors.range_finders.contains(&one);
+        // Scans that do not arrive show nothing.
+        let heard = truth.hears();
+        let turning = truth.speed_mps.abs() > 0.05;
+        let converter = self.converter.update(now, heard && truth.sensors.converter_frozen) > FROZEN;
+        let frozen = heard && turning && any(RangeFinderFault::Frozen);
+        let finder_frozen = self.finder_frozen.update(now, frozen) > FINDER_FROZEN;
+        let broken = heard && (any(RangeFinderFault::BrokenWire) || any(RangeFinderFault::Short));
+        // A converter that hangs shows what it saw before the wire broke.
+        let broken =
+            self.finder_broken.update(now, broken && !truth.sensors.converter_frozen) > FINDER_BROKEN;
+        let wild = self.wild.update(now, heard && truth.sensors.encoder == EncoderFault::Wild) > WILD;
+        let because = [
+            (converter, "the converter repeats itself"),
+            (finder_frozen, "a range finder repeats itself"),
+            (broken, "a range finder's wire is broken"),
+            (wild, "the encoder says what cannot be"),
+        ];
+        because.into_iter().find_map(|(so, why)| so.then_some(why))
+    }
+
+    /// Whether it is off for certain, and whether it has taken over for certain.
+    fn transmitter(&mut self, now: Turn, truth: &Truth, board_lost: bool, owned: bool) -> (bool, bool) {
+        let Transmitter { on, speed, selector_manual, .. } = truth.transmitter;
+        let heard = on && truth.hears();
+        let before = self.manual_last;
+        if on && selector_manual {
+            self.manual_last = Some(now);
+        }
+        if board_lost {
+            self.stick_free = false;
+        } else if heard && speed.abs() < NEUTRAL_STICK {
+            self.stick_free = true;
+        }
+        let off = self.off.update(now, !on) > STICKS;
+        let manual = self.manual.update(now, selector_manual && heard);
+        let selected = self.selected.update(now, on && selector_manual);
+        if selected == 0 && on && selector_manual {
+            self.taken_from_owner = before.is_none_or(|before| now - before > TAKEN_OVER);
+        }
+        if selected <= NOTICED {
+            self.taken_from_owner &= owned && heard;
+        }
+        (off, manual > TAKEN_OVER)
+    }
+
+    /// What must not be, whoever drives. `latched` says whether a latch stands in the last state.
+    pub(super) fn check(
+        &mut self,
+        now: Turn,
+        truth: &Truth,
+        by_hand: bool,
+        latched: impl Fn(Latch) -> bool,
+    ) -> Result<(), Broken> {
+        let counts = truth.motor.abs_diff(PwmCount::NEUTRAL.get());
+        let reached = truth.hears();
+        let no_pulses = truth.speed_mps == 0.0 || truth.sensors.encoder == EncoderFault::BrokenWire;
+        let driven = reached && counts > DRIVEN_COUNTS;
+        if self.stalled.update(now, driven && no_pulses && truth.drive != DriveFault::Stuck) > STALL {
+            let detail = format!("driven at {} counts for a second without a pulse", truth.motor);
+            return Err((Invariant::Devices, detail));
+        }
+        let by_itself = reached && counts == 0 && truth.speed_mps.abs() > 0.1 && !no_pulses;
+        if self.runaway.update(now, by_itself) > RUNAWAY && !latched(Latch::Runaway) {
+            let detail = format!("at {:.2} m/s by itself, and no latch says so", truth.speed_mps);
+            return Err((Invariant::Devices, detail));
+        }
+        let taken = self.manual.0.is_some_and(|since| now - since > TAKEN_OVER + ms(100));
+        if taken && self.taken_from_owner && !latched(Latch::RemoteTakeover) {
+            let detail = "the transmitter took over from the network, and no latch says so".to_owned();
+            return Err((Invariant::Latched, detail));
+        }
+        let same_way = (truth.speed_mps > 0.0) == (truth.motor > PwmCount::NEUTRAL.get());
+        let fast = driven && by_hand && same_way && truth.speed_mps.abs() > FAST_MPS && !no_pulses;
+        if self.fast.update(now, fast && truth.sensors.encoder == EncoderFault::None) > FAST {
+            let detail = format!("driven by hand at {:.2} m/s", truth.speed_mps);
+            return Err((Invariant::Devices, detail));
+        }
+        Ok(())
+    }
+}

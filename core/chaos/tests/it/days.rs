@@ -1,0 +1,55 @@
+//! The simulator of bad days: no rule is broken, every rule of the agent is needed, and a seed is a
+//! history. The example `bad_days` runs more of them.
+
+use crate::draw::in_parallel;
+use xtb_chaos::{Options, Report};
+use xtb_robot::Guard;
+
+/// Days that a run of the tests goes through, unless `XTB_DAYS` says otherwise (CI: 2,500).
+const DAYS: u64 = 500;
+/// Days within which a missing rule has to be noticed.
+const NOTICED: u64 = 300;
+
+fn days_to_go() -> u64 {
+    std::env::var("XTB_DAYS").ok().and_then(|days| days.parse().ok()).unwrap_or(DAYS)
+}
+
+fn day(seed: u64) -> Report {
+    xtb_chaos::run(seed, Options::default()).unwrap()
+}
+
+#[test]
+fn bad_days_break_no_rule() {
+    let wanted = days_to_go();
+    let reports = in_parallel(0..wanted, day);
+    let broken: Vec<_> = reports.iter().filter(|report| report.violation.is_some()).collect();
+    assert!(broken.is_empty(), "{} of {wanted} days, the first:\n{}", broken.len(), broken[0]);
+    let mut total = xtb_chaos::Counts::default();
+    reports.iter().for_each(|report| total += report.counts);
+    // The days are bad, but something happens in them.
+    assert!(total.goals > wanted && total.obeyed > 10 * wanted && total.boots > wanted, "{total}");
+    assert!(total.driven > 1000 * wanted && total.estops > wanted && total.lost > wanted, "{total}");
+}
+
+#[test]
+fn a_seed_is_one_history_whatever_else_runs() {
+    let alone: Vec<Report> = (0..8).map(day).collect();
+    assert_eq!(in_parallel(0..8, day), alone);
+    let mut hashes: Vec<u64> = alone.iter().map(|report| report.hash).collect();
+    hashes.sort_unstable();
+    hashes.dedup();
+    assert_eq!(hashes.len(), 8);
+}
+
+#[test]
+fn every_rule_that_is_switched_off_is_found_out() {
+    let find = |i: u64| {
+        let guard = Guard::ALL[i as usize];
+        let broken =
+            |seed: &u64| xtb_chaos::run(*seed, Options { without: Some(guard) }).unwrap().violation.is_some();
+        (guard, (0..NOTICED).find(broken))
+    };
+    let found = in_parallel(0..Guard::ALL.len() as u64, find);
+    let missed: Vec<_> = found.iter().filter(|(_, seed)| seed.is_none()).collect();
+    assert!(missed.is_empty(), "no day of {NOTICED} notices that these are missing: {missed:?}");
+}

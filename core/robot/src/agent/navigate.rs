@@ -1,0 +1,313 @@
+//! The second level's place in the brain: where the robot is, which goals go along a path, and what the
+//! navigator's decisions become.
+
+use super::requests::Refusal;
+use super::{Agent, View};
+use crate::authority::arbitration::Writer;
+use std::sync::Arc as Shared;
+use xtb_control::{Command, Mode, Stamp, Steering, WheelRpm, goto};
+use xtb_nav::filter::{self, FixOutcome};
+use xtb_nav::local::LocalObstacle;
+use xtb_nav::navigator::giveway::Neighbour;
+use xtb_nav::navigator::{Aim, Decision, Floor, Led, PlanDone, PlanJob, Sensed, Standing};
+use xtb_nav::{MapPose, Path};
+use xtb_protocol::messages::{
+    Fix, GoalStatus, MapHash, MapState, NavState, RejectCode, Route, RouteGoal, RouteSource, RouteState,
+    StopReason, Track, Via,
+};
+
+/// The navigator's turns come at the gyro's rate.
+const STEP_NS: u64 = 10_000_000;
+/// A coordinator that has not been heard for this long may be followed by another one.
+const OTHER_COORDINATOR_MS: u64 = 1_000;
+
+/// Who leads, and on which map.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Lead {
+    /// Epoch and number of traffic control's last message, and when it came.
+    last: Option<(u64, u64, Stamp)>,
+    fleet_hash: Option<MapHash>,
+    next_step: Stamp,
+    /// The converter's last scan that the navigator has seen.
+    scanned: Option<Stamp>,
+    fixes: u64,
+    fixes_refused: u64,
+}
+
+impl Agent {
+    /// The map to plan on: its own, or the fleet's.
+    pub fn set_floor(&mut self, floor: Shared<Floor>) {
+        self.nav.set_floor(floor);
+    }
+
+    /// The hash of the fleet's map; with another one than its own the robot takes no planned goals.
+    pub fn set_fleet_map(&mut self, hash: MapHash) {
+        self.lead.fleet_hash = Some(hash);
+    }
+
+    /// Whether the fleet's map is another one.
+    fn has_other_map(&self) -> bool {
+        let own = self.nav.floor().map(|floor| floor.map().hash());
+        own.is_some() && self.lead.fleet_hash.is_some_and(|fleet| own != Some(fleet))
+    }
+
+    /// A pose from outside that came in `at`.
+    pub fn fix(&mut self, now: Stamp, at: Stamp, fix: &Fix) {
+        let age_ns = fix.age_ms.saturating_mul(1_000_000);
+        let measured = filter::Fix {
+            stamp: Stamp::from_ns(at.min(now).ns().saturating_sub(age_ns)),
+            x_m: fix.x_m,
+            y_m: fix.y_m,
+            yaw_rad: fix.yaw_rad,
+            covariance: filter::Fix::independent(fix.sigma_m, fix.sigma_yaw_rad),
+            source: fix.source,
+        };
+        match self.filter.fix(now, &measured) {
+            Ok(FixOutcome::Accepted { .. }) => self.lead.fixes += 1,
+            Ok(FixOutcome::Restarted { .. }) => {
+                self.lead.fixes += 1;
+                self.nav.pose_jumped();
+            }
+            Ok(FixOutcome::Gathered { .. }) => {}
+            _ => self.lead.fixes_refused += 1,
+        }
+    }
+
+    /// Fixes that were too old, or too far off to be true.
+    #[must_use]
+    pub fn fixes_refused(&self) -> u64 {
+        self.lead.fixes_refused
+    }
+
+    /// Traffic control says how to go on.
+    pub fn route(&mut self, now: Stamp, route: &Route) {
+        if let Some((epoch, seq, at)) = self.lead.last {
+            let repeated = route.epoch == epoch && route.seq <= seq;
+            let second = route.epoch != epoch && now.since_ms(at) < OTHER_COORDINATOR_MS;
+            if repeated || second {
+                return;
+            }
+        }
+        self.lead.last = Some((route.epoch, route.seq, now));
+        let present = self.goal.as_ref().filter(|goal| !goal.status.is_final() && goal.is_planned());
+        let meant = present
+            .is_some_and(|goal| route.goal == Some(RouteGoal { epoch: self.identity.epoch, id: goal.id }));
+        let led = meant.then(|| Led {
+            plan: route.plan,
+            path: route.track.as_ref().map(Path::from),
+            release_m: route.release_m,
+            cruise_mps: route.cruise_mps,
+            waits_for: route.waits_for.as_ref().map(ToString::to_string),
+            reason: route.reason.clone(),
+        });
+        self.nav.led(now, led, &route.others);
+    }
+
+    /// Whether it drives to a planned goal and hears no traffic control: then it has to hear the others.
+    #[must_use]
+    pub fn goes_alone(&self, now: Stamp) -> bool {
+        self.nav.goes_alone(now)
+    }
+
+    /// Another robot said this of itself; it came in `at`.
+    pub fn neighbour(&mut self, at: Stamp, said: Neighbour) {
+        self.nav.neighbour(at, said);
+    }
+
+    /// A path to look for, beside the control loop.
+    pub fn take_plan_job(&mut self) -> Option<PlanJob> {
+        self.nav.take_job()
+    }
+
+    /// What came of it.
+    pub fn planned(&mut self, now: Stamp, done: PlanDone) {
+        self.nav.planned(now, done);
+    }
+
+    /// How a goal is driven to if it does not say.
+    pub(super) fn usual_way(&self) -> Via {
+        if self.nav.floor().is_some() { Via::Planned } else { Via::Direct }
+    }
+
+    /// The memorandum's A-to-B.
+    pub(super) fn direct(&self, aim: &Aim) -> Result<Command, Refusal> {
+        if aim.yaw_rad.is_some() {
+            return Err((
+                RejectCode::Unsupported,
+                "only a planned goal can choose its yaw".into(),
+                "leave yaw_rad out, or give the robot a map: `fleet-cli map serve`",
+            ));
+        }
+        let (x_m, y_m) = self.filter.map_from_odom().point_to_odom(aim.x_m, aim.y_m);
+        let point = goto::Goal::new(x_m, y_m).map_err(|error| {
+            (RejectCode::OutOfRange, error.to_string(), "choose a goal nearer to the robot")
+        })?;
+        Ok(Command::Goto(point))
+    }
+
+    /// Whether a path to there could be looked for at all.
+    pub(super) fn planned_goal(&self, aim: &Aim) -> Result<Command, Refusal> {
+        let Some(floor) = self.nav.floor() else {
+            return Err((
+                RejectCode::NoMap,
+                "a planned goal needs a map, and the robot has none".into(),
+                "`fleet-cli map serve MAP` gives it one; `--via direct` needs none",
+            ));
+        };
+        if self.has_other_map() {
+            let fleet = self.lead.fleet_hash.map_or_else(String::new, |hash| hash.to_string());
+            return Err((
+                RejectCode::NoMap,
+                format!("its map {} is not the fleet's, {fleet}", floor.map().hash()),
+                "give both the same map; `--via direct` needs none",
+            ));
+        }
+        if let Some(zone) = floor.keep_out_at(self.nav.car(), aim) {
+            let message = format!("({:.2}, {:.2}) lies in the keep-out zone {zone}", aim.x_m, aim.y_m);
+            return Err((RejectCode::KeepOut, message, "`fleet-cli map show --live` shows the zones"));
+        }
+        if let Some(what) = floor.in_the_way_at(self.nav.car(), aim) {
+            let message = format!("it cannot stand at ({:.2}, {:.2}): {what}", aim.x_m, aim.y_m);
+            return Err((RejectCode::GoalBlocked, message, "`fleet-cli map show --live` shows what is free"));
+        }
+        Ok(STAND)
+    }
+
+    /// A planned goal was accepted.
+    pub(super) fn begin_path(&mut self, aim: Aim) {
+        self.nav.begin(aim);
+    }
+
+    /// The odometry, into the filter.
+    pub(super) fn locate(&mut self, now: Stamp, view: View<'_>) {
+        // A pose that is not finite is left out: the odometry never makes one.
+        let _ = self.filter.odometry(now, &view.outputs.pose);
+        self.odometry_scale.learn(now, &self.filter.estimate(now));
+    }
+
+    /// What the navigator wants of the first level now.
+    pub(super) fn navigate(&mut self, now: Stamp, view: View<'_>) -> Option<Command> {
+        if now < self.lead.next_step {
+            return None;
+        }
+        let floor = self.nav.floor()?.clone();
+        self.lead.next_step = now.plus_ns(STEP_NS);
+        let scan = view.ages.adc.map(|ms| Stamp::from_ns(now.ns().saturating_sub(ms * 1_000_000)));
+        let scanned = scan > self.lead.scanned;
+        self.lead.scanned = scan.max(self.lead.scanned);
+        let estimate = self.filter.estimate(now);
+        if self.goal_runs()
+            && let Some(zone) = floor.keep_out_under(self.nav.car(), &estimate.pose)
+        {
+            let words = format!("it stands in the keep-out zone {zone}");
+            self.stand(now, StopReason::InKeepOut, GoalStatus::Failed, Some(&words));
+            return self.pending.take();
+        }
+        let outputs = view.outputs;
+        let sensed = Sensed {
+            estimate: &estimate,
+            speed_mps: outputs.rpm * self.mps_per_rpm * self.odometry_scale.way(),
+            blocked: outputs.blocked,
+            ir_front_cm: &outputs.ir_front_cm,
+            ir_rear_cm: &outputs.ir_rear_cm,
+            scanned,
+        };
+        let decision = self.nav.turn(now, &sensed)?;
+        let runs = self.goal.as_ref().is_some_and(|goal| {
+            goal.is_planned() && matches!(goal.status, GoalStatus::Running | GoalStatus::Blocked)
+        });
+        if !runs || self.writer != Writer::Goal {
+            return None;
+        }
+        self.measure(&estimate.pose);
+        match decision {
+            Decision::Go(command, standing) => {
+                let words = self.blocked_words(outputs.blocked, standing);
+                self.goal_is(now, words.as_deref());
+                Some(command)
+            }
+            Decision::Reached => {
+                self.idle_because = StopReason::GoalReached;
+                self.end_goal(now, GoalStatus::Reached, None);
+                Some(Command::Idle)
+            }
+            Decision::Failed(words) => {
+                let because = StopReason::WayBlocked;
+                self.stand(now, because, GoalStatus::Failed, Some(&words));
+                self.pending.take()
+            }
+        }
+    }
+
+    /// Straight to the goal.
+    fn measure(&mut self, pose: &MapPose) {
+        let Some(goal) = &mut self.goal else { return };
+        if let crate::authority::goal::Target::Point { x_m, y_m, .. } = goal.target {
+            goal.distance_m = Some(libm::hypot(x_m - pose.x_m, y_m - pose.y_m));
+        }
+    }
+
+    /// Why the goal is blocked, if it is.
+    fn blocked_words(&self, blocked: bool, standing: Option<Standing>) -> Option<String> {
+        match standing {
+            Some(Standing::WaitingForTraffic | Standing::Planning) => {
+                let first = |led: &Led| led.waits_for.as_ref().map(|name| format!("{name} goes first"));
+                self.nav.led_by().and_then(|led| led.reason.clone().or_else(|| first(led)))
+            }
+            Some(Standing::GivingWay) => self.nav.waits_for().map(|name| format!("{name} goes first")),
+            Some(Standing::WayBlocked) if self.nav.waits_for().is_some() => {
+                self.nav.waits_for().map(|name| format!("blocked by {name}"))
+            }
+            Some(Standing::WayBlocked) => Some("something that is not on the map is in its way".to_owned()),
+            Some(Standing::PoseUncertain) => Some("it does not know well enough where it is".to_owned()),
+            Some(Standing::AtCusp) => None,
+            None => blocked.then(|| "an obstacle in the driving direction".to_owned()),
+        }
+    }
+
+    /// Why a robot on a path stands.
+    pub(super) fn stands_on_its_path(&self) -> Option<StopReason> {
+        if self.mode != Mode::Goto {
+            return None;
+        }
+        Some(match self.nav.standing()? {
+            Standing::Planning => StopReason::Planning,
+            Standing::WaitingForTraffic => StopReason::WaitingForTraffic,
+            Standing::WayBlocked => StopReason::WayBlocked,
+            Standing::PoseUncertain => StopReason::PoseUncertain,
+            Standing::AtCusp => StopReason::AtCusp,
+            Standing::GivingWay => StopReason::GivingWay,
+        })
+    }
+
+    /// What its range finders have seen that is not on its map.
+    pub fn unknown_obstacles(&self, now: Stamp) -> impl Iterator<Item = LocalObstacle> {
+        self.nav.local().into_iter().flat_map(move |local| local.obstacles(now))
+    }
+
+    /// Map and path, for the state.
+    #[must_use]
+    pub fn nav_state(&self, now: Stamp) -> NavState {
+        let map = self.nav.floor().map(|floor| floor.map()).map(|map| MapState {
+            name: map.name().to_owned(),
+            hash: map.hash().to_string(),
+            fleet_hash: self.lead.fleet_hash.filter(|_| self.has_other_map()).map(|hash| hash.to_string()),
+        });
+        let route = self.nav.progress().map(|progress| RouteState {
+            source: if progress.plan > 0 { RouteSource::Traffic } else { RouteSource::Own },
+            plan: progress.plan,
+            phase: progress.phase,
+            track: progress.path.map(Track::from),
+            done_m: progress.done_m,
+            release_m: progress.release_m,
+            off_m: progress.off_m,
+            waits_for: progress.waits_for.and_then(|name| xtb_protocol::Name::new(name).ok()),
+            blocked_at_m: progress.blocked_at.map(|[x_m, y_m]| (x_m, y_m)),
+            plans: progress.plans,
+        });
+        NavState { map, traffic: self.nav.is_led(now), route, fixes: self.lead.fixes }
+    }
+}
+
+/// Standing, wheels straight, in mode goto.
+const STAND: Command = Command::Follow { rpm: WheelRpm::ZERO, steering: Steering::CENTRED };

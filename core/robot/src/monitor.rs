@@ -1,0 +1,125 @@
+//! What a robot's sensors and its drive say about themselves: readings that stand still or cannot be,
+//! wheels that run away or do not turn, a battery that empties.
+//!
+//! ```text
+//!   gyro frame ──────► gyro ──────► frozen
+//!   encoder window ──► encoder ───► out of range
+//!            │  └────► drive ─────► runaway · stalled · over speed
+//!            ▼ turning
+//!   converter scan ──► converter ─► frozen · one range finder frozen · out of range
+//!            └───────► battery ───► low · critical
+//! ```
+//! Pure: samples and time go in, the present faults come out. A fault stays present for a moment after
+//! its cause has gone ([`HOLD_MS`]), so that people see it and it does not flap.
+
+mod alarm;
+mod battery;
+mod converter;
+mod drive;
+mod encoder;
+mod gyro;
+
+pub use alarm::HOLD_MS;
+pub use drive::Driven;
+
+use crate::authority::guard::{Guard, Guards};
+use alarm::Alarm;
+use battery::BatteryMonitor;
+use converter::ConverterMonitor;
+use drive::DriveMonitor;
+use encoder::EncoderMonitor;
+use gyro::GyroMonitor;
+use std::sync::Arc;
+use xtb_control::controller::AdcSample;
+use xtb_control::speed::wheel_rpm;
+use xtb_control::{Stamp, VehicleConfig};
+use xtb_protocol::gyro_3dmg::EulerFrame;
+use xtb_protocol::messages::{BatteryLevel, Fault};
+
+/// The monitors of one robot.
+#[derive(Debug, Clone, Default)]
+pub struct Monitors {
+    gyro: GyroMonitor,
+    encoder: EncoderMonitor,
+    converter: ConverterMonitor,
+    drive: DriveMonitor,
+    battery: BatteryMonitor,
+    turning: bool,
+    over_speed: bool,
+}
+
+impl Monitors {
+    /// A frame of the gyro. True if it is the last one again, unchanged to the timer.
+    pub fn gyro(&mut self, vehicle: &VehicleConfig, now: Stamp, frame: &EulerFrame) -> bool {
+        self.gyro.frame(&vehicle.guard, now, frame)
+    }
+
+    /// How the motor is driven from now on.
+    pub fn drive(&mut self, driven: Driven) {
+        self.drive.drive(driven);
+    }
+
+    /// A window of the encoder.
+    pub fn window(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16) {
+        let rpm = wheel_rpm(&vehicle.encoder, u32::from(pulses));
+        self.turning = pulses > 0;
+        self.over_speed = rpm * vehicle.mps_per_rpm() > vehicle.admitted_mps();
+        self.encoder.window(&vehicle.guard, now, rpm);
+        self.drive.window(vehicle, now, pulses);
+    }
+
+    /// A window with more pulses than its frame may hold.
+    pub fn impossible_window(&mut self, pulses: u16) {
+        self.encoder.impossible(&format!("{pulses} pulses in a window"));
+    }
+
+    /// A scan of the converter; `battery_mv` is `None` if the board does not measure it.
+    pub fn scan(&mut self, vehicle: &VehicleConfig, now: Stamp, scan: &AdcSample, battery_mv: Option<u16>) {
+        self.converter.scan(&vehicle.guard, now, scan, self.turning);
+        let volts = battery_mv.map(|mv| f64::from(mv) / 1000.0);
+        self.battery.scan(&vehicle.battery, now, volts);
+    }
+
+    /// The gyro's line was cut: what comes next has nothing to do with what came before.
+    pub fn forget_gyro(&mut self) {
+        self.gyro.forget();
+    }
+
+    /// The same of the board's line.
+    pub fn forget_board(&mut self) {
+        self.encoder.forget();
+        self.converter.forget();
+        self.drive.forget();
+        self.battery.forget();
+        (self.turning, self.over_speed) = (false, false);
+    }
+
+    /// Whether the wheels are faster than the obstacle rule can stop.
+    #[must_use]
+    pub fn over_speed(&self) -> bool {
+        self.over_speed
+    }
+
+    /// What the battery's voltage means.
+    #[must_use]
+    pub fn battery_level(&self) -> BatteryLevel {
+        self.battery.level()
+    }
+
+    /// The present faults of the guards that are in force, with what was seen.
+    pub fn faults(&self, guards: Guards) -> impl Iterator<Item = (Fault, Option<Arc<str>>)> {
+        let alarms = [
+            (Guard::Frozen, Fault::GyroFrozen, &self.gyro.frozen),
+            (Guard::Frozen, Fault::ConverterFrozen, &self.converter.frozen),
+            (Guard::Frozen, Fault::InfraredFrozen, &self.converter.finder_frozen),
+            (Guard::OutOfRange, Fault::InfraredOutOfRange, &self.converter.finder_out_of_range),
+            (Guard::OutOfRange, Fault::EncoderOutOfRange, &self.encoder.out_of_range),
+            (Guard::Runaway, Fault::Runaway, &self.drive.runaway),
+            (Guard::Stall, Fault::Stalled, &self.drive.stalled),
+            (Guard::Battery, Fault::BatteryLow, &self.battery.low),
+            (Guard::Battery, Fault::BatteryCritical, &self.battery.critical),
+        ];
+        let on = move |(guard, ..): &(Guard, Fault, &Alarm)| guards.on(*guard);
+        alarms.into_iter().filter(on).filter_map(|(_, fault, alarm)| Some((fault, Some(alarm.words()?))))
+    }
+}

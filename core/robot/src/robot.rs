@@ -1,0 +1,421 @@
+//! One robot without its I/O: brain, controller and line codecs, turned by whoever owns the clock.
+//!
+//! The whole of the walk "a sample up" between the serial port and Zenoh: bytes in, frames out.
+//! `robot-agent` turns it against real time, the simulator in lockstep.
+//!
+//! ```text
+//!   board bytes ─► line watch ─► frames ─► set-up gate (Fig. 8) ─┐
+//!   gyro bytes ──► line watch ─► frames ─────────────────────────┼─► Controller::step ─► step_log
+//!   requests, setpoints ─► Agent ─► at most one Command a turn ──┘        │
+//!   PWM, set-up, channel reset, gyro start ◄──────────────────────────────┘
+//! ```
+
+mod guards;
+mod lines;
+mod views;
+mod watch;
+
+use crate::agent::{Agent, Arrival, Identity, STICK_NEUTRAL_COUNTS, View};
+use crate::authority::guard::{Guard, Guards};
+use crate::faults::INPUT_LOST_MS;
+use crate::line::{Device, LINE_LOST_MS, LineWatch, PortTrouble};
+use crate::monitor::Monitors;
+use crate::step_log::{Step, StepLog};
+use std::sync::Arc;
+use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
+use xtb_control::tpu::{ResetMask, Setup, SetupTask};
+use xtb_control::{Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
+use xtb_protocol::board::{BoardError, BoardStatus, Frame, FrameReader, FrameWriter, FromBoard};
+use xtb_protocol::gyro_3dmg::{GyroFrame, GyroReader, GyroStarter, START_CONTINUOUS};
+use xtb_protocol::keys::Name;
+use xtb_protocol::messages::{InputAges, Reply, Request};
+
+pub use views::Readings;
+
+use guards::is_neutral_stick;
+use lines::{BoardLine, GyroLine};
+
+/// Length of a turn.
+pub const TURN_NS: u64 = 5_000_000;
+/// A PWM frame goes out this often, and at once when the motor becomes neutral.
+pub const PWM_FRAME_NS: u64 = 20_000_000;
+/// A turn that is this late: the board's watchdog (100 ms after the last frame) may have stopped the truck
+/// meanwhile, so what was under way is over.
+pub const LOOP_STALL_MS: u64 = 80;
+/// A line that is this long without a good frame is looked at for another device's.
+const SUSPICIOUS_MS: u64 = 50;
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Heard {
+    gyro: Option<Stamp>,
+    encoder: Option<Stamp>,
+    adc: Option<Stamp>,
+    remote: Option<Stamp>,
+    board: Option<Stamp>,
+}
+
+/// The newest samples as they came.
+#[derive(Debug, Clone, Copy, Default)]
+struct Newest {
+    gyro: GyroSample,
+    pulses: u16,
+    adc: Option<AdcSample>,
+    battery_mv: Option<u16>,
+    remote: RemoteSample,
+    status: Option<BoardStatus>,
+}
+
+/// Brain and controller of one robot.
+#[derive(Debug, Clone)]
+pub struct Robot {
+    agent: Agent,
+    controller: Controller,
+    outputs: Outputs,
+    board: BoardLine,
+    gyro: GyroLine,
+    setup: SetupTask,
+    reset: ResetMask,
+    writer: FrameWriter,
+    next_frame: Stamp,
+    sent_motor: PwmCount,
+    heard: Heard,
+    newest: Newest,
+    step_log: StepLog,
+    recording_failed: bool,
+    state_seq: u64,
+    /// When the next frame of the receiver counts as missing; `None` = there is no receiver.
+    remote_due: Option<Stamp>,
+    /// The speed stick must be seen neutral before it drives: at boot, and after the board was lost.
+    stick_held: bool,
+    /// The last turn, and since when the motor's pulse is neutral.
+    turned: Option<Stamp>,
+    neutral_since: Option<Stamp>,
+    /// The worst delay of a turn since the last state.
+    late_ns: u64,
+    /// Turns that came a whole turn late.
+    turns_late: u64,
+    monitors: Monitors,
+    guards: Guards,
+}
+
+impl Robot {
+    /// A robot at boot. `vehicle` must have passed its validation; one whose channel map has not is
+    /// never set up, so it stands.
+    #[must_use]
+    pub fn new(identity: Identity, vehicle: VehicleConfig, version: &str) -> Self {
+        let agent = Agent::new(identity, &vehicle, version);
+        let setup = Setup::of(&vehicle).unwrap_or(Setup {
+            pwm_period_counts: 0,
+            tcr_prescaler: 0,
+            fqm_window: 0,
+            watchdog_ms: 0,
+            channels: [0; xtb_control::tpu::PINS],
+        });
+        let controller = Controller::new(vehicle);
+        Self {
+            agent,
+            outputs: controller.outputs(Stamp::ZERO),
+            controller,
+            board: BoardLine {
+                watch: LineWatch::new(Device::Board, Stamp::ZERO),
+                reader: FrameReader::default(),
+                foreign: GyroReader::default(),
+                detail: None,
+                open_since: Stamp::ZERO,
+                speaks_since: Stamp::ZERO,
+                fed: false,
+                starved: None,
+                excused_until: Stamp::ZERO,
+            },
+            gyro: GyroLine {
+                watch: LineWatch::new(Device::Gyro, Stamp::ZERO),
+                reader: GyroReader::default(),
+                foreign: FrameReader::default(),
+                starter: GyroStarter::default(),
+                detail: None,
+            },
+            setup: SetupTask::new(setup),
+            reset: ResetMask::default(),
+            writer: FrameWriter::default(),
+            next_frame: Stamp::ZERO,
+            sent_motor: PwmCount::NEUTRAL,
+            heard: Heard::default(),
+            newest: Newest::default(),
+            step_log: StepLog::default(),
+            recording_failed: false,
+            state_seq: 0,
+            remote_due: None,
+            stick_held: true,
+            turned: None,
+            neutral_since: Some(Stamp::ZERO),
+            late_ns: 0,
+            turns_late: 0,
+            monitors: Monitors::default(),
+            guards: Guards::default(),
+        }
+    }
+
+    /// Bytes from the I/O board, read at `now`; each sample among them takes one controller step.
+    pub fn board_bytes(&mut self, now: Stamp, bytes: &[u8]) {
+        if bytes.is_empty() {
+            return;
+        }
+        if self.is_late(now) {
+            // The board's watchdog has fired because of us: no reason to set it up again.
+            self.board.excused_until = now.plus_ms(LINE_LOST_MS);
+        }
+        self.board.watch.bytes(now, bytes);
+        if self.board.watch.unwell_ms(now) > SUSPICIOUS_MS {
+            let watch = &mut self.board.watch;
+            self.board.foreign.push(bytes, |_| watch.foreign_frame());
+        }
+        let mut reader = std::mem::take(&mut self.board.reader);
+        reader.from_board(bytes, |frame| match frame {
+            Ok(frame) => {
+                self.board.watch.good_frame(now);
+                self.board_frame(now, frame);
+            }
+            // Whole, but not a board's: our own echo, or firmware of another version.
+            Err(BoardError::UnknownType(_)) => self.board.watch.foreign_frame(),
+            Err(BoardError::Repeated(_)) => self.board.watch.repeated_frame(),
+            Err(BoardError::Pulses(pulses)) => self.monitors.impossible_window(pulses),
+            Err(_) => {} // the reader counts it
+        });
+        self.board.reader = reader;
+    }
+
+    /// Until the board has confirmed its set-up, nothing but its status counts (Fig. 8).
+    fn board_frame(&mut self, now: Stamp, frame: FromBoard) {
+        self.heard.board = Some(now);
+        match frame {
+            FromBoard::Status(status) => {
+                self.newest.status = Some(status);
+                let was_done = self.setup.is_done();
+                let hears = self.board.hears_us(now, &status);
+                self.setup.confirm(status.ready && hears, status.setup_checksum);
+                if was_done && !self.setup.is_done() {
+                    self.lose_remote(now);
+                }
+            }
+            _ if !self.setup.is_done() => {}
+            FromBoard::Encoder { pulses } => {
+                self.heard.encoder = Some(now);
+                self.newest.pulses = pulses;
+                self.step(now, &Sample::Encoder { pulses: u32::from(pulses) });
+                self.watch_window(now, pulses);
+            }
+            FromBoard::Adc { sample, battery_mv } => {
+                self.heard.adc = Some(now);
+                (self.newest.adc, self.newest.battery_mv) = (Some(sample), battery_mv);
+                self.monitors.scan(self.controller.config(), now, &sample, battery_mv);
+                self.step(now, &Sample::Adc(self.seen(sample)));
+            }
+            FromBoard::Remote(sample) => {
+                self.heard.remote = Some(now);
+                self.newest.remote = sample;
+                self.remote_due = Some(now.plus_ns(self.remote_period_ns() * 3 / 2));
+                self.step(now, &Sample::Remote(sample));
+                self.stick_held &= !self.outputs.duties.speed.is_some_and(is_neutral_stick);
+            }
+        }
+    }
+
+    /// Bytes from the gyro, read at `now`.
+    pub fn gyro_bytes(&mut self, now: Stamp, bytes: &[u8]) {
+        if bytes.is_empty() {
+            return;
+        }
+        self.gyro.watch.bytes(now, bytes);
+        if self.gyro.watch.unwell_ms(now) > SUSPICIOUS_MS {
+            let watch = &mut self.gyro.watch;
+            self.gyro.foreign.from_board(bytes, |frame| {
+                if frame.is_ok() {
+                    watch.foreign_frame();
+                }
+            });
+        }
+        let mut reader = std::mem::take(&mut self.gyro.reader);
+        reader.push(bytes, |frame| match frame {
+            GyroFrame::Firmware(version) => self.gyro.starter.heard_firmware(version),
+            GyroFrame::Euler(frame) if self.is_repeated(now, &frame) => self.gyro.watch.repeated_frame(),
+            GyroFrame::Euler(frame) => {
+                self.gyro.watch.good_frame(now);
+                self.heard.gyro = Some(now);
+                self.newest.gyro = frame.angles;
+                self.step(now, &Sample::Gyro(frame.angles));
+            }
+        });
+        self.gyro.reader = reader;
+    }
+
+    /// The only place where the controller takes a step.
+    fn step(&mut self, now: Stamp, sample: &Sample) {
+        let before = self.outputs.pose;
+        self.outputs = self.controller.step(now, sample);
+        self.reset = self.reset.or(self.outputs.reset);
+        if self.outputs.rezeroed {
+            self.agent.rezeroed(&before, &self.outputs.pose);
+        }
+        self.step_log.push(now, sample, &self.outputs);
+    }
+
+    /// How the board's port is: `None` = open. What is plugged in again has to be set up again.
+    pub fn board_port(&mut self, now: Stamp, trouble: Option<(PortTrouble, &str)>) {
+        let opened = self.board.watch.port(now, trouble.map(|(kind, _)| kind));
+        keep_detail(&mut self.board.detail, trouble);
+        if trouble.is_some() || opened {
+            self.setup.forget();
+            self.board.reader.forget();
+            self.newest.status = None;
+            (self.board.open_since, self.board.starved, self.board.fed) = (now, None, false);
+            self.monitors.forget_board();
+            self.lose_remote(now);
+        }
+    }
+
+    /// How the gyro's port is: `None` = open.
+    pub fn gyro_port(&mut self, now: Stamp, trouble: Option<(PortTrouble, &str)>) {
+        let opened = self.gyro.watch.port(now, trouble.map(|(kind, _)| kind));
+        keep_detail(&mut self.gyro.detail, trouble);
+        if trouble.is_some() || opened {
+            self.gyro.starter.forget();
+            self.gyro.reader.forget();
+            self.monitors.forget_gyro();
+        }
+    }
+
+    /// One request of a client.
+    pub fn request(&mut self, now: Stamp, arrival: Arrival, client: &Name, request: &Request) -> Reply {
+        let ages = self.ages(now);
+        let view = View {
+            outputs: &self.outputs,
+            ages,
+            neutral: self.neutral_since.is_some(),
+            over_speed: self.over_speed(),
+        };
+        self.agent.request(now, arrival, client, request, view)
+    }
+
+    /// One turn, each [`TURN_NS`]: the PWM frame for the board, if one is due.
+    pub fn turn(&mut self, now: Stamp) -> Option<Frame> {
+        self.watch_loop(now);
+        self.miss_remote(now);
+        let line_fault = self.board.watch.fault(now);
+        if !self.setup.is_done() || line_fault.is_some() {
+            self.board.speaks_since = now;
+        }
+        if line_fault.is_some() && self.guards.on(Guard::LineLost) {
+            self.lose_remote(now);
+        }
+        let gyro_fault = self.gyro.watch.fault(now);
+        self.agent.set_faults(now, &self.faults(now, line_fault, gyro_fault));
+        let (ages, neutral) = (self.ages(now), self.neutral_since.is_some());
+        let view = View { outputs: &self.outputs, ages, neutral, over_speed: self.over_speed() };
+        if let Some(command) = self.agent.turn(now, view) {
+            self.step(now, &Sample::Command(command));
+        }
+        // A reset moves nothing: a stick that was held through the latch has to be let go.
+        self.stick_held |= self.agent.take_stick_to_rest();
+        let pwm = self.pulses();
+        let motor = pwm.motor;
+        // Within the dead band of the ESC nothing moves: a stick at rest is never quite neutral.
+        let offset_counts = f64::from(motor.get().abs_diff(PwmCount::NEUTRAL.get()));
+        let stands = offset_counts <= STICK_NEUTRAL_COUNTS;
+        self.neutral_since = stands.then(|| self.neutral_since.unwrap_or(now));
+        let became_neutral = motor == PwmCount::NEUTRAL && self.sent_motor != PwmCount::NEUTRAL;
+        let due = now >= self.next_frame || became_neutral;
+        if due {
+            self.sent_motor = motor;
+        }
+        self.watch_drive(self.sent_motor);
+        if !due {
+            return None;
+        }
+        self.next_frame = now.plus_ns(PWM_FRAME_NS);
+        Some(self.writer.pwm(&pwm))
+    }
+
+    /// What else the board has to be told after a turn: its set-up (Fig. 8), or the channels to reset
+    /// (Fig. 9). Ask until there is nothing.
+    pub fn board_request(&mut self, now: Stamp) -> Option<Frame> {
+        if let Some(setup) = self.setup.request(now) {
+            return Some(self.writer.setup(&setup));
+        }
+        let reset = std::mem::take(&mut self.reset);
+        reset.any().then(|| self.writer.reset(reset))
+    }
+
+    /// What the gyro has to be told after a turn.
+    pub fn gyro_request(&mut self, now: Stamp) -> Option<&'static [u8]> {
+        let silent = self.ages(now).gyro.is_none_or(|ms| ms > INPUT_LOST_MS);
+        let command = self.gyro.starter.request(now, silent);
+        if command == Some(&START_CONTINUOUS) {
+            // It had been told to stop, or was off: its clock says nothing about lost frames.
+            self.gyro.reader.forget();
+        }
+        command
+    }
+
+    /// Keeps every step for [`Robot::take_step`].
+    pub fn record_steps(&mut self) {
+        self.step_log.start();
+    }
+
+    /// The oldest step on the step_log.
+    pub fn take_step(&mut self) -> Option<Step> {
+        self.step_log.take()
+    }
+
+    /// Whether the recorder fails: a fault that people can see.
+    pub fn set_recording_failed(&mut self, failed: bool) {
+        self.recording_failed = failed;
+    }
+
+    /// A turn began this much after its time.
+    pub fn turn_was_late(&mut self, ns: u64) {
+        self.late_ns = self.late_ns.max(ns);
+        self.turns_late += u64::from(ns > TURN_NS);
+    }
+
+    /// The brain.
+    #[must_use]
+    pub fn agent(&self) -> &Agent {
+        &self.agent
+    }
+
+    /// The brain, to take events from or to tell of the link.
+    pub fn agent_mut(&mut self) -> &mut Agent {
+        &mut self.agent
+    }
+
+    /// The controller's last outputs.
+    #[must_use]
+    pub fn outputs(&self) -> &Outputs {
+        &self.outputs
+    }
+
+    /// The vehicle's constants in force.
+    #[must_use]
+    pub fn vehicle(&self) -> &VehicleConfig {
+        self.controller.config()
+    }
+
+    fn ages(&self, now: Stamp) -> InputAges {
+        let age = |heard: Option<Stamp>| heard.map(|at| now.since_ms(at));
+        InputAges {
+            gyro: age(self.heard.gyro),
+            encoder: age(self.heard.encoder),
+            adc: age(self.heard.adc),
+            remote: age(self.heard.remote),
+            setpoint: self.agent.setpoint_age_ms(now),
+        }
+    }
+}
+
+fn keep_detail(kept: &mut Option<Arc<str>>, trouble: Option<(PortTrouble, &str)>) {
+    match trouble {
+        None => *kept = None,
+        Some((_, words)) if kept.as_deref() != Some(words) => *kept = Some(words.into()),
+        Some(_) => {}
+    }
+}
