@@ -46,7 +46,7 @@ use values::seconds;
 use xtb_protocol::Name;
 
 /// Where a router listens, and where it is looked for, unless told otherwise.
-pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
+pub use xtb_client::DEFAULT_ENDPOINT;
 
 const EXIT_CODES: &str = "\
 Exit codes:

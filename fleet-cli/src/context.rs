@@ -1,33 +1,23 @@
 //! What every command needs to know: connection, fleet, own name, output.
 
-use crate::cli::{DEFAULT_ENDPOINT, GlobalArgs};
+use crate::cli::GlobalArgs;
 use crate::config::FleetConfig;
 use crate::error::{Failure, Kind, Result};
 use crate::output::Output;
-use std::time::Duration;
-use xtb_protocol::messages::RosterEntry;
-use xtb_protocol::{Name, Uuid};
+use xtb_client::{DEFAULT_ENDPOINT, DEFAULT_FLEET, Settings, unique_name};
+use xtb_protocol::Name;
+use xtb_protocol::keys::NameError;
 
 /// Where clients look for a router's name unless `--connect` says it.
 const ROUTERS: &str = "XTB_CONNECT";
-/// The fleet that is meant when nobody names one.
-const DEFAULT_FLEET: &str = "lab";
 
 /// The options of one invocation, resolved: command line over environment over config over default.
 #[derive(Debug, Clone)]
 pub struct Context {
-    /// Routers to connect to.
-    pub connect: Vec<String>,
+    /// Routers, fleet, own name, timeout and roster.
+    pub settings: Settings,
     /// Whether `--connect` stands on the command line (`sim` then runs no router of its own).
     pub connect_given: bool,
-    /// The fleet.
-    pub fleet: Name,
-    /// This client's name.
-    pub client: Name,
-    /// For a router or an answer.
-    pub timeout: Duration,
-    /// The config's roster; empty = it has none.
-    pub robots: Vec<RosterEntry>,
     /// Where and how to print.
     pub out: Output,
 }
@@ -46,21 +36,28 @@ impl Context {
         if connect.is_empty() {
             connect.push(DEFAULT_ENDPOINT.to_owned());
         }
-        Ok(Self {
+        let settings = Settings {
             connect,
-            connect_given: global.connect_given,
             fleet: match global.fleet.clone().or(config.fleet) {
                 Some(fleet) => fleet,
-                None => own_name(DEFAULT_FLEET)?,
+                None => Name::new(DEFAULT_FLEET).map_err(impossible)?,
             },
             client: match global.client.clone() {
                 Some(client) => client,
-                None => own_name(&format!("cli-{}", &Uuid::new_v4().simple().to_string()[..6]))?,
+                None => unique_name("cli").map_err(impossible)?,
             },
             timeout: global.timeout,
             robots: config.robots,
-            out,
-        })
+        };
+        Ok(Self { settings, connect_given: global.connect_given, out })
+    }
+
+    /// The same with other settings.
+    #[must_use]
+    pub fn with(&self, change: impl FnOnce(&mut Settings)) -> Self {
+        let mut own = self.clone();
+        change(&mut own.settings);
+        own
     }
 
     /// `verb` runs a router of its own, and which one clients use is named in the environment or in the
@@ -71,16 +68,25 @@ impl Context {
         let from = match set {
             _ if self.connect_given => return None,
             true => ROUTERS,
-            false if self.connect != [DEFAULT_ENDPOINT] => "the fleet config",
+            false if self.settings.connect != [DEFAULT_ENDPOINT] => "the fleet config",
             false => return None,
         };
-        let routers = self.connect.join(", ");
+        let routers = self.settings.connect.join(", ");
         Some(format!(
             "{verb} runs its own router: {routers} ({from}) is not used; only --connect changes that"
         ))
     }
 }
 
-fn own_name(text: &str) -> Result<Name> {
-    Name::new(text).map_err(|error| Failure::new(Kind::Usage, error.to_string()))
+fn impossible(error: NameError) -> Failure {
+    Failure::new(Kind::Usage, error.to_string())
+}
+
+#[cfg(test)]
+impl Context {
+    /// As the client was opened, printing JSON.
+    pub(crate) fn of(client: &xtb_client::Client) -> Self {
+        let out = Output { json: true, colors: false };
+        Self { settings: client.settings().clone(), connect_given: false, out }
+    }
 }

@@ -3,9 +3,10 @@
 //! One page is one socket: `frames` says what it lacks, `session` when it gets that, `desk` carries
 //! out what it asks for. The wire between page and server stands in `docs/dashboard.md`.
 
+mod app;
 mod assets;
+mod command_session;
 mod commands;
-mod desk;
 mod frames;
 mod listener;
 mod metrics;
@@ -17,5 +18,6 @@ mod session;
 mod socket;
 pub(crate) mod teleop;
 
+pub use app::Shown;
 pub use security::Origin;
-pub use server::{Running, Settings, Shown};
+pub use server::{Running, Settings};

@@ -1,9 +1,10 @@
 //! What can go wrong for the operator: kind, exit code, message, and a hint at what to do.
 
-use crate::words;
+use crate::text::reasons;
 use std::fmt;
 use xtb_bus::BusError;
-use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, RejectCode};
+use xtb_client::ErrorKind;
+use xtb_protocol::messages::{DispatchCode, DispatchError, RejectCode};
 
 /// How a command ended, as the shell sees it; `--help` lists the codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,8 +94,8 @@ impl Kind {
             Self::NoRobot => "no_robot".into(),
             Self::NoDispatcher => "no_dispatcher".into(),
             Self::OutcomeUnknown => "outcome_unknown".into(),
-            Self::Refused(code) => words::name(&code),
-            Self::NotDispatched(code) => words::name(&code),
+            Self::Refused(code) => reasons::name(&code),
+            Self::NotDispatched(code) => reasons::name(&code),
             Self::PortTaken => "port_taken".into(),
             Self::NameTaken => "name_taken".into(),
             Self::Failed => "failed".into(),
@@ -130,18 +131,11 @@ impl Failure {
     pub fn hint(self, hint: impl Into<String>) -> Self {
         Self { hint: hint.into(), ..self }
     }
-
-    /// A robot's refusal.
-    #[must_use]
-    pub fn refused(robot: &xtb_protocol::Name, error: &ErrorBody) -> Self {
-        Self::new(Kind::Refused(error.code), format!("{robot} refuses: {}", error.message))
-            .hint(error.hint.clone())
-    }
 }
 
 impl From<DispatchError> for Failure {
     fn from(error: DispatchError) -> Self {
-        Self::new(Kind::NotDispatched(error.code), error.message).hint(error.hint)
+        xtb_client::Error::from(error).into()
     }
 }
 
@@ -153,15 +147,26 @@ impl fmt::Display for Failure {
 
 impl std::error::Error for Failure {}
 
+impl From<xtb_client::Error> for Failure {
+    fn from(error: xtb_client::Error) -> Self {
+        let kind = match error.kind {
+            ErrorKind::Invalid => Kind::Usage,
+            ErrorKind::NoRouter => Kind::NoRouter,
+            ErrorKind::NoRobot => Kind::NoRobot,
+            ErrorKind::NoDispatcher => Kind::NoDispatcher,
+            ErrorKind::OutcomeUnknown => Kind::OutcomeUnknown,
+            ErrorKind::Refused(code) => Kind::Refused(code),
+            ErrorKind::NotDispatched(code) => Kind::NotDispatched(code),
+            ErrorKind::Idle => Kind::Interrupted,
+            ErrorKind::Failed => Kind::Failed,
+        };
+        Self { kind, message: error.message, hint: error.hint }
+    }
+}
+
 impl From<BusError> for Failure {
     fn from(error: BusError) -> Self {
-        match &error {
-            BusError::Setting { .. } => {
-                Self::new(Kind::Usage, error.to_string()).hint("an endpoint looks like tcp/192.168.1.10:7447")
-            }
-            BusError::Open { .. } => Self::new(Kind::NoRouter, error.to_string()),
-            BusError::Operation { .. } | BusError::Encode(_) => Self::new(Kind::Failed, error.to_string()),
-        }
+        xtb_client::Error::from(error).into()
     }
 }
 
@@ -172,5 +177,33 @@ impl From<std::io::Error> for Failure {
             _ => Kind::Failed,
         };
         Self::new(kind, error.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_client_says_keeps_its_code_and_gets_its_exit_code() {
+        let end = |kind: ErrorKind| {
+            let failure = Failure::from(xtb_client::Error::new(kind, "so it is").hint("do this"));
+            assert_eq!((failure.message.as_str(), failure.hint.as_str()), ("so it is", "do this"));
+            (failure.kind.code(), failure.kind.exit().code())
+        };
+        for (kind, code, exit) in [
+            (ErrorKind::Invalid, "usage", 2),
+            (ErrorKind::NoRouter, "no_router", 3),
+            (ErrorKind::NoRobot, "no_robot", 3),
+            (ErrorKind::NoDispatcher, "no_dispatcher", 3),
+            (ErrorKind::OutcomeUnknown, "outcome_unknown", 3),
+            (ErrorKind::Refused(RejectCode::LeaseHeld), "lease_held", 1),
+            (ErrorKind::NotDispatched(DispatchCode::KeepOut), "keep_out", 1),
+            (ErrorKind::NotDispatched(DispatchCode::Unconfirmed), "unconfirmed", 3),
+            (ErrorKind::Idle, "interrupted", 130),
+            (ErrorKind::Failed, "failed", 1),
+        ] {
+            assert_eq!(end(kind), (code.to_owned(), exit));
+        }
     }
 }

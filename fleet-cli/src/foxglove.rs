@@ -6,11 +6,10 @@
 //! so it is served on the loopback only.
 
 use crate::error::{Failure, Kind, Result};
-use crate::news::News;
 use crate::recording::drawing::{self, Painter};
 use crate::recording::{LOG_TOPIC, SCENE_TOPIC, schemas};
 use crate::scene::live::Shared;
-use crate::scene::{Happening, Scene, What};
+use crate::scene::{Scene, SceneEvent, What};
 use foxglove::{Context, FoxgloveError, PartialMetadata, RawChannel, Schema, WebSocketServer};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,6 +17,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use tokio::task::JoinHandle;
+use xtb_client::messages::AnyMessage;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::MapHash;
@@ -143,7 +143,7 @@ impl Stage {
             (self.news(&scene, now_ms), self.lines(&scene))
         };
         for (key, news) in news {
-            if let (News::State(state), Some(name)) = (&news, &key.robot) {
+            if let (AnyMessage::State(state), Some(name)) = (&news, &key.robot) {
                 let pose = drawing::pose(at_ns, state);
                 self.pose(name, at_ns, &pose);
             }
@@ -159,7 +159,7 @@ impl Stage {
     }
 
     /// What is known now, as news; what is stale is none.
-    fn news(&mut self, scene: &Scene, now_ms: u64) -> Vec<(Key, News)> {
+    fn news(&mut self, scene: &Scene, now_ms: u64) -> Vec<(Key, AnyMessage)> {
         let key = |robot: Option<&Name>, channel| Key {
             fleet: scene.fleet().clone(),
             robot: robot.cloned(),
@@ -184,7 +184,7 @@ impl Stage {
             match robot.alive {
                 true => drop(self.there.insert(name.clone())),
                 false if self.there.remove(name) => {
-                    news.push((key(Some(name), Channel::Alive), News::Alive(false)));
+                    news.push((key(Some(name), Channel::Alive), AnyMessage::Alive(false)));
                 }
                 false => {}
             }
@@ -193,10 +193,10 @@ impl Stage {
     }
 
     /// What has happened since the last look.
-    fn lines(&mut self, scene: &Scene) -> Vec<(Key, News)> {
+    fn lines(&mut self, scene: &Scene) -> Vec<(Key, AnyMessage)> {
         let fleet = scene.fleet().clone();
         let new = scene.happenings().iter().filter(|it| it.number > self.happened);
-        let lines = new.map(|Happening { what, .. }| match what {
+        let lines = new.map(|SceneEvent { what, .. }| match what {
             What::Robot(event) => {
                 let robot = Some(event.robot.clone());
                 (Key { fleet: fleet.clone(), robot, channel: Channel::Event }, event.clone().into())
@@ -207,7 +207,7 @@ impl Stage {
             ),
             What::Presence { robot, key, there } => {
                 let channel = Key::parse(key).map_or(Channel::Alive, |key| key.channel);
-                (Key { fleet: fleet.clone(), robot: robot.clone(), channel }, News::Alive(*there))
+                (Key { fleet: fleet.clone(), robot: robot.clone(), channel }, AnyMessage::Alive(*there))
             }
         });
         let lines: Vec<_> = lines.collect();

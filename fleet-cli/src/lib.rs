@@ -5,39 +5,26 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-pub mod charts;
 pub mod cli;
-pub mod client;
 pub mod commands;
 pub mod config;
 pub mod context;
 pub mod dashboard;
-mod describe;
-pub mod dispatching;
 pub mod error;
-#[cfg(test)]
-mod fake;
-pub mod feed;
 #[cfg(feature = "foxglove")]
 pub mod foxglove;
 pub mod interrupt;
-pub mod lease;
-pub mod listen;
+mod map_file;
 mod nearest;
-pub mod news;
 pub mod output;
 pub mod recording;
-pub mod router;
 pub mod scene;
 pub mod services;
 pub mod simulator;
 pub mod table;
-mod task_words;
 pub mod terminal;
-pub mod traffic;
+mod text;
 pub mod tui;
-mod view;
-mod words;
 
 pub use cli::Cli;
 pub use context::Context;

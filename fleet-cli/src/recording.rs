@@ -2,23 +2,23 @@
 //! makes tables of it. `docs/fleet-recordings.md` is the contract.
 //!
 //! ```text
-//! listen ─► queue (bounded) ─► Recorder (pure: items in, records out) ─► Tape (files) ─► FILE.mcap
-//! FILE.mcap ─► Reader ─► Player (pure: what is due) ─► Playing (a thread) ─► scene
+//! listen ─► queue (bounded) ─► Recorder (pure: items in, records out) ─► McapWriter (files) ─► FILE.mcap
+//! FILE.mcap ─► Reader ─► Player (pure: what is due) ─► PlaybackWorker (a thread) ─► scene
 //! ```
 //!
 //! The robots' own recordings (`robot-agent --record`) are another thing: every sample and decision of
 //! one controller, to be decided again bit for bit.
 
 pub mod drawing;
+pub mod mcap_writer;
+pub mod playback_worker;
 pub mod player;
-pub mod playing;
 pub mod reader;
 pub mod recorder;
+pub mod recorder_worker;
 pub mod schemas;
 pub mod table;
-pub mod tape;
 pub mod well_known;
-pub mod writing;
 
 /// Name of the metadata that a file begins with: who recorded what.
 pub const BEGAN: &str = "xtb.recording";

@@ -1,17 +1,17 @@
 //! The fleet as screens show it: what `top` and `dashboard` draw, whether it comes from Zenoh
 //! ([`live`]) or out of a recording.
 //!
-//! A state machine without I/O: [`News`] and the viewer's clock come in as arguments. The latest of
+//! A state machine without I/O: [`AnyMessage`] and the viewer's clock come in as arguments. The latest of
 //! everything is kept with when it came; trails and events are bounded, the oldest go first. What is
 //! old is handed out with its age, never as if it were the present.
 
 pub mod live;
 
-use crate::client::STALE;
-use crate::news::News;
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::PI;
+use xtb_client::client::STALE;
+use xtb_client::messages::AnyMessage;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::{
@@ -109,7 +109,7 @@ impl Robot {
 
 /// Something that happened, in the order in which it came.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Happening {
+pub struct SceneEvent {
     /// Counts all that have come.
     pub number: u64,
     /// When it came, by the viewer's clock.
@@ -149,7 +149,7 @@ pub struct Scene {
     simulator: Option<Seen<SimStats>>,
     dispatcher: bool,
     traffic_control: bool,
-    happenings: VecDeque<Happening>,
+    happenings: VecDeque<SceneEvent>,
     happened: u64,
     refused: u64,
 }
@@ -174,28 +174,30 @@ impl Scene {
         }
     }
 
-    /// Takes in what came on `key` at `at_ms`. News of other fleets, and of more than
+    /// Takes in what came on `key` at `at_ms`. AnyMessage of other fleets, and of more than
     /// [`MOST_ROBOTS`], change only the count of what was refused.
-    pub fn take(&mut self, at_ms: AtMs, key: &Key, news: News) {
+    pub fn take(&mut self, at_ms: AtMs, key: &Key, news: AnyMessage) {
         if key.fleet != self.fleet {
             self.refused += 1;
             return;
         }
         match (news, &key.robot) {
-            (News::State(state), Some(name)) => self.with(name, |robot| robot.show(at_ms, *state)),
-            (News::Sensors(sensors), Some(name)) => {
+            (AnyMessage::State(state), Some(name)) => self.with(name, |robot| robot.show(at_ms, *state)),
+            (AnyMessage::Sensors(sensors), Some(name)) => {
                 self.with(name, |robot| robot.sensors = Some(Seen::new(at_ms, *sensors)));
             }
-            (News::About(about), Some(name)) => self.with(name, |robot| robot.about = Some(*about)),
-            (News::Event(event), Some(_)) => self.happened(at_ms, What::Robot(*event)),
-            (News::TaskEvent(event), None) => self.happened(at_ms, What::Task(*event)),
-            (News::Alive(there), _) => self.presence(at_ms, key, there),
-            (News::Roster(roster), None) => roster.robots.into_iter().for_each(|entry| self.expect(entry)),
-            (News::Map(map), None) => self.map = Some(*map),
-            (News::Tasks(tasks), None) => self.tasks = Some(Seen::new(at_ms, *tasks)),
-            (News::Traffic(traffic), None) => self.traffic = Some(Seen::new(at_ms, *traffic)),
-            (News::Truth(truth), None) => self.truth = Some(Seen::new(at_ms, *truth)),
-            (News::SimStats(stats), None) => self.simulator = Some(Seen::new(at_ms, *stats)),
+            (AnyMessage::About(about), Some(name)) => self.with(name, |robot| robot.about = Some(*about)),
+            (AnyMessage::Event(event), Some(_)) => self.happened(at_ms, What::Robot(*event)),
+            (AnyMessage::TaskEvent(event), None) => self.happened(at_ms, What::Task(*event)),
+            (AnyMessage::Alive(there), _) => self.presence(at_ms, key, there),
+            (AnyMessage::Roster(roster), None) => {
+                roster.robots.into_iter().for_each(|entry| self.expect(entry))
+            }
+            (AnyMessage::Map(map), None) => self.map = Some(*map),
+            (AnyMessage::Tasks(tasks), None) => self.tasks = Some(Seen::new(at_ms, *tasks)),
+            (AnyMessage::Traffic(traffic), None) => self.traffic = Some(Seen::new(at_ms, *traffic)),
+            (AnyMessage::Truth(truth), None) => self.truth = Some(Seen::new(at_ms, *truth)),
+            (AnyMessage::SimStats(stats), None) => self.simulator = Some(Seen::new(at_ms, *stats)),
             // Commands, setpoints, fixes and routes show in the states that they bring about.
             _ => {}
         }
@@ -242,7 +244,7 @@ impl Scene {
             self.happenings.pop_front();
         }
         self.happened += 1;
-        self.happenings.push_back(Happening { number: self.happened, at_ms, what });
+        self.happenings.push_back(SceneEvent { number: self.happened, at_ms, what });
     }
 
     /// Its name.
@@ -315,11 +317,11 @@ impl Scene {
 
     /// The last [`HAPPENINGS`], the newest last.
     #[must_use]
-    pub fn happenings(&self) -> &VecDeque<Happening> {
+    pub fn happenings(&self) -> &VecDeque<SceneEvent> {
         &self.happenings
     }
 
-    /// News that were of another fleet, or of too many robots.
+    /// AnyMessage that were of another fleet, or of too many robots.
     #[must_use]
     pub fn refused(&self) -> u64 {
         self.refused

@@ -210,11 +210,11 @@ fn the_ledger_of_a_dispatcher_of_schema_1_is_opened_and_gone_on_with() {
     let mut dispatcher = dispatcher(now_ms, store.entries);
     use TaskState::{Cancelled, Done, Failed, Paused, Running};
     let tasks: Vec<_> =
-        dispatcher.book().tasks().map(|task| (task.id.number(), task.state, task.legs_done)).collect();
+        dispatcher.store().tasks().map(|task| (task.id.number(), task.state, task.legs_done)).collect();
     let expected =
         [(Done, 1), (Cancelled, 1), (Cancelled, 0), (Done, 4), (Paused, 4), (Failed, 0), (Running, 0)];
     assert_eq!(tasks, (1..).zip(expected).map(|(n, (state, legs))| (n, state, legs)).collect::<Vec<_>>());
-    let failed = dispatcher.book().task(TaskId::new(6)).unwrap();
+    let failed = dispatcher.store().task(TaskId::new(6)).unwrap();
     assert_eq!(failed.reason.as_deref(), Some("xtb-2 was told to stop"));
 
     assert!(dispatcher.compact(now_ms));
@@ -224,7 +224,7 @@ fn the_ledger_of_a_dispatcher_of_schema_1_is_opened_and_gone_on_with() {
     drop(ledger);
     let again = Store::open(&path, &Name::new("lab").unwrap()).unwrap();
     dispatcher.written(now_ms, write.id).unwrap();
-    assert_eq!(self::dispatcher(now_ms, again.entries).book(), dispatcher.book());
+    assert_eq!(self::dispatcher(now_ms, again.entries).store(), dispatcher.store());
 }
 
 fn dispatcher(now_ms: u64, entries: Vec<Entry>) -> Dispatcher {

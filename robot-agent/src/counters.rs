@@ -2,8 +2,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
-use xtb_protocol::codec::CodecError;
 use xtb_protocol::messages::{RejectCode, Rejected};
+use xtb_protocol::wire::CodecError;
 
 /// What was refused or dropped outside the loop.
 #[derive(Debug, Default)]

@@ -13,9 +13,9 @@ use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};
 use tokio::sync::mpsc;
 use xtb_bus::{Bus, BusError, Incoming, Question, Service, Subscription};
-use xtb_protocol::codec::CodecError;
 use xtb_protocol::keys::{FleetKeys, Key, Name, RobotKeys};
 use xtb_protocol::messages::{Body, Estop, RejectCode, Reply, Request, Setpoint};
+use xtb_protocol::wire::CodecError;
 use xtb_protocol::{Uuid, codec};
 
 /// Holds the declarations; dropping it ends them.

@@ -35,7 +35,7 @@ use std::time::Duration;
 use thiserror::Error;
 use tokio::sync::watch;
 use xtb_bus::BusError;
-use xtb_nav::navigator::Floor;
+use xtb_nav::navigator::PreparedMap;
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::{Identity, Robot};
 
@@ -117,7 +117,7 @@ pub async fn run_hosted(
     robot.agent_mut().set_navigation(&config.vehicle, &config.navigation);
     robot.agent_mut().set_world_speed(config.world_speed);
     if let Some(path) = &config.map {
-        robot.agent_mut().set_floor(Arc::new(Floor::of(map_file::read(path)?)));
+        robot.agent_mut().set_floor(Arc::new(PreparedMap::of(map_file::read(path)?)));
     }
     let (recorder, recording) = match &config.record {
         Some(folder) => {

@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc as std_mpsc};
 use tokio::sync::{mpsc, watch};
 use xtb_control::Stamp;
-use xtb_nav::navigator::Floor;
+use xtb_nav::navigator::PreparedMap;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
     Estopped, Event, Fix, MapHash, Reply, Request, RobotState, Route, Sensors, Setpoint,
@@ -92,7 +92,7 @@ pub(crate) enum NavInput {
     /// From traffic control.
     Route(Box<Route>),
     /// The fleet's map, for a robot without one of its own.
-    Floor(Arc<Floor>),
+    Floor(Arc<PreparedMap>),
     /// The hash of the fleet's map.
     FleetMap(MapHash),
 }

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use xtb_bus::{Bus, BusError, Incoming, Subscription};
 use xtb_nav::map::Map;
-use xtb_nav::navigator::Floor;
+use xtb_nav::navigator::PreparedMap;
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{Fix, FleetMap, MapHash, Route};
 
@@ -75,7 +75,7 @@ impl Inbox {
                 }
             };
             // Measured here, not in the control loop. Without room for it, it is published again.
-            if !self.put(NavInput::Floor(Arc::new(Floor::of(map)))) {
+            if !self.put(NavInput::Floor(Arc::new(PreparedMap::of(map)))) {
                 return;
             }
         }

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::watch;
 use xtb_bus::{Bus, BusError, Incoming};
 use xtb_control::Stamp;
-use xtb_nav::navigator::giveway::{HEARD_MS, MOST_NEIGHBOURS, Neighbour};
+use xtb_nav::navigator::right_of_way::{HEARD_MS, MOST_NEIGHBOURS, Neighbour};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{FleetKeys, Key};
 use xtb_protocol::messages::RobotState;

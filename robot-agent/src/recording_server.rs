@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 use tokio::sync::mpsc;
 use xtb_bus::{Bus, BusError, Question, Service};
-use xtb_protocol::codec::CodecError;
 use xtb_protocol::keys::{Name, RobotKeys};
 use xtb_protocol::messages::{LogCode, LogFile, LogReply, LogRequest, MAX_LOGS, RecordingName};
+use xtb_protocol::wire::CodecError;
 
 /// Questions that wait for the disk; more are answered as overloaded.
 const QUESTIONS: usize = 16;

@@ -111,7 +111,7 @@ fn the_settings_own_file_is_changed_in_place() {
     let old = "# Red truck.\n[agent]\nname = \"red\" # mine\n\n[vehicle.steering]\nfront_centre = 3705.0 # by eye\n";
     std::fs::write(&file, old).expect("writing it");
     let mut command = agent();
-    command.args(["calibrate", "steering-front", "--yes", "--config"]).arg(&file);
+    command.args(["calibrate", "steering-front", "--hardware", "simulated", "--yes", "--config"]).arg(&file);
     let report = json(&mut command, 0);
     let new = std::fs::read_to_string(&file).expect("the configuration");
     let centre = (number(&report["fit"], "zero_count") * 10.0).round() / 10.0;

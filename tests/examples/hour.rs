@@ -6,15 +6,15 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-use fleet_cli::listen::Item;
-use fleet_cli::recording::playing::{PlaySettings, Playing};
+use fleet_cli::recording::mcap_writer::{McapSettings, McapWriter};
+use fleet_cli::recording::playback_worker::{PlaySettings, PlaybackWorker};
 use fleet_cli::recording::recorder::Recorder;
-use fleet_cli::recording::tape::{Tape, TapeSettings};
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use xtb_bus::Incoming;
+use xtb_client::subscription::Item;
 use xtb_control::VehicleConfig;
 use xtb_protocol::codec::{Format, encode, encoding};
 use xtb_protocol::keys::FleetKeys;
@@ -54,14 +54,14 @@ fn main() {
 /// Time that recorder and files took, and how many messages they kept.
 fn record(path: &Path, robots: usize, minutes: u64) -> (Duration, u64) {
     let mut fleet = Drive::new(robots);
-    let settings = TapeSettings {
+    let settings = McapSettings {
         path: path.to_owned(),
         force: true,
         max_bytes: u64::MAX,
         fleet: "lab".into(),
         keys: Vec::new(),
     };
-    let mut tape = Tape::create(settings, BEGAN_NS).unwrap();
+    let mut writer = McapWriter::create(settings, BEGAN_NS).unwrap();
     let mut recorder = Recorder::default();
     let mut took = Duration::ZERO;
     let (mut next_ns, mut flush_ns) = (0, 0);
@@ -75,22 +75,22 @@ fn record(path: &Path, robots: usize, minutes: u64) -> (Duration, u64) {
         let items = fleet.said();
         let began = Instant::now();
         for item in &items {
-            tape.write(recorder.take(BEGAN_NS + now_ns, item)).unwrap();
+            writer.write(recorder.take(BEGAN_NS + now_ns, item)).unwrap();
         }
         if now_ns >= flush_ns {
             flush_ns += FLUSH_EVERY_NS;
             let counts = recorder.counts();
-            tape.flush(&mut recorder, counts, BEGAN_NS + now_ns).unwrap();
+            writer.flush(&mut recorder, counts, BEGAN_NS + now_ns).unwrap();
         }
         took += began.elapsed();
     }
-    tape.finish(recorder.counts()).unwrap();
+    writer.finish(recorder.counts()).unwrap();
     (took, recorder.counts().messages)
 }
 
 fn play(path: &Path, middle_ms: u64) {
     let began = Instant::now();
-    let playing = Playing::open(path, PlaySettings { speed: 1e9, ..Default::default() }).unwrap();
+    let playing = PlaybackWorker::open(path, PlaySettings { speed: 1e9, ..Default::default() }).unwrap();
     wait(|| playing.status().ended);
     let status = playing.status();
     assert_eq!((status.unreadable, status.failed), (0, None));

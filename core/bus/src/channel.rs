@@ -4,9 +4,10 @@ use crate::foreign::ForeignKeys;
 use crate::session::{Bus, BusError, failed};
 use std::marker::PhantomData;
 use std::time::Duration;
-use xtb_protocol::codec::{self, CodecError, Format};
+use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Congestion, Key, Priority, received};
 use xtb_protocol::messages::Message;
+use xtb_protocol::wire::CodecError;
 use zenoh::pubsub::PublisherBuilder;
 use zenoh::qos::{CongestionControl, Priority as ZenohPriority};
 use zenoh_ext::{

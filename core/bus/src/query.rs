@@ -5,9 +5,10 @@ use crate::session::{Bus, BusError, failed};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::sync::mpsc::{self, error::TrySendError};
-use xtb_protocol::codec::{self, CodecError, Format};
+use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
 use xtb_protocol::messages::{Message, Reply, Request};
+use xtb_protocol::wire::CodecError;
 use zenoh::query::{ConsolidationMode, Query, QueryTarget, Reply as Answer};
 
 /// Answers to one question that wait to be read; what comes beyond is dropped, and said.

@@ -77,7 +77,7 @@ pub enum BusError {
     },
     /// A message could not be written.
     #[error("cannot encode a message: {0}")]
-    Encode(#[from] xtb_protocol::codec::CodecError),
+    Encode(#[from] xtb_protocol::wire::CodecError),
 }
 
 pub(crate) fn failed<'a>(what: &'static str, key: &'a str) -> impl FnOnce(zenoh::Error) -> BusError + 'a {

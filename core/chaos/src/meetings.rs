@@ -7,7 +7,7 @@ pub use judge::{Judge, Meeting, Sight};
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use xtb_control::frames::MapPose;
-use xtb_nav::path::wrap_rad;
+use xtb_nav::geometry::path::wrap_rad;
 
 const CORRIDOR: &str = include_str!("../../../worlds/corridor.toml");
 const ROOM: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0\n";

@@ -295,7 +295,7 @@ pub(crate) fn damaged(request: &Request, rng: &mut Rng) -> Vec<u8> {
             }
         }
         2 => bytes.push(0),
-        3 => bytes.resize(codec::MAX_BYTES + 1, 0),
+        3 => bytes.resize(xtb_protocol::wire::MAX_BYTES + 1, 0),
         _ => bytes = (0..rng.up_to(200)).map(|_| rng.up_to(255) as u8).collect(),
     }
     bytes

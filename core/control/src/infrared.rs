@@ -4,18 +4,12 @@
 //! it *rises* (2.8 V gives 27 cm: a touched wall would count as clear), so above 2.35 V an object
 //! is "too close", 9.74 cm. Below 0.42 V nothing is in range.
 
+use crate::gp2d12::fit_cm;
 use crate::units::AdcCount;
 use crate::vehicle::Infrared;
 
 /// Horizontal distances of one bumper in cm, left to right; `None` = nothing in range.
 pub type BumperRanges = [Option<f64>; 6];
-
-/// The published fit: hypotenuse in cm from volts (§4.5).
-#[must_use]
-pub fn fit_cm(volts: f64) -> f64 {
-    const POLYNOMIAL: [f64; 7] = [0.9195, 1.6166, -40.426, 125.12, -131.76, 2.4594, 69.999];
-    POLYNOMIAL.iter().fold(0.0, |sum, c| sum * volts + c)
-}
 
 /// Length of the hypotenuse in cm that one reading stands for.
 #[must_use]

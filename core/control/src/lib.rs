@@ -11,6 +11,7 @@ pub mod config;
 pub mod controller;
 pub mod frames;
 pub mod goto;
+pub mod gp2d12;
 pub mod infrared;
 pub mod obstacle;
 pub mod odometry;
@@ -23,6 +24,7 @@ pub mod speed;
 pub mod tilt;
 pub mod tpu;
 pub mod units;
+mod validate;
 pub mod vehicle;
 pub mod wander;
 

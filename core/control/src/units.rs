@@ -27,7 +27,11 @@ pub struct OutOfRange {
     pub unit: &'static str,
 }
 
-pub(crate) fn check(
+/// The value, if it is finite and in its range.
+///
+/// # Errors
+/// [`OutOfRange`] otherwise.
+pub fn check(
     quantity: &'static str,
     value: f64,
     min: f64,

@@ -6,13 +6,12 @@
 
 mod calibration;
 mod sections;
-mod validate;
 
 pub use calibration::Line;
 pub use sections::*;
 
 use crate::config::{Allowed, Origin::Printed, Parameter, Value};
-use crate::infrared::fit_cm;
+use crate::gp2d12::fit_cm;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 

@@ -8,13 +8,13 @@
 use std::fmt::Write as _;
 use std::process::ExitCode;
 use std::time::Instant;
-use xtb_dispatch::OpenGround;
+use xtb_dispatch::OpenTravelCost;
 use xtb_dispatch::assign::{Candidate, Demand, assign};
 use xtb_nav::MapPose;
 use xtb_nav::rooms::Draw;
 use xtb_protocol::messages::{TaskId, Waypoint};
 
-const GROUND: OpenGround = OpenGround { radius_m: 0.4 };
+const TRAVEL_COST: OpenTravelCost = OpenTravelCost { radius_m: 0.4 };
 const ROBOTS: [usize; 7] = [10, 20, 50, 100, 200, 500, 1000];
 const TASKS: [usize; 3] = [100, 1000, 10_000];
 const COLOURS: [&str; 3] = ["#0072b2", "#e69f00", "#d55e00"];
@@ -32,7 +32,7 @@ fn round_ms(robots: usize, tasks: usize, depot: bool) -> f64 {
     let robots: Vec<Candidate> = (0..robots)
         .map(|_| {
             let (x_m, y_m) = (draw.uniform(-reach_m, reach_m), draw.uniform(-reach_m, reach_m));
-            Candidate { pose: MapPose { x_m, y_m, yaw_rad: draw.uniform(-3.0, 3.0) }, handicap_m: 0.0 }
+            Candidate { pose: MapPose { x_m, y_m, yaw_rad: draw.uniform(-3.0, 3.0) }, extra_m: 0.0 }
         })
         .collect();
     let tasks: Vec<Demand> = (0..tasks)
@@ -43,7 +43,7 @@ fn round_ms(robots: usize, tasks: usize, depot: bool) -> f64 {
         .collect();
     let best = (0..3).map(|_| {
         let start = Instant::now();
-        let pairs = assign(&tasks, &robots, &GROUND, &|_, _| Some(0.0));
+        let pairs = assign(&tasks, &robots, &TRAVEL_COST, &|_, _| Some(0.0));
         assert_eq!(pairs.len(), tasks.len().min(robots.len()));
         start.elapsed().as_secs_f64() * 1000.0
     });

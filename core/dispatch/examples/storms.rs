@@ -31,7 +31,7 @@ fn main() -> ExitCode {
         writes += world.writes;
         crashes += world.crashes;
         drives += world.ledger.iter().filter(|entry| matches!(entry.record, Record::Reached { .. })).count();
-        for task in world.dispatcher.iter().flat_map(|dispatcher| dispatcher.book().tasks()) {
+        for task in world.dispatcher.iter().flat_map(|dispatcher| dispatcher.store().tasks()) {
             tasks += 1;
             match task.state {
                 TaskState::Done => done += 1,

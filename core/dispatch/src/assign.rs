@@ -2,8 +2,8 @@
 //!
 //! A task is given to a robot only when that robot is free for it, never earlier; so whenever robots
 //! come, go, fail or are latched, everything that is not under way yet is decided anew. What is under
-//! way is not torn away. A robot that is nearly done ([`soon`](crate::soon)) is a candidate that stands
-//! where it will end, and counts farther by the way until then; what falls to it waits.
+//! way is never reassigned. A robot that is nearly done ([`predicted_free`](crate::predicted_free)) is a
+//! candidate that stands where it will end, with the way until then added to its cost; what falls to it waits.
 //!
 //! Tasks go by their level, priority plus one for each minute of waiting. Level by level, from the top:
 //! small levels are solved exactly ([`exact`]), large ones by auction ([`auction`]), which is within its
@@ -13,7 +13,7 @@
 pub mod auction;
 pub mod exact;
 
-use crate::ground::Ground;
+use crate::travel_cost::TravelCost;
 use xtb_nav::MapPose;
 use xtb_protocol::messages::{TaskId, Waypoint};
 
@@ -28,7 +28,7 @@ const TASKS_PER_ROBOT: usize = 2;
 /// At least so many.
 const TASKS_AT_LEAST: usize = 64;
 /// What may not be.
-pub const NEVER: f32 = f32::INFINITY;
+pub const INFEASIBLE: f32 = f32::INFINITY;
 
 /// A robot that is free, or soon will be.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,7 +36,7 @@ pub struct Candidate {
     /// Where it is, or will be then.
     pub pose: MapPose,
     /// Added to each of its distances, in m: a battery that is getting low, the way until it is free.
-    pub handicap_m: f64,
+    pub extra_m: f64,
 }
 
 /// A task that waits.
@@ -50,14 +50,14 @@ pub struct Demand {
     pub first: Option<Waypoint>,
 }
 
-/// Pairs of a task's and a robot's index. `fits(task, robot)` says how much more than the distance it
+/// Pairs of a task's and a robot's index. `penalty_m(task, robot)` says how much more than the distance it
 /// costs, in m, or that it may not be.
 #[must_use]
 pub fn assign(
     tasks: &[Demand],
     robots: &[Candidate],
-    ground: &dyn Ground,
-    fits: &dyn Fn(usize, usize) -> Option<f64>,
+    travel_cost: &dyn TravelCost,
+    penalty_m: &dyn Fn(usize, usize) -> Option<f64>,
 ) -> Vec<(usize, usize)> {
     let mut order: Vec<usize> = (0..tasks.len()).collect();
     order.sort_by_key(|&task| (std::cmp::Reverse(tasks[task].level), tasks[task].id));
@@ -70,7 +70,7 @@ pub fn assign(
         let of_level = order[from..].iter().take_while(|&&task| tasks[task].level == level);
         let window: Vec<usize> = of_level.take(most).copied().collect();
         from += window.len();
-        let cost = costs(tasks, robots, &window, &free, ground, fits);
+        let cost = costs(tasks, robots, &window, &free, travel_cost, penalty_m);
         let found = solve(&cost, window.len(), free.len());
         for &(task, robot) in &found {
             pairs.push((window[task], free[robot]));
@@ -87,24 +87,24 @@ fn costs(
     robots: &[Candidate],
     window: &[usize],
     free: &[usize],
-    ground: &dyn Ground,
-    fits: &dyn Fn(usize, usize) -> Option<f64>,
+    travel_cost: &dyn TravelCost,
+    penalty_m: &dyn Fn(usize, usize) -> Option<f64>,
 ) -> Vec<f32> {
     let exact = window.len() * free.len() <= EXACT_DISTANCES;
     let mut cost = Vec::with_capacity(window.len() * free.len());
     for &task in window {
         for &robot in free {
-            let Some(more_m) = fits(task, robot) else {
-                cost.push(NEVER);
+            let Some(more_m) = penalty_m(task, robot) else {
+                cost.push(INFEASIBLE);
                 continue;
             };
-            let Candidate { pose, handicap_m } = &robots[robot];
+            let Candidate { pose, extra_m } = &robots[robot];
             let way_m = match &tasks[task].first {
                 None => 0.0,
-                Some(first) if exact => ground.distance_m(pose, first),
-                Some(first) => ground.rough_m(pose, first),
+                Some(first) if exact => travel_cost.distance_m(pose, first),
+                Some(first) => travel_cost.estimate_m(pose, first),
             };
-            cost.push((way_m + handicap_m + more_m) as f32);
+            cost.push((way_m + extra_m + more_m) as f32);
         }
     }
     cost

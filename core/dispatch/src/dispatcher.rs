@@ -1,25 +1,28 @@
 //! The dispatcher: inputs change what it knows, [`step`](Dispatcher::step) decides, effects come out.
 //!
-//! It never touches the [`Book`] itself: it proposes records, and when their write is durable the book
-//! takes them and what follows from them goes out. Whatever it wants of a robot it reads off book and
-//! robot anew at each step ([`drive`](crate::drive)).
+//! It never touches the [`TaskStore`] itself: it proposes records, and when their write is durable the store
+//! takes them and what follows from them goes out. Whatever it wants of a robot follows from store and
+//! robot anew at each step ([`task_progress`](crate::task_progress)).
 
-mod handing;
-mod requests;
-mod suspending;
-mod talking;
+mod allocation;
+mod client_requests;
+mod map_check;
+mod pages;
+mod robot_requests;
+mod suspension;
+mod task_updates;
 
-use crate::book::{Book, BookError};
-use crate::ground::Ground;
-use crate::pages;
-use crate::record::{Entry, Record};
-use crate::robot::Robot;
+use crate::admission::ledger_failed;
 use crate::settings::Settings;
-use crate::suspend::{FleetStop, KnownMap};
-use crate::writer::{Then, Write, Writer};
-use requests::Waiting;
+use crate::suspension::{FleetStop, KnownMap};
+use crate::task_store::record::{Entry, Record};
+use crate::task_store::{ReplayError, TaskStore};
+use crate::tracked_robot::TrackedRobot;
+use crate::travel_cost::TravelCost;
+use crate::write_queue::{OnWritten, Write, WriteQueue};
+use client_requests::OpenRequest;
+use map_check::MapCheck;
 use std::collections::{BTreeMap, VecDeque};
-use suspending::Check;
 use xtb_protocol::messages::{
     DispatchOutcome, DispatchReply, Request, RobotState, Roster, TaskEvent, TaskHistory, TaskId,
 };
@@ -69,22 +72,22 @@ pub struct Identity {
 pub struct Dispatcher {
     identity: Identity,
     settings: Settings,
-    book: Book,
-    writer: Writer,
-    robots: BTreeMap<Name, Robot>,
+    store: TaskStore,
+    writes: WriteQueue,
+    robots: BTreeMap<Name, TrackedRobot>,
     has_roster: bool,
-    waiting: VecDeque<Waiting>,
+    open_requests: VecDeque<OpenRequest>,
     effects: VecDeque<Effect>,
     /// Tasks that wait for a robot which is nearly done, as of the last round.
-    saved: BTreeMap<TaskId, Name>,
+    reserved: BTreeMap<TaskId, Name>,
     /// An emergency stop of all robots that is not in the ledger yet. It holds at once all the same.
     unwritten_stop: Option<FleetStop>,
     /// The fleet's map, as somebody has said it in this run.
     map: Option<KnownMap>,
     /// Tasks whose points have to be looked up on the map.
-    check: Option<Check>,
+    check: Option<MapCheck>,
     requests: u64,
-    assign_at_ms: u64,
+    next_allocation_ms: u64,
     started_ms: u64,
 }
 
@@ -98,52 +101,53 @@ impl Dispatcher {
         identity: Identity,
         settings: Settings,
         entries: impl IntoIterator<Item = Entry>,
-    ) -> Result<Self, BookError> {
-        let book = Book::replay(settings.keep_ended, entries)?;
-        let mut writer = Writer::default();
-        if book.ledger().is_none() {
-            writer.push(now_ms, vec![Record::Opened { ledger: identity.ledger }], Then::Nothing);
+    ) -> Result<Self, ReplayError> {
+        let store = TaskStore::replay(settings.keep_ended, entries)?;
+        let mut writes = WriteQueue::default();
+        if store.ledger().is_none() {
+            writes.push(now_ms, vec![Record::Opened { ledger: identity.ledger }], OnWritten::Nothing);
         }
-        let robots = book.busy().map(|(name, _)| (name.clone(), Robot::new(name.clone(), now_ms))).collect();
+        let robots =
+            store.busy().map(|(name, _)| (name.clone(), TrackedRobot::new(name.clone(), now_ms))).collect();
         Ok(Self {
             identity,
             settings,
-            book,
-            writer,
+            store,
+            writes,
             robots,
             has_roster: false,
-            waiting: VecDeque::new(),
+            open_requests: VecDeque::new(),
             effects: VecDeque::new(),
-            saved: BTreeMap::new(),
+            reserved: BTreeMap::new(),
             unwritten_stop: None,
             map: None,
             check: None,
             requests: 0,
-            assign_at_ms: 0,
+            next_allocation_ms: 0,
             started_ms: now_ms,
         })
     }
 
     /// The ledger as it is in memory.
     #[must_use]
-    pub fn book(&self) -> &Book {
-        &self.book
+    pub fn store(&self) -> &TaskStore {
+        &self.store
     }
 
     /// What is known of the robots.
     #[must_use]
-    pub fn robots(&self) -> &BTreeMap<Name, Robot> {
+    pub fn robots(&self) -> &BTreeMap<Name, TrackedRobot> {
         &self.robots
     }
 
     /// Has everything so far written as one snapshot, in the place of all entries before it; it is an entry
     /// with a number of its own. `false` = not now: something else is being written, or the ledger fails.
     pub fn compact(&mut self, now_ms: u64) -> bool {
-        if self.book.ledger().is_none() || self.writer.len() > 0 || !self.writer.may_try(now_ms) {
+        if self.store.ledger().is_none() || self.writes.len() > 0 || !self.writes.may_try(now_ms) {
             return false;
         }
-        let record = Record::Snapshot(Box::new(self.book.clone()));
-        self.writer.push(now_ms, vec![record], Then::Nothing);
+        let record = Record::Snapshot(Box::new(self.store.clone()));
+        self.writes.push(now_ms, vec![record], OnWritten::Nothing);
         self.write(now_ms);
         true
     }
@@ -151,23 +155,23 @@ impl Dispatcher {
     /// Why the ledger cannot be written now, if it cannot.
     #[must_use]
     pub fn ledger_failed(&self) -> Option<&str> {
-        self.writer.failed()
+        self.writes.failed()
     }
 
     /// One task with its history.
     #[must_use]
     pub fn history(&self, id: TaskId) -> Option<TaskHistory> {
-        let task = self.book.task(id)?;
+        let task = self.store.task(id)?;
         Some(TaskHistory { task: self.view(task), ..task.history() })
     }
 
     /// Which robots there should be; from now on others are refused by name.
     pub fn roster(&mut self, now_ms: u64, roster: &Roster) {
         self.has_roster = true;
-        self.robots.values_mut().for_each(|robot| robot.listed = false);
+        self.robots.values_mut().for_each(|robot| robot.in_roster = false);
         for entry in &roster.robots {
             let robot = self.robot(now_ms, &entry.name);
-            robot.listed = true;
+            robot.in_roster = true;
             robot.tags = entry.tags.iter().map(|tag| tag.trim_start_matches('@').to_owned()).collect();
         }
     }
@@ -178,41 +182,41 @@ impl Dispatcher {
     }
 
     /// A robot's factsheet says what it can do.
-    pub fn able(&mut self, now_ms: u64, name: &Name, capabilities: &[String]) {
-        self.robot(now_ms, name).able = Some(capabilities.iter().cloned().collect());
+    pub fn set_capabilities(&mut self, now_ms: u64, name: &Name, capabilities: &[String]) {
+        self.robot(now_ms, name).capabilities = Some(capabilities.iter().cloned().collect());
     }
 
     /// A robot's state.
     pub fn state(&mut self, now_ms: u64, state: &RobotState) {
         let me = self.identity.me.clone();
-        self.robot(now_ms, &state.robot).hear(now_ms, state, &me);
+        self.robot(now_ms, &state.robot).observe(now_ms, state, &me);
     }
 
-    fn robot(&mut self, now_ms: u64, name: &Name) -> &mut Robot {
-        self.robots.entry(name.clone()).or_insert_with(|| Robot::new(name.clone(), now_ms))
+    fn robot(&mut self, now_ms: u64, name: &Name) -> &mut TrackedRobot {
+        self.robots.entry(name.clone()).or_insert_with(|| TrackedRobot::new(name.clone(), now_ms))
     }
 
     /// Decides. To be called some 20 times a second, and after anything that should not wait.
-    pub fn step(&mut self, now_ms: u64, ground: &dyn Ground) {
-        self.watch_stops(now_ms);
-        self.talk(now_ms);
+    pub fn step(&mut self, now_ms: u64, travel_cost: &dyn TravelCost) {
+        self.check_fleet_stop(now_ms);
+        self.send_requests(now_ms);
         self.answer(now_ms);
-        if self.writer.may_try(now_ms) {
-            self.write_switches(now_ms);
-            self.watch_clock(now_ms);
-            self.watch_robots(now_ms);
-            if now_ms >= self.assign_at_ms {
-                self.assign_at_ms = now_ms + self.settings.assign_ms;
-                self.check_points(now_ms, ground);
-                self.hand_out(now_ms, ground);
+        if self.writes.may_try(now_ms) {
+            self.write_suspension(now_ms);
+            self.check_deadlines(now_ms);
+            self.check_robots(now_ms);
+            if now_ms >= self.next_allocation_ms {
+                self.next_allocation_ms = now_ms + self.settings.allocation_period_ms;
+                self.check_points(now_ms, travel_cost);
+                self.allocate(now_ms, travel_cost);
             }
         }
         self.write(now_ms);
     }
 
     fn write(&mut self, now_ms: u64) {
-        if self.writer.may_try(now_ms)
-            && let Some(write) = self.writer.next(&self.book)
+        if self.writes.may_try(now_ms)
+            && let Some(write) = self.writes.next(&self.store)
         {
             self.effects.push_back(Effect::Write(write));
         }
@@ -223,18 +227,18 @@ impl Dispatcher {
         self.effects.pop_front()
     }
 
-    /// A write is durable: the book takes it, and what follows from it goes out.
+    /// A write is durable: the store takes it, and what follows from it goes out.
     ///
     /// # Errors
     /// Never, unless the entries were not those of [`Effect::Write`]: then this process must end.
-    pub fn written(&mut self, now_ms: u64, id: u64) -> Result<(), BookError> {
-        let Some((entries, jobs)) = self.writer.written(id) else { return Ok(()) };
+    pub fn written(&mut self, now_ms: u64, id: u64) -> Result<(), ReplayError> {
+        let Some((entries, jobs)) = self.writes.written(id) else { return Ok(()) };
         for entry in &entries {
-            self.book.apply(entry)?;
+            self.store.apply(entry)?;
             self.announce(entry);
         }
         for job in jobs {
-            if let Then::Answer { ticket, request, outcome } = job.then {
+            if let OnWritten::Answer { ticket, request, outcome } = job.on_written {
                 self.reply(ticket, request, outcome);
             }
         }
@@ -245,14 +249,14 @@ impl Dispatcher {
     /// A write has failed, and nothing of it is in the ledger: whoever waited is told why; everything else
     /// is seen again.
     pub fn not_written(&mut self, now_ms: u64, id: u64, why: &str) {
-        let again_ms = now_ms + self.settings.rewrite_ms;
-        for job in self.writer.lost(id, why.to_owned(), again_ms).unwrap_or_default() {
-            if let Then::Answer { ticket, request, .. } = job.then {
-                let error = requests::ledger_failed(why);
+        let again_ms = now_ms + self.settings.ledger_retry_ms;
+        for job in self.writes.lost(id, why.to_owned(), again_ms).unwrap_or_default() {
+            if let OnWritten::Answer { ticket, request, .. } = job.on_written {
+                let error = ledger_failed(why);
                 self.reply(ticket, request, DispatchOutcome::Error(error));
             }
             if job.records.iter().any(|record| matches!(record, Record::Opened { .. })) {
-                self.writer.push(job.at_ms, job.records, Then::Nothing);
+                self.writes.push(job.at_ms, job.records, OnWritten::Nothing);
             }
         }
     }
@@ -268,16 +272,16 @@ impl Dispatcher {
                 return;
             }
             Record::Adopted { .. } => {
-                self.check = Some(Check::Points);
+                self.check = Some(MapCheck::Points);
                 return;
             }
             Record::Opened { .. } | Record::Activated { .. } | Record::Map { .. } | Record::Snapshot(_) => {
                 return;
             }
         };
-        self.follow_up(entry, task);
-        let step = self.book.task(task).and_then(|task| task.steps.back().cloned());
-        if let (Some(ledger), Some(step)) = (self.book.ledger(), step) {
+        self.update_robots(entry, task);
+        let step = self.store.task(task).and_then(|task| task.steps.back().cloned());
+        if let (Some(ledger), Some(step)) = (self.store.ledger(), step) {
             self.effects.push_back(Effect::Event(TaskEvent { ledger, entry: entry.n, task, step }));
         }
     }

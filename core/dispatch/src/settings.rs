@@ -21,7 +21,7 @@ pub struct Settings {
     /// A cancelled task's robot has this long to confirm before the answer says that it has not.
     pub confirm_ms: u64,
     /// A request is asked again with the same id for this long.
-    pub ask_for_ms: u64,
+    pub request_timeout_ms: u64,
     /// Pause after a request that was refused or not answered.
     pub pause_ms: u64,
     /// A robot that has refused a task is not asked for another one for this long.
@@ -33,21 +33,21 @@ pub struct Settings {
     /// Something has to be in the way for this long before the history says so.
     pub blocked_ms: u64,
     /// A task that any of several may do goes back to the queue after it was blocked for this long.
-    pub blocked_most_ms: u64,
+    pub blocked_max_ms: u64,
     /// A task that waits gains one level of priority each.
-    pub age_ms: u64,
-    /// A task is saved for a robot that is nearly done until it has waited for this long.
-    pub save_ms: u64,
+    pub priority_step_ms: u64,
+    /// A task is reserved for a robot that is nearly done until it has waited for this long.
+    pub reserve_ms: u64,
     /// Time between two rounds of assignment.
-    pub assign_ms: u64,
+    pub allocation_period_ms: u64,
     /// The ledger is tried again this long after a write has failed.
-    pub rewrite_ms: u64,
+    pub ledger_retry_ms: u64,
     /// A lease is given back after this long without a task.
-    pub linger_ms: u64,
+    pub lease_idle_ms: u64,
     /// A robot that was given back has to be left alone for this long before its task goes on.
-    pub calm_ms: u64,
+    pub settle_ms: u64,
     /// Emergency stops of several robots by one client within this are one call.
-    pub together_ms: u64,
+    pub fleet_stop_window_ms: u64,
     /// After a start, robots have this long to be heard of before their silence counts.
     pub start_ms: u64,
 }
@@ -63,20 +63,20 @@ impl Default for Settings {
             halted_ms: 10_000,
             finish_margin_ms: 10_000,
             confirm_ms: 5_000,
-            ask_for_ms: 2_000,
+            request_timeout_ms: 2_000,
             pause_ms: 500,
             refused_ms: 5_000,
             retry_ms: 2_000,
             retry_max_ms: 60_000,
             blocked_ms: 2_000,
-            blocked_most_ms: 60_000,
-            age_ms: 60_000,
-            save_ms: 30_000,
-            assign_ms: 200,
-            rewrite_ms: 1_000,
-            linger_ms: 1_000,
-            calm_ms: 3_000,
-            together_ms: 10_000,
+            blocked_max_ms: 60_000,
+            priority_step_ms: 60_000,
+            reserve_ms: 30_000,
+            allocation_period_ms: 200,
+            ledger_retry_ms: 1_000,
+            lease_idle_ms: 1_000,
+            settle_ms: 3_000,
+            fleet_stop_window_ms: 10_000,
             start_ms: 3_000,
         }
     }

@@ -9,14 +9,13 @@
 //!                        any ──► cancelling ──► cancelled ┘
 //! ```
 
-use crate::record::{Change, Ending};
-use crate::suspend::TaskMap;
+use crate::transition::{Change, Ending};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use uuid::Uuid;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    Assignment, Errand, MAX_LEG, TaskHistory, TaskId, TaskKind, TaskSpec, TaskState, TaskStep, TaskView,
+    Assignment, MAX_LEG, TaskAction, TaskHistory, TaskId, TaskKind, TaskSpec, TaskState, TaskStep, TaskView,
     Waypoint,
 };
 
@@ -25,6 +24,30 @@ pub const MAX_STEPS: usize = 64;
 
 /// Characters of a reason that are kept: robots may say more.
 pub const MAX_REASON: usize = 400;
+
+/// For which map a task was submitted.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TaskMap {
+    /// By a program that did not write that down.
+    #[default]
+    Unknown,
+    /// While no map was known. The first one that is takes such tasks along.
+    NoMap,
+    /// For this one.
+    Named(String),
+}
+
+impl TaskMap {
+    /// Its name, if it has one.
+    #[must_use]
+    pub fn name(&self) -> Option<&str> {
+        match self {
+            Self::Named(name) => Some(name),
+            Self::Unknown | Self::NoMap => None,
+        }
+    }
+}
 
 /// On which robot a task is, under which number.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -151,11 +174,11 @@ impl Task {
 
     /// What a robot shall do for a drive.
     #[must_use]
-    pub fn errand(&self, leg: u32) -> Errand {
+    pub fn action(&self, leg: u32) -> TaskAction {
         match (self.point(leg), &self.spec.kind) {
-            (Some(&Waypoint { x_m, y_m, yaw_rad }), _) => Errand::Goto { x_m, y_m, yaw_rad, via: None },
-            (None, TaskKind::Wander { for_s }) => Errand::Wander { for_s: *for_s },
-            (None, _) => Errand::Wander { for_s: 0.0 },
+            (Some(&Waypoint { x_m, y_m, yaw_rad }), _) => TaskAction::Goto { x_m, y_m, yaw_rad, via: None },
+            (None, TaskKind::Wander { for_s }) => TaskAction::Wander { for_s: *for_s },
+            (None, _) => TaskAction::Wander { for_s: 0.0 },
         }
     }
 
@@ -205,14 +228,23 @@ impl Task {
 
     /// Its robot shall not drive for it.
     #[must_use]
-    pub fn shall_rest(&self) -> bool {
+    pub fn must_stop(&self) -> bool {
         self.wants_to_end() || (self.state == TaskState::Held && self.assigned.is_some())
+    }
+
+    /// How it ends: at once, or when its robot has confirmed.
+    #[must_use]
+    pub fn end(&self, ending: Ending) -> Change {
+        match self.assigned {
+            Some(_) => Change::Cancelling { then: ending },
+            None => Change::Ended { ending },
+        }
     }
 
     /// A robot was chosen.
     pub(crate) fn assign(&mut self, at_ms: u64, robot: Name, seq: u64) {
         self.assigned = Some(Assigned { robot, seq, at_ms });
-        self.turn(at_ms, TaskState::Assigned, None);
+        self.set_state(at_ms, TaskState::Assigned, None);
     }
 
     /// A drive is done.
@@ -231,29 +263,29 @@ impl Task {
     }
 
     /// Its state changes.
-    pub(crate) fn become_now(&mut self, at_ms: u64, change: &Change, why: Option<&str>) {
+    pub(crate) fn apply(&mut self, at_ms: u64, change: &Change, why: Option<&str>) {
         let why = why.map(str::to_owned);
         match change {
             Change::Running => {
                 self.began_ms = self.began_ms.or(Some(at_ms));
-                self.turn(at_ms, TaskState::Running, why);
+                self.set_state(at_ms, TaskState::Running, why);
             }
-            Change::Blocked => self.turn(at_ms, TaskState::Blocked, why),
+            Change::Blocked => self.set_state(at_ms, TaskState::Blocked, why),
             Change::Held { by } => {
-                self.turn(at_ms, TaskState::Held, why);
+                self.set_state(at_ms, TaskState::Held, why);
                 self.held_by = by.clone();
             }
             Change::Queued { not_before_ms, failed } => {
                 self.not_before_ms = *not_before_ms;
                 self.failures = if self.state.is_final() { 0 } else { self.failures + u32::from(*failed) };
                 self.waiting_since_ms = at_ms;
-                self.turn(at_ms, TaskState::Queued, why);
-                self.let_go();
+                self.set_state(at_ms, TaskState::Queued, why);
+                self.release();
             }
-            Change::Paused => self.turn(at_ms, TaskState::Paused, why),
-            Change::LetGo => self.let_go(),
+            Change::Paused => self.set_state(at_ms, TaskState::Paused, why),
+            Change::LetGo => self.release(),
             Change::Cancelling { then } => {
-                self.turn(at_ms, TaskState::Cancelling, why);
+                self.set_state(at_ms, TaskState::Cancelling, why);
                 self.ending = Some(*then);
             }
             Change::Ended { ending } => {
@@ -263,19 +295,19 @@ impl Task {
                     Ending::Done => TaskState::Done,
                 };
                 let why = why.or_else(|| self.ending.and(self.reason.clone()));
-                self.turn(at_ms, state, why);
-                self.let_go();
+                self.set_state(at_ms, state, why);
+                self.release();
             }
         }
     }
 
-    fn let_go(&mut self) {
+    fn release(&mut self) {
         if let Some(assigned) = self.assigned.take() {
             self.last = Some(assigned);
         }
     }
 
-    fn turn(&mut self, at_ms: u64, state: TaskState, reason: Option<String>) {
+    fn set_state(&mut self, at_ms: u64, state: TaskState, reason: Option<String>) {
         let reason = reason.map(|reason| match reason.char_indices().nth(MAX_REASON) {
             Some((end, _)) => format!("{}…", &reason[..end]),
             None => reason,

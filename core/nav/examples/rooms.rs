@@ -8,8 +8,8 @@ mod flood;
 
 use flood::Reachable;
 use std::time::Instant;
+use xtb_nav::planner::space::{Layers, LookOut};
 use xtb_nav::rooms::{Draw, Room};
-use xtb_nav::space::{Layers, LookOut};
 use xtb_nav::{Car, Goal, GridSpace, MapPose, PlanError, Planner, PlannerSettings, Space};
 
 const TRUCK: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393 };

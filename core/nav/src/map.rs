@@ -16,10 +16,11 @@ pub mod ros;
 pub mod wire;
 mod zone;
 
-pub use layers::ZoneLayers;
+pub use layers::{ZoneLayers, Zones};
 pub use zone::{Zone, ZoneError, ZoneKind};
 
-use crate::{Car, Cell, Grid, MapPose};
+use crate::MapPose;
+use crate::geometry::{Car, Cell, Grid};
 use crc::{CRC_64_XZ, Crc};
 use thiserror::Error;
 use xtb_protocol::messages::{MAX_ZONES, MapHash, is_map_name};

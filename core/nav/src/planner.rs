@@ -1,9 +1,9 @@
 //! Finds a way for a car that goes ahead and astern: hybrid A* from both ends.
 //!
 //! ```text
-//!   start ──► tree of driven arcs ──► Reeds–Shepp shot ◄── tree of arcs that lead to ◄── goal
+//!   start ──► tree of driven arcs ──► Reeds–Shepp curve ◄─ tree of arcs that lead to ◄── goal
 //!                     │                                             │
-//!                     └── promise: cost so far + greed · max(way around everything, curves)
+//!                     └── priority: cost so far + heuristic weight · max(way around everything, curves)
 //! ```
 //!
 //! D. Dolgov, S. Thrun, M. Montemerlo and J. Diebel, *Practical search techniques in path planning for
@@ -12,31 +12,32 @@
 //! pocket without a way out is known as soon as its few poses are. And a search that has emptied a
 //! coarse lattice goes on with a finer one before it says that there is no way.
 
+mod analytic_expansion;
 mod costs;
-mod curves;
-mod distances;
+mod curve_heuristic;
 mod error;
 mod lattice;
-mod pages;
-mod question;
-mod shorten;
-mod shots;
+mod obstacle_heuristic;
+mod paged_grid;
+mod request;
+mod shortcuts;
+pub mod space;
 mod tree;
 
 pub use error::{End, PlanError};
 pub use lattice::Lattice;
-pub use question::{Goal, PlannerSettings};
+pub use request::{Goal, PlannerSettings};
 
-use crate::path::Path;
-use crate::space::{GridSpace, Hit, Space, What};
-use crate::{MapPose, Piece};
+use crate::MapPose;
+use crate::geometry::{Path, Piece};
+use analytic_expansion::AnalyticExpansion;
 use costs::Costs;
-use curves::Curves;
-use question::GOAL_HEADINGS;
-use shorten::Shorten;
-use shots::Shots;
+use curve_heuristic::CurveHeuristic;
+use request::GOAL_HEADINGS;
+use shortcuts::Shortcuts;
+use space::{GridSpace, Hit, Space, What};
 use std::f64::consts::TAU;
-use tree::{Tree, View};
+use tree::{SearchContext, Tree};
 
 /// Expansions of one tree until it is the other's turn.
 const TURN: usize = 16;
@@ -59,9 +60,9 @@ pub struct Plan {
 #[derive(Debug, Default)]
 pub struct Planner {
     trees: [Tree; 2],
-    curves: Curves,
-    shots: Shots,
-    shorten: Shorten,
+    curves: CurveHeuristic,
+    analytic: AnalyticExpansion,
+    shortcuts: Shortcuts,
     goals: Vec<MapPose>,
 }
 
@@ -85,7 +86,7 @@ impl Planner {
         settings: &PlannerSettings,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<Plan, PlanError> {
-        question::check(start, goal, settings)?;
+        request::check(start, goal, settings)?;
         self.ends(space, start, goal)?;
         let costs = Costs::new(settings, space.car().core_m());
         self.curves.begin(space.car().radius_m, &costs);
@@ -116,7 +117,7 @@ impl Planner {
     /// A single curve that does it.
     fn at_once(&mut self, space: &impl Space, costs: &Costs, start: &MapPose) -> Option<Path> {
         nearest_goals(&mut self.curves, &self.goals, start).find_map(|goal| {
-            let way = self.shots.free(space, costs, start, &self.goals[goal])?;
+            let way = self.analytic.free(space, costs, start, &self.goals[goal])?;
             let mut path = Path::standing(*start);
             way.pieces().iter().for_each(|piece| path.push(*piece));
             Some(path)
@@ -131,8 +132,9 @@ impl Planner {
         path: Path,
         expansions: usize,
     ) -> Plan {
-        let path = (0..settings.rounds)
-            .fold(path, |path, _| self.shorten.path(space, costs, &mut self.shots, &mut self.curves, path));
+        let path = (0..settings.rounds).fold(path, |path, _| {
+            self.shortcuts.path(space, costs, &mut self.analytic, &mut self.curves, path)
+        });
         Plan { cost: costs.path(space, &path), path, expansions }
     }
 
@@ -195,10 +197,10 @@ impl Planner {
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<(Path, usize), PlanError> {
         let Query { space, costs, settings, .. } = *query;
-        let view = View { space, costs, greed: settings.greed };
+        let context = SearchContext { space, costs, heuristic_weight: settings.heuristic_weight };
         let (mut expansions, mut own, mut levels) = (0, [0; 2], [0; 2]);
-        self.plant(query, &view, FORWARD, 0);
-        self.plant(query, &view, BACKWARD, 0);
+        self.add_root(query, &context, FORWARD, 0);
+        self.add_root(query, &context, BACKWARD, 0);
         loop {
             for tree in [FORWARD, BACKWARD] {
                 for _ in 0..TURN {
@@ -218,12 +220,12 @@ impl Planner {
                             if let Some(path) = self.connect(query, tree, node) {
                                 return Ok((path, expansions));
                             }
-                            self.trees[tree].expand(&view, &mut self.curves, node);
+                            self.trees[tree].expand(&context, &mut self.curves, node);
                             continue;
                         }
                     }
                     (own[tree], levels[tree]) = (0, levels[tree] + 1);
-                    self.plant(query, &view, tree, levels[tree]);
+                    self.add_root(query, &context, tree, levels[tree]);
                 }
             }
             if self.full() || expansions >= settings.most_expansions || !keep_going() {
@@ -233,20 +235,26 @@ impl Planner {
     }
 
     /// Begins a tree anew on a lattice.
-    fn plant<S: Space>(&mut self, query: &Query<'_, S>, view: &View<'_, S>, tree: usize, level: usize) {
+    fn add_root<S: Space>(
+        &mut self,
+        query: &Query<'_, S>,
+        context: &SearchContext<'_, S>,
+        tree: usize,
+        level: usize,
+    ) {
         let lattice = &query.settings.lattices[level];
         let own = &mut self.trees[tree];
         if tree == FORWARD {
             let goal = query.goal.yaw_rad.and_then(|_| self.goals.first().copied());
-            own.begin(view, lattice, (*query.start, false), goal);
-            own.plant(view, &mut self.curves, query.start);
+            own.begin(context, lattice, (*query.start, false), goal);
+            own.add_root(context, &mut self.curves, query.start);
         } else {
-            own.begin(view, lattice, (self.goals[0], true), Some(*query.start));
-            self.goals.iter().for_each(|pose| own.plant(view, &mut self.curves, pose));
+            own.begin(context, lattice, (self.goals[0], true), Some(*query.start));
+            self.goals.iter().for_each(|pose| own.add_root(context, &mut self.curves, pose));
         }
     }
 
-    /// A path through a node, if it is at the goal, near the other tree or has a free shot.
+    /// A path through a node, if it is at the goal, near the other tree, or a free curve leads to the other end.
     fn connect<S: Space>(&mut self, query: &Query<'_, S>, tree: usize, node: u32) -> Option<Path> {
         let pose = self.trees[tree].pose(node);
         if tree == FORWARD && query.goal.met_by(&pose) {
@@ -254,27 +262,27 @@ impl Planner {
         }
         if let Some(met) = self.trees[1 - tree].near(&pose) {
             let other = self.trees[1 - tree].pose(met);
-            if let Some(path) = self.shot(query, tree, (node, &pose), (met, &other)) {
+            if let Some(path) = self.join_analytically(query, tree, (node, &pose), (met, &other)) {
                 return Some(path);
             }
         }
-        if self.trees[tree].until_shot > 0 {
-            self.trees[tree].until_shot -= 1;
+        if self.trees[tree].until_analytic > 0 {
+            self.trees[tree].until_analytic -= 1;
             return None;
         }
         let left_m = self.trees[tree].left_from_m(node);
-        self.trees[tree].until_shot = (left_m / query.settings.shot_spacing_m) as u32;
+        self.trees[tree].until_analytic = (left_m / query.settings.analytic_spacing_m) as u32;
         if tree == BACKWARD {
-            return self.shot(query, tree, (node, &pose), (0, query.start));
+            return self.join_analytically(query, tree, (node, &pose), (0, query.start));
         }
         nearest_goals(&mut self.curves, &self.goals, &pose).find_map(|root| {
             let goal = self.goals[root];
-            self.shot(query, tree, (node, &pose), (root as u32, &goal))
+            self.join_analytically(query, tree, (node, &pose), (root as u32, &goal))
         })
     }
 
-    /// A path by a shot between nodes of both trees.
-    fn shot<S: Space>(
+    /// A path by a curve between nodes of both trees.
+    fn join_analytically<S: Space>(
         &mut self,
         query: &Query<'_, S>,
         tree: usize,
@@ -282,7 +290,7 @@ impl Planner {
         other: (u32, &MapPose),
     ) -> Option<Path> {
         let (from, to) = if tree == FORWARD { (node, other) } else { (other, node) };
-        let way = self.shots.free(query.space, query.costs, from.1, to.1)?;
+        let way = self.analytic.free(query.space, query.costs, from.1, to.1)?;
         Some(self.joined(query.start, from.0, way.pieces(), Some(to.0)))
     }
 
@@ -338,7 +346,7 @@ struct Query<'a, S: Space> {
 
 /// The two headings at the goal that are the cheapest to get to from a pose where nothing is in the way.
 fn nearest_goals(
-    curves: &mut Curves,
+    curves: &mut CurveHeuristic,
     goals: &[MapPose],
     from: &MapPose,
 ) -> impl Iterator<Item = usize> + use<> {

@@ -1,7 +1,8 @@
 //! Rooms to try planners in: open, cluttered, doors and dead ends; the same seed gives the same room.
 
-use crate::space::Space;
-use crate::{Cell, Grid, MapPose};
+use crate::MapPose;
+use crate::geometry::{Cell, Grid};
+use crate::planner::space::Space;
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 use std::f64::consts::PI;

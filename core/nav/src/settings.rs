@@ -3,8 +3,8 @@
 //! Few of all constants: the others belong to the truck's build and stay in the tables of
 //! [`FollowerSettings`] and [`FilterTuning`]. None of these changes what the first level decides.
 
-use crate::filter::{FilterTuning, TrustLimits};
-use crate::follower::{FollowerSettings, GoalTolerance};
+use crate::localization::{FilterTuning, UncertaintyLimits};
+use crate::path_follower::{FollowerSettings, GoalTolerance};
 use serde::{Deserialize, Serialize};
 use xtb_control::VehicleConfig;
 use xtb_control::config::{
@@ -165,7 +165,7 @@ impl NavSettings {
         FilterTuning { gate, late_s, drift_radps, wheel_scale, ..FilterTuning::default() }
     }
 
-    /// How long marks count that are not seen again, and those beside the body, in ms.
+    /// How long obstacles count that are not seen again, and those beside the body, in ms.
     #[must_use]
     pub fn fades_ms(&self) -> (u64, u64) {
         let ms = |s: f64| libm::round(s * 1e3) as u64;
@@ -174,9 +174,9 @@ impl NavSettings {
 
     /// What an uncertain pose allows.
     #[must_use]
-    pub fn trust(&self) -> TrustLimits {
+    pub fn uncertainty_limits(&self) -> UncertaintyLimits {
         let PoseSettings { slow_part, stop_part, least_mps, .. } = self.pose;
-        TrustLimits { slow_part, stop_part, cruise_mps: self.drive.cruise_mps, least_mps }
+        UncertaintyLimits { slow_part, stop_part, cruise_mps: self.drive.cruise_mps, least_mps }
     }
 }
 
@@ -187,7 +187,7 @@ fn conflict(name: &str, value: f64, reason: String) -> ConfigError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::local::LocalLayer;
+    use crate::obstacle_layer::ObstacleLayer;
 
     #[test]
     fn the_defaults_are_those_of_the_parts() {
@@ -198,8 +198,8 @@ mod tests {
         assert_eq!(settings.tolerance(true), GoalTolerance::default());
         assert_eq!(settings.tolerance(false).yaw_rad, None);
         assert_eq!(settings.filter(), FilterTuning::default());
-        assert_eq!(settings.trust(), TrustLimits::default());
-        assert_eq!(settings.fades_ms(), (LocalLayer::FADES_MS, LocalLayer::FADES_BESIDE_MS));
+        assert_eq!(settings.uncertainty_limits(), UncertaintyLimits::default());
+        assert_eq!(settings.fades_ms(), (ObstacleLayer::FADES_MS, ObstacleLayer::FADES_BESIDE_MS));
     }
 
     #[test]

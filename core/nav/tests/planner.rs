@@ -4,9 +4,10 @@
 mod flood;
 
 use flood::Reachable;
+use xtb_nav::map::Zones;
 use xtb_nav::planner::End;
+use xtb_nav::planner::space::{Hit, Layers, LookOut, What};
 use xtb_nav::rooms::{Draw, Room};
-use xtb_nav::space::{Hit, Layers, LookOut, What, Zones};
 use xtb_nav::{
     Car, Cell, Goal, Grid, GridSpace, MapPose, Path, Plan, PlanError, Planner, PlannerSettings, Space,
 };
@@ -237,6 +238,6 @@ fn settings_that_make_no_search_are_refused() {
     };
     assert!(refused(|settings| settings.lattices.clear()));
     assert!(refused(|settings| settings.lattices[0].headings = 50));
-    assert!(refused(|settings| settings.greed = f64::NAN));
+    assert!(refused(|settings| settings.heuristic_weight = f64::NAN));
     assert!(!refused(|_| ()));
 }

@@ -2,7 +2,8 @@
 //! with the Open Motion Planning Library.
 #![allow(clippy::unwrap_used)]
 
-use xtb_nav::{MapPose, reeds_shepp};
+use xtb_nav::MapPose;
+use xtb_nav::geometry::reeds_shepp;
 
 #[test]
 fn lengths_are_those_of_the_open_motion_planning_library() {

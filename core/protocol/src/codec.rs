@@ -6,15 +6,10 @@
 //! and is never edited to pass. Unknown version, trailing bytes, non-finite or out-of-range numbers
 //! are typed rejections. Nothing is guessed: a message without an encoding is refused.
 
-use crate::messages::{Message, RejectCode};
+use crate::messages::Message;
 use crate::text;
-use thiserror::Error;
-use xtb_control::units::OutOfRange;
+use crate::wire::{CodecError, JSON};
 
-/// Longest message that is read, in bytes, unless its type says otherwise.
-pub const MAX_BYTES: usize = 16 * 1024;
-/// The encoding of JSON messages.
-pub const JSON: &str = "application/json";
 const POSTCARD: &str = "application/x-postcard";
 
 /// How a message was, or is to be, written.
@@ -25,61 +20,6 @@ pub enum Format {
     Postcard,
     /// For every other language.
     Json,
-}
-
-/// Why bytes are not the message they should be.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum CodecError {
-    /// Too long to be read.
-    #[error("{len} bytes, at most {max} are allowed")]
-    Oversized {
-        /// As received.
-        len: usize,
-        /// What the type allows.
-        max: usize,
-    },
-    /// Neither of our encodings.
-    #[error("encoding {got:?}, expected {expected:?} or {JSON:?}")]
-    UnknownEncoding {
-        /// As received.
-        got: String,
-        /// What this place takes.
-        expected: String,
-    },
-    /// Our type in another version.
-    #[error("{name} version {got}, this program speaks version {expected}")]
-    WrongVersion {
-        /// The type.
-        name: &'static str,
-        /// As received.
-        got: String,
-        /// As spoken here.
-        expected: u32,
-    },
-    /// The bytes do not have the type's layout.
-    #[error("not a {name}: {reason}")]
-    Malformed {
-        /// The type.
-        name: &'static str,
-        /// What the parser says.
-        reason: String,
-    },
-    /// A number is not finite or out of range.
-    #[error("{0}")]
-    OutOfRange(#[from] OutOfRange),
-}
-
-impl CodecError {
-    /// The code that a reply or a counter gives it.
-    #[must_use]
-    pub fn code(&self) -> RejectCode {
-        match self {
-            Self::Oversized { .. } => RejectCode::Oversized,
-            Self::WrongVersion { .. } => RejectCode::WrongVersion,
-            Self::UnknownEncoding { .. } | Self::Malformed { .. } => RejectCode::Malformed,
-            Self::OutOfRange(_) => RejectCode::OutOfRange,
-        }
-    }
 }
 
 /// The encoding string of a type in a format.

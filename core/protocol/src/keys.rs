@@ -1,166 +1,15 @@
-//! The only table of keys: every channel, what it carries and how Zenoh shall treat it.
-//!
-//! | key | channel | carries |
-//! | --- | --- | --- |
-//! | `xtb/<fleet>/<robot>/alive` | [`Channel::Alive`] | presence (liveliness token) |
-//! | `xtb/<fleet>/<robot>/state` | [`Channel::State`] | [`RobotState`](crate::messages::RobotState) |
-//! | `xtb/<fleet>/<robot>/sensors` | [`Channel::Sensors`] | [`Sensors`](crate::messages::Sensors) |
-//! | `xtb/<fleet>/<robot>/event` | [`Channel::Event`] | [`Event`](crate::messages::Event) |
-//! | `xtb/<fleet>/<robot>/about` | [`Channel::About`] | [`About`](crate::messages::About) |
-//! | `xtb/<fleet>/<robot>/cmd/<client>` | [`Channel::Cmd`] | [`Request`](crate::messages::Request) → [`Reply`](crate::messages::Reply) |
-//! | `xtb/<fleet>/<robot>/teleop/<client>` | [`Channel::Teleop`] | [`Setpoint`](crate::messages::Setpoint) |
-//! | `xtb/<fleet>/<robot>/fix` | [`Channel::Fix`] | [`Fix`](crate::messages::Fix) |
-//! | `xtb/<fleet>/<robot>/route` | [`Channel::Route`] | [`Route`](crate::messages::Route) |
-//! | `xtb/<fleet>/<robot>/estop/<client>` | [`Channel::Estop`] | [`Estop`](crate::messages::Estop), put, or asked → [`Estopped`](crate::messages::Estopped) |
-//! | `xtb/<fleet>/all/estop/<client>` | [`Channel::EstopAll`] | [`Estop`](crate::messages::Estop) for every robot |
-//! | `xtb/<fleet>/<robot>/log/<client>` | [`Channel::Log`] | [`LogRequest`](crate::messages::LogRequest) → [`LogReply`](crate::messages::LogReply) |
-//! | `xtb/<fleet>/traffic/alive` | [`Channel::TrafficAlive`] | presence of traffic control (liveliness token) |
-//! | `xtb/<fleet>/traffic/state` | [`Channel::TrafficState`] | [`TrafficState`](crate::messages::TrafficState) |
-//! | `xtb/<fleet>/map` | [`Channel::Map`] | [`FleetMap`](crate::messages::FleetMap) |
-//! | `xtb/<fleet>/dispatch/alive` | [`Channel::DispatchAlive`] | presence of the dispatcher (liveliness token) |
-//! | `xtb/<fleet>/dispatch/cmd/<client>` | [`Channel::DispatchCmd`] | [`DispatchRequest`](crate::messages::DispatchRequest) → [`DispatchReply`](crate::messages::DispatchReply) |
-//! | `xtb/<fleet>/dispatch/tasks` | [`Channel::DispatchTasks`] | [`TaskList`](crate::messages::TaskList) |
-//! | `xtb/<fleet>/dispatch/event` | [`Channel::DispatchEvent`] | [`TaskEvent`](crate::messages::TaskEvent) |
-//! | `xtb/<fleet>/sim/truth` | [`Channel::SimTruth`] | [`Truth`](crate::messages::Truth), JSON |
-//! | `xtb/<fleet>/sim/roster` | [`Channel::SimRoster`] | [`Roster`](crate::messages::Roster), JSON |
-//! | `xtb/<fleet>/sim/stats` | [`Channel::SimStats`] | [`SimStats`](crate::messages::SimStats), JSON |
+//! The only table of keys: every channel, what it carries and how Zenoh shall treat it. What builds keys, reads
+//! them and listens to all of a kind follows from it.
 
+mod name;
 pub mod received;
 
-use serde::{Deserialize, Serialize};
-use std::fmt;
-use thiserror::Error;
+pub use name::{MAX_NAME, Name, NameError, RESERVED};
 
-/// Names that no robot may have: they are other things' places in the key space.
-pub const RESERVED: [&str; 5] = ["all", "sim", "dispatch", "traffic", "map"];
 const ROOT: &str = "xtb";
 const ANY: &str = "*";
 /// Any number of characters within a chunk, none too.
 const ANY_PART: &str = "$*";
-/// Longest name in characters.
-pub const MAX_NAME: usize = 32;
-
-/// A name that cannot stand in a key.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum NameError {
-    /// Wrong length or characters.
-    #[error("{0:?} is not a name: 1 to {MAX_NAME} of a-z, 0-9 and -")]
-    Malformed(String),
-    /// See [`RESERVED`].
-    #[error("{0:?} is reserved and cannot be a robot's name")]
-    Reserved(String),
-}
-
-/// The name of a fleet, a robot or a client: 1–32 of `a-z 0-9 -`.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(try_from = "String", into = "String")]
-pub struct Name(String);
-
-impl Name {
-    /// # Errors
-    /// [`NameError::Malformed`].
-    pub fn new(text: &str) -> Result<Self, NameError> {
-        let allowed = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-';
-        if (1..=MAX_NAME).contains(&text.len()) && text.bytes().all(allowed) {
-            Ok(Self(text.to_owned()))
-        } else {
-            Err(NameError::Malformed(text.chars().take(2 * MAX_NAME).collect()))
-        }
-    }
-
-    /// A name that a robot may have.
-    ///
-    /// # Errors
-    /// [`NameError::Malformed`] or [`NameError::Reserved`].
-    pub fn robot(text: &str) -> Result<Self, NameError> {
-        let name = Self::new(text)?;
-        if RESERVED.contains(&text) { Err(NameError::Reserved(text.to_owned())) } else { Ok(name) }
-    }
-
-    /// The text.
-    #[must_use]
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-impl fmt::Display for Name {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(&self.0)
-    }
-}
-
-impl TryFrom<String> for Name {
-    type Error = NameError;
-
-    fn try_from(text: String) -> Result<Self, NameError> {
-        Self::new(&text)
-    }
-}
-
-impl From<Name> for String {
-    fn from(name: Name) -> String {
-        name.0
-    }
-}
-
-impl std::str::FromStr for Name {
-    type Err = NameError;
-
-    fn from_str(text: &str) -> Result<Self, NameError> {
-        Self::new(text)
-    }
-}
-
-/// One channel of a robot, of the fleet or of the simulator.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Channel {
-    /// Liveliness token, declared last: alive means commandable.
-    Alive,
-    /// 20 Hz; also a queryable for late joiners.
-    State,
-    /// 10 Hz while somebody listens.
-    Sensors,
-    /// Mode changes, goal results, faults; recoverable.
-    Event,
-    /// Factsheet, queryable.
-    About,
-    /// Request and reply; the client's name stands in the key so that identities can be bound to it one day.
-    Cmd(Name),
-    /// Setpoints.
-    Teleop(Name),
-    /// Measured poses.
-    Fix,
-    /// Path and release from traffic control.
-    Route,
-    /// Emergency stop of one robot; also a queryable, whose reply acknowledges it.
-    Estop(Name),
-    /// Emergency stop of every robot.
-    EstopAll(Name),
-    /// The robot's recordings, asked for piece by piece.
-    Log(Name),
-    /// Liveliness token of traffic control: one for a fleet.
-    TrafficAlive,
-    /// What traffic control does, 2 Hz.
-    TrafficState,
-    /// The fleet's map; also a queryable for late joiners.
-    Map,
-    /// Liveliness token of the dispatcher: one for a fleet.
-    DispatchAlive,
-    /// Submissions, cancellations and questions to the dispatcher, by client.
-    DispatchCmd(Name),
-    /// The list of tasks, queryable.
-    DispatchTasks,
-    /// Each change of a task; recoverable.
-    DispatchEvent,
-    /// Ground truth of the simulator, 20 Hz.
-    SimTruth,
-    /// Which robots the simulator runs, queryable.
-    SimRoster,
-    /// How fast the simulator runs, 1 Hz; also a queryable.
-    SimStats,
-}
 
 /// What happens when a queue on the way is full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -199,79 +48,163 @@ pub struct Qos {
     pub express: bool,
 }
 
-impl Channel {
-    /// The client that the key names, if the channel's keys name one.
-    #[must_use]
-    pub fn client(&self) -> Option<&Name> {
-        match self {
-            Self::Cmd(client)
-            | Self::Teleop(client)
-            | Self::Estop(client)
-            | Self::EstopAll(client)
-            | Self::Log(client)
-            | Self::DispatchCmd(client) => Some(client),
-            _ => None,
-        }
+impl Qos {
+    const fn new(congestion: Congestion, priority: Priority, express: bool) -> Self {
+        Self { congestion, priority, express }
     }
 
-    /// The channel's quality of service. No priority holds both Drop and Block: within Zenoh they
-    /// share a lock, and a blocked message would hold the others up for seconds.
-    #[must_use]
-    pub fn qos(&self) -> Qos {
-        use Congestion::{Block, Drop};
-        let qos = |congestion, priority, express| Qos { congestion, priority, express };
-        match self {
-            Self::State | Self::Fix | Self::Route => qos(Drop, Priority::DataHigh, true),
-            Self::Sensors | Self::SimTruth | Self::SimStats | Self::TrafficState => {
-                qos(Drop, Priority::DataLow, false)
-            }
-            Self::Map | Self::Log(_) => qos(Drop, Priority::Background, false),
-            Self::Estop(_) | Self::EstopAll(_) => qos(Block, Priority::RealTime, true),
-            Self::Teleop(_) => qos(Drop, Priority::InteractiveHigh, true),
-            Self::Alive
-            | Self::TrafficAlive
-            | Self::DispatchAlive
-            | Self::Event
-            | Self::DispatchEvent
-            | Self::About
-            | Self::Cmd(_)
-            | Self::DispatchCmd(_)
-            | Self::DispatchTasks
-            | Self::SimRoster => qos(Block, Priority::Data, true),
+    /// The newest value counts.
+    const LATEST: Self = Self::new(Congestion::Drop, Priority::DataHigh, true);
+    /// Much, and none of it matters much.
+    const SAMPLES: Self = Self::new(Congestion::Drop, Priority::DataLow, false);
+    /// Large, and in no hurry.
+    const BULK: Self = Self::new(Congestion::Drop, Priority::Background, false);
+    /// Before all others, never dropped.
+    const ESTOP: Self = Self::new(Congestion::Block, Priority::RealTime, true);
+    /// Steers by hand.
+    const SETPOINT: Self = Self::new(Congestion::Drop, Priority::InteractiveHigh, true);
+    /// Never dropped.
+    const RELIABLE: Self = Self::new(Congestion::Block, Priority::Data, true);
+}
+
+/// Makes of the table: [`Channel`], the methods of [`FleetKeys`] and [`RobotKeys`], [`any`] and the reading of keys.
+macro_rules! channels {
+    (
+        robot { $($(#[doc = $r_doc:literal])+ $R:ident: $r:ident, $R_ANY:ident, $r_key:literal, $r_qos:ident;)+ }
+        robot by client { $($(#[doc = $rc_doc:literal])+ $Rc:ident: $rc:ident, $RC_ANY:ident, $rc_key:literal, $rc_qos:ident;)+ }
+        fleet { $($(#[doc = $f_doc:literal])+ $F:ident: $f:ident, $F_ANY:ident, $f_key:literal, $f_qos:ident;)+ }
+        fleet by client { $($(#[doc = $fc_doc:literal])+ $Fc:ident: $fc:ident, $FC_ANY:ident, $fc_key:literal, $fc_qos:ident;)+ }
+    ) => {
+        /// One channel of a robot, of the fleet or of the simulator.
+        #[derive(Debug, Clone, PartialEq, Eq)]
+        pub enum Channel {
+            $($(#[doc = $r_doc])+ $R,)+
+            $($(#[doc = $rc_doc])+ $Rc(Name),)+
+            $($(#[doc = $f_doc])+ $F,)+
+            $($(#[doc = $fc_doc])+ $Fc(Name),)+
         }
+
+        impl Channel {
+            /// The client that the key names, if the channel's keys name one.
+            #[must_use]
+            pub fn client(&self) -> Option<&Name> {
+                match self {
+                    $(Self::$Rc(client) => Some(client),)+
+                    $(Self::$Fc(client) => Some(client),)+
+                    $(Self::$R)|+ | $(Self::$F)|+ => None,
+                }
+            }
+
+            /// The channel's quality of service. No priority holds both Drop and Block: within Zenoh they
+            /// share a lock, and a blocked message would hold the others up for seconds.
+            #[must_use]
+            pub fn qos(&self) -> Qos {
+                match self {
+                    $(Self::$R => Qos::$r_qos,)+
+                    $(Self::$Rc(_) => Qos::$rc_qos,)+
+                    $(Self::$F => Qos::$f_qos,)+
+                    $(Self::$Fc(_) => Qos::$fc_qos,)+
+                }
+            }
+
+            fn of_robot(key: &str) -> Option<Self> {
+                match key.split_once('/') {
+                    None => match key { $($r_key => Some(Self::$R),)+ _ => None },
+                    Some((key, by)) => match key { $($rc_key => Name::new(by).ok().map(Self::$Rc),)+ _ => None },
+                }
+            }
+
+            fn of_fleet(key: &str) -> Option<Self> {
+                match key { $($f_key => return Some(Self::$F),)+ _ => {} }
+                let (key, by) = key.rsplit_once('/')?;
+                match key { $($fc_key => Name::new(by).ok().map(Self::$Fc),)+ _ => None }
+            }
+        }
+
+        impl RobotKeys {
+            $($(#[doc = $r_doc])+ #[must_use] pub fn $r(&self) -> String { key(&self.0, $r_key) })+
+            $($(#[doc = $rc_doc])+ /// `None` = of any client.
+            #[must_use] pub fn $rc(&self, client: Option<&Name>) -> String { by(&self.0, $rc_key, client) })+
+        }
+
+        impl FleetKeys {
+            $($(#[doc = $f_doc])+ #[must_use] pub fn $f(&self) -> String { key(&self.0, $f_key) })+
+            $($(#[doc = $fc_doc])+ /// `None` = of any client.
+            #[must_use] pub fn $fc(&self, client: Option<&Name>) -> String { by(&self.0, $fc_key, client) })+
+        }
+
+        /// Key expressions that match every key of a channel, whatever fleet, robot and client.
+        pub mod any {
+            $($(#[doc = $r_doc])+ pub const $R_ANY: &str = concat!("xtb/*/*/", $r_key);)+
+            $($(#[doc = $rc_doc])+ pub const $RC_ANY: &str = concat!("xtb/*/*/", $rc_key, "/*");)+
+            $($(#[doc = $f_doc])+ pub const $F_ANY: &str = concat!("xtb/*/", $f_key);)+
+            $($(#[doc = $fc_doc])+ pub const $FC_ANY: &str = concat!("xtb/*/", $fc_key, "/*");)+
+        }
+    };
+}
+
+channels! {
+    robot { // xtb/<fleet>/<robot>/…
+        /// Presence, a liveliness token, declared last: alive means commandable.
+        Alive: alive, ALIVE, "alive", RELIABLE;
+        /// [`RobotState`](crate::messages::RobotState), 20 Hz; also a queryable for late joiners.
+        State: state, STATE, "state", LATEST;
+        /// [`Sensors`](crate::messages::Sensors), 10 Hz while somebody listens.
+        Sensors: sensors, SENSORS, "sensors", SAMPLES;
+        /// [`Event`](crate::messages::Event): mode changes, goal results, faults; recoverable.
+        Event: event, EVENT, "event", RELIABLE;
+        /// [`About`](crate::messages::About), the factsheet, queryable.
+        About: about, ABOUT, "about", RELIABLE;
+        /// [`Fix`](crate::messages::Fix), measured poses.
+        Fix: fix, FIX, "fix", LATEST;
+        /// [`Route`](crate::messages::Route), path and release from traffic control.
+        Route: route, ROUTE, "route", LATEST;
+    }
+    robot by client { // xtb/<fleet>/<robot>/…/<client>, so that identities can be bound to it one day
+        /// [`Request`](crate::messages::Request) → [`Reply`](crate::messages::Reply).
+        Cmd: cmd, CMD, "cmd", RELIABLE;
+        /// [`LogRequest`](crate::messages::LogRequest) → [`LogReply`](crate::messages::LogReply): the robot's
+        /// recordings, asked for piece by piece.
+        Log: log, LOG, "log", BULK;
+        /// [`Setpoint`](crate::messages::Setpoint).
+        Teleop: teleop, TELEOP, "teleop", SETPOINT;
+        /// [`Estop`](crate::messages::Estop) of one robot; put, or asked → [`Estopped`](crate::messages::Estopped).
+        Estop: estop, ESTOP, "estop", ESTOP;
+    }
+    fleet { // xtb/<fleet>/…
+        /// Presence of traffic control, a liveliness token: one for a fleet.
+        TrafficAlive: traffic_alive, TRAFFIC_ALIVE, "traffic/alive", RELIABLE;
+        /// [`TrafficState`](crate::messages::TrafficState), 2 Hz.
+        TrafficState: traffic_state, TRAFFIC_STATE, "traffic/state", SAMPLES;
+        /// [`FleetMap`](crate::messages::FleetMap); also a queryable for late joiners.
+        Map: map, MAP, "map", BULK;
+        /// Presence of the dispatcher, a liveliness token: one for a fleet.
+        DispatchAlive: dispatch_alive, DISPATCH_ALIVE, "dispatch/alive", RELIABLE;
+        /// [`TaskList`](crate::messages::TaskList), queryable.
+        DispatchTasks: dispatch_tasks, DISPATCH_TASKS, "dispatch/tasks", RELIABLE;
+        /// [`TaskEvent`](crate::messages::TaskEvent), each change of a task; recoverable.
+        DispatchEvent: dispatch_event, DISPATCH_EVENT, "dispatch/event", RELIABLE;
+        /// [`Truth`](crate::messages::Truth) of the simulator, JSON, 20 Hz.
+        SimTruth: sim_truth, SIM_TRUTH, "sim/truth", SAMPLES;
+        /// [`Roster`](crate::messages::Roster), JSON: which robots the simulator runs, queryable.
+        SimRoster: sim_roster, SIM_ROSTER, "sim/roster", RELIABLE;
+        /// [`SimStats`](crate::messages::SimStats), JSON: how fast the simulator runs, 1 Hz; also a queryable.
+        SimStats: sim_stats, SIM_STATS, "sim/stats", SAMPLES;
+    }
+    fleet by client { // xtb/<fleet>/…/<client>
+        /// [`Estop`](crate::messages::Estop) of every robot.
+        EstopAll: estop_all, ESTOP_ALL, "all/estop", ESTOP;
+        /// [`DispatchRequest`](crate::messages::DispatchRequest) → [`DispatchReply`](crate::messages::DispatchReply).
+        DispatchCmd: dispatch_cmd, DISPATCH_CMD, "dispatch/cmd", RELIABLE;
     }
 }
 
-/// Key expressions that match every key of a channel, whatever fleet, robot and client.
-pub mod any {
-    /// See [`Channel::Alive`](super::Channel::Alive).
-    pub const ALIVE: &str = "xtb/*/*/alive";
-    /// See [`Channel::State`](super::Channel::State).
-    pub const STATE: &str = "xtb/*/*/state";
-    /// See [`Channel::Sensors`](super::Channel::Sensors).
-    pub const SENSORS: &str = "xtb/*/*/sensors";
-    /// See [`Channel::Event`](super::Channel::Event).
-    pub const EVENT: &str = "xtb/*/*/event";
-    /// See [`Channel::About`](super::Channel::About).
-    pub const ABOUT: &str = "xtb/*/*/about";
-    /// See [`Channel::Cmd`](super::Channel::Cmd).
-    pub const CMD: &str = "xtb/*/*/cmd/*";
-    /// See [`Channel::Teleop`](super::Channel::Teleop).
-    pub const TELEOP: &str = "xtb/*/*/teleop/*";
-    /// See [`Channel::Estop`](super::Channel::Estop); also of [`Channel::EstopAll`](super::Channel::EstopAll).
-    pub const ESTOP: &str = "xtb/*/*/estop/*";
-    /// See [`Channel::Fix`](super::Channel::Fix).
-    pub const FIX: &str = "xtb/*/*/fix";
-    /// See [`Channel::Route`](super::Channel::Route).
-    pub const ROUTE: &str = "xtb/*/*/route";
-    /// See [`Channel::Map`](super::Channel::Map).
-    pub const MAP: &str = "xtb/*/map";
-    /// See [`Channel::SimTruth`](super::Channel::SimTruth).
-    pub const SIM_TRUTH: &str = "xtb/*/sim/truth";
-    /// See [`Channel::SimRoster`](super::Channel::SimRoster).
-    pub const SIM_ROSTER: &str = "xtb/*/sim/roster";
-    /// See [`Channel::SimStats`](super::Channel::SimStats).
-    pub const SIM_STATS: &str = "xtb/*/sim/stats";
+fn key(prefix: &str, channel: &str) -> String {
+    format!("{prefix}/{channel}")
+}
+
+fn by(prefix: &str, channel: &str, client: Option<&Name>) -> String {
+    format!("{prefix}/{channel}/{}", client.map_or(ANY, Name::as_str))
 }
 
 /// A parsed key.
@@ -289,88 +222,39 @@ impl Key {
     /// Reads a concrete key; `None` if it is not one of ours.
     #[must_use]
     pub fn parse(key: &str) -> Option<Self> {
-        let mut parts = key.split('/');
-        if parts.next()? != ROOT {
-            return None;
-        }
-        let fleet = Name::new(parts.next()?).ok()?;
-        let (who, what, client) = (parts.next()?, parts.next(), parts.next());
-        if parts.next().is_some() {
-            return None;
-        }
-        let Some(what) = what else {
-            return (who == "map").then_some(Self { fleet, robot: None, channel: Channel::Map });
-        };
-        if who == "sim" {
-            let channel = match (what, client) {
-                ("truth", None) => Channel::SimTruth,
-                ("roster", None) => Channel::SimRoster,
-                ("stats", None) => Channel::SimStats,
-                _ => return None,
-            };
+        let (root, key) = key.split_once('/')?;
+        let (fleet, key) = key.split_once('/').filter(|_| root == ROOT)?;
+        let fleet = Name::new(fleet).ok()?;
+        if let Some(channel) = Channel::of_fleet(key) {
             return Some(Self { fleet, robot: None, channel });
         }
-        if who == "traffic" {
-            let channel = match (what, client) {
-                ("alive", None) => Channel::TrafficAlive,
-                ("state", None) => Channel::TrafficState,
-                _ => return None,
-            };
-            return Some(Self { fleet, robot: None, channel });
-        }
-        if who == "dispatch" {
-            let channel = match (what, client) {
-                ("alive", None) => Channel::DispatchAlive,
-                ("tasks", None) => Channel::DispatchTasks,
-                ("event", None) => Channel::DispatchEvent,
-                ("cmd", Some(client)) => Channel::DispatchCmd(Name::new(client).ok()?),
-                _ => return None,
-            };
-            return Some(Self { fleet, robot: None, channel });
-        }
-        if who == "all" {
-            let ("estop", Some(client)) = (what, client) else { return None };
-            return Some(Self { fleet, robot: None, channel: Channel::EstopAll(Name::new(client).ok()?) });
-        }
-        let channel = match (what, client) {
-            ("alive", None) => Channel::Alive,
-            ("state", None) => Channel::State,
-            ("sensors", None) => Channel::Sensors,
-            ("event", None) => Channel::Event,
-            ("about", None) => Channel::About,
-            ("fix", None) => Channel::Fix,
-            ("route", None) => Channel::Route,
-            ("cmd", Some(client)) => Channel::Cmd(Name::new(client).ok()?),
-            ("log", Some(client)) => Channel::Log(Name::new(client).ok()?),
-            ("teleop", Some(client)) => Channel::Teleop(Name::new(client).ok()?),
-            ("estop", Some(client)) => Channel::Estop(Name::new(client).ok()?),
-            _ => return None,
-        };
-        Some(Self { fleet, robot: Some(Name::robot(who).ok()?), channel })
+        let (robot, key) = key.split_once('/')?;
+        let robot = Some(Name::robot(robot).ok()?);
+        Channel::of_robot(key).map(|channel| Self { fleet, robot, channel })
     }
 }
 
 /// The keys of a fleet.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FleetKeys(Name);
+pub struct FleetKeys(String);
 
 impl FleetKeys {
     /// The keys of this fleet.
     #[must_use]
     pub fn new(fleet: Name) -> Self {
-        Self(fleet)
+        Self(key(ROOT, fleet.as_str()))
     }
 
     /// One robot's keys.
     #[must_use]
     pub fn robot(&self, robot: &Name) -> RobotKeys {
-        RobotKeys(format!("{ROOT}/{}/{robot}", self.0))
+        RobotKeys(key(&self.0, robot.as_str()))
     }
 
     /// Key expressions for all robots at once.
     #[must_use]
     pub fn any_robot(&self) -> RobotKeys {
-        RobotKeys(format!("{ROOT}/{}/{ANY}", self.0))
+        RobotKeys(key(&self.0, ANY))
     }
 
     /// The states of all robots, for a robot that listens to them for a while. It matches the same keys as
@@ -378,73 +262,7 @@ impl FleetKeys {
     /// longer routes questions on the very same expression to that session's queryables.
     #[must_use]
     pub fn neighbour_states(&self) -> String {
-        format!("{ROOT}/{}/{ANY}/state{ANY_PART}", self.0)
-    }
-
-    /// Emergency stop of every robot, by one client or by any.
-    #[must_use]
-    pub fn estop_all(&self, client: Option<&Name>) -> String {
-        format!("{ROOT}/{}/all/estop/{}", self.0, client.map_or(ANY, Name::as_str))
-    }
-
-    /// Presence of traffic control.
-    #[must_use]
-    pub fn traffic_alive(&self) -> String {
-        format!("{ROOT}/{}/traffic/alive", self.0)
-    }
-
-    /// What traffic control does.
-    #[must_use]
-    pub fn traffic_state(&self) -> String {
-        format!("{ROOT}/{}/traffic/state", self.0)
-    }
-
-    /// The map.
-    #[must_use]
-    pub fn map(&self) -> String {
-        format!("{ROOT}/{}/map", self.0)
-    }
-
-    /// Presence of the dispatcher.
-    #[must_use]
-    pub fn dispatch_alive(&self) -> String {
-        format!("{ROOT}/{}/dispatch/alive", self.0)
-    }
-
-    /// Requests of one client to the dispatcher, or of any.
-    #[must_use]
-    pub fn dispatch_cmd(&self, client: Option<&Name>) -> String {
-        format!("{ROOT}/{}/dispatch/cmd/{}", self.0, client.map_or(ANY, Name::as_str))
-    }
-
-    /// The list of tasks.
-    #[must_use]
-    pub fn dispatch_tasks(&self) -> String {
-        format!("{ROOT}/{}/dispatch/tasks", self.0)
-    }
-
-    /// Changes of tasks.
-    #[must_use]
-    pub fn dispatch_event(&self) -> String {
-        format!("{ROOT}/{}/dispatch/event", self.0)
-    }
-
-    /// Ground truth.
-    #[must_use]
-    pub fn sim_truth(&self) -> String {
-        format!("{ROOT}/{}/sim/truth", self.0)
-    }
-
-    /// The simulator's robots.
-    #[must_use]
-    pub fn sim_roster(&self) -> String {
-        format!("{ROOT}/{}/sim/roster", self.0)
-    }
-
-    /// How fast the simulator runs.
-    #[must_use]
-    pub fn sim_stats(&self) -> String {
-        format!("{ROOT}/{}/sim/stats", self.0)
+        self.any_robot().state() + ANY_PART
     }
 }
 
@@ -453,76 +271,10 @@ impl FleetKeys {
 pub struct RobotKeys(String);
 
 impl RobotKeys {
-    /// Presence.
-    #[must_use]
-    pub fn alive(&self) -> String {
-        format!("{}/alive", self.0)
-    }
-
-    /// State.
-    #[must_use]
-    pub fn state(&self) -> String {
-        format!("{}/state", self.0)
-    }
-
-    /// Samples.
-    #[must_use]
-    pub fn sensors(&self) -> String {
-        format!("{}/sensors", self.0)
-    }
-
     /// Topics of a recording's file; nothing is published there.
     #[must_use]
     pub fn record(&self, topic: &str) -> String {
-        format!("{}/record/{topic}", self.0)
-    }
-
-    /// Events.
-    #[must_use]
-    pub fn event(&self) -> String {
-        format!("{}/event", self.0)
-    }
-
-    /// Factsheet.
-    #[must_use]
-    pub fn about(&self) -> String {
-        format!("{}/about", self.0)
-    }
-
-    /// Measured poses.
-    #[must_use]
-    pub fn fix(&self) -> String {
-        format!("{}/fix", self.0)
-    }
-
-    /// Path and release from traffic control.
-    #[must_use]
-    pub fn route(&self) -> String {
-        format!("{}/route", self.0)
-    }
-
-    /// Requests of one client, or of any.
-    #[must_use]
-    pub fn cmd(&self, client: Option<&Name>) -> String {
-        format!("{}/cmd/{}", self.0, client.map_or(ANY, Name::as_str))
-    }
-
-    /// Recordings for one client, or for any.
-    #[must_use]
-    pub fn log(&self, client: Option<&Name>) -> String {
-        format!("{}/log/{}", self.0, client.map_or(ANY, Name::as_str))
-    }
-
-    /// Emergency stop by one client, or by any.
-    #[must_use]
-    pub fn estop(&self, client: Option<&Name>) -> String {
-        format!("{}/estop/{}", self.0, client.map_or(ANY, Name::as_str))
-    }
-
-    /// Setpoints of one client, or of any.
-    #[must_use]
-    pub fn teleop(&self, client: Option<&Name>) -> String {
-        format!("{}/teleop/{}", self.0, client.map_or(ANY, Name::as_str))
+        key(&self.0, &format!("record/{topic}"))
     }
 }
 
@@ -575,13 +327,5 @@ mod tests {
         assert_eq!(Key::parse("xtb/lab/all/state"), None);
         assert_eq!(Key::parse("xtb/lab/map/state"), None);
         assert_eq!(Key::parse("xtb/lab/xtb-1/cmd/a/b"), None);
-    }
-
-    #[test]
-    fn names_are_checked() {
-        for bad in ["", "Xtb", "a b", "a/b", "*", &"x".repeat(33)] {
-            assert!(Name::new(bad).is_err(), "{bad}");
-        }
-        assert_eq!(Name::robot("all"), Err(NameError::Reserved("all".into())));
     }
 }

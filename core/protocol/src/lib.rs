@@ -10,6 +10,7 @@ pub mod keys;
 pub mod messages;
 pub mod text;
 pub mod trace;
+pub mod wire;
 
 pub use keys::Name;
 pub use uuid::Uuid;

@@ -6,9 +6,10 @@ use proptest::prelude::*;
 use xtb_control::controller::{AdcSample, PwmOutputs};
 use xtb_control::{AdcCount, PwmCount};
 use xtb_protocol::board::{BoardError, FrameReader, FrameWriter, FromBoard, MAX_PULSES, ToBoard};
-use xtb_protocol::codec::{CodecError, Format, MAX_BYTES, decode, encode, encoding};
+use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::gyro_3dmg::GyroReader;
 use xtb_protocol::messages::{Body, Event, LinkLoss, Message, Reply, Request, RobotState, Setpoint, Via};
+use xtb_protocol::wire::{CodecError, MAX_BYTES};
 use xtb_protocol::{Uuid, keys::Key};
 
 fn pwm() -> impl Strategy<Value = PwmOutputs> {

@@ -4,12 +4,13 @@
 
 use serde_json::Value;
 use xtb_control::frames::MapPose;
-use xtb_protocol::codec::{CodecError, Format, JSON, decode, encode, encoding};
+use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::messages::{
     About, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, ErrorBody, Event, EventKind, Fault,
     GoalStatus, Latch, Limits, LogCode, LogReply, LogRequest, Message, Outcome, ParameterInfo, RejectCode,
     Reply, Roster, RosterEntry, Route, Suspension, SuspensionCause, TaskList, TrafficState,
 };
+use xtb_protocol::wire::{CodecError, JSON};
 use xtb_protocol::{Name, Uuid, text};
 
 const EVIL: &str = "a\x1b[2J\r\nok\u{9b}1m\x7f\u{2028}\u{202e}z\0";

@@ -6,8 +6,8 @@
 
 use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::messages::{
-    Assignment, Body, DispatchCode, Errand, Lease, LinkLoss, Message, OnTakeover, Request, TaskEvent, TaskId,
-    TaskState, TaskStep, Via,
+    Assignment, Body, DispatchCode, Lease, LinkLoss, Message, OnTakeover, Request, TaskAction, TaskEvent,
+    TaskId, TaskState, TaskStep, Via,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -51,7 +51,7 @@ fn the_versions() {
 fn an_assignment() {
     let assignment = Assignment { ledger: 300, task: TaskId::new(17), assign_seq: 5, leg: 2 };
     assert_eq!(assignment.goal_id().to_string(), "00000000-012c-8000-8000-000001400002");
-    let errand = Errand::Goto { x_m: 1.5, y_m: -2.0, yaw_rad: None, via: Some(Via::Planned) };
+    let errand = TaskAction::Goto { x_m: 1.5, y_m: -2.0, yaw_rad: None, via: Some(Via::Planned) };
     let body = Body::Assign { assignment, errand, on_link_loss: LinkLoss::Finish, finish_s: 60.0 };
     pinned(
         &request(body),
@@ -66,7 +66,7 @@ fn an_assignment() {
             r#":60.0}}}"#
         ),
     );
-    let errand = Errand::Wander { for_s: 20.0 };
+    let errand = TaskAction::Wander { for_s: 20.0 };
     let body = Body::Assign { assignment, errand, on_link_loss: LinkLoss::Halt, finish_s: 60.0 };
     pinned(
         &request(body),

@@ -3,8 +3,9 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
-use xtb_protocol::codec::{CodecError, Format, decode, encode, encoding};
+use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::messages::{LogReply, LogRequest, MAX_LOG_NAME, MAX_PIECE, Message};
+use xtb_protocol::wire::CodecError;
 
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()

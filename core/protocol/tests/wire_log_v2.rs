@@ -4,8 +4,9 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
-use xtb_protocol::codec::{CodecError, Format, decode, encode, encoding};
+use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::messages::{LogCode, LogFile, LogReply, Message};
+use xtb_protocol::wire::CodecError;
 
 const RECORDING: &str = "a-20041201T120000Z.mcap";
 

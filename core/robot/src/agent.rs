@@ -37,7 +37,7 @@ use xtb_control::frames::MapPose;
 use xtb_control::odometry::OdomPose;
 use xtb_control::{Command, Outputs, Stamp, VehicleConfig};
 use xtb_nav::NavSettings;
-use xtb_nav::filter::PoseFilter;
+use xtb_nav::localization::PoseFilter;
 use xtb_nav::navigator::Navigator;
 use xtb_protocol::messages::{
     Event, EventKind, Fault, GoalEnd, GoalStatus, InputAges, Latch, Lease, LinkLoss, PoseSource, PoseState,

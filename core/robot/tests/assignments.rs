@@ -7,7 +7,7 @@ mod bench;
 use bench::*;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
-    Assignment, Body, Done, Errand, GoalStatus, LinkLoss, Outcome, RejectCode, Request, TaskId,
+    Assignment, Body, Done, GoalStatus, LinkLoss, Outcome, RejectCode, Request, TaskAction, TaskId,
 };
 
 const LEDGER: u64 = 77;
@@ -19,7 +19,7 @@ fn assignment(assign_seq: u64, leg: u32) -> Assignment {
 fn assign(assign_seq: u64, leg: u32, y_m: f64) -> Body {
     Body::Assign {
         assignment: assignment(assign_seq, leg),
-        errand: Errand::Goto { x_m: 0.0, y_m, yaw_rad: None, via: None },
+        errand: TaskAction::Goto { x_m: 0.0, y_m, yaw_rad: None, via: None },
         on_link_loss: LinkLoss::Finish,
         finish_s: 60.0,
     }

@@ -19,7 +19,7 @@ mod troubled;
 use draw::in_parallel;
 use fixed::{Drive, Moment};
 use troubled::Trouble;
-use xtb_nav::filter::{Trust, TrustLimits};
+use xtb_nav::localization::{UncertaintyLimits, UncertaintySpeed};
 use xtb_sim::{FixTruth, TruckParameters};
 
 const SECONDS: f64 = 600.0;
@@ -73,7 +73,7 @@ fn rows() -> Vec<(&'static str, Trouble, Change)> {
 
 /// Whether a robot with 20 cm to spare would stand here because its pose is uncertain.
 fn would_stand(moment: &Moment) -> bool {
-    Trust::of(&moment.estimate, 0.2, &TrustLimits::default()) == Trust::Stop
+    UncertaintySpeed::of(&moment.estimate, 0.2, &UncertaintyLimits::default()) == UncertaintySpeed::Stop
 }
 
 fn row(name: &str, drives: &[Drive]) {

@@ -8,7 +8,7 @@
 use crate::geometry::Bounds;
 use crate::world::World;
 use thiserror::Error;
-use xtb_nav::grid::GridError;
+use xtb_nav::geometry::grid::GridError;
 use xtb_nav::map::{MapError, raster};
 use xtb_nav::{Cell, Grid, Map};
 

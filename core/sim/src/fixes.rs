@@ -13,7 +13,7 @@ use xtb_control::config::{
 use xtb_control::config_section;
 use xtb_control::frames::wrap_rad;
 use xtb_control::units::Stamp;
-use xtb_nav::filter::{Fix, FixSource};
+use xtb_nav::localization::{Fix, FixSource};
 use xtb_protocol::messages::{self, TruthRobot};
 
 config_section! {

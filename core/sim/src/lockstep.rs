@@ -18,8 +18,8 @@ use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
 use xtb_nav::Map;
-use xtb_nav::navigator::giveway::Neighbour;
-use xtb_nav::navigator::{Floor, PlanDone};
+use xtb_nav::navigator::right_of_way::Neighbour;
+use xtb_nav::navigator::{PlanDone, PreparedMap};
 use xtb_nav::planner::Planner;
 use xtb_protocol::keys::NameError;
 use xtb_protocol::messages::{Body, Lease, Outcome, Rejected, Reply, Request, RobotState, TruthRobot};
@@ -183,7 +183,7 @@ impl Lockstep {
 
     /// Gives every robot this map to plan on.
     pub fn set_map(&mut self, map: &Map) {
-        let floor = Arc::new(Floor::of(map.clone()));
+        let floor = Arc::new(PreparedMap::of(map.clone()));
         for robot in &mut self.robots {
             robot.agent_mut().set_floor(floor.clone());
         }

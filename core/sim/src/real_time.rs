@@ -8,7 +8,7 @@
 //! The *real-time factor* is simulated time over real time, as in other simulators; what counts as slow
 //! is its part of the speed that was asked for.
 
-use crate::simulation::STEP_NS;
+use crate::step::STEP_NS;
 use std::collections::VecDeque;
 use std::time::Duration;
 use xtb_control::Stamp;

@@ -5,7 +5,7 @@
 
 use crate::geometry::{Beam, OrientedBox};
 use crate::grid::{Cells, MovingGrid, StandingGrid};
-use crate::simulation::STEP_NS;
+use crate::step::STEP_NS;
 use crate::world::World;
 use xtb_control::units::Stamp;
 

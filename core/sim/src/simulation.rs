@@ -16,9 +16,10 @@
 //! # Ok(()) }
 //! ```
 
+use crate::lattice::footprint;
 use crate::parameters::TruckParameters;
 use crate::scene::{Scene, StepContext, Traffic};
-use crate::starts::footprint;
+use crate::step::STEP_NS;
 use crate::vehicle::Truck;
 use crate::world::{BoxSpec, World};
 use crate::world_error::WorldError;
@@ -27,11 +28,6 @@ use xtb_control::config::ConfigError;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
 use xtb_protocol::messages::TruthRobot;
-
-/// Length of a step in ns: 5 ms, one turn of the agent's control loop.
-pub const STEP_NS: u64 = 5_000_000;
-/// The same in s, for formulas.
-pub(crate) const STEP_S: f64 = STEP_NS as f64 * 1e-9;
 
 /// Why a simulation cannot do what was asked.
 #[derive(Debug, Clone, PartialEq, Error)]

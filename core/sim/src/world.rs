@@ -37,8 +37,8 @@
 //! ```
 
 use crate::geometry::{Bounds, OrientedBox};
+use crate::lattice::places;
 use crate::parameters::Body;
-use crate::starts::places;
 use crate::world_error::{WorldError, check};
 use serde::Deserialize;
 use xtb_control::frames::MapPose;

@@ -12,11 +12,11 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// Where two of a group meet: their numbers in the group, and what each would have to avoid.
-pub(crate) struct Meeting<Ban> {
+pub(crate) struct Conflict<Constraint> {
     pub(crate) one: usize,
-    pub(crate) avoids: Ban,
+    pub(crate) avoids: Constraint,
     pub(crate) other: usize,
-    pub(crate) avoids_too: Ban,
+    pub(crate) avoids_too: Constraint,
 }
 
 /// Those for whom ways are looked for.
@@ -24,30 +24,18 @@ pub(crate) trait Group {
     /// Way of one in space and time.
     type Way: Clone;
     /// Part of another one's way that must be avoided.
-    type Ban: Clone;
+    type Constraint: Clone;
 
     /// How many they are.
     fn size(&self) -> usize;
     /// The way of one that avoids all these; `None` = there is none, or it costs too much to find.
-    fn way(&mut self, member: usize, bans: &[Self::Ban]) -> Option<Self::Way>;
+    fn way(&mut self, member: usize, constraints: &[Self::Constraint]) -> Option<Self::Way>;
     /// What all ways together cost: the cheapest choice is looked at next.
     fn cost(&self, ways: &[Self::Way]) -> usize;
     /// Where two of these meet first; `None` = nobody meets anybody.
-    fn meeting(&mut self, ways: &[Self::Way]) -> Option<Meeting<Self::Ban>>;
+    fn conflict(&mut self, ways: &[Self::Way]) -> Option<Conflict<Self::Constraint>>;
     /// Whether to look at one more choice.
     fn goes_on(&mut self) -> bool;
-}
-
-/// A way for each, and what each avoids.
-struct Choice<G: Group> {
-    ways: Vec<G::Way>,
-    bans: Vec<Vec<G::Ban>>,
-}
-
-impl<G: Group> Clone for Choice<G> {
-    fn clone(&self) -> Self {
-        Self { ways: self.ways.clone(), bans: self.bans.clone() }
-    }
 }
 
 /// Ways on which nobody meets anybody; `None` if there are none among the `most_choices` cheapest
@@ -58,25 +46,25 @@ pub(crate) fn resolve<G: Group>(
     choices: &mut u32,
 ) -> Option<Vec<G::Way>> {
     let ways: Vec<G::Way> = (0..group.size()).map(|member| group.way(member, &[])).collect::<Option<_>>()?;
-    let bans = vec![Vec::new(); ways.len()];
+    let avoided: Vec<Vec<G::Constraint>> = vec![Vec::new(); ways.len()];
     let mut open = BinaryHeap::from([Reverse((group.cost(&ways), 0))]);
-    let mut known: Vec<Choice<G>> = vec![Choice { ways, bans }];
+    let mut known = vec![(ways, avoided)];
     for _ in 0..most_choices {
         let Reverse((_, index)) = open.pop()?;
         if !group.goes_on() {
             return None;
         }
         *choices += 1;
-        let choice = known[index].clone();
-        let Some(meeting) = group.meeting(&choice.ways) else { return Some(choice.ways) };
-        let Meeting { one, avoids, other, avoids_too } = meeting;
-        for (member, ban) in [(one, avoids), (other, avoids_too)] {
-            let mut child = choice.clone();
-            child.bans[member].push(ban);
-            let Some(way) = group.way(member, &child.bans[member]) else { continue };
-            child.ways[member] = way;
-            open.push(Reverse((group.cost(&child.ways), known.len())));
-            known.push(child);
+        let (ways, avoided) = known[index].clone();
+        let Some(conflict) = group.conflict(&ways) else { return Some(ways) };
+        let Conflict { one, avoids, other, avoids_too } = conflict;
+        for (member, constraint) in [(one, avoids), (other, avoids_too)] {
+            let (mut ways, mut avoided) = (ways.clone(), avoided.clone());
+            avoided[member].push(constraint);
+            let Some(way) = group.way(member, &avoided[member]) else { continue };
+            ways[member] = way;
+            open.push(Reverse((group.cost(&ways), known.len())));
+            known.push((ways, avoided));
         }
     }
     None
@@ -111,14 +99,14 @@ mod tests {
 
     impl Group for Line {
         type Way = Vec<u8>;
-        type Ban = At;
+        type Constraint = At;
 
         fn size(&self) -> usize {
             2
         }
 
         /// Breadth first over (step, place).
-        fn way(&mut self, member: usize, bans: &[At]) -> Option<Vec<u8>> {
+        fn way(&mut self, member: usize, constraints: &[At]) -> Option<Vec<u8>> {
             self.searches += 1;
             let (start, goal) = if member == 0 { (0, 4) } else { (4, 0) };
             let mut ways = vec![vec![start]];
@@ -126,13 +114,13 @@ mod tests {
                 let mut longer: Vec<Vec<u8>> = Vec::new();
                 for way in &ways {
                     for place in Self::next(*way.last()?) {
-                        let banned = bans.contains(&(step, place));
+                        let banned = constraints.contains(&(step, place));
                         if !banned && !longer.iter().any(|other| other.last() == Some(&place)) {
                             longer.push([way.as_slice(), &[place]].concat());
                         }
                     }
                 }
-                let last = bans.iter().map(|(step, _)| *step).max().unwrap_or(0);
+                let last = constraints.iter().map(|(step, _)| *step).max().unwrap_or(0);
                 let there = |way: &&Vec<u8>| way.last() == Some(&goal) && step >= last;
                 if let Some(way) = longer.iter().find(there) {
                     return Some(way.clone());
@@ -146,12 +134,12 @@ mod tests {
             ways.iter().map(Vec::len).sum()
         }
 
-        fn meeting(&mut self, ways: &[Vec<u8>]) -> Option<Meeting<At>> {
+        fn conflict(&mut self, ways: &[Vec<u8>]) -> Option<Conflict<At>> {
             let at = |member: usize, step: usize| ways[member][step.min(ways[member].len() - 1)];
             (1..ways[0].len().max(ways[1].len())).find_map(|step| {
                 let same = at(0, step) == at(1, step);
                 let swap = at(0, step) == at(1, step - 1) && at(1, step) == at(0, step - 1);
-                (same || swap).then(|| Meeting {
+                (same || swap).then(|| Conflict {
                     one: 0,
                     avoids: (step, at(0, step)),
                     other: 1,
@@ -169,7 +157,7 @@ mod tests {
     fn two_that_are_as_far_from_the_only_bay_pass_each_other_there() {
         let (mut line, mut choices) = (Line { searches: 0 }, 0);
         let ways = resolve(&mut line, 200, &mut choices).unwrap();
-        assert!(line.meeting(&ways).is_none());
+        assert!(line.conflict(&ways).is_none());
         assert!(ways.iter().any(|way| way.contains(&BAY)), "{ways:?}");
         assert_eq!((ways[0].last(), ways[1].last()), (Some(&4), Some(&0)));
         assert!(line.searches <= 2 + 2 * choices);

@@ -15,42 +15,43 @@
 //! * Only trucks with a planned goal are led. All others are driven around: those without a goal,
 //!   latched, taken over, failed, stalled, or not heard of.
 
-pub mod joint;
-pub mod room;
-
+mod arrival_times;
 mod attempt;
-mod blame;
+mod blocker_search;
+mod discretized_path;
 mod field;
 mod group;
 mod in_turn;
+mod job;
+mod joint;
 mod lane;
-mod margin;
+mod messages;
+mod occupancy;
 mod order;
 mod plans;
 mod release;
+mod room;
 mod search;
+mod separation;
 mod task;
-mod timeline;
-mod times;
 mod truck;
 mod unknown;
 mod view;
-mod way;
-mod wire;
 
 pub use field::Field;
-pub use joint::{JointJob, JointResult};
+pub use job::{JointJob, JointResult};
+pub use messages::others_near;
 pub use room::{GridRoom, Room};
 pub use view::{Counters, Guide, PlannedGoal, RobotView, RouteReport};
-pub use wire::others_near;
 
-use joint::{Block, MOST_TICKS};
+use discretized_path::{DiscretizedPath, STEP_M};
+use job::Block;
+use joint::MOST_TICKS;
 use order::{Order, Runner, run_ahead};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use truck::{Route, Truck};
 use unknown::Unknown;
-use way::{STEP_M, Way};
 use xtb_control::Stamp;
 use xtb_nav::Car;
 
@@ -198,7 +199,7 @@ impl Coordinator {
         let truck = &mut self.trucks[index];
         let Some(report) = truck.view.route.clone().filter(|_| truck.view.goal.is_some()) else { return };
         self.plan = self.plan.max(report.plan);
-        let way = Way::new(report.path, &self.car);
+        let way = DiscretizedPath::new(report.path, &self.car);
         let release_m = report.release_m.clamp(0.0, way.length_m);
         // What lies between two places counts as released up to the second one.
         let release = (libm::ceil(release_m / STEP_M - 1e-6) as usize).min(way.last());

@@ -6,9 +6,11 @@
 //! ```text
 //!   robots' states, goals ──► coordinator ──► passing order ──► released stretches      while they drive
 //!   instance of a fleet ────► solver ───────► schedule                                  before they drive
-//!                                 ╰─ conflicts: the conflict-based search of both
+//!                                 ├─ conflicts: the conflict-based search of both
+//!                                 ╰─ hybrid_a_star: one robot's search, of both
 //! ```
 
 mod conflicts;
 pub mod coordinator;
+mod hybrid_a_star;
 pub mod solver;

@@ -4,6 +4,7 @@ use super::LinkLossArg;
 use super::values::{degrees, latch, metres, rpm, seconds};
 use clap::{ArgGroup, Args};
 use std::time::Duration;
+use xtb_client::multi_robot::Targets;
 use xtb_protocol::Name;
 use xtb_protocol::messages::Latch;
 
@@ -143,9 +144,17 @@ pub struct WhoArgs {
     /// Roster for --all, separated by commas [default: the config's or the simulator's].
     #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot, requires = "all")]
     pub expect: Vec<Name>,
-    /// Robots that the caller knows of by itself: with `all` they are asked too, whatever the router says.
-    #[arg(skip)]
-    pub known: Vec<Name>,
+}
+
+impl WhoArgs {
+    /// Whom that means.
+    #[must_use]
+    pub fn targets(&self) -> Targets {
+        match self.all {
+            true => Targets::All { expect: self.expect.clone(), known: Vec::new() },
+            false => Targets::Robots(self.robots.clone()),
+        }
+    }
 }
 
 /// Arguments of `stop`.

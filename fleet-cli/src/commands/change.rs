@@ -1,12 +1,13 @@
 //! `cancel`, `pause`, `resume` and `retry`: answered when robots have confirmed.
 
 use crate::cli::{CancelArgs, PauseArgs, ResumeArgs, RetryArgs};
-use crate::client::Client;
+use crate::commands::dispatcher;
 use crate::context::Context;
-use crate::dispatching::{Changes, Dispatching, worst};
 use crate::error::{Exit, Failure, Kind, Result};
-use crate::task_words::tone;
-use crate::words;
+use crate::text::reasons;
+use crate::text::task::tone;
+use xtb_client::client::Client;
+use xtb_client::dispatcher_client::{Changes, worst};
 use xtb_protocol::messages::{DispatchBody, TaskChange};
 
 /// Ends tasks.
@@ -46,8 +47,8 @@ pub async fn retry(ctx: &Context, args: RetryArgs) -> Result<Exit> {
 }
 
 async fn change(ctx: &Context, body: DispatchBody) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
-    let changes = Dispatching::of(&client).change(body).await;
+    let client = Client::open(&ctx.settings).await?;
+    let changes = dispatcher(&client).change(body).await;
     client.close().await;
     let Changes { tasks, left_out } = changes?;
     let exit = report(ctx, &tasks)?;
@@ -68,7 +69,7 @@ fn report(ctx: &Context, changes: &[TaskChange]) -> Result<Exit> {
         } else if let Some(error) = &change.error {
             ctx.out.failure(&Failure::from(error.clone()));
         } else if let Some(state) = change.state {
-            let state = ctx.out.paint(tone(state), &words::name(&state));
+            let state = ctx.out.paint(tone(state), &reasons::name(&state));
             ctx.out.text(&format!("{} {state}", change.id))?;
         }
     }

@@ -1,16 +1,14 @@
 //! `dashboard`: the fleet in a browser.
 
-pub(crate) mod carry;
-pub(crate) mod wheel;
+pub(crate) mod execute;
+pub(crate) mod teleop_session;
 
 use crate::cli::DashboardArgs;
-use crate::client::Client;
 use crate::context::Context;
 use crate::dashboard::{Running, Settings, Shown};
 use crate::error::{Exit, Failure, Result};
 use crate::interrupt::interrupted;
-use crate::listen::Sources;
-use crate::recording::playing::Playing;
+use crate::recording::playback_worker::PlaybackWorker;
 use crate::scene::live::{Live, Wanted};
 use serde::Serialize;
 use std::net::SocketAddr;
@@ -18,6 +16,8 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::MissedTickBehavior;
+use xtb_client::client::Client;
+use xtb_client::subscription::Subscriptions;
 
 #[cfg(feature = "foxglove")]
 type Foxglove = crate::foxglove::Handle;
@@ -50,7 +50,7 @@ pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
     let settings = settings(args);
     settings.check()?;
     let starting = async {
-        let client = Client::open(ctx).await?;
+        let client = Client::open(&ctx.settings).await?;
         let live = Live::open(&client, Wanted::default()).await?;
         let shown = Shown { scene: Arc::clone(&live.scene), commands: Some((ctx.clone(), client.clone())) };
         let foxglove = foxglove(ctx, args, &live).await?;
@@ -76,7 +76,7 @@ pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
 async fn sensors_for_pages(client: &Client, live: &Live, running: &Running) {
     let mut look = tokio::time::interval(LOOK_EVERY);
     look.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    let mut sources: Option<Sources> = None;
+    let mut sources: Option<Subscriptions> = None;
     loop {
         look.tick().await;
         if running.pages() == 0 {
@@ -92,7 +92,7 @@ async fn sensors_for_pages(client: &Client, live: &Live, running: &Running) {
 ///
 /// # Errors
 /// A port that is taken, or an address that needs a token.
-pub(crate) async fn played(ctx: &Context, playing: Arc<Playing>, listen: SocketAddr) -> Result<Exit> {
+pub(crate) async fn played(ctx: &Context, playing: Arc<PlaybackWorker>, listen: SocketAddr) -> Result<Exit> {
     let stop = pin!(interrupted());
     let settings =
         Settings { token: None, read_only: true, hz: PLAYED_HZ, ..settings(&DashboardArgs::at(listen)) };
@@ -116,7 +116,8 @@ fn settings(args: &DashboardArgs) -> Settings {
 
 fn ready(ctx: &Context, running: &Running, read_only: bool) -> Result<()> {
     let address = running.address().to_string();
-    let ready = Ready { ready: true, url: running.url(), address, read_only, fleet: ctx.fleet.as_str() };
+    let ready =
+        Ready { ready: true, url: running.url(), address, read_only, fleet: ctx.settings.fleet.as_str() };
     ctx.out.result(&ready, |ready| {
         let only = if ready.read_only { ", read only" } else { "" };
         format!("dashboard of fleet {} ready{only}: {}", ready.fleet, ready.url)

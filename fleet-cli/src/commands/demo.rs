@@ -4,14 +4,11 @@
 //! `goto --wait` does.
 
 use crate::cli::DemoArgs;
-use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
-use crate::feed::Feed;
 use crate::interrupt::interrupted;
-use crate::lease::Control;
 use crate::output::Tone;
-use crate::services::dispatch::beside::Beside;
+use crate::services::dispatch::embedded::Beside;
 use crate::services::dispatch::store::{Scratch, Store};
 use crate::simulator::{Plan, Simulator};
 use crate::table::{Cell, Table};
@@ -20,6 +17,9 @@ use serde::Serialize;
 use std::io::IsTerminal;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use xtb_client::client::Client;
+use xtb_client::control::Control;
+use xtb_client::state_feed::StateFeed;
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Roster};
 use xtb_protocol::{Name, Uuid};
@@ -64,7 +64,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
     }
     let plan = Plan {
         fixes: FixTruth { rate_hz: 2.0, ..FixTruth::default() },
-        fleet: ctx.fleet.clone(),
+        fleet: ctx.settings.fleet.clone(),
         robots: args.robots,
         world: None,
         starts: Vec::new(),
@@ -100,7 +100,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
 /// The drives, with a dispatcher beside them that has a ledger of its own for as long.
 async fn accompanied(ctx: &Context, args: &DemoArgs, simulator: &Simulator) -> Result<Option<Vec<Leg>>> {
     let scratch = Scratch::new();
-    let dispatcher = Beside::start(ctx, simulator, Store::open(scratch.path(), &ctx.fleet)?).await?;
+    let dispatcher = Beside::start(ctx, simulator, Store::open(scratch.path(), &ctx.settings.fleet)?).await?;
     let driven = drive(ctx, args, simulator).await;
     dispatcher.stop().await?;
     driven
@@ -108,9 +108,9 @@ async fn accompanied(ctx: &Context, args: &DemoArgs, simulator: &Simulator) -> R
 
 /// Sends every robot to its goals. `None` = interrupted.
 async fn drive(ctx: &Context, args: &DemoArgs, simulator: &Simulator) -> Result<Option<Vec<Leg>>> {
-    let own = Context { connect: vec![simulator.endpoint().to_owned()], ..ctx.clone() };
-    let client = Client::open(&own).await?;
-    let feed = Arc::new(Feed::open(&client, &client.keys().any_robot()).await?);
+    let own = ctx.with(|settings| settings.connect = vec![simulator.endpoint().to_owned()]);
+    let client = Client::open(&own.settings).await?;
+    let feed = Arc::new(StateFeed::open(&client, &client.keys().any_robot()).await?);
     let mut scene = Scene::default();
     let mut tours = tokio::task::JoinSet::new();
     for (index, (robot, start)) in starts(simulator.roster()).enumerate() {
@@ -183,7 +183,7 @@ fn round(value: f64) -> f64 {
 /// One robot's way from goal to goal.
 struct Tour {
     client: Client,
-    feed: Arc<Feed>,
+    feed: Arc<StateFeed>,
     truth: crate::simulator::TruthView,
     robot: Name,
 }
@@ -218,7 +218,8 @@ impl Tour {
         Ok(Leg {
             robot: self.robot.clone(),
             goal,
-            status: status.map_or_else(|| "timed out".to_owned(), |status| crate::words::name(&status)),
+            status: status
+                .map_or_else(|| "timed out".to_owned(), |status| crate::text::reasons::name(&status)),
             reached: status == Some(GoalStatus::Reached),
             virtual_s: truth.t_s - began_s,
             error_m: robot.map(|now| (now.x_m - x_m).hypot(now.y_m - y_m)),

@@ -13,7 +13,9 @@ mod wait;
 
 use crate::cli::{DispatchArgs, DispatchVerb};
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::error::{Exit, Failure, Kind, Result};
+use robot_agent::files;
+use std::path::Path;
 
 /// Carries out one of its verbs.
 ///
@@ -33,4 +35,13 @@ pub async fn run(ctx: &Context, args: &DispatchArgs) -> Result<Exit> {
         DispatchVerb::Compact(args) => compact::run(ctx, args),
         DispatchVerb::Export(args) => export::run(ctx, args),
     }
+}
+
+/// A text file.
+///
+/// # Errors
+/// [`Kind::Config`]: it cannot be read, or is too long.
+fn text(path: &Path, max_bytes: usize) -> Result<String> {
+    files::text(path, max_bytes)
+        .map_err(|error| Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display())))
 }

@@ -3,17 +3,17 @@
 
 mod checks;
 mod clock;
+mod finding;
 mod fixes;
 mod services;
 
 use crate::cli::DoctorArgs;
-use crate::client::{Client, Seen};
 use crate::context::Context;
-use crate::error::{Exit, Kind, Result};
-use crate::feed::Feed;
+use crate::error::{Exit, Result};
 use crate::output::{Output, Tone};
-use checks::{Facts, Finding, Level};
+use checks::Facts;
 use clock::Mark;
+use finding::{Finding, Level};
 use fixes::FixBook;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -21,6 +21,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 use xtb_bus::{Incoming, Subscription};
+use xtb_client::ErrorKind;
+use xtb_client::client::{Client, Seen};
+use xtb_client::state_feed::StateFeed;
 use xtb_protocol::keys::{Key, RobotKeys};
 use xtb_protocol::messages::{About, Body, Fix, Request, RobotState};
 use xtb_protocol::{Name, Uuid};
@@ -59,19 +62,19 @@ impl Report {
 /// An endpoint that is none; a router that does not answer is a finding.
 pub async fn run(ctx: &Context, args: &DoctorArgs) -> Result<Exit> {
     let began = Instant::now();
-    let findings = match Client::open(ctx).await {
+    let findings = match Client::open(&ctx.settings).await {
         Ok(client) => {
             let took = began.elapsed();
             let facts = gather(ctx, &client, args).await?;
             client.close().await;
-            let mut findings = vec![checks::router(&ctx.connect, took)];
+            let mut findings = vec![checks::router(&ctx.settings.connect, took)];
             findings.extend(checks::all(&facts));
             findings
         }
-        Err(failure) if failure.kind == Kind::NoRouter => vec![checks::no_router(&failure)],
-        Err(failure) => return Err(failure),
+        Err(error) if error.kind == ErrorKind::NoRouter => vec![checks::no_router(&error.into())],
+        Err(error) => return Err(error.into()),
     };
-    let report = Report::new(&ctx.fleet, findings);
+    let report = Report::new(&ctx.settings.fleet, findings);
     ctx.out.result(&report, |report| text(report, &ctx.out))?;
     Ok(if report.problems == 0 { Exit::Done } else { Exit::Failed })
 }
@@ -82,7 +85,7 @@ async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Fac
     let (alive, roster) = tokio::join!(client.alive(), client.roster_entries(&args.expect));
     let mut alive = alive?;
     // Not before: a question for presence right beside a subscription to it was seen to bring nothing.
-    let feed = Arc::new(Feed::open(client, &any).await?);
+    let feed = Arc::new(StateFeed::open(client, &any).await?);
     let fixes = listen_for_fixes(client, &feed).await?;
     let (mut abouts, mut unreadable) = (BTreeMap::<Name, Vec<About>>::new(), BTreeMap::new());
     for answer in client.get_each(RobotKeys::about, &alive).await? {
@@ -111,11 +114,11 @@ async fn gather(ctx: &Context, client: &Client, args: &DoctorArgs) -> Result<Fac
     let states = states.collect();
     let fixes = fixes.book();
     Ok(Facts {
-        connected: ctx.connect.join(", "),
-        services: services.end(client, ctx.timeout).await?,
+        connected: ctx.settings.connect.join(", "),
+        services: services.end(client, ctx.settings.timeout).await?,
         simulator: client.sim_stats().await?,
         simulated: client.simulated().await?.into_iter().flatten().map(|entry| entry.name).collect(),
-        fleet: ctx.fleet.clone(),
+        fleet: ctx.settings.fleet.clone(),
         roster: roster?,
         alive,
         abouts,
@@ -141,7 +144,7 @@ impl FixEar {
     }
 }
 
-async fn listen_for_fixes(client: &Client, feed: &Arc<Feed>) -> Result<FixEar> {
+async fn listen_for_fixes(client: &Client, feed: &Arc<StateFeed>) -> Result<FixEar> {
     let book = Arc::new(Mutex::new(FixBook::default()));
     let (heard, feed) = (Arc::clone(&book), Arc::clone(feed));
     let each = move |incoming: Incoming| {
@@ -184,7 +187,7 @@ async fn answers_to_a_command(client: &Client, robot: &Name) -> usize {
 
 /// How fast each robot's clock runs beside ours; `None` = it was not heard twice, or has restarted.
 async fn clock_rates(
-    feed: &Feed,
+    feed: &StateFeed,
     alive: &BTreeSet<Name>,
     abouts: &BTreeMap<Name, Vec<About>>,
 ) -> BTreeMap<Name, Option<f64>> {
@@ -246,7 +249,7 @@ fn text(report: &Report, out: &Output) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::{FakeRobot, name};
+    use xtb_client::fake::{FakeRobot, name};
     use xtb_protocol::codec::Format;
     use xtb_protocol::keys::Channel;
     use xtb_protocol::messages::{FixSource, Latch};
@@ -255,9 +258,9 @@ mod tests {
     async fn a_missing_and_a_latched_robot_are_found_with_what_to_do() {
         let client = Client::alone(Duration::from_secs(30)).await;
         let robot = FakeRobot::start(&client, "xtb-1").await;
-        robot.lock().state.latches = vec![crate::fake::latch(Latch::Estop, "cli-1", false)];
+        robot.lock().state.latches = vec![xtb_client::fake::latch(Latch::Estop, "cli-1", false)];
         let args = DoctorArgs { expect: vec![name("xtb-1"), name("xtb-2")] };
-        let facts = gather(client.context(), &client, &args).await.unwrap();
+        let facts = gather(&Context::of(&client), &client, &args).await.unwrap();
         let rate = facts.rates[&name("xtb-1")].unwrap();
         assert!((0.5..1.5).contains(&rate), "{rate}");
         let report = Report::new(&name("lab"), checks::all(&facts));
@@ -301,7 +304,7 @@ mod tests {
             }
         });
         let args = DoctorArgs { expect: vec![name("xtb-1"), name("xtb-2")] };
-        let facts = gather(client.context(), &client, &args).await.unwrap();
+        let facts = gather(&Context::of(&client), &client, &args).await.unwrap();
         sending.abort();
         let report = Report::new(&name("lab"), checks::all(&facts));
         let text = text(&report, &Output { json: false, colors: false });
@@ -316,8 +319,8 @@ mod tests {
         let client = Client::alone(Duration::from_secs(30)).await;
         let _robot = FakeRobot::start(&client, "xtb-1").await;
         let other = client.another().await;
-        let _shadow = crate::fake::yes_man(&other).await;
-        let facts = gather(client.context(), &client, &DoctorArgs { expect: Vec::new() }).await.unwrap();
+        let _shadow = xtb_client::fake::yes_man(&other).await;
+        let facts = gather(&Context::of(&client), &client, &DoctorArgs { expect: Vec::new() }).await.unwrap();
         let report = Report::new(&name("lab"), checks::all(&facts));
         let text = text(&report, &Output { json: false, colors: false });
         assert!(text.contains("problem  names     xtb-1: 2 programs answer its commands"), "{text}");

@@ -1,296 +1,37 @@
-//! `estop`: robots stand, latched, until somebody resets them. It needs no lease.
-//!
-//! It is put again and again until each robot has acknowledged it or time is up, and asked beside that: the
-//! answer, that the latch is set, is the acknowledgement, and the robot's own state has to show it. With `--all` it is put at once on the key
-//! that every robot hears, before anybody knows who they are. A link that is lost is waited for.
+//! `estop`: robots stand, latched, until somebody resets them.
 
-use super::confirm::confirm;
-use super::muster::{Gaps, Muster, Outcome, Report};
+use super::stopped::{self, Report};
 use super::unknown_robots;
-use crate::cli::{EstopArgs, WhoArgs};
-use crate::client::Client;
+use crate::cli::EstopArgs;
 use crate::context::Context;
-use crate::dispatching::Dispatching;
 use crate::error::{Exit, Result};
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
-use tokio::task::{JoinHandle, JoinSet};
-use xtb_protocol::codec::Format;
-use xtb_protocol::keys::Channel;
-use xtb_protocol::messages::{Estop, Estopped, Latch, RobotState};
-use xtb_protocol::{Name, Uuid};
-
-/// Between two puts, and between two questions, at first.
-const AGAIN_EVERY: Duration = Duration::from_millis(50);
-/// Later, so that repetitions do not fill a slow link.
-const AGAIN_MOST: Duration = Duration::from_millis(400);
-/// Questions to one robot on their way at most.
-const IN_FLIGHT: usize = 16;
-/// A question that is not answered for so long is asked anew.
-const ANSWER_WITHIN: Duration = Duration::from_millis(500);
-/// A lost link is waited for so long.
-const LINK_WITHIN: Duration = Duration::from_secs(60);
+use xtb_client::DispatcherClient;
+use xtb_client::client::Client;
+use xtb_client::estop::estop;
 
 /// Stops the robots named, or all of the roster and whoever else is there, and latches that.
 ///
 /// # Errors
 /// No router, or nobody to stop.
 pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
-    let calling = call(&client, ctx.timeout, &args.who);
+    let client = Client::open(&ctx.settings).await?;
+    let targets = args.who.targets();
+    let calling = estop(&client, &targets, ctx.settings.timeout);
     let robots = &args.who.robots;
     let beside = unknown_robots::reported_beside(calling, ctx, &client, robots, "told to stop");
-    let ((mut report, gaps), unknown_robots) = beside.await;
-    report.unknown_robots = unknown_robots;
-    if report.robots.is_empty() {
-        return Err(gaps.alive.unwrap_or_else(|| client.nobody()));
+    let ((stopped, missing), unknown_robots) = beside.await;
+    if stopped.robots.is_empty() {
+        return Err(missing.alive.unwrap_or_else(|| client.nobody()).into());
     }
+    let report = Report { stopped, unknown_robots };
     ctx.out.result(&report, |report| report.table("stopped (latched)", &ctx.out))?;
-    gaps.warn(ctx);
+    stopped::warn(ctx, &missing);
     if !ctx.out.json {
         ctx.out.note("`fleet-cli reset ROBOT` ends it; it is no safety-rated stop");
-        if args.who.all && Dispatching::of(&client).is_there().await {
+        if args.who.all && DispatcherClient::of(&client).is_there().await {
             ctx.out.note("the dispatcher assigns no task until `fleet-cli dispatch activate`");
         }
     }
     client.close().await;
     Ok(report.exit())
-}
-
-/// Calls it for them for so long, and says what came of it.
-pub(super) async fn call(client: &Client, within: Duration, who: &WhoArgs) -> (Report, Gaps) {
-    let call = Call { id: Uuid::new_v4(), within };
-    if who.all {
-        return call.until_linked(client, who).await;
-    }
-    let mut muster = Muster::new(client, |client, robot| call.one(client, robot));
-    muster.call(who.robots.iter().cloned());
-    (Report::new(muster.outcomes().await, &Gaps::default()), Gaps::default())
-}
-
-/// One emergency stop: the same id in each repetition.
-#[derive(Debug, Clone, Copy)]
-struct Call {
-    id: Uuid,
-    within: Duration,
-}
-
-impl Call {
-    /// Everybody; and anew when the link is back, if it was lost meanwhile and somebody has not answered.
-    async fn until_linked(self, client: &Client, who: &WhoArgs) -> (Report, Gaps) {
-        let give_up = Instant::now() + LINK_WITHIN;
-        loop {
-            let was_linked = client.bus().is_linked().await;
-            let (report, gaps) = self.everybody(client, &who.expect, &who.known).await;
-            let stopped = !report.robots.is_empty() && report.all_stopped();
-            if stopped || was_linked && client.bus().is_linked().await || Instant::now() >= give_up {
-                return (report, gaps);
-            }
-            tokio::time::sleep(AGAIN_EVERY).await;
-        }
-    }
-
-    /// Who is told, who is known, who is there, and who answers without being any of these.
-    async fn everybody(self, client: &Client, expect: &[Name], known: &[Name]) -> (Report, Gaps) {
-        let me = client.name().clone();
-        let _puts = self.put(client, client.keys().estop_all(Some(&me)), Channel::EstopAll(me));
-        let heard = Arc::new(Mutex::new(BTreeSet::new()));
-        let _asking = OnItsOwn(tokio::spawn(self.ask_everybody(client.clone(), Arc::clone(&heard))));
-        let mut muster = Muster::new(client, |client, robot| self.one(client, robot));
-        muster.call(known.iter().cloned());
-        let gaps = muster.call_all(expect).await;
-        let mut robots = muster.outcomes().await;
-        // Who has answered a question to all, and is none of those asked by name or did not answer that.
-        let unsaid = |robot: &&Name| matches!(robots.get(*robot), None | Some(Outcome::Unknown));
-        let late: Vec<Name> = lock(&heard).iter().filter(unsaid).cloned().collect();
-        let mut others = Muster::new(client, |client, robot| self.one(client, robot));
-        others.call(late);
-        robots.extend(others.outcomes().await);
-        (Report::new(robots, &gaps), gaps)
-    }
-
-    async fn ask_everybody(self, client: Client, heard: Arc<Mutex<BTreeSet<Name>>>) {
-        let key_expr = client.keys().any_robot().estop(Some(client.name()));
-        loop {
-            let latched = self.ask(&client, &key_expr).await;
-            lock(&heard).extend(latched.into_keys());
-            tokio::time::sleep(AGAIN_EVERY).await;
-        }
-    }
-
-    /// One robot, until it has acknowledged or time is up, and then until its state shows it.
-    async fn one(self, client: Client, robot: Name) -> Outcome {
-        let key = client.keys().robot(&robot).estop(Some(client.name()));
-        let puts = self.put(&client, key.clone(), Channel::Estop(client.name().clone()));
-        let within = client.round_trip().patience(self.within);
-        let acknowledged = self.acknowledged(&client, key, &robot);
-        let Ok(voices) = tokio::time::timeout(within, acknowledged).await else { return Outcome::Unknown };
-        drop(puts);
-        if voices > 1 { Outcome::Ambiguous } else { confirm(&client, &robot, is_latched).await }
-    }
-
-    /// How many programs say in the robot's name that it is latched, once one does. A question is asked again
-    /// before those before are answered: a slow link costs one round trip.
-    async fn acknowledged(self, client: &Client, key: String, robot: &Name) -> usize {
-        let mut asking = JoinSet::new();
-        let (mut next, mut pause) = (tokio::time::Instant::now(), AGAIN_EVERY);
-        loop {
-            tokio::select! {
-                biased;
-                Some(latched) = asking.join_next() => {
-                    let latched: BTreeMap<Name, usize> = latched.unwrap_or_default();
-                    if let Some(voices) = latched.get(robot) {
-                        return *voices;
-                    }
-                }
-                () = tokio::time::sleep_until(next), if asking.len() < IN_FLIGHT => {
-                    let (client, key) = (client.clone(), key.clone());
-                    asking.spawn(async move { self.ask(&client, &key).await });
-                    next = tokio::time::Instant::now() + pause;
-                    pause = longer(pause);
-                }
-            }
-        }
-    }
-
-    /// Who is said to be latched, and by how many.
-    async fn ask(self, client: &Client, key_expr: &str) -> BTreeMap<Name, usize> {
-        let mut latched = BTreeMap::new();
-        let channel = Channel::Estop(client.name().clone());
-        let estop = Estop { id: self.id };
-        let within = client.round_trip().patience(ANSWER_WITHIN.min(self.within));
-        let each = |answer: xtb_bus::Incoming| match answer.decode::<Estopped>() {
-            Ok(Estopped { robot, latched: true }) => *latched.entry(robot).or_default() += 1,
-            Ok(Estopped { robot, .. }) => tracing::debug!("{robot} has heard of it and is not latched"),
-            Err(error) => tracing::warn!("on {}: {error}", answer.key),
-        };
-        if let Err(error) = client.bus().ask_each(key_expr, &channel, &estop, within, each).await {
-            tracing::debug!("{error}");
-        }
-        latched
-    }
-
-    /// Puts it now and again and again, in a task of its own: a full queue holds up no question.
-    fn put(self, client: &Client, key: String, channel: Channel) -> OnItsOwn {
-        let bus = client.bus().clone();
-        OnItsOwn(tokio::spawn(async move {
-            let mut pause = AGAIN_EVERY;
-            loop {
-                if let Err(error) = bus.put(&key, &channel, &Estop { id: self.id }, Format::Postcard).await {
-                    tracing::debug!("{error}");
-                }
-                tokio::time::sleep(pause).await;
-                pause = longer(pause);
-            }
-        }))
-    }
-}
-
-fn longer(pause: Duration) -> Duration {
-    (pause * 5 / 4).min(AGAIN_MOST)
-}
-
-fn is_latched(state: &RobotState) -> bool {
-    state.latches.iter().any(|set| set.latch == Latch::Estop)
-}
-
-/// A task that ends with its owner.
-struct OnItsOwn(JoinHandle<()>);
-
-impl Drop for OnItsOwn {
-    fn drop(&mut self) {
-        self.0.abort();
-    }
-}
-
-/// A panic elsewhere does not make the names unreadable.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::fake::{FakeRobot, name};
-
-    fn call(within: Duration) -> Call {
-        Call { id: Uuid::from_u128(1), within }
-    }
-
-    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-    async fn only_who_acknowledges_is_stopped_and_a_missing_one_leaves_it_incomplete() {
-        let client = Client::alone(Duration::from_secs(1)).await;
-        let there = FakeRobot::start(&client, "xtb-1").await;
-        let silent = FakeRobot::start(&client, "xtb-2").await;
-        silent.lock().mute = true;
-        let expect = ["xtb-1", "xtb-2", "xtb-3"].map(name);
-        let (report, _) = call(Duration::from_secs(1)).everybody(&client, &expect, &[]).await;
-        let outcomes = [Outcome::Stopped, Outcome::Unknown, Outcome::Unknown];
-        assert_eq!(report.robots, expect.into_iter().zip(outcomes).collect::<BTreeMap<_, _>>());
-        assert_eq!((report.complete, report.exit()), (false, Exit::Unknown));
-        assert_eq!(there.lock().state.latches[0].latch, Latch::Estop);
-    }
-
-    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-    async fn a_roster_that_has_acknowledged_is_complete_and_nobody_knows_without_one() {
-        let client = Client::alone(Duration::from_secs(30)).await;
-        let _robot = FakeRobot::start(&client, "xtb-1").await;
-        let (report, _) = call(Duration::from_secs(30)).everybody(&client, &[name("xtb-1")], &[]).await;
-        assert_eq!((report.complete, report.exit()), (true, Exit::Done));
-        let (report, gaps) = call(Duration::from_secs(30)).everybody(&client, &[], &[]).await;
-        assert!(gaps.no_roster);
-        assert_eq!(report.robots, BTreeMap::from([(name("xtb-1"), Outcome::Stopped)]));
-        assert_eq!((report.complete, report.exit()), (false, Exit::Unknown));
-    }
-
-    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-    async fn who_is_known_by_sight_is_asked_though_the_router_knows_nobody() {
-        let client = Client::alone(Duration::from_millis(300)).await;
-        let known = [name("xtb-7")];
-        let (report, gaps) = call(Duration::from_millis(300)).everybody(&client, &[], &known).await;
-        assert_eq!(report.robots, BTreeMap::from([(name("xtb-7"), Outcome::Unknown)]));
-        assert!(gaps.no_roster && report.exit() == Exit::Unknown, "known is not all that there should be");
-    }
-
-    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-    async fn it_waits_for_a_lost_link_and_then_stops_who_is_there() {
-        let client = Client::alone(Duration::from_secs(1)).await;
-        let who = WhoArgs { robots: Vec::new(), all: true, expect: Vec::new(), known: vec![name("xtb-1")] };
-        let mut calling = std::pin::pin!(call(Duration::from_millis(200)).until_linked(&client, &who));
-        let early = tokio::time::timeout(Duration::from_millis(600), &mut calling).await;
-        assert!(early.is_err(), "there is neither link nor robot: {early:?}");
-        let robot = FakeRobot::start(&client, "xtb-1").await;
-        let (report, _) = calling.await;
-        assert_eq!(report.robots, BTreeMap::from([(name("xtb-1"), Outcome::Stopped)]));
-        assert_eq!(robot.lock().state.latches[0].latch, Latch::Estop);
-    }
-
-    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-    async fn it_is_put_again_with_its_id_until_it_is_acknowledged() {
-        let client = Client::alone(Duration::from_secs(30)).await;
-        let robot = FakeRobot::start(&client, "xtb-1").await;
-        robot.lock().mute = true;
-        let (sender, mut puts) = tokio::sync::mpsc::unbounded_channel();
-        let each = move |incoming: xtb_bus::Incoming| {
-            sender.send((incoming.key.clone(), incoming.decode::<Estop>().unwrap())).unwrap_or_default();
-        };
-        let _watch = client.bus().subscribe(xtb_protocol::keys::any::ESTOP, each).await.unwrap();
-        let deaf_at_first = async {
-            let mut heard = BTreeMap::<String, usize>::new();
-            while heard.len() < 2 || heard.values().any(|count| *count < 3) {
-                let (key, estop) = puts.recv().await.unwrap();
-                assert_eq!(estop.id, Uuid::from_u128(1));
-                *heard.entry(key).or_default() += 1;
-            }
-            robot.lock().mute = false;
-            heard
-        };
-        let calling = call(Duration::from_secs(30));
-        let expect = [name("xtb-1")];
-        let (heard, (report, _)) = tokio::join!(deaf_at_first, calling.everybody(&client, &expect, &[]));
-        assert!(report.complete, "{report:?}");
-        let keys = ["xtb/lab/all/estop/me", "xtb/lab/xtb-1/estop/me"];
-        assert_eq!(heard.into_keys().collect::<Vec<_>>(), keys);
-    }
 }

@@ -3,7 +3,7 @@
 use crate::cli::ExportArgs;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
-use crate::recording::playing::{begin as open, not_readable};
+use crate::recording::playback_worker::{begin as open, not_readable};
 use crate::recording::schemas;
 use crate::recording::table::Table;
 use serde::Serialize;

@@ -4,13 +4,12 @@
 mod fetch;
 
 use crate::cli::FetchLogArgs;
-use crate::client::Client;
 use crate::context::Context;
-use crate::describe;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
+use crate::text::robot as describe;
 use fetch::{Fetch, Next};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -18,10 +17,11 @@ use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use xtb_client::client::Client;
 use xtb_protocol::Name;
-use xtb_protocol::codec::CodecError;
 use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{LogCode, LogFile, LogReply, LogRequest, MAX_PIECE, RecordingName};
+use xtb_protocol::wire::CodecError;
 
 /// A question that was not answered is asked again after this.
 const ASK_AGAIN: Duration = Duration::from_millis(1000);
@@ -47,7 +47,7 @@ struct Fetched<'a> {
 /// # Errors
 /// No router, a robot that does not answer or has no such recording, a disk that will not.
 pub async fn run(ctx: &Context, args: &FetchLogArgs) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
+    let client = Client::open(&ctx.settings).await?;
     let files = list(ctx, &client, &args.robot).await?;
     if args.list {
         show(ctx.out, &files)?;
@@ -198,7 +198,7 @@ async fn ask(ctx: &Context, client: &Client, robot: &Name, request: &LogRequest)
             (None, Some(error)) => return Err(not_ours(robot, &error)),
         }
         tokio::time::sleep(TURNED_AWAY).await;
-        if began.elapsed() >= PATIENCE.max(ctx.timeout) {
+        if began.elapsed() >= PATIENCE.max(ctx.settings.timeout) {
             let message = format!("{robot} does not answer ({asked} times)");
             return Err(Failure::new(Kind::NoRobot, message).hint(
                 "`fleet-cli list` shows who is there; agents before this version keep their recordings",

@@ -1,39 +1,26 @@
 //! What `goto` and `wander` share: start a goal, and with `--wait` follow it to its end.
 
-pub(super) mod cancel;
-mod follow;
 mod task;
 
-pub(super) use task::{Aim, Task};
+pub(super) use task::Task;
 
 use super::take_control;
-use crate::client::{Client, Seen};
 use crate::context::Context;
-use crate::describe;
 use crate::error::{Exit, Failure, Kind, Result};
-use crate::feed::{Events, Feed};
 use crate::interrupt::interrupted;
-use crate::lease::Control;
 use crate::output::Progress;
-use crate::words;
-use cancel::Cancel;
-use follow::{End, Follow};
+use crate::text::reasons;
+use crate::text::robot as describe;
 use serde::Serialize;
 use std::pin::pin;
 use std::time::{Duration, Instant};
+use xtb_client::goal::{Cancelled, GoalEnd, GoalStep, GoalTarget, GoalWatch, cancel, start};
+use xtb_client::{Client, Control, Seen, StateFeed};
 use xtb_protocol::messages::{GoalStatus, LinkLoss, RejectCode, RobotState, StopReason};
 use xtb_protocol::{Name, Uuid};
 
-/// How often progress is looked at.
-const LOOK_EVERY: Duration = Duration::from_millis(100);
-/// How often the robot is asked how it stands, if the link can.
-const STATE_EVERY: Duration = Duration::from_millis(150);
-/// A robot that was not heard for this long may be anywhere: waiting ends, outcome unknown.
-const GIVE_UP_AFTER: Duration = Duration::from_secs(5);
-/// Control that was lost shows within this, two retains.
-const LOSS_SHOWS: Duration = Duration::from_millis(300);
-/// Who has lost control waits this long to see what came of the goal.
-const LOSS_SETTLES: Duration = Duration::from_secs(1);
+/// Slower than one encoder pulse a window.
+const STANDING_MPS: f64 = 0.02;
 
 #[derive(Debug, Serialize)]
 struct Report<'a> {
@@ -51,7 +38,7 @@ struct Report<'a> {
 pub(super) async fn run(ctx: &Context, task: &Task) -> Result<Exit> {
     let mut stop = pin!(interrupted());
     let begun = async {
-        let client = Client::open(ctx).await?;
+        let client = Client::open(&ctx.settings).await?;
         let control = take_control(ctx, &client, &task.robot, task.take).await?;
         Ok::<_, Failure>((client, control))
     };
@@ -74,14 +61,14 @@ pub(super) async fn run(ctx: &Context, task: &Task) -> Result<Exit> {
 
 /// The goal outlives this client, so it is bounded in time.
 async fn send(ctx: &Context, control: &Control, task: &Task, stop: impl Future<Output = ()>) -> Result<Exit> {
-    let (goal, robot) = (Uuid::new_v4(), &task.robot);
+    let (goal, robot, request) = (Uuid::new_v4(), &task.robot, task.request());
     tokio::select! {
-        started = start(control, task, goal) => started?,
+        started = start(control, goal, &request) => started?,
         // It may have arrived nevertheless.
         () = stop => {
-            let how = match cancel::ask(control, robot, goal).await? {
-                Cancel::Ended => "its goal was cancelled",
-                Cancel::NotRunning => "the goal does not run",
+            let how = match cancel(control, goal).await? {
+                Cancelled::Ended => "its goal was cancelled",
+                Cancelled::NotRunning => "the goal does not run",
             };
             return Err(Failure::new(Kind::Interrupted, format!("{robot} was told to stop: {how}")));
         }
@@ -96,20 +83,8 @@ async fn send(ctx: &Context, control: &Control, task: &Task, stop: impl Future<O
         taken_from: control.taken_from(),
     };
     ctx.out
-        .result(&report, |_| format!("{robot} accepted goal {goal}: {}\n{}", task.words(), task.alone()))?;
+        .result(&report, |_| format!("{robot} accepted goal {goal}: {}\n{}", task.target, task.alone()))?;
     Ok(Exit::Done)
-}
-
-/// Sends the goal. Whether the robot has taken it may stay unknown: then it is told to forget it.
-pub(super) async fn start(control: &Control, task: &Task, goal: Uuid) -> Result<()> {
-    match control.request(goal, task.body()).await {
-        Ok(_) => Ok(()),
-        Err(failure) if failure.kind == Kind::OutcomeUnknown => {
-            let cancelled = cancel::ask(control, &task.robot, goal).await;
-            Err(cancel::unconfirmed(&task.robot, goal, &failure, &cancelled))
-        }
-        Err(failure) => Err(failure),
-    }
 }
 
 fn stop_hint(robot: &Name) -> String {
@@ -123,146 +98,105 @@ async fn drive(
     task: &Task,
     mut stop: std::pin::Pin<&mut impl Future<Output = ()>>,
 ) -> Result<Exit> {
-    let keys = client.keys().robot(&task.robot);
-    // Both before the goal: nothing of it can be missed.
-    let feed = Feed::asked(client, &task.robot, STATE_EVERY);
-    let mut events = Events::open(client, &keys).await?;
-    let goal = Uuid::new_v4();
-    let mut follow = Follow::new(goal, control.lease().map(|lease| lease.epoch));
+    let mut watch = GoalWatch::open(client, control).await?;
+    let (goal, request) = (watch.goal(), task.request());
     tokio::select! {
-        started = start(control, task, goal) => started?,
+        started = watch.start(&request) => started?,
         // It may have arrived nevertheless.
-        () = &mut stop => return cancel::interrupted(ctx, control, &feed, task, goal).await,
+        () = &mut stop => return cancelled(ctx, control, &watch).await,
     }
-    // Not before: while the request was on its way, states showed what was before it.
-    let mut wait = Wait::new(Instant::now());
-    let began = wait.began;
     let mut progress = Progress::new();
-    progress.show(&format!("{}: goal {goal}: {}", task.robot, task.words()));
-    let mut look = tokio::time::interval(LOOK_EVERY);
+    progress.show(&format!("{}: goal {goal}: {}", task.robot, task.target));
     loop {
-        tokio::select! {
+        let step = tokio::select! {
             () = &mut stop => {
                 progress.end();
-                return cancel::interrupted(ctx, control, &feed, task, goal).await;
+                return cancelled(ctx, control, &watch).await;
             }
-            event = events.next() => follow.event(&event),
-            _ = look.tick() => {
-                let seen = feed.last(&task.robot).filter(|seen| seen.at >= began);
-                if let Some(seen) = &seen {
-                    follow.state(began.elapsed(), &seen.state);
-                }
-                wait.look(control, seen.as_ref());
-                let fresh = seen.as_ref().and_then(Seen::fresh);
-                progress.show(&line(task, fresh, wait.heard.elapsed(), control.is_lost()));
+            step = watch.next() => step,
+        };
+        let seen = match step {
+            GoalStep::Running(seen) => seen,
+            GoalStep::Ended(end) => {
+                progress.end();
+                return match lost(control, watch.feed(), task) {
+                    Some(failure) if end.status != GoalStatus::Reached => Err(with_end(failure, task, &end)),
+                    _ => report(ctx, control, task, &watch, end),
+                };
             }
-        }
-        if let Some(end) = follow.ended(began.elapsed()) {
-            progress.end();
-            if end.status != GoalStatus::Reached {
-                loss_shows(client, control, &feed, task).await;
+            GoalStep::ControlLost => {
+                progress.end();
+                let failure = lost(control, watch.feed(), task).unwrap_or_else(|| unheard(&watch, task));
+                let message = format!("{}; goal {} had not ended by then", failure.message, task.target);
+                return Err(Failure { message, ..failure });
             }
-            return match lost(ctx, control, &feed, task) {
-                Some(failure) if end.status != GoalStatus::Reached => Err(with_end(failure, task, &end)),
-                _ => report(ctx, (control, &feed), task, &follow, end, began.elapsed()),
-            };
-        }
-        if wait.is_over() {
-            progress.end();
-            return Err(wait.verdict(lost(ctx, control, &feed, task), task, goal));
-        }
-        if task.within.is_some_and(|within| began.elapsed() > within) {
-            match cancel::ask(control, &task.robot, goal).await {
-                Ok(Cancel::Ended) => progress.end(),
-                // It has ended by itself just now: the next state says how.
-                Ok(Cancel::NotRunning) => continue,
-                Err(failure) => {
-                    progress.end();
-                    return Err(failure);
-                }
+            GoalStep::Unheard(_) => {
+                progress.end();
+                return Err(unheard(&watch, task));
             }
-            let end = End { status: GoalStatus::Cancelled, reason: Some("its time was up".into()) };
-            return report(ctx, (control, &feed), task, &follow, end, began.elapsed());
-        }
-    }
-}
-
-/// How long it makes sense to go on waiting.
-struct Wait {
-    began: Instant,
-    /// When the robot was last heard.
-    heard: Instant,
-    /// Since when somebody else holds the lease.
-    taken: Option<Instant>,
-}
-
-impl Wait {
-    fn new(began: Instant) -> Self {
-        Self { began, heard: began, taken: None }
-    }
-
-    fn look(&mut self, control: &Control, seen: Option<&Seen>) {
-        let Some(seen) = seen else { return };
-        self.heard = seen.at;
-        let held = seen.state.lease.as_ref().is_some_and(|lease| lease.holder != *control.client_name());
-        if control.is_lost() && held {
-            self.taken.get_or_insert_with(Instant::now);
-        }
-    }
-
-    fn is_over(&self) -> bool {
-        self.heard.elapsed() > GIVE_UP_AFTER || self.taken.is_some_and(|at| at.elapsed() > LOSS_SETTLES)
-    }
-
-    fn verdict(&self, lost: Option<Failure>, task: &Task, goal: Uuid) -> Failure {
-        match lost.filter(|_| self.taken.is_some()) {
-            Some(failure) => {
-                let message = format!("{}; goal {} had not ended by then", failure.message, task.words());
-                Failure { message, ..failure }
-            }
-            None => {
-                let age = describe::age(self.heard.elapsed());
-                let message =
-                    format!("{} was not heard for {age}: outcome of goal {goal} unknown", task.robot);
-                Failure::new(Kind::OutcomeUnknown, message).hint(unheard_hint(task))
+        };
+        progress.show(&line(task, seen.as_deref().and_then(Seen::fresh), watch.silent(), control.is_lost()));
+        if task.within.is_some_and(|within| watch.elapsed() > within) {
+            let cancelled = cancel(control, goal).await;
+            // If it has ended by itself just now, the next state says how.
+            if cancelled != Ok(Cancelled::NotRunning) {
+                progress.end();
+                cancelled?;
+                let end = GoalEnd { status: GoalStatus::Cancelled, reason: Some("its time was up".into()) };
+                return report(ctx, control, task, &watch, end);
             }
         }
     }
 }
 
-/// Waits until it shows whether control was lost with the goal: a retain is due each 100 ms, the goal's
-/// end is told at once.
-async fn loss_shows(client: &Client, control: &Control, feed: &Feed, task: &Task) {
-    let (began, within) = (Instant::now(), LOSS_SHOWS + client.round_trip().bound());
-    let ours = || {
-        // One from before may show the holder from before.
-        let seen = feed.last(&task.robot).filter(|seen| seen.at > began);
-        let lease = seen.as_ref().and_then(|seen| seen.state.lease.as_ref());
-        lease.is_some_and(|lease| lease.holder == *control.client_name())
+/// Ctrl-C: the goal ends, and the robot is watched until it stands.
+async fn cancelled(ctx: &Context, control: &Control, watch: &GoalWatch<'_>) -> Result<Exit> {
+    let (asked, robot) = (Instant::now(), control.robot());
+    let how = match cancel(control, watch.goal()).await? {
+        Cancelled::Ended => "goal cancelled",
+        Cancelled::NotRunning => "the goal does not run",
     };
-    let mut look = tokio::time::interval(LOOK_EVERY / 5);
-    while !control.is_lost() && !ours() && began.elapsed() < within {
-        look.tick().await;
-    }
+    let standing = async {
+        while !watch.feed().last(robot).is_some_and(|seen| seen.at > asked && stands(&seen.state)) {
+            watch.feed().news().await;
+        }
+    };
+    let failure = match tokio::time::timeout(ctx.settings.timeout, standing).await {
+        Ok(()) => Failure::new(Kind::Interrupted, format!("{robot} stands: {how}")),
+        Err(_) => Failure::new(Kind::Interrupted, format!("{how}, but {robot} was not seen standing"))
+            .hint(stop_hint(robot)),
+    };
+    ctx.out.failure(&failure);
+    Ok(Exit::Interrupted)
+}
+
+fn stands(state: &RobotState) -> bool {
+    state.reference_rpm == 0.0 && state.speed_mps.is_some_and(|speed| speed.abs() < STANDING_MPS)
+}
+
+fn unheard(watch: &GoalWatch<'_>, task: &Task) -> Failure {
+    let (age, goal) = (describe::age(watch.silent()), watch.goal());
+    let message = format!("{} was not heard for {age}: outcome of goal {goal} unknown", task.robot);
+    Failure::new(Kind::OutcomeUnknown, message).hint(unheard_hint(task))
 }
 
 /// Who has control instead, if this client has lost it.
-fn lost(ctx: &Context, control: &Control, feed: &Feed, task: &Task) -> Option<Failure> {
-    let failure = control.lost()?;
+fn lost(control: &Control, feed: &StateFeed, task: &Task) -> Option<Failure> {
+    let failure = Failure::from(control.lost()?);
     let seen = feed.last(&task.robot);
     let lease = seen.as_ref().and_then(|seen| seen.fresh()?.lease.as_ref());
     // Nobody took it: it ran out while the robot did not hear this client.
-    let Some(lease) = lease.filter(|lease| lease.holder != ctx.client) else {
+    let Some(lease) = lease.filter(|lease| lease.holder != *control.client_name()) else {
         return Some(Failure { hint: gap_hint(task), ..failure });
     };
     let message = format!("{} is now controlled by {}", task.robot, lease.holder);
     Some(Failure { kind: Kind::Refused(RejectCode::LeaseLost), message, ..failure })
 }
 
-fn with_end(failure: Failure, task: &Task, end: &End) -> Failure {
+fn with_end(failure: Failure, task: &Task, end: &GoalEnd) -> Failure {
     let reason = end.reason.as_ref().map(|reason| format!(" ({reason})")).unwrap_or_default();
-    let status = words::name(&end.status);
-    Failure { message: format!("{}; goal {} {status}{reason}", failure.message, task.words()), ..failure }
+    let status = reasons::name(&end.status);
+    Failure { message: format!("{}; goal {} {status}{reason}", failure.message, task.target), ..failure }
 }
 
 fn line(task: &Task, state: Option<&RobotState>, age: Duration, lease_lost: bool) -> String {
@@ -271,9 +205,9 @@ fn line(task: &Task, state: Option<&RobotState>, age: Duration, lease_lost: bool
     };
     let goal = state.goal.as_ref().map(describe::goal).unwrap_or_default();
     let mut text =
-        format!("{}: {goal} · {} · {}", task.robot, describe::speed(state), words::name(&state.mode));
+        format!("{}: {goal} · {} · {}", task.robot, describe::speed(state), reasons::name(&state.mode));
     if !state.stopped_because.is_empty() {
-        text.push_str(&format!(" · stands: {}", words::reasons(&state.stopped_because)));
+        text.push_str(&format!(" · stands: {}", reasons::reasons(&state.stopped_because)));
     }
     if lease_lost {
         text.push_str(&format!(" · lease lost, now {}", describe::lease(state)));
@@ -283,19 +217,18 @@ fn line(task: &Task, state: Option<&RobotState>, age: Duration, lease_lost: bool
 
 fn report(
     ctx: &Context,
-    (control, feed): (&Control, &Feed),
+    control: &Control,
     task: &Task,
-    follow: &Follow,
-    end: End,
-    took: Duration,
+    watch: &GoalWatch<'_>,
+    end: GoalEnd,
 ) -> Result<Exit> {
-    let robot = &task.robot;
+    let (robot, took) = (&task.robot, watch.elapsed());
     let report = Report {
         robot,
-        goal: follow.goal(),
+        goal: watch.goal(),
         status: end.status,
         reason: end.reason.clone(),
-        distance_m: follow.distance_m(),
+        distance_m: watch.distance_m(),
         elapsed_s: (took.as_secs_f64() * 100.0).round() / 100.0,
         taken_from: control.taken_from(),
     };
@@ -304,24 +237,27 @@ fn report(
     if ctx.out.json {
         ctx.out.line(&report)?;
     } else if reached {
-        let verb = match task.aim {
-            Aim::Point { .. } => "reached",
-            Aim::Wander { .. } => "completed its",
+        let verb = match task.target {
+            GoalTarget::Point { .. } => "reached",
+            GoalTarget::Wander { .. } => "completed its",
         };
-        ctx.out.text(&format!("{robot} {verb} {} after {seconds}", task.words()))?;
+        ctx.out.text(&format!("{robot} {verb} {} after {seconds}", task.target))?;
     } else {
         let reason = end.reason.map(|reason| format!(" ({reason})")).unwrap_or_default();
-        let status = words::name(&end.status);
-        let message = format!("{robot}: goal {} {status}{reason} after {seconds}", task.words());
-        let hint =
-            if fell_silent(feed, robot, follow.goal()) { gap_hint(task) } else { hint(robot, end.status) };
+        let status = reasons::name(&end.status);
+        let message = format!("{robot}: goal {} {status}{reason} after {seconds}", task.target);
+        let hint = if fell_silent(watch.feed(), robot, watch.goal()) {
+            gap_hint(task)
+        } else {
+            hint(robot, end.status)
+        };
         ctx.out.failure(&Failure::new(Kind::Failed, message).hint(hint));
     }
     Ok(if reached { Exit::Done } else { Exit::Failed })
 }
 
 /// Whether the robot stands because it did not hear this client any more.
-fn fell_silent(feed: &Feed, robot: &Name, goal: Uuid) -> bool {
+fn fell_silent(feed: &StateFeed, robot: &Name, goal: Uuid) -> bool {
     feed.last(robot).is_some_and(|Seen { state, .. }| {
         state.goal.as_ref().is_some_and(|present| present.id == goal)
             && state.stopped_because.contains(&StopReason::LeaseExpired)
@@ -331,7 +267,7 @@ fn fell_silent(feed: &Feed, robot: &Name, goal: Uuid) -> bool {
 /// What to do about a gap in the network that ended a goal.
 fn gap_hint(task: &Task) -> String {
     let robot = &task.robot;
-    match task.on_link_loss() {
+    match task.request().on_link_loss {
         LinkLoss::Halt => format!(
             "a gap in the network of more than 0.5 s ends a goal that is waited for; with \
              `--on-link-loss finish` {robot} drives on through it"
@@ -347,7 +283,7 @@ fn gap_hint(task: &Task) -> String {
 /// What to do about a robot that is out of reach while its goal runs.
 fn unheard_hint(task: &Task) -> String {
     let back = format!("`fleet-cli why {}` shows when it is back", task.robot);
-    match task.on_link_loss() {
+    match task.request().on_link_loss {
         LinkLoss::Finish => format!("{}; {back}", task.alone()),
         LinkLoss::Halt => format!(
             "if its link is lost, {}; with `--on-link-loss finish` it drives on; {back}",
@@ -368,19 +304,19 @@ fn hint(robot: &Name, status: GoalStatus) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::{FakeRobot, name};
+    use xtb_client::fake::{FakeRobot, name};
     use xtb_protocol::messages::Body;
 
     fn task() -> Task {
-        let aim = Aim::Point { x_m: 1.0, y_m: 2.0, yaw_rad: None, via: None };
-        Task { robot: name("xtb-1"), aim, within: None, wait: true, on_link_loss: None, take: false }
+        let target = GoalTarget::Point { x_m: 1.0, y_m: 2.0, yaw_rad: None, via: None };
+        Task { robot: name("xtb-1"), target, within: None, wait: true, on_link_loss: None, take: false }
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn who_loses_control_while_waiting_is_told_to_whom() {
         let client = Client::alone(Duration::from_secs(30)).await;
         let fake = FakeRobot::start(&client, "xtb-1").await;
-        let (task, ctx) = (task(), client.context().clone());
+        let (task, ctx) = (task(), Context::of(&client));
         let control = Control::acquire(&client, &task.robot, false).await.unwrap();
         let stop = pin!(std::future::pending());
         let waiting = drive(&ctx, &client, &control, &task, stop);
@@ -399,7 +335,7 @@ mod tests {
     async fn an_interrupted_wait_cancels_its_goal_and_sees_the_robot_stand() {
         let client = Client::alone(Duration::from_secs(30)).await;
         let fake = FakeRobot::start(&client, "xtb-1").await;
-        let (task, ctx) = (task(), client.context().clone());
+        let (task, ctx) = (task(), Context::of(&client));
         let control = Control::acquire(&client, &task.robot, false).await.unwrap();
         let stop = pin!(fake.until(|fake| fake.state.goal.is_some()));
         assert_eq!(drive(&ctx, &client, &control, &task, stop).await, Ok(Exit::Interrupted));
@@ -412,7 +348,7 @@ mod tests {
     async fn who_loses_control_by_a_gap_is_pointed_to_the_policy_and_not_to_taking_control() {
         let client = Client::alone(Duration::from_secs(30)).await;
         let fake = FakeRobot::start(&client, "xtb-1").await;
-        let (task, ctx) = (task(), client.context().clone());
+        let (task, ctx) = (task(), Context::of(&client));
         let control = Control::acquire(&client, &task.robot, false).await.unwrap();
         let stop = pin!(std::future::pending());
         let waiting = drive(&ctx, &client, &control, &task, stop);

@@ -1,18 +1,18 @@
 //! `list`: which robots are there, which are missing, and how they are.
 
 use crate::cli::ListArgs;
-use crate::client::Client;
 use crate::context::Context;
-use crate::describe::{self, UNKNOWN};
-use crate::dispatching::Dispatching;
 use crate::error::{Exit, Result};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
-use crate::task_words;
-use crate::view::{FleetView, RobotView};
-use crate::words;
+use crate::text::reasons;
+use crate::text::robot::{self as describe, UNKNOWN};
+use crate::text::task as task_text;
 use serde::Serialize;
 use std::time::Duration;
+use xtb_client::client::Client;
+use xtb_client::dispatcher_client::DispatcherClient;
+use xtb_client::fleet_view::{FleetView, RobotView};
 use xtb_protocol::messages::{BatteryLevel, RobotState, Suspension};
 
 const HEADINGS: [&str; 9] = ["name", "mode", "stands", "pose", "speed", "battery", "lease", "goal", "age"];
@@ -32,26 +32,26 @@ struct Listed<'a> {
 /// # Errors
 /// No router, or nobody is there and nobody is expected.
 pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
-    let dispatching = Dispatching::of(&client);
+    let client = Client::open(&ctx.settings).await?;
+    let dispatching = DispatcherClient::of(&client);
     let (roster, simulator, status) =
         tokio::join!(client.roster_entries(&args.expect), client.sim_stats(), dispatching.status());
     let roster = roster?.unwrap_or_default();
     let expected = roster.iter().map(|entry| entry.name.clone()).collect();
     // The states last: they age while others are waited for.
     let (alive, states) = client.heard().await?;
-    let view = FleetView::of(&ctx.fleet, &alive, &states, &expected).with_roster(&roster);
+    let view = FleetView::of(&ctx.settings.fleet, &alive, &states, &expected).with_roster(&roster);
     let view = FleetView { simulator: simulator?, ..view };
     if view.robots.is_empty() {
-        return Err(client.nobody());
+        return Err(client.nobody().into());
     }
     let suspended = status.map(|status| status.suspended).unwrap_or_default();
     ctx.out.result(&Listed { view: &view, suspended }, |Listed { view, suspended }| {
-        let more = task_words::suspended(suspended, None, &ctx.out);
+        let more = task_text::suspended(suspended, None, &ctx.out);
         [table(view, &ctx.out)].into_iter().chain(more).collect::<Vec<_>>().join("\n")
     })?;
     if !view.robots.iter().any(|robot| robot.alive) && !ctx.out.json {
-        ctx.out.failure(&client.nobody());
+        ctx.out.failure(&client.nobody().into());
     }
     client.close().await;
     Ok(if view.is_known() { Exit::Done } else { Exit::Unknown })
@@ -96,7 +96,7 @@ fn row(robot: &RobotView) -> Vec<Cell> {
         }
         Some(state) => vec![
             name,
-            words::name(&state.mode).into(),
+            reasons::name(&state.mode).into(),
             stands(state),
             describe::pose(&state.pose).into(),
             describe::speed(state).into(),
@@ -130,7 +130,7 @@ fn battery(state: &RobotState) -> Cell {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake;
+    use xtb_client::fake;
     use xtb_control::frames::MapPose;
     use xtb_protocol::messages::{Latch, SimStats};
 

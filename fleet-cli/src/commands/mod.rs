@@ -2,7 +2,6 @@
 
 pub mod change;
 pub mod completions;
-mod confirm;
 pub mod dashboard;
 pub mod demo;
 pub mod dispatch;
@@ -14,7 +13,6 @@ mod goal;
 pub mod goto;
 pub mod list;
 pub mod map;
-mod muster;
 pub mod names;
 pub mod plan;
 pub mod play;
@@ -25,6 +23,7 @@ pub mod set_pose;
 pub mod sim;
 pub mod status;
 pub mod stop;
+mod stopped;
 pub mod task;
 pub mod tasks;
 pub mod teleop;
@@ -35,10 +34,12 @@ pub mod wander;
 pub mod watch;
 pub mod why;
 
-use crate::client::Client;
 use crate::context::Context;
 use crate::error::Result;
-use crate::lease::Control;
+use crate::output::Progress;
+use xtb_client::DispatcherClient;
+use xtb_client::client::Client;
+use xtb_client::control::Control;
 use xtb_protocol::Name;
 
 /// The robots in the order in which they were named, each once.
@@ -59,4 +60,13 @@ async fn take_control(ctx: &Context, client: &Client, robot: &Name, take: bool) 
         ctx.out.note(&format!("took control of {robot} from {holder}"));
     }
     Ok(control)
+}
+
+/// The fleet's dispatcher; who has to wait for it is told.
+fn dispatcher(client: &Client) -> DispatcherClient<'_> {
+    DispatcherClient::of(client).saying(|what| {
+        let mut progress = Progress::new();
+        progress.show(what);
+        Box::new(progress)
+    })
 }

@@ -1,11 +1,11 @@
 //! `names`: robots or tasks that there are, one a line, for completion scripts.
 
 use crate::cli::{NamesArgs, NamesOf};
-use crate::client::Client;
 use crate::context::Context;
-use crate::dispatching::Dispatching;
 use crate::error::{Exit, Result};
 use std::time::Duration;
+use xtb_client::client::Client;
+use xtb_client::dispatcher_client::DispatcherClient;
 
 /// Nobody waits longer for a suggestion.
 const WITHIN: Duration = Duration::from_millis(700);
@@ -15,7 +15,7 @@ const WITHIN: Duration = Duration::from_millis(700);
 /// # Errors
 /// Nobody reads it.
 pub async fn run(ctx: &Context, args: &NamesArgs) -> Result<Exit> {
-    let ctx = Context { timeout: WITHIN, ..ctx.clone() };
+    let ctx = ctx.with(|settings| settings.timeout = WITHIN);
     let found = tokio::time::timeout(WITHIN, names(&ctx, args.of)).await;
     if let Ok(Ok(names)) = found
         && !names.is_empty()
@@ -26,7 +26,7 @@ pub async fn run(ctx: &Context, args: &NamesArgs) -> Result<Exit> {
 }
 
 async fn names(ctx: &Context, of: NamesOf) -> Result<Vec<String>> {
-    let client = Client::open(ctx).await?;
+    let client = Client::open(&ctx.settings).await?;
     match of {
         // A name that a shell would hand over as an option is not suggested.
         NamesOf::Robots => {
@@ -34,7 +34,7 @@ async fn names(ctx: &Context, of: NamesOf) -> Result<Vec<String>> {
             Ok(alive.iter().map(ToString::to_string).filter(|name| !name.starts_with('-')).collect())
         }
         NamesOf::Tasks => {
-            let list = Dispatching::of(&client).list().await?;
+            let list = DispatcherClient::of(&client).list().await?;
             // The newest are meant more often.
             Ok(list.tasks.iter().rev().map(|task| task.id.to_string()).collect())
         }

@@ -4,16 +4,16 @@ use crate::cli::PlayArgs;
 use crate::context::Context;
 use crate::error::{Exit, Result};
 use crate::interrupt::interrupted;
-use crate::news::News;
 use crate::recording::drawing;
+use crate::recording::playback_worker::{PlaySettings, PlaybackWorker, begin, not_readable, read};
 use crate::recording::player::{Move, Player};
-use crate::recording::playing::{PlaySettings, Playing, begin, not_readable, read};
 use crate::recording::reader::{self, Reader};
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use xtb_client::messages::AnyMessage;
 
 /// Between two looks at what is due.
 const TICK: Duration = Duration::from_millis(20);
@@ -24,7 +24,7 @@ struct Line<'a> {
     #[serde(rename = "type")]
     name: &'static str,
     at_s: f64,
-    value: &'a News,
+    value: &'a AnyMessage,
 }
 
 /// Plays it: in the cockpit, on the dashboard's page, or what happened as lines; with `--json` every
@@ -36,14 +36,14 @@ pub async fn run(ctx: &Context, args: &PlayArgs) -> Result<Exit> {
     let settings =
         PlaySettings { speed: args.speed, from_ms: (args.from * 1000.0) as u64, repeat: args.repeat };
     if let Some(listen) = args.dashboard {
-        let playing = Playing::open(&args.file, settings)?;
+        let playing = PlaybackWorker::open(&args.file, settings)?;
         return super::dashboard::played(ctx, Arc::new(playing), listen).await;
     }
     let terminal = std::io::stdin().is_terminal() && std::io::stdout().is_terminal();
     if args.top || terminal && !args.lines && !ctx.out.json {
-        let playing = Playing::open(&args.file, settings)?;
+        let playing = PlaybackWorker::open(&args.file, settings)?;
         let fleet = playing.scene().lock().fleet().clone();
-        let ctx = Context { fleet, ..ctx.clone() };
+        let ctx = ctx.with(|settings| settings.fleet = fleet);
         return super::top::run_played(&ctx, Arc::new(playing)).await;
     }
     tokio::select! {

@@ -1,20 +1,20 @@
 //! `record`: what is said on the fleet's keys, into MCAP that Foxglove and Python open.
 
 use crate::cli::RecordArgs;
-use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
-use crate::listen::plan::Plan;
-use crate::listen::{Inlet, Sources, not_a_key_expr};
 use crate::output;
+use crate::recording::mcap_writer::McapSettings;
 use crate::recording::recorder::Counts;
-use crate::recording::tape::TapeSettings;
-use crate::recording::writing::{Progress, Writing};
+use crate::recording::recorder_worker::{Progress, RecorderWorker};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
 use std::time::{Duration, Instant, SystemTime};
+use xtb_client::client::Client;
+use xtb_client::subscription::plan::Plan;
+use xtb_client::subscription::{Inlet, Subscriptions, not_a_key_expr};
 
 const SHOW_EVERY: Duration = Duration::from_millis(500);
 
@@ -40,19 +40,19 @@ struct Ended {
 pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
     // Before anything else: what comes in the first second shall not be missed.
     let mut stop = pin!(interrupted());
-    let client = Client::open(ctx).await?;
+    let client = Client::open(&ctx.settings).await?;
     let path = args.out.clone().unwrap_or_else(|| usual_path(ctx));
-    let settings = TapeSettings {
+    let settings = McapSettings {
         path: path.clone(),
         force: args.force,
         max_bytes: args.max_size,
-        fleet: ctx.fleet.to_string(),
+        fleet: ctx.settings.fleet.to_string(),
         keys: match args.key_exprs.as_slice() {
             [] => vec![everything(&client)],
             key_exprs => key_exprs.to_vec(),
         },
     };
-    let writing = Writing::start(settings, args.chunk)?;
+    let writing = RecorderWorker::start(settings, args.chunk)?;
     let sources = match listen(&client, &args.key_exprs, &writing.inlet()).await {
         Ok(sources) => sources,
         Err(failure) => {
@@ -89,8 +89,8 @@ pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
 }
 
 /// Listens on what is wanted: by default on everything, and what only answers is asked once.
-async fn listen(client: &Client, key_exprs: &[String], inlet: &Inlet) -> Result<Sources> {
-    let mut sources = Sources::default();
+async fn listen(client: &Client, key_exprs: &[String], inlet: &Inlet) -> Result<Subscriptions> {
+    let mut sources = Subscriptions::default();
     if !key_exprs.is_empty() {
         for key_expr in key_exprs {
             sources.add(client, key_expr, inlet).await?;
@@ -118,7 +118,7 @@ fn everything(client: &Client) -> String {
 
 fn usual_path(ctx: &Context) -> PathBuf {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    PathBuf::from(format!("{}-{}.mcap", ctx.fleet, now.as_secs()))
+    PathBuf::from(format!("{}-{}.mcap", ctx.settings.fleet, now.as_secs()))
 }
 
 fn progress(progress: &Progress, elapsed: Duration) -> String {

@@ -4,7 +4,7 @@ use crate::cli::RouterArgs;
 use crate::context::Context;
 use crate::error::{Exit, Result};
 use crate::interrupt::interrupted;
-use crate::router;
+use crate::services::router;
 use serde::Serialize;
 use std::pin::pin;
 

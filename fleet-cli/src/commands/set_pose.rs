@@ -1,15 +1,16 @@
 //! `set-pose`: tell a robot that stands where it is. It never moves the robot.
 
-use super::{reset, take_control};
+use super::take_control;
 use crate::cli::SetPoseArgs;
-use crate::client::Client;
 use crate::context::Context;
-use crate::describe;
 use crate::error::{Exit, Failure, Kind, Result};
-use crate::feed::Feed;
-use crate::lease::Control;
+use crate::text::robot as describe;
 use serde::Serialize;
 use std::time::Instant;
+use xtb_client::client::Client;
+use xtb_client::control::Control;
+use xtb_client::reset::{STATE_EVERY, next_state};
+use xtb_client::state_feed::StateFeed;
 use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_protocol::messages::{Body, PoseState};
 use xtb_protocol::{Name, Uuid};
@@ -33,7 +34,7 @@ struct Report<'a> {
 /// No router, no answer, or a refusal, as of a robot that is under way; without `--yaw` also a robot whose
 /// state was not heard.
 pub async fn run(ctx: &Context, args: &SetPoseArgs) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
+    let client = Client::open(&ctx.settings).await?;
     let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
     let outcome = set_pose(ctx, &client, &control, args).await;
     let taken_from = control.taken_from().map(str::to_owned);
@@ -51,8 +52,8 @@ async fn set_pose<'a>(
     args: &'a SetPoseArgs,
 ) -> Result<Report<'a>> {
     let robot = &args.robot;
-    let feed = Feed::open(client, &client.keys().robot(robot)).await?;
-    let before = reset::next(&feed, robot, Instant::now(), ctx.timeout, |_| true).await;
+    let feed = StateFeed::open(client, &client.keys().robot(robot)).await?;
+    let before = next_state(&feed, robot, Instant::now(), ctx.settings.timeout, |_| true).await;
     let before = before.map(|state| state.pose);
     let Some(yaw_rad) = args.yaw.map(f64::to_radians).or(before.map(|pose| pose.yaw_rad)) else {
         let message = format!("{robot} says nothing of itself: its present yaw is unknown");
@@ -61,8 +62,8 @@ async fn set_pose<'a>(
     let pose = MapPose { x_m: args.x_m, y_m: args.y_m, yaw_rad: wrap_rad(yaw_rad) };
     let MapPose { x_m, y_m, yaw_rad } = pose;
     control.request(Uuid::new_v4(), Body::SetPose { x_m, y_m, yaw_rad }).await?;
-    let since = Instant::now() + reset::STATE_EVERY;
-    let after = reset::next(&feed, robot, since, ctx.timeout, |_| true).await;
+    let since = Instant::now() + STATE_EVERY;
+    let after = next_state(&feed, robot, since, ctx.settings.timeout, |_| true).await;
     Ok(Report { robot, before, pose, after: after.map(|state| state.pose), taken_from: None })
 }
 
@@ -80,8 +81,8 @@ fn text(report: &Report<'_>) -> String {
 mod tests {
     use super::*;
     use crate::cli::LeaseArgs;
-    use crate::fake::{FakeRobot, name};
     use std::time::Duration;
+    use xtb_client::fake::{FakeRobot, name};
 
     async fn set(yaw: Option<f64>) -> (Report<'static>, Body) {
         let client = Client::alone(Duration::from_secs(30)).await;
@@ -91,7 +92,7 @@ mod tests {
         let args = SetPoseArgs { robot: name("xtb-1"), x_m: 2.0, y_m: -3.0, yaw, lease };
         let args = Box::leak(Box::new(args));
         let control = Control::acquire(&client, &args.robot, false).await.unwrap();
-        let report = set_pose(client.context(), &client, &control, args).await.unwrap();
+        let report = set_pose(&Context::of(&client), &client, &control, args).await.unwrap();
         let asked = robot.lock().asked.last().unwrap().1.clone();
         (report, asked)
     }

@@ -1,18 +1,18 @@
 //! `sim`: simulated trucks with real agents, until Ctrl-C.
 
 use super::dashboard;
-use crate::charts;
 use crate::cli::{DEFAULT_ENDPOINT, DashboardArgs, SimArgs};
 use crate::context::Context;
-use crate::describe;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
+use crate::map_file;
 use crate::services::dispatch::Standing;
-use crate::services::dispatch::beside::{self, Beside};
+use crate::services::dispatch::embedded::{self, Beside};
 use crate::services::dispatch::store::{self, Store};
 use crate::services::dispatch::usage::Usage;
 use crate::simulator::{Plan, Simulator, Told};
-use crate::task_words;
+use crate::text::robot as describe;
+use crate::text::task as task_text;
 use robot_agent::files;
 use serde::Serialize;
 use std::net::SocketAddr;
@@ -73,10 +73,11 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
         ctx.out.note(&unused);
     }
     let plan = plan(ctx, &args)?;
-    let ledger = args.dispatch.then(|| store::simulated(args.ledger.as_deref(), &ctx.fleet)).transpose()?;
+    let ledger =
+        args.dispatch.then(|| store::simulated(args.ledger.as_deref(), &ctx.settings.fleet)).transpose()?;
     let open = |path: &Path| match args.fresh {
-        true => Store::fresh(path, &ctx.fleet),
-        false => Store::open(path, &ctx.fleet),
+        true => Store::fresh(path, &ctx.settings.fleet),
+        false => Store::open(path, &ctx.settings.fleet),
     };
     let store = ledger.as_deref().map(open).transpose()?;
     let set_aside = store.as_ref().and_then(|store| store.set_aside.clone());
@@ -126,14 +127,14 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
 /// What is asked for.
 fn plan(ctx: &Context, args: &SimArgs) -> Result<Plan> {
     Ok(Plan {
-        fleet: ctx.fleet.clone(),
+        fleet: ctx.settings.fleet.clone(),
         robots: args.robots,
         world: args.world.as_deref().map(read_world).transpose()?,
         starts: Vec::new(),
         seed: args.seed,
         speed: args.speed,
         listen: args.listen.clone().unwrap_or_else(|| DEFAULT_ENDPOINT.to_owned()),
-        connect: if ctx.connect_given { ctx.connect.clone() } else { Vec::new() },
+        connect: if ctx.connect_given { ctx.settings.connect.clone() } else { Vec::new() },
         pty: args.pty.clone(),
         truth_log: args.truth_log.clone(),
         fixes: args.fixes.truth(),
@@ -171,7 +172,7 @@ async fn pace(ctx: &Context, mut stats: watch::Receiver<Told>, strict: bool) -> 
 /// The dashboard, if it is wanted, until it is interrupted.
 async fn page(ctx: &Context, simulator: &Simulator, listen: Option<SocketAddr>) -> Result<()> {
     let Some(listen) = listen else { return std::future::pending().await };
-    let own = Context { connect: simulator.endpoints().to_vec(), ..ctx.clone() };
+    let own = ctx.with(|settings| settings.connect = simulator.endpoints().to_vec());
     dashboard::run(&own, &DashboardArgs::at(listen)).await.map(drop)
 }
 
@@ -185,8 +186,8 @@ async fn tell(ctx: &Context, simulator: &Simulator, dispatcher: Beside) -> Resul
     let suspended = standing.suspended;
     let ended = Ended { open, tasks, suspended, contacts, simulated_s: truth.t_s, usage };
     ctx.out.result(&ended, |Ended { open, tasks, suspended, contacts, simulated_s, usage }| {
-        let suspended: Vec<String> = task_words::suspended(suspended, None, &ctx.out);
-        let lines = [beside::table(&ctx.out, usage)].into_iter().chain(suspended);
+        let suspended: Vec<String> = task_text::suspended(suspended, None, &ctx.out);
+        let lines = [embedded::table(&ctx.out, usage)].into_iter().chain(suspended);
         format!(
             "{}\n{open} of {tasks} tasks are open; {contacts} contacts in {simulated_s:.0} s simulated",
             lines.collect::<Vec<_>>().join("\n")
@@ -201,7 +202,7 @@ struct Day {
     seed: u64,
     robots: usize,
     lasted_ms: u64,
-    /// Over every decision of every robot: the same on every machine.
+    /// Modal every decision of every robot: the same on every machine.
     history: String,
     broken: Option<String>,
 }
@@ -243,7 +244,7 @@ pub fn read_world(path: &Path) -> Result<World> {
     let world = World::from_toml(&text).map_err(|error| {
         Failure::new(Kind::Config, format!("{}: {error}", path.display())).hint("worlds/ holds examples")
     })?;
-    Ok(charts::named_by_file(world, path))
+    Ok(map_file::named_by_file(world, path))
 }
 
 /// A dispatcher beside the robots, and what it found in its ledger.
@@ -285,7 +286,7 @@ fn announce(
     let standing = found.standing.as_ref();
     let ready = Ready {
         ready: true,
-        fleet: &ctx.fleet,
+        fleet: &ctx.settings.fleet,
         router: simulator.endpoint(),
         robots,
         ledger: found.ledger.as_ref().map(|path| path.display().to_string()),
@@ -302,7 +303,7 @@ fn announce(
         format!("sim ready: {} {many} of fleet {}, router {}{with}", robots.len(), ready.fleet, ready.router)
     })?;
     if let (Some(standing), false) = (standing, ctx.out.json) {
-        task_words::found(ctx, &standing.suspended, ready.set_aside.as_deref());
+        task_text::found(ctx, &standing.suspended, ready.set_aside.as_deref());
     }
     Ok(())
 }

@@ -4,11 +4,11 @@ mod block;
 mod live;
 
 use crate::cli::StatusArgs;
-use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Result};
-use crate::view::FleetView;
 use std::collections::BTreeSet;
+use xtb_client::client::Client;
+use xtb_client::fleet_view::FleetView;
 use xtb_protocol::Name;
 
 /// Prints a block for each robot, or with `--watch` keeps showing them.
@@ -16,7 +16,7 @@ use xtb_protocol::Name;
 /// # Errors
 /// No router, or nobody is there.
 pub async fn run(ctx: &Context, args: &StatusArgs) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
+    let client = Client::open(&ctx.settings).await?;
     let wanted: BTreeSet<Name> = match args.robots.is_empty() {
         true => client.roster(&[]).await?.unwrap_or_default(),
         false => args.robots.iter().cloned().collect(),
@@ -31,9 +31,9 @@ pub async fn run(ctx: &Context, args: &StatusArgs) -> Result<Exit> {
 }
 
 async fn once(ctx: &Context, client: &Client, args: &StatusArgs, wanted: &BTreeSet<Name>) -> Result<Exit> {
-    let view = FleetView::ask(client, &ctx.fleet, wanted).await?.only(&args.robots);
+    let view = FleetView::ask(client, &ctx.settings.fleet, wanted).await?.only(&args.robots);
     if view.robots.is_empty() {
-        return Err(client.nobody());
+        return Err(client.nobody().into());
     }
     ctx.out.result(&view, |view| {
         let blocks = view.robots.iter().map(|robot| block::lines(robot, &ctx.out).join("\n"));

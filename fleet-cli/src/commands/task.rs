@@ -1,16 +1,16 @@
 //! `task`: one task and how it came to be so.
 
 use crate::cli::TaskArgs;
-use crate::client::Client;
 use crate::context::Context;
-use crate::describe::fixed;
-use crate::dispatching::Dispatching;
 use crate::error::{Exit, Result};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
-use crate::task_words::{legs, robot, since, tone, what, whose};
-use crate::words;
+use crate::text::reasons;
+use crate::text::robot::fixed;
+use crate::text::task::{legs, robot, since, tone, what, whose};
 use std::time::{SystemTime, UNIX_EPOCH};
+use xtb_client::client::Client;
+use xtb_client::dispatcher_client::DispatcherClient;
 use xtb_protocol::messages::{OnTakeover, TaskHistory, TaskView};
 
 /// Asks once and prints it.
@@ -18,8 +18,8 @@ use xtb_protocol::messages::{OnTakeover, TaskHistory, TaskView};
 /// # Errors
 /// No router, no dispatcher, or no such task.
 pub async fn run(ctx: &Context, args: &TaskArgs) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
-    let history = Dispatching::of(&client).show(args.task).await;
+    let client = Client::open(&ctx.settings).await?;
+    let history = DispatcherClient::of(&client).show(args.task).await;
     client.close().await;
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let now_ms = u64::try_from(now.as_millis()).unwrap_or(u64::MAX);
@@ -29,7 +29,7 @@ pub async fn run(ctx: &Context, args: &TaskArgs) -> Result<Exit> {
 
 fn text(history: &TaskHistory, now_ms: u64, out: &Output) -> String {
     let TaskHistory { task, steps, left_out } = history;
-    let state = out.paint(tone(task.state), &words::name(&task.state));
+    let state = out.paint(tone(task.state), &reasons::name(&task.state));
     let on = robot(task).map(|robot| format!(" on {robot}")).unwrap_or_default();
     let mut lines = vec![
         format!("{}  {}", out.paint(Tone::Strong, &task.id.to_string()), what(&task.spec.kind)),
@@ -49,7 +49,7 @@ fn text(history: &TaskHistory, now_ms: u64, out: &Output) -> String {
     for (i, step) in steps.iter().enumerate() {
         table.row(vec![
             after(step.at_ms, task.submitted_ms).into(),
-            Cell::new(words::name(&step.state), tone(step.state)),
+            Cell::new(reasons::name(&step.state), tone(step.state)),
             step.robot.as_ref().map_or_else(String::new, ToString::to_string).into(),
             step.legs_done.to_string().into(),
             step.reason.clone().unwrap_or_default().into(),
@@ -83,7 +83,7 @@ fn terms(task: &TaskView, now_ms: u64) -> String {
     }
     match spec.on_takeover {
         OnTakeover::Requeue => {}
-        other => all.push(format!("if its robot is taken over: {}", words::name(&other))),
+        other => all.push(format!("if its robot is taken over: {}", reasons::name(&other))),
     }
     all.join(", ")
 }

@@ -3,13 +3,13 @@
 mod watch;
 
 use crate::cli::TasksArgs;
-use crate::client::Client;
 use crate::context::Context;
-use crate::dispatching::Dispatching;
 use crate::error::{Exit, Result};
 use crate::interrupt::or_interrupted;
 use crate::output::{Output, Tone};
-use crate::task_words;
+use crate::text::task as task_text;
+use xtb_client::client::Client;
+use xtb_client::dispatcher_client::DispatcherClient;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{TaskList, TaskView, Who};
 
@@ -22,7 +22,7 @@ const ENDED_SHOWN: usize = 5;
 /// No router, or no dispatcher.
 pub async fn run(ctx: &Context, args: &TasksArgs) -> Result<Exit> {
     if args.watch {
-        let client = Client::open(ctx).await?;
+        let client = Client::open(&ctx.settings).await?;
         let exit = watch::run(ctx, &client, args).await;
         client.close().await;
         return exit;
@@ -31,8 +31,8 @@ pub async fn run(ctx: &Context, args: &TasksArgs) -> Result<Exit> {
 }
 
 async fn once(ctx: &Context, args: &TasksArgs) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
-    let list = Dispatching::of(&client).list().await;
+    let client = Client::open(&ctx.settings).await?;
+    let list = DispatcherClient::of(&client).list().await;
     client.close().await;
     let list = list?;
     if ctx.out.json {
@@ -48,7 +48,7 @@ async fn once(ctx: &Context, args: &TasksArgs) -> Result<Exit> {
 /// Whether a task is on that robot, ended there or waits for it.
 fn concerns(task: &TaskView, robot: Option<&Name>) -> bool {
     let wishes = |robot: &Name| matches!(&task.spec.who, Who::Robot(wished) if wished == robot);
-    robot.is_none_or(|robot| task_words::robot(task) == Some(robot) || wishes(robot))
+    robot.is_none_or(|robot| task_text::robot(task) == Some(robot) || wishes(robot))
 }
 
 /// The table, what is not in it, and what is wrong.
@@ -57,7 +57,7 @@ fn screen(list: &TaskList, args: &TasksArgs, out: &Output) -> Vec<String> {
     let ended = list.tasks.iter().filter(wanted).filter(|task| task.state.is_final()).count();
     let mut hidden = if args.all { 0 } else { ended.saturating_sub(ENDED_SHOWN) };
     let all: Vec<TaskView> = list.tasks.iter().filter(wanted).cloned().collect();
-    let count = task_words::count(&all);
+    let count = task_text::count(&all);
     let left_out = hidden;
     let shown: Vec<&TaskView> = all
         .iter()
@@ -71,11 +71,11 @@ fn screen(list: &TaskList, args: &TasksArgs, out: &Output) -> Vec<String> {
     if let Some(why) = &list.ledger_failed {
         lines.push(out.paint(Tone::Bad, &format!("the ledger cannot be written: {why}")));
     }
-    for suspended in task_words::suspended(&list.suspended, Some(list.at_ms), out) {
+    for suspended in task_text::suspended(&list.suspended, Some(list.at_ms), out) {
         lines.extend(suspended.lines().map(str::to_owned));
     }
     if !shown.is_empty() {
-        lines.extend(task_words::table(shown.into_iter(), list.at_ms, out).lines().map(str::to_owned));
+        lines.extend(task_text::table(shown.into_iter(), list.at_ms, out).lines().map(str::to_owned));
     }
     let more = if left_out > 0 { format!(" ({left_out} of them not shown: --all)") } else { String::new() };
     lines.push(out.paint(Tone::Dim, &format!("{count}{more}")));

@@ -4,40 +4,30 @@
 //! for 200 ms on the robot's own clock if this side is gone altogether.
 
 pub(crate) mod keys;
-mod lateness;
 mod screen;
 
 use super::take_control;
 use crate::cli::TeleopArgs;
-use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
-use crate::feed::Feed;
 use crate::interrupt::interrupted;
-use crate::lease::Control;
 use crate::terminal::{Input, Terminal};
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
-use keys::{Action, Drive, Key, Keyboard, Reporting};
-use lateness::Lateness;
+use keys::{Action, Key, Keyboard, Reporting};
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::pin::{Pin, pin};
 use std::time::Duration;
 use tokio::time::{Interval, MissedTickBehavior};
+use xtb_client::client::Client;
+use xtb_client::state_feed::StateFeed;
+use xtb_client::teleop::{CAUTIOUS_RPM, SEND_EVERY, TeleopSession, lost};
 use xtb_control::Stamp;
-use xtb_protocol::codec::Format;
-use xtb_protocol::keys::Channel;
-use xtb_protocol::messages::{Body, Done, Setpoint};
+use xtb_protocol::messages::{Body, Done};
 use xtb_protocol::{Name, Uuid};
 
-/// 20 Hz.
-pub(super) const SEND_EVERY: Duration = Duration::from_millis(50);
 /// The screen is painted each second time.
 const PAINT_EVERY: Duration = Duration::from_millis(100);
-/// A screen or page whose setpoints have all come too late for this long lets go and says so.
-const REFUSED_MOST_MS: u64 = 2_000;
-/// Full throttle at most, in rpm, if the robot does not say what it accepts.
-pub(super) const CAUTIOUS_RPM: f64 = 20.0;
 
 #[derive(Debug, Serialize)]
 struct Report<'a> {
@@ -59,7 +49,7 @@ pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
             .hint("programs put setpoints on xtb/<fleet>/<robot>/teleop/<client>; see docs/protocol.md"));
     }
     let begun = async {
-        let client = Client::open(ctx).await?;
+        let client = Client::open(&ctx.settings).await?;
         let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
         let limit = client.about(&args.robot).await?.map_or(CAUTIOUS_RPM, |about| about.limits.max_rpm);
         Ok::<_, Failure>((client, control, limit))
@@ -72,7 +62,7 @@ pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
         }
     };
     let max_rpm = args.max_rpm.unwrap_or(limit).min(limit);
-    let wheel = Wheel::new(&client, &control, &args.robot, max_rpm);
+    let wheel = TeleopSession::new(&client, &control, &args.robot, max_rpm);
     let driven = drive(ctx, wheel).await;
     let taken_from = control.taken_from().map(str::to_owned);
     control.release().await;
@@ -95,8 +85,8 @@ fn goodbye(report: &Report<'_>) -> String {
 }
 
 /// How many setpoints were sent, and whether the stop after them was confirmed.
-async fn drive(ctx: &Context, mut wheel: Wheel<'_>) -> Result<(u64, Option<bool>)> {
-    let feed = Feed::open(wheel.client, &wheel.client.keys().robot(wheel.robot)).await?;
+async fn drive(ctx: &Context, mut wheel: TeleopSession<'_>) -> Result<(u64, Option<bool>)> {
+    let feed = StateFeed::open(wheel.client, &wheel.client.keys().robot(wheel.robot)).await?;
     let mut terminal = Terminal::open()?;
     let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
     let mut keyboard = Keyboard::new(reporting);
@@ -107,8 +97,8 @@ async fn drive(ctx: &Context, mut wheel: Wheel<'_>) -> Result<(u64, Option<bool>
 
 async fn hands_on(
     ctx: &Context,
-    wheel: &mut Wheel<'_>,
-    feed: &Feed,
+    wheel: &mut TeleopSession<'_>,
+    feed: &StateFeed,
     terminal: &mut Terminal,
     keyboard: &mut Keyboard,
 ) -> Result<()> {
@@ -148,7 +138,7 @@ async fn hands_on(
             Turn::Reset(Err(failure)) => notice = failure.to_string(),
             Turn::Send => {
                 if let Some(failure) = wheel.control.lost() {
-                    return Err(lost(wheel, feed, failure));
+                    return Err(lost(wheel, feed, failure).into());
                 }
                 if let Some(drive) = keyboard.send(now) {
                     wheel.send(drive, feed).await?;
@@ -174,10 +164,10 @@ async fn hands_on(
 }
 
 /// A reset that is on its way; driving and painting go on meanwhile.
-type Resetting<'a> = Pin<Box<dyn Future<Output = Result<Done>> + Send + 'a>>;
+type Resetting<'a> = Pin<Box<dyn Future<Output = xtb_client::Result<Done>> + Send + 'a>>;
 
 /// Its answer; it is then no longer on its way.
-async fn answered(resetting: &mut Option<Resetting<'_>>) -> Result<Done> {
+async fn answered(resetting: &mut Option<Resetting<'_>>) -> xtb_client::Result<Done> {
     let Some(asking) = resetting else { return std::future::pending().await };
     let answer = asking.await;
     *resetting = None;
@@ -187,7 +177,7 @@ async fn answered(resetting: &mut Option<Resetting<'_>>) -> Result<Done> {
 /// What woke the loop.
 enum Turn {
     Input(Option<Input>),
-    Reset(Result<Done>),
+    Reset(xtb_client::Result<Done>),
     Send,
     Paint,
 }
@@ -232,86 +222,6 @@ fn heed(keyboard: &mut Keyboard, now: Stamp, input: Option<Input>) -> Heed {
     }
 }
 
-/// Two hands on one wheel: this one lets go.
-pub(super) fn lost(wheel: &Wheel<'_>, feed: &Feed, failure: Failure) -> Failure {
-    let seen = feed.last(wheel.robot);
-    let holder = seen.as_ref().and_then(|seen| seen.fresh()?.lease.as_ref());
-    let Some(lease) = holder.filter(|lease| lease.holder != *wheel.client.name()) else { return failure };
-    let message = format!("{} is now controlled by {}", wheel.robot, lease.holder);
-    Failure { message, ..failure }.hint("`fleet-cli teleop … --take` takes control again")
-}
-
-/// A robot under control, and how many setpoints it was sent.
-pub(super) struct Wheel<'a> {
-    pub(super) client: &'a Client,
-    pub(super) control: &'a Control,
-    pub(super) robot: &'a Name,
-    pub(super) max_rpm: f64,
-    pub(super) sent: u64,
-    late: Lateness,
-}
-
-impl<'a> Wheel<'a> {
-    /// Nothing sent yet.
-    pub(super) fn new(client: &'a Client, control: &'a Control, robot: &'a Name, max_rpm: f64) -> Self {
-        Self { client, control, robot, max_rpm, sent: 0, late: Lateness::default() }
-    }
-
-    /// Why the robot takes no setpoint of this link, if it takes none or the link is known to be too slow.
-    pub(super) fn refused(&mut self, feed: &Feed) -> Option<String> {
-        let round_trip = self.client.round_trip().smoothed();
-        let late = self.late_for_ms(feed).is_some() || lateness::is_too_long(round_trip);
-        late.then(|| lateness::words(self.robot, round_trip))
-    }
-
-    /// The same, once it has taken none for long.
-    pub(super) fn given_up(&mut self, feed: &Feed) -> Option<Failure> {
-        let long = self.late_for_ms(feed).is_some_and(|ms| ms > REFUSED_MOST_MS);
-        let words = || lateness::words(self.robot, self.client.round_trip().smoothed());
-        long.then(|| Failure::new(Kind::Failed, words()))
-    }
-
-    fn late_for_ms(&mut self, feed: &Feed) -> Option<u64> {
-        let now_ms = self.client.now().ms();
-        if let Some(seen) = feed.last(self.robot) {
-            self.late.saw(now_ms, &seen.state);
-        }
-        self.late.for_ms(now_ms)
-    }
-
-    /// Sends a setpoint, unless the robot has not been heard yet: without an echo of its clock it
-    /// would accept none.
-    pub(super) async fn send(&mut self, drive: Drive, feed: &Feed) -> Result<()> {
-        let Some(seen) = feed.last(self.robot) else { return Ok(()) };
-        self.sent += 1;
-        let setpoint = Setpoint {
-            lease: self.control.lease(),
-            // From 1 within a grant; a lost one is never acquired again here.
-            seq: self.sent,
-            echo_tick_ms: Some(seen.state.tick_ms),
-            rpm: drive.throttle * self.max_rpm,
-            steering: drive.steering,
-        };
-        let me = self.client.name();
-        let key = self.client.keys().robot(self.robot).teleop(Some(me));
-        let channel = Channel::Teleop(me.clone());
-        Ok(self.client.bus().put(&key, &channel, &setpoint, Format::Postcard).await?)
-    }
-
-    /// Zero and stop, whatever ended it. Who only watched does not end another's goal, nor does who has
-    /// lost control: then it is `None`, else whether the robot has confirmed. If the message is lost, the
-    /// robot's own clock ends the setpoint.
-    pub(super) async fn let_go(&mut self, feed: &Feed) -> Option<bool> {
-        if self.sent == 0 || self.control.is_lost() {
-            return None;
-        }
-        let zero = self.send(Drive::default(), feed).await;
-        let stop = self.control.request(Uuid::new_v4(), Body::Stop {}).await;
-        let both = zero.and(stop.map(drop)).inspect_err(|failure| tracing::debug!("stopping: {failure}"));
-        Some(both.is_ok())
-    }
-}
-
 fn is_leaving(key: &KeyEvent) -> bool {
     key.kind != KeyEventKind::Release && (key.code == KeyCode::Char('q') || Input::leaves(key))
 }
@@ -347,7 +257,6 @@ fn meaning(event: &KeyEvent) -> Option<(Key, Action)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::{FakeRobot, name};
     use crossterm::event::KeyModifiers;
 
     fn press(code: KeyCode) -> Option<Input> {
@@ -367,35 +276,6 @@ mod tests {
         assert_eq!(keyboard.drive(now).throttle, 0.0, "a reset lets go");
         assert_eq!(heed(&mut keyboard, now, press(KeyCode::Char('q'))), Heed::Leave);
         assert_eq!(heed(&mut keyboard, now, None), Heed::Leave);
-    }
-
-    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-    async fn nothing_is_sent_before_a_state_and_numbers_rise_from_1() {
-        let client = Client::alone(Duration::from_secs(30)).await;
-        let fake = FakeRobot::start(&client, "xtb-1").await;
-        let robot = name("xtb-1");
-        let control = Control::acquire(&client, &robot, false).await.unwrap();
-        let (sender, mut setpoints) = tokio::sync::mpsc::unbounded_channel();
-        let each = move |incoming: xtb_bus::Incoming| {
-            sender.send(incoming.decode::<Setpoint>().unwrap()).unwrap_or_default();
-        };
-        let teleop = client.keys().robot(&robot).teleop(None);
-        let _watch = client.bus().subscribe(&teleop, each).await.unwrap();
-        let mut wheel = Wheel::new(&client, &control, &robot, 30.0);
-        let unheard = Feed::open(&client, &client.keys().robot(&name("xtb-2"))).await.unwrap();
-        wheel.send(Drive::default(), &unheard).await.unwrap();
-        assert_eq!(wheel.sent, 0);
-        let feed = Feed::open(&client, &client.keys().robot(&robot)).await.unwrap();
-        while feed.last(&robot).is_none() {
-            feed.news().await;
-        }
-        for seq in 1..=3 {
-            wheel.send(Drive { throttle: 1.0, steering: 0.0 }, &feed).await.unwrap();
-            let setpoint = setpoints.recv().await.unwrap();
-            assert_eq!((setpoint.seq, setpoint.rpm), (seq, 30.0));
-            assert_eq!(setpoint.lease, fake.lock().lease.as_ref().map(|(_, lease)| *lease));
-            assert!(setpoint.echo_tick_ms.is_some());
-        }
     }
 
     #[tokio::test]

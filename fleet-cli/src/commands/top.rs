@@ -1,32 +1,33 @@
 //! `top`: the fleet on the whole terminal. The shell around the cockpit: keys in, pictures out, and
 //! what it wants of robots carried out beside the screen, as the verbs do it.
 //!
-//! Nothing here waits for a robot: each deed is a task of its own, and the screen goes on meanwhile.
+//! Nothing here waits for a robot: each command is a task of its own, and the screen goes on meanwhile.
 
-mod carry;
-mod steer;
+mod execute;
+mod teleop_session;
 
 use crate::cli::TopArgs;
-use crate::client::Client;
 use crate::commands::teleop::keys::Reporting;
-use crate::commands::teleop::{SEND_EVERY, ticks};
+use crate::commands::teleop::ticks;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
 use crate::output::Tone;
-use crate::recording::playing::{PlayStatus, Playing as Playback};
+use crate::recording::playback_worker::{PlayStatus, PlaybackWorker};
 use crate::scene::live::{Live, Shared, Wanted};
 use crate::terminal::Terminal;
-use crate::tui::top::{Action, Cockpit, Look, Outcome, Playing, Setup};
+use crate::tui::top::{Action, Cockpit, Outcome, Playing, Setup, Theme};
 use ratatui::backend::CrosstermBackend;
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Stdout, stdout};
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
-use steer::Hand;
+use teleop_session::Hand;
 use tokio::sync::watch;
 use tokio::task::{Id, JoinSet};
+use xtb_client::client::Client;
+use xtb_client::teleop::SEND_EVERY;
 use xtb_protocol::Name;
 
 /// 10 pictures a second at most; what did not change is not painted.
@@ -39,7 +40,7 @@ const PAINT_EVERY: Duration = Duration::from_millis(100);
 pub async fn run(ctx: &Context, args: &TopArgs) -> Result<Exit> {
     refuse(ctx)?;
     let opening = async {
-        let client = Client::open(ctx).await?;
+        let client = Client::open(&ctx.settings).await?;
         let live = Live::open(&client, Wanted { sensors: true, truth: false }).await?;
         let link = client.bus().watch_link().await?;
         Ok::<_, Failure>((client, live, link))
@@ -59,7 +60,7 @@ pub async fn run(ctx: &Context, args: &TopArgs) -> Result<Exit> {
 ///
 /// # Errors
 /// No terminal, or it is gone.
-pub async fn run_played(ctx: &Context, played: Arc<Playback>) -> Result<Exit> {
+pub async fn run_played(ctx: &Context, played: Arc<PlaybackWorker>) -> Result<Exit> {
     refuse(ctx)?;
     let args = TopArgs { robots: Vec::new(), read_only: true, ascii: false };
     let (_keep, link) = watch::channel(true);
@@ -84,7 +85,7 @@ fn refuse(ctx: &Context) -> Result<()> {
 struct Source<'a> {
     scene: Arc<Shared>,
     client: Option<&'a Client>,
-    played: Option<Arc<Playback>>,
+    played: Option<Arc<PlaybackWorker>>,
 }
 
 async fn show(
@@ -96,14 +97,14 @@ async fn show(
 ) -> Result<Exit> {
     let terminal = Terminal::open()?;
     let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
-    let look = Look::of(ctx.out.colors, args.ascii, |name| std::env::var(name).ok());
+    let look = Theme::of(ctx.out.colors, args.ascii, |name| std::env::var(name).ok());
     let setup = Setup { robots: args.robots.clone(), look, reporting, read_only };
     let mut shell = Shell {
         ctx,
         source,
         cockpit: Cockpit::new(setup),
         picture: ratatui::Terminal::new(CrosstermBackend::new(stdout()))?,
-        deeds: JoinSet::new(),
+        commands: JoinSet::new(),
         numbers: BTreeMap::new(),
         stops: watch::channel(0).0,
         hand: None,
@@ -122,7 +123,7 @@ struct Shell<'a> {
     cockpit: Cockpit,
     picture: ratatui::Terminal<CrosstermBackend<Stdout>>,
     /// Bounded by the cockpit: it begins no more than it can name.
-    deeds: JoinSet<Outcome>,
+    commands: JoinSet<Outcome>,
     numbers: BTreeMap<Id, u64>,
     /// Counts the stops that were called.
     stops: watch::Sender<u64>,
@@ -155,7 +156,7 @@ impl Shell<'_> {
                     // Not at the next tick: letting go means zero at once.
                     send.reset_immediately();
                 }
-                grasp = steer::news(&mut self.hand), if self.hand.is_some() => {
+                grasp = teleop_session::news(&mut self.hand), if self.hand.is_some() => {
                     self.cockpit.grasp(grasp, self.now_ms());
                 }
                 _ = send.tick() => {
@@ -163,7 +164,7 @@ impl Shell<'_> {
                         hand.drive(drive);
                     }
                 }
-                Some(ended) = self.deeds.join_next_with_id() => {
+                Some(ended) = self.commands.join_next_with_id() => {
                     let (id, outcome) = match ended {
                         Ok((id, outcome)) => (id, Some(outcome)),
                         Err(error) => (error.id(), error.is_panic().then(broken)),
@@ -202,19 +203,19 @@ impl Shell<'_> {
     fn act(&mut self, actions: Vec<Action>) {
         for action in actions {
             match (action, self.source.client) {
-                (Action::Do { number, deed, instead }, Some(client)) => {
+                (Action::Do { number, command, instead }, Some(client)) => {
                     let (ctx, client) = (self.ctx.clone(), client.clone());
                     self.give_up(instead);
                     let known: Vec<Name> = self.source.scene.lock().robots().keys().cloned().collect();
-                    if deed.is_stop() {
+                    if command.is_stop() {
                         self.stops.send_modify(|stops| *stops += 1);
                     }
                     let mut stops = self.stops.subscribe();
-                    let begun = self.deeds.spawn(async move {
+                    let begun = self.commands.spawn(async move {
                         tokio::select! {
                             biased;
-                            Ok(()) = stops.changed(), if deed.loosens() => carry::overtaken(),
-                            outcome = carry::carry(&ctx, &client, &known, &deed) => outcome,
+                            Ok(()) = stops.changed(), if command.loosens() => execute::overtaken(),
+                            outcome = execute::execute(&ctx, &client, &known, &command) => outcome,
                         }
                     });
                     self.numbers.insert(begun.id(), number);

@@ -2,12 +2,12 @@
 //! meant. What was asked for them is done all the same: the roster may be wrong, and a stop waits for
 //! nothing.
 
-use crate::client::Client;
 use crate::context::Context;
 use crate::nearest::nearest;
-use crate::view::by_number;
 use std::collections::{BTreeMap, BTreeSet};
 use std::pin::pin;
+use xtb_client::client::Client;
+use xtb_client::fleet_view::by_number;
 use xtb_protocol::Name;
 
 /// Names that are listed where none is like the one that was given.
@@ -93,7 +93,7 @@ fn listed(known: &[&Name]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::name;
+    use xtb_client::fake::name;
 
     fn names(all: &[&str]) -> BTreeSet<Name> {
         all.iter().map(|text| name(text)).collect()

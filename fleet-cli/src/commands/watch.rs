@@ -1,13 +1,9 @@
 //! `watch`: any key of ours as JSON lines.
 
 use crate::cli::WatchArgs;
-use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
-use crate::listen::plan::Plan;
-use crate::listen::{Inlet, Item, Sources, not_a_key_expr};
-use crate::news::News;
 use crate::output::json_line;
 use serde::Serialize;
 use std::pin::pin;
@@ -15,6 +11,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::mpsc;
 use xtb_bus::Incoming;
+use xtb_client::client::Client;
+use xtb_client::messages::AnyMessage;
+use xtb_client::subscription::plan::Plan;
+use xtb_client::subscription::{Inlet, Item, Subscriptions, not_a_key_expr};
 
 /// Messages between Zenoh and the printer; those that find no room are dropped and counted.
 const QUEUE: usize = 1024;
@@ -24,7 +24,7 @@ struct Decoded<'a> {
     key: &'a str,
     #[serde(rename = "type")]
     name: &'static str,
-    value: &'a News,
+    value: &'a AnyMessage,
 }
 
 #[derive(Debug, Serialize)]
@@ -42,7 +42,7 @@ struct Undecodable<'a> {
 /// No router, a key expression that is none or that names only commands, or nobody to answer.
 pub async fn run(ctx: &Context, args: &WatchArgs) -> Result<Exit> {
     let plan = Plan::of(&args.key_expr)?;
-    let client = Client::open(ctx).await?;
+    let client = Client::open(&ctx.settings).await?;
     match plan {
         Plan::Answers(ask) => print_answers(ctx, &client, args, &ask).await?,
         plan => follow(ctx, &client, args, plan).await?,
@@ -80,7 +80,7 @@ async fn follow(ctx: &Context, client: &Client, args: &WatchArgs, plan: Plan) ->
             drops.fetch_add(1, Ordering::Relaxed);
         }
     });
-    let mut sources = Sources::default();
+    let mut sources = Subscriptions::default();
     sources.add_plan(client, &args.key_expr, plan, &inlet).await.map_err(not_a_key_expr)?;
     let mut stop = pin!(interrupted());
     let mut left = args.count;
@@ -102,7 +102,7 @@ async fn follow(ctx: &Context, client: &Client, args: &WatchArgs, plan: Plan) ->
 }
 
 fn line(item: &Item) -> Result<String> {
-    match (item, News::of(item)) {
+    match (item, AnyMessage::of(item)) {
         (Item::Message(Incoming { key, .. }) | Item::Presence(key, _), Ok((_, news))) => {
             json_line(&Decoded { key, name: news.name(), value: &news })
         }

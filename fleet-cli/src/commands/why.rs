@@ -1,19 +1,18 @@
 //! `why`: the chain of reasons for which a robot stands, or for which it may drive.
 
 mod chain;
-mod remedy;
 
 use super::once_each;
 use crate::cli::WhyArgs;
-use crate::client::Client;
 use crate::context::Context;
-use crate::dispatching::Dispatching;
 use crate::error::{Exit, Failure, Result};
 use crate::output::{Output, Tone};
-use crate::view::{FleetView, RobotView};
 use chain::{Verdict, Why};
 use futures_util::future::join_all;
 use std::collections::BTreeSet;
+use xtb_client::client::Client;
+use xtb_client::dispatcher_client::DispatcherClient;
+use xtb_client::fleet_view::{FleetView, RobotView};
 use xtb_protocol::messages::{RobotState, StopReason, Suspension};
 
 const LABEL_WIDTH: usize = 8;
@@ -24,9 +23,9 @@ const LABEL_WIDTH: usize = 8;
 /// # Errors
 /// No router.
 pub async fn run(ctx: &Context, args: &WhyArgs) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
+    let client = Client::open(&ctx.settings).await?;
     let robots = once_each(&args.robots);
-    let (asked, fleet) = (&client, &ctx.fleet);
+    let (asked, fleet) = (&client, &ctx.settings.fleet);
     let views = join_all(robots.iter().map(|robot| async move {
         let (wanted, keys) = (BTreeSet::from([robot.clone()]), asked.keys().robot(robot));
         let view = FleetView::ask_robots(asked, fleet, &keys, &wanted).await?;
@@ -34,7 +33,7 @@ pub async fn run(ctx: &Context, args: &WhyArgs) -> Result<Exit> {
     }))
     .await;
     let suspended =
-        Dispatching::of(&client).status().await.map(|status| status.suspended).unwrap_or_default();
+        DispatcherClient::of(&client).status().await.map(|status| status.suspended).unwrap_or_default();
     client.close().await;
     let mut exit = Exit::Done;
     for (i, view) in views.into_iter().enumerate() {
@@ -87,7 +86,7 @@ fn text(why: &Why, out: &Output) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake;
+    use xtb_client::fake;
     use xtb_protocol::messages::{Latch, StopReason};
 
     #[test]
@@ -111,9 +110,7 @@ mod tests {
         assert_eq!(lines.next(), Some("xtb-1 stands for 12.0 s (mode idle, state 30 ms old)"));
         assert_eq!(
             lines.next(),
-            Some(
-                "  latch    somebody called an emergency stop: estop latched by cli-1, 12.0 s ago; its cause is gone"
-            )
+            Some("  latch    emergency stop: estop latched by cli-1, 12.0 s ago; its cause is gone")
         );
         assert_eq!(
             lines.next(),

@@ -4,6 +4,8 @@ use axum::body::Body;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::Response;
 use crc::{CRC_32_ISO_HDLC, Crc};
+use std::sync::LazyLock;
+use xtb_protocol::messages::texts;
 
 const HTML: &str = "text/html; charset=utf-8";
 const JS: &str = "text/javascript; charset=utf-8";
@@ -12,7 +14,7 @@ const SVG: &str = "image/svg+xml";
 const TEXT: &str = "text/plain; charset=utf-8";
 
 /// One file of the page.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 struct Asset {
     /// Where it is.
     path: &'static str,
@@ -30,18 +32,18 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: &[Asset] = &[
+const FILES: &[Asset] = &[
     Asset { path: "/", content_type: HTML, bytes: include_bytes!("page/index.html") },
-    asset!("aim.js", JS),
+    asset!("goal_tool.js", JS),
     asset!("draw.js", JS),
     asset!("drive.js", JS),
     asset!("floor.js", JS),
-    asset!("hold.js", JS),
+    asset!("press_hold.js", JS),
     asset!("icon.svg", SVG),
     asset!("link.js", JS),
     asset!("main.js", JS),
     asset!("map.css", CSS),
-    asset!("pace.js", JS),
+    asset!("frame_rate.js", JS),
     asset!("panels.js", JS),
     asset!("plots.js", JS),
     asset!("robots.js", JS),
@@ -72,6 +74,14 @@ const ASSETS: &[Asset] = &[
     asset!("vendor/directives/live.js", JS),
     asset!("vendor/directives/repeat.js", JS),
 ];
+
+/// What people read for the protocol's names, from the table that the terminal uses too.
+static TEXTS: LazyLock<String> = LazyLock::new(|| format!("export const TEXTS = {};\n", texts::tables()));
+
+static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
+    let texts = Asset { path: "/assets/texts.js", content_type: JS, bytes: TEXTS.as_bytes() };
+    FILES.iter().copied().chain([texts]).collect()
+});
 
 impl Asset {
     /// Changes with the content.
@@ -105,12 +115,11 @@ pub(super) fn answer(path: &str, headers: &HeaderMap) -> Option<Response> {
 mod tests {
     use super::*;
     use axum::http::HeaderValue;
-    use std::collections::BTreeSet;
     use xtb_protocol::messages::StopReason;
 
     #[test]
     fn each_file_has_a_type_and_is_not_sent_again_to_who_has_it() {
-        for asset in ASSETS {
+        for asset in ASSETS.iter() {
             let first = answer(asset.path, &HeaderMap::new()).unwrap();
             assert_eq!(first.status(), StatusCode::OK, "{}", asset.path);
             assert_eq!(first.headers()[header::CONTENT_TYPE], asset.content_type);
@@ -144,16 +153,15 @@ mod tests {
     }
 
     #[test]
-    fn the_page_has_words_for_each_reason_to_stand_and_for_no_other() {
-        let schema = serde_json::to_value(schemars::schema_for!(StopReason)).unwrap();
-        let variants = schema["oneOf"].as_array().unwrap();
-        let reasons: BTreeSet<&str> = variants.iter().map(|one| one["const"].as_str().unwrap()).collect();
-        let page = include_str!("page/words.js");
-        let table = page.split("const REASONS = {").nth(1).unwrap().split("};").next().unwrap();
-        let worded: BTreeSet<&str> =
-            table.lines().filter_map(|line| line.trim().split_once(": [")).map(|(name, _)| name).collect();
-        assert!(reasons.len() > 30);
-        assert_eq!(worded, reasons);
+    fn the_page_has_the_words_of_the_terminal() {
+        let asset = ASSETS.iter().find(|asset| asset.path == "/assets/texts.js").unwrap();
+        let script = String::from_utf8_lossy(asset.bytes);
+        let table = script.strip_prefix("export const TEXTS = ").unwrap().trim_end().trim_end_matches(';');
+        let table: serde_json::Value = serde_json::from_str(table).unwrap();
+        for reason in StopReason::ALL {
+            let name = serde_json::to_value(reason).unwrap();
+            assert_eq!(table["stop_reason"][name.as_str().unwrap()]["text"], reason.text());
+        }
     }
 
     #[test]

@@ -4,13 +4,13 @@
 //! A robot that has not been heard lately keeps its last place, marked as stale; everything else about
 //! it is unknown then.
 
-use crate::describe;
-use crate::scene::{AtMs, Happening, Robot, Scene};
+use crate::scene::{AtMs, Robot, Scene, SceneEvent};
+use crate::text::robot as describe;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use xtb_control::Mode;
 use xtb_nav::MapPose;
-use xtb_nav::path::Piece;
+use xtb_nav::geometry::path::Piece;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
     About, BatteryLevel, Fault, FleetMap, GoalKind, GoalStatus, Latch, MapHash, ObstacleView, RobotState,
@@ -35,7 +35,7 @@ pub(super) enum ToPage {
     /// When a new list has come.
     Tasks(Box<TaskList>),
     /// New ones.
-    Happenings(Vec<Happening>),
+    Happenings(Vec<SceneEvent>),
     /// To a command.
     Answer(super::commands::Answer),
     /// How teleoperation stands.
@@ -232,7 +232,7 @@ impl Known {
             self.happened = 0;
         }
         let new = scene.happenings().iter().filter(|happening| happening.number > self.happened);
-        let new: Vec<Happening> = new.cloned().collect();
+        let new: Vec<SceneEvent> = new.cloned().collect();
         self.happened = last;
         (!new.is_empty()).then_some(ToPage::Happenings(new))
     }

@@ -3,8 +3,8 @@
 
 use crate::scene::live::Shared;
 use crate::scene::{AtMs, Robot, Scene};
-use crate::task_words;
-use crate::words;
+use crate::text::reasons;
+use crate::text::task as task_text;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::text::encode;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeLabelSet, NoLabelSet};
@@ -241,7 +241,7 @@ fn robots(out: &mut Sheet<'_, '_>, scene: &Scene, now_ms: AtMs) -> fmt::Result {
     let volts = fresh(scene, now_ms).filter_map(|(name, state)| Some((of(name), state.battery_v?)));
     out.gauges("robot_battery", "Battery voltage", Some(Unit::Volts), volts)?;
     let levels = fresh(scene, now_ms).map(|(name, state)| {
-        (Battery { robot: name.to_string(), level: words::name(&state.battery_level) }, 1.0)
+        (Battery { robot: name.to_string(), level: reasons::name(&state.battery_level) }, 1.0)
     });
     out.gauges("robot_battery_level", "1 at what the voltage means", None, levels)?;
     let latches = fresh(scene, now_ms).flat_map(|(name, state)| {
@@ -275,7 +275,7 @@ fn services(out: &mut Sheet<'_, '_>, scene: &Scene) -> fmt::Result {
     let there = there.into_iter().map(|(service, there)| (Service { service }, is(there)));
     out.gauges("fleet_service_up", "1 = it is there", None, there)?;
     if scene.dispatcher() {
-        let suspended = is(task_words::fleet_stop(scene.suspended()).is_some());
+        let suspended = is(task_text::fleet_stop(scene.suspended()).is_some());
         let help = "1 = it assigns nothing after an emergency stop of all robots, until it is activated";
         out.gauges(
             "dispatcher_suspended",
@@ -287,7 +287,7 @@ fn services(out: &mut Sheet<'_, '_>, scene: &Scene) -> fmt::Result {
     let mut tasks: BTreeMap<String, f64> = BTreeMap::new();
     let list = scene.tasks().filter(|_| scene.dispatcher());
     for task in list.iter().flat_map(|seen| &seen.value.tasks) {
-        *tasks.entry(words::name(&task.state)).or_default() += 1.0;
+        *tasks.entry(reasons::name(&task.state)).or_default() += 1.0;
     }
     let tasks = tasks.into_iter().map(|(state, count)| (InState { state }, count));
     out.gauges("fleet_tasks", "Tasks that the dispatcher remembers, by state", None, tasks)
@@ -296,12 +296,12 @@ fn services(out: &mut Sheet<'_, '_>, scene: &Scene) -> fmt::Result {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::{self, name};
-    use crate::news::News;
+    use xtb_client::fake::{self, name};
+    use xtb_client::messages::AnyMessage;
     use xtb_protocol::keys::Key;
     use xtb_protocol::messages::Latch;
 
-    fn put(shared: &Shared, at_ms: AtMs, key: &str, news: impl Into<News>) {
+    fn put(shared: &Shared, at_ms: AtMs, key: &str, news: impl Into<AnyMessage>) {
         shared.lock().take(at_ms, &Key::parse(key).unwrap(), news.into());
     }
 
@@ -313,8 +313,8 @@ mod tests {
         state.turns_late = 3;
         state.rejected.stale = 5;
         put(&shared, shared.now_ms(), "xtb/lab/xtb-1/state", state);
-        put(&shared, 0, "xtb/lab/xtb-1/alive", News::Alive(true));
-        put(&shared, 0, "xtb/lab/xtb-2/alive", News::Alive(false));
+        put(&shared, 0, "xtb/lab/xtb-1/alive", AnyMessage::Alive(true));
+        put(&shared, 0, "xtb/lab/xtb-2/alive", AnyMessage::Alive(false));
         let metrics = Metrics::new(shared);
         metrics.refused("origin");
         metrics.answered("goto", true);

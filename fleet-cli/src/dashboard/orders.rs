@@ -115,7 +115,7 @@ impl Orders {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::name;
+    use xtb_client::fake::name;
 
     fn goto(robot: &str) -> Command {
         let robot = name(robot);

@@ -1,14 +1,11 @@
 //! The dashboard's HTTP server: page, socket, metrics. Nothing is changed by a plain request.
 
-use super::frames::Hello;
+use super::app::{App, Shown};
 use super::metrics::Metrics;
 use super::places::Places;
 use super::security::{Entry, Guard, HEADERS, Origin, Refusal};
 use super::{assets, listener, socket};
-use crate::client::Client;
-use crate::context::Context;
 use crate::error::{Failure, Kind, Result};
-use crate::scene::live::Shared;
 use axum::Router;
 use axum::extract::{Request, State, WebSocketUpgrade};
 use axum::http::{HeaderName, HeaderValue, Method, StatusCode, header};
@@ -23,7 +20,7 @@ use tokio::net::{TcpListener, TcpSocket};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
-use xtb_protocol::{Name, Uuid};
+use xtb_protocol::Uuid;
 
 /// Pages that may be connected at once.
 pub(super) const MOST_SOCKETS: usize = 16;
@@ -64,80 +61,6 @@ impl Settings {
     /// [`Kind::Usage`]: another address than loopback without a token, or a token that is too short.
     pub fn check(&self) -> Result<()> {
         Guard::new(self.listen, self.token.clone(), String::new(), self.allow_origins.clone()).map(drop)
-    }
-}
-
-/// What is shown, and who commands.
-#[derive(Clone)]
-pub struct Shown {
-    /// The fleet.
-    pub scene: Arc<Shared>,
-    /// Who commands; `None` = a recording is played.
-    pub commands: Option<(Context, Client)>,
-}
-
-/// What all requests share.
-pub(super) struct App {
-    pub(super) shown: Shown,
-    pub(super) metrics: Metrics,
-    read_only: bool,
-    guard: Guard,
-    began: Instant,
-    ticks: watch::Sender<u64>,
-    /// As of the last beat.
-    linked: AtomicBool,
-    places: Arc<Semaphore>,
-    stop: watch::Receiver<bool>,
-    /// A permit is held by whoever has to be waited for at the end.
-    busy: Arc<Semaphore>,
-}
-
-impl App {
-    /// What a page is told first.
-    pub(super) fn hello(&self, client: Name) -> Hello {
-        let why_not = match (&self.shown.commands, self.read_only) {
-            (None, _) => Some("a recording is played"),
-            (Some(_), true) => Some("the dashboard was started with --read-only"),
-            (Some(_), false) => None,
-        };
-        Hello {
-            fleet: self.shown.scene.lock().fleet().clone(),
-            client,
-            version: env!("CARGO_PKG_VERSION"),
-            writable: why_not.is_none(),
-            why_not: why_not.map(str::to_owned),
-            live: self.shown.commands.is_some(),
-        }
-    }
-
-    /// Who commands, if commands are taken.
-    pub(super) fn commands(&self) -> Option<&(Context, Client)> {
-        self.shown.commands.as_ref().filter(|_| !self.read_only)
-    }
-
-    /// The beat of all pages' frames.
-    pub(super) fn ticks(&self) -> watch::Receiver<u64> {
-        self.ticks.subscribe()
-    }
-
-    /// Whether there is a router; a recording needs none.
-    pub(super) fn is_linked(&self) -> bool {
-        self.linked.load(Ordering::Relaxed)
-    }
-
-    /// Becomes true when the server ends.
-    pub(super) fn stop(&self) -> watch::Receiver<bool> {
-        self.stop.clone()
-    }
-
-    /// The end waits until this is dropped.
-    pub(super) fn busy(&self) -> Option<OwnedSemaphorePermit> {
-        Arc::clone(&self.busy).try_acquire_owned().ok()
-    }
-
-    /// A clock that never stands, in ms.
-    pub(super) fn clock_ms(&self) -> u64 {
-        u64::try_from(self.began.elapsed().as_millis()).unwrap_or(u64::MAX)
     }
 }
 

@@ -76,7 +76,7 @@ impl Session {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::name;
+    use xtb_client::fake::name;
 
     fn frames(news: &[ToPage]) -> Vec<u64> {
         let number = |message: &ToPage| match message {

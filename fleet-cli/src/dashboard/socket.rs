@@ -3,10 +3,10 @@
 //! Two tasks, so that a page that takes nothing is still heard: an emergency stop comes in while a frame
 //! is stuck on its way out.
 
+use super::app::App;
+use super::command_session::CommandSession;
 use super::commands::FromPage;
-use super::desk::Desk;
 use super::frames::{Hello, ToPage};
-use super::server::App;
 use super::session::Session;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
 use futures_util::stream::{SplitSink, SplitStream};
@@ -34,7 +34,7 @@ pub(super) async fn serve(app: Arc<App>, socket: WebSocket) {
     let (sink, stream) = socket.split();
     let session = Arc::<Mutex<Session>>::default();
     let (answers, queue) = mpsc::channel(ANSWERS);
-    let desk = Desk::new(Arc::clone(&app), &name, answers);
+    let desk = CommandSession::new(Arc::clone(&app), &name, answers);
     let writer = Writer { app: Arc::clone(&app), sink, session: Arc::clone(&session), answers: queue };
     let mut writer = tokio::spawn(writer.run(app.hello(name)));
     tokio::select! {
@@ -45,7 +45,12 @@ pub(super) async fn serve(app: Arc<App>, socket: WebSocket) {
 }
 
 /// Hears the page until it is gone; the wheel is let go with the desk.
-async fn read(app: &App, mut stream: SplitStream<WebSocket>, session: &Mutex<Session>, mut desk: Desk) {
+async fn read(
+    app: &App,
+    mut stream: SplitStream<WebSocket>,
+    session: &Mutex<Session>,
+    mut desk: CommandSession,
+) {
     let mut heard_at = Instant::now();
     loop {
         let heard = tokio::select! {
@@ -66,7 +71,12 @@ async fn read(app: &App, mut stream: SplitStream<WebSocket>, session: &Mutex<Ses
     }
 }
 
-fn hear(app: &App, session: &Mutex<Session>, desk: &mut Desk, text: &str) -> Result<(), super::desk::Gone> {
+fn hear(
+    app: &App,
+    session: &Mutex<Session>,
+    desk: &mut CommandSession,
+    text: &str,
+) -> Result<(), super::command_session::Gone> {
     match serde_json::from_str(text) {
         Ok(FromPage::Seen(n)) => lock(session).seen(n),
         Ok(FromPage::Watch(robot)) => lock(session).watch(robot),

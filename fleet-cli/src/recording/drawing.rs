@@ -8,11 +8,11 @@ mod parts;
 mod walls;
 
 use super::well_known::{Log, Pose, PoseInFrame, SceneEntity, SceneEntityDeletion, SceneUpdate, Time};
-use crate::client::STALE;
-use crate::news::News;
 use crate::scene::MOST_ROBOTS;
-use crate::words;
+use crate::text::reasons;
 use std::collections::BTreeMap;
+use xtb_client::client::STALE;
+use xtb_client::messages::AnyMessage;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{Event, EventKind, PoseState, RobotState, Sensors, TaskEvent};
 use xtb_protocol::{Name, Uuid};
@@ -45,15 +45,15 @@ pub struct Painter {
 
 impl Painter {
     /// What has changed in the picture, if anything.
-    pub fn draw(&mut self, at_ns: u64, key: &Key, news: &News) -> Option<SceneUpdate> {
+    pub fn draw(&mut self, at_ns: u64, key: &Key, news: &AnyMessage) -> Option<SceneUpdate> {
         match (news, &key.robot) {
-            (News::State(state), Some(name)) => self.truck(at_ns, name, state),
-            (News::Sensors(sensors), Some(name)) => self.sight(at_ns, name, sensors),
-            (News::Map(map), None) => Some(SceneUpdate {
+            (AnyMessage::State(state), Some(name)) => self.truck(at_ns, name, state),
+            (AnyMessage::Sensors(sensors), Some(name)) => self.sight(at_ns, name, sensors),
+            (AnyMessage::Map(map), None) => Some(SceneUpdate {
                 entities: vec![walls::room(Time::of_ns(at_ns), map)],
                 deletions: Vec::new(),
             }),
-            (News::Alive(false), Some(name)) => Some(self.gone(at_ns, name)),
+            (AnyMessage::Alive(false), Some(name)) => Some(self.gone(at_ns, name)),
             _ => None,
         }
     }
@@ -141,13 +141,13 @@ pub fn pose(at_ns: u64, state: &RobotState) -> PoseInFrame {
 
 /// A line of the log, if that is something that happened.
 #[must_use]
-pub fn log(at_ns: u64, key: &Key, news: &News) -> Option<Log> {
+pub fn log(at_ns: u64, key: &Key, news: &AnyMessage) -> Option<Log> {
     let (level, message) = match news {
-        News::Event(event) => robot_line(event),
-        News::TaskEvent(event) => task_line(event),
-        News::Alive(true) => (INFO, "is there".to_owned()),
-        News::Alive(false) => (WARNING, "is not there any more".to_owned()),
-        News::Estop(_) => (ERROR, "an emergency stop was called".to_owned()),
+        AnyMessage::Event(event) => robot_line(event),
+        AnyMessage::TaskEvent(event) => task_line(event),
+        AnyMessage::Alive(true) => (INFO, "is there".to_owned()),
+        AnyMessage::Alive(false) => (WARNING, "is not there any more".to_owned()),
+        AnyMessage::Estop(_) => (ERROR, "an emergency stop was called".to_owned()),
         _ => return None,
     };
     let name = match &key.robot {
@@ -169,10 +169,10 @@ fn robot_line(event: &Event) -> (u8, String) {
     match &event.kind {
         EventKind::Started { version } => (INFO, format!("its agent began to run, version {version}")),
         EventKind::Mode { from, to } => {
-            (INFO, format!("mode {}, was {}", words::name(to), words::name(from)))
+            (INFO, format!("mode {}, was {}", reasons::name(to), reasons::name(from)))
         }
         EventKind::Goal { id, status, reason } => {
-            (INFO, format!("goal {id} {}{}", words::name(status), because(reason.as_deref())))
+            (INFO, format!("goal {id} {}{}", reasons::name(status), because(reason.as_deref())))
         }
         EventKind::Lease { holder: Some(holder) } => (INFO, format!("{holder} has control")),
         EventKind::Lease { holder: None } => (INFO, "nobody has control".to_owned()),
@@ -189,7 +189,7 @@ fn task_line(event: &TaskEvent) -> (u8, String) {
     let TaskEvent { task, step, .. } = event;
     let robot = step.robot.as_ref().map_or_else(String::new, |robot| format!(" on {robot}"));
     let reason = because(step.reason.as_deref());
-    (INFO, format!("task {task} {}{robot}{reason}", words::name(&step.state)))
+    (INFO, format!("task {task} {}{robot}{reason}", reasons::name(&step.state)))
 }
 
 #[cfg(test)]

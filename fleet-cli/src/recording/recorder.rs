@@ -7,10 +7,10 @@
 use super::drawing::{self, Painter};
 use super::schemas::{self, Presence, Schema};
 use super::{LOG_TOPIC, SCENE_TOPIC};
-use crate::listen::Item;
-use crate::news::News;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use xtb_client::messages::AnyMessage;
+use xtb_client::subscription::Item;
 use xtb_protocol::keys::{Channel, Key};
 
 /// Topics at most: anybody can make up a client's name.
@@ -76,7 +76,7 @@ pub struct Recorder {
 impl Recorder {
     /// What came in at `at_ns` since 1970.
     pub fn take(&mut self, at_ns: u64, item: &Item) -> Vec<Record> {
-        match News::of(item) {
+        match AnyMessage::of(item) {
             Ok((key, news)) => self.keep(at_ns, item, &key, &news),
             Err(error) => {
                 tracing::debug!("not recorded: {error}");
@@ -87,14 +87,14 @@ impl Recorder {
     }
 
     /// A message as it was read.
-    fn keep(&mut self, at_ns: u64, item: &Item, key: &Key, news: &News) -> Vec<Record> {
+    fn keep(&mut self, at_ns: u64, item: &Item, key: &Key, news: &AnyMessage) -> Vec<Record> {
         let mut records = Vec::new();
         let name = match item {
             Item::Message(incoming) => &incoming.key,
             Item::Presence(key, _) => key,
         };
         let data = match news {
-            News::Alive(alive) => json(&Presence::new(*alive)),
+            AnyMessage::Alive(alive) => json(&Presence::new(*alive)),
             news => json(news),
         };
         if !self.write(at_ns, name, &schemas::name_of(news), data, holds(&key.channel), &mut records) {
@@ -106,14 +106,14 @@ impl Recorder {
         records
     }
 
-    fn derive(&mut self, at_ns: u64, name: &str, key: &Key, news: &News, records: &mut Vec<Record>) {
+    fn derive(&mut self, at_ns: u64, name: &str, key: &Key, news: &AnyMessage, records: &mut Vec<Record>) {
         let mut made = Vec::new();
-        if let News::State(state) = news {
+        if let AnyMessage::State(state) = news {
             let pose = json(&drawing::pose(at_ns, state));
             made.push((format!("{name}/pose"), "foxglove.PoseInFrame", pose, false));
         }
         if let Some(update) = self.painter.draw(at_ns, key, news) {
-            let is_map = matches!(news, News::Map(_));
+            let is_map = matches!(news, AnyMessage::Map(_));
             made.push((SCENE_TOPIC.to_owned(), "foxglove.SceneUpdate", json(&update), is_map));
         }
         if let Some(line) = drawing::log(at_ns, key, news) {

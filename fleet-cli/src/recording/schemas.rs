@@ -5,12 +5,12 @@
 //! be null, or is one of several, stands below `allOf`, where validators look and Foxglove does not: the
 //! schema stays whole, and Foxglove shows such fields all the same.
 
-use crate::news::News;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::sync::LazyLock;
+use xtb_client::messages::AnyMessage;
 use xtb_protocol::messages::{
     About, DispatchRequest, Estop, Event, Fix, FleetMap, LogRequest, Message, Request, RobotState, Roster,
     Route, Sensors, Setpoint, SimStats, TaskEvent, TaskList, TrafficState, Truth,
@@ -93,7 +93,7 @@ pub fn of(name: &str) -> Option<&'static Schema> {
 
 /// The name of a message's schema.
 #[must_use]
-pub fn name_of(news: &News) -> String {
+pub fn name_of(news: &AnyMessage) -> String {
     wire_name(news.name())
 }
 

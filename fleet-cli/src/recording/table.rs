@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn a_state_has_a_column_for_each_field_whatever_is_null_in_it() {
         let table = table("xtb.RobotState");
-        let state = serde_json::to_value(crate::fake::state("xtb-1")).unwrap();
+        let state = serde_json::to_value(xtb_client::fake::state("xtb-1")).unwrap();
         let row = table.row(17, "xtb/lab/xtb-1/state", &state);
         for (column, value) in [
             ("log_ns", "17"),

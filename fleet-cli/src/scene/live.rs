@@ -2,15 +2,15 @@
 //! misses pictures and holds up nobody.
 
 use super::{AtMs, MOST_ROBOTS, Scene};
-use crate::client::Client;
 use crate::error::Result;
-use crate::listen::{Inlet, Item, Sources};
-use crate::news::{News, Unreadable};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
+use xtb_client::client::Client;
+use xtb_client::messages::{AnyMessage, Unreadable};
+use xtb_client::subscription::{Inlet, Item, Subscriptions};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{FleetKeys, Key};
 
@@ -95,7 +95,7 @@ impl Shared {
 
     /// Takes in an item that came just now; one that cannot be read is counted.
     pub fn put(&self, item: &Item) {
-        match News::of(item) {
+        match AnyMessage::of(item) {
             Ok((key, news)) => self.lock().take(self.now_ms(), &key, news),
             Err(error) => self.note_unreadable(&error),
         }
@@ -117,7 +117,7 @@ impl Shared {
 pub struct Live {
     /// What is known.
     pub scene: Arc<Shared>,
-    _sources: Sources,
+    _sources: Subscriptions,
     asking: JoinHandle<()>,
 }
 
@@ -148,7 +148,7 @@ impl Live {
             into.put(&item);
         });
         let asking = tokio::spawn(ask_factsheets(client.clone(), Arc::clone(&scene), comers));
-        let mut sources = Sources::default();
+        let mut sources = Subscriptions::default();
         for key_expr in key_exprs(client.keys(), wanted) {
             sources.add(client, &key_expr, &inlet).await?;
         }
@@ -160,10 +160,10 @@ impl Live {
     ///
     /// # Errors
     /// [`Kind::Failed`](crate::Kind::Failed): Zenoh would not.
-    pub async fn sensors(&self, client: &Client) -> Result<Sources> {
+    pub async fn sensors(&self, client: &Client) -> Result<Subscriptions> {
         let into = Arc::clone(&self.scene);
         let inlet: Inlet = Arc::new(move |item| into.put(&item));
-        let mut sources = Sources::default();
+        let mut sources = Subscriptions::default();
         sources.add(client, &client.keys().any_robot().sensors(), &inlet).await?;
         Ok(sources)
     }
@@ -192,8 +192,8 @@ fn key_exprs(keys: &FleetKeys, wanted: Wanted) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::{FakeRobot, name};
     use std::time::Duration;
+    use xtb_client::fake::{FakeRobot, name};
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn who_comes_later_is_asked_for_its_factsheet_too() {

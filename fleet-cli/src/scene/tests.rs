@@ -12,7 +12,7 @@ fn key(text: &str) -> Key {
 }
 
 fn state(name: &str, x_m: f64) -> RobotState {
-    let mut state = crate::fake::state(name);
+    let mut state = xtb_client::fake::state(name);
     state.pose.x_m = x_m;
     state
 }
@@ -42,8 +42,8 @@ fn a_trail_grows_with_the_way_and_is_bounded() {
 fn presence_that_did_not_change_is_no_happening() {
     let mut scene = Scene::new(own("lab"));
     for there in [true, true, false] {
-        scene.take(0, &key("xtb/lab/xtb-1/alive"), News::Alive(there));
-        scene.take(0, &key("xtb/lab/dispatch/alive"), News::Alive(there));
+        scene.take(0, &key("xtb/lab/xtb-1/alive"), AnyMessage::Alive(there));
+        scene.take(0, &key("xtb/lab/dispatch/alive"), AnyMessage::Alive(there));
     }
     let shown: Vec<_> = scene
         .happenings()
@@ -61,7 +61,7 @@ fn presence_that_did_not_change_is_no_happening() {
 fn happenings_are_bounded_and_numbered() {
     let mut scene = Scene::new(own("lab"));
     for n in 0..300_u64 {
-        scene.take(n, &key("xtb/lab/xtb-1/alive"), News::Alive(n % 2 == 0));
+        scene.take(n, &key("xtb/lab/xtb-1/alive"), AnyMessage::Alive(n % 2 == 0));
     }
     let numbers: Vec<u64> = scene.happenings().iter().map(|happening| happening.number).collect();
     assert_eq!(numbers, (101..=300).collect::<Vec<_>>());
@@ -70,10 +70,10 @@ fn happenings_are_bounded_and_numbered() {
 #[test]
 fn other_fleets_and_too_many_robots_are_counted() {
     let mut scene = Scene::new(own("lab"));
-    scene.take(0, &key("xtb/hall/xtb-1/alive"), News::Alive(true));
+    scene.take(0, &key("xtb/hall/xtb-1/alive"), AnyMessage::Alive(true));
     assert_eq!((scene.robots().len(), scene.refused()), (0, 1));
     for n in 0..MOST_ROBOTS + 3 {
-        scene.take(0, &key(&format!("xtb/lab/r{n}/alive")), News::Alive(true));
+        scene.take(0, &key(&format!("xtb/lab/r{n}/alive")), AnyMessage::Alive(true));
     }
     assert_eq!((scene.robots().len(), scene.refused()), (MOST_ROBOTS, 4));
 }

@@ -4,15 +4,14 @@
 //! `desk` answers questions, `fleet` talks to robots, `floor` looks for roster and map and runs traffic
 //! control, `store` opens the ledger, `usage` counts what the robots did, `beside` is all of it in a simulator.
 
-pub mod beside;
-mod desk;
-mod fleet;
-mod floor;
+pub mod embedded;
+mod event_loop;
+mod map_watch;
+mod request_queue;
+mod robot_client;
 pub mod store;
 pub mod usage;
-mod work;
 
-use crate::client::Client;
 use crate::error::{Failure, Kind, Result};
 use crate::services::ledger;
 use serde::Serialize;
@@ -23,6 +22,7 @@ use tokio::sync::{oneshot, watch};
 use tokio::task::JoinHandle;
 use usage::Usage;
 use xtb_bus::{Bus, Token};
+use xtb_client::client::Client;
 use xtb_dispatch::dispatcher::Identity;
 use xtb_dispatch::{Dispatcher, Settings};
 use xtb_nav::Map;
@@ -117,7 +117,7 @@ impl DispatchService {
         let (stop, stopped) = oneshot::channel();
         let none = Standing::of(&dispatcher, now.ms(), Counters::default(), Usage::default());
         let (told, standing) = watch::channel(none);
-        let work = work::Work::new(client, now, dispatcher, store.ledger, read, map, told).await?;
+        let work = event_loop::Work::new(client, now, dispatcher, store.ledger, read, map, told).await?;
         let working = tokio::spawn(run(work, stopped, token));
         Ok(Self { working, standing, stop: Some(stop) })
     }
@@ -158,7 +158,7 @@ impl Drop for DispatchService {
     }
 }
 
-async fn run(work: work::Work, stopped: oneshot::Receiver<()>, token: Token) -> Result<()> {
+async fn run(work: event_loop::Work, stopped: oneshot::Receiver<()>, token: Token) -> Result<()> {
     let ended = work.run(stopped).await;
     drop(token);
     ended

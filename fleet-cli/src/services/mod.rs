@@ -2,3 +2,6 @@
 
 pub mod dispatch;
 pub mod ledger;
+pub mod map_server;
+pub mod router;
+pub mod traffic;

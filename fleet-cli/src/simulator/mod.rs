@@ -14,9 +14,9 @@ pub use agents::RunningAgent;
 pub use stats::Told;
 pub use truth::TruthView;
 
-use crate::charts::MapService;
 use crate::error::{Failure, Kind, Result};
-use crate::router;
+use crate::services::map_server::MapService;
+use crate::services::router;
 use agents::{AgentSettings, Life};
 use robot_agent::clock::WorldTime;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};

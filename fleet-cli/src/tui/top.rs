@@ -9,35 +9,36 @@
 //! Stops come first: `s`, `S`, `e` and `E` mean the same in every overlay and while driving, and need
 //! no second key.
 
-mod deeds;
+mod commands;
 mod detail;
 mod events;
 mod floor;
 mod frame;
 mod keys;
 mod layout;
-mod look;
 mod map;
 mod overlay;
-mod sight;
+mod robot_view;
 mod table;
+mod theme;
 mod view;
 
-pub(crate) use deeds::{Deed, Outcome, Whom};
-pub(crate) use look::Look;
+pub(crate) use commands::{Command, Outcome, Target};
+pub(crate) use theme::Theme;
 
-use crate::commands::teleop::keys::{Action as Touch, Drive, Key as Wheel, Keyboard, Reporting};
+use crate::commands::teleop::keys::{Action as Touch, Key as TeleopKey, Keyboard, Reporting};
 use crate::output::Tone;
 use crate::scene::{AtMs, Scene};
 use crate::terminal::Input;
+use commands::{Begun, Commands};
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
-use deeds::{Begun, Deeds};
 use floor::Floor;
 use keys::Press;
-use sight::{Sight, sights};
+use robot_view::{ShownRobot, sights};
 use view::View;
+use xtb_client::teleop::Drive;
 use xtb_control::Stamp;
-use xtb_nav::path::wrap_rad;
+use xtb_nav::geometry::path::wrap_rad;
 use xtb_protocol::Name;
 
 /// One turn of the goal's yaw.
@@ -54,7 +55,7 @@ pub(crate) struct Setup {
     /// Robots to show; empty = all.
     pub(crate) robots: Vec<Name>,
     /// What the terminal can show.
-    pub(crate) look: Look,
+    pub(crate) look: Theme,
     /// What the terminal tells of keys.
     pub(crate) reporting: Reporting,
     /// Why nothing may be asked of robots; `None` = it may.
@@ -69,7 +70,7 @@ pub(crate) enum Action {
         /// Its number.
         number: u64,
         /// What.
-        deed: Deed,
+        command: Command,
         /// Give this one up: it is asked anew.
         instead: Option<u64>,
     },
@@ -90,7 +91,7 @@ pub(crate) enum Action {
 
 /// What the shell says of the wheel.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Grasp {
+pub(crate) enum TeleopStatus {
     /// It is held.
     Held {
         /// Full throttle, in rpm.
@@ -155,13 +156,13 @@ struct Question {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Wish {
-    Deed(Deed),
+    Command(Command),
     Grip { robot: Name, take: bool },
 }
 
 /// What lies over the picture.
 #[derive(Debug, Clone, PartialEq)]
-enum Over {
+enum Modal {
     Help,
     Why,
     Question(Question),
@@ -183,8 +184,8 @@ pub(crate) struct Cockpit {
     view: View,
     floor: Option<Floor>,
     pane: Pane,
-    over: Option<Over>,
-    deeds: Deeds,
+    over: Option<Modal>,
+    commands: Commands,
     grip: Option<Grip>,
     /// Whether the link stands, and since when.
     link: (bool, AtMs),
@@ -205,7 +206,7 @@ impl Cockpit {
             floor: None,
             pane: Pane::Events,
             over: None,
-            deeds: Deeds::default(),
+            commands: Commands::default(),
             grip: None,
             link: (true, 0),
             unreadable: 0,
@@ -224,7 +225,7 @@ impl Cockpit {
                 None => {
                     // Any key but the yes is a no; shift alone is none.
                     let typed = key.kind == KeyEventKind::Press && !matches!(key.code, KeyCode::Modifier(_));
-                    self.over.take_if(|over| typed && matches!(over, Over::Question(_)));
+                    self.over.take_if(|over| typed && matches!(over, Modal::Question(_)));
                     Vec::new()
                 }
             },
@@ -239,7 +240,7 @@ impl Cockpit {
 
     /// Whether the screen may close: everything is answered and let go, or the person insists.
     pub(crate) fn is_over(&self) -> bool {
-        let idle = self.deeds.under_way().is_empty() && self.grip.is_none();
+        let idle = self.commands.under_way().is_empty() && self.grip.is_none();
         self.leaving > 1 || (self.leaving == 1 && idle)
     }
 
@@ -251,49 +252,51 @@ impl Cockpit {
         }
     }
 
-    /// What came of a deed.
+    /// What came of a command.
     pub(crate) fn done(&mut self, number: u64, outcome: &Outcome, now_ms: AtMs) {
-        let Some(deed) = self.deeds.end(now_ms, number, outcome) else { return };
-        if let Some(taking) = deed.taking().filter(|_| outcome.held) {
+        let Some(command) = self.commands.end(now_ms, number, outcome) else { return };
+        if let Some(taking) = command.taking().filter(|_| outcome.held) {
             let text = format!("{}. Take control?", outcome.text);
-            self.ask(Question { text, yes: Wish::Deed(taking) });
+            self.ask(Question { text, yes: Wish::Command(taking) });
         }
     }
 
     /// What became of the wheel.
-    pub(crate) fn grasp(&mut self, grasp: Grasp, now_ms: AtMs) {
+    pub(crate) fn grasp(&mut self, grasp: TeleopStatus, now_ms: AtMs) {
         let Some(grip) = self.grip.take() else { return };
         let robot = grip.robot().clone();
         match (grasp, grip) {
-            (Grasp::Held { max_rpm }, Grip::Asking(robot)) => {
+            (TeleopStatus::Held { max_rpm }, Grip::Asking(robot)) => {
                 let keyboard = Box::new(Keyboard::new(self.setup.reporting));
                 self.grip = Some(Grip::Driving { robot, max_rpm, keyboard });
             }
-            (Grasp::Held { .. }, grip) => self.grip = Some(grip),
-            (Grasp::Refused { text, held }, grip) => {
-                self.deeds.tell(now_ms, Tone::Bad, format!("drive {robot}: {text}"));
+            (TeleopStatus::Held { .. }, grip) => self.grip = Some(grip),
+            (TeleopStatus::Refused { text, held }, grip) => {
+                self.commands.tell(now_ms, Tone::Bad, format!("drive {robot}: {text}"));
                 if held && matches!(grip, Grip::Asking(_)) {
                     let text = format!("{text}. Take control?");
                     self.ask(Question { text, yes: Wish::Grip { robot, take: true } });
                 }
             }
-            (Grasp::Lost(text), _) => self.deeds.tell(now_ms, Tone::Bad, format!("drive {robot}: {text}")),
-            (Grasp::Ended(None), _) => {
-                self.deeds.tell(
+            (TeleopStatus::Lost(text), _) => {
+                self.commands.tell(now_ms, Tone::Bad, format!("drive {robot}: {text}"))
+            }
+            (TeleopStatus::Ended(None), _) => {
+                self.commands.tell(
                     now_ms,
                     Tone::Plain,
                     format!("{robot} was not driven; control is given back"),
                 );
             }
-            (Grasp::Ended(Some(true)), _) => {
+            (TeleopStatus::Ended(Some(true)), _) => {
                 let text = format!("{robot} was told to stop; control is given back");
-                self.deeds.tell(now_ms, Tone::Good, text);
+                self.commands.tell(now_ms, Tone::Good, text);
             }
-            (Grasp::Ended(Some(false)), _) => {
+            (TeleopStatus::Ended(Some(false)), _) => {
                 let text = format!(
                     "{robot} did not confirm the stop: its own clock ends the last setpoint within 250 ms"
                 );
-                self.deeds.tell(now_ms, Tone::Bad, text);
+                self.commands.tell(now_ms, Tone::Bad, text);
             }
         }
     }
@@ -317,7 +320,7 @@ impl Cockpit {
 
     /// The last words, for the shell's own screen.
     pub(crate) fn last_words(&self) -> Option<String> {
-        let open: Vec<String> = self.deeds.under_way().iter().map(|open| open.deed.words()).collect();
+        let open: Vec<String> = self.commands.under_way().iter().map(|open| open.command.words()).collect();
         (!open.is_empty()).then(|| format!("not answered when you left: {}", open.join(", ")))
     }
 
@@ -328,11 +331,11 @@ impl Cockpit {
             return false;
         }
         let wheel = match key.code {
-            KeyCode::Up => Wheel::Ahead,
-            KeyCode::Down => Wheel::Astern,
-            KeyCode::Left => Wheel::Left,
-            KeyCode::Right => Wheel::Right,
-            KeyCode::Char(' ') => Wheel::Stop,
+            KeyCode::Up => TeleopKey::Ahead,
+            KeyCode::Down => TeleopKey::Astern,
+            KeyCode::Left => TeleopKey::Left,
+            KeyCode::Right => TeleopKey::Right,
+            KeyCode::Char(' ') => TeleopKey::Stop,
             _ => return false,
         };
         let touch = match key.kind {
@@ -348,17 +351,18 @@ impl Cockpit {
         let sights = sights(scene, &self.setup.robots, now_ms);
         self.settle(&sights);
         match press {
-            Press::EstopAll => return self.stop(Deed::Estop(Whom::All), now_ms),
-            Press::StopAll => return self.stop(Deed::Stop(Whom::All), now_ms),
-            Press::Estop => return self.stop_selected(Deed::Estop, now_ms),
-            Press::Stop => return self.stop_selected(Deed::Stop, now_ms),
+            Press::EstopAll => return self.stop(Command::Estop(Target::All), now_ms),
+            Press::StopAll => return self.stop(Command::Stop(Target::All), now_ms),
+            Press::Estop => return self.stop_selected(Command::Estop, now_ms),
+            Press::Stop => return self.stop_selected(Command::Stop, now_ms),
             Press::Leave => return self.leave(now_ms),
             _ if self.leaving > 0 => return Vec::new(),
             _ => {}
         }
-        if let Some(Over::Question(question)) = self.over.take_if(|over| matches!(over, Over::Question(_))) {
+        if let Some(Modal::Question(question)) = self.over.take_if(|over| matches!(over, Modal::Question(_)))
+        {
             return match (press, question.yes) {
-                (Press::Yes, Wish::Deed(deed)) => self.wish(deed, now_ms),
+                (Press::Yes, Wish::Command(command)) => self.wish(command, now_ms),
                 (Press::Yes, Wish::Grip { robot, take }) => self.grip(robot, take, now_ms),
                 _ => Vec::new(),
             };
@@ -367,14 +371,14 @@ impl Cockpit {
             Press::Back if self.over.is_some() => self.over = None,
             Press::Back | Press::Teleop if self.grip.is_some() => return self.let_go(now_ms, "let go"),
             Press::Back => return self.leave(now_ms),
-            Press::Help => self.toggle(Over::Help),
-            Press::Why => self.toggle(Over::Why),
+            Press::Help => self.toggle(Modal::Help),
+            Press::Why => self.toggle(Modal::Why),
             Press::Pane => self.pane = if self.pane == Pane::Events { Pane::Tasks } else { Pane::Events },
             Press::Zoom(nearer) => self.view.zoom(nearer, self.point_of_interest(&sights)),
             Press::Whole => self.view.whole(),
             Press::Follow => self.view.follow(),
             Press::Pan(east, north) => self.view.pan(east, north),
-            _ if self.grip.is_some() => self.deeds.tell(now_ms, Tone::Warning, LET_GO_FIRST),
+            _ if self.grip.is_some() => self.commands.tell(now_ms, Tone::Warning, LET_GO_FIRST),
             Press::Step(by) => self.step(&sights, by),
             Press::Number(number) => self.select_number(&sights, number),
             Press::Cursor(right, up, many) => return self.arrow(&sights, right, up, many),
@@ -396,7 +400,7 @@ impl Cockpit {
     }
 }
 
-mod wishes;
+mod input;
 
 #[cfg(test)]
 mod tests;

@@ -2,12 +2,13 @@
 
 use std::fmt::Debug;
 use xtb_protocol::Uuid;
-use xtb_protocol::codec::{self, CodecError, Format, decode, encode, encoding};
+use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::messages::{
-    Assignment, Body, DispatchBody, DispatchRequest, Errand, Estop, Fix, MAX_POINTS, MAX_PRIORITY,
-    MAX_SUBMISSION, Message, RejectCode, Reply, Request, RobotState, Route, Setpoint, TaskSpec, Track,
+    Assignment, Body, DispatchBody, DispatchRequest, Estop, Fix, MAX_POINTS, MAX_PRIORITY, MAX_SUBMISSION,
+    Message, RejectCode, Reply, Request, RobotState, Route, Setpoint, TaskAction, TaskSpec, Track,
     TrafficState,
 };
+use xtb_protocol::wire::CodecError;
 
 const FORMATS: [Format; 2] = [Format::Postcard, Format::Json];
 /// A refusal repeats what it refuses only in part: it has to fit into a reply.
@@ -30,10 +31,10 @@ pub fn command(bytes: &[u8]) -> bool {
     })
 }
 
-fn is_errand(errand: &Errand) -> bool {
+fn is_errand(errand: &TaskAction) -> bool {
     match *errand {
-        Errand::Goto { x_m, y_m, yaw_rad, .. } => in_map(x_m, y_m) && yaw_rad.is_none_or(is_angle),
-        Errand::Wander { for_s } => is_time(for_s),
+        TaskAction::Goto { x_m, y_m, yaw_rad, .. } => in_map(x_m, y_m) && yaw_rad.is_none_or(is_angle),
+        TaskAction::Wander { for_s } => is_time(for_s),
     }
 }
 
@@ -214,6 +215,6 @@ fn is_answered(error: &CodecError) {
     let reply = Reply::refused(Uuid::nil(), error.code(), text, "hint");
     for format in FORMATS {
         let bytes = encode(&reply, format).unwrap_or_else(|error| panic!("{reply:?}: {error}"));
-        assert!(bytes.len() < codec::MAX_BYTES);
+        assert!(bytes.len() < xtb_protocol::wire::MAX_BYTES);
     }
 }

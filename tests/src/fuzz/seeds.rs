@@ -19,8 +19,8 @@ use xtb_protocol::board::{BoardStatus, FrameWriter};
 use xtb_protocol::codec::{Format, encode, encoding};
 use xtb_protocol::gyro_3dmg::{EulerFrame, encode_firmware};
 use xtb_protocol::messages::{
-    Assignment, Body, Errand, Estop, Latch, Lease, LinkLoss, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG, Message,
-    Request, Setpoint, TaskId, Via,
+    Assignment, Body, Estop, Latch, Lease, LinkLoss, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG, Message, Request,
+    Setpoint, TaskAction, TaskId, Via,
 };
 
 const ID: Uuid = Uuid::from_u128(0x0011_2233_4455_6677_8899_aabb_ccdd_eeff);
@@ -43,7 +43,7 @@ fn text(name: &str, text: &str) -> Seed {
 
 pub(super) fn command() -> Vec<Seed> {
     let (on_link_loss, finish_s) = (LinkLoss::Finish, 60.0);
-    let there = Errand::Goto { x_m: 1.5, y_m: -2.0, yaw_rad: None, via: Some(Via::Planned) };
+    let there = TaskAction::Goto { x_m: 1.5, y_m: -2.0, yaw_rad: None, via: Some(Via::Planned) };
     let assign = |errand| Body::Assign { assignment: ASSIGNMENT, errand, on_link_loss, finish_s };
     let bodies = [
         ("acquire", Body::Acquire { take: true }),
@@ -61,7 +61,7 @@ pub(super) fn command() -> Vec<Seed> {
         ("reset", Body::Reset { latch: Some(Latch::SensorFault) }),
         ("reset_all", Body::Reset { latch: None }),
         ("assign_goto", assign(there)),
-        ("assign_wander", assign(Errand::Wander { for_s: 20.0 })),
+        ("assign_wander", assign(TaskAction::Wander { for_s: 20.0 })),
         ("withdraw", Body::Withdraw { ledger: ASSIGNMENT.ledger, assign_seq: ASSIGNMENT.assign_seq }),
     ];
     let mut seeds: Vec<Seed> = bodies

@@ -92,10 +92,10 @@ async fn a_frozen_browser_stops_the_robot_and_does_not_drive_on_when_it_wakes_up
     fleet.end().await;
 }
 
-/// Steps through `hold.js` with a clock of our own, in the browser.
+/// Steps through `press_hold.js` with a clock of our own, in the browser.
 const HOLD: &str = "
     const tell = arguments[arguments.length - 1];
-    import('/assets/hold.js').then(({Hold}) => {
+    import('/assets/press_hold.js').then(({Hold}) => {
         const said = {};
         let hold = new Hold();
         said.nothingHeld = hold.tick(0, 1);

@@ -9,7 +9,6 @@ mod page;
 mod slow;
 mod stalled;
 
-use fleet_cli::client::Client;
 use fleet_cli::context::Context;
 use fleet_cli::dashboard::{Running, Settings, Shown};
 use fleet_cli::scene::live::{Live, Wanted};
@@ -17,6 +16,7 @@ use fleet_tests::processes::{Process, Signal, program};
 use fleet_tests::{Fleet, PATIENCE, Setup, eventually, name};
 use page::Page;
 use std::sync::Arc;
+use xtb_client::Client;
 
 /// A dashboard in this process, and the fleet that it shows.
 struct Rig {
@@ -33,16 +33,16 @@ impl Rig {
 
     async fn with(setup: Setup, change: impl FnOnce(&mut Settings)) -> Self {
         let fleet = Fleet::start(setup).await;
-        let ctx = Context {
+        let settings = xtb_client::Settings {
             connect: vec![fleet.simulator.endpoint().to_owned()],
-            connect_given: true,
             fleet: name("lab"),
             client: name("dashboard"),
             timeout: PATIENCE,
             robots: Vec::new(),
-            out: fleet_cli::Output { json: true, colors: false },
         };
-        let client = Client::open(&ctx).await.unwrap();
+        let ctx =
+            Context { settings, connect_given: true, out: fleet_cli::Output { json: true, colors: false } };
+        let client = Client::open(&ctx.settings).await.unwrap();
         let live = Live::open(&client, Wanted { sensors: true, truth: false }).await.unwrap();
         let mut settings = Settings {
             listen: "127.0.0.1:0".parse().unwrap(),

@@ -1,7 +1,7 @@
 //! Recordings of the fleet, made by the real `fleet-cli record` and read by others: Python's own package,
 //! and our reader after a `kill -9`.
 
-use fleet_cli::recording::playing::{PlaySettings, Playing};
+use fleet_cli::recording::playback_worker::{PlaySettings, PlaybackWorker};
 use fleet_cli::recording::reader::{Reader, Recorded};
 use fleet_tests::processes::{Process, RouterProcess, Signal, program};
 use fleet_tests::{Fleet, Setup, eventually, name};
@@ -321,7 +321,8 @@ async fn a_recording_is_played_as_a_scene() {
 
     lines_and_tables_hold_every_message(&recording, folder.path());
 
-    let playing = Playing::open(&recording.file, PlaySettings { speed: 20.0, ..Default::default() }).unwrap();
+    let playing =
+        PlaybackWorker::open(&recording.file, PlaySettings { speed: 20.0, ..Default::default() }).unwrap();
     let scene = playing.scene();
     eventually("the end", || async { playing.status().ended.then_some(()) }).await;
     let status = playing.status();

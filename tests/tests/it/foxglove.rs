@@ -16,7 +16,7 @@ async fn foxglove_is_offered_scene_log_and_poses_and_gets_them() {
     let shared = Arc::new(Shared::new(Scene::new(name("lab"))));
     let into = Arc::clone(&shared);
     let keys = fleet.any_robot().state();
-    let each = move |incoming| into.put(&fleet_cli::listen::Item::Message(incoming));
+    let each = move |incoming| into.put(&xtb_client::subscription::Item::Message(incoming));
     let _states = fleet.bus.subscribe(&keys, each).await.unwrap();
     let handle = serve(shared, "127.0.0.1:0".parse().unwrap()).await.unwrap();
 

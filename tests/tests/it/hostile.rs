@@ -4,9 +4,9 @@ use fleet_tests::{Fleet, Setup, eventually, name};
 use std::time::Duration;
 use xtb_control::Mode;
 use xtb_protocol::Uuid;
-use xtb_protocol::codec::MAX_BYTES;
 use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{GoalStatus, Outcome, RejectCode, Reply, RobotState};
+use xtb_protocol::wire::MAX_BYTES;
 
 const OURS: &str = "application/x-postcard;xtb.Setpoint.v1";
 

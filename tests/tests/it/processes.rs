@@ -120,3 +120,13 @@ async fn the_python_example_of_the_docs_watches_tasks() {
 fn eprintln_skip(why: &str) {
     eprintln!("skipped: {why}");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_program_on_the_client_library_alone_drives_a_robot_to_its_goal() {
+    let fleet = Fleet::start(Setup::default()).await;
+    let mut command = Command::new(program("examples/drive"));
+    command.env_clear().env("XTB_CONNECT", fleet.simulator.endpoint()).args(["0.1", "0.5"]);
+    let output = tokio::task::spawn_blocking(move || command.output()).await.unwrap().unwrap();
+    assert_eq!(String::from_utf8_lossy(&output.stdout), "xtb-1: Reached\n", "{output:?}");
+    fleet.end().await;
+}

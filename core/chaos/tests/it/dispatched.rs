@@ -8,7 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, Effect, Entry, MapGround, Record, Settings};
+use xtb_dispatch::{Dispatcher, Effect, Entry, MapTravelCost, Record, Settings};
 use xtb_nav::rooms::Draw;
 use xtb_protocol::Name;
 use xtb_protocol::Uuid;
@@ -27,7 +27,7 @@ const DOOR: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0\n\
 /// A working day.
 struct Shift {
     drive: Drive,
-    ground: MapGround,
+    ground: MapTravelCost,
     dispatcher: Dispatcher,
     ledger: Vec<Entry>,
     draw: Draw,
@@ -58,7 +58,7 @@ impl Shift {
         let map = World::from_toml(world).unwrap().chart(0.05).unwrap();
         Self {
             drive: fleet(world, &starts, seed),
-            ground: MapGround::new(map, &VehicleConfig::default()),
+            ground: MapTravelCost::new(map, &VehicleConfig::default()),
             dispatcher: dispatcher(EPOCH_MS, 1, Vec::new()),
             ledger: Vec::new(),
             draw: Draw::new(seed),
@@ -150,7 +150,7 @@ impl Shift {
     fn work(&mut self, tasks: usize, within_s: u64) {
         let end_ms = self.now_ms() + within_s * 1000;
         let over = |shift: &Self| {
-            let book = shift.dispatcher.book();
+            let book = shift.dispatcher.store();
             book.next_task() > tasks as u64 && book.open_count() == 0
         };
         while !over(self) && self.now_ms() < end_ms {
@@ -160,7 +160,7 @@ impl Shift {
 
     /// Every task is done, and each of its drives was driven once.
     fn check(&self, tasks: usize) {
-        let book = self.dispatcher.book();
+        let book = self.dispatcher.store();
         for task in book.tasks() {
             let history = task.history();
             assert_eq!(task.state, TaskState::Done, "{:?} {:#?}", task.id, history.steps);
@@ -207,7 +207,7 @@ fn day(world: &str, seed: u64, loss: f64, kill_each: u64) -> Shift {
     const TASKS: usize = 12;
     let mut shift = Shift { loss: 0.0, ..Shift::new(world, 4, seed) };
     let tasks = tasks(&mut Draw::new(seed), TASKS);
-    while shift.dispatcher.book().next_task() == 1 {
+    while shift.dispatcher.store().next_task() == 1 {
         shift.submit(tasks.clone());
         shift.step();
     }

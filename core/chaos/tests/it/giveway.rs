@@ -142,7 +142,7 @@ fn many_swap_across_a_circle_also_with_three_of_ten_states_lost() {
     {
         let place = |n: usize, turned: f64, facing: f64| {
             let angle = TAU * n as f64 / robots as f64 + turned;
-            pose(3.0 * angle.cos(), 3.0 * angle.sin(), xtb_nav::path::wrap_rad(angle + facing))
+            pose(3.0 * angle.cos(), 3.0 * angle.sin(), xtb_nav::geometry::path::wrap_rad(angle + facing))
         };
         let starts: Vec<_> = (0..robots).map(|n| place(n, 0.0, PI)).collect();
         let goals: Vec<_> = (0..robots).map(|n| place(n, PI, 0.0)).collect();

@@ -4,7 +4,7 @@
 use crate::draw::Draw;
 use crate::drive::Drive;
 use xtb_control::VehicleConfig;
-use xtb_nav::rect::Rect;
+use xtb_nav::geometry::rect::Rect;
 use xtb_nav::{Car, Map, MapPose};
 use xtb_protocol::messages::{GoalStatus, Outcome, TruthRobot};
 use xtb_sim::World;

@@ -4,7 +4,8 @@ use crate::any::{adc, adc_count, config, sample};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use xtb_control::controller::AdcSample;
-use xtb_control::infrared::{bumper_ranges, fit_cm, hypotenuse_cm};
+use xtb_control::gp2d12::fit_cm;
+use xtb_control::infrared::{bumper_ranges, hypotenuse_cm};
 use xtb_control::vehicle::Infrared;
 use xtb_control::{AdcCount, Controller, Sample, Stamp};
 

@@ -4,7 +4,7 @@
 //! and by `RAISE_M` more; the row that had the column bids again. Nobody bids more than `LIMIT_M`:
 //! who cannot have a column for that goes without. The sum is at most rows × `RAISE_M` above the best.
 
-use super::NEVER;
+use super::INFEASIBLE;
 
 /// Smallest raise, in m.
 pub const RAISE_M: f32 = 0.25;
@@ -38,12 +38,12 @@ pub fn solve(cost: &[f32], rows: usize, columns: usize) -> Vec<Option<usize>> {
 }
 
 fn dearest(costs: &[f32]) -> f32 {
-    costs.iter().copied().filter(|cost| *cost != NEVER).fold(0.0, f32::max)
+    costs.iter().copied().filter(|cost| *cost != INFEASIBLE).fold(0.0, f32::max)
 }
 
 /// The cheapest column with its price, what it comes to, and what the next one would.
 fn two_best(costs: &[f32], price: &[f32]) -> (usize, f32, f32) {
-    let (mut best, mut total, mut second) = (0, NEVER, NEVER);
+    let (mut best, mut total, mut second) = (0, INFEASIBLE, INFEASIBLE);
     for (column, (cost, price)) in costs.iter().zip(price).enumerate() {
         let sum = cost + price;
         if sum < second {
@@ -64,7 +64,7 @@ fn fill(cost: &[f32], columns: usize, row_of: &mut [Option<usize>], column_of: &
             continue;
         }
         let costs = &cost[row * columns..][..columns];
-        let left = (0..columns).filter(|&column| row_of[column].is_none() && costs[column] != NEVER);
+        let left = (0..columns).filter(|&column| row_of[column].is_none() && costs[column] != INFEASIBLE);
         if let Some(column) = left.min_by(|&a, &b| costs[a].total_cmp(&costs[b])) {
             (row_of[column], column_of[row]) = (Some(row), Some(column));
         }

@@ -1,6 +1,6 @@
 //! The cheapest assignment: shortest augmenting paths with prices (Jonker and Volgenant 1987).
 
-use super::NEVER;
+use super::INFEASIBLE;
 
 /// More than any real cost: a pair that may not be is taken only if there is no other, and left out then.
 const FORBIDDEN: f64 = 1e7;
@@ -11,7 +11,7 @@ const FORBIDDEN: f64 = 1e7;
 pub fn solve(cost: &[f32], rows: usize, columns: usize) -> Vec<Option<usize>> {
     let at = |row: usize, column: usize| {
         let cost = cost[row * columns + column];
-        if cost == NEVER { FORBIDDEN } else { f64::from(cost) }
+        if cost == INFEASIBLE { FORBIDDEN } else { f64::from(cost) }
     };
     let (mut row_price, mut column_price) = (vec![0.0; rows], vec![0.0; columns]);
     let mut row_of: Vec<Option<usize>> = vec![None; columns];
@@ -57,7 +57,7 @@ pub fn solve(cost: &[f32], rows: usize, columns: usize) -> Vec<Option<usize>> {
     let mut found = vec![None; rows];
     for (column, row) in row_of.iter().enumerate() {
         if let Some(row) = *row
-            && cost[row * columns + column] != NEVER
+            && cost[row * columns + column] != INFEASIBLE
         {
             found[row] = Some(column);
         }

@@ -1,9 +1,9 @@
 //! A dispatcher on a bench, for tests that tell a story one event at a time.
 
-use crate::model::{GROUND, LEDGER, me};
+use crate::model::{LEDGER, TRAVEL_COST, me};
 use crate::robots::FakeRobot;
 use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, Effect, Entry, Ground, Settings};
+use xtb_dispatch::{Dispatcher, Effect, Entry, Settings, TravelCost};
 use xtb_protocol::messages::{
     Assignment, Body, DispatchBody, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, Request,
     TaskChange, TaskId, TaskKind, TaskSpec, TaskState, Waypoint,
@@ -21,7 +21,7 @@ pub(crate) struct Bench {
     /// Robots that neither hear nor are heard.
     pub(crate) cut: Vec<bool>,
     pub(crate) full: bool,
-    pub(crate) ground: Box<dyn Ground>,
+    pub(crate) travel_cost: Box<dyn TravelCost>,
     /// The network holds assignments up: here they are.
     pub(crate) held_up: Option<Vec<Request>>,
     pub(crate) asked: u64,
@@ -59,7 +59,7 @@ impl Bench {
             robots: (1..=robots).map(|i| FakeRobot::new(&format!("xtb-{i}"), (i as f64, 0.0))).collect(),
             cut: vec![false; robots],
             full: false,
-            ground: Box::new(GROUND),
+            travel_cost: Box::new(TRAVEL_COST),
             held_up: None,
             asked: 0,
             answers: Vec::new(),
@@ -80,7 +80,7 @@ impl Bench {
                 }
             }
             self.robots.iter_mut().for_each(|robot| robot.turn(self.now_ms));
-            self.dispatcher.step(self.now_ms, self.ground.as_ref());
+            self.dispatcher.step(self.now_ms, self.travel_cost.as_ref());
             self.effects();
         }
     }
@@ -121,7 +121,7 @@ impl Bench {
     pub(crate) fn ask(&mut self, body: DispatchBody) -> u64 {
         self.asked += 1;
         let request = DispatchRequest { id: Uuid::from_u128(u128::from(self.asked)), body };
-        self.dispatcher.request(self.now_ms, self.asked, &name("cli-7"), &request, self.ground.as_ref());
+        self.dispatcher.request(self.now_ms, self.asked, &name("cli-7"), &request, self.travel_cost.as_ref());
         self.effects();
         self.asked
     }
@@ -160,15 +160,15 @@ impl Bench {
     }
 
     pub(crate) fn state(&self, id: TaskId) -> TaskState {
-        self.dispatcher.book().task(id).unwrap().state
+        self.dispatcher.store().task(id).unwrap().state
     }
 
     pub(crate) fn reason(&self, id: TaskId) -> String {
-        self.dispatcher.book().task(id).unwrap().reason.clone().unwrap_or_default()
+        self.dispatcher.store().task(id).unwrap().reason.clone().unwrap_or_default()
     }
 
     pub(crate) fn robot_of(&self, id: TaskId) -> Option<usize> {
-        let task = self.dispatcher.book().task(id)?;
+        let task = self.dispatcher.store().task(id)?;
         let name = &task.assigned.as_ref()?.robot;
         self.robots.iter().position(|robot| robot.name == *name)
     }

@@ -1,38 +1,38 @@
 //! The ledger's entries: versions, gaps, snapshots.
 
 use crate::model::{Weather, World};
-use xtb_dispatch::book::BookError;
-use xtb_dispatch::record::EntryError;
-use xtb_dispatch::{Book, Effect, Entry, Record};
+use xtb_dispatch::task_store::ReplayError;
+use xtb_dispatch::task_store::record::EntryError;
+use xtb_dispatch::{Effect, Entry, Record, TaskStore};
 
-fn ledger() -> (Vec<Entry>, Book) {
+fn ledger() -> (Vec<Entry>, TaskStore) {
     let mut world = World::new(3, Weather::CALM);
     world.run().unwrap();
-    let book = world.dispatcher.as_ref().unwrap().book().clone();
-    (world.ledger, book)
+    let store = world.dispatcher.as_ref().unwrap().store().clone();
+    (world.ledger, store)
 }
 
 #[test]
 fn a_ledger_read_again_is_the_same_book() {
-    let (entries, book) = ledger();
+    let (entries, store) = ledger();
     let read = entries.iter().map(|entry| Entry::from_json(&entry.to_json().unwrap()).unwrap());
-    assert_eq!(Book::replay(2000, read).unwrap(), book);
+    assert_eq!(TaskStore::replay(2000, read).unwrap(), store);
 }
 
 #[test]
 fn a_snapshot_stands_in_the_place_of_all_before_it() {
-    let (entries, book) = ledger();
+    let (entries, store) = ledger();
     for cut in [1, 2, entries.len() / 2, entries.len()] {
         let mut world = World::new(3, Weather::CALM);
         world.ledger = entries[..cut].to_vec();
         world.crash();
         world.restart();
-        let now = world.dispatcher.as_ref().unwrap().book().clone();
+        let now = world.dispatcher.as_ref().unwrap().store().clone();
         let record = Record::Snapshot(Box::new(now));
         let snapshot = Entry { v: 1, n: cut as u64, at_ms: world.now_ms, record };
         let snapshot = Entry::from_json(&snapshot.to_json().unwrap()).unwrap();
         let rest = entries[cut..].iter().cloned();
-        assert_eq!(Book::replay(2000, std::iter::once(snapshot).chain(rest)).unwrap(), book, "{cut}");
+        assert_eq!(TaskStore::replay(2000, std::iter::once(snapshot).chain(rest)).unwrap(), store, "{cut}");
     }
 }
 
@@ -55,21 +55,21 @@ fn a_snapshot_that_is_written_has_a_number_of_its_own_and_nothing_changes_by_it(
     let Some(Effect::Write(write)) = dispatcher.next_effect() else { panic!("no write") };
     dispatcher.written(later_ms, write.id).unwrap();
     assert_eq!(dispatcher.list(now_ms).tasks, tasks);
-    assert_eq!(dispatcher.book().next_n(), entries + 2);
+    assert_eq!(dispatcher.store().next_n(), entries + 2);
     let read = write.entries.iter().map(|entry| Entry::from_json(&entry.to_json().unwrap()).unwrap());
-    assert_eq!(&Book::replay(2000, read).unwrap(), dispatcher.book());
+    assert_eq!(&TaskStore::replay(2000, read).unwrap(), dispatcher.store());
 }
 
 #[test]
 fn what_is_missing_or_twice_or_out_of_place_is_refused() {
     let (entries, _) = ledger();
     let gap: Vec<Entry> = entries.iter().filter(|entry| entry.n != 4).cloned().collect();
-    assert_eq!(Book::replay(9, gap).unwrap_err(), BookError::Gap { expected: 4, got: 5 });
+    assert_eq!(TaskStore::replay(9, gap).unwrap_err(), ReplayError::Gap { expected: 4, got: 5 });
     let twice = entries[..3].iter().chain(&entries[2..]).cloned();
-    assert_eq!(Book::replay(9, twice).unwrap_err(), BookError::Gap { expected: 4, got: 3 });
+    assert_eq!(TaskStore::replay(9, twice).unwrap_err(), ReplayError::Gap { expected: 4, got: 3 });
     let headless: Vec<Entry> =
         entries[1..].iter().zip(1..).map(|(entry, n)| Entry { n, ..entry.clone() }).collect();
-    assert_eq!(Book::replay(9, headless).unwrap_err(), BookError::NoBeginning);
+    assert_eq!(TaskStore::replay(9, headless).unwrap_err(), ReplayError::NoBeginning);
 }
 
 #[test]
@@ -128,8 +128,8 @@ fn the_entries_that_version_2_added() {
 /// A snapshot of version 1 knew neither maps nor suspensions.
 #[test]
 fn a_snapshot_of_version_1_is_read() {
-    let (_, book) = ledger();
-    let record = Record::Snapshot(Box::new(book.clone()));
+    let (_, store) = ledger();
+    let record = Record::Snapshot(Box::new(store.clone()));
     let text = Entry { v: 1, n: 9, at_ms: 9, record }.to_json().unwrap();
     let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
     let old = value["record"]["snapshot"].as_object_mut().unwrap();
@@ -138,7 +138,7 @@ fn a_snapshot_of_version_1_is_read() {
     }
     let tasks = old["tasks"].as_object_mut().unwrap().values_mut();
     tasks.for_each(|task| drop(task.as_object_mut().unwrap().remove("map").unwrap()));
-    let read = Book::replay(2000, [Entry::from_json(&value.to_string()).unwrap()]).unwrap();
-    assert_eq!((read.stopped(), read.map(), read.tasks().count()), (None, None, book.tasks().count()));
-    assert!(read.tasks().all(|task| task.map == xtb_dispatch::suspend::TaskMap::Unknown));
+    let read = TaskStore::replay(2000, [Entry::from_json(&value.to_string()).unwrap()]).unwrap();
+    assert_eq!((read.stopped(), read.map(), read.tasks().count()), (None, None, store.tasks().count()));
+    assert!(read.tasks().all(|task| task.map == xtb_dispatch::task::TaskMap::Unknown));
 }

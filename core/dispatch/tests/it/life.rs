@@ -1,8 +1,8 @@
 //! A task's life, one event at a time.
 
 use crate::bench::{Bench, START_MS, goto, name, point};
-use crate::model::GROUND;
-use xtb_dispatch::{Ground, Settings};
+use crate::model::TRAVEL_COST;
+use xtb_dispatch::{Settings, TravelCost};
 use xtb_nav::MapPose;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
@@ -58,7 +58,7 @@ fn a_submission_is_taken_whole_or_refused_with_a_reason() {
     let tags = vec!["red".to_owned()];
     let entry = RosterEntry { name: name("xtb-1"), tags, start_pose: None };
     bench.dispatcher.roster(bench.now_ms, &Roster { robots: vec![entry] });
-    bench.dispatcher.able(bench.now_ms, &name("xtb-1"), &["goto".to_owned()]);
+    bench.dispatcher.set_capabilities(bench.now_ms, &name("xtb-1"), &["goto".to_owned()]);
     let who = |who| TaskSpec { who, ..goto(1.0, 0.0) };
     let late = TaskSpec { deadline_ms: Some(bench.now_ms - 5000), ..goto(1.0, 0.0) };
     for (spec, code, words) in [
@@ -75,7 +75,7 @@ fn a_submission_is_taken_whole_or_refused_with_a_reason() {
         assert!(error.message.contains(words) && error.message.contains("task 2"), "{}", error.message);
     }
     assert_eq!(bench.refused(vec![goto(1.0, 0.0); 4]).code, DispatchCode::QueueFull);
-    assert_eq!(bench.dispatcher.book().tasks().count(), 0, "nothing of a refused submission is taken");
+    assert_eq!(bench.dispatcher.store().tasks().count(), 0, "nothing of a refused submission is taken");
     bench.submit(who(Who::Tag("@red".into())));
 }
 
@@ -85,7 +85,7 @@ fn the_same_submission_again_is_the_same_tasks_also_after_a_restart() {
     let body = DispatchBody::Submit { tasks: vec![goto(1.0, 0.0), goto(2.0, 0.0)] };
     let request = DispatchRequest { id: Uuid::from_u128(5), body };
     for ticket in [1, 2, 3] {
-        bench.dispatcher.request(bench.now_ms, ticket, &name("cli-7"), &request, &GROUND);
+        bench.dispatcher.request(bench.now_ms, ticket, &name("cli-7"), &request, &TRAVEL_COST);
         bench.run_ms(20);
         assert_eq!(
             bench.answer(ticket),
@@ -93,7 +93,7 @@ fn the_same_submission_again_is_the_same_tasks_also_after_a_restart() {
         );
         bench.restart();
     }
-    assert_eq!(bench.dispatcher.book().tasks().count(), 2);
+    assert_eq!(bench.dispatcher.store().tasks().count(), 2);
 }
 
 #[test]
@@ -166,11 +166,11 @@ fn a_deadline_that_passes_stops_the_robot() {
 /// One robot, always something of priority 9 to do: what has priority 0 has its turn.
 #[test]
 fn low_priorities_do_not_starve() {
-    let mut bench = Bench::with(1, Settings { age_ms: 2000, ..Settings::default() });
+    let mut bench = Bench::with(1, Settings { priority_step_ms: 2000, ..Settings::default() });
     let low = bench.submit(TaskSpec { priority: 0, ..goto(1.1, 0.0) });
     let mut near = 0;
     while bench.state(low) != TaskState::Done && bench.now_ms < START_MS + 120_000 {
-        let waiting = bench.dispatcher.book().open().filter(|task| task.id != low).count();
+        let waiting = bench.dispatcher.store().open().filter(|task| task.id != low).count();
         if waiting < 3 {
             near += 1;
             bench.submit(TaskSpec { priority: 9, ..goto(1.0 + f64::from(near % 2) * 0.2, 0.0) });
@@ -186,12 +186,12 @@ fn low_priorities_do_not_starve() {
 #[test]
 fn what_the_ground_refuses_is_not_taken() {
     struct Pit;
-    impl Ground for Pit {
+    impl TravelCost for Pit {
         fn distance_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
-            GROUND.distance_m(from, to)
+            TRAVEL_COST.distance_m(from, to)
         }
-        fn rough_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
-            GROUND.rough_m(from, to)
+        fn estimate_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
+            TRAVEL_COST.estimate_m(from, to)
         }
         fn admits(&self, to: &Waypoint) -> Result<(), (DispatchCode, String)> {
             if to.x_m > 5.0 { Err((DispatchCode::KeepOut, "in the pit".into())) } else { Ok(()) }

@@ -4,14 +4,14 @@
 
 mod assigning;
 mod bench;
-mod ground;
 mod journal;
 mod life;
 mod model;
 mod other_map;
 mod pages;
+mod predicted_free;
 mod robots;
-mod soon;
 mod storms;
 mod suspended;
+mod travel_cost;
 mod trouble;

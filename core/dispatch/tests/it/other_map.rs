@@ -1,7 +1,7 @@
 //! Tasks are of the map that the fleet had when they were submitted.
 
 use crate::bench::{Bench, goto, name, point};
-use xtb_dispatch::MapGround;
+use xtb_dispatch::MapTravelCost;
 use xtb_nav::{Cell, Grid, Map};
 use xtb_protocol::messages::{
     Adopted, DispatchBody, DispatchOutcome, MapHash, SuspensionCause, TaskKind, TaskSpec, TaskState, Who,
@@ -128,18 +128,18 @@ fn what_an_older_program_left_waits_for_somebody_to_say_that_it_is_of_this_map()
 }
 
 /// A room of 10 by 8 m with a wall across at y = 4 m, and the map's name.
-fn walled(wall: bool) -> MapGround {
+fn walled(wall: bool) -> MapTravelCost {
     let mut grid = Grid::free(0.05, [0.0, -1.0], 200, 180).unwrap();
     if wall {
         (0..200).for_each(|column| grid.set(column, 100, Cell::Occupied));
     }
-    MapGround::new(Map::new("lab", grid, Vec::new()).unwrap(), &xtb_control::VehicleConfig::default())
+    MapTravelCost::new(Map::new("lab", grid, Vec::new()).unwrap(), &xtb_control::VehicleConfig::default())
 }
 
 #[test]
 fn a_new_version_of_the_map_fails_what_it_makes_unreachable_and_nothing_else() {
     let mut bench = Bench::new(2);
-    bench.ground = Box::new(walled(false));
+    bench.travel_cost = Box::new(walled(false));
     bench.dispatcher.map(bench.now_ms, "lab", LAB);
     let far = |x_m: f64, y_m: f64| TaskSpec { who: Who::Robot(name("xtb-2")), ..goto(x_m, y_m) };
     bench.cut[1] = true; // its robot does nothing meanwhile
@@ -150,8 +150,8 @@ fn a_new_version_of_the_map_fails_what_it_makes_unreachable_and_nothing_else() {
     let route = TaskSpec::new(TaskKind::Route { points, loops: 1, dwell_s: 5.0 });
     let passed = bench.submit(TaskSpec { who: Who::Robot(name("xtb-1")), ..route });
     bench.run_ms(12_000);
-    assert_eq!(bench.dispatcher.book().task(passed).unwrap().legs_done, 1);
-    bench.ground = Box::new(walled(true));
+    assert_eq!(bench.dispatcher.store().task(passed).unwrap().legs_done, 1);
+    bench.travel_cost = Box::new(walled(true));
     bench.dispatcher.map(bench.now_ms, "lab", LAB_LATER);
     bench.run_ms(500);
     let states = |bench: &Bench| [on_the_wall, behind, here].map(|id| bench.state(id));
@@ -180,7 +180,7 @@ fn what_is_adopted_is_looked_up_on_the_new_map() {
     bench.run_ms(2000);
     let [on_the_wall, here] = [goto(5.0, 4.1), goto(5.0, 2.0)].map(|spec| bench.submit(spec));
     bench.restart();
-    bench.ground = Box::new(walled(true));
+    bench.travel_cost = Box::new(walled(true));
     bench.dispatcher.map(bench.now_ms, "lab", LAB);
     bench.run_ms(500);
     assert_eq!(bench.state(on_the_wall), TaskState::Queued, "it is none of this map's");

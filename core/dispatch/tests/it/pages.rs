@@ -32,7 +32,7 @@ fn a_list_of_long_routes_fits_into_a_message_and_says_what_it_leaves_out() {
     (0..4).for_each(|_| submit_many(&mut bench, &long_route(), MAX_SUBMISSION));
     let list = bench.dispatcher.list(bench.now_ms);
     assert!(
-        json_bytes(&bench.dispatcher.book().tasks().map(|task| task.view()).collect::<Vec<_>>()) > 4 * MOST
+        json_bytes(&bench.dispatcher.store().tasks().map(|task| task.view()).collect::<Vec<_>>()) > 4 * MOST
     );
     for format in [Format::Json, Format::Postcard] {
         assert!(encode(&list, format).unwrap().len() < MOST);
@@ -46,13 +46,13 @@ fn a_list_of_long_routes_fits_into_a_message_and_says_what_it_leaves_out() {
 fn pages_name_each_task_once_also_while_tasks_change() {
     let mut bench = Bench::new(0);
     submit_many(&mut bench, &long_route(), MAX_SUBMISSION);
-    let (mut seen, mut after, mut pages) = (Vec::new(), TaskId::new(0), 0);
+    let (mut observed, mut after, mut pages) = (Vec::new(), TaskId::new(0), 0);
     loop {
         let page = bench.dispatcher.page(bench.now_ms, after);
         assert!(json_bytes(&page) < PAGE_BYTES + 1000);
-        seen.extend(ids(&page));
+        observed.extend(ids(&page));
         pages += 1;
-        let following = bench.dispatcher.book().tasks_after(page.tasks.last().unwrap().id).count();
+        let following = bench.dispatcher.store().tasks_after(page.tasks.last().unwrap().id).count();
         assert_eq!(page.left_out, following as u64);
         if page.left_out == 0 {
             break;
@@ -66,7 +66,7 @@ fn pages_name_each_task_once_also_while_tasks_change() {
         bench.run_ms(100);
     }
     assert!(pages > 3, "{pages}");
-    assert_eq!(seen, (1..=MAX_SUBMISSION as u64 + 1).collect::<Vec<_>>());
+    assert_eq!(observed, (1..=MAX_SUBMISSION as u64 + 1).collect::<Vec<_>>());
     assert_eq!(ids(&bench.dispatcher.page(bench.now_ms, TaskId::new(100_000))), [0_u64; 0]);
 }
 
@@ -77,7 +77,7 @@ fn a_list_that_is_too_long_has_what_is_under_way_first_then_what_waits_then_the_
     bench.ask(DispatchBody::Cancel { tasks: (1..=50).map(TaskId::new).collect() });
     bench.run_ms(2000);
     submit_many(&mut bench, &long_route(), 150);
-    let running = bench.dispatcher.book().busy().next().unwrap().1.number();
+    let running = bench.dispatcher.store().busy().next().unwrap().1.number();
     let list = bench.dispatcher.list(bench.now_ms);
     let shown = ids(&list);
     assert!(shown.is_sorted() && list.left_out > 0);

@@ -2,9 +2,9 @@
 
 use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{
-    Assignment, BatteryLevel, Body, Done, Errand, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, Latch,
+    Assignment, BatteryLevel, Body, Done, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, Latch,
     LatchState, LinkLoss, NavState, ObstacleView, PoseSource, PoseState, RejectCode, Rejected, Reply,
-    Request, RobotState, TiltState,
+    Request, RobotState, TaskAction, TiltState,
 };
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::authority::assignments::{Assigned, Known};
@@ -214,8 +214,8 @@ impl FakeRobot {
                     return Err((RejectCode::Latched, "estop".into()));
                 }
                 let to = match errand {
-                    Errand::Goto { x_m, y_m, .. } => Some((*x_m, *y_m)),
-                    Errand::Wander { .. } => None,
+                    TaskAction::Goto { x_m, y_m, .. } => Some((*x_m, *y_m)),
+                    TaskAction::Wander { .. } => None,
                 };
                 let way = to.map_or(2.0, |(x, y)| (x - self.at.0).hypot(y - self.at.1));
                 let limit_ms = now_ms + (finish_s * 1000.0) as u64;

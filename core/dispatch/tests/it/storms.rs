@@ -1,7 +1,8 @@
 //! Seeds of bad weather, crashes at every write, and the proof that breaches are noticed.
 
 use crate::model::{Off, Weather, World};
-use xtb_dispatch::record::{Change, Ending, Entry, Record};
+use xtb_dispatch::task_store::record::{Entry, Record};
+use xtb_dispatch::transition::{Change, Ending};
 
 fn first_breach(weather: Weather, seeds: std::ops::Range<u64>) -> Option<(u64, String)> {
     seeds.into_iter().find_map(|seed| Some((seed, World::new(seed, weather).run().err()?)))
@@ -16,11 +17,11 @@ fn a_thousand_storms_lose_and_double_nothing() {
 /// A storm in which nothing happens proves nothing.
 #[test]
 fn storms_bring_about_every_change() {
-    let mut seen = std::collections::BTreeSet::new();
+    let mut observed = std::collections::BTreeSet::new();
     for seed in 0..60 {
         let mut world = World::new(seed, Weather::STORM);
         world.run().unwrap();
-        seen.extend(world.ledger.iter().map(kind));
+        observed.extend(world.ledger.iter().map(kind));
     }
     let all = [
         "activated",
@@ -43,7 +44,7 @@ fn storms_bring_about_every_change() {
         "submitted",
         "suspended",
     ];
-    assert_eq!(seen.into_iter().collect::<Vec<_>>(), all);
+    assert_eq!(observed.into_iter().collect::<Vec<_>>(), all);
 }
 
 fn kind(entry: &Entry) -> &'static str {

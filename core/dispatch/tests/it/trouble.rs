@@ -60,7 +60,7 @@ fn a_task_that_stays_blocked_goes_to_another_robot_if_another_may_do_it() {
         assert_eq!(bench.robots[0].running().is_none(), other, "two robots drive for one task");
         bench.run_ms(10_000);
         let done = bench.state(id) == TaskState::Done;
-        assert_eq!((done, bench.dispatcher.book().task(id).unwrap().failures), (other, 0));
+        assert_eq!((done, bench.dispatcher.store().task(id).unwrap().failures), (other, 0));
     }
 }
 
@@ -193,7 +193,7 @@ fn a_latched_robot_gives_its_task_to_another_at_once() {
     assert!(
         steps.iter().any(|step| step.reason.as_deref().is_some_and(|why| why.contains("latched: estop")))
     );
-    assert_eq!(bench.dispatcher.book().task(id).unwrap().failures, 0);
+    assert_eq!(bench.dispatcher.store().task(id).unwrap().failures, 0);
 }
 
 #[test]

@@ -4,13 +4,13 @@
 //! straight ahead. Where the disc does not fit, the truck does not either; where it does, turning and the
 //! planner's own margins may still need more.
 
-mod floor;
+mod islands;
 
 use super::{Map, polygon};
-use crate::{Car, Grid};
-use floor::Floor;
+use crate::geometry::{Car, Grid};
+use islands::Islands;
 
-/// Floor that hangs together for the truck.
+/// Islands that hangs together for the truck.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Island {
     /// Where its middle can be, in m².
@@ -67,20 +67,20 @@ pub struct Report {
     pub zones: Vec<ZoneFinding>,
 }
 
-/// Looks at a map with the eyes of this car.
+/// What a map is worth to this car.
 #[must_use]
 pub fn check(map: &Map, car: &Car) -> Report {
-    let bare = Floor::of(map.grid(), car);
+    let bare = Islands::of(map.grid(), car);
     let mut zones: Vec<ZoneFinding> = map.zones().iter().filter_map(|zone| off_the_map(map, zone)).collect();
     let (mut free, mut occupied, mut unknown) = (0_usize, 0_usize, 0_usize);
     for cell in map.grid().cells() {
         match cell {
-            crate::Cell::Free => free += 1,
-            crate::Cell::Occupied => occupied += 1,
-            crate::Cell::Unknown => unknown += 1,
+            crate::geometry::Cell::Free => free += 1,
+            crate::geometry::Cell::Occupied => occupied += 1,
+            crate::geometry::Cell::Unknown => unknown += 1,
         }
     }
-    let fenced = map.keep_outs().next().map(|_| Floor::of(&map.grid_with_keep_outs(), car));
+    let fenced = map.keep_outs().next().map(|_| Islands::of(&map.grid_with_keep_outs(), car));
     if let Some(fenced) = &fenced {
         zones.extend(cuts(map, car, &bare, fenced));
     }
@@ -119,7 +119,7 @@ fn off_the_map(map: &Map, zone: &super::Zone) -> Option<ZoneFinding> {
 }
 
 /// Each island of the bare floor of which the keep-outs leave several.
-fn cuts(map: &Map, car: &Car, bare: &Floor, fenced: &Floor) -> Vec<ZoneFinding> {
+fn cuts(map: &Map, car: &Car, bare: &Islands, fenced: &Islands) -> Vec<ZoneFinding> {
     let whole_of = |piece: u32| bare.island_at(fenced.peak_of(piece));
     let pieces = fenced.ids();
     let mut found = Vec::new();
@@ -137,7 +137,7 @@ fn cuts(map: &Map, car: &Car, bare: &Floor, fenced: &Floor) -> Vec<ZoneFinding> 
 }
 
 /// How many of these pieces a truck that just touches the zone can stand in.
-fn pieces_beside(map: &Map, car: &Car, fenced: &Floor, zone: &super::Zone, parts: &[u32]) -> usize {
+fn pieces_beside(map: &Map, car: &Car, fenced: &Islands, zone: &super::Zone, parts: &[u32]) -> usize {
     let grid = map.grid();
     let reach_m = car.half_width_m + 2.0 * grid.resolution_m();
     let (low, high) = polygon::bounds(zone.points());

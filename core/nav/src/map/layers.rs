@@ -1,8 +1,16 @@
 //! A map's zones as the planner takes them: cells that may not be driven on, or in one direction only.
 
 use super::{Map, ZoneKind, raster};
-use crate::space::Zones;
-use crate::{Cell, Grid};
+use crate::geometry::{Cell, Grid};
+
+/// Cells that may not be driven on although nothing stands there.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Zones {
+    /// Names of the zones.
+    pub names: Vec<String>,
+    /// For each cell of the grid 0 or the number of its zone, from 1 in the order of the names.
+    pub cells: Vec<u16>,
+}
 
 /// Zones on the cells of a map's grid.
 #[derive(Debug, Clone, Default, PartialEq)]

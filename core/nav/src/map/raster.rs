@@ -3,7 +3,8 @@
 //! Touching the border of a cell from outside is not overlapping: a wall that ends where a cell begins
 //! leaves that cell alone.
 
-use crate::{Cell, Grid, MapPose};
+use crate::MapPose;
+use crate::geometry::{Cell, Grid};
 
 /// A shape reaches into a cell by this part of its side at least; keeps rounding out.
 const EDGE: f64 = 1e-6;

@@ -10,7 +10,8 @@
 mod image;
 
 use super::{Map, MapError, Zone};
-use crate::{Cell, Grid, grid::GridError};
+use crate::geometry::grid::GridError;
+use crate::geometry::{Cell, Grid};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_saphyr::FlowSeq;
 use thiserror::Error;

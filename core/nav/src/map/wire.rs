@@ -1,8 +1,8 @@
 //! A map as a message, and back: nothing of a message is believed before its hash fits.
 
 use super::{Map, MapError, Zone, ZoneError, ZoneKind};
-use crate::grid::GridError;
-use crate::{Cell, Grid};
+use crate::geometry::grid::GridError;
+use crate::geometry::{Cell, Grid};
 use thiserror::Error;
 use xtb_protocol::messages::{FleetMap, MapCell, MapHash, MapZone, MapZoneKind};
 

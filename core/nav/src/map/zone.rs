@@ -148,7 +148,7 @@ impl Zone {
         polygon::holds(&self.points, [x_m, y_m])
     }
 
-    /// Whether another polygon, such as [`Car::corners`](crate::Car::corners), touches it.
+    /// Whether another polygon, such as [`Car::corners`](crate::geometry::Car::corners), touches it.
     #[must_use]
     pub fn touches(&self, corners: &[[f64; 2]]) -> bool {
         polygon::touch(&self.points, corners)

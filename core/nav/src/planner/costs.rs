@@ -1,9 +1,10 @@
 //! What a path costs, in m of free floor driven ahead.
 
 use super::PlannerSettings;
-use crate::path::{Path, Piece};
-use crate::space::Space;
-use crate::{MapPose, reeds_shepp::Way};
+use super::space::Space;
+use crate::MapPose;
+use crate::geometry::reeds_shepp::Curve;
+use crate::geometry::{Path, Piece};
 
 /// Way between two looks at the clearance.
 const LOOK_M: f64 = 0.1;
@@ -46,10 +47,10 @@ impl Costs {
         self.near_factor * (1.0 - spare_m / self.near_m).max(0.0)
     }
 
-    /// Of a word, but for what is near.
-    pub(super) fn way(&self, way: &Way) -> f64 {
-        let changes: f64 = way.pieces().windows(2).map(|pair| self.change(&pair[0], &pair[1])).sum();
-        changes + way.pieces().iter().map(|piece| self.arc(piece)).sum::<f64>()
+    /// Of a curve, but for what is near.
+    pub(super) fn curve(&self, curve: &Curve) -> f64 {
+        let changes: f64 = curve.pieces().windows(2).map(|pair| self.change(&pair[0], &pair[1])).sum();
+        changes + curve.pieces().iter().map(|piece| self.arc(piece)).sum::<f64>()
     }
 
     /// Of arcs from a pose on; with where they end.

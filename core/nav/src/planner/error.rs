@@ -1,7 +1,7 @@
 //! Why there is no plan, and what is in the way.
 
+use super::space::Hit;
 use crate::MapPose;
-use crate::space::Hit;
 use std::fmt;
 use thiserror::Error;
 

@@ -1,7 +1,8 @@
 //! Which moves a search makes, and which poses it takes for one.
 
-use crate::path::wrap_rad;
-use crate::{MapPose, Piece};
+use crate::MapPose;
+use crate::geometry::Piece;
+use crate::geometry::path::wrap_rad;
 use std::f64::consts::TAU;
 
 /// How finely a search looks.

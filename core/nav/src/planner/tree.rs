@@ -1,12 +1,13 @@
 //! One search: from the start on, or from the goal back. It grows by the pose that promises most.
 
 use super::costs::Costs;
-use super::curves::Curves;
-use super::distances::Distances;
+use super::curve_heuristic::CurveHeuristic;
 use super::lattice::{Lattice, Moves, Root};
-use super::pages::{Key, Pages};
-use crate::space::Space;
-use crate::{MapPose, Piece};
+use super::obstacle_heuristic::ObstacleHeuristic;
+use super::paged_grid::{Key, PagedGrid};
+use super::space::Space;
+use crate::MapPose;
+use crate::geometry::Piece;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -25,10 +26,10 @@ struct Node {
 }
 
 /// What both searches look at while they grow.
-pub(super) struct View<'a, S: Space> {
+pub(super) struct SearchContext<'a, S: Space> {
     pub(super) space: &'a S,
     pub(super) costs: &'a Costs,
-    pub(super) greed: f64,
+    pub(super) heuristic_weight: f64,
 }
 
 #[derive(Debug, Default)]
@@ -37,32 +38,32 @@ pub(super) struct Tree {
     moves: Moves,
     nodes: Vec<Node>,
     open: BinaryHeap<Reverse<u64>>,
-    pages: Pages,
+    cells: PagedGrid,
     /// Around everything, to the end that is looked for.
-    pub(super) distances: Distances,
+    pub(super) distances: ObstacleHeuristic,
     target: Option<MapPose>,
     root: Root,
     low_m: [f64; 2],
     cell_m: f64,
     best: Option<u32>,
-    /// Expansions until the next shot.
-    pub(super) until_shot: u32,
+    /// Expansions until the next analytic expansion.
+    pub(super) until_analytic: u32,
 }
 
 impl Tree {
     /// Begins anew; roots follow.
     pub(super) fn begin<S: Space>(
         &mut self,
-        view: &View<'_, S>,
+        context: &SearchContext<'_, S>,
         lattice: &Lattice,
         root: (MapPose, bool),
         target: Option<MapPose>,
     ) {
-        let (bounds, cell_m) = (view.space.bounds(), lattice.cell_m);
-        self.moves.begin(lattice, view.space.car().radius_m);
+        let (bounds, cell_m) = (context.space.bounds(), lattice.cell_m);
+        self.moves.begin(lattice, context.space.car().radius_m);
         self.nodes.clear();
         self.open.clear();
-        (self.backward, self.target, self.best, self.until_shot) = (root.1, target, None, 0);
+        (self.backward, self.target, self.best, self.until_analytic) = (root.1, target, None, 0);
         self.root = Root::new(root.0.yaw_rad);
         self.cell_m = cell_m;
         // The first root stands in the middle of a square.
@@ -70,19 +71,24 @@ impl Tree {
         self.low_m = [aligned(bounds.low_m[0], root.0.x_m), aligned(bounds.low_m[1], root.0.y_m)];
         let squares =
             |axis: usize| libm::ceil((bounds.high_m[axis] - self.low_m[axis]) / cell_m).max(1.0) as usize;
-        self.pages.begin(squares(0), squares(1), usize::from(lattice.headings));
+        self.cells.begin(squares(0), squares(1), usize::from(lattice.headings));
     }
 
     /// A pose to begin at.
-    pub(super) fn plant<S: Space>(&mut self, view: &View<'_, S>, curves: &mut Curves, pose: &MapPose) {
+    pub(super) fn add_root<S: Space>(
+        &mut self,
+        context: &SearchContext<'_, S>,
+        curves: &mut CurveHeuristic,
+        pose: &MapPose,
+    ) {
         let heading = self.moves.heading(pose.yaw_rad, self.root);
         let at_m = [pose.x_m, pose.y_m];
         let Some(key) = self.key(at_m, heading) else { return };
-        let left = self.left_m(view.space, curves, pose) as f32;
+        let left = self.left_m(context.space, curves, pose) as f32;
         self.add(
             key,
             Node { at_m, cost: 0.0, left, parent: 0, heading, step: NO_MOVE, done: false },
-            view.greed,
+            context.heuristic_weight,
         );
     }
 
@@ -91,7 +97,7 @@ impl Tree {
         while let Some(Reverse(entry)) = self.open.pop() {
             let index = !(entry as u32);
             let node = self.nodes[index as usize];
-            let current = self.key(node.at_m, node.heading).and_then(|key| self.pages.get(key));
+            let current = self.key(node.at_m, node.heading).and_then(|key| self.cells.get(key));
             if node.done || current != Some(index) {
                 continue;
             }
@@ -105,7 +111,12 @@ impl Tree {
     }
 
     /// Grows by all moves from a pose.
-    pub(super) fn expand<S: Space>(&mut self, view: &View<'_, S>, curves: &mut Curves, index: u32) {
+    pub(super) fn expand<S: Space>(
+        &mut self,
+        context: &SearchContext<'_, S>,
+        curves: &mut CurveHeuristic,
+        index: u32,
+    ) {
         let node = self.nodes[index as usize];
         let last = self.moves.all.get(usize::from(node.step)).map(|step| step.piece);
         let here = self.pose_of(&node);
@@ -113,38 +124,38 @@ impl Tree {
             let step = self.moves.all[number];
             let (at_m, heading) = self.moves.next(&step, (node.at_m, node.heading), self.root, self.backward);
             let Some(key) = self.key(at_m, heading) else { continue };
-            let change = last.map_or(0.0, |last| view.costs.change(&last, &step.piece));
-            let near = view.costs.near(view.space, at_m[0], at_m[1]) * step.piece.length_m.abs();
-            let cost = node.cost + (view.costs.arc(&step.piece) + change + near) as f32;
-            let known = self.pages.get(key).map(|known| &self.nodes[known as usize]);
+            let change = last.map_or(0.0, |last| context.costs.change(&last, &step.piece));
+            let near = context.costs.near(context.space, at_m[0], at_m[1]) * step.piece.length_m.abs();
+            let cost = node.cost + (context.costs.arc(&step.piece) + change + near) as f32;
+            let known = self.cells.get(key).map(|known| &self.nodes[known as usize]);
             if known.is_some_and(|known| known.done || known.cost <= cost) {
                 continue;
             }
             let there =
                 MapPose { x_m: at_m[0], y_m: at_m[1], yaw_rad: self.moves.yaw_rad(heading, self.root) };
-            if !view.space.drives(if self.backward { &there } else { &here }, &step.piece) {
+            if !context.space.drives(if self.backward { &there } else { &here }, &step.piece) {
                 continue;
             }
-            let left = self.left_m(view.space, curves, &there) as f32;
+            let left = self.left_m(context.space, curves, &there) as f32;
             let next = Node { at_m, cost, left, parent: index, heading, step: number as u8, done: false };
-            self.add(key, next, view.greed);
+            self.add(key, next, context.heuristic_weight);
         }
     }
 
-    fn add(&mut self, key: Key, node: Node, greed: f64) {
+    fn add(&mut self, key: Key, node: Node, heuristic_weight: f64) {
         if !node.left.is_finite() {
             return;
         }
         let index = self.nodes.len() as u32;
-        let promise = node.cost + greed as f32 * node.left;
+        let priority = node.cost + heuristic_weight as f32 * node.left;
         self.nodes.push(node);
-        self.pages.set(key, index);
+        self.cells.set(key, index);
         // Positive floats sort like their bits; among equals the newest is first.
-        self.open.push(Reverse(u64::from(promise.to_bits()) << 32 | u64::from(!index)));
+        self.open.push(Reverse(u64::from(priority.to_bits()) << 32 | u64::from(!index)));
     }
 
     /// About the least that is left from a pose, in m.
-    fn left_m(&mut self, space: &impl Space, curves: &mut Curves, pose: &MapPose) -> f64 {
+    fn left_m(&mut self, space: &impl Space, curves: &mut CurveHeuristic, pose: &MapPose) -> f64 {
         let around = self.distances.way_m(space, pose.x_m, pose.y_m);
         let curve = self.target.map_or(0.0, |target| {
             if self.backward { curves.cost(&target, pose) } else { curves.cost(pose, &target) }
@@ -160,7 +171,7 @@ impl Tree {
     /// The expanded node in whose cell a pose lies.
     pub(super) fn near(&self, pose: &MapPose) -> Option<u32> {
         let key = self.key([pose.x_m, pose.y_m], self.moves.heading(pose.yaw_rad, self.root))?;
-        self.pages.get(key).filter(|&index| self.nodes[index as usize].done)
+        self.cells.get(key).filter(|&index| self.nodes[index as usize].done)
     }
 
     fn pose_of(&self, node: &Node) -> MapPose {
@@ -183,7 +194,7 @@ impl Tree {
 
     /// Whether there is no memory left for new places.
     pub(super) fn full(&self) -> bool {
-        self.pages.full()
+        self.cells.full()
     }
 
     /// Nodes in memory.

@@ -8,7 +8,7 @@
 //! are the same one.
 
 use std::collections::VecDeque;
-use xtb_nav::reeds_shepp::{self, Way};
+use xtb_nav::geometry::reeds_shepp::{self, Curve};
 use xtb_nav::{MapPose, Piece, Space};
 
 const CELL_M: f64 = 0.05;
@@ -88,15 +88,15 @@ impl<'a, S: Space> Flood<'a, S> {
 
     /// Whether a driven curve joins the pose with one of the flood in the same cell or, if `around`,
     /// in one beside it; in the flood's own direction.
-    pub(crate) fn joins(&self, pose: &MapPose, around: bool, ways: &mut Vec<Way>) -> bool {
+    pub(crate) fn joins(&self, pose: &MapPose, around: bool, curves: &mut Vec<Curve>) -> bool {
         const MOST_DETOUR: f64 = 10.0;
         let offsets = (0..if around { 27 } else { 1 }).map(|n| [n % 3, n / 3 % 3, n / 9]);
         let offsets = offsets.map(|offset| offset.map(|v| if v == 2 { -1 } else { v }));
         offsets.filter_map(|offset| self.cell(pose, offset)).any(|cell| {
             let Some(there) = self.poses.get(self.cells[cell] as usize) else { return false };
             let (from, to) = if self.backward { (pose, there) } else { (there, pose) };
-            reeds_shepp::ways(from, to, self.space.car().radius_m, MOST_DETOUR, ways);
-            ways.iter().any(|way| {
+            reeds_shepp::curves(from, to, self.space.car().radius_m, MOST_DETOUR, curves);
+            curves.iter().any(|way| {
                 let mut at = *from;
                 way.pieces().iter().all(|piece| {
                     let free = self.space.drives(&at, piece);
@@ -118,7 +118,7 @@ pub(crate) struct Reachable<'a, S: Space> {
     parts: Vec<Flood<'a, S>>,
     /// Back to the base; missing where every motion can be driven back.
     to_base: Option<Flood<'a, S>>,
-    ways: Vec<Way>,
+    curves: Vec<Curve>,
 }
 
 impl<'a, S: Space> Reachable<'a, S> {
@@ -133,7 +133,7 @@ impl<'a, S: Space> Reachable<'a, S> {
             space,
             parts: vec![flood(false)],
             to_base: (!reversible).then(|| flood(true)),
-            ways: Vec::new(),
+            curves: Vec::new(),
         }
     }
 
@@ -146,20 +146,20 @@ impl<'a, S: Space> Reachable<'a, S> {
     pub(crate) fn is(&mut self, start: &MapPose, goal: &MapPose) -> bool {
         let (mut before, mut after) =
             (Flood::new(self.space, goal, true), Flood::new(self.space, start, false));
-        let Self { parts, to_base, ways, .. } = self;
+        let Self { parts, to_base, curves, .. } = self;
         if let Some(to_base) = to_base {
-            let from_base = attached(&mut before, parts, ways).is_some();
-            let to_base = attached(&mut after, std::slice::from_ref(to_base), ways).is_some();
+            let from_base = attached(&mut before, parts, curves).is_some();
+            let to_base = attached(&mut after, std::slice::from_ref(to_base), curves).is_some();
             // One that does not meet the base has been flooded to its end.
             return from_base && to_base
-                || !from_base && before.joins(start, true, ways)
-                || !to_base && after.joins(goal, true, ways);
+                || !from_base && before.joins(start, true, curves)
+                || !to_base && after.joins(goal, true, curves);
         }
-        let of_goal = part(before, parts, ways);
-        let of_start = part(after, parts, ways);
+        let of_goal = part(before, parts, curves);
+        let of_start = part(after, parts, curves);
         match (of_start, of_goal) {
             (Ok(start), Ok(goal)) => start == goal,
-            (Err(pocket), Err(_)) => pocket.joins(goal, true, ways),
+            (Err(pocket), Err(_)) => pocket.joins(goal, true, curves),
             _ => false,
         }
     }
@@ -169,9 +169,9 @@ impl<'a, S: Space> Reachable<'a, S> {
 fn part<'a, S: Space>(
     mut flood: Flood<'a, S>,
     parts: &mut Vec<Flood<'a, S>>,
-    ways: &mut Vec<Way>,
+    curves: &mut Vec<Curve>,
 ) -> Result<usize, Flood<'a, S>> {
-    match attached(&mut flood, parts, ways) {
+    match attached(&mut flood, parts, curves) {
         Some(part) => Ok(part),
         None if flood.poses.len() < SMALL => Err(flood),
         None => {
@@ -185,9 +185,9 @@ fn part<'a, S: Space>(
 fn attached<S: Space>(
     flood: &mut Flood<'_, S>,
     others: &[Flood<'_, S>],
-    ways: &mut Vec<Way>,
+    curves: &mut Vec<Curve>,
 ) -> Option<usize> {
-    let mut join = |pose: &MapPose, around| others.iter().position(|other| other.joins(pose, around, ways));
+    let mut join = |pose: &MapPose, around| others.iter().position(|other| other.joins(pose, around, curves));
     while let Some(pose) = flood.step() {
         if let Some(part) = join(&pose, false) {
             return Some(part);

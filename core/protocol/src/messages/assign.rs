@@ -4,7 +4,7 @@
 //! the order that a robot goes by: lower is refused, equal acknowledged again, higher replaces.
 
 use super::{TaskId, Via, angle, bounded, coordinate};
-use crate::codec::CodecError;
+use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
@@ -58,8 +58,8 @@ impl Assignment {
 /// What an assigned robot does.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Errand {
+#[serde(rename = "Errand", rename_all = "snake_case", deny_unknown_fields)] // its name in schemas
+pub enum TaskAction {
     /// As the request `goto`.
     Goto {
         /// East, in m.
@@ -80,7 +80,7 @@ pub enum Errand {
     },
 }
 
-impl Errand {
+impl TaskAction {
     pub(super) fn validate(&self) -> Result<(), CodecError> {
         match self {
             Self::Goto { x_m, y_m, yaw_rad, .. } => {

@@ -1,9 +1,9 @@
 //! What people and programs say to the dispatcher about tasks, and what it answers.
 
 use super::{Message, Suspension, TaskId, TaskSpec, TaskState, bounded};
-use crate::codec::CodecError;
 use crate::keys::Name;
 use crate::text;
+use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 

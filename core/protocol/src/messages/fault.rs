@@ -117,57 +117,6 @@ impl Fault {
             Self::FixesFrozen | Self::FixesContradict => "pose fixes",
         }
     }
-
-    /// What to do about it, in one sentence.
-    #[must_use]
-    pub fn remedy(self) -> &'static str {
-        match self {
-            Self::BoardUnplugged | Self::GyroUnplugged => {
-                "plug it in, or name the right port (`robot-agent ports` lists them)"
-            }
-            Self::BoardBusy | Self::GyroBusy => "end the other program that holds the port",
-            Self::BoardNoPermission | Self::GyroNoPermission => {
-                "let this user open the port: often the group dialout"
-            }
-            Self::BoardPortBroken | Self::GyroPortBroken => "read the system's words; try another port",
-            Self::BoardSilent => "check power, and the wire from the board to the computer",
-            Self::GyroSilent => "check power, and both wires: the gyro speaks only when asked",
-            Self::BoardGarbage | Self::GyroGarbage => "check the baud rate and the ground wire",
-            Self::BoardHalfFrames | Self::GyroHalfFrames => {
-                "bytes are being lost: check the cable, and that the baud rate is not too high for it"
-            }
-            Self::BoardWrongDevice | Self::GyroWrongDevice => {
-                "another device is at this port: are the two lines swapped?"
-            }
-            Self::BoardNotSetUp => {
-                "check the wire from the computer to the board; is its firmware of this version?"
-            }
-            Self::EncoderSilent => "the board's encoder channel does not run: power-cycle the board",
-            Self::ConverterSilent => "the board's converter does not run: power-cycle the board",
-            Self::RemoteLost => "switch the transmitter on, or bring it nearer",
-            Self::TiltOutOfRange => "check the tilt sensor's wires and its supply",
-            Self::RecordingFailed => "check the disk's free space and its speed",
-            Self::BoardFrozen | Self::GyroFrozen | Self::ConverterFrozen => "power-cycle it",
-            Self::EncoderOutOfRange => "check the encoder's wires and their shielding",
-            Self::InfraredFrozen => {
-                "look at it and its wire: `robot-agent check-hardware` shows each reading"
-            }
-            Self::InfraredOutOfRange => "check its wire: `robot-agent check-hardware` shows each reading",
-            Self::Runaway => "switch the motor's power off, then look at speed control and encoder",
-            Self::Stalled => {
-                "see what holds the wheels; if nothing does, check the encoder's wire, and raise vehicle.guard.stall_counts for an ESC with a larger dead band"
-            }
-            Self::BatteryLow => "bring it home and charge it",
-            Self::BatteryCritical => "switch it off and charge it",
-            Self::OdometryScale => {
-                "check the settings encoder.pulses_per_rev and geometry.wheel_diameter_m, and the encoder's wire"
-            }
-            Self::FixesFrozen => "restart what sends the fixes; until then the pose is the odometry's",
-            Self::FixesContradict => {
-                "see that its fixes are not another robot's (`fleet-cli doctor`), then `fleet-cli set-pose`"
-            }
-        }
-    }
 }
 
 impl fmt::Display for Fault {

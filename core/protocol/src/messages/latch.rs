@@ -28,17 +28,6 @@ pub enum Latch {
 }
 
 impl Latch {
-    /// All of them.
-    pub const ALL: [Self; 7] = [
-        Self::Estop,
-        Self::RemoteTakeover,
-        Self::BoardLost,
-        Self::GyroLost,
-        Self::Runaway,
-        Self::SensorFault,
-        Self::BatteryCritical,
-    ];
-
     /// What it is called among the reasons why a robot stands.
     #[must_use]
     pub fn reason(self) -> StopReason {

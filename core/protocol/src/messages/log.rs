@@ -1,9 +1,9 @@
 //! A robot's recordings over Zenoh: which there are, and their bytes piece by piece.
 
 use super::{Message, bounded};
-use crate::codec::CodecError;
 use crate::keys::Name;
 use crate::text;
+use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

@@ -1,8 +1,8 @@
 //! The fleet's map: cells, zones, and a hash that says whether two programs mean the same floor.
 
 use super::{Message, angle, bounded, coordinate};
-use crate::codec::CodecError;
 use crate::text;
+use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use thiserror::Error;

@@ -19,9 +19,10 @@ mod sim;
 mod state;
 mod suspension;
 mod task;
+pub mod texts;
 
 pub use about::{About, Limits, ParameterInfo};
-pub use assign::{Assignment, Errand, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG};
+pub use assign::{Assignment, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG, TaskAction};
 pub use dispatch::{
     Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
     DispatchStatus, MAX_SUBMISSION, PAGE_BYTES, TaskChange, TaskEvent, TaskHistory, TaskList, TaskStep,
@@ -54,10 +55,10 @@ pub use task::{
     MAX_POINTS, MAX_PRIORITY, NoTaskId, OnTakeover, TaskId, TaskKind, TaskSpec, TaskState, Waypoint, Who,
 };
 
-use crate::codec::CodecError;
 use crate::keys::Name;
+use crate::wire::CodecError;
 use serde::{Serialize, de::DeserializeOwned};
-use xtb_control::units::OutOfRange;
+use xtb_control::units::check;
 
 /// A message with a place in the table of wire types.
 pub trait Message: Serialize + DeserializeOwned {
@@ -66,7 +67,7 @@ pub trait Message: Serialize + DeserializeOwned {
     /// Version of its layout.
     const VERSION: u32 = 1;
     /// Longest that is read or written, in bytes.
-    const MAX_BYTES: usize = crate::codec::MAX_BYTES;
+    const MAX_BYTES: usize = crate::wire::MAX_BYTES;
 
     /// The robot that says this of itself, if the message names it: the same as in the key, or the message
     /// is not believed.
@@ -93,11 +94,12 @@ fn bounded(
     max: f64,
     unit: &'static str,
 ) -> Result<(), CodecError> {
-    if value.is_finite() && (min..=max).contains(&value) {
-        Ok(())
-    } else {
-        Err(CodecError::OutOfRange(OutOfRange { quantity, value, min, max, unit }))
-    }
+    Ok(check(quantity, value, min, max, unit).map(drop)?)
+}
+
+/// How long a goal may take with [`LinkLoss::Finish`], unless it says otherwise, in s.
+fn finish_s() -> f64 {
+    300.0
 }
 
 fn finite(quantity: &'static str, value: Option<f64>) -> Result<(), CodecError> {

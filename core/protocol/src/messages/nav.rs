@@ -1,9 +1,9 @@
 //! The second level on the wire: where a robot is, which way it goes, and how far it may.
 
 use super::{Message, angle, bounded, coordinate, finite};
-use crate::codec::CodecError;
 use crate::keys::Name;
 use crate::text;
+use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use xtb_control::frames::MapPose;

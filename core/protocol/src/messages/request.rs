@@ -1,9 +1,11 @@
 //! Requests to a robot, its replies, and teleoperation setpoints.
 
-use super::{Assignment, Errand, Latch, MAX_ASSIGN_SEQ, MAX_LEDGER, Message, angle, bounded, coordinate};
-use crate::codec::CodecError;
+use super::{
+    Assignment, Latch, MAX_ASSIGN_SEQ, MAX_LEDGER, Message, TaskAction, angle, bounded, coordinate, finish_s,
+};
 use crate::keys::Name;
 use crate::text;
+use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use xtb_control::units::{Steering, WheelRpm};
@@ -40,10 +42,6 @@ pub enum Via {
     Direct,
     /// Along a planned path, around what the map and the range finders know of.
     Planned,
-}
-
-fn finish_s() -> f64 {
-    300.0
 }
 
 /// What is asked of a robot.
@@ -120,7 +118,7 @@ pub enum Body {
         /// Which.
         assignment: Assignment,
         /// What to do.
-        errand: Errand,
+        errand: TaskAction,
         /// When the client falls silent.
         #[serde(default)]
         on_link_loss: LinkLoss,
@@ -239,6 +237,19 @@ pub enum RejectCode {
     KeepOut,
     /// Something on the map stands where the robot shall stand.
     GoalBlocked,
+}
+
+impl CodecError {
+    /// The code that a reply or a counter gives it.
+    #[must_use]
+    pub fn code(&self) -> RejectCode {
+        match self {
+            Self::Oversized { .. } => RejectCode::Oversized,
+            Self::WrongVersion { .. } => RejectCode::WrongVersion,
+            Self::UnknownEncoding { .. } | Self::Malformed { .. } => RejectCode::Malformed,
+            Self::OutOfRange(_) => RejectCode::OutOfRange,
+        }
+    }
 }
 
 /// What a successful request gave.

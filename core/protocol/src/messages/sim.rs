@@ -1,9 +1,9 @@
 //! What only a simulator can say; always JSON.
 
 use super::{Message, bounded};
-use crate::codec::CodecError;
 use crate::keys::Name;
 use crate::text;
+use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use xtb_control::frames::MapPose;

@@ -1,9 +1,9 @@
 //! What a robot says of itself, 20 times a second.
 
 use super::{FaultState, LatchState, LinkLoss, Message, NavState, Via, finite};
-use crate::codec::CodecError;
 use crate::keys::Name;
 use crate::text;
+use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use xtb_control::Mode;

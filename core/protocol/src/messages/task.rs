@@ -1,9 +1,9 @@
 //! Tasks of the dispatcher: what is to be done, by whom, and how it stands.
 
-use super::{LinkLoss, angle, bounded, coordinate};
-use crate::codec::CodecError;
+use super::{LinkLoss, angle, bounded, coordinate, finish_s};
 use crate::keys::Name;
 use crate::text;
+use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use thiserror::Error;
@@ -184,10 +184,6 @@ fn priority() -> u8 {
 
 fn retries() -> u32 {
     2
-}
-
-fn finish_s() -> f64 {
-    300.0
 }
 
 fn grace_s() -> f64 {

@@ -6,10 +6,12 @@ use super::{Agent, View};
 use crate::authority::arbitration::Writer;
 use std::sync::Arc as Shared;
 use xtb_control::{Command, Mode, Stamp, Steering, WheelRpm, goto};
-use xtb_nav::filter::{self, FixOutcome};
-use xtb_nav::local::LocalObstacle;
-use xtb_nav::navigator::giveway::Neighbour;
-use xtb_nav::navigator::{Aim, Decision, Floor, Led, PlanDone, PlanJob, Sensed, Standing};
+use xtb_nav::localization::{self, FixOutcome};
+use xtb_nav::navigator::right_of_way::Neighbour;
+use xtb_nav::navigator::{
+    Decision, HoldReason, PlanDone, PlanJob, PreparedMap, Sensed, TargetPose, TrafficGuidance,
+};
+use xtb_nav::obstacle_layer::UnmappedObstacle;
 use xtb_nav::{MapPose, Path};
 use xtb_protocol::messages::{
     Fix, GoalStatus, MapHash, MapState, NavState, RejectCode, Route, RouteGoal, RouteSource, RouteState,
@@ -36,8 +38,8 @@ pub(super) struct Lead {
 
 impl Agent {
     /// The map to plan on: its own, or the fleet's.
-    pub fn set_floor(&mut self, floor: Shared<Floor>) {
-        self.nav.set_floor(floor);
+    pub fn set_floor(&mut self, floor: Shared<PreparedMap>) {
+        self.nav.set_map(floor);
     }
 
     /// The hash of the fleet's map; with another one than its own the robot takes no planned goals.
@@ -47,19 +49,19 @@ impl Agent {
 
     /// Whether the fleet's map is another one.
     fn has_other_map(&self) -> bool {
-        let own = self.nav.floor().map(|floor| floor.map().hash());
+        let own = self.nav.map().map(|floor| floor.map().hash());
         own.is_some() && self.lead.fleet_hash.is_some_and(|fleet| own != Some(fleet))
     }
 
     /// A pose from outside that came in `at`.
     pub fn fix(&mut self, now: Stamp, at: Stamp, fix: &Fix) {
         let age_ns = fix.age_ms.saturating_mul(1_000_000);
-        let measured = filter::Fix {
+        let measured = localization::Fix {
             stamp: Stamp::from_ns(at.min(now).ns().saturating_sub(age_ns)),
             x_m: fix.x_m,
             y_m: fix.y_m,
             yaw_rad: fix.yaw_rad,
-            covariance: filter::Fix::independent(fix.sigma_m, fix.sigma_yaw_rad),
+            covariance: localization::Fix::independent(fix.sigma_m, fix.sigma_yaw_rad),
             source: fix.source,
         };
         match self.filter.fix(now, &measured) {
@@ -68,7 +70,7 @@ impl Agent {
                 self.lead.fixes += 1;
                 self.nav.pose_jumped();
             }
-            Ok(FixOutcome::Gathered { .. }) => {}
+            Ok(FixOutcome::Relocalizing { .. }) => {}
             _ => self.lead.fixes_refused += 1,
         }
     }
@@ -92,7 +94,7 @@ impl Agent {
         let present = self.goal.as_ref().filter(|goal| !goal.status.is_final() && goal.is_planned());
         let meant = present
             .is_some_and(|goal| route.goal == Some(RouteGoal { epoch: self.identity.epoch, id: goal.id }));
-        let led = meant.then(|| Led {
+        let led = meant.then(|| TrafficGuidance {
             plan: route.plan,
             path: route.track.as_ref().map(Path::from),
             release_m: route.release_m,
@@ -100,7 +102,7 @@ impl Agent {
             waits_for: route.waits_for.as_ref().map(ToString::to_string),
             reason: route.reason.clone(),
         });
-        self.nav.led(now, led, &route.others);
+        self.nav.guide(now, led, &route.others);
     }
 
     /// Whether it drives to a planned goal and hears no traffic control: then it has to hear the others.
@@ -126,11 +128,11 @@ impl Agent {
 
     /// How a goal is driven to if it does not say.
     pub(super) fn usual_way(&self) -> Via {
-        if self.nav.floor().is_some() { Via::Planned } else { Via::Direct }
+        if self.nav.map().is_some() { Via::Planned } else { Via::Direct }
     }
 
     /// The memorandum's A-to-B.
-    pub(super) fn direct(&self, aim: &Aim) -> Result<Command, Refusal> {
+    pub(super) fn direct(&self, aim: &TargetPose) -> Result<Command, Refusal> {
         if aim.yaw_rad.is_some() {
             return Err((
                 RejectCode::Unsupported,
@@ -146,8 +148,8 @@ impl Agent {
     }
 
     /// Whether a path to there could be looked for at all.
-    pub(super) fn planned_goal(&self, aim: &Aim) -> Result<Command, Refusal> {
-        let Some(floor) = self.nav.floor() else {
+    pub(super) fn planned_goal(&self, aim: &TargetPose) -> Result<Command, Refusal> {
+        let Some(floor) = self.nav.map() else {
             return Err((
                 RejectCode::NoMap,
                 "a planned goal needs a map, and the robot has none".into(),
@@ -174,7 +176,7 @@ impl Agent {
     }
 
     /// A planned goal was accepted.
-    pub(super) fn begin_path(&mut self, aim: Aim) {
+    pub(super) fn begin_path(&mut self, aim: TargetPose) {
         self.nav.begin(aim);
     }
 
@@ -190,7 +192,7 @@ impl Agent {
         if now < self.lead.next_step {
             return None;
         }
-        let floor = self.nav.floor()?.clone();
+        let floor = self.nav.map()?.clone();
         self.lead.next_step = now.plus_ns(STEP_NS);
         let scan = view.ages.adc.map(|ms| Stamp::from_ns(now.ns().saturating_sub(ms * 1_000_000)));
         let scanned = scan > self.lead.scanned;
@@ -248,19 +250,20 @@ impl Agent {
     }
 
     /// Why the goal is blocked, if it is.
-    fn blocked_words(&self, blocked: bool, standing: Option<Standing>) -> Option<String> {
+    fn blocked_words(&self, blocked: bool, standing: Option<HoldReason>) -> Option<String> {
         match standing {
-            Some(Standing::WaitingForTraffic | Standing::Planning) => {
-                let first = |led: &Led| led.waits_for.as_ref().map(|name| format!("{name} goes first"));
-                self.nav.led_by().and_then(|led| led.reason.clone().or_else(|| first(led)))
+            Some(HoldReason::WaitingForTraffic | HoldReason::Planning) => {
+                let first =
+                    |led: &TrafficGuidance| led.waits_for.as_ref().map(|name| format!("{name} goes first"));
+                self.nav.guidance().and_then(|led| led.reason.clone().or_else(|| first(led)))
             }
-            Some(Standing::GivingWay) => self.nav.waits_for().map(|name| format!("{name} goes first")),
-            Some(Standing::WayBlocked) if self.nav.waits_for().is_some() => {
+            Some(HoldReason::GivingWay) => self.nav.waits_for().map(|name| format!("{name} goes first")),
+            Some(HoldReason::WayBlocked) if self.nav.waits_for().is_some() => {
                 self.nav.waits_for().map(|name| format!("blocked by {name}"))
             }
-            Some(Standing::WayBlocked) => Some("something that is not on the map is in its way".to_owned()),
-            Some(Standing::PoseUncertain) => Some("it does not know well enough where it is".to_owned()),
-            Some(Standing::AtCusp) => None,
+            Some(HoldReason::WayBlocked) => Some("something that is not on the map is in its way".to_owned()),
+            Some(HoldReason::PoseUncertain) => Some("it does not know well enough where it is".to_owned()),
+            Some(HoldReason::AtCusp) => None,
             None => blocked.then(|| "an obstacle in the driving direction".to_owned()),
         }
     }
@@ -270,25 +273,25 @@ impl Agent {
         if self.mode != Mode::Goto {
             return None;
         }
-        Some(match self.nav.standing()? {
-            Standing::Planning => StopReason::Planning,
-            Standing::WaitingForTraffic => StopReason::WaitingForTraffic,
-            Standing::WayBlocked => StopReason::WayBlocked,
-            Standing::PoseUncertain => StopReason::PoseUncertain,
-            Standing::AtCusp => StopReason::AtCusp,
-            Standing::GivingWay => StopReason::GivingWay,
+        Some(match self.nav.hold_reason()? {
+            HoldReason::Planning => StopReason::Planning,
+            HoldReason::WaitingForTraffic => StopReason::WaitingForTraffic,
+            HoldReason::WayBlocked => StopReason::WayBlocked,
+            HoldReason::PoseUncertain => StopReason::PoseUncertain,
+            HoldReason::AtCusp => StopReason::AtCusp,
+            HoldReason::GivingWay => StopReason::GivingWay,
         })
     }
 
     /// What its range finders have seen that is not on its map.
-    pub fn unknown_obstacles(&self, now: Stamp) -> impl Iterator<Item = LocalObstacle> {
-        self.nav.local().into_iter().flat_map(move |local| local.obstacles(now))
+    pub fn unknown_obstacles(&self, now: Stamp) -> impl Iterator<Item = UnmappedObstacle> {
+        self.nav.obstacle_layer().into_iter().flat_map(move |local| local.obstacles(now))
     }
 
     /// Map and path, for the state.
     #[must_use]
     pub fn nav_state(&self, now: Stamp) -> NavState {
-        let map = self.nav.floor().map(|floor| floor.map()).map(|map| MapState {
+        let map = self.nav.map().map(|floor| floor.map()).map(|map| MapState {
             name: map.name().to_owned(),
             hash: map.hash().to_string(),
             fleet_hash: self.lead.fleet_hash.filter(|_| self.has_other_map()).map(|hash| hash.to_string()),
@@ -305,7 +308,7 @@ impl Agent {
             blocked_at_m: progress.blocked_at.map(|[x_m, y_m]| (x_m, y_m)),
             plans: progress.plans,
         });
-        NavState { map, traffic: self.nav.is_led(now), route, fixes: self.lead.fixes }
+        NavState { map, traffic: self.nav.is_guided(now), route, fixes: self.lead.fixes }
     }
 }
 

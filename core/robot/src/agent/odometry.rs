@@ -9,7 +9,7 @@
 //! than without it, and what is applied changes slowly. Without fixes the scale is 1.
 
 use xtb_control::{Command, Stamp, WheelRpm};
-use xtb_nav::filter::Estimate;
+use xtb_nav::localization::Estimate;
 
 /// A scale is known from this standard deviation down.
 const KNOWN_SIGMA: f64 = 0.03;
@@ -87,7 +87,7 @@ mod tests {
     use xtb_control::frames::MapPose;
     use xtb_control::odometry::OdomPose;
     use xtb_control::units::Steering;
-    use xtb_nav::filter::{FilterTuning, FixCounts, PoseFilter};
+    use xtb_nav::localization::{FilterTuning, FixCounts, PoseFilter};
 
     fn estimate(scale: f64, sigma: f64) -> Estimate {
         let (vehicle, start) = (VehicleConfig::default(), MapPose::default());

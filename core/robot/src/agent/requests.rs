@@ -20,10 +20,10 @@ use crate::authority::guard::Guard;
 use crate::faults::INPUT_LOST_MS;
 use xtb_control::frames::MapPose;
 use xtb_control::{Command, Mode, Stamp};
-use xtb_nav::navigator::Aim;
+use xtb_nav::navigator::TargetPose;
 use xtb_protocol::messages::{
-    Assignment, Body, Done, Errand, EventKind, Fault, GoalEnd, GoalStatus, InputAges, LinkLoss, RejectCode,
-    Reply, Request, StopReason, Via,
+    Assignment, Body, Done, EventKind, Fault, GoalEnd, GoalStatus, InputAges, LinkLoss, RejectCode, Reply,
+    Request, StopReason, TaskAction, Via,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -148,7 +148,7 @@ impl Agent {
                 Ok(Done::default())
             }
             Body::Goto { x_m, y_m, yaw_rad, via, on_link_loss, finish_s } => {
-                let errand = Errand::Goto { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad, via: *via };
+                let errand = TaskAction::Goto { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad, via: *via };
                 let patience = (*on_link_loss, *finish_s);
                 self.set_out(now, arrival, (client, request.id), &errand, patience, view)
             }
@@ -215,13 +215,13 @@ impl Agent {
         now: Stamp,
         arrival: Arrival,
         (client, id): (&Name, Uuid),
-        errand: &Errand,
+        errand: &TaskAction,
         (on_link_loss, finish_s): (LinkLoss, f64),
         view: View<'_>,
     ) -> Outcome {
         let (aim, via) = match *errand {
-            Errand::Goto { x_m, y_m, yaw_rad, via } => (Aim { x_m, y_m, yaw_rad }, via),
-            Errand::Wander { for_s } => {
+            TaskAction::Goto { x_m, y_m, yaw_rad, via } => (TargetPose { x_m, y_m, yaw_rad }, via),
+            TaskAction::Wander { for_s } => {
                 return self.wander(now, arrival, (client, id), Some(for_s), (on_link_loss, finish_s), view);
             }
         };

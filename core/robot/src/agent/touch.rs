@@ -34,7 +34,7 @@ impl Agent {
         let stalled = current.iter().any(|(fault, _)| *fault == Fault::Stalled);
         self.stall_alarm = match (stalled, self.stall_alarm) {
             (false, StallAlarm::Touch) => {
-                self.nav.let_go();
+                self.nav.release_motor();
                 StallAlarm::None
             }
             (false, _) => StallAlarm::None,
@@ -43,7 +43,7 @@ impl Agent {
                 if self.nav.stalled(now, &pose) { StallAlarm::Touch } else { StallAlarm::Fault }
             }
             // Whoever drives now, it is not the navigator that waits.
-            (true, StallAlarm::Touch) if self.drives_a_path() && self.nav.is_touching() => StallAlarm::Touch,
+            (true, StallAlarm::Touch) if self.drives_a_path() && self.nav.in_contact() => StallAlarm::Touch,
             (true, _) => StallAlarm::Fault,
         };
         let is_touch = self.stall_alarm == StallAlarm::Touch;

@@ -2,8 +2,8 @@
 
 use crate::drawing::Floor;
 use xtb_control::VehicleConfig;
+use xtb_nav::planner::space::{Layers, LookOut};
 use xtb_nav::rooms::{Draw, Room};
-use xtb_nav::space::{Layers, LookOut};
 use xtb_nav::{Car, Goal, GridSpace, Plan, Planner, PlannerSettings};
 
 /// Of the room, and of the poses in it.

@@ -10,7 +10,7 @@ use xtb_control::odometry::OdomPose;
 use xtb_control::units::Stamp;
 use xtb_control::{Command, Steering, VehicleConfig, WheelRpm};
 use xtb_nav::PoseFilter;
-use xtb_nav::filter::{Estimate, FilterTuning, FixOutcome};
+use xtb_nav::localization::{Estimate, FilterTuning, FixOutcome};
 use xtb_sim::{FixMaker, FixTruth, TruckParameters, World};
 
 /// Steps from one sample to the next: 50 ms.

@@ -5,7 +5,7 @@ use crate::parkings::{Course, Eyes, Parked, Pilot, measure};
 use crate::pillars::Margins;
 use crate::trips::quantile;
 use xtb_control::VehicleConfig;
-use xtb_nav::{Car, Released, Status};
+use xtb_nav::{Car, DriveLimits, FollowerStatus};
 use xtb_sim::DriveFault;
 
 /// Reserve for the steering that a planner leaves: its arcs over the truck's tightest circle.
@@ -64,31 +64,31 @@ fn a_pose_that_jumps_by_centimetres_or_drifts_still_leads_into_the_box() {
 }
 
 /// A pilot on a path of this number, with all of it released at 0.35 m/s.
-fn pilot(seed: u64) -> (Pilot, VehicleConfig, Released) {
+fn pilot(seed: u64) -> (Pilot, VehicleConfig, DriveLimits) {
     let (vehicle, course) = (VehicleConfig::default(), course(0.35));
     let car = Car::of(&vehicle);
     let pilot = Pilot::new(&course, &course.path(seed, &car), &car, seed);
-    (pilot, vehicle, Released { way_m: f64::INFINITY, cruise_mps: 0.35, clearance_m: 1.0, swing_rad: 0.0 })
+    (pilot, vehicle, DriveLimits { way_m: f64::INFINITY, cruise_mps: 0.35, clearance_m: 1.0, swing_rad: 0.0 })
 }
 
 #[test]
 fn it_waits_at_the_end_of_what_is_released_and_goes_on_when_more_is() {
     for seed in 0..10 {
         let (mut pilot, vehicle, all) = pilot(seed);
-        let part = Released { way_m: pilot.follower.length_m() * 0.4, ..all };
+        let part = DriveLimits { way_m: pilot.follower.length_m() * 0.4, ..all };
         let mut drive = pilot.step(&vehicle, &part);
-        while drive.status != Status::AtReleaseEnd && pilot.seconds() < 60.0 {
+        while drive.status != FollowerStatus::AtReleaseEnd && pilot.seconds() < 60.0 {
             drive = pilot.step(&vehicle, &part);
         }
-        assert_eq!(drive.status, Status::AtReleaseEnd, "seed {seed}: {drive:?}");
+        assert_eq!(drive.status, FollowerStatus::AtReleaseEnd, "seed {seed}: {drive:?}");
         let waits_m = drive.way_m;
         assert!((waits_m - part.way_m).abs() < 0.012, "seed {seed}: {drive:?}");
         (0..200).for_each(|_| drive = pilot.step(&vehicle, &part));
         assert!((drive.way_m - waits_m).abs() < 1e-3 && drive.speed_mps == 0.0, "seed {seed}: {drive:?}");
-        while drive.status != Status::Reached && pilot.seconds() < 120.0 {
+        while drive.status != FollowerStatus::Reached && pilot.seconds() < 120.0 {
             drive = pilot.step(&vehicle, &all);
         }
-        assert_eq!(drive.status, Status::Reached, "seed {seed}: {drive:?}");
+        assert_eq!(drive.status, FollowerStatus::Reached, "seed {seed}: {drive:?}");
     }
 }
 
@@ -96,7 +96,7 @@ fn it_waits_at_the_end_of_what_is_released_and_goes_on_when_more_is() {
 fn wheels_that_are_held_are_reported_as_no_motion() {
     let (mut pilot, vehicle, all) = pilot(3);
     pilot.bench.truck().set_drive_fault(DriveFault::Held);
-    let stuck = (0..500).find(|_| matches!(pilot.step(&vehicle, &all).status, Status::Stuck(_)));
+    let stuck = (0..500).find(|_| matches!(pilot.step(&vehicle, &all).status, FollowerStatus::Stuck(_)));
     assert!((200..350).contains(&stuck.unwrap()), "{stuck:?} steps of 10 ms");
     assert!(pilot.alarmed(), "the drive's own monitor has seen it too");
 }

@@ -8,10 +8,10 @@ use std::f64::consts::PI;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::odometry::OdomPose;
-use xtb_nav::follower::GoalTolerance;
-use xtb_nav::path::wrap_rad;
-use xtb_nav::reeds_shepp::shortest;
-use xtb_nav::{Car, Drive, Follower, FollowerSettings, Path, Released, Status};
+use xtb_nav::geometry::path::wrap_rad;
+use xtb_nav::geometry::reeds_shepp::shortest;
+use xtb_nav::path_follower::GoalTolerance;
+use xtb_nav::{Car, DriveCommand, DriveLimits, FollowerSettings, FollowerStatus, Path, PathFollower};
 use xtb_protocol::messages::Fault;
 use xtb_robot::Guards;
 use xtb_robot::monitor::{Driven, Monitors};
@@ -137,7 +137,7 @@ impl Wrong {
 /// A truck with a follower.
 pub(crate) struct Pilot {
     pub(crate) bench: Bench,
-    pub(crate) follower: Follower,
+    pub(crate) follower: PathFollower,
     map: MapFromOdom,
     eyes: Eyes,
     wrong: Wrong,
@@ -160,7 +160,7 @@ impl Pilot {
         let settings = course.settings.clone();
         Self {
             bench,
-            follower: Follower::new(path, car, settings, GoalTolerance::default()).unwrap(),
+            follower: PathFollower::new(path, car, settings, GoalTolerance::default()).unwrap(),
             map: MapFromOdom::aligning(&OdomPose::default(), &path.start),
             eyes: course.eyes,
             wrong: Wrong::new(seed),
@@ -176,7 +176,7 @@ impl Pilot {
     }
 
     /// To the next gyro sample.
-    pub(crate) fn step(&mut self, vehicle: &VehicleConfig, limits: &Released) -> Drive {
+    pub(crate) fn step(&mut self, vehicle: &VehicleConfig, limits: &DriveLimits) -> DriveCommand {
         let outputs = &self.bench.agent.outputs;
         let pose = match self.eyes {
             Eyes::Truth => self.truth(),
@@ -224,7 +224,7 @@ fn park(seed: u64, course: &Course) -> Parked {
     let car = Car::of(&vehicle);
     let path = course.path(seed, &car);
     let mut pilot = Pilot::new(course, &path, &car, seed);
-    let limits = Released {
+    let limits = DriveLimits {
         way_m: f64::INFINITY,
         cruise_mps: course.cruise_mps,
         clearance_m: CLEARANCE_M,
@@ -233,8 +233,10 @@ fn park(seed: u64, course: &Course) -> Parked {
     let stops = path.cusps() + 1;
     let most_s = PATIENCE * path.length_m() / course.cruise_mps + PATIENCE_S * stops as f64;
     let (mut beside_m, mut outside_m, mut overshoot_m): (f64, f64, f64) = (0.0, 0.0, 0.0);
-    let (mut status, mut blocked_s) = (Status::Following, 0.0);
-    while !matches!(status, Status::Reached | Status::Deviated { .. }) && pilot.seconds() < most_s {
+    let (mut status, mut blocked_s) = (FollowerStatus::Following, 0.0);
+    while !matches!(status, FollowerStatus::Reached | FollowerStatus::Deviated { .. })
+        && pilot.seconds() < most_s
+    {
         let pose = pilot.truth();
         let drive = pilot.step(&vehicle, &limits);
         let (foot, _) = path.at(drive.way_m);
@@ -251,7 +253,7 @@ fn park(seed: u64, course: &Course) -> Parked {
     let missed_deg = wrap_rad(truth.yaw_rad - goal.yaw_rad).to_degrees().abs();
     let there = dx.abs() <= 0.2 && dy.abs() <= 0.2 && missed_deg <= 15.0;
     Parked {
-        reached: status == Status::Reached && there,
+        reached: status == FollowerStatus::Reached && there,
         took_s: pilot.seconds(),
         missed_m: libm::hypot(dx, dy),
         missed_deg,

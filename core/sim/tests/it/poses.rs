@@ -7,8 +7,8 @@ use crate::trips::quantile;
 use crate::troubled::Trouble;
 use xtb_control::frames::MapPose;
 use xtb_control::{Command, VehicleConfig};
-use xtb_nav::local::BumperScan;
-use xtb_nav::{Car, Cell, Grid, LocalLayer};
+use xtb_nav::obstacle_layer::BumperScan;
+use xtb_nav::{Car, Cell, Grid, ObstacleLayer};
 use xtb_sim::{BoxSpec, FixTruth, TruckParameters, World};
 
 const TRUCKS: u64 = 4;
@@ -135,7 +135,7 @@ fn the_local_layer_marks_a_box_and_no_walls() {
     }
     let start = MapPose { x_m: -1.0, y_m: 0.0, yaw_rad: 0.4 };
     let mut bench = Bench::new(world, &TruckParameters::default(), start, 5);
-    let mut layer = LocalLayer::new(Car::of(&VehicleConfig::default()), Some(&map));
+    let mut layer = ObstacleLayer::new(Car::of(&VehicleConfig::default()), Some(&map));
     bench.run_s(0.3);
     bench.command(Command::Wander);
     let (mut most_marks, mut farthest_m, mut on_it) = (0, 0.0_f64, 0);

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::f64::consts::PI;
 use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_control::units::Stamp;
-use xtb_nav::filter::Fix;
+use xtb_nav::localization::Fix;
 
 /// What is wrong with it.
 #[derive(Debug, Clone, Copy, PartialEq)]

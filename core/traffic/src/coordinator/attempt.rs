@@ -1,16 +1,17 @@
 //! One order of priorities, or a group planned at once and the rest in an order: one truck's way after
 //! the other, and who passes first where.
 
+use super::arrival_times::{Around, arrival_times, go_on, to_release};
+use super::discretized_path::DiscretizedPath;
 use super::field::Field;
-use super::joint::{EXPANSIONS_EACH, Failed, MOST_TICKS, Member, Solution, Solver};
-use super::margin::{driven_margin_m, margin_m};
+use super::job::Member;
+use super::joint::{Failed, MOST_TICKS, Solution, Solver};
+use super::occupancy::Occupancy;
 use super::order::{Runner, Timed, pair, run_ahead};
-use super::search::{Other, Stuck, Task, search};
-use super::timeline::Timeline;
-use super::times::{arrivals, extend, to_release};
-use super::way::Way;
+use super::separation::{driven_separation_m, separation_m};
+use super::task::{EXPANSIONS_EACH, Other, Stuck};
 use std::collections::{BTreeMap, BTreeSet};
-use xtb_nav::rect::Rect;
+use xtb_nav::geometry::rect::Rect;
 
 /// A truck that has still to leave its place is not driven through so many ticks longer.
 const GRACE_TICKS: u32 = 12;
@@ -19,16 +20,16 @@ const GRACE_TICKS: u32 = 12;
 #[derive(Clone)]
 pub(super) struct Expected {
     /// By member. Those without a way yet leave their places some time.
-    pub(super) lines: BTreeMap<usize, Timeline>,
+    pub(super) lines: BTreeMap<usize, Occupancy>,
     times: BTreeMap<usize, Vec<f64>>,
     /// The places of those without a way yet.
     soft: BTreeMap<usize, Rect>,
-    ways: BTreeMap<usize, Way>,
+    ways: BTreeMap<usize, DiscretizedPath>,
 }
 
 impl Expected {
     /// The lines of all others; what is told twice of one holds twice.
-    pub(super) fn others(&self, index: usize) -> Vec<(usize, &Timeline)> {
+    pub(super) fn others(&self, index: usize) -> Vec<(usize, &Occupancy)> {
         self.lines.iter().filter(|(other, _)| **other != index).map(|(other, line)| (*other, line)).collect()
     }
 
@@ -44,9 +45,9 @@ impl Expected {
     }
 
     /// From now on this one goes so, with its position at each tick.
-    pub(super) fn take(&mut self, index: usize, way: Way, at_m: &[f64], line: Timeline) {
+    pub(super) fn take(&mut self, index: usize, way: DiscretizedPath, at_m: &[f64], line: Occupancy) {
         self.soft.remove(&index);
-        self.times.insert(index, arrivals(&way, at_m));
+        self.times.insert(index, arrival_times(&way, at_m));
         self.lines.insert(index, line);
         self.ways.insert(index, way);
     }
@@ -70,16 +71,16 @@ impl Solver<'_> {
         let runners: Vec<Runner<'_>> = led.iter().map(|&index| runner(&job.members[index], None)).collect();
         for (&index, at_m) in led.iter().zip(run_ahead(&runners, &job.order, MOST_TICKS)?) {
             let member = &job.members[index];
-            expected.lines.insert(index, Timeline::driving(&member.way, &job.car, &at_m, member.held));
-            expected.times.insert(index, arrivals(&member.way, &at_m));
+            expected.lines.insert(index, Occupancy::driving(&member.way, &job.car, &at_m, member.held));
+            expected.times.insert(index, arrival_times(&member.way, &at_m));
         }
         for &index in standing {
-            expected.lines.insert(index, Timeline::standing(job.members[index].held_stands()));
+            expected.lines.insert(index, Occupancy::standing(job.members[index].held_stands()));
         }
         for &index in free.iter().chain(&self.evading) {
             let member = &job.members[index];
             let gone = to_release(member).len() as u32 + GRACE_TICKS;
-            expected.lines.insert(index, Timeline::leaving(member.held_stands(), gone));
+            expected.lines.insert(index, Occupancy::leaving(member.held_stands(), gone));
             expected.soft.insert(index, member.way.stands[member.held].body);
         }
         Some(expected)
@@ -110,7 +111,7 @@ impl Solver<'_> {
             let aside = self.evading.contains(&index).then(|| self.aside(index, &expected));
             let found = self.single(index, &expected.others(index), &soft, aside.as_ref(), EXPANSIONS_EACH);
             let (way, at_m) = found.map_err(|_| Failed(index))?;
-            let line = Timeline::driving(&way, &self.job.car, &at_m, self.job.members[index].held);
+            let line = Occupancy::driving(&way, &self.job.car, &at_m, self.job.members[index].held);
             expected.take(index, way, &at_m, line);
         }
         let last = free.last().or(evading.last()).copied().unwrap_or(0);
@@ -130,11 +131,11 @@ impl Solver<'_> {
     pub(super) fn single(
         &mut self,
         index: usize,
-        lines: &[(usize, &Timeline)],
+        lines: &[(usize, &Occupancy)],
         soft: &[Rect],
         aside: Option<&Field>,
         most: u32,
-    ) -> Result<(Way, Vec<f64>), Stuck> {
+    ) -> Result<(DiscretizedPath, Vec<f64>), Stuck> {
         if self.spent() {
             return Err(Stuck::Budget);
         }
@@ -150,34 +151,20 @@ impl Solver<'_> {
         let mine = member.held_stands();
         let others: Vec<Other<'_>> = lines
             .iter()
-            .map(|&(other, line)| Other { line, margin_m: margin_m(mine, job.members[other].held_stands()) })
+            .map(|&(other, line)| Other {
+                line,
+                separation_m: separation_m(mine, job.members[other].held_stands()),
+            })
             .chain(
                 self.blocks
                     .iter()
                     .zip(&job.blocks)
                     .filter(|(_, block)| block.id != member.id)
-                    .map(|(line, block)| Other { line, margin_m: margin_m(mine, &block.stands) }),
+                    .map(|(line, block)| Other { line, separation_m: separation_m(mine, &block.stands) }),
             )
             .collect();
-        let mut at_m = to_release(member);
-        let head = member.way.up_to(member.held);
-        let task = Task {
-            room: &*job.room,
-            car: &job.car,
-            start: head.end(),
-            gear: member.way.gears[member.held],
-            tick: at_m.len() as u32 - 1,
-            target: aside.is_none().then_some(member.target),
-            field,
-            others: &others,
-            soft,
-        };
-        let mut budget = most.min(self.left);
-        let before = budget;
-        let found = search(&task, &mut budget);
-        self.left -= before - budget;
-        let way = Way::new(extend(head, &found?, &mut at_m), &job.car);
-        Ok((way, at_m))
+        let target = aside.is_none().then_some(member.target);
+        go_on(job, member, &Around { target, field, others: &others, soft }, most, &mut self.left)
     }
 
     /// Who passes first where; `None` if they would block each other.
@@ -197,8 +184,8 @@ impl Solver<'_> {
                     continue;
                 }
                 let (one, other) = (&job.members[a], &job.members[b]);
-                let margin = driven_margin_m(margin_m(one.held_stands(), other.held_stands()));
-                let (a_needs, b_needs) = pair(&timed(a), &timed(b), margin);
+                let separation_m = driven_separation_m(separation_m(one.held_stands(), other.held_stands()));
+                let (a_needs, b_needs) = pair(&timed(a), &timed(b), separation_m);
                 order.insert((one.id, other.id), a_needs);
                 order.insert((other.id, one.id), b_needs);
             }
@@ -210,6 +197,6 @@ impl Solver<'_> {
     }
 }
 
-fn runner<'a>(member: &'a Member, way: Option<&'a Way>) -> Runner<'a> {
+fn runner<'a>(member: &'a Member, way: Option<&'a DiscretizedPath>) -> Runner<'a> {
     Runner { id: member.id, way: way.unwrap_or(&member.way), done_m: member.done_m }
 }

@@ -4,8 +4,8 @@
 use super::room::Room;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use xtb_nav::rect::Rect;
-use xtb_nav::space::OneWay;
+use xtb_nav::geometry::rect::Rect;
+use xtb_nav::planner::space::OneWay;
 
 /// Side of a cell, in m.
 const CELL_M: f64 = 0.1;
@@ -128,21 +128,15 @@ impl Field {
 mod tests {
     use super::*;
     use crate::coordinator::room::GridRoom;
-    use xtb_nav::{Cell, Grid};
 
     #[test]
     fn behind_a_wall_the_way_leads_through_its_gap() {
-        let mut grid = Grid::free(0.05, [0.0, 0.0], 80, 80).unwrap();
-        for row in 0..60 {
-            grid.set(40, row, Cell::Occupied);
-        }
-        let room = GridRoom::new(grid.clone());
-        let field = Field::new(&room, 0.2, &[], [1.0, 0.5]);
-        let around = field.distance_m(3.0, 0.5).unwrap();
+        let way_m = |wall_m: f64| {
+            let room = GridRoom::with(4.0, 4.0, &[[2.0, 0.0, 0.05, wall_m]]);
+            Field::new(&room, 0.2, &[], [1.0, 0.5]).distance_m(3.0, 0.5)
+        };
+        let around = way_m(3.0).unwrap();
         assert!((5.0..7.0).contains(&around), "{around}");
-        for row in 60..80 {
-            grid.set(40, row, Cell::Occupied);
-        }
-        assert_eq!(Field::new(&GridRoom::new(grid), 0.2, &[], [1.0, 0.5]).distance_m(3.0, 0.5), None);
+        assert_eq!(way_m(4.0), None);
     }
 }

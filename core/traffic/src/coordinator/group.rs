@@ -2,11 +2,11 @@
 //! another that it passes before or after. Conflict-based search; the rest follows in an order.
 
 use super::attempt::Expected;
+use super::discretized_path::DiscretizedPath;
 use super::joint::{Solution, Solver};
-use super::margin::margin_m;
-use super::timeline::{NEVER, Timeline};
-use super::way::Way;
-use crate::conflicts::{self, Meeting};
+use super::occupancy::{NEVER, Occupancy};
+use super::separation::separation_m;
+use crate::conflicts::{self, Conflict};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
@@ -18,16 +18,16 @@ const MOST_CHOICES: usize = 100;
 const EXPANSIONS: u32 = 800;
 /// Longest part of another one's way that is avoided at once, in ticks (10 s).
 const MOST_AVOIDED: u32 = 40;
-/// What a tick in each other's way counts against one of driving: ways that need few more bans first.
+/// What a tick in each other's way counts against one of driving: ways that need few more constraints first.
 const MEETING_COST: usize = 4;
 /// So much longer than they meet it is avoided, in ticks.
 const SPARE_TICKS: u32 = 4;
 
 /// A way with the position on it at each tick.
 struct Drive {
-    way: Way,
+    way: DiscretizedPath,
     at_m: Vec<f64>,
-    line: Timeline,
+    line: Occupancy,
 }
 
 /// Some of the members among all others.
@@ -77,8 +77,8 @@ impl Solver<'_> {
         let others = free.iter().zip(&drives).filter(|(index, _)| **index != worst);
         let mut met: Vec<(u32, usize)> = others
             .filter_map(|(&index, drive)| {
-                let margin = self.margin_m(worst, index);
-                let (from, _) = own.line.meets(&drive.as_ref()?.line, margin)?;
+                let separation_m = self.separation_m(worst, index);
+                let (from, _) = own.line.meets(&drive.as_ref()?.line, separation_m)?;
                 Some((from, index))
             })
             .collect();
@@ -88,46 +88,46 @@ impl Solver<'_> {
         (members.len() > 1).then_some(members)
     }
 
-    fn margin_m(&self, one: usize, other: usize) -> f64 {
+    fn separation_m(&self, one: usize, other: usize) -> f64 {
         let held = |index: usize| self.job.members[index].held_stands();
-        margin_m(held(one), held(other))
+        separation_m(held(one), held(other))
     }
 }
 
 impl conflicts::Group for Group<'_, '_> {
     type Way = Rc<Drive>;
     /// Who, and where that one is for a while.
-    type Ban = (usize, Rc<Timeline>);
+    type Constraint = (usize, Rc<Occupancy>);
 
     fn size(&self) -> usize {
         self.members.len()
     }
 
-    fn way(&mut self, member: usize, bans: &[Self::Ban]) -> Option<Rc<Drive>> {
+    fn way(&mut self, member: usize, constraints: &[Self::Constraint]) -> Option<Rc<Drive>> {
         let index = self.members[member];
         let mut lines = self.expected.others(index);
-        lines.extend(bans.iter().map(|(other, line)| (*other, &**line)));
+        lines.extend(constraints.iter().map(|(other, line)| (*other, &**line)));
         let soft = self.expected.soft(self.members);
         let (way, at_m) = self.solver.single(index, &lines, &soft, None, EXPANSIONS).ok()?;
         let job = self.solver.job;
-        let line = Timeline::driving(&way, &job.car, &at_m, job.members[index].held);
+        let line = Occupancy::driving(&way, &job.car, &at_m, job.members[index].held);
         Some(Rc::new(Drive { way, at_m, line }))
     }
 
     /// Their times and the time for which they are in each other's way, in ticks.
     fn cost(&self, drives: &[Rc<Drive>]) -> usize {
         let meets = |(a, b): (usize, usize)| {
-            let margin = self.solver.margin_m(self.members[a], self.members[b]);
-            drives[a].line.contact_ticks(&drives[b].line, margin)
+            let separation_m = self.solver.separation_m(self.members[a], self.members[b]);
+            drives[a].line.contact_ticks(&drives[b].line, separation_m)
         };
         let met: usize = pairs(drives.len()).map(meets).sum();
         drives.iter().map(|drive| drive.at_m.len()).sum::<usize>() + MEETING_COST * met
     }
 
-    fn meeting(&mut self, drives: &[Rc<Drive>]) -> Option<Meeting<Self::Ban>> {
+    fn conflict(&mut self, drives: &[Rc<Drive>]) -> Option<Conflict<Self::Constraint>> {
         let meetings = pairs(drives.len()).filter_map(|(a, b)| {
-            let margin = self.solver.margin_m(self.members[a], self.members[b]);
-            let (from, until) = drives[a].line.meets(&drives[b].line, margin)?;
+            let separation_m = self.solver.separation_m(self.members[a], self.members[b]);
+            let (from, until) = drives[a].line.meets(&drives[b].line, separation_m)?;
             Some((from, until, a, b))
         });
         let (from, until, one, other) = meetings.min_by_key(|&(from, ..)| from)?;
@@ -137,7 +137,7 @@ impl conflicts::Group for Group<'_, '_> {
             let until = if drives[of].at_m.len() <= from as usize { NEVER } else { until };
             (self.members[of], Rc::new(drives[of].line.between(from, until)))
         };
-        Some(Meeting { one, avoids: ban(other), other, avoids_too: ban(one) })
+        Some(Conflict { one, avoids: ban(other), other, avoids_too: ban(one) })
     }
 
     fn goes_on(&mut self) -> bool {
@@ -152,31 +152,16 @@ fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::joint::{JointJob, Member};
+    use super::super::job::{JointJob, Member};
     use super::super::order::Order;
     use super::super::room::GridRoom;
-    use super::super::search::Target;
+    use super::super::task::Target;
     use super::*;
     use std::sync::Arc;
     use xtb_control::VehicleConfig;
-    use xtb_nav::{Car, Cell, Grid, MapPose, Path};
+    use xtb_nav::{Car, MapPose, Path};
 
     const BUDGET: u32 = 8_000;
-
-    /// A room with walls around it and these boxes in it: x, y, width, depth in m.
-    fn room(width_m: f64, height_m: f64, boxes: &[[f64; 4]]) -> GridRoom {
-        let cells = |length: f64| libm::round(length / 0.05) as usize;
-        let mut grid = Grid::free(0.05, [0.0, 0.0], cells(width_m), cells(height_m)).unwrap();
-        for row in 0..grid.height() as i64 {
-            for column in 0..grid.width() as i64 {
-                let [x, y] = grid.centre_m(column, row);
-                if boxes.iter().any(|b| x > b[0] && x < b[0] + b[2] && y > b[1] && y < b[1] + b[3]) {
-                    grid.set(column, row, Cell::Occupied);
-                }
-            }
-        }
-        GridRoom::new(grid)
-    }
 
     fn job(room: GridRoom, ways: &[([f64; 3], [f64; 3])], group_budget: u32) -> JointJob {
         let car = Car::of(&VehicleConfig::default());
@@ -184,7 +169,10 @@ mod tests {
             id: index as u32 + 1,
             name: format!("xtb-{}", index + 1),
             revision: 0,
-            way: Way::new(Path::standing(MapPose { x_m: from[0], y_m: from[1], yaw_rad: from[2] }), &car),
+            way: DiscretizedPath::new(
+                Path::standing(MapPose { x_m: from[0], y_m: from[1], yaw_rad: from[2] }),
+                &car,
+            ),
             done_m: 0.0,
             held: 0,
             wanting: true,
@@ -214,7 +202,7 @@ mod tests {
             [east, 2.4, length_m - east, 1.0],
             [0.0, 3.4, length_m, 0.6],
         ];
-        room(length_m, 4.0 + above_m, &walls)
+        GridRoom::with(length_m, 4.0 + above_m, &walls)
     }
 
     const EAST: f64 = 0.0;
@@ -275,7 +263,7 @@ mod tests {
         // The lane leads into a hall: one of the two has its goal there, the other one's is in the lane.
         let walls = [[0.0, 0.0, 6.0, 1.5], [0.0, 2.4, 6.0, 1.6]];
         let ways = [([1.0, 1.95, EAST], [9.0, 1.0, EAST]), ([3.0, 1.95, EAST], [0.8, 1.95, EAST])];
-        let mut job = job(room(10.0, 4.0, &walls), &ways, 0);
+        let mut job = job(GridRoom::with(10.0, 4.0, &walls), &ways, 0);
         (job.budget, job.turn_budget) = (0, 24_000);
         let none = JointJob { turn_budget: 0, ..job.clone() }.solve(&mut || true);
         assert_eq!((none.counts().0, none.in_turn), (0, false));
@@ -291,7 +279,7 @@ mod tests {
     #[test]
     fn where_there_is_no_bay_it_ends_within_its_budget() {
         let walls = [[0.0, 0.0, 8.0, 1.5], [0.0, 2.4, 8.0, 1.6]];
-        let result = job(room(8.0, 4.0, &walls), &swap(8.0), BUDGET).solve(&mut || true);
+        let result = job(GridRoom::with(8.0, 4.0, &walls), &swap(8.0), BUDGET).solve(&mut || true);
         assert_eq!((result.counts(), result.grouped), ((0, 2), false));
         assert!(result.choices > 0 && result.choices <= 2 * MOST_CHOICES as u32);
         assert!(result.expansions <= 30_000 + BUDGET);

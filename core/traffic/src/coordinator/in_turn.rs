@@ -5,12 +5,13 @@
 //! clock: there is time then for the others to get out of its way, one behind the other and as far as they
 //! have to, and it still drives as soon as the way is free.
 
+use super::arrival_times::to_release;
 use super::attempt::Expected;
+use super::discretized_path::DiscretizedPath;
 use super::field::Field;
-use super::joint::{EXPANSIONS_EACH, Failed, PATIENCE_MS, Solution, Solver};
-use super::timeline::Timeline;
-use super::times::to_release;
-use super::way::Way;
+use super::joint::{Failed, PATIENCE_MS, Solution, Solver};
+use super::occupancy::Occupancy;
+use super::task::EXPANSIONS_EACH;
 use std::collections::BTreeSet;
 
 /// The one that is served begins so late, in ticks: at once, or when others may have driven 10 m.
@@ -23,7 +24,7 @@ const EXPANSIONS_FURTHER: u32 = 1500;
 /// The one that is served, and how.
 struct Served {
     index: usize,
-    way: Way,
+    way: DiscretizedPath,
     at_m: Vec<f64>,
 }
 
@@ -176,13 +177,13 @@ impl Solver<'_> {
         expected: &Expected,
         aside: Option<&Field>,
         most: u32,
-    ) -> Option<(Way, Vec<f64>)> {
+    ) -> Option<(DiscretizedPath, Vec<f64>)> {
         let soft = expected.soft(&[index]);
         self.single(index, &expected.others(index), &soft, aside, most).ok()
     }
 
-    fn take(&self, expected: &mut Expected, index: usize, way: Way, at_m: &[f64]) {
-        let line = Timeline::driving(&way, &self.job.car, at_m, self.job.members[index].held);
+    fn take(&self, expected: &mut Expected, index: usize, way: DiscretizedPath, at_m: &[f64]) {
+        let line = Occupancy::driving(&way, &self.job.car, at_m, self.job.members[index].held);
         expected.take(index, way, at_m, line);
     }
 }

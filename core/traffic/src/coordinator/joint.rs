@@ -5,134 +5,26 @@
 //! either, a few of them are planned at once, by conflict-based search; after that, whoever failed most
 //! often only makes way for the rest; if it cannot, it stands.
 
-use super::blame::blame;
+use super::blocker_search::blocker;
+use super::discretized_path::DiscretizedPath;
 use super::field::Field;
+use super::job::{JointJob, JointResult, Member, NoWay, Plan};
+use super::occupancy::Occupancy;
 use super::order::Order;
-use super::room::Room;
-use super::search::Target;
-use super::timeline::Timeline;
-use super::way::Way;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
-use xtb_nav::Car;
-use xtb_nav::rect::{Rect, Stand};
 
 /// Orders that are tried with some of the trucks, at most.
 const TRIES: usize = 8;
-/// Expansions for one truck in one order.
-pub(super) const EXPANSIONS_EACH: u32 = 4000;
 /// Expansions to find out who is in whose way, in all.
-const EXPANSIONS_BLAME: u32 = 12_000;
+const EXPANSIONS_BLOCKERS: u32 = 12_000;
 /// Who has waited for longer than this is served before ways for all are looked for, in ms.
 pub(super) const PATIENCE_MS: u64 = 30_000;
 /// Longest plan, in ticks (20 min).
 pub(super) const MOST_TICKS: usize = 4800;
 
-/// A truck with a goal.
-#[derive(Debug, Clone)]
-pub(super) struct Member {
-    pub(super) id: u32,
-    pub(super) name: String,
-    /// Changes when the truck's situation does.
-    pub(super) revision: u64,
-    /// Its way so far; only the released part counts if it wants another one.
-    pub(super) way: Way,
-    pub(super) done_m: f64,
-    /// Place up to which its way is released.
-    pub(super) held: usize,
-    /// Whether it needs a way.
-    pub(super) wanting: bool,
-    /// For so long it has had a goal and has not been led to it, in ms.
-    pub(super) waited_ms: u64,
-    pub(super) target: Target,
-}
-
-impl Member {
-    pub(super) fn held_stands(&self) -> &[Stand] {
-        let at = self.way.place(self.done_m).min(self.held);
-        &self.way.stands[at..=self.held]
-    }
-}
-
-/// Something that is driven around, by name.
-#[derive(Debug, Clone)]
-pub(super) struct Block {
-    /// The truck that it is; it does not block itself.
-    pub(super) id: u32,
-    pub(super) name: String,
-    pub(super) stands: Vec<Stand>,
-}
-
-/// Work for another thread: everything that a joint plan needs.
-#[derive(Debug, Clone)]
-pub struct JointJob {
-    pub(super) id: u64,
-    pub(super) room: Arc<dyn Room>,
-    pub(super) car: Car,
-    pub(super) members: Vec<Member>,
-    pub(super) blocks: Vec<Block>,
-    pub(super) order: Order,
-    pub(super) seed: u64,
-    /// Nodes that may be expanded for orders of priorities.
-    pub(super) budget: u32,
-    /// The same for groups, when no order works; 0 = no groups.
-    pub(super) group_budget: u32,
-    /// The same for serving one after the other, when that does not work either; 0 = not at all.
-    pub(super) turn_budget: u32,
-}
-
-/// A way for one truck.
-#[derive(Debug, Clone)]
-pub(super) struct Plan {
-    pub(super) id: u32,
-    pub(super) revision: u64,
-    pub(super) way: Way,
-    /// It ends out of the others' way, not at the goal.
-    pub(super) evades: bool,
-}
-
-/// Why one truck has none.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct NoWay {
-    pub(super) id: u32,
-    pub(super) revision: u64,
-    /// Who is in the way.
-    pub(super) by: Option<String>,
-    pub(super) reason: String,
-    /// The map leaves none: it will be the same later.
-    pub(super) for_good: bool,
-}
-
-/// What came out.
-#[derive(Debug, Clone)]
-pub struct JointResult {
-    pub(super) id: u64,
-    pub(super) plans: Vec<Plan>,
-    pub(super) order: Order,
-    pub(super) none: Vec<NoWay>,
-    /// Nodes that were expanded.
-    pub expansions: u32,
-    /// Orders that were tried.
-    pub tries: u32,
-    /// Choices of conflict-based search that were looked at.
-    pub choices: u32,
-    /// No order worked, but these choices did.
-    pub grouped: bool,
-    /// Neither did, but one can be served while the others make room.
-    pub in_turn: bool,
-}
-
-impl JointResult {
-    /// How many trucks got a way, and how many did not.
-    #[must_use]
-    pub fn counts(&self) -> (usize, usize) {
-        (self.plans.len(), self.none.len())
-    }
-}
-
 /// Ways and orders that fit together.
 pub(super) struct Solution {
-    pub(super) ways: BTreeMap<usize, Way>,
+    pub(super) ways: BTreeMap<usize, DiscretizedPath>,
     pub(super) order: Order,
 }
 
@@ -143,7 +35,7 @@ pub(super) struct Solver<'a> {
     pub(super) job: &'a JointJob,
     pub(super) keep_going: &'a mut dyn FnMut() -> bool,
     pub(super) fields: BTreeMap<usize, Field>,
-    pub(super) blocks: Vec<Timeline>,
+    pub(super) blocks: Vec<Occupancy>,
     pub(super) left: u32,
     pub(super) group_left: u32,
     pub(super) turn_left: u32,
@@ -168,7 +60,7 @@ impl JointJob {
             job: self,
             keep_going,
             fields: BTreeMap::new(),
-            blocks: self.blocks.iter().map(|block| Timeline::standing(&block.stands)).collect(),
+            blocks: self.blocks.iter().map(|block| Occupancy::standing(&block.stands)).collect(),
             left: self.budget,
             group_left: self.group_budget,
             turn_left: self.turn_budget,
@@ -204,7 +96,7 @@ impl JointJob {
         let without: Vec<usize> =
             self.indices(|member| member.wanting).filter(|&index| !planned(index)).collect();
         // A share each: who is asked last gets an answer too.
-        let share = EXPANSIONS_BLAME / without.len().max(1) as u32;
+        let share = EXPANSIONS_BLOCKERS / without.len().max(1) as u32;
         let mut none = Vec::with_capacity(without.len());
         let mut left = 0;
         for index in without {
@@ -212,7 +104,7 @@ impl JointJob {
             let member = &self.members[index];
             none.push(match solver.served {
                 Some(served) => NoWay::behind(member, &self.members[served].name),
-                None => blame(self, member, &mut left),
+                None => blocker(self, member, &mut left),
             });
         }
         let spent = |most: u32, left: u32| most - left;
@@ -221,7 +113,7 @@ impl JointJob {
             + spent(self.turn_budget, solver.turn_left);
         let (tries, choices) = (solver.tries, solver.choices);
         let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
-        let plan = |(index, way): (usize, Way)| {
+        let plan = |(index, way): (usize, DiscretizedPath)| {
             let member: &Member = &self.members[index];
             let evades = solver.evading.contains(&index);
             let moves = way.length_m > member.way.at_m(member.held) + 0.01;
@@ -238,28 +130,6 @@ impl JointJob {
             grouped,
             in_turn: solver.served.is_some(),
         }
-    }
-
-    /// What is driven around by this one.
-    pub(super) fn others<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = &'a Block> {
-        self.blocks.iter().filter(|block| block.id != member.id)
-    }
-
-    /// Bodies of all that is driven around by this one.
-    pub(super) fn bodies_around<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = Rect> {
-        self.others(member).flat_map(|block| block.stands.iter().map(|stand| stand.body))
-    }
-
-    fn indices(&self, which: impl Fn(&Member) -> bool) -> impl Iterator<Item = usize> {
-        self.members.iter().enumerate().filter(move |(_, member)| which(member)).map(|(index, _)| index)
-    }
-}
-
-impl NoWay {
-    /// Somebody else is served before.
-    fn behind(member: &Member, name: &str) -> Self {
-        let (by, reason) = (Some(name.to_owned()), format!("blocked by {name}"));
-        Self { id: member.id, revision: member.revision, by, reason, for_good: false }
     }
 }
 

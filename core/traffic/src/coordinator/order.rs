@@ -4,10 +4,10 @@
 //! look-out). A plan takes the two trucks past all these pairs one after the other; which of them goes
 //! first at each pair is all that is kept of it. Whoever is late delays the others, but nobody meets.
 
-use super::timeline::TICK_WAY_M;
-use super::way::{STEP_M, Way};
+use super::discretized_path::{DiscretizedPath, STEP_M};
+use super::occupancy::TICK_WAY_M;
 use std::collections::BTreeMap;
-use xtb_nav::rect::Stand;
+use xtb_nav::geometry::rect::Stand;
 
 /// For (who waits, for whom): which place of the other must be reached before each own one is entered.
 pub(super) type Order = BTreeMap<(u32, u32), Vec<u32>>;
@@ -17,7 +17,7 @@ pub(super) const GEAR_TICKS: u32 = 2;
 
 /// A way with the time at which each place is reached.
 pub(super) struct Timed<'a> {
-    pub(super) way: &'a Way,
+    pub(super) way: &'a DiscretizedPath,
     /// Where the truck is.
     pub(super) at: usize,
     /// Released up to here: nobody may be first there.
@@ -39,22 +39,22 @@ impl Timed<'_> {
 }
 
 /// What each of two trucks needs of the other.
-pub(super) fn pair(a: &Timed<'_>, b: &Timed<'_>, margin_m: f64) -> (Vec<u32>, Vec<u32>) {
+pub(super) fn pair(a: &Timed<'_>, b: &Timed<'_>, separation_m: f64) -> (Vec<u32>, Vec<u32>) {
     let (mut a_needs, mut b_needs) = (vec![0_u32; a.way.stands.len()], vec![0_u32; b.way.stands.len()]);
     for (i, a_need) in a_needs.iter_mut().enumerate().skip(a.at) {
         let mine = a.look(i);
         let mut j = b.at;
         while j < b.way.stands.len() {
             let other = b.look(j);
-            let skip = clear_places(&mine, &other, margin_m);
+            let skip = clear_places(&mine, &other, separation_m);
             if skip > 0 {
                 j += skip;
                 continue;
             }
             if i > a.held || j > b.held {
                 let (first, second) = (a.tick(i), b.tick(j));
-                let touches = mine.touches(&other, margin_m);
-                if touches || mine.sees(&other, margin_m) {
+                let touches = mine.touches(&other, separation_m);
+                if touches || mine.sees(&other, separation_m) {
                     if first < second || (!touches && first == second) {
                         // Out of the look-out it is already when it has arrived at i.
                         raise(&mut b_needs[j], i + usize::from(touches));
@@ -62,7 +62,7 @@ pub(super) fn pair(a: &Timed<'_>, b: &Timed<'_>, margin_m: f64) -> (Vec<u32>, Ve
                         raise(a_need, j + 1);
                     }
                 }
-                if !touches && other.sees(&mine, margin_m) {
+                if !touches && other.sees(&mine, separation_m) {
                     if second <= first {
                         raise(a_need, j);
                     } else {
@@ -81,16 +81,20 @@ fn raise(need: &mut u32, place: usize) {
 }
 
 /// So many places further on the two are still too far apart to matter.
-fn clear_places(a: &Stand, b: &Stand, margin_m: f64) -> usize {
+fn clear_places(a: &Stand, b: &Stand, separation_m: f64) -> usize {
     let apart = libm::hypot(a.body.x_m - b.body.x_m, a.body.y_m - b.body.y_m);
-    let reach = a.body.reach_m() + b.body.reach_m() + xtb_nav::rect::LOOK_OUT_M + STEP_M + 3.0 * margin_m;
+    let reach = a.body.reach_m()
+        + b.body.reach_m()
+        + xtb_nav::geometry::rect::LOOK_OUT_M
+        + STEP_M
+        + 3.0 * separation_m;
     if apart <= reach { 0 } else { (((apart - reach) / STEP_M) as usize).max(1) }
 }
 
 /// A truck on its way.
 pub(super) struct Runner<'a> {
     pub(super) id: u32,
-    pub(super) way: &'a Way,
+    pub(super) way: &'a DiscretizedPath,
     /// Driven so far, in m.
     pub(super) done_m: f64,
 }
@@ -156,18 +160,18 @@ mod tests {
     use xtb_control::VehicleConfig;
     use xtb_nav::{Car, MapPose, Path, Piece};
 
-    fn way(x_m: f64, y_m: f64, yaw_rad: f64, length_m: f64) -> Way {
+    fn way(x_m: f64, y_m: f64, yaw_rad: f64, length_m: f64) -> DiscretizedPath {
         let mut path = Path::standing(MapPose { x_m, y_m, yaw_rad });
         path.push(Piece { length_m, curvature_per_m: 0.0 });
-        Way::new(path, &Car::of(&VehicleConfig::default()))
+        DiscretizedPath::new(path, &Car::of(&VehicleConfig::default()))
     }
 
-    fn ticks(way: &Way, from: f64) -> Vec<f64> {
+    fn ticks(way: &DiscretizedPath, from: f64) -> Vec<f64> {
         (0..=way.last()).map(|place| from + way.at_m(place) / TICK_WAY_M).collect()
     }
 
     /// East through the origin and north through the origin; the second starts `late` ticks later.
-    fn crossing(late: f64) -> (Way, Way, Vec<u32>, Vec<u32>) {
+    fn crossing(late: f64) -> (DiscretizedPath, DiscretizedPath, Vec<u32>, Vec<u32>) {
         let (east, north) = (way(-2.0, 0.0, 0.0, 4.0), way(0.0, -2.0, std::f64::consts::FRAC_PI_2, 4.0));
         let (a, b) = (ticks(&east, 0.0), ticks(&north, late));
         let timed = |way, ticks| Timed { way, at: 0, held: 0, ticks };
@@ -194,7 +198,9 @@ mod tests {
         let runners = [Runner { id: 0, way: &east, done_m: 0.0 }, Runner { id: 1, way: &north, done_m: 0.0 }];
         let ways = run_ahead(&runners, &order, 1000).unwrap();
         for tick in 0..ways[0].len().max(ways[1].len()) {
-            let at = |index: usize, way: &Way| way.stands[way.place(*ways[index].get(tick).unwrap_or(&4.0))];
+            let at = |index: usize, way: &DiscretizedPath| {
+                way.stands[way.place(*ways[index].get(tick).unwrap_or(&4.0))]
+            };
             assert!(!at(0, &east).touches(&at(1, &north), 0.0), "tick {tick}");
         }
         assert!((ways[0][ways[0].len() - 1] - 4.0).abs() < 1e-9);

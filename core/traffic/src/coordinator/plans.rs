@@ -1,9 +1,9 @@
 //! Joint plans: what goes out as work, and what of the result still fits when it comes back.
 
-use super::joint::{JointJob, JointResult, Member, Plan};
-use super::search::Target;
+use super::discretized_path::DiscretizedPath;
+use super::job::{JointJob, JointResult, Member, Plan};
+use super::task::Target;
 use super::truck::{Route, Truck};
-use super::way::Way;
 use super::{Coordinator, LISTEN_MS, MOST_ARCS};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -78,7 +78,9 @@ impl Coordinator {
             truck.route.as_ref().filter(|route| !truck.stalled && route.way.path.pieces.len() < MANY_ARCS);
         let (way, done_m, held) = match goes_on.or(truck.route.as_ref().filter(|_| !wanting)) {
             Some(route) => (route.way.clone(), route.done_m, route.release),
-            None if truck.stands() => (Way::new(Path::standing(truck.view.pose), &self.car), 0.0, 0),
+            None if truck.stands() => {
+                (DiscretizedPath::new(Path::standing(truck.view.pose), &self.car), 0.0, 0)
+            }
             None => return None,
         };
         Some(Member {

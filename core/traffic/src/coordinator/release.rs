@@ -1,12 +1,12 @@
 //! How far each truck may go now, how fast, and for whom it waits.
 
-use super::joint::Block;
-use super::margin::{driven_margin_m, margin_m};
+use super::discretized_path::STEP_M;
+use super::job::Block;
 use super::order::Order;
+use super::separation::{driven_separation_m, separation_m};
 use super::truck::Truck;
-use super::way::STEP_M;
 use std::f64::consts::FRAC_PI_2;
-use xtb_nav::rect::Stand;
+use xtb_nav::geometry::rect::Stand;
 
 /// Released ahead of a truck at most, in m: short enough to be replanned soon, long enough to cruise.
 const AHEAD_M: f64 = 1.2;
@@ -24,7 +24,7 @@ pub(super) fn grow(trucks: &mut [Truck], index: usize, order: &Order, blocks: &[
     let Some(route) = truck.route.as_ref().filter(|route| route.live) else { return false };
     let most = (truck.confirmed() + (AHEAD_M / STEP_M) as usize).min(route.way.last());
     let (mut release, mut waits_for) = (route.release, None);
-    let margins: Vec<f64> = blocks.iter().map(|block| block_margin_m(truck, block)).collect();
+    let separations_m: Vec<f64> = blocks.iter().map(|block| block_separation_m(truck, block)).collect();
     while release < most {
         let next = release + 1;
         let late = trucks.iter().find(|other| {
@@ -35,10 +35,11 @@ pub(super) fn grow(trucks: &mut [Truck], index: usize, order: &Order, blocks: &[
         });
         let stand = &route.way.stands[next];
         let block = || {
-            let met = |(block, margin): &(&Block, &f64)| {
-                block.id != truck.id && block.stands.iter().any(|there| stand.conflicts(there, **margin))
+            let met = |(block, separation_m): &(&Block, &f64)| {
+                block.id != truck.id
+                    && block.stands.iter().any(|there| stand.conflicts(there, **separation_m))
             };
-            blocks.iter().zip(&margins).find(met).map(|(block, _)| (block.id, false))
+            blocks.iter().zip(&separations_m).find(met).map(|(block, _)| (block.id, false))
         };
         waits_for = late.map(|other| (other.id, true)).or_else(block);
         if waits_for.is_some() {
@@ -59,14 +60,14 @@ pub(super) fn grow(trucks: &mut [Truck], index: usize, order: &Order, blocks: &[
 /// Whether what is not released yet of a truck's way leads through something.
 pub(super) fn meets(truck: &Truck, block: &Block) -> bool {
     let Some(route) = truck.route.as_ref().filter(|route| route.live) else { return false };
-    let margin = block_margin_m(truck, block);
+    let separation_m = block_separation_m(truck, block);
     let rest = &route.way.stands[route.release + 1..];
-    rest.iter().any(|stand| block.stands.iter().any(|there| stand.conflicts(there, margin)))
+    rest.iter().any(|stand| block.stands.iter().any(|there| stand.conflicts(there, separation_m)))
 }
 
-fn block_margin_m(truck: &Truck, block: &Block) -> f64 {
+fn block_separation_m(truck: &Truck, block: &Block) -> f64 {
     let end: &[Stand] = truck.held();
-    driven_margin_m(margin_m(end, &block.stands))
+    driven_separation_m(separation_m(end, &block.stands))
 }
 
 /// How fast the truck at `index` may go.

@@ -1,7 +1,7 @@
 //! What stands on the floor for good, as the traffic search asks for it.
 
-use xtb_nav::rect::Rect;
-use xtb_nav::space::OneWay;
+use xtb_nav::geometry::rect::Rect;
+use xtb_nav::planner::space::OneWay;
 use xtb_nav::{Cell, Clearance, Grid, Map};
 
 /// A floor with fixed things on it.
@@ -86,6 +86,24 @@ impl Room for GridRoom {
 }
 
 #[cfg(test)]
+impl GridRoom {
+    /// A room with walls around it and these boxes in it: x, y, width, depth in m.
+    pub(super) fn with(width_m: f64, height_m: f64, boxes: &[[f64; 4]]) -> Self {
+        let cells = |length: f64| libm::round(length / 0.05) as usize;
+        let mut grid = Grid::free(0.05, [0.0, 0.0], cells(width_m), cells(height_m)).unwrap();
+        for row in 0..grid.height() as i64 {
+            for column in 0..grid.width() as i64 {
+                let [x, y] = grid.centre_m(column, row);
+                if boxes.iter().any(|b| x > b[0] && x < b[0] + b[2] && y > b[1] && y < b[1] + b[3]) {
+                    grid.set(column, row, Cell::Occupied);
+                }
+            }
+        }
+        Self::new(grid)
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use xtb_control::VehicleConfig;
@@ -93,13 +111,7 @@ mod tests {
 
     /// 4 m × 4 m with one pillar of 20 cm in the middle.
     fn pillar() -> GridRoom {
-        let mut grid = Grid::free(0.05, [0.0, 0.0], 80, 80).unwrap();
-        for row in 38..42 {
-            for column in 38..42 {
-                grid.set(column, row, Cell::Occupied);
-            }
-        }
-        GridRoom::new(grid)
+        GridRoom::with(4.0, 4.0, &[[1.9, 1.9, 0.2, 0.2]])
     }
 
     #[test]

@@ -6,15 +6,16 @@
 //! (M. Phillips and M. Likhachev, *SIPP: Safe interval path planning*, ICRA 2011).
 
 use super::lane;
+use super::occupancy::{NEVER, TICK_WAY_M};
 use super::order::GEAR_TICKS;
-pub(super) use super::task::{Leg, Other, Stuck, Target, Task};
-use super::timeline::{NEVER, TICK_WAY_M};
-use std::cmp::{Ordering, Reverse};
-use std::collections::{BTreeMap, BinaryHeap};
+use super::task::{Leg, Stuck, Task};
+use crate::hybrid_a_star::{End, Expand, Tree};
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use xtb_nav::path::wrap_rad;
-use xtb_nav::rect::{Rect, Stand};
-use xtb_nav::{MapPose, Path, Piece, reeds_shepp};
+use xtb_nav::geometry::path::wrap_rad;
+use xtb_nav::geometry::rect::{Rect, Stand};
+use xtb_nav::geometry::reeds_shepp;
+use xtb_nav::{MapPose, Path, Piece};
 
 /// How closely is looked.
 struct Grain {
@@ -32,7 +33,7 @@ const FINE: Grain = Grain { moves: &[4, 1], cell_m: 0.05, directions: 48.0 };
 /// Planned circles are larger than the smallest ones by this, for the follower to steer within.
 const RADIUS_FACTOR: f64 = 1.15;
 /// What the estimate counts more than what has been driven.
-const GREED: f64 = 2.0;
+const HEURISTIC_WEIGHT: f64 = 2.0;
 /// What a change of gear costs beyond its time, in ticks.
 const GEAR_COST: f64 = 4.0;
 /// What a tick astern costs more than one ahead.
@@ -56,7 +57,6 @@ struct Node {
     tick: u32,
     safe: u32,
     cost: f64,
-    parent: usize,
     legs: Vec<Leg>,
     goal: bool,
 }
@@ -64,35 +64,21 @@ struct Node {
 /// Tick of arrival, tick until which it may stay, cost.
 type Seen = (u32, u32, f64);
 
-/// Lowest estimate first, then the older one.
-struct Ranked(f64, usize);
-
-impl PartialEq for Ranked {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-impl Eq for Ranked {}
-impl PartialOrd for Ranked {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Ranked {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
-    }
-}
-
-/// Looks for a way, and closer where what is fixed leaves none to large steps; every node that is expanded counts
-/// one down in `budget`.
-pub(super) fn search(task: &Task<'_>, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
-    let coarse = |task: &Task<'_>, budget: &mut u32| Search::new(task, &COARSE)?.run(budget);
-    let found = coarse(task, budget);
+/// Looks for a way, and closer where what is fixed leaves none to large steps. At most so many nodes are expanded,
+/// and each counts one down in `left`.
+pub(super) fn search(task: &Task<'_>, most: u32, left: &mut u32) -> Result<Vec<Leg>, Stuck> {
+    let mut budget = most.min(*left);
+    *left -= budget;
+    let mut look = |task: &Task<'_>, grain| Search::new(task, grain)?.run(&mut budget);
+    let mut found = look(task, &COARSE);
     let alone = Task { others: &[], ..*task };
-    let is_narrow = found == Err(Stuck::Nowhere)
-        && (task.others.is_empty() || coarse(&alone, budget) == Err(Stuck::Nowhere));
-    if is_narrow { Search::new(task, &FINE)?.run(budget) } else { found }
+    if found == Err(Stuck::Nowhere)
+        && (task.others.is_empty() || look(&alone, &COARSE) == Err(Stuck::Nowhere))
+    {
+        found = look(task, &FINE);
+    }
+    *left += budget;
+    found
 }
 
 struct Search<'a> {
@@ -103,8 +89,6 @@ struct Search<'a> {
     /// No other truck moves any more from this tick on.
     still: u32,
     goals: Vec<MapPose>,
-    nodes: Vec<Node>,
-    open: BinaryHeap<Reverse<Ranked>>,
     closed: BTreeMap<(i32, i32, i32), Vec<Seen>>,
     sweep: Vec<Stand>,
 }
@@ -113,21 +97,12 @@ impl<'a> Search<'a> {
     fn new(task: &'a Task<'a>, grain: &'static Grain) -> Result<Self, Stuck> {
         let here = Rect::body(task.car, &task.start);
         let margins = [0.05, 0.03, 0.01, -0.02, -0.05];
-        let margin =
+        let body_margin_m =
             margins.into_iter().find(|&margin| task.room.is_free(&here, margin)).ok_or(Stuck::Start)?;
         let still = task.others.iter().map(|other| other.line.end()).max().unwrap_or(0);
-        let mut search = Self {
-            task,
-            grain,
-            radius_m: task.car.radius_m * RADIUS_FACTOR,
-            body_margin_m: margin,
-            still,
-            goals: Vec::new(),
-            nodes: Vec::new(),
-            open: BinaryHeap::new(),
-            closed: BTreeMap::new(),
-            sweep: Vec::new(),
-        };
+        let radius_m = task.car.radius_m * RADIUS_FACTOR;
+        let (goals, closed, sweep) = (Vec::new(), BTreeMap::new(), Vec::new());
+        let mut search = Self { task, grain, radius_m, body_margin_m, still, goals, closed, sweep };
         if let Some(target) = &task.target {
             let yaws: Vec<f64> = match target.yaw_rad {
                 Some(yaw_rad) => vec![yaw_rad],
@@ -139,62 +114,31 @@ impl<'a> Search<'a> {
                 return Err(Stuck::Goal);
             }
         }
-        let stand = Stand::still(task.car, &task.start);
-        let safe = search.safe_until(&stand, task.tick);
-        let (gear, tick) = (task.gear, task.tick);
-        let Some(hope) = search.hope(&task.start) else { return Err(Stuck::Nowhere) };
-        search.nodes.push(Node {
-            pose: task.start,
-            gear,
-            tick,
-            safe,
-            cost: 0.0,
-            parent: usize::MAX,
-            legs: Vec::new(),
-            goal: false,
-        });
-        search.open.push(Reverse(Ranked(hope * GREED, 0)));
         Ok(search)
     }
 
-    fn run(mut self, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
-        let mut expanded = 0_u32;
-        while let Some(Reverse(Ranked(_, index))) = self.open.pop() {
-            if self.nodes[index].goal || (self.task.target.is_none() && self.nodes[index].safe == NEVER) {
-                return Ok(self.legs(index));
-            }
-            if *budget == 0 {
-                return Err(Stuck::Budget);
-            }
-            *budget -= 1;
-            expanded += 1;
-            let (pose, gear) = (self.nodes[index].pose, self.nodes[index].gear);
-            let hope_m = self.hope(&pose).map_or(f64::MAX, |ticks| ticks * TICK_WAY_M);
-            if hope_m < 3.0 || f64::from(expanded) % libm::ceil(hope_m / 2.0) == 0.0 {
-                self.shoot(index, &pose);
-            }
-            for &ticks in self.grain.moves {
-                for (turn, way_gear) in
-                    [(0.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, -1.0)]
-                {
-                    let length_m = TICK_WAY_M * f64::from(ticks) * way_gear;
-                    let piece = Piece { length_m, curvature_per_m: turn / self.radius_m };
-                    self.go(index, &[piece], gear, false);
-                }
-            }
+    fn run(&mut self, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
+        let Task { car, start: pose, gear, tick, .. } = *self.task;
+        let safe = self.safe_until(&Stand::still(car, &pose), tick);
+        let heuristic = self.heuristic(&pose).ok_or(Stuck::Nowhere)?;
+        let root = Node { pose, gear, tick, safe, cost: 0.0, legs: Vec::new(), goal: false };
+        let mut tree = Tree::new();
+        tree.plant(root, estimate(0.0, heuristic));
+        match tree.search(self, budget) {
+            Ok(goal) => Ok(tree.chain(goal).into_iter().flat_map(|node| node.legs.clone()).collect()),
+            Err(End::Nowhere) => Err(Stuck::Nowhere),
+            Err(End::Budget) => Err(Stuck::Budget),
         }
-        Err(Stuck::Nowhere)
     }
 
     /// Straight to the goal along a Reeds–Shepp curve.
-    fn shoot(&mut self, index: usize, pose: &MapPose) {
+    fn shoot(&mut self, tree: &mut Tree<Node>, index: u32, pose: &MapPose) {
         let radius_m = self.radius_m;
         let mut ways: Vec<Path> =
             self.goals.iter().map(|goal| reeds_shepp::shortest(pose, goal, radius_m)).collect();
         ways.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
-        let gear = self.nodes[index].gear;
         for way in ways.iter().take(3) {
-            if self.go(index, &way.pieces, gear, true) {
+            if self.go(tree, index, &way.pieces, true) {
                 break;
             }
         }
@@ -202,17 +146,17 @@ impl<'a> Search<'a> {
 
     /// Drives these pieces from a node as early as possible, and once more in a later gap. True if
     /// there is a gap.
-    fn go(&mut self, from: usize, pieces: &[Piece], gear: f64, goal: bool) -> bool {
-        let Node { pose, tick, safe, cost, .. } = self.nodes[from];
+    fn go(&mut self, tree: &mut Tree<Node>, from: u32, pieces: &[Piece], goal: bool) -> bool {
+        let Node { pose, gear, tick, safe, cost, .. } = *tree.node(from);
         let mut sweep = std::mem::take(&mut self.sweep);
         let swept = self.sweep_over(&mut sweep, pose, gear, pieces);
         let Some((end, end_gear, legs, extra)) = swept else {
             self.sweep = sweep;
             return false;
         };
-        let hope = if goal { Some(0.0) } else { self.hope(&end) };
+        let heuristic = if goal { Some(0.0) } else { self.heuristic(&end) };
         let (mut delay, mut found) = (0, 0);
-        while let Some(hope) = hope {
+        while let Some(heuristic) = heuristic {
             let depart = tick + delay;
             if depart > safe || delay > MOST_WAIT || found == 2 {
                 break;
@@ -236,18 +180,9 @@ impl<'a> Search<'a> {
             let cost = cost + WAIT_COST * f64::from(delay) + sweep.len() as f64 + extra;
             if goal || self.is_new(&end, end_gear, arrive, safe_then, cost) {
                 let legs = legs.iter().map(|leg| Leg { depart: leg.depart + depart, ..*leg }).collect();
-                let (gear, index) = (end_gear, self.nodes.len());
-                self.nodes.push(Node {
-                    pose: end,
-                    gear,
-                    tick: arrive,
-                    safe: safe_then,
-                    cost,
-                    parent: from,
-                    legs,
-                    goal,
-                });
-                self.open.push(Reverse(Ranked(cost + hope * GREED, index)));
+                let next =
+                    Node { pose: end, gear: end_gear, tick: arrive, safe: safe_then, cost, legs, goal };
+                tree.push(from, next, estimate(cost, heuristic));
             }
             found += 1;
             if safe_then == NEVER {
@@ -317,7 +252,7 @@ impl<'a> Search<'a> {
     fn is_clear(&self, sweep: &[Stand], depart: u32) -> bool {
         self.task.others.iter().all(|other| {
             let hit = |(step, stand): (usize, &Stand)| {
-                other.line.hits(stand, depart + 1 + step as u32, other.margin_m)
+                other.line.hits(stand, depart + 1 + step as u32, other.separation_m)
             };
             !sweep.iter().enumerate().any(hit)
         })
@@ -326,7 +261,7 @@ impl<'a> Search<'a> {
     fn safe_until(&self, stand: &Stand, tick: u32) -> u32 {
         let others = self.task.others.iter();
         let next =
-            others.map(|other| other.line.next_hit(stand, tick, other.margin_m)).min().unwrap_or(NEVER);
+            others.map(|other| other.line.next_hit(stand, tick, other.separation_m)).min().unwrap_or(NEVER);
         if next == NEVER { NEVER } else { next - 1 }
     }
 
@@ -334,11 +269,11 @@ impl<'a> Search<'a> {
     fn may_stay(&self, pose: &MapPose) -> bool {
         let stand = Stand::still(self.task.car, pose);
         self.task.room.is_free(&stand.body, self.body_margin_m)
-            && !self.task.others.iter().any(|other| other.line.hits(&stand, NEVER - 1, other.margin_m))
+            && !self.task.others.iter().any(|other| other.line.hits(&stand, NEVER - 1, other.separation_m))
     }
 
     /// Ticks to the goal at least, or nearly; `None` where none can be reached.
-    fn hope(&self, pose: &MapPose) -> Option<f64> {
+    fn heuristic(&self, pose: &MapPose) -> Option<f64> {
         let flat_m = self.task.field.distance_m(pose.x_m, pose.y_m)?;
         let Some(target) = &self.task.target else { return Some(flat_m / TICK_WAY_M) };
         let curved_m = match (target.yaw_rad, self.goals.first()) {
@@ -363,15 +298,35 @@ impl<'a> Search<'a> {
         seen.push((tick, safe, cost));
         true
     }
+}
 
-    fn legs(&self, goal: usize) -> Vec<Leg> {
-        let (mut chain, mut index) = (Vec::new(), goal);
-        while index != usize::MAX {
-            chain.push(index);
-            index = self.nodes[index].parent;
-        }
-        chain.into_iter().rev().flat_map(|index| self.nodes[index].legs.clone()).collect()
+impl Expand for Search<'_> {
+    type Node = Node;
+
+    fn is_goal(&self, node: &Node) -> bool {
+        node.goal || self.task.target.is_none() && node.safe == NEVER
     }
+
+    fn expand(&mut self, tree: &mut Tree<Node>, index: u32) {
+        let pose = tree.node(index).pose;
+        let left_m = self.heuristic(&pose).map_or(f64::MAX, |ticks| ticks * TICK_WAY_M);
+        if left_m < 3.0 || f64::from(tree.expanded) % libm::ceil(left_m / 2.0) == 0.0 {
+            self.shoot(tree, index, &pose);
+        }
+        for &ticks in self.grain.moves {
+            for (turn, gear) in [(0.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, -1.0)]
+            {
+                let length_m = TICK_WAY_M * f64::from(ticks) * gear;
+                let piece = Piece { length_m, curvature_per_m: turn / self.radius_m };
+                self.go(tree, index, &[piece], false);
+            }
+        }
+    }
+}
+
+fn estimate(cost: f64, heuristic: f64) -> u64 {
+    // Floats that are not negative sort like their bits.
+    (cost + heuristic * HEURISTIC_WEIGHT).to_bits()
 }
 
 fn rank(path: &Path) -> f64 {
@@ -382,10 +337,11 @@ fn rank(path: &Path) -> f64 {
 mod tests {
     use super::*;
     use crate::coordinator::field::Field;
+    use crate::coordinator::occupancy::Occupancy;
     use crate::coordinator::room::GridRoom;
-    use crate::coordinator::timeline::Timeline;
+    use crate::coordinator::task::{Other, Target};
     use xtb_control::VehicleConfig;
-    use xtb_nav::{Car, Cell, Grid};
+    use xtb_nav::Car;
 
     fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
         MapPose { x_m, y_m, yaw_rad }
@@ -393,30 +349,24 @@ mod tests {
 
     /// Two rooms of 5 m × 6 m and a door of 1.2 m.
     fn rooms() -> GridRoom {
-        let mut grid = Grid::free(0.05, [0.0, 0.0], 200, 120).unwrap();
-        for row in (0..48).chain(72..120) {
-            for column in 98..102 {
-                grid.set(column, row, Cell::Occupied);
-            }
-        }
-        GridRoom::new(grid)
+        GridRoom::with(10.0, 6.0, &[[4.9, 0.0, 0.2, 2.4], [4.9, 3.6, 0.2, 2.4]])
     }
 
     fn find(
         room: &GridRoom,
         start: MapPose,
         goal: MapPose,
-        lines: &[Timeline],
+        lines: &[Occupancy],
     ) -> (Result<Vec<Leg>, Stuck>, u32) {
         let car = Car::of(&VehicleConfig::default());
         let target = Some(Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: Some(goal.yaw_rad) });
         let field = Field::new(room, car.half_width_m, &[], [goal.x_m, goal.y_m]);
-        let others: Vec<Other<'_>> = lines.iter().map(|line| Other { line, margin_m: 0.08 }).collect();
+        let others: Vec<Other<'_>> = lines.iter().map(|line| Other { line, separation_m: 0.08 }).collect();
         let (others, soft) = (&others[..], &[][..]);
         let task = Task { room, car: &car, start, gear: 1.0, tick: 0, target, field: &field, others, soft };
-        let mut budget = 5000;
-        let found = search(&task, &mut budget);
-        (found, 5000 - budget)
+        let mut left = 5000;
+        let found = search(&task, left, &mut left);
+        (found, 5000 - left)
     }
 
     #[test]

@@ -1,10 +1,13 @@
 //! What a search in space and time is asked, and what it answers.
 
 use super::field::Field;
+use super::occupancy::Occupancy;
 use super::room::Room;
-use super::timeline::Timeline;
-use xtb_nav::rect::Rect;
+use xtb_nav::geometry::rect::Rect;
 use xtb_nav::{Car, MapPose, Piece};
+
+/// Expansions for one truck's way.
+pub(super) const EXPANSIONS_EACH: u32 = 4000;
 
 /// Where to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,8 +19,8 @@ pub(super) struct Target {
 
 /// Another truck, and how far to stay away from it in m.
 pub(super) struct Other<'a> {
-    pub(super) line: &'a Timeline,
-    pub(super) margin_m: f64,
+    pub(super) line: &'a Occupancy,
+    pub(super) separation_m: f64,
 }
 
 /// What is asked for.

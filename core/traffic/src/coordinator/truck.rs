@@ -1,10 +1,10 @@
 //! What traffic control knows of one truck.
 
-use super::joint::NoWay;
-use super::way::Way;
+use super::discretized_path::DiscretizedPath;
+use super::job::NoWay;
 use super::{PlannedGoal, RobotView};
 use xtb_control::Stamp;
-use xtb_nav::rect::{Rect, Stand};
+use xtb_nav::geometry::rect::{Rect, Stand};
 use xtb_nav::{Car, MapPose};
 
 /// Without a report for so long a truck is driven around, in ms.
@@ -28,7 +28,7 @@ pub(super) struct Route {
     pub(super) plan: u64,
     /// The plan with which it began at its present start.
     pub(super) base: u64,
-    pub(super) way: Way,
+    pub(super) way: DiscretizedPath,
     /// Driven, as reported, in m.
     pub(super) done_m: f64,
     /// Released up to this place.

@@ -1,9 +1,9 @@
 //! Things that stand in a truck's way and are on no map: they are driven around for a while.
 
-use super::joint::Block;
+use super::job::Block;
 use super::truck::Truck;
 use xtb_control::Stamp;
-use xtb_nav::rect::{Rect, Stand};
+use xtb_nav::geometry::rect::{Rect, Stand};
 use xtb_nav::{Car, MapPose};
 
 /// A thing is believed in for so long after it was reported last, in ms.

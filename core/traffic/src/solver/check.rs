@@ -4,7 +4,7 @@
 use super::problem::{Obstacle, Place, Problem};
 use super::schedule::{Row, Schedule};
 use thiserror::Error;
-use xtb_nav::path::wrap_rad;
+use xtb_nav::geometry::path::wrap_rad;
 use xtb_nav::{Car, MapPose, Piece};
 
 /// Slices of a step.

@@ -1,17 +1,16 @@
-//! How many steps it takes from anywhere to a goal when nothing moves: the search's compass.
+//! How many steps it takes from anywhere to a goal when nothing moves: the search's heuristic.
 //!
 //! A breadth-first flood from the goal with the car's own moves, which can be driven both ways, but in one-way zones.
 //! Poses stay as they are driven to; squares and sectors only tell which were reached before.
 
 use super::body::Body;
-use super::floor::{Floor, Keep};
+use super::lattice::Lattice;
 use super::motion::Spot;
-use super::problem::{Bounds, Problem};
+use super::obstacle_index::{Keep, ObstacleIndex};
+use super::problem::Problem;
 use std::f64::consts::TAU;
 use xtb_nav::Piece;
 
-/// Most squares along a side of the map.
-const MOST_ALONG: f64 = 400.0;
 /// Not reached.
 const NEVER: u16 = u16::MAX;
 /// What a heading that the flood missed costs, in steps, beside another one of the same square.
@@ -50,48 +49,6 @@ impl Grain {
     }
 }
 
-/// Squares of the floor.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Lattice {
-    west: f64,
-    south: f64,
-    pub(crate) side: f64,
-    pub(crate) columns: usize,
-    pub(crate) rows: usize,
-}
-
-impl Lattice {
-    /// Squares with sides of this part of a step.
-    pub(crate) fn new(problem: &Problem, part: f64) -> Self {
-        let Bounds { west_m, south_m, east_m, north_m } = problem.bounds;
-        let (wide, deep) = (east_m - west_m, north_m - south_m);
-        let side = (problem.step_m * part).max(wide.max(deep) / MOST_ALONG);
-        let along = |length: f64| libm::floor(length / side) as usize + 1;
-        Self { west: west_m, south: south_m, side, columns: along(wide), rows: along(deep) }
-    }
-
-    pub(crate) fn squares(&self) -> usize {
-        self.columns * self.rows
-    }
-
-    #[inline]
-    pub(crate) fn square(&self, x: f64, y: f64) -> usize {
-        let column = (((x - self.west) / self.side).max(0.0) as usize).min(self.columns - 1);
-        let row = (((y - self.south) / self.side).max(0.0) as usize).min(self.rows - 1);
-        row * self.columns + column
-    }
-
-    /// Middle of the square in this column and row.
-    pub(crate) fn middle(&self, column: usize, row: usize) -> [f64; 2] {
-        [self.west + (column as f64 + 0.5) * self.side, self.south + (row as f64 + 0.5) * self.side]
-    }
-
-    /// Column and row of a point, which may lie outside and between.
-    pub(crate) fn place(&self, x: f64, y: f64) -> [f64; 2] {
-        [(x - self.west) / self.side, (y - self.south) / self.side]
-    }
-}
-
 /// Steps to one goal.
 #[derive(Debug)]
 pub(crate) struct CostToGo {
@@ -119,7 +76,7 @@ impl CostToGo {
     pub(crate) fn flood(
         problem: &Problem,
         grain: Grain,
-        floor: &Floor,
+        obstacles: &ObstacleIndex,
         (body, moves, keep): (&Body, &[Piece], &Keep),
         goal: Spot,
         keep_going: &mut dyn FnMut() -> bool,
@@ -138,10 +95,10 @@ impl CostToGo {
                 for piece in moves {
                     let there = spot.after(piece, 1.0);
                     // Known ones first: that is cheaper than looking for obstacles.
-                    if floor.inside(there.x, there.y)
+                    if obstacles.inside(there.x, there.y)
                         && flood.steps[flood.state(&there)] == NEVER
-                        && floor.clear(body, &spot, piece, keep)
-                        && floor.allows(&there, &Piece { length_m: -piece.length_m, ..*piece })
+                        && obstacles.clear(body, &spot, piece, keep)
+                        && obstacles.allows(&there, &Piece { length_m: -piece.length_m, ..*piece })
                     {
                         flood.reach(&there, count);
                         next.push(there);

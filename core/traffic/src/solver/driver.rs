@@ -1,9 +1,9 @@
-//! One car as the search needs it: body, places, moves, and the compass to its goal.
+//! One car as the search needs it: body, places, moves, and the heuristic to its goal.
 
 use super::body::Body;
 use super::cost_to_go::{CostToGo, Grain};
-use super::floor::{Floor, Keep};
 use super::motion::Spot;
+use super::obstacle_index::{Keep, ObstacleIndex};
 use super::places::Places;
 use super::problem::{Problem, Task};
 use std::sync::Arc;
@@ -25,11 +25,11 @@ pub(crate) struct Driver {
 }
 
 impl Driver {
-    /// A car at its places, with a coarse compass, or that of the same car on the way to the same goal.
+    /// A car at its places, with a coarse heuristic, or that of the same car on the way to the same goal.
     /// `None` when it was told not to go on.
     pub(crate) fn new(
         problem: &Problem,
-        floor: &Floor,
+        obstacles: &ObstacleIndex,
         (task, body, keep, places): (&Task, Body, Keep, &Places),
         known: Option<&Self>,
         keep_going: &mut dyn FnMut() -> bool,
@@ -42,7 +42,7 @@ impl Driver {
         }
         let to_goal = Arc::new(CostToGo::unknown(problem));
         let mut driver = Self { name, body, radius, start, goal, moves, keep, to_goal };
-        driver.look(problem, floor, Grain::COARSE, keep_going)?;
+        driver.look(problem, obstacles, Grain::COARSE, keep_going)?;
         Some(driver)
     }
 
@@ -50,13 +50,13 @@ impl Driver {
     pub(crate) fn look(
         &mut self,
         problem: &Problem,
-        floor: &Floor,
+        obstacles: &ObstacleIndex,
         grain: Grain,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Option<()> {
         self.moves = grain.moves(problem.step_m, self.radius);
         let (car, goal) = ((&self.body, &self.moves[..], &self.keep), Spot::new(&self.goal));
-        self.to_goal = Arc::new(CostToGo::flood(problem, grain, floor, car, goal, keep_going)?);
+        self.to_goal = Arc::new(CostToGo::flood(problem, grain, obstacles, car, goal, keep_going)?);
         Some(())
     }
 }

@@ -1,10 +1,10 @@
 //! Small groups for which no order of priorities works: conflict-based search, a move at a time.
 //! Everybody outside of the group is a wall.
 
-use super::plans::{Manner, Plans};
-use super::search::{Ghost, Rank};
+use super::plans::Plans;
+use super::search::{Constraint, Manner, Rank};
 use super::table::Track;
-use crate::conflicts::{self, Meeting};
+use crate::conflicts::{self, Conflict};
 use std::rc::Rc;
 
 /// Most cars of a group: the choices double with each move that is forbidden.
@@ -12,7 +12,7 @@ pub(crate) const MOST: usize = 3;
 /// Choices that are looked at.
 const MOST_CHOICES: usize = 60;
 /// Nodes of one search.
-const MANNER: Manner = Manner { clash_steps: 1, greed: 110, most_nodes: 4_000 };
+const MANNER: Manner = Manner { clash_steps: 1, heuristic_weight: 110, most_nodes: 4_000 };
 
 /// Some of the cars; the tracks that were looked at last are those in `plans`.
 struct Group<'g, 's> {
@@ -38,7 +38,7 @@ pub(crate) fn run(plans: &mut Plans<'_>, cars: &[usize], keep_going: &mut dyn Fn
 
 impl conflicts::Group for Group<'_, '_> {
     type Way = Rc<Track>;
-    type Ban = Ghost;
+    type Constraint = Constraint;
 
     fn size(&self) -> usize {
         self.cars.len()
@@ -46,12 +46,12 @@ impl conflicts::Group for Group<'_, '_> {
 
     /// A track around everybody outside of the group. The search must not see the car's own old track,
     /// and it never does.
-    fn way(&mut self, member: usize, bans: &[Ghost]) -> Option<Rc<Track>> {
+    fn way(&mut self, member: usize, constraints: &[Constraint]) -> Option<Rc<Track>> {
         let mut ranks = vec![Rank::Hard; self.plans.cars()];
         for &car in self.cars {
             ranks[car] = Rank::Soft;
         }
-        self.plans.search(self.cars[member], &ranks, bans, MANNER)
+        self.plans.search(self.cars[member], &ranks, constraints, MANNER)
     }
 
     fn cost(&self, ways: &[Rc<Track>]) -> usize {
@@ -59,7 +59,7 @@ impl conflicts::Group for Group<'_, '_> {
     }
 
     /// The first contact; leaves the tracks in place.
-    fn meeting(&mut self, ways: &[Rc<Track>]) -> Option<Meeting<Ghost>> {
+    fn conflict(&mut self, ways: &[Rc<Track>]) -> Option<Conflict<Constraint>> {
         for (&car, track) in self.cars.iter().zip(ways) {
             self.plans.put(car, track.clone());
         }
@@ -67,8 +67,8 @@ impl conflicts::Group for Group<'_, '_> {
         let pairs = (0..cars.len()).flat_map(|a| (a + 1..cars.len()).map(move |b| (a, b)));
         let clashes = pairs.filter_map(|(a, b)| Some((a, b, plans.first_clash(cars[a], cars[b])?)));
         let (one, other, step) = clashes.min_by_key(|&(_, _, step)| step)?;
-        let (avoids, avoids_too) = (plans.ghost(cars[other], step)?, plans.ghost(cars[one], step)?);
-        Some(Meeting { one, avoids, other, avoids_too })
+        let (avoids, avoids_too) = (plans.constraint(cars[other], step)?, plans.constraint(cars[one], step)?);
+        Some(Conflict { one, avoids, other, avoids_too })
     }
 
     fn goes_on(&mut self) -> bool {

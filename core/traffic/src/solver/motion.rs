@@ -1,6 +1,7 @@
 //! Where a car is after part of a step, without sines and cosines: the search asks millions of times.
 
-use xtb_nav::{MapPose, Piece, path::wrap_rad};
+use xtb_nav::geometry::path::wrap_rad;
+use xtb_nav::{MapPose, Piece};
 
 /// Most that a car turns within one step, in rad; up to this the series below are exact to 1e-9.
 pub(crate) const MOST_TURN_RAD: f64 = 1.0;

@@ -2,8 +2,8 @@
 //! helps, within what still counts as being there.
 
 use super::body::Body;
-use super::floor::Floor;
 use super::motion::Spot;
+use super::obstacle_index::ObstacleIndex;
 use super::problem::{Place, Problem, ProblemError};
 use std::f64::consts::TAU;
 use xtb_nav::MapPose;
@@ -28,15 +28,19 @@ pub(crate) struct Places {
 }
 
 /// The places of all cars.
-pub(crate) fn settle(problem: &Problem, floor: &Floor, bodies: &[Body]) -> Result<Vec<Places>, ProblemError> {
-    let starts = each(problem, floor, bodies, Place::Start)?;
-    let goals = each(problem, floor, bodies, Place::Goal)?;
+pub(crate) fn settle(
+    problem: &Problem,
+    obstacles: &ObstacleIndex,
+    bodies: &[Body],
+) -> Result<Vec<Places>, ProblemError> {
+    let starts = each(problem, obstacles, bodies, Place::Start)?;
+    let goals = each(problem, obstacles, bodies, Place::Goal)?;
     Ok(starts.into_iter().zip(goals).map(|(start, goal)| Places { start, goal }).collect())
 }
 
 fn each(
     problem: &Problem,
-    floor: &Floor,
+    obstacles: &ObstacleIndex,
     bodies: &[Body],
     place: Place,
 ) -> Result<Vec<MapPose>, ProblemError> {
@@ -48,17 +52,17 @@ fn each(
         let name = || problem.cars[car].name.clone();
         let given = poses[car];
         let (x_m, y_m) = (given.x_m, given.y_m);
-        if !floor.inside(x_m, y_m) {
+        if !obstacles.inside(x_m, y_m) {
             return Err(ProblemError::Outside { place, name: name(), x_m, y_m });
         }
-        let free = |pose: &MapPose| gap(floor, bodies, &poses, car, pose);
+        let free = |pose: &MapPose| gap(obstacles, bodies, &poses, car, pose);
         if free(&given) >= 0.0 {
             continue;
         }
         let pose = moved(problem, &given, free);
-        let overlap_m = -gap(floor, bodies, &poses, car, &pose);
+        let overlap_m = -gap(obstacles, bodies, &poses, car, &pose);
         if overlap_m > touch {
-            if let Some((apart, index)) = floor.nearest(&bodies[car], &Spot::new(&pose))
+            if let Some((apart, index)) = obstacles.nearest(&bodies[car], &Spot::new(&pose))
                 && apart < -touch
             {
                 let [x_m, y_m] = problem.obstacles[index].middle_m();
@@ -78,12 +82,12 @@ fn each(
 }
 
 /// How far a car there is from obstacles and from the others' places.
-fn gap(floor: &Floor, bodies: &[Body], poses: &[MapPose], car: usize, pose: &MapPose) -> f64 {
+fn gap(obstacles: &ObstacleIndex, bodies: &[Body], poses: &[MapPose], car: usize, pose: &MapPose) -> f64 {
     let spot = Spot::new(pose);
     let body = bodies[car].at(&spot);
     let others = poses.iter().zip(bodies).enumerate().filter(|(other, _)| *other != car);
     let cars = others.map(|(_, (there, other))| body.gap(&other.at(&Spot::new(there))));
-    let solids = floor.nearest(&bodies[car], &spot).map_or(f64::MAX, |(apart, _)| apart);
+    let solids = obstacles.nearest(&bodies[car], &spot).map_or(f64::MAX, |(apart, _)| apart);
     cars.fold(solids, f64::min)
 }
 

@@ -1,10 +1,10 @@
 //! All cars' tracks and who is in whose way: what priorities and repair work on.
 
 use super::Unsolved;
+use super::instance::Instance;
 use super::motion::WAIT;
-use super::scene::Scene;
 use super::schedule::Schedule;
-use super::search::{Ghost, Query, Rank, STEP, Search};
+use super::search::{Constraint, Manner, Query, Rank, Search};
 use super::table::{Table, Track};
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -13,21 +13,10 @@ use std::rc::Rc;
 /// Bits of cars; [`MOST_CARS`](super::problem::MOST_CARS) of them.
 pub(crate) type Cars = u128;
 
-/// How a car is to be planned.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Manner {
-    /// Steps that it would rather lose than be in another's way for one.
-    pub(crate) clash_steps: u32,
-    /// See [`Query::greed`].
-    pub(crate) greed: u32,
-    /// See [`Query::most_nodes`].
-    pub(crate) most_nodes: usize,
-}
-
 /// The state of the search for a schedule.
 #[derive(Debug)]
 pub(crate) struct Plans<'s> {
-    pub(crate) scene: &'s Scene,
+    pub(crate) instance: &'s Instance,
     pub(crate) table: Table<'s>,
     pub(crate) search: Search,
     random: Pcg32,
@@ -36,18 +25,18 @@ pub(crate) struct Plans<'s> {
 }
 
 impl<'s> Plans<'s> {
-    pub(crate) fn new(scene: &'s Scene, seed: u64) -> Self {
+    pub(crate) fn new(instance: &'s Instance, seed: u64) -> Self {
         Self {
-            scene,
-            table: Table::new(scene),
+            instance,
+            table: Table::new(instance),
             search: Search::new(),
             random: Pcg32::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15), 5),
-            clashes: vec![0; scene.cars()],
+            clashes: vec![0; instance.cars()],
         }
     }
 
     pub(crate) fn cars(&self) -> usize {
-        self.scene.cars()
+        self.instance.cars()
     }
 
     /// Uniform in 0..`below`.
@@ -67,12 +56,10 @@ impl<'s> Plans<'s> {
         &mut self,
         me: usize,
         ranks: &[Rank],
-        ghosts: &[Ghost],
+        constraints: &[Constraint],
         manner: Manner,
     ) -> Option<Rc<Track>> {
-        let Manner { clash_steps, greed, most_nodes } = manner;
-        let query = Query { me, ranks, ghosts, clash: clash_steps * STEP, greed, most_nodes };
-        self.search.run(self.scene, &self.table, &query).map(Rc::new)
+        self.search.run(self.instance, &self.table, &Query { me, ranks, constraints, manner }).map(Rc::new)
     }
 
     /// Gives a car its track.
@@ -137,16 +124,16 @@ impl<'s> Plans<'s> {
         let (first, second) = (self.table.track(a)?, self.table.track(b)?);
         (0..=first.steps().max(second.steps())).find(|&step| {
             let ((at, piece), (there, driven)) = (first.at(step), second.at(step));
-            !self.scene.pass((a, at, piece), (b, there, driven))
+            !self.instance.pass((a, at, piece), (b, there, driven))
         })
     }
 
     /// Where a car is in a step, and what it drives.
-    pub(crate) fn ghost(&self, car: usize, step: usize) -> Option<Ghost> {
+    pub(crate) fn constraint(&self, car: usize, step: usize) -> Option<Constraint> {
         let track = self.table.track(car)?;
         let (spot, piece) = track.at(step);
         let stays = step >= track.steps() && *piece == WAIT;
-        Some(Ghost { car, step, spot: *spot, piece: *piece, stays })
+        Some(Constraint { car, step, spot: *spot, piece: *piece, stays })
     }
 
     /// Sum of all cars' steps.
@@ -155,11 +142,11 @@ impl<'s> Plans<'s> {
     }
 
     pub(crate) fn schedule(&self) -> Schedule {
-        Schedule::new(self.scene, |car| self.table.track(car).map(Rc::as_ref))
+        Schedule::new(self.instance, |car| self.table.track(car).map(Rc::as_ref))
     }
 
     pub(crate) fn unsolved(&self) -> Unsolved {
-        let name = |car: usize| self.scene.drivers[car].name.clone();
+        let name = |car: usize| self.instance.drivers[car].name.clone();
         let pairs =
             (0..self.cars()).flat_map(|a| bits(self.clashes[a]).filter(move |&b| a < b).map(move |b| (a, b)));
         let conflicts: Vec<_> = pairs.map(|(a, b)| (name(a), name(b))).collect();

@@ -1,18 +1,18 @@
 //! Priorities: who gives way to whom. Each car is planned alone first; where two touch, one of them has
 //! to give way, and it and those below it are planned anew. Depth first, the better choice first.
 
-use super::plans::{Cars, Manner, Plans, bits};
-use super::search::Rank;
+use super::plans::{Cars, Plans, bits};
+use super::search::{Manner, Rank};
 use super::table::Track;
 use std::rc::Rc;
 
 /// Choices that are looked at, for each car.
 const CHOICES_PER_CAR: usize = 8;
 /// Nodes of one search.
-const NODES: usize = 12_000;
+const NODES: u32 = 12_000;
 /// Steps that a car would rather lose than be for one in the way of a car that need not give way to it.
 const CLASH_STEPS: u32 = 2;
-const GREED: u32 = 200;
+const HEURISTIC_WEIGHT: u32 = 200;
 
 /// A choice: tracks, and who stands above whom.
 #[derive(Debug, Clone)]
@@ -67,7 +67,8 @@ fn root(plans: &mut Plans<'_>, keep_going: &mut dyn FnMut() -> bool) -> Option<C
     Some(Choice { tracks, above, pairs: plans.pairs(), flowtime: plans.flowtime() })
 }
 
-const MANNER: Manner = Manner { clash_steps: CLASH_STEPS, greed: GREED, most_nodes: NODES };
+const MANNER: Manner =
+    Manner { clash_steps: CLASH_STEPS, heuristic_weight: HEURISTIC_WEIGHT, most_nodes: NODES };
 
 /// Puts the tracks of a choice in place.
 fn choose(plans: &mut Plans<'_>, choice: &Choice) {

@@ -3,7 +3,7 @@
 use super::motion::MOST_TURN_RAD;
 use std::sync::Arc;
 use thiserror::Error;
-use xtb_nav::space::OneWay;
+use xtb_nav::planner::space::OneWay;
 use xtb_nav::{Car, Cell, Grid, MapPose};
 
 /// Most cars of one problem.

@@ -6,8 +6,8 @@
 
 use super::groups;
 use super::motion::Spot;
-use super::plans::{Cars, Manner, Plans, bits};
-use super::search::Rank;
+use super::plans::{Cars, Plans, bits};
+use super::search::{Manner, Rank};
 use super::table::Track;
 use std::rc::Rc;
 
@@ -15,13 +15,13 @@ use std::rc::Rc;
 const FEWEST: usize = 2;
 const MOST: usize = 8;
 /// Nodes of one search, and how they grow while nothing gets better.
-const NODES: usize = 4_000;
-const MOST_NODES: usize = 64_000;
+const NODES: u32 = 4_000;
+const MOST_NODES: u32 = 64_000;
 const PATIENCE: usize = 20;
 /// How patient a car is: steps that it would rather lose than be in another's way for one; and the more
-/// it may have to wait, the more it must trust its compass, or it looks at every way of passing the time.
+/// it may have to wait, the more it must trust its heuristic, or it looks at every way of passing the time.
 const TEMPERS: [(u32, u32); 3] = [(8, 130), (20, 200), (60, 400)];
-const GREED: u32 = 130;
+const HEURISTIC_WEIGHT: u32 = 130;
 
 /// Works until nobody is in anybody's way, the rounds are used up, or it is told to stop.
 pub(crate) fn run(plans: &mut Plans<'_>, most_rounds: usize, keep_going: &mut dyn FnMut() -> bool) {
@@ -55,21 +55,26 @@ fn complete(plans: &mut Plans<'_>, keep_going: &mut dyn FnMut() -> bool) {
 fn soft(
     plans: &mut Plans<'_>,
     car: usize,
-    (clash_steps, greed): (u32, u32),
-    most_nodes: usize,
+    (clash_steps, heuristic_weight): (u32, u32),
+    most_nodes: u32,
 ) -> Option<Rc<Track>> {
     let ranks = vec![Rank::Soft; plans.cars()];
-    plans.search(car, &ranks, &[], Manner { clash_steps, greed, most_nodes })
+    plans.search(car, &ranks, &[], Manner { clash_steps, heuristic_weight, most_nodes })
 }
 
 /// The way that a car would take without all others.
 pub(crate) fn alone(plans: &mut Plans<'_>, car: usize) -> Option<Rc<Track>> {
     let ranks = vec![Rank::Ignored; plans.cars()];
-    plans.search(car, &ranks, &[], Manner { clash_steps: 0, greed: GREED, most_nodes: MOST_NODES })
+    plans.search(
+        car,
+        &ranks,
+        &[],
+        Manner { clash_steps: 0, heuristic_weight: HEURISTIC_WEIGHT, most_nodes: MOST_NODES },
+    )
 }
 
 /// New ways for one neighbourhood; the old ones come back if they were better.
-fn round(plans: &mut Plans<'_>, nodes: usize, keep_going: &mut dyn FnMut() -> bool) {
+fn round(plans: &mut Plans<'_>, nodes: u32, keep_going: &mut dyn FnMut() -> bool) {
     let mut group = neighbourhood(plans);
     plans.shuffle(&mut group);
     if group.len() <= groups::MOST && nodes > NODES && plans.draw(2) == 0 {
@@ -145,7 +150,7 @@ fn in_the_way(plans: &mut Plans<'_>, car: usize, group: &mut Cars, size: usize) 
 fn nearby(plans: &mut Plans<'_>, group: &mut Cars, size: usize) {
     const TRIES: usize = 20;
     const NEAR_STEPS: f64 = 4.0;
-    let near = plans.scene.step * NEAR_STEPS + 2.0 * plans.scene.reach;
+    let near = plans.instance.step * NEAR_STEPS + 2.0 * plans.instance.reach;
     for _ in 0..TRIES {
         if group.count_ones() as usize >= size {
             return;
@@ -177,7 +182,7 @@ pub(crate) fn polish(plans: &mut Plans<'_>, keep_going: &mut dyn FnMut() -> bool
         if !keep_going() {
             return;
         }
-        let manner = Manner { clash_steps: 0, greed: 100, most_nodes: NODES };
+        let manner = Manner { clash_steps: 0, heuristic_weight: 100, most_nodes: NODES };
         let Some(track) = plans.search(car, &ranks, &[], manner) else { continue };
         if plans.table.track(car).is_some_and(|old| track.steps() < old.steps()) {
             plans.put(car, track);

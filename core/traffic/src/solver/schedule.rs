@@ -1,6 +1,6 @@
 //! The answer: where each car is after each step.
 
-use super::scene::Scene;
+use super::instance::Instance;
 use super::table::Track;
 use xtb_nav::{MapPose, Path, Piece};
 
@@ -32,8 +32,8 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    pub(crate) fn new<'t>(scene: &Scene, track: impl Fn(usize) -> Option<&'t Track>) -> Self {
-        let ways = scene.drivers.iter().enumerate().map(|(car, driver)| {
+    pub(crate) fn new<'t>(instance: &Instance, track: impl Fn(usize) -> Option<&'t Track>) -> Self {
+        let ways = instance.drivers.iter().enumerate().map(|(car, driver)| {
             let rows = track(car).map_or_else(Vec::new, |track| {
                 (0..=track.steps())
                     .map(|step| {

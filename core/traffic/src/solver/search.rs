@@ -5,18 +5,17 @@
 //! only its first arrival counts (M. Phillips and M. Likhachev, *SIPP*, ICRA 2011). Other cars are walls,
 //! cost something, or are ignored.
 
+use super::analytic_expansion;
 use super::closed::Closed;
 use super::driver::Driver;
+use super::instance::Instance;
 use super::motion::{Spot, WAIT};
-use super::scene::Scene;
-use super::shot;
 use super::table::{Table, Track};
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use crate::hybrid_a_star::{Expand, Tree};
 use xtb_nav::Piece;
 
 /// Cost of a step; the other costs are parts of it.
-pub(crate) const STEP: u32 = 32;
+const STEP: u32 = 32;
 /// Driving costs a little more than waiting, astern more than ahead, and a change of gear more.
 const DRIVE: u32 = 1;
 const ASTERN: u32 = 2;
@@ -25,8 +24,8 @@ const GEAR_CHANGE: u32 = 12;
 const SHOT_WITHIN: u32 = 12;
 /// Nearer than this every node tries one, farther away one in [`SHOT_EVERY`].
 const SHOT_ALWAYS: u32 = 4;
-const SHOT_EVERY: usize = 4;
-/// A shot may be this much longer than the compass says, in steps.
+const SHOT_EVERY: u32 = 4;
+/// A shot may be this much longer than the heuristic says, in steps.
 const SHOT_DETOUR: u32 = 4;
 /// Steps in each other's way that are counted when a goal is taken for good.
 const MOST_CLASHES: u32 = 16;
@@ -44,7 +43,7 @@ pub(crate) enum Rank {
 
 /// A move of another car that must not be met, whatever that car's rank.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Ghost {
+pub(crate) struct Constraint {
     pub(crate) car: usize,
     pub(crate) step: usize,
     pub(crate) spot: Spot,
@@ -59,13 +58,19 @@ pub(crate) struct Query<'q> {
     pub(crate) me: usize,
     /// Of each car.
     pub(crate) ranks: &'q [Rank],
-    pub(crate) ghosts: &'q [Ghost],
-    /// Cost of a step of contact with a soft car.
-    pub(crate) clash: u32,
-    /// How much the compass is trusted, in percent; 100 finds the shortest way.
-    pub(crate) greed: u32,
+    pub(crate) constraints: &'q [Constraint],
+    pub(crate) manner: Manner,
+}
+
+/// How a car is to be planned.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Manner {
+    /// Steps that it would rather lose than be in the way of a soft car for one.
+    pub(crate) clash_steps: u32,
+    /// How much the heuristic is trusted, in percent; 100 finds the shortest way.
+    pub(crate) heuristic_weight: u32,
     /// Nodes after which it gives up.
-    pub(crate) most_nodes: usize,
+    pub(crate) most_nodes: u32,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -73,184 +78,175 @@ struct Node {
     spot: Spot,
     piece: Piece,
     step: u32,
-    parent: u32,
     /// Cost beyond the steps.
     extra: u32,
     to_go: u32,
     gear: i8,
     square: u32,
+    /// The last stretch to the goal, if this is one; by number.
+    last: Option<u32>,
 }
-
-/// A shot that came through.
-#[derive(Debug)]
-struct Shot {
-    node: u32,
-    waits: usize,
-    pieces: Vec<Piece>,
-}
-
-const ROOT: u32 = u32::MAX;
-/// Bit of a heap entry that is a shot.
-const SHOT: u32 = 1 << 31;
 
 /// The search's memory, kept from one search to the next.
 #[derive(Debug)]
 pub(crate) struct Search {
-    nodes: Vec<Node>,
-    open: BinaryHeap<Reverse<(u32, u32, u32)>>,
+    tree: Tree<Node>,
     closed: Closed,
-    shots: Vec<Shot>,
+    /// Last stretches that came through.
+    last: Vec<Vec<Piece>>,
     /// Steps of contact with soft cars from each step on, for who stands at the goal.
-    clashes: Vec<u32>,
-    /// Nodes expanded so far in all searches.
-    pub(crate) expanded: u64,
+    at_goal: Vec<u32>,
 }
 
 impl Search {
     pub(crate) fn new() -> Self {
-        Self {
-            nodes: Vec::new(),
-            open: BinaryHeap::new(),
-            closed: Closed::new(),
-            shots: Vec::new(),
-            clashes: Vec::new(),
-            expanded: 0,
-        }
+        Self { tree: Tree::new(), closed: Closed::default(), last: Vec::new(), at_goal: Vec::new() }
     }
 
     /// A track to the goal, or `None`: there is none, or the nodes are used up.
-    pub(crate) fn run(&mut self, scene: &Scene, table: &Table<'_>, query: &Query<'_>) -> Option<Track> {
-        self.nodes.clear();
-        self.open.clear();
-        self.closed.clear();
-        self.shots.clear();
-        let driver = &scene.drivers[query.me];
-        let world = World { scene, table, query, driver };
-        let goal_opens = world.goal_opens(&mut self.clashes)?;
-        let to_go = u32::from(driver.to_goal.steps(&driver.start)?);
-        let square = scene.lattice.square(driver.start.x, driver.start.y) as u32;
-        let root =
-            Node { spot: driver.start, piece: WAIT, step: 0, parent: ROOT, extra: 0, to_go, gear: 0, square };
-        self.push(&world, root, goal_opens);
-        let mut expanded = 0;
-        while let Some(Reverse((_, _, index))) = self.open.pop() {
-            if index & SHOT != 0 {
-                return Some(self.track(driver, (index & !SHOT) as usize));
-            }
-            expanded += 1;
-            self.expanded += 1;
-            if expanded > query.most_nodes {
-                return None;
-            }
-            self.expand(&world, index, goal_opens, expanded);
-        }
-        None
+    pub(crate) fn run(&mut self, instance: &Instance, table: &Table<'_>, query: &Query<'_>) -> Option<Track> {
+        let Self { tree, closed, last, at_goal } = self;
+        closed.clear();
+        last.clear();
+        let (driver, clash) = (&instance.drivers[query.me], query.manner.clash_steps * STEP);
+        let mut world = World { instance, table, query, driver, closed, last, at_goal, clash, goal_opens: 0 };
+        world.goal_opens = world.goal_opens()?;
+        let (spot, to_go) = (driver.start, u32::from(driver.to_goal.steps(&driver.start)?));
+        let square = instance.lattice.square(spot.x, spot.y) as u32;
+        let root = Node { spot, piece: WAIT, step: 0, extra: 0, to_go, gear: 0, square, last: None };
+        tree.plant(root, world.estimate(&root));
+        let goal = tree.search(&mut world, &mut { query.manner.most_nodes }).ok()?;
+        let chain = tree.chain(goal);
+        let mut way: Vec<Piece> = chain[1..chain.len() - 1].iter().map(|node| node.piece).collect();
+        way.extend(chain[chain.len() - 1].last.iter().flat_map(|&last| &world.last[last as usize]));
+        Some(Track::new(driver.start, way))
+    }
+}
+
+/// What one search looks at, and what it remembers.
+struct World<'a> {
+    instance: &'a Instance,
+    table: &'a Table<'a>,
+    query: &'a Query<'a>,
+    driver: &'a Driver,
+    closed: &'a mut Closed,
+    last: &'a mut Vec<Vec<Piece>>,
+    at_goal: &'a mut Vec<u32>,
+    /// Cost of a step of contact with a soft car.
+    clash: u32,
+    /// The step from which on the goal can be kept.
+    goal_opens: u32,
+}
+
+impl Expand for World<'_> {
+    type Node = Node;
+
+    fn is_goal(&self, node: &Node) -> bool {
+        node.last.is_some()
     }
 
-    fn push(&mut self, world: &World<'_>, node: Node, goal_opens: u32) {
-        let reach = node.step * STEP + node.to_go * STEP * world.query.greed / 100;
-        let estimate = node.extra + reach.max(goal_opens * STEP);
-        let index = self.nodes.len() as u32;
-        self.nodes.push(node);
-        self.open.push(Reverse((estimate, node.to_go, index)));
-    }
-
-    fn expand(&mut self, world: &World<'_>, index: u32, goal_opens: u32, expanded: usize) {
-        let node = self.nodes[index as usize];
+    fn expand(&mut self, tree: &mut Tree<Node>, index: u32) {
+        let node = *tree.node(index);
         let step = node.step as usize;
         let near = node.to_go <= SHOT_WITHIN;
-        if near && (node.to_go <= SHOT_ALWAYS || expanded.is_multiple_of(SHOT_EVERY)) {
-            self.shoot(world, index, goal_opens);
+        if near && (node.to_go <= SHOT_ALWAYS || tree.expanded.is_multiple_of(SHOT_EVERY)) {
+            self.shoot(tree, index, &node);
         }
-        if step + 2 >= world.scene.horizon || self.nodes.len() >= SHOT as usize - 8 {
+        if step + 2 >= self.instance.horizon {
             return;
         }
         let mut hindered = false;
-        for piece in &world.driver.moves {
+        let driver = self.driver;
+        for piece in &driver.moves {
             let spot = node.spot.after(piece, 1.0);
-            if !world.scene.floor.inside(spot.x, spot.y) {
+            if !self.instance.obstacles.inside(spot.x, spot.y) {
                 continue;
             }
-            let square = world.scene.lattice.square(spot.x, spot.y);
-            let Some(to_go) = world.driver.to_goal.steps(&spot) else { continue };
+            let square = self.instance.lattice.square(spot.x, spot.y);
+            let Some(to_go) = driver.to_goal.steps(&spot) else { continue };
             let gear = if piece.length_m > 0.0 { 1 } else { -1 };
-            let mut extra = node.extra + DRIVE + if gear < 0 { ASTERN } else { 0 };
-            if gear * node.gear < 0 {
-                extra += GEAR_CHANGE;
-            }
-            let key = world.key(square, &spot, step + 1);
-            let cost = |extra: u32| (node.step + 1) * STEP + extra;
-            if self.closed.get(key).is_some_and(|best| best <= cost(extra)) {
+            let mut extra = node.extra + driving(gear, node.gear);
+            let key = self.key(square, &spot, step + 1);
+            let is_late = |closed: &Closed, extra: u32| {
+                closed.get(&key).is_some_and(|&best| best <= (node.step + 1) * STEP + extra)
+            };
+            if is_late(self.closed, extra) || !self.may_drive(&node.spot, piece) {
                 continue;
             }
-            if !world.may_drive(&node.spot, piece) {
-                continue;
-            }
-            let Some(clashes) = world.clashes(&node.spot, piece, step) else {
+            let Some(clashes) = self.clashes(&node.spot, piece, step) else {
                 hindered = true;
                 continue;
             };
             hindered |= clashes > 0;
-            extra += clashes * world.query.clash;
-            if clashes > 0 && self.closed.get(key).is_some_and(|best| best <= cost(extra)) {
+            extra += clashes * self.clash;
+            if clashes > 0 && is_late(self.closed, extra) {
                 continue;
             }
-            self.closed.put(key, cost(extra));
             let (step, to_go, square) = (node.step + 1, u32::from(to_go), square as u32);
-            self.push(
-                world,
-                Node { spot, piece: *piece, step, parent: index, extra, to_go, gear, square },
-                goal_opens,
-            );
+            self.closed.insert(key, step * STEP + extra);
+            let next = Node { spot, piece: *piece, step, extra, to_go, gear, square, last: None };
+            tree.push(index, next, self.estimate(&next));
         }
-        if hindered || world.table.busy_later(node.square as usize, step) {
-            self.wait(world, index, goal_opens);
+        if hindered || self.table.busy_later(node.square as usize, step) {
+            self.wait(tree, index, &node);
         }
+    }
+}
+
+/// What a step costs that is driven in this gear after that one.
+fn driving(gear: i8, before: i8) -> u32 {
+    DRIVE + if gear < 0 { ASTERN } else { 0 } + if gear * before < 0 { GEAR_CHANGE } else { 0 }
+}
+
+impl World<'_> {
+    fn estimate(&self, node: &Node) -> u64 {
+        let reach = node.step * STEP + node.to_go * STEP * self.query.manner.heuristic_weight / 100;
+        ranked(node.extra + reach.max(self.goal_opens * STEP), node.to_go)
     }
 
     /// Stays for a step. Where nobody is near, waiting leads to the same state: it is kept all the same,
     /// because what comes next may be free only later.
-    fn wait(&mut self, world: &World<'_>, index: u32, goal_opens: u32) {
-        let node = self.nodes[index as usize];
+    fn wait(&mut self, tree: &mut Tree<Node>, index: u32, node: &Node) {
         let step = node.step as usize;
-        let Some(clashes) = world.clashes(&node.spot, &WAIT, step) else { return };
-        let extra = node.extra + clashes * world.query.clash;
+        let Some(clashes) = self.clashes(&node.spot, &WAIT, step) else { return };
+        let extra = node.extra + clashes * self.clash;
         let square = node.square as usize;
-        let (now, then) = (world.key(square, &node.spot, step), world.key(square, &node.spot, step + 1));
+        let (now, then) = (self.key(square, &node.spot, step), self.key(square, &node.spot, step + 1));
         if now != then {
             let cost = (node.step + 1) * STEP + extra;
-            if self.closed.get(then).is_some_and(|best| best <= cost) {
+            if self.closed.get(&then).is_some_and(|&best| best <= cost) {
                 return;
             }
-            self.closed.put(then, cost);
+            self.closed.insert(then, cost);
         }
-        self.push(world, Node { piece: WAIT, step: node.step + 1, parent: index, extra, ..node }, goal_opens);
+        let next = Node { piece: WAIT, step: node.step + 1, extra, ..*node };
+        tree.push(index, next, self.estimate(&next));
     }
 
     /// Tries to drive straight to the goal, now or so that it is reached when it becomes free.
-    fn shoot(&mut self, world: &World<'_>, index: u32, goal_opens: u32) {
-        let node = self.nodes[index as usize];
-        let Scene { step: length, horizon, .. } = world.scene;
-        for path in shot::words(world.driver, &node.spot, *length, (node.to_go + SHOT_DETOUR) as usize) {
-            let pieces = shot::cut(&path, *length);
-            let waits = (goal_opens as usize).saturating_sub(node.step as usize + pieces.len());
-            let arrival = node.step as usize + waits + pieces.len();
-            if arrival + 1 >= *horizon {
+    fn shoot(&mut self, tree: &mut Tree<Node>, index: u32, node: &Node) {
+        let Instance { step: length, horizon, .. } = *self.instance;
+        let most = (node.to_go + SHOT_DETOUR) as usize;
+        for path in analytic_expansion::words(self.driver, &node.spot, length, most) {
+            let mut pieces = analytic_expansion::cut(&path, length);
+            let waits = (self.goal_opens as usize).saturating_sub(node.step as usize + pieces.len());
+            pieces.splice(..0, std::iter::repeat_n(WAIT, waits));
+            let arrival = node.step as usize + pieces.len();
+            if arrival + 1 >= horizon {
                 continue;
             }
             let (mut spot, mut step) = (node.spot, node.step as usize);
             let (mut extra, mut gear) = (node.extra, node.gear);
-            let came_through = std::iter::repeat_n(&WAIT, waits).chain(&pieces).all(|piece| {
+            let came_through = pieces.iter().all(|piece| {
                 let drives = piece.length_m != 0.0;
-                if drives && !world.may_drive(&spot, piece) {
+                if drives && !self.may_drive(&spot, piece) {
                     return false;
                 }
-                let Some(clashes) = world.clashes(&spot, piece, step) else { return false };
-                extra += clashes * world.query.clash;
+                let Some(clashes) = self.clashes(&spot, piece, step) else { return false };
+                extra += clashes * self.clash;
                 if drives {
                     let next = if piece.length_m > 0.0 { 1 } else { -1 };
-                    extra += DRIVE + if next < 0 { ASTERN } else { 0 };
-                    extra += if next * gear < 0 { GEAR_CHANGE } else { 0 };
+                    extra += driving(next, gear);
                     gear = next;
                 }
                 (spot, step) = (spot.after(piece, 1.0), step + 1);
@@ -259,47 +255,21 @@ impl Search {
             if !came_through {
                 continue;
             }
-            let clashes = self.clashes.get(arrival).copied().unwrap_or(0).min(MOST_CLASHES);
-            let cost = arrival as u32 * STEP + extra + clashes * world.query.clash;
-            let shot = self.shots.len() as u32 | SHOT;
-            self.shots.push(Shot { node: index, waits, pieces });
-            self.open.push(Reverse((cost, 0, shot)));
+            let clashes = self.at_goal.get(arrival).copied().unwrap_or(0).min(MOST_CLASHES);
+            let cost = arrival as u32 * STEP + extra + clashes * self.clash;
+            let last = Some(self.last.len() as u32);
+            self.last.push(pieces);
+            // Behind all others that promise as much.
+            tree.push(index, Node { last, ..*node }, ranked(cost, 0) | 1);
             return;
         }
     }
 
-    fn track(&self, driver: &Driver, shot: usize) -> Track {
-        let Shot { node, waits, pieces } = &self.shots[shot];
-        let mut way = Vec::new();
-        let mut at = *node;
-        while at != ROOT {
-            let node = &self.nodes[at as usize];
-            if node.parent != ROOT {
-                way.push(node.piece);
-            }
-            at = node.parent;
-        }
-        way.reverse();
-        way.extend(std::iter::repeat_n(WAIT, *waits));
-        way.extend(pieces);
-        Track::new(driver.start, way)
-    }
-}
-
-/// What one search looks at.
-struct World<'a> {
-    scene: &'a Scene,
-    table: &'a Table<'a>,
-    query: &'a Query<'a>,
-    driver: &'a Driver,
-}
-
-impl World<'_> {
     /// Whether nothing that stays as it is forbids this piece.
     #[inline]
     fn may_drive(&self, spot: &Spot, piece: &Piece) -> bool {
-        let (floor, driver) = (&self.scene.floor, self.driver);
-        floor.clear(&driver.body, spot, piece, &driver.keep) && floor.allows(spot, piece)
+        let (obstacles, driver) = (&self.instance.obstacles, self.driver);
+        obstacles.clear(&driver.body, spot, piece, &driver.keep) && obstacles.allows(spot, piece)
     }
 
     #[inline]
@@ -338,23 +308,25 @@ impl World<'_> {
             }
             !hard
         });
-        let haunted = || {
-            self.query.ghosts.iter().any(|ghost| {
-                let now = ghost.step == step || ghost.stays && ghost.step < step;
-                now && !self.scene.pass((self.query.me, spot, piece), (ghost.car, &ghost.spot, &ghost.piece))
+        let forbidden = || {
+            self.query.constraints.iter().any(|constraint| {
+                let now = constraint.step == step || constraint.stays && constraint.step < step;
+                now && !self
+                    .instance
+                    .pass((self.query.me, spot, piece), (constraint.car, &constraint.spot, &constraint.piece))
             })
         };
-        if hard || haunted() { None } else { Some(soft) }
+        if hard || forbidden() { None } else { Some(soft) }
     }
 
-    /// The first step from which on the goal can be kept for good, and the clashes from each step on.
+    /// The first step from which on the goal can be kept for good; counts the clashes from each step on.
     /// `None` where it never can.
-    fn goal_opens(&self, clashes: &mut Vec<u32>) -> Option<u32> {
+    fn goal_opens(&mut self) -> Option<u32> {
         let goal = Spot::new(&self.driver.goal);
-        let ghosts = self.query.ghosts.iter().map(|ghost| ghost.step).max().unwrap_or(0);
-        let last = self.table.steps().max(ghosts).min(self.scene.horizon - 1);
-        clashes.clear();
-        clashes.resize(last + 1, 0);
+        let constraints = self.query.constraints.iter().map(|constraint| constraint.step).max().unwrap_or(0);
+        let last = self.table.steps().max(constraints).min(self.instance.horizon - 1);
+        self.at_goal.clear();
+        self.at_goal.resize(last + 1, 0);
         let mut later = 0;
         for step in (0..=last).rev() {
             let Some(now) = self.clashes(&goal, &WAIT, step) else {
@@ -362,8 +334,13 @@ impl World<'_> {
             };
             // Whom it meets where both stand for good it would meet for ever.
             later += if step == last { now * MOST_CLASHES } else { now };
-            clashes[step] = later;
+            self.at_goal[step] = later;
         }
         Some(0)
     }
+}
+
+/// The least cost first, then what is nearest.
+fn ranked(cost: u32, to_go: u32) -> u64 {
+    u64::from(cost) << 32 | u64::from(to_go) << 1
 }

@@ -1,7 +1,7 @@
 //! Who is where in which step: the reservations of all cars.
 
+use super::instance::Instance;
 use super::motion::{Spot, WAIT};
-use super::scene::Scene;
 use std::rc::Rc;
 use xtb_nav::Piece;
 
@@ -45,7 +45,7 @@ impl Track {
 /// The tracks of all cars that have one, and an index by step and by square.
 #[derive(Debug)]
 pub(crate) struct Table<'s> {
-    scene: &'s Scene,
+    instance: &'s Instance,
     tracks: Vec<Option<Rc<Track>>>,
     /// Middle of each car where a step begins; step by step.
     centres: Vec<[f64; 2]>,
@@ -59,10 +59,10 @@ pub(crate) struct Table<'s> {
 }
 
 impl<'s> Table<'s> {
-    pub(crate) fn new(scene: &'s Scene) -> Self {
-        let (cars, steps, squares) = (scene.cars(), scene.horizon, scene.lattice.squares());
+    pub(crate) fn new(instance: &'s Instance) -> Self {
+        let (cars, steps, squares) = (instance.cars(), instance.horizon, instance.lattice.squares());
         Self {
-            scene,
+            instance,
             tracks: vec![None; cars],
             centres: vec![NOWHERE; cars * steps],
             counts: vec![0; squares * steps],
@@ -83,9 +83,9 @@ impl<'s> Table<'s> {
 
     pub(crate) fn put(&mut self, car: usize, track: Rc<Track>) {
         self.take(car);
-        let body = &self.scene.drivers[car].body;
+        let body = &self.instance.drivers[car].body;
         for step in 0..self.horizon {
-            self.centres[step * self.scene.cars() + car] = body.centre(track.at(step).0);
+            self.centres[step * self.instance.cars() + car] = body.centre(track.at(step).0);
         }
         self.mark(car, &track, true);
         self.tracks[car] = Some(track);
@@ -94,7 +94,7 @@ impl<'s> Table<'s> {
     pub(crate) fn take(&mut self, car: usize) -> Option<Rc<Track>> {
         let track = self.tracks[car].take()?;
         for step in 0..self.horizon {
-            self.centres[step * self.scene.cars() + car] = NOWHERE;
+            self.centres[step * self.instance.cars() + car] = NOWHERE;
         }
         self.mark(car, &track, false);
         Some(track)
@@ -102,7 +102,7 @@ impl<'s> Table<'s> {
 
     /// Counts the car in or out in all squares in which another one could not stand beside it.
     fn mark(&mut self, car: usize, track: &Track, there: bool) {
-        let Scene { lattice, drivers, farthest, .. } = self.scene;
+        let Instance { lattice, drivers, farthest, .. } = self.instance;
         let horizon = self.horizon;
         let body = &drivers[car].body;
         for step in 0..=track.steps().min(horizon - 1) {
@@ -176,13 +176,13 @@ impl<'s> Table<'s> {
         step: usize,
         mut found: impl FnMut(usize) -> bool,
     ) {
-        let Scene { drivers, reach, step: longest, .. } = self.scene;
+        let Instance { drivers, reach, step: longest, .. } = self.instance;
         let body = &drivers[me].body;
         let [x, y] = body.centre(spot);
         // Middles move a little farther than reference points do; twice is plenty.
         let near = body.reach + reach + 2.0 * (piece.length_m.abs() + longest);
         let near = near * near;
-        let cars = self.scene.cars();
+        let cars = self.instance.cars();
         for (other, centre) in self.centres[step * cars..(step + 1) * cars].iter().enumerate() {
             let (dx, dy) = (centre[0] - x, centre[1] - y);
             if dx * dx + dy * dy > near || other == me {
@@ -190,7 +190,7 @@ impl<'s> Table<'s> {
             }
             let Some(track) = &self.tracks[other] else { continue };
             let (there, driven) = track.at(step);
-            if !self.scene.pass((me, spot, piece), (other, there, driven)) && !found(other) {
+            if !self.instance.pass((me, spot, piece), (other, there, driven)) && !found(other) {
                 return;
             }
         }

@@ -6,8 +6,8 @@ use rand_core::Rng;
 use rand_pcg::Pcg32;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
-use xtb_nav::path::wrap_rad;
-use xtb_nav::space::OneWay;
+use xtb_nav::geometry::path::wrap_rad;
+use xtb_nav::planner::space::OneWay;
 use xtb_nav::{Car, Cell, Grid, Map, MapPose, Zone, ZoneKind};
 
 const PUBLIC_CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
@@ -200,8 +200,8 @@ fn a_group_finds_its_ways_around_each_other() {
         (pose(10.0, 4.0, FRAC_PI_2), pose(10.0, 16.0, FRAC_PI_2)),
     ];
     let problem = room(20.0, 20.0, Vec::new(), &ways);
-    let scene = scene::Scene::new(&problem, None, &mut || true).unwrap();
-    let mut plans = Plans::new(&scene, 1);
+    let instance = instance::Instance::new(&problem, None, &mut || true).unwrap();
+    let mut plans = Plans::new(&instance, 1);
     assert!(groups::run(&mut plans, &[0, 1, 2], &mut || true));
     assert!(plans.solved());
     assert_eq!(check(&problem, &plans.schedule()), Ok(()));

@@ -3,7 +3,7 @@
 use crate::toy::{Draw, Trouble, World, floor, room};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use xtb_control::VehicleConfig;
-use xtb_nav::rect::Rect;
+use xtb_nav::geometry::rect::Rect;
 use xtb_nav::{Car, Map, MapPose, Zone, ZoneKind};
 use xtb_traffic::coordinator::{GridRoom, Room as _};
 

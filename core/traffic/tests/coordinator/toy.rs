@@ -6,7 +6,7 @@ use rand_pcg::Pcg32;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use xtb_control::{Stamp, VehicleConfig};
-use xtb_nav::rect::Rect;
+use xtb_nav::geometry::rect::Rect;
 use xtb_nav::{Car, Cell, Grid, MapPose, Path};
 use xtb_traffic::coordinator::{
     Coordinator, Counters, GridRoom, Guide, JointJob, PlannedGoal, RobotView, Room, RouteReport,

@@ -10,7 +10,7 @@ fn change(state: TaskState, error: Option<DispatchCode>) -> TaskChange {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn only_what_robots_have_confirmed_is_done() {
-    let ctx = Client::alone(std::time::Duration::from_secs(30)).await.context().clone();
+    let ctx = Context::of(&Client::alone(std::time::Duration::from_secs(30)).await);
     let ended = change(TaskState::Cancelled, None);
     assert_eq!(report(&ctx, std::slice::from_ref(&ended)), Ok(Exit::Done));
     let late = change(TaskState::Cancelling, Some(DispatchCode::Unconfirmed));

@@ -1,12 +1,12 @@
 //! `dispatch activate`: tasks are assigned again after an emergency stop of all robots.
 
-use crate::client::Client;
+use crate::commands::dispatcher;
 use crate::context::Context;
-use crate::dispatching::Dispatching;
 use crate::error::{Exit, Result};
 use crate::interrupt::or_interrupted;
-use crate::task_words;
+use crate::text::task as task_text;
 use serde::Serialize;
+use xtb_client::client::Client;
 use xtb_protocol::messages::Suspension;
 
 /// What it came to.
@@ -28,8 +28,8 @@ pub(super) async fn run(ctx: &Context) -> Result<Exit> {
 }
 
 async fn activate(ctx: &Context) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
-    let activated = Dispatching::of(&client).activate().await;
+    let client = Client::open(&ctx.settings).await?;
+    let activated = dispatcher(&client).activate().await;
     client.close().await;
     let (ended, suspended) = activated?;
     let done = Activated { active: true, ended, suspended };
@@ -41,7 +41,7 @@ async fn activate(ctx: &Context) -> Result<Exit> {
             Some(ended) => format!("the dispatcher is active again, with {} open tasks", ended.tasks),
             None => "the dispatcher was active already".to_owned(),
         };
-        let more = task_words::suspended(&done.suspended, None, &ctx.out);
+        let more = task_text::suspended(&done.suspended, None, &ctx.out);
         [first].into_iter().chain(more).collect::<Vec<_>>().join("\n")
     })?;
     Ok(Exit::Done)

@@ -1,10 +1,10 @@
 //! `dispatch adopt`: the tasks of other maps are taken over to the fleet's.
 
-use crate::client::Client;
+use crate::commands::dispatcher;
 use crate::context::Context;
-use crate::dispatching::Dispatching;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::or_interrupted;
+use xtb_client::client::Client;
 
 /// Tasks that are named one by one.
 const NAMED: usize = 10;
@@ -18,8 +18,8 @@ pub(super) async fn run(ctx: &Context) -> Result<Exit> {
 }
 
 async fn adopt(ctx: &Context) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
-    let adopted = Dispatching::of(&client).adopt().await;
+    let client = Client::open(&ctx.settings).await?;
+    let adopted = dispatcher(&client).adopt().await;
     client.close().await;
     let adopted = adopted?;
     let Some(map) = &adopted.map else {

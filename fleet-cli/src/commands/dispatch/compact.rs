@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::services::dispatch::store::{self, Store};
 use serde::Serialize;
-use xtb_dispatch::{Book, Entry, Record};
+use xtb_dispatch::{Entry, Record, TaskStore};
 
 /// What it came to.
 #[derive(Debug, Serialize)]
@@ -21,22 +21,22 @@ struct Compacted {
 /// # Errors
 /// There is none, a dispatcher holds it, it is damaged, or the disk is full: nothing is changed then.
 pub(super) fn run(ctx: &Context, args: &DispatchCompactArgs) -> Result<Exit> {
-    let path = store::path(args.ledger.ledger.as_deref(), &ctx.fleet)?;
+    let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
     if !path.exists() {
         return Err(Failure::new(Kind::Config, format!("there is no ledger {}", path.display()))
             .hint("name one with --ledger"));
     }
-    let Store { mut ledger, entries, .. } = Store::open(&path, &ctx.fleet)?;
+    let Store { mut ledger, entries, .. } = Store::open(&path, &ctx.settings.fleet)?;
     let (records, n) = (entries.len(), ledger.last_seq() + 1);
     let keep = xtb_dispatch::Settings::default().keep_ended;
-    let book = Book::replay(keep, entries).map_err(|error| store::unreadable(&path, &error))?;
+    let book = TaskStore::replay(keep, entries).map_err(|error| store::unreadable(&path, &error))?;
     let compacted = Compacted {
         ledger: path.display().to_string(),
         records,
         tasks: book.tasks().count(),
         open: book.open_count(),
     };
-    let v = xtb_dispatch::record::VERSION;
+    let v = xtb_dispatch::task_store::record::VERSION;
     let record = Record::Snapshot(Box::new(book));
     ledger.compact(&Entry { v, n, at_ms: store::wall_ms(), record })?;
     ctx.out.result(&compacted, |Compacted { ledger, records, tasks, open }| {

@@ -24,7 +24,7 @@ struct Line {
 /// # Errors
 /// There is no ledger, or nothing of it can be read.
 pub(super) fn run(ctx: &Context, args: &DispatchExportArgs) -> Result<Exit> {
-    let path = store::path(args.ledger.ledger.as_deref(), &ctx.fleet)?;
+    let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
     if !path.exists() {
         return Err(Failure::new(Kind::Config, format!("there is no ledger {}", path.display()))
             .hint("name one with --ledger"));

@@ -1,6 +1,7 @@
 //! Files of tasks (TOML): read and checked as a whole before anything is submitted.
 
 use super::points::waypoint;
+use super::text;
 use crate::error::{Failure, Kind, Result};
 use robot_agent::files;
 use serde::Deserialize;
@@ -11,15 +12,6 @@ use xtb_protocol::Name;
 use xtb_protocol::messages::{LinkLoss, MAX_SUBMISSION, OnTakeover, TaskKind, TaskSpec, Waypoint, Who};
 
 const HINT: &str = "`fleet-cli dispatch submit --help` has an example";
-
-/// A text file.
-///
-/// # Errors
-/// [`Kind::Config`]: it cannot be read, or is too long.
-pub(super) fn text(path: &Path, max_bytes: usize) -> Result<String> {
-    files::text(path, max_bytes)
-        .map_err(|error| Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display())))
-}
 
 /// The tasks of a file; deadlines count from `now_ms`.
 ///

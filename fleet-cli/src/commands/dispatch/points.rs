@@ -31,7 +31,7 @@ fn wrong(word: &str, what: &str) -> Failure {
 fn from_file(path: &Path) -> Result<Vec<Waypoint>> {
     let place = path.display();
     let failed = |what: String| Failure::new(Kind::Config, what);
-    let text = super::file::text(path, MAX_BYTES)?;
+    let text = super::text(path, MAX_BYTES)?;
     let mut points = Vec::new();
     for (i, line) in text.lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default().trim();

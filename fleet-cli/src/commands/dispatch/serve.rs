@@ -1,16 +1,17 @@
 //! `dispatch serve`: takes tasks and gives them to robots, until Ctrl-C.
 
-use crate::charts::{self, MapService};
 use crate::cli::DispatchServeArgs;
-use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Result};
 use crate::interrupt::interrupted;
+use crate::map_file;
 use crate::services::dispatch::store::{self, Store};
 use crate::services::dispatch::{Counters, DispatchService};
-use crate::task_words;
+use crate::services::map_server::MapService;
+use crate::text::task as task_text;
 use serde::Serialize;
 use std::pin::pin;
+use xtb_client::client::Client;
 use xtb_protocol::Name;
 use xtb_protocol::messages::Suspension;
 
@@ -44,22 +45,24 @@ struct Ended {
 /// A ledger that cannot be opened, no router, or a second dispatcher; later, a ledger that cannot be gone on
 /// with.
 pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit> {
-    let path = store::path(args.ledger.ledger.as_deref(), &ctx.fleet)?;
-    let own = args.map.as_deref().map(|file| charts::read(file, args.fine.resolution_m)).transpose()?;
+    let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
+    let own = args.map.as_deref().map(|file| map_file::read(file, args.fine.resolution_m)).transpose()?;
     // Before anybody can ask: what is acknowledged has to go there.
     let store = match args.fresh {
-        true => Store::fresh(&path, &ctx.fleet)?,
-        false => Store::open(&path, &ctx.fleet)?,
+        true => Store::fresh(&path, &ctx.settings.fleet)?,
+        false => Store::open(&path, &ctx.settings.fleet)?,
     };
     let (created, set_aside) = (store.created, store.set_aside.clone());
     let mut stop = pin!(interrupted());
     let starting = async {
-        let client = Client::open(ctx).await?;
+        let client = Client::open(&ctx.settings).await?;
         let maps = match &own {
-            Some(map) => Some(MapService::start(client.bus(), client.keys(), map, ctx.timeout).await?),
+            Some(map) => {
+                Some(MapService::start(client.bus(), client.keys(), map, ctx.settings.timeout).await?)
+            }
             None => None,
         };
-        let service = DispatchService::start(&client, store, own, ctx.timeout).await?;
+        let service = DispatchService::start(&client, store, own, ctx.settings.timeout).await?;
         Ok::<_, Failure>((client, maps, service))
     };
     let (client, maps, mut service) = tokio::select! {
@@ -69,7 +72,7 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
     let standing = service.standing();
     let ready = Ready {
         ready: true,
-        fleet: &ctx.fleet,
+        fleet: &ctx.settings.fleet,
         ledger: path.display().to_string(),
         created,
         set_aside: set_aside.map(|path| path.display().to_string()),
@@ -86,7 +89,7 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
         )
     })?;
     if !ctx.out.json {
-        task_words::found(ctx, &standing.suspended, ready.set_aside.as_deref());
+        task_text::found(ctx, &standing.suspended, ready.set_aside.as_deref());
     }
     tokio::select! {
         failure = service.ended() => return Err(failure),

@@ -1,13 +1,13 @@
 //! `dispatch status`: how the dispatcher stands, without its tasks.
 
-use crate::client::Client;
 use crate::context::Context;
-use crate::dispatching::{Dispatching, Status};
 use crate::error::{Exit, Result};
 use crate::interrupt::or_interrupted;
 use crate::output::{Output, Tone};
 use crate::services::dispatch::store::wall_ms;
-use crate::task_words;
+use crate::text::task as task_text;
+use xtb_client::client::Client;
+use xtb_client::dispatcher_client::{DispatcherClient, Status};
 
 /// Asks once and prints it.
 ///
@@ -18,8 +18,8 @@ pub(super) async fn run(ctx: &Context) -> Result<Exit> {
 }
 
 async fn status(ctx: &Context) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
-    let status = Dispatching::of(&client).status().await;
+    let client = Client::open(&ctx.settings).await?;
+    let status = DispatcherClient::of(&client).status().await;
     client.close().await;
     ctx.out.result(&status?, |status| text(status, wall_ms(), &ctx.out))?;
     Ok(Exit::Done)
@@ -27,7 +27,7 @@ async fn status(ctx: &Context) -> Result<Exit> {
 
 fn text(status: &Status, now_ms: u64, out: &Output) -> String {
     let Status { dispatcher: of, suspended } = status;
-    let stopped = task_words::fleet_stop(suspended);
+    let stopped = task_text::fleet_stop(suspended);
     let state =
         if stopped.is_some() { out.paint(Tone::Bad, "SUSPENDED") } else { out.paint(Tone::Good, "active") };
     let map = of.map.as_deref().unwrap_or("none is known");
@@ -41,14 +41,14 @@ fn text(status: &Status, now_ms: u64, out: &Output) -> String {
     if let Some(why) = &of.ledger_failed {
         lines.push(out.paint(Tone::Bad, &format!("the ledger cannot be written: {why}")));
     }
-    lines.extend(task_words::suspended(suspended, Some(now_ms), out));
+    lines.extend(task_text::suspended(suspended, Some(now_ms), out));
     lines.join("\n")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::name;
+    use xtb_client::fake::name;
     use xtb_protocol::messages::{DispatchStatus, Suspension, SuspensionCause};
 
     #[test]

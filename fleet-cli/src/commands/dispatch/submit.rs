@@ -4,15 +4,16 @@ use super::{file as files, points, wait};
 use crate::cli::{
     StayArgs, TaskGotoArgs, TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs, TermArgs,
 };
-use crate::client::Client;
+use crate::commands::dispatcher;
 use crate::context::Context;
-use crate::dispatching::{Dispatching, Taken};
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
-use crate::task_words;
+use crate::text::task as task_text;
 use serde::Serialize;
 use std::pin::pin;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use xtb_client::client::Client;
+use xtb_client::dispatcher_client::Taken;
 use xtb_protocol::messages::{TaskId, TaskKind, TaskSpec, Waypoint, Who};
 
 /// What `--json` prints for a task that was taken.
@@ -84,8 +85,8 @@ fn spec(kind: TaskKind, terms: &TermArgs, now_ms: u64) -> TaskSpec {
 async fn submit(ctx: &Context, specs: Vec<TaskSpec>, stay: StayArgs) -> Result<Exit> {
     let mut stop = pin!(interrupted());
     let submitted = async {
-        let client = Client::open(ctx).await?;
-        let taken = Dispatching::of(&client).submit(specs.clone()).await?;
+        let client = Client::open(&ctx.settings).await?;
+        let taken = dispatcher(&client).submit(specs.clone()).await?;
         Ok::<_, Failure>((client, taken))
     };
     let (client, Taken { tasks: ids, suspended }) = tokio::select! {
@@ -96,7 +97,7 @@ async fn submit(ctx: &Context, specs: Vec<TaskSpec>, stay: StayArgs) -> Result<E
         }
     };
     // What is of another map does not keep the new ones waiting.
-    if let Some(stop) = task_words::fleet_stop(&suspended) {
+    if let Some(stop) = task_text::fleet_stop(&suspended) {
         ctx.out.note(&format!("taken, and not assigned yet: {}; {}", stop.cause.text(), stop.cause.remedy()));
     }
     let exit = if stay.wait {
@@ -111,7 +112,7 @@ async fn submit(ctx: &Context, specs: Vec<TaskSpec>, stay: StayArgs) -> Result<E
 fn say(ctx: &Context, ids: &[TaskId], specs: &[TaskSpec]) -> Result<Exit> {
     for (id, spec) in ids.iter().zip(specs) {
         ctx.out.result(&Submitted { id: *id, spec }, |_| {
-            format!("{id} submitted: {}, {}", task_words::what(&spec.kind), task_words::whose(&spec.who))
+            format!("{id} submitted: {}, {}", task_text::what(&spec.kind), task_text::whose(&spec.who))
         })?;
     }
     if let ([id, ..], false) = (ids, ctx.out.json) {

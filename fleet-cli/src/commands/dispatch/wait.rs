@@ -1,14 +1,16 @@
 //! `--wait`: stays until tasks have ended, through restarts of the dispatcher.
 
-use crate::client::Client;
+use crate::commands::dispatcher;
 use crate::context::Context;
-use crate::dispatching::{Dispatching, News, worst};
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::output::Progress;
-use crate::task_words;
+use crate::text::task as task_text;
 use std::collections::BTreeSet;
 use std::pin::Pin;
 use std::time::{Duration, Instant};
+use xtb_client::DispatcherClient;
+use xtb_client::client::Client;
+use xtb_client::dispatcher_client::{TaskChanges, worst};
 use xtb_protocol::messages::{DispatchBody, TaskId, TaskState, TaskView};
 
 /// Looks this often even if no change was heard of.
@@ -40,8 +42,8 @@ pub(super) async fn run(
 }
 
 async fn follow(ctx: &Context, client: &Client, ids: &[TaskId], progress: &mut Progress) -> Result<Exit> {
-    let dispatching = Dispatching::of(client);
-    let news = News::open(client).await?;
+    let dispatching = dispatcher(client);
+    let news = TaskChanges::open(client).await?;
     let mut open: BTreeSet<TaskId> = ids.iter().copied().collect();
     let mut all_done = true;
     let mut heard = Instant::now();
@@ -80,7 +82,7 @@ async fn follow(ctx: &Context, client: &Client, ids: &[TaskId], progress: &mut P
 }
 
 /// How the tasks that are waited for stand. One alone comes with the reason why it waits.
-async fn look(dispatching: &Dispatching<'_>, open: &BTreeSet<TaskId>) -> Result<Vec<TaskView>> {
+async fn look(dispatching: &DispatcherClient<'_>, open: &BTreeSet<TaskId>) -> Result<Vec<TaskView>> {
     match open.first() {
         Some(only) if open.len() == 1 => Ok(vec![dispatching.show(*only).await?.task]),
         _ => {
@@ -92,8 +94,8 @@ async fn look(dispatching: &Dispatching<'_>, open: &BTreeSet<TaskId>) -> Result<
 
 fn line(views: &[TaskView], open: &BTreeSet<TaskId>) -> String {
     match views {
-        [view] => task_words::line(view),
-        views => format!("{} to go: {}", open.len(), task_words::count(views)),
+        [view] => task_text::line(view),
+        views => format!("{} to go: {}", open.len(), task_text::count(views)),
     }
 }
 
@@ -102,8 +104,8 @@ fn report(ctx: &Context, view: &TaskView, alone: bool) -> Result<()> {
     if ctx.out.json {
         return ctx.out.line(view);
     }
-    let took = task_words::since(view.since_ms, view.submitted_ms);
-    let text = format!("{} after {took}", task_words::line(view));
+    let took = task_text::since(view.since_ms, view.submitted_ms);
+    let text = format!("{} after {took}", task_text::line(view));
     if view.state == TaskState::Done || !alone {
         return ctx.out.text(&text);
     }
@@ -129,7 +131,7 @@ async fn left(ctx: &Context, client: &Client, ids: &[TaskId], cancels: bool) -> 
             format!("`fleet-cli cancel {}` ends it; --cancel-on-interrupt does so on Ctrl-C", names(ids));
         return Err(Failure::new(Kind::Interrupted, message).hint(hint));
     }
-    let changes = Dispatching::of(client).change(DispatchBody::Cancel { tasks: ids.to_vec() }).await?;
+    let changes = dispatcher(client).change(DispatchBody::Cancel { tasks: ids.to_vec() }).await?;
     // What had ended by then is no reason to complain.
     let changes: Vec<_> =
         changes.tasks.into_iter().filter(|change| !change.state.is_some_and(TaskState::is_final)).collect();

@@ -5,10 +5,10 @@ mod simulator;
 
 pub(super) use services::Services;
 
+use super::finding::{Finding, Level};
 use super::fixes::FixBook;
-use crate::describe;
 use crate::error::Failure;
-use serde::Serialize;
+use crate::text::robot as describe;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 use xtb_control::frames::MapPose;
@@ -25,51 +25,6 @@ const YAW_TOLERANCE_RAD: f64 = 0.01;
 const LATE_US: u64 = 5000;
 /// Parameters that are named where vehicle configs differ.
 const DIFFERENCES_SHOWN: usize = 3;
-
-/// How bad it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum Level {
-    /// As it should be.
-    Ok,
-    /// Worth a look.
-    Warning,
-    /// Something does not work.
-    Problem,
-}
-
-/// One thing that was looked at.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct Finding {
-    /// How bad it is.
-    pub(super) level: Level,
-    /// What was looked at.
-    pub(super) topic: &'static str,
-    /// On which robot; `None` = the fleet's.
-    pub(super) robot: Option<Name>,
-    /// In words.
-    pub(super) text: String,
-    /// What to do about it.
-    pub(super) todo: Option<String>,
-}
-
-impl Finding {
-    fn ok(topic: &'static str, text: impl Into<String>) -> Self {
-        Self { level: Level::Ok, topic, robot: None, text: text.into(), todo: None }
-    }
-
-    fn warning(topic: &'static str, text: impl Into<String>, todo: impl Into<String>) -> Self {
-        Self { level: Level::Warning, topic, robot: None, text: text.into(), todo: Some(todo.into()) }
-    }
-
-    pub(super) fn problem(topic: &'static str, text: impl Into<String>, todo: impl Into<String>) -> Self {
-        Self { level: Level::Problem, ..Self::warning(topic, text, todo) }
-    }
-
-    pub(super) fn of(self, robot: &Name) -> Self {
-        Self { robot: Some(robot.clone()), ..self }
-    }
-}
 
 /// What the doctor has seen.
 pub(super) struct Facts {
@@ -407,7 +362,7 @@ fn faults(facts: &Facts) -> Vec<Finding> {
                 Some(("the battery is low", Fault::BatteryLow.remedy()))
             }
             BatteryLevel::Critical if !said(Fault::BatteryCritical) => {
-                Some(("the battery is nearly empty", Fault::BatteryCritical.remedy()))
+                Some(("battery nearly empty", Fault::BatteryCritical.remedy()))
             }
             _ => None,
         };

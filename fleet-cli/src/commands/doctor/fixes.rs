@@ -1,6 +1,6 @@
 //! Whose pose the fixes of each robot are. Pure: fixes and states in.
 
-use super::checks::Finding;
+use super::finding::Finding;
 use std::collections::BTreeMap;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Fix, RobotState};
@@ -87,7 +87,7 @@ impl FixBook {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::{self, name};
+    use xtb_client::fake::{self, name};
     use xtb_protocol::messages::FixSource;
 
     fn states() -> BTreeMap<Name, RobotState> {

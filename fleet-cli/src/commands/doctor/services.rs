@@ -1,12 +1,12 @@
 //! Listens for what serves the whole fleet: dispatcher, traffic control, map.
 
 use super::checks::Services;
-use crate::client::Client;
 use crate::error::Result;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::Notify;
 use xtb_bus::{Incoming, Subscription};
+use xtb_client::client::Client;
 use xtb_protocol::messages::{Message, TrafficState};
 
 /// Boots of traffic control that are told apart; there should be one.

@@ -1,39 +1,16 @@
-//! What a goal asks of a robot, and how to speak of it.
+//! A goal as the verbs ask for it, and how to speak of it.
 
-use crate::describe;
 use std::time::Duration;
+use xtb_client::goal::{GoalRequest, GoalTarget};
 use xtb_protocol::Name;
-use xtb_protocol::messages::{Body, LinkLoss, Via};
-
-/// A goal that outlives this client may take this long (the robot's own default too).
-const FINISH_WITHIN: Duration = Duration::from_secs(300);
-
-/// What a goal is for.
-pub(in crate::commands) enum Aim {
-    /// Drive to a point of the map.
-    Point {
-        /// East.
-        x_m: f64,
-        /// North.
-        y_m: f64,
-        /// On arrival.
-        yaw_rad: Option<f64>,
-        /// How; `None` = as the robot likes.
-        via: Option<Via>,
-    },
-    /// Wander.
-    Wander {
-        /// `None` = until it is stopped.
-        lasting: Option<Duration>,
-    },
-}
+use xtb_protocol::messages::LinkLoss;
 
 /// What to drive.
 pub(in crate::commands) struct Task {
     /// Which robot.
     pub(in crate::commands) robot: Name,
     /// What for.
-    pub(in crate::commands) aim: Aim,
+    pub(in crate::commands) target: GoalTarget,
     /// How long it may take.
     pub(in crate::commands) within: Option<Duration>,
     /// Follow it to its end.
@@ -45,51 +22,23 @@ pub(in crate::commands) struct Task {
 }
 
 impl Task {
-    /// A goal that has a limit, or that outlives this client, is bounded by the robot's own clock too.
-    pub(super) fn on_link_loss(&self) -> LinkLoss {
+    /// The request. A goal that has a limit, or that outlives this client, is bounded by the robot's own clock too.
+    pub(super) fn request(&self) -> GoalRequest {
         let usual = if self.wait && self.within.is_none() { LinkLoss::Halt } else { LinkLoss::Finish };
-        self.on_link_loss.unwrap_or(usual)
-    }
-
-    fn finish_s(&self) -> f64 {
-        self.within.unwrap_or(FINISH_WITHIN).as_secs_f64()
-    }
-
-    /// The request.
-    pub(super) fn body(&self) -> Body {
-        let (on_link_loss, finish_s) = (self.on_link_loss(), self.finish_s());
-        match self.aim {
-            Aim::Point { x_m, y_m, yaw_rad, via } => {
-                Body::Goto { x_m, y_m, yaw_rad, via, on_link_loss, finish_s }
-            }
-            Aim::Wander { lasting } => {
-                let for_s = lasting.map(|lasting| lasting.as_secs_f64());
-                // The shorter of the two ends it.
-                Body::Wander { for_s, on_link_loss, finish_s: for_s.map_or(finish_s, |s| s.max(finish_s)) }
-            }
-        }
-    }
-
-    /// The goal in a word or two.
-    pub(in crate::commands) fn words(&self) -> String {
-        match self.aim {
-            Aim::Point { x_m, y_m, .. } => {
-                format!("({}, {})", describe::fixed(x_m, 2), describe::fixed(y_m, 2))
-            }
-            Aim::Wander { .. } => "wander".to_owned(),
-        }
+        let on_link_loss = self.on_link_loss.unwrap_or(usual);
+        GoalRequest { target: self.target, within: self.within, on_link_loss }
     }
 
     /// What the robot does once nobody is with it.
-    pub(in crate::commands) fn alone(&self) -> String {
-        let robot = &self.robot;
-        match (self.on_link_loss(), &self.aim) {
+    pub(super) fn alone(&self) -> String {
+        let (robot, request) = (&self.robot, self.request());
+        match (request.on_link_loss, self.target) {
             (LinkLoss::Halt, _) => format!("{robot} stops by itself within 0.7 s"),
-            (LinkLoss::Finish, Aim::Point { .. }) => {
-                format!("{robot} goes on to its goal (finish, at most {} s)", self.finish_s())
+            (LinkLoss::Finish, GoalTarget::Point { .. }) => {
+                format!("{robot} goes on to its goal (finish, at most {} s)", request.finish_s())
             }
-            (LinkLoss::Finish, Aim::Wander { lasting }) => {
-                let seconds = lasting.map_or(self.finish_s(), |lasting| lasting.as_secs_f64());
+            (LinkLoss::Finish, GoalTarget::Wander { lasting }) => {
+                let seconds = lasting.map_or(request.finish_s(), |lasting| lasting.as_secs_f64());
                 format!("{robot} goes on wandering (finish, at most {seconds} s)")
             }
         }
@@ -99,12 +48,13 @@ impl Task {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use xtb_protocol::messages::Body;
 
     fn task(wait: bool, within_s: Option<u64>) -> Task {
-        let aim = Aim::Point { x_m: 1.0, y_m: 2.0, yaw_rad: None, via: None };
+        let target = GoalTarget::Point { x_m: 1.0, y_m: 2.0, yaw_rad: None, via: None };
         let robot = Name::new("xtb-1").unwrap();
         let within = within_s.map(Duration::from_secs);
-        Task { robot, aim, within, wait, on_link_loss: None, take: false }
+        Task { robot, target, within, wait, on_link_loss: None, take: false }
     }
 
     #[test]
@@ -116,7 +66,7 @@ mod tests {
             (true, None, LinkLoss::Halt, 300.0, "stops by itself"),
         ] {
             let task = task(wait, within);
-            let Body::Goto { on_link_loss, finish_s, .. } = task.body() else { panic!() };
+            let Body::Goto { on_link_loss, finish_s, .. } = task.request().body() else { panic!() };
             assert_eq!((on_link_loss, finish_s), (policy, seconds), "wait {wait}, within {within:?}");
             assert!(task.alone().contains(alone), "{}", task.alone());
         }
@@ -127,7 +77,7 @@ mod tests {
         for policy in [LinkLoss::Halt, LinkLoss::Finish] {
             for wait in [false, true] {
                 let task = Task { on_link_loss: Some(policy), ..task(wait, None) };
-                let Body::Goto { on_link_loss, .. } = task.body() else { panic!() };
+                let Body::Goto { on_link_loss, .. } = task.request().body() else { panic!() };
                 assert_eq!(on_link_loss, policy, "wait {wait}");
             }
         }

@@ -1,10 +1,10 @@
 //! `map check`: what is wrong with a map, and what to do about it.
 
 use super::{rounded, size, size_m};
-use crate::charts;
 use crate::cli::MapCheckArgs;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
+use crate::map_file;
 use crate::output::{Output, Tone};
 use robot_agent::config::Layers;
 use robot_agent::files;
@@ -77,7 +77,7 @@ struct Found<'a> {
 /// A file that is no map, or no config.
 pub(super) fn run(ctx: &Context, args: &MapCheckArgs) -> Result<Exit> {
     let vehicle = args.car_from.as_deref().map_or_else(|| Ok(VehicleConfig::default()), vehicle)?;
-    let map = charts::read(&args.file, args.fine.resolution_m)?;
+    let map = map_file::read(&args.file, args.fine.resolution_m)?;
     let found = found(&map, &Car::of(&vehicle));
     ctx.out.result(&found, |found| text(found, &map, &ctx.out))?;
     Ok(if found.problems == 0 { Exit::Done } else { Exit::Failed })

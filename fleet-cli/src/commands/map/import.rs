@@ -1,10 +1,10 @@
 //! `map import`: a world or a map as map_server files.
 
 use super::size;
-use crate::charts;
 use crate::cli::MapImportArgs;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
+use crate::map_file;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use xtb_nav::map::ros::Files;
@@ -27,7 +27,7 @@ struct Written<'a> {
 /// # Errors
 /// A file that cannot be read or written, or is there already.
 pub(super) fn run(ctx: &Context, args: &MapImportArgs) -> Result<Exit> {
-    let map = charts::read(&args.file, args.fine.resolution_m)?;
+    let map = map_file::read(&args.file, args.fine.resolution_m)?;
     let yaml = &args.out;
     if !matches!(yaml.extension().and_then(|ending| ending.to_str()), Some("yaml" | "yml")) {
         let message = format!("{} does not end in .yaml", yaml.display());

@@ -1,13 +1,14 @@
 //! `map serve`: publishes a map to the fleet until Ctrl-C.
 
-use crate::charts::{self, MapService};
 use crate::cli::MapServeArgs;
-use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Result};
 use crate::interrupt::interrupted;
+use crate::map_file;
+use crate::services::map_server::MapService;
 use serde::Serialize;
 use std::pin::pin;
+use xtb_client::client::Client;
 use xtb_protocol::Name;
 use xtb_protocol::messages::MapHash;
 
@@ -25,18 +26,18 @@ struct Ready<'a> {
 /// # Errors
 /// A file that is no map, no router, or another map that is served already.
 pub(super) async fn run(ctx: &Context, args: &MapServeArgs) -> Result<Exit> {
-    let map = charts::read(&args.file, args.fine.resolution_m)?;
+    let map = map_file::read(&args.file, args.fine.resolution_m)?;
     let mut stop = pin!(interrupted());
     let starting = async {
-        let client = Client::open(ctx).await?;
-        let service = MapService::start(client.bus(), client.keys(), &map, ctx.timeout).await?;
+        let client = Client::open(&ctx.settings).await?;
+        let service = MapService::start(client.bus(), client.keys(), &map, ctx.settings.timeout).await?;
         Ok::<_, Failure>((client, service))
     };
     let (client, service) = tokio::select! {
         started = starting => started?,
         () = &mut stop => return Ok(Exit::Interrupted),
     };
-    let ready = Ready { ready: true, fleet: &ctx.fleet, name: map.name(), hash: map.hash() };
+    let ready = Ready { ready: true, fleet: &ctx.settings.fleet, name: map.name(), hash: map.hash() };
     ctx.out.result(&ready, |ready| {
         format!("map {} ({}) served to fleet {}; Ctrl-C ends", ready.name, ready.hash, ready.fleet)
     })?;

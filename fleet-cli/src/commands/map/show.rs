@@ -2,14 +2,15 @@
 
 use super::picture::{Picture, arrow};
 use super::{centimetres, rounded, size, size_m};
-use crate::charts;
 use crate::cli::MapShowArgs;
-use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
+use crate::map_file;
 use crate::output::{Output, Tone};
 use serde::Serialize;
 use std::io::IsTerminal;
+use xtb_client::client::Client;
+use xtb_client::map_source;
 use xtb_nav::{Cell, Map, Zone, ZoneKind};
 use xtb_protocol::messages::MapHash;
 
@@ -46,7 +47,7 @@ struct Shown<'a> {
 /// A file that is no map, no router, or nobody who serves a map.
 pub(super) async fn run(ctx: &Context, args: &MapShowArgs) -> Result<Exit> {
     let maps = match &args.file {
-        Some(file) => vec![charts::read(file, args.fine.resolution_m)?],
+        Some(file) => vec![map_file::read(file, args.fine.resolution_m)?],
         None => live(ctx).await?,
     };
     for map in &maps {
@@ -60,14 +61,17 @@ pub(super) async fn run(ctx: &Context, args: &MapShowArgs) -> Result<Exit> {
 
 /// The different maps that are served; one, if all is well.
 async fn live(ctx: &Context) -> Result<Vec<Map>> {
-    let client = Client::open(ctx).await?;
-    let mut messages = charts::served(client.bus(), client.keys(), ctx.timeout).await?;
+    let client = Client::open(&ctx.settings).await?;
+    let mut messages = map_source::served(client.bus(), client.keys(), ctx.settings.timeout).await?;
     client.close().await;
     messages.sort_by_key(|message| message.hash);
     messages.dedup_by_key(|message| message.hash);
     if messages.is_empty() {
-        return Err(Failure::new(Kind::NoRobot, format!("nobody serves a map to fleet {}", ctx.fleet))
-            .hint("`fleet-cli map serve FILE` does, and so does `fleet-cli sim`"));
+        return Err(Failure::new(
+            Kind::NoRobot,
+            format!("nobody serves a map to fleet {}", ctx.settings.fleet),
+        )
+        .hint("`fleet-cli map serve FILE` does, and so does `fleet-cli sim`"));
     }
     let broken = |error: xtb_nav::map::wire::WireError| {
         Failure::new(Kind::Failed, format!("the map that is served cannot be used: {error}"))

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use xtb_control::VehicleConfig;
 use xtb_nav::map::raster;
-use xtb_nav::space::OneWay;
+use xtb_nav::planner::space::OneWay;
 use xtb_nav::{Car, Cell, Grid, Map, MapPose};
 use xtb_sim::{CHART_RESOLUTION_M, World};
 use xtb_traffic::solver::{Bounds, Obstacle, Problem, ProblemError, Task, Tolerance, obstacles_of};

@@ -1,10 +1,10 @@
 //! One robot in detail, as lines of text.
 
-use crate::describe;
 use crate::output::{Output, Tone};
-use crate::view::RobotView;
-use crate::words;
+use crate::text::reasons;
+use crate::text::robot as describe;
 use std::time::Duration;
+use xtb_client::fleet_view::RobotView;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{BatteryLevel, RobotState};
 
@@ -41,7 +41,7 @@ fn facts(robot: &RobotView, state: &RobotState) -> Vec<(&'static str, String, To
     let blocked = [state.obstacle.front, state.obstacle.rear].contains(&Some(true));
     let low = state.battery_level > BatteryLevel::Ok;
     let mut facts = vec![
-        ("mode", words::name(&state.mode), Tone::Plain),
+        ("mode", reasons::name(&state.mode), Tone::Plain),
         (
             "pose",
             format!("{} ({})", describe::pose(&state.pose), describe::pose_source(&state.pose)),
@@ -74,7 +74,7 @@ fn facts(robot: &RobotView, state: &RobotState) -> Vec<(&'static str, String, To
     }
     if !state.ended_goals.is_empty() {
         let ends =
-            state.ended_goals.iter().map(|end| format!("{} {}", short(end.id), words::name(&end.status)));
+            state.ended_goals.iter().map(|end| format!("{} {}", short(end.id), reasons::name(&end.status)));
         facts.push(("goals past", ends.collect::<Vec<_>>().join(", "), Tone::Dim));
     }
     if let Some(rejected) = describe::rejected(&state.rejected) {
@@ -91,7 +91,7 @@ fn short(id: Uuid) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake;
+    use xtb_client::fake;
     use xtb_protocol::messages::{GoalEnd, GoalStatus, Latch, LeaseState, StopReason};
 
     #[test]
@@ -123,7 +123,7 @@ mod tests {
         for part in [
             "latched    estop by cli-1 for 12.0 s\n",
             "latched    gyro_lost by gyro_silent for 12.0 s, its cause is still there",
-            "stands     for 12.0 s: somebody called an emergency stop",
+            "stands     for 12.0 s: emergency stop",
             "goal       cancelled (1.00, 2.00) 12.0 s ago, sent by me: estop",
             "lease      cli-2, 40 ms",
             "battery    7.4 V, warn",

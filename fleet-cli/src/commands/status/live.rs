@@ -2,22 +2,22 @@
 
 use super::block;
 use crate::cli::StatusArgs;
-use crate::client::Client;
 use crate::context::Context;
-use crate::describe;
 use crate::error::{Exit, Result};
-use crate::feed::Feed;
 use crate::interrupt::interrupted;
 use crate::output::{Output, Tone};
 use crate::terminal::{Input, Terminal};
-use crate::view::{FleetView, RobotView};
-use crate::words;
+use crate::text::reasons;
+use crate::text::robot as describe;
 use crossterm::event::KeyCode;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal;
 use std::pin::pin;
 use std::time::Duration;
 use tokio::time::Instant;
+use xtb_client::client::Client;
+use xtb_client::fleet_view::{FleetView, RobotView};
+use xtb_client::state_feed::StateFeed;
 use xtb_protocol::Name;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{GoalStatus, Latch, Rejected, StopReason};
@@ -31,8 +31,8 @@ pub(super) async fn run(
     args: &StatusArgs,
     wanted: &BTreeSet<Name>,
 ) -> Result<Exit> {
-    let feed = Feed::open(client, &client.keys().any_robot()).await?;
-    let view = || FleetView::now(&feed, &ctx.fleet, wanted).only(&args.robots);
+    let feed = StateFeed::open(client, &client.keys().any_robot()).await?;
+    let view = || FleetView::now(&feed, &ctx.settings.fleet, wanted).only(&args.robots);
     if ctx.out.json || !std::io::stdout().is_terminal() || !std::io::stdin().is_terminal() {
         return follow(ctx, view).await;
     }
@@ -92,7 +92,7 @@ impl Gist {
     fn of(robot: &RobotView) -> Self {
         let known = robot.state.as_ref().filter(|_| robot.alive).map(|state| Known {
             epoch: state.epoch,
-            mode: words::name(&state.mode),
+            mode: reasons::name(&state.mode),
             stopped_because: state.stopped_because.clone(),
             latches: state.latches.iter().map(|latch| latch.latch).collect(),
             goal: state.goal.as_ref().map(|goal| (goal.id, goal.status)),
@@ -128,12 +128,12 @@ fn summary(robot: &RobotView, out: &Output) -> String {
     let Some(state) = robot.state.as_ref().filter(|_| robot.alive) else {
         return block::lines(robot, out).join(" ");
     };
-    let mut text = format!("{name}  {} at {}", words::name(&state.mode), describe::pose(&state.pose));
+    let mut text = format!("{name}  {} at {}", reasons::name(&state.mode), describe::pose(&state.pose));
     if let Some(goal) = &state.goal {
         text.push_str(&format!(" · goal {}", describe::goal(goal)));
     }
     if !state.stopped_because.is_empty() {
-        text.push_str(&format!(" · stands: {}", words::reasons(&state.stopped_because)));
+        text.push_str(&format!(" · stands: {}", reasons::reasons(&state.stopped_because)));
     }
     text
 }

@@ -1,7 +1,7 @@
 //! What `task` shows.
 
 use super::*;
-use crate::fake::task;
+use xtb_client::fake::task;
 use xtb_protocol::messages::{TaskState, TaskStep};
 
 #[test]

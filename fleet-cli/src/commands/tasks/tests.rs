@@ -1,7 +1,7 @@
 //! What `tasks` shows.
 
 use super::*;
-use crate::fake::{name, task};
+use xtb_client::fake::{name, task};
 use xtb_protocol::messages::TaskState;
 
 fn args(all: bool, robot: Option<&str>) -> TasksArgs {

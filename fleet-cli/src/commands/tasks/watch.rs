@@ -2,19 +2,19 @@
 
 use super::{concerns, screen};
 use crate::cli::TasksArgs;
-use crate::client::Client;
 use crate::context::Context;
-use crate::dispatching::{Dispatching, News};
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
 use crate::output::Tone;
-use crate::task_words;
 use crate::terminal::{Input, Terminal};
+use crate::text::task as task_text;
 use crossterm::event::KeyCode;
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::pin::pin;
 use std::time::Duration;
+use xtb_client::client::Client;
+use xtb_client::dispatcher_client::{DispatcherClient, TaskChanges};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{TaskId, TaskList, TaskState, TaskView};
 
@@ -25,10 +25,10 @@ const SETTLE: Duration = Duration::from_millis(200);
 
 /// Shows tasks until the operator leaves.
 pub(super) async fn run(ctx: &Context, client: &Client, args: &TasksArgs) -> Result<Exit> {
-    let news = News::open(client).await?;
+    let news = TaskChanges::open(client).await?;
     // Nobody shall stare at an empty screen to learn that nothing runs.
     let first = tokio::select! {
-        first = async { Dispatching::of(client).list().await } => first?,
+        first = async { DispatcherClient::of(client).list().await } => first?,
         () = interrupted() => return Ok(Exit::Done),
     };
     if ctx.out.json || !std::io::stdout().is_terminal() || !std::io::stdin().is_terminal() {
@@ -37,10 +37,10 @@ pub(super) async fn run(ctx: &Context, client: &Client, args: &TasksArgs) -> Res
     repaint(ctx, client, args, &news, first).await
 }
 
-async fn next(client: &Client, news: &News) -> Result<TaskList> {
+async fn next(client: &Client, news: &TaskChanges) -> Result<TaskList> {
     news.next(LOOK_EVERY).await;
     tokio::time::sleep(SETTLE).await;
-    Dispatching::of(client).list().await
+    Ok(DispatcherClient::of(client).list().await?)
 }
 
 /// A dispatcher that is away may come back.
@@ -52,7 +52,7 @@ async fn repaint(
     ctx: &Context,
     client: &Client,
     args: &TasksArgs,
-    news: &News,
+    news: &TaskChanges,
     mut list: TaskList,
 ) -> Result<Exit> {
     let mut terminal = Terminal::open()?;
@@ -82,7 +82,7 @@ async fn repaint(
 }
 
 fn lines(ctx: &Context, args: &TasksArgs, list: &TaskList, trouble: Option<&str>) -> Vec<String> {
-    let title = format!("tasks of fleet {} · q leaves", ctx.fleet);
+    let title = format!("tasks of fleet {} · q leaves", ctx.settings.fleet);
     let mut lines = vec![ctx.out.paint(Tone::Dim, &title), String::new()];
     if let Some(trouble) = trouble {
         lines.push(ctx.out.paint(Tone::Bad, &format!("STALE: {trouble}")));
@@ -111,7 +111,7 @@ async fn follow(
     ctx: &Context,
     client: &Client,
     args: &TasksArgs,
-    news: &News,
+    news: &TaskChanges,
     first: TaskList,
 ) -> Result<Exit> {
     let mut stop = pin!(interrupted());
@@ -123,7 +123,7 @@ async fn follow(
     loop {
         for task in changed(&mut shown, &list) {
             if concerns(task, args.robot.as_ref()) {
-                ctx.out.result(task, task_words::line)?;
+                ctx.out.result(task, task_text::line)?;
             }
         }
         let came = tokio::select! {
@@ -146,7 +146,7 @@ async fn follow(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::task;
+    use xtb_client::fake::task;
 
     #[test]
     fn only_what_has_changed_gets_a_line() {

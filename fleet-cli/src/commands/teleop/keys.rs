@@ -11,6 +11,7 @@
 //! ```
 //! While it stands nothing is sent, so that watching is not commanding.
 
+use xtb_client::teleop::Drive;
 use xtb_control::Stamp;
 
 /// How long a press acts where releases are not reported.
@@ -55,15 +56,6 @@ pub(crate) enum Action {
     Repeat,
     /// It went up.
     Release,
-}
-
-/// What is asked of the truck.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Drive {
-    /// −1, 0 or 1 times the fastest speed, + = ahead.
-    pub(crate) throttle: f64,
-    /// −1..=1, + = right.
-    pub(crate) steering: f64,
 }
 
 /// The keyboard's state.

@@ -1,10 +1,11 @@
 //! What the driver sees.
 
-use super::keys::{Drive, Reporting};
-use crate::client::Seen;
-use crate::describe::{self, UNKNOWN, fixed};
+use super::keys::Reporting;
 use crate::output::{Output, Tone};
-use crate::words;
+use crate::text::reasons;
+use crate::text::robot::{self as describe, UNKNOWN, fixed};
+use xtb_client::client::Seen;
+use xtb_client::teleop::Drive;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{BatteryLevel, RobotState};
 
@@ -66,7 +67,7 @@ fn facts(state: Option<&RobotState>) -> [(&'static str, String, Tone); 9] {
     let low = state.is_some_and(|state| state.battery_level > BatteryLevel::Ok);
     [
         ("latched", show(latches), if latched { Tone::Bad } else { Tone::Plain }),
-        ("mode", show(|state| words::name(&state.mode)), Tone::Plain),
+        ("mode", show(|state| reasons::name(&state.mode)), Tone::Plain),
         ("speed", show(describe::speed), Tone::Plain),
         ("reference", show(reference), Tone::Plain),
         ("obstacles", show(|state| describe::obstacles(&state.obstacle)), warn(blocked)),
@@ -82,7 +83,7 @@ fn reference(state: &RobotState) -> String {
 }
 
 fn why(state: &RobotState) -> String {
-    if state.stopped_because.is_empty() { "no".to_owned() } else { words::reasons(&state.stopped_because) }
+    if state.stopped_because.is_empty() { "no".to_owned() } else { reasons::reasons(&state.stopped_because) }
 }
 
 /// While one is set the robot takes no setpoint.
@@ -118,7 +119,7 @@ fn help(reporting: Reporting) -> [&'static str; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake;
+    use xtb_client::fake;
     use xtb_protocol::messages::Latch;
 
     #[test]

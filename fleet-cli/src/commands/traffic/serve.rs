@@ -1,14 +1,16 @@
 //! `traffic serve`: leads the robots with planned goals past each other, until Ctrl-C.
 
-use crate::charts::{self, MapService};
 use crate::cli::TrafficServeArgs;
-use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
-use crate::traffic::TrafficService;
+use crate::map_file;
+use crate::services::map_server::MapService;
+use crate::services::traffic::TrafficService;
 use serde::Serialize;
 use std::pin::pin;
+use xtb_client::client::Client;
+use xtb_client::map_source;
 use xtb_nav::Map;
 use xtb_protocol::Name;
 use xtb_protocol::messages::MapHash;
@@ -27,25 +29,25 @@ struct Ready<'a> {
 /// # Errors
 /// No map, no router, or traffic control that runs already.
 pub(super) async fn run(ctx: &Context, args: &TrafficServeArgs) -> Result<Exit> {
-    let own = args.map.as_deref().map(|file| charts::read(file, args.fine.resolution_m)).transpose()?;
+    let own = args.map.as_deref().map(|file| map_file::read(file, args.fine.resolution_m)).transpose()?;
     let mut stop = pin!(interrupted());
     let starting = async {
-        let client = Client::open(ctx).await?;
+        let client = Client::open(&ctx.settings).await?;
         let (map, maps) = match own {
             Some(map) => {
-                let maps = MapService::start(client.bus(), client.keys(), &map, ctx.timeout).await?;
+                let maps = MapService::start(client.bus(), client.keys(), &map, ctx.settings.timeout).await?;
                 (map, Some(maps))
             }
             None => (the_fleets(ctx, &client).await?, None),
         };
-        let service = TrafficService::start(&client, &map, ctx.timeout).await?;
+        let service = TrafficService::start(&client, &map, ctx.settings.timeout).await?;
         Ok::<_, Failure>((client, map, maps, service))
     };
     let (client, map, maps, service) = tokio::select! {
         started = starting => started?,
         () = &mut stop => return Ok(Exit::Interrupted),
     };
-    let ready = Ready { ready: true, fleet: &ctx.fleet, map: map.name(), hash: map.hash() };
+    let ready = Ready { ready: true, fleet: &ctx.settings.fleet, map: map.name(), hash: map.hash() };
     ctx.out.result(&ready, |ready| {
         format!(
             "traffic control of fleet {} on map {} ({}); Ctrl-C ends: robots then stop where their way was \
@@ -60,7 +62,7 @@ pub(super) async fn run(ctx: &Context, args: &TrafficServeArgs) -> Result<Exit> 
 }
 
 async fn the_fleets(ctx: &Context, client: &Client) -> Result<Map> {
-    let served = charts::served(client.bus(), client.keys(), ctx.timeout).await?;
+    let served = map_source::served(client.bus(), client.keys(), ctx.settings.timeout).await?;
     let Some(message) = served.first() else {
         return Err(Failure::new(Kind::Config, "no map is served to this fleet")
             .hint("`fleet-cli traffic serve --map FILE` serves one too; `fleet-cli sim` has its world's"));

@@ -1,9 +1,9 @@
 //! `traffic status`: whom traffic control leads, and whom it drives around.
 
-use crate::client::Client;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use tokio::sync::mpsc;
+use xtb_client::client::Client;
 use xtb_protocol::Name;
 use xtb_protocol::messages::TrafficState;
 
@@ -12,14 +12,14 @@ use xtb_protocol::messages::TrafficState;
 /// # Errors
 /// No router, or no traffic control.
 pub(super) async fn run(ctx: &Context) -> Result<Exit> {
-    let client = Client::open(ctx).await?;
+    let client = Client::open(&ctx.settings).await?;
     let (sender, mut states) = mpsc::channel(1);
     let each = move |incoming: xtb_bus::Incoming| match incoming.decode::<TrafficState>() {
         Ok(state) => drop(sender.try_send(state)),
         Err(error) => tracing::debug!("on {}: {error}", incoming.key),
     };
     let subscription = client.bus().subscribe(&client.keys().traffic_state(), each).await?;
-    let heard = tokio::time::timeout(ctx.timeout, states.recv()).await;
+    let heard = tokio::time::timeout(ctx.settings.timeout, states.recv()).await;
     drop(subscription);
     client.close().await;
     let Ok(Some(state)) = heard else {

@@ -3,15 +3,15 @@
 //! Stands: latches, faults, what else it stands for, how its goal ended, who has control, inputs,
 //! battery. Drives: what allows it to, then the same without the standstill.
 
-use super::remedy;
-use crate::describe;
 use crate::output::Tone;
-use crate::view::RobotView;
-use crate::words;
+use crate::text::reasons;
+use crate::text::robot as describe;
 use serde::Serialize;
 use std::time::Duration;
+use xtb_client::fleet_view::RobotView;
 use xtb_control::Mode;
 use xtb_protocol::Name;
+use xtb_protocol::messages::texts::for_robot;
 use xtb_protocol::messages::{BatteryLevel, Fault, GoalStatus, RobotState, StopReason, Suspension};
 use xtb_robot::faults::INPUT_LOST_MS;
 
@@ -55,7 +55,7 @@ pub(super) enum Kind {
 
 impl Kind {
     pub(super) fn label(self) -> String {
-        words::name(&self)
+        reasons::name(&self)
     }
 }
 
@@ -172,7 +172,7 @@ fn unknown(robot: &RobotView) -> (Verdict, String, Vec<Reason>) {
 
 fn known(robot: &RobotView, state: &RobotState) -> (Verdict, String, Vec<Reason>) {
     let (name, old) = (&robot.name, age(robot.age_ms.unwrap_or_default()));
-    let mode = words::name(&state.mode);
+    let mode = reasons::name(&state.mode);
     let mut reasons: Vec<Reason> = latches(state).chain(faults(state)).collect();
     let drives = super::drives(state);
     let (verdict, headline) = if drives {
@@ -200,12 +200,12 @@ fn tasks(suspension: &Suspension) -> Reason {
 fn latches(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
     state.latches.iter().map(|set| {
         let cause = if set.present { "its cause is still there" } else { "its cause is gone" };
-        let words = words::reason(set.latch.reason());
+        let words = set.latch.reason().text();
         let text = format!("{words}: {} latched by {}, {} ago; {cause}", set.latch, set.by, age(set.age_ms));
         Reason {
             name: Some(set.latch.to_string()),
             age_ms: Some(set.age_ms),
-            todo: Some(remedy::of_latch(&state.robot, set, state)),
+            todo: Some(set.remedy(state)),
             hinders: true,
             ..Reason::new(Kind::Latch, text)
         }
@@ -238,7 +238,7 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
             _ => None,
         };
         let again = is_loss(reason) && since.is_some_and(|ms| ms <= INPUT_LOST_MS);
-        let words = words::reason(reason);
+        let words = reason.text();
         let words = if again { words.replace(" is lost", " was lost") } else { words.to_owned() };
         let last = match since {
             Some(_) if again => ", and is heard again".to_owned(),
@@ -247,12 +247,12 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
             None => String::new(),
         };
         Reason {
-            name: Some(words::name(&reason)),
+            name: Some(reasons::name(&reason)),
             age_ms: since,
             todo: if again {
-                Some(remedy::anew(&state.robot))
+                Some(for_robot(StopReason::NoCommand.remedy().unwrap_or_default(), &state.robot))
             } else {
-                remedy::of_reason(&state.robot, reason)
+                reason.remedy().map(|remedy| for_robot(remedy, &state.robot))
             },
             hinders: !passes(reason),
             ..Reason::new(Kind::Stop, format!("{words}{last}"))
@@ -321,7 +321,7 @@ fn goal(state: &RobotState) -> Option<Reason> {
         }
     };
     Some(Reason {
-        name: Some(words::name(&goal.status)),
+        name: Some(reasons::name(&goal.status)),
         age_ms: Some(goal.age_ms),
         todo,
         hinders: goal.status == GoalStatus::Blocked,
@@ -379,7 +379,7 @@ fn battery(state: &RobotState) -> Reason {
         BatteryLevel::Critical => (true, Some(Fault::BatteryCritical.remedy())),
     };
     Reason {
-        name: Some(words::name(&state.battery_level)),
+        name: Some(reasons::name(&state.battery_level)),
         todo: todo.map(str::to_owned),
         hinders,
         ..Reason::new(Kind::Battery, describe::battery(state))

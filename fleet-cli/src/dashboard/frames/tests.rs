@@ -1,9 +1,9 @@
 //! What a page gets first, and what it gets after that.
 
 use super::*;
-use crate::fake::{self, name};
-use crate::news::News;
 use serde_json::{Value, json};
+use xtb_client::fake::{self, name};
+use xtb_client::messages::AnyMessage;
 use xtb_protocol::keys::{FleetKeys, Key};
 use xtb_protocol::messages::{
     Arc, MapCell, NavPhase, ParameterInfo, RosterEntry, RouteSource, SimStats, Suspension, SuspensionCause,
@@ -18,7 +18,7 @@ fn keys() -> FleetKeys {
     FleetKeys::new(name("lab"))
 }
 
-fn put(scene: &mut Scene, at_ms: AtMs, key: &str, news: impl Into<News>) {
+fn put(scene: &mut Scene, at_ms: AtMs, key: &str, news: impl Into<AnyMessage>) {
     scene.take(at_ms, &Key::parse(key).unwrap(), news.into());
 }
 
@@ -72,7 +72,7 @@ fn map_tasks_and_happenings_come_once_and_when_they_change() {
         suspended: Vec::new(),
     };
     put(&mut scene, 0, &keys().dispatch_tasks(), list.clone());
-    put(&mut scene, 0, &keys().dispatch_alive(), News::Alive(true));
+    put(&mut scene, 0, &keys().dispatch_alive(), AnyMessage::Alive(true));
     assert_eq!(kinds(&mut known, &scene), ["map", "tasks", "happenings", "frame"]);
     put(&mut scene, 9, &keys().map(), map(1));
     assert_eq!(kinds(&mut known, &scene), ["frame"], "the same map again");
@@ -104,11 +104,11 @@ fn only_new_happenings_come() {
         found.map(|list| list.iter().map(|one| one["number"].as_u64().unwrap()).collect::<Vec<_>>())
     };
     for there in [true, false] {
-        put(&mut scene, 0, &keys().dispatch_alive(), News::Alive(there));
+        put(&mut scene, 0, &keys().dispatch_alive(), AnyMessage::Alive(there));
     }
     assert_eq!(numbers(&mut known, &scene), Some(vec![1, 2]));
     assert_eq!(numbers(&mut known, &scene), None);
-    put(&mut scene, 0, &keys().dispatch_alive(), News::Alive(true));
+    put(&mut scene, 0, &keys().dispatch_alive(), AnyMessage::Alive(true));
     assert_eq!(numbers(&mut known, &scene), Some(vec![3]));
 }
 
@@ -224,7 +224,7 @@ fn a_robot_has_the_task_it_is_at_while_there_is_a_dispatcher() {
         TaskList { ledger: 1, at_ms: 7, ledger_failed: None, tasks, left_out: 0, suspended: Vec::new() };
     put(&mut scene, 0, &keys().dispatch_tasks(), list);
     assert_eq!(row(&mut known, &scene, 0)["task"], Value::Null);
-    put(&mut scene, 0, &keys().dispatch_alive(), News::Alive(true));
+    put(&mut scene, 0, &keys().dispatch_alive(), AnyMessage::Alive(true));
     assert_eq!(row(&mut known, &scene, 0)["task"], json!("t4"));
 }
 
@@ -236,7 +236,7 @@ fn a_frame_says_what_is_suspended_in_the_words_of_every_screen() {
     let list =
         TaskList { ledger: 1, at_ms: 7, ledger_failed: None, tasks: Vec::new(), left_out: 0, suspended };
     put(&mut scene, 0, &keys().dispatch_tasks(), list);
-    put(&mut scene, 0, &keys().dispatch_alive(), News::Alive(true));
+    put(&mut scene, 0, &keys().dispatch_alive(), AnyMessage::Alive(true));
     let news = known.news(&scene, moment(1, 0), None);
     let said = &serde_json::to_value(news.last().unwrap()).unwrap()["frame"]["suspended"][0];
     assert_eq!(said["text"], json!("12 open tasks of map lab are suspended: the fleet's map is hall"));

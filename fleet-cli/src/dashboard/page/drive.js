@@ -1,9 +1,9 @@
-// Driving by hand: the shell around hold.js. It takes the lease, feeds inputs in, sends what comes out.
+// Driving by hand: the shell around press_hold.js. It takes the lease, feeds inputs in, sends what comes out.
 //
 // Every way in which an input can be lost lets go of it: pointerup, pointercancel, lost capture, keyup,
 // blur of the window, a hidden page, pagehide, a closed or silent socket. The timer runs only while something is held.
 
-import { Hold, PERIOD_MS, isDriveKey } from "./hold.js";
+import { PressHold, PERIOD_MS, isDriveKey } from "./press_hold.js";
 
 const DEAD_ZONE = 0.08;
 const byId = (id) => document.getElementById(id);
@@ -11,7 +11,7 @@ const byId = (id) => document.getElementById(id);
 export class Drive {
   #link;
   #store;
-  #hold = new Hold();
+  #hold = new PressHold();
   #timer = null;
   #asked = null; // the robot that we asked for
   #tell;

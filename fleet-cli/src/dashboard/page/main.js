@@ -4,12 +4,12 @@
 // so a slow page makes the server leave frames out and nobody wait.
 
 import { render } from "./vendor/lit-html.js";
-import { Aim } from "./aim.js";
+import { GoalTool } from "./goal_tool.js";
 import { Drive } from "./drive.js";
 import { Picture } from "./draw.js";
 import { bounds } from "./floor.js";
 import { Link } from "./link.js";
-import { Pace } from "./pace.js";
+import { FrameRate } from "./frame_rate.js";
 import * as panels from "./panels.js";
 import { Plots } from "./plots.js";
 import { robotList, robotPanel } from "./robots.js";
@@ -28,7 +28,7 @@ const WIDE = matchMedia("(min-width: 1151px)");
 const CALM = matchMedia("(prefers-reduced-motion: reduce)");
 
 const byId = (id) => document.getElementById(id);
-const [store, pace, plots] = [new Store(), new Pace(), new Plots()];
+const [store, pace, plots] = [new Store(), new FrameRate(), new Plots()];
 const canvas = byId("floor");
 const picture = new Picture(canvas);
 const view = new View(canvas);
@@ -59,7 +59,7 @@ const link = new Link(address, {
 });
 const drive = new Drive(link, store, tell);
 const act = actions();
-const aim = new Aim(canvas, view, store, {
+const aim = new GoalTool(canvas, view, store, {
   select: (name) => act.select(name, true),
   goal: act.goal,
   changed,

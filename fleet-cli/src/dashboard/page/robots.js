@@ -4,7 +4,7 @@ import { html, nothing } from "./vendor/lit-html.js";
 import { repeat } from "./vendor/directives/repeat.js";
 import { PLOTS } from "./plots.js";
 import { nearest } from "./store.js";
-import { age, chip, degrees, line, metres, number, plain, point, reason, remedy, standing } from "./words.js";
+import { age, cause, chip, degrees, faultText, line, metres, number, plain, point, reason, standing } from "./words.js";
 
 const RUNNING = ["accepted", "running", "blocked"];
 
@@ -88,8 +88,8 @@ function latches(robot, store, act) {
   return robot.latches.map((latch) => {
     const state = states.find((one) => one.latch === latch);
     const by = state ? ` by ${state.by}, ${age(state.age_ms)} ago` : "";
-    const cause = state?.present ? html`<p class="todo">Its cause is still there: ${remedy(latch)}</p>` : nothing;
-    return html`<div class="box bad"><p><strong>Latched: ${reason(latch)}</strong>${by}</p>${cause}
+    const why = state?.present ? html`<p class="todo">Its cause is still there: ${cause(latch)}, then reset it</p>` : nothing;
+    return html`<div class="box bad"><p><strong>Latched: ${reason(latch)}</strong>${by}</p>${why}
       <p class="todo">${store.isSuspended()
         ? "A reset moves nothing: the dispatcher is suspended until it is activated."
         : store.dispatcher()
@@ -105,7 +105,7 @@ function latches(robot, store, act) {
 function why(robot, store) {
   const names = robot.why.filter((name) => !robot.latches.includes(name));
   const reasons = names.map((name) => standing(name, robot));
-  const faults = robot.faults.map((fault) => html`<div class="box bad"><p><strong>Fault: ${plain(fault)}</strong></p></div>`);
+  const faults = robot.faults.map((fault) => html`<div class="box bad"><p><strong>Fault: ${faultText(fault)}</strong></p></div>`);
   if (robot.why.length === 0) return html`${faults}<div class="box"><p>${capital(line(robot))}</p></div>`;
   const todos = new Set(reasons.map(([, todo]) => todo));
   if (reasons.length === 0) return faults;

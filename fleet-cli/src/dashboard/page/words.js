@@ -1,46 +1,6 @@
 // The protocol's names in words for people, and what to do about them (docs/protocol.md has the names).
 
-const ANEW = "give it a new goal";
-
-// reason → [words, what to do]; no second entry: it ends by itself.
-const REASONS = {
-  no_command: ["nothing was asked of it", ANEW],
-  goal_reached: ["the goal is reached", ANEW],
-  cancelled: ["the goal was cancelled", ANEW],
-  time_up: ["the goal's time was up", ANEW],
-  stop: ["it was told to stop", ANEW],
-  setpoint_expired: ["no setpoint arrived in time", "hold the joystick; if it was held, look at the link"],
-  link_lost: ["the link to the router was lost", "look at the network between robot and router"],
-  lease_expired: ["whoever drove it fell silent", ANEW],
-  lease_taken: ["somebody else took control", "agree with whoever has control"],
-  lease_released: ["control was given back", ANEW],
-  loop_stalled: ["its control loop was held up", "see what holds up the robot's computer, then give it a new goal"],
-  setpoint_zero: ["the setpoint is zero", "move the joystick"],
-  obstacle_front: ["obstacle ahead", "clear the way ahead, or drive astern"],
-  obstacle_rear: ["obstacle behind", "clear the way behind, or drive ahead"],
-  wander_pause: ["wander's pause"],
-  estop: ["emergency stop", "reset it, then give it a new goal"],
-  remote_takeover: ["the remote control took over", "switch the transmitter back to the computer, then reset"],
-  runaway: ["the wheels ran away", "look at the encoder and the motor, then reset"],
-  sensor_fault: ["a sensor failed", "see to the sensor, then reset"],
-  battery_critical: ["the battery is nearly empty", "charge it, then reset"],
-  board_lost: ["the I/O board is lost", "look at its cable and its power, then reset"],
-  gyro_lost: ["the gyro is lost", "look at its cable and its power, then reset"],
-  stalled: ["the motor was driven and the wheels did not turn", "look whether it is stuck; if nothing holds it, see vehicle.guard.stall_counts in its configuration"],
-  remote_neutral: ["the remote control drives, its stick is neutral", "switch its selector to the computer"],
-  remote_lost: ["the remote control is lost", "switch the transmitter on"],
-  over_speed: ["the remote control drives too fast", "drive slower, or away from the obstacle"],
-  planning: ["a path is being planned"],
-  waiting_for_traffic: ["waits: others go first"],
-  giving_way: ["another robot goes first"],
-  way_blocked: ["something not on the map is in its way", "clear its way; it looks for another one by itself"],
-  pose_uncertain: ["it does not know well enough where it is", "bring it pose fixes, or tell it where it is: fleet-cli set-pose"],
-  in_keep_out: ["it stands in a keep-out zone", "drive it out by hand"],
-  at_cusp: ["it changes gear"],
-  starting: ["it has only just been told to drive"],
-  changing_direction: ["it stops before it drives the other way"],
-  coasting: ["it rolls by itself"],
-};
+import { TEXTS } from "./texts.js";
 
 // Reasons that hold by a latch alone. The reason stays until the robot drives again, the latch until it is reset.
 const LATCHES = ["estop", "remote_takeover", "runaway", "sensor_fault", "battery_critical"];
@@ -50,16 +10,27 @@ function isReset(name, robot) {
 }
 
 export function reason(name) {
-  return REASONS[name]?.[0] ?? plain(name);
+  return (TEXTS.stop_reason[name] ?? TEXTS.latch[name])?.text ?? plain(name);
 }
 
-export function remedy(name) {
-  return REASONS[name]?.[1] ?? null;
+// What ends the cause of a latch.
+export function cause(latch) {
+  return TEXTS.latch[latch]?.remedy ?? null;
+}
+
+export function faultText(name) {
+  return TEXTS.fault[name]?.text ?? plain(name);
+}
+
+// What a person does about it; null: it ends by itself.
+export function remedy(name, robot) {
+  const told = TEXTS.stop_reason[name]?.remedy;
+  return told && !told.startsWith("none needed") ? told.replaceAll("ROBOT", robot.name) : null;
 }
 
 // Why a robot stands: in words, and what to do about it now.
 export function standing(name, robot) {
-  return isReset(name, robot) ? [`${reason(name)}, that is reset`, ANEW] : [reason(name), remedy(name)];
+  return isReset(name, robot) ? [`${reason(name)}, that is reset`, remedy("no_command", robot)] : [reason(name), remedy(name, robot)];
 }
 
 // `board_half_frames` → `board half frames`
@@ -90,7 +61,7 @@ export function chip(robot) {
   if (robot.faults.length > 0) return ["fault", "bad"];
   if (robot.goal?.status === "blocked") return ["blocked", "warn"];
   // What ends by itself is part of driving.
-  if (!robot.why.some(remedy)) return [plain(robot.mode), "good"];
+  if (!robot.why.some((name) => remedy(name, robot))) return [plain(robot.mode), "good"];
   return robot.mode === "idle" ? ["idle", ""] : [plain(robot.mode), "warn"];
 }
 
@@ -152,7 +123,7 @@ function robotEvent({ robot, kind }) {
     case "latch":
       return [`${robot}: ${reason(body.latch)} ${body.set ? "latched" : "reset"} by ${body.by}`, body.set ? "bad" : "good"];
     case "fault":
-      return [`${robot}: ${plain(body.fault)} ${body.present ? "has come" : "has gone"}`, body.present ? "bad" : "good"];
+      return [`${robot}: ${faultText(body.fault)} ${body.present ? "has come" : "has gone"}`, body.present ? "bad" : "good"];
     default:
       return [`${robot}: ${plain(name)}`, ""];
   }

@@ -5,7 +5,7 @@ use crate::recording::well_known::{
     ArrowPrimitive, Color, KeyValuePair, LinePrimitive, Point3, Pose, SceneEntity, SolidPrimitive, Span,
     TextPrimitive, Vector3,
 };
-use crate::words;
+use crate::text::reasons;
 use xtb_nav::Path;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{GoalState, PoseState, RobotState, RouteState, Sensors};
@@ -56,7 +56,7 @@ pub(super) fn truck(at: Time, name: &Name, state: &RobotState) -> SceneEntity {
         () if state.stopped_because.is_empty() => DRIVES,
         () => STANDS,
     };
-    let why = state.stopped_because.first().map_or_else(|| words::name(&state.mode), words::name);
+    let why = state.stopped_because.first().map_or_else(|| reasons::name(&state.mode), reasons::name);
     let mut truck = entity(at, truck_id(name));
     truck.cubes.push(SolidPrimitive {
         pose: Pose::flat(x_m, y_m, BODY.z / 2.0, yaw_rad),
@@ -67,7 +67,7 @@ pub(super) fn truck(at: Time, name: &Name, state: &RobotState) -> SceneEntity {
     truck.texts.push(text(Pose::flat(x_m, y_m, 2.0 * BODY.z, 0.0), format!("{name}\n{why}")));
     let known = |value: Option<f64>| value.map_or_else(|| "unknown".to_owned(), |value| value.to_string());
     truck.metadata = vec![
-        pair("mode", words::name(&state.mode)),
+        pair("mode", reasons::name(&state.mode)),
         pair("speed_mps", known(state.speed_mps)),
         pair("battery_v", known(state.battery_v)),
         pair("sigma_m", state.pose.sigma_m.to_string()),

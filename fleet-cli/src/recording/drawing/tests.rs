@@ -14,7 +14,7 @@ fn key(text: &str) -> Key {
 }
 
 fn driving() -> RobotState {
-    let mut state = crate::fake::state("xtb-1");
+    let mut state = xtb_client::fake::state("xtb-1");
     state.goal = Some(GoalState {
         id: Uuid::from_u128(7),
         kind: GoalKind::Goto,
@@ -86,7 +86,7 @@ fn a_truck_vanishes_when_it_falls_silent_and_is_red_when_it_is_latched() {
 fn who_has_gone_is_taken_away() {
     let mut painter = Painter::default();
     draw(&mut painter, 0, &driving());
-    let gone = painter.draw(MS, &key("xtb/lab/xtb-1/alive"), &News::Alive(false)).unwrap();
+    let gone = painter.draw(MS, &key("xtb/lab/xtb-1/alive"), &AnyMessage::Alive(false)).unwrap();
     let ids: Vec<&str> = gone.deletions.iter().map(|deletion| deletion.id.as_str()).collect();
     assert_eq!(ids, ["xtb-1 truck", "xtb-1 way", "xtb-1 sight"]);
 }

@@ -12,7 +12,7 @@ fn item<M: Message>(key: &str, message: &M, format: Format) -> Item {
 }
 
 fn state(robot: &str) -> Item {
-    item(&format!("xtb/lab/{robot}/state"), &crate::fake::state(robot), Format::Postcard)
+    item(&format!("xtb/lab/{robot}/state"), &xtb_client::fake::state(robot), Format::Postcard)
 }
 
 fn map() -> Item {

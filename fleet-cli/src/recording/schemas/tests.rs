@@ -86,10 +86,10 @@ fn every_schema_of_ours_is_one_that_foxglove_reads() {
 
 #[test]
 fn every_type_of_message_has_a_schema() {
-    let state = News::from(crate::fake::state("xtb-1"));
+    let state = AnyMessage::from(xtb_client::fake::state("xtb-1"));
     assert_eq!(name_of(&state), "xtb.RobotState");
-    assert!(of(&name_of(&News::Alive(true))).is_some());
-    // The others are in `News::read`: each reads its own bytes, and `tests/` records one of each.
+    assert!(of(&name_of(&AnyMessage::Alive(true))).is_some());
+    // The others are in `AnyMessage::read`: each reads its own bytes, and `tests/` records one of each.
     let mut names: Vec<&str> = all().iter().map(|schema| schema.name.as_str()).collect();
     names.sort_unstable();
     names.dedup();
@@ -99,7 +99,7 @@ fn every_type_of_message_has_a_schema() {
 #[test]
 fn a_state_fits_its_schema_and_a_broken_one_does_not() {
     let schema = schema("xtb.RobotState");
-    let mut state = serde_json::to_value(crate::fake::state("xtb-1")).unwrap();
+    let mut state = serde_json::to_value(xtb_client::fake::state("xtb-1")).unwrap();
     assert_eq!(wrong(&schema, &state, "state"), Vec::<String>::new());
     for (field, broken) in [
         ("pose", json!(null)),
@@ -120,13 +120,13 @@ fn a_state_fits_its_schema_and_a_broken_one_does_not() {
 #[test]
 fn what_is_drawn_fits_foxgloves_schemas() {
     let key = Key::parse("xtb/lab/xtb-1/state").unwrap();
-    let state = crate::fake::state("xtb-1");
+    let state = xtb_client::fake::state("xtb-1");
     let pose = serde_json::to_value(drawing::pose(5, &state)).unwrap();
     assert_eq!(wrong(&schema("foxglove.PoseInFrame"), &pose, "pose"), Vec::<String>::new());
     let update = drawing::Painter::default().draw(5, &key, &state.into()).unwrap();
     let update = serde_json::to_value(update).unwrap();
     assert_eq!(wrong(&schema("foxglove.SceneUpdate"), &update, "scene"), Vec::<String>::new());
     assert_eq!(update["entities"][0]["cubes"].as_array().unwrap().len(), 1);
-    let line = serde_json::to_value(drawing::log(5, &key, &News::Alive(true)).unwrap()).unwrap();
+    let line = serde_json::to_value(drawing::log(5, &key, &AnyMessage::Alive(true)).unwrap()).unwrap();
     assert_eq!(wrong(&schema("foxglove.Log"), &line, "log"), Vec::<String>::new());
 }

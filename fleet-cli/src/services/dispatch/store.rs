@@ -4,8 +4,8 @@ use crate::error::{Failure, Kind, Result};
 use crate::services::ledger::{Ledger, Recovered};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
-use xtb_dispatch::record::VERSION;
-use xtb_dispatch::{BookError, Entry};
+use xtb_dispatch::task_store::record::VERSION;
+use xtb_dispatch::{Entry, ReplayError};
 use xtb_protocol::{Name, Uuid};
 
 /// A ledger that is held, and what stands in it.
@@ -137,7 +137,7 @@ impl Drop for Scratch {
 
 /// Entries that are intact and make no sense together.
 #[must_use]
-pub fn unreadable(path: &Path, error: &BookError) -> Failure {
+pub fn unreadable(path: &Path, error: &ReplayError) -> Failure {
     Failure::new(Kind::Failed, format!("ledger {}: {error}", path.display()))
         .hint("`fleet-cli dispatch export --json` saves what can be read; nothing was changed")
 }

@@ -91,7 +91,7 @@ mod tests {
     }
 
     fn look(usage: &mut Usage, (epoch, tick_ms): (u64, u64), y_m: f64, speed_mps: f64, has_task: bool) {
-        let mut state = crate::fake::state("xtb-1");
+        let mut state = xtb_client::fake::state("xtb-1");
         (state.epoch, state.tick_ms, state.pose.y_m) = (epoch, tick_ms, y_m);
         state.speed_mps = Some(speed_mps);
         usage.look(&state, has_task);

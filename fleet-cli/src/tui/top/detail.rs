@@ -1,10 +1,10 @@
 //! Everything about the selected robot in a few lines.
 
-use super::sight::{Sight, Standing, UNKNOWN, age};
+use super::robot_view::{ShownRobot, Standing, UNKNOWN, age};
 use super::*;
-use crate::describe;
-use crate::task_words;
-use crate::words;
+use crate::text::reasons;
+use crate::text::robot as describe;
+use crate::text::task as task_text;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
@@ -12,7 +12,7 @@ use ratatui::widgets::Paragraph;
 use xtb_protocol::messages::{BatteryLevel, RobotState};
 
 impl Cockpit {
-    pub(super) fn draw_detail(&self, frame: &mut Frame<'_>, area: Rect, sight: &Sight<'_>) {
+    pub(super) fn draw_detail(&self, frame: &mut Frame<'_>, area: Rect, sight: &ShownRobot<'_>) {
         let look = self.setup.look;
         let standing = sight.standing();
         let mut head = vec![Span::styled(format!(" {} ", sight.name), look.tone(Tone::Strong))];
@@ -29,7 +29,7 @@ impl Cockpit {
     }
 }
 
-fn headline(sight: &Sight<'_>, standing: Standing) -> String {
+fn headline(sight: &ShownRobot<'_>, standing: Standing) -> String {
     match sight.state {
         None => sight.why(true),
         Some(state) => match describe::stands(state) {
@@ -41,7 +41,7 @@ fn headline(sight: &Sight<'_>, standing: Standing) -> String {
 }
 
 /// Labels stay where they are when nothing is known, so that the eye finds them.
-fn facts(sight: &Sight<'_>) -> [(&'static str, String, Tone); 7] {
+fn facts(sight: &ShownRobot<'_>) -> [(&'static str, String, Tone); 7] {
     let show = |text: fn(&RobotState) -> String| sight.state.map_or_else(|| UNKNOWN.to_owned(), text);
     let state = sight.state;
     let blocked =
@@ -64,18 +64,18 @@ fn facts(sight: &Sight<'_>) -> [(&'static str, String, Tone); 7] {
     ]
 }
 
-fn task(sight: &Sight<'_>) -> String {
+fn task(sight: &ShownRobot<'_>) -> String {
     sight.task.map_or_else(
         || "none".to_owned(),
         |task| {
-            let (state, legs) = (words::name(&task.state), task_words::legs(task));
-            format!("{} {state} {legs}, {}", task.id, task_words::what(&task.spec.kind))
+            let (state, legs) = (reasons::name(&task.state), task_text::legs(task));
+            format!("{} {state} {legs}, {}", task.id, task_text::what(&task.spec.kind))
         },
     )
 }
 
 /// The last one is said to be the last one.
-fn pose(sight: &Sight<'_>) -> String {
+fn pose(sight: &ShownRobot<'_>) -> String {
     match (sight.state, &sight.robot.state) {
         (Some(state), _) => {
             let (pose, sigma_m) = (describe::pose(&state.pose), describe::fixed(state.pose.sigma_m, 2));

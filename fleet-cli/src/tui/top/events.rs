@@ -1,10 +1,10 @@
 //! What happened, the newest first; or, instead, the dispatcher's tasks.
 
-use super::sight::{age, long_age};
+use super::robot_view::{age, long_age};
 use super::*;
-use crate::scene::{Happening, What};
-use crate::task_words;
-use crate::words;
+use crate::scene::{SceneEvent, What};
+use crate::text::reasons;
+use crate::text::task as task_text;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::Modifier;
@@ -28,12 +28,12 @@ impl Cockpit {
 
     fn events(&self, scene: &Scene, now_ms: AtMs) -> Vec<Line<'static>> {
         let shown = |robot: &Name| self.setup.robots.is_empty() || self.setup.robots.contains(robot);
-        let concerns = |happening: &&Happening| match &happening.what {
+        let concerns = |happening: &&SceneEvent| match &happening.what {
             What::Robot(event) => shown(&event.robot),
             What::Task(event) => event.step.robot.as_ref().is_none_or(shown),
             What::Presence { robot, .. } => robot.as_ref().is_none_or(shown),
         };
-        let line = |(since_ms, happening): (Option<u64>, &Happening)| {
+        let line = |(since_ms, happening): (Option<u64>, &SceneEvent)| {
             let (text, tone) = happened(&happening.what);
             let since = since_ms.map_or_else(|| "?".to_owned(), |ms| age(Some(ms)));
             let since = Span::styled(format!("{since:>7} "), self.setup.look.tone(Tone::Dim));
@@ -56,18 +56,18 @@ impl Cockpit {
         };
         let old = format!("{} old", long_age(list.age_ms(now_ms)));
         let gone = if scene.dispatcher() || self.playing.is_some() { "" } else { ", DISPATCHER GONE" };
-        let count = task_words::count_list(&list.value);
+        let count = task_text::count_list(&list.value);
         let title = format!("tasks (v: events): {count}{gone}, {old}");
         let open = list.value.tasks.iter().filter(|task| !task.state.is_final());
         let ended = list.value.tasks.iter().rev().filter(|task| task.state.is_final());
         let line = |task: &TaskView| {
             let robot =
-                task_words::robot(task).map_or_else(|| task_words::who(&task.spec.who), Name::to_string);
-            let state = words::name(&task.state);
+                task_text::robot(task).map_or_else(|| task_text::who(&task.spec.who), Name::to_string);
+            let state = reasons::name(&task.state);
             let why = task.reason.as_ref().map(|reason| format!(": {reason}")).unwrap_or_default();
-            let (legs, what) = (task_words::legs(task), task_words::what(&task.spec.kind));
+            let (legs, what) = (task_text::legs(task), task_text::what(&task.spec.kind));
             let text = format!(" {:>4} {state:10} {robot:8} {legs:>5} {what}{why}", task.id.to_string());
-            Line::styled(text, self.setup.look.tone(task_words::tone(task.state)))
+            Line::styled(text, self.setup.look.tone(task_text::tone(task.state)))
         };
         let suspended = scene.suspended().iter().flat_map(|suspension| {
             let line = |text: String, tone| Line::styled(text, self.setup.look.tone(tone));
@@ -80,7 +80,7 @@ impl Cockpit {
 
 /// How long ago it happened. The last events of before come when the screen opens: how old they are
 /// then, their robot's clock says, or the dispatcher's; `None` until that has been heard.
-fn since_ms(scene: &Scene, happening: &Happening, now_ms: AtMs) -> Option<u64> {
+fn since_ms(scene: &Scene, happening: &SceneEvent, now_ms: AtMs) -> Option<u64> {
     let came = now_ms.saturating_sub(happening.at_ms);
     let happened = match &happening.what {
         What::Robot(event) => {
@@ -107,7 +107,7 @@ fn happened(what: &What) -> (String, Tone) {
         What::Task(TaskEvent { task, step, .. }) => {
             let on = step.robot.as_ref().map(|robot| format!(" on {robot}")).unwrap_or_default();
             let why = step.reason.as_ref().map(|reason| format!(": {reason}")).unwrap_or_default();
-            (format!("{task} {}{on}{why}", words::name(&step.state)), task_words::tone(step.state))
+            (format!("{task} {}{on}{why}", reasons::name(&step.state)), task_text::tone(step.state))
         }
         What::Presence { robot, key, there } => {
             let who = robot.as_ref().map_or_else(|| service(key), Name::to_string);
@@ -130,7 +130,7 @@ fn robot(event: &Event) -> (String, Tone) {
     match &event.kind {
         EventKind::Started { version } => (format!("{name} has started, version {version}"), Tone::Strong),
         EventKind::Mode { from, to } => {
-            (format!("{name} {} > {}", words::name(from), words::name(to)), Tone::Dim)
+            (format!("{name} {} > {}", reasons::name(from), reasons::name(to)), Tone::Dim)
         }
         EventKind::Goal { status, reason, .. } => {
             let why = reason.as_ref().map(|reason| format!(": {reason}")).unwrap_or_default();
@@ -140,7 +140,7 @@ fn robot(event: &Event) -> (String, Tone) {
                 GoalStatus::Failed => Tone::Bad,
                 _ => Tone::Plain,
             };
-            (format!("{name} goal {}{why}", words::name(status)), tone)
+            (format!("{name} goal {}{why}", reasons::name(status)), tone)
         }
         EventKind::Lease { holder: Some(holder) } => {
             (format!("{name} is controlled by {holder}"), Tone::Plain)

@@ -1,9 +1,9 @@
 //! The picture: all panes at their places, the title above, notices and keys below.
 
 use super::layout::{Areas, areas};
-use super::sight::{Sight, Standing, age, sights};
+use super::robot_view::{ShownRobot, Standing, age, sights};
 use super::*;
-use crate::task_words;
+use crate::text::task as task_text;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
@@ -57,7 +57,7 @@ impl Cockpit {
     }
 
     /// What matters most about the whole fleet; an alarm takes its place.
-    fn title(&self, scene: &Scene, sights: &[Sight<'_>], width: u16, now_ms: AtMs) -> Line<'static> {
+    fn title(&self, scene: &Scene, sights: &[ShownRobot<'_>], width: u16, now_ms: AtMs) -> Line<'static> {
         let look = self.setup.look;
         if let Some(alarm) = self.alarm(now_ms) {
             return Line::styled(format!("{alarm:width$}", width = usize::from(width)), look.alarm());
@@ -88,12 +88,12 @@ impl Cockpit {
             }
         }
         if let Some(stats) = scene.slow_simulator(now_ms) {
-            add(crate::describe::simulator(stats), Tone::Warning);
+            add(crate::text::robot::simulator(stats), Tone::Warning);
         }
         if self.playing.is_none() {
             let is = |there: bool| if there { Tone::Plain } else { Tone::Dim };
             let (dispatcher, traffic) = (scene.dispatcher(), scene.traffic_control());
-            match task_words::fleet_stop(scene.suspended()) {
+            match task_text::fleet_stop(scene.suspended()) {
                 Some(_) => add("dispatcher SUSPENDED (v)".to_owned(), Tone::Bad),
                 None if scene.suspended().is_empty() => {
                     add(if dispatcher { "dispatcher" } else { "no dispatcher" }.to_owned(), is(dispatcher));
@@ -117,7 +117,7 @@ impl Cockpit {
     /// What must be known before anything else is looked at.
     fn alarm(&self, now_ms: AtMs) -> Option<String> {
         if self.leaving > 0 {
-            let open = self.deeds.under_way().len() + usize::from(self.grip.is_some());
+            let open = self.commands.under_way().len() + usize::from(self.grip.is_some());
             return Some(format!(" LEAVING: {open} not answered yet; q leaves at once"));
         }
         if !self.link.0 {
@@ -129,8 +129,8 @@ impl Cockpit {
             Grip::Ending(robot) => Some(format!(" DRIVE {robot}: letting go")),
             Grip::Driving { robot, max_rpm, keyboard } => {
                 let drive = keyboard.drive(Stamp::from_ms(now_ms));
-                let asked = crate::describe::fixed(drive.throttle * max_rpm, 0);
-                let side = crate::describe::fixed(drive.steering, 2);
+                let asked = crate::text::robot::fixed(drive.throttle * max_rpm, 0);
+                let side = crate::text::robot::fixed(drive.steering, 2);
                 Some(format!(
                     " DRIVING {robot}: {asked} rpm, steering {side}   hold arrows, space zero, t lets go"
                 ))
@@ -141,11 +141,11 @@ impl Cockpit {
     /// What was told and is not answered, and the keys.
     fn draw_foot(&self, frame: &mut Frame<'_>, areas: &Areas, now_ms: AtMs) {
         let look = self.setup.look;
-        let asked = self.deeds.under_way().iter().rev().map(|open| {
-            let tone = if open.deed.is_stop() { Tone::Warning } else { Tone::Plain };
-            (open.since_ms, format!("{}: asked, no answer yet", open.deed.words()), tone)
+        let asked = self.commands.under_way().iter().rev().map(|open| {
+            let tone = if open.command.is_stop() { Tone::Warning } else { Tone::Plain };
+            (open.since_ms, format!("{}: asked, no answer yet", open.command.words()), tone)
         });
-        let told = self.deeds.notices().map(|notice| (notice.at_ms, notice.text.clone(), notice.tone));
+        let told = self.commands.notices().map(|notice| (notice.at_ms, notice.text.clone(), notice.tone));
         let mut lines: Vec<(AtMs, String, Tone)> = told.chain(asked).collect();
         lines.sort_by_key(|(at_ms, ..)| std::cmp::Reverse(*at_ms));
         lines.truncate(usize::from(areas.notices.height));

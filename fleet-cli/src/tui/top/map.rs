@@ -1,6 +1,6 @@
 //! The map: walls and zones, and on them paths, trails, range finders, goals and robots.
 
-use super::sight::{Sight, Standing, age};
+use super::robot_view::{ShownRobot, Standing, age};
 use super::view::View;
 use super::*;
 use ratatui::Frame;
@@ -25,11 +25,17 @@ const NAMES_UP_TO_M: f64 = 0.25;
 
 impl Cockpit {
     /// The map in its frame.
-    pub(super) fn draw_map(&mut self, frame: &mut Frame<'_>, area: Rect, sights: &[Sight<'_>], now_ms: AtMs) {
+    pub(super) fn draw_map(
+        &mut self,
+        frame: &mut Frame<'_>,
+        area: Rect,
+        sights: &[ShownRobot<'_>],
+        now_ms: AtMs,
+    ) {
         let look = self.setup.look;
         let inner = Block::bordered().inner(area);
         frame.render_widget(Clear, area);
-        let selected = self.sight(sights).and_then(Sight::place).map(|(x_m, y_m, _)| (x_m, y_m));
+        let selected = self.sight(sights).and_then(ShownRobot::place).map(|(x_m, y_m, _)| (x_m, y_m));
         self.view.arrange(inner, self.bounds(sights), selected);
         let block = Block::bordered()
             .border_style(look.tone(Tone::Dim))
@@ -70,16 +76,16 @@ impl Cockpit {
     fn cursor_title(&self) -> Text<'static> {
         let Some(Cursor { x_m, y_m, yaw_rad }) = self.cursor else { return Text::raw("") };
         let yaw = yaw_rad.map_or_else(|| "any yaw".to_owned(), |yaw| format!("{:.0}°", yaw.to_degrees()));
-        let (x_m, y_m) = (crate::describe::fixed(x_m, 2), crate::describe::fixed(y_m, 2));
+        let (x_m, y_m) = (crate::text::robot::fixed(x_m, 2), crate::text::robot::fixed(y_m, 2));
         Text::raw(format!(" cursor ({x_m}, {y_m}) {yaw} "))
     }
 
     /// Of the floor, else of the robots.
-    fn bounds(&self, sights: &[Sight<'_>]) -> ([f64; 2], [f64; 2]) {
+    fn bounds(&self, sights: &[ShownRobot<'_>]) -> ([f64; 2], [f64; 2]) {
         if let Some(floor) = &self.floor {
             return floor.bounds;
         }
-        let places = sights.iter().filter_map(Sight::place);
+        let places = sights.iter().filter_map(ShownRobot::place);
         let goals = sights.iter().filter_map(goal_of).map(|(x_m, y_m, yaw)| (x_m, y_m, yaw.unwrap_or(0.0)));
         let points: Vec<(f64, f64, f64)> = places.chain(goals).collect();
         let span = |along: fn(&(f64, f64, f64)) -> f64| {
@@ -101,7 +107,7 @@ impl Cockpit {
 }
 
 /// What tells robots apart: whole names where there is room, else without what all begin with.
-fn short_names(sights: &[Sight<'_>], whole: bool) -> Vec<String> {
+fn short_names(sights: &[ShownRobot<'_>], whole: bool) -> Vec<String> {
     let names: Vec<&str> = sights.iter().map(|sight| sight.name.as_str()).collect();
     let first = names.first().copied().unwrap_or_default();
     let stem = first.trim_end_matches(|c: char| c.is_ascii_digit());
@@ -111,7 +117,7 @@ fn short_names(sights: &[Sight<'_>], whole: bool) -> Vec<String> {
 }
 
 /// The goal that it is under way to.
-fn goal_of(sight: &Sight<'_>) -> Option<(f64, f64, Option<f64>)> {
+fn goal_of(sight: &ShownRobot<'_>) -> Option<(f64, f64, Option<f64>)> {
     let goal = sight.state?.goal.as_ref().filter(|goal| !goal.status.is_final())?;
     Some((goal.x_m?, goal.y_m?, goal.yaw_rad))
 }
@@ -119,7 +125,7 @@ fn goal_of(sight: &Sight<'_>) -> Option<(f64, f64, Option<f64>)> {
 struct Drawing<'a> {
     cockpit: &'a Cockpit,
     view: &'a View,
-    look: Look,
+    look: Theme,
     now_ms: AtMs,
 }
 
@@ -168,7 +174,7 @@ impl Drawing<'_> {
     }
 
     /// Where it has been, and where its path goes: dense as far as it is released, thin beyond.
-    fn way(&self, canvas: &mut Context<'_>, sight: &Sight<'_>) {
+    fn way(&self, canvas: &mut Context<'_>, sight: &ShownRobot<'_>) {
         let trail: Vec<(f64, f64)> = sight.robot.trail.iter().copied().collect();
         canvas.draw(&Points { coords: &trail, color: self.look.paint(Color::DarkGray) });
         let route = sight.state.and_then(|state| state.nav.route.as_ref());
@@ -179,7 +185,7 @@ impl Drawing<'_> {
     }
 
     /// What its range finders see, from neighbour to neighbour.
-    fn sensed(&self, canvas: &mut Context<'_>, sight: &Sight<'_>) {
+    fn sensed(&self, canvas: &mut Context<'_>, sight: &ShownRobot<'_>) {
         let sensors = sight.robot.sensors.as_ref().and_then(|seen| seen.fresh(self.now_ms));
         let (Some(pose), Some(sensors)) = (sight.state.map(|state| &state.pose), sensors) else { return };
         let color = self.look.paint(Color::LightRed);
@@ -193,7 +199,7 @@ impl Drawing<'_> {
         }
     }
 
-    fn goal(&self, canvas: &mut Context<'_>, sight: &Sight<'_>, name: &str) {
+    fn goal(&self, canvas: &mut Context<'_>, sight: &ShownRobot<'_>, name: &str) {
         let Some((x_m, y_m, yaw_rad)) = goal_of(sight) else { return };
         let arrow = yaw_rad.map(|yaw| self.look.arrow(yaw).to_string()).unwrap_or_default();
         let gap = if name.starts_with(|c: char| c.is_ascii_digit()) { "" } else { " " };
@@ -201,7 +207,7 @@ impl Drawing<'_> {
         canvas.print(x_m, y_m, Text::styled(format!("◇{arrow}{gap}{name}"), style));
     }
 
-    fn robot(&self, canvas: &mut Context<'_>, sight: &Sight<'_>, name: &str) {
+    fn robot(&self, canvas: &mut Context<'_>, sight: &ShownRobot<'_>, name: &str) {
         let Some(place) = sight.place() else { return };
         let standing = sight.standing();
         let known = sight.state.is_some();

@@ -1,6 +1,6 @@
 //! What lies over the picture: the keys, why a robot stands, a question.
 
-use super::sight::Sight;
+use super::robot_view::ShownRobot;
 use super::*;
 use crate::commands::why;
 use ratatui::Frame;
@@ -41,15 +41,21 @@ const SIGNS: [&str; 2] = [
 ];
 
 impl Cockpit {
-    pub(super) fn draw_over(&self, frame: &mut Frame<'_>, area: Rect, sights: &[Sight<'_>], scene: &Scene) {
+    pub(super) fn draw_over(
+        &self,
+        frame: &mut Frame<'_>,
+        area: Rect,
+        sights: &[ShownRobot<'_>],
+        scene: &Scene,
+    ) {
         let (title, lines) = match &self.over {
             None => return,
-            Some(Over::Help) => (" keys ".to_owned(), self.help()),
-            Some(Over::Why) => match self.sight(sights) {
+            Some(Modal::Help) => (" keys ".to_owned(), self.help()),
+            Some(Modal::Why) => match self.sight(sights) {
                 Some(sight) => (format!(" why {} ", sight.name), explained(*sight, scene)),
                 None => return,
             },
-            Some(Over::Question(question)) => {
+            Some(Modal::Question(question)) => {
                 let lines =
                     vec![question.text.clone(), String::new(), "y = yes, any other key = no".to_owned()];
                 (" ? ".to_owned(), lines)
@@ -82,6 +88,6 @@ impl Cockpit {
     }
 }
 
-fn explained(sight: Sight<'_>, scene: &Scene) -> Vec<String> {
+fn explained(sight: ShownRobot<'_>, scene: &Scene) -> Vec<String> {
     why::in_words(&sight.to_view(), scene.suspended()).lines().map(str::to_owned).collect()
 }

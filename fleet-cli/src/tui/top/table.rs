@@ -1,9 +1,9 @@
 //! The table of robots: the columns that there is room for, the most important ones first.
 
-use super::sight::{Sight, UNKNOWN, age};
+use super::robot_view::{ShownRobot, UNKNOWN, age};
 use super::*;
-use crate::describe::fixed;
-use crate::words;
+use crate::text::reasons;
+use crate::text::robot::fixed;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Rect};
 use ratatui::style::Modifier;
@@ -74,7 +74,7 @@ fn columns(width: u16, name: u16) -> Vec<(Column, &'static str, u16)> {
 
 impl Cockpit {
     /// The table, with the selected robot in sight.
-    pub(super) fn draw_table(&self, frame: &mut Frame<'_>, area: Rect, sights: &[Sight<'_>]) {
+    pub(super) fn draw_table(&self, frame: &mut Frame<'_>, area: Rect, sights: &[ShownRobot<'_>]) {
         let look = self.setup.look;
         let name = sights.iter().map(|sight| sight.name.as_str().len()).max().unwrap_or(5).clamp(5, 16);
         let columns = columns(area.width, u16::try_from(name).unwrap_or(16));
@@ -101,7 +101,7 @@ impl Cockpit {
         frame.render_widget(Table::new(rows, widths).header(header).column_spacing(1), area);
     }
 
-    fn row(&self, sight: &Sight<'_>, columns: &[(Column, &'static str, u16)]) -> Row<'static> {
+    fn row(&self, sight: &ShownRobot<'_>, columns: &[(Column, &'static str, u16)]) -> Row<'static> {
         let look = self.setup.look;
         let selected = Some(sight.name) == self.selected.as_ref();
         let cells = columns.iter().map(|(column, _, width)| {
@@ -122,13 +122,13 @@ impl Cockpit {
     }
 }
 
-fn cell(sight: &Sight<'_>, column: Column, width: u16) -> (String, Tone) {
+fn cell(sight: &ShownRobot<'_>, column: Column, width: u16) -> (String, Tone) {
     let known = |text: fn(&RobotState) -> (String, Tone)| {
         sight.state.map_or_else(|| (UNKNOWN.to_owned(), Tone::Dim), text)
     };
     match column {
         Column::Name => (sight.name.to_string(), Tone::Plain),
-        Column::Mode => known(|state| (words::name(&state.mode), Tone::Plain)),
+        Column::Mode => known(|state| (reasons::name(&state.mode), Tone::Plain)),
         Column::Speed => known(|state| match state.speed_mps {
             Some(mps) => (fixed(mps, 2), Tone::Plain),
             None => (UNKNOWN.to_owned(), Tone::Warning),
@@ -149,10 +149,10 @@ fn cell(sight: &Sight<'_>, column: Column, width: u16) -> (String, Tone) {
 
 fn to_go(state: &RobotState) -> String {
     match &state.goal {
-        Some(goal) if goal.status.is_final() => words::name(&goal.status),
+        Some(goal) if goal.status.is_final() => reasons::name(&goal.status),
         Some(goal) => match goal.distance_m {
             Some(m) => format!("{} m", fixed(m, 1)),
-            None => words::name(&goal.kind),
+            None => reasons::name(&goal.kind),
         },
         None => String::new(),
     }

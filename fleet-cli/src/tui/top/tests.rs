@@ -4,11 +4,11 @@ mod drawing;
 mod pressing;
 
 use super::*;
-use crate::fake::{self, name};
-use crate::news::News;
 use crossterm::event::{KeyEventState, KeyModifiers};
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
+use xtb_client::fake::{self, name};
+use xtb_client::messages::AnyMessage;
 use xtb_protocol::Uuid;
 use xtb_protocol::keys::{FleetKeys, Key};
 use xtb_protocol::messages::{
@@ -59,7 +59,7 @@ fn fleet() -> Scene {
     let mut scene = Scene::new(name("lab"));
     scene.take(0, &key("map"), room().into());
     for robot in ["xtb-1", "xtb-2", "xtb-3", "xtb-4", "xtb-5"] {
-        scene.take(0, &key(&format!("{robot}/alive")), News::Alive(true));
+        scene.take(0, &key(&format!("{robot}/alive")), AnyMessage::Alive(true));
     }
     let mut tell = |at_ms: AtMs, state: RobotState| {
         scene.take(at_ms, &key(&format!("{}/state", state.robot)), state.into());
@@ -100,12 +100,12 @@ fn fleet() -> Scene {
     stale.speed_mps = Some(0.77);
     tell(6_000, stale);
     tell(5_000, at("xtb-5", 1.5, -2.5, 0.0));
-    scene.take(7_000, &key("xtb-5/alive"), News::Alive(false));
+    scene.take(7_000, &key("xtb-5/alive"), AnyMessage::Alive(false));
     scene.expect(RosterEntry { name: name("xtb-6"), tags: Vec::new(), start_pose: None });
     let mut sensors = sensors("xtb-2");
     sensors.ir_front_cm = [None, Some(20.0), Some(21.0), None, None, Some(30.0)];
     scene.take(9_900, &key("xtb-2/sensors"), sensors.into());
-    scene.take(9_000, &key("dispatch/alive"), News::Alive(true));
+    scene.take(9_000, &key("dispatch/alive"), AnyMessage::Alive(true));
     let mut task = fake::task(3, TaskState::Running);
     task.robot = Some(name("xtb-2"));
     scene.take(9_000, &key("dispatch/tasks"), list(vec![task], Vec::new()).into());
@@ -142,10 +142,10 @@ fn sensors(robot: &str) -> Sensors {
 }
 
 fn cockpit() -> Cockpit {
-    with(Look { color: true, ascii: false }, None)
+    with(Theme { color: true, ascii: false }, None)
 }
 
-fn with(look: Look, read_only: Option<&'static str>) -> Cockpit {
+fn with(look: Theme, read_only: Option<&'static str>) -> Cockpit {
     Cockpit::new(Setup { robots: Vec::new(), look, reporting: Reporting::Releases, read_only })
 }
 
@@ -192,10 +192,10 @@ fn letter(cockpit: &mut Cockpit, scene: &Scene, letter: char) -> Vec<Action> {
 }
 
 /// What robots are asked for.
-fn deeds(actions: &[Action]) -> Vec<Deed> {
-    let deed = |action: &Action| match action {
-        Action::Do { deed, .. } => Some(deed.clone()),
+fn commands(actions: &[Action]) -> Vec<Command> {
+    let command = |action: &Action| match action {
+        Action::Do { command, .. } => Some(command.clone()),
         _ => None,
     };
-    actions.iter().filter_map(deed).collect()
+    actions.iter().filter_map(command).collect()
 }

@@ -3,7 +3,7 @@
 use super::weather::Off;
 use super::{LEDGER, START_MS, World};
 use std::collections::BTreeMap;
-use xtb_dispatch::record::Record;
+use xtb_dispatch::task_store::record::Record;
 use xtb_dispatch::{Dispatcher, Entry};
 use xtb_protocol::messages::{Assignment, Body, Request, SuspensionCause, TaskId, TaskState};
 use xtb_protocol::{Name, Uuid};
@@ -108,7 +108,7 @@ impl World {
         }
         let dispatcher = self.dispatcher.as_ref().ok_or("no dispatcher")?;
         let tasks = self.tasks_of_seq();
-        for task in dispatcher.book().tasks() {
+        for task in dispatcher.store().tasks() {
             if task.state == TaskState::Failed && task.reason.is_none() {
                 return Err(format!("{} failed without a reason", task.id));
             }

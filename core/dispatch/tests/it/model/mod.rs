@@ -14,7 +14,7 @@ use crate::robots::FakeRobot;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use weather::{DOOMED, spec};
 use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, Effect, Entry, OpenGround, Settings, Write};
+use xtb_dispatch::{Dispatcher, Effect, Entry, OpenTravelCost, Settings, Write};
 use xtb_nav::rooms::Draw;
 use xtb_protocol::messages::{
     Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, MapHash, Reply,
@@ -23,7 +23,7 @@ use xtb_protocol::messages::{
 use xtb_protocol::{Name, Uuid};
 
 pub(crate) const LEDGER: u64 = 0x1234_5678_9abc;
-pub(crate) const GROUND: OpenGround = OpenGround { radius_m: 0.4 };
+pub(crate) const TRAVEL_COST: OpenTravelCost = OpenTravelCost { radius_m: 0.4 };
 const START_MS: u64 = 1_800_000_000_000;
 const STEP_MS: u64 = 10;
 const MAPS: [&str; 2] = ["lab", "hall"];
@@ -185,14 +185,14 @@ impl World {
                 return self.check_end();
             }
         }
-        let open = self.dispatcher.as_ref().map(|d| d.book().open().cloned().collect::<Vec<_>>());
+        let open = self.dispatcher.as_ref().map(|d| d.store().open().cloned().collect::<Vec<_>>());
         Err(format!("tasks wait for ever: {:?}", open.unwrap_or_default().first()))
     }
 
     fn is_over(&self) -> bool {
         let Some(dispatcher) = &self.dispatcher else { return false };
         self.submissions.iter().all(|submission| submission.task.is_some())
-            && dispatcher.book().open_count() == 0
+            && dispatcher.store().open_count() == 0
             && self.write.is_none()
     }
 
@@ -220,7 +220,7 @@ impl World {
             if now_ms >= self.map.1 {
                 dispatcher.map(now_ms, self.map.0, MapHash::new(self.run % 2));
             }
-            dispatcher.step(now_ms, &GROUND);
+            dispatcher.step(now_ms, &TRAVEL_COST);
         }
         self.effects()?;
         self.finish_write()?;
@@ -286,7 +286,7 @@ impl World {
         self.next_ticket += 1;
         self.tickets.insert(self.next_ticket, what);
         if let Some(dispatcher) = &mut self.dispatcher {
-            dispatcher.request(self.now_ms, self.next_ticket, &person(), request, &GROUND);
+            dispatcher.request(self.now_ms, self.next_ticket, &person(), request, &TRAVEL_COST);
         }
         self.next_ticket
     }

@@ -109,7 +109,7 @@ impl World {
         }
         if self.now_ms > self.chaos_until_ms && self.now_ms.is_multiple_of(5000) {
             let resting = |state| matches!(state, TaskState::Paused | TaskState::Held);
-            let tasks = self.dispatcher.iter().flat_map(|d| d.book().open());
+            let tasks = self.dispatcher.iter().flat_map(|d| d.store().open());
             let tasks: Vec<TaskId> = tasks.filter(|task| resting(task.state)).map(|task| task.id).collect();
             if !tasks.is_empty() {
                 self.ask(DispatchBody::Resume { tasks });
@@ -122,7 +122,7 @@ impl World {
     /// Somebody changes their mind about a task.
     fn meddle(&mut self) {
         let all: Vec<TaskId> =
-            self.dispatcher.iter().flat_map(|d| d.book().tasks().map(|task| task.id)).collect();
+            self.dispatcher.iter().flat_map(|d| d.store().tasks().map(|task| task.id)).collect();
         if all.is_empty() {
             return;
         }

@@ -3,9 +3,11 @@
 mod pnm;
 
 use super::{FREE, OCCUPIED, RosError, Thresholds, UNKNOWN};
-use crate::{Cell, Grid};
+use crate::geometry::{Cell, Grid};
 use std::io::Cursor;
 
+/// Where a PNG has its width and its height, each in 4 bytes.
+const PNG_SIZE: std::ops::Range<usize> = 16..24;
 /// Bytes that decoding a PNG may take: four channels of 16 bits for each cell.
 const MOST_PNG_BYTES: usize = 8 * Grid::MOST_CELLS;
 
@@ -49,12 +51,14 @@ fn check_size(width: u32, height: u32) -> Result<(usize, usize), RosError> {
 }
 
 fn png(bytes: &[u8]) -> Result<Picture, RosError> {
+    let Some(&[a, b, c, d, e, f, g, h]) = bytes.get(PNG_SIZE) else {
+        return Err(refused("a PNG without a size"));
+    };
+    let (width, height) = check_size(u32::from_be_bytes([a, b, c, d]), u32::from_be_bytes([e, f, g, h]))?;
     let limits = png::Limits { bytes: MOST_PNG_BYTES };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
     // Palettes become colours, few bits become eight.
     decoder.set_transformations(png::Transformations::EXPAND);
-    let header = decoder.read_header_info().map_err(refused)?;
-    let (width, height) = check_size(header.width, header.height)?;
     let mut reader = decoder.read_info().map_err(refused)?;
     let length = reader.output_buffer_size().ok_or_else(|| refused("a PNG without a size"))?;
     let mut raw = vec![0; length];

@@ -1,16 +1,16 @@
 //! Waiting for tasks of a dispatcher that a test plays.
 
 use super::*;
-use crate::fake::{FakeDispatcher, Told, task};
 use std::future::pending;
 use std::pin::pin;
+use xtb_client::fake::{FakeDispatcher, Told, task};
 use xtb_protocol::messages::{DispatchCode, DispatchError, DispatchOutcome, TaskChange};
 
 const ID: TaskId = TaskId::new(1);
 
 async fn with(tasks: Vec<TaskView>) -> (Client, Context, FakeDispatcher) {
     let client = Client::alone(Duration::from_secs(30)).await;
-    let ctx = client.context().clone();
+    let ctx = Context::of(&client);
     let fake = FakeDispatcher::start(&client, Told { tasks, ..Told::default() }).await;
     (client, ctx, fake)
 }

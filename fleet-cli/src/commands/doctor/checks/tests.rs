@@ -1,7 +1,7 @@
 //! Each check finds what is wrong, and nothing where nothing is.
 
 use super::*;
-use crate::fake::{self, name};
+use xtb_client::fake::{self, name};
 use xtb_protocol::messages::{
     FaultState, FleetMap, Latch, MapHash, MapState, ParameterInfo, SimStats, TaskList, TaskState,
     TrafficState,

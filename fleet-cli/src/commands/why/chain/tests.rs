@@ -1,7 +1,7 @@
 //! Chains of reasons from states.
 
 use super::*;
-use crate::fake;
+use xtb_client::fake;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::Latch;
 use xtb_protocol::messages::{FaultState, InputAges, LeaseState, LinkLoss};
@@ -103,7 +103,7 @@ fn every_reason_to_stand_has_words_and_only_passing_ones_have_nothing_to_do() {
         assert_eq!(why.verdict, Verdict::Stands);
         assert!(why.reasons[0].todo.as_ref().unwrap().contains(&format!("--latch {latch}")));
         // The state names a latch by the reason of the same name.
-        assert_eq!(words::name(&latch.reason()), latch.to_string());
+        assert_eq!(reasons::name(&latch.reason()), latch.to_string());
     }
 }
 
@@ -112,7 +112,7 @@ fn a_latch_that_was_reset_is_only_why_it_stopped() {
     let state = RobotState { stopped_because: vec![StopReason::Estop], ..fake::state("xtb-1") };
     let why = explain(&view(state));
     assert_eq!(why.verdict, Verdict::Stands);
-    assert_eq!(why.reasons[0].text, "somebody called an emergency stop: that is reset");
+    assert_eq!(why.reasons[0].text, "emergency stop: that is reset");
     assert!(why.reasons[0].todo.as_ref().unwrap().contains("give a new command"));
 }
 
@@ -124,7 +124,10 @@ fn a_line_that_is_heard_again_is_only_why_it_stopped() {
     assert_eq!(why.reasons[0].text, "the I/O board was lost, and is heard again");
     assert!(why.reasons[0].todo.as_ref().unwrap().contains("give a new command"));
     state.input_age_ms.encoder = Some(3000);
-    assert_eq!(explain(&view(state)).reasons[0].text, "the I/O board is lost, the last one came 3.0 s ago");
+    assert_eq!(
+        explain(&view(state)).reasons[0].text,
+        "I/O board not responding, the last one came 3.0 s ago"
+    );
 }
 
 #[test]

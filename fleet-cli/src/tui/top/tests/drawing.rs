@@ -35,7 +35,7 @@ fn an_overloaded_simulator_stands_in_the_title_at_both_sizes() {
     scene.take(NOW, &key("sim/stats"), stats(0.99).into());
     assert!(!screen(&mut cockpit(), &scene, 160, 50)[0].contains("simulator"));
     let mut alone = Scene::new(name("lab"));
-    alone.take(NOW, &key("xtb-1/alive"), News::Alive(true));
+    alone.take(NOW, &key("xtb-1/alive"), AnyMessage::Alive(true));
     alone.take(NOW, &key("sim/stats"), stats(0.19).into());
     assert!(screen(&mut cockpit(), &alone, 80, 24)[0].contains(said));
 }
@@ -94,7 +94,7 @@ fn without_a_map_the_robots_are_the_bounds() {
 fn without_colours_the_picture_has_none_and_says_the_same() {
     let scene = fleet();
     for (width, height) in SIZES {
-        let mut plain = with(Look { color: false, ascii: false }, None);
+        let mut plain = with(Theme { color: false, ascii: false }, None);
         let without = buffer(&mut plain, &scene, width, height, NOW);
         let colors = without.content.iter().map(|cell| (cell.fg, cell.bg));
         assert!(
@@ -109,7 +109,7 @@ fn without_colours_the_picture_has_none_and_says_the_same() {
 fn in_ascii_there_is_nothing_else_in_any_overlay() {
     let scene = fleet();
     for over in [None, Some('?'), Some('w'), Some('x')] {
-        let mut cockpit = with(Look { color: false, ascii: true }, None);
+        let mut cockpit = with(Theme { color: false, ascii: true }, None);
         letter(&mut cockpit, &scene, '3');
         over.map(|over| letter(&mut cockpit, &scene, over));
         for (width, height) in SIZES {
@@ -118,7 +118,7 @@ fn in_ascii_there_is_nothing_else_in_any_overlay() {
             assert!(shown.contains("xtb-3") || over == Some('?'), "{shown}");
         }
     }
-    let shown = screen(&mut with(Look { color: false, ascii: true }, None), &scene, 80, 24).join("\n");
+    let shown = screen(&mut with(Theme { color: false, ascii: true }, None), &scene, 80, 24).join("\n");
     for part in [">1", "^2!", "<3#", "?4"] {
         assert!(shown.contains(part), "{part}:\n{shown}");
     }
@@ -168,7 +168,7 @@ fn why_explains_the_selected_robot() {
     letter(&mut cockpit, &scene, '3');
     letter(&mut cockpit, &scene, 'w');
     let shown = screen(&mut cockpit, &scene, 160, 50).join("\n");
-    assert!(shown.contains("somebody called an emergency stop: estop latched by carol"), "{shown}");
+    assert!(shown.contains("emergency stop: estop latched by carol"), "{shown}");
     assert!(shown.contains("fleet-cli reset xtb-3"), "{shown}");
     press(&mut cockpit, &scene, KeyCode::Esc);
     assert!(!screen(&mut cockpit, &scene, 160, 50).join("\n").contains("fleet-cli reset"));
@@ -197,7 +197,7 @@ fn a_large_fleet_scrolls_with_the_selection_and_says_how_many_there_are_more() {
 #[test]
 fn only_the_robots_that_were_named_are_shown() {
     let scene = fleet();
-    let look = Look { color: false, ascii: false };
+    let look = Theme { color: false, ascii: false };
     let robots = vec![name("xtb-3"), name("xtb-9")];
     let setup = Setup { robots, look, reporting: Reporting::Presses, read_only: None };
     let shown = screen(&mut Cockpit::new(setup), &scene, 160, 50);
@@ -208,7 +208,7 @@ fn only_the_robots_that_were_named_are_shown() {
 #[test]
 fn a_recording_shows_where_it_is() {
     let (mut cockpit, scene) =
-        (with(Look { color: true, ascii: false }, Some("a recording is played")), fleet());
+        (with(Theme { color: true, ascii: false }, Some("a recording is played")), fleet());
     cockpit.playing(Playing { at_s: 12.34, length_s: 60.0, speed: 2.0, stands: Some("PAUSED".into()) });
     let shown = screen(&mut cockpit, &scene, 80, 24);
     assert!(shown[0].contains("RECORDING 12.3 of 60.0 s, 2 times, PAUSED"), "{}", shown[0]);
@@ -230,7 +230,7 @@ fn a_suspended_dispatcher_stands_in_the_title_and_says_what_ends_it() {
     letter(&mut cockpit, &scene, '3');
     letter(&mut cockpit, &scene, 'x');
     line(&screen(&mut cockpit, &scene, 160, 50), "the dispatcher is suspended and assigns");
-    scene.take(9_600, &key("dispatch/alive"), News::Alive(false));
+    scene.take(9_600, &key("dispatch/alive"), AnyMessage::Alive(false));
     let shown = screen(&mut cockpit, &scene, 160, 50);
     assert!(
         !shown[0].contains("SUSPENDED"),

@@ -2,8 +2,8 @@
 
 use super::*;
 
-fn goto(robot: &str, x_m: f64, y_m: f64, yaw_rad: Option<f64>) -> Deed {
-    Deed::Goto { robot: name(robot), x_m, y_m, yaw_rad, take: false }
+fn goto(robot: &str, x_m: f64, y_m: f64, yaw_rad: Option<f64>) -> Command {
+    Command::Goto { robot: name(robot), x_m, y_m, yaw_rad, take: false }
 }
 
 fn outcome(text: &str, held: bool) -> Outcome {
@@ -16,7 +16,7 @@ fn driving(scene: &Scene) -> Cockpit {
     screen(&mut cockpit, scene, 80, 24);
     let actions = letter(&mut cockpit, scene, 't');
     assert_eq!(actions, [Action::Grip { robot: name("xtb-1"), take: false }]);
-    cockpit.grasp(Grasp::Held { max_rpm: 20.0 }, NOW);
+    cockpit.grasp(TeleopStatus::Held { max_rpm: 20.0 }, NOW);
     cockpit
 }
 
@@ -24,16 +24,16 @@ fn driving(scene: &Scene) -> Cockpit {
 fn stops_need_one_key_in_every_overlay_and_while_something_is_asked() {
     let scene = fleet();
     for over in [None, Some('?'), Some('w'), Some('x')] {
-        for (key, deed) in [
-            ('E', Deed::Estop(Whom::All)),
-            ('S', Deed::Stop(Whom::All)),
-            ('e', Deed::Estop(Whom::One(name("xtb-3")))),
-            ('s', Deed::Stop(Whom::One(name("xtb-3")))),
+        for (key, command) in [
+            ('E', Command::Estop(Target::All)),
+            ('S', Command::Stop(Target::All)),
+            ('e', Command::Estop(Target::One(name("xtb-3")))),
+            ('s', Command::Stop(Target::One(name("xtb-3")))),
         ] {
             let mut cockpit = cockpit();
             letter(&mut cockpit, &scene, '3');
             over.map(|over| letter(&mut cockpit, &scene, over));
-            assert_eq!(deeds(&letter(&mut cockpit, &scene, key)), [deed], "{key} over {over:?}");
+            assert_eq!(commands(&letter(&mut cockpit, &scene, key)), [command], "{key} over {over:?}");
         }
     }
 }
@@ -52,7 +52,7 @@ fn an_emergency_stop_is_never_refused_and_begins_anew_each_time() {
         let again = letter(&mut cockpit, &scene, 'E');
         assert!(matches!(&again[..], [Action::Do { instead: Some(_), .. }]), "{again:?}");
     }
-    assert_eq!(cockpit.deeds.under_way().len(), 6, "bounded");
+    assert_eq!(cockpit.commands.under_way().len(), 6, "bounded");
     // The one that was begun anew says nothing any more.
     cockpit.done(number, &outcome("1 of 6 latched", false), NOW);
     assert!(!screen(&mut cockpit, &scene, 80, 24).join("\n").contains("1 of 6"));
@@ -69,7 +69,7 @@ fn the_cursor_goes_where_arrows_say_and_enter_sends_the_robot_there() {
     for code in [KeyCode::Right, KeyCode::Right, KeyCode::Up] {
         press(&mut cockpit, &scene, code);
     }
-    let sent = deeds(&press(&mut cockpit, &scene, KeyCode::Enter));
+    let sent = commands(&press(&mut cockpit, &scene, KeyCode::Enter));
     assert_eq!(sent, [goto("xtb-2", 2.0 * width_m, height_m, None)], "from the robot, a cell each");
     line(&screen(&mut cockpit, &scene, 80, 24), "goto xtb-2");
     // Asked again before it is answered.
@@ -78,7 +78,7 @@ fn the_cursor_goes_where_arrows_say_and_enter_sends_the_robot_there() {
     letter(&mut cockpit, &scene, '1');
     letter(&mut cockpit, &scene, 'r');
     letter(&mut cockpit, &scene, 'r');
-    let sent = deeds(&press(&mut cockpit, &scene, KeyCode::Enter));
+    let sent = commands(&press(&mut cockpit, &scene, KeyCode::Enter));
     assert_eq!(sent, [goto("xtb-1", 2.0 * width_m, height_m, Some(TURN_RAD))]);
     letter(&mut cockpit, &scene, 'u');
     assert_eq!(cockpit.cursor.unwrap().yaw_rad, None);
@@ -107,8 +107,8 @@ fn who_is_held_by_somebody_else_is_taken_after_a_yes_only() {
     let mut no = cockpit.clone();
     assert!(letter(&mut no, &scene, 'n').is_empty());
     assert!(letter(&mut no, &scene, 'y').is_empty(), "it is asked no longer");
-    let taken = deeds(&letter(&mut cockpit, &scene, 'y'));
-    assert!(matches!(taken[..], [Deed::Goto { take: true, .. }]), "{taken:?}");
+    let taken = commands(&letter(&mut cockpit, &scene, 'y'));
+    assert!(matches!(taken[..], [Command::Goto { take: true, .. }]), "{taken:?}");
 }
 
 #[test]
@@ -121,8 +121,8 @@ fn a_reset_asks_first_and_names_the_latches() {
     assert!(letter(&mut cockpit, &scene, 'x').is_empty());
     line(&screen(&mut cockpit, &scene, 80, 24), "Reset xtb-3? estop by carol");
     assert_eq!(
-        deeds(&letter(&mut cockpit, &scene, 'y')),
-        [Deed::Reset { robot: name("xtb-3"), take: false }]
+        commands(&letter(&mut cockpit, &scene, 'y')),
+        [Command::Reset { robot: name("xtb-3"), take: false }]
     );
 }
 
@@ -134,8 +134,8 @@ fn a_reset_of_all_asks_first_and_names_whom() {
     let mut no = cockpit.clone();
     assert!(letter(&mut no, &scene, 'n').is_empty());
     assert!(letter(&mut no, &scene, 'y').is_empty(), "it is asked no longer");
-    let reset = deeds(&letter(&mut cockpit, &scene, 'y'));
-    let [Deed::ResetAll { robots }] = &reset[..] else { panic!("{reset:?}") };
+    let reset = commands(&letter(&mut cockpit, &scene, 'y'));
+    let [Command::ResetAll { robots }] = &reset[..] else { panic!("{reset:?}") };
     assert!(robots.contains(&name("xtb-3")) && !robots.contains(&name("xtb-1")), "{robots:?}");
     // Whose state is unknown is not reset on the strength of what it was.
     assert!(!robots.contains(&name("xtb-4")), "{robots:?}");
@@ -152,18 +152,18 @@ fn a_suspended_dispatcher_is_activated_after_a_yes_and_only_if_it_is_suspended()
     assert!(letter(&mut cockpit, &scene, 'A').is_empty());
     line(&screen(&mut cockpit, &scene, 80, 24), "3 open tasks wait");
     assert!(letter(&mut cockpit.clone(), &scene, 'n').is_empty());
-    assert_eq!(deeds(&letter(&mut cockpit, &scene, 'y')), [Deed::Activate]);
+    assert_eq!(commands(&letter(&mut cockpit, &scene, 'y')), [Command::Activate]);
 }
 
 #[test]
 fn cancel_ends_the_task_or_else_the_goal() {
     let (mut cockpit, scene) = (cockpit(), fleet());
     letter(&mut cockpit, &scene, '2');
-    let task = Deed::CancelTask { robot: name("xtb-2"), task: TaskId::new(3) };
-    assert_eq!(deeds(&letter(&mut cockpit, &scene, 'c')), [task]);
+    let task = Command::CancelTask { robot: name("xtb-2"), task: TaskId::new(3) };
+    assert_eq!(commands(&letter(&mut cockpit, &scene, 'c')), [task]);
     letter(&mut cockpit, &scene, '1');
-    let goal = Deed::Cancel { robot: name("xtb-1"), goal: Uuid::from_u128(7), take: false };
-    assert_eq!(deeds(&letter(&mut cockpit, &scene, 'c')), [goal]);
+    let goal = Command::Cancel { robot: name("xtb-1"), goal: Uuid::from_u128(7), take: false };
+    assert_eq!(commands(&letter(&mut cockpit, &scene, 'c')), [goal]);
     // What a stale robot had is not known to be so now.
     letter(&mut cockpit, &scene, '4');
     assert!(letter(&mut cockpit, &scene, 'c').is_empty());
@@ -179,18 +179,20 @@ fn a_task_that_has_left_the_robot_is_neither_its_task_nor_cancelled() {
         letter(&mut cockpit, &scene, '1');
         let shown = screen(&mut cockpit, &scene, 100, 30);
         assert!(line(&shown, "  task ").contains("none"), "{state:?}: {}", line(&shown, "  task "));
-        let goal = Deed::Cancel { robot: name("xtb-1"), goal: Uuid::from_u128(7), take: false };
-        assert_eq!(deeds(&letter(&mut cockpit, &scene, 'c')), [goal], "{state:?}");
+        let goal = Command::Cancel { robot: name("xtb-1"), goal: Uuid::from_u128(7), take: false };
+        assert_eq!(commands(&letter(&mut cockpit, &scene, 'c')), [goal], "{state:?}");
     }
 }
 
 #[test]
 fn what_a_dispatcher_that_is_gone_had_given_a_robot_is_not_known() {
     let (mut cockpit, mut scene) = (cockpit(), fleet());
-    scene.take(9_500, &key("dispatch/alive"), News::Alive(false));
+    scene.take(9_500, &key("dispatch/alive"), AnyMessage::Alive(false));
     letter(&mut cockpit, &scene, '2');
     assert!(
-        !deeds(&letter(&mut cockpit, &scene, 'c')).iter().any(|deed| matches!(deed, Deed::CancelTask { .. }))
+        !commands(&letter(&mut cockpit, &scene, 'c'))
+            .iter()
+            .any(|command| matches!(command, Command::CancelTask { .. }))
     );
 }
 
@@ -233,7 +235,7 @@ fn lost_focus_stops_and_every_way_out_lets_go() {
         assert_eq!(actions.iter().filter(|action| **action == Action::LetGo).count(), 1, "{way}");
         assert_eq!(cockpit.drive(NOW), None, "{way}: not one more");
         assert!(!cockpit.is_over(), "{way}: it has not ended yet");
-        cockpit.grasp(Grasp::Ended(Some(true)), NOW);
+        cockpit.grasp(TeleopStatus::Ended(Some(true)), NOW);
         line(&screen(&mut cockpit, &scene, 80, 24), "xtb-1 was told to stop; control is given back");
     }
 }
@@ -243,7 +245,7 @@ fn focus_that_is_lost_while_control_is_asked_for_ends_that_too() {
     let (mut cockpit, scene) = (cockpit(), fleet());
     letter(&mut cockpit, &scene, 't');
     assert_eq!(cockpit.input(&Input::FocusLost, &scene, NOW), [Action::LetGo]);
-    cockpit.grasp(Grasp::Held { max_rpm: 20.0 }, NOW);
+    cockpit.grasp(TeleopStatus::Held { max_rpm: 20.0 }, NOW);
     press(&mut cockpit, &scene, KeyCode::Up);
     assert_eq!(cockpit.drive(NOW), None, "it comes too late");
 }
@@ -271,14 +273,14 @@ fn leaving_waits_for_answers_unless_the_person_insists() {
     letter(&mut insisting, &scene, 'q');
     assert!(insisting.is_over());
     assert!(insisting.last_words().unwrap().contains("E-STOP ALL"));
-    assert!(deeds(&press(&mut cockpit, &scene, KeyCode::Enter)).is_empty(), "nothing new but stops");
+    assert!(commands(&press(&mut cockpit, &scene, KeyCode::Enter)).is_empty(), "nothing new but stops");
     cockpit.done(number, &outcome("5 of 6 latched", false), NOW);
     assert!(cockpit.is_over() && cockpit.last_words().is_none());
 }
 
 #[test]
 fn read_only_sends_nothing_and_says_so() {
-    let (mut cockpit, scene) = (with(Look { color: true, ascii: false }, Some("--read-only")), fleet());
+    let (mut cockpit, scene) = (with(Theme { color: true, ascii: false }, Some("--read-only")), fleet());
     letter(&mut cockpit, &scene, 'g');
     for key in ['s', 'S', 'e', 'E', 't', 'c'] {
         assert!(letter(&mut cockpit, &scene, key).is_empty(), "{key}");
@@ -293,7 +295,7 @@ fn read_only_sends_nothing_and_says_so() {
 #[test]
 fn a_recording_is_paused_and_wound() {
     let (mut cockpit, scene) =
-        (with(Look { color: true, ascii: false }, Some("a recording is played")), fleet());
+        (with(Theme { color: true, ascii: false }, Some("a recording is played")), fleet());
     cockpit.playing(Playing { at_s: 1.0, length_s: 60.0, speed: 1.0, stands: None });
     assert_eq!(letter(&mut cockpit, &scene, ' '), [Action::Pause]);
     assert_eq!(press(&mut cockpit, &scene, KeyCode::Left), [Action::Seek(-SEEK_S.0)]);
@@ -315,7 +317,7 @@ fn requests_under_way_are_bounded() {
         sent += press(&mut cockpit, &scene, KeyCode::Enter).len();
         press(&mut cockpit, &scene, KeyCode::Tab);
     }
-    assert_eq!(sent, deeds::MOST_UNDER_WAY);
+    assert_eq!(sent, commands::MOST_UNDER_WAY);
     line(&screen(&mut cockpit, &scene, 80, 24), "wait: 16 requests are not answered yet");
     assert_eq!(letter(&mut cockpit, &scene, 'E').len(), 1, "a stop has room");
 }

@@ -1,0 +1,384 @@
+//! A session with the fleet: who is there, who should be, and requests that are asked until answered.
+
+mod requests;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::settings::Settings;
+use std::collections::{BTreeMap, BTreeSet};
+use std::pin::pin;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::task::JoinSet;
+use xtb_bus::{Bus, BusError, Incoming, Role};
+use xtb_control::Stamp;
+use xtb_protocol::Name;
+use xtb_protocol::keys::{FleetKeys, Key, RobotKeys};
+use xtb_protocol::messages::{
+    About, Done, Message, Outcome, Reply, RobotState, Roster, RosterEntry, SimStats,
+};
+use xtb_robot::RoundTrip;
+use xtb_robot::round_trip::PATIENCE_MOST;
+
+/// A state older than this is stale: it is not shown as if it were the present one.
+pub const STALE: Duration = Duration::from_millis(500);
+/// Right after a session opens or a link returns, a query can come back at once without a reply
+/// (Zenoh issue 2767): an empty answer is asked for once more, this much later.
+const SETTLE: Duration = Duration::from_millis(150);
+/// A first attempt to open a session that has not failed by `--timeout` is waited for this many times as long:
+/// its handshake takes two round trips.
+const OPENING_TAKES: u32 = 3;
+/// An opening handshake that took longer than this says something of the link, not only of this computer.
+const SLOW_HANDSHAKE: Duration = Duration::from_millis(300);
+
+/// A state and when it arrived.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seen {
+    /// What the robot said.
+    pub state: RobotState,
+    /// When.
+    pub at: Instant,
+}
+
+impl Seen {
+    /// How long ago it arrived.
+    #[must_use]
+    pub fn age(&self) -> Duration {
+        self.at.elapsed()
+    }
+
+    /// The state, unless it is stale.
+    #[must_use]
+    pub fn fresh(&self) -> Option<&RobotState> {
+        (self.age() <= STALE).then_some(&self.state)
+    }
+}
+
+/// An open session. Clones share it.
+#[derive(Debug, Clone)]
+pub struct Client {
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    bus: Bus,
+    keys: FleetKeys,
+    settings: Settings,
+    began: Instant,
+    link: Mutex<RoundTrip>,
+}
+
+impl Client {
+    /// Opens a session, trying for as long as `--timeout` says.
+    ///
+    /// # Errors
+    /// [`ErrorKind::NoRouter`] or, for an endpoint that is none, [`ErrorKind::Usage`].
+    pub async fn open(settings: &Settings) -> Result<Self> {
+        let role = Role::Client { connect: settings.connect.clone() };
+        let (began, failed) = (Instant::now(), AtomicBool::new(false));
+        let mut opening = pin!(xtb_bus::open_patiently(&role, |error| {
+            failed.store(true, Ordering::Relaxed);
+            tracing::debug!("{error}");
+        }));
+        let mut opened = tokio::time::timeout(settings.timeout, &mut opening).await;
+        if opened.is_err() && !failed.load(Ordering::Relaxed) {
+            opened = tokio::time::timeout(settings.timeout * (OPENING_TAKES - 1), &mut opening).await;
+        }
+        let took = began.elapsed();
+        let Ok(opened) = opened else { return Err(no_router(settings, took)) };
+        let client = Self::on(settings, opened?);
+        if took > SLOW_HANDSHAKE && !failed.load(Ordering::Relaxed) {
+            client.measured(took / 2);
+        }
+        Ok(client)
+    }
+
+    /// A client on a session that is open already.
+    #[must_use]
+    pub fn on(settings: &Settings, bus: Bus) -> Self {
+        let keys = FleetKeys::new(settings.fleet.clone());
+        let link = Mutex::default();
+        Self {
+            shared: Arc::new(Shared { bus, keys, settings: settings.clone(), began: Instant::now(), link }),
+        }
+    }
+
+    /// The session.
+    #[must_use]
+    pub fn bus(&self) -> &Bus {
+        &self.shared.bus
+    }
+
+    /// The fleet's keys.
+    #[must_use]
+    pub fn keys(&self) -> &FleetKeys {
+        &self.shared.keys
+    }
+
+    /// What it was opened with.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.shared.settings
+    }
+
+    /// The fleet's name.
+    #[must_use]
+    pub fn fleet(&self) -> &Name {
+        &self.shared.settings.fleet
+    }
+
+    /// This client's name.
+    #[must_use]
+    pub fn name(&self) -> &Name {
+        &self.shared.settings.client
+    }
+
+    /// Time since this client began.
+    #[must_use]
+    pub fn now(&self) -> Stamp {
+        Stamp::from_ns(u64::try_from(self.shared.began.elapsed().as_nanos()).unwrap_or(u64::MAX))
+    }
+
+    fn link(&self) -> MutexGuard<'_, RoundTrip> {
+        self.shared.link.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The link to the robots, as far as it was measured.
+    #[must_use]
+    pub fn round_trip(&self) -> RoundTrip {
+        *self.link()
+    }
+
+    /// An answer took this long.
+    pub fn measured(&self, took: Duration) {
+        self.link().measured(took);
+    }
+
+    /// How long to wait for an answer: `--timeout`, longer on a slow link.
+    #[must_use]
+    pub fn patience(&self) -> Duration {
+        self.link().patience(self.shared.settings.timeout)
+    }
+
+    /// Closes the session.
+    pub async fn close(self) {
+        self.shared.bus.clone().close().await;
+    }
+
+    /// Which robots should be there: `expect`, else the config's, else the simulator's own roster.
+    /// `None` = nobody knows.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`] if the question could not be sent.
+    pub async fn roster(&self, expect: &[Name]) -> Result<Option<BTreeSet<Name>>> {
+        let entries = self.roster_entries(expect).await?;
+        Ok(entries.map(|entries| entries.into_iter().map(|entry| entry.name).collect()))
+    }
+
+    /// The same with tags and start poses, as far as the config or the simulator gives them.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`] if the question could not be sent.
+    pub async fn roster_entries(&self, expect: &[Name]) -> Result<Option<Vec<RosterEntry>>> {
+        let told = self.told_entries(expect);
+        if !told.is_empty() {
+            return Ok(Some(told));
+        }
+        self.simulated().await
+    }
+
+    /// The robots that the fleet's simulator has; `None` = there is none.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`] if the question could not be sent.
+    pub async fn simulated(&self) -> Result<Option<Vec<RosterEntry>>> {
+        let answers = self.get(&self.keys().sim_roster()).await?;
+        let rosters: Vec<Roster> = answers.iter().filter_map(read).collect();
+        if rosters.is_empty() {
+            return Ok(None);
+        }
+        Ok(Some(rosters.into_iter().flat_map(|roster| roster.robots).collect()))
+    }
+
+    /// How the fleet's simulator runs; `None` = there is none. Asked once: most fleets have none, and
+    /// must not wait for it.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`] if the question could not be sent.
+    pub async fn sim_stats(&self) -> Result<Option<SimStats>> {
+        let answers = self.bus().get(&self.keys().sim_stats(), self.shared.settings.timeout).await?;
+        Ok(answers.iter().find_map(read))
+    }
+
+    /// The roster that is known without asking anybody: `expect`, else the config's; empty = none is.
+    #[must_use]
+    pub fn told_roster(&self, expect: &[Name]) -> BTreeSet<Name> {
+        self.told_entries(expect).into_iter().map(|entry| entry.name).collect()
+    }
+
+    /// The same with tags and start poses.
+    #[must_use]
+    pub fn told_entries(&self, expect: &[Name]) -> Vec<RosterEntry> {
+        let known = &self.shared.settings.robots;
+        if expect.is_empty() {
+            return known.clone();
+        }
+        let entry = |name: &Name| {
+            let bare = || RosterEntry { name: name.clone(), tags: Vec::new(), start_pose: None };
+            known.iter().find(|entry| entry.name == *name).cloned().unwrap_or_else(bare)
+        };
+        expect.iter().map(entry).collect()
+    }
+
+    /// The robots that are there now.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`] if the question could not be sent.
+    pub async fn alive(&self) -> Result<BTreeSet<Name>> {
+        let key_expr = self.keys().any_robot().alive();
+        let keys = self.bus().alive(&key_expr, self.patience()).await?;
+        Ok(keys.iter().filter_map(|key| Key::parse(key)?.robot).collect())
+    }
+
+    /// Whether this robot is there now.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`] if the question could not be sent.
+    pub async fn is_alive(&self, robot: &Name) -> Result<bool> {
+        let keys = self.bus().alive(&self.keys().robot(robot).alive(), self.patience()).await?;
+        Ok(!keys.is_empty())
+    }
+
+    /// The states of the robots behind `keys`.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`] if the question could not be sent.
+    pub async fn states(&self, keys: &RobotKeys) -> Result<BTreeMap<Name, Seen>> {
+        let answers = self.get(&keys.state()).await?;
+        let at = Instant::now();
+        let states = answers.iter().filter_map(read::<RobotState>);
+        Ok(states.map(|state| (state.robot.clone(), Seen { state, at })).collect())
+    }
+
+    /// A robot's factsheet, if it answers.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`] if the question could not be sent.
+    pub async fn about(&self, robot: &Name) -> Result<Option<About>> {
+        Ok(self.get(&self.keys().robot(robot).about()).await?.iter().find_map(read))
+    }
+
+    /// Everybody's answers on `selector`.
+    pub async fn get(&self, selector: &str) -> std::result::Result<Vec<Incoming>, BusError> {
+        get(self.bus(), selector, self.patience()).await
+    }
+
+    /// The answers of robots on one of their keys: everybody is asked at once, then by name those of `there` who
+    /// have not answered.
+    pub async fn get_each(
+        &self,
+        key: fn(&RobotKeys) -> String,
+        there: &BTreeSet<Name>,
+    ) -> std::result::Result<Vec<Incoming>, BusError> {
+        let answers = self.get(&key(&self.keys().any_robot())).await?;
+        self.ask_the_silent(key, answers, there).await
+    }
+
+    /// Asks by name those of `there` who have not answered a question to all. (A wildcard reaches only those whom
+    /// the routers on the way know to match it.)
+    async fn ask_the_silent(
+        &self,
+        key: fn(&RobotKeys) -> String,
+        mut answers: Vec<Incoming>,
+        there: &BTreeSet<Name>,
+    ) -> std::result::Result<Vec<Incoming>, BusError> {
+        let answered: BTreeSet<Name> =
+            answers.iter().filter_map(|answer| Key::parse(&answer.key)?.robot).collect();
+        let mut asking = JoinSet::new();
+        for robot in there.difference(&answered) {
+            let (client, key) = (self.clone(), key(&self.keys().robot(robot)));
+            asking.spawn(async move { client.get(&key).await });
+        }
+        while let Some(asked) = asking.join_next().await {
+            match asked {
+                Ok(found) => answers.extend(found?),
+                Err(error) => tracing::error!("asking a robot by name: {error}"),
+            }
+        }
+        Ok(answers)
+    }
+
+    /// Who is there, and the states of all; who does not answer a question to all is asked by name.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`] if the question could not be sent.
+    pub async fn heard(&self) -> Result<(BTreeSet<Name>, BTreeMap<Name, Seen>)> {
+        let any = self.keys().any_robot().state();
+        let (alive, answers) = tokio::join!(self.alive(), self.get(&any));
+        let alive = alive?;
+        let asked = Instant::now();
+        let mut answers = self.ask_the_silent(RobotKeys::state, answers?, &alive).await?;
+        if asked.elapsed() > STALE / 2 {
+            // Somebody took his time: the others' states have become old.
+            answers.extend(self.get(&any).await?);
+        }
+        let at = Instant::now();
+        let states = answers.iter().filter_map(read::<RobotState>);
+        let states = states.map(|state| (state.robot.clone(), Seen { state, at })).collect();
+        Ok((alive, states))
+    }
+
+    /// What to say when nobody is there.
+    #[must_use]
+    pub fn nobody(&self) -> Error {
+        let Settings { connect, fleet, .. } = &self.shared.settings;
+        let message =
+            format!("No robot answers: the router at {} knows no robot of fleet {fleet}", connect.join(", "));
+        Error::new(ErrorKind::NoRobot, message).hint(
+            "start `fleet-cli sim` or, on a robot, `robot-agent`; \
+             another fleet is named with --fleet, another router with --connect",
+        )
+    }
+}
+
+fn no_router(settings: &Settings, tried: Duration) -> Error {
+    let (endpoints, seconds) = (settings.connect.join(", "), (tried.as_secs_f64() * 10.0).round() / 10.0);
+    Error::new(ErrorKind::NoRouter, format!("No router answers at {endpoints} (tried for {seconds} s)")).hint(
+        "start `fleet-cli sim` or `fleet-cli router`, \
+         or name a router with --connect or XTB_CONNECT",
+    )
+}
+
+/// Everybody's answers on `selector`; asked for once more if there are none at once. Silence for `within` ends
+/// it: on a slow link the states of a fleet come one by one.
+pub async fn get(
+    bus: &Bus,
+    selector: &str,
+    within: Duration,
+) -> std::result::Result<Vec<Incoming>, BusError> {
+    let asked = Instant::now();
+    let most = within.max(PATIENCE_MOST);
+    let answers = bus.gather(selector, within, most).await?;
+    if !answers.is_empty() || asked.elapsed() >= within {
+        return Ok(answers);
+    }
+    tokio::time::sleep(SETTLE).await;
+    bus.gather(selector, within, most).await
+}
+
+/// What a reply gave.
+pub fn accepted(robot: &Name, reply: &Reply) -> Result<Done> {
+    match &reply.result {
+        Outcome::Ok(done) => Ok(*done),
+        Outcome::Error(error) => Err(Error::refused(robot, error)),
+    }
+}
+
+/// An answer that can be read; one that cannot is logged and counts as none.
+fn read<M: Message>(answer: &Incoming) -> Option<M> {
+    answer.decode().inspect_err(|error| tracing::warn!("on {}: {error}", answer.key)).ok()
+}
+
+#[cfg(test)]
+mod tests;

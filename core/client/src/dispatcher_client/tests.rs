@@ -1,0 +1,114 @@
+//! Questions to a dispatcher that a test plays.
+
+use super::*;
+use crate::fake::{FakeDispatcher, Told, task};
+use xtb_protocol::messages::TaskState;
+
+fn patient(client: &Client, starts_within: Duration) -> DispatcherClient<'_> {
+    DispatcherClient { client, starts_within, waiting: None }
+}
+
+fn error(code: DispatchCode) -> DispatchOutcome {
+    DispatchOutcome::Error(DispatchError { code, message: "so it is".into(), hint: "do this".into() })
+}
+
+fn one() -> Vec<TaskSpec> {
+    vec![task(1, TaskState::Queued).spec]
+}
+
+async fn client() -> Client {
+    Client::alone(Duration::from_secs(30)).await
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_submission_is_asked_again_with_its_id_until_it_is_taken() {
+    let client = client().await;
+    let answers =
+        [Some(error(DispatchCode::Overloaded)), Some(DispatchOutcome::Submitted(vec![TaskId::new(17)]))];
+    let fake = FakeDispatcher::start(&client, Told { answers: answers.into(), ..Told::default() }).await;
+    let taken = patient(&client, Duration::from_secs(30)).submit(one()).await.unwrap();
+    assert_eq!(taken.tasks, [TaskId::new(17)]);
+    let asked = fake.told.lock().unwrap().asked.clone();
+    assert_eq!(asked.len(), 2);
+    assert_eq!(asked[0], asked[1]);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dispatcher_that_is_just_starting_is_waited_for() {
+    let client = client().await;
+    let dispatching = patient(&client, Duration::from_secs(30));
+    let answers = [Some(DispatchOutcome::Submitted(vec![TaskId::new(1)]))];
+    let starting = async {
+        // It asks at once, and nobody is there.
+        assert!(!dispatching.is_there().await);
+        FakeDispatcher::start(&client, Told { answers: answers.into(), ..Told::default() }).await
+    };
+    let (taken, _fake) = tokio::join!(dispatching.submit(one()), starting);
+    assert_eq!(taken.unwrap().tasks, [TaskId::new(1)]);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn without_a_dispatcher_the_error_says_how_to_start_one() {
+    let client = client().await;
+    let failure = patient(&client, Duration::from_secs(1)).submit(one()).await.unwrap_err();
+    assert_eq!(failure.kind, ErrorKind::NoDispatcher);
+    assert_eq!(
+        failure.message,
+        "no dispatcher runs for fleet lab (waited 1 s for one): nothing was submitted"
+    );
+    assert!(failure.hint.contains("fleet-cli dispatch serve"), "{}", failure.hint);
+    assert_eq!(patient(&client, Duration::ZERO).list().await.unwrap_err().kind, ErrorKind::NoDispatcher);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dispatcher_that_is_there_and_silent_leaves_the_outcome_unknown() {
+    let client = client().await;
+    let _fake = FakeDispatcher::start(&client, Told::default()).await;
+    let failure = patient(&client, Duration::from_millis(1)).submit(one()).await.unwrap_err();
+    assert_eq!(failure.kind, ErrorKind::OutcomeUnknown);
+    assert!(failure.hint.contains("fleet-cli tasks"), "{}", failure.hint);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_refusal_is_final_and_keeps_its_hint() {
+    let client = client().await;
+    let answers = [Some(error(DispatchCode::KeepOut))];
+    let fake = FakeDispatcher::start(&client, Told { answers: answers.into(), ..Told::default() }).await;
+    let failure = patient(&client, Duration::from_secs(30)).submit(one()).await.unwrap_err();
+    assert_eq!(failure.kind, ErrorKind::NotDispatched(DispatchCode::KeepOut));
+    assert_eq!((failure.message.as_str(), failure.hint.as_str()), ("so it is", "do this"));
+    assert_eq!(fake.told.lock().unwrap().asked.len(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_list_of_many_pages_is_put_together() {
+    let client = client().await;
+    let tasks: Vec<_> = (1..=7).map(|number| task(number, TaskState::Queued)).collect();
+    let told = Told { tasks: tasks.clone(), page: Some(2), ..Told::default() };
+    let _fake = FakeDispatcher::start(&client, told).await;
+    let list = patient(&client, Duration::ZERO).list().await.unwrap();
+    assert_eq!((list.tasks, list.left_out), (tasks, 0));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dispatcher_whose_pages_never_end_is_not_asked_for_ever() {
+    let client = client().await;
+    let tasks = vec![task(1, TaskState::Queued)];
+    let told = Told { tasks, page: Some(0), ..Told::default() };
+    let _fake = FakeDispatcher::start(&client, told).await;
+    let failure = patient(&client, Duration::ZERO).list().await.unwrap_err();
+    assert!(failure.message.contains("a page without tasks"), "{failure}");
+}
+
+#[test]
+fn what_is_unconfirmed_weighs_more_than_what_was_refused() {
+    let change = |n, code| TaskChange {
+        id: TaskId::new(n),
+        state: None,
+        error: Some(DispatchError { code, message: String::new(), hint: String::new() }),
+    };
+    let changes = [change(1, DispatchCode::WrongState), change(2, DispatchCode::Unconfirmed)];
+    assert_eq!(worst(&changes).unwrap().code, DispatchCode::Unconfirmed);
+    assert_eq!(worst(&changes[..1]).unwrap().code, DispatchCode::WrongState);
+    assert_eq!(worst(&[]), None);
+}

@@ -1,0 +1,90 @@
+//! What can go wrong between a client and its fleet: kind, message, and a hint at what to do.
+
+use std::fmt;
+use xtb_bus::BusError;
+use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, RejectCode};
+
+/// Kinds of errors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// What was asked for is not possible: an endpoint, a key expression or a value.
+    Invalid,
+    /// No router answers.
+    NoRouter,
+    /// No robot, or not this one, answers.
+    NoRobot,
+    /// The fleet has no dispatcher.
+    NoDispatcher,
+    /// A request was sent and not answered.
+    OutcomeUnknown,
+    /// The robot refused.
+    Refused(RejectCode),
+    /// The dispatcher refused.
+    NotDispatched(DispatchCode),
+    /// Control was given back because nobody used it.
+    Idle,
+    /// Everything else.
+    Failed,
+}
+
+/// An error that a person can act on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Error {
+    /// What kind.
+    pub kind: ErrorKind,
+    /// What happened.
+    pub message: String,
+    /// What to do; empty if nothing is known to help.
+    pub hint: String,
+}
+
+/// What the client's functions return.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// An error without a hint.
+    #[must_use]
+    pub fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into(), hint: String::new() }
+    }
+
+    /// The same with a hint at what to do.
+    #[must_use]
+    pub fn hint(self, hint: impl Into<String>) -> Self {
+        Self { hint: hint.into(), ..self }
+    }
+
+    /// A robot's refusal.
+    #[must_use]
+    pub fn refused(robot: &xtb_protocol::Name, error: &ErrorBody) -> Self {
+        Self::new(ErrorKind::Refused(error.code), format!("{robot} refuses: {}", error.message))
+            .hint(error.hint.clone())
+    }
+}
+
+impl From<DispatchError> for Error {
+    fn from(error: DispatchError) -> Self {
+        Self::new(ErrorKind::NotDispatched(error.code), error.message).hint(error.hint)
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Error {}
+
+impl From<BusError> for Error {
+    fn from(error: BusError) -> Self {
+        match &error {
+            BusError::Setting { .. } => Self::new(ErrorKind::Invalid, error.to_string())
+                .hint("an endpoint looks like tcp/192.168.1.10:7447"),
+            BusError::Open { .. } => Self::new(ErrorKind::NoRouter, error.to_string()),
+            BusError::Operation { .. } | BusError::Encode(_) => {
+                Self::new(ErrorKind::Failed, error.to_string())
+            }
+        }
+    }
+}

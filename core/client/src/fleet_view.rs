@@ -1,0 +1,138 @@
+//! The fleet as `list` and `status` show it: a row for each robot that is or should be there.
+
+use crate::client::{Client, Seen};
+use crate::error::Result;
+use crate::state_feed::StateFeed;
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use xtb_control::frames::MapPose;
+use xtb_protocol::Name;
+use xtb_protocol::keys::RobotKeys;
+use xtb_protocol::messages::{RobotState, RosterEntry, SimStats};
+
+/// The whole fleet.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FleetView {
+    /// Its name.
+    pub fleet: Name,
+    /// In the order of their names' numbers.
+    pub robots: Vec<RobotView>,
+    /// How the simulator runs that has robots of it; `None` = there is none, or nobody asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulator: Option<SimStats>,
+}
+
+/// One robot.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RobotView {
+    /// Whose.
+    pub name: Name,
+    /// Whether it is present: alive means commandable.
+    pub alive: bool,
+    /// `None` = unknown, or so old that it says nothing any more.
+    pub state: Option<RobotState>,
+    /// Since the last state arrived, stale or not.
+    pub age_ms: Option<u64>,
+    /// From the roster.
+    pub tags: Vec<String>,
+    /// Where the roster says that it starts.
+    pub start_pose: Option<MapPose>,
+}
+
+impl FleetView {
+    /// Asks everybody once, and by name those who are there and did not answer; `wanted` robots get a row in any
+    /// case.
+    pub async fn ask(client: &Client, fleet: &Name, wanted: &BTreeSet<Name>) -> Result<Self> {
+        let (alive, states) = client.heard().await?;
+        Ok(Self::of(fleet, &alive, &states, wanted))
+    }
+
+    /// The same, but asks only the robots behind `keys` for their states.
+    pub async fn ask_robots(
+        client: &Client,
+        fleet: &Name,
+        keys: &RobotKeys,
+        wanted: &BTreeSet<Name>,
+    ) -> Result<Self> {
+        let (alive, states) = tokio::join!(client.alive(), client.states(keys));
+        Ok(Self::of(fleet, &alive?, &states?, wanted))
+    }
+
+    /// What a feed knows now; a robot that has left keeps its row.
+    pub fn now(feed: &StateFeed, fleet: &Name, wanted: &BTreeSet<Name>) -> Self {
+        let states = feed.states();
+        let wanted = wanted.iter().chain(states.keys()).cloned().collect();
+        Self::of(fleet, &feed.alive(), &states, &wanted)
+    }
+
+    /// Of those who are there, their states, and whoever gets a row in any case.
+    pub fn of(
+        fleet: &Name,
+        alive: &BTreeSet<Name>,
+        states: &BTreeMap<Name, Seen>,
+        wanted: &BTreeSet<Name>,
+    ) -> Self {
+        let mut names: Vec<&Name> = alive.iter().chain(wanted).collect();
+        names.sort_by_key(|name| by_number(name));
+        names.dedup();
+        let robots = names.into_iter().map(|name| {
+            let seen = states.get(name);
+            RobotView {
+                name: name.clone(),
+                alive: alive.contains(name),
+                state: seen.and_then(Seen::fresh).cloned(),
+                tags: Vec::new(),
+                start_pose: None,
+                age_ms: seen.map(|seen| u64::try_from(seen.age().as_millis()).unwrap_or(u64::MAX)),
+            }
+        });
+        Self { fleet: fleet.clone(), robots: robots.collect(), simulator: None }
+    }
+
+    /// Whether each of them is there and was heard.
+    pub fn is_known(&self) -> bool {
+        self.robots.iter().all(|robot| robot.alive && robot.state.is_some())
+    }
+
+    /// With what the roster says of each.
+    pub fn with_roster(mut self, entries: &[RosterEntry]) -> Self {
+        for row in &mut self.robots {
+            if let Some(entry) = entries.iter().find(|entry| entry.name == row.name) {
+                row.tags.clone_from(&entry.tags);
+                row.start_pose = entry.start_pose;
+            }
+        }
+        self
+    }
+
+    /// Only these robots; none named = all.
+    pub fn only(mut self, robots: &[Name]) -> Self {
+        if !robots.is_empty() {
+            self.robots.retain(|row| robots.contains(&row.name));
+        }
+        self
+    }
+}
+
+/// `xtb-2` comes before `xtb-10`.
+pub fn by_number(name: &Name) -> (String, u64, String) {
+    let text = name.as_str();
+    let stem = text.trim_end_matches(|c: char| c.is_ascii_digit());
+    (stem.to_owned(), text[stem.len()..].parse().unwrap_or(0), text.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_missing_have_a_row_and_numbers_count() {
+        let names = |all: &[&str]| all.iter().map(|name| Name::new(name).unwrap()).collect::<BTreeSet<_>>();
+        let fleet = Name::new("lab").unwrap();
+        let alive = names(&["xtb-10", "xtb-2"]);
+        let view = FleetView::of(&fleet, &alive, &BTreeMap::new(), &names(&["xtb-1", "xtb-2"]));
+        let rows: Vec<_> = view.robots.iter().map(|row| (row.name.as_str(), row.alive)).collect();
+        assert_eq!(rows, [("xtb-1", false), ("xtb-2", true), ("xtb-10", true)]);
+        assert!(view.robots.iter().all(|row| row.state.is_none() && row.age_ms.is_none()));
+    }
+}

@@ -1,0 +1,175 @@
+//! What robots say of themselves as it comes in: latest states, presence, and events in order.
+
+use crate::client::{Client, Seen};
+use crate::error::Result;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::{Notify, mpsc};
+use tokio::task::{JoinHandle, JoinSet};
+use tokio::time::MissedTickBehavior;
+use xtb_bus::{Presence, Subscription};
+use xtb_protocol::Name;
+use xtb_protocol::keys::{Key, RobotKeys};
+use xtb_protocol::messages::{Event, RobotState};
+
+/// Events that wait for their reader; one that finds no room is dropped (and logged).
+const EVENT_QUEUE: usize = 256;
+/// Questions for a state on their way at most: on a slow link they come as fast as they are answered.
+const QUESTIONS: usize = 2;
+
+#[derive(Debug, Default)]
+struct Latest {
+    states: Mutex<BTreeMap<Name, Seen>>,
+    alive: Mutex<BTreeSet<Name>>,
+    news: Notify,
+}
+
+/// Latest states and presence of one robot or of all, until it is dropped.
+pub struct StateFeed {
+    latest: Arc<Latest>,
+    _source: Source,
+}
+
+/// Where they come from.
+enum Source {
+    Published { _states: Subscription, _presence: Presence },
+    Asked(JoinHandle<()>),
+}
+
+impl Drop for Source {
+    fn drop(&mut self) {
+        if let Self::Asked(asking) = self {
+            asking.abort();
+        }
+    }
+}
+
+impl Latest {
+    fn put(&self, state: RobotState) {
+        lock(&self.states).insert(state.robot.clone(), Seen { at: Instant::now(), state });
+        self.news.notify_one();
+    }
+}
+
+impl StateFeed {
+    /// Subscribes.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`](crate::ErrorKind::Failed): Zenoh would not.
+    pub async fn open(client: &Client, keys: &RobotKeys) -> Result<Self> {
+        let latest = Arc::new(Latest::default());
+        let states = Arc::clone(&latest);
+        let each = move |incoming: xtb_bus::Incoming| match incoming.decode::<RobotState>() {
+            Ok(state) => states.put(state),
+            Err(error) => tracing::debug!("on {}: {error}", incoming.key),
+        };
+        let _states = client.bus().subscribe(&keys.state(), each).await?;
+        let presence = Arc::clone(&latest);
+        let each = move |key: &str, there: bool| {
+            let Some(robot) = Key::parse(key).and_then(|key| key.robot) else { return };
+            let mut alive = lock(&presence.alive);
+            if there {
+                alive.insert(robot)
+            } else {
+                alive.remove(&robot)
+            };
+            drop(alive);
+            presence.news.notify_one();
+        };
+        let _presence = client.bus().watch_alive(&keys.alive(), each).await?;
+        Ok(Self { latest, _source: Source::Published { _states, _presence } })
+    }
+
+    /// Asks one robot for its state, `every` so often or as often as the link can: a subscription to 20 states a
+    /// second takes 80 kbit/s, and fills every queue of a link that has less.
+    #[must_use]
+    pub fn asked(client: &Client, robot: &Name, every: Duration) -> Self {
+        let latest = Arc::new(Latest::default());
+        let asking = ask_on(client.clone(), robot.clone(), every, Arc::clone(&latest));
+        Self { latest, _source: Source::Asked(tokio::spawn(asking)) }
+    }
+
+    /// The last state of a robot, however old.
+    #[must_use]
+    pub fn last(&self, robot: &Name) -> Option<Seen> {
+        lock(&self.latest.states).get(robot).cloned()
+    }
+
+    /// The last states of all robots.
+    #[must_use]
+    pub fn states(&self) -> BTreeMap<Name, Seen> {
+        lock(&self.latest.states).clone()
+    }
+
+    /// Who is there.
+    #[must_use]
+    pub fn alive(&self) -> BTreeSet<Name> {
+        lock(&self.latest.alive).clone()
+    }
+
+    /// Waits until something has come in since the last call.
+    pub async fn news(&self) {
+        self.latest.news.notified().await;
+    }
+}
+
+async fn ask_on(client: Client, robot: Name, every: Duration, latest: Arc<Latest>) {
+    let mut ask = tokio::time::interval(every);
+    ask.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut asking = JoinSet::new();
+    loop {
+        tokio::select! {
+            Some(states) = asking.join_next() => {
+                let states: Vec<RobotState> = states.unwrap_or_default();
+                states.into_iter().filter(|state| state.robot == robot).for_each(|state| latest.put(state));
+            }
+            _ = ask.tick(), if asking.len() < QUESTIONS => {
+                let (client, key) = (client.clone(), client.keys().robot(&robot).state());
+                asking.spawn(async move {
+                    let answers = client.bus().get(&key, client.patience()).await.unwrap_or_default();
+                    answers.iter().filter_map(|answer| answer.decode().ok()).collect()
+                });
+            }
+        }
+    }
+}
+
+/// One robot's events, until it is dropped.
+pub struct Events {
+    queue: mpsc::Receiver<Event>,
+    _subscription: Subscription,
+}
+
+impl Events {
+    /// Subscribes; the robot's last events come first.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`](crate::ErrorKind::Failed): Zenoh would not.
+    pub async fn open(client: &Client, keys: &RobotKeys) -> Result<Self> {
+        let (sender, queue) = mpsc::channel(EVENT_QUEUE);
+        let each = move |incoming: xtb_bus::Incoming| match incoming.decode::<Event>() {
+            Ok(event) => {
+                if sender.try_send(event).is_err() {
+                    tracing::warn!("an event on {} found no room", incoming.key);
+                }
+            }
+            Err(error) => tracing::debug!("on {}: {error}", incoming.key),
+        };
+        let _subscription = client.bus().subscribe_events(&keys.event(), each).await?;
+        Ok(Self { queue, _subscription })
+    }
+
+    /// The next event.
+    pub async fn next(&mut self) -> Event {
+        match self.queue.recv().await {
+            Some(event) => event,
+            // The sender lives in the subscription, and that in here.
+            None => std::future::pending().await,
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

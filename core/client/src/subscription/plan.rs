@@ -1,0 +1,205 @@
+//! What has to be done to see the keys that an expression names. Pure: an expression in, a plan out.
+//!
+//! Not everything on our keys is published: presence is a liveliness token, some keys only answer
+//! questions, and commands are questions between others. So an expression is compared with each kind
+//! of key, chunk by chunk.
+
+use crate::error::{Error, ErrorKind, Result};
+use xtb_protocol::keys::any;
+
+/// Any chunk.
+const ANY: &str = "*";
+/// Any number of chunks, none too.
+const ANY_MANY: &str = "**";
+/// Any number of characters within a chunk.
+const ANY_PART: &str = "$*";
+
+/// Keys that carry published messages only.
+const PUBLISHED: [&str; 6] =
+    [any::SENSORS, any::TELEOP, any::ESTOP, any::MAP, any::SIM_TRUTH, any::SIM_STATS];
+
+/// How to watch an expression.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Plan {
+    /// Presence comes and goes.
+    Presence,
+    /// The last events, then each new one.
+    Events,
+    /// Nothing is published there: the answers to these questions are all there is.
+    Answers(Vec<String>),
+    /// Messages as they are published, the answers to these questions, and presence on these.
+    Messages {
+        /// Expressions to ask once.
+        ask: Vec<String>,
+        /// Expressions whose presence is watched.
+        presence: Vec<String>,
+    },
+}
+
+impl Plan {
+    /// The plan for an expression. One that is not valid, or that names none of our keys, is
+    /// subscribed to as it is: Zenoh then says what is wrong with it.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Invalid`]: it names commands and nothing else.
+    pub fn of(expression: &str) -> Result<Self> {
+        let asks = [any::STATE, any::ABOUT, any::SIM_ROSTER].map(|pattern| overlap(expression, pattern));
+        let [states, abouts, rosters] = asks;
+        let presence = overlap(expression, any::ALIVE);
+        let events = overlap(expression, any::EVENT);
+        let maps = overlap(expression, any::MAP);
+        let answers: Vec<String> = abouts.into_iter().chain(rosters).collect();
+        match last_chunk(expression) {
+            "alive" if !presence.is_empty() => return Ok(Self::Presence),
+            "event" if !events.is_empty() => return Ok(Self::Events),
+            // Long, so not within wider expressions.
+            "map" if !maps.is_empty() => return Ok(Self::Messages { ask: maps, presence: Vec::new() }),
+            "about" | "roster" if !answers.is_empty() => return Ok(Self::Answers(answers)),
+            _ => {}
+        }
+        let ask: Vec<String> = states.into_iter().chain(answers).collect();
+        let published = PUBLISHED.iter().any(|pattern| !overlap(expression, pattern).is_empty());
+        let shows_something = published || !(ask.is_empty() && presence.is_empty() && events.is_empty());
+        if !shows_something && !overlap(expression, any::CMD).is_empty() {
+            return Err(only_commands(expression));
+        }
+        Ok(Self::Messages { ask, presence })
+    }
+}
+
+fn only_commands(expression: &str) -> Error {
+    let message = format!(
+        "cannot watch {expression:?}: commands are questions from one client to one robot, nobody else sees them"
+    );
+    Error::new(ErrorKind::Invalid, message)
+        .hint("what commands do shows in xtb/<fleet>/<robot>/state and …/event, setpoints in …/teleop/*")
+}
+
+fn last_chunk(expression: &str) -> &str {
+    expression.rsplit('/').next().unwrap_or_default()
+}
+
+/// Expressions that together match what both `expression` and `pattern` (without `**`) match.
+fn overlap(expression: &str, pattern: &str) -> Vec<String> {
+    let expression: Vec<&str> = expression.split('/').collect();
+    let pattern: Vec<&str> = pattern.split('/').collect();
+    let mut found: Vec<String> = both(&expression, &pattern).iter().map(|chunks| chunks.join("/")).collect();
+    found.sort();
+    found.dedup();
+    found
+}
+
+fn both<'a>(expression: &[&'a str], pattern: &[&'a str]) -> Vec<Vec<&'a str>> {
+    match (expression, pattern) {
+        ([], []) => vec![Vec::new()],
+        ([ANY_MANY, rest @ ..], _) => {
+            let mut found = both(rest, pattern);
+            if let [first, left @ ..] = pattern {
+                found.extend(both(expression, left).into_iter().map(|chunks| before(first, chunks)));
+            }
+            found
+        }
+        ([ours, rest @ ..], [theirs, left @ ..]) => match chunk(ours, theirs) {
+            Some(shared) => both(rest, left).into_iter().map(|chunks| before(shared, chunks)).collect(),
+            None => Vec::new(),
+        },
+        _ => Vec::new(),
+    }
+}
+
+fn before<'a>(first: &'a str, mut chunks: Vec<&'a str>) -> Vec<&'a str> {
+    chunks.insert(0, first);
+    chunks
+}
+
+/// What both chunks match; `theirs` is a word or [`ANY`].
+fn chunk<'a>(ours: &'a str, theirs: &'a str) -> Option<&'a str> {
+    match (ours, theirs) {
+        (_, ANY) => Some(ours),
+        (ANY, _) => Some(theirs),
+        _ => matches_word(ours, theirs).then_some(theirs),
+    }
+}
+
+/// Whether a chunk that may hold [`ANY_PART`] matches a word.
+fn matches_word(chunk: &str, word: &str) -> bool {
+    match chunk.split_once(ANY_PART) {
+        None => chunk == word,
+        Some((start, rest)) => word.strip_prefix(start).is_some_and(|left| {
+            left.char_indices().any(|(at, _)| matches_word(rest, &left[at..])) || matches_word(rest, "")
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn answers(ask: &[&str]) -> Plan {
+        Plan::Answers(ask.iter().map(ToString::to_string).collect())
+    }
+
+    fn messages(ask: &[&str], presence: &[&str]) -> Plan {
+        let own = |texts: &[&str]| texts.iter().map(ToString::to_string).collect();
+        Plan::Messages { ask: own(ask), presence: own(presence) }
+    }
+
+    #[test]
+    fn each_kind_of_key_is_watched_in_its_own_way() {
+        for (expression, plan) in [
+            ("xtb/lab/*/alive", Plan::Presence),
+            ("xtb/**/alive", Plan::Presence),
+            ("xtb/lab/xtb-1/event", Plan::Events),
+            ("**/event", Plan::Events),
+            ("xtb/lab/*/about", answers(&["xtb/lab/*/about"])),
+            ("xtb/**/about", answers(&["xtb/*/*/about"])),
+            ("xtb/lab/sim/roster", answers(&["xtb/lab/sim/roster"])),
+            ("xtb/lab/*/state", messages(&["xtb/lab/*/state"], &[])),
+            ("xtb/lab/*/sensors", messages(&[], &[])),
+            ("xtb/lab/sim/truth", messages(&[], &[])),
+            ("xtb/lab/*/teleop/*", messages(&[], &[])),
+            ("xtb/lab/map", messages(&["xtb/lab/map"], &[])),
+            ("xtb/**/map", messages(&["xtb/*/map"], &[])),
+            ("ros/**", messages(&[], &[])),
+        ] {
+            assert_eq!(Plan::of(expression), Ok(plan), "{expression}");
+        }
+    }
+
+    #[test]
+    fn a_wide_expression_never_asks_commands() {
+        let all = ["xtb/*/*/state", "xtb/*/*/about", "xtb/*/sim/roster"];
+        assert_eq!(Plan::of("xtb/**"), Ok(messages(&all, &["xtb/*/*/alive"])));
+        let one = ["xtb/lab/xtb-1/state", "xtb/lab/xtb-1/about"];
+        assert_eq!(Plan::of("xtb/lab/xtb-1/**"), Ok(messages(&one, &["xtb/lab/xtb-1/alive"])));
+        assert_eq!(Plan::of("xtb/lab/*/s$*"), Ok(messages(&["xtb/lab/*/state"], &[])));
+    }
+
+    #[test]
+    fn commands_cannot_be_watched() {
+        for expression in
+            ["xtb/lab/xtb-1/cmd/*", "xtb/lab/*/cmd/me", "xtb/*/*/cmd/**", "xtb/lab/xtb-1/cmd/about"]
+        {
+            let failure = Plan::of(expression).unwrap_err();
+            assert_eq!(failure.kind, ErrorKind::Invalid, "{expression}");
+            assert!(failure.hint.contains("event"), "{failure}");
+        }
+        // A robot may be called so.
+        assert_eq!(Plan::of("xtb/lab/cmd/event"), Ok(Plan::Events));
+    }
+
+    #[test]
+    fn parts_of_words_match_like_in_zenoh() {
+        for (chunk, word, matches) in [
+            ("state", "state", true),
+            ("st$*", "state", true),
+            ("$*te", "state", true),
+            ("s$*a$*e", "state", true),
+            ("state$*", "state", true),
+            ("x$*", "state", false),
+            ("s$*b", "state", false),
+        ] {
+            assert_eq!(matches_word(chunk, word), matches, "{chunk} {word}");
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! What only holds between two constants: speeds that the obstacle rule can stop, stops in their
+//! order, calibrations that fit the servos, pins that do not share a channel.
+
+use crate::config::ConfigError;
+use crate::tpu::Setup;
+use crate::units::PwmCount;
+use crate::vehicle::VehicleConfig;
+
+/// A servo whose quantity changes less per count than this does not move.
+const MIN_SLOPE: f64 = 1.0e-6;
+/// A steering centre may be this far from where the calibration has it.
+const MAX_CENTRE_DEG: f64 = 3.0;
+
+impl VehicleConfig {
+    /// Checks each parameter against its range, then what only holds between two of them.
+    ///
+    /// # Errors
+    /// The first violation, naming field, value and what is allowed.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        crate::config::validate(&self.parameters())?;
+        let admitted_rpm = self.admitted_mps() / self.mps_per_rpm();
+        for (name, rpm) in [
+            ("goto.reference_rpm", self.goto.reference_rpm),
+            ("wander.reference_rpm", self.wander.reference_rpm),
+            ("teleop.max_rpm", self.teleop.max_rpm),
+        ] {
+            if rpm > admitted_rpm {
+                return Err(ConfigError::Conflict {
+                    name: name.into(),
+                    value: format!("{rpm:?}"),
+                    reason: format!(
+                        "the {} cm obstacle rule stops in time only up to {admitted_rpm:.1} rpm; \
+                         raise obstacle.threshold_cm for more",
+                        self.obstacle.threshold_cm
+                    ),
+                });
+            }
+        }
+        self.validate_order()?;
+        self.validate_calibration()?;
+        Setup::of(self).map(drop)
+    }
+
+    fn validate_order(&self) -> Result<(), ConfigError> {
+        let pistons = &self.pistons;
+        for (name, below, above) in [
+            ("pistons.middle_m", pistons.min_m, pistons.middle_m),
+            ("pistons.max_m", pistons.middle_m, pistons.max_m),
+            ("pistons.travel_m", pistons.max_m, pistons.travel_m),
+            ("infrared.near_v", self.infrared.far_v, self.infrared.near_v),
+            ("remote.max_duty_pct", self.remote.min_duty_pct, self.remote.max_duty_pct),
+            ("battery.finish_v", self.battery.stop_v, self.battery.finish_v),
+            ("battery.warn_v", self.battery.finish_v, self.battery.warn_v),
+        ] {
+            if below >= above {
+                return Err(conflict(name, above, format!("it must be more than {below}")));
+            }
+        }
+        Ok(())
+    }
+
+    fn validate_calibration(&self) -> Result<(), ConfigError> {
+        let calibration = &self.calibration;
+        let centres = [self.steering.front_centre, self.steering.rear_centre];
+        let angles = [self.bumpers.front_deg, self.bumpers.rear_deg];
+        let lines = [
+            ("steering_front", calibration.steering()[0], centres[0]),
+            ("steering_rear", calibration.steering()[1], centres[1]),
+            ("bumper_front", calibration.bumpers()[0], calibration.bumpers()[0].count(angles[0])),
+            ("bumper_rear", calibration.bumpers()[1], calibration.bumpers()[1].count(angles[1])),
+            ("piston_fl", calibration.pistons()[0], calibration.pistons()[0].count(0.0)),
+            ("piston_fr", calibration.pistons()[1], calibration.pistons()[1].count(0.0)),
+            ("piston_rl", calibration.pistons()[2], calibration.pistons()[2].count(0.0)),
+            ("piston_rr", calibration.pistons()[3], calibration.pistons()[3].count(0.0)),
+        ];
+        for (name, line, working_count) in lines {
+            let slope = format!("calibration.{name}_slope");
+            if line.slope.abs() < MIN_SLOPE {
+                return Err(conflict(&slope, line.slope, "a servo that does not move cannot be used".into()));
+            }
+            let (min, max) = (PwmCount::MIN.as_f64(), PwmCount::MAX.as_f64());
+            if !(min..=max).contains(&working_count) {
+                let reason = format!("it would need the count {working_count:.0}, servos take {min}..={max}");
+                return Err(conflict(&format!("calibration.{name}_intercept"), line.intercept, reason));
+            }
+        }
+        for (name, line, centre) in [("front", lines[0].1, centres[0]), ("rear", lines[1].1, centres[1])] {
+            let angle_deg = line.at(centre);
+            if angle_deg.abs() > MAX_CENTRE_DEG {
+                let reason = format!("the calibration gives {angle_deg:.1} deg there; straight is 0");
+                return Err(conflict(&format!("steering.{name}_centre"), centre, reason));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn conflict(name: &str, value: f64, reason: String) -> ConfigError {
+    ConfigError::Conflict { name: name.to_owned(), value: format!("{value:?}"), reason }
+}

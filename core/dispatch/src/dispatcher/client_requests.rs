@@ -1,0 +1,251 @@
+//! Questions of people and programs: submissions, and changes that wait for robots to confirm.
+
+use super::{Dispatcher, Ticket};
+use crate::admission::{self, AdmissionCtx, ledger_failed, refusal};
+use crate::task::Task;
+use crate::task_store::record::Record;
+use crate::transition::{Change, Ending};
+use crate::travel_cost::TravelCost;
+use crate::write_queue::OnWritten;
+use xtb_protocol::messages::{
+    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchRequest, TaskChange, TaskId,
+    TaskSpec, TaskState,
+};
+use xtb_protocol::{Name, Uuid};
+
+/// What shall be done with tasks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum TaskCommand {
+    Cancel,
+    Pause,
+    Resume,
+    Retry,
+}
+
+/// A question that waits for its tasks.
+#[derive(Debug, Clone)]
+pub(super) struct OpenRequest {
+    ticket: Ticket,
+    request: Uuid,
+    by: Name,
+    command: TaskCommand,
+    until_ms: u64,
+    tasks: Vec<(TaskId, Option<TaskChange>)>,
+}
+
+/// What a command comes to for a task as it is.
+enum Progress {
+    Done,
+    Wrong(&'static str),
+    Write(Change, String),
+    Wait,
+}
+
+impl Dispatcher {
+    /// A question. Its answer is an [`Effect::Reply`](super::Effect::Reply) with this ticket, at once or
+    /// when it is in the ledger and robots have confirmed.
+    pub fn request(
+        &mut self,
+        now_ms: u64,
+        ticket: Ticket,
+        client: &Name,
+        request: &DispatchRequest,
+        travel_cost: &dyn TravelCost,
+    ) {
+        let (command, tasks) = match &request.body {
+            DispatchBody::Submit { tasks } => {
+                return self.submit(now_ms, (ticket, request.id), client, tasks, travel_cost);
+            }
+            DispatchBody::Show { task } => {
+                let outcome = self.show(now_ms, *task);
+                return self.reply(ticket, request.id, outcome);
+            }
+            DispatchBody::Activate {} => return self.activate(now_ms, (ticket, request.id), client),
+            DispatchBody::Adopt {} => return self.adopt(now_ms, (ticket, request.id), client),
+            DispatchBody::Status {} => {
+                let status = self.status(now_ms);
+                return self.reply(ticket, request.id, DispatchOutcome::Status(status));
+            }
+            DispatchBody::CancelAll {} => {
+                (TaskCommand::Cancel, self.store.open().map(|task| task.id).collect())
+            }
+            DispatchBody::Cancel { tasks } => (TaskCommand::Cancel, tasks.clone()),
+            DispatchBody::Pause { tasks } => (TaskCommand::Pause, tasks.clone()),
+            DispatchBody::Resume { tasks } => (TaskCommand::Resume, tasks.clone()),
+            DispatchBody::Retry { tasks } => (TaskCommand::Retry, tasks.clone()),
+        };
+        if self.open_requests.len() >= self.settings.max_waiting {
+            let message = format!("{} questions wait for an answer", self.open_requests.len());
+            let error = refusal(DispatchCode::Overloaded, message, "ask again, less often");
+            return self.reply(ticket, request.id, DispatchOutcome::Error(error));
+        }
+        self.open_requests.push_back(OpenRequest {
+            ticket,
+            request: request.id,
+            by: client.clone(),
+            command,
+            until_ms: now_ms + self.settings.confirm_ms,
+            tasks: tasks.into_iter().map(|task| (task, None)).collect(),
+        });
+    }
+
+    fn show(&self, now_ms: u64, id: TaskId) -> DispatchOutcome {
+        let Some(mut history) = self.history(id) else { return DispatchOutcome::Error(unknown(id)) };
+        if let Some(why) = self.why_queued(now_ms, id) {
+            history.task.reason = Some(why);
+        }
+        DispatchOutcome::Shown(Box::new(history))
+    }
+
+    fn submit(
+        &mut self,
+        now_ms: u64,
+        (ticket, key): (Ticket, Uuid),
+        by: &Name,
+        tasks: &[TaskSpec],
+        travel_cost: &dyn TravelCost,
+    ) {
+        if let Some(tasks) = self.store.submission(by, key) {
+            return self.reply(ticket, key, DispatchOutcome::Submitted(tasks));
+        }
+        if let Err(error) = self.admit(now_ms, key, tasks, travel_cost) {
+            return self.reply(ticket, key, DispatchOutcome::Error(error));
+        }
+        // A map that was told of comes before the tasks that were taken for it.
+        self.write_suspension(now_ms);
+        let first = self.store.next_task() + self.writes.new_tasks();
+        let ids: Vec<TaskId> = (first..).take(tasks.len()).map(TaskId::new).collect();
+        let records = tasks.iter().zip(&ids).map(|(spec, task)| {
+            let spec = Box::new(spec.clone());
+            Record::Submitted { task: *task, by: by.clone(), key, spec }
+        });
+        let records = records.collect();
+        let outcome = DispatchOutcome::Submitted(ids);
+        self.writes.push(now_ms, records, OnWritten::Answer { ticket, request: key, outcome });
+    }
+
+    fn admit(
+        &self,
+        now_ms: u64,
+        key: Uuid,
+        tasks: &[TaskSpec],
+        travel_cost: &dyn TravelCost,
+    ) -> Result<(), DispatchError> {
+        if let Some(why) = self.writes.failed().filter(|_| !self.writes.may_try(now_ms)) {
+            return Err(ledger_failed(why));
+        }
+        if self.writes.has_submission(key) {
+            let message = "this submission is being written";
+            return Err(refusal(DispatchCode::Overloaded, message, "ask again with the same id"));
+        }
+        if self.writes.len() >= self.settings.max_unwritten {
+            let message = format!("{} changes wait for the ledger", self.writes.len());
+            return Err(refusal(DispatchCode::Overloaded, message, "ask again, less often"));
+        }
+        let max_open = self.settings.max_open;
+        let open = self.store.open_count() + usize::try_from(self.writes.new_tasks()).unwrap_or(usize::MAX);
+        let room = max_open.saturating_sub(open);
+        let (robots, has_roster) = (&self.robots, self.has_roster);
+        admission::check(tasks, AdmissionCtx { now_ms, room, max_open, robots, has_roster, travel_cost })
+    }
+
+    /// Goes on with the questions that wait, and answers those that need not any more.
+    pub(super) fn answer(&mut self, now_ms: u64) {
+        for _ in 0..self.open_requests.len() {
+            let Some(mut open) = self.open_requests.pop_front() else { return };
+            self.go_on(now_ms, &mut open);
+            if open.tasks.iter().all(|(_, change)| change.is_some()) {
+                let changes = open.tasks.into_iter().filter_map(|(_, change)| change).collect();
+                self.reply(open.ticket, open.request, DispatchOutcome::Changed(changes));
+            } else {
+                self.open_requests.push_back(open);
+            }
+        }
+    }
+
+    /// Whether the robot of a held task has not confirmed yet that it will not drive for it.
+    fn still_has(&self, task: &Task) -> bool {
+        let assigned = task.assigned.as_ref().filter(|_| task.state == TaskState::Held);
+        assigned.is_some_and(|assigned| {
+            !self.robots.get(&assigned.robot).is_some_and(|robot| robot.has_released(assigned.seq))
+        })
+    }
+
+    fn go_on(&mut self, now_ms: u64, open: &mut OpenRequest) {
+        let OpenRequest { by, command, until_ms, tasks, .. } = open;
+        for (id, change) in tasks.iter_mut().filter(|(_, change)| change.is_none()) {
+            let Some(task) = self.store.task(*id) else {
+                *change = Some(TaskChange { id: *id, state: None, error: Some(unknown(*id)) });
+                continue;
+            };
+            let state = Some(task.state);
+            let done = |error| Some(TaskChange { id: *id, state, error });
+            let wait = self.writes.has_task(*id) || (*command == TaskCommand::Resume && self.still_has(task));
+            match if wait { Progress::Wait } else { progress(now_ms, *command, task, by) } {
+                Progress::Done => *change = done(None),
+                Progress::Wrong(what) => {
+                    let message = format!("{id} {what}");
+                    let hint = format!("`fleet-cli task {id}` shows how it came to be so");
+                    *change = done(Some(refusal(DispatchCode::WrongState, message, &hint)));
+                }
+                Progress::Write(what, why) if self.writes.may_try(now_ms) => {
+                    let record = Record::Became { task: *id, change: what, why: Some(why) };
+                    self.writes.push(now_ms, vec![record], OnWritten::Nothing);
+                }
+                Progress::Write(..) => {
+                    *change = done(Some(ledger_failed(self.writes.failed().unwrap_or_default())));
+                }
+                Progress::Wait if now_ms >= *until_ms => *change = done(Some(unconfirmed(task))),
+                Progress::Wait => {}
+            }
+        }
+    }
+}
+
+fn progress(now_ms: u64, command: TaskCommand, task: &Task, by: &Name) -> Progress {
+    use TaskState::{Cancelled, Cancelling, Done, Failed, Held, Paused};
+    let again = Change::Queued { not_before_ms: 0, failed: false };
+    let free = task.assigned.is_none();
+    match (command, task.state) {
+        (TaskCommand::Cancel, Cancelled) => Progress::Done,
+        (TaskCommand::Cancel, Done | Failed) => Progress::Wrong("has ended already"),
+        (TaskCommand::Cancel, Cancelling) if task.ending == Some(Ending::Cancelled) => Progress::Wait,
+        (TaskCommand::Cancel, _) => {
+            Progress::Write(task.end(Ending::Cancelled), format!("cancelled by {by}"))
+        }
+        (TaskCommand::Pause, Paused) if free => Progress::Done,
+        (TaskCommand::Pause | TaskCommand::Resume, Paused) if !free => Progress::Wait,
+        (TaskCommand::Pause, Cancelled | Cancelling | Done | Failed) => {
+            Progress::Wrong("has ended, or is about to")
+        }
+        (TaskCommand::Pause, _) => Progress::Write(Change::Paused, format!("paused by {by}")),
+        (TaskCommand::Resume, Paused | Held) => Progress::Write(again, format!("resumed by {by}")),
+        (TaskCommand::Resume, Cancelled | Cancelling | Done | Failed) => {
+            Progress::Wrong("has ended; retry begins it again")
+        }
+        (TaskCommand::Retry, Cancelled | Failed)
+            if task.spec.deadline_ms.is_some_and(|at_ms| at_ms <= now_ms) =>
+        {
+            Progress::Wrong("has a deadline that is over; submit it anew")
+        }
+        (TaskCommand::Retry, Cancelled | Failed) => Progress::Write(again, format!("retried by {by}")),
+        (TaskCommand::Retry, Done) => Progress::Wrong("is done; submit it anew"),
+        (TaskCommand::Resume | TaskCommand::Retry, _) => Progress::Done,
+    }
+}
+
+fn unknown(id: TaskId) -> DispatchError {
+    let message = format!("there is no task {id}, or it ended long ago");
+    refusal(DispatchCode::UnknownTask, message, "`fleet-cli tasks` lists them")
+}
+
+fn unconfirmed(task: &Task) -> DispatchError {
+    let message = match &task.assigned {
+        Some(assigned) => {
+            format!("{} has not confirmed yet that it has let go of {}", assigned.robot, task.id)
+        }
+        None => format!("the change of {} is not in the ledger yet", task.id),
+    };
+    let hint = "it goes on trying; `fleet-cli stop` and `estop` stop a robot whatever it does";
+    refusal(DispatchCode::Unconfirmed, message, hint)
+}

@@ -1,0 +1,342 @@
+//! What a task's robot says of it, and what to ask of the robot next.
+//!
+//! Both follow from the ledger and the robot's last state alone, each time anew. So it does not matter
+//! which message was lost, or whether this process has restarted in between: a drive that the robot
+//! shows as reached is done, one that it shows as under way goes on, one that it does not know is asked
+//! for, and one that nobody wants is withdrawn.
+
+use crate::settings::Settings;
+use crate::suspension::SuspensionState;
+use crate::task::{Assigned, Task};
+use crate::tracked_robot::{ObservedState, Purpose, Stuck, TrackedRobot};
+use crate::transition::{Change, Ending, TaskOutcome};
+use xtb_protocol::Name;
+use xtb_protocol::messages::texts::is_client_timeout;
+use xtb_protocol::messages::{Assignment, GoalStatus, LinkLoss, OnTakeover, RejectCode, TaskState, Who};
+
+/// What a decision about a task is made from, besides the task and its robot.
+#[derive(Debug, Clone, Copy)]
+pub struct Ctx<'a> {
+    /// Now, in ms since 1970.
+    pub now_ms: u64,
+    /// Our ledger.
+    pub ledger: u64,
+    /// Our name as a client.
+    pub me: &'a Name,
+    /// Bounds and times.
+    pub settings: &'a Settings,
+    /// What is suspended.
+    pub suspension: SuspensionState<'a>,
+    /// Nobody has said yet whether the fleet still has the ledger's map: no drive is begun.
+    pub map_due: bool,
+}
+
+/// What a task's robot shows of it; `None` = nothing new.
+#[must_use]
+pub fn outcome(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot) -> Option<TaskOutcome> {
+    let assigned = task.assigned.as_ref()?;
+    if !robot.is_online(ctx.now_ms, ctx.settings) {
+        return offline(ctx, task, assigned, robot);
+    }
+    let observed = robot.observed.as_ref()?;
+    if task.wants_to_end() {
+        return robot.has_released(assigned.seq).then(|| ended(task));
+    }
+    if let Some((_, outcome)) = robot.pending_outcome.as_ref().filter(|(seq, _)| *seq == assigned.seq) {
+        return robot.has_released(assigned.seq).then(|| outcome.clone());
+    }
+    if task.state == TaskState::Held {
+        return held(ctx, task, assigned, robot, observed);
+    }
+    let goal = observed.goal(task.assignment(ctx.ledger)?.goal_id());
+    let has_reached = goal.is_some_and(|goal| goal.status == GoalStatus::Reached);
+    if let Some(cause) = ctx.suspension.cause(task).filter(|_| !has_reached) {
+        return Some(TaskOutcome::suspended(&cause));
+    }
+    let Some(goal) = goal else { return not_begun(ctx, task, assigned, robot, observed) };
+    match goal.status {
+        GoalStatus::Reached => Some(TaskOutcome::Reached),
+        GoalStatus::Accepted | GoalStatus::Running => {
+            let known = task.state == TaskState::Running;
+            // What is gone for a moment may be back in the next one: the history is not to fill with that.
+            let still = task.state == TaskState::Blocked && robot.stuck.is_some_and(|it| !clear(ctx, it));
+            makes_no_progress(ctx, task, robot)
+                .or_else(|| (!known && !still).then_some(TaskOutcome::Changed(Change::Running, None)))
+        }
+        GoalStatus::Blocked => blocked(ctx, task, robot, goal.reason.as_deref()),
+        GoalStatus::Cancelled | GoalStatus::Replaced => Some(ended_by_others(ctx, robot, observed)),
+        GoalStatus::Failed | GoalStatus::Interrupted => {
+            Some(failed(ctx, task, robot, goal.reason.as_deref()))
+        }
+    }
+}
+
+/// Something is in its way. After a while another robot may be luckier, first of all one that is what stands
+/// there.
+fn blocked(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, reason: Option<&str>) -> Option<TaskOutcome> {
+    if task.state != TaskState::Blocked {
+        let since_ms = robot.blocked_since_ms.unwrap_or(ctx.now_ms);
+        let long = ctx.now_ms.saturating_sub(since_ms) >= ctx.settings.blocked_ms;
+        return long.then(|| TaskOutcome::Changed(Change::Blocked, reason.map(str::to_owned)));
+    }
+    makes_no_progress(ctx, task, robot)
+}
+
+/// Whether nothing has been in its way for long enough to say so.
+fn clear(ctx: Ctx<'_>, stuck: Stuck) -> bool {
+    stuck.clear_ms.is_some_and(|since_ms| ctx.now_ms.saturating_sub(since_ms) >= ctx.settings.blocked_ms)
+}
+
+/// It was in the way for a minute, on and off: another robot may do better.
+fn makes_no_progress(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot) -> Option<TaskOutcome> {
+    let only_it = matches!(task.spec.who, Who::Robot(_));
+    let stuck_ms = ctx.now_ms.saturating_sub(robot.stuck?.since_ms);
+    (stuck_ms >= ctx.settings.blocked_max_ms && !only_it).then(|| {
+        let what = task.reason.as_deref().unwrap_or("blocked");
+        TaskOutcome::queued(ctx.now_ms, format!("{}: {what}, for {} s", robot.name, stuck_ms / 1000))
+    })
+}
+
+/// The robot has confirmed that it does not drive for a task that is to end or to rest.
+fn ended(task: &Task) -> TaskOutcome {
+    match task.ending {
+        Some(ending) => TaskOutcome::Changed(Change::Ended { ending }, None),
+        None => TaskOutcome::Changed(Change::LetGo, None),
+    }
+}
+
+/// It is silent. Its task goes back to the queue once it has surely stopped for it, and not before its
+/// grace is over.
+fn offline(ctx: Ctx<'_>, task: &Task, assigned: &Assigned, robot: &TrackedRobot) -> Option<TaskOutcome> {
+    let silent_ms = robot.silent_ms(ctx.now_ms);
+    if silent_ms < task.grace_ms().max(ctx.settings.silent_ms)
+        || !has_surely_stopped(ctx, task, assigned, robot)
+    {
+        return None;
+    }
+    let why = format!("{} was not heard for {} s", robot.name, silent_ms / 1000);
+    if task.wants_to_end() {
+        let what = task.reason.as_ref().map(|reason| format!("{reason}; ")).unwrap_or_default();
+        let why = Some(format!("{what}{why}, and its goal has ended by its own policy"));
+        return Some(match task.ending {
+            Some(ending) => TaskOutcome::Changed(Change::Ended { ending }, why),
+            None => TaskOutcome::Changed(Change::LetGo, why),
+        });
+    }
+    Some(TaskOutcome::queued(ctx.now_ms, why))
+}
+
+/// Whether a silent robot's goal has ended by its own policy.
+fn has_surely_stopped(ctx: Ctx<'_>, task: &Task, assigned: &Assigned, robot: &TrackedRobot) -> bool {
+    let last_sent_ms = robot.last_sent_ms.max(robot.last_heard_ms);
+    let over_ms = match task.spec.on_link_loss {
+        LinkLoss::Halt => last_sent_ms + ctx.settings.halted_ms,
+        LinkLoss::Finish => {
+            let bound_ms = (task.finish_s() * 1000.0) as u64 + ctx.settings.finish_margin_ms;
+            last_sent_ms.max(assigned.at_ms) + bound_ms
+        }
+    };
+    ctx.now_ms >= over_ms
+}
+
+/// Its state does not know the drive: it has not come to it yet, or the robot has restarted.
+fn not_begun(
+    ctx: Ctx<'_>,
+    task: &Task,
+    assigned: &Assigned,
+    robot: &TrackedRobot,
+    observed: &ObservedState,
+) -> Option<TaskOutcome> {
+    if let Some(holder) = robot.other_holder(ctx.me) {
+        let why = Some(format!("{} was taken over by {holder}", robot.name));
+        return Some(TaskOutcome::Changed(Change::Held { by: Some(holder.clone()) }, why));
+    }
+    if let Some(unavailable) = &observed.unavailable {
+        return Some(TaskOutcome::queued(ctx.now_ms, format!("{}: {unavailable}", robot.name)));
+    }
+    // Acknowledged, and a later state does not show it: it has fallen out of the robot's memory.
+    let lost = robot.acked.is_some_and(|(seq, leg, state)| {
+        (seq, leg) == (assigned.seq, task.legs_done) && observed.seq > state + 20
+    });
+    lost.then_some(TaskOutcome::Renew)
+}
+
+/// Its goal was ended by somebody else.
+fn ended_by_others(ctx: Ctx<'_>, robot: &TrackedRobot, observed: &ObservedState) -> TaskOutcome {
+    let name = &robot.name;
+    if let Some(unavailable) = &observed.unavailable {
+        return TaskOutcome::queued(ctx.now_ms, format!("{name}: {unavailable}"));
+    }
+    let by = robot.other_holder(ctx.me).cloned().or_else(|| {
+        let newer = observed.goals.first().and_then(|goal| goal.by.clone());
+        newer.filter(|by| by != ctx.me)
+    });
+    let why = match &by {
+        Some(by) => format!("{name} was taken over by {by}"),
+        None => format!("{name} was told to stop"),
+    };
+    TaskOutcome::Changed(Change::Held { by }, Some(why))
+}
+
+/// Its goal has failed: because of us, because of the robot, or because of the goal.
+fn failed(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, reason: Option<&str>) -> TaskOutcome {
+    let (name, observed) = (&robot.name, robot.observed.as_ref());
+    if let Some(unavailable) = observed.and_then(|observed| observed.unavailable.as_ref()) {
+        return TaskOutcome::queued(ctx.now_ms, format!("{name}: {unavailable}"));
+    }
+    if let Some(holder) = robot.other_holder(ctx.me) {
+        let why = Some(format!("{name} was taken over by {holder}"));
+        return TaskOutcome::Changed(Change::Held { by: Some(holder.clone()) }, why);
+    }
+    if reason.is_some_and(is_client_timeout) {
+        // Our fault: it may have the task again at once, and is the nearest.
+        let why = Some(format!("{name} heard nothing from the dispatcher, and stopped"));
+        return TaskOutcome::Changed(Change::Queued { not_before_ms: 0, failed: false }, why);
+    }
+    let why = format!("{name}: {}", reason.unwrap_or("failed"));
+    count_failure(ctx, task, why)
+}
+
+/// One failure more: again after a pause, or over.
+fn count_failure(ctx: Ctx<'_>, task: &Task, why: String) -> TaskOutcome {
+    if task.failures >= task.spec.retries {
+        return TaskOutcome::Changed(Change::Ended { ending: Ending::Failed }, Some(why));
+    }
+    let pause_ms = ctx.settings.retry_ms << task.failures.min(16);
+    let not_before_ms = ctx.now_ms + pause_ms.min(ctx.settings.retry_max_ms);
+    TaskOutcome::Changed(Change::Queued { not_before_ms, failed: true }, Some(why))
+}
+
+/// It was taken over, or told to stop: what the task's policy says.
+fn held(
+    ctx: Ctx<'_>,
+    task: &Task,
+    assigned: &Assigned,
+    robot: &TrackedRobot,
+    observed: &ObservedState,
+) -> Option<TaskOutcome> {
+    let waited_ms = ctx.now_ms.saturating_sub(task.since_ms);
+    if !robot.has_released(assigned.seq) {
+        return None;
+    }
+    let is_released = robot.other_holder(ctx.me).is_none()
+        && observed.running().is_none()
+        && observed.unavailable.is_none()
+        && ctx.now_ms.saturating_sub(robot.uncontested_since_ms.max(task.since_ms)) >= ctx.settings.settle_ms;
+    match task.spec.on_takeover {
+        OnTakeover::Fail => {
+            Some(TaskOutcome::Changed(Change::Ended { ending: Ending::Failed }, task.reason.clone()))
+        }
+        // A person's stop is not undone by a clock of ours: only a lease that was given back is.
+        OnTakeover::Resume if task.held_by.is_some() && ctx.suspension.cause(task).is_none() => {
+            is_released.then_some(TaskOutcome::Renew)
+        }
+        OnTakeover::Resume => None,
+        OnTakeover::Requeue => (waited_ms >= task.grace_ms())
+            .then(|| TaskOutcome::queued(ctx.now_ms, task.reason.clone().unwrap_or_default())),
+    }
+}
+
+/// Whether a task may leave a robot that is there only when that has confirmed: a request of ours may be
+/// on its way yet, unless the drive has begun and ended.
+#[must_use]
+pub fn has_to_confirm(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, outcome: &TaskOutcome) -> bool {
+    let leaves = matches!(outcome, TaskOutcome::Changed(Change::Queued { .. } | Change::Ended { .. }, _));
+    let (Some(assigned), Some(observed)) = (&task.assigned, &robot.observed) else { return false };
+    let goal = task.assignment(ctx.ledger).and_then(|assignment| observed.goal(assignment.goal_id()));
+    leaves
+        && robot.is_online(ctx.now_ms, ctx.settings)
+        && !goal.is_some_and(|goal| goal.status.is_final())
+        && !robot.has_released(assigned.seq)
+}
+
+/// What a refusal of a drive says of its task.
+#[must_use]
+pub fn refused(
+    ctx: Ctx<'_>,
+    task: &Task,
+    robot: &TrackedRobot,
+    code: RejectCode,
+    message: &str,
+) -> Option<TaskOutcome> {
+    let why = format!("{} refused: {message}", robot.name);
+    match code {
+        RejectCode::OutOfRange | RejectCode::KeepOut | RejectCode::GoalBlocked => {
+            Some(count_failure(ctx, task, why))
+        }
+        RejectCode::Malformed | RejectCode::WrongVersion | RejectCode::Unsupported | RejectCode::NoMap => {
+            Some(TaskOutcome::queued(ctx.now_ms, why))
+        }
+        RejectCode::Latched | RejectCode::BatteryLow | RejectCode::NotReady => {
+            Some(TaskOutcome::queued(ctx.now_ms, why))
+        }
+        // Somebody said stop after we had asked: that stop was meant for us.
+        RejectCode::Overtaken => {
+            let why = Some(format!("{} was told to stop", robot.name));
+            Some(TaskOutcome::Changed(Change::Held { by: None }, why))
+        }
+        // The number is used up.
+        RejectCode::UnknownGoal => Some(TaskOutcome::Renew),
+        RejectCode::LeaseHeld
+        | RejectCode::LeaseLost
+        | RejectCode::LeaseRequired
+        | RejectCode::Busy
+        | RejectCode::Overloaded
+        | RejectCode::Oversized
+        | RejectCode::CausePresent => None,
+    }
+}
+
+/// What to ask of a robot next; `None` = nothing.
+#[must_use]
+pub fn next_purpose(ctx: Ctx<'_>, task: Option<&Task>, robot: &TrackedRobot) -> Option<Purpose> {
+    let observed = robot.observed.as_ref()?;
+    if let Some(seq) = unwanted(ctx, task, robot, observed) {
+        return Some(Purpose::Withdraw { seq });
+    }
+    let free = observed.holder.is_none() || observed.holder.as_ref() == Some(ctx.me);
+    let leaving = robot.pending_outcome.as_ref().map(|(seq, _)| *seq);
+    let drives = |task: &&Task| {
+        task.wants_to_drive() && leaving != task.assigned.as_ref().map(|assigned| assigned.seq)
+    };
+    let Some(task) = task.filter(drives) else {
+        let idle_ms = ctx.now_ms.saturating_sub(robot.idle_since_ms);
+        // After a stop of the fleet somebody needs the lease for a reset.
+        let stopped = ctx.suspension.stop.is_some();
+        let keeps_lease = task.is_none() && !stopped && idle_ms < ctx.settings.lease_idle_ms;
+        return (robot.operator.lease().is_some() && !keeps_lease).then_some(Purpose::Release);
+    };
+    let assignment = task.assignment(ctx.ledger)?;
+    if observed.goal(assignment.goal_id()).is_some_and(|goal| goal.status.is_final()) || !free {
+        return None; // outcome() decides
+    }
+    if ctx.suspension.cause(task).is_some() {
+        return None; // outcome() queues it again
+    }
+    if robot.lease(ctx.me).is_none() {
+        return Some(Purpose::Acquire);
+    }
+    let known = observed.goal(assignment.goal_id()).is_some()
+        || robot.acked.is_some_and(|(seq, leg, _)| (seq, leg) == (assignment.assign_seq, assignment.leg));
+    let dwells = ctx.now_ms < task.dwells_until_ms();
+    (!known && !dwells && !ctx.map_due && observed.unavailable.is_none())
+        .then_some(Purpose::Assign(assignment))
+}
+
+/// The number of an assignment that the robot may drive for and that nobody wants.
+fn unwanted(
+    ctx: Ctx<'_>,
+    task: Option<&Task>,
+    robot: &TrackedRobot,
+    observed: &ObservedState,
+) -> Option<u64> {
+    let assigned = task.and_then(|task| task.assigned.as_ref());
+    let leaves = |seq: u64| robot.pending_outcome.as_ref().is_some_and(|(pending, _)| *pending == seq);
+    let rests = task.is_some_and(Task::must_stop) || assigned.is_some_and(|assigned| leaves(assigned.seq));
+    if let Some(assigned) = assigned.filter(|assigned| rests && !robot.has_released(assigned.seq)) {
+        return Some(assigned.seq);
+    }
+    let wanted = assigned.filter(|_| !rests);
+    let (seq, _) = Assignment::of_goal(ctx.ledger, observed.running()?.id)?;
+    wanted.is_none_or(|assigned| assigned.seq != seq).then_some(seq)
+}

@@ -1,0 +1,383 @@
+//! What is known of a robot now: learned from its state, forgotten at a restart.
+
+use crate::settings::Settings;
+use crate::transition::TaskOutcome;
+use std::collections::{BTreeMap, BTreeSet};
+use xtb_control::frames::MapPose;
+use xtb_control::{Mode, Stamp};
+use xtb_protocol::messages::{
+    Assignment, BatteryLevel, Body, GoalStatus, Latch, Lease, Request, RobotState, TaskId, Who,
+};
+use xtb_protocol::{Name, Uuid};
+use xtb_robot::faults::stops;
+use xtb_robot::operator::{Call, Operator};
+
+/// The present or last goal of a robot, or the end of an earlier one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObservedGoal {
+    /// Its id.
+    pub id: Uuid,
+    /// How it stands.
+    pub status: GoalStatus,
+    /// Why.
+    pub reason: Option<String>,
+    /// Who sent it, if it is the present or last one.
+    pub by: Option<Name>,
+}
+
+/// What a robot last said of itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObservedState {
+    /// Which boot.
+    pub epoch: u64,
+    /// Number of the state in it.
+    pub seq: u64,
+    /// Where it is.
+    pub pose: MapPose,
+    /// Who holds its lease.
+    pub holder: Option<Name>,
+    /// Its goals, the present or last one first.
+    pub goals: Vec<ObservedGoal>,
+    /// Why it cannot drive, if so.
+    pub unavailable: Option<String>,
+    /// Whether its battery is getting low.
+    pub low_battery: bool,
+    /// An emergency stop that is latched.
+    pub estop: Option<ObservedEstop>,
+}
+
+/// An emergency stop that a robot shows as latched.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ObservedEstop {
+    /// The client that called for it; `None` = something else.
+    pub by: Option<Name>,
+    /// Since it was latched, by the robot's clock.
+    pub age_ms: u64,
+    /// Since when, in ms since 1970.
+    pub since_ms: u64,
+}
+
+impl ObservedState {
+    fn of(now_ms: u64, state: &RobotState) -> Self {
+        let present = state.goal.iter().map(|goal| ObservedGoal {
+            id: goal.id,
+            status: goal.status,
+            reason: goal.reason.clone(),
+            by: Some(goal.by.clone()),
+        });
+        let ended = state.ended_goals.iter();
+        let ended = ended.map(|end| ObservedGoal { id: end.id, status: end.status, reason: None, by: None });
+        let pose = &state.pose;
+        let estop = state.latches.iter().find(|set| set.latch == Latch::Estop);
+        let estop = estop.map(|set| ObservedEstop {
+            by: Name::new(&set.by).ok(),
+            age_ms: set.age_ms,
+            since_ms: now_ms.saturating_sub(set.age_ms),
+        });
+        Self {
+            epoch: state.epoch,
+            seq: state.seq,
+            pose: MapPose { x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad },
+            holder: state.lease.as_ref().map(|lease| lease.holder.clone()),
+            goals: present.chain(ended).collect(),
+            unavailable: unavailable(state),
+            low_battery: state.battery_level == BatteryLevel::Warn,
+            estop,
+        }
+    }
+
+    /// One that goes on is as old as it was thought to be before: a robot's clock may go slower than ours.
+    fn after(mut self, before: Option<&Self>) -> Self {
+        let before = before
+            .filter(|observed| observed.epoch == self.epoch)
+            .and_then(|observed| observed.estop.as_ref());
+        if let (Some(estop), Some(before)) = (&mut self.estop, before)
+            && estop.by == before.by
+            && estop.age_ms >= before.age_ms
+        {
+            estop.since_ms = estop.since_ms.min(before.since_ms);
+        }
+        self
+    }
+
+    /// The goal that runs, if one does.
+    #[must_use]
+    pub fn running(&self) -> Option<&ObservedGoal> {
+        self.goals.first().filter(|goal| !goal.status.is_final())
+    }
+
+    /// A goal by its id.
+    #[must_use]
+    pub fn goal(&self, id: Uuid) -> Option<&ObservedGoal> {
+        self.goals.iter().find(|goal| goal.id == id)
+    }
+}
+
+fn unavailable(state: &RobotState) -> Option<String> {
+    if let Some(latch) = state.latches.first() {
+        return Some(format!("it is latched: {}", latch.latch));
+    }
+    if let Some(fault) = state.faults.iter().find(|fault| stops(fault.fault).is_some()) {
+        return Some(format!("it has a fault: {}", fault.fault));
+    }
+    match (state.mode, state.battery_level) {
+        (Mode::Manual, _) => Some("the remote control drives it".to_owned()),
+        (_, BatteryLevel::Finish | BatteryLevel::Critical) => Some("its battery is low".to_owned()),
+        _ => None,
+    }
+}
+
+/// A goal that something keeps from getting anywhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stuck {
+    /// Which goal.
+    pub goal: Uuid,
+    /// Since when, in ms since 1970.
+    pub since_ms: u64,
+    /// Where it was then.
+    pub at: MapPose,
+    /// Since when nothing is in its way.
+    pub clear_ms: Option<u64>,
+}
+
+/// A robot that has come so far is not stuck any more, in m.
+const PROGRESS_M: f64 = 0.5;
+/// Nor is one in whose way nothing has been for so long, in ms.
+const CLEAR_MS: u64 = 10_000;
+
+impl Stuck {
+    /// With one state more: another goal, way made, and nothing in the way for long end it.
+    fn next(before: Option<Self>, now_ms: u64, observed: &ObservedState) -> Option<Self> {
+        let goal = observed.running()?;
+        let blocked = goal.status == GoalStatus::Blocked;
+        let new = Self { goal: goal.id, since_ms: now_ms, at: observed.pose, clear_ms: None };
+        let on = before.filter(|stuck| {
+            let way_m = libm::hypot(observed.pose.x_m - stuck.at.x_m, observed.pose.y_m - stuck.at.y_m);
+            stuck.goal == goal.id && way_m < PROGRESS_M
+        });
+        match (on, blocked) {
+            (None, blocked) => blocked.then_some(new),
+            (Some(stuck), true) => Some(Self { clear_ms: None, ..stuck }),
+            (Some(stuck), false) => {
+                let clear_ms = stuck.clear_ms.unwrap_or(now_ms);
+                let still = now_ms.saturating_sub(clear_ms) < CLEAR_MS;
+                still.then_some(Self { clear_ms: Some(clear_ms), ..stuck })
+            }
+        }
+    }
+}
+
+/// What a pending request is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// The lease.
+    Acquire,
+    /// To give it back.
+    Release,
+    /// To begin a drive.
+    Assign(Assignment),
+    /// To end an assignment.
+    Withdraw {
+        /// Its number.
+        seq: u64,
+    },
+}
+
+/// The one request that a robot has to answer.
+#[derive(Debug, Clone)]
+pub struct PendingRequest {
+    /// Its id.
+    pub id: Uuid,
+    /// What it is for.
+    pub purpose: Purpose,
+    /// When to ask again and when to give up.
+    pub call: Call,
+}
+
+/// A robot as the dispatcher knows it.
+#[derive(Debug, Clone)]
+pub struct TrackedRobot {
+    /// Its name.
+    pub name: Name,
+    /// From the roster.
+    pub tags: BTreeSet<String>,
+    /// From its factsheet; `None` = not read yet.
+    pub capabilities: Option<BTreeSet<String>>,
+    /// Whether the roster names it.
+    pub in_roster: bool,
+    /// Whether its presence is declared.
+    pub alive: bool,
+    /// When its last state came; before the first, when we began to listen.
+    pub last_heard_ms: u64,
+    /// What it said; `None` = nothing yet.
+    pub observed: Option<ObservedState>,
+    /// Our lease.
+    pub operator: Operator,
+    /// The last request of ours that keeps the lease, or lets a goal begin.
+    pub last_sent_ms: u64,
+    /// What it has to answer.
+    pub pending: Option<PendingRequest>,
+    /// Nothing is asked before this.
+    pub next_request_ms: u64,
+    /// No task for it before this, and why.
+    pub avoid_until: Option<(u64, String)>,
+    /// Tasks that it cannot do, until it restarts.
+    pub incapable: BTreeMap<TaskId, String>,
+    /// The last assignment and drive that it has acknowledged, and with which state it was then.
+    pub acked: Option<(u64, u32, u64)>,
+    /// The last assignment whose withdrawal it has confirmed, in this boot.
+    pub withdrawn: Option<u64>,
+    /// What becomes of its task as soon as it has confirmed the end of this assignment.
+    pub pending_outcome: Option<(u64, TaskOutcome)>,
+    /// Since when something is in the way of its goal.
+    pub blocked_since_ms: Option<u64>,
+    /// What is in its way comes and goes, and it gets nowhere.
+    pub stuck: Option<Stuck>,
+    /// Since when nobody else holds it.
+    pub uncontested_since_ms: u64,
+    /// Since when it has no task.
+    pub idle_since_ms: u64,
+}
+
+impl TrackedRobot {
+    /// One of which nothing is known yet.
+    #[must_use]
+    pub fn new(name: Name, now_ms: u64) -> Self {
+        Self {
+            name,
+            tags: BTreeSet::new(),
+            capabilities: None,
+            in_roster: false,
+            alive: false,
+            last_heard_ms: now_ms,
+            observed: None,
+            operator: Operator::default(),
+            last_sent_ms: 0,
+            pending: None,
+            next_request_ms: 0,
+            avoid_until: None,
+            incapable: BTreeMap::new(),
+            acked: None,
+            withdrawn: None,
+            pending_outcome: None,
+            blocked_since_ms: None,
+            stuck: None,
+            uncontested_since_ms: now_ms,
+            idle_since_ms: now_ms,
+        }
+    }
+
+    /// Its state came. One that is older than the last of the same boot changes nothing.
+    pub fn observe(&mut self, now_ms: u64, state: &RobotState, me: &Name) {
+        let before = self.observed.as_ref();
+        if before.is_some_and(|observed| observed.epoch == state.epoch && observed.seq >= state.seq) {
+            return;
+        }
+        if before.is_none_or(|observed| observed.epoch != state.epoch) {
+            // Another boot: whatever was asked of the one before is void.
+            self.operator = Operator::default();
+            (self.pending, self.acked, self.withdrawn, self.next_request_ms) = (None, None, None, 0);
+            self.incapable.clear();
+            self.pending_outcome = None;
+        }
+        let observed = ObservedState::of(now_ms, state).after(before);
+        if observed.holder.as_ref().is_some_and(|holder| holder != me) {
+            self.uncontested_since_ms = now_ms;
+        }
+        let blocked = observed.running().is_some_and(|goal| goal.status == GoalStatus::Blocked);
+        self.blocked_since_ms = if blocked { self.blocked_since_ms.or(Some(now_ms)) } else { None };
+        self.stuck = Stuck::next(self.stuck, now_ms, &observed);
+        (self.observed, self.last_heard_ms) = (Some(observed), now_ms);
+    }
+
+    /// Whether it has confirmed that it will never drive for this assignment.
+    #[must_use]
+    pub fn has_released(&self, seq: u64) -> bool {
+        self.withdrawn.is_some_and(|withdrawn| withdrawn >= seq)
+    }
+
+    /// How long it has been silent, in ms.
+    #[must_use]
+    pub fn silent_ms(&self, now_ms: u64) -> u64 {
+        now_ms.saturating_sub(self.last_heard_ms)
+    }
+
+    /// Whether its states come in.
+    #[must_use]
+    pub fn is_online(&self, now_ms: u64, settings: &Settings) -> bool {
+        self.observed.is_some() && self.silent_ms(now_ms) < settings.silent_ms
+    }
+
+    /// Somebody else who holds its lease.
+    #[must_use]
+    pub fn other_holder(&self, me: &Name) -> Option<&Name> {
+        self.observed.as_ref()?.holder.as_ref().filter(|holder| *holder != me)
+    }
+
+    /// Our lease, if its state does not show another holder.
+    #[must_use]
+    pub fn lease(&self, me: &Name) -> Option<Lease> {
+        self.operator.lease().filter(|_| self.other_holder(me).is_none())
+    }
+
+    /// Why it can have no task now, if so.
+    ///
+    /// # Errors
+    /// In words.
+    pub fn availability(&self, now_ms: u64, settings: &Settings, me: &Name) -> Result<(), String> {
+        let Some(observed) = &self.observed else { return Err("it has not been heard yet".to_owned()) };
+        if !self.is_online(now_ms, settings) {
+            return Err(format!("it has not been heard for {} s", self.silent_ms(now_ms) / 1000));
+        }
+        if let Some(unavailable) = &observed.unavailable {
+            return Err(unavailable.clone());
+        }
+        if let Some(holder) = self.other_holder(me) {
+            return Err(format!("{holder} holds its lease"));
+        }
+        if let Some(goal) = observed.running() {
+            let by = goal.by.as_ref().map_or("somebody", Name::as_str);
+            return Err(format!("it drives to a goal of {by}"));
+        }
+        match &self.avoid_until {
+            Some((until_ms, why)) if now_ms < *until_ms => Err(why.clone()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether it may do a task for these.
+    #[must_use]
+    pub fn is_eligible(&self, who: &Who) -> bool {
+        match who {
+            Who::Any => true,
+            Who::Robot(name) => *name == self.name,
+            Who::Tag(tag) => self.tags.contains(tag.trim_start_matches('@')),
+            Who::Able(able) => self.capabilities.as_ref().is_some_and(|all| all.contains(able)),
+        }
+    }
+
+    /// Nothing is asked of it, and no task given, for a while.
+    pub fn avoid(&mut self, now_ms: u64, for_ms: u64, why: String) {
+        self.avoid_until = Some((now_ms + for_ms, why));
+    }
+
+    /// A request goes out and has to be answered.
+    pub fn begin_request(
+        &mut self,
+        now_ms: u64,
+        id: Uuid,
+        purpose: Purpose,
+        body: Body,
+        settings: &Settings,
+    ) {
+        let now = Stamp::from_ms(now_ms);
+        let call = self.operator.call(id, body, now, now.plus_ms(settings.request_timeout_ms));
+        self.pending = Some(PendingRequest { id, purpose, call });
+    }
+
+    /// A request that keeps the lease, if one is due.
+    pub fn retain(&mut self, now_ms: u64, id: Uuid) -> Option<Request> {
+        let body = self.operator.retain(Stamp::from_ms(now_ms))?;
+        Some(Request { id, lease: self.operator.lease(), body })
+    }
+}

@@ -1,0 +1,77 @@
+//! How far it is around the walls: a flood from each point that tasks begin at, kept for the next round.
+//!
+//! Floods take time, some 2 ms for a room of 12 × 14 m. So a round makes a bounded number of them, and what
+//! they did not come to is measured as on an open field until the next one.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use xtb_nav::MapPose;
+use xtb_protocol::messages::Waypoint;
+use xtb_traffic::coordinator::{Field, GridRoom};
+
+/// Cells that the floods of one round may have, together; one flood is always made.
+const ROUND_CELLS: usize = 300_000;
+/// Cells that all floods that are kept may have, together; the oldest go first.
+const KEPT_CELLS: usize = 4_000_000;
+/// Steps to eight sides are at most so much longer than the straight way.
+const ZIGZAG: f64 = 1.0824;
+
+/// Points whose ways are the same, in cm.
+type Place = (i64, i64);
+
+#[derive(Debug)]
+pub(super) struct FloodDistances {
+    room: GridRoom,
+    half_width_m: f64,
+    kept: Mutex<Kept>,
+}
+
+#[derive(Debug)]
+struct Kept {
+    fields: BTreeMap<Place, Field>,
+    oldest: VecDeque<Place>,
+    /// Cells that this round may still flood.
+    left: usize,
+}
+
+impl FloodDistances {
+    pub(super) fn new(room: GridRoom, half_width_m: f64) -> Self {
+        let kept = Kept { fields: BTreeMap::new(), oldest: VecDeque::new(), left: ROUND_CELLS };
+        Self { room, half_width_m, kept: Mutex::new(kept) }
+    }
+
+    pub(super) fn begin_round(&self) {
+        self.kept().left = ROUND_CELLS;
+    }
+
+    /// At least so far it is around the walls, in m: infinite when there is no way, `None` when this round
+    /// has measured enough.
+    pub(super) fn distance_m(&self, from: &MapPose, to: &Waypoint) -> Option<f64> {
+        let place = ((to.x_m * 100.0) as i64, (to.y_m * 100.0) as i64);
+        let mut kept = self.kept();
+        if !kept.fields.contains_key(&place) {
+            self.measure(&mut kept, place, to)?;
+        }
+        let field = kept.fields.get(&place)?;
+        Some(field.distance_m(from.x_m, from.y_m).map_or(f64::INFINITY, |way_m| way_m / ZIGZAG))
+    }
+
+    fn measure(&self, kept: &mut Kept, place: Place, to: &Waypoint) -> Option<()> {
+        if kept.left == 0 {
+            return None;
+        }
+        let field = Field::new(&self.room, self.half_width_m, &[], [to.x_m, to.y_m]);
+        let cells = field.cells();
+        kept.left = kept.left.saturating_sub(cells);
+        while !kept.oldest.is_empty() && (kept.oldest.len() + 1) * cells > KEPT_CELLS {
+            kept.oldest.pop_front().map(|oldest| kept.fields.remove(&oldest));
+        }
+        kept.oldest.push_back(place);
+        kept.fields.insert(place, field);
+        Some(())
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,59 @@
+//! A map made ready for driving on it: measured once, where there is time, and shared from then on.
+
+use super::turn::TargetPose;
+use crate::MapPose;
+use crate::geometry::{Car, Clearance};
+use crate::map::{Map, Zone, ZoneLayers};
+
+/// A map with what planning and following ask of it. Making one takes milliseconds for a room, seconds for
+/// the largest maps: not for a control loop.
+#[derive(Debug, Clone)]
+pub struct PreparedMap {
+    pub(super) map: Map,
+    pub(super) zones: ZoneLayers,
+    pub(super) clearance: Clearance,
+}
+
+impl PreparedMap {
+    /// Of this map.
+    #[must_use]
+    pub fn of(map: Map) -> Self {
+        Self { zones: ZoneLayers::of(&map), clearance: Clearance::of(map.grid()), map }
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn map(&self) -> &Map {
+        &self.map
+    }
+
+    /// The keep-out zone that a car stands in.
+    #[must_use]
+    pub fn keep_out_under(&self, car: &Car, pose: &MapPose) -> Option<&str> {
+        self.map.keep_out_under(car, pose).map(Zone::name)
+    }
+
+    /// The keep-out zone that a goal lies in.
+    #[must_use]
+    pub fn keep_out_at(&self, car: &Car, target: &TargetPose) -> Option<&str> {
+        let TargetPose { x_m, y_m, yaw_rad } = *target;
+        match yaw_rad {
+            Some(yaw_rad) => self.keep_out_under(car, &MapPose { x_m, y_m, yaw_rad }),
+            None => self.map.keep_outs().find(|zone| zone.holds(x_m, y_m)).map(Zone::name),
+        }
+    }
+
+    /// What keeps a car from standing at a goal, whatever its yaw.
+    #[must_use]
+    pub fn in_the_way_at(&self, car: &Car, target: &TargetPose) -> Option<&'static str> {
+        let grid = self.map.grid();
+        let (column, row) = grid.place(target.x_m, target.y_m);
+        let (width, height) = (grid.width() as i64, grid.height() as i64);
+        if !(0..width).contains(&column) || !(0..height).contains(&row) {
+            return Some("it is not on the map");
+        }
+        let least_m = car.core_m() - grid.resolution_m();
+        let room_m = self.clearance.at_least_m(target.x_m, target.y_m);
+        (room_m < least_m).then_some("something on the map stands there")
+    }
+}

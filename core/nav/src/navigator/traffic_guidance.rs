@@ -1,0 +1,170 @@
+//! Traffic control's paths: what it last said, and when to go by it.
+
+use super::Navigator;
+use super::following::Following;
+use super::task::{Stage, Task};
+use super::turn::Sensed;
+use crate::MapPose;
+use crate::geometry::{Car, Path, distance_m};
+use crate::path_follower::PathFollower;
+use xtb_control::Stamp;
+
+/// What traffic control says to a robot about its present goal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrafficGuidance {
+    /// Its paths, counted.
+    pub plan: u64,
+    /// `None` = stand, there is none yet.
+    pub path: Option<Path>,
+    /// Released along it, in m.
+    pub release_m: f64,
+    /// At most this fast.
+    pub cruise_mps: f64,
+    /// Who has to pass first.
+    pub waits_for: Option<String>,
+    /// Why there is no way: after [`NO_WAY_MS`] the goal fails with it.
+    pub reason: Option<String>,
+}
+
+/// Traffic control that has not been heard for this long is gone.
+pub const TRAFFIC_LOST_MS: u64 = 3_000;
+/// And this long after its last word a robot that was guided goes its own way: a service that died is back
+/// by then.
+pub const ALONE_AFTER_MS: u64 = 10_000;
+/// A robot that traffic control has told for this long that there is no way gives its goal up.
+pub const NO_WAY_MS: u64 = 20_000;
+/// A path that begins farther away than this is not for where it is now, in m.
+const START_M: f64 = 0.12;
+/// Poses of others are good for this long, in ms.
+const OTHERS_MS: u64 = 600;
+/// What moves is a little farther on by now, in m.
+pub(super) const MOTION_ALLOWANCE_M: f64 = 0.08;
+
+/// What was heard of traffic control.
+#[derive(Debug, Clone, Default)]
+pub(super) struct GuidanceState {
+    heard: Option<Stamp>,
+    last: Option<TrafficGuidance>,
+    /// Since when it has said that there is no way.
+    no_way_since: Option<Stamp>,
+    others: Vec<MapPose>,
+}
+
+impl GuidanceState {
+    /// Whether traffic control lives.
+    pub(super) fn is_alive(&self, now: Stamp) -> bool {
+        self.heard.is_some_and(|at| now.since_ms(at) < TRAFFIC_LOST_MS)
+    }
+
+    /// Whether it lives, or was there a moment ago and may come back.
+    pub(super) fn may_return(&self, now: Stamp) -> bool {
+        self.heard.is_some_and(|at| now.since_ms(at) < ALONE_AFTER_MS)
+    }
+
+    /// The path belongs to a goal that is over.
+    pub(super) fn forget_path(&mut self) {
+        (self.last, self.no_way_since) = (None, None);
+    }
+
+    /// Why there is no way, once traffic control has said so for long.
+    pub(super) fn no_way(&self, now: Stamp) -> Option<&str> {
+        self.no_way_since.filter(|since| self.is_alive(now) && now.since_ms(*since) >= NO_WAY_MS)?;
+        self.last.as_ref()?.reason.as_deref()
+    }
+
+    /// Where the others are, as far as that is known.
+    pub(super) fn others(&self, now: Stamp, car: &Car) -> Vec<(MapPose, Car)> {
+        let fresh = self.heard.is_some_and(|at| now.since_ms(at) < OTHERS_MS);
+        let car = car.grown(MOTION_ALLOWANCE_M);
+        self.others.iter().filter(|_| fresh).map(|pose| (*pose, car)).collect()
+    }
+
+    pub(super) fn last(&self) -> Option<&TrafficGuidance> {
+        self.last.as_ref()
+    }
+}
+
+impl Navigator {
+    /// Traffic control was heard; `guidance` is about the goal that runs now, or none.
+    pub fn guide(&mut self, now: Stamp, guidance: Option<TrafficGuidance>, others: &[MapPose]) {
+        // What was seen while nobody said where the others are may have been one of them.
+        let was_gone = self.guidance.heard.is_some_and(|at| now.since_ms(at) >= TRAFFIC_LOST_MS);
+        if let Some(obstacles) = self.obstacles.as_mut().filter(|_| was_gone) {
+            obstacles.clear();
+        }
+        self.guidance.heard = Some(now);
+        self.guidance.others = others.to_vec();
+        if self.task.is_some() {
+            let says_no = guidance.as_ref().is_some_and(|guidance| guidance.reason.is_some());
+            self.guidance.no_way_since =
+                says_no.then(|| self.guidance.no_way_since.filter(|_| !was_gone).unwrap_or(now));
+            self.guidance.last = guidance;
+        }
+    }
+
+    /// Whether traffic control has been heard lately.
+    #[must_use]
+    pub fn is_guided(&self, now: Stamp) -> bool {
+        self.guidance.is_alive(now)
+    }
+
+    /// Takes over a new path once it stands, and each release at once. Without traffic control for
+    /// [`ALONE_AFTER_MS`] a robot that stands at the end of what was released looks for itself.
+    pub(super) fn follow_guidance(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) {
+        let stands = sensed.stands();
+        if task.in_contact() {
+            return;
+        }
+        if !self.guidance.is_alive(now) {
+            if self.guidance.may_return(now) {
+                return;
+            }
+            if let Stage::Following(following) = &task.stage
+                && following.plan > 0
+                && stands
+            {
+                task.seek();
+            }
+            return;
+        }
+        let Some(guidance) = self.guidance.last() else {
+            return;
+        };
+        if let Stage::Following(following) = &mut task.stage
+            && following.plan == guidance.plan
+        {
+            following.release_m = following.release_m.max(guidance.release_m);
+            following.cruise_mps = guidance.cruise_mps;
+            return;
+        }
+        let Some(path) = guidance.path.as_ref().filter(|path| task.lost_start != Some(path.start)) else {
+            return;
+        };
+        // A plan that continues the one before is driven on; any other waits until it stands.
+        if let Stage::Following(following) = &mut task.stage
+            && following.plan > 0
+            && following.path.start == path.start
+        {
+            if following.follower.go_on(path, &self.car).is_ok() {
+                (following.path, following.plan) = (path.clone(), guidance.plan);
+                following.release_m = following.release_m.max(guidance.release_m);
+                following.cruise_mps = guidance.cruise_mps;
+                task.blocked_at = None;
+            }
+            return;
+        }
+        let (start, here) = (&path.start, &sensed.estimate.pose);
+        if !stands || distance_m(start, here) > START_M {
+            return;
+        }
+        let tolerance = self.settings.tolerance(task.target.yaw_rad.is_some());
+        let Ok(follower) = PathFollower::new(path, &self.car, self.follower.clone(), tolerance) else {
+            return;
+        };
+        task.plans += 1;
+        task.blocked_at = None;
+        let mut following = Following::guided(path.clone(), follower, guidance.plan);
+        (following.release_m, following.cruise_mps) = (guidance.release_m, guidance.cruise_mps);
+        task.stage = Stage::Following(Box::new(following));
+    }
+}

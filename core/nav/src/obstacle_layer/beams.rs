@@ -1,0 +1,158 @@
+//! The twelve beams and what their readings are worth.
+
+use crate::MapPose;
+use crate::geometry::Car;
+
+/// Between neighbours of a bumper, in m (§2.2).
+const SPACING_M: f64 = 0.07;
+/// From the middle of a bumper to its outermost beams, in m: two and a half spacings.
+pub(crate) const OUTERMOST_BEAM_M: f64 = 0.175;
+/// A beam that gets through speaks for this much to either side, in m: nearly half of the way to its neighbour.
+pub(crate) const BESIDE_BEAM_M: f64 = 0.034;
+/// From the middle of a bumper to either side a beam sees a leg, in m: the outermost one, half of its width,
+/// and half of the leg's.
+pub(crate) const LEG_SIGHT_M: f64 = OUTERMOST_BEAM_M + 0.012 + 0.010;
+/// Farther away a reading does not say well enough where, in m.
+pub(crate) const SURE_WITHIN_M: f64 = 0.35;
+/// Nearer than this a sensor may fold back: "farther" then means nearer still (§4.5, Fig. 11), in m.
+const FOLDS_M: f64 = 0.14;
+/// Backing off by this much ends the doubt, in m: as the first level's rule.
+const RETREAT_M: f64 = 0.05;
+/// So does having gone elsewhere, in m.
+const ELSEWHERE_M: f64 = 0.30;
+/// A reading of nothing means at least this much free way, in m.
+const FREE_M: f64 = 0.40;
+/// Readings beyond this say nothing: the fit ends at 56 cm, and noise alone moves them by 10 cm, in m.
+const FARTHEST_M: f64 = 0.52;
+/// Two beams that hit at the same distance, within this, in m, hit the same thing.
+const SAME_M: f64 = 0.15;
+
+/// How much farther away than the published fit (§4.5) the sensor's data sheet has a thing, in m: 1 cm at
+/// 18, 2 cm at 27, 4 cm at 41 and 13 cm at 51 cm.
+fn farther_m(range_m: f64) -> f64 {
+    let steep_m = (range_m - 0.40).max(0.0);
+    0.12 * (range_m - 0.10).max(0.0) + 6.5 * steep_m * steep_m
+}
+
+/// One beam in the map.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Beam {
+    from_m: [f64; 2],
+    towards: [f64; 2],
+}
+
+impl Beam {
+    /// The point so far along it.
+    pub(super) fn at(&self, m: f64) -> [f64; 2] {
+        self.beside(m, 0.0)
+    }
+
+    /// The point so far along it and so far to its left.
+    pub(super) fn beside(&self, m: f64, left_m: f64) -> [f64; 2] {
+        let [x, y] = self.towards;
+        [self.from_m[0] + m * x - left_m * y, self.from_m[1] + m * y + left_m * x]
+    }
+
+    /// How far along it a point is, in m.
+    pub(super) fn along_m(&self, point: [f64; 2]) -> f64 {
+        let [x, y] = self.towards;
+        (point[0] - self.from_m[0]) * x + (point[1] - self.from_m[1]) * y
+    }
+
+    /// From its middle to a point, in m.
+    pub(super) fn off_m(&self, point: [f64; 2]) -> f64 {
+        let [x, y] = self.towards;
+        ((point[1] - self.from_m[1]) * x - (point[0] - self.from_m[0]) * y).abs()
+    }
+}
+
+/// Front, then rear, left to right with the truck pointing up.
+pub(super) fn beams(car: &Car, pose: &MapPose) -> [Beam; 12] {
+    let (sin, cos) = libm::sincos(pose.yaw_rad);
+    std::array::from_fn(|i| {
+        let left_m = (2.5 - (i % 6) as f64) * SPACING_M;
+        let (ahead_m, facing) = if i < 6 { (car.front_m, 1.0) } else { (-car.rear_m, -1.0) };
+        Beam {
+            from_m: [pose.x_m + cos * ahead_m - sin * left_m, pose.y_m + sin * ahead_m + cos * left_m],
+            towards: [cos * facing, sin * facing],
+        }
+    })
+}
+
+/// What a reading says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum BeamReading {
+    /// Nothing up to here.
+    Free { to_m: f64 },
+    /// Something between here and there.
+    Hit { from_m: f64, to_m: f64 },
+    /// The reading is worth nothing: what was seen last is still there.
+    Folded([f64; 2]),
+}
+
+/// Whether a sensor may be folding back.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Foldback {
+    /// Where the sensor was, and what it saw, when it last was too near to be sure.
+    near: Option<([f64; 2], [f64; 2])>,
+}
+
+impl Foldback {
+    /// Whether something was too near, and it has not backed off since.
+    pub(super) fn may_fold(&self) -> bool {
+        self.near.is_some()
+    }
+
+    /// What a reading in cm is worth. One that is not finite counts as none.
+    pub(super) fn interpret(&mut self, beam: &Beam, range_cm: Option<f64>) -> BeamReading {
+        let range_m = range_cm.filter(|cm| cm.is_finite() && *cm >= 0.0).map(|cm| cm / 100.0);
+        if let Some(at_m) = range_m.filter(|m| *m < FOLDS_M) {
+            self.near = Some((beam.from_m, beam.at(at_m)));
+            return BeamReading::Hit { from_m: at_m, to_m: at_m };
+        }
+        if let Some((from_m, seen_m)) = self.near {
+            let (dx, dy) = (beam.from_m[0] - from_m[0], beam.from_m[1] - from_m[1]);
+            let nearer_m = dx * beam.towards[0] + dy * beam.towards[1];
+            if nearer_m > -RETREAT_M && libm::hypot(dx, dy) < ELSEWHERE_M {
+                return BeamReading::Folded(seen_m);
+            }
+            self.near = None;
+        }
+        match range_m {
+            Some(at_m) if at_m <= FARTHEST_M => {
+                BeamReading::Hit { from_m: at_m, to_m: at_m + farther_m(at_m) }
+            }
+            _ => BeamReading::Free { to_m: FREE_M },
+        }
+    }
+}
+
+/// What one reading says of a thing besides its place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Extent {
+    /// A neighbouring beam sees it as well.
+    Broad,
+    /// No other beam sees it, from so near that the place is sure.
+    AloneNear,
+    /// Nothing.
+    Unknown,
+}
+
+/// What this beam, which hits something, and its neighbours say of that.
+pub(super) fn extent(readings: &[BeamReading; 12], n: usize) -> Extent {
+    let BeamReading::Hit { from_m, to_m } = readings[n] else { return Extent::Unknown };
+    let bumper = n / 6 * 6..n / 6 * 6 + 6;
+    let beside = || [n.wrapping_sub(1), n + 1].into_iter().filter(|other| bumper.contains(other));
+    let same = |other: usize| match readings[other] {
+        BeamReading::Hit { to_m: there_m, .. } => (there_m - to_m).abs() <= SAME_M,
+        _ => false,
+    };
+    let unsure = |other: usize| matches!(readings[other], BeamReading::Folded(_));
+    if beside().any(same) {
+        Extent::Broad
+    } else if from_m <= SURE_WITHIN_M && !beside().any(unsure) {
+        Extent::AloneNear
+    } else {
+        Extent::Unknown
+    }
+}

@@ -1,0 +1,96 @@
+//! Names that stand in keys.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use thiserror::Error;
+
+/// Names that no robot may have: they are other things' places in the key space.
+pub const RESERVED: [&str; 5] = ["all", "sim", "dispatch", "traffic", "map"];
+/// Longest name in characters.
+pub const MAX_NAME: usize = 32;
+
+/// A name that cannot stand in a key.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum NameError {
+    /// Wrong length or characters.
+    #[error("{0:?} is not a name: 1 to {MAX_NAME} of a-z, 0-9 and -")]
+    Malformed(String),
+    /// See [`RESERVED`].
+    #[error("{0:?} is reserved and cannot be a robot's name")]
+    Reserved(String),
+}
+
+/// The name of a fleet, a robot or a client: 1–32 of `a-z 0-9 -`.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(try_from = "String", into = "String")]
+pub struct Name(String);
+
+impl Name {
+    /// # Errors
+    /// [`NameError::Malformed`].
+    pub fn new(text: &str) -> Result<Self, NameError> {
+        let allowed = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-';
+        if (1..=MAX_NAME).contains(&text.len()) && text.bytes().all(allowed) {
+            Ok(Self(text.to_owned()))
+        } else {
+            Err(NameError::Malformed(text.chars().take(2 * MAX_NAME).collect()))
+        }
+    }
+
+    /// A name that a robot may have.
+    ///
+    /// # Errors
+    /// [`NameError::Malformed`] or [`NameError::Reserved`].
+    pub fn robot(text: &str) -> Result<Self, NameError> {
+        let name = Self::new(text)?;
+        if RESERVED.contains(&text) { Err(NameError::Reserved(text.to_owned())) } else { Ok(name) }
+    }
+
+    /// The text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&self.0)
+    }
+}
+
+impl TryFrom<String> for Name {
+    type Error = NameError;
+
+    fn try_from(text: String) -> Result<Self, NameError> {
+        Self::new(&text)
+    }
+}
+
+impl From<Name> for String {
+    fn from(name: Name) -> String {
+        name.0
+    }
+}
+
+impl std::str::FromStr for Name {
+    type Err = NameError;
+
+    fn from_str(text: &str) -> Result<Self, NameError> {
+        Self::new(text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_checked() {
+        for bad in ["", "Xtb", "a b", "a/b", "*", &"x".repeat(33)] {
+            assert!(Name::new(bad).is_err(), "{bad}");
+        }
+        assert_eq!(Name::robot("all"), Err(NameError::Reserved("all".into())));
+    }
+}

@@ -1,0 +1,135 @@
+//! What a joint plan is asked, and what it answers.
+
+use super::discretized_path::DiscretizedPath;
+use super::order::Order;
+use super::room::Room;
+use super::task::Target;
+use std::sync::Arc;
+use xtb_nav::Car;
+use xtb_nav::geometry::rect::{Rect, Stand};
+
+/// A truck with a goal.
+#[derive(Debug, Clone)]
+pub(super) struct Member {
+    pub(super) id: u32,
+    pub(super) name: String,
+    /// Changes when the truck's situation does.
+    pub(super) revision: u64,
+    /// Its way so far; only the released part counts if it wants another one.
+    pub(super) way: DiscretizedPath,
+    pub(super) done_m: f64,
+    /// Place up to which its way is released.
+    pub(super) held: usize,
+    /// Whether it needs a way.
+    pub(super) wanting: bool,
+    /// For so long it has had a goal and has not been led to it, in ms.
+    pub(super) waited_ms: u64,
+    pub(super) target: Target,
+}
+
+impl Member {
+    pub(super) fn held_stands(&self) -> &[Stand] {
+        let at = self.way.place(self.done_m).min(self.held);
+        &self.way.stands[at..=self.held]
+    }
+}
+
+/// Something that is driven around, by name.
+#[derive(Debug, Clone)]
+pub(super) struct Block {
+    /// The truck that it is; it does not block itself.
+    pub(super) id: u32,
+    pub(super) name: String,
+    pub(super) stands: Vec<Stand>,
+}
+
+/// Work for another thread: everything that a joint plan needs.
+#[derive(Debug, Clone)]
+pub struct JointJob {
+    pub(super) id: u64,
+    pub(super) room: Arc<dyn Room>,
+    pub(super) car: Car,
+    pub(super) members: Vec<Member>,
+    pub(super) blocks: Vec<Block>,
+    pub(super) order: Order,
+    pub(super) seed: u64,
+    /// Nodes that may be expanded for orders of priorities.
+    pub(super) budget: u32,
+    /// The same for groups, when no order works; 0 = no groups.
+    pub(super) group_budget: u32,
+    /// The same for serving one after the other, when that does not work either; 0 = not at all.
+    pub(super) turn_budget: u32,
+}
+
+impl JointJob {
+    /// What is driven around by this one.
+    pub(super) fn others<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = &'a Block> {
+        self.blocks.iter().filter(|block| block.id != member.id)
+    }
+
+    /// Bodies of all that is driven around by this one.
+    pub(super) fn bodies_around<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = Rect> {
+        self.others(member).flat_map(|block| block.stands.iter().map(|stand| stand.body))
+    }
+
+    pub(super) fn indices(&self, which: impl Fn(&Member) -> bool) -> impl Iterator<Item = usize> {
+        self.members.iter().enumerate().filter(move |(_, member)| which(member)).map(|(index, _)| index)
+    }
+}
+
+/// A way for one truck.
+#[derive(Debug, Clone)]
+pub(super) struct Plan {
+    pub(super) id: u32,
+    pub(super) revision: u64,
+    pub(super) way: DiscretizedPath,
+    /// It ends out of the others' way, not at the goal.
+    pub(super) evades: bool,
+}
+
+/// Why one truck has none.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct NoWay {
+    pub(super) id: u32,
+    pub(super) revision: u64,
+    /// Who is in the way.
+    pub(super) by: Option<String>,
+    pub(super) reason: String,
+    /// The map leaves none: it will be the same later.
+    pub(super) for_good: bool,
+}
+
+/// What came out.
+#[derive(Debug, Clone)]
+pub struct JointResult {
+    pub(super) id: u64,
+    pub(super) plans: Vec<Plan>,
+    pub(super) order: Order,
+    pub(super) none: Vec<NoWay>,
+    /// Nodes that were expanded.
+    pub expansions: u32,
+    /// Orders that were tried.
+    pub tries: u32,
+    /// Choices of conflict-based search that were looked at.
+    pub choices: u32,
+    /// No order worked, but these choices did.
+    pub grouped: bool,
+    /// Neither did, but one can be served while the others make room.
+    pub in_turn: bool,
+}
+
+impl JointResult {
+    /// How many trucks got a way, and how many did not.
+    #[must_use]
+    pub fn counts(&self) -> (usize, usize) {
+        (self.plans.len(), self.none.len())
+    }
+}
+
+impl NoWay {
+    /// Somebody else is served before.
+    pub(super) fn behind(member: &Member, name: &str) -> Self {
+        let (by, reason) = (Some(name.to_owned()), format!("blocked by {name}"));
+        Self { id: member.id, revision: member.revision, by, reason, for_good: false }
+    }
+}

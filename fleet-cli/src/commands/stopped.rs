@@ -1,0 +1,94 @@
+//! What `stop` and `estop` print: who has stopped, who has not said so, and whether these were all.
+
+use crate::context::Context;
+use crate::error::Exit;
+use crate::output::{Output, Tone};
+use crate::table::{Cell, Table};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use xtb_client::multi_robot::{MissingInfo, StopOutcome, StopReport};
+use xtb_protocol::Name;
+
+/// What came of it for all.
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    #[serde(flatten)]
+    pub(super) stopped: StopReport,
+    /// Who was named and is unknown to roster and fleet, with who was probably meant.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) unknown_robots: BTreeMap<Name, Option<Name>>,
+}
+
+impl Report {
+    /// 0 only if it is complete.
+    pub(super) fn exit(&self) -> Exit {
+        let refused = self.stopped.robots.values().any(|outcome| *outcome == StopOutcome::Refused);
+        match self.stopped.complete {
+            true => Exit::Done,
+            false if refused => Exit::Failed,
+            false => Exit::Unknown,
+        }
+    }
+
+    /// A row for each robot; `stopped` is what that is called.
+    pub(super) fn table(&self, stopped: &str, out: &Output) -> String {
+        let mut table = Table::new(&["name", "outcome"]);
+        for (robot, outcome) in &self.stopped.robots {
+            let outcome = match outcome {
+                StopOutcome::Stopped => Cell::new(stopped, Tone::Good),
+                StopOutcome::Refused => Cell::new("refused", Tone::Bad),
+                StopOutcome::Unknown => Cell::new("unknown (no answer: it may be driving)", Tone::Bad),
+                StopOutcome::Unconfirmed => {
+                    Cell::new("not confirmed (answered, but its state does not show it)", Tone::Bad)
+                }
+                StopOutcome::Absent => Cell::new(
+                    "not confirmed (answered, but no such robot is there: `fleet-cli doctor`)",
+                    Tone::Bad,
+                ),
+                StopOutcome::Ambiguous => {
+                    Cell::new("not confirmed (several programs answer for it: `fleet-cli doctor`)", Tone::Bad)
+                }
+            };
+            table.row(vec![Cell::new(robot.as_str(), Tone::Strong), outcome]);
+        }
+        table.render(out)
+    }
+}
+
+/// Says why nobody can tell whether these were all robots.
+pub(super) fn warn(ctx: &Context, missing: &MissingInfo) {
+    if ctx.out.json || missing.none() {
+        return;
+    }
+    for error in [&missing.alive, &missing.roster].into_iter().flatten() {
+        ctx.out.note(&format!("warning: there may be more robots: {error}"));
+    }
+    if missing.alive.is_none() {
+        ctx.out.note("warning: without a roster nobody can say whether these were all robots");
+    }
+    ctx.out.note("hint: name them with --expect a,b,c or as [[robots]] in the fleet config");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn exit(outcomes: &[StopOutcome], missing: &MissingInfo) -> Exit {
+        let named = outcomes.iter().enumerate();
+        let robots = named.map(|(i, outcome)| (Name::new(&format!("xtb-{i}")).unwrap(), *outcome));
+        let stopped = StopReport::new(robots.collect(), missing);
+        Report { stopped, unknown_robots: BTreeMap::new() }.exit()
+    }
+
+    #[test]
+    fn a_gap_makes_it_unknown_and_a_refusal_failed() {
+        let (none, gap) = (MissingInfo::default(), MissingInfo { no_roster: true, ..MissingInfo::default() });
+        assert_eq!(exit(&[StopOutcome::Stopped], &none), Exit::Done);
+        assert_eq!(exit(&[StopOutcome::Stopped], &gap), Exit::Unknown);
+        assert_eq!(exit(&[StopOutcome::Stopped, StopOutcome::Unknown], &none), Exit::Unknown);
+        for doubtful in [StopOutcome::Unconfirmed, StopOutcome::Absent, StopOutcome::Ambiguous] {
+            assert_eq!(exit(&[StopOutcome::Stopped, doubtful], &none), Exit::Unknown);
+        }
+        assert_eq!(exit(&[StopOutcome::Unknown, StopOutcome::Refused], &gap), Exit::Failed);
+    }
+}

@@ -1,0 +1,52 @@
+//! Maps from files: as map_server writes them, or drawn from a world.
+
+use crate::error::{Failure, Kind, Result};
+use robot_agent::files::{self, FileError};
+use std::path::Path;
+use xtb_nav::Map;
+use xtb_nav::map::ros::Description;
+use xtb_protocol::messages::is_map_name;
+use xtb_sim::World;
+
+/// Reads a map (YAML and image) or draws a world (TOML) in cells of `resolution_m`.
+///
+/// # Errors
+/// [`Kind::Config`]: a file cannot be read, or is no map and no world.
+pub(crate) fn read(path: &Path, resolution_m: f64) -> Result<Map> {
+    let broken = |reason: String| Failure::new(Kind::Config, format!("{}: {reason}", path.display()));
+    let text = files::text(path, files::MAX_TEXT).map_err(|error| unreadable(path, &error))?;
+    let named = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    match named {
+        "toml" => {
+            let hint = "worlds/ holds examples; --resolution takes larger cells for a large world";
+            let world = World::from_toml(&text).map_err(|error| broken(error.to_string()).hint(hint))?;
+            let world = named_by_file(world, path);
+            world.chart(resolution_m).map_err(|error| broken(error.to_string()).hint(hint))
+        }
+        "yaml" | "yml" => {
+            let hint = "docs/maps.md says which maps are read";
+            let description =
+                Description::from_yaml(&text).map_err(|error| broken(error.to_string()).hint(hint))?;
+            let image_path = path.parent().unwrap_or(Path::new("")).join(description.image());
+            let image = files::bytes(&image_path, files::MAX_IMAGE)
+                .map_err(|error| unreadable(&image_path, &error))?;
+            let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or("map");
+            description.map(stem, &image).map_err(|error| broken(error.to_string()).hint(hint))
+        }
+        _ => Err(broken("neither a map nor a world by its ending".to_owned())
+            .hint("maps end in .yaml (as map_server writes them), worlds in .toml")),
+    }
+}
+
+/// A world without a name is called as its file is, as a map is.
+pub(crate) fn named_by_file(world: World, path: &Path) -> World {
+    match path.file_stem().and_then(|stem| stem.to_str()).filter(|stem| is_map_name(stem)) {
+        Some(stem) => world.or_named(stem),
+        None => world,
+    }
+}
+
+fn unreadable(path: &Path, error: &FileError) -> Failure {
+    Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
+        .hint("a map is a YAML file and the image that it names; worlds/ holds worlds")
+}

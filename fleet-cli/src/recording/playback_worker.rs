@@ -1,0 +1,282 @@
+//! A recording as a scene: a thread reads it and keeps the scene where the [`Player`] is, so cockpit and
+//! dashboard show it as they show what is live.
+
+pub use super::player::PlaySettings;
+use super::player::{Move, Player};
+use super::reader::{self, ReadError, Reader, Recorded};
+use super::schemas::{is_derived, presence_of};
+use crate::error::{Failure, Kind, Result};
+use crate::scene::Scene;
+use crate::scene::live::Shared;
+use std::path::Path;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use xtb_client::messages::{AnyMessage, Unreadable};
+use xtb_protocol::Name;
+use xtb_protocol::keys::{Channel, Key};
+
+/// Between two looks at what is due.
+const TICK: Duration = Duration::from_millis(20);
+/// Messages between two looks at what the viewer wants.
+const AT_ONCE: usize = 1000;
+
+/// How the playing stands.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PlayStatus {
+    /// When the first message came, in ms since 1970.
+    pub began_ms: u64,
+    /// Played so far.
+    pub position_ms: u64,
+    /// How long the recording is.
+    pub duration_ms: u64,
+    /// Times as fast as it was.
+    pub speed: f64,
+    /// Whether it stands because somebody wants that.
+    pub paused: bool,
+    /// Whether the scene holds everything up to there.
+    pub caught_up: bool,
+    /// Whether it is at its end, and the scene too.
+    pub ended: bool,
+    /// Messages that could not be read.
+    pub unreadable: u64,
+    /// Why it goes no further, if it cannot.
+    pub failed: Option<String>,
+}
+
+#[derive(Debug)]
+struct Control {
+    player: Player,
+    /// The player as it stood when the scene held everything up to its place.
+    shown: Option<Player>,
+    failed: Option<String>,
+    stop: bool,
+}
+
+#[derive(Debug)]
+struct Desk {
+    control: Mutex<Control>,
+    wish: Condvar,
+}
+
+impl Desk {
+    fn lock(&self) -> MutexGuard<'_, Control> {
+        self.control.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A recording that is being played, until this is dropped.
+#[derive(Debug)]
+pub struct PlaybackWorker {
+    scene: Arc<Shared>,
+    desk: Arc<Desk>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl PlaybackWorker {
+    /// Opens a recording and begins to play it.
+    ///
+    /// # Errors
+    /// [`Kind::Failed`]: it cannot be read, or is none; [`Kind::Usage`]: it begins after its end.
+    pub fn open(path: &Path, settings: PlaySettings) -> Result<Self> {
+        let wrong = |error: ReadError| not_readable(path, &error);
+        let span = reader::span(path).map_err(wrong)?;
+        let (reader, fleet) = begin(path).map_err(wrong)?;
+        let player = Player::new(span, settings);
+        if settings.from_ms > player.duration_ms() {
+            let length = Duration::from_millis(player.duration_ms()).as_secs_f64();
+            let message = format!("{} is {length:.1} s long: it cannot begin later", path.display());
+            return Err(Failure::new(Kind::Usage, message).hint("--from counts from the first message"));
+        }
+        let scene = Arc::new(Shared::played(Scene::new(fleet.clone())));
+        let desk = Arc::new(Desk {
+            control: Mutex::new(Control { player, shown: None, failed: None, stop: false }),
+            wish: Condvar::new(),
+        });
+        let mut projector =
+            Projector { reader, next: None, fleet, scene: Arc::clone(&scene), desk: Arc::clone(&desk) };
+        let thread = std::thread::Builder::new().name("play".into()).spawn(move || projector.run())?;
+        Ok(Self { scene, desk, thread: Some(thread) })
+    }
+
+    /// What is shown.
+    #[must_use]
+    pub fn scene(&self) -> Arc<Shared> {
+        Arc::clone(&self.scene)
+    }
+
+    /// How it stands.
+    #[must_use]
+    pub fn status(&self) -> PlayStatus {
+        let control = self.desk.lock();
+        let player = &control.player;
+        let caught_up = control.shown.as_ref() == Some(player);
+        PlayStatus {
+            began_ms: player.began_ms(),
+            position_ms: player.position_ms(),
+            duration_ms: player.duration_ms(),
+            speed: player.speed(),
+            paused: player.paused(),
+            caught_up,
+            ended: player.ended() && caught_up,
+            unreadable: self.scene.unreadable(),
+            failed: control.failed.clone(),
+        }
+    }
+
+    /// Stands, or goes on.
+    pub fn pause(&self, paused: bool) {
+        self.wish(|control| control.player.pause(paused));
+    }
+
+    /// Goes to another place, from the first message, at most to the end.
+    pub fn seek(&self, position_ms: u64) {
+        self.wish(|control| control.player.seek(position_ms));
+    }
+
+    /// Plays this many times as fast as it was; what is not above 0 changes nothing.
+    pub fn set_speed(&self, speed: f64) {
+        self.wish(|control| control.player.set_speed(speed));
+    }
+
+    fn wish(&self, change: impl FnOnce(&mut Control)) {
+        change(&mut self.desk.lock());
+        self.desk.wish.notify_one();
+    }
+}
+
+impl Drop for PlaybackWorker {
+    fn drop(&mut self) {
+        self.wish(|control| control.stop = true);
+        if let Some(thread) = self.thread.take() {
+            // It ends by itself, and has said why if it could not go on.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What a file's error says to people.
+pub(crate) fn not_readable(path: &Path, error: &ReadError) -> Failure {
+    Failure::new(Kind::Failed, format!("cannot read {} as a recording: {error}", path.display()))
+        .hint("`fleet-cli record --out FILE.mcap` makes one; robots' own are for `robot-agent replay`")
+}
+
+/// At its beginning, and whose recording it is.
+///
+/// # Errors
+/// It cannot be read, or is no recording of a fleet.
+pub(crate) fn begin(path: &Path) -> std::result::Result<(Reader, Name), ReadError> {
+    let mut first = Reader::open(path)?;
+    let message = first.next_message()?.ok_or(ReadError::Empty)?;
+    let told = first.fleet().and_then(|fleet| Name::new(fleet).ok());
+    let fleet = told.or_else(|| Some(Key::parse(&message.topic)?.fleet)).ok_or(ReadError::Foreign)?;
+    Ok((Reader::open(path)?, fleet))
+}
+
+/// One message as screens take it; `None` for what is derived of others.
+pub(crate) fn read(recorded: &Recorded) -> Option<std::result::Result<(Key, AnyMessage), Unreadable>> {
+    if is_derived(&recorded.schema) {
+        return None;
+    }
+    let Some(key) = Key::parse(&recorded.topic) else { return Some(Err(Unreadable::Foreign)) };
+    let news = match key.channel {
+        Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive => {
+            presence_of(&recorded.data).map(AnyMessage::Alive).ok_or(Unreadable::Presence)
+        }
+        _ => AnyMessage::of_json(&key.channel, &recorded.data),
+    };
+    Some(news.map(|news| (key, news)))
+}
+
+/// The thread's own.
+struct Projector {
+    reader: Reader,
+    next: Option<Recorded>,
+    fleet: Name,
+    scene: Arc<Shared>,
+    desk: Arc<Desk>,
+}
+
+impl Projector {
+    fn run(&mut self) {
+        let mut looked = Instant::now();
+        loop {
+            let mut control = self.desk.lock();
+            if control.stop {
+                return;
+            }
+            let now = Instant::now();
+            let next = control.player.advance(now - looked);
+            looked = now;
+            let player = control.player.clone();
+            drop(control);
+            let played = match next {
+                Move::On => self.play(&player),
+                Move::Again => self.begin_anew(&player),
+            };
+            self.scene.set_now_ms(player.position_ms());
+            let mut control = self.desk.lock();
+            if matches!(played, Ok(false)) {
+                control.shown = Some(player);
+            }
+            match played {
+                Ok(true) => continue,
+                Ok(false) => {}
+                Err(error) => {
+                    let failed = error.to_string();
+                    tracing::warn!("the recording goes no further: {failed}");
+                    control.failed = Some(failed);
+                    control.player.pause(true);
+                }
+            }
+            // A wish or the next tick, whichever comes first.
+            drop(self.desk.wish.wait_timeout(control, TICK));
+        }
+    }
+
+    /// Takes in what is due, at most [`AT_ONCE`]; whether there is more.
+    fn play(&mut self, player: &Player) -> std::result::Result<bool, ReadError> {
+        for _ in 0..AT_ONCE {
+            let Some(message) = self.due(player)? else { return Ok(false) };
+            self.show(player, &message);
+        }
+        Ok(true)
+    }
+
+    /// A new scene at the player's place, from what it needs of all that is before.
+    fn begin_anew(&mut self, player: &Player) -> std::result::Result<bool, ReadError> {
+        self.reader = Reader::open(self.reader.path())?;
+        self.next = None;
+        self.scene.rewind(Scene::new(self.fleet.clone()), player.position_ms());
+        let (mut tasks, mut map) = (None, None);
+        while let Some(message) = self.due(player)? {
+            match Key::parse(&message.topic).map(|key| key.channel) {
+                // Long ones, of which the last holds.
+                Some(Channel::DispatchTasks) => tasks = Some(message),
+                Some(Channel::Map) => map = Some(message),
+                Some(channel) if !player.is_needed(message.log_ns, &channel) => {}
+                _ => self.show(player, &message),
+            }
+        }
+        map.into_iter().chain(tasks).for_each(|message| self.show(player, &message));
+        Ok(false)
+    }
+
+    fn due(&mut self, player: &Player) -> std::result::Result<Option<Recorded>, ReadError> {
+        if self.next.is_none() {
+            self.next = self.reader.next_message()?;
+        }
+        Ok(self.next.take_if(|next| player.is_due(next.log_ns)))
+    }
+
+    fn show(&self, player: &Player, message: &Recorded) {
+        match read(message) {
+            Some(Ok((key, news))) => self.scene.lock().take(player.at_ms(message.log_ns), &key, news),
+            Some(Err(error)) => self.scene.note_unreadable(&error),
+            None => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,185 @@
+//! Traffic control of a fleet as a service: states in, routes out, joint plans on a thread beside.
+//!
+//! What it decides is [`xtb_traffic::coordinator`]'s; here are its clock, its Zenoh and its thread.
+
+use crate::error::{Failure, Kind, Result};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinHandle;
+use tokio::time::MissedTickBehavior;
+use xtb_bus::{Bus, Publisher, Token};
+use xtb_client::client::Client;
+use xtb_client::state_feed::StateFeed;
+use xtb_control::{Stamp, VehicleConfig};
+use xtb_nav::{Car, Map};
+use xtb_protocol::codec::Format;
+use xtb_protocol::keys::{Channel, FleetKeys};
+use xtb_protocol::messages::{MapHash, Route, TrafficState};
+use xtb_protocol::{Name, Uuid};
+use xtb_traffic::coordinator::{Coordinator, GridRoom, JointJob, JointResult, RobotView, others_near};
+
+/// Robots are guided this often.
+const TICK: Duration = Duration::from_millis(100);
+/// Every so many ticks it says what it does.
+const TELL_EVERY: u64 = 5;
+
+/// Traffic control, until it is dropped or stopped.
+pub struct TrafficService {
+    working: JoinHandle<()>,
+    state: watch::Receiver<TrafficState>,
+    stop: Arc<AtomicBool>,
+    _token: Token,
+}
+
+impl TrafficService {
+    /// Starts it for the trucks of a fleet on a map.
+    ///
+    /// # Errors
+    /// [`Kind::Refused`] is never meant here: [`Kind::Failed`] if the fleet has traffic control already, or
+    /// Zenoh would not.
+    pub async fn start(client: &Client, map: &Map, within: Duration) -> Result<Self> {
+        let (bus, keys) = (client.bus().clone(), client.keys().clone());
+        if !bus.alive(&keys.traffic_alive(), within).await?.is_empty() {
+            return Err(Failure::new(Kind::Failed, "this fleet has traffic control already")
+                .hint("`fleet-cli traffic status` shows it; one is enough"));
+        }
+        let feed = StateFeed::open(client, &keys.any_robot()).await?;
+        let token = bus.declare_alive(&keys.traffic_alive()).await?;
+        let publisher =
+            bus.publisher(&keys.traffic_state(), &Channel::TrafficState, Format::Postcard).await?;
+        let epoch = (Uuid::new_v4().as_u128() >> 76) as u64;
+        let room = Arc::new(GridRoom::of(map));
+        let coordinator = Coordinator::new(Car::of(&VehicleConfig::default()), room, epoch);
+        let stop = Arc::new(AtomicBool::new(false));
+        let (told, state) = watch::channel(said(epoch, 0, map.hash(), &coordinator));
+        let work = Work {
+            coordinator,
+            epoch,
+            seq: 0,
+            hash: map.hash(),
+            bus,
+            keys,
+            routes: BTreeMap::new(),
+            publisher,
+            told,
+            stop: stop.clone(),
+        };
+        let began = std::time::Instant::now();
+        let now = move || Stamp::from_ns(u64::try_from(began.elapsed().as_nanos()).unwrap_or(u64::MAX));
+        Ok(Self { working: tokio::spawn(work.run(feed, now)), state, stop, _token: token })
+    }
+
+    /// What it says of itself.
+    #[must_use]
+    pub fn state(&self) -> TrafficState {
+        self.state.borrow().clone()
+    }
+}
+
+impl Drop for TrafficService {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.working.abort();
+    }
+}
+
+fn said(epoch: u64, seq: u64, hash: MapHash, coordinator: &Coordinator) -> TrafficState {
+    let (led, obstacles) = coordinator.names();
+    let names = |names: Vec<String>| names.iter().filter_map(|name| Name::new(name).ok()).collect();
+    TrafficState {
+        epoch,
+        seq,
+        map_hash: hash.to_string(),
+        led: names(led),
+        obstacles: names(obstacles),
+        plans: coordinator.counters().plans,
+    }
+}
+
+struct Work {
+    coordinator: Coordinator,
+    epoch: u64,
+    seq: u64,
+    hash: MapHash,
+    bus: Bus,
+    keys: FleetKeys,
+    routes: BTreeMap<String, Publisher<Route>>,
+    publisher: Publisher<TrafficState>,
+    told: watch::Sender<TrafficState>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Work {
+    async fn run(mut self, feed: StateFeed, now: impl Fn() -> Stamp) {
+        let (sender, mut results) = mpsc::channel::<JointResult>(1);
+        let mut tick = tokio::time::interval(TICK);
+        tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        loop {
+            tick.tick().await;
+            while let Ok(result) = results.try_recv() {
+                self.coordinator.planned(now(), result);
+            }
+            let views: Vec<RobotView> =
+                feed.states().values().map(|seen| RobotView::of(&seen.state, millis(seen.age()))).collect();
+            for view in &views {
+                self.coordinator.robot(now(), view.clone());
+            }
+            self.guide(now(), &views).await;
+            if let Some(job) = self.coordinator.job(now()) {
+                self.plan(job, sender.clone());
+            }
+            if self.seq.is_multiple_of(TELL_EVERY) {
+                self.tell().await;
+            }
+        }
+    }
+
+    /// Each robot is told how to go on.
+    async fn guide(&mut self, now: Stamp, views: &[RobotView]) {
+        self.seq += 1;
+        for (name, guide) in self.coordinator.tick(now) {
+            let route = guide.route(self.epoch, self.seq, others_near(views, &name));
+            let sent = match self.publisher_of(&name).await {
+                Ok(publisher) => publisher.put(&route).await.map_err(Failure::from),
+                Err(failure) => Err(failure),
+            };
+            if let Err(failure) = sent {
+                tracing::debug!("{name} was not told: {}", failure.message);
+            }
+        }
+    }
+
+    async fn publisher_of(&mut self, name: &str) -> Result<&Publisher<Route>> {
+        if !self.routes.contains_key(name) {
+            let robot = Name::new(name).map_err(|error| Failure::new(Kind::Failed, error.to_string()))?;
+            let key = self.keys.robot(&robot).route();
+            let publisher = self.bus.publisher::<Route>(&key, &Channel::Route, Format::Postcard).await?;
+            self.routes.insert(name.to_owned(), publisher);
+        }
+        Ok(&self.routes[name])
+    }
+
+    /// A joint plan, on a thread of its own; at most one at a time.
+    fn plan(&self, job: JointJob, done: mpsc::Sender<JointResult>) {
+        let stop = self.stop.clone();
+        tokio::task::spawn_blocking(move || {
+            let result = job.solve(&mut || !stop.load(Ordering::Relaxed));
+            let _ = done.blocking_send(result);
+        });
+    }
+
+    async fn tell(&self) {
+        let state = said(self.epoch, self.seq, self.hash, &self.coordinator);
+        if let Err(error) = self.publisher.put(&state).await {
+            tracing::debug!("{error}");
+        }
+        self.told.send_replace(state);
+    }
+}
+
+fn millis(age: Duration) -> u64 {
+    u64::try_from(age.as_millis()).unwrap_or(u64::MAX)
+}
