@@ -73,7 +73,7 @@ impl Client {
     /// Opens a session, trying for as long as `--timeout` says.
     ///
     /// # Errors
-    /// [`ErrorKind::NoRouter`] or, for an endpoint that is none, [`ErrorKind::Usage`].
+    /// [`ErrorKind::NoRouter`] or, for an endpoint that is none, [`ErrorKind::Invalid`].
     pub async fn open(settings: &Settings) -> Result<Self> {
         let role = Role::Client { connect: settings.connect.clone() };
         let (began, failed) = (Instant::now(), AtomicBool::new(false));

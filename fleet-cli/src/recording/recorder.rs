@@ -1,5 +1,5 @@
 //! What a recording holds of what comes in. Pure: items with their times in, records out; files, clocks
-//! and threads are [`tape`](super::tape)'s and [`writing`](super::writing)'s.
+//! and threads are [`mcap_writer`](super::mcap_writer)'s and [`recorder_worker`](super::recorder_worker)'s.
 //!
 //! A message becomes one record on the topic of its key, and up to two on derived topics: the pose of
 //! its robot, and the fleet's scene or log, for viewers that know Foxglove's messages only.
