@@ -174,7 +174,7 @@ impl Scene {
         }
     }
 
-    /// Takes in what came on `key` at `at_ms`. AnyMessage of other fleets, and of more than
+    /// Takes in what came on `key` at `at_ms`. Messages of other fleets, and of more than
     /// [`MOST_ROBOTS`], change only the count of what was refused.
     pub fn take(&mut self, at_ms: AtMs, key: &Key, news: AnyMessage) {
         if key.fleet != self.fleet {
@@ -321,7 +321,7 @@ impl Scene {
         &self.happenings
     }
 
-    /// AnyMessage that were of another fleet, or of too many robots.
+    /// Messages that were of another fleet, or of too many robots.
     #[must_use]
     pub fn refused(&self) -> u64 {
         self.refused

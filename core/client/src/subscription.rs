@@ -1,6 +1,6 @@
 //! Listening on any keys of ours, for `watch`, `record` and the screens: what is published, the
 //! answers of those who only answer, and presence, all through one inlet. What is published comes in as it
-//! is, on keys that are none of ours too: [`News`](crate::messages::AnyMessage) tells them apart.
+//! is, on keys that are none of ours too: [`AnyMessage`](crate::messages::AnyMessage) tells them apart.
 
 pub mod plan;
 

@@ -202,7 +202,7 @@ struct Day {
     seed: u64,
     robots: usize,
     lasted_ms: u64,
-    /// Modal every decision of every robot: the same on every machine.
+    /// Over every decision of every robot: the same on every machine.
     history: String,
     broken: Option<String>,
 }

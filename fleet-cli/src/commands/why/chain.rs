@@ -239,7 +239,10 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
         };
         let again = is_loss(reason) && since.is_some_and(|ms| ms <= INPUT_LOST_MS);
         let words = reason.text();
-        let words = if again { words.replace(" is lost", " was lost") } else { words.to_owned() };
+        let words = match again {
+            true => words.replace(" not responding", " was lost").replace(" signal lost", " signal was lost"),
+            false => words.to_owned(),
+        };
         let last = match since {
             Some(_) if again => ", and is heard again".to_owned(),
             Some(ms) => format!(", the last one came {} ago", age(ms)),

@@ -48,7 +48,7 @@ fn a_standstill_is_explained_from_latch_to_battery_each_with_what_to_do() {
     assert!(todo(0).starts_with(&format!("first {}; then `fleet-cli reset", fault.remedy())), "{}", todo(0));
     assert_eq!(todo(1), fault.remedy());
     assert_eq!(why.reasons[2].name.as_deref(), Some("obstacle_front"), "a latch is not said twice");
-    assert!(todo(2).contains("clear the way"), "{}", todo(2));
+    assert!(todo(2).contains("clear the path"), "{}", todo(2));
     assert!(why.reasons[3].text.contains("failed (1.00, 2.00) 3.0 s ago, sent by me: gyro_lost"));
     assert!(todo(3).contains("fleet-cli goto xtb-1 1 2"), "{}", todo(3));
     assert!(why.reasons[4].text.contains("cli-2 has control, heard 40 ms ago"));
@@ -121,7 +121,7 @@ fn a_line_that_is_heard_again_is_only_why_it_stopped() {
     let mut state = RobotState { stopped_because: vec![StopReason::BoardLost], ..fake::state("xtb-1") };
     state.input_age_ms.encoder = Some(20);
     let why = explain(&view(state.clone()));
-    assert_eq!(why.reasons[0].text, "the I/O board was lost, and is heard again");
+    assert_eq!(why.reasons[0].text, "I/O board was lost, and is heard again");
     assert!(why.reasons[0].todo.as_ref().unwrap().contains("give a new command"));
     state.input_age_ms.encoder = Some(3000);
     assert_eq!(
