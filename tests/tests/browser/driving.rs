@@ -95,9 +95,9 @@ async fn a_frozen_browser_stops_the_robot_and_does_not_drive_on_when_it_wakes_up
 /// Steps through `press_hold.js` with a clock of our own, in the browser.
 const HOLD: &str = "
     const tell = arguments[arguments.length - 1];
-    import('/assets/press_hold.js').then(({Hold}) => {
+    import('/assets/press_hold.js').then(({PressHold}) => {
         const said = {};
-        let hold = new Hold();
+        let hold = new PressHold();
         said.nothingHeld = hold.tick(0, 1);
         hold.stick(7, 0.5, 1, 1000);
         said.held = hold.tick(1050, 0.5);

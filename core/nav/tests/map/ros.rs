@@ -43,7 +43,7 @@ fn every_kind_of_the_family_is_read_as_its_pixels_are() {
         (b"P5 2 2 255\n\0", "it ends after 1 of 4 samples"),
         (b"P1 2 1 02", "sample 2 of 2 is none"),
         (b"P5 # 2", "it has no width"),
-        (b"P5 0 2 255\n", "0 \u{d7} 2 pixels, 1 to"),
+        (b"P5 0 2 255\n", "it has no pixels"),
     ] {
         let said = refused(YAML, image);
         assert!(said.starts_with(&format!("the image: {reason}")), "{said}");
@@ -101,7 +101,7 @@ fn what_is_not_read_is_refused_with_the_part_and_the_reason() {
     }
     assert_eq!(refused(YAML, b"GIF89a"), "the image: neither PNG nor PGM");
     assert!(refused(YAML, b"P5 2 2 255\n\x00").starts_with("the image: "));
-    assert!(refused(YAML, b"P5 5000 5000 255\n").starts_with("the image: 5000 × 5000 pixels, 1 to"));
+    assert!(refused(YAML, b"P5 5000 5000 255\n").starts_with("the image: 5000 × 5000 pixels, at most"));
     let mut huge = png(1, 1, png::ColorType::Grayscale, &[0]);
     huge[16..24].copy_from_slice(&[0x7f, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff]);
     assert!(refused(YAML, &huge).starts_with("the image: 2147483647 × 2147483647 pixels"));

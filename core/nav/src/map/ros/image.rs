@@ -45,8 +45,9 @@ pub(super) fn cells(bytes: &[u8], thresholds: Thresholds) -> Result<(usize, usiz
 fn check_size(width: u32, height: u32) -> Result<(usize, usize), RosError> {
     let (wide, high, most) = (width as usize, height as usize, Grid::MOST_CELLS);
     match wide.checked_mul(high) {
-        Some(1..) if wide * high <= most => Ok((wide, high)),
-        _ => Err(refused(format!("{width} × {height} pixels, 1 to {most} are read"))),
+        Some(0) => Err(refused("it has no pixels")),
+        Some(pixels) if pixels <= most => Ok((wide, high)),
+        _ => Err(refused(format!("{width} × {height} pixels, at most {most} are read"))),
     }
 }
 
