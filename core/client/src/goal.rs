@@ -3,7 +3,7 @@
 mod cancel;
 mod follow;
 
-pub use cancel::{Cancelled, cancel};
+pub use cancel::{Cancelled, cancel, stop_hint};
 pub use follow::GoalEnd;
 
 use crate::client::{Client, Seen};

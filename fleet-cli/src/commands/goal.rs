@@ -14,7 +14,7 @@ use crate::text::robot as describe;
 use serde::Serialize;
 use std::pin::pin;
 use std::time::{Duration, Instant};
-use xtb_client::goal::{Cancelled, GoalEnd, GoalStep, GoalTarget, GoalWatch, cancel, start};
+use xtb_client::goal::{Cancelled, GoalEnd, GoalStep, GoalTarget, GoalWatch, cancel, start, stop_hint};
 use xtb_client::{Client, Control, Seen, StateFeed};
 use xtb_protocol::messages::{GoalStatus, LinkLoss, RejectCode, RobotState, StopReason};
 use xtb_protocol::{Name, Uuid};
@@ -85,10 +85,6 @@ async fn send(ctx: &Context, control: &Control, task: &Task, stop: impl Future<O
     ctx.out
         .result(&report, |_| format!("{robot} accepted goal {goal}: {}\n{}", task.target, task.alone()))?;
     Ok(Exit::Done)
-}
-
-fn stop_hint(robot: &Name) -> String {
-    format!("`fleet-cli stop {robot}` stops it, `fleet-cli why {robot}` shows what it does")
 }
 
 async fn drive(

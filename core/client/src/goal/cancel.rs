@@ -5,7 +5,9 @@ use crate::error::{Error, ErrorKind, Result};
 use xtb_protocol::messages::{Body, RejectCode};
 use xtb_protocol::{Name, Uuid};
 
-fn stop_hint(robot: &Name) -> String {
+/// What to do about a robot that may drive on.
+#[must_use]
+pub fn stop_hint(robot: &Name) -> String {
     format!("`fleet-cli stop {robot}` stops it, `fleet-cli why {robot}` shows what it does")
 }
 
