@@ -25,6 +25,7 @@ pub mod table;
 pub mod terminal;
 mod text;
 pub mod tui;
+pub mod vehicle_file;
 
 pub use cli::Cli;
 pub use context::Context;

@@ -12,6 +12,8 @@ use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::PI;
 use xtb_client::client::STALE;
 use xtb_client::messages::AnyMessage;
+use xtb_control::VehicleConfig;
+use xtb_nav::Car;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::{
@@ -64,6 +66,34 @@ impl<T> Seen<T> {
     }
 }
 
+/// What of a car is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Body {
+    /// Bumper to bumper.
+    pub length_m: f64,
+    /// Tyre to tyre.
+    pub width_m: f64,
+}
+
+impl Default for Body {
+    /// An XTB's: drawn of a robot that has not said what car it is.
+    fn default() -> Self {
+        Self::of(&Car::of(&VehicleConfig::default()))
+    }
+}
+
+impl Body {
+    fn of(car: &Car) -> Self {
+        Self { length_m: car.front_m + car.rear_m, width_m: 2.0 * car.half_width_m }
+    }
+
+    /// As a factsheet says, if it does.
+    #[must_use]
+    pub fn of_about(about: &About) -> Self {
+        Car::of_about(about).map(|car| Self::of(&car)).unwrap_or_default()
+    }
+}
+
 /// One robot.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Robot {
@@ -77,6 +107,8 @@ pub struct Robot {
     pub sensors: Option<Seen<Sensors>>,
     /// Its factsheet.
     pub about: Option<About>,
+    /// Its body, from that.
+    pub body: Body,
     /// Where it has been, (x, y) in m, the newest last; at most [`TRAIL`].
     pub trail: VecDeque<(f64, f64)>,
     /// Points that the trail has had since the robot was first seen: what a viewer has already is not
@@ -186,7 +218,10 @@ impl Scene {
             (AnyMessage::Sensors(sensors), Some(name)) => {
                 self.with(name, |robot| robot.sensors = Some(Seen::new(at_ms, *sensors)));
             }
-            (AnyMessage::About(about), Some(name)) => self.with(name, |robot| robot.about = Some(*about)),
+            (AnyMessage::About(about), Some(name)) => self.with(name, |robot| {
+                robot.body = Body::of_about(&about);
+                robot.about = Some(*about);
+            }),
             (AnyMessage::Event(event), Some(_)) => self.happened(at_ms, What::Robot(*event)),
             (AnyMessage::TaskEvent(event), None) => self.happened(at_ms, What::Task(*event)),
             (AnyMessage::Alive(there), _) => self.presence(at_ms, key, there),

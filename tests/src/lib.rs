@@ -14,6 +14,7 @@ pub mod rig;
 pub mod screen;
 pub mod slow_link;
 pub mod slow_verbs;
+pub mod vehicles;
 
 pub use live::Live;
 pub use pilot::Pilot;
@@ -99,6 +100,8 @@ pub struct Setup {
     pub seed: u64,
     /// The room.
     pub world: Option<World>,
+    /// What the robots are; those beyond are XTBs.
+    pub vehicles: Vec<VehicleConfig>,
     /// Start poses: x in m, y in m, yaw in rad.
     pub starts: Vec<(f64, f64, f64)>,
     /// No agents, but ptys here.
@@ -116,6 +119,7 @@ impl Default for Setup {
             speed: 8.0,
             seed: 1,
             world: None,
+            vehicles: Vec::new(),
             starts: Vec::new(),
             pty: None,
             fixes: FixTruth::default(),
@@ -146,6 +150,7 @@ impl Fleet {
             fleet: name("lab"),
             robots: setup.robots,
             world: setup.world,
+            vehicles: setup.vehicles,
             starts: setup.starts.iter().map(pose).collect(),
             seed: setup.seed,
             speed: setup.speed,

@@ -25,6 +25,7 @@
 //! * [`Control`]: a lease, acquired, retained and released. [`goal`]: goto and wander. [`TeleopSession`]: driving
 //!   by hand.
 //! * [`stop`], [`estop`], [`reset`]: of one robot or all; each must show by its own state that it stands.
+//! * [`cars`]: what car each robot says it is, for whoever plans for others.
 //! * [`DispatcherClient`]: tasks for whoever is free. [`map_source`]: the fleet's map.
 //! * [`subscription`], [`messages`]: every message on the fleet's keys, for recorders and screens.
 //!
@@ -32,6 +33,7 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod cars;
 pub mod client;
 mod confirm;
 pub mod control;

@@ -1,6 +1,6 @@
 //! Which tasks are taken, and why not.
 
-use crate::tracked_robot::TrackedRobot;
+use crate::tracked_robot::{TrackedRobot, smallest_car};
 use crate::travel_cost::TravelCost;
 use std::collections::BTreeMap;
 use xtb_protocol::Name;
@@ -66,9 +66,10 @@ fn one(spec: &TaskSpec, ctx: AdmissionCtx<'_>) -> Result<(), DispatchError> {
         return Err(refusal(DispatchCode::DeadlinePast, message, "give it more time; are the clocks right?"));
     }
     known(&spec.who, ctx)?;
+    let car = smallest_car(ctx.robots, &spec.who);
     for point in spec.kind.points() {
         let hint = "`fleet-cli map show --live` shows where robots can stand";
-        ctx.travel_cost.admits(point).map_err(|(code, message)| refusal(code, message, hint))?;
+        ctx.travel_cost.admits(&car, point).map_err(|(code, message)| refusal(code, message, hint))?;
     }
     Ok(())
 }

@@ -14,7 +14,7 @@ pub mod auction;
 pub mod exact;
 
 use crate::travel_cost::TravelCost;
-use xtb_nav::MapPose;
+use xtb_nav::{Car, MapPose};
 use xtb_protocol::messages::{TaskId, Waypoint};
 
 /// Pairs up to which distances are exact: up to 30 µs each on a slow machine.
@@ -35,6 +35,8 @@ pub const INFEASIBLE: f32 = f32::INFINITY;
 pub struct Candidate {
     /// Where it is, or will be then.
     pub pose: MapPose,
+    /// What car it is.
+    pub car: Car,
     /// Added to each of its distances, in m: a battery that is getting low, the way until it is free.
     pub extra_m: f64,
 }
@@ -98,11 +100,11 @@ fn costs(
                 cost.push(INFEASIBLE);
                 continue;
             };
-            let Candidate { pose, extra_m } = &robots[robot];
+            let Candidate { pose, car, extra_m } = &robots[robot];
             let way_m = match &tasks[task].first {
                 None => 0.0,
-                Some(first) if exact => travel_cost.distance_m(pose, first),
-                Some(first) => travel_cost.estimate_m(pose, first),
+                Some(first) if exact => travel_cost.distance_m(car, pose, first),
+                Some(first) => travel_cost.estimate_m(car, pose, first),
             };
             cost.push((way_m + extra_m + more_m) as f32);
         }

@@ -23,6 +23,7 @@ use crate::write_queue::{OnWritten, Write, WriteQueue};
 use client_requests::OpenRequest;
 use map_check::MapCheck;
 use std::collections::{BTreeMap, VecDeque};
+use xtb_nav::Car;
 use xtb_protocol::messages::{
     DispatchOutcome, DispatchReply, Request, RobotState, Roster, TaskEvent, TaskHistory, TaskId,
 };
@@ -181,9 +182,10 @@ impl Dispatcher {
         self.robot(now_ms, name).alive = alive;
     }
 
-    /// A robot's factsheet says what it can do.
-    pub fn set_capabilities(&mut self, now_ms: u64, name: &Name, capabilities: &[String]) {
-        self.robot(now_ms, name).capabilities = Some(capabilities.iter().cloned().collect());
+    /// A robot's factsheet says what it can do, and what car it is if that can be read.
+    pub fn set_factsheet(&mut self, now_ms: u64, name: &Name, capabilities: &[String], car: Option<Car>) {
+        let robot = self.robot(now_ms, name);
+        (robot.capabilities, robot.car) = (Some(capabilities.iter().cloned().collect()), car);
     }
 
     /// A robot's state.

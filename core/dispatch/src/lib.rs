@@ -37,5 +37,5 @@ pub use dispatcher::{Dispatcher, Effect, Ticket};
 pub use settings::Settings;
 pub use task_store::record::{Entry, Record};
 pub use task_store::{ReplayError, TaskStore};
-pub use travel_cost::{MapTravelCost, OpenTravelCost, TravelCost};
+pub use travel_cost::{ANY_CAR, MapTravelCost, OpenTravelCost, TravelCost};
 pub use write_queue::Write;

@@ -6,7 +6,7 @@
 use crate::assign::Candidate;
 use crate::task::Task;
 use crate::travel_cost::TravelCost;
-use xtb_nav::MapPose;
+use xtb_nav::{Car, MapPose};
 use xtb_protocol::messages::{TaskKind, TaskState, Waypoint};
 
 /// A robot with more way than this before it, in m, is not free soon.
@@ -16,10 +16,10 @@ const PREDICTION_MARGIN_M: f64 = 2.0;
 /// How far a robot drives in a second, about: for the time that it stands at points.
 const TYPICAL_SPEED_MPS: f64 = 0.5;
 
-/// Where a robot at `from` will be when it has done this task, and how much farther it counts for the way
+/// Where this car at `from` will be when it has done this task, and how much farther it counts for the way
 /// until then; `None` = not soon, or nobody knows where.
 #[must_use]
-pub fn predict(task: &Task, from: MapPose, travel_cost: &dyn TravelCost) -> Option<Candidate> {
+pub fn predict(task: &Task, car: &Car, from: MapPose, travel_cost: &dyn TravelCost) -> Option<Candidate> {
     let dwell_s = match task.spec.kind {
         TaskKind::Goto { .. } => 0.0,
         TaskKind::Route { dwell_s, .. } => dwell_s,
@@ -31,13 +31,13 @@ pub fn predict(task: &Task, from: MapPose, travel_cost: &dyn TravelCost) -> Opti
     let (mut pose, mut way_m) = (from, 0.0);
     for leg in task.legs_done..task.legs()? {
         let to = task.point(leg)?;
-        way_m += travel_cost.distance_m(&pose, to) + dwell_s * TYPICAL_SPEED_MPS;
+        way_m += travel_cost.distance_m(car, &pose, to) + dwell_s * TYPICAL_SPEED_MPS;
         if way_m > MAX_LEFT_M {
             return None;
         }
         pose = arrived(&pose, to);
     }
-    Some(Candidate { pose, extra_m: way_m + PREDICTION_MARGIN_M })
+    Some(Candidate { pose, car: *car, extra_m: way_m + PREDICTION_MARGIN_M })
 }
 
 /// At a point, looking as it says, or the way that it came.

@@ -2,9 +2,11 @@
 
 use crate::settings::Settings;
 use crate::transition::TaskOutcome;
+use crate::travel_cost::ANY_CAR;
 use std::collections::{BTreeMap, BTreeSet};
 use xtb_control::frames::MapPose;
 use xtb_control::{Mode, Stamp};
+use xtb_nav::Car;
 use xtb_protocol::messages::{
     Assignment, BatteryLevel, Body, GoalStatus, Latch, Lease, Request, RobotState, TaskId, Who,
 };
@@ -203,6 +205,8 @@ pub struct TrackedRobot {
     pub tags: BTreeSet<String>,
     /// From its factsheet; `None` = not read yet.
     pub capabilities: Option<BTreeSet<String>>,
+    /// The same; `None` = not read yet, or it does not say.
+    pub car: Option<Car>,
     /// Whether the roster names it.
     pub in_roster: bool,
     /// Whether its presence is declared.
@@ -247,6 +251,7 @@ impl TrackedRobot {
             name,
             tags: BTreeSet::new(),
             capabilities: None,
+            car: None,
             in_roster: false,
             alive: false,
             last_heard_ms: now_ms,
@@ -345,6 +350,12 @@ impl TrackedRobot {
         }
     }
 
+    /// Its body and turning circle, as far as they are known.
+    #[must_use]
+    pub fn car(&self) -> Car {
+        self.car.unwrap_or(ANY_CAR)
+    }
+
     /// Whether it may do a task for these.
     #[must_use]
     pub fn is_eligible(&self, who: &Who) -> bool {
@@ -380,4 +391,11 @@ impl TrackedRobot {
         let body = self.operator.retain(Stamp::from_ms(now_ms))?;
         Some(Request { id, lease: self.operator.lease(), body })
     }
+}
+
+/// Of the robots that may do a task for these and have said what car they are, the one that fits through most.
+#[must_use]
+pub fn smallest_car(robots: &BTreeMap<Name, TrackedRobot>, who: &Who) -> Car {
+    let cars = robots.values().filter(|robot| robot.is_eligible(who)).filter_map(|robot| robot.car);
+    cars.min_by(|a, b| a.core_m().total_cmp(&b.core_m())).unwrap_or(ANY_CAR)
 }

@@ -4,7 +4,6 @@ mod flood_distances;
 
 use flood_distances::FloodDistances;
 use std::f64::consts::{PI, TAU};
-use xtb_control::VehicleConfig;
 use xtb_nav::geometry::reeds_shepp;
 use xtb_nav::{Car, Cell, Map, MapPose};
 use xtb_protocol::messages::{DispatchCode, Waypoint};
@@ -15,49 +14,40 @@ pub trait TravelCost {
     /// A round of assignment begins: what takes long may be measured anew, within bounds.
     fn begin_round(&self) {}
 
-    /// How far a robot at `from` drives to `to`, in m, with its turning.
-    fn distance_m(&self, from: &MapPose, to: &Waypoint) -> f64;
+    /// How far this car at `from` drives to `to`, in m, with its turning.
+    fn distance_m(&self, car: &Car, from: &MapPose, to: &Waypoint) -> f64;
 
     /// About as much, at once: with ten thousand tasks and a thousand robots it is asked for a million
     /// times.
-    fn estimate_m(&self, from: &MapPose, to: &Waypoint) -> f64;
+    fn estimate_m(&self, car: &Car, from: &MapPose, to: &Waypoint) -> f64;
 
-    /// Whether robots may be sent there.
+    /// Whether this car may be sent there.
     ///
     /// # Errors
     /// [`DispatchCode::KeepOut`] or [`DispatchCode::GoalBlocked`], and in words.
-    fn admits(&self, to: &Waypoint) -> Result<(), (DispatchCode, String)>;
+    fn admits(&self, car: &Car, to: &Waypoint) -> Result<(), (DispatchCode, String)>;
 
-    /// Whether any way leads there from where a robot stands; `None` = this round has measured enough. Where
+    /// Whether any way leads this car there from where it stands; `None` = this round has measured enough. Where
     /// that cannot be said, one does.
-    fn is_reachable(&self, _from: &MapPose, _to: &Waypoint) -> Option<bool> {
+    fn is_reachable(&self, _car: &Car, _from: &MapPose, _to: &Waypoint) -> Option<bool> {
         Some(true)
     }
 }
 
 /// An open field: the car's shortest way (Reeds and Shepp's), and no place is refused.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OpenTravelCost {
-    /// Smallest turning radius, in m.
-    pub radius_m: f64,
-}
+pub struct OpenTravelCost;
 
-impl OpenTravelCost {
-    /// For this vehicle.
-    #[must_use]
-    pub fn of(vehicle: &VehicleConfig) -> Self {
-        Self { radius_m: Car::of(vehicle).radius_m }
-    }
-}
+/// A robot that has not said what car it is: a point that turns nearly on the spot, so that nothing is ruled out
+/// for it. Its own planner decides.
+pub const ANY_CAR: Car = Car { front_m: 0.0, rear_m: 0.0, half_width_m: 0.0, radius_m: 0.1 };
 
 /// From so many turning radii on, one bend and a straight are as good as any way to a point.
 const FAR_RADII: f64 = 4.0;
 
-impl OpenTravelCost {
-    /// To a point that is far: a bend on the full lock towards it, then straight, ahead or astern.
-    fn far_m(&self, from: &MapPose, to: &Waypoint) -> Option<f64> {
+/// To a point that is far: a bend on the full lock towards it, then straight, ahead or astern.
+fn far_m(radius_m: f64, from: &MapPose, to: &Waypoint) -> Option<f64> {
         let (along_m, across_m) = in_car_frame(from, to);
-        let radius_m = self.radius_m;
         if libm::hypot(along_m, across_m) < FAR_RADII * radius_m {
             return None;
         }
@@ -68,7 +58,6 @@ impl OpenTravelCost {
             if bend_rad < 0.0 { bend_rad + TAU } else { bend_rad }
         };
         Some(straight_m + radius_m * bend(along_m).min(bend(-along_m)))
-    }
 }
 
 /// Where a point lies for a car: ahead, and to its left.
@@ -79,27 +68,28 @@ fn in_car_frame(from: &MapPose, to: &Waypoint) -> (f64, f64) {
 }
 
 impl TravelCost for OpenTravelCost {
-    fn distance_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
+    fn distance_m(&self, car: &Car, from: &MapPose, to: &Waypoint) -> f64 {
+        let radius_m = car.radius_m;
         let pose = |yaw_rad| MapPose { x_m: to.x_m, y_m: to.y_m, yaw_rad };
         match to.yaw_rad {
-            Some(yaw_rad) => reeds_shepp::distance_m(from, &pose(yaw_rad), self.radius_m),
-            None => self.far_m(from, to).unwrap_or_else(|| {
+            Some(yaw_rad) => reeds_shepp::distance_m(from, &pose(yaw_rad), radius_m),
+            None => far_m(radius_m, from, to).unwrap_or_else(|| {
                 let yaws = (0..16).map(|i| f64::from(i) * PI / 8.0);
-                let ways = yaws.map(|yaw_rad| reeds_shepp::distance_m(from, &pose(yaw_rad), self.radius_m));
+                let ways = yaws.map(|yaw_rad| reeds_shepp::distance_m(from, &pose(yaw_rad), radius_m));
                 ways.fold(f64::INFINITY, f64::min)
             }),
         }
     }
 
-    fn estimate_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
+    fn estimate_m(&self, car: &Car, from: &MapPose, to: &Waypoint) -> f64 {
         let (along_m, across_m) = in_car_frame(from, to);
         let straight_m = libm::sqrt(along_m * along_m + across_m * across_m);
         // A point beside the car takes up to a quarter of a turn; ahead and astern are as good.
         let turn = if straight_m > 1e-6 { across_m.abs() / straight_m } else { 0.0 };
-        straight_m + self.radius_m * turn
+        straight_m + car.radius_m * turn
     }
 
-    fn admits(&self, _: &Waypoint) -> Result<(), (DispatchCode, String)> {
+    fn admits(&self, _: &Car, _: &Waypoint) -> Result<(), (DispatchCode, String)> {
         Ok(())
     }
 }
@@ -110,20 +100,15 @@ const NO_WAY_M: f64 = 50.0;
 /// The fleet's map: distances around its walls, places as the robots' planners would refuse them.
 #[derive(Debug)]
 pub struct MapTravelCost {
-    open: OpenTravelCost,
     map: Map,
-    /// Half the car's width: nothing may be nearer, whatever its yaw.
-    core_m: f64,
     flood_distances: FloodDistances,
 }
 
 impl MapTravelCost {
-    /// This map, for this vehicle.
+    /// This map.
     #[must_use]
-    pub fn new(map: Map, vehicle: &VehicleConfig) -> Self {
-        let core_m = Car::of(vehicle).core_m();
-        let flood_distances = FloodDistances::new(GridRoom::of(&map), core_m);
-        Self { open: OpenTravelCost::of(vehicle), map, core_m, flood_distances }
+    pub fn new(map: Map) -> Self {
+        Self { flood_distances: FloodDistances::new(GridRoom::of(&map)), map }
     }
 }
 
@@ -132,20 +117,22 @@ impl TravelCost for MapTravelCost {
         self.flood_distances.begin_round();
     }
 
-    fn distance_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
-        let open_m = self.open.distance_m(from, to);
-        match self.flood_distances.distance_m(from, to) {
+    fn distance_m(&self, car: &Car, from: &MapPose, to: &Waypoint) -> f64 {
+        let open_m = OpenTravelCost.distance_m(car, from, to);
+        match self.flood_distances.distance_m(car.core_m(), from, to) {
             Some(way_m) if way_m.is_finite() => open_m.max(way_m),
             Some(_) => open_m + NO_WAY_M,
             None => open_m,
         }
     }
 
-    fn estimate_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
-        self.open.estimate_m(from, to)
+    fn estimate_m(&self, car: &Car, from: &MapPose, to: &Waypoint) -> f64 {
+        OpenTravelCost.estimate_m(car, from, to)
     }
 
-    fn admits(&self, to: &Waypoint) -> Result<(), (DispatchCode, String)> {
+    /// Nothing may be nearer than half its width, whatever its yaw.
+    fn admits(&self, car: &Car, to: &Waypoint) -> Result<(), (DispatchCode, String)> {
+        let core_m = car.core_m();
         let (x_m, y_m) = (to.x_m, to.y_m);
         if let Some(zone) = self.map.keep_outs().find(|zone| zone.holds(x_m, y_m)) {
             return Err((
@@ -155,10 +142,10 @@ impl TravelCost for MapTravelCost {
         }
         let grid = self.map.grid();
         let step_m = grid.resolution_m();
-        let reach = libm::floor(self.core_m / step_m) as i64;
+        let reach = libm::floor(core_m / step_m) as i64;
         for (i, j) in (-reach..=reach).flat_map(|i| (-reach..=reach).map(move |j| (i, j))) {
             let (dx, dy) = (i as f64 * step_m, j as f64 * step_m);
-            if libm::hypot(dx, dy) > self.core_m {
+            if libm::hypot(dx, dy) > core_m {
                 continue;
             }
             if grid.at(x_m + dx, y_m + dy) == Cell::Free {
@@ -170,11 +157,11 @@ impl TravelCost for MapTravelCost {
         Ok(())
     }
 
-    fn is_reachable(&self, from: &MapPose, to: &Waypoint) -> Option<bool> {
+    fn is_reachable(&self, car: &Car, from: &MapPose, to: &Waypoint) -> Option<bool> {
         let stands = Waypoint { x_m: from.x_m, y_m: from.y_m, yaw_rad: None };
-        if self.admits(&stands).is_err() {
+        if self.admits(car, &stands).is_err() {
             return Some(true); // it stands where no robot can: its pose is not what it seems
         }
-        Some(self.flood_distances.distance_m(from, to)?.is_finite())
+        Some(self.flood_distances.distance_m(car.core_m(), from, to)?.is_finite())
     }
 }

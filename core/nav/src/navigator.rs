@@ -235,7 +235,9 @@ impl Navigator {
 
     fn decide(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
         task.yielding.waits_for = None;
-        self.follow_guidance(now, sensed, task);
+        if let Err(why) = self.follow_guidance(now, sensed, task) {
+            return Decision::Failed(why);
+        }
         if let Some(reason) = self.guidance.no_way(now).filter(|_| sensed.stands()) {
             return Decision::Failed(reason.to_owned());
         }

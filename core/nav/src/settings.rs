@@ -3,6 +3,7 @@
 //! Few of all constants: the others belong to the truck's build and stay in the tables of
 //! [`FollowerSettings`] and [`FilterTuning`]. None of these changes what the first level decides.
 
+use crate::geometry::Car;
 use crate::localization::{FilterTuning, UncertaintyLimits};
 use crate::path_follower::{FollowerSettings, GoalTolerance};
 use serde::{Deserialize, Serialize};
@@ -172,11 +173,12 @@ impl NavSettings {
         (ms(self.unknown.fades_s), ms(self.unknown.fades_beside_s))
     }
 
-    /// What an uncertain pose allows.
+    /// What an uncertain pose allows this car. (Its reach to whole centimetres: recordings replay bit for bit.)
     #[must_use]
-    pub fn uncertainty_limits(&self) -> UncertaintyLimits {
+    pub fn uncertainty_limits(&self, car: &Car) -> UncertaintyLimits {
         let PoseSettings { slow_part, stop_part, least_mps, .. } = self.pose;
-        UncertaintyLimits { slow_part, stop_part, cruise_mps: self.drive.cruise_mps, least_mps }
+        let reach_m = libm::round(car.reach_m() * 100.0) / 100.0;
+        UncertaintyLimits { slow_part, stop_part, cruise_mps: self.drive.cruise_mps, least_mps, reach_m }
     }
 }
 
@@ -198,7 +200,8 @@ mod tests {
         assert_eq!(settings.tolerance(true), GoalTolerance::default());
         assert_eq!(settings.tolerance(false).yaw_rad, None);
         assert_eq!(settings.filter(), FilterTuning::default());
-        assert_eq!(settings.uncertainty_limits(), UncertaintyLimits::default());
+        let car = Car::of(&VehicleConfig::default());
+        assert_eq!(settings.uncertainty_limits(&car), UncertaintyLimits::default());
         assert_eq!(settings.fades_ms(), (ObstacleLayer::FADES_MS, ObstacleLayer::FADES_BESIDE_MS));
     }
 

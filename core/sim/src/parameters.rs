@@ -11,7 +11,7 @@ use xtb_control::config::{
     Origin::{Assumed, DataSheet, Printed},
     Parameter,
 };
-use xtb_control::config_section;
+use xtb_control::{VehicleConfig, config_section};
 
 config_section! {
     /// The body, seen from above; its centre lies midway between the axles.
@@ -20,6 +20,18 @@ config_section! {
         width_m: f64 = 0.40, "m", Range(0.1, 3.0), Assumed, "Tyre to tyre.";
         wheelbase_m: f64 = 0.286, "m", Range(0.05, 2.0), Assumed, "Distance between the axles.";
         track_m: f64 = 0.262, "m", Range(0.05, 2.0), Assumed, "Distance between the wheels of an axle.";
+    }
+}
+
+impl Body {
+    /// As long and as wide as the longest and the widest of these; without any, the default.
+    pub(crate) fn around<'a>(bodies: impl Iterator<Item = &'a Self>) -> Self {
+        let larger = |a: Self, b: Self| Self {
+            length_m: a.length_m.max(b.length_m),
+            width_m: a.width_m.max(b.width_m),
+            ..a
+        };
+        bodies.cloned().reduce(larger).unwrap_or_default()
     }
 }
 
@@ -188,6 +200,32 @@ pub struct TruckParameters {
 }
 
 impl TruckParameters {
+    /// A truck that is what an agent's configuration says, where it says something of the truck; else the defaults.
+    #[must_use]
+    pub fn of(vehicle: &VehicleConfig) -> Self {
+        let VehicleConfig { geometry, steering, encoder, tilt, pistons, .. } = vehicle;
+        let mut truth = Self::default();
+        truth.body = Body {
+            length_m: geometry.body_length_m,
+            width_m: geometry.body_width_m,
+            wheelbase_m: geometry.wheelbase_m,
+            track_m: geometry.track_m,
+        };
+        truth.steering.front_centre = steering.front_centre;
+        truth.steering.rear_centre = steering.rear_centre;
+        truth.steering.range_counts = steering.range_counts;
+        truth.steering.stop_deg = steering.stop_deg;
+        truth.encoder.pulses_per_rev = encoder.pulses_per_rev;
+        truth.encoder.gear_ratio = encoder.gear_ratio;
+        truth.encoder.wheel_diameter_m = geometry.wheel_diameter_m;
+        truth.platform.tilt_x_zero_v = tilt.x_zero_v;
+        truth.platform.tilt_y_zero_v = tilt.y_zero_v;
+        truth.platform.tilt_x_v_per_deg = tilt.x_v_per_deg;
+        truth.platform.tilt_y_v_per_deg = tilt.y_v_per_deg;
+        truth.platform.piston_travel_m = pistons.travel_m;
+        truth
+    }
+
     /// Every parameter with its present value, section by section.
     #[must_use]
     pub fn parameters(&self) -> Vec<Parameter> {
@@ -240,27 +278,12 @@ impl TruckParameters {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use xtb_control::VehicleConfig;
 
     #[test]
     fn the_defaults_are_valid_and_nominally_what_an_agent_believes() {
         let (truth, config) = (TruckParameters::default(), VehicleConfig::default());
         truth.validate().unwrap();
-        let geometry = &config.geometry;
-        assert_eq!(truth.body.wheelbase_m, geometry.wheelbase_m);
-        assert_eq!(truth.body.track_m, geometry.track_m);
-        assert_eq!(
-            (truth.body.length_m, truth.body.width_m),
-            (geometry.body_length_m, geometry.body_width_m)
-        );
-        assert_eq!(truth.encoder.wheel_diameter_m, geometry.wheel_diameter_m);
-        assert_eq!(truth.encoder.pulses_per_rev, config.encoder.pulses_per_rev);
-        assert_eq!(truth.encoder.gear_ratio, config.encoder.gear_ratio);
-        assert_eq!(truth.platform.tilt_x_zero_v, config.tilt.x_zero_v);
-        assert_eq!(truth.platform.tilt_y_zero_v, config.tilt.y_zero_v);
-        assert_eq!(truth.platform.tilt_x_v_per_deg, config.tilt.x_v_per_deg);
-        assert_eq!(truth.platform.tilt_y_v_per_deg, config.tilt.y_v_per_deg);
-        assert_eq!(truth.platform.piston_travel_m, config.pistons.travel_m);
+        assert_eq!(truth, TruckParameters::of(&config));
     }
 
     #[test]

@@ -17,7 +17,7 @@
 //! ```
 
 use crate::lattice::footprint;
-use crate::parameters::TruckParameters;
+use crate::parameters::{Body, TruckParameters};
 use crate::scene::{Scene, StepContext, Traffic};
 use crate::step::STEP_NS;
 use crate::vehicle::Truck;
@@ -94,10 +94,26 @@ impl Simulation {
         names: &[N],
         seed: u64,
     ) -> Result<Self, SimulationError> {
-        parameters.validate()?;
-        let starts = world.start_poses(names.len(), &parameters.body)?;
+        Self::of_kinds(world, &vec![parameters.clone(); names.len()], names, seed)
+    }
+
+    /// The same with a kind of truck for each name; each has as much room at its start as the largest needs.
+    ///
+    /// # Errors
+    /// As [`Simulation::new`].
+    ///
+    /// # Panics
+    /// If there are not as many kinds as names.
+    pub fn of_kinds<N: AsRef<str>>(
+        world: World,
+        kinds: &[TruckParameters],
+        names: &[N],
+        seed: u64,
+    ) -> Result<Self, SimulationError> {
+        kinds.iter().try_for_each(TruckParameters::validate)?;
+        let starts = world.start_poses(names.len(), &Body::around(kinds.iter().map(|kind| &kind.body)))?;
         let robots: Vec<_> = names.iter().map(AsRef::as_ref).zip(starts).collect();
-        Self::with_starts(world, parameters, &robots, seed)
+        Self::of_kinds_at(world, kinds, &robots, seed)
     }
 
     /// Trucks of these names at poses of the caller's choice, which may lie closer together than
@@ -111,7 +127,24 @@ impl Simulation {
         robots: &[(&str, MapPose)],
         seed: u64,
     ) -> Result<Self, SimulationError> {
-        parameters.validate()?;
+        Self::of_kinds_at(world, &vec![parameters.clone(); robots.len()], robots, seed)
+    }
+
+    /// The same with a kind of truck for each robot.
+    ///
+    /// # Errors
+    /// As [`Simulation::with_starts`].
+    ///
+    /// # Panics
+    /// If there are not as many kinds as robots.
+    pub fn of_kinds_at(
+        world: World,
+        kinds: &[TruckParameters],
+        robots: &[(&str, MapPose)],
+        seed: u64,
+    ) -> Result<Self, SimulationError> {
+        assert_eq!(kinds.len(), robots.len(), "a kind for each robot");
+        kinds.iter().try_for_each(TruckParameters::validate)?;
         for (i, (name, _)) in robots.iter().enumerate() {
             if robots[..i].iter().any(|(other, _)| other == name) {
                 return Err(SimulationError::NamedTwice { name: (*name).to_owned() });
@@ -119,8 +152,9 @@ impl Simulation {
         }
         let trucks: Vec<_> = robots
             .iter()
+            .zip(kinds)
             .enumerate()
-            .map(|(i, (name, start))| Truck::new(i, name, start, parameters, seed))
+            .map(|(i, ((name, start), kind))| Truck::new(i, name, start, kind, seed))
             .collect();
         let scene = Scene::new(&world);
         let bodies: Vec<_> = trucks.iter().map(Truck::body).collect();

@@ -6,6 +6,7 @@
 //!
 //! ```toml
 //! name = "lab"
+//! vehicles = ["xtb.toml"]     # of the first robot, the second …: files of vehicle settings, seen from here
 //! [room]                      # walls around a rectangle; x_m, y_m is its centre (default 0, 0)
 //! width_m = 10.0              # along x
 //! depth_m = 14.0              # along y
@@ -38,7 +39,7 @@
 
 use crate::geometry::{Bounds, OrientedBox};
 use crate::lattice::places;
-use crate::parameters::Body;
+use crate::parameters::{Body, TruckParameters};
 use crate::world_error::{WorldError, check};
 use serde::Deserialize;
 use xtb_control::frames::MapPose;
@@ -163,6 +164,7 @@ struct Contents {
     ramps: Vec<Ramp>,
     starts: Vec<MapPose>,
     zones: Vec<Zone>,
+    vehicles: Vec<String>,
 }
 
 /// Something that trucks cannot pass.
@@ -196,6 +198,12 @@ impl World {
             side_m += 2.0;
         }
         Self::square(side_m)
+    }
+
+    /// The same for a truck of each of these kinds.
+    #[must_use]
+    pub fn for_kinds(kinds: &[TruckParameters]) -> Self {
+        Self::for_robots(kinds.len(), &Body::around(kinds.iter().map(|kind| &kind.body)))
     }
 
     fn square(side_m: f64) -> Self {
@@ -232,6 +240,12 @@ impl World {
     #[must_use]
     pub fn starts(&self) -> &[MapPose] {
         &self.0.starts
+    }
+
+    /// Names of the vehicle files of the first robot, the second …; robots beyond have none of their own.
+    #[must_use]
+    pub fn vehicles(&self) -> &[String] {
+        &self.0.vehicles
     }
 
     /// The room, if the world has one.

@@ -214,7 +214,7 @@ fn draw(world: &World) -> String {
             points.join(" ")
         );
         for pose in [toy.trace[0], toy.pose] {
-            let corners: Vec<String> = world
+            let corners: Vec<String> = toy
                 .car
                 .corners(&pose)
                 .iter()

@@ -53,7 +53,6 @@ use std::sync::Arc;
 use truck::{Route, Truck};
 use unknown::Unknown;
 use xtb_control::Stamp;
-use xtb_nav::Car;
 
 /// Most trucks that are looked at; more are ignored and counted.
 pub const MOST_TRUCKS: usize = 64;
@@ -87,7 +86,6 @@ struct Standstill {
 /// Traffic control.
 #[derive(Debug)]
 pub struct Coordinator {
-    car: Car,
     room: Arc<dyn Room>,
     trucks: Vec<Truck>,
     unknown: Unknown,
@@ -107,11 +105,10 @@ pub struct Coordinator {
 }
 
 impl Coordinator {
-    /// For trucks of one kind in one room; the seed is for orders that are drawn.
+    /// For trucks in one room, each with the car of its own reports; the seed is for orders that are drawn.
     #[must_use]
-    pub fn new(car: Car, room: Arc<dyn Room>, seed: u64) -> Self {
+    pub fn new(room: Arc<dyn Room>, seed: u64) -> Self {
         Self {
-            car,
             room,
             trucks: Vec::new(),
             unknown: Unknown::default(),
@@ -185,7 +182,7 @@ impl Coordinator {
             self.moved = now;
         }
         if let Some(at_m) = blocked_at_m
-            && self.unknown.report(now, at_m, &self.trucks, &self.car)
+            && self.unknown.report(now, at_m, &self.trucks)
         {
             self.stir(now);
         }
@@ -199,7 +196,7 @@ impl Coordinator {
         let truck = &mut self.trucks[index];
         let Some(report) = truck.view.route.clone().filter(|_| truck.view.goal.is_some()) else { return };
         self.plan = self.plan.max(report.plan);
-        let way = DiscretizedPath::new(report.path, &self.car);
+        let way = DiscretizedPath::new(report.path, &truck.car());
         let release_m = report.release_m.clamp(0.0, way.length_m);
         // What lies between two places counts as released up to the second one.
         let release = (libm::ceil(release_m / STEP_M - 1e-6) as usize).min(way.last());
@@ -255,7 +252,7 @@ impl Coordinator {
     /// Everything that is driven around, and what led trucks may still use of earlier ways.
     fn blocks(&self) -> Vec<Block> {
         let block = |truck: &Truck| {
-            let stands = if truck.is_live() { truck.retained.clone() } else { truck.block(&self.car) };
+            let stands = if truck.is_live() { truck.retained.clone() } else { truck.block() };
             Block { id: truck.id, name: truck.view.name.clone(), stands }
         };
         let trucks = self.trucks.iter().map(block).filter(|block| !block.stands.is_empty());

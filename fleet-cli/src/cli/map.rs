@@ -55,9 +55,12 @@ pub struct MapCheckArgs {
     /// Map (map_server YAML) or world (TOML).
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
-    /// The truck of this robot-agent config (TOML) [default: the default truck].
+    /// The truck of this robot-agent config (TOML) [default: the XTB].
     #[arg(long, value_name = "FILE")]
     pub car_from: Option<PathBuf>,
+    /// The truck of this vehicle file, such as configs/vehicles/long.toml.
+    #[arg(long, value_name = "FILE", conflicts_with = "car_from")]
+    pub vehicle: Option<PathBuf>,
     /// How fine a world is drawn.
     #[command(flatten)]
     pub fine: ResolutionArgs,

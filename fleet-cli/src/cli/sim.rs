@@ -23,6 +23,10 @@ pub struct SimArgs {
     /// World (TOML) [default: an empty room].
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// What the trucks are: a file of vehicle settings, such as configs/vehicles/long.toml; a world's own
+    /// `vehicles` come first [default: the XTB].
+    #[arg(long, value_name = "FILE")]
+    pub vehicle: Option<PathBuf>,
     /// Seed of every random number.
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
@@ -65,7 +69,7 @@ pub struct SimArgs {
     pub fixes: FixArgs,
     /// No router and no agents, but a bad day of a virtual fleet: tells what happens on the day of --seed,
     /// and whether a rule of docs/safety.md was broken.
-    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "speed", "strict", "listen", "pty", "truth_log", "record", "dispatch", "dashboard"])]
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "vehicle", "speed", "strict", "listen", "pty", "truth_log", "record", "dispatch", "dashboard"])]
     pub virtual_day: bool,
 }
 

@@ -67,6 +67,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
         fleet: ctx.settings.fleet.clone(),
         robots: args.robots,
         world: None,
+        vehicles: Vec::new(),
         starts: Vec::new(),
         seed: args.seed,
         speed: args.speed,

@@ -13,12 +13,14 @@ use crate::services::dispatch::usage::Usage;
 use crate::simulator::{Plan, Simulator, Told};
 use crate::text::robot as describe;
 use crate::text::task as task_text;
+use crate::vehicle_file;
 use robot_agent::files;
 use serde::Serialize;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
 use tokio::sync::watch;
+use xtb_control::VehicleConfig;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{DispatchStatus, RosterEntry, Suspension};
 use xtb_sim::{Pace, World};
@@ -126,10 +128,12 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
 
 /// What is asked for.
 fn plan(ctx: &Context, args: &SimArgs) -> Result<Plan> {
+    let world = args.world.as_deref().map(read_world).transpose()?;
     Ok(Plan {
         fleet: ctx.settings.fleet.clone(),
         robots: args.robots,
-        world: args.world.as_deref().map(read_world).transpose()?,
+        vehicles: vehicles(args, world.as_ref())?,
+        world,
         starts: Vec::new(),
         seed: args.seed,
         speed: args.speed,
@@ -140,6 +144,17 @@ fn plan(ctx: &Context, args: &SimArgs) -> Result<Plan> {
         fixes: args.fixes.truth(),
         record: args.record.clone(),
     })
+}
+
+/// What the robots are: as the world says, else all as `--vehicle` says.
+fn vehicles(args: &SimArgs, world: Option<&World>) -> Result<Vec<VehicleConfig>> {
+    let rest = args.vehicle.as_deref().map_or_else(|| Ok(VehicleConfig::default()), vehicle_file::read)?;
+    let folder = args.world.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+    let own = world.map_or(&[][..], World::vehicles).iter().take(args.robots);
+    let mut vehicles: Vec<VehicleConfig> =
+        own.map(|file| vehicle_file::read(&folder.join(file))).collect::<Result<_>>()?;
+    vehicles.resize(args.robots, rest);
+    Ok(vehicles)
 }
 
 /// Resolves when the simulation shall end by itself.

@@ -4,7 +4,7 @@
 //! A robot that has not been heard lately keeps its last place, marked as stale; everything else about
 //! it is unknown then.
 
-use crate::scene::{AtMs, Robot, Scene, SceneEvent};
+use crate::scene::{AtMs, Body, Robot, Scene, SceneEvent};
 use crate::text::robot as describe;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -99,6 +99,7 @@ struct Row {
     stale: bool,
     tags: Vec<String>,
     pose: Option<Pose>,
+    body: Body,
     mode: Option<Mode>,
     speed_mps: Option<f64>,
     reference_mps: Option<f64>,
@@ -270,6 +271,7 @@ impl KnownRobot {
             stale: fresh.is_none(),
             tags: robot.roster.as_ref().map(|entry| entry.tags.clone()).unwrap_or_default(),
             pose: robot.state.as_ref().map(|seen| Pose::of(&seen.value)),
+            body: robot.body,
             path: self.path(fresh.and_then(|state| state.nav.route.as_ref())),
             trail,
             trail_reset,

@@ -8,7 +8,7 @@ mod parts;
 mod walls;
 
 use super::well_known::{Log, Pose, PoseInFrame, SceneEntity, SceneEntityDeletion, SceneUpdate, Time};
-use crate::scene::MOST_ROBOTS;
+use crate::scene::{Body, MOST_ROBOTS};
 use crate::text::reasons;
 use std::collections::BTreeMap;
 use xtb_client::client::STALE;
@@ -31,6 +31,7 @@ const ERROR: u8 = 4;
 /// What of a robot was drawn last.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Drawn {
+    body: Body,
     pose: Option<PoseState>,
     truck_ns: Option<u64>,
     path: Option<(Uuid, u32, u64)>,
@@ -49,6 +50,10 @@ impl Painter {
         match (news, &key.robot) {
             (AnyMessage::State(state), Some(name)) => self.truck(at_ns, name, state),
             (AnyMessage::Sensors(sensors), Some(name)) => self.sight(at_ns, name, sensors),
+            (AnyMessage::About(about), Some(name)) => {
+                self.drawn(name)?.body = Body::of_about(about);
+                None
+            }
             (AnyMessage::Map(map), None) => Some(SceneUpdate {
                 entities: vec![walls::room(Time::of_ns(at_ns), map)],
                 deletions: Vec::new(),
@@ -77,7 +82,7 @@ impl Painter {
         }
         drawn.truck_ns = Some(at_ns);
         let at = Time::of_ns(at_ns);
-        let mut update = SceneUpdate { deletions: Vec::new(), entities: vec![parts::truck(at, name, state)] };
+        let mut update = SceneUpdate { deletions: Vec::new(), entities: vec![parts::truck(at, name, drawn.body, state)] };
         let goal = state.goal.as_ref().filter(|goal| !goal.status.is_final());
         let route = state.nav.route.as_ref().filter(|_| goal.is_some());
         let release_mm = |release_m: f64| (release_m * 1000.0).max(0.0) as u64;
@@ -96,8 +101,8 @@ impl Painter {
     }
 
     fn sight(&mut self, at_ns: u64, name: &Name, sensors: &Sensors) -> Option<SceneUpdate> {
-        let pose = self.drawn(name)?.pose?;
-        let entity = parts::sight(Time::of_ns(at_ns), name, &pose, sensors);
+        let drawn = self.drawn(name)?;
+        let entity = parts::sight(Time::of_ns(at_ns), name, drawn.body, &drawn.pose?, sensors);
         Some(SceneUpdate { deletions: Vec::new(), entities: vec![entity] })
     }
 

@@ -11,18 +11,22 @@ use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_bus::{Bus, Publisher, Token};
+use xtb_client::cars::Cars;
 use xtb_client::client::Client;
 use xtb_client::state_feed::StateFeed;
-use xtb_control::{Stamp, VehicleConfig};
-use xtb_nav::{Car, Map};
+use xtb_control::Stamp;
+use xtb_nav::Map;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
-use xtb_protocol::messages::{MapHash, Route, TrafficState};
+use xtb_protocol::messages::{MapHash, RobotState, Route, TrafficState};
 use xtb_protocol::{Name, Uuid};
 use xtb_traffic::coordinator::{Coordinator, GridRoom, JointJob, JointResult, RobotView, others_near};
 
 /// Robots are guided this often.
 const TICK: Duration = Duration::from_millis(100);
+/// A robot that has not said what car it is by then is driven around and not led. (The coordinator listens longer
+/// before it leads anybody.)
+const CAR_WITHIN: Duration = Duration::from_secs(1);
 /// Every so many ticks it says what it does.
 const TELL_EVERY: u64 = 5;
 
@@ -52,11 +56,12 @@ impl TrafficService {
             bus.publisher(&keys.traffic_state(), &Channel::TrafficState, Format::Postcard).await?;
         let epoch = (Uuid::new_v4().as_u128() >> 76) as u64;
         let room = Arc::new(GridRoom::of(map));
-        let coordinator = Coordinator::new(Car::of(&VehicleConfig::default()), room, epoch);
+        let coordinator = Coordinator::new(room, epoch);
         let stop = Arc::new(AtomicBool::new(false));
         let (told, state) = watch::channel(said(epoch, 0, map.hash(), &coordinator));
         let work = Work {
             coordinator,
+            cars: Cars::new(client),
             epoch,
             seq: 0,
             hash: map.hash(),
@@ -101,6 +106,7 @@ fn said(epoch: u64, seq: u64, hash: MapHash, coordinator: &Coordinator) -> Traff
 
 struct Work {
     coordinator: Coordinator,
+    cars: Cars,
     epoch: u64,
     seq: u64,
     hash: MapHash,
@@ -123,7 +129,7 @@ impl Work {
                 self.coordinator.planned(now(), result);
             }
             let views: Vec<RobotView> =
-                feed.states().values().map(|seen| RobotView::of(&seen.state, millis(seen.age()))).collect();
+                feed.states().values().filter_map(|seen| self.view(&seen.state, seen.age())).collect();
             for view in &views {
                 self.coordinator.robot(now(), view.clone());
             }
@@ -135,6 +141,16 @@ impl Work {
                 self.tell().await;
             }
         }
+    }
+
+    /// A robot as the coordinator sees it; `None` = it has come a moment ago and will say what car it is.
+    fn view(&mut self, state: &RobotState, age: Duration) -> Option<RobotView> {
+        let car = match self.cars.of(&state.robot, state.epoch) {
+            Ok(car) => Some(car),
+            Err(silent) if silent < CAR_WITHIN => return None,
+            Err(_) => None,
+        };
+        Some(RobotView::of(state, car, millis(age)))
     }
 
     /// Each robot is told how to go on.

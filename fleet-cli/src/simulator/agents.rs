@@ -19,7 +19,6 @@ use xtb_protocol::messages::RosterEntry;
 pub(super) struct AgentSettings {
     pub(super) fleet: Name,
     pub(super) connect: Vec<String>,
-    pub(super) vehicle: VehicleConfig,
     pub(super) record: Option<PathBuf>,
     pub(super) world_speed: f64,
     pub(super) link_lease: Duration,
@@ -46,7 +45,7 @@ pub struct RunningAgent {
 impl RunningAgent {
     pub(super) fn start(
         settings: &AgentSettings,
-        robot: &RosterEntry,
+        (robot, vehicle): (&RosterEntry, &VehicleConfig),
         hardware: SimulatedHardware,
         clock: Clock,
     ) -> Self {
@@ -58,7 +57,7 @@ impl RunningAgent {
             peer: false,
             connect: settings.connect.clone(),
             start_pose: robot.start_pose.unwrap_or_default(),
-            vehicle: settings.vehicle.clone(),
+            vehicle: vehicle.clone(),
             record: settings.record.clone(),
             world_speed: settings.world_speed,
         };

@@ -60,6 +60,8 @@ pub struct Plan {
     pub robots: usize,
     /// The room; `None` = an empty one, large enough.
     pub world: Option<World>,
+    /// What the robots are, in their order; those beyond are XTBs.
+    pub vehicles: Vec<VehicleConfig>,
     /// Where the robots start; empty = the world's own choice.
     pub starts: Vec<MapPose>,
     /// Seed of every random number.
@@ -85,6 +87,7 @@ pub struct Simulator {
     endpoint: String,
     fleet: Name,
     settings: AgentSettings,
+    vehicles: Vec<VehicleConfig>,
     roster: Roster,
     agents: Vec<Option<RunningAgent>>,
     truth: TruthView,
@@ -122,9 +125,12 @@ impl Simulator {
     /// An impossible plan or world, a port that is taken, a folder that cannot be used.
     pub async fn begin(plan: Plan) -> Result<Self> {
         check(&plan)?;
-        let world = world(&plan);
+        let mut vehicles = plan.vehicles.clone();
+        vehicles.resize_with(plan.robots, VehicleConfig::default);
+        let kinds: Vec<TruckParameters> = vehicles.iter().map(TruckParameters::of).collect();
+        let world = plan.world.clone().unwrap_or_else(|| World::for_kinds(&kinds));
         let world_map = world.chart(CHART_RESOLUTION_M);
-        let simulation = simulation(&plan, world)?;
+        let simulation = simulation(&plan, &kinds, world)?;
         let roster = roster_of(&simulation)?;
         let (bus, endpoint, connect) = session(&plan).await?;
 
@@ -141,7 +147,6 @@ impl Simulator {
         let settings = AgentSettings {
             fleet: plan.fleet.clone(),
             connect: connect.clone(),
-            vehicle: VehicleConfig::default(),
             record: plan.record.clone(),
             world_speed: plan.speed,
             link_lease: link_lease(&plan),
@@ -149,6 +154,7 @@ impl Simulator {
         let agents = roster
             .robots
             .iter()
+            .zip(&vehicles)
             .zip(hardware.into_iter().zip(clocks))
             .map(|(robot, (lines, clock))| Some(RunningAgent::start(&settings, robot, lines, clock)));
         let agents: Vec<_> = agents.collect();
@@ -163,6 +169,7 @@ impl Simulator {
             endpoint,
             fleet: plan.fleet,
             settings,
+            vehicles,
             roster,
             agents,
             truth,
@@ -238,7 +245,8 @@ impl Simulator {
         }
         let settings = self.settings.clone();
         let clock = self.world.time().join();
-        self.agents[index] = Some(RunningAgent::start(&settings, &entry, hardware, clock));
+        let robot = (&entry, &self.vehicles[index]);
+        self.agents[index] = Some(RunningAgent::start(&settings, robot, hardware, clock));
     }
 
     /// Ends everything: agents first (their motors go neutral), then the router.
@@ -341,19 +349,13 @@ fn check(plan: &Plan) -> Result<()> {
     Ok(())
 }
 
-fn world(plan: &Plan) -> World {
-    let body = TruckParameters::default().body;
-    plan.world.clone().unwrap_or_else(|| World::for_robots(plan.robots, &body))
-}
-
-fn simulation(plan: &Plan, world: World) -> Result<Simulation> {
-    let parameters = TruckParameters::default();
+fn simulation(plan: &Plan, kinds: &[TruckParameters], world: World) -> Result<Simulation> {
     let names: Vec<String> = (1..=plan.robots).map(|n| format!("xtb-{n}")).collect();
     let made = if plan.starts.is_empty() {
-        Simulation::new(world, &parameters, &names, plan.seed)
+        Simulation::of_kinds(world, kinds, &names, plan.seed)
     } else {
         let starts: Vec<_> = names.iter().map(String::as_str).zip(plan.starts.iter().copied()).collect();
-        Simulation::with_starts(world, &parameters, &starts, plan.seed)
+        Simulation::of_kinds_at(world, &kinds[..starts.len()], &starts, plan.seed)
     };
     made.map_err(|error| {
         Failure::new(Kind::Config, error.to_string()).hint("fewer --robots, or a world with more room")

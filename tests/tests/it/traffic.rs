@@ -31,3 +31,9 @@ async fn two_swap_places_through_a_door_under_traffic_control() {
     assert_eq!((told.meeting.reached, told.meeting.contacts), (2, 0), "{:?}", told.meeting.touched);
     assert_eq!(led.len(), 2, "{led:?} only");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn vehicles_of_three_kinds_are_led_as_what_they_say_they_are() {
+    let drives = fleet_tests::vehicles::three_kinds(6, 11, 8.0).await;
+    assert_eq!((drives.reached, drives.contacts), (6, 0), "{:?}", drives.failed);
+}

@@ -5,7 +5,6 @@ use crate::drive::Drive;
 use crate::meetings::fleet;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_2;
-use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_dispatch::dispatcher::Identity;
 use xtb_dispatch::{Dispatcher, Effect, Entry, MapTravelCost, Record, Settings};
@@ -58,7 +57,7 @@ impl Shift {
         let map = World::from_toml(world).unwrap().chart(0.05).unwrap();
         Self {
             drive: fleet(world, &starts, seed),
-            ground: MapTravelCost::new(map, &VehicleConfig::default()),
+            ground: MapTravelCost::new(map),
             dispatcher: dispatcher(EPOCH_MS, 1, Vec::new()),
             ledger: Vec::new(),
             draw: Draw::new(seed),

@@ -92,12 +92,11 @@ impl Fleet {
 
     /// Robots at these places that nobody has sent yet.
     pub(crate) fn at(world: &str, starts: &[MapPose], seed: u64, led: bool) -> Self {
-        let car = Car::of(&VehicleConfig::default());
         let world = World::from_toml(world).unwrap();
         let map: Map = world.chart(0.05).unwrap();
         let mut drive = Drive::at(world, starts, seed);
         if led {
-            drive.lockstep.set_traffic(Some(Traffic::new(&map, car, seed)));
+            drive.lockstep.set_traffic(Some(Traffic::new(&map, seed)));
         }
         let draws = (0..starts.len()).map(|index| Draw::new(seed * 100 + index as u64)).collect();
         let goals = starts.iter().map(|pose| [pose.x_m, pose.y_m]).collect();

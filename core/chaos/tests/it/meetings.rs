@@ -4,8 +4,7 @@ use crate::drive::Drive;
 use std::collections::BTreeSet;
 pub(crate) use xtb_chaos::meetings::Meeting;
 use xtb_chaos::meetings::{Judge, Setting, Sight};
-use xtb_control::VehicleConfig;
-use xtb_nav::{Car, MapPose};
+use xtb_nav::MapPose;
 use xtb_protocol::messages::{Outcome, TruthRobot};
 use xtb_sim::World;
 use xtb_sim::lockstep::Traffic;
@@ -23,8 +22,7 @@ pub(crate) fn fleet(world: &str, starts: &[MapPose], seed: u64) -> Drive {
     let world = World::from_toml(world).unwrap();
     let map = world.chart(0.05).unwrap();
     let mut drive = Drive::at(world, starts, seed);
-    let car = Car::of(&VehicleConfig::default());
-    drive.lockstep.set_traffic(Some(Traffic::new(&map, car, seed)));
+    drive.lockstep.set_traffic(Some(Traffic::new(&map, seed)));
     drive
 }
 

@@ -85,7 +85,7 @@ impl Dispatcher {
                 && robot.other_holder(&self.identity.me).is_none()
                 && robot.blocked_since_ms.is_none();
             let Candidate { extra_m, .. } = candidate(robot)?;
-            let later = predicted_free::predict(task, observed.pose, travel_cost).filter(|_| is_well)?;
+            let later = predicted_free::predict(task, &robot.car(), observed.pose, travel_cost).filter(|_| is_well)?;
             Some((robot, Candidate { extra_m: later.extra_m + extra_m, ..later }))
         });
         let mut busy: Vec<_> = busy.collect();
@@ -159,7 +159,8 @@ impl Dispatcher {
 
 fn candidate(robot: &TrackedRobot) -> Option<Candidate> {
     let observed = robot.observed.as_ref()?;
-    Some(Candidate { pose: observed.pose, extra_m: if observed.low_battery { LOW_BATTERY_M } else { 0.0 } })
+    let extra_m = if observed.low_battery { LOW_BATTERY_M } else { 0.0 };
+    Some(Candidate { pose: observed.pose, car: robot.car(), extra_m })
 }
 
 /// How much more than the way it costs, in m; `None` = it may not be.

@@ -3,7 +3,7 @@
 use super::Dispatcher;
 use crate::task::Task;
 use crate::task_store::record::Record;
-use crate::tracked_robot::TrackedRobot;
+use crate::tracked_robot::{TrackedRobot, smallest_car};
 use crate::transition::Ending;
 use crate::travel_cost::TravelCost;
 use crate::write_queue::OnWritten;
@@ -43,7 +43,8 @@ impl Dispatcher {
                 again = true;
                 continue;
             }
-            let refused = task.points_left().iter().find_map(|point| travel_cost.admits(point).err());
+            let car = smallest_car(&self.robots, &task.spec.who);
+            let refused = task.points_left().iter().find_map(|point| travel_cost.admits(&car, point).err());
             if let Some((_, what)) = refused {
                 lost.push((task.id, what));
             }
@@ -88,7 +89,7 @@ impl Dispatcher {
             let mut reached = false;
             for robot in may() {
                 let Some(observed) = &robot.observed else { continue };
-                reached = travel_cost.is_reachable(&observed.pose, point)?;
+                reached = travel_cost.is_reachable(&robot.car(), &observed.pose, point)?;
                 if reached {
                     break;
                 }

@@ -16,13 +16,12 @@ const KEPT_CELLS: usize = 4_000_000;
 /// Steps to eight sides are at most so much longer than the straight way.
 const ZIGZAG: f64 = 1.0824;
 
-/// Points whose ways are the same, in cm.
-type Place = (i64, i64);
+/// Points whose ways are the same, in cm, for cars that keep so far from everything, in mm.
+type Place = (i64, i64, i64);
 
 #[derive(Debug)]
 pub(super) struct FloodDistances {
     room: GridRoom,
-    half_width_m: f64,
     kept: Mutex<Kept>,
 }
 
@@ -35,32 +34,32 @@ struct Kept {
 }
 
 impl FloodDistances {
-    pub(super) fn new(room: GridRoom, half_width_m: f64) -> Self {
+    pub(super) fn new(room: GridRoom) -> Self {
         let kept = Kept { fields: BTreeMap::new(), oldest: VecDeque::new(), left: ROUND_CELLS };
-        Self { room, half_width_m, kept: Mutex::new(kept) }
+        Self { room, kept: Mutex::new(kept) }
     }
 
     pub(super) fn begin_round(&self) {
         self.kept().left = ROUND_CELLS;
     }
 
-    /// At least so far it is around the walls, in m: infinite when there is no way, `None` when this round
+    /// At least so far it is around the walls for a car that keeps so far from everything, in m: infinite when there is no way, `None` when this round
     /// has measured enough.
-    pub(super) fn distance_m(&self, from: &MapPose, to: &Waypoint) -> Option<f64> {
-        let place = ((to.x_m * 100.0) as i64, (to.y_m * 100.0) as i64);
+    pub(super) fn distance_m(&self, core_m: f64, from: &MapPose, to: &Waypoint) -> Option<f64> {
+        let place = ((to.x_m * 100.0) as i64, (to.y_m * 100.0) as i64, (core_m * 1000.0) as i64);
         let mut kept = self.kept();
         if !kept.fields.contains_key(&place) {
-            self.measure(&mut kept, place, to)?;
+            self.measure(&mut kept, place, core_m, to)?;
         }
         let field = kept.fields.get(&place)?;
         Some(field.distance_m(from.x_m, from.y_m).map_or(f64::INFINITY, |way_m| way_m / ZIGZAG))
     }
 
-    fn measure(&self, kept: &mut Kept, place: Place, to: &Waypoint) -> Option<()> {
+    fn measure(&self, kept: &mut Kept, place: Place, core_m: f64, to: &Waypoint) -> Option<()> {
         if kept.left == 0 {
             return None;
         }
-        let field = Field::new(&self.room, self.half_width_m, &[], [to.x_m, to.y_m]);
+        let field = Field::new(&self.room, core_m, &[], [to.x_m, to.y_m]);
         let cells = field.cells();
         kept.left = kept.left.saturating_sub(cells);
         while !kept.oldest.is_empty() && (kept.oldest.len() + 1) * cells > KEPT_CELLS {

@@ -4,12 +4,12 @@ use std::collections::BTreeSet;
 use xtb_dispatch::assign::auction::RAISE_M;
 use xtb_dispatch::assign::{Candidate, Demand, INFEASIBLE, assign, auction, exact, solve};
 use xtb_dispatch::{OpenTravelCost, TravelCost};
-use xtb_nav::MapPose;
+use xtb_nav::{Car, MapPose};
 use xtb_nav::geometry::reeds_shepp;
 use xtb_nav::rooms::Draw;
 use xtb_protocol::messages::{TaskId, Waypoint};
 
-const TRAVEL_COST: OpenTravelCost = OpenTravelCost { radius_m: 0.4 };
+const CAR: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.4 };
 
 fn costs(draw: &mut Draw, rows: usize, columns: usize, never: f64) -> Vec<f32> {
     let mut one = || if draw.uniform(0.0, 1.0) < never { INFEASIBLE } else { draw.uniform(0.0, 50.0) as f32 };
@@ -98,7 +98,7 @@ fn fleet(draw: &mut Draw, robots: usize, tasks: usize, depot: bool) -> (Vec<Cand
     let reach = if depot { 1.0 } else { 50.0 };
     let robots = (0..robots).map(|_| {
         let (x_m, y_m) = (draw.uniform(-reach, reach), draw.uniform(-reach, reach));
-        Candidate { pose: MapPose { x_m, y_m, yaw_rad: draw.uniform(-3.0, 3.0) }, extra_m: 0.0 }
+        Candidate { pose: MapPose { x_m, y_m, yaw_rad: draw.uniform(-3.0, 3.0) }, car: CAR, extra_m: 0.0 }
     });
     let robots = robots.collect();
     let tasks = (0..tasks).map(|i| {
@@ -114,7 +114,7 @@ fn fleet(draw: &mut Draw, robots: usize, tasks: usize, depot: bool) -> (Vec<Cand
 fn of_ten_thousand_tasks_each_of_a_thousand_robots_gets_one() {
     for depot in [false, true] {
         let (robots, tasks) = fleet(&mut Draw::new(4), 1000, 10_000, depot);
-        let pairs = assign(&tasks, &robots, &TRAVEL_COST, &|_, _| Some(0.0));
+        let pairs = assign(&tasks, &robots, &OpenTravelCost, &|_, _| Some(0.0));
         let taken: BTreeSet<usize> = pairs.iter().map(|(task, _)| *task).collect();
         let given: BTreeSet<usize> = pairs.iter().map(|(_, robot)| *robot).collect();
         assert_eq!((pairs.len(), taken.len(), given.len()), (1000, 1000, 1000));
@@ -126,13 +126,13 @@ fn higher_levels_go_first_and_no_free_robot_is_left_with_a_task_it_could_do() {
     let (robots, tasks) = fleet(&mut Draw::new(5), 40, 100, false);
     // The first thirty robots may do the first ten tasks only.
     let fits = |task: usize, robot: usize| (robot >= 30 || task < 10).then_some(0.0);
-    let pairs = assign(&tasks, &robots, &TRAVEL_COST, &fits);
+    let pairs = assign(&tasks, &robots, &OpenTravelCost, &fits);
     assert_eq!(pairs.len(), 20, "ten by the many, ten by the free");
     let lowest = pairs.iter().filter(|(_, robot)| *robot >= 30).map(|(task, _)| tasks[*task].level).min();
     let taken: BTreeSet<usize> = pairs.iter().map(|(task, _)| *task).collect();
     let left = (10..100).filter(|task| !taken.contains(task)).map(|task| tasks[task].level).max();
     assert!(lowest >= left, "{lowest:?} before {left:?}");
-    assert_eq!(pairs, assign(&tasks, &robots, &TRAVEL_COST, &fits), "the same each time");
+    assert_eq!(pairs, assign(&tasks, &robots, &OpenTravelCost, &fits), "the same each time");
 }
 
 /// Against the best of 360 yaws on arrival.
@@ -146,9 +146,9 @@ fn distances_to_far_points_are_those_of_the_shortest_ways() {
         let yaws = (0..360).map(|deg| f64::from(deg).to_radians());
         let ways = yaws.map(|yaw_rad| reeds_shepp::distance_m(&from, &MapPose { x_m, y_m, yaw_rad }, 0.4));
         let best_m = ways.fold(f64::INFINITY, f64::min);
-        let ours_m = TRAVEL_COST.distance_m(&from, &Waypoint { x_m, y_m, yaw_rad: None });
+        let ours_m = OpenTravelCost.distance_m(&CAR, &from, &Waypoint { x_m, y_m, yaw_rad: None });
         assert!((-0.01..0.1).contains(&(ours_m - best_m)), "{ours_m}, best {best_m} to {x_m} {y_m}");
-        let estimate_m = TRAVEL_COST.estimate_m(&from, &Waypoint { x_m, y_m, yaw_rad: None });
+        let estimate_m = OpenTravelCost.estimate_m(&CAR, &from, &Waypoint { x_m, y_m, yaw_rad: None });
         assert!((estimate_m - best_m).abs() < 0.4, "{estimate_m}, best {best_m}");
     }
 }
@@ -157,8 +157,8 @@ fn distances_to_far_points_are_those_of_the_shortest_ways() {
 fn a_place_ahead_is_nearer_than_one_beside() {
     let pose = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
     let at = |x_m, y_m| Waypoint { x_m, y_m, yaw_rad: None };
-    for far in [TRAVEL_COST.distance_m(&pose, &at(0.0, 1.0)), TRAVEL_COST.estimate_m(&pose, &at(0.0, 1.0))] {
+    for far in [OpenTravelCost.distance_m(&CAR, &pose, &at(0.0, 1.0)), OpenTravelCost.estimate_m(&CAR, &pose, &at(0.0, 1.0))] {
         assert!(far > 1.05, "{far}");
     }
-    assert!((TRAVEL_COST.distance_m(&pose, &at(1.0, 0.0)) - 1.0).abs() < 1e-6);
+    assert!((OpenTravelCost.distance_m(&CAR, &pose, &at(1.0, 0.0)) - 1.0).abs() < 1e-6);
 }

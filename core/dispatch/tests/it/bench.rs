@@ -1,9 +1,9 @@
 //! A dispatcher on a bench, for tests that tell a story one event at a time.
 
-use crate::model::{LEDGER, TRAVEL_COST, me};
+use crate::model::{LEDGER, me};
 use crate::robots::FakeRobot;
 use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, Effect, Entry, Settings, TravelCost};
+use xtb_dispatch::{Dispatcher, Effect, Entry, OpenTravelCost, Settings, TravelCost};
 use xtb_protocol::messages::{
     Assignment, Body, DispatchBody, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, Request,
     TaskChange, TaskId, TaskKind, TaskSpec, TaskState, Waypoint,
@@ -59,7 +59,7 @@ impl Bench {
             robots: (1..=robots).map(|i| FakeRobot::new(&format!("xtb-{i}"), (i as f64, 0.0))).collect(),
             cut: vec![false; robots],
             full: false,
-            travel_cost: Box::new(TRAVEL_COST),
+            travel_cost: Box::new(OpenTravelCost),
             held_up: None,
             asked: 0,
             answers: Vec::new(),

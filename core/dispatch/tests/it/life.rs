@@ -1,9 +1,8 @@
 //! A task's life, one event at a time.
 
 use crate::bench::{Bench, START_MS, goto, name, point};
-use crate::model::TRAVEL_COST;
-use xtb_dispatch::{Settings, TravelCost};
-use xtb_nav::MapPose;
+use xtb_dispatch::{OpenTravelCost, Settings, TravelCost};
+use xtb_nav::{Car, MapPose};
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
     DispatchBody, DispatchCode, DispatchOutcome, DispatchRequest, Roster, RosterEntry, TaskId, TaskKind,
@@ -58,7 +57,7 @@ fn a_submission_is_taken_whole_or_refused_with_a_reason() {
     let tags = vec!["red".to_owned()];
     let entry = RosterEntry { name: name("xtb-1"), tags, start_pose: None };
     bench.dispatcher.roster(bench.now_ms, &Roster { robots: vec![entry] });
-    bench.dispatcher.set_capabilities(bench.now_ms, &name("xtb-1"), &["goto".to_owned()]);
+    bench.dispatcher.set_factsheet(bench.now_ms, &name("xtb-1"), &["goto".to_owned()], None);
     let who = |who| TaskSpec { who, ..goto(1.0, 0.0) };
     let late = TaskSpec { deadline_ms: Some(bench.now_ms - 5000), ..goto(1.0, 0.0) };
     for (spec, code, words) in [
@@ -85,7 +84,7 @@ fn the_same_submission_again_is_the_same_tasks_also_after_a_restart() {
     let body = DispatchBody::Submit { tasks: vec![goto(1.0, 0.0), goto(2.0, 0.0)] };
     let request = DispatchRequest { id: Uuid::from_u128(5), body };
     for ticket in [1, 2, 3] {
-        bench.dispatcher.request(bench.now_ms, ticket, &name("cli-7"), &request, &TRAVEL_COST);
+        bench.dispatcher.request(bench.now_ms, ticket, &name("cli-7"), &request, &OpenTravelCost);
         bench.run_ms(20);
         assert_eq!(
             bench.answer(ticket),
@@ -187,13 +186,13 @@ fn low_priorities_do_not_starve() {
 fn what_the_ground_refuses_is_not_taken() {
     struct Pit;
     impl TravelCost for Pit {
-        fn distance_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
-            TRAVEL_COST.distance_m(from, to)
+        fn distance_m(&self, car: &Car, from: &MapPose, to: &Waypoint) -> f64 {
+            OpenTravelCost.distance_m(car, from, to)
         }
-        fn estimate_m(&self, from: &MapPose, to: &Waypoint) -> f64 {
-            TRAVEL_COST.estimate_m(from, to)
+        fn estimate_m(&self, car: &Car, from: &MapPose, to: &Waypoint) -> f64 {
+            OpenTravelCost.estimate_m(car, from, to)
         }
-        fn admits(&self, to: &Waypoint) -> Result<(), (DispatchCode, String)> {
+        fn admits(&self, _: &Car, to: &Waypoint) -> Result<(), (DispatchCode, String)> {
             if to.x_m > 5.0 { Err((DispatchCode::KeepOut, "in the pit".into())) } else { Ok(()) }
         }
     }

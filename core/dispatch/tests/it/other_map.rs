@@ -133,7 +133,7 @@ fn walled(wall: bool) -> MapTravelCost {
     if wall {
         (0..200).for_each(|column| grid.set(column, 100, Cell::Occupied));
     }
-    MapTravelCost::new(Map::new("lab", grid, Vec::new()).unwrap(), &xtb_control::VehicleConfig::default())
+    MapTravelCost::new(Map::new("lab", grid, Vec::new()).unwrap())
 }
 
 #[test]

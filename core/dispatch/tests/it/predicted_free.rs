@@ -3,7 +3,7 @@
 use crate::bench::{Bench, goto, name, point};
 use xtb_dispatch::predicted_free::predict;
 use xtb_dispatch::{OpenTravelCost, Settings};
-use xtb_nav::MapPose;
+use xtb_nav::{Car, MapPose};
 use xtb_protocol::messages::{TaskId, TaskKind, TaskSpec, TaskState, Who};
 
 /// Robot 2 is free, and far away; robot 1 drives to (-1, 0); the task is beside that point.
@@ -67,19 +67,19 @@ fn nobody_waits_for_a_robot_that_is_blocked_silent_or_latched() {
 
 #[test]
 fn what_is_left_of_a_route_counts_with_its_stops() {
-    let travel_cost = OpenTravelCost { radius_m: 0.4 };
+    let car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.4 };
     let from = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
     let mut bench = Bench::new(1);
     let points = vec![point(2.0, 0.0), point(4.0, 0.0)];
     let id = bench.submit(TaskSpec::new(TaskKind::Route { points, loops: 1, dwell_s: 4.0 }));
     bench.run_ms(500);
     let mut task = bench.dispatcher.store().task(id).unwrap().clone();
-    let candidate = predict(&task, from, &travel_cost).unwrap();
+    let candidate = predict(&task, &car, from, &OpenTravelCost).unwrap();
     assert!((candidate.pose.x_m - 4.0).abs() < 1e-9);
     assert!((candidate.extra_m - (4.0 + 2.0 * 4.0 * 0.5 + 2.0)).abs() < 1e-6, "{}", candidate.extra_m);
     task.legs_done = 1;
-    let later = predict(&task, from, &travel_cost).unwrap().extra_m;
+    let later = predict(&task, &car, from, &OpenTravelCost).unwrap().extra_m;
     assert!((later - (4.0 + 4.0 * 0.5 + 2.0)).abs() < 1e-6, "{later}");
     task.spec.kind = TaskKind::Wander { for_s: 1.0 };
-    assert_eq!(predict(&task, from, &travel_cost), None, "nobody knows where a wander ends");
+    assert_eq!(predict(&task, &car, from, &OpenTravelCost), None, "nobody knows where a wander ends");
 }

@@ -140,7 +140,7 @@ fn a_stop_that_is_called_while_it_is_being_activated_suspends_it_anew() {
         id: xtb_protocol::Uuid::from_u128(5),
         body: DispatchBody::Activate {},
     };
-    bench.dispatcher.request(bench.now_ms, 500, &name("cli-7"), &request, &crate::model::TRAVEL_COST);
+    bench.dispatcher.request(bench.now_ms, 500, &name("cli-7"), &request, &xtb_dispatch::OpenTravelCost);
     bench.dispatcher.fleet_stop(bench.now_ms, Some(&name("cli-8")));
     bench.run_ms(200);
     assert!(matches!(bench.answer(500), Some(DispatchOutcome::Activated(Some(_)))));

@@ -1,7 +1,21 @@
 //! The car as planners see it: a rectangle around a reference point, and a smallest turning circle.
 
 use crate::MapPose;
+use thiserror::Error;
 use xtb_control::VehicleConfig;
+use xtb_control::config::{ConfigError, validate};
+use xtb_protocol::messages::About;
+
+/// A factsheet that does not say what car its robot is.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum NoCar {
+    /// A parameter is missing, or no number.
+    #[error("{0} is missing, or no number")]
+    Missing(&'static str),
+    /// A parameter is not within its range.
+    #[error(transparent)]
+    Invalid(#[from] ConfigError),
+}
 
 /// Body and steering of a car. Lengths in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +42,24 @@ impl Car {
             half_width_m: geometry.body_width_m / 2.0,
             radius_m: geometry.wheelbase_m / (2.0 * libm::tan(vehicle.steering.stop_deg.to_radians())),
         }
+    }
+
+    /// The car that a robot says it is.
+    ///
+    /// # Errors
+    /// The parameter that is missing or impossible.
+    pub fn of_about(about: &About) -> Result<Self, NoCar> {
+        let value = |name: &'static str| {
+            let found = about.vehicle.iter().find(|parameter| parameter.name == name);
+            found.and_then(|parameter| parameter.value.parse().ok()).ok_or(NoCar::Missing(name))
+        };
+        let mut vehicle = VehicleConfig::default();
+        vehicle.geometry.wheelbase_m = value("geometry.wheelbase_m")?;
+        vehicle.geometry.body_length_m = value("geometry.body_length_m")?;
+        vehicle.geometry.body_width_m = value("geometry.body_width_m")?;
+        vehicle.steering.stop_deg = value("steering.stop_deg")?;
+        validate(&vehicle.parameters())?;
+        Ok(Self::of(&vehicle))
     }
 
     /// The same car with `margin_m` more on each side.

@@ -519,7 +519,7 @@ fn allowed_falls_with_the_clearance() {
     let truck = Truck::new(0.0, 0.0);
     let mut estimate = truck.filter.estimate(truck.now);
     (estimate.sigma_m, estimate.sigma_yaw_rad) = (0.05, 0.0);
-    assert!((UncertaintySpeed::uncertain_m(&estimate) - 0.1).abs() < 1e-12);
+    assert!((UncertaintySpeed::uncertain_m(&estimate, 0.32) - 0.1).abs() < 1e-12);
     assert_eq!(allowed(&estimate, 0.21), UncertaintySpeed::Full);
     let UncertaintySpeed::Slow { mps } = allowed(&estimate, 0.1 / 0.75) else { panic!("slow") };
     assert!((mps - 0.225).abs() < 1e-9, "{mps}");
@@ -539,7 +539,7 @@ fn other_limits_trust_earlier_or_later() {
     let truck = Truck::new(0.0, 0.0);
     let mut estimate = truck.filter.estimate(truck.now);
     (estimate.sigma_m, estimate.sigma_yaw_rad) = (0.05, 0.0);
-    let limits = UncertaintyLimits { slow_part: 0.2, stop_part: 0.4, cruise_mps: 0.3, least_mps: 0.1 };
+    let limits = UncertaintyLimits { slow_part: 0.2, stop_part: 0.4, cruise_mps: 0.3, least_mps: 0.1, reach_m: 0.32 };
     assert_eq!(UncertaintySpeed::of(&estimate, 0.51, &limits), UncertaintySpeed::Full);
     let UncertaintySpeed::Slow { mps } = UncertaintySpeed::of(&estimate, 0.1 / 0.3, &limits) else {
         panic!("slow")

@@ -12,9 +12,6 @@
 
 use super::Estimate;
 
-/// From the middle of the truck to its corner, in m: of 0.50 × 0.40 m, to whole centimetres.
-const REACH_M: f64 = 0.32;
-
 /// Where the speeds change.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UncertaintyLimits {
@@ -26,11 +23,14 @@ pub struct UncertaintyLimits {
     pub cruise_mps: f64,
     /// Slowest speed that makes sense, in m/s.
     pub least_mps: f64,
+    /// From the middle of the car to its corner, in m.
+    pub reach_m: f64,
 }
 
 impl Default for UncertaintyLimits {
+    /// Of an XTB.
     fn default() -> Self {
-        Self { slow_part: 0.5, stop_part: 1.0, cruise_mps: 0.35, least_mps: 0.10 }
+        Self { slow_part: 0.5, stop_part: 1.0, cruise_mps: 0.35, least_mps: 0.10, reach_m: 0.32 }
     }
 }
 
@@ -53,8 +53,8 @@ impl UncertaintySpeed {
     /// finite or not positive allows nothing, nor does a pose that fixes contradict.
     #[must_use]
     pub fn of(estimate: &Estimate, clearance_m: f64, limits: &UncertaintyLimits) -> Self {
-        let used = Self::uncertain_m(estimate) / clearance_m;
-        let UncertaintyLimits { slow_part, stop_part, cruise_mps, least_mps } = *limits;
+        let used = Self::uncertain_m(estimate, limits.reach_m) / clearance_m;
+        let UncertaintyLimits { slow_part, stop_part, cruise_mps, least_mps, .. } = *limits;
         let possible = clearance_m > 0.0 && clearance_m.is_finite() && used <= stop_part;
         if !possible || estimate.contradicted {
             Self::Stop
@@ -66,9 +66,9 @@ impl UncertaintySpeed {
         }
     }
 
-    /// By how much a corner of the body may be elsewhere than believed, in m.
+    /// By how much a corner of the body, `reach_m` from its middle, may be elsewhere than believed, in m.
     #[must_use]
-    pub fn uncertain_m(estimate: &Estimate) -> f64 {
-        2.0 * (estimate.sigma_m + REACH_M * estimate.sigma_yaw_rad)
+    pub fn uncertain_m(estimate: &Estimate, reach_m: f64) -> f64 {
+        2.0 * (estimate.sigma_m + reach_m * estimate.sigma_yaw_rad)
     }
 }

@@ -30,7 +30,7 @@ impl Navigator {
             return stand(HoldReason::Planning);
         }
         let pose = sensed.estimate.pose;
-        let uncertainty = self.settings.uncertainty_limits();
+        let uncertainty = self.settings.uncertainty_limits(&self.car);
         let allowed = UncertaintySpeed::of(sensed.estimate, following.clearance_m, &uncertainty);
         let limits = self.drive_limits(now, following, allowed);
         let drive = following.follower.step(now, &pose, sensed.speed_mps, &limits);

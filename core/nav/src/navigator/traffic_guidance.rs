@@ -4,8 +4,9 @@ use super::Navigator;
 use super::following::Following;
 use super::task::{Stage, Task};
 use super::turn::Sensed;
+use super::visibility::BODY_STEP_M;
 use crate::MapPose;
-use crate::geometry::{Car, Path, distance_m};
+use crate::geometry::{Car, Cell, Path, distance_m};
 use crate::path_follower::PathFollower;
 use xtb_control::Stamp;
 
@@ -35,6 +36,9 @@ pub const ALONE_AFTER_MS: u64 = 10_000;
 pub const NO_WAY_MS: u64 = 20_000;
 /// A path that begins farther away than this is not for where it is now, in m.
 const START_M: f64 = 0.12;
+/// The body may reach so far into something along a path, in m: where a robot stands that near to a wall, traffic
+/// control plans with up to 5 cm less than its body.
+const GRAZE_M: f64 = 0.06;
 /// Poses of others are good for this long, in ms.
 const OTHERS_MS: u64 = 600;
 /// What moves is a little farther on by now, in m.
@@ -110,14 +114,22 @@ impl Navigator {
 
     /// Takes over a new path once it stands, and each release at once. Without traffic control for
     /// [`ALONE_AFTER_MS`] a robot that stands at the end of what was released looks for itself.
-    pub(super) fn follow_guidance(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) {
+    ///
+    /// # Errors
+    /// The path is not for a car like this one, in words.
+    pub(super) fn follow_guidance(
+        &mut self,
+        now: Stamp,
+        sensed: &Sensed<'_>,
+        task: &mut Task,
+    ) -> Result<(), String> {
         let stands = sensed.stands();
         if task.in_contact() {
-            return;
+            return Ok(());
         }
         if !self.guidance.is_alive(now) {
             if self.guidance.may_return(now) {
-                return;
+                return Ok(());
             }
             if let Stage::Following(following) = &task.stage
                 && following.plan > 0
@@ -125,46 +137,77 @@ impl Navigator {
             {
                 task.seek();
             }
-            return;
+            return Ok(());
         }
         let Some(guidance) = self.guidance.last() else {
-            return;
+            return Ok(());
         };
         if let Stage::Following(following) = &mut task.stage
             && following.plan == guidance.plan
         {
             following.release_m = following.release_m.max(guidance.release_m);
             following.cruise_mps = guidance.cruise_mps;
-            return;
+            return Ok(());
         }
         let Some(path) = guidance.path.as_ref().filter(|path| task.lost_start != Some(path.start)) else {
-            return;
+            return Ok(());
         };
         // A plan that continues the one before is driven on; any other waits until it stands.
         if let Stage::Following(following) = &mut task.stage
             && following.plan > 0
             && following.path.start == path.start
         {
-            if following.follower.go_on(path, &self.car).is_ok() {
-                (following.path, following.plan) = (path.clone(), guidance.plan);
-                following.release_m = following.release_m.max(guidance.release_m);
-                following.cruise_mps = guidance.cruise_mps;
-                task.blocked_at = None;
-            }
-            return;
+            self.fits(path, following.follower.way_m())?;
+            following.follower.go_on(path, &self.car).map_err(|error| wrong_vehicle(&error))?;
+            (following.path, following.plan) = (path.clone(), guidance.plan);
+            following.release_m = following.release_m.max(guidance.release_m);
+            following.cruise_mps = guidance.cruise_mps;
+            task.blocked_at = None;
+            return Ok(());
         }
         let (start, here) = (&path.start, &sensed.estimate.pose);
         if !stands || distance_m(start, here) > START_M {
-            return;
+            return Ok(());
         }
         let tolerance = self.settings.tolerance(task.target.yaw_rad.is_some());
-        let Ok(follower) = PathFollower::new(path, &self.car, self.follower.clone(), tolerance) else {
-            return;
-        };
+        let follower = PathFollower::new(path, &self.car, self.follower.clone(), tolerance)
+            .map_err(|error| wrong_vehicle(&error))?;
+        self.fits(path, 0.0)?;
         task.plans += 1;
         task.blocked_at = None;
         let mut following = Following::guided(path.clone(), follower, guidance.plan);
         (following.release_m, following.cruise_mps) = (guidance.release_m, guidance.cruise_mps);
         task.stage = Stage::Following(Box::new(following));
+        Ok(())
     }
+
+    /// Whether this robot's own body, a little smaller for what two poses differ by, stays clear of its own map
+    /// on the rest of traffic control's path.
+    fn fits(&self, path: &Path, from_m: f64) -> Result<(), String> {
+        let Some(map) = &self.map else { return Ok(()) };
+        let body = self.car.grown(-GRAZE_M);
+        let reach_m = body.reach_m();
+        let length_m = path.length_m();
+        let mut way_m = from_m;
+        loop {
+            let (pose, _) = path.at(way_m);
+            let near = map.clearance.at_least_m(pose.x_m, pose.y_m) <= reach_m;
+            let hits = |[x_m, y_m]: &[f64; 2]| map.map.grid().at(*x_m, *y_m) != Cell::Free;
+            if let Some([x_m, y_m]) = near.then(|| body.body_points(&pose).into_iter().find(hits)).flatten() {
+                let (long_m, wide_m) = (self.car.front_m + self.car.rear_m, 2.0 * self.car.half_width_m);
+                return Err(wrong_vehicle(&format!(
+                    "it leads through something on the map at ({x_m:.2}, {y_m:.2}) for a body of \
+                     {long_m:.2} × {wide_m:.2} m"
+                )));
+            }
+            if way_m >= length_m {
+                return Ok(());
+            }
+            way_m = (way_m + BODY_STEP_M).min(length_m);
+        }
+    }
+}
+
+fn wrong_vehicle(why: &dyn std::fmt::Display) -> String {
+    format!("wrong_vehicle: traffic control's path is not for this robot: {why}")
 }

@@ -22,7 +22,6 @@ const WAY_MS: u64 = 10;
 #[derive(Debug)]
 pub struct Traffic {
     room: Arc<GridRoom>,
-    car: Car,
     coordinator: Option<Coordinator>,
     epoch: u64,
     seq: u64,
@@ -35,12 +34,11 @@ pub struct Traffic {
 }
 
 impl Traffic {
-    /// Traffic control of a fleet of `car`s on this map.
+    /// Traffic control on this map.
     #[must_use]
-    pub fn new(map: &Map, car: Car, seed: u64) -> Self {
+    pub fn new(map: &Map, seed: u64) -> Self {
         let mut traffic = Self {
             room: Arc::new(GridRoom::of(map)),
-            car,
             coordinator: None,
             epoch: 0,
             seq: 0,
@@ -64,7 +62,7 @@ impl Traffic {
         self.kill();
         self.epoch += 1;
         self.seq = 0;
-        self.coordinator = Some(Coordinator::new(self.car, self.room.clone(), self.epoch));
+        self.coordinator = Some(Coordinator::new(self.room.clone(), self.epoch));
     }
 
     /// The state machine.
@@ -88,7 +86,7 @@ impl Traffic {
         for (_, robot) in robots.iter_mut().enumerate().filter(|(index, _)| !dead.contains(index)) {
             if !self.noise.chance(self.lost) {
                 let state: RobotState = robot.state(now, Rejected::default());
-                let view = RobotView::of(&state, WAY_MS);
+                let view = RobotView::of(&state, Some(Car::of(robot.vehicle())), WAY_MS);
                 self.views.retain(|known| known.name != view.name);
                 self.views.push(view.clone());
                 coordinator.robot(now, view);

@@ -38,10 +38,10 @@ pub(super) fn go_on(
 ) -> Result<(DiscretizedPath, Vec<f64>), Stuck> {
     let (mut at_m, head) = (to_release(member), member.way.up_to(member.held));
     let &Around { target, field, others, soft } = around;
-    let (room, car, start) = (&*job.room, &job.car, head.end());
+    let (room, car, start) = (&*job.room, &member.car, head.end());
     let (gear, tick) = (member.way.gears[member.held], at_m.len() as u32 - 1);
     let legs = search(&Task { room, car, start, gear, tick, target, field, others, soft }, most, left)?;
-    Ok((DiscretizedPath::new(extend(head, &legs, &mut at_m), &job.car), at_m))
+    Ok((DiscretizedPath::new(extend(head, &legs, &mut at_m), car), at_m))
 }
 
 /// Appends what the search found, and the positions at the ticks on it.

@@ -71,7 +71,7 @@ impl Solver<'_> {
         let runners: Vec<Runner<'_>> = led.iter().map(|&index| runner(&job.members[index], None)).collect();
         for (&index, at_m) in led.iter().zip(run_ahead(&runners, &job.order, MOST_TICKS)?) {
             let member = &job.members[index];
-            expected.lines.insert(index, Occupancy::driving(&member.way, &job.car, &at_m, member.held));
+            expected.lines.insert(index, member.driving(&member.way, &at_m));
             expected.times.insert(index, arrival_times(&member.way, &at_m));
         }
         for &index in standing {
@@ -111,7 +111,7 @@ impl Solver<'_> {
             let aside = self.evading.contains(&index).then(|| self.aside(index, &expected));
             let found = self.single(index, &expected.others(index), &soft, aside.as_ref(), EXPANSIONS_EACH);
             let (way, at_m) = found.map_err(|_| Failed(index))?;
-            let line = Occupancy::driving(&way, &self.job.car, &at_m, self.job.members[index].held);
+            let line = self.job.members[index].driving(&way, &at_m);
             expected.take(index, way, &at_m, line);
         }
         let last = free.last().or(evading.last()).copied().unwrap_or(0);
@@ -123,7 +123,7 @@ impl Solver<'_> {
         let (job, member) = (self.job, &self.job.members[index]);
         let standing: Vec<Rect> = job.bodies_around(member).collect();
         let taken: Vec<Rect> = expected.taken(index).collect();
-        Field::aside(&*job.room, job.car.half_width_m, &standing, &taken)
+        Field::aside(&*job.room, member.car.half_width_m, &standing, &taken)
     }
 
     /// The way of one truck around all these, with its position on it at each tick: to its goal, or out of
@@ -142,7 +142,7 @@ impl Solver<'_> {
         let (job, member) = (self.job, &self.job.members[index]);
         let to_goal = || {
             let (standing, target): (Vec<Rect>, _) = (job.bodies_around(member).collect(), member.target);
-            Field::new(&*job.room, job.car.half_width_m, &standing, [target.x_m, target.y_m])
+            Field::new(&*job.room, member.car.half_width_m, &standing, [target.x_m, target.y_m])
         };
         let field = match aside {
             Some(field) => field,

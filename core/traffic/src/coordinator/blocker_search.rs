@@ -78,7 +78,7 @@ fn way_around(
     let bodies: Vec<Rect> =
         suspects.iter().flat_map(|suspect| suspect.stands.iter().map(|stand| stand.body)).collect();
     let goal_m = [member.target.x_m, member.target.y_m];
-    let field = Field::new(&*job.room, job.car.half_width_m, &bodies, goal_m);
+    let field = Field::new(&*job.room, member.car.half_width_m, &bodies, goal_m);
     let lines: Vec<Occupancy> = suspects.iter().map(|suspect| Occupancy::standing(suspect.stands)).collect();
     let between = |suspect: &Suspect<'_>| separation_m(member.held_stands(), suspect.stands);
     let others: Vec<Other<'_>> = lines

@@ -110,7 +110,7 @@ impl conflicts::Group for Group<'_, '_> {
         let soft = self.expected.soft(self.members);
         let (way, at_m) = self.solver.single(index, &lines, &soft, None, EXPANSIONS).ok()?;
         let job = self.solver.job;
-        let line = Occupancy::driving(&way, &job.car, &at_m, job.members[index].held);
+        let line = job.members[index].driving(&way, &at_m);
         Some(Rc::new(Drive { way, at_m, line }))
     }
 
@@ -173,6 +173,7 @@ mod tests {
                 Path::standing(MapPose { x_m: from[0], y_m: from[1], yaw_rad: from[2] }),
                 &car,
             ),
+            car,
             done_m: 0.0,
             held: 0,
             wanting: true,
@@ -182,7 +183,6 @@ mod tests {
         JointJob {
             id: 1,
             room: Arc::new(room),
-            car,
             members: ways.iter().enumerate().map(member).collect(),
             blocks: Vec::new(),
             order: Order::new(),

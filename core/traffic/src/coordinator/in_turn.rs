@@ -10,7 +10,6 @@ use super::attempt::Expected;
 use super::discretized_path::DiscretizedPath;
 use super::field::Field;
 use super::joint::{Failed, PATIENCE_MS, Solution, Solver};
-use super::occupancy::Occupancy;
 use super::task::EXPANSIONS_EACH;
 use std::collections::BTreeSet;
 
@@ -183,7 +182,7 @@ impl Solver<'_> {
     }
 
     fn take(&self, expected: &mut Expected, index: usize, way: DiscretizedPath, at_m: &[f64]) {
-        let line = Occupancy::driving(&way, &self.job.car, at_m, self.job.members[index].held);
+        let line = self.job.members[index].driving(&way, at_m);
         expected.take(index, way, at_m, line);
     }
 }

@@ -1,6 +1,7 @@
 //! What a joint plan is asked, and what it answers.
 
 use super::discretized_path::DiscretizedPath;
+use super::occupancy::Occupancy;
 use super::order::Order;
 use super::room::Room;
 use super::task::Target;
@@ -15,6 +16,7 @@ pub(super) struct Member {
     pub(super) name: String,
     /// Changes when the truck's situation does.
     pub(super) revision: u64,
+    pub(super) car: Car,
     /// Its way so far; only the released part counts if it wants another one.
     pub(super) way: DiscretizedPath,
     pub(super) done_m: f64,
@@ -32,6 +34,11 @@ impl Member {
         let at = self.way.place(self.done_m).min(self.held);
         &self.way.stands[at..=self.held]
     }
+
+    /// Where it is, tick by tick, on a way on which it has these positions.
+    pub(super) fn driving(&self, way: &DiscretizedPath, at_m: &[f64]) -> Occupancy {
+        Occupancy::driving(way, &self.car, at_m, self.held)
+    }
 }
 
 /// Something that is driven around, by name.
@@ -48,7 +55,6 @@ pub(super) struct Block {
 pub struct JointJob {
     pub(super) id: u64,
     pub(super) room: Arc<dyn Room>,
-    pub(super) car: Car,
     pub(super) members: Vec<Member>,
     pub(super) blocks: Vec<Block>,
     pub(super) order: Order,

@@ -2,8 +2,7 @@
 
 use super::{Guide, PlannedGoal, RobotView, RouteReport};
 use xtb_control::Mode;
-use xtb_nav::MapPose;
-use xtb_nav::Path;
+use xtb_nav::{Car, MapPose, Path};
 use xtb_protocol::messages::{
     GoalState, NavPhase, RobotState, Route, RouteGoal, RouteSource, RouteState, Track, Via,
 };
@@ -13,15 +12,16 @@ use xtb_protocol::{Name, Uuid};
 const NEAR_M: f64 = 2.0;
 
 impl RobotView {
-    /// What a state of this age says to traffic control.
+    /// What a state of this age says to traffic control, of a robot that is this car.
     #[must_use]
-    pub fn of(state: &RobotState, age_ms: u64) -> Self {
+    pub fn of(state: &RobotState, car: Option<Car>, age_ms: u64) -> Self {
         let by_network = matches!(state.mode, Mode::Idle | Mode::Goto);
         let goal = state.goal.as_ref().filter(|goal| !goal.status.is_final()).and_then(planned);
         let led = |route: &&RouteState| route.source == RouteSource::Traffic && route.track.is_some();
         Self {
             name: state.robot.to_string(),
             epoch: state.epoch,
+            car,
             pose: MapPose { x_m: state.pose.x_m, y_m: state.pose.y_m, yaw_rad: state.pose.yaw_rad },
             sigma_m: state.pose.sigma_m,
             speed_mps: state.speed_mps.unwrap_or(0.0),

@@ -56,7 +56,6 @@ impl Coordinator {
         Some(JointJob {
             id: self.jobs,
             room,
-            car: self.car,
             members,
             blocks,
             order,
@@ -79,7 +78,7 @@ impl Coordinator {
         let (way, done_m, held) = match goes_on.or(truck.route.as_ref().filter(|_| !wanting)) {
             Some(route) => (route.way.clone(), route.done_m, route.release),
             None if truck.stands() => {
-                (DiscretizedPath::new(Path::standing(truck.view.pose), &self.car), 0.0, 0)
+                (DiscretizedPath::new(Path::standing(truck.view.pose), &truck.car()), 0.0, 0)
             }
             None => return None,
         };
@@ -87,6 +86,7 @@ impl Coordinator {
             id: truck.id,
             name: truck.view.name.clone(),
             revision: truck.revision,
+            car: truck.car(),
             way,
             done_m,
             held,

@@ -22,6 +22,9 @@ const STALL_MS: u64 = 8000;
 /// Way in which a truck that is not led can stop, per m/s, in m, and at least.
 const STOPPING_S: f64 = 0.8;
 
+/// The body of a truck that has not said what car it is: it is driven around with room to spare, and not led.
+const UNKNOWN_CAR: Car = Car { front_m: 0.5, rear_m: 0.5, half_width_m: 0.5, radius_m: 1.0 };
+
 /// A way that has been given to a truck.
 #[derive(Debug, Clone)]
 pub(super) struct Route {
@@ -90,6 +93,11 @@ impl Truck {
         }
     }
 
+    /// Its body.
+    pub(super) fn car(&self) -> Car {
+        self.view.car.unwrap_or(UNKNOWN_CAR)
+    }
+
     /// The goal by which a route is recognised.
     pub(super) fn goal(&self) -> Option<((u64, u128), PlannedGoal)> {
         self.view.goal.map(|goal| ((self.view.epoch, goal.id), goal))
@@ -103,9 +111,9 @@ impl Truck {
         self.view.speed_mps.abs() < STANDS_MPS
     }
 
-    /// Whether it can be led: heard of, able to drive, and sent somewhere.
+    /// Whether it can be led: heard of, a known car, able to drive, and sent somewhere.
     pub(super) fn can_be_led(&self, now: Stamp) -> bool {
-        self.is_fresh(now) && self.view.drives && self.view.goal.is_some()
+        self.is_fresh(now) && self.view.car.is_some() && self.view.drives && self.view.goal.is_some()
     }
 
     /// For how long it has had this goal without being led to it, in ms.
@@ -125,7 +133,11 @@ impl Truck {
     /// Takes a report. True if the situation is another one now.
     pub(super) fn hear(&mut self, seen: Stamp, view: RobotView) -> bool {
         let other_goal = self.goal().map(|(key, _)| key) != view.goal.map(|goal| (view.epoch, goal.id));
+        let other_car = self.view.car != view.car;
         self.view = view;
+        if other_car {
+            self.measure();
+        }
         self.seen = seen;
         if other_goal {
             self.drop_route();
@@ -150,6 +162,14 @@ impl Truck {
             self.retained.clear();
         }
         other_goal
+    }
+
+    /// It is another car than was known: its body takes other room along its route.
+    fn measure(&mut self) {
+        let car = self.car();
+        if let Some(route) = &mut self.route {
+            route.way = DiscretizedPath::new(route.way.path.clone(), &car);
+        }
     }
 
     /// Forgets its route; what is released of it stays taken until it stands.
@@ -236,7 +256,8 @@ impl Truck {
     }
 
     /// Where it has to be driven around, as one that is not led.
-    pub(super) fn block(&self, car: &Car) -> Vec<Stand> {
+    pub(super) fn block(&self) -> Vec<Stand> {
+        let car = self.car();
         // One that goes on to the end of what is released needs its look-out there.
         let goes_on = self.view.drives && !self.stalled;
         let held = self.retained.iter().chain(self.held());
@@ -246,7 +267,7 @@ impl Truck {
         let longer = Car {
             front_m: car.front_m + if self.view.speed_mps > 0.0 { stopping_m } else { 0.0 },
             rear_m: car.rear_m + if self.view.speed_mps < 0.0 { stopping_m } else { 0.0 },
-            ..*car
+            ..car
         };
         stands.push(Stand { body: Rect::body(&longer, &self.view.pose), look: None });
         stands

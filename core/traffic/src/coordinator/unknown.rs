@@ -35,9 +35,9 @@ pub(super) struct Unknown {
 
 impl Unknown {
     /// Something is in the way of a truck at (x, y). True if that is news.
-    pub(super) fn report(&mut self, now: Stamp, at_m: [f64; 2], trucks: &[Truck], car: &Car) -> bool {
+    pub(super) fn report(&mut self, now: Stamp, at_m: [f64; 2], trucks: &[Truck]) -> bool {
         let [x_m, y_m] = at_m;
-        let is_truck = |truck: &Truck| Rect::body(car, &truck.view.pose).distance_m(x_m, y_m) < TRUCK_M;
+        let is_truck = |truck: &Truck| Rect::body(&truck.car(), &truck.view.pose).distance_m(x_m, y_m) < TRUCK_M;
         if !x_m.is_finite() || !y_m.is_finite() || trucks.iter().any(is_truck) {
             return false;
         }
@@ -87,6 +87,7 @@ mod tests {
         let view = RobotView {
             name: "a".into(),
             epoch: 0,
+            car: Some(Car::of(&VehicleConfig::default())),
             pose: MapPose { x_m, y_m: 0.0, yaw_rad: 0.0 },
             sigma_m: 0.02,
             speed_mps: 0.0,
@@ -101,11 +102,11 @@ mod tests {
 
     #[test]
     fn a_thing_is_believed_in_for_a_while_and_a_truck_is_none() {
-        let (mut unknown, car) = (Unknown::default(), Car::of(&VehicleConfig::default()));
+        let mut unknown = Unknown::default();
         let trucks = [truck_at(0.0)];
-        assert!(!unknown.report(Stamp::ZERO, [0.4, 0.0], &trucks, &car), "the truck's own bumper");
-        assert!(unknown.report(Stamp::ZERO, [0.8, 0.0], &trucks, &car));
-        assert!(!unknown.report(Stamp::from_ms(5000), [0.85, 0.0], &trucks, &car), "the same again");
+        assert!(!unknown.report(Stamp::ZERO, [0.4, 0.0], &trucks), "the truck's own bumper");
+        assert!(unknown.report(Stamp::ZERO, [0.8, 0.0], &trucks));
+        assert!(!unknown.report(Stamp::from_ms(5000), [0.85, 0.0], &trucks), "the same again");
         assert_eq!(unknown.blocks().count(), 1);
         unknown.fade(Stamp::from_ms(24_000));
         assert_eq!(unknown.ids().count(), 1);
@@ -115,9 +116,9 @@ mod tests {
 
     #[test]
     fn the_memory_of_things_is_bounded() {
-        let (mut unknown, car) = (Unknown::default(), Car::of(&VehicleConfig::default()));
+        let mut unknown = Unknown::default();
         for n in 0..100 {
-            unknown.report(Stamp::from_ms(n), [n as f64, 5.0], &[], &car);
+            unknown.report(Stamp::from_ms(n), [n as f64, 5.0], &[]);
         }
         assert_eq!(unknown.ids().count(), MOST);
     }

@@ -1,6 +1,6 @@
 //! What traffic control hears of robots, and what it tells them.
 
-use xtb_nav::{MapPose, Path};
+use xtb_nav::{Car, MapPose, Path};
 
 /// A goal that a robot goes for by a planned way.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +35,8 @@ pub struct RobotView {
     pub name: String,
     /// Its boot.
     pub epoch: u64,
+    /// Its body and turning circle; `None` = it has not said: it is driven around and not led.
+    pub car: Option<Car>,
     /// Where it is.
     pub pose: MapPose,
     /// Standard deviation of the position, in m.

@@ -10,7 +10,8 @@ use scenes::{
     bay, circle, corridor, dead, door, l_corridor, lane, life, no_place, one_way, pocket, pose, send_on,
 };
 use toy::{Draw, Trouble, World};
-use xtb_nav::{Map, MapPose, Zone, ZoneKind};
+use xtb_control::VehicleConfig;
+use xtb_nav::{Car, Map, MapPose, Zone, ZoneKind};
 use xtb_traffic::coordinator::{GridRoom, Room};
 
 fn no_clock() -> f64 {
@@ -43,6 +44,33 @@ fn waits_are_short(world: &World) {
     assert!(world.longest_still_s <= 15.0, "stood {} s", world.longest_still_s);
     assert_eq!(world.counters().cyclic + world.counters().deadlocks, 0);
     assert!(world.longest_wait_s <= 60.0, "waited {} s", world.longest_wait_s);
+}
+
+/// Half the wheelbase; a truck; half as much again in each measure.
+fn cars_of_three_kinds() -> [Car; 3] {
+    let car = |wheelbase: f64, body: f64| {
+        let mut vehicle = VehicleConfig::default();
+        vehicle.geometry.wheelbase_m *= wheelbase;
+        vehicle.geometry.body_length_m *= body;
+        vehicle.geometry.body_width_m *= body;
+        Car::of(&vehicle)
+    };
+    [car(0.5, 1.0), car(1.0, 1.0), car(1.5, 1.5)]
+}
+
+#[test]
+fn cars_of_three_kinds_swap_places_through_one_door() {
+    for seed in 1..=3 {
+        let (mut world, places) = door(seed, 1.6, Trouble::SOME, no_clock);
+        for (toy, car) in world.toys.iter_mut().zip(cars_of_three_kinds().iter().cycle()) {
+            toy.car = *car;
+        }
+        for round in 1..=2 {
+            let there = |index: usize| places[(index + 2 * round) % places.len()];
+            let goals: Vec<MapPose> = (0..5).map(there).collect();
+            all_go(&mut world, &goals, 300.0);
+        }
+    }
 }
 
 #[test]

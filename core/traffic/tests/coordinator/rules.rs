@@ -10,13 +10,14 @@ use xtb_traffic::coordinator::{Coordinator, Guide, MOST_TRUCKS, PlannedGoal, Rob
 /// A room of 6 m × 4 m with a box in it.
 fn coordinator() -> Coordinator {
     let room = room(6.0, 4.0, &[[4.0, 1.0, 0.5, 2.0]]);
-    Coordinator::new(Car::of(&VehicleConfig::default()), Arc::new(room), 1)
+    Coordinator::new(Arc::new(room), 1)
 }
 
 fn view(name: &str, here: MapPose, goal: Option<(u128, f64, f64)>) -> RobotView {
     RobotView {
         name: name.to_owned(),
         epoch: 1,
+        car: Some(Car::of(&VehicleConfig::default())),
         pose: here,
         sigma_m: 0.01,
         speed_mps: 0.0,
@@ -41,6 +42,25 @@ fn listen(coordinator: &mut Coordinator, from_ms: u64, views: &[RobotView]) -> V
         }
     }
     guides
+}
+
+#[test]
+fn who_has_not_said_what_car_it_is_is_not_led_and_is_driven_around() {
+    let mut coordinator = coordinator();
+    let unknown =
+        |car| RobotView { car, ..view("b", pose(2.0, 2.0, 0.0), Some((2, 1.0, 3.0))) };
+    let a = view("a", pose(1.0, 1.0, 0.0), Some((1, 3.0, 3.0)));
+    let told = listen(&mut coordinator, 1000, &[a.clone(), unknown(None)]);
+    assert!(told[0].path.is_some() && told[1].path.is_none(), "{told:?}");
+    assert_eq!(coordinator.names(), (vec!["a".to_owned()], vec!["b".to_owned()]));
+    // Its body may be larger than a truck's.
+    let way = told[0].path.as_ref().unwrap();
+    let steps = (0..).map(|step| f64::from(step) * 0.05).take_while(|at_m| *at_m < way.length_m());
+    let car = Car::of(&VehicleConfig::default());
+    let near = steps.map(|at_m| car.distance_m(&way.at(at_m).0, [2.0, 2.0])).fold(f64::MAX, f64::min);
+    assert!(near > 0.45, "{near}");
+    let told = listen(&mut coordinator, 20_000, &[a, unknown(Some(car))]);
+    assert!(told[1].path.is_some(), "{:?}", told[1]);
 }
 
 #[test]

@@ -61,6 +61,7 @@ impl Trouble {
 
 pub(crate) struct Toy {
     pub(crate) name: String,
+    pub(crate) car: Car,
     pub(crate) pose: MapPose,
     pub(crate) alive: bool,
     pub(crate) goal: Option<PlannedGoal>,
@@ -98,6 +99,7 @@ impl Toy {
         RobotView {
             name: self.name.clone(),
             epoch: 1,
+            car: Some(self.car),
             pose: self.pose,
             sigma_m: 0.01,
             speed_mps: self.speed_mps,
@@ -172,7 +174,6 @@ impl Toy {
 }
 
 pub(crate) struct World {
-    pub(crate) car: Car,
     pub(crate) room: Arc<GridRoom>,
     pub(crate) toys: Vec<Toy>,
     pub(crate) coordinator: Option<Coordinator>,
@@ -202,6 +203,7 @@ impl World {
         let mut draw = Draw::new(seed);
         let toy = |(index, pose): (usize, &MapPose)| Toy {
             name: format!("xtb-{}", index + 1),
+            car,
             pose: *pose,
             alive: true,
             goal: None,
@@ -223,8 +225,7 @@ impl World {
         let room = Arc::new(room);
         let shared: Arc<dyn Room> = Arc::<GridRoom>::clone(&room);
         Self {
-            car,
-            coordinator: Some(Coordinator::new(car, shared, seed)),
+            coordinator: Some(Coordinator::new(shared, seed)),
             room,
             toys: starts.iter().enumerate().map(toy).collect(),
             now: Stamp::from_ms(1000),
@@ -267,7 +268,7 @@ impl World {
 
     pub(crate) fn start_coordinator(&mut self) {
         let shared: Arc<dyn Room> = Arc::<GridRoom>::clone(&self.room);
-        self.coordinator = Some(Coordinator::new(self.car, shared, self.seed + 77));
+        self.coordinator = Some(Coordinator::new(shared, self.seed + 77));
     }
 
     pub(crate) fn counters(&self) -> Counters {
@@ -289,8 +290,7 @@ impl World {
     }
 
     fn drive(&mut self) {
-        let poses: Vec<MapPose> = self.toys.iter().map(|toy| toy.pose).collect();
-        let seen = Car { half_width_m: INFRARED_M.1, ..self.car };
+        let bodies: Vec<Rect> = self.toys.iter().map(|toy| Rect::body(&toy.car, &toy.pose)).collect();
         for index in 0..self.toys.len() {
             if self.draw.chance(self.trouble.pause * TURN_MS as f64 / 1000.0) {
                 let pause_s = self.draw.uniform(1.0, self.trouble.pause_s);
@@ -299,7 +299,8 @@ impl World {
             if !self.toys[index].alive {
                 continue;
             }
-            let (room, car) = (&self.room, &self.car);
+            let room = &self.room;
+            let seen = Car { half_width_m: INFRARED_M.1, ..self.toys[index].car };
             let clear = |pose: &MapPose, gear: f64| {
                 let beam = if gear < 0.0 {
                     Car { front_m: -seen.rear_m, rear_m: seen.rear_m + INFRARED_M.0, ..seen }
@@ -307,9 +308,8 @@ impl World {
                     Car { rear_m: -seen.front_m, front_m: seen.front_m + INFRARED_M.0, ..seen }
                 };
                 let strip = Rect::body(&beam, pose);
-                let bodies = poses.iter().enumerate().filter(|(other, _)| *other != index);
-                room.is_free(&strip, 0.0)
-                    && !bodies.into_iter().any(|(_, pose)| strip.overlaps(&Rect::body(car, pose), 0.0))
+                let mut others = bodies.iter().enumerate().filter(|(other, _)| *other != index);
+                room.is_free(&strip, 0.0) && !others.any(|(_, body)| strip.overlaps(body, 0.0))
             };
             let toy = &mut self.toys[index];
             toy.drive(self.now, clear);
@@ -362,7 +362,7 @@ impl World {
         for (index, one) in self.toys.iter().enumerate() {
             for other in &self.toys[index + 1..] {
                 assert!(
-                    !self.car.overlaps(&one.pose, &self.car, &other.pose),
+                    !one.car.overlaps(&one.pose, &other.car, &other.pose),
                     "{} at {:?} and {} at {:?} touch at {} s",
                     one.name,
                     one.pose,
@@ -371,7 +371,7 @@ impl World {
                     self.now.s()
                 );
             }
-            assert!(self.room.is_free(&Rect::body(&self.car, &one.pose), -0.01), "{} is in a wall", one.name);
+            assert!(self.room.is_free(&Rect::body(&one.car, &one.pose), -0.01), "{} is in a wall", one.name);
         }
         for one in self.toys.iter_mut().filter(|toy| toy.goal.is_some() && toy.alive) {
             if one.still_since == self.now || one.says.as_ref().is_some_and(|guide| guide.waits_for.is_some())

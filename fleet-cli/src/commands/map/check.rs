@@ -6,6 +6,7 @@ use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::map_file;
 use crate::output::{Output, Tone};
+use crate::vehicle_file;
 use robot_agent::config::Layers;
 use robot_agent::files;
 use serde::Serialize;
@@ -76,7 +77,11 @@ struct Found<'a> {
 /// # Errors
 /// A file that is no map, or no config.
 pub(super) fn run(ctx: &Context, args: &MapCheckArgs) -> Result<Exit> {
-    let vehicle = args.car_from.as_deref().map_or_else(|| Ok(VehicleConfig::default()), vehicle)?;
+    let vehicle = match (&args.vehicle, &args.car_from) {
+        (Some(file), _) => vehicle_file::read(file)?,
+        (None, Some(config)) => vehicle(config)?,
+        (None, None) => VehicleConfig::default(),
+    };
     let map = map_file::read(&args.file, args.fine.resolution_m)?;
     let found = found(&map, &Car::of(&vehicle));
     ctx.out.result(&found, |found| text(found, &map, &ctx.out))?;

@@ -8,6 +8,7 @@
 //! world: lab.toml             # beside this file
 //! agents:
 //!   - {name: xtb-1, start: [0.0, 0.0, 1.57], goal: [0.0, 5.0, 1.57]}
+//!   - {name: xtb-2, start: …, goal: …, vehicle: long.toml}  # beside this file; default: an XTB
 //! speed_m_s: 0.35             # default
 //! clearance_m: 0.05           # default; kept between robots, and from walls
 //! look_out_m: 0.27            # default; kept free before both bumpers: nearer things stop a truck
@@ -17,6 +18,7 @@
 
 use crate::commands::sim::read_world;
 use crate::error::{Failure, Kind, Result};
+use crate::vehicle_file;
 use robot_agent::files;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -64,6 +66,7 @@ struct Agent {
     name: String,
     start: [f64; 3],
     goal: [f64; 3],
+    vehicle: Option<PathBuf>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -130,7 +133,12 @@ impl Instance {
         let beside = path.parent().unwrap_or(Path::new(""));
         let world = read_world(&beside.join(&ours.world))?;
         let chart = world.chart(CHART_RESOLUTION_M).map_err(|error| invalid(error.to_string()))?;
-        Ok(Self::ours(&ours, &world, &chart))
+        let truck = |agent: &Agent| match &agent.vehicle {
+            Some(file) => vehicle_file::read(&beside.join(file)).map(|vehicle| Car::of(&vehicle)),
+            None => Ok(Car::of(&VehicleConfig::default())),
+        };
+        let trucks: Vec<Car> = ours.agents.iter().map(truck).collect::<Result<_>>()?;
+        Ok(Self::ours(&ours, &trucks, &world, &chart))
     }
 
     fn public(file: Public) -> Self {
@@ -156,22 +164,21 @@ impl Instance {
         Self { problem, flipped_at: Some(depth), step_time: 1.0 }
     }
 
-    fn ours(file: &Ours, world: &World, chart: &Map) -> Self {
-        let truck = Car::of(&VehicleConfig::default());
-        let car =
-            Car { front_m: truck.front_m + file.look_out_m, rear_m: truck.rear_m + file.look_out_m, ..truck };
+    fn ours(file: &Ours, trucks: &[Car], world: &World, chart: &Map) -> Self {
         let pose = |[x_m, y_m, yaw_rad]: [f64; 3]| MapPose { x_m, y_m, yaw_rad };
-        let task = |agent: &Agent| Task {
+        let look_out_m = file.look_out_m;
+        let task = |(agent, truck): (&Agent, &Car)| Task {
             name: agent.name.clone(),
-            car,
+            car: Car { front_m: truck.front_m + look_out_m, rear_m: truck.rear_m + look_out_m, ..*truck },
             start: pose(agent.start),
             goal: pose(agent.goal),
         };
-        let cars: Vec<Task> = file.agents.iter().map(task).collect();
+        let cars: Vec<Task> = file.agents.iter().zip(trucks).map(task).collect();
         let mut obstacles = solids(world);
         let bounds = bounds(world, &obstacles, &cars);
         obstacles.extend(keep_outs(chart));
-        let step_m = truck.radius_m * TURN_RAD;
+        let radius_m = trucks.iter().map(|truck| truck.radius_m).reduce(f64::min).unwrap_or(1.0);
+        let step_m = radius_m * TURN_RAD;
         let problem = Problem {
             bounds,
             obstacles,

@@ -5,7 +5,6 @@ import { circle, disc, flag, octagon, wheels } from "./shapes.js";
 import { shown } from "./store.js";
 
 // The truck (configs/default.toml: vehicle.geometry) and its range finders (docs/simulator.md).
-const BODY = { length_m: 0.5, width_m: 0.4 };
 const FINDERS = { count: 6, spacing_m: 0.07, half_rad: 0.16, threshold_cm: 25 };
 const TRAILS_EVERY_MS = 250;
 const SHORT_TRAIL = 60;
@@ -172,12 +171,12 @@ export class Picture {
     const context = this.#context;
     const pose = shown(robot, nowMs);
     for (const [side, ahead] of [["front", 1], ["rear", -1]]) {
-      this.#sight(view, pose, robot.ir_cm[side], ahead);
+      this.#sight(view, pose, robot.body, robot.ir_cm[side], ahead);
       for (let i = 0; i < FINDERS.count; i += 1) {
         const cm = robot.ir_cm[side][i];
         if (cm === null) continue;
         const left_m = (2.5 - i) * FINDERS.spacing_m;
-        const [x, y] = view.toScreen(...onFloor(pose, (ahead * BODY.length_m) / 2, left_m));
+        const [x, y] = view.toScreen(...onFloor(pose, (ahead * robot.body.length_m) / 2, left_m));
         const heading = -(pose.yaw_rad + (ahead < 0 ? Math.PI : 0));
         const near = cm < FINDERS.threshold_cm;
         context.strokeStyle = near ? this.#colours.bad : this.#colours.warn;
@@ -192,14 +191,14 @@ export class Picture {
   }
 
   // What the range finders of one side see, as an area before the bumper.
-  #sight(view, pose, cms, ahead) {
+  #sight(view, pose, body, cms, ahead) {
     if (cms.every((cm) => cm === null)) return;
     const context = this.#context;
     context.beginPath();
     const far = cms.map((cm, i) => [(cm ?? 0) / 100, (2.5 - i) * FINDERS.spacing_m]);
     const near = [[0, 2.5 * -FINDERS.spacing_m], [0, 2.5 * FINDERS.spacing_m]];
     for (const [out_m, left_m] of [...far, ...near]) {
-      context.lineTo(...view.toScreen(...onFloor(pose, ahead * (BODY.length_m / 2 + out_m), left_m)));
+      context.lineTo(...view.toScreen(...onFloor(pose, ahead * (body.length_m / 2 + out_m), left_m)));
     }
     context.closePath();
     const isNear = cms.some((cm) => cm !== null && cm < FINDERS.threshold_cm);
@@ -214,7 +213,7 @@ export class Picture {
     const [x, y] = view.toScreen(pose.x_m, pose.y_m);
     // Never smaller than can be seen and touched.
     const scale = Math.max(view.pxPerM, 28);
-    const [length, width] = [BODY.length_m * scale, BODY.width_m * scale];
+    const [length, width] = [robot.body.length_m * scale, robot.body.width_m * scale];
     const colour = this.#colour(robot);
     if (pose.sigma_m * view.pxPerM > 4) circle(context, x, y, pose.sigma_m * view.pxPerM, colour, 0.35);
     if (chosen) circle(context, x, y, Math.hypot(length, width) / 2 + 7, this.#colours.accent, 1, 2.5);

@@ -5,13 +5,14 @@ use crate::recording::well_known::{
     ArrowPrimitive, Color, KeyValuePair, LinePrimitive, Point3, Pose, SceneEntity, SolidPrimitive, Span,
     TextPrimitive, Vector3,
 };
+use crate::scene::Body;
 use crate::text::reasons;
 use xtb_nav::Path;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{GoalState, PoseState, RobotState, RouteState, Sensors};
 
 /// The memorandum's truck: bumper to bumper, tyre to tyre, and as high as it looks.
-const BODY: Vector3 = Vector3 { x: 0.50, y: 0.40, z: 0.30 };
+const HEIGHT_M: f64 = 0.30;
 /// Between neighbours of a bumper's range finders, in m (§2.2).
 const SPACING_M: f64 = 0.07;
 /// Half of what a range finder's beam is drawn wide, in m.
@@ -49,7 +50,7 @@ pub(super) fn sight_id(name: &Name) -> String {
 }
 
 /// A box with an arrow ahead, its name, and why it stands.
-pub(super) fn truck(at: Time, name: &Name, state: &RobotState) -> SceneEntity {
+pub(super) fn truck(at: Time, name: &Name, body: Body, state: &RobotState) -> SceneEntity {
     let PoseState { x_m, y_m, yaw_rad, .. } = state.pose;
     let color = match () {
         () if !state.latches.is_empty() => LATCHED,
@@ -59,12 +60,12 @@ pub(super) fn truck(at: Time, name: &Name, state: &RobotState) -> SceneEntity {
     let why = state.stopped_because.first().map_or_else(|| reasons::name(&state.mode), reasons::name);
     let mut truck = entity(at, truck_id(name));
     truck.cubes.push(SolidPrimitive {
-        pose: Pose::flat(x_m, y_m, BODY.z / 2.0, yaw_rad),
-        size: BODY,
+        pose: Pose::flat(x_m, y_m, HEIGHT_M / 2.0, yaw_rad),
+        size: Vector3 { x: body.length_m, y: body.width_m, z: HEIGHT_M },
         color: Color { a: 0.8, ..color },
     });
-    truck.arrows.push(arrow(Pose::flat(x_m, y_m, BODY.z + ABOVE_M, yaw_rad), color));
-    truck.texts.push(text(Pose::flat(x_m, y_m, 2.0 * BODY.z, 0.0), format!("{name}\n{why}")));
+    truck.arrows.push(arrow(Pose::flat(x_m, y_m, HEIGHT_M + ABOVE_M, yaw_rad), color));
+    truck.texts.push(text(Pose::flat(x_m, y_m, 2.0 * HEIGHT_M, 0.0), format!("{name}\n{why}")));
     let known = |value: Option<f64>| value.map_or_else(|| "unknown".to_owned(), |value| value.to_string());
     truck.metadata = vec![
         pair("mode", reasons::name(&state.mode)),
@@ -86,7 +87,7 @@ pub(super) fn way(at: Time, name: &Name, goal: &GoalState, route: Option<&RouteS
         if let Some(yaw_rad) = goal.yaw_rad {
             way.arrows.push(arrow(Pose::flat(x_m, y_m, ABOVE_M, yaw_rad), AIM));
         }
-        way.texts.push(text(Pose::flat(x_m, y_m, BODY.z, 0.0), format!("{name}'s goal")));
+        way.texts.push(text(Pose::flat(x_m, y_m, HEIGHT_M, 0.0), format!("{name}'s goal")));
     }
     if let Some((route, track)) = route.and_then(|route| Some((route, route.track.as_ref()?))) {
         let path = Path::from(track);
@@ -112,19 +113,19 @@ fn stretch(path: &Path, from_m: f64, to_m: f64) -> Vec<Point3> {
 }
 
 /// A short stroke across the beam of each range finder that sees something.
-pub(super) fn sight(at: Time, name: &Name, pose: &PoseState, sensors: &Sensors) -> SceneEntity {
+pub(super) fn sight(at: Time, name: &Name, body: Body, pose: &PoseState, sensors: &Sensors) -> SceneEntity {
     let (sin, cos) = pose.yaw_rad.sin_cos();
     let place = |ahead_m: f64, left_m: f64| Point3 {
         x: pose.x_m + ahead_m * cos - left_m * sin,
         y: pose.y_m + ahead_m * sin + left_m * cos,
-        z: BODY.z / 2.0,
+        z: HEIGHT_M / 2.0,
     };
     let mut points = Vec::new();
     for (gear, distances) in [(1.0, &sensors.ir_front_cm), (-1.0, &sensors.ir_rear_cm)] {
         for (number, cm) in (0_u8..).zip(distances) {
             let Some(cm) = cm else { continue };
             let left_m = (2.5 - f64::from(number)) * SPACING_M;
-            let ahead_m = gear * (BODY.x / 2.0 + cm / 100.0);
+            let ahead_m = gear * (body.length_m / 2.0 + cm / 100.0);
             points.extend([place(ahead_m, left_m - BEAM_M), place(ahead_m, left_m + BEAM_M)]);
         }
     }

@@ -15,9 +15,8 @@ use tokio::time::MissedTickBehavior;
 use xtb_bus::{Incoming, Subscription};
 use xtb_client::client::Client;
 use xtb_client::state_feed::StateFeed;
-use xtb_control::VehicleConfig;
 use xtb_dispatch::{Dispatcher, Effect, Entry, MapTravelCost, OpenTravelCost, Record, TravelCost, Write};
-use xtb_nav::Map;
+use xtb_nav::{Car, Map};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, Key};
 
@@ -205,8 +204,11 @@ impl Work {
         let now_ms = self.clock.ms();
         match news {
             News::Replied(robot, reply) => self.dispatcher.replied(now_ms, &robot, &reply),
-            News::Able(robot, capabilities) => {
-                self.dispatcher.set_capabilities(now_ms, &robot, &capabilities)
+            News::Met(robot, about) => {
+                let car = Car::of_about(&about).inspect_err(|error| {
+                    tracing::warn!("the factsheet of {robot} does not say what car it is: {error}");
+                });
+                self.dispatcher.set_factsheet(now_ms, &robot, &about.capabilities, car.ok());
             }
         }
     }
@@ -376,10 +378,9 @@ async fn hear_stops(client: &Client) -> Result<(mpsc::Receiver<Option<Name>>, Su
 }
 
 fn ground(map: Option<&Map>) -> Box<dyn TravelCost + Send + Sync> {
-    let vehicle = VehicleConfig::default();
     match map {
-        Some(map) => Box::new(MapTravelCost::new(map.clone(), &vehicle)),
-        None => Box::new(OpenTravelCost::of(&vehicle)),
+        Some(map) => Box::new(MapTravelCost::new(map.clone())),
+        None => Box::new(OpenTravelCost),
     }
 }
 

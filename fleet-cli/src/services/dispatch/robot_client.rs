@@ -10,7 +10,7 @@ use xtb_bus::Bus;
 use xtb_client::client::Client;
 use xtb_protocol::Name;
 use xtb_protocol::keys::FleetKeys;
-use xtb_protocol::messages::{Reply, Request};
+use xtb_protocol::messages::{About, Reply, Request};
 
 /// Requests to one robot on their way at most; the dispatcher asks again for what is dropped.
 const ON_THEIR_WAY: usize = 16;
@@ -23,8 +23,8 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 pub(super) enum News {
     /// To a request.
     Replied(Name, Box<Reply>),
-    /// What it can do.
-    Able(Name, Vec<String>),
+    /// What it can do, and what it is.
+    Met(Name, Box<About>),
 }
 
 /// The robots, to be asked.
@@ -62,12 +62,12 @@ impl Fleet {
         });
     }
 
-    /// Asks a robot that has come what it can do.
+    /// Asks a robot that has come what it can do, and what car it is.
     pub(super) fn meet(&self, robot: Name) {
         let (client, news) = (self.client.clone(), self.news.clone());
         tokio::spawn(async move {
             match client.about(&robot).await {
-                Ok(Some(about)) => drop(news.try_send(News::Able(robot, about.capabilities))),
+                Ok(Some(about)) => drop(news.try_send(News::Met(robot, Box::new(about)))),
                 Ok(None) => tracing::debug!("{robot} does not say what it can do"),
                 Err(failure) => tracing::debug!("{robot}: {failure}"),
             }

@@ -3,6 +3,7 @@
 use super::robot_view::{ShownRobot, Standing, age};
 use super::view::View;
 use super::*;
+use crate::scene::Body;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
@@ -10,7 +11,6 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line as Text, Span};
 use ratatui::widgets::canvas::{Canvas, Context, Line, Points};
 use ratatui::widgets::{Block, Clear};
-use xtb_control::vehicle::Geometry;
 use xtb_nav::Path;
 use xtb_protocol::messages::{RouteState, Sensors};
 
@@ -190,7 +190,7 @@ impl Drawing<'_> {
         let (Some(pose), Some(sensors)) = (sight.state.map(|state| &state.pose), sensors) else { return };
         let color = self.look.paint(Color::LightRed);
         let to_map = |(ahead, left): (f64, f64)| at((pose.x_m, pose.y_m, pose.yaw_rad), ahead, left);
-        for arc in arcs(sensors) {
+        for arc in arcs(sensors, sight.robot.body.length_m / 2.0) {
             let arc: Vec<(f64, f64)> = arc.into_iter().map(to_map).collect();
             canvas.draw(&Points { coords: &arc, color });
             for pair in arc.windows(2) {
@@ -212,8 +212,8 @@ impl Drawing<'_> {
         let standing = sight.standing();
         let known = sight.state.is_some();
         let color = if known { self.look.robot(sight.row) } else { self.look.paint(Color::DarkGray) };
-        let body = Geometry::default();
-        let large = body.body_length_m / self.view.cell_m().0 >= BODY_CELLS;
+        let body = sight.robot.body;
+        let large = body.length_m / self.view.cell_m().0 >= BODY_CELLS;
         if known && large {
             outline(canvas, place, &body, color);
         }
@@ -243,8 +243,8 @@ fn at((x_m, y_m, yaw_rad): (f64, f64, f64), ahead_m: f64, left_m: f64) -> (f64, 
     (x_m + ahead_m * cos - left_m * sin, y_m + ahead_m * sin + left_m * cos)
 }
 
-fn outline(canvas: &mut Context<'_>, place: (f64, f64, f64), body: &Geometry, color: Color) {
-    let (half_m, side_m) = (body.body_length_m / 2.0, body.body_width_m / 2.0);
+fn outline(canvas: &mut Context<'_>, place: (f64, f64, f64), body: &Body, color: Color) {
+    let (half_m, side_m) = (body.length_m / 2.0, body.width_m / 2.0);
     let corners = [
         (half_m, 0.0),
         (half_m / 2.0, side_m),
@@ -260,8 +260,7 @@ fn outline(canvas: &mut Context<'_>, place: (f64, f64, f64), body: &Geometry, co
 }
 
 /// Ends of the beams that see something, (ahead, left) of the robot, in groups of neighbours.
-fn arcs(sensors: &Sensors) -> Vec<Vec<(f64, f64)>> {
-    let half_m = Geometry::default().body_length_m / 2.0;
+fn arcs(sensors: &Sensors, half_m: f64) -> Vec<Vec<(f64, f64)>> {
     let mut arcs = Vec::new();
     for (readings, facing) in [(&sensors.ir_front_cm, 1.0), (&sensors.ir_rear_cm, -1.0)] {
         let mut arc = Vec::new();

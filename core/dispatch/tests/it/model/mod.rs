@@ -23,7 +23,6 @@ use xtb_protocol::messages::{
 use xtb_protocol::{Name, Uuid};
 
 pub(crate) const LEDGER: u64 = 0x1234_5678_9abc;
-pub(crate) const TRAVEL_COST: OpenTravelCost = OpenTravelCost { radius_m: 0.4 };
 const START_MS: u64 = 1_800_000_000_000;
 const STEP_MS: u64 = 10;
 const MAPS: [&str; 2] = ["lab", "hall"];
@@ -220,7 +219,7 @@ impl World {
             if now_ms >= self.map.1 {
                 dispatcher.map(now_ms, self.map.0, MapHash::new(self.run % 2));
             }
-            dispatcher.step(now_ms, &TRAVEL_COST);
+            dispatcher.step(now_ms, &OpenTravelCost);
         }
         self.effects()?;
         self.finish_write()?;
@@ -286,7 +285,7 @@ impl World {
         self.next_ticket += 1;
         self.tickets.insert(self.next_ticket, what);
         if let Some(dispatcher) = &mut self.dispatcher {
-            dispatcher.request(self.now_ms, self.next_ticket, &person(), request, &TRAVEL_COST);
+            dispatcher.request(self.now_ms, self.next_ticket, &person(), request, &OpenTravelCost);
         }
         self.next_ticket
     }
