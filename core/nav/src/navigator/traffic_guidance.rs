@@ -211,3 +211,73 @@ impl Navigator {
 fn wrong_vehicle(why: &dyn std::fmt::Display) -> String {
     format!("wrong_vehicle: traffic control's path is not for this robot: {why}")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Grid, Piece};
+    use crate::localization::FilterTuning;
+    use crate::map::Map;
+    use crate::navigator::{Decision, HoldReason, PreparedMap, TargetPose};
+    use crate::{NavSettings, PoseFilter};
+    use std::sync::Arc;
+    use xtb_control::VehicleConfig;
+    use xtb_control::frames::OdomPose;
+
+    const NOW: Stamp = Stamp::from_ms(1000);
+    const START: MapPose = MapPose { x_m: 1.0, y_m: 0.5, yaw_rad: 0.0 };
+
+    /// A lane of 4 m by 1 m, walls along both sides.
+    fn lane() -> Map {
+        let mut grid = Grid::free(0.05, [0.0, 0.0], 80, 20).unwrap();
+        for column in 0..80 {
+            grid.set(column, 0, Cell::Occupied);
+            grid.set(column, 19, Cell::Occupied);
+        }
+        Map::new("lane", grid, Vec::new()).unwrap()
+    }
+
+    /// What a robot with a body this wide decides that traffic control sends along this piece.
+    fn sent_along(width_m: f64, piece: Piece) -> Decision {
+        let mut vehicle = VehicleConfig::default();
+        vehicle.geometry.body_width_m = width_m;
+        let mut navigator = Navigator::new(&vehicle, &NavSettings::default());
+        navigator.set_map(Arc::new(PreparedMap::of(lane())));
+        navigator.begin(TargetPose { x_m: 3.0, y_m: 0.5, yaw_rad: None });
+        let mut path = Path::standing(START);
+        path.push(piece);
+        let guidance = TrafficGuidance {
+            plan: 1,
+            path: Some(path),
+            release_m: 1.0,
+            cruise_mps: 0.3,
+            waits_for: None,
+            reason: None,
+        };
+        navigator.guide(NOW, Some(guidance), &[]);
+        let estimate = PoseFilter::new(&vehicle, FilterTuning::default(), NOW, &OdomPose::default(), &START).estimate(NOW);
+        let (ir_front_cm, ir_rear_cm) = (&[None; 6], &[None; 6]);
+        let sensed = Sensed {
+            estimate: &estimate,
+            speed_mps: 0.0,
+            blocked: false,
+            ir_front_cm,
+            ir_rear_cm,
+            scanned: false,
+        };
+        navigator.turn(NOW, &sensed).unwrap()
+    }
+
+    #[test]
+    fn a_path_that_is_not_for_this_vehicle_is_refused_with_the_reason() {
+        let straight = Piece { length_m: 1.5, curvature_per_m: 0.0 };
+        let refused = |decision: Decision, word: &str| match decision {
+            Decision::Failed(why) => assert!(why.starts_with("wrong_vehicle: ") && why.contains(word), "{why}"),
+            other => panic!("{other:?}"),
+        };
+        let taken = sent_along(0.4, straight);
+        assert!(matches!(taken, Decision::Go(_, None | Some(HoldReason::AtCusp))), "{taken:?}");
+        refused(sent_along(1.1, straight), "0.50 × 1.10 m");
+        refused(sent_along(0.4, Piece { curvature_per_m: 5.0, ..straight }), "radius of 0.200 m");
+    }
+}
