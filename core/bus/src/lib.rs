@@ -12,11 +12,13 @@
 
 mod channel;
 mod foreign;
+mod key_expr;
 mod presence;
 mod query;
 mod session;
 
 pub use channel::{EventPublisher, Incoming, Publisher, Subscription};
+pub use key_expr::intersect;
 pub use presence::{Presence, Token};
 pub use query::{Question, Service};
 pub use session::{

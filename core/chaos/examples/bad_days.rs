@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 use xtb_chaos::{Options, Report};
-use xtb_robot::Guard;
+use xtb_robot::{Guard, Guards};
 
 /// Violations printed in full.
 const SHOWN: usize = 5;
@@ -68,7 +68,7 @@ fn guards(count: u64) -> ExitCode {
         let found = Mutex::new(BTreeMap::new());
         each_on_all_cores(0..count, |seed| {
             if let Ok(Report { violation: Some(violation), .. }) =
-                xtb_chaos::run(seed, Options { without: Some(guard) })
+                xtb_chaos::run(seed, Options { guards: Guards::without(guard) })
             {
                 found.lock().unwrap_or_else(PoisonError::into_inner).insert(seed, violation.invariant);
             }

@@ -16,7 +16,7 @@ use xtb_protocol::{Name, Uuid};
 use xtb_robot::agent::Arrival;
 use xtb_robot::authority::admission::Admission;
 use xtb_robot::line::PortTrouble;
-use xtb_robot::{Guard, Identity, Robot};
+use xtb_robot::{Guards, Identity, Robot};
 use xtb_sim::vehicle::Truck;
 
 /// As in `robot-agent`: requests that wait, and those answered in a turn.
@@ -98,7 +98,7 @@ pub(crate) struct Process {
     boot_at: Turn,
     held_until: Turn,
     stuck_until: Turn,
-    without: Option<Guard>,
+    guards: Guards,
     ahead_ms: i64,
     booted_ms: u64,
     shown: Stamp,
@@ -110,12 +110,7 @@ pub(crate) struct Process {
 
 impl Process {
     /// Not running yet; it boots at the first turn.
-    pub(crate) fn new(
-        fleet: &Name,
-        vehicle: &VehicleConfig,
-        identity_seed: u64,
-        without: Option<Guard>,
-    ) -> Self {
+    pub(crate) fn new(fleet: &Name, vehicle: &VehicleConfig, identity_seed: u64, guards: Guards) -> Self {
         Self {
             fleet: fleet.clone(),
             identity_seed,
@@ -125,7 +120,7 @@ impl Process {
             boot_at: 0,
             held_until: 0,
             stuck_until: 0,
-            without,
+            guards,
             ahead_ms: 0,
             booted_ms: 0,
             shown: Stamp::ZERO,
@@ -244,10 +239,7 @@ impl Process {
         };
         let robot = Robot::new(identity, self.vehicle.clone(), "days");
         self.mailbox = Mailbox { admission: robot.agent().admission(), ..Mailbox::default() };
-        self.robot = Some(match self.without {
-            Some(guard) => robot.without(guard),
-            None => robot,
-        });
+        self.robot = Some(robot.with_guards(self.guards));
         true
     }
 

@@ -36,7 +36,7 @@ use event_log::EventLog;
 use scenario::Scenario;
 use thiserror::Error;
 use xtb_protocol::keys::NameError;
-use xtb_robot::Guard;
+use xtb_robot::Guards;
 use xtb_sim::SimulationError;
 
 pub use report::{Counts, Invariant, Report, Violation};
@@ -44,8 +44,8 @@ pub use report::{Counts, Invariant, Report, Violation};
 /// How a scenario is to be simulated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Options {
-    /// Every robot is without this rule: for the mutation check alone.
-    pub without: Option<Guard>,
+    /// The rules that every robot obeys: all of them, but in the mutation check.
+    pub guards: Guards,
 }
 
 /// Why there is no such scenario.

@@ -76,7 +76,7 @@ impl Scenario {
                     &fleet,
                     &vehicle,
                     seed.wrapping_mul(64).wrapping_add(i as u64 * 8),
-                    options.without,
+                    options.guards,
                 ),
                 oracle: Oracle::new(people_count),
                 transmitter: xtb_sim::Transmitter::default(),

@@ -6,6 +6,7 @@
 
 use crate::client::{Client, accepted};
 use crate::error::{Error, ErrorKind, Result};
+use crate::state_feed::StateFeed;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::task::{JoinHandle, JoinSet};
@@ -114,6 +115,14 @@ impl Control {
     #[must_use]
     pub fn lost(&self) -> Option<Error> {
         lock(&self.book).lost.clone()
+    }
+
+    /// Who has control instead of this client, in words, if the robot's states show somebody.
+    #[must_use]
+    pub fn taken_by(&self, feed: &StateFeed) -> Option<String> {
+        let seen = feed.last(&self.robot)?;
+        let holder = &seen.fresh()?.lease.as_ref()?.holder;
+        (holder != self.client_name()).then(|| format!("{} is now controlled by {holder}", self.robot))
     }
 
     /// Acquires a lost lease again, unless somebody else holds it now.

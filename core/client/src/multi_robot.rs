@@ -23,6 +23,17 @@ pub enum Targets {
     },
 }
 
+impl Targets {
+    /// One robot, or all without a roster; the `known` ones are asked at once.
+    #[must_use]
+    pub fn one_or_all(robot: Option<&Name>, known: &[Name]) -> Self {
+        match robot {
+            Some(robot) => Self::Robots(vec![robot.clone()]),
+            None => Self::All { expect: Vec::new(), known: known.to_vec() },
+        }
+    }
+}
+
 /// What came of it for one robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]

@@ -35,10 +35,7 @@ pub struct Drive {
 
 /// Somebody else took control: what is said of it.
 pub fn lost(session: &TeleopSession<'_>, feed: &StateFeed, failure: Error) -> Error {
-    let seen = feed.last(session.robot);
-    let holder = seen.as_ref().and_then(|seen| seen.fresh()?.lease.as_ref());
-    let Some(lease) = holder.filter(|lease| lease.holder != *session.client.name()) else { return failure };
-    let message = format!("{} is now controlled by {}", session.robot, lease.holder);
+    let Some(message) = session.control.taken_by(feed) else { return failure };
     Error { message, ..failure }.hint("`fleet-cli teleop … --take` takes control again")
 }
 

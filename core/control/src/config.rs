@@ -2,7 +2,7 @@
 //!
 //! [`config_section!`](crate::config_section) turns a table into a plain serde struct whose `Default`, `validate()` and
 //! commented TOML all come from the same lines. The vehicle's table is in [`crate::vehicle`]; the
-//! agent's own sections are in `robot-agent/src/config.rs`.
+//! agent's own sections are in `robot-agent/src/config/file.rs`.
 
 use std::fmt;
 use thiserror::Error;

@@ -11,18 +11,20 @@
 //! writes the motor. The writer is the controller; the brain only ever hands it a command, and its
 //! answer to every doubt is [`Command::Idle`].
 
+mod goals;
+mod leases;
 mod navigate;
 mod odometry;
+mod pose;
 mod requests;
 mod setpoints;
 mod stops;
 mod touch;
 mod why;
 
-use crate::authority::admission::Admission;
 use crate::authority::arbitration::{Facts, Writer, writer};
 use crate::authority::assignments::Assigned;
-use crate::authority::goal::{Goal, Target};
+use crate::authority::goal::Goal;
 use crate::authority::guard::{Guard, Guards};
 use crate::authority::latch::LatchBook;
 use crate::authority::lease::{LEASE_FREE_MS, LINK_LOSS_MS, LeaseBook};
@@ -31,18 +33,13 @@ use crate::faults::{FaultBook, stops};
 use odometry::OdometryScale;
 use setpoints::Teleop;
 use std::collections::VecDeque;
-use std::sync::Arc;
 use xtb_control::controller::Mode;
 use xtb_control::frames::MapPose;
-use xtb_control::odometry::OdomPose;
 use xtb_control::{Command, Outputs, Stamp, VehicleConfig};
 use xtb_nav::NavSettings;
 use xtb_nav::localization::PoseFilter;
 use xtb_nav::navigator::Navigator;
-use xtb_protocol::messages::{
-    Event, EventKind, Fault, GoalEnd, GoalStatus, InputAges, Latch, Lease, LinkLoss, PoseSource, PoseState,
-    StopReason,
-};
+use xtb_protocol::messages::{Event, EventKind, Fault, GoalEnd, GoalStatus, InputAges, Latch, StopReason};
 use xtb_protocol::{Name, Uuid};
 
 /// Events that wait for the uplink; the oldest is dropped and counted when full.
@@ -163,7 +160,7 @@ impl Agent {
             },
             max_rpm: vehicle.teleop.max_rpm,
             mps_per_rpm: vehicle.mps_per_rpm(),
-            filter: filter(vehicle, &NavSettings::default(), &identity),
+            filter: pose::filter(vehicle, &NavSettings::default(), &identity),
             odometry_scale: OdometryScale::default(),
             nav: Navigator::new(vehicle, &NavSettings::default()),
             lead: navigate::Lead::default(),
@@ -206,7 +203,7 @@ impl Agent {
 
     /// Other settings of the second level, before its first turn.
     pub fn set_navigation(&mut self, vehicle: &VehicleConfig, settings: &NavSettings) {
-        self.filter = filter(vehicle, settings, &self.identity);
+        self.filter = pose::filter(vehicle, settings, &self.identity);
         self.nav = Navigator::new(vehicle, settings);
     }
 
@@ -235,11 +232,6 @@ impl Agent {
     /// Whether the session to the router stands.
     pub fn set_link(&mut self, up: bool) {
         self.link_up = up;
-    }
-
-    /// The odometry was set back: the pose in the map stays what it was.
-    pub fn rezeroed(&mut self, before: &OdomPose, after: &OdomPose) {
-        self.filter.rezeroed(before, after);
     }
 
     /// One turn: what the controller shall do now, if anything new.
@@ -297,59 +289,6 @@ impl Agent {
         self.rearm = true;
     }
 
-    fn watch_goal(&mut self, now: Stamp, outputs: &Outputs) {
-        let heard = self.lease.silent_ms(now).is_some_and(|ms| ms < self.limits.link_loss_ms);
-        let present = self.lease.present();
-        let halts = self.guards.on(Guard::LinkLossHalt);
-        let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
-        if halts && goal.on_link_loss == LinkLoss::Halt && !(heard && goal.lease == present) {
-            let words = format!("its client {} fell silent, and its policy is halt", goal.by);
-            return self.stand(now, StopReason::LeaseExpired, GoalStatus::Failed, Some(&words));
-        }
-        if goal.status == GoalStatus::Accepted {
-            return;
-        }
-        if let Some(limit) = goal.limit
-            && now >= limit.at
-        {
-            let words = (limit.then == GoalStatus::Failed).then_some("its time was up");
-            return self.stand(now, StopReason::TimeUp, limit.then, words);
-        }
-        if goal.is_planned() {
-            return;
-        }
-        if let (Target::Point { .. }, Some(decision)) = (goal.target, &outputs.goto) {
-            goal.distance_m = Some(decision.distance_m);
-            if decision.arrived {
-                self.idle_because = StopReason::GoalReached;
-                return self.end_goal(now, GoalStatus::Reached, None);
-            }
-        }
-        self.goal_is(now, outputs.blocked.then_some("an obstacle in the driving direction"));
-    }
-
-    /// The goal runs, or is blocked by this.
-    fn goal_is(&mut self, now: Stamp, blocked: Option<&str>) {
-        let status = if blocked.is_some() { GoalStatus::Blocked } else { GoalStatus::Running };
-        let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
-        if goal.status != status || goal.reason.as_deref() != blocked {
-            let news = goal.status != status;
-            goal.becomes(now, status, blocked);
-            let (id, reason) = (goal.id, blocked.map(str::to_owned));
-            if news {
-                self.emit(now, EventKind::Goal { id, status, reason });
-            }
-        }
-    }
-
-    /// A lease that nobody retains becomes free.
-    fn watch_lease(&mut self, now: Stamp) {
-        let silent = self.lease.silent_ms(now).is_some_and(|ms| ms >= self.limits.lease_free_ms);
-        if silent && self.guards.on(Guard::LeaseExpiry) && self.lease.free() {
-            self.emit(now, EventKind::Lease { holder: None });
-        }
-    }
-
     /// The table has the last word: what it does not let write, ends.
     fn arbitrate(&mut self, now: Stamp) {
         self.writer = writer(&self.facts());
@@ -391,20 +330,8 @@ impl Agent {
         self.pending = Some(Command::Idle);
     }
 
-    fn end_goal(&mut self, now: Stamp, status: GoalStatus, reason: Option<&str>) {
-        let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
-        goal.becomes(now, status, reason);
-        let event = EventKind::Goal { id: goal.id, status, reason: reason.map(str::to_owned) };
-        self.nav.end();
-        self.emit(now, event);
-    }
-
     fn under_way(&self) -> bool {
         self.goal_runs() || self.teleop.is_some()
-    }
-
-    fn goal_runs(&self) -> bool {
-        self.goal.as_ref().is_some_and(|goal| !goal.status.is_final())
     }
 
     fn emit(&mut self, now: Stamp, kind: EventKind) {
@@ -434,44 +361,6 @@ impl Agent {
         self.events.pop_front()
     }
 
-    /// The present or last goal.
-    #[must_use]
-    pub fn goal(&self) -> Option<&Goal> {
-        self.goal.as_ref()
-    }
-
-    /// How the goals before the present one ended, newest first.
-    pub fn ended_goals(&self) -> impl Iterator<Item = GoalEnd> {
-        self.ended.iter().copied()
-    }
-
-    /// The lease's book.
-    #[must_use]
-    pub fn lease(&self) -> &LeaseBook {
-        &self.lease
-    }
-
-    /// Whose messages may come in now.
-    #[must_use]
-    pub fn admission(&self) -> Admission {
-        if !self.guards.on(Guard::LeaseFence) || !self.guards.on(Guard::LeaseRequired) {
-            return Admission::Anyone;
-        }
-        match (self.lease.holder(), self.lease.present()) {
-            (Some(holder), Some(lease)) => Admission::Holder(holder.clone(), lease),
-            _ => Admission::Nobody,
-        }
-    }
-
-    /// The holder was heard at the door, whatever becomes of its message.
-    pub fn heard(&mut self, at: Stamp, lease: Lease) {
-        let alive = self.lease.silent_ms(at).is_some_and(|ms| ms < self.limits.lease_free_ms)
-            || !self.guards.on(Guard::LeaseExpiry);
-        if alive && self.lease.present() == Some(lease) {
-            self.lease.heard(at);
-        }
-    }
-
     /// What is broken.
     #[must_use]
     pub fn faults(&self) -> &FaultBook {
@@ -483,51 +372,4 @@ impl Agent {
     pub fn setpoint_age_ms(&self, now: Stamp) -> Option<u64> {
         self.setpoint_heard.map(|at| now.since_ms(at))
     }
-
-    /// How far the truck goes for each metre that its encoder counts; 1 as long as fixes have not shown it.
-    #[must_use]
-    pub fn odometry_scale(&self) -> f64 {
-        self.odometry_scale.way()
-    }
-
-    /// What is wrong with odometry and pose fixes, with what was seen.
-    #[must_use]
-    pub fn pose_faults(&self, now: Stamp) -> Vec<(Fault, Option<Arc<str>>)> {
-        let estimate = self.filter.estimate(now);
-        let scale = self.odometry_scale.fault().map(|words| (Fault::OdometryScale, Some(words.into())));
-        let frozen = estimate.frozen.then_some((Fault::FixesFrozen, None));
-        let contradict = estimate.contradicted.then_some((Fault::FixesContradict, None));
-        [scale, frozen, contradict].into_iter().flatten().collect()
-    }
-
-    /// Where the robot is in the map.
-    #[must_use]
-    pub fn pose(&self, now: Stamp, view: View<'_>) -> PoseState {
-        let estimate = self.filter.estimate(now);
-        let MapPose { x_m, y_m, yaw_rad } = estimate.pose;
-        let age_ms = view.ages.gyro.zip(view.ages.encoder).map(|(gyro, encoder)| gyro.max(encoder));
-        let source = match (age_ms, estimate.fix_age_ms) {
-            (None, _) => PoseSource::Start,
-            (Some(_), None) => PoseSource::Odometry,
-            (Some(_), Some(_)) => PoseSource::Fixes,
-        };
-        PoseState {
-            x_m,
-            y_m,
-            yaw_rad,
-            source,
-            age_ms,
-            sigma_m: estimate.sigma_m,
-            sigma_yaw_rad: estimate.sigma_yaw_rad,
-            fix_age_ms: estimate.fix_age_ms,
-            odometry_scale: (estimate.fixes.accepted > 0).then_some(1.0 + estimate.wheel_scale),
-            odometry_scale_sigma: (estimate.fixes.accepted > 0).then_some(estimate.wheel_scale_sigma),
-            fix_delay_ms: estimate.fix_delay_ms(),
-        }
-    }
-}
-
-/// A filter of a robot that stands at its start pose.
-fn filter(vehicle: &VehicleConfig, settings: &NavSettings, identity: &Identity) -> PoseFilter {
-    PoseFilter::new(vehicle, settings.filter(), Stamp::ZERO, &OdomPose::default(), &identity.start_pose)
 }

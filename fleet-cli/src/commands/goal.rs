@@ -179,14 +179,11 @@ fn unheard(watch: &GoalWatch<'_>, task: &Task) -> Failure {
 /// Who has control instead, if this client has lost it.
 fn lost(control: &Control, feed: &StateFeed, task: &Task) -> Option<Failure> {
     let failure = Failure::from(control.lost()?);
-    let seen = feed.last(&task.robot);
-    let lease = seen.as_ref().and_then(|seen| seen.fresh()?.lease.as_ref());
-    // Nobody took it: it ran out while the robot did not hear this client.
-    let Some(lease) = lease.filter(|lease| lease.holder != *control.client_name()) else {
-        return Some(Failure { hint: gap_hint(task), ..failure });
-    };
-    let message = format!("{} is now controlled by {}", task.robot, lease.holder);
-    Some(Failure { kind: Kind::Refused(RejectCode::LeaseLost), message, ..failure })
+    Some(match control.taken_by(feed) {
+        Some(message) => Failure { kind: Kind::Refused(RejectCode::LeaseLost), message, ..failure },
+        // Nobody took it: it ran out while the robot did not hear this client.
+        None => Failure { hint: gap_hint(task), ..failure },
+    })
 }
 
 fn with_end(failure: Failure, task: &Task, end: &GoalEnd) -> Failure {

@@ -6,26 +6,26 @@
 
 mod agents;
 mod fixes;
+mod plan;
 mod ptys;
 mod stats;
 mod truth;
 
 pub use agents::RunningAgent;
+pub use plan::{MAX_ROBOTS, Plan};
 pub use stats::Told;
 pub use truth::TruthView;
 
 use crate::error::{Failure, Kind, Result};
 use crate::services::map_server::MapService;
-use crate::services::router;
 use agents::{AgentSettings, Life};
 use robot_agent::clock::WorldTime;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};
 use stats::StatsService;
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
-use xtb_bus::{Bus, LINK_LEASE, Role, Service};
+use xtb_bus::{Bus, Service};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_nav::Map;
@@ -33,54 +33,17 @@ use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{Roster, RosterEntry};
-use xtb_sim::fixes::FixTruth;
 use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters, World};
 
-/// More robots than this do not fit one process at real time.
-pub const MAX_ROBOTS: usize = 500;
 /// Agents are alive within a second, hundreds one after the other on a busy machine: so long after the last
 /// one no more are expected.
 const NEXT_WITHIN: Duration = Duration::from_secs(60);
-/// Router and agents in one overloaded process are late with their keep-alives; where one of them dies, all do,
-/// and whoever is connected sees that at once. (Zenoh's own default.)
-const OWN_LINK_LEASE: Duration = Duration::from_secs(10);
 /// For an answer of the router, and for the rest of the agents when one has lost its name.
 const ALIVE_WITHIN: Duration = Duration::from_secs(1);
 /// Between two looks at the agents.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// For whoever serves a map already.
 const MAP_ANSWER_WITHIN: Duration = Duration::from_secs(2);
-
-/// What to simulate.
-#[derive(Debug, Clone)]
-pub struct Plan {
-    /// The fleet's name.
-    pub fleet: Name,
-    /// How many robots: `xtb-1` … `xtb-N`.
-    pub robots: usize,
-    /// The room; `None` = an empty one, large enough.
-    pub world: Option<World>,
-    /// What the robots are, in their order; those beyond are XTBs.
-    pub vehicles: Vec<VehicleConfig>,
-    /// Where the robots start; empty = the world's own choice.
-    pub starts: Vec<MapPose>,
-    /// Seed of every random number.
-    pub seed: u64,
-    /// Times real time.
-    pub speed: f64,
-    /// Its own router here, unless `connect` names others.
-    pub listen: String,
-    /// Routers to use instead of an own one.
-    pub connect: Vec<String>,
-    /// No agents, but two ptys a truck in this folder.
-    pub pty: Option<PathBuf>,
-    /// Where to write the truth at every step.
-    pub truth_log: Option<PathBuf>,
-    /// What measures the robots' poses.
-    pub fixes: FixTruth,
-    /// Folder where every agent records its steps.
-    pub record: Option<PathBuf>,
-}
 
 /// A running simulation.
 pub struct Simulator {
@@ -124,15 +87,15 @@ impl Simulator {
     /// # Errors
     /// An impossible plan or world, a port that is taken, a folder that cannot be used.
     pub async fn begin(plan: Plan) -> Result<Self> {
-        check(&plan)?;
+        plan.check()?;
         let mut vehicles = plan.vehicles.clone();
         vehicles.resize_with(plan.robots, VehicleConfig::default);
         let kinds: Vec<TruckParameters> = vehicles.iter().map(TruckParameters::of).collect();
         let world = plan.world.clone().unwrap_or_else(|| World::for_kinds(&kinds));
         let world_map = world.chart(CHART_RESOLUTION_M);
-        let simulation = simulation(&plan, &kinds, world)?;
+        let simulation = plan.simulation(&kinds, world)?;
         let roster = roster_of(&simulation)?;
-        let (bus, endpoint, connect) = session(&plan).await?;
+        let (bus, endpoint, connect) = plan.session().await?;
 
         let time = WorldTime::new();
         let keys = FleetKeys::new(plan.fleet.clone());
@@ -149,7 +112,7 @@ impl Simulator {
             connect: connect.clone(),
             record: plan.record.clone(),
             world_speed: plan.speed,
-            link_lease: link_lease(&plan),
+            link_lease: plan.link_lease(),
         };
         let agents = roster
             .robots
@@ -337,31 +300,6 @@ impl Simulator {
     }
 }
 
-fn check(plan: &Plan) -> Result<()> {
-    if plan.robots == 0 || plan.robots > MAX_ROBOTS {
-        let message = format!("{} robots cannot be simulated", plan.robots);
-        return Err(Failure::new(Kind::Usage, message).hint(format!("--robots takes 1 to {MAX_ROBOTS}")));
-    }
-    if !(plan.speed.is_finite() && (0.01..=1000.0).contains(&plan.speed)) {
-        let message = format!("the world cannot run at {} × real time", plan.speed);
-        return Err(Failure::new(Kind::Usage, message).hint("--speed takes 0.01 to 1000"));
-    }
-    Ok(())
-}
-
-fn simulation(plan: &Plan, kinds: &[TruckParameters], world: World) -> Result<Simulation> {
-    let names: Vec<String> = (1..=plan.robots).map(|n| format!("xtb-{n}")).collect();
-    let made = if plan.starts.is_empty() {
-        Simulation::of_kinds(world, kinds, &names, plan.seed)
-    } else {
-        let starts: Vec<_> = names.iter().map(String::as_str).zip(plan.starts.iter().copied()).collect();
-        Simulation::of_kinds_at(world, &kinds[..starts.len()], &starts, plan.seed)
-    };
-    made.map_err(|error| {
-        Failure::new(Kind::Config, error.to_string()).hint("fewer --robots, or a world with more room")
-    })
-}
-
 fn roster_of(simulation: &Simulation) -> Result<Roster> {
     let entry = |truck: &xtb_sim::Truck| {
         let name = Name::robot(truck.name()).map_err(|error| Failure::new(Kind::Usage, error.to_string()))?;
@@ -370,22 +308,6 @@ fn roster_of(simulation: &Simulation) -> Result<Roster> {
         Ok(RosterEntry { name, tags: Vec::new(), start_pose: Some(start) })
     };
     Ok(Roster { robots: simulation.trucks().iter().map(entry).collect::<Result<_>>()? })
-}
-
-/// Real agents, on ptys, and routers elsewhere notice a lost link as ever.
-fn link_lease(plan: &Plan) -> Duration {
-    let alone = plan.connect.is_empty() && plan.pty.is_none();
-    if alone { OWN_LINK_LEASE } else { LINK_LEASE }
-}
-
-/// The simulator's own session, where it can be reached, and where its agents connect.
-async fn session(plan: &Plan) -> Result<(Bus, String, Vec<String>)> {
-    if plan.connect.is_empty() {
-        let (bus, endpoint) = router::open_leased(&plan.listen, link_lease(plan)).await?;
-        return Ok((bus, endpoint.clone(), vec![endpoint]));
-    }
-    let bus = xtb_bus::open(&Role::Client { connect: plan.connect.clone() }).await?;
-    Ok((bus, plan.connect.join(", "), plan.connect.clone()))
 }
 
 type Lines = (Vec<TruckLines>, Vec<SimulatedHardware>, Option<ptys::PtyFolder>);

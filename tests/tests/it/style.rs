@@ -59,14 +59,20 @@ fn the_core_knows_no_clock_file_socket_or_thread() {
     none(&places(&folders, &words, &["map/ros/image.rs"]));
 }
 
-#[test]
-fn a_client_of_ones_own_needs_no_terminal_web_server_or_database() {
+/// What packages are built from, one package or feature a line.
+fn built_from(arguments: &[&str]) -> String {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
     let mut tree = std::process::Command::new(cargo);
-    tree.args(["tree", "--offline", "--locked", "-p", "xtb-client", "-e", "normal", "--prefix", "none"]);
+    tree.args(["tree", "--offline", "--locked", "--prefix", "none"]).args(arguments);
     let output = tree.current_dir(root()).output().unwrap();
-    let text = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success() && text.starts_with("xtb-client "), "{output:?}");
+    assert!(output.status.success(), "{output:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn a_client_of_ones_own_needs_no_terminal_web_server_or_database() {
+    let text = built_from(&["-p", "xtb-client", "-e", "normal"]);
+    assert!(text.starts_with("xtb-client "), "{text}");
     for crate_ in ["axum", "clap", "crossterm", "ratatui", "rusqlite", "mcap", "fleet-cli", "robot-agent"] {
         assert!(!text.lines().any(|line| line.split(' ').next() == Some(crate_)), "{crate_}\n{text}");
     }
@@ -117,7 +123,10 @@ fn every_module_says_what_it_is_for() {
 
 #[test]
 fn nothing_that_drives_a_robot_switches_a_guard_off() {
-    none(&places(&["robot-agent/src", "fleet-cli/src"], &[".without(", "set_guards", "Guards::"], &[]));
+    let words = ["with_guards", "set_guards", "Guards::"];
+    none(&places(&["robot-agent/src", "fleet-cli/src"], &words, &[]));
+    let text = built_from(&["-p", "robot-agent", "-p", "fleet-cli", "-e", "normal,features"]);
+    assert!(text.contains("xtb-robot ") && !text.contains("switchable-guards"), "{text}");
 }
 
 /// Texts that are not escaped where they are read: their form is checked.

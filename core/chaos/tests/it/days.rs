@@ -3,7 +3,7 @@
 
 use crate::draw::in_parallel;
 use xtb_chaos::{Options, Report};
-use xtb_robot::Guard;
+use xtb_robot::{Guard, Guards};
 
 /// Days that a run of the tests goes through, unless `XTB_DAYS` says otherwise (CI: 2,500).
 const DAYS: u64 = 500;
@@ -45,8 +45,8 @@ fn a_seed_is_one_history_whatever_else_runs() {
 fn every_rule_that_is_switched_off_is_found_out() {
     let find = |i: u64| {
         let guard = Guard::ALL[i as usize];
-        let broken =
-            |seed: &u64| xtb_chaos::run(*seed, Options { without: Some(guard) }).unwrap().violation.is_some();
+        let options = Options { guards: Guards::without(guard) };
+        let broken = |seed: &u64| xtb_chaos::run(*seed, options).unwrap().violation.is_some();
         (guard, (0..NOTICED).find(broken))
     };
     let found = in_parallel(0..Guard::ALL.len() as u64, find);

@@ -2,17 +2,16 @@
 //!
 //! Not everything on our keys is published: presence is a liveliness token, some keys only answer
 //! questions, and commands are questions between others. So an expression is compared with each kind
-//! of key, chunk by chunk.
+//! of key; Zenoh says whether they have keys in common, [`Plan::of`] which.
 
 use crate::error::{Error, ErrorKind, Result};
+use xtb_bus::intersect;
 use xtb_protocol::keys::any;
 
 /// Any chunk.
 const ANY: &str = "*";
 /// Any number of chunks, none too.
 const ANY_MANY: &str = "**";
-/// Any number of characters within a chunk.
-const ANY_PART: &str = "$*";
 
 /// Keys that carry published messages only.
 const PUBLISHED: [&str; 6] =
@@ -46,21 +45,21 @@ impl Plan {
         let asks = [any::STATE, any::ABOUT, any::SIM_ROSTER].map(|pattern| overlap(expression, pattern));
         let [states, abouts, rosters] = asks;
         let presence = overlap(expression, any::ALIVE);
-        let events = overlap(expression, any::EVENT);
+        let events = intersect(expression, any::EVENT);
         let maps = overlap(expression, any::MAP);
         let answers: Vec<String> = abouts.into_iter().chain(rosters).collect();
         match last_chunk(expression) {
             "alive" if !presence.is_empty() => return Ok(Self::Presence),
-            "event" if !events.is_empty() => return Ok(Self::Events),
+            "event" if events => return Ok(Self::Events),
             // Long, so not within wider expressions.
             "map" if !maps.is_empty() => return Ok(Self::Messages { ask: maps, presence: Vec::new() }),
             "about" | "roster" if !answers.is_empty() => return Ok(Self::Answers(answers)),
             _ => {}
         }
         let ask: Vec<String> = states.into_iter().chain(answers).collect();
-        let published = PUBLISHED.iter().any(|pattern| !overlap(expression, pattern).is_empty());
-        let shows_something = published || !(ask.is_empty() && presence.is_empty() && events.is_empty());
-        if !shows_something && !overlap(expression, any::CMD).is_empty() {
+        let published = events || PUBLISHED.iter().any(|pattern| intersect(expression, pattern));
+        let shows_something = published || !(ask.is_empty() && presence.is_empty());
+        if !shows_something && intersect(expression, any::CMD) {
             return Err(only_commands(expression));
         }
         Ok(Self::Messages { ask, presence })
@@ -79,7 +78,8 @@ fn last_chunk(expression: &str) -> &str {
     expression.rsplit('/').next().unwrap_or_default()
 }
 
-/// Expressions that together match what both `expression` and `pattern` (without `**`) match.
+/// Expressions that together match what both `expression` and `pattern` (without `**`) match. Zenoh knows
+/// whether there are such keys, but has no expression for them.
 fn overlap(expression: &str, pattern: &str) -> Vec<String> {
     let expression: Vec<&str> = expression.split('/').collect();
     let pattern: Vec<&str> = pattern.split('/').collect();
@@ -99,10 +99,11 @@ fn both<'a>(expression: &[&'a str], pattern: &[&'a str]) -> Vec<Vec<&'a str>> {
             }
             found
         }
-        ([ours, rest @ ..], [theirs, left @ ..]) => match chunk(ours, theirs) {
-            Some(shared) => both(rest, left).into_iter().map(|chunks| before(shared, chunks)).collect(),
-            None => Vec::new(),
-        },
+        ([ours, rest @ ..], [theirs, left @ ..]) if intersect(ours, theirs) => {
+            // Theirs is a word or any chunk.
+            let narrower = if *theirs == ANY { *ours } else { *theirs };
+            both(rest, left).into_iter().map(|chunks| before(narrower, chunks)).collect()
+        }
         _ => Vec::new(),
     }
 }
@@ -110,25 +111,6 @@ fn both<'a>(expression: &[&'a str], pattern: &[&'a str]) -> Vec<Vec<&'a str>> {
 fn before<'a>(first: &'a str, mut chunks: Vec<&'a str>) -> Vec<&'a str> {
     chunks.insert(0, first);
     chunks
-}
-
-/// What both chunks match; `theirs` is a word or [`ANY`].
-fn chunk<'a>(ours: &'a str, theirs: &'a str) -> Option<&'a str> {
-    match (ours, theirs) {
-        (_, ANY) => Some(ours),
-        (ANY, _) => Some(theirs),
-        _ => matches_word(ours, theirs).then_some(theirs),
-    }
-}
-
-/// Whether a chunk that may hold [`ANY_PART`] matches a word.
-fn matches_word(chunk: &str, word: &str) -> bool {
-    match chunk.split_once(ANY_PART) {
-        None => chunk == word,
-        Some((start, rest)) => word.strip_prefix(start).is_some_and(|left| {
-            left.char_indices().any(|(at, _)| matches_word(rest, &left[at..])) || matches_word(rest, "")
-        }),
-    }
 }
 
 #[cfg(test)]
@@ -189,17 +171,19 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_words_match_like_in_zenoh() {
-        for (chunk, word, matches) in [
-            ("state", "state", true),
-            ("st$*", "state", true),
-            ("$*te", "state", true),
-            ("s$*a$*e", "state", true),
-            ("state$*", "state", true),
-            ("x$*", "state", false),
-            ("s$*b", "state", false),
+    fn parts_of_words_match_as_zenoh_has_it() {
+        for (chunk, matches) in [
+            ("state", true),
+            ("st$*", true),
+            ("$*te", true),
+            ("s$*a$*e", true),
+            ("state$*", true),
+            ("x$*", false),
+            ("s$*b", false),
         ] {
-            assert_eq!(matches_word(chunk, word), matches, "{chunk} {word}");
+            let found = overlap(&format!("**/{chunk}"), any::STATE);
+            let wanted: &[&str] = if matches { &["xtb/*/*/state"] } else { &[] };
+            assert_eq!(found, wanted, "{chunk}");
         }
     }
 }

@@ -158,7 +158,8 @@ impl Path {
     }
 }
 
-/// The angle in (−π, π].
+/// The angle in (−π, π]. Not to the bit what [`xtb_control::frames::wrap_rad`] says of −2π and of angles beyond
+/// 8.5 turns, and plans and replays are compared to the bit: so there are both.
 #[must_use]
 pub fn wrap_rad(angle: f64) -> f64 {
     use std::f64::consts::{PI, TAU};

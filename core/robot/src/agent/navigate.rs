@@ -1,4 +1,4 @@
-//! The second level's place in the brain: where the robot is, which goals go along a path, and what the
+//! The second level's place in the brain: the map, pose fixes, which goals go along a path, and what the
 //! navigator's decisions become.
 
 use super::requests::Refusal;
@@ -178,13 +178,6 @@ impl Agent {
     /// A planned goal was accepted.
     pub(super) fn begin_path(&mut self, aim: TargetPose) {
         self.nav.begin(aim);
-    }
-
-    /// The odometry, into the filter.
-    pub(super) fn locate(&mut self, now: Stamp, view: View<'_>) {
-        // A pose that is not finite is left out: the odometry never makes one.
-        let _ = self.filter.odometry(now, &view.outputs.pose);
-        self.odometry_scale.learn(now, &self.filter.estimate(now));
     }
 
     /// What the navigator wants of the first level now.

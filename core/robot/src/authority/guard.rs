@@ -1,8 +1,9 @@
 //! Every rule that can make a robot stand or refuse, by name, with one switch for all of them.
 //!
 //! The switch is there for the mutation check of the virtual fleet (`docs/safety.md`): with a rule switched
-//! off, at least one seed must show a violation, or the rule is not tested. Nothing that drives a
-//! robot touches it (a test of the repository's style looks for that).
+//! off, at least one seed must show a violation, or the rule is not tested. It is built with the feature
+//! `switchable-guards` only, which tests ask for and no program does (a test of the repository's style looks
+//! for that): in the programs every rule is in force.
 
 /// A rule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -87,12 +88,23 @@ impl Guard {
     ];
 }
 
-/// Which rules are in force: all but at most one.
+/// Which rules are in force: all of them; for tests, all but at most one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Guards {
+    #[cfg(feature = "switchable-guards")]
     off: Option<Guard>,
 }
 
+#[cfg(not(feature = "switchable-guards"))]
+impl Guards {
+    /// Whether a rule is in force: always.
+    #[must_use]
+    pub const fn on(self, _guard: Guard) -> bool {
+        true
+    }
+}
+
+#[cfg(feature = "switchable-guards")]
 impl Guards {
     /// All but this one.
     #[must_use]

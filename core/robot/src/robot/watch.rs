@@ -12,11 +12,11 @@ use xtb_protocol::gyro_3dmg::EulerFrame;
 use xtb_protocol::messages::{BatteryLevel, Fault};
 
 impl Robot {
-    /// The same robot with one rule switched off, for the mutation check alone.
+    /// The same robot under these rules, for the mutation check alone.
     #[must_use]
-    pub fn without(mut self, guard: Guard) -> Self {
-        self.guards = Guards::without(guard);
-        self.agent.set_guards(self.guards);
+    pub fn with_guards(mut self, guards: Guards) -> Self {
+        self.guards = guards;
+        self.agent.set_guards(guards);
         self
     }
 

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use xtb_control::frames::MapPose;
 use xtb_control::{PwmCount, VehicleConfig};
 use xtb_protocol::messages::{BatteryLevel, Body, Fault, GoalStatus, LinkLoss};
-use xtb_robot::Guard;
+use xtb_robot::{Guard, Guards};
 use xtb_sim::{DriveFault, RangeFinderFault, SensorFaults, Transmitter, TruckParameters, World};
 
 fn whole(seed: u64) -> WholeRobot {
@@ -65,7 +65,7 @@ fn a_guard_that_is_switched_off_lets_the_truck_drive_on() {
         let drives_on = |off: bool| {
             let mut whole = whole(7);
             if off {
-                whole.robot = whole.robot.clone().without(guard);
+                whole.robot = whole.robot.clone().with_guards(Guards::without(guard));
             }
             whole.setpoint = Some((15.0, 0.0));
             whole.run_s(1.0);
@@ -84,7 +84,7 @@ fn without_the_obstacle_rule_the_truck_runs_into_the_wall_and_with_it_not() {
         let (world, parameters) = (World::from_toml(wall).unwrap(), TruckParameters::default());
         let mut whole = WholeRobot::new(world, &parameters, MapPose::default(), 3, &VehicleConfig::default());
         if off {
-            whole.robot = whole.robot.clone().without(Guard::Obstacle);
+            whole.robot = whole.robot.clone().with_guards(Guards::without(Guard::Obstacle));
         }
         whole.setpoint = Some((20.0, 0.0));
         whole.run_s(15.0);
@@ -120,7 +120,7 @@ fn a_stick_at_its_end_drives_hardly_faster_than_the_obstacle_rule_can_stop() {
     let fastest_mps = |off: bool, seed: u64| {
         let mut whole = whole(seed);
         if off {
-            whole.robot = whole.robot.clone().without(Guard::OverSpeed);
+            whole.robot = whole.robot.clone().with_guards(Guards::without(Guard::OverSpeed));
         }
         whole.truck().set_transmitter(stick);
         whole.run_s(0.5);

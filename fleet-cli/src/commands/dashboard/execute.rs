@@ -45,7 +45,7 @@ pub(crate) async fn goto(client: &Client, robot: Name, to: Point, take: bool) ->
 
 /// As `stop`: who has stopped, and who has not said so. `known` are the robots that pages have seen.
 pub(crate) async fn stop(client: &Client, known: &[Name], robot: Option<Name>) -> Result<Value> {
-    report(client, stop::stop(client, &targets(robot, known)).await)
+    report(client, stop::stop(client, &Targets::one_or_all(robot.as_ref(), known)).await)
 }
 
 /// As `estop`: who has acknowledged it, and who has not.
@@ -55,7 +55,8 @@ pub(crate) async fn estop(
     known: &[Name],
     robot: Option<Name>,
 ) -> Result<Value> {
-    report(client, estop::estop(client, &targets(robot, known), ctx.settings.timeout).await)
+    let targets = Targets::one_or_all(robot.as_ref(), known);
+    report(client, estop::estop(client, &targets, ctx.settings.timeout).await)
 }
 
 /// As `reset`: which latches are ended, and which remain.
@@ -109,13 +110,6 @@ pub(crate) async fn cancel(client: &Client, task: TaskId) -> Result<Value> {
     }
     let state = changes.tasks.first().and_then(|change| change.state);
     Ok(json!({ "task": task, "status": state.map(|state| reasons::name(&state)) }))
-}
-
-fn targets(robot: Option<Name>, known: &[Name]) -> Targets {
-    match robot {
-        Some(robot) => Targets::Robots(vec![robot]),
-        None => Targets::All { expect: Vec::new(), known: known.to_vec() },
-    }
 }
 
 fn report(client: &Client, (report, missing): (StopReport, MissingInfo)) -> Result<Value> {

@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::error::{Failure, Kind, Result};
 use crate::output::Tone;
 use crate::text::reasons;
-use crate::tui::top::{Command, Outcome, Target};
+use crate::tui::top::{Command, Outcome};
 use xtb_client::client::Client;
 use xtb_client::control::Control;
 use xtb_client::dispatcher_client::{DispatcherClient, worst};
@@ -45,9 +45,12 @@ async fn attempt(
 ) -> Result<(Tone, String)> {
     match command {
         Command::Estop(whom) => {
-            Ok(stopped(estop(client, &targets(whom, known), ctx.settings.timeout).await, "latched"))
+            let targets = Targets::one_or_all(whom.robot(), known);
+            Ok(stopped(estop(client, &targets, ctx.settings.timeout).await, "latched"))
         }
-        Command::Stop(whom) => Ok(stopped(stop(client, &targets(whom, known)).await, "stopped")),
+        Command::Stop(whom) => {
+            Ok(stopped(stop(client, &Targets::one_or_all(whom.robot(), known)).await, "stopped"))
+        }
         Command::Goto { robot, x_m, y_m, yaw_rad, take } => {
             let target = GoalTarget::Point { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad, via: None };
             let request = GoalRequest { target, within: None, on_link_loss: LinkLoss::Finish };
@@ -116,13 +119,6 @@ fn reset_all(ended: Vec<(Name, xtb_client::Result<ResetReport>)>) -> (Tone, Stri
     match wrong.is_empty() {
         true => (Tone::Good, text),
         false => (Tone::Bad, format!("{text}; {}", wrong.join("; "))),
-    }
-}
-
-fn targets(whom: &Target, known: &[Name]) -> Targets {
-    match whom {
-        Target::One(robot) => Targets::Robots(vec![robot.clone()]),
-        Target::All => Targets::All { expect: Vec::new(), known: known.to_vec() },
     }
 }
 

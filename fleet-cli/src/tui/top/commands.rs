@@ -23,6 +23,16 @@ pub(crate) enum Target {
     All,
 }
 
+impl Target {
+    /// The one, if it is one.
+    pub(crate) fn robot(&self) -> Option<&Name> {
+        match self {
+            Self::One(robot) => Some(robot),
+            Self::All => None,
+        }
+    }
+}
+
 /// Something that a robot is asked for.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Command {
@@ -127,10 +137,8 @@ impl Command {
 
     fn one(&self) -> Option<&Name> {
         match self {
-            Self::Estop(Target::All) | Self::Stop(Target::All) | Self::ResetAll { .. } | Self::Activate => {
-                None
-            }
-            Self::Estop(Target::One(robot)) | Self::Stop(Target::One(robot)) => Some(robot),
+            Self::Estop(whom) | Self::Stop(whom) => whom.robot(),
+            Self::ResetAll { .. } | Self::Activate => None,
             Self::Goto { robot, .. }
             | Self::Reset { robot, .. }
             | Self::Cancel { robot, .. }

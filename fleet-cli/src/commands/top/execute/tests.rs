@@ -1,6 +1,7 @@
 //! Commands, carried out on robots that the test plays.
 
 use super::*;
+use crate::tui::top::Target;
 use std::time::Duration;
 use xtb_client::fake::{FakeRobot, latch, name};
 use xtb_protocol::messages::{Body, GoalStatus, Latch};

@@ -1,0 +1,124 @@
+//! What the frames carry, each way, with their types and bounds, and what can be wrong with one.
+
+use crc::{CRC_32_ISO_HDLC, Crc};
+use thiserror::Error;
+use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
+use xtb_control::tpu::{ResetMask, Setup};
+use xtb_control::units::OutOfRange;
+
+pub(super) const CRC32: Crc<u32, crc::Table<16>> = Crc::<u32, crc::Table<16>>::new(&CRC_32_ISO_HDLC);
+
+pub(super) const TYPE_PWM: u8 = 0x10;
+pub(super) const TYPE_ENCODER: u8 = 0x11;
+pub(super) const TYPE_ADC: u8 = 0x12;
+pub(super) const TYPE_REMOTE: u8 = 0x13;
+pub(super) const TYPE_STATUS: u8 = 0x14;
+pub(super) const TYPE_SETUP: u8 = 0x18;
+pub(super) const TYPE_RESET: u8 = 0x19;
+
+/// Type, sequence, the longest payload, CRC.
+pub(super) const MAX_BODY: usize = 2 + 38 + 4;
+/// The longest frame on the wire: one COBS overhead byte and the delimiter.
+pub const MAX_FRAME: usize = MAX_BODY + 2;
+/// Most pulses that one encoder window can hold (12,000 rpm · 60 pulses, 5 % over).
+pub const MAX_PULSES: u16 = 660;
+/// Scans that tilt and piston readings are summed over (§4.8.3).
+pub const ADC_SCANS: u16 = 64;
+/// Battery reading of a board that does not measure it.
+pub(super) const NOT_FITTED: u16 = u16::MAX;
+/// Time count of a channel that saw no pulse.
+pub(super) const NO_PULSE: u16 = u16::MAX;
+/// Flags of a status frame.
+pub(super) const READY: u16 = 1;
+pub(super) const WATCHDOG: u16 = 2;
+
+/// What the board sends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FromBoard {
+    /// An encoder window closed.
+    Encoder {
+        /// Pulses in the window.
+        pulses: u16,
+    },
+    /// A scan of the converter is complete.
+    Adc {
+        /// Ranges, tilt and pistons.
+        sample: AdcSample,
+        /// Battery voltage in mV; `None` if the board does not measure it.
+        battery_mv: Option<u16>,
+    },
+    /// A frame of the receiver.
+    Remote(RemoteSample),
+    /// How the board is.
+    Status(BoardStatus),
+}
+
+/// What a board says of itself, every 100 ms and after each set-up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BoardStatus {
+    /// Firmware's version, major in the high byte.
+    pub firmware: u16,
+    /// Set up; a board that is not sends nothing but its status and keeps every output neutral.
+    pub ready: bool,
+    /// The watchdog holds motor and pistons neutral.
+    pub watchdog: bool,
+    /// [`Setup::checksum`] of the set-up in force.
+    pub setup_checksum: u16,
+    /// Frames that the board has refused, modulo 65,536.
+    pub rejected: u16,
+}
+
+/// What the agent sends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ToBoard {
+    /// Ten pulses.
+    Pwm(PwmOutputs),
+    /// How to configure itself (Fig. 8).
+    Setup(Setup),
+    /// Channels of the remote control to reset (Fig. 9).
+    Reset(ResetMask),
+}
+
+/// Why bytes were not a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum BoardError {
+    /// Longer than any frame.
+    #[error("no end of frame within {MAX_FRAME} bytes")]
+    TooLong,
+    /// Not valid COBS.
+    #[error("COBS encoding broken")]
+    Cobs,
+    /// Shorter than any frame.
+    #[error("frame of {0} bytes is too short")]
+    TooShort(usize),
+    /// The check sum does not match.
+    #[error("CRC is {got:#010x}, should be {expected:#010x}")]
+    Crc {
+        /// As received.
+        got: u32,
+        /// As computed.
+        expected: u32,
+    },
+    /// A frame of the board with the number of the one before: it hangs, and repeats itself.
+    #[error("frame number {0} came again")]
+    Repeated(u8),
+    /// A type that this side does not know.
+    #[error("unknown frame type {0:#04x}")]
+    UnknownType(u8),
+    /// The payload has the wrong length for its type.
+    #[error("frame type {kind:#04x} with {got} payload bytes, should be {expected}")]
+    Length {
+        /// Frame type.
+        kind: u8,
+        /// As received.
+        got: usize,
+        /// As specified.
+        expected: usize,
+    },
+    /// A value is out of its range.
+    #[error("{0}")]
+    Value(#[from] OutOfRange),
+    /// More pulses than the encoder can give.
+    #[error("{0} pulses in one window, the encoder gives at most {MAX_PULSES}")]
+    Pulses(u16),
+}

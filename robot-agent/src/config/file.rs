@@ -1,0 +1,213 @@
+//! The configuration's form: its sections with their defaults, and what the agent makes of them.
+
+use super::problem::ConfigProblem;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use xtb_bus::Role;
+use xtb_control::VehicleConfig;
+use xtb_control::config::{Allowed::*, ConfigError, Origin::*, Parameter, render_toml, validate};
+use xtb_control::config_section;
+use xtb_control::frames::MapPose;
+use xtb_nav::NavSettings;
+use xtb_nav::settings::{ArrivalSettings, DriveSettings, PoseSettings, UnknownSettings};
+use xtb_protocol::Name;
+use xtb_protocol::board::rates::LineRates;
+
+config_section! {
+    /// Who this robot is.
+    AgentSection "agent" {
+        name: String = "xtb-1".to_owned(), "", Text, Ours, "The robot's name: 1 to 32 of a-z, 0-9 and -.";
+        fleet: String = "lab".to_owned(), "", Text, Ours, "The fleet's name.";
+    }
+}
+
+config_section! {
+    /// How to reach the others.
+    ZenohSection "zenoh" {
+        mode: String = "client".to_owned(), "", OneOf(&["client", "peer"]), Ours, "client of a router, or peer found by multicast.";
+        connect: Vec<String> = vec!["tcp/127.0.0.1:7447".to_owned()], "", Text, Ours, "Routers to try.";
+    }
+}
+
+config_section! {
+    /// Where the truck is plugged in.
+    HardwareSection "hardware" {
+        kind: String = "none".to_owned(), "", OneOf(&["none", "serial", "simulated"]), Ours, "serial, or simulated: one truck alone in an empty room. Without either the agent does not start.";
+        board: String = "/dev/ttyUSB0".to_owned(), "", Text, Assumed, "The I/O board's serial port.";
+        gyro: String = "/dev/ttyUSB1".to_owned(), "", Text, Assumed, "The gyro's serial port.";
+        board_baud: u32 = 115_200, "baud", Range(1200.0, 4_000_000.0), Ours, "The board's rate. What its frames need is worked out from the periods; the memorandum's 9600 do not carry them.";
+        gyro_baud: u32 = 38_400, "baud", Range(1200.0, 115_200.0), Printed("§2.2"), "The gyro's rate.";
+        seed: u32 = 1, "", Range(0.0, 4_294_967_295.0), Ours, "Seed of the simulated truck.";
+    }
+}
+
+config_section! {
+    /// Where the truck stands at start, in the map (ENU).
+    StartPose "start_pose" {
+        x_m: f64 = 0.0, "m", Range(-1000.0, 1000.0), Ours, "East.";
+        y_m: f64 = 0.0, "m", Range(-1000.0, 1000.0), Ours, "North.";
+        yaw_rad: f64 = std::f64::consts::FRAC_PI_2, "rad", Range(-7.0, 7.0), Ours, "Counter-clockwise from east; π/2 = facing north.";
+    }
+}
+
+config_section! {
+    /// Planned goals: on which map.
+    MapSection "navigation" {
+        map: String = String::new(), "", Text, Ours, "Map to plan on, a YAML file of ROS's map_server; empty = the fleet's, from `fleet-cli map serve`.";
+    }
+}
+
+/// The second level: the map, and beside it the sections of [`NavSettings`].
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NavigationSection {
+    /// See [`MapSection`].
+    pub map: String,
+    /// Along a path.
+    pub drive: DriveSettings,
+    /// On arrival.
+    pub arrival: ArrivalSettings,
+    /// What is not on the map.
+    pub unknown: UnknownSettings,
+    /// Where it is.
+    pub pose: PoseSettings,
+}
+
+impl NavigationSection {
+    fn parameters(&self) -> Vec<Parameter> {
+        let mut all = MapSection { map: self.map.clone() }.parameters();
+        all.extend(self.settings().parameters());
+        all
+    }
+
+    /// How it drives.
+    #[must_use]
+    pub fn settings(&self) -> NavSettings {
+        let Self { drive, arrival, unknown, pose, .. } = self.clone();
+        NavSettings { drive, arrival, unknown, pose }
+    }
+}
+
+/// The whole file.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ConfigFile {
+    /// Who.
+    pub agent: AgentSection,
+    /// How to reach the others.
+    pub zenoh: ZenohSection,
+    /// Where plugged in.
+    pub hardware: HardwareSection,
+    /// Where it stands.
+    pub start_pose: StartPose,
+    /// The second level.
+    pub navigation: NavigationSection,
+    /// What it is.
+    pub vehicle: VehicleConfig,
+}
+
+/// What an agent needs to run, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AgentConfig {
+    /// Its fleet.
+    pub fleet: Name,
+    /// Its name.
+    pub robot: Name,
+    /// Peer instead of client.
+    pub peer: bool,
+    /// Routers to try.
+    pub connect: Vec<String>,
+    /// Where it stands at start.
+    pub start_pose: MapPose,
+    /// Its vehicle.
+    pub vehicle: VehicleConfig,
+    /// How it drives along paths.
+    pub navigation: NavSettings,
+    /// Its own map; `None` = the fleet's.
+    pub map: Option<PathBuf>,
+    /// Folder for a recording of every step.
+    pub record: Option<PathBuf>,
+    /// Times real time that its simulated world runs; 1 for every real robot.
+    pub world_speed: f64,
+}
+
+impl AgentConfig {
+    /// What its session is on the network.
+    #[must_use]
+    pub fn role(&self) -> Role {
+        let connect = self.connect.clone();
+        if self.peer { Role::Peer { connect } } else { Role::Client { connect } }
+    }
+}
+
+impl ConfigFile {
+    /// Whether every value is in its range, and the values fit each other.
+    pub(super) fn validate(&self) -> Result<(), ConfigError> {
+        validate(&self.own_parameters())?;
+        self.navigation.settings().validate()?;
+        self.vehicle.validate()?;
+        self.validate_rates()
+    }
+
+    fn own_parameters(&self) -> Vec<Parameter> {
+        let mut all = self.agent.parameters();
+        all.extend(self.zenoh.parameters());
+        all.extend(self.hardware.parameters());
+        all.extend(self.start_pose.parameters());
+        all.extend(self.navigation.parameters());
+        all
+    }
+
+    /// Serial lines that are too slow for what has to go over them are refused.
+    fn validate_rates(&self) -> Result<(), ConfigError> {
+        let hardware = &self.hardware;
+        if hardware.kind != "serial" {
+            return Ok(());
+        }
+        let board = LineRates::board(self.vehicle.encoder.window_s, self.vehicle.remote.period_ms);
+        for (name, baud, line) in [
+            ("hardware.board_baud", hardware.board_baud, board),
+            ("hardware.gyro_baud", hardware.gyro_baud, LineRates::gyro()),
+        ] {
+            line.check(baud).map_err(|too_slow| ConfigError::Conflict {
+                name: name.into(),
+                value: baud.to_string(),
+                reason: too_slow.to_string(),
+            })?;
+        }
+        Ok(())
+    }
+
+    /// All settings as commented TOML.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let own = render_toml("", &self.own_parameters());
+        format!(
+            "# Configuration of a robot-agent. Every line may be left out: these are the values in force.\n\
+             {own}{}",
+            render_toml("vehicle.", &self.vehicle.parameters())
+        )
+    }
+
+    /// What the agent needs, with names and planned speeds checked.
+    ///
+    /// # Errors
+    /// [`ConfigProblem::Name`]; [`ConfigProblem::Value`] for speeds from which this vehicle cannot stop.
+    pub fn agent(&self) -> Result<AgentConfig, ConfigProblem> {
+        let navigation = self.navigation.settings();
+        navigation.validate_for(&self.vehicle)?;
+        let StartPose { x_m, y_m, yaw_rad } = self.start_pose;
+        Ok(AgentConfig {
+            fleet: Name::new(&self.agent.fleet)?,
+            robot: Name::robot(&self.agent.name)?,
+            peer: self.zenoh.mode == "peer",
+            connect: self.zenoh.connect.clone(),
+            start_pose: MapPose { x_m, y_m, yaw_rad },
+            vehicle: self.vehicle.clone(),
+            map: (!self.navigation.map.is_empty()).then(|| PathBuf::from(&self.navigation.map)),
+            navigation,
+            record: None,
+            world_speed: 1.0,
+        })
+    }
+}
