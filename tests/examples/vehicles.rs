@@ -10,7 +10,8 @@ use std::process::ExitCode;
 #[tokio::main]
 async fn main() -> ExitCode {
     let argument = |place: usize| std::env::args().nth(place).and_then(|text| text.parse::<u32>().ok());
-    let (goals, seed, speed) = (argument(1).unwrap_or(40), argument(2).unwrap_or(1), argument(3).unwrap_or(4));
+    let (goals, seed, speed) =
+        (argument(1).unwrap_or(40), argument(2).unwrap_or(1), argument(3).unwrap_or(4));
     let drives = three_kinds(goals as usize, u64::from(seed), f64::from(speed)).await;
     println!(
         "seed {seed}: {} of {goals} reached, {} contacts, {:.0} s",

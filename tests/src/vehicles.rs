@@ -52,7 +52,8 @@ pub async fn three_kinds(goals: usize, seed: u64, speed: f64) -> Drives {
         let path = root.join("configs/vehicles").join(file);
         fleet_cli::vehicle_file::read(&path).unwrap_or_else(|failure| panic!("{failure}"))
     };
-    let world = std::fs::read_to_string(root.join("worlds/lab.toml")).unwrap_or_else(|error| panic!("{error}"));
+    let world =
+        std::fs::read_to_string(root.join("worlds/lab.toml")).unwrap_or_else(|error| panic!("{error}"));
     let fleet = Fleet::start(Setup {
         robots: 3,
         speed,
@@ -63,7 +64,8 @@ pub async fn three_kinds(goals: usize, seed: u64, speed: f64) -> Drives {
         ..Setup::default()
     })
     .await;
-    let settings = Settings { client: name("test"), ..Settings::new("lab").unwrap_or_else(|error| panic!("{error}")) };
+    let settings =
+        Settings { client: name("test"), ..Settings::new("lab").unwrap_or_else(|error| panic!("{error}")) };
     let client = Client::on(&settings, fleet.bus.clone());
     let map = fleet.simulator.map().unwrap_or_else(|| panic!("the world has no map"));
     let traffic = TrafficService::start(&client, map, Duration::from_secs(2)).await;

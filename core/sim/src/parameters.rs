@@ -204,13 +204,13 @@ impl TruckParameters {
     #[must_use]
     pub fn of(vehicle: &VehicleConfig) -> Self {
         let VehicleConfig { geometry, steering, encoder, tilt, pistons, .. } = vehicle;
-        let mut truth = Self::default();
-        truth.body = Body {
+        let body = Body {
             length_m: geometry.body_length_m,
             width_m: geometry.body_width_m,
             wheelbase_m: geometry.wheelbase_m,
             track_m: geometry.track_m,
         };
+        let mut truth = Self { body, ..Self::default() };
         truth.steering.front_centre = steering.front_centre;
         truth.steering.rear_centre = steering.rear_centre;
         truth.steering.range_counts = steering.range_counts;

@@ -82,7 +82,8 @@ impl Painter {
         }
         drawn.truck_ns = Some(at_ns);
         let at = Time::of_ns(at_ns);
-        let mut update = SceneUpdate { deletions: Vec::new(), entities: vec![parts::truck(at, name, drawn.body, state)] };
+        let mut update =
+            SceneUpdate { deletions: Vec::new(), entities: vec![parts::truck(at, name, drawn.body, state)] };
         let goal = state.goal.as_ref().filter(|goal| !goal.status.is_final());
         let route = state.nav.route.as_ref().filter(|_| goal.is_some());
         let release_mm = |release_m: f64| (release_m * 1000.0).max(0.0) as u64;

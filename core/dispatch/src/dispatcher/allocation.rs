@@ -85,7 +85,8 @@ impl Dispatcher {
                 && robot.other_holder(&self.identity.me).is_none()
                 && robot.blocked_since_ms.is_none();
             let Candidate { extra_m, .. } = candidate(robot)?;
-            let later = predicted_free::predict(task, &robot.car(), observed.pose, travel_cost).filter(|_| is_well)?;
+            let later = predicted_free::predict(task, &robot.car(), observed.pose, travel_cost)
+                .filter(|_| is_well)?;
             Some((robot, Candidate { extra_m: later.extra_m + extra_m, ..later }))
         });
         let mut busy: Vec<_> = busy.collect();

@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 use xtb_dispatch::assign::auction::RAISE_M;
 use xtb_dispatch::assign::{Candidate, Demand, INFEASIBLE, assign, auction, exact, solve};
 use xtb_dispatch::{OpenTravelCost, TravelCost};
-use xtb_nav::{Car, MapPose};
 use xtb_nav::geometry::reeds_shepp;
 use xtb_nav::rooms::Draw;
+use xtb_nav::{Car, MapPose};
 use xtb_protocol::messages::{TaskId, Waypoint};
 
 const CAR: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.4 };
@@ -157,7 +157,10 @@ fn distances_to_far_points_are_those_of_the_shortest_ways() {
 fn a_place_ahead_is_nearer_than_one_beside() {
     let pose = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
     let at = |x_m, y_m| Waypoint { x_m, y_m, yaw_rad: None };
-    for far in [OpenTravelCost.distance_m(&CAR, &pose, &at(0.0, 1.0)), OpenTravelCost.estimate_m(&CAR, &pose, &at(0.0, 1.0))] {
+    for far in [
+        OpenTravelCost.distance_m(&CAR, &pose, &at(0.0, 1.0)),
+        OpenTravelCost.estimate_m(&CAR, &pose, &at(0.0, 1.0)),
+    ] {
         assert!(far > 1.05, "{far}");
     }
     assert!((OpenTravelCost.distance_m(&CAR, &pose, &at(1.0, 0.0)) - 1.0).abs() < 1e-6);

@@ -34,7 +34,11 @@ fn the_robot_in_the_same_room_goes_and_not_the_one_behind_the_wall() {
     let task = [Demand { id: TaskId::new(1), level: 5, first: Some(to(1.0, 3.0)) }];
     let any = |_: usize, _: usize| Some(0.0);
     assert_eq!(assign(&task, &robots, &walled(10.0, true), &any), [(0, 1)]);
-    assert_eq!(assign(&task, &robots, &OpenTravelCost, &any), [(0, 0)], "without walls it would be the other one");
+    assert_eq!(
+        assign(&task, &robots, &OpenTravelCost, &any),
+        [(0, 0)],
+        "without walls it would be the other one"
+    );
 }
 
 #[test]
@@ -47,7 +51,8 @@ fn a_way_around_a_wall_is_as_long_as_it_is_and_one_in_the_open_as_before() {
     for (from, to) in
         [(at(1.0, 1.0), to(6.0, 2.0)), (at(8.5, 2.0), to(2.0, 3.0)), (at(9.0, 2.0), to(9.0, 7.0))]
     {
-        let (found_m, open_m) = (travel_cost.distance_m(&car, &from, &to), OpenTravelCost.distance_m(&car, &from, &to));
+        let (found_m, open_m) =
+            (travel_cost.distance_m(&car, &from, &to), OpenTravelCost.distance_m(&car, &from, &to));
         assert!((found_m - open_m).abs() < 0.02 * open_m, "{found_m}, in the open {open_m}");
     }
 }

@@ -539,7 +539,8 @@ fn other_limits_trust_earlier_or_later() {
     let truck = Truck::new(0.0, 0.0);
     let mut estimate = truck.filter.estimate(truck.now);
     (estimate.sigma_m, estimate.sigma_yaw_rad) = (0.05, 0.0);
-    let limits = UncertaintyLimits { slow_part: 0.2, stop_part: 0.4, cruise_mps: 0.3, least_mps: 0.1, reach_m: 0.32 };
+    let limits =
+        UncertaintyLimits { slow_part: 0.2, stop_part: 0.4, cruise_mps: 0.3, least_mps: 0.1, reach_m: 0.32 };
     assert_eq!(UncertaintySpeed::of(&estimate, 0.51, &limits), UncertaintySpeed::Full);
     let UncertaintySpeed::Slow { mps } = UncertaintySpeed::of(&estimate, 0.1 / 0.3, &limits) else {
         panic!("slow")

@@ -222,7 +222,7 @@ mod tests {
     use crate::{NavSettings, PoseFilter};
     use std::sync::Arc;
     use xtb_control::VehicleConfig;
-    use xtb_control::frames::OdomPose;
+    use xtb_control::odometry::OdomPose;
 
     const NOW: Stamp = Stamp::from_ms(1000);
     const START: MapPose = MapPose { x_m: 1.0, y_m: 0.5, yaw_rad: 0.0 };
@@ -255,7 +255,8 @@ mod tests {
             reason: None,
         };
         navigator.guide(NOW, Some(guidance), &[]);
-        let estimate = PoseFilter::new(&vehicle, FilterTuning::default(), NOW, &OdomPose::default(), &START).estimate(NOW);
+        let estimate = PoseFilter::new(&vehicle, FilterTuning::default(), NOW, &OdomPose::default(), &START)
+            .estimate(NOW);
         let (ir_front_cm, ir_rear_cm) = (&[None; 6], &[None; 6]);
         let sensed = Sensed {
             estimate: &estimate,
@@ -272,7 +273,9 @@ mod tests {
     fn a_path_that_is_not_for_this_vehicle_is_refused_with_the_reason() {
         let straight = Piece { length_m: 1.5, curvature_per_m: 0.0 };
         let refused = |decision: Decision, word: &str| match decision {
-            Decision::Failed(why) => assert!(why.starts_with("wrong_vehicle: ") && why.contains(word), "{why}"),
+            Decision::Failed(why) => {
+                assert!(why.starts_with("wrong_vehicle: ") && why.contains(word), "{why}")
+            }
             other => panic!("{other:?}"),
         };
         let taken = sent_along(0.4, straight);

@@ -37,7 +37,8 @@ impl Unknown {
     /// Something is in the way of a truck at (x, y). True if that is news.
     pub(super) fn report(&mut self, now: Stamp, at_m: [f64; 2], trucks: &[Truck]) -> bool {
         let [x_m, y_m] = at_m;
-        let is_truck = |truck: &Truck| Rect::body(&truck.car(), &truck.view.pose).distance_m(x_m, y_m) < TRUCK_M;
+        let is_truck =
+            |truck: &Truck| Rect::body(&truck.car(), &truck.view.pose).distance_m(x_m, y_m) < TRUCK_M;
         if !x_m.is_finite() || !y_m.is_finite() || trucks.iter().any(is_truck) {
             return false;
         }

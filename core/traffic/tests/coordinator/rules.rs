@@ -47,8 +47,7 @@ fn listen(coordinator: &mut Coordinator, from_ms: u64, views: &[RobotView]) -> V
 #[test]
 fn who_has_not_said_what_car_it_is_is_not_led_and_is_driven_around() {
     let mut coordinator = coordinator();
-    let unknown =
-        |car| RobotView { car, ..view("b", pose(2.0, 2.0, 0.0), Some((2, 1.0, 3.0))) };
+    let unknown = |car| RobotView { car, ..view("b", pose(2.0, 2.0, 0.0), Some((2, 1.0, 3.0))) };
     let a = view("a", pose(1.0, 1.0, 0.0), Some((1, 3.0, 3.0)));
     let told = listen(&mut coordinator, 1000, &[a.clone(), unknown(None)]);
     assert!(told[0].path.is_some() && told[1].path.is_none(), "{told:?}");
