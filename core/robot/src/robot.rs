@@ -11,6 +11,7 @@
 //! ```
 
 mod guards;
+mod inputs;
 mod lines;
 mod views;
 mod watch;
@@ -18,21 +19,19 @@ mod watch;
 use crate::agent::{Agent, Arrival, Identity, STICK_NEUTRAL_COUNTS, View};
 use crate::authority::guard::{Guard, Guards};
 use crate::faults::INPUT_LOST_MS;
-use crate::line::{Device, LINE_LOST_MS, LineWatch, PortTrouble};
+use crate::line::{Device, LineWatch};
 use crate::monitor::Monitors;
 use crate::step_log::{Step, StepLog};
-use std::sync::Arc;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup, SetupTask};
 use xtb_control::{Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
-use xtb_protocol::board::{BoardError, BoardStatus, Frame, FrameReader, FrameWriter, FromBoard};
-use xtb_protocol::gyro_3dmg::{GyroFrame, GyroReader, GyroStarter, START_CONTINUOUS};
+use xtb_protocol::board::{BoardStatus, Frame, FrameReader, FrameWriter};
+use xtb_protocol::gyro_3dmg::{GyroReader, GyroStarter, START_CONTINUOUS};
 use xtb_protocol::keys::Name;
 use xtb_protocol::messages::{InputAges, Reply, Request};
 
 pub use views::Readings;
 
-use guards::is_neutral_stick;
 use lines::{BoardLine, GyroLine};
 
 /// Length of a turn.
@@ -42,8 +41,6 @@ pub const PWM_FRAME_NS: u64 = 20_000_000;
 /// A turn that is this late: the board's watchdog (100 ms after the last frame) may have stopped the truck
 /// meanwhile, so what was under way is over.
 pub const LOOP_STALL_MS: u64 = 80;
-/// A line that is this long without a good frame is looked at for another device's.
-const SUSPICIOUS_MS: u64 = 50;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Heard {
@@ -155,99 +152,6 @@ impl Robot {
         }
     }
 
-    /// Bytes from the I/O board, read at `now`; each sample among them takes one controller step.
-    pub fn board_bytes(&mut self, now: Stamp, bytes: &[u8]) {
-        if bytes.is_empty() {
-            return;
-        }
-        if self.is_late(now) {
-            // The board's watchdog has fired because of us: no reason to set it up again.
-            self.board.excused_until = now.plus_ms(LINE_LOST_MS);
-        }
-        self.board.watch.bytes(now, bytes);
-        if self.board.watch.unwell_ms(now) > SUSPICIOUS_MS {
-            let watch = &mut self.board.watch;
-            self.board.foreign.push(bytes, |_| watch.foreign_frame());
-        }
-        let mut reader = std::mem::take(&mut self.board.reader);
-        reader.from_board(bytes, |frame| match frame {
-            Ok(frame) => {
-                self.board.watch.good_frame(now);
-                self.board_frame(now, frame);
-            }
-            // Whole, but not a board's: our own echo, or firmware of another version.
-            Err(BoardError::UnknownType(_)) => self.board.watch.foreign_frame(),
-            Err(BoardError::Repeated(_)) => self.board.watch.repeated_frame(),
-            Err(BoardError::Pulses(pulses)) => self.monitors.impossible_window(pulses),
-            Err(_) => {} // the reader counts it
-        });
-        self.board.reader = reader;
-    }
-
-    /// Until the board has confirmed its set-up, nothing but its status counts (Fig. 8).
-    fn board_frame(&mut self, now: Stamp, frame: FromBoard) {
-        self.heard.board = Some(now);
-        match frame {
-            FromBoard::Status(status) => {
-                self.newest.status = Some(status);
-                let was_done = self.setup.is_done();
-                let hears = self.board.hears_us(now, &status);
-                self.setup.confirm(status.ready && hears, status.setup_checksum);
-                if was_done && !self.setup.is_done() {
-                    self.lose_remote(now);
-                }
-            }
-            _ if !self.setup.is_done() => {}
-            FromBoard::Encoder { pulses } => {
-                self.heard.encoder = Some(now);
-                self.newest.pulses = pulses;
-                self.step(now, &Sample::Encoder { pulses: u32::from(pulses) });
-                self.watch_window(now, pulses);
-            }
-            FromBoard::Adc { sample, battery_mv } => {
-                self.heard.adc = Some(now);
-                (self.newest.adc, self.newest.battery_mv) = (Some(sample), battery_mv);
-                self.monitors.scan(self.controller.config(), now, &sample, battery_mv);
-                self.step(now, &Sample::Adc(self.seen(sample)));
-            }
-            FromBoard::Remote(sample) => {
-                self.heard.remote = Some(now);
-                self.newest.remote = sample;
-                self.remote_due = Some(now.plus_ns(self.remote_period_ns() * 3 / 2));
-                self.step(now, &Sample::Remote(sample));
-                self.stick_held &= !self.outputs.duties.speed.is_some_and(is_neutral_stick);
-            }
-        }
-    }
-
-    /// Bytes from the gyro, read at `now`.
-    pub fn gyro_bytes(&mut self, now: Stamp, bytes: &[u8]) {
-        if bytes.is_empty() {
-            return;
-        }
-        self.gyro.watch.bytes(now, bytes);
-        if self.gyro.watch.unwell_ms(now) > SUSPICIOUS_MS {
-            let watch = &mut self.gyro.watch;
-            self.gyro.foreign.from_board(bytes, |frame| {
-                if frame.is_ok() {
-                    watch.foreign_frame();
-                }
-            });
-        }
-        let mut reader = std::mem::take(&mut self.gyro.reader);
-        reader.push(bytes, |frame| match frame {
-            GyroFrame::Firmware(version) => self.gyro.starter.heard_firmware(version),
-            GyroFrame::Euler(frame) if self.is_repeated(now, &frame) => self.gyro.watch.repeated_frame(),
-            GyroFrame::Euler(frame) => {
-                self.gyro.watch.good_frame(now);
-                self.heard.gyro = Some(now);
-                self.newest.gyro = frame.angles;
-                self.step(now, &Sample::Gyro(frame.angles));
-            }
-        });
-        self.gyro.reader = reader;
-    }
-
     /// The only place where the controller takes a step.
     fn step(&mut self, now: Stamp, sample: &Sample) {
         let before = self.outputs.pose;
@@ -257,31 +161,6 @@ impl Robot {
             self.agent.rezeroed(&before, &self.outputs.pose);
         }
         self.step_log.push(now, sample, &self.outputs);
-    }
-
-    /// How the board's port is: `None` = open. What is plugged in again has to be set up again.
-    pub fn board_port(&mut self, now: Stamp, trouble: Option<(PortTrouble, &str)>) {
-        let opened = self.board.watch.port(now, trouble.map(|(kind, _)| kind));
-        keep_detail(&mut self.board.detail, trouble);
-        if trouble.is_some() || opened {
-            self.setup.forget();
-            self.board.reader.forget();
-            self.newest.status = None;
-            (self.board.open_since, self.board.starved, self.board.fed) = (now, None, false);
-            self.monitors.forget_board();
-            self.lose_remote(now);
-        }
-    }
-
-    /// How the gyro's port is: `None` = open.
-    pub fn gyro_port(&mut self, now: Stamp, trouble: Option<(PortTrouble, &str)>) {
-        let opened = self.gyro.watch.port(now, trouble.map(|(kind, _)| kind));
-        keep_detail(&mut self.gyro.detail, trouble);
-        if trouble.is_some() || opened {
-            self.gyro.starter.forget();
-            self.gyro.reader.forget();
-            self.monitors.forget_gyro();
-        }
     }
 
     /// One request of a client.
@@ -409,13 +288,5 @@ impl Robot {
             remote: age(self.heard.remote),
             setpoint: self.agent.setpoint_age_ms(now),
         }
-    }
-}
-
-fn keep_detail(kept: &mut Option<Arc<str>>, trouble: Option<(PortTrouble, &str)>) {
-    match trouble {
-        None => *kept = None,
-        Some((_, words)) if kept.as_deref() != Some(words) => *kept = Some(words.into()),
-        Some(_) => {}
     }
 }

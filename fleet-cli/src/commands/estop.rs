@@ -1,7 +1,6 @@
 //! `estop`: robots stand, latched, until somebody resets them.
 
-use super::stopped::{self, Report};
-use super::unknown_robots;
+use super::stopped;
 use crate::cli::EstopArgs;
 use crate::context::Context;
 use crate::error::{Exit, Result};
@@ -17,15 +16,7 @@ pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     let client = Client::open(&ctx.settings).await?;
     let targets = args.who.targets();
     let calling = estop(&client, &targets, ctx.settings.timeout);
-    let robots = &args.who.robots;
-    let beside = unknown_robots::reported_beside(calling, ctx, &client, robots, "told to stop");
-    let ((stopped, missing), unknown_robots) = beside.await;
-    if stopped.robots.is_empty() {
-        return Err(missing.alive.unwrap_or_else(|| client.nobody()).into());
-    }
-    let report = Report { stopped, unknown_robots };
-    ctx.out.result(&report, |report| report.table("stopped (latched)", &ctx.out))?;
-    stopped::warn(ctx, &missing);
+    let report = stopped::shown(ctx, &client, &args.who, calling, "stopped (latched)").await?;
     if !ctx.out.json {
         ctx.out.note("`fleet-cli reset ROBOT` ends it; it is no safety-rated stop");
         if args.who.all && DispatcherClient::of(&client).is_there().await {

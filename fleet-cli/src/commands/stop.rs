@@ -1,7 +1,6 @@
 //! `stop`: robots drop their goals and stand.
 
-use super::stopped::{self, Report};
-use super::unknown_robots;
+use super::stopped;
 use crate::cli::StopArgs;
 use crate::context::Context;
 use crate::error::{Exit, Result};
@@ -15,16 +14,7 @@ use xtb_client::stop::stop;
 pub async fn run(ctx: &Context, args: &StopArgs) -> Result<Exit> {
     let client = Client::open(&ctx.settings).await?;
     let targets = args.who.targets();
-    let calling = stop(&client, &targets);
-    let robots = &args.who.robots;
-    let beside = unknown_robots::reported_beside(calling, ctx, &client, robots, "told to stop");
-    let ((stopped, missing), unknown_robots) = beside.await;
-    if stopped.robots.is_empty() {
-        return Err(missing.alive.unwrap_or_else(|| client.nobody()).into());
-    }
-    let report = Report { stopped, unknown_robots };
-    ctx.out.result(&report, |report| report.table("stopped", &ctx.out))?;
-    stopped::warn(ctx, &missing);
+    let report = stopped::shown(ctx, &client, &args.who, stop(&client, &targets), "stopped").await?;
     client.close().await;
     Ok(report.exit())
 }

@@ -1,11 +1,14 @@
 //! What `stop` and `estop` print: who has stopped, who has not said so, and whether these were all.
 
+use super::unknown_robots;
+use crate::cli::WhoArgs;
 use crate::context::Context;
-use crate::error::Exit;
+use crate::error::{Exit, Result};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use xtb_client::client::Client;
 use xtb_client::multi_robot::{MissingInfo, StopOutcome, StopReport};
 use xtb_protocol::Name;
 
@@ -13,10 +16,10 @@ use xtb_protocol::Name;
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     #[serde(flatten)]
-    pub(super) stopped: StopReport,
+    stopped: StopReport,
     /// Who was named and is unknown to roster and fleet, with who was probably meant.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub(super) unknown_robots: BTreeMap<Name, Option<Name>>,
+    unknown_robots: BTreeMap<Name, Option<Name>>,
 }
 
 impl Report {
@@ -31,7 +34,7 @@ impl Report {
     }
 
     /// A row for each robot; `stopped` is what that is called.
-    pub(super) fn table(&self, stopped: &str, out: &Output) -> String {
+    fn table(&self, stopped: &str, out: &Output) -> String {
         let mut table = Table::new(&["name", "outcome"]);
         for (robot, outcome) in &self.stopped.robots {
             let outcome = match outcome {
@@ -55,8 +58,30 @@ impl Report {
     }
 }
 
+/// Waits for what `calling` brings, and shows it; `stopped` is what that is called.
+///
+/// # Errors
+/// Nobody to stop.
+pub(super) async fn shown(
+    ctx: &Context,
+    client: &Client,
+    who: &WhoArgs,
+    calling: impl Future<Output = (StopReport, MissingInfo)>,
+    stopped: &str,
+) -> Result<Report> {
+    let beside = unknown_robots::reported_beside(calling, ctx, client, &who.robots, "told to stop");
+    let ((found, missing), unknown_robots) = beside.await;
+    if found.robots.is_empty() {
+        return Err(missing.alive.unwrap_or_else(|| client.nobody()).into());
+    }
+    let report = Report { stopped: found, unknown_robots };
+    ctx.out.result(&report, |report| report.table(stopped, &ctx.out))?;
+    warn(ctx, &missing);
+    Ok(report)
+}
+
 /// Says why nobody can tell whether these were all robots.
-pub(super) fn warn(ctx: &Context, missing: &MissingInfo) {
+fn warn(ctx: &Context, missing: &MissingInfo) {
     if ctx.out.json || missing.none() {
         return;
     }

@@ -9,6 +9,7 @@ mod assign;
 mod dispatch;
 mod event;
 mod fault;
+mod goal;
 mod latch;
 mod log;
 mod map;
@@ -30,6 +31,7 @@ pub use dispatch::{
 };
 pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};
+pub use goal::{GoalEnd, GoalKind, GoalState, GoalStatus};
 pub use latch::{Latch, LatchState};
 pub use log::{LogCode, LogFile, LogReply, LogRequest, MAX_LOG_NAME, MAX_LOGS, MAX_PIECE, RecordingName};
 pub use map::{
@@ -47,8 +49,8 @@ pub use request::{
 pub use sensors::Sensors;
 pub use sim::{Roster, RosterEntry, SLOW_BELOW, SimStats, Truth, TruthRobot};
 pub use state::{
-    BatteryLevel, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, LeaseState, ObstacleView, PoseSource,
-    PoseState, Rejected, RobotState, StopReason, TiltState,
+    BatteryLevel, InputAges, LeaseState, ObstacleView, PoseSource, PoseState, Rejected, RobotState,
+    StopReason, TiltState,
 };
 pub use suspension::{Suspension, SuspensionCause};
 pub use task::{

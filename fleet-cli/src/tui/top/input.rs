@@ -4,6 +4,81 @@ use super::*;
 use crate::text::task as task_text;
 
 impl Cockpit {
+    pub(super) fn press(&mut self, press: Press, scene: &Scene, now_ms: AtMs) -> Vec<Action> {
+        let sights = sights(scene, &self.setup.robots, now_ms);
+        self.settle(&sights);
+        match press {
+            Press::EstopAll => return self.stop(Command::Estop(Target::All), now_ms),
+            Press::StopAll => return self.stop(Command::Stop(Target::All), now_ms),
+            Press::Estop => return self.stop_selected(Command::Estop, now_ms),
+            Press::Stop => return self.stop_selected(Command::Stop, now_ms),
+            Press::Leave => return self.leave(now_ms),
+            _ if self.leaving > 0 => return Vec::new(),
+            _ => {}
+        }
+        if let Some(Modal::Question(question)) = self.over.take_if(|over| matches!(over, Modal::Question(_)))
+        {
+            return match (press, question.yes) {
+                (Press::Yes, Wish::Command(command)) => self.wish(command, now_ms),
+                (Press::Yes, Wish::Grip { robot, take }) => self.grip(robot, take, now_ms),
+                _ => Vec::new(),
+            };
+        }
+        match press {
+            Press::Back if self.over.is_some() => self.over = None,
+            Press::Back | Press::Teleop if self.grip.is_some() => return self.let_go(now_ms, "let go"),
+            Press::Back => return self.leave(now_ms),
+            Press::Help => self.toggle(Modal::Help),
+            Press::Why => self.toggle(Modal::Why),
+            Press::Pane => self.pane = if self.pane == Pane::Events { Pane::Tasks } else { Pane::Events },
+            Press::Zoom(nearer) => self.view.zoom(nearer, self.point_of_interest(&sights)),
+            Press::Whole => self.view.whole(),
+            Press::Follow => self.view.follow(),
+            Press::Pan(east, north) => self.view.pan(east, north),
+            _ if self.grip.is_some() => self.commands.tell(now_ms, Tone::Warning, LET_GO_FIRST),
+            Press::Step(by) => self.step(&sights, by),
+            Press::Number(number) => self.select_number(&sights, number),
+            Press::Cursor(right, up, many) => return self.arrow(&sights, right, up, many),
+            Press::Home => self.cursor = self.place(&sights).map(|at| Cursor { yaw_rad: None, ..at }),
+            Press::Turn(by) => self.turn(f64::from(by)),
+            Press::AnyYaw => self.cursor = self.cursor.map(|at| Cursor { yaw_rad: None, ..at }),
+            Press::Pause if self.playing.is_some() => return vec![Action::Pause],
+            Press::Teleop => {
+                return self.selected.clone().map_or_else(Vec::new, |robot| self.grip(robot, false, now_ms));
+            }
+            Press::Go => return self.go(now_ms),
+            Press::Reset => self.reset(&sights, scene, now_ms),
+            Press::ResetAll => self.reset_all(&sights, scene, now_ms),
+            Press::Activate => self.activate(scene, now_ms),
+            Press::Cancel => return self.cancel(&sights, now_ms),
+            _ => {}
+        }
+        Vec::new()
+    }
+
+    /// Whether a key steers the robot that is driven.
+    pub(super) fn steers(&mut self, key: &KeyEvent, now_ms: AtMs) -> bool {
+        let Some(Grip::Driving { keyboard, .. }) = &mut self.grip else { return false };
+        if key.modifiers.intersects(KeyModifiers::CONTROL | KeyModifiers::ALT) {
+            return false;
+        }
+        let wheel = match key.code {
+            KeyCode::Up => TeleopKey::Ahead,
+            KeyCode::Down => TeleopKey::Astern,
+            KeyCode::Left => TeleopKey::Left,
+            KeyCode::Right => TeleopKey::Right,
+            KeyCode::Char(' ') => TeleopKey::Stop,
+            _ => return false,
+        };
+        let touch = match key.kind {
+            KeyEventKind::Press => Touch::Press,
+            KeyEventKind::Repeat => Touch::Repeat,
+            KeyEventKind::Release => Touch::Release,
+        };
+        keyboard.key(Stamp::from_ms(now_ms), wheel, touch);
+        true
+    }
+
     /// Somebody is always selected, if there is anybody.
     pub(super) fn settle(&mut self, sights: &[ShownRobot<'_>]) {
         let there = |name: &Name| sights.iter().any(|sight| sight.name == name);
