@@ -1,5 +1,6 @@
 //! Pictures of `top` for the documentation, from the real program and a real simulated fleet:
 //! writes `top-80x24.svg` and `top-160x50.svg` into a folder. `docs/images/top.sh` makes PNGs of them.
+//! A cell's text is centred and has its own weight and opacity: no plot, so the SVG is written by hand.
 
 #![allow(clippy::unwrap_used)] // a picture that cannot be made shall say where
 

@@ -68,7 +68,7 @@ fn main() {
     if wanted.is_none_or(|wanted| wanted == "plot") {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/images/room-of-ten.svg");
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(&path, plot::svg(&circle(10, 1, &mut |_, _| {}))).unwrap();
+        plot::draw(&path, &circle(10, 1, &mut |_, _| {}));
         println!("\n{}", path.canonicalize().unwrap().display());
     }
 }

@@ -5,7 +5,9 @@
 
 #![allow(clippy::print_stdout)]
 
-use std::fmt::Write as _;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use std::error::Error;
 use std::process::ExitCode;
 use std::time::Instant;
 use xtb_dispatch::OpenTravelCost;
@@ -17,7 +19,7 @@ use xtb_protocol::messages::{TaskId, Waypoint};
 const TRAVEL_COST: OpenTravelCost = OpenTravelCost { radius_m: 0.4 };
 const ROBOTS: [usize; 7] = [10, 20, 50, 100, 200, 500, 1000];
 const TASKS: [usize; 3] = [100, 1000, 10_000];
-const COLOURS: [&str; 3] = ["#0072b2", "#e69f00", "#d55e00"];
+const COLOURS: [RGBColor; 3] = [RGBColor(0, 0x72, 0xb2), RGBColor(0xe6, 0x9f, 0), RGBColor(0xd5, 0x5e, 0)];
 
 /// Ten thousand tasks and a thousand robots take less than a second.
 const LIMIT_MS: f64 = 1000.0;
@@ -50,7 +52,7 @@ fn round_ms(robots: usize, tasks: usize, depot: bool) -> f64 {
     best.fold(f64::INFINITY, f64::min)
 }
 
-fn main() -> std::io::Result<ExitCode> {
+fn main() -> Result<ExitCode, Box<dyn Error>> {
     println!("| robots | tasks | spread, ms | one depot, ms |\n| ---: | ---: | ---: | ---: |");
     let mut lines: Vec<Line> = Vec::new();
     for (i, tasks) in TASKS.into_iter().enumerate() {
@@ -64,7 +66,7 @@ fn main() -> std::io::Result<ExitCode> {
         lines.extend([(i, false, spread), (i, true, depot)]);
     }
     if let Some(path) = std::env::args().nth(1) {
-        std::fs::write(path, plot(&lines))?;
+        plot(&path, &lines)?;
     }
     let longest_ms = lines.iter().flat_map(|(_, _, took)| took).map(|(_, ms)| *ms).fold(0.0, f64::max);
     println!("\nlongest: {longest_ms:.1} ms of at most {LIMIT_MS}");
@@ -72,45 +74,42 @@ fn main() -> std::io::Result<ExitCode> {
 }
 
 /// Both axes logarithmic: robots 10 to 1000, 0.1 to 10,000 ms.
-fn plot(lines: &[Line]) -> String {
-    let x = |robots: f64| 60.0 + 260.0 * (robots.log10() - 1.0);
-    let y = |ms: f64| 340.0 - 60.0 * (ms.max(0.1).log10() + 1.0);
-    let mut svg = String::from(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"720\" height=\"390\" font-family=\"sans-serif\" \
-         font-size=\"12\"><rect width=\"720\" height=\"390\" fill=\"white\"/>\n",
-    );
-    for power in -1..=4 {
-        let ms = 10_f64.powi(power);
-        let _ = writeln!(
-            svg,
-            "<path d=\"M60 {0} H580\" stroke=\"#ddd\"/><text x=\"54\" y=\"{1}\" text-anchor=\"end\">{ms} ms</text>",
-            y(ms),
-            y(ms) + 4.0
-        );
-    }
-    for robots in [10, 100, 1000] {
-        let at = x(f64::from(robots));
-        let _ = writeln!(svg, "<text x=\"{at}\" y=\"360\" text-anchor=\"middle\">{robots} robots</text>");
-    }
-    for (i, depot, points) in lines {
-        let path: Vec<String> =
-            points.iter().map(|(robots, ms)| format!("{:.1} {:.1}", x(*robots as f64), y(*ms))).collect();
-        let dash = if *depot { " stroke-dasharray=\"5 4\"" } else { "" };
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\"{dash}/>",
-            path.join(" L"),
-            COLOURS[*i]
-        );
-        if let (Some((_, ms)), false) = (points.last(), depot) {
-            let _ = writeln!(
-                svg,
-                "<text x=\"590\" y=\"{:.1}\" fill=\"{}\">{} tasks</text>",
-                y(*ms) + 4.0,
-                COLOURS[*i],
-                TASKS[*i]
-            );
+fn plot(file: &str, lines: &[Line]) -> Result<(), Box<dyn Error>> {
+    let root = SVGBackend::new(file, (720, 390)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let robots = (10.0..1000.0_f64).log_scale().with_key_points(vec![10.0, 100.0, 1000.0]);
+    let ms = (0.1..10_000.0_f64).log_scale();
+    let ms = ms.with_key_points(vec![0.1, 1.0, 10.0, 100.0, 1000.0, 10_000.0]);
+    let mut chart = ChartBuilder::on(&root)
+        .margin(10)
+        .margin_right(120)
+        .x_label_area_size(50)
+        .y_label_area_size(70)
+        .build_cartesian_2d(robots, ms)?;
+    chart
+        .configure_mesh()
+        .disable_x_mesh()
+        .bold_line_style(RGBColor(0xdd, 0xdd, 0xdd))
+        .label_style(("sans-serif", 15))
+        .x_label_formatter(&|robots: &f64| format!("{robots} robots"))
+        .y_label_formatter(&|ms: &f64| format!("{ms} ms"))
+        .x_desc("one round of assignment; dashed: all robots in one place")
+        .draw()?;
+    for (i, depot, took) in lines {
+        let points: Vec<(f64, f64)> = took.iter().map(|(n, ms)| (*n as f64, ms.max(0.1))).collect();
+        let style = COLOURS[*i].stroke_width(2);
+        if *depot {
+            chart.draw_series(DashedLineSeries::new(points, 5, 4, style))?;
+        } else {
+            if let Some(last) = points.last() {
+                let (x, y) = chart.backend_coord(last);
+                let font = ("sans-serif", 15).into_font().color(&COLOURS[*i]);
+                let font = font.pos(Pos::new(HPos::Left, VPos::Center));
+                root.draw_text(&format!("{} tasks", TASKS[*i]), &font, (x + 10, y))?;
+            }
+            chart.draw_series(LineSeries::new(points, style))?;
         }
     }
-    svg + "<text x=\"60\" y=\"382\">one round of assignment; dashed: all robots in one place</text>\n</svg>\n"
+    root.present()?;
+    Ok(())
 }

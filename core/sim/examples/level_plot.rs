@@ -10,8 +10,9 @@ mod agent;
 mod levelling;
 
 use levelling::{LEVEL_DEG, Levelling, on_slope};
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
 use std::f64::consts::PI;
-use std::fmt::Write;
 use std::path::Path;
 use xtb_control::vehicle::Platform;
 
@@ -19,24 +20,31 @@ const SLOPE_DEG: f64 = 4.0;
 /// The slope of the plot rises ahead and a little to the left: both axes have work to do.
 const BEARING_RAD: f64 = PI / 6.0;
 const TRUCKS: u64 = 25;
-const CONTROLLERS: [(Platform, &str, &str); 2] = [
-    (Platform::Balance, "balance controller (§4.8.3)", "stroke=\"#1f5fbf\""),
-    (Platform::Pid, "platform PID (§4.8.2)", "stroke=\"#c4560a\" stroke-dasharray=\"7 3\""),
+/// With the colour, dash and gap in pixels of their lines; the first one's dash never ends.
+const CONTROLLERS: [(Platform, &str, RGBColor, [i32; 2]); 2] = [
+    (Platform::Balance, "balance controller (§4.8.3)", RGBColor(0x1f, 0x5f, 0xbf), [10_000, 0]),
+    (Platform::Pid, "platform PID (§4.8.2)", RGBColor(0xc4, 0x56, 0x0a), [7, 3]),
 ];
+const LEVEL: RGBAColor = RGBAColor(0x2a, 0x8a, 0x2a, 0.18);
+const GRID: RGBColor = RGBColor(0xcc, 0xcc, 0xcc);
+/// What the plot shows.
+const LONGEST_S: f64 = 1.5;
+const LEAST_DEG: f64 = -4.5;
+const MOST_DEG: f64 = 1.5;
 
 fn main() {
     println!(
         "| controller | runs | settled after: least | median | most | left: most | pushed an end stop |"
     );
     println!("| --- | ---: | ---: | ---: | ---: | ---: | ---: |");
-    for (controller, name, _) in CONTROLLERS {
+    for (controller, name, ..) in CONTROLLERS {
         row(controller, name);
     }
     let courses = CONTROLLERS
         .map(|(controller, ..)| Levelling::watch(on_slope(controller, SLOPE_DEG, BEARING_RAD, 2), 6.0));
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/levelling.svg");
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    std::fs::write(&path, svg(&courses)).unwrap();
+    draw(&path, &courses).unwrap();
     println!("\n{}", path.canonicalize().unwrap().display());
 }
 
@@ -63,104 +71,49 @@ fn row(controller: Platform, name: &str) {
     );
 }
 
-/// A panel's place and scales, in pixels.
-const LEFT: f64 = 62.0;
-const WIDTH: f64 = 600.0;
-const HEIGHT: f64 = 170.0;
-const TOPS: [f64; 2] = [62.0, 252.0];
-const LONGEST_S: f64 = 1.5;
-const LEAST_DEG: f64 = -4.5;
-const MOST_DEG: f64 = 1.5;
-
-fn x_px(s: f64) -> f64 {
-    LEFT + s / LONGEST_S * WIDTH
-}
-
-fn y_px(top: f64, deg: f64) -> f64 {
-    top + (MOST_DEG - deg) / (MOST_DEG - LEAST_DEG) * HEIGHT
-}
-
-fn svg(courses: &[Levelling; 2]) -> String {
-    let mut svg = String::from(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 690 480\" width=\"690\" height=\"480\" \
-         font-family=\"sans-serif\" font-size=\"12\" fill=\"#222\">\n\
-         <rect width=\"690\" height=\"480\" fill=\"#fff\"/>\n",
-    );
-    for (i, (_, name, stroke)) in CONTROLLERS.iter().enumerate() {
-        let x = LEFT + 4.0 + 205.0 * i as f64;
-        line(&mut svg, (x, 30.0), (x + 32.0, 30.0), &format!("{stroke} stroke-width=\"2\""));
-        text(&mut svg, (x + 38.0, 34.0), "", name);
-    }
-    let x = LEFT + 4.0 + 410.0;
-    rect(&mut svg, (x, 22.0), (32.0, 16.0), "fill=\"#d8ecd8\"");
-    text(&mut svg, (x + 38.0, 34.0), "", &format!("level: ±{LEVEL_DEG}° (both axes)"));
-    for (panel, top) in TOPS.into_iter().enumerate() {
-        axes(&mut svg, top, ["pitch Φx in °", "roll Φy in °"][panel]);
-        for (course, (_, _, stroke)) in courses.iter().zip(CONTROLLERS) {
-            curve(&mut svg, top, course, panel, stroke);
+/// Pitch above, roll below.
+fn draw(file: &Path, courses: &[Levelling; 2]) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
+    let root = SVGBackend::new(file, (900, 640)).into_drawing_area();
+    root.fill(&WHITE)?;
+    for (axis, panel) in root.split_evenly((2, 1)).iter().enumerate() {
+        let mut chart = ChartBuilder::on(panel)
+            .margin(12)
+            .x_label_area_size(46)
+            .y_label_area_size(56)
+            .build_cartesian_2d(0.0..LONGEST_S, LEAST_DEG..MOST_DEG)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(GRID)
+            .label_style(("sans-serif", 16))
+            .x_labels(8)
+            .y_labels(7)
+            .x_label_formatter(&|s: &f64| format!("{s:.1}"))
+            .y_label_formatter(&|deg: &f64| (deg.round() as i32).to_string().replace('-', "−"))
+            .x_desc("time since the first reading in s")
+            .y_desc(["pitch Φx in °", "roll Φy in °"][axis])
+            .draw()?;
+        let band = Rectangle::new([(0.0, -LEVEL_DEG), (LONGEST_S, LEVEL_DEG)], LEVEL.filled());
+        chart
+            .draw_series([band])?
+            .label(format!("level: ±{LEVEL_DEG}° (both axes)"))
+            .legend(|(x, y)| Rectangle::new([(x, y - 6), (x + 24, y + 6)], LEVEL.filled()));
+        for (course, (_, name, colour, [dash, gap])) in courses.iter().zip(CONTROLLERS) {
+            let shown = course.course.iter().take_while(|(s, ..)| *s <= LONGEST_S);
+            let line: Vec<(f64, f64)> = shown.map(|&(s, x_deg, y_deg)| (s, [x_deg, y_deg][axis])).collect();
+            let (thick, thin) = (colour.stroke_width(2), colour.stroke_width(1));
+            let settled_s = course.settled_s().unwrap();
+            chart
+                .draw_series(DashedLineSeries::new(line, dash, gap, thick))?
+                .label(format!("{name}, settled: {settled_s:.2} s"))
+                .legend(move |(x, y)| DashedPathElement::new(vec![(x, y), (x + 24, y)], dash, gap, thick));
+            let upright = [(settled_s, LEAST_DEG), (settled_s, MOST_DEG)];
+            chart.draw_series(DashedLineSeries::new(upright, dash, gap, thin))?;
         }
-    }
-    let foot = TOPS[1] + HEIGHT;
-    for tick in 0..=6 {
-        let s = 0.25 * f64::from(tick);
-        text(&mut svg, (x_px(s), foot + 17.0), "text-anchor=\"middle\"", &format!("{s}"));
-    }
-    text(
-        &mut svg,
-        (LEFT + WIDTH / 2.0, foot + 36.0),
-        "text-anchor=\"middle\"",
-        "time since the first reading in s",
-    );
-    svg + "</svg>\n"
-}
-
-fn axes(svg: &mut String, top: f64, title: &str) {
-    let band = (y_px(top, LEVEL_DEG), y_px(top, -LEVEL_DEG));
-    rect(svg, (LEFT, band.0), (WIDTH, band.1 - band.0), "fill=\"#d8ecd8\"");
-    for deg in -4..=1 {
-        let y = y_px(top, f64::from(deg));
-        line(svg, (LEFT, y), (LEFT + WIDTH, y), "stroke=\"#ccc\" stroke-width=\"0.5\"");
-        text(svg, (LEFT - 7.0, y + 4.0), "text-anchor=\"end\"", &deg.to_string().replace('-', "−"));
-    }
-    for tick in 0..=6 {
-        let x = x_px(0.25 * f64::from(tick));
-        line(svg, (x, top), (x, top + HEIGHT), "stroke=\"#ccc\" stroke-width=\"0.5\"");
-    }
-    rect(svg, (LEFT, top), (WIDTH, HEIGHT), "fill=\"none\" stroke=\"#888\"");
-    let place = (18.0, top + HEIGHT / 2.0);
-    let turned = format!("text-anchor=\"middle\" transform=\"rotate(-90 {} {})\"", place.0, place.1);
-    text(svg, place, &turned, title);
-}
-
-fn curve(svg: &mut String, top: f64, course: &Levelling, axis: usize, stroke: &str) {
-    let mut points = Vec::new();
-    for &(s, x_deg, y_deg) in course.course.iter().take_while(|(s, ..)| *s <= LONGEST_S) {
-        points.push(format!("{:.1},{:.1}", x_px(s), y_px(top, [x_deg, y_deg][axis])));
-    }
-    let points = points.join(" ");
-    writeln!(svg, "<polyline fill=\"none\" {stroke} stroke-width=\"2\" points=\"{points}\"/>").unwrap();
-    if let Some(settled_s) = course.settled_s() {
-        let x = x_px(settled_s);
-        line(svg, (x, top), (x, top + HEIGHT), &format!("{stroke} stroke-width=\"1\""));
         if axis == 0 {
-            let (side, anchor, who) =
-                if stroke.contains("dash") { (6.0, "start", "PID") } else { (-6.0, "end", "balance") };
-            let anchor = format!("text-anchor=\"{anchor}\"");
-            text(svg, (x + side, top + HEIGHT - 10.0), &anchor, &format!("{who} settled: {settled_s:.2} s"));
+            let mut legend = chart.configure_series_labels();
+            legend.position(SeriesLabelPosition::LowerRight).label_font(("sans-serif", 16)).draw()?;
         }
     }
-}
-
-fn line(svg: &mut String, from: (f64, f64), to: (f64, f64), style: &str) {
-    let ((x1, y1), (x2, y2)) = (from, to);
-    writeln!(svg, "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" {style}/>").unwrap();
-}
-
-fn rect(svg: &mut String, (x, y): (f64, f64), (width, height): (f64, f64), style: &str) {
-    writeln!(svg, "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" {style}/>")
-        .unwrap();
-}
-
-fn text(svg: &mut String, (x, y): (f64, f64), style: &str, words: &str) {
-    writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" {style}>{words}</text>").unwrap();
+    root.present()
 }

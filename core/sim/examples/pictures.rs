@@ -18,8 +18,6 @@ use std::path::Path;
 
 fn main() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/images");
-    for (name, svg) in [("plan.svg", plan::svg()), ("run.svg", run::svg())] {
-        std::fs::write(folder.join(name), &svg).unwrap();
-        println!("{name}: {} bytes", svg.len());
-    }
+    plan::draw(&folder.join("plan.svg"));
+    run::draw(&folder.join("run.svg"));
 }

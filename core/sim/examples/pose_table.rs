@@ -44,7 +44,7 @@ fn main() {
     row("10 Hz, 30 cm, 2 % outliers, 0.1 s late (as of ultra-wide band)", &ranging);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/images/pose-filter.svg");
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    std::fs::write(&path, plot::svg(&drives)).unwrap();
+    plot::draw(&path, &drives).unwrap();
     println!("\n{}", path.canonicalize().unwrap().display());
 }
 

@@ -10,7 +10,8 @@ mod scenes;
 #[path = "../tests/coordinator/toy.rs"]
 mod toy;
 
-use std::fmt::Write as _;
+use plotters::prelude::*;
+use std::error::Error;
 use std::sync::OnceLock;
 use std::time::Instant;
 use toy::{Trouble, World};
@@ -89,7 +90,7 @@ fn main() {
             }
         }
         if let Some(file) = svg.filter(|_| seed == first) {
-            std::fs::write(file, draw(&world)).unwrap();
+            draw(file, &world).unwrap();
         }
     }
 }
@@ -176,57 +177,36 @@ fn live(scene: &str, seed: u64) {
 }
 
 /// The room, and the way that each truck drove.
-fn draw(world: &World) -> String {
-    const SCALE: f64 = 80.0;
-    const COLOURS: [&str; 10] = [
-        "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22",
-        "#17becf",
-    ];
+fn draw(file: &str, world: &World) -> Result<(), Box<dyn Error>> {
+    /// Pixels of a metre.
+    const SCALE: f64 = 160.0;
     let [_, [width, height]] = world.room.corners_m();
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
-        width * SCALE,
-        height * SCALE
-    );
+    let root = SVGBackend::new(file, ((width * SCALE) as u32, (height * SCALE) as u32)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let chart = ChartBuilder::on(&root).build_cartesian_2d(0.0..width, 0.0..height)?;
+    let floor = chart.plotting_area();
     let grid = world.room.grid();
-    let side = grid.resolution_m() * SCALE;
+    let half = grid.resolution_m() / 2.0;
     for row in 0..grid.height() as i64 {
         for column in 0..grid.width() as i64 {
             if grid.cell(column, row) != Cell::Free {
                 let [x, y] = grid.centre_m(column, row);
-                let (x, y) = (x * SCALE - side / 2.0, (height - y) * SCALE - side / 2.0);
-                let _ = writeln!(
-                    svg,
-                    "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{side:.1}\" height=\"{side:.1}\"/>"
-                );
+                let corners = [(x - half, y - half), (x + half, y + half)];
+                floor.draw(&Rectangle::new(corners, BLACK.filled()))?;
             }
         }
     }
-    for (toy, colour) in world.toys.iter().zip(COLOURS.iter().cycle()) {
-        let points: Vec<String> = toy
-            .trace
-            .iter()
-            .map(|pose| format!("{:.1},{:.1}", pose.x_m * SCALE, (height - pose.y_m) * SCALE))
-            .collect();
-        let _ = writeln!(
-            svg,
-            "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"/>",
-            points.join(" ")
-        );
+    for (index, toy) in world.toys.iter().enumerate() {
+        // The golden angle never comes round to the same colour.
+        let colour = HSLColor((index as f64 * 0.381_966).fract(), 0.67, 0.45);
+        let way: Vec<(f64, f64)> = toy.trace.iter().map(|pose| (pose.x_m, pose.y_m)).collect();
+        floor.draw(&PathElement::new(way, colour.stroke_width(4)))?;
         for pose in [toy.trace[0], toy.pose] {
-            let corners: Vec<String> = toy
-                .car
-                .corners(&pose)
-                .iter()
-                .map(|[x, y]| format!("{:.1},{:.1}", x * SCALE, (height - y) * SCALE))
-                .collect();
-            let _ = writeln!(
-                svg,
-                "<polygon points=\"{}\" fill=\"{colour}\" fill-opacity=\"0.3\" stroke=\"{colour}\"/>",
-                corners.join(" ")
-            );
+            let [a, b, c, d] = toy.car.corners(&pose).map(<(f64, f64)>::from);
+            floor.draw(&Polygon::new(vec![a, b, c, d], colour.mix(0.3)))?;
+            floor.draw(&PathElement::new(vec![a, b, c, d, a], colour.stroke_width(2)))?;
         }
     }
-    svg.push_str("</svg>\n");
-    svg
+    root.present()?;
+    Ok(())
 }

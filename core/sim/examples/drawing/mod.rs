@@ -1,111 +1,111 @@
 //! A floor from above as SVG, for the drawings of docs/navigation.md.
 
-use std::fmt::{Arguments, Write};
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use xtb_control::VehicleConfig;
 use xtb_nav::{Car, Cell, Grid, MapPose, Path};
 
 /// Around the floor, in pixels.
-const EDGE: f64 = 20.0;
+const EDGE: u32 = 40;
 /// A line of words below it, in pixels.
-const LINE: f64 = 24.0;
+const LINE: u32 = 46;
+/// Of the words; the size in pixels, times 1.24.
+const FONT: (&str, i32) = ("sans-serif", 32);
 /// Between two points of a path, in m.
-const STEP_M: f64 = 0.05;
+const STEP_M: f64 = 0.1;
+pub(crate) const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
+pub(crate) const BLUE: RGBColor = RGBColor(0x1f, 0x5f, 0xbf);
+pub(crate) const ORANGE: RGBColor = RGBColor(0xc4, 0x56, 0x0a);
+pub(crate) const RED: RGBColor = RGBColor(0xb3, 0x26, 0x1e);
+/// A line's dash and gap, in pixels; this dash never ends.
+pub(crate) const SOLID: [i32; 2] = [1_000_000, 0];
+pub(crate) const DASHED: [i32; 2] = [9, 7];
 
 /// A part of the floor at so many pixels a metre; x east and y north in m.
-pub(crate) struct Floor {
-    west_m: f64,
-    north_m: f64,
-    size_m: [f64; 2],
-    scale: f64,
-    lines: usize,
-    svg: String,
+pub(crate) struct Floor<'a> {
+    root: DrawingArea<SVGBackend<'a>, Shift>,
+    area: DrawingArea<SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
+    /// Where the next line of words begins, in pixels.
+    below: i32,
 }
 
-impl Floor {
-    /// `lines` of words fit below it.
-    pub(crate) fn new(south_west_m: [f64; 2], size_m: [f64; 2], scale: f64, lines: usize) -> Self {
-        let [west_m, south_m] = south_west_m;
-        let (wide, high) = (size_m[0] * scale, size_m[1] * scale);
-        let (width, height) = (wide + 2.0 * EDGE, high + 2.0 * EDGE + LINE * lines as f64);
-        let mut floor =
-            Self { west_m, north_m: south_m + size_m[1], size_m, scale, lines: 0, svg: String::new() };
-        floor.add(format_args!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
-             height=\"{height}\" font-family=\"sans-serif\" font-size=\"13\" fill=\"#222\">\n\
-             <rect width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>\n\
-             <clipPath id=\"floor\"><rect x=\"{EDGE}\" y=\"{EDGE}\" width=\"{wide}\" height=\"{high}\"/></clipPath>\n\
-             <g clip-path=\"url(#floor)\">"
-        ));
-        floor
+impl<'a> Floor<'a> {
+    /// To be written into this file; `lines` of words fit below it.
+    pub(crate) fn new(
+        file: &'a std::path::Path,
+        [west_m, south_m]: [f64; 2],
+        [wide_m, deep_m]: [f64; 2],
+        scale: f64,
+        lines: u32,
+    ) -> Self {
+        let [wide, deep] = [wide_m, deep_m].map(|m| (m * scale) as u32 + 2 * EDGE);
+        let root = SVGBackend::new(file, (wide, deep + lines * LINE)).into_drawing_area();
+        root.fill(&WHITE).unwrap();
+        let chart = ChartBuilder::on(&root)
+            .margin(EDGE)
+            .margin_bottom(EDGE + lines * LINE)
+            .build_cartesian_2d(west_m..west_m + wide_m, south_m..south_m + deep_m)
+            .unwrap();
+        let area = chart.plotting_area().clone();
+        Self { root, area, below: (deep - EDGE / 2) as i32 }
     }
 
-    /// The drawing, with its border.
-    pub(crate) fn end(mut self) -> String {
-        let [wide, high] = self.size_m.map(|m| m * self.scale);
-        let open = if self.lines == 0 { "</g>\n" } else { "" };
-        self.add(format_args!(
-            "{open}<rect x=\"{EDGE}\" y=\"{EDGE}\" width=\"{wide}\" height=\"{high}\" fill=\"none\" stroke=\"#222\" \
-             stroke-width=\"3\"/>\n</svg>"
-        ));
-        self.svg
-    }
-
-    fn add(&mut self, line: Arguments<'_>) {
-        writeln!(self.svg, "{line}").unwrap();
-    }
-
-    fn px(&self, [x_m, y_m]: [f64; 2]) -> (f64, f64) {
-        (EDGE + (x_m - self.west_m) * self.scale, EDGE + (self.north_m - y_m) * self.scale)
-    }
-
-    fn points(&self, points: impl IntoIterator<Item = [f64; 2]>) -> String {
-        points.into_iter().fold(String::new(), |mut all, point| {
-            let (x, y) = self.px(point);
-            write!(all, "{x:.1},{y:.1} ").unwrap();
-            all
-        })
+    /// Writes the drawing, with its border.
+    pub(crate) fn end(self) {
+        let (x, y) = self.area.get_pixel_range();
+        let [a, c] = [(x.start, y.start), (x.end, y.end)];
+        let border = vec![a, (c.0, a.1), c, (a.0, c.1), a];
+        self.root.draw(&PathElement::new(border, INK.stroke_width(5))).unwrap();
+        self.root.present().unwrap();
     }
 
     /// A line from point to point.
-    pub(crate) fn line(&mut self, points: impl IntoIterator<Item = [f64; 2]>, style: &str) {
-        let points = self.points(points);
-        self.add(format_args!("<polyline points=\"{points}\" fill=\"none\" {style}/>"));
+    pub(crate) fn line(
+        &self,
+        points: impl IntoIterator<Item = [f64; 2]>,
+        style: impl Into<ShapeStyle>,
+        [dash, gap]: [i32; 2],
+    ) {
+        let points: Vec<(f64, f64)> = points.into_iter().map(<(f64, f64)>::from).collect();
+        self.area.draw(&DashedPathElement::new(points, dash, gap, style)).unwrap();
     }
 
-    /// A filled shape.
-    pub(crate) fn shape(&mut self, corners: impl IntoIterator<Item = [f64; 2]>, style: &str) {
-        let points = self.points(corners);
-        self.add(format_args!("<polygon points=\"{points}\" {style}/>"));
+    /// A shape of four corners, filled if its style is.
+    pub(crate) fn shape(&self, corners: [[f64; 2]; 4], style: impl Into<ShapeStyle>, dashes: [i32; 2]) {
+        let style: ShapeStyle = style.into();
+        if style.filled {
+            let corners = corners.map(<(f64, f64)>::from).to_vec();
+            self.area.draw(&Polygon::new(corners, style.color.mix(0.35))).unwrap();
+        }
+        self.line(corners.into_iter().chain([corners[0]]), style, dashes);
     }
 
     /// A disc of so many pixels.
-    pub(crate) fn dot(&mut self, point: [f64; 2], radius: f64, style: &str) {
-        let (x, y) = self.px(point);
-        self.add(format_args!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" {style}/>"));
+    pub(crate) fn dot(&self, [x_m, y_m]: [f64; 2], radius: i32, colour: RGBColor) {
+        self.area.draw(&Circle::new((x_m, y_m), radius, colour.filled())).unwrap();
     }
 
     /// Words in the middle of a point.
     #[allow(dead_code)] // only one of the examples has any
-    pub(crate) fn label(&mut self, point: [f64; 2], text: &str) {
-        let (x, y) = self.px(point);
-        self.add(format_args!(
-            "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{text}</text>",
-            y + 5.0
-        ));
+    pub(crate) fn label(&self, [x_m, y_m]: [f64; 2], text: &str) {
+        let style = FONT.into_font().color(&INK).pos(Pos::new(HPos::Center, VPos::Center));
+        self.area.draw(&Text::new(text, (x_m, y_m), style)).unwrap();
     }
 
     /// A truck's body, with a nose.
-    pub(crate) fn body(&mut self, pose: &MapPose, style: &str) {
-        let car = Car::of(&VehicleConfig::default());
-        self.shape(car.corners(pose), style);
+    pub(crate) fn body(&self, pose: &MapPose, style: impl Into<ShapeStyle>, dashes: [i32; 2]) {
+        let (car, style): (Car, ShapeStyle) = (Car::of(&VehicleConfig::default()), style.into());
+        self.shape(car.corners(pose), style, dashes);
         let (sin, cos) = libm::sincos(pose.yaw_rad);
-        let [(x1, y1), (x2, y2)] =
-            [0.15, car.front_m].map(|ahead_m| self.px([pose.x_m + ahead_m * cos, pose.y_m + ahead_m * sin]));
-        self.add(format_args!("<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" {style}/>"));
+        let ahead = |m: f64| [pose.x_m + m * cos, pose.y_m + m * sin];
+        self.line([ahead(0.15), ahead(car.front_m)], style, dashes);
     }
 
     /// A path: ahead in one style, astern in another.
-    pub(crate) fn path(&mut self, path: &Path, ahead: &str, astern: &str) {
+    pub(crate) fn path(&self, path: &Path, ahead: ShapeStyle, astern: ShapeStyle, dashes: [i32; 2]) {
         let mut from = path.start;
         let mut stretch = vec![[from.x_m, from.y_m]];
         for (index, piece) in path.pieces.iter().enumerate() {
@@ -116,46 +116,42 @@ impl Floor {
             from = piece.end(&from);
             if path.pieces.get(index + 1).is_none_or(|next| next.gear() != piece.gear()) {
                 let style = if piece.gear() > 0.0 { ahead } else { astern };
-                self.line(std::mem::take(&mut stretch), style);
+                self.line(std::mem::take(&mut stretch), style, dashes);
                 stretch.push([from.x_m, from.y_m]);
             }
         }
     }
 
     /// Where the gear changes.
-    pub(crate) fn cusps(&mut self, path: &Path, style: &str) {
+    pub(crate) fn cusps(&self, path: &Path, colour: RGBColor) {
         let mut at = path.start;
         for pair in path.pieces.windows(2) {
             at = pair[0].end(&at);
             if pair[0].gear() != pair[1].gear() {
-                self.dot([at.x_m, at.y_m], 5.0, style);
+                self.dot([at.x_m, at.y_m], 11, WHITE);
+                self.dot([at.x_m, at.y_m], 9, colour);
             }
         }
     }
 
     /// What a map has that is not free: occupied cells, and unknown ones.
-    pub(crate) fn grid(&mut self, grid: &Grid, occupied: &str, unknown: &str) {
-        for (cell, style) in [(Cell::Occupied, occupied), (Cell::Unknown, unknown)] {
-            let mut outline = String::new();
+    pub(crate) fn grid(&self, grid: &Grid) {
+        let (side_m, half_m) = (grid.resolution_m(), grid.resolution_m() / 2.0);
+        let (occupied, unknown) = (RGBColor(0x5b, 0x65, 0x70), RGBColor(0xd5, 0xd9, 0xdd));
+        for (cell, colour) in [(Cell::Occupied, occupied), (Cell::Unknown, unknown)] {
             for [column, row, wide, high] in rects(grid, cell) {
-                let [x_m, y_m] = grid.centre_m(column, row);
-                let half_m = grid.resolution_m() / 2.0;
-                let (x, y) = self.px([x_m - half_m, y_m - half_m]);
-                let [w, h] = [wide, high].map(|cells| cells as f64 * grid.resolution_m() * self.scale);
-                write!(outline, "M{x:.1} {y:.1}h{w:.1}v-{h:.1}h-{w:.1}z").unwrap();
+                let [x_m, y_m] = grid.centre_m(column, row).map(|m| m - half_m);
+                let [wide_m, high_m] = [wide, high].map(|cells| cells as f64 * side_m);
+                let corners = [(x_m, y_m), (x_m + wide_m, y_m + high_m)];
+                self.area.draw(&Rectangle::new(corners, colour.filled())).unwrap();
             }
-            self.add(format_args!("<path d=\"{outline}\" {style}/>"));
         }
     }
 
-    /// Words below the floor; nothing of the floor may come after them.
+    /// Words below the floor.
     pub(crate) fn words(&mut self, text: &str) {
-        if self.lines == 0 {
-            self.add(format_args!("</g>"));
-        }
-        let y = EDGE * 2.0 + self.size_m[1] * self.scale + LINE * self.lines as f64 + 8.0;
-        self.lines += 1;
-        self.add(format_args!("<text x=\"{EDGE}\" y=\"{y:.1}\">{text}</text>"));
+        self.root.draw_text(text, &FONT.into_font().color(&INK), (EDGE as i32, self.below)).unwrap();
+        self.below += LINE as i32;
     }
 }
 

@@ -1,6 +1,8 @@
 //! One planned path.
 
-use crate::drawing::Floor;
+use crate::drawing::{BLUE, DASHED, Floor, INK, ORANGE, RED, SOLID};
+use plotters::style::{Color, RGBColor};
+use std::path::Path;
 use xtb_control::VehicleConfig;
 use xtb_nav::planner::space::{Layers, LookOut};
 use xtb_nav::rooms::{Draw, Room};
@@ -15,7 +17,7 @@ const RADIUS_FACTOR: f64 = 1.15;
 const EVERY_M: f64 = 0.5;
 
 /// The first path of those drawn that is long and changes gear more than once.
-pub(crate) fn svg() -> String {
+pub(crate) fn draw(file: &Path) {
     let grid = Room::Cluttered.grid(SEED);
     let car = Car::of(&VehicleConfig::default());
     let planned = Car { radius_m: car.radius_m * RADIUS_FACTOR, ..car.grown(MARGIN_M) };
@@ -32,23 +34,22 @@ pub(crate) fn svg() -> String {
             break plan;
         }
     };
-    let mut floor = Floor::new([0.0; 2], [10.0; 2], 64.0, 2);
-    floor.grid(&grid, "fill=\"#5b6570\"", "fill=\"#d5d9dd\"");
+    let mut floor = Floor::new(file, [0.0; 2], [10.0; 2], 128.0, 2);
+    floor.grid(&grid);
     let mut way_m = EVERY_M;
     while way_m < path.length_m() {
-        floor.body(&path.at(way_m).0, "fill=\"none\" stroke=\"#8a93a0\" stroke-width=\"1\"");
+        floor.body(&path.at(way_m).0, RGBColor(0x8a, 0x93, 0xa0).stroke_width(2), SOLID);
         way_m += EVERY_M;
     }
-    floor.body(&path.start, "fill=\"none\" stroke=\"#222\" stroke-width=\"2\" stroke-dasharray=\"4 3\"");
-    floor.body(&path.end(), "fill=\"#1f5fbf\" fill-opacity=\"0.35\" stroke=\"#1f5fbf\" stroke-width=\"2\"");
-    let line = |colour: &str| format!("stroke=\"{colour}\" stroke-width=\"3\" stroke-linejoin=\"round\"");
-    floor.path(&path, &line("#1f5fbf"), &line("#c4560a"));
-    floor.cusps(&path, "fill=\"#b3261e\" stroke=\"#fff\"");
+    floor.body(&path.start, INK.stroke_width(4), DASHED);
+    floor.body(&path.end(), BLUE.stroke_width(4).filled(), SOLID);
+    floor.path(&path, BLUE.stroke_width(6), ORANGE.stroke_width(6), SOLID);
+    floor.cusps(&path, RED);
     floor.words(&format!(
         "A plan of {:.1} m in 10 × 10 m, {} changes of gear (red dots), {expansions} nodes looked at.",
         path.length_m(),
         path.cusps(),
     ));
     floor.words("Blue: ahead, orange: astern; dashed: start, filled: goal, thin: the body each 0.5 m.");
-    floor.end()
+    floor.end();
 }

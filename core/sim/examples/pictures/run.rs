@@ -1,7 +1,8 @@
 //! One goal, driven: through the lab's door, with boxes in the way that the map does not have.
 
-use crate::drawing::Floor;
+use crate::drawing::{BLUE, DASHED, Floor, INK, ORANGE, RED, SOLID};
 use crate::drive::Drive;
+use plotters::style::{Color, RGBColor};
 use std::collections::BTreeMap;
 use xtb_nav::{Car, MapPose, Path};
 use xtb_protocol::messages::{GoalStatus, Outcome};
@@ -30,7 +31,7 @@ struct Seen {
     status: Option<GoalStatus>,
 }
 
-pub(crate) fn svg() -> String {
+pub(crate) fn draw(file: &std::path::Path) {
     let world = World::from_toml(LAB).unwrap();
     let start = world.starts()[0];
     let map = world.chart(0.05).unwrap();
@@ -44,35 +45,29 @@ pub(crate) fn svg() -> String {
     let seen = watch(&mut drive);
     println!("run: {:?}, {} contacts, {} paths", seen.status, seen.contacts, seen.paths.len());
 
-    let mut floor = Floor::new([-2.4, -1.0], [7.0, 7.8], 88.0, 3);
-    floor.grid(map.grid(), "fill=\"#5b6570\"", "fill=\"#d5d9dd\"");
+    let mut floor = Floor::new(file, [-2.4, -1.0], [7.0, 7.8], 160.0, 3);
+    floor.grid(map.grid());
     for (x_m, y_m, side_m, yaw_rad) in STRANGERS {
         let half_m = side_m / 2.0;
         let shape = Car { front_m: half_m, rear_m: half_m, half_width_m: half_m, radius_m: f64::INFINITY };
-        floor.shape(
-            shape.corners(&MapPose { x_m, y_m, yaw_rad }),
-            "fill=\"#f2c94c\" stroke=\"#8a6d00\" stroke-dasharray=\"5 3\"",
-        );
+        let corners = shape.corners(&MapPose { x_m, y_m, yaw_rad });
+        floor.shape(corners, RGBColor(0xd9, 0xa8, 0).stroke_width(3).filled(), DASHED);
     }
     for (index, path) in seen.paths.iter().enumerate() {
-        let opacity = if index == 0 { 1.0 } else { 0.6 };
-        let style = format!(
-            "stroke=\"#c4560a\" stroke-width=\"1.5\" stroke-dasharray=\"6 4\" stroke-opacity=\"{opacity}\""
-        );
-        floor.path(path, &style, &style);
-        floor.dot([path.start.x_m, path.start.y_m], 4.0, "fill=\"#c4560a\"");
+        let style = ORANGE.mix(if index == 0 { 1.0 } else { 0.6 }).stroke_width(3);
+        floor.path(path, style, style, DASHED);
+        floor.dot([path.start.x_m, path.start.y_m], 7, ORANGE);
     }
     for pose in seen.trail.iter().step_by((EVERY_S * 10.0) as usize) {
-        floor.body(pose, "fill=\"none\" stroke=\"#1f5fbf\" stroke-opacity=\"0.4\"");
+        floor.body(pose, BLUE.mix(0.4).stroke_width(2), SOLID);
     }
     let trail = seen.trail.iter().step_by(2).map(|pose| [pose.x_m, pose.y_m]);
-    floor.line(trail, "stroke=\"#1f5fbf\" stroke-width=\"2.5\" stroke-linejoin=\"round\"");
+    floor.line(trail, BLUE.stroke_width(5), SOLID);
     for mark in seen.marks.values() {
-        floor.dot(*mark, 2.2, "fill=\"#b3261e\"");
+        floor.dot(*mark, 4, RED);
     }
-    floor.body(&start, "fill=\"none\" stroke=\"#222\" stroke-width=\"2\" stroke-dasharray=\"4 3\"");
-    let last = seen.trail[seen.trail.len() - 1];
-    floor.body(&last, "fill=\"#1f5fbf\" fill-opacity=\"0.35\" stroke=\"#1f5fbf\" stroke-width=\"2\"");
+    floor.body(&start, INK.stroke_width(4), DASHED);
+    floor.body(&seen.trail[seen.trail.len() - 1], BLUE.stroke_width(4).filled(), SOLID);
     floor.words(&format!(
         "A run of {:.0} s, {} contacts. Blue: what was driven, by the truth, with the body each 5 s.",
         seen.trail.len() as f64 * 0.1,
@@ -83,7 +78,7 @@ pub(crate) fn svg() -> String {
         seen.paths.len(),
     ));
     floor.words("Yellow: boxes that are not on the map; red: what the range finders marked of them.");
-    floor.end()
+    floor.end();
 }
 
 fn watch(drive: &mut Drive) -> Seen {
