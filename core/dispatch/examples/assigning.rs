@@ -12,11 +12,11 @@ use std::process::ExitCode;
 use std::time::Instant;
 use xtb_dispatch::OpenTravelCost;
 use xtb_dispatch::assign::{Candidate, Demand, assign};
-use xtb_nav::MapPose;
 use xtb_nav::rooms::Draw;
+use xtb_nav::{Car, MapPose};
 use xtb_protocol::messages::{TaskId, Waypoint};
 
-const TRAVEL_COST: OpenTravelCost = OpenTravelCost { radius_m: 0.4 };
+const CAR: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.4 };
 const ROBOTS: [usize; 7] = [10, 20, 50, 100, 200, 500, 1000];
 const TASKS: [usize; 3] = [100, 1000, 10_000];
 const COLOURS: [RGBColor; 3] = [RGBColor(0, 0x72, 0xb2), RGBColor(0xe6, 0x9f, 0), RGBColor(0xd5, 0x5e, 0)];
@@ -34,7 +34,7 @@ fn round_ms(robots: usize, tasks: usize, depot: bool) -> f64 {
     let robots: Vec<Candidate> = (0..robots)
         .map(|_| {
             let (x_m, y_m) = (draw.uniform(-reach_m, reach_m), draw.uniform(-reach_m, reach_m));
-            Candidate { pose: MapPose { x_m, y_m, yaw_rad: draw.uniform(-3.0, 3.0) }, extra_m: 0.0 }
+            Candidate { pose: MapPose { x_m, y_m, yaw_rad: draw.uniform(-3.0, 3.0) }, car: CAR, extra_m: 0.0 }
         })
         .collect();
     let tasks: Vec<Demand> = (0..tasks)
@@ -45,7 +45,7 @@ fn round_ms(robots: usize, tasks: usize, depot: bool) -> f64 {
         .collect();
     let best = (0..3).map(|_| {
         let start = Instant::now();
-        let pairs = assign(&tasks, &robots, &TRAVEL_COST, &|_, _| Some(0.0));
+        let pairs = assign(&tasks, &robots, &OpenTravelCost, &|_, _| Some(0.0));
         assert_eq!(pairs.len(), tasks.len().min(robots.len()));
         start.elapsed().as_secs_f64() * 1000.0
     });
