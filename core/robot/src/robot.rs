@@ -23,8 +23,9 @@ use crate::monitor::Monitors;
 use crate::step_log::{Step, StepLog};
 use std::sync::Arc;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
-use xtb_control::tpu::{ResetMask, Setup, SetupTask};
+use xtb_control::tpu::{ResetMask, Setup, SetupTask, WATCHDOG_MS};
 use xtb_control::{Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
+use xtb_protocol::board::rates::PWM_EVERY_S;
 use xtb_protocol::board::{BoardError, BoardStatus, Frame, FrameReader, FrameWriter, FromBoard};
 use xtb_protocol::gyro_3dmg::{GyroFrame, GyroReader, GyroStarter, START_CONTINUOUS};
 use xtb_protocol::keys::Name;
@@ -38,10 +39,10 @@ use lines::{BoardLine, GyroLine};
 /// Length of a turn.
 pub const TURN_NS: u64 = 5_000_000;
 /// A PWM frame goes out this often, and at once when the motor becomes neutral.
-pub const PWM_FRAME_NS: u64 = 20_000_000;
-/// A turn that is this late: the board's watchdog (100 ms after the last frame) may have stopped the truck
-/// meanwhile, so what was under way is over.
-pub const LOOP_STALL_MS: u64 = 80;
+pub const PWM_FRAME_NS: u64 = (PWM_EVERY_S * 1e9) as u64;
+/// A turn that is this late: the board's watchdog may have stopped the truck meanwhile, since the last frame may be
+/// older than the last turn by the time between two; so what was under way is over.
+pub const LOOP_STALL_MS: u64 = WATCHDOG_MS as u64 - PWM_FRAME_NS / 1_000_000;
 /// A line that is this long without a good frame is looked at for another device's.
 const SUSPICIOUS_MS: u64 = 50;
 

@@ -18,8 +18,9 @@ const RECOVERY_MS: u64 = 2_500;
 pub(super) const RECOVERED_M: f64 = 0.4;
 /// After it, it stands so long before it plans anew.
 const AFTER_MS: u64 = PAUSE_MS / 6;
-/// What was seen goes on so far where nobody has looked, for a recovery, in m.
-const UNSEEN_M: f64 = 0.10;
+/// What was seen goes on so far where nobody has looked, for a recovery, in m: a quarter of what a path keeps off;
+/// chosen, not measured.
+const UNSEEN_M: f64 = GOES_ON_M / 4.0;
 /// Backing off by this much a range finder's readings are sure again, in m.
 const LOOKS_AGAIN_M: f64 = 0.12;
 /// Recoveries for one goal.

@@ -11,8 +11,10 @@
 //! Words: a *place* is a body somewhere along a way; a robot that is *alone* keeps to this rule.
 
 use super::turn::STANDS_MPS;
+use super::{MARGIN_M, ROBOT_MARGIN_M};
 use crate::MapPose;
 use crate::geometry::{Car, Path, Piece, Rect, distance_m};
+use crate::settings::MEETING_MPS;
 use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{RobotState, RouteSource, Via};
 
@@ -29,19 +31,20 @@ const MINE_M: f64 = 6.0;
 const THEIRS_M: f64 = 8.0;
 /// In steps of this, in m.
 const STEP_M: f64 = 0.15;
-/// Slower than it will be, for what takes long, and faster, for what comes, in m/s.
+/// Slower than it will be, for what takes long, in m/s.
 const SLOW_MPS: f64 = 0.15;
-const FAST_MPS: f64 = 0.2;
+/// At least so fast whoever comes is taken to be, in m/s: as robots drive alone.
+const FAST_MPS: f64 = MEETING_MPS;
 /// It takes so long to leave a place, in s.
 const LEAVES_S: f64 = 3.5;
 /// A moving body comes to a stop within its speed times this, in s.
-const STOPS_S: f64 = 0.8;
+pub const STOPS_S: f64 = 0.8;
 /// Nobody knows where one goes that says no way: along its heading for this long, in s.
 const GUESSED_S: f64 = 3.0;
-/// Between a body and a place that is driven through, in m.
-const BODY_M: f64 = 0.06;
-/// Between the ways of two, in m.
-const WAYS_M: f64 = 0.14;
+/// Between a body and a place that is driven through, in m: what a path keeps free.
+const BODY_M: f64 = MARGIN_M;
+/// Between the ways of two, in m: what a path keeps free beside a robot that stands.
+const WAYS_M: f64 = MARGIN_M + ROBOT_MARGIN_M;
 /// It stops so far before a body, so that there is room to turn, in m.
 const ROOM_M: f64 = 0.6;
 /// And before a way, in m.

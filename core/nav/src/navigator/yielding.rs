@@ -20,6 +20,7 @@ use super::turn::{Decision, HoldReason, stand};
 use crate::MapPose;
 use crate::geometry::{Car, Path, Rect, distance_m};
 use xtb_control::Stamp;
+use xtb_protocol::messages::Route;
 
 /// A body that has stood for so long is something to plan around.
 const STILL_MS: u64 = 1_000;
@@ -31,8 +32,8 @@ const ASKED_MS: u64 = 2_000;
 const MOST_MS: u64 = 60_000;
 /// Ways back for one goal.
 const MOST_RETREATS: u32 = 4;
-/// Others that are looked at, the nearest ones.
-const MOST_NEAR: usize = 16;
+/// Others that are looked at, the nearest ones: as many as traffic control tells a robot of.
+const MOST_NEAR: usize = Route::MOST_OTHERS;
 
 impl Navigator {
     /// The robot's own name: of two that meet the smaller one goes first.

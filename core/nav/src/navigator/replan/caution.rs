@@ -1,6 +1,7 @@
 //! How careful a plan is: levels from most to least, tried one after the other.
 
 use crate::navigator::MARGIN_M;
+use crate::navigator::visibility::GOES_ON_M;
 
 /// How careful a plan is.
 #[derive(Debug, Clone, Copy)]
@@ -17,8 +18,8 @@ pub(super) struct CautionLevel {
 /// may take long: 300 000 expansions are about two seconds on a small computer. The last one is for what the
 /// map knows exactly, and never taken past anything that is not on it.
 pub(super) const CAUTION_LEVELS: [CautionLevel; 5] = [
-    CautionLevel { margin_m: MARGIN_M, unseen_m: 0.40, expansions: 50_000 },
-    CautionLevel { margin_m: MARGIN_M, unseen_m: 0.20, expansions: 100_000 },
+    CautionLevel { margin_m: MARGIN_M, unseen_m: GOES_ON_M, expansions: 50_000 },
+    CautionLevel { margin_m: MARGIN_M, unseen_m: GOES_ON_M / 2.0, expansions: 100_000 },
     CautionLevel { margin_m: MARGIN_M, unseen_m: 0.0, expansions: 100_000 },
     CautionLevel { margin_m: 0.03, unseen_m: 0.0, expansions: 100_000 },
     CautionLevel { margin_m: 0.005, unseen_m: 0.0, expansions: 300_000 },

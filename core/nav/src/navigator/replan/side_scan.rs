@@ -29,7 +29,7 @@ const MOST_SCANS: usize = 64;
 /// A look shows so many more blind cells than it is blind for itself, at least.
 const LEAST_CELLS: i32 = 1;
 /// A look takes as long as this for its stops, in s, and its way as in a bend.
-const STOPS_S: f64 = 4.0;
+const SCAN_STOPS_S: f64 = 4.0;
 /// Where nothing was worth it, the next blind cell is one so much farther on, in m.
 const ON_M: f64 = 0.15;
 
@@ -185,7 +185,7 @@ impl VisibilityGrid<'_> {
                 return;
             }
             if gained >= LEAST_CELLS {
-                is(f64::from(gained) / (STOPS_S + 2.0 * way_m / BEND_MPS), way_m * aside.gear());
+                is(f64::from(gained) / (SCAN_STOPS_S + 2.0 * way_m / BEND_MPS), way_m * aside.gear());
             }
         }
     }

@@ -7,6 +7,7 @@ use crate::MapPose;
 use crate::geometry::path::wrap_rad;
 use crate::geometry::{Cell, Path, apart_m};
 use crate::navigator::MARGIN_M;
+use crate::obstacle_layer::SURE_WITHIN_M;
 use crate::planner::space::Space;
 use crate::planner::{Goal, Planner};
 use std::f64::consts::{PI, TAU};
@@ -21,7 +22,7 @@ const CAREFUL: usize = 2;
 const DOUBTS: usize = 3;
 const APART_M: f64 = 0.2;
 /// From the bumper to what is looked at, in m: a beam that gets through says 40 cm.
-const SIGHTS_M: [f64; 3] = [0.35, 0.27, 0.20];
+const SIGHTS_M: [f64; 3] = [SURE_WITHIN_M, 0.27, 0.20];
 /// Directions to look from.
 const DIRECTIONS: u32 = 24;
 /// Places that a path is looked for to.

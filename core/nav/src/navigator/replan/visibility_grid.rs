@@ -5,16 +5,17 @@ use crate::MapPose;
 use crate::geometry::{Car, Cell, Grid, Path};
 use crate::navigator::following::TIGHT;
 use crate::navigator::visibility::{BODY_STEP_M, STOPS_WITHIN_M};
-use crate::obstacle_layer::{LEG_SIGHT_M, SURE_WITHIN_M, SWEPT_CELL_M as CELL_M};
+use crate::obstacle_layer::{LEG_HALF_WIDTH_M, LEG_SIGHT_M, SURE_WITHIN_M, SWEPT_CELL_M as CELL_M};
 
 /// Of a path so much is looked at, in m.
 const WATCHED_M: f64 = 12.0;
 /// So far beyond it floor is watched, in m: a look aside leads away from it.
 const BEYOND_M: f64 = 1.2;
-/// The body gets as far as this beyond its outline: off the path, and half of a leg, in m.
-const TOUCH_M: f64 = 0.035;
-/// A beam sees a leg so much farther to the side where the body swings, in m.
-const SWING_M: f64 = 0.045;
+/// The body gets as far as this beyond its outline, in m: 2.5 cm off the path, and half of a leg.
+const TOUCH_M: f64 = 0.025 + LEG_HALF_WIDTH_M;
+/// A beam sees a leg so much farther to the side where the body swings, in m: 6° at 43 cm from an XTB's middle, 18 cm
+/// before its bumper. A shorter truck's beams swing less far.
+const SWING_SIGHT_M: f64 = 0.045;
 /// It does from so far behind a stop until so far before one, in m, but not in a tight bend.
 const SWINGS_M: [f64; 2] = [0.10, 0.25];
 
@@ -108,7 +109,7 @@ impl<'a> VisibilityGrid<'a> {
     /// Cells that a body at this pose covers, or that one of its beams passes over.
     pub(super) fn around(&self, pose: &MapPose, swings: bool, mut gets: impl FnMut(usize, Effect)) {
         let reach_m = self.car.front_m.max(self.car.rear_m) + SURE_WITHIN_M;
-        let beside_m = LEG_SIGHT_M + if swings { SWING_M } else { 0.0 };
+        let beside_m = LEG_SIGHT_M + if swings { SWING_SIGHT_M } else { 0.0 };
         let body = self.car.grown(TOUCH_M);
         let (sin, cos) = libm::sincos(pose.yaw_rad);
         // Of the rectangle from bumper to bumper with the beams.
