@@ -104,7 +104,7 @@ impl PoseFilter {
             odom: *odom,
             alignment: Some(MapFromOdom::aligning(odom, start)),
             state,
-            motion: MotionTracker::new(vehicle.geometry.wheelbase_m, tuning.yaw_noise_rad),
+            motion: MotionTracker::new(vehicle, tuning.yaw_noise_rad),
             history: History::default(),
             relocalization: Relocalization::default(),
             repeats: Repeats::default(),

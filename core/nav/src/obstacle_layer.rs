@@ -23,7 +23,9 @@ mod swept;
 mod tests;
 mod thin_obstacles;
 
-pub(crate) use beams::{BESIDE_BEAM_M, LEG_HALF_WIDTH_M, LEG_SIGHT_M, OUTERMOST_BEAM_M, SURE_WITHIN_M};
+pub(crate) use beams::{
+    BESIDE_BEAM_M, LEG_HALF_WIDTH_M, LEG_SIGHT_M, OUTERMOST_BEAM_M, SPACING_M, SURE_WITHIN_M,
+};
 pub use obstacle_cells::UnmappedObstacle;
 pub(crate) use swept::CELL_M as SWEPT_CELL_M;
 

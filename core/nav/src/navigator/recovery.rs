@@ -1,7 +1,7 @@
 //! Out of a place from which there is no path: a little way without one, where that is known to be free.
 
 use super::Navigator;
-use super::look_ahead::NEAR_M;
+use super::look_ahead::near_m;
 use super::task::{PAUSE_MS, Recovery, Stage, TRIES, Task};
 use super::turn::{Decision, HoldReason, Sensed, stand};
 use super::visibility::{BODY_STEP_M, GOES_ON_M, IN_THE_WAY_M, blind_points};
@@ -82,7 +82,7 @@ impl Navigator {
         let around = [pose.x_m, pose.y_m];
         let unobserved = self.obstacles.as_ref();
         let unobserved =
-            unobserved.map_or_else(Vec::new, |all| all.unobserved(now, GOES_ON_M, around, NEAR_M));
+            unobserved.map_or_else(Vec::new, |all| all.unobserved(now, GOES_ON_M, around, near_m(&self.car)));
         let body = self.car.grown(IN_THE_WAY_M);
         let nears = |pose: &MapPose, point: &[f64; 2]| body.distance_m(pose, *point) <= 0.0;
         // What is that near already does not hold it there.
