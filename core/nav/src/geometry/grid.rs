@@ -53,7 +53,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Side of a cell, in m.
+    /// Side of a cell, in m; other maps are refused (docs/maps.md). Chosen, not measured.
     pub const RESOLUTION_M: std::ops::RangeInclusive<f64> = 0.005..=1.0;
     /// Most cells, as in a message: 200 m × 200 m at 5 cm.
     pub const MOST_CELLS: usize = MAX_MAP_CELLS as usize;

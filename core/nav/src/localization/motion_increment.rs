@@ -11,18 +11,22 @@ use xtb_control::frames::wrap_rad;
 use xtb_control::odometry::OdomPose;
 use xtb_control::units::Stamp;
 
-/// A way within one window that is shorter says nothing of the curvature, in m.
+/// A way within one window that is shorter says nothing of the curvature, in m: four pulses of the default
+/// encoder, so that rounding is a quarter of it at most.
 const SHORTEST_M: f64 = 1.0e-3;
-/// Two windows of the encoder that lie farther apart do not belong to one drive, in s.
+/// Two windows of the encoder that lie farther apart do not belong to one drive, in s: three windows of 52.4
+/// ms are just longer.
 const WINDOWS_S: f64 = 0.15;
 /// The tangent of a steering angle counts up to this at least, however little the vehicle steers: 24°, where an XTB's
 /// stops are at 20° (`steering.stop_deg`, assumed); the rest is for noise of gyro and encoder.
 const MOST_TAN: f64 = 0.45;
-/// Wheels that have not turned for this long stand, in s.
+/// Wheels that have not turned for this long stand, in s: more than five windows of the encoder, and than the
+/// motor takes to coast (0.26 s, `follower.coast_s`).
 const STANDS_S: f64 = 0.3;
-/// So long one reading of the drift takes, in s.
+/// So long one reading of the drift takes, in s: the noise of two yaws (`filter.yaw_noise_rad`) leaves 0.0007
+/// rad/s then, a quarter of what is not known before (`filter.drift_radps`).
 const READING_S: f64 = 2.0;
-/// No gyro drifts faster; somebody is turning the truck, in rad/s.
+/// No gyro drifts faster; somebody is turning the truck, in rad/s: 1°/s, where drift up to 0.3°/s is assumed.
 const MOST_DRIFT_RADPS: f64 = 0.0175;
 
 /// What the truck did in one step, in its own frame.

@@ -13,21 +13,25 @@ use crate::obstacle_layer::SPACING_M;
 use crate::path_follower::LONGEST_STEP_S;
 use xtb_control::{Command, Stamp};
 
-/// Things touched without half a metre of progress in between.
+/// Things touched without half a metre of progress in between; one more is a fault of the drive. Chosen, not
+/// measured.
 const MOST_CONTACTS: u32 = 4;
-/// Wheels that have turned for less than this since the last stall have not got free, in m.
+/// Wheels that have turned for less than this since the last stall have not got free, in m: 200 pulses of the
+/// default encoder; chosen, not measured.
 const FREE_M: f64 = 0.05;
-/// What was touched is so far off the body, in m: the pose may be a little off.
+/// What was touched is so far off the body, in m: the pose may be a little off (2.6 cm p95 with fixes,
+/// docs/navigation.md), and the place has to lie outside of the body to be kept.
 const OFF_M: f64 = 0.05;
-/// Beside the outermost strips something may stand so far beyond the side of the body, in mm.
+/// Beside the outermost strips something may stand so far beyond the side of the body, in mm; chosen, not
+/// measured.
 const BEYOND_SIDE_MM: f64 = 5.0;
-/// Between two points along a side, in m.
+/// Between two points along a side, in m: the usual cell of a map.
 const APART_M: f64 = 0.05;
-/// From this part of full lock on the sides may be what touches.
+/// From this part of full lock on the sides may be what touches; chosen, not measured.
 const SIDE_STEERING: f64 = 0.3;
-/// Ways of backing off that are tried, longest first, in m.
+/// Ways of backing off that are tried, longest first, in m; chosen, not measured.
 const BACK_M: [f64; 4] = [RECOVERED_M, 0.3, 0.2, 0.1];
-/// It takes no longer than twice its time.
+/// It takes no longer than twice its time; chosen, not measured.
 const PATIENCE: f64 = 2.0;
 
 /// How the wheels have been driven.

@@ -10,20 +10,24 @@ use crate::geometry::{Cell, Path, Piece, distance_m};
 use crate::obstacle_layer::ObstacleLayer;
 use xtb_control::{Command, Stamp, Steering, WheelRpm};
 
-/// Its wheels' speed, in m/s: a little over the least that the follower asks for in a narrow place.
+/// Its wheels' speed, in m/s: a little over the least that the follower asks for in a narrow place (0.10,
+/// `follower.tight_mps`).
 pub(super) const RECOVERY_MPS: f64 = 0.11;
-/// Longest reversing of a recovery.
+/// Longest reversing of a recovery, 28 cm at that speed; chosen, not measured (the memorandum's takes 6 s,
+/// §4.6).
 const RECOVERY_MS: u64 = 2_500;
-/// A recovery that has gone so far is done, in m.
+/// A recovery that has gone so far is done, in m; chosen, not measured.
 pub(super) const RECOVERED_M: f64 = 0.4;
-/// After it, it stands so long before it plans anew.
+/// After it, it stands so long before it plans anew; chosen, not measured.
 const AFTER_MS: u64 = PAUSE_MS / 6;
 /// What was seen goes on so far where nobody has looked, for a recovery, in m: a quarter of what a path keeps off;
 /// chosen, not measured.
 const UNSEEN_M: f64 = GOES_ON_M / 4.0;
-/// Backing off by this much a range finder's readings are sure again, in m.
+/// Backing off by this much a range finder's readings are sure again, in m: more than ends the doubt (5 cm,
+/// `obstacle.foldback_retreat_m`), and what was nearly touched is then out of the zone of 9.7 cm where they
+/// lie.
 const LOOKS_AGAIN_M: f64 = 0.12;
-/// Recoveries for one goal.
+/// Recoveries for one goal, so that it ends; chosen, not measured.
 const RECOVERIES: u32 = 3;
 
 impl Navigator {

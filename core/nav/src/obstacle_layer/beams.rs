@@ -20,19 +20,23 @@ pub(crate) const LEG_HALF_WIDTH_M: f64 = 0.010;
 /// From the middle of a bumper to either side a beam sees a leg, in m: the outermost one, half of its width,
 /// and half of the leg's.
 pub(crate) const LEG_SIGHT_M: f64 = OUTERMOST_BEAM_M + BEAM_HALF_WIDTH_M + LEG_HALF_WIDTH_M;
-/// Farther away a reading does not say well enough where, in m.
+/// Farther away a reading does not say well enough where, in m: here fit and data sheet are 3 cm apart, at 51
+/// cm 13.
 pub(crate) const SURE_WITHIN_M: f64 = 0.35;
-/// Nearer than this a sensor may fold back: "farther" then means nearer still (§4.5, Fig. 11), in m.
+/// Nearer than this a sensor may fold back: "farther" then means nearer still (§4.5, Fig. 11), in m. As the
+/// first level's rule has it, `obstacle.foldback_cm`.
 const FOLDS_M: f64 = 0.14;
-/// Backing off by this much ends the doubt, in m: as the first level's rule.
+/// Backing off by this much ends the doubt, in m: as the first level's rule, `obstacle.foldback_retreat_m`.
 const RETREAT_M: f64 = 0.05;
-/// So does having gone elsewhere, in m.
+/// So does having gone elsewhere, in m: more than twice as far as it may be folded; chosen, not measured.
 const ELSEWHERE_M: f64 = 0.30;
-/// A reading of nothing means at least this much free way, in m.
+/// A reading of nothing means at least this much free way, in m: less than the farthest reading that counts
+/// by more than the noise there, 10 cm.
 const FREE_M: f64 = 0.40;
 /// Readings beyond this say nothing: the fit ends at 56 cm, and noise alone moves them by 10 cm, in m.
 const FARTHEST_M: f64 = 0.52;
-/// Two beams that hit at the same distance, within this, in m, hit the same thing.
+/// Two beams that hit at the same distance, within this, in m, hit the same thing: on a side that is aslant
+/// by up to 65°, as beams are 7 cm apart.
 const SAME_M: f64 = 0.15;
 
 /// How much farther away than the published fit (§4.5) the sensor's data sheet has a thing, in m: 1 cm at
@@ -162,5 +166,18 @@ pub(super) fn extent(readings: &[BeamReading; 12], n: usize) -> Extent {
         Extent::AloneNear
     } else {
         Extent::Unknown
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_control::VehicleConfig;
+
+    #[test]
+    fn sensors_fold_back_here_as_for_the_first_levels_rule() {
+        let obstacle = VehicleConfig::default().obstacle;
+        assert_eq!(FOLDS_M, obstacle.foldback_cm / 100.0);
+        assert_eq!(RETREAT_M, obstacle.foldback_retreat_m);
     }
 }
