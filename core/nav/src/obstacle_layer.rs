@@ -23,7 +23,9 @@ mod swept;
 mod tests;
 mod thin_obstacles;
 
-pub(crate) use beams::{BESIDE_BEAM_M, LEG_SIGHT_M, OUTERMOST_BEAM_M, SURE_WITHIN_M};
+pub(crate) use beams::{
+    BESIDE_BEAM_M, LEG_HALF_WIDTH_M, LEG_SIGHT_M, OUTERMOST_BEAM_M, SPACING_M, SURE_WITHIN_M,
+};
 pub use obstacle_cells::UnmappedObstacle;
 pub(crate) use swept::CELL_M as SWEPT_CELL_M;
 
@@ -36,20 +38,24 @@ use thin_obstacles::{BROAD_M, ThinObstacles};
 use xtb_control::infrared::BumperRanges;
 use xtb_control::units::Stamp;
 
-/// So far beside a hit something that is known explains it, in m.
+/// So far beside a hit something that is known explains it, in m; chosen, not measured.
 const EXPLAINED_M: f64 = 0.12;
-/// With an unsure pose it explains more, but never more than this, in m.
+/// With an unsure pose it explains more, but never more than this, in m: 9 cm of standard deviation; chosen,
+/// not measured.
 const MOST_EXPLAINED_M: f64 = 0.30;
-/// A beam clears up to this much before what it hits, in m.
+/// A beam clears up to this much before what it hits, in m: more than the diagonal of a cell of 5 cm, 7.1 cm.
 const BEFORE_HIT_M: f64 = 0.08;
 
-/// Something thin is in a beam only this near to its middle, in m.
+/// Something thin is in a beam only this near to its middle, in m: less than half of the beam's width (1.2
+/// cm), since a pose is a little off; chosen, not measured by itself.
 const THIN_M: f64 = 0.007;
-/// What was seen so little inside the body may stand right beside it, in m.
+/// What was seen so little inside the body may stand right beside it, in m: about the pose's error (2.6 cm
+/// p95 with fixes, docs/navigation.md).
 const GRAZES_M: f64 = 0.03;
-/// An obstacle as near as this to others belongs to the same thing, in m: two beams, aslant.
+/// An obstacle as near as this to others belongs to the same thing, in m: two beams, 7 cm apart, on a side
+/// that is aslant by up to 60°.
 const JOINS_M: f64 = 0.15;
-/// Obstacles as near as this to its sides are kept, in m.
+/// Obstacles as near as this to its sides are kept, in m; chosen, not measured.
 const BESIDE_BODY_M: f64 = 0.4;
 
 /// What one scan of the bumpers saw.
@@ -81,19 +87,25 @@ pub struct ObstacleLayer {
 }
 
 impl ObstacleLayer {
-    /// Side of a cell where there is no map, in m.
+    /// Side of a cell where there is no map, in m: the usual one of a map.
     pub const RESOLUTION_M: f64 = 0.05;
-    /// How long an obstacle that is not seen again counts, unless it is set.
+    /// How long an obstacle that is not seen again counts, unless it is set: the default of
+    /// `navigation.unknown.fades_s`.
     pub const FADES_MS: u64 = 60_000;
-    /// Most obstacles; beyond, the one that was not seen for longest goes.
+    /// Most obstacles; beyond, the one that was not seen for longest goes. 2.6 m² of things at 5 cm: a bound
+    /// for time and memory; chosen, not measured.
     pub const MOST_OBSTACLES: usize = 1024;
-    /// How long an obstacle beside the body counts that is not seen again, unless it is set.
+    /// How long an obstacle beside the body counts that is not seen again, unless it is set: the default of
+    /// `navigation.unknown.fades_beside_s`.
     pub const FADES_BESIDE_MS: u64 = 60_000;
-    /// How long an obstacle that has faded stays a doubt.
+    /// How long an obstacle that has faded stays a doubt: ten minutes (docs/navigation.md), as time alone
+    /// takes nothing away; chosen, not measured.
     pub const DOUBTFUL_MS: u64 = 600_000;
-    /// Around something thin, in m, more of its kind is to be expected.
+    /// Around something thin, in m, more of its kind is to be expected: the legs of a table and its chairs;
+    /// chosen, not measured by itself.
     pub const THIN_NEAR_M: f64 = 3.0;
-    /// Most cells that are known to be free.
+    /// Most cells that are known to be free: 10 m² at 5 cm; an XTB passes over 8 m² in a minute at 0.35 m/s,
+    /// and older ones fade.
     const MOST_FREE: usize = 4096;
 
     /// A layer without obstacles whose cells are those of the map, or of [`ObstacleLayer::RESOLUTION_M`].

@@ -36,9 +36,11 @@ use steering_model::SteeringModel;
 use thiserror::Error;
 use xtb_control::Stamp;
 
-/// A step counts as no longer than this, in s.
+/// A step counts as no longer than this, in s: ten samples of the gyro. After a longer gap nobody knows what
+/// happened, and the control loop has ended the goal (80 ms).
 pub(crate) const LONGEST_STEP_S: f64 = 0.1;
-/// Rounding that a planner's curvature may have.
+/// Rounding that a planner's curvature may have, in parts of it: far more than f64's, far less than the
+/// servos'.
 const ROUNDING: f64 = 1e-6;
 
 /// Why a path cannot be followed.

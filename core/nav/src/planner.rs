@@ -39,7 +39,7 @@ use space::{GridSpace, Hit, Space, What};
 use std::f64::consts::TAU;
 use tree::{SearchContext, Tree};
 
-/// Expansions of one tree until it is the other's turn.
+/// Expansions of one tree until it is the other's turn; chosen, not measured.
 const TURN: usize = 16;
 /// The tree from the start on, and that from the goal back.
 const FORWARD: usize = 0;
@@ -364,6 +364,7 @@ fn nearest_goals(
 
 /// What a car that goes straight from one point to another would touch first.
 fn first_hit(space: &impl Space, from_m: [f64; 2], to_m: [f64; 2]) -> Option<Hit> {
+    /// Less than half of the usual cell of a map, in m.
     const STEP_M: f64 = 0.02;
     let (dx, dy) = (to_m[0] - from_m[0], to_m[1] - from_m[1]);
     let yaw_rad = libm::atan2(dy, dx);

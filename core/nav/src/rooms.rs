@@ -7,9 +7,9 @@ use rand_core::Rng;
 use rand_pcg::Pcg32;
 use std::f64::consts::PI;
 
-/// Cells to a side.
+/// Cells to a side: rooms of 10 m, as in the table of docs/navigation.md.
 const CELLS: i64 = 200;
-/// Side of a cell, in m.
+/// Side of a cell, in m: the usual one of a map.
 const RESOLUTION_M: f64 = 0.05;
 
 /// What stands in a room of 10 m × 10 m.

@@ -16,11 +16,19 @@ use xtb_control::config::{
 };
 use xtb_control::config_section;
 
+/// Speed on a stretch that traffic control has released, in m/s: below what the obstacle rule can stop from (0.43 m/s,
+/// [`VehicleConfig::admitted_mps`]). Traffic control names it to every robot, so that a higher
+/// `navigation.drive.cruise_mps` makes no robot faster; a lower one makes it slower.
+pub const CRUISE_MPS: f64 = 0.35;
+/// Speed where another one may come head-on, in m/s: below half of what the obstacle rule can stop from, since each
+/// of the two needs its own stopping distance.
+pub const MEETING_MPS: f64 = 0.2;
+
 config_section! {
     /// Along a path.
     DriveSettings "navigation.drive" {
-        cruise_mps: f64 = 0.35, "m/s", Range(0.1, 1.0), Ours, "On stretches that traffic control has released; never faster, whatever it says.";
-        meeting_mps: f64 = 0.2, "m/s", Range(0.1, 0.5), Ours, "Without traffic control: each of two that meet needs its own stopping distance.";
+        cruise_mps: f64 = CRUISE_MPS, "m/s", Range(0.1, 1.0), Ours, "On stretches that traffic control has released; never faster, whatever it says.";
+        meeting_mps: f64 = MEETING_MPS, "m/s", Range(0.1, 0.5), Ours, "Without traffic control: each of two that meet needs its own stopping distance.";
         look_ahead_m: f64 = 0.22, "m", Range(0.15, 0.6), Ours, "Look-ahead at a standstill: errors of the pose fade over about this way.";
         look_ahead_s: f64 = 0.2, "s", Range(0.0, 1.0), Ours, "So much more of it for the speed.";
         deviation_m: f64 = 0.12, "m", Range(0.03, 0.5), Ours, "Farther beside the path it stops and plans anew.";

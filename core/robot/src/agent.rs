@@ -35,6 +35,7 @@ use setpoints::Teleop;
 use std::collections::VecDeque;
 use xtb_control::controller::Mode;
 use xtb_control::frames::MapPose;
+use xtb_control::units::PWM_COUNT_US;
 use xtb_control::{Command, Outputs, Stamp, VehicleConfig};
 use xtb_nav::NavSettings;
 use xtb_nav::localization::PoseFilter;
@@ -47,9 +48,8 @@ pub const EVENT_QUEUE: usize = 64;
 /// Ends of earlier goals that stay readable.
 pub const ENDED_GOALS: usize = 8;
 
-/// A speed stick this near to neutral does not move the truck (the ESC's dead band of ± 30 µs,
-/// assumed), in counts.
-pub(crate) const STICK_NEUTRAL_COUNTS: f64 = 75.0;
+/// A speed stick this near to neutral does not move the truck, in counts: the ESC's dead band of ± 30 µs, assumed.
+pub(crate) const STICK_NEUTRAL_COUNTS: f64 = 30.0 / PWM_COUNT_US;
 
 /// Who a robot is, fixed at boot.
 #[derive(Debug, Clone, PartialEq)]

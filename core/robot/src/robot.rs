@@ -23,8 +23,9 @@ use crate::line::{Device, LineWatch};
 use crate::monitor::Monitors;
 use crate::step_log::{Step, StepLog};
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
-use xtb_control::tpu::{ResetMask, Setup, SetupTask};
+use xtb_control::tpu::{ResetMask, Setup, SetupTask, WATCHDOG_MS};
 use xtb_control::{Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
+use xtb_protocol::board::rates::PWM_EVERY_S;
 use xtb_protocol::board::{BoardStatus, Frame, FrameReader, FrameWriter};
 use xtb_protocol::gyro_3dmg::{GyroReader, GyroStarter, START_CONTINUOUS};
 use xtb_protocol::keys::Name;
@@ -37,10 +38,10 @@ use lines::{BoardLine, GyroLine};
 /// Length of a turn.
 pub const TURN_NS: u64 = 5_000_000;
 /// A PWM frame goes out this often, and at once when the motor becomes neutral.
-pub const PWM_FRAME_NS: u64 = 20_000_000;
-/// A turn that is this late: the board's watchdog (100 ms after the last frame) may have stopped the truck
-/// meanwhile, so what was under way is over.
-pub const LOOP_STALL_MS: u64 = 80;
+pub const PWM_FRAME_NS: u64 = (PWM_EVERY_S * 1e9) as u64;
+/// A turn that is this late: the board's watchdog may have stopped the truck meanwhile, since the last frame may be
+/// older than the last turn by the time between two; so what was under way is over.
+pub const LOOP_STALL_MS: u64 = WATCHDOG_MS as u64 - PWM_FRAME_NS / 1_000_000;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Heard {

@@ -56,8 +56,6 @@ use xtb_control::Stamp;
 
 /// Most trucks that are looked at; more are ignored and counted.
 pub const MOST_TRUCKS: usize = 64;
-/// Most arcs of a path that is sent.
-pub const MOST_ARCS: usize = 256;
 /// Listens for so long before it releases anything, in ms: what it finds released stays so.
 const LISTEN_MS: u64 = 1500;
 /// Something stands so long before ways are planned around it, in ms.

@@ -1,6 +1,7 @@
 //! Occupancy grid: which squares of the floor can be driven on.
 
 use thiserror::Error;
+use xtb_protocol::messages::MAX_MAP_CELLS;
 
 /// What is known of a square.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -52,10 +53,10 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Side of a cell, in m.
+    /// Side of a cell, in m; other maps are refused (docs/maps.md). Chosen, not measured.
     pub const RESOLUTION_M: std::ops::RangeInclusive<f64> = 0.005..=1.0;
-    /// 200 m × 200 m at 5 cm.
-    pub const MOST_CELLS: usize = 16_000_000;
+    /// Most cells, as in a message: 200 m × 200 m at 5 cm.
+    pub const MOST_CELLS: usize = MAX_MAP_CELLS as usize;
 
     /// A grid of these cells; `origin_m` is the south-west corner of the first one, (x, y).
     ///

@@ -3,11 +3,15 @@
 use super::car::Car;
 use crate::MapPose;
 
-/// Clear way beyond the bumper that a driving truck needs, in m. Nearer than 25 cm its infrared rule
-/// stops it, and by the published fit what is 27 cm away reads as 25 cm; the rest is for noise and for
-/// the errors of two poses. The margin of each pair comes on top; a path of one's own keeps a little more
+/// What is this near to the bumper stops a truck, in m: the infrared rule's 25 cm (`obstacle.threshold_cm`, §4.6) and
+/// 2 cm, since the published fit reads 25 cm for what is 27 cm away (`farther_m` in `obstacle_layer/beams.rs`). Paths
+/// are planned for the default threshold: a truck with a larger one stops before what they lead past.
+pub const INFRARED_STOPS_M: f64 = 0.25 + 0.02;
+
+/// Clear way beyond the bumper that a driving truck needs, in m: 4 cm more than stops it, for noise and for the
+/// errors of two poses. The margin of each pair comes on top; a path of one's own keeps a little more
 /// ([`navigator::LOOK_OUT_M`](crate::navigator::LOOK_OUT_M)).
-pub const LOOK_OUT_M: f64 = 0.31;
+pub const LOOK_OUT_M: f64 = INFRARED_STOPS_M + 0.04;
 
 /// A rectangle that stands anyhow.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -162,6 +166,12 @@ mod tests {
             met[usize::from(both)] += 1;
         }
         assert!(met[0] > 500 && met[1] > 500, "{met:?}");
+    }
+
+    #[test]
+    fn the_look_out_is_made_for_the_default_obstacle_rule() {
+        let threshold_m = VehicleConfig::default().obstacle.threshold_cm / 100.0;
+        assert_eq!(INFRARED_STOPS_M, threshold_m + 0.02);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::path::{Path, Piece, wrap_rad};
 use crate::MapPose;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Rounding that still counts as zero.
+/// Rounding that still counts as zero, in radii and rad: a few thousand times f64's.
 const ZERO: f64 = 1e-12;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

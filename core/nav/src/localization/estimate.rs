@@ -4,7 +4,8 @@ use super::model::{DELAY, DRIFT, SCALE, State, X, Y, YAW};
 use crate::MapPose;
 use std::f64::consts::PI;
 
-/// A delay is known from this standard deviation down, in s.
+/// A delay is known from this standard deviation down, in s: half of what it is before any fix
+/// (`filter.delay_s`).
 const KNOWN_DELAY_S: f64 = 0.05;
 
 /// What became of all fixes since the start.

@@ -5,8 +5,8 @@ use thiserror::Error;
 use xtb_control::units::Stamp;
 use xtb_protocol::messages::FixSource;
 
-/// Farthest coordinate, in m: the same as for goals.
-const LIMIT_M: f64 = 1.0e4;
+/// Farthest coordinate, in m: the same as for straight goals.
+const LIMIT_M: f64 = xtb_control::goto::Goal::LIMIT_M;
 /// Standard deviations that can be meant, in m and in rad: no tracker is better than a tenth of a millimetre,
 /// and beyond a hundred metres nothing is measured.
 const SIGMA: std::ops::RangeInclusive<f64> = 1.0e-4..=100.0;

@@ -7,7 +7,7 @@ use super::tuning::FilterTuning;
 use crate::MapPose;
 use xtb_control::units::Stamp;
 
-/// More than half a second of gyro readings and encoder windows (120 a second).
+/// ¾ s of gyro readings and encoder windows (120 a second): more than `filter.late_s` may be, 0.6 s.
 const LENGTH: usize = 90;
 /// The speed of late is the mean of this time: some encoder windows, and about as long as a fix is late, in s.
 const OF_LATE_S: f64 = 0.2;

@@ -25,13 +25,14 @@ pub(crate) const SCALE: usize = 4;
 pub(crate) const DELAY: usize = 5;
 const STATES: usize = 6;
 
-/// χ² with one degree of freedom that 1 in 1000 exceeds.
+/// χ² with one degree of freedom that 1 in 1000 exceeds: the gate of fixes, for the drift (tables).
 const ONE_LIMIT: f64 = 10.828;
-/// A variance that is larger says no more than this one.
+/// A variance that is larger says no more than this one: the square of the farthest coordinate, 10 km.
 const MOST_VARIANCE: f64 = 1.0e8;
-/// No encoder and no tyre is farther from its settings: half as far, or twice.
+/// No encoder and no tyre is farther from its settings: half as far, or twice; chosen, not measured.
 const SCALES: std::ops::RangeInclusive<f64> = -0.5..=1.0;
-/// No fix comes earlier or later than this against what it says, in s.
+/// No fix comes later than this against what it says, in s, as an older one is not used (`filter.late_s`),
+/// nor earlier; the earliest is chosen, not measured.
 const DELAYS_S: std::ops::RangeInclusive<f64> = -0.1..=0.5;
 
 /// Mean and covariance of x, y, yaw, drift, scale and delay.

@@ -6,21 +6,27 @@
 //! says then is its drift.
 
 use std::f64::consts::FRAC_PI_2;
+use xtb_control::VehicleConfig;
 use xtb_control::frames::wrap_rad;
 use xtb_control::odometry::OdomPose;
 use xtb_control::units::Stamp;
 
-/// A way within one window that is shorter says nothing of the curvature, in m.
+/// A way within one window that is shorter says nothing of the curvature, in m: four pulses of the default
+/// encoder, so that rounding is a quarter of it at most.
 const SHORTEST_M: f64 = 1.0e-3;
-/// Two windows of the encoder that lie farther apart do not belong to one drive, in s.
+/// Two windows of the encoder that lie farther apart do not belong to one drive, in s: three windows of 52.4
+/// ms are just longer.
 const WINDOWS_S: f64 = 0.15;
-/// No steering angle has a larger tangent.
+/// The tangent of a steering angle counts up to this at least, however little the vehicle steers: 24°, where an XTB's
+/// stops are at 20° (`steering.stop_deg`, assumed); the rest is for noise of gyro and encoder.
 const MOST_TAN: f64 = 0.45;
-/// Wheels that have not turned for this long stand, in s.
+/// Wheels that have not turned for this long stand, in s: more than five windows of the encoder, and than the
+/// motor takes to coast (0.26 s, `follower.coast_s`).
 const STANDS_S: f64 = 0.3;
-/// So long one reading of the drift takes, in s.
+/// So long one reading of the drift takes, in s: the noise of two yaws (`filter.yaw_noise_rad`) leaves 0.0007
+/// rad/s then, a quarter of what is not known before (`filter.drift_radps`).
 const READING_S: f64 = 2.0;
-/// No gyro drifts faster; somebody is turning the truck, in rad/s.
+/// No gyro drifts faster; somebody is turning the truck, in rad/s: 1°/s, where drift up to 0.3°/s is assumed.
 const MOST_DRIFT_RADPS: f64 = 0.0175;
 
 /// What the truck did in one step, in its own frame.
@@ -64,6 +70,8 @@ impl Twist {
 #[derive(Debug, Clone)]
 pub(crate) struct MotionTracker {
     wheelbase_m: f64,
+    /// No steering angle has a larger tangent.
+    most_tan: f64,
     yaw_noise_rad: f64,
     /// When the wheels last turned, and how far the truck has turned since.
     rolled_at: Option<Stamp>,
@@ -73,8 +81,10 @@ pub(crate) struct MotionTracker {
 }
 
 impl MotionTracker {
-    pub(crate) fn new(wheelbase_m: f64, yaw_noise_rad: f64) -> Self {
-        Self { wheelbase_m, yaw_noise_rad, rolled_at: None, turned_rad: 0.0, standing: None }
+    pub(crate) fn new(vehicle: &VehicleConfig, yaw_noise_rad: f64) -> Self {
+        let wheelbase_m = vehicle.geometry.wheelbase_m;
+        let most_tan = libm::tan(vehicle.steering.stop_deg.to_radians()).max(MOST_TAN);
+        Self { wheelbase_m, most_tan, yaw_noise_rad, rolled_at: None, turned_rad: 0.0, standing: None }
     }
 
     /// The odometry jumped, or the truck was moved: nothing follows from before.
@@ -113,7 +123,7 @@ impl MotionTracker {
             return 1.0;
         }
         let tan = turned_rad / ahead_m * self.wheelbase_m / 2.0;
-        let tan = tan.clamp(-MOST_TAN, MOST_TAN);
+        let tan = tan.clamp(-self.most_tan, self.most_tan);
         1.0 / (1.0 + tan * tan).sqrt()
     }
 

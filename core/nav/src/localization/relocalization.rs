@@ -13,38 +13,47 @@ use crate::geometry::{apart_m, distance_m};
 use xtb_control::frames::wrap_rad;
 use xtb_control::units::Stamp;
 
-/// So many have to agree.
+/// So many have to agree; chosen, not measured.
 pub(crate) const ENOUGH: usize = 6;
-/// So many are kept: a longer way shows the heading where the fixes have none.
+/// So many are kept, 4 m of way or 10 s: a longer way shows the heading where the fixes have none.
 const MOST: usize = 40;
-/// One is kept when the truck has gone this far since the last one, or after this time.
+/// One is kept when the truck has gone this far since the last one, so that those kept are spread, …
 const SPACED_M: f64 = 0.10;
+/// … or after this time; both chosen, not measured.
 const SPACED_MS: u64 = 250;
-/// Against a sure pose they have to agree for so long, in s, …
+/// Against a sure pose they have to agree for so long, in s, … (What came of these on 20 trucks:
+/// docs/navigation.md, "Fixes that are wrong", the rows of another robot's fixes.)
 const CONFIRM_S: f64 = 6.0;
-/// … over a way that reaches so far, in m and in their standard deviations, …
+/// … over a way that reaches so far, in m, …
 const CONFIRM_M: f64 = 1.2;
+/// … and so many of their standard deviations, or noise alone could turn it, …
 const CONFIRM_SIGMAS: f64 = 6.0;
-/// … and turns by so much: two that drive straight ahead move alike, in rad.
+/// … and turns by so much, 40°: two that drive straight ahead move alike, in rad, …
 const CONFIRM_TURN_RAD: f64 = 0.7;
-/// … and miss the common turn and shift by no more than noise does (√2 of it, both axes), and play: the root
-/// of the mean square, in their standard deviations and in m.
+/// … and miss the common turn and shift by no more than noise does: √2 of their standard deviation, both
+/// axes, and a fifth more for chance, as the root of the mean square, …
 const CONFIRM_MISS_SIGMAS: f64 = 1.7;
+/// … and play, in m.
 const CONFIRM_MISS_M: f64 = 0.02;
-/// So many rejected in a row that could be of one truck contradict the pose; so many of any.
+/// So many rejected in a row that could be of one truck contradict the pose: of good ones the gate rejects 1
+/// in 1,000.
 const CONTRADICT: u32 = 3;
+/// So many of any do; chosen, not measured.
 const CONTRADICT_ANY: u32 = 8;
-/// After a contradiction so many that fit in a row end it.
+/// After a contradiction so many that fit in a row end it: one may fit by chance.
 const RECONCILED: u32 = 2;
-/// A fix may miss the common turn and shift by this many of its standard deviations, and by the
-/// odometry's error on the way, in m.
+/// A fix may miss the common turn and shift by this many of its standard deviations (1 in 450 good ones
+/// misses by more in the plane), …
 const MISS_SIGMAS: f64 = 3.5;
+/// … and by the odometry's error on the way, in m: three standard deviations after a metre
+/// (`filter.along_walk`).
 const MISS_M: f64 = 0.03;
-/// The same for headings, in rad.
+/// The same for headings, in rad: 3°; chosen, not measured.
 const MISS_RAD: f64 = 0.05;
-/// A heading that comes from a way must be surer than this, in rad.
+/// A heading that comes from a way must be surer than this, in rad: well within `filter.lost_rad` (0.35), or
+/// it would be lost again at once.
 const SURE_RAD: f64 = 0.2;
-/// Of a heading that nobody knows: uniform around the circle, in rad.
+/// Of a heading that nobody knows: uniform around the circle, π / √3, in rad.
 const UNKNOWN_RAD: f64 = 1.814;
 
 #[derive(Debug, Clone, Copy)]

@@ -6,21 +6,26 @@ use xtb_control::Stamp;
 use xtb_control::frames::wrap_rad;
 use xtb_control::odometry::OdomPose;
 
-/// A fix that is the same to the last digit repeats once the wheels have gone this far, in m.
+/// A fix that is the same to the last digit repeats once the wheels have gone this far, in m: 20 pulses of
+/// the default encoder, so they surely turn. (What came of these: docs/navigation.md, "Fixes that are wrong",
+/// the frozen rows.)
 const SAME_MOVED_M: f64 = 0.005;
-/// One that is nearly the same repeats once they have gone this far, in m.
+/// One that is nearly the same repeats once they have gone this far, in m; chosen, not measured.
 const NEAR_MOVED_M: f64 = 0.03;
-/// A source that has repeated goes on repeating within this part of its standard deviation.
+/// A source that has repeated goes on repeating within this part of its standard deviation; chosen, not
+/// measured.
 const STILL_SIGMAS: f64 = 0.5;
-/// Nearly the same: within this part of its standard deviation, but at least so much in m and in rad, …
+/// Nearly the same: within this part of its standard deviation (docs/navigation.md: a fifth), …
 const NEAR_SIGMAS: f64 = 0.2;
+/// … but at least so much, in m: the noise of a frozen tracker in the table …
 const NEAR_M: f64 = 1.0e-3;
+/// … and in rad, the same at a metre's distance, …
 const NEAR_RAD: f64 = 1.0e-3;
 /// … and within this part of the way that the wheels have gone: fixes that are smoothed follow it.
 const NEAR_PART: f64 = 0.3;
-/// A source counts as frozen after so many repeats.
+/// A source counts as frozen after so many repeats: 1.5 s at 2 Hz; chosen, not measured.
 const FROZEN: u32 = 3;
-/// What has not repeated for this long is not known to be frozen any more, in ms.
+/// What has not repeated for this long is not known to be frozen any more, in ms: six fixes at 2 Hz.
 const FORGOTTEN_MS: u64 = 3_000;
 
 /// The fix that the following ones are compared with.

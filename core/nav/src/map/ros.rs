@@ -16,14 +16,18 @@ use serde::{Deserialize, Deserializer, Serialize};
 use serde_saphyr::FlowSeq;
 use thiserror::Error;
 
-/// Longest YAML text that is read, in bytes.
+/// Longest YAML text that is read, in bytes: the most zones with the most corners (200 of each) take 0.8 MiB.
 pub const MAX_YAML_BYTES: usize = 1024 * 1024;
 /// As ROS's map_saver writes them. 205 is unknown for every reader: (255 − 205) / 255 is just above
 /// 0.196 (and below nav2's own default of 0.25, with which nav2 itself reads its unknown as free).
 const FREE_THRESH: f64 = 0.196;
+/// ROS's usual one.
 const OCCUPIED_THRESH: f64 = 0.65;
+/// Free floor in the image, as map_saver writes it.
 const FREE: u8 = 254;
+/// Something, as map_saver writes it.
 const OCCUPIED: u8 = 0;
+/// Unknown, as map_saver writes it.
 const UNKNOWN: u8 = 205;
 
 /// Why a map cannot be read from these files, or written to them.

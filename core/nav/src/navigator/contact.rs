@@ -9,24 +9,29 @@ use super::recovery::{RECOVERED_M, RECOVERY_MPS};
 use super::task::{Recovery, Stage, Task};
 use super::turn::{Decision, HoldReason, Sensed, stand};
 use crate::MapPose;
+use crate::obstacle_layer::SPACING_M;
 use crate::path_follower::LONGEST_STEP_S;
 use xtb_control::{Command, Stamp};
 
-/// Things touched without half a metre of progress in between.
+/// Things touched without half a metre of progress in between; one more is a fault of the drive. Chosen, not
+/// measured.
 const MOST_CONTACTS: u32 = 4;
-/// Wheels that have turned for less than this since the last stall have not got free, in m.
+/// Wheels that have turned for less than this since the last stall have not got free, in m: 200 pulses of the
+/// default encoder; chosen, not measured.
 const FREE_M: f64 = 0.05;
-/// What was touched is so far off the body, in m: the pose may be a little off.
+/// What was touched is so far off the body, in m: the pose may be a little off (2.6 cm p95 with fixes,
+/// docs/navigation.md), and the place has to lie outside of the body to be kept.
 const OFF_M: f64 = 0.05;
-/// To the left of the middle, in m: the strips between the beams, where something may stand that no beam saw.
-const STRIPS_M: [f64; 7] = [-0.205, -0.14, -0.07, 0.0, 0.07, 0.14, 0.205];
-/// Between two points along a side, in m.
+/// Beside the outermost strips something may stand so far beyond the side of the body, in mm; chosen, not
+/// measured.
+const BEYOND_SIDE_MM: f64 = 5.0;
+/// Between two points along a side, in m: the usual cell of a map.
 const APART_M: f64 = 0.05;
-/// From this part of full lock on the sides may be what touches.
+/// From this part of full lock on the sides may be what touches; chosen, not measured.
 const SIDE_STEERING: f64 = 0.3;
-/// Ways of backing off that are tried, longest first, in m.
+/// Ways of backing off that are tried, longest first, in m; chosen, not measured.
 const BACK_M: [f64; 4] = [RECOVERED_M, 0.3, 0.2, 0.1];
-/// It takes no longer than twice its time.
+/// It takes no longer than twice its time; chosen, not measured.
 const PATIENCE: f64 = 2.0;
 
 /// How the wheels have been driven.
@@ -109,7 +114,7 @@ impl Navigator {
         };
         let end_m = if gear > 0.0 { self.car.front_m } else { self.car.rear_m } + OFF_M;
         self.stall_monitor.marked =
-            outline(end_m, self.car.half_width_m + OFF_M, gear, steering).map(in_map).collect();
+            outline(end_m, self.car.half_width_m, gear, steering).map(in_map).collect();
         obstacles.add_contact(now, &self.stall_monitor.marked);
         if let Stage::Following(following) = &task.stage {
             task.lost_start = (following.plan > 0).then_some(following.path.start);
@@ -140,12 +145,39 @@ impl Navigator {
 
 /// Points just off the body where something may stand that stops it, ahead and to the left of its middle: the
 /// bumper, in a bend also the front of the inner side and the rear of the outer one.
-fn outline(end_m: f64, beside_m: f64, gear: f64, steering: f64) -> impl Iterator<Item = [f64; 2]> {
+fn outline(end_m: f64, half_width_m: f64, gear: f64, steering: f64) -> impl Iterator<Item = [f64; 2]> {
+    let beside_m = half_width_m + OFF_M;
     let steps = |to_m: f64| (0..=(to_m / APART_M) as i32).map(|step| f64::from(step) * APART_M);
-    let bumper = STRIPS_M.into_iter().map(move |left_m| [gear * end_m, left_m]);
+    let bumper = strips_m(half_width_m).map(move |left_m| [gear * end_m, left_m]);
     // + is to the right.
     let inner = -steering.signum();
     let sides = steps(end_m).filter(move |_| steering.abs() > SIDE_STEERING);
     let sides = sides.flat_map(move |m| [[gear * m, inner * beside_m], [-gear * m, -inner * beside_m]]);
     bumper.chain(sides)
+}
+
+/// To the left of the middle, in m: the strips between the beams, where something may stand that no beam saw, and
+/// those beside the outermost ones.
+fn strips_m(half_width_m: f64) -> impl Iterator<Item = f64> {
+    // In millimetres, so that an XTB's 0.205 m is that to the bit.
+    let side_m = (half_width_m * 1000.0 + BEYOND_SIDE_MM) / 1000.0;
+    let within = libm::floor(half_width_m / SPACING_M) as i32;
+    let between = (-within..=within).map(|strip| f64::from(strip) * SPACING_M);
+    [-side_m].into_iter().chain(between).chain([side_m])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Car;
+    use xtb_control::VehicleConfig;
+
+    #[test]
+    fn the_strips_are_as_far_out_as_the_body_is_wide() {
+        let strips: Vec<f64> = strips_m(Car::of(&VehicleConfig::default()).half_width_m).collect();
+        assert_eq!(strips, [-0.205, -0.14, -0.07, 0.0, 0.07, 0.14, 0.205]);
+        let mut wide = VehicleConfig::default();
+        wide.geometry.body_width_m = 0.6;
+        assert_eq!(strips_m(Car::of(&wide).half_width_m).count(), 11, "two more on each side");
+    }
 }

@@ -10,14 +10,15 @@ use crate::localization::UncertaintySpeed;
 use crate::path_follower::{DriveLimits, FollowerStatus, Stuck};
 use xtb_control::Stamp;
 
-/// The first level holds it this long before it looks for another way.
+/// The first level holds it this long before it looks for another way; chosen, not measured.
 const BLOCKED_MS: u64 = 1_500;
-/// What holds it stands so far ahead of the bumper, in m, or where something is known as near as this to there.
+/// What holds it stands so far ahead of the bumper, in m, within the obstacle rule's 25 cm, …
 const HELD_AHEAD_M: f64 = 0.2;
+/// … or where something is known as near as this to there; chosen, not measured.
 const HELD_NEAR_M: f64 = 0.4;
-/// Paths for one goal before it gives up.
+/// Paths for one goal before it gives up, so that every goal ends; chosen, not measured.
 const MOST_PLANS: u32 = 40;
-/// Way along a path that counts as progress, in m.
+/// Way along a path that counts as progress, in m; chosen, not measured.
 const PROGRESS_M: f64 = 0.5;
 
 impl Navigator {

@@ -5,19 +5,21 @@ use crate::geometry::Path;
 use crate::path_follower::PathFollower;
 use xtb_control::Stamp;
 
-/// A bend is tight from this part of the tightest one's curvature on.
+/// A bend is tight from this part of the tightest one's curvature on: less than twice the smallest radius.
+/// Chosen, not measured.
 pub(super) const TIGHT: f64 = 0.5;
-/// Speed in it, and where something thin that is not on the map has been met, in m/s.
+/// Speed in it, and where something thin that is not on the map has been met, in m/s: a little over the
+/// slowest that an unsure pose leaves (0.10, `navigation.pose.least_mps`); chosen, not measured.
 pub(super) const BEND_MPS: f64 = 0.12;
-/// And from so far before it on, in m.
+/// And from so far before it on, in m, half a second at that speed; chosen, not measured.
 const BEFORE_BEND_M: f64 = 0.06;
 
-/// On its own path the body swings by this to either side, so that its beams pass over the strips between them
-/// and over floor beside the body.
+/// On its own path the body swings by this to either side, 6°, so that its beams pass over the strips between
+/// them and over floor beside the body: `path_follower/swing.rs` tests that for an XTB.
 const SWING_RAD: f64 = 0.105;
-/// On traffic control's path, which keeps the others off.
+/// On traffic control's path, which keeps the others off, half of that; chosen, not measured.
 const GUIDED_SWING_RAD: f64 = 0.052;
-/// A corner that swings may take this part of the room beside the body.
+/// A corner that swings may take this part of the room beside the body, less than half; chosen, not measured.
 const SWING_ROOM: f64 = 0.45;
 
 /// What a path is driven for.

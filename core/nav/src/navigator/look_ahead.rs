@@ -4,24 +4,33 @@ use super::following::Following;
 use super::turn::Sensed;
 use super::visibility::{BODY_STEP_M, GOES_ON_M, IN_THE_WAY_M, blind_points};
 use super::{LOOK_OUT_M, MARGIN_M, Navigator};
+use crate::geometry::Car;
 use xtb_control::Stamp;
 
-/// The way ahead is looked at this often.
+/// The way ahead is looked at this often: each 7 cm at 0.35 m/s, each five scans of the range finders.
 pub(super) const LOOK_MS: u64 = 200;
-/// And so far, in m: more than it takes to stop.
+/// And so far, in m: more than it takes to stop, 0.16 m from 0.35 m/s (`follower.stop_s`), and the look-out
+/// before that; the rest is chosen, not measured.
 const LOOK_M: f64 = 1.2;
-/// Things this far away have nothing to do with the way that is looked at, in m.
-pub(super) const NEAR_M: f64 = LOOK_M + 0.8;
-/// Before a place where the body would go without looking it stops so far off, in m.
+/// Beyond that way things may matter so far, in m: enough for an XTB, whose corners reach 0.32 m, and for
+/// what goes on 0.40 m beside a thing that was seen.
+const AROUND_M: f64 = 0.8;
+/// Before a place where the body would go without looking it stops so far off, in m; chosen, not measured.
 const BLIND_STOP_M: f64 = 0.12;
-/// It stands before what obstructs it when it is as near as this, in m.
+/// It stands before what obstructs it when it is as near as this, in m: more than a stop falls short of its
+/// point (`follower.settle_m`, 0.008).
 const AT_STOP_M: f64 = 0.05;
-/// Something thin as near as this makes it slow, in m.
+/// Something thin as near as this makes it slow, in m; chosen, not measured.
 const MET_M: f64 = 2.0;
-/// So far ahead what is not on the map counts for the swing, in m.
+/// So far ahead what is not on the map counts for the swing, in m: more than a whole swing of 0.30 m.
 const SWING_LOOK_M: f64 = 0.5;
-/// The pose is surely within so many standard deviations.
+/// The pose is surely within so many standard deviations: 95 %.
 const SURE_SIGMAS: f64 = 2.0;
+
+/// Things this far away have nothing to do with the way that is looked at, in m.
+pub(super) fn near_m(car: &Car) -> f64 {
+    LOOK_M + AROUND_M.max(GOES_ON_M + car.reach_m() + IN_THE_WAY_M)
+}
 
 impl Navigator {
     /// What the obstacle layer says of the next metre, and how much room the map leaves.
@@ -74,7 +83,7 @@ impl Navigator {
         // A stop with the look-out's room before it.
         let at_obstacle = obstructed.map(|(way_m, at)| (way_m - LOOK_OUT_M, at));
         let blind = (following.plan == 0).then(|| {
-            let things = obstacles.unobserved(now, GOES_ON_M, [here.x_m, here.y_m], NEAR_M);
+            let things = obstacles.unobserved(now, GOES_ON_M, [here.x_m, here.y_m], near_m(&self.car));
             blind_points(&following.path, [from_m, to_m], &self.car, &things).first().copied()
         });
         let blind = blind.flatten().map(|(way_m, at)| (way_m - BLIND_STOP_M, at));

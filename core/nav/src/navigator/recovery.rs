@@ -1,7 +1,7 @@
 //! Out of a place from which there is no path: a little way without one, where that is known to be free.
 
 use super::Navigator;
-use super::look_ahead::NEAR_M;
+use super::look_ahead::near_m;
 use super::task::{PAUSE_MS, Recovery, Stage, TRIES, Task};
 use super::turn::{Decision, HoldReason, Sensed, stand};
 use super::visibility::{BODY_STEP_M, GOES_ON_M, IN_THE_WAY_M, blind_points};
@@ -10,19 +10,24 @@ use crate::geometry::{Cell, Path, Piece, distance_m};
 use crate::obstacle_layer::ObstacleLayer;
 use xtb_control::{Command, Stamp, Steering, WheelRpm};
 
-/// Its wheels' speed, in m/s: a little over the least that the follower asks for in a narrow place.
+/// Its wheels' speed, in m/s: a little over the least that the follower asks for in a narrow place (0.10,
+/// `follower.tight_mps`).
 pub(super) const RECOVERY_MPS: f64 = 0.11;
-/// Longest reversing of a recovery.
+/// Longest reversing of a recovery, 28 cm at that speed; chosen, not measured (the memorandum's takes 6 s,
+/// §4.6).
 const RECOVERY_MS: u64 = 2_500;
-/// A recovery that has gone so far is done, in m.
+/// A recovery that has gone so far is done, in m; chosen, not measured.
 pub(super) const RECOVERED_M: f64 = 0.4;
-/// After it, it stands so long before it plans anew.
+/// After it, it stands so long before it plans anew; chosen, not measured.
 const AFTER_MS: u64 = PAUSE_MS / 6;
-/// What was seen goes on so far where nobody has looked, for a recovery, in m.
-const UNSEEN_M: f64 = 0.10;
-/// Backing off by this much a range finder's readings are sure again, in m.
+/// What was seen goes on so far where nobody has looked, for a recovery, in m: a quarter of what a path keeps off;
+/// chosen, not measured.
+const UNSEEN_M: f64 = GOES_ON_M / 4.0;
+/// Backing off by this much a range finder's readings are sure again, in m: more than ends the doubt (5 cm,
+/// `obstacle.foldback_retreat_m`), and what was nearly touched is then out of the zone of 9.7 cm where they
+/// lie.
 const LOOKS_AGAIN_M: f64 = 0.12;
-/// Recoveries for one goal.
+/// Recoveries for one goal, so that it ends; chosen, not measured.
 const RECOVERIES: u32 = 3;
 
 impl Navigator {
@@ -81,7 +86,7 @@ impl Navigator {
         let around = [pose.x_m, pose.y_m];
         let unobserved = self.obstacles.as_ref();
         let unobserved =
-            unobserved.map_or_else(Vec::new, |all| all.unobserved(now, GOES_ON_M, around, NEAR_M));
+            unobserved.map_or_else(Vec::new, |all| all.unobserved(now, GOES_ON_M, around, near_m(&self.car)));
         let body = self.car.grown(IN_THE_WAY_M);
         let nears = |pose: &MapPose, point: &[f64; 2]| body.distance_m(pose, *point) <= 0.0;
         // What is that near already does not hold it there.

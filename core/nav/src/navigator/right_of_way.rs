@@ -11,44 +11,53 @@
 //! Words: a *place* is a body somewhere along a way; a robot that is *alone* keeps to this rule.
 
 use super::turn::STANDS_MPS;
+use super::{MARGIN_M, ROBOT_MARGIN_M};
 use crate::MapPose;
 use crate::geometry::{Car, Path, Piece, Rect, distance_m};
+use crate::settings::MEETING_MPS;
 use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{RobotState, RouteSource, Via};
 
-/// A robot that has not been heard for this long is unknown.
+/// A robot that has not been heard for this long is unknown: five of the states that robots take of each
+/// other (one each 200 ms) are missing.
 pub const HEARD_MS: u64 = 1_000;
-/// Robots that are kept in mind.
+/// Robots that are kept in mind: more than a lab's fifty.
 pub const MOST_NEIGHBOURS: usize = 64;
-/// Who goes first and has stood for this long has lost its turn.
+/// Who goes first and has stood for this long has lost its turn; chosen, not measured.
 pub const LOST_TURN_MS: u64 = 5_000;
 
-/// My way is looked at so far, in m.
+/// My way is looked at so far, in m: half a minute at 0.2 m/s; chosen, not measured.
 const MINE_M: f64 = 6.0;
-/// And the other's.
+/// And the other's; chosen, not measured.
 const THEIRS_M: f64 = 8.0;
-/// In steps of this, in m.
+/// In steps of this, in m, less than a third of an XTB's length; chosen, not measured.
 const STEP_M: f64 = 0.15;
-/// Slower than it will be, for what takes long, and faster, for what comes, in m/s.
+/// Slower than it will be, for what takes long, in m/s: three quarters of [`MEETING_MPS`]; chosen, not
+/// measured.
 const SLOW_MPS: f64 = 0.15;
-const FAST_MPS: f64 = 0.2;
-/// It takes so long to leave a place, in s.
+/// At least so fast whoever comes is taken to be, in m/s: as robots drive alone.
+const FAST_MPS: f64 = MEETING_MPS;
+/// It takes so long to leave a place, in s, or what the body needs for its own length: an XTB 3.3 s for 0.50
+/// m.
 const LEAVES_S: f64 = 3.5;
-/// A moving body comes to a stop within its speed times this, in s.
-const STOPS_S: f64 = 0.8;
-/// Nobody knows where one goes that says no way: along its heading for this long, in s.
+/// A moving body comes to a stop within its speed times this, in s: more than the obstacle rule's 0.36
+/// (`obstacle.reaction_s`), as what is known of it is old; chosen, not measured.
+pub const STOPS_S: f64 = 0.8;
+/// Nobody knows where one goes that says no way: along its heading for this long, in s; chosen, not measured.
 const GUESSED_S: f64 = 3.0;
-/// Between a body and a place that is driven through, in m.
-const BODY_M: f64 = 0.06;
-/// Between the ways of two, in m.
-const WAYS_M: f64 = 0.14;
-/// It stops so far before a body, so that there is room to turn, in m.
+/// Between a body and a place that is driven through, in m: what a path keeps free.
+const BODY_M: f64 = MARGIN_M;
+/// Between the ways of two, in m: what a path keeps free beside a robot that stands.
+const WAYS_M: f64 = MARGIN_M + ROBOT_MARGIN_M;
+/// It stops so far before a body, so that there is room to turn, in m: for an XTB, which turns on 0.45 m as
+/// it is planned; a larger circle is not allowed for. Chosen, not measured.
 const ROOM_M: f64 = 0.6;
-/// And before a way, in m.
+/// And before a way, in m; chosen, not measured.
 const BEFORE_M: f64 = 0.15;
-/// Who is nearer to a body already keeps that room but for this, in m.
+/// Who is nearer to a body already keeps that room but for this, in m; chosen, not measured.
 const NEARER_M: f64 = 0.01;
-/// Middles that near to each other are no way out, in m.
+/// Middles that near to each other are no way out, in m, nor any as near as two bodies reach: 0.64 m for an
+/// XTB. Chosen, not measured.
 const NEAR_M: f64 = 0.9;
 
 /// Who tells a robot where to go.
@@ -310,18 +319,20 @@ fn before_its_way(car: &Car, mine: &[Place], other: &NeighbourNow<'_>) -> Option
         theirs.iter().find(|(_, body)| body.overlaps(&place.body, WAYS_M / 2.0)).map(|(at_s, _)| *at_s)
     };
     let comes: Vec<Option<f64>> = mine.iter().map(comes).collect();
+    let leaves_s = LEAVES_S.max((car.front_m + car.rear_m) / SLOW_MPS);
     let meets =
-        |place: usize| comes[place].is_some_and(|at_s| mine[place].ahead_m / SLOW_MPS + LEAVES_S >= at_s);
+        |place: usize| comes[place].is_some_and(|at_s| mine[place].ahead_m / SLOW_MPS + leaves_s >= at_s);
     let met = (0..mine.len()).find(|place| meets(*place))?;
     let begins = (0..=met).rev().take_while(|place| comes[*place].is_some()).last().unwrap_or(met);
     if begins > 0 {
         return Some(begins);
     }
+    let near_m = NEAR_M.max(2.0 * car.reach_m() + WAYS_M);
     let from_m = distance_m(&mine[0].pose, &other.pose);
     let last_m = mine.last().map_or(0.0, |place| distance_m(&place.pose, &other.pose));
     for (place, comes) in mine.iter().zip(&comes) {
         let now_m = distance_m(&place.pose, &other.pose);
-        if now_m < NEAR_M && now_m < from_m - 0.05 {
+        if now_m < near_m && now_m < from_m - 0.05 {
             return Some(0);
         }
         if comes.is_none() {

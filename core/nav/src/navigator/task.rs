@@ -6,16 +6,18 @@ use super::turn::{HoldReason, TargetPose};
 use crate::MapPose;
 use xtb_control::Stamp;
 
-/// It waits this long for something unknown to go away, before each further try; all tries together take
-/// longer than obstacles that have gone need to fade.
+/// It waits this long for something unknown to go away, before each further try: the first [`PATIENT_TRIES`]
+/// take longer than [`LATELY_MS`], so that what has gone meanwhile does not count any more.
 pub(super) const PAUSE_MS: u64 = 5_000;
-/// Tries without any way gained before it gives up.
+/// Tries without any way gained before it gives up: half a minute; chosen, not measured.
 pub(super) const TRIES: u32 = 6;
-/// After so many tries in vain only obstacles count that were seen within the last so many ms.
+/// After so many tries in vain …
 const PATIENT_TRIES: u32 = 4;
+/// … only obstacles count that were seen within the last so many ms; chosen, not measured.
 const LATELY_MS: u64 = 15_000;
-/// After a way back it lets the others begin.
+/// After a way back it lets the others begin for so long; chosen, not measured.
 const AFTER_RETREAT_MS: u64 = 3_000;
+const _: () = assert!(PAUSE_MS * PATIENT_TRIES as u64 > LATELY_MS && PATIENT_TRIES < TRIES);
 
 #[derive(Debug, Clone)]
 pub(super) enum Stage {

@@ -6,9 +6,10 @@ use xtb_control::infrared::BumperRanges;
 use xtb_control::{Command, Steering, WheelRpm};
 use xtb_protocol::messages::NavPhase;
 
-/// Slower than this is standing, in m/s: one pulse of the encoder a window is 0.005. The follower's own limit,
-/// `follower.standing_mps`, is lower: its wheels must not roll at all when it changes gear.
-pub(super) const STANDS_MPS: f64 = 0.01;
+/// Slower than this is standing, in m/s: at most two pulses of the encoder in a window, one being 0.005 m/s with the
+/// default encoder, gear and tyres. The follower's own limit, `follower.standing_mps`, is lower, at most one pulse: its
+/// wheels must not roll at all when it changes gear.
+pub const STANDS_MPS: f64 = 0.01;
 
 /// Where to go.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -98,4 +99,21 @@ pub struct Progress<'a> {
     pub blocked_at: Option<[f64; 2]>,
     /// Paths for this goal so far.
     pub plans: u32,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path_follower::FollowerSettings;
+    use xtb_control::VehicleConfig;
+    use xtb_control::speed::wheel_rpm;
+
+    #[test]
+    fn two_pulses_a_window_are_standing_and_for_the_follower_only_one() {
+        let vehicle = VehicleConfig::default();
+        let mps = |pulses: u32| wheel_rpm(&vehicle.encoder, pulses) * vehicle.mps_per_rpm();
+        let follower_mps = FollowerSettings::default().standing_mps;
+        assert!((mps(1)..mps(2)).contains(&follower_mps), "{follower_mps} m/s");
+        assert!((mps(2)..mps(3)).contains(&STANDS_MPS), "{STANDS_MPS} m/s");
+    }
 }

@@ -9,11 +9,12 @@ use crate::MapPose;
 use crate::geometry::{Car, Path};
 use crate::obstacle_layer::{BESIDE_BEAM_M, OUTERMOST_BEAM_M, SURE_WITHIN_M};
 
-/// An obstacle as near as this to the body on the path is in the way, in m.
+/// An obstacle as near as this to the body on the path is in the way, in m; chosen, not measured.
 pub(super) const IN_THE_WAY_M: f64 = 0.02;
 /// Between two poses at which the body is laid on the floor, in m: less than a cell of a map.
 pub(super) const BODY_STEP_M: f64 = 0.04;
-/// A thing goes on so far where nobody has looked, in m.
+/// A thing goes on so far where nobody has looked, in m; chosen, not measured by itself (journeys and legs in
+/// docs/navigation.md were driven with it).
 pub(super) const GOES_ON_M: f64 = 0.40;
 /// From the middle of a bumper to either side a beam looks, in m: the outermost, and half of the way to
 /// where its neighbour would be.
@@ -21,9 +22,9 @@ const SIGHT_HALF_WIDTH_M: f64 = OUTERMOST_BEAM_M + BESIDE_BEAM_M;
 /// From where something comes into sight to where it is touched, at least, in m of way: the time to see it
 /// twice, to look ahead, and to stop from 0.2 m/s.
 pub(super) const STOPS_WITHIN_M: f64 = 0.15;
-/// Of what stands nearer than that already: so much nearer is not nearer, in m.
+/// Of what stands nearer than that already: so much nearer is not nearer, in m; chosen, not measured.
 const NEARER_M: f64 = 0.003;
-/// Way between two looks at the path, in m.
+/// Way between two looks at the path, in m: less than half of the usual cell of a map.
 const STEP_M: f64 = 0.02;
 
 /// The first of some points, and the way there, that the body touches between two places of a path before a

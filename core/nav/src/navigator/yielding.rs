@@ -20,19 +20,20 @@ use super::turn::{Decision, HoldReason, stand};
 use crate::MapPose;
 use crate::geometry::{Car, Path, Rect, distance_m};
 use xtb_control::Stamp;
+use xtb_protocol::messages::Route;
 
-/// A body that has stood for so long is something to plan around.
+/// A body that has stood for so long is something to plan around: five states; chosen, not measured.
 const STILL_MS: u64 = 1_000;
-/// Shorter than this one has only stopped for a moment.
+/// Shorter than this one has only stopped for a moment; chosen, not measured.
 const STANDS_MS: u64 = 1_500;
-/// One that waits for me has told me to make room after so long.
+/// One that waits for me has told me to make room after so long; chosen, not measured.
 const ASKED_MS: u64 = 2_000;
-/// Nobody waits longer than this for another robot.
+/// Nobody waits longer than this for another robot, so that every goal ends; chosen, not measured.
 const MOST_MS: u64 = 60_000;
-/// Ways back for one goal.
+/// Ways back for one goal, so that it ends; chosen, not measured.
 const MOST_RETREATS: u32 = 4;
-/// Others that are looked at, the nearest ones.
-const MOST_NEAR: usize = 16;
+/// Others that are looked at, the nearest ones: as many as traffic control tells a robot of.
+const MOST_NEAR: usize = Route::MOST_OTHERS;
 
 impl Navigator {
     /// The robot's own name: of two that meet the smaller one goes first.

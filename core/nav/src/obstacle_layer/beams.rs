@@ -4,27 +4,39 @@ use crate::MapPose;
 use crate::geometry::Car;
 
 /// Between neighbours of a bumper, in m (§2.2).
-const SPACING_M: f64 = 0.07;
-/// From the middle of a bumper to its outermost beams, in m: two and a half spacings.
+pub(crate) const SPACING_M: f64 = 0.07;
+/// From the middle of a bumper to its outermost beams, in m: two and a half spacings, but for the last bit of the
+/// product, which recordings do not have.
 pub(crate) const OUTERMOST_BEAM_M: f64 = 0.175;
-/// A beam that gets through speaks for this much to either side, in m: nearly half of the way to its neighbour.
-pub(crate) const BESIDE_BEAM_M: f64 = 0.034;
+const _: () = assert!((OUTERMOST_BEAM_M - 2.5 * SPACING_M).abs() < 1e-12);
+/// A beam that gets through speaks for this much to either side, in m: 1 mm less than half of the way to its
+/// neighbour.
+pub(crate) const BESIDE_BEAM_M: f64 = SPACING_M / 2.0 - 0.001;
+/// Half of a beam's width, in m: 2.4 cm at 25 cm, as sellers of the sensor quote 6 cm at 80 cm (docs/navigation.md,
+/// "Thin legs"; the data sheet gives no width).
+pub(super) const BEAM_HALF_WIDTH_M: f64 = 0.012;
+/// Half of the thickness of a leg that shall be seen, in m: 2 cm (docs/navigation.md, "Thin legs").
+pub(crate) const LEG_HALF_WIDTH_M: f64 = 0.010;
 /// From the middle of a bumper to either side a beam sees a leg, in m: the outermost one, half of its width,
 /// and half of the leg's.
-pub(crate) const LEG_SIGHT_M: f64 = OUTERMOST_BEAM_M + 0.012 + 0.010;
-/// Farther away a reading does not say well enough where, in m.
+pub(crate) const LEG_SIGHT_M: f64 = OUTERMOST_BEAM_M + BEAM_HALF_WIDTH_M + LEG_HALF_WIDTH_M;
+/// Farther away a reading does not say well enough where, in m: here fit and data sheet are 3 cm apart, at 51
+/// cm 13.
 pub(crate) const SURE_WITHIN_M: f64 = 0.35;
-/// Nearer than this a sensor may fold back: "farther" then means nearer still (§4.5, Fig. 11), in m.
+/// Nearer than this a sensor may fold back: "farther" then means nearer still (§4.5, Fig. 11), in m. As the
+/// first level's rule has it, `obstacle.foldback_cm`.
 const FOLDS_M: f64 = 0.14;
-/// Backing off by this much ends the doubt, in m: as the first level's rule.
+/// Backing off by this much ends the doubt, in m: as the first level's rule, `obstacle.foldback_retreat_m`.
 const RETREAT_M: f64 = 0.05;
-/// So does having gone elsewhere, in m.
+/// So does having gone elsewhere, in m: more than twice as far as it may be folded; chosen, not measured.
 const ELSEWHERE_M: f64 = 0.30;
-/// A reading of nothing means at least this much free way, in m.
+/// A reading of nothing means at least this much free way, in m: less than the farthest reading that counts
+/// by more than the noise there, 10 cm.
 const FREE_M: f64 = 0.40;
 /// Readings beyond this say nothing: the fit ends at 56 cm, and noise alone moves them by 10 cm, in m.
 const FARTHEST_M: f64 = 0.52;
-/// Two beams that hit at the same distance, within this, in m, hit the same thing.
+/// Two beams that hit at the same distance, within this, in m, hit the same thing: on a side that is aslant
+/// by up to 65°, as beams are 7 cm apart.
 const SAME_M: f64 = 0.15;
 
 /// How much farther away than the published fit (§4.5) the sensor's data sheet has a thing, in m: 1 cm at
@@ -154,5 +166,18 @@ pub(super) fn extent(readings: &[BeamReading; 12], n: usize) -> Extent {
         Extent::AloneNear
     } else {
         Extent::Unknown
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_control::VehicleConfig;
+
+    #[test]
+    fn sensors_fold_back_here_as_for_the_first_levels_rule() {
+        let obstacle = VehicleConfig::default().obstacle;
+        assert_eq!(FOLDS_M, obstacle.foldback_cm / 100.0);
+        assert_eq!(RETREAT_M, obstacle.foldback_retreat_m);
     }
 }

@@ -5,9 +5,10 @@ use xtb_control::units::Stamp;
 
 /// Seen so often an obstacle counts: a single reading is a disturbance.
 const COUNTS_FROM: u32 = 2;
-/// Where something is, is the mean of so many readings.
+/// Where something is, is the mean of so many readings: 1.2 s of scans, after which noise is a sixth.
 const MEAN_OF: u32 = 32;
-/// The other one may have been in a cell beside it, within this time: a reading is not that exact.
+/// The other one may have been in a cell beside it, within this time, 13 scans: a reading is not that exact;
+/// chosen, not measured.
 const AGAIN_MS: u64 = 500;
 
 /// Something that stands where the map has nothing.

@@ -5,20 +5,22 @@
 //! is kept in smaller cells, and only for where a beam really sees a leg. It is kept while something thin is
 //! near, and for one to two spans of time.
 
-use super::beams::Beam;
+use super::beams::{BEAM_HALF_WIDTH_M, Beam};
 use crate::MapPose;
 use crate::geometry::Car;
 use std::collections::BTreeMap;
 use xtb_control::units::Stamp;
 
-/// Side of a cell, in m: as fine as a leg is thick.
+/// Side of a cell, in m: about as fine as a leg is thick.
 pub(crate) const CELL_M: f64 = 0.025;
-/// Cells on the side of a block; one block is one number of so many bits squared.
+/// Cells on the side of a block: one block is one number of 64 bits.
 const SIDE: i64 = 8;
-/// Most blocks in a span: 82 m². More are not noted: that floor counts as not passed over.
+/// Most blocks in a span: 82 m², 33 kB. More are not noted: that floor counts as not passed over.
 const MOST_BLOCKS: usize = 2048;
-/// From the middle of a beam to either side a leg is seen, in m: half of its own width and half of the leg's.
-const BESIDE_BEAM_M: f64 = 0.017;
+/// From the middle of a beam to either side a leg is seen for sure, in m: half of the beam's width and 5 mm
+/// of the leg, half of what [`LEG_SIGHT_M`](super::LEG_SIGHT_M) counts, as only sure floor is noted; chosen,
+/// not measured.
+const LEG_BESIDE_M: f64 = BEAM_HALF_WIDTH_M + 0.005;
 
 type Blocks = BTreeMap<(i64, i64), u64>;
 
@@ -44,9 +46,9 @@ impl Swept {
 
     /// A beam got through up to there.
     pub(super) fn pass(&mut self, beam: &Beam, to_m: f64) {
-        let corners = [0.0, to_m].map(|m| [beam.beside(m, -BESIDE_BEAM_M), beam.beside(m, BESIDE_BEAM_M)]);
+        let corners = [0.0, to_m].map(|m| [beam.beside(m, -LEG_BESIDE_M), beam.beside(m, LEG_BESIDE_M)]);
         self.add(corners.as_flattened(), |at| {
-            beam.off_m(at) <= BESIDE_BEAM_M && (0.0..=to_m).contains(&beam.along_m(at))
+            beam.off_m(at) <= LEG_BESIDE_M && (0.0..=to_m).contains(&beam.along_m(at))
         });
     }
 

@@ -6,11 +6,12 @@
 use crate::geometry::apart_m;
 use xtb_control::units::Stamp;
 
-/// Most places; beyond, the oldest goes.
+/// Most places; beyond, the oldest goes. A bound: the legs of 16 tables.
 const MOST: usize = 64;
-/// As near as this it is the same thing, in m.
+/// As near as this it is the same thing, in m; chosen, not measured.
 const SAME_M: f64 = 0.2;
-/// As near as this to something broad it belongs to it, in m.
+/// As near as this to something broad it belongs to it, in m: its corner, or another truck's; chosen, not
+/// measured.
 pub(super) const BROAD_M: f64 = 0.3;
 
 #[derive(Debug, Clone, Default)]

@@ -8,9 +8,10 @@ use crate::geometry::path::{STRAIGHT_PER_M, wrap_rad};
 use crate::geometry::{Path, Piece};
 use std::ops::Range;
 
-/// The truck is looked for so far behind its last place …
+/// The truck is looked for so far behind its last place, in m: more than it may be off
+/// (`follower.deviation_m`, 0.12), since a fix may put it back that far, …
 const BEHIND_M: f64 = 0.15;
-/// … and so far ahead of it: never on a later turn of the path that comes by here again.
+/// … and so far ahead of it, twice that: never on a later turn of the path that comes by here again.
 const AHEAD_M: f64 = 0.30;
 
 /// A piece in its place.

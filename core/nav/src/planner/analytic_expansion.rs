@@ -7,7 +7,7 @@ use crate::MapPose;
 use crate::geometry::reeds_shepp;
 use crate::geometry::reeds_shepp::Curve;
 
-/// Words that are tried.
+/// Words that are tried, the cheapest first; chosen, not measured.
 const MOST_WORDS: usize = 8;
 
 /// Memory for the words.

@@ -6,7 +6,7 @@ use crate::MapPose;
 use crate::geometry::reeds_shepp::Curve;
 use crate::geometry::{Path, Piece};
 
-/// Way between two looks at the clearance.
+/// Way between two looks at the clearance, in m: two of the usual cells of a map; chosen, not measured.
 const LOOK_M: f64 = 0.1;
 
 /// What is weighed, with the car's narrowest half.

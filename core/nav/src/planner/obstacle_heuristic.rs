@@ -9,7 +9,7 @@ use crate::geometry::apart_m;
 /// Steps to the side and across cost 5 and 7: √2 rounded down to 7/5.
 const SIDE: u32 = 5;
 const ACROSS: u32 = 7;
-/// Costs in use at once differ by less than this.
+/// Costs in use at once differ by less than this: a step costs 7 at most.
 const BUCKETS: usize = 8;
 
 /// Not seen yet.
@@ -17,7 +17,7 @@ const FAR: u32 = u32::MAX;
 /// The car does not fit there.
 const BLOCKED: u32 = u32::MAX - 1;
 
-/// Squares of the floor; more are not kept, the squares grow instead.
+/// Squares of the floor, 16 MB for each end; more are not kept, the squares grow instead.
 const MOST_SQUARES: f64 = 4e6;
 
 #[derive(Debug, Default)]

@@ -1,10 +1,10 @@
 //! Which node stands in which cell of (x, y, heading): pages of a flat array that appear where the
 //! search comes by, so a large map costs no more than the part of it that is searched.
 
-/// Cells to a side of a page.
+/// Cells to a side of a page; chosen, not measured.
 const SIDE: usize = 8;
 const NONE: u32 = u32::MAX;
-/// Entries of all pages: 200 MB.
+/// Entries of all pages: 200 MB, what a robot's computer can spare; chosen, not measured.
 const MOST_ENTRIES: usize = 50_000_000;
 
 /// A cell: column, row and heading.

@@ -5,7 +5,7 @@ use super::lattice::Lattice;
 use crate::MapPose;
 use crate::geometry::path::wrap_rad;
 
-/// Headings that a goal without one is approached in.
+/// Headings that a goal without one is approached in, 15° apart; the lattices' headings are multiples of it.
 pub(super) const GOAL_HEADINGS: u16 = 24;
 
 /// Where to go.
@@ -34,6 +34,7 @@ impl Goal {
     /// Whether a car at `pose` is there.
     #[must_use]
     pub fn met_by(&self, pose: &MapPose) -> bool {
+        /// A micrometre, and a thousandth of a milliradian.
         const ROUNDING: f64 = 1e-6;
         let turned = self.yaw_rad.map_or(0.0, |yaw| wrap_rad(pose.yaw_rad - yaw).abs());
         let apart = libm::hypot(pose.x_m - self.x_m, pose.y_m - self.y_m);

@@ -7,13 +7,13 @@ use super::space::Space;
 use crate::MapPose;
 use crate::geometry::{Path, Piece};
 
-/// Distance between the poses that are joined, in m, at least.
+/// Distance between the poses that are joined, in m, at least; chosen for the time, not measured.
 const SPACING_M: f64 = 0.4;
-/// Poses that are joined at most.
+/// Poses that are joined at most: the pairs grow with the square. Chosen, not measured.
 const MOST_KNOTS: usize = 30;
-/// Curves tried in one round at most.
+/// Curves tried in one round at most; chosen for the time, not measured.
 const MOST_TRIES: usize = 120;
-/// What a cut has to gain to be tried, in m.
+/// What a cut has to gain to be tried, in m; chosen, not measured.
 const WORTH_M: f64 = 0.05;
 
 /// Memory that is used again.

@@ -7,21 +7,23 @@ use crate::authority::arbitration::Writer;
 use std::sync::Arc as Shared;
 use xtb_control::{Command, Mode, Stamp, Steering, WheelRpm, goto};
 use xtb_nav::localization::{self, FixOutcome};
-use xtb_nav::navigator::right_of_way::Neighbour;
+use xtb_nav::navigator::right_of_way::{HEARD_MS, Neighbour};
 use xtb_nav::navigator::{
     Decision, HoldReason, PlanDone, PlanJob, PreparedMap, Sensed, TargetPose, TrafficGuidance,
 };
 use xtb_nav::obstacle_layer::UnmappedObstacle;
 use xtb_nav::{MapPose, Path};
+use xtb_protocol::gyro_3dmg::PERIOD_MS;
 use xtb_protocol::messages::{
     Fix, GoalStatus, MapHash, MapState, NavState, RejectCode, Route, RouteGoal, RouteSource, RouteState,
     StopReason, Track, Via,
 };
 
 /// The navigator's turns come at the gyro's rate.
-const STEP_NS: u64 = 10_000_000;
-/// A coordinator that has not been heard for this long may be followed by another one.
-const OTHER_COORDINATOR_MS: u64 = 1_000;
+const STEP_NS: u64 = (PERIOD_MS * 1e6) as u64;
+/// A coordinator that has not been heard for this long may be followed by another one: as long as a robot is known to
+/// others, and well before the robot counts traffic control as gone.
+const OTHER_COORDINATOR_MS: u64 = HEARD_MS;
 
 /// Who leads, and on which map.
 #[derive(Debug, Clone, Default)]

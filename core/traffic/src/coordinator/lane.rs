@@ -5,8 +5,9 @@ use super::room::Room;
 use std::f64::consts::FRAC_PI_2;
 use xtb_nav::{Car, MapPose};
 
-/// Walls farther away than this to one side do not matter, in m.
-const FAR_M: f64 = 1.6;
+/// Walls farther away than this to one side do not matter, in widths of the truck: 1.6 m for an XTB of 0.40 m;
+/// chosen, not measured.
+const FAR: f64 = 4.0;
 /// Narrower than two trucks side by side and so much more, in m, it has no lanes.
 const ROOM_M: f64 = 0.3;
 /// Wider than so many trucks it is no corridor.
@@ -19,9 +20,10 @@ const MET_M: f64 = 0.05;
 /// How far to the left of its lane a truck is that drives so, in m; 0 where there are no lanes.
 pub(super) fn beside_m(room: &dyn Room, car: &Car, pose: &MapPose, gear: f64) -> f64 {
     let right_rad = pose.yaw_rad - FRAC_PI_2 * gear.signum();
-    let Some(right_m) = to_wall_m(room, pose, right_rad) else { return 0.0 };
-    let Some(left_m) = to_wall_m(room, pose, right_rad + 2.0 * FRAC_PI_2) else { return 0.0 };
-    let (wide_m, truck_m) = (right_m + left_m, 2.0 * car.half_width_m);
+    let truck_m = 2.0 * car.half_width_m;
+    let Some(right_m) = to_wall_m(room, pose, right_rad, FAR * truck_m) else { return 0.0 };
+    let Some(left_m) = to_wall_m(room, pose, right_rad + 2.0 * FRAC_PI_2, FAR * truck_m) else { return 0.0 };
+    let wide_m = right_m + left_m;
     if wide_m < 2.0 * truck_m + ROOM_M || wide_m > WIDEST * truck_m {
         return 0.0;
     }
@@ -30,11 +32,11 @@ pub(super) fn beside_m(room: &dyn Room, car: &Car, pose: &MapPose, gear: f64) ->
     (right_m - lane_m).max(0.0)
 }
 
-/// From a truck's middle to the next fixed thing in a direction; `None` = far.
-fn to_wall_m(room: &dyn Room, pose: &MapPose, toward_rad: f64) -> Option<f64> {
+/// From a truck's middle to the next fixed thing in a direction; `None` = farther than that.
+fn to_wall_m(room: &dyn Room, pose: &MapPose, toward_rad: f64, far_m: f64) -> Option<f64> {
     let (sin, cos) = libm::sincos(toward_rad);
     let mut way_m = 0.0;
-    while way_m < FAR_M {
+    while way_m < far_m {
         let free_m = room.clearance_m(pose.x_m + way_m * cos, pose.y_m + way_m * sin);
         if free_m < MET_M {
             return Some(way_m);

@@ -8,7 +8,10 @@ use xtb_protocol::messages::{
 };
 use xtb_protocol::{Name, Uuid};
 
-/// As far as a range finder sees, and the bodies.
+/// How far a range finder sees, in m: 80 cm (GP2D12's data sheet).
+const SIGHT_M: f64 = 0.8;
+/// Others are told of from this distance between the middles on, in m, and as far as a range finder sees and the two
+/// bodies reach: 1.44 m for two XTBs.
 const NEAR_M: f64 = 2.0;
 
 impl RobotView {
@@ -52,9 +55,10 @@ impl RobotView {
 pub fn others_near(views: &[RobotView], name: &str) -> Vec<MapPose> {
     let Some(own) = views.iter().find(|view| view.name == name) else { return Vec::new() };
     let apart_m = |view: &RobotView| libm::hypot(view.pose.x_m - own.pose.x_m, view.pose.y_m - own.pose.y_m);
-    let mut near: Vec<_> =
-        views.iter().filter(|view| view.name != name).map(|view| (apart_m(view), view.pose)).collect();
-    near.retain(|(apart_m, _)| *apart_m < NEAR_M);
+    let reach_m = |view: &RobotView| view.car.map_or(0.0, |car| car.reach_m());
+    let near_m = |view: &RobotView| NEAR_M.max(SIGHT_M + reach_m(own) + reach_m(view));
+    let others = views.iter().filter(|&view| view.name != name && apart_m(view) < near_m(view));
+    let mut near: Vec<_> = others.map(|view| (apart_m(view), view.pose)).collect();
     near.sort_by(|a, b| a.0.total_cmp(&b.0));
     near.truncate(Route::MOST_OTHERS);
     near.into_iter().map(|(_, pose)| pose).collect()

@@ -4,14 +4,17 @@ use super::discretized_path::DiscretizedPath;
 use super::job::{JointJob, JointResult, Member, Plan};
 use super::task::Target;
 use super::truck::{Route, Truck};
-use super::{Coordinator, LISTEN_MS, MOST_ARCS};
+use super::{Coordinator, LISTEN_MS};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use xtb_control::Stamp;
 use xtb_nav::Path;
+use xtb_nav::navigator::START_WITHIN_M;
+use xtb_protocol::messages::Track;
 
-/// With so many arcs a truck goes to its release's end and begins anew there.
-const MANY_ARCS: usize = 160;
+/// With so many arcs a truck goes to its release's end and begins anew there: 96 are left for what a search adds
+/// before the path is too long to be sent; chosen, not measured.
+const MANY_ARCS: usize = Track::MOST_ARCS - 96;
 /// Between the end of one joint plan and the beginning of the next, in ms.
 const PAUSE_MS: u64 = 300;
 /// Nodes that a joint plan may expand for orders of priorities.
@@ -26,6 +29,8 @@ const IN_VAIN_MS: u64 = 10_000;
 const IN_VAIN_BUDGET: u32 = 6_000;
 /// A way that begins anew begins at most so far from where the truck is when it gets it, in m.
 const START_M: f64 = 0.1;
+// One that begins farther away the truck would not take up.
+const _: () = assert!(START_M < START_WITHIN_M);
 
 impl Coordinator {
     /// Work for another thread, if there is any: at most one job is out at a time, and nothing is
@@ -122,7 +127,7 @@ impl Coordinator {
         for plan in result.plans {
             let fits = |truck: &&mut Truck| truck.id == plan.id && truck.revision == plan.revision;
             if let Some(truck) = self.trucks.iter_mut().find(fits)
-                && plan.way.path.pieces.len() <= MOST_ARCS
+                && plan.way.path.pieces.len() <= Track::MOST_ARCS
             {
                 self.plan += 1;
                 lead(truck, now, self.plan, plan);

@@ -7,13 +7,10 @@ use super::separation::{driven_separation_m, separation_m};
 use super::truck::Truck;
 use std::f64::consts::FRAC_PI_2;
 use xtb_nav::geometry::rect::Stand;
+use xtb_nav::settings::{CRUISE_MPS, MEETING_MPS};
 
 /// Released ahead of a truck at most, in m: short enough to be replanned soon, long enough to cruise.
 const AHEAD_M: f64 = 1.2;
-/// On a stretch that is its own, in m/s.
-const CRUISE_MPS: f64 = 0.35;
-/// Where another moving truck may come head-on, in m/s.
-const HEAD_ON_MPS: f64 = 0.2;
 /// Nearer than this the ends of two released stretches count as head-on, in m.
 const HEAD_ON_M: f64 = 1.2;
 
@@ -70,7 +67,7 @@ fn block_separation_m(truck: &Truck, block: &Block) -> f64 {
     driven_separation_m(separation_m(end, &block.stands))
 }
 
-/// How fast the truck at `index` may go.
+/// How fast the truck at `index` may go: slower where another moving one may come head-on.
 pub(super) fn cruise_mps(trucks: &[Truck], index: usize) -> f64 {
     let Some(mine) = end(&trucks[index]) else { return CRUISE_MPS };
     let head_on = trucks.iter().enumerate().any(|(other, truck)| {
@@ -83,7 +80,7 @@ pub(super) fn cruise_mps(trucks: &[Truck], index: usize) -> f64 {
             None => near(truck.view.pose.x_m, truck.view.pose.y_m),
         }
     });
-    if head_on { HEAD_ON_MPS } else { CRUISE_MPS }
+    if head_on { MEETING_MPS } else { CRUISE_MPS }
 }
 
 /// Where a truck's released stretch ends, and which way it goes there.

@@ -15,6 +15,7 @@ use std::f64::consts::TAU;
 use xtb_nav::geometry::path::wrap_rad;
 use xtb_nav::geometry::rect::{Rect, Stand};
 use xtb_nav::geometry::reeds_shepp;
+use xtb_nav::navigator::{GRAZE_M, RADIUS_FACTOR};
 use xtb_nav::{MapPose, Path, Piece};
 
 /// How closely is looked.
@@ -30,8 +31,6 @@ struct Grain {
 const COARSE: Grain = Grain { moves: &[4], cell_m: 0.12, directions: 20.0 };
 /// For turning between two walls.
 const FINE: Grain = Grain { moves: &[4, 1], cell_m: 0.05, directions: 48.0 };
-/// Planned circles are larger than the smallest ones by this, for the follower to steer within.
-const RADIUS_FACTOR: f64 = 1.15;
 /// What the estimate counts more than what has been driven.
 const HEURISTIC_WEIGHT: f64 = 2.0;
 /// What a change of gear costs beyond its time, in ticks.
@@ -50,6 +49,10 @@ const LANE_TICKS: u32 = 4;
 const MOST_WAIT: u32 = 400;
 /// Margin of the look-out to fixed things, in m.
 const LOOK_MARGIN_M: f64 = 0.02;
+/// Margins of the body to fixed things, in m: the largest with which it is free where it stands.
+const BODY_MARGINS_M: [f64; 5] = [0.05, 0.03, 0.01, -0.02, -0.05];
+// A robot takes a path that grazes something on its own map as little as this.
+const _: () = assert!(-BODY_MARGINS_M[4] < GRAZE_M);
 
 struct Node {
     pose: MapPose,
@@ -96,9 +99,10 @@ struct Search<'a> {
 impl<'a> Search<'a> {
     fn new(task: &'a Task<'a>, grain: &'static Grain) -> Result<Self, Stuck> {
         let here = Rect::body(task.car, &task.start);
-        let margins = [0.05, 0.03, 0.01, -0.02, -0.05];
-        let body_margin_m =
-            margins.into_iter().find(|&margin| task.room.is_free(&here, margin)).ok_or(Stuck::Start)?;
+        let body_margin_m = BODY_MARGINS_M
+            .into_iter()
+            .find(|&margin| task.room.is_free(&here, margin))
+            .ok_or(Stuck::Start)?;
         let still = task.others.iter().map(|other| other.line.end()).max().unwrap_or(0);
         let radius_m = task.car.radius_m * RADIUS_FACTOR;
         let (goals, closed, sweep) = (Vec::new(), BTreeMap::new(), Vec::new());

@@ -5,12 +5,16 @@ use super::job::NoWay;
 use super::{PlannedGoal, RobotView};
 use xtb_control::Stamp;
 use xtb_nav::geometry::rect::{Rect, Stand};
+use xtb_nav::navigator::STANDS_MPS;
+use xtb_nav::navigator::right_of_way::{HEARD_MS, STOPS_S};
 use xtb_nav::{Car, MapPose};
 
-/// Without a report for so long a truck is driven around, in ms.
-pub(super) const STALE_MS: u64 = 2000;
-/// Slower than this it stands, in m/s.
-const STANDS_MPS: f64 = 0.02;
+/// Without a report for so long a truck is driven around, in ms: twice as long as a robot is known to other robots,
+/// since the others plan anew then, while it stops at its release's end anyhow.
+const STALE_MS: u64 = 2 * HEARD_MS;
+/// A truck that reports less stands, in m/s: twice what the truck itself takes for standing, as a report is older;
+/// chosen, not measured.
+const REPORT_STANDS_MPS: f64 = 2.0 * STANDS_MPS;
 /// So much of the reported way does not count, in m.
 const BEHIND_M: f64 = 0.05;
 /// A truck that stands so near before its release's end has reached it, in m.
@@ -19,8 +23,8 @@ const SHORT_M: f64 = 0.06;
 const OFF_M: f64 = 0.3;
 /// Released way that is not driven for so long makes a truck stalled, in ms.
 const STALL_MS: u64 = 8000;
-/// Way in which a truck that is not led can stop, per m/s, in m, and at least.
-const STOPPING_S: f64 = 0.8;
+/// Before a truck that is not led and moves at all, in m, beside its speed times [`STOPS_S`].
+const STOPPING_M: f64 = 0.1;
 
 /// The body of a truck that has not said what car it is: it is driven around with room to spare, and not led.
 const UNKNOWN_CAR: Car = Car { front_m: 0.5, rear_m: 0.5, half_width_m: 0.5, radius_m: 1.0 };
@@ -108,7 +112,7 @@ impl Truck {
     }
 
     pub(super) fn stands(&self) -> bool {
-        self.view.speed_mps.abs() < STANDS_MPS
+        self.view.speed_mps.abs() < REPORT_STANDS_MPS
     }
 
     /// Whether it can be led: heard of, a known car, able to drive, and sent somewhere.
@@ -156,7 +160,7 @@ impl Truck {
                 true
             }
             (Some(_), _) => false,
-            (None, _) => self.view.speed_mps.abs() < STANDS_MPS,
+            (None, _) => self.view.speed_mps.abs() < REPORT_STANDS_MPS,
         };
         if confirmed {
             self.retained.clear();
@@ -263,7 +267,7 @@ impl Truck {
         let held = self.retained.iter().chain(self.held());
         let mut stands: Vec<Stand> =
             held.map(|stand| Stand { look: stand.look.filter(|_| goes_on), ..*stand }).collect();
-        let stopping_m = if self.stands() { 0.0 } else { 0.1 + STOPPING_S * self.view.speed_mps.abs() };
+        let stopping_m = if self.stands() { 0.0 } else { STOPPING_M + STOPS_S * self.view.speed_mps.abs() };
         let longer = Car {
             front_m: car.front_m + if self.view.speed_mps > 0.0 { stopping_m } else { 0.0 },
             rear_m: car.rear_m + if self.view.speed_mps < 0.0 { stopping_m } else { 0.0 },

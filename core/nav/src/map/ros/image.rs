@@ -6,7 +6,7 @@ use super::{FREE, OCCUPIED, RosError, Thresholds, UNKNOWN};
 use crate::geometry::{Cell, Grid};
 use std::io::Cursor;
 
-/// Where a PNG has its width and its height, each in 4 bytes.
+/// Where a PNG has its width and its height, each in 4 bytes (PNG specification, IHDR).
 const PNG_SIZE: std::ops::Range<usize> = 16..24;
 /// Bytes that decoding a PNG may take: four channels of 16 bits for each cell.
 const MOST_PNG_BYTES: usize = 8 * Grid::MOST_CELLS;

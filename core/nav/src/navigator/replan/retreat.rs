@@ -12,21 +12,21 @@ use crate::planner::{Goal, Planner};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
-/// Cells of the map that are looked at for a place.
+/// Cells of the map that are looked at for a place, 150 m² at 5 cm; chosen, not measured.
 const MOST_CELLS: usize = 60_000;
-/// Places are this many cells apart.
+/// Places are this many cells apart, 30 cm at 5 cm; chosen, not measured.
 const APART: i64 = 6;
-/// Directions in which it may stand there.
+/// Directions in which it may stand there, 45° apart; chosen, not measured.
 const DIRECTIONS: u32 = 8;
-/// Directions that are tried at one place.
+/// Directions that are tried at one place; chosen, not measured.
 const EACH: usize = 2;
-/// Places that a path is looked for to.
+/// Places that a path is looked for to; chosen, not measured.
 const PLACES: usize = 10;
-/// What the search for one of them may cost.
+/// What the search for one of them may cost, about 0.13 s on a small computer; chosen, not measured.
 const EXPANSIONS: usize = 20_000;
-/// Between it and the other one's way, half of it on each side, in m.
+/// Between it and the other one's way, half of it on each side, in m; chosen, not measured.
 const OFF_M: f64 = 0.10;
-/// The yaw in which it stands there.
+/// The yaw in which it stands there, in rad: 9° to either side, as any will do; chosen, not measured.
 const TOLERANCE_RAD: f64 = 0.15;
 
 impl Search<'_> {

@@ -14,19 +14,21 @@ use crate::geometry::{Path, Piece};
 use crate::planner::space::{GridSpace, Space};
 use crate::planner::{Goal, Planner};
 
-/// Between two places at which the body is laid on the map, in m.
+/// Between two places at which the body is laid on the map, in m: the usual cell of a map.
 const STEP_M: f64 = 0.05;
-/// A stretch is planned again from so far before it to so far behind it, in m, if there is room.
+/// A stretch is planned again from so far before it to so far behind it, in m, if there is room; chosen for
+/// an XTB, which turns on 0.45 m, not measured.
 const AROUND_M: f64 = 0.8;
-/// Another robot that is as near as this is passed with the usual margin or not at all, in m.
+/// Another robot that is as near as this is passed with the usual margin or not at all, in m: a little more
+/// than what is kept free beside it, 0.14 m.
 const ROBOT_NEAR_M: f64 = 0.15;
-/// To where there is room it may be as many steps, in bends that are so flat against the tightest: beside a wall
-/// the tail swings out.
+/// To where there is room it may be as many steps, 1 m, …
 const LEAVING_STEPS: u32 = 20;
+/// … in bends that are so flat against the tightest: beside a wall the tail swings out. Chosen, not measured.
 const FLAT: [f64; 3] = [1.0, 0.3, 0.08];
-/// As many tight stretches are planned again at most …
+/// As many tight stretches are planned again at most, for the time, …
 const MOST: usize = 6;
-/// … and one may cost this.
+/// … and one may cost this, about 0.07 s on a small computer; both chosen, not measured.
 const EXPANSIONS: usize = 10_000;
 
 impl Search<'_> {

@@ -12,13 +12,15 @@ use crate::planner::{End, Goal, PlanError, Planner, PlannerSettings};
 
 /// As if it were a zone: where what is not on the map may go on.
 const UNSEEN_ZONE: &str = "unseen";
-/// Where the truck stands it may be nearer than this to what nobody has seen, in m.
+/// Where the truck stands it may be nearer than this to what nobody has seen, in m, or it could not begin;
+/// chosen, not measured.
 pub(super) const START_SLACK_M: f64 = 0.04;
-/// A path ends this near to its goal: the follower needs the rest of the box for itself.
+/// A path ends this near to its goal: the follower needs the rest of the box of 20 cm
+/// (`navigation.arrival.tolerance_m`) for itself.
 pub(super) const TOLERANCE_M: f64 = 0.05;
-/// And this near to its yaw.
+/// And this near to its yaw, 3° of 15° (`navigation.arrival.tolerance_deg`).
 const TOLERANCE_RAD: f64 = 0.05;
-/// Others move on: a search around them costs no more than this.
+/// Others move on: a search around them costs no more than this, about 0.4 s on a small computer.
 const MOST_AMONG_ROBOTS: usize = 60_000;
 
 /// A job that is being worked off.

@@ -18,19 +18,21 @@ use crate::navigator::following::BEND_MPS;
 use crate::navigator::visibility::{BODY_STEP_M, STOPS_WITHIN_M};
 use crate::planner::space::{GridSpace, Space};
 
-/// What a look shows counts if the body gets there within this way of the first blind cell, in m.
+/// What a look shows counts if the body gets there within this way of the first blind cell, in m; chosen, not
+/// measured.
 const WINDOW_M: f64 = 1.0;
-/// Looks begin so far before the first blind cell, in m.
+/// Looks begin so far before the first blind cell, in m: closer where they are short; chosen, not measured.
 const BEFORE_M: [f64; 9] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0];
-/// Longest way aside, in m.
+/// Longest way aside, in m; chosen, not measured.
 const MOST_ASIDE_M: f64 = 0.5;
-/// Looks on one path.
+/// Looks on one path, so that it ends; chosen, not measured.
 const MOST_SCANS: usize = 64;
-/// A look shows so many more blind cells than it is blind for itself, at least.
+/// A look shows so many more blind cells than it is blind for itself, at least: any gain.
 const LEAST_CELLS: i32 = 1;
-/// A look takes as long as this for its stops, in s, and its way as in a bend.
-const STOPS_S: f64 = 4.0;
-/// Where nothing was worth it, the next blind cell is one so much farther on, in m.
+/// A look takes as long as this for its stops, in s, and its way as in a bend: more than two changes of gear;
+/// chosen, not measured.
+const SCAN_STOPS_S: f64 = 4.0;
+/// Where nothing was worth it, the next blind cell is one so much farther on, in m; chosen, not measured.
 const ON_M: f64 = 0.15;
 
 /// A way aside, and where on the path it begins.
@@ -185,7 +187,7 @@ impl VisibilityGrid<'_> {
                 return;
             }
             if gained >= LEAST_CELLS {
-                is(f64::from(gained) / (STOPS_S + 2.0 * way_m / BEND_MPS), way_m * aside.gear());
+                is(f64::from(gained) / (SCAN_STOPS_S + 2.0 * way_m / BEND_MPS), way_m * aside.gear());
             }
         }
     }

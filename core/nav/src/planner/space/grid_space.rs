@@ -7,6 +7,7 @@
 use super::sweep::{Frame, FreeSpace, Plate, touch};
 use super::{Bounds, Hit, OneWay, Space, What};
 use crate::MapPose;
+use crate::geometry::rect::INFRARED_STOPS_M;
 use crate::geometry::{Car, Cell, Clearance, Grid, Piece};
 use crate::map::Zones;
 use thiserror::Error;
@@ -24,9 +25,10 @@ pub struct LookOut {
 impl LookOut {
     /// Nothing but the body counts.
     pub const OFF: Self = Self { ahead_m: 0.0, half_width_m: 0.0 };
-    /// For the truck's sensors, with a few cm for their mounting: the least that is worth planning with. The
-    /// navigator keeps more ahead ([`navigator::LOOK_OUT_M`](crate::navigator::LOOK_OUT_M)).
-    pub const TRUCK: Self = Self { ahead_m: 0.28, half_width_m: 0.2 };
+    /// For the truck's sensors: ahead 1 cm more than stops it, the least that is worth planning with (the navigator
+    /// keeps more, [`navigator::LOOK_OUT_M`](crate::navigator::LOOK_OUT_M)); to either side the outermost beams at
+    /// 17.5 cm, and 2.5 cm for their width and mounting. Sensors stand 7 cm apart (§2.2) however wide the body is.
+    pub const TRUCK: Self = Self { ahead_m: INFRARED_STOPS_M + 0.01, half_width_m: 0.2 };
 }
 
 /// What a world is made of, each on the cells of the grid.

@@ -7,10 +7,10 @@ use crate::MapPose;
 use crate::geometry::{Grid, Piece};
 use crate::map::{Map, ZoneLayers};
 
-/// A course this little beyond a right angle is rounding.
+/// A course this little beyond a right angle is rounding: far more than f64's.
 const ROUNDING: f64 = 1e-9;
-/// In a measure that goes from cell to cell in eighths of a turn, a course that is allowed looks up to
-/// so far beyond a right angle (cosine).
+/// In a measure that goes from cell to cell in eighths of a turn, a course that is allowed looks up to so far
+/// beyond a right angle (cosine): 30°, where half of an eighth are 22.5°.
 const EIGHTHS: f64 = -0.5;
 
 /// For each cell of a grid the direction of driving that is allowed.

@@ -19,10 +19,10 @@ use crate::MapPose;
 use crate::geometry::Piece;
 use crate::geometry::path::STRAIGHT_PER_M;
 
-/// Way on which a rectangle that is still undecided counts as touching.
+/// Way on which a rectangle that is still undecided counts as touching, in m; chosen, not measured.
 pub(super) const FINEST_M: f64 = 0.002;
 
-/// Way that is looked at in one go at most.
+/// Way that is looked at in one go at most, in m; chosen, not measured.
 const LONGEST_M: f64 = 0.2;
 
 /// A rectangle in the car's frame, from −`rear_m` to `front_m`.
