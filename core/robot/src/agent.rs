@@ -46,9 +46,10 @@ use xtb_protocol::messages::{
 };
 use xtb_protocol::{Name, Uuid};
 
-/// Events that wait for the uplink; the oldest is dropped and counted when full.
+/// Events that wait for the uplink, as many as late joiners get (docs/protocol.md); the oldest is dropped and
+/// counted when full.
 pub const EVENT_QUEUE: usize = 64;
-/// Ends of earlier goals that stay readable.
+/// Ends of earlier goals that stay readable, a few, as each is in every state; chosen, not measured.
 pub const ENDED_GOALS: usize = 8;
 
 /// A speed stick this near to neutral does not move the truck, in counts: the ESC's dead band of ± 30 µs, assumed.

@@ -36,14 +36,15 @@ pub use views::Readings;
 use guards::is_neutral_stick;
 use lines::{BoardLine, GyroLine};
 
-/// Length of a turn.
+/// Length of a turn: half of the gyro's period, which comes most often, so that no sample waits for longer.
 pub const TURN_NS: u64 = 5_000_000;
 /// A PWM frame goes out this often, and at once when the motor becomes neutral.
 pub const PWM_FRAME_NS: u64 = (PWM_EVERY_S * 1e9) as u64;
 /// A turn that is this late: the board's watchdog may have stopped the truck meanwhile, since the last frame may be
 /// older than the last turn by the time between two; so what was under way is over.
 pub const LOOP_STALL_MS: u64 = WATCHDOG_MS as u64 - PWM_FRAME_NS / 1_000_000;
-/// A line that is this long without a good frame is looked at for another device's.
+/// A line that is this long without a good frame is looked at for another device's: well before it counts as
+/// lost, so that its name is known then.
 const SUSPICIOUS_MS: u64 = 50;
 
 #[derive(Debug, Clone, Copy, Default)]
