@@ -70,6 +70,7 @@ fn root(plans: &mut Plans<'_>, keep_going: &mut dyn FnMut() -> bool) -> Option<C
     Some(Choice { tracks, above, pairs: plans.pairs(), flowtime: plans.flowtime() })
 }
 
+/// Of these.
 const MANNER: Manner =
     Manner { clash_steps: CLASH_STEPS, heuristic_weight: HEURISTIC_WEIGHT, most_nodes: NODES };
 

@@ -153,7 +153,9 @@ fn in_the_way(plans: &mut Plans<'_>, car: usize, group: &mut Cars, size: usize) 
 
 /// Fills up with those that come near one of the group somewhere, and with anybody in the end.
 fn nearby(plans: &mut Plans<'_>, group: &mut Cars, size: usize) {
+    /// Then it takes anybody; chosen, not measured.
     const TRIES: usize = 20;
+    /// Ways that two cars drive in two steps each; chosen, not measured.
     const NEAR_STEPS: f64 = 4.0;
     let near = plans.instance.step * NEAR_STEPS + 2.0 * plans.instance.reach;
     for _ in 0..TRIES {
