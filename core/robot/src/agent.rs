@@ -52,7 +52,8 @@ pub const EVENT_QUEUE: usize = 64;
 /// Ends of earlier goals that stay readable, a few, as each is in every state; chosen, not measured.
 pub const ENDED_GOALS: usize = 8;
 
-/// A speed stick this near to neutral does not move the truck, in counts: the ESC's dead band of ± 30 µs, assumed.
+/// A speed stick this near to neutral does not move the truck, in counts: the ESC's dead band of ± 30 µs,
+/// assumed.
 pub(crate) const STICK_NEUTRAL_COUNTS: f64 = 30.0 / PWM_COUNT_US;
 
 /// Who a robot is, fixed at boot.

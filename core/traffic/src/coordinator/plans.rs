@@ -12,8 +12,8 @@ use xtb_nav::Path;
 use xtb_nav::navigator::START_WITHIN_M;
 use xtb_protocol::messages::Track;
 
-/// With so many arcs a truck goes to its release's end and begins anew there: 96 are left for what a search adds
-/// before the path is too long to be sent; chosen, not measured.
+/// With so many arcs a truck goes to its release's end and begins anew there: 96 are left for what a search
+/// adds before the path is too long to be sent; chosen, not measured.
 const MANY_ARCS: usize = Track::MOST_ARCS - 96;
 /// Between the end of one joint plan and the beginning of the next, in ms: three turns of the coordinator;
 /// chosen, not measured.

@@ -12,8 +12,8 @@ use xtb_nav::{Car, MapPose};
 /// Without a report for so long a truck is driven around, in ms: twice as long as a robot is known to other
 /// robots, since the others plan anew then, while it stops at its release's end anyhow.
 const STALE_MS: u64 = 2 * HEARD_MS;
-/// A truck that reports less stands, in m/s: twice what the truck itself takes for standing, as a report is older;
-/// chosen, not measured.
+/// A truck that reports less stands, in m/s: twice what the truck itself takes for standing, as a report is
+/// older; chosen, not measured.
 const REPORT_STANDS_MPS: f64 = 2.0 * STANDS_MPS;
 /// So much of the reported way does not count, in m: one place, as the pose is a little off.
 const BEHIND_M: f64 = 0.05;
