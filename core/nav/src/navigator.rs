@@ -58,8 +58,8 @@ pub const MARGIN_M: f64 = 0.06;
 /// Kept free beside another robot that stands, on top of [`MARGIN_M`], in m: where it stands is not known so
 /// well as a wall; chosen, not measured.
 const ROBOT_MARGIN_M: f64 = 0.08;
-/// Kept free ahead of the bumper in the gear driven on a path of one's own, in m: 1 cm more than what every driving
-/// truck needs, for the path that is really driven.
+/// Kept free ahead of the bumper in the gear driven on a path of one's own, in m: 1 cm more than what every
+/// driving truck needs, for the path that is really driven.
 pub const LOOK_OUT_M: f64 = rect::LOOK_OUT_M + 0.01;
 /// Planned circles are wider than the smallest by this factor, so that there is steering to correct with; the
 /// parkings of docs/navigation.md were driven with it.

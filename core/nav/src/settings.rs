@@ -16,12 +16,12 @@ use xtb_control::config::{
 };
 use xtb_control::config_section;
 
-/// Speed on a stretch that traffic control has released, in m/s: below what the obstacle rule can stop from (0.43 m/s,
-/// [`VehicleConfig::admitted_mps`]). Traffic control names it to every robot, so that a higher
+/// Speed on a stretch that traffic control has released, in m/s: below what the obstacle rule can stop from
+/// (0.43 m/s, [`VehicleConfig::admitted_mps`]). Traffic control names it to every robot, so that a higher
 /// `navigation.drive.cruise_mps` makes no robot faster; a lower one makes it slower.
 pub const CRUISE_MPS: f64 = 0.35;
-/// Speed where another one may come head-on, in m/s: below half of what the obstacle rule can stop from, since each
-/// of the two needs its own stopping distance.
+/// Speed where another one may come head-on, in m/s: below half of what the obstacle rule can stop from,
+/// since each of the two needs its own stopping distance.
 pub const MEETING_MPS: f64 = 0.2;
 
 config_section! {

@@ -43,12 +43,14 @@ use xtb_nav::navigator::Navigator;
 use xtb_protocol::messages::{Event, EventKind, Fault, GoalEnd, GoalStatus, InputAges, Latch, StopReason};
 use xtb_protocol::{Name, Uuid};
 
-/// Events that wait for the uplink; the oldest is dropped and counted when full.
+/// Events that wait for the uplink, as many as late joiners get (docs/protocol.md); the oldest is dropped and
+/// counted when full.
 pub const EVENT_QUEUE: usize = 64;
-/// Ends of earlier goals that stay readable.
+/// Ends of earlier goals that stay readable, a few, as each is in every state; chosen, not measured.
 pub const ENDED_GOALS: usize = 8;
 
-/// A speed stick this near to neutral does not move the truck, in counts: the ESC's dead band of ± 30 µs, assumed.
+/// A speed stick this near to neutral does not move the truck, in counts: the ESC's dead band of ± 30 µs,
+/// assumed.
 pub(crate) const STICK_NEUTRAL_COUNTS: f64 = 30.0 / PWM_COUNT_US;
 
 /// Who a robot is, fixed at boot.

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use xtb_control::Stamp;
 use xtb_protocol::messages::{Fault, FaultState, InputAges, Latch, StopReason};
 
-/// A kind of sample that was not heard for this long is lost.
+/// A kind of sample that was not heard for this long is lost: more than three windows of the encoder, which
+/// comes least often.
 pub const INPUT_LOST_MS: u64 = 200;
 
 /// A board that speaks and sends none of a kind for this long has a fault: three encoder windows, with
@@ -161,6 +162,13 @@ impl FaultBook {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_kind_is_silent_after_three_encoder_windows_and_named_within_200_ms() {
+        let window_ms = xtb_control::VehicleConfig::default().encoder.window_s * 1000.0;
+        assert!((3.0 * window_ms..195.0).contains(&(KIND_SILENT_MS as f64)), "{window_ms} ms");
+        assert!(3.0 * window_ms < INPUT_LOST_MS as f64);
+    }
 
     #[test]
     fn what_latches_stops_and_what_stops_without_a_latch_is_named_here() {

@@ -15,11 +15,13 @@
 
 use xtb_control::Stamp;
 
-/// A line without a good frame for this long has a fault.
+/// A line without a good frame for this long has a fault: more than one status frame of the board (100 ms),
+/// and named within 200 ms (docs/safety.md).
 pub const LINE_LOST_MS: u64 = 150;
-/// A fault's name changes, or ends, only after this time.
+/// A fault's name changes, or ends, only after this time; chosen, not measured.
 const STEADY_MS: u64 = 300;
-/// Bytes are looked at in windows of this length, the present and the last one.
+/// Bytes are looked at in windows of this length, the present and the last one: a status frame of the board
+/// comes in each.
 const WINDOW_MS: u64 = 100;
 
 /// Why a port is not open.

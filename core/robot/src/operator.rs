@@ -3,17 +3,20 @@
 //! Zero replies mean *outcome unknown* (access denied, link lost), so a request keeps its id and is
 //! asked again until it is answered or its time is up: the robot does nothing twice.
 
+use crate::authority::lease::{LEASE_FREE_MS, LINK_LOSS_MS};
 use xtb_control::Stamp;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{Body, Lease, Outcome, RejectCode, Reply, Request, Setpoint};
 
-/// A lease is retained this often.
+/// A lease is retained this often: five are missing before a goal that halts ends.
 pub const RETAIN_MS: u64 = 100;
-/// An unanswered request is asked again after this long.
+/// An unanswered request is asked again after this long, four times within the usual 2 s; chosen, not
+/// measured.
 pub const ASK_AGAIN_MS: u64 = 500;
 /// An `acquire` sooner, however long its answer takes: the repetition keeps the lease that the first one was
-/// granted, until retains take over.
+/// granted, until retains take over; four times before it would be free again.
 pub const ACQUIRE_AGAIN_MS: u64 = 200;
+const _: () = assert!(5 * RETAIN_MS <= LINK_LOSS_MS && 4 * ACQUIRE_AGAIN_MS < LEASE_FREE_MS);
 
 /// One request on its way.
 #[derive(Debug, Clone, PartialEq)]

@@ -35,12 +35,13 @@ pub use views::Readings;
 
 use lines::{BoardLine, GyroLine};
 
-/// Length of a turn.
+/// Length of a turn: half of the gyro's period, which comes most often, so that no sample waits for longer.
 pub const TURN_NS: u64 = 5_000_000;
-/// A PWM frame goes out this often, and at once when the motor becomes neutral.
+/// A PWM frame goes out this often, and at once when the motor becomes neutral: one for each PWM period of
+/// 22.2 ms, and five within the board's watchdog.
 pub const PWM_FRAME_NS: u64 = (PWM_EVERY_S * 1e9) as u64;
-/// A turn that is this late: the board's watchdog may have stopped the truck meanwhile, since the last frame may be
-/// older than the last turn by the time between two; so what was under way is over.
+/// A turn that is this late: the board's watchdog may have stopped the truck meanwhile, since the last frame
+/// may be older than the last turn by the time between two; so what was under way is over.
 pub const LOOP_STALL_MS: u64 = WATCHDOG_MS as u64 - PWM_FRAME_NS / 1_000_000;
 
 #[derive(Debug, Clone, Copy, Default)]

@@ -6,13 +6,13 @@ use std::time::Duration;
 
 /// No shorter pause before a question is asked again.
 pub const ASK_AGAIN: Duration = Duration::from_millis(super::operator::ASK_AGAIN_MS);
-/// Nor a longer one.
+/// Nor a longer one; chosen, not measured (links of up to 1 s there and back in docs/network.md).
 pub const ASK_AGAIN_MOST: Duration = Duration::from_secs(4);
-/// However slow the link, nobody waits longer than this, or than was asked for.
+/// However slow the link, nobody waits longer than this, or than was asked for; chosen, not measured.
 pub const PATIENCE_MOST: Duration = Duration::from_secs(15);
-/// An answer may take this many round trips, measured with their deviation.
+/// An answer may take this many round trips, measured with their deviation; chosen, not measured.
 const PATIENT_FOR: u32 = 3;
-/// A longer one counts as this long.
+/// A longer one counts as this long, so that one that was held up is forgotten again; chosen, not measured.
 const LONGEST: Duration = Duration::from_secs(10);
 
 /// The round trip of one link.

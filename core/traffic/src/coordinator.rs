@@ -54,21 +54,24 @@ use truck::{Route, Truck};
 use unknown::Unknown;
 use xtb_control::Stamp;
 
-/// Most trucks that are looked at; more are ignored and counted.
+/// Most trucks that are looked at, more than a lab's fifty; more are ignored and counted.
 pub const MOST_TRUCKS: usize = 64;
-/// Listens for so long before it releases anything, in ms: what it finds released stays so.
+/// Listens for so long before it releases anything, in ms, 30 states of each robot: what it finds released
+/// stays so. Chosen, not measured.
 const LISTEN_MS: u64 = 1500;
-/// Something stands so long before ways are planned around it, in ms.
+/// Something stands so long before ways are planned around it, in ms; chosen, not measured.
 const SETTLED_MS: u64 = 1500;
 /// A job that takes longer is lost, in ms. Jobs end by what they may expand, not by the clock: this is only for
 /// one whose thread has died.
 const JOB_MS: u64 = 300_000;
-/// Nobody moved for so long though someone should, in ms.
+/// Nobody moved for so long though someone should, in ms: longer than [`STANDSTILL_MS`], as all ways are
+/// given up then; chosen, not measured.
 const DEADLOCK_MS: u64 = 8000;
 /// Nobody moved for so long though someone should, and no joint plan is being made: one of them gives its
-/// goal up, in ms.
+/// goal up, in ms; chosen, not measured.
 const STANDSTILL_MS: u64 = 5000;
-/// Turns of [`Coordinator::tick`] farther apart than this count as so long, in ms.
+/// Turns of [`Coordinator::tick`] farther apart than this count as so long, in ms: five of those that should
+/// have come.
 const LONGEST_TURN_MS: u64 = 500;
 
 /// For how long the whole fleet has stood.

@@ -92,6 +92,7 @@ pub enum Unsolved {
 }
 
 fn trouble(conflicts: &[(String, String)], without: &[String]) -> String {
+    /// More would not be read.
     const SHOWN: usize = 6;
     let mut text: Vec<String> = conflicts.iter().take(SHOWN).map(|(a, b)| format!("{a} and {b}")).collect();
     if conflicts.len() > SHOWN {

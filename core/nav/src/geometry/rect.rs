@@ -3,9 +3,10 @@
 use super::car::Car;
 use crate::MapPose;
 
-/// What is this near to the bumper stops a truck, in m: the infrared rule's 25 cm (`obstacle.threshold_cm`, §4.6) and
-/// 2 cm, since the published fit reads 25 cm for what is 27 cm away (`farther_m` in `obstacle_layer/beams.rs`). Paths
-/// are planned for the default threshold: a truck with a larger one stops before what they lead past.
+/// What is this near to the bumper stops a truck, in m: the infrared rule's 25 cm (`obstacle.threshold_cm`,
+/// §4.6) and 2 cm, since the published fit reads 25 cm for what is 27 cm away (`farther_m` in
+/// `obstacle_layer/beams.rs`). Paths are planned for the default threshold: a truck with a larger one stops
+/// before what they lead past.
 pub const INFRARED_STOPS_M: f64 = 0.25 + 0.02;
 
 /// Clear way beyond the bumper that a driving truck needs, in m: 4 cm more than stops it, for noise and for the

@@ -17,8 +17,8 @@ const SHORTEST_M: f64 = 1.0e-3;
 /// Two windows of the encoder that lie farther apart do not belong to one drive, in s: three windows of 52.4
 /// ms are just longer.
 const WINDOWS_S: f64 = 0.15;
-/// The tangent of a steering angle counts up to this at least, however little the vehicle steers: 24°, where an XTB's
-/// stops are at 20° (`steering.stop_deg`, assumed); the rest is for noise of gyro and encoder.
+/// The tangent of a steering angle counts up to this at least, however little the vehicle steers: 24°, where
+/// an XTB's stops are at 20° (`steering.stop_deg`, assumed); the rest is for noise of gyro and encoder.
 const MOST_TAN: f64 = 0.45;
 /// Wheels that have not turned for this long stand, in s: more than five windows of the encoder, and than the
 /// motor takes to coast (0.26 s, `follower.coast_s`).

@@ -156,8 +156,8 @@ fn outline(end_m: f64, half_width_m: f64, gear: f64, steering: f64) -> impl Iter
     bumper.chain(sides)
 }
 
-/// To the left of the middle, in m: the strips between the beams, where something may stand that no beam saw, and
-/// those beside the outermost ones.
+/// To the left of the middle, in m: the strips between the beams, where something may stand that no beam saw,
+/// and those beside the outermost ones.
 fn strips_m(half_width_m: f64) -> impl Iterator<Item = f64> {
     // In millimetres, so that an XTB's 0.205 m is that to the bit.
     let side_m = (half_width_m * 1000.0 + BEYOND_SIDE_MM) / 1000.0;

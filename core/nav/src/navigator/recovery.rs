@@ -20,8 +20,8 @@ const RECOVERY_MS: u64 = 2_500;
 pub(super) const RECOVERED_M: f64 = 0.4;
 /// After it, it stands so long before it plans anew; chosen, not measured.
 const AFTER_MS: u64 = PAUSE_MS / 6;
-/// What was seen goes on so far where nobody has looked, for a recovery, in m: a quarter of what a path keeps off;
-/// chosen, not measured.
+/// What was seen goes on so far where nobody has looked, for a recovery, in m: a quarter of what a path keeps
+/// off; chosen, not measured.
 const UNSEEN_M: f64 = GOES_ON_M / 4.0;
 /// Backing off by this much a range finder's readings are sure again, in m: more than ends the doubt (5 cm,
 /// `obstacle.foldback_retreat_m`), and what was nearly touched is then out of the zone of 9.7 cm where they

@@ -36,8 +36,8 @@ pub const ALONE_AFTER_MS: u64 = 10_000;
 /// A robot that traffic control has told for this long that there is no way gives its goal up: twice the
 /// longest time after which that tries again.
 pub const NO_WAY_MS: u64 = 20_000;
-/// A path that begins farther away than this is not for where it is now, in m: traffic control makes none that begins
-/// farther than 10 cm from where the robot said it was, and the pose moves on a little.
+/// A path that begins farther away than this is not for where it is now, in m: traffic control makes none
+/// that begins farther than 10 cm from where the robot said it was, and the pose moves on a little.
 pub const START_WITHIN_M: f64 = 0.12;
 /// The body may reach so far into something along a path, in m: where a robot stands that near to a wall, traffic
 /// control plans with up to 5 cm less than its body.

@@ -6,9 +6,9 @@ use xtb_control::infrared::BumperRanges;
 use xtb_control::{Command, Steering, WheelRpm};
 use xtb_protocol::messages::NavPhase;
 
-/// Slower than this is standing, in m/s: at most two pulses of the encoder in a window, one being 0.005 m/s with the
-/// default encoder, gear and tyres. The follower's own limit, `follower.standing_mps`, is lower, at most one pulse: its
-/// wheels must not roll at all when it changes gear.
+/// Slower than this is standing, in m/s: at most two pulses of the encoder in a window, one being 0.005 m/s
+/// with the default encoder, gear and tyres. The follower's own limit, `follower.standing_mps`, is lower, at
+/// most one pulse: its wheels must not roll at all when it changes gear.
 pub const STANDS_MPS: f64 = 0.01;
 
 /// Where to go.

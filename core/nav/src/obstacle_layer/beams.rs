@@ -5,15 +5,15 @@ use crate::geometry::Car;
 
 /// Between neighbours of a bumper, in m (§2.2).
 pub(crate) const SPACING_M: f64 = 0.07;
-/// From the middle of a bumper to its outermost beams, in m: two and a half spacings, but for the last bit of the
-/// product, which recordings do not have.
+/// From the middle of a bumper to its outermost beams, in m: two and a half spacings, but for the last bit of
+/// the product, which recordings do not have.
 pub(crate) const OUTERMOST_BEAM_M: f64 = 0.175;
 const _: () = assert!((OUTERMOST_BEAM_M - 2.5 * SPACING_M).abs() < 1e-12);
 /// A beam that gets through speaks for this much to either side, in m: 1 mm less than half of the way to its
 /// neighbour.
 pub(crate) const BESIDE_BEAM_M: f64 = SPACING_M / 2.0 - 0.001;
-/// Half of a beam's width, in m: 2.4 cm at 25 cm, as sellers of the sensor quote 6 cm at 80 cm (docs/navigation.md,
-/// "Thin legs"; the data sheet gives no width).
+/// Half of a beam's width, in m: 2.4 cm at 25 cm, as sellers of the sensor quote 6 cm at 80 cm
+/// (docs/navigation.md, "Thin legs"; the data sheet gives no width).
 pub(super) const BEAM_HALF_WIDTH_M: f64 = 0.012;
 /// Half of the thickness of a leg that shall be seen, in m: 2 cm (docs/navigation.md, "Thin legs").
 pub(crate) const LEG_HALF_WIDTH_M: f64 = 0.010;

@@ -21,8 +21,8 @@ use xtb_protocol::messages::{
 
 /// The navigator's turns come at the gyro's rate.
 const STEP_NS: u64 = (PERIOD_MS * 1e6) as u64;
-/// A coordinator that has not been heard for this long may be followed by another one: as long as a robot is known to
-/// others, and well before the robot counts traffic control as gone.
+/// A coordinator that has not been heard for this long may be followed by another one: as long as a robot is
+/// known to others, and well before the robot counts traffic control as gone.
 const OTHER_COORDINATOR_MS: u64 = HEARD_MS;
 
 /// Who leads, and on which map.

@@ -11,15 +11,18 @@
 use xtb_control::{Command, Stamp, WheelRpm};
 use xtb_nav::localization::Estimate;
 
-/// A scale is known from this standard deviation down.
+/// A scale is known from this standard deviation down: a third of what it is before any fix shows it
+/// (`filter.open_scale`), after 10 to 13 s in the table of docs/navigation.md.
 const KNOWN_SIGMA: f64 = 0.03;
-/// Beyond this the settings are wrong, or the encoder is.
+/// Beyond this the settings are wrong, or the encoder is: tyres differ by 2 % (assumed). Chosen, not
+/// measured.
 const FAULT: f64 = 0.15;
-/// The fault ends below this.
+/// The fault ends below this, so that it does not flap; chosen, not measured.
 const FAULT_OVER: f64 = 0.12;
-/// The least and the largest that wheels are asked for by.
+/// The least and the largest that wheels are asked for by: 5 % more at most, so that a wrong scale makes no
+/// truck fast (table in docs/navigation.md), and half at least. Chosen.
 const APPLIED: std::ops::RangeInclusive<f64> = 0.95..=2.0;
-/// What is applied changes by this much in a second, up or down.
+/// What is applied changes by this much in a second, up or down; chosen, not measured.
 const CHANGE_PER_S: f64 = 0.1;
 
 /// What is known of the scale, and what is made of it.

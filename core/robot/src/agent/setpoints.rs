@@ -6,8 +6,9 @@ use xtb_control::{Command, Mode, Stamp, Steering, WheelRpm};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Fault, GoalStatus, Setpoint, StopReason};
 
-/// A setpoint answers a state that is at most this old: a burst that was held up somewhere does not
-/// drive, and no clocks need to agree.
+/// A setpoint answers a state that is at most this old: a burst that was held up somewhere does not drive,
+/// and no clocks need to agree. So driving by hand needs a round trip below it (docs/network.md). Chosen, not
+/// measured.
 pub(super) const ECHO_MS: u64 = 300;
 
 /// The setpoint that drives.

@@ -15,9 +15,10 @@ use xtb_control::Stamp;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Lease, LeaseState};
 
-/// A lease that was not heard of for this long is free again.
+/// A lease that was not heard of for this long is free again: within a second, as docs/safety.md has it.
 pub const LEASE_FREE_MS: u64 = 900;
-/// A goal that halts on link loss ends after this much silence of the holder.
+/// A goal that halts on link loss ends after this much silence of the holder, so that the motor is neutral
+/// within 700 ms with a retain's age and a pulse's way (docs/safety.md).
 pub const LINK_LOSS_MS: u64 = 500;
 
 /// The present grant.

@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 use xtb_protocol::messages::Reply;
 use xtb_protocol::{Name, Uuid};
 
-/// Replies kept for each client.
+/// Replies kept for each client; chosen, not measured.
 pub const REPLIES_PER_CLIENT: usize = 64;
-/// Clients whose replies are kept; the one that was silent longest is forgotten first.
+/// Clients whose replies are kept; the one that was silent longest is forgotten first. Chosen, not measured.
 pub const CLIENTS: usize = 64;
 
 /// The last replies, by client; bounded both ways.

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 use xtb_control::Stamp;
 
-/// A fault stays present for so long after its cause was last seen.
+/// A fault stays present for so long after its cause was last seen, so that it does not flap and people see
+/// it; chosen, not measured.
 pub const HOLD_MS: u64 = 1000;
 
 /// One fault of one monitor.
@@ -51,7 +52,7 @@ pub(super) struct Still {
     times: u32,
 }
 
-/// Fewer samples than this prove nothing, however long they took to come.
+/// Fewer samples than this prove nothing, however long they took to come; chosen, not measured.
 const FEW: u32 = 4;
 
 impl Still {

@@ -9,7 +9,8 @@ use xtb_control::controller::AdcSample;
 use xtb_control::vehicle::GuardLimits;
 use xtb_control::{AdcCount, Stamp};
 
-const FINDERS: usize = 12;
+/// Six range finders on each of two bumpers (§2.2).
+const FINDERS: usize = 2 * 6;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Finder {

@@ -18,7 +18,7 @@ use xtb_protocol::messages::Fault;
 
 /// A board sends something at least this often: converter scans each 38 ms, encoder windows each 52 ms.
 const QUIET_MS: u64 = 60;
-/// A receiver that was lost with its board gets this time to be heard again.
+/// A receiver that was lost with its board gets this time to be heard again: four of its frames of 22.2 ms.
 const RECEIVER_BACK_MS: u64 = 100;
 
 impl Robot {

@@ -8,7 +8,8 @@ use xtb_control::{Sample, Stamp};
 use xtb_protocol::board::{BoardError, FromBoard};
 use xtb_protocol::gyro_3dmg::GyroFrame;
 
-/// A line that is this long without a good frame is looked at for another device's.
+/// A line that is this long without a good frame is looked at for another device's: well before it counts as
+/// lost, so that its name is known then.
 const SUSPICIOUS_MS: u64 = 50;
 
 impl Robot {

@@ -13,7 +13,8 @@ use super::task::{EXPANSIONS_EACH, Other, Stuck};
 use std::collections::{BTreeMap, BTreeSet};
 use xtb_nav::geometry::rect::Rect;
 
-/// A truck that has still to leave its place is not driven through so many ticks longer.
+/// A truck that has still to leave its place is not driven through so many ticks longer, 3 s; chosen, not
+/// measured.
 const GRACE_TICKS: u32 = 12;
 
 /// Where everybody is expected while ways are looked for one by one.

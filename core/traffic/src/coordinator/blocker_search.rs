@@ -9,7 +9,8 @@ use super::separation::separation_m;
 use super::task::{EXPANSIONS_EACH, Other, Stuck};
 use xtb_nav::geometry::rect::{Rect, Stand};
 
-/// Expansions for each question whether somebody closes the way.
+/// Expansions for each question whether somebody closes the way: half of what a way may cost; chosen, not
+/// measured.
 const EXPANSIONS: u32 = 2000;
 
 /// Somebody who may be in the way.

@@ -3,7 +3,7 @@
 use xtb_nav::geometry::rect::{Rect, Stand};
 use xtb_nav::{Car, MapPose, Path};
 
-/// Way between two places, in m.
+/// Way between two places, in m: the usual cell of a map; chosen, not measured.
 pub(super) const STEP_M: f64 = 0.05;
 
 /// A path and the truck at each of its places. Place 0 is the start, the last one the end.

@@ -10,17 +10,18 @@ use crate::conflicts::{self, Conflict};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
-/// Most trucks of a group: the choices double with each meeting.
+/// Most trucks of a group: the choices double with each meeting. Chosen, not measured.
 const MOST: usize = 4;
-/// Choices that are looked at.
+/// Choices that are looked at; chosen, not measured.
 const MOST_CHOICES: usize = 100;
-/// Expansions for one truck in one choice.
+/// Expansions for one truck in one choice: a fifth of what a way may cost otherwise; chosen, not measured.
 const EXPANSIONS: u32 = 800;
-/// Longest part of another one's way that is avoided at once, in ticks (10 s).
+/// Longest part of another one's way that is avoided at once, in ticks (10 s); chosen, not measured.
 const MOST_AVOIDED: u32 = 40;
 /// What a tick in each other's way counts against one of driving: ways that need few more constraints first.
+/// Chosen, not measured.
 const MEETING_COST: usize = 4;
-/// So much longer than they meet it is avoided, in ticks.
+/// So much longer than they meet it is avoided, in ticks (1 s); chosen, not measured.
 const SPARE_TICKS: u32 = 4;
 
 /// A way with the position on it at each tick.

@@ -13,11 +13,12 @@ use super::joint::{Failed, PATIENCE_MS, Solution, Solver};
 use super::task::EXPANSIONS_EACH;
 use std::collections::BTreeSet;
 
-/// The one that is served begins so late, in ticks: at once, or when others may have driven 10 m.
+/// The one that is served begins so late, in ticks: at once, or when others may have driven 10 m (36 s);
+/// chosen, not measured.
 const LATE_TICKS: [usize; 2] = [0, 144];
-/// Expansions for one truck that makes room.
+/// Expansions for one truck that makes room; chosen, not measured.
 const EXPANSIONS_ASIDE: u32 = 2500;
-/// Expansions for one truck that may go on to its goal as well.
+/// Expansions for one truck that may go on to its goal as well; chosen, not measured.
 const EXPANSIONS_FURTHER: u32 = 1500;
 
 /// The one that is served, and how.

@@ -13,13 +13,14 @@ use super::occupancy::Occupancy;
 use super::order::Order;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Orders that are tried with some of the trucks, at most.
+/// Orders that are tried with some of the trucks, at most; chosen, not measured.
 const TRIES: usize = 8;
-/// Expansions to find out who is in whose way, in all.
+/// Expansions to find out who is in whose way, in all: three ways; chosen, not measured.
 const EXPANSIONS_BLOCKERS: u32 = 12_000;
-/// Who has waited for longer than this is served before ways for all are looked for, in ms.
+/// Who has waited for longer than this is served before ways for all are looked for, in ms; chosen, not
+/// measured.
 pub(super) const PATIENCE_MS: u64 = 30_000;
-/// Longest plan, in ticks (20 min).
+/// Longest plan, in ticks (20 min), so that it ends; chosen, not measured.
 pub(super) const MOST_TICKS: usize = 4800;
 
 /// Ways and orders that fit together.

@@ -8,13 +8,14 @@ use xtb_nav::{Car, MapPose};
 /// Walls farther away than this to one side do not matter, in widths of the truck: 1.6 m for an XTB of 0.40 m;
 /// chosen, not measured.
 const FAR: f64 = 4.0;
-/// Narrower than two trucks side by side and so much more, in m, it has no lanes.
+/// Narrower than two trucks side by side and so much more, in m, it has no lanes: for what each keeps from
+/// the other and from the walls; chosen, not measured.
 const ROOM_M: f64 = 0.3;
-/// Wider than so many trucks it is no corridor.
+/// Wider than so many trucks it is no corridor; chosen, not measured.
 const WIDEST: f64 = 5.5;
-/// The side of a truck keeps so far from the wall on its right, in m.
+/// The side of a truck keeps so far from the wall on its right, in m; chosen, not measured.
 const WALL_M: f64 = 0.09;
-/// A wall counts as met this near, in m.
+/// A wall counts as met this near, in m: the usual cell of a map.
 const MET_M: f64 = 0.05;
 
 /// How far to the left of its lane a truck is that drives so, in m; 0 where there are no lanes.

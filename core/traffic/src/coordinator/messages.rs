@@ -8,10 +8,10 @@ use xtb_protocol::messages::{
 };
 use xtb_protocol::{Name, Uuid};
 
-/// How far a range finder sees, in m: 80 cm (GP2D12's data sheet).
+/// How far a range finder sees, in m: 10 to 80 cm (GP2D12's data sheet).
 const SIGHT_M: f64 = 0.8;
-/// Others are told of from this distance between the middles on, in m, and as far as a range finder sees and the two
-/// bodies reach: 1.44 m for two XTBs.
+/// Others are told of up to this distance between the middles, in m, or as far as a range finder sees and the
+/// two bodies reach: 1.44 m for two XTBs. Chosen, not measured.
 const NEAR_M: f64 = 2.0;
 
 impl RobotView {

@@ -5,13 +5,14 @@ use xtb_nav::geometry::rect::Rect;
 use xtb_nav::geometry::rect::Stand;
 use xtb_nav::{Car, MapPose};
 
-/// Way in one tick of the plan's clock (0.25 s at 0.28 m/s), in m.
+/// Way in one tick of the plan's clock, in m: 0.25 s at 0.28 m/s, between the two speeds that trucks are
+/// given.
 pub(super) const TICK_WAY_M: f64 = 0.07;
-/// Never.
+/// No tick is this one: never.
 pub(super) const NEVER: u32 = u32::MAX;
-/// Where nobody is, in m.
+/// Where nobody is, in m: beyond any map.
 const AWAY_M: f64 = 1.0e9;
-/// Ticks in one block of the coarse look.
+/// Ticks in one block of the coarse look; chosen, not measured.
 const BLOCK: usize = 8;
 
 /// One truck over time.

@@ -12,7 +12,8 @@ use xtb_nav::geometry::rect::Stand;
 /// For (who waits, for whom): which place of the other must be reached before each own one is entered.
 pub(super) type Order = BTreeMap<(u32, u32), Vec<u32>>;
 
-/// Ticks that a change of gear takes.
+/// Ticks that a change of gear takes, half a second: less than it takes (1.5 s by `CUSP_S` in xtb-nav's
+/// `path_choice.rs`), but of the plan's clock only the passing order is kept. Chosen, not measured.
 pub(super) const GEAR_TICKS: u32 = 2;
 
 /// A way with the time at which each place is reached.

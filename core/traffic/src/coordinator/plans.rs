@@ -12,22 +12,24 @@ use xtb_nav::Path;
 use xtb_nav::navigator::START_WITHIN_M;
 use xtb_protocol::messages::Track;
 
-/// With so many arcs a truck goes to its release's end and begins anew there: 96 are left for what a search adds
-/// before the path is too long to be sent; chosen, not measured.
+/// With so many arcs a truck goes to its release's end and begins anew there: 96 are left for what a search
+/// adds before the path is too long to be sent; chosen, not measured.
 const MANY_ARCS: usize = Track::MOST_ARCS - 96;
-/// Between the end of one joint plan and the beginning of the next, in ms.
+/// Between the end of one joint plan and the beginning of the next, in ms: three turns of the coordinator;
+/// chosen, not measured.
 const PAUSE_MS: u64 = 300;
-/// Nodes that a joint plan may expand for orders of priorities.
+/// Nodes that a joint plan may expand for orders of priorities; chosen, not measured.
 const BUDGET: u32 = 30_000;
-/// The same for groups for which no order works.
+/// The same for groups for which no order works; chosen, not measured.
 const GROUP_BUDGET: u32 = 8_000;
-/// The same for serving one after the other.
+/// The same for serving one after the other; chosen, not measured.
 const TURN_BUDGET: u32 = 24_000;
-/// After a joint plan that did not lead everybody to its goal: orders of priorities for so long only with so
-/// few nodes, and no groups.
+/// After a joint plan that did not lead everybody to its goal: orders of priorities for so long …
 const IN_VAIN_MS: u64 = 10_000;
+/// … only with so few nodes, and no groups; both chosen, not measured.
 const IN_VAIN_BUDGET: u32 = 6_000;
-/// A way that begins anew begins at most so far from where the truck is when it gets it, in m.
+/// A way that begins anew begins at most so far from where the truck is when it gets it, in m; chosen, not
+/// measured.
 const START_M: f64 = 0.1;
 // One that begins farther away the truck would not take up.
 const _: () = assert!(START_M < START_WITHIN_M);

@@ -9,9 +9,10 @@ use std::f64::consts::FRAC_PI_2;
 use xtb_nav::geometry::rect::Stand;
 use xtb_nav::settings::{CRUISE_MPS, MEETING_MPS};
 
-/// Released ahead of a truck at most, in m: short enough to be replanned soon, long enough to cruise.
+/// Released ahead of a truck at most, in m: short enough to be replanned soon, long enough to cruise. Chosen,
+/// not measured.
 const AHEAD_M: f64 = 1.2;
-/// Nearer than this the ends of two released stretches count as head-on, in m.
+/// Nearer than this the ends of two released stretches count as head-on, in m; chosen, not measured.
 const HEAD_ON_M: f64 = 1.2;
 
 /// Lets the truck at `index` go on as far as the order and everything that is driven around allow.

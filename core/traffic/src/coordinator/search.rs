@@ -28,28 +28,32 @@ struct Grain {
     directions: f64,
 }
 
+/// Moves of 28 cm, 36° on an XTB's circle as it is planned; cells and directions chosen to tell these apart.
 const COARSE: Grain = Grain { moves: &[4], cell_m: 0.12, directions: 20.0 };
-/// For turning between two walls.
+/// For turning between two walls: moves of 7 cm too, 9° on an XTB's circle.
 const FINE: Grain = Grain { moves: &[4, 1], cell_m: 0.05, directions: 48.0 };
-/// What the estimate counts more than what has been driven.
+/// What the estimate counts more than what has been driven: ways are found sooner and may cost up to twice as
+/// much; chosen, not measured.
 const HEURISTIC_WEIGHT: f64 = 2.0;
-/// What a change of gear costs beyond its time, in ticks.
+/// What a change of gear costs beyond its time, in ticks; chosen, not measured.
 const GEAR_COST: f64 = 4.0;
-/// What a tick astern costs more than one ahead.
+/// What a tick astern costs more than one ahead; chosen, not measured.
 const ASTERN_COST: f64 = 0.3;
-/// What a tick of waiting costs: less than one of driving, or every detour is tried before.
+/// What a tick of waiting costs: less than one of driving, or every detour is tried before. Chosen, not
+/// measured.
 const WAIT_COST: f64 = 0.3;
-/// What a move through the place of a truck costs that has to leave it first, in ticks.
+/// What a move through the place of a truck costs that has to leave it first, in ticks; chosen, not measured.
 const SOFT_COST: f64 = 12.0;
-/// What a tick costs more for each metre beside the lane in a corridor.
+/// What a tick costs more for each metre beside the lane in a corridor; chosen, not measured.
 const LANE_COST: f64 = 0.6;
-/// So often on its way a truck is looked at for that, in ticks.
+/// So often on its way a truck is looked at for that, in ticks: once each coarse move.
 const LANE_TICKS: u32 = 4;
-/// Longest wait for a gap, in ticks.
+/// Longest wait for a gap, in ticks (100 s); chosen, not measured.
 const MOST_WAIT: u32 = 400;
-/// Margin of the look-out to fixed things, in m.
+/// Margin of the look-out to fixed things, in m, less than the body's; chosen, not measured.
 const LOOK_MARGIN_M: f64 = 0.02;
-/// Margins of the body to fixed things, in m: the largest with which it is free where it stands.
+/// Margins of the body to fixed things, in m: the largest with which it is free where it stands. With the
+/// last ones a truck gets away that stands a little in a wall. Chosen, not measured.
 const BODY_MARGINS_M: [f64; 5] = [0.05, 0.03, 0.01, -0.02, -0.05];
 // A robot takes a path that grazes something on its own map as little as this.
 const _: () = assert!(-BODY_MARGINS_M[4] < GRAZE_M);

@@ -6,7 +6,7 @@ use super::room::Room;
 use xtb_nav::geometry::rect::Rect;
 use xtb_nav::{Car, MapPose, Piece};
 
-/// Expansions for one truck's way.
+/// Expansions for one truck's way; chosen, not measured.
 pub(super) const EXPANSIONS_EACH: u32 = 4000;
 
 /// Where to.

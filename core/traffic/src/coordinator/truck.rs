@@ -9,24 +9,29 @@ use xtb_nav::navigator::STANDS_MPS;
 use xtb_nav::navigator::right_of_way::{HEARD_MS, STOPS_S};
 use xtb_nav::{Car, MapPose};
 
-/// Without a report for so long a truck is driven around, in ms: twice as long as a robot is known to other robots,
-/// since the others plan anew then, while it stops at its release's end anyhow.
+/// Without a report for so long a truck is driven around, in ms: twice as long as a robot is known to other
+/// robots, since the others plan anew then, while it stops at its release's end anyhow.
 const STALE_MS: u64 = 2 * HEARD_MS;
-/// A truck that reports less stands, in m/s: twice what the truck itself takes for standing, as a report is older;
-/// chosen, not measured.
+/// A truck that reports less stands, in m/s: twice what the truck itself takes for standing, as a report is
+/// older; chosen, not measured.
 const REPORT_STANDS_MPS: f64 = 2.0 * STANDS_MPS;
-/// So much of the reported way does not count, in m.
+/// So much of the reported way does not count, in m: one place, as the pose is a little off.
 const BEHIND_M: f64 = 0.05;
-/// A truck that stands so near before its release's end has reached it, in m.
+/// A truck that stands so near before its release's end has reached it, in m: one place (5 cm), and what a
+/// stop may fall short (`follower.settle_m`, 0.008).
 const SHORT_M: f64 = 0.06;
-/// Farther beside its path it is not on it any more, in m.
+/// Farther beside its path it is not on it any more, in m: well beyond where the truck stops itself
+/// (`navigation.drive.deviation_m`, 0.12).
 const OFF_M: f64 = 0.3;
-/// Released way that is not driven for so long makes a truck stalled, in ms.
+/// Released way that is not driven for so long makes a truck stalled, in ms: longer than the truck itself
+/// tries (`navigation.drive.no_progress_s`, 6 s).
 const STALL_MS: u64 = 8000;
-/// Before a truck that is not led and moves at all, in m, beside its speed times [`STOPS_S`].
+/// Before a truck that is not led and moves at all, in m, beside its speed times [`STOPS_S`]; chosen, not
+/// measured.
 const STOPPING_M: f64 = 0.1;
 
-/// The body of a truck that has not said what car it is: it is driven around with room to spare, and not led.
+/// The body of a truck that has not said what car it is: it is driven around with room to spare, twice an
+/// XTB's length, and not led.
 const UNKNOWN_CAR: Car = Car { front_m: 0.5, rear_m: 0.5, half_width_m: 0.5, radius_m: 1.0 };
 
 /// A way that has been given to a truck.

@@ -5,10 +5,11 @@ use super::cost_to_go::Grain;
 use super::instance::{Instance, MOST_STEPS};
 use super::problem::Problem;
 use super::search::{Manner, Query, Rank, Search};
-use super::table::Table;
+use super::table::{Table, WORD};
 
+/// For one car without the others: nearly its shortest way; chosen, not measured.
 const MANNER: Manner = Manner { clash_steps: 0, heuristic_weight: 120, most_nodes: 30_000 };
-/// Time beyond the longest of these ways, in steps.
+/// Time beyond twice the longest of these ways, in steps, for making room; chosen, not measured.
 const SPARE_STEPS: usize = 96;
 
 impl Instance {
@@ -23,7 +24,7 @@ impl Instance {
         for car in 0..instance.cars() {
             longest = longest.max(instance.steps_alone(problem, car, keep_going)?);
         }
-        instance.horizon = (2 * longest + SPARE_STEPS).next_multiple_of(64).min(MOST_STEPS);
+        instance.horizon = (2 * longest + SPARE_STEPS).next_multiple_of(WORD).min(MOST_STEPS);
         Ok(instance)
     }
 

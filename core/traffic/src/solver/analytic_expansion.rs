@@ -5,9 +5,9 @@ use super::motion::Spot;
 use xtb_nav::geometry::reeds_shepp;
 use xtb_nav::{Path, Piece};
 
-/// Words that are looked at, those with the fewest steps first.
+/// Words that are looked at, those with the fewest steps first; chosen, not measured.
 const WORDS: usize = 4;
-/// Pieces shorter than this part of a step are rounding.
+/// Pieces shorter than this part of a step are rounding: far more than f64's.
 const NOTHING: f64 = 1e-6;
 
 /// The ways to the goal with at most `most` steps that keep off obstacles' rough reach; fewest first.

@@ -3,9 +3,9 @@
 use super::motion::Spot;
 use xtb_nav::{Car, Piece};
 
-/// Part of a step below which two moments count as the same.
+/// Part of a step below which two moments count as the same; chosen, not measured.
 const FINEST: f64 = 1.0 / 64.0;
-/// Moments of one move at which a body is compared with the whole of another one's.
+/// Moments of one move at which a body is compared with the whole of another one's; chosen, not measured.
 const LOOKS: u32 = 4;
 
 /// A car's body around its own middle. Lengths in m.

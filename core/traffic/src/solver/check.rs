@@ -7,11 +7,12 @@ use thiserror::Error;
 use xtb_nav::geometry::path::wrap_rad;
 use xtb_nav::{Car, MapPose, Piece};
 
-/// Slices of a step.
+/// Slices of a step: 5 cm of the public instances' 2.118 m; chosen, not measured.
 const SLICES: usize = 40;
-/// Rounding, and starts or goals that touch (`places::TOUCH`), in parts of a step.
+/// Rounding, and starts or goals that touch (`places::TOUCH`), in parts of a step: the 2 cm of 2.118 m that
+/// the public instances' own checker allows.
 const TOUCH: f64 = 0.0094;
-/// Rounding of angles and radii.
+/// Rounding of angles and radii; chosen, not measured.
 const ROUNDING: f64 = 1e-3;
 
 /// What is wrong with a schedule.

@@ -13,7 +13,8 @@ use xtb_nav::Piece;
 
 /// Not reached.
 const NEVER: u16 = u16::MAX;
-/// What a heading that the flood missed costs, in steps, beside another one of the same square.
+/// What a heading that the flood missed costs, in steps, beside another one of the same square; chosen, not
+/// measured.
 const MISSED: u16 = 4;
 
 /// How finely poses are told apart.
@@ -28,11 +29,11 @@ pub(crate) struct Grain {
 }
 
 impl Grain {
-    /// Enough nearly always. Two sectors are about one turning move at full lock.
+    /// Enough nearly always. Two sectors are about one turning move at full lock of the public instances.
     pub(crate) const COARSE: Self = Self { side: 0.5, sectors: 18, lengths: &[1.0] };
-    /// For cars that stand wedged in.
+    /// For cars that stand wedged in: halves and quarters of a move too.
     pub(crate) const SHORT: Self = Self { lengths: &[1.0, 0.5, 0.25], ..Self::COARSE };
-    /// The last resort.
+    /// The last resort: chosen, not measured.
     pub(crate) const FINE: Self = Self { side: 0.2, sectors: 36, ..Self::SHORT };
 
     /// Straight, left and right, ahead and astern.

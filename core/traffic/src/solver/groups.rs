@@ -7,11 +7,11 @@ use super::table::Track;
 use crate::conflicts::{self, Conflict};
 use std::rc::Rc;
 
-/// Most cars of a group: the choices double with each move that is forbidden.
+/// Most cars of a group: the choices double with each move that is forbidden. Chosen, not measured.
 pub(crate) const MOST: usize = 3;
-/// Choices that are looked at.
+/// Choices that are looked at; chosen, not measured.
 const MOST_CHOICES: usize = 60;
-/// Nodes of one search.
+/// One search of a group, nearly the shortest way; chosen, not measured.
 const MANNER: Manner = Manner { clash_steps: 1, heuristic_weight: 110, most_nodes: 4_000 };
 
 /// Some of the cars; the tracks that were looked at last are those in `plans`.

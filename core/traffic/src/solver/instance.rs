@@ -11,9 +11,9 @@ use super::places::{Places, TOUCH, settle};
 use super::problem::{Problem, Task};
 use xtb_nav::{MapPose, Piece};
 
-/// What a gap may differ by when it is computed another time.
+/// What a gap may differ by when it is computed another time, in m: far more than f64's.
 const ROUNDING_M: f64 = 1e-9;
-/// Longest schedule, in steps.
+/// Longest schedule, in steps: a bound for the tables' memory; chosen, not measured.
 pub(crate) const MOST_STEPS: usize = 1024;
 
 /// Everything that stays the same while schedules are looked for.

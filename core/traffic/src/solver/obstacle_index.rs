@@ -8,9 +8,10 @@ use std::sync::Arc;
 use xtb_nav::Piece;
 use xtb_nav::planner::space::OneWay;
 
-/// Moments of a step at which a reference point must be within the bounds.
+/// Moments of a step at which a reference point must be within the bounds; chosen, not measured.
 const LOOKS: u32 = 12;
-/// Kept from the edge, in parts of a step, for what bulges between two looks.
+/// Kept from the edge, in parts of a step, for what bulges between two looks: a turn of 0.57 rad in a step
+/// does by so much, one of 1 rad by 0.0009.
 const EDGE: f64 = 5e-4;
 
 /// What a car keeps from obstacles, in m.

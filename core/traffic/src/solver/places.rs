@@ -11,13 +11,15 @@ use xtb_nav::MapPose;
 /// Overlap that counts as touching, in parts of a step. The public instances, whose places are rounded to
 /// a third of a car's length, allow 2 cm of their step of 2.118 m.
 pub(crate) const TOUCH: f64 = 0.009;
-/// What a moved place keeps from others, in parts of the clearance.
+/// What a moved place keeps from others, in parts of the clearance; chosen, not measured.
 const KEPT: f64 = 0.5;
-/// Places that are tried: so many distances, directions and angles (to either side).
+/// Places that are tried: so many distances, …
 const DISTANCES: u32 = 8;
+/// … directions …
 const DIRECTIONS: u32 = 24;
+/// … and angles (to either side); all chosen, not measured.
 const ANGLES: i32 = 3;
-/// Of the tolerance; the rest is for rounding.
+/// Of the tolerance; the rest is for rounding. Chosen, not measured.
 const USED: f64 = 0.99;
 
 /// A car's places after that.

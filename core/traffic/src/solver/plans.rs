@@ -12,6 +12,7 @@ use std::rc::Rc;
 
 /// Bits of cars; [`MOST_CARS`](super::problem::MOST_CARS) of them.
 pub(crate) type Cars = u128;
+const _: () = assert!(super::problem::MOST_CARS == Cars::BITS as usize);
 
 /// The state of the search for a schedule.
 #[derive(Debug)]

@@ -6,12 +6,15 @@ use super::search::{Manner, Rank};
 use super::table::Track;
 use std::rc::Rc;
 
-/// Choices that are looked at, for each car.
+/// Choices that are looked at, for each car; chosen, not measured.
 const CHOICES_PER_CAR: usize = 8;
-/// Nodes of one search.
+/// Nodes of one search; chosen, not measured.
 const NODES: u32 = 12_000;
-/// Steps that a car would rather lose than be for one in the way of a car that need not give way to it.
+/// Steps that a car would rather lose than be for one in the way of a car that need not give way to it;
+/// chosen, not measured.
 const CLASH_STEPS: u32 = 2;
+/// How much the estimate is trusted, in percent: ways are found sooner and may cost up to twice as much;
+/// chosen, not measured.
 const HEURISTIC_WEIGHT: u32 = 200;
 
 /// A choice: tracks, and who stands above whom.
@@ -67,6 +70,7 @@ fn root(plans: &mut Plans<'_>, keep_going: &mut dyn FnMut() -> bool) -> Option<C
     Some(Choice { tracks, above, pairs: plans.pairs(), flowtime: plans.flowtime() })
 }
 
+/// Of these.
 const MANNER: Manner =
     Manner { clash_steps: CLASH_STEPS, heuristic_weight: HEURISTIC_WEIGHT, most_nodes: NODES };
 

@@ -6,7 +6,7 @@ use thiserror::Error;
 use xtb_nav::planner::space::OneWay;
 use xtb_nav::{Car, Cell, Grid, MapPose};
 
-/// Most cars of one problem.
+/// Most cars of one problem: sets of them are bits of a u128.
 pub const MOST_CARS: usize = 128;
 
 /// Rectangle that no reference point leaves. In m.
@@ -170,6 +170,7 @@ impl Problem {
     /// # Errors
     /// The first that is not finite or out of its range, too many cars, or a name used twice.
     pub fn validate(&self) -> Result<(), ProblemError> {
+        /// Farther than any map, in m.
         const FAR_M: f64 = 1e4;
         let near = |what: &dyn Fn() -> String, value: f64| {
             let (ok, expected) = ((-FAR_M..=FAR_M).contains(&value), "within ± 10 km");

@@ -11,17 +11,22 @@ use super::search::{Manner, Rank};
 use super::table::Track;
 use std::rc::Rc;
 
-/// Cars of a neighbourhood.
+/// Cars of a neighbourhood at least …
 const FEWEST: usize = 2;
+/// … and at most; both chosen, not measured.
 const MOST: usize = 8;
-/// Nodes of one search, and how they grow while nothing gets better.
+/// Nodes of one search, …
 const NODES: u32 = 4_000;
+/// … and how they grow while nothing gets better: doubled …
 const MOST_NODES: u32 = 64_000;
+/// … after so many rounds in vain. All chosen, not measured.
 const PATIENCE: usize = 20;
-/// How patient a car is: steps that it would rather lose than be in another's way for one; and the more
-/// it may have to wait, the more it must trust its heuristic, or it looks at every way of passing the time.
+/// How patient a car is: steps that it would rather lose than be in another's way for one; and the more it
+/// may have to wait, the more it must trust its heuristic, or it looks at every way of passing the time.
+/// Chosen, not measured.
 const TEMPERS: [(u32, u32); 3] = [(8, 130), (20, 200), (60, 400)];
-const HEURISTIC_WEIGHT: u32 = 130;
+/// For a way without the others: as the least patient trusts it.
+const HEURISTIC_WEIGHT: u32 = TEMPERS[0].1;
 
 /// Works until nobody is in anybody's way, the rounds are used up, or it is told to stop.
 pub(crate) fn run(plans: &mut Plans<'_>, most_rounds: usize, keep_going: &mut dyn FnMut() -> bool) {
@@ -148,7 +153,9 @@ fn in_the_way(plans: &mut Plans<'_>, car: usize, group: &mut Cars, size: usize) 
 
 /// Fills up with those that come near one of the group somewhere, and with anybody in the end.
 fn nearby(plans: &mut Plans<'_>, group: &mut Cars, size: usize) {
+    /// Then it takes anybody; chosen, not measured.
     const TRIES: usize = 20;
+    /// Ways that two cars drive in two steps each; chosen, not measured.
     const NEAR_STEPS: f64 = 4.0;
     let near = plans.instance.step * NEAR_STEPS + 2.0 * plans.instance.reach;
     for _ in 0..TRIES {

@@ -14,20 +14,23 @@ use super::table::{Table, Track};
 use crate::hybrid_a_star::{Expand, Tree};
 use xtb_nav::Piece;
 
-/// Cost of a step; the other costs are parts of it.
+/// Cost of a step; the other costs are parts of it, chosen, not measured.
 const STEP: u32 = 32;
-/// Driving costs a little more than waiting, astern more than ahead, and a change of gear more.
+/// Driving costs a little more than waiting, …
 const DRIVE: u32 = 1;
+/// … astern more than ahead, …
 const ASTERN: u32 = 2;
+/// … and a change of gear more.
 const GEAR_CHANGE: u32 = 12;
-/// Farther than this from the goal no shot is tried, in steps.
+/// Farther than this from the goal no shot is tried, in steps; chosen, not measured.
 const SHOT_WITHIN: u32 = 12;
-/// Nearer than this every node tries one, farther away one in [`SHOT_EVERY`].
+/// Nearer than this every node tries one, …
 const SHOT_ALWAYS: u32 = 4;
+/// … farther away one in so many; both chosen, not measured.
 const SHOT_EVERY: u32 = 4;
-/// A shot may be this much longer than the heuristic says, in steps.
+/// A shot may be this much longer than the heuristic says, in steps; chosen, not measured.
 const SHOT_DETOUR: u32 = 4;
-/// Steps in each other's way that are counted when a goal is taken for good.
+/// Steps in each other's way that are counted when a goal is taken for good; chosen, not measured.
 const MOST_CLASHES: u32 = 16;
 
 /// What another car is to the search.

@@ -1,13 +1,15 @@
 //! Who is where in which step: the reservations of all cars.
 
-use super::instance::Instance;
+use super::instance::{Instance, MOST_STEPS};
 use super::motion::{Spot, WAIT};
 use std::rc::Rc;
 use xtb_nav::Piece;
 
 /// Where absent cars are.
 const NOWHERE: [f64; 2] = [f64::MAX, f64::MAX];
-const WORD: usize = 64;
+/// Steps that one number of bits stands for.
+pub(super) const WORD: usize = u64::BITS as usize;
+const _: () = assert!(MOST_STEPS.is_multiple_of(WORD));
 
 /// The way of one car: a piece for each step, and where each begins. Then it stands.
 #[derive(Debug, Clone, PartialEq)]

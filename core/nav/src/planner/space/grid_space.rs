@@ -25,9 +25,10 @@ pub struct LookOut {
 impl LookOut {
     /// Nothing but the body counts.
     pub const OFF: Self = Self { ahead_m: 0.0, half_width_m: 0.0 };
-    /// For the truck's sensors: ahead 1 cm more than stops it, the least that is worth planning with (the navigator
-    /// keeps more, [`navigator::LOOK_OUT_M`](crate::navigator::LOOK_OUT_M)); to either side the outermost beams at
-    /// 17.5 cm, and 2.5 cm for their width and mounting. Sensors stand 7 cm apart (§2.2) however wide the body is.
+    /// For the truck's sensors: ahead 1 cm more than stops it, the least that is worth planning with (the
+    /// navigator keeps more, [`navigator::LOOK_OUT_M`](crate::navigator::LOOK_OUT_M)); to either side the
+    /// outermost beams at 17.5 cm, and 2.5 cm for their width and mounting. Sensors stand 7 cm apart (§2.2)
+    /// however wide the body is.
     pub const TRUCK: Self = Self { ahead_m: INFRARED_STOPS_M + 0.01, half_width_m: 0.2 };
 }
 
