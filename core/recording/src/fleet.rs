@@ -1,21 +1,22 @@
-//! The fleet on file: `record` writes what is said on the keys into MCAP, `play` shows it again, `export`
-//! makes tables of it. `docs/fleet-recordings.md` is the contract.
+//! The recording of a fleet: what is said on its keys, written, read, shown again and made tables of.
+//! `docs/fleet-recordings.md` is the contract.
 //!
 //! ```text
-//! listen ─► queue (bounded) ─► Recorder (pure: items in, records out) ─► McapWriter (files) ─► FILE.mcap
-//! FILE.mcap ─► Reader ─► Player (pure: what is due) ─► PlaybackWorker (a thread) ─► scene
+//! Item ─► Recorder (pure: items in, records out) ─► McapWriter (files) ─► FILE.mcap, FILE-2.mcap …
+//! FILE.mcap ─► Reader ─► Player (pure: what is due)
 //! ```
 //!
-//! The robots' own recordings (`robot-agent --record`) are another thing: every sample and decision of
-//! one controller, to be decided again bit for bit.
+//! What is drawn for Foxglove ([`drawing`]) is here as it is part of the file: who records derives poses, scene
+//! and log from what is said. The live scene for the Foxglove app draws the same. What is drawn of a robot is its
+//! [car](xtb_nav::Car), so that no screen is needed for it.
+//!
+//! Threads and queues around this are `fleet-cli`'s: `recorder_worker.rs` and `playback_worker.rs`.
 
 pub mod drawing;
 pub mod mcap_writer;
-pub mod playback_worker;
 pub mod player;
 pub mod reader;
 pub mod recorder;
-pub mod recorder_worker;
 pub mod schemas;
 pub mod table;
 pub mod well_known;
