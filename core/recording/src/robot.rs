@@ -22,6 +22,7 @@ use crate::error::Error;
 use crate::input::Input;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use mcap::records::Record;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::Path;
@@ -37,7 +38,8 @@ pub const CONFIG: &str = "config";
 pub const OUTPUTS: &str = "outputs";
 
 /// The first message of a recording.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "Who recorded what")]
 pub struct Header {
     /// Of the program that recorded.
     pub version: String,

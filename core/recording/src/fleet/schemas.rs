@@ -3,8 +3,7 @@
 
 use crate::schema::{self, Schema};
 use schemars::JsonSchema;
-use serde::Serialize;
-use serde_json::json;
+use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 use xtb_client::messages::AnyMessage;
 use xtb_protocol::messages::{
@@ -18,8 +17,10 @@ const WELL_KNOWN: &str = "foxglove.";
 const PRESENCE: &str = "Alive";
 
 /// Presence as recordings hold it: Zenoh's liveliness carries no message.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = PRESENCE)]
 pub(crate) struct Presence {
+    /// Whether it is there.
     alive: bool,
 }
 
@@ -35,11 +36,6 @@ pub(crate) fn presence_of(json: &[u8]) -> Option<bool> {
 }
 
 static ALL: LazyLock<Vec<Schema>> = LazyLock::new(|| {
-    let presence = json!({
-        "title": PRESENCE, "type": "object",
-        "properties": {"alive": {"type": "boolean", "description": "Whether it is there."}},
-        "required": ["alive"],
-    });
     vec![
         wire::<RobotState>(),
         wire::<Sensors>(),
@@ -59,7 +55,7 @@ static ALL: LazyLock<Vec<Schema>> = LazyLock::new(|| {
         wire::<LogRequest>(),
         wire::<TaskList>(),
         wire::<TaskEvent>(),
-        Schema { name: wire_name(PRESENCE), text: presence.to_string().into_bytes() },
+        made::<Presence>(PRESENCE),
         well_known("PoseInFrame", include_str!("schemas/foxglove/PoseInFrame.json")),
         well_known("SceneUpdate", include_str!("schemas/foxglove/SceneUpdate.json")),
         well_known("Log", include_str!("schemas/foxglove/Log.json")),
@@ -95,8 +91,12 @@ pub fn is_derived(name: &str) -> bool {
 }
 
 fn wire<M: Message + JsonSchema>() -> Schema {
-    let schema = schema::generator().into_root_schema_for::<M>();
-    Schema { name: wire_name(M::NAME), text: schema::text(schema.to_value()) }
+    made::<M>(M::NAME)
+}
+
+fn made<T: JsonSchema>(name: &str) -> Schema {
+    let schema = schema::generator().into_root_schema_for::<T>();
+    Schema { name: wire_name(name), text: schema::text(schema.to_value()) }
 }
 
 fn well_known(name: &str, text: &str) -> Schema {

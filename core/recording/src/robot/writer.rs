@@ -3,6 +3,7 @@
 use super::{CONFIG, Header, OUTPUTS, outputs_message, sample_message, schemas};
 use crate::error::Error;
 use crate::output::Output;
+use crate::schema::Schema;
 use mcap::{McapError, McapResult};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -49,10 +50,12 @@ impl StepWriter {
     fn begin(path: &Path, header: &Header, keys: &RobotKeys) -> McapResult<Self> {
         let file = File::create_new(path)?;
         let mut output = Output::begin(file, format!("robot-agent {}", header.version))?;
-        let mut channel = |name: &'static str| output.topic(&keys.record(name), &schemas::of(name));
-        let config = channel(CONFIG)?;
-        let outputs = channel(OUTPUTS)?;
-        let kinds = schemas::KINDS.into_iter().map(|kind| Ok((kind, channel(kind)?)));
+        let mut channel = |name: &str, schema: Schema| output.topic(&keys.record(name), &schema);
+        let config = channel(CONFIG, schemas::config())?;
+        let outputs = channel(OUTPUTS, schemas::outputs())?;
+        let kinds = schemas::KINDS
+            .into_iter()
+            .map(|(kind, title)| Ok((kind, channel(kind, schemas::sample(kind, title))?)));
         let kinds = kinds.collect::<McapResult<_>>()?;
         let text = serde_json::to_vec(header).map_err(io::Error::from)?;
         output.message(config, 0, 0, &text)?;
