@@ -9,9 +9,8 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use xtb_recording::fleet::reader;
-use xtb_recording::fleet::schemas;
 use xtb_recording::fleet::table::Table;
+use xtb_recording::fleet::{reader, schemas};
 
 #[derive(Debug, Serialize)]
 struct Exported {

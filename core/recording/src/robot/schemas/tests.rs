@@ -28,7 +28,7 @@ fn messages() -> Vec<(&'static str, Value, Value)> {
         let step = Step { number, t, sample, outputs: controller.step(t, &sample) };
         let message = sample_message(&step);
         let outputs = outputs_message(&step, &message);
-        let json = |text: &str| serde_json::from_str(text).unwrap();
+        let json = |text: &str| -> Value { serde_json::from_str(text).unwrap() };
         (kind(&sample), json(&message), json(&outputs))
     };
     (0..).zip(&LINES).map(step).collect()
