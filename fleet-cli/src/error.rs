@@ -5,6 +5,7 @@ use std::fmt;
 use xtb_bus::BusError;
 use xtb_client::ErrorKind;
 use xtb_protocol::messages::{DispatchCode, DispatchError, RejectCode};
+use xtb_recording::Error as RecordingError;
 
 /// How a command ended, as the shell sees it; `--help` lists the codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -170,6 +171,23 @@ impl From<BusError> for Failure {
     }
 }
 
+impl From<RecordingError> for Failure {
+    fn from(error: RecordingError) -> Self {
+        let message = error.to_string();
+        match error {
+            RecordingError::Io(error) => error.into(),
+            RecordingError::Exists(_) => Self::new(Kind::Usage, message)
+                .hint("name another file with --out, or overwrite it with --force"),
+            RecordingError::Write { full: true, .. } => Self::new(Kind::Failed, message)
+                .hint("the disk is full: what was recorded so far can be read; make room, record again"),
+            RecordingError::Write { .. } => {
+                Self::new(Kind::Failed, message).hint("is the folder there, and may you write to it?")
+            }
+            _ => Self::new(Kind::Failed, message),
+        }
+    }
+}
+
 impl From<std::io::Error> for Failure {
     fn from(error: std::io::Error) -> Self {
         let kind = match error.kind() {
@@ -183,6 +201,22 @@ impl From<std::io::Error> for Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::PathBuf;
+
+    #[test]
+    fn what_cannot_be_recorded_says_what_to_do() {
+        let path = || PathBuf::from("day.mcap");
+        let write = |full| RecordingError::Write { path: path(), reason: "no".into(), full };
+        for (error, kind, message, hint) in [
+            (RecordingError::Exists(path()), Kind::Usage, "day.mcap is there already", "--force"),
+            (write(true), Kind::Failed, "cannot write day.mcap: no", "the disk is full"),
+            (write(false), Kind::Failed, "cannot write day.mcap: no", "may you write to it?"),
+        ] {
+            let failure = Failure::from(error);
+            assert_eq!((failure.kind, failure.message.as_str()), (kind, message));
+            assert!(failure.hint.contains(hint), "{failure:?}");
+        }
+    }
 
     #[test]
     fn what_the_client_says_keeps_its_code_and_gets_its_exit_code() {

@@ -6,8 +6,6 @@
 //! so it is served on the loopback only.
 
 use crate::error::{Failure, Kind, Result};
-use crate::recording::drawing::{self, Painter};
-use crate::recording::{LOG_TOPIC, SCENE_TOPIC, schemas};
 use crate::scene::live::Shared;
 use crate::scene::{Scene, SceneEvent, What};
 use foxglove::{Context, FoxgloveError, PartialMetadata, RawChannel, Schema, WebSocketServer};
@@ -21,6 +19,8 @@ use xtb_client::messages::AnyMessage;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::MapHash;
+use xtb_recording::fleet::drawing::{self, Painter};
+use xtb_recording::fleet::{LOG_TOPIC, SCENE_TOPIC, schemas};
 
 /// Between two pictures.
 const EVERY: Duration = Duration::from_millis(100);

@@ -10,7 +10,6 @@ mod control_loop;
 mod counters;
 mod downlink;
 mod fast_path;
-pub mod files;
 pub mod hardware;
 pub mod logging;
 mod mailbox;
@@ -19,11 +18,12 @@ mod nav_inputs;
 mod neighbours;
 mod planner_worker;
 mod recorder;
-pub mod recording;
 mod recording_server;
 pub mod replay;
 mod session;
 mod uplink;
+
+pub use xtb_recording::files;
 
 use crate::clock::Clock;
 use crate::config::AgentConfig;

@@ -1,11 +1,12 @@
 //! Replays a recording: the same samples through the same controller give the same decisions, bit for
 //! bit; with a changed parameter they show which decisions would have been others.
 
-use crate::recording::{Ending, RecordedStep, Recording, RecordingError, checksum};
 use serde::Serialize;
 use serde_json::Value;
 use xtb_control::{Controller, Stamp, VehicleConfig};
 use xtb_protocol::trace::exact_decision_line;
+use xtb_recording::Error;
+use xtb_recording::robot::{Ending, RecordedStep, Recording, checksum};
 
 /// Where recording and replay first differ.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -72,7 +73,7 @@ fn gap(expected: u64, step: &RecordedStep) -> Option<Difference> {
 ///
 /// # Errors
 /// The recording cannot be read.
-pub fn compare(recording: &mut Recording, vehicle: VehicleConfig) -> Result<Comparison, RecordingError> {
+pub fn compare(recording: &mut Recording, vehicle: VehicleConfig) -> Result<Comparison, Error> {
     let mut controller = Controller::new(vehicle);
     let mut found =
         Comparison { identical: true, samples: 0, differences: Vec::new(), ending: Ending::Complete };
@@ -98,7 +99,7 @@ pub fn compare(recording: &mut Recording, vehicle: VehicleConfig) -> Result<Comp
                 }
                 break;
             }
-            Err(reason) => return Err(RecordingError::Message { number: step.number, reason }),
+            Err(reason) => return Err(Error::Message { number: step.number, reason }),
         };
         last = t;
         let decided = exact_decision_line(&controller.step(t, &sample));
@@ -255,7 +256,7 @@ fn decisions(line: &str) -> Option<[(&'static str, String); 6]> {
 ///
 /// # Errors
 /// The recording cannot be read.
-pub fn what_if(recording: &mut Recording, vehicle: VehicleConfig) -> Result<WhatIf, RecordingError> {
+pub fn what_if(recording: &mut Recording, vehicle: VehicleConfig) -> Result<WhatIf, Error> {
     let mut controller = Controller::new(vehicle);
     let mut found = WhatIf {
         samples: 0,
@@ -272,14 +273,14 @@ pub fn what_if(recording: &mut Recording, vehicle: VehicleConfig) -> Result<What
             break;
         }
         let number = step.number;
-        let (t, sample) = step.sample().map_err(|reason| RecordingError::Message { number, reason })?;
+        let (t, sample) = step.sample().map_err(|reason| Error::Message { number, reason })?;
         last = t;
         let decided = exact_decision_line(&controller.step(t, &sample));
         found.samples += 1;
         let pair = decisions(&step.decision).zip(decisions(&decided));
         let Some((before, after)) = pair else {
             let reason = "a decision that cannot be read".to_owned();
-            return Err(RecordingError::Message { number, reason });
+            return Err(Error::Message { number, reason });
         };
         found.differing += u64::from(before != after);
         for (place, ((decision, recorded), (_, replayed))) in

@@ -6,9 +6,7 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-use fleet_cli::recording::mcap_writer::{McapSettings, McapWriter};
 use fleet_cli::recording::playback_worker::{PlaySettings, PlaybackWorker};
-use fleet_cli::recording::recorder::Recorder;
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 use std::path::Path;
@@ -20,6 +18,8 @@ use xtb_protocol::codec::{Format, encode, encoding};
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{Body, FleetMap, LinkLoss, Message, Request, Via};
 use xtb_protocol::{Name, Uuid};
+use xtb_recording::fleet::mcap_writer::{McapSettings, McapWriter};
+use xtb_recording::fleet::recorder::Recorder;
 use xtb_sim::{Lockstep, Simulation, TruckParameters, World};
 
 /// 2026-01-01 in ns since 1970: any would do.

@@ -60,6 +60,7 @@ impl Goal {
 
 /// Table 4's behaviours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Maneuver {
     /// γ = 0.

@@ -117,6 +117,7 @@ impl Stamp {
 /// A servo or motor pulse in counts of 0.4 µs, always inside 4.2 %..9.5 % of the period (§4.1):
 /// no value of this type is outside 2331..=5272.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(try_from = "u16", into = "u16")]
 pub struct PwmCount(u16);
 

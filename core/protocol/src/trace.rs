@@ -6,6 +6,8 @@
 
 mod decision;
 
+#[cfg(feature = "schema")]
+pub use decision::decision_schema;
 pub use decision::{decision_line, exact_decision_line};
 
 use serde::de::value::MapAccessDeserializer;
@@ -71,18 +73,24 @@ impl<T: Serialize> Serialize for Object<T> {
 }
 
 #[derive(Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Line {
     t_ns: u64,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schemars(with = "GyroLine"))]
     gyro: Option<Object<GyroLine>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schemars(with = "EncoderLine"))]
     encoder: Option<Object<EncoderLine>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schemars(with = "AdcLine"))]
     adc: Option<Object<AdcLine>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schemars(with = "RemoteLine"))]
     remote: Option<Object<RemoteLine>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schemars(with = "CommandLine"))]
     command: Option<Object<CommandLine>>,
 }
 
@@ -97,6 +105,7 @@ fn nullable<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> 
 }
 
 #[derive(Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct GyroLine {
     roll: i16,
@@ -105,12 +114,14 @@ struct GyroLine {
 }
 
 #[derive(Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct EncoderLine {
     pulses: u32,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct AdcLine {
     ir_front: [f64; 6],
@@ -120,6 +131,7 @@ struct AdcLine {
 }
 
 #[derive(Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct RemoteLine {
     #[serde(deserialize_with = "nullable")]
@@ -131,25 +143,33 @@ struct RemoteLine {
 }
 
 #[derive(Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct CommandLine {
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schemars(with = "NoFields"))]
     idle: Option<Object<NoFields>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schemars(with = "NoFields"))]
     wander: Option<Object<NoFields>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schemars(with = "GotoLine"))]
     goto: Option<Object<GotoLine>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schemars(with = "DriveLine"))]
     teleop: Option<Object<DriveLine>>,
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schemars(with = "DriveLine"))]
     follow: Option<Object<DriveLine>>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct NoFields {}
 
 #[derive(Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct GotoLine {
     x_m: f64,
@@ -157,6 +177,7 @@ struct GotoLine {
 }
 
 #[derive(Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct DriveLine {
     rpm: f64,
@@ -300,6 +321,13 @@ impl TraceReader {
 pub fn sample_line(t: Stamp, sample: &Sample) -> String {
     // Plain numbers and strings always serialise.
     serde_json::to_string(&Line::of(t, sample)).unwrap_or_default()
+}
+
+/// JSON Schema of the lines of samples. Each kind is a field that may be left out; a line has exactly one.
+#[cfg(feature = "schema")]
+#[must_use]
+pub fn sample_schema(generator: schemars::SchemaGenerator) -> schemars::Schema {
+    generator.into_root_schema_for::<Line>()
 }
 
 /// Which of the sample's kinds, as the trace names it.

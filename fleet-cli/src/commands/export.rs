@@ -3,14 +3,14 @@
 use crate::cli::ExportArgs;
 use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
-use crate::recording::playback_worker::{begin as open, not_readable};
-use crate::recording::schemas;
-use crate::recording::table::Table;
+use crate::recording::playback_worker::not_readable;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use xtb_recording::fleet::table::Table;
+use xtb_recording::fleet::{reader, schemas};
 
 #[derive(Debug, Serialize)]
 struct Exported {
@@ -33,7 +33,7 @@ struct Sheet {
 pub fn run(ctx: &Context, args: &ExportArgs) -> Result<Exit> {
     let folder = args.out.clone().unwrap_or_else(|| args.file.with_extension(""));
     let wrong = |error| not_readable(&args.file, &error);
-    let (mut reader, _) = open(&args.file).map_err(wrong)?;
+    let (mut reader, _) = reader::begin(&args.file).map_err(wrong)?;
     let mut sheets: BTreeMap<String, Sheet> = BTreeMap::new();
     let mut left_out = 0;
     while let Some(message) = reader.next_message().map_err(wrong)? {

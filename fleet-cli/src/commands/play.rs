@@ -4,16 +4,16 @@ use crate::cli::PlayArgs;
 use crate::context::Context;
 use crate::error::{Exit, Result};
 use crate::interrupt::interrupted;
-use crate::recording::drawing;
-use crate::recording::playback_worker::{PlaySettings, PlaybackWorker, begin, not_readable, read};
-use crate::recording::player::{Move, Player};
-use crate::recording::reader::{self, Reader};
+use crate::recording::playback_worker::{PlaySettings, PlaybackWorker, not_readable};
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use xtb_client::messages::AnyMessage;
+use xtb_recording::fleet::drawing;
+use xtb_recording::fleet::player::{Move, Player};
+use xtb_recording::fleet::reader::{self, Reader};
 
 /// Between two looks at what is due.
 const TICK: Duration = Duration::from_millis(20);
@@ -56,7 +56,7 @@ async fn print(ctx: &Context, path: &Path, settings: PlaySettings) -> Result<()>
     let wrong = |error| not_readable(path, &error);
     let span = reader::span(path).map_err(wrong)?;
     let mut player = Player::new(span, settings);
-    let (mut reader, _) = begin(path).map_err(wrong)?;
+    let (mut reader, _) = reader::begin(path).map_err(wrong)?;
     let mut looked = Instant::now();
     let mut next = None;
     let mut skipping = true;
@@ -92,7 +92,7 @@ async fn print(ctx: &Context, path: &Path, settings: PlaySettings) -> Result<()>
 }
 
 fn say(ctx: &Context, at_ms: u64, message: &reader::Recorded) -> Result<()> {
-    let (key, news) = match read(message) {
+    let (key, news) = match reader::read(message) {
         Some(Ok(found)) => found,
         Some(Err(error)) => {
             ctx.out.note(&format!("{}: {error}", message.topic));

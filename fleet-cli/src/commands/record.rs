@@ -5,8 +5,6 @@ use crate::context::Context;
 use crate::error::{Exit, Failure, Kind, Result};
 use crate::interrupt::interrupted;
 use crate::output;
-use crate::recording::mcap_writer::McapSettings;
-use crate::recording::recorder::Counts;
 use crate::recording::recorder_worker::{Progress, RecorderWorker};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -15,6 +13,8 @@ use std::time::{Duration, Instant, SystemTime};
 use xtb_client::client::Client;
 use xtb_client::subscription::plan::Plan;
 use xtb_client::subscription::{Inlet, Subscriptions, not_a_key_expr};
+use xtb_recording::fleet::mcap_writer::McapSettings;
+use xtb_recording::fleet::recorder::Counts;
 
 const SHOW_EVERY: Duration = Duration::from_millis(500);
 

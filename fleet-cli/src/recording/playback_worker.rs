@@ -1,10 +1,8 @@
 //! A recording as a scene: a thread reads it and keeps the scene where the [`Player`] is, so cockpit and
 //! dashboard show it as they show what is live.
 
-pub use super::player::PlaySettings;
-use super::player::{Move, Player};
-use super::reader::{self, ReadError, Reader, Recorded};
-use super::schemas::{is_derived, presence_of};
+pub use xtb_recording::fleet::player::PlaySettings;
+
 use crate::error::{Failure, Kind, Result};
 use crate::scene::Scene;
 use crate::scene::live::Shared;
@@ -12,9 +10,11 @@ use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-use xtb_client::messages::{AnyMessage, Unreadable};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, Key};
+use xtb_recording::Error;
+use xtb_recording::fleet::player::{Move, Player};
+use xtb_recording::fleet::reader::{self, Reader, Recorded};
 
 /// Between two looks at what is due.
 const TICK: Duration = Duration::from_millis(20);
@@ -79,9 +79,9 @@ impl PlaybackWorker {
     /// # Errors
     /// [`Kind::Failed`]: it cannot be read, or is none; [`Kind::Usage`]: it begins after its end.
     pub fn open(path: &Path, settings: PlaySettings) -> Result<Self> {
-        let wrong = |error: ReadError| not_readable(path, &error);
+        let wrong = |error: Error| not_readable(path, &error);
         let span = reader::span(path).map_err(wrong)?;
-        let (reader, fleet) = begin(path).map_err(wrong)?;
+        let (reader, fleet) = reader::begin(path).map_err(wrong)?;
         let player = Player::new(span, settings);
         if settings.from_ms > player.duration_ms() {
             let length = Duration::from_millis(player.duration_ms()).as_secs_f64();
@@ -156,36 +156,9 @@ impl Drop for PlaybackWorker {
 }
 
 /// What a file's error says to people.
-pub(crate) fn not_readable(path: &Path, error: &ReadError) -> Failure {
+pub(crate) fn not_readable(path: &Path, error: &Error) -> Failure {
     Failure::new(Kind::Failed, format!("cannot read {} as a recording: {error}", path.display()))
         .hint("`fleet-cli record --out FILE.mcap` makes one; robots' own are for `robot-agent replay`")
-}
-
-/// At its beginning, and whose recording it is.
-///
-/// # Errors
-/// It cannot be read, or is no recording of a fleet.
-pub(crate) fn begin(path: &Path) -> std::result::Result<(Reader, Name), ReadError> {
-    let mut first = Reader::open(path)?;
-    let message = first.next_message()?.ok_or(ReadError::Empty)?;
-    let told = first.fleet().and_then(|fleet| Name::new(fleet).ok());
-    let fleet = told.or_else(|| Some(Key::parse(&message.topic)?.fleet)).ok_or(ReadError::Foreign)?;
-    Ok((Reader::open(path)?, fleet))
-}
-
-/// One message as screens take it; `None` for what is derived of others.
-pub(crate) fn read(recorded: &Recorded) -> Option<std::result::Result<(Key, AnyMessage), Unreadable>> {
-    if is_derived(&recorded.schema) {
-        return None;
-    }
-    let Some(key) = Key::parse(&recorded.topic) else { return Some(Err(Unreadable::Foreign)) };
-    let news = match key.channel {
-        Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive => {
-            presence_of(&recorded.data).map(AnyMessage::Alive).ok_or(Unreadable::Presence)
-        }
-        _ => AnyMessage::of_json(&key.channel, &recorded.data),
-    };
-    Some(news.map(|news| (key, news)))
 }
 
 /// The thread's own.
@@ -235,7 +208,7 @@ impl Projector {
     }
 
     /// Takes in what is due, at most [`AT_ONCE`]; whether there is more.
-    fn play(&mut self, player: &Player) -> std::result::Result<bool, ReadError> {
+    fn play(&mut self, player: &Player) -> std::result::Result<bool, Error> {
         for _ in 0..AT_ONCE {
             let Some(message) = self.due(player)? else { return Ok(false) };
             self.show(player, &message);
@@ -244,7 +217,7 @@ impl Projector {
     }
 
     /// A new scene at the player's place, from what it needs of all that is before.
-    fn begin_anew(&mut self, player: &Player) -> std::result::Result<bool, ReadError> {
+    fn begin_anew(&mut self, player: &Player) -> std::result::Result<bool, Error> {
         self.reader = Reader::open(self.reader.path())?;
         self.next = None;
         self.scene.rewind(Scene::new(self.fleet.clone()), player.position_ms());
@@ -262,7 +235,7 @@ impl Projector {
         Ok(false)
     }
 
-    fn due(&mut self, player: &Player) -> std::result::Result<Option<Recorded>, ReadError> {
+    fn due(&mut self, player: &Player) -> std::result::Result<Option<Recorded>, Error> {
         if self.next.is_none() {
             self.next = self.reader.next_message()?;
         }
@@ -270,7 +243,7 @@ impl Projector {
     }
 
     fn show(&self, player: &Player, message: &Recorded) {
-        match read(message) {
+        match reader::read(message) {
             Some(Ok((key, news))) => self.scene.lock().take(player.at_ms(message.log_ns), &key, news),
             Some(Err(error)) => self.scene.note_unreadable(&error),
             None => {}

@@ -1,8 +1,6 @@
 //! The shell around [`Recorder`] and [`McapWriter`]: a bounded queue that Zenoh's threads never wait for, and
 //! a thread that writes.
 
-use super::mcap_writer::{McapSettings, McapWriter};
-use super::recorder::{Counts, Recorder};
 use crate::error::{Failure, Kind, Result};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -11,6 +9,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 use xtb_client::subscription::{Inlet, Item};
+use xtb_recording::fleet::mcap_writer::{McapSettings, McapWriter};
+use xtb_recording::fleet::recorder::{Counts, Recorder};
 
 /// Items that wait for the disk.
 const QUEUE: usize = 16_384;
@@ -194,7 +194,7 @@ impl Writer {
 
     fn take(&mut self, (at_ns, item): &Timed) -> Result<()> {
         self.shared.waiting_bytes.fetch_sub(weight(item), Ordering::AcqRel);
-        self.tape.write(self.recorder.take(*at_ns, item))
+        self.tape.write(self.recorder.take(*at_ns, item)).map_err(Failure::from)
     }
 
     fn counts(&self) -> Counts {

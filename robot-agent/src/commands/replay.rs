@@ -4,7 +4,6 @@ use super::{Failure, columns, print, print_json, tell};
 use crate::cli::{ReplayArgs, Settings};
 use robot_agent::config::Layers;
 use robot_agent::files;
-use robot_agent::recording::{Ending, Recording, RecordingError};
 use robot_agent::replay::{Comparison, Difference, OtherDecision, WhatIf, compare, unusable, what_if};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
@@ -12,6 +11,8 @@ use std::path::Path;
 use std::process::ExitCode;
 use xtb_control::{Controller, Stamp, VehicleConfig};
 use xtb_protocol::trace::{TraceReader, decision_line};
+use xtb_recording::Error;
+use xtb_recording::robot::{Ending, Recording};
 
 /// Lines of a what-if that are printed for people; `--json` has them all.
 const SHOWN: usize = 60;
@@ -27,7 +28,7 @@ pub(crate) fn run(settings: &Settings, args: &ReplayArgs) -> Result<ExitCode, Fa
 }
 
 fn replay_recording(settings: &Settings, args: &ReplayArgs, path: &Path) -> Result<ExitCode, Failure> {
-    let failed = |error: RecordingError| {
+    let failed = |error: Error| {
         Failure::new(format!("{}: {error}", path.display()), "robot-agent --record DIR makes recordings")
     };
     let mut recording = Recording::open(path).map_err(failed)?;
@@ -130,7 +131,7 @@ fn export(
     recording: &mut Recording,
     source: &Path,
     target: &Path,
-    failed: &dyn Fn(RecordingError) -> Failure,
+    failed: &dyn Fn(Error) -> Failure,
 ) -> Result<ExitCode, Failure> {
     let mut out: Box<dyn Write> = if target == Path::new("-") {
         Box::new(io::stdout().lock())

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 type Module = Vec<String>;
 
-const CRATES: [&str; 13] = [
+const CRATES: [&str; 14] = [
     "core/control",
     "core/protocol",
     "core/nav",
@@ -17,6 +17,7 @@ const CRATES: [&str; 13] = [
     "core/chaos",
     "core/bus",
     "core/client",
+    "core/recording",
     "robot-agent",
     "fleet-cli",
     "tests",

@@ -2,7 +2,6 @@
 //! and our reader after a `kill -9`.
 
 use fleet_cli::recording::playback_worker::{PlaySettings, PlaybackWorker};
-use fleet_cli::recording::reader::{Reader, Recorded};
 use fleet_tests::processes::{Process, RouterProcess, Signal, program};
 use fleet_tests::{Fleet, Setup, eventually, name};
 use serde_json::Value;
@@ -19,6 +18,7 @@ use xtb_protocol::messages::{
     Message, Request, Roster, RosterEntry, Route, Setpoint, TaskEvent, TaskId, TaskKind, TaskList, TaskSpec,
     TaskState, TaskStep, TaskView, TrafficState, Waypoint, Who,
 };
+use xtb_recording::fleet::reader::{Reader, Recorded};
 
 /// `fleet-cli record` of fleet `lab`, and the end of its life.
 struct Recording {

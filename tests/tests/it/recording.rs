@@ -4,12 +4,13 @@ use fleet_tests::{Fleet, Setup};
 use mcap::records::MessageHeader;
 use mcap::{MessageStream, WriteOptions};
 use robot_agent::config::Layers;
-use robot_agent::recording::{Ending, Recording, RecordingError};
 use robot_agent::replay::{Comparison, OtherDecision, compare, what_if};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use xtb_control::VehicleConfig;
 use xtb_protocol::messages::{Body, GoalStatus, LinkLoss};
+use xtb_recording::Error;
+use xtb_recording::robot::{Ending, Recording};
 
 /// Two robots drive, one to a goal that needs several manoeuvres; their recordings.
 async fn drive(folder: &Path) -> Vec<PathBuf> {
@@ -36,7 +37,7 @@ fn recorded_vehicle(recording: &Recording) -> VehicleConfig {
     layers.finish().unwrap().vehicle
 }
 
-fn replay(path: &Path) -> Result<Comparison, RecordingError> {
+fn replay(path: &Path) -> Result<Comparison, Error> {
     let mut recording = Recording::open(path)?;
     let vehicle = recorded_vehicle(&recording);
     compare(&mut recording, vehicle)

@@ -88,10 +88,30 @@ fn zenoh_is_opened_in_the_bus_only() {
         "core/sim/src",
         "core/chaos/src",
         "core/client/src",
+        "core/recording/src",
         "robot-agent/src",
         "fleet-cli/src",
     ];
     none(&places(&folders, &["zenoh::", "zenoh_ext"], &[]));
+}
+
+#[test]
+fn recordings_are_files_and_know_no_clock_socket_or_thread() {
+    let words = ["Instant::now", "SystemTime", "tokio", "std::net", "std::thread"];
+    none(&places(&["core/recording/src"], &words, &[]));
+}
+
+#[test]
+fn recordings_are_written_and_read_in_one_crate_only() {
+    let folders = [
+        "core/bus/src",
+        "core/client/src",
+        "core/robot/src",
+        "robot-agent/src",
+        "fleet-cli/src",
+        "tests/src",
+    ];
+    none(&places(&folders, &["mcap::"], &[]));
 }
 
 /// A ledger's own files are not somebody else's.
@@ -107,7 +127,7 @@ fn files_are_read_with_their_bounds_only() {
         "tests.rs",
         "tests/damage.rs",
     ];
-    none(&places(&["robot-agent/src", "fleet-cli/src"], &words, &except));
+    none(&places(&["core/recording/src", "robot-agent/src", "fleet-cli/src"], &words, &except));
 }
 
 #[test]

@@ -6,6 +6,7 @@ use xtb_control::{Mode, Outputs, PwmCount};
 
 /// Everything that one step decided, as the trace prints it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Decision {
     t_ns: u64,
     mode: Mode,
@@ -21,6 +22,7 @@ struct Decision {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Pulses {
     motor: PwmCount,
     steer_front: PwmCount,
@@ -34,6 +36,7 @@ struct Pulses {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Pose {
     x_m: f64,
     y_m: f64,
@@ -41,24 +44,28 @@ struct Pose {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Ranges {
     front: [Option<f64>; 6],
     rear: [Option<f64>; 6],
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Obstacle {
     front: bool,
     rear: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Tilt {
     x: Option<f64>,
     y: Option<f64>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Goto {
     quadrant: u8,
     alpha_deg: f64,
@@ -69,6 +76,7 @@ struct Goto {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Remote {
     speed_duty: Option<f64>,
     steering_duty: Option<f64>,
@@ -141,4 +149,11 @@ pub fn decision_line(outputs: &Outputs) -> String {
 #[must_use]
 pub fn exact_decision_line(outputs: &Outputs) -> String {
     serde_json::to_string(&Decision::new(outputs, full)).unwrap_or_default()
+}
+
+/// JSON Schema of the lines of decisions.
+#[cfg(feature = "schema")]
+#[must_use]
+pub fn decision_schema(generator: schemars::SchemaGenerator) -> schemars::Schema {
+    generator.into_root_schema_for::<Decision>()
 }

@@ -1,13 +1,13 @@
 //! What is shown, against where the playing says that it is.
 
 use super::*;
-use crate::recording::mcap_writer::{McapSettings, McapWriter};
-use crate::recording::recorder::Recorder;
 use std::path::PathBuf;
 use xtb_bus::Incoming;
 use xtb_client::subscription::Item;
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::messages::RobotState;
+use xtb_recording::fleet::mcap_writer::{McapSettings, McapWriter};
+use xtb_recording::fleet::recorder::Recorder;
 
 const STATES: u64 = 5_000;
 

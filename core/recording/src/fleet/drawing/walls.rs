@@ -2,7 +2,7 @@
 
 use super::parts::{line, rgb};
 use super::{Time, entity};
-use crate::recording::well_known::{
+use crate::fleet::well_known::{
     Color, KeyValuePair, Point3, Pose, SceneEntity, SolidPrimitive, Span, Vector3,
 };
 use std::collections::BTreeMap;

@@ -8,17 +8,21 @@ mod parts;
 mod walls;
 
 use super::well_known::{Log, Pose, PoseInFrame, SceneEntity, SceneEntityDeletion, SceneUpdate, Time};
-use crate::scene::{Body, MOST_ROBOTS};
-use crate::text::reasons;
+use serde::Serialize;
+use serde_json::Value;
 use std::collections::BTreeMap;
 use xtb_client::client::STALE;
 use xtb_client::messages::AnyMessage;
+use xtb_control::VehicleConfig;
+use xtb_nav::Car;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{Event, EventKind, PoseState, RobotState, Sensors, TaskEvent};
 use xtb_protocol::{Name, Uuid};
 
 /// The frame that everything is in: x east, y north.
 pub const FRAME: &str = "map";
+/// Robots that are drawn: as many as screens show.
+const MOST_ROBOTS: usize = 256;
 /// A truck is drawn at most this often.
 const TRUCK_EVERY_NS: u64 = 100_000_000;
 /// A path is drawn when it or its release changes, and else this often.
@@ -31,11 +35,19 @@ const ERROR: u8 = 4;
 /// What of a robot was drawn last.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Drawn {
-    body: Body,
+    /// `None` = it has not said what car it is.
+    car: Option<Car>,
     pose: Option<PoseState>,
     truck_ns: Option<u64>,
     path: Option<(Uuid, u32, u64)>,
     path_ns: u64,
+}
+
+impl Drawn {
+    /// An XTB's, of a robot that has not said what car it is.
+    fn car(&self) -> Car {
+        self.car.unwrap_or_else(|| Car::of(&VehicleConfig::default()))
+    }
 }
 
 /// Remembers what was drawn, so that what stays the same is not drawn again each time.
@@ -51,7 +63,7 @@ impl Painter {
             (AnyMessage::State(state), Some(name)) => self.truck(at_ns, name, state),
             (AnyMessage::Sensors(sensors), Some(name)) => self.sight(at_ns, name, sensors),
             (AnyMessage::About(about), Some(name)) => {
-                self.drawn(name)?.body = Body::of_about(about);
+                self.drawn(name)?.car = Car::of_about(about).ok();
                 None
             }
             (AnyMessage::Map(map), None) => Some(SceneUpdate {
@@ -82,8 +94,10 @@ impl Painter {
         }
         drawn.truck_ns = Some(at_ns);
         let at = Time::of_ns(at_ns);
-        let mut update =
-            SceneUpdate { deletions: Vec::new(), entities: vec![parts::truck(at, name, drawn.body, state)] };
+        let mut update = SceneUpdate {
+            deletions: Vec::new(),
+            entities: vec![parts::truck(at, name, &drawn.car(), state)],
+        };
         let goal = state.goal.as_ref().filter(|goal| !goal.status.is_final());
         let route = state.nav.route.as_ref().filter(|_| goal.is_some());
         let release_mm = |release_m: f64| (release_m * 1000.0).max(0.0) as u64;
@@ -103,7 +117,7 @@ impl Painter {
 
     fn sight(&mut self, at_ns: u64, name: &Name, sensors: &Sensors) -> Option<SceneUpdate> {
         let drawn = self.drawn(name)?;
-        let entity = parts::sight(Time::of_ns(at_ns), name, drawn.body, &drawn.pose?, sensors);
+        let entity = parts::sight(Time::of_ns(at_ns), name, &drawn.car(), &drawn.pose?, sensors);
         Some(SceneUpdate { deletions: Vec::new(), entities: vec![entity] })
     }
 
@@ -167,6 +181,15 @@ pub fn log(at_ns: u64, key: &Key, news: &AnyMessage) -> Option<Log> {
     Some(Log { timestamp: Time::of_ns(at_ns), level, message, name, file: String::new(), line: 0 })
 }
 
+/// The name of a unit variant as it travels in JSON, such as `goal_reached`.
+fn named(value: &impl Serialize) -> String {
+    match serde_json::to_value(value) {
+        Ok(Value::String(name)) => name,
+        Ok(other) => other.to_string(),
+        Err(error) => error.to_string(),
+    }
+}
+
 fn because(reason: Option<&str>) -> String {
     reason.map_or_else(String::new, |reason| format!(": {reason}"))
 }
@@ -174,11 +197,9 @@ fn because(reason: Option<&str>) -> String {
 fn robot_line(event: &Event) -> (u8, String) {
     match &event.kind {
         EventKind::Started { version } => (INFO, format!("its agent began to run, version {version}")),
-        EventKind::Mode { from, to } => {
-            (INFO, format!("mode {}, was {}", reasons::name(to), reasons::name(from)))
-        }
+        EventKind::Mode { from, to } => (INFO, format!("mode {}, was {}", named(to), named(from))),
         EventKind::Goal { id, status, reason } => {
-            (INFO, format!("goal {id} {}{}", reasons::name(status), because(reason.as_deref())))
+            (INFO, format!("goal {id} {}{}", named(status), because(reason.as_deref())))
         }
         EventKind::Lease { holder: Some(holder) } => (INFO, format!("{holder} has control")),
         EventKind::Lease { holder: None } => (INFO, "nobody has control".to_owned()),
@@ -195,7 +216,7 @@ fn task_line(event: &TaskEvent) -> (u8, String) {
     let TaskEvent { task, step, .. } = event;
     let robot = step.robot.as_ref().map_or_else(String::new, |robot| format!(" on {robot}"));
     let reason = because(step.reason.as_deref());
-    (INFO, format!("task {task} {}{robot}{reason}", reasons::name(&step.state)))
+    (INFO, format!("task {task} {}{robot}{reason}", named(&step.state)))
 }
 
 #[cfg(test)]

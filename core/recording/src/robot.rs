@@ -1,4 +1,5 @@
-//! The recording's format, for the recorder that writes it and the replay that reads it.
+//! The recording of a robot: every sample and every decision of its controller, for the recorder that writes it
+//! ([`writer`]) and the replay that reads it ([`Recording`]).
 //!
 //! An MCAP file of JSON messages that Foxglove and Rerun open as it is; `docs/recording.md` is the
 //! contract. The topics are under `xtb/<fleet>/<robot>/record/`:
@@ -13,20 +14,18 @@
 //! that the recorder had to drop. `sample_crc` is the CRC-32 of the sample's message: a sample that
 //! was altered afterwards is found even if it changes no decision.
 
-pub mod bounds;
+mod schemas;
+pub mod writer;
 
-use crate::files::{self, FileError};
-use bounds::Excess;
+use crate::bounds;
+use crate::error::Error;
+use crate::input::Input;
 use crc::{CRC_32_ISO_HDLC, Crc};
-use mcap::McapError;
 use mcap::records::Record;
-use mcap::sans_io::{LinearReadEvent, LinearReader};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
-use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
-use thiserror::Error;
 use xtb_control::{Sample, Stamp};
 use xtb_protocol::trace::{TraceReader, exact_decision_line, sample_line};
 use xtb_robot::step_log::Step;
@@ -39,7 +38,8 @@ pub const CONFIG: &str = "config";
 pub const OUTPUTS: &str = "outputs";
 
 /// The first message of a recording.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "Who recorded what")]
 pub struct Header {
     /// Of the program that recorded.
     pub version: String,
@@ -129,45 +129,13 @@ pub enum Ending {
     Cut(String),
 }
 
-/// A file is not a recording.
-#[derive(Debug, Error)]
-pub enum RecordingError {
-    /// It cannot be read.
-    #[error("{0}")]
-    Io(#[from] io::Error),
-    /// It cannot be opened, or is no file.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// It holds more of something than any recording does.
-    #[error(transparent)]
-    Excess(#[from] Excess),
-    /// It is not MCAP, or damaged.
-    #[error("{0}")]
-    Mcap(#[from] McapError),
-    /// It is MCAP, but no recording of a robot.
-    #[error("no recording of a robot-agent: {0}")]
-    Foreign(String),
-    /// A message cannot be understood.
-    #[error("step {number}: {reason}")]
-    Message {
-        /// The step's number, or the number of the message where it has none.
-        number: u64,
-        /// What is wrong.
-        reason: String,
-    },
-}
-
 /// Reads a recording's steps, one after another; needs memory for one chunk only.
 pub struct Recording {
-    file: File,
-    /// Whether it ends as a finished file does: if it breaks off all the same, it is damaged.
-    finished: bool,
-    reader: LinearReader,
+    input: Input,
     topics: HashMap<u16, String>,
     header: Option<Header>,
     pending: Option<(u64, String, String)>,
     messages: u64,
-    ending: Option<Ending>,
 }
 
 impl Recording {
@@ -175,28 +143,22 @@ impl Recording {
     ///
     /// # Errors
     /// It cannot be read, or is none.
-    pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let options = bounds::reader_options().with_validate_data_section_crc(true);
-        let mut file = files::open(path)?;
-        let finished = ends_with_magic(&mut file)?;
+    pub fn open(path: &Path) -> Result<Self, Error> {
         let mut recording = Self {
-            file,
-            finished,
-            reader: LinearReader::new_with_options(options),
+            input: Input::open_strictly(path)?,
             topics: HashMap::new(),
             header: None,
             pending: None,
             messages: 0,
-            ending: None,
         };
         let Some((topic, message)) = recording.next_message()? else {
-            return Err(RecordingError::Foreign("it holds no message".into()));
+            return Err(Error::NotOfARobot("it holds no message".into()));
         };
         if topic != CONFIG {
-            return Err(RecordingError::Foreign(format!("its first message is {topic:?}, not its header")));
+            return Err(Error::NotOfARobot(format!("its first message is {topic:?}, not its header")));
         }
         let header = serde_json::from_str(&message)
-            .map_err(|error| RecordingError::Foreign(format!("its header: {error}")))?;
+            .map_err(|error| Error::NotOfARobot(format!("its header: {error}")))?;
         recording.header = Some(header);
         Ok(recording)
     }
@@ -210,29 +172,29 @@ impl Recording {
     /// How it ends; known once [`Recording::next_step`] has given `None`.
     #[must_use]
     pub fn ending(&self) -> Ending {
-        self.ending.clone().unwrap_or(Ending::Complete)
+        self.input.cut_because().map_or(Ending::Complete, |words| Ending::Cut(words.to_owned()))
     }
 
     /// The next step; `None` at the end, or where the recording breaks off.
     ///
     /// # Errors
     /// A message that is none of a step. A cut is no error.
-    pub fn next_step(&mut self) -> Result<Option<RecordedStep>, RecordingError> {
+    pub fn next_step(&mut self) -> Result<Option<RecordedStep>, Error> {
         while let Some((topic, message)) = self.next_message()? {
             let number_of = |message: &str| {
                 take_number(message.strip_prefix('{')?, "n").map(|(n, rest)| (n, rest.to_owned()))
             };
-            let bad = |reason: &str| RecordingError::Message { number: self.messages, reason: reason.into() };
+            let bad = |reason: &str| Error::Message { number: self.messages, reason: reason.into() };
             let (number, rest) = number_of(&message).ok_or_else(|| bad("a message without its number"))?;
             if topic != OUTPUTS {
                 self.pending = Some((number, topic, message));
                 continue;
             }
             let Some((_, kind, sample_message)) = self.pending.take().filter(|(n, ..)| *n == number) else {
-                return Err(RecordingError::Message { number, reason: "its sample is missing".into() });
+                return Err(Error::Message { number, reason: "its sample is missing".into() });
             };
             let (sample_crc, rest) = take_number(&rest, "sample_crc")
-                .ok_or_else(|| RecordingError::Message { number, reason: "no sample_crc".into() })?;
+                .ok_or_else(|| Error::Message { number, reason: "no sample_crc".into() })?;
             let decision = format!("{{{rest}");
             let sample_crc = sample_crc as u32;
             return Ok(Some(RecordedStep { number, kind, sample_message, sample_crc, decision }));
@@ -240,82 +202,25 @@ impl Recording {
         Ok(None)
     }
 
-    /// The file ends before its data do.
-    fn cut<T>(&mut self, error: McapError) -> Result<Option<T>, RecordingError> {
-        if self.finished {
-            return Err(error.into());
-        }
-        self.ending = Some(Ending::Cut(error.to_string()));
-        Ok(None)
-    }
-
     /// The last part of the next message's topic, and its text.
-    fn next_message(&mut self) -> Result<Option<(String, String)>, RecordingError> {
-        if self.ending.is_some() {
-            return Ok(None);
-        }
-        loop {
-            let event = match self.reader.next_event() {
-                None => return self.cut(McapError::UnexpectedEof),
-                Some(Err(error)) if breaks_off(&error) => return self.cut(error),
-                Some(Err(error)) => return Err(error.into()),
-                Some(Ok(event)) => event,
-            };
-            match event {
-                LinearReadEvent::ReadRequest(need) => {
-                    let read = self.file.read(self.reader.insert(need))?;
-                    self.reader.notify_read(read);
+    fn next_message(&mut self) -> Result<Option<(String, String)>, Error> {
+        while let Some(record) = self.input.next_record()? {
+            match record {
+                Record::Channel(channel) => {
+                    let topic = channel.topic.rsplit('/').next().unwrap_or_default();
+                    bounds::name(topic, bounds::beside(&self.topics, &channel.id))?;
+                    self.topics.insert(channel.id, topic.to_owned());
                 }
-                LinearReadEvent::Record { data, opcode } => match parse(opcode, data)? {
-                    Record::Channel(channel) => {
-                        let topic = channel.topic.rsplit('/').next().unwrap_or_default();
-                        let known = usize::from(self.topics.contains_key(&channel.id));
-                        let others = self.topics.len() - known;
-                        bounds::name(topic, others)?;
-                        self.topics.insert(channel.id, topic.to_owned());
-                    }
-                    Record::Message { header, data } => {
-                        bounds::json(&data)?;
-                        self.messages += 1;
-                        let text = String::from_utf8_lossy(&data).into_owned();
-                        let topic = self.topics.get(&header.channel_id).cloned().unwrap_or_default();
-                        return Ok(Some((topic, text)));
-                    }
-                    // After the data come indexes only; a file that has got so far is complete.
-                    Record::DataEnd(_) => {
-                        self.ending = Some(Ending::Complete);
-                        return Ok(None);
-                    }
-                    _ => {}
-                },
+                Record::Message { header, data } => {
+                    bounds::json(&data)?;
+                    self.messages += 1;
+                    let text = String::from_utf8_lossy(&data).into_owned();
+                    let topic = self.topics.get(&header.channel_id).cloned().unwrap_or_default();
+                    return Ok(Some((topic, text)));
+                }
+                _ => {}
             }
         }
-    }
-}
-
-/// A record that is not too long.
-fn parse(opcode: u8, data: &[u8]) -> Result<Record<'_>, RecordingError> {
-    bounds::record(opcode, data.len())?;
-    Ok(mcap::parse_record(opcode, data)?)
-}
-
-/// Whether a file ends with MCAP's magic bytes; leaves it at its beginning.
-fn ends_with_magic(file: &mut File) -> io::Result<bool> {
-    let mut end = [0; mcap::MAGIC.len()];
-    let long_enough = file.metadata()?.len() >= 2 * end.len() as u64;
-    if long_enough {
-        file.seek(SeekFrom::End(-(end.len() as i64)))?;
-        file.read_exact(&mut end)?;
-        file.rewind()?;
-    }
-    Ok(long_enough && end == mcap::MAGIC)
-}
-
-/// Whether a reader's error means that the file ends too early, and not that it is damaged.
-fn breaks_off(error: &McapError) -> bool {
-    match error {
-        McapError::UnexpectedEof | McapError::UnexpectedEoc => true,
-        McapError::Io(error) => error.kind() == io::ErrorKind::UnexpectedEof,
-        _ => false,
+        Ok(None)
     }
 }

@@ -1,13 +1,11 @@
 //! What moves: a truck, its way, and what its range finders see.
 
-use super::{Time, entity};
-use crate::recording::well_known::{
+use super::{Time, entity, named};
+use crate::fleet::well_known::{
     ArrowPrimitive, Color, KeyValuePair, LinePrimitive, Point3, Pose, SceneEntity, SolidPrimitive, Span,
     TextPrimitive, Vector3,
 };
-use crate::scene::Body;
-use crate::text::reasons;
-use xtb_nav::Path;
+use xtb_nav::{Car, Path};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{GoalState, PoseState, RobotState, RouteState, Sensors};
 
@@ -49,26 +47,31 @@ pub(super) fn sight_id(name: &Name) -> String {
     format!("{name} sight")
 }
 
+/// Bumper to bumper, in m.
+fn length_m(car: &Car) -> f64 {
+    car.front_m + car.rear_m
+}
+
 /// A box with an arrow ahead, its name, and why it stands.
-pub(super) fn truck(at: Time, name: &Name, body: Body, state: &RobotState) -> SceneEntity {
+pub(super) fn truck(at: Time, name: &Name, car: &Car, state: &RobotState) -> SceneEntity {
     let PoseState { x_m, y_m, yaw_rad, .. } = state.pose;
     let color = match () {
         () if !state.latches.is_empty() => LATCHED,
         () if state.stopped_because.is_empty() => DRIVES,
         () => STANDS,
     };
-    let why = state.stopped_because.first().map_or_else(|| reasons::name(&state.mode), reasons::name);
+    let why = state.stopped_because.first().map_or_else(|| named(&state.mode), named);
     let mut truck = entity(at, truck_id(name));
     truck.cubes.push(SolidPrimitive {
         pose: Pose::flat(x_m, y_m, HEIGHT_M / 2.0, yaw_rad),
-        size: Vector3 { x: body.length_m, y: body.width_m, z: HEIGHT_M },
+        size: Vector3 { x: length_m(car), y: 2.0 * car.half_width_m, z: HEIGHT_M },
         color: Color { a: 0.8, ..color },
     });
     truck.arrows.push(arrow(Pose::flat(x_m, y_m, HEIGHT_M + ABOVE_M, yaw_rad), color));
     truck.texts.push(text(Pose::flat(x_m, y_m, 2.0 * HEIGHT_M, 0.0), format!("{name}\n{why}")));
     let known = |value: Option<f64>| value.map_or_else(|| "unknown".to_owned(), |value| value.to_string());
     truck.metadata = vec![
-        pair("mode", reasons::name(&state.mode)),
+        pair("mode", named(&state.mode)),
         pair("speed_mps", known(state.speed_mps)),
         pair("battery_v", known(state.battery_v)),
         pair("sigma_m", state.pose.sigma_m.to_string()),
@@ -113,7 +116,7 @@ fn stretch(path: &Path, from_m: f64, to_m: f64) -> Vec<Point3> {
 }
 
 /// A short stroke across the beam of each range finder that sees something.
-pub(super) fn sight(at: Time, name: &Name, body: Body, pose: &PoseState, sensors: &Sensors) -> SceneEntity {
+pub(super) fn sight(at: Time, name: &Name, car: &Car, pose: &PoseState, sensors: &Sensors) -> SceneEntity {
     let (sin, cos) = pose.yaw_rad.sin_cos();
     let place = |ahead_m: f64, left_m: f64| Point3 {
         x: pose.x_m + ahead_m * cos - left_m * sin,
@@ -125,7 +128,7 @@ pub(super) fn sight(at: Time, name: &Name, body: Body, pose: &PoseState, sensors
         for (number, cm) in (0_u8..).zip(distances) {
             let Some(cm) = cm else { continue };
             let left_m = (2.5 - f64::from(number)) * SPACING_M;
-            let ahead_m = gear * (body.length_m / 2.0 + cm / 100.0);
+            let ahead_m = gear * (length_m(car) / 2.0 + cm / 100.0);
             points.extend([place(ahead_m, left_m - BEAM_M), place(ahead_m, left_m + BEAM_M)]);
         }
     }

@@ -5,7 +5,7 @@
 //! by their place (`ir_front.0`). Lists and what goes by names stand in one cell as JSON. Quoting is
 //! RFC 4180's; null is an empty cell.
 
-use super::schemas::Schema;
+use crate::schema::Schema;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
@@ -113,7 +113,7 @@ fn fixed_places(schema: &Value) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::schemas;
+    use crate::fleet::schemas;
     use serde_json::json;
 
     fn table(name: &str) -> Table {

@@ -6,6 +6,8 @@
 
 use mcap::records::op;
 use mcap::sans_io::LinearReaderOptions;
+use std::collections::HashMap;
+use std::hash::Hash;
 use thiserror::Error;
 
 /// Longest record, also a whole chunk, and longest of a chunk's once it is unpacked, in bytes.
@@ -37,8 +39,7 @@ fn within(what: &'static str, got: usize, most: usize) -> Result<(), Excess> {
 }
 
 /// A reader that takes no record beyond the bounds, and reads files that were cut up to the cut.
-#[must_use]
-pub fn reader_options() -> LinearReaderOptions {
+pub(crate) fn reader_options() -> LinearReaderOptions {
     LinearReaderOptions::default()
         .with_skip_end_magic(true)
         .with_validate_chunk_crcs(true)
@@ -49,7 +50,7 @@ pub fn reader_options() -> LinearReaderOptions {
 ///
 /// # Errors
 /// [`Excess`].
-pub fn record(opcode: u8, bytes: usize) -> Result<(), Excess> {
+pub(crate) fn record(opcode: u8, bytes: usize) -> Result<(), Excess> {
     match opcode {
         op::MESSAGE => within("bytes of a message", bytes, MAX_MESSAGE),
         op::SCHEMA => within("bytes of a schema", bytes, MAX_DEFINITION),
@@ -63,16 +64,21 @@ pub fn record(opcode: u8, bytes: usize) -> Result<(), Excess> {
 ///
 /// # Errors
 /// [`Excess`].
-pub fn name(name: &str, known: usize) -> Result<(), Excess> {
+pub(crate) fn name(name: &str, known: usize) -> Result<(), Excess> {
     within("bytes of a name", name.len(), MAX_NAME)?;
     within("names of one kind", known + 1, MAX_NAMES)
+}
+
+/// How many are known beside this one.
+pub(crate) fn beside<K: Eq + Hash, V>(known: &HashMap<K, V>, id: &K) -> usize {
+    known.len() - usize::from(known.contains_key(id))
 }
 
 /// Checks JSON before it is read.
 ///
 /// # Errors
 /// [`Excess`].
-pub fn json(text: &[u8]) -> Result<(), Excess> {
+pub(crate) fn json(text: &[u8]) -> Result<(), Excess> {
     let weight = |byte: &u8| match byte {
         b',' | b'[' => 1,
         b'{' => OBJECT_VALUES,

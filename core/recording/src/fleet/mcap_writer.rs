@@ -2,16 +2,17 @@
 
 use super::recorder::{Counts, Record, Recorder};
 use super::{BEGAN, COUNTS};
-use crate::error::{Failure, Kind, Result};
-use mcap::records::{MessageHeader, Metadata};
-use mcap::{McapError, WriteOptions, Writer};
+use crate::error::Error;
+use crate::output::Output;
+use mcap::records::Metadata;
+use mcap::{McapError, McapResult};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufWriter};
+use std::io;
 use std::path::{Path, PathBuf};
 
-/// A chunk is closed when it has become this long, in bytes, if its time has not come before.
-const CHUNK: u64 = 1 << 20;
+/// Of `fleet-cli`: all crates of the workspace have the same.
+const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// What is written where.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -31,8 +32,7 @@ pub struct McapSettings {
 /// A file that is being written.
 struct Reel {
     path: PathBuf,
-    file: File,
-    writer: Writer<BufWriter<File>>,
+    output: Output,
     topics: BTreeMap<u16, u16>,
 }
 
@@ -51,15 +51,12 @@ impl McapWriter {
     /// Makes the first file, and writes its beginning through to the disk.
     ///
     /// # Errors
-    /// [`Kind::Usage`]: it is there already; [`Kind::Failed`]: it cannot be written.
-    pub fn create(settings: McapSettings, at_ns: u64) -> Result<Self> {
+    /// [`Error::Exists`] or [`Error::Write`].
+    pub fn create(settings: McapSettings, at_ns: u64) -> Result<Self, Error> {
         let path = settings.path.clone();
         let made = make(&path, settings.force);
         let file = made.map_err(|error| match error.kind() {
-            io::ErrorKind::AlreadyExists => {
-                Failure::new(Kind::Usage, format!("{} is there already", path.display()))
-                    .hint("name another file with --out, or overwrite it with --force")
-            }
+            io::ErrorKind::AlreadyExists => Error::Exists(path.clone()),
             _ => cannot_write(&path, &error.into()),
         })?;
         let reel = Reel::begin(&settings, &path, file, 1, at_ns).map_err(|e| cannot_write(&path, &e))?;
@@ -70,8 +67,8 @@ impl McapWriter {
     /// Writes records into the present file.
     ///
     /// # Errors
-    /// [`Kind::Failed`]: the disk is full or gone.
-    pub fn write(&mut self, records: Vec<Record>) -> Result<()> {
+    /// [`Error::Write`]: the disk is full or gone.
+    pub fn write(&mut self, records: Vec<Record>) -> Result<(), Error> {
         let reel = &mut self.reel;
         records.into_iter().try_for_each(|record| reel.write(record)).map_err(|e| self.failed(&e))
     }
@@ -80,8 +77,8 @@ impl McapWriter {
     /// file if this one is long enough.
     ///
     /// # Errors
-    /// [`Kind::Failed`]: the disk is full or gone.
-    pub fn flush(&mut self, recorder: &mut Recorder, counts: Counts, at_ns: u64) -> Result<()> {
+    /// [`Error::Write`]: the disk is full or gone.
+    pub fn flush(&mut self, recorder: &mut Recorder, counts: Counts, at_ns: u64) -> Result<(), Error> {
         let bad = |counts: &Counts| (counts.dropped, counts.unreadable);
         if bad(&counts) != bad(&self.told) {
             self.told = counts;
@@ -94,7 +91,7 @@ impl McapWriter {
         Ok(())
     }
 
-    fn turn(&mut self, recorder: &mut Recorder, counts: Counts, at_ns: u64) -> Result<()> {
+    fn turn(&mut self, recorder: &mut Recorder, counts: Counts, at_ns: u64) -> Result<(), Error> {
         self.finish(counts)?;
         let (path, file) = self.next_file()?;
         let begun = Reel::begin(&self.settings, &path, file, self.number, at_ns);
@@ -104,7 +101,7 @@ impl McapWriter {
     }
 
     /// The next number whose file is not there yet.
-    fn next_file(&mut self) -> Result<(PathBuf, File)> {
+    fn next_file(&mut self) -> Result<(PathBuf, File), Error> {
         loop {
             self.number += 1;
             let path = numbered(&self.settings.path, self.number);
@@ -119,8 +116,8 @@ impl McapWriter {
     /// Writes summary, statistics and index.
     ///
     /// # Errors
-    /// [`Kind::Failed`]: the disk is full or gone.
-    pub fn finish(&mut self, counts: Counts) -> Result<()> {
+    /// [`Error::Write`]: the disk is full or gone.
+    pub fn finish(&mut self, counts: Counts) -> Result<(), Error> {
         let bytes = self.reel.finish(&counts).map_err(|e| self.failed(&e))?;
         self.finished_bytes += bytes;
         Ok(())
@@ -129,9 +126,9 @@ impl McapWriter {
     /// Bytes on the disk, of all files.
     ///
     /// # Errors
-    /// [`Kind::Failed`]: the disk is gone.
-    pub fn bytes(&self) -> Result<u64> {
-        Ok(self.finished_bytes + self.reel.file.metadata()?.len())
+    /// [`Error::Io`]: the disk is gone.
+    pub fn bytes(&self) -> Result<u64, Error> {
+        Ok(self.finished_bytes + self.reel.output.file.metadata()?.len())
     }
 
     /// Bytes of the files that are finished.
@@ -146,28 +143,17 @@ impl McapWriter {
         &self.paths
     }
 
-    fn failed(&self, error: &McapError) -> Failure {
+    fn failed(&self, error: &McapError) -> Error {
         cannot_write(&self.reel.path, error)
     }
 }
 
 impl Reel {
-    fn begin(
-        settings: &McapSettings,
-        path: &Path,
-        file: File,
-        number: u32,
-        at_ns: u64,
-    ) -> std::result::Result<Self, McapError> {
-        let options = WriteOptions::new()
-            .profile("")
-            .library(format!("fleet-cli {}", env!("CARGO_PKG_VERSION")))
-            .chunk_size(Some(CHUNK))
-            .compression_threads(0);
-        let writer = options.create(BufWriter::new(file.try_clone()?))?;
-        let mut reel = Self { path: path.to_owned(), file, writer, topics: BTreeMap::new() };
+    fn begin(settings: &McapSettings, path: &Path, file: File, number: u32, at_ns: u64) -> McapResult<Self> {
+        let output = Output::begin(file, format!("fleet-cli {VERSION}"))?;
+        let mut reel = Self { path: path.to_owned(), output, topics: BTreeMap::new() };
         let about = [
-            ("version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("version", VERSION.to_owned()),
             ("fleet", settings.fleet.clone()),
             ("keys", settings.keys.join(" ")),
             ("file", number.to_string()),
@@ -178,39 +164,34 @@ impl Reel {
         Ok(reel)
     }
 
-    fn write(&mut self, record: Record) -> std::result::Result<(), McapError> {
+    fn write(&mut self, record: Record) -> McapResult<()> {
         match record {
             Record::Topic { number, name, schema } => {
-                let schema = self.writer.add_schema(&schema.name, "jsonschema", &schema.text)?;
-                let channel = self.writer.add_channel(schema, &name, "json", &BTreeMap::new())?;
-                self.topics.insert(number, channel);
+                self.topics.insert(number, self.output.topic(&name, schema)?);
             }
             Record::Message { topic, sequence, log_ns, data } => {
-                let channel_id =
-                    *self.topics.get(&topic).ok_or(McapError::UnknownChannel(sequence, topic))?;
-                let header = MessageHeader { channel_id, sequence, log_time: log_ns, publish_time: log_ns };
-                self.writer.write_to_known_channel(&header, &data)?;
+                let channel = *self.topics.get(&topic).ok_or(McapError::UnknownChannel(sequence, topic))?;
+                self.output.message(channel, sequence, log_ns, &data)?;
             }
         }
         Ok(())
     }
 
-    fn tell(&mut self, name: &str, metadata: BTreeMap<String, String>) -> std::result::Result<(), McapError> {
-        self.writer.write_metadata(&Metadata { name: name.to_owned(), metadata })
+    fn tell(&mut self, name: &str, metadata: BTreeMap<String, String>) -> McapResult<()> {
+        self.output.writer.write_metadata(&Metadata { name: name.to_owned(), metadata })
     }
 
     /// How long the file is now.
-    fn flush(&mut self) -> std::result::Result<u64, McapError> {
-        self.writer.flush()?;
-        self.file.sync_data()?;
-        Ok(self.file.metadata()?.len())
+    fn flush(&mut self) -> McapResult<u64> {
+        self.output.writer.flush()?;
+        self.output.file.sync_data()?;
+        Ok(self.output.file.metadata()?.len())
     }
 
-    fn finish(&mut self, counts: &Counts) -> std::result::Result<u64, McapError> {
+    fn finish(&mut self, counts: &Counts) -> McapResult<u64> {
         self.tell(COUNTS, counted(counts))?;
-        self.writer.finish()?;
-        self.file.sync_all()?;
-        Ok(self.file.metadata()?.len())
+        self.output.finish()?;
+        Ok(self.output.file.metadata()?.len())
     }
 }
 
@@ -238,18 +219,12 @@ fn counted(counts: &Counts) -> BTreeMap<String, String> {
     .into()
 }
 
-fn cannot_write(path: &Path, error: &McapError) -> Failure {
+fn cannot_write(path: &Path, error: &McapError) -> Error {
     let (reason, full) = match error {
         McapError::Io(error) => (error.to_string(), error.kind() == io::ErrorKind::StorageFull),
         other => (other.to_string(), false),
     };
-    let failure = Failure::new(Kind::Failed, format!("cannot write {}: {reason}", path.display()));
-    match full {
-        true => {
-            failure.hint("the disk is full: what was recorded so far can be read; make room, record again")
-        }
-        false => failure.hint("is the folder there, and may you write to it?"),
-    }
+    Error::Write { path: path.to_owned(), reason, full }
 }
 
 #[cfg(test)]

@@ -1,12 +1,13 @@
-//! What a recording holds of what comes in. Pure: items with their times in, records out; files, clocks
-//! and threads are [`mcap_writer`](super::mcap_writer)'s and [`recorder_worker`](super::recorder_worker)'s.
+//! What a recording holds of what comes in. Pure: items with their times in, records out; files are
+//! [`mcap_writer`](super::mcap_writer)'s, clocks and threads the program's.
 //!
 //! A message becomes one record on the topic of its key, and up to two on derived topics: the pose of
 //! its robot, and the fleet's scene or log, for viewers that know Foxglove's messages only.
 
 use super::drawing::{self, Painter};
-use super::schemas::{self, Presence, Schema};
+use super::schemas::{self, Presence};
 use super::{LOG_TOPIC, SCENE_TOPIC};
+use crate::schema::Schema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use xtb_client::messages::AnyMessage;

@@ -1,40 +1,18 @@
 //! Reads a recording of the fleet from its beginning, message by message, with memory for one chunk
 //! only. A file that was cut is read up to the cut.
 
+use super::schemas::{is_derived, presence_of};
 use super::{BEGAN, COUNTS};
-use mcap::McapError;
+use crate::bounds::{self, beside};
+use crate::error::Error;
+use crate::input::Input;
 use mcap::records::Record;
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use robot_agent::files::{self, FileError};
-use robot_agent::recording::bounds::{self, Excess};
+use mcap::sans_io::LinearReaderOptions;
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
-use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use thiserror::Error;
-
-/// A file is not a recording, or is damaged.
-#[derive(Debug, Error)]
-pub enum ReadError {
-    /// It cannot be read.
-    #[error("{0}")]
-    Io(#[from] io::Error),
-    /// It cannot be opened, or is no file.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// It holds more of something than any recording does.
-    #[error(transparent)]
-    Excess(#[from] Excess),
-    /// It is not MCAP, or damaged.
-    #[error("{0}")]
-    Mcap(#[from] McapError),
-    /// It is MCAP without a message.
-    #[error("it holds no message")]
-    Empty,
-    /// It is MCAP, but nothing of a fleet.
-    #[error("no recording of a fleet")]
-    Foreign,
-}
+use xtb_client::messages::{AnyMessage, Unreadable};
+use xtb_protocol::Name;
+use xtb_protocol::keys::{Channel, Key};
 
 /// A message as it was recorded.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -68,14 +46,11 @@ impl Span {
 
 /// A recording that is being read.
 pub struct Reader {
-    file: File,
+    input: Input,
     path: PathBuf,
-    reader: LinearReader,
     schemas: HashMap<u16, String>,
     channels: HashMap<u16, (String, String)>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
-    cut: Option<String>,
-    over: bool,
 }
 
 impl Reader {
@@ -83,28 +58,25 @@ impl Reader {
     ///
     /// # Errors
     /// It cannot be opened.
-    pub fn open(path: &Path) -> Result<Self, ReadError> {
+    pub fn open(path: &Path) -> Result<Self, Error> {
         Self::with(path, bounds::reader_options())
     }
 
-    fn with(path: &Path, options: LinearReaderOptions) -> Result<Self, ReadError> {
+    fn with(path: &Path, options: LinearReaderOptions) -> Result<Self, Error> {
         Ok(Self {
-            file: files::open(path)?,
+            input: Input::open(path, options)?,
             path: path.to_owned(),
-            reader: LinearReader::new_with_options(options),
             schemas: HashMap::new(),
             channels: HashMap::new(),
             metadata: BTreeMap::new(),
-            cut: None,
-            over: false,
         })
     }
 
     /// The next message; `None` at the end, or where the file breaks off.
     ///
     /// # Errors
-    /// [`ReadError::Io`] or [`ReadError::Mcap`]. A cut is no error.
-    pub fn next_message(&mut self) -> Result<Option<Recorded>, ReadError> {
+    /// [`Error::Io`], [`Error::Excess`] or [`Error::Mcap`]. A cut is no error.
+    pub fn next_message(&mut self) -> Result<Option<Recorded>, Error> {
         while let Some(record) = self.next_record()? {
             if let Record::Message { header, data } = record {
                 bounds::json(&data)?;
@@ -121,24 +93,9 @@ impl Reader {
     }
 
     /// The next record of the data; schemas, channels and metadata are remembered on the way.
-    fn next_record(&mut self) -> Result<Option<Record<'static>>, ReadError> {
-        while !self.over {
-            let event = match self.reader.next_event() {
-                None => return Ok(self.cut(&McapError::UnexpectedEof)),
-                Some(Err(error)) if breaks_off(&error) => return Ok(self.cut(&error)),
-                Some(Err(error)) => return Err(error.into()),
-                Some(Ok(event)) => event,
-            };
-            let (data, opcode) = match event {
-                LinearReadEvent::ReadRequest(need) => {
-                    let read = self.file.read(self.reader.insert(need))?;
-                    self.reader.notify_read(read);
-                    continue;
-                }
-                LinearReadEvent::Record { data, opcode } => (data, opcode),
-            };
-            bounds::record(opcode, data.len())?;
-            match mcap::parse_record(opcode, data)?.into_owned() {
+    fn next_record(&mut self) -> Result<Option<Record<'static>>, Error> {
+        while let Some(record) = self.input.next_record()? {
+            match record {
                 Record::Schema { header, .. } => {
                     bounds::name(&header.name, beside(&self.schemas, &header.id))?;
                     self.schemas.insert(header.id, header.name);
@@ -152,19 +109,10 @@ impl Reader {
                 Record::Metadata(metadata) if [BEGAN, COUNTS].contains(&metadata.name.as_str()) => {
                     self.metadata.insert(metadata.name, metadata.metadata);
                 }
-                // After the data come indexes only; a file that has got so far is complete.
-                Record::DataEnd(_) => self.over = true,
                 record => return Ok(Some(record)),
             }
         }
         Ok(None)
-    }
-
-    /// The file ends before its data do.
-    fn cut(&mut self, error: &McapError) -> Option<Record<'static>> {
-        self.over = true;
-        self.cut = Some(error.to_string());
-        None
     }
 
     /// Metadata of this name, as far as it was read; of several the last.
@@ -182,7 +130,7 @@ impl Reader {
     /// Why it breaks off, if it does: the reader's words.
     #[must_use]
     pub fn cut_because(&self) -> Option<&str> {
-        self.cut.as_deref()
+        self.input.cut_because()
     }
 
     /// Where it is.
@@ -195,8 +143,8 @@ impl Reader {
 /// From when to when a recording goes, without looking into its chunks.
 ///
 /// # Errors
-/// Every [`ReadError`].
-pub fn span(path: &Path) -> Result<Span, ReadError> {
+/// It cannot be read, or holds no message.
+pub fn span(path: &Path) -> Result<Span, Error> {
     let mut reader = Reader::with(path, bounds::reader_options().with_emit_chunks(true))?;
     let mut found: Option<Span> = None;
     while let Some(record) = reader.next_record()? {
@@ -209,21 +157,33 @@ pub fn span(path: &Path) -> Result<Span, ReadError> {
         found =
             Some(Span { began_ns: so_far.began_ns.min(began_ns), ended_ns: so_far.ended_ns.max(ended_ns) });
     }
-    found.ok_or(ReadError::Empty)
+    found.ok_or(Error::Empty)
 }
 
-/// How many are known beside this one.
-fn beside<K: Eq + std::hash::Hash, V>(known: &HashMap<K, V>, id: &K) -> usize {
-    known.len() - usize::from(known.contains_key(id))
+/// At its beginning, and whose recording it is.
+///
+/// # Errors
+/// It cannot be read, or is no recording of a fleet.
+pub fn begin(path: &Path) -> Result<(Reader, Name), Error> {
+    let mut first = Reader::open(path)?;
+    let message = first.next_message()?.ok_or(Error::Empty)?;
+    let told = first.fleet().and_then(|fleet| Name::new(fleet).ok());
+    let fleet = told.or_else(|| Some(Key::parse(&message.topic)?.fleet)).ok_or(Error::NotOfAFleet)?;
+    Ok((Reader::open(path)?, fleet))
 }
 
-/// Whether a reader's error means that the file ends too early, and not that it is damaged.
-fn breaks_off(error: &McapError) -> bool {
-    match error {
-        McapError::UnexpectedEof | McapError::UnexpectedEoc => true,
-        // So a chunk begins that was still being written.
-        McapError::RecordTooLarge { len: u64::MAX, .. } => true,
-        McapError::Io(error) => error.kind() == io::ErrorKind::UnexpectedEof,
-        _ => false,
+/// One message as screens take it; `None` for what is derived of others.
+#[must_use]
+pub fn read(recorded: &Recorded) -> Option<Result<(Key, AnyMessage), Unreadable>> {
+    if is_derived(&recorded.schema) {
+        return None;
     }
+    let Some(key) = Key::parse(&recorded.topic) else { return Some(Err(Unreadable::Foreign)) };
+    let news = match key.channel {
+        Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive => {
+            presence_of(&recorded.data).map(AnyMessage::Alive).ok_or(Unreadable::Presence)
+        }
+        _ => AnyMessage::of_json(&key.channel, &recorded.data),
+    };
+    Some(news.map(|news| (key, news)))
 }

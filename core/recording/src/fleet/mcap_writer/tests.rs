@@ -1,7 +1,7 @@
 //! Files: how they follow each other, and what is left of one that was never finished.
 
 use super::*;
-use crate::recording::reader::{self, Reader};
+use crate::fleet::reader::{self, Reader};
 use xtb_client::subscription::Item;
 
 fn settings(path: &Path) -> McapSettings {
@@ -61,8 +61,9 @@ fn a_file_that_is_there_already_is_left_alone_unless_forced() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("day.mcap");
     std::fs::write(&path, "keep me").unwrap();
-    let failure = McapWriter::create(settings(&path), 0).err().unwrap();
-    assert!(failure.kind == Kind::Usage && failure.hint.contains("--force"), "{failure:?}");
+    let error = McapWriter::create(settings(&path), 0).err().unwrap();
+    assert!(matches!(&error, Error::Exists(there) if *there == path), "{error:?}");
+    assert_eq!(error.to_string(), format!("{} is there already", path.display()));
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "keep me");
     let mut tape = McapWriter::create(McapSettings { force: true, ..settings(&path) }, 0).unwrap();
     let mut recorder = Recorder::default();
@@ -77,8 +78,9 @@ fn a_full_disk_is_said_so() {
     if !full.exists() {
         return; // no such device on this system
     }
-    let failure = McapWriter::create(McapSettings { force: true, ..settings(full) }, 0).err().unwrap();
-    assert!(failure.message.contains("/dev/full") && failure.hint.contains("full"), "{failure:?}");
+    let error = McapWriter::create(McapSettings { force: true, ..settings(full) }, 0).err().unwrap();
+    assert!(matches!(error, Error::Write { full: true, .. }), "{error:?}");
+    assert!(error.to_string().starts_with("cannot write /dev/full: "), "{error}");
 }
 
 #[test]
