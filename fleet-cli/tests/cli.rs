@@ -167,7 +167,7 @@ fn a_router_that_does_not_answer_is_the_doctors_finding() {
 #[test]
 fn an_emergency_stop_is_not_sold_as_a_safety_rated_one() {
     let help = stdout(&Home::empty().run("estop --help").code(0));
-    assert!(help.contains("no safety-rated stop") && help.contains("--expect"), "{help}");
+    assert!(help.contains("not a safety-rated stop") && help.contains("--expect"), "{help}");
 }
 
 #[test]

@@ -91,14 +91,14 @@ pub(crate) fn start(
     let path = fresh_path(folder, &config.robot, &started.replace([':', '-'], ""))?;
     let keys = FleetKeys::new(config.fleet.clone()).robot(&config.robot);
     let mut writer = McapWriter::create(&path, &header, &keys).map_err(io::Error::other)?;
-    tracing::info!("recording into {}", path.display());
+    tracing::info!("recording to {}", path.display());
     let (steps, queue) = mpsc::sync_channel(QUEUE);
     let shared = Arc::<Shared>::default();
     let own = shared.clone();
     let thread = std::thread::Builder::new().name(format!("record-{}", header.robot)).spawn(move || {
         if let Err(error) = writer.keep(&queue) {
             own.failed.store(true, Ordering::Relaxed);
-            tracing::error!("the recording {} ends here: {error}", path.display());
+            tracing::error!("recording {} stopped: {error}", path.display());
             // Whatever comes from now on is counted by the sender, which finds nobody.
         }
     })?;
@@ -161,7 +161,7 @@ impl McapWriter {
             .spawn(move || -> io::Result<()> { chunks.iter().try_for_each(|()| file.sync_data()) })?;
         let result = self.write_all(queue, &to_sync);
         drop(to_sync);
-        disk.join().unwrap_or_else(|_| Err(io::Error::other("the thread that syncs is gone")))?;
+        disk.join().unwrap_or_else(|_| Err(io::Error::other("the sync thread has ended")))?;
         result?;
         self.writer.finish()?;
         self.file.sync_all()?;

@@ -107,7 +107,7 @@ impl RecordedStep {
     /// # Errors
     /// What is wrong with its message.
     pub fn sample(&self) -> Result<(Stamp, Sample), String> {
-        let line = self.trace_line().ok_or("its message does not begin with its number")?;
+        let line = self.trace_line().ok_or("the message does not start with its number")?;
         TraceReader::default().line(&line).map_err(|error| error.to_string())
     }
 
@@ -145,7 +145,7 @@ pub enum RecordingError {
     #[error("{0}")]
     Mcap(#[from] McapError),
     /// It is MCAP, but no recording of a robot.
-    #[error("no recording of a robot-agent: {0}")]
+    #[error("not a recording of robot-agent: {0}")]
     Foreign(String),
     /// A message cannot be understood.
     #[error("step {number}: {reason}")]
@@ -190,13 +190,13 @@ impl Recording {
             ending: None,
         };
         let Some((topic, message)) = recording.next_message()? else {
-            return Err(RecordingError::Foreign("it holds no message".into()));
+            return Err(RecordingError::Foreign("the file has no messages".into()));
         };
         if topic != CONFIG {
-            return Err(RecordingError::Foreign(format!("its first message is {topic:?}, not its header")));
+            return Err(RecordingError::Foreign(format!("the first message is {topic:?}, not the header")));
         }
         let header = serde_json::from_str(&message)
-            .map_err(|error| RecordingError::Foreign(format!("its header: {error}")))?;
+            .map_err(|error| RecordingError::Foreign(format!("the header: {error}")))?;
         recording.header = Some(header);
         Ok(recording)
     }
@@ -223,13 +223,13 @@ impl Recording {
                 take_number(message.strip_prefix('{')?, "n").map(|(n, rest)| (n, rest.to_owned()))
             };
             let bad = |reason: &str| RecordingError::Message { number: self.messages, reason: reason.into() };
-            let (number, rest) = number_of(&message).ok_or_else(|| bad("a message without its number"))?;
+            let (number, rest) = number_of(&message).ok_or_else(|| bad("a message without a number"))?;
             if topic != OUTPUTS {
                 self.pending = Some((number, topic, message));
                 continue;
             }
             let Some((_, kind, sample_message)) = self.pending.take().filter(|(n, ..)| *n == number) else {
-                return Err(RecordingError::Message { number, reason: "its sample is missing".into() });
+                return Err(RecordingError::Message { number, reason: "the sample is missing".into() });
             };
             let (sample_crc, rest) = take_number(&rest, "sample_crc")
                 .ok_or_else(|| RecordingError::Message { number, reason: "no sample_crc".into() })?;

@@ -65,7 +65,7 @@ pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
     let began = Instant::now();
     match ctx.out.json {
         true => ctx.out.line(&Ready { ready: true, recording: path })?,
-        false => ctx.out.note(&format!("recording into {}; Ctrl-C ends it", path.display())),
+        false => ctx.out.note(&format!("recording to {}; stop with Ctrl-C", path.display())),
     }
     let mut shown = output::Progress::new();
     let mut tick = tokio::time::interval(SHOW_EVERY);

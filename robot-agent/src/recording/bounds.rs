@@ -25,7 +25,7 @@ const OBJECT_VALUES: usize = 16;
 
 /// A file holds more of something than any recording does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("{what}: {got}, at most {most} are read")]
+#[error("{what}: {got}, more than the limit of {most}")]
 pub struct Excess {
     what: &'static str,
     got: usize,

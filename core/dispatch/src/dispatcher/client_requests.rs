@@ -76,7 +76,8 @@ impl Dispatcher {
         };
         if self.open_requests.len() >= self.settings.max_waiting {
             let message = format!("{} questions wait for an answer", self.open_requests.len());
-            let error = refusal(DispatchCode::Overloaded, message, "ask again, less often");
+            let error =
+                refusal(DispatchCode::Overloaded, message, "try again, with fewer requests per second");
             return self.reply(ticket, request.id, DispatchOutcome::Error(error));
         }
         self.open_requests.push_back(OpenRequest {
@@ -140,7 +141,11 @@ impl Dispatcher {
         }
         if self.writes.len() >= self.settings.max_unwritten {
             let message = format!("{} changes wait for the ledger", self.writes.len());
-            return Err(refusal(DispatchCode::Overloaded, message, "ask again, less often"));
+            return Err(refusal(
+                DispatchCode::Overloaded,
+                message,
+                "try again, with fewer requests per second",
+            ));
         }
         let max_open = self.settings.max_open;
         let open = self.store.open_count() + usize::try_from(self.writes.new_tasks()).unwrap_or(usize::MAX);

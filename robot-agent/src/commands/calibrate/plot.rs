@@ -79,7 +79,8 @@ pub(crate) fn svg(
     let y = Axis::around(points.iter().map(|p| p.quantity), (BOTTOM, TOP), 7.0);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" \
-         height=\"{HEIGHT}\" font-family=\"'DejaVu Sans', Verdana, Arial, sans-serif\" font-size=\"14\" fill=\"{INK}\">\n\
+         height=\"{HEIGHT}\" font-family=\"'DejaVu Sans', Verdana, Arial, sans-serif\" font-size=\"14\" \
+         fill=\"{INK}\">\n\
          <title>Calibration of {what}</title>\n\
          <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n\
          <clipPath id=\"area\"><rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{}\" height=\"{}\"/></clipPath>\n",
@@ -166,7 +167,8 @@ fn lines(svg: &mut String, x: &Axis, y: &Axis, fit: &Fit) -> std::fmt::Result {
         let (left, right) = (y.at(line.at(x.min)), y.at(line.at(x.max)));
         writeln!(
             svg,
-            "<path d=\"M{LEFT} {left:.1}L{RIGHT} {right:.1}\" fill=\"none\" clip-path=\"url(#area)\" {style}/>"
+            "<path d=\"M{LEFT} {left:.1}L{RIGHT} {right:.1}\" fill=\"none\" clip-path=\"url(#area)\" \
+             {style}/>"
         )
     };
     if let Some([up, down]) = fit.branches {
@@ -182,7 +184,8 @@ fn mark(svg: &mut String, x: f64, y: f64, branch: Branch) -> std::fmt::Result {
         Branch::Up => writeln!(svg, "<path d=\"M{x:.1} {:.1}l5.5 9.5h-11z\" fill=\"{UP}\"/>", y - 6.3),
         Branch::Down => writeln!(
             svg,
-            "<path d=\"M{x:.1} {:.1}l5.5 -9.5h-11z\" fill=\"#ffffff\" stroke=\"{DOWN}\" stroke-width=\"1.6\"/>",
+            "<path d=\"M{x:.1} {:.1}l5.5 -9.5h-11z\" fill=\"#ffffff\" stroke=\"{DOWN}\" \
+             stroke-width=\"1.6\"/>",
             y + 6.3
         ),
         Branch::Still => writeln!(
@@ -216,7 +219,7 @@ fn legend(
         }
     }
     if let Some(fit) = fit {
-        let name = if fit.branches.is_some() { "line: the middle of both" } else { "line" };
+        let name = if fit.branches.is_some() { "line: mean of both" } else { "line" };
         writeln!(svg, "<path d=\"M{} {y}h16\" stroke=\"{INK}\" stroke-width=\"1.6\"/>", x - 8.0)?;
         writeln!(svg, "<text x=\"{}\" y=\"{}\">{name}</text>", x + 16.0, y + 5.0)?;
     }

@@ -15,7 +15,7 @@ use xtb_control::calibration::{Actuator, Fit, Kind};
 /// Digits that are written: more than any protractor gives.
 const DIGITS: i32 = 7;
 /// What a file that is new begins with.
-const HEAD: &str = "# Settings of a robot-agent; robot-agent --print-config shows all of them.\n";
+const HEAD: &str = "# Settings of robot-agent; robot-agent --print-config shows all of them.\n";
 
 /// Why nothing was written.
 #[derive(Debug, Error)]
@@ -172,7 +172,15 @@ reference_rpm = 10.0
     #[test]
     fn sections_are_made_where_they_are_missing_in_whatever_form_the_file_has() {
         let made = changed(HEAD, &slope(0.0355)).unwrap();
-        assert_eq!(made, format!("{HEAD}\n[vehicle.calibration]\nbumper_front_slope = 0.0355\nbumper_front_intercept = -135.25\n").replace("\n\n", "\n"), "{made}");
+        assert_eq!(
+            made,
+            format!(
+                "{HEAD}\n[vehicle.calibration]\nbumper_front_slope = \
+                                  0.0355\nbumper_front_intercept = -135.25\n"
+            )
+            .replace("\n\n", "\n"),
+            "{made}"
+        );
         for old in [
             "vehicle = { goto = { reference_rpm = 10.0 } }\n",
             "vehicle.goto.reference_rpm = 10.0\n",
