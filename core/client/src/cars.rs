@@ -74,10 +74,12 @@ impl Cars {
     }
 
     fn hear(&mut self, robot: &Name, about: &About) {
-        let Some(known) = self.known.get_mut(robot).filter(|known| known.epoch == about.epoch) else { return };
+        let Some(known) = self.known.get_mut(robot).filter(|known| known.epoch == about.epoch) else {
+            return;
+        };
         match Car::of_about(about) {
             Ok(car) => known.car = Some(car),
-            Err(error) => tracing::warn!("the factsheet of {robot} does not say what car it is: {error}"),
+            Err(error) => tracing::warn!("the factsheet of {robot} has no valid vehicle data: {error}"),
         }
     }
 }

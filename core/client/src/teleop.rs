@@ -39,7 +39,7 @@ pub fn lost(session: &TeleopSession<'_>, feed: &StateFeed, failure: Error) -> Er
     let holder = seen.as_ref().and_then(|seen| seen.fresh()?.lease.as_ref());
     let Some(lease) = holder.filter(|lease| lease.holder != *session.client.name()) else { return failure };
     let message = format!("{} is now controlled by {}", session.robot, lease.holder);
-    Error { message, ..failure }.hint("`fleet-cli teleop … --take` takes control again")
+    Error { message, ..failure }.hint("use `fleet-cli teleop … --take` to take control again")
 }
 
 /// A robot under control, and how many setpoints it was sent.
@@ -113,7 +113,7 @@ impl<'a> TeleopSession<'a> {
         }
         let zero = self.send(Drive::default(), feed).await;
         let stop = self.control.request(Uuid::new_v4(), Body::Stop {}).await;
-        let both = zero.and(stop.map(drop)).inspect_err(|failure| tracing::debug!("stopping: {failure}"));
+        let both = zero.and(stop.map(drop)).inspect_err(|failure| tracing::debug!("cannot stop: {failure}"));
         Some(both.is_ok())
     }
 }

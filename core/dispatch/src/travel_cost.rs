@@ -47,17 +47,17 @@ const FAR_RADII: f64 = 4.0;
 
 /// To a point that is far: a bend on the full lock towards it, then straight, ahead or astern.
 fn far_m(radius_m: f64, from: &MapPose, to: &Waypoint) -> Option<f64> {
-        let (along_m, across_m) = in_car_frame(from, to);
-        if libm::hypot(along_m, across_m) < FAR_RADII * radius_m {
-            return None;
-        }
-        let beside_m = across_m.abs() - radius_m; // from the middle of the turning circle on that side
-        let straight_m = libm::sqrt(along_m * along_m + beside_m * beside_m - radius_m * radius_m);
-        let bend = |along_m: f64| {
-            let bend_rad = libm::atan2(beside_m, along_m) + libm::atan2(radius_m, straight_m);
-            if bend_rad < 0.0 { bend_rad + TAU } else { bend_rad }
-        };
-        Some(straight_m + radius_m * bend(along_m).min(bend(-along_m)))
+    let (along_m, across_m) = in_car_frame(from, to);
+    if libm::hypot(along_m, across_m) < FAR_RADII * radius_m {
+        return None;
+    }
+    let beside_m = across_m.abs() - radius_m; // from the middle of the turning circle on that side
+    let straight_m = libm::sqrt(along_m * along_m + beside_m * beside_m - radius_m * radius_m);
+    let bend = |along_m: f64| {
+        let bend_rad = libm::atan2(beside_m, along_m) + libm::atan2(radius_m, straight_m);
+        if bend_rad < 0.0 { bend_rad + TAU } else { bend_rad }
+    };
+    Some(straight_m + radius_m * bend(along_m).min(bend(-along_m)))
 }
 
 /// Where a point lies for a car: ahead, and to its left.
@@ -137,7 +137,7 @@ impl TravelCost for MapTravelCost {
         if let Some(zone) = self.map.keep_outs().find(|zone| zone.holds(x_m, y_m)) {
             return Err((
                 DispatchCode::KeepOut,
-                format!("({x_m:.2}, {y_m:.2}) lies in keep-out {}", zone.name()),
+                format!("({x_m:.2}, {y_m:.2}) is in keep-out zone {}", zone.name()),
             ));
         }
         let grid = self.map.grid();
@@ -151,7 +151,7 @@ impl TravelCost for MapTravelCost {
             if grid.at(x_m + dx, y_m + dy) == Cell::Free {
                 continue;
             }
-            let what = format!("({x_m:.2}, {y_m:.2}) is on top of something on the map, or off it");
+            let what = format!("({x_m:.2}, {y_m:.2}) is occupied on the map, or outside it");
             return Err((DispatchCode::GoalBlocked, what));
         }
         Ok(())

@@ -122,13 +122,13 @@ impl NavSettings {
                 "navigation.drive.meeting_mps",
                 self.drive.meeting_mps,
                 admitted_mps / 2.0,
-                "stops two that meet",
+                "stops two robots that meet",
             ),
         ] {
             if mps > most_mps {
                 let reason = format!(
-                    "the {cm} cm obstacle rule {whom} in time only up to {most_mps:.2} m/s; raise \
-                     obstacle.threshold_cm for more"
+                    "the {cm} cm obstacle rule {whom} in time only up to {most_mps:.2} m/s; for more, \
+                     raise obstacle.threshold_cm"
                 );
                 return Err(conflict(name, mps, reason));
             }

@@ -39,6 +39,7 @@ use xtb_control::{Command, Outputs, Stamp, VehicleConfig};
 use xtb_nav::NavSettings;
 use xtb_nav::localization::PoseFilter;
 use xtb_nav::navigator::Navigator;
+use xtb_protocol::messages::texts::client_timeout;
 use xtb_protocol::messages::{
     Event, EventKind, Fault, GoalEnd, GoalStatus, InputAges, Latch, Lease, LinkLoss, PoseSource, PoseState,
     StopReason,
@@ -273,7 +274,7 @@ impl Agent {
         if let Some((fault, reason)) = self.faults.stopping() {
             self.rearm = true;
             if self.under_way() {
-                let words = format!("the {} has a fault: {fault}", fault.place());
+                let words = format!("{} fault: {fault}", fault.place());
                 self.stand(now, reason, GoalStatus::Failed, Some(&words));
             }
         } else {
@@ -303,7 +304,7 @@ impl Agent {
         let halts = self.guards.on(Guard::LinkLossHalt);
         let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
         if halts && goal.on_link_loss == LinkLoss::Halt && !(heard && goal.lease == present) {
-            let words = format!("its client {} fell silent, and its policy is halt", goal.by);
+            let words = client_timeout(&goal.by);
             return self.stand(now, StopReason::LeaseExpired, GoalStatus::Failed, Some(&words));
         }
         if goal.status == GoalStatus::Accepted {
@@ -312,7 +313,7 @@ impl Agent {
         if let Some(limit) = goal.limit
             && now >= limit.at
         {
-            let words = (limit.then == GoalStatus::Failed).then_some("its time was up");
+            let words = (limit.then == GoalStatus::Failed).then_some("time limit reached");
             return self.stand(now, StopReason::TimeUp, limit.then, words);
         }
         if goal.is_planned() {
@@ -356,7 +357,15 @@ impl Agent {
         let network = matches!(self.writer, Writer::Setpoint | Writer::Goal);
         if !network && self.under_way() {
             let because = self.latches.all().next().map_or(StopReason::RemoteLost, Latch::reason);
-            self.stand(now, because, GoalStatus::Failed, Some("the robot is held"));
+            self.stand(
+                now,
+                because,
+                GoalStatus::Failed,
+                Some(
+                    "blocked by a latch, a fault or the remote \
+                control",
+                ),
+            );
         }
     }
 

@@ -186,7 +186,7 @@ mod tests {
         let (report, text) = with_latches(vec![estop, gyro.clone()], None).await;
         assert_eq!(report.cleared, Some(vec![Latch::Estop]));
         assert_eq!(report.remaining, Some(vec![gyro]));
-        assert!(report.refused.unwrap().contains("gyro_lost: gyro_silent is still so"));
+        assert!(report.refused.unwrap().contains("gyro_lost: gyro_silent is still present"));
         assert!(text.contains("xtb-1: estop reset\n"), "{text}");
         assert!(text.contains("still latched: gyro_lost by gyro_silent"), "{text}");
         assert!(text.contains("nothing moves until all latches are reset"), "{text}");

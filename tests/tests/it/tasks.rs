@@ -258,7 +258,7 @@ fn a_task_that_failed_is_done_when_it_is_retried() {
     lab.run("stop xtb-1").ok();
     let failed = waiting.end();
     assert_eq!((failed.code, &failed.lines[0]["state"]), (1, &"failed".into()), "{failed:?}");
-    assert!(failed.lines[0]["reason"].as_str().unwrap().contains("told to stop"), "{failed:?}");
+    assert!(failed.lines[0]["reason"].as_str().unwrap().contains("received a stop command"), "{failed:?}");
     assert_eq!(lab.change("retry t1").0, 0);
     lab.until("t1", "done");
     let (code, refused) = lab.change("retry t1");

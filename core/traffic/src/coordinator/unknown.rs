@@ -37,7 +37,8 @@ impl Unknown {
     /// Something is in the way of a truck at (x, y). True if that is news.
     pub(super) fn report(&mut self, now: Stamp, at_m: [f64; 2], trucks: &[Truck]) -> bool {
         let [x_m, y_m] = at_m;
-        let is_truck = |truck: &Truck| Rect::body(&truck.car(), &truck.view.pose).distance_m(x_m, y_m) < TRUCK_M;
+        let is_truck =
+            |truck: &Truck| Rect::body(&truck.car(), &truck.view.pose).distance_m(x_m, y_m) < TRUCK_M;
         if !x_m.is_finite() || !y_m.is_finite() || trucks.iter().any(is_truck) {
             return false;
         }
@@ -72,7 +73,7 @@ impl Unknown {
             let pose = MapPose { x_m: thing.at_m[0], y_m: thing.at_m[1], yaw_rad: 0.0 };
             let square = Car { front_m: HALF_M, rear_m: HALF_M, half_width_m: HALF_M, radius_m: 1.0 };
             let stands = vec![Stand::still(&square, &pose)];
-            Block { id: thing.id, name: "something that is not on the map".to_owned(), stands }
+            Block { id: thing.id, name: "an unmapped obstacle".to_owned(), stands }
         })
     }
 }

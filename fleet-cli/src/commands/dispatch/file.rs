@@ -66,7 +66,7 @@ fn parse(text: &str, now_ms: u64) -> Result<Vec<TaskSpec>> {
         return Err(Failure::new(Kind::Config, "no task is in it: a task begins with [[task]]").hint(HINT));
     }
     if file.task.len() > MAX_SUBMISSION {
-        let message = format!("{} tasks are in it, {MAX_SUBMISSION} are the most", file.task.len());
+        let message = format!("the file has {} tasks, the limit is {MAX_SUBMISSION}", file.task.len());
         return Err(Failure::new(Kind::Config, message).hint("submit them in parts"));
     }
     let mut specs = Vec::new();

@@ -48,7 +48,7 @@ fn bounded(points: Vec<Waypoint>, kind: Kind) -> Result<Vec<Waypoint>> {
     match points.len() {
         0 => Err(Failure::new(kind, "no point is in it")),
         1..=MAX_POINTS => Ok(points),
-        many => Err(Failure::new(kind, format!("{many} points, {MAX_POINTS} are the most"))),
+        many => Err(Failure::new(kind, format!("{many} points, the limit is {MAX_POINTS}"))),
     }
 }
 
@@ -123,6 +123,6 @@ mod tests {
     #[test]
     fn a_route_is_not_longer_than_the_protocol_allows() {
         let failure = read(&vec!["0,0".to_owned(); MAX_POINTS + 1]).unwrap_err();
-        assert_eq!(failure.message, "101 points, 100 are the most");
+        assert_eq!(failure.message, "101 points, the limit is 100");
     }
 }

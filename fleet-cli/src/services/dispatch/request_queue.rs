@@ -198,7 +198,7 @@ impl RequestQueue {
 
 async fn turn_away(question: Question, keys: FleetKeys) {
     let message = format!("{QUESTIONS} questions wait to be read");
-    let error = refusal(DispatchCode::Overloaded, message, "ask again with the same id, less often");
+    let error = refusal(DispatchCode::Overloaded, message, "try again with the same id, less often");
     refuse(question, keys, error).await;
 }
 

@@ -172,15 +172,7 @@ reference_rpm = 10.0
     #[test]
     fn sections_are_made_where_they_are_missing_in_whatever_form_the_file_has() {
         let made = changed(HEAD, &slope(0.0355)).unwrap();
-        assert_eq!(
-            made,
-            format!(
-                "{HEAD}\n[vehicle.calibration]\nbumper_front_slope = \
-                                  0.0355\nbumper_front_intercept = -135.25\n"
-            )
-            .replace("\n\n", "\n"),
-            "{made}"
-        );
+        assert_eq!(made, format!("{HEAD}\n[vehicle.calibration]\nbumper_front_slope = 0.0355\nbumper_front_intercept = -135.25\n").replace("\n\n", "\n"), "{made}");
         for old in [
             "vehicle = { goto = { reference_rpm = 10.0 } }\n",
             "vehicle.goto.reference_rpm = 10.0\n",

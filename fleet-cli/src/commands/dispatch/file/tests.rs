@@ -73,7 +73,7 @@ fn errors_name_line_and_task() {
 
 #[test]
 fn a_file_without_tasks_or_with_too_many_is_refused() {
-    assert!(said("").contains("no task is in it"));
+    assert!(said("").contains("the request has no task"));
     assert!(said("[[tasks]]\ngoto = [1, 2]\n").starts_with("line 1: unknown field `tasks`"));
     assert!(said(&"[[task]]\ngoto = [1, 2]\n".repeat(501)).starts_with("501 tasks are in it"));
 }
