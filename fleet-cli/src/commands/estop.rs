@@ -18,7 +18,7 @@ pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     let targets = args.who.targets();
     let calling = estop(&client, &targets, ctx.settings.timeout);
     let robots = &args.who.robots;
-    let beside = unknown_robots::reported_beside(calling, ctx, &client, robots, "told to stop");
+    let beside = unknown_robots::reported_beside(calling, ctx, &client, robots, "sent a stop");
     let ((stopped, missing), unknown_robots) = beside.await;
     if stopped.robots.is_empty() {
         return Err(missing.alive.unwrap_or_else(|| client.nobody()).into());
@@ -27,7 +27,7 @@ pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     ctx.out.result(&report, |report| report.table("stopped (latched)", &ctx.out))?;
     stopped::warn(ctx, &missing);
     if !ctx.out.json {
-        ctx.out.note("`fleet-cli reset ROBOT` ends it; it is no safety-rated stop");
+        ctx.out.note("reset with `fleet-cli reset ROBOT`; this is not a safety-rated stop");
         if args.who.all && DispatcherClient::of(&client).is_there().await {
             ctx.out.note("the dispatcher assigns no task until `fleet-cli dispatch activate`");
         }

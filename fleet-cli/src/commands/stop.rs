@@ -17,7 +17,7 @@ pub async fn run(ctx: &Context, args: &StopArgs) -> Result<Exit> {
     let targets = args.who.targets();
     let calling = stop(&client, &targets);
     let robots = &args.who.robots;
-    let beside = unknown_robots::reported_beside(calling, ctx, &client, robots, "told to stop");
+    let beside = unknown_robots::reported_beside(calling, ctx, &client, robots, "sent a stop");
     let ((stopped, missing), unknown_robots) = beside.await;
     if stopped.robots.is_empty() {
         return Err(missing.alive.unwrap_or_else(|| client.nobody()).into());

@@ -57,7 +57,7 @@ impl McapWriter {
         let made = make(&path, settings.force);
         let file = made.map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => {
-                Failure::new(Kind::Usage, format!("{} is there already", path.display()))
+                Failure::new(Kind::Usage, format!("{} already exists", path.display()))
                     .hint("name another file with --out, or overwrite it with --force")
             }
             _ => cannot_write(&path, &error.into()),

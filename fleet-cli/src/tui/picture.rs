@@ -110,7 +110,7 @@ fn render(frame: &mut Frame<'_>, scene: &Scene, truth: &Truth, states: &BTreeMap
     let [map, list] =
         Layout::vertical([Constraint::Min(6), Constraint::Length(lines + 3)]).areas(frame.area());
     let (x_bounds, y_bounds) = fit(scene.bounds(truth), f64::from(map.width), f64::from(map.height));
-    let title = format!(" XTB fleet · {:.1} s simulated · q leaves ", truth.t_s);
+    let title = format!(" XTB fleet · {:.1} s simulated · q quits ", truth.t_s);
     let canvas = Canvas::default()
         .block(Block::bordered().title(title))
         .marker(Marker::Braille)

@@ -282,20 +282,15 @@ impl Cockpit {
                 self.commands.tell(now_ms, Tone::Bad, format!("drive {robot}: {text}"))
             }
             (TeleopStatus::Ended(None), _) => {
-                self.commands.tell(
-                    now_ms,
-                    Tone::Plain,
-                    format!("{robot} was not driven; control is given back"),
-                );
+                self.commands.tell(now_ms, Tone::Plain, format!("{robot} was not driven; control released"));
             }
             (TeleopStatus::Ended(Some(true)), _) => {
-                let text = format!("{robot} was told to stop; control is given back");
+                let text = format!("{robot} confirmed the stop; control released");
                 self.commands.tell(now_ms, Tone::Good, text);
             }
             (TeleopStatus::Ended(Some(false)), _) => {
-                let text = format!(
-                    "{robot} did not confirm the stop: its own clock ends the last setpoint within 250 ms"
-                );
+                let text =
+                    format!("{robot} did not confirm the stop: the last setpoint times out within 250 ms");
                 self.commands.tell(now_ms, Tone::Bad, text);
             }
         }

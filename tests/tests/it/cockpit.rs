@@ -105,7 +105,7 @@ fn a_lost_focus_takes_the_hand_off_the_wheel() {
     drive(&sim, &mut top);
     // As a held key goes on while the window is left.
     top.keys("\x1b[A\x1b[A\x1b[O\x1b[A");
-    top.until("let go", |text| text.contains("xtb-1 was told to stop; control is given back"));
+    top.until("let go", |text| text.contains("xtb-1 confirmed the stop; control released"));
     until(&sim, "xtb-1", "free", |state| state["lease"].is_null());
     top.keys("\x03");
     assert_eq!(top.ended(), Some(0));

@@ -75,7 +75,7 @@ fn names_of_channels_that_fill_the_memory_are_refused() {
     recording(&path, (0..24).map(|i| format!("xtb/lab/xtb-{i}/{}", "x".repeat(2000))), b"{}");
     is_refused(&path, folder.path(), "bytes of a name: 20");
     recording(&path, (0..5000).map(|i| format!("xtb/lab/xtb-{i}/state")), b"{}");
-    is_refused(&path, folder.path(), "names of one kind: 4097, at most 4096 are read");
+    is_refused(&path, folder.path(), "names of one kind: 4097, more than the limit of 4096");
 }
 
 #[test]

@@ -285,7 +285,7 @@ fn who_leaves_a_task_with_ctrl_c_leaves_it_with_the_dispatcher() {
         if flag.is_empty() {
             let (_, name, message, hint) = left.error();
             assert_eq!(name, "interrupted");
-            assert!(message.contains("goes on with t1") && hint.contains("cancel t1"), "{left:?}");
+            assert!(message.contains("continues with t1") && hint.contains("cancel t1"), "{left:?}");
             assert_eq!(lab.change("cancel t1").0, 0);
         }
     }

@@ -208,7 +208,7 @@ fn only_the_robots_that_were_named_are_shown() {
 #[test]
 fn a_recording_shows_where_it_is() {
     let (mut cockpit, scene) =
-        (with(Theme { color: true, ascii: false }, Some("a recording is played")), fleet());
+        (with(Theme { color: true, ascii: false }, Some("playing a recording")), fleet());
     cockpit.playing(Playing { at_s: 12.34, length_s: 60.0, speed: 2.0, stands: Some("PAUSED".into()) });
     let shown = screen(&mut cockpit, &scene, 80, 24);
     assert!(shown[0].contains("RECORDING 12.3 of 60.0 s, 2 times, PAUSED"), "{}", shown[0]);

@@ -236,7 +236,7 @@ fn lost_focus_stops_and_every_way_out_lets_go() {
         assert_eq!(cockpit.drive(NOW), None, "{way}: not one more");
         assert!(!cockpit.is_over(), "{way}: it has not ended yet");
         cockpit.grasp(TeleopStatus::Ended(Some(true)), NOW);
-        line(&screen(&mut cockpit, &scene, 80, 24), "xtb-1 was told to stop; control is given back");
+        line(&screen(&mut cockpit, &scene, 80, 24), "xtb-1 confirmed the stop; control released");
     }
 }
 
@@ -295,7 +295,7 @@ fn read_only_sends_nothing_and_says_so() {
 #[test]
 fn a_recording_is_paused_and_wound() {
     let (mut cockpit, scene) =
-        (with(Theme { color: true, ascii: false }, Some("a recording is played")), fleet());
+        (with(Theme { color: true, ascii: false }, Some("playing a recording")), fleet());
     cockpit.playing(Playing { at_s: 1.0, length_s: 60.0, speed: 1.0, stands: None });
     assert_eq!(letter(&mut cockpit, &scene, ' '), [Action::Pause]);
     assert_eq!(press(&mut cockpit, &scene, KeyCode::Left), [Action::Seek(-SEEK_S.0)]);
