@@ -58,7 +58,7 @@ impl McapWriter {
         let file = made.map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => {
                 Failure::new(Kind::Usage, format!("{} already exists", path.display()))
-                    .hint("name another file with --out, or overwrite it with --force")
+                    .hint("choose another file with --out, or overwrite it with --force")
             }
             _ => cannot_write(&path, &error.into()),
         })?;
@@ -246,9 +246,9 @@ fn cannot_write(path: &Path, error: &McapError) -> Failure {
     let failure = Failure::new(Kind::Failed, format!("cannot write {}: {reason}", path.display()));
     match full {
         true => {
-            failure.hint("the disk is full: what was recorded so far can be read; make room, record again")
+            failure.hint("the disk is full: the recording so far is readable; free space, then record again")
         }
-        false => failure.hint("is the folder there, and may you write to it?"),
+        false => failure.hint("check that the folder exists and is writable"),
     }
 }
 

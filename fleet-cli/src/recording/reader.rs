@@ -29,10 +29,10 @@ pub enum ReadError {
     #[error("{0}")]
     Mcap(#[from] McapError),
     /// It is MCAP without a message.
-    #[error("it holds no message")]
+    #[error("it has no messages")]
     Empty,
     /// It is MCAP, but nothing of a fleet.
-    #[error("no recording of a fleet")]
+    #[error("not a recording of a fleet")]
     Foreign,
 }
 

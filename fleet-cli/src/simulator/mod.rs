@@ -288,8 +288,8 @@ impl Simulator {
                 (alive, since) = (now, Instant::now());
             }
             if since.elapsed() > NEXT_WITHIN {
-                let message = format!("{now} of {wanted} simulated robots have come to life");
-                return Err(Failure::new(Kind::Failed, message).hint("fewer --robots, or a lower --speed"));
+                let message = format!("{now} of {wanted} simulated robots started");
+                return Err(Failure::new(Kind::Failed, message).hint("use fewer --robots or a lower --speed"));
             }
             tokio::time::sleep(LOOK_EVERY).await;
         }
@@ -340,11 +340,11 @@ impl Simulator {
 fn check(plan: &Plan) -> Result<()> {
     if plan.robots == 0 || plan.robots > MAX_ROBOTS {
         let message = format!("{} robots cannot be simulated", plan.robots);
-        return Err(Failure::new(Kind::Usage, message).hint(format!("--robots takes 1 to {MAX_ROBOTS}")));
+        return Err(Failure::new(Kind::Usage, message).hint(format!("--robots must be 1 to {MAX_ROBOTS}")));
     }
     if !(plan.speed.is_finite() && (0.01..=1000.0).contains(&plan.speed)) {
-        let message = format!("the world cannot run at {} × real time", plan.speed);
-        return Err(Failure::new(Kind::Usage, message).hint("--speed takes 0.01 to 1000"));
+        let message = format!("the simulation cannot run at {} × real time", plan.speed);
+        return Err(Failure::new(Kind::Usage, message).hint("--speed must be 0.01 to 1000"));
     }
     Ok(())
 }
@@ -358,7 +358,7 @@ fn simulation(plan: &Plan, kinds: &[TruckParameters], world: World) -> Result<Si
         Simulation::of_kinds_at(world, &kinds[..starts.len()], &starts, plan.seed)
     };
     made.map_err(|error| {
-        Failure::new(Kind::Config, error.to_string()).hint("fewer --robots, or a world with more room")
+        Failure::new(Kind::Config, error.to_string()).hint("use fewer --robots, or a world with more room")
     })
 }
 
@@ -417,7 +417,7 @@ async fn serve_roster(bus: &Bus, key: String, roster: Roster) -> Result<Service>
         let (own_key, roster) = (own_key.clone(), roster.clone());
         runtime.spawn(async move {
             if let Err(error) = question.reply(&own_key, &roster, Format::Json).await {
-                tracing::debug!("the roster was not sent: {error}");
+                tracing::debug!("cannot send the roster: {error}");
             }
         });
     });

@@ -128,7 +128,7 @@ fn render(frame: &mut Frame<'_>, scene: &Scene, truth: &Truth, states: &BTreeMap
         .enumerate()
         .map(|(index, (name, robot))| row(name, robot, states.get(name)).fg(color(index)));
     let widths = [8, 8, 9, 10, 10, 18, 10].map(Constraint::Length);
-    let header = Row::new(["robot", "mode", "goal", "to go", "speed", "stands because", "contacts"]).bold();
+    let header = Row::new(["robot", "mode", "goal", "to go", "speed", "stopped because", "contacts"]).bold();
     let block = Block::bordered();
     frame.render_widget(Table::new(rows, widths).header(header).block(block), list);
 }

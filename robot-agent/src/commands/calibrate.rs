@@ -134,7 +134,7 @@ fn write_plot(args: &CalibrateArgs, report: &Report<'_>, near: Option<&Path>) ->
         let folder = near.and_then(Path::parent).unwrap_or(Path::new(""));
         folder.join(format!("calibration-{}.svg", args.what))
     });
-    let refused = report.refused.map(|refused| format!("refused: {refused}"));
+    let refused = report.refused.map(|refused| format!("rejected: {refused}"));
     let summary = report.summary().unwrap_or_default();
     let verdict = refused.as_deref().map_or(Ok(summary.as_str()), Err);
     std::fs::write(&path, plot::svg(args.what, report.points, report.fit, verdict)).map_err(|error| {

@@ -91,7 +91,7 @@ fn a_second_simulator_whose_names_are_taken_ends_with_4_and_is_never_ready() {
     let error: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(error["error"]["code"], "name_taken", "{text}");
     let message = error["error"]["message"].as_str().unwrap();
-    assert!(message.contains("xtb-1, xtb-2 are already alive in fleet lab"), "{message}");
+    assert!(message.contains("xtb-1, xtb-2 are already in use in fleet lab"), "{message}");
     assert!(error["error"]["hint"].as_str().unwrap().contains("--fleet"), "{text}");
     // The first has not noticed anything.
     let (code, list, output) = first.run(&["list"]);

@@ -323,7 +323,7 @@ fn a_ledger_is_exported_beside_its_dispatcher_and_compacted_without() {
     assert!(records.iter().any(|record| record.to_string().contains("\"submitted\"")), "{records:?}");
     let refused = lab.ledger_verb("compact");
     let (code, _, message, _) = refused.error();
-    assert!(code == 1 && message.contains("another dispatcher holds it"), "{refused:?}");
+    assert!(code == 1 && message.contains("in use by another dispatcher"), "{refused:?}");
     assert_eq!(lab.ledger_verb("export").ok().len(), records.len(), "it was compacted all the same");
 
     drop(lab.serve.take());

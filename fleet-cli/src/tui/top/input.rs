@@ -91,7 +91,7 @@ impl Cockpit {
     /// Whether robots may be asked for anything; says why not.
     fn may(&mut self, now_ms: AtMs) -> bool {
         if let Some(why) = self.setup.read_only {
-            self.commands.tell(now_ms, Tone::Warning, format!("nothing is sent: {why}"));
+            self.commands.tell(now_ms, Tone::Warning, format!("commands disabled: {why}"));
         }
         self.setup.read_only.is_none()
     }
@@ -110,7 +110,7 @@ impl Cockpit {
     /// A stop also takes the hand off the wheel.
     pub(super) fn stop(&mut self, command: Command, now_ms: AtMs) -> Vec<Action> {
         let mut actions = self.wish(command, now_ms);
-        actions.extend(self.let_go(now_ms, "a stop was called"));
+        actions.extend(self.let_go(now_ms, "stop requested"));
         actions
     }
 
@@ -118,7 +118,7 @@ impl Cockpit {
         match self.selected.clone() {
             Some(robot) => self.stop(command(Target::One(robot)), now_ms),
             None => {
-                self.commands.tell(now_ms, Tone::Warning, "no robot is selected: S and E reach all");
+                self.commands.tell(now_ms, Tone::Warning, "no robot selected: S and E act on all");
                 Vec::new()
             }
         }
@@ -141,7 +141,7 @@ impl Cockpit {
             }
             Some(grip) => {
                 let robot = grip.robot().clone();
-                self.commands.tell(now_ms, Tone::Plain, format!("{robot} is driven no longer: {why}"));
+                self.commands.tell(now_ms, Tone::Plain, format!("{robot}: driving ended, {why}"));
                 self.grip = Some(Grip::Ending(robot));
                 vec![Action::LetGo]
             }
@@ -155,11 +155,11 @@ impl Cockpit {
                 self.wish(Command::Goto { robot, x_m, y_m, yaw_rad, take: false }, now_ms)
             }
             (None, _) => {
-                self.commands.tell(now_ms, Tone::Warning, "there is no robot to send");
+                self.commands.tell(now_ms, Tone::Warning, "no robot to send");
                 Vec::new()
             }
             (_, None) => {
-                self.commands.tell(now_ms, Tone::Warning, "where to? The arrow keys put the cursor there");
+                self.commands.tell(now_ms, Tone::Warning, "no target: set the cursor with the arrow keys");
                 Vec::new()
             }
         }
@@ -170,12 +170,12 @@ impl Cockpit {
         let robot = sight.name.clone();
         let latches: Vec<String> = match sight.state {
             Some(state) => state.latches.iter().map(crate::text::robot::latch).collect(),
-            None => vec!["its state is unknown".to_owned()],
+            None => vec!["state unknown".to_owned()],
         };
         if latches.is_empty() {
-            return self.commands.tell(now_ms, Tone::Plain, format!("{robot}: nothing is latched"));
+            return self.commands.tell(now_ms, Tone::Plain, format!("{robot}: nothing latched"));
         }
-        let next = after_reset(scene, "; the dispatcher may give it a task at once");
+        let next = after_reset(scene, "; the dispatcher may assign it a task at once");
         let text = format!("Reset {robot}? {}{next}", latches.join("; "));
         self.ask(Question { text, yes: Wish::Command(Command::Reset { robot, take: false }) });
     }
@@ -188,11 +188,11 @@ impl Cockpit {
         let unknown = unknown.collect::<Vec<_>>().join(", ");
         let left_out = if unknown.is_empty() { unknown } else { format!("; unknown: {unknown}") };
         if robots.is_empty() {
-            return self.commands.tell(now_ms, Tone::Plain, format!("nothing is latched{left_out}"));
+            return self.commands.tell(now_ms, Tone::Plain, format!("no robot is latched{left_out}"));
         }
-        let next = after_reset(scene, "; the dispatcher may give them tasks at once");
+        let next = after_reset(scene, "; the dispatcher may assign them tasks at once");
         let names = robots.iter().map(Name::as_str).collect::<Vec<_>>().join(", ");
-        let text = format!("Reset all that is latched? {names}{left_out}{next}");
+        let text = format!("Reset all latched robots? {names}{left_out}{next}");
         self.ask(Question { text, yes: Wish::Command(Command::ResetAll { robots }) });
     }
 
@@ -200,7 +200,7 @@ impl Cockpit {
     pub(super) fn activate(&mut self, scene: &Scene, now_ms: AtMs) {
         let Some(stop) = task_text::fleet_stop(scene.suspended()) else {
             let why = match scene.suspended() {
-                _ if !scene.dispatcher() => "no dispatcher runs".to_owned(),
+                _ if !scene.dispatcher() => "no dispatcher".to_owned(),
                 [] => "the dispatcher is not suspended".to_owned(),
                 [other, ..] => {
                     format!("the dispatcher is active; {}: {}", other.text(), other.cause.remedy())
@@ -223,11 +223,7 @@ impl Cockpit {
         match goal {
             Some(goal) => self.wish(Command::Cancel { robot, goal: goal.id, take: false }, now_ms),
             None => {
-                self.commands.tell(
-                    now_ms,
-                    Tone::Warning,
-                    format!("{robot} has no goal that anybody knows of"),
-                );
+                self.commands.tell(now_ms, Tone::Warning, format!("{robot} has no known goal"));
                 Vec::new()
             }
         }
