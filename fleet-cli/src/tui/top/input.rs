@@ -208,7 +208,7 @@ impl Cockpit {
             };
             return self.commands.tell(now_ms, Tone::Plain, why);
         };
-        let text = format!("Activate the dispatcher? Robots may drive at once: {}", stop.text());
+        let text = format!("Activate the dispatcher? Robots may start at once: {}", stop.text());
         self.ask(Question { text, yes: Wish::Command(Command::Activate) });
     }
 
