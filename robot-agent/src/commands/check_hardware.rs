@@ -152,7 +152,7 @@ fn trouble(state: FaultState) -> Trouble {
 fn table(report: &Report) -> String {
     let mut text = String::new();
     if !report.faults.is_empty() {
-        let heading = ["FAULT", "THE SYSTEM SAYS", "WHAT TO DO"].map(str::to_owned).to_vec();
+        let heading = ["FAULT", "SYSTEM MESSAGE", "WHAT TO DO"].map(str::to_owned).to_vec();
         let faults = report.faults.iter().map(|trouble| {
             let detail = trouble.detail.clone().unwrap_or_else(|| "-".to_owned());
             vec![trouble.fault.clone(), detail, trouble.advice.to_owned()]
