@@ -51,16 +51,16 @@ pub use xtb_client::DEFAULT_ENDPOINT;
 const EXIT_CODES: &str = "\
 Exit codes:
   0    done
-  1    failed: refused, goal not reached, task failed or cancelled, contact, port taken …
+  1    failed: refused, goal not reached, task failed or cancelled, contact, port in use …
   2    wrong usage or configuration; nothing was sent
-  3    no router, no robot or no dispatcher answered, or the outcome is unknown
-  4    name taken: another robot or simulator of this fleet has it
+  3    no router, robot or dispatcher answered, or the outcome is unknown
+  4    name taken: another robot or simulator of this fleet uses it
   130  interrupted
 
-JSON: with --json each result is one line on standard output; so is an error:
+JSON: with --json each result is one line on standard output, and so is an error:
   {\"error\":{\"code\":…,\"message\":…,\"hint\":…}}";
 
-/// Drive, watch, send and stop a fleet of XTB robots from one terminal.
+/// Drive, monitor, send and stop a fleet of XTB robots from one terminal.
 #[derive(Debug, Parser)]
 #[command(name = "fleet-cli", version, after_help = EXIT_CODES, infer_long_args = false)]
 pub struct Cli {
@@ -76,31 +76,32 @@ pub struct Cli {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Global options")]
 pub struct GlobalArgs {
-    /// Router to connect to; several: repeat it or separate them with commas [default: tcp/127.0.0.1:7447].
+    /// Router to connect to; repeat it or separate several with commas [default: tcp/127.0.0.1:7447].
     #[arg(long, global = true, env = "XTB_CONNECT", value_name = "ENDPOINT", value_delimiter = ',')]
     pub connect: Vec<String>,
     /// Whether `--connect` stands on the command line (not in the environment).
     #[arg(skip)]
     pub connect_given: bool,
-    /// Fleet to work with [default: lab].
+    /// Fleet [default: lab].
     #[arg(long, global = true, env = "XTB_FLEET", value_name = "NAME")]
     pub fleet: Option<Name>,
-    /// Print JSON, one line a result.
+    /// Print JSON, one line per result.
     #[arg(long, global = true)]
     pub json: bool,
-    /// Fleet config (TOML) [default: $XDG_CONFIG_HOME/xtb/fleet.toml or ~/.config/xtb/fleet.toml if there].
+    /// Fleet config (TOML) [default: $XDG_CONFIG_HOME/xtb/fleet.toml or ~/.config/xtb/fleet.toml, if
+    /// present].
     #[arg(long, global = true, env = "XTB_CONFIG", value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// This client's name, as robots show it beside their lease [default: cli- and six random digits].
+    /// Name of this client, shown as the controlling client of a robot [default: cli- and six random digits].
     #[arg(long, global = true, value_name = "NAME")]
     pub client: Option<Name>,
-    /// How long to wait for a router or an answer, in s.
+    /// Longest time to wait for a router or an answer, in s.
     #[arg(long, global = true, value_name = "SECONDS", default_value = "2", value_parser = seconds)]
     pub timeout: Duration,
-    /// Colours.
+    /// When to use colours.
     #[arg(long, global = true, value_name = "WHEN", default_value = "auto")]
     pub color: ColorChoice,
-    /// How the log's lines look, on standard error; XTB_LOG=debug makes it detailed.
+    /// Format of the log on standard error; XTB_LOG=debug makes it detailed.
     #[arg(long, global = true, value_name = "FORMAT", env = "XTB_LOG_FORMAT", default_value = "text")]
     pub log_format: LogFormat,
 }
@@ -119,71 +120,71 @@ pub enum ColorChoice {
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Verb {
-    /// Show which robots are there and how they are.
+    /// List the robots and their state.
     List(ListArgs),
-    /// Show everything about robots.
+    /// Show the state of robots in detail.
     Status(StatusArgs),
-    /// Explain why a robot stands, or may drive, and what to do.
+    /// Explain why a robot is stopped, or is allowed to drive, and what to do.
     Why(WhyArgs),
-    /// Check router, roster, versions, clocks and configs, and say what to do.
+    /// Check router, roster, versions, clocks and configs, and show what to do.
     Doctor(DoctorArgs),
-    /// Send a robot to a point of the map.
+    /// Send a robot to a point on the map.
     Goto(GotoArgs),
-    /// Let a robot wander.
+    /// Make a robot wander.
     Wander(WanderArgs),
-    /// Stop robots: they drop their goals and stand.
+    /// Stop robots: cancels their goals.
     Stop(StopArgs),
-    /// Emergency stop: robots stand until they are reset (not a safety-rated stop).
+    /// Emergency stop: robots stay stopped until they are reset (not a safety-rated stop).
     Estop(EstopArgs),
-    /// End a robot's latched stops whose cause is gone; it stands until a new command.
+    /// Reset latched stops whose cause is gone; robots stay stopped until a new command.
     Reset(ResetArgs),
-    /// Tell a robot that stands where it is, when its pose is uncertain or wrong.
+    /// Set the pose of a stopped robot, when its pose is uncertain or wrong.
     SetPose(SetPoseArgs),
     /// Drive a robot by hand.
     Teleop(TeleopArgs),
-    /// Show the fleet on the whole terminal: map, robots, events; keys send, stop and drive.
+    /// Full-screen view of the fleet: map, robots, events; keys send, stop and drive.
     Top(TopArgs),
     /// Print messages as JSON lines.
     Watch(WatchArgs),
     /// Record the fleet's messages into MCAP, for Foxglove, Python, `play` and `export`.
     Record(RecordArgs),
-    /// Show a recording of the fleet again.
+    /// Play back a recording of the fleet.
     Play(PlayArgs),
-    /// Make tables of a recording of the fleet.
+    /// Export a recording of the fleet as tables.
     Export(ExportArgs),
-    /// Bring a robot's own recording here.
+    /// Download a recording from a robot.
     FetchLog(FetchLogArgs),
-    /// Show, check, import or serve a map of the floor.
+    /// Show, check, import or serve a map.
     Map(MapArgs),
-    /// Lead robots with planned goals past each other.
+    /// Traffic control: coordinate robots with planned goals.
     Traffic(TrafficArgs),
-    /// Take tasks for the fleet, and give them to its robots.
+    /// Dispatcher: accept tasks for the fleet and assign them to its robots.
     Dispatch(DispatchArgs),
     /// Show the dispatcher's tasks.
     Tasks(TasksArgs),
-    /// Show one task and how it came to be so.
+    /// Show one task and its history.
     Task(TaskArgs),
-    /// End tasks; the answer comes when their robots have confirmed.
+    /// Cancel tasks; the answer comes when their robots have confirmed.
     Cancel(CancelArgs),
-    /// Put tasks aside; their robots stop.
+    /// Pause tasks; their robots stop.
     Pause(PauseArgs),
-    /// Let tasks go on that are paused or held.
+    /// Resume tasks that are paused or on hold.
     Resume(ResumeArgs),
-    /// Queue tasks again that have failed or were cancelled.
+    /// Queue failed or cancelled tasks again.
     Retry(RetryArgs),
-    /// Show the fleet in a browser, and command it from there.
+    /// Show and control the fleet in a browser.
     Dashboard(DashboardArgs),
-    /// Run a router: all the infrastructure that a small lab needs.
+    /// Run a router: the only infrastructure that a small lab needs.
     Router(RouterArgs),
     /// Run simulated robots with real agents.
     Sim(SimArgs),
     /// Show simulated robots driving to their goals.
     Demo(DemoArgs),
-    /// Plan ways for many robots at once, without a fleet: none ever touches another.
+    /// Plan collision-free paths for many robots at once, without a fleet.
     Plan(PlanArgs),
-    /// Print a completion script; in bash, fish and zsh it knows the robots and tasks that there are.
+    /// Print a completion script; in bash, fish and zsh it completes the names of robots and tasks.
     Completions(CompletionsArgs),
-    /// Print the names that there are, for completion scripts.
+    /// Print the names of robots or tasks, for completion scripts.
     #[command(hide = true)]
     Names(NamesArgs),
 }

@@ -56,7 +56,7 @@ impl FleetConfig {
             Name::robot(robot.name.as_str())
                 .map_err(|error| Failure::new(Kind::Config, format!("robots[{i}].name: {error}")))?;
             if config.robots[..i].iter().any(|other| other.name == robot.name) {
-                return Err(Failure::new(Kind::Config, format!("two robots are named {}", robot.name)));
+                return Err(Failure::new(Kind::Config, format!("two robots have the name {}", robot.name)));
             }
             if let Some(pose) = robot.start_pose {
                 in_range(&format!("robots[{i}].start_pose"), &pose)?;

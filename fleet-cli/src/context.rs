@@ -73,7 +73,7 @@ impl Context {
         };
         let routers = self.settings.connect.join(", ");
         Some(format!(
-            "{verb} runs its own router: {routers} ({from}) is not used; only --connect changes that"
+            "{verb} runs its own router and ignores {routers} ({from}); to use that router, give --connect"
         ))
     }
 }

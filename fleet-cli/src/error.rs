@@ -179,9 +179,9 @@ impl From<RecordingError> for Failure {
             RecordingError::Exists(_) => Self::new(Kind::Usage, message)
                 .hint("name another file with --out, or overwrite it with --force"),
             RecordingError::Write { full: true, .. } => Self::new(Kind::Failed, message)
-                .hint("the disk is full: what was recorded so far can be read; make room, record again"),
+                .hint("the disk is full: the recording so far is readable; free space, then record again"),
             RecordingError::Write { .. } => {
-                Self::new(Kind::Failed, message).hint("is the folder there, and may you write to it?")
+                Self::new(Kind::Failed, message).hint("check that the folder exists and is writable")
             }
             _ => Self::new(Kind::Failed, message),
         }

@@ -59,8 +59,11 @@ impl Drop for Handle {
 /// [`Kind::Usage`]: not a loopback address; [`Kind::PortTaken`]: the port is.
 pub async fn serve(shared: Arc<Shared>, listen: SocketAddr) -> Result<Handle> {
     if !listen.ip().is_loopback() {
-        let message = format!("Foxglove's protocol knows no token: it is not served at {listen}");
-        return Err(Failure::new(Kind::Usage, message).hint("use 127.0.0.1, and ssh -L from elsewhere"));
+        let message = format!("Foxglove's protocol has no access token: it cannot be served at {listen}");
+        return Err(Failure::new(Kind::Usage, message).hint(
+            "use 127.0.0.1, and ssh -L from another \
+            computer",
+        ));
     }
     let context = Context::new();
     let mut stage = Stage::new(&context, Arc::clone(&shared))?;
@@ -86,11 +89,11 @@ pub async fn serve(shared: Arc<Shared>, listen: SocketAddr) -> Result<Handle> {
 
 fn cannot_listen(listen: SocketAddr, error: &FoxgloveError) -> Failure {
     let failure = Failure::new(Kind::PortTaken, format!("cannot serve Foxglove at {listen}: {error}"));
-    failure.hint("another program listens there; name another port")
+    failure.hint("another program uses this port; choose another one")
 }
 
 fn not_made(error: &FoxgloveError) -> Failure {
-    Failure::new(Kind::Failed, format!("cannot make a channel for Foxglove: {error}"))
+    Failure::new(Kind::Failed, format!("cannot create a channel for Foxglove: {error}"))
 }
 
 fn now_ns() -> u64 {

@@ -17,7 +17,7 @@ async fn hear(kind: SignalKind) {
     match signal(kind) {
         Ok(mut stream) => drop(stream.recv().await),
         Err(error) => {
-            tracing::warn!("a signal cannot be heard: {error}");
+            tracing::warn!("cannot receive a signal: {error}");
             std::future::pending().await
         }
     }

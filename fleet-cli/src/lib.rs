@@ -36,7 +36,7 @@ use cli::Verb;
 use interrupt::{or_interrupted, or_interrupted_saying};
 
 const SHOWS_POSE: &str = "`fleet-cli status ROBOT` shows the pose";
-const SHOWS_STANDSTILL: &str = "`fleet-cli list` shows who stands, and who is latched";
+const SHOWS_STANDSTILL: &str = "`fleet-cli list` shows which robots are stopped or latched";
 
 /// Carries out one command line and says how it ended.
 pub async fn run(cli: Cli) -> Exit {
@@ -76,22 +76,22 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
         Verb::Stop(args) => {
             let ctx = ctx()?;
             let stop = commands::stop::run(&ctx, &args);
-            or_interrupted_saying(stop, "who has stopped is unknown", SHOWS_STANDSTILL).await
+            or_interrupted_saying(stop, "stop not confirmed", SHOWS_STANDSTILL).await
         }
         Verb::Estop(args) => {
             let ctx = ctx()?;
             let estop = commands::estop::run(&ctx, &args);
-            or_interrupted_saying(estop, "who has stopped is unknown", SHOWS_STANDSTILL).await
+            or_interrupted_saying(estop, "stop not confirmed", SHOWS_STANDSTILL).await
         }
         Verb::Reset(args) => {
             let ctx = ctx()?;
             let reset = commands::reset::run(&ctx, &args);
-            or_interrupted_saying(reset, "what was reset is unknown; nothing moves", SHOWS_STANDSTILL).await
+            or_interrupted_saying(reset, "reset not confirmed; no robot moves", SHOWS_STANDSTILL).await
         }
         Verb::SetPose(args) => {
             let ctx = ctx()?;
             let set = commands::set_pose::run(&ctx, &args);
-            or_interrupted_saying(set, "whether the pose was set is unknown; nothing moves", SHOWS_POSE).await
+            or_interrupted_saying(set, "pose not confirmed; no robot moves", SHOWS_POSE).await
         }
         Verb::Teleop(args) => commands::teleop::run(&ctx()?, &args).await,
         Verb::Top(args) => commands::top::run(&ctx()?, &args).await,
@@ -120,6 +120,5 @@ async fn dispatch(cli: Cli, out: Output) -> Result<Exit> {
 }
 
 async fn changing(command: impl Future<Output = Result<Exit>>) -> Result<Exit> {
-    or_interrupted_saying(command, "what was changed is unknown", "`fleet-cli tasks` shows how they stand")
-        .await
+    or_interrupted_saying(command, "change not confirmed", "`fleet-cli tasks` shows their state").await
 }

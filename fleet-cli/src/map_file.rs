@@ -18,13 +18,13 @@ pub(crate) fn read(path: &Path, resolution_m: f64) -> Result<Map> {
     let named = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     match named {
         "toml" => {
-            let hint = "worlds/ holds examples; --resolution takes larger cells for a large world";
+            let hint = "worlds/ has examples; for a large world use larger cells with --resolution";
             let world = World::from_toml(&text).map_err(|error| broken(error.to_string()).hint(hint))?;
             let world = named_by_file(world, path);
             world.chart(resolution_m).map_err(|error| broken(error.to_string()).hint(hint))
         }
         "yaml" | "yml" => {
-            let hint = "docs/maps.md says which maps are read";
+            let hint = "docs/maps.md describes the supported maps";
             let description =
                 Description::from_yaml(&text).map_err(|error| broken(error.to_string()).hint(hint))?;
             let image_path = path.parent().unwrap_or(Path::new("")).join(description.image());
@@ -33,8 +33,8 @@ pub(crate) fn read(path: &Path, resolution_m: f64) -> Result<Map> {
             let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or("map");
             description.map(stem, &image).map_err(|error| broken(error.to_string()).hint(hint))
         }
-        _ => Err(broken("neither a map nor a world by its ending".to_owned())
-            .hint("maps end in .yaml (as map_server writes them), worlds in .toml")),
+        _ => Err(broken("neither a map nor a world, judging by the extension".to_owned())
+            .hint("maps have the extension .yaml (as written by map_server), worlds .toml")),
     }
 }
 
@@ -48,5 +48,5 @@ pub(crate) fn named_by_file(world: World, path: &Path) -> World {
 
 fn unreadable(path: &Path, error: &FileError) -> Failure {
     Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
-        .hint("a map is a YAML file and the image that it names; worlds/ holds worlds")
+        .hint("a map is a YAML file and the image named in it; worlds/ has worlds")
 }

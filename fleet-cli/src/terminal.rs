@@ -152,7 +152,7 @@ fn read_keys(wanted: &AtomicBool, sender: &mpsc::Sender<Input>) {
             Ok(Some(Event::Key(key))) => Input::Key(key),
             Ok(Some(Event::FocusLost)) => Input::FocusLost,
             Ok(Some(_)) => continue,
-            Err(error) => return tracing::debug!("the terminal is gone: {error}"),
+            Err(error) => return tracing::debug!("lost the terminal: {error}"),
         };
         if sender.blocking_send(input).is_err() {
             return;

@@ -11,8 +11,10 @@ use xtb_control::VehicleConfig;
 /// [`Kind::Config`]: no such file, no such setting, or one that is impossible.
 pub fn read(path: &Path) -> Result<VehicleConfig> {
     let invalid = |reason: &dyn std::fmt::Display| {
-        Failure::new(Kind::Config, format!("{}: {reason}", path.display()))
-            .hint("the settings are those under [vehicle] in `robot-agent --print-config`: [geometry], [steering], …")
+        Failure::new(Kind::Config, format!("{}: {reason}", path.display())).hint(
+            "the settings are listed under [vehicle] in `robot-agent --print-config`: [geometry], \
+                   [steering], …",
+        )
     };
     let text = files::text(path, files::MAX_TEXT).map_err(|error| invalid(&error))?;
     let vehicle: VehicleConfig = toml::from_str(&text).map_err(|error| invalid(&error.message()))?;

@@ -167,7 +167,7 @@ fn a_router_that_does_not_answer_is_the_doctors_finding() {
 #[test]
 fn an_emergency_stop_is_not_sold_as_a_safety_rated_one() {
     let help = stdout(&Home::empty().run("estop --help").code(0));
-    assert!(help.contains("no safety-rated stop") && help.contains("--expect"), "{help}");
+    assert!(help.contains("not a safety-rated stop") && help.contains("--expect"), "{help}");
 }
 
 #[test]
@@ -245,7 +245,7 @@ fn a_world_is_imported_and_the_files_are_the_same_map() {
     let file = json(&home.run("map show new.yaml --json").code(0));
     assert_eq!(file, world);
     let again = stderr(&home.run("map import new.yaml --out new.yaml").code(1));
-    assert!(again.contains("new.yaml is there already") && again.contains("hint: --force"), "{again}");
+    assert!(again.contains("new.yaml already exists") && again.contains("hint: --force"), "{again}");
     home.run("map import new.yaml --out new.yaml --force").code(0);
     let coarse = json(&home.run("map show hall.toml --resolution 0.1 --json").code(0));
     assert_eq!(coarse["width"], 62);
@@ -270,7 +270,7 @@ fn a_map_is_drawn_and_checked() {
         HALL.replace("[-3.0, -2.0], [-2.0, -2.0], [-2.0, -1.0], [-3.0, -1.0]", "[9, 9], [8, 9], [8, 8]");
     std::fs::write(home.path().join("off.toml"), off).unwrap();
     let said = stdout(&home.run("map check off.toml").code(1));
-    assert!(said.contains("problem  zone charger lies off the map"), "{said}");
+    assert!(said.contains("problem  zone charger is outside the map"), "{said}");
 }
 
 #[test]

@@ -200,7 +200,7 @@ fn a_worlds_zones_hold_for_its_plans() {
     let ended = folder.run("plan both.yaml --out both.out --json").code(1);
     let error = &json(&ended)["error"];
     let message = error["message"].as_str().unwrap();
-    assert!(message.contains("no way from the start to the goal of xtb-2"), "{message}");
+    assert!(message.contains("no path from the start to the goal of xtb-2"), "{message}");
 }
 
 #[test]
@@ -212,7 +212,7 @@ fn without_a_schedule_it_ends_in_time_and_says_who_is_in_the_way() {
     let error = &json(&ended)["error"];
     assert_eq!(error["code"], "failed");
     let message = error["message"].as_str().unwrap();
-    assert!(message.contains("still in each other's way: xtb-1 and xtb-2"), "{message}");
+    assert!(message.contains("still in conflict: xtb-1 and xtb-2"), "{message}");
     assert!(!folder.path("schedule.yaml").exists());
 }
 
@@ -229,7 +229,7 @@ fn what_cannot_be_planned_is_named() {
     ]);
     for (line, code, says) in [
         ("plan disc.yaml --out s.yaml", 1, "the start of agent2 overlaps the obstacle at (25.50, 22.75)"),
-        ("plan outside.yaml --out s.yaml", 1, "the start of xtb-2 at (0.00, 5.50) is outside of the map"),
+        ("plan outside.yaml --out s.yaml", 1, "the start of xtb-2 at (0.00, 5.50) is outside the map"),
         ("plan typo.yaml --out s.yaml", 2, "unknown field"),
         ("plan nothing.yaml --out s.yaml", 2, "nothing.yaml"),
         ("plan missing.yaml --out s.yaml", 2, "cannot read missing.yaml"),

@@ -10,24 +10,24 @@ use toml::Value;
 use xtb_control::calibration::Actuator;
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 ended as asked · 1 failed, or a check found something · 2 wrong usage or configuration · 4 name taken
+Exit codes: 0 success · 1 failed, or a check found a problem · 2 wrong usage or configuration · 4 name taken
 
 Without a command the robot runs until Ctrl-C. Settings come from the compiled-in defaults, then
---config, then the environment, then flags. The log's detail: XTB_LOG=debug.";
+--config, then the environment, then flags. For a detailed log: XTB_LOG=debug.";
 
-/// One robot: the first-level controller of TM 2004-262 beside its Zenoh session.
+/// Runs one robot: the first-level controller of TM 2004-262 and its Zenoh session.
 #[derive(Debug, Parser)]
 #[command(version, after_help = EXIT_CODES, subcommand_negates_reqs = true)]
 pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) settings: Settings,
-    /// Print the settings in force, commented, and end
+    /// Print the settings in effect, with comments, and exit
     #[arg(long)]
     pub(crate) print_config: bool,
     /// Record every sample, command and decision into a file in this folder
     #[arg(long, value_name = "DIR", env = "XTB_RECORD")]
     pub(crate) record: Option<PathBuf>,
-    /// How the log's lines look, on standard error
+    /// Format of the log on standard error
     #[arg(long, value_name = "FORMAT", env = "XTB_LOG_FORMAT", value_enum, default_value_t, global = true)]
     pub(crate) log_format: LogFormat,
     #[command(subcommand)]
@@ -41,15 +41,15 @@ pub(crate) enum Verb {
     Record(RecordArgs),
     /// Feed a trace or a recording through the controller again
     Replay(ReplayArgs),
-    /// Read every sensor once and say what is wrong
+    /// Read every sensor once and report problems
     CheckHardware(CheckArgs),
-    /// Sweep a servo, measure, fit Annex A's line and write it into the configuration
+    /// Sweep a servo, measure, fit the line of Annex A and write it to the configuration
     Calibrate(CalibrateArgs),
-    /// List this machine's serial ports
+    /// List this computer's serial ports
     Ports(PortsArgs),
     /// Print a completion script for a shell
     Completions {
-        /// Which shell
+        /// Shell
         shell: clap_complete::Shell,
     },
 }
@@ -57,7 +57,7 @@ pub(crate) enum Verb {
 /// `record`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct RecordArgs {
-    /// Folder for the recording, made if it is missing
+    /// Folder for the recording, created if missing
     #[arg(value_name = "DIR", default_value = "recordings")]
     pub(crate) folder: PathBuf,
 }
@@ -66,17 +66,17 @@ pub(crate) struct RecordArgs {
 #[derive(Debug, clap::Args)]
 #[command(
     long_about = "Feed a trace or a recording through the controller again.\n\n\
-        --trace IN.jsonl prints what the controller decides, one JSON object a line (docs/trace.md).\n\
-        FILE.mcap compares with what was decided then: identical, or the first difference with its \
+        --trace IN.jsonl prints the controller's decisions, one JSON object per line (docs/trace.md).\n\
+        FILE.mcap compares with the recorded decisions: identical, or the first difference with its \
         time, stage and both values (exit code 1). With --set or --config it shows instead which \
-        decisions would have been others.",
+        decisions would have been different.",
     group(clap::ArgGroup::new("input").required(true).args(["recording", "trace"]))
 )]
 pub(crate) struct ReplayArgs {
-    /// A recording made with --record
+    /// Recording made with --record
     #[arg(value_name = "FILE.mcap")]
     pub(crate) recording: Option<PathBuf>,
-    /// A trace of samples, one JSON object a line; - reads standard input
+    /// Trace of samples, one JSON object per line; - reads standard input
     #[arg(long, value_name = "IN.jsonl")]
     pub(crate) trace: Option<PathBuf>,
     /// Write the recording's samples as a trace instead of replaying it; - is standard output
@@ -101,26 +101,26 @@ pub(crate) struct CheckArgs {
 /// `calibrate`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Put the truck on a stand first: all wheels off the ground. Pistons are measured by \
-    their own sensors; a person reads the angles of steering and bumpers and types them; a simulated truck \
-    has instruments. A fit with R < 0.98 is refused (exit code 1). docs/calibration.md has the procedure.")]
+    their own sensors; the angles of steering and bumpers are read and typed in by hand; a simulated truck \
+    measures itself. A fit with R < 0.98 is rejected (exit code 1). docs/calibration.md has the procedure.")]
 pub(crate) struct CalibrateArgs {
-    /// What to calibrate
+    /// Actuator to calibrate
     #[arg(value_name = "WHAT", value_parser = actuators())]
     pub(crate) what: Actuator,
-    /// Ask nothing: move it, and write the result
+    /// Do not ask: move the actuator and write the result
     #[arg(long)]
     pub(crate) yes: bool,
-    /// Take these readings instead of moving anything: lines "count angle" (pistons: "count speed" in
+    /// Use these readings instead of moving the actuator: lines "count angle" (pistons: "count speed" in
     /// m/s), in the order in which they were taken
     #[arg(long, value_name = "FILE", conflicts_with_all = ["from", "to", "points"])]
     pub(crate) readings: Option<PathBuf>,
-    /// Where to write the result; made if it is missing [default: the --config file]
+    /// File to write the result to, created if missing [default: the --config file]
     #[arg(long, value_name = "FILE")]
     pub(crate) write: Option<PathBuf>,
     /// Never write the result
     #[arg(long, conflicts_with = "write")]
     pub(crate) dry_run: bool,
-    /// Where to draw the plot [default: calibration-WHAT.svg beside the configuration]
+    /// File for the plot [default: calibration-WHAT.svg next to the configuration]
     #[arg(long, value_name = "FILE")]
     pub(crate) plot: Option<PathBuf>,
     /// Print JSON
@@ -164,7 +164,7 @@ pub(crate) struct Settings {
     /// The router [default: tcp/127.0.0.1:7447]; may be given several times
     #[arg(long, value_name = "ENDPOINT", env = "XTB_CONNECT", value_delimiter = ',', global = true)]
     connect: Vec<String>,
-    /// serial, or simulated: one truck alone in an empty room. Must be given, here or in the configuration
+    /// serial, or simulated (one truck in an empty room). Required, here or in the configuration
     #[arg(long, value_name = "KIND", env = "XTB_HARDWARE", global = true)]
     hardware: Option<String>,
     /// Serial port of the I/O board
@@ -173,7 +173,7 @@ pub(crate) struct Settings {
     /// Serial port of the gyro
     #[arg(long, value_name = "PORT", env = "XTB_GYRO", global = true)]
     gyro: Option<String>,
-    /// Where the truck stands in the map (ENU: metres, radians) [default: 0,0,1.5708]
+    /// Start pose of the truck in the map (ENU: metres, radians) [default: 0,0,1.5708]
     #[arg(long, value_name = "X,Y,YAW", env = "XTB_START_POSE", global = true, allow_hyphen_values = true, value_parser = parse_pose)]
     start_pose: Option<[f64; 3]>,
     /// Any other setting, such as goto.reference_rpm=10 (or vehicle.goto.reference_rpm=10)

@@ -187,8 +187,8 @@ impl RequestInbox {
 }
 
 fn overloaded(id: Uuid) -> Reply {
-    let message = format!("{REQUESTS} requests are waiting already");
-    Reply::refused(id, RejectCode::Overloaded, message, "ask again, less often")
+    let message = format!("{REQUESTS} requests are already waiting");
+    Reply::refused(id, RejectCode::Overloaded, message, "try again, with fewer requests per second")
 }
 
 fn refusal(error: &CodecError) -> Reply {
@@ -198,10 +198,10 @@ fn refusal(error: &CodecError) -> Reply {
                 codec::encoding::<Request>(codec::Format::Postcard),
                 codec::encoding::<Request>(codec::Format::Json),
             );
-            format!("send {json} or {postcard} as docs/protocol.md says")
+            format!("send {json} or {postcard}, see docs/protocol.md")
         }
         RejectCode::WrongVersion => "use programs of the same release on both sides".to_owned(),
-        RejectCode::Oversized => "nothing that a robot understands is that long".to_owned(),
+        RejectCode::Oversized => "no message for a robot is that long".to_owned(),
         _ => "`about` lists the limits".to_owned(),
     };
     Reply::refused(Uuid::nil(), error.code(), error.to_string(), hint)
@@ -215,7 +215,7 @@ pub(crate) async fn send_replies(mut replies: mpsc::Receiver<(Answer, Response)>
             Response::Estopped(estopped) => question.reply(&key, &estopped, format).await,
         };
         if let Err(error) = sent {
-            tracing::debug!("a reply was not sent: {error}");
+            tracing::debug!("cannot send a reply: {error}");
         }
     }
 }

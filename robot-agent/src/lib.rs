@@ -46,7 +46,7 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 #[derive(Debug, Error)]
 pub enum AgentError {
     /// Another agent of this name is alive.
-    #[error("name_taken: {0} is already alive in this fleet")]
+    #[error("name_taken: {0} is already in use in this fleet")]
     NameTaken(Name),
     /// Zenoh would not.
     #[error(transparent)]
@@ -63,7 +63,7 @@ pub enum AgentError {
     #[error("cannot record: {0}")]
     Record(std::io::Error),
     /// The system would not.
-    #[error("the system would not go on: {0}")]
+    #[error("operating system error: {0}")]
     Thread(#[from] std::io::Error),
 }
 
@@ -140,7 +140,7 @@ pub async fn run_hosted(
         control.and(recording.map_or(Ok(()), JoinHandle::join))
     });
     if !matches!(joined.await, Ok(Ok(()))) {
-        tracing::error!("the control loop or the recorder ended in a panic");
+        tracing::error!("the control loop or the recorder panicked");
     }
     ended
 }

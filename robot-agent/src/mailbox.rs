@@ -2,15 +2,15 @@
 //!
 //! | from → to | what | bound | when full |
 //! | --- | --- | --- | --- |
-//! | downlink → loop | emergency stop | [`ESTOPS`](crate::fast_path::ESTOPS) | nothing is lost but an acknowledgement, counted; the client asks again |
-//! | downlink → loop | stop | 1 number, the latest wins | nothing is lost: one stop is as good as two |
-//! | downlink → loop | the holder lives | 1 time, the latest wins | – |
-//! | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
+//! | downlink → loop | emergency stop | [`ESTOPS`](crate::fast_path::ESTOPS) | nothing is lost but an
+//! acknowledgement, counted; the client asks again | | downlink → loop | stop | 1 number, the latest wins |
+//! nothing is lost: one stop is as good as two | | downlink → loop | the holder lives | 1 time, the latest
+//! wins | – | | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
 //! | downlink → loop | setpoint of the holder | 1, latest wins | the older one is dropped, counted |
-//! | downlink → loop | poses, paths, maps | [`NAV_INPUTS`] | dropped, counted as overloaded; newer ones follow |
-//! | other robots → loop | their states | the latest of 64 robots | those of more robots are dropped, counted as overloaded |
-//! | loop → downlink | replies | [`REPLIES`] | requests wait in their own queue |
-//! | loop → uplink | snapshot | 1, latest wins | the older one is dropped |
+//! | downlink → loop | poses, paths, maps | [`NAV_INPUTS`] | dropped, counted as overloaded; newer ones
+//! follow | | other robots → loop | their states | the latest of 64 robots | those of more robots are
+//! dropped, counted as overloaded | | loop → downlink | replies | [`REPLIES`] | requests wait in their own
+//! queue | | loop → uplink | snapshot | 1, latest wins | the older one is dropped |
 //! | loop → uplink | events | [`EVENTS`] | dropped, counted |
 //! | loop → log | line broken, line works again | [`NOTES`] | dropped |
 //! | Zenoh → uplink | questions for `state`, `about` | 64 | dropped, counted; the client asks again |
@@ -264,8 +264,8 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
 pub(crate) async fn log(mut notes: mpsc::Receiver<LineNote>) {
     while let Some(LineNote { line, error }) = notes.recv().await {
         match error {
-            Some(error) => tracing::warn!("the {line} is broken: {error}"),
-            None => tracing::info!("the {line} works again"),
+            Some(error) => tracing::warn!("{line} lost: {error}"),
+            None => tracing::info!("{line} restored"),
         }
     }
 }

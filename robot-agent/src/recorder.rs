@@ -84,14 +84,14 @@ pub(crate) fn start(
     let path = fresh_path(folder, &config.robot, &started.replace([':', '-'], ""))?;
     let keys = FleetKeys::new(config.fleet.clone()).robot(&config.robot);
     let mut writer = StepWriter::create(&path, &header, &keys).map_err(io::Error::other)?;
-    tracing::info!("recording into {}", path.display());
+    tracing::info!("recording to {}", path.display());
     let (steps, queue) = mpsc::sync_channel(QUEUE);
     let shared = Arc::<Shared>::default();
     let own = shared.clone();
     let thread = std::thread::Builder::new().name(format!("record-{}", header.robot)).spawn(move || {
         if let Err(error) = keep(&mut writer, &queue) {
             own.failed.store(true, Ordering::Relaxed);
-            tracing::error!("the recording {} ends here: {error}", path.display());
+            tracing::error!("recording {} stopped: {error}", path.display());
             // Whatever comes from now on is counted by the sender, which finds nobody.
         }
     })?;
@@ -108,7 +108,7 @@ fn keep(writer: &mut StepWriter, queue: &Receiver<Step>) -> Result<(), Error> {
         .spawn(move || -> Result<(), Error> { chunks.iter().try_for_each(|()| disk.sync()) })?;
     let result = write_all(writer, queue, &to_sync);
     drop(to_sync);
-    syncing.join().unwrap_or_else(|_| Err(io::Error::other("the thread that syncs is gone").into()))?;
+    syncing.join().unwrap_or_else(|_| Err(io::Error::other("the sync thread has ended").into()))?;
     result?;
     writer.finish()
 }

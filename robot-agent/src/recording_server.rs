@@ -62,7 +62,7 @@ impl RecordingServer {
 
     fn read(&self, folder: &Path, file: &str, offset: u64, length: u32, now: SystemTime) -> LogReply {
         let Some(name) = self.own_name(file) else {
-            return refused(LogCode::UnknownFile, &format!("{file:?} is not the name of a recording"));
+            return refused(LogCode::UnknownFile, &format!("{file:?} is not a recording's name"));
         };
         match piece(&folder.join(name.as_str()), offset, length, now) {
             Ok(reply) => reply,
@@ -122,7 +122,7 @@ async fn send(question: &Question, keys: &RobotKeys, reply: LogReply) {
     let format =
         question.decode::<LogRequest>().map_or_else(|_| question.likely_format(), |(_, format)| format);
     if let Err(error) = question.reply(&keys.log(Some(client)), &reply, format).await {
-        tracing::debug!("a piece was not sent: {error}");
+        tracing::debug!("cannot send part of a recording: {error}");
     }
 }
 
@@ -138,14 +138,14 @@ fn refused(code: LogCode, message: &str) -> LogReply {
 }
 
 fn overloaded() -> LogReply {
-    refused(LogCode::Overloaded, "too many questions wait for the robot's disk")
+    refused(LogCode::Overloaded, "too many requests are waiting for the robot's disk")
 }
 
 fn piece(path: &Path, offset: u64, length: u32, now: SystemTime) -> std::io::Result<LogReply> {
     let mut file = crate::files::open(path)?;
     let about = file.metadata()?;
     if offset > about.len() {
-        let message = format!("the recording has {} bytes, {offset} is behind its end", about.len());
+        let message = format!("the recording has {} bytes, offset {offset} is past its end", about.len());
         return Ok(refused(LogCode::OutOfRange, &message));
     }
     file.seek(SeekFrom::Start(offset))?;

@@ -65,7 +65,7 @@ fn gap(expected: u64, step: &RecordedStep) -> Option<Difference> {
         stage: "recorder",
         field: "n".into(),
         recorded: step.number.to_string(),
-        replayed: format!("{expected}: the recorder had to drop {}", step.number.abs_diff(expected)),
+        replayed: format!("{expected}: the recorder dropped {}", step.number.abs_diff(expected)),
     })
 }
 
@@ -279,7 +279,7 @@ pub fn what_if(recording: &mut Recording, vehicle: VehicleConfig) -> Result<What
         found.samples += 1;
         let pair = decisions(&step.decision).zip(decisions(&decided));
         let Some((before, after)) = pair else {
-            let reason = "a decision that cannot be read".to_owned();
+            let reason = "unreadable decision".to_owned();
             return Err(Error::Message { number, reason });
         };
         found.differing += u64::from(before != after);

@@ -71,7 +71,7 @@ pub(crate) async fn run(
     let mut told = false;
     let opening = xtb_bus::open_patiently_leased(&role, host.link_lease, |error| {
         if !std::mem::replace(&mut told, true) {
-            tracing::warn!("{error}; trying on, the controller runs");
+            tracing::warn!("{error}; trying again, the controller keeps running");
         }
     });
     // The motors stop inside this future: `select` drops the others before it goes on.
@@ -122,7 +122,7 @@ async fn serve(
     let link = bus.watch_link().await?;
     wait_for_inputs(&mut ends.snapshot, clock).await;
     let _token = bus.declare_alive(&keys.alive()).await?;
-    tracing::info!("{} of fleet {} is alive", config.robot, config.fleet);
+    tracing::info!("{} of fleet {} is online", config.robot, config.fleet);
     alive();
     let state_key = keys.state();
     // Tasks of their own: a message that has to wait must not hold up the others. Dropping the set
@@ -181,7 +181,7 @@ async fn wait_for_inputs(snapshots: &mut watch::Receiver<Option<Snapshot>>, cloc
     // The control loop shows a snapshot 20 times a second of that clock.
     let shown = snapshots.wait_for(|snapshot| heard(snapshot) || clock.now() >= give_up).await;
     if !shown.is_ok_and(|snapshot| heard(&snapshot)) {
-        tracing::warn!("board or gyro is silent: the robot cannot be commanded yet");
+        tracing::warn!("no data from board or gyro: the robot cannot be commanded yet");
     }
 }
 
@@ -192,7 +192,7 @@ async fn wait_for_name(config: &AgentConfig, bus: &Bus, alive: &str) -> Result<(
             Ok(others) if others.is_empty() => return Ok(()),
             Ok(_) if Instant::now() >= give_up => return Err(AgentError::NameTaken(config.robot.clone())),
             Ok(_) => {}
-            Err(error) => tracing::debug!("{error}; asking for the name again"),
+            Err(error) => tracing::debug!("{error}; trying to claim the name again"),
         }
         tokio::time::sleep(NAME_CHECK_EVERY).await;
     }

@@ -53,7 +53,7 @@ pub(crate) async fn declare(
                 (What::About, _) => question.reply(&keys.about(), &about, format).await,
             };
             if let Err(error) = sent {
-                tracing::debug!("an answer was not sent: {error}");
+                tracing::debug!("cannot send an answer: {error}");
             }
         }
     });

@@ -144,7 +144,7 @@ fn bad_readings_are_refused_with_the_reason_and_nothing_is_written() {
     assert!(refused.starts_with("R = 0.") && refused.contains("below 0.98"), "{refused}");
     assert!(report["written"].is_null() && !file.exists());
     let plot = std::fs::read_to_string(report["plot"].as_str().expect("a plot")).expect("reading it");
-    assert!(plot.contains("refused: R = 0."), "{plot}");
+    assert!(plot.contains("rejected: R = 0."), "{plot}");
 }
 
 #[test]

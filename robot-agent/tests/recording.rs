@@ -63,7 +63,7 @@ fn a_recorder_that_is_killed_leaves_a_recording_up_to_the_last_second() {
     let file = killed_while_recording(folder.path());
     let (satisfied, said) = replay(&file);
     assert!(satisfied && said.starts_with("identical, "), "{said}");
-    assert!(said.contains("breaks off"), "{said}");
+    assert!(said.contains("incomplete"), "{said}");
     let samples: u64 =
         said["identical, ".len()..].split(' ').next().and_then(|n| n.parse().ok()).expect("a number");
     assert!(samples > 150, "{said}");
@@ -81,13 +81,13 @@ fn a_full_disk_ends_the_recording_and_not_the_robot() {
             .args(arguments(folder.path())),
     );
     let lines = BufReader::new(child.stderr.take().expect("its log")).lines();
-    let said = lines.map_while(Result::ok).find(|line| line.contains("ends here"));
+    let said = lines.map_while(Result::ok).find(|line| line.contains(" stopped: "));
     let lives = child.try_wait().expect("asking").is_none();
     child.kill().expect("ending it");
     child.wait().expect("its end");
     assert!(said.is_some() && lives, "said: {said:?}, lives: {lives}");
     let (satisfied, said) = replay(&the_file(folder.path()).expect("the recording"));
-    assert!(satisfied && said.starts_with("identical, ") && said.contains("breaks off"), "{said}");
+    assert!(satisfied && said.starts_with("identical, ") && said.contains("incomplete"), "{said}");
 }
 
 #[test]

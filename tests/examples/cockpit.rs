@@ -63,7 +63,7 @@ fn main() {
     for (columns, rows) in [(80, 24), (160, 50)] {
         let arguments = ["--connect", &endpoint, "--client", "pilot", "--color", "always", "top"];
         let mut top = OnTerminal::start(columns, rows, &arguments);
-        top.until("a fleet at work", |text| text.contains("3 drive") && text.contains("1 LATCHED"));
+        top.until("a fleet at work", |text| text.contains("3 driving") && text.contains("1 LATCHED"));
         // A goal for the first one, and the second one selected.
         top.keys("1g\x1b[A\x1b[A\x1b[A\x1b[A\x1b[C\x1b[Cr\r");
         top.until("the goal", |text| text.contains("goto xtb-1") && text.contains("accepted"));
@@ -72,7 +72,7 @@ fn main() {
         let opened = Instant::now();
         // The first one may have arrived, and one may drive astern or wait at the door.
         top.until("a fleet that moves, with trails", |text| {
-            let driving = text.contains("3 drive") || text.contains("4 drive");
+            let driving = text.contains("3 driving") || text.contains("4 driving");
             opened.elapsed() > TRAILS && text.contains(">xtb-2") && driving && moving(text) >= 2
         });
         let path = Path::new(&folder).join(format!("top-{columns}x{rows}.svg"));

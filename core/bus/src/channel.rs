@@ -40,7 +40,7 @@ impl Incoming {
         let owner = Key::parse(&self.key).and_then(|key| key.robot);
         match (message.speaker(), owner) {
             (Some(speaker), Some(owner)) if *speaker != owner => {
-                let reason = format!("{speaker} speaks on a key of {owner}");
+                let reason = format!("{speaker} publishes on a key of {owner}");
                 Err(CodecError::Malformed { name: M::NAME, reason })
             }
             _ => Ok(message),

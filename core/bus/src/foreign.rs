@@ -12,7 +12,8 @@ impl ForeignKeys {
     pub(crate) fn dropped(&self, what: &str, key_expr: &str) {
         if self.0.fetch_add(1, Ordering::Relaxed) == 0 {
             tracing::warn!(
-                "dropped {what} on {key_expr:?}, which is no key of this project; more are only counted"
+                "dropped {what} on {key_expr:?}, which is not a key of this project; further ones are only \
+                 counted"
             );
         } else {
             tracing::debug!("dropped {what} on {key_expr:?}");

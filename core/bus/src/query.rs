@@ -26,7 +26,7 @@ pub(crate) fn answers(key_expr: &str) -> (impl Fn(Answer) + Send + Sync + use<>,
         if let Err(TrySendError::Full(_)) = sender.try_send(reply)
             && !full.swap(true, Ordering::Relaxed)
         {
-            tracing::warn!("more than {ANSWERS} answers on {key_expr} at once: some are lost");
+            tracing::warn!("more than {ANSWERS} answers on {key_expr} at once: some were lost");
         }
     };
     (inlet, receiver)

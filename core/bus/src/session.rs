@@ -48,7 +48,7 @@ pub enum Role {
 #[derive(Debug, Error)]
 pub enum BusError {
     /// An endpoint or another setting is not valid.
-    #[error("Zenoh does not take the setting {name} = {value}: {reason}")]
+    #[error("Zenoh rejects the setting {name} = {value}: {reason}")]
     Setting {
         /// Zenoh's name for it.
         name: &'static str,

@@ -190,7 +190,7 @@ impl fmt::Display for Happened {
         match self {
             Self::Changed(change) => write!(f, "{change:?}"),
             Self::Asked { by, id, lease, body } => {
-                write!(f, "{by} asks {} ({}): {body:?}", short(*id), lease_text(*lease))
+                write!(f, "{by} requests {} ({}): {body:?}", short(*id), lease_text(*lease))
             }
             Self::Answered { to, id, answer: Answer::Refused(code) } => {
                 write!(f, "refuses {} of person-{to}: {code:?}", short(*id))
@@ -198,10 +198,10 @@ impl fmt::Display for Happened {
             Self::Answered { to, id, answer: Answer::Done { lease, .. } } => {
                 let granted =
                     lease.map_or_else(String::new, |lease| format!(", {}", lease_text(Some(lease))));
-                write!(f, "does {} of person-{to}{granted}", short(*id))
+                write!(f, "executes {} of person-{to}{granted}", short(*id))
             }
             Self::Setpoint { by, seq, rpm, fresh } => {
-                let fresh = if *fresh { "" } else { ", not to be obeyed" };
+                let fresh = if *fresh { "" } else { ", outdated" };
                 write!(f, "setpoint {seq} of {by}: {rpm:.1} rpm{fresh}")
             }
             Self::Estop { by, id } => write!(f, "emergency stop {} of {by}", short(*id)),
@@ -215,7 +215,7 @@ impl fmt::Display for Happened {
             Self::Held(held) => write!(f, "the lease is {}", if *held { "held" } else { "free" }),
             Self::Mode(mode) => write!(f, "mode {mode:?}"),
             Self::Motor(counts) => write!(f, "motor at {counts} counts"),
-            Self::Agent(runs) => write!(f, "the agent {}", if *runs { "boots" } else { "is killed" }),
+            Self::Agent(runs) => write!(f, "the agent {}", if *runs { "starts" } else { "is killed" }),
             Self::Session(up) => write!(f, "the session is {}", if *up { "up" } else { "lost" }),
         }
     }

@@ -258,7 +258,7 @@ impl Oracle {
     pub(crate) fn estop_acknowledged(&self, latched: bool) -> Result<(), Broken> {
         match latched || !self.estopped {
             true => Ok(()),
-            false => Err((Invariant::Requests, "an emergency stop arrived, and it says it has none".into())),
+            false => Err((Invariant::Requests, "an emergency stop arrived, but its state shows none".into())),
         }
     }
 

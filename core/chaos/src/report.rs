@@ -30,12 +30,12 @@ impl fmt::Display for Invariant {
         f.write_str(match self {
             Self::Authority => "nothing moves without authority",
             Self::OneOwner => "a robot has one owner",
-            Self::Latched => "a latched robot stands",
-            Self::Requests => "no acknowledged request is lost or done twice",
+            Self::Latched => "a latched robot does not move",
+            Self::Requests => "no acknowledged request is lost or executed twice",
             Self::Range => "numbers are in range",
-            Self::Reasons => "a robot that stands says why",
-            Self::Contact => "no truck drives against a wall",
-            Self::Devices => "a truck that is broken stands",
+            Self::Reasons => "a stopped robot gives the reason",
+            Self::Contact => "no truck drives into a wall",
+            Self::Devices => "a faulty truck does not move",
         })
     }
 }
@@ -136,6 +136,6 @@ impl fmt::Display for Report {
             violation.invariant
         )?;
         writeln!(f, "  {}", violation.detail)?;
-        write!(f, "show it again: fleet-cli sim --virtual --seed {}", self.seed)
+        write!(f, "to repeat: fleet-cli sim --virtual --seed {}", self.seed)
     }
 }

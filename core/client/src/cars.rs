@@ -79,7 +79,7 @@ impl Cars {
         };
         match Car::of_about(about) {
             Ok(car) => known.car = Some(car),
-            Err(error) => tracing::warn!("the factsheet of {robot} does not say what car it is: {error}"),
+            Err(error) => tracing::warn!("the factsheet of {robot} has no valid vehicle data: {error}"),
         }
     }
 }

@@ -303,7 +303,7 @@ impl Client {
         while let Some(asked) = asking.join_next().await {
             match asked {
                 Ok(found) => answers.extend(found?),
-                Err(error) => tracing::error!("asking a robot by name: {error}"),
+                Err(error) => tracing::error!("cannot query a robot by name: {error}"),
             }
         }
         Ok(answers)
@@ -334,10 +334,10 @@ impl Client {
     pub fn nobody(&self) -> Error {
         let Settings { connect, fleet, .. } = &self.shared.settings;
         let message =
-            format!("No robot answers: the router at {} knows no robot of fleet {fleet}", connect.join(", "));
+            format!("No robot found: the router at {} knows no robot of fleet {fleet}", connect.join(", "));
         Error::new(ErrorKind::NoRobot, message).hint(
             "start `fleet-cli sim` or, on a robot, `robot-agent`; \
-             another fleet is named with --fleet, another router with --connect",
+             --fleet selects another fleet, --connect another router",
         )
     }
 }
@@ -346,7 +346,7 @@ fn no_router(settings: &Settings, tried: Duration) -> Error {
     let (endpoints, seconds) = (settings.connect.join(", "), (tried.as_secs_f64() * 10.0).round() / 10.0);
     Error::new(ErrorKind::NoRouter, format!("No router answers at {endpoints} (tried for {seconds} s)")).hint(
         "start `fleet-cli sim` or `fleet-cli router`, \
-         or name a router with --connect or XTB_CONNECT",
+         or give a router with --connect or XTB_CONNECT",
     )
 }
 

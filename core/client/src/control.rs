@@ -70,9 +70,9 @@ impl Control {
             reply = ask(client, robot, &book.operator, true).await?;
         }
         if accepted(robot, &reply)?.lease.is_none() {
-            let message = format!("{robot} was answered for without a lease: no robot answers like that");
+            let message = format!("the reply for {robot} has no lease, so it is not from a robot");
             return Err(Error::new(ErrorKind::OutcomeUnknown, message)
-                .hint("`fleet-cli doctor` finds programs that answer in a robot's name"));
+                .hint("`fleet-cli doctor` finds programs that answer with a robot's name"));
         }
         book.replied(client.now(), robot, &reply);
         let book = Arc::new(Mutex::new(book));
@@ -183,8 +183,12 @@ async fn holder(client: &Client, robot: &Name) -> String {
 }
 
 fn lost(robot: &Name, error: &ErrorBody) -> Error {
-    Error::new(ErrorKind::Refused(error.code), format!("control of {robot} is lost: {}", error.message))
-        .hint(format!("`fleet-cli why {robot}` shows who holds it and what it does; --take takes it back"))
+    Error::new(ErrorKind::Refused(error.code), format!("control of {robot} lost: {}", error.message)).hint(
+        format!(
+            "`fleet-cli why {robot}` shows its controlling client and state; use --take to take \
+                       control again"
+        ),
+    )
 }
 
 /// Retains a lease in time.

@@ -30,7 +30,7 @@ const ASK_AGAIN: Duration = Duration::from_millis(200);
 /// Who waits longer than this is told for what.
 const SAY_SO_AFTER: Duration = Duration::from_secs(1);
 
-const HOW_TO_START: &str = "`fleet-cli dispatch serve` starts one; `fleet-cli sim --dispatch` contains one";
+const HOW_TO_START: &str = "start one with `fleet-cli dispatch serve` or `fleet-cli sim --dispatch`";
 
 /// What became of the tasks of a request.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -174,7 +174,7 @@ impl<'a> DispatcherClient<'a> {
             DispatchBody::Submit { .. } | DispatchBody::Activate {} | DispatchBody::Adopt {} => {
                 Some("waiting for a dispatcher")
             }
-            _ => Some("waiting for the dispatcher, and for robots to confirm"),
+            _ => Some("waiting for the dispatcher and for the robots' confirmation"),
         };
         let mut asking = pin!(self.ask_quietly(body, patience));
         tokio::select! {
@@ -190,9 +190,7 @@ impl<'a> DispatcherClient<'a> {
         request.validate().map_err(|error| Error::new(ErrorKind::Invalid, error.to_string()))?;
         let (within, left_undone) = match &request.body {
             DispatchBody::Submit { .. } => (ANSWERS_WITHIN, "nothing was submitted"),
-            DispatchBody::Show { .. } | DispatchBody::Status {} => {
-                (ANSWERS_WITHIN, "nothing was asked of it")
-            }
+            DispatchBody::Show { .. } | DispatchBody::Status {} => (ANSWERS_WITHIN, "no request was sent"),
             DispatchBody::Activate {} | DispatchBody::Adopt {} => (ANSWERS_WITHIN, "nothing was changed"),
             _ => (CONFIRMS_WITHIN, "nothing was changed"),
         };
@@ -236,13 +234,13 @@ impl<'a> DispatcherClient<'a> {
         if was_there {
             let message = format!("the dispatcher of fleet {fleet} does not answer: outcome unknown");
             return Error::new(ErrorKind::OutcomeUnknown, message)
-                .hint("`fleet-cli tasks` shows what it has, once it answers");
+                .hint("`fleet-cli tasks` shows its tasks as soon as it answers");
         }
         let waited = match waited.as_secs() {
             0 => String::new(),
-            seconds => format!(" (waited {seconds} s for one)"),
+            seconds => format!(" (waited {seconds} s)"),
         };
-        let message = format!("no dispatcher runs for fleet {fleet}{waited}: {left_undone}");
+        let message = format!("fleet {fleet} has no dispatcher{waited}: {left_undone}");
         Error::new(ErrorKind::NoDispatcher, message).hint(HOW_TO_START)
     }
 }
@@ -252,8 +250,8 @@ fn unexpected(outcome: &DispatchOutcome) -> Error {
 }
 
 fn not_ours(what: &str) -> Error {
-    Error::new(ErrorKind::Failed, format!("the dispatcher's answer cannot be read: {what}"))
-        .hint("`fleet-cli --version` here and where the dispatcher runs: are they the same?")
+    Error::new(ErrorKind::Failed, format!("unreadable answer from the dispatcher: {what}"))
+        .hint("compare `fleet-cli --version` here and where the dispatcher runs")
 }
 
 /// Why a task is not as asked, if it is not; the worst of several decides how the command ends.

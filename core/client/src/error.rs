@@ -57,8 +57,13 @@ impl Error {
     /// A robot's refusal.
     #[must_use]
     pub fn refused(robot: &xtb_protocol::Name, error: &ErrorBody) -> Self {
-        Self::new(ErrorKind::Refused(error.code), format!("{robot} refuses: {}", error.message))
-            .hint(error.hint.clone())
+        let message = match error.code {
+            RejectCode::LeaseHeld if error.message.starts_with("controlled by ") => {
+                format!("{robot} is {}", error.message)
+            }
+            _ => format!("{robot} refuses: {}", error.message),
+        };
+        Self::new(ErrorKind::Refused(error.code), message).hint(error.hint.clone())
     }
 }
 

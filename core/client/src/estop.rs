@@ -140,7 +140,7 @@ impl Call {
         let within = client.round_trip().patience(ANSWER_WITHIN.min(self.within));
         let each = |answer: xtb_bus::Incoming| match answer.decode::<Estopped>() {
             Ok(Estopped { robot, latched: true }) => *latched.entry(robot).or_default() += 1,
-            Ok(Estopped { robot, .. }) => tracing::debug!("{robot} has heard of it and is not latched"),
+            Ok(Estopped { robot, .. }) => tracing::debug!("{robot} has received it, but is not latched"),
             Err(error) => tracing::warn!("on {}: {error}", answer.key),
         };
         if let Err(error) = client.bus().ask_each(key_expr, &channel, &estop, within, each).await {

@@ -169,7 +169,7 @@ impl Fake {
             Body::Acquire { take } => {
                 let other = self.lease.as_ref().filter(|(holder, _)| holder != client);
                 if let Some((holder, _)) = other.filter(|_| !take) {
-                    return refuse(RejectCode::LeaseHeld, format!("the lease is held by {holder}"));
+                    return refuse(RejectCode::LeaseHeld, format!("controlled by {holder}"));
                 }
                 let lease = self.grant(client);
                 self.granted = Some((request.id, lease));
@@ -181,7 +181,7 @@ impl Fake {
                 done(Done::default())
             }
             _ if request.lease.is_none() => refuse(RejectCode::LeaseRequired, "a lease is needed".into()),
-            _ if !ours => refuse(RejectCode::LeaseLost, format!("the lease is not {client}'s any more")),
+            _ if !ours => refuse(RejectCode::LeaseLost, format!("{client} no longer has control")),
             Body::Retain {} => done(Done::default()),
             Body::Release {} => {
                 self.release();
@@ -204,16 +204,17 @@ impl Fake {
                     goal.status = GoalStatus::Cancelled;
                     done(Done::default())
                 }
-                _ => refuse(RejectCode::UnknownGoal, "no such goal runs".into()),
+                _ => refuse(RejectCode::UnknownGoal, "no such goal is running".into()),
             },
             Body::Reset { latch } => {
                 let asked = |set: &LatchState| latch.is_none_or(|latch| latch == set.latch);
                 self.state.latches.retain(|set| !asked(set) || set.present);
                 match self.state.latches.iter().find(|set| asked(set)) {
                     None => done(Done::default()),
-                    Some(left) => {
-                        refuse(RejectCode::CausePresent, format!("{}: {} is still so", left.latch, left.by))
-                    }
+                    Some(left) => refuse(
+                        RejectCode::CausePresent,
+                        format!("{}: {} is still present", left.latch, left.by),
+                    ),
                 }
             }
             Body::SetPose { .. } => done(Done::default()),

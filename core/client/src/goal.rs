@@ -132,21 +132,22 @@ pub async fn drive(client: &Client, control: &Control, request: &GoalRequest) ->
             GoalStep::Ended(end) => return Ok(end),
             GoalStep::ControlLost => return Err(control.lost().unwrap_or_else(|| taken(control))),
             GoalStep::Unheard(silent) => {
-                let message = format!("{} was not heard for {:.1} s", control.robot(), silent.as_secs_f64());
+                let message =
+                    format!("no message from {} for {:.1} s", control.robot(), silent.as_secs_f64());
                 return Err(Error::new(ErrorKind::OutcomeUnknown, message));
             }
         }
         if request.within.is_some_and(|within| watch.elapsed() > within)
             && cancel(control, watch.goal()).await? == Cancelled::Ended
         {
-            let reason = Some("its time was up".to_owned());
+            let reason = Some("time limit reached".to_owned());
             return Ok(GoalEnd { status: GoalStatus::Cancelled, reason });
         }
     }
 }
 
 fn taken(control: &Control) -> Error {
-    let message = format!("control of {} was taken", control.robot());
+    let message = format!("another client took control of {}", control.robot());
     Error::new(ErrorKind::Refused(RejectCode::LeaseLost), message)
 }
 

@@ -19,7 +19,7 @@ pub enum Unreadable {
     #[error("not a key of this project")]
     Foreign,
     /// Bytes on a key that stands for presence only.
-    #[error("presence carries no payload")]
+    #[error("presence has no payload")]
     Presence,
     /// Not the message that belongs on this key.
     #[error(transparent)]

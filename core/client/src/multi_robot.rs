@@ -161,7 +161,7 @@ where
                 Ok((robot, outcome)) => {
                     self.outcomes.insert(robot, outcome);
                 }
-                Err(error) => tracing::error!("asking a robot to stop: {error}"),
+                Err(error) => tracing::error!("cannot request a stop: {error}"),
             }
         }
         self.outcomes

@@ -151,7 +151,7 @@ impl Events {
         let each = move |incoming: xtb_bus::Incoming| match incoming.decode::<Event>() {
             Ok(event) => {
                 if sender.try_send(event).is_err() {
-                    tracing::warn!("an event on {} found no room", incoming.key);
+                    tracing::warn!("event queue full: an event on {} was dropped", incoming.key);
                 }
             }
             Err(error) => tracing::debug!("on {}: {error}", incoming.key),

@@ -28,7 +28,7 @@ async fn one(client: Client, robot: Name) -> StopOutcome {
     let replies = match client.carry_out_all(&robot, Body::Stop {}).await {
         Ok(replies) => replies,
         Err(error) => {
-            tracing::debug!("stopping {robot}: {error}");
+            tracing::debug!("cannot stop {robot}: {error}");
             return StopOutcome::Unknown;
         }
     };

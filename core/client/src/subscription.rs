@@ -102,7 +102,7 @@ async fn answers_to(client: Client, key_expr: String, inlet: Inlet) {
 pub fn not_a_key_expr(error: BusError) -> Error {
     match error {
         BusError::Operation { key, reason, .. } => {
-            Error::new(ErrorKind::Invalid, format!("cannot listen on {key:?}: {reason}"))
+            Error::new(ErrorKind::Invalid, format!("cannot subscribe to {key:?}: {reason}"))
                 .hint("a key expression looks like xtb/lab/*/state or xtb/**")
         }
         other => other.into(),

@@ -36,7 +36,7 @@ pub struct Drive {
 /// Somebody else took control: what is said of it.
 pub fn lost(session: &TeleopSession<'_>, feed: &StateFeed, failure: Error) -> Error {
     let Some(message) = session.control.taken_by(feed) else { return failure };
-    Error { message, ..failure }.hint("`fleet-cli teleop … --take` takes control again")
+    Error { message, ..failure }.hint("use `fleet-cli teleop … --take` to take control again")
 }
 
 /// A robot under control, and how many setpoints it was sent.
@@ -110,7 +110,7 @@ impl<'a> TeleopSession<'a> {
         }
         let zero = self.send(Drive::default(), feed).await;
         let stop = self.control.request(Uuid::new_v4(), Body::Stop {}).await;
-        let both = zero.and(stop.map(drop)).inspect_err(|failure| tracing::debug!("stopping: {failure}"));
+        let both = zero.and(stop.map(drop)).inspect_err(|failure| tracing::debug!("cannot stop: {failure}"));
         Some(both.is_ok())
     }
 }

@@ -126,7 +126,7 @@ impl Setup {
                 return Err(ConfigError::Conflict {
                     name: pin.name.clone(),
                     value: pin.value.clone(),
-                    reason: format!("{} has that channel", parameters[other].name),
+                    reason: format!("{} already uses that channel", parameters[other].name),
                 });
             }
             channels[i] = code;

@@ -30,7 +30,7 @@ impl VehicleConfig {
                     value: format!("{rpm:?}"),
                     reason: format!(
                         "the {} cm obstacle rule stops in time only up to {admitted_rpm:.1} rpm; \
-                         raise obstacle.threshold_cm for more",
+                         for more, raise obstacle.threshold_cm",
                         self.obstacle.threshold_cm
                     ),
                 });
@@ -76,11 +76,11 @@ impl VehicleConfig {
         for (name, line, working_count) in lines {
             let slope = format!("calibration.{name}_slope");
             if line.slope.abs() < MIN_SLOPE {
-                return Err(conflict(&slope, line.slope, "a servo that does not move cannot be used".into()));
+                return Err(conflict(&slope, line.slope, "the servo does not move".into()));
             }
             let (min, max) = (PwmCount::MIN.as_f64(), PwmCount::MAX.as_f64());
             if !(min..=max).contains(&working_count) {
-                let reason = format!("it would need the count {working_count:.0}, servos take {min}..={max}");
+                let reason = format!("it would need count {working_count:.0}, servos accept {min}..={max}");
                 return Err(conflict(&format!("calibration.{name}_intercept"), line.intercept, reason));
             }
         }

@@ -122,7 +122,7 @@ impl VehicleConfig {
             unit: "",
             allowed: Allowed::OneOf(&["balance", "pid", "off"]),
             origin: Printed("§4.8"),
-            about: "Which platform controller runs: exactly one, or none.",
+            about: "Platform controller: balance, pid or none (off).",
             valid: true,
         }];
         all.extend(self.geometry.parameters());

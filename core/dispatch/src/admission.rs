@@ -32,7 +32,7 @@ pub fn refusal(code: DispatchCode, message: impl Into<String>, hint: &str) -> Di
 /// The ledger cannot be written.
 pub(crate) fn ledger_failed(why: &str) -> DispatchError {
     let message = format!("the ledger cannot be written: {why}");
-    refusal(DispatchCode::LedgerFailed, message, "nothing was done; make room for it, then ask again")
+    refusal(DispatchCode::LedgerFailed, message, "nothing was changed; free disk space, then try again")
 }
 
 /// Whether all of a submission can be taken.
@@ -41,10 +41,10 @@ pub(crate) fn ledger_failed(why: &str) -> DispatchError {
 /// The first reason not to; names the task by its place, counted from 1.
 pub fn check(tasks: &[TaskSpec], ctx: AdmissionCtx<'_>) -> Result<(), DispatchError> {
     if tasks.is_empty() {
-        return Err(refusal(DispatchCode::Malformed, "no task is in it", "submit at least one"));
+        return Err(refusal(DispatchCode::Malformed, "the request has no task", "submit at least one"));
     }
     if tasks.len() > ctx.room {
-        let message = format!("{} tasks are open, {} are the most", ctx.max_open - ctx.room, ctx.max_open);
+        let message = format!("{} tasks are open, the limit is {}", ctx.max_open - ctx.room, ctx.max_open);
         return Err(refusal(DispatchCode::QueueFull, message, "wait until some are done, or cancel some"));
     }
     for (i, spec) in tasks.iter().enumerate() {
@@ -62,13 +62,13 @@ fn one(spec: &TaskSpec, ctx: AdmissionCtx<'_>) -> Result<(), DispatchError> {
     }
     if let Some(deadline_ms) = spec.deadline_ms.filter(|deadline_ms| *deadline_ms <= ctx.now_ms) {
         let late_s = (ctx.now_ms - deadline_ms) / 1000;
-        let message = format!("the deadline is over since {late_s} s");
-        return Err(refusal(DispatchCode::DeadlinePast, message, "give it more time; are the clocks right?"));
+        let message = format!("the deadline passed {late_s} s ago");
+        return Err(refusal(DispatchCode::DeadlinePast, message, "set a later deadline; check the clocks"));
     }
     known(&spec.who, ctx)?;
     let car = smallest_car(ctx.robots, &spec.who);
     for point in spec.kind.points() {
-        let hint = "`fleet-cli map show --live` shows where robots can stand";
+        let hint = "`fleet-cli map show --live` shows the free space";
         ctx.travel_cost.admits(&car, point).map_err(|(code, message)| refusal(code, message, hint))?;
     }
     Ok(())
@@ -78,19 +78,19 @@ fn known(who: &Who, ctx: AdmissionCtx<'_>) -> Result<(), DispatchError> {
     let mut in_roster = ctx.robots.values().filter(|robot| robot.in_roster);
     match who {
         Who::Robot(name) if ctx.has_roster && !ctx.robots.get(name).is_some_and(|robot| robot.in_roster) => {
-            let hint = "`fleet-cli list` shows who is there, the roster who should be";
+            let hint = "`fleet-cli list` shows the robots present; the roster lists those expected";
             Err(refusal(DispatchCode::UnknownRobot, format!("the roster has no robot {name}"), hint))
         }
         Who::Tag(tag) if ctx.has_roster && !in_roster.any(|robot| robot.is_eligible(who)) => {
-            let message = format!("no robot of the roster bears the tag {tag}");
-            Err(refusal(DispatchCode::UnknownTag, message, "tags stand in the roster"))
+            let message = format!("no robot of the roster has the tag {tag}");
+            Err(refusal(DispatchCode::UnknownTag, message, "tags are set in the roster"))
         }
         Who::Able(able) => {
             let mut read = ctx.robots.values().filter(|robot| robot.capabilities.is_some()).peekable();
             if read.peek().is_none() || read.any(|robot| robot.is_eligible(who)) {
                 return Ok(()); // nobody has said what it can do, or somebody can
             }
-            let message = format!("no robot that is there can {able}");
+            let message = format!("no robot present has the capability {able}");
             Err(refusal(DispatchCode::UnknownCapability, message, "the factsheet (about) lists capabilities"))
         }
         _ => Ok(()),

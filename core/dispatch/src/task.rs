@@ -258,7 +258,7 @@ impl Task {
         let named = TaskMap::Named(map.to_owned());
         if self.map != named {
             self.map = named;
-            self.note(at_ms, Some(format!("taken over to map {map} by {by}")));
+            self.note(at_ms, Some(format!("adopted for map {map} by {by}")));
         }
     }
 

@@ -93,7 +93,7 @@ fn makes_no_progress(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot) -> Option<
     let stuck_ms = ctx.now_ms.saturating_sub(robot.stuck?.since_ms);
     (stuck_ms >= ctx.settings.blocked_max_ms && !only_it).then(|| {
         let what = task.reason.as_deref().unwrap_or("blocked");
-        TaskOutcome::queued(ctx.now_ms, format!("{}: {what}, for {} s", robot.name, stuck_ms / 1000))
+        TaskOutcome::queued(ctx.now_ms, format!("{}: {what} for {} s", robot.name, stuck_ms / 1000))
     })
 }
 
@@ -114,10 +114,10 @@ fn offline(ctx: Ctx<'_>, task: &Task, assigned: &Assigned, robot: &TrackedRobot)
     {
         return None;
     }
-    let why = format!("{} was not heard for {} s", robot.name, silent_ms / 1000);
+    let why = format!("no message from {} for {} s", robot.name, silent_ms / 1000);
     if task.wants_to_end() {
         let what = task.reason.as_ref().map(|reason| format!("{reason}; ")).unwrap_or_default();
-        let why = Some(format!("{what}{why}, and its goal has ended by its own policy"));
+        let why = Some(format!("{what}{why}; its goal has ended by its link-loss policy"));
         return Some(match task.ending {
             Some(ending) => TaskOutcome::Changed(Change::Ended { ending }, why),
             None => TaskOutcome::Changed(Change::LetGo, why),
@@ -148,7 +148,7 @@ fn not_begun(
     observed: &ObservedState,
 ) -> Option<TaskOutcome> {
     if let Some(holder) = robot.other_holder(ctx.me) {
-        let why = Some(format!("{} was taken over by {holder}", robot.name));
+        let why = Some(format!("{} is under control of {holder}", robot.name));
         return Some(TaskOutcome::Changed(Change::Held { by: Some(holder.clone()) }, why));
     }
     if let Some(unavailable) = &observed.unavailable {
@@ -172,8 +172,8 @@ fn ended_by_others(ctx: Ctx<'_>, robot: &TrackedRobot, observed: &ObservedState)
         newer.filter(|by| by != ctx.me)
     });
     let why = match &by {
-        Some(by) => format!("{name} was taken over by {by}"),
-        None => format!("{name} was told to stop"),
+        Some(by) => format!("{name} is under control of {by}"),
+        None => format!("{name} received a stop command"),
     };
     TaskOutcome::Changed(Change::Held { by }, Some(why))
 }
@@ -185,12 +185,12 @@ fn failed(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, reason: Option<&str>)
         return TaskOutcome::queued(ctx.now_ms, format!("{name}: {unavailable}"));
     }
     if let Some(holder) = robot.other_holder(ctx.me) {
-        let why = Some(format!("{name} was taken over by {holder}"));
+        let why = Some(format!("{name} is under control of {holder}"));
         return TaskOutcome::Changed(Change::Held { by: Some(holder.clone()) }, why);
     }
     if reason.is_some_and(is_client_timeout) {
         // Our fault: it may have the task again at once, and is the nearest.
-        let why = Some(format!("{name} heard nothing from the dispatcher, and stopped"));
+        let why = Some(format!("{name} lost the connection to the dispatcher and stopped"));
         return TaskOutcome::Changed(Change::Queued { not_before_ms: 0, failed: false }, why);
     }
     let why = format!("{name}: {}", reason.unwrap_or("failed"));
@@ -272,7 +272,7 @@ pub fn refused(
         }
         // Somebody said stop after we had asked: that stop was meant for us.
         RejectCode::Overtaken => {
-            let why = Some(format!("{} was told to stop", robot.name));
+            let why = Some(format!("{} received a stop command", robot.name));
             Some(TaskOutcome::Changed(Change::Held { by: None }, why))
         }
         // The number is used up.

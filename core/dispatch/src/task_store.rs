@@ -20,7 +20,7 @@ use xtb_protocol::messages::{MapHash, TaskId, TaskState};
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum ReplayError {
     /// An entry is missing or stands twice.
-    #[error("entry {got} comes where {expected} should: the ledger has been damaged")]
+    #[error("entry {got} found where {expected} was expected: the ledger is damaged")]
     Gap {
         /// The next number.
         expected: u64,
@@ -28,10 +28,10 @@ pub enum ReplayError {
         got: u64,
     },
     /// The first entry neither opens a ledger nor is a snapshot.
-    #[error("the ledger does not begin with its opening or a snapshot")]
+    #[error("the ledger does not start with an opening entry or a snapshot")]
     NoBeginning,
     /// An entry about a task that no entry before it knows, or that cannot follow.
-    #[error("entry {n} does not follow from those before it: {what}")]
+    #[error("entry {n} contradicts earlier entries: {what}")]
     Impossible {
         /// Which.
         n: u64,
@@ -203,7 +203,7 @@ impl TaskStore {
         match &entry.record {
             Record::Opened { ledger } => {
                 if self.ledger.is_some() {
-                    return Err("the ledger is open already".to_owned());
+                    return Err("the ledger is already open".to_owned());
                 }
                 self.ledger = Some(*ledger);
             }
@@ -221,11 +221,11 @@ impl TaskStore {
                     return Err(format!("assignment {seq} is not new"));
                 }
                 if let Some(other) = self.on.get(robot).filter(|other| *other != id) {
-                    return Err(format!("{robot} has {other} already"));
+                    return Err(format!("{robot} already has {other}"));
                 }
                 let task = Self::open_task(&mut self.tasks, *id)?;
                 if task.assigned.as_ref().is_some_and(|before| before.robot != *robot) {
-                    return Err(format!("{id} is on another robot already"));
+                    return Err(format!("{id} is already on another robot"));
                 }
                 task.assign(at_ms, robot.clone(), *seq);
                 self.next_seq = seq + 1;
@@ -234,7 +234,7 @@ impl TaskStore {
             Record::Reached { task: id, leg, .. } => {
                 let task = Self::open_task(&mut self.tasks, *id)?;
                 if *leg != task.legs_done {
-                    return Err(format!("{id} has done {} drives, not {leg}", task.legs_done));
+                    return Err(format!("{id} has completed {} drives, not {leg}", task.legs_done));
                 }
                 task.reach(at_ms, *leg);
             }
@@ -275,7 +275,7 @@ impl TaskStore {
         let was_final = task.state.is_final();
         let retried = was_final && task.state != TaskState::Done && matches!(change, Change::Queued { .. });
         if was_final && !retried {
-            return Err(format!("{id} has ended already"));
+            return Err(format!("{id} has already ended"));
         }
         let robot = task.assigned.as_ref().map(|assigned| assigned.robot.clone());
         task.apply(at_ms, change, why);
@@ -310,6 +310,6 @@ impl TaskStore {
 
     fn open_task(tasks: &mut BTreeMap<TaskId, Task>, id: TaskId) -> Result<&mut Task, String> {
         let task = tasks.get_mut(&id).ok_or_else(|| format!("no task {id}"))?;
-        if task.state.is_final() { Err(format!("{id} has ended already")) } else { Ok(task) }
+        if task.state.is_final() { Err(format!("{id} has already ended")) } else { Ok(task) }
     }
 }

@@ -216,19 +216,19 @@ impl TrackedRobot {
     /// # Errors
     /// In words.
     pub fn availability(&self, now_ms: u64, settings: &Settings, me: &Name) -> Result<(), String> {
-        let Some(observed) = &self.observed else { return Err("it has not been heard yet".to_owned()) };
+        let Some(observed) = &self.observed else { return Err("no message yet".to_owned()) };
         if !self.is_online(now_ms, settings) {
-            return Err(format!("it has not been heard for {} s", self.silent_ms(now_ms) / 1000));
+            return Err(format!("no message for {} s", self.silent_ms(now_ms) / 1000));
         }
         if let Some(unavailable) = &observed.unavailable {
             return Err(unavailable.clone());
         }
         if let Some(holder) = self.other_holder(me) {
-            return Err(format!("{holder} holds its lease"));
+            return Err(format!("controlled by {holder}"));
         }
         if let Some(goal) = observed.running() {
-            let by = goal.by.as_ref().map_or("somebody", Name::as_str);
-            return Err(format!("it drives to a goal of {by}"));
+            let by = goal.by.as_ref().map_or("another client", Name::as_str);
+            return Err(format!("driving to a goal of {by}"));
         }
         match &self.avoid_until {
             Some((until_ms, why)) if now_ms < *until_ms => Err(why.clone()),

@@ -137,7 +137,7 @@ impl TravelCost for MapTravelCost {
         if let Some(zone) = self.map.keep_outs().find(|zone| zone.holds(x_m, y_m)) {
             return Err((
                 DispatchCode::KeepOut,
-                format!("({x_m:.2}, {y_m:.2}) lies in keep-out {}", zone.name()),
+                format!("({x_m:.2}, {y_m:.2}) is in keep-out zone {}", zone.name()),
             ));
         }
         let grid = self.map.grid();
@@ -151,7 +151,7 @@ impl TravelCost for MapTravelCost {
             if grid.at(x_m + dx, y_m + dy) == Cell::Free {
                 continue;
             }
-            let what = format!("({x_m:.2}, {y_m:.2}) is on top of something on the map, or off it");
+            let what = format!("({x_m:.2}, {y_m:.2}) is occupied on the map, or outside it");
             return Err((DispatchCode::GoalBlocked, what));
         }
         Ok(())

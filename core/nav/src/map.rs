@@ -35,7 +35,7 @@ pub enum MapError {
     #[error("{0} zones, at most {MAX_ZONES} are allowed")]
     TooManyZones(usize),
     /// Two zones of one name could not be told apart.
-    #[error("two zones are called {0:?}")]
+    #[error("two zones have the name {0:?}")]
     ZoneNamedTwice(String),
 }
 

@@ -53,7 +53,7 @@ pub enum FollowerError {
         piece: usize,
     },
     /// Tighter than the car can turn.
-    #[error("piece {piece} of the path has a radius of {radius_m:.3} m, the car needs {least_m:.3} m")]
+    #[error("piece {piece} of the path has a radius of {radius_m:.3} m, the vehicle needs {least_m:.3} m")]
     TooTight {
         /// Counted from 1.
         piece: usize,

@@ -27,12 +27,12 @@ pub const MEETING_MPS: f64 = 0.2;
 config_section! {
     /// Along a path.
     DriveSettings "navigation.drive" {
-        cruise_mps: f64 = CRUISE_MPS, "m/s", Range(0.1, 1.0), Ours, "On stretches that traffic control has released; never faster, whatever it says.";
-        meeting_mps: f64 = MEETING_MPS, "m/s", Range(0.1, 0.5), Ours, "Without traffic control: each of two that meet needs its own stopping distance.";
-        look_ahead_m: f64 = 0.22, "m", Range(0.15, 0.6), Ours, "Look-ahead at a standstill: errors of the pose fade over about this way.";
-        look_ahead_s: f64 = 0.2, "s", Range(0.0, 1.0), Ours, "So much more of it for the speed.";
-        deviation_m: f64 = 0.12, "m", Range(0.03, 0.5), Ours, "Farther beside the path it stops and plans anew.";
-        no_motion_s: f64 = 2.0, "s", Range(0.5, 30.0), Ours, "Asked to drive for this long without turning wheels: stuck.";
+        cruise_mps: f64 = CRUISE_MPS, "m/s", Range(0.1, 1.0), Ours, "Maximum speed, on stretches with traffic clearance.";
+        meeting_mps: f64 = MEETING_MPS, "m/s", Range(0.1, 0.5), Ours, "Maximum speed without traffic control: two robots that meet each need their own stopping distance.";
+        look_ahead_m: f64 = 0.22, "m", Range(0.15, 0.6), Ours, "Look-ahead at standstill: pose errors decay over about this distance.";
+        look_ahead_s: f64 = 0.2, "s", Range(0.0, 1.0), Ours, "Additional look-ahead per m/s of speed.";
+        deviation_m: f64 = 0.12, "m", Range(0.03, 0.5), Ours, "Lateral deviation from the path at which the robot stops and replans.";
+        no_motion_s: f64 = 2.0, "s", Range(0.5, 30.0), Ours, "Driving commands for this long without wheel motion: stuck.";
         no_progress_s: f64 = 6.0, "s", Range(1.0, 60.0), Ours, "Turning wheels for this long without progress along the path: stuck.";
     }
 }
@@ -40,29 +40,29 @@ config_section! {
 config_section! {
     /// On arrival.
     ArrivalSettings "navigation.arrival" {
-        tolerance_m: f64 = 0.2, "m", Range(0.03, 1.0), Printed("§4.10"), "Reached when both errors from the path's end are at most this; a path ends within 5 cm of its goal.";
-        tolerance_deg: f64 = 15.0, "deg", Range(5.0, 90.0), Ours, "And the yaw's, where a goal has one.";
+        tolerance_m: f64 = 0.2, "m", Range(0.03, 1.0), Printed("§4.10"), "Reached when both errors from the end of the path are at most this; a path ends within 5 cm of its goal.";
+        tolerance_deg: f64 = 15.0, "deg", Range(5.0, 90.0), Ours, "Yaw error at most this, for goals with a yaw.";
     }
 }
 
 config_section! {
     /// What is not on the map.
     UnknownSettings "navigation.unknown" {
-        fades_s: f64 = 60.0, "s", Range(5.0, 600.0), Ours, "What the range finders saw counts for this long unless it is seen again.";
-        fades_beside_s: f64 = 60.0, "s", Range(5.0, 600.0), Ours, "The same beside the body, where no beam looks.";
+        fades_s: f64 = 60.0, "s", Range(5.0, 600.0), Ours, "How long an obstacle seen by the range finders is kept unless it is seen again.";
+        fades_beside_s: f64 = 60.0, "s", Range(5.0, 600.0), Ours, "The same beside the body, where no beam points.";
     }
 }
 
 config_section! {
     /// Where it is.
     PoseSettings "navigation.pose" {
-        gate: f64 = 1.0, "times the usual", Range(0.5, 5.0), Ours, "A fix counts up to this times the distance that 1 good one in 1,000 exceeds.";
-        late_s: f64 = 0.5, "s", Range(0.0, 0.6), Ours, "A fix that is older when it comes is not used.";
+        gate: f64 = 1.0, "relative", Range(0.5, 5.0), Ours, "Outlier threshold, relative to the distance that 1 correct fix in 1,000 exceeds.";
+        late_s: f64 = 0.5, "s", Range(0.0, 0.6), Ours, "Fixes older than this on arrival are ignored.";
         drift_radps: f64 = 0.003, "rad/s", Range(1.0e-4, 0.1), Assumed, "Standard deviation of the gyro's drift.";
-        wheel_scale: f64 = 0.012, "of the diameter", Range(1.0e-3, 0.2), Assumed, "Standard deviation of the tyres.";
-        slow_part: f64 = 0.5, "of the clearance", Range(0.05, 0.95), Ours, "With a pose that may be off by more it drives slower.";
-        stop_part: f64 = 1.0, "of the clearance", Range(0.1, 1.0), Ours, "With a pose that may be off by more it stands and waits for a fix.";
-        least_mps: f64 = 0.10, "m/s", Range(0.08, 0.2), Ours, "Just before that it is as slow as this.";
+        wheel_scale: f64 = 0.012, "of the diameter", Range(1.0e-3, 0.2), Assumed, "Standard deviation of the tyre diameter.";
+        slow_part: f64 = 0.5, "of the clearance", Range(0.05, 0.95), Ours, "Above this pose uncertainty the robot drives slower.";
+        stop_part: f64 = 1.0, "of the clearance", Range(0.1, 1.0), Ours, "Above this pose uncertainty the robot stops and waits for a fix.";
+        least_mps: f64 = 0.10, "m/s", Range(0.08, 0.2), Ours, "Speed just below that limit.";
     }
 }
 
@@ -130,13 +130,13 @@ impl NavSettings {
                 "navigation.drive.meeting_mps",
                 self.drive.meeting_mps,
                 admitted_mps / 2.0,
-                "stops two that meet",
+                "stops two robots that meet",
             ),
         ] {
             if mps > most_mps {
                 let reason = format!(
-                    "the {cm} cm obstacle rule {whom} in time only up to {most_mps:.2} m/s; raise \
-                     obstacle.threshold_cm for more"
+                    "the {cm} cm obstacle rule {whom} in time only up to {most_mps:.2} m/s; for more, \
+                     raise obstacle.threshold_cm"
                 );
                 return Err(conflict(name, mps, reason));
             }

@@ -346,7 +346,7 @@ fn what_cannot_be_driven_is_refused() {
     path.pieces.push(Piece { length_m: 0.5, curvature_per_m: 3.0 });
     let error = refused(&path);
     assert!(matches!(error, FollowerError::TooTight { piece: 2, .. }));
-    assert_eq!(error.to_string(), "piece 2 of the path has a radius of 0.333 m, the car needs 0.393 m");
+    assert_eq!(error.to_string(), "piece 2 of the path has a radius of 0.333 m, the vehicle needs 0.393 m");
     path.pieces[0].length_m = f64::NAN;
     assert_eq!(refused(&path), FollowerError::NotFinite { piece: 1 });
     path.start.x_m = f64::INFINITY;

@@ -27,7 +27,7 @@ const OBJECT_VALUES: usize = 16;
 
 /// A file holds more of something than any recording does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("{what}: {got}, at most {most} are read")]
+#[error("{what}: {got}, more than the limit of {most}")]
 pub struct Excess {
     what: &'static str,
     got: usize,
@@ -95,7 +95,7 @@ mod tests {
     fn what_is_too_long_or_too_many_is_named_with_its_limit() {
         assert!(record(op::MESSAGE, MAX_MESSAGE).is_ok() && record(op::CHUNK, MAX_RECORD).is_ok());
         let excess = record(op::CHANNEL, MAX_DEFINITION + 1).unwrap_err();
-        assert_eq!(excess.to_string(), "bytes of a channel: 1048577, at most 1048576 are read");
+        assert_eq!(excess.to_string(), "bytes of a channel: 1048577, more than the limit of 1048576");
         assert!(name(&"x".repeat(MAX_NAME), MAX_NAMES - 1).is_ok());
         assert!(name(&"x".repeat(MAX_NAME + 1), 0).is_err());
         assert_eq!(name("x", MAX_NAMES).unwrap_err().what, "names of one kind");

@@ -22,10 +22,10 @@ pub enum Error {
     #[error("{0}")]
     Mcap(#[from] McapError),
     /// It is MCAP without a message.
-    #[error("it holds no message")]
+    #[error("it has no messages")]
     Empty,
     /// It is MCAP, but nothing of a fleet.
-    #[error("no recording of a fleet")]
+    #[error("not a recording of a fleet")]
     NotOfAFleet,
     /// It is MCAP, but no recording of a robot.
     #[error("no recording of a robot-agent: {0}")]

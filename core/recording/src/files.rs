@@ -30,7 +30,7 @@ pub enum FileError {
         kind: &'static str,
     },
     /// It is longer than anything of its kind.
-    #[error("it is longer than {limit} bytes, the most that is read of it")]
+    #[error("it is longer than the limit of {limit} bytes")]
     TooLong {
         /// The limit.
         limit: usize,
@@ -130,7 +130,7 @@ mod tests {
         std::fs::write(&path, "12345").unwrap();
         assert_eq!(text(&path, 5).unwrap(), "12345");
         let error = text(&path, 4).unwrap_err();
-        assert_eq!(error.to_string(), "it is longer than 4 bytes, the most that is read of it");
+        assert_eq!(error.to_string(), "it is longer than the limit of 4 bytes");
         std::fs::write(&path, [0xFF]).unwrap();
         assert!(matches!(text(&path, 5), Err(FileError::NotText)));
         assert!(bytes(&folder.path().join("b"), 5).unwrap_err().is_missing());

@@ -267,7 +267,7 @@ impl Agent {
         if let Some((fault, reason)) = self.faults.stopping() {
             self.rearm = true;
             if self.under_way() {
-                let words = format!("the {} has a fault: {fault}", fault.place());
+                let words = format!("{} fault: {fault}", fault.place());
                 self.stand(now, reason, GoalStatus::Failed, Some(&words));
             }
         } else {
@@ -297,7 +297,15 @@ impl Agent {
         let network = matches!(self.writer, Writer::Setpoint | Writer::Goal);
         if !network && self.under_way() {
             let because = self.latches.all().next().map_or(StopReason::RemoteLost, Latch::reason);
-            self.stand(now, because, GoalStatus::Failed, Some("the robot is held"));
+            self.stand(
+                now,
+                because,
+                GoalStatus::Failed,
+                Some(
+                    "blocked by a latch, a fault or the remote \
+                control",
+                ),
+            );
         }
     }
 

@@ -70,7 +70,7 @@ impl Monitors {
 
     /// A window with more pulses than its frame may hold.
     pub fn impossible_window(&mut self, pulses: u16) {
-        self.encoder.impossible(&format!("{pulses} pulses in a window"));
+        self.encoder.impossible(&format!("{pulses} pulses in one window"));
     }
 
     /// A scan of the converter; `battery_mv` is `None` if the board does not measure it.

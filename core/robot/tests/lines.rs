@@ -70,7 +70,7 @@ fn windows_that_cannot_be_are_the_encoders_fault_and_not_the_boards() {
     bench.run_ms(500);
     assert_eq!(faults(&mut bench), [Fault::EncoderOutOfRange]);
     let state = bench.state();
-    assert_eq!(state.faults[0].detail.as_deref(), Some("4711 pulses in a window"));
+    assert_eq!(state.faults[0].detail.as_deref(), Some("4711 pulses in one window"));
 }
 
 /// A status as a board gives it that gets none of our pulses.

@@ -23,7 +23,7 @@ config_section! {
         noise_m: f64 = 0.05, "m", Range(0.001, 10.0), Ours, "Standard deviation of x and of y.";
         heading: bool = false, "", Switch, Ours, "Whether a fix has a heading.";
         noise_rad: f64 = 0.05, "rad", Range(0.001, 1.0), Ours, "Standard deviation of the heading.";
-        outliers: f64 = 0.0, "", Range(0.0, 1.0), Ours, "Part of the fixes that is somewhere else altogether.";
+        outliers: f64 = 0.0, "", Range(0.0, 1.0), Ours, "Fraction of the fixes that are outliers.";
         outlier_m: f64 = 2.0, "m", Range(0.0, 100.0), Ours, "An outlier is 0.3 to 1 of this away, its heading anything.";
         drop_out_every_s: f64 = 0.0, "s", Range(0.0, 1.0e6), Ours, "Mean time from one drop-out to the next; 0 = none.";
         drop_out_s: f64 = 5.0, "s", Range(0.0, 1.0e6), Ours, "A drop-out takes 0.5 to 1.5 of this.";

@@ -91,7 +91,7 @@ config_section! {
         empty_v: f64 = 6.6, "V", Range(1.0, 60.0), Assumed, "Open-circuit voltage when empty.";
         capacity_mah: f64 = 3000.0, "mAh", Range(10.0, 100_000.0), Printed("§2.1"), "Charge.";
         resistance_ohm: f64 = 0.05, "Ω", Range(0.0, 5.0), Assumed, "Pack and leads.";
-        electronics_a: f64 = 1.0, "A", Range(0.0, 50.0), Assumed, "Drawn while standing.";
+        electronics_a: f64 = 1.0, "A", Range(0.0, 50.0), Assumed, "Drawn at standstill.";
         cruise_a: f64 = 10.0, "A", Range(0.0, 200.0), Assumed, "Drawn by the motor on top of that at top speed.";
         surge_a: f64 = 40.0, "A", Range(0.0, 500.0), Assumed, "Drawn in addition when asked for top speed at a standstill.";
     }

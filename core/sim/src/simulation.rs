@@ -39,7 +39,7 @@ pub enum SimulationError {
     #[error("truck parameters: {0}")]
     Parameters(#[from] ConfigError),
     /// Two trucks of one name could not be told apart.
-    #[error("two trucks are called \"{name}\"")]
+    #[error("two trucks have the name \"{name}\"")]
     NamedTwice {
         /// The name.
         name: String,

@@ -31,19 +31,19 @@ pub enum WorldError {
         points: usize,
     },
     /// Two boxes of one name could not be told apart.
-    #[error("two boxes are called \"{name}\"")]
+    #[error("two boxes have the name \"{name}\"")]
     BoxNamedTwice {
         /// The name.
         name: String,
     },
     /// Two zones of one name could not be told apart.
-    #[error("two zones are called \"{name}\"")]
+    #[error("two zones have the name \"{name}\"")]
     ZoneNamedTwice {
         /// The name.
         name: String,
     },
     /// There is no box of this name.
-    #[error("no box is called \"{name}\"")]
+    #[error("no box has the name \"{name}\"")]
     NoSuchBox {
         /// The name.
         name: String,
@@ -71,7 +71,7 @@ pub enum WorldError {
         second: usize,
     },
     /// There is no room for so many robots with 3 m free ahead of each.
-    #[error("{asked} robots do not fit: only {placed} find a place; give [[starts]] or a larger room")]
+    #[error("{asked} robots do not fit: there is room for {placed}; give [[starts]] or a larger room")]
     TooManyRobots {
         /// How many were asked for.
         asked: usize,

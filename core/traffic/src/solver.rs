@@ -73,13 +73,13 @@ pub enum Unsolved {
     #[error(transparent)]
     Problem(#[from] ProblemError),
     /// Even alone this car does not get there.
-    #[error("no way from the start to the goal of {name}, even without the other cars")]
+    #[error("no path from the start to the goal of {name}, even without the other vehicles")]
     NoWay {
         /// Its name.
         name: String,
     },
     /// The budget ended before these pairs of cars got out of each other's way.
-    #[error("the budget is used up; {}", trouble(conflicts, without))]
+    #[error("search budget used up; {}", trouble(conflicts, without))]
     OutOfBudget {
         /// Names, two by two.
         conflicts: Vec<(String, String)>,
@@ -87,7 +87,7 @@ pub enum Unsolved {
         without: Vec<String>,
     },
     /// The budget ended before the search had begun.
-    #[error("the budget is used up before the search began")]
+    #[error("search budget used up before the search started")]
     NotBegun,
 }
 
@@ -100,10 +100,10 @@ fn trouble(conflicts: &[(String, String)], without: &[String]) -> String {
     }
     let mut parts = Vec::new();
     if !text.is_empty() {
-        parts.push(format!("still in each other's way: {}", text.join(", ")));
+        parts.push(format!("still in conflict: {}", text.join(", ")));
     }
     if !without.is_empty() {
-        parts.push(format!("no way was found for {}", without.join(", ")));
+        parts.push(format!("no path found for {}", without.join(", ")));
     }
     parts.join("; ")
 }

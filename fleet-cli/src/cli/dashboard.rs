@@ -5,8 +5,8 @@ use clap::Args;
 use std::net::{IpAddr, SocketAddr};
 
 const DASHBOARD_HELP: &str = "\
-Another address than 127.0.0.1 needs a token: whoever gets in may drive robots. What travels can be read and \
-changed on its way unless a proxy with TLS stands in front (--allow-origin names its address).
+Any address other than 127.0.0.1 needs a token: everyone with access can drive robots. The connection is not \
+encrypted; to encrypt it, use a proxy with TLS (--allow-origin gives its address).
 
 Examples:
   fleet-cli dashboard
@@ -17,25 +17,26 @@ Examples:
 #[derive(Debug, Clone, Args)]
 #[command(after_help = DASHBOARD_HELP)]
 pub struct DashboardArgs {
-    /// Where to listen; port 0 takes a free one.
+    /// Address to listen on; port 0 picks a free port.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8080", value_parser = address)]
     pub listen: SocketAddr,
-    /// Who does not know it stays out; 16 characters or more. In the environment nobody else sees it.
+    /// Access token (at least 16 characters). Safer in the environment, where other users cannot see it.
     #[arg(long, env = "XTB_DASHBOARD_TOKEN", value_name = "TOKEN", hide_env_values = true)]
     pub token: Option<String>,
-    /// Show only: no page can command anything.
+    /// View only: no page can send commands.
     #[arg(long)]
     pub read_only: bool,
-    /// Where the page is seen from outside, such as behind a proxy; several: repeat it.
+    /// Address of the page as browsers see it, such as behind a proxy; for several, repeat it.
     #[arg(long, value_name = "URL")]
     pub allow_origin: Vec<Origin>,
-    /// A proxy in front, on another machine: as many people come from its address; several: repeat it.
+    /// Address of a proxy on another machine: the limit on connections per address does not apply to it; for
+    /// several, repeat it.
     #[arg(long, value_name = "IP")]
     pub proxy: Vec<IpAddr>,
-    /// Frames a second at most.
+    /// Maximum frames per second.
     #[arg(long, value_name = "HZ", default_value_t = HZ, value_parser = rate)]
     pub hz: f64,
-    /// Serve the live scene for the Foxglove app too [default: 127.0.0.1:8765].
+    /// Also serve the live scene for the Foxglove app [default: 127.0.0.1:8765].
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
     pub foxglove: Option<SocketAddr>,
 }

@@ -6,21 +6,21 @@ use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
 const SERVE_HELP: &str = "\
-It gives tasks to robots, one each, and writes down what was acknowledged before it says so: after a crash, \
-kill -9 included, it goes on where it was. It contains traffic control, unless that runs already.";
+The dispatcher assigns one task at a time to each robot. It stores each task before it acknowledges it, and \
+continues after a crash or kill -9. It includes traffic control, unless that runs already.";
 
 const EXPORT_HELP: &str = "\
-Each line is a record as the ledger has it: {\"seq\", \"at_ms\", \"snapshot\", \"intact\", \"record\"}. What is \
-wrong with a damaged ledger is said on standard error, and the exit code is 1.";
+Each line is one record of the ledger: {\"seq\", \"at_ms\", \"snapshot\", \"intact\", \"record\"}. If the \
+ledger is damaged, standard error describes the damage, and the exit code is 1.";
 
 const ACTIVATE_HELP: &str = "\
 An emergency stop of all robots suspends the dispatcher, so that the first reset does not set the fleet in \
-motion: its tasks stay, new ones are taken, none is assigned until it is activated. Robots that are still \
-latched get tasks when they are reset.";
+motion. It keeps its tasks and accepts new ones, but assigns none until it is activated. Robots that are \
+still latched get tasks when they are reset.";
 
 const ADOPT_HELP: &str = "\
-A task is of the map that the fleet had when it was submitted. While the fleet has a map of another name, such \
-tasks are suspended. Those that are taken over and that the map makes unreachable fail, with the reason.";
+A task belongs to the map that the fleet used when it was submitted. While the fleet uses a map with another \
+name, such tasks are suspended. Adopted tasks that the new map makes unreachable fail, with the reason.";
 
 /// Arguments of `dispatch`.
 #[derive(Debug, Clone, Args)]
@@ -33,29 +33,29 @@ pub struct DispatchArgs {
 /// What to do about dispatch.
 #[derive(Debug, Clone, Subcommand)]
 pub enum DispatchVerb {
-    /// Take tasks for the fleet and give them to its robots until Ctrl-C.
+    /// Accept tasks for the fleet and assign them to its robots until Ctrl-C.
     Serve(DispatchServeArgs),
     /// Submit a task: a robot drives to a point.
     Goto(TaskGotoArgs),
     /// Submit a task: a robot drives along points.
     Route(TaskRouteArgs),
-    /// Submit a task: a robot drives along points again and again.
+    /// Submit a task: a robot drives along points repeatedly.
     Patrol(TaskPatrolArgs),
     /// Submit a task: a robot wanders.
     Wander(TaskWanderArgs),
-    /// Submit the tasks of a file, all or none.
+    /// Submit the tasks in a file, all or none.
     Submit(TaskSubmitArgs),
-    /// Show how the dispatcher stands: ledger, map, tasks, and what is suspended.
+    /// Show the dispatcher's state: ledger, map, tasks, and what is suspended.
     Status,
-    /// Let it assign tasks again after an emergency stop of all robots.
+    /// Assign tasks again after an emergency stop of all robots.
     #[command(after_help = ACTIVATE_HELP)]
     Activate,
-    /// Take the tasks of other maps over to the one that the fleet has now.
+    /// Adopt the tasks of other maps for the fleet's current map.
     #[command(after_help = ADOPT_HELP)]
     Adopt,
-    /// Replace what the ledger holds by one snapshot of it; no dispatcher may run.
+    /// Replace the ledger's records by one snapshot; no dispatcher may be running.
     Compact(DispatchCompactArgs),
-    /// Print a ledger's records, also beside a running dispatcher or what is left of a damaged one.
+    /// Print a ledger's records, also while a dispatcher runs or from a damaged ledger.
     Export(DispatchExportArgs),
 }
 
@@ -74,10 +74,10 @@ pub struct DispatchServeArgs {
     /// Which ledger.
     #[command(flatten)]
     pub ledger: LedgerArgs,
-    /// Begin a new ledger; the one that is there is kept beside it, as NAME.before-TIME.ledger.
+    /// Start a new ledger; an existing one is kept as NAME.before-TIME.ledger.
     #[arg(long)]
     pub fresh: bool,
-    /// Map (map_server YAML) or world (TOML), served to the fleet too [default: the fleet's, if there is one].
+    /// Map (map_server YAML) or world (TOML), also served to the fleet [default: the fleet's map, if any].
     #[arg(long, value_name = "FILE")]
     pub map: Option<PathBuf>,
     /// How fine a world is drawn.

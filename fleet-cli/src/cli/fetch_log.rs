@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use xtb_protocol::Name;
 
 const HELP: &str = "\
-What has come is kept in FILE.part, and the same command goes on where it was interrupted.
+Data received so far is kept in FILE.part; the same command resumes an interrupted download.
 
 Examples:
   fleet-cli fetch-log xtb-1 --list
-  fleet-cli fetch-log xtb-1                     # the newest one
+  fleet-cli fetch-log xtb-1                     # the newest recording
   robot-agent replay xtb-1-20041201T120000Z.mcap";
 
 /// Arguments of `fetch-log`.
@@ -19,16 +19,16 @@ pub struct FetchLogArgs {
     /// Robot.
     #[arg(value_name = "ROBOT", value_parser = Name::robot)]
     pub robot: Name,
-    /// Which recording, as `--list` shows it [default: the newest].
+    /// Recording, as listed by `--list` [default: the newest].
     #[arg(value_name = "RECORDING")]
     pub file: Option<String>,
-    /// Show what the robot has.
+    /// List the robot's recordings.
     #[arg(long, conflicts_with_all = ["file", "out", "restart"])]
     pub list: bool,
-    /// Where it goes [default: its own name, in this folder].
+    /// Output file [default: the recording's name, in this folder].
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
-    /// Begin anew, whatever was fetched before.
+    /// Download from the start, even if part of it is here already.
     #[arg(long)]
     pub restart: bool,
 }

@@ -7,11 +7,11 @@ use xtb_nav::Grid;
 use xtb_sim::CHART_RESOLUTION_M;
 
 const CHECK_HELP: &str = "\
-Problems (no room for the truck, a zone off the map, keep-outs that cut the floor in pieces) make the \
+Problems (no room for the truck, a zone outside the map, keep-outs that divide the free space) make the \
 exit code 1; warnings (several islands, doors too narrow) do not.";
 
 const SERVE_HELP: &str = "\
-Robots plan on the map that is served. One map at a time: while another one is served, this one is not.";
+Robots plan on the served map. Only one map can be served at a time.";
 
 /// Arguments of `map`.
 #[derive(Debug, Clone, Args)]
@@ -24,9 +24,9 @@ pub struct MapArgs {
 /// What to do with a map.
 #[derive(Debug, Clone, Subcommand)]
 pub enum MapVerb {
-    /// Draw a map, or the one that the fleet has.
+    /// Draw a map file or the fleet's map.
     Show(MapShowArgs),
-    /// Look for what is wrong with a map.
+    /// Check a map for problems.
     Check(MapCheckArgs),
     /// Write a world or a map as map_server files: YAML and PGM.
     Import(MapImportArgs),
@@ -40,7 +40,7 @@ pub struct MapShowArgs {
     /// Map (map_server YAML) or world (TOML).
     #[arg(value_name = "FILE", required_unless_present = "live")]
     pub file: Option<PathBuf>,
-    /// The map that the fleet has now.
+    /// The fleet's current map.
     #[arg(long, conflicts_with_all = ["file", "resolution_m"])]
     pub live: bool,
     /// How fine a world is drawn.
@@ -55,10 +55,10 @@ pub struct MapCheckArgs {
     /// Map (map_server YAML) or world (TOML).
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
-    /// The truck of this robot-agent config (TOML) [default: the XTB].
+    /// Check for the truck of this robot-agent config (TOML) [default: the XTB].
     #[arg(long, value_name = "FILE")]
     pub car_from: Option<PathBuf>,
-    /// The truck of this vehicle file, such as configs/vehicles/long.toml.
+    /// Check for the truck of this vehicle file, such as configs/vehicles/long.toml.
     #[arg(long, value_name = "FILE", conflicts_with = "car_from")]
     pub vehicle: Option<PathBuf>,
     /// How fine a world is drawn.
@@ -72,10 +72,10 @@ pub struct MapImportArgs {
     /// World (TOML) or map (map_server YAML).
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
-    /// The YAML to write; the image goes beside it, with the ending .pgm.
+    /// YAML file to write; the image is written next to it, with the extension .pgm.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Replace files that are there.
+    /// Overwrite existing files.
     #[arg(long)]
     pub force: bool,
     /// How fine a world is drawn.
@@ -98,7 +98,7 @@ pub struct MapServeArgs {
 /// How fine a world is drawn.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct ResolutionArgs {
-    /// Side of a cell of a world's map, in m; a map file has its own.
+    /// Cell size for a world's map, in m; a map file has its own.
     #[arg(long = "resolution", value_name = "M", default_value_t = CHART_RESOLUTION_M, value_parser = cell)]
     pub resolution_m: f64,
 }

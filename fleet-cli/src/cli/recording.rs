@@ -9,22 +9,23 @@ use std::time::Duration;
 /// Arguments of `record`.
 #[derive(Debug, Clone, Args)]
 pub struct RecordArgs {
-    /// Key expressions [default: everything of the fleet].
+    /// Key expressions [default: all keys of the fleet].
     #[arg(value_name = "KEYEXPR")]
     pub key_exprs: Vec<String>,
-    /// The first file; further ones get -2, -3 … before their ending [default: FLEET-SECONDS.mcap here].
+    /// First file; further files get -2, -3 … before the extension [default: FLEET-SECONDS.mcap in this
+    /// folder].
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
-    /// Overwrite files that are there already.
+    /// Overwrite existing files.
     #[arg(long)]
     pub force: bool,
-    /// Begin the next file when one has become this long, such as 500MB or 1GiB.
+    /// Start a new file when one reaches this size, such as 500MB or 1GiB.
     #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size)]
     pub max_size: u64,
-    /// How long a chunk collects, 0.05 to 1 s: what a kill -9 or a power cut loses at most.
+    /// Chunk duration, 0.05 to 1 s: the most that is lost at a kill -9 or a power cut.
     #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = chunk)]
     pub chunk: Duration,
-    /// End after this long [default: at Ctrl-C].
+    /// Stop after this time [default: at Ctrl-C].
     #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
     pub lasting: Option<Duration>,
 }
@@ -32,25 +33,25 @@ pub struct RecordArgs {
 /// Arguments of `play`.
 #[derive(Debug, Clone, Args)]
 pub struct PlayArgs {
-    /// A file that `record` has written.
+    /// File written by `record`.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
-    /// Times as fast as it was.
+    /// Playback speed factor.
     #[arg(long, value_name = "X", default_value = "1", value_parser = speed)]
     pub speed: f64,
-    /// Where to begin, in s from the first message.
+    /// Start at this time, in s after the first message.
     #[arg(long, value_name = "SECONDS", default_value = "0", value_parser = part_of_a_day)]
     pub from: f64,
-    /// Begin anew at the end.
+    /// Repeat from the start at the end.
     #[arg(long = "loop")]
     pub repeat: bool,
-    /// Show it in the cockpit [default on a terminal].
+    /// Show it in the cockpit (see `top`) [default on a terminal].
     #[arg(long, group = "how")]
     pub top: bool,
-    /// Print what happened as lines [default where no terminal is].
+    /// Print events as lines [default without a terminal].
     #[arg(long, group = "how")]
     pub lines: bool,
-    /// Show it in a browser, as `dashboard` shows a fleet; on this machine only [default: 127.0.0.1:8080].
+    /// Show it in a browser, as `dashboard` does; on this computer only [default: 127.0.0.1:8080].
     #[arg(long, value_name = "ADDRESS", group = "how", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = super::dashboard::address)]
     pub dashboard: Option<SocketAddr>,
 }
@@ -59,16 +60,16 @@ pub struct PlayArgs {
 #[derive(Debug, Clone, Args)]
 #[command(group = ArgGroup::new("format").required(true))]
 pub struct ExportArgs {
-    /// A file that `record` has written.
+    /// File written by `record`.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
-    /// A table (CSV) for each type of message: RobotState.csv …
+    /// Write one table (CSV) for each message type: RobotState.csv …
     #[arg(long, group = "format")]
     pub csv: bool,
-    /// Folder for the tables [default: FILE without its ending].
+    /// Folder for the tables [default: FILE without its extension].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Overwrite tables that are there already.
+    /// Overwrite existing tables.
     #[arg(long)]
     pub force: bool,
 }
@@ -85,7 +86,7 @@ fn size(text: &str) -> Result<u64, String> {
         ("", 1),
     ];
     let wrong =
-        || format!("{text:?} is no size: a whole number and B, kB, MB, GB, KiB, MiB or GiB; at least 64KiB");
+        || format!("{text:?} is not a size: a number with B, kB, MB, GB, KiB, MiB or GiB, at least 64KiB");
     let bare = text.strip_suffix('B').filter(|rest| rest.ends_with(|c: char| c.is_ascii_digit()));
     let text = bare.unwrap_or(text);
     let read = |(unit, bytes): (&str, u64)| {

@@ -9,16 +9,16 @@ use xtb_protocol::Name;
 use xtb_protocol::messages::Latch;
 
 const ESTOP_HELP: &str = "\
-It is sent again and again until each robot has acknowledged it or --timeout is over. Exit code 0 means \
-that every robot of the roster has; without a roster nobody can know that, and it is 3.
+The stop is sent repeatedly until each robot has acknowledged it or --timeout has passed. Exit code 0 means \
+that every robot of the roster has acknowledged; without a roster that cannot be confirmed, and it is 3.
 
-This is no safety-rated stop: it needs the radio link, the robot's computer and this program. Keep a \
+This is not a safety-rated stop: it needs the radio link, the robot's computer and this program. Keep a \
 switch for the motor's power within reach.";
 
 /// Arguments of `list`.
 #[derive(Debug, Clone, Args)]
 pub struct ListArgs {
-    /// Robots that should be there, separated by commas [default: the config's or the simulator's roster].
+    /// Expected robots, separated by commas [default: the roster of the config or the simulator].
     #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot)]
     pub expect: Vec<Name>,
 }
@@ -29,7 +29,7 @@ pub struct StatusArgs {
     /// Robots [default: all].
     #[arg(value_name = "ROBOT", value_parser = Name::robot)]
     pub robots: Vec<Name>,
-    /// Keep showing it; q or Ctrl-C leaves.
+    /// Update continuously; q or Ctrl-C quits.
     #[arg(long)]
     pub watch: bool,
 }
@@ -45,7 +45,7 @@ pub struct WhyArgs {
 /// Arguments of `doctor`.
 #[derive(Debug, Clone, Args)]
 pub struct DoctorArgs {
-    /// Robots that should be there, separated by commas [default: the config's or the simulator's roster].
+    /// Expected robots, separated by commas [default: the roster of the config or the simulator].
     #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot)]
     pub expect: Vec<Name>,
 }
@@ -66,17 +66,17 @@ pub struct GotoArgs {
     /// Yaw on arrival, in degrees counter-clockwise from east; only along a planned path.
     #[arg(long, value_name = "DEGREES", value_parser = degrees)]
     pub yaw: Option<f64>,
-    /// How to drive there [default: planned if the robot has a map, else direct].
+    /// Driving mode [default: planned if the robot has a map, else direct].
     #[arg(long, value_enum)]
     pub via: Option<ViaArg>,
-    /// Stay and show progress until the goal ends; Ctrl-C cancels it.
+    /// Wait and show progress until the goal ends; Ctrl-C cancels it.
     #[arg(long)]
     pub wait: bool,
-    /// Give the goal up after this long [default: 300 without --wait, none with it].
+    /// Time limit of the goal [default: 300 without --wait, none with it].
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub within: Option<Duration>,
-    /// What the robot does when it has not heard this program for 0.5 s: halt, or finish the goal [default: halt
-    /// with --wait, else finish].
+    /// What the robot does after 0.5 s without a message from this program: halt, or finish the goal
+    /// [default: halt with --wait, else finish].
     #[arg(long, value_enum, value_name = "POLICY")]
     pub on_link_loss: Option<LinkLossArg>,
     /// Control of the robot.
@@ -87,9 +87,9 @@ pub struct GotoArgs {
 /// How a goal is driven to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum ViaArg {
-    /// The memorandum's A-to-B: straight, and it stops at obstacles.
+    /// Straight to the point (A-to-B of TM 2004-262); stops at obstacles.
     Direct,
-    /// Along a planned path, around what the map and the range finders know of.
+    /// Along a planned path, around obstacles on the map and those that the range finders detect.
     Planned,
 }
 
@@ -105,7 +105,7 @@ impl From<ViaArg> for xtb_protocol::messages::Via {
 /// Whether a verb may take control from its holder.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct LeaseArgs {
-    /// Take control from whoever has it; without this, a robot that somebody controls refuses.
+    /// Take control from another client; without this, a robot under another client's control refuses.
     #[arg(long)]
     pub take: bool,
 }
@@ -116,14 +116,14 @@ pub struct WanderArgs {
     /// Robot.
     #[arg(value_name = "ROBOT", value_parser = Name::robot)]
     pub robot: Name,
-    /// How long [default: until stopped, or 300 s without --wait].
+    /// Duration [default: until stopped, or 300 s without --wait].
     #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
     pub lasting: Option<Duration>,
-    /// Stay and show progress until it ends; Ctrl-C cancels it.
+    /// Wait and show progress until it ends; Ctrl-C cancels it.
     #[arg(long)]
     pub wait: bool,
-    /// What the robot does when it has not heard this program for 0.5 s: halt, or finish [default: halt with
-    /// --wait, else finish].
+    /// What the robot does after 0.5 s without a message from this program: halt, or finish [default: halt
+    /// with --wait, else finish].
     #[arg(long, value_enum, value_name = "POLICY")]
     pub on_link_loss: Option<LinkLossArg>,
     /// Control of the robot.
@@ -138,7 +138,7 @@ pub struct WhoArgs {
     /// Robots.
     #[arg(value_name = "ROBOT", value_parser = Name::robot)]
     pub robots: Vec<Name>,
-    /// All robots of the roster, and all others that are there.
+    /// All robots of the roster and all others present.
     #[arg(long)]
     pub all: bool,
     /// Roster for --all, separated by commas [default: the config's or the simulator's].
@@ -180,7 +180,7 @@ pub struct ResetArgs {
     /// Which robots; with --all those that have anything latched, after a question.
     #[command(flatten)]
     pub who: WhoArgs,
-    /// With --all: do not ask.
+    /// With --all: do not ask for confirmation.
     #[arg(long, requires = "all")]
     pub yes: bool,
     /// Only this latch [default: all].
@@ -195,7 +195,7 @@ pub struct ResetArgs {
 #[derive(Debug, Clone, Args)]
 #[command(allow_negative_numbers = true)]
 pub struct SetPoseArgs {
-    /// Robot; it must stand.
+    /// Robot; it must be stopped.
     #[arg(value_name = "ROBOT", value_parser = Name::robot)]
     pub robot: Name,
     /// East, in m.
@@ -204,7 +204,7 @@ pub struct SetPoseArgs {
     /// North, in m.
     #[arg(value_name = "Y", value_parser = metres)]
     pub y_m: f64,
-    /// Yaw, in degrees counter-clockwise from east [default: the present one].
+    /// Yaw, in degrees counter-clockwise from east [default: the current yaw].
     #[arg(long, value_name = "DEGREES", value_parser = degrees)]
     pub yaw: Option<f64>,
     /// Control of the robot.
@@ -218,7 +218,7 @@ pub struct TeleopArgs {
     /// Robot.
     #[arg(value_name = "ROBOT", value_parser = Name::robot)]
     pub robot: Name,
-    /// Fastest wheel speed asked for, in rpm [default: the robot's limit].
+    /// Maximum wheel speed, in rpm [default: the robot's limit].
     #[arg(long, value_name = "R", value_parser = rpm)]
     pub max_rpm: Option<f64>,
     /// Control of the robot.
@@ -229,10 +229,11 @@ pub struct TeleopArgs {
 /// Arguments of `watch`.
 #[derive(Debug, Clone, Args)]
 pub struct WatchArgs {
-    /// Zenoh key expression, such as `xtb/lab/*/event` or `xtb/**`; about and roster answer once, commands cannot be watched.
+    /// Zenoh key expression, such as `xtb/lab/*/event` or `xtb/**`; about and roster are read once, commands
+    /// cannot be watched.
     #[arg(value_name = "KEYEXPR")]
     pub key_expr: String,
-    /// End after this many messages.
+    /// Stop after this many messages.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub count: Option<u64>,
 }

@@ -5,7 +5,7 @@ use clap::{Args, ValueEnum};
 /// Arguments of `completions`.
 #[derive(Debug, Clone, Args)]
 pub struct CompletionsArgs {
-    /// For which shell.
+    /// Shell.
     #[arg(value_name = "SHELL")]
     pub shell: clap_complete::Shell,
 }
@@ -13,7 +13,7 @@ pub struct CompletionsArgs {
 /// Arguments of `names`.
 #[derive(Debug, Clone, Args)]
 pub struct NamesArgs {
-    /// Of what.
+    /// Kind of names.
     #[arg(value_enum)]
     pub of: NamesOf,
 }
@@ -21,7 +21,7 @@ pub struct NamesArgs {
 /// What has names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum NamesOf {
-    /// Robots that are there.
+    /// Robots present.
     Robots,
     /// Tasks of the dispatcher, newest first.
     Tasks,

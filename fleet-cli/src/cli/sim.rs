@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// Arguments of `router`.
 #[derive(Debug, Clone, Args)]
 pub struct RouterArgs {
-    /// Where to listen; port 0 takes a free one.
+    /// Endpoint to listen on; port 0 picks a free port.
     #[arg(long, value_name = "ENDPOINT", default_value = DEFAULT_ENDPOINT)]
     pub listen: String,
 }
@@ -17,58 +17,60 @@ pub struct RouterArgs {
 /// Arguments of `sim`.
 #[derive(Debug, Clone, Args)]
 pub struct SimArgs {
-    /// How many robots: xtb-1 … xtb-N.
+    /// Number of robots: xtb-1 … xtb-N.
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub robots: usize,
     /// World (TOML) [default: an empty room].
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
-    /// What the trucks are: a file of vehicle settings, such as configs/vehicles/long.toml; a world's own
-    /// `vehicles` come first [default: the XTB].
+    /// Vehicle settings of the trucks, such as configs/vehicles/long.toml; `vehicles` in the world file take
+    /// precedence [default: the XTB].
     #[arg(long, value_name = "FILE")]
     pub vehicle: Option<PathBuf>,
-    /// Seed of every random number.
+    /// Random seed.
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
-    /// Times real time.
+    /// Speed factor relative to real time.
     #[arg(long, value_name = "X", default_value_t = 1.0)]
     pub speed: f64,
-    /// End with exit code 1 when the world falls below 0.9 of --speed: the machine is too slow for it.
-    /// Without this the simulator only says so; its robots live in its time, clients do not.
+    /// Stop with exit code 1 when the simulation runs slower than 0.9 of --speed: the computer is too slow
+    /// for it. Without this the simulator only prints a warning; its robots run in simulated time, clients do
+    /// not.
     #[arg(long)]
     pub strict: bool,
-    /// Where its router listens [default: tcp/127.0.0.1:7447]; with --connect it runs no router.
+    /// Endpoint of its router [default: tcp/127.0.0.1:7447]; with --connect it runs no router.
     #[arg(long, value_name = "ENDPOINT")]
     pub listen: Option<String>,
-    /// Start no agents; make two serial lines for each truck instead: DIR/ROBOT.board and DIR/ROBOT.gyro.
+    /// Start no agents; create two serial ports for each truck instead: DIR/ROBOT.board and DIR/ROBOT.gyro.
     #[arg(long, value_name = "DIR")]
     pub pty: Option<PathBuf>,
-    /// Write the ground truth at board rate, as JSON lines.
+    /// Write the ground truth to this file at board rate, as JSON lines.
     #[arg(long, value_name = "FILE")]
     pub truth_log: Option<PathBuf>,
-    /// Record every sample, command and decision of each robot: DIR/ROBOT-….mcap.
+    /// Record every sample, command and decision of each robot to DIR/ROBOT-….mcap.
     #[arg(long, value_name = "DIR", conflicts_with = "pty")]
     pub record: Option<PathBuf>,
-    /// Run a dispatcher (and traffic control) too, and say at the end what each robot did.
+    /// Also run a dispatcher (with traffic control), and print a summary for each robot at the end.
     #[arg(long)]
     pub dispatch: bool,
-    /// Its ledger [default: FLEET.ledger in $XDG_DATA_HOME/xtb/sim or ~/.local/share/xtb/sim].
+    /// The dispatcher's ledger [default: FLEET.ledger in $XDG_DATA_HOME/xtb/sim or ~/.local/share/xtb/sim].
     #[arg(long, value_name = "FILE", requires = "dispatch")]
     pub ledger: Option<PathBuf>,
-    /// With --dispatch: begin a new ledger; the one that is there is kept beside it, as NAME.before-TIME.ledger.
+    /// With --dispatch: start a new ledger; an existing one is kept as NAME.before-TIME.ledger.
     #[arg(long, requires = "dispatch")]
     pub fresh: bool,
-    /// End as soon as there were tasks and all have ended; exit code 1 if one failed or a truck was touched.
+    /// Stop when all tasks have ended (at least one); exit code 1 if a task failed or a truck had a contact.
     #[arg(long, requires = "dispatch")]
     pub until_done: bool,
-    /// Serve the dashboard too [default: 127.0.0.1:8080].
+    /// Also serve the dashboard [default: 127.0.0.1:8080].
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = super::dashboard::address)]
     pub dashboard: Option<SocketAddr>,
     /// What measures the robots' poses.
     #[command(flatten)]
     pub fixes: FixArgs,
-    /// No router and no agents, but a bad day of a virtual fleet: tells what happens on the day of --seed,
-    /// and whether a rule of docs/safety.md was broken.
+    /// Run a fault scenario of a virtual fleet, without router and agents: prints the events of the scenario
+    /// of
+    /// --seed, and whether a rule of docs/safety.md was broken.
     #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "vehicle", "speed", "strict", "listen", "pty", "truth_log", "record", "dispatch", "dashboard"])]
     pub virtual_day: bool,
 }
@@ -77,16 +79,16 @@ pub struct SimArgs {
 #[derive(Debug, Clone, Copy, Args)]
 #[command(next_help_heading = "Pose fixes")]
 pub struct FixArgs {
-    /// Pose fixes a second; 0 = none: odometry alone, which drifts.
+    /// Pose fixes per second; 0 = none: odometry only, which drifts.
     #[arg(long = "fixes", value_name = "HZ", default_value_t = 2.0, value_parser = fix_rate)]
     pub rate_hz: f64,
-    /// Their noise, a standard deviation in m.
+    /// Standard deviation of the pose fixes, in m.
     #[arg(long = "fix-noise", value_name = "METRES", default_value_t = 0.05, value_parser = fix_noise)]
     pub noise_m: f64,
-    /// The part of them that is somewhere else altogether, 0 to 1.
-    #[arg(long = "fix-outliers", value_name = "PART", default_value_t = 0.0, value_parser = part)]
+    /// Fraction of pose fixes that are outliers, 0 to 1.
+    #[arg(long = "fix-outliers", value_name = "FRACTION", default_value_t = 0.0, value_parser = part)]
     pub outliers: f64,
-    /// Mean time between drop-outs of about 5 s, in s; 0 = none.
+    /// Mean time between drop-outs of the pose fixes (about 5 s each), in s; 0 = none.
     #[arg(long = "fix-drop-outs", value_name = "SECONDS", default_value_t = 0.0, value_parser = drop_outs)]
     pub drop_out_every_s: f64,
 }
@@ -106,19 +108,19 @@ pub struct DemoArgs {
     /// No live picture.
     #[arg(long)]
     pub headless: bool,
-    /// How many robots.
+    /// Number of robots.
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub robots: usize,
-    /// Seed of every random number.
+    /// Random seed.
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
-    /// Times real time.
+    /// Speed factor relative to real time.
     #[arg(long, value_name = "X", default_value_t = 4.0)]
     pub speed: f64,
-    /// Goals of each robot.
+    /// Goals per robot.
     #[arg(long, value_name = "N", default_value_t = 2)]
     pub goals: usize,
-    /// Where its router listens; port 0 takes a free one.
+    /// Endpoint of its router; port 0 picks a free port.
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:0")]
     pub listen: String,
 }

@@ -11,14 +11,16 @@ const GOTO_EXAMPLE: &str = "\
 Example: fleet-cli dispatch goto 4 2 --yaw 90 --tag red --wait";
 
 const ROUTE_HELP: &str = "\
-A point is X,Y or X,Y,YAW (m, degrees). A file has a point in each line, with commas or blanks; # begins a comment.
+A point is X,Y or X,Y,YAW (m, degrees). A file has one point per line, with commas or spaces; # starts a \
+comment.
 
 Examples:
   fleet-cli dispatch route 1,0 2,0 2,2,90 --loops 2
   fleet-cli dispatch route corridor.txt --robot xtb-1";
 
 const PATROL_HELP: &str = "\
-A point is X,Y or X,Y,YAW (m, degrees). A file has a point in each line, with commas or blanks; # begins a comment.
+A point is X,Y or X,Y,YAW (m, degrees). A file has one point per line, with commas or spaces; # starts a \
+comment.
 
 Example: fleet-cli dispatch patrol -1,0 -1,4 3,4 --dwell 5 --for 600";
 
@@ -26,16 +28,16 @@ const WANDER_EXAMPLE: &str = "\
 Example: fleet-cli dispatch wander --for 60 --robot xtb-3";
 
 const SUBMIT_HELP: &str = "\
-The file is checked as a whole, here and by the dispatcher: all of its tasks are taken, or none.
+The file is checked as a whole, here and by the dispatcher: all of its tasks are accepted, or none.
 
   [[task]]
-  goto = [4.0, 2.0, 90]              # x and y in m, yaw in degrees if it matters
+  goto = [4.0, 2.0, 90]              # x and y in m, optionally yaw in degrees
   robot = \"xtb-1\"                    # or tag = \"red\", or able = \"wander\"
 
   [[task]]
   patrol = [[0, 0], [0, 3]]          # or route, with loops
   dwell_s = 5
-  for_s = 600                        # else until it is cancelled
+  for_s = 600                        # default: until it is cancelled
   priority = 7                       # also deadline_s, retries, grace_s,
                                      # on_takeover, on_link_loss, finish_s
 
@@ -46,13 +48,13 @@ Example: fleet-cli dispatch submit tasks.toml --wait";
 
 const TASKS_HELP: &str = "\
 Exit code 0 means that the dispatcher has answered. With --json the list is one array; with --watch each \
-change is a line.
+change is one line.
 
 Example: fleet-cli tasks --watch";
 
 const CANCEL_HELP: &str = "\
-The answer comes when the robot has confirmed that it has let go, not before. After 5 s without that it is \
-said, the exit code is 3, and the dispatcher goes on trying.
+The answer comes when the robot has confirmed that it has ended the task. If that takes more than 5 s, the \
+command says so and ends with exit code 3; the dispatcher keeps trying.
 
 Example: fleet-cli cancel t17 t18";
 
@@ -83,13 +85,13 @@ pub struct TaskGotoArgs {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = ROUTE_HELP)]
 pub struct TaskRouteArgs {
-    /// Points in their order, or a file of them.
+    /// Points in order, or a file of points.
     #[arg(value_name = "FILE|POINTS", required = true)]
     pub points: Vec<String>,
-    /// How often.
+    /// Number of loops.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub loops: u32,
-    /// How long to stand at each point.
+    /// Waiting time at each point.
     #[arg(long = "dwell", value_name = "SECONDS", default_value = "0", value_parser = part_of_a_day)]
     pub dwell_s: f64,
     /// Who, when, how.
@@ -104,13 +106,13 @@ pub struct TaskRouteArgs {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = PATROL_HELP)]
 pub struct TaskPatrolArgs {
-    /// Points in their order, or a file of them; after the last one comes the first one again.
+    /// Points in order, or a file of points; after the last point the first one follows again.
     #[arg(value_name = "FILE|POINTS", required = true)]
     pub points: Vec<String>,
-    /// How long altogether [default: until it is cancelled].
+    /// Total duration [default: until it is cancelled].
     #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
     pub lasting: Option<Duration>,
-    /// How long to stand at each point.
+    /// Waiting time at each point.
     #[arg(long = "dwell", value_name = "SECONDS", default_value = "0", value_parser = part_of_a_day)]
     pub dwell_s: f64,
     /// Who, when, how.
@@ -125,7 +127,7 @@ pub struct TaskPatrolArgs {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = WANDER_EXAMPLE)]
 pub struct TaskWanderArgs {
-    /// How long.
+    /// Duration.
     #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
     pub lasting: Duration,
     /// Who, when, how.
@@ -152,35 +154,35 @@ pub struct TaskSubmitArgs {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Task options")]
 pub struct TermArgs {
-    /// Only this robot [default: whoever is free and near].
+    /// Only this robot [default: a free robot nearby].
     #[arg(long, value_name = "ROBOT", value_parser = Name::robot, group = "who")]
     pub robot: Option<Name>,
-    /// Only robots that bear this tag in the roster (red or @red).
+    /// Only robots with this tag in the roster (red or @red).
     #[arg(long, value_name = "TAG", group = "who")]
     pub tag: Option<String>,
-    /// Only robots whose factsheet names this capability.
+    /// Only robots with this capability in their factsheet.
     #[arg(long, value_name = "CAPABILITY", group = "who")]
     pub able: Option<String>,
-    /// 0 = when nothing else is to be done, 9 = first.
+    /// Priority, from 0 (last) to 9 (first).
     #[arg(long, value_name = "0..9", default_value_t = 5,
         value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_PRIORITY)))]
     pub priority: u8,
-    /// It has failed unless it is done this long from now [default: none].
+    /// The task fails unless it is done within this time from now [default: none].
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub deadline: Option<Duration>,
-    /// How often it is begun anew after it has failed on a robot.
+    /// Number of retries after a robot has failed.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(0..=100))]
     pub retries: u32,
-    /// What becomes of it when somebody else takes its robot or stops it.
+    /// What happens to the task when another client takes control of its robot or stops it.
     #[arg(long, value_name = "WHAT", value_enum, default_value = "requeue")]
     pub on_takeover: TakeoverArg,
-    /// How long it waits for a robot that is gone or taken.
+    /// How long the task waits for a robot that is offline or under another client's control.
     #[arg(long, value_name = "SECONDS", default_value = "30", value_parser = part_of_a_day)]
     pub grace: f64,
-    /// What its robot does when it hears nothing from the dispatcher.
+    /// What the robot does without a connection to the dispatcher.
     #[arg(long, value_name = "WHAT", value_enum, default_value = "halt")]
     pub on_link_loss: LinkLossArg,
-    /// With --on-link-loss finish: how long one drive may take [default: 300].
+    /// With --on-link-loss finish: time limit of one drive [default: 300].
     #[arg(long, value_name = "SECONDS", value_parser = part_of_a_day, requires = "on_link_loss")]
     pub finish: Option<f64>,
 }
@@ -188,9 +190,9 @@ pub struct TermArgs {
 /// What a robot does when it hears nothing more from whoever sent it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LinkLossArg {
-    /// It stops; a task then waits or goes to another one.
+    /// The robot stops; its task waits or goes to another robot.
     Halt,
-    /// It goes on to the point it drives to.
+    /// The robot continues to its current goal.
     Finish,
 }
 
@@ -206,11 +208,11 @@ impl From<LinkLossArg> for LinkLoss {
 /// What becomes of a task whose robot somebody else took.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum TakeoverArg {
-    /// After --grace it is queued again, for any robot.
+    /// After --grace the task is queued again, for any robot.
     Requeue,
-    /// It waits for this robot.
+    /// The task waits for this robot.
     Resume,
-    /// It has failed.
+    /// The task fails.
     Fail,
 }
 
@@ -228,11 +230,11 @@ impl From<TakeoverArg> for OnTakeover {
 #[derive(Debug, Clone, Copy, Args)]
 #[command(next_help_heading = WAIT_HELP)]
 pub struct StayArgs {
-    /// Stay and show progress until it has ended: exit code 0 = done, 1 = failed or cancelled. Ctrl-C leaves
-    /// the task with the dispatcher.
+    /// Wait and show progress until the task has ended: exit code 0 = done, 1 = failed or cancelled. Ctrl-C
+    /// ends only this command; the dispatcher keeps the task.
     #[arg(long)]
     pub wait: bool,
-    /// Ctrl-C cancels the task instead.
+    /// Ctrl-C cancels the task.
     #[arg(long, requires = "wait")]
     pub cancel_on_interrupt: bool,
 }
@@ -241,13 +243,13 @@ pub struct StayArgs {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = TASKS_HELP)]
 pub struct TasksArgs {
-    /// Keep showing them; q or Ctrl-C leaves.
+    /// Update continuously; q or Ctrl-C quits.
     #[arg(long)]
     pub watch: bool,
-    /// Those that have ended too, not only the last few.
+    /// Show all ended tasks, not only the latest.
     #[arg(long)]
     pub all: bool,
-    /// Only those that are on this robot, ended there or wait for it.
+    /// Only tasks of this robot: in progress, ended or waiting for it.
     #[arg(long, value_name = "ROBOT", value_parser = Name::robot)]
     pub robot: Option<Name>,
 }
@@ -268,14 +270,14 @@ pub struct CancelArgs {
     /// Tasks, such as t17.
     #[arg(value_name = "TASK")]
     pub tasks: Vec<TaskId>,
-    /// All that have not ended.
+    /// All tasks that have not ended.
     #[arg(long)]
     pub all: bool,
 }
 
 /// Arguments of `pause`.
 #[derive(Debug, Clone, Args)]
-#[command(after_help = "Their robots stop and are free for other tasks. Example: fleet-cli pause t17")]
+#[command(after_help = "The robots stop and are free for other tasks. Example: fleet-cli pause t17")]
 pub struct PauseArgs {
     /// Tasks, such as t17.
     #[arg(value_name = "TASK", required = true)]
@@ -284,7 +286,7 @@ pub struct PauseArgs {
 
 /// Arguments of `resume`.
 #[derive(Debug, Clone, Args)]
-#[command(after_help = "They go on at the point they were at. Example: fleet-cli resume t17")]
+#[command(after_help = "The tasks continue at their last point. Example: fleet-cli resume t17")]
 pub struct ResumeArgs {
     /// Tasks, such as t17.
     #[arg(value_name = "TASK", required = true)]
@@ -293,9 +295,9 @@ pub struct ResumeArgs {
 
 /// Arguments of `retry`.
 #[derive(Debug, Clone, Args)]
-#[command(after_help = "They go on at the point they were at. Example: fleet-cli retry t17")]
+#[command(after_help = "The tasks continue at their last point. Example: fleet-cli retry t17")]
 pub struct RetryArgs {
-    /// Tasks that have failed or were cancelled, such as t17.
+    /// Failed or cancelled tasks, such as t17.
     #[arg(value_name = "TASK", required = true)]
     pub tasks: Vec<TaskId>,
 }

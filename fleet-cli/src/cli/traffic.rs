@@ -5,8 +5,9 @@ use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
 const SERVE_HELP: &str = "\
-Robots whose goals are planned (`goto` on a robot with a map) get their paths from here: each drives as far \
-as it was released, in an order in which nobody meets anybody. Without it each plans for itself.";
+Robots with planned goals (`goto` on a robot with a map) get their paths from traffic control. Each drives \
+only as far as it has clearance, in an order without conflicts. Without traffic control each robot plans for \
+itself.";
 
 /// Arguments of `traffic`.
 #[derive(Debug, Clone, Args)]
@@ -19,9 +20,9 @@ pub struct TrafficArgs {
 /// What to do about traffic.
 #[derive(Debug, Clone, Subcommand)]
 pub enum TrafficVerb {
-    /// Lead the fleet's robots past each other until Ctrl-C.
+    /// Coordinate the fleet's robots until Ctrl-C.
     Serve(TrafficServeArgs),
-    /// Whom traffic control leads, and whom it drives around.
+    /// Show which robots traffic control coordinates, and which ones it plans around.
     Status,
 }
 
@@ -29,7 +30,7 @@ pub enum TrafficVerb {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = SERVE_HELP)]
 pub struct TrafficServeArgs {
-    /// Map (map_server YAML) or world (TOML), served to the fleet too [default: the fleet's].
+    /// Map (map_server YAML) or world (TOML), also served to the fleet [default: the fleet's map].
     #[arg(long, value_name = "FILE")]
     pub map: Option<PathBuf>,
     /// How fine a world is drawn.

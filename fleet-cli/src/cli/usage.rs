@@ -29,5 +29,5 @@ pub fn failure(error: &clap::Error) -> Failure {
     let message = in_one_line(text.split("\n\n").next().unwrap_or_default());
     let message = message.strip_prefix("error: ").unwrap_or(&message);
     let tip = text.lines().find_map(|line| line.trim_start().strip_prefix("tip: "));
-    Failure::new(Kind::Usage, message).hint(tip.unwrap_or("fleet-cli --help lists verbs and options"))
+    Failure::new(Kind::Usage, message).hint(tip.unwrap_or("fleet-cli --help lists commands and options"))
 }

@@ -42,7 +42,7 @@ pub(super) fn fix_noise(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn part(text: &str) -> Result<f64, String> {
-    number(text, 0.0, 1.0, "parts of one")
+    number(text, 0.0, 1.0, "").map_err(|_| "expected a number within 0..=1".to_owned())
 }
 
 pub(super) fn drop_outs(text: &str) -> Result<f64, String> {

@@ -53,7 +53,7 @@ async fn change(ctx: &Context, body: DispatchBody) -> Result<Exit> {
     let Changes { tasks, left_out } = changes?;
     let exit = report(ctx, &tasks)?;
     if left_out > 0 {
-        ctx.out.note(&format!("{left_out} more are not named here; `fleet-cli tasks --all` lists them"));
+        ctx.out.note(&format!("{left_out} more are not shown; `fleet-cli tasks --all` lists them"));
     }
     Ok(exit)
 }

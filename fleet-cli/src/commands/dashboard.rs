@@ -139,6 +139,6 @@ async fn foxglove(_: &Context, args: &DashboardArgs, _: &Live) -> Result<Option<
     match args.foxglove {
         None => Ok(None),
         Some(_) => Err(Failure::new(crate::Kind::Usage, "this fleet-cli was built without Foxglove")
-            .hint("`cargo build --release -p fleet-cli --features foxglove` builds it in")),
+            .hint("build it with `cargo build --release -p fleet-cli --features foxglove`")),
     }
 }

@@ -59,7 +59,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
     let began = Instant::now();
     if args.goals == 0 {
         return Err(
-            Failure::new(Kind::Usage, "a demonstration without goals").hint("--goals takes 1 or more")
+            Failure::new(Kind::Usage, "a demonstration needs goals").hint("--goals must be 1 or more")
         );
     }
     let plan = Plan {

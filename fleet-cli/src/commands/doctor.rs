@@ -309,7 +309,7 @@ mod tests {
         let report = Report::new(&name("lab"), checks::all(&facts));
         let text = text(&report, &Output { json: false, colors: false });
         for (robot, other) in [("xtb-1", "xtb-2"), ("xtb-2", "xtb-1")] {
-            let crossed = format!("problem  fixes     {robot}: its fixes and those of {other} are crossed");
+            let crossed = format!("problem  fixes     {robot}: its fixes and those of {other} are swapped");
             assert!(text.contains(&crossed), "{text}");
         }
     }
@@ -324,6 +324,8 @@ mod tests {
         let report = Report::new(&name("lab"), checks::all(&facts));
         let text = text(&report, &Output { json: false, colors: false });
         assert!(text.contains("problem  names     xtb-1: 2 programs answer its commands"), "{text}");
-        assert!(text.contains("problem  names     a program answers commands to robots that are not there"));
+        assert!(
+            text.contains("problem  names     a program answers commands to robots that are not present")
+        );
     }
 }

@@ -18,7 +18,7 @@ pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     let calling = estop(&client, &targets, ctx.settings.timeout);
     let report = stopped::shown(ctx, &client, &args.who, calling, "stopped (latched)").await?;
     if !ctx.out.json {
-        ctx.out.note("`fleet-cli reset ROBOT` ends it; it is no safety-rated stop");
+        ctx.out.note("reset with `fleet-cli reset ROBOT`; this is not a safety-rated stop");
         if args.who.all && DispatcherClient::of(&client).is_there().await {
             ctx.out.note("the dispatcher assigns no task until `fleet-cli dispatch activate`");
         }

@@ -80,8 +80,8 @@ fn begin(path: &Path, table: Table, force: bool) -> io::Result<Sheet> {
 fn cannot_write(path: &Path, error: &io::Error) -> Failure {
     match error.kind() {
         io::ErrorKind::AlreadyExists => {
-            Failure::new(Kind::Usage, format!("{} is there already", path.display()))
-                .hint("name another folder with --out, or overwrite it with --force")
+            Failure::new(Kind::Usage, format!("{} already exists", path.display()))
+                .hint("choose another folder with --out, or overwrite it with --force")
         }
         _ => Failure::new(Kind::Failed, format!("cannot write {}: {error}", path.display())),
     }
@@ -91,10 +91,10 @@ fn words(exported: &Exported) -> String {
     let mut lines: Vec<String> =
         exported.tables.iter().map(|(path, rows)| format!("{}: {rows} rows", path.display())).collect();
     if exported.left_out > 0 {
-        lines.push(format!("{} messages of types that this program does not know", exported.left_out));
+        lines.push(format!("{} messages of unknown types skipped", exported.left_out));
     }
     if let Some(reason) = &exported.cut {
-        lines.push(format!("the recording breaks off: {reason}"));
+        lines.push(format!("the recording is incomplete: {reason}"));
     }
     lines.join("\n")
 }

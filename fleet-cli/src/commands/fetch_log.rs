@@ -74,7 +74,7 @@ pub async fn run(ctx: &Context, args: &FetchLogArgs) -> Result<Exit> {
     let file = chosen.file.as_str();
     let fetched = Fetched { robot: &args.robot, file, path: &path, bytes, resumed_from, open: chosen.open };
     ctx.out.result(&fetched, |fetched| {
-        let still = if fetched.open { "; the robot still writes to it" } else { "" };
+        let still = if fetched.open { "; the robot is still writing to it" } else { "" };
         format!("{}: {}{still}", fetched.path.display(), size(fetched.bytes))
     })?;
     Ok(Exit::Done)
@@ -84,7 +84,7 @@ async fn list(ctx: &Context, client: &Client, robot: &Name) -> Result<Vec<LogFil
     match ask(ctx, client, robot, &LogRequest::List {}).await? {
         LogReply::Files { files, left_out } => {
             if left_out > 0 {
-                ctx.out.note(&format!("warning: {left_out} older recordings are not listed"));
+                ctx.out.note(&format!("warning: {left_out} older recordings not listed"));
             }
             Ok(files)
         }
@@ -118,7 +118,7 @@ fn choose<'a>(robot: &Name, files: &'a [LogFile], named: Option<&str>) -> Result
             None => format!("{robot} has no recordings"),
         };
         Failure::new(Kind::Failed, message)
-            .hint(format!("`fleet-cli fetch-log {robot} --list` shows what it has"))
+            .hint(format!("`fleet-cli fetch-log {robot} --list` lists its recordings"))
     })
 }
 
@@ -126,9 +126,9 @@ fn choose<'a>(robot: &Name, files: &'a [LogFile], named: Option<&str>) -> Result
 fn own_recording(robot: &Name, file: &str) -> Result<RecordingName> {
     let named = RecordingName::parse(file).filter(|name| name.robot() == robot);
     named.ok_or_else(|| {
-        let message = format!("{robot} lists {file:?}, which is not the name of a recording of {robot}");
+        let message = format!("{robot} lists {file:?}, which is not a recording of {robot}");
         Failure::new(Kind::Failed, message)
-            .hint(format!("another program may answer for {robot}: `fleet-cli doctor` looks for more"))
+            .hint(format!("another program may be answering for {robot}: check with `fleet-cli doctor`"))
     })
 }
 
@@ -148,8 +148,12 @@ async fn fetch_all(
             LogReply::Error { code: LogCode::OutOfRange, .. } => Err(fetch::Differs),
             other => return Err(refused(robot, &other)),
         };
-        let data = data
-            .map_err(|error| Failure::new(Kind::Failed, error.to_string()).hint("--restart begins anew"))?;
+        let data = data.map_err(|error| {
+            Failure::new(Kind::Failed, error.to_string()).hint(
+                "start over with \
+                --restart",
+            )
+        })?;
         part.append(&data)?;
         bar.set_position(fetch.progress().0);
     }
@@ -199,19 +203,18 @@ async fn ask(ctx: &Context, client: &Client, robot: &Name, request: &LogRequest)
         }
         tokio::time::sleep(TURNED_AWAY).await;
         if began.elapsed() >= PATIENCE.max(ctx.settings.timeout) {
-            let message = format!("{robot} does not answer ({asked} times)");
-            return Err(Failure::new(Kind::NoRobot, message).hint(
-                "`fleet-cli list` shows who is there; agents before this version keep their recordings",
-            ));
+            let message = format!("{robot} does not answer ({asked} requests)");
+            return Err(Failure::new(Kind::NoRobot, message)
+                .hint("`fleet-cli list` shows the robots present; older agents cannot send recordings"));
         }
     }
 }
 
 fn not_ours(robot: &Name, error: &CodecError) -> Failure {
-    let message = format!("the answer of {robot} about its recordings cannot be read: {error}");
+    let message = format!("unreadable answer from {robot} about its recordings: {error}");
     Failure::new(Kind::Failed, message).hint(match error {
         CodecError::WrongVersion { .. } => "use programs of the same release on both sides".to_owned(),
-        _ => format!("another program may answer for {robot}: `fleet-cli doctor` looks for more"),
+        _ => format!("another program may be answering for {robot}: check with `fleet-cli doctor`"),
     })
 }
 
@@ -222,12 +225,12 @@ fn refused(robot: &Name, reply: &LogReply) -> Failure {
             match code {
                 LogCode::NotRecording => failure.hint("start it with `robot-agent --record DIR`"),
                 LogCode::UnknownFile => {
-                    failure.hint(format!("`fleet-cli fetch-log {robot} --list` shows what it has"))
+                    failure.hint(format!("`fleet-cli fetch-log {robot} --list` lists its recordings"))
                 }
                 _ => failure,
             }
         }
-        other => Failure::new(Kind::Failed, format!("{robot} answered something else: {other:?}")),
+        other => Failure::new(Kind::Failed, format!("unexpected answer from {robot}: {other:?}")),
     }
 }
 
@@ -235,7 +238,8 @@ fn with_hint(failure: Failure, part: &Part) -> Failure {
     if !failure.hint.is_empty() || part.bytes == 0 {
         return failure;
     }
-    let hint = format!("{} holds {}; the same command goes on there", part.path.display(), size(part.bytes));
+    let hint =
+        format!("{} has {}; the same command resumes the download", part.path.display(), size(part.bytes));
     failure.hint(hint)
 }
 
@@ -253,8 +257,8 @@ struct Part {
 impl Part {
     fn open(path: &Path, restart: bool) -> Result<Self> {
         if path.exists() {
-            let message = format!("{} is there already", path.display());
-            return Err(Failure::new(Kind::Failed, message).hint("name another one with --out"));
+            let message = format!("{} already exists", path.display());
+            return Err(Failure::new(Kind::Failed, message).hint("choose another file with --out"));
         }
         let mut name = path.as_os_str().to_owned();
         name.push(".part");

@@ -67,10 +67,10 @@ async fn send(ctx: &Context, control: &Control, task: &Task, stop: impl Future<O
         // It may have arrived nevertheless.
         () = stop => {
             let how = match cancel(control, goal).await? {
-                Cancelled::Ended => "its goal was cancelled",
-                Cancelled::NotRunning => "the goal does not run",
+                Cancelled::Ended => "goal cancelled",
+                Cancelled::NotRunning => "the goal is not running",
             };
-            return Err(Failure::new(Kind::Interrupted, format!("{robot} was told to stop: {how}")));
+            return Err(Failure::new(Kind::Interrupted, format!("interrupted; {robot}: {how}")));
         }
     }
     let report = Report {
@@ -123,7 +123,7 @@ async fn drive(
             GoalStep::ControlLost => {
                 progress.end();
                 let failure = lost(control, watch.feed(), task).unwrap_or_else(|| unheard(&watch, task));
-                let message = format!("{}; goal {} had not ended by then", failure.message, task.target);
+                let message = format!("{}; goal {} had not ended before", failure.message, task.target);
                 return Err(Failure { message, ..failure });
             }
             GoalStep::Unheard(_) => {
@@ -138,7 +138,8 @@ async fn drive(
             if cancelled != Ok(Cancelled::NotRunning) {
                 progress.end();
                 cancelled?;
-                let end = GoalEnd { status: GoalStatus::Cancelled, reason: Some("its time was up".into()) };
+                let end =
+                    GoalEnd { status: GoalStatus::Cancelled, reason: Some("time limit reached".into()) };
                 return report(ctx, control, task, &watch, end);
             }
         }
@@ -150,7 +151,7 @@ async fn cancelled(ctx: &Context, control: &Control, watch: &GoalWatch<'_>) -> R
     let (asked, robot) = (Instant::now(), control.robot());
     let how = match cancel(control, watch.goal()).await? {
         Cancelled::Ended => "goal cancelled",
-        Cancelled::NotRunning => "the goal does not run",
+        Cancelled::NotRunning => "the goal is not running",
     };
     let standing = async {
         while !watch.feed().last(robot).is_some_and(|seen| seen.at > asked && stands(&seen.state)) {
@@ -158,8 +159,8 @@ async fn cancelled(ctx: &Context, control: &Control, watch: &GoalWatch<'_>) -> R
         }
     };
     let failure = match tokio::time::timeout(ctx.settings.timeout, standing).await {
-        Ok(()) => Failure::new(Kind::Interrupted, format!("{robot} stands: {how}")),
-        Err(_) => Failure::new(Kind::Interrupted, format!("{how}, but {robot} was not seen standing"))
+        Ok(()) => Failure::new(Kind::Interrupted, format!("{robot} stopped: {how}")),
+        Err(_) => Failure::new(Kind::Interrupted, format!("{how}, but {robot} is not confirmed as stopped"))
             .hint(stop_hint(robot)),
     };
     ctx.out.failure(&failure);
@@ -172,7 +173,7 @@ fn stands(state: &RobotState) -> bool {
 
 fn unheard(watch: &GoalWatch<'_>, task: &Task) -> Failure {
     let (age, goal) = (describe::age(watch.silent()), watch.goal());
-    let message = format!("{} was not heard for {age}: outcome of goal {goal} unknown", task.robot);
+    let message = format!("no message from {} for {age}: outcome of goal {goal} unknown", task.robot);
     Failure::new(Kind::OutcomeUnknown, message).hint(unheard_hint(task))
 }
 
@@ -194,16 +195,16 @@ fn with_end(failure: Failure, task: &Task, end: &GoalEnd) -> Failure {
 
 fn line(task: &Task, state: Option<&RobotState>, age: Duration, lease_lost: bool) -> String {
     let Some(state) = state else {
-        return format!("{}: STALE, last heard {} ago", task.robot, describe::age(age));
+        return format!("{}: STALE, last message {} ago", task.robot, describe::age(age));
     };
     let goal = state.goal.as_ref().map(describe::goal).unwrap_or_default();
     let mut text =
         format!("{}: {goal} · {} · {}", task.robot, describe::speed(state), reasons::name(&state.mode));
     if !state.stopped_because.is_empty() {
-        text.push_str(&format!(" · stands: {}", reasons::reasons(&state.stopped_because)));
+        text.push_str(&format!(" · stopped: {}", reasons::reasons(&state.stopped_because)));
     }
     if lease_lost {
-        text.push_str(&format!(" · lease lost, now {}", describe::lease(state)));
+        text.push_str(&format!(" · control lost, now {}", describe::lease(state)));
     }
     text
 }
@@ -262,35 +263,34 @@ fn gap_hint(task: &Task) -> String {
     let robot = &task.robot;
     match task.request().on_link_loss {
         LinkLoss::Halt => format!(
-            "a gap in the network of more than 0.5 s ends a goal that is waited for; with \
-             `--on-link-loss finish` {robot} drives on through it"
+            "with --wait, a network gap of more than 0.5 s ends the goal; with `--on-link-loss finish` \
+             {robot} continues during the gap"
         ),
         LinkLoss::Finish => {
-            format!(
-                "a gap in the network ended control, not the goal: `fleet-cli why {robot}` shows how it stands"
-            )
+            format!("a network gap ended control, not the goal: `fleet-cli why {robot}` shows its state")
         }
     }
 }
 
 /// What to do about a robot that is out of reach while its goal runs.
 fn unheard_hint(task: &Task) -> String {
-    let back = format!("`fleet-cli why {}` shows when it is back", task.robot);
+    let back = format!("`fleet-cli why {}` shows when it is online again", task.robot);
     match task.request().on_link_loss {
         LinkLoss::Finish => format!("{}; {back}", task.alone()),
-        LinkLoss::Halt => format!(
-            "if its link is lost, {}; with `--on-link-loss finish` it drives on; {back}",
-            task.alone()
-        ),
+        LinkLoss::Halt => {
+            format!("without a link, {}; with `--on-link-loss finish` it continues; {back}", task.alone())
+        }
     }
 }
 
 fn hint(robot: &Name, status: GoalStatus) -> String {
     match status {
         GoalStatus::Interrupted => "the robot restarted; send the goal again".to_owned(),
-        GoalStatus::Replaced => format!("`fleet-cli why {robot}` shows who sent it elsewhere"),
-        GoalStatus::Cancelled => "somebody stopped it, or it took too long; send the goal again".to_owned(),
-        _ => format!("`fleet-cli why {robot}` shows why it stands, and what to do"),
+        GoalStatus::Replaced => format!("`fleet-cli why {robot}` shows who sent the new goal"),
+        GoalStatus::Cancelled => "the robot was stopped, or the goal took too long; send the goal \
+                                  again"
+            .to_owned(),
+        _ => format!("`fleet-cli why {robot}` shows why it is stopped, and what to do"),
     }
 }
 
@@ -350,7 +350,7 @@ mod tests {
             let mut fake = fake.lock();
             (fake.lease, fake.state.lease) = (None, None);
             let goal = fake.state.goal.as_mut().unwrap();
-            (goal.status, goal.reason) = (GoalStatus::Failed, Some("its client me fell silent".into()));
+            (goal.status, goal.reason) = (GoalStatus::Failed, Some("controlling client me timed out".into()));
             fake.state.stopped_because = vec![StopReason::LeaseExpired];
         };
         let (ended, ()) = tokio::join!(waiting, gap);

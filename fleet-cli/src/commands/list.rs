@@ -15,7 +15,7 @@ use xtb_client::dispatcher_client::DispatcherClient;
 use xtb_client::fleet_view::{FleetView, RobotView};
 use xtb_protocol::messages::{BatteryLevel, RobotState, Suspension};
 
-const HEADINGS: [&str; 9] = ["name", "mode", "stands", "pose", "speed", "battery", "lease", "goal", "age"];
+const HEADINGS: [&str; 9] = ["name", "mode", "stopped", "pose", "speed", "battery", "control", "goal", "age"];
 
 /// The fleet, and what its dispatcher has suspended.
 #[derive(Debug, Serialize)]

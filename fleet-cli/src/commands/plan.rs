@@ -99,10 +99,10 @@ fn explain(unsolved: Unsolved, instance: &Instance, args: &PlanArgs) -> Failure 
     let (kind, hint) = match unsolved {
         Unsolved::Problem(
             ProblemError::Value { .. } | ProblemError::TooMany(_) | ProblemError::SameName(_),
-        ) => (Kind::Config, "the instance's numbers and names are wrong"),
-        Unsolved::Problem(_) => (Kind::Failed, "no schedule can begin or end there: move the start or goal"),
+        ) => (Kind::Config, "check the numbers and names of the instance"),
+        Unsolved::Problem(_) => (Kind::Failed, "no schedule can start or end there: move the start or goal"),
         Unsolved::NoWay { .. } => {
-            (Kind::Failed, "something stands in its way, or it is too wide or turns too widely")
+            (Kind::Failed, "it is blocked, too wide, or its turning radius is too large")
         }
         Unsolved::OutOfBudget { .. } | Unsolved::NotBegun => {
             (Kind::Failed, "a longer --time-limit or another --seed may help")
@@ -113,8 +113,8 @@ fn explain(unsolved: Unsolved, instance: &Instance, args: &PlanArgs) -> Failure 
 
 /// What must never happen: nothing is written then.
 fn wrong(fault: &Fault) -> Failure {
-    Failure::new(Kind::Failed, format!("the schedule found is wrong: {fault}; it was not written"))
-        .hint("this is an error of fleet-cli; another --seed may help")
+    Failure::new(Kind::Failed, format!("the schedule is invalid: {fault}; it was not written"))
+        .hint("this is a bug in fleet-cli; another --seed may help")
 }
 
 fn statistics(instance: &Instance, schedule: &Schedule, begun: Instant) -> Statistics {

@@ -86,7 +86,7 @@ async fn print(ctx: &Context, path: &Path, settings: PlaySettings) -> Result<()>
         tokio::time::sleep(TICK).await;
     }
     if let Some(reason) = reader.cut_because() {
-        ctx.out.note(&format!("the recording breaks off here: {reason}"));
+        ctx.out.note(&format!("the recording is incomplete, it ends here: {reason}"));
     }
     Ok(())
 }

@@ -65,7 +65,7 @@ pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
     let began = Instant::now();
     match ctx.out.json {
         true => ctx.out.line(&Ready { ready: true, recording: path })?,
-        false => ctx.out.note(&format!("recording into {}; Ctrl-C ends it", path.display())),
+        false => ctx.out.note(&format!("recording to {}; stop with Ctrl-C", path.display())),
     }
     let mut shown = output::Progress::new();
     let mut tick = tokio::time::interval(SHOW_EVERY);
@@ -129,7 +129,7 @@ fn progress(progress: &Progress, elapsed: Duration) -> String {
         in_bytes(progress.bytes)
     );
     if unreadable > 0 {
-        text.push_str(&format!("  {unreadable} not readable"));
+        text.push_str(&format!("  {unreadable} unreadable"));
     }
     if let [.., last] = progress.files.as_slice() {
         text.push_str(&format!("  {}", last.display()));
@@ -147,10 +147,13 @@ fn words(ended: &Ended) -> String {
         files.join(", ")
     );
     if dropped > 0 {
-        text.push_str(&format!("\n{dropped} messages came faster than they could be written: they are lost"));
+        text.push_str(&format!(
+            "\n{dropped} messages arrived faster than they could be written and were \
+                                lost"
+        ));
     }
     if unreadable > 0 {
-        text.push_str(&format!("\n{unreadable} messages were none of this project's and were left out"));
+        text.push_str(&format!("\n{unreadable} messages of other programs were skipped"));
     }
     text
 }

@@ -20,7 +20,7 @@ use xtb_protocol::messages::{Latch, LatchState, RejectCode};
 /// is reported.
 pub async fn run(ctx: &Context, args: &ResetArgs) -> Result<Exit> {
     if args.who.all && !args.yes && (ctx.out.json || !std::io::stdin().is_terminal()) {
-        return Err(Failure::new(Kind::Usage, "reset --all asks first, and nobody can answer here")
+        return Err(Failure::new(Kind::Usage, "reset --all asks for confirmation, but there is no terminal")
             .hint("--yes resets without asking"));
     }
     let client = Client::open(&ctx.settings).await?;
@@ -47,11 +47,11 @@ async fn all(ctx: &Context, client: &Client, args: &ResetArgs) -> Result<Exit> {
     }
     let complete = if unknown.is_empty() { Exit::Done } else { Exit::Unknown };
     for robot in &unknown {
-        let message = format!("{robot} does not answer: whether anything is latched is unknown");
+        let message = format!("{robot} does not answer: its latches are unknown");
         ctx.out.failure(&Failure::new(Kind::NoRobot, message));
     }
     if !roster && !ctx.out.json {
-        ctx.out.note("warning: without a roster nobody can say whether these were all robots");
+        ctx.out.note("warning: without a roster it is unknown whether these are all robots");
     }
     if latched.is_empty() {
         if !ctx.out.json {
@@ -78,7 +78,7 @@ async fn confirmed(ctx: &Context, latched: &[(Name, Vec<LatchState>)]) -> Result
         ctx.out.note(&format!("{robot}: {}", latches.join("; ")));
     }
     let robots = if latched.len() == 1 { "this robot" } else { "these robots" };
-    ctx.out.note(&format!("Reset {robots}? They move with a new command, or a task. y = yes, else no"));
+    ctx.out.note(&format!("Reset {robots}? They move again with a new command or task. y = yes, else no"));
     let answer = tokio::task::spawn_blocking(|| {
         let mut answer = String::new();
         std::io::stdin().read_line(&mut answer).map(|_| answer)
@@ -105,7 +105,7 @@ fn say(
                     exit = worse(exit, Exit::Failed);
                 }
                 if let Some(refused) = &report.refused {
-                    let hint = format!("`fleet-cli why {robot}` shows causes, and what to do about them");
+                    let hint = format!("`fleet-cli why {robot}` shows the causes and what to do");
                     let failure = Failure::new(Kind::Refused(RejectCode::CausePresent), refused).hint(hint);
                     if !ctx.out.json {
                         ctx.out.failure(&failure);
@@ -141,9 +141,9 @@ pub(super) async fn in_words(client: &Client, control: &Control, robot: &Name) -
 fn text(report: &ResetReport, asked: Option<Latch>, out: &Output) -> String {
     let robot = &report.robot;
     let (Some(cleared), Some(remaining)) = (&report.cleared, &report.remaining) else {
-        let done = if report.refused.is_none() { "the reset is done" } else { "the reset was refused" };
+        let done = if report.refused.is_none() { "reset done" } else { "reset refused" };
         return format!(
-            "{robot}: {done}; its state was not heard: `fleet-cli status {robot}` shows what is latched"
+            "{robot}: {done}; no state received since: `fleet-cli status {robot}` shows its latches"
         );
     };
     let mut lines: Vec<String> = Vec::new();
@@ -156,9 +156,9 @@ fn text(report: &ResetReport, asked: Option<Latch>, out: &Output) -> String {
         lines.push(format!("{robot}: {}: {}", out.paint(Tone::Bad, "still latched"), describe::latch(latch)));
     }
     lines.push(if remaining.is_empty() {
-        "nothing moves until a new command, or a task of the dispatcher's".to_owned()
+        "no robot moves until a new command or a task of the dispatcher".to_owned()
     } else {
-        "nothing moves until all latches are reset, and a new command is given".to_owned()
+        "no robot moves until all latches are reset and a new command is given".to_owned()
     });
     lines.join("\n")
 }
@@ -186,10 +186,10 @@ mod tests {
         let (report, text) = with_latches(vec![estop, gyro.clone()], None).await;
         assert_eq!(report.cleared, Some(vec![Latch::Estop]));
         assert_eq!(report.remaining, Some(vec![gyro]));
-        assert!(report.refused.unwrap().contains("gyro_lost: gyro_silent is still so"));
+        assert!(report.refused.unwrap().contains("gyro_lost: gyro_silent is still present"));
         assert!(text.contains("xtb-1: estop reset\n"), "{text}");
         assert!(text.contains("still latched: gyro_lost by gyro_silent"), "{text}");
-        assert!(text.contains("nothing moves until all latches are reset"), "{text}");
+        assert!(text.contains("no robot moves until all latches are reset"), "{text}");
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -208,7 +208,7 @@ mod tests {
         assert_eq!((report.cleared, report.refused), (Some(Vec::new()), None));
         assert_eq!(
             text,
-            "xtb-1: nothing latched\nnothing moves until a new command, or a task of the dispatcher's"
+            "xtb-1: nothing latched\nno robot moves until a new command or a task of the dispatcher"
         );
     }
 

@@ -56,7 +56,7 @@ async fn set_pose<'a>(
     let before = next_state(&feed, robot, Instant::now(), ctx.settings.timeout, |_| true).await;
     let before = before.map(|state| state.pose);
     let Some(yaw_rad) = args.yaw.map(f64::to_radians).or(before.map(|pose| pose.yaw_rad)) else {
-        let message = format!("{robot} says nothing of itself: its present yaw is unknown");
+        let message = format!("no state from {robot}: its current yaw is unknown");
         return Err(Failure::new(Kind::NoRobot, message).hint("give it with --yaw DEGREES"));
     };
     let pose = MapPose { x_m: args.x_m, y_m: args.y_m, yaw_rad: wrap_rad(yaw_rad) };
@@ -73,7 +73,7 @@ fn text(report: &Report<'_>) -> String {
     let words = format!("{}: was at {before}, is now at {told}", report.robot);
     match report.after {
         Some(_) => words,
-        None => format!("{words}; its state was not heard since"),
+        None => format!("{words}; no state received since"),
     }
 }
 

@@ -26,7 +26,7 @@ use xtb_protocol::messages::{DispatchStatus, RosterEntry, Suspension};
 use xtb_sim::{Pace, World};
 
 /// What helps an overloaded simulator.
-const TOO_SLOW: &str = "fewer --robots, a lower --speed, or a faster machine";
+const TOO_SLOW: &str = "use fewer --robots, a lower --speed, or a faster computer";
 
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]
@@ -175,7 +175,7 @@ async fn pace(ctx: &Context, mut stats: watch::Receiver<Told>, strict: bool) -> 
         match told.pace.filter(|pace| said.replace(*pace) != Some(*pace)) {
             Some(Pace::FellBehind) if strict => return Failure::new(Kind::Failed, runs).hint(TOO_SLOW),
             Some(Pace::FellBehind) => ctx.out.note(&format!("warning: {runs}: {TOO_SLOW}")),
-            Some(Pace::CaughtUp) => ctx.out.note(&format!("{runs}: in time again")),
+            Some(Pace::CaughtUp) => ctx.out.note(&format!("{runs}: on time again")),
             None => {}
         }
         if stats.changed().await.is_err() {
@@ -254,10 +254,10 @@ fn bad_day(ctx: &Context, seed: u64) -> Result<Exit> {
 pub fn read_world(path: &Path) -> Result<World> {
     let text = files::text(path, files::MAX_TEXT).map_err(|error| {
         Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
-            .hint("worlds/ holds examples")
+            .hint("worlds/ has examples")
     })?;
     let world = World::from_toml(&text).map_err(|error| {
-        Failure::new(Kind::Config, format!("{}: {error}", path.display())).hint("worlds/ holds examples")
+        Failure::new(Kind::Config, format!("{}: {error}", path.display())).hint("worlds/ has examples")
     })?;
     Ok(map_file::named_by_file(world, path))
 }
@@ -279,8 +279,8 @@ fn announce(
     let robots = &simulator.roster().robots;
     if speed > 1.0 {
         ctx.out.note(&format!(
-            "at {speed} times real time a robot gives its clients {speed} times its own 200 ms, 500 ms …: \
-             they live at real time"
+            "at {speed} × real time, a robot's time limits for clients (200 ms, 500 ms …) pass {speed} × as \
+             fast: clients run in real time"
         ));
     }
     for robot in robots {

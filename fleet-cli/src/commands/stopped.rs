@@ -45,7 +45,7 @@ impl Report {
                     Cell::new("not confirmed (answered, but its state does not show it)", Tone::Bad)
                 }
                 StopOutcome::Absent => Cell::new(
-                    "not confirmed (answered, but no such robot is there: `fleet-cli doctor`)",
+                    "not confirmed (answered, but no such robot is present: `fleet-cli doctor`)",
                     Tone::Bad,
                 ),
                 StopOutcome::Ambiguous => {
@@ -69,7 +69,7 @@ pub(super) async fn shown(
     calling: impl Future<Output = (StopReport, MissingInfo)>,
     stopped: &str,
 ) -> Result<Report> {
-    let beside = unknown_robots::reported_beside(calling, ctx, client, &who.robots, "told to stop");
+    let beside = unknown_robots::reported_beside(calling, ctx, client, &who.robots, "sent a stop");
     let ((found, missing), unknown_robots) = beside.await;
     if found.robots.is_empty() {
         return Err(missing.alive.unwrap_or_else(|| client.nobody()).into());
@@ -89,9 +89,9 @@ fn warn(ctx: &Context, missing: &MissingInfo) {
         ctx.out.note(&format!("warning: there may be more robots: {error}"));
     }
     if missing.alive.is_none() {
-        ctx.out.note("warning: without a roster nobody can say whether these were all robots");
+        ctx.out.note("warning: without a roster it is unknown whether these are all robots");
     }
-    ctx.out.note("hint: name them with --expect a,b,c or as [[robots]] in the fleet config");
+    ctx.out.note("hint: list them with --expect a,b,c or as [[robots]] in the fleet config");
 }
 
 #[cfg(test)]

@@ -55,7 +55,7 @@ fn text(history: &TaskHistory, now_ms: u64, out: &Output) -> String {
             step.reason.clone().unwrap_or_default().into(),
         ]);
         if i == 0 && *left_out > 0 {
-            table.row(vec![Cell::new("…", Tone::Dim), Cell::new(format!("{left_out} left out"), Tone::Dim)]);
+            table.row(vec![Cell::new("…", Tone::Dim), Cell::new(format!("{left_out} not shown"), Tone::Dim)]);
         }
     }
     lines.push(table.render(out));
@@ -75,15 +75,15 @@ fn terms(task: &TaskView, now_ms: u64) -> String {
     let mut all = vec![whose(&spec.who), format!("priority {}", spec.priority)];
     match spec.deadline_ms {
         Some(at_ms) if task.state.is_final() => {
-            all.push(format!("deadline {} after it was submitted", since(at_ms, task.submitted_ms)));
+            all.push(format!("deadline {} after submission", since(at_ms, task.submitted_ms)));
         }
         Some(at_ms) if at_ms > now_ms => all.push(format!("deadline in {}", since(at_ms, now_ms))),
-        Some(_) => all.push("deadline over".to_owned()),
+        Some(_) => all.push("deadline passed".to_owned()),
         None => {}
     }
     match spec.on_takeover {
         OnTakeover::Requeue => {}
-        other => all.push(format!("if its robot is taken over: {}", reasons::name(&other))),
+        other => all.push(format!("if another client takes the robot: {}", reasons::name(&other))),
     }
     all.join(", ")
 }

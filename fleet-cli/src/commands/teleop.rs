@@ -45,8 +45,9 @@ struct Report<'a> {
 /// No terminal, no router, no answer, a refusal, or somebody else took over.
 pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
     if !std::io::stdin().is_terminal() || !std::io::stdout().is_terminal() {
-        return Err(Failure::new(Kind::Usage, "teleop needs a terminal for its keys and its screen")
-            .hint("programs put setpoints on xtb/<fleet>/<robot>/teleop/<client>; see docs/protocol.md"));
+        return Err(Failure::new(Kind::Usage, "teleop needs a terminal for its keys and its screen").hint(
+            "programs publish setpoints on xtb/<fleet>/<robot>/teleop/<client>; see docs/protocol.md",
+        ));
     }
     let begun = async {
         let client = Client::open(&ctx.settings).await?;
@@ -76,10 +77,10 @@ pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
 fn goodbye(report: &Report<'_>) -> String {
     let robot = report.robot;
     match report.stopped {
-        None => format!("{robot} was not driven; control is given back"),
-        Some(true) => format!("{robot} was told to stop; control is given back"),
+        None => format!("{robot} was not driven; control released"),
+        Some(true) => format!("{robot} confirmed the stop; control released"),
         Some(false) => {
-            format!("{robot} did not confirm the stop: its own clock ends the last setpoint within 250 ms")
+            format!("{robot} did not confirm the stop: the last setpoint times out within 250 ms")
         }
     }
 }

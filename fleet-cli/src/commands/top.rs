@@ -65,14 +65,13 @@ pub async fn run_played(ctx: &Context, played: Arc<PlaybackWorker>) -> Result<Ex
     let args = TopArgs { robots: Vec::new(), read_only: true, ascii: false };
     let (_keep, link) = watch::channel(true);
     let source = Source { scene: played.scene(), client: None, played: Some(played) };
-    show(ctx, source, link, &args, Some("a recording is played")).await
+    show(ctx, source, link, &args, Some("playing a recording")).await
 }
 
 fn refuse(ctx: &Context) -> Result<()> {
-    let hint =
-        "`fleet-cli list` shows the fleet once, `fleet-cli watch` prints what travels; both know --json";
+    let hint = "use `fleet-cli list` for one look or `fleet-cli watch` for messages; both have --json";
     if ctx.out.json {
-        return Err(Failure::new(Kind::Usage, "top is a screen for people: it has no --json").hint(hint));
+        return Err(Failure::new(Kind::Usage, "top is an interactive screen without --json").hint(hint));
     }
     let dumb = std::env::var("TERM").is_ok_and(|term| term == "dumb");
     if dumb || !std::io::stdin().is_terminal() || !stdout().is_terminal() {
@@ -254,14 +253,14 @@ impl Shell<'_> {
 }
 
 fn broken() -> Outcome {
-    Outcome { tone: Tone::Bad, text: "outcome unknown: an error of this program".to_owned(), held: false }
+    Outcome { tone: Tone::Bad, text: "outcome unknown: internal error".to_owned(), held: false }
 }
 
 fn playing(status: &PlayStatus) -> Playing {
     let seconds = |ms: u64| ms as f64 / 1000.0;
     let stands = match &status.failed {
-        Some(why) => Some(format!("BROKEN: {why}")),
-        None if status.ended => Some("AT ITS END".to_owned()),
+        Some(why) => Some(format!("FAILED: {why}")),
+        None if status.ended => Some("AT END".to_owned()),
         None => status.paused.then(|| "PAUSED".to_owned()),
     };
     Playing {

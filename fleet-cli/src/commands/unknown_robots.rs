@@ -30,10 +30,12 @@ pub(super) async fn reported_beside<T>(
         unknown = &mut finding => unknown,
     };
     if !ctx.out.json {
-        unknown
-            .said
-            .iter()
-            .for_each(|said| ctx.out.note(&format!("{said} The robot as named is {anyway} all the same.")));
+        unknown.said.iter().for_each(|said| {
+            ctx.out.note(&format!(
+                "{said} The robot is {anyway} anyway, by the name \
+                given."
+            ))
+        });
     }
     (call.await, unknown.meant)
 }
@@ -75,7 +77,7 @@ fn of(robots: &[Name], roster: Option<&BTreeSet<Name>>, alive: &BTreeSet<Name>) 
         };
         unknown.said.push(match meant {
             Some(meant) => format!("{robot} {lacks}: did you mean {meant}?"),
-            None => format!("{robot} {lacks}: there are {}.", listed(&known)),
+            None => format!("{robot} {lacks}. Known: {}.", listed(&known)),
         });
         unknown.meant.insert(robot.clone(), meant.and_then(|meant| Name::new(meant).ok()));
     }
@@ -107,7 +109,7 @@ mod tests {
         assert_eq!(found.meant, BTreeMap::from([(name("xtb-11"), Some(name("xtb-1")))]));
         assert_eq!(found.said, ["xtb-11 is not in the roster: did you mean xtb-1?"]);
         let found = of(&[name("carla")], Some(&roster), &names(&["a", "b", "c", "d"]));
-        assert_eq!(found.said, ["carla is not in the roster: there are a, b, c, d, xtb-1 and 1 more."]);
+        assert_eq!(found.said, ["carla is not in the roster. Known: a, b, c, d, xtb-1 and 1 more."]);
         let found = of(&[name("xbt-2")], None, &roster);
         assert_eq!(found.said, ["xbt-2 does not answer: did you mean xtb-2?"]);
         assert_eq!(of(&[name("xtb-11")], None, &BTreeSet::new()), Unknown::default());

@@ -64,8 +64,8 @@ async fn print_answers(ctx: &Context, client: &Client, args: &WatchArgs, ask: &[
         answers = asking => answers?,
     };
     if answers.is_empty() {
-        return Err(Failure::new(Kind::NoRobot, format!("Nobody answers on {}", args.key_expr))
-            .hint("`fleet-cli list` shows who is there; a roster is known to `fleet-cli sim` only"));
+        return Err(Failure::new(Kind::NoRobot, format!("No answer on {}", args.key_expr))
+            .hint("`fleet-cli list` shows the robots present; only `fleet-cli sim` publishes a roster"));
     }
     let most = args.count.map_or(usize::MAX, |count| usize::try_from(count).unwrap_or(usize::MAX));
     answers.into_iter().take(most).try_for_each(|answer| ctx.out.text(&line(&Item::Message(answer))?))
@@ -96,7 +96,7 @@ async fn follow(ctx: &Context, client: &Client, args: &WatchArgs, plan: Plan) ->
     drop(sources);
     let dropped = dropped.load(Ordering::Relaxed);
     if dropped > 0 {
-        ctx.out.note(&format!("warning: {dropped} messages came faster than they could be printed"));
+        ctx.out.note(&format!("warning: {dropped} messages arrived faster than they could be printed"));
     }
     Ok(())
 }

@@ -107,10 +107,10 @@ mod tests {
         };
         let text = text(&chain::explain(&robot), &Output { json: false, colors: false });
         let mut lines = text.lines();
-        assert_eq!(lines.next(), Some("xtb-1 stands for 12.0 s (mode idle, state 30 ms old)"));
+        assert_eq!(lines.next(), Some("xtb-1: stopped for 12.0 s (mode idle, state 30 ms old)"));
         assert_eq!(
             lines.next(),
-            Some("  latch    emergency stop: estop latched by cli-1, 12.0 s ago; its cause is gone")
+            Some("  latch    emergency stop: estop latched by cli-1, 12.0 s ago; cause gone")
         );
         assert_eq!(
             lines.next(),

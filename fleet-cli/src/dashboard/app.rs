@@ -17,7 +17,7 @@ use xtb_protocol::Name;
 pub struct Shown {
     /// The fleet.
     pub scene: Arc<Shared>,
-    /// Who commands; `None` = a recording is played.
+    /// Who commands; `None` = playing a recording.
     pub commands: Option<(Context, Client)>,
 }
 
@@ -41,7 +41,7 @@ impl App {
     /// What a page is told first.
     pub(super) fn hello(&self, client: Name) -> Hello {
         let why_not = match (&self.shown.commands, self.read_only) {
-            (None, _) => Some("a recording is played"),
+            (None, _) => Some("playing a recording"),
             (Some(_), true) => Some("the dashboard was started with --read-only"),
             (Some(_), false) => None,
         };

@@ -97,7 +97,7 @@ impl CommandSession {
 
     fn begin(&mut self, id: u64, command: Command) -> Result<Option<Value>> {
         let Some((ctx, client)) = self.commands.clone() else {
-            let message = "this dashboard takes no commands";
+            let message = "this dashboard accepts no commands";
             return Err(Failure::new(Kind::Refused(RejectCode::Unsupported), message)
                 .hint("it plays a recording, or was started with --read-only"));
         };
@@ -158,7 +158,7 @@ impl CommandSession {
             return Ok(());
         }
         let robot = self.driving().map_or_else(String::new, ToString::to_string);
-        Err(Failure::new(Kind::Refused(RejectCode::Busy), format!("this page drives {robot} already"))
+        Err(Failure::new(Kind::Refused(RejectCode::Busy), format!("this page is already driving {robot}"))
             .hint("end that first"))
     }
 
@@ -262,7 +262,7 @@ impl CommandSession {
 }
 
 fn overtaken() -> Failure {
-    Failure::new(Kind::Refused(RejectCode::Overtaken), "a stop came first: it was not begun, or is stopped")
+    Failure::new(Kind::Refused(RejectCode::Overtaken), "interrupted by a stop: not executed, or stopped")
 }
 
 async fn carry_out(ctx: &Context, client: &Client, known: &[Name], command: Command) -> Result<Value> {

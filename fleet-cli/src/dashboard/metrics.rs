@@ -106,11 +106,11 @@ impl Metrics {
         };
         own.register("sockets", "Pages that are connected", metrics.sockets.clone());
         own.register("frames_sent", "Frames sent to pages", metrics.sent.clone());
-        let help = "Frames left out because a page had not answered those before";
+        let help = "Frames skipped because a page had not acknowledged earlier ones";
         own.register("frames_skipped", help, metrics.skipped.clone());
-        let help = "Pages closed because they took nothing for 5 s";
+        let help = "Pages closed because they read nothing for 5 s";
         own.register("sockets_stalled", help, metrics.stalled.clone());
-        let help = "Messages of pages that could not be read";
+        let help = "Unreadable messages of pages";
         own.register("messages_malformed", help, metrics.malformed.clone());
         let help = "Requests refused: a foreign origin, an unknown host, no token, no room";
         own.register("requests_refused", help, metrics.refused.clone());
@@ -120,7 +120,7 @@ impl Metrics {
         }
         let began: Gauge<f64, AtomicU64> = Gauge::default();
         began.set(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64());
-        let help = "When the dashboard started, since 1970";
+        let help = "Start time of the dashboard, since 1970";
         own.register_with_unit("start_time", help, Unit::Seconds, began);
         registry.register_collector(Box::new(Fleet { scene }));
         Self { registry: Arc::new(registry), ..metrics }
@@ -157,11 +157,7 @@ impl Collector for Fleet {
         // A copy: a slow scrape must not hold up what comes in.
         let scene = self.scene.lock().clone();
         let mut out = Sheet { encoder: &mut encoder };
-        out.count(
-            "messages_unreadable",
-            "Messages on the fleet's keys that could not be read",
-            self.scene.unreadable(),
-        )?;
+        out.count("messages_unreadable", "Unreadable messages on the fleet's keys", self.scene.unreadable())?;
         let help = "Messages of other fleets, or of more robots than the dashboard keeps";
         out.count("messages_refused", help, scene.refused())?;
         robots(&mut out, &scene, now_ms)?;
@@ -226,7 +222,7 @@ fn robots(out: &mut Sheet<'_, '_>, scene: &Scene, now_ms: AtMs) -> fmt::Result {
     let there = [(Present { present: "true" }, count(true)), (Present { present: "false" }, count(false))];
     out.gauges(
         "fleet_robots",
-        "Robots that are present, and those of the roster that are not",
+        "Robots present, and those of the roster that are missing",
         None,
         there.into_iter(),
     )?;
@@ -234,7 +230,7 @@ fn robots(out: &mut Sheet<'_, '_>, scene: &Scene, now_ms: AtMs) -> fmt::Result {
         .robots()
         .iter()
         .filter_map(|(name, robot)| Some((of(name), robot.state.as_ref()?.age_ms(now_ms) as f64 / 1000.0)));
-    out.gauges("robot_state_age", "Since the robot's last state came", Some(Unit::Seconds), ages)?;
+    out.gauges("robot_state_age", "Time since the robot's last state", Some(Unit::Seconds), ages)?;
     let speeds = fresh(scene, now_ms).filter_map(|(name, state)| Some((of(name), state.speed_mps?)));
     let unit = Unit::Other("meters_per_second".to_owned());
     out.gauges("robot_speed", "Speed over ground, + = ahead", Some(unit), speeds)?;
@@ -243,7 +239,7 @@ fn robots(out: &mut Sheet<'_, '_>, scene: &Scene, now_ms: AtMs) -> fmt::Result {
     let levels = fresh(scene, now_ms).map(|(name, state)| {
         (Battery { robot: name.to_string(), level: reasons::name(&state.battery_level) }, 1.0)
     });
-    out.gauges("robot_battery_level", "1 at what the voltage means", None, levels)?;
+    out.gauges("robot_battery_level", "1 at the current battery level", None, levels)?;
     let latches = fresh(scene, now_ms).flat_map(|(name, state)| {
         let latched = |latch: String| (Latched { robot: name.to_string(), latch }, 1.0);
         state.latches.iter().map(move |set| latched(set.latch.to_string())).collect::<Vec<_>>()
@@ -253,9 +249,9 @@ fn robots(out: &mut Sheet<'_, '_>, scene: &Scene, now_ms: AtMs) -> fmt::Result {
 
 fn counters(out: &mut Sheet<'_, '_>, scene: &Scene, now_ms: AtMs) -> fmt::Result {
     let late = fresh(scene, now_ms).map(|(name, state)| (of(name), state.turns_late));
-    out.counts("robot_turns_late", "Turns of the control loop that came more than 5 ms late", late)?;
+    out.counts("robot_turns_late", "Turns of the control loop that were more than 5 ms late", late)?;
     let dropped = fresh(scene, now_ms).map(|(name, state)| (of(name), state.rejected.events_dropped));
-    out.counts("robot_events_dropped", "Events that fell out of the robot's full queue", dropped)?;
+    out.counts("robot_events_dropped", "Events dropped from the robot's full queue", dropped)?;
     let rejected = fresh(scene, now_ms).flat_map(|(name, state)| {
         let counters = match serde_json::to_value(state.rejected) {
             Ok(Value::Object(counters)) => counters,
@@ -266,17 +262,17 @@ fn counters(out: &mut Sheet<'_, '_>, scene: &Scene, now_ms: AtMs) -> fmt::Result
         };
         counters.into_iter().filter_map(each).collect::<Vec<_>>()
     });
-    out.counts("robot_rejected", "What the robot refused or dropped since its boot", rejected)
+    out.counts("robot_rejected", "Messages that the robot refused or dropped since its boot", rejected)
 }
 
 fn services(out: &mut Sheet<'_, '_>, scene: &Scene) -> fmt::Result {
     let is = |there: bool| f64::from(u8::from(there));
     let there = [("dispatcher", scene.dispatcher()), ("traffic_control", scene.traffic_control())];
     let there = there.into_iter().map(|(service, there)| (Service { service }, is(there)));
-    out.gauges("fleet_service_up", "1 = it is there", None, there)?;
+    out.gauges("fleet_service_up", "1 = present", None, there)?;
     if scene.dispatcher() {
         let suspended = is(task_text::fleet_stop(scene.suspended()).is_some());
-        let help = "1 = it assigns nothing after an emergency stop of all robots, until it is activated";
+        let help = "1 = suspended after an emergency stop of all robots, until it is activated";
         out.gauges(
             "dispatcher_suspended",
             help,
@@ -290,7 +286,7 @@ fn services(out: &mut Sheet<'_, '_>, scene: &Scene) -> fmt::Result {
         *tasks.entry(reasons::name(&task.state)).or_default() += 1.0;
     }
     let tasks = tasks.into_iter().map(|(state, count)| (InState { state }, count));
-    out.gauges("fleet_tasks", "Tasks that the dispatcher remembers, by state", None, tasks)
+    out.gauges("fleet_tasks", "Tasks stored by the dispatcher, by state", None, tasks)
 }
 
 #[cfg(test)]

@@ -45,29 +45,29 @@ impl Orders {
         let estop = matches!(command, Command::Estop { .. });
         let (open, most) = if estop { (&mut self.estops, MOST_ESTOPS) } else { (&mut self.usual, MOST) };
         if *open >= most {
-            let message = format!("{most} commands of this page are under way");
+            let message = format!("{most} commands of this page are not answered yet");
             return Err(Failure::new(Kind::Refused(RejectCode::Overloaded), message)
-                .hint("wait for their answers; if robots are out of reach, that takes some seconds"));
+                .hint("wait for their answers; for robots that are out of reach this takes some seconds"));
         }
         let takes = match command {
             Command::Goto { robot, .. } | Command::Reset { robot } => Some(robot),
             _ => None,
         };
         if let Some(robot) = takes.filter(|robot| driving == Some(*robot)) {
-            let message = format!("this page drives {robot} by hand");
+            let message = format!("this page is driving {robot} by hand");
             return Err(Failure::new(Kind::Refused(RejectCode::Busy), message).hint("end that first"));
         }
         if let Some(robot) = takes.filter(|robot| self.going.contains_key(*robot)) {
-            let message = format!("the last command to {robot} is still on its way");
+            let message = format!("the last command to {robot} is not answered yet");
             return Err(Failure::new(Kind::Refused(RejectCode::Busy), message).hint("wait for its answer"));
         }
         let resets_all = matches!(command, Command::ResetAll {});
         if let Some(robot) = driving.filter(|_| resets_all) {
-            let message = format!("this page drives {robot} by hand");
+            let message = format!("this page is driving {robot} by hand");
             return Err(Failure::new(Kind::Refused(RejectCode::Busy), message).hint("end that first"));
         }
         if resets_all && self.resetting_all.is_some() {
-            let message = "the last reset of all is still on its way";
+            let message = "the last reset of all robots is not answered yet";
             return Err(Failure::new(Kind::Refused(RejectCode::Busy), message).hint("wait for its answer"));
         }
         *open += 1;
@@ -130,7 +130,7 @@ mod tests {
     fn a_stop_of_anybody_overtakes_a_reset_of_all() {
         let mut orders = Orders::default();
         let refused = orders.admit(&Command::ResetAll {}, Some(&name("xtb-1"))).unwrap_err();
-        assert!(refused.message.contains("drives xtb-1 by hand"), "{refused}");
+        assert!(refused.message.contains("driving xtb-1 by hand"), "{refused}");
         let (ticket, mut halted) = orders.admit(&Command::ResetAll {}, None).unwrap();
         assert!(orders.admit(&Command::ResetAll {}, None).is_err(), "one at a time");
         assert!(halted.try_recv().is_err());

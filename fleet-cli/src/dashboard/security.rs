@@ -45,7 +45,12 @@ impl FromStr for Origin {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("{text:?} is no origin: expected http://HOST[:PORT] or https://HOST[:PORT]");
+        let wrong = || {
+            format!(
+                "{text:?} is not an origin: expected http://HOST[:PORT] or \
+                                https://HOST[:PORT]"
+            )
+        };
         let (scheme, rest) = text.split_once("://").ok_or_else(wrong)?;
         let https = match scheme {
             "http" => false,
@@ -116,12 +121,12 @@ impl Refusal {
     pub(super) fn text(self) -> &'static str {
         match self {
             Self::Host => {
-                "refused: this dashboard is not known under that name. Open it by its address, or start it with \
+                "refused: unknown host name. Open the dashboard by its address, or start it with \
                  --allow-origin URL.\n"
             }
             Self::Origin => {
-                "refused: only the dashboard's own page may do that. Behind a proxy, start the dashboard with \
-                 --allow-origin URL.\n"
+                "refused: only the dashboard's own page is allowed to do that. Behind a proxy, start the \
+                 dashboard with --allow-origin URL.\n"
             }
             Self::Token => {
                 "refused: a token is needed. Open the address that the dashboard printed when it started \
@@ -165,18 +170,18 @@ impl Guard {
         match &token {
             None if !listen.is_loopback() => Err(Failure::new(
                 Kind::Usage,
-                format!("anybody who reaches {listen} could drive robots: a token is needed to listen there"),
+                format!("a token is needed to listen on {listen}: anyone who reaches it could drive robots"),
             )
             .hint(
                 "set XTB_DASHBOARD_TOKEN (or --token) to 16 or more random characters, such as from `openssl rand \
-                 -hex 16`; or stay on 127.0.0.1 and put a proxy with TLS in front, with --allow-origin",
+                 -hex 16`; or stay on 127.0.0.1 and use a proxy with TLS, with --allow-origin",
             )),
             Some(token) if token.len() < MIN_TOKEN || !token.bytes().all(|b| b.is_ascii_graphic()) => {
                 Err(Failure::new(
                     Kind::Usage,
-                    format!("a token has at least {MIN_TOKEN} characters, and neither blanks nor accents"),
+                    format!("a token needs at least {MIN_TOKEN} characters, without spaces or accents"),
                 )
-                .hint("`openssl rand -hex 16` makes one"))
+                .hint("create one with `openssl rand -hex 16`"))
             }
             _ => Ok(Self { listen, token, cookie, allowed }),
         }

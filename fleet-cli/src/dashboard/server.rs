@@ -139,7 +139,7 @@ impl Running {
         self.stop.send_replace(true);
         self.tasks.iter().for_each(JoinHandle::abort);
         if tokio::time::timeout(ENDS_WITHIN, self.busy.acquire_many(BUSY)).await.is_err() {
-            tracing::warn!("some pages did not end in time");
+            tracing::warn!("some pages did not close in time");
         }
     }
 }
@@ -207,7 +207,7 @@ fn welcome(guard: &Guard) -> Response {
 async fn upgrade(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
     let Ok(place) = Arc::clone(&app.places).try_acquire_owned() else {
         app.metrics.refused("full");
-        let text = format!("no room: {MOST_SOCKETS} pages are connected; close one of them\n");
+        let text = format!("too many pages: {MOST_SOCKETS} pages are connected; close one of them\n");
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
     };
     upgrade
@@ -235,11 +235,11 @@ async fn metrics(State(app): State<Arc<App>>) -> Response {
 
 async fn page(request: Request) -> Response {
     if !matches!(*request.method(), Method::GET | Method::HEAD) {
-        return (StatusCode::METHOD_NOT_ALLOWED, "commands come over the page's socket only\n")
+        return (StatusCode::METHOD_NOT_ALLOWED, "commands are accepted only over the page's socket\n")
             .into_response();
     }
     assets::answer(request.uri().path(), request.headers())
-        .unwrap_or_else(|| (StatusCode::NOT_FOUND, "there is no such page\n").into_response())
+        .unwrap_or_else(|| (StatusCode::NOT_FOUND, "page not found\n").into_response())
 }
 
 fn bind(listen: SocketAddr) -> std::io::Result<TcpListener> {
@@ -253,7 +253,7 @@ fn bind(listen: SocketAddr) -> std::io::Result<TcpListener> {
 fn taken(listen: SocketAddr, error: &std::io::Error) -> Failure {
     match error.kind() {
         std::io::ErrorKind::AddrInUse => Failure::new(Kind::PortTaken, format!("{listen} is already in use"))
-            .hint("another dashboard runs there: end it, or choose a port with --listen"),
+            .hint("another dashboard uses it: end that one, or choose another port with --listen"),
         _ => Failure::new(Kind::Usage, format!("cannot listen on {listen}: {error}"))
             .hint("an address looks like 127.0.0.1:8080"),
     }

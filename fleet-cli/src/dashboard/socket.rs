@@ -109,7 +109,7 @@ impl Writer {
             tokio::select! {
                 biased;
                 _ = stopped(&mut stop) => {
-                    let frame = CloseFrame { code: close_code::AWAY, reason: "the dashboard ends".into() };
+                    let frame = CloseFrame { code: close_code::AWAY, reason: "dashboard stopped".into() };
                     let close = self.sink.send(Message::Close(Some(frame)));
                     return tokio::time::timeout(CLOSE_WITHIN, close).await.ok()?.ok();
                 }
@@ -149,7 +149,7 @@ impl Writer {
             Ok(sent) => sent.ok(),
             Err(_) => {
                 self.app.metrics.stalled.inc();
-                tracing::debug!("a page takes nothing");
+                tracing::debug!("a page reads nothing");
                 None
             }
         }

@@ -85,8 +85,8 @@ impl PlaybackWorker {
         let player = Player::new(span, settings);
         if settings.from_ms > player.duration_ms() {
             let length = Duration::from_millis(player.duration_ms()).as_secs_f64();
-            let message = format!("{} is {length:.1} s long: it cannot begin later", path.display());
-            return Err(Failure::new(Kind::Usage, message).hint("--from counts from the first message"));
+            let message = format!("{} is {length:.1} s long: --from is beyond its end", path.display());
+            return Err(Failure::new(Kind::Usage, message).hint("--from is the time after the first message"));
         }
         let scene = Arc::new(Shared::played(Scene::new(fleet.clone())));
         let desk = Arc::new(Desk {
@@ -157,8 +157,10 @@ impl Drop for PlaybackWorker {
 
 /// What a file's error says to people.
 pub(crate) fn not_readable(path: &Path, error: &Error) -> Failure {
-    Failure::new(Kind::Failed, format!("cannot read {} as a recording: {error}", path.display()))
-        .hint("`fleet-cli record --out FILE.mcap` makes one; robots' own are for `robot-agent replay`")
+    Failure::new(Kind::Failed, format!("cannot read {} as a recording: {error}", path.display())).hint(
+        "record one with `fleet-cli record --out FILE.mcap`; for recordings of robots use `robot-agent \
+               replay`",
+    )
 }
 
 /// The thread's own.
@@ -197,7 +199,7 @@ impl Projector {
                 Ok(false) => {}
                 Err(error) => {
                     let failed = error.to_string();
-                    tracing::warn!("the recording goes no further: {failed}");
+                    tracing::warn!("playback stopped: {failed}");
                     control.failed = Some(failed);
                     control.player.pause(true);
                 }

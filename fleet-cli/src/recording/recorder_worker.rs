@@ -149,7 +149,7 @@ impl RecorderWorker {
         let shared = self.door.shared;
         shared.stop.store(true, Ordering::Release);
         let ended = self.thread.join();
-        ended.map_err(|_| Failure::new(Kind::Failed, "the recording's thread broke"))??;
+        ended.map_err(|_| Failure::new(Kind::Failed, "the recorder thread failed"))??;
         Ok(shared.progress.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 }

@@ -191,8 +191,8 @@ async fn alone(bus: &Bus, key: &str, within: Duration) -> Result<()> {
 }
 
 fn second() -> Failure {
-    Failure::new(Kind::Failed, "this fleet has a dispatcher already")
-        .hint("`fleet-cli tasks` shows what it does; one is enough, or name another --fleet")
+    Failure::new(Kind::Failed, "this fleet already has a dispatcher")
+        .hint("`fleet-cli tasks` shows its tasks; use that one, or choose another --fleet")
 }
 
 /// Wall clock at the start and monotonic since: it never goes back and does not jump.

@@ -264,7 +264,7 @@ fn make(path: &Path, fleet: &str, mark: Option<u64>) -> Result<(), Fault> {
     if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
         return Err(Fault::LogAlone { log });
     }
-    let doing = "making the file";
+    let doing = "creating the file";
     let draft = beside(path, "-new");
     for end in ["", "-wal", "-shm", "-journal"] {
         match fs::remove_file(beside(&draft, end)) {
@@ -316,7 +316,7 @@ fn connect(path: &Path, fleet: &str) -> Result<Connection, Fault> {
     let mode: String =
         connection.pragma_update_and_check(None, "journal_mode", "WAL", |row| row.get(0)).map_err(fault)?;
     if mode != "wal" {
-        return Err(Fault::ReadOnly { doing: "switching the log on" });
+        return Err(Fault::ReadOnly { doing: "enabling the log" });
     }
     Ok(connection)
 }

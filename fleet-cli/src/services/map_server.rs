@@ -54,13 +54,13 @@ fn warn_of_another(own: MapHash, incoming: &Incoming) {
     if let Ok(FleetMap { name, hash, .. }) = incoming.decode::<FleetMap>()
         && hash != own
     {
-        tracing::warn!("another map is served to this fleet too: {name} ({hash}); end one of them");
+        tracing::warn!("another map is also served to this fleet: {name} ({hash}); end one of the servers");
     }
 }
 
 fn taken(name: &str, hash: MapHash) -> Failure {
-    Failure::new(Kind::Failed, format!("another map is served already: {name} ({hash})"))
-        .hint("`fleet-cli map show --live` shows it; end whoever serves it, or name another --fleet")
+    Failure::new(Kind::Failed, format!("another map is already served: {name} ({hash})"))
+        .hint("`fleet-cli map show --live` shows it; end its server, or choose another --fleet")
 }
 
 async fn answer(bus: &Bus, key: String, message: Arc<FleetMap>) -> Result<Service> {
@@ -71,7 +71,7 @@ async fn answer(bus: &Bus, key: String, message: Arc<FleetMap>) -> Result<Servic
         runtime.spawn(async move {
             let format = question.wanted_format();
             if let Err(error) = question.reply(&own_key, message.as_ref(), format).await {
-                tracing::debug!("the map was not sent: {error}");
+                tracing::debug!("cannot send the map: {error}");
             }
         });
     });
@@ -84,7 +84,7 @@ async fn publish(publisher: Publisher<FleetMap>, message: Arc<FleetMap>) {
     loop {
         tick.tick().await;
         if let Err(error) = publisher.put(&message).await {
-            tracing::warn!("the map was not published: {error}");
+            tracing::warn!("cannot publish the map: {error}");
         }
     }
 }
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!((found.len(), Map::try_from(&found[0]).unwrap()), (1, lab.clone()));
 
         let refused = MapService::start(bus, keys, &map("barn", 21), within).await.map(drop).unwrap_err();
-        let named = format!("another map is served already: lab ({})", lab.hash());
+        let named = format!("another map is already served: lab ({})", lab.hash());
         assert_eq!((refused.kind, refused.message), (Kind::Failed, named));
         // The same floor by another name is no other map.
         drop(MapService::start(bus, keys, &map("room", 20), within).await.unwrap());

@@ -32,7 +32,7 @@ pub async fn open_leased(listen: &str, link_lease: Duration) -> Result<(Bus, Str
 fn taken(listen: &str, error: &std::io::Error) -> Failure {
     match error.kind() {
         std::io::ErrorKind::AddrInUse => Failure::new(Kind::PortTaken, format!("{listen} is already in use"))
-            .hint("another router or simulator runs there: end it, or choose a port with --listen"),
+            .hint("another router or simulator uses it: end that one, or choose another port with --listen"),
         _ => Failure::new(Kind::Usage, format!("cannot listen on {listen}: {error}"))
             .hint("an endpoint looks like tcp/127.0.0.1:7447"),
     }

@@ -47,8 +47,8 @@ impl TrafficService {
     pub async fn start(client: &Client, map: &Map, within: Duration) -> Result<Self> {
         let (bus, keys) = (client.bus().clone(), client.keys().clone());
         if !bus.alive(&keys.traffic_alive(), within).await?.is_empty() {
-            return Err(Failure::new(Kind::Failed, "this fleet has traffic control already")
-                .hint("`fleet-cli traffic status` shows it; one is enough"));
+            return Err(Failure::new(Kind::Failed, "this fleet already has traffic control")
+                .hint("`fleet-cli traffic status` shows it; use that one"));
         }
         let feed = StateFeed::open(client, &keys.any_robot()).await?;
         let token = bus.declare_alive(&keys.traffic_alive()).await?;
@@ -163,7 +163,7 @@ impl Work {
                 Err(failure) => Err(failure),
             };
             if let Err(failure) = sent {
-                tracing::debug!("{name} was not told: {}", failure.message);
+                tracing::debug!("cannot send to {name}: {}", failure.message);
             }
         }
     }

@@ -105,6 +105,6 @@ fn failed(config: &AgentConfig, error: &AgentError) -> Failure {
 pub(super) fn names_taken(fleet: &Name, names: &[Name]) -> Failure {
     let are = if names.len() == 1 { "is" } else { "are" };
     let names = names.iter().map(Name::as_str).collect::<Vec<_>>().join(", ");
-    Failure::new(Kind::NameTaken, format!("name_taken: {names} {are} already alive in fleet {fleet}"))
+    Failure::new(Kind::NameTaken, format!("name_taken: {names} {are} already in use in fleet {fleet}"))
         .hint("another simulator or agent uses this router; choose another --fleet")
 }

@@ -35,7 +35,7 @@ pub(super) fn publish(
         for name in &names {
             match bus.publisher::<Fix>(&keys.robot(name).fix(), &Channel::Fix, Format::Postcard).await {
                 Ok(publisher) => publishers.push(publisher),
-                Err(error) => return tracing::warn!("no pose fixes: {error}"),
+                Err(error) => return tracing::warn!("cannot send pose fixes: {error}"),
             }
         }
         let mut tick = tokio::time::interval(LOOK_EVERY);

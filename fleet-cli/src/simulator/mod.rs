@@ -251,8 +251,8 @@ impl Simulator {
                 (alive, since) = (now, Instant::now());
             }
             if since.elapsed() > NEXT_WITHIN {
-                let message = format!("{now} of {wanted} simulated robots have come to life");
-                return Err(Failure::new(Kind::Failed, message).hint("fewer --robots, or a lower --speed"));
+                let message = format!("{now} of {wanted} simulated robots started");
+                return Err(Failure::new(Kind::Failed, message).hint("use fewer --robots or a lower --speed"));
             }
             tokio::time::sleep(LOOK_EVERY).await;
         }
@@ -339,7 +339,7 @@ async fn serve_roster(bus: &Bus, key: String, roster: Roster) -> Result<Service>
         let (own_key, roster) = (own_key.clone(), roster.clone());
         runtime.spawn(async move {
             if let Err(error) = question.reply(&own_key, &roster, Format::Json).await {
-                tracing::debug!("the roster was not sent: {error}");
+                tracing::debug!("cannot send the roster: {error}");
             }
         });
     });

@@ -53,11 +53,13 @@ impl Plan {
     pub(super) fn check(&self) -> Result<()> {
         if self.robots == 0 || self.robots > MAX_ROBOTS {
             let message = format!("{} robots cannot be simulated", self.robots);
-            return Err(Failure::new(Kind::Usage, message).hint(format!("--robots takes 1 to {MAX_ROBOTS}")));
+            return Err(
+                Failure::new(Kind::Usage, message).hint(format!("--robots must be 1 to {MAX_ROBOTS}"))
+            );
         }
         if !(self.speed.is_finite() && (0.01..=1000.0).contains(&self.speed)) {
-            let message = format!("the world cannot run at {} × real time", self.speed);
-            return Err(Failure::new(Kind::Usage, message).hint("--speed takes 0.01 to 1000"));
+            let message = format!("the simulation cannot run at {} × real time", self.speed);
+            return Err(Failure::new(Kind::Usage, message).hint("--speed must be 0.01 to 1000"));
         }
         Ok(())
     }
@@ -72,7 +74,8 @@ impl Plan {
             Simulation::of_kinds_at(world, &kinds[..starts.len()], &starts, self.seed)
         };
         made.map_err(|error| {
-            Failure::new(Kind::Config, error.to_string()).hint("fewer --robots, or a world with more room")
+            Failure::new(Kind::Config, error.to_string())
+                .hint("use fewer --robots, or a world with more room")
         })
     }
 

@@ -18,18 +18,18 @@ impl PtyFolder {
     pub(super) fn create(folder: &Path, roster: &Roster) -> Result<(Self, Vec<TruckLines>)> {
         let failed = |what: &str, reason: &dyn std::fmt::Display| {
             Failure::new(Kind::Failed, format!("{what} {}: {reason}", folder.display()))
-                .hint("--pty takes a folder that you may write to")
+                .hint("--pty needs a folder with write permission")
         };
-        std::fs::create_dir_all(folder).map_err(|error| failed("cannot make", &error))?;
+        std::fs::create_dir_all(folder).map_err(|error| failed("cannot create", &error))?;
         let mut made = Self { links: Vec::new() };
         let mut lines = Vec::new();
         for robot in &roster.robots {
             let gyro = made
                 .line(folder.join(format!("{}.gyro", robot.name)))
-                .map_err(|error| failed("cannot make a pty in", &error))?;
+                .map_err(|error| failed("cannot create a pty in", &error))?;
             let board = made
                 .line(folder.join(format!("{}.board", robot.name)))
-                .map_err(|error| failed("cannot make a pty in", &error))?;
+                .map_err(|error| failed("cannot create a pty in", &error))?;
             lines.push(TruckLines { board: Box::new(board), gyro: Box::new(gyro) });
         }
         Ok((made, lines))

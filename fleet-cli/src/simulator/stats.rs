@@ -90,7 +90,7 @@ async fn answer(bus: &Bus, key: String, told: watch::Receiver<Told>) -> Result<S
         let (own_key, stats) = (own_key.clone(), told.borrow().stats);
         runtime.spawn(async move {
             if let Err(error) = question.reply(&own_key, &stats, Format::Json).await {
-                tracing::debug!("how the simulator runs was not sent: {error}");
+                tracing::debug!("cannot send the simulator's statistics: {error}");
             }
         });
     });

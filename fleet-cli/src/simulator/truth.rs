@@ -45,7 +45,7 @@ pub(super) fn view(roster: &Roster, log: Option<&Path>) -> Result<(TruthView, Ob
         .map(|path| {
             File::create(path).map(BufWriter::new).map_err(|error| {
                 Failure::new(Kind::Failed, format!("cannot write {}: {error}", path.display()))
-                    .hint("--truth-log takes a file that you may write to")
+                    .hint("--truth-log needs a writable file")
             })
         })
         .transpose()?;
@@ -66,7 +66,7 @@ impl Observer {
         if let Some(log) = &mut self.log {
             let written = serde_json::to_writer(&mut *log, &*truth).map_err(std::io::Error::from);
             if let Err(error) = written.and_then(|()| log.write_all(b"\n")) {
-                tracing::warn!("the truth log ends here: {error}");
+                tracing::warn!("truth log stopped: {error}");
                 self.log = None;
             }
         }
@@ -78,7 +78,7 @@ pub(super) fn publish(bus: Bus, key: String, view: TruthView) -> JoinHandle<()> 
     tokio::spawn(async move {
         let publisher = match bus.publisher::<Truth>(&key, &Channel::SimTruth, Format::Json).await {
             Ok(publisher) => publisher,
-            Err(error) => return tracing::warn!("no ground truth: {error}"),
+            Err(error) => return tracing::warn!("cannot send ground truth: {error}"),
         };
         let mut tick = tokio::time::interval(PUBLISH_EVERY);
         tick.set_missed_tick_behavior(MissedTickBehavior::Skip);

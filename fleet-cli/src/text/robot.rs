@@ -38,11 +38,11 @@ fn age_ms(ms: Option<u64>) -> String {
 /// How fast a simulator runs, × real time; what was asked for too, where that is something else.
 pub(crate) fn simulator(stats: &SimStats) -> String {
     let Some(factor) = stats.real_time_factor else {
-        return "simulator runs, how fast is unknown".to_owned();
+        return "simulator running, speed unknown".to_owned();
     };
     let digits = if factor < 10.0 { 2 } else { 0 };
     let runs = format!("simulator runs at {} × real time", fixed(factor, digits));
-    if stats.speed == 1.0 { runs } else { format!("{runs}, {} × was asked for", stats.speed) }
+    if stats.speed == 1.0 { runs } else { format!("{runs}, {} × requested", stats.speed) }
 }
 
 /// Place and direction in the map.
@@ -69,7 +69,7 @@ pub(crate) fn pose_source(pose: &PoseState) -> String {
 pub(crate) fn odometry(pose: &PoseState) -> Option<String> {
     let scale = fixed(pose.odometry_scale?, 3);
     let sigma = fixed(pose.odometry_scale_sigma.unwrap_or_default(), 3);
-    let late = pose.fix_delay_ms.map(|ms| format!("; fixes are {ms} ms older than they say"));
+    let late = pose.fix_delay_ms.map(|ms| format!("; fixes are {ms} ms older than their stamp"));
     Some(format!("scale {scale} ± {sigma}{}", late.unwrap_or_default()))
 }
 
@@ -94,7 +94,15 @@ pub(crate) fn lease(state: &RobotState) -> String {
     state.lease.as_ref().map_or_else(|| "free".to_owned(), |lease| lease.holder.to_string())
 }
 
-/// The same with the lease's age.
+/// Who has control, and when it was heard last.
+pub(crate) fn controlled_by(state: &RobotState) -> String {
+    match &state.lease {
+        Some(lease) => format!("{} ({} ago)", lease.holder, age_ms(Some(lease.age_ms))),
+        None => "none".to_owned(),
+    }
+}
+
+/// The same in a column.
 pub(crate) fn lease_with_age(state: &RobotState) -> String {
     match &state.lease {
         Some(lease) => format!("{}, {}", lease.holder, age_ms(Some(lease.age_ms))),
@@ -127,8 +135,8 @@ pub(crate) fn goal_in_full(state: &GoalState) -> String {
     });
     if !state.status.is_final() {
         text.push_str(match state.on_link_loss {
-            LinkLoss::Halt => ", stops if its client falls silent",
-            LinkLoss::Finish => ", goes on without its client",
+            LinkLoss::Halt => ", stops if its client times out",
+            LinkLoss::Finish => ", continues without its client",
         });
     }
     if let Some(reason) = &state.reason {
@@ -140,7 +148,7 @@ pub(crate) fn goal_in_full(state: &GoalState) -> String {
 /// A latch with who set it and since when.
 pub(crate) fn latch(state: &LatchState) -> String {
     let age = age(Duration::from_millis(state.age_ms));
-    let still = if state.present { ", its cause is still there" } else { "" };
+    let still = if state.present { ", cause still present" } else { "" };
     format!("{} by {} for {age}{still}", state.latch, state.by)
 }
 

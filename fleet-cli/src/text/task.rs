@@ -80,7 +80,7 @@ pub(crate) fn whose(wish: &Who) -> String {
         Who::Any => "for any robot".to_owned(),
         Who::Robot(name) => format!("for {name}"),
         Who::Tag(tag) => format!("for robots tagged {tag}"),
-        Who::Able(able) => format!("for robots that can {able}"),
+        Who::Able(able) => format!("for robots with {able}"),
     }
 }
 
@@ -108,7 +108,7 @@ pub(crate) fn fleet_stop(all: &[Suspension]) -> Option<&Suspension> {
 /// What a dispatcher found when it began: said beside the line that it is ready.
 pub(crate) fn found(ctx: &Context, all: &[Suspension], set_aside: Option<&str>) {
     if let Some(old) = set_aside {
-        ctx.out.note(&format!("the ledger of before is kept as {old}"));
+        ctx.out.note(&format!("the previous ledger is kept as {old}"));
     }
     for suspension in all {
         ctx.out.note(&format!("{}; {}", suspension.text(), suspension.cause.remedy()));

@@ -110,7 +110,7 @@ fn render(frame: &mut Frame<'_>, scene: &Scene, truth: &Truth, states: &BTreeMap
     let [map, list] =
         Layout::vertical([Constraint::Min(6), Constraint::Length(lines + 3)]).areas(frame.area());
     let (x_bounds, y_bounds) = fit(scene.bounds(truth), f64::from(map.width), f64::from(map.height));
-    let title = format!(" XTB fleet · {:.1} s simulated · q leaves ", truth.t_s);
+    let title = format!(" XTB fleet · {:.1} s simulated · q quits ", truth.t_s);
     let canvas = Canvas::default()
         .block(Block::bordered().title(title))
         .marker(Marker::Braille)
@@ -128,7 +128,7 @@ fn render(frame: &mut Frame<'_>, scene: &Scene, truth: &Truth, states: &BTreeMap
         .enumerate()
         .map(|(index, (name, robot))| row(name, robot, states.get(name)).fg(color(index)));
     let widths = [8, 8, 9, 10, 10, 18, 10].map(Constraint::Length);
-    let header = Row::new(["robot", "mode", "goal", "to go", "speed", "stands because", "contacts"]).bold();
+    let header = Row::new(["robot", "mode", "goal", "to go", "speed", "stopped because", "contacts"]).bold();
     let block = Block::bordered();
     frame.render_widget(Table::new(rows, widths).header(header).block(block), list);
 }

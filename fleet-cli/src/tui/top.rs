@@ -47,7 +47,7 @@ const TURN_RAD: f64 = std::f64::consts::PI / 12.0;
 const MANY_CELLS: i8 = 5;
 /// With an arrow, and with shift, a recording is wound so far.
 const SEEK_S: (f64, f64) = (5.0, 60.0);
-const LET_GO_FIRST: &str = "let go first: t or Esc";
+const LET_GO_FIRST: &str = "end driving first: t or Esc";
 
 /// What does not change while the cockpit is open.
 #[derive(Debug, Clone)]
@@ -218,7 +218,7 @@ impl Cockpit {
     /// What the person did.
     pub(crate) fn input(&mut self, input: &Input, scene: &Scene, now_ms: AtMs) -> Vec<Action> {
         match input {
-            Input::FocusLost => self.let_go(now_ms, "the window has lost the keyboard"),
+            Input::FocusLost => self.let_go(now_ms, "the window lost keyboard focus"),
             Input::Key(key) if self.steers(key, now_ms) => Vec::new(),
             Input::Key(key) => match keys::press(key) {
                 Some(press) => self.press(press, scene, now_ms),
@@ -235,7 +235,7 @@ impl Cockpit {
     /// Somebody wants an end: by signal, or because the terminal is gone.
     pub(crate) fn leave(&mut self, now_ms: AtMs) -> Vec<Action> {
         self.leaving += 1;
-        self.let_go(now_ms, "leaving")
+        self.let_go(now_ms, "quitting")
     }
 
     /// Whether the screen may close: everything is answered and let go, or the person insists.
@@ -282,20 +282,15 @@ impl Cockpit {
                 self.commands.tell(now_ms, Tone::Bad, format!("drive {robot}: {text}"))
             }
             (TeleopStatus::Ended(None), _) => {
-                self.commands.tell(
-                    now_ms,
-                    Tone::Plain,
-                    format!("{robot} was not driven; control is given back"),
-                );
+                self.commands.tell(now_ms, Tone::Plain, format!("{robot} was not driven; control released"));
             }
             (TeleopStatus::Ended(Some(true)), _) => {
-                let text = format!("{robot} was told to stop; control is given back");
+                let text = format!("{robot} confirmed the stop; control released");
                 self.commands.tell(now_ms, Tone::Good, text);
             }
             (TeleopStatus::Ended(Some(false)), _) => {
-                let text = format!(
-                    "{robot} did not confirm the stop: its own clock ends the last setpoint within 250 ms"
-                );
+                let text =
+                    format!("{robot} did not confirm the stop: the last setpoint times out within 250 ms");
                 self.commands.tell(now_ms, Tone::Bad, text);
             }
         }
@@ -321,7 +316,7 @@ impl Cockpit {
     /// The last words, for the shell's own screen.
     pub(crate) fn last_words(&self) -> Option<String> {
         let open: Vec<String> = self.commands.under_way().iter().map(|open| open.command.words()).collect();
-        (!open.is_empty()).then(|| format!("not answered when you left: {}", open.join(", ")))
+        (!open.is_empty()).then(|| format!("not answered at exit: {}", open.join(", ")))
     }
 }
 

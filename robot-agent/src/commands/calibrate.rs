@@ -82,8 +82,8 @@ fn conclude(
         print_json(&report.json(Some(&plot), written))?;
     }
     if let Some(refused) = refused {
-        let hint = "nothing was written; the plot shows where the points lie";
-        return Err(Failure::new(format!("{what} is refused: {refused}"), hint));
+        let hint = "nothing was written; the plot shows the points";
+        return Err(Failure::new(format!("{what}: fit rejected: {refused}"), hint));
     }
     if destination.is_none() && !args.dry_run {
         tell("not written: no --config, and no --write FILE\n");
@@ -114,7 +114,7 @@ fn offer<'a>(
     }
     if !args.yes {
         if !console.is_manned() {
-            tell("not written: nobody to ask, and no --yes\n");
+            tell("not written: no terminal to ask for confirmation, and no --yes\n");
             return Ok(None);
         }
         if !console.confirm(&format!("{question}Write this?"))? {
@@ -123,8 +123,8 @@ fn offer<'a>(
         }
     }
     write::write(path, &changes)
-        .map_err(|error| Failure::new(error, "nothing was written; --write FILE takes another file"))?;
-    tell(&format!("written to {}; an agent that runs takes it at its next start\n", path.display()));
+        .map_err(|error| Failure::new(error, "nothing was written; --write FILE selects another file"))?;
+    tell(&format!("written to {}; a running agent uses it after its next start\n", path.display()));
     Ok(Some(path))
 }
 
@@ -134,13 +134,13 @@ fn write_plot(args: &CalibrateArgs, report: &Report<'_>, near: Option<&Path>) ->
         let folder = near.and_then(Path::parent).unwrap_or(Path::new(""));
         folder.join(format!("calibration-{}.svg", args.what))
     });
-    let refused = report.refused.map(|refused| format!("refused: {refused}"));
+    let refused = report.refused.map(|refused| format!("rejected: {refused}"));
     let summary = report.summary().unwrap_or_default();
     let verdict = refused.as_deref().map_or(Ok(summary.as_str()), Err);
     std::fs::write(&path, plot::svg(args.what, report.points, report.fit, verdict)).map_err(|error| {
         Failure::new(
             format!("cannot write the plot {}: {error}", path.display()),
-            "--plot takes another file",
+            "--plot selects another file",
         )
     })?;
     Ok(path)
@@ -212,9 +212,9 @@ fn permission(
 ) -> Result<(), Failure> {
     if (!args.yes || by_hand) && !console.is_manned() {
         let (reason, hint) = if by_hand {
-            ("a person has to read the angles", "run it in a terminal, or give --readings FILE")
+            ("the angles have to be read by hand", "run it in a terminal, or give --readings FILE")
         } else {
-            ("somebody has to confirm that it may move", "run it in a terminal, or give --yes")
+            ("the movement has to be confirmed", "run it in a terminal, or give --yes")
         };
         return Err(Failure::new(format!("{reason}, and there is no terminal"), hint).code(2));
     }
@@ -222,7 +222,7 @@ fn permission(
     let warning = if simulated { "" } else { WARNING };
     let how = if by_hand { BY_HAND } else { "" };
     tell(&format!(
-        "{}: moves {whose} servo between the pulses {} and {} (counts of 0.4 µs).\n{warning}{how}",
+        "{}: moves {whose} servo between pulses {} and {} (counts of 0.4 µs).\n{warning}{how}",
         args.what,
         sweep.from.get(),
         sweep.to.get()
@@ -234,12 +234,12 @@ fn permission(
 }
 
 const WARNING: &str = "\
-Put the truck on a stand: ALL WHEELS OFF THE GROUND, hands, hair and cables away.
-The motor stays neutral, but keep a hand on the power switch. Ctrl-C ends with everything at rest.
+Put the truck on a stand: ALL WHEELS OFF THE GROUND, hands, hair and cables clear.
+The motor stays neutral, but keep a hand on the power switch. Ctrl-C stops with all actuators at rest.
 ";
 
 const BY_HAND: &str = "\
-At each pulse type the angle in degrees; or repeat (the last one was wrong), skip, quit.
+At each pulse type the angle in degrees; or repeat (to correct the last one), skip, quit.
 ";
 
 /// The lines as for running; a simulated truck comes with instruments and without waiting.

@@ -51,7 +51,7 @@ struct Trouble {
 
 pub(crate) fn run(file: &ConfigFile, args: &CheckArgs) -> Result<ExitCode, Failure> {
     if !TIMEOUTS_S.contains(&args.timeout) {
-        let hint = format!("--timeout takes {} to {} seconds", TIMEOUTS_S.start(), TIMEOUTS_S.end());
+        let hint = format!("--timeout must be {} to {} seconds", TIMEOUTS_S.start(), TIMEOUTS_S.end());
         return Err(Failure::new(format!("cannot wait {} s", args.timeout), hint).code(2));
     }
     let report = check(file, args.timeout)?;
@@ -84,7 +84,7 @@ fn check(file: &ConfigFile, timeout_s: f64) -> Result<Report, Failure> {
         lines.read(&mut robot, now, &mut |_, _| {});
         lines.write(&mut robot, now, &mut |_, _| {});
         if robot.outputs().pwm.motor != PwmCount::NEUTRAL {
-            return Err(Failure::new("the motor would not stay neutral", "this is a fault of the program"));
+            return Err(Failure::new("the motor did not stay neutral", "this is a bug in the program"));
         }
         watch.turn(now, &robot.readings(now));
         let waited_s = now.since_s(began);
@@ -114,7 +114,7 @@ fn harmless(vehicle: &VehicleConfig) -> VehicleConfig {
 
 /// Becomes true at Ctrl-C.
 fn interrupted() -> Result<Arc<AtomicBool>, Failure> {
-    let failed = |error: std::io::Error| Failure::new(error, "the system is out of threads or memory");
+    let failed = |error: std::io::Error| Failure::new(error, "out of threads or memory");
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
     let flag = Arc::new(AtomicBool::new(false));
     let raised = flag.clone();
@@ -152,7 +152,7 @@ fn trouble(state: FaultState) -> Trouble {
 fn table(report: &Report) -> String {
     let mut text = String::new();
     if !report.faults.is_empty() {
-        let heading = ["FAULT", "THE SYSTEM SAYS", "WHAT TO DO"].map(str::to_owned).to_vec();
+        let heading = ["FAULT", "SYSTEM MESSAGE", "WHAT TO DO"].map(str::to_owned).to_vec();
         let faults = report.faults.iter().map(|trouble| {
             let detail = trouble.detail.clone().unwrap_or_else(|| "-".to_owned());
             vec![trouble.fault.clone(), detail, trouble.advice.to_owned()]
@@ -165,7 +165,7 @@ fn table(report: &Report) -> String {
     let count = |wanted| report.rows.iter().filter(|row| row.verdict == wanted).count();
     let (missing, suspicious) = (count(Verdict::Missing), count(Verdict::Suspicious));
     text.push_str(&match (report.ok, missing + suspicious) {
-        (true, _) => "\nall is well\n".to_owned(),
+        (true, _) => "\nno problems found\n".to_owned(),
         (false, 0) => "\nsee the fault above\n".to_owned(),
         (false, _) => format!("\n{missing} missing, {suspicious} suspicious\n"),
     });

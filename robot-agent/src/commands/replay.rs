@@ -61,7 +61,7 @@ fn vehicle_of(settings: &Settings, recording: &Recording) -> Result<VehicleConfi
         && let Some(header) = recording.header()
     {
         layers.file("the recording's configuration", &header.vehicle_toml).map_err(|problem| {
-            Failure::new(problem, "its header is damaged, or of another version; --config FILE replaces it")
+            Failure::new(problem, "the header is damaged, or from another version; --config FILE replaces it")
         })?;
     }
     Ok(settings.load_for_replay(layers)?.vehicle)
@@ -93,17 +93,18 @@ fn told(difference: &Difference) -> String {
 fn ending(ending: &Ending) -> String {
     match ending {
         Ending::Complete => String::new(),
-        Ending::Cut(words) => format!("the recording breaks off there ({words})\n"),
+        Ending::Cut(words) => format!("the recording is incomplete: it ends there ({words})\n"),
     }
 }
 
 fn in_words(found: &WhatIf) -> String {
     let WhatIf { samples, differing, decisions, .. } = found;
     let mut text = if decisions.is_empty() {
-        format!("no decision would have been another one, {samples} samples\n")
+        format!("no decision would have been different, {samples} samples\n")
     } else {
         format!(
-            "{differing} of {samples} steps would have decided otherwise (with the samples of the recorded drive):\n"
+            "{differing} of {samples} steps would have decided differently (with the samples of the recorded \
+             drive):\n"
         )
     };
     let mut rows =
@@ -121,7 +122,7 @@ fn in_words(found: &WhatIf) -> String {
         text.push_str(&format!("… and {} more (--json lists all)\n", decisions.len() - SHOWN));
     }
     if let Some(difference) = &found.difference {
-        text.push_str(&format!("nothing is said beyond this:\n{}", told(difference)));
+        text.push_str(&format!("the replay ends here:\n{}", told(difference)));
     }
     text + &ending(&found.ending)
 }
@@ -137,9 +138,10 @@ fn export(
         Box::new(io::stdout().lock())
     } else {
         let same = target.canonicalize().is_ok_and(|target| source.canonicalize().is_ok_and(|s| s == target));
-        let made = if same { Err(io::Error::other("that is the recording")) } else { File::create(target) };
+        let made =
+            if same { Err(io::Error::other("this is the recording itself")) } else { File::create(target) };
         Box::new(made.map_err(|error| {
-            Failure::new(format!("{}: {error}", target.display()), "--export takes a file of its own")
+            Failure::new(format!("{}: {error}", target.display()), "--export needs another file")
         })?)
     };
     let mut out = BufWriter::new(&mut out);
@@ -147,7 +149,7 @@ fn export(
     while let Some(step) = recording.next_step().map_err(failed)? {
         if let Some(wrong) = unusable(steps, &step, last) {
             let _ = out.flush();
-            return Err(Failure::new(told(&wrong).trim_end(), "the trace ends before it"));
+            return Err(Failure::new(told(&wrong).trim_end(), "the trace ends before this sample"));
         }
         (steps, last) = (steps + 1, step.sample().map_or(last, |(t, _)| t));
         let line = step.trace_line().unwrap_or_default();
@@ -166,7 +168,7 @@ fn replay_trace(path: &Path, vehicle: VehicleConfig) -> Result<ExitCode, Failure
         Box::new(io::stdin().lock())
     } else {
         let file = files::open(path)
-            .map_err(|error| Failure::new(format!("{name}: {error}"), "--trace takes a file of samples"))?;
+            .map_err(|error| Failure::new(format!("{name}: {error}"), "--trace needs a file of samples"))?;
         Box::new(BufReader::new(file))
     };
     let (mut reader, mut controller) = (TraceReader::default(), Controller::new(vehicle));
@@ -182,7 +184,7 @@ fn replay_trace(path: &Path, vehicle: VehicleConfig) -> Result<ExitCode, Failure
             Err(wrong) => {
                 let _ = out.flush();
                 let message = format!("{name}:{number}: {wrong}");
-                return Err(Failure::at(message, "docs/trace.md says what a line may be"));
+                return Err(Failure::at(message, "docs/trace.md describes the format"));
             }
         };
         let decided = decision_line(&controller.step(t, &sample));

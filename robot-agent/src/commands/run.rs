@@ -20,13 +20,13 @@ pub(crate) fn run(file: &ConfigFile, record: Option<&Path>, log: LogFormat) -> R
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()
-        .map_err(|error| Failure::new(error, "the system is out of threads or memory"))?;
+        .map_err(|error| Failure::new(error, "out of threads or memory"))?;
     let (hardware, clock) = open(file)?;
     let ended = runtime.block_on(async {
         let (end, shutdown) = watch::channel(false);
         tokio::spawn(async move {
             wait_for_signal().await;
-            tracing::info!("ending: motor neutral first");
+            tracing::info!("shutting down: motor to neutral first");
             end.send_replace(true);
             // The sender lives on, or the receivers would see it as gone.
             std::future::pending::<()>().await;
@@ -40,7 +40,7 @@ pub(crate) fn run(file: &ConfigFile, record: Option<&Path>, log: LogFormat) -> R
             Err(Failure::new(error, "give this robot another --name, or end the other agent").code(4))
         }
         Err(error @ AgentError::Record(_)) => {
-            Err(Failure::new(error, "--record takes a folder that you may write to"))
+            Err(Failure::new(error, "--record needs a folder with write permission"))
         }
         Err(error) => Err(Failure::new(error, "check the endpoints given with --connect")),
     }
@@ -54,8 +54,8 @@ pub(crate) fn open(file: &ConfigFile) -> Result<Lines, Failure> {
         "serial" => {
             let board = PortSettings { path: hardware.board.clone(), baud: hardware.board_baud };
             let gyro = PortSettings { path: hardware.gyro.clone(), baud: hardware.gyro_baud };
-            let serial = SerialHardware::start(board, gyro)
-                .map_err(|error| Failure::new(error, "the system is out of threads"))?;
+            let serial =
+                SerialHardware::start(board, gyro).map_err(|error| Failure::new(error, "out of threads"))?;
             Ok((Box::new(serial), Clock::real()))
         }
         "simulated" => open_simulated(file, 1.0).map(|(lines, _)| lines),
@@ -64,14 +64,14 @@ pub(crate) fn open(file: &ConfigFile) -> Result<Lines, Failure> {
 }
 
 const NO_HARDWARE: &str = "--hardware serial --board PORT --gyro PORT for a truck (`robot-agent ports` lists \
-    the ports), --hardware simulated for one simulated truck alone in an empty room";
+    the ports), --hardware simulated for one simulated truck in an empty room";
 
 /// One simulated truck at `speed` × real time, and the instruments that a person holds to it.
 #[cfg(feature = "sim")]
 pub(crate) fn open_simulated(file: &ConfigFile, speed: f64) -> Result<(Lines, Instruments), Failure> {
     let (truck, clock) =
         robot_agent::hardware::simulated::LoneTruck::start_at(u64::from(file.hardware.seed), speed)
-            .map_err(|error| Failure::new(error, "the simulated truck cannot be put into its room"))?;
+            .map_err(|error| Failure::new(error, "the simulated truck does not fit into its room"))?;
     let instruments = truck.instruments();
     Ok(((Box::new(truck), clock), instruments))
 }

@@ -24,7 +24,8 @@ config_section! {
 config_section! {
     /// How to reach the others.
     ZenohSection "zenoh" {
-        mode: String = "client".to_owned(), "", OneOf(&["client", "peer"]), Ours, "client of a router, or peer found by multicast.";
+        mode: String = "client".to_owned(), "", OneOf(&["client", "peer"]), Ours, "client of a router, or \
+                        peer discovered by multicast.";
         connect: Vec<String> = vec!["tcp/127.0.0.1:7447".to_owned()], "", Text, Ours, "Routers to try.";
     }
 }
@@ -32,11 +33,14 @@ config_section! {
 config_section! {
     /// Where the truck is plugged in.
     HardwareSection "hardware" {
-        kind: String = "none".to_owned(), "", OneOf(&["none", "serial", "simulated"]), Ours, "serial, or simulated: one truck alone in an empty room. Without either the agent does not start.";
+        kind: String = "none".to_owned(), "", OneOf(&["none", "serial", "simulated"]), Ours, "serial, or \
+                        simulated (one truck in an empty room). With none the agent does not start.";
         board: String = "/dev/ttyUSB0".to_owned(), "", Text, Assumed, "The I/O board's serial port.";
         gyro: String = "/dev/ttyUSB1".to_owned(), "", Text, Assumed, "The gyro's serial port.";
-        board_baud: u32 = 115_200, "baud", Range(1200.0, 4_000_000.0), Ours, "The board's rate. What its frames need is worked out from the periods; the memorandum's 9600 do not carry them.";
-        gyro_baud: u32 = 38_400, "baud", Range(1200.0, 115_200.0), Printed("§2.2"), "The gyro's rate.";
+        board_baud: u32 = 115_200, "baud", Range(1200.0, 4_000_000.0), Ours, "The board's baud rate. The \
+                                    rate needed is computed from the frame periods; the memorandum's 9600 is \
+                                    too low.";
+        gyro_baud: u32 = 38_400, "baud", Range(1200.0, 115_200.0), Printed("§2.2"), "The gyro's baud rate.";
         seed: u32 = 1, "", Range(0.0, 4_294_967_295.0), Ours, "Seed of the simulated truck.";
     }
 }
@@ -46,14 +50,16 @@ config_section! {
     StartPose "start_pose" {
         x_m: f64 = 0.0, "m", Range(-1000.0, 1000.0), Ours, "East.";
         y_m: f64 = 0.0, "m", Range(-1000.0, 1000.0), Ours, "North.";
-        yaw_rad: f64 = std::f64::consts::FRAC_PI_2, "rad", Range(-7.0, 7.0), Ours, "Counter-clockwise from east; π/2 = facing north.";
+        yaw_rad: f64 = std::f64::consts::FRAC_PI_2, "rad", Range(-7.0, 7.0), Ours, "Counter-clockwise from \
+            east; π/2 = facing north.";
     }
 }
 
 config_section! {
     /// Planned goals: on which map.
     MapSection "navigation" {
-        map: String = String::new(), "", Text, Ours, "Map to plan on, a YAML file of ROS's map_server; empty = the fleet's, from `fleet-cli map serve`.";
+        map: String = String::new(), "", Text, Ours, "Map to plan on, a YAML file of ROS's map_server; empty \
+                                      = the fleet's, from `fleet-cli map serve`.";
     }
 }
 
@@ -183,7 +189,7 @@ impl ConfigFile {
     pub fn to_toml(&self) -> String {
         let own = render_toml("", &self.own_parameters());
         format!(
-            "# Configuration of a robot-agent. Every line may be left out: these are the values in force.\n\
+            "# Configuration of robot-agent. Every line is optional: these are the values in effect.\n\
              {own}{}",
             render_toml("vehicle.", &self.vehicle.parameters())
         )

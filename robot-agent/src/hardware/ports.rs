@@ -279,7 +279,7 @@ mod tests {
             plain("/dev/rfcomm0", SerialPortType::BluetoothPort),
         ];
         let entries = entries(found, &Links::default(), |path| match path {
-            "/dev/ttyUSB10" => refused(path, ErrorKind::ResourceBusy, "held by another program"),
+            "/dev/ttyUSB10" => refused(path, ErrorKind::ResourceBusy, "in use by another program"),
             "/dev/ttyS0" => refused(path, ErrorKind::PermissionDenied, "permission denied"),
             "/dev/ttyS1" => refused(path, ErrorKind::NotFound, "no such device"),
             "/dev/ttyS4" => refused(path, ErrorKind::Other, "odd"),

@@ -265,7 +265,7 @@ pub enum LoneTruckError {
     #[error(transparent)]
     Simulation(#[from] SimulationError),
     /// No thread for the world.
-    #[error("cannot start the simulated world: {0}")]
+    #[error("cannot start the simulation: {0}")]
     Thread(#[from] io::Error),
 }
 

@@ -133,7 +133,7 @@ async fn a_server_that_is_stuck_is_said_and_what_is_old_is_grey_until_it_goes_on
     let _alone = MACHINE.lock().await;
     let (fleet, dashboard, browser) = fleet_on_page(2, 1.0).await;
     let grey = "return [...store.robots.values()].every((robot) => robot.stale && robot.speed_mps === null)
-        && document.getElementById('banner').textContent.includes('No word')";
+        && document.getElementById('banner').textContent.includes('No data')";
     dashboard.freeze(true);
     browser.until("the page says that nothing comes", grey).await;
     dashboard.freeze(false);
@@ -161,7 +161,7 @@ async fn a_page_that_is_too_slow_says_what_it_leaves_out_and_shows_it_again_when
         requestAnimationFrame(work);";
     browser.ask(busy).await;
     let said = "return pace.level >= 2
-        && document.getElementById('pace').textContent.includes('Thinned out: trails are short; no infrared');";
+        && document.getElementById('pace').textContent.includes('Reduced detail: short trails; infrared only');";
     browser.until("the page says what it leaves out", said).await;
     browser.ask("window.busy = false;").await;
     // The way back takes the page half a minute: here at pictures' times that pass at once.

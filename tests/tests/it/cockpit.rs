@@ -58,7 +58,7 @@ fn three_robots_are_seen_one_is_sent_by_the_cursor_and_all_are_latched_by_one_ke
     assert_eq!(state["goal"]["by"], "pilot", "{state}");
     let goal_y_m = state["goal"]["y_m"].as_f64().unwrap();
     assert!(goal_y_m > state["pose"]["y_m"].as_f64().unwrap(), "{state}");
-    top.until("it drives", |text| text.contains("1 drive"));
+    top.until("it drives", |text| text.contains("1 driving"));
 
     top.keys("E");
     top.until("all latched", |text| {
@@ -75,7 +75,7 @@ fn three_robots_are_seen_one_is_sent_by_the_cursor_and_all_are_latched_by_one_ke
     top.keys("y");
     until(&sim, "xtb-1", "reset", |state| state["latches"] == json!([]));
     top.keys("X");
-    top.until("the question for the others", |text| text.contains("Reset all that is latched? xtb-2, xtb-3"));
+    top.until("the question for the others", |text| text.contains("Reset all latched robots? xtb-2, xtb-3"));
     top.keys("y");
     for robot in ["xtb-2", "xtb-3"] {
         until(&sim, robot, "reset too", |state| state["latches"] == json!([]));
@@ -105,7 +105,7 @@ fn a_lost_focus_takes_the_hand_off_the_wheel() {
     drive(&sim, &mut top);
     // As a held key goes on while the window is left.
     top.keys("\x1b[A\x1b[A\x1b[O\x1b[A");
-    top.until("let go", |text| text.contains("xtb-1 was told to stop; control is given back"));
+    top.until("let go", |text| text.contains("xtb-1 confirmed the stop; control released"));
     until(&sim, "xtb-1", "free", |state| state["lease"].is_null());
     top.keys("\x03");
     assert_eq!(top.ended(), Some(0));

@@ -60,7 +60,10 @@ fn several_are_reset_and_explained_at_once() {
     assert_eq!(lines(&["estop", "--all"]).0, 0);
     let (code, why, said) = lines(&["why", "xtb-1", "xtb-2"]);
     let headlines: Vec<&str> = why.iter().map(|why| why["headline"].as_str().unwrap()).collect();
-    assert!(headlines[0].starts_with("xtb-1 stands") && headlines[1].starts_with("xtb-2 stands"), "{why:?}");
+    assert!(
+        headlines[0].starts_with("xtb-1: stopped") && headlines[1].starts_with("xtb-2: stopped"),
+        "{why:?}"
+    );
     assert_eq!((code, why.len()), (0, 2), "{said}");
     let (code, reset, said) = lines(&["reset", "xtb-1", "xtb-2"]);
     assert_eq!((code, reset.len()), (0, 2), "{said}");

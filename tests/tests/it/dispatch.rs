@@ -109,9 +109,9 @@ async fn a_second_dispatcher_of_a_fleet_or_a_ledger_is_refused() {
     let serve = Serve::start(fleet.simulator.endpoint(), &ledger);
     let second = |ledger: &Path| Serve::command(fleet.simulator.endpoint(), ledger);
     let (code, said) = refused(&mut second(&ledger));
-    assert!(code == Some(1) && said.contains("another dispatcher holds it"), "{code:?} {said}");
+    assert!(code == Some(1) && said.contains("in use by another dispatcher"), "{code:?} {said}");
     let (code, said) = refused(&mut second(&other));
-    assert!(code == Some(1) && said.contains("this fleet has a dispatcher already"), "{code:?} {said}");
+    assert!(code == Some(1) && said.contains("this fleet already has a dispatcher"), "{code:?} {said}");
     drop(serve);
     drop(Serve::start(fleet.simulator.endpoint(), &other));
     fleet.end().await;

@@ -65,7 +65,7 @@ fn a_recording_is_fetched_whole_and_goes_on_where_it_was_interrupted() {
     // Never over something that is there, and never onto something else.
     let (code, refused, output) = sim.run(&fetch);
     assert_eq!(code, 1, "{output:?}");
-    assert!(refused["error"]["message"].as_str().unwrap().contains("is there already"), "{refused}");
+    assert!(refused["error"]["message"].as_str().unwrap().contains("already exists"), "{refused}");
     fs::remove_file(&here).unwrap();
     fs::write(&part, noise(200_000).iter().map(|byte| byte ^ 1).collect::<Vec<_>>()).unwrap();
     let (code, refused, output) = sim.run(&fetch);

@@ -75,7 +75,7 @@ fn names_of_channels_that_fill_the_memory_are_refused() {
     recording(&path, (0..24).map(|i| format!("xtb/lab/xtb-{i}/{}", "x".repeat(2000))), b"{}");
     is_refused(&path, folder.path(), "bytes of a name: 20");
     recording(&path, (0..5000).map(|i| format!("xtb/lab/xtb-{i}/state")), b"{}");
-    is_refused(&path, folder.path(), "names of one kind: 4097, at most 4096 are read");
+    is_refused(&path, folder.path(), "names of one kind: 4097, more than the limit of 4096");
 }
 
 #[test]
@@ -153,8 +153,8 @@ fn an_image_that_is_no_file_or_claims_to_be_huge_is_refused_at_once() {
         ("pipe", "it is a pipe, not a file"),
         (".", "it is a folder, not a file"),
         ("hole.pgm", "it is longer than"),
-        ("huge.pgm", "60000 × 60000 pixels, at most"),
-        ("huge.png", "2147483647 × 2147483647 pixels, at most"),
+        ("huge.pgm", "60000 × 60000 pixels, the limit is"),
+        ("huge.png", "2147483647 × 2147483647 pixels, the limit is"),
     ] {
         for (code, said) in map_says(folder.path(), image) {
             assert!(code.is_some_and(|code| code != 0) && said.contains(because), "{image}: {code:?} {said}");

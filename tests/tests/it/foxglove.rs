@@ -63,5 +63,5 @@ async fn foxglove_is_offered_scene_log_and_poses_and_gets_them() {
 async fn it_is_served_on_the_loopback_only() {
     let shared = Arc::new(Shared::new(Scene::new(name("lab"))));
     let refused = serve(shared, "0.0.0.0:0".parse().unwrap()).await.err().unwrap();
-    assert!(refused.message.contains("no token"), "{refused:?}");
+    assert!(refused.message.contains("no access token"), "{refused:?}");
 }

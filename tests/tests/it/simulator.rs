@@ -37,7 +37,7 @@ fn an_overloaded_simulator_says_so_to_whoever_runs_it_and_to_whoever_looks() {
     let mut command = in_words(&["sim", "--listen", "tcp/127.0.0.1:0"]);
     let child = command.args(TOO_FAST).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let said = line(&mut Process(child), "simulator runs at");
-    assert!(said.starts_with("warning: ") && said.contains("× real time, 1000 × was asked for"), "{said}");
+    assert!(said.starts_with("warning: ") && said.contains("× real time, 1000 × requested"), "{said}");
     assert!(said.contains("a lower --speed"), "{said}");
 
     let sim = sim(&TOO_FAST);
@@ -91,7 +91,7 @@ fn a_second_simulator_whose_names_are_taken_ends_with_4_and_is_never_ready() {
     let error: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(error["error"]["code"], "name_taken", "{text}");
     let message = error["error"]["message"].as_str().unwrap();
-    assert!(message.contains("xtb-1, xtb-2 are already alive in fleet lab"), "{message}");
+    assert!(message.contains("xtb-1, xtb-2 are already in use in fleet lab"), "{message}");
     assert!(error["error"]["hint"].as_str().unwrap().contains("--fleet"), "{text}");
     // The first has not noticed anything.
     let (code, list, output) = first.run(&["list"]);
@@ -120,10 +120,10 @@ fn a_router_that_is_named_in_the_environment_is_not_passed_over_in_silence() {
     let said = said_until_ready(Some(ELSEWHERE), &own);
     let line = said.lines().find(|line| line.contains("XTB_CONNECT")).unwrap_or_else(|| panic!("{said}"));
     assert!(line.contains(ELSEWHERE) && line.contains("--connect"), "{line}");
-    assert!(!said_until_ready(None, &own).contains("is not used"));
+    assert!(!said_until_ready(None, &own).contains("ignores"));
     let outer = sim(&["--robots", "1"]);
     let inner = ["sim", "--robots", "1", "--fleet", "barn", "--connect", &outer.endpoint];
-    assert!(!said_until_ready(Some(ELSEWHERE), &inner).contains("is not used"));
+    assert!(!said_until_ready(Some(ELSEWHERE), &inner).contains("ignores"));
 }
 
 #[test]
@@ -136,7 +136,7 @@ fn a_name_that_the_roster_lacks_is_pointed_out_at_once_and_told_to_stop_all_the_
         let said = line(&mut Process(child), "xtb-11");
         assert_eq!(
             said,
-            "xtb-11 is not in the roster: did you mean xtb-1? The robot as named is told to stop all the same."
+            "xtb-11 is not in the roster: did you mean xtb-1? The robot is sent a stop anyway, by the name given."
         );
         assert!(began.elapsed() < PATIENCE / 2, "not before it gave up");
         let (code, report, output) = sim.run(&["--timeout", "1", verb, "xtb-2", "xtb-11"]);

@@ -258,7 +258,7 @@ fn a_task_that_failed_is_done_when_it_is_retried() {
     lab.run("stop xtb-1").ok();
     let failed = waiting.end();
     assert_eq!((failed.code, &failed.lines[0]["state"]), (1, &"failed".into()), "{failed:?}");
-    assert!(failed.lines[0]["reason"].as_str().unwrap().contains("told to stop"), "{failed:?}");
+    assert!(failed.lines[0]["reason"].as_str().unwrap().contains("received a stop command"), "{failed:?}");
     assert_eq!(lab.change("retry t1").0, 0);
     lab.until("t1", "done");
     let (code, refused) = lab.change("retry t1");
@@ -285,7 +285,7 @@ fn who_leaves_a_task_with_ctrl_c_leaves_it_with_the_dispatcher() {
         if flag.is_empty() {
             let (_, name, message, hint) = left.error();
             assert_eq!(name, "interrupted");
-            assert!(message.contains("goes on with t1") && hint.contains("cancel t1"), "{left:?}");
+            assert!(message.contains("continues with t1") && hint.contains("cancel t1"), "{left:?}");
             assert_eq!(lab.change("cancel t1").0, 0);
         }
     }
@@ -323,7 +323,7 @@ fn a_ledger_is_exported_beside_its_dispatcher_and_compacted_without() {
     assert!(records.iter().any(|record| record.to_string().contains("\"submitted\"")), "{records:?}");
     let refused = lab.ledger_verb("compact");
     let (code, _, message, _) = refused.error();
-    assert!(code == 1 && message.contains("another dispatcher holds it"), "{refused:?}");
+    assert!(code == 1 && message.contains("in use by another dispatcher"), "{refused:?}");
     assert_eq!(lab.ledger_verb("export").ok().len(), records.len(), "it was compacted all the same");
 
     drop(lab.serve.take());

@@ -146,9 +146,9 @@ impl Devices {
         let (off, taken_over) = self.transmitter(now, truth, board || board_frozen, owned);
         let because = [
             (board, "the board's line is broken"),
-            (board_frozen, "the board repeats itself"),
+            (board_frozen, "the board repeats one frame"),
             (gyro, "the gyro's line is broken"),
-            (gyro_frozen, "the gyro repeats itself"),
+            (gyro_frozen, "the gyro repeats one frame"),
             (sensors.is_some(), sensors.unwrap_or_default()),
             (empty, "the battery is empty"),
             (off, "the transmitter is off"),
@@ -172,10 +172,10 @@ impl Devices {
             self.finder_broken.update(now, broken && !truth.sensors.converter_frozen) > FINDER_BROKEN;
         let wild = self.wild.update(now, heard && truth.sensors.encoder == EncoderFault::Wild) > WILD;
         let because = [
-            (converter, "the converter repeats itself"),
-            (finder_frozen, "a range finder repeats itself"),
+            (converter, "the converter repeats one frame"),
+            (finder_frozen, "a range finder repeats one reading"),
             (broken, "a range finder's wire is broken"),
-            (wild, "the encoder says what cannot be"),
+            (wild, "the encoder reports impossible values"),
         ];
         because.into_iter().find_map(|(so, why)| so.then_some(why))
     }
@@ -218,17 +218,17 @@ impl Devices {
         let no_pulses = truth.speed_mps == 0.0 || truth.sensors.encoder == EncoderFault::BrokenWire;
         let driven = reached && counts > DRIVEN_COUNTS;
         if self.stalled.update(now, driven && no_pulses && truth.drive != DriveFault::Stuck) > STALL {
-            let detail = format!("driven at {} counts for a second without a pulse", truth.motor);
+            let detail = format!("driven at {} counts for 1 s without a pulse", truth.motor);
             return Err((Invariant::Devices, detail));
         }
         let by_itself = reached && counts == 0 && truth.speed_mps.abs() > 0.1 && !no_pulses;
         if self.runaway.update(now, by_itself) > RUNAWAY && !latched(Latch::Runaway) {
-            let detail = format!("at {:.2} m/s by itself, and no latch says so", truth.speed_mps);
+            let detail = format!("{:.2} m/s without a command, but no latch is set", truth.speed_mps);
             return Err((Invariant::Devices, detail));
         }
         let taken = self.manual.0.is_some_and(|since| now - since > TAKEN_OVER + ms(100));
         if taken && self.taken_from_owner && !latched(Latch::RemoteTakeover) {
-            let detail = "the transmitter took over from the network, and no latch says so".to_owned();
+            let detail = "the transmitter took over from the network, but no latch is set".to_owned();
             return Err((Invariant::Latched, detail));
         }
         let same_way = (truth.speed_mps > 0.0) == (truth.motor > PwmCount::NEUTRAL.get());

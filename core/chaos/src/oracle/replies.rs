@@ -50,7 +50,12 @@ impl Oracle {
             }
             Answer::Refused(RejectCode::LeaseHeld) => {
                 if self.held.is_none_or(|held| self.gone(now, held)) {
-                    return Err((Invariant::OneOwner, "a lease that nobody keeps is not free".into()));
+                    return Err((
+                        Invariant::OneOwner,
+                        "a lease that is no longer retained is not \
+                        free"
+                            .into(),
+                    ));
                 }
             }
             Answer::Refused(_) => {}

@@ -47,7 +47,7 @@ impl Oracle {
         match neutral > SPEECHLESS || stands > STARTING {
             true => {
                 let ms = u64::from(stands) * MS_PER_TURN;
-                Err((Invariant::Reasons, format!("it has stood for {ms} ms and does not say why")))
+                Err((Invariant::Reasons, format!("stopped for {ms} ms without a reason")))
             }
             false => Ok(()),
         }

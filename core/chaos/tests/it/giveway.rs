@@ -73,7 +73,7 @@ fn at_right_angles_both_arrive_and_the_smaller_name_hardly_stops() {
             if second.stopped_because.contains(&StopReason::GivingWay) {
                 let route = second.nav.route.unwrap();
                 assert_eq!(route.waits_for.unwrap().as_str(), "xtb-1");
-                assert_eq!(goal.reason.as_deref(), Some("xtb-1 goes first"));
+                assert_eq!(goal.reason.as_deref(), Some("giving way to xtb-1"));
                 assert!(!second.nav.traffic && route.source == RouteSource::Own, "it goes alone");
                 gave_way = true;
             }

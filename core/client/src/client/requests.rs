@@ -112,12 +112,12 @@ impl Client {
         let seconds = (patience.as_secs_f64() * 10.0).round() / 10.0;
         let (how, hint) = match turned_away {
             0 => (
-                format!("does not answer ({asked} times in {seconds} s)"),
-                "`fleet-cli list` shows who is there",
+                format!("does not answer ({asked} requests in {seconds} s)"),
+                "`fleet-cli list` shows the robots present",
             ),
             _ => (
-                format!("is overloaded (it turned away {turned_away} of {asked} requests in {seconds} s)"),
-                "too many clients ask it for too much: end some of them, or wait longer with --timeout",
+                format!("is overloaded (it rejected {turned_away} of {asked} requests in {seconds} s)"),
+                "too many requests from clients: end some clients, or wait longer with --timeout",
             ),
         };
         let message = format!("{robot} of fleet {fleet} {how}: outcome unknown");

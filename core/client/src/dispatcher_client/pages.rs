@@ -24,12 +24,12 @@ impl DispatcherClient<'_> {
         let (mut whole, mut bytes) = self.page(&after(&key, TaskId::new(0))).await?;
         while whole.left_out > 0 {
             let last = whole.tasks.last().map(|task| task.id);
-            let last = last.ok_or_else(|| not_ours("a page without tasks says that tasks are left out"))?;
+            let last = last.ok_or_else(|| not_ours("an empty page announces further tasks"))?;
             let (next, more) = self.page(&after(&key, last)).await?;
             bytes += more;
             if next.ledger != whole.ledger {
-                let message = "the dispatcher has begun another ledger while its tasks were read";
-                return Err(Error::new(ErrorKind::Failed, message).hint("ask again"));
+                let message = "the dispatcher started a new ledger while its tasks were read";
+                return Err(Error::new(ErrorKind::Failed, message).hint("try again"));
             }
             if bytes > MAX_BYTES {
                 return Err(not_ours(&format!("more than {} MiB of tasks", MAX_BYTES >> 20)));
@@ -47,7 +47,7 @@ impl DispatcherClient<'_> {
                 let page = answer.decode().map_err(|error| not_ours(&error.to_string()))?;
                 Ok((page, answer.payload.len()))
             }
-            None => Err(self.silent(Duration::ZERO, "nothing was asked of it", self.is_there().await)),
+            None => Err(self.silent(Duration::ZERO, "no request was sent", self.is_there().await)),
         }
     }
 }
@@ -61,10 +61,10 @@ fn join(whole: &mut TaskList, next: TaskList) -> Result<()> {
     let last = whole.tasks.last().map(|task| task.id);
     let follows = next.tasks.first().is_none_or(|first| Some(first.id) > last);
     if !follows || !next.tasks.is_sorted_by(|one, other| one.id < other.id) {
-        return Err(not_ours("its pages of tasks are not in order"));
+        return Err(not_ours("the pages of tasks are not in order"));
     }
     if next.tasks.is_empty() && next.left_out > 0 {
-        return Err(not_ours("a page without tasks says that tasks are left out"));
+        return Err(not_ours("an empty page announces further tasks"));
     }
     whole.tasks.extend(next.tasks);
     (whole.left_out, whole.ledger_failed) = (next.left_out, next.ledger_failed);

@@ -52,10 +52,7 @@ async fn without_a_dispatcher_the_error_says_how_to_start_one() {
     let client = client().await;
     let failure = patient(&client, Duration::from_secs(1)).submit(one()).await.unwrap_err();
     assert_eq!(failure.kind, ErrorKind::NoDispatcher);
-    assert_eq!(
-        failure.message,
-        "no dispatcher runs for fleet lab (waited 1 s for one): nothing was submitted"
-    );
+    assert_eq!(failure.message, "fleet lab has no dispatcher (waited 1 s): nothing was submitted");
     assert!(failure.hint.contains("fleet-cli dispatch serve"), "{}", failure.hint);
     assert_eq!(patient(&client, Duration::ZERO).list().await.unwrap_err().kind, ErrorKind::NoDispatcher);
 }
@@ -97,7 +94,7 @@ async fn a_dispatcher_whose_pages_never_end_is_not_asked_for_ever() {
     let told = Told { tasks, page: Some(0), ..Told::default() };
     let _fake = FakeDispatcher::start(&client, told).await;
     let failure = patient(&client, Duration::ZERO).list().await.unwrap_err();
-    assert!(failure.message.contains("a page without tasks"), "{failure}");
+    assert!(failure.message.contains("an empty page"), "{failure}");
 }
 
 #[test]

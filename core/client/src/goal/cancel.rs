@@ -8,7 +8,7 @@ use xtb_protocol::{Name, Uuid};
 /// What to do about a robot that may drive on.
 #[must_use]
 pub fn stop_hint(robot: &Name) -> String {
-    format!("`fleet-cli stop {robot}` stops it, `fleet-cli why {robot}` shows what it does")
+    format!("`fleet-cli stop {robot}` stops the robot, `fleet-cli why {robot}` shows its state")
 }
 
 /// What came of a `cancel`.
@@ -44,11 +44,11 @@ fn answer(robot: &Name, goal: Uuid, asked: Result<()>) -> Result<Cancelled> {
             message,
             ..
         }) => {
-            let message = format!("goal {goal} is not ours to cancel any more: {message}");
+            let message = format!("goal {goal} can no longer be cancelled by this client: {message}");
             Err(Error::new(kind, message).hint(stop_hint(robot)))
         }
         Err(failure) => {
-            let message = format!("goal {goal} was not cancelled, {robot} may still drive: {failure}");
+            let message = format!("goal {goal} was not cancelled, {robot} may still be driving: {failure}");
             Err(Error::new(failure.kind, message).hint(stop_hint(robot)))
         }
     }
@@ -57,9 +57,9 @@ fn answer(robot: &Name, goal: Uuid, asked: Result<()>) -> Result<Cancelled> {
 /// Nobody knows whether the goal was taken, only what came of the attempt to take it back.
 pub(super) fn unconfirmed(robot: &Name, goal: Uuid, failure: &Error, cancelled: &Result<Cancelled>) -> Error {
     let end = match cancelled {
-        Ok(Cancelled::Ended) => format!("goal {goal} had begun and was cancelled"),
-        Ok(Cancelled::NotRunning) => format!("goal {goal} does not run"),
-        Err(_) => format!("goal {goal} could not be cancelled either: {robot} may drive"),
+        Ok(Cancelled::Ended) => format!("goal {goal} had started and was cancelled"),
+        Ok(Cancelled::NotRunning) => format!("goal {goal} is not running"),
+        Err(_) => format!("goal {goal} could not be cancelled either: {robot} may be driving"),
     };
     Error::new(ErrorKind::OutcomeUnknown, format!("{failure}; {end}")).hint(stop_hint(robot))
 }
@@ -80,10 +80,10 @@ mod tests {
         assert_eq!(answer(&robot(), GOAL, Ok(())), Ok(Cancelled::Ended));
         assert_eq!(said(ErrorKind::Refused(RejectCode::UnknownGoal)), Ok(Cancelled::NotRunning));
         for (kind, words) in [
-            (ErrorKind::Refused(RejectCode::LeaseHeld), "not ours to cancel"),
-            (ErrorKind::Refused(RejectCode::LeaseLost), "not ours to cancel"),
-            (ErrorKind::OutcomeUnknown, "may still drive"),
-            (ErrorKind::Failed, "may still drive"),
+            (ErrorKind::Refused(RejectCode::LeaseHeld), "no longer be cancelled"),
+            (ErrorKind::Refused(RejectCode::LeaseLost), "no longer be cancelled"),
+            (ErrorKind::OutcomeUnknown, "may still be driving"),
+            (ErrorKind::Failed, "may still be driving"),
         ] {
             let failure = said(kind).unwrap_err();
             assert_eq!(failure.kind, kind);
@@ -97,8 +97,8 @@ mod tests {
         let unknown = Error::new(ErrorKind::OutcomeUnknown, "xtb-1 does not answer");
         for (cancelled, said) in [
             (Ok(Cancelled::Ended), "was cancelled"),
-            (Ok(Cancelled::NotRunning), "does not run"),
-            (Err(unknown.clone()), "may drive"),
+            (Ok(Cancelled::NotRunning), "is not running"),
+            (Err(unknown.clone()), "may be driving"),
         ] {
             let failure = unconfirmed(&robot(), GOAL, &unknown, &cancelled);
             assert_eq!(failure.kind, ErrorKind::OutcomeUnknown);

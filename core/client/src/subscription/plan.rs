@@ -68,10 +68,13 @@ impl Plan {
 
 fn only_commands(expression: &str) -> Error {
     let message = format!(
-        "cannot watch {expression:?}: commands are questions from one client to one robot, nobody else sees them"
+        "cannot watch {expression:?}: commands are requests from one client to one robot, not visible to \
+         others"
     );
-    Error::new(ErrorKind::Invalid, message)
-        .hint("what commands do shows in xtb/<fleet>/<robot>/state and …/event, setpoints in …/teleop/*")
+    Error::new(ErrorKind::Invalid, message).hint(
+        "the effect of commands is visible in xtb/<fleet>/<robot>/state and …/event, setpoints in \
+               …/teleop/*",
+    )
 }
 
 fn last_chunk(expression: &str) -> &str {

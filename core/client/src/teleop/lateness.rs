@@ -37,11 +37,11 @@ impl Lateness {
 /// Why, and what to do instead.
 pub(super) fn words(robot: &Name, round_trip: Option<Duration>) -> String {
     let link = match round_trip {
-        Some(took) => format!("the link's round trip takes {:.1} s", took.as_secs_f64()),
+        Some(took) => format!("the round trip takes {:.1} s", took.as_secs_f64()),
         None => "the link is too slow".to_owned(),
     };
     format!(
-        "{robot} refuses the setpoints as too old: they have to echo a state at most {ECHO_MS} ms old, and {link}; \
+        "{robot} refuses the setpoints: they have to echo a state at most {ECHO_MS} ms old, but {link}; \
          `goto` works on such a link"
     )
 }

@@ -71,7 +71,7 @@ pub struct Fit {
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum FitError {
     /// Too few to tell a line from chance.
-    #[error("{got} points are too few, at least {MIN_POINTS} are needed")]
+    #[error("{got} points are not enough, at least {MIN_POINTS} are needed")]
     TooFewPoints {
         /// How many there are.
         got: usize,
@@ -80,22 +80,24 @@ pub enum FitError {
     #[error("all points are at one pulse, so they have no slope")]
     NoSpread,
     /// A measurement, or what follows from it, is not a number.
-    #[error("a measurement is not a number, or too large for one")]
+    #[error("a measurement is not a number, or too large")]
     NotFinite,
     /// Nothing moved.
-    #[error("slope {slope:e} per count: what is measured does not change with the pulse")]
+    #[error("slope {slope:e} per count: the measurement does not change with the pulse")]
     SlopeZero {
         /// As fitted.
         slope: f64,
     },
     /// The points do not lie on a line.
-    #[error("R = {r:.4} is below {MIN_R}: the points do not lie on a line (play, a stop, or a misreading)")]
+    #[error(
+        "R = {r:.4} is below {MIN_R}: the points are not on a line (play, an end stop, or a wrong reading)"
+    )]
     WeakCorrelation {
         /// Its magnitude.
         r: f64,
     },
     /// Zero would need a pulse that no servo gets.
-    #[error("zero would need the pulse {count:.0}, servos take {min} to {max}")]
+    #[error("zero would need pulse {count:.0}, servos accept {min} to {max}")]
     CentreOutOfLimits {
         /// Counts as fitted.
         count: f64,

@@ -34,8 +34,8 @@ config_section! {
         kd: f64 = 0.1, "counts·s/rpm", Range(0.0, 100.0), Printed("§4.7"), "Differential gain.";
         anti_windup: bool = true, "", Switch, Ours, "Hold the sum while the output is saturated in the error's direction.";
         reset_on_change: bool = true, "", Switch, Ours, "Reset the controller when the mode or the sign of the reference changes.";
-        direction_interlock: bool = true, "", Switch, Ours, "Hold a reversed reference at zero until the wheels stand.";
-        interlock_pulses: u32 = 1, "pulses", Range(0.0, 100.0), Ours, "A window with at most this many pulses counts as standing.";
+        direction_interlock: bool = true, "", Switch, Ours, "Hold a reversed reference at zero until the wheels have stopped.";
+        interlock_pulses: u32 = 1, "pulses", Range(0.0, 100.0), Ours, "A window with at most this many pulses counts as standstill.";
     }
 }
 
@@ -70,7 +70,7 @@ config_section! {
     /// The obstacle rule (§4.6).
     Obstacle "obstacle" {
         threshold_cm: f64 = 25.0, "cm", Range(10.0, 80.0), Printed("§4.6"), "Anything nearer than this is an obstacle.";
-        foldback_latch: bool = true, "", Switch, Ours, "Keep a sensor near that jumps from near to far: below 10 cm it lies.";
+        foldback_latch: bool = true, "", Switch, Ours, "Keep a sensor at near when it jumps from near to far: below 10 cm its reading is wrong.";
         foldback_cm: f64 = 14.0, "cm", Range(10.0, 25.0), Ours, "A sensor that was nearer than this may fold back.";
         foldback_clear_s: f64 = 0.0, "s", Range(0.0, 10.0), Ours, "Clear readings for this long release the latch; 0 = never: a touched wall reads clear.";
         foldback_retreat_m: f64 = 0.05, "m", Range(0.0, 1.0), Ours, "Backing off by this much releases the latch.";
@@ -93,18 +93,18 @@ config_section! {
     /// Wander (§4.6, Fig. 13).
     Wander "wander" {
         reference_rpm: f64 = 13.0, "rpm", Range(1.0, WheelRpm::MAX), Printed("§4.10 (V)"), "Wheel speed ahead and in reverse.";
-        reverse_s: f64 = 6.0, "s", Range(0.1, 60.0), Printed("§4.6"), "How long it reverses while turning.";
-        pause_s: f64 = 2.0, "s", Range(0.0, 60.0), Printed("§5.2"), "How long it then stands.";
-        rear_check: bool = true, "", Switch, Ours, "End the reversing at an obstacle behind.";
-        sides: String = "alternate".to_owned(), "", OneOf(&["alternate", "right", "left"]), Ours, "Which way it turns while reversing.";
+        reverse_s: f64 = 6.0, "s", Range(0.1, 60.0), Printed("§4.6"), "Duration of reversing while turning.";
+        pause_s: f64 = 2.0, "s", Range(0.0, 60.0), Printed("§5.2"), "Duration of the pause after that.";
+        rear_check: bool = true, "", Switch, Ours, "Stop reversing at an obstacle behind.";
+        sides: String = "alternate".to_owned(), "", OneOf(&["alternate", "right", "left"]), Ours, "Turn direction while reversing.";
     }
 }
 
 config_section! {
     /// Teleoperation over the network.
     Teleop "teleop" {
-        max_rpm: f64 = 23.0, "rpm", Range(1.0, WheelRpm::MAX), Ours, "Setpoints are cut to this: 0.2 m/s, so that two trucks head-on can both stop.";
-        lifetime_ms: u32 = 200, "ms", Range(20.0, 200.0), Ours, "How long a setpoint lives on the robot's own clock.";
+        max_rpm: f64 = 23.0, "rpm", Range(1.0, WheelRpm::MAX), Ours, "Setpoints are limited to this: 0.2 m/s, so that two trucks head-on can both stop.";
+        lifetime_ms: u32 = 200, "ms", Range(20.0, 200.0), Ours, "Lifetime of a setpoint, by the robot's clock.";
     }
 }
 
@@ -116,8 +116,8 @@ config_section! {
         period_ms: f64 = 22.2, "ms", Range(1.0, 100.0), Printed("§4.2.2"), "The receiver's pulse period.";
         min_duty_pct: f64 = 4.2, "%", Range(0.1, 49.0), Printed("§4.1"), "A shorter pulse is rejected.";
         max_duty_pct: f64 = 9.5, "%", Range(0.1, 49.0), Printed("§4.1"), "A longer pulse is rejected.";
-        selector_counts: f64 = 3750.0, "counts", Range(2331.0, 5272.0), Assumed, "Where the selector changes sides (1.5 ms).";
-        manual: String = "below".to_owned(), "", OneOf(&["below", "above"]), Assumed, "On which side of it the selector means manual.";
+        selector_counts: f64 = 3750.0, "counts", Range(2331.0, 5272.0), Assumed, "Selector threshold (1.5 ms).";
+        manual: String = "below".to_owned(), "", OneOf(&["below", "above"]), Assumed, "Side of the threshold that means manual.";
         lost_after: u32 = 10, "frames", Range(1.0, 1000.0), Ours, "A channel without a usable reading for this long is lost.";
     }
 }
@@ -126,18 +126,18 @@ config_section! {
     /// What counts as broken: sensors that stand still or read what cannot be, wheels that run away or
     /// do not turn. The monitors of `core/robot` read it.
     GuardLimits "guard" {
-        frozen_s: f64 = 0.25, "s", Range(0.1, 5.0), Ours, "Gyro or converter without any change for this long is frozen: noise makes that impossible.";
-        frozen_scans: u32 = 50, "scans", Range(10.0, 1000.0), Ours, "A range finder without any change for so many scans with turning wheels is frozen.";
+        frozen_s: f64 = 0.25, "s", Range(0.1, 5.0), Ours, "Gyro or converter without any change for this long counts as frozen: noise makes that impossible.";
+        frozen_scans: u32 = 50, "scans", Range(10.0, 1000.0), Ours, "A range finder without any change for this many scans with turning wheels counts as frozen.";
         infrared_min_v: f64 = 0.1, "V", Range(0.0, 0.2), DataSheet("GP2D12"), "A range finder below this has a broken wire (0.25 V with nothing in sight).";
         infrared_max_v: f64 = 3.0, "V", Range(2.8, 5.0), DataSheet("GP2D12"), "A range finder above this has a short circuit (2.8 V at most).";
-        infrared_scans: u32 = 5, "scans", Range(1.0, 100.0), Ours, "So many such readings in a row are a fault; one is a disturbance.";
-        top_rpm: f64 = 370.0, "rpm", Range(10.0, 1000.0), Printed("§2.2 (12,000 rpm / 34, 5 % over)"), "No wheel turns faster than this.";
-        runaway_part: f64 = 0.3, "", Range(0.05, 2.0), Ours, "The wheels may be faster than the reference by this part of it.";
-        runaway_s: f64 = 0.3, "s", Range(0.1, 2.0), Ours, "Longer than this above what a reference or coasting explains is a runaway.";
-        coast_s: f64 = 0.5, "s", Range(0.05, 5.0), Assumed, "Time constant of the slowest coasting to a stand, twice what is expected.";
+        infrared_scans: u32 = 5, "scans", Range(1.0, 100.0), Ours, "This many such readings in a row are a fault; a single one is a disturbance.";
+        top_rpm: f64 = 370.0, "rpm", Range(10.0, 1000.0), Printed("§2.2 (12,000 rpm / 34, 5 % over)"), "Maximum possible wheel speed.";
+        runaway_part: f64 = 0.3, "", Range(0.05, 2.0), Ours, "Allowed excess of the wheel speed over the reference, as a fraction of it.";
+        runaway_s: f64 = 0.3, "s", Range(0.1, 2.0), Ours, "Longer than this above the speed explained by reference or coasting is a runaway.";
+        coast_s: f64 = 0.5, "s", Range(0.05, 5.0), Assumed, "Time constant of the slowest coasting to standstill, twice the expected value.";
         stall_counts: f64 = 100.0, "counts", Range(10.0, 1000.0), Assumed, "A motor pulse this far from neutral turns the wheels (the dead band ends at 75). An ESC with a larger dead band needs more, or `stalled` is raised with nothing in the way.";
-        stall_s: f64 = 0.4, "s", Range(0.1, 0.85), Ours, "Driven for this long without a single pulse of the encoder is a stall.";
-        manual_limit: bool = true, "", Switch, Ours, "Let the speed stick through only while the truck is no faster than the obstacle rule can stop.";
+        stall_s: f64 = 0.4, "s", Range(0.1, 0.85), Ours, "Driving for this long without a single encoder pulse is a stall.";
+        manual_limit: bool = true, "", Switch, Ours, "Pass on the speed stick only while the truck is slow enough for the obstacle rule to stop it.";
     }
 }
 
@@ -145,11 +145,11 @@ config_section! {
     /// What the battery's voltage means: 7.2 V, six cells of NiMH or NiCd. Their voltage lies between
     /// 1.3 and 1.2 V a cell for the most part of a discharge and falls steeply below 1.1 V.
     BatteryLevels "battery" {
-        warn_v: f64 = 7.2, "V", Range(1.0, 60.0), Assumed, "Below this, think of charging: 1.20 V a cell.";
-        finish_v: f64 = 6.9, "V", Range(1.0, 60.0), Assumed, "Below this nothing new begins: 1.15 V a cell.";
-        stop_v: f64 = 6.6, "V", Range(1.0, 60.0), Assumed, "Below this the truck stands: 1.10 V a cell.";
-        hysteresis_v: f64 = 0.2, "V", Range(0.0, 2.0), Ours, "A level ends only so far above its voltage: a pack at rest recovers.";
-        hold_s: f64 = 2.0, "s", Range(0.1, 60.0), Ours, "A level begins or ends only after this long: a start makes the voltage sag.";
+        warn_v: f64 = 7.2, "V", Range(1.0, 60.0), Assumed, "Below this, charge the battery soon: 1.20 V per cell.";
+        finish_v: f64 = 6.9, "V", Range(1.0, 60.0), Assumed, "Below this nothing new is started: 1.15 V per cell.";
+        stop_v: f64 = 6.6, "V", Range(1.0, 60.0), Assumed, "Below this the truck stops: 1.10 V per cell.";
+        hysteresis_v: f64 = 0.2, "V", Range(0.0, 2.0), Ours, "A level ends only this far above its voltage: a pack at rest recovers.";
+        hold_s: f64 = 2.0, "s", Range(0.1, 60.0), Ours, "A level begins or ends only after this time: the voltage sags when the motor starts.";
     }
 }
 
@@ -166,7 +166,7 @@ config_section! {
 config_section! {
     /// The four suspension pistons (§4.8).
     Pistons "pistons" {
-        travel_m: f64 = 0.040, "m", Range(0.001, 1.0), Assumed, "Way of a piston over the whole range of its sensor.";
+        travel_m: f64 = 0.040, "m", Range(0.001, 1.0), Assumed, "Travel of a piston over the full range of its sensor.";
         middle_m: f64 = 0.020, "m", Range(0.0, 1.0), Assumed, "Middle position.";
         min_m: f64 = 0.002, "m", Range(0.0, 1.0), Assumed, "Lower end stop.";
         max_m: f64 = 0.038, "m", Range(0.0, 1.0), Assumed, "Upper end stop.";
@@ -178,8 +178,8 @@ config_section! {
     /// The balance controller (§4.8.3).
     Balance "balance" {
         convergence: f64 = 5.0, "", Range(0.01, 100.0), Printed("§4.8.3 (K)"), "Speed of convergence K.";
-        dt_s: f64 = 0.1, "s", Range(0.001, 10.0), Assumed, "Time in which a piston shall cover its displacement.";
-        tolerance_deg: f64 = 0.8, "deg", Range(0.0, 20.0), Printed("§4.8.3"), "Level enough: all pistons stop.";
+        dt_s: f64 = 0.1, "s", Range(0.001, 10.0), Assumed, "Time for a piston to cover its displacement.";
+        tolerance_deg: f64 = 0.8, "deg", Range(0.0, 20.0), Printed("§4.8.3"), "Level within this: all pistons stop.";
     }
 }
 
@@ -189,7 +189,7 @@ config_section! {
         kp: f64 = 200.0, "counts/deg", Range(0.0, 10_000.0), Printed("§4.8.2"), "Proportional gain.";
         ki: f64 = 10.0, "counts/(deg·s)", Range(0.0, 10_000.0), Printed("§4.8.2"), "Integral gain.";
         kd: f64 = 0.1, "counts·s/deg", Range(0.0, 1000.0), Printed("§4.8.2"), "Differential gain.";
-        sample_s: f64 = 0.038, "s", Range(0.001, 10.0), Ours, "Its own sample period, the converter's (the memorandum copies the encoder's).";
+        sample_s: f64 = 0.038, "s", Range(0.001, 10.0), Ours, "Sample period, that of the converter (the memorandum uses the encoder's).";
         anti_windup: bool = true, "", Switch, Ours, "Hold the sum while the correction is beyond the pistons' speed limit.";
     }
 }

@@ -133,17 +133,17 @@ impl Dispatcher {
             return Some(format!("{}; {}", cause.text(), cause.remedy()));
         }
         if now_ms < task.not_before_ms {
-            return Some(format!("it is begun again in {} s", (task.not_before_ms - now_ms) / 1000 + 1));
+            return Some(format!("next try in {} s", (task.not_before_ms - now_ms) / 1000 + 1));
         }
         if let Some(robot) = self.reserved.get(&id) {
-            return Some(format!("{robot} is nearly done, and will be there before any other"));
+            return Some(format!("reserved for {robot}, which finishes soon and will arrive first"));
         }
         let mut may = self.robots.values().filter(|robot| robot.is_eligible(&task.spec.who)).peekable();
         if may.peek().is_none() {
-            return Some("no robot that is there may do it".to_owned());
+            return Some("no suitable robot present".to_owned());
         }
         let reasons = may.filter_map(|robot| {
-            let busy = self.store.on(&robot.name).map(|other| format!("it does {}", other.id));
+            let busy = self.store.on(&robot.name).map(|other| format!("busy with {}", other.id));
             let unavailable = || robot.availability(now_ms, &self.settings, &self.identity.me).err();
             let reason = busy.or_else(|| robot.incapable.get(&id).cloned()).or_else(unavailable)?;
             Some(format!("{}: {reason}", robot.name))

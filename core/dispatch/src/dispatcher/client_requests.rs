@@ -75,8 +75,9 @@ impl Dispatcher {
             DispatchBody::Retry { tasks } => (TaskCommand::Retry, tasks.clone()),
         };
         if self.open_requests.len() >= self.settings.max_waiting {
-            let message = format!("{} questions wait for an answer", self.open_requests.len());
-            let error = refusal(DispatchCode::Overloaded, message, "ask again, less often");
+            let message = format!("{} requests are already waiting", self.open_requests.len());
+            let error =
+                refusal(DispatchCode::Overloaded, message, "try again, with fewer requests per second");
             return self.reply(ticket, request.id, DispatchOutcome::Error(error));
         }
         self.open_requests.push_back(OpenRequest {
@@ -135,12 +136,16 @@ impl Dispatcher {
             return Err(ledger_failed(why));
         }
         if self.writes.has_submission(key) {
-            let message = "this submission is being written";
-            return Err(refusal(DispatchCode::Overloaded, message, "ask again with the same id"));
+            let message = "this submission is being saved";
+            return Err(refusal(DispatchCode::Overloaded, message, "try again with the same id"));
         }
         if self.writes.len() >= self.settings.max_unwritten {
-            let message = format!("{} changes wait for the ledger", self.writes.len());
-            return Err(refusal(DispatchCode::Overloaded, message, "ask again, less often"));
+            let message = format!("{} changes are waiting for the ledger", self.writes.len());
+            return Err(refusal(
+                DispatchCode::Overloaded,
+                message,
+                "try again, with fewer requests per second",
+            ));
         }
         let max_open = self.settings.max_open;
         let open = self.store.open_count() + usize::try_from(self.writes.new_tasks()).unwrap_or(usize::MAX);
@@ -185,7 +190,7 @@ impl Dispatcher {
                 Progress::Done => *change = done(None),
                 Progress::Wrong(what) => {
                     let message = format!("{id} {what}");
-                    let hint = format!("`fleet-cli task {id}` shows how it came to be so");
+                    let hint = format!("`fleet-cli task {id}` shows its history");
                     *change = done(Some(refusal(DispatchCode::WrongState, message, &hint)));
                 }
                 Progress::Write(what, why) if self.writes.may_try(now_ms) => {
@@ -208,7 +213,7 @@ fn progress(now_ms: u64, command: TaskCommand, task: &Task, by: &Name) -> Progre
     let free = task.assigned.is_none();
     match (command, task.state) {
         (TaskCommand::Cancel, Cancelled) => Progress::Done,
-        (TaskCommand::Cancel, Done | Failed) => Progress::Wrong("has ended already"),
+        (TaskCommand::Cancel, Done | Failed) => Progress::Wrong("has already ended"),
         (TaskCommand::Cancel, Cancelling) if task.ending == Some(Ending::Cancelled) => Progress::Wait,
         (TaskCommand::Cancel, _) => {
             Progress::Write(task.end(Ending::Cancelled), format!("cancelled by {by}"))
@@ -216,36 +221,36 @@ fn progress(now_ms: u64, command: TaskCommand, task: &Task, by: &Name) -> Progre
         (TaskCommand::Pause, Paused) if free => Progress::Done,
         (TaskCommand::Pause | TaskCommand::Resume, Paused) if !free => Progress::Wait,
         (TaskCommand::Pause, Cancelled | Cancelling | Done | Failed) => {
-            Progress::Wrong("has ended, or is about to")
+            Progress::Wrong("has ended or is ending")
         }
         (TaskCommand::Pause, _) => Progress::Write(Change::Paused, format!("paused by {by}")),
         (TaskCommand::Resume, Paused | Held) => Progress::Write(again, format!("resumed by {by}")),
         (TaskCommand::Resume, Cancelled | Cancelling | Done | Failed) => {
-            Progress::Wrong("has ended; retry begins it again")
+            Progress::Wrong("has ended; start it again with retry")
         }
         (TaskCommand::Retry, Cancelled | Failed)
             if task.spec.deadline_ms.is_some_and(|at_ms| at_ms <= now_ms) =>
         {
-            Progress::Wrong("has a deadline that is over; submit it anew")
+            Progress::Wrong("has passed its deadline; submit it as a new task")
         }
         (TaskCommand::Retry, Cancelled | Failed) => Progress::Write(again, format!("retried by {by}")),
-        (TaskCommand::Retry, Done) => Progress::Wrong("is done; submit it anew"),
+        (TaskCommand::Retry, Done) => Progress::Wrong("is done; submit it as a new task"),
         (TaskCommand::Resume | TaskCommand::Retry, _) => Progress::Done,
     }
 }
 
 fn unknown(id: TaskId) -> DispatchError {
-    let message = format!("there is no task {id}, or it ended long ago");
-    refusal(DispatchCode::UnknownTask, message, "`fleet-cli tasks` lists them")
+    let message = format!("task {id} does not exist, or ended too long ago");
+    refusal(DispatchCode::UnknownTask, message, "`fleet-cli tasks` lists the tasks")
 }
 
 fn unconfirmed(task: &Task) -> DispatchError {
     let message = match &task.assigned {
         Some(assigned) => {
-            format!("{} has not confirmed yet that it has let go of {}", assigned.robot, task.id)
+            format!("{} has not confirmed yet that it has ended {}", assigned.robot, task.id)
         }
-        None => format!("the change of {} is not in the ledger yet", task.id),
+        None => format!("the change of {} is not saved in the ledger yet", task.id),
     };
-    let hint = "it goes on trying; `fleet-cli stop` and `estop` stop a robot whatever it does";
+    let hint = "the dispatcher keeps trying; `fleet-cli stop` and `estop` stop the robot in any case";
     refusal(DispatchCode::Unconfirmed, message, hint)
 }

@@ -95,10 +95,7 @@ impl Dispatcher {
                 }
             }
             if !reached {
-                let what = format!(
-                    "no way leads to ({:.2}, {:.2}) from any robot that may do it",
-                    point.x_m, point.y_m
-                );
+                let what = format!("no path to ({:.2}, {:.2}) from any suitable robot", point.x_m, point.y_m);
                 return Some(Some(what));
             }
         }
@@ -109,7 +106,7 @@ impl Dispatcher {
         let map = self.suspension_state().map.map(|map| map.name.clone()).unwrap_or_default();
         for (id, what) in lost {
             let Some(task) = self.store.task(id) else { continue };
-            let (change, why) = (task.end(Ending::Failed), format!("{what}, as map {map} is now"));
+            let (change, why) = (task.end(Ending::Failed), format!("{what} (current map: {map})"));
             self.writes.push(
                 now_ms,
                 vec![Record::Became { task: id, change, why: Some(why) }],

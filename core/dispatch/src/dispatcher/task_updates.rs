@@ -59,7 +59,7 @@ impl Dispatcher {
                 && task.is_all(task.legs_done, now_ms);
             let (ending, why) = match (late, lasted) {
                 (_, true) => (Ending::Done, None),
-                (true, _) => (Ending::Failed, Some("its deadline is over".to_owned())),
+                (true, _) => (Ending::Failed, Some("deadline passed".to_owned())),
                 _ => continue,
             };
             over.push((task.id, task.end(ending), why));

@@ -106,7 +106,7 @@ pub struct Entry {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum EntryError {
     /// Written by a later program.
-    #[error("an entry of version {got}; this program reads up to {VERSION}: use the newer program")]
+    #[error("an entry of version {got}; this program reads up to version {VERSION}: use the newer program")]
     Version {
         /// As read.
         got: u32,

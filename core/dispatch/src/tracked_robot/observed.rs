@@ -109,14 +109,14 @@ impl ObservedState {
 
 fn unavailable(state: &RobotState) -> Option<String> {
     if let Some(latch) = state.latches.first() {
-        return Some(format!("it is latched: {}", latch.latch));
+        return Some(format!("latched: {}", latch.latch));
     }
     if let Some(fault) = state.faults.iter().find(|fault| stops(fault.fault).is_some()) {
-        return Some(format!("it has a fault: {}", fault.fault));
+        return Some(format!("fault: {}", fault.fault));
     }
     match (state.mode, state.battery_level) {
-        (Mode::Manual, _) => Some("the remote control drives it".to_owned()),
-        (_, BatteryLevel::Finish | BatteryLevel::Critical) => Some("its battery is low".to_owned()),
+        (Mode::Manual, _) => Some("remote control active".to_owned()),
+        (_, BatteryLevel::Finish | BatteryLevel::Critical) => Some("battery low".to_owned()),
         _ => None,
     }
 }

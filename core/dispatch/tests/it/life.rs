@@ -158,7 +158,7 @@ fn a_deadline_that_passes_stops_the_robot() {
     let mut bench = Bench::new(1);
     let id = bench.submit(TaskSpec { deadline_ms: Some(bench.now_ms + 2000), ..goto(9.0, 0.0) });
     bench.run_ms(2500);
-    assert_eq!((bench.state(id), bench.reason(id).as_str()), (TaskState::Failed, "its deadline is over"));
+    assert_eq!((bench.state(id), bench.reason(id).as_str()), (TaskState::Failed, "deadline passed"));
     assert!(bench.robots[0].running().is_none());
 }
 

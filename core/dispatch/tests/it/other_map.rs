@@ -157,12 +157,12 @@ fn a_new_version_of_the_map_fails_what_it_makes_unreachable_and_nothing_else() {
     let states = |bench: &Bench| [on_the_wall, behind, here].map(|id| bench.state(id));
     use TaskState::{Done, Failed, Queued};
     assert_eq!(states(&bench), [Failed, Queued, Queued]);
-    let why = "(5.00, 4.10) is on top of something on the map, or off it, as map lab is now";
+    let why = "(5.00, 4.10) is occupied on the map, or outside it (current map: lab)";
     assert_eq!(bench.reason(on_the_wall), why);
     bench.cut[1] = false;
     bench.run_ms(6000);
     assert_eq!(states(&bench)[1], Failed);
-    let why = "no way leads to (5.00, 6.00) from any robot that may do it, as map lab is now";
+    let why = "no path to (5.00, 6.00) from any suitable robot (current map: lab)";
     assert_eq!(bench.reason(behind), why);
     bench.run_ms(30_000);
     assert_eq!(

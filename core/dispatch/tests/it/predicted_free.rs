@@ -24,7 +24,7 @@ fn a_task_waits_for_the_robot_that_will_be_there_first_and_says_so() {
     let (mut bench, first, second) = nearly_done_and_far();
     assert_eq!(bench.state(second), TaskState::Queued);
     let why = bench.dispatcher.why_queued(bench.now_ms, second).unwrap();
-    assert!(why.contains("xtb-1 is nearly done"), "{why}");
+    assert!(why.contains("reserved for xtb-1"), "{why}");
     bench.run_ms(4000);
     assert_eq!(bench.state(first), TaskState::Done);
     assert_eq!(bench.robot_of(second), Some(0));

@@ -99,7 +99,7 @@ impl FakeRobot {
 
     pub(crate) fn latch(&mut self, now_ms: u64) {
         self.latched = self.latched.or(Some(now_ms));
-        self.end(GoalStatus::Failed, Some("the robot is held"));
+        self.end(GoalStatus::Failed, Some("blocked by a latch, a fault or the remote control"));
     }
 
     /// It can go on when that is over, and arrives as much later.
@@ -119,7 +119,7 @@ impl FakeRobot {
         if silent.is_none_or(|ms| ms >= LINK_LOSS_MS)
             && self.running().is_some_and(|goal| goal.on_link_loss == LinkLoss::Halt)
         {
-            self.end(GoalStatus::Failed, Some("its client fell silent, and its policy is halt"));
+            self.end(GoalStatus::Failed, Some("controlling client dispatch timed out"));
         }
         if silent.is_some_and(|ms| ms >= LEASE_FREE_MS) {
             self.lease.free();
@@ -127,9 +127,9 @@ impl FakeRobot {
         let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
         let blocked = now_ms < self.blocked_until_ms;
         goal.status = if blocked { GoalStatus::Blocked } else { GoalStatus::Running };
-        goal.reason = blocked.then(|| "something stands in front".to_owned());
+        goal.reason = blocked.then(|| "obstacle in front".to_owned());
         if goal.limit_ms.is_some_and(|limit_ms| now_ms >= limit_ms) {
-            return self.end(GoalStatus::Failed, Some("its time was up"));
+            return self.end(GoalStatus::Failed, Some("time limit reached"));
         }
         if now_ms >= goal.ends_ms {
             if goal.doomed {
@@ -186,7 +186,7 @@ impl FakeRobot {
             Body::Release {} => {
                 self.lease.free();
                 if self.running().is_some_and(|goal| goal.on_link_loss == LinkLoss::Halt) {
-                    self.end(GoalStatus::Cancelled, Some("control was given back"));
+                    self.end(GoalStatus::Cancelled, Some("control was released"));
                 }
                 Ok(Done::default())
             }

@@ -146,7 +146,7 @@ fn a_robot_that_does_not_confirm_is_named_and_the_task_ends_later() {
     assert!(error.code == DispatchCode::Unconfirmed && error.message.contains("xtb-1"), "{error:?}");
     bench.run_ms(6000);
     assert_eq!(bench.state(id), TaskState::Cancelled);
-    assert!(bench.reason(id).contains("ended by its own policy"), "{}", bench.reason(id));
+    assert!(bench.reason(id).contains("ended by its link-loss policy"), "{}", bench.reason(id));
 }
 
 #[test]
@@ -225,7 +225,7 @@ fn a_robot_that_is_taken_over_holds_its_task_and_names_who_has_it() {
         bench.run_ms(1000);
         bench.by_person(0, Body::Acquire { take: true });
         bench.run_ms(80);
-        assert!(bench.reason(id).contains("taken over by cli-9"), "{}", bench.reason(id));
+        assert!(bench.reason(id).contains("under control of cli-9"), "{}", bench.reason(id));
         for _ in 0..20 {
             bench.by_person(0, Body::Retain {});
             bench.run_ms(100);
@@ -244,7 +244,10 @@ fn a_persons_stop_is_not_undone_by_a_clock() {
     bench.run_ms(1000);
     bench.by_person(0, Body::Stop {});
     bench.run_ms(60_000);
-    assert_eq!((bench.state(id), bench.reason(id).as_str()), (TaskState::Held, "xtb-1 was told to stop"));
+    assert_eq!(
+        (bench.state(id), bench.reason(id).as_str()),
+        (TaskState::Held, "xtb-1 received a stop command")
+    );
     bench.ask(DispatchBody::Resume { tasks: vec![id] });
     bench.run_ms(2000);
     assert_eq!(bench.state(id), TaskState::Running);

@@ -88,7 +88,7 @@ pub enum FixError {
         limit: f64,
     },
     /// A variance of nothing, or of more than anything.
-    #[error("a variance of {variance} is not that of 0.0001 to 100 m or rad")]
+    #[error("a variance of {variance} is outside the squares of 0.0001 to 100 m or rad")]
     Variance {
         /// As it came, in m² or rad².
         variance: f64,

@@ -22,7 +22,7 @@ config_section! {
         along_walk: f64 = 0.01, "m/√m", Range(0.0, 0.2), Assumed, "Error of the way driven beside the tyres' (slip, play).";
         across_walk: f64 = 0.01, "m/√m", Range(0.0, 0.2), Assumed, "Error to the side (axles that are not quite straight).";
         lost_rad: f64 = 0.35, "rad", Range(0.05, 1.0), Ours, "With a less certain heading single fixes are not believed, only several that agree.";
-        gate: f64 = 1.0, "times the usual", Range(0.1, 10.0), Ours, "A fix counts up to this times the distance that 1 good one in 1,000 exceeds.";
-        late_s: f64 = 0.5, "s", Range(0.0, 0.6), Ours, "A fix that is older when it comes is not used.";
+        gate: f64 = 1.0, "relative", Range(0.1, 10.0), Ours, "Outlier threshold, relative to the distance that 1 correct fix in 1,000 exceeds.";
+        late_s: f64 = 0.5, "s", Range(0.0, 0.6), Ours, "Fixes older than this on arrival are ignored.";
     }
 }

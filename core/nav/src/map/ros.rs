@@ -120,7 +120,7 @@ impl Description {
     /// [`RosError::Yaml`] or [`RosError::Key`].
     pub fn from_yaml(text: &str) -> Result<Self, RosError> {
         if text.len() > MAX_YAML_BYTES {
-            return Err(RosError::Yaml(format!("{} bytes, at most {MAX_YAML_BYTES} are read", text.len())));
+            return Err(RosError::Yaml(format!("{} bytes, the limit is {MAX_YAML_BYTES}", text.len())));
         }
         let options = serde_saphyr::options! { with_snippet: false };
         let layout: Layout = serde_saphyr::from_str_with_options(text, options)
@@ -130,7 +130,7 @@ impl Description {
             None | Some("trinary") => {}
             Some(mode @ ("scale" | "raw")) => {
                 let reason =
-                    format!("{mode:?} has shades between free and occupied; only \"trinary\" is read");
+                    format!("{mode:?} has values between free and occupied; only \"trinary\" is supported");
                 return key("mode", reason);
             }
             Some(mode) => {
@@ -143,7 +143,7 @@ impl Description {
         };
         if yaw_rad != 0.0 {
             let reason =
-                format!("a yaw of {yaw_rad} rad: turned maps are not read; turn the image and write 0");
+                format!("a yaw of {yaw_rad} rad: rotated maps are not supported; rotate the image and set 0");
             return key("origin", reason);
         }
         let (free, occupied) = (layout.free_thresh, layout.occupied_thresh);

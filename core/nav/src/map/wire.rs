@@ -19,7 +19,7 @@ pub enum WireError {
     #[error("{0}")]
     Map(#[from] MapError),
     /// It is not the map that it says it is.
-    #[error("the map says that its hash is {said}, and it is {found}")]
+    #[error("the map states the hash {said}, but its hash is {found}")]
     Hash {
         /// In the message.
         said: MapHash,

@@ -49,7 +49,7 @@ pub enum ZoneError {
     /// The outline crosses or touches itself.
     #[error(
         "zone {name:?}: the side from point {first} and the side from point {second} cross or touch; \
-         give the corners in order, each once"
+         list the corners in order, each once"
     )]
     Crossing {
         /// Which zone.

@@ -121,7 +121,7 @@ impl Navigator {
         }
         task.contacts += 1;
         task.blocked_at = Some(in_map([gear * end_m, 0.0]));
-        "it touched something that is not on the map".clone_into(&mut task.last_failure);
+        "contact with an unmapped obstacle".clone_into(&mut task.last_failure);
         task.stage = Stage::Contact { released: false };
     }
 

@@ -61,7 +61,7 @@ impl Navigator {
             FollowerStatus::Reached => Decision::Reached,
             FollowerStatus::Deviated { .. }
             | FollowerStatus::Stuck(Stuck::Missed | Stuck::NoProgress | Stuck::NotANumber) => {
-                self.lose_the_path(task, "it gets off its path")
+                self.lose_the_path(task, "the robot left its path")
             }
             FollowerStatus::AtReleaseEnd if following.held.hold.is_some() && sensed.stands() => {
                 match self.wait_for_other(now, task) {
@@ -127,7 +127,7 @@ impl Navigator {
         if following.plan > 0 && self.guidance.is_alive(now) {
             return stand(HoldReason::WayBlocked);
         }
-        self.lose_the_path(task, "something that is not on the map")
+        self.lose_the_path(task, "unmapped obstacle")
     }
 
     /// Another path from here, unless that was tried often enough.

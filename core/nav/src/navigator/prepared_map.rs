@@ -50,10 +50,10 @@ impl PreparedMap {
         let (column, row) = grid.place(target.x_m, target.y_m);
         let (width, height) = (grid.width() as i64, grid.height() as i64);
         if !(0..width).contains(&column) || !(0..height).contains(&row) {
-            return Some("it is not on the map");
+            return Some("outside the map");
         }
         let least_m = car.core_m() - grid.resolution_m();
         let room_m = self.clearance.at_least_m(target.x_m, target.y_m);
-        (room_m < least_m).then_some("something on the map stands there")
+        (room_m < least_m).then_some("occupied on the map")
     }
 }

@@ -100,7 +100,7 @@ impl PlanJob {
 
 impl Search<'_> {
     fn plan(&self, planner: &mut Planner) -> Result<Planned, PlanFailure> {
-        let mut last = PlanFailure::for_good("no plan was made".to_owned());
+        let mut last = PlanFailure::for_good("no plan".to_owned());
         let obstacles_known = !self.unobserved.is_empty();
         for (index, (level, unseen)) in CAUTION_LEVELS.iter().zip(&self.unseen).enumerate() {
             let same = !obstacles_known && index > 0 && level.keeps_margin();
@@ -163,6 +163,6 @@ impl Search<'_> {
             at = at.or(blind.first().copied());
             unseen.extend(blind);
         }
-        Err(PlanFailure::at_present("no way past it on which it could be looked at", at))
+        Err(PlanFailure::at_present("no path around it that lets the range finders see it", at))
     }
 }

@@ -203,7 +203,7 @@ impl Navigator {
             if let Some([x_m, y_m]) = near.then(|| body.body_points(&pose).into_iter().find(hits)).flatten() {
                 let (long_m, wide_m) = (self.car.front_m + self.car.rear_m, 2.0 * self.car.half_width_m);
                 return Err(wrong_vehicle(&format!(
-                    "it leads through something on the map at ({x_m:.2}, {y_m:.2}) for a body of \
+                    "it hits an obstacle on the map at ({x_m:.2}, {y_m:.2}) for a body of \
                      {long_m:.2} × {wide_m:.2} m"
                 )));
             }
@@ -216,7 +216,7 @@ impl Navigator {
 }
 
 fn wrong_vehicle(why: &dyn std::fmt::Display) -> String {
-    format!("wrong_vehicle: traffic control's path is not for this robot: {why}")
+    format!("wrong_vehicle: traffic control's path does not fit this robot: {why}")
 }
 
 #[cfg(test)]

@@ -9,8 +9,8 @@ use xtb_control::config_section;
 config_section! {
     /// How a path is driven.
     FollowerSettings "follower" {
-        look_ahead_m: f64 = 0.22, "m", Range(0.05, 2.0), Ours, "Look-ahead at a standstill: errors of the pose fade over about this way.";
-        look_ahead_s: f64 = 0.2, "s", Range(0.0, 2.0), Ours, "So much more of it for the speed.";
+        look_ahead_m: f64 = 0.22, "m", Range(0.05, 2.0), Ours, "Look-ahead at standstill: pose errors decay over about this distance.";
+        look_ahead_s: f64 = 0.2, "s", Range(0.0, 2.0), Ours, "Additional look-ahead per m/s of speed.";
         look_ahead_tight_m: f64 = 0.10, "m", Range(0.0, 2.0), Ours, "With less clearance than this the look-ahead is as short as at a standstill.";
         approach_deg: f64 = 35.0, "deg", Range(5.0, 80.0), Ours, "Steepest angle at which it drives back to the path.";
         lock_s: f64 = 0.1, "s", Range(0.0, 2.0), Assumed, "The servos take this long from straight to full lock (20° at 200°/s).";
@@ -31,7 +31,7 @@ config_section! {
         ramp_m: f64 = 0.05, "m", Range(0.005, 1.0), Ours, "Slow enough that the wheels turn from one piece's angle to the next one's within this way.";
         deviation_m: f64 = 0.12, "m", Range(0.01, 2.0), Ours, "Farther beside the path it stops and says so.";
         deviation_deg: f64 = 40.0, "deg", Range(1.0, 180.0), Ours, "The same for the heading.";
-        no_motion_s: f64 = 2.0, "s", Range(0.1, 60.0), Ours, "Asked to drive for this long without turning wheels: stuck.";
+        no_motion_s: f64 = 2.0, "s", Range(0.1, 60.0), Ours, "Driving commands for this long without wheel motion: stuck.";
         no_progress_s: f64 = 6.0, "s", Range(0.1, 60.0), Ours, "Turning wheels for this long without progress along the path: stuck.";
         progress_m: f64 = 0.02, "m", Range(0.001, 1.0), Ours, "Less is no progress.";
     }

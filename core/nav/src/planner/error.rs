@@ -39,7 +39,7 @@ pub enum PlanError {
     #[error("the goal touches {0}")]
     GoalInCollision(Hit),
     /// The goal lies in a keep-out zone.
-    #[error("the goal lies in keep-out {name}, at ({:.2}, {:.2})", at.x_m, at.y_m)]
+    #[error("the goal is in keep-out {name}, at ({:.2}, {:.2})", at.x_m, at.y_m)]
     GoalKeptOut {
         /// The zone.
         name: String,
@@ -47,7 +47,7 @@ pub enum PlanError {
         at: Hit,
     },
     /// All that can be reached from one end has been looked at, and the other is not among it.
-    #[error("the {end} is walled in: no way on from ({:.2}, {:.2}){}", at_m[0], at_m[1], because(by.as_ref()))]
+    #[error("the {end} is enclosed: no path beyond ({:.2}, {:.2}){}", at_m[0], at_m[1], because(by.as_ref()))]
     Unreachable {
         /// Which one is walled in.
         end: End,
@@ -58,7 +58,8 @@ pub enum PlanError {
     },
     /// The search has cost as much as it may.
     #[error(
-        "no way found with {expansions} expansions; the nearest is ({:.2}, {:.2}), {left_m:.1} m before the goal{}",
+        "no path found after {expansions} expansions; nearest point ({:.2}, {:.2}), {left_m:.1} m from the \
+         goal{}",
         nearest.x_m, nearest.y_m, because(by.as_ref())
     )]
     Budget {
@@ -74,5 +75,5 @@ pub enum PlanError {
 }
 
 fn because(by: Option<&Hit>) -> String {
-    by.map_or_else(String::new, |hit| format!(", before {hit}"))
+    by.map_or_else(String::new, |hit| format!(", in front of {hit}"))
 }

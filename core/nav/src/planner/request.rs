@@ -125,7 +125,8 @@ pub(super) fn check(start: &MapPose, goal: &Goal, settings: &PlannerSettings) ->
     };
     if settings.lattices.is_empty() || !settings.lattices.iter().all(fits) {
         return Err(PlanError::Settings(
-            "a lattice has cells of 0.005 to 1 m, a multiple of 24 headings up to 360, and moves of up to a quarter turn",
+            "a lattice must have cells of 0.005 to 1 m, a multiple of 24 headings up to 360, and moves of up \
+             to a quarter turn",
         ));
     }
     let weights =
@@ -133,7 +134,7 @@ pub(super) fn check(start: &MapPose, goal: &Goal, settings: &PlannerSettings) ->
     let sizes = [settings.near_m, settings.heuristic_weight, settings.square_m, settings.analytic_spacing_m];
     if !weights.iter().all(|v| v.is_finite() && *v >= 0.0) || !sizes.iter().all(|v| v.is_finite() && *v > 0.0)
     {
-        return Err(PlanError::Settings("weights are not negative, sizes more than 0"));
+        return Err(PlanError::Settings("weights must not be negative, sizes must be more than 0"));
     }
     Ok(())
 }

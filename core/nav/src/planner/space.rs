@@ -46,11 +46,11 @@ pub struct Hit {
 impl fmt::Display for Hit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.what {
-            What::Wall => write!(f, "something on the map")?,
+            What::Wall => write!(f, "an obstacle on the map")?,
             What::Unknown => write!(f, "an unknown cell")?,
             What::Edge => write!(f, "the edge of the map")?,
             What::KeepOut(name) => write!(f, "keep-out {name}")?,
-            What::Local => write!(f, "an obstacle that is not on the map")?,
+            What::Local => write!(f, "an unmapped obstacle")?,
             What::OneWay => write!(f, "the wrong way of a one-way zone")?,
             What::Other(name) => write!(f, "{name}")?,
         }

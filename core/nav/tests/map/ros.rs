@@ -41,7 +41,7 @@ fn every_kind_of_the_family_is_read_as_its_pixels_are() {
         (b"P2 1 1 7 8".as_slice(), "a sample of 8 is above its maximum of 7"),
         (b"P2 1 1 0 0", "its maximum must be 1 to 65535"),
         (b"P5 2 2 255\n\0", "it ends after 1 of 4 samples"),
-        (b"P1 2 1 02", "sample 2 of 2 is none"),
+        (b"P1 2 1 02", "sample 2 of 2 is not a number"),
         (b"P5 # 2", "it has no width"),
         (b"P5 0 2 255\n", "it has no pixels"),
     ] {
@@ -84,10 +84,10 @@ fn the_image_may_be_coloured_deep_or_negated() {
 fn what_is_not_read_is_refused_with_the_part_and_the_reason() {
     let image = b"P5 1 1 255\n\x00";
     let cases = [
-        ("mode: trinary", "mode: scale", "the YAML's mode: \"scale\" has shades between"),
-        ("mode: trinary", "mode: raw", "the YAML's mode: \"raw\" has shades between"),
+        ("mode: trinary", "mode: scale", "the YAML's mode: \"scale\" has values between"),
+        ("mode: trinary", "mode: raw", "the YAML's mode: \"raw\" has values between"),
         ("mode: trinary", "mode: rgb", "the YAML's mode: \"rgb\" is none of trinary, scale and raw"),
-        ("-2, 0]", "-2, 0.1]", "the YAML's origin: a yaw of 0.1 rad: turned maps are not read"),
+        ("-2, 0]", "-2, 0.1]", "the YAML's origin: a yaw of 0.1 rad: rotated maps are not supported"),
         ("-2, 0]", "-2]", "the YAML's origin: 2 numbers, [x, y, yaw] are needed"),
         ("0.196", "0.7", "the YAML's free_thresh: 0.7 and occupied_thresh 0.65 must rise within 0 to 1"),
         ("resolution: 0.05", "resolution: .nan", "the image and the YAML's resolution and origin:"),
@@ -101,7 +101,7 @@ fn what_is_not_read_is_refused_with_the_part_and_the_reason() {
     }
     assert_eq!(refused(YAML, b"GIF89a"), "the image: neither PNG nor PGM");
     assert!(refused(YAML, b"P5 2 2 255\n\x00").starts_with("the image: "));
-    assert!(refused(YAML, b"P5 5000 5000 255\n").starts_with("the image: 5000 × 5000 pixels, at most"));
+    assert!(refused(YAML, b"P5 5000 5000 255\n").starts_with("the image: 5000 × 5000 pixels, the limit is"));
     let mut huge = png(1, 1, png::ColorType::Grayscale, &[0]);
     huge[16..24].copy_from_slice(&[0x7f, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff]);
     assert!(refused(YAML, &huge).starts_with("the image: 2147483647 × 2147483647 pixels"));

@@ -100,7 +100,7 @@ pub enum BoardError {
         expected: u32,
     },
     /// A frame of the board with the number of the one before: it hangs, and repeats itself.
-    #[error("frame number {0} came again")]
+    #[error("repeated frame number {0}")]
     Repeated(u8),
     /// A type that this side does not know.
     #[error("unknown frame type {0:#04x}")]

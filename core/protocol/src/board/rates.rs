@@ -105,7 +105,7 @@ impl LineRates {
                 frame("remote control", FromDevice, 6, remote_s, "with a receiver"),
                 frame("status", FromDevice, 8, STATUS_EVERY_S, ""),
                 frame("pwm", ToDevice, 20, PWM_EVERY_S, ""),
-                frame("set-up", ToDevice, Setup::LEN, SETUP_EVERY_S, "until it is confirmed"),
+                frame("set-up", ToDevice, Setup::LEN, SETUP_EVERY_S, "until confirmed"),
                 frame("channel reset", ToDevice, 2, remote_s, "while a channel reads 420 %"),
             ],
         }
@@ -118,7 +118,7 @@ impl LineRates {
         let asking = STOP_CONTINUOUS.len() + 1 + START_CONTINUOUS.len();
         let frame =
             |name, direction, bytes, every_s, only| FrameRate { name, direction, bytes, every_s, only };
-        let greeted = "at the start and while it is silent";
+        let greeted = "at start and without data";
         Self {
             device: "gyro",
             frames: vec![

@@ -61,7 +61,7 @@ impl FromStr for Latch {
 
     fn from_str(text: &str) -> Result<Self, String> {
         Self::ALL.into_iter().find(|latch| latch.to_string() == text).ok_or_else(|| {
-            format!("there is no such latch; there are {}", Self::ALL.map(|l| l.to_string()).join(", "))
+            format!("unknown latch; known are {}", Self::ALL.map(|l| l.to_string()).join(", "))
         })
     }
 }

@@ -150,7 +150,7 @@ impl Message for FleetMap {
         let count = u64::from(self.width) * u64::from(self.height);
         bounded("width × height", count as f64, 1.0, most, "cells")?;
         if self.cells.iter().any(|(_, length)| *length == 0) {
-            return Err(malformed("a run of no cells".to_owned()));
+            return Err(malformed("a run without cells".to_owned()));
         }
         // No sum of so few runs of 32 bits overflows.
         let sum: u64 = self.cells.iter().map(|(_, length)| u64::from(*length)).sum();
@@ -177,7 +177,7 @@ fn name(text: &str) -> Result<(), CodecError> {
     if is_map_name(text) {
         Ok(())
     } else {
-        Err(malformed(format!("{text:?} is not a name of a map or zone")))
+        Err(malformed(format!("{text:?} is not a valid name of a map or zone")))
     }
 }
 

@@ -50,7 +50,7 @@ impl SuspensionCause {
                 "the dispatcher is suspended: emergency stop of all robots".to_owned()
             }
             Self::OtherMap { of: Some(of), now } => {
-                format!("suspended: the task is of map {of}, the fleet's map is {now}")
+                format!("suspended: the task belongs to map {of}, the fleet's map is {now}")
             }
             Self::OtherMap { of: None, now } => {
                 format!("suspended: the map of the task is unknown, the fleet's map is {now}")
@@ -62,10 +62,10 @@ impl SuspensionCause {
     #[must_use]
     pub fn remedy(&self) -> &'static str {
         match self {
-            Self::FleetStop { .. } => "`fleet-cli dispatch activate` lets it assign tasks again",
+            Self::FleetStop { .. } => "`fleet-cli dispatch activate` resumes the assignment of tasks",
             Self::OtherMap { .. } => {
-                "`fleet-cli dispatch adopt` takes them over to this map; `fleet-cli cancel` ends them; --fresh of \
-                 `dispatch serve` and `sim` begins a new ledger"
+                "`fleet-cli dispatch adopt` adopts them for this map; `fleet-cli cancel` cancels them; \
+                 --fresh of `dispatch serve` and `sim` starts a new ledger"
             }
         }
     }

@@ -165,9 +165,9 @@ pub fn log(at_ns: u64, key: &Key, news: &AnyMessage) -> Option<Log> {
     let (level, message) = match news {
         AnyMessage::Event(event) => robot_line(event),
         AnyMessage::TaskEvent(event) => task_line(event),
-        AnyMessage::Alive(true) => (INFO, "is there".to_owned()),
-        AnyMessage::Alive(false) => (WARNING, "is not there any more".to_owned()),
-        AnyMessage::Estop(_) => (ERROR, "an emergency stop was called".to_owned()),
+        AnyMessage::Alive(true) => (INFO, "is online".to_owned()),
+        AnyMessage::Alive(false) => (WARNING, "is offline".to_owned()),
+        AnyMessage::Estop(_) => (ERROR, "emergency stop requested".to_owned()),
         _ => return None,
     };
     let name = match &key.robot {
@@ -196,19 +196,19 @@ fn because(reason: Option<&str>) -> String {
 
 fn robot_line(event: &Event) -> (u8, String) {
     match &event.kind {
-        EventKind::Started { version } => (INFO, format!("its agent began to run, version {version}")),
+        EventKind::Started { version } => (INFO, format!("agent started, version {version}")),
         EventKind::Mode { from, to } => (INFO, format!("mode {}, was {}", named(to), named(from))),
         EventKind::Goal { id, status, reason } => {
             (INFO, format!("goal {id} {}{}", named(status), because(reason.as_deref())))
         }
         EventKind::Lease { holder: Some(holder) } => (INFO, format!("{holder} has control")),
-        EventKind::Lease { holder: None } => (INFO, "nobody has control".to_owned()),
+        EventKind::Lease { holder: None } => (INFO, "no client has control".to_owned()),
         EventKind::Fault { fault, present: true, detail } => {
             (ERROR, format!("fault {fault}{}", because(detail.as_deref())))
         }
-        EventKind::Fault { fault, present: false, .. } => (INFO, format!("fault {fault} has gone")),
+        EventKind::Fault { fault, present: false, .. } => (INFO, format!("fault {fault} cleared")),
         EventKind::Latch { latch, set: true, by } => (ERROR, format!("stopped by {by}: {latch} until reset")),
-        EventKind::Latch { latch, set: false, by } => (INFO, format!("{latch} was reset by {by}")),
+        EventKind::Latch { latch, set: false, by } => (INFO, format!("{latch} reset by {by}")),
     }
 }
 

@@ -6,6 +6,7 @@ use crate::authority::goal::{Goal, Target, TimeLimit};
 use crate::authority::guard::Guard;
 use xtb_control::{Command, Outputs, Stamp};
 use xtb_nav::navigator::TargetPose;
+use xtb_protocol::messages::texts::client_timeout;
 use xtb_protocol::messages::{
     Assignment, Done, EventKind, GoalEnd, GoalStatus, LinkLoss, StopReason, TaskAction, Via,
 };
@@ -88,7 +89,7 @@ impl Agent {
         let halts = self.guards.on(Guard::LinkLossHalt);
         let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) else { return };
         if halts && goal.on_link_loss == LinkLoss::Halt && !(heard && goal.lease == present) {
-            let words = format!("its client {} fell silent, and its policy is halt", goal.by);
+            let words = client_timeout(&goal.by);
             return self.stand(now, StopReason::LeaseExpired, GoalStatus::Failed, Some(&words));
         }
         if goal.status == GoalStatus::Accepted {
@@ -97,7 +98,7 @@ impl Agent {
         if let Some(limit) = goal.limit
             && now >= limit.at
         {
-            let words = (limit.then == GoalStatus::Failed).then_some("its time was up");
+            let words = (limit.then == GoalStatus::Failed).then_some("time limit reached");
             return self.stand(now, StopReason::TimeUp, limit.then, words);
         }
         if goal.is_planned() {
@@ -148,12 +149,7 @@ impl Agent {
         let seq = runs.and_then(|goal| Assignment::of_goal(ledger, goal.id)).map(|(seq, _)| seq);
         if seq.is_some_and(|seq| seq <= assign_seq) {
             self.commanded_by = self.commanded_by.max(arrival);
-            self.stand(
-                now,
-                StopReason::Cancelled,
-                GoalStatus::Cancelled,
-                Some("its assignment was withdrawn"),
-            );
+            self.stand(now, StopReason::Cancelled, GoalStatus::Cancelled, Some("assignment withdrawn"));
         }
     }
 

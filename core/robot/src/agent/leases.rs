@@ -47,27 +47,27 @@ impl Agent {
             None if self.guards.on(Guard::LeaseRequired) => Err((
                 RejectCode::LeaseRequired,
                 match self.lease.holder() {
-                    Some(holder) => format!("this needs the lease, which {holder} holds"),
-                    None => "this needs the lease, and none was given".to_owned(),
+                    Some(holder) => format!("this needs control of the robot, which {holder} has"),
+                    None => "this needs control of the robot, but the request has no lease".to_owned(),
                 },
-                "acquire it first",
+                "acquire control first",
             )),
             Some(lease) if self.guards.on(Guard::LeaseFence) => Err(match self.lease.holder() {
                 _ if lease.epoch != self.identity.epoch => (
                     RejectCode::LeaseLost,
-                    "the robot has restarted since that lease was granted".to_owned(),
-                    "acquire it again and send the command anew",
+                    "the robot has restarted since control was granted".to_owned(),
+                    "acquire control again and repeat the command",
                 ),
                 Some(holder) if holder != client => {
-                    (RejectCode::LeaseLost, format!("the lease is held by {holder}"), "take it, or wait")
+                    (RejectCode::LeaseLost, format!("{holder} has control"), "take control, or wait")
                 }
                 _ => (
                     RejectCode::LeaseLost,
                     match self.lease.granted_after(lease) {
-                        Some(other) => format!("the lease was granted to {other} since"),
-                        None => "that lease has run out".to_owned(),
+                        Some(other) => format!("control was granted to {other} in the meantime"),
+                        None => "the lease has expired".to_owned(),
                     },
-                    "acquire it again",
+                    "acquire control again",
                 ),
             }),
             _ => Ok(()),
@@ -82,8 +82,8 @@ impl Agent {
             && self.guards.on(Guard::LeaseExclusive)
         {
             let silent_ms = self.lease.silent_ms(now).unwrap_or_default();
-            let message = format!("the lease is held by {holder}, heard {silent_ms} ms ago");
-            return Err((RejectCode::LeaseHeld, message, "--take (acquire with take) takes it from them"));
+            let message = format!("controlled by {holder} (heard {silent_ms} ms ago)");
+            return Err((RejectCode::LeaseHeld, message, "use --take (acquire with take) to take control"));
         }
         let lease = self.lease.grant(now, client);
         self.last_seq = None;

@@ -139,12 +139,12 @@ impl Agent {
             return Err((
                 RejectCode::Unsupported,
                 "only a planned goal can choose its yaw".into(),
-                "leave yaw_rad out, or give the robot a map: `fleet-cli map serve`",
+                "omit yaw_rad, or give the robot a map: `fleet-cli map serve`",
             ));
         }
         let (x_m, y_m) = self.filter.map_from_odom().point_to_odom(aim.x_m, aim.y_m);
         let point = goto::Goal::new(x_m, y_m).map_err(|error| {
-            (RejectCode::OutOfRange, error.to_string(), "choose a goal nearer to the robot")
+            (RejectCode::OutOfRange, error.to_string(), "choose a goal closer to the robot")
         })?;
         Ok(Command::Goto(point))
     }
@@ -154,25 +154,30 @@ impl Agent {
         let Some(floor) = self.nav.map() else {
             return Err((
                 RejectCode::NoMap,
-                "a planned goal needs a map, and the robot has none".into(),
-                "`fleet-cli map serve MAP` gives it one; `--via direct` needs none",
+                "a planned goal needs a map, but the robot has none".into(),
+                "serve one with `fleet-cli map serve MAP`; `--via direct` needs no map",
             ));
         };
         if self.has_other_map() {
             let fleet = self.lead.fleet_hash.map_or_else(String::new, |hash| hash.to_string());
             return Err((
                 RejectCode::NoMap,
-                format!("its map {} is not the fleet's, {fleet}", floor.map().hash()),
-                "give both the same map; `--via direct` needs none",
+                format!("the robot's map {} differs from the fleet's map {fleet}", floor.map().hash()),
+                "give both the same map; `--via direct` needs no map",
             ));
         }
         if let Some(zone) = floor.keep_out_at(self.nav.car(), aim) {
-            let message = format!("({:.2}, {:.2}) lies in the keep-out zone {zone}", aim.x_m, aim.y_m);
+            let message = format!("({:.2}, {:.2}) is in keep-out zone {zone}", aim.x_m, aim.y_m);
             return Err((RejectCode::KeepOut, message, "`fleet-cli map show --live` shows the zones"));
         }
         if let Some(what) = floor.in_the_way_at(self.nav.car(), aim) {
-            let message = format!("it cannot stand at ({:.2}, {:.2}): {what}", aim.x_m, aim.y_m);
-            return Err((RejectCode::GoalBlocked, message, "`fleet-cli map show --live` shows what is free"));
+            let message = format!("no room for the robot at ({:.2}, {:.2}): {what}", aim.x_m, aim.y_m);
+            return Err((
+                RejectCode::GoalBlocked,
+                message,
+                "`fleet-cli map show --live` shows the free \
+                space",
+            ));
         }
         Ok(STAND)
     }
@@ -196,7 +201,7 @@ impl Agent {
         if self.goal_runs()
             && let Some(zone) = floor.keep_out_under(self.nav.car(), &estimate.pose)
         {
-            let words = format!("it stands in the keep-out zone {zone}");
+            let words = format!("the robot is in keep-out zone {zone}");
             self.stand(now, StopReason::InKeepOut, GoalStatus::Failed, Some(&words));
             return self.pending.take();
         }
@@ -249,15 +254,15 @@ impl Agent {
         match standing {
             Some(HoldReason::WaitingForTraffic | HoldReason::Planning) => {
                 let first =
-                    |led: &TrafficGuidance| led.waits_for.as_ref().map(|name| format!("{name} goes first"));
+                    |led: &TrafficGuidance| led.waits_for.as_ref().map(|name| format!("waiting for {name}"));
                 self.nav.guidance().and_then(|led| led.reason.clone().or_else(|| first(led)))
             }
-            Some(HoldReason::GivingWay) => self.nav.waits_for().map(|name| format!("{name} goes first")),
+            Some(HoldReason::GivingWay) => self.nav.waits_for().map(|name| format!("giving way to {name}")),
             Some(HoldReason::WayBlocked) if self.nav.waits_for().is_some() => {
                 self.nav.waits_for().map(|name| format!("blocked by {name}"))
             }
-            Some(HoldReason::WayBlocked) => Some("something that is not on the map is in its way".to_owned()),
-            Some(HoldReason::PoseUncertain) => Some("it does not know well enough where it is".to_owned()),
+            Some(HoldReason::WayBlocked) => Some("unmapped obstacle on the path".to_owned()),
+            Some(HoldReason::PoseUncertain) => Some("position too uncertain".to_owned()),
             Some(HoldReason::AtCusp) => None,
             None => blocked.then(|| "an obstacle in the driving direction".to_owned()),
         }

@@ -68,7 +68,7 @@ impl OdometryScale {
 
     /// The settings are wrong, or the encoder is: what was seen.
     pub(super) fn fault(&self) -> Option<String> {
-        let words = || format!("it goes {:.2} m for each metre that its encoder counts", self.way());
+        let words = || format!("the robot drives {:.2} m per metre of the encoder", self.way());
         self.fault.then(words)
     }
 

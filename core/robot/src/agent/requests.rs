@@ -75,7 +75,7 @@ impl Agent {
             Body::Retain {} => Ok(Done::default()),
             Body::Release {} => {
                 self.lease.free();
-                self.control_passes(now, StopReason::LeaseReleased, "control was given back");
+                self.control_passes(now, StopReason::LeaseReleased, "control was released");
                 self.emit(now, EventKind::Lease { holder: None });
                 Ok(Done::default())
             }
@@ -114,16 +114,16 @@ impl Agent {
                 }
                 _ => Err((
                     RejectCode::UnknownGoal,
-                    format!("goal {goal} is not the one that runs"),
-                    "the state names the present goal",
+                    format!("goal {goal} is not the current goal"),
+                    "the state shows the current goal",
                 )),
             },
             Body::SetPose { x_m, y_m, yaw_rad } => {
                 if self.under_way() {
                     return Err((
                         RejectCode::Busy,
-                        "the pose cannot be set while the robot is under way".into(),
-                        "stop it first",
+                        "the pose cannot be set while the robot is driving".into(),
+                        "stop the robot first",
                     ));
                 }
                 let pose = MapPose { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad };
@@ -146,13 +146,13 @@ impl Agent {
         match cause {
             Some(fault) => (
                 RejectCode::CausePresent,
-                format!("{latch} cannot be reset: {fault} is still there"),
+                format!("{latch} cannot be reset: {fault} is still present"),
                 fault.remedy(),
             ),
             None => (
                 RejectCode::CausePresent,
-                format!("{latch} cannot be reset: the remote control drives, or is lost"),
-                "set its selector to automatic",
+                format!("{latch} cannot be reset: the remote control is active or lost"),
+                "set the transmitter's selector to automatic",
             ),
         }
     }
@@ -162,8 +162,8 @@ impl Agent {
         if arrival < self.stopped_by && self.guards.on(Guard::Overtaken) {
             return Err((
                 RejectCode::Overtaken,
-                "a stop came after this command and was carried out first".into(),
-                "send it again if it is still wanted",
+                "a stop that was sent after this command was executed first".into(),
+                "repeat the command if it is still wanted",
             ));
         }
         self.commanded_by = self.commanded_by.max(arrival);
@@ -174,42 +174,38 @@ impl Agent {
     pub(super) fn check_ready(&self, view: View<'_>) -> Result<(), Refusal> {
         if self.is_held() {
             let names: Vec<String> = self.latches.all().map(|latch| latch.to_string()).collect();
-            let message = format!("a latched stop holds the robot: {}", names.join(", "));
+            let message = format!("the robot is latched: {}", names.join(", "));
             return Err((
                 RejectCode::Latched,
                 message,
-                "see why with `fleet-cli why`, then `fleet-cli reset`",
+                "find the cause with `fleet-cli why`, then `fleet-cli reset`",
             ));
         }
         if let Some((fault, _)) = self.faults.stopping() {
-            return Err((
-                RejectCode::NotReady,
-                format!("the {} has a fault: {fault}", fault.place()),
-                fault.remedy(),
-            ));
+            return Err((RejectCode::NotReady, format!("{} fault: {fault}", fault.place()), fault.remedy()));
         }
         if self.faults.present().any(|fault| fault == Fault::OdometryScale) {
             let words = self.odometry_scale.fault().unwrap_or_default();
-            let message = format!("the odometry has a fault: {words}");
+            let message = format!("odometry fault: {words}");
             return Err((RejectCode::NotReady, message, Fault::OdometryScale.remedy()));
         }
         if self.faults.present().any(|fault| fault == Fault::BatteryLow) {
-            let message = "the battery is too low to begin anything".to_owned();
+            let message = "battery too low to start a command".to_owned();
             return Err((RejectCode::BatteryLow, message, Fault::BatteryLow.remedy()));
         }
         if view.outputs.mode == Mode::Manual {
             return Err((
                 RejectCode::NotReady,
-                "the remote control drives (mode manual)".into(),
-                "set its selector to automatic",
+                "the remote control is active (mode manual)".into(),
+                "set the transmitter's selector to automatic",
             ));
         }
         match unheard(view) {
             None => Ok(()),
             Some(name) => Err((
                 RejectCode::NotReady,
-                format!("the {name} has not been heard yet"),
-                "a robot that has just started needs a moment; `fleet-cli status` shows the ages",
+                format!("no data from the {name} yet"),
+                "wait a moment if the robot has just started; `fleet-cli status` shows the ages",
             )),
         }
     }

@@ -45,7 +45,7 @@ impl Agent {
         }
         self.setpoint_heard = Some(at);
         if self.goal_runs() {
-            self.end_goal(at, GoalStatus::Cancelled, Some("teleoperation took over"));
+            self.end_goal(at, GoalStatus::Cancelled, Some("replaced by teleoperation"));
             self.pending = Some(Command::Idle);
         }
         self.teleop = Some(Teleop { setpoint: *setpoint, at, delivered: false });

@@ -54,7 +54,7 @@ impl Agent {
     /// The control loop was held up, or its clock jumped: nobody watched, so everything ends.
     pub fn loop_stalled(&mut self, now: Stamp) {
         if self.under_way() {
-            let words = "the control loop was held up";
+            let words = "control loop stalled";
             self.stand(now, StopReason::LoopStalled, GoalStatus::Failed, Some(words));
         }
         self.disarm();
@@ -99,8 +99,8 @@ impl Agent {
             self.emit(now, EventKind::Latch { latch, set: true, by: by.to_owned() });
         }
         let (status, words) = match latch {
-            Latch::RemoteTakeover => (GoalStatus::Cancelled, "the remote control took over".to_owned()),
-            latch => (GoalStatus::Failed, format!("{latch} was latched by {by}")),
+            Latch::RemoteTakeover => (GoalStatus::Cancelled, "remote control took over".to_owned()),
+            latch => (GoalStatus::Failed, format!("{latch} latched by {by}")),
         };
         self.stand(now, latch.reason(), status, Some(&words));
         self.stick_to_rest |= latch.holds_transmitter();

@@ -51,11 +51,11 @@ impl Assigned {
         }
         let (seq, leg) = newest.order;
         let message = if leg > MAX_LEG {
-            format!("assignment {} was withdrawn with {seq}", assignment.assign_seq)
+            format!("assignment {} was withdrawn (with {seq})", assignment.assign_seq)
         } else {
-            format!("assignment {} leg {} comes after {seq} leg {leg}", order.0, order.1)
+            format!("assignment {} leg {} is older than {seq} leg {leg}", order.0, order.1)
         };
-        Err((RejectCode::UnknownGoal, message, "assign it anew, with a higher number"))
+        Err((RejectCode::UnknownGoal, message, "assign it again, with a higher number"))
     }
 
     /// An assignment was begun.

@@ -36,7 +36,7 @@ impl ConverterMonitor {
     pub(super) fn scan(&mut self, limits: &GuardLimits, now: Stamp, scan: &AdcSample, turning: bool) {
         let before = self.last.replace(*scan);
         let frozen = self.still.too_long(now, before == Some(*scan), limits.frozen_s);
-        self.frozen.set(now, frozen, || "all channels stand still".to_owned());
+        self.frozen.set(now, frozen, || "no channel changes".to_owned());
         let old = before.map(|before| readings(&before));
         for (i, reading) in readings(scan).into_iter().enumerate() {
             let same = old.is_some_and(|old| old[i] == reading);

@@ -154,7 +154,7 @@ impl DriveMonitor {
         self.asked_rpm = asked;
         if self.above.lasts(now, above, window_s, limits.runaway_s) {
             let (asked, coast_rpm) = (asked.unwrap_or(0.0), self.coast_rpm);
-            self.runaway.raise(|| format!("{rpm:.1} rpm, asked for {asked:.1}, coasting at {coast_rpm:.1}"));
+            self.runaway.raise(|| format!("{rpm:.1} rpm, commanded {asked:.1}, coasting {coast_rpm:.1}"));
         }
     }
 
@@ -178,7 +178,7 @@ impl DriveMonitor {
             let from_counts = limits.stall_counts;
             let limit = format!("guard.stall_counts is {from_counts:.0}");
             self.stalled
-                .raise(|| format!("{offset_counts:.0} counts from neutral and not one pulse ({limit})"));
+                .raise(|| format!("{offset_counts:.0} counts from neutral, but no encoder pulse ({limit})"));
         } else if !is_driven {
             self.stalled.quiet(now);
         }

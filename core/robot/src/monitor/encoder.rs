@@ -49,8 +49,8 @@ mod tests {
             monitor.window(&limits, Stamp::ZERO, rpm);
             assert!(!monitor.out_of_range.is_present());
         }
-        monitor.impossible("4711 pulses in a window");
-        assert_eq!(monitor.out_of_range.words().as_deref(), Some("4711 pulses in a window"));
+        monitor.impossible("4711 pulses in one window");
+        assert_eq!(monitor.out_of_range.words().as_deref(), Some("4711 pulses in one window"));
         monitor.window(&limits, Stamp::from_ms(50), 353.0);
         monitor.window(&limits, Stamp::from_ms(1050), 353.0);
         assert!(!monitor.out_of_range.is_present(), "gone a second after the last of them");

@@ -27,9 +27,9 @@ impl GyroMonitor {
         let angles = self.angles.too_long(now, same_angles, limits.frozen_s);
         self.frozen.set(now, timer || angles, || {
             let what = match (timer, angles) {
-                (true, true) => "its timer and its angles stand still",
-                (true, false) => "its timer stands still",
-                _ => "its angles stand still",
+                (true, true) => "timer and angles do not change",
+                (true, false) => "timer does not change",
+                _ => "angles do not change",
             };
             what.to_owned()
         });
@@ -63,9 +63,9 @@ mod tests {
     #[test]
     fn a_timer_or_angles_that_stand_still_for_a_quarter_of_a_second_are_frozen() {
         for (frame, words) in [
-            ((|i| (i as i16, 7)) as fn(u16) -> (i16, u16), "its timer stands still"),
-            (|i| (5, i), "its angles stand still"),
-            (|_| (5, 7), "its timer and its angles stand still"),
+            ((|i| (i as i16, 7)) as fn(u16) -> (i16, u16), "timer does not change"),
+            (|i| (5, i), "angles do not change"),
+            (|_| (5, 7), "timer and angles do not change"),
         ] {
             assert_eq!(after_a_second(frame), (Some(words.to_owned()), Some(250)));
         }

@@ -43,7 +43,7 @@ pub(crate) fn run(seed: u64, pulses: f64, seconds: f64) -> WheelRun {
     while driven_s < seconds && !made.refused {
         let (x_m, y_m) = (draw.uniform(-4.0, 4.0), draw.uniform(-4.0, 4.0));
         if let Outcome::Error(error) = drive.goto(0, x_m, y_m, None) {
-            made.refused = error.message.contains("for each metre that its encoder counts");
+            made.refused = error.message.contains("per metre of the encoder");
             driven_s += 1.0;
             continue;
         }

@@ -105,7 +105,7 @@ fn impossible_worlds_are_refused_with_the_reason() {
     }
     assert!(refused("[room]\nwidth = 3.0").contains("unknown field `width`"));
     let twice = "[[boxes]]\nname = \"a\"\nx_m = 1.0\ny_m = 1.0\nwidth_m = 1.0\ndepth_m = 1.0\n";
-    assert_eq!(refused(&twice.repeat(2)), "two boxes are called \"a\"");
+    assert_eq!(refused(&twice.repeat(2)), "two boxes have the name \"a\"");
 }
 
 #[test]
@@ -122,5 +122,5 @@ fn a_box_put_twice_moves() {
 #[test]
 fn two_trucks_of_one_name_are_refused() {
     let error = Simulation::new(World::default(), &TruckParameters::default(), &["a", "a"], 1).unwrap_err();
-    assert_eq!(error.to_string(), "two trucks are called \"a\"");
+    assert_eq!(error.to_string(), "two trucks have the name \"a\"");
 }

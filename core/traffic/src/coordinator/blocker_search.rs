@@ -34,9 +34,9 @@ pub(super) fn blocker(job: &JointJob, member: &Member, left: &mut u32) -> NoWay 
     let way = match way_around(job, member, &[], EXPANSIONS_EACH, left) {
         Ok(way) => way,
         Err(Stuck::Goal) => return for_good("the goal is not free on the map"),
-        Err(Stuck::Start) => return for_good("stands in something on the map"),
-        Err(Stuck::Nowhere) => return for_good("no way on the map"),
-        Err(Stuck::Budget) => return no_way(None, "no way found in time".into()),
+        Err(Stuck::Start) => return for_good("the robot overlaps an obstacle on the map"),
+        Err(Stuck::Nowhere) => return for_good("no path on the map"),
+        Err(Stuck::Budget) => return no_way(None, "no path found in time".into()),
     };
     let others = || job.members.iter().filter(|other| other.id != member.id);
     let blocks = job.others(member).map(|block| Suspect { name: &block.name, stands: &block.stands });

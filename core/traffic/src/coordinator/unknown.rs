@@ -76,7 +76,7 @@ impl Unknown {
             let pose = MapPose { x_m: thing.at_m[0], y_m: thing.at_m[1], yaw_rad: 0.0 };
             let square = Car { front_m: HALF_M, rear_m: HALF_M, half_width_m: HALF_M, radius_m: 1.0 };
             let stands = vec![Stand::still(&square, &pose)];
-            Block { id: thing.id, name: "something that is not on the map".to_owned(), stands }
+            Block { id: thing.id, name: "an unmapped obstacle".to_owned(), stands }
         })
     }
 }

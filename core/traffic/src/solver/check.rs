@@ -19,7 +19,7 @@ const ROUNDING: f64 = 1e-3;
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Fault {
     /// Not one way for each car, in the problem's order.
-    #[error("{0} has no way of its own")]
+    #[error("{0} has no path")]
     Missing(String),
     /// It does not begin at the start, or does not end at the goal.
     #[error("{name} is not at its {place}")]
@@ -30,7 +30,7 @@ pub enum Fault {
         place: Place,
     },
     /// A row that the car cannot reach from the one before.
-    #[error("{name} cannot drive so in step {step}: {what}")]
+    #[error("{name} cannot drive step {step}: {what}")]
     Drive {
         /// Who.
         name: String,
@@ -134,7 +134,7 @@ fn drivable(problem: &Problem, car: &Car, rows: &[Row]) -> Result<(), &'static s
         return Err("turns too tightly");
     }
     if !same(&row.piece.end(&row.pose), &next.pose, problem.step_m) {
-        return Err("the arc ends elsewhere");
+        return Err("the arc ends at another pose");
     }
     Ok(())
 }

@@ -121,13 +121,13 @@ pub enum ProblemError {
         expected: &'static str,
     },
     /// More than [`MOST_CARS`].
-    #[error("{0} cars; at most {MOST_CARS} are planned at once")]
+    #[error("{0} vehicles; at most {MOST_CARS} can be planned at once")]
     TooMany(usize),
     /// Two cars with one name.
-    #[error("two cars are named {0}")]
+    #[error("two vehicles have the name {0}")]
     SameName(String),
     /// A start or goal outside of the bounds.
-    #[error("the {place} of {name} at ({x_m:.2}, {y_m:.2}) is outside of the map")]
+    #[error("the {place} of {name} at ({x_m:.2}, {y_m:.2}) is outside the map")]
     Outside {
         /// Start or goal.
         place: Place,

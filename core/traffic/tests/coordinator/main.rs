@@ -166,7 +166,7 @@ fn where_all_doors_lead_the_other_way_there_is_no_way() {
     world.send(0, pose(6.8, 3.0, 0.0));
     assert!(!world.run(20.0));
     let reason = world.toys[0].says.as_ref().and_then(|guide| guide.reason.clone());
-    assert_eq!(reason.as_deref(), Some("no way on the map"));
+    assert_eq!(reason.as_deref(), Some("no path on the map"));
 }
 
 #[test]

@@ -103,6 +103,6 @@ fn ms(client: &Client) -> u64 {
 }
 
 fn idle() -> Error {
-    let message = "nobody had a hand on the wheel for 30 s";
+    let message = "no input for 30 s";
     Error::new(ErrorKind::Idle, message)
 }

@@ -39,7 +39,7 @@ async fn activate(ctx: &Context) -> Result<Exit> {
                 "the dispatcher is active again, with 1 open task".to_owned()
             }
             Some(ended) => format!("the dispatcher is active again, with {} open tasks", ended.tasks),
-            None => "the dispatcher was active already".to_owned(),
+            None => "the dispatcher was already active".to_owned(),
         };
         let more = task_text::suspended(&done.suspended, None, &ctx.out);
         [first].into_iter().chain(more).collect::<Vec<_>>().join("\n")

@@ -23,20 +23,24 @@ async fn adopt(ctx: &Context) -> Result<Exit> {
     client.close().await;
     let adopted = adopted?;
     let Some(map) = &adopted.map else {
-        return Err(Failure::new(Kind::Failed, "the dispatcher knows no map: no task is suspended for one")
-            .hint("`fleet-cli map serve` serves one, `dispatch serve --map` too"));
+        return Err(Failure::new(
+            Kind::Failed,
+            "the dispatcher has no map: no task is suspended because of a \
+            map",
+        )
+        .hint("serve one with `fleet-cli map serve` or `dispatch serve --map`"));
     };
     ctx.out.result(&adopted, |adopted| {
         let named = adopted.tasks.iter().take(NAMED).map(ToString::to_string).collect::<Vec<_>>().join(", ");
         match adopted.tasks.len() {
-            0 => format!("no task is of another map than {map}"),
-            1 => format!("1 task is of map {map} now: {named}"),
-            count if count <= NAMED => format!("{count} tasks are of map {map} now: {named}"),
-            count => format!("{count} tasks are of map {map} now: {named} and {} more", count - NAMED),
+            0 => format!("no task belongs to a map other than {map}"),
+            1 => format!("1 task adopted for map {map}: {named}"),
+            count if count <= NAMED => format!("{count} tasks adopted for map {map}: {named}"),
+            count => format!("{count} tasks adopted for map {map}: {named} and {} more", count - NAMED),
         }
     })?;
     if !adopted.tasks.is_empty() && !ctx.out.json {
-        ctx.out.note("those that it makes unreachable fail; `fleet-cli tasks` shows them");
+        ctx.out.note("tasks that are unreachable on this map fail; `fleet-cli tasks` shows them");
     }
     Ok(Exit::Done)
 }

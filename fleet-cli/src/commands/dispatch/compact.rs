@@ -23,8 +23,8 @@ struct Compacted {
 pub(super) fn run(ctx: &Context, args: &DispatchCompactArgs) -> Result<Exit> {
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
     if !path.exists() {
-        return Err(Failure::new(Kind::Config, format!("there is no ledger {}", path.display()))
-            .hint("name one with --ledger"));
+        return Err(Failure::new(Kind::Config, format!("no ledger at {}", path.display()))
+            .hint("give one with --ledger"));
     }
     let Store { mut ledger, entries, .. } = Store::open(&path, &ctx.settings.fleet)?;
     let (records, n) = (entries.len(), ledger.last_seq() + 1);
@@ -40,7 +40,7 @@ pub(super) fn run(ctx: &Context, args: &DispatchCompactArgs) -> Result<Exit> {
     let record = Record::Snapshot(Box::new(book));
     ledger.compact(&Entry { v, n, at_ms: store::wall_ms(), record })?;
     ctx.out.result(&compacted, |Compacted { ledger, records, tasks, open }| {
-        format!("{ledger}: {records} records became one, with {tasks} tasks, {open} of them open")
+        format!("{ledger}: {records} records compacted to one, with {tasks} tasks, {open} of them open")
     })?;
     Ok(Exit::Done)
 }

@@ -26,8 +26,8 @@ struct Line {
 pub(super) fn run(ctx: &Context, args: &DispatchExportArgs) -> Result<Exit> {
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
     if !path.exists() {
-        return Err(Failure::new(Kind::Config, format!("there is no ledger {}", path.display()))
-            .hint("name one with --ledger"));
+        return Err(Failure::new(Kind::Config, format!("no ledger at {}", path.display()))
+            .hint("give one with --ledger"));
     }
     let reading = ledger::read(&path)?;
     for row in reading.rows {

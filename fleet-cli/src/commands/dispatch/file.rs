@@ -63,10 +63,15 @@ fn parse(text: &str, now_ms: u64) -> Result<Vec<TaskSpec>> {
         wrong(at, task_at(text, at), error.message().trim_end())
     })?;
     if file.task.is_empty() {
-        return Err(Failure::new(Kind::Config, "no task is in it: a task begins with [[task]]").hint(HINT));
+        return Err(Failure::new(
+            Kind::Config,
+            "the file has no task: a task starts with \
+            [[task]]",
+        )
+        .hint(HINT));
     }
     if file.task.len() > MAX_SUBMISSION {
-        let message = format!("{} tasks are in it, {MAX_SUBMISSION} are the most", file.task.len());
+        let message = format!("the file has {} tasks, the limit is {MAX_SUBMISSION}", file.task.len());
         return Err(Failure::new(Kind::Config, message).hint("submit them in parts"));
     }
     let mut specs = Vec::new();
@@ -108,7 +113,7 @@ impl Entry {
         spec.grace_s = self.grace_s.unwrap_or(spec.grace_s);
         if let Some(deadline_s) = self.deadline_s {
             if !(0.0..=1.0e9).contains(&deadline_s) {
-                return Err(format!("deadline_s = {deadline_s} is not a time from now"));
+                return Err(format!("deadline_s = {deadline_s} is not a valid time from now"));
             }
             spec.deadline_ms = Some(now_ms + (deadline_s * 1000.0) as u64);
         }
@@ -119,7 +124,7 @@ impl Entry {
     fn kind(&self) -> std::result::Result<TaskKind, String> {
         let Self { goto, route, patrol, wander_for_s, loops, dwell_s, for_s, .. } = self;
         let only = |name: &str, given: bool, with: &str| match given {
-            true => Err(format!("{name} goes with {with} only")),
+            true => Err(format!("{name} can only be used with {with}")),
             false => Ok(()),
         };
         let (is_route, is_patrol) = (route.is_some(), patrol.is_some());
@@ -137,9 +142,9 @@ impl Entry {
             }
             (None, None, None, Some(for_s)) => Ok(TaskKind::Wander { for_s: *for_s }),
             (None, None, None, None) => {
-                Err("nothing is to be done: goto, route, patrol or wander_for_s".to_owned())
+                Err("one of goto, route, patrol or wander_for_s is missing".to_owned())
             }
-            _ => Err("one of goto, route, patrol and wander_for_s, not several".to_owned()),
+            _ => Err("give only one of goto, route, patrol and wander_for_s".to_owned()),
         }
     }
 
@@ -151,7 +156,7 @@ impl Entry {
             }
             (None, Some(tag), None) => Ok(Who::Tag(tag.trim_start_matches('@').to_owned())),
             (None, None, Some(able)) => Ok(Who::Able(able.clone())),
-            _ => Err("one of robot, tag and able, not several".to_owned()),
+            _ => Err("give only one of robot, tag and able".to_owned()),
         }
     }
 }

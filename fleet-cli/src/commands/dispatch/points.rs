@@ -24,8 +24,8 @@ fn looks_like_a_point(word: &str) -> bool {
 }
 
 fn wrong(word: &str, what: &str) -> Failure {
-    Failure::new(Kind::Usage, format!("{:?} is no point: {what}", word.trim()))
-        .hint("a point is X,Y or X,Y,YAW, in m and degrees: 1.5,-2 or 1.5,-2,90; or name a file of them")
+    Failure::new(Kind::Usage, format!("{:?} is not a point: {what}", word.trim()))
+        .hint("a point is X,Y or X,Y,YAW, in m and degrees: 1.5,-2 or 1.5,-2,90; or give a file of points")
 }
 
 fn from_file(path: &Path) -> Result<Vec<Waypoint>> {
@@ -46,16 +46,16 @@ fn from_file(path: &Path) -> Result<Vec<Waypoint>> {
 
 fn bounded(points: Vec<Waypoint>, kind: Kind) -> Result<Vec<Waypoint>> {
     match points.len() {
-        0 => Err(Failure::new(kind, "no point is in it")),
+        0 => Err(Failure::new(kind, "no points")),
         1..=MAX_POINTS => Ok(points),
-        many => Err(Failure::new(kind, format!("{many} points, {MAX_POINTS} are the most"))),
+        many => Err(Failure::new(kind, format!("{many} points, the limit is {MAX_POINTS}"))),
     }
 }
 
 /// One point, with commas or blanks.
 fn point(text: &str) -> std::result::Result<Waypoint, String> {
     let parts = text.split(|c: char| c == ',' || c.is_whitespace()).filter(|part| !part.is_empty());
-    let numbers = parts.map(|part| part.parse::<f64>().map_err(|_| format!("{part:?} is no number")));
+    let numbers = parts.map(|part| part.parse::<f64>().map_err(|_| format!("{part:?} is not a number")));
     numbers.collect::<std::result::Result<Vec<f64>, String>>().and_then(|numbers| waypoint(&numbers))
 }
 
@@ -64,7 +64,7 @@ pub(super) fn waypoint(numbers: &[f64]) -> std::result::Result<Waypoint, String>
     let (x_m, y_m, yaw_deg) = match *numbers {
         [x_m, y_m] => (x_m, y_m, None),
         [x_m, y_m, yaw_deg] => (x_m, y_m, Some(yaw_deg)),
-        _ => return Err(format!("{} numbers; a point has X, Y and perhaps YAW", numbers.len())),
+        _ => return Err(format!("{} numbers; a point has X, Y and optionally YAW", numbers.len())),
     };
     for (name, value) in [("X", x_m), ("Y", y_m)] {
         if !(-MAX_COORDINATE_M..=MAX_COORDINATE_M).contains(&value) {
@@ -92,7 +92,7 @@ mod tests {
         assert_eq!(points[2].yaw_rad, Some(std::f64::consts::FRAC_PI_2));
         for (bad, what) in [
             ("1", "1 numbers"),
-            ("1,b", "\"b\" is no number"),
+            ("1,b", "\"b\" is not a number"),
             ("1,2,3,4", "4 numbers"),
             ("nan,0", "X = NaN m"),
             ("1001,0", "X = 1001 m"),
@@ -113,9 +113,9 @@ mod tests {
         assert_eq!(of(&[file]).unwrap().len(), 2);
         std::fs::write(&path, "1,0\n\n2,x\n").unwrap();
         let failure = of(&[file]).unwrap_err();
-        assert!(failure.message.ends_with("route.txt, line 3: \"x\" is no number"), "{failure}");
+        assert!(failure.message.ends_with("route.txt, line 3: \"x\" is not a number"), "{failure}");
         std::fs::write(&path, "# nothing\n").unwrap();
-        assert!(of(&[file]).unwrap_err().message.ends_with("route.txt: no point is in it"));
+        assert!(of(&[file]).unwrap_err().message.ends_with("route.txt: no points"));
         let missing = of(&["corridor.txt"]).unwrap_err();
         assert!(missing.message.starts_with("cannot read corridor.txt"), "{missing}");
     }
@@ -123,6 +123,6 @@ mod tests {
     #[test]
     fn a_route_is_not_longer_than_the_protocol_allows() {
         let failure = read(&vec!["0,0".to_owned(); MAX_POINTS + 1]).unwrap_err();
-        assert_eq!(failure.message, "101 points, 100 are the most");
+        assert_eq!(failure.message, "101 points, the limit is 100");
     }
 }

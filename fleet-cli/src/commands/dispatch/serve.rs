@@ -84,8 +84,9 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
     ctx.out.result(&ready, |Ready { fleet, ledger, created, tasks, .. }| {
         let (new, found) = (if *created { "new " } else { "" }, standing.found());
         format!(
-            "dispatcher of fleet {fleet}, {new}ledger {ledger}: {found}, {tasks} tasks remembered; Ctrl-C ends: robots \
-             then stop, or finish their drive if their task says so, and the next `dispatch serve` goes on"
+            "dispatcher of fleet {fleet}, {new}ledger {ledger}: {found}, {tasks} tasks stored; stop with \
+             Ctrl-C: robots then stop, or finish their drive if their task allows it; the next `dispatch \
+             serve` continues"
         )
     })?;
     if !ctx.out.json {
@@ -102,8 +103,8 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
     ctx.out.result(&ended, |Ended { open, counters }| {
         let Counters { questions, asked, ledger, .. } = counters;
         format!(
-            "ended: {questions} questions, {asked} requests to robots, {} records in {} writes; {open} tasks \
-             are open",
+            "ended: {questions} client requests, {asked} robot requests, {} records in {} writes; {open} \
+             tasks are open",
             ledger.records, ledger.commits
         )
     })?;

@@ -30,12 +30,12 @@ fn text(status: &Status, now_ms: u64, out: &Output) -> String {
     let stopped = task_text::fleet_stop(suspended);
     let state =
         if stopped.is_some() { out.paint(Tone::Bad, "SUSPENDED") } else { out.paint(Tone::Good, "active") };
-    let map = of.map.as_deref().unwrap_or("none is known");
+    let map = of.map.as_deref().unwrap_or("none");
     let mut lines = vec![
         format!("state    {state}"),
         format!("map      {map}"),
-        format!("tasks    {} open, {} of them on robots; {} remembered", of.open, of.assigned, of.tasks),
-        format!("robots   {} heard", of.robots),
+        format!("tasks    {} open, {} of them on robots; {} stored", of.open, of.assigned, of.tasks),
+        format!("robots   {} online", of.robots),
         format!("ledger   number {}", of.ledger),
     ];
     if let Some(why) = &of.ledger_failed {

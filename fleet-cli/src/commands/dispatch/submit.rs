@@ -92,13 +92,17 @@ async fn submit(ctx: &Context, specs: Vec<TaskSpec>, stay: StayArgs) -> Result<E
     let (client, Taken { tasks: ids, suspended }) = tokio::select! {
         submitted = submitted => submitted?,
         () = &mut stop => {
-            let message = "interrupted: whether anything was submitted is unknown";
-            return Err(Failure::new(Kind::Interrupted, message).hint("`fleet-cli tasks` shows it"));
+            let message = "interrupted: submission not confirmed";
+            return Err(Failure::new(Kind::Interrupted, message).hint("`fleet-cli tasks` shows the tasks"));
         }
     };
     // What is of another map does not keep the new ones waiting.
     if let Some(stop) = task_text::fleet_stop(&suspended) {
-        ctx.out.note(&format!("taken, and not assigned yet: {}; {}", stop.cause.text(), stop.cause.remedy()));
+        ctx.out.note(&format!(
+            "accepted, but not assigned yet: {}; {}",
+            stop.cause.text(),
+            stop.cause.remedy()
+        ));
     }
     let exit = if stay.wait {
         wait::run(ctx, &client, &ids, stay.cancel_on_interrupt, stop).await
@@ -116,7 +120,10 @@ fn say(ctx: &Context, ids: &[TaskId], specs: &[TaskSpec]) -> Result<Exit> {
         })?;
     }
     if let ([id, ..], false) = (ids, ctx.out.json) {
-        ctx.out.note(&format!("`fleet-cli task {id}` shows how it goes, `fleet-cli cancel {id}` ends it"));
+        ctx.out.note(&format!(
+            "`fleet-cli task {id}` shows its progress, `fleet-cli cancel {id}` cancels \
+                               it"
+        ));
     }
     Ok(Exit::Done)
 }

@@ -65,12 +65,12 @@ async fn follow(ctx: &Context, client: &Client, ids: &[TaskId], progress: &mut P
                 return Err(failure);
             }
             Err(failure) if heard.elapsed() > GIVE_UP_AFTER => {
-                let message = format!("{}; what became of {} is unknown", failure.message, some(&open));
+                let message = format!("{}; outcome of {} unknown", failure.message, some(&open));
                 return Err(Failure { kind: Kind::OutcomeUnknown, message, ..failure });
             }
             Err(_) => {
                 let seconds = heard.elapsed().as_secs();
-                progress.show(&format!("{}: the dispatcher does not answer, for {seconds} s", some(&open)));
+                progress.show(&format!("{}: no answer from the dispatcher for {seconds} s", some(&open)));
             }
         }
         if !open.is_empty() {
@@ -112,7 +112,10 @@ fn report(ctx: &Context, view: &TaskView, alone: bool) -> Result<()> {
     let over = view.spec.deadline_ms.is_some_and(|deadline_ms| deadline_ms <= view.since_ms);
     let hint = match over {
         true => {
-            format!("`fleet-cli task {}` shows its history; its deadline is over, so submit it anew", view.id)
+            format!(
+                "`fleet-cli task {}` shows its history; deadline passed: submit it as a new task",
+                view.id
+            )
         }
         false => {
             format!("`fleet-cli task {0}` shows its history, `fleet-cli retry {0}` tries again", view.id)
@@ -126,9 +129,9 @@ fn report(ctx: &Context, view: &TaskView, alone: bool) -> Result<()> {
 async fn left(ctx: &Context, client: &Client, ids: &[TaskId], cancels: bool) -> Result<Exit> {
     let open: BTreeSet<TaskId> = ids.iter().copied().collect();
     if !cancels {
-        let message = format!("interrupted: the dispatcher goes on with {}", some(&open));
+        let message = format!("interrupted: the dispatcher continues with {}", some(&open));
         let hint =
-            format!("`fleet-cli cancel {}` ends it; --cancel-on-interrupt does so on Ctrl-C", names(ids));
+            format!("cancel with `fleet-cli cancel {}`; --cancel-on-interrupt cancels on Ctrl-C", names(ids));
         return Err(Failure::new(Kind::Interrupted, message).hint(hint));
     }
     let changes = dispatcher(client).change(DispatchBody::Cancel { tasks: ids.to_vec() }).await?;

@@ -110,36 +110,32 @@ fn roster(facts: &Facts) -> Vec<Finding> {
     let there = facts.alive.iter().map(Name::to_string).collect::<Vec<_>>().join(", ");
     let Some(roster) = &facts.roster else {
         if facts.alive.is_empty() {
-            let text = format!("no robot of fleet {} is at {}", facts.fleet, facts.connected);
-            let todo = "start `robot-agent` on a robot, or `fleet-cli sim`; is --fleet right?";
+            let text = format!("no robot of fleet {} at {}", facts.fleet, facts.connected);
+            let todo = "start `robot-agent` on a robot, or `fleet-cli sim`; check --fleet";
             return vec![Finding::problem("roster", text, todo)];
         }
         let entries: Vec<_> = facts.alive.iter().map(|name| format!("{{ name = \"{name}\" }}")).collect();
         let todo = format!(
-            "write `robots = [{}]` into ~/.config/xtb/fleet.toml or the file that --config names",
+            "add `robots = [{}]` to ~/.config/xtb/fleet.toml or the file given with --config",
             entries.join(", ")
         );
-        return vec![Finding::warning(
-            "roster",
-            format!("nobody knows who should be there; there are {there}"),
-            todo,
-        )];
+        return vec![Finding::warning("roster", format!("no roster configured; present: {there}"), todo)];
     };
     let mut findings = Vec::new();
     for entry in roster.iter().filter(|entry| !facts.alive.contains(&entry.name)) {
         let todo = format!(
-            "look at its power and network, and whether `robot-agent --fleet {} --name {}` runs there",
+            "check its power and network, and that `robot-agent --fleet {} --name {}` is running",
             facts.fleet, entry.name
         );
         let todo = simulator::or_overloaded(facts, &entry.name, &todo);
         findings.push(Finding::problem("roster", "missing", todo).of(&entry.name));
     }
     for name in facts.alive.iter().filter(|name| !roster.iter().any(|entry| entry.name == **name)) {
-        let todo = "add it to [[robots]], or find out who runs it: `stop --all` stops it too";
-        findings.push(Finding::warning("roster", "is there, and not in the roster", todo).of(name));
+        let todo = "add it to [[robots]], or find out who runs it: `stop --all` also stops it";
+        findings.push(Finding::warning("roster", "present, but not in the roster", todo).of(name));
     }
     if findings.is_empty() {
-        findings.push(Finding::ok("roster", format!("all are there: {there}")));
+        findings.push(Finding::ok("roster", format!("all present: {there}")));
     }
     findings
 }
@@ -148,21 +144,21 @@ fn names(facts: &Facts) -> Vec<Finding> {
     let twice = facts.epochs.iter().filter(|(_, epochs)| epochs.len() > 1);
     let mut findings: Vec<_> = twice
         .map(|(name, epochs)| {
-            let text = format!("{} agents answer to this name", epochs.len());
-            Finding::problem("names", text, "end all but one, or give them names of their own").of(name)
+            let text = format!("{} agents use this name", epochs.len());
+            Finding::problem("names", text, "end all but one, or give them different names").of(name)
         })
         .collect();
-    let shadow = "find out who that is and end it: it can say that a robot has stopped that drives";
+    let shadow = "find and end that program: it can report a driving robot as stopped";
     for (name, voices) in facts.voices.iter().filter(|(_, voices)| **voices > 1) {
         let text = format!("{voices} programs answer its commands");
         findings.push(Finding::problem("names", text, shadow).of(name));
     }
     if facts.answered_for_nobody {
-        let text = "a program answers commands to robots that are not there";
+        let text = "a program answers commands to robots that are not present";
         findings.push(Finding::problem("names", text, shadow));
     }
     if findings.is_empty() && !facts.alive.is_empty() {
-        return vec![Finding::ok("names", "each name is there once")];
+        return vec![Finding::ok("names", "each name is used once")];
     }
     findings
 }
@@ -173,12 +169,12 @@ fn versions(facts: &Facts) -> Vec<Finding> {
     for name in &facts.alive {
         let finding = if let Some(error) = facts.unreadable.get(name) {
             let todo = "install the same release of robot-agent and fleet-cli";
-            Finding::problem("versions", format!("its messages cannot be read: {error}"), todo)
+            Finding::problem("versions", format!("incompatible message version: {error}"), todo)
         } else {
             match facts.abouts.get(name).and_then(|abouts| abouts.first()) {
                 None => {
-                    let text = "it does not answer what it is";
-                    let todo = "its agent hangs, or a router in between forbids it: look at the agent's log";
+                    let text = "does not answer with its factsheet";
+                    let todo = "its agent hangs, or a router blocks the query: check the agent's log";
                     simulator::late(facts, name, Finding::problem("versions", text, todo))
                 }
                 Some(about) if about.version != ours => {
@@ -209,8 +205,8 @@ fn starts(facts: &Facts) -> Vec<Finding> {
             continue;
         }
         let (ours, theirs) = (describe::map_pose(&ours), describe::map_pose(&about.start_pose));
-        let text = format!("the roster says it starts at {ours}, its agent started at {theirs}");
-        let todo = "the agent's own --start-pose counts: make both the same";
+        let text = format!("start pose {ours} in the roster, but the agent started at {theirs}");
+        let todo = "the agent's --start-pose is used: make both the same";
         findings.push(Finding::warning("starts", text, todo).of(&entry.name));
     }
     let tags = if tags.is_empty() { "no tags".to_owned() } else { format!("tags: {}", tags.join(", ")) };
@@ -243,30 +239,38 @@ fn clocks(facts: &Facts) -> Vec<Finding> {
         let finding = match rate {
             None if facts.epochs.get(name).is_some_and(|epochs| epochs.len() > 1) => continue,
             None => {
-                let todo = "it restarts, or its state does not arrive: look at its log and its network";
-                let text = "its state was not heard twice in one boot";
+                let todo = "it restarts, or its state does not arrive: check its log and its network";
+                let text = "fewer than two states received since its start";
                 simulator::late(facts, name, Finding::problem("clocks", text, todo))
             }
             Some(rate) if keeps_step(*rate) => {
                 good += 1;
                 continue;
             }
-            Some(rate) if simulator::holds_up(facts, name) => {
-                Finding::ok("clocks", format!("runs at {rate:.2} times ours: its simulator is overloaded"))
-            }
-            Some(rate) if simulated => {
-                Finding::ok("clocks", format!("runs at {rate:.1} times ours: a simulator's --speed"))
-            }
+            Some(rate) if simulator::holds_up(facts, name) => Finding::ok(
+                "clocks",
+                format!(
+                    "clock runs at {rate:.2} × this computer's: its simulator is \
+                             overloaded"
+                ),
+            ),
+            Some(rate) if simulated => Finding::ok(
+                "clocks",
+                format!(
+                    "clock runs at {rate:.1} × this computer's: a simulator's \
+                             --speed"
+                ),
+            ),
             Some(rate) => {
-                let text = format!("runs at {rate:.2} times ours");
-                let todo = "its computer is suspended, throttled or overloaded: look at its load";
+                let text = format!("clock runs at {rate:.2} × this computer's");
+                let todo = "its computer is suspended, throttled or overloaded: check its load";
                 Finding::problem("clocks", text, todo)
             }
         };
         findings.push(finding.of(name));
     }
     if good > 0 {
-        findings.push(Finding::ok("clocks", format!("{good} in step with ours within 5 %")));
+        findings.push(Finding::ok("clocks", format!("{good} within 5 % of this computer's clock")));
     }
     findings
 }
@@ -275,13 +279,13 @@ fn loops(facts: &Facts) -> Vec<Finding> {
     let late = facts.states.iter().filter(|(_, state)| state.turn_late_us > LATE_US);
     let findings: Vec<_> = late
         .map(|(name, state)| {
-            let text = format!("its control loop was {} ms late", state.turn_late_us / 1000);
-            let todo = "its computer is overloaded: end what else runs there";
+            let text = format!("control loop {} ms late", state.turn_late_us / 1000);
+            let todo = "its computer is overloaded: end other programs on it";
             simulator::late(facts, name, Finding::warning("loops", text, todo)).of(name)
         })
         .collect();
     if findings.is_empty() && !facts.states.is_empty() {
-        return vec![Finding::ok("loops", "every control loop was in time just now")];
+        return vec![Finding::ok("loops", "all control loops on time")];
     }
     findings
 }
@@ -300,13 +304,18 @@ fn vehicles(facts: &Facts) -> Vec<Finding> {
     let others = groups.iter().filter(|(hash, _)| *hash != most).flat_map(|(_, abouts)| abouts);
     let findings = others.map(|about| {
         let text = format!(
-            "its parameters {} differ from {most} of {}: {}",
+            "parameters {} differ from {most} of {}: {}",
             about.vehicle_hash,
             normal.iter().map(|about| about.robot.to_string()).collect::<Vec<_>>().join(", "),
             differences(about, normal[0])
         );
-        Finding::warning("vehicle", text, "right if it is another vehicle; else give both the same config")
-            .of(&about.robot)
+        Finding::warning(
+            "vehicle",
+            text,
+            "correct for a different vehicle; otherwise give both the same \
+                          config",
+        )
+        .of(&about.robot)
     });
     findings.collect()
 }
@@ -328,7 +337,7 @@ fn differences(about: &About, normal: &About) -> String {
     if more > 0 {
         differing.push(format!("{more} more"));
     }
-    if differing.is_empty() { "in nothing that it tells".to_owned() } else { differing.join(", ") }
+    if differing.is_empty() { "in no published parameter".to_owned() } else { differing.join(", ") }
 }
 
 fn latches(facts: &Facts) -> Vec<Finding> {
@@ -356,10 +365,10 @@ fn faults(facts: &Facts) -> Vec<Finding> {
         let said = |fault| state.faults.iter().any(|broken| broken.fault == fault);
         let battery = match state.battery_level {
             BatteryLevel::Unknown if state.battery_v.is_none() => {
-                Some(("the battery is not measured: it may be empty", "measure it by hand"))
+                Some(("battery not measured: it may be empty", "measure it by hand"))
             }
             BatteryLevel::Warn | BatteryLevel::Finish if !said(Fault::BatteryLow) => {
-                Some(("the battery is low", Fault::BatteryLow.remedy()))
+                Some(("battery low", Fault::BatteryLow.remedy()))
             }
             BatteryLevel::Critical if !said(Fault::BatteryCritical) => {
                 Some(("battery nearly empty", Fault::BatteryCritical.remedy()))

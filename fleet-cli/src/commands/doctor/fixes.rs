@@ -67,16 +67,16 @@ impl FixBook {
             if let Some(other) = self.follows(robot) {
                 let crossed = self.follows(other) == Some(robot);
                 let text = match crossed {
-                    true => format!("its fixes and those of {other} are crossed: each gets the other's pose"),
-                    false => format!("its fixes are the pose of {other}"),
+                    true => format!("its fixes and those of {other} are swapped: each gets the other's pose"),
+                    false => format!("its fixes show the pose of {other}"),
                 };
-                let todo = "give the tracker's bodies, tags or the keys that it sends to the right names";
+                let todo = "correct the names of the tracker's bodies or tags, or the keys it sends to";
                 return Some(Finding::problem("fixes", text, todo.to_owned()).of(robot));
             }
             (heard.fixes >= ENOUGH && 2 * heard.elsewhere > heard.fixes).then(|| {
-                let text = format!("its fixes are {:.1} m from where it believes itself to be", heard.off_m);
+                let text = format!("its fixes are {:.1} m from its own pose", heard.off_m);
                 let todo =
-                    format!("see which is right; `fleet-cli set-pose {robot} X Y` tells it where it is");
+                    format!("check which is right; set its pose with `fleet-cli set-pose {robot} X Y`");
                 Finding::problem("fixes", text, todo).of(robot)
             })
         };
@@ -121,15 +121,15 @@ mod tests {
     fn two_robots_whose_fixes_are_crossed_are_both_named() {
         let found = heard(&[("xtb-1", 3.0), ("xtb-2", 0.1), ("xtb-1", 2.9), ("xtb-2", 0.0), ("xtb-3", 6.0)]);
         assert_eq!(found.len(), 2, "{found:?}");
-        assert!(found[0].0 == "xtb-1" && found[0].1.contains("those of xtb-2 are crossed"), "{found:?}");
-        assert!(found[1].0 == "xtb-2" && found[1].1.contains("those of xtb-1 are crossed"), "{found:?}");
+        assert!(found[0].0 == "xtb-1" && found[0].1.contains("those of xtb-2 are swapped"), "{found:?}");
+        assert!(found[1].0 == "xtb-2" && found[1].1.contains("those of xtb-1 are swapped"), "{found:?}");
     }
 
     #[test]
     fn fixes_of_one_other_robot_and_of_nobody_are_told_apart() {
         let found = heard(&[("xtb-1", 6.1), ("xtb-1", 6.0), ("xtb-2", -4.0), ("xtb-2", -4.0)]);
-        assert_eq!(found[0].1, "its fixes are the pose of xtb-3");
-        assert!(found[1].1.starts_with("its fixes are 7.0 m from where"), "{found:?}");
+        assert_eq!(found[0].1, "its fixes show the pose of xtb-3");
+        assert!(found[1].1.starts_with("its fixes are 7.0 m from"), "{found:?}");
     }
 
     #[test]

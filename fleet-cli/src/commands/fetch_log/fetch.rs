@@ -6,7 +6,7 @@ use xtb_protocol::messages::{LogRequest, MAX_PIECE};
 
 /// The recording here is not the beginning of the robot's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("what was fetched before is not the beginning of the robot's recording")]
+#[error("the partial download does not match the robot's recording")]
 pub(super) struct Differs;
 
 /// What to do next.

@@ -35,11 +35,11 @@ impl Task {
         match (request.on_link_loss, self.target) {
             (LinkLoss::Halt, _) => format!("{robot} stops by itself within 0.7 s"),
             (LinkLoss::Finish, GoalTarget::Point { .. }) => {
-                format!("{robot} goes on to its goal (finish, at most {} s)", request.finish_s())
+                format!("{robot} continues to its goal (finish, at most {} s)", request.finish_s())
             }
             (LinkLoss::Finish, GoalTarget::Wander { lasting }) => {
                 let seconds = lasting.map_or(request.finish_s(), |lasting| lasting.as_secs_f64());
-                format!("{robot} goes on wandering (finish, at most {seconds} s)")
+                format!("{robot} continues wandering (finish, at most {seconds} s)")
             }
         }
     }
@@ -60,7 +60,7 @@ mod tests {
     #[test]
     fn a_goal_is_bounded_by_the_robot_unless_its_client_waits_without_a_limit() {
         for (wait, within, policy, seconds, alone) in [
-            (false, None, LinkLoss::Finish, 300.0, "goes on to its goal (finish, at most 300 s)"),
+            (false, None, LinkLoss::Finish, 300.0, "continues to its goal (finish, at most 300 s)"),
             (false, Some(7), LinkLoss::Finish, 7.0, "at most 7 s"),
             (true, Some(7), LinkLoss::Finish, 7.0, "at most 7 s"),
             (true, None, LinkLoss::Halt, 300.0, "stops by itself"),

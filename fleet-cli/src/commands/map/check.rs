@@ -133,11 +133,11 @@ fn findings(report: &Report, car: &Car) -> Vec<Finding> {
     match report.islands.as_slice() {
         [] => all.push(finding(
             Level::Problem,
-            format!("no floor is wide enough for a truck of {width_m:.2} m"),
-            "is the resolution right, and is free drawn white?",
+            format!("no free space is wide enough for a truck of {width_m:.2} m"),
+            "check the resolution, and that free space is white",
         )),
         [one] => {
-            let text = format!("one island: the truck's middle can be on {:.1} m² of floor", one.area_m2);
+            let text = format!("one island: the truck's centre can reach {:.1} m²", one.area_m2);
             all.push(finding(Level::Ok, text, ""));
         }
         several => {
@@ -148,15 +148,15 @@ fn findings(report: &Report, car: &Car) -> Vec<Finding> {
             if several.len() > LISTED {
                 listed.push(format!("{} smaller ones", several.len() - LISTED));
             }
-            let text = format!("{} islands, and no way for a truck from one to another", several.len());
-            let todo = "a goal on another island than the truck's cannot be reached";
+            let text = format!("{} islands, with no path for a truck between them", several.len());
+            let todo = "a goal on an island other than the truck's cannot be reached";
             all.push(Finding { detail: listed, ..finding(Level::Warning, text, todo) });
         }
     }
     for narrow in report.narrows.iter().take(LISTED) {
         let text =
             format!("too narrow for {width_m:.2} m at {}: about {:.2} m", at(narrow.at_m), narrow.width_m);
-        all.push(finding(Level::Warning, text, "widen it, or draw it closed so that nobody wonders"));
+        all.push(finding(Level::Warning, text, "widen it, or draw it closed"));
     }
     all.extend(report.zones.iter().map(zone_finding));
     all
@@ -165,18 +165,21 @@ fn findings(report: &Report, car: &Car) -> Vec<Finding> {
 fn zone_finding(found: &ZoneFinding) -> Finding {
     let (level, text, todo) = match found {
         ZoneFinding::Outside { zone } => {
-            (Level::Problem, format!("zone {zone} lies off the map"), "points are (x, y) in m, x east")
+            (Level::Problem, format!("zone {zone} is outside the map"), "points are (x, y) in m, x east")
         }
-        ZoneFinding::PartlyOutside { zone } => {
-            (Level::Warning, format!("zone {zone} reaches over the map's border"), "it ends there")
-        }
+        ZoneFinding::PartlyOutside { zone } => (
+            Level::Warning,
+            format!("zone {zone} extends beyond the map"),
+            "it is cut off at the map's \
+                                      border",
+        ),
         ZoneFinding::Cut { zones, pieces } => {
             let who = match zones.as_slice() {
-                [] => "keep-outs cut".to_owned(),
-                [one] => format!("keep-out {one} cuts"),
-                several => format!("keep-outs {} cut", several.join(", ")),
+                [] => "keep-outs divide".to_owned(),
+                [one] => format!("keep-out {one} divides"),
+                several => format!("keep-outs {} divide", several.join(", ")),
             };
-            let text = format!("{who} an island in {pieces} pieces");
+            let text = format!("{who} an island into {pieces} pieces");
             (Level::Problem, text, "leave more than the truck's width beside keep-outs")
         }
     };
@@ -235,7 +238,7 @@ mod tests {
     fn a_narrow_door_is_a_warning_with_place_and_width() {
         let (problems, text) = report(Vec::new());
         assert!(text.starts_with("hall  6.00 × 4.00 m, cells of 5 cm  "), "{text}");
-        assert!(text.contains("warning  2 islands, and no way"), "{text}");
+        assert!(text.contains("warning  2 islands, with no path"), "{text}");
         assert!(text.contains("warning  too narrow for 0.40 m at (3."), "{text}");
         assert!(problems == 0 && text.ends_with("0 problems, 2 warnings"), "{text}");
     }
@@ -247,7 +250,7 @@ mod tests {
             Zone::new(name, ZoneKind::KeepOut, points).unwrap()
         };
         let (problems, text) = report(vec![zone("far", 9.0, 10.0), zone("across", 1.2, 1.4)]);
-        assert!(text.contains("problem  zone far lies off the map"), "{text}");
+        assert!(text.contains("problem  zone far is outside the map"), "{text}");
         assert!(text.contains("problem  keep-out across cuts an island in 2 pieces"), "{text}");
         assert_eq!(problems, 2, "{text}");
     }

@@ -30,8 +30,11 @@ pub(super) fn run(ctx: &Context, args: &MapImportArgs) -> Result<Exit> {
     let map = map_file::read(&args.file, args.fine.resolution_m)?;
     let yaml = &args.out;
     if !matches!(yaml.extension().and_then(|ending| ending.to_str()), Some("yaml" | "yml")) {
-        let message = format!("{} does not end in .yaml", yaml.display());
-        return Err(Failure::new(Kind::Usage, message).hint("--out names the YAML; the image goes beside it"));
+        let message = format!("{} does not have the extension .yaml", yaml.display());
+        return Err(Failure::new(Kind::Usage, message).hint(
+            "--out is the YAML file; the image is written \
+            next to it",
+        ));
     }
     let image = yaml.with_extension("pgm");
     let beside = PathBuf::from(image.file_name().unwrap_or_default());
@@ -39,8 +42,8 @@ pub(super) fn run(ctx: &Context, args: &MapImportArgs) -> Result<Exit> {
     let files = Files::of(&map, &beside.to_string_lossy()).map_err(|error| failed(&error))?;
     for path in [yaml, &image] {
         if path.exists() && !args.force {
-            return Err(Failure::new(Kind::Failed, format!("{} is there already", path.display()))
-                .hint("--force replaces it"));
+            return Err(Failure::new(Kind::Failed, format!("{} already exists", path.display()))
+                .hint("--force overwrites it"));
         }
     }
     write(&image, &files.image)?;
@@ -59,6 +62,6 @@ pub(super) fn run(ctx: &Context, args: &MapImportArgs) -> Result<Exit> {
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     std::fs::write(path, bytes).map_err(|error| {
         Failure::new(Kind::Failed, format!("cannot write {}: {error}", path.display()))
-            .hint("--out takes a file in a folder that is there")
+            .hint("--out needs a file in an existing folder")
     })
 }

@@ -39,7 +39,7 @@ pub(super) async fn run(ctx: &Context, args: &MapServeArgs) -> Result<Exit> {
     };
     let ready = Ready { ready: true, fleet: &ctx.settings.fleet, name: map.name(), hash: map.hash() };
     ctx.out.result(&ready, |ready| {
-        format!("map {} ({}) served to fleet {}; Ctrl-C ends", ready.name, ready.hash, ready.fleet)
+        format!("map {} ({}) served to fleet {}; stop with Ctrl-C", ready.name, ready.hash, ready.fleet)
     })?;
     stop.await;
     drop(service);

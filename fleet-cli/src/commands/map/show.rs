@@ -67,14 +67,11 @@ async fn live(ctx: &Context) -> Result<Vec<Map>> {
     messages.sort_by_key(|message| message.hash);
     messages.dedup_by_key(|message| message.hash);
     if messages.is_empty() {
-        return Err(Failure::new(
-            Kind::NoRobot,
-            format!("nobody serves a map to fleet {}", ctx.settings.fleet),
-        )
-        .hint("`fleet-cli map serve FILE` does, and so does `fleet-cli sim`"));
+        return Err(Failure::new(Kind::NoRobot, format!("no map is served to fleet {}", ctx.settings.fleet))
+            .hint("serve one with `fleet-cli map serve FILE`; `fleet-cli sim` also serves one"));
     }
     let broken = |error: xtb_nav::map::wire::WireError| {
-        Failure::new(Kind::Failed, format!("the map that is served cannot be used: {error}"))
+        Failure::new(Kind::Failed, format!("the served map cannot be used: {error}"))
     };
     messages.iter().map(|message| Map::try_from(message).map_err(broken)).collect()
 }

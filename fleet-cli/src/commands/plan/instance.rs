@@ -112,7 +112,7 @@ impl Instance {
     /// # Errors
     /// [`Kind::Config`]: it cannot be read, or is neither.
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let hint = "an instance has `agents` (name, start, goal) and a `map` or a `world`";
+        let hint = "an instance needs `agents` (name, start, goal) and a `map` or a `world`";
         let invalid = |error: String| {
             Failure::new(Kind::Config, format!("{}: {}", path.display(), error.trim_end())).hint(hint)
         };
@@ -127,7 +127,7 @@ impl Instance {
         }
         let ours: Ours = serde_saphyr::from_str(&text).map_err(|error| invalid(error.to_string()))?;
         if !(ours.speed_m_s > 0.0 && ours.look_out_m >= 0.0 && ours.clearance_m >= 0.0) {
-            let wrong = "speed_m_s must be above 0, clearance_m and look_out_m not below";
+            let wrong = "speed_m_s must be above 0, clearance_m and look_out_m must not be negative";
             return Err(invalid(wrong.to_owned()));
         }
         let beside = path.parent().unwrap_or(Path::new(""));

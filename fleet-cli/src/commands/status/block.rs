@@ -31,7 +31,7 @@ fn absence(robot: &RobotView) -> String {
     match (robot.alive, robot.age_ms.map(Duration::from_millis)) {
         (false, _) => "missing".to_owned(),
         (true, Some(age)) => {
-            format!("STALE: last heard {} ago, everything else is unknown", describe::age(age))
+            format!("STALE: last message {} ago, everything else is unknown", describe::age(age))
         }
         (true, None) => "present, but its state is unknown".to_owned(),
     }
@@ -54,7 +54,7 @@ fn facts(robot: &RobotView, state: &RobotState) -> Vec<(&'static str, String, To
             if blocked { Tone::Warning } else { Tone::Plain },
         ),
         ("goal", state.goal.as_ref().map_or_else(|| "none".to_owned(), describe::goal_in_full), Tone::Plain),
-        ("lease", describe::lease_with_age(state), Tone::Plain),
+        ("control", describe::controlled_by(state), Tone::Plain),
         ("tilt", describe::tilt(&state.tilt_deg), Tone::Plain),
         ("battery", describe::battery(state), if low { Tone::Warning } else { Tone::Plain }),
         ("inputs", describe::inputs(state), Tone::Plain),
@@ -64,7 +64,7 @@ fn facts(robot: &RobotView, state: &RobotState) -> Vec<(&'static str, String, To
         facts.insert(3, ("odometry", odometry, Tone::Plain));
     }
     if let Some(stands) = describe::stands(state) {
-        facts.insert(1, ("stands", stands, Tone::Warning));
+        facts.insert(1, ("stopped", stands, Tone::Warning));
     }
     for fault in state.faults.iter().rev() {
         facts.insert(1, ("fault", describe::fault(fault), Tone::Bad));
@@ -75,7 +75,7 @@ fn facts(robot: &RobotView, state: &RobotState) -> Vec<(&'static str, String, To
     if !state.ended_goals.is_empty() {
         let ends =
             state.ended_goals.iter().map(|end| format!("{} {}", short(end.id), reasons::name(&end.status)));
-        facts.push(("goals past", ends.collect::<Vec<_>>().join(", "), Tone::Dim));
+        facts.push(("past goals", ends.collect::<Vec<_>>().join(", "), Tone::Dim));
     }
     if let Some(rejected) = describe::rejected(&state.rejected) {
         facts.push(("rejected", rejected, Tone::Warning));
@@ -122,17 +122,17 @@ mod tests {
         let text = lines(&robot, &Output { json: false, colors: false }).join("\n");
         for part in [
             "latched    estop by cli-1 for 12.0 s\n",
-            "latched    gyro_lost by gyro_silent for 12.0 s, its cause is still there",
-            "stands     for 12.0 s: emergency stop",
+            "latched    gyro_lost by gyro_silent for 12.0 s, cause still present",
+            "stopped    for 12.0 s: emergency stop",
             "goal       cancelled (1.00, 2.00) 12.0 s ago, sent by me: estop",
-            "lease      cli-2, 40 ms",
+            "control    cli-2 (40 ms ago)",
             "battery    7.4 V, warn",
-            "goals past 00000007 reached",
+            "past goals 00000007 reached",
         ] {
             assert!(text.contains(part), "{part:?} is missing in\n{text}");
         }
         let stale = RobotView { state: None, age_ms: Some(9000), ..robot };
         let text = lines(&stale, &Output { json: false, colors: false }).join("\n");
-        assert!(text.contains("STALE: last heard 9.0 s ago") && !text.contains("estop"), "{text}");
+        assert!(text.contains("STALE: last message 9.0 s ago") && !text.contains("estop"), "{text}");
     }
 }

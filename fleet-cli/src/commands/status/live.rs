@@ -57,11 +57,11 @@ async fn repaint(ctx: &Context, view: impl Fn() -> FleetView) -> Result<Exit> {
 }
 
 fn screen(ctx: &Context, view: &FleetView) -> Vec<String> {
-    let title = format!("fleet {} · robots: {} · q leaves", view.fleet, view.robots.len());
+    let title = format!("fleet {} · robots: {} · q quits", view.fleet, view.robots.len());
     let mut lines = vec![ctx.out.paint(Tone::Dim, &title)];
     if view.robots.is_empty() {
         lines.push(String::new());
-        lines.push(ctx.out.paint(Tone::Warning, "no robot is there"));
+        lines.push(ctx.out.paint(Tone::Warning, "no robot present"));
     }
     for robot in &view.robots {
         lines.push(String::new());
@@ -133,7 +133,7 @@ fn summary(robot: &RobotView, out: &Output) -> String {
         text.push_str(&format!(" · goal {}", describe::goal(goal)));
     }
     if !state.stopped_because.is_empty() {
-        text.push_str(&format!(" · stands: {}", reasons::reasons(&state.stopped_because)));
+        text.push_str(&format!(" · stopped: {}", reasons::reasons(&state.stopped_because)));
     }
     text
 }

@@ -29,12 +29,12 @@ state    failed on xtb-1, for 10 s
 why      xtb-1: blocked near (1, 2)
 legs     0/1 done
 failures 3 of at most 3
-terms    for any robot, priority 5, deadline 1 min 00 s after it was submitted
+terms    for any robot, priority 5, deadline 1 min 00 s after submission
 from     me, 11 s ago
 
 after  state       robot  legs  why
 0.0 s  queued             0
-…      4 left out
+…      4 not shown
 0.3 s  assigned           0
 1.0 s  failed             0     xtb-1: blocked near (1, 2)
 ";

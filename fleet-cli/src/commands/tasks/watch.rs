@@ -82,7 +82,7 @@ async fn repaint(
 }
 
 fn lines(ctx: &Context, args: &TasksArgs, list: &TaskList, trouble: Option<&str>) -> Vec<String> {
-    let title = format!("tasks of fleet {} · q leaves", ctx.settings.fleet);
+    let title = format!("tasks of fleet {} · q quits", ctx.settings.fleet);
     let mut lines = vec![ctx.out.paint(Tone::Dim, &title), String::new()];
     if let Some(trouble) = trouble {
         lines.push(ctx.out.paint(Tone::Bad, &format!("STALE: {trouble}")));

@@ -34,7 +34,7 @@ pub(super) fn lines(view: &View<'_>, out: &Output) -> Vec<String> {
     };
     let asked = view.drive.throttle * view.max_rpm;
     let asking = format!("{} rpm, steering {}", fixed(asked, 0), signed(view.drive.steering));
-    fact("asked", asking, if asked == 0.0 { Tone::Plain } else { Tone::Good });
+    fact("command", asking, if asked == 0.0 { Tone::Plain } else { Tone::Good });
     let (age, tone) = age(view.seen);
     fact("state", age, tone);
     for (label, text, tone) in facts(view.seen.and_then(Seen::fresh)) {
@@ -52,7 +52,7 @@ fn age(seen: Option<&Seen>) -> (String, Tone) {
     match seen {
         Some(seen) if seen.fresh().is_some() => (format!("{} old", describe::age(seen.age())), Tone::Plain),
         Some(seen) => (format!("STALE, {} old", describe::age(seen.age())), Tone::Bad),
-        None => ("STALE, nothing heard yet".to_owned(), Tone::Bad),
+        None => ("STALE, no message yet".to_owned(), Tone::Bad),
     }
 }
 
@@ -72,9 +72,9 @@ fn facts(state: Option<&RobotState>) -> [(&'static str, String, Tone); 9] {
         ("reference", show(reference), Tone::Plain),
         ("obstacles", show(|state| describe::obstacles(&state.obstacle)), warn(blocked)),
         ("pose", show(|state| describe::pose(&state.pose)), Tone::Plain),
-        ("lease", show(describe::lease_with_age), Tone::Plain),
+        ("control", show(describe::controlled_by), Tone::Plain),
         ("battery", show(describe::battery), warn(low)),
-        ("stands", show(why), warn(stands)),
+        ("stopped", show(why), warn(stands)),
     ]
 }
 
@@ -92,7 +92,7 @@ fn latches(state: &RobotState) -> String {
         return "no".to_owned();
     }
     let all: Vec<_> = state.latches.iter().map(describe::latch).collect();
-    format!("SETPOINTS ARE REFUSED, r resets: {}", all.join("; "))
+    format!("SETPOINTS REFUSED, r resets: {}", all.join("; "))
 }
 
 fn signed(steering: f64) -> String {
@@ -106,11 +106,12 @@ fn signed(steering: f64) -> String {
 fn help(reporting: Reporting) -> [&'static str; 2] {
     match reporting {
         Reporting::Releases => [
-            "hold ↑ ↓ ← → or W S A D to drive and steer · space stops · r resets · q leaves",
-            "This terminal reports key releases: letting go means zero at once.",
+            "hold ↑ ↓ ← → or W S A D to drive and steer · space stops · r resets · q quits",
+            "This terminal reports key releases: releasing a key stops at once.",
         ],
         Reporting::Presses => [
-            "↑ ↓ or W S drive · ← → or A D steer in steps of 0.25, which stay · space stops · r resets · q leaves",
+            "↑ ↓ or W S drive · ← → or A D steer in steps of 0.25, which stay · space stops · r resets · q \
+             quits",
             "This terminal reports no key releases: each press drives for 250 ms, key repeat extends it.",
         ],
     }
@@ -136,7 +137,7 @@ mod tests {
         };
         let text = lines(&view, &Output { json: false, colors: false }).join("\n");
         assert!(text.contains("30 rpm, steering left 0.50"), "{text}");
-        assert!(text.contains("STALE, nothing heard yet"), "{text}");
+        assert!(text.contains("STALE, no message yet"), "{text}");
         assert_eq!(text.matches(UNKNOWN).count(), 9, "{text}");
         assert!(text.contains("reports no key releases"), "{text}");
     }
@@ -157,7 +158,7 @@ mod tests {
             notice: "xtb-1 refuses: no",
         };
         let text = lines(&view, &Output { json: false, colors: false }).join("\n");
-        assert!(text.contains("SETPOINTS ARE REFUSED, r resets: estop by cli-123456 for 12.0 s"), "{text}");
+        assert!(text.contains("SETPOINTS REFUSED, r resets: estop by cli-123456 for 12.0 s"), "{text}");
         assert!(text.contains("xtb-1 refuses: no"), "{text}");
     }
 }

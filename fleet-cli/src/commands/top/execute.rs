@@ -28,7 +28,7 @@ pub(super) async fn execute(ctx: &Context, client: &Client, known: &[Name], comm
 
 /// A stop was called before it was answered.
 pub(super) fn overtaken() -> Outcome {
-    let text = "a stop came first: it was not begun, or only in part".to_owned();
+    let text = "interrupted by a stop: not or only partly executed".to_owned();
     Outcome { tone: Tone::Warning, text, held: false }
 }
 
@@ -89,7 +89,7 @@ async fn attempt(
             control.release().await;
             let text = match asked? {
                 Cancelled::Ended => "cancelled",
-                Cancelled::NotRunning => "it does not run any more",
+                Cancelled::NotRunning => "no longer running",
             };
             Ok((Tone::Good, format!("{text}{from}")))
         }
@@ -111,7 +111,7 @@ fn reset_all(ended: Vec<(Name, xtb_client::Result<ResetReport>)>) -> (Tone, Stri
     let all = ended.len();
     let wrong = ended.into_iter().filter_map(|(robot, ended)| match ended {
         Ok(report) if !report.is_refused(None) => None,
-        Ok(_) => Some(format!("{robot}: it is still latched")),
+        Ok(_) => Some(format!("{robot}: still latched")),
         Err(failure) => Some(failure.to_string()),
     });
     let wrong: Vec<String> = wrong.collect();
@@ -123,7 +123,7 @@ fn reset_all(ended: Vec<(Name, xtb_client::Result<ResetReport>)>) -> (Tone, Stri
 }
 
 fn from(control: &Control) -> String {
-    control.taken_from().map(|holder| format!("; control was taken from {holder}")).unwrap_or_default()
+    control.taken_from().map(|holder| format!("; control taken from {holder}")).unwrap_or_default()
 }
 
 /// Whose standstill is not known is said by name.
@@ -137,7 +137,7 @@ fn stopped((report, missing): (StopReport, MissingInfo), word: &str) -> (Tone, S
         [StopOutcome::Unconfirmed, StopOutcome::Absent, StopOutcome::Ambiguous].map(names).concat();
     let (done, all) = (names(StopOutcome::Stopped).len(), report.robots.len());
     if all == 0 {
-        return (Tone::Bad, "NOBODY ANSWERED: robots may be driving".to_owned());
+        return (Tone::Bad, "NO ANSWER: robots may be driving".to_owned());
     }
     let mut text = if all == 1 && done == 1 { word.to_owned() } else { format!("{done} of {all} {word}") };
     if !unknown.is_empty() {
@@ -150,7 +150,7 @@ fn stopped((report, missing): (StopReport, MissingInfo), word: &str) -> (Tone, S
         text.push_str(&format!("; REFUSED: {}", refused.join(", ")));
     }
     if !missing.none() {
-        text.push_str("; without a roster nobody knows whether these were all");
+        text.push_str("; without a roster, others may be missing");
     }
     let tone = match report.complete {
         true => Tone::Good,

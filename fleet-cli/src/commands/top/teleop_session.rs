@@ -64,7 +64,7 @@ pub(super) async fn news(hand: &mut Option<Hand>) -> TeleopStatus {
         ended = &mut at_wheel.steering => ended,
     };
     *hand = None;
-    ended.unwrap_or_else(|error| TeleopStatus::Lost(format!("an error of this program ({error})")))
+    ended.unwrap_or_else(|error| TeleopStatus::Lost(format!("internal error ({error})")))
 }
 
 async fn begin(client: &Client, robot: &Name, take: bool) -> Result<(Control, StateFeed, f64)> {

@@ -50,8 +50,8 @@ pub(super) async fn run(ctx: &Context, args: &TrafficServeArgs) -> Result<Exit> 
     let ready = Ready { ready: true, fleet: &ctx.settings.fleet, map: map.name(), hash: map.hash() };
     ctx.out.result(&ready, |ready| {
         format!(
-            "traffic control of fleet {} on map {} ({}); Ctrl-C ends: robots then stop where their way was \
-             released to, and go on by themselves after 10 s",
+            "traffic control of fleet {} on map {} ({}); stop with Ctrl-C: robots then stop at the end of \
+             their clearance, and continue by themselves after 10 s",
             ready.fleet, ready.map, ready.hash
         )
     })?;
@@ -64,8 +64,10 @@ pub(super) async fn run(ctx: &Context, args: &TrafficServeArgs) -> Result<Exit> 
 async fn the_fleets(ctx: &Context, client: &Client) -> Result<Map> {
     let served = map_source::served(client.bus(), client.keys(), ctx.settings.timeout).await?;
     let Some(message) = served.first() else {
-        return Err(Failure::new(Kind::Config, "no map is served to this fleet")
-            .hint("`fleet-cli traffic serve --map FILE` serves one too; `fleet-cli sim` has its world's"));
+        return Err(Failure::new(Kind::Config, "no map is served to this fleet").hint(
+            "serve one with `fleet-cli traffic serve --map FILE`; `fleet-cli sim` serves its world's \
+                   map",
+        ));
     };
     Map::try_from(message).map_err(|error| Failure::new(Kind::Config, error.to_string()))
 }

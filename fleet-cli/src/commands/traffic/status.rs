@@ -23,12 +23,12 @@ pub(super) async fn run(ctx: &Context) -> Result<Exit> {
     drop(subscription);
     client.close().await;
     let Ok(Some(state)) = heard else {
-        return Err(Failure::new(Kind::NoRobot, "no traffic control was heard")
-            .hint("`fleet-cli traffic serve` starts one"));
+        return Err(Failure::new(Kind::NoRobot, "no traffic control found")
+            .hint("start one with `fleet-cli traffic serve`"));
     };
     ctx.out.result(&state, |state| {
         format!(
-            "map {}, {} joint plans\nleads: {}\ndrives around: {}",
+            "map {}, {} joint plans\ncoordinates: {}\nplans around: {}",
             state.map_hash,
             state.plans,
             names(&state.led),
@@ -40,7 +40,7 @@ pub(super) async fn run(ctx: &Context) -> Result<Exit> {
 
 fn names(names: &[Name]) -> String {
     match names {
-        [] => "nobody".to_owned(),
+        [] => "none".to_owned(),
         names => names.iter().map(Name::as_str).collect::<Vec<_>>().join(", "),
     }
 }

@@ -54,8 +54,20 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    pub(super) fn label(self) -> String {
-        reasons::name(&self)
+    /// What stands before its lines.
+    pub(super) fn label(self) -> &'static str {
+        match self {
+            Self::Link => "link",
+            Self::Latch => "latch",
+            Self::Fault => "fault",
+            Self::Stop => "stop",
+            Self::May => "driving",
+            Self::Goal => "goal",
+            Self::Tasks => "tasks",
+            Self::Lease => "control",
+            Self::Inputs => "inputs",
+            Self::Battery => "battery",
+        }
     }
 }
 
@@ -146,19 +158,20 @@ fn unknown(robot: &RobotView) -> (Verdict, String, Vec<Reason>) {
     let name = &robot.name;
     let (headline, text, todo) = match (robot.alive, robot.age_ms) {
         (false, _) => (
-            format!("{name} is missing: whether it stands is unknown"),
-            "no agent of this name is at the router".to_owned(),
-            "look at its power, its network, and whether robot-agent runs; `fleet-cli doctor` checks the rest",
+            format!("{name} is missing: motion unknown"),
+            "no agent with this name at the router".to_owned(),
+            "check its power, its network, and that robot-agent is running; `fleet-cli doctor` checks the \
+             rest",
         ),
         (true, Some(ms)) => (
-            format!("{name} is STALE: whether it stands is unknown"),
+            format!("{name} is STALE: motion unknown"),
             format!("its last state is {} old", age(ms)),
-            "its link or its agent hangs: `fleet-cli doctor`; near it, use the transmitter",
+            "its link or its agent hangs: `fleet-cli doctor`; if nearby, use the transmitter",
         ),
         (true, None) => (
-            format!("{name} is present, but whether it stands is unknown"),
-            "it does not tell its state".to_owned(),
-            "its agent may speak another version: `fleet-cli doctor` shows it",
+            format!("{name} is present, but its motion is unknown"),
+            "it sends no state".to_owned(),
+            "its agent may have another version: `fleet-cli doctor` shows it",
         ),
     };
     let reason = Reason {
@@ -179,11 +192,11 @@ fn known(robot: &RobotView, state: &RobotState) -> (Verdict, String, Vec<Reason>
         reasons.insert(0, may(state));
         reasons.extend(stops(state));
         let speed = describe::speed(state);
-        (Verdict::Drives, format!("{name} drives, {speed} (mode {mode}, state {old} old)"))
+        (Verdict::Drives, format!("{name}: driving, {speed} (mode {mode}, state {old} old)"))
     } else {
         reasons.extend(stops(state));
         let since = state.stopped_age_ms.map(|ms| format!(" for {}", age(ms))).unwrap_or_default();
-        (Verdict::Stands, format!("{name} stands{since} (mode {mode}, state {old} old)"))
+        (Verdict::Stands, format!("{name}: stopped{since} (mode {mode}, state {old} old)"))
     };
     reasons.extend(goal(state));
     reasons.push(lease(state));
@@ -199,7 +212,7 @@ fn tasks(suspension: &Suspension) -> Reason {
 
 fn latches(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
     state.latches.iter().map(|set| {
-        let cause = if set.present { "its cause is still there" } else { "its cause is gone" };
+        let cause = if set.present { "cause still present" } else { "cause gone" };
         let words = set.latch.reason().text();
         let text = format!("{words}: {} latched by {}, {} ago; {cause}", set.latch, set.by, age(set.age_ms));
         Reason {
@@ -244,9 +257,9 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
             false => words.to_owned(),
         };
         let last = match since {
-            Some(_) if again => ", and is heard again".to_owned(),
-            Some(ms) => format!(", the last one came {} ago", age(ms)),
-            None if only_latched(reason) => ": that is reset".to_owned(),
+            Some(_) if again => ", now responding again".to_owned(),
+            Some(ms) => format!(", last message {} ago", age(ms)),
+            None if only_latched(reason) => ", since reset".to_owned(),
             None => String::new(),
         };
         Reason {
@@ -282,28 +295,24 @@ pub(super) fn passes(reason: StopReason) -> bool {
 /// What allows it to drive.
 fn may(state: &RobotState) -> Reason {
     let holder =
-        || state.lease.as_ref().map_or_else(|| "nobody".to_owned(), |lease| lease.holder.to_string());
+        || state.lease.as_ref().map_or_else(|| "unknown".to_owned(), |lease| lease.holder.to_string());
     match state.mode {
-        Mode::Manual => Reason::new(Kind::May, "the R/C transmitter drives it"),
+        Mode::Manual => Reason::new(Kind::May, "driven by the R/C transmitter"),
         Mode::Teleop => {
             let setpoint = state.input_age_ms.setpoint;
             let last = setpoint.map_or_else(|| "unknown".to_owned(), |ms| format!("{} ago", age(ms)));
             Reason {
                 age_ms: setpoint,
-                ..Reason::new(Kind::May, format!("{} drives it by hand, last setpoint {last}", holder()))
+                ..Reason::new(Kind::May, format!("driven by hand by {}, last setpoint {last}", holder()))
             }
         }
         Mode::Goto | Mode::Wander => {
             let by = state.goal.as_ref().map_or_else(holder, |goal| goal.by.to_string());
-            Reason::new(Kind::May, format!("{by} sent it: see the goal below"))
+            Reason::new(Kind::May, format!("goal of {by}, see below"))
         }
         Mode::Idle | Mode::Fault => {
-            let todo = format!("`fleet-cli stop {}`, and look at its motor", state.robot);
-            Reason {
-                todo: Some(todo),
-                hinders: true,
-                ..Reason::new(Kind::May, "nothing that it says of itself explains it")
-            }
+            let todo = format!("`fleet-cli stop {}`, then check its motor", state.robot);
+            Reason { todo: Some(todo), hinders: true, ..Reason::new(Kind::May, "no known reason") }
         }
     }
 }
@@ -312,14 +321,14 @@ fn goal(state: &RobotState) -> Option<Reason> {
     let goal = state.goal.as_ref()?;
     let todo = match goal.status {
         GoalStatus::Accepted | GoalStatus::Running => None,
-        GoalStatus::Blocked => Some("clear its way; it goes on by itself".to_owned()),
+        GoalStatus::Blocked => Some("clear the path; it continues by itself".to_owned()),
         GoalStatus::Reached | GoalStatus::Replaced => None,
         GoalStatus::Cancelled | GoalStatus::Failed | GoalStatus::Interrupted => {
             Some(match (goal.x_m, goal.y_m) {
                 (Some(x_m), Some(y_m)) => {
-                    format!("once it may drive: `fleet-cli goto {} {x_m} {y_m}`", state.robot)
+                    format!("when it can drive again: `fleet-cli goto {} {x_m} {y_m}`", state.robot)
                 }
-                _ => format!("once it may drive: `fleet-cli wander {}`", state.robot),
+                _ => format!("when it can drive again: `fleet-cli wander {}`", state.robot),
             })
         }
     };
@@ -334,12 +343,12 @@ fn goal(state: &RobotState) -> Option<Reason> {
 
 fn lease(state: &RobotState) -> Reason {
     match &state.lease {
-        None => Reason::new(Kind::Lease, "free: nobody has control"),
+        None => Reason::new(Kind::Lease, "none: no client has control"),
         Some(lease) => {
             let text = format!("{} has control, heard {} ago", lease.holder, age(lease.age_ms));
             Reason {
                 age_ms: Some(lease.age_ms),
-                todo: Some("anybody else needs --take".to_owned()),
+                todo: Some("other clients need --take".to_owned()),
                 ..Reason::new(Kind::Lease, text)
             }
         }
@@ -357,14 +366,13 @@ fn inputs(state: &RobotState) -> Vec<Reason> {
     let lost = needed.into_iter().filter(|(_, ms, _)| ms.is_none_or(|ms| ms > INPUT_LOST_MS));
     let mut reasons: Vec<Reason> = lost
         .map(|(name, ms, fault)| {
-            let heard =
-                ms.map_or_else(|| "never heard".to_owned(), |ms| format!("last heard {} ago", age(ms)));
+            let heard = ms.map_or_else(|| "never".to_owned(), |ms| format!("{} ago", age(ms)));
             Reason {
                 name: Some(name.to_owned()),
                 age_ms: ms,
                 todo: Some(fault.remedy().to_owned()),
                 hinders: true,
-                ..Reason::new(Kind::Inputs, format!("the {name} is lost: {heard}"))
+                ..Reason::new(Kind::Inputs, format!("no data from the {name}, last: {heard}"))
             }
         })
         .collect();
@@ -376,9 +384,9 @@ fn battery(state: &RobotState) -> Reason {
     let (hinders, todo) = match state.battery_level {
         BatteryLevel::Ok => (false, None),
         BatteryLevel::Unknown if state.battery_v.is_some() => (false, None),
-        BatteryLevel::Unknown => (false, Some("it is not measured and may be empty: measure it by hand")),
+        BatteryLevel::Unknown => (false, Some("not measured, may be empty: measure it by hand")),
         BatteryLevel::Warn => (false, Some("charge it soon")),
-        BatteryLevel::Finish => (true, Some("nothing new begins: bring it home and charge it")),
+        BatteryLevel::Finish => (true, Some("no new commands accepted: bring it home and charge it")),
         BatteryLevel::Critical => (true, Some(Fault::BatteryCritical.remedy())),
     };
     Reason {

@@ -76,20 +76,20 @@ export class Drive {
     const robot = this.robot;
     const { teleop } = this.#store;
     if (teleop?.state === "ended" && teleop.robot === this.#asked) {
-      this.#tell(`Driving ${teleop.robot} has ended${teleop.why ? `: ${teleop.why}` : ""}.`);
+      this.#tell(`Driving ${teleop.robot} ended${teleop.why ? `: ${teleop.why}` : ""}.`);
       this.#asked = null;
     }
     if (robot === null) this.letGo();
     if (robot !== null && box.hidden) queueMicrotask(() => stick.focus({ preventScroll: true }));
     box.hidden = robot === null;
     who.textContent = robot ?? "";
-    if (robot !== null && !this.#hold.held) says.textContent = "not driven";
+    if (robot !== null && !this.#hold.held) says.textContent = "no input";
   }
 
   // The socket has closed: the server has given the robot back.
   lost() {
     this.letGo();
-    if (this.#asked !== null) this.#tell(`Driving ${this.#asked} has ended: the connection was lost.`);
+    if (this.#asked !== null) this.#tell(`Driving ${this.#asked} ended: connection lost.`);
     this.#asked = null;
     this.#store.teleop = null;
     this.update();
@@ -160,7 +160,7 @@ export class Drive {
       this.#send(setpoint);
     } else {
       this.#settle();
-      this.#parts.says.textContent = "the page was held up: press again";
+      this.#parts.says.textContent = "page stalled: press again";
     }
   }
 
@@ -172,9 +172,9 @@ export class Drive {
     stick.classList.toggle("held", at !== null);
     if (at) {
       const share = Number(this.#parts.share.value);
-      says.textContent = `${Math.round(at.y * share * 100)} % ahead`.replace(/^-(\d+ %) ahead/, "$1 astern");
+      says.textContent = `${Math.round(at.y * share * 100)} % forward`.replace(/^-(\d+ %) forward/, "$1 reverse");
     } else if (this.#timer !== null) {
-      says.textContent = "not driven";
+      says.textContent = "no input";
     }
   }
 }

@@ -7,8 +7,8 @@ const EASY_FOR_MS = 6000;
 
 // In this order: what is left out at level 1, 2, …
 export const THINNED = [
-  "trails are short", "no infrared but the selected robot's", "no paths but the selected robot's",
-  "no trails", "names and panels are slow",
+  "short trails", "infrared only for the selected robot", "paths only for the selected robot",
+  "no trails", "slower names and panels",
 ];
 
 export class FrameRate {

@@ -117,7 +117,7 @@ export class GoalTool {
     } else if (this.#canAim()) {
       this.preview = { ...floor, yaw_rad: null };
     } else {
-      this.#do.say(this.#do.mayAim() ? "Select a robot first: a tap on the floor is then a goal for it." : "");
+      this.#do.say(this.#do.mayAim() ? "Select a robot first; then tap the map to set its goal." : "");
     }
     this.#do.changed();
   }
@@ -211,7 +211,7 @@ export class GoalTool {
       this.#addPoint(at);
       this.#do.say(`point ${this.points.length}`);
     } else if (!this.#canAim()) {
-      this.#do.say("no robot is selected: N selects one");
+      this.#do.say("no robot selected: press N to select one");
     } else if (this.preview && this.preview.x_m === at.x_m && this.preview.y_m === at.y_m) {
       this.#send();
     } else {
@@ -234,6 +234,6 @@ export class GoalTool {
     if (names.length === 0) return;
     const name = names[(names.indexOf(this.#store.selected) + 1) % names.length];
     this.#do.select(name);
-    this.#do.say(`${name} is selected`);
+    this.#do.say(`${name} selected`);
   }
 }

@@ -45,7 +45,7 @@ export class Link {
       return Promise.resolve({ error: { message: "not sent: no connection to the dashboard", hint: null } });
     }
     return new Promise((resolve) => {
-      const late = { message: "no answer: whether it was done is unknown", hint: "look at the robot" };
+      const late = { message: "no answer: outcome unknown", hint: "check the robot" };
       const timer = setTimeout(() => this.#answer({ id, error: late }), ANSWER_WITHIN_MS);
       this.#waiting.set(id, { resolve, timer });
     });
@@ -73,7 +73,7 @@ export class Link {
       else this.#told.message(message);
     });
     socket.addEventListener("close", () => {
-      const lost = { message: "the connection was lost: whether it was done is unknown", hint: null };
+      const lost = { message: "connection lost: outcome unknown", hint: null };
       for (const id of [...this.#waiting.keys()]) this.#answer({ id, error: lost });
       this.#told.closed();
       const wait = AGAIN_MS[Math.min(this.#tries++, AGAIN_MS.length - 1)];

@@ -142,7 +142,7 @@ function actions() {
     resetAll: () => ask({ reset_all: {} }, "Reset of all"),
     cancel: (task) => ask({ cancel: { task } }, `Cancel of ${task}`),
     activate: () => ask({ activate: {} }, "Activation of the dispatcher"),
-    adopt: () => ask({ adopt: {} }, "Taking tasks over"),
+    adopt: () => ask({ adopt: {} }, "Adoption of tasks"),
     async submit() {
       const made = spec(aim.points);
       form.sent = null;
@@ -265,7 +265,7 @@ function drawHeader(nowMs) {
   const state = byId("link");
   state.className = `link ${tone}`;
   if (state.textContent !== words) state.textContent = words;
-  const readOnly = hello && !hello.writable ? `Nothing can be sent: ${hello.why_not ?? "read only"}.` : "";
+  const readOnly = hello && !hello.writable ? `Commands disabled: ${hello.why_not ?? "read only"}.` : "";
   const slow = store.frame?.simulator ? `The ${store.frame.simulator}.` : "";
   const text = alarm ?? [readOnly, slow].filter(Boolean).join(" ");
   const banner = byId("banner");
@@ -284,16 +284,16 @@ function connection(nowMs) {
   if (!link.open) {
     const when = frameAtMs === null ? "" : ` ${since} ago`;
     return ["no connection", "lost",
-      `Connection lost${when}: what is shown is old, nothing can be sent, not even a stop.`];
+      `Connection lost${when}: the display is outdated and no command can be sent, not even a stop.`];
   }
   if (silent) {
-    const text = `No word from the dashboard for ${since}: what is shown is old, and nobody knows whether anything ` +
-      "that is sent arrives, not even a stop.";
-    return ["no word", "lost", nowMs - awakeMs < WAKES_MS ? null : text];
+    const text = `No data from the dashboard for ${since}: the display is outdated, and commands may not arrive, ` +
+      "not even a stop.";
+    return ["no data", "lost", nowMs - awakeMs < WAKES_MS ? null : text];
   }
   if (frame?.link === false) {
     return ["no router", "lost",
-      "The dashboard has no link to the router: nothing reaches the robots, not even a stop."];
+      "The dashboard has no link to the router: no command reaches the robots, not even a stop."];
   }
   if (!frame) return ["connecting…", "", null];
   return [hello?.live === false ? "recording" : "live", "live", null];

@@ -30,7 +30,7 @@ export function events(store, nowMs) {
       const [text, tone] = happening(one);
       return html`<li><time>−${age(Math.max(0, serverMs - one.at_ms)).replace(/\.\d s$/, " s").replace(/^\d+ ms$/, "0 s")}</time><span class=${tone}>${text}</span></li>`;
     })}</ol>
-    ${rows.length === 0 ? html`<p class="empty">Nothing has happened yet.</p>` : nothing}`;
+    ${rows.length === 0 ? html`<p class="empty">No events yet.</p>` : nothing}`;
 }
 
 // `stop`: {who, pending, robots: {name: "stopped" | "unknown"}, error}
@@ -39,8 +39,8 @@ export function stops(stop, close) {
   const robots = Object.entries(stop.robots);
   const unknown = robots.filter(([, outcome]) => outcome !== "stopped");
   const verdict = stop.pending
-    ? "asked, waiting for each robot…"
-    : stop.error ?? (unknown.length > 0 ? `${unknown.length} of ${robots.length} UNKNOWN: may still drive` : "all have stopped");
+    ? "sent, waiting for confirmation…"
+    : stop.error ?? (unknown.length > 0 ? `${unknown.length} of ${robots.length} UNKNOWN: may still be driving` : "all stopped");
   return html`<strong>Emergency stop of ${stop.who}: ${verdict}</strong>
     ${robots.map(([name, outcome]) => html`<span class="chip ${outcome === "stopped" ? "good" : "bad"}" data-stopped=${name}>
       ${name} ${outcome}</span>`)}
@@ -51,9 +51,9 @@ export function tools(store, act, look) {
   const button = (tool, text, title) => html`<button type="button" data-tool=${tool} title=${title}
     aria-pressed=${look.tool === tool} @click=${() => act.use(tool)}>${text}</button>`;
   if (!store.writable()) return nothing;
-  return html`${button("look", "Look", "Pan and zoom; a tap on the floor is a goal to look at first")}
-    ${button("goals", "Send goals", "Press, drag for the heading, let go: sent at once")}
-    ${look.tool === "points" ? button("points", "Points", "Each tap is a point of the new task") : nothing}`;
+  return html`${button("look", "View", "Pan and zoom; a tap on the map previews a goal")}
+    ${button("goals", "Send goals", "Press, drag for the heading, release: sent at once")}
+    ${look.tool === "points" ? button("points", "Points", "Each tap adds a point to the new task") : nothing}`;
 }
 
 export function zoom(act) {
@@ -68,15 +68,15 @@ export function note(store, act, look) {
     const heading = preview.yaw_rad === null ? "any heading" : degrees(preview.yaw_rad);
     return html`<span><strong>${store.selected}</strong> to ${point(preview)}, ${heading}</span>
       ${tool === "goals" ? nothing : html`<button type="button" class="main" id="goal-send" @click=${act.sendGoal}>Send</button>
-        <button type="button" aria-label="Drop this goal" @click=${act.dropGoal}>✕</button>`}`;
+        <button type="button" aria-label="Discard this goal" @click=${act.dropGoal}>✕</button>`}`;
   }
   if (said) return html`<span>${said}</span>`;
   if (tool === "goals") {
-    return store.selected ? html`<span>Press where <strong>${store.selected}</strong> shall go; drag for the heading</span>`
+    return store.selected ? html`<span>Press the target for <strong>${store.selected}</strong>; drag for the heading</span>`
       : html`<span>Select a robot first</span>`;
   }
   if (tool !== "points") return nothing;
-  const words = form.kind === "goto" ? "Click where the task goes" : "Click the points of the task, in order";
+  const words = form.kind === "goto" ? "Click the target of the task" : "Click the points of the task, in order";
   return html`<span>${words}</span>`;
 }
 
@@ -95,6 +95,6 @@ export function pace(pace, store) {
   const fps = pace.fps();
   const thinned = pace.thinned();
   const skipped = store.frame?.skipped ?? 0;
-  return html`${thinned.length > 0 ? html`<b>Thinned out: ${thinned.join("; ")}</b><br>` : nothing}
-    ${fps === null ? "" : number(fps, 0, "pictures/s")}${skipped > 0 ? `, ${skipped} frames left out` : ""}`;
+  return html`${thinned.length > 0 ? html`<b>Reduced detail: ${thinned.join("; ")}</b><br>` : nothing}
+    ${fps === null ? "" : number(fps, 0, "fps")}${skipped > 0 ? `, ${skipped} skipped` : ""}`;
 }

@@ -33,16 +33,16 @@ function resetAll(robots, store, act) {
   return html`<div class="box warn" role="alertdialog" aria-label="Reset all">
     <p><strong>Reset ${latched.map((robot) => robot.name).join(", ")}?</strong>
       ${store.isSuspended() ? "The dispatcher is suspended: it assigns no task until it is activated."
-        : store.dispatcher() ? "The dispatcher may give them tasks at once." : "Nothing moves until a new goal."}</p>
+        : store.dispatcher() ? "The dispatcher may assign them tasks at once." : "No robot moves until a new goal."}</p>
     <div class="row"><button type="button" id="reset-all-yes" @click=${press(false, true)}>Reset</button>
-      <button type="button" @click=${press(false, false)}>Leave them</button></div></div>`;
+      <button type="button" @click=${press(false, false)}>Cancel</button></div></div>`;
 }
 
 export function robotList(store, act) {
   const robots = [...store.robots.values()];
   if (robots.length === 0) {
     return html`<h2>Robots</h2>
-      <p class="empty">${store.frame ? "Nobody is there. Start robots with robot-agent, or fleet-cli sim." : "Looking…"}</p>`;
+      <p class="empty">${store.frame ? "No robots found. Start robots with robot-agent or fleet-cli sim." : "Searching…"}</p>`;
   }
   return html`<h2>Robots (${robots.length})</h2>
     ${resetAll(robots, store, act)}
@@ -62,7 +62,7 @@ export function robotList(store, act) {
 export function robotPanel(store, act, look) {
   const robot = store.robot();
   if (!robot) {
-    return html`<p class="empty">No robot is selected: choose one in the list or on the map.</p>`;
+    return html`<p class="empty">No robot selected. Choose one in the list or on the map.</p>`;
   }
   return html`
     <div class="title ${robot.stale ? "is-stale" : ""}">
@@ -78,9 +78,9 @@ export function robotPanel(store, act, look) {
 }
 
 function stale(robot) {
-  const last = robot.pose ? ` It was last seen at ${point(robot.pose)}.` : "";
-  return html`<div class="box warn"><p><strong>${robot.alive ? "Silent" : "Gone"}: what it does is unknown.</strong></p>
-    <p>Last heard ${robot.age_ms === null ? "never" : `${age(robot.age_ms)} ago`}.${last}</p></div>`;
+  const last = robot.pose ? ` Last position: ${point(robot.pose)}.` : "";
+  return html`<div class="box warn"><p><strong>${robot.alive ? "Stale" : "Offline"}: motion unknown.</strong></p>
+    <p>Last message: ${robot.age_ms === null ? "none" : `${age(robot.age_ms)} ago`}.${last}</p></div>`;
 }
 
 function latches(robot, store, act) {
@@ -88,13 +88,13 @@ function latches(robot, store, act) {
   return robot.latches.map((latch) => {
     const state = states.find((one) => one.latch === latch);
     const by = state ? ` by ${state.by}, ${age(state.age_ms)} ago` : "";
-    const why = state?.present ? html`<p class="todo">Its cause is still there: ${cause(latch)}, then reset it</p>` : nothing;
+    const why = state?.present ? html`<p class="todo">Cause still present: ${cause(latch)}, then reset it</p>` : nothing;
     return html`<div class="box bad"><p><strong>Latched: ${reason(latch)}</strong>${by}</p>${why}
       <p class="todo">${store.isSuspended()
-        ? "A reset moves nothing: the dispatcher is suspended until it is activated."
+        ? "After a reset the robot does not move: the dispatcher is suspended until it is activated."
         : store.dispatcher()
-        ? "A reset moves nothing by itself, but the dispatcher may give it a task at once."
-        : "A reset moves nothing; a new goal must follow."}</p>
+        ? "After a reset the dispatcher may assign it a task at once."
+        : "After a reset the robot moves only with a new goal."}</p>
       ${store.writable()
         ? html`<div class="row"><button type="button" data-reset=${latch} @click=${() => act.reset(robot.name)}>
             Reset ${robot.name}</button></div>`
@@ -112,7 +112,7 @@ function why(robot, store) {
   const goal = store.detail()?.state?.goal; // says who is in the way
   const detail = RUNNING.includes(goal?.status) ? goal.reason : null;
   const since = robot.stopped_age_ms === null ? "" : ` for ${age(robot.stopped_age_ms)}`;
-  return html`${faults}<div class="box"><p><strong>Stands${since}:</strong> ${reasons.map(([words]) => words).join(", ")}</p>
+  return html`${faults}<div class="box"><p><strong>Stopped${since}:</strong> ${reasons.map(([words]) => words).join(", ")}</p>
     ${detail ? html`<p>${capital(detail)}</p>` : nothing}
     ${[...todos].map((todo) => (todo ? html`<p class="todo">${todo}</p>` : nothing))}</div>`;
 }
@@ -145,11 +145,11 @@ function facts(robot, store) {
   return html`<dl class="facts">
     ${fact("Pose", where)}
     ${fact(isRunning ? "Goal" : "Last goal", goal ? `${target}${plain(goal.status)}` : robot.stale ? "unknown" : "none")}
-    ${fact("Left to the goal", isRunning ? metres(goal.distance_m) : "–")}
+    ${fact("Distance to goal", isRunning ? metres(goal.distance_m) : "–")}
     ${fact("Task", robot.task ?? (robot.stale ? "unknown" : "none"))}
-    ${fact("Control", robot.stale ? "unknown" : robot.lease ? `${robot.lease}${robot.lease === store.hello?.client ? " (here)" : ""}` : "free")}
-    ${fact("Waits for", state?.nav?.route?.waits_for ?? "–")}
-    ${fact("State", robot.age_ms === null ? "never heard" : `${age(robot.age_ms)} old`)}
+    ${fact("Control", robot.stale ? "unknown" : robot.lease ? `${robot.lease}${robot.lease === store.hello?.client ? " (here)" : ""}` : "none")}
+    ${fact("Waiting for", state?.nav?.route?.waits_for ?? "–")}
+    ${fact("State", robot.age_ms === null ? "no message yet" : `${age(robot.age_ms)} old`)}
     ${fact("Battery", robot.battery_level ? `${plain(robot.battery_level)}` : "unknown")}
   </dl>`;
 }
@@ -169,7 +169,7 @@ function plot(name, spec, robot) {
 function far(robot, side) {
   if (!robot.ir_cm) return "unknown";
   const cm = nearest(robot.ir_cm[side]);
-  return cm === null ? "free" : number(cm, 0, "cm");
+  return cm === null ? "clear" : number(cm, 0, "cm");
 }
 
 function capital(text) {

@@ -16,9 +16,9 @@ export function spec(points) {
   const { kind, who, priority, loops, dwell_s, for_s } = form;
   const waypoints = points.map(({ x_m, y_m, yaw_rad }) => ({ x_m: round(x_m), y_m: round(y_m), yaw_rad }));
   const least = { goto: 1, route: 1, patrol: 1, wander: 0 }[kind];
-  if (waypoints.length < least) return { error: "Click on the map where it shall go." };
+  if (waypoints.length < least) return { error: "Click the target on the map." };
   const seconds = for_s === "" ? null : Number(for_s);
-  if (kind === "wander" && seconds === null) return { error: "Say for how many seconds it shall wander." };
+  if (kind === "wander" && seconds === null) return { error: "Enter the number of seconds to wander." };
   const kinds = {
     goto: () => ({ goto: { to: waypoints.at(-1) } }),
     route: () => ({ route: { points: waypoints, loops: Number(loops), dwell_s: Number(dwell_s) } }),
@@ -47,8 +47,8 @@ export function taskPanel(store, act, look) {
   const list = store.tasks;
   const isThere = store.dispatcher();
   return html`<h2>New task</h2>
-    ${isThere ? nothing : html`<p class="box warn">${isThere === null ? "Whether a dispatcher is there is unknown."
-      : html`No dispatcher is there: <code>fleet-cli dispatch serve</code> starts one.`}</p>`}
+    ${isThere ? nothing : html`<p class="box warn">${isThere === null ? "Dispatcher state unknown."
+      : html`No dispatcher. Start one with <code>fleet-cli dispatch serve</code>.`}</p>`}
     ${store.suspended().map((one) => suspended(one, store, act))}
     ${store.writable() ? formOf(store, act, look, isThere) : nothing}
     ${list?.ledger_failed ? html`<p class="box bad">The ledger cannot be written: ${list.ledger_failed}</p>` : nothing}
@@ -60,16 +60,16 @@ let asked = null;
 function suspended(one, store, act) {
   const [id, what, end] = one.all
     ? ["activate", "Activate the dispatcher", act.activate]
-    : ["adopt", "Take these tasks over to this map", act.adopt];
+    : ["adopt", "Adopt these tasks for this map", act.adopt];
   const press = (asks, does) => () => {
     asked = asks;
     if (does) end();
     act.changed();
   };
   const button = asked === id
-    ? html`<span>Robots may drive at once.</span>
+    ? html`<span>Robots may start at once.</span>
       <button type="button" id="${id}-yes" @click=${press(null, true)}>${what}</button>
-      <button type="button" @click=${press(null, false)}>Leave it</button>`
+      <button type="button" @click=${press(null, false)}>Cancel</button>`
     : html`<button type="button" id=${id} @click=${press(id, false)}>${what}</button>`;
   return html`<div class="box bad"><p><strong>Suspended:</strong> ${one.text}</p>
     <p class="todo">${one.remedy.split("`").map((part, i) => (i % 2 ? html`<code>${part}</code>` : part))}</p>
@@ -90,14 +90,14 @@ function formOf(store, act, look, isThere) {
   const tags = [...new Set([...store.robots.values()].flatMap((robot) => robot.tags))];
   const needsPoints = form.kind !== "wander";
   return html`<form class="form" @submit=${(event) => { event.preventDefault(); act.submit(); }}>
-    <label>What<select @change=${set("kind")}>${option("goto", "Go to a point", "kind")}${option("route", "Route", "kind")}
+    <label>Task<select @change=${set("kind")}>${option("goto", "Go to a point", "kind")}${option("route", "Route", "kind")}
       ${option("patrol", "Patrol", "kind")}${option("wander", "Wander", "kind")}</select></label>
-    <label>Who<select @change=${set("who")}>${option("any", "Any robot", "who")}
+    <label>Robot<select @change=${set("who")}>${option("any", "Any robot", "who")}
       ${robots.map((name) => option(`robot:${name}`, name, "who"))}${tags.map((tag) => option(`tag:${tag}`, `tag ${tag}`, "who"))}</select></label>
     ${field("priority", "Priority (9 = first)", { min: 0, max: 9 })}
-    ${form.kind === "route" ? field("loops", "Times", { min: 1, max: 1000 }) : nothing}
-    ${form.kind === "route" || form.kind === "patrol" ? field("dwell_s", "Pause at each, s", { min: 0, max: 86400, step: "any" }) : nothing}
-    ${form.kind === "patrol" || form.kind === "wander" ? field("for_s", "For how long, s", { min: 0, max: 86400, step: "any", placeholder: form.kind === "patrol" ? "until cancelled" : "" }) : nothing}
+    ${form.kind === "route" ? field("loops", "Loops", { min: 1, max: 1000 }) : nothing}
+    ${form.kind === "route" || form.kind === "patrol" ? field("dwell_s", "Wait at each, s", { min: 0, max: 86400, step: "any" }) : nothing}
+    ${form.kind === "patrol" || form.kind === "wander" ? field("for_s", "Duration, s", { min: 0, max: 86400, step: "any", placeholder: form.kind === "patrol" ? "until cancelled" : "" }) : nothing}
     ${needsPoints ? pointsOf(act, look) : nothing}
     ${form.error ? html`<p class="wide error" role="alert">${form.error}</p>` : nothing}
     ${form.sent ? html`<p class="wide hint" role="status">${form.sent}</p>` : nothing}
@@ -114,7 +114,7 @@ function pointsOf(act, look) {
 }
 
 function tasks(list, store, act, isThere) {
-  if (!list) return html`<p class="empty">No tasks are known.</p>`;
+  if (!list) return html`<p class="empty">No task list yet.</p>`;
   const open = list.tasks.filter((task) => !ENDED.includes(task.state));
   const ended = list.tasks.filter((task) => ENDED.includes(task.state)).reverse();
   const shown = [...open, ...ended.slice(0, ENDED_SHOWN)];
@@ -125,9 +125,9 @@ function tasks(list, store, act, isThere) {
     ${store.writable() && isThere && !ENDED.includes(task.state)
       ? html`<button type="button" aria-label="Cancel ${task.id}" @click=${() => act.cancel(task.id)}>Cancel</button>`
       : nothing}</li>`;
-  return html`<h2 class="later">Tasks${isThere ? "" : " as last heard"} (${open.length} open)</h2>
+  return html`<h2 class="later">Tasks${isThere ? "" : ", last known"} (${open.length} open)</h2>
     <ul class="task-list">${repeat(shown, (task) => task.id, row)}</ul>
-    ${list.left_out > 0 ? html`<p class="more">${list.left_out} more are not listed here: <code>fleet-cli tasks --all</code> shows them.</p>` : nothing}
+    ${list.left_out > 0 ? html`<p class="more">${list.left_out} more are not shown: see <code>fleet-cli tasks --all</code>.</p>` : nothing}
     ${shown.length === 0 ? html`<p class="empty">No tasks yet.</p>` : nothing}`;
 }
 

@@ -30,7 +30,7 @@ export function remedy(name, robot) {
 
 // Why a robot stands: in words, and what to do about it now.
 export function standing(name, robot) {
-  return isReset(name, robot) ? [`${reason(name)}, that is reset`, remedy("no_command", robot)] : [reason(name), remedy(name, robot)];
+  return isReset(name, robot) ? [`${reason(name)}, since reset`, remedy("no_command", robot)] : [reason(name), remedy(name, robot)];
 }
 
 // `board_half_frames` → `board half frames`
@@ -40,29 +40,35 @@ export function plain(name) {
 
 // The robot in a line for the list: what it does, or why it stands.
 export function line(robot) {
-  if (robot.age_ms === null && !robot.alive) return "not there";
-  if (!robot.alive) return "gone: what it does is unknown";
-  if (robot.stale) return "silent: what it does is unknown";
+  if (robot.age_ms === null && !robot.alive) return "missing";
+  if (!robot.alive) return "offline: motion unknown";
+  if (robot.stale) return "stale: motion unknown";
   if (robot.latches.length > 0) return `latched: ${robot.latches.map(reason).join(", ")}`;
   if (robot.why.length > 0) return robot.why.map((name) => standing(name, robot)[0]).join(", ");
   const { goal } = robot;
   if (goal && ["accepted", "running", "blocked"].includes(goal.status)) {
     const left = goal.distance_m === null ? "" : `, ${metres(goal.distance_m)} left`;
-    return goal.kind === "wander" ? "wanders" : `drives to ${point(goal)}${left}`;
+    return goal.kind === "wander" ? "wandering" : `driving to ${point(goal)}${left}`;
   }
-  return robot.mode === "teleop" ? "driven by hand" : plain(robot.mode ?? "unknown");
+  return robot.mode === "teleop" ? "driven by hand" : mode(robot.mode);
+}
+
+const MODES = { goto: "driving", wander: "wandering", teleop: "by hand", manual: "transmitter" };
+
+function mode(name) {
+  return MODES[name] ?? plain(name ?? "unknown");
 }
 
 // What its chip says: [words, tone].
 export function chip(robot) {
-  if (!robot.alive) return ["gone", ""];
-  if (robot.stale) return ["silent", ""];
+  if (!robot.alive) return ["offline", ""];
+  if (robot.stale) return ["stale", ""];
   if (robot.latches.length > 0) return ["latched", "bad"];
   if (robot.faults.length > 0) return ["fault", "bad"];
   if (robot.goal?.status === "blocked") return ["blocked", "warn"];
   // What ends by itself is part of driving.
-  if (!robot.why.some((name) => remedy(name, robot))) return [plain(robot.mode), "good"];
-  return robot.mode === "idle" ? ["idle", ""] : [plain(robot.mode), "warn"];
+  if (!robot.why.some((name) => remedy(name, robot))) return [mode(robot.mode), "good"];
+  return robot.mode === "idle" ? ["idle", ""] : ["stopped", "warn"];
 }
 
 export function age(ms) {
@@ -103,7 +109,7 @@ export function happening({ what }) {
   }
   const { robot, there, key } = what.presence;
   const who = robot ?? (key.includes("traffic") ? "traffic control" : "the dispatcher");
-  return [`${who} is ${there ? "there" : "gone"}`, there ? "" : "bad"];
+  return [`${who} is ${there ? "online" : "offline"}`, there ? "" : "bad"];
 }
 
 function robotEvent({ robot, kind }) {
@@ -113,17 +119,17 @@ function robotEvent({ robot, kind }) {
     case "started":
       return [`${robot} has started, version ${body.version}`, ""];
     case "mode":
-      return [`${robot}: ${plain(body.from)} → ${plain(body.to)}`, ""];
+      return [`${robot}: ${mode(body.from)} → ${mode(body.to)}`, ""];
     case "goal": {
       const tone = body.status === "reached" ? "good" : body.status === "failed" ? "bad" : "";
       return [`${robot}: goal ${plain(body.status)}${body.reason ? `: ${body.reason}` : ""}`, tone];
     }
     case "lease":
-      return [body.holder ? `${body.holder} has control of ${robot}` : `nobody has control of ${robot}`, ""];
+      return [body.holder ? `${body.holder} has control of ${robot}` : `no client has control of ${robot}`, ""];
     case "latch":
       return [`${robot}: ${reason(body.latch)} ${body.set ? "latched" : "reset"} by ${body.by}`, body.set ? "bad" : "good"];
     case "fault":
-      return [`${robot}: ${faultText(body.fault)} ${body.present ? "has come" : "has gone"}`, body.present ? "bad" : "good"];
+      return [`${robot}: ${body.present ? "fault" : "fault cleared"}: ${faultText(body.fault)}`, body.present ? "bad" : "good"];
     default:
       return [`${robot}: ${plain(name)}`, ""];
   }

@@ -206,7 +206,7 @@ impl Work {
             News::Replied(robot, reply) => self.dispatcher.replied(now_ms, &robot, &reply),
             News::Met(robot, about) => {
                 let car = Car::of_about(&about).inspect_err(|error| {
-                    tracing::warn!("the factsheet of {robot} does not say what car it is: {error}");
+                    tracing::warn!("the factsheet of {robot} has no valid vehicle data: {error}");
                 });
                 self.dispatcher.set_factsheet(now_ms, &robot, &about.capabilities, car.ok());
             }
@@ -281,7 +281,7 @@ impl Work {
             Ok(Ok(n)) if n == last_n => {
                 let entries = self.dispatcher.store().next_n();
                 let written = self.dispatcher.written(now_ms, id);
-                written.map_err(|error| lost(&format!("what was written does not follow: {error}")))?;
+                written.map_err(|error| lost(&format!("the written entry is inconsistent: {error}")))?;
                 self.since_snapshot += self.dispatcher.store().next_n() - entries;
                 self.counters.snapshots += u64::from(snapshot);
                 self.changed = true;
@@ -289,7 +289,7 @@ impl Work {
             }
             Ok(Ok(n)) => Err(lost(&format!("entry {last_n} became record {n}"))),
             Ok(Err(error)) => self.failed(now_ms, id, &error),
-            Err(_) => Err(lost("its thread is gone, and what it wrote last is unknown")),
+            Err(_) => Err(lost("its thread has ended; the last write is unconfirmed")),
         }
     }
 
@@ -336,7 +336,7 @@ impl Work {
         if self.flying.is_some() {
             match tokio::time::timeout(LAST_WRITE, durable(&mut self.flying)).await {
                 Ok(written) => self.settle(written)?,
-                Err(_) => return Err(lost("the disk does not answer, what was written last is unknown")),
+                Err(_) => return Err(lost("the disk does not respond; the last write is unconfirmed")),
             }
             while let Some(effect) = self.dispatcher.next_effect() {
                 if let Effect::Reply { ticket, reply } = effect {
@@ -371,7 +371,7 @@ async fn hear_stops(client: &Client) -> Result<(mpsc::Receiver<Option<Name>>, Su
     let (sender, stops) = mpsc::channel(STOPS);
     let each = move |incoming: Incoming| match Key::parse(&incoming.key).map(|key| key.channel) {
         Some(Channel::EstopAll(by)) => drop(sender.try_send(Some(by))),
-        _ => tracing::warn!("an emergency stop on {} is on no key of ours", incoming.key),
+        _ => tracing::warn!("emergency stop on an unknown key: {}", incoming.key),
     };
     let subscription = client.bus().subscribe(&client.keys().estop_all(None), each).await?;
     Ok((stops, subscription))
@@ -386,5 +386,5 @@ fn ground(map: Option<&Map>) -> Box<dyn TravelCost + Send + Sync> {
 
 fn lost(what: &str) -> Failure {
     Failure::new(Kind::Failed, format!("the ledger: {what}"))
-        .hint("start again: it goes on with what is in the ledger")
+        .hint("start again: it continues from the ledger")
 }

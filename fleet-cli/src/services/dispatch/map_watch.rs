@@ -69,7 +69,7 @@ async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender
         return;
     }
     let maps = MapSource::open(client.bus(), client.keys()).await;
-    let maps = maps.inspect_err(|failure| tracing::warn!("another map is not noticed: {failure}")).ok();
+    let maps = maps.inspect_err(|failure| tracing::warn!("cannot check for another map: {failure}")).ok();
     let (mut traffic, mut said) = (None, false);
     let mut tick = tokio::time::interval(LOOK_EVERY);
     tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -98,7 +98,7 @@ async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender
             Ok(started) => traffic = Some(started),
             Err(failure) if !said => {
                 said = true;
-                tracing::info!("traffic control is somebody else's: {failure}");
+                tracing::info!("using another program's traffic control: {failure}");
             }
             Err(_) => {}
         }

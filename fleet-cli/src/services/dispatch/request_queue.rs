@@ -133,7 +133,7 @@ impl RequestQueue {
         while self.answers.try_join_next().is_some() {}
         self.answers.spawn(async move {
             if let Err(error) = question.reply(&key, &reply, format).await {
-                tracing::debug!("an answer was not sent: {error}");
+                tracing::debug!("cannot send an answer: {error}");
             }
         });
     }
@@ -144,7 +144,7 @@ impl RequestQueue {
         tokio::spawn(async move {
             let format = question.wanted_format();
             if let Err(error) = question.reply(&key, list.as_ref(), format).await {
-                tracing::debug!("the list was not sent: {error}");
+                tracing::debug!("cannot send the list: {error}");
             }
         });
     }
@@ -153,7 +153,7 @@ impl RequestQueue {
     pub(super) fn refuse_list(&self, question: Question, why: String) {
         tokio::spawn(async move {
             if let Err(error) = question.refuse(&why).await {
-                tracing::debug!("a refusal was not sent: {error}");
+                tracing::debug!("cannot send a refusal: {error}");
             }
         });
     }
@@ -171,7 +171,7 @@ impl RequestQueue {
     /// The list, for everybody.
     pub(super) async fn tell(&self, list: &TaskList) {
         if let Err(error) = self.lists.put(list).await {
-            tracing::debug!("the list was not published: {error}");
+            tracing::debug!("cannot publish the list: {error}");
         }
     }
 
@@ -197,8 +197,8 @@ impl RequestQueue {
 }
 
 async fn turn_away(question: Question, keys: FleetKeys) {
-    let message = format!("{QUESTIONS} questions wait to be read");
-    let error = refusal(DispatchCode::Overloaded, message, "ask again with the same id, less often");
+    let message = format!("{QUESTIONS} requests are already waiting");
+    let error = refusal(DispatchCode::Overloaded, message, "try again with the same id, less often");
     refuse(question, keys, error).await;
 }
 
@@ -210,6 +210,6 @@ async fn refuse(question: Question, keys: FleetKeys, error: DispatchError) {
     let Some(client) = question.client() else { return };
     let key = keys.dispatch_cmd(Some(client));
     if let Err(error) = question.reply(&key, &reply, question.likely_format()).await {
-        tracing::debug!("a refusal was not sent: {error}");
+        tracing::debug!("cannot send a refusal: {error}");
     }
 }

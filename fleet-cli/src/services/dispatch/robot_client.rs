@@ -68,7 +68,7 @@ impl Fleet {
         tokio::spawn(async move {
             match client.about(&robot).await {
                 Ok(Some(about)) => drop(news.try_send(News::Met(robot, Box::new(about)))),
-                Ok(None) => tracing::debug!("{robot} does not say what it can do"),
+                Ok(None) => tracing::debug!("no factsheet from {robot}"),
                 Err(failure) => tracing::debug!("{robot}: {failure}"),
             }
         });

@@ -53,7 +53,7 @@ impl Store {
                 let what = if newer {
                     format!("record {} has version {}, this program reads up to {VERSION}", row.seq, entry.v)
                 } else {
-                    format!("record {} says that it is number {}", row.seq, entry.n)
+                    format!("record {} has number {}", row.seq, entry.n)
                 };
                 return Err(Failure::new(Kind::Failed, format!("ledger {}: {what}", path.display()))
                     .hint("use the newer fleet-cli that wrote it; nothing was changed"));
@@ -67,8 +67,8 @@ impl Store {
 fn make_folder(path: &Path) -> Result<()> {
     let Some(folder) = path.parent().filter(|folder| *folder != Path::new("")) else { return Ok(()) };
     std::fs::create_dir_all(folder).map_err(|error| {
-        let message = format!("cannot make the folder {}: {error}", folder.display());
-        Failure::new(Kind::Failed, message).hint("name another ledger with --ledger")
+        let message = format!("cannot create the folder {}: {error}", folder.display());
+        Failure::new(Kind::Failed, message).hint("choose another ledger with --ledger")
     })
 }
 
@@ -97,7 +97,7 @@ fn named_or_usual(named: Option<&Path>, folders: &[&str], fleet: &Name) -> Resul
         || base().map(|base| base.join(folders.iter().collect::<PathBuf>()).join(format!("{fleet}.ledger")));
     named.map(Path::to_owned).or_else(usual).ok_or_else(|| {
         Failure::new(Kind::Usage, "there is no folder for the ledger: neither XDG_DATA_HOME nor HOME is set")
-            .hint("name a file with --ledger")
+            .hint("give a file with --ledger")
     })
 }
 
@@ -139,7 +139,7 @@ impl Drop for Scratch {
 #[must_use]
 pub fn unreadable(path: &Path, error: &ReplayError) -> Failure {
     Failure::new(Kind::Failed, format!("ledger {}: {error}", path.display()))
-        .hint("`fleet-cli dispatch export --json` saves what can be read; nothing was changed")
+        .hint("`fleet-cli dispatch export --json` saves the readable records; nothing was changed")
 }
 
 /// The wall clock, in ms since 1970.
@@ -183,8 +183,7 @@ mod tests {
 
     #[test]
     fn entries_of_a_later_program_or_out_of_their_place_are_refused() {
-        for (wrong, words) in
-            [(entry(VERSION + 1, 1), "has version 3"), (entry(VERSION, 3), "it is number 3")]
+        for (wrong, words) in [(entry(VERSION + 1, 1), "has version 3"), (entry(VERSION, 3), "has number 3")]
         {
             let scratch = Scratch::new();
             Store::open(scratch.path(), &fleet()).unwrap().ledger.append(&[wrong]).unwrap();

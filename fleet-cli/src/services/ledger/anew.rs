@@ -17,7 +17,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, UNIX_EPOCH};
 
-const DOING: &str = "putting the ledger of before aside";
+const DOING: &str = "moving the previous ledger away";
 /// Where SQLite's head has the application's id.
 const ID_AT: usize = 68;
 /// Ledgers put aside within the same second.
@@ -65,7 +65,7 @@ fn is_ours(path: &Path, fleet: &str) -> Result<(), Fault> {
         return Ok(());
     }
     if head.get(ID_AT..ID_AT + 4) != Some(schema::APPLICATION_ID.to_be_bytes().as_slice()) {
-        return Err(Fault::NotALedger { what: "it bears no mark of one".into() });
+        return Err(Fault::NotALedger { what: "it has no ledger signature".into() });
     }
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let found = Connection::open_with_flags(path, flags).ok().and_then(|read| schema::fleet(&read).ok());

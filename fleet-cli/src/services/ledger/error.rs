@@ -20,13 +20,13 @@ pub struct LedgerError {
 #[derive(Debug, thiserror::Error)]
 pub enum Fault {
     /// Another process writes it.
-    #[error("another dispatcher holds it{}", pid.map(|pid| format!(" (process {pid})")).unwrap_or_default())]
+    #[error("in use by another dispatcher{}", pid.map(|pid| format!(" (process {pid})")).unwrap_or_default())]
     Held {
         /// The other's process, if it has said so.
         pid: Option<u32>,
     },
     /// There is a file, of no length.
-    #[error("the file is empty (0 bytes), which a ledger never is")]
+    #[error("the file is empty (0 bytes)")]
     Empty,
     /// There is something else.
     #[error("this is not a ledger: {what}")]
@@ -35,13 +35,13 @@ pub enum Fault {
         what: String,
     },
     /// Records were acknowledged, and there is no file.
-    #[error("the file is missing, and {acknowledged} records of it were acknowledged")]
+    #[error("the file is missing, although {acknowledged} of its records were acknowledged")]
     Gone {
         /// The number of the last one.
         acknowledged: u64,
     },
     /// The log of a ledger without the ledger.
-    #[error("the file is missing, but its log {} is there", log.display())]
+    #[error("the file is missing, but its log {} exists", log.display())]
     LogAlone {
         /// The log.
         log: PathBuf,
@@ -55,7 +55,7 @@ pub enum Fault {
         expected: String,
     },
     /// A newer program wrote it.
-    #[error("it has schema {found}, this program knows schemas up to {known}")]
+    #[error("it has schema {found}, this program supports schemas up to {known}")]
     Newer {
         /// The file's schema.
         found: u32,
@@ -77,7 +77,7 @@ pub enum Fault {
     #[error("a record cannot be written as JSON: {0}")]
     Encode(#[source] serde_json::Error),
     /// A record is longer than the ledger takes.
-    #[error("a record of {bytes} bytes is too long, at most {most} are taken")]
+    #[error("a record of {bytes} bytes is too long, the limit is {most}")]
     TooLong {
         /// Its length.
         bytes: usize,
@@ -91,13 +91,13 @@ pub enum Fault {
         doing: &'static str,
     },
     /// File or folder may not be written.
-    #[error("file or folder may not be written ({doing})")]
+    #[error("no permission to write the file or folder ({doing})")]
     ReadOnly {
         /// What was being done.
         doing: &'static str,
     },
     /// Somebody else wrote into it although it is held: the next number is taken.
-    #[error("somebody else has written record {seq}")]
+    #[error("another program has written record {seq}")]
     Overtaken {
         /// The number that was to be the next.
         seq: u64,
@@ -141,19 +141,19 @@ pub enum Damage {
         found: u64,
     },
     /// The log is broken before its end.
-    #[error("the log is broken at page {page}, and later commits follow")]
+    #[error("the log is damaged at page {page}, but later commits follow")]
     Log {
         /// Counted from 1.
         page: u64,
     },
     /// The log's first bytes are wrong.
-    #[error("the log's head is broken, and {pages} pages follow")]
+    #[error("the log's header is damaged, but {pages} pages follow")]
     LogHead {
         /// How many pages follow.
         pages: u64,
     },
     /// The end is missing.
-    #[error("records up to {acknowledged} were acknowledged, records up to {found} are there")]
+    #[error("records up to {acknowledged} were acknowledged, but only records up to {found} exist")]
     Lost {
         /// The last that was acknowledged.
         acknowledged: u64,
@@ -188,7 +188,7 @@ impl Fault {
         match source.sqlite_error_code() {
             Some(ErrorCode::DiskFull) => Self::Full { doing },
             Some(ErrorCode::ReadOnly | ErrorCode::PermissionDenied) => Self::ReadOnly { doing },
-            Some(ErrorCode::NotADatabase) => Self::NotALedger { what: "no SQLite file".into() },
+            Some(ErrorCode::NotADatabase) => Self::NotALedger { what: "not an SQLite file".into() },
             Some(ErrorCode::DatabaseCorrupt) => Self::Damaged(Damage::Structure(source.to_string())),
             _ => Self::Sqlite { doing, source },
         }
@@ -200,30 +200,31 @@ impl LedgerError {
     #[must_use]
     pub fn hint(&self) -> String {
         let file = self.path.display();
-        let export = "`fleet-cli dispatch export --json` saves what can be read";
+        let export = "`fleet-cli dispatch export --json` saves the readable records";
         match &self.fault {
-            Fault::Held { .. } => "one dispatcher is enough for a fleet; stop the other one first".into(),
-            Fault::Empty => format!("restore {file} from a backup, or remove it to begin a new one"),
-            Fault::NotALedger { .. } => "name another file with --ledger".into(),
+            Fault::Held { .. } => "a fleet has one dispatcher; stop the other one first".into(),
+            Fault::Empty => format!("restore {file} from a backup, or remove it to start a new one"),
+            Fault::NotALedger { .. } => "choose another file with --ledger".into(),
             Fault::Gone { .. } | Fault::LogAlone { .. } => format!(
-                "restore {file} from a backup; to begin a new one, remove {file}-lock and {file}-wal too"
+                "restore {file} from a backup; to start a new one, remove {file}-lock and {file}-wal too"
             ),
             Fault::OtherFleet { found, .. } => {
-                format!("say --fleet {found}, or name another file with --ledger")
+                format!("use --fleet {found}, or choose another file with --ledger")
             }
             Fault::Newer { .. } | Fault::Meaning { .. } => {
                 "use the newer fleet-cli that wrote it; nothing was changed".into()
             }
             Fault::Damaged(Damage::Lost { .. }) => format!(
-                "{export}; restore {file} and {file}-wal, or remove {file}-lock to go on with what is there"
+                "{export}; restore {file} and {file}-wal, or remove {file}-lock to continue with the \
+                 existing records"
             ),
             Fault::Damaged(_) => format!("{export}; then restore {file} from a backup. Nothing was changed"),
-            Fault::Full { .. } => "make room; nothing that was acknowledged is lost".into(),
+            Fault::Full { .. } => "free disk space; no acknowledged record is lost".into(),
             Fault::ReadOnly { .. } => format!("the dispatcher must be able to write {file} and its folder"),
-            Fault::Overtaken { .. } => format!("stop whoever else writes {file}, then start again"),
+            Fault::Overtaken { .. } => format!("stop the other program that writes {file}, then start again"),
             Fault::Encode(_) | Fault::TooLong { .. } => "split the task".into(),
             Fault::Io { .. } | Fault::Sqlite { .. } => {
-                "nothing that was acknowledged is lost; look at the disk".into()
+                "no acknowledged record is lost; check the disk".into()
             }
         }
     }

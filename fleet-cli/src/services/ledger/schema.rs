@@ -88,12 +88,12 @@ pub(super) fn migrate(connection: &mut Connection, from: u32, steps: &[&str]) ->
     if from as usize == steps.len() {
         return Ok(());
     }
-    run(connection).map_err(|error| Fault::sqlite("bringing it to the newest schema", error))
+    run(connection).map_err(|error| Fault::sqlite("updating its schema", error))
 }
 
 /// Makes the tables of a new file.
 pub(super) fn create(connection: &mut Connection, fleet: &str) -> Result<(), Fault> {
-    let fault = |error| Fault::sqlite("making the tables", error);
+    let fault = |error| Fault::sqlite("creating the tables", error);
     let head = format!(
         "PRAGMA page_size = 4096; PRAGMA auto_vacuum = INCREMENTAL; PRAGMA application_id = {APPLICATION_ID};"
     );

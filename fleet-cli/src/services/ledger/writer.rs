@@ -37,7 +37,7 @@ pub type Ticket = oneshot::Receiver<Result<u64, WriteError>>;
 
 /// A submission that was not written.
 #[derive(Debug, Clone, thiserror::Error)]
-#[error("{}{error}", if *.behind { "not written, as an earlier one was not: " } else { "" })]
+#[error("{}{error}", if *.behind { "not written because an earlier write failed: " } else { "" })]
 pub struct WriteError {
     /// Why.
     pub error: Arc<LedgerError>,
@@ -51,7 +51,7 @@ pub struct WriteError {
 #[derive(Debug, thiserror::Error)]
 pub enum Refused {
     /// Too much waits for the disk.
-    #[error("the ledger is busy: {waiting} submissions wait for the disk")]
+    #[error("the ledger is busy: {waiting} submissions are waiting for the disk")]
     Busy {
         /// How many.
         waiting: usize,
@@ -60,7 +60,7 @@ pub enum Refused {
     #[error(transparent)]
     Record(LedgerError),
     /// The thread is gone.
-    #[error("the ledger's thread is gone")]
+    #[error("the ledger's thread has ended")]
     Ended,
 }
 

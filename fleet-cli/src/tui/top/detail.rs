@@ -33,9 +33,10 @@ fn headline(sight: &ShownRobot<'_>, standing: Standing) -> String {
     match sight.state {
         None => sight.why(true),
         Some(state) => match describe::stands(state) {
-            Some(stands) => format!("stands {stands}"),
-            None if standing == Standing::Drives => format!("drives, {}", describe::speed(state)),
-            None => "stands".to_owned(),
+            Some(stands) if stands.starts_with("for ") => format!("stopped {stands}"),
+            Some(reasons) => format!("stopped: {reasons}"),
+            None if standing == Standing::Drives => format!("driving, {}", describe::speed(state)),
+            None => "stopped".to_owned(),
         },
     }
 }
@@ -57,9 +58,9 @@ fn facts(sight: &ShownRobot<'_>) -> [(&'static str, String, Tone); 7] {
         ),
         ("task", task(sight), Tone::Plain),
         ("pose", pose(sight), when(state.is_none(), Tone::Dim)),
-        ("wrong", show(wrong), when(bad, Tone::Bad)),
-        ("sees", show(|state| describe::obstacles(&state.obstacle)), when(blocked, Tone::Warning)),
-        ("lease", show(describe::lease_with_age), Tone::Plain),
+        ("problem", show(wrong), when(bad, Tone::Bad)),
+        ("ranges", show(|state| describe::obstacles(&state.obstacle)), when(blocked, Tone::Warning)),
+        ("control", show(describe::controlled_by), Tone::Plain),
         ("battery", show(battery_and_tilt), when(low, Tone::Warning)),
     ]
 }
@@ -92,7 +93,7 @@ fn wrong(state: &RobotState) -> String {
     let latches = state.latches.iter().map(|set| format!("LATCHED {}", describe::latch(set)));
     let faults = state.faults.iter().map(|fault| format!("FAULT {}", fault.fault));
     let all: Vec<String> = latches.chain(faults).collect();
-    if all.is_empty() { "nothing".to_owned() } else { all.join(", ") }
+    if all.is_empty() { "none".to_owned() } else { all.join(", ") }
 }
 
 fn battery_and_tilt(state: &RobotState) -> String {

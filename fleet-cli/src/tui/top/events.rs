@@ -52,7 +52,7 @@ impl Cockpit {
     /// Open ones first, then those that ended last.
     fn tasks(&self, scene: &Scene, now_ms: AtMs) -> (String, Vec<Line<'static>>) {
         let Some(list) = scene.tasks() else {
-            return ("tasks (v: events): unknown, no dispatcher was heard".to_owned(), Vec::new());
+            return ("tasks (v: events): unknown, no dispatcher found".to_owned(), Vec::new());
         };
         let old = format!("{} old", long_age(list.age_ms(now_ms)));
         let gone = if scene.dispatcher() || self.playing.is_some() { "" } else { ", DISPATCHER GONE" };
@@ -112,7 +112,7 @@ fn happened(what: &What) -> (String, Tone) {
         What::Presence { robot, key, there } => {
             let who = robot.as_ref().map_or_else(|| service(key), Name::to_string);
             match there {
-                true => (format!("{who} is there"), Tone::Plain),
+                true => (format!("{who} is online"), Tone::Plain),
                 false => (format!("{who} is GONE"), Tone::Bad),
             }
         }
@@ -145,12 +145,12 @@ fn robot(event: &Event) -> (String, Tone) {
         EventKind::Lease { holder: Some(holder) } => {
             (format!("{name} is controlled by {holder}"), Tone::Plain)
         }
-        EventKind::Lease { holder: None } => (format!("{name} is free"), Tone::Dim),
+        EventKind::Lease { holder: None } => (format!("{name}: control released"), Tone::Dim),
         EventKind::Fault { fault, present: true, detail } => {
             let detail = detail.as_ref().map(|words| format!(" ({words})")).unwrap_or_default();
             (format!("{name} FAULT {fault}{detail}"), Tone::Bad)
         }
-        EventKind::Fault { fault, .. } => (format!("{name} {fault} is over"), Tone::Good),
+        EventKind::Fault { fault, .. } => (format!("{name} {fault} cleared"), Tone::Good),
         EventKind::Latch { latch, set: true, by } => (format!("{name} LATCHED {latch} by {by}"), Tone::Bad),
         EventKind::Latch { latch, by, .. } => (format!("{name} {latch} reset by {by}"), Tone::Good),
     }

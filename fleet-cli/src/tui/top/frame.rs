@@ -12,9 +12,9 @@ use ratatui::widgets::Paragraph;
 /// Smaller than this there is no use.
 const SMALLEST: (u16, u16) = (20, 4);
 const HINTS: &str = "? keys  Tab robot  arrows Enter go  t drive  s S stop  e E E-STOP  x reset  q";
-const SHORT_HINTS: &str = "? keys  E E-STOP ALL  q leave";
-const PLAYING_HINTS: &str = "? keys  Tab robot  space pause  arrows wind  w why  v tasks  f follow  q leave";
-const READING_HINTS: &str = "? keys  Tab robot  w why  v tasks  f follow  +/- zoom  a all  q leave";
+const SHORT_HINTS: &str = "? keys  E E-STOP ALL  q quit";
+const PLAYING_HINTS: &str = "? keys  Tab robot  space pause  arrows seek  w why  v tasks  f follow  q quit";
+const READING_HINTS: &str = "? keys  Tab robot  w why  v tasks  f follow  +/- zoom  a all  q quit";
 
 impl Cockpit {
     /// Draws the fleet as it is at `now_ms`.
@@ -75,8 +75,8 @@ impl Cockpit {
         let count =
             |wanted: &[Standing]| sights.iter().filter(|sight| wanted.contains(&sight.standing())).count();
         for (wanted, words) in [
-            (&[Standing::Drives][..], "drive"),
-            (&[Standing::Hindered], "hindered"),
+            (&[Standing::Drives][..], "driving"),
+            (&[Standing::Hindered], "blocked"),
             (&[Standing::Latched], "LATCHED"),
             (&[Standing::Faulty], "FAULTY"),
             (&[Standing::Stale], "STALE"),
@@ -118,21 +118,21 @@ impl Cockpit {
     fn alarm(&self, now_ms: AtMs) -> Option<String> {
         if self.leaving > 0 {
             let open = self.commands.under_way().len() + usize::from(self.grip.is_some());
-            return Some(format!(" LEAVING: {open} not answered yet; q leaves at once"));
+            return Some(format!(" QUITTING: {open} not answered yet; q quits at once"));
         }
         if !self.link.0 {
             let since = age(Some(now_ms.saturating_sub(self.link.1)));
-            return Some(format!(" NO LINK to the router for {since}: nothing reaches the robots from here"));
+            return Some(format!(" NO LINK to the router for {since}: commands do not reach the robots"));
         }
         match self.grip.as_ref()? {
-            Grip::Asking(robot) => Some(format!(" DRIVE {robot}: asking for control")),
-            Grip::Ending(robot) => Some(format!(" DRIVE {robot}: letting go")),
+            Grip::Asking(robot) => Some(format!(" DRIVE {robot}: requesting control")),
+            Grip::Ending(robot) => Some(format!(" DRIVE {robot}: releasing control")),
             Grip::Driving { robot, max_rpm, keyboard } => {
                 let drive = keyboard.drive(Stamp::from_ms(now_ms));
                 let asked = crate::text::robot::fixed(drive.throttle * max_rpm, 0);
                 let side = crate::text::robot::fixed(drive.steering, 2);
                 Some(format!(
-                    " DRIVING {robot}: {asked} rpm, steering {side}   hold arrows, space zero, t lets go"
+                    " DRIVING {robot}: {asked} rpm, steering {side}   hold arrows, space stop, t end"
                 ))
             }
         }
@@ -143,7 +143,7 @@ impl Cockpit {
         let look = self.setup.look;
         let asked = self.commands.under_way().iter().rev().map(|open| {
             let tone = if open.command.is_stop() { Tone::Warning } else { Tone::Plain };
-            (open.since_ms, format!("{}: asked, no answer yet", open.command.words()), tone)
+            (open.since_ms, format!("{}: sent, no answer yet", open.command.words()), tone)
         });
         let told = self.commands.notices().map(|notice| (notice.at_ms, notice.text.clone(), notice.tone));
         let mut lines: Vec<(AtMs, String, Tone)> = told.chain(asked).collect();
@@ -169,5 +169,5 @@ impl Cockpit {
 fn play_words(playing: &Playing) -> String {
     let Playing { at_s, length_s, speed, stands } = playing;
     let stands = stands.as_ref().map(|why| format!(", {why}")).unwrap_or_default();
-    format!("RECORDING {at_s:.1} of {length_s:.1} s, {speed} times{stands}")
+    format!("RECORDING {at_s:.1} of {length_s:.1} s, {speed}x{stands}")
 }

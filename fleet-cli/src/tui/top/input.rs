@@ -26,7 +26,9 @@ impl Cockpit {
         }
         match press {
             Press::Back if self.over.is_some() => self.over = None,
-            Press::Back | Press::Teleop if self.grip.is_some() => return self.let_go(now_ms, "let go"),
+            Press::Back | Press::Teleop if self.grip.is_some() => {
+                return self.let_go(now_ms, "by the driver");
+            }
             Press::Back => return self.leave(now_ms),
             Press::Help => self.toggle(Modal::Help),
             Press::Why => self.toggle(Modal::Why),
@@ -166,7 +168,7 @@ impl Cockpit {
     /// Whether robots may be asked for anything; says why not.
     fn may(&mut self, now_ms: AtMs) -> bool {
         if let Some(why) = self.setup.read_only {
-            self.commands.tell(now_ms, Tone::Warning, format!("nothing is sent: {why}"));
+            self.commands.tell(now_ms, Tone::Warning, format!("commands disabled: {why}"));
         }
         self.setup.read_only.is_none()
     }
@@ -185,7 +187,7 @@ impl Cockpit {
     /// A stop also takes the hand off the wheel.
     pub(super) fn stop(&mut self, command: Command, now_ms: AtMs) -> Vec<Action> {
         let mut actions = self.wish(command, now_ms);
-        actions.extend(self.let_go(now_ms, "a stop was called"));
+        actions.extend(self.let_go(now_ms, "stop requested"));
         actions
     }
 
@@ -193,7 +195,7 @@ impl Cockpit {
         match self.selected.clone() {
             Some(robot) => self.stop(command(Target::One(robot)), now_ms),
             None => {
-                self.commands.tell(now_ms, Tone::Warning, "no robot is selected: S and E reach all");
+                self.commands.tell(now_ms, Tone::Warning, "no robot selected: S and E act on all");
                 Vec::new()
             }
         }
@@ -216,7 +218,7 @@ impl Cockpit {
             }
             Some(grip) => {
                 let robot = grip.robot().clone();
-                self.commands.tell(now_ms, Tone::Plain, format!("{robot} is driven no longer: {why}"));
+                self.commands.tell(now_ms, Tone::Plain, format!("{robot}: driving ended, {why}"));
                 self.grip = Some(Grip::Ending(robot));
                 vec![Action::LetGo]
             }
@@ -230,11 +232,11 @@ impl Cockpit {
                 self.wish(Command::Goto { robot, x_m, y_m, yaw_rad, take: false }, now_ms)
             }
             (None, _) => {
-                self.commands.tell(now_ms, Tone::Warning, "there is no robot to send");
+                self.commands.tell(now_ms, Tone::Warning, "no robot to send");
                 Vec::new()
             }
             (_, None) => {
-                self.commands.tell(now_ms, Tone::Warning, "where to? The arrow keys put the cursor there");
+                self.commands.tell(now_ms, Tone::Warning, "no target: set the cursor with the arrow keys");
                 Vec::new()
             }
         }
@@ -245,12 +247,12 @@ impl Cockpit {
         let robot = sight.name.clone();
         let latches: Vec<String> = match sight.state {
             Some(state) => state.latches.iter().map(crate::text::robot::latch).collect(),
-            None => vec!["its state is unknown".to_owned()],
+            None => vec!["state unknown".to_owned()],
         };
         if latches.is_empty() {
-            return self.commands.tell(now_ms, Tone::Plain, format!("{robot}: nothing is latched"));
+            return self.commands.tell(now_ms, Tone::Plain, format!("{robot}: nothing latched"));
         }
-        let next = after_reset(scene, "; the dispatcher may give it a task at once");
+        let next = after_reset(scene, "; the dispatcher may assign it a task at once");
         let text = format!("Reset {robot}? {}{next}", latches.join("; "));
         self.ask(Question { text, yes: Wish::Command(Command::Reset { robot, take: false }) });
     }
@@ -263,11 +265,11 @@ impl Cockpit {
         let unknown = unknown.collect::<Vec<_>>().join(", ");
         let left_out = if unknown.is_empty() { unknown } else { format!("; unknown: {unknown}") };
         if robots.is_empty() {
-            return self.commands.tell(now_ms, Tone::Plain, format!("nothing is latched{left_out}"));
+            return self.commands.tell(now_ms, Tone::Plain, format!("no robot is latched{left_out}"));
         }
-        let next = after_reset(scene, "; the dispatcher may give them tasks at once");
+        let next = after_reset(scene, "; the dispatcher may assign them tasks at once");
         let names = robots.iter().map(Name::as_str).collect::<Vec<_>>().join(", ");
-        let text = format!("Reset all that is latched? {names}{left_out}{next}");
+        let text = format!("Reset all latched robots? {names}{left_out}{next}");
         self.ask(Question { text, yes: Wish::Command(Command::ResetAll { robots }) });
     }
 
@@ -275,7 +277,7 @@ impl Cockpit {
     pub(super) fn activate(&mut self, scene: &Scene, now_ms: AtMs) {
         let Some(stop) = task_text::fleet_stop(scene.suspended()) else {
             let why = match scene.suspended() {
-                _ if !scene.dispatcher() => "no dispatcher runs".to_owned(),
+                _ if !scene.dispatcher() => "no dispatcher".to_owned(),
                 [] => "the dispatcher is not suspended".to_owned(),
                 [other, ..] => {
                     format!("the dispatcher is active; {}: {}", other.text(), other.cause.remedy())
@@ -283,7 +285,7 @@ impl Cockpit {
             };
             return self.commands.tell(now_ms, Tone::Plain, why);
         };
-        let text = format!("Activate the dispatcher? Robots may drive at once: {}", stop.text());
+        let text = format!("Activate the dispatcher? Robots may start at once: {}", stop.text());
         self.ask(Question { text, yes: Wish::Command(Command::Activate) });
     }
 
@@ -298,11 +300,7 @@ impl Cockpit {
         match goal {
             Some(goal) => self.wish(Command::Cancel { robot, goal: goal.id, take: false }, now_ms),
             None => {
-                self.commands.tell(
-                    now_ms,
-                    Tone::Warning,
-                    format!("{robot} has no goal that anybody knows of"),
-                );
+                self.commands.tell(now_ms, Tone::Warning, format!("{robot} has no known goal"));
                 Vec::new()
             }
         }

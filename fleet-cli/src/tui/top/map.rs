@@ -67,8 +67,8 @@ impl Cockpit {
     fn map_title(&self, width: u16) -> Text<'static> {
         let name = self.floor.as_ref().map_or("no map", |floor| floor.name.as_str());
         let (width_m, height_m) = self.view.cell_m();
-        let mode = if self.view.follows() { ", follows" } else { "" };
-        let scale = format!(" {name}{mode} · a cell is {width_m:.2} × {height_m:.2} m ").replace('×', "by");
+        let mode = if self.view.follows() { ", follow" } else { "" };
+        let scale = format!(" {name}{mode} · cell {width_m:.2} × {height_m:.2} m ").replace('×', "by");
         let short = format!(" {name}{mode} ");
         Text::raw(if scale.chars().count() + 2 <= usize::from(width) { scale } else { short })
     }

@@ -13,31 +13,31 @@ const KEYS: &[(&str, &str)] = &[
     ("s / S", "stop the selected robot / all"),
     ("Tab j k 0-9", "select a robot"),
     ("arrows", "cursor, with shift by 5 cells; g puts it on the robot"),
-    ("Enter", "send the robot to the cursor; it goes on without you"),
+    ("Enter", "send the robot to the cursor; it continues if you quit"),
     ("r R u", "yaw on arrival: left, right, any"),
     ("c", "cancel its task or goal"),
-    ("t", "drive: hold arrows, space is zero; t or Esc lets go"),
+    ("t", "drive: hold arrows, space stops; t or Esc ends"),
     ("x / X", "reset its latches / those of all robots (asks)"),
-    ("A", "let a suspended dispatcher assign tasks again (asks)"),
-    ("w", "why it stands, and what to do"),
+    ("A", "activate a suspended dispatcher (asks)"),
+    ("w", "why it is stopped, and what to do"),
     ("v", "events or tasks"),
-    ("+ - a f", "map: nearer, farther, all, follow the robot"),
+    ("+ - a f", "map: zoom in, out, all, follow the robot"),
     ("H J K L", "map: west, south, north, east"),
-    ("q Esc ^C", "leave; a robot that you drive is stopped"),
+    ("q Esc ^C", "quit; a robot that you drive is stopped"),
 ];
 const PLAYING_KEYS: &[(&str, &str)] = &[
-    ("space", "pause, and go on"),
-    ("left right", "5 s back, 5 s on; with shift 60 s"),
+    ("space", "pause or continue"),
+    ("left right", "5 s back or forward; with shift 60 s"),
     ("Tab j k 0-9", "select a robot"),
-    ("w", "why it stands, and what to do"),
+    ("w", "why it is stopped, and what to do"),
     ("v", "events or tasks"),
-    ("+ - a f", "map: nearer, farther, all, follow the robot"),
+    ("+ - a f", "map: zoom in, out, all, follow the robot"),
     ("H J K L", "map: west, south, north, east"),
-    ("q Esc ^C", "leave"),
+    ("q Esc ^C", "quit"),
 ];
 const SIGNS: [&str; 2] = [
-    "Map: arrow = heading, ◇ = goal, dots = way behind and ahead.",
-    "# latched  ! hindered or faulty  ? stale: where it was last heard",
+    "Map: arrow = heading, ◇ = goal, dots = driven and planned path.",
+    "# latched  ! blocked or faulty  ? stale: last known place",
 ];
 
 impl Cockpit {
@@ -82,7 +82,7 @@ impl Cockpit {
     fn help(&self) -> Vec<String> {
         let keys = if self.playing.is_some() { PLAYING_KEYS } else { KEYS };
         let lines = keys.iter().map(|(key, meaning)| format!("{key:12} {meaning}"));
-        let read_only = self.setup.read_only.map(|why| format!("Nothing is sent to robots: {why}"));
+        let read_only = self.setup.read_only.map(|why| format!("Commands disabled: {why}"));
         let signs = SIGNS.map(str::to_owned);
         lines.chain([String::new()]).chain(signs).chain(read_only).collect()
     }

@@ -134,7 +134,7 @@ impl ShownRobot<'_> {
             let is_over = why::only_latched(*reason);
             match (long, is_over) {
                 (true, false) => reason.text().to_owned(),
-                (true, true) => format!("{}, that is reset", reason.text()),
+                (true, true) => format!("{}, since reset", reason.text()),
                 (false, false) => reasons::name(reason).replace('_', " "),
                 (false, true) => format!("{} (reset)", reasons::name(reason).replace('_', " ")),
             }

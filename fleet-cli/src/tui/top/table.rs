@@ -33,9 +33,9 @@ const COLUMNS: [(Column, &str, u16); 9] = [
     (Column::Speed, "m/s", 5),
     (Column::ToGo, "to go", 7),
     (Column::Task, "task", 5),
-    (Column::Lease, "lease", 10),
+    (Column::Lease, "control", 10),
     (Column::Battery, "batt", 6),
-    (Column::Why, "stands because", 15),
+    (Column::Why, "stopped because", 15),
     (Column::Age, "age", 6),
 ];
 /// What is left out last comes first.
@@ -92,7 +92,7 @@ impl Cockpit {
             })
             .collect();
         if sights.is_empty() {
-            header = vec![Cell::from(" no robot of this fleet is there")];
+            header = vec![Cell::from(" no robot of this fleet present")];
         }
         let widths = columns.iter().map(|(_, _, width)| Constraint::Length(*width));
         let widths: Vec<Constraint> =

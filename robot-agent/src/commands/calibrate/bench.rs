@@ -38,23 +38,23 @@ const GIVE_UP_NS: u64 = 100_000_000;
 pub(crate) enum Trouble {
     #[error("interrupted")]
     Interrupted,
-    #[error("given up")]
+    #[error("cancelled")]
     Quit,
-    #[error("the input has ended before the last reading")]
+    #[error("the input ended before the last reading")]
     NoAnswer,
-    #[error("nothing is heard of the I/O board{0}")]
+    #[error("no data from the I/O board{0}")]
     Silent(String),
-    #[error("the I/O board does not confirm its set-up")]
+    #[error("the I/O board does not confirm the set-up")]
     NotSetUp,
     #[error("the I/O board has restarted")]
     Restarted,
     #[error("the I/O board sends no converter scans")]
     NoScan,
-    #[error("the simulated world has ended")]
+    #[error("the simulation has ended")]
     WorldEnded,
-    #[error("the piston does not come to the middle: it stays at {height_mm:.1} mm of {travel_mm:.1} mm")]
+    #[error("the piston does not reach the middle: it stays at {height_mm:.1} mm of {travel_mm:.1} mm")]
     Stuck { height_mm: f64, travel_mm: f64 },
-    #[error("at the pulse {count} the piston is too fast to be timed before its end stop")]
+    #[error("at pulse {count} the piston reaches its end stop too fast to be timed")]
     TooFast { count: u16 },
 }
 
@@ -63,9 +63,9 @@ impl Trouble {
     pub(crate) fn aftermath(&self) -> &'static str {
         match self {
             Self::Silent(_) | Self::NotSetUp | Self::Restarted => {
-                "nothing was written; a board without frames stops motor and pistons by itself"
+                "nothing was written; without frames the board stops motor and pistons by itself"
             }
-            _ => "everything is at rest again, nothing was written",
+            _ => "all actuators are at rest, nothing was written",
         }
     }
 
@@ -74,11 +74,11 @@ impl Trouble {
         match self {
             Self::Interrupted | Self::Quit | Self::NoAnswer | Self::WorldEnded => "",
             Self::Silent(_) | Self::NotSetUp | Self::NoScan => {
-                "robot-agent check-hardware says what is wrong; end any other agent on these ports first"
+                "robot-agent check-hardware shows the fault; first end any other agent on these ports"
             }
-            Self::Restarted => "look at the supply of board and servos, then start again",
-            Self::Stuck { .. } => "look at its servo, its position sensor and their plugs",
-            Self::TooFast { .. } => "take pulses nearer to zero movement: --from and --to",
+            Self::Restarted => "check the power supply of board and servos, then start again",
+            Self::Stuck { .. } => "check its servo, its position sensor and their connectors",
+            Self::TooFast { .. } => "use pulses closer to zero movement: --from and --to",
         }
     }
 }
@@ -325,6 +325,6 @@ mod tests {
         assert_eq!(bench.hold(1e9), Err(Trouble::Interrupted));
         bench.broken = ": /dev/ttyUSB0: no such device".into();
         let said = bench.silent().to_string();
-        assert_eq!(said, "nothing is heard of the I/O board: /dev/ttyUSB0: no such device");
+        assert_eq!(said, "no data from the I/O board: /dev/ttyUSB0: no such device");
     }
 }

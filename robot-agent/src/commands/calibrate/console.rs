@@ -26,7 +26,7 @@ pub(crate) struct Console {
 impl Console {
     /// From now on Ctrl-C and SIGTERM do not end the program but show in [`Console::interrupted`].
     pub(crate) fn start() -> Result<Self, Failure> {
-        let no_threads = |error: io::Error| Failure::new(error, "the system is out of threads or memory");
+        let no_threads = |error: io::Error| Failure::new(error, "out of threads or memory");
         let interrupted = Arc::new(AtomicBool::new(false));
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)

@@ -83,7 +83,7 @@ fn draw(
         chart.draw_series(DashedLineSeries::new(ends(*line), 5, 4, style))?;
     }
     if let Some(fit) = fit {
-        let name = if fit.branches.is_some() { "line: the middle of both" } else { "line" };
+        let name = if fit.branches.is_some() { "line: mean of both" } else { "line" };
         chart
             .draw_series(LineSeries::new(ends(fit.line), INK.stroke_width(2)))?
             .label(name)

@@ -9,7 +9,7 @@ use xtb_control::calibration::{Actuator, Branch, Kind, Point};
 /// Reads the file; `#` begins a comment.
 pub(crate) fn read(path: &Path, what: Actuator) -> Result<Vec<Point>, Failure> {
     let name = path.display();
-    let hint = format!("a line is a pulse in counts and what was measured there, in {}", what.unit());
+    let hint = format!("each line is a pulse in counts and the value measured there, in {}", what.unit());
     let text = files::text(path, files::MAX_TEXT)
         .map_err(|error| Failure::new(format!("cannot read {name}: {error}"), &hint).code(2))?;
     parse(&text, what).map_err(|wrong| Failure::new(format!("{name}:{wrong}"), &hint).code(2))
@@ -31,11 +31,11 @@ fn parse(text: &str, what: Actuator) -> Result<Vec<Point>, String> {
 }
 
 fn reading(count: &str, quantity: &str) -> Result<(PwmCount, f64), String> {
-    let counts: u16 = count.parse().map_err(|_| format!("{count:?} is no pulse in counts"))?;
+    let counts: u16 = count.parse().map_err(|_| format!("{count:?} is not a pulse in counts"))?;
     let count = PwmCount::try_from(counts).map_err(|error| error.to_string())?;
     match quantity.parse::<f64>() {
         Ok(quantity) if quantity.is_finite() => Ok((count, quantity)),
-        _ => Err(format!("{quantity:?} is no number")),
+        _ => Err(format!("{quantity:?} is not a number")),
     }
 }
 

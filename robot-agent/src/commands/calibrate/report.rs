@@ -113,10 +113,10 @@ impl Report<'_> {
         ];
         let apart = match (self.is_piston(), fit.dead_band(), fit.hysteresis()) {
             (true, Some(counts), _) => format!("dead band {counts:.0} counts wide\n"),
-            (false, _, Some(deg)) => format!("hysteresis {deg:.2} deg between both ways\n"),
+            (false, _, Some(deg)) => format!("hysteresis {deg:.2} deg between both directions\n"),
             _ => String::new(),
         };
-        let scatter = format!("scatter {} {unit} around each branch's own line\n", digits(fit.scatter, 2));
+        let scatter = format!("scatter {} {unit} around the line of each branch\n", digits(fit.scatter, 2));
         format!("{}: {summary}\n{}{apart}{scatter}", self.what, columns(&rows))
     }
 

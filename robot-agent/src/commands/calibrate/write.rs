@@ -15,7 +15,7 @@ use xtb_control::calibration::{Actuator, Fit, Kind};
 /// Digits that are written: more than any protractor gives.
 const DIGITS: i32 = 7;
 /// What a file that is new begins with.
-const HEAD: &str = "# Settings of a robot-agent; robot-agent --print-config shows all of them.\n";
+const HEAD: &str = "# Settings of robot-agent; robot-agent --print-config shows all of them.\n";
 
 /// Why nothing was written.
 #[derive(Debug, Error)]

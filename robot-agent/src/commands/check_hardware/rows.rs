@@ -150,7 +150,7 @@ impl Evidence<'_> {
         let remedy = self.line_remedy(place);
         let well = frames > 0 && remedy.is_none();
         let line = well.then(|| heard(format!("{frames} frames"), reads_as, None));
-        Row::new(format!("{place} line"), line, remedy.unwrap_or("no frame has come"))
+        Row::new(format!("{place} line"), line, remedy.unwrap_or("no frames received"))
     }
 
     /// Why something of the board is missing; `itself` if there is no cause further up.
@@ -178,8 +178,8 @@ impl Evidence<'_> {
         let set_up = readings.set_up.then(|| heard(hex(readings.setup_checksum), "confirmed", None));
         let watchdog = readings.status.filter(|status| status.ready).map(|status| {
             let (reads_as, wrong) = match status.watchdog {
-                true => ("holds the motor: no pulses arrive", Some("check the wire to the board")),
-                false => ("pulses arrive", None),
+                true => ("motor stopped: no pulses received", Some("check the wire to the board")),
+                false => ("pulses received", None),
             };
             heard(u8::from(status.watchdog), reads_as, wrong)
         });
@@ -187,7 +187,7 @@ impl Evidence<'_> {
             Some(_) => "see the board line",
             None => Fault::BoardNotSetUp.remedy(),
         };
-        let no_status = self.of_board("it sends no status (docs/io-board.md)");
+        let no_status = self.of_board("no status received (docs/io-board.md)");
         vec![
             self.line("board", readings.board_frames.frames, &hardware.board, hardware.board_baud),
             Row::new("board firmware", firmware, no_status),
@@ -201,7 +201,7 @@ impl Evidence<'_> {
         let still = self.settings.vehicle.speed.interlock_pulses;
         let window = self.readings.pulses.and(self.most_pulses).map(|pulses| {
             let moves = u32::from(pulses) > still;
-            let wrong = moves.then_some("pulses while standing: hold it still; check the encoder's wires");
+            let wrong = moves.then_some("pulses at standstill: hold it still; check the encoder's wires");
             let rpm = wheel_rpm(encoder, u32::from(pulses));
             heard(format!("{pulses} pulses"), format!("{rpm:.1} rpm at the wheels"), wrong)
         });
@@ -232,7 +232,7 @@ impl Evidence<'_> {
             let measured = adc.map(|adc| {
                 let height_m = height_m(limits, adc.pistons[i]);
                 let within = (limits.min_m..=limits.max_m).contains(&height_m);
-                let wrong = (!within).then_some("beyond its end stops: check linkage and position sensor");
+                let wrong = (!within).then_some("beyond the end stops: check linkage and position sensor");
                 heard(format!("{:.1}", adc.pistons[i].get()), format!("{:.1} mm", height_m * 1000.0), wrong)
             });
             Row::new(format!("piston {name}"), measured, if_missing)
@@ -242,7 +242,7 @@ impl Evidence<'_> {
 
     fn battery(&self) -> Row {
         if self.readings.adc.is_some() && self.readings.battery_mv.is_none() {
-            return Row::not_fitted("battery", "this board does not measure it");
+            return Row::not_fitted("battery", "not measured by this board");
         }
         let measured = self.readings.battery_mv.map(|mv| {
             let wrong = (mv < BATTERY_EMPTY_MV).then_some("charge or change the battery");
@@ -255,7 +255,7 @@ impl Evidence<'_> {
         let channels = ["remote speed", "remote steering", "remote selector"];
         let Some(ticks) = self.remote else {
             let absent = |what| match self.readings.set_up {
-                true => Row::not_fitted(what, "no receiver speaks"),
+                true => Row::not_fitted(what, "no receiver signal"),
                 false => Row::new(what, None, self.of_board("")),
             };
             return channels.map(absent).to_vec();
@@ -283,7 +283,7 @@ impl Evidence<'_> {
                 heard(raw, "too short or too long", Some("check the transmitter's end points"))
             }
             Pulse::Impossible => {
-                heard(raw, "longer than a period", Some("the board does not obey channel resets (0x19)"))
+                heard(raw, "longer than one period", Some("the board ignores channel resets (0x19)"))
             }
         }
     }
@@ -306,9 +306,9 @@ impl Evidence<'_> {
         };
         let yaw = readings.gyro.map(|gyro| {
             let deg = (f64::from(gyro.yaw) * GYRO_DEG_PER_COUNT).rem_euclid(360.0);
-            heard(gyro.yaw, format!("{deg:.1}° clockwise from its north"), None)
+            heard(gyro.yaw, format!("{deg:.1}° clockwise from gyro north"), None)
         });
-        let unanswered = self.of_gyro("it does not answer F0: check the wire to the gyro");
+        let unanswered = self.of_gyro("no answer to F0: check the wire to the gyro");
         vec![
             self.line("gyro", readings.gyro_frames, &hardware.gyro, hardware.gyro_baud),
             Row::new("gyro firmware", firmware, unanswered),
@@ -323,7 +323,7 @@ impl Evidence<'_> {
         let row = |what, any: u64, raw: String, frames: u64| {
             let wrong = (any > 0).then_some("check the cable, its ground and the baud rate");
             let counted = heard(raw, format!("in {frames} frames"), wrong);
-            Row::new(what, (frames > 0).then_some(counted), "without frames there is nothing to count")
+            Row::new(what, (frames > 0).then_some(counted), "cannot be counted without frames")
         };
         let Counted { board_rejected, board_lost, gyro_lost, gyro_skipped, .. } = *counted;
         let refused = u64::from(counted.refused_by_board);
@@ -341,7 +341,7 @@ impl Evidence<'_> {
 fn range(counts: AdcCount, cm: Option<f64>) -> Heard {
     let wrong = match counts.get() {
         c if c <= 0.0 => Some("no signal: check this range finder's wire and its 5 V"),
-        c if c >= ADC_MOST => Some("its signal wire touches 5 V"),
+        c if c >= ADC_MOST => Some("the signal wire touches 5 V"),
         _ => None,
     };
     let reads_as = cm.map_or_else(|| "nothing in range".to_owned(), |cm| format!("{cm:.1} cm"));
@@ -354,7 +354,7 @@ fn tilt(counts: AdcCount, deg: Option<f64>) -> Heard {
         None => heard(raw, "no angle", Some(Fault::TiltOutOfRange.remedy())),
         Some(deg) => {
             let beyond = deg.abs() > TILT_LINEAR_DEG;
-            let wrong = beyond.then_some("beyond ±20° it is not linear: level the truck, or check its wires");
+            let wrong = beyond.then_some("not linear beyond ±20°: level the truck, or check the wires");
             heard(raw, signed(deg), wrong)
         }
     }

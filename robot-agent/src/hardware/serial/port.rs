@@ -44,8 +44,8 @@ const WRITE_WITHIN: Duration = Duration::from_millis(2);
 pub struct PortError {
     /// Its path.
     pub path: String,
-    /// `NotFound`: not there, or no longer. `ResourceBusy`: held by another program.
-    /// `PermissionDenied`. `TimedOut`: it takes no bytes. Anything else as the system has it.
+    /// `NotFound`: not there, or no longer. `ResourceBusy`: in use by another program.
+    /// `PermissionDenied`. `TimedOut`: it accepts no data. Anything else as the system has it.
     pub kind: ErrorKind,
     /// The same in words.
     pub reason: String,
@@ -59,9 +59,9 @@ impl PortError {
                 (ErrorKind::NotFound, "no such device".to_owned())
             }
             (_, Some(Errno::NOTTY)) => (ErrorKind::InvalidInput, "not a serial port".to_owned()),
-            (ErrorKind::ResourceBusy, _) => (ErrorKind::ResourceBusy, "held by another program".to_owned()),
+            (ErrorKind::ResourceBusy, _) => (ErrorKind::ResourceBusy, "in use by another program".to_owned()),
             (ErrorKind::PermissionDenied, _) => (ErrorKind::PermissionDenied, "permission denied".to_owned()),
-            (ErrorKind::TimedOut, None) => (ErrorKind::TimedOut, "takes no bytes".to_owned()),
+            (ErrorKind::TimedOut, None) => (ErrorKind::TimedOut, "accepts no data".to_owned()),
             (kind, _) => (kind, error.to_string()),
         };
         Self { path: path.to_owned(), kind, reason }
@@ -96,7 +96,7 @@ impl Port {
     /// Raw bytes, 8N1, no flow control, empty.
     fn prepare(&self, mut modes: Termios, baud: u32) -> io::Result<()> {
         if baud == 0 {
-            return Err(io::Error::new(ErrorKind::InvalidInput, "0 baud would hang up"));
+            return Err(io::Error::new(ErrorKind::InvalidInput, "0 baud would close the line"));
         }
         if !is_pty(&self.file)? {
             ioctl_tiocexcl(&self.file)?;
@@ -115,8 +115,8 @@ impl Port {
         if buffer.is_empty() {
             return Ok(0);
         }
-        // Asked first, for a read that finds nothing waits all the same: for the kernel's worker to bring what
-        // is on its way. That was 200 ms on a busy machine.
+        // Asked first, for a read that finds nothing waits all the same: for the kernel's worker to bring
+        // what is on its way. That was 200 ms on a busy machine.
         match ioctl_fionread(&self.file) {
             Ok(0) => return Ok(0),
             Ok(_) => {}
@@ -231,7 +231,7 @@ mod tests {
             let expected = (ErrorKind::NotFound, "/dev/ttyUSB0: no such device".to_owned());
             assert_eq!(told(&gone.into()), expected, "{gone:?}");
         }
-        let busy = (ErrorKind::ResourceBusy, "/dev/ttyUSB0: held by another program".to_owned());
+        let busy = (ErrorKind::ResourceBusy, "/dev/ttyUSB0: in use by another program".to_owned());
         assert_eq!(told(&Errno::BUSY.into()), busy);
         for denied in [Errno::ACCESS, Errno::PERM] {
             let expected = (ErrorKind::PermissionDenied, "/dev/ttyUSB0: permission denied".to_owned());

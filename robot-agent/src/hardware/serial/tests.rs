@@ -192,7 +192,7 @@ fn two_agents_never_share_a_line() {
     assert_eq!(why_closed(&mut first), None);
     let error = second.read_board(&mut [0; 8]).expect_err("the first has it");
     assert_eq!(error.kind(), ErrorKind::ResourceBusy);
-    assert!(error.to_string().ends_with("/board: held by another program"), "{error}");
+    assert!(error.to_string().ends_with("/board: in use by another program"), "{error}");
     for _ in 0..3 {
         let third = sockets.start();
         assert_eq!(third.closed().next().map(|error| error.kind), Some(ErrorKind::ResourceBusy));
@@ -240,7 +240,7 @@ fn a_board_that_takes_no_bytes_holds_nobody_up_and_does_not_get_old_frames() {
     };
     // Full: given up soon, and the line stays open.
     assert_eq!(error.kind(), ErrorKind::TimedOut);
-    assert!(error.to_string().ends_with("/board: takes no bytes"), "{error}");
+    assert!(error.to_string().ends_with("/board: accepts no data"), "{error}");
     let last = Instant::now();
     let _ = hardware.write_board(&FRAME);
     assert!(last.elapsed() < Duration::from_secs(1), "a write took {:?}", last.elapsed());

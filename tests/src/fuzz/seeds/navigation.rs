@@ -102,7 +102,7 @@ pub(crate) fn robot_state() -> Vec<Seed> {
         status: GoalStatus::Blocked,
         distance_m: Some(6.0),
         age_ms: 400,
-        reason: Some("xtb-2 goes first".to_owned()),
+        reason: Some("waiting for xtb-2".to_owned()),
         by: name("cli-7"),
         on_link_loss: LinkLoss::Finish,
     };

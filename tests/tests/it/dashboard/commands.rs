@@ -155,7 +155,7 @@ async fn the_program_says_where_it_is_and_ends_its_sockets_with_a_word() {
             closed = frame;
         }
     }
-    assert_eq!(closed.unwrap().reason.as_str(), "the dashboard ends");
+    assert_eq!(closed.unwrap().reason.as_str(), "dashboard stopped");
     let told = asked.elapsed();
     eventually("the end", || std::future::ready((!process.runs()).then_some(()))).await;
     eprintln!("closed after {told:?}, ended after {:?}", asked.elapsed());

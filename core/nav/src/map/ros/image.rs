@@ -47,7 +47,7 @@ fn check_size(width: u32, height: u32) -> Result<(usize, usize), RosError> {
     match wide.checked_mul(high) {
         Some(0) => Err(refused("it has no pixels")),
         Some(pixels) if pixels <= most => Ok((wide, high)),
-        _ => Err(refused(format!("{width} × {height} pixels, at most {most} are read"))),
+        _ => Err(refused(format!("{width} × {height} pixels, the limit is {most}"))),
     }
 }
 

@@ -48,7 +48,7 @@ impl Search<'_> {
                 return Ok(Planned { path, to_vantage: false, expects_thin: true });
             }
         }
-        Err(PlanFailure::at_present("no way back", None))
+        Err(PlanFailure::at_present("no path back", None))
     }
 
     /// Places to stand, the nearest ones first as one has to drive.

@@ -183,6 +183,6 @@ fn failure(error: &PlanError) -> PlanFailure {
     };
     let enclosed =
         matches!(error, PlanError::StartInCollision(_) | PlanError::Unreachable { end: End::Start, .. });
-    let words = error.to_string().replace("keep-out unseen", "what nobody has looked at");
+    let words = error.to_string().replace("keep-out unseen", "an unobserved area");
     PlanFailure { words, at, for_good: false, enclosed }
 }

@@ -207,5 +207,5 @@ fn things_are_named_by_what_they_are() {
     assert_eq!(what(9.0, 9.0), Some(What::Edge));
     assert_eq!(what(2.0, 2.0), None);
     let hit = space.standing(&MapPose { x_m: 1.0, y_m: 1.0, yaw_rad: 0.0 }).unwrap();
-    assert_eq!(hit.to_string(), "an obstacle that is not on the map at (1.03, 1.03)");
+    assert_eq!(hit.to_string(), "an unmapped obstacle at (1.03, 1.03)");
 }

@@ -52,7 +52,7 @@ fn a_topic_is_the_key_and_messages_are_json_whatever_they_were_sent_as() {
         let (topics, messages) = told(&recorder.take(7, &item("xtb/lab/all/estop/me", &estop, format)));
         assert_eq!(topics, ["xtb/lab/all/estop/me", LOG_TOPIC]);
         assert_eq!(messages[0], (0, 0, serde_json::to_value(&estop).unwrap()));
-        assert_eq!(messages[1].2["message"], "an emergency stop was called");
+        assert_eq!(messages[1].2["message"], "emergency stop requested");
     }
 }
 

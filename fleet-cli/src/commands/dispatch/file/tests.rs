@@ -55,12 +55,12 @@ fn errors_name_line_and_task() {
         ("[[task]]\ngoto = [1]\n", 4, "1 numbers"),
         ("[[task]]\ngoto = [1, \"a\"]\n", 5, "invalid type"),
         ("[[task]]\nroute = [[0, 0], [0, 2000]]\n", 4, "point 2: Y = 2000 m"),
-        ("[[task]]\npriority = 3\n", 4, "nothing is to be done"),
-        ("[[task]]\ngoto = [1, 2]\nwander_for_s = 3\n", 4, "not several"),
-        ("[[task]]\ngoto = [1, 2]\nloops = 3\n", 4, "loops goes with route only"),
+        ("[[task]]\npriority = 3\n", 4, "is missing"),
+        ("[[task]]\ngoto = [1, 2]\nwander_for_s = 3\n", 4, "give only one of"),
+        ("[[task]]\ngoto = [1, 2]\nloops = 3\n", 4, "loops can only be used with route"),
         ("[[task]]\ngoto = [1, 2]\npriority = 10\n", 4, "priority"),
         ("[[task]]\ngoto = [1, 2]\nrobot = \"all\"\n", 4, "reserved"),
-        ("[[task]]\ngoto = [1, 2]\nrobot = \"a\"\ntag = \"b\"\n", 4, "not several"),
+        ("[[task]]\ngoto = [1, 2]\nrobot = \"a\"\ntag = \"b\"\n", 4, "give only one of"),
         ("[[task]]\ngoto = [1, 2]\ndeadline_s = -1\n", 4, "deadline_s"),
         ("[[task]]\ngoto = [1, nan]\n", 4, "Y = NaN"),
         ("[[task]]\ngoto = [1, 2\n", 5, "unclosed array"),
@@ -73,9 +73,9 @@ fn errors_name_line_and_task() {
 
 #[test]
 fn a_file_without_tasks_or_with_too_many_is_refused() {
-    assert!(said("").contains("no task is in it"));
+    assert!(said("").contains("the file has no task"));
     assert!(said("[[tasks]]\ngoto = [1, 2]\n").starts_with("line 1: unknown field `tasks`"));
-    assert!(said(&"[[task]]\ngoto = [1, 2]\n".repeat(501)).starts_with("501 tasks are in it"));
+    assert!(said(&"[[task]]\ngoto = [1, 2]\n".repeat(501)).starts_with("the file has 501 tasks"));
 }
 
 #[test]

@@ -39,7 +39,7 @@ async fn ctrl_c_leaves_the_task_and_says_so() {
     let (client, ctx, fake) = with(vec![task(1, TaskState::Running)]).await;
     let stop = pin!(fake.until(|told| !told.asked.is_empty()));
     let failure = run(&ctx, &client, &[ID], false, stop).await.unwrap_err();
-    assert_eq!(failure.message, "interrupted: the dispatcher goes on with t1");
+    assert_eq!(failure.message, "interrupted: the dispatcher continues with t1");
     assert!(failure.hint.contains("fleet-cli cancel t1"), "{}", failure.hint);
     assert_eq!(failure.kind.exit(), Exit::Interrupted);
     let cancels = |body: &DispatchBody| matches!(body, DispatchBody::Cancel { .. });

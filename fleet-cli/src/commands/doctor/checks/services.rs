@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{FleetMap, MapHash, TaskList, TrafficState};
 
-const SAME_RELEASE: &str = "install the same release of fleet-cli here and where it runs";
+const SAME_RELEASE: &str = "install the same release of fleet-cli here and on its computer";
 
 /// What answered, or why it cannot be read.
 pub(in super::super) type Answer<T> = std::result::Result<T, String>;
@@ -51,7 +51,7 @@ pub(super) fn dispatcher(facts: &Facts) -> Vec<Finding> {
     const TOPIC: &str = "dispatch";
     let Services { dispatcher, tasks, .. } = &facts.services;
     if let Some(error) = unreadable(tasks) {
-        let text = format!("the dispatcher's answer cannot be read: {error}");
+        let text = format!("dispatcher: incompatible message version: {error}");
         return vec![Finding::problem(TOPIC, text, SAME_RELEASE)];
     }
     let lists: Vec<&TaskList> = tasks.iter().flatten().collect();
@@ -59,11 +59,11 @@ pub(super) fn dispatcher(facts: &Facts) -> Vec<Finding> {
     let finding = match (lists.first(), ledgers.len()) {
         (None, _) if *dispatcher => Finding::problem(
             TOPIC,
-            "the dispatcher is present and does not answer",
-            "look at its log, end it and start `fleet-cli dispatch serve` again: its ledger keeps the tasks",
+            "the dispatcher is present, but does not answer",
+            "check its log, end it and start `fleet-cli dispatch serve` again: the ledger keeps the tasks",
         ),
         (None, _) if facts.alive.is_empty() => return Vec::new(),
-        (None, _) => Finding::ok(TOPIC, "no dispatcher runs"),
+        (None, _) => Finding::ok(TOPIC, "no dispatcher"),
         (Some(list), 1) => {
             let open = list.tasks.iter().filter(|task| !task.state.is_final()).count();
             Finding::ok(
@@ -73,7 +73,7 @@ pub(super) fn dispatcher(facts: &Facts) -> Vec<Finding> {
         }
         (Some(_), count) => Finding::problem(
             TOPIC,
-            format!("{count} dispatchers answer, each with a ledger of its own"),
+            format!("{count} dispatchers answer, each with its own ledger"),
             "end all but one: robots get tasks from each of them",
         ),
     };
@@ -85,11 +85,11 @@ pub(super) fn ledger(facts: &Facts) -> Vec<Finding> {
     const TOPIC: &str = "ledger";
     let lists = facts.services.tasks.iter().flatten();
     let each = lists.map(|list| match &list.ledger_failed {
-        None => Finding::ok(TOPIC, format!("ledger {} is written", list.ledger)),
+        None => Finding::ok(TOPIC, format!("ledger {} writable", list.ledger)),
         Some(reason) => Finding::problem(
             TOPIC,
             format!("ledger {} cannot be written: {reason}", list.ledger),
-            "look at disk and permissions where the dispatcher runs: until it is written, new tasks are refused",
+            "check disk and permissions where the dispatcher runs: until then new tasks are refused",
         ),
     });
     each.collect()
@@ -104,26 +104,26 @@ fn suspended(facts: &Facts) -> impl Iterator<Item = Finding> {
 /// Whether there is one traffic control, and it works on the fleet's map.
 pub(super) fn traffic(facts: &Facts) -> Vec<Finding> {
     const TOPIC: &str = "traffic";
-    const AGAIN: &str = "look at its log, and start `fleet-cli traffic serve` again";
+    const AGAIN: &str = "check its log, and start `fleet-cli traffic serve` again";
     let services = &facts.services;
     let mut heard = services.traffic_states.values();
     let finding = match (heard.next(), heard.next()) {
         (Some(_), Some(_)) => Finding::problem(
             TOPIC,
-            format!("{} traffic controls lead the robots", services.traffic_states.len()),
-            "end all but one, or wait 2 s if one has just been started again",
+            format!("{} traffic controls coordinate the robots", services.traffic_states.len()),
+            "end all but one, or wait 2 s if one was just restarted",
         ),
         (Some(state), None) => {
             return [on_the_map(services, state)].into_iter().chain(gone(facts, state)).collect();
         }
         (None, _) => match (&services.traffic_unreadable, services.traffic) {
             (Some(error), _) => {
-                let text = format!("what traffic control says cannot be read: {error}");
+                let text = format!("traffic control: incompatible message version: {error}");
                 Finding::problem(TOPIC, text, SAME_RELEASE)
             }
-            (None, true) => Finding::problem(TOPIC, "traffic control is present and says nothing", AGAIN),
+            (None, true) => Finding::problem(TOPIC, "traffic control is present, but sends nothing", AGAIN),
             (None, false) if facts.alive.is_empty() => return Vec::new(),
-            (None, false) => Finding::ok(TOPIC, "no traffic control runs: robots give way by themselves"),
+            (None, false) => Finding::ok(TOPIC, "no traffic control: robots give way by themselves"),
         },
     };
     vec![finding]
@@ -135,15 +135,15 @@ fn on_the_map(services: &Services, state: &TrafficState) -> Finding {
         Some(map) if map.hash.to_string() != state.map_hash => Finding::problem(
             TOPIC,
             format!(
-                "traffic control works on map {}, the fleet's is {} ({})",
+                "traffic control uses map {}, the fleet's map is {} ({})",
                 state.map_hash, map.name, map.hash
             ),
-            "start `fleet-cli traffic serve` again: it takes the map that is served then",
+            "start `fleet-cli traffic serve` again: it then uses the served map",
         ),
         _ => {
             let (led, around) = (state.led.len(), state.obstacles.len());
             let led = robots(led);
-            Finding::ok(TOPIC, format!("traffic control leads {led}, and drives them around {around} others"))
+            Finding::ok(TOPIC, format!("traffic control coordinates {led}, and plans around {around} others"))
         }
     }
 }
@@ -152,9 +152,8 @@ fn on_the_map(services: &Services, state: &TrafficState) -> Finding {
 fn gone(facts: &Facts, state: &TrafficState) -> Option<Finding> {
     let gone = state.obstacles.iter().chain(&state.led).filter(|robot| !facts.alive.contains(*robot));
     let gone = gone.map(Name::as_str).collect::<Vec<_>>().join(", ");
-    let text = format!("{gone} is gone: the others drive around where it was last heard");
-    const TODO: &str =
-        "start it again, or, once its place is clear, start what contains traffic control again";
+    let text = format!("{gone} has left: the others drive around its last known place");
+    const TODO: &str = "start it again, or, if its place is clear, restart traffic control";
     (!gone.is_empty()).then(|| Finding::warning("traffic", text, TODO))
 }
 
@@ -163,13 +162,13 @@ pub(super) fn map(facts: &Facts) -> Vec<Finding> {
     const TOPIC: &str = "map";
     let services = &facts.services;
     if let Some(error) = unreadable(&services.maps) {
-        return vec![Finding::problem(TOPIC, format!("the map cannot be read: {error}"), SAME_RELEASE)];
+        return vec![Finding::problem(TOPIC, format!("incompatible map message: {error}"), SAME_RELEASE)];
     }
     let hashes = services.hashes();
     if hashes.len() > 1 {
         let each = hashes.iter().map(|(hash, name)| format!("{name} ({hash})")).collect::<Vec<_>>();
         let text = format!("{} maps are served: {}", each.len(), each.join(", "));
-        return vec![Finding::problem(TOPIC, text, "end all but one of those who serve them")];
+        return vec![Finding::problem(TOPIC, text, "end all map servers but one")];
     }
     let mut findings = match services.map() {
         Some(map) => robots_off(facts, map),
@@ -180,9 +179,9 @@ pub(super) fn map(facts: &Facts) -> Vec<Finding> {
         findings.push(Finding::ok(
             TOPIC,
             match services.map() {
-                Some(map) => format!("{} ({}) is served, {} on it", map.name, map.hash, robots(on)),
-                None if on > 0 => format!("no map is served; {} on a map of their own", robots(on)),
-                None => "no map is served: goals are driven to in a straight line".to_owned(),
+                Some(map) => format!("{} ({}) is served, used by {}", map.name, map.hash, robots(on)),
+                None if on > 0 => format!("no map is served; {} with their own map", robots(on)),
+                None => "no map is served: robots drive to goals in a straight line".to_owned(),
             },
         ));
     }
@@ -198,8 +197,8 @@ fn robots_off(facts: &Facts, map: &FleetMap) -> Vec<Finding> {
         Some(own) => Some(
             Finding::problem(
                 TOPIC,
-                format!("is on map {} ({}), the fleet's is {} ({served})", own.name, own.hash, map.name),
-                "start its agent without a map of its own, or serve that one: until then it plans no goals",
+                format!("uses map {} ({}), the fleet's map is {} ({served})", own.name, own.hash, map.name),
+                "start its agent without its own map, or serve that map: until then it plans no paths",
             )
             .of(&state.robot),
         ),
@@ -207,7 +206,7 @@ fn robots_off(facts: &Facts, map: &FleetMap) -> Vec<Finding> {
             Finding::warning(
                 TOPIC,
                 "has no map: it can only drive in a straight line",
-                "it takes the map when that is published next, within 30 s; if not, look at its agent's log",
+                "it gets the map within 30 s, when it is published next; if not, check its agent's log",
             )
             .of(&state.robot),
         ),
@@ -228,8 +227,8 @@ fn differing(facts: &Facts) -> Vec<Finding> {
     };
     let others = groups.iter().filter(|(hash, _)| **hash != most).flat_map(|(_, robots)| robots);
     let finding = |(robot, own): &(&xtb_protocol::Name, &xtb_protocol::messages::MapState)| {
-        let text = format!("is on map {} ({}), others are on {most}", own.name, own.hash);
-        Finding::warning("map", text, "give all agents the same map, or serve one: `fleet-cli map serve`")
+        let text = format!("uses map {} ({}), others use {most}", own.name, own.hash);
+        Finding::warning("map", text, "give all agents the same map, or serve one with `fleet-cli map serve`")
             .of(robot)
     };
     others.map(finding).collect()

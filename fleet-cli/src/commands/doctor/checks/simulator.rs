@@ -7,7 +7,7 @@ use xtb_protocol::Name;
 use xtb_protocol::messages::SimStats;
 
 /// What is to be done about its robots then.
-const OVERLOADED: &str = "the simulator is overloaded, see above: it is not the robot's fault";
+const OVERLOADED: &str = "the simulator is overloaded, see above: not the robot's fault";
 
 /// How it runs, if there is one.
 pub(super) fn check(facts: &Facts) -> Vec<Finding> {
@@ -17,8 +17,8 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
     if !stats.is_slow() {
         return vec![Finding::ok(TOPIC, runs)];
     }
-    let todo = "fewer --robots, a lower --speed, or a faster machine";
-    vec![Finding::warning(TOPIC, format!("{runs}: the machine is too slow for it"), todo)]
+    let todo = "use fewer --robots, a lower --speed, or a faster computer";
+    vec![Finding::warning(TOPIC, format!("{runs}: the computer is too slow for it"), todo)]
 }
 
 /// Whether a robot is in a simulator that is overloaded.

@@ -95,7 +95,7 @@ fn nobody_at_all_is_one_problem() {
     };
     let findings = all(&nobody);
     assert_eq!((findings.len(), findings[0].level), (1, Level::Problem));
-    assert!(findings[0].text.contains("no robot of fleet lab is at tcp/a:1"), "{findings:?}");
+    assert!(findings[0].text.contains("no robot of fleet lab at tcp/a:1"), "{findings:?}");
 }
 
 #[test]
@@ -119,7 +119,7 @@ fn other_versions_unreadable_messages_and_silence_are_told_apart() {
     facts.unreadable.insert(name("xtb-1"), "RobotState.v9".into());
     let found = the_only(&facts);
     assert_eq!(found.level, Level::Problem);
-    assert!(found.text.contains("cannot be read: RobotState.v9"), "{found:?}");
+    assert!(found.text.contains("message version: RobotState.v9"), "{found:?}");
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn a_start_pose_that_is_not_the_rosters_is_shown_with_both() {
         assert_eq!(wrong(&facts).len(), usize::from(differs), "{start_pose:?}");
         assert!(all(&facts).iter().any(|finding| finding.text.contains("tags: xtb-1 arm")));
     }
-    assert!(the_only(&facts).text.contains("starts at (1.00, 0.00)"));
+    assert!(the_only(&facts).text.contains("start pose (1.00, 0.00)"));
 }
 
 #[test]
@@ -148,7 +148,7 @@ fn a_clock_that_is_off_is_a_problem_except_a_simulators() {
     facts.rates.insert(name("xtb-1"), Some(8.0));
     facts.abouts.get_mut(&name("xtb-1")).unwrap()[0].hardware = "simulated".into();
     assert_eq!(wrong(&facts), []);
-    assert!(all(&facts).iter().any(|finding| finding.text.contains("8.0 times ours: a simulator's")));
+    assert!(all(&facts).iter().any(|finding| finding.text.contains("8.0 × this computer's: a simulator's")));
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn a_control_loop_that_was_late_is_worth_a_look() {
     let mut facts = healthy();
     facts.states.get_mut(&name("xtb-1")).unwrap().turn_late_us = 12_000;
     let found = the_only(&facts);
-    assert_eq!((found.level, found.text.as_str()), (Level::Warning, "its control loop was 12 ms late"));
+    assert_eq!((found.level, found.text.as_str()), (Level::Warning, "control loop 12 ms late"));
 }
 
 #[test]
@@ -243,7 +243,7 @@ fn a_real_robot_beside_an_overloaded_simulator_answers_for_itself() {
     facts.rates.insert(name("xtb-2"), Some(0.5));
     let found = wrong(&facts);
     let slow = found.iter().find(|finding| finding.robot == Some(name("xtb-2"))).unwrap();
-    assert_eq!((slow.level, slow.text.as_str()), (Level::Problem, "runs at 0.50 times ours"));
+    assert_eq!((slow.level, slow.text.as_str()), (Level::Problem, "clock runs at 0.50 × this computer's"));
 }
 
 fn tasks(ledger: u64) -> TaskList {
@@ -310,7 +310,7 @@ fn what_serves_the_fleet_is_ok_while_it_answers() {
     let findings = all(&served());
     assert!(findings.iter().all(|finding| finding.level == Level::Ok), "{findings:?}");
     let said: Vec<_> = findings.iter().map(|finding| finding.text.as_str()).collect();
-    for part in ["2 of 3 tasks are open", "ledger 1 is written", "leads 1 robot,", "2 robots on it"] {
+    for part in ["2 of 3 tasks are open", "ledger 1 writable", "coordinates 1 robot,", "used by 2 robots"] {
         assert!(said.iter().any(|text| text.contains(part)), "{part}: {said:?}");
     }
 }
@@ -323,7 +323,7 @@ fn a_dispatcher_that_is_silent_twice_there_or_of_another_release_is_a_problem() 
     facts.services.tasks = vec![Ok(tasks(1)), Ok(tasks(2))];
     is_wrong(&facts, "dispatch", Level::Problem, "2 dispatchers answer");
     facts.services.tasks = vec![Err("TaskList.v9".into())];
-    is_wrong(&facts, "dispatch", Level::Problem, "cannot be read: TaskList.v9");
+    is_wrong(&facts, "dispatch", Level::Problem, "message version: TaskList.v9");
 }
 
 #[test]
@@ -350,14 +350,14 @@ fn traffic_control_that_is_silent_twice_there_on_another_map_or_sees_ghosts_is_n
     is_wrong(&facts, "traffic", Level::Problem, "2 traffic controls");
     let around = TrafficState { obstacles: vec![name("xtb-5")], ..state.clone() };
     facts.services.traffic_states = BTreeMap::from([(7, around)]);
-    is_wrong(&facts, "traffic", Level::Warning, "xtb-5 is gone: the others drive around");
+    is_wrong(&facts, "traffic", Level::Warning, "xtb-5 has left: the others drive around");
     let elsewhere = TrafficState { map_hash: MapHash::new(6).to_string(), ..state };
     facts.services.traffic_states = BTreeMap::from([(7, elsewhere)]);
-    is_wrong(&facts, "traffic", Level::Problem, "works on map 0000000000000006");
+    is_wrong(&facts, "traffic", Level::Problem, "uses map 0000000000000006");
     facts.services.traffic_states.clear();
-    is_wrong(&facts, "traffic", Level::Problem, "says nothing");
+    is_wrong(&facts, "traffic", Level::Problem, "sends nothing");
     facts.services.traffic_unreadable = Some("TrafficState.v9".into());
-    is_wrong(&facts, "traffic", Level::Problem, "cannot be read: TrafficState.v9");
+    is_wrong(&facts, "traffic", Level::Problem, "message version: TrafficState.v9");
 }
 
 #[test]
@@ -368,11 +368,11 @@ fn robots_that_are_not_on_the_map_that_is_served_are_named() {
     is_wrong(&facts, "map", Level::Warning, "has no map");
     let other = MapState { hash: MapHash::new(6).to_string(), ..own };
     facts.states.get_mut(&name("xtb-1")).unwrap().nav.map = Some(other);
-    is_wrong(&facts, "map", Level::Problem, "is on map hall (0000000000000006)");
+    is_wrong(&facts, "map", Level::Problem, "uses map hall (0000000000000006)");
     assert_eq!(the_only(&facts).robot, Some(name("xtb-1")));
     // Nobody serves one: the robots' own are compared.
     facts.services.maps.clear();
-    is_wrong(&facts, "map", Level::Warning, "others are on");
+    is_wrong(&facts, "map", Level::Warning, "others use");
     let mut facts = served();
     facts.services.maps.push(Ok(floor(6)));
     is_wrong(&facts, "map", Level::Problem, "2 maps are served");

@@ -35,7 +35,7 @@ async fn a_robot_in_other_hands_is_taken_only_when_told_to() {
     let refused = execute(&Context::of(&client), &client, &[], &command).await;
     assert!(refused.held && refused.tone == Tone::Bad && refused.text.contains("alice"), "{refused:?}");
     let taken = execute(&Context::of(&client), &client, &[], &command.taking().unwrap()).await;
-    assert!(!taken.held && taken.text.ends_with("control was taken from alice"), "{taken:?}");
+    assert!(!taken.held && taken.text.ends_with("control taken from alice"), "{taken:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -64,8 +64,8 @@ fn a_driving_robot_says_what_allows_it() {
     let why = explain(&view(state.clone()));
     assert_eq!(why.verdict, Verdict::Drives);
     assert_eq!(kinds(&why), [Kind::May, Kind::Goal, Kind::Lease, Kind::Inputs, Kind::Battery]);
-    assert!(why.reasons[0].text.starts_with("me sent it"), "{}", why.reasons[0].text);
-    assert!(why.reasons[1].text.contains("goes on without its client"), "{}", why.reasons[1].text);
+    assert!(why.reasons[0].text.starts_with("goal of me"), "{}", why.reasons[0].text);
+    assert!(why.reasons[1].text.contains("continues without its client"), "{}", why.reasons[1].text);
     let coasting = RobotState { stopped_because: vec![StopReason::Coasting], ..state };
     let why = explain(&view(coasting));
     assert_eq!((why.verdict, why.reasons[1].hinders), (Verdict::Drives, false));
@@ -73,7 +73,7 @@ fn a_driving_robot_says_what_allows_it() {
     let input_age_ms = InputAges { setpoint: Some(20), ..fake::state("xtb-1").input_age_ms };
     let state = RobotState { mode: Mode::Teleop, lease, input_age_ms, ..fake::state("xtb-1") };
     let may = &explain(&view(state)).reasons[0];
-    assert_eq!(may.text, "cli-2 drives it by hand, last setpoint 20 ms ago");
+    assert_eq!(may.text, "driven by hand by cli-2, last setpoint 20 ms ago");
 }
 
 #[test]
@@ -112,7 +112,7 @@ fn a_latch_that_was_reset_is_only_why_it_stopped() {
     let state = RobotState { stopped_because: vec![StopReason::Estop], ..fake::state("xtb-1") };
     let why = explain(&view(state));
     assert_eq!(why.verdict, Verdict::Stands);
-    assert_eq!(why.reasons[0].text, "emergency stop: that is reset");
+    assert_eq!(why.reasons[0].text, "emergency stop, since reset");
     assert!(why.reasons[0].todo.as_ref().unwrap().contains("give a new command"));
 }
 
@@ -121,13 +121,10 @@ fn a_line_that_is_heard_again_is_only_why_it_stopped() {
     let mut state = RobotState { stopped_because: vec![StopReason::BoardLost], ..fake::state("xtb-1") };
     state.input_age_ms.encoder = Some(20);
     let why = explain(&view(state.clone()));
-    assert_eq!(why.reasons[0].text, "I/O board was lost, and is heard again");
+    assert_eq!(why.reasons[0].text, "I/O board was lost, now responding again");
     assert!(why.reasons[0].todo.as_ref().unwrap().contains("give a new command"));
     state.input_age_ms.encoder = Some(3000);
-    assert_eq!(
-        explain(&view(state)).reasons[0].text,
-        "I/O board not responding, the last one came 3.0 s ago"
-    );
+    assert_eq!(explain(&view(state)).reasons[0].text, "I/O board not responding, last message 3.0 s ago");
 }
 
 #[test]

@@ -102,7 +102,7 @@ fn a_full_disk_is_said_and_the_ledger_goes_on_when_there_is_room() {
         }
     };
     assert!(matches!(error.fault, Fault::Full { .. }), "{error}");
-    assert!(error.hint().contains("make room"));
+    assert!(error.hint().contains("free disk space"));
     // Half a group is nothing.
     ledger.append(&[task(0), large(0), large(0), large(0), large(0)]).unwrap_err();
     assert_eq!(ledger.last_seq(), written);

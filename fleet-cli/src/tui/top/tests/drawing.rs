@@ -18,7 +18,7 @@ fn every_robot_is_told_apart_in_the_table_at_both_sizes() {
         assert!(line(&shown, "STALE for 4.0 s").contains("xtb-4"), "{all}");
         assert!(line(&shown, "GONE for 5.0 s").contains("xtb-5"), "{all}");
         assert!(line(&shown, "MISSING").contains("xtb-6"), "{all}");
-        for word in ["6 robots", "1 drive", "1 hindered", "1 LATCHED", "1 STALE", "2 GONE"] {
+        for word in ["6 robots", "1 driving", "1 blocked", "1 LATCHED", "1 STALE", "2 GONE"] {
             assert!(shown[0].contains(word), "{word}: {}", shown[0]);
         }
     }
@@ -208,10 +208,10 @@ fn only_the_robots_that_were_named_are_shown() {
 #[test]
 fn a_recording_shows_where_it_is() {
     let (mut cockpit, scene) =
-        (with(Theme { color: true, ascii: false }, Some("a recording is played")), fleet());
+        (with(Theme { color: true, ascii: false }, Some("playing a recording")), fleet());
     cockpit.playing(Playing { at_s: 12.34, length_s: 60.0, speed: 2.0, stands: Some("PAUSED".into()) });
     let shown = screen(&mut cockpit, &scene, 80, 24);
-    assert!(shown[0].contains("RECORDING 12.3 of 60.0 s, 2 times, PAUSED"), "{}", shown[0]);
+    assert!(shown[0].contains("RECORDING 12.3 of 60.0 s, 2x, PAUSED"), "{}", shown[0]);
     assert!(shown[23].contains("space pause"), "{}", shown[23]);
 }
 

@@ -63,7 +63,7 @@ fn the_cursor_goes_where_arrows_say_and_enter_sends_the_robot_there() {
     let (mut cockpit, scene) = (cockpit(), fleet());
     screen(&mut cockpit, &scene, 80, 24);
     assert!(press(&mut cockpit, &scene, KeyCode::Enter).is_empty());
-    line(&screen(&mut cockpit, &scene, 80, 24), "where to?");
+    line(&screen(&mut cockpit, &scene, 80, 24), "no target");
     letter(&mut cockpit, &scene, '2');
     let (width_m, height_m) = cockpit.view.cell_m();
     for code in [KeyCode::Right, KeyCode::Right, KeyCode::Up] {
@@ -90,7 +90,7 @@ fn the_answer_shows_with_its_age() {
     let actions = letter(&mut cockpit, &scene, 's');
     let [Action::Do { number, .. }] = actions[..] else { panic!("{actions:?}") };
     let shown = screen_at(&mut cockpit, &scene, 80, 24, NOW + 1_500);
-    assert!(line(&shown, "stop xtb-1: asked").contains("1.5 s"));
+    assert!(line(&shown, "stop xtb-1: sent").contains("1.5 s"));
     cockpit.done(number, &Outcome { tone: Tone::Good, text: "stopped".into(), held: false }, NOW + 2_000);
     let shown = screen_at(&mut cockpit, &scene, 80, 24, NOW + 15_000);
     assert!(line(&shown, "stop xtb-1: stopped").contains("13 s"));
@@ -116,7 +116,7 @@ fn a_reset_asks_first_and_names_the_latches() {
     let (mut cockpit, scene) = (cockpit(), fleet());
     letter(&mut cockpit, &scene, '1');
     assert!(letter(&mut cockpit, &scene, 'x').is_empty());
-    line(&screen(&mut cockpit, &scene, 80, 24), "nothing is latched");
+    line(&screen(&mut cockpit, &scene, 80, 24), "nothing latched");
     letter(&mut cockpit, &scene, '3');
     assert!(letter(&mut cockpit, &scene, 'x').is_empty());
     line(&screen(&mut cockpit, &scene, 80, 24), "Reset xtb-3? estop by carol");
@@ -130,7 +130,7 @@ fn a_reset_asks_first_and_names_the_latches() {
 fn a_reset_of_all_asks_first_and_names_whom() {
     let (mut cockpit, scene) = (cockpit(), fleet());
     assert!(letter(&mut cockpit, &scene, 'X').is_empty());
-    line(&screen(&mut cockpit, &scene, 80, 24), "Reset all that is latched? xtb-3");
+    line(&screen(&mut cockpit, &scene, 80, 24), "Reset all latched robots? xtb-3");
     let mut no = cockpit.clone();
     assert!(letter(&mut no, &scene, 'n').is_empty());
     assert!(letter(&mut no, &scene, 'y').is_empty(), "it is asked no longer");
@@ -236,7 +236,7 @@ fn lost_focus_stops_and_every_way_out_lets_go() {
         assert_eq!(cockpit.drive(NOW), None, "{way}: not one more");
         assert!(!cockpit.is_over(), "{way}: it has not ended yet");
         cockpit.grasp(TeleopStatus::Ended(Some(true)), NOW);
-        line(&screen(&mut cockpit, &scene, 80, 24), "xtb-1 was told to stop; control is given back");
+        line(&screen(&mut cockpit, &scene, 80, 24), "xtb-1 confirmed the stop; control released");
     }
 }
 
@@ -268,7 +268,7 @@ fn leaving_waits_for_answers_unless_the_person_insists() {
     let [Action::Do { number, .. }] = actions[..] else { panic!("{actions:?}") };
     letter(&mut cockpit, &scene, 'q');
     assert!(!cockpit.is_over());
-    assert!(screen(&mut cockpit, &scene, 80, 24)[0].contains("LEAVING: 1 not answered yet"));
+    assert!(screen(&mut cockpit, &scene, 80, 24)[0].contains("QUITTING: 1 not answered yet"));
     let mut insisting = cockpit.clone();
     letter(&mut insisting, &scene, 'q');
     assert!(insisting.is_over());
@@ -289,13 +289,13 @@ fn read_only_sends_nothing_and_says_so() {
     letter(&mut cockpit, &scene, '3');
     letter(&mut cockpit, &scene, 'x');
     assert!(letter(&mut cockpit, &scene, 'y').is_empty());
-    line(&screen(&mut cockpit, &scene, 80, 24), "nothing is sent: --read-only");
+    line(&screen(&mut cockpit, &scene, 80, 24), "commands disabled: --read-only");
 }
 
 #[test]
 fn a_recording_is_paused_and_wound() {
     let (mut cockpit, scene) =
-        (with(Theme { color: true, ascii: false }, Some("a recording is played")), fleet());
+        (with(Theme { color: true, ascii: false }, Some("playing a recording")), fleet());
     cockpit.playing(Playing { at_s: 1.0, length_s: 60.0, speed: 1.0, stands: None });
     assert_eq!(letter(&mut cockpit, &scene, ' '), [Action::Pause]);
     assert_eq!(press(&mut cockpit, &scene, KeyCode::Left), [Action::Seek(-SEEK_S.0)]);

@@ -101,7 +101,7 @@ fn of_a_truck_that_is_well_every_row_is_ok_and_reads_in_units() {
         ("remote steering", "12937 ticks", "1.50 ms"),
         ("remote selector", "750 ticks", "1.20 ms, manual"),
         ("gyro firmware", "1300", "version 1.3.00"),
-        ("gyro yaw", "-16384", "270.0° clockwise from its north"),
+        ("gyro yaw", "-16384", "270.0° clockwise from gyro north"),
         ("gyro roll", "100", "+0.5°"),
         ("CRC errors from board", "0 bad, 0 lost", "in 50 frames"),
     ] {

@@ -60,7 +60,7 @@ fn plain(mut text: Text<'_>, count: usize, is_bitmap: bool) -> Result<Vec<u16>, 
             false => text.number("sample").ok().and_then(|number| u16::try_from(number).ok()),
         };
         let Some(sample) = sample else {
-            return Err(refused(format!("sample {} of {count} is none", samples.len() + 1)));
+            return Err(refused(format!("sample {} of {count} is not a number", samples.len() + 1)));
         };
         samples.push(sample);
     }
