@@ -1,6 +1,6 @@
 //! The fleet config: an optional TOML file with the fleet's name, routers and roster.
 
-use crate::error::{Failure, Kind, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use crate::nearest::nearest;
 use robot_agent::files;
 use serde::Deserialize;
@@ -30,7 +30,7 @@ impl FleetConfig {
     /// Reads `named`, or the file at its default place if there is one.
     ///
     /// # Errors
-    /// [`Kind::Config`]: the file cannot be read, or what it says is not valid.
+    /// [`ErrorKind::Config`]: the file cannot be read, or what it says is not valid.
     pub fn find(named: Option<&Path>) -> Result<Self> {
         let Some(path) = named.map(Path::to_owned).or_else(|| default_path().filter(|path| path.exists()))
         else {
@@ -38,25 +38,25 @@ impl FleetConfig {
         };
         let place = path.display();
         let text = files::text(&path, files::MAX_TEXT).map_err(|error| {
-            Failure::new(Kind::Config, format!("cannot read the config {place}: {error}"))
+            Error::new(ErrorKind::Config, format!("cannot read the config {place}: {error}"))
         })?;
         Self::parse(&text)
-            .map_err(|failure| Failure { message: format!("in {place}: {}", failure.message), ..failure })
+            .map_err(|failure| Error { message: format!("in {place}: {}", failure.message), ..failure })
     }
 
     /// Reads a file's text.
     ///
     /// # Errors
-    /// [`Kind::Config`] with the key or the line that is wrong.
+    /// [`ErrorKind::Config`] with the key or the line that is wrong.
     pub fn parse(text: &str) -> Result<Self> {
-        let invalid = |error: toml::de::Error| Failure::new(Kind::Config, error.to_string().trim_end());
+        let invalid = |error: toml::de::Error| Error::new(ErrorKind::Config, error.to_string().trim_end());
         known_keys(&text.parse::<Table>().map_err(invalid)?)?;
         let config: Self = toml::from_str(text).map_err(invalid)?;
         for (i, robot) in config.robots.iter().enumerate() {
             Name::robot(robot.name.as_str())
-                .map_err(|error| Failure::new(Kind::Config, format!("robots[{i}].name: {error}")))?;
+                .map_err(|error| Error::new(ErrorKind::Config, format!("robots[{i}].name: {error}")))?;
             if config.robots[..i].iter().any(|other| other.name == robot.name) {
-                return Err(Failure::new(Kind::Config, format!("two robots have the name {}", robot.name)));
+                return Err(Error::new(ErrorKind::Config, format!("two robots have the name {}", robot.name)));
             }
             if let Some(pose) = robot.start_pose {
                 in_range(&format!("robots[{i}].start_pose"), &pose)?;
@@ -75,7 +75,7 @@ fn in_range(place: &str, pose: &MapPose) -> Result<()> {
     ] {
         if !(-max..=max).contains(&value) {
             let message = format!("{place}.{field} = {value:?} is not allowed: {:?}..={max:?}", -max);
-            return Err(Failure::new(Kind::Config, message));
+            return Err(Error::new(ErrorKind::Config, message));
         }
     }
     Ok(())
@@ -107,7 +107,7 @@ fn check(table: &Table, path: &str, known: &[&str]) -> Result<()> {
         Some(near) => format!("did you mean {path}{near}?"),
         None => format!("known here: {}", known.join(", ")),
     };
-    Err(Failure::new(Kind::Config, format!("unknown key {path}{key}")).hint(hint))
+    Err(Error::new(ErrorKind::Config, format!("unknown key {path}{key}")).hint(hint))
 }
 
 #[cfg(test)]
@@ -160,7 +160,7 @@ mod tests {
             "[[robots]]\nname = 'a'\nstart_pose = { x_m = nan, y_m = 0, yaw_rad = 0 }",
             "[[robots]]\nname = 'a'\nstart_pose = { x_m = 0, y_m = 1001, yaw_rad = 0 }",
         ] {
-            assert_eq!(FleetConfig::parse(text).unwrap_err().kind, Kind::Config, "{text}");
+            assert_eq!(FleetConfig::parse(text).unwrap_err().kind, ErrorKind::Config, "{text}");
         }
     }
 }

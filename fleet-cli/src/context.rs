@@ -2,7 +2,7 @@
 
 use crate::cli::GlobalArgs;
 use crate::config::FleetConfig;
-use crate::error::{Failure, Kind, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use crate::output::Output;
 use xtb_client::{DEFAULT_ENDPOINT, DEFAULT_FLEET, Settings, unique_name};
 use xtb_protocol::Name;
@@ -26,7 +26,7 @@ impl Context {
     /// Reads the config, and the environment for its place.
     ///
     /// # Errors
-    /// [`Kind::Config`].
+    /// [`ErrorKind::Config`].
     pub fn new(global: &GlobalArgs, out: Output) -> Result<Self> {
         let config = FleetConfig::find(global.config.as_deref())?;
         let mut connect = global.connect.clone();
@@ -78,8 +78,8 @@ impl Context {
     }
 }
 
-fn impossible(error: NameError) -> Failure {
-    Failure::new(Kind::Usage, error.to_string())
+fn impossible(error: NameError) -> Error {
+    Error::new(ErrorKind::Invalid, error.to_string())
 }
 
 #[cfg(test)]

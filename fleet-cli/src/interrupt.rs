@@ -1,6 +1,7 @@
 //! Ctrl-C, `kill` and a closed window: all three are a wish to end, to be carried out cleanly.
 
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use tokio::signal::unix::{SignalKind, signal};
 
 /// Resolves once any of the three has come. Keep one future for as long as a command runs: what
@@ -37,7 +38,7 @@ pub async fn or_interrupted(command: impl Future<Output = Result<Exit>>) -> Resu
 /// A command that has effects: who interrupts it is told what is not known then, and what shows it.
 ///
 /// # Errors
-/// The command's, or [`Kind::Interrupted`].
+/// The command's, or [`ErrorKind::Interrupted`].
 pub async fn or_interrupted_saying(
     command: impl Future<Output = Result<Exit>>,
     unknown: &str,
@@ -46,7 +47,7 @@ pub async fn or_interrupted_saying(
     tokio::select! {
         ended = command => ended,
         () = interrupted() => {
-            Err(Failure::new(Kind::Interrupted, format!("interrupted: {unknown}")).hint(hint))
+            Err(Error::new(ErrorKind::Interrupted, format!("interrupted: {unknown}")).hint(hint))
         }
     }
 }

@@ -29,7 +29,7 @@ pub mod vehicle_file;
 
 pub use cli::Cli;
 pub use context::Context;
-pub use error::{Exit, Failure, Kind, Result};
+pub use error::{Exit, Error, ErrorKind, Result};
 pub use output::Output;
 
 use cli::Verb;
@@ -45,7 +45,7 @@ pub async fn run(cli: Cli) -> Exit {
         Ok(exit) => exit,
         Err(failure) => {
             out.failure(&failure);
-            failure.kind.exit()
+            Exit::from(failure.kind)
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Maps from files: as map_server writes them, or drawn from a world.
 
-use crate::error::{Failure, Kind, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use robot_agent::files::{self, FileError};
 use std::path::Path;
 use xtb_nav::Map;
@@ -11,9 +11,9 @@ use xtb_sim::World;
 /// Reads a map (YAML and image) or draws a world (TOML) in cells of `resolution_m`.
 ///
 /// # Errors
-/// [`Kind::Config`]: a file cannot be read, or is no map and no world.
+/// [`ErrorKind::Config`]: a file cannot be read, or is no map and no world.
 pub(crate) fn read(path: &Path, resolution_m: f64) -> Result<Map> {
-    let broken = |reason: String| Failure::new(Kind::Config, format!("{}: {reason}", path.display()));
+    let broken = |reason: String| Error::new(ErrorKind::Config, format!("{}: {reason}", path.display()));
     let text = files::text(path, files::MAX_TEXT).map_err(|error| unreadable(path, &error))?;
     let named = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     match named {
@@ -46,7 +46,7 @@ pub(crate) fn named_by_file(world: World, path: &Path) -> World {
     }
 }
 
-fn unreadable(path: &Path, error: &FileError) -> Failure {
-    Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
+fn unreadable(path: &Path, error: &FileError) -> Error {
+    Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display()))
         .hint("a map is a YAML file and the image named in it; worlds/ has worlds")
 }

@@ -5,7 +5,7 @@
 //! ([`xtb_protocol::text`]); this holds for the system's words and whatever else ends up here.
 
 use crate::cli::ColorChoice;
-use crate::error::{Failure, Kind, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::io::{IsTerminal, Write};
@@ -74,7 +74,7 @@ pub(crate) fn safe(text: &str) -> Cow<'_, str> {
 /// A line of JSON without any control character, inside its strings either.
 pub(crate) fn json_line(value: &impl Serialize) -> Result<String> {
     let line = serde_json::to_string(value)
-        .map_err(|error| Failure::new(Kind::Failed, format!("cannot write JSON: {error}")))?;
+        .map_err(|error| Error::new(ErrorKind::Failed, format!("cannot write JSON: {error}")))?;
     Ok(text::escaped_json(&line).into_owned())
 }
 
@@ -127,7 +127,7 @@ impl Output {
     /// One or more lines of text on standard output.
     ///
     /// # Errors
-    /// [`Kind::PipeClosed`], or the system's words.
+    /// [`ErrorKind::PipeClosed`], or the system's words.
     pub fn text(&self, text: &str) -> Result<()> {
         let mut out = std::io::stdout().lock();
         writeln!(out, "{}", safe(text.trim_end_matches('\n')))?;
@@ -137,7 +137,7 @@ impl Output {
     /// One line of JSON on standard output.
     ///
     /// # Errors
-    /// [`Kind::PipeClosed`], or the system's words.
+    /// [`ErrorKind::PipeClosed`], or the system's words.
     pub fn line(&self, value: &impl Serialize) -> Result<()> {
         self.text(&json_line(value)?)
     }
@@ -145,7 +145,7 @@ impl Output {
     /// The result: `value` as a line of JSON, or what `text` makes of it.
     ///
     /// # Errors
-    /// [`Kind::PipeClosed`], or the system's words.
+    /// [`ErrorKind::PipeClosed`], or the system's words.
     pub fn result<T: Serialize>(&self, value: &T, text: impl FnOnce(&T) -> String) -> Result<()> {
         if self.json { self.line(value) } else { self.text(&text(value)) }
     }
@@ -157,9 +157,9 @@ impl Output {
 
     /// Says what went wrong: one JSON line on standard output, or `error:` and `hint:` on standard
     /// error.
-    pub fn failure(&self, failure: &Failure) {
-        let Failure { kind, message, hint } = failure;
-        if *kind == Kind::PipeClosed {
+    pub fn failure(&self, failure: &Error) {
+        let Error { kind, message, hint } = failure;
+        if *kind == ErrorKind::PipeClosed {
             return;
         }
         if self.json {

@@ -1,6 +1,6 @@
 //! The terminal as a live screen: raw mode, keys, repainting, and everything put back at the end.
 
-use crate::error::Result;
+use xtb_client::Result;
 use crate::output::safe;
 use crossterm::event::{
     self, DisableFocusChange, EnableFocusChange, Event, KeyCode, KeyEvent, KeyModifiers,

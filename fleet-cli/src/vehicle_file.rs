@@ -1,6 +1,6 @@
 //! Vehicle settings in a file of their own: what a robot's config has under `[vehicle]`, without that prefix.
 
-use crate::error::{Failure, Kind, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use robot_agent::files;
 use std::path::Path;
 use xtb_control::VehicleConfig;
@@ -8,10 +8,10 @@ use xtb_control::VehicleConfig;
 /// Reads and checks one; what it does not say is as on an XTB.
 ///
 /// # Errors
-/// [`Kind::Config`]: no such file, no such setting, or one that is impossible.
+/// [`ErrorKind::Config`]: no such file, no such setting, or one that is impossible.
 pub fn read(path: &Path) -> Result<VehicleConfig> {
     let invalid = |reason: &dyn std::fmt::Display| {
-        Failure::new(Kind::Config, format!("{}: {reason}", path.display())).hint(
+        Error::new(ErrorKind::Config, format!("{}: {reason}", path.display())).hint(
             "the settings are listed under [vehicle] in `robot-agent --print-config`: [geometry], \
                    [steering], …",
         )
@@ -47,7 +47,7 @@ mod tests {
         ] {
             std::fs::write(&path, text).unwrap();
             let failure = read(&path).unwrap_err();
-            assert!(failure.kind == Kind::Config && failure.message.contains(word), "{failure:?}");
+            assert!(failure.kind == ErrorKind::Config && failure.message.contains(word), "{failure:?}");
         }
     }
 }

@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
-use fleet_cli::services::dispatch::store::Store;
-use fleet_cli::services::ledger::{Fault, Ledger, Recovered, Writer, read};
+use xtb_services::dispatch::store::Store;
+use xtb_services::ledger::{Fault, Ledger, Recovered, Writer, read};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::fs;

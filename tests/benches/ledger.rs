@@ -4,7 +4,7 @@
 //! that the ratio does not depend on the machine. A submitter sends the next record when the last one is
 //! on the disk; plain SQLite has one connection that its submitters take in turns, a commit a record.
 
-use fleet_cli::services::ledger::{Ledger, QUEUE, Writer};
+use xtb_services::ledger::{Ledger, QUEUE, Writer};
 use rusqlite::{Connection, params};
 use serde_json::{Value, json};
 use std::path::Path;

@@ -21,7 +21,7 @@ pub use pilot::Pilot;
 pub use probe::Probe;
 pub use rig::{Rig, Trial};
 
-use fleet_cli::simulator::{Plan, Simulator};
+use xtb_simulator::{Plan, Simulator};
 use robot_agent::config::AgentConfig;
 use std::collections::BTreeMap;
 use std::future::Future;

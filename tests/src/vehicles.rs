@@ -1,7 +1,7 @@
 //! Robots of three kinds under traffic control, goal after goal, and what came of it by ground truth.
 
 use crate::{Fleet, Setup, name};
-use fleet_cli::services::traffic::TrafficService;
+use xtb_services::traffic::TrafficService;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;

@@ -1,7 +1,7 @@
 //! What is wrong with a command line: clap's words, a tip where they leave the way out unsaid, and the
 //! same as a failure of ours for `--json`.
 
-use crate::error::{Failure, Kind};
+use xtb_client::{Error, ErrorKind};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// How clap calls an argument that `--all` can stand for, behind the name of the other one.
@@ -23,11 +23,11 @@ pub(super) fn with_tip(mut error: clap::Error) -> clap::Error {
 
 /// The same without the lines that only help in a terminal: what is wrong, and clap's tip as the hint.
 #[must_use]
-pub fn failure(error: &clap::Error) -> Failure {
+pub fn failure(error: &clap::Error) -> Error {
     let text = error.to_string();
     let in_one_line = |lines: &str| lines.split_whitespace().collect::<Vec<_>>().join(" ");
     let message = in_one_line(text.split("\n\n").next().unwrap_or_default());
     let message = message.strip_prefix("error: ").unwrap_or(&message);
     let tip = text.lines().find_map(|line| line.trim_start().strip_prefix("tip: "));
-    Failure::new(Kind::Usage, message).hint(tip.unwrap_or("fleet-cli --help lists commands and options"))
+    Error::new(ErrorKind::Invalid, message).hint(tip.unwrap_or("fleet-cli --help lists commands and options"))
 }

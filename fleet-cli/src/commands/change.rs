@@ -1,14 +1,60 @@
 //! `cancel`, `pause`, `resume` and `retry`: answered when robots have confirmed.
 
-use crate::cli::{CancelArgs, PauseArgs, ResumeArgs, RetryArgs};
+use clap::{ArgGroup, Args};
 use crate::commands::dispatcher;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::text::reasons;
 use crate::text::task::tone;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::{Changes, worst};
-use xtb_protocol::messages::{DispatchBody, TaskChange};
+use xtb_protocol::messages::{DispatchBody, TaskChange, TaskId};
+
+const CANCEL_HELP: &str = "\
+The answer comes when the robot has confirmed that it has ended the task. If that takes more than 5 s, the \
+command says so and ends with exit code 3; the dispatcher keeps trying.
+
+Example: fleet-cli cancel t17 t18";
+
+/// Arguments of `cancel`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = CANCEL_HELP, group = ArgGroup::new("which").args(["tasks", "all"]).required(true))]
+pub struct CancelArgs {
+    /// Tasks, such as t17.
+    #[arg(value_name = "TASK")]
+    pub tasks: Vec<TaskId>,
+    /// All tasks that have not ended.
+    #[arg(long)]
+    pub all: bool,
+}
+
+/// Arguments of `pause`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "The robots stop and are free for other tasks. Example: fleet-cli pause t17")]
+pub struct PauseArgs {
+    /// Tasks, such as t17.
+    #[arg(value_name = "TASK", required = true)]
+    pub tasks: Vec<TaskId>,
+}
+
+/// Arguments of `resume`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "The tasks continue at their last point. Example: fleet-cli resume t17")]
+pub struct ResumeArgs {
+    /// Tasks, such as t17.
+    #[arg(value_name = "TASK", required = true)]
+    pub tasks: Vec<TaskId>,
+}
+
+/// Arguments of `retry`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "The tasks continue at their last point. Example: fleet-cli retry t17")]
+pub struct RetryArgs {
+    /// Failed or cancelled tasks, such as t17.
+    #[arg(value_name = "TASK", required = true)]
+    pub tasks: Vec<TaskId>,
+}
 
 /// Ends tasks.
 ///
@@ -67,13 +113,13 @@ fn report(ctx: &Context, changes: &[TaskChange]) -> Result<Exit> {
         if ctx.out.json {
             ctx.out.line(change)?;
         } else if let Some(error) = &change.error {
-            ctx.out.failure(&Failure::from(error.clone()));
+            ctx.out.failure(&Error::from(error.clone()));
         } else if let Some(state) = change.state {
             let state = ctx.out.paint(tone(state), &reasons::name(&state));
             ctx.out.text(&format!("{} {state}", change.id))?;
         }
     }
-    Ok(worst(changes).map_or(Exit::Done, |error| Kind::NotDispatched(error.code).exit()))
+    Ok(worst(changes).map_or(Exit::Done, |error| ErrorKind::NotDispatched(error.code).exit()))
 }
 
 #[cfg(test)]

@@ -1,10 +1,19 @@
 //! `completions`: scripts for shells.
 
-use crate::cli::{Cli, CompletionsArgs};
-use crate::error::{Exit, Result};
-use crate::output::Output;
-use clap::CommandFactory;
+use clap::{Args, CommandFactory};
 use clap_complete::Shell;
+use crate::cli::Cli;
+use crate::exit::Exit;
+use xtb_client::Result;
+use crate::output::Output;
+
+/// Arguments of `completions`.
+#[derive(Debug, Clone, Args)]
+pub struct CompletionsArgs {
+    /// Shell.
+    #[arg(value_name = "SHELL")]
+    pub shell: clap_complete::Shell,
+}
 
 /// Robots and tasks that there are now, beside what clap knows.
 const LIVE_BASH: &str = r#"

@@ -3,21 +3,81 @@
 pub(crate) mod execute;
 pub(crate) mod teleop_session;
 
-use crate::cli::DashboardArgs;
+use clap::Args;
 use crate::context::Context;
-use crate::dashboard::{Running, Settings, Shown};
-use crate::error::{Exit, Failure, Result};
+use xtb_dashboard::{Origin, Running, Settings, Shown};
+use crate::exit::Exit;
+use xtb_client::{Error, Result};
 use crate::interrupt::interrupted;
 use crate::recording::playback_worker::PlaybackWorker;
-use crate::scene::live::{Live, Wanted};
+use xtb_client::scene::live::{Live, Wanted};
 use serde::Serialize;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::MissedTickBehavior;
 use xtb_client::client::Client;
 use xtb_client::subscription::Subscriptions;
+
+const DASHBOARD_HELP: &str = "\
+Any address other than 127.0.0.1 needs a token: everyone with access can drive robots. The connection is not \
+encrypted; to encrypt it, use a proxy with TLS (--allow-origin gives its address).
+
+Examples:
+  fleet-cli dashboard
+  fleet-cli dashboard --listen 0.0.0.0:8080 --token \"$(openssl rand -hex 16)\"
+  fleet-cli dashboard --allow-origin https://fleet.example";
+
+/// Arguments of `dashboard`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = DASHBOARD_HELP)]
+pub struct DashboardArgs {
+    /// Address to listen on; port 0 picks a free port.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8080", value_parser = address)]
+    pub listen: SocketAddr,
+    /// Access token (at least 16 characters). Safer in the environment, where other users cannot see it.
+    #[arg(long, env = "XTB_DASHBOARD_TOKEN", value_name = "TOKEN", hide_env_values = true)]
+    pub token: Option<String>,
+    /// View only: no page can send commands.
+    #[arg(long)]
+    pub read_only: bool,
+    /// Address of the page as browsers see it, such as behind a proxy; for several, repeat it.
+    #[arg(long, value_name = "URL")]
+    pub allow_origin: Vec<Origin>,
+    /// Address of a proxy on another machine: the limit on connections per address does not apply to it; for
+    /// several, repeat it.
+    #[arg(long, value_name = "IP")]
+    pub proxy: Vec<IpAddr>,
+    /// Maximum frames per second.
+    #[arg(long, value_name = "HZ", default_value_t = HZ, value_parser = rate)]
+    pub hz: f64,
+    /// Also serve the live scene for the Foxglove app [default: 127.0.0.1:8765].
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
+    pub foxglove: Option<SocketAddr>,
+}
+
+/// Times a second that a page gets a frame, if nobody says otherwise.
+const HZ: f64 = 20.0;
+
+impl DashboardArgs {
+    /// Everything as it is by default, but for the address.
+    #[must_use]
+    pub fn at(listen: SocketAddr) -> Self {
+        let (allow_origin, proxy) = (Vec::new(), Vec::new());
+        Self { listen, token: None, read_only: false, allow_origin, proxy, hz: HZ, foxglove: None }
+    }
+}
+
+pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
+    let numbers = text.replacen("localhost:", "127.0.0.1:", 1);
+    numbers.parse().map_err(|_| "expected IP:PORT, such as 127.0.0.1:8080 or 0.0.0.0:8080".to_owned())
+}
+
+/// Driving by hand needs a picture that is not older than 300 ms.
+fn rate(text: &str) -> Result<f64, String> {
+    super::values::number(text, 5.0, 20.0, "Hz")
+}
 
 #[cfg(feature = "foxglove")]
 type Foxglove = crate::foxglove::Handle;
@@ -55,7 +115,7 @@ pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
         let shown = Shown { scene: Arc::clone(&live.scene), commands: Some((ctx.clone(), client.clone())) };
         let foxglove = foxglove(ctx, args, &live).await?;
         let running = Running::start(settings, shown).await?;
-        Ok::<_, Failure>((client, live, running, foxglove))
+        Ok::<_, Error>((client, live, running, foxglove))
     };
     let (client, live, running, foxglove) = tokio::select! {
         started = starting => started?,
@@ -138,7 +198,7 @@ async fn foxglove(ctx: &Context, args: &DashboardArgs, live: &Live) -> Result<Op
 async fn foxglove(_: &Context, args: &DashboardArgs, _: &Live) -> Result<Option<Foxglove>> {
     match args.foxglove {
         None => Ok(None),
-        Some(_) => Err(Failure::new(crate::Kind::Usage, "this fleet-cli was built without Foxglove")
+        Some(_) => Err(Error::new(xtb_client::ErrorKind::Invalid, "this fleet-cli was built without Foxglove")
             .hint("build it with `cargo build --release -p fleet-cli --features foxglove`")),
     }
 }

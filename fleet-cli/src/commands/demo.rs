@@ -3,14 +3,16 @@
 //! Nothing is special about it: a simulator with its own router, and a client that sends goals as
 //! `goto --wait` does.
 
-use crate::cli::DemoArgs;
+use clap::Args;
+use crate::commands::play::speed;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::Tone;
-use crate::services::dispatch::embedded::Beside;
-use crate::services::dispatch::store::{Scratch, Store};
-use crate::simulator::{Plan, Simulator};
+use xtb_services::dispatch::embedded::Beside;
+use xtb_services::dispatch::store::{Scratch, Store};
+use xtb_simulator::{Plan, Simulator};
 use crate::table::{Cell, Table};
 use crate::tui::picture::{Picture, Scene};
 use serde::Serialize;
@@ -21,9 +23,32 @@ use xtb_client::client::Client;
 use xtb_client::control::Control;
 use xtb_client::state_feed::StateFeed;
 use xtb_control::frames::MapPose;
-use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Roster};
 use xtb_protocol::{Name, Uuid};
+use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Roster};
 use xtb_sim::fixes::FixTruth;
+
+/// Arguments of `demo`.
+#[derive(Debug, Clone, Args)]
+pub struct DemoArgs {
+    /// No live picture.
+    #[arg(long)]
+    pub headless: bool,
+    /// Number of robots.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub robots: usize,
+    /// Random seed.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// Speed factor relative to real time.
+    #[arg(long, value_name = "X", default_value_t = 4.0)]
+    pub speed: f64,
+    /// Goals per robot.
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    pub goals: usize,
+    /// Endpoint of its router; port 0 picks a free port.
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:0")]
+    pub listen: String,
+}
 
 /// A goal that takes longer than this much simulated time has failed.
 const GOAL_WITHIN_S: f64 = 240.0;
@@ -59,7 +84,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
     let began = Instant::now();
     if args.goals == 0 {
         return Err(
-            Failure::new(Kind::Usage, "a demonstration needs goals").hint("--goals must be 1 or more")
+            Error::new(ErrorKind::Invalid, "a demonstration needs goals").hint("--goals must be 1 or more")
         );
     }
     let plan = Plan {
@@ -132,7 +157,7 @@ async fn drive(ctx: &Context, args: &DemoArgs, simulator: &Simulator) -> Result<
         tokio::select! {
             finished = tours.join_next() => match finished {
                 Some(Ok(tour)) => legs.extend(tour?),
-                Some(Err(panic)) => return Err(Failure::new(Kind::Failed, panic.to_string())),
+                Some(Err(panic)) => return Err(Error::new(ErrorKind::Failed, panic.to_string())),
                 None => break,
             },
             _ = tick.tick(), if picture.is_some() => {
@@ -185,7 +210,7 @@ fn round(value: f64) -> f64 {
 struct Tour {
     client: Client,
     feed: Arc<StateFeed>,
-    truth: crate::simulator::TruthView,
+    truth: xtb_simulator::TruthView,
     robot: Name,
 }
 

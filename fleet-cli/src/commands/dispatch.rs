@@ -11,11 +11,70 @@ mod status;
 mod submit;
 mod wait;
 
-use crate::cli::{DispatchArgs, DispatchVerb};
+use clap::{Args, Subcommand};
+use crate::commands::dispatch::compact::DispatchCompactArgs;
+use crate::commands::dispatch::export::DispatchExportArgs;
+use crate::commands::dispatch::serve::DispatchServeArgs;
+use crate::commands::dispatch::submit::{TaskGotoArgs, TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs};
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use robot_agent::files;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+const ACTIVATE_HELP: &str = "\
+An emergency stop of all robots suspends the dispatcher, so that the first reset does not set the fleet in \
+motion. It keeps its tasks and accepts new ones, but assigns none until it is activated. Robots that are \
+still latched get tasks when they are reset.";
+
+const ADOPT_HELP: &str = "\
+A task belongs to the map that the fleet used when it was submitted. While the fleet uses a map with another \
+name, such tasks are suspended. Adopted tasks that the new map makes unreachable fail, with the reason.";
+
+/// Arguments of `dispatch`.
+#[derive(Debug, Clone, Args)]
+pub struct DispatchArgs {
+    /// What to do.
+    #[command(subcommand)]
+    pub verb: DispatchVerb,
+}
+
+/// What to do about dispatch.
+#[derive(Debug, Clone, Subcommand)]
+pub enum DispatchVerb {
+    /// Accept tasks for the fleet and assign them to its robots until Ctrl-C.
+    Serve(DispatchServeArgs),
+    /// Submit a task: a robot drives to a point.
+    Goto(TaskGotoArgs),
+    /// Submit a task: a robot drives along points.
+    Route(TaskRouteArgs),
+    /// Submit a task: a robot drives along points repeatedly.
+    Patrol(TaskPatrolArgs),
+    /// Submit a task: a robot wanders.
+    Wander(TaskWanderArgs),
+    /// Submit the tasks in a file, all or none.
+    Submit(TaskSubmitArgs),
+    /// Show the dispatcher's state: ledger, map, tasks, and what is suspended.
+    Status,
+    /// Assign tasks again after an emergency stop of all robots.
+    #[command(after_help = ACTIVATE_HELP)]
+    Activate,
+    /// Adopt the tasks of other maps for the fleet's current map.
+    #[command(after_help = ADOPT_HELP)]
+    Adopt,
+    /// Replace the ledger's records by one snapshot; no dispatcher may be running.
+    Compact(DispatchCompactArgs),
+    /// Print a ledger's records, also while a dispatcher runs or from a damaged ledger.
+    Export(DispatchExportArgs),
+}
+
+/// Which ledger.
+#[derive(Debug, Clone, Default, Args)]
+pub struct LedgerArgs {
+    /// Ledger [default: FLEET.ledger in $XDG_DATA_HOME/xtb or ~/.local/share/xtb].
+    #[arg(long, value_name = "FILE")]
+    pub ledger: Option<PathBuf>,
+}
 
 /// Carries out one of its verbs.
 ///
@@ -40,8 +99,8 @@ pub async fn run(ctx: &Context, args: &DispatchArgs) -> Result<Exit> {
 /// A text file.
 ///
 /// # Errors
-/// [`Kind::Config`]: it cannot be read, or is too long.
+/// [`ErrorKind::Config`]: it cannot be read, or is too long.
 fn text(path: &Path, max_bytes: usize) -> Result<String> {
     files::text(path, max_bytes)
-        .map_err(|error| Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display())))
+        .map_err(|error| Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display())))
 }

@@ -7,12 +7,13 @@ mod finding;
 mod fixes;
 mod services;
 
-use crate::cli::DoctorArgs;
-use crate::context::Context;
-use crate::error::{Exit, Result};
-use crate::output::{Output, Tone};
 use checks::Facts;
+use clap::Args;
 use clock::Mark;
+use crate::context::Context;
+use crate::exit::Exit;
+use xtb_client::Result;
+use crate::output::{Output, Tone};
 use finding::{Finding, Level};
 use fixes::FixBook;
 use serde::Serialize;
@@ -24,9 +25,17 @@ use xtb_bus::{Incoming, Subscription};
 use xtb_client::ErrorKind;
 use xtb_client::client::{Client, Seen};
 use xtb_client::state_feed::StateFeed;
+use xtb_protocol::{Name, Uuid};
 use xtb_protocol::keys::{Key, RobotKeys};
 use xtb_protocol::messages::{About, Body, Fix, Request, RobotState};
-use xtb_protocol::{Name, Uuid};
+
+/// Arguments of `doctor`.
+#[derive(Debug, Clone, Args)]
+pub struct DoctorArgs {
+    /// Expected robots, separated by commas [default: the roster of the config or the simulator].
+    #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot)]
+    pub expect: Vec<Name>,
+}
 
 /// Clocks are compared for this long at least; again while they seem to differ, which a busy network
 /// can feign.

@@ -1,12 +1,30 @@
 //! `estop`: robots stand, latched, until somebody resets them.
 
-use super::stopped;
-use crate::cli::EstopArgs;
+use clap::Args;
+use crate::cli::args::WhoArgs;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
+use super::stopped;
 use xtb_client::DispatcherClient;
 use xtb_client::client::Client;
 use xtb_client::estop::estop;
+
+const ESTOP_HELP: &str = "\
+The stop is sent repeatedly until each robot has acknowledged it or --timeout has passed. Exit code 0 means \
+that every robot of the roster has acknowledged; without a roster that cannot be confirmed, and it is 3.
+
+This is not a safety-rated stop: it needs the radio link, the robot's computer and this program. Keep a \
+switch for the motor's power within reach.";
+
+/// Arguments of `estop`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = ESTOP_HELP)]
+pub struct EstopArgs {
+    /// Which robots.
+    #[command(flatten)]
+    pub who: WhoArgs,
+}
 
 /// Stops the robots named, or all of the roster and whoever else is there, and latches that.
 ///

@@ -1,16 +1,35 @@
 //! `export`: a recording of the fleet as tables, one for each type of message.
 
-use crate::cli::ExportArgs;
+use clap::{ArgGroup, Args};
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::recording::playback_worker::not_readable;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::fs::{File, self};
+use std::io::{BufWriter, Write, self};
 use std::path::{Path, PathBuf};
-use xtb_recording::fleet::table::Table;
 use xtb_recording::fleet::{reader, schemas};
+use xtb_recording::fleet::table::Table;
+
+/// Arguments of `export`.
+#[derive(Debug, Clone, Args)]
+#[command(group = ArgGroup::new("format").required(true))]
+pub struct ExportArgs {
+    /// File written by `record`.
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// Write one table (CSV) for each message type: RobotState.csv …
+    #[arg(long, group = "format")]
+    pub csv: bool,
+    /// Folder for the tables [default: FILE without its extension].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Overwrite existing tables.
+    #[arg(long)]
+    pub force: bool,
+}
 
 #[derive(Debug, Serialize)]
 struct Exported {
@@ -77,13 +96,13 @@ fn begin(path: &Path, table: Table, force: bool) -> io::Result<Sheet> {
     Ok(Sheet { path: path.to_owned(), table, file, rows: 0 })
 }
 
-fn cannot_write(path: &Path, error: &io::Error) -> Failure {
+fn cannot_write(path: &Path, error: &io::Error) -> Error {
     match error.kind() {
         io::ErrorKind::AlreadyExists => {
-            Failure::new(Kind::Usage, format!("{} already exists", path.display()))
+            Error::new(ErrorKind::Invalid, format!("{} already exists", path.display()))
                 .hint("choose another folder with --out, or overwrite it with --force")
         }
-        _ => Failure::new(Kind::Failed, format!("cannot write {}: {error}", path.display())),
+        _ => Error::new(ErrorKind::Failed, format!("cannot write {}: {error}", path.display())),
     }
 }
 

@@ -3,9 +3,10 @@
 
 mod fetch;
 
-use crate::cli::FetchLogArgs;
+use clap::Args;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
@@ -22,6 +23,35 @@ use xtb_protocol::Name;
 use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{LogCode, LogFile, LogReply, LogRequest, MAX_PIECE, RecordingName};
 use xtb_protocol::wire::CodecError;
+
+const HELP: &str = "\
+Data received so far is kept in FILE.part; the same command resumes an interrupted download.
+
+Examples:
+  fleet-cli fetch-log xtb-1 --list
+  fleet-cli fetch-log xtb-1                     # the newest recording
+  robot-agent replay xtb-1-20041201T120000Z.mcap";
+
+/// Arguments of `fetch-log`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = HELP)]
+pub struct FetchLogArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// Recording, as listed by `--list` [default: the newest].
+    #[arg(value_name = "RECORDING")]
+    pub file: Option<String>,
+    /// List the robot's recordings.
+    #[arg(long, conflicts_with_all = ["file", "out", "restart"])]
+    pub list: bool,
+    /// Output file [default: the recording's name, in this folder].
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Download from the start, even if part of it is here already.
+    #[arg(long)]
+    pub restart: bool,
+}
 
 /// A question that was not answered is asked again after this.
 const ASK_AGAIN: Duration = Duration::from_millis(1000);
@@ -63,7 +93,7 @@ pub async fn run(ctx: &Context, args: &FetchLogArgs) -> Result<Exit> {
     let fetching = fetch_all(ctx, &client, &args.robot, chosen, &mut part);
     let ended = tokio::select! {
         ended = fetching => ended,
-        () = interrupted() => Err(Failure::new(Kind::Interrupted, "interrupted")),
+        () = interrupted() => Err(Error::new(ErrorKind::Interrupted, "interrupted")),
     };
     let bytes = match ended {
         Ok(bytes) => bytes,
@@ -117,7 +147,7 @@ fn choose<'a>(robot: &Name, files: &'a [LogFile], named: Option<&str>) -> Result
             Some(name) => format!("{robot} has no recording {name}"),
             None => format!("{robot} has no recordings"),
         };
-        Failure::new(Kind::Failed, message)
+        Error::new(ErrorKind::Failed, message)
             .hint(format!("`fleet-cli fetch-log {robot} --list` lists its recordings"))
     })
 }
@@ -127,7 +157,7 @@ fn own_recording(robot: &Name, file: &str) -> Result<RecordingName> {
     let named = RecordingName::parse(file).filter(|name| name.robot() == robot);
     named.ok_or_else(|| {
         let message = format!("{robot} lists {file:?}, which is not a recording of {robot}");
-        Failure::new(Kind::Failed, message)
+        Error::new(ErrorKind::Failed, message)
             .hint(format!("another program may be answering for {robot}: check with `fleet-cli doctor`"))
     })
 }
@@ -149,7 +179,7 @@ async fn fetch_all(
             other => return Err(refused(robot, &other)),
         };
         let data = data.map_err(|error| {
-            Failure::new(Kind::Failed, error.to_string()).hint(
+            Error::new(ErrorKind::Failed, error.to_string()).hint(
                 "start over with \
                 --restart",
             )
@@ -204,24 +234,24 @@ async fn ask(ctx: &Context, client: &Client, robot: &Name, request: &LogRequest)
         tokio::time::sleep(TURNED_AWAY).await;
         if began.elapsed() >= PATIENCE.max(ctx.settings.timeout) {
             let message = format!("{robot} does not answer ({asked} requests)");
-            return Err(Failure::new(Kind::NoRobot, message)
+            return Err(Error::new(ErrorKind::NoRobot, message)
                 .hint("`fleet-cli list` shows the robots present; older agents cannot send recordings"));
         }
     }
 }
 
-fn not_ours(robot: &Name, error: &CodecError) -> Failure {
+fn not_ours(robot: &Name, error: &CodecError) -> Error {
     let message = format!("unreadable answer from {robot} about its recordings: {error}");
-    Failure::new(Kind::Failed, message).hint(match error {
+    Error::new(ErrorKind::Failed, message).hint(match error {
         CodecError::WrongVersion { .. } => "use programs of the same release on both sides".to_owned(),
         _ => format!("another program may be answering for {robot}: check with `fleet-cli doctor`"),
     })
 }
 
-fn refused(robot: &Name, reply: &LogReply) -> Failure {
+fn refused(robot: &Name, reply: &LogReply) -> Error {
     match reply {
         LogReply::Error { code, message } => {
-            let failure = Failure::new(Kind::Failed, format!("{robot}: {message}"));
+            let failure = Error::new(ErrorKind::Failed, format!("{robot}: {message}"));
             match code {
                 LogCode::NotRecording => failure.hint("start it with `robot-agent --record DIR`"),
                 LogCode::UnknownFile => {
@@ -230,11 +260,11 @@ fn refused(robot: &Name, reply: &LogReply) -> Failure {
                 _ => failure,
             }
         }
-        other => Failure::new(Kind::Failed, format!("unexpected answer from {robot}: {other:?}")),
+        other => Error::new(ErrorKind::Failed, format!("unexpected answer from {robot}: {other:?}")),
     }
 }
 
-fn with_hint(failure: Failure, part: &Part) -> Failure {
+fn with_hint(failure: Error, part: &Part) -> Error {
     if !failure.hint.is_empty() || part.bytes == 0 {
         return failure;
     }
@@ -258,13 +288,13 @@ impl Part {
     fn open(path: &Path, restart: bool) -> Result<Self> {
         if path.exists() {
             let message = format!("{} already exists", path.display());
-            return Err(Failure::new(Kind::Failed, message).hint("choose another file with --out"));
+            return Err(Error::new(ErrorKind::Failed, message).hint("choose another file with --out"));
         }
         let mut name = path.as_os_str().to_owned();
         name.push(".part");
         let part = PathBuf::from(name);
         let failed =
-            |error: std::io::Error| Failure::new(Kind::Failed, format!("{}: {error}", part.display()));
+            |error: std::io::Error| Error::new(ErrorKind::Failed, format!("{}: {error}", part.display()));
         let mut options = OpenOptions::new();
         let options = options.read(true).write(true).create(true).truncate(restart);
         let mut file = options.open(&part).map_err(failed)?;
@@ -293,7 +323,7 @@ impl Part {
         done.map_err(|error| self.failed(&error))
     }
 
-    fn failed(&self, error: &std::io::Error) -> Failure {
-        Failure::new(Kind::Failed, format!("{}: {error}", self.path.display()))
+    fn failed(&self, error: &std::io::Error) -> Error {
+        Error::new(ErrorKind::Failed, format!("{}: {error}", self.path.display()))
     }
 }

@@ -6,7 +6,8 @@ pub(super) use task::Task;
 
 use super::take_control;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::Progress;
 use crate::text::reasons;
@@ -40,13 +41,13 @@ pub(super) async fn run(ctx: &Context, task: &Task) -> Result<Exit> {
     let begun = async {
         let client = Client::open(&ctx.settings).await?;
         let control = take_control(ctx, &client, &task.robot, task.take).await?;
-        Ok::<_, Failure>((client, control))
+        Ok::<_, Error>((client, control))
     };
     let (client, control) = tokio::select! {
         begun = begun => begun?,
         () = &mut stop => {
             let message = format!("interrupted: no goal was sent to {}", task.robot);
-            return Err(Failure::new(Kind::Interrupted, message));
+            return Err(Error::new(ErrorKind::Interrupted, message));
         }
     };
     let exit = if task.wait {
@@ -70,7 +71,7 @@ async fn send(ctx: &Context, control: &Control, task: &Task, stop: impl Future<O
                 Cancelled::Ended => "goal cancelled",
                 Cancelled::NotRunning => "the goal is not running",
             };
-            return Err(Failure::new(Kind::Interrupted, format!("interrupted; {robot}: {how}")));
+            return Err(Error::new(ErrorKind::Interrupted, format!("interrupted; {robot}: {how}")));
         }
     }
     let report = Report {
@@ -124,7 +125,7 @@ async fn drive(
                 progress.end();
                 let failure = lost(control, watch.feed(), task).unwrap_or_else(|| unheard(&watch, task));
                 let message = format!("{}; goal {} had not ended before", failure.message, task.target);
-                return Err(Failure { message, ..failure });
+                return Err(Error { message, ..failure });
             }
             GoalStep::Unheard(_) => {
                 progress.end();
@@ -159,8 +160,8 @@ async fn cancelled(ctx: &Context, control: &Control, watch: &GoalWatch<'_>) -> R
         }
     };
     let failure = match tokio::time::timeout(ctx.settings.timeout, standing).await {
-        Ok(()) => Failure::new(Kind::Interrupted, format!("{robot} stopped: {how}")),
-        Err(_) => Failure::new(Kind::Interrupted, format!("{how}, but {robot} is not confirmed as stopped"))
+        Ok(()) => Error::new(ErrorKind::Interrupted, format!("{robot} stopped: {how}")),
+        Err(_) => Error::new(ErrorKind::Interrupted, format!("{how}, but {robot} is not confirmed as stopped"))
             .hint(stop_hint(robot)),
     };
     ctx.out.failure(&failure);
@@ -171,26 +172,26 @@ fn stands(state: &RobotState) -> bool {
     state.reference_rpm == 0.0 && state.speed_mps.is_some_and(|speed| speed.abs() < STANDING_MPS)
 }
 
-fn unheard(watch: &GoalWatch<'_>, task: &Task) -> Failure {
+fn unheard(watch: &GoalWatch<'_>, task: &Task) -> Error {
     let (age, goal) = (describe::age(watch.silent()), watch.goal());
     let message = format!("no message from {} for {age}: outcome of goal {goal} unknown", task.robot);
-    Failure::new(Kind::OutcomeUnknown, message).hint(unheard_hint(task))
+    Error::new(ErrorKind::OutcomeUnknown, message).hint(unheard_hint(task))
 }
 
 /// Who has control instead, if this client has lost it.
-fn lost(control: &Control, feed: &StateFeed, task: &Task) -> Option<Failure> {
-    let failure = Failure::from(control.lost()?);
+fn lost(control: &Control, feed: &StateFeed, task: &Task) -> Option<Error> {
+    let failure = Error::from(control.lost()?);
     Some(match control.taken_by(feed) {
-        Some(message) => Failure { kind: Kind::Refused(RejectCode::LeaseLost), message, ..failure },
+        Some(message) => Error { kind: ErrorKind::Refused(RejectCode::LeaseLost), message, ..failure },
         // Nobody took it: it ran out while the robot did not hear this client.
-        None => Failure { hint: gap_hint(task), ..failure },
+        None => Error { hint: gap_hint(task), ..failure },
     })
 }
 
-fn with_end(failure: Failure, task: &Task, end: &GoalEnd) -> Failure {
+fn with_end(failure: Error, task: &Task, end: &GoalEnd) -> Error {
     let reason = end.reason.as_ref().map(|reason| format!(" ({reason})")).unwrap_or_default();
     let status = reasons::name(&end.status);
-    Failure { message: format!("{}; goal {} {status}{reason}", failure.message, task.target), ..failure }
+    Error { message: format!("{}; goal {} {status}{reason}", failure.message, task.target), ..failure }
 }
 
 fn line(task: &Task, state: Option<&RobotState>, age: Duration, lease_lost: bool) -> String {
@@ -245,7 +246,7 @@ fn report(
         } else {
             hint(robot, end.status)
         };
-        ctx.out.failure(&Failure::new(Kind::Failed, message).hint(hint));
+        ctx.out.failure(&Error::new(ErrorKind::Failed, message).hint(hint));
     }
     Ok(if reached { Exit::Done } else { Exit::Failed })
 }
@@ -319,7 +320,7 @@ mod tests {
         };
         let (ended, ()) = tokio::join!(waiting, taking);
         let failure = ended.unwrap_err();
-        assert_eq!(failure.kind.exit(), Exit::Failed);
+        assert_eq!(Exit::from(failure.kind), Exit::Failed);
         assert!(failure.message.contains("xtb-1 is now controlled by cli-123456"), "{failure}");
         assert!(failure.hint.contains("--take"), "{}", failure.hint);
     }
@@ -355,7 +356,7 @@ mod tests {
         };
         let (ended, ()) = tokio::join!(waiting, gap);
         let failure = ended.unwrap_err();
-        assert_eq!(failure.kind.exit(), Exit::Failed);
+        assert_eq!(Exit::from(failure.kind), Exit::Failed);
         assert!(failure.hint.contains("--on-link-loss finish"), "{}", failure.hint);
         assert!(!failure.hint.contains("--take"), "{}", failure.hint);
     }

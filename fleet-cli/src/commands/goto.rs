@@ -1,10 +1,67 @@
 //! `goto`: send a robot to a point of the map.
 
-use super::goal::{self, Task};
-use crate::cli::GotoArgs;
+use clap::Args;
+use crate::cli::args::{LeaseArgs, LinkLossArg};
+use crate::cli::values::{degrees, metres, seconds};
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
+use std::time::Duration;
+use super::goal::{Task, self};
 use xtb_client::goal::GoalTarget;
+use xtb_protocol::Name;
+
+/// Arguments of `goto`.
+#[derive(Debug, Clone, Args)]
+#[command(allow_negative_numbers = true)]
+pub struct GotoArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// East, in m.
+    #[arg(value_name = "X", value_parser = metres)]
+    pub x_m: f64,
+    /// North, in m.
+    #[arg(value_name = "Y", value_parser = metres)]
+    pub y_m: f64,
+    /// Yaw on arrival, in degrees counter-clockwise from east; only along a planned path.
+    #[arg(long, value_name = "DEGREES", value_parser = degrees)]
+    pub yaw: Option<f64>,
+    /// Driving mode [default: planned if the robot has a map, else direct].
+    #[arg(long, value_enum)]
+    pub via: Option<ViaArg>,
+    /// Wait and show progress until the goal ends; Ctrl-C cancels it.
+    #[arg(long)]
+    pub wait: bool,
+    /// Time limit of the goal [default: 300 without --wait, none with it].
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub within: Option<Duration>,
+    /// What the robot does after 0.5 s without a message from this program: halt, or finish the goal
+    /// [default: halt with --wait, else finish].
+    #[arg(long, value_enum, value_name = "POLICY")]
+    pub on_link_loss: Option<LinkLossArg>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
+
+/// How a goal is driven to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum ViaArg {
+    /// Straight to the point (A-to-B of TM 2004-262); stops at obstacles.
+    Direct,
+    /// Along a planned path, around obstacles on the map and those that the range finders detect.
+    Planned,
+}
+
+impl From<ViaArg> for xtb_protocol::messages::Via {
+    fn from(via: ViaArg) -> Self {
+        match via {
+            ViaArg::Direct => Self::Direct,
+            ViaArg::Planned => Self::Planned,
+        }
+    }
+}
 
 /// Sends the goal; with `--wait` stays until it has ended.
 ///

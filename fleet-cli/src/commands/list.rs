@@ -1,19 +1,28 @@
 //! `list`: which robots are there, which are missing, and how they are.
 
-use crate::cli::ListArgs;
+use clap::Args;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
-use crate::text::reasons;
-use crate::text::robot::{self as describe, UNKNOWN};
-use crate::text::task as task_text;
+use crate::text::{reasons, task as task_text};
+use crate::text::robot::{UNKNOWN, self as describe};
 use serde::Serialize;
 use std::time::Duration;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
 use xtb_client::fleet_view::{FleetView, RobotView};
+use xtb_protocol::Name;
 use xtb_protocol::messages::{BatteryLevel, RobotState, Suspension};
+
+/// Arguments of `list`.
+#[derive(Debug, Clone, Args)]
+pub struct ListArgs {
+    /// Expected robots, separated by commas [default: the roster of the config or the simulator].
+    #[arg(long, value_name = "ROBOTS", value_delimiter = ',', value_parser = Name::robot)]
+    pub expect: Vec<Name>,
+}
 
 const HEADINGS: [&str; 9] = ["name", "mode", "stopped", "pose", "speed", "battery", "control", "goal", "age"];
 

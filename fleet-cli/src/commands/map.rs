@@ -6,11 +6,52 @@ mod picture;
 mod serve;
 mod show;
 
-use crate::cli::{MapArgs, MapVerb};
+use clap::{Args, Subcommand};
+use crate::cli::values::number;
+use crate::commands::map::check::MapCheckArgs;
+use crate::commands::map::import::MapImportArgs;
+use crate::commands::map::serve::MapServeArgs;
+use crate::commands::map::show::MapShowArgs;
+use crate::commands::record::size;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use crate::interrupt::or_interrupted;
-use xtb_nav::Map;
+use xtb_nav::{Grid, Map};
+use xtb_sim::CHART_RESOLUTION_M;
+
+/// Arguments of `map`.
+#[derive(Debug, Clone, Args)]
+pub struct MapArgs {
+    /// What to do with a map.
+    #[command(subcommand)]
+    pub verb: MapVerb,
+}
+
+/// What to do with a map.
+#[derive(Debug, Clone, Subcommand)]
+pub enum MapVerb {
+    /// Draw a map file or the fleet's map.
+    Show(MapShowArgs),
+    /// Check a map for problems.
+    Check(MapCheckArgs),
+    /// Write a world or a map as map_server files: YAML and PGM.
+    Import(MapImportArgs),
+    /// Publish a map to the fleet until Ctrl-C.
+    Serve(MapServeArgs),
+}
+
+/// How fine a world is drawn.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct ResolutionArgs {
+    /// Cell size for a world's map, in m; a map file has its own.
+    #[arg(long = "resolution", value_name = "M", default_value_t = CHART_RESOLUTION_M, value_parser = cell)]
+    pub resolution_m: f64,
+}
+
+fn cell(text: &str) -> Result<f64, String> {
+    number(text, *Grid::RESOLUTION_M.start(), *Grid::RESOLUTION_M.end(), "metres")
+}
 
 /// Carries out one of its verbs.
 ///

@@ -35,7 +35,7 @@ pub mod watch;
 pub mod why;
 
 use crate::context::Context;
-use crate::error::Result;
+use xtb_client::Result;
 use crate::output::Progress;
 use xtb_client::DispatcherClient;
 use xtb_client::client::Client;

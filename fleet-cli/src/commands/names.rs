@@ -1,11 +1,29 @@
 //! `names`: robots or tasks that there are, one a line, for completion scripts.
 
-use crate::cli::{NamesArgs, NamesOf};
+use clap::{Args, ValueEnum};
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use std::time::Duration;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
+
+/// Arguments of `names`.
+#[derive(Debug, Clone, Args)]
+pub struct NamesArgs {
+    /// ErrorKind of names.
+    #[arg(value_enum)]
+    pub of: NamesOf,
+}
+
+/// What has names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum NamesOf {
+    /// Robots present.
+    Robots,
+    /// Tasks of the dispatcher, newest first.
+    Tasks,
+}
 
 /// Nobody waits longer for a suggestion.
 const WITHIN: Duration = Duration::from_millis(700);

@@ -5,16 +5,53 @@ mod instance;
 mod race;
 mod schedule;
 
-use crate::cli::PlanArgs;
-use crate::error::{Exit, Failure, Kind, Result};
+use clap::Args;
+use crate::cli::values::seconds;
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::{Output, Progress};
 use instance::Instance;
 use race::Race;
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use xtb_traffic::solver::{Fault, ProblemError, Schedule, Unsolved};
+
+const PLAN_HELP: &str = "\
+An instance names a world file in the same folder, and robots with start and goal (x, y in m, yaw in rad):
+
+  world: lab.toml
+  agents:
+    - {name: xtb-1, start: [0, 0, 1.57], goal: [0, 6, 1.57]}
+  speed_m_s: 0.35     # default
+  clearance_m: 0.05   # default; between robots, and to walls
+  look_out_m: 0.27    # default; kept free in front of both bumpers
+
+The schedule has a row {x, y, yaw, t} for each step (t in s; in steps for CL-MAPF instances); between two \
+rows a robot drives one arc or waits. It is checked again before it is written. Exit code 1: no schedule was \
+found; the message names the robots that block each other.";
+
+/// Arguments of `plan`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = PLAN_HELP)]
+pub struct PlanArgs {
+    /// Instance to plan: a CL-MAPF instance, or a world with robots (YAML).
+    #[arg(value_name = "INSTANCE")]
+    pub instance: PathBuf,
+    /// Write the schedule (YAML) to this file.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Time limit, in s.
+    #[arg(long, value_name = "SECONDS", default_value = "20", value_parser = seconds)]
+    pub time_limit: Duration,
+    /// Draw the schedule (SVG) to this file.
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
+    /// Random seed.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+}
 
 /// Between two lines of progress.
 const PROGRESS_EVERY: Duration = Duration::from_millis(500);
@@ -90,7 +127,7 @@ async fn follow(
     }
 }
 
-fn explain(unsolved: Unsolved, instance: &Instance, args: &PlanArgs) -> Failure {
+fn explain(unsolved: Unsolved, instance: &Instance, args: &PlanArgs) -> Error {
     let unsolved = match unsolved {
         Unsolved::Problem(error) => Unsolved::Problem(instance.placed(error)),
         other => other,
@@ -99,21 +136,21 @@ fn explain(unsolved: Unsolved, instance: &Instance, args: &PlanArgs) -> Failure 
     let (kind, hint) = match unsolved {
         Unsolved::Problem(
             ProblemError::Value { .. } | ProblemError::TooMany(_) | ProblemError::SameName(_),
-        ) => (Kind::Config, "check the numbers and names of the instance"),
-        Unsolved::Problem(_) => (Kind::Failed, "no schedule can start or end there: move the start or goal"),
+        ) => (ErrorKind::Config, "check the numbers and names of the instance"),
+        Unsolved::Problem(_) => (ErrorKind::Failed, "no schedule can start or end there: move the start or goal"),
         Unsolved::NoWay { .. } => {
-            (Kind::Failed, "it is blocked, too wide, or its turning radius is too large")
+            (ErrorKind::Failed, "it is blocked, too wide, or its turning radius is too large")
         }
         Unsolved::OutOfBudget { .. } | Unsolved::NotBegun => {
-            (Kind::Failed, "a longer --time-limit or another --seed may help")
+            (ErrorKind::Failed, "a longer --time-limit or another --seed may help")
         }
     };
-    Failure::new(kind, format!("{place}: {unsolved}")).hint(hint)
+    Error::new(kind, format!("{place}: {unsolved}")).hint(hint)
 }
 
 /// What must never happen: nothing is written then.
-fn wrong(fault: &Fault) -> Failure {
-    Failure::new(Kind::Failed, format!("the schedule is invalid: {fault}; it was not written"))
+fn wrong(fault: &Fault) -> Error {
+    Error::new(ErrorKind::Failed, format!("the schedule is invalid: {fault}; it was not written"))
         .hint("this is a bug in fleet-cli; another --seed may help")
 }
 
@@ -129,5 +166,5 @@ fn statistics(instance: &Instance, schedule: &Schedule, begun: Instant) -> Stati
 
 fn write(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text)
-        .map_err(|error| Failure::new(Kind::Failed, format!("cannot write {}: {error}", path.display())))
+        .map_err(|error| Error::new(ErrorKind::Failed, format!("cannot write {}: {error}", path.display())))
 }

@@ -1,19 +1,52 @@
 //! `play`: a recording of the fleet again, as it happened.
 
-use crate::cli::PlayArgs;
+use clap::Args;
+use crate::cli::values::{number, part_of_a_day};
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use crate::interrupt::interrupted;
 use crate::recording::playback_worker::{PlaySettings, PlaybackWorker, not_readable};
 use serde::Serialize;
 use std::io::IsTerminal;
-use std::path::Path;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use xtb_client::messages::AnyMessage;
 use xtb_recording::fleet::drawing;
 use xtb_recording::fleet::player::{Move, Player};
-use xtb_recording::fleet::reader::{self, Reader};
+use xtb_recording::fleet::reader::{Reader, self};
+
+/// Arguments of `play`.
+#[derive(Debug, Clone, Args)]
+pub struct PlayArgs {
+    /// File written by `record`.
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// Playback speed factor.
+    #[arg(long, value_name = "X", default_value = "1", value_parser = speed)]
+    pub speed: f64,
+    /// Start at this time, in s after the first message.
+    #[arg(long, value_name = "SECONDS", default_value = "0", value_parser = part_of_a_day)]
+    pub from: f64,
+    /// Repeat from the start at the end.
+    #[arg(long = "loop")]
+    pub repeat: bool,
+    /// Show it in the cockpit (see `top`) [default on a terminal].
+    #[arg(long, group = "how")]
+    pub top: bool,
+    /// Print events as lines [default without a terminal].
+    #[arg(long, group = "how")]
+    pub lines: bool,
+    /// Show it in a browser, as `dashboard` does; on this computer only [default: 127.0.0.1:8080].
+    #[arg(long, value_name = "ADDRESS", group = "how", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = super::dashboard::address)]
+    pub dashboard: Option<SocketAddr>,
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    number(text, 0.01, 1000.0, "times")
+}
 
 /// Between two looks at what is due.
 const TICK: Duration = Duration::from_millis(20);

@@ -1,20 +1,71 @@
 //! `record`: what is said on the fleet's keys, into MCAP that Foxglove and Python open.
 
-use crate::cli::RecordArgs;
-use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
-use crate::interrupt::interrupted;
+use clap::Args;
 use crate::output;
+use crate::cli::values::{number, seconds};
+use crate::context::Context;
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
+use crate::interrupt::interrupted;
 use crate::recording::recorder_worker::{Progress, RecorderWorker};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
 use std::time::{Duration, Instant, SystemTime};
 use xtb_client::client::Client;
-use xtb_client::subscription::plan::Plan;
 use xtb_client::subscription::{Inlet, Subscriptions, not_a_key_expr};
+use xtb_client::subscription::plan::Plan;
 use xtb_recording::fleet::mcap_writer::McapSettings;
 use xtb_recording::fleet::recorder::Counts;
+
+/// Arguments of `record`.
+#[derive(Debug, Clone, Args)]
+pub struct RecordArgs {
+    /// Key expressions [default: all keys of the fleet].
+    #[arg(value_name = "KEYEXPR")]
+    pub key_exprs: Vec<String>,
+    /// First file; further files get -2, -3 … before the extension [default: FLEET-SECONDS.mcap in this
+    /// folder].
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Overwrite existing files.
+    #[arg(long)]
+    pub force: bool,
+    /// Start a new file when one reaches this size, such as 500MB or 1GiB.
+    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size)]
+    pub max_size: u64,
+    /// Chunk duration, 0.05 to 1 s: the most that is lost at a kill -9 or a power cut.
+    #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = chunk)]
+    pub chunk: Duration,
+    /// Stop after this time [default: at Ctrl-C].
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    pub lasting: Option<Duration>,
+}
+
+/// `500MB`, `1GiB`, or bytes.
+fn size(text: &str) -> Result<u64, String> {
+    const UNITS: [(&str, u64); 7] = [
+        ("KiB", 1 << 10),
+        ("MiB", 1 << 20),
+        ("GiB", 1 << 30),
+        ("kB", 1_000),
+        ("MB", 1_000_000),
+        ("GB", 1_000_000_000),
+        ("", 1),
+    ];
+    let wrong =
+        || format!("{text:?} is not a size: a number with B, kB, MB, GB, KiB, MiB or GiB, at least 64KiB");
+    let bare = text.strip_suffix('B').filter(|rest| rest.ends_with(|c: char| c.is_ascii_digit()));
+    let text = bare.unwrap_or(text);
+    let read = |(unit, bytes): (&str, u64)| {
+        text.strip_suffix(unit)?.trim_end().parse::<u64>().ok()?.checked_mul(bytes)
+    };
+    UNITS.into_iter().find_map(read).filter(|bytes| *bytes >= 64 << 10).ok_or_else(wrong)
+}
+
+fn chunk(text: &str) -> Result<Duration, String> {
+    number(text, 0.05, 1.0, "seconds").map(Duration::from_secs_f64)
+}
 
 const SHOW_EVERY: Duration = Duration::from_millis(500);
 
@@ -82,7 +133,7 @@ pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
     drop(sources);
     let finishing = tokio::task::spawn_blocking(|| writing.finish());
     let Progress { files, bytes, counts } =
-        finishing.await.map_err(|error| Failure::new(Kind::Failed, error.to_string()))??;
+        finishing.await.map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))??;
     client.close().await;
     ctx.out.result(&Ended { files, bytes, seconds, counts }, words)?;
     Ok(Exit::Done)

@@ -1,17 +1,37 @@
 //! `reset`: ends latched stops whose cause is gone. It never moves a robot.
 
-use super::once_each;
-use crate::cli::ResetArgs;
+use clap::Args;
+use crate::cli::args::{LeaseArgs, WhoArgs};
+use crate::cli::values::latch;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::output::{Output, Tone};
 use crate::text::robot as describe;
 use std::io::IsTerminal;
+use super::once_each;
 use xtb_client::client::Client;
 use xtb_client::control::Control;
-use xtb_client::reset::{self, ResetCandidates, ResetReport, candidates, each};
+use xtb_client::reset::{ResetCandidates, ResetReport, candidates, each, self};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Latch, LatchState, RejectCode};
+
+/// Arguments of `reset`.
+#[derive(Debug, Clone, Args)]
+pub struct ResetArgs {
+    /// Which robots; with --all those that have anything latched, after a question.
+    #[command(flatten)]
+    pub who: WhoArgs,
+    /// With --all: do not ask for confirmation.
+    #[arg(long, requires = "all")]
+    pub yes: bool,
+    /// Only this latch [default: all].
+    #[arg(long, value_name = "NAME", value_parser = latch())]
+    pub latch: Option<Latch>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
 
 /// Resets one latch, or all, of the robots named or of all that have any.
 ///
@@ -20,7 +40,7 @@ use xtb_protocol::messages::{Latch, LatchState, RejectCode};
 /// is reported.
 pub async fn run(ctx: &Context, args: &ResetArgs) -> Result<Exit> {
     if args.who.all && !args.yes && (ctx.out.json || !std::io::stdin().is_terminal()) {
-        return Err(Failure::new(Kind::Usage, "reset --all asks for confirmation, but there is no terminal")
+        return Err(Error::new(ErrorKind::Invalid, "reset --all asks for confirmation, but there is no terminal")
             .hint("--yes resets without asking"));
     }
     let client = Client::open(&ctx.settings).await?;
@@ -48,7 +68,7 @@ async fn all(ctx: &Context, client: &Client, args: &ResetArgs) -> Result<Exit> {
     let complete = if unknown.is_empty() { Exit::Done } else { Exit::Unknown };
     for robot in &unknown {
         let message = format!("{robot} does not answer: its latches are unknown");
-        ctx.out.failure(&Failure::new(Kind::NoRobot, message));
+        ctx.out.failure(&Error::new(ErrorKind::NoRobot, message));
     }
     if !roster && !ctx.out.json {
         ctx.out.note("warning: without a roster it is unknown whether these are all robots");
@@ -83,7 +103,7 @@ async fn confirmed(ctx: &Context, latched: &[(Name, Vec<LatchState>)]) -> Result
         let mut answer = String::new();
         std::io::stdin().read_line(&mut answer).map(|_| answer)
     });
-    let answer = answer.await.map_err(|error| Failure::new(Kind::Failed, error.to_string()))??;
+    let answer = answer.await.map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))??;
     Ok(matches!(answer.trim(), "y" | "Y" | "yes"))
 }
 
@@ -106,19 +126,19 @@ fn say(
                 }
                 if let Some(refused) = &report.refused {
                     let hint = format!("`fleet-cli why {robot}` shows the causes and what to do");
-                    let failure = Failure::new(Kind::Refused(RejectCode::CausePresent), refused).hint(hint);
+                    let failure = Error::new(ErrorKind::Refused(RejectCode::CausePresent), refused).hint(hint);
                     if !ctx.out.json {
                         ctx.out.failure(&failure);
                     }
                 }
             }
             Err(error) => {
-                let failure = Failure::from(error.clone());
-                exit = worse(exit, failure.kind.exit());
+                let failure = Error::from(error.clone());
+                exit = worse(exit, Exit::from(failure.kind));
                 let is_named = failure.message.contains(robot.as_str());
                 let whose = if is_named { String::new() } else { format!("{robot}: ") };
                 let message = format!("{whose}{}", failure.message);
-                ctx.out.failure(&Failure { message, ..failure });
+                ctx.out.failure(&Error { message, ..failure });
             }
         }
     }

@@ -1,12 +1,22 @@
 //! `router`: an embedded Zenoh router, the whole infrastructure that a small lab needs.
 
-use crate::cli::RouterArgs;
+use clap::Args;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use crate::interrupt::interrupted;
-use crate::services::router;
+use xtb_services::router;
 use serde::Serialize;
 use std::pin::pin;
+use xtb_client::DEFAULT_ENDPOINT;
+
+/// Arguments of `router`.
+#[derive(Debug, Clone, Args)]
+pub struct RouterArgs {
+    /// Endpoint to listen on; port 0 picks a free port.
+    #[arg(long, value_name = "ENDPOINT", default_value = DEFAULT_ENDPOINT)]
+    pub listen: String,
+}
 
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]

@@ -1,19 +1,43 @@
 //! `set-pose`: tell a robot that stands where it is. It never moves the robot.
 
-use super::take_control;
-use crate::cli::SetPoseArgs;
+use clap::Args;
+use crate::cli::args::LeaseArgs;
+use crate::cli::values::{degrees, metres};
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::text::robot as describe;
 use serde::Serialize;
 use std::time::Instant;
+use super::take_control;
 use xtb_client::client::Client;
 use xtb_client::control::Control;
 use xtb_client::reset::{STATE_EVERY, next_state};
 use xtb_client::state_feed::StateFeed;
 use xtb_control::frames::{MapPose, wrap_rad};
-use xtb_protocol::messages::{Body, PoseState};
 use xtb_protocol::{Name, Uuid};
+use xtb_protocol::messages::{Body, PoseState};
+
+/// Arguments of `set-pose`.
+#[derive(Debug, Clone, Args)]
+#[command(allow_negative_numbers = true)]
+pub struct SetPoseArgs {
+    /// Robot; it must be stopped.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// East, in m.
+    #[arg(value_name = "X", value_parser = metres)]
+    pub x_m: f64,
+    /// North, in m.
+    #[arg(value_name = "Y", value_parser = metres)]
+    pub y_m: f64,
+    /// Yaw, in degrees counter-clockwise from east [default: the current yaw].
+    #[arg(long, value_name = "DEGREES", value_parser = degrees)]
+    pub yaw: Option<f64>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
 
 /// What came of it, as `--json` prints it.
 #[derive(Debug, PartialEq, Serialize)]
@@ -57,7 +81,7 @@ async fn set_pose<'a>(
     let before = before.map(|state| state.pose);
     let Some(yaw_rad) = args.yaw.map(f64::to_radians).or(before.map(|pose| pose.yaw_rad)) else {
         let message = format!("no state from {robot}: its current yaw is unknown");
-        return Err(Failure::new(Kind::NoRobot, message).hint("give it with --yaw DEGREES"));
+        return Err(Error::new(ErrorKind::NoRobot, message).hint("give it with --yaw DEGREES"));
     };
     let pose = MapPose { x_m: args.x_m, y_m: args.y_m, yaw_rad: wrap_rad(yaw_rad) };
     let MapPose { x_m, y_m, yaw_rad } = pose;
@@ -80,7 +104,7 @@ fn text(report: &Report<'_>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::LeaseArgs;
+    use crate::cli::args::LeaseArgs;
     use std::time::Duration;
     use xtb_client::fake::{FakeRobot, name};
 

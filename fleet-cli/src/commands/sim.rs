@@ -1,29 +1,120 @@
 //! `sim`: simulated trucks with real agents, until Ctrl-C.
 
-use super::dashboard;
-use crate::cli::{DEFAULT_ENDPOINT, DashboardArgs, SimArgs};
+use clap::Args;
+use crate::{map_file, vehicle_file};
+use crate::cli::values::{drop_outs, fix_noise, fix_rate, part};
+use crate::commands::dashboard::{DashboardArgs, HZ, rate};
+use crate::commands::play::speed;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
-use crate::map_file;
-use crate::services::dispatch::Standing;
-use crate::services::dispatch::embedded::{self, Beside};
-use crate::services::dispatch::store::{self, Store};
-use crate::services::dispatch::usage::Usage;
-use crate::simulator::{Plan, Simulator, Told};
-use crate::text::robot as describe;
-use crate::text::task as task_text;
-use crate::vehicle_file;
+use xtb_services::dispatch::Standing;
+use xtb_services::dispatch::embedded::{Beside, self};
+use xtb_services::dispatch::store::{Store, self};
+use xtb_services::dispatch::usage::Usage;
+use xtb_simulator::{Plan, Simulator, Told};
+use crate::text::{robot as describe, task as task_text};
 use robot_agent::files;
 use serde::Serialize;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
+use super::dashboard;
 use tokio::sync::watch;
+use xtb_client::DEFAULT_ENDPOINT;
 use xtb_control::VehicleConfig;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{DispatchStatus, RosterEntry, Suspension};
 use xtb_sim::{Pace, World};
+
+/// Arguments of `sim`.
+#[derive(Debug, Clone, Args)]
+pub struct SimArgs {
+    /// Number of robots: xtb-1 … xtb-N.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub robots: usize,
+    /// World (TOML) [default: an empty room].
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+    /// Vehicle settings of the trucks, such as configs/vehicles/long.toml; `vehicles` in the world file take
+    /// precedence [default: the XTB].
+    #[arg(long, value_name = "FILE")]
+    pub vehicle: Option<PathBuf>,
+    /// Random seed.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// Speed factor relative to real time.
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    pub speed: f64,
+    /// Stop with exit code 1 when the simulation runs slower than 0.9 of --speed: the computer is too slow
+    /// for it. Without this the simulator only prints a warning; its robots run in simulated time, clients do
+    /// not.
+    #[arg(long)]
+    pub strict: bool,
+    /// Endpoint of its router [default: tcp/127.0.0.1:7447]; with --connect it runs no router.
+    #[arg(long, value_name = "ENDPOINT")]
+    pub listen: Option<String>,
+    /// Start no agents; create two serial ports for each truck instead: DIR/ROBOT.board and DIR/ROBOT.gyro.
+    #[arg(long, value_name = "DIR")]
+    pub pty: Option<PathBuf>,
+    /// Write the ground truth to this file at board rate, as JSON lines.
+    #[arg(long, value_name = "FILE")]
+    pub truth_log: Option<PathBuf>,
+    /// Record every sample, command and decision of each robot to DIR/ROBOT-….mcap.
+    #[arg(long, value_name = "DIR", conflicts_with = "pty")]
+    pub record: Option<PathBuf>,
+    /// Also run a dispatcher (with traffic control), and print a summary for each robot at the end.
+    #[arg(long)]
+    pub dispatch: bool,
+    /// The dispatcher's ledger [default: FLEET.ledger in $XDG_DATA_HOME/xtb/sim or ~/.local/share/xtb/sim].
+    #[arg(long, value_name = "FILE", requires = "dispatch")]
+    pub ledger: Option<PathBuf>,
+    /// With --dispatch: start a new ledger; an existing one is kept as NAME.before-TIME.ledger.
+    #[arg(long, requires = "dispatch")]
+    pub fresh: bool,
+    /// Stop when all tasks have ended (at least one); exit code 1 if a task failed or a truck had a contact.
+    #[arg(long, requires = "dispatch")]
+    pub until_done: bool,
+    /// Also serve the dashboard [default: 127.0.0.1:8080].
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = super::dashboard::address)]
+    pub dashboard: Option<SocketAddr>,
+    /// What measures the robots' poses.
+    #[command(flatten)]
+    pub fixes: FixArgs,
+    /// Run a fault scenario of a virtual fleet, without router and agents: prints the events of the scenario
+    /// of
+    /// --seed, and whether a rule of docs/safety.md was broken.
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "vehicle", "speed", "strict", "listen", "pty", "truth_log", "record", "dispatch", "dashboard"])]
+    pub virtual_day: bool,
+}
+
+/// A simulated tracker that measures where the robots are.
+#[derive(Debug, Clone, Copy, Args)]
+#[command(next_help_heading = "Pose fixes")]
+pub struct FixArgs {
+    /// Pose fixes per second; 0 = none: odometry only, which drifts.
+    #[arg(long = "fixes", value_name = "HZ", default_value_t = 2.0, value_parser = fix_rate)]
+    pub rate_hz: f64,
+    /// Standard deviation of the pose fixes, in m.
+    #[arg(long = "fix-noise", value_name = "METRES", default_value_t = 0.05, value_parser = fix_noise)]
+    pub noise_m: f64,
+    /// Fraction of pose fixes that are outliers, 0 to 1.
+    #[arg(long = "fix-outliers", value_name = "FRACTION", default_value_t = 0.0, value_parser = part)]
+    pub outliers: f64,
+    /// Mean time between drop-outs of the pose fixes (about 5 s each), in s; 0 = none.
+    #[arg(long = "fix-drop-outs", value_name = "SECONDS", default_value_t = 0.0, value_parser = drop_outs)]
+    pub drop_out_every_s: f64,
+}
+
+impl FixArgs {
+    /// As the simulator takes it.
+    #[must_use]
+    pub fn truth(self) -> xtb_sim::fixes::FixTruth {
+        let Self { rate_hz, noise_m, outliers, drop_out_every_s } = self;
+        xtb_sim::fixes::FixTruth { rate_hz, noise_m, outliers, drop_out_every_s, ..Default::default() }
+    }
+}
 
 /// What helps an overloaded simulator.
 const TOO_SLOW: &str = "use fewer --robots, a lower --speed, or a faster computer";
@@ -68,7 +159,7 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
         return bad_day(ctx, args.seed);
     }
     if ctx.connect_given && args.listen.is_some() {
-        return Err(Failure::new(Kind::Usage, "--listen and --connect exclude each other")
+        return Err(Error::new(ErrorKind::Invalid, "--listen and --connect exclude each other")
             .hint("--connect uses a router that runs elsewhere, --listen starts one here"));
     }
     if let Some(unused) = ctx.unused_routers("sim") {
@@ -167,13 +258,13 @@ async fn until_done(dispatcher: Option<&mut Beside>, wanted: bool) -> Result<()>
 }
 
 /// Says when the world falls behind and when it is in time again; with `strict` the first is an error.
-async fn pace(ctx: &Context, mut stats: watch::Receiver<Told>, strict: bool) -> Failure {
+async fn pace(ctx: &Context, mut stats: watch::Receiver<Told>, strict: bool) -> Error {
     let mut said = None;
     loop {
         let told = *stats.borrow_and_update();
         let runs = describe::simulator(&told.stats);
         match told.pace.filter(|pace| said.replace(*pace) != Some(*pace)) {
-            Some(Pace::FellBehind) if strict => return Failure::new(Kind::Failed, runs).hint(TOO_SLOW),
+            Some(Pace::FellBehind) if strict => return Error::new(ErrorKind::Failed, runs).hint(TOO_SLOW),
             Some(Pace::FellBehind) => ctx.out.note(&format!("warning: {runs}: {TOO_SLOW}")),
             Some(Pace::CaughtUp) => ctx.out.note(&format!("{runs}: on time again")),
             None => {}
@@ -231,7 +322,7 @@ fn bad_day(ctx: &Context, seed: u64) -> Result<Exit> {
         }
     };
     let day = xtb_chaos::tell(seed, xtb_chaos::Options::default(), line)
-        .map_err(|error| Failure::new(Kind::Failed, error.to_string()))?;
+        .map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))?;
     printed?;
     let broken =
         day.violation.as_ref().map(|violation| format!("{}: {}", violation.invariant, violation.detail));
@@ -253,11 +344,11 @@ fn bad_day(ctx: &Context, seed: u64) -> Result<Exit> {
 /// The file cannot be read, or the world is impossible.
 pub fn read_world(path: &Path) -> Result<World> {
     let text = files::text(path, files::MAX_TEXT).map_err(|error| {
-        Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
+        Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display()))
             .hint("worlds/ has examples")
     })?;
     let world = World::from_toml(&text).map_err(|error| {
-        Failure::new(Kind::Config, format!("{}: {error}", path.display())).hint("worlds/ has examples")
+        Error::new(ErrorKind::Config, format!("{}: {error}", path.display())).hint("worlds/ has examples")
     })?;
     Ok(map_file::named_by_file(world, path))
 }

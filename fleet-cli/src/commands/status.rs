@@ -3,13 +3,25 @@
 mod block;
 mod live;
 
-use crate::cli::StatusArgs;
+use clap::Args;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use std::collections::BTreeSet;
 use xtb_client::client::Client;
 use xtb_client::fleet_view::FleetView;
 use xtb_protocol::Name;
+
+/// Arguments of `status`.
+#[derive(Debug, Clone, Args)]
+pub struct StatusArgs {
+    /// Robots [default: all].
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robots: Vec<Name>,
+    /// Update continuously; q or Ctrl-C quits.
+    #[arg(long)]
+    pub watch: bool,
+}
 
 /// Prints a block for each robot, or with `--watch` keeps showing them.
 ///

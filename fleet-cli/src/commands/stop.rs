@@ -1,11 +1,21 @@
 //! `stop`: robots drop their goals and stand.
 
-use super::stopped;
-use crate::cli::StopArgs;
+use clap::Args;
+use crate::cli::args::WhoArgs;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
+use super::stopped;
 use xtb_client::client::Client;
 use xtb_client::stop::stop;
+
+/// Arguments of `stop`.
+#[derive(Debug, Clone, Args)]
+pub struct StopArgs {
+    /// Which robots.
+    #[command(flatten)]
+    pub who: WhoArgs,
+}
 
 /// Stops the robots named, or all of the roster and whoever else is there.
 ///

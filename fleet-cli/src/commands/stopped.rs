@@ -1,9 +1,10 @@
 //! What `stop` and `estop` print: who has stopped, who has not said so, and whether these were all.
 
 use super::unknown_robots;
-use crate::cli::WhoArgs;
+use crate::cli::args::WhoArgs;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use serde::Serialize;

@@ -1,8 +1,9 @@
 //! `task`: one task and how it came to be so.
 
-use crate::cli::TaskArgs;
+use clap::Args;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use crate::text::reasons;
@@ -11,7 +12,16 @@ use crate::text::task::{legs, robot, since, tone, what, whose};
 use std::time::{SystemTime, UNIX_EPOCH};
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
-use xtb_protocol::messages::{OnTakeover, TaskHistory, TaskView};
+use xtb_protocol::messages::{OnTakeover, TaskHistory, TaskId, TaskView};
+
+/// Arguments of `task`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example: fleet-cli task t17")]
+pub struct TaskArgs {
+    /// Task, such as t17.
+    #[arg(value_name = "TASK")]
+    pub task: TaskId,
+}
 
 /// Asks once and prints it.
 ///

@@ -2,9 +2,10 @@
 
 mod watch;
 
-use crate::cli::TasksArgs;
+use clap::Args;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use crate::interrupt::or_interrupted;
 use crate::output::{Output, Tone};
 use crate::text::task as task_text;
@@ -12,6 +13,27 @@ use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{TaskList, TaskView, Who};
+
+const TASKS_HELP: &str = "\
+Exit code 0 means that the dispatcher has answered. With --json the list is one array; with --watch each \
+change is one line.
+
+Example: fleet-cli tasks --watch";
+
+/// Arguments of `tasks`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = TASKS_HELP)]
+pub struct TasksArgs {
+    /// Update continuously; q or Ctrl-C quits.
+    #[arg(long)]
+    pub watch: bool,
+    /// Show all ended tasks, not only the latest.
+    #[arg(long)]
+    pub all: bool,
+    /// Only tasks of this robot: in progress, ended or waiting for it.
+    #[arg(long, value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Option<Name>,
+}
 
 /// Tasks that have ended and are shown without `--all`.
 const ENDED_SHOWN: usize = 5;

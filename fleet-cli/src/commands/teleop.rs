@@ -6,10 +6,13 @@
 pub(crate) mod keys;
 mod screen;
 
-use super::take_control;
-use crate::cli::TeleopArgs;
+use clap::Args;
+use crate::cli::args::LeaseArgs;
+use crate::cli::values::rpm;
+use crate::commands::play::speed;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::terminal::{Input, Terminal};
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
@@ -18,13 +21,28 @@ use serde::Serialize;
 use std::io::IsTerminal;
 use std::pin::{Pin, pin};
 use std::time::Duration;
+use super::take_control;
 use tokio::time::{Interval, MissedTickBehavior};
 use xtb_client::client::Client;
 use xtb_client::state_feed::StateFeed;
 use xtb_client::teleop::{CAUTIOUS_RPM, SEND_EVERY, TeleopSession, lost};
 use xtb_control::Stamp;
-use xtb_protocol::messages::{Body, Done};
 use xtb_protocol::{Name, Uuid};
+use xtb_protocol::messages::{Body, Done};
+
+/// Arguments of `teleop`.
+#[derive(Debug, Clone, Args)]
+pub struct TeleopArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// Maximum wheel speed, in rpm [default: the robot's limit].
+    #[arg(long, value_name = "R", value_parser = rpm)]
+    pub max_rpm: Option<f64>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
 
 /// The screen is painted each second time.
 const PAINT_EVERY: Duration = Duration::from_millis(100);
@@ -45,7 +63,7 @@ struct Report<'a> {
 /// No terminal, no router, no answer, a refusal, or somebody else took over.
 pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
     if !std::io::stdin().is_terminal() || !std::io::stdout().is_terminal() {
-        return Err(Failure::new(Kind::Usage, "teleop needs a terminal for its keys and its screen").hint(
+        return Err(Error::new(ErrorKind::Invalid, "teleop needs a terminal for its keys and its screen").hint(
             "programs publish setpoints on xtb/<fleet>/<robot>/teleop/<client>; see docs/protocol.md",
         ));
     }
@@ -53,13 +71,13 @@ pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
         let client = Client::open(&ctx.settings).await?;
         let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
         let limit = client.about(&args.robot).await?.map_or(CAUTIOUS_RPM, |about| about.limits.max_rpm);
-        Ok::<_, Failure>((client, control, limit))
+        Ok::<_, Error>((client, control, limit))
     };
     let (client, control, limit) = tokio::select! {
         begun = begun => begun?,
         () = interrupted() => {
             let message = format!("interrupted: {} was not driven", args.robot);
-            return Err(Failure::new(Kind::Interrupted, message));
+            return Err(Error::new(ErrorKind::Interrupted, message));
         }
     };
     let max_rpm = args.max_rpm.unwrap_or(limit).min(limit);

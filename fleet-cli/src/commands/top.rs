@@ -6,15 +6,16 @@
 mod execute;
 mod teleop_session;
 
-use crate::cli::TopArgs;
-use crate::commands::teleop::keys::Reporting;
+use clap::Args;
 use crate::commands::teleop::ticks;
+use crate::commands::teleop::keys::Reporting;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::Tone;
 use crate::recording::playback_worker::{PlayStatus, PlaybackWorker};
-use crate::scene::live::{Live, Shared, Wanted};
+use xtb_client::scene::live::{Live, Shared, Wanted};
 use crate::terminal::Terminal;
 use crate::tui::top::{Action, Cockpit, Outcome, Playing, Setup, Theme};
 use ratatui::backend::CrosstermBackend;
@@ -30,6 +31,31 @@ use xtb_client::client::Client;
 use xtb_client::teleop::SEND_EVERY;
 use xtb_protocol::Name;
 
+const TOP_HELP: &str = "\
+? shows the keys. s stops the selected robot, S all robots; e and E trigger the emergency stop for one or \
+all. None of them asks for confirmation, and S and E act on all robots of the fleet, shown or not. Quitting \
+stops the robot that is being driven.
+
+Without UTF-8 in the locale the screen is drawn in ASCII; NO_COLOR, --color never and a monochrome TERM \
+switch colours off.
+
+Example: fleet-cli top xtb-1 xtb-2";
+
+/// Arguments of `top`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = TOP_HELP)]
+pub struct TopArgs {
+    /// Robots to show [default: all].
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robots: Vec<Name>,
+    /// View only: nothing is sent to robots.
+    #[arg(long)]
+    pub read_only: bool,
+    /// Draw in ASCII, regardless of the locale.
+    #[arg(long)]
+    pub ascii: bool,
+}
+
 /// 10 pictures a second at most; what did not change is not painted.
 const PAINT_EVERY: Duration = Duration::from_millis(100);
 
@@ -43,7 +69,7 @@ pub async fn run(ctx: &Context, args: &TopArgs) -> Result<Exit> {
         let client = Client::open(&ctx.settings).await?;
         let live = Live::open(&client, Wanted { sensors: true, truth: false }).await?;
         let link = client.bus().watch_link().await?;
-        Ok::<_, Failure>((client, live, link))
+        Ok::<_, Error>((client, live, link))
     };
     let (client, live, link) = tokio::select! {
         opened = opening => opened?,
@@ -71,11 +97,11 @@ pub async fn run_played(ctx: &Context, played: Arc<PlaybackWorker>) -> Result<Ex
 fn refuse(ctx: &Context) -> Result<()> {
     let hint = "use `fleet-cli list` for one look or `fleet-cli watch` for messages; both have --json";
     if ctx.out.json {
-        return Err(Failure::new(Kind::Usage, "top is an interactive screen without --json").hint(hint));
+        return Err(Error::new(ErrorKind::Invalid, "top is an interactive screen without --json").hint(hint));
     }
     let dumb = std::env::var("TERM").is_ok_and(|term| term == "dumb");
     if dumb || !std::io::stdin().is_terminal() || !stdout().is_terminal() {
-        return Err(Failure::new(Kind::Usage, "top needs a terminal for its keys and its screen").hint(hint));
+        return Err(Error::new(ErrorKind::Invalid, "top needs a terminal for its keys and its screen").hint(hint));
     }
     Ok(())
 }

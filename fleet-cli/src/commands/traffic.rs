@@ -3,10 +3,29 @@
 mod serve;
 mod status;
 
-use crate::cli::{TrafficArgs, TrafficVerb};
+use clap::{Args, Subcommand};
+use crate::commands::traffic::serve::TrafficServeArgs;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use crate::interrupt::or_interrupted;
+
+/// Arguments of `traffic`.
+#[derive(Debug, Clone, Args)]
+pub struct TrafficArgs {
+    /// What to do.
+    #[command(subcommand)]
+    pub verb: TrafficVerb,
+}
+
+/// What to do about traffic.
+#[derive(Debug, Clone, Subcommand)]
+pub enum TrafficVerb {
+    /// Coordinate the fleet's robots until Ctrl-C.
+    Serve(TrafficServeArgs),
+    /// Show which robots traffic control coordinates, and which ones it plans around.
+    Status,
+}
 
 /// Carries out one of its verbs.
 ///

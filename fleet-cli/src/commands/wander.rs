@@ -1,10 +1,36 @@
 //! `wander`: let a robot wander.
 
-use super::goal::{self, Task};
-use crate::cli::WanderArgs;
+use clap::Args;
+use crate::cli::args::{LeaseArgs, LinkLossArg};
+use crate::cli::values::seconds;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
+use std::time::Duration;
+use super::goal::{Task, self};
 use xtb_client::goal::GoalTarget;
+use xtb_protocol::Name;
+
+/// Arguments of `wander`.
+#[derive(Debug, Clone, Args)]
+pub struct WanderArgs {
+    /// Robot.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
+    pub robot: Name,
+    /// Duration [default: until stopped, or 300 s without --wait].
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    pub lasting: Option<Duration>,
+    /// Wait and show progress until it ends; Ctrl-C cancels it.
+    #[arg(long)]
+    pub wait: bool,
+    /// What the robot does after 0.5 s without a message from this program: halt, or finish [default: halt
+    /// with --wait, else finish].
+    #[arg(long, value_enum, value_name = "POLICY")]
+    pub on_link_loss: Option<LinkLossArg>,
+    /// Control of the robot.
+    #[command(flatten)]
+    pub lease: LeaseArgs,
+}
 
 /// Starts it; with `--wait` stays until it has ended.
 ///

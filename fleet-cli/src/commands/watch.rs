@@ -1,8 +1,9 @@
 //! `watch`: any key of ours as JSON lines.
 
-use crate::cli::WatchArgs;
+use clap::Args;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::json_line;
 use serde::Serialize;
@@ -13,8 +14,20 @@ use tokio::sync::mpsc;
 use xtb_bus::Incoming;
 use xtb_client::client::Client;
 use xtb_client::messages::AnyMessage;
-use xtb_client::subscription::plan::Plan;
 use xtb_client::subscription::{Inlet, Item, Subscriptions, not_a_key_expr};
+use xtb_client::subscription::plan::Plan;
+
+/// Arguments of `watch`.
+#[derive(Debug, Clone, Args)]
+pub struct WatchArgs {
+    /// Zenoh key expression, such as `xtb/lab/*/event` or `xtb/**`; about and roster are read once, commands
+    /// cannot be watched.
+    #[arg(value_name = "KEYEXPR")]
+    pub key_expr: String,
+    /// Stop after this many messages.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub count: Option<u64>,
+}
 
 /// Messages between Zenoh and the printer; those that find no room are dropped and counted.
 const QUEUE: usize = 1024;
@@ -57,14 +70,14 @@ async fn print_answers(ctx: &Context, client: &Client, args: &WatchArgs, ask: &[
         for key_expr in ask {
             answers.extend(client.get(key_expr).await.map_err(not_a_key_expr)?);
         }
-        Ok::<_, Failure>(answers)
+        Ok::<_, Error>(answers)
     };
     let answers = tokio::select! {
         () = interrupted() => return Ok(()),
         answers = asking => answers?,
     };
     if answers.is_empty() {
-        return Err(Failure::new(Kind::NoRobot, format!("No answer on {}", args.key_expr))
+        return Err(Error::new(ErrorKind::NoRobot, format!("No answer on {}", args.key_expr))
             .hint("`fleet-cli list` shows the robots present; only `fleet-cli sim` publishes a roster"));
     }
     let most = args.count.map_or(usize::MAX, |count| usize::try_from(count).unwrap_or(usize::MAX));

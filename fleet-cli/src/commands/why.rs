@@ -2,18 +2,28 @@
 
 mod chain;
 
-use super::once_each;
-use crate::cli::WhyArgs;
-use crate::context::Context;
-use crate::error::{Exit, Failure, Result};
-use crate::output::{Output, Tone};
 use chain::{Verdict, Why};
+use clap::Args;
+use crate::context::Context;
+use crate::exit::Exit;
+use xtb_client::{Error, Result};
+use crate::output::{Output, Tone};
 use futures_util::future::join_all;
 use std::collections::BTreeSet;
+use super::once_each;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
 use xtb_client::fleet_view::{FleetView, RobotView};
+use xtb_protocol::Name;
 use xtb_protocol::messages::{RobotState, StopReason, Suspension};
+
+/// Arguments of `why`.
+#[derive(Debug, Clone, Args)]
+pub struct WhyArgs {
+    /// Robots.
+    #[arg(value_name = "ROBOT", value_parser = Name::robot, required = true)]
+    pub robots: Vec<Name>,
+}
 
 const LABEL_WIDTH: usize = 8;
 
@@ -29,7 +39,7 @@ pub async fn run(ctx: &Context, args: &WhyArgs) -> Result<Exit> {
     let views = join_all(robots.iter().map(|robot| async move {
         let (wanted, keys) = (BTreeSet::from([robot.clone()]), asked.keys().robot(robot));
         let view = FleetView::ask_robots(asked, fleet, &keys, &wanted).await?;
-        Ok::<_, Failure>(view.only(std::slice::from_ref(robot)))
+        Ok::<_, Error>(view.only(std::slice::from_ref(robot)))
     }))
     .await;
     let suspended =

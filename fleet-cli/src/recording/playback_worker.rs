@@ -3,9 +3,9 @@
 
 pub use xtb_recording::fleet::player::PlaySettings;
 
-use crate::error::{Failure, Kind, Result};
-use crate::scene::Scene;
-use crate::scene::live::Shared;
+use xtb_client::{Error, ErrorKind, Result};
+use xtb_client::scene::Scene;
+use xtb_client::scene::live::Shared;
 use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -77,7 +77,7 @@ impl PlaybackWorker {
     /// Opens a recording and begins to play it.
     ///
     /// # Errors
-    /// [`Kind::Failed`]: it cannot be read, or is none; [`Kind::Usage`]: it begins after its end.
+    /// [`ErrorKind::Failed`]: it cannot be read, or is none; [`ErrorKind::Invalid`]: it begins after its end.
     pub fn open(path: &Path, settings: PlaySettings) -> Result<Self> {
         let wrong = |error: Error| not_readable(path, &error);
         let span = reader::span(path).map_err(wrong)?;
@@ -86,7 +86,7 @@ impl PlaybackWorker {
         if settings.from_ms > player.duration_ms() {
             let length = Duration::from_millis(player.duration_ms()).as_secs_f64();
             let message = format!("{} is {length:.1} s long: --from is beyond its end", path.display());
-            return Err(Failure::new(Kind::Usage, message).hint("--from is the time after the first message"));
+            return Err(Error::new(ErrorKind::Invalid, message).hint("--from is the time after the first message"));
         }
         let scene = Arc::new(Shared::played(Scene::new(fleet.clone())));
         let desk = Arc::new(Desk {
@@ -156,8 +156,8 @@ impl Drop for PlaybackWorker {
 }
 
 /// What a file's error says to people.
-pub(crate) fn not_readable(path: &Path, error: &Error) -> Failure {
-    Failure::new(Kind::Failed, format!("cannot read {} as a recording: {error}", path.display())).hint(
+pub(crate) fn not_readable(path: &Path, error: &Error) -> Error {
+    Error::new(ErrorKind::Failed, format!("cannot read {} as a recording: {error}", path.display())).hint(
         "record one with `fleet-cli record --out FILE.mcap`; for recordings of robots use `robot-agent \
                replay`",
     )

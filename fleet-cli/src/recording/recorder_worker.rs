@@ -1,7 +1,7 @@
 //! The shell around [`Recorder`] and [`McapWriter`]: a bounded queue that Zenoh's threads never wait for, and
 //! a thread that writes.
 
-use crate::error::{Failure, Kind, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
@@ -149,7 +149,7 @@ impl RecorderWorker {
         let shared = self.door.shared;
         shared.stop.store(true, Ordering::Release);
         let ended = self.thread.join();
-        ended.map_err(|_| Failure::new(Kind::Failed, "the recorder thread failed"))??;
+        ended.map_err(|_| Error::new(ErrorKind::Failed, "the recorder thread failed"))??;
         Ok(shared.progress.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 }
@@ -194,7 +194,7 @@ impl Writer {
 
     fn take(&mut self, (at_ns, item): &Timed) -> Result<()> {
         self.shared.waiting_bytes.fetch_sub(weight(item), Ordering::AcqRel);
-        self.tape.write(self.recorder.take(*at_ns, item)).map_err(Failure::from)
+        self.tape.write(self.recorder.take(*at_ns, item)).map_err(Error::from)
     }
 
     fn counts(&self) -> Counts {

@@ -1,6 +1,6 @@
 //! The live picture of a simulated fleet: trucks, trails and goals, and a line for each robot.
 
-use crate::error::Result;
+use xtb_client::Result;
 use crate::terminal::{Input, Keys};
 use crossterm::event::KeyCode;
 use ratatui::layout::{Constraint, Layout};

@@ -28,7 +28,7 @@ pub(crate) use theme::Theme;
 
 use crate::commands::teleop::keys::{Action as Touch, Key as TeleopKey, Keyboard, Reporting};
 use crate::output::Tone;
-use crate::scene::{AtMs, Scene};
+use xtb_client::scene::{AtMs, Scene};
 use crate::terminal::Input;
 use commands::{Begun, Commands};
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};

@@ -1,6 +1,6 @@
 //! What the robots really drove, from their own events; and what the ledger says about it.
 
-use fleet_cli::services::ledger;
+use xtb_services::ledger;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,7 +1,7 @@
 //! Text: the fleet's config, the agent's, and the lines of a trace.
 
 use fleet_cli::config::FleetConfig;
-use fleet_cli::error::Kind;
+use xtb_client::ErrorKind;
 use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
 use serde::Serialize;
 use xtb_control::controller::Controller;
@@ -25,7 +25,7 @@ pub fn fleet_config(bytes: &[u8]) -> bool {
     let config = match FleetConfig::parse(text) {
         Ok(config) => config,
         Err(failure) => {
-            assert!(failure.kind == Kind::Config && !failure.message.is_empty(), "{failure:?}");
+            assert!(failure.kind == ErrorKind::Config && !failure.message.is_empty(), "{failure:?}");
             return false;
         }
     };

@@ -10,8 +10,8 @@ mod slow;
 mod stalled;
 
 use fleet_cli::context::Context;
-use fleet_cli::dashboard::{Running, Settings, Shown};
-use fleet_cli::scene::live::{Live, Wanted};
+use xtb_dashboard::{Running, Settings, Shown};
+use xtb_client::scene::live::{Live, Wanted};
 use fleet_tests::processes::{Process, Signal, program};
 use fleet_tests::{Fleet, PATIENCE, Setup, eventually, name};
 use page::Page;

@@ -1,8 +1,8 @@
 //! The live scene for Foxglove, over its own protocol: `cargo test -p fleet-tests --features foxglove`.
 
-use fleet_cli::foxglove::serve;
-use fleet_cli::scene::Scene;
-use fleet_cli::scene::live::Shared;
+use xtb_dashboard::foxglove::serve;
+use xtb_client::scene::Scene;
+use xtb_client::scene::live::Shared;
 use fleet_tests::{Fleet, PATIENCE, Setup, name};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};

@@ -2,7 +2,8 @@
 
 use crate::commands::dispatcher;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use crate::interrupt::or_interrupted;
 use crate::text::task as task_text;
 use serde::Serialize;

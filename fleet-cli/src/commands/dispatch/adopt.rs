@@ -2,7 +2,8 @@
 
 use crate::commands::dispatcher;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::or_interrupted;
 use xtb_client::client::Client;
 
@@ -23,8 +24,8 @@ async fn adopt(ctx: &Context) -> Result<Exit> {
     client.close().await;
     let adopted = adopted?;
     let Some(map) = &adopted.map else {
-        return Err(Failure::new(
-            Kind::Failed,
+        return Err(Error::new(
+            ErrorKind::Failed,
             "the dispatcher has no map: no task is suspended because of a \
             map",
         )

@@ -1,11 +1,21 @@
 //! `dispatch compact`: one snapshot in place of all that the ledger holds.
 
-use crate::cli::DispatchCompactArgs;
+use clap::Args;
+use crate::commands::dispatch::LedgerArgs;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
-use crate::services::dispatch::store::{self, Store};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
+use xtb_services::dispatch::store::{Store, self};
 use serde::Serialize;
 use xtb_dispatch::{Entry, Record, TaskStore};
+
+/// Arguments of `dispatch compact`.
+#[derive(Debug, Clone, Args)]
+pub struct DispatchCompactArgs {
+    /// Which ledger.
+    #[command(flatten)]
+    pub ledger: LedgerArgs,
+}
 
 /// What it came to.
 #[derive(Debug, Serialize)]
@@ -23,7 +33,7 @@ struct Compacted {
 pub(super) fn run(ctx: &Context, args: &DispatchCompactArgs) -> Result<Exit> {
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
     if !path.exists() {
-        return Err(Failure::new(Kind::Config, format!("no ledger at {}", path.display()))
+        return Err(Error::new(ErrorKind::Config, format!("no ledger at {}", path.display()))
             .hint("give one with --ledger"));
     }
     let Store { mut ledger, entries, .. } = Store::open(&path, &ctx.settings.fleet)?;

@@ -1,12 +1,27 @@
 //! `dispatch export`: a ledger's records as JSON lines, as far as they can be read.
 
-use crate::cli::DispatchExportArgs;
+use clap::Args;
+use crate::commands::dispatch::LedgerArgs;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
-use crate::services::dispatch::store;
-use crate::services::ledger;
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
+use xtb_services::ledger;
+use xtb_services::dispatch::store;
 use serde::Serialize;
 use serde_json::Value;
+
+const EXPORT_HELP: &str = "\
+Each line is one record of the ledger: {\"seq\", \"at_ms\", \"snapshot\", \"intact\", \"record\"}. If the \
+ledger is damaged, standard error describes the damage, and the exit code is 1.";
+
+/// Arguments of `dispatch export`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = EXPORT_HELP)]
+pub struct DispatchExportArgs {
+    /// Which ledger.
+    #[command(flatten)]
+    pub ledger: LedgerArgs,
+}
 
 /// One record.
 #[derive(Debug, Serialize)]
@@ -26,7 +41,7 @@ struct Line {
 pub(super) fn run(ctx: &Context, args: &DispatchExportArgs) -> Result<Exit> {
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
     if !path.exists() {
-        return Err(Failure::new(Kind::Config, format!("no ledger at {}", path.display()))
+        return Err(Error::new(ErrorKind::Config, format!("no ledger at {}", path.display()))
             .hint("give one with --ledger"));
     }
     let reading = ledger::read(&path)?;

@@ -2,7 +2,7 @@
 
 use super::points::waypoint;
 use super::text;
-use crate::error::{Failure, Kind, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use robot_agent::files;
 use serde::Deserialize;
 use std::ops::Range;
@@ -16,11 +16,11 @@ const HINT: &str = "`fleet-cli dispatch submit --help` has an example";
 /// The tasks of a file; deadlines count from `now_ms`.
 ///
 /// # Errors
-/// [`Kind::Config`] with file, line and task.
+/// [`ErrorKind::Config`] with file, line and task.
 pub(super) fn read(path: &Path, now_ms: u64) -> Result<Vec<TaskSpec>> {
     let text = text(path, files::MAX_TEXT)?;
     parse(&text, now_ms)
-        .map_err(|failure| Failure { message: format!("{}, {}", path.display(), failure.message), ..failure })
+        .map_err(|failure| Error { message: format!("{}, {}", path.display(), failure.message), ..failure })
 }
 
 #[derive(Debug, Deserialize)]
@@ -56,15 +56,15 @@ struct Entry {
 fn parse(text: &str, now_ms: u64) -> Result<Vec<TaskSpec>> {
     let wrong = |at: usize, task: Option<usize>, what: &str| {
         let task = task.map(|n| format!(", task {n}")).unwrap_or_default();
-        Failure::new(Kind::Config, format!("line {}{task}: {what}", line_of(text, at))).hint(HINT)
+        Error::new(ErrorKind::Config, format!("line {}{task}: {what}", line_of(text, at))).hint(HINT)
     };
     let file: File = toml::from_str(text).map_err(|error| {
         let at = error.span().map_or(0, |span| span.start);
         wrong(at, task_at(text, at), error.message().trim_end())
     })?;
     if file.task.is_empty() {
-        return Err(Failure::new(
-            Kind::Config,
+        return Err(Error::new(
+            ErrorKind::Config,
             "the file has no task: a task starts with \
             [[task]]",
         )
@@ -72,7 +72,7 @@ fn parse(text: &str, now_ms: u64) -> Result<Vec<TaskSpec>> {
     }
     if file.task.len() > MAX_SUBMISSION {
         let message = format!("the file has {} tasks, the limit is {MAX_SUBMISSION}", file.task.len());
-        return Err(Failure::new(Kind::Config, message).hint("submit them in parts"));
+        return Err(Error::new(ErrorKind::Config, message).hint("submit them in parts"));
     }
     let mut specs = Vec::new();
     for (i, entry) in file.task.into_iter().enumerate() {

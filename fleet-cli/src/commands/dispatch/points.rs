@@ -1,6 +1,6 @@
 //! Points on the command line, or in a file: `X,Y` or `X,Y,YAW`, in m and degrees.
 
-use crate::error::{Failure, Kind, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use std::path::Path;
 use xtb_protocol::messages::{MAX_COORDINATE_M, MAX_POINTS, Waypoint};
 
@@ -10,27 +10,27 @@ const MAX_BYTES: usize = 1 << 20;
 /// The points that `words` are, or that stand in the file that the only one of them names.
 ///
 /// # Errors
-/// [`Kind::Usage`] with the point, or [`Kind::Config`] with the file's line, that is wrong.
+/// [`ErrorKind::Invalid`] with the point, or [`ErrorKind::Config`] with the file's line, that is wrong.
 pub(super) fn read(words: &[String]) -> Result<Vec<Waypoint>> {
     let points = match words {
         [word] if !looks_like_a_point(word) => return from_file(Path::new(word)),
         words => words.iter().map(|word| point(word).map_err(|what| wrong(word, &what))),
     };
-    bounded(points.collect::<Result<_>>()?, Kind::Usage)
+    bounded(points.collect::<Result<_>>()?, ErrorKind::Invalid)
 }
 
 fn looks_like_a_point(word: &str) -> bool {
     !Path::new(word).exists() && word.contains(',') || word.trim().parse::<f64>().is_ok()
 }
 
-fn wrong(word: &str, what: &str) -> Failure {
-    Failure::new(Kind::Usage, format!("{:?} is not a point: {what}", word.trim()))
+fn wrong(word: &str, what: &str) -> Error {
+    Error::new(ErrorKind::Invalid, format!("{:?} is not a point: {what}", word.trim()))
         .hint("a point is X,Y or X,Y,YAW, in m and degrees: 1.5,-2 or 1.5,-2,90; or give a file of points")
 }
 
 fn from_file(path: &Path) -> Result<Vec<Waypoint>> {
     let place = path.display();
-    let failed = |what: String| Failure::new(Kind::Config, what);
+    let failed = |what: String| Error::new(ErrorKind::Config, what);
     let text = super::text(path, MAX_BYTES)?;
     let mut points = Vec::new();
     for (i, line) in text.lines().enumerate() {
@@ -40,15 +40,15 @@ fn from_file(path: &Path) -> Result<Vec<Waypoint>> {
             points.push(point);
         }
     }
-    let points = bounded(points, Kind::Config);
-    points.map_err(|failure| Failure { message: format!("{place}: {}", failure.message), ..failure })
+    let points = bounded(points, ErrorKind::Config);
+    points.map_err(|failure| Error { message: format!("{place}: {}", failure.message), ..failure })
 }
 
-fn bounded(points: Vec<Waypoint>, kind: Kind) -> Result<Vec<Waypoint>> {
+fn bounded(points: Vec<Waypoint>, kind: ErrorKind) -> Result<Vec<Waypoint>> {
     match points.len() {
-        0 => Err(Failure::new(kind, "no points")),
+        0 => Err(Error::new(kind, "no points")),
         1..=MAX_POINTS => Ok(points),
-        many => Err(Failure::new(kind, format!("{many} points, the limit is {MAX_POINTS}"))),
+        many => Err(Error::new(kind, format!("{many} points, the limit is {MAX_POINTS}"))),
     }
 }
 
@@ -99,7 +99,7 @@ mod tests {
             ("1,2,400", "YAW = 400"),
         ] {
             let failure = of(&[bad, "0,0"]).unwrap_err();
-            assert_eq!(failure.kind, Kind::Usage);
+            assert_eq!(failure.kind, ErrorKind::Invalid);
             assert!(failure.message.contains(what), "{failure}");
         }
     }

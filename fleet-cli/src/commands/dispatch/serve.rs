@@ -1,19 +1,46 @@
 //! `dispatch serve`: takes tasks and gives them to robots, until Ctrl-C.
 
-use crate::cli::DispatchServeArgs;
-use crate::context::Context;
-use crate::error::{Exit, Failure, Result};
-use crate::interrupt::interrupted;
+use clap::Args;
 use crate::map_file;
-use crate::services::dispatch::store::{self, Store};
-use crate::services::dispatch::{Counters, DispatchService};
-use crate::services::map_server::MapService;
+use crate::commands::dispatch::LedgerArgs;
+use crate::commands::map::ResolutionArgs;
+use crate::commands::traffic::serve::SERVE_HELP;
+use crate::context::Context;
+use crate::exit::Exit;
+use xtb_client::{Error, Result};
+use crate::interrupt::interrupted;
+use xtb_services::dispatch::{Counters, DispatchService};
+use xtb_services::dispatch::store::{Store, self};
+use xtb_services::map_server::MapService;
 use crate::text::task as task_text;
 use serde::Serialize;
+use std::path::PathBuf;
 use std::pin::pin;
 use xtb_client::client::Client;
 use xtb_protocol::Name;
 use xtb_protocol::messages::Suspension;
+
+const SERVE_HELP: &str = "\
+The dispatcher assigns one task at a time to each robot. It stores each task before it acknowledges it, and \
+continues after a crash or kill -9. It includes traffic control, unless that runs already.";
+
+/// Arguments of `dispatch serve`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = SERVE_HELP)]
+pub struct DispatchServeArgs {
+    /// Which ledger.
+    #[command(flatten)]
+    pub ledger: LedgerArgs,
+    /// Start a new ledger; an existing one is kept as NAME.before-TIME.ledger.
+    #[arg(long)]
+    pub fresh: bool,
+    /// Map (map_server YAML) or world (TOML), also served to the fleet [default: the fleet's map, if any].
+    #[arg(long, value_name = "FILE")]
+    pub map: Option<PathBuf>,
+    /// How fine a world is drawn.
+    #[command(flatten)]
+    pub fine: ResolutionArgs,
+}
 
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]
@@ -63,7 +90,7 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
             None => None,
         };
         let service = DispatchService::start(&client, store, own, ctx.settings.timeout).await?;
-        Ok::<_, Failure>((client, maps, service))
+        Ok::<_, Error>((client, maps, service))
     };
     let (client, maps, mut service) = tokio::select! {
         started = starting => started?,

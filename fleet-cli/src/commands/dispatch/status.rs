@@ -1,10 +1,11 @@
 //! `dispatch status`: how the dispatcher stands, without its tasks.
 
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use crate::interrupt::or_interrupted;
 use crate::output::{Output, Tone};
-use crate::services::dispatch::store::wall_ms;
+use xtb_services::dispatch::store::wall_ms;
 use crate::text::task as task_text;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::{DispatcherClient, Status};

@@ -2,7 +2,8 @@
 
 use crate::commands::dispatcher;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::output::Progress;
 use crate::text::task as task_text;
 use std::collections::BTreeSet;
@@ -61,12 +62,12 @@ async fn follow(ctx: &Context, client: &Client, ids: &[TaskId], progress: &mut P
                     progress.show(&line(&views, &open));
                 }
             }
-            Err(failure) if !matches!(failure.kind, Kind::NoDispatcher | Kind::OutcomeUnknown) => {
+            Err(failure) if !matches!(failure.kind, ErrorKind::NoDispatcher | ErrorKind::OutcomeUnknown) => {
                 return Err(failure);
             }
             Err(failure) if heard.elapsed() > GIVE_UP_AFTER => {
                 let message = format!("{}; outcome of {} unknown", failure.message, some(&open));
-                return Err(Failure { kind: Kind::OutcomeUnknown, message, ..failure });
+                return Err(Error { kind: ErrorKind::OutcomeUnknown, message, ..failure });
             }
             Err(_) => {
                 let seconds = heard.elapsed().as_secs();
@@ -121,7 +122,7 @@ fn report(ctx: &Context, view: &TaskView, alone: bool) -> Result<()> {
             format!("`fleet-cli task {0}` shows its history, `fleet-cli retry {0}` tries again", view.id)
         }
     };
-    ctx.out.failure(&Failure::new(Kind::Failed, text).hint(hint));
+    ctx.out.failure(&Error::new(ErrorKind::Failed, text).hint(hint));
     Ok(())
 }
 
@@ -132,14 +133,14 @@ async fn left(ctx: &Context, client: &Client, ids: &[TaskId], cancels: bool) -> 
         let message = format!("interrupted: the dispatcher continues with {}", some(&open));
         let hint =
             format!("cancel with `fleet-cli cancel {}`; --cancel-on-interrupt cancels on Ctrl-C", names(ids));
-        return Err(Failure::new(Kind::Interrupted, message).hint(hint));
+        return Err(Error::new(ErrorKind::Interrupted, message).hint(hint));
     }
     let changes = dispatcher(client).change(DispatchBody::Cancel { tasks: ids.to_vec() }).await?;
     // What had ended by then is no reason to complain.
     let changes: Vec<_> =
         changes.tasks.into_iter().filter(|change| !change.state.is_some_and(TaskState::is_final)).collect();
     match worst(&changes) {
-        Some(error) => Err(Failure::from(error.clone())),
+        Some(error) => Err(Error::from(error.clone())),
         None => {
             if !ctx.out.json {
                 ctx.out.note(&format!("interrupted: {} ended", some(&open)));

@@ -7,7 +7,7 @@ pub(super) use services::Services;
 
 use super::finding::{Finding, Level};
 use super::fixes::FixBook;
-use crate::error::Failure;
+use xtb_client::Error;
 use crate::text::robot as describe;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -66,7 +66,7 @@ pub(super) fn router(connect: &[String], took: Duration) -> Finding {
 }
 
 /// None did.
-pub(super) fn no_router(failure: &Failure) -> Finding {
+pub(super) fn no_router(failure: &Error) -> Finding {
     Finding::problem("router", failure.message.clone(), failure.hint.clone())
 }
 

@@ -1,7 +1,7 @@
 //! Listens for what serves the whole fleet: dispatcher, traffic control, map.
 
 use super::checks::Services;
-use crate::error::Result;
+use xtb_client::Result;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::Notify;
@@ -28,7 +28,7 @@ impl Listening {
     /// Begins.
     ///
     /// # Errors
-    /// [`Kind::Failed`](crate::Kind::Failed): Zenoh would not.
+    /// [`ErrorKind::Failed`](xtb_client::ErrorKind::Failed): Zenoh would not.
     pub(super) async fn begin(client: &Client) -> Result<Self> {
         let heard = Arc::new(Heard::default());
         let into = Arc::clone(&heard);
@@ -40,7 +40,7 @@ impl Listening {
     /// Asks dispatcher and map too. Traffic control that is present and was not heard yet is waited for.
     ///
     /// # Errors
-    /// [`Kind::Failed`](crate::Kind::Failed): a question could not be sent.
+    /// [`ErrorKind::Failed`](xtb_client::ErrorKind::Failed): a question could not be sent.
     pub(super) async fn end(self, client: &Client, within: Duration) -> Result<Services> {
         let (bus, keys) = (client.bus(), client.keys());
         let (dispatch, traffic) = (keys.dispatch_alive(), keys.traffic_alive());

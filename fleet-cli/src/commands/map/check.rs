@@ -1,20 +1,43 @@
 //! `map check`: what is wrong with a map, and what to do about it.
 
-use super::{rounded, size, size_m};
-use crate::cli::MapCheckArgs;
+use clap::Args;
+use crate::{map_file, vehicle_file};
+use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
-use crate::map_file;
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::output::{Output, Tone};
-use crate::vehicle_file;
-use robot_agent::config::Layers;
 use robot_agent::files;
+use robot_agent::config::Layers;
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use super::{rounded, size, size_m};
 use xtb_control::VehicleConfig;
-use xtb_nav::map::check::{Report, ZoneFinding, check};
 use xtb_nav::{Car, Map};
+use xtb_nav::map::check::{Report, ZoneFinding, check};
 use xtb_protocol::messages::MapHash;
+
+const CHECK_HELP: &str = "\
+Problems (no room for the truck, a zone outside the map, keep-outs that divide the free space) make the \
+exit code 1; warnings (several islands, doors too narrow) do not.";
+
+/// Arguments of `map check`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = CHECK_HELP)]
+pub struct MapCheckArgs {
+    /// Map (map_server YAML) or world (TOML).
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// Check for the truck of this robot-agent config (TOML) [default: the XTB].
+    #[arg(long, value_name = "FILE")]
+    pub car_from: Option<PathBuf>,
+    /// Check for the truck of this vehicle file, such as configs/vehicles/long.toml.
+    #[arg(long, value_name = "FILE", conflicts_with = "car_from")]
+    pub vehicle: Option<PathBuf>,
+    /// How fine a world is drawn.
+    #[command(flatten)]
+    pub fine: ResolutionArgs,
+}
 
 /// Islands and narrow places that are listed for people; JSON has all.
 const LISTED: usize = 5;
@@ -91,7 +114,7 @@ pub(super) fn run(ctx: &Context, args: &MapCheckArgs) -> Result<Exit> {
 fn vehicle(path: &Path) -> Result<VehicleConfig> {
     let place = path.display().to_string();
     let invalid = |reason: &dyn std::fmt::Display| {
-        Failure::new(Kind::Config, format!("{place}: {reason}"))
+        Error::new(ErrorKind::Config, format!("{place}: {reason}"))
             .hint("`robot-agent --print-config` prints a config with all settings")
     };
     let text = files::text(path, files::MAX_TEXT).map_err(|error| invalid(&error))?;

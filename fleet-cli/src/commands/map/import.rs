@@ -1,14 +1,33 @@
 //! `map import`: a world or a map as map_server files.
 
-use super::size;
-use crate::cli::MapImportArgs;
-use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use clap::Args;
 use crate::map_file;
+use crate::commands::map::ResolutionArgs;
+use crate::context::Context;
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use super::size;
 use xtb_nav::map::ros::Files;
 use xtb_protocol::messages::MapHash;
+
+/// Arguments of `map import`.
+#[derive(Debug, Clone, Args)]
+pub struct MapImportArgs {
+    /// World (TOML) or map (map_server YAML).
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// YAML file to write; the image is written next to it, with the extension .pgm.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Overwrite existing files.
+    #[arg(long)]
+    pub force: bool,
+    /// How fine a world is drawn.
+    #[command(flatten)]
+    pub fine: ResolutionArgs,
+}
 
 /// What was written.
 #[derive(Debug, Serialize)]
@@ -31,18 +50,18 @@ pub(super) fn run(ctx: &Context, args: &MapImportArgs) -> Result<Exit> {
     let yaml = &args.out;
     if !matches!(yaml.extension().and_then(|ending| ending.to_str()), Some("yaml" | "yml")) {
         let message = format!("{} does not have the extension .yaml", yaml.display());
-        return Err(Failure::new(Kind::Usage, message).hint(
+        return Err(Error::new(ErrorKind::Invalid, message).hint(
             "--out is the YAML file; the image is written \
             next to it",
         ));
     }
     let image = yaml.with_extension("pgm");
     let beside = PathBuf::from(image.file_name().unwrap_or_default());
-    let failed = |error: &dyn std::fmt::Display| Failure::new(Kind::Failed, error.to_string());
+    let failed = |error: &dyn std::fmt::Display| Error::new(ErrorKind::Failed, error.to_string());
     let files = Files::of(&map, &beside.to_string_lossy()).map_err(|error| failed(&error))?;
     for path in [yaml, &image] {
         if path.exists() && !args.force {
-            return Err(Failure::new(Kind::Failed, format!("{} already exists", path.display()))
+            return Err(Error::new(ErrorKind::Failed, format!("{} already exists", path.display()))
                 .hint("--force overwrites it"));
         }
     }
@@ -61,7 +80,7 @@ pub(super) fn run(ctx: &Context, args: &MapImportArgs) -> Result<Exit> {
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     std::fs::write(path, bytes).map_err(|error| {
-        Failure::new(Kind::Failed, format!("cannot write {}: {error}", path.display()))
+        Error::new(ErrorKind::Failed, format!("cannot write {}: {error}", path.display()))
             .hint("--out needs a file in an existing folder")
     })
 }

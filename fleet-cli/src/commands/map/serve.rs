@@ -1,16 +1,35 @@
 //! `map serve`: publishes a map to the fleet until Ctrl-C.
 
-use crate::cli::MapServeArgs;
-use crate::context::Context;
-use crate::error::{Exit, Failure, Result};
-use crate::interrupt::interrupted;
+use clap::Args;
 use crate::map_file;
-use crate::services::map_server::MapService;
+use crate::commands::map::ResolutionArgs;
+use crate::commands::traffic::serve::SERVE_HELP;
+use crate::context::Context;
+use crate::exit::Exit;
+use xtb_client::{Error, Result};
+use crate::interrupt::interrupted;
+use xtb_services::map_server::MapService;
 use serde::Serialize;
+use std::path::PathBuf;
 use std::pin::pin;
 use xtb_client::client::Client;
 use xtb_protocol::Name;
 use xtb_protocol::messages::MapHash;
+
+const SERVE_HELP: &str = "\
+Robots plan on the served map. Only one map can be served at a time.";
+
+/// Arguments of `map serve`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = SERVE_HELP)]
+pub struct MapServeArgs {
+    /// Map (map_server YAML) or world (TOML).
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// How fine a world is drawn.
+    #[command(flatten)]
+    pub fine: ResolutionArgs,
+}
 
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]
@@ -31,7 +50,7 @@ pub(super) async fn run(ctx: &Context, args: &MapServeArgs) -> Result<Exit> {
     let starting = async {
         let client = Client::open(&ctx.settings).await?;
         let service = MapService::start(client.bus(), client.keys(), &map, ctx.settings.timeout).await?;
-        Ok::<_, Failure>((client, service))
+        Ok::<_, Error>((client, service))
     };
     let (client, service) = tokio::select! {
         started = starting => started?,

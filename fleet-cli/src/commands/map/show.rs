@@ -1,18 +1,35 @@
 //! `map show`: a map as a picture in the terminal.
 
-use super::picture::{Picture, arrow};
-use super::{centimetres, rounded, size, size_m};
-use crate::cli::MapShowArgs;
-use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use clap::Args;
 use crate::map_file;
+use crate::commands::map::ResolutionArgs;
+use crate::context::Context;
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::output::{Output, Tone};
 use serde::Serialize;
 use std::io::IsTerminal;
-use xtb_client::client::Client;
+use std::path::PathBuf;
+use super::{centimetres, rounded, size, size_m};
+use super::picture::{Picture, arrow};
 use xtb_client::map_source;
+use xtb_client::client::Client;
 use xtb_nav::{Cell, Map, Zone, ZoneKind};
 use xtb_protocol::messages::MapHash;
+
+/// Arguments of `map show`.
+#[derive(Debug, Clone, Args)]
+pub struct MapShowArgs {
+    /// Map (map_server YAML) or world (TOML).
+    #[arg(value_name = "FILE", required_unless_present = "live")]
+    pub file: Option<PathBuf>,
+    /// The fleet's current map.
+    #[arg(long, conflicts_with_all = ["file", "resolution_m"])]
+    pub live: bool,
+    /// How fine a world is drawn.
+    #[command(flatten)]
+    pub fine: ResolutionArgs,
+}
 
 /// Where there is no terminal to fit.
 const PAGE: (usize, usize) = (80, 50);
@@ -67,11 +84,11 @@ async fn live(ctx: &Context) -> Result<Vec<Map>> {
     messages.sort_by_key(|message| message.hash);
     messages.dedup_by_key(|message| message.hash);
     if messages.is_empty() {
-        return Err(Failure::new(Kind::NoRobot, format!("no map is served to fleet {}", ctx.settings.fleet))
+        return Err(Error::new(ErrorKind::NoRobot, format!("no map is served to fleet {}", ctx.settings.fleet))
             .hint("serve one with `fleet-cli map serve FILE`; `fleet-cli sim` also serves one"));
     }
     let broken = |error: xtb_nav::map::wire::WireError| {
-        Failure::new(Kind::Failed, format!("the served map cannot be used: {error}"))
+        Error::new(ErrorKind::Failed, format!("the served map cannot be used: {error}"))
     };
     messages.iter().map(|message| Map::try_from(message).map_err(broken)).collect()
 }

@@ -17,7 +17,7 @@
 //! The world's zones hold as on its map: keep-outs are walls, one-way zones are driven one way.
 
 use crate::commands::sim::read_world;
-use crate::error::{Failure, Kind, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use crate::vehicle_file;
 use robot_agent::files;
 use serde::Deserialize;
@@ -110,14 +110,14 @@ impl Instance {
     /// Reads a file of either kind.
     ///
     /// # Errors
-    /// [`Kind::Config`]: it cannot be read, or is neither.
+    /// [`ErrorKind::Config`]: it cannot be read, or is neither.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let hint = "an instance needs `agents` (name, start, goal) and a `map` or a `world`";
         let invalid = |error: String| {
-            Failure::new(Kind::Config, format!("{}: {}", path.display(), error.trim_end())).hint(hint)
+            Error::new(ErrorKind::Config, format!("{}: {}", path.display(), error.trim_end())).hint(hint)
         };
         let text = files::text(path, files::MAX_TEXT).map_err(|error| {
-            Failure::new(Kind::Config, format!("cannot read {}: {error}", path.display()))
+            Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display()))
         })?;
         let kind: Kinds = serde_saphyr::from_str(&text).map_err(|error| invalid(error.to_string()))?;
         if kind.world.is_none() {

@@ -2,7 +2,7 @@
 
 use super::Statistics;
 use super::instance::Instance;
-use crate::error::{Failure, Kind, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 use serde_saphyr::FlowMap;
@@ -48,5 +48,5 @@ impl Serialize for Ways<'_> {
 /// None in practice: everything in it can be written.
 pub(super) fn text(instance: &Instance, schedule: &Schedule, statistics: &Statistics) -> Result<String> {
     serde_saphyr::to_string(&File { statistics, schedule: Ways { instance, schedule } })
-        .map_err(|error| Failure::new(Kind::Failed, format!("cannot write YAML: {error}")))
+        .map_err(|error| Error::new(ErrorKind::Failed, format!("cannot write YAML: {error}")))
 }

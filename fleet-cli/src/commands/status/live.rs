@@ -1,9 +1,10 @@
 //! `status --watch`: repainted on a terminal, a line for each change elsewhere.
 
 use super::block;
-use crate::cli::StatusArgs;
+use crate::commands::status::StatusArgs;
 use crate::context::Context;
-use crate::error::{Exit, Result};
+use crate::exit::Exit;
+use xtb_client::Result;
 use crate::interrupt::interrupted;
 use crate::output::{Output, Tone};
 use crate::terminal::{Input, Terminal};

@@ -1,9 +1,10 @@
 //! `tasks --watch`: repainted on a terminal, a line for each change elsewhere.
 
 use super::{concerns, screen};
-use crate::cli::TasksArgs;
+use crate::commands::tasks::TasksArgs;
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::Tone;
 use crate::terminal::{Input, Terminal};
@@ -44,8 +45,8 @@ async fn next(client: &Client, news: &TaskChanges) -> Result<TaskList> {
 }
 
 /// A dispatcher that is away may come back.
-fn only_silent(failure: &Failure) -> bool {
-    matches!(failure.kind, Kind::NoDispatcher | Kind::OutcomeUnknown)
+fn only_silent(failure: &Error) -> bool {
+    matches!(failure.kind, ErrorKind::NoDispatcher | ErrorKind::OutcomeUnknown)
 }
 
 async fn repaint(

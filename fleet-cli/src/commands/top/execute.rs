@@ -2,7 +2,7 @@
 
 use crate::commands::reset;
 use crate::context::Context;
-use crate::error::{Failure, Kind, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use crate::output::Tone;
 use crate::text::reasons;
 use crate::tui::top::{Command, Outcome};
@@ -33,8 +33,8 @@ pub(super) fn overtaken() -> Outcome {
 }
 
 /// Whether a robot refused because somebody else has control.
-pub(super) fn is_held(failure: &Failure) -> bool {
-    failure.kind == Kind::Refused(RejectCode::LeaseHeld)
+pub(super) fn is_held(failure: &Error) -> bool {
+    failure.kind == ErrorKind::Refused(RejectCode::LeaseHeld)
 }
 
 async fn attempt(

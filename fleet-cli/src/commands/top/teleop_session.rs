@@ -3,7 +3,7 @@
 
 use super::execute::is_held;
 use crate::commands::teleop::ticks;
-use crate::error::{Failure, Result};
+use xtb_client::{Error, Result};
 use crate::tui::top::TeleopStatus;
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
@@ -71,7 +71,7 @@ async fn begin(client: &Client, robot: &Name, take: bool) -> Result<(Control, St
     let control = Control::acquire(client, robot, take).await?;
     let rest = async {
         let limit = client.about(robot).await?.map_or(CAUTIOUS_RPM, |about| about.limits.max_rpm);
-        Ok::<_, Failure>((StateFeed::open(client, &client.keys().robot(robot)).await?, limit))
+        Ok::<_, Error>((StateFeed::open(client, &client.keys().robot(robot)).await?, limit))
     };
     match rest.await {
         Ok((feed, limit)) => Ok((control, feed, limit)),

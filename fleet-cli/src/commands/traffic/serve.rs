@@ -1,19 +1,39 @@
 //! `traffic serve`: leads the robots with planned goals past each other, until Ctrl-C.
 
-use crate::cli::TrafficServeArgs;
-use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
-use crate::interrupt::interrupted;
+use clap::Args;
 use crate::map_file;
-use crate::services::map_server::MapService;
-use crate::services::traffic::TrafficService;
+use crate::commands::map::ResolutionArgs;
+use crate::context::Context;
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
+use crate::interrupt::interrupted;
+use xtb_services::map_server::MapService;
+use xtb_services::traffic::TrafficService;
 use serde::Serialize;
+use std::path::PathBuf;
 use std::pin::pin;
-use xtb_client::client::Client;
 use xtb_client::map_source;
+use xtb_client::client::Client;
 use xtb_nav::Map;
 use xtb_protocol::Name;
 use xtb_protocol::messages::MapHash;
+
+const SERVE_HELP: &str = "\
+Robots with planned goals (`goto` on a robot with a map) get their paths from traffic control. Each drives \
+only as far as it has clearance, in an order without conflicts. Without traffic control each robot plans for \
+itself.";
+
+/// Arguments of `traffic serve`.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = SERVE_HELP)]
+pub struct TrafficServeArgs {
+    /// Map (map_server YAML) or world (TOML), also served to the fleet [default: the fleet's map].
+    #[arg(long, value_name = "FILE")]
+    pub map: Option<PathBuf>,
+    /// How fine a world is drawn.
+    #[command(flatten)]
+    pub fine: ResolutionArgs,
+}
 
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]
@@ -41,7 +61,7 @@ pub(super) async fn run(ctx: &Context, args: &TrafficServeArgs) -> Result<Exit> 
             None => (the_fleets(ctx, &client).await?, None),
         };
         let service = TrafficService::start(&client, &map, ctx.settings.timeout).await?;
-        Ok::<_, Failure>((client, map, maps, service))
+        Ok::<_, Error>((client, map, maps, service))
     };
     let (client, map, maps, service) = tokio::select! {
         started = starting => started?,
@@ -64,10 +84,10 @@ pub(super) async fn run(ctx: &Context, args: &TrafficServeArgs) -> Result<Exit> 
 async fn the_fleets(ctx: &Context, client: &Client) -> Result<Map> {
     let served = map_source::served(client.bus(), client.keys(), ctx.settings.timeout).await?;
     let Some(message) = served.first() else {
-        return Err(Failure::new(Kind::Config, "no map is served to this fleet").hint(
+        return Err(Error::new(ErrorKind::Config, "no map is served to this fleet").hint(
             "serve one with `fleet-cli traffic serve --map FILE`; `fleet-cli sim` serves its world's \
                    map",
         ));
     };
-    Map::try_from(message).map_err(|error| Failure::new(Kind::Config, error.to_string()))
+    Map::try_from(message).map_err(|error| Error::new(ErrorKind::Config, error.to_string()))
 }

@@ -1,7 +1,8 @@
 //! `traffic status`: whom traffic control leads, and whom it drives around.
 
 use crate::context::Context;
-use crate::error::{Exit, Failure, Kind, Result};
+use crate::exit::Exit;
+use xtb_client::{Error, ErrorKind, Result};
 use tokio::sync::mpsc;
 use xtb_client::client::Client;
 use xtb_protocol::Name;
@@ -23,7 +24,7 @@ pub(super) async fn run(ctx: &Context) -> Result<Exit> {
     drop(subscription);
     client.close().await;
     let Ok(Some(state)) = heard else {
-        return Err(Failure::new(Kind::NoRobot, "no traffic control found")
+        return Err(Error::new(ErrorKind::NoRobot, "no traffic control found")
             .hint("start one with `fleet-cli traffic serve`"));
     };
     ctx.out.result(&state, |state| {

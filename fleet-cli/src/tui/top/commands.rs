@@ -4,7 +4,7 @@
 //! with a word. Stops are never refused: one that is asked again while it is under way begins anew.
 
 use crate::output::Tone;
-use crate::scene::AtMs;
+use xtb_client::scene::AtMs;
 use std::collections::VecDeque;
 use xtb_protocol::messages::TaskId;
 use xtb_protocol::{Name, Uuid};

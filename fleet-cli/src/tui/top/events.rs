@@ -2,7 +2,7 @@
 
 use super::robot_view::{age, long_age};
 use super::*;
-use crate::scene::{SceneEvent, What};
+use xtb_client::scene::{SceneEvent, What};
 use crate::text::reasons;
 use crate::text::task as task_text;
 use ratatui::Frame;

@@ -3,7 +3,7 @@
 use super::robot_view::{ShownRobot, Standing, age};
 use super::view::View;
 use super::*;
-use crate::scene::Body;
+use xtb_client::scene::Body;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};

@@ -2,7 +2,7 @@
 
 use crate::commands::why;
 use crate::output::Tone;
-use crate::scene::{AtMs, Robot, Scene};
+use xtb_client::scene::{AtMs, Robot, Scene};
 use crate::text::reasons;
 use crate::text::robot as describe;
 use std::time::Duration;

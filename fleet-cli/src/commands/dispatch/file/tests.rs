@@ -6,7 +6,7 @@ const NOW_MS: u64 = 1_000_000;
 
 fn said(text: &str) -> String {
     let failure = parse(text, NOW_MS).unwrap_err();
-    assert_eq!(failure.kind, Kind::Config);
+    assert_eq!(failure.kind, ErrorKind::Config);
     failure.message
 }
 

@@ -1,7 +1,9 @@
 //! What command lines submit.
 
 use super::*;
-use crate::cli::{Cli, DispatchVerb, Verb};
+use crate::cli::Cli;
+use crate::commands::Verb;
+use crate::commands::dispatch::DispatchVerb;
 use xtb_protocol::messages::{LinkLoss, OnTakeover};
 
 fn terms(line: &str) -> TermArgs {

@@ -41,7 +41,7 @@ async fn ctrl_c_leaves_the_task_and_says_so() {
     let failure = run(&ctx, &client, &[ID], false, stop).await.unwrap_err();
     assert_eq!(failure.message, "interrupted: the dispatcher continues with t1");
     assert!(failure.hint.contains("fleet-cli cancel t1"), "{}", failure.hint);
-    assert_eq!(failure.kind.exit(), Exit::Interrupted);
+    assert_eq!(Exit::from(failure.kind), Exit::Interrupted);
     let cancels = |body: &DispatchBody| matches!(body, DispatchBody::Cancel { .. });
     assert!(!fake.told.lock().unwrap().asked.iter().any(|request| cancels(&request.body)));
 }
@@ -58,7 +58,7 @@ async fn ctrl_c_cancels_if_that_was_wished_and_says_what_is_not_confirmed() {
         let (client, ctx, fake) = with(vec![task(1, TaskState::Running)]).await;
         fake.told.lock().unwrap().answers.push_back(Some(answer));
         let stop = pin!(fake.until(|told| !told.asked.is_empty()));
-        let exit = run(&ctx, &client, &[ID], true, stop).await.unwrap_or_else(|failure| failure.kind.exit());
+        let exit = run(&ctx, &client, &[ID], true, stop).await.unwrap_or_else(|failure| Exit::from(failure.kind));
         assert_eq!(exit.code(), code);
     }
 }

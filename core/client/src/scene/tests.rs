@@ -1,0 +1,91 @@
+//! What a scene keeps, and for how long.
+
+use super::*;
+use xtb_protocol::messages::{Roster, Truth};
+
+fn own(text: &str) -> Name {
+    Name::new(text).unwrap()
+}
+
+fn key(text: &str) -> Key {
+    Key::parse(text).unwrap()
+}
+
+fn state(name: &str, x_m: f64) -> RobotState {
+    let mut state = crate::fake::state(name);
+    state.pose.x_m = x_m;
+    state
+}
+
+#[test]
+fn an_old_state_keeps_its_age_and_is_not_fresh() {
+    let mut scene = Scene::new(own("lab"));
+    scene.take(1000, &key("xtb/lab/xtb-1/state"), state("xtb-1", 1.0).into());
+    let seen = scene.robots()[&own("xtb-1")].state.as_ref().unwrap();
+    assert!(seen.fresh(1400).is_some());
+    assert_eq!((seen.fresh(1600), seen.age_ms(1600)), (None, 600));
+}
+
+#[test]
+fn a_trail_grows_with_the_way_and_is_bounded() {
+    let mut scene = Scene::new(own("lab"));
+    for step in 0..2000_u32 {
+        let x_m = f64::from(step) * 0.03;
+        scene.take(u64::from(step), &key("xtb/lab/xtb-1/state"), state("xtb-1", x_m).into());
+    }
+    let robot = &scene.robots()[&own("xtb-1")];
+    assert_eq!((robot.trail.len(), robot.trail_count), (TRAIL, 1000));
+    assert!(robot.trail.back().unwrap().0 > 59.0);
+}
+
+#[test]
+fn presence_that_did_not_change_is_no_happening() {
+    let mut scene = Scene::new(own("lab"));
+    for there in [true, true, false] {
+        scene.take(0, &key("xtb/lab/xtb-1/alive"), AnyMessage::Alive(there));
+        scene.take(0, &key("xtb/lab/dispatch/alive"), AnyMessage::Alive(there));
+    }
+    let shown: Vec<_> = scene
+        .happenings()
+        .iter()
+        .map(|happening| match &happening.what {
+            What::Presence { key, there, .. } => (key.as_str(), *there),
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    let (robot, dispatcher) = ("xtb/lab/xtb-1/alive", "xtb/lab/dispatch/alive");
+    assert_eq!(shown, [(robot, true), (dispatcher, true), (robot, false), (dispatcher, false)]);
+}
+
+#[test]
+fn happenings_are_bounded_and_numbered() {
+    let mut scene = Scene::new(own("lab"));
+    for n in 0..300_u64 {
+        scene.take(n, &key("xtb/lab/xtb-1/alive"), AnyMessage::Alive(n % 2 == 0));
+    }
+    let numbers: Vec<u64> = scene.happenings().iter().map(|happening| happening.number).collect();
+    assert_eq!(numbers, (101..=300).collect::<Vec<_>>());
+}
+
+#[test]
+fn other_fleets_and_too_many_robots_are_counted() {
+    let mut scene = Scene::new(own("lab"));
+    scene.take(0, &key("xtb/hall/xtb-1/alive"), AnyMessage::Alive(true));
+    assert_eq!((scene.robots().len(), scene.refused()), (0, 1));
+    for n in 0..MOST_ROBOTS + 3 {
+        scene.take(0, &key(&format!("xtb/lab/r{n}/alive")), AnyMessage::Alive(true));
+    }
+    assert_eq!((scene.robots().len(), scene.refused()), (MOST_ROBOTS, 4));
+}
+
+#[test]
+fn the_roster_makes_rows_for_those_who_are_missing() {
+    let mut scene = Scene::new(own("lab"));
+    let entry = RosterEntry { name: own("xtb-7"), tags: vec!["red".into()], start_pose: None };
+    scene.take(0, &key("xtb/lab/sim/roster"), Roster { robots: vec![entry.clone()] }.into());
+    let robot = &scene.robots()[&own("xtb-7")];
+    assert_eq!((robot.alive, &robot.roster, &robot.state), (false, &Some(entry), &None));
+    let truth = Truth { t_s: 1.0, robots: BTreeMap::new() };
+    scene.take(5, &key("xtb/lab/sim/truth"), truth.clone().into());
+    assert_eq!(scene.truth(), Some(&Seen { at_ms: 5, value: truth }));
+}

@@ -1,0 +1,225 @@
+//! What a page asks for, and how it is answered.
+
+use xtb_client::Error;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use xtb_protocol::Name;
+use xtb_protocol::messages::{TaskId, TaskSpec, Via};
+
+/// A message from the page.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum FromPage {
+    /// It has this frame.
+    Seen(u64),
+    /// Whose details it shows.
+    Watch(Option<Name>),
+    /// A command.
+    Do(Order),
+    /// The hand on the wheel.
+    Setpoint(super::teleop::Hand),
+}
+
+/// A command and the page's number for it.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Order {
+    /// The answer bears it too.
+    pub(super) id: u64,
+    /// What.
+    pub(super) command: Command,
+}
+
+/// What a page may ask for.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum Command {
+    /// Drive to a point, without staying with it.
+    Goto {
+        /// Who.
+        robot: Name,
+        /// East.
+        x_m: f64,
+        /// North.
+        y_m: f64,
+        /// On arrival.
+        #[serde(default)]
+        yaw_rad: Option<f64>,
+        /// How; `None` = as the robot likes.
+        #[serde(default)]
+        via: Option<Via>,
+        /// Take control from whoever has it.
+        #[serde(default)]
+        take: bool,
+    },
+    /// Drop goals and stand.
+    Stop {
+        /// `None` = all.
+        robot: Option<Name>,
+    },
+    /// Stand, latched.
+    Estop {
+        /// `None` = all.
+        robot: Option<Name>,
+    },
+    /// End latched stops.
+    Reset {
+        /// Whose.
+        robot: Name,
+    },
+    /// End the latched stops of every robot that has any.
+    ResetAll {},
+    /// A task for the dispatcher.
+    Submit {
+        /// What.
+        spec: Box<TaskSpec>,
+    },
+    /// End a task.
+    Cancel {
+        /// Which.
+        task: TaskId,
+    },
+    /// Let the dispatcher assign tasks again after an emergency stop of all robots.
+    Activate {},
+    /// Take the tasks of other maps over to the fleet's.
+    Adopt {},
+    /// Begin to drive by hand.
+    Teleop {
+        /// Whom.
+        robot: Name,
+        /// Take control from whoever has it.
+        #[serde(default)]
+        take: bool,
+    },
+    /// Let go of the wheel.
+    TeleopEnd {},
+}
+
+impl Command {
+    /// What it is called.
+    pub(super) fn name(&self) -> &'static str {
+        match self {
+            Self::Goto { .. } => "goto",
+            Self::Stop { .. } => "stop",
+            Self::Estop { .. } => "estop",
+            Self::Reset { .. } => "reset",
+            Self::ResetAll {} => "reset_all",
+            Self::Submit { .. } => "submit",
+            Self::Cancel { .. } => "cancel",
+            Self::Activate {} => "activate",
+            Self::Adopt {} => "adopt",
+            Self::Teleop { .. } => "teleop",
+            Self::TeleopEnd {} => "teleop_end",
+        }
+    }
+
+    /// Which robot it is for; `None` = all, or it is for the dispatcher.
+    pub(super) fn robot(&self) -> Option<&Name> {
+        match self {
+            Self::Goto { robot, .. } | Self::Reset { robot } | Self::Teleop { robot, .. } => Some(robot),
+            Self::Stop { robot } | Self::Estop { robot } => robot.as_ref(),
+            Self::ResetAll {}
+            | Self::Submit { .. }
+            | Self::Cancel { .. }
+            | Self::Activate {}
+            | Self::Adopt {}
+            | Self::TeleopEnd {} => None,
+        }
+    }
+}
+
+/// What came of a command.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Answer {
+    id: u64,
+    #[serde(flatten)]
+    result: Outcome,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Outcome {
+    Ok(Value),
+    Error(Wrong),
+}
+
+/// Why it was not done.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Wrong {
+    code: String,
+    message: String,
+    hint: String,
+}
+
+impl Answer {
+    /// How it went.
+    pub(super) fn new(id: u64, result: Result<Value, Error>) -> Self {
+        let result = match result {
+            Ok(value) => Outcome::Ok(value),
+            Err(Error { kind, message, hint }) => {
+                Outcome::Error(Wrong { code: kind.code(), message, hint })
+            }
+        };
+        Self { id, result }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_client::ErrorKind;
+    use serde_json::json;
+
+    fn read(text: &str) -> Option<FromPage> {
+        serde_json::from_str(text).ok()
+    }
+
+    #[test]
+    fn a_page_says_what_the_document_says() {
+        for text in [
+            r#"{"seen": 7}"#,
+            r#"{"watch": "xtb-1"}"#,
+            r#"{"watch": null}"#,
+            r#"{"do": {"id": 1, "command": {"goto": {"robot": "xtb-1", "x_m": 1, "y_m": -2, "yaw_rad": null}}}}"#,
+            r#"{"do": {"id": 1, "command": {"goto": {"robot": "xtb-1", "x_m": 1, "y_m": 2, "take": true}}}}"#,
+            r#"{"do": {"id": 2, "command": {"stop": {"robot": null}}}}"#,
+            r#"{"do": {"id": 3, "command": {"estop": {"robot": "xtb-2"}}}}"#,
+            r#"{"do": {"id": 4, "command": {"reset": {"robot": "xtb-2"}}}}"#,
+            r#"{"do": {"id": 5, "command": {"submit": {"spec": {"kind": {"wander": {"for_s": 5}}}}}}}"#,
+            r#"{"do": {"id": 6, "command": {"cancel": {"task": "t17"}}}}"#,
+            r#"{"do": {"id": 7, "command": {"teleop": {"robot": "xtb-1", "take": false}}}}"#,
+            r#"{"do": {"id": 8, "command": {"teleop_end": {}}}}"#,
+            r#"{"setpoint": {"seq": 1, "seen": 7, "throttle": 0.5, "steering": -1}}"#,
+        ] {
+            assert!(read(text).is_some(), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_whole_or_not_ours_is_not_read() {
+        for text in [
+            "",
+            "7",
+            "null",
+            r#"{"seen": -1}"#,
+            r#"{"seen": 1, "watch": null}"#,
+            r#"{"watch": "../x"}"#,
+            r#"{"do": {"command": {"stop": {"robot": null}}}}"#,
+            r#"{"do": {"id": 1, "command": {"set_pose": {}}}}"#,
+            r#"{"do": {"id": 1, "command": {"goto": {"robot": "xtb-1", "x_m": null, "y_m": 1}}}}"#,
+            r#"{"do": {"id": 1, "command": {"goto": {"robot": "xtb-1", "x_m": 1, "y_m": 1, "fast": true}}}}"#,
+            r#"{"setpoint": {"seq": 1, "throttle": 1, "steering": 0}}"#,
+        ] {
+            assert_eq!(read(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn an_answer_bears_the_commands_number() {
+        let answer = |result| serde_json::to_value(Answer::new(7, result)).unwrap();
+        assert_eq!(answer(Ok(json!({ "a": 1 }))), json!({ "id": 7, "ok": { "a": 1 } }));
+        let failure = Error::new(ErrorKind::Failed, "no").hint("wait");
+        let error = json!({ "code": "failed", "message": "no", "hint": "wait" });
+        assert_eq!(answer(Err(failure)), json!({ "id": 7, "error": error }));
+    }
+}

@@ -1,0 +1,135 @@
+//! What the dispatcher has to find out beside its robots: who should be there and the map; and traffic
+//! control, which it runs unless somebody else does.
+
+use crate::traffic::TrafficService;
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use tokio::time::MissedTickBehavior;
+use xtb_client::client::Client;
+use xtb_client::map_source::{self, MapSource};
+use xtb_nav::Map;
+use xtb_protocol::messages::{FleetMap, Roster};
+
+/// It looks again this often.
+const LOOK_EVERY: Duration = Duration::from_secs(2);
+/// What is not known this long after the start is learned while tasks are taken already.
+const FIRST_LOOK: Duration = Duration::from_millis(400);
+
+/// What was found.
+#[derive(Default)]
+pub(super) struct Found {
+    pub(super) roster: Option<Roster>,
+    pub(super) map: Option<Map>,
+    /// It is the one that this process serves.
+    pub(super) own_map: bool,
+    /// Another dispatcher answers too.
+    pub(super) second: bool,
+}
+
+/// Looks once, in vain at most for [`FIRST_LOOK`]. A map that is known beforehand is ours to serve.
+pub(super) async fn first_look(client: &Client, own: Option<Map>) -> Found {
+    let own_map = own.is_some();
+    let map = async {
+        match own.clone() {
+            Some(own) => Some(own),
+            None => served(client, FIRST_LOOK).await,
+        }
+    };
+    match tokio::time::timeout(FIRST_LOOK, async { tokio::join!(roster(client), map) }).await {
+        Ok((roster, map)) => Found { roster, map, own_map, second: false },
+        Err(_) => Found { roster: None, map: own, own_map, second: false },
+    }
+}
+
+/// Keeps looking, and runs traffic control as long as this task does.
+pub(super) fn keep_looking(client: &Client, found: Found, within: Duration) -> MapWatch {
+    let (sender, news) = mpsc::channel(4);
+    let task = tokio::spawn(look(client.clone(), found, within, sender));
+    MapWatch { task, news }
+}
+
+/// Looks until it is dropped.
+pub(super) struct MapWatch {
+    task: JoinHandle<()>,
+    pub(super) news: mpsc::Receiver<Found>,
+}
+
+impl Drop for MapWatch {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}
+
+async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender<Found>) {
+    let Found { roster: mut known, mut map, own_map, .. } = found;
+    if has_second(&client, within).await
+        && news.send(Found { second: true, ..Found::default() }).await.is_err()
+    {
+        return;
+    }
+    let maps = MapSource::open(client.bus(), client.keys()).await;
+    let maps = maps.inspect_err(|failure| tracing::warn!("cannot check for another map: {failure}")).ok();
+    let (mut traffic, mut said) = (None, false);
+    let mut tick = tokio::time::interval(LOOK_EVERY);
+    tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tick.tick().await;
+        let mut found = Found::default();
+        if let Some(roster) = roster(&client).await.filter(|roster| known.as_ref() != Some(roster)) {
+            known = Some(roster.clone());
+            found.roster = Some(roster);
+        }
+        found.map = match &map {
+            None => served(&client, within).await,
+            // Whoever serves a map knows which one it is.
+            Some(_) if own_map => None,
+            Some(map) => maps.as_ref().and_then(|maps| another(map, maps)),
+        };
+        if found.map.is_some() {
+            map.clone_from(&found.map);
+            traffic = None;
+        }
+        if (found.roster.is_some() || found.map.is_some()) && news.send(found).await.is_err() {
+            return;
+        }
+        let Some(map) = map.as_ref().filter(|_| traffic.is_none()) else { continue };
+        match TrafficService::start(&client, map, within).await {
+            Ok(started) => traffic = Some(started),
+            Err(failure) if !said => {
+                said = true;
+                tracing::info!("using another program's traffic control: {failure}");
+            }
+            Err(_) => {}
+        }
+    }
+}
+
+/// The map that was published last, if it is not this one.
+fn another(map: &Map, maps: &MapSource) -> Option<Map> {
+    let newest = maps.newest()?;
+    let same = newest.name == map.name() && newest.hash == map.hash();
+    if same { None } else { read(&newest) }
+}
+
+/// Two that began at the same moment have not seen each other's presence: both answer, and both end.
+async fn has_second(client: &Client, within: Duration) -> bool {
+    let answers = client.bus().get(&client.keys().dispatch_tasks(), within).await;
+    answers.is_ok_and(|answers| answers.len() > 1)
+}
+
+async fn roster(client: &Client) -> Option<Roster> {
+    let entries = client.roster_entries(&[]).await;
+    let robots = entries.inspect_err(|failure| tracing::debug!("no roster: {failure}")).ok()??;
+    Some(Roster { robots })
+}
+
+async fn served(client: &Client, within: Duration) -> Option<Map> {
+    let served = map_source::served(client.bus(), client.keys(), within).await;
+    let served = served.inspect_err(|failure| tracing::debug!("no map: {failure}")).ok()?;
+    read(served.first()?)
+}
+
+fn read(message: &FleetMap) -> Option<Map> {
+    Map::try_from(message).inspect_err(|error| tracing::warn!("the fleet's map: {error}")).ok()
+}

@@ -1,0 +1,121 @@
+//! Serves a map to a fleet.
+
+use xtb_client::{Error, ErrorKind, Result};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::task::JoinHandle;
+use tokio::time::MissedTickBehavior;
+use xtb_bus::{Bus, Incoming, Publisher, Service, Subscription};
+use xtb_client::map_source::served;
+use xtb_nav::Map;
+use xtb_protocol::codec::Format;
+use xtb_protocol::keys::{Channel, FleetKeys};
+use xtb_protocol::messages::{FleetMap, MapHash};
+
+/// A map is published again this often, for whoever missed it.
+const PUBLISH_EVERY: Duration = Duration::from_secs(30);
+
+/// Serves a map to a fleet until it is dropped.
+pub struct MapService {
+    publishing: JoinHandle<()>,
+    _answering: Service,
+    _listening: Subscription,
+}
+
+impl MapService {
+    /// Publishes a map, now and again, and answers questions for it.
+    ///
+    /// # Errors
+    /// Another map is served already, or Zenoh refuses.
+    pub async fn start(bus: &Bus, keys: &FleetKeys, map: &Map, within: Duration) -> Result<Self> {
+        let message = FleetMap::from(map);
+        if let Some(other) = served(bus, keys, within).await?.iter().find(|other| other.hash != message.hash)
+        {
+            return Err(taken(&other.name, other.hash));
+        }
+        let (key, message) = (keys.map(), Arc::new(message));
+        let answering = answer(bus, key.clone(), Arc::clone(&message)).await?;
+        let own = message.hash;
+        let listening = bus.subscribe(&key, move |incoming| warn_of_another(own, &incoming)).await?;
+        let publisher = bus.publisher::<FleetMap>(&key, &Channel::Map, Format::Postcard).await?;
+        let publishing = tokio::spawn(publish(publisher, message));
+        Ok(Self { publishing, _answering: answering, _listening: listening })
+    }
+}
+
+impl Drop for MapService {
+    fn drop(&mut self) {
+        self.publishing.abort();
+    }
+}
+
+/// Two servers that met through a router later than they began.
+fn warn_of_another(own: MapHash, incoming: &Incoming) {
+    if let Ok(FleetMap { name, hash, .. }) = incoming.decode::<FleetMap>()
+        && hash != own
+    {
+        tracing::warn!("another map is also served to this fleet: {name} ({hash}); end one of the servers");
+    }
+}
+
+fn taken(name: &str, hash: MapHash) -> Error {
+    Error::new(ErrorKind::Failed, format!("another map is already served: {name} ({hash})"))
+        .hint("`fleet-cli map show --live` shows it; end its server, or choose another --fleet")
+}
+
+async fn answer(bus: &Bus, key: String, message: Arc<FleetMap>) -> Result<Service> {
+    let runtime = tokio::runtime::Handle::current();
+    let own_key = key.clone();
+    let service = bus.serve(&key, move |question| {
+        let (own_key, message) = (own_key.clone(), Arc::clone(&message));
+        runtime.spawn(async move {
+            let format = question.wanted_format();
+            if let Err(error) = question.reply(&own_key, message.as_ref(), format).await {
+                tracing::debug!("cannot send the map: {error}");
+            }
+        });
+    });
+    Ok(service.await?)
+}
+
+async fn publish(publisher: Publisher<FleetMap>, message: Arc<FleetMap>) {
+    let mut tick = tokio::time::interval(PUBLISH_EVERY);
+    tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    loop {
+        tick.tick().await;
+        if let Err(error) = publisher.put(&message).await {
+            tracing::warn!("cannot publish the map: {error}");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_client::Client;
+    use xtb_nav::Grid;
+
+    fn map(name: &str, width: usize) -> Map {
+        Map::new(name, Grid::free(0.05, [0.0, 0.0], width, 10).unwrap(), Vec::new()).unwrap()
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn one_map_is_served_at_a_time_and_the_next_when_that_has_ended() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let (bus, keys, within) = (client.bus(), client.keys(), Duration::from_secs(30));
+        assert!(served(bus, keys, within).await.unwrap().is_empty());
+        let lab = map("lab", 20);
+        let first = MapService::start(bus, keys, &lab, within).await.unwrap();
+        let found = served(bus, keys, within).await.unwrap();
+        assert_eq!((found.len(), Map::try_from(&found[0]).unwrap()), (1, lab.clone()));
+
+        let refused = MapService::start(bus, keys, &map("barn", 21), within).await.map(drop).unwrap_err();
+        let named = format!("another map is already served: lab ({})", lab.hash());
+        assert_eq!((refused.kind, refused.message), (ErrorKind::Failed, named));
+        // The same floor by another name is no other map.
+        drop(MapService::start(bus, keys, &map("room", 20), within).await.unwrap());
+
+        drop(first);
+        drop(MapService::start(bus, keys, &map("barn", 21), within).await.unwrap());
+    }
+}

@@ -1,0 +1,39 @@
+//! The embedded Zenoh router: the whole infrastructure that a small lab needs.
+
+use xtb_client::{Error, ErrorKind, Result};
+use std::net::TcpListener;
+use std::time::Duration;
+use xtb_bus::{Bus, LINK_LEASE, Role};
+
+/// Opens a router, and says where it can be reached (with the real port for port 0).
+///
+/// # Errors
+/// [`ErrorKind::PortTaken`], or what Zenoh says of the endpoint.
+pub async fn open(listen: &str) -> Result<(Bus, String)> {
+    open_leased(listen, LINK_LEASE).await
+}
+
+/// The same; others take it for lost after so much silence.
+///
+/// # Errors
+/// As [`open`].
+pub async fn open_leased(listen: &str, link_lease: Duration) -> Result<(Bus, String)> {
+    if let Some(address) = listen.strip_prefix("tcp/") {
+        // Zenoh's own message does not tell a taken port from a mistyped address.
+        TcpListener::bind(address).map_err(|error| taken(listen, &error))?;
+    }
+    let role = Role::Router { listen: vec![listen.to_owned()], connect: Vec::new() };
+    let bus = xtb_bus::open_leased(&role, link_lease).await?;
+    let locators = bus.locators().await;
+    let endpoint = locators.into_iter().next().unwrap_or_else(|| listen.to_owned());
+    Ok((bus, endpoint))
+}
+
+fn taken(listen: &str, error: &std::io::Error) -> Error {
+    match error.kind() {
+        std::io::ErrorKind::AddrInUse => Error::new(ErrorKind::PortTaken, format!("{listen} is already in use"))
+            .hint("another router or simulator uses it: end that one, or choose another port with --listen"),
+        _ => Error::new(ErrorKind::Invalid, format!("cannot listen on {listen}: {error}"))
+            .hint("an endpoint looks like tcp/127.0.0.1:7447"),
+    }
+}

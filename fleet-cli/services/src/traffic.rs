@@ -1,0 +1,201 @@
+//! Traffic control of a fleet as a service: states in, routes out, joint plans on a thread beside.
+//!
+//! What it decides is [`xtb_traffic::coordinator`]'s; here are its clock, its Zenoh and its thread.
+
+use xtb_client::{Error, ErrorKind, Result};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinHandle;
+use tokio::time::MissedTickBehavior;
+use xtb_bus::{Bus, Publisher, Token};
+use xtb_client::cars::Cars;
+use xtb_client::client::Client;
+use xtb_client::state_feed::StateFeed;
+use xtb_control::Stamp;
+use xtb_nav::Map;
+use xtb_protocol::codec::Format;
+use xtb_protocol::keys::{Channel, FleetKeys};
+use xtb_protocol::messages::{MapHash, RobotState, Route, TrafficState};
+use xtb_protocol::{Name, Uuid};
+use xtb_traffic::coordinator::{Coordinator, GridRoom, JointJob, JointResult, RobotView, others_near};
+
+/// Robots are guided this often.
+const TICK: Duration = Duration::from_millis(100);
+/// A robot that has not said what car it is by then is driven around and not led. (The coordinator listens longer
+/// before it leads anybody.)
+const CAR_WITHIN: Duration = Duration::from_secs(1);
+/// Every so many ticks it says what it does.
+const TELL_EVERY: u64 = 5;
+
+/// Traffic control, until it is dropped or stopped.
+pub struct TrafficService {
+    working: JoinHandle<()>,
+    state: watch::Receiver<TrafficState>,
+    stop: Arc<AtomicBool>,
+    _token: Token,
+}
+
+impl TrafficService {
+    /// Starts it for the trucks of a fleet on a map.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Refused`] is never meant here: [`ErrorKind::Failed`] if the fleet has traffic control already, or
+    /// Zenoh would not.
+    pub async fn start(client: &Client, map: &Map, within: Duration) -> Result<Self> {
+        let (bus, keys) = (client.bus().clone(), client.keys().clone());
+        if !bus.alive(&keys.traffic_alive(), within).await?.is_empty() {
+            return Err(Error::new(ErrorKind::Failed, "this fleet already has traffic control")
+                .hint("`fleet-cli traffic status` shows it; use that one"));
+        }
+        let feed = StateFeed::open(client, &keys.any_robot()).await?;
+        let token = bus.declare_alive(&keys.traffic_alive()).await?;
+        let publisher =
+            bus.publisher(&keys.traffic_state(), &Channel::TrafficState, Format::Postcard).await?;
+        let epoch = (Uuid::new_v4().as_u128() >> 76) as u64;
+        let room = Arc::new(GridRoom::of(map));
+        let coordinator = Coordinator::new(room, epoch);
+        let stop = Arc::new(AtomicBool::new(false));
+        let (told, state) = watch::channel(said(epoch, 0, map.hash(), &coordinator));
+        let work = Work {
+            coordinator,
+            cars: Cars::new(client),
+            epoch,
+            seq: 0,
+            hash: map.hash(),
+            bus,
+            keys,
+            routes: BTreeMap::new(),
+            publisher,
+            told,
+            stop: stop.clone(),
+        };
+        let began = std::time::Instant::now();
+        let now = move || Stamp::from_ns(u64::try_from(began.elapsed().as_nanos()).unwrap_or(u64::MAX));
+        Ok(Self { working: tokio::spawn(work.run(feed, now)), state, stop, _token: token })
+    }
+
+    /// What it says of itself.
+    #[must_use]
+    pub fn state(&self) -> TrafficState {
+        self.state.borrow().clone()
+    }
+}
+
+impl Drop for TrafficService {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.working.abort();
+    }
+}
+
+fn said(epoch: u64, seq: u64, hash: MapHash, coordinator: &Coordinator) -> TrafficState {
+    let (led, obstacles) = coordinator.names();
+    let names = |names: Vec<String>| names.iter().filter_map(|name| Name::new(name).ok()).collect();
+    TrafficState {
+        epoch,
+        seq,
+        map_hash: hash.to_string(),
+        led: names(led),
+        obstacles: names(obstacles),
+        plans: coordinator.counters().plans,
+    }
+}
+
+struct Work {
+    coordinator: Coordinator,
+    cars: Cars,
+    epoch: u64,
+    seq: u64,
+    hash: MapHash,
+    bus: Bus,
+    keys: FleetKeys,
+    routes: BTreeMap<String, Publisher<Route>>,
+    publisher: Publisher<TrafficState>,
+    told: watch::Sender<TrafficState>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Work {
+    async fn run(mut self, feed: StateFeed, now: impl Fn() -> Stamp) {
+        let (sender, mut results) = mpsc::channel::<JointResult>(1);
+        let mut tick = tokio::time::interval(TICK);
+        tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        loop {
+            tick.tick().await;
+            while let Ok(result) = results.try_recv() {
+                self.coordinator.planned(now(), result);
+            }
+            let views: Vec<RobotView> =
+                feed.states().values().filter_map(|seen| self.view(&seen.state, seen.age())).collect();
+            for view in &views {
+                self.coordinator.robot(now(), view.clone());
+            }
+            self.guide(now(), &views).await;
+            if let Some(job) = self.coordinator.job(now()) {
+                self.plan(job, sender.clone());
+            }
+            if self.seq.is_multiple_of(TELL_EVERY) {
+                self.tell().await;
+            }
+        }
+    }
+
+    /// A robot as the coordinator sees it; `None` = it has come a moment ago and will say what car it is.
+    fn view(&mut self, state: &RobotState, age: Duration) -> Option<RobotView> {
+        let car = match self.cars.of(&state.robot, state.epoch) {
+            Ok(car) => Some(car),
+            Err(silent) if silent < CAR_WITHIN => return None,
+            Err(_) => None,
+        };
+        Some(RobotView::of(state, car, millis(age)))
+    }
+
+    /// Each robot is told how to go on.
+    async fn guide(&mut self, now: Stamp, views: &[RobotView]) {
+        self.seq += 1;
+        for (name, guide) in self.coordinator.tick(now) {
+            let route = guide.route(self.epoch, self.seq, others_near(views, &name));
+            let sent = match self.publisher_of(&name).await {
+                Ok(publisher) => publisher.put(&route).await.map_err(Error::from),
+                Err(failure) => Err(failure),
+            };
+            if let Err(failure) = sent {
+                tracing::debug!("cannot send to {name}: {}", failure.message);
+            }
+        }
+    }
+
+    async fn publisher_of(&mut self, name: &str) -> Result<&Publisher<Route>> {
+        if !self.routes.contains_key(name) {
+            let robot = Name::new(name).map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))?;
+            let key = self.keys.robot(&robot).route();
+            let publisher = self.bus.publisher::<Route>(&key, &Channel::Route, Format::Postcard).await?;
+            self.routes.insert(name.to_owned(), publisher);
+        }
+        Ok(&self.routes[name])
+    }
+
+    /// A joint plan, on a thread of its own; at most one at a time.
+    fn plan(&self, job: JointJob, done: mpsc::Sender<JointResult>) {
+        let stop = self.stop.clone();
+        tokio::task::spawn_blocking(move || {
+            let result = job.solve(&mut || !stop.load(Ordering::Relaxed));
+            let _ = done.blocking_send(result);
+        });
+    }
+
+    async fn tell(&self) {
+        let state = said(self.epoch, self.seq, self.hash, &self.coordinator);
+        if let Err(error) = self.publisher.put(&state).await {
+            tracing::debug!("{error}");
+        }
+        self.told.send_replace(state);
+    }
+}
+
+fn millis(age: Duration) -> u64 {
+    u64::try_from(age.as_millis()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,92 @@
+//! Ground truth: where the trucks really are, for people, tests and logs.
+
+use xtb_client::{Error, ErrorKind, Result};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::task::JoinHandle;
+use tokio::time::MissedTickBehavior;
+use xtb_bus::Bus;
+use xtb_protocol::Name;
+use xtb_protocol::codec::Format;
+use xtb_protocol::keys::Channel;
+use xtb_protocol::messages::{Roster, Truth};
+use xtb_sim::Simulation;
+
+const PUBLISH_EVERY: Duration = Duration::from_millis(50);
+
+/// The latest truth, shared.
+#[derive(Debug, Clone)]
+pub struct TruthView(Arc<Mutex<Truth>>);
+
+impl TruthView {
+    /// A copy of it.
+    #[must_use]
+    pub fn latest(&self) -> Truth {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+/// Sees every step of the world.
+pub(super) struct Observer {
+    names: Vec<Name>,
+    view: TruthView,
+    log: Option<BufWriter<File>>,
+}
+
+/// A view, and the observer that keeps it up to date and writes the log.
+pub(super) fn view(roster: &Roster, log: Option<&Path>) -> Result<(TruthView, Observer)> {
+    let names: Vec<Name> = roster.robots.iter().map(|robot| robot.name.clone()).collect();
+    let view = TruthView(Arc::new(Mutex::new(Truth { t_s: 0.0, robots: BTreeMap::new() })));
+    let log = log
+        .map(|path| {
+            File::create(path).map(BufWriter::new).map_err(|error| {
+                Error::new(ErrorKind::Failed, format!("cannot write {}: {error}", path.display()))
+                    .hint("--truth-log needs a writable file")
+            })
+        })
+        .transpose()?;
+    Ok((view.clone(), Observer { names, view, log }))
+}
+
+impl Observer {
+    pub(super) fn step(&mut self, simulation: &Simulation) {
+        let mut truth = self.view.0.lock().unwrap_or_else(PoisonError::into_inner);
+        truth.t_s = simulation.now().s();
+        for (name, truck) in self.names.iter().zip(simulation.trucks()) {
+            let robot = truck.truth();
+            match truth.robots.get_mut(name) {
+                Some(slot) => *slot = robot,
+                None => drop(truth.robots.insert(name.clone(), robot)),
+            }
+        }
+        if let Some(log) = &mut self.log {
+            let written = serde_json::to_writer(&mut *log, &*truth).map_err(std::io::Error::from);
+            if let Err(error) = written.and_then(|()| log.write_all(b"\n")) {
+                tracing::warn!("truth log stopped: {error}");
+                self.log = None;
+            }
+        }
+    }
+}
+
+/// Publishes at 20 Hz until aborted.
+pub(super) fn publish(bus: Bus, key: String, view: TruthView) -> JoinHandle<()> {
+    tokio::spawn(async move {
+        let publisher = match bus.publisher::<Truth>(&key, &Channel::SimTruth, Format::Json).await {
+            Ok(publisher) => publisher,
+            Err(error) => return tracing::warn!("cannot send ground truth: {error}"),
+        };
+        let mut tick = tokio::time::interval(PUBLISH_EVERY);
+        tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        loop {
+            tick.tick().await;
+            if let Err(error) = publisher.put(&view.latest()).await {
+                tracing::debug!("{error}");
+            }
+        }
+    })
+}

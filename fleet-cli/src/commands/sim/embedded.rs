@@ -1,0 +1,102 @@
+//! A dispatcher in a simulator's process: what `sim --dispatch` and `demo` run beside their robots.
+
+use super::store::Store;
+use super::usage::Usage;
+use super::{DispatchService, Standing};
+use crate::context::Context;
+use xtb_client::Result;
+use crate::output::{Output, Tone};
+use xtb_simulator::Simulator;
+use crate::table::{Cell, Table};
+use std::time::Duration;
+use xtb_client::client::Client;
+
+/// It is looked this often whether all is done.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+
+/// A dispatcher and its session.
+pub struct Beside {
+    client: Client,
+    service: DispatchService,
+}
+
+impl Beside {
+    /// Starts it on the simulator's router.
+    ///
+    /// # Errors
+    /// As [`DispatchService::start`].
+    pub async fn start(ctx: &Context, simulator: &Simulator, store: Store) -> Result<Self> {
+        let robots = simulator.roster().robots.clone();
+        let own = ctx
+            .with(|settings| (settings.connect, settings.robots) = (simulator.endpoints().to_vec(), robots));
+        let client = Client::open(&own.settings).await?;
+        let service =
+            DispatchService::start(&client, store, simulator.map().cloned(), ctx.settings.timeout).await?;
+        Ok(Self { client, service })
+    }
+
+    /// How it stands.
+    #[must_use]
+    pub fn standing(&self) -> Standing {
+        self.service.standing()
+    }
+
+    /// Resolves when it has ended by itself.
+    pub async fn ended(&mut self) -> xtb_client::Error {
+        self.service.ended().await
+    }
+
+    /// Resolves once there were open tasks and all have ended.
+    ///
+    /// # Errors
+    /// It has ended by itself.
+    pub async fn until_done(&mut self) -> Result<()> {
+        let mut look = tokio::time::interval(LOOK_EVERY);
+        let mut any = false;
+        loop {
+            tokio::select! {
+                failure = self.service.ended() => return Err(failure),
+                _ = look.tick() => {
+                    let Standing { status, usage, .. } = self.service.standing();
+                    let open = status.open;
+                    any |= open > 0 || usage.robots.values().any(|spent| spent.done + spent.failed > 0);
+                    if any && open == 0 {
+                        return Ok(());
+                    }
+                }
+            }
+        }
+    }
+
+    /// Ends it before its robots end.
+    ///
+    /// # Errors
+    /// As [`DispatchService::stop`].
+    pub async fn stop(self) -> Result<Standing> {
+        let standing = self.service.stop().await;
+        self.client.close().await;
+        standing
+    }
+}
+
+/// What each robot did, as a table.
+#[must_use]
+pub fn table(out: &Output, usage: &Usage) -> String {
+    let mut table = Table::new(&["robot", "done", "failed", "distance", "busy", "waiting", "idle", "used"]);
+    for (robot, spent) in &usage.robots {
+        let whole_s = spent.busy_s + spent.waiting_s + spent.idle_s;
+        let used = if whole_s > 0.0 { 100.0 * spent.busy_s / whole_s } else { 0.0 };
+        let failed = if spent.failed > 0 { Tone::Bad } else { Tone::Plain };
+        table.row(vec![
+            Cell::new(robot.as_str(), Tone::Strong),
+            spent.done.to_string().into(),
+            Cell::new(spent.failed.to_string(), failed),
+            format!("{:.1} m", spent.distance_m).into(),
+            format!("{:.0} s", spent.busy_s).into(),
+            format!("{:.0} s", spent.waiting_s).into(),
+            format!("{:.0} s", spent.idle_s).into(),
+            format!("{used:.0} %").into(),
+        ]);
+    }
+    table.render(out)
+}
