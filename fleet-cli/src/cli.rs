@@ -1,52 +1,15 @@
-//! The command line's grammar: global options, verbs and their arguments, nothing else.
+//! The command line as a whole. Arguments of several verbs stand in `args`, a verb's own beside its body in
+//! `commands`.
 
-mod dashboard;
-mod dispatch;
-mod fetch_log;
-mod map;
-mod plan;
-mod recording;
-mod robots;
-mod shell;
-mod sim;
-mod tasks;
-mod top;
-mod traffic;
 mod usage;
-mod values;
 
-pub use dashboard::DashboardArgs;
-pub use dispatch::{
-    DispatchArgs, DispatchCompactArgs, DispatchExportArgs, DispatchServeArgs, DispatchVerb, LedgerArgs,
-};
-pub use fetch_log::FetchLogArgs;
-pub use map::{MapArgs, MapCheckArgs, MapImportArgs, MapServeArgs, MapShowArgs, MapVerb, ResolutionArgs};
-pub use plan::PlanArgs;
-pub use recording::{ExportArgs, PlayArgs, RecordArgs};
-pub use robots::{
-    DoctorArgs, EstopArgs, GotoArgs, LeaseArgs, ListArgs, ResetArgs, SetPoseArgs, StatusArgs, StopArgs,
-    TeleopArgs, ViaArg, WanderArgs, WatchArgs, WhoArgs, WhyArgs,
-};
-pub use shell::{CompletionsArgs, NamesArgs, NamesOf};
-pub use sim::{DemoArgs, FixArgs, RouterArgs, SimArgs};
-pub use tasks::{
-    CancelArgs, LinkLossArg, PauseArgs, ResumeArgs, RetryArgs, StayArgs, TakeoverArg, TaskArgs, TaskGotoArgs,
-    TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs, TasksArgs, TermArgs,
-};
-pub use top::TopArgs;
-pub use traffic::{TrafficArgs, TrafficServeArgs, TrafficVerb};
 pub use usage::failure as usage_failure;
 
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, parser::ValueSource};
-use robot_agent::logging::LogFormat;
+use crate::args::GlobalArgs;
+use crate::commands::Verb;
+use clap::parser::ValueSource;
+use clap::{CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
-use std::path::PathBuf;
-use std::time::Duration;
-use values::seconds;
-use xtb_protocol::Name;
-
-/// Where a router listens, and where it is looked for, unless told otherwise.
-pub use xtb_client::DEFAULT_ENDPOINT;
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -70,123 +33,6 @@ pub struct Cli {
     /// What to do.
     #[command(subcommand)]
     pub verb: Verb,
-}
-
-/// Options that stand before or after the verb.
-#[derive(Debug, Clone, Args)]
-#[command(next_help_heading = "Global options")]
-pub struct GlobalArgs {
-    /// Router to connect to; repeat it or separate several with commas [default: tcp/127.0.0.1:7447].
-    #[arg(long, global = true, env = "XTB_CONNECT", value_name = "ENDPOINT", value_delimiter = ',')]
-    pub connect: Vec<String>,
-    /// Whether `--connect` stands on the command line (not in the environment).
-    #[arg(skip)]
-    pub connect_given: bool,
-    /// Fleet [default: lab].
-    #[arg(long, global = true, env = "XTB_FLEET", value_name = "NAME")]
-    pub fleet: Option<Name>,
-    /// Print JSON, one line per result.
-    #[arg(long, global = true)]
-    pub json: bool,
-    /// Fleet config (TOML) [default: $XDG_CONFIG_HOME/xtb/fleet.toml or ~/.config/xtb/fleet.toml, if
-    /// present].
-    #[arg(long, global = true, env = "XTB_CONFIG", value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    /// Name of this client, shown as the controlling client of a robot [default: cli- and six random digits].
-    #[arg(long, global = true, value_name = "NAME")]
-    pub client: Option<Name>,
-    /// Longest time to wait for a router or an answer, in s.
-    #[arg(long, global = true, value_name = "SECONDS", default_value = "2", value_parser = seconds)]
-    pub timeout: Duration,
-    /// When to use colours.
-    #[arg(long, global = true, value_name = "WHEN", default_value = "auto")]
-    pub color: ColorChoice,
-    /// Format of the log on standard error; XTB_LOG=debug makes it detailed.
-    #[arg(long, global = true, value_name = "FORMAT", env = "XTB_LOG_FORMAT", default_value = "text")]
-    pub log_format: LogFormat,
-}
-
-/// When to use colours.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ColorChoice {
-    /// On a terminal, unless NO_COLOR is set.
-    Auto,
-    /// Always.
-    Always,
-    /// Never.
-    Never,
-}
-
-/// What to do.
-#[derive(Debug, Subcommand)]
-pub enum Verb {
-    /// List the robots and their state.
-    List(ListArgs),
-    /// Show the state of robots in detail.
-    Status(StatusArgs),
-    /// Explain why a robot is stopped, or is allowed to drive, and what to do.
-    Why(WhyArgs),
-    /// Check router, roster, versions, clocks and configs, and show what to do.
-    Doctor(DoctorArgs),
-    /// Send a robot to a point on the map.
-    Goto(GotoArgs),
-    /// Make a robot wander.
-    Wander(WanderArgs),
-    /// Stop robots: cancels their goals.
-    Stop(StopArgs),
-    /// Emergency stop: robots stay stopped until they are reset (not a safety-rated stop).
-    Estop(EstopArgs),
-    /// Reset latched stops whose cause is gone; robots stay stopped until a new command.
-    Reset(ResetArgs),
-    /// Set the pose of a stopped robot, when its pose is uncertain or wrong.
-    SetPose(SetPoseArgs),
-    /// Drive a robot by hand.
-    Teleop(TeleopArgs),
-    /// Full-screen view of the fleet: map, robots, events; keys send, stop and drive.
-    Top(TopArgs),
-    /// Print messages as JSON lines.
-    Watch(WatchArgs),
-    /// Record the fleet's messages into MCAP, for Foxglove, Python, `play` and `export`.
-    Record(RecordArgs),
-    /// Play back a recording of the fleet.
-    Play(PlayArgs),
-    /// Export a recording of the fleet as tables.
-    Export(ExportArgs),
-    /// Download a recording from a robot.
-    FetchLog(FetchLogArgs),
-    /// Show, check, import or serve a map.
-    Map(MapArgs),
-    /// Traffic control: coordinate robots with planned goals.
-    Traffic(TrafficArgs),
-    /// Dispatcher: accept tasks for the fleet and assign them to its robots.
-    Dispatch(DispatchArgs),
-    /// Show the dispatcher's tasks.
-    Tasks(TasksArgs),
-    /// Show one task and its history.
-    Task(TaskArgs),
-    /// Cancel tasks; the answer comes when their robots have confirmed.
-    Cancel(CancelArgs),
-    /// Pause tasks; their robots stop.
-    Pause(PauseArgs),
-    /// Resume tasks that are paused or on hold.
-    Resume(ResumeArgs),
-    /// Queue failed or cancelled tasks again.
-    Retry(RetryArgs),
-    /// Show and control the fleet in a browser.
-    Dashboard(DashboardArgs),
-    /// Run a router: the only infrastructure that a small lab needs.
-    Router(RouterArgs),
-    /// Run simulated robots with real agents.
-    Sim(SimArgs),
-    /// Show simulated robots driving to their goals.
-    Demo(DemoArgs),
-    /// Plan collision-free paths for many robots at once, without a fleet.
-    Plan(PlanArgs),
-    /// Print a completion script; in bash, fish and zsh it completes the names of robots and tasks.
-    Completions(CompletionsArgs),
-    /// Print the names of robots or tasks, for completion scripts.
-    #[command(hide = true)]
-    Names(NamesArgs),
 }
 
 impl Cli {

@@ -1,11 +1,11 @@
 //! The fleet config: an optional TOML file with the fleet's name, routers and roster.
 
-use xtb_client::{Error, ErrorKind, Result};
 use crate::nearest::nearest;
 use robot_agent::files;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{MAX_COORDINATE_M, RosterEntry};
@@ -56,7 +56,10 @@ impl FleetConfig {
             Name::robot(robot.name.as_str())
                 .map_err(|error| Error::new(ErrorKind::Config, format!("robots[{i}].name: {error}")))?;
             if config.robots[..i].iter().any(|other| other.name == robot.name) {
-                return Err(Error::new(ErrorKind::Config, format!("two robots have the name {}", robot.name)));
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    format!("two robots have the name {}", robot.name),
+                ));
             }
             if let Some(pose) = robot.start_pose {
                 in_range(&format!("robots[{i}].start_pose"), &pose)?;

@@ -1,10 +1,10 @@
 //! What every command needs to know: connection, fleet, own name, output.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::config::FleetConfig;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::output::Output;
 use xtb_client::{DEFAULT_ENDPOINT, DEFAULT_FLEET, Settings, unique_name};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::keys::NameError;
 

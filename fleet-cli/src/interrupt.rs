@@ -1,8 +1,8 @@
 //! Ctrl-C, `kill` and a closed window: all three are a wish to end, to be carried out cleanly.
 
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use tokio::signal::unix::{SignalKind, signal};
+use xtb_client::{Error, ErrorKind, Result};
 
 /// Resolves once any of the three has come. Keep one future for as long as a command runs: what
 /// arrives between two of them is missed.

@@ -1,8 +1,8 @@
 //! Maps from files: as map_server writes them, or drawn from a world.
 
-use xtb_client::{Error, ErrorKind, Result};
 use robot_agent::files::{self, FileError};
 use std::path::Path;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_nav::Map;
 use xtb_nav::map::ros::Description;
 use xtb_protocol::messages::is_map_name;

@@ -4,12 +4,12 @@
 //! get through. Texts of messages were escaped where they were read
 //! ([`xtb_protocol::text`]); this holds for the system's words and whatever else ends up here.
 
-use crate::cli::ColorChoice;
-use xtb_client::{Error, ErrorKind, Result};
+use crate::args::ColorChoice;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::text;
 
 /// Between two lines of progress where they cannot be painted over.

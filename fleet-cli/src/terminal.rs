@@ -1,6 +1,5 @@
 //! The terminal as a live screen: raw mode, keys, repainting, and everything put back at the end.
 
-use xtb_client::Result;
 use crate::output::safe;
 use crossterm::event::{
     self, DisableFocusChange, EnableFocusChange, Event, KeyCode, KeyEvent, KeyModifiers,
@@ -12,6 +11,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::sync::mpsc;
+use xtb_client::Result;
 
 /// Keys that wait for the command; a person does not type faster than it reads.
 const KEY_QUEUE: usize = 64;

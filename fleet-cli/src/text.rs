@@ -1,5 +1,3 @@
-//! What people read: reasons, robots and tasks in words.
+//! What people read of tasks; robots and reasons are in `xtb_client::text`.
 
-pub(crate) mod reasons;
-pub(crate) mod robot;
 pub(crate) mod task;

@@ -1,8 +1,8 @@
 //! Vehicle settings in a file of their own: what a robot's config has under `[vehicle]`, without that prefix.
 
-use xtb_client::{Error, ErrorKind, Result};
 use robot_agent::files;
 use std::path::Path;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
 
 /// Reads and checks one; what it does not say is as on an XTB.

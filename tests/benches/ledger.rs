@@ -4,13 +4,13 @@
 //! that the ratio does not depend on the machine. A submitter sends the next record when the last one is
 //! on the disk; plain SQLite has one connection that its submitters take in turns, a commit a record.
 
-use xtb_services::ledger::{Ledger, QUEUE, Writer};
 use rusqlite::{Connection, params};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+use xtb_services::ledger::{Ledger, QUEUE, Writer};
 
 const SUBMITTERS: [usize; 3] = [1, 8, 64];
 /// Each way is measured this often, in turns; the median counts.

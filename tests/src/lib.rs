@@ -21,7 +21,6 @@ pub use pilot::Pilot;
 pub use probe::Probe;
 pub use rig::{Rig, Trial};
 
-use xtb_simulator::{Plan, Simulator};
 use robot_agent::config::AgentConfig;
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -39,6 +38,7 @@ use xtb_protocol::messages::{
 use xtb_protocol::{Name, Uuid};
 use xtb_sim::World;
 use xtb_sim::fixes::FixTruth;
+use xtb_simulator::{Plan, Simulator};
 
 /// A generous bound: nothing here takes that long unless something is broken.
 pub const PATIENCE: Duration = Duration::from_secs(60);

@@ -1,7 +1,6 @@
 //! Robots of three kinds under traffic control, goal after goal, and what came of it by ground truth.
 
 use crate::{Fleet, Setup, name};
-use xtb_services::traffic::TrafficService;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -12,6 +11,7 @@ use xtb_nav::rooms::Draw;
 use xtb_nav::{Clearance, Grid};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{GoalStatus, LinkLoss};
+use xtb_services::traffic::TrafficService;
 use xtb_sim::World;
 use xtb_sim::fixes::FixTruth;
 

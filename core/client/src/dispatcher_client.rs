@@ -14,7 +14,7 @@ use xtb_protocol::Uuid;
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::messages::{
     Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
-    DispatchStatus, Message, Suspension, TaskChange, TaskHistory, TaskId, TaskSpec,
+    DispatchStatus, Message, Suspension, SuspensionCause, TaskChange, TaskHistory, TaskId, TaskSpec,
 };
 
 /// A dispatcher that is just starting, or is started again, is waited for this long.
@@ -48,6 +48,12 @@ pub struct Taken {
     pub tasks: Vec<TaskId>,
     /// What keeps the dispatcher from assigning them.
     pub suspended: Vec<Suspension>,
+}
+
+/// The suspension of the dispatcher as a whole, if there is one.
+#[must_use]
+pub fn fleet_stop(all: &[Suspension]) -> Option<&Suspension> {
+    all.iter().find(|suspension| matches!(suspension.cause, SuspensionCause::FleetStop { .. }))
 }
 
 /// How the dispatcher stands.

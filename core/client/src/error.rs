@@ -1,5 +1,6 @@
 //! What can go wrong between a client and its fleet: kind, message, and a hint at what to do.
 
+use crate::text::reasons;
 use std::fmt;
 use xtb_bus::BusError;
 use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, RejectCode};
@@ -7,8 +8,10 @@ use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, RejectCode}
 /// Kinds of errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorKind {
-    /// What was asked for is not possible: an endpoint, a key expression or a value.
+    /// What was asked for is not possible: an endpoint, a key expression, a value, a command line.
     Invalid,
+    /// A config, world, map or vehicle file is not valid.
+    Config,
     /// No router answers.
     NoRouter,
     /// No robot, or not this one, answers.
@@ -23,8 +26,38 @@ pub enum ErrorKind {
     NotDispatched(DispatchCode),
     /// Control was given back because nobody used it.
     Idle,
+    /// A port is taken.
+    PortTaken,
+    /// Robots of these names are there already.
+    NameTaken,
+    /// By the user.
+    Interrupted,
+    /// Nobody reads the output any more.
+    PipeClosed,
     /// Everything else.
     Failed,
+}
+
+impl ErrorKind {
+    /// For programs: the `code` of a JSON error.
+    #[must_use]
+    pub fn code(self) -> String {
+        match self {
+            Self::Invalid => "usage".into(),
+            Self::Config => "config".into(),
+            Self::NoRouter => "no_router".into(),
+            Self::NoRobot => "no_robot".into(),
+            Self::NoDispatcher => "no_dispatcher".into(),
+            Self::OutcomeUnknown => "outcome_unknown".into(),
+            Self::Refused(code) => reasons::name(&code),
+            Self::NotDispatched(code) => reasons::name(&code),
+            Self::PortTaken => "port_taken".into(),
+            Self::NameTaken => "name_taken".into(),
+            Self::Failed => "failed".into(),
+            Self::Idle | Self::Interrupted => "interrupted".into(),
+            Self::PipeClosed => "pipe_closed".into(),
+        }
+    }
 }
 
 /// An error that a person can act on.
@@ -80,6 +113,16 @@ impl fmt::Display for Error {
 }
 
 impl std::error::Error for Error {}
+
+impl From<std::io::Error> for Error {
+    fn from(error: std::io::Error) -> Self {
+        let kind = match error.kind() {
+            std::io::ErrorKind::BrokenPipe => ErrorKind::PipeClosed,
+            _ => ErrorKind::Failed,
+        };
+        Self::new(kind, error.to_string())
+    }
+}
 
 impl From<BusError> for Error {
     fn from(error: BusError) -> Self {

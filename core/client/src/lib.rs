@@ -26,6 +26,7 @@
 //!   by hand.
 //! * [`stop`], [`estop`], [`reset`]: of one robot or all; each must show by its own state that it stands.
 //! * [`cars`]: what car each robot says it is, for whoever plans for others.
+//! * [`scene`]: the whole fleet as screens show it. [`text`]: states in words.
 //! * [`DispatcherClient`]: tasks for whoever is free. [`map_source`]: the fleet's map.
 //! * [`subscription`], [`messages`]: every message on the fleet's keys, for recorders and screens.
 //!
@@ -49,11 +50,13 @@ pub mod map_source;
 pub mod messages;
 pub mod multi_robot;
 pub mod reset;
+pub mod scene;
 mod settings;
 pub mod state_feed;
 pub mod stop;
 pub mod subscription;
 pub mod teleop;
+pub mod text;
 
 pub use client::{Client, STALE, Seen};
 pub use control::Control;

@@ -7,11 +7,11 @@
 
 pub mod live;
 
+use crate::client::STALE;
+use crate::messages::AnyMessage;
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::PI;
-use crate::client::STALE;
-use crate::messages::AnyMessage;
 use xtb_control::VehicleConfig;
 use xtb_nav::Car;
 use xtb_protocol::Name;

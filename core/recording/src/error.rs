@@ -28,7 +28,7 @@ pub enum Error {
     #[error("not a recording of a fleet")]
     NotOfAFleet,
     /// It is MCAP, but no recording of a robot.
-    #[error("no recording of a robot-agent: {0}")]
+    #[error("not a recording of robot-agent: {0}")]
     NotOfARobot(String),
     /// A robot's message cannot be understood.
     #[error("step {number}: {reason}")]
@@ -39,7 +39,7 @@ pub enum Error {
         reason: String,
     },
     /// A file that should be made is there already.
-    #[error("{} is there already", .0.display())]
+    #[error("{} already exists", .0.display())]
     Exists(PathBuf),
     /// A fleet's cannot be written.
     #[error("cannot write {}: {reason}", .path.display())]
@@ -51,4 +51,45 @@ pub enum Error {
         /// Whether the disk is full.
         full: bool,
     },
+}
+
+#[cfg(feature = "fleet")]
+impl From<Error> for xtb_client::Error {
+    fn from(error: Error) -> Self {
+        use xtb_client::ErrorKind::{Failed, Invalid};
+        let message = error.to_string();
+        match error {
+            Error::Io(error) => error.into(),
+            Error::Exists(_) => {
+                Self::new(Invalid, message).hint("name another file with --out, or overwrite it with --force")
+            }
+            Error::Write { full: true, .. } => Self::new(Failed, message)
+                .hint("the disk is full: the recording so far is readable; free space, then record again"),
+            Error::Write { .. } => {
+                Self::new(Failed, message).hint("check that the folder exists and is writable")
+            }
+            _ => Self::new(Failed, message),
+        }
+    }
+}
+
+#[cfg(all(test, feature = "fleet"))]
+mod tests {
+    use super::*;
+    use xtb_client::ErrorKind;
+
+    #[test]
+    fn what_cannot_be_recorded_says_what_to_do() {
+        let path = || PathBuf::from("day.mcap");
+        let write = |full| Error::Write { path: path(), reason: "no".into(), full };
+        for (error, kind, message, hint) in [
+            (Error::Exists(path()), ErrorKind::Invalid, "day.mcap already exists", "--force"),
+            (write(true), ErrorKind::Failed, "cannot write day.mcap: no", "the disk is full"),
+            (write(false), ErrorKind::Failed, "cannot write day.mcap: no", "is writable"),
+        ] {
+            let error = xtb_client::Error::from(error);
+            assert_eq!((error.kind, error.message.as_str()), (kind, message));
+            assert!(error.hint.contains(hint), "{error:?}");
+        }
+    }
 }

@@ -3,13 +3,12 @@
 use super::frames::Hello;
 use super::metrics::Metrics;
 use super::security::Guard;
-use crate::context::Context;
-use xtb_client::scene::live::Shared;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use xtb_client::Client;
+use xtb_client::scene::live::Shared;
 use xtb_protocol::Name;
 
 /// What is shown, and who commands.
@@ -18,7 +17,7 @@ pub struct Shown {
     /// The fleet.
     pub scene: Arc<Shared>,
     /// Who commands; `None` = playing a recording.
-    pub commands: Option<(Context, Client)>,
+    pub commands: Option<Client>,
 }
 
 /// What all requests share.
@@ -56,7 +55,7 @@ impl App {
     }
 
     /// Who commands, if commands are taken.
-    pub(super) fn commands(&self) -> Option<&(Context, Client)> {
+    pub(super) fn commands(&self) -> Option<&Client> {
         self.shown.commands.as_ref().filter(|_| !self.read_only)
     }
 

@@ -27,13 +27,13 @@ macro_rules! asset {
         Asset {
             path: concat!("/assets/", $file),
             content_type: $content_type,
-            bytes: include_bytes!(concat!("page/", $file)),
+            bytes: include_bytes!(concat!("../page/", $file)),
         }
     };
 }
 
 const FILES: &[Asset] = &[
-    Asset { path: "/", content_type: HTML, bytes: include_bytes!("page/index.html") },
+    Asset { path: "/", content_type: HTML, bytes: include_bytes!("../page/index.html") },
     asset!("goal_tool.js", JS),
     asset!("draw.js", JS),
     asset!("drive.js", JS),

@@ -9,12 +9,11 @@ use super::orders::{MOST, MOST_ESTOPS, Orders, Ticket};
 use super::teleop::{Hand, Said, State};
 use crate::execute::{self, Point};
 use crate::teleop_session::{PageSession, Steered};
-use crate::context::Context;
-use xtb_client::{Error, ErrorKind, Result};
 use serde_json::{Value, json};
 use std::sync::Arc;
 use tokio::sync::{mpsc, oneshot, watch};
 use xtb_client::client::Client;
+use xtb_client::{Error, ErrorKind, Result, Settings};
 use xtb_protocol::Name;
 use xtb_protocol::messages::RejectCode;
 
@@ -51,7 +50,7 @@ struct Wish {
 /// See the module.
 pub(super) struct CommandSession {
     app: Arc<App>,
-    commands: Option<(Context, Client)>,
+    commands: Option<Client>,
     orders: Orders,
     grip: Grip,
     /// Waits until the last wheel is let go.
@@ -64,10 +63,9 @@ pub(super) struct CommandSession {
 impl CommandSession {
     /// For a page that commands as `name`.
     pub(super) fn new(app: Arc<App>, name: &Name, answers: mpsc::Sender<ToPage>) -> Self {
-        let commands = app.commands().map(|(ctx, client)| {
-            let ctx = ctx.with(|settings| settings.client = name.clone());
-            let client = Client::on(&ctx.settings, client.bus().clone());
-            (ctx, client)
+        let commands = app.commands().map(|client| {
+            let settings = Settings { client: name.clone(), ..client.settings().clone() };
+            Client::on(&settings, client.bus().clone())
         });
         // Room for everything that can be under way: nobody who ends has to wait.
         let (ended, done) = mpsc::channel(MOST + MOST_ESTOPS + 4);
@@ -96,7 +94,7 @@ impl CommandSession {
     }
 
     fn begin(&mut self, id: u64, command: Command) -> Result<Option<Value>> {
-        let Some((ctx, client)) = self.commands.clone() else {
+        let Some(client) = self.commands.clone() else {
             let message = "this dashboard accepts no commands";
             return Err(Error::new(ErrorKind::Refused(RejectCode::Unsupported), message)
                 .hint("it plays a recording, or was started with --read-only"));
@@ -124,7 +122,7 @@ impl CommandSession {
                     let result = tokio::select! {
                         biased;
                         Ok(()) = halted => Err(overtaken()),
-                        result = carry_out(&ctx, &client, &known, command) => result,
+                        result = carry_out(&client, &known, command) => result,
                     };
                     // The page may have left.
                     let _ = ended.send(Done::Command { id, name, ticket, result }).await;
@@ -163,12 +161,12 @@ impl CommandSession {
     }
 
     fn reach_out(&mut self, wish: Wish) {
-        let Some((_, client)) = self.commands.clone() else { return };
+        let Some(client) = self.commands.clone() else { return };
         let Wish { id, robot, take } = wish;
         self.grip = Grip::Taking { robot: robot.clone(), wanted: true };
         let (ended, busy) = (self.ended.clone(), self.app.busy());
         tokio::spawn(async move {
-            let result = PageSession::take(&client, robot, take).await.map_err(Error::from);
+            let result = PageSession::take(&client, robot, take).await;
             if let Err(mpsc::error::SendError(Done::Taken { result: Ok(at_wheel), .. })) =
                 ended.send(Done::Taken { id, result }).await
             {
@@ -265,13 +263,13 @@ fn overtaken() -> Error {
     Error::new(ErrorKind::Refused(RejectCode::Overtaken), "interrupted by a stop: not executed, or stopped")
 }
 
-async fn carry_out(ctx: &Context, client: &Client, known: &[Name], command: Command) -> Result<Value> {
+async fn carry_out(client: &Client, known: &[Name], command: Command) -> Result<Value> {
     match command {
         Command::Goto { robot, x_m, y_m, yaw_rad, via, take } => {
             execute::goto(client, robot, Point { x_m, y_m, yaw_rad, via }, take).await
         }
         Command::Stop { robot } => execute::stop(client, known, robot).await,
-        Command::Estop { robot } => execute::estop(ctx, client, known, robot).await,
+        Command::Estop { robot } => execute::estop(client, known, robot).await,
         Command::Reset { robot } => execute::reset(client, robot).await,
         Command::ResetAll {} => execute::reset_all(client).await,
         Command::Submit { spec } => execute::submit(client, *spec).await,

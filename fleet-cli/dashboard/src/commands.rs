@@ -1,8 +1,8 @@
 //! What a page asks for, and how it is answered.
 
-use xtb_client::Error;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use xtb_client::Error;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{TaskId, TaskSpec, Via};
 
@@ -156,9 +156,7 @@ impl Answer {
     pub(super) fn new(id: u64, result: Result<Value, Error>) -> Self {
         let result = match result {
             Ok(value) => Outcome::Ok(value),
-            Err(Error { kind, message, hint }) => {
-                Outcome::Error(Wrong { code: kind.code(), message, hint })
-            }
+            Err(Error { kind, message, hint }) => Outcome::Error(Wrong { code: kind.code(), message, hint }),
         };
         Self { id, result }
     }
@@ -167,8 +165,8 @@ impl Answer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use xtb_client::ErrorKind;
     use serde_json::json;
+    use xtb_client::ErrorKind;
 
     fn read(text: &str) -> Option<FromPage> {
         serde_json::from_str(text).ok()

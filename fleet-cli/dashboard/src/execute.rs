@@ -1,17 +1,16 @@
 //! Carrying out what a page asks for, with the code of the verbs.
 
-use crate::context::Context;
-use xtb_client::{Error, ErrorKind, Result};
-use crate::text::reasons;
-use crate::text::task as task_text;
 use serde::Serialize;
 use serde_json::{Value, json};
 use xtb_client::client::Client;
 use xtb_client::control::Control;
+use xtb_client::dispatcher_client::fleet_stop;
 use xtb_client::dispatcher_client::{DispatcherClient, Taken, worst};
 use xtb_client::goal::{GoalRequest, GoalTarget, start};
 use xtb_client::multi_robot::{MissingInfo, StopReport, Targets};
 use xtb_client::reset::{self, ResetCandidates, ResetReport};
+use xtb_client::text::reasons;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_client::{estop, stop};
 use xtb_protocol::messages::{DispatchBody, LinkLoss, TaskId, TaskSpec, Via};
 use xtb_protocol::{Name, Uuid};
@@ -49,14 +48,9 @@ pub(crate) async fn stop(client: &Client, known: &[Name], robot: Option<Name>) -
 }
 
 /// As `estop`: who has acknowledged it, and who has not.
-pub(crate) async fn estop(
-    ctx: &Context,
-    client: &Client,
-    known: &[Name],
-    robot: Option<Name>,
-) -> Result<Value> {
+pub(crate) async fn estop(client: &Client, known: &[Name], robot: Option<Name>) -> Result<Value> {
     let targets = Targets::one_or_all(robot.as_ref(), known);
-    report(client, estop::estop(client, &targets, ctx.settings.timeout).await)
+    report(client, estop::estop(client, &targets, client.settings().timeout).await)
 }
 
 /// As `reset`: which latches are ended, and which remain.
@@ -87,7 +81,7 @@ pub(crate) async fn reset_all(client: &Client) -> Result<Value> {
 /// Submits a task; the answer has its name.
 pub(crate) async fn submit(client: &Client, spec: TaskSpec) -> Result<Value> {
     let Taken { tasks, suspended } = DispatcherClient::of(client).submit(vec![spec]).await?;
-    let waits = task_text::fleet_stop(&suspended).map(|stop| stop.cause.text());
+    let waits = fleet_stop(&suspended).map(|stop| stop.cause.text());
     Ok(json!({ "submitted": tasks, "waits": waits }))
 }
 
@@ -114,7 +108,7 @@ pub(crate) async fn cancel(client: &Client, task: TaskId) -> Result<Value> {
 
 fn report(client: &Client, (report, missing): (StopReport, MissingInfo)) -> Result<Value> {
     if report.robots.is_empty() {
-        return Err(missing.alive.unwrap_or_else(|| client.nobody()).into());
+        return Err(missing.alive.unwrap_or_else(|| client.nobody()));
     }
     value(&report)
 }
@@ -168,10 +162,9 @@ mod tests {
         let silent = FakeRobot::start(&client, "xtb-2").await;
         silent.lock().mute = true;
         let _token = client.bus().declare_alive(&client.keys().robot(&name("xtb-2")).alive()).await.unwrap();
-        let ctx = Context::of(&client);
-        let ended = estop(&ctx, &client, &[], Some(name("xtb-2"))).await.unwrap();
+        let ended = estop(&client, &[], Some(name("xtb-2"))).await.unwrap();
         assert_eq!(ended, json!({ "robots": { "xtb-2": "unknown" }, "complete": false }));
-        let ended = estop(&ctx, &client, &[], Some(name("xtb-1"))).await.unwrap();
+        let ended = estop(&client, &[], Some(name("xtb-1"))).await.unwrap();
         assert_eq!(ended, json!({ "robots": { "xtb-1": "stopped" }, "complete": true }));
     }
 

@@ -5,9 +5,6 @@
 //! oldest goes first, so a slow one misses pictures and holds up nobody. That protocol knows no token,
 //! so it is served on the loopback only.
 
-use xtb_client::{Error, ErrorKind, Result};
-use xtb_client::scene::live::Shared;
-use xtb_client::scene::{Scene, SceneEvent, What};
 use foxglove::{Context, FoxgloveError, PartialMetadata, RawChannel, Schema, WebSocketServer};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,6 +13,9 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use tokio::task::JoinHandle;
 use xtb_client::messages::AnyMessage;
+use xtb_client::scene::live::Shared;
+use xtb_client::scene::{Scene, SceneEvent, What};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::MapHash;

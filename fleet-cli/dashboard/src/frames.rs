@@ -4,10 +4,10 @@
 //! A robot that has not been heard lately keeps its last place, marked as stale; everything else about
 //! it is unknown then.
 
-use xtb_client::scene::{AtMs, Body, Robot, Scene, SceneEvent};
-use crate::text::robot as describe;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use xtb_client::scene::{AtMs, Body, Robot, Scene, SceneEvent};
+use xtb_client::text::robot as describe;
 use xtb_control::Mode;
 use xtb_nav::MapPose;
 use xtb_nav::geometry::path::Piece;

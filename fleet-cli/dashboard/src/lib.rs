@@ -3,10 +3,15 @@
 //! One page is one socket: `frames` says what it lacks, `session` when it gets that, `desk` carries
 //! out what it asks for. The wire between page and server stands in `docs/dashboard.md`.
 
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
 mod app;
 mod assets;
 mod command_session;
 mod commands;
+mod execute;
+#[cfg(feature = "foxglove")]
+pub mod foxglove;
 mod frames;
 mod listener;
 mod metrics;
@@ -16,7 +21,8 @@ mod security;
 mod server;
 mod session;
 mod socket;
-pub(crate) mod teleop;
+mod teleop;
+mod teleop_session;
 
 pub use app::Shown;
 pub use security::Origin;

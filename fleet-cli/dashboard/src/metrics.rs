@@ -1,10 +1,6 @@
 //! What a Prometheus server gets at `/metrics`: the dashboard's own counters, and the fleet as it is at
 //! that moment.
 
-use xtb_client::scene::live::Shared;
-use xtb_client::scene::{AtMs, Robot, Scene};
-use crate::text::reasons;
-use crate::text::task as task_text;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::text::encode;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeLabelSet, NoLabelSet};
@@ -19,6 +15,10 @@ use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::{SystemTime, UNIX_EPOCH};
+use xtb_client::dispatcher_client::fleet_stop;
+use xtb_client::scene::live::Shared;
+use xtb_client::scene::{AtMs, Robot, Scene};
+use xtb_client::text::reasons;
 use xtb_protocol::Name;
 use xtb_protocol::messages::RobotState;
 
@@ -271,7 +271,7 @@ fn services(out: &mut Sheet<'_, '_>, scene: &Scene) -> fmt::Result {
     let there = there.into_iter().map(|(service, there)| (Service { service }, is(there)));
     out.gauges("fleet_service_up", "1 = present", None, there)?;
     if scene.dispatcher() {
-        let suspended = is(task_text::fleet_stop(scene.suspended()).is_some());
+        let suspended = is(fleet_stop(scene.suspended()).is_some());
         let help = "1 = suspended after an emergency stop of all robots, until it is activated";
         out.gauges(
             "dispatcher_suspended",

@@ -5,9 +5,9 @@
 //! what was asked before a stop does not begin after it.
 
 use super::commands::Command;
-use xtb_client::{Error, ErrorKind};
 use std::collections::BTreeMap;
 use tokio::sync::oneshot;
+use xtb_client::{Error, ErrorKind};
 use xtb_protocol::Name;
 use xtb_protocol::messages::RejectCode;
 

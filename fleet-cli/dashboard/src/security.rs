@@ -6,11 +6,11 @@
 //!   must be an address or a name that is known.
 //! * Other machines need a token: whoever gets in may drive robots.
 
-use xtb_client::{Error, ErrorKind};
 use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
 use std::hint::black_box;
 use std::net::{IpAddr, SocketAddr};
 use std::str::FromStr;
+use xtb_client::{Error, ErrorKind};
 
 /// Shortest token.
 pub(super) const MIN_TOKEN: usize = 16;

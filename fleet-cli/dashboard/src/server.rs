@@ -5,7 +5,6 @@ use super::metrics::Metrics;
 use super::places::Places;
 use super::security::{Entry, Guard, HEADERS, Origin, Refusal};
 use super::{assets, listener, socket};
-use xtb_client::{Error, ErrorKind, Result};
 use axum::Router;
 use axum::extract::{Request, State, WebSocketUpgrade};
 use axum::http::{HeaderName, HeaderValue, Method, StatusCode, header};
@@ -20,6 +19,7 @@ use tokio::net::{TcpListener, TcpSocket};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Uuid;
 
 /// Pages that may be connected at once.
@@ -155,7 +155,7 @@ async fn tick(app: Arc<App>, every: Duration) {
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
     loop {
         ticks.tick().await;
-        if let Some((_, client)) = &app.shown.commands {
+        if let Some(client) = &app.shown.commands {
             app.linked.store(client.bus().is_linked().await, Ordering::Relaxed);
         }
         app.ticks.send_modify(|n| *n += 1);
@@ -252,8 +252,10 @@ fn bind(listen: SocketAddr) -> std::io::Result<TcpListener> {
 
 fn taken(listen: SocketAddr, error: &std::io::Error) -> Error {
     match error.kind() {
-        std::io::ErrorKind::AddrInUse => Error::new(ErrorKind::PortTaken, format!("{listen} is already in use"))
-            .hint("another dashboard uses it: end that one, or choose another port with --listen"),
+        std::io::ErrorKind::AddrInUse => {
+            Error::new(ErrorKind::PortTaken, format!("{listen} is already in use"))
+                .hint("another dashboard uses it: end that one, or choose another port with --listen")
+        }
         _ => Error::new(ErrorKind::Invalid, format!("cannot listen on {listen}: {error}"))
             .hint("an address looks like 127.0.0.1:8080"),
     }

@@ -4,8 +4,8 @@
 //! meanwhile is left out and counted, not queued. The frame after that shows the present.
 
 use super::frames::{Known, Moment, ToPage};
-use xtb_client::scene::{AtMs, Scene};
 use std::collections::VecDeque;
+use xtb_client::scene::{AtMs, Scene};
 use xtb_protocol::Name;
 
 /// Frames that may be out without an answer.

@@ -1,10 +1,9 @@
 //! The dispatcher as a service: tasks in, requests to robots out, every change in the ledger first.
 //!
-//! What it decides is [`xtb_dispatch`]'s; here are its clock, its Zenoh and its disk. `work` is the loop,
-//! `desk` answers questions, `fleet` talks to robots, `floor` looks for roster and map and runs traffic
-//! control, `store` opens the ledger, `usage` counts what the robots did, `beside` is all of it in a simulator.
+//! What it decides is [`xtb_dispatch`]'s; here are its clock, its Zenoh and its disk. `event_loop` is the
+//! loop, `request_queue` answers questions, `robot_client` talks to robots, `map_watch` looks for roster and map
+//! and runs traffic control, `store` opens the ledger, `usage` counts what the robots did.
 
-pub mod embedded;
 mod event_loop;
 mod map_watch;
 mod request_queue;
@@ -12,7 +11,6 @@ mod robot_client;
 pub mod store;
 pub mod usage;
 
-use xtb_client::{Error, ErrorKind, Result};
 use crate::ledger;
 use serde::Serialize;
 use std::path::Path;
@@ -23,6 +21,7 @@ use tokio::task::JoinHandle;
 use usage::Usage;
 use xtb_bus::{Bus, Token};
 use xtb_client::client::Client;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::dispatcher::Identity;
 use xtb_dispatch::{Dispatcher, Settings};
 use xtb_nav::Map;
@@ -146,7 +145,9 @@ impl DispatchService {
         drop(self.stop.take());
         match (&mut self.working).await {
             Ok(ended) => ended?,
-            Err(error) => return Err(Error::new(ErrorKind::Failed, format!("the dispatcher failed: {error}"))),
+            Err(error) => {
+                return Err(Error::new(ErrorKind::Failed, format!("the dispatcher failed: {error}")));
+            }
         }
         Ok(self.standing())
     }

@@ -1,5 +1,7 @@
 //! What runs for the fleet's sake rather than for one command.
 
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
 pub mod dispatch;
 pub mod ledger;
 pub mod map_server;

@@ -1,12 +1,12 @@
 //! Serves a map to a fleet.
 
-use xtb_client::{Error, ErrorKind, Result};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_bus::{Bus, Incoming, Publisher, Service, Subscription};
 use xtb_client::map_source::served;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_nav::Map;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};

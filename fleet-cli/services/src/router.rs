@@ -1,9 +1,9 @@
 //! The embedded Zenoh router: the whole infrastructure that a small lab needs.
 
-use xtb_client::{Error, ErrorKind, Result};
 use std::net::TcpListener;
 use std::time::Duration;
 use xtb_bus::{Bus, LINK_LEASE, Role};
+use xtb_client::{Error, ErrorKind, Result};
 
 /// Opens a router, and says where it can be reached (with the real port for port 0).
 ///
@@ -31,8 +31,11 @@ pub async fn open_leased(listen: &str, link_lease: Duration) -> Result<(Bus, Str
 
 fn taken(listen: &str, error: &std::io::Error) -> Error {
     match error.kind() {
-        std::io::ErrorKind::AddrInUse => Error::new(ErrorKind::PortTaken, format!("{listen} is already in use"))
-            .hint("another router or simulator uses it: end that one, or choose another port with --listen"),
+        std::io::ErrorKind::AddrInUse => {
+            Error::new(ErrorKind::PortTaken, format!("{listen} is already in use")).hint(
+                "another router or simulator uses it: end that one, or choose another port with --listen",
+            )
+        }
         _ => Error::new(ErrorKind::Invalid, format!("cannot listen on {listen}: {error}"))
             .hint("an endpoint looks like tcp/127.0.0.1:7447"),
     }

@@ -2,7 +2,6 @@
 //!
 //! What it decides is [`xtb_traffic::coordinator`]'s; here are its clock, its Zenoh and its thread.
 
-use xtb_client::{Error, ErrorKind, Result};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,6 +13,7 @@ use xtb_bus::{Bus, Publisher, Token};
 use xtb_client::cars::Cars;
 use xtb_client::client::Client;
 use xtb_client::state_feed::StateFeed;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::Stamp;
 use xtb_nav::Map;
 use xtb_protocol::codec::Format;

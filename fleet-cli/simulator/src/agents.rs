@@ -1,6 +1,5 @@
 //! Agents inside the simulator's process: the same `robot_agent::run` as on a real truck.
 
-use xtb_client::{Error, ErrorKind};
 use robot_agent::clock::Clock;
 use robot_agent::config::AgentConfig;
 use robot_agent::hardware::simulated::SimulatedHardware;
@@ -9,6 +8,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
+use xtb_client::{Error, ErrorKind};
 use xtb_control::VehicleConfig;
 use xtb_nav::NavSettings;
 use xtb_protocol::Name;

@@ -4,6 +4,8 @@
 //! one is named. Agents talk to their trucks through board frames and gyro bytes alone: in-memory
 //! lines, or ptys to which separate `robot-agent` processes connect.
 
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
 mod agents;
 mod fixes;
 mod plan;
@@ -16,8 +18,6 @@ pub use plan::{MAX_ROBOTS, Plan};
 pub use stats::Told;
 pub use truth::TruthView;
 
-use xtb_client::{Error, ErrorKind, Result};
-use xtb_services::map_server::MapService;
 use agents::{AgentSettings, Life};
 use robot_agent::clock::WorldTime;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};
@@ -26,6 +26,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use xtb_bus::{Bus, Service};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_nav::Map;
@@ -33,6 +34,7 @@ use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{Roster, RosterEntry};
+use xtb_services::map_server::MapService;
 use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters, World};
 
 /// Agents are alive within a second, hundreds one after the other on a busy machine: so long after the last
@@ -252,7 +254,9 @@ impl Simulator {
             }
             if since.elapsed() > NEXT_WITHIN {
                 let message = format!("{now} of {wanted} simulated robots started");
-                return Err(Error::new(ErrorKind::Failed, message).hint("use fewer --robots or a lower --speed"));
+                return Err(
+                    Error::new(ErrorKind::Failed, message).hint("use fewer --robots or a lower --speed")
+                );
             }
             tokio::time::sleep(LOOK_EVERY).await;
         }
@@ -294,7 +298,8 @@ impl Simulator {
         };
         // Who is not decided by then is not named.
         let _ = tokio::time::timeout(ALIVE_WITHIN, decided).await;
-        let taken = |life: &Life| matches!(life, Life::Failed(failure) if failure.kind == ErrorKind::NameTaken);
+        let taken =
+            |life: &Life| matches!(life, Life::Failed(failure) if failure.kind == ErrorKind::NameTaken);
         let names = self.lives().filter(|(_, life)| taken(life)).map(|(name, _)| name.clone());
         agents::names_taken(&self.fleet, &names.collect::<Vec<_>>())
     }
@@ -302,7 +307,8 @@ impl Simulator {
 
 fn roster_of(simulation: &Simulation) -> Result<Roster> {
     let entry = |truck: &xtb_sim::Truck| {
-        let name = Name::robot(truck.name()).map_err(|error| Error::new(ErrorKind::Invalid, error.to_string()))?;
+        let name =
+            Name::robot(truck.name()).map_err(|error| Error::new(ErrorKind::Invalid, error.to_string()))?;
         let now = truck.truth();
         let start = MapPose { x_m: now.x_m, y_m: now.y_m, yaw_rad: now.yaw_rad };
         Ok(RosterEntry { name, tags: Vec::new(), start_pose: Some(start) })

@@ -1,13 +1,13 @@
 //! What to simulate, and what follows from it: the world with its trucks, and the session.
 
-use xtb_client::{Error, ErrorKind, Result};
-use xtb_services::router;
 use std::path::PathBuf;
 use std::time::Duration;
 use xtb_bus::{Bus, LINK_LEASE, Role};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
+use xtb_services::router;
 use xtb_sim::fixes::FixTruth;
 use xtb_sim::{Simulation, TruckParameters, World};
 

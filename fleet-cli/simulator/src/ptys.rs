@@ -1,11 +1,11 @@
 //! `--pty`: two pseudo terminals a truck, which look like serial ports to a separate `robot-agent`.
 
-use xtb_client::{Error, ErrorKind, Result};
 use robot_agent::hardware::simulated::{TruckLine, TruckLines};
 use serialport::{SerialPort, TTYPort};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::messages::Roster;
 
 /// Links to the ptys in a folder; removed again when dropped.

@@ -1,7 +1,6 @@
 //! How fast the world really runs: measured here, published and answered for everybody, and told to
 //! whoever runs the simulator.
 
-use xtb_client::Result;
 use robot_agent::clock::WorldTime;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -9,6 +8,7 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_bus::{Bus, Service};
+use xtb_client::Result;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::SimStats;

@@ -1,6 +1,5 @@
 //! Ground truth: where the trucks really are, for people, tests and logs.
 
-use xtb_client::{Error, ErrorKind, Result};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -10,6 +9,7 @@ use std::time::Duration;
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_bus::Bus;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::Channel;

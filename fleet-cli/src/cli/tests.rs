@@ -1,7 +1,10 @@
 //! Command lines and what they mean.
 
-use super::values::LATCHES;
 use super::*;
+use crate::args::LinkLossArg;
+use crate::commands::Verb;
+use crate::commands::dispatch::{DispatchArgs, DispatchVerb};
+use crate::values::LATCHES;
 use xtb_protocol::messages::Latch;
 
 fn read(line: &str) -> Result<Cli, clap::Error> {

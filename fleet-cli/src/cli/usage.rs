@@ -1,8 +1,8 @@
 //! What is wrong with a command line: clap's words, a tip where they leave the way out unsaid, and the
 //! same as a failure of ours for `--json`.
 
+use clap::error::{ContextKind, ContextValue, ErrorKind as Usage};
 use xtb_client::{Error, ErrorKind};
-use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// How clap calls an argument that `--all` can stand for, behind the name of the other one.
 const OR_ALL: &str = "|--all>";
@@ -10,7 +10,7 @@ const OR_ALL: &str = "|--all>";
 /// With a tip, if `--all` would have been an answer.
 pub(super) fn with_tip(mut error: clap::Error) -> clap::Error {
     let missing = match error.get(ContextKind::InvalidArg) {
-        Some(ContextValue::Strings(missing)) if error.kind() == ErrorKind::MissingRequiredArgument => missing,
+        Some(ContextValue::Strings(missing)) if error.kind() == Usage::MissingRequiredArgument => missing,
         _ => return error,
     };
     let one_or_all = missing.iter().find_map(|argument| argument.strip_suffix(OR_ALL)?.strip_prefix('<'));

@@ -1,14 +1,14 @@
 //! `cancel`, `pause`, `resume` and `retry`: answered when robots have confirmed.
 
-use clap::{ArgGroup, Args};
 use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
-use crate::text::reasons;
 use crate::text::task::tone;
+use clap::{ArgGroup, Args};
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::{Changes, worst};
+use xtb_client::text::reasons;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::messages::{DispatchBody, TaskChange, TaskId};
 
 const CANCEL_HELP: &str = "\
@@ -119,7 +119,7 @@ fn report(ctx: &Context, changes: &[TaskChange]) -> Result<Exit> {
             ctx.out.text(&format!("{} {state}", change.id))?;
         }
     }
-    Ok(worst(changes).map_or(Exit::Done, |error| ErrorKind::NotDispatched(error.code).exit()))
+    Ok(worst(changes).map_or(Exit::Done, |error| ErrorKind::NotDispatched(error.code).into()))
 }
 
 #[cfg(test)]

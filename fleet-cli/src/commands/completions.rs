@@ -1,11 +1,10 @@
 //! `completions`: scripts for shells.
 
-use clap::{Args, CommandFactory};
-use clap_complete::Shell;
-use crate::cli::Cli;
 use crate::exit::Exit;
-use xtb_client::Result;
 use crate::output::Output;
+use clap::Args;
+use clap_complete::Shell;
+use xtb_client::Result;
 
 /// Arguments of `completions`.
 #[derive(Debug, Clone, Args)]
@@ -85,9 +84,9 @@ fn bash(script: &str) -> String {
 ///
 /// # Errors
 /// Nobody reads it.
-pub fn run(out: Output, args: &CompletionsArgs) -> Result<Exit> {
+pub fn run(out: Output, args: &CompletionsArgs, mut grammar: clap::Command) -> Result<Exit> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "fleet-cli", &mut script);
+    clap_complete::generate(args.shell, &mut grammar, "fleet-cli", &mut script);
     let script = String::from_utf8_lossy(&script);
     out.text(&match args.shell {
         Shell::Bash => format!("{}{LIVE_BASH}", bash(&script)),
@@ -101,6 +100,8 @@ pub fn run(out: Output, args: &CompletionsArgs) -> Result<Exit> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Cli;
+    use clap::CommandFactory;
     use std::collections::BTreeSet;
 
     #[test]

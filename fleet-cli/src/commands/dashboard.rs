@@ -1,16 +1,10 @@
 //! `dashboard`: the fleet in a browser.
 
-pub(crate) mod execute;
-pub(crate) mod teleop_session;
-
-use clap::Args;
 use crate::context::Context;
-use xtb_dashboard::{Origin, Running, Settings, Shown};
 use crate::exit::Exit;
-use xtb_client::{Error, Result};
 use crate::interrupt::interrupted;
 use crate::recording::playback_worker::PlaybackWorker;
-use xtb_client::scene::live::{Live, Wanted};
+use clap::Args;
 use serde::Serialize;
 use std::net::{IpAddr, SocketAddr};
 use std::pin::pin;
@@ -18,7 +12,10 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::MissedTickBehavior;
 use xtb_client::client::Client;
+use xtb_client::scene::live::{Live, Wanted};
 use xtb_client::subscription::Subscriptions;
+use xtb_client::{Error, Result};
+use xtb_dashboard::{Origin, Running, Settings, Shown};
 
 const DASHBOARD_HELP: &str = "\
 Any address other than 127.0.0.1 needs a token: everyone with access can drive robots. The connection is not \
@@ -69,18 +66,18 @@ impl DashboardArgs {
     }
 }
 
-pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
+pub(super) fn address(text: &str) -> std::result::Result<SocketAddr, String> {
     let numbers = text.replacen("localhost:", "127.0.0.1:", 1);
     numbers.parse().map_err(|_| "expected IP:PORT, such as 127.0.0.1:8080 or 0.0.0.0:8080".to_owned())
 }
 
 /// Driving by hand needs a picture that is not older than 300 ms.
-fn rate(text: &str) -> Result<f64, String> {
-    super::values::number(text, 5.0, 20.0, "Hz")
+fn rate(text: &str) -> std::result::Result<f64, String> {
+    crate::values::number(text, 5.0, 20.0, "Hz")
 }
 
 #[cfg(feature = "foxglove")]
-type Foxglove = crate::foxglove::Handle;
+type Foxglove = xtb_dashboard::foxglove::Handle;
 #[cfg(not(feature = "foxglove"))]
 type Foxglove = std::convert::Infallible;
 
@@ -112,7 +109,7 @@ pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
     let starting = async {
         let client = Client::open(&ctx.settings).await?;
         let live = Live::open(&client, Wanted::default()).await?;
-        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some((ctx.clone(), client.clone())) };
+        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some(client.clone()) };
         let foxglove = foxglove(ctx, args, &live).await?;
         let running = Running::start(settings, shown).await?;
         Ok::<_, Error>((client, live, running, foxglove))
@@ -188,7 +185,7 @@ fn ready(ctx: &Context, running: &Running, read_only: bool) -> Result<()> {
 #[cfg(feature = "foxglove")]
 async fn foxglove(ctx: &Context, args: &DashboardArgs, live: &Live) -> Result<Option<Foxglove>> {
     let Some(listen) = args.foxglove else { return Ok(None) };
-    let serving = crate::foxglove::serve(Arc::clone(&live.scene), listen).await?;
+    let serving = xtb_dashboard::foxglove::serve(Arc::clone(&live.scene), listen).await?;
     ctx.out.note(&format!("Foxglove opens ws://{}", serving.address()));
     Ok(Some(serving))
 }
@@ -198,7 +195,9 @@ async fn foxglove(ctx: &Context, args: &DashboardArgs, live: &Live) -> Result<Op
 async fn foxglove(_: &Context, args: &DashboardArgs, _: &Live) -> Result<Option<Foxglove>> {
     match args.foxglove {
         None => Ok(None),
-        Some(_) => Err(Error::new(xtb_client::ErrorKind::Invalid, "this fleet-cli was built without Foxglove")
-            .hint("build it with `cargo build --release -p fleet-cli --features foxglove`")),
+        Some(_) => {
+            Err(Error::new(xtb_client::ErrorKind::Invalid, "this fleet-cli was built without Foxglove")
+                .hint("build it with `cargo build --release -p fleet-cli --features foxglove`"))
+        }
     }
 }

@@ -3,18 +3,14 @@
 //! Nothing is special about it: a simulator with its own router, and a client that sends goals as
 //! `goto --wait` does.
 
-use clap::Args;
-use crate::commands::play::speed;
+use crate::commands::sim::embedded::EmbeddedDispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::Tone;
-use xtb_services::dispatch::embedded::Beside;
-use xtb_services::dispatch::store::{Scratch, Store};
-use xtb_simulator::{Plan, Simulator};
 use crate::table::{Cell, Table};
 use crate::tui::picture::{Picture, Scene};
+use clap::Args;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::sync::Arc;
@@ -22,10 +18,13 @@ use std::time::{Duration, Instant};
 use xtb_client::client::Client;
 use xtb_client::control::Control;
 use xtb_client::state_feed::StateFeed;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::frames::MapPose;
-use xtb_protocol::{Name, Uuid};
 use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Roster};
+use xtb_protocol::{Name, Uuid};
+use xtb_services::dispatch::store::{Scratch, Store};
 use xtb_sim::fixes::FixTruth;
+use xtb_simulator::{Plan, Simulator};
 
 /// Arguments of `demo`.
 #[derive(Debug, Clone, Args)]
@@ -126,7 +125,8 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
 /// The drives, with a dispatcher beside them that has a ledger of its own for as long.
 async fn accompanied(ctx: &Context, args: &DemoArgs, simulator: &Simulator) -> Result<Option<Vec<Leg>>> {
     let scratch = Scratch::new();
-    let dispatcher = Beside::start(ctx, simulator, Store::open(scratch.path(), &ctx.settings.fleet)?).await?;
+    let dispatcher =
+        EmbeddedDispatcher::start(ctx, simulator, Store::open(scratch.path(), &ctx.settings.fleet)?).await?;
     let driven = drive(ctx, args, simulator).await;
     dispatcher.stop().await?;
     driven
@@ -245,7 +245,7 @@ impl Tour {
             robot: self.robot.clone(),
             goal,
             status: status
-                .map_or_else(|| "timed out".to_owned(), |status| crate::text::reasons::name(&status)),
+                .map_or_else(|| "timed out".to_owned(), |status| xtb_client::text::reasons::name(&status)),
             reached: status == Some(GoalStatus::Reached),
             virtual_s: truth.t_s - began_s,
             error_m: robot.map(|now| (now.x_m - x_m).hypot(now.y_m - y_m)),

@@ -11,16 +11,18 @@ mod status;
 mod submit;
 mod wait;
 
-use clap::{Args, Subcommand};
 use crate::commands::dispatch::compact::DispatchCompactArgs;
 use crate::commands::dispatch::export::DispatchExportArgs;
 use crate::commands::dispatch::serve::DispatchServeArgs;
-use crate::commands::dispatch::submit::{TaskGotoArgs, TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs};
+use crate::commands::dispatch::submit::{
+    TaskGotoArgs, TaskPatrolArgs, TaskRouteArgs, TaskSubmitArgs, TaskWanderArgs,
+};
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
+use clap::{Args, Subcommand};
 use robot_agent::files;
 use std::path::{Path, PathBuf};
+use xtb_client::{Error, ErrorKind, Result};
 
 const ACTIVATE_HELP: &str = "\
 An emergency stop of all robots suspends the dispatcher, so that the first reset does not set the fleet in \

@@ -7,13 +7,12 @@ mod finding;
 mod fixes;
 mod services;
 
+use crate::context::Context;
+use crate::exit::Exit;
+use crate::output::{Output, Tone};
 use checks::Facts;
 use clap::Args;
 use clock::Mark;
-use crate::context::Context;
-use crate::exit::Exit;
-use xtb_client::Result;
-use crate::output::{Output, Tone};
 use finding::{Finding, Level};
 use fixes::FixBook;
 use serde::Serialize;
@@ -23,11 +22,12 @@ use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 use xtb_bus::{Incoming, Subscription};
 use xtb_client::ErrorKind;
+use xtb_client::Result;
 use xtb_client::client::{Client, Seen};
 use xtb_client::state_feed::StateFeed;
-use xtb_protocol::{Name, Uuid};
 use xtb_protocol::keys::{Key, RobotKeys};
 use xtb_protocol::messages::{About, Body, Fix, Request, RobotState};
+use xtb_protocol::{Name, Uuid};
 
 /// Arguments of `doctor`.
 #[derive(Debug, Clone, Args)]
@@ -80,8 +80,8 @@ pub async fn run(ctx: &Context, args: &DoctorArgs) -> Result<Exit> {
             findings.extend(checks::all(&facts));
             findings
         }
-        Err(error) if error.kind == ErrorKind::NoRouter => vec![checks::no_router(&error.into())],
-        Err(error) => return Err(error.into()),
+        Err(error) if error.kind == ErrorKind::NoRouter => vec![checks::no_router(&error)],
+        Err(error) => return Err(error),
     };
     let report = Report::new(&ctx.settings.fleet, findings);
     ctx.out.result(&report, |report| text(report, &ctx.out))?;

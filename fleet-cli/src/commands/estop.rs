@@ -1,12 +1,12 @@
 //! `estop`: robots stand, latched, until somebody resets them.
 
-use clap::Args;
-use crate::cli::args::WhoArgs;
+use super::stopped;
+use crate::args::WhoArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
-use super::stopped;
+use clap::Args;
 use xtb_client::DispatcherClient;
+use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::estop::estop;
 

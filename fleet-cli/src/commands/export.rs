@@ -1,17 +1,17 @@
 //! `export`: a recording of the fleet as tables, one for each type of message.
 
-use clap::{ArgGroup, Args};
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::recording::playback_worker::not_readable;
+use clap::{ArgGroup, Args};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fs::{File, self};
-use std::io::{BufWriter, Write, self};
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use xtb_recording::fleet::{reader, schemas};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_recording::fleet::table::Table;
+use xtb_recording::fleet::{reader, schemas};
 
 /// Arguments of `export`.
 #[derive(Debug, Clone, Args)]

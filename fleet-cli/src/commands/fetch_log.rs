@@ -3,14 +3,12 @@
 
 mod fetch;
 
-use clap::Args;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
-use crate::text::robot as describe;
+use clap::Args;
 use fetch::{Fetch, Next};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -19,6 +17,8 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use xtb_client::client::Client;
+use xtb_client::text::robot as describe;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{LogCode, LogFile, LogReply, LogRequest, MAX_PIECE, RecordingName};

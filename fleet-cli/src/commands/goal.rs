@@ -7,16 +7,16 @@ pub(super) use task::Task;
 use super::take_control;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::Progress;
-use crate::text::reasons;
-use crate::text::robot as describe;
 use serde::Serialize;
 use std::pin::pin;
 use std::time::{Duration, Instant};
 use xtb_client::goal::{Cancelled, GoalEnd, GoalStep, GoalTarget, GoalWatch, cancel, start, stop_hint};
+use xtb_client::text::reasons;
+use xtb_client::text::robot as describe;
 use xtb_client::{Client, Control, Seen, StateFeed};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::messages::{GoalStatus, LinkLoss, RejectCode, RobotState, StopReason};
 use xtb_protocol::{Name, Uuid};
 
@@ -161,8 +161,10 @@ async fn cancelled(ctx: &Context, control: &Control, watch: &GoalWatch<'_>) -> R
     };
     let failure = match tokio::time::timeout(ctx.settings.timeout, standing).await {
         Ok(()) => Error::new(ErrorKind::Interrupted, format!("{robot} stopped: {how}")),
-        Err(_) => Error::new(ErrorKind::Interrupted, format!("{how}, but {robot} is not confirmed as stopped"))
-            .hint(stop_hint(robot)),
+        Err(_) => {
+            Error::new(ErrorKind::Interrupted, format!("{how}, but {robot} is not confirmed as stopped"))
+                .hint(stop_hint(robot))
+        }
     };
     ctx.out.failure(&failure);
     Ok(Exit::Interrupted)
@@ -180,7 +182,7 @@ fn unheard(watch: &GoalWatch<'_>, task: &Task) -> Error {
 
 /// Who has control instead, if this client has lost it.
 fn lost(control: &Control, feed: &StateFeed, task: &Task) -> Option<Error> {
-    let failure = Error::from(control.lost()?);
+    let failure = control.lost()?;
     Some(match control.taken_by(feed) {
         Some(message) => Error { kind: ErrorKind::Refused(RejectCode::LeaseLost), message, ..failure },
         // Nobody took it: it ran out while the robot did not hear this client.

@@ -1,18 +1,19 @@
 //! `list`: which robots are there, which are missing, and how they are.
 
-use clap::Args;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
-use crate::text::{reasons, task as task_text};
-use crate::text::robot::{UNKNOWN, self as describe};
+use crate::text::task as task_text;
+use clap::Args;
 use serde::Serialize;
 use std::time::Duration;
+use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
 use xtb_client::fleet_view::{FleetView, RobotView};
+use xtb_client::text::reasons;
+use xtb_client::text::robot::{self as describe, UNKNOWN};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{BatteryLevel, RobotState, Suspension};
 
@@ -52,7 +53,7 @@ pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
     let view = FleetView::of(&ctx.settings.fleet, &alive, &states, &expected).with_roster(&roster);
     let view = FleetView { simulator: simulator?, ..view };
     if view.robots.is_empty() {
-        return Err(client.nobody().into());
+        return Err(client.nobody());
     }
     let suspended = status.map(|status| status.suspended).unwrap_or_default();
     ctx.out.result(&Listed { view: &view, suspended }, |Listed { view, suspended }| {
@@ -60,7 +61,7 @@ pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
         [table(view, &ctx.out)].into_iter().chain(more).collect::<Vec<_>>().join("\n")
     })?;
     if !view.robots.iter().any(|robot| robot.alive) && !ctx.out.json {
-        ctx.out.failure(&client.nobody().into());
+        ctx.out.failure(&client.nobody());
     }
     client.close().await;
     Ok(if view.is_known() { Exit::Done } else { Exit::Unknown })

@@ -6,17 +6,16 @@ mod picture;
 mod serve;
 mod show;
 
-use clap::{Args, Subcommand};
-use crate::cli::values::number;
 use crate::commands::map::check::MapCheckArgs;
 use crate::commands::map::import::MapImportArgs;
 use crate::commands::map::serve::MapServeArgs;
 use crate::commands::map::show::MapShowArgs;
-use crate::commands::record::size;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
 use crate::interrupt::or_interrupted;
+use crate::values::number;
+use clap::{Args, Subcommand};
+use xtb_client::Result;
 use xtb_nav::{Grid, Map};
 use xtb_sim::CHART_RESOLUTION_M;
 
@@ -49,7 +48,7 @@ pub struct ResolutionArgs {
     pub resolution_m: f64,
 }
 
-fn cell(text: &str) -> Result<f64, String> {
+fn cell(text: &str) -> std::result::Result<f64, String> {
     number(text, *Grid::RESOLUTION_M.start(), *Grid::RESOLUTION_M.end(), "metres")
 }
 

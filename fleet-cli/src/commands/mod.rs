@@ -1,4 +1,4 @@
-//! One verb a file.
+//! One verb a file: its arguments, then what it does. A new verb is a file and its lines here.
 
 pub mod change;
 pub mod completions;
@@ -34,13 +34,157 @@ pub mod wander;
 pub mod watch;
 pub mod why;
 
+use crate::args::GlobalArgs;
 use crate::context::Context;
-use xtb_client::Result;
-use crate::output::Progress;
+use crate::exit::Exit;
+use crate::interrupt::{or_interrupted, or_interrupted_saying};
+use crate::output::{Output, Progress};
+use clap::Subcommand;
 use xtb_client::DispatcherClient;
+use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::control::Control;
 use xtb_protocol::Name;
+
+const SHOWS_POSE: &str = "`fleet-cli status ROBOT` shows the pose";
+const SHOWS_STANDSTILL: &str = "`fleet-cli list` shows which robots are stopped or latched";
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// List the robots and their state.
+    List(list::ListArgs),
+    /// Show the state of robots in detail.
+    Status(status::StatusArgs),
+    /// Explain why a robot is stopped, or is allowed to drive, and what to do.
+    Why(why::WhyArgs),
+    /// Check router, roster, versions, clocks and configs, and show what to do.
+    Doctor(doctor::DoctorArgs),
+    /// Send a robot to a point on the map.
+    Goto(goto::GotoArgs),
+    /// Make a robot wander.
+    Wander(wander::WanderArgs),
+    /// Stop robots: cancels their goals.
+    Stop(stop::StopArgs),
+    /// Emergency stop: robots stay stopped until they are reset (not a safety-rated stop).
+    Estop(estop::EstopArgs),
+    /// Reset latched stops whose cause is gone; robots stay stopped until a new command.
+    Reset(reset::ResetArgs),
+    /// Set the pose of a stopped robot, when its pose is uncertain or wrong.
+    SetPose(set_pose::SetPoseArgs),
+    /// Drive a robot by hand.
+    Teleop(teleop::TeleopArgs),
+    /// Full-screen view of the fleet: map, robots, events; keys send, stop and drive.
+    Top(top::TopArgs),
+    /// Print messages as JSON lines.
+    Watch(watch::WatchArgs),
+    /// Record the fleet's messages into MCAP, for Foxglove, Python, `play` and `export`.
+    Record(record::RecordArgs),
+    /// Play back a recording of the fleet.
+    Play(play::PlayArgs),
+    /// Export a recording of the fleet as tables.
+    Export(export::ExportArgs),
+    /// Download a recording from a robot.
+    FetchLog(fetch_log::FetchLogArgs),
+    /// Show, check, import or serve a map.
+    Map(map::MapArgs),
+    /// Traffic control: coordinate robots with planned goals.
+    Traffic(traffic::TrafficArgs),
+    /// Dispatcher: accept tasks for the fleet and assign them to its robots.
+    Dispatch(dispatch::DispatchArgs),
+    /// Show the dispatcher's tasks.
+    Tasks(tasks::TasksArgs),
+    /// Show one task and its history.
+    Task(task::TaskArgs),
+    /// Cancel tasks; the answer comes when their robots have confirmed.
+    Cancel(change::CancelArgs),
+    /// Pause tasks; their robots stop.
+    Pause(change::PauseArgs),
+    /// Resume tasks that are paused or on hold.
+    Resume(change::ResumeArgs),
+    /// Queue failed or cancelled tasks again.
+    Retry(change::RetryArgs),
+    /// Show and control the fleet in a browser.
+    Dashboard(dashboard::DashboardArgs),
+    /// Run a router: the only infrastructure that a small lab needs.
+    Router(router::RouterArgs),
+    /// Run simulated robots with real agents.
+    Sim(sim::SimArgs),
+    /// Show simulated robots driving to their goals.
+    Demo(demo::DemoArgs),
+    /// Plan collision-free paths for many robots at once, without a fleet.
+    Plan(plan::PlanArgs),
+    /// Print a completion script; in bash, fish and zsh it completes the names of robots and tasks.
+    Completions(completions::CompletionsArgs),
+    /// Print the names of robots or tasks, for completion scripts.
+    #[command(hide = true)]
+    Names(names::NamesArgs),
+}
+
+/// Carries out one verb; `grammar` is the whole command line's, for completions.
+///
+/// # Errors
+/// What the verb says.
+pub async fn run(verb: Verb, global: &GlobalArgs, grammar: clap::Command, out: Output) -> Result<Exit> {
+    // Not before a verb asks for it: completions must not fail over a broken config.
+    let ctx = || Context::new(global, out);
+    match verb {
+        Verb::List(args) => or_interrupted(list::run(&ctx()?, &args)).await,
+        Verb::Status(args) if args.watch => status::run(&ctx()?, &args).await,
+        Verb::Status(args) => or_interrupted(status::run(&ctx()?, &args)).await,
+        Verb::Why(args) => or_interrupted(why::run(&ctx()?, &args)).await,
+        Verb::Doctor(args) => or_interrupted(doctor::run(&ctx()?, &args)).await,
+        Verb::Goto(args) => goto::run(&ctx()?, args).await,
+        Verb::Wander(args) => wander::run(&ctx()?, args).await,
+        Verb::Stop(args) => {
+            let ctx = ctx()?;
+            let stop = stop::run(&ctx, &args);
+            or_interrupted_saying(stop, "stop not confirmed", SHOWS_STANDSTILL).await
+        }
+        Verb::Estop(args) => {
+            let ctx = ctx()?;
+            let estop = estop::run(&ctx, &args);
+            or_interrupted_saying(estop, "stop not confirmed", SHOWS_STANDSTILL).await
+        }
+        Verb::Reset(args) => {
+            let ctx = ctx()?;
+            let reset = reset::run(&ctx, &args);
+            or_interrupted_saying(reset, "reset not confirmed; no robot moves", SHOWS_STANDSTILL).await
+        }
+        Verb::SetPose(args) => {
+            let ctx = ctx()?;
+            let set = set_pose::run(&ctx, &args);
+            or_interrupted_saying(set, "pose not confirmed; no robot moves", SHOWS_POSE).await
+        }
+        Verb::Teleop(args) => teleop::run(&ctx()?, &args).await,
+        Verb::Top(args) => top::run(&ctx()?, &args).await,
+        Verb::Watch(args) => watch::run(&ctx()?, &args).await,
+        Verb::Record(args) => record::run(&ctx()?, args).await,
+        Verb::Play(args) => play::run(&ctx()?, &args).await,
+        Verb::Export(args) => export::run(&ctx()?, &args),
+        Verb::Traffic(args) => traffic::run(&ctx()?, &args).await,
+        Verb::Dispatch(args) => dispatch::run(&ctx()?, &args).await,
+        Verb::Tasks(args) => tasks::run(&ctx()?, &args).await,
+        Verb::Task(args) => or_interrupted(task::run(&ctx()?, &args)).await,
+        Verb::Cancel(args) => changing(change::cancel(&ctx()?, args)).await,
+        Verb::Pause(args) => changing(change::pause(&ctx()?, args)).await,
+        Verb::Resume(args) => changing(change::resume(&ctx()?, args)).await,
+        Verb::Retry(args) => changing(change::retry(&ctx()?, args)).await,
+        Verb::FetchLog(args) => fetch_log::run(&ctx()?, &args).await,
+        Verb::Map(args) => map::run(&ctx()?, &args).await,
+        Verb::Dashboard(args) => dashboard::run(&ctx()?, &args).await,
+        Verb::Router(args) => router::run(&ctx()?, &args).await,
+        Verb::Sim(args) => sim::run(&ctx()?, args).await,
+        Verb::Demo(args) => demo::run(&ctx()?, args).await,
+        Verb::Plan(args) => plan::run(out, args).await,
+        Verb::Names(args) => names::run(&ctx()?, &args).await,
+        Verb::Completions(args) => completions::run(out, &args, grammar),
+    }
+}
+
+async fn changing(command: impl Future<Output = Result<Exit>>) -> Result<Exit> {
+    or_interrupted_saying(command, "change not confirmed", "`fleet-cli tasks` shows their state").await
+}
 
 /// The robots in the order in which they were named, each once.
 fn once_each(named: &[Name]) -> Vec<Name> {

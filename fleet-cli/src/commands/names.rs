@@ -1,10 +1,10 @@
 //! `names`: robots or tasks that there are, one a line, for completion scripts.
 
-use clap::{Args, ValueEnum};
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
+use clap::{Args, ValueEnum};
 use std::time::Duration;
+use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
 

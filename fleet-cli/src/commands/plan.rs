@@ -5,17 +5,17 @@ mod instance;
 mod race;
 mod schedule;
 
-use clap::Args;
-use crate::cli::values::seconds;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::{Output, Progress};
+use crate::values::seconds;
+use clap::Args;
 use instance::Instance;
 use race::Race;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_traffic::solver::{Fault, ProblemError, Schedule, Unsolved};
 
 const PLAN_HELP: &str = "\
@@ -137,7 +137,9 @@ fn explain(unsolved: Unsolved, instance: &Instance, args: &PlanArgs) -> Error {
         Unsolved::Problem(
             ProblemError::Value { .. } | ProblemError::TooMany(_) | ProblemError::SameName(_),
         ) => (ErrorKind::Config, "check the numbers and names of the instance"),
-        Unsolved::Problem(_) => (ErrorKind::Failed, "no schedule can start or end there: move the start or goal"),
+        Unsolved::Problem(_) => {
+            (ErrorKind::Failed, "no schedule can start or end there: move the start or goal")
+        }
         Unsolved::NoWay { .. } => {
             (ErrorKind::Failed, "it is blocked, too wide, or its turning radius is too large")
         }

@@ -1,22 +1,22 @@
 //! `play`: a recording of the fleet again, as it happened.
 
-use clap::Args;
-use crate::cli::values::{number, part_of_a_day};
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
 use crate::interrupt::interrupted;
 use crate::recording::playback_worker::{PlaySettings, PlaybackWorker, not_readable};
+use crate::values::{number, part_of_a_day};
+use clap::Args;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use xtb_client::Result;
 use xtb_client::messages::AnyMessage;
 use xtb_recording::fleet::drawing;
 use xtb_recording::fleet::player::{Move, Player};
-use xtb_recording::fleet::reader::{Reader, self};
+use xtb_recording::fleet::reader::{self, Reader};
 
 /// Arguments of `play`.
 #[derive(Debug, Clone, Args)]
@@ -40,11 +40,11 @@ pub struct PlayArgs {
     #[arg(long, group = "how")]
     pub lines: bool,
     /// Show it in a browser, as `dashboard` does; on this computer only [default: 127.0.0.1:8080].
-    #[arg(long, value_name = "ADDRESS", group = "how", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = super::dashboard::address)]
+    #[arg(long, value_name = "ADDRESS", group = "how", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = crate::commands::dashboard::address)]
     pub dashboard: Option<SocketAddr>,
 }
 
-fn speed(text: &str) -> Result<f64, String> {
+fn speed(text: &str) -> std::result::Result<f64, String> {
     number(text, 0.01, 1000.0, "times")
 }
 

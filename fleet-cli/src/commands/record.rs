@@ -1,20 +1,20 @@
 //! `record`: what is said on the fleet's keys, into MCAP that Foxglove and Python open.
 
-use clap::Args;
-use crate::output;
-use crate::cli::values::{number, seconds};
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
+use crate::output;
 use crate::recording::recorder_worker::{Progress, RecorderWorker};
+use crate::values::{number, seconds};
+use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
 use std::time::{Duration, Instant, SystemTime};
 use xtb_client::client::Client;
-use xtb_client::subscription::{Inlet, Subscriptions, not_a_key_expr};
 use xtb_client::subscription::plan::Plan;
+use xtb_client::subscription::{Inlet, Subscriptions, not_a_key_expr};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_recording::fleet::mcap_writer::McapSettings;
 use xtb_recording::fleet::recorder::Counts;
 
@@ -43,7 +43,7 @@ pub struct RecordArgs {
 }
 
 /// `500MB`, `1GiB`, or bytes.
-fn size(text: &str) -> Result<u64, String> {
+fn size(text: &str) -> std::result::Result<u64, String> {
     const UNITS: [(&str, u64); 7] = [
         ("KiB", 1 << 10),
         ("MiB", 1 << 20),
@@ -63,7 +63,7 @@ fn size(text: &str) -> Result<u64, String> {
     UNITS.into_iter().find_map(read).filter(|bytes| *bytes >= 64 << 10).ok_or_else(wrong)
 }
 
-fn chunk(text: &str) -> Result<Duration, String> {
+fn chunk(text: &str) -> std::result::Result<Duration, String> {
     number(text, 0.05, 1.0, "seconds").map(Duration::from_secs_f64)
 }
 

@@ -1,18 +1,18 @@
 //! `reset`: ends latched stops whose cause is gone. It never moves a robot.
 
-use clap::Args;
-use crate::cli::args::{LeaseArgs, WhoArgs};
-use crate::cli::values::latch;
+use super::once_each;
+use crate::args::{LeaseArgs, WhoArgs};
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::output::{Output, Tone};
-use crate::text::robot as describe;
+use crate::values::latch;
+use clap::Args;
 use std::io::IsTerminal;
-use super::once_each;
 use xtb_client::client::Client;
 use xtb_client::control::Control;
-use xtb_client::reset::{ResetCandidates, ResetReport, candidates, each, self};
+use xtb_client::reset::{self, ResetCandidates, ResetReport, candidates, each};
+use xtb_client::text::robot as describe;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Latch, LatchState, RejectCode};
 
@@ -40,8 +40,11 @@ pub struct ResetArgs {
 /// is reported.
 pub async fn run(ctx: &Context, args: &ResetArgs) -> Result<Exit> {
     if args.who.all && !args.yes && (ctx.out.json || !std::io::stdin().is_terminal()) {
-        return Err(Error::new(ErrorKind::Invalid, "reset --all asks for confirmation, but there is no terminal")
-            .hint("--yes resets without asking"));
+        return Err(Error::new(
+            ErrorKind::Invalid,
+            "reset --all asks for confirmation, but there is no terminal",
+        )
+        .hint("--yes resets without asking"));
     }
     let client = Client::open(&ctx.settings).await?;
     let exit = if args.who.all { all(ctx, &client, args).await } else { named(ctx, &client, args).await };
@@ -55,7 +58,7 @@ async fn named(ctx: &Context, client: &Client, args: &ResetArgs) -> Result<Exit>
     if let [(_, Err(_))] = &ended[..]
         && let Some((_, Err(failure))) = ended.pop()
     {
-        return Err(failure.into());
+        return Err(failure);
     }
     say(ctx, args.latch, &ended)
 }
@@ -63,7 +66,7 @@ async fn named(ctx: &Context, client: &Client, args: &ResetArgs) -> Result<Exit>
 async fn all(ctx: &Context, client: &Client, args: &ResetArgs) -> Result<Exit> {
     let ResetCandidates { latched, unknown, roster } = candidates(client, &args.who.expect).await?;
     if latched.is_empty() && unknown.is_empty() && !roster {
-        return Err(client.nobody().into());
+        return Err(client.nobody());
     }
     let complete = if unknown.is_empty() { Exit::Done } else { Exit::Unknown };
     for robot in &unknown {
@@ -126,14 +129,15 @@ fn say(
                 }
                 if let Some(refused) = &report.refused {
                     let hint = format!("`fleet-cli why {robot}` shows the causes and what to do");
-                    let failure = Error::new(ErrorKind::Refused(RejectCode::CausePresent), refused).hint(hint);
+                    let failure =
+                        Error::new(ErrorKind::Refused(RejectCode::CausePresent), refused).hint(hint);
                     if !ctx.out.json {
                         ctx.out.failure(&failure);
                     }
                 }
             }
             Err(error) => {
-                let failure = Error::from(error.clone());
+                let failure = error.clone();
                 exit = worse(exit, Exit::from(failure.kind));
                 let is_named = failure.message.contains(robot.as_str());
                 let whose = if is_named { String::new() } else { format!("{robot}: ") };

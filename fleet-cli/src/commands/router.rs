@@ -1,14 +1,14 @@
 //! `router`: an embedded Zenoh router, the whole infrastructure that a small lab needs.
 
-use clap::Args;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
 use crate::interrupt::interrupted;
-use xtb_services::router;
+use clap::Args;
 use serde::Serialize;
 use std::pin::pin;
 use xtb_client::DEFAULT_ENDPOINT;
+use xtb_client::Result;
+use xtb_services::router;
 
 /// Arguments of `router`.
 #[derive(Debug, Clone, Args)]

@@ -1,22 +1,22 @@
 //! `set-pose`: tell a robot that stands where it is. It never moves the robot.
 
-use clap::Args;
-use crate::cli::args::LeaseArgs;
-use crate::cli::values::{degrees, metres};
+use super::take_control;
+use crate::args::LeaseArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
-use crate::text::robot as describe;
+use crate::values::{degrees, metres};
+use clap::Args;
 use serde::Serialize;
 use std::time::Instant;
-use super::take_control;
 use xtb_client::client::Client;
 use xtb_client::control::Control;
 use xtb_client::reset::{STATE_EVERY, next_state};
 use xtb_client::state_feed::StateFeed;
+use xtb_client::text::robot as describe;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::frames::{MapPose, wrap_rad};
-use xtb_protocol::{Name, Uuid};
 use xtb_protocol::messages::{Body, PoseState};
+use xtb_protocol::{Name, Uuid};
 
 /// Arguments of `set-pose`.
 #[derive(Debug, Clone, Args)]
@@ -104,7 +104,7 @@ fn text(report: &Report<'_>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::args::LeaseArgs;
+    use crate::args::LeaseArgs;
     use std::time::Duration;
     use xtb_client::fake::{FakeRobot, name};
 

@@ -1,32 +1,34 @@
 //! `sim`: simulated trucks with real agents, until Ctrl-C.
 
-use clap::Args;
-use crate::{map_file, vehicle_file};
-use crate::cli::values::{drop_outs, fix_noise, fix_rate, part};
-use crate::commands::dashboard::{DashboardArgs, HZ, rate};
-use crate::commands::play::speed;
+pub(crate) mod embedded;
+
+use super::dashboard;
+use crate::commands::dashboard::DashboardArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
-use xtb_services::dispatch::Standing;
-use xtb_services::dispatch::embedded::{Beside, self};
-use xtb_services::dispatch::store::{Store, self};
-use xtb_services::dispatch::usage::Usage;
-use xtb_simulator::{Plan, Simulator, Told};
-use crate::text::{robot as describe, task as task_text};
+use crate::text::task as task_text;
+use crate::values::{drop_outs, fix_noise, fix_rate, part};
+use crate::{map_file, vehicle_file};
+use clap::Args;
+use embedded::EmbeddedDispatcher;
 use robot_agent::files;
 use serde::Serialize;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
-use super::dashboard;
 use tokio::sync::watch;
 use xtb_client::DEFAULT_ENDPOINT;
+use xtb_client::text::robot as describe;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{DispatchStatus, RosterEntry, Suspension};
+use xtb_services::dispatch::Standing;
+use xtb_services::dispatch::store::{self, Store};
+use xtb_services::dispatch::usage::Usage;
 use xtb_sim::{Pace, World};
+use xtb_simulator::{Plan, Simulator, Told};
 
 /// Arguments of `sim`.
 #[derive(Debug, Clone, Args)]
@@ -77,7 +79,7 @@ pub struct SimArgs {
     #[arg(long, requires = "dispatch")]
     pub until_done: bool,
     /// Also serve the dashboard [default: 127.0.0.1:8080].
-    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = super::dashboard::address)]
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = crate::commands::dashboard::address)]
     pub dashboard: Option<SocketAddr>,
     /// What measures the robots' poses.
     #[command(flatten)]
@@ -183,7 +185,7 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     let starting = async {
         simulator.ready().await?;
         match store {
-            Some(store) => Beside::start(ctx, &simulator, store).await.map(Some),
+            Some(store) => EmbeddedDispatcher::start(ctx, &simulator, store).await.map(Some),
             None => Ok(None),
         }
     };
@@ -199,7 +201,7 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
             return Err(failure);
         }
     };
-    let found = Found { ledger, set_aside, standing: dispatcher.as_ref().map(Beside::standing) };
+    let found = Found { ledger, set_aside, standing: dispatcher.as_ref().map(EmbeddedDispatcher::standing) };
     announce(ctx, &simulator, args.speed, args.pty.as_deref(), &found)?;
     let done = tokio::select! {
         done = until_done(dispatcher.as_mut(), args.until_done) => Some(done),
@@ -249,7 +251,7 @@ fn vehicles(args: &SimArgs, world: Option<&World>) -> Result<Vec<VehicleConfig>>
 }
 
 /// Resolves when the simulation shall end by itself.
-async fn until_done(dispatcher: Option<&mut Beside>, wanted: bool) -> Result<()> {
+async fn until_done(dispatcher: Option<&mut EmbeddedDispatcher>, wanted: bool) -> Result<()> {
     match dispatcher {
         Some(dispatcher) if wanted => dispatcher.until_done().await,
         Some(dispatcher) => Err(dispatcher.ended().await),
@@ -283,7 +285,7 @@ async fn page(ctx: &Context, simulator: &Simulator, listen: Option<SocketAddr>) 
 }
 
 /// Ends the dispatcher and says what came of its tasks.
-async fn tell(ctx: &Context, simulator: &Simulator, dispatcher: Beside) -> Result<Exit> {
+async fn tell(ctx: &Context, simulator: &Simulator, dispatcher: EmbeddedDispatcher) -> Result<Exit> {
     let standing = dispatcher.stop().await?;
     let truth = simulator.truth().latest();
     let contacts = truth.robots.values().map(|robot| robot.contacts).sum();

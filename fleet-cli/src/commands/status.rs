@@ -3,11 +3,11 @@
 mod block;
 mod live;
 
-use clap::Args;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
+use clap::Args;
 use std::collections::BTreeSet;
+use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::fleet_view::FleetView;
 use xtb_protocol::Name;
@@ -45,7 +45,7 @@ pub async fn run(ctx: &Context, args: &StatusArgs) -> Result<Exit> {
 async fn once(ctx: &Context, client: &Client, args: &StatusArgs, wanted: &BTreeSet<Name>) -> Result<Exit> {
     let view = FleetView::ask(client, &ctx.settings.fleet, wanted).await?.only(&args.robots);
     if view.robots.is_empty() {
-        return Err(client.nobody().into());
+        return Err(client.nobody());
     }
     ctx.out.result(&view, |view| {
         let blocks = view.robots.iter().map(|robot| block::lines(robot, &ctx.out).join("\n"));

@@ -1,11 +1,11 @@
 //! `stop`: robots drop their goals and stand.
 
-use clap::Args;
-use crate::cli::args::WhoArgs;
+use super::stopped;
+use crate::args::WhoArgs;
 use crate::context::Context;
 use crate::exit::Exit;
+use clap::Args;
 use xtb_client::Result;
-use super::stopped;
 use xtb_client::client::Client;
 use xtb_client::stop::stop;
 

@@ -1,14 +1,14 @@
 //! What `stop` and `estop` print: who has stopped, who has not said so, and whether these were all.
 
 use super::unknown_robots;
-use crate::cli::args::WhoArgs;
+use crate::args::WhoArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::multi_robot::{MissingInfo, StopOutcome, StopReport};
 use xtb_protocol::Name;
@@ -73,7 +73,7 @@ pub(super) async fn shown(
     let beside = unknown_robots::reported_beside(calling, ctx, client, &who.robots, "sent a stop");
     let ((found, missing), unknown_robots) = beside.await;
     if found.robots.is_empty() {
-        return Err(missing.alive.unwrap_or_else(|| client.nobody()).into());
+        return Err(missing.alive.unwrap_or_else(|| client.nobody()));
     }
     let report = Report { stopped: found, unknown_robots };
     ctx.out.result(&report, |report| report.table(stopped, &ctx.out))?;

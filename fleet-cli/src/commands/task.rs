@@ -1,17 +1,17 @@
 //! `task`: one task and how it came to be so.
 
-use clap::Args;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
-use crate::text::reasons;
-use crate::text::robot::fixed;
 use crate::text::task::{legs, robot, since, tone, what, whose};
+use clap::Args;
 use std::time::{SystemTime, UNIX_EPOCH};
+use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
+use xtb_client::text::reasons;
+use xtb_client::text::robot::fixed;
 use xtb_protocol::messages::{OnTakeover, TaskHistory, TaskId, TaskView};
 
 /// Arguments of `task`.

@@ -2,13 +2,13 @@
 
 mod watch;
 
-use clap::Args;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
 use crate::interrupt::or_interrupted;
 use crate::output::{Output, Tone};
 use crate::text::task as task_text;
+use clap::Args;
+use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
 use xtb_protocol::Name;

@@ -6,29 +6,28 @@
 pub(crate) mod keys;
 mod screen;
 
-use clap::Args;
-use crate::cli::args::LeaseArgs;
-use crate::cli::values::rpm;
-use crate::commands::play::speed;
+use super::take_control;
+use crate::args::LeaseArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::terminal::{Input, Terminal};
+use crate::values::rpm;
+use clap::Args;
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
 use keys::{Action, Key, Keyboard, Reporting};
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::pin::{Pin, pin};
 use std::time::Duration;
-use super::take_control;
 use tokio::time::{Interval, MissedTickBehavior};
 use xtb_client::client::Client;
 use xtb_client::state_feed::StateFeed;
 use xtb_client::teleop::{CAUTIOUS_RPM, SEND_EVERY, TeleopSession, lost};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::Stamp;
-use xtb_protocol::{Name, Uuid};
 use xtb_protocol::messages::{Body, Done};
+use xtb_protocol::{Name, Uuid};
 
 /// Arguments of `teleop`.
 #[derive(Debug, Clone, Args)]
@@ -63,9 +62,10 @@ struct Report<'a> {
 /// No terminal, no router, no answer, a refusal, or somebody else took over.
 pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
     if !std::io::stdin().is_terminal() || !std::io::stdout().is_terminal() {
-        return Err(Error::new(ErrorKind::Invalid, "teleop needs a terminal for its keys and its screen").hint(
-            "programs publish setpoints on xtb/<fleet>/<robot>/teleop/<client>; see docs/protocol.md",
-        ));
+        return Err(Error::new(ErrorKind::Invalid, "teleop needs a terminal for its keys and its screen")
+            .hint(
+                "programs publish setpoints on xtb/<fleet>/<robot>/teleop/<client>; see docs/protocol.md",
+            ));
     }
     let begun = async {
         let client = Client::open(&ctx.settings).await?;
@@ -157,7 +157,7 @@ async fn hands_on(
             Turn::Reset(Err(failure)) => notice = failure.to_string(),
             Turn::Send => {
                 if let Some(failure) = wheel.control.lost() {
-                    return Err(lost(wheel, feed, failure).into());
+                    return Err(lost(wheel, feed, failure));
                 }
                 if let Some(drive) = keyboard.send(now) {
                     wheel.send(drive, feed).await?;

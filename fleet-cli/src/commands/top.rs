@@ -6,18 +6,16 @@
 mod execute;
 mod teleop_session;
 
-use clap::Args;
-use crate::commands::teleop::ticks;
 use crate::commands::teleop::keys::Reporting;
+use crate::commands::teleop::ticks;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::Tone;
 use crate::recording::playback_worker::{PlayStatus, PlaybackWorker};
-use xtb_client::scene::live::{Live, Shared, Wanted};
 use crate::terminal::Terminal;
 use crate::tui::top::{Action, Cockpit, Outcome, Playing, Setup, Theme};
+use clap::Args;
 use ratatui::backend::CrosstermBackend;
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Stdout, stdout};
@@ -28,7 +26,9 @@ use teleop_session::Hand;
 use tokio::sync::watch;
 use tokio::task::{Id, JoinSet};
 use xtb_client::client::Client;
+use xtb_client::scene::live::{Live, Shared, Wanted};
 use xtb_client::teleop::SEND_EVERY;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 
 const TOP_HELP: &str = "\
@@ -101,7 +101,9 @@ fn refuse(ctx: &Context) -> Result<()> {
     }
     let dumb = std::env::var("TERM").is_ok_and(|term| term == "dumb");
     if dumb || !std::io::stdin().is_terminal() || !stdout().is_terminal() {
-        return Err(Error::new(ErrorKind::Invalid, "top needs a terminal for its keys and its screen").hint(hint));
+        return Err(
+            Error::new(ErrorKind::Invalid, "top needs a terminal for its keys and its screen").hint(hint)
+        );
     }
     Ok(())
 }

@@ -3,12 +3,12 @@
 mod serve;
 mod status;
 
-use clap::{Args, Subcommand};
 use crate::commands::traffic::serve::TrafficServeArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
 use crate::interrupt::or_interrupted;
+use clap::{Args, Subcommand};
+use xtb_client::Result;
 
 /// Arguments of `traffic`.
 #[derive(Debug, Clone, Args)]

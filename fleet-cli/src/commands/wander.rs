@@ -1,13 +1,13 @@
 //! `wander`: let a robot wander.
 
-use clap::Args;
-use crate::cli::args::{LeaseArgs, LinkLossArg};
-use crate::cli::values::seconds;
+use super::goal::{self, Task};
+use crate::args::{LeaseArgs, LinkLossArg};
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
+use crate::values::seconds;
+use clap::Args;
 use std::time::Duration;
-use super::goal::{Task, self};
+use xtb_client::Result;
 use xtb_client::goal::GoalTarget;
 use xtb_protocol::Name;
 

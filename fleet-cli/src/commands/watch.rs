@@ -1,11 +1,10 @@
 //! `watch`: any key of ours as JSON lines.
 
-use clap::Args;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::json_line;
+use clap::Args;
 use serde::Serialize;
 use std::pin::pin;
 use std::sync::Arc;
@@ -14,8 +13,9 @@ use tokio::sync::mpsc;
 use xtb_bus::Incoming;
 use xtb_client::client::Client;
 use xtb_client::messages::AnyMessage;
-use xtb_client::subscription::{Inlet, Item, Subscriptions, not_a_key_expr};
 use xtb_client::subscription::plan::Plan;
+use xtb_client::subscription::{Inlet, Item, Subscriptions, not_a_key_expr};
+use xtb_client::{Error, ErrorKind, Result};
 
 /// Arguments of `watch`.
 #[derive(Debug, Clone, Args)]

@@ -2,18 +2,18 @@
 
 mod chain;
 
-use chain::{Verdict, Why};
-use clap::Args;
+use super::once_each;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, Result};
 use crate::output::{Output, Tone};
+use chain::{Verdict, Why};
+use clap::Args;
 use futures_util::future::join_all;
 use std::collections::BTreeSet;
-use super::once_each;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
 use xtb_client::fleet_view::{FleetView, RobotView};
+use xtb_client::{Error, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{RobotState, StopReason, Suspension};
 

@@ -3,16 +3,16 @@
 
 pub use xtb_recording::fleet::player::PlaySettings;
 
-use xtb_client::{Error, ErrorKind, Result};
-use xtb_client::scene::Scene;
-use xtb_client::scene::live::Shared;
 use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+use xtb_client::scene::Scene;
+use xtb_client::scene::live::Shared;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, Key};
-use xtb_recording::Error;
+use xtb_recording::Error as RecordingError;
 use xtb_recording::fleet::player::{Move, Player};
 use xtb_recording::fleet::reader::{self, Reader, Recorded};
 
@@ -79,14 +79,16 @@ impl PlaybackWorker {
     /// # Errors
     /// [`ErrorKind::Failed`]: it cannot be read, or is none; [`ErrorKind::Invalid`]: it begins after its end.
     pub fn open(path: &Path, settings: PlaySettings) -> Result<Self> {
-        let wrong = |error: Error| not_readable(path, &error);
+        let wrong = |error: RecordingError| not_readable(path, &error);
         let span = reader::span(path).map_err(wrong)?;
         let (reader, fleet) = reader::begin(path).map_err(wrong)?;
         let player = Player::new(span, settings);
         if settings.from_ms > player.duration_ms() {
             let length = Duration::from_millis(player.duration_ms()).as_secs_f64();
             let message = format!("{} is {length:.1} s long: --from is beyond its end", path.display());
-            return Err(Error::new(ErrorKind::Invalid, message).hint("--from is the time after the first message"));
+            return Err(
+                Error::new(ErrorKind::Invalid, message).hint("--from is the time after the first message")
+            );
         }
         let scene = Arc::new(Shared::played(Scene::new(fleet.clone())));
         let desk = Arc::new(Desk {
@@ -156,7 +158,7 @@ impl Drop for PlaybackWorker {
 }
 
 /// What a file's error says to people.
-pub(crate) fn not_readable(path: &Path, error: &Error) -> Error {
+pub(crate) fn not_readable(path: &Path, error: &RecordingError) -> Error {
     Error::new(ErrorKind::Failed, format!("cannot read {} as a recording: {error}", path.display())).hint(
         "record one with `fleet-cli record --out FILE.mcap`; for recordings of robots use `robot-agent \
                replay`",
@@ -210,7 +212,7 @@ impl Projector {
     }
 
     /// Takes in what is due, at most [`AT_ONCE`]; whether there is more.
-    fn play(&mut self, player: &Player) -> std::result::Result<bool, Error> {
+    fn play(&mut self, player: &Player) -> std::result::Result<bool, RecordingError> {
         for _ in 0..AT_ONCE {
             let Some(message) = self.due(player)? else { return Ok(false) };
             self.show(player, &message);
@@ -219,7 +221,7 @@ impl Projector {
     }
 
     /// A new scene at the player's place, from what it needs of all that is before.
-    fn begin_anew(&mut self, player: &Player) -> std::result::Result<bool, Error> {
+    fn begin_anew(&mut self, player: &Player) -> std::result::Result<bool, RecordingError> {
         self.reader = Reader::open(self.reader.path())?;
         self.next = None;
         self.scene.rewind(Scene::new(self.fleet.clone()), player.position_ms());
@@ -237,7 +239,7 @@ impl Projector {
         Ok(false)
     }
 
-    fn due(&mut self, player: &Player) -> std::result::Result<Option<Recorded>, Error> {
+    fn due(&mut self, player: &Player) -> std::result::Result<Option<Recorded>, RecordingError> {
         if self.next.is_none() {
             self.next = self.reader.next_message()?;
         }

@@ -1,7 +1,6 @@
 //! The shell around [`Recorder`] and [`McapWriter`]: a bounded queue that Zenoh's threads never wait for, and
 //! a thread that writes.
 
-use xtb_client::{Error, ErrorKind, Result};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
@@ -9,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 use xtb_client::subscription::{Inlet, Item};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_recording::fleet::mcap_writer::{McapSettings, McapWriter};
 use xtb_recording::fleet::recorder::{Counts, Recorder};
 

@@ -3,12 +3,10 @@
 use crate::context::Context;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
-use crate::text::reasons;
-use crate::text::robot::fixed;
+use xtb_client::text::reasons;
+use xtb_client::text::robot::fixed;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{
-    Suspension, SuspensionCause, TaskKind, TaskList, TaskState, TaskView, Waypoint, Who,
-};
+use xtb_protocol::messages::{Suspension, TaskKind, TaskList, TaskState, TaskView, Waypoint, Who};
 
 const HEADINGS: [&str; 8] = ["task", "state", "for", "robot", "legs", "pri", "what", "why"];
 /// Points of a route that are named; the others are counted.
@@ -98,11 +96,6 @@ pub(crate) fn suspended(all: &[Suspension], now_ms: Option<u64>, out: &Output) -
         format!("{what}\n{}", out.paint(Tone::Dim, &format!("  → {}", suspension.cause.remedy())))
     };
     all.iter().map(line).collect()
-}
-
-/// The suspension of the dispatcher as a whole, if there is one.
-pub(crate) fn fleet_stop(all: &[Suspension]) -> Option<&Suspension> {
-    all.iter().find(|suspension| matches!(suspension.cause, SuspensionCause::FleetStop { .. }))
 }
 
 /// What a dispatcher found when it began: said beside the line that it is ready.

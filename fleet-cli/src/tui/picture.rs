@@ -1,6 +1,5 @@
 //! The live picture of a simulated fleet: trucks, trails and goals, and a line for each robot.
 
-use xtb_client::Result;
 use crate::terminal::{Input, Keys};
 use crossterm::event::KeyCode;
 use ratatui::layout::{Constraint, Layout};
@@ -10,6 +9,7 @@ use ratatui::widgets::canvas::{Canvas, Circle, Context, Line, Points};
 use ratatui::widgets::{Block, Row, Table};
 use ratatui::{DefaultTerminal, Frame};
 use std::collections::BTreeMap;
+use xtb_client::Result;
 use xtb_client::client::Seen;
 use xtb_control::vehicle::Geometry;
 use xtb_protocol::Name;
@@ -178,11 +178,11 @@ fn row(name: &Name, robot: &TruthRobot, seen: Option<&Seen>) -> Row<'static> {
     };
     let goal = state.goal.as_ref();
     let distance = goal.and_then(|goal| goal.distance_m).map(|m| format!("{m:.2} m"));
-    let reasons: Vec<String> = state.stopped_because.iter().map(crate::text::reasons::name).collect();
+    let reasons: Vec<String> = state.stopped_because.iter().map(xtb_client::text::reasons::name).collect();
     Row::new([
         name.to_string(),
-        crate::text::reasons::name(&state.mode),
-        goal.map(|goal| crate::text::reasons::name(&goal.status)).unwrap_or_default(),
+        xtb_client::text::reasons::name(&state.mode),
+        goal.map(|goal| xtb_client::text::reasons::name(&goal.status)).unwrap_or_default(),
         distance.unwrap_or_default(),
         state.speed_mps.map_or_else(|| "unknown".into(), |mps| format!("{mps:+.2} m/s")),
         reasons.join(", "),

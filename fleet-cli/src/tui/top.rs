@@ -28,7 +28,6 @@ pub(crate) use theme::Theme;
 
 use crate::commands::teleop::keys::{Action as Touch, Key as TeleopKey, Keyboard, Reporting};
 use crate::output::Tone;
-use xtb_client::scene::{AtMs, Scene};
 use crate::terminal::Input;
 use commands::{Begun, Commands};
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
@@ -36,6 +35,7 @@ use floor::Floor;
 use keys::Press;
 use robot_view::{ShownRobot, sights};
 use view::View;
+use xtb_client::scene::{AtMs, Scene};
 use xtb_client::teleop::Drive;
 use xtb_control::Stamp;
 use xtb_nav::geometry::path::wrap_rad;

@@ -1,6 +1,5 @@
 //! What the robots really drove, from their own events; and what the ledger says about it.
 
-use xtb_services::ledger;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,6 +9,7 @@ use xtb_dispatch::{Entry, Record};
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{Assignment, Event, EventKind, GoalStatus, TaskId};
 use xtb_protocol::{Name, Uuid};
+use xtb_services::ledger;
 
 use crate::name;
 

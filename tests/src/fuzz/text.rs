@@ -1,9 +1,9 @@
 //! Text: the fleet's config, the agent's, and the lines of a trace.
 
 use fleet_cli::config::FleetConfig;
-use xtb_client::ErrorKind;
 use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
 use serde::Serialize;
+use xtb_client::ErrorKind;
 use xtb_control::controller::Controller;
 use xtb_control::{Command, Outputs, Sample, Stamp, VehicleConfig};
 use xtb_protocol::Name;

@@ -10,13 +10,13 @@ mod slow;
 mod stalled;
 
 use fleet_cli::context::Context;
-use xtb_dashboard::{Running, Settings, Shown};
-use xtb_client::scene::live::{Live, Wanted};
 use fleet_tests::processes::{Process, Signal, program};
 use fleet_tests::{Fleet, PATIENCE, Setup, eventually, name};
 use page::Page;
 use std::sync::Arc;
 use xtb_client::Client;
+use xtb_client::scene::live::{Live, Wanted};
+use xtb_dashboard::{Running, Settings, Shown};
 
 /// A dashboard in this process, and the fleet that it shows.
 struct Rig {
@@ -53,7 +53,7 @@ impl Rig {
             hz: 20.0,
         };
         change(&mut settings);
-        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some((ctx, client.clone())) };
+        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some(client.clone()) };
         let dashboard = Running::start(settings, shown).await.unwrap();
         Self { fleet, dashboard, client, _live: live }
     }

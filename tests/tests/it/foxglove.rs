@@ -1,14 +1,14 @@
 //! The live scene for Foxglove, over its own protocol: `cargo test -p fleet-tests --features foxglove`.
 
-use xtb_dashboard::foxglove::serve;
-use xtb_client::scene::Scene;
-use xtb_client::scene::live::Shared;
 use fleet_tests::{Fleet, PATIENCE, Setup, name};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
 use std::sync::Arc;
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use xtb_client::scene::Scene;
+use xtb_client::scene::live::Shared;
+use xtb_dashboard::foxglove::serve;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn foxglove_is_offered_scene_log_and_poses_and_gets_them() {

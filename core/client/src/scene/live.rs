@@ -3,14 +3,14 @@
 
 use super::{AtMs, MOST_ROBOTS, Scene};
 use crate::Result;
+use crate::client::Client;
+use crate::messages::{AnyMessage, Unreadable};
+use crate::subscription::{Inlet, Item, Subscriptions};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
-use crate::client::Client;
-use crate::messages::{AnyMessage, Unreadable};
-use crate::subscription::{Inlet, Item, Subscriptions};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{FleetKeys, Key};
 
@@ -68,14 +68,14 @@ impl Shared {
     }
 
     /// Sets the clock of a recording.
-    pub(crate) fn set_now_ms(&self, now_ms: AtMs) {
+    pub fn set_now_ms(&self, now_ms: AtMs) {
         if let Clock::Set(at_ms) = &self.clock {
             at_ms.store(now_ms, Ordering::Release);
         }
     }
 
     /// Begins anew, at another place of a recording: what a viewer holds of the scene before is void.
-    pub(crate) fn rewind(&self, scene: Scene, now_ms: AtMs) {
+    pub fn rewind(&self, scene: Scene, now_ms: AtMs) {
         let mut place = self.lock();
         *place = scene;
         self.set_now_ms(now_ms);
@@ -101,7 +101,8 @@ impl Shared {
         }
     }
 
-    pub(crate) fn note_unreadable(&self, error: &Unreadable) {
+    /// Counts an item that cannot be read.
+    pub fn note_unreadable(&self, error: &Unreadable) {
         self.unreadable.fetch_add(1, Ordering::Relaxed);
         tracing::debug!("unreadable: {error}");
     }
@@ -192,8 +193,8 @@ fn key_exprs(keys: &FleetKeys, wanted: Wanted) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
     use crate::fake::{FakeRobot, name};
+    use std::time::Duration;
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn who_comes_later_is_asked_for_its_factsheet_too() {

@@ -1,13 +1,13 @@
 //! Where people and programs ask: questions come in bounded, answers leave when the dispatcher has them.
 
 use super::{Counters, List};
-use xtb_client::Result;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use xtb_bus::{Publisher, Question, Service};
+use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_dispatch::Ticket;
 use xtb_dispatch::admission::refusal;

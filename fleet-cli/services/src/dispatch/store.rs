@@ -1,9 +1,9 @@
 //! Where the dispatcher's ledger lies, and how it is opened.
 
-use xtb_client::{Error, ErrorKind, Result};
 use crate::ledger::{Ledger, Recovered};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::task_store::record::VERSION;
 use xtb_dispatch::{Entry, ReplayError};
 use xtb_protocol::{Name, Uuid};
@@ -96,8 +96,11 @@ fn named_or_usual(named: Option<&Path>, folders: &[&str], fleet: &Name) -> Resul
     let usual =
         || base().map(|base| base.join(folders.iter().collect::<PathBuf>()).join(format!("{fleet}.ledger")));
     named.map(Path::to_owned).or_else(usual).ok_or_else(|| {
-        Error::new(ErrorKind::Invalid, "there is no folder for the ledger: neither XDG_DATA_HOME nor HOME is set")
-            .hint("give a file with --ledger")
+        Error::new(
+            ErrorKind::Invalid,
+            "there is no folder for the ledger: neither XDG_DATA_HOME nor HOME is set",
+        )
+        .hint("give a file with --ledger")
     })
 }
 

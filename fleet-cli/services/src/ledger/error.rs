@@ -1,9 +1,9 @@
 //! What can be wrong with a ledger, and what to do about it.
 
-use xtb_client::{Error, ErrorKind};
 use rusqlite::ErrorCode;
 use std::io;
 use std::path::{Path, PathBuf};
+use xtb_client::{Error, ErrorKind};
 
 /// A ledger that cannot be opened, read or written.
 #[derive(Debug, thiserror::Error)]

@@ -8,11 +8,11 @@
 
 use super::error::Fault;
 use super::schema::check_sum;
-use robot_agent::files;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+use xtb_recording::files;
 
 /// Of the file beside a ledger: its process and its mark.
 const MOST_BYTES: usize = 128;

@@ -5,10 +5,10 @@ mod damage;
 mod queue;
 
 use super::*;
-use xtb_client::Error;
 use serde_json::{Value, json};
 use std::os::unix::fs::PermissionsExt;
 use tempfile::TempDir;
+use xtb_client::Error;
 
 type Open = Result<(Ledger<Value>, Recovered<Value>), LedgerError>;
 

@@ -3,10 +3,10 @@
 use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
 use crate::interrupt::or_interrupted;
 use crate::text::task as task_text;
 use serde::Serialize;
+use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_protocol::messages::Suspension;
 

@@ -3,9 +3,9 @@
 use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::or_interrupted;
 use xtb_client::client::Client;
+use xtb_client::{Error, ErrorKind, Result};
 
 /// Tasks that are named one by one.
 const NAMED: usize = 10;

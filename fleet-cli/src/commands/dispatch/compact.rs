@@ -1,13 +1,13 @@
 //! `dispatch compact`: one snapshot in place of all that the ledger holds.
 
-use clap::Args;
 use crate::commands::dispatch::LedgerArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
-use xtb_services::dispatch::store::{Store, self};
+use clap::Args;
 use serde::Serialize;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::{Entry, Record, TaskStore};
+use xtb_services::dispatch::store::{self, Store};
 
 /// Arguments of `dispatch compact`.
 #[derive(Debug, Clone, Args)]

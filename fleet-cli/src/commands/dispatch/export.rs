@@ -1,14 +1,14 @@
 //! `dispatch export`: a ledger's records as JSON lines, as far as they can be read.
 
-use clap::Args;
 use crate::commands::dispatch::LedgerArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
-use xtb_services::ledger;
-use xtb_services::dispatch::store;
+use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
+use xtb_client::{Error, ErrorKind, Result};
+use xtb_services::dispatch::store;
+use xtb_services::ledger;
 
 const EXPORT_HELP: &str = "\
 Each line is one record of the ledger: {\"seq\", \"at_ms\", \"snapshot\", \"intact\", \"record\"}. If the \

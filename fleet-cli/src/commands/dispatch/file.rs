@@ -2,12 +2,12 @@
 
 use super::points::waypoint;
 use super::text;
-use xtb_client::{Error, ErrorKind, Result};
 use robot_agent::files;
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{LinkLoss, MAX_SUBMISSION, OnTakeover, TaskKind, TaskSpec, Waypoint, Who};
 

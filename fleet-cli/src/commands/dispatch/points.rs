@@ -1,7 +1,7 @@
 //! Points on the command line, or in a file: `X,Y` or `X,Y,YAW`, in m and degrees.
 
-use xtb_client::{Error, ErrorKind, Result};
 use std::path::Path;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::messages::{MAX_COORDINATE_M, MAX_POINTS, Waypoint};
 
 /// A file of points is not longer than this.

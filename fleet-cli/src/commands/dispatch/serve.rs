@@ -1,24 +1,23 @@
 //! `dispatch serve`: takes tasks and gives them to robots, until Ctrl-C.
 
-use clap::Args;
-use crate::map_file;
 use crate::commands::dispatch::LedgerArgs;
 use crate::commands::map::ResolutionArgs;
-use crate::commands::traffic::serve::SERVE_HELP;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, Result};
 use crate::interrupt::interrupted;
-use xtb_services::dispatch::{Counters, DispatchService};
-use xtb_services::dispatch::store::{Store, self};
-use xtb_services::map_server::MapService;
+use crate::map_file;
 use crate::text::task as task_text;
+use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
 use xtb_client::client::Client;
+use xtb_client::{Error, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::Suspension;
+use xtb_services::dispatch::store::{self, Store};
+use xtb_services::dispatch::{Counters, DispatchService};
+use xtb_services::map_server::MapService;
 
 const SERVE_HELP: &str = "\
 The dispatcher assigns one task at a time to each robot. It stores each task before it acknowledges it, and \

@@ -2,13 +2,14 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::Result;
 use crate::interrupt::or_interrupted;
 use crate::output::{Output, Tone};
-use xtb_services::dispatch::store::wall_ms;
 use crate::text::task as task_text;
+use xtb_client::Result;
 use xtb_client::client::Client;
+use xtb_client::dispatcher_client::fleet_stop;
 use xtb_client::dispatcher_client::{DispatcherClient, Status};
+use xtb_services::dispatch::store::wall_ms;
 
 /// Asks once and prints it.
 ///
@@ -28,7 +29,7 @@ async fn status(ctx: &Context) -> Result<Exit> {
 
 fn text(status: &Status, now_ms: u64, out: &Output) -> String {
     let Status { dispatcher: of, suspended } = status;
-    let stopped = task_text::fleet_stop(suspended);
+    let stopped = fleet_stop(suspended);
     let state =
         if stopped.is_some() { out.paint(Tone::Bad, "SUSPENDED") } else { out.paint(Tone::Good, "active") };
     let map = of.map.as_deref().unwrap_or("none");

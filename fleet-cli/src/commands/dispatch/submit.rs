@@ -1,21 +1,22 @@
 //! `dispatch goto`, `route`, `patrol`, `wander` and `submit`: tasks for the dispatcher.
 
-use clap::{Args, ValueEnum};
-use crate::cli::args::LinkLossArg;
-use crate::cli::values::{degrees, metres, part_of_a_day, seconds};
+use super::{file as files, points, wait};
+use crate::args::LinkLossArg;
 use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::text::task as task_text;
+use crate::values::{degrees, metres, part_of_a_day, seconds};
+use clap::{Args, ValueEnum};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
-use super::{file as files, points, wait};
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::Taken;
+use xtb_client::dispatcher_client::fleet_stop;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{MAX_PRIORITY, OnTakeover, TaskId, TaskKind, TaskSpec, Waypoint, Who};
 
@@ -302,7 +303,7 @@ async fn submit(ctx: &Context, specs: Vec<TaskSpec>, stay: StayArgs) -> Result<E
         }
     };
     // What is of another map does not keep the new ones waiting.
-    if let Some(stop) = task_text::fleet_stop(&suspended) {
+    if let Some(stop) = fleet_stop(&suspended) {
         ctx.out.note(&format!(
             "accepted, but not assigned yet: {}; {}",
             stop.cause.text(),

@@ -3,7 +3,6 @@
 use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::output::Progress;
 use crate::text::task as task_text;
 use std::collections::BTreeSet;
@@ -12,6 +11,7 @@ use std::time::{Duration, Instant};
 use xtb_client::DispatcherClient;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::{TaskChanges, worst};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::messages::{DispatchBody, TaskId, TaskState, TaskView};
 
 /// Looks this often even if no change was heard of.

@@ -7,10 +7,10 @@ pub(super) use services::Services;
 
 use super::finding::{Finding, Level};
 use super::fixes::FixBook;
-use xtb_client::Error;
-use crate::text::robot as describe;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
+use xtb_client::Error;
+use xtb_client::text::robot as describe;
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{About, BatteryLevel, Fault, RobotState, RosterEntry, SimStats};

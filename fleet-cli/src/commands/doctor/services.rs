@@ -1,11 +1,11 @@
 //! Listens for what serves the whole fleet: dispatcher, traffic control, map.
 
 use super::checks::Services;
-use xtb_client::Result;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::Notify;
 use xtb_bus::{Incoming, Subscription};
+use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_protocol::messages::{Message, TrafficState};
 

@@ -1,20 +1,20 @@
 //! `map check`: what is wrong with a map, and what to do about it.
 
-use clap::Args;
-use crate::{map_file, vehicle_file};
+use super::{rounded, size, size_m};
 use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::output::{Output, Tone};
-use robot_agent::files;
+use crate::{map_file, vehicle_file};
+use clap::Args;
 use robot_agent::config::Layers;
+use robot_agent::files;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use super::{rounded, size, size_m};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
-use xtb_nav::{Car, Map};
 use xtb_nav::map::check::{Report, ZoneFinding, check};
+use xtb_nav::{Car, Map};
 use xtb_protocol::messages::MapHash;
 
 const CHECK_HELP: &str = "\

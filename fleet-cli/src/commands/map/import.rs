@@ -1,14 +1,14 @@
 //! `map import`: a world or a map as map_server files.
 
-use clap::Args;
-use crate::map_file;
+use super::size;
 use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
+use crate::map_file;
+use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use super::size;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_nav::map::ros::Files;
 use xtb_protocol::messages::MapHash;
 

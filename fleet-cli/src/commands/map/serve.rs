@@ -1,20 +1,19 @@
 //! `map serve`: publishes a map to the fleet until Ctrl-C.
 
-use clap::Args;
-use crate::map_file;
 use crate::commands::map::ResolutionArgs;
-use crate::commands::traffic::serve::SERVE_HELP;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, Result};
 use crate::interrupt::interrupted;
-use xtb_services::map_server::MapService;
+use crate::map_file;
+use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
 use xtb_client::client::Client;
+use xtb_client::{Error, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::MapHash;
+use xtb_services::map_server::MapService;
 
 const SERVE_HELP: &str = "\
 Robots plan on the served map. Only one map can be served at a time.";

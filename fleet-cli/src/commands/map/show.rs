@@ -1,19 +1,19 @@
 //! `map show`: a map as a picture in the terminal.
 
-use clap::Args;
-use crate::map_file;
+use super::picture::{Picture, arrow};
+use super::{centimetres, rounded, size, size_m};
 use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
+use crate::map_file;
 use crate::output::{Output, Tone};
+use clap::Args;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::path::PathBuf;
-use super::{centimetres, rounded, size, size_m};
-use super::picture::{Picture, arrow};
-use xtb_client::map_source;
 use xtb_client::client::Client;
+use xtb_client::map_source;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_nav::{Cell, Map, Zone, ZoneKind};
 use xtb_protocol::messages::MapHash;
 
@@ -84,8 +84,11 @@ async fn live(ctx: &Context) -> Result<Vec<Map>> {
     messages.sort_by_key(|message| message.hash);
     messages.dedup_by_key(|message| message.hash);
     if messages.is_empty() {
-        return Err(Error::new(ErrorKind::NoRobot, format!("no map is served to fleet {}", ctx.settings.fleet))
-            .hint("serve one with `fleet-cli map serve FILE`; `fleet-cli sim` also serves one"));
+        return Err(Error::new(
+            ErrorKind::NoRobot,
+            format!("no map is served to fleet {}", ctx.settings.fleet),
+        )
+        .hint("serve one with `fleet-cli map serve FILE`; `fleet-cli sim` also serves one"));
     }
     let broken = |error: xtb_nav::map::wire::WireError| {
         Error::new(ErrorKind::Failed, format!("the served map cannot be used: {error}"))

@@ -17,12 +17,12 @@
 //! The world's zones hold as on its map: keep-outs are walls, one-way zones are driven one way.
 
 use crate::commands::sim::read_world;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::vehicle_file;
 use robot_agent::files;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
 use xtb_nav::map::raster;
 use xtb_nav::planner::space::OneWay;

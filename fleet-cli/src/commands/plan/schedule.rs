@@ -2,10 +2,10 @@
 
 use super::Statistics;
 use super::instance::Instance;
-use xtb_client::{Error, ErrorKind, Result};
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 use serde_saphyr::FlowMap;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_traffic::solver::Schedule;
 
 #[derive(Serialize)]

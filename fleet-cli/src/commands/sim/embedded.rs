@@ -1,31 +1,31 @@
 //! A dispatcher in a simulator's process: what `sim --dispatch` and `demo` run beside their robots.
 
-use super::store::Store;
-use super::usage::Usage;
-use super::{DispatchService, Standing};
 use crate::context::Context;
-use xtb_client::Result;
 use crate::output::{Output, Tone};
-use xtb_simulator::Simulator;
 use crate::table::{Cell, Table};
 use std::time::Duration;
+use xtb_client::Result;
 use xtb_client::client::Client;
+use xtb_services::dispatch::store::Store;
+use xtb_services::dispatch::usage::Usage;
+use xtb_services::dispatch::{DispatchService, Standing};
+use xtb_simulator::Simulator;
 
 /// It is looked this often whether all is done.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 /// A dispatcher and its session.
-pub struct Beside {
+pub(crate) struct EmbeddedDispatcher {
     client: Client,
     service: DispatchService,
 }
 
-impl Beside {
+impl EmbeddedDispatcher {
     /// Starts it on the simulator's router.
     ///
     /// # Errors
     /// As [`DispatchService::start`].
-    pub async fn start(ctx: &Context, simulator: &Simulator, store: Store) -> Result<Self> {
+    pub(crate) async fn start(ctx: &Context, simulator: &Simulator, store: Store) -> Result<Self> {
         let robots = simulator.roster().robots.clone();
         let own = ctx
             .with(|settings| (settings.connect, settings.robots) = (simulator.endpoints().to_vec(), robots));
@@ -37,12 +37,12 @@ impl Beside {
 
     /// How it stands.
     #[must_use]
-    pub fn standing(&self) -> Standing {
+    pub(crate) fn standing(&self) -> Standing {
         self.service.standing()
     }
 
     /// Resolves when it has ended by itself.
-    pub async fn ended(&mut self) -> xtb_client::Error {
+    pub(crate) async fn ended(&mut self) -> xtb_client::Error {
         self.service.ended().await
     }
 
@@ -50,7 +50,7 @@ impl Beside {
     ///
     /// # Errors
     /// It has ended by itself.
-    pub async fn until_done(&mut self) -> Result<()> {
+    pub(crate) async fn until_done(&mut self) -> Result<()> {
         let mut look = tokio::time::interval(LOOK_EVERY);
         let mut any = false;
         loop {
@@ -72,7 +72,7 @@ impl Beside {
     ///
     /// # Errors
     /// As [`DispatchService::stop`].
-    pub async fn stop(self) -> Result<Standing> {
+    pub(crate) async fn stop(self) -> Result<Standing> {
         let standing = self.service.stop().await;
         self.client.close().await;
         standing
@@ -81,7 +81,7 @@ impl Beside {
 
 /// What each robot did, as a table.
 #[must_use]
-pub fn table(out: &Output, usage: &Usage) -> String {
+pub(crate) fn table(out: &Output, usage: &Usage) -> String {
     let mut table = Table::new(&["robot", "done", "failed", "distance", "busy", "waiting", "idle", "used"]);
     for (robot, spent) in &usage.robots {
         let whole_s = spent.busy_s + spent.waiting_s + spent.idle_s;

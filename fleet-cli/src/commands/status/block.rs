@@ -1,10 +1,10 @@
 //! One robot in detail, as lines of text.
 
 use crate::output::{Output, Tone};
-use crate::text::reasons;
-use crate::text::robot as describe;
 use std::time::Duration;
 use xtb_client::fleet_view::RobotView;
+use xtb_client::text::reasons;
+use xtb_client::text::robot as describe;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{BatteryLevel, RobotState};
 

@@ -4,7 +4,6 @@ use super::{concerns, screen};
 use crate::commands::tasks::TasksArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
 use crate::output::Tone;
 use crate::terminal::{Input, Terminal};
@@ -16,6 +15,7 @@ use std::pin::pin;
 use std::time::Duration;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::{DispatcherClient, TaskChanges};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{TaskId, TaskList, TaskState, TaskView};
 
@@ -41,7 +41,7 @@ pub(super) async fn run(ctx: &Context, client: &Client, args: &TasksArgs) -> Res
 async fn next(client: &Client, news: &TaskChanges) -> Result<TaskList> {
     news.next(LOOK_EVERY).await;
     tokio::time::sleep(SETTLE).await;
-    Ok(DispatcherClient::of(client).list().await?)
+    DispatcherClient::of(client).list().await
 }
 
 /// A dispatcher that is away may come back.

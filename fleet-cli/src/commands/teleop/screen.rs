@@ -2,10 +2,10 @@
 
 use super::keys::Reporting;
 use crate::output::{Output, Tone};
-use crate::text::reasons;
-use crate::text::robot::{self as describe, UNKNOWN, fixed};
 use xtb_client::client::Seen;
 use xtb_client::teleop::Drive;
+use xtb_client::text::reasons;
+use xtb_client::text::robot::{self as describe, UNKNOWN, fixed};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{BatteryLevel, RobotState};
 

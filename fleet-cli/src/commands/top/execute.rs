@@ -2,9 +2,7 @@
 
 use crate::commands::reset;
 use crate::context::Context;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::output::Tone;
-use crate::text::reasons;
 use crate::tui::top::{Command, Outcome};
 use xtb_client::client::Client;
 use xtb_client::control::Control;
@@ -14,6 +12,8 @@ use xtb_client::goal::{Cancelled, GoalRequest, GoalTarget, cancel, start};
 use xtb_client::multi_robot::{MissingInfo, StopOutcome, StopReport, Targets};
 use xtb_client::reset::{ResetReport, each};
 use xtb_client::stop::stop;
+use xtb_client::text::reasons;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::messages::{DispatchBody, LinkLoss, RejectCode, Suspension};
 use xtb_protocol::{Name, Uuid};
 

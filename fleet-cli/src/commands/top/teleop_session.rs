@@ -3,7 +3,6 @@
 
 use super::execute::is_held;
 use crate::commands::teleop::ticks;
-use xtb_client::{Error, Result};
 use crate::tui::top::TeleopStatus;
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
@@ -12,6 +11,7 @@ use xtb_client::client::Client;
 use xtb_client::control::Control;
 use xtb_client::state_feed::StateFeed;
 use xtb_client::teleop::{CAUTIOUS_RPM, Drive, SEND_EVERY, TeleopSession, lost};
+use xtb_client::{Error, Result};
 use xtb_protocol::Name;
 
 /// A setpoint that waited longer for the line is not sent any more.

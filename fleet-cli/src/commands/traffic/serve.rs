@@ -1,22 +1,22 @@
 //! `traffic serve`: leads the robots with planned goals past each other, until Ctrl-C.
 
-use clap::Args;
-use crate::map_file;
 use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use crate::interrupt::interrupted;
-use xtb_services::map_server::MapService;
-use xtb_services::traffic::TrafficService;
+use crate::map_file;
+use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
-use xtb_client::map_source;
 use xtb_client::client::Client;
+use xtb_client::map_source;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_nav::Map;
 use xtb_protocol::Name;
 use xtb_protocol::messages::MapHash;
+use xtb_services::map_server::MapService;
+use xtb_services::traffic::TrafficService;
 
 const SERVE_HELP: &str = "\
 Robots with planned goals (`goto` on a robot with a map) get their paths from traffic control. Each drives \

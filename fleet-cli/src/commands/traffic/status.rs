@@ -2,9 +2,9 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
-use xtb_client::{Error, ErrorKind, Result};
 use tokio::sync::mpsc;
 use xtb_client::client::Client;
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::TrafficState;
 

@@ -4,11 +4,11 @@
 //! battery. Drives: what allows it to, then the same without the standstill.
 
 use crate::output::Tone;
-use crate::text::reasons;
-use crate::text::robot as describe;
 use serde::Serialize;
 use std::time::Duration;
 use xtb_client::fleet_view::RobotView;
+use xtb_client::text::reasons;
+use xtb_client::text::robot as describe;
 use xtb_control::Mode;
 use xtb_protocol::Name;
 use xtb_protocol::messages::texts::for_robot;

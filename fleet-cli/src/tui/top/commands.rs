@@ -4,8 +4,8 @@
 //! with a word. Stops are never refused: one that is asked again while it is under way begins anew.
 
 use crate::output::Tone;
-use xtb_client::scene::AtMs;
 use std::collections::VecDeque;
+use xtb_client::scene::AtMs;
 use xtb_protocol::messages::TaskId;
 use xtb_protocol::{Name, Uuid};
 

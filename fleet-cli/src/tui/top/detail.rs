@@ -2,13 +2,13 @@
 
 use super::robot_view::{ShownRobot, Standing, UNKNOWN, age};
 use super::*;
-use crate::text::reasons;
-use crate::text::robot as describe;
 use crate::text::task as task_text;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
+use xtb_client::text::reasons;
+use xtb_client::text::robot as describe;
 use xtb_protocol::messages::{BatteryLevel, RobotState};
 
 impl Cockpit {

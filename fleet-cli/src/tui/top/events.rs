@@ -2,14 +2,14 @@
 
 use super::robot_view::{age, long_age};
 use super::*;
-use xtb_client::scene::{SceneEvent, What};
-use crate::text::reasons;
 use crate::text::task as task_text;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::Modifier;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
+use xtb_client::scene::{SceneEvent, What};
+use xtb_client::text::reasons;
 use xtb_protocol::messages::{Event, EventKind, GoalStatus, TaskEvent, TaskView};
 
 impl Cockpit {

@@ -3,11 +3,11 @@
 use super::layout::{Areas, areas};
 use super::robot_view::{ShownRobot, Standing, age, sights};
 use super::*;
-use crate::text::task as task_text;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
+use xtb_client::dispatcher_client::fleet_stop;
 
 /// Smaller than this there is no use.
 const SMALLEST: (u16, u16) = (20, 4);
@@ -88,12 +88,12 @@ impl Cockpit {
             }
         }
         if let Some(stats) = scene.slow_simulator(now_ms) {
-            add(crate::text::robot::simulator(stats), Tone::Warning);
+            add(xtb_client::text::robot::simulator(stats), Tone::Warning);
         }
         if self.playing.is_none() {
             let is = |there: bool| if there { Tone::Plain } else { Tone::Dim };
             let (dispatcher, traffic) = (scene.dispatcher(), scene.traffic_control());
-            match task_text::fleet_stop(scene.suspended()) {
+            match fleet_stop(scene.suspended()) {
                 Some(_) => add("dispatcher SUSPENDED (v)".to_owned(), Tone::Bad),
                 None if scene.suspended().is_empty() => {
                     add(if dispatcher { "dispatcher" } else { "no dispatcher" }.to_owned(), is(dispatcher));
@@ -129,8 +129,8 @@ impl Cockpit {
             Grip::Ending(robot) => Some(format!(" DRIVE {robot}: releasing control")),
             Grip::Driving { robot, max_rpm, keyboard } => {
                 let drive = keyboard.drive(Stamp::from_ms(now_ms));
-                let asked = crate::text::robot::fixed(drive.throttle * max_rpm, 0);
-                let side = crate::text::robot::fixed(drive.steering, 2);
+                let asked = xtb_client::text::robot::fixed(drive.throttle * max_rpm, 0);
+                let side = xtb_client::text::robot::fixed(drive.steering, 2);
                 Some(format!(
                     " DRIVING {robot}: {asked} rpm, steering {side}   hold arrows, space stop, t end"
                 ))

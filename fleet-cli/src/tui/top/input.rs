@@ -1,7 +1,7 @@
 //! What keys do to the cockpit's state, and what they ask of robots.
 
 use super::*;
-use crate::text::task as task_text;
+use xtb_client::dispatcher_client::fleet_stop;
 
 impl Cockpit {
     pub(super) fn press(&mut self, press: Press, scene: &Scene, now_ms: AtMs) -> Vec<Action> {
@@ -246,7 +246,7 @@ impl Cockpit {
         let Some(sight) = self.sight(sights) else { return };
         let robot = sight.name.clone();
         let latches: Vec<String> = match sight.state {
-            Some(state) => state.latches.iter().map(crate::text::robot::latch).collect(),
+            Some(state) => state.latches.iter().map(xtb_client::text::robot::latch).collect(),
             None => vec!["state unknown".to_owned()],
         };
         if latches.is_empty() {
@@ -275,7 +275,7 @@ impl Cockpit {
 
     /// Asks first: robots may drive at once.
     pub(super) fn activate(&mut self, scene: &Scene, now_ms: AtMs) {
-        let Some(stop) = task_text::fleet_stop(scene.suspended()) else {
+        let Some(stop) = fleet_stop(scene.suspended()) else {
             let why = match scene.suspended() {
                 _ if !scene.dispatcher() => "no dispatcher".to_owned(),
                 [] => "the dispatcher is not suspended".to_owned(),
@@ -309,7 +309,7 @@ impl Cockpit {
 
 /// What may follow a reset.
 fn after_reset(scene: &Scene, tasks: &'static str) -> &'static str {
-    match (scene.dispatcher(), task_text::fleet_stop(scene.suspended())) {
+    match (scene.dispatcher(), fleet_stop(scene.suspended())) {
         (false, _) => "",
         (true, None) => tasks,
         (true, Some(_)) => "; the dispatcher is suspended and assigns no task",

@@ -3,7 +3,6 @@
 use super::robot_view::{ShownRobot, Standing, age};
 use super::view::View;
 use super::*;
-use xtb_client::scene::Body;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
@@ -11,6 +10,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line as Text, Span};
 use ratatui::widgets::canvas::{Canvas, Context, Line, Points};
 use ratatui::widgets::{Block, Clear};
+use xtb_client::scene::Body;
 use xtb_nav::Path;
 use xtb_protocol::messages::{RouteState, Sensors};
 
@@ -76,7 +76,7 @@ impl Cockpit {
     fn cursor_title(&self) -> Text<'static> {
         let Some(Cursor { x_m, y_m, yaw_rad }) = self.cursor else { return Text::raw("") };
         let yaw = yaw_rad.map_or_else(|| "any yaw".to_owned(), |yaw| format!("{:.0}°", yaw.to_degrees()));
-        let (x_m, y_m) = (crate::text::robot::fixed(x_m, 2), crate::text::robot::fixed(y_m, 2));
+        let (x_m, y_m) = (xtb_client::text::robot::fixed(x_m, 2), xtb_client::text::robot::fixed(y_m, 2));
         Text::raw(format!(" cursor ({x_m}, {y_m}) {yaw} "))
     }
 

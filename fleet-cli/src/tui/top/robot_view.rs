@@ -2,11 +2,11 @@
 
 use crate::commands::why;
 use crate::output::Tone;
-use xtb_client::scene::{AtMs, Robot, Scene};
-use crate::text::reasons;
-use crate::text::robot as describe;
 use std::time::Duration;
 use xtb_client::fleet_view::{RobotView, by_number};
+use xtb_client::scene::{AtMs, Robot, Scene};
+use xtb_client::text::reasons;
+use xtb_client::text::robot as describe;
 use xtb_control::Mode;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{RobotState, TaskView};

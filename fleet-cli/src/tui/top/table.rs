@@ -2,12 +2,12 @@
 
 use super::robot_view::{ShownRobot, UNKNOWN, age};
 use super::*;
-use crate::text::reasons;
-use crate::text::robot::fixed;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Rect};
 use ratatui::style::Modifier;
 use ratatui::widgets::{Cell, Row, Table};
+use xtb_client::text::reasons;
+use xtb_client::text::robot::fixed;
 use xtb_protocol::messages::{BatteryLevel, RobotState};
 
 /// From this width on reasons are written out.

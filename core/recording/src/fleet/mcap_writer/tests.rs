@@ -63,7 +63,7 @@ fn a_file_that_is_there_already_is_left_alone_unless_forced() {
     std::fs::write(&path, "keep me").unwrap();
     let error = McapWriter::create(settings(&path), 0).err().unwrap();
     assert!(matches!(&error, Error::Exists(there) if *there == path), "{error:?}");
-    assert_eq!(error.to_string(), format!("{} is there already", path.display()));
+    assert_eq!(error.to_string(), format!("{} already exists", path.display()));
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "keep me");
     let mut tape = McapWriter::create(McapSettings { force: true, ..settings(&path) }, 0).unwrap();
     let mut recorder = Recorder::default();

@@ -58,7 +58,8 @@ async fn ctrl_c_cancels_if_that_was_wished_and_says_what_is_not_confirmed() {
         let (client, ctx, fake) = with(vec![task(1, TaskState::Running)]).await;
         fake.told.lock().unwrap().answers.push_back(Some(answer));
         let stop = pin!(fake.until(|told| !told.asked.is_empty()));
-        let exit = run(&ctx, &client, &[ID], true, stop).await.unwrap_or_else(|failure| Exit::from(failure.kind));
+        let exit =
+            run(&ctx, &client, &[ID], true, stop).await.unwrap_or_else(|failure| Exit::from(failure.kind));
         assert_eq!(exit.code(), code);
     }
 }

@@ -2,7 +2,7 @@
 //! it is overloaded they are late, or silent, and nothing is wrong with them.
 
 use super::{Facts, Finding, Level, is_simulated};
-use crate::text::robot as describe;
+use xtb_client::text::robot as describe;
 use xtb_protocol::Name;
 use xtb_protocol::messages::SimStats;
 

@@ -63,7 +63,10 @@ fn a_driving_robot_says_what_allows_it() {
     let state = RobotState { mode: Mode::Goto, goal: Some(goal), ..fake::state("xtb-1") };
     let why = explain(&view(state.clone()));
     assert_eq!(why.verdict, Verdict::Drives);
-    assert_eq!(kinds(&why), [ErrorKind::May, ErrorKind::Goal, ErrorKind::Lease, ErrorKind::Inputs, ErrorKind::Battery]);
+    assert_eq!(
+        kinds(&why),
+        [ErrorKind::May, ErrorKind::Goal, ErrorKind::Lease, ErrorKind::Inputs, ErrorKind::Battery]
+    );
     assert!(why.reasons[0].text.starts_with("goal of me"), "{}", why.reasons[0].text);
     assert!(why.reasons[1].text.contains("continues without its client"), "{}", why.reasons[1].text);
     let coasting = RobotState { stopped_because: vec![StopReason::Coasting], ..state };

@@ -4,7 +4,7 @@ use serde::Serialize;
 use xtb_protocol::messages::StopReason;
 
 /// The name of a unit variant as it travels in JSON, such as `goal_reached`.
-pub(crate) fn name(value: &impl Serialize) -> String {
+pub fn name(value: &impl Serialize) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(name)) => name,
         Ok(other) => other.to_string(),
@@ -13,6 +13,6 @@ pub(crate) fn name(value: &impl Serialize) -> String {
 }
 
 /// All reasons in one line.
-pub(crate) fn reasons(all: &[StopReason]) -> String {
+pub fn reasons(all: &[StopReason]) -> String {
     all.iter().map(|reason| reason.text()).collect::<Vec<_>>().join(", ")
 }

@@ -2,8 +2,6 @@
 
 #![allow(clippy::unwrap_used)]
 
-use xtb_services::dispatch::store::Store;
-use xtb_services::ledger::{Fault, Ledger, Recovered, Writer, read};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::fs;
@@ -15,6 +13,8 @@ use xtb_dispatch::dispatcher::Identity;
 use xtb_dispatch::{Dispatcher, Effect, Entry, Settings};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{TaskId, TaskState};
+use xtb_services::dispatch::store::Store;
+use xtb_services::ledger::{Fault, Ledger, Recovered, Writer, read};
 
 const LEDGER: &str = "XTB_TEST_LEDGER";
 /// How often to kill; 50 unless this variable says more.

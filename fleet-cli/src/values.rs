@@ -5,54 +5,54 @@ use std::time::Duration;
 use xtb_protocol::messages::Latch;
 
 /// The latches by name: completions know them, so they must be written down.
-pub(super) const LATCHES: [&str; Latch::ALL.len()] =
+pub(crate) const LATCHES: [&str; Latch::ALL.len()] =
     ["estop", "remote_takeover", "board_lost", "gyro_lost", "runaway", "sensor_fault", "battery_critical"];
 
-pub(super) fn latch() -> impl TypedValueParser<Value = Latch> {
+pub(crate) fn latch() -> impl TypedValueParser<Value = Latch> {
     PossibleValuesParser::new(LATCHES).try_map(|name| name.parse::<Latch>())
 }
 
-pub(super) fn number(text: &str, min: f64, max: f64, unit: &str) -> Result<f64, String> {
+pub(crate) fn number(text: &str, min: f64, max: f64, unit: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (min..=max).contains(&value) => Ok(value),
         _ => Err(format!("expected a number of {unit} within {min}..={max}")),
     }
 }
 
-pub(super) fn seconds(text: &str) -> Result<Duration, String> {
+pub(crate) fn seconds(text: &str) -> Result<Duration, String> {
     number(text, 0.01, 86_400.0, "seconds").map(Duration::from_secs_f64)
 }
 
 /// Seconds from 0 to a day.
-pub(super) fn part_of_a_day(text: &str) -> Result<f64, String> {
+pub(crate) fn part_of_a_day(text: &str) -> Result<f64, String> {
     number(text, 0.0, 86_400.0, "seconds")
 }
 
-pub(super) fn metres(text: &str) -> Result<f64, String> {
+pub(crate) fn metres(text: &str) -> Result<f64, String> {
     let most = xtb_protocol::messages::MAX_COORDINATE_M;
     number(text, -most, most, "metres")
 }
 
-pub(super) fn fix_rate(text: &str) -> Result<f64, String> {
+pub(crate) fn fix_rate(text: &str) -> Result<f64, String> {
     number(text, 0.0, 50.0, "Hz")
 }
 
-pub(super) fn fix_noise(text: &str) -> Result<f64, String> {
+pub(crate) fn fix_noise(text: &str) -> Result<f64, String> {
     number(text, 0.001, 10.0, "metres")
 }
 
-pub(super) fn part(text: &str) -> Result<f64, String> {
+pub(crate) fn part(text: &str) -> Result<f64, String> {
     number(text, 0.0, 1.0, "").map_err(|_| "expected a number within 0..=1".to_owned())
 }
 
-pub(super) fn drop_outs(text: &str) -> Result<f64, String> {
+pub(crate) fn drop_outs(text: &str) -> Result<f64, String> {
     number(text, 0.0, 1.0e6, "seconds")
 }
 
-pub(super) fn degrees(text: &str) -> Result<f64, String> {
+pub(crate) fn degrees(text: &str) -> Result<f64, String> {
     number(text, -360.0, 360.0, "degrees")
 }
 
-pub(super) fn rpm(text: &str) -> Result<f64, String> {
+pub(crate) fn rpm(text: &str) -> Result<f64, String> {
     number(text, 1.0, xtb_control::WheelRpm::MAX, "rpm")
 }

@@ -1,6 +1,6 @@
 //! A robot's state in words and numbers for people; what is not known is called unknown.
 
-use crate::text::reasons;
+use super::reasons;
 use std::time::Duration;
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{
@@ -9,10 +9,10 @@ use xtb_protocol::messages::{
 };
 
 /// What is shown for a value that nobody knows.
-pub(crate) const UNKNOWN: &str = "unknown";
+pub const UNKNOWN: &str = "unknown";
 
 /// A number with `digits` places, and never `-0`.
-pub(crate) fn fixed(value: f64, digits: usize) -> String {
+pub fn fixed(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
     let zero = text.trim_start_matches('-').bytes().all(|b| b == b'0' || b == b'.');
     if zero { text.trim_start_matches('-').to_owned() } else { text }
@@ -23,7 +23,7 @@ fn known(value: Option<f64>, digits: usize, unit: &str) -> String {
 }
 
 /// An age: `40 ms`, `1.2 s`, `2 min 05 s`.
-pub(crate) fn age(age: Duration) -> String {
+pub fn age(age: Duration) -> String {
     match age.as_millis() {
         ms @ 0..1000 => format!("{ms} ms"),
         ms @ 100_000.. => format!("{} min {:02} s", ms / 60_000, ms / 1000 % 60),
@@ -36,7 +36,7 @@ fn age_ms(ms: Option<u64>) -> String {
 }
 
 /// How fast a simulator runs, × real time; what was asked for too, where that is something else.
-pub(crate) fn simulator(stats: &SimStats) -> String {
+pub fn simulator(stats: &SimStats) -> String {
     let Some(factor) = stats.real_time_factor else {
         return "simulator running, speed unknown".to_owned();
     };
@@ -46,19 +46,19 @@ pub(crate) fn simulator(stats: &SimStats) -> String {
 }
 
 /// Place and direction in the map.
-pub(crate) fn pose(pose: &PoseState) -> String {
+pub fn pose(pose: &PoseState) -> String {
     let (x, y) = (fixed(pose.x_m, 2), fixed(pose.y_m, 2));
     format!("({x}, {y}) {}°", fixed(pose.yaw_rad.to_degrees(), 0))
 }
 
 /// The same of a configured pose.
-pub(crate) fn map_pose(pose: &MapPose) -> String {
+pub fn map_pose(pose: &MapPose) -> String {
     let (x, y) = (fixed(pose.x_m, 2), fixed(pose.y_m, 2));
     format!("({x}, {y}) {}°", fixed(pose.yaw_rad.to_degrees(), 0))
 }
 
 /// Where the pose comes from and how old it is.
-pub(crate) fn pose_source(pose: &PoseState) -> String {
+pub fn pose_source(pose: &PoseState) -> String {
     match pose.age_ms {
         Some(_) => format!("{}, {}", reasons::name(&pose.source), age_ms(pose.age_ms)),
         None => format!("{}, not measured", reasons::name(&pose.source)),
@@ -66,7 +66,7 @@ pub(crate) fn pose_source(pose: &PoseState) -> String {
 }
 
 /// What pose fixes have shown of the odometry and of themselves; `None` = nothing yet.
-pub(crate) fn odometry(pose: &PoseState) -> Option<String> {
+pub fn odometry(pose: &PoseState) -> Option<String> {
     let scale = fixed(pose.odometry_scale?, 3);
     let sigma = fixed(pose.odometry_scale_sigma.unwrap_or_default(), 3);
     let late = pose.fix_delay_ms.map(|ms| format!("; fixes are {ms} ms older than their stamp"));
@@ -74,12 +74,12 @@ pub(crate) fn odometry(pose: &PoseState) -> Option<String> {
 }
 
 /// Speed over ground.
-pub(crate) fn speed(state: &RobotState) -> String {
+pub fn speed(state: &RobotState) -> String {
     known(state.speed_mps, 2, "m/s")
 }
 
 /// Battery voltage and what it means.
-pub(crate) fn battery(state: &RobotState) -> String {
+pub fn battery(state: &RobotState) -> String {
     let volts = known(state.battery_v, 1, "V");
     match state.battery_level {
         BatteryLevel::Unknown if state.battery_v.is_none() => volts,
@@ -90,12 +90,12 @@ pub(crate) fn battery(state: &RobotState) -> String {
 }
 
 /// Who holds the lease.
-pub(crate) fn lease(state: &RobotState) -> String {
+pub fn lease(state: &RobotState) -> String {
     state.lease.as_ref().map_or_else(|| "free".to_owned(), |lease| lease.holder.to_string())
 }
 
 /// Who has control, and when it was heard last.
-pub(crate) fn controlled_by(state: &RobotState) -> String {
+pub fn controlled_by(state: &RobotState) -> String {
     match &state.lease {
         Some(lease) => format!("{} ({} ago)", lease.holder, age_ms(Some(lease.age_ms))),
         None => "none".to_owned(),
@@ -103,7 +103,7 @@ pub(crate) fn controlled_by(state: &RobotState) -> String {
 }
 
 /// The same in a column.
-pub(crate) fn lease_with_age(state: &RobotState) -> String {
+pub fn lease_with_age(state: &RobotState) -> String {
     match &state.lease {
         Some(lease) => format!("{}, {}", lease.holder, age_ms(Some(lease.age_ms))),
         None => "free".to_owned(),
@@ -111,7 +111,7 @@ pub(crate) fn lease_with_age(state: &RobotState) -> String {
 }
 
 /// The goal, how it stands, and what is left to go.
-pub(crate) fn goal(goal: &GoalState) -> String {
+pub fn goal(goal: &GoalState) -> String {
     let mut text = reasons::name(&goal.status);
     match (goal.kind, goal.x_m, goal.y_m) {
         (GoalKind::Goto, Some(x_m), Some(y_m)) => {
@@ -126,7 +126,7 @@ pub(crate) fn goal(goal: &GoalState) -> String {
 }
 
 /// The goal with who sent it, for how long it stands so, why, and what becomes of it without its client.
-pub(crate) fn goal_in_full(state: &GoalState) -> String {
+pub fn goal_in_full(state: &GoalState) -> String {
     let mut text = goal(state);
     let age = age(Duration::from_millis(state.age_ms));
     text.push_str(&match state.status.is_final() {
@@ -146,14 +146,14 @@ pub(crate) fn goal_in_full(state: &GoalState) -> String {
 }
 
 /// A latch with who set it and since when.
-pub(crate) fn latch(state: &LatchState) -> String {
+pub fn latch(state: &LatchState) -> String {
     let age = age(Duration::from_millis(state.age_ms));
     let still = if state.present { ", cause still present" } else { "" };
     format!("{} by {} for {age}{still}", state.latch, state.by)
 }
 
 /// Since when it stands; `None` while it drives.
-pub(crate) fn stands(state: &RobotState) -> Option<String> {
+pub fn stands(state: &RobotState) -> Option<String> {
     let why = (!state.stopped_because.is_empty()).then(|| reasons::reasons(&state.stopped_because));
     let since = state.stopped_age_ms.map(|ms| format!("for {}", age(Duration::from_millis(ms))));
     match (since, why) {
@@ -163,7 +163,7 @@ pub(crate) fn stands(state: &RobotState) -> Option<String> {
 }
 
 /// What the obstacle rule sees.
-pub(crate) fn obstacles(view: &ObstacleView) -> String {
+pub fn obstacles(view: &ObstacleView) -> String {
     let side = |seen| match seen {
         Some(true) => "OBSTACLE",
         Some(false) => "clear",
@@ -173,19 +173,19 @@ pub(crate) fn obstacles(view: &ObstacleView) -> String {
 }
 
 /// Platform tilt.
-pub(crate) fn tilt(tilt: &TiltState) -> String {
+pub fn tilt(tilt: &TiltState) -> String {
     format!("pitch {}, roll {}", known(tilt.x, 1, "°"), known(tilt.y, 1, "°"))
 }
 
 /// A fault with its age, the system's words and what to do.
-pub(crate) fn fault(state: &FaultState) -> String {
+pub fn fault(state: &FaultState) -> String {
     let detail = state.detail.as_ref().map(|words| format!(" ({words})")).unwrap_or_default();
     let age = age(Duration::from_millis(state.age_ms));
     format!("{} for {age}{detail}: {}", state.fault, state.fault.remedy())
 }
 
 /// Ages of the inputs.
-pub(crate) fn inputs(state: &RobotState) -> String {
+pub fn inputs(state: &RobotState) -> String {
     let ages = &state.input_age_ms;
     let remote = ("remote", ages.remote);
     [("gyro", ages.gyro), ("encoder", ages.encoder), ("adc", ages.adc), remote, ("setpoint", ages.setpoint)]
@@ -194,7 +194,7 @@ pub(crate) fn inputs(state: &RobotState) -> String {
 }
 
 /// The counters that are not zero; `None` if all are.
-pub(crate) fn rejected(rejected: &Rejected) -> Option<String> {
+pub fn rejected(rejected: &Rejected) -> Option<String> {
     let Ok(serde_json::Value::Object(counters)) = serde_json::to_value(rejected) else { return None };
     let counted = counters.iter().filter(|(_, count)| count.as_u64() != Some(0));
     let text = counted.map(|(name, count)| format!("{name} {count}")).collect::<Vec<_>>().join(", ");

@@ -1,0 +1,82 @@
+//! How a command ends, as the shell sees it.
+
+use xtb_client::ErrorKind;
+use xtb_protocol::messages::DispatchCode;
+
+/// How a command ended; `--help` lists the codes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Exit {
+    /// Done.
+    Done,
+    /// Refused, goal not reached, contact, port taken …
+    Failed,
+    /// Wrong usage or configuration.
+    Usage,
+    /// No router, no robot or no dispatcher answered, or the outcome is unknown.
+    Unknown,
+    /// Another robot or simulator of the fleet has the name.
+    NameTaken,
+    /// By Ctrl-C.
+    Interrupted,
+}
+
+impl Exit {
+    /// The process's exit code.
+    #[must_use]
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::Failed => 1,
+            Self::Usage => 2,
+            Self::Unknown => 3,
+            Self::NameTaken => 4,
+            Self::Interrupted => 130,
+        }
+    }
+}
+
+impl From<ErrorKind> for Exit {
+    fn from(kind: ErrorKind) -> Self {
+        match kind {
+            ErrorKind::Invalid | ErrorKind::Config => Self::Usage,
+            ErrorKind::NoRouter
+            | ErrorKind::NoRobot
+            | ErrorKind::NoDispatcher
+            | ErrorKind::OutcomeUnknown
+            | ErrorKind::NotDispatched(DispatchCode::Unconfirmed) => Self::Unknown,
+            ErrorKind::Refused(_)
+            | ErrorKind::NotDispatched(_)
+            | ErrorKind::PortTaken
+            | ErrorKind::Failed => Self::Failed,
+            ErrorKind::NameTaken => Self::NameTaken,
+            ErrorKind::Idle | ErrorKind::Interrupted => Self::Interrupted,
+            ErrorKind::PipeClosed => Self::Done,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_protocol::messages::RejectCode;
+
+    #[test]
+    fn each_kind_of_error_has_its_code_and_its_exit_code() {
+        for (kind, code, exit) in [
+            (ErrorKind::Invalid, "usage", 2),
+            (ErrorKind::Config, "config", 2),
+            (ErrorKind::NoRouter, "no_router", 3),
+            (ErrorKind::NoRobot, "no_robot", 3),
+            (ErrorKind::NoDispatcher, "no_dispatcher", 3),
+            (ErrorKind::OutcomeUnknown, "outcome_unknown", 3),
+            (ErrorKind::Refused(RejectCode::LeaseHeld), "lease_held", 1),
+            (ErrorKind::NotDispatched(DispatchCode::KeepOut), "keep_out", 1),
+            (ErrorKind::NotDispatched(DispatchCode::Unconfirmed), "unconfirmed", 3),
+            (ErrorKind::NameTaken, "name_taken", 4),
+            (ErrorKind::Idle, "interrupted", 130),
+            (ErrorKind::Failed, "failed", 1),
+        ] {
+            assert_eq!((kind.code().as_str(), Exit::from(kind).code()), (code, exit));
+        }
+    }
+}
