@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 type Module = Vec<String>;
 
-const CRATES: [&str; 14] = [
+const CRATES: [&str; 17] = [
     "core/control",
     "core/protocol",
     "core/nav",
@@ -19,6 +19,9 @@ const CRATES: [&str; 14] = [
     "core/client",
     "core/recording",
     "robot-agent",
+    "fleet-cli/services",
+    "fleet-cli/simulator",
+    "fleet-cli/dashboard",
     "fleet-cli",
     "tests",
 ];

@@ -38,13 +38,22 @@ fn places(folders: &[&str], words: &[&str], except: &[&str]) -> Vec<String> {
     places
 }
 
+/// What the two programs are made of.
+const PROGRAMS: [&str; 5] = [
+    "robot-agent/src",
+    "fleet-cli/src",
+    "fleet-cli/services/src",
+    "fleet-cli/simulator/src",
+    "fleet-cli/dashboard/src",
+];
+
 fn none(places: &[String]) {
     assert!(places.is_empty(), "\n{}", places.join("\n"));
 }
 
 #[test]
 fn keys_stand_in_the_key_table_only() {
-    let folders = ["core", "robot-agent/src", "fleet-cli/src", "tests/src"];
+    let folders = [&["core", "tests/src"], &PROGRAMS[..]].concat();
     none(&places(&folders, &["\"xtb/"], &["keys.rs", "tests.rs"]));
 }
 
@@ -89,10 +98,8 @@ fn zenoh_is_opened_in_the_bus_only() {
         "core/chaos/src",
         "core/client/src",
         "core/recording/src",
-        "robot-agent/src",
-        "fleet-cli/src",
     ];
-    none(&places(&folders, &["zenoh::", "zenoh_ext"], &[]));
+    none(&places(&[&folders, &PROGRAMS[..]].concat(), &["zenoh::", "zenoh_ext"], &[]));
 }
 
 #[test]
@@ -103,15 +110,8 @@ fn recordings_are_files_and_know_no_clock_socket_or_thread() {
 
 #[test]
 fn recordings_are_written_and_read_in_one_crate_only() {
-    let folders = [
-        "core/bus/src",
-        "core/client/src",
-        "core/robot/src",
-        "robot-agent/src",
-        "fleet-cli/src",
-        "tests/src",
-    ];
-    none(&places(&folders, &["mcap::"], &[]));
+    let folders = ["core/bus/src", "core/client/src", "core/robot/src", "tests/src"];
+    none(&places(&[&folders, &PROGRAMS[..]].concat(), &["mcap::"], &[]));
 }
 
 /// A ledger's own files are not somebody else's.
@@ -127,7 +127,7 @@ fn files_are_read_with_their_bounds_only() {
         "tests.rs",
         "tests/damage.rs",
     ];
-    none(&places(&["core/recording/src", "robot-agent/src", "fleet-cli/src"], &words, &except));
+    none(&places(&[&["core/recording/src"], &PROGRAMS[..]].concat(), &words, &except));
 }
 
 #[test]
@@ -144,7 +144,7 @@ fn every_module_says_what_it_is_for() {
 #[test]
 fn nothing_that_drives_a_robot_switches_a_guard_off() {
     let words = ["with_guards", "set_guards", "Guards::"];
-    none(&places(&["robot-agent/src", "fleet-cli/src"], &words, &[]));
+    none(&places(&PROGRAMS, &words, &[]));
     let text = built_from(&["-p", "robot-agent", "-p", "fleet-cli", "-e", "normal,features"]);
     assert!(text.contains("xtb-robot ") && !text.contains("switchable-guards"), "{text}");
 }
@@ -180,7 +180,7 @@ fn only_places_that_escape_write_to_the_terminal() {
     let words = ["stdout()", "stderr()", "style::Print("];
     // Whether it is a terminal says nothing to it; ratatui drops control characters itself.
     let harmless = [".is_terminal()", "CrosstermBackend::new(", "with_writer(", "use_stderr()"];
-    let found = places(&["robot-agent/src", "fleet-cli/src"], &words, &[]);
+    let found = places(&PROGRAMS, &words, &[]);
     let writes = found.iter().filter(|place| !harmless.iter().any(|word| place.contains(word)));
     let safe = [
         "fleet-cli/src/output.rs",
