@@ -97,7 +97,9 @@ pub async fn run_played(ctx: &Context, played: Arc<PlaybackWorker>) -> Result<Ex
 fn refuse(ctx: &Context) -> Result<()> {
     let hint = "use `fleet-cli list` for one look or `fleet-cli watch` for messages; both have --json";
     if ctx.out.json {
-        return Err(Error::new(ErrorKind::Invalid, "top is an interactive screen without --json").hint(hint));
+        return Err(
+            Error::new(ErrorKind::Invalid, "top is an interactive screen: it has no --json").hint(hint)
+        );
     }
     let dumb = std::env::var("TERM").is_ok_and(|term| term == "dumb");
     if dumb || !std::io::stdin().is_terminal() || !stdout().is_terminal() {

@@ -84,10 +84,10 @@ fn a_round_measures_so_many_ways_at_most_and_the_next_one_goes_on() {
 #[test]
 fn a_gap_is_a_way_for_the_car_that_fits_through_it() {
     let mut grid = Grid::free(0.05, [0.0, 0.0], 200, 160).unwrap();
-    (0..193).for_each(|column| grid.set(column, 80, Cell::Occupied)); // 0.35 m are left
+    (0..195).for_each(|column| grid.set(column, 80, Cell::Occupied)); // 0.25 m are left
     let travel_cost = MapTravelCost::new(Map::new("gap", grid, Vec::new()).unwrap());
     let small = Car { half_width_m: 0.1, ..truck() };
-    let (from, beyond, in_gap) = (at(9.0, 2.0), to(9.0, 7.0), to(9.825, 4.0));
+    let (from, beyond, in_gap) = (at(9.0, 2.0), to(9.0, 7.0), to(9.875, 4.0));
     assert_eq!(travel_cost.is_reachable(&truck(), &from, &beyond), Some(false));
     assert_eq!(travel_cost.is_reachable(&small, &from, &beyond), Some(true));
     assert!(travel_cost.admits(&small, &in_gap).is_ok() && travel_cost.admits(&truck(), &in_gap).is_err());

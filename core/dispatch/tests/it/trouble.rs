@@ -17,7 +17,7 @@ fn a_task_is_blocked_while_something_stands_in_its_robots_way_and_then_goes_on()
     assert_eq!(bench.state(id), TaskState::Running, "a moment is not worth telling");
     bench.run_ms(500);
     assert_eq!(bench.state(id), TaskState::Blocked);
-    assert!(bench.reason(id).contains("something stands in front"), "{}", bench.reason(id));
+    assert!(bench.reason(id).contains("obstacle in front"), "{}", bench.reason(id));
     bench.restart();
     bench.run_ms(500);
     assert_eq!((bench.state(id), bench.robot_of(id)), (TaskState::Blocked, Some(0)));
@@ -272,7 +272,7 @@ fn a_robot_that_joins_late_gets_what_waits_and_why_it_waits_is_said() {
     let id = bench.submit(goto(2.0, 0.0));
     bench.run_ms(1000);
     let why = bench.dispatcher.why_queued(bench.now_ms, id).unwrap();
-    assert!(why.contains("xtb-1: it has not been heard"), "{why}");
+    assert!(why.contains("xtb-1: no message for"), "{why}");
     bench.cut[0] = false;
     bench.run_ms(4000);
     assert_eq!(bench.state(id), TaskState::Done);

@@ -124,7 +124,7 @@ fn a_stale_robot_keeps_its_place_and_nothing_else() {
     assert_eq!((&fresh["latches"], &fresh["mode"]), (&json!(["estop"]), &json!("idle")));
     assert_eq!(fresh["pose"]["x_m"], json!(1.2346));
     let stale = row(&mut known, &scene, 1501);
-    let names = ["name", "alive", "age_ms", "stale", "tags", "pose", "trail", "trail_reset"];
+    let names = ["name", "alive", "age_ms", "stale", "tags", "pose", "body", "trail", "trail_reset"];
     for (field, value) in stale.as_object().unwrap() {
         assert_eq!(value.is_null(), !names.contains(&field.as_str()), "{field} is {value}");
     }

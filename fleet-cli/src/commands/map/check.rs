@@ -274,7 +274,7 @@ mod tests {
         };
         let (problems, text) = report(vec![zone("far", 9.0, 10.0), zone("across", 1.2, 1.4)]);
         assert!(text.contains("problem  zone far is outside the map"), "{text}");
-        assert!(text.contains("problem  keep-out across cuts an island in 2 pieces"), "{text}");
+        assert!(text.contains("problem  keep-out across divides an island into 2 pieces"), "{text}");
         assert_eq!(problems, 2, "{text}");
     }
 }

@@ -32,11 +32,11 @@ failures 3 of at most 3
 terms    for any robot, priority 5, deadline 1 min 00 s after submission
 from     me, 11 s ago
 
-after  state       robot  legs  why
-0.0 s  queued             0
+after  state        robot  legs  why
+0.0 s  queued              0
 …      4 not shown
-0.3 s  assigned           0
-1.0 s  failed             0     xtb-1: blocked near (1, 2)
+0.3 s  assigned            0
+1.0 s  failed              0     xtb-1: blocked near (1, 2)
 ";
     assert_eq!(shown, expected);
 }
