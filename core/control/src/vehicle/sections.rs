@@ -135,7 +135,7 @@ config_section! {
         runaway_part: f64 = 0.3, "", Range(0.05, 2.0), Ours, "Allowed excess of the wheel speed over the reference, as a fraction of it.";
         runaway_s: f64 = 0.3, "s", Range(0.1, 2.0), Ours, "Longer than this above the speed explained by reference or coasting is a runaway.";
         coast_s: f64 = 0.5, "s", Range(0.05, 5.0), Assumed, "Time constant of the slowest coasting to standstill, twice the expected value.";
-        stall_counts: f64 = 100.0, "counts", Range(10.0, 1000.0), Assumed, "A motor pulse this far from neutral turns the wheels (the dead band ends at 75). An ESC with a larger dead band needs more, or `stalled` is raised with nothing in the way.";
+        stall_counts: f64 = 100.0, "counts", Range(10.0, 1000.0), Assumed, "A motor pulse this far from neutral turns the wheels (the dead band ends at 75). An ESC with a larger dead band needs more, or `stalled` is raised without an obstacle.";
         stall_s: f64 = 0.4, "s", Range(0.1, 0.85), Ours, "Driving for this long without a single encoder pulse is a stall.";
         manual_limit: bool = true, "", Switch, Ours, "Pass on the speed stick only while the truck is slow enough for the obstacle rule to stop it.";
     }

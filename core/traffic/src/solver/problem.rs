@@ -186,7 +186,7 @@ impl Problem {
         }
         positive(&|| "the map's width".to_owned(), east_m - west_m)?;
         positive(&|| "the map's depth".to_owned(), north_m - south_m)?;
-        positive(&|| "the way of one step".to_owned(), self.step_m)?;
+        positive(&|| "the length of one step".to_owned(), self.step_m)?;
         near(&|| "the clearance".to_owned(), self.clearance_m)?;
         near(&|| "the tolerance".to_owned(), self.tolerance.position_m + self.tolerance.yaw_rad)?;
         for obstacle in &self.obstacles {
@@ -208,7 +208,7 @@ impl Problem {
             }
             if self.step_m > car.radius_m * MOST_TURN_RAD {
                 let (what, expected) =
-                    (format!("the way of one step of {name}"), "at most its turning radius");
+                    (format!("the length of one step of {name}"), "at most its turning radius");
                 return Err(ProblemError::Value { what, value: self.step_m, expected });
             }
         }
