@@ -136,12 +136,11 @@ fn walled(wall: bool) -> MapTravelCost {
     MapTravelCost::new(Map::new("lab", grid, Vec::new()).unwrap())
 }
 
-/// All robots say that they are XTBs: what has not said what car it is fits everywhere.
-fn measure(bench: &mut Bench) {
+/// So many robots say that they are XTBs: what has not said what car it is fits everywhere.
+fn measure(bench: &mut Bench, robots: usize) {
     let car = xtb_nav::Car::of(&xtb_control::VehicleConfig::default());
-    let names: Vec<_> = bench.dispatcher.robots().keys().cloned().collect();
-    for name in names {
-        bench.dispatcher.set_factsheet(bench.now_ms, &name, &[], Some(car));
+    for number in 1..=robots {
+        bench.dispatcher.set_factsheet(bench.now_ms, &name(&format!("xtb-{number}")), &[], Some(car));
     }
 }
 
@@ -161,7 +160,7 @@ fn a_new_version_of_the_map_fails_what_it_makes_unreachable_and_nothing_else() {
     bench.run_ms(12_000);
     assert_eq!(bench.dispatcher.store().task(passed).unwrap().legs_done, 1);
     bench.travel_cost = Box::new(walled(true));
-    measure(&mut bench);
+    measure(&mut bench, 2);
     bench.dispatcher.map(bench.now_ms, "lab", LAB_LATER);
     bench.run_ms(500);
     let states = |bench: &Bench| [on_the_wall, behind, here].map(|id| bench.state(id));
@@ -193,7 +192,7 @@ fn what_is_adopted_is_looked_up_on_the_new_map() {
     bench.travel_cost = Box::new(walled(true));
     bench.dispatcher.map(bench.now_ms, "lab", LAB);
     bench.run_ms(500);
-    measure(&mut bench);
+    measure(&mut bench, 1);
     assert_eq!(bench.state(on_the_wall), TaskState::Queued, "it is none of this map's");
     assert_eq!(adopt(&mut bench).tasks, [on_the_wall, here]);
     bench.run_ms(500);
