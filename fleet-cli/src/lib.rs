@@ -1,7 +1,6 @@
 //! The operator's command line: everything that people use of the fleet.
 //!
-//! A goal's walk begins here: `commands/goto.rs` → `client.rs` → `xtb-robot`'s operator →
-//! `xtb-bus` → Zenoh.
+//! The path of a goal (README) begins here: `commands/goto.rs` → `commands/goal.rs` → `xtb-client`.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
