@@ -349,6 +349,7 @@ impl Coordinator {
         let gives_up = self.standstill.gives_up.is_some_and(|(id, _)| id == truck.id);
         let reason = match &waits_for {
             _ if truck.view.goal.is_none() => None,
+            _ if truck.view.car.is_none() => Some("its factsheet does not say what vehicle it is".to_owned()),
             Some(name) if gives_up => Some(format!("blocked by {name}")),
             Some(name) if waits.is_none_or(|(_, is_led)| !is_led) => {
                 self.for_good(now, name).map(|name| format!("blocked by {name}"))

@@ -111,6 +111,8 @@ struct Stage {
     log: Arc<RawChannel>,
     poses: BTreeMap<Name, Arc<RawChannel>>,
     there: BTreeSet<Name>,
+    /// Boots of the robots whose factsheets were shown.
+    cars: BTreeMap<Name, u64>,
     map: Option<(MapHash, u64)>,
     happened: u64,
     rewinds: u64,
@@ -127,6 +129,7 @@ impl Stage {
             log: channel(context, LOG_TOPIC, "foxglove.Log")?,
             poses: BTreeMap::new(),
             there: BTreeSet::new(),
+            cars: BTreeMap::new(),
             map: None,
             happened: 0,
             rewinds: shared.rewinds(),
@@ -178,6 +181,12 @@ impl Stage {
             }
         }
         for (name, robot) in scene.robots() {
+            if let Some(about) =
+                robot.about.as_ref().filter(|about| self.cars.get(name) != Some(&about.epoch))
+            {
+                self.cars.insert(name.clone(), about.epoch);
+                news.push((key(Some(name), Channel::About), AnyMessage::About(Box::new(about.clone()))));
+            }
             if let Some(state) = robot.state.as_ref().and_then(|seen| seen.fresh(now_ms)) {
                 news.push((key(Some(name), Channel::State), state.clone().into()));
             }

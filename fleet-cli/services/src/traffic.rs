@@ -26,7 +26,7 @@ use xtb_traffic::coordinator::{Coordinator, GridRoom, JointJob, JointResult, Rob
 const TICK: Duration = Duration::from_millis(100);
 /// A robot that has not said what car it is by then is driven around and not led. (The coordinator listens longer
 /// before it leads anybody.)
-const CAR_WITHIN: Duration = Duration::from_secs(1);
+const CAR_WITHIN: Duration = Duration::from_millis(300);
 /// Every so many ticks it says what it does.
 const TELL_EVERY: u64 = 5;
 

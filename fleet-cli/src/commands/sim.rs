@@ -222,6 +222,11 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
 /// What is asked for.
 fn plan(ctx: &Context, args: &SimArgs) -> Result<Plan> {
     let world = args.world.as_deref().map(read_world).transpose()?;
+    if args.pty.is_some()
+        && (args.vehicle.is_some() || world.as_ref().is_some_and(|it| !it.vehicles().is_empty()))
+    {
+        ctx.out.note("the agents on these serial ports need the same vehicle settings, under [vehicle] in their configs");
+    }
     Ok(Plan {
         fleet: ctx.settings.fleet.clone(),
         robots: args.robots,
@@ -246,7 +251,8 @@ fn vehicles(args: &SimArgs, world: Option<&World>) -> Result<Vec<VehicleConfig>>
     let own = world.map_or(&[][..], World::vehicles).iter().take(args.robots);
     let mut vehicles: Vec<VehicleConfig> =
         own.map(|file| vehicle_file::read(&folder.join(file))).collect::<Result<_>>()?;
-    vehicles.resize(args.robots, rest);
+    // More than it can simulate are refused with the rest of the plan.
+    vehicles.resize(args.robots.min(xtb_simulator::MAX_ROBOTS), rest);
     Ok(vehicles)
 }
 

@@ -41,11 +41,16 @@ impl Dispatcher {
             robots.push(robot);
             candidates.push(candidate);
         }
+        let least_m = candidates.iter().map(|robot| robot.car.core_m()).fold(f64::INFINITY, f64::min);
         let demands: Vec<Demand> = waiting.iter().map(|task| self.demand(now_ms, task)).collect();
         let assign = |tasks: &[usize], who: &[usize]| -> Vec<(usize, usize)> {
             let some_demands: Vec<Demand> = tasks.iter().map(|&task| demands[task]).collect();
             let some_candidates: Vec<Candidate> = who.iter().map(|&robot| candidates[robot]).collect();
-            let penalty_m = |task: usize, robot: usize| penalty_m(waiting[tasks[task]], robots[who[robot]]);
+            let penalty_m = |task: usize, robot: usize| {
+                let (task, robot) = (waiting[tasks[task]], robots[who[robot]]);
+                let fits = robot.car().core_m() <= least_m || fits(travel_cost, task, robot);
+                fits.then(|| penalty_m(task, robot)).flatten()
+            };
             let pairs = assign::assign(&some_demands, &some_candidates, travel_cost, &penalty_m);
             pairs.into_iter().map(|(task, robot)| (tasks[task], who[robot])).collect()
         };
@@ -162,6 +167,11 @@ fn candidate(robot: &TrackedRobot) -> Option<Candidate> {
     let observed = robot.observed.as_ref()?;
     let extra_m = if observed.low_battery { LOW_BATTERY_M } else { 0.0 };
     Some(Candidate { pose: observed.pose, car: robot.car(), extra_m })
+}
+
+/// Whether a robot may stand at each of a task's points: one that is wider than others cannot do all of theirs.
+fn fits(travel_cost: &dyn TravelCost, task: &Task, robot: &TrackedRobot) -> bool {
+    task.points_left().iter().all(|point| travel_cost.admits(&robot.car(), point).is_ok())
 }
 
 /// How much more than the way it costs, in m; `None` = it may not be.

@@ -198,3 +198,18 @@ fn what_is_adopted_is_looked_up_on_the_new_map() {
     bench.run_ms(500);
     assert_eq!([on_the_wall, here].map(|id| bench.state(id)), [TaskState::Failed, TaskState::Queued]);
 }
+
+#[test]
+fn a_robot_that_is_too_wide_for_a_goal_is_not_sent_there() {
+    let mut bench = Bench::new(2);
+    bench.travel_cost = Box::new(walled(true));
+    (bench.robots[0].at, bench.robots[1].at) = ((5.0, 2.0), (1.0, 1.0));
+    bench.run_ms(2000);
+    let truck = xtb_nav::Car::of(&xtb_control::VehicleConfig::default());
+    for (robot, car) in [("xtb-1", truck.grown(0.2)), ("xtb-2", truck)] {
+        bench.dispatcher.set_factsheet(bench.now_ms, &name(robot), &[], Some(car));
+    }
+    let id = bench.submit(goto(5.0, 3.7)); // 0.3 m from the wall
+    bench.run_ms(1000);
+    assert_eq!(bench.robot_of(id), Some(1), "the nearer one is 0.4 m from its middle to its side");
+}

@@ -118,7 +118,7 @@ impl Car {
         const STEP_M: f64 = 0.05;
         let (sin, cos) = libm::sincos(pose.yaw_rad);
         let steps = |from_m: f64, to_m: f64| {
-            let steps = libm::ceil((to_m - from_m) / STEP_M);
+            let steps = libm::ceil((to_m - from_m) / STEP_M).max(1.0);
             (0..=steps as u32).map(move |step| from_m + (to_m - from_m) * f64::from(step) / steps)
         };
         let half_m = self.half_width_m;

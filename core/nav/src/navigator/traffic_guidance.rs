@@ -42,6 +42,8 @@ pub const START_WITHIN_M: f64 = 0.12;
 /// The body may reach so far into something along a path, in m: where a robot stands that near to a wall, traffic
 /// control plans with up to 5 cm less than its body.
 pub const GRAZE_M: f64 = 0.06;
+/// A longer path is none of a room's, in m: what is looked at in one turn is bounded.
+const LONGEST_M: f64 = 500.0;
 /// Poses of others are good for this long, six messages of traffic control, in ms; chosen, not measured.
 const OTHERS_MS: u64 = 600;
 /// What moves is a little farther on by now, in m: 7 cm at 0.35 m/s in the 200 ms between two states.
@@ -59,6 +61,8 @@ pub(super) struct GuidanceState {
     /// Since when it has said that there is no way.
     no_way_since: Option<Stamp>,
     others: Vec<MapPose>,
+    /// The number of a path that is not for this robot, since when it is sent, and why.
+    refused: Option<(u64, Stamp, String)>,
 }
 
 impl GuidanceState {
@@ -74,7 +78,7 @@ impl GuidanceState {
 
     /// The path belongs to a goal that is over.
     pub(super) fn forget_path(&mut self) {
-        (self.last, self.no_way_since) = (None, None);
+        (self.last, self.no_way_since, self.refused) = (None, None, None);
     }
 
     /// Why there is no way, once traffic control has said so for long.
@@ -164,7 +168,9 @@ impl Navigator {
             && following.plan > 0
             && following.path.start == path.start
         {
-            self.fits(path, following.follower.way_m())?;
+            if let Err(why) = self.fits(path, following.follower.way_m()) {
+                return self.refuse(now, why);
+            }
             following.follower.go_on(path, &self.car).map_err(|error| wrong_vehicle(&error))?;
             (following.path, following.plan) = (path.clone(), guidance.plan);
             following.release_m = following.release_m.max(guidance.release_m);
@@ -179,7 +185,9 @@ impl Navigator {
         let tolerance = self.settings.tolerance(task.target.yaw_rad.is_some());
         let follower = PathFollower::new(path, &self.car, self.follower.clone(), tolerance)
             .map_err(|error| wrong_vehicle(&error))?;
-        self.fits(path, 0.0)?;
+        if let Err(why) = self.fits(path, 0.0) {
+            return self.refuse(now, why);
+        }
         task.plans += 1;
         task.blocked_at = None;
         let mut following = Following::guided(path.clone(), follower, guidance.plan);
@@ -188,30 +196,63 @@ impl Navigator {
         Ok(())
     }
 
-    /// Whether this robot's own body, a little smaller for what two poses differ by, stays clear of its own map
-    /// on the rest of traffic control's path.
-    fn fits(&self, path: &Path, from_m: f64) -> Result<(), String> {
-        let Some(map) = &self.map else { return Ok(()) };
-        let body = self.car.grown(-GRAZE_M);
-        let reach_m = body.reach_m();
-        let length_m = path.length_m();
-        let mut way_m = from_m;
-        loop {
-            let (pose, _) = path.at(way_m);
-            let near = map.clearance.at_least_m(pose.x_m, pose.y_m) <= reach_m;
-            let hits = |[x_m, y_m]: &[f64; 2]| map.map.grid().at(*x_m, *y_m) != Cell::Free;
-            if let Some([x_m, y_m]) = near.then(|| body.body_points(&pose).into_iter().find(hits)).flatten() {
-                let (long_m, wide_m) = (self.car.front_m + self.car.rear_m, 2.0 * self.car.half_width_m);
-                return Err(wrong_vehicle(&format!(
-                    "it hits an obstacle on the map at ({x_m:.2}, {y_m:.2}) for a body of \
-                     {long_m:.2} × {wide_m:.2} m"
-                )));
+    /// It stands instead of driving that path. Traffic control may just have another version of the map: the goal
+    /// fails once the same path has been sent for [`NO_WAY_MS`].
+    fn refuse(&mut self, now: Stamp, why: String) -> Result<(), String> {
+        let plan = self.guidance.last().map_or(0, |guidance| guidance.plan);
+        let refused = &mut self.guidance.refused;
+        match refused {
+            Some((refused, since, why)) if *refused == plan => {
+                if now.since_ms(*since) >= NO_WAY_MS {
+                    Err(why.clone())
+                } else {
+                    Ok(())
+                }
             }
-            if way_m >= length_m {
-                return Ok(());
+            _ => {
+                *refused = Some((plan, now, why));
+                Ok(())
             }
-            way_m = (way_m + BODY_STEP_M).min(length_m);
         }
+    }
+
+    /// Whether this robot's own body, a little smaller for what two poses differ by, stays clear of its own map
+    /// on the rest of traffic control's path. A path that was refused is not looked at again.
+    fn fits(&self, path: &Path, from_m: f64) -> Result<(), String> {
+        let plan = self.guidance.last().map_or(0, |guidance| guidance.plan);
+        if let Some((_, _, why)) = self.guidance.refused.as_ref().filter(|(refused, ..)| *refused == plan) {
+            return Err(why.clone());
+        }
+        let Some(map) = &self.map else { return Ok(()) };
+        if path.length_m() > LONGEST_M {
+            return Err(wrong_vehicle(&format!("it is longer than {LONGEST_M} m")));
+        }
+        let body = self.car.grown(-GRAZE_M.min(self.car.core_m() / 2.0));
+        let reach_m = body.reach_m();
+        let hits = |pose: &MapPose| {
+            let near = map.clearance.at_least_m(pose.x_m, pose.y_m) <= reach_m;
+            let hit = |[x_m, y_m]: &[f64; 2]| map.map.grid().at(*x_m, *y_m) != Cell::Free;
+            near.then(|| body.body_points(pose).into_iter().find(hit)).flatten()
+        };
+        let (mut begin, mut way_m) = (path.start, 0.0);
+        for piece in &path.pieces {
+            let steps = libm::ceil(piece.length_m.abs() / BODY_STEP_M).max(1.0) as u32;
+            for step in 0..=steps {
+                let part = f64::from(step) / f64::from(steps);
+                if way_m + part * piece.length_m.abs() < from_m {
+                    continue;
+                }
+                if let Some([x_m, y_m]) = hits(&piece.after(&begin, part * piece.length_m)) {
+                    let (long_m, wide_m) = (self.car.front_m + self.car.rear_m, 2.0 * self.car.half_width_m);
+                    return Err(wrong_vehicle(&format!(
+                        "it hits an obstacle on the map at ({x_m:.2}, {y_m:.2}) with a body of {long_m:.2} × {wide_m:.2} m"
+                    )));
+                }
+            }
+            way_m += piece.length_m.abs();
+            begin = piece.end(&begin);
+        }
+        Ok(())
     }
 }
 
@@ -244,8 +285,8 @@ mod tests {
         Map::new("lane", grid, Vec::new()).unwrap()
     }
 
-    /// What a robot with a body this wide decides that traffic control sends along this piece.
-    fn sent_along(width_m: f64, piece: Piece) -> Decision {
+    /// What a robot with a body this wide decides at once, and after it has been sent along this piece for long.
+    fn sent_along(width_m: f64, piece: Piece) -> [Decision; 2] {
         let mut vehicle = VehicleConfig::default();
         vehicle.geometry.body_width_m = width_m;
         let mut navigator = Navigator::new(&vehicle, &NavSettings::default());
@@ -261,33 +302,33 @@ mod tests {
             waits_for: None,
             reason: None,
         };
-        navigator.guide(NOW, Some(guidance), &[]);
-        let estimate = PoseFilter::new(&vehicle, FilterTuning::default(), NOW, &OdomPose::default(), &START)
-            .estimate(NOW);
+        let estimate = PoseFilter::new(&vehicle, FilterTuning::default(), NOW, &OdomPose::default(), &START);
         let (ir_front_cm, ir_rear_cm) = (&[None; 6], &[None; 6]);
-        let sensed = Sensed {
-            estimate: &estimate,
-            speed_mps: 0.0,
-            blocked: false,
-            ir_front_cm,
-            ir_rear_cm,
-            scanned: false,
-        };
-        navigator.turn(NOW, &sensed).unwrap()
+        [NOW, NOW.plus_ms(NO_WAY_MS)].map(|now| {
+            navigator.guide(now, Some(guidance.clone()), &[]);
+            let estimate = &estimate.estimate(now);
+            let speed_mps = 0.0;
+            let (blocked, scanned) = (false, false);
+            let sensed = Sensed { estimate, speed_mps, blocked, ir_front_cm, ir_rear_cm, scanned };
+            navigator.turn(now, &sensed).unwrap()
+        })
     }
 
     #[test]
     fn a_path_that_is_not_for_this_vehicle_is_refused_with_the_reason() {
         let straight = Piece { length_m: 1.5, curvature_per_m: 0.0 };
-        let refused = |decision: Decision, word: &str| match decision {
+        let refused = |decision: &Decision, word: &str| match decision {
             Decision::Failed(why) => {
                 assert!(why.starts_with("wrong_vehicle: ") && why.contains(word), "{why}")
             }
             other => panic!("{other:?}"),
         };
-        let taken = sent_along(0.4, straight);
+        let taken = &sent_along(0.4, straight)[0];
         assert!(matches!(taken, Decision::Go(_, None | Some(HoldReason::AtCusp))), "{taken:?}");
-        refused(sent_along(1.1, straight), "0.50 × 1.10 m");
-        refused(sent_along(0.4, Piece { curvature_per_m: 5.0, ..straight }), "radius of 0.200 m");
+        let [first, later] = sent_along(1.1, straight);
+        assert!(!matches!(first, Decision::Failed(_)), "another plan may be on its way: {first:?}");
+        refused(&later, "0.50 × 1.10 m");
+        refused(&sent_along(0.4, Piece { curvature_per_m: 5.0, ..straight })[0], "radius of 0.200 m");
+        refused(&sent_along(0.4, Piece { length_m: 900.0, ..straight })[1], "longer than 500 m");
     }
 }

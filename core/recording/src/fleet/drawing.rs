@@ -35,25 +35,18 @@ const ERROR: u8 = 4;
 /// What of a robot was drawn last.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Drawn {
-    /// `None` = it has not said what car it is.
-    car: Option<Car>,
     pose: Option<PoseState>,
     truck_ns: Option<u64>,
     path: Option<(Uuid, u32, u64)>,
     path_ns: u64,
 }
 
-impl Drawn {
-    /// An XTB's, of a robot that has not said what car it is.
-    fn car(&self) -> Car {
-        self.car.unwrap_or_else(|| Car::of(&VehicleConfig::default()))
-    }
-}
-
 /// Remembers what was drawn, so that what stays the same is not drawn again each time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Painter {
     robots: BTreeMap<Name, Drawn>,
+    /// What they are, for as long as this paints: said once, true also when all is drawn anew.
+    cars: BTreeMap<Name, Car>,
 }
 
 impl Painter {
@@ -63,7 +56,11 @@ impl Painter {
             (AnyMessage::State(state), Some(name)) => self.truck(at_ns, name, state),
             (AnyMessage::Sensors(sensors), Some(name)) => self.sight(at_ns, name, sensors),
             (AnyMessage::About(about), Some(name)) => {
-                self.drawn(name)?.car = Car::of_about(about).ok();
+                if let Ok(car) = Car::of_about(about)
+                    && (self.cars.len() < MOST_ROBOTS || self.cars.contains_key(name))
+                {
+                    self.cars.insert(name.clone(), car);
+                }
                 None
             }
             (AnyMessage::Map(map), None) => Some(SceneUpdate {
@@ -80,12 +77,18 @@ impl Painter {
         self.robots.clear();
     }
 
+    /// An XTB's, of a robot that has not said what car it is.
+    fn car(&self, name: &Name) -> Car {
+        self.cars.get(name).copied().unwrap_or_else(|| Car::of(&VehicleConfig::default()))
+    }
+
     fn drawn(&mut self, name: &Name) -> Option<&mut Drawn> {
         let room = self.robots.len() < MOST_ROBOTS || self.robots.contains_key(name);
         room.then(|| self.robots.entry(name.clone()).or_default())
     }
 
     fn truck(&mut self, at_ns: u64, name: &Name, state: &RobotState) -> Option<SceneUpdate> {
+        let car = self.car(name);
         let drawn = self.drawn(name)?;
         drawn.pose = Some(state.pose);
         let soon = |last_ns: u64| at_ns.saturating_sub(last_ns) < TRUCK_EVERY_NS;
@@ -94,10 +97,8 @@ impl Painter {
         }
         drawn.truck_ns = Some(at_ns);
         let at = Time::of_ns(at_ns);
-        let mut update = SceneUpdate {
-            deletions: Vec::new(),
-            entities: vec![parts::truck(at, name, &drawn.car(), state)],
-        };
+        let mut update =
+            SceneUpdate { deletions: Vec::new(), entities: vec![parts::truck(at, name, &car, state)] };
         let goal = state.goal.as_ref().filter(|goal| !goal.status.is_final());
         let route = state.nav.route.as_ref().filter(|_| goal.is_some());
         let release_mm = |release_m: f64| (release_m * 1000.0).max(0.0) as u64;
@@ -116,8 +117,9 @@ impl Painter {
     }
 
     fn sight(&mut self, at_ns: u64, name: &Name, sensors: &Sensors) -> Option<SceneUpdate> {
-        let drawn = self.drawn(name)?;
-        let entity = parts::sight(Time::of_ns(at_ns), name, &drawn.car(), &drawn.pose?, sensors);
+        let car = self.car(name);
+        let pose = self.drawn(name)?.pose?;
+        let entity = parts::sight(Time::of_ns(at_ns), name, &car, &pose, sensors);
         Some(SceneUpdate { deletions: Vec::new(), entities: vec![entity] })
     }
 

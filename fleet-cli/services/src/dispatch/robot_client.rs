@@ -19,6 +19,10 @@ const NEWS: usize = 2048;
 /// An answer is waited for this long; the same request is asked again before that.
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 
+/// A factsheet that does not come is asked for again so often, and this much later.
+const FACTSHEET_TRIES: u32 = 5;
+const FACTSHEET_AGAIN: Duration = Duration::from_secs(2);
+
 /// What a robot answered.
 pub(super) enum News {
     /// To a request.
@@ -66,10 +70,13 @@ impl Fleet {
     pub(super) fn meet(&self, robot: Name) {
         let (client, news) = (self.client.clone(), self.news.clone());
         tokio::spawn(async move {
-            match client.about(&robot).await {
-                Ok(Some(about)) => drop(news.try_send(News::Met(robot, Box::new(about)))),
-                Ok(None) => tracing::debug!("no factsheet from {robot}"),
-                Err(failure) => tracing::debug!("{robot}: {failure}"),
+            for _ in 0..FACTSHEET_TRIES {
+                match client.about(&robot).await {
+                    Ok(Some(about)) => return drop(news.try_send(News::Met(robot, Box::new(about)))),
+                    Ok(None) => tracing::debug!("no factsheet from {robot}"),
+                    Err(failure) => tracing::debug!("{robot}: {failure}"),
+                }
+                tokio::time::sleep(FACTSHEET_AGAIN).await;
             }
         });
     }

@@ -30,7 +30,7 @@ pub(super) enum Verdict {
 /// What a reason is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum ErrorKind {
+pub(super) enum Kind {
     /// Whether it can be heard.
     Link,
     /// A latched stop.
@@ -53,7 +53,7 @@ pub(super) enum ErrorKind {
     Battery,
 }
 
-impl ErrorKind {
+impl Kind {
     /// What stands before its lines.
     pub(super) fn label(self) -> &'static str {
         match self {
@@ -75,7 +75,7 @@ impl ErrorKind {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Reason {
     /// What it is about.
-    pub(super) kind: ErrorKind,
+    pub(super) kind: Kind,
     /// The protocol's name, where it has one.
     pub(super) name: Option<String>,
     /// In words.
@@ -89,13 +89,13 @@ pub(super) struct Reason {
 }
 
 impl Reason {
-    fn new(kind: ErrorKind, text: impl Into<String>) -> Self {
+    fn new(kind: Kind, text: impl Into<String>) -> Self {
         Self { kind, name: None, text: text.into(), age_ms: None, todo: None, hinders: false }
     }
 
     pub(super) fn tone(&self) -> Tone {
         match (self.kind, self.hinders) {
-            (ErrorKind::Latch | ErrorKind::Fault | ErrorKind::Link, true) => Tone::Bad,
+            (Kind::Latch | Kind::Fault | Kind::Link, true) => Tone::Bad,
             (_, true) => Tone::Warning,
             (_, false) => Tone::Plain,
         }
@@ -125,7 +125,7 @@ impl Why {
     /// Beside a dispatcher that has suspended this.
     pub(super) fn beside(mut self, suspended: &[Suspension]) -> Self {
         if self.verdict == Verdict::Stands {
-            let after = self.reasons.iter().take_while(|reason| reason.kind <= ErrorKind::Goal).count();
+            let after = self.reasons.iter().take_while(|reason| reason.kind <= Kind::Goal).count();
             self.reasons.splice(after..after, suspended.iter().map(tasks));
         }
         self
@@ -178,7 +178,7 @@ fn unknown(robot: &RobotView) -> (Verdict, String, Vec<Reason>) {
         todo: Some(todo.to_owned()),
         hinders: true,
         age_ms: robot.age_ms,
-        ..Reason::new(ErrorKind::Link, text)
+        ..Reason::new(Kind::Link, text)
     };
     (Verdict::Unknown, headline, vec![reason])
 }
@@ -207,7 +207,7 @@ fn known(robot: &RobotView, state: &RobotState) -> (Verdict, String, Vec<Reason>
 
 fn tasks(suspension: &Suspension) -> Reason {
     let todo = Some(suspension.cause.remedy().to_owned());
-    Reason { todo, hinders: true, ..Reason::new(ErrorKind::Tasks, suspension.text()) }
+    Reason { todo, hinders: true, ..Reason::new(Kind::Tasks, suspension.text()) }
 }
 
 fn latches(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
@@ -220,7 +220,7 @@ fn latches(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
             age_ms: Some(set.age_ms),
             todo: Some(set.remedy(state)),
             hinders: true,
-            ..Reason::new(ErrorKind::Latch, text)
+            ..Reason::new(Kind::Latch, text)
         }
     })
 }
@@ -234,7 +234,7 @@ fn faults(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
             age_ms: Some(broken.age_ms),
             todo: Some(broken.fault.remedy().to_owned()),
             hinders: true,
-            ..Reason::new(ErrorKind::Fault, text)
+            ..Reason::new(Kind::Fault, text)
         }
     })
 }
@@ -271,7 +271,7 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
                 reason.remedy().map(|remedy| for_robot(remedy, &state.robot))
             },
             hinders: !passes(reason),
-            ..Reason::new(ErrorKind::Stop, format!("{words}{last}"))
+            ..Reason::new(Kind::Stop, format!("{words}{last}"))
         }
     })
 }
@@ -297,22 +297,22 @@ fn may(state: &RobotState) -> Reason {
     let holder =
         || state.lease.as_ref().map_or_else(|| "unknown".to_owned(), |lease| lease.holder.to_string());
     match state.mode {
-        Mode::Manual => Reason::new(ErrorKind::May, "driven by the R/C transmitter"),
+        Mode::Manual => Reason::new(Kind::May, "driven by the R/C transmitter"),
         Mode::Teleop => {
             let setpoint = state.input_age_ms.setpoint;
             let last = setpoint.map_or_else(|| "unknown".to_owned(), |ms| format!("{} ago", age(ms)));
             Reason {
                 age_ms: setpoint,
-                ..Reason::new(ErrorKind::May, format!("driven by hand by {}, last setpoint {last}", holder()))
+                ..Reason::new(Kind::May, format!("driven by hand by {}, last setpoint {last}", holder()))
             }
         }
         Mode::Goto | Mode::Wander => {
             let by = state.goal.as_ref().map_or_else(holder, |goal| goal.by.to_string());
-            Reason::new(ErrorKind::May, format!("goal of {by}, see below"))
+            Reason::new(Kind::May, format!("goal of {by}, see below"))
         }
         Mode::Idle | Mode::Fault => {
             let todo = format!("`fleet-cli stop {}`, then check its motor", state.robot);
-            Reason { todo: Some(todo), hinders: true, ..Reason::new(ErrorKind::May, "no known reason") }
+            Reason { todo: Some(todo), hinders: true, ..Reason::new(Kind::May, "no known reason") }
         }
     }
 }
@@ -337,19 +337,19 @@ fn goal(state: &RobotState) -> Option<Reason> {
         age_ms: Some(goal.age_ms),
         todo,
         hinders: goal.status == GoalStatus::Blocked,
-        ..Reason::new(ErrorKind::Goal, describe::goal_in_full(goal))
+        ..Reason::new(Kind::Goal, describe::goal_in_full(goal))
     })
 }
 
 fn lease(state: &RobotState) -> Reason {
     match &state.lease {
-        None => Reason::new(ErrorKind::Lease, "none: no client has control"),
+        None => Reason::new(Kind::Lease, "none: no client has control"),
         Some(lease) => {
             let text = format!("{} has control, heard {} ago", lease.holder, age(lease.age_ms));
             Reason {
                 age_ms: Some(lease.age_ms),
                 todo: Some("other clients need --take".to_owned()),
-                ..Reason::new(ErrorKind::Lease, text)
+                ..Reason::new(Kind::Lease, text)
             }
         }
     }
@@ -372,11 +372,11 @@ fn inputs(state: &RobotState) -> Vec<Reason> {
                 age_ms: ms,
                 todo: Some(fault.remedy().to_owned()),
                 hinders: true,
-                ..Reason::new(ErrorKind::Inputs, format!("no data from the {name}, last: {heard}"))
+                ..Reason::new(Kind::Inputs, format!("no data from the {name}, last: {heard}"))
             }
         })
         .collect();
-    reasons.push(Reason::new(ErrorKind::Inputs, describe::inputs(state)));
+    reasons.push(Reason::new(Kind::Inputs, describe::inputs(state)));
     reasons
 }
 
@@ -393,7 +393,7 @@ fn battery(state: &RobotState) -> Reason {
         name: Some(reasons::name(&state.battery_level)),
         todo: todo.map(str::to_owned),
         hinders,
-        ..Reason::new(ErrorKind::Battery, describe::battery(state))
+        ..Reason::new(Kind::Battery, describe::battery(state))
     }
 }
 

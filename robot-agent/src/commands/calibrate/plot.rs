@@ -116,7 +116,9 @@ fn around(values: impl Iterator<Item = f64>) -> Range<f64> {
     let values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     let Range { start, end } = fitting_range(&values);
     let room = if start < end { ROOM * (end - start) } else { 1.0 };
-    start - room..end + room
+    let range = start - room..end + room;
+    // Readings that no instrument gives: plotters' ticks need finite ends.
+    if (range.end - range.start).is_finite() { range } else { -1.0..1.0 }
 }
 
 /// A round number, without what a sum of steps adds to it.

@@ -11,7 +11,7 @@ fn view(state: RobotState) -> RobotView {
     RobotView { name, alive: true, state: Some(state), age_ms: Some(30), tags: Vec::new(), start_pose: None }
 }
 
-fn kinds(why: &Why) -> Vec<ErrorKind> {
+fn kinds(why: &Why) -> Vec<Kind> {
     why.reasons.iter().map(|reason| reason.kind).collect()
 }
 
@@ -34,14 +34,14 @@ fn a_standstill_is_explained_from_latch_to_battery_each_with_what_to_do() {
     let why = explain(&view(state));
     assert_eq!(why.verdict, Verdict::Stands);
     let order = [
-        ErrorKind::Latch,
-        ErrorKind::Fault,
-        ErrorKind::Stop,
-        ErrorKind::Goal,
-        ErrorKind::Lease,
-        ErrorKind::Inputs,
-        ErrorKind::Inputs,
-        ErrorKind::Battery,
+        Kind::Latch,
+        Kind::Fault,
+        Kind::Stop,
+        Kind::Goal,
+        Kind::Lease,
+        Kind::Inputs,
+        Kind::Inputs,
+        Kind::Battery,
     ];
     assert_eq!(kinds(&why), order);
     let todo = |i: usize| why.reasons[i].todo.as_deref().unwrap();
@@ -63,10 +63,7 @@ fn a_driving_robot_says_what_allows_it() {
     let state = RobotState { mode: Mode::Goto, goal: Some(goal), ..fake::state("xtb-1") };
     let why = explain(&view(state.clone()));
     assert_eq!(why.verdict, Verdict::Drives);
-    assert_eq!(
-        kinds(&why),
-        [ErrorKind::May, ErrorKind::Goal, ErrorKind::Lease, ErrorKind::Inputs, ErrorKind::Battery]
-    );
+    assert_eq!(kinds(&why), [Kind::May, Kind::Goal, Kind::Lease, Kind::Inputs, Kind::Battery]);
     assert!(why.reasons[0].text.starts_with("goal of me"), "{}", why.reasons[0].text);
     assert!(why.reasons[1].text.contains("continues without its client"), "{}", why.reasons[1].text);
     let coasting = RobotState { stopped_because: vec![StopReason::Coasting], ..state };
@@ -136,7 +133,7 @@ fn a_robot_that_stands_beside_a_suspended_dispatcher_has_that_for_a_reason() {
     let suspended = [Suspension { cause, since_ms: 0, tasks: 2 }];
     let state = RobotState { stopped_because: vec![StopReason::NoCommand], ..fake::state("xtb-1") };
     let why = explain(&view(state)).beside(&suspended);
-    let reason = why.reasons.iter().find(|reason| reason.kind == ErrorKind::Tasks).unwrap();
+    let reason = why.reasons.iter().find(|reason| reason.kind == Kind::Tasks).unwrap();
     assert!(reason.text.contains("emergency stop of all robots; 2 open tasks wait"), "{}", reason.text);
     assert!(reason.todo.as_ref().unwrap().contains("dispatch activate"));
 }
