@@ -12,6 +12,8 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::{Duration, Instant};
 use xtb_recording::files;
 
 /// Of the file beside a ledger: its process and its mark.
@@ -19,6 +21,10 @@ const MOST_BYTES: usize = 128;
 
 /// Where the second line begins: after `pid 4294967295\n`.
 const MARK_AT: u64 = 15;
+
+/// The system may take this long to give back the lock of a process that is gone.
+const RELEASED_WITHIN: Duration = Duration::from_millis(200);
+const LOOK_AGAIN: Duration = Duration::from_millis(5);
 
 /// The right to write a ledger, until it is dropped.
 #[derive(Debug)]
@@ -38,16 +44,32 @@ pub(super) fn beside(ledger: &Path, end: &str) -> PathBuf {
     path.into()
 }
 
+impl Drop for Holder {
+    /// A process that is just being started beside this one has the same file open until it is itself: closing
+    /// the file would not give the lock back before that.
+    fn drop(&mut self) {
+        if let Err(error) = self.file.unlock() {
+            tracing::warn!("the ledger's lock: {error}");
+        }
+    }
+}
+
 impl Holder {
     /// Takes the ledger, and says what was acknowledged last, if that is known.
     pub(super) fn take(ledger: &Path) -> Result<(Self, Option<u64>), Fault> {
         let path = lock_path(ledger);
         let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
         let file = open.map_err(|error| Fault::io("opening the lock file", error))?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(Fault::Held { pid: pid(&text(&file)) }),
-            Err(TryLockError::Error(error)) => return Err(Fault::io("locking", error)),
+        let asked = Instant::now();
+        loop {
+            match file.try_lock() {
+                Ok(()) => break,
+                Err(TryLockError::WouldBlock) if asked.elapsed() < RELEASED_WITHIN => {
+                    thread::sleep(LOOK_AGAIN)
+                }
+                Err(TryLockError::WouldBlock) => return Err(Fault::Held { pid: pid(&text(&file)) }),
+                Err(TryLockError::Error(error)) => return Err(Fault::io("locking", error)),
+            }
         }
         let mark = mark(&text(&file));
         let line = format!("pid {:<10}\n", std::process::id());
