@@ -92,13 +92,19 @@ pub async fn three_kinds(goals: usize, seed: u64, speed: f64) -> Drives {
 async fn one(client: Client, index: usize, floor: Arc<(Grid, Clearance)>, shared: Arc<Mutex<Shared>>) {
     let robot: Name = name(&format!("xtb-{}", index + 1));
     let control = Control::acquire(&client, &robot, false).await.unwrap_or_else(|error| panic!("{error}"));
+    let mut from = "its start".to_owned();
     while let Some([x_m, y_m]) = next_goal(&floor, &shared, index) {
         let request = GoalRequest { on_link_loss: LinkLoss::Finish, ..GoalRequest::to(x_m, y_m) };
         let end = drive(&client, &control, &request).await.map(|end| (end.status, end.reason));
         let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
         match end {
-            Ok((GoalStatus::Reached, _)) => shared.drives.reached += 1,
-            other => shared.drives.failed.push(format!("{robot} to ({x_m:.2}, {y_m:.2}): {other:?}")),
+            Ok((GoalStatus::Reached, _)) => {
+                shared.drives.reached += 1;
+                from = format!("({x_m:.2}, {y_m:.2})");
+            }
+            other => {
+                shared.drives.failed.push(format!("{robot} from {from} to ({x_m:.2}, {y_m:.2}): {other:?}"));
+            }
         }
     }
     control.release().await;
