@@ -14,6 +14,7 @@ use xtb_protocol::messages::{GoalStatus, LinkLoss};
 use xtb_services::traffic::TrafficService;
 use xtb_sim::World;
 use xtb_sim::fixes::FixTruth;
+use xtb_simulator::TruthView;
 
 /// From a goal to anything on the map at least, in m: the largest of the three can stand there anyhow.
 const ROOM_M: f64 = 0.6;
@@ -77,7 +78,8 @@ pub async fn three_kinds(goals: usize, seed: u64, speed: f64) -> Drives {
     let shared = Arc::new(Mutex::new(shared));
     let mut driving = JoinSet::new();
     for index in 0..3 {
-        driving.spawn(one(client.clone(), index, Arc::clone(&floor), Arc::clone(&shared)));
+        let truth = fleet.simulator.truth().clone();
+        driving.spawn(one(client.clone(), truth, index, Arc::clone(&floor), Arc::clone(&shared)));
     }
     driving.join_all().await;
     let mut drives = std::mem::take(&mut shared.lock().unwrap_or_else(PoisonError::into_inner).drives);
@@ -89,7 +91,13 @@ pub async fn three_kinds(goals: usize, seed: u64, speed: f64) -> Drives {
 }
 
 /// One robot's goals, until none are left.
-async fn one(client: Client, index: usize, floor: Arc<(Grid, Clearance)>, shared: Arc<Mutex<Shared>>) {
+async fn one(
+    client: Client,
+    truth: TruthView,
+    index: usize,
+    floor: Arc<(Grid, Clearance)>,
+    shared: Arc<Mutex<Shared>>,
+) {
     let robot: Name = name(&format!("xtb-{}", index + 1));
     let control = Control::acquire(&client, &robot, false).await.unwrap_or_else(|error| panic!("{error}"));
     let mut from = "its start".to_owned();
@@ -103,6 +111,10 @@ async fn one(client: Client, index: usize, floor: Arc<(Grid, Clearance)>, shared
                 from = format!("({x_m:.2}, {y_m:.2})");
             }
             other => {
+                let truck = truth.latest().robots[&robot];
+                let at = [truck.x_m, truck.y_m, truck.yaw_rad.to_degrees()]
+                    .map(|value| (value * 100.0).round() / 100.0);
+                let from = format!("{from}, at {at:?}");
                 shared.drives.failed.push(format!("{robot} from {from} to ({x_m:.2}, {y_m:.2}): {other:?}"));
             }
         }

@@ -169,6 +169,24 @@ fn where_all_doors_lead_the_other_way_there_is_no_way() {
     assert_eq!(reason.as_deref(), Some("no path on the map"));
 }
 
+/// Ahead there is the wall, astern would be against the lane: a trap that the map's own rules make.
+#[test]
+fn who_stands_across_a_one_way_lane_before_its_wall_gets_out_only_without_the_lane() {
+    let reason = |zones: Vec<Zone>| {
+        let map = Map::new("lane", toy::floor(8.0, 8.0, &[]), zones).unwrap();
+        let across = pose(0.58, 4.0, 2.53);
+        let mut world = World::new(GridRoom::of(&map), &[across], 1, Trouble::SOME, no_clock);
+        world.send_to(0, [6.0, 4.0], None);
+        let arrived = world.run(60.0);
+        (arrived, world.toys[0].says.as_ref().and_then(|guide| guide.reason.clone()))
+    };
+    let corners = vec![[0.0, 0.0], [1.2, 0.0], [1.2, 8.0], [0.0, 8.0]];
+    let kind = ZoneKind::OneWay { heading_rad: std::f64::consts::FRAC_PI_2 };
+    let lane = Zone::new("west lane", kind, corners).unwrap();
+    assert_eq!(reason(vec![lane]), (false, Some("no path on the map".to_owned())));
+    assert!(reason(Vec::new()).0);
+}
+
 #[test]
 fn with_one_dead_in_the_doorway_the_rest_arrive_or_name_it() {
     for (seed, door_m) in [(1, 1.2), (2, 2.0)] {
