@@ -1,6 +1,7 @@
-//! Rectangles and discs: how far apart they are, standing and on the move.
+//! Bodies of cars: where they are, and whether they stay apart on the move.
 
 use super::motion::Spot;
+use xtb_nav::geometry::Rect;
 use xtb_nav::{Car, Piece};
 
 /// Part of a step below which two moments count as the same; chosen, not measured.
@@ -19,17 +20,6 @@ pub(crate) struct Body {
     pub(crate) reach: f64,
     /// From the reference point to the end that is farther away.
     far: f64,
-}
-
-/// A rectangle somewhere.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Placed {
-    pub(crate) x: f64,
-    pub(crate) y: f64,
-    pub(crate) cos: f64,
-    pub(crate) sin: f64,
-    pub(crate) half_length: f64,
-    pub(crate) half_width: f64,
 }
 
 impl Body {
@@ -55,10 +45,9 @@ impl Body {
     }
 
     #[inline]
-    pub(crate) fn at(&self, spot: &Spot) -> Placed {
-        let [x, y] = self.centre(spot);
-        let Self { half_length, half_width, .. } = *self;
-        Placed { x, y, cos: spot.cos, sin: spot.sin, half_length, half_width }
+    pub(crate) fn at(&self, spot: &Spot) -> Rect {
+        let half = [self.half_length, self.half_width];
+        Rect::from_parts(self.centre(spot), (spot.sin, spot.cos), half, self.reach)
     }
 
     /// Longest way of any point of the body on this piece.
@@ -67,38 +56,6 @@ impl Body {
         let bend = piece.curvature_per_m.abs();
         let (across, along) = (1.0 + bend * self.half_width, bend * self.far);
         piece.length_m.abs() * (across * across + along * along).sqrt()
-    }
-}
-
-impl Placed {
-    /// How far two rectangles are apart along the axis that separates them best; never more than their
-    /// distance, negative where they overlap.
-    #[inline]
-    pub(crate) fn gap(&self, other: &Self) -> f64 {
-        let (dx, dy) = (other.x - self.x, other.y - self.y);
-        let cos = (self.cos * other.cos + self.sin * other.sin).abs();
-        let sin = (self.sin * other.cos - self.cos * other.sin).abs();
-        let (a, b) = (self, other);
-        let ahead =
-            (dx * a.cos + dy * a.sin).abs() - (a.half_length + b.half_length * cos + b.half_width * sin);
-        let aside =
-            (dy * a.cos - dx * a.sin).abs() - (a.half_width + b.half_length * sin + b.half_width * cos);
-        let there =
-            (dx * b.cos + dy * b.sin).abs() - (b.half_length + a.half_length * cos + a.half_width * sin);
-        let beside =
-            (dy * b.cos - dx * b.sin).abs() - (b.half_width + a.half_length * sin + a.half_width * cos);
-        ahead.max(aside).max(there.max(beside))
-    }
-
-    /// How far the rim of a disc is away; negative inside.
-    #[inline]
-    pub(crate) fn gap_to_disc(&self, x: f64, y: f64, radius: f64) -> f64 {
-        let (dx, dy) = (x - self.x, y - self.y);
-        let ahead = (dx * self.cos + dy * self.sin).abs() - self.half_length;
-        let aside = (dy * self.cos - dx * self.sin).abs() - self.half_width;
-        let (out_ahead, out_aside) = (ahead.max(0.0), aside.max(0.0));
-        let outside = (out_ahead * out_ahead + out_aside * out_aside).sqrt();
-        if outside > 0.0 { outside - radius } else { ahead.max(aside) - radius }
     }
 }
 
@@ -130,7 +87,7 @@ pub(crate) fn pass(a: (&Body, &Spot, &Piece), b: (&Body, &Spot, &Piece), margin:
         return true;
     }
     stays_clear(way, margin, |fraction| {
-        a.0.at(&a.1.after(a.2, fraction)).gap(&b.0.at(&b.1.after(b.2, fraction)))
+        a.0.at(&a.1.after(a.2, fraction)).gap_m(&b.0.at(&b.1.after(b.2, fraction)))
     })
 }
 
@@ -147,7 +104,7 @@ pub(crate) fn never_meet(a: (&Body, &Spot, &Piece), b: (&Body, &Spot, &Piece), m
     let between = way / f64::from(2 * LOOKS);
     (0..=looks).all(|look| {
         let mine = a.0.at(&a.1.after(a.2, f64::from(look) / f64::from(LOOKS)));
-        stays_clear(their_way, margin + between, |fraction| mine.gap(&b.0.at(&b.1.after(b.2, fraction))))
+        stays_clear(their_way, margin + between, |fraction| mine.gap_m(&b.0.at(&b.1.after(b.2, fraction))))
     })
 }
 
@@ -156,20 +113,16 @@ mod tests {
     use super::*;
     use xtb_nav::MapPose;
 
-    const CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
-
     fn spot(x_m: f64, y_m: f64, yaw_rad: f64) -> Spot {
         Spot::new(&MapPose { x_m, y_m, yaw_rad })
     }
 
     #[test]
-    fn a_gap_is_negative_exactly_where_the_cars_overlap() {
-        let (body, here) = (Body::new(&CAR), spot(0.0, 0.0, 0.3));
+    fn at_a_spot_a_body_is_what_it_is_at_its_pose() {
+        let car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
         for step in 0..400 {
-            let there =
-                spot(f64::from(step % 20) * 0.5 - 5.0, f64::from(step / 20) * 0.5 - 5.0, f64::from(step));
-            let overlap = CAR.overlaps(&here.pose(), &CAR, &there.pose());
-            assert_eq!(body.at(&here).gap(&body.at(&there)) < 0.0, overlap, "{there:?}");
+            let pose = MapPose { x_m: f64::from(step % 20), y_m: 3.7, yaw_rad: f64::from(step) * 0.1 };
+            assert_eq!(Body::new(&car).at(&Spot::new(&pose)), Rect::body(&car, &pose));
         }
     }
 
@@ -181,12 +134,5 @@ mod tests {
         assert!(!pass((&body, &a, &ahead), (&body, &b, &ahead), 0.01));
         let beside = spot(2.0, 0.5, std::f64::consts::PI);
         assert!(pass((&body, &a, &ahead), (&body, &beside, &ahead), 0.01));
-    }
-
-    #[test]
-    fn a_disc_is_as_far_as_its_rim() {
-        let placed = Body::new(&CAR).at(&spot(0.0, 0.0, 0.0));
-        assert!((placed.gap_to_disc(5.0, 5.0, 0.8) - (5.0 - 0.8)).abs() < 1e-12);
-        assert!(placed.gap_to_disc(0.5, 0.5, 0.8) < -0.8);
     }
 }

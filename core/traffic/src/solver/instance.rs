@@ -108,7 +108,7 @@ fn car_margins(problem: &Problem, bodies: &[Body], places: &[Places]) -> Vec<f64
     for a in 0..count {
         for b in 0..a {
             let gap = |at: &MapPose, there: &MapPose| {
-                bodies[b].at(&Spot::new(at)).gap(&bodies[a].at(&Spot::new(there)))
+                bodies[b].at(&Spot::new(at)).gap_m(&bodies[a].at(&Spot::new(there)))
             };
             let (first, second) = (&places[b], &places[a]);
             // A start may lie on another's goal: these two are not taken at the same time then.

@@ -1,11 +1,12 @@
 //! What stands: obstacles sorted into squares, so that a car looks only at those near it.
 
-use super::body::{Body, Placed, stays_clear};
+use super::body::{Body, stays_clear};
 use super::lattice::Lattice;
 use super::motion::Spot;
 use super::problem::{Bounds, Obstacle, Problem};
 use std::sync::Arc;
 use xtb_nav::Piece;
+use xtb_nav::geometry::Rect;
 use xtb_nav::planner::space::OneWay;
 
 /// Moments of a step at which a reference point must be within the bounds; chosen, not measured.
@@ -33,7 +34,7 @@ impl Keep {
 #[derive(Debug, Clone, Copy)]
 enum Solid {
     Disc { x: f64, y: f64, radius: f64 },
-    Box(Placed),
+    Box(Rect),
 }
 
 /// Obstacles and bounds.
@@ -127,8 +128,8 @@ impl ObstacleIndex {
 
     /// Gaps between a standing body and the obstacles near it.
     pub(crate) fn gaps(&self, body: &Body, spot: &Spot) -> impl Iterator<Item = (f64, usize)> {
-        let placed = body.at(spot);
-        self.around(spot).iter().map(move |&index| (self.solids[index as usize].gap(&placed), index as usize))
+        let body = body.at(spot);
+        self.around(spot).iter().map(move |&index| (self.solids[index as usize].gap(&body), index as usize))
     }
 
     /// The least of them.
@@ -147,9 +148,9 @@ impl Solid {
         match *obstacle {
             Obstacle::Disc { x_m, y_m, radius_m } => Self::Disc { x: x_m, y: y_m, radius: radius_m },
             Obstacle::Box { middle, half_length_m, half_width_m } => {
-                let (sin, cos) = libm::sincos(middle.yaw_rad);
-                let (half_length, half_width) = (half_length_m, half_width_m);
-                Self::Box(Placed { x: middle.x_m, y: middle.y_m, cos, sin, half_length, half_width })
+                let (middle_m, half_m) = ([middle.x_m, middle.y_m], [half_length_m, half_width_m]);
+                let sin_cos = libm::sincos(middle.yaw_rad);
+                Self::Box(Rect::from_parts(middle_m, sin_cos, half_m, obstacle.reach_m()))
             }
         }
     }
@@ -157,27 +158,20 @@ impl Solid {
     /// Whether the whole of it is farther than this from a point.
     #[inline]
     fn beyond(&self, [x, y]: [f64; 2], distance: f64) -> bool {
-        let (dx, dy, reach) = match self {
-            Self::Disc { x: at_x, y: at_y, radius } => (at_x - x, at_y - y, *radius),
-            Self::Box(placed) => {
-                let (dx, dy) = (x - placed.x, y - placed.y);
-                // In the box's own frame, from its outline.
-                (
-                    ((dx * placed.cos + dy * placed.sin).abs() - placed.half_length).max(0.0),
-                    ((dy * placed.cos - dx * placed.sin).abs() - placed.half_width).max(0.0),
-                    0.0,
-                )
+        match self {
+            Self::Disc { x: at_x, y: at_y, radius } => {
+                let (dx, dy, far) = (at_x - x, at_y - y, distance + radius);
+                dx * dx + dy * dy > far * far
             }
-        };
-        let far = distance + reach;
-        dx * dx + dy * dy > far * far
+            Self::Box(solid) => solid.is_farther(x, y, distance),
+        }
     }
 
     #[inline]
-    fn gap(&self, placed: &Placed) -> f64 {
+    fn gap(&self, body: &Rect) -> f64 {
         match self {
-            Self::Disc { x, y, radius } => placed.gap_to_disc(*x, *y, *radius),
-            Self::Box(solid) => placed.gap(solid),
+            Self::Disc { x, y, radius } => body.gap_to_disc_m(*x, *y, *radius),
+            Self::Box(solid) => body.gap_m(solid),
         }
     }
 }

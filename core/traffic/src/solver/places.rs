@@ -72,7 +72,7 @@ fn each(
             }
             let body = bodies[car].at(&Spot::new(&pose));
             let overlaps = |other: &usize| {
-                *other != car && body.gap(&bodies[*other].at(&Spot::new(&poses[*other]))) < -touch
+                *other != car && body.gap_m(&bodies[*other].at(&Spot::new(&poses[*other]))) < -touch
             };
             let second =
                 (0..poses.len()).find(overlaps).map_or_else(String::new, |i| problem.cars[i].name.clone());
@@ -88,7 +88,7 @@ fn gap(obstacles: &ObstacleIndex, bodies: &[Body], poses: &[MapPose], car: usize
     let spot = Spot::new(pose);
     let body = bodies[car].at(&spot);
     let others = poses.iter().zip(bodies).enumerate().filter(|(other, _)| *other != car);
-    let cars = others.map(|(_, (there, other))| body.gap(&other.at(&Spot::new(there))));
+    let cars = others.map(|(_, (there, other))| body.gap_m(&other.at(&Spot::new(there))));
     let solids = obstacles.nearest(&bodies[car], &spot).map_or(f64::MAX, |(apart, _)| apart);
     cars.fold(solids, f64::min)
 }
