@@ -78,6 +78,12 @@ pub(crate) fn json_line(value: &impl Serialize) -> Result<String> {
     Ok(text::escaped_json(&line).into_owned())
 }
 
+/// The width of the terminal to which results go; `None` = they go elsewhere, or the width is unknown.
+pub(crate) fn terminal_columns() -> Option<usize> {
+    let (columns, _) = std::io::stdout().is_terminal().then(crossterm::terminal::size)?.ok()?;
+    (columns > 0).then_some(usize::from(columns))
+}
+
 /// Where and how results are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Output {

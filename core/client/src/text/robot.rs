@@ -112,13 +112,20 @@ pub fn lease_with_age(state: &RobotState) -> String {
 
 /// The goal, how it stands, and what is left to go.
 pub fn goal(goal: &GoalState) -> String {
-    let mut text = reasons::name(&goal.status);
+    goal_with(goal, &goal_point(goal))
+}
+
+/// Where the goal is, or what kind of goal it is.
+pub fn goal_point(goal: &GoalState) -> String {
     match (goal.kind, goal.x_m, goal.y_m) {
-        (GoalKind::Goto, Some(x_m), Some(y_m)) => {
-            text.push_str(&format!(" ({}, {})", fixed(x_m, 2), fixed(y_m, 2)));
-        }
-        (kind, ..) => text.push_str(&format!(" ({})", reasons::name(&kind))),
+        (GoalKind::Goto, Some(x_m), Some(y_m)) => format!("{}, {}", fixed(x_m, 2), fixed(y_m, 2)),
+        (kind, ..) => reasons::name(&kind),
     }
+}
+
+/// As [`goal`], with other words for [`goal_point`]: where there is too little room for all of it.
+pub fn goal_with(goal: &GoalState, point: &str) -> String {
+    let mut text = format!("{} ({point})", reasons::name(&goal.status));
     if let Some(distance_m) = goal.distance_m.filter(|_| !goal.status.is_final()) {
         text.push_str(&format!(", {} m to go", fixed(distance_m, 2)));
     }

@@ -8,11 +8,11 @@ mod parts;
 mod walls;
 
 use super::well_known::{Log, Pose, PoseInFrame, SceneEntity, SceneEntityDeletion, SceneUpdate, Time};
-use serde::Serialize;
-use serde_json::Value;
 use std::collections::BTreeMap;
 use xtb_client::client::STALE;
 use xtb_client::messages::AnyMessage;
+use xtb_client::scene::MOST_ROBOTS;
+use xtb_client::text::reasons;
 use xtb_control::VehicleConfig;
 use xtb_nav::Car;
 use xtb_protocol::keys::{Channel, Key};
@@ -21,8 +21,6 @@ use xtb_protocol::{Name, Uuid};
 
 /// The frame that everything is in: x east, y north.
 pub const FRAME: &str = "map";
-/// Robots that are drawn: as many as screens show.
-const MOST_ROBOTS: usize = 256;
 /// A truck is drawn at most this often.
 const TRUCK_EVERY_NS: u64 = 100_000_000;
 /// A path is drawn when it or its release changes, and else this often.
@@ -183,15 +181,6 @@ pub fn log(at_ns: u64, key: &Key, news: &AnyMessage) -> Option<Log> {
     Some(Log { timestamp: Time::of_ns(at_ns), level, message, name, file: String::new(), line: 0 })
 }
 
-/// The name of a unit variant as it travels in JSON, such as `goal_reached`.
-fn named(value: &impl Serialize) -> String {
-    match serde_json::to_value(value) {
-        Ok(Value::String(name)) => name,
-        Ok(other) => other.to_string(),
-        Err(error) => error.to_string(),
-    }
-}
-
 fn because(reason: Option<&str>) -> String {
     reason.map_or_else(String::new, |reason| format!(": {reason}"))
 }
@@ -199,9 +188,11 @@ fn because(reason: Option<&str>) -> String {
 fn robot_line(event: &Event) -> (u8, String) {
     match &event.kind {
         EventKind::Started { version } => (INFO, format!("agent started, version {version}")),
-        EventKind::Mode { from, to } => (INFO, format!("mode {}, was {}", named(to), named(from))),
+        EventKind::Mode { from, to } => {
+            (INFO, format!("mode {}, was {}", reasons::name(to), reasons::name(from)))
+        }
         EventKind::Goal { id, status, reason } => {
-            (INFO, format!("goal {id} {}{}", named(status), because(reason.as_deref())))
+            (INFO, format!("goal {id} {}{}", reasons::name(status), because(reason.as_deref())))
         }
         EventKind::Lease { holder: Some(holder) } => (INFO, format!("{holder} has control")),
         EventKind::Lease { holder: None } => (INFO, "no client has control".to_owned()),
@@ -218,7 +209,7 @@ fn task_line(event: &TaskEvent) -> (u8, String) {
     let TaskEvent { task, step, .. } = event;
     let robot = step.robot.as_ref().map_or_else(String::new, |robot| format!(" on {robot}"));
     let reason = because(step.reason.as_deref());
-    (INFO, format!("task {task} {}{robot}{reason}", named(&step.state)))
+    (INFO, format!("task {task} {}{robot}{reason}", reasons::name(&step.state)))
 }
 
 #[cfg(test)]

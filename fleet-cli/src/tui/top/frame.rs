@@ -3,6 +3,7 @@
 use super::layout::{Areas, areas};
 use super::robot_view::{ShownRobot, Standing, age, sights};
 use super::*;
+use crate::text::width::text_width;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
@@ -11,10 +12,44 @@ use xtb_client::dispatcher_client::fleet_stop;
 
 /// Smaller than this there is no use.
 const SMALLEST: (u16, u16) = (20, 4);
-const HINTS: &str = "? keys  Tab robot  arrows Enter go  t drive  s S stop  e E E-STOP  x reset  q";
-const SHORT_HINTS: &str = "? keys  E E-STOP ALL  q quit";
-const PLAYING_HINTS: &str = "? keys  Tab robot  space pause  arrows seek  w why  v tasks  f follow  q quit";
-const READING_HINTS: &str = "? keys  Tab robot  w why  v tasks  f follow  +/- zoom  a all  q quit";
+/// Keys as they stand in the last line, each with its rank: without room for all, those with the highest ranks are
+/// left out.
+type Hints = &'static [(&'static str, u8)];
+const HINTS: Hints = &[
+    ("? keys", 3),
+    ("Tab robot", 5),
+    ("arrows cursor", 8),
+    ("Enter go", 4),
+    ("t drive", 6),
+    ("x reset", 7),
+    ("c cancel", 9),
+    ("w why", 10),
+    ("v tasks", 11),
+    ("s S stop", 2),
+    ("e E E-STOP", 0),
+    ("q quit", 1),
+];
+const PLAYING_HINTS: Hints = &[
+    ("? keys", 2),
+    ("Tab robot", 4),
+    ("space pause", 1),
+    ("arrows seek", 3),
+    ("w why", 5),
+    ("v tasks", 6),
+    ("f follow", 7),
+    ("q quit", 0),
+];
+const READING_HINTS: Hints = &[
+    ("? keys", 1),
+    ("Tab robot", 2),
+    ("w why", 3),
+    ("v tasks", 4),
+    ("f follow", 5),
+    ("+/- zoom", 6),
+    ("a all", 7),
+    ("q quit", 0),
+];
+const BETWEEN_HINTS: &str = "  ";
 
 impl Cockpit {
     /// Draws the fleet as it is at `now_ms`.
@@ -158,12 +193,22 @@ impl Cockpit {
         let hints = match (&self.playing, self.setup.read_only) {
             (Some(_), _) => PLAYING_HINTS,
             (_, Some(_)) => READING_HINTS,
-            _ if areas.keys.width < 70 => SHORT_HINTS,
             _ => HINTS,
         };
         let keys = Rect { x: areas.keys.x + 1, width: areas.keys.width.saturating_sub(1), ..areas.keys };
+        let hints = hints_within(hints, usize::from(keys.width));
         frame.render_widget(Line::styled(hints, look.tone(Tone::Dim)), keys);
     }
+}
+
+/// As many keys as fit into `room` columns, but at least one.
+fn hints_within(all: Hints, room: usize) -> String {
+    let first = |count: usize| {
+        let shown = all.iter().filter(|(_, rank)| usize::from(*rank) < count).map(|(text, _)| *text);
+        shown.collect::<Vec<_>>().join(BETWEEN_HINTS)
+    };
+    let fits = (2..=all.len()).rev().map(first).find(|text| text_width(text) <= room);
+    fits.unwrap_or_else(|| first(1))
 }
 
 fn play_words(playing: &Playing) -> String {

@@ -1,10 +1,11 @@
 //! What moves: a truck, its way, and what its range finders see.
 
-use super::{Time, entity, named};
+use super::{Time, entity};
 use crate::fleet::well_known::{
     ArrowPrimitive, Color, KeyValuePair, LinePrimitive, Point3, Pose, SceneEntity, SolidPrimitive, Span,
     TextPrimitive, Vector3,
 };
+use xtb_client::text::reasons;
 use xtb_nav::{Car, Path};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{GoalState, PoseState, RobotState, RouteState, Sensors};
@@ -60,7 +61,7 @@ pub(super) fn truck(at: Time, name: &Name, car: &Car, state: &RobotState) -> Sce
         () if state.stopped_because.is_empty() => DRIVES,
         () => STANDS,
     };
-    let why = state.stopped_because.first().map_or_else(|| named(&state.mode), named);
+    let why = state.stopped_because.first().map_or_else(|| reasons::name(&state.mode), reasons::name);
     let mut truck = entity(at, truck_id(name));
     truck.cubes.push(SolidPrimitive {
         pose: Pose::flat(x_m, y_m, HEIGHT_M / 2.0, yaw_rad),
@@ -71,7 +72,7 @@ pub(super) fn truck(at: Time, name: &Name, car: &Car, state: &RobotState) -> Sce
     truck.texts.push(text(Pose::flat(x_m, y_m, 2.0 * HEIGHT_M, 0.0), format!("{name}\n{why}")));
     let known = |value: Option<f64>| value.map_or_else(|| "unknown".to_owned(), |value| value.to_string());
     truck.metadata = vec![
-        pair("mode", named(&state.mode)),
+        pair("mode", reasons::name(&state.mode)),
         pair("speed_mps", known(state.speed_mps)),
         pair("battery_v", known(state.battery_v)),
         pair("sigma_m", state.pose.sigma_m.to_string()),

@@ -238,3 +238,41 @@ fn a_suspended_dispatcher_stands_in_the_title_and_says_what_ends_it() {
         shown[0]
     );
 }
+
+#[test]
+fn at_80_by_24_the_keys_and_the_goal_are_whole_or_end_in_an_ellipsis() {
+    let scene = fleet();
+    let shown = screen(&mut cockpit(), &scene, 80, 24);
+    let keys = " ? keys  Tab robot  Enter go  t drive  x reset  s S stop  e E E-STOP  q quit";
+    assert_eq!(shown[23].trim_end(), keys);
+    let goal = line(&shown, "m to go");
+    assert!(goal.trim_end().ends_with("goal    running (1.50, …), 1.50 m to go"), "{goal}");
+    let wide = screen(&mut cockpit(), &scene, 160, 50);
+    line(&wide, "goal    running (1.50, 3.00), 1.50 m to go");
+    for key in ["arrows cursor", "c cancel", "w why", "v tasks"] {
+        assert!(wide[49].contains(key), "{}", wide[49]);
+    }
+}
+
+#[test]
+fn stop_keys_and_quit_are_shown_at_every_width_that_has_room_for_them() {
+    let scene = fleet();
+    let playing = || {
+        let mut cockpit = with(Theme { color: true, ascii: false }, Some("playing a recording"));
+        cockpit.playing(Playing { at_s: 1.0, length_s: 60.0, speed: 1.0, stands: None });
+        cockpit
+    };
+    let reading = || with(Theme { color: true, ascii: false }, Some("--read-only"));
+    for width in [20, 30, 40, 69, 70, 79, 80, 120] {
+        let keys = |mut cockpit: Cockpit| screen(&mut cockpit, &scene, width, 24)[23].clone();
+        for (cockpit, needed) in [
+            (cockpit(), ["e E E-STOP", "q quit"]),
+            (playing(), ["space pause", "q quit"]),
+            (reading(), ["? keys", "q quit"]),
+        ] {
+            let shown = keys(cockpit);
+            assert!(needed.iter().all(|key| shown.contains(key)), "{width}: {shown}");
+        }
+        assert!(width < 30 || keys(cockpit()).contains("s S stop"), "{width}");
+    }
+}
