@@ -68,7 +68,7 @@ fn names_of_channels_that_fill_the_memory_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("names.mcap");
     let long = |i: usize| format!("xtb/lab/xtb-{i}/{}", "x".repeat(16 << 20));
-    recording(&path, (0..24).map(long), b"{}");
+    recording(&path, (0..6).map(long), b"{}");
     let bytes = fs::metadata(&path).unwrap().len();
     assert!(bytes < 200_000, "{bytes}");
     is_refused(&path, folder.path(), "bytes of a channel: ");

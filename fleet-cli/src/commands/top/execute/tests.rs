@@ -41,6 +41,7 @@ async fn a_robot_in_other_hands_is_taken_only_when_told_to() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_emergency_stop_of_all_names_who_has_not_answered() {
     let client = Client::alone(Duration::from_secs(1)).await;
+    let _other = client.another().await; // a session without any link waits a minute for one
     let there = FakeRobot::start(&client, "xtb-1").await;
     let silent = FakeRobot::start(&client, "xtb-2").await;
     silent.lock().mute = true;
