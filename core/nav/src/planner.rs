@@ -64,6 +64,8 @@ pub struct Planner {
     analytic: AnalyticExpansion,
     shortcuts: Shortcuts,
     goals: Vec<MapPose>,
+    /// Any heading will do from which the car can drive on.
+    drives_on: bool,
 }
 
 impl Planner {
@@ -157,6 +159,10 @@ impl Planner {
             let free =
                 others.into_iter().map(|yaw| goal.pose(yaw)).filter(|pose| space.standing(pose).is_none());
             self.goals.extend(free.take(if goal.yaw_rad.is_some() { 1 } else { usize::MAX }));
+        }
+        self.drives_on = goal.yaw_rad.is_none() && self.goals.iter().any(|pose| space.lets_drive_on(pose));
+        if self.drives_on {
+            self.goals.retain(|pose| space.lets_drive_on(pose));
         }
         match hit {
             Some(at) if self.goals.is_empty() => Err(match &at.what {
@@ -257,7 +263,8 @@ impl Planner {
     /// A path through a node, if it is at the goal, near the other tree, or a free curve leads to the other end.
     fn connect<S: Space>(&mut self, query: &Query<'_, S>, tree: usize, node: u32) -> Option<Path> {
         let pose = self.trees[tree].pose(node);
-        if tree == FORWARD && query.goal.met_by(&pose) {
+        let drives_on = !self.drives_on || pose == *query.start || query.space.lets_drive_on(&pose);
+        if tree == FORWARD && query.goal.met_by(&pose) && drives_on {
             return Some(self.joined(query.start, node, &[], None));
         }
         if let Some(met) = self.trees[1 - tree].near(&pose) {

@@ -144,6 +144,23 @@ fn a_goal_without_a_heading_is_no_longer_than_one_with_any() {
 }
 
 #[test]
+fn in_a_one_way_zone_a_goal_without_a_heading_is_not_ended_across_it() {
+    let grid = Grid::free(0.05, [0.0, 0.0], 80, 60).unwrap();
+    let north = vec![Some(std::f32::consts::FRAC_PI_2); 80 * 60];
+    let layers = Layers { one_way: Some(&north), ..Layers::map(&grid) };
+    let space = GridSpace::new(&layers, TRUCK, LookOut::OFF).unwrap();
+    let free = Goal { yaw_rad: None, tolerance_m: 0.05, ..Goal::exactly(&at(3.0, 1.5, 0.0)) };
+    for yaw_rad in [0.0, 0.5, 3.0] {
+        let start = at(1.0, 1.0, yaw_rad);
+        let end = plan(&space, &start, &free).unwrap().path.end();
+        assert!(end.yaw_rad.sin().abs() > 0.7, "from {yaw_rad} it ends across: {end:?}");
+        // Whoever is there already stays.
+        let there = at(3.0, 1.5, yaw_rad);
+        assert_eq!(plan(&space, &there, &free).unwrap().path.length_m(), 0.0);
+    }
+}
+
+#[test]
 fn a_car_with_its_nose_at_a_wall_backs_off_first() {
     let space = on(&divided(20..45), LookOut::TRUCK);
     let start = at(1.7, 0.6, 0.0);

@@ -95,6 +95,11 @@ pub trait Space {
     /// What keeps it from driving the piece; `None` exactly when [`Space::drives`].
     fn driving(&self, from: &MapPose, piece: &Piece) -> Option<Hit>;
 
+    /// Whether a car that may end in any heading should end in this one.
+    fn lets_drive_on(&self, _pose: &MapPose) -> bool {
+        true
+    }
+
     /// At least as far is everything from this point, in m.
     fn clearance_m(&self, x_m: f64, y_m: f64) -> f64;
 

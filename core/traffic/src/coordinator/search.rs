@@ -121,6 +121,10 @@ impl<'a> Search<'a> {
             if search.goals.is_empty() {
                 return Err(Stuck::Goal);
             }
+            if target.yaw_rad.is_none() && search.goals.iter().any(|pose| search.lets_drive_on(pose)) {
+                search.goals =
+                    search.goals.iter().copied().filter(|pose| search.lets_drive_on(pose)).collect();
+            }
         }
         Ok(search)
     }
@@ -280,6 +284,11 @@ impl<'a> Search<'a> {
             && !self.task.others.iter().any(|other| other.line.hits(&stand, NEVER - 1, other.separation_m))
     }
 
+    /// Whether who ends there in any heading can drive on.
+    fn lets_drive_on(&self, pose: &MapPose) -> bool {
+        self.task.room.one_way().is_none_or(|zones| zones.lets_drive_on(pose))
+    }
+
     /// Ticks to the goal at least, or nearly; `None` where none can be reached.
     fn heuristic(&self, pose: &MapPose) -> Option<f64> {
         let flat_m = self.task.field.distance_m(pose.x_m, pose.y_m)?;
@@ -312,7 +321,8 @@ impl Expand for Search<'_> {
     type Node = Node;
 
     fn is_goal(&self, node: &Node) -> bool {
-        node.goal || self.task.target.is_none() && node.safe == NEVER
+        let evaded = self.task.target.is_none() && node.safe == NEVER;
+        node.goal || evaded && (node.legs.is_empty() || self.lets_drive_on(&node.pose))
     }
 
     fn expand(&mut self, tree: &mut Tree<Node>, index: u32) {

@@ -188,6 +188,23 @@ fn who_stands_across_a_one_way_lane_before_its_wall_gets_out_only_without_the_la
 }
 
 #[test]
+fn who_has_a_goal_in_a_one_way_lane_ends_along_it_and_gets_out_again() {
+    let corners = vec![[0.0, 0.0], [1.2, 0.0], [1.2, 8.0], [0.0, 8.0]];
+    let kind = ZoneKind::OneWay { heading_rad: std::f64::consts::FRAC_PI_2 };
+    let lane = Zone::new("west lane", kind, corners).unwrap();
+    let map = Map::new("lane", toy::floor(8.0, 8.0, &[]), vec![lane]).unwrap();
+    for y_m in [3.0, 4.0, 5.0] {
+        let mut world = World::new(GridRoom::of(&map), &[pose(4.0, y_m, 3.0)], 1, Trouble::SOME, no_clock);
+        world.send_to(0, [0.5, 4.0], None);
+        assert!(world.run(60.0), "{}", standing(&world));
+        let yaw_rad = world.toys[0].pose.yaw_rad;
+        assert!(yaw_rad.sin().abs() > 0.6, "it stands across the lane: {yaw_rad}");
+        world.send_to(0, [6.0, 4.0], None);
+        assert!(world.run(120.0), "{}", standing(&world));
+    }
+}
+
+#[test]
 fn with_one_dead_in_the_doorway_the_rest_arrive_or_name_it() {
     for (seed, door_m) in [(1, 1.2), (2, 2.0)] {
         let (mut world, dead) = dead(seed, door_m, no_clock);

@@ -207,6 +207,10 @@ impl Space for GridSpace {
         Some(Hit { x_m, y_m, what: What::OneWay })
     }
 
+    fn lets_drive_on(&self, pose: &MapPose) -> bool {
+        self.one_way.as_ref().is_none_or(|zones| zones.lets_drive_on(pose))
+    }
+
     fn clearance_m(&self, x_m: f64, y_m: f64) -> f64 {
         self.all.clearance.at_least_m(x_m, y_m)
     }

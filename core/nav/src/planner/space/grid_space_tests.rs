@@ -189,6 +189,8 @@ fn one_way_zones_are_driven_along_whichever_end_is_ahead() {
     assert_eq!(drive(PI, -0.5, 0.0), None);
     assert_eq!(drive(0.0, -0.5, 0.0).unwrap().what, What::OneWay);
     assert_eq!(drive(PI, 0.5, 0.0).unwrap().what, What::OneWay);
+    let drives_on = |yaw_rad| space.lets_drive_on(&MapPose { x_m: 2.0, y_m: 1.0, yaw_rad });
+    assert!(drives_on(0.7) && drives_on(-2.5) && !drives_on(1.0) && !drives_on(-FRAC_PI_2));
     // A quarter turn is the most.
     assert_eq!(drive(0.0, 0.9 * FRAC_PI_2 * 0.4, 2.5), None);
     assert!(drive(0.0, 1.1 * FRAC_PI_2 * 0.4, 2.5).is_some());

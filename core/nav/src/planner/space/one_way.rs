@@ -13,6 +13,9 @@ const ROUNDING: f64 = 1e-9;
 /// beyond a right angle (cosine): 30°, where half of an eighth are 22.5°.
 const EIGHTHS: f64 = -0.5;
 
+/// Nearer to a zone's direction than this (cosine) a car stands along it: 45°; chosen, not measured.
+const ALONG: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
 /// For each cell of a grid the direction of driving that is allowed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OneWay {
@@ -50,6 +53,14 @@ impl OneWay {
         let column = usize::try_from(along(x_m, self.origin_m[0])).ok().filter(|&at| at < self.width)?;
         let row = usize::try_from(along(y_m, self.origin_m[1])).ok().filter(|&at| at < self.height)?;
         self.allowed[row * self.width + column].map(f64::from)
+    }
+
+    /// Whether a car that stands there can drive on: in a zone, one that stands across it may have a wall ahead, and
+    /// astern is against the zone.
+    #[must_use]
+    pub fn lets_drive_on(&self, pose: &MapPose) -> bool {
+        let along = |allowed_rad: f64| libm::cos(pose.yaw_rad - allowed_rad).abs() >= ALONG;
+        self.allowed_rad(pose.x_m, pose.y_m).is_none_or(along)
     }
 
     /// Where the reference point would go against a zone on this piece, (x, y) in m.
