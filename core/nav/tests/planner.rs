@@ -149,13 +149,13 @@ fn in_a_one_way_zone_a_goal_without_a_heading_is_not_ended_across_it() {
     let north = vec![Some(std::f32::consts::FRAC_PI_2); 80 * 60];
     let layers = Layers { one_way: Some(&north), ..Layers::map(&grid) };
     let space = GridSpace::new(&layers, TRUCK, LookOut::OFF).unwrap();
-    let free = Goal { yaw_rad: None, tolerance_m: 0.05, ..Goal::exactly(&at(3.0, 1.5, 0.0)) };
-    for yaw_rad in [0.0, 0.5, 3.0] {
-        let start = at(1.0, 1.0, yaw_rad);
+    let free = Goal { yaw_rad: None, tolerance_m: 0.05, ..Goal::exactly(&at(2.0, 2.4, 0.0)) };
+    for yaw_rad in [0.2, 1.5, 2.9] {
+        let start = at(1.0, 0.8, yaw_rad);
         let end = plan(&space, &start, &free).unwrap().path.end();
         assert!(end.yaw_rad.sin().abs() > 0.7, "from {yaw_rad} it ends across: {end:?}");
         // Whoever is there already stays.
-        let there = at(3.0, 1.5, yaw_rad);
+        let there = at(2.0, 2.4, yaw_rad);
         assert_eq!(plan(&space, &there, &free).unwrap().path.length_m(), 0.0);
     }
 }
