@@ -31,6 +31,9 @@ const OPENING_TAKES: u32 = 3;
 /// An opening handshake that took longer than this says something of the link, not only of this computer.
 const SLOW_HANDSHAKE: Duration = Duration::from_millis(300);
 
+/// Answers that are kept of one robot that was asked by name: it gives one, and the fleet's are kept all at once.
+const VOICES: usize = 8;
+
 /// A state and when it arrived.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
@@ -298,7 +301,10 @@ impl Client {
         let mut asking = JoinSet::new();
         for robot in there.difference(&answered) {
             let (client, key) = (self.clone(), key(&self.keys().robot(robot)));
-            asking.spawn(async move { client.get(&key).await });
+            asking.spawn(async move {
+                let found = client.get(&key).await?;
+                Ok::<_, BusError>(found.into_iter().take(VOICES).collect::<Vec<_>>())
+            });
         }
         while let Some(asked) = asking.join_next().await {
             match asked {
