@@ -2,34 +2,113 @@
 
 use crate::channel::{Incoming, congestion, priority};
 use crate::session::{Bus, BusError, failed};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 use tokio::sync::mpsc::{self, error::TrySendError};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
-use xtb_protocol::messages::{Message, Reply, Request};
-use xtb_protocol::wire::CodecError;
+use xtb_protocol::messages::{
+    DispatchReply, FleetMap, LogReply, Message, Reply, Request, Roster, TaskList, Truth,
+};
+use xtb_protocol::wire::{self, CodecError};
 use zenoh::query::{ConsolidationMode, Query, QueryTarget, Reply as Answer};
 
-/// Answers to one question that wait to be read; what comes beyond is dropped, and said.
+/// Answers to one question that wait to be read, and that are collected: twice the 1,024 robots of the largest
+/// fleet, so that some may be answered for twice. What comes beyond is dropped, and said.
 const ANSWERS: usize = 2048;
+/// Their payloads in sum, in bytes: 1,024 robots with the longest message that a robot may answer.
+const ANSWERS_BYTES: usize = 1024 * wire::MAX_BYTES;
 /// Of those who answer in one robot's name no more are read.
 const MOST_LINGERING: usize = 8;
 
+/// How long an answer on a channel may be, in bytes: as `decode` has it.
+fn longest_bytes(channel: &Channel) -> usize {
+    match channel {
+        Channel::Log(_) => LogReply::MAX_BYTES,
+        Channel::Map => FleetMap::MAX_BYTES,
+        Channel::DispatchCmd(_) => DispatchReply::MAX_BYTES,
+        Channel::DispatchTasks => TaskList::MAX_BYTES,
+        Channel::SimTruth => Truth::MAX_BYTES,
+        Channel::SimRoster => Roster::MAX_BYTES,
+        Channel::Alive
+        | Channel::State
+        | Channel::Sensors
+        | Channel::Event
+        | Channel::About
+        | Channel::Fix
+        | Channel::Route
+        | Channel::Cmd(_)
+        | Channel::Teleop(_)
+        | Channel::Estop(_)
+        | Channel::EstopAll(_)
+        | Channel::TrafficAlive
+        | Channel::TrafficState
+        | Channel::DispatchAlive
+        | Channel::DispatchEvent
+        | Channel::SimStats => wire::MAX_BYTES,
+    }
+}
+
+/// Whether no message on this answer's key may be so long. On a key that is none of ours: longer than most.
+fn is_too_long(answer: &Answer) -> bool {
+    answer.result().is_ok_and(|sample| {
+        let key = Key::parse(sample.key_expr().as_str());
+        sample.payload().len() > key.map_or(wire::MAX_BYTES, |key| longest_bytes(&key.channel))
+    })
+}
+
+fn payload_bytes(answer: &Answer) -> usize {
+    match answer.result() {
+        Ok(sample) => sample.payload().len(),
+        Err(error) => error.payload().len(),
+    }
+}
+
+/// Where the answers to a question are read.
+pub(crate) struct Answers {
+    queue: mpsc::Receiver<Answer>,
+    waiting_bytes: Arc<AtomicUsize>,
+}
+
+impl Answers {
+    /// The next one; `None` = there will be no more.
+    pub(crate) async fn recv(&mut self) -> Option<Answer> {
+        let answer = self.queue.recv().await?;
+        self.waiting_bytes.fetch_sub(payload_bytes(&answer), Ordering::Relaxed);
+        Some(answer)
+    }
+}
+
 /// Where the answers to a question come in, and where they are read. Coming in never waits: Zenoh hands
 /// over what this very session knows before the question returns, so that nobody reads yet.
-pub(crate) fn answers(key_expr: &str) -> (impl Fn(Answer) + Send + Sync + use<>, mpsc::Receiver<Answer>) {
-    let (sender, receiver) = mpsc::channel(ANSWERS);
-    let (key_expr, full) = (key_expr.to_owned(), AtomicBool::new(false));
-    let inlet = move |reply| {
-        // Whoever has given up reads no more: that is no loss.
-        if let Err(TrySendError::Full(_)) = sender.try_send(reply)
-            && !full.swap(true, Ordering::Relaxed)
-        {
-            tracing::warn!("more than {ANSWERS} answers on {key_expr} at once: some were lost");
+pub(crate) fn answers(key_expr: &str) -> (impl Fn(Answer) + Send + Sync + use<>, Answers) {
+    let (sender, queue) = mpsc::channel(ANSWERS);
+    let waiting_bytes = Arc::new(AtomicUsize::new(0));
+    let answers = Answers { queue, waiting_bytes: Arc::clone(&waiting_bytes) };
+    let (key_expr, full, too_long) = (key_expr.to_owned(), AtomicBool::new(false), AtomicBool::new(false));
+    let inlet = move |reply: Answer| {
+        if is_too_long(&reply) {
+            if !too_long.swap(true, Ordering::Relaxed) {
+                tracing::warn!(
+                    "dropped an answer on {key_expr}: {} bytes are too many",
+                    payload_bytes(&reply)
+                );
+            }
+            return;
+        }
+        let bytes = payload_bytes(&reply);
+        let room = waiting_bytes.fetch_add(bytes, Ordering::Relaxed) + bytes <= ANSWERS_BYTES;
+        let sent = if room { sender.try_send(reply) } else { Err(TrySendError::Full(reply)) };
+        if let Err(error) = sent {
+            waiting_bytes.fetch_sub(bytes, Ordering::Relaxed);
+            // Whoever has given up reads no more: that is no loss.
+            if matches!(error, TrySendError::Full(_)) && !full.swap(true, Ordering::Relaxed) {
+                tracing::warn!("more answers on {key_expr} at once than can wait: some were lost");
+            }
         }
     };
-    (inlet, receiver)
+    (inlet, answers)
 }
 
 /// A question that waits for its answer.
@@ -146,7 +225,7 @@ impl Bus {
     }
 
     /// Asks everybody on `selector` and collects the answers that come, until everybody has answered, nothing has
-    /// come for `quiet`, or `within` is over.
+    /// come for `quiet`, or `within` is over. It ends too at 2,048 answers or 16 MiB: somebody floods it.
     ///
     /// # Errors
     /// [`BusError::Operation`] if the question could not be sent. No answer is no error.
@@ -165,9 +244,15 @@ impl Bus {
             .callback(inlet)
             .await
             .map_err(failed("get", selector))?;
-        let mut answers = Vec::new();
+        let (mut answers, mut bytes) = (Vec::new(), 0);
         while let Ok(Some(reply)) = tokio::time::timeout(quiet, replies.recv()).await {
-            answers.extend(self.answer(selector, &reply));
+            let Some(answer) = self.answer(selector, &reply) else { continue };
+            bytes += answer.payload.len();
+            if answers.len() == ANSWERS || bytes > ANSWERS_BYTES {
+                tracing::warn!("too many answers on {selector}: only the first {} are taken", answers.len());
+                break;
+            }
+            answers.push(answer);
         }
         Ok(answers)
     }
@@ -306,5 +391,62 @@ impl Bus {
         let encoding = codec::encoding::<Request>(Format::Postcard);
         let answers = self.ask_lingering(&key, &encoding, bytes, within, linger).await?;
         answers.iter().map(|answer| Ok(answer.decode()?)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::Role;
+    use xtb_protocol::keys::FleetKeys;
+
+    const WITHIN: Duration = Duration::from_secs(60);
+
+    fn keys() -> FleetKeys {
+        FleetKeys::new(Name::new("lab").unwrap())
+    }
+
+    /// What is gathered on `key` from somebody who answers each question with all of these.
+    async fn gathered(
+        key: &str,
+        payloads: impl Fn() -> Vec<Vec<u8>> + Send + Sync + 'static,
+    ) -> Vec<Incoming> {
+        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        let bus = crate::open(&role).await.unwrap();
+        let (runtime, own_key) = (tokio::runtime::Handle::current(), key.to_owned());
+        let each = move |question: Question| {
+            let (own_key, payloads) = (own_key.clone(), payloads());
+            runtime.spawn(async move {
+                for payload in payloads {
+                    // Whoever has asked may be gone by now.
+                    if question.query.reply(own_key.as_str(), payload).await.is_err() {
+                        return;
+                    }
+                }
+            });
+        };
+        let _service = bus.serve(key, each).await.unwrap();
+        bus.gather(key, WITHIN, WITHIN).await.unwrap()
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn of_ten_thousand_answers_to_one_question_2048_are_taken() {
+        let answers = gathered(&keys().sim_stats(), || vec![vec![b' ']; 10_000]).await;
+        assert_eq!(answers.len(), 2048);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn of_long_answers_to_one_question_16_mib_are_taken() {
+        let answers = gathered(&keys().map(), || vec![vec![b' '; 1 << 20]; 40]).await;
+        assert_eq!(answers.len(), 16);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn an_answer_that_is_longer_than_its_message_may_be_is_not_taken() {
+        let lengths = [wire::MAX_BYTES + 1, wire::MAX_BYTES, wire::MAX_BYTES + 1];
+        let answers =
+            gathered(&keys().sim_stats(), move || lengths.map(|length| vec![b' '; length]).to_vec()).await;
+        let lengths: Vec<usize> = answers.iter().map(|answer| answer.payload.len()).collect();
+        assert_eq!(lengths, [wire::MAX_BYTES]);
     }
 }

@@ -1,6 +1,7 @@
 //! What car each robot is: its factsheet, asked for once a boot.
 
 use crate::client::Client;
+use crate::state_feed;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
@@ -12,8 +13,10 @@ use xtb_protocol::messages::About;
 const QUESTIONS: usize = 16;
 /// One that has not said is asked again this much later.
 const AGAIN: Duration = Duration::from_secs(2);
-/// Robots that are remembered; beyond, the first one by name is forgotten and asked again if it is still there.
+/// Robots that are remembered; beyond, the one that nobody has asked about for longest is forgotten.
 const MOST: usize = 1024;
+// Whoever asks about every robot of a feed in turn loses none of them: they all have room.
+const _: () = assert!(MOST >= state_feed::MOST_ROBOTS);
 
 /// The cars of the robots that were asked about.
 #[derive(Debug)]
@@ -27,6 +30,7 @@ pub struct Cars {
 struct Known {
     epoch: u64,
     since: Instant,
+    used: Instant,
     asked: Option<Instant>,
     car: Option<Car>,
 }
@@ -50,13 +54,18 @@ impl Cars {
         }
         let now = Instant::now();
         if !self.known.contains_key(robot) && self.known.len() == MOST {
-            self.known.pop_first();
+            let unused = self.known.iter().min_by_key(|(_, known)| known.used);
+            let unused = unused.map(|(robot, _)| robot.clone());
+            if let Some(unused) = unused {
+                self.known.remove(&unused);
+            }
         }
-        let unknown = || Known { epoch, since: now, asked: None, car: None };
+        let unknown = || Known { epoch, since: now, used: now, asked: None, car: None };
         let known = self.known.entry(robot.clone()).or_insert_with(unknown);
         if known.epoch != epoch {
             *known = unknown();
         }
+        known.used = now;
         if let Some(car) = known.car {
             return Ok(car);
         }
@@ -104,6 +113,24 @@ mod tests {
             ("steering.stop_deg", "20.0"),
         ];
         About { epoch, vehicle: vehicle.map(parameter).to_vec(), ..fake::about("xtb-1", "") }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_car_that_is_asked_about_in_each_turn_is_not_forgotten_for_names_that_are_new() {
+        let client = Client::alone(Duration::from_secs(1)).await;
+        let mut cars = Cars::new(&client);
+        let robot = fake::name("xtb-1");
+        assert!(cars.of(&robot, 7).is_err());
+        cars.hear(&robot, &about(7, "0.75"));
+        for turn in 0..3 {
+            assert!(cars.of(&robot, 7).is_ok(), "turn {turn}");
+            for ghost in 0..MOST - 1 {
+                // They stand behind it by name.
+                assert!(cars.of(&fake::name(&format!("z-{turn}-{ghost}")), 7).is_err());
+            }
+        }
+        assert!(cars.of(&robot, 7).is_ok());
+        assert_eq!(cars.known.len(), MOST);
     }
 
     #[tokio::test(flavor = "multi_thread")]

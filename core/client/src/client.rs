@@ -15,7 +15,7 @@ use xtb_control::Stamp;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{FleetKeys, Key, RobotKeys};
 use xtb_protocol::messages::{
-    About, Done, Message, Outcome, Reply, RobotState, Roster, RosterEntry, SimStats,
+    About, Done, MAX_ROSTER, Message, Outcome, Reply, RobotState, Roster, RosterEntry, SimStats,
 };
 use xtb_robot::RoundTrip;
 use xtb_robot::round_trip::PATIENCE_MOST;
@@ -30,6 +30,9 @@ const SETTLE: Duration = Duration::from_millis(150);
 const OPENING_TAKES: u32 = 3;
 /// An opening handshake that took longer than this says something of the link, not only of this computer.
 const SLOW_HANDSHAKE: Duration = Duration::from_millis(300);
+
+/// Answers that are kept of one robot that was asked by name: it gives one, and the fleet's are kept all at once.
+const VOICES: usize = 8;
 
 /// A state and when it arrived.
 #[derive(Debug, Clone, PartialEq)]
@@ -188,7 +191,7 @@ impl Client {
         self.simulated().await
     }
 
-    /// The robots that the fleet's simulator has; `None` = there is none.
+    /// The robots that the fleet's simulator has; `None` = there is none, or there are too many to be true.
     ///
     /// # Errors
     /// [`ErrorKind::Failed`] if the question could not be sent.
@@ -198,7 +201,16 @@ impl Client {
         if rosters.is_empty() {
             return Ok(None);
         }
-        Ok(Some(rosters.into_iter().flat_map(|roster| roster.robots).collect()))
+        // Two simulators may each have some; what both name is one robot.
+        let mut names = BTreeSet::new();
+        let entries = rosters.into_iter().flat_map(|roster| roster.robots);
+        let entries: Vec<RosterEntry> =
+            entries.filter(|entry| names.insert(entry.name.clone())).take(MAX_ROSTER + 1).collect();
+        if entries.len() > MAX_ROSTER {
+            tracing::warn!("the rosters of this fleet name more than {MAX_ROSTER} robots: none is taken");
+            return Ok(None);
+        }
+        Ok(Some(entries))
     }
 
     /// How the fleet's simulator runs; `None` = there is none. Asked once: most fleets have none, and
@@ -298,7 +310,10 @@ impl Client {
         let mut asking = JoinSet::new();
         for robot in there.difference(&answered) {
             let (client, key) = (self.clone(), key(&self.keys().robot(robot)));
-            asking.spawn(async move { client.get(&key).await });
+            asking.spawn(async move {
+                let found = client.get(&key).await?;
+                Ok::<_, BusError>(found.into_iter().take(VOICES).collect::<Vec<_>>())
+            });
         }
         while let Some(asked) = asking.join_next().await {
             match asked {

@@ -6,8 +6,12 @@ use crate::error::{Error, Result};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::pin::pin;
-use tokio::task::JoinSet;
+use tokio::task::{JoinError, JoinSet};
 use xtb_protocol::Name;
+
+/// Robots that only a roster names are asked while fewer than this many are being asked. It keeps a roster that
+/// somebody has invented from filling the link; chosen, not measured.
+const MOST_AT_ONCE: usize = 64;
 
 /// Whom to stop.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -108,6 +112,8 @@ pub struct MultiRobot<Ask> {
     ask: Ask,
     asking: JoinSet<(Name, StopOutcome)>,
     outcomes: BTreeMap<Name, StopOutcome>,
+    /// To be asked when there is room.
+    waiting: BTreeSet<Name>,
 }
 
 impl<Ask, Asking> MultiRobot<Ask>
@@ -117,23 +123,65 @@ where
 {
     /// Nobody asked yet; `ask` asks one robot.
     pub fn new(client: &Client, ask: Ask) -> Self {
-        Self { client: client.clone(), ask, asking: JoinSet::new(), outcomes: BTreeMap::new() }
+        let (asking, outcomes, waiting) = (JoinSet::new(), BTreeMap::new(), BTreeSet::new());
+        Self { client: client.clone(), ask, asking, outcomes, waiting }
     }
 
-    /// Asks these, unless they have been asked.
+    /// Asks these at once, unless they have been asked.
     pub fn call(&mut self, robots: impl IntoIterator<Item = Name>) {
         for robot in robots {
-            // Whatever goes wrong, an answer that did not come is not a standstill.
-            if self.outcomes.insert(robot.clone(), StopOutcome::Unknown).is_none() {
-                let asking = (self.ask)(self.client.clone(), robot.clone());
-                self.asking.spawn(async move { (robot, asking.await) });
+            if self.is_new(&robot) || self.waiting.remove(&robot) {
+                self.start(robot);
             }
         }
     }
 
+    /// Asks these as soon as there is room, unless they have been asked.
+    fn call_in_turn(&mut self, robots: impl IntoIterator<Item = Name>) {
+        for robot in robots {
+            if self.is_new(&robot) {
+                self.waiting.insert(robot);
+            }
+        }
+        self.fill();
+    }
+
+    /// Whether it is heard of for the first time. Whatever goes wrong from now on, an answer that did not come is
+    /// not a standstill.
+    fn is_new(&mut self, robot: &Name) -> bool {
+        let is_new = !self.outcomes.contains_key(robot);
+        if is_new {
+            self.outcomes.insert(robot.clone(), StopOutcome::Unknown);
+        }
+        is_new
+    }
+
+    fn start(&mut self, robot: Name) {
+        let asking = (self.ask)(self.client.clone(), robot.clone());
+        self.asking.spawn(async move { (robot, asking.await) });
+    }
+
+    fn fill(&mut self) {
+        while self.asking.len() < MOST_AT_ONCE {
+            let Some(robot) = self.waiting.pop_first() else { return };
+            self.start(robot);
+        }
+    }
+
+    /// One has been asked: the next.
+    fn ended(&mut self, asked: std::result::Result<(Name, StopOutcome), JoinError>) {
+        match asked {
+            Ok((robot, outcome)) => {
+                self.outcomes.insert(robot, outcome);
+            }
+            Err(error) => tracing::error!("cannot request a stop: {error}"),
+        }
+        self.fill();
+    }
+
     /// Asks everybody as soon as they are heard of. Who is known without asking comes first; neither
     /// question waits for the other, and none of them, slow or failed, keeps the others from being
-    /// asked.
+    /// asked. Only those whom nobody but a simulator's roster names wait for room.
     pub async fn call_all(&mut self, expect: &[Name]) -> MissingInfo {
         let client = self.client.clone();
         self.call(client.told_roster(expect));
@@ -146,8 +194,11 @@ where
                     there = Some(found.err());
                 }
                 found = &mut roster, if should.is_none() => {
-                    self.call(found.iter().flatten().flatten().cloned());
+                    self.call_in_turn(found.iter().flatten().flatten().cloned());
                     should = Some(found);
+                }
+                Some(asked) = self.asking.join_next(), if there.is_none() || should.is_none() => {
+                    self.ended(asked);
                 }
                 else => return MissingInfo::of(there.flatten(), should.unwrap_or(Ok(None))),
             }
@@ -157,12 +208,7 @@ where
     /// What came of each, once all are answered or given up.
     pub async fn outcomes(mut self) -> BTreeMap<Name, StopOutcome> {
         while let Some(asked) = self.asking.join_next().await {
-            match asked {
-                Ok((robot, outcome)) => {
-                    self.outcomes.insert(robot, outcome);
-                }
-                Err(error) => tracing::error!("cannot request a stop: {error}"),
-            }
+            self.ended(asked);
         }
         self.outcomes
     }
@@ -172,6 +218,57 @@ where
 mod tests {
     use super::*;
     use crate::error::ErrorKind;
+    use crate::fake::name;
+    use std::sync::{Arc, Mutex};
+    use std::time::Duration;
+    use tokio::sync::watch;
+    use xtb_bus::Question;
+    use xtb_protocol::codec::Format;
+    use xtb_protocol::messages::{Roster, RosterEntry};
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn who_is_there_is_asked_at_once_though_a_roster_names_many_who_are_not() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let (key, runtime) = (client.keys().sim_roster(), tokio::runtime::Handle::current());
+        let own_key = key.clone();
+        let each = move |question: Question| {
+            let own_key = own_key.clone();
+            runtime.spawn(async move {
+                let bare = |name| RosterEntry { name, tags: Vec::new(), start_pose: None };
+                let robots = (0..200).map(|n| bare(self::name(&format!("ghost-{n}")))).collect();
+                question.reply(&own_key, &Roster { robots }, Format::Json).await.unwrap();
+            });
+        };
+        let _roster = client.bus().serve(&key, each).await.unwrap();
+        let there = name("xtb-1");
+        let _token = client.bus().declare_alive(&client.keys().robot(&there).alive()).await.unwrap();
+        // Nobody answers before the test says so.
+        let (answers, gate) = watch::channel(false);
+        let asked = Arc::new(Mutex::new(Vec::<Name>::new()));
+        let asking = Arc::clone(&asked);
+        let mut calls = MultiRobot::new(&client, move |_, robot| {
+            asking.lock().unwrap().push(robot);
+            let mut gate = gate.clone();
+            async move {
+                gate.wait_for(|open| *open).await.unwrap();
+                StopOutcome::Absent
+            }
+        });
+        assert!(calls.call_all(&[]).await.none());
+        let at_once = asked.lock().unwrap().clone();
+        assert!(at_once.contains(&there));
+        assert!((MOST_AT_ONCE..=MOST_AT_ONCE + 1).contains(&at_once.len()), "{}", at_once.len());
+        // One that waits and turns out to be there waits no longer.
+        let last = name("ghost-99");
+        assert!(!at_once.contains(&last));
+        calls.call([last.clone()]);
+        assert_eq!(asked.lock().unwrap().last(), Some(&last));
+        answers.send_replace(true);
+        let outcomes = calls.outcomes().await;
+        assert_eq!(outcomes.len(), 201);
+        assert!(outcomes.values().all(|outcome| *outcome == StopOutcome::Absent));
+        assert_eq!(asked.lock().unwrap().len(), 201, "each once");
+    }
 
     #[test]
     fn only_a_known_roster_and_presence_leave_no_gap() {

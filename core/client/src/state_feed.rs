@@ -3,6 +3,7 @@
 use crate::client::{Client, Seen};
 use crate::error::Result;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Notify, mpsc};
@@ -15,12 +16,16 @@ use xtb_protocol::messages::{Event, RobotState};
 
 /// Events that wait for their reader; one that finds no room is dropped (and logged).
 const EVENT_QUEUE: usize = 256;
+/// Robots whose states are kept: those of the largest fleet. Beyond, the one that has been silent for longest is
+/// dropped; a robot that is there speaks 20 times a second.
+pub const MOST_ROBOTS: usize = 1024;
 /// Questions for a state on their way at most: on a slow link they come as fast as they are answered.
 const QUESTIONS: usize = 2;
 
 #[derive(Debug, Default)]
 struct Latest {
-    states: Mutex<BTreeMap<Name, Seen>>,
+    states: Mutex<BTreeMap<Name, Arc<Seen>>>,
+    dropped: AtomicU64,
     alive: Mutex<BTreeSet<Name>>,
     news: Notify,
 }
@@ -47,8 +52,24 @@ impl Drop for Source {
 
 impl Latest {
     fn put(&self, state: RobotState) {
-        lock(&self.states).insert(state.robot.clone(), Seen { at: Instant::now(), state });
+        let mut states = lock(&self.states);
+        if states.len() >= MOST_ROBOTS && !states.contains_key(&state.robot) {
+            self.drop_silent(&mut states);
+        }
+        states.insert(state.robot.clone(), Arc::new(Seen { at: Instant::now(), state }));
+        drop(states);
         self.news.notify_one();
+    }
+
+    fn drop_silent(&self, states: &mut BTreeMap<Name, Arc<Seen>>) {
+        let silent = states.iter().min_by_key(|(_, seen)| seen.at).map(|(robot, _)| robot.clone());
+        let Some(robot) = silent else { return };
+        states.remove(&robot);
+        if self.dropped.fetch_add(1, Ordering::Relaxed) == 0 {
+            tracing::warn!(
+                "more than {MOST_ROBOTS} robots have sent states: {robot} is dropped, silent for longest"
+            );
+        }
     }
 }
 
@@ -93,13 +114,25 @@ impl StateFeed {
     /// The last state of a robot, however old.
     #[must_use]
     pub fn last(&self, robot: &Name) -> Option<Seen> {
-        lock(&self.latest.states).get(robot).cloned()
+        lock(&self.latest.states).get(robot).map(|seen| Seen::clone(seen))
     }
 
-    /// The last states of all robots.
+    /// The last states of all robots, at most [`MOST_ROBOTS`].
     #[must_use]
     pub fn states(&self) -> BTreeMap<Name, Seen> {
+        self.shared_states().into_iter().map(|(robot, seen)| (robot, Seen::clone(&seen))).collect()
+    }
+
+    /// The same without copies, for those who look many times a second.
+    #[must_use]
+    pub fn shared_states(&self) -> BTreeMap<Name, Arc<Seen>> {
         lock(&self.latest.states).clone()
+    }
+
+    /// How many robots were dropped because there were more than [`MOST_ROBOTS`].
+    #[must_use]
+    pub fn dropped(&self) -> u64 {
+        self.latest.dropped.load(Ordering::Relaxed)
     }
 
     /// Who is there.
@@ -172,4 +205,27 @@ impl Events {
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fake;
+
+    #[test]
+    fn of_too_many_robots_the_one_that_was_silent_for_longest_is_dropped() {
+        let latest = Latest::default();
+        latest.put(fake::state("xtb-1"));
+        latest.put(fake::state("xtb-2"));
+        for ghost in 0..MOST_ROBOTS - 2 {
+            latest.put(fake::state(&format!("ghost-{ghost}")));
+        }
+        assert_eq!(latest.dropped.load(Ordering::Relaxed), 0);
+        latest.put(fake::state("xtb-1"));
+        latest.put(fake::state("ghost-new"));
+        let states = lock(&latest.states);
+        assert_eq!((states.len(), latest.dropped.load(Ordering::Relaxed)), (MOST_ROBOTS, 1));
+        assert!(states.contains_key(&fake::name("xtb-1")) && states.contains_key(&fake::name("ghost-new")));
+        assert!(!states.contains_key(&fake::name("xtb-2")), "silent for longest");
+    }
 }

@@ -8,9 +8,12 @@ use xtb_control::{AdcCount, PwmCount};
 use xtb_protocol::board::{BoardError, FrameReader, FrameWriter, FromBoard, MAX_PULSES, ToBoard};
 use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::gyro_3dmg::GyroReader;
-use xtb_protocol::messages::{Body, Event, LinkLoss, Message, Reply, Request, RobotState, Setpoint, Via};
+use xtb_protocol::messages::{
+    Body, Event, LinkLoss, MAX_ROSTER, Message, Reply, Request, RobotState, Roster, RosterEntry, Setpoint,
+    Via,
+};
 use xtb_protocol::wire::{CodecError, MAX_BYTES};
-use xtb_protocol::{Uuid, keys::Key};
+use xtb_protocol::{Name, Uuid, keys::Key};
 
 fn pwm() -> impl Strategy<Value = PwmOutputs> {
     prop::collection::vec(2331_u16..=5272, 10).prop_map(|counts| {
@@ -166,6 +169,26 @@ fn what_is_wrong_is_named() {
     assert!(foreign.to_string().contains("application/json"), "{foreign}");
     let unknown = decode::<Request>("application/json", br#"{"id":1}"#).unwrap_err();
     assert!(matches!(unknown, CodecError::Malformed { name: "Request", .. }), "{unknown}");
+}
+
+#[test]
+fn a_roster_names_each_robot_once_and_no_more_than_a_fleet_can_have() {
+    let entry = |n: usize| RosterEntry {
+        name: Name::new(&format!("xtb-{n}")).unwrap(),
+        tags: Vec::new(),
+        start_pose: None,
+    };
+    let roster = |count: usize| Roster { robots: (0..count).map(entry).collect() };
+    let read = |roster: &Roster| {
+        let json = serde_json::to_vec(roster).unwrap();
+        decode::<Roster>("application/json", &json).map(|(roster, _)| roster)
+    };
+    assert_eq!(read(&roster(0)), Ok(roster(0)));
+    assert_eq!(read(&roster(MAX_ROSTER)), Ok(roster(MAX_ROSTER)));
+    let too_many = read(&roster(MAX_ROSTER + 1)).unwrap_err();
+    assert!(matches!(too_many, CodecError::OutOfRange(_)), "{too_many}");
+    let twice = read(&Roster { robots: vec![entry(1), entry(2), entry(1)] }).unwrap_err();
+    assert!(twice.to_string().contains("xtb-1 stands in it more than once"), "{twice}");
 }
 
 #[test]

@@ -129,7 +129,7 @@ impl Work {
                 self.coordinator.planned(now(), result);
             }
             let views: Vec<RobotView> =
-                feed.states().values().filter_map(|seen| self.view(&seen.state, seen.age())).collect();
+                feed.shared_states().values().filter_map(|seen| self.view(&seen.state, seen.age())).collect();
             for view in &views {
                 self.coordinator.robot(now(), view.clone());
             }

@@ -20,7 +20,7 @@ pub struct ExportArgs {
     /// File written by `record`.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
-    /// Write one table (CSV) for each message type: RobotState.csv …
+    /// Write one table (CSV) for each message type: RobotState.csv …; texts like formulas get an apostrophe.
     #[arg(long, group = "format")]
     pub csv: bool,
     /// Folder for the tables [default: FILE without its extension].

@@ -47,7 +47,7 @@ pub use request::{
     Via,
 };
 pub use sensors::Sensors;
-pub use sim::{Roster, RosterEntry, SLOW_BELOW, SimStats, Truth, TruthRobot};
+pub use sim::{MAX_ROSTER, Roster, RosterEntry, SLOW_BELOW, SimStats, Truth, TruthRobot};
 pub use state::{
     BatteryLevel, InputAges, LeaseState, ObstacleView, PoseSource, PoseState, Rejected, RobotState,
     StopReason, TiltState,

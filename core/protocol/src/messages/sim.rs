@@ -5,7 +5,7 @@ use crate::keys::Name;
 use crate::text;
 use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use xtb_control::frames::MapPose;
 
 /// Thousands of robots; nothing of this goes to one.
@@ -97,16 +97,31 @@ pub struct RosterEntry {
     pub start_pose: Option<MapPose>,
 }
 
+/// Robots of a roster at most: the largest fleet that programs have room for, and twice what a simulator has.
+pub const MAX_ROSTER: usize = 1024;
+
 /// Which robots should be there.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Roster {
-    /// In the order of their names' numbers.
+    /// In the order of their names' numbers; at most [`MAX_ROSTER`], each once.
     pub robots: Vec<RosterEntry>,
 }
 
 impl Message for Roster {
     const NAME: &'static str = "Roster";
     const MAX_BYTES: usize = MAX_BYTES;
+
+    fn validate(&self) -> Result<(), CodecError> {
+        bounded("robots", self.robots.len() as f64, 0.0, MAX_ROSTER as f64, "")?;
+        let mut names = BTreeSet::new();
+        match self.robots.iter().find(|entry| !names.insert(&entry.name)) {
+            None => Ok(()),
+            Some(entry) => {
+                let reason = format!("{} stands in it more than once", entry.name);
+                Err(CodecError::Malformed { name: Self::NAME, reason })
+            }
+        }
+    }
 }

@@ -3,7 +3,7 @@
 //! Columns come from the type's schema, so they are the same for every recording: `log_ns` and `topic`,
 //! then the fields in alphabetical order, a field of a field behind a dot (`pose.x_m`), rows of numbers
 //! by their place (`ir_front.0`). Lists and what goes by names stand in one cell as JSON. Quoting is
-//! RFC 4180's; null is an empty cell.
+//! RFC 4180's; null is an empty cell. A text that a spreadsheet would take for a formula has an apostrophe before it.
 
 use crate::schema::Schema;
 use serde_json::Value;
@@ -40,7 +40,7 @@ impl Table {
     #[must_use]
     pub fn row(&self, log_ns: u64, topic: &str, message: &Value) -> String {
         let cells = self.columns.iter().map(|column| cell(find(message, column)));
-        line([log_ns.to_string(), topic.to_owned()].into_iter().chain(cells))
+        line([log_ns.to_string(), text_cell(topic)].into_iter().chain(cells))
     }
 }
 
@@ -61,9 +61,14 @@ fn quoted(cell: &str) -> String {
 fn cell(value: Option<&Value>) -> String {
     match value {
         None | Some(Value::Null) => String::new(),
-        Some(Value::String(text)) => text.clone(),
+        Some(Value::String(text)) => text_cell(text),
         Some(other) => other.to_string(),
     }
+}
+
+/// Words of others, never a formula: a spreadsheet computes what begins so, and can fetch a page with what it finds.
+fn text_cell(text: &str) -> String {
+    if text.starts_with(['=', '+', '-', '@', '\t', '\r']) { format!("'{text}") } else { text.to_owned() }
 }
 
 /// What stands at a column's place; an object never does, its fields have columns.
@@ -166,6 +171,23 @@ mod tests {
         let row = table.row(0, "t", &json!({"kind": {"goal": {"status": "reached", "reason": null}}}));
         assert_eq!(value_of(&table, &row, "kind.goal.status"), "reached");
         assert_eq!(value_of(&table, &row, "kind.fault.present"), "");
+    }
+
+    #[test]
+    fn a_text_that_begins_like_a_formula_is_kept_a_text() {
+        for formula in ["=1+2", "+1", "-1", "@sum", "\t=1", "\r=1"] {
+            assert_eq!(cell(Some(&json!(formula))), format!("'{formula}"));
+        }
+        for plain in ["xtb-1", "a=b", "'=1", ""] {
+            assert_eq!(cell(Some(&json!(plain))), plain);
+        }
+        assert_eq!(cell(Some(&json!(-3.5))), "-3.5", "a number");
+        let table = table("xtb.RobotState");
+        let mut state = serde_json::to_value(xtb_client::fake::state("xtb-1")).unwrap();
+        state["robot"] = json!("=1+2");
+        let row = table.row(17, "=topic", &state);
+        assert_eq!(value_of(&table, &row, "robot"), "'=1+2");
+        assert_eq!(value_of(&table, &row, "topic"), "'=topic");
     }
 
     #[test]

@@ -13,7 +13,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::MissedTickBehavior;
 use xtb_bus::{Incoming, Subscription};
 use xtb_client::client::Client;
-use xtb_client::state_feed::StateFeed;
+use xtb_client::state_feed::{MOST_ROBOTS, StateFeed};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::{Dispatcher, Effect, Entry, MapTravelCost, OpenTravelCost, Record, TravelCost, Write};
 use xtb_nav::{Car, Map};
@@ -34,6 +34,12 @@ const LAST_WRITE: Duration = Duration::from_secs(5);
 
 /// Emergency stops that wait to be read.
 const STOPS: usize = 16;
+
+/// Whether a robot's state counts. What is learned of a robot is kept until the end, so beyond the largest fleet
+/// only those count whose presence is declared: who invents names sends states only.
+fn is_followed(robot: &Name, heard: &BTreeMap<Name, (u64, u64)>, alive: &BTreeSet<Name>) -> bool {
+    heard.len() < MOST_ROBOTS || heard.contains_key(robot) || alive.contains(robot)
+}
 
 /// The write that is out.
 struct Flying {
@@ -161,7 +167,10 @@ impl Work {
             self.dispatcher.presence(now_ms, robot, false);
         }
         self.alive = alive;
-        for (name, seen) in self.feed.states() {
+        for (name, seen) in self.feed.shared_states() {
+            if !is_followed(&name, &self.heard, &self.alive) {
+                continue;
+            }
             let number = (seen.state.epoch, seen.state.seq);
             if self.heard.insert(name.clone(), number) == Some(number) {
                 continue;
@@ -387,4 +396,26 @@ fn ground(map: Option<&Map>) -> Box<dyn TravelCost + Send + Sync> {
 fn lost(what: &str) -> Error {
     Error::new(ErrorKind::Failed, format!("the ledger: {what}"))
         .hint("start again: it continues from the ledger")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn robot(name: &str) -> Name {
+        Name::new(name).unwrap()
+    }
+
+    #[test]
+    fn beyond_the_largest_fleet_only_a_robot_that_is_there_is_followed() {
+        let mut heard = BTreeMap::new();
+        let alive = BTreeSet::from([robot("xtb-1")]);
+        for ghost in 0..MOST_ROBOTS {
+            assert!(is_followed(&robot("new"), &heard, &alive));
+            heard.insert(robot(&format!("ghost-{ghost}")), (1, 1));
+        }
+        assert!(!is_followed(&robot("new"), &heard, &alive));
+        assert!(is_followed(&robot("xtb-1"), &heard, &alive));
+        assert!(is_followed(&robot("ghost-0"), &heard, &alive));
+    }
 }
