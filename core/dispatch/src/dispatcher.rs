@@ -77,6 +77,8 @@ pub struct Dispatcher {
     writes: WriteQueue,
     robots: BTreeMap<Name, TrackedRobot>,
     has_roster: bool,
+    /// Presence is told of: whoever's is not is not there.
+    has_presence: bool,
     open_requests: VecDeque<OpenRequest>,
     effects: VecDeque<Effect>,
     /// Tasks that wait for a robot which is nearly done, as of the last round.
@@ -117,6 +119,7 @@ impl Dispatcher {
             writes,
             robots,
             has_roster: false,
+            has_presence: false,
             open_requests: VecDeque::new(),
             effects: VecDeque::new(),
             reserved: BTreeMap::new(),
@@ -179,6 +182,7 @@ impl Dispatcher {
 
     /// A robot's presence was declared, or is gone.
     pub fn presence(&mut self, now_ms: u64, name: &Name, alive: bool) {
+        self.has_presence = true;
         self.robot(now_ms, name).alive = alive;
     }
 

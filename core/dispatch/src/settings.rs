@@ -26,6 +26,10 @@ pub struct Settings {
     pub pause_ms: u64,
     /// A robot that has refused a task is not asked for another one for this long.
     pub refused_ms: u64,
+    /// A robot that has left so many requests in a row unanswered, and was not asked to drive yet, loses its task.
+    pub most_unanswered: u32,
+    /// It gets no other task for this long.
+    pub unanswered_ms: u64,
     /// A task waits this long after it has failed, before it is begun anew; longer each time.
     pub retry_ms: u64,
     /// Longest of these pauses.
@@ -66,6 +70,10 @@ impl Default for Settings {
             request_timeout_ms: 2_000,
             pause_ms: 500,
             refused_ms: 5_000,
+            // Some 10 s with what a request may take and the pause after it: as long as the network may hold one up.
+            most_unanswered: 4,
+            // Six times as long as it kept the task; chosen, not measured.
+            unanswered_ms: 60_000,
             retry_ms: 2_000,
             retry_max_ms: 60_000,
             blocked_ms: 2_000,

@@ -43,7 +43,8 @@ pub fn outcome(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot) -> Option<TaskOu
         return robot.has_released(assigned.seq).then(|| ended(task));
     }
     if let Some((_, outcome)) = robot.pending_outcome.as_ref().filter(|(seq, _)| *seq == assigned.seq) {
-        return robot.has_released(assigned.seq).then(|| outcome.clone());
+        let is_over = robot.has_released(assigned.seq) || has_never_answered(ctx, assigned, robot);
+        return is_over.then(|| outcome.clone());
     }
     if task.state == TaskState::Held {
         return held(ctx, task, assigned, robot, observed);
@@ -154,6 +155,10 @@ fn not_begun(
     if let Some(unavailable) = &observed.unavailable {
         return Some(TaskOutcome::queued(ctx.now_ms, format!("{}: {unavailable}", robot.name)));
     }
+    // States alone are no robot: anything may send them.
+    if has_never_answered(ctx, assigned, robot) {
+        return Some(TaskOutcome::queued(ctx.now_ms, format!("{} does not answer", robot.name)));
+    }
     // Acknowledged, and a later state does not show it: it has fallen out of the robot's memory.
     let lost = robot.acked.is_some_and(|(seq, leg, state)| {
         (seq, leg) == (assigned.seq, task.legs_done) && observed.seq > state + 20
@@ -248,6 +253,12 @@ pub fn has_to_confirm(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, outcome: 
         && robot.is_online(ctx.now_ms, ctx.settings)
         && !goal.is_some_and(|goal| goal.status.is_final())
         && !robot.has_released(assigned.seq)
+        && !has_never_answered(ctx, assigned, robot)
+}
+
+/// Whether its robot answers nothing and cannot have begun to drive for it.
+fn has_never_answered(ctx: Ctx<'_>, assigned: &Assigned, robot: &TrackedRobot) -> bool {
+    robot.has_never_answered(ctx.now_ms, ctx.ledger, assigned.seq, ctx.settings)
 }
 
 /// What a refusal of a drive says of its task.

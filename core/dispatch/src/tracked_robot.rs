@@ -107,6 +107,12 @@ pub struct TrackedRobot {
     pub last_sent_ms: u64,
     /// What it has to answer.
     pub pending: Option<PendingRequest>,
+    /// So many requests in a row it has not answered, over all its boots.
+    pub unanswered: u32,
+    /// The last assignment for which it was asked to drive, in this run of ours.
+    pub asked_seq: Option<u64>,
+    /// Since when it is tracked, in this run of ours.
+    pub tracked_since_ms: u64,
     /// Nothing is asked before this.
     pub next_request_ms: u64,
     /// No task for it before this, and why.
@@ -145,6 +151,9 @@ impl TrackedRobot {
             operator: Operator::default(),
             last_sent_ms: 0,
             pending: None,
+            unanswered: 0,
+            asked_seq: None,
+            tracked_since_ms: now_ms,
             next_request_ms: 0,
             avoid_until: None,
             incapable: BTreeMap::new(),
@@ -166,8 +175,10 @@ impl TrackedRobot {
         }
         if before.is_none_or(|observed| observed.epoch != state.epoch) {
             // Another boot: whatever was asked of the one before is void.
+            let had_one = self.pending.take().is_some();
+            self.unanswered = self.unanswered.saturating_add(u32::from(had_one));
             self.operator = Operator::default();
-            (self.pending, self.acked, self.withdrawn, self.next_request_ms) = (None, None, None, 0);
+            (self.acked, self.withdrawn, self.next_request_ms) = (None, None, 0);
             self.incapable.clear();
             self.pending_outcome = None;
         }
@@ -258,6 +269,28 @@ impl TrackedRobot {
         self.avoid_until = Some((now_ms + for_ms, why));
     }
 
+    /// The pending request will not be answered any more. True if there was one.
+    pub fn give_up(&mut self) -> bool {
+        let had_one = self.pending.take().is_some();
+        self.unanswered = self.unanswered.saturating_add(u32::from(had_one));
+        had_one
+    }
+
+    /// Whether it answers nothing, and can have heard of no drive for this assignment: this run has not asked for
+    /// one, what an earlier run asked for has arrived by now or never will, and its state shows none.
+    #[must_use]
+    pub fn has_never_answered(&self, now_ms: u64, ledger: u64, seq: u64, settings: &Settings) -> bool {
+        let mut goals = self.observed.iter().flat_map(|observed| observed.goals.iter());
+        let drives = goals.any(|goal| {
+            let of = Assignment::of_goal(ledger, goal.id);
+            of.is_some_and(|(other, _)| other == seq || !goal.status.is_final())
+        });
+        self.unanswered >= settings.most_unanswered
+            && self.asked_seq != Some(seq)
+            && now_ms.saturating_sub(self.tracked_since_ms) >= settings.halted_ms
+            && !drives
+    }
+
     /// A request goes out and has to be answered.
     pub fn begin_request(
         &mut self,
@@ -267,6 +300,9 @@ impl TrackedRobot {
         body: Body,
         settings: &Settings,
     ) {
+        if let Purpose::Assign(assignment) = purpose {
+            self.asked_seq = Some(assignment.assign_seq);
+        }
         let now = Stamp::from_ms(now_ms);
         let call = self.operator.call(id, body, now, now.plus_ms(settings.request_timeout_ms));
         self.pending = Some(PendingRequest { id, purpose, call });

@@ -53,9 +53,17 @@ use std::sync::Arc;
 use truck::{Route, Truck};
 use unknown::Unknown;
 use xtb_control::Stamp;
+use xtb_nav::navigator::LONGEST_PATH_M;
 
 /// Most trucks that are looked at, more than a lab's fifty; more are ignored and counted.
 pub const MOST_TRUCKS: usize = 64;
+/// A truck that was not heard of for so long makes room for one that speaks, if there are [`MOST_TRUCKS`] and it
+/// holds nothing of a route, in ms: until then one that stands in a doorway without a network is driven around,
+/// and as long as there is room, for good. Chosen, not measured.
+const GONE_MS: u64 = 600_000;
+/// No coordinator counts its plans so far, nor can a JSON reader that has 64-bit floating-point numbers only: at
+/// a thousand a second it would take 285,000 years. A greater number is none of an earlier coordinator's.
+const MOST_PLANS: u64 = 1 << 53;
 /// Listens for so long before it releases anything, in ms, 30 states of each robot: what it finds released
 /// stays so. Chosen, not measured.
 const LISTEN_MS: u64 = 1500;
@@ -164,7 +172,7 @@ impl Coordinator {
         let index = match known {
             Some(index) if self.trucks[index].seen > seen => return,
             Some(index) => index,
-            None if self.trucks.len() == MOST_TRUCKS => {
+            None if self.trucks.len() == MOST_TRUCKS && !self.make_room(now, seen) => {
                 self.counters.ignored += 1;
                 return;
             }
@@ -192,11 +200,26 @@ impl Coordinator {
         }
     }
 
-    /// Takes over what an earlier coordinator has released to a truck.
+    /// Whoever was heard of longest ago goes, if it is gone, for one that was heard of at `seen`. True if one went.
+    /// A robot that is gone may still be told of, with its old age: it displaces nobody.
+    fn make_room(&mut self, now: Stamp, seen: Stamp) -> bool {
+        let is_gone = |seen: Stamp| now.since_ms(seen) >= GONE_MS;
+        let may_go = |truck: &&Truck| is_gone(truck.seen) && truck.holds_nothing();
+        let goes = self.trucks.iter().filter(may_go).min_by_key(|truck| truck.seen).map(|truck| truck.id);
+        let Some(goes) = goes.filter(|_| !is_gone(seen)) else { return false };
+        self.trucks.retain(|truck| truck.id != goes);
+        true
+    }
+
+    /// Takes over what an earlier coordinator has released to a truck. A path that no robot would follow is not
+    /// one of a coordinator's: it would fill the memory with its places.
     fn adopt(&mut self, index: usize) {
         let truck = &mut self.trucks[index];
         let Some(report) = truck.view.route.clone().filter(|_| truck.view.goal.is_some()) else { return };
-        self.plan = self.plan.max(report.plan);
+        let length_m = report.path.length_m();
+        if length_m > LONGEST_PATH_M || report.release_m > length_m + STEP_M {
+            return;
+        }
         let way = DiscretizedPath::new(report.path, &truck.car());
         let release_m = report.release_m.clamp(0.0, way.length_m);
         // What lies between two places counts as released up to the second one.
@@ -205,6 +228,12 @@ impl Coordinator {
         let done_m = report.done_m.clamp(0.0, release_m);
         let plan = report.plan;
         truck.route = Some(Route { plan, base: plan, way, done_m, release, release_m, live, evades: false });
+        if plan > MOST_PLANS {
+            // The next number would be none: what it says it holds stays taken until it stands, then it is led anew.
+            truck.drop_route();
+            return;
+        }
+        self.plan = self.plan.max(plan);
     }
 
     /// Something has changed: those without a way may try again soon.

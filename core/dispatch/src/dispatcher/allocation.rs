@@ -105,7 +105,19 @@ impl Dispatcher {
             && !self.writes.has_robot(&robot.name)
             && robot.pending.is_none()
             && now_ms >= robot.next_request_ms
+            && self.membership(robot).is_ok()
             && robot.availability(now_ms, &self.settings, &self.identity.me).is_ok()
+    }
+
+    /// Why it is no robot of the fleet, as far as that is known: states alone anything may send.
+    fn membership(&self, robot: &TrackedRobot) -> Result<(), String> {
+        if self.has_presence && !robot.alive {
+            return Err("not present".to_owned());
+        }
+        if self.has_roster && !robot.in_roster {
+            return Err("not on the roster".to_owned());
+        }
+        Ok(())
     }
 
     /// Whether a task may be given to a robot now. After a start, one that was on a robot before waits
@@ -150,7 +162,9 @@ impl Dispatcher {
         let reasons = may.filter_map(|robot| {
             let busy = self.store.on(&robot.name).map(|other| format!("busy with {}", other.id));
             let unavailable = || robot.availability(now_ms, &self.settings, &self.identity.me).err();
-            let reason = busy.or_else(|| robot.incapable.get(&id).cloned()).or_else(unavailable)?;
+            let no_member = || self.membership(robot).err();
+            let incapable = robot.incapable.get(&id).cloned();
+            let reason = busy.or(incapable).or_else(unavailable).or_else(no_member)?;
             Some(format!("{}: {reason}", robot.name))
         });
         let mut reasons: Vec<String> = reasons.collect();

@@ -47,7 +47,8 @@ impl Dispatcher {
                 Step::Ask(request) => asks.push(request),
                 Step::Wait(_) => {}
                 Step::GiveUp { .. } => {
-                    (robot.pending, robot.next_request_ms) = (None, now_ms + self.settings.pause_ms);
+                    robot.give_up();
+                    robot.next_request_ms = now_ms + self.settings.pause_ms;
                 }
             }
         }
@@ -66,7 +67,7 @@ impl Dispatcher {
     /// it. A pending request is given up.
     fn drop_request(&mut self, now_ms: u64, name: &Name) {
         let Some(robot) = self.robots.get_mut(name) else { return };
-        if robot.pending.take().is_some() {
+        if robot.give_up() {
             robot.next_request_ms = now_ms;
         }
     }
@@ -75,6 +76,7 @@ impl Dispatcher {
     pub fn replied(&mut self, now_ms: u64, name: &Name, reply: &Reply) {
         let Some(robot) = self.robots.get_mut(name) else { return };
         robot.operator.replied(Stamp::from_ms(now_ms), reply);
+        robot.unanswered = 0;
         let Some(pending) = robot.pending.take_if(|pending| pending.id == reply.id) else { return };
         match &reply.result {
             Outcome::Ok(_) => self.granted(now_ms, name, pending.purpose),

@@ -1,6 +1,7 @@
 //! What becomes of tasks: what their robots show, and what the clock says.
 
 use super::Dispatcher;
+use crate::settings::Settings;
 use crate::task::Task;
 use crate::task_progress;
 use crate::task_store::record::{Entry, Record};
@@ -109,8 +110,15 @@ impl Dispatcher {
         let last = task.last.as_ref().map(|last| last.robot.clone());
         match &entry.record {
             Record::Became { change: Change::Queued { not_before_ms, failed }, why, .. } => {
-                let (why, for_ms) = (why.clone().unwrap_or_default(), self.settings.refused_ms);
+                let why = why.clone().unwrap_or_default();
+                let Settings { refused_ms, unanswered_ms, most_unanswered, .. } = self.settings;
                 if let Some(robot) = last.and_then(|last| self.robots.get_mut(&last)) {
+                    let is_silent = robot.unanswered >= most_unanswered;
+                    let for_ms = if is_silent { unanswered_ms } else { refused_ms };
+                    if is_silent {
+                        // The next task is another try.
+                        robot.unanswered = 0;
+                    }
                     robot.idle_since_ms = entry.at_ms;
                     if !failed && *not_before_ms > 0 {
                         robot.avoid(entry.at_ms, for_ms, why);

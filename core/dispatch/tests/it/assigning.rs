@@ -1,5 +1,6 @@
 //! Who does what: cheapest, fair, and fast.
 
+use crate::robots::FakeRobot;
 use std::collections::BTreeSet;
 use xtb_dispatch::assign::auction::RAISE_M;
 use xtb_dispatch::assign::{Candidate, Demand, INFEASIBLE, assign, auction, exact, solve};
@@ -7,7 +8,7 @@ use xtb_dispatch::{OpenTravelCost, TravelCost};
 use xtb_nav::geometry::reeds_shepp;
 use xtb_nav::rooms::Draw;
 use xtb_nav::{Car, MapPose};
-use xtb_protocol::messages::{TaskId, Waypoint};
+use xtb_protocol::messages::{MAX_REPORTED_M, Message, RobotState, TaskId, Waypoint};
 
 const CAR: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.4 };
 
@@ -86,6 +87,51 @@ fn an_auction_leaves_nobody_without_what_is_left() {
             assert!(column.is_some() || !left, "row {row} goes without");
         }
     }
+}
+
+/// Found as 101 robots that said they were 1e16 m away: their bids displaced each other for ever.
+#[test]
+fn an_auction_ends_whatever_the_costs_are_and_each_column_goes_once() {
+    let mut draw = Draw::new(6);
+    let large = [0.0, 1.0, 50.0, 4_194_304.0, 1e9, 1e16, 1e30, f32::MAX];
+    for (rows, columns) in [(2, 2), (5, 5), (30, 40), (101, 202)] {
+        let size = rows * columns;
+        let mut all: Vec<Vec<f32>> = large.iter().map(|cost| vec![*cost; size]).collect();
+        all.push(vec![INFEASIBLE; size]);
+        for _ in 0..5 {
+            let kinds = large.len() as i64;
+            // One more than there are: a pair that may not be.
+            let one = |draw: &mut Draw| *large.get(draw.whole(0, kinds) as usize).unwrap_or(&INFEASIBLE);
+            all.push((0..size).map(|_| one(&mut draw)).collect());
+            all.push((0..size).map(|_| one(&mut draw) * draw.uniform(0.0, 1.0) as f32).collect());
+        }
+        // Near columns for which all fight, and one that is far.
+        all.push((0..size).map(|at| if at % columns == 0 { 1e6 } else { (at % 3) as f32 }).collect());
+        for cost in all {
+            // INFEASIBLE times 0 is no cost.
+            let cost: Vec<f32> = cost.iter().map(|c| if c.is_nan() { INFEASIBLE } else { *c }).collect();
+            let found = auction::solve(&cost, rows, columns);
+            let taken: BTreeSet<usize> = found.iter().flatten().copied().collect();
+            assert_eq!(taken.len(), found.iter().flatten().count(), "a column twice");
+            for (row, column) in found.iter().enumerate() {
+                assert!(column.is_none_or(|column| cost[row * columns + column] != INFEASIBLE));
+                let left = (0..columns).any(|c| !taken.contains(&c) && cost[row * columns + c] != INFEASIBLE);
+                assert!(column.is_some() || !left, "row {row} goes without");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_state_of_a_place_or_speed_that_no_robot_can_have_is_refused() {
+    let sound = FakeRobot::new("xtb-1", (999.0, -1200.0)).state(1000);
+    assert!(sound.validate().is_ok(), "one that has driven on beyond the farthest goal");
+    for far_m in [-MAX_REPORTED_M * 1.01, 1e16, f64::NAN] {
+        for at in [(far_m, 0.0), (0.0, far_m)] {
+            assert!(FakeRobot::new("xtb-1", at).state(1000).validate().is_err(), "{at:?}");
+        }
+    }
+    assert!(RobotState { speed_mps: Some(1e16), ..sound }.validate().is_err());
 }
 
 #[test]

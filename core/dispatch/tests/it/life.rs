@@ -26,6 +26,26 @@ fn the_nearest_robot_goes_and_the_history_says_so() {
 }
 
 #[test]
+fn a_robot_that_only_sends_states_gets_no_task_while_others_are_present_or_on_the_roster() {
+    for by_roster in [false, true] {
+        let mut bench = Bench::new(2);
+        if by_roster {
+            let entry = RosterEntry { name: name("xtb-2"), tags: Vec::new(), start_pose: None };
+            bench.dispatcher.roster(bench.now_ms, &Roster { robots: vec![entry] });
+        } else {
+            bench.dispatcher.presence(bench.now_ms, &name("xtb-2"), true);
+        }
+        let near = bench.submit(goto(1.0, 0.5));
+        let next = bench.submit(goto(1.0, -3.0));
+        bench.run_ms(500);
+        assert_eq!((bench.robot_of(near), bench.state(next)), (Some(1), TaskState::Queued));
+        bench.run_ms(15_000);
+        assert_eq!((bench.state(near), bench.state(next)), (TaskState::Done, TaskState::Done));
+        assert!(bench.asks.iter().all(|(robot, _)| *robot == name("xtb-2")), "{:?}", bench.asks);
+    }
+}
+
+#[test]
 fn a_route_is_driven_in_order_as_often_as_it_says_with_its_stops() {
     let mut bench = Bench::new(1);
     let points = vec![point(1.2, 0.0), point(1.4, 0.0)];

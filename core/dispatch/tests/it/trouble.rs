@@ -3,7 +3,7 @@
 use crate::bench::{Bench, goto, name, point};
 use crate::model::me;
 use xtb_protocol::messages::{
-    Body, DispatchBody, DispatchCode, OnTakeover, TaskId, TaskKind, TaskSpec, TaskState, Who,
+    Body, DispatchBody, DispatchCode, OnTakeover, TaskId, TaskKind, TaskSpec, TaskState, TaskStep, Who,
 };
 
 #[test]
@@ -276,4 +276,40 @@ fn a_robot_that_joins_late_gets_what_waits_and_why_it_waits_is_said() {
     bench.cut[0] = false;
     bench.run_ms(4000);
     assert_eq!(bench.state(id), TaskState::Done);
+}
+
+/// Its states come, but no request gets through to it.
+fn run_deaf_ms(bench: &mut Bench, robot: usize, ms: u64) {
+    bench.cut[robot] = true;
+    for _ in 0..ms / 50 {
+        let state = bench.robots[robot].state(bench.now_ms);
+        bench.dispatcher.state(bench.now_ms, &state);
+        bench.run_ms(50);
+    }
+}
+
+#[test]
+fn a_robot_that_sends_states_and_answers_nothing_gives_its_task_to_another() {
+    let mut bench = Bench::new(2);
+    bench.cut[0] = true;
+    let id = bench.submit(goto(1.0, 0.5));
+    run_deaf_ms(&mut bench, 0, 5_000);
+    assert_eq!((bench.state(id), bench.robot_of(id)), (TaskState::Assigned, Some(0)), "the nearest one");
+    run_deaf_ms(&mut bench, 0, 15_000);
+    assert_eq!(bench.state(id), TaskState::Done);
+    let history = bench.dispatcher.history(id).unwrap();
+    assert_eq!((history.task.robot, history.task.failures), (Some(name("xtb-2")), 0));
+    let given_back = |step: &TaskStep| step.reason.as_deref() == Some("xtb-1 does not answer");
+    assert!(history.steps.iter().any(given_back), "{:?}", history.steps);
+}
+
+#[test]
+fn a_robot_that_was_asked_to_drive_keeps_its_task_until_it_confirms_though_it_answers_nothing_more() {
+    let mut bench = Bench::new(2);
+    bench.held_up = Some(Vec::new());
+    let id = bench.submit(goto(1.0, 0.5));
+    bench.run_ms(1000);
+    assert_eq!(bench.held_up.as_ref().map(|requests| requests.is_empty()), Some(false));
+    run_deaf_ms(&mut bench, 0, 20_000);
+    assert_eq!((bench.state(id), bench.robot_of(id)), (TaskState::Assigned, Some(0)));
 }

@@ -42,8 +42,9 @@ pub const START_WITHIN_M: f64 = 0.12;
 /// The body may reach so far into something along a path, in m: where a robot stands that near to a wall, traffic
 /// control plans with up to 5 cm less than its body.
 pub const GRAZE_M: f64 = 0.06;
-/// A longer path is none of a room's, in m: what is looked at in one turn is bounded.
-const LONGEST_M: f64 = 500.0;
+/// A longer path is none of a room's, in m: what is looked at in one turn is bounded. Traffic control believes no
+/// robot that says it follows one.
+pub const LONGEST_PATH_M: f64 = 500.0;
 /// Poses of others are good for this long, six messages of traffic control, in ms; chosen, not measured.
 const OTHERS_MS: u64 = 600;
 /// What moves is a little farther on by now, in m: 7 cm at 0.35 m/s in the 200 ms between two states.
@@ -224,8 +225,8 @@ impl Navigator {
             return Err(why.clone());
         }
         let Some(map) = &self.map else { return Ok(()) };
-        if path.length_m() > LONGEST_M {
-            return Err(wrong_vehicle(&format!("it is longer than {LONGEST_M} m")));
+        if path.length_m() > LONGEST_PATH_M {
+            return Err(wrong_vehicle(&format!("it is longer than {LONGEST_PATH_M} m")));
         }
         let body = self.car.grown(-GRAZE_M.min(self.car.core_m() / 2.0));
         let reach_m = body.reach_m();

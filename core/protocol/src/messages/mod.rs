@@ -49,8 +49,8 @@ pub use request::{
 pub use sensors::Sensors;
 pub use sim::{MAX_ROSTER, Roster, RosterEntry, SLOW_BELOW, SimStats, Truth, TruthRobot};
 pub use state::{
-    BatteryLevel, InputAges, LeaseState, ObstacleView, PoseSource, PoseState, Rejected, RobotState,
-    StopReason, TiltState,
+    BatteryLevel, InputAges, LeaseState, MAX_REPORTED_M, ObstacleView, PoseSource, PoseState, Rejected,
+    RobotState, StopReason, TiltState,
 };
 pub use suspension::{Suspension, SuspensionCause};
 pub use task::{

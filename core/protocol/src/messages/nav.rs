@@ -1,5 +1,6 @@
 //! The second level on the wire: where a robot is, which way it goes, and how far it may.
 
+use super::state::reported;
 use super::{Message, angle, bounded, coordinate, finite};
 use crate::keys::Name;
 use crate::text;
@@ -281,8 +282,8 @@ impl NavState {
         finite("done_m", Some(route.done_m))?;
         finite("release_m", Some(route.release_m))?;
         finite("off_m", Some(route.off_m))?;
-        finite("blocked_at_m x", route.blocked_at_m.map(|(x_m, _)| x_m))?;
-        finite("blocked_at_m y", route.blocked_at_m.map(|(_, y_m)| y_m))?;
+        reported("blocked_at_m x", route.blocked_at_m.map(|(x_m, _)| x_m))?;
+        reported("blocked_at_m y", route.blocked_at_m.map(|(_, y_m)| y_m))?;
         route.track.as_ref().map_or(Ok(()), Track::validate)
     }
 }

@@ -1,6 +1,6 @@
 //! What a robot says of itself, 20 times a second.
 
-use super::{FaultState, GoalEnd, GoalState, LatchState, Message, NavState, finite};
+use super::{FaultState, GoalEnd, GoalState, LatchState, Message, NavState, bounded, finite};
 use crate::keys::Name;
 use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
@@ -296,6 +296,19 @@ pub struct RobotState {
     pub rejected: Rejected,
 }
 
+/// Largest |x| or |y| that a state may tell of, in m. Goals and set poses end at 1 km, but dead reckoning may
+/// go on from there: a robot at 2 m/s takes 5 days for this. More makes no sense, and what is added to it in
+/// 32 bits would be lost.
+pub const MAX_REPORTED_M: f64 = 1e6;
+/// Largest speed that a state may tell of, in m/s. At its limit, through 1:1 and wheels of 1 m, an encoder says
+/// 660; the rest is for what fixes make of it. Chosen, not measured.
+const MAX_REPORTED_MPS: f64 = 2000.0;
+
+/// Where something is, as a robot reports it.
+pub(super) fn reported(quantity: &'static str, value_m: Option<f64>) -> Result<(), CodecError> {
+    bounded(quantity, value_m.unwrap_or(0.0), -MAX_REPORTED_M, MAX_REPORTED_M, "m")
+}
+
 impl Message for RobotState {
     const NAME: &'static str = "RobotState";
     const VERSION: u32 = 5;
@@ -304,25 +317,26 @@ impl Message for RobotState {
         Some(&self.robot)
     }
 
-    /// Every number is finite: JSON has no other.
+    /// Every number is finite: JSON has no other. Places and the speed are such as a robot can have.
     fn validate(&self) -> Result<(), CodecError> {
         let Self { pose, goal, tilt_deg, .. } = self;
-        finite("pose x_m", Some(pose.x_m))?;
-        finite("pose y_m", Some(pose.y_m))?;
+        reported("pose x_m", Some(pose.x_m))?;
+        reported("pose y_m", Some(pose.y_m))?;
         finite("pose yaw_rad", Some(pose.yaw_rad))?;
         finite("pose sigma_m", Some(pose.sigma_m))?;
         finite("pose sigma_yaw_rad", Some(pose.sigma_yaw_rad))?;
         finite("pose odometry_scale", pose.odometry_scale)?;
         finite("pose odometry_scale_sigma", pose.odometry_scale_sigma)?;
-        finite("speed_mps", self.speed_mps)?;
+        let speed_mps = self.speed_mps.unwrap_or(0.0);
+        bounded("speed_mps", speed_mps, -MAX_REPORTED_MPS, MAX_REPORTED_MPS, "m/s")?;
         finite("reference_rpm", Some(self.reference_rpm))?;
         finite("steering", Some(self.steering))?;
         finite("tilt_deg x", tilt_deg.x)?;
         finite("tilt_deg y", tilt_deg.y)?;
         finite("battery_v", self.battery_v)?;
         if let Some(goal) = goal {
-            finite("goal x_m", goal.x_m)?;
-            finite("goal y_m", goal.y_m)?;
+            reported("goal x_m", goal.x_m)?;
+            reported("goal y_m", goal.y_m)?;
             finite("goal yaw_rad", goal.yaw_rad)?;
             finite("goal distance_m", goal.distance_m)?;
         }

@@ -218,6 +218,11 @@ impl Truck {
         self.route.as_ref().map_or(&[], |route| &route.way.stands[self.confirmed()..=route.release])
     }
 
+    /// Whether it has left all that was ever released to it.
+    pub(super) fn holds_nothing(&self) -> bool {
+        self.route.is_none() && self.retained.is_empty()
+    }
+
     /// Whether all of its way is released.
     pub(super) fn is_complete(&self) -> bool {
         self.route.as_ref().is_some_and(|route| route.release == route.way.last())

@@ -135,3 +135,67 @@ fn an_older_report_changes_nothing_and_too_many_trucks_are_counted() {
     assert_eq!(coordinator.tick(now).len(), MOST_TRUCKS);
     assert_eq!(coordinator.counters().ignored, 4);
 }
+
+/// One of 2 m to the east, of which 1 m is released.
+fn report(plan: u64) -> RouteReport {
+    let mut path = Path::standing(pose(1.0, 1.0, 0.0));
+    path.push(Piece { length_m: 2.0, curvature_per_m: 0.0 });
+    RouteReport { plan, path, done_m: 0.2, release_m: 1.0 }
+}
+
+#[test]
+fn a_reported_route_that_no_robot_would_follow_is_not_taken_over() {
+    let mut endless = report(41);
+    // As many arcs as a track may have, each as long as it may be: bent, as straights in a row are one piece.
+    for arc in 0..255 {
+        endless.path.push(Piece { length_m: 1000.0, curvature_per_m: f64::from(arc % 2) * 0.1 });
+    }
+    let beyond = RouteReport { release_m: 2.1, ..report(41) };
+    for route in [endless, beyond] {
+        let mut coordinator = coordinator();
+        let route = Some(route);
+        let one = RobotView { route, ..view("a", pose(1.2, 1.0, 0.0), Some((1, 3.0, 3.0))) };
+        coordinator.robot(Stamp::from_ms(1000), one);
+        assert_eq!(coordinator.tick(Stamp::from_ms(1000))["a"].path, None);
+    }
+}
+
+#[test]
+fn a_reported_plan_that_nobody_can_have_counted_to_does_not_end_the_counting() {
+    let mut coordinator = coordinator();
+    let route = Some(report(u64::MAX));
+    let one = RobotView { route, ..view("a", pose(1.2, 1.0, 0.0), Some((1, 3.0, 3.0))) };
+    let guide = listen(&mut coordinator, 1000, &[one]).remove(0);
+    assert!((1..100).contains(&guide.plan), "{}", guide.plan);
+    assert!(guide.path.is_some(), "it is led from where it stands");
+}
+
+#[test]
+fn one_that_nobody_has_heard_of_for_long_makes_room_for_one_that_speaks_unless_it_holds_a_release() {
+    let mut coordinator = coordinator();
+    let stands = |index: usize| view(&format!("t{index}"), pose(1.0, 1.0, 0.0), None);
+    let route = Some(report(41));
+    let holds = RobotView { route, ..view("t0", pose(1.2, 1.0, 0.0), Some((1, 3.0, 3.0))) };
+    coordinator.robot(Stamp::from_ms(1000), holds);
+    for index in 1..MOST_TRUCKS {
+        coordinator.robot(Stamp::from_ms(1000 + index as u64), stands(index));
+    }
+    let known = |coordinator: &Coordinator| {
+        let (led, around) = coordinator.names();
+        led.into_iter().chain(around).collect::<Vec<String>>()
+    };
+    // Some minutes are no reason: it may stand in a doorway.
+    coordinator.robot(Stamp::from_ms(500_000), stands(100));
+    assert_eq!((known(&coordinator).len(), coordinator.counters().ignored), (MOST_TRUCKS, 1));
+    assert!(!known(&coordinator).contains(&"t100".to_owned()));
+    let late = Stamp::from_ms(700_000);
+    // One that is as silent itself displaces nobody.
+    coordinator.robot(late, RobotView { age_ms: 650_000, ..stands(101) });
+    assert!(!known(&coordinator).contains(&"t101".to_owned()));
+    coordinator.robot(late, stands(102));
+    let names = known(&coordinator);
+    let has = |name: &str| names.iter().any(|known| known == name);
+    assert_eq!(names.len(), MOST_TRUCKS);
+    assert!(has("t0") && !has("t1") && has("t2") && has("t102"), "{names:?}");
+    assert_eq!(coordinator.counters().ignored, 2);
+}
