@@ -14,6 +14,7 @@ pub mod hardware;
 pub mod logging;
 mod mailbox;
 mod map_file;
+mod map_reader;
 mod nav_inputs;
 mod neighbours;
 mod planner_worker;

@@ -7,6 +7,7 @@
 //! nothing is lost: one stop is as good as two | | downlink → loop | the holder lives | 1 time, the latest
 //! wins | – | | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
 //! | downlink → loop | setpoint of the holder | 1, latest wins | the older one is dropped, counted |
+//! | Zenoh → map reader | maps, unread | 1, latest wins | the older one is dropped, counted as overloaded |
 //! | downlink → loop | poses, paths, maps | [`NAV_INPUTS`] | dropped, counted as overloaded; newer ones
 //! follow | | other robots → loop | their states | the latest of 64 robots | those of more robots are
 //! dropped, counted as overloaded | | loop → downlink | replies | [`REPLIES`] | requests wait in their own

@@ -7,7 +7,8 @@ mod bench;
 use bench::*;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
-    Assignment, Body, Done, GoalStatus, LinkLoss, Outcome, RejectCode, Request, TaskAction, TaskId,
+    Assignment, Body, Done, GoalStatus, LinkLoss, MAX_ASSIGN_SEQ, Outcome, RejectCode, Request, TaskAction,
+    TaskId,
 };
 
 const LEDGER: u64 = 77;
@@ -94,6 +95,36 @@ fn a_withdrawal_stops_the_truck_without_the_lease_and_holds() {
     assert_eq!(bench.state().goal.unwrap().status, GoalStatus::Cancelled);
     assert_eq!(code_of(&bench.ask(assign(5, 1, 5.0))), RejectCode::UnknownGoal);
     goal_of(&bench.ask(assign(6, 0, 5.0)));
+}
+
+#[test]
+fn a_withdrawal_without_the_lease_bars_no_later_assignment() {
+    let mut bench = Bench::new();
+    withdraw(&mut bench, MAX_ASSIGN_SEQ);
+    goal_of(&bench.ask(assign(5, 0, 5.0)));
+    bench.run_ms(300);
+    withdraw(&mut bench, MAX_ASSIGN_SEQ - 1);
+    bench.run_ms(50);
+    assert_eq!(bench.state().goal.unwrap().status, GoalStatus::Cancelled);
+    assert_eq!(code_of(&bench.ask(assign(5, 1, 5.0))), RejectCode::UnknownGoal);
+    goal_of(&bench.ask(assign(6, 0, 5.0)));
+}
+
+#[test]
+fn an_assignment_that_is_withdrawn_before_it_comes_does_not_begin() {
+    let mut bench = Bench::new();
+    withdraw(&mut bench, 1_000_000);
+    assert_eq!(code_of(&bench.ask(assign(1_000_000, 0, 5.0))), RejectCode::UnknownGoal);
+    goal_of(&bench.ask(assign(1_000_001, 0, 5.0)));
+}
+
+#[test]
+fn a_withdrawal_with_the_lease_fences_all_before_it() {
+    let mut bench = Bench::new();
+    let reply = bench.ask(Body::Withdraw { ledger: LEDGER, assign_seq: 9 });
+    assert_eq!(reply.result, Outcome::Ok(Done::default()));
+    assert_eq!(code_of(&bench.ask(assign(8, 0, 5.0))), RejectCode::UnknownGoal);
+    goal_of(&bench.ask(assign(10, 0, 5.0)));
 }
 
 #[test]

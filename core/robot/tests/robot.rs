@@ -9,7 +9,7 @@ use xtb_control::controller::Mode;
 use xtb_control::{PwmCount, Stamp};
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
-    Body, GoalStatus, Lease, LinkLoss, Outcome, RejectCode, Request, Setpoint, StopReason,
+    Body, GoalStatus, Lease, LinkLoss, Outcome, RejectCode, Request, Route, Setpoint, StopReason,
 };
 
 #[test]
@@ -270,4 +270,57 @@ fn a_stop_is_done_each_time_also_with_an_id_that_was_used() {
     bench.ask_with_id(id, Body::Stop {});
     bench.run_ms(5);
     assert_eq!(bench.motor, PwmCount::NEUTRAL);
+}
+
+/// A sign of life of traffic control.
+fn hear_traffic(bench: &mut Bench, seq: u64) {
+    let route = Route {
+        epoch: 7,
+        seq,
+        goal: None,
+        track: None,
+        plan: 0,
+        release_m: 0.0,
+        cruise_mps: 0.0,
+        waits_for: None,
+        reason: None,
+        others: Vec::new(),
+    };
+    let now = bench.now;
+    bench.robot.agent_mut().route(now, &route);
+}
+
+#[test]
+fn one_route_with_the_largest_number_does_not_mute_traffic_control() {
+    let mut bench = Bench::new();
+    hear_traffic(&mut bench, 1);
+    hear_traffic(&mut bench, u64::MAX);
+    assert_eq!(bench.state().rejected.out_of_range, 1);
+    // Longer than traffic control can be silent.
+    for seq in 2..52 {
+        bench.run_ms(100);
+        hear_traffic(&mut bench, seq);
+    }
+    assert!(bench.state().nav.traffic);
+    // Not even after a silence, when any number is taken: those that follow are taken a second later.
+    bench.run_ms(1500);
+    hear_traffic(&mut bench, u64::MAX);
+    for seq in 52..102 {
+        bench.run_ms(100);
+        hear_traffic(&mut bench, seq);
+    }
+    assert!(bench.state().nav.traffic);
+    assert_eq!(bench.state().rejected.out_of_range, 1);
+}
+
+#[test]
+fn a_late_route_is_no_sign_of_life() {
+    let mut bench = Bench::new();
+    hear_traffic(&mut bench, 5);
+    bench.run_ms(500);
+    hear_traffic(&mut bench, 4);
+    bench.run_ms(1500);
+    hear_traffic(&mut bench, 5);
+    bench.run_ms(1100);
+    assert!(!bench.state().nav.traffic);
 }

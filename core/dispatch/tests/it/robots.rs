@@ -195,7 +195,11 @@ impl FakeRobot {
                 Ok(Done::default())
             }
             Body::Withdraw { ledger, assign_seq } => {
-                self.assigned.withdraw(client, *ledger, *assign_seq);
+                if present {
+                    self.assigned.withdraw(client, *ledger, *assign_seq);
+                } else {
+                    self.assigned.withdraw_without_lease(client, *ledger, *assign_seq);
+                }
                 let of = self.running().and_then(|goal| Assignment::of_goal(*ledger, goal.id));
                 if of.is_some_and(|(seq, _)| seq <= *assign_seq) {
                     self.end(GoalStatus::Cancelled, Some("withdrawn"));

@@ -163,6 +163,13 @@ impl Grid {
         }
     }
 
+    /// Marks the cells with these indices; outside nothing happens.
+    pub(crate) fn fill(&mut self, indices: std::ops::Range<usize>, cell: Cell) {
+        if let Some(cells) = self.cells.get_mut(indices) {
+            cells.fill(cell);
+        }
+    }
+
     fn index(&self, column: i64, row: i64) -> Option<usize> {
         let (column, row) = (usize::try_from(column).ok()?, usize::try_from(row).ok()?);
         (column < self.width && row < self.height).then(|| row * self.width + column)

@@ -1,7 +1,6 @@
 //! A map's zones as the planner takes them: cells that may not be driven on, or in one direction only.
 
 use super::{Map, ZoneKind, raster};
-use crate::geometry::{Cell, Grid};
 
 /// Cells that may not be driven on although nothing stands there.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -29,29 +28,20 @@ impl ZoneLayers {
         let mut layers = Self::default();
         layers.keep_outs.cells = vec![0; grid.cells().len()];
         for zone in map.zones() {
-            let cells = cells_under(grid, zone.points());
             match zone.kind() {
                 ZoneKind::KeepOut => {
                     layers.keep_outs.names.push(zone.name().to_owned());
                     let number = u16::try_from(layers.keep_outs.names.len()).unwrap_or(u16::MAX);
-                    cells.for_each(|index| layers.keep_outs.cells[index] = number);
+                    let cells = &mut layers.keep_outs.cells;
+                    raster::polygon_runs(grid, zone.points(), |run| cells[run].fill(number));
                 }
                 ZoneKind::OneWay { heading_rad } => {
                     let allowed = layers.one_way.get_or_insert_with(|| vec![None; grid.cells().len()]);
-                    cells.for_each(|index| allowed[index] = Some(heading_rad as f32));
+                    let heading_rad = Some(heading_rad as f32);
+                    raster::polygon_runs(grid, zone.points(), |run| allowed[run].fill(heading_rad));
                 }
             }
         }
         layers
     }
-}
-
-/// Indices of the cells that a polygon touches.
-fn cells_under(grid: &Grid, points: &[[f64; 2]]) -> impl Iterator<Item = usize> {
-    let blank = Grid::free(grid.resolution_m(), grid.origin_m(), grid.width(), grid.height());
-    let mut drawn = blank.unwrap_or_else(|_| grid.clone()); // the grid's own numbers make a grid
-    raster::polygon(&mut drawn, points, Cell::Occupied);
-    let under: Vec<usize> =
-        (0..drawn.cells().len()).filter(|&i| drawn.cells()[i] == Cell::Occupied).collect();
-    under.into_iter()
 }

@@ -5,19 +5,56 @@
 
 use crate::MapPose;
 use crate::geometry::{Cell, Grid};
+use std::ops::{Range, RangeInclusive};
 
 /// A shape reaches into a cell by this part of its side at least; keeps rounding out.
 const EDGE: f64 = 1e-6;
 
 /// Marks all cells that a simple polygon, (x, y) in m, overlaps.
 pub fn polygon(grid: &mut Grid, points: &[[f64; 2]], cell: Cell) {
-    let scale = |p: &[f64; 2], i: usize| (p[i] - grid.origin_m()[i]) / grid.resolution_m();
-    let points: Vec<[f64; 2]> = points.iter().map(|p| [scale(p, 0), scale(p, 1)]).collect();
-    // Where no side passes, a cell is wholly inside or wholly outside.
-    for (a, b) in super::polygon::sides(&points) {
-        side(grid, a, b, cell);
+    let size = Size::of(grid);
+    let points = in_cells(grid, points);
+    runs(size, &points, &mut |indices| grid.fill(indices, cell));
+}
+
+/// Calls `mark` with runs of indices of all cells that a simple polygon, (x, y) in m, overlaps; a cell may
+/// come more than once. The work is that of the polygon's own rows, whatever the size of the grid.
+pub(super) fn polygon_runs(grid: &Grid, points: &[[f64; 2]], mut mark: impl FnMut(Range<usize>)) {
+    runs(Size::of(grid), &in_cells(grid, points), &mut mark);
+}
+
+/// Columns and rows of a grid.
+#[derive(Clone, Copy)]
+struct Size {
+    width: usize,
+    height: usize,
+}
+
+impl Size {
+    fn of(grid: &Grid) -> Self {
+        Self { width: grid.width(), height: grid.height() }
     }
-    inside(grid, &points, cell);
+
+    /// Indices of the cells from one column to another, both included; `None` = there are none.
+    fn run(self, row: i64, first: i64, last: i64) -> Option<Range<usize>> {
+        let row = usize::try_from(row).ok().filter(|row| *row < self.height)?;
+        let (first, last) = (usize::try_from(first).ok()?, usize::try_from(last).ok()?);
+        (first <= last && last < self.width).then(|| row * self.width + first..row * self.width + last + 1)
+    }
+}
+
+/// These points in cells, from the grid's south-west corner.
+fn in_cells(grid: &Grid, points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let scale = |p: &[f64; 2], i: usize| (p[i] - grid.origin_m()[i]) / grid.resolution_m();
+    points.iter().map(|p| [scale(p, 0), scale(p, 1)]).collect()
+}
+
+fn runs(size: Size, points: &[[f64; 2]], mark: &mut dyn FnMut(Range<usize>)) {
+    // Where no side passes, a cell is wholly inside or wholly outside.
+    for (a, b) in super::polygon::sides(points) {
+        side(size, a, b, mark);
+    }
+    inside(size, points, mark);
 }
 
 /// Marks all cells that a rectangle overlaps: `length_m` along its own x axis, `width_m` across, its
@@ -48,33 +85,32 @@ fn corners(x_m: f64, y_m: f64, (cos, sin): (f64, f64), length_m: f64, width_m: f
 }
 
 /// The cells between two coordinates, in cells, clipped to `count`.
-fn cells_between(low: f64, high: f64, count: usize) -> std::ops::RangeInclusive<i64> {
+fn cells_between(low: f64, high: f64, count: usize) -> RangeInclusive<i64> {
     let first = libm::ceil(low + EDGE - 1.0).max(0.0) as i64;
     let last = libm::floor(high - EDGE).min(count as f64 - 1.0) as i64;
     first..=last
 }
 
 /// Marks the cells that a segment passes through.
-fn side(grid: &mut Grid, a: [f64; 2], b: [f64; 2], cell: Cell) {
+fn side(size: Size, a: [f64; 2], b: [f64; 2], mark: &mut dyn FnMut(Range<usize>)) {
     let (low, high) = if a[1] <= b[1] { (a, b) } else { (b, a) };
     let rise = high[1] - low[1];
     let (west, east) = (a[0].min(b[0]), a[0].max(b[0]));
-    for row in cells_between(low[1], high[1], grid.height()) {
+    for row in cells_between(low[1], high[1], size.height) {
         let (bottom, top) = (row as f64 + EDGE, (row + 1) as f64 - EDGE);
         let x_at = |y: f64| (low[0] + (high[0] - low[0]) * ((y - low[1]) / rise)).clamp(west, east);
         let from = if bottom <= low[1] { low[0] } else { x_at(bottom) };
         let to = if top >= high[1] { high[0] } else { x_at(top) };
-        for column in cells_between(from.min(to), from.max(to), grid.width()) {
-            grid.set(column, row, cell);
-        }
+        let (first, last) = cells_between(from.min(to), from.max(to), size.width).into_inner();
+        size.run(row, first, last).into_iter().for_each(&mut *mark);
     }
 }
 
 /// Marks the cells whose middle is inside.
-fn inside(grid: &mut Grid, points: &[[f64; 2]], cell: Cell) {
+fn inside(size: Size, points: &[[f64; 2]], mark: &mut dyn FnMut(Range<usize>)) {
     let (low, high) = super::polygon::bounds(points);
     let mut crossings = Vec::new();
-    for row in cells_between(low[1], high[1], grid.height()) {
+    for row in cells_between(low[1], high[1], size.height) {
         let y = row as f64 + 0.5;
         crossings.clear();
         for (a, b) in super::polygon::sides(points) {
@@ -85,10 +121,8 @@ fn inside(grid: &mut Grid, points: &[[f64; 2]], cell: Cell) {
         crossings.sort_by(f64::total_cmp);
         for pair in crossings.chunks_exact(2) {
             let first = libm::ceil(pair[0] - 0.5).max(0.0) as i64;
-            let last = libm::floor(pair[1] - 0.5).min(grid.width() as f64 - 1.0) as i64;
-            for column in first..=last {
-                grid.set(column, row, cell);
-            }
+            let last = libm::floor(pair[1] - 0.5).min(size.width as f64 - 1.0) as i64;
+            size.run(row, first, last).into_iter().for_each(&mut *mark);
         }
     }
 }

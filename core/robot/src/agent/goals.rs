@@ -143,8 +143,13 @@ impl Agent {
         arrival: Arrival,
         client: &Name,
         (ledger, assign_seq): (u64, u64),
+        has_lease: bool,
     ) {
-        self.assigned.withdraw(client, ledger, assign_seq);
+        if has_lease {
+            self.assigned.withdraw(client, ledger, assign_seq);
+        } else {
+            self.assigned.withdraw_without_lease(client, ledger, assign_seq);
+        }
         let runs = self.goal.as_ref().filter(|goal| goal.by == *client && !goal.status.is_final());
         let seq = runs.and_then(|goal| Assignment::of_goal(ledger, goal.id)).map(|(seq, _)| seq);
         if seq.is_some_and(|seq| seq <= assign_seq) {

@@ -28,6 +28,14 @@ fn needs_lease(body: &Body) -> bool {
 }
 
 impl Agent {
+    /// Whether a request bears the present lease.
+    pub(super) fn has_lease(&self, now: Stamp, client: &Name, request: &Request) -> bool {
+        // What waited in the queue until its lease had run out comes too late.
+        let alive = self.lease.silent_ms(now).is_some_and(|ms| ms < self.limits.lease_free_ms)
+            || !self.guards.on(Guard::LeaseExpiry);
+        alive && request.lease.is_some_and(|lease| self.lease.is_present(client, lease))
+    }
+
     /// The present lease, where one is needed. That its holder lives is told by [`Agent::heard`] from the door,
     /// with the time when the message came in, not the time when its turn came.
     pub(super) fn check_lease(
@@ -36,10 +44,7 @@ impl Agent {
         client: &Name,
         request: &Request,
     ) -> Result<(), Refusal> {
-        // What waited in the queue until its lease had run out comes too late.
-        let alive = self.lease.silent_ms(now).is_some_and(|ms| ms < self.limits.lease_free_ms)
-            || !self.guards.on(Guard::LeaseExpiry);
-        let present = alive && request.lease.is_some_and(|lease| self.lease.is_present(client, lease));
+        let present = self.has_lease(now, client, request);
         if present || !needs_lease(&request.body) {
             return Ok(());
         }

@@ -24,6 +24,9 @@ const STEP_NS: u64 = (PERIOD_MS * 1e6) as u64;
 /// A coordinator that has not been heard for this long may be followed by another one: as long as a robot is
 /// known to others, and well before the robot counts traffic control as gone.
 const OTHER_COORDINATOR_MS: u64 = HEARD_MS;
+/// A coordinator's number does not rise by more than this within that time: it sends a few messages a second.
+/// One that does is not its own. Chosen, not measured.
+const MOST_AHEAD: u64 = 10_000;
 
 /// Who leads, and on which map.
 #[derive(Debug, Clone, Default)]
@@ -36,6 +39,7 @@ pub(super) struct Lead {
     scanned: Option<Stamp>,
     fixes: u64,
     fixes_refused: u64,
+    routes_refused: u64,
 }
 
 impl Agent {
@@ -83,12 +87,25 @@ impl Agent {
         self.lead.fixes_refused
     }
 
+    /// Routes whose number cannot be their coordinator's.
+    #[must_use]
+    pub fn routes_refused(&self) -> u64 {
+        self.lead.routes_refused
+    }
+
     /// Traffic control says how to go on.
     pub fn route(&mut self, now: Stamp, route: &Route) {
         if let Some((epoch, seq, at)) = self.lead.last {
-            let repeated = route.epoch == epoch && route.seq <= seq;
-            let second = route.epoch != epoch && now.since_ms(at) < OTHER_COORDINATOR_MS;
-            if repeated || second {
+            // A number binds for as long as its coordinator is heard: one message with the largest number
+            // must not make a robot deaf to its coordinator for good.
+            let heard = now.since_ms(at) < OTHER_COORDINATOR_MS;
+            let same = route.epoch == epoch;
+            let repeated = same && (route.seq == seq || (heard && route.seq < seq));
+            if repeated || (heard && !same) {
+                return;
+            }
+            if heard && route.seq - seq > MOST_AHEAD {
+                self.lead.routes_refused += 1;
                 return;
             }
         }

@@ -99,7 +99,8 @@ impl Agent {
                 Ok(done)
             }
             Body::Withdraw { ledger, assign_seq } => {
-                self.withdraw(now, arrival, client, (*ledger, *assign_seq));
+                let has_lease = self.has_lease(now, client, request);
+                self.withdraw(now, arrival, client, (*ledger, *assign_seq), has_lease);
                 Ok(Done::default())
             }
             Body::Stop {} => {

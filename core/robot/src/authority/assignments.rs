@@ -3,13 +3,20 @@
 //! The order is that of (`assign_seq`, leg) within one ledger. It outlives leases and other clients'
 //! goals, not a restart of the robot: then the lease of the boot before fences what comes late.
 
+use std::collections::VecDeque;
 use xtb_protocol::messages::{Assignment, MAX_LEG, RejectCode};
 use xtb_protocol::{Name, Uuid};
+
+/// So many assignments that were withdrawn before they came are remembered. A dispatcher has one at a time on
+/// a robot; chosen, not measured.
+const MOST_AHEAD: usize = 64;
 
 /// The newest assignment that was begun or withdrawn.
 #[derive(Debug, Clone, Default)]
 pub struct Assigned {
     newest: Option<Newest>,
+    /// Ledger and number of those that were withdrawn without the lease before they came, newest last.
+    ahead: VecDeque<(u64, u64)>,
 }
 
 #[derive(Debug, Clone)]
@@ -19,6 +26,8 @@ struct Newest {
     /// Assignment and leg.
     order: (u64, u32),
 }
+
+const ASSIGN_AGAIN: &str = "assign it again, with a higher number";
 
 /// What an assignment is to the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,6 +48,10 @@ impl Assigned {
         assignment: &Assignment,
         mut goals: impl Iterator<Item = Uuid>,
     ) -> Result<Known, (RejectCode, String, &'static str)> {
+        if self.ahead.contains(&(assignment.ledger, assignment.assign_seq)) {
+            let message = format!("assignment {} was withdrawn", assignment.assign_seq);
+            return Err((RejectCode::UnknownGoal, message, ASSIGN_AGAIN));
+        }
         let Some(newest) = self.newest.as_ref().filter(|newest| newest.ledger == assignment.ledger) else {
             return Ok(Known::New);
         };
@@ -55,16 +68,18 @@ impl Assigned {
         } else {
             format!("assignment {} leg {} is older than {seq} leg {leg}", order.0, order.1)
         };
-        Err((RejectCode::UnknownGoal, message, "assign it again, with a higher number"))
+        Err((RejectCode::UnknownGoal, message, ASSIGN_AGAIN))
     }
 
     /// An assignment was begun.
     pub fn begun(&mut self, client: &Name, assignment: &Assignment) {
         let order = (assignment.assign_seq, assignment.leg);
         self.newest = Some(Newest { client: client.clone(), ledger: assignment.ledger, order });
+        self.forget_past();
     }
 
-    /// This assignment and those before it shall never begin. Another client's are left alone.
+    /// This assignment and those before it shall never begin, says who holds the lease. Another client's are
+    /// left alone.
     pub fn withdraw(&mut self, client: &Name, ledger: u64, assign_seq: u64) {
         let order = (assign_seq, MAX_LEG + 1);
         let later = match &self.newest {
@@ -74,7 +89,35 @@ impl Assigned {
         };
         if later {
             self.newest = Some(Newest { client: client.clone(), ledger, order });
+            self.forget_past();
         }
+    }
+
+    /// The same from somebody without the lease. That must not bar numbers that nobody has assigned yet: of
+    /// those that have not come this one alone shall never begin, and of those that have, none up to this one.
+    pub fn withdraw_without_lease(&mut self, client: &Name, ledger: u64, assign_seq: u64) {
+        if self.newest.as_ref().is_some_and(|newest| newest.client != *client) {
+            return;
+        }
+        let known = self.newest.as_mut().filter(|newest| newest.ledger == ledger);
+        let newest_seq = known.as_ref().map(|newest| newest.order.0);
+        if let Some(newest) = known.filter(|newest| newest.order.0 <= assign_seq) {
+            newest.order.1 = MAX_LEG + 1;
+        }
+        let (one, came) = ((ledger, assign_seq), newest_seq.is_some_and(|seq| assign_seq <= seq));
+        if came || self.ahead.contains(&one) {
+            return;
+        }
+        if self.ahead.len() >= MOST_AHEAD {
+            self.ahead.pop_front();
+        }
+        self.ahead.push_back(one);
+    }
+
+    /// What the order fences by itself needs no place.
+    fn forget_past(&mut self) {
+        let Self { newest: Some(newest), ahead } = self else { return };
+        ahead.retain(|(ledger, seq)| *ledger != newest.ledger || *seq > newest.order.0);
     }
 }
 
@@ -116,5 +159,41 @@ mod tests {
         assert_eq!(assigned.check(&assignment(7, 0), std::iter::empty()), Ok(Known::New));
         let other = Assignment { ledger: 8, ..assignment(0, 0) };
         assert_eq!(assigned.check(&other, std::iter::empty()), Ok(Known::New), "another ledger");
+    }
+
+    #[test]
+    fn without_the_lease_nothing_is_barred_that_was_never_assigned() {
+        let (mut assigned, me) = (Assigned::default(), Name::new("dispatch").unwrap());
+        let may = |assigned: &Assigned, seq, leg| {
+            assigned.check(&assignment(seq, leg), std::iter::empty()) == Ok(Known::New)
+        };
+        assigned.withdraw_without_lease(&me, 7, 1 << 39);
+        assert!(may(&assigned, 5, 0), "nothing was begun yet");
+        assigned.begun(&me, &assignment(5, 1));
+        assigned.withdraw_without_lease(&me, 7, 1 << 39);
+        assert!(!may(&assigned, 5, 2), "what had come is over");
+        assert!(may(&assigned, 6, 0) && !may(&assigned, 1 << 39, 0));
+        assigned.withdraw_without_lease(&me, 8, 0);
+        assert!(!may(&assigned, 5, 2), "another ledger's undoes nothing");
+    }
+
+    #[test]
+    fn what_is_withdrawn_before_it_comes_never_begins() {
+        let (mut assigned, me) = (Assigned::default(), Name::new("dispatch").unwrap());
+        assigned.withdraw_without_lease(&me, 7, 9);
+        assert!(assigned.check(&assignment(9, 0), std::iter::empty()).is_err());
+        assigned.begun(&me, &assignment(8, 0));
+        assert!(assigned.check(&assignment(9, 0), std::iter::empty()).is_err());
+        assert_eq!(assigned.check(&assignment(10, 0), std::iter::empty()), Ok(Known::New));
+        assigned.begun(&me, &assignment(10, 0));
+        assert!(assigned.check(&assignment(9, 0), std::iter::empty()).is_err());
+        assert!(assigned.ahead.is_empty(), "the order fences it");
+    }
+
+    #[test]
+    fn withdrawals_without_the_lease_fill_no_memory() {
+        let (mut assigned, me) = (Assigned::default(), Name::new("dispatch").unwrap());
+        (0..1000).for_each(|seq| assigned.withdraw_without_lease(&me, 7, seq));
+        assert_eq!(assigned.ahead.len(), MOST_AHEAD);
     }
 }

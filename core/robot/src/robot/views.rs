@@ -119,6 +119,7 @@ impl Robot {
                 refused: self.agent.refused,
                 stale: self.agent.stale,
                 fixes: self.agent.fixes_refused(),
+                out_of_range: self.agent.routes_refused() + rejected.out_of_range,
                 fenced: self.agent.fenced + rejected.fenced,
                 events_dropped: self.agent.events_dropped + rejected.events_dropped,
                 board_frames: board.rejected,

@@ -53,7 +53,7 @@ struct Flying {
 pub(super) struct Work {
     clock: Clock,
     dispatcher: Dispatcher,
-    ground: Box<dyn TravelCost + Send + Sync>,
+    ground: Ground,
     writer: Writer,
     flying: Option<Flying>,
     since_snapshot: u64,
@@ -140,7 +140,7 @@ impl Work {
                 written = durable(&mut self.flying) => self.settle(written)?,
                 Some(input) = self.questions.recv() => self.take(input),
                 Some(news) = self.news.recv() => self.hear(news),
-                Some(found) = self.looking.news.recv() => self.found(&found)?,
+                Some(found) = self.looking.news.recv() => self.found(found)?,
                 _ = tick.tick() => {
                     ticks += 1;
                     self.look();
@@ -222,7 +222,7 @@ impl Work {
         }
     }
 
-    fn found(&mut self, found: &Found) -> Result<()> {
+    fn found(&mut self, found: Found) -> Result<()> {
         if found.second {
             return Err(second());
         }
@@ -230,7 +230,7 @@ impl Work {
             self.dispatcher.roster(self.clock.ms(), roster);
         }
         if let Some(map) = &found.map {
-            self.ground = ground(found.map.as_ref());
+            self.ground = found.ground.unwrap_or_else(|| ground(Some(map)));
             let now_ms = self.clock.ms();
             self.dispatcher.map(now_ms, map.name(), map.hash());
             self.changed = true;
@@ -386,7 +386,11 @@ async fn hear_stops(client: &Client) -> Result<(mpsc::Receiver<Option<Name>>, Su
     Ok((stops, subscription))
 }
 
-fn ground(map: Option<&Map>) -> Box<dyn TravelCost + Send + Sync> {
+/// What ways cost.
+pub(super) type Ground = Box<dyn TravelCost + Send + Sync>;
+
+/// Measures a map; the largest take seconds.
+pub(super) fn ground(map: Option<&Map>) -> Ground {
     match map {
         Some(map) => Box::new(MapTravelCost::new(map.clone())),
         None => Box::new(OpenTravelCost),

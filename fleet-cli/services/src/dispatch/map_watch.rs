@@ -1,6 +1,7 @@
 //! What the dispatcher has to find out beside its robots: who should be there and the map; and traffic
 //! control, which it runs unless somebody else does.
 
+use super::event_loop::{Ground, ground};
 use crate::traffic::TrafficService;
 use std::time::Duration;
 use tokio::sync::mpsc;
@@ -21,6 +22,8 @@ const FIRST_LOOK: Duration = Duration::from_millis(400);
 pub(super) struct Found {
     pub(super) roster: Option<Roster>,
     pub(super) map: Option<Map>,
+    /// The same, measured; `None` = not yet.
+    pub(super) ground: Option<Ground>,
     /// It is the one that this process serves.
     pub(super) own_map: bool,
     /// Another dispatcher answers too.
@@ -37,8 +40,8 @@ pub(super) async fn first_look(client: &Client, own: Option<Map>) -> Found {
         }
     };
     match tokio::time::timeout(FIRST_LOOK, async { tokio::join!(roster(client), map) }).await {
-        Ok((roster, map)) => Found { roster, map, own_map, second: false },
-        Err(_) => Found { roster: None, map: own, own_map, second: false },
+        Ok((roster, map)) => Found { roster, map, own_map, ..Found::default() },
+        Err(_) => Found { map: own, own_map, ..Found::default() },
     }
 }
 
@@ -86,9 +89,11 @@ async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender
             Some(_) if own_map => None,
             Some(map) => maps.as_ref().and_then(|maps| another(map, maps)),
         };
-        if found.map.is_some() {
+        if let Some(new) = found.map.clone() {
             map.clone_from(&found.map);
             traffic = None;
+            // The largest maps take seconds: not in the loop that keeps the leases.
+            found.ground = tokio::task::spawn_blocking(move || ground(Some(&new))).await.ok();
         }
         if (found.roster.is_some() || found.map.is_some()) && news.send(found).await.is_err() {
             return;

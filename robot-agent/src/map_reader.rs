@@ -1,0 +1,269 @@
+//! The fleet's map is read beside the network, on a thread of its own: a message of some kilobytes can
+//! describe millions of cells under hundreds of zones, and until a callback of Zenoh's returns, no stop and
+//! no command comes in on that link.
+//!
+//! One slot: a map that was not begun yet gives way to a newer one, and a published map is published again.
+
+use crate::counters::Counters;
+use crate::mailbox::NavInput;
+use std::collections::BTreeSet;
+use std::io;
+use std::sync::mpsc::SyncSender;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use xtb_bus::Incoming;
+use xtb_nav::map::Map;
+use xtb_nav::navigator::PreparedMap;
+use xtb_protocol::Name;
+use xtb_protocol::messages::{FleetMap, MapHash};
+
+/// From the end of one map to the beginning of the next: whoever floods with maps must not take a processor
+/// from the control loop. Chosen, not measured.
+const PAUSE: Duration = Duration::from_secs(1);
+/// So many different complaints go to the log; who makes up names and hashes must not fill it. Chosen, not
+/// measured.
+const MOST_COMPLAINTS: usize = 16;
+
+#[derive(Default)]
+struct Slot {
+    waiting: Option<Incoming>,
+    over: bool,
+}
+
+/// The newest map that nobody has read yet.
+#[derive(Default)]
+pub(crate) struct MapSlot {
+    slot: Mutex<Slot>,
+    news: Condvar,
+}
+
+impl MapSlot {
+    fn lock(&self) -> MutexGuard<'_, Slot> {
+        self.slot.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts a message, unread: this is all that a callback does. Another one that still waits is dropped and
+    /// counted; the same one again is no loss.
+    pub(crate) fn put(&self, incoming: Incoming, counters: &Counters) {
+        let mut slot = self.lock();
+        if slot.waiting.as_ref().is_some_and(|before| *before != incoming) {
+            counters.overloaded();
+        }
+        slot.waiting = Some(incoming);
+        drop(slot);
+        self.news.notify_one();
+    }
+
+    /// The next message, not before this time; `None` when there will be none any more.
+    fn next(&self, not_before: Instant) -> Option<Incoming> {
+        let mut slot = self.lock();
+        loop {
+            if slot.over {
+                return None;
+            }
+            let left = not_before.saturating_duration_since(Instant::now());
+            if !left.is_zero() {
+                let woken = self.news.wait_timeout(slot, left);
+                slot = woken.unwrap_or_else(PoisonError::into_inner).0;
+            } else if let Some(incoming) = slot.waiting.take() {
+                return Some(incoming);
+            } else {
+                slot = self.news.wait(slot).unwrap_or_else(PoisonError::into_inner);
+            }
+        }
+    }
+
+    fn end(&self) {
+        self.lock().over = true;
+        self.news.notify_one();
+    }
+}
+
+/// The thread's owner: dropping it ends the thread after its present map.
+pub(crate) struct MapReader(Arc<MapSlot>);
+
+impl MapReader {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// The system cannot.
+    pub(crate) fn start(robot: &Name, mut reading: MapReading) -> io::Result<Self> {
+        let slot = Arc::new(MapSlot::default());
+        let theirs = slot.clone();
+        std::thread::Builder::new().name(format!("map-{robot}")).spawn(move || {
+            let mut not_before = Instant::now();
+            while let Some(incoming) = theirs.next(not_before) {
+                reading.read(&incoming);
+                not_before = Instant::now() + PAUSE;
+            }
+        })?;
+        Ok(Self(slot))
+    }
+
+    /// Where messages are put.
+    pub(crate) fn slot(&self) -> Arc<MapSlot> {
+        self.0.clone()
+    }
+}
+
+impl Drop for MapReader {
+    fn drop(&mut self) {
+        self.0.end();
+    }
+}
+
+/// What becomes of a message.
+pub(crate) struct MapReading {
+    nav_inputs: SyncSender<NavInput>,
+    counters: Arc<Counters>,
+    /// The robot has a map of its own.
+    own_map: bool,
+    /// The map that was told last: it is published again and again.
+    told: Option<MapHash>,
+    complaints: Complaints,
+}
+
+impl MapReading {
+    pub(crate) fn new(nav_inputs: SyncSender<NavInput>, counters: Arc<Counters>, own_map: bool) -> Self {
+        Self { nav_inputs, counters, own_map, told: None, complaints: Complaints::default() }
+    }
+
+    /// Reads a map, measures it if the robot needs it, and tells the control loop.
+    fn read(&mut self, incoming: &Incoming) {
+        let message = match incoming.decode::<FleetMap>() {
+            Ok(message) => message,
+            Err(error) => {
+                self.counters.rejected(&error);
+                return self.complain(&format!("the fleet's map cannot be read: {error}"));
+            }
+        };
+        if self.told == Some(message.hash) {
+            return;
+        }
+        if !self.own_map {
+            let map = match Map::try_from(&message) {
+                Ok(map) => map,
+                Err(error) => {
+                    let words = format!("the fleet's map {} cannot be used: {error}", message.name);
+                    return self.complain(&words);
+                }
+            };
+            // Measured here, not in the control loop. Without room for it, it is published again.
+            if !self.put(NavInput::Floor(Arc::new(PreparedMap::of(map)))) {
+                return;
+            }
+        }
+        if self.put(NavInput::FleetMap(message.hash)) {
+            self.told = Some(message.hash);
+        }
+    }
+
+    /// Whether there was room for it.
+    fn put(&self, input: NavInput) -> bool {
+        let put = self.nav_inputs.try_send(input).is_ok();
+        if !put {
+            self.counters.overloaded();
+        }
+        put
+    }
+
+    fn complain(&mut self, words: &str) {
+        if self.complaints.is_new(words) {
+            tracing::warn!("{words}");
+            if self.complaints.is_full() {
+                tracing::warn!("further faulty maps of the fleet are not logged");
+            }
+        }
+    }
+}
+
+/// What has been logged already.
+#[derive(Default)]
+struct Complaints(BTreeSet<String>);
+
+impl Complaints {
+    /// Whether this has to be logged.
+    fn is_new(&mut self, words: &str) -> bool {
+        !self.is_full() && self.0.insert(words.to_owned())
+    }
+
+    fn is_full(&self) -> bool {
+        self.0.len() >= MOST_COMPLAINTS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mailbox::{LoopEnds, mailbox};
+    use xtb_nav::Grid;
+    use xtb_protocol::codec::{Format, encode, encoding};
+
+    fn raw(payload: &[u8]) -> Incoming {
+        let encoding = encoding::<FleetMap>(Format::Postcard);
+        Incoming { key: "xtb/lab/map".into(), encoding, payload: payload.to_vec() }
+    }
+
+    fn message(name: &str, hash: Option<MapHash>) -> Incoming {
+        let grid = Grid::free(0.05, [0.0; 2], 4, 4).unwrap();
+        let mut message = FleetMap::from(&Map::new(name, grid, vec![]).unwrap());
+        message.hash = hash.unwrap_or(message.hash);
+        raw(&encode(&message, Format::Postcard).unwrap())
+    }
+
+    fn reading() -> (MapReading, LoopEnds, Arc<Counters>) {
+        let (loop_ends, session_ends, _) = mailbox();
+        let counters = session_ends.counters.clone();
+        (MapReading::new(session_ends.nav_inputs, counters.clone(), false), loop_ends, counters)
+    }
+
+    #[test]
+    fn a_put_reads_nothing_and_the_newest_map_displaces_the_one_that_waits() {
+        let (slot, counters) = (MapSlot::default(), Counters::default());
+        slot.put(raw(&[1]), &counters);
+        slot.put(raw(&[1]), &counters);
+        assert_eq!(counters.rejected_so_far().overloaded, 0, "the same again");
+        slot.put(raw(&[2]), &counters);
+        let rejected = counters.rejected_so_far();
+        assert_eq!((rejected.overloaded, rejected.malformed), (1, 0));
+        assert_eq!(slot.next(Instant::now()), Some(raw(&[2])));
+        assert_eq!(slot.lock().waiting, None);
+    }
+
+    #[test]
+    fn the_next_map_waits_for_its_time_and_the_end_does_not() {
+        let (slot, counters) = (MapSlot::default(), Counters::default());
+        slot.put(raw(&[1]), &counters);
+        let not_before = Instant::now() + Duration::from_millis(20);
+        assert!(slot.next(not_before).is_some() && Instant::now() >= not_before);
+        slot.put(raw(&[2]), &counters);
+        slot.end();
+        assert_eq!(slot.next(Instant::now() + Duration::from_secs(3600)), None);
+    }
+
+    #[test]
+    fn a_map_is_told_once() {
+        let (mut reading, loop_ends, counters) = reading();
+        reading.read(&message("lab", None));
+        reading.read(&message("lab", None));
+        let told: Vec<NavInput> = loop_ends.nav_inputs.try_iter().collect();
+        assert!(matches!(told.as_slice(), [NavInput::Floor(_), NavInput::FleetMap(_)]));
+        assert_eq!(counters.rejected_so_far().overloaded, 0);
+    }
+
+    #[test]
+    fn each_fault_of_a_map_is_logged_once_and_not_without_end() {
+        let (mut reading, loop_ends, counters) = reading();
+        for _ in 0..3 {
+            reading.read(&raw(&[0xff; 9]));
+            reading.read(&message("lab", Some(MapHash::new(1))));
+        }
+        assert_eq!(counters.rejected_so_far().malformed, 3, "each is counted");
+        assert_eq!(reading.complaints.0.len(), 2);
+        for hash in 0..100 {
+            reading.read(&message("lab", Some(MapHash::new(hash))));
+        }
+        assert_eq!(reading.complaints.0.len(), MOST_COMPLAINTS);
+        assert_eq!(loop_ends.nav_inputs.try_iter().count(), 0);
+    }
+}
