@@ -1,6 +1,6 @@
 //! The loop: what has come in goes to the dispatcher, what it wants is done.
 
-use super::map_watch::{self, Found, MapWatch};
+use super::map_watch::{self, Found, Ground, MapWatch, ground};
 use super::request_queue::{Asked, Input, RequestQueue};
 use super::robot_client::{Fleet, News};
 use super::usage::Usage;
@@ -15,7 +15,7 @@ use xtb_bus::{Incoming, Subscription};
 use xtb_client::client::Client;
 use xtb_client::state_feed::{MOST_ROBOTS, StateFeed};
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_dispatch::{Dispatcher, Effect, Entry, MapTravelCost, OpenTravelCost, Record, TravelCost, Write};
+use xtb_dispatch::{Dispatcher, Effect, Entry, Record, Write};
 use xtb_nav::{Car, Map};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, Key};
@@ -384,17 +384,6 @@ async fn hear_stops(client: &Client) -> Result<(mpsc::Receiver<Option<Name>>, Su
     };
     let subscription = client.bus().subscribe(&client.keys().estop_all(None), each).await?;
     Ok((stops, subscription))
-}
-
-/// What ways cost.
-pub(super) type Ground = Box<dyn TravelCost + Send + Sync>;
-
-/// Measures a map; the largest take seconds.
-pub(super) fn ground(map: Option<&Map>) -> Ground {
-    match map {
-        Some(map) => Box::new(MapTravelCost::new(map.clone())),
-        None => Box::new(OpenTravelCost),
-    }
 }
 
 fn lost(what: &str) -> Error {

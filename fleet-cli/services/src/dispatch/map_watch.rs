@@ -1,7 +1,6 @@
 //! What the dispatcher has to find out beside its robots: who should be there and the map; and traffic
 //! control, which it runs unless somebody else does.
 
-use super::event_loop::{Ground, ground};
 use crate::traffic::TrafficService;
 use std::time::Duration;
 use tokio::sync::mpsc;
@@ -9,6 +8,7 @@ use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_client::client::Client;
 use xtb_client::map_source::{self, MapSource};
+use xtb_dispatch::{MapTravelCost, OpenTravelCost, TravelCost};
 use xtb_nav::Map;
 use xtb_protocol::messages::{FleetMap, Roster};
 
@@ -16,6 +16,17 @@ use xtb_protocol::messages::{FleetMap, Roster};
 const LOOK_EVERY: Duration = Duration::from_secs(2);
 /// What is not known this long after the start is learned while tasks are taken already.
 const FIRST_LOOK: Duration = Duration::from_millis(400);
+
+/// What ways cost.
+pub(super) type Ground = Box<dyn TravelCost + Send + Sync>;
+
+/// Measures a map; the largest take seconds.
+pub(super) fn ground(map: Option<&Map>) -> Ground {
+    match map {
+        Some(map) => Box::new(MapTravelCost::new(map.clone())),
+        None => Box::new(OpenTravelCost),
+    }
+}
 
 /// What was found.
 #[derive(Default)]
