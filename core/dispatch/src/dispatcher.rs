@@ -169,9 +169,9 @@ impl Dispatcher {
         Some(TaskHistory { task: self.view(task), ..task.history() })
     }
 
-    /// Which robots there should be; from now on others are refused by name.
+    /// Which robots there should be; from now on others are refused by name. One without any robot is none.
     pub fn roster(&mut self, now_ms: u64, roster: &Roster) {
-        self.has_roster = true;
+        self.has_roster = !roster.robots.is_empty();
         self.robots.values_mut().for_each(|robot| robot.in_roster = false);
         for entry in &roster.robots {
             let robot = self.robot(now_ms, &entry.name);

@@ -278,6 +278,9 @@ impl Task {
             Change::Queued { not_before_ms, failed } => {
                 self.not_before_ms = *not_before_ms;
                 self.failures = if self.state.is_final() { 0 } else { self.failures + u32::from(*failed) };
+                if self.state.is_final() {
+                    self.began_ms = None;
+                }
                 self.waiting_since_ms = at_ms;
                 self.set_state(at_ms, TaskState::Queued, why);
                 self.release();

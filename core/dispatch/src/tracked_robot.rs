@@ -183,6 +183,10 @@ impl TrackedRobot {
             self.pending_outcome = None;
         }
         let observed = ObservedState::of(now_ms, state).after(before);
+        if before.is_some_and(|before| before.map != observed.map) {
+            // What it refused for lack of a map, or on another one, it may do now.
+            self.incapable.clear();
+        }
         if observed.holder.as_ref().is_some_and(|holder| holder != me) {
             self.uncontested_since_ms = now_ms;
         }

@@ -37,7 +37,7 @@ pub struct GotoArgs {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub within: Option<Duration>,
     /// What the robot does after 0.5 s without a message from this program: halt, or finish the goal
-    /// [default: halt with --wait, else finish].
+    /// [default: halt with --wait and without --within, else finish].
     #[arg(long, value_enum, value_name = "POLICY")]
     pub on_link_loss: Option<LinkLossArg>,
     /// Control of the robot.

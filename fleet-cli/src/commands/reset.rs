@@ -82,16 +82,38 @@ async fn all(ctx: &Context, client: &Client, args: &ResetArgs) -> Result<Exit> {
         }
         return Ok(complete);
     }
-    if !args.yes && !confirmed(ctx, &latched).await? {
-        ctx.out.note("nothing was reset");
-        return Ok(Exit::Failed);
+    let mut newly = Vec::new();
+    let mut robots: Vec<Name> = latched.iter().map(|(robot, _)| robot.clone()).collect();
+    if !args.yes {
+        if !confirmed(ctx, &latched).await? {
+            ctx.out.note("nothing was reset");
+            return Ok(Exit::Failed);
+        }
+        let now = candidates(client, &args.who.expect).await?.latched;
+        (robots, newly) = as_shown(&latched, now);
     }
-    let robots: Vec<Name> = latched.into_iter().map(|(robot, _)| robot).collect();
+    for robot in &newly {
+        let message = format!("{robot} was latched after the question: it is not reset");
+        ctx.out.failure(&Error::new(ErrorKind::Failed, message).hint("`fleet-cli why` says why"));
+    }
     let ended = each(client, &robots, args.latch, args.lease.take).await;
     match say(ctx, args.latch, &ended)? {
-        Exit::Done => Ok(complete),
+        Exit::Done if newly.is_empty() => Ok(complete),
+        Exit::Done => Ok(Exit::Failed),
         exit => Ok(exit),
     }
+}
+
+/// Those who have the same latches as were shown, or fewer, and those who have been latched since.
+fn as_shown(shown: &[(Name, Vec<LatchState>)], now: Vec<(Name, Vec<LatchState>)>) -> (Vec<Name>, Vec<Name>) {
+    let was_shown = |robot: &Name, set: &LatchState| {
+        let mut before = shown.iter().filter(|(other, _)| other == robot).flat_map(|(_, latches)| latches);
+        before.any(|before| before.latch == set.latch && before.age_ms <= set.age_ms)
+    };
+    let (same, newly): (Vec<_>, Vec<_>) =
+        now.into_iter().partition(|(robot, latches)| latches.iter().all(|set| was_shown(robot, set)));
+    let names = |robots: Vec<(Name, Vec<LatchState>)>| robots.into_iter().map(|(robot, _)| robot).collect();
+    (names(same), names(newly))
 }
 
 /// Asks the person at the terminal.
@@ -214,6 +236,20 @@ mod tests {
         assert!(text.contains("xtb-1: estop reset\n"), "{text}");
         assert!(text.contains("still latched: gyro_lost by gyro_silent"), "{text}");
         assert!(text.contains("no robot moves until all latches are reset"), "{text}");
+    }
+
+    #[test]
+    fn who_was_latched_after_the_question_is_not_reset() {
+        let latch = |latch, age_ms| LatchState { age_ms, ..fake::latch(latch, "cli-1", false) };
+        let gyro = |age_ms| latch(Latch::GyroLost, age_ms);
+        let shown: Vec<_> = ["a", "b", "c", "d"].map(|robot| (name(robot), vec![gyro(500)])).into();
+        let now = vec![
+            (name("a"), vec![gyro(9_000)]),
+            (name("b"), vec![gyro(9_000), latch(Latch::Estop, 2_000)]),
+            (name("c"), vec![gyro(100)]),
+            (name("e"), vec![gyro(9_000)]),
+        ];
+        assert_eq!(as_shown(&shown, now), (vec![name("a")], ["b", "c", "e"].map(name).into()));
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

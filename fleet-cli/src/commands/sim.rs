@@ -215,8 +215,13 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
         _ => Ok(Exit::Done),
     };
     simulator.stop().await;
+    let interrupted = done.is_none();
     done.unwrap_or(Ok(()))?;
-    if args.until_done { exit } else { exit.map(|_| Exit::Done) }
+    match args.until_done {
+        true if interrupted => exit.map(|_| Exit::Interrupted),
+        true => exit,
+        false => exit.map(|_| Exit::Done),
+    }
 }
 
 /// What is asked for.

@@ -41,7 +41,9 @@ impl Dispatcher {
             robots.push(robot);
             candidates.push(candidate);
         }
-        let least_m = candidates.iter().map(|robot| robot.car.core_m()).fold(f64::INFINITY, f64::min);
+        // As admission measured it, also by who is busy now.
+        let known = self.robots.values().filter_map(|robot| robot.car);
+        let least_m = known.map(|car| car.core_m()).fold(f64::INFINITY, f64::min);
         let demands: Vec<Demand> = waiting.iter().map(|task| self.demand(now_ms, task)).collect();
         let assign = |tasks: &[usize], who: &[usize]| -> Vec<(usize, usize)> {
             let some_demands: Vec<Demand> = tasks.iter().map(|&task| demands[task]).collect();

@@ -2,7 +2,7 @@
 
 use xtb_control::Mode;
 use xtb_control::frames::MapPose;
-use xtb_protocol::messages::{BatteryLevel, GoalStatus, Latch, RobotState};
+use xtb_protocol::messages::{BatteryLevel, GoalStatus, Latch, MapState, RobotState};
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::faults::stops;
 
@@ -38,6 +38,8 @@ pub struct ObservedState {
     pub low_battery: bool,
     /// An emergency stop that is latched.
     pub estop: Option<ObservedEstop>,
+    /// Which map it has.
+    pub map: Option<MapState>,
 }
 
 /// An emergency stop that a robot shows as latched.
@@ -77,6 +79,7 @@ impl ObservedState {
             unavailable: unavailable(state),
             low_battery: state.battery_level == BatteryLevel::Warn,
             estop,
+            map: state.nav.map.clone(),
         }
     }
 

@@ -46,6 +46,33 @@ fn a_robot_that_only_sends_states_gets_no_task_while_others_are_present_or_on_th
 }
 
 #[test]
+fn a_roster_that_is_gone_bars_nobody() {
+    let mut bench = Bench::new(1);
+    let entry = RosterEntry { name: name("other"), tags: Vec::new(), start_pose: None };
+    bench.dispatcher.roster(bench.now_ms, &Roster { robots: vec![entry] });
+    let id = bench.submit(goto(1.0, 0.5));
+    bench.run_ms(500);
+    assert_eq!(bench.state(id), TaskState::Queued);
+    bench.dispatcher.roster(bench.now_ms, &Roster { robots: Vec::new() });
+    bench.run_ms(500);
+    assert_eq!(bench.robot_of(id), Some(0));
+}
+
+#[test]
+fn a_patrol_that_is_done_again_has_its_whole_time() {
+    let mut bench = Bench::new(1);
+    let points = vec![point(1.2, 0.0), point(1.4, 0.0)];
+    let id = bench.submit(TaskSpec::new(TaskKind::Patrol { points, dwell_s: 0.0, for_s: Some(20.0) }));
+    bench.run_ms(3_000);
+    bench.ask(DispatchBody::Cancel { tasks: vec![id] });
+    bench.run_ms(30_000);
+    assert_eq!(bench.state(id), TaskState::Cancelled);
+    bench.ask(DispatchBody::Retry { tasks: vec![id] });
+    bench.run_ms(5_000);
+    assert_eq!(bench.state(id), TaskState::Running);
+}
+
+#[test]
 fn a_route_is_driven_in_order_as_often_as_it_says_with_its_stops() {
     let mut bench = Bench::new(1);
     let points = vec![point(1.2, 0.0), point(1.4, 0.0)];

@@ -212,4 +212,7 @@ fn a_robot_that_is_too_wide_for_a_goal_is_not_sent_there() {
     let id = bench.submit(goto(5.0, 3.7)); // 0.3 m from the wall
     bench.run_ms(1000);
     assert_eq!(bench.robot_of(id), Some(1), "the nearer one is 0.4 m from its middle to its side");
+    let next = bench.submit(goto(4.0, 3.7));
+    bench.run_ms(200);
+    assert_eq!((bench.robot_of(id), bench.robot_of(next)), (Some(1), None), "it waits for who is busy");
 }

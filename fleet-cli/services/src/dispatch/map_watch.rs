@@ -14,6 +14,8 @@ use xtb_protocol::messages::{FleetMap, Roster};
 
 /// It looks again this often.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
+/// After so many looks in a row without a roster there is none any more: 10 s; chosen, not measured.
+const ROSTER_GONE: u32 = 5;
 /// What is not known this long after the start is learned while tasks are taken already.
 const FIRST_LOOK: Duration = Duration::from_millis(400);
 
@@ -84,15 +86,19 @@ async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender
     }
     let maps = MapSource::open(client.bus(), client.keys()).await;
     let maps = maps.inspect_err(|failure| tracing::warn!("cannot check for another map: {failure}")).ok();
-    let (mut traffic, mut said) = (None, false);
+    let (mut traffic, mut said, mut without_roster) = (None, false, 0);
     let mut tick = tokio::time::interval(LOOK_EVERY);
     tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tick.tick().await;
         let mut found = Found::default();
-        if let Some(roster) = roster(&client).await.filter(|roster| known.as_ref() != Some(roster)) {
-            known = Some(roster.clone());
-            found.roster = Some(roster);
+        let roster = roster(&client).await;
+        without_roster = if roster.is_some() { 0 } else { without_roster + 1 };
+        if roster.is_some() && roster != known {
+            (known, found.roster) = (roster.clone(), roster);
+        } else if known.is_some() && without_roster >= ROSTER_GONE {
+            // The simulator that had it has ended.
+            (known, found.roster) = (None, Some(Roster { robots: Vec::new() }));
         }
         found.map = match &map {
             None => served(&client, within).await,
