@@ -21,6 +21,7 @@ mod huge_messages;
 mod keys;
 mod logs;
 mod membership;
+mod nearby;
 mod obstacles;
 mod operators;
 mod processes;
