@@ -22,8 +22,10 @@ mod recorder;
 mod recording_server;
 pub mod replay;
 mod session;
+mod shared;
 mod uplink;
 
+pub use shared::Shared;
 pub use xtb_recording::files;
 
 use crate::clock::Clock;
@@ -81,7 +83,7 @@ pub async fn run(
     clock: Clock,
     shutdown: Shutdown,
 ) -> Result<(), AgentError> {
-    let host = Host { link_lease: xtb_bus::LINK_LEASE, alive: || {} };
+    let host = Host { link_lease: xtb_bus::LINK_LEASE, alive: || {}, shared: Shared::default() };
     run_hosted(config, hardware, clock, shutdown, host).await
 }
 
@@ -93,6 +95,8 @@ pub struct Host<Alive> {
     pub link_lease: Duration,
     /// Called when the robot is present under its name, and can be commanded.
     pub alive: Alive,
+    /// What it has together with the others.
+    pub shared: Shared,
 }
 
 /// Runs a robot within a program that has others too.

@@ -89,7 +89,7 @@ pub(crate) async fn run(
     let served = tokio::select! {
         // Also when it ends by an error: motors first, and nobody could stop them any more.
         served = async {
-            let served = serve(config, clock, &bus, ends, about, host.alive).await;
+            let served = serve(config, clock, &bus, ends, about, host).await;
             stop_motors();
             served
         } => served,
@@ -106,14 +106,14 @@ async fn serve(
     bus: &Bus,
     mut ends: SessionEnds,
     about: About,
-    alive: impl FnOnce(),
+    host: Host<impl FnOnce()>,
 ) -> Result<(), AgentError> {
     let fleet = FleetKeys::new(config.fleet.clone());
     let keys = fleet.robot(&config.robot);
     let epoch = about.epoch;
     wait_for_name(config, bus, &keys.alive()).await?;
     let _uplink = uplink::declare(bus, &keys, &ends.snapshot, &ends.counters, about).await?;
-    let _nav_inputs = nav_inputs::declare(bus, &fleet, config, clock, &ends).await?;
+    let _nav_inputs = nav_inputs::declare(bus, &fleet, config, clock, &ends, &host.shared.maps).await?;
     let _downlink = downlink::declare(bus, &fleet, &config.robot, clock, &ends).await?;
     let _recording_server = recording_server::declare(
         bus,
@@ -125,7 +125,7 @@ async fn serve(
     wait_for_inputs(&mut ends.snapshot, clock).await;
     let _token = bus.declare_alive(&keys.alive()).await?;
     tracing::info!("{} of fleet {} is online", config.robot, config.fleet);
-    alive();
+    (host.alive)();
     let state_key = keys.state();
     // Tasks of their own: a message that has to wait must not hold up the others. Dropping the set
     // ends them.

@@ -19,6 +19,7 @@ pub use stats::Told;
 pub use truth::TruthView;
 
 use agents::{AgentSettings, Life};
+use robot_agent::Shared;
 use robot_agent::clock::WorldTime;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};
 use stats::StatsService;
@@ -115,6 +116,7 @@ impl Simulator {
             record: plan.record.clone(),
             world_speed: plan.speed,
             link_lease: plan.link_lease(),
+            shared: Shared::default(),
         };
         let agents = roster
             .robots
