@@ -12,6 +12,7 @@ mod downlink;
 mod fast_path;
 pub mod hardware;
 pub mod logging;
+mod loop_pool;
 mod mailbox;
 mod map_file;
 mod map_reader;
@@ -135,7 +136,8 @@ pub async fn run_hosted(
     let (loop_ends, session_ends, notes) = mailbox::mailbox();
     tokio::spawn(mailbox::log(notes));
     let stop = StopOnDrop(Arc::new(AtomicBool::new(false)));
-    let control = control_loop::start(robot, hardware, clock.clone(), loop_ends, recorder, stop.0.clone())?;
+    let parts = (robot, hardware, clock.clone());
+    let control = control_loop::start(parts, loop_ends, recorder, stop.0.clone(), &host.shared)?;
     let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now(), host).await;
     stop.now();
     // A turn lasts 5 ms: joining is short.

@@ -200,7 +200,7 @@ channels! {
         DispatchTasks: dispatch_tasks, DISPATCH_TASKS, "dispatch/tasks", RELIABLE;
         /// [`TaskEvent`](crate::messages::TaskEvent), each change of a task; recoverable.
         DispatchEvent: dispatch_event, DISPATCH_EVENT, "dispatch/event", RELIABLE;
-        /// [`Truth`](crate::messages::Truth) of the simulator, JSON, 20 Hz.
+        /// [`Truth`](crate::messages::Truth) of the simulator, JSON, 20 Hz while somebody listens.
         SimTruth: sim_truth, SIM_TRUTH, "sim/truth", SAMPLES;
         /// [`Roster`](crate::messages::Roster), JSON: which robots the simulator runs, queryable.
         SimRoster: sim_roster, SIM_ROSTER, "sim/roster", RELIABLE;

@@ -1,7 +1,7 @@
 //! A fleet of simulated trucks with real agents: the only part of this program that holds robots.
 //!
-//! One world thread, one control thread and one Zenoh session for each robot, and a router unless
-//! one is named. Agents talk to their trucks through board frames and gyro bytes alone: in-memory
+//! One world thread, as many for control loops as there are cores, a Zenoh session for each robot, and a router
+//! unless one is named. Agents talk to their trucks through board frames and gyro bytes alone: in-memory
 //! lines, or ptys to which separate `robot-agent` processes connect.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -23,6 +23,7 @@ use robot_agent::Shared;
 use robot_agent::clock::WorldTime;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};
 use stats::StatsService;
+use std::num::NonZero;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -116,7 +117,7 @@ impl Simulator {
             record: plan.record.clone(),
             world_speed: plan.speed,
             link_lease: plan.link_lease(),
-            shared: Shared::default(),
+            shared: Shared::with_threads(std::thread::available_parallelism().map_or(1, NonZero::get))?,
         };
         let agents = roster
             .robots
