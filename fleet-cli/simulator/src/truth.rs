@@ -26,7 +26,12 @@ impl TruthView {
     /// A copy of it.
     #[must_use]
     pub fn latest(&self) -> Truth {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.look(Truth::clone)
+    }
+
+    /// Looks at it; the world waits meanwhile.
+    pub(super) fn look<T>(&self, at: impl FnOnce(&Truth) -> T) -> T {
+        at(&self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 

@@ -26,6 +26,7 @@ mod obstacles;
 mod operators;
 mod processes;
 mod recording;
+mod shared_world;
 mod simulator;
 mod slow_links;
 mod style;
