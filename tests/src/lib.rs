@@ -149,6 +149,8 @@ impl Fleet {
             fixes: setup.fixes.clone(),
             fleet: name("lab"),
             robots: setup.robots,
+            first: 1,
+            fleet_size: None,
             world: setup.world,
             vehicles: setup.vehicles,
             starts: setup.starts.iter().map(pose).collect(),

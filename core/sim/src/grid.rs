@@ -172,11 +172,18 @@ impl MovingGrid {
         for &cell in &self.cell_of {
             self.head[cell] = NONE;
         }
+        self.cell_of.resize(boxes.len(), 0);
+        self.next.resize(boxes.len(), NONE);
         for (i, b) in boxes.iter().enumerate() {
             let cell = self.cells.cell(b.centre_m());
             self.cell_of[i] = cell;
             self.next[i] = std::mem::replace(&mut self.head[cell], i as u32);
         }
+    }
+
+    /// From now on boxes may reach so far from their centres.
+    pub(crate) fn reach_at_least(&mut self, reach_m: f64) {
+        self.reach_m = self.reach_m.max(reach_m);
     }
 
     /// Boxes that may reach into `bounds`, each once.
@@ -234,6 +241,19 @@ mod tests {
         assert!(!is_empty(0.5, 0.5, 0.1) && !is_empty(2.0, 2.0, 4.0));
         let nothing = StandingGrid::new(Cells::covering(Bounds::around(0.0, 0.0, 3.0, 3.0)), &[]);
         assert!(nothing.is_empty(&nothing.cells.span(Bounds::around(0.0, 0.0, 9.0, 9.0))));
+    }
+
+    #[test]
+    fn boxes_that_come_and_go_are_found_while_they_are_there() {
+        let cells = Cells::covering(Bounds::around(0.0, 0.0, 10.0, 10.0));
+        let mut moving = MovingGrid::new(cells, 1, 0.3);
+        let (here, there) = (square(-3.5, -3.5), square(3.5, 3.5));
+        moving.rebuild(&[here]);
+        moving.rebuild(&[here, there]);
+        assert_eq!(found(|each| moving.near(there.bounds(), each)), [1]);
+        moving.rebuild(&[here]);
+        assert!(found(|each| moving.near(there.bounds(), each)).is_empty());
+        assert_eq!(found(|each| moving.near(here.bounds(), each)), [0]);
     }
 
     #[test]

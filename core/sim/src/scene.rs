@@ -53,7 +53,7 @@ impl Scene {
     }
 }
 
-/// The trucks at the beginning of a step.
+/// The trucks at the beginning of a step, and behind them those that other programs move.
 #[derive(Debug, Clone)]
 pub(crate) struct Traffic {
     boxes: Vec<OrientedBox>,
@@ -70,13 +70,13 @@ impl Traffic {
         Self { boxes: bodies.to_vec(), touched: vec![false; bodies.len()], grid }
     }
 
-    /// Takes over where the trucks are now; allocates nothing.
+    /// Takes over where all are now; allocates nothing while there are no more than before.
     pub(crate) fn update(&mut self, bodies: impl Iterator<Item = OrientedBox>) {
-        for (kept, body) in self.boxes.iter_mut().zip(bodies) {
-            *kept = body;
-        }
+        self.boxes.clear();
+        self.boxes.extend(bodies);
         self.grid.rebuild(&self.boxes);
-        self.touched.fill(false);
+        self.touched.clear();
+        self.touched.resize(self.boxes.len(), false);
     }
 
     /// Whether a truck is as near to another body as trucks reach.
@@ -86,8 +86,16 @@ impl Traffic {
         (ax - bx) * (ax - bx) + (ay - by) * (ay - by) <= reach_m * reach_m
     }
 
+    /// A body of this size comes.
+    pub(crate) fn admit(&mut self, body: &OrientedBox) {
+        self.grid.reach_at_least(body.radius_m());
+    }
+
+    /// Another program's may be gone by now; who moves it counts its contacts.
     pub(crate) fn mark_touched(&mut self, truck: usize) {
-        self.touched[truck] = true;
+        if let Some(touched) = self.touched.get_mut(truck) {
+            *touched = true;
+        }
     }
 }
 
