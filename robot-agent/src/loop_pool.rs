@@ -24,7 +24,7 @@ impl LoopPool {
     /// # Errors
     /// The system cannot.
     pub(crate) fn start(threads: usize) -> io::Result<Self> {
-        let start = |number| {
+        let start = |number: usize| -> io::Result<mpsc::Sender<Seat>> {
             let (inlet, newcomers) = mpsc::channel();
             let name = format!("control-{number}");
             std::thread::Builder::new().name(name).spawn(move || work(&newcomers))?;

@@ -57,8 +57,7 @@ enum Work {
 async fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let work = if arguments.iter().any(|it| it == "drive") { Work::Drive } else { Work::Wander };
-    let numbers = arguments.iter().filter(|it| it.parse::<usize>().is_ok());
-    let mut sizes: Vec<usize> = numbers.map(|it| it.parse()).collect::<std::result::Result<_, _>>()?;
+    let mut sizes: Vec<usize> = arguments.iter().filter_map(|it| it.parse().ok()).collect();
     if sizes.is_empty() {
         sizes = SIZES.to_vec();
     }

@@ -62,7 +62,7 @@ async fn a_robot_tells_where_it_is_in_its_own_square_alone() {
 /// What cannot be true is counted by those who hear it: so they show whom they hear.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_robot_hears_the_squares_around_it_and_only_while_it_drives_alone() {
-    let fleet = Fleet::start(Setup { robots: 1, starts: vec![(0.5, -3.0, 1.57)], ..Setup::default() }).await;
+    let fleet = Fleet::start(Setup { speed: 1.0, starts: vec![(0.5, -3.0, 1.57)], ..Setup::default() }).await;
     fleet.until(1, "a map", |state| state.nav.map.is_some()).await;
     let (beside, far) = (FloorCell::at(0.5 - 8.0, -3.0), FloorCell::at(0.5 + 24.0, -3.0));
     let impossible = (500.0, 500.0);
