@@ -10,6 +10,7 @@ pub mod load;
 mod pilot;
 mod probe;
 pub mod processes;
+pub mod ratios;
 pub mod rig;
 pub mod screen;
 pub mod slow_link;
