@@ -39,7 +39,7 @@ pub use xtb_protocol::messages::FixSource;
 
 use crate::MapPose;
 use fix::Measurement;
-use history::History;
+use history::{After, History};
 use model::State;
 use motion_increment::MotionTracker;
 use relocalization::{Agreement, Relocalization};
@@ -131,18 +131,20 @@ impl PoseFilter {
         }
         let mut increment = self.motion.step(self.now, now, &self.odom, odom);
         (self.now, self.odom) = (self.now.max(now), *odom);
-        if let Some((alignment, pose)) = &mut self.aligned {
+        if self.aligned.is_some() {
             increment.stood_radps = None; // learning from standing would leave the odometry's bits
-            self.state.predict(&increment, &self.tuning);
-            *pose = alignment.pose(odom);
-            self.state.set_pose(pose);
-        } else {
-            self.state.predict(&increment, &self.tuning);
-            if self.relocalization.contradicts() && self.motion.rests(now) {
-                self.state.slip(SLIP_WALK_M, SLIP_MOST_M, increment.dt_s);
-            }
         }
-        self.history.push(self.now, increment, &self.state);
+        self.state.predict(&increment, &self.tuning);
+        let after = match &mut self.aligned {
+            Some((alignment, pose)) => {
+                *pose = alignment.pose(odom);
+                After::Pose(*pose)
+            }
+            None if self.relocalization.contradicts() && self.motion.rests(now) => After::Slip,
+            None => After::Nothing,
+        };
+        after.apply(&mut self.state, increment.dt_s);
+        self.history.push(self.now, increment, after, &self.state);
         Ok(())
     }
 
@@ -199,7 +201,7 @@ impl PoseFilter {
         if self.is_lost() {
             return Ok(self.gather(fix.stamp, slot, measurement));
         }
-        let mut state = *self.history.state(slot);
+        let mut state = self.history.state(slot, &self.tuning);
         if self.aligned.is_some() {
             state.open_scale(self.tuning.open_scale);
         }
@@ -258,7 +260,7 @@ impl PoseFilter {
 
     /// The heading is lost: keeps a fix, and starts again if those kept agree with each other.
     fn gather(&mut self, at: Stamp, slot: usize, fix: Measurement) -> FixOutcome {
-        self.relocalization.push(at, fix, self.history.state(slot).pose());
+        self.relocalization.push(at, fix, self.history.state(slot, &self.tuning).pose());
         if let Some(agreement) = self.relocalization.agreement() {
             return self.start_again(at, &agreement);
         }
@@ -268,7 +270,7 @@ impl PoseFilter {
 
     /// A fix does not fit: starts again where those rejected say, if the truck's motion has confirmed them.
     fn contradicted(&mut self, at: Stamp, slot: usize, fix: Measurement) -> Option<FixOutcome> {
-        let state = self.history.state(slot);
+        let state = self.history.state(slot, &self.tuning);
         let (off_m, off_rad) = state.off(&fix, &self.history.twist(slot));
         // As far as the fix itself may be off.
         let off = (off_m + 3.0 * fix.sigma_m(), off_rad + fix.yaw_rad.map_or(0.0, |_| 3.0 * fix.sigma_rad()));

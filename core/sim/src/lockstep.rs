@@ -203,13 +203,8 @@ impl Lockstep {
     }
 
     /// Paths that were asked for come back after [`PLAN_MS`], whatever they cost this machine.
-    fn plan(&mut self) {
+    fn deliver_plans(&mut self) {
         let now = self.now();
-        for (index, robot) in self.robots.iter_mut().enumerate() {
-            if let Some(job) = robot.agent_mut().take_plan_job() {
-                self.plans.push_back((now.plus_ms(PLAN_MS), index, job.run(&mut self.planner)));
-            }
-        }
         while self.plans.front().is_some_and(|(at, ..)| *at <= now) {
             if let Some((_, index, done)) = self.plans.pop_front() {
                 self.robots[index].agent_mut().planned(now, done);
@@ -273,24 +268,31 @@ impl Lockstep {
 
     /// One step of the world and one turn of every robot.
     pub fn step(&mut self) {
-        let Self { simulation, robots, leases, bytes, dead, .. } = self;
-        simulation.step();
-        let now = simulation.now();
-        let each = simulation.trucks_mut().iter_mut().zip(robots).zip(leases).enumerate();
-        for (_, ((truck, robot), lease)) in each.filter(|(index, _)| !dead.contains(index)) {
+        let Self { simulation, robots, leases, bytes, dead, planner, plans, .. } = self;
+        let (context, trucks) = simulation.split_step();
+        let now = context.now();
+        // One robot after the other, as long as it is in the processor's cache: no truck's step depends on what
+        // another robot does in its turn.
+        for (index, ((truck, robot), lease)) in trucks.iter_mut().zip(robots).zip(leases).enumerate() {
+            truck.step(&context);
+            if dead.contains(&index) {
+                continue;
+            }
             if let Some(lease) = lease {
                 robot.agent_mut().heard(now, *lease);
             }
             turn(truck, robot, now, bytes);
             while robot.agent_mut().next_event().is_some() {}
+            if let Some(job) = robot.agent_mut().take_plan_job() {
+                plans.push_back((now.plus_ms(PLAN_MS), index, job.run(planner)));
+            }
         }
         self.fix();
         self.hear();
-        let now = self.now();
         if let Some(traffic) = &mut self.traffic {
             traffic.step(now, &mut self.robots, &self.dead);
         }
-        self.plan();
+        self.deliver_plans();
     }
 }
 
