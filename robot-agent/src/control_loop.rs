@@ -1,4 +1,5 @@
-//! The control loop: one thread, absolute deadlines, a turn every 5 ms.
+//! The control loop: one thread, absolute deadlines, a turn every 5 ms, and one more in between for a setpoint
+//! or a stop that has come.
 //!
 //! It owns the robot and its lines. It never waits for Zenoh or a disk; what crosses to them does so
 //! through the bounded queues of [`mailbox`](crate::mailbox).
@@ -57,24 +58,35 @@ impl ControlLoop {
     fn run(mut self, clock: &Clock, stop: &AtomicBool) {
         let mut next = clock.now();
         let mut next_snapshot = next;
+        self.ends.wake.wakes_me();
         while !stop.load(Ordering::Relaxed) {
             next = next.plus_ns(TURN_NS);
-            clock.wait_until(next);
+            // One at most, so that no flood can make the loop turn all the time.
+            if clock.wait_until_called(next, &self.ends.wake) {
+                self.turn(clock.now(), &mut next_snapshot);
+                clock.wait_until(next);
+            }
             let now = clock.now();
             self.robot.turn_was_late(now.ns().saturating_sub(next.ns()));
             if now.ns() > next.ns() + GIVE_UP_NS {
                 next = now;
             }
-            self.lines.read(&mut self.robot, now, &mut logging(&self.ends.notes));
-            self.take_orders(now);
-            self.take_tidings(now);
-            self.lines.write(&mut self.robot, now, &mut logging(&self.ends.notes));
-            self.plan(now);
-            self.record();
-            self.report(now, &mut next_snapshot);
+            self.turn(now, &mut next_snapshot);
         }
         self.lines.stand(&mut self.robot, clock.now(), &mut logging(&self.ends.notes));
         self.record();
+    }
+
+    fn turn(&mut self, now: Stamp, next_snapshot: &mut Stamp) {
+        // What calls from here on may come too late for this turn.
+        self.ends.wake.take_call();
+        self.lines.read(&mut self.robot, now, &mut logging(&self.ends.notes));
+        self.take_orders(now);
+        self.take_tidings(now);
+        self.lines.write(&mut self.robot, now, &mut logging(&self.ends.notes));
+        self.plan(now);
+        self.record();
+        self.report(now, next_snapshot);
     }
 
     /// The turn's steps, for the recorder.

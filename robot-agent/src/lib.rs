@@ -23,6 +23,7 @@ mod recording_server;
 pub mod replay;
 mod session;
 mod uplink;
+mod wake;
 
 pub use xtb_recording::files;
 
