@@ -71,6 +71,14 @@ impl Clock {
             std::thread::park_timeout(Duration::from_nanos(ahead));
         }
     }
+
+    /// Tells a simulated world that there is nothing to do before `deadline`, without waiting for that: who takes
+    /// the turns of several robots tells it for each of them before it waits for the first.
+    pub(crate) fn rest_until(&self, deadline: Stamp) {
+        if let Self::World(turn) = self {
+            turn.rest_until(deadline);
+        }
+    }
 }
 
 /// Time since the machine was started, asleep or not.
@@ -149,7 +157,7 @@ impl WorldTime {
         self.advance_within(now, PATIENCE)
     }
 
-    fn advance_within(&self, now: Stamp, patience: Duration) -> bool {
+    pub(crate) fn advance_within(&self, now: Stamp, patience: Duration) -> bool {
         let mut state = self.lock();
         state.advance(now);
         self.advanced.notify_all();
@@ -185,6 +193,12 @@ pub struct Turn {
 }
 
 impl Turn {
+    fn rest_until(&self, deadline: Stamp) {
+        if self.world.lock().wait_for(self.index, Some(deadline)) {
+            self.world.turned.notify_one();
+        }
+    }
+
     fn wait_until(&self, deadline: Stamp) {
         let mut state = self.world.lock();
         if state.wait_for(self.index, Some(deadline)) {
@@ -232,6 +246,25 @@ mod tests {
             robot.join().unwrap();
         }
         assert_eq!(turns.load(Ordering::SeqCst), 300);
+    }
+
+    #[test]
+    fn one_thread_takes_the_turns_of_several_robots() {
+        let world = WorldTime::new();
+        let clocks: Vec<_> = (0..3).map(|_| world.join()).collect();
+        let machine = std::thread::spawn(move || {
+            for step in 1..=100 {
+                for clock in &clocks {
+                    clock.wait_until(Stamp::from_ms(5 * step));
+                    assert_eq!(clock.now(), Stamp::from_ms(5 * step));
+                    clock.rest_until(Stamp::from_ms(5 * (step + 1)));
+                }
+            }
+        });
+        for step in 1..=100 {
+            assert!(world.advance_within(Stamp::from_ms(5 * step), Duration::from_secs(20)));
+        }
+        machine.join().unwrap();
     }
 
     #[test]

@@ -1,5 +1,6 @@
-//! The control loop: one thread, absolute deadlines, a turn every 5 ms, and one more in between for a setpoint
-//! or a stop that has come.
+//! The control loop: absolute deadlines, a turn every 5 ms, and on real lines one more in between for a setpoint
+//! or a stop that has come; on a thread of its own, or with others of simulated robots
+//! ([`loop_pool`](crate::loop_pool)).
 //!
 //! It owns the robot and its lines. It never waits for Zenoh or a disk; what crosses to them does so
 //! through the bounded queues of [`mailbox`](crate::mailbox).
@@ -11,11 +12,12 @@ use crate::hardware::lines::Lines;
 use crate::mailbox::{LineNote, LoopEnds, NAV_INPUTS, NavInput, Response, Snapshot, Waiting};
 use crate::planner_worker::PlannerWorker;
 use crate::recorder::Recorder;
+use crate::shared::Shared;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
 use std::thread::JoinHandle;
-use tokio::sync::mpsc;
 use xtb_control::Stamp;
 use xtb_protocol::messages::{Estopped, Latch};
 use xtb_robot::Robot;
@@ -28,56 +30,109 @@ const SNAPSHOT_NS: u64 = 50_000_000;
 /// After this delay the missed turns are given up rather than made up for.
 const GIVE_UP_NS: u64 = 100_000_000;
 
-/// Starts the loop on a thread of its own. It runs until `stop`, then sends a neutral frame.
+/// Starts the loop of a robot on its hardware. It runs until `stop`, then sends a neutral frame.
 ///
 /// # Errors
 /// The system cannot start a thread.
 pub(crate) fn start(
-    robot: Robot,
-    hardware: Box<dyn Hardware>,
-    clock: Clock,
+    (robot, hardware, clock): (Robot, Box<dyn Hardware>, Clock),
     ends: LoopEnds,
     recorder: Option<Recorder>,
     stop: Arc<AtomicBool>,
-) -> io::Result<JoinHandle<()>> {
-    let name = format!("control-{}", robot.agent().identity().robot);
-    let planning = PlannerWorker::start(&robot.agent().identity().robot)?;
-    let control = ControlLoop { robot, lines: Lines::new(hardware), ends, recorder, planning };
-    std::thread::Builder::new().name(name).spawn(move || control.run(&clock, &stop))
+    shared: &Shared,
+) -> io::Result<Running> {
+    let name = robot.agent().identity().robot.clone();
+    let mut control = ControlLoop {
+        robot,
+        lines: Lines::new(hardware),
+        ends,
+        recorder,
+        planning: shared.planner_worker(&name)?,
+        clock,
+        stop,
+        next: Stamp::ZERO,
+        next_snapshot: Stamp::ZERO,
+    };
+    if let Some(pool) = shared.loops() {
+        return Ok(Running::Pooled(pool.run(control)));
+    }
+    let thread = std::thread::Builder::new().name(format!("control-{name}")).spawn(move || {
+        control.ends.wake.wakes_me();
+        control.begin();
+        while control.turn() {}
+    })?;
+    Ok(Running::Thread(thread))
 }
 
-struct ControlLoop {
+/// A loop that was started.
+pub(crate) enum Running {
+    /// On a thread of its own.
+    Thread(JoinHandle<()>),
+    /// Among others.
+    Pooled(mpsc::Receiver<bool>),
+}
+
+impl Running {
+    /// Waits until it has ended and is gone.
+    ///
+    /// # Errors
+    /// It panicked.
+    pub(crate) fn join(self) -> std::thread::Result<()> {
+        match self {
+            Self::Thread(thread) => thread.join(),
+            Self::Pooled(ended) if ended.recv() == Ok(true) => Ok(()),
+            Self::Pooled(_) => Err(Box::new("a control loop panicked")),
+        }
+    }
+}
+
+/// A robot's loop.
+pub(crate) struct ControlLoop {
     robot: Robot,
     lines: Lines,
     ends: LoopEnds,
     recorder: Option<Recorder>,
     planning: PlannerWorker,
+    clock: Clock,
+    stop: Arc<AtomicBool>,
+    /// The present turn.
+    next: Stamp,
+    next_snapshot: Stamp,
 }
 
 impl ControlLoop {
-    fn run(mut self, clock: &Clock, stop: &AtomicBool) {
-        let mut next = clock.now();
-        let mut next_snapshot = next;
-        self.ends.wake.wakes_me();
-        while !stop.load(Ordering::Relaxed) {
-            next = next.plus_ns(TURN_NS);
-            // One at most, so that no flood can make the loop turn all the time.
-            if clock.wait_until_called(next, &self.ends.wake) {
-                self.turn(clock.now(), &mut next_snapshot);
-                clock.wait_until(next);
-            }
-            let now = clock.now();
-            self.robot.turn_was_late(now.ns().saturating_sub(next.ns()));
-            if now.ns() > next.ns() + GIVE_UP_NS {
-                next = now;
-            }
-            self.turn(now, &mut next_snapshot);
-        }
-        self.lines.stand(&mut self.robot, clock.now(), &mut logging(&self.ends.notes));
-        self.record();
+    /// Its first turn is the next one.
+    pub(crate) fn begin(&mut self) {
+        self.next = self.clock.now();
+        self.next_snapshot = self.next;
+        self.clock.rest_until(self.next.plus_ns(TURN_NS));
     }
 
-    fn turn(&mut self, now: Stamp, next_snapshot: &mut Stamp) {
+    /// Waits for the next turn and takes it. False = it was told to end, and the truck has been told to stand.
+    pub(crate) fn turn(&mut self) -> bool {
+        if self.stop.load(Ordering::Relaxed) {
+            self.lines.stand(&mut self.robot, self.clock.now(), &mut logging(&self.ends.notes));
+            self.record();
+            return false;
+        }
+        self.next = self.next.plus_ns(TURN_NS);
+        // One at most, so that no flood can make the loop turn all the time.
+        if self.clock.wait_until_called(self.next, &self.ends.wake) {
+            self.act(self.clock.now());
+            self.clock.wait_until(self.next);
+        }
+        let now = self.clock.now();
+        self.robot.turn_was_late(now.ns().saturating_sub(self.next.ns()));
+        if now.ns() > self.next.ns() + GIVE_UP_NS {
+            self.next = now;
+        }
+        self.act(now);
+        self.clock.rest_until(self.next.plus_ns(TURN_NS));
+        true
+    }
+
+    /// Everything that a turn does.
+    fn act(&mut self, now: Stamp) {
         // What calls from here on may come too late for this turn.
         self.ends.wake.take_call();
         self.lines.read(&mut self.robot, now, &mut logging(&self.ends.notes));
@@ -86,7 +141,7 @@ impl ControlLoop {
         self.lines.write(&mut self.robot, now, &mut logging(&self.ends.notes));
         self.plan(now);
         self.record();
-        self.report(now, next_snapshot);
+        self.report(now);
     }
 
     /// The turn's steps, for the recorder.
@@ -171,11 +226,11 @@ impl ControlLoop {
 
     /// The state, 20 times a second and before each event (who hears of a goal's end and asks for
     /// the state must not get an older one), and the events.
-    fn report(&mut self, now: Stamp, next_snapshot: &mut Stamp) {
-        let due = now >= *next_snapshot;
+    fn report(&mut self, now: Stamp) {
+        let due = now >= self.next_snapshot;
         if due {
             // In step with the clock, not with the turn: else 20 Hz would be 19.
-            *next_snapshot = next_snapshot.plus_ns(SNAPSHOT_NS).max(now);
+            self.next_snapshot = self.next_snapshot.plus_ns(SNAPSHOT_NS).max(now);
         }
         if due || self.robot.agent().has_events() {
             let mut rejected = self.ends.counters.rejected_so_far();
@@ -194,7 +249,7 @@ impl ControlLoop {
 
 /// Tells the log when a line breaks and when it works again. A full queue is no reason to wait: the
 /// state shows what matters.
-fn logging(notes: &mpsc::Sender<LineNote>) -> impl FnMut(&'static str, Option<String>) + '_ {
+fn logging(notes: &tokio::sync::mpsc::Sender<LineNote>) -> impl FnMut(&'static str, Option<String>) + '_ {
     |line, error| {
         let _ = notes.try_send(LineNote { line, error });
     }

@@ -10,7 +10,7 @@ use crate::clock::Clock;
 use crate::config::AgentConfig;
 use crate::counters::Counters;
 use crate::mailbox::{NavInput, SessionEnds};
-use crate::map_reader::{MapReader, MapReading, MapSlot};
+use crate::map_reader::{MapReader, MapReading, MapShelf, MapSlot};
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
 use std::time::Duration;
@@ -70,10 +70,11 @@ pub(crate) async fn declare(
     config: &AgentConfig,
     clock: &Clock,
     ends: &SessionEnds,
+    shelf: &Arc<MapShelf>,
 ) -> Result<NavInputs, AgentError> {
     let keys = fleet.robot(&config.robot);
     let (nav_inputs, counters) = (ends.nav_inputs.clone(), ends.counters.clone());
-    let reading = MapReading::new(nav_inputs.clone(), counters.clone(), config.map.is_some());
+    let reading = MapReading::new(nav_inputs.clone(), counters.clone(), shelf.clone(), config.map.is_some());
     let map_reader = MapReader::start(&config.robot, reading)?;
     let inbox = Inbox { nav_inputs, counters, maps: map_reader.slot() };
     let (fixes, routes, maps) = (inbox.clone(), inbox.clone(), inbox.clone());

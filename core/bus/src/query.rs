@@ -38,6 +38,7 @@ fn longest_bytes(channel: &Channel) -> usize {
         | Channel::About
         | Channel::Fix
         | Channel::Route
+        | Channel::Near(_)
         | Channel::Cmd(_)
         | Channel::Teleop(_)
         | Channel::Estop(_)

@@ -7,8 +7,9 @@ use super::tuning::FilterTuning;
 use crate::MapPose;
 use xtb_control::units::Stamp;
 
-/// ¾ s of gyro readings and encoder windows (120 a second): more than `filter.late_s` may be, 0.6 s.
-const LENGTH: usize = 90;
+/// 1 s of gyro readings and encoder windows (120 a second): more than `filter.late_s` may be, 0.6 s, and
+/// [`OF_LATE_S`] before.
+const LENGTH: usize = 120;
 /// The speed of late is the mean of this time: some encoder windows, and about as long as a fix is late, in s.
 const OF_LATE_S: f64 = 0.2;
 
@@ -17,8 +18,6 @@ struct Entry {
     stamp: Stamp,
     /// How the truck came here.
     increment: MotionIncrement,
-    /// How it went just before.
-    twist: Twist,
     /// What corrected it here.
     fix: Option<Measurement>,
     state: State,
@@ -39,7 +38,6 @@ impl Default for History {
         let entry = Entry {
             stamp: Stamp::ZERO,
             increment: MotionIncrement::default(),
-            twist: Twist::default(),
             fix: None,
             state: State::at(&nowhere, &FilterTuning::default()),
         };
@@ -56,11 +54,8 @@ impl History {
 
     /// A step that led to `state`.
     pub(crate) fn push(&mut self, now: Stamp, increment: MotionIncrement, state: &State) {
-        let before = (0..self.length).rev().map(|slot| self.at(slot));
-        let before = before.take_while(|entry| now.since_s(entry.stamp) < OF_LATE_S);
-        let twist = Twist::over(std::iter::once(increment).chain(before.map(|entry| entry.increment)));
         let place = (self.oldest + self.length) % LENGTH;
-        self.ring[place] = Entry { stamp: now, increment, twist, fix: None, state: *state };
+        self.ring[place] = Entry { stamp: now, increment, fix: None, state: *state };
         if self.length == LENGTH {
             self.oldest = (self.oldest + 1) % LENGTH;
         } else {
@@ -87,8 +82,11 @@ impl History {
     }
 
     /// How the truck went just before this slot.
-    pub(crate) fn twist(&self, slot: usize) -> &Twist {
-        &self.at(slot).twist
+    pub(crate) fn twist(&self, slot: usize) -> Twist {
+        let here = self.at(slot);
+        let before = (0..slot).rev().map(|slot| self.at(slot));
+        let before = before.take_while(|entry| here.stamp.since_s(entry.stamp) < OF_LATE_S);
+        Twist::over(std::iter::once(here).chain(before).map(|entry| entry.increment))
     }
 
     /// Puts a fix that made `state` into its slot and predicts again from there: the state now.
@@ -102,12 +100,12 @@ impl History {
         let entry = self.at_mut(slot);
         (entry.fix, entry.state) = (Some(fix), state);
         for later in slot + 1..self.length {
-            let entry = self.at_mut(later);
+            let entry = self.at(later);
             state.predict(&entry.increment, tuning);
             if let Some(fix) = &entry.fix {
-                state.correct(fix, &entry.twist, tuning.gate);
+                state.correct(fix, &self.twist(later), tuning.gate);
             }
-            entry.state = state;
+            self.at_mut(later).state = state;
         }
         state
     }
