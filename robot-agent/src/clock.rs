@@ -4,6 +4,7 @@
 //! every robot has taken its turn, or none has for a short while of real time. So a busy machine slows the
 //! whole simulation down instead of making robots miss samples.
 
+use crate::wake::Wake;
 use rustix::time::{ClockId, clock_gettime};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -49,6 +50,25 @@ impl Clock {
                 }
             }
             Self::World(turn) => turn.wait_until(deadline),
+        }
+    }
+
+    /// The same, but on the machine's clock a call of `wake` ends the wait: then true. A simulated clock
+    /// stands still between two steps, so there is nothing to wake up for.
+    pub(crate) fn wait_until_called(&self, deadline: Stamp, wake: &Wake) -> bool {
+        let Self::Real(_) = self else {
+            self.wait_until(deadline);
+            return false;
+        };
+        loop {
+            let ahead = deadline.ns().saturating_sub(self.now().ns());
+            if ahead == 0 {
+                return false;
+            }
+            if wake.take_call() {
+                return true;
+            }
+            std::thread::park_timeout(Duration::from_nanos(ahead));
         }
     }
 
@@ -286,6 +306,25 @@ mod tests {
         });
         assert!(world.advance_within(Stamp::from_ms(5), PATIENCE), "it went on without one of them");
         drop(machine.join());
+    }
+
+    #[test]
+    fn a_call_ends_the_wait_on_the_machines_clock_and_no_other() {
+        let (clock, wake) = (Clock::real(), Arc::new(Wake::default()));
+        let hour = clock.now().plus_ms(3_600_000);
+        wake.call();
+        assert!(clock.wait_until_called(hour, &wake), "a call from before the wait is heard");
+        let caller = {
+            let wake = wake.clone();
+            wake.wakes_me();
+            std::thread::spawn(move || wake.call())
+        };
+        assert!(clock.wait_until_called(hour, &wake)); // or the test hangs
+        caller.join().unwrap();
+        assert!(!clock.wait_until_called(clock.now().plus_ms(1), &wake), "one call, one turn");
+        let world = WorldTime::new();
+        wake.call();
+        assert!(!world.join().wait_until_called(Stamp::ZERO, &wake));
     }
 
     #[test]

@@ -1,5 +1,6 @@
-//! The control loop: absolute deadlines, a turn every 5 ms; on a thread of its own, or with others of simulated
-//! robots ([`loop_pool`](crate::loop_pool)).
+//! The control loop: absolute deadlines, a turn every 5 ms, and on real lines one more in between for a setpoint
+//! or a stop that has come; on a thread of its own, or with others of simulated robots
+//! ([`loop_pool`](crate::loop_pool)).
 //!
 //! It owns the robot and its lines. It never waits for Zenoh or a disk; what crosses to them does so
 //! through the bounded queues of [`mailbox`](crate::mailbox).
@@ -56,6 +57,7 @@ pub(crate) fn start(
         return Ok(Running::Pooled(pool.run(control)));
     }
     let thread = std::thread::Builder::new().name(format!("control-{name}")).spawn(move || {
+        control.ends.wake.wakes_me();
         control.begin();
         while control.turn() {}
     })?;
@@ -114,12 +116,25 @@ impl ControlLoop {
             return false;
         }
         self.next = self.next.plus_ns(TURN_NS);
-        self.clock.wait_until(self.next);
+        // One at most, so that no flood can make the loop turn all the time.
+        if self.clock.wait_until_called(self.next, &self.ends.wake) {
+            self.act(self.clock.now());
+            self.clock.wait_until(self.next);
+        }
         let now = self.clock.now();
         self.robot.turn_was_late(now.ns().saturating_sub(self.next.ns()));
         if now.ns() > self.next.ns() + GIVE_UP_NS {
             self.next = now;
         }
+        self.act(now);
+        self.clock.rest_until(self.next.plus_ns(TURN_NS));
+        true
+    }
+
+    /// Everything that a turn does.
+    fn act(&mut self, now: Stamp) {
+        // What calls from here on may come too late for this turn.
+        self.ends.wake.take_call();
         self.lines.read(&mut self.robot, now, &mut logging(&self.ends.notes));
         self.take_orders(now);
         self.take_tidings(now);
@@ -127,8 +142,6 @@ impl ControlLoop {
         self.plan(now);
         self.record();
         self.report(now);
-        self.clock.rest_until(self.next.plus_ns(TURN_NS));
-        true
     }
 
     /// The turn's steps, for the recorder.

@@ -25,6 +25,7 @@ pub mod replay;
 mod session;
 mod shared;
 mod uplink;
+mod wake;
 
 pub use shared::Shared;
 pub use xtb_recording::files;
