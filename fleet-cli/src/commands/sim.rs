@@ -311,12 +311,17 @@ async fn tell(ctx: &Context, simulator: &Simulator, dispatcher: EmbeddedDispatch
     let truth = simulator.truth().latest();
     let contacts = truth.robots.values().map(|robot| robot.contacts).sum();
     let (open, tasks, usage) = (standing.status.open, standing.status.tasks, standing.usage);
-    let failed = usage.robots.values().any(|spent| spent.failed > 0);
+    let failed = usage.has_failed();
     let suspended = standing.suspended;
     let ended = Ended { open, tasks, suspended, contacts, simulated_s: truth.t_s, usage };
     ctx.out.result(&ended, |Ended { open, tasks, suspended, contacts, simulated_s, usage }| {
         let suspended: Vec<String> = task_text::suspended(suspended, None, &ctx.out);
-        let lines = [embedded::table(&ctx.out, usage)].into_iter().chain(suspended);
+        let unassigned = match usage.failed_unassigned {
+            0 => None,
+            1 => Some("1 task failed without a robot".to_owned()),
+            count => Some(format!("{count} tasks failed without a robot")),
+        };
+        let lines = [embedded::table(&ctx.out, usage)].into_iter().chain(unassigned).chain(suspended);
         format!(
             "{}\n{open} of {tasks} tasks are open; {contacts} contacts in {simulated_s:.0} s simulated",
             lines.collect::<Vec<_>>().join("\n")
