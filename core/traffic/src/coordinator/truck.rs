@@ -78,6 +78,8 @@ pub(super) struct Truck {
     pub(super) waits_for: Option<(u32, bool)>,
     /// Since when it has had this goal without being led to it.
     wants_since: Stamp,
+    /// For how long it has stood with this goal, in ms, without the time for which a joint plan was being made.
+    pub(super) stood_ms: u64,
 }
 
 impl Truck {
@@ -98,6 +100,7 @@ impl Truck {
             none: None,
             waits_for: None,
             wants_since: now,
+            stood_ms: 0,
             view,
         }
     }
@@ -130,6 +133,11 @@ impl Truck {
         now.since_ms(self.wants_since)
     }
 
+    /// Another turn of so long is over.
+    pub(super) fn count_standing(&mut self, now: Stamp, turn_ms: u64) {
+        self.stood_ms = if self.can_be_led(now) && self.stands() { self.stood_ms + turn_ms } else { 0 };
+    }
+
     /// It is led to its goal, and has its turn with that.
     pub(super) fn is_served(&mut self, now: Stamp) {
         self.wants_since = now;
@@ -153,6 +161,7 @@ impl Truck {
             self.stalled = false;
             self.none = None;
             self.wants_since = seen;
+            self.stood_ms = 0;
         }
         let confirmed = match (&mut self.route, &self.view.route) {
             (Some(route), Some(report)) if (route.base..=route.plan).contains(&report.plan) => {
