@@ -105,7 +105,12 @@ impl ControlLoop {
     pub(crate) fn begin(&mut self) {
         self.next = self.clock.now();
         self.next_snapshot = self.next;
-        self.clock.rest_until(self.next.plus_ns(TURN_NS));
+        self.clock.rest_until(self.next_turn());
+    }
+
+    /// When its next turn is due.
+    pub(crate) fn next_turn(&self) -> Stamp {
+        self.next.plus_ns(TURN_NS)
     }
 
     /// Waits for the next turn and takes it. False = it was told to end, and the truck has been told to stand.
@@ -115,7 +120,7 @@ impl ControlLoop {
             self.record();
             return false;
         }
-        self.next = self.next.plus_ns(TURN_NS);
+        self.next = self.next_turn();
         // One at most, so that no flood can make the loop turn all the time.
         if self.clock.wait_until_called(self.next, &self.ends.wake) {
             self.act(self.clock.now());
@@ -127,7 +132,7 @@ impl ControlLoop {
             self.next = now;
         }
         self.act(now);
-        self.clock.rest_until(self.next.plus_ns(TURN_NS));
+        self.clock.rest_until(self.next_turn());
         true
     }
 

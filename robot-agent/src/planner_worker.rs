@@ -6,6 +6,7 @@
 
 use std::collections::VecDeque;
 use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc};
 use xtb_nav::navigator::{PlanDone, PlanJob};
 use xtb_nav::planner::Planner;
@@ -94,8 +95,12 @@ fn work(queue: &Queue) {
     while let Some(seat) = queue.next() {
         let job = seat.lock().job.take();
         if let Some(job) = job {
-            // A loop that has ended wants no plan.
-            let _ = seat.done.send(job.run(&mut planner));
+            // A panic is this robot's alone, whose plan never comes; the thread goes on for the others.
+            match catch_unwind(AssertUnwindSafe(|| job.run(&mut planner))) {
+                // A loop that has ended wants no plan.
+                Ok(done) => drop(seat.done.send(done)),
+                Err(_) => planner = Planner::default(),
+            }
         }
         if seat.is_asked_again() {
             queue.push(seat);

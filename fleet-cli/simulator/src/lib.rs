@@ -35,7 +35,7 @@ use xtb_control::frames::MapPose;
 use xtb_nav::Map;
 use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
-use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::keys::{FleetKeys, Key};
 use xtb_protocol::messages::{Roster, RosterEntry};
 use xtb_services::map_server::MapService;
 use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters};
@@ -259,7 +259,9 @@ impl Simulator {
             }
             let mut now = self.lives().filter(|(_, life)| *life == Life::Alive).count();
             if now == wanted {
-                now = self.bus.alive(&key, ALIVE_WITHIN).await?.len();
+                let alive = self.bus.alive(&key, ALIVE_WITHIN).await?;
+                let robots = alive.iter().filter_map(|key| Key::parse(key)?.robot);
+                now = robots.filter(|robot| self.roster.robots.iter().any(|own| own.name == *robot)).count();
             }
             if now >= wanted {
                 return Ok(());
@@ -352,6 +354,9 @@ async fn serve_map(
 ) -> Result<Option<MapService>> {
     let map = match map {
         Ok(map) => map,
+        Err(error) if shared => {
+            return Err(Error::new(ErrorKind::Invalid, format!("no map of the world: {error}")));
+        }
         Err(error) => {
             tracing::warn!("no map is served: {error}");
             return Ok(None);
