@@ -9,15 +9,12 @@ use crate::clock::Clock;
 use crate::fast_path::{ESTOPS, EstopCall};
 use crate::hardware::Hardware;
 use crate::hardware::lines::Lines;
-use crate::mailbox::{LineNote, LoopEnds, NAV_INPUTS, NavInput, Response, Snapshot, Waiting};
+use crate::mailbox::{LineNote, LoopEnds, NAV_INPUTS, NavInput, Response, Waiting};
 use crate::planner_worker::PlannerWorker;
 use crate::recorder::Recorder;
-use crate::shared::Shared;
-use std::io;
+use crate::snapshot::Snapshot;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc;
-use std::thread::JoinHandle;
 use xtb_control::Stamp;
 use xtb_protocol::messages::{Estopped, Latch};
 use xtb_robot::Robot;
@@ -29,62 +26,6 @@ const REQUESTS_A_TURN: usize = 8;
 const SNAPSHOT_NS: u64 = 50_000_000;
 /// After this delay the missed turns are given up rather than made up for.
 const GIVE_UP_NS: u64 = 100_000_000;
-
-/// Starts the loop of a robot on its hardware. It runs until `stop`, then sends a neutral frame.
-///
-/// # Errors
-/// The system cannot start a thread.
-pub(crate) fn start(
-    (robot, hardware, clock): (Robot, Box<dyn Hardware>, Clock),
-    ends: LoopEnds,
-    recorder: Option<Recorder>,
-    stop: Arc<AtomicBool>,
-    shared: &Shared,
-) -> io::Result<Running> {
-    let name = robot.agent().identity().robot.clone();
-    let mut control = ControlLoop {
-        robot,
-        lines: Lines::new(hardware),
-        ends,
-        recorder,
-        planning: shared.planner_worker(&name)?,
-        clock,
-        stop,
-        next: Stamp::ZERO,
-        next_snapshot: Stamp::ZERO,
-    };
-    if let Some(pool) = shared.loops() {
-        return Ok(Running::Pooled(pool.run(control)));
-    }
-    let thread = std::thread::Builder::new().name(format!("control-{name}")).spawn(move || {
-        control.ends.wake.wakes_me();
-        control.begin();
-        while control.turn() {}
-    })?;
-    Ok(Running::Thread(thread))
-}
-
-/// A loop that was started.
-pub(crate) enum Running {
-    /// On a thread of its own.
-    Thread(JoinHandle<()>),
-    /// Among others.
-    Pooled(mpsc::Receiver<bool>),
-}
-
-impl Running {
-    /// Waits until it has ended and is gone.
-    ///
-    /// # Errors
-    /// It panicked.
-    pub(crate) fn join(self) -> std::thread::Result<()> {
-        match self {
-            Self::Thread(thread) => thread.join(),
-            Self::Pooled(ended) if ended.recv() == Ok(true) => Ok(()),
-            Self::Pooled(_) => Err(Box::new("a control loop panicked")),
-        }
-    }
-}
 
 /// A robot's loop.
 pub(crate) struct ControlLoop {
@@ -101,11 +42,31 @@ pub(crate) struct ControlLoop {
 }
 
 impl ControlLoop {
-    /// Its first turn is the next one.
+    /// Of a robot on its hardware. It turns until `stop`, then sends a neutral frame.
+    pub(crate) fn new(
+        (robot, hardware, clock): (Robot, Box<dyn Hardware>, Clock),
+        ends: LoopEnds,
+        recorder: Option<Recorder>,
+        stop: Arc<AtomicBool>,
+        planning: PlannerWorker,
+    ) -> Self {
+        let lines = Lines::new(hardware);
+        let (next, next_snapshot) = (Stamp::ZERO, Stamp::ZERO);
+        Self { robot, lines, ends, recorder, planning, clock, stop, next, next_snapshot }
+    }
+
+    /// Its first turn is the next one. To be told on the thread on which it turns, unless the clock is simulated.
     pub(crate) fn begin(&mut self) {
         self.next = self.clock.now();
         self.next_snapshot = self.next;
         self.clock.rest_until(self.next_turn());
+    }
+
+    /// Turns on this thread to its end.
+    pub(crate) fn run(mut self) {
+        self.ends.wake.wakes_me();
+        self.begin();
+        while self.turn() {}
     }
 
     /// When its next turn is due.

@@ -24,6 +24,7 @@ mod recording_server;
 pub mod replay;
 mod session;
 mod shared;
+mod snapshot;
 mod uplink;
 mod wake;
 
@@ -138,7 +139,7 @@ pub async fn run_hosted(
     tokio::spawn(mailbox::log(notes));
     let stop = StopOnDrop(Arc::new(AtomicBool::new(false)));
     let parts = (robot, hardware, clock.clone());
-    let control = control_loop::start(parts, loop_ends, recorder, stop.0.clone(), &host.shared)?;
+    let control = host.shared.start_loop(parts, loop_ends, recorder, stop.0.clone())?;
     let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now(), host).await;
     stop.now();
     // A turn lasts 5 ms: joining is short.

@@ -9,6 +9,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
+use std::thread::JoinHandle;
 
 /// Threads for control loops. They end when this and all its loops are gone.
 #[derive(Debug, Clone)]
@@ -45,6 +46,28 @@ impl LoopPool {
         // The thread lives as long as this.
         let _ = self.inlets[number].send(seat);
         ended
+    }
+}
+
+/// A loop that was started.
+pub(crate) enum Running {
+    /// On a thread of its own.
+    Thread(JoinHandle<()>),
+    /// Among others.
+    Pooled(mpsc::Receiver<bool>),
+}
+
+impl Running {
+    /// Waits until it has ended and is gone.
+    ///
+    /// # Errors
+    /// It panicked.
+    pub(crate) fn join(self) -> std::thread::Result<()> {
+        match self {
+            Self::Thread(thread) => thread.join(),
+            Self::Pooled(ended) if ended.recv() == Ok(true) => Ok(()),
+            Self::Pooled(_) => Err(Box::new("a control loop panicked")),
+        }
     }
 }
 
@@ -94,7 +117,6 @@ fn work(newcomers: &mpsc::Receiver<Seat>) {
 #[cfg(feature = "sim")]
 mod tests {
     use crate::clock::WorldTime;
-    use crate::control_loop;
     use crate::hardware::Hardware;
     use crate::hardware::simulated::SimulatedHardware;
     use crate::mailbox::mailbox;
@@ -133,7 +155,7 @@ mod tests {
             lines.push(theirs);
             sessions.push((session_ends, notes));
             let parts = (robot(number), hardware, world.join());
-            running.push(control_loop::start(parts, loop_ends, None, stop.clone(), &shared).unwrap());
+            running.push(shared.start_loop(parts, loop_ends, None, stop.clone()).unwrap());
             // It comes while the threads wait with the loops that they have.
             assert!(
                 world.advance_within(Stamp::from_ms(5 * number as u64), PATIENCE),

@@ -20,6 +20,7 @@
 use crate::counters::Counters;
 use crate::fast_path::{Answer, FastPath};
 use crate::neighbours::NeighbourSlot;
+use crate::snapshot::Snapshot;
 use crate::wake::Wake;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc as std_mpsc};
@@ -27,9 +28,7 @@ use tokio::sync::{mpsc, watch};
 use xtb_control::Stamp;
 use xtb_nav::navigator::PreparedMap;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{
-    Estopped, Event, Fix, MapHash, Reply, Request, RobotState, Route, Sensors, Setpoint,
-};
+use xtb_protocol::messages::{Estopped, Event, Fix, MapHash, Reply, Request, Route, Setpoint};
 use xtb_robot::agent::Arrival;
 
 /// Requests waiting for a turn.
@@ -98,15 +97,6 @@ pub(crate) enum NavInput {
     Floor(Arc<PreparedMap>),
     /// The hash of the fleet's map.
     FleetMap(MapHash),
-}
-
-/// What the uplink publishes.
-#[derive(Debug, Clone)]
-pub(crate) struct Snapshot {
-    /// 20 Hz.
-    pub(crate) state: RobotState,
-    /// With the same stamp; `None` until the converter has been heard.
-    pub(crate) sensors: Option<Sensors>,
 }
 
 /// A line broke, or works again. The loop does not log: standard error can be a pipe that is full.

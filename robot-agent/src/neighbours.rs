@@ -7,7 +7,7 @@
 
 use crate::clock::Clock;
 use crate::counters::Counters;
-use crate::mailbox::Snapshot;
+use crate::snapshot::Snapshot;
 use std::collections::BTreeMap;
 use std::mem;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

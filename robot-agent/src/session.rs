@@ -2,9 +2,10 @@
 
 use crate::clock::Clock;
 use crate::config::AgentConfig;
-use crate::mailbox::{SessionEnds, Snapshot};
+use crate::mailbox::SessionEnds;
 use crate::neighbours::{self, Listener};
 use crate::recording_server::{self, RecordingServer};
+use crate::snapshot::Snapshot;
 use crate::{AgentError, Host, Shutdown, VERSION, downlink, nav_inputs, uplink};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use std::sync::Arc;

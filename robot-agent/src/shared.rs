@@ -1,11 +1,18 @@
 //! What the agents of one program share, so that many fit into it.
 
-use crate::loop_pool::LoopPool;
+use crate::clock::Clock;
+use crate::control_loop::ControlLoop;
+use crate::hardware::Hardware;
+use crate::loop_pool::{LoopPool, Running};
+use crate::mailbox::LoopEnds;
 use crate::map_reader::MapShelf;
 use crate::planner_worker::{PlannerWorker, Planners};
+use crate::recorder::Recorder;
 use std::io;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use xtb_protocol::Name;
+use xtb_robot::Robot;
 
 /// What they share. A robot's own agent has one for itself.
 #[derive(Debug, Clone, Default)]
@@ -26,15 +33,31 @@ impl Shared {
         Ok(Self { threads, ..Self::default() })
     }
 
-    pub(crate) fn loops(&self) -> Option<&LoopPool> {
-        self.threads.as_ref().map(|(loops, _)| loops)
+    /// Starts the control loop of a robot on its hardware. It runs until `stop`, then sends a neutral frame.
+    ///
+    /// # Errors
+    /// The system cannot start a thread.
+    pub(crate) fn start_loop(
+        &self,
+        parts: (Robot, Box<dyn Hardware>, Clock),
+        ends: LoopEnds,
+        recorder: Option<Recorder>,
+        stop: Arc<AtomicBool>,
+    ) -> io::Result<Running> {
+        let name = parts.0.agent().identity().robot.clone();
+        let control = ControlLoop::new(parts, ends, recorder, stop, self.planner_worker(&name)?);
+        if let Some((loops, _)) = &self.threads {
+            return Ok(Running::Pooled(loops.run(control)));
+        }
+        let thread = std::thread::Builder::new().name(format!("control-{name}"));
+        Ok(Running::Thread(thread.spawn(move || control.run())?))
     }
 
     /// Who plans for this robot.
     ///
     /// # Errors
     /// The system cannot start its thread.
-    pub(crate) fn planner_worker(&self, robot: &Name) -> io::Result<PlannerWorker> {
+    fn planner_worker(&self, robot: &Name) -> io::Result<PlannerWorker> {
         match &self.threads {
             Some((_, planners)) => Ok(planners.worker()),
             None => Ok(Planners::start(1, robot.as_str())?.worker()),
