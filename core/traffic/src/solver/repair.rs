@@ -142,7 +142,7 @@ fn touching(plans: &mut Plans<'_>, group: &mut Cars, size: usize) {
 }
 
 /// Those that the car would meet on its best way.
-fn in_the_way(plans: &mut Plans<'_>, car: usize, group: &mut Cars, size: usize) {
+pub(super) fn in_the_way(plans: &mut Plans<'_>, car: usize, group: &mut Cars, size: usize) {
     let Some(track) = alone(plans, car) else { return };
     let mut met: Vec<usize> = bits(plans.met_by(car, &track)).collect();
     plans.shuffle(&mut met);
@@ -152,7 +152,7 @@ fn in_the_way(plans: &mut Plans<'_>, car: usize, group: &mut Cars, size: usize) 
 }
 
 /// Fills up with those that come near one of the group somewhere, and with anybody in the end.
-fn nearby(plans: &mut Plans<'_>, group: &mut Cars, size: usize) {
+pub(super) fn nearby(plans: &mut Plans<'_>, group: &mut Cars, size: usize) {
     /// Then it takes anybody; chosen, not measured.
     const TRIES: usize = 20;
     /// Ways that two cars drive in two steps each; chosen, not measured.
