@@ -4,11 +4,11 @@ use super::Unsolved;
 use super::cost_to_go::Grain;
 use super::instance::{Instance, MOST_STEPS};
 use super::problem::Problem;
-use super::search::{Manner, Query, Rank, Search};
+use super::search::{ANY, Manner, Query, Rank, Search};
 use super::table::{Table, WORD};
 
 /// For one car without the others: nearly its shortest way; chosen, not measured.
-const MANNER: Manner = Manner { clash_steps: 0, heuristic_weight: 120, most_nodes: 30_000 };
+const MANNER: Manner = Manner { clash_steps: 0, heuristic_weight: 120, most_nodes: 30_000, most_steps: ANY };
 /// Time beyond twice the longest of these ways, in steps, for making room; chosen, not measured.
 const SPARE_STEPS: usize = 96;
 

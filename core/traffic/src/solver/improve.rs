@@ -4,14 +4,16 @@
 
 use super::plans::{Cars, Plans, bits};
 use super::repair;
-use super::search::{Manner, Rank};
+use super::search::{ANY, Manner, Rank};
 
 /// Cars of a neighbourhood at least …
 const FEWEST: usize = 2;
 /// … and at most; both chosen, not measured.
 const MOST: usize = 8;
 /// One search, nearly the shortest way; chosen, not measured.
-const MANNER: Manner = Manner { clash_steps: 0, heuristic_weight: 105, most_nodes: 4_000 };
+const MANNER: Manner = Manner { clash_steps: 0, heuristic_weight: 105, most_nodes: 4_000, most_steps: ANY };
+/// By so many steps the heuristic may say too much; chosen, not measured.
+const TOO_MUCH: usize = 2;
 /// Neighbourhoods in vain after which it ends, for each car; chosen, not measured.
 const PATIENCE: usize = 4;
 
@@ -76,16 +78,21 @@ fn replan(plans: &mut Plans<'_>, group: &[usize], keep_going: &mut dyn FnMut() -
     let before = cost(plans);
     let old: Vec<_> = group.iter().map(|&car| plans.take(car)).collect();
     let ranks = vec![Rank::Hard; plans.cars()];
-    let mut left = before.1 - plans.flowtime();
+    let alone = |car: &usize| plans.instance.alone[*car];
+    let mut spare = (before.1 - plans.flowtime()).saturating_sub(group.iter().map(alone).sum());
     let found = group.iter().all(|&car| {
-        let track = if keep_going() { plans.search(car, &ranks, &[], MANNER) } else { None };
-        let Some(track) = track.filter(|track| track.steps() <= left.min(before.0)) else { return false };
-        left -= track.steps();
+        let alone = plans.instance.alone[car];
+        let most = (alone + spare).min(before.0);
+        let manner = Manner { most_steps: (most + TOO_MUCH) as u32, ..MANNER };
+        let track = if keep_going() { plans.search(car, &ranks, &[], manner) } else { None };
+        let Some(track) = track.filter(|track| track.steps() <= most) else { return false };
+        spare = (alone + spare) - track.steps();
         plans.put(car, track);
         true
     });
-    if found {
-        return cost(plans) < before;
+    let after = cost(plans);
+    if found && after.0 <= before.0 && after.1 <= before.1 {
+        return after < before;
     }
     for (&car, track) in group.iter().zip(old) {
         plans.take(car);
