@@ -4,7 +4,8 @@
 //!   Problem ──► Solver::new ──► solve ──► Schedule ──► check
 //!               obstacles,       ├─ priorities: who gives way to whom, depth-first (PBS)
 //!               ways to goals    └─ repair: new ways for a few cars around a conflict (LNS, CBS)
-//!                                      └─ search: one car in space and time, around the others (A*)
+//!                    │                 └─ search: one car in space and time, around the others (A*)
+//!                    └─ improve: shorter ways for a few cars at a time, as long as there is time (LNS)
 //! ```
 //!
 //! Time goes in steps of equal length; in a step a car drives one arc of at most `step_m` or waits.

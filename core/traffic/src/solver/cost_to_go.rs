@@ -167,7 +167,7 @@ impl CostToGo {
             }
             for spot in edge.drain(..) {
                 for (drive, piece) in &moves {
-                    let there = drive.from(&spot);
+                    let there = drive.end(&spot);
                     // Known ones first: that is cheaper than looking for obstacles.
                     if obstacles.inside(there.x, there.y)
                         && limit.is_none_or(|limit| limit.allows(&there, count))

@@ -32,7 +32,7 @@ impl Spot {
     /// After this fraction of a piece.
     #[inline]
     pub(crate) fn after(&self, piece: &Piece, fraction: f64) -> Self {
-        Drive::new(piece, fraction).from(self)
+        Drive::new(piece, fraction).end(self)
     }
 }
 
@@ -56,9 +56,9 @@ impl Drive {
         Self { ahead, left, turned, cos: 1.0 - turned * across, sin: turned * along }
     }
 
-    /// Where it ends.
+    /// Where it ends, from here.
     #[inline]
-    pub(crate) fn from(&self, spot: &Spot) -> Spot {
+    pub(crate) fn end(&self, spot: &Spot) -> Spot {
         Spot {
             x: spot.x + self.ahead * spot.cos - self.left * spot.sin,
             y: spot.y + self.ahead * spot.sin + self.left * spot.cos,
