@@ -20,6 +20,7 @@
 mod alone;
 mod analytic_expansion;
 mod body;
+mod cars;
 mod check;
 mod closed;
 mod cost_to_go;

@@ -2,7 +2,8 @@
 //! neighbourhood's new ways are kept unless the last arrival or the sum of arrivals grows (J. Li et al.,
 //! *Anytime Multi-Agent Path Finding via Large Neighborhood Search*, IJCAI 2021).
 
-use super::plans::{Cars, Plans, bits};
+use super::cars::{Cars, bits};
+use super::plans::Plans;
 use super::repair;
 use super::search::{ANY, Manner, Rank};
 

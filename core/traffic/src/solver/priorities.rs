@@ -1,7 +1,8 @@
 //! Priorities: who gives way to whom. Each car is planned alone first; where two touch, one of them has
 //! to give way, and it and those below it are planned anew. Depth first, the better choice first.
 
-use super::plans::{Cars, Plans, bits};
+use super::cars::{Cars, bits};
+use super::plans::Plans;
 use super::search::{ANY, Manner, Rank};
 use super::table::Track;
 use std::rc::Rc;

@@ -4,9 +4,10 @@
 //! A neighbourhood is chosen around a car that is in somebody's way: those it touches and those they
 //! touch, those that stand in its best way, or those that are near it somewhere.
 
+use super::cars::{Cars, bits};
 use super::groups;
 use super::motion::Spot;
-use super::plans::{Cars, Plans, bits};
+use super::plans::Plans;
 use super::search::{ANY, Manner, Rank};
 use super::table::Track;
 use std::rc::Rc;

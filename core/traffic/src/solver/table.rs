@@ -1,8 +1,8 @@
 //! Who is where in which step: the reservations of all cars.
 
+use super::cars::{Cars, bits};
 use super::instance::{Instance, MOST_STEPS};
 use super::motion::{Spot, WAIT};
-use super::plans::{Cars, bits};
 use std::rc::Rc;
 use xtb_nav::Piece;
 
