@@ -72,11 +72,16 @@ pub(crate) async fn run(
 ) -> Result<(), AgentError> {
     let role = config.role();
     let mut told = false;
-    let opening = xtb_bus::open_patiently_leased(&role, host.link_lease, |error| {
-        if !std::mem::replace(&mut told, true) {
-            tracing::warn!("{error}; trying again, the controller keeps running");
-        }
-    });
+    let room = host.shared.opening.clone();
+    let opening = async {
+        let _room = room.room().await;
+        let each = |error: &xtb_bus::BusError| {
+            if !std::mem::replace(&mut told, true) {
+                tracing::warn!("{error}; trying again, the controller keeps running");
+            }
+        };
+        xtb_bus::open_patiently_leased(&role, host.link_lease, each).await
+    };
     // The motors stop inside this future: `select` drops the others before it goes on.
     let mut ending = std::pin::pin!(async {
         let _ = shutdown.wait_for(|end| *end).await;

@@ -11,14 +11,36 @@ use crate::recorder::Recorder;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use tokio::sync::{Semaphore, SemaphorePermit};
 use xtb_protocol::Name;
 use xtb_robot::Robot;
+
+/// So many sessions are being opened at once: of a thousand each would take longer than Zenoh waits for an answer.
+const OPENED_AT_ONCE: usize = 16;
+
+/// Room for sessions that are being opened.
+#[derive(Debug, Clone)]
+pub(crate) struct Opening(Arc<Semaphore>);
+
+impl Default for Opening {
+    fn default() -> Self {
+        Self(Arc::new(Semaphore::new(OPENED_AT_ONCE)))
+    }
+}
+
+impl Opening {
+    /// Waits for room, which is taken until what is returned is dropped.
+    pub(crate) async fn room(&self) -> Option<SemaphorePermit<'_>> {
+        self.0.acquire().await.ok() // nobody closes it
+    }
+}
 
 /// What they share. A robot's own agent has one for itself.
 #[derive(Debug, Clone, Default)]
 pub struct Shared {
     /// Maps that are prepared already: a large one takes megabytes.
     pub(crate) maps: Arc<MapShelf>,
+    pub(crate) opening: Opening,
     /// Threads for all; `None` = each robot has its own.
     threads: Option<(LoopPool, Planners)>,
 }
