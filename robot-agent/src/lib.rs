@@ -23,6 +23,7 @@ mod recorder;
 mod recording_server;
 pub mod replay;
 mod session;
+mod sessions;
 mod shared;
 mod snapshot;
 mod uplink;

@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn fifty_loops_on_two_threads_take_a_turn_for_each_step_of_their_world_from_their_start_on() {
-        let (world, shared) = (WorldTime::new(), Shared::with_threads(2).unwrap());
+        let (world, shared) = (WorldTime::new(), Shared::among(2, 1).unwrap());
         let stop = Arc::new(AtomicBool::new(false));
         let (mut sessions, mut running, mut lines) = (Vec::new(), Vec::new(), Vec::new());
         for number in 1..=50 {

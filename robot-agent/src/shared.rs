@@ -8,51 +8,38 @@ use crate::mailbox::LoopEnds;
 use crate::map_reader::MapShelf;
 use crate::planner_worker::{PlannerWorker, Planners};
 use crate::recorder::Recorder;
+use crate::sessions::Sessions;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use tokio::sync::{Semaphore, SemaphorePermit};
 use xtb_protocol::Name;
 use xtb_robot::Robot;
 
-/// So many sessions are being opened at once: of a thousand each would take longer than Zenoh waits for an answer.
-const OPENED_AT_ONCE: usize = 16;
-
-/// Room for sessions that are being opened.
-#[derive(Debug, Clone)]
-pub(crate) struct Opening(Arc<Semaphore>);
-
-impl Default for Opening {
-    fn default() -> Self {
-        Self(Arc::new(Semaphore::new(OPENED_AT_ONCE)))
-    }
-}
-
-impl Opening {
-    /// Waits for room, which is taken until what is returned is dropped.
-    pub(crate) async fn room(&self) -> Option<SemaphorePermit<'_>> {
-        self.0.acquire().await.ok() // nobody closes it
-    }
-}
-
 /// What they share. A robot's own agent has one for itself.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Shared {
     /// Maps that are prepared already: a large one takes megabytes.
     pub(crate) maps: Arc<MapShelf>,
-    pub(crate) opening: Opening,
+    pub(crate) sessions: Sessions,
     /// Threads for all; `None` = each robot has its own.
     threads: Option<(LoopPool, Planners)>,
 }
 
+impl Default for Shared {
+    fn default() -> Self {
+        Self { maps: Arc::default(), sessions: Sessions::of(1), threads: None }
+    }
+}
+
 impl Shared {
-    /// With so many threads for the control loops of simulated robots, and as many for their planners.
+    /// With so many threads for the control loops of simulated robots, as many for their planners, and a session for
+    /// so many robots each.
     ///
     /// # Errors
     /// The system cannot start them.
-    pub fn with_threads(threads: usize) -> io::Result<Self> {
+    pub fn among(threads: usize, robots_a_session: usize) -> io::Result<Self> {
         let threads = Some((LoopPool::start(threads)?, Planners::start(threads, "shared")?));
-        Ok(Self { threads, ..Self::default() })
+        Ok(Self { threads, sessions: Sessions::of(robots_a_session), ..Self::default() })
     }
 
     /// Starts the control loop of a robot on its hardware. It runs until `stop`, then sends a neutral frame.

@@ -196,6 +196,12 @@ pub async fn open_patiently_leased(
 }
 
 impl Bus {
+    /// The same session with a counter of its own, for one of several robots that share it.
+    #[must_use]
+    pub fn part(&self) -> Self {
+        Self { session: self.session.clone(), foreign: ForeignKeys::default() }
+    }
+
     /// Where a router listens.
     pub async fn locators(&self) -> Vec<String> {
         self.session.info().locators().await.iter().map(ToString::to_string).collect()
