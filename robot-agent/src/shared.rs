@@ -7,6 +7,7 @@ use crate::loop_pool::{LoopPool, Running};
 use crate::mailbox::LoopEnds;
 use crate::map_reader::MapShelf;
 use crate::planner_worker::{PlannerWorker, Planners};
+use crate::realtime::{self, Realtime};
 use crate::recorder::Recorder;
 use crate::sessions::Sessions;
 use std::io;
@@ -42,7 +43,8 @@ impl Shared {
         Ok(Self { threads, sessions: Sessions::of(robots_a_session), ..Self::default() })
     }
 
-    /// Starts the control loop of a robot on its hardware. It runs until `stop`, then sends a neutral frame.
+    /// Starts the control loop of a robot on its hardware. It runs until `stop`, then sends a neutral frame. On
+    /// a thread of its own it is prioritized if that is `wanted`; the second value says what became of that.
     ///
     /// # Errors
     /// The system cannot start a thread.
@@ -52,14 +54,16 @@ impl Shared {
         ends: LoopEnds,
         recorder: Option<Recorder>,
         stop: Arc<AtomicBool>,
-    ) -> io::Result<Running> {
+        wanted: bool,
+    ) -> io::Result<(Running, Realtime)> {
         let name = parts.0.agent().identity().robot.clone();
         let control = ControlLoop::new(parts, ends, recorder, stop, self.planner_worker(&name)?);
         if let Some((loops, _)) = &self.threads {
-            return Ok(Running::Pooled(loops.run(control)));
+            return Ok((Running::Pooled(loops.run(control)), Realtime::Off));
         }
         let thread = std::thread::Builder::new().name(format!("control-{name}"));
-        Ok(Running::Thread(thread.spawn(move || control.run())?))
+        let (thread, realtime) = realtime::spawn(thread, wanted, move || control.run())?;
+        Ok((Running::Thread(thread), realtime))
     }
 
     /// Who plans for this robot.

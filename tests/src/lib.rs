@@ -86,6 +86,7 @@ pub fn agent_config(endpoint: &str, fleet: &str) -> AgentConfig {
         start_pose: MapPose::default(),
         vehicle: VehicleConfig::default(),
         record: None,
+        realtime: false,
         world_speed: 1.0,
     }
 }

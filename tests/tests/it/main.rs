@@ -25,6 +25,8 @@ mod nearby;
 mod obstacles;
 mod operators;
 mod processes;
+#[cfg(target_os = "linux")]
+mod realtime;
 mod recording;
 mod shared_world;
 mod simulator;
