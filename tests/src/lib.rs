@@ -5,8 +5,10 @@
 
 pub mod dispatch;
 pub mod fuzz;
+pub mod hosts;
 pub mod live;
 pub mod load;
+pub mod mesh;
 mod pilot;
 mod probe;
 pub mod processes;
