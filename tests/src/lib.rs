@@ -17,6 +17,7 @@ pub mod rig;
 pub mod screen;
 pub mod slow_link;
 pub mod slow_verbs;
+pub mod soak;
 pub mod vehicles;
 
 pub use live::Live;
