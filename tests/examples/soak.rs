@@ -69,7 +69,7 @@ async fn main() -> Result<ExitCode> {
     let (robots, minutes, seed) = (number(0, 50)?, number(1, 60)?, number(2, 1)?);
     let out = arguments.get(3).map_or("soak.csv", String::as_str);
     let mut csv = File::create(out)?;
-    writeln!(csv, "seconds,process,memory_kib,handles")?;
+    writeln!(csv, "seconds,process,memory_kib,handles,cpu_s")?;
     let folder = tempfile::tempdir()?;
     let Started { mut watched, endpoint, page } = start(folder.path(), robots, seed)?;
     println!("{robots} robots, {minutes} min, seed {seed}; load {} before; looks go to {out}", load());
@@ -190,7 +190,7 @@ async fn look_on(watched: &mut [Watched], csv: &mut File, length: Duration) -> R
                 return Ok(End::Broken(format!("{name}: has ended after {at_s:.0} s")));
             }
             let held = Held::look(process.0.id(), at_s)?;
-            writeln!(csv, "{at_s:.1},{name},{},{}", held.memory_kib, held.handles)?;
+            writeln!(csv, "{at_s:.1},{name},{},{},{:.2}", held.memory_kib, held.handles, held.cpu_s)?;
             looks.push(held);
         }
         if watched.first().is_some_and(|first| first.looks.len().is_multiple_of(LOOKS_A_LINE)) {
@@ -211,21 +211,24 @@ fn mib(held: &Held) -> f64 {
 /// Prints it, and returns the limits that were broken.
 fn table(watched: &[Watched]) -> Vec<String> {
     let mut broken = Vec::new();
-    println!("\n| process | memory, MiB: first | last | growth, MiB/h | handles: first | last | growth |");
-    println!("|{}", " ---: |".repeat(7));
+    println!(
+        "\n| process | memory, MiB: first | last | growth, MiB/h | handles: first | last | growth | CPU, cores |"
+    );
+    println!("|{}", " ---: |".repeat(8));
     for Watched { name, limited, looks, .. } in watched {
         let (Some(first), Some(last), Some(growth)) = (looks.first(), looks.last(), Growth::of(looks)) else {
             broken.push(format!("{name}: too few looks"));
             continue;
         };
         println!(
-            "| {name} | {:.1} | {:.1} | {:+.2} | {} | {} | {:+.2} |",
+            "| {name} | {:.1} | {:.1} | {:+.2} | {} | {} | {:+.2} | {:.3} |",
             mib(first),
             mib(last),
             growth.memory_mib_per_h,
             first.handles,
             last.handles,
-            growth.handles
+            growth.handles,
+            growth.cores
         );
         if *limited && growth.memory_mib_per_h > MOST_MIB_PER_H {
             let grown = growth.memory_mib_per_h;

@@ -1,5 +1,6 @@
-//! What a process holds over hours: its memory and its file handles, and how fast that grows.
+//! What a process holds over hours: its memory and its file handles, and how fast that grows; and what it computes.
 
+use rustix::param::clock_ticks_per_second;
 use std::io;
 
 /// The first part of the time in which nothing counts: queues and caches fill.
@@ -14,6 +15,8 @@ pub struct Held {
     pub memory_kib: u64,
     /// Open files, sockets, pipes.
     pub handles: u64,
+    /// CPU time since its start.
+    pub cpu_s: f64,
 }
 
 impl Held {
@@ -22,22 +25,32 @@ impl Held {
     /// # Errors
     /// It has ended.
     pub fn look(pid: u32, at_s: f64) -> io::Result<Self> {
+        let ended = || io::Error::other("the process has ended");
         let status = std::fs::read_to_string(format!("/proc/{pid}/status"))?;
-        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-        let memory_kib = line.and_then(|line| line.split_whitespace().next()?.parse().ok());
-        let memory_kib = memory_kib.ok_or_else(|| io::Error::other("the process has ended"))?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).ok_or_else(ended)?;
+        let memory_kib = line.split_whitespace().next().and_then(|kib| kib.parse().ok()).ok_or_else(ended)?;
         let handles = std::fs::read_dir(format!("/proc/{pid}/fd"))?.count() as u64;
-        Ok(Self { at_s, memory_kib, handles })
+        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat"))?;
+        Ok(Self { at_s, memory_kib, handles, cpu_s: cpu_s(&stat).ok_or_else(ended)? })
     }
 }
 
-/// How it grows, by the line of least squares through all looks after the warm-up.
+/// Of a `/proc/PID/stat`: user and system time are the 12th and 13th field after the name in parentheses.
+fn cpu_s(stat: &str) -> Option<f64> {
+    let fields = stat.rsplit_once(')')?.1.split_whitespace();
+    let ticks = fields.skip(11).take(2).map(|field| field.parse::<u64>().ok()).sum::<Option<u64>>()?;
+    Some(ticks as f64 / clock_ticks_per_second() as f64)
+}
+
+/// How it grows and computes, by the line of least squares through all looks after the warm-up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Growth {
     /// Of the memory.
     pub memory_mib_per_h: f64,
     /// Of the number of handles, over all that time.
     pub handles: f64,
+    /// CPU time in a second.
+    pub cores: f64,
 }
 
 impl Growth {
@@ -47,13 +60,14 @@ impl Growth {
         let (first_s, last_s) = (looks.first()?.at_s, looks.last()?.at_s);
         let from_s = first_s + WARM_UP * (last_s - first_s);
         let warm: Vec<&Held> = looks.iter().filter(|held| held.at_s >= from_s).collect();
-        let line = |value: fn(&Held) -> u64| {
-            let points: Vec<(f64, f64)> = warm.iter().map(|held| (held.at_s, value(held) as f64)).collect();
+        let line = |value: fn(&Held) -> f64| {
+            let points: Vec<(f64, f64)> = warm.iter().map(|held| (held.at_s, value(held))).collect();
             slope(&points)
         };
         Some(Self {
-            memory_mib_per_h: line(|held| held.memory_kib)? * 3600.0 / 1024.0,
-            handles: line(|held| held.handles)? * (last_s - from_s),
+            memory_mib_per_h: line(|held| held.memory_kib as f64)? * 3600.0 / 1024.0,
+            handles: line(|held| held.handles as f64)? * (last_s - from_s),
+            cores: line(|held| held.cpu_s)?,
         })
     }
 }
@@ -74,14 +88,18 @@ mod tests {
 
     /// An hour, a look each 10 s.
     fn hour(memory_kib: impl Fn(u64) -> u64, handles: impl Fn(u64) -> u64) -> Vec<Held> {
-        let look = |n: u64| Held { at_s: 10.0 * n as f64, memory_kib: memory_kib(n), handles: handles(n) };
+        let look = |n: u64| {
+            let at_s = 10.0 * n as f64;
+            Held { at_s, memory_kib: memory_kib(n), handles: handles(n), cpu_s: 0.25 * at_s }
+        };
         (0..=360).map(look).collect()
     }
 
     #[test]
     fn memory_that_grows_by_three_mebibytes_an_hour_grows_by_three() {
         let growth = Growth::of(&hour(|n| 50_000 + n * 3 * 1024 / 360, |_| 20)).unwrap();
-        assert!((growth.memory_mib_per_h - 3.0).abs() < 0.01 && growth.handles == 0.0, "{growth:?}");
+        assert!((growth.memory_mib_per_h - 3.0).abs() < 0.01 && growth.handles.abs() < 1e-6, "{growth:?}");
+        assert!((growth.cores - 0.25).abs() < 1e-6, "{growth:?}");
     }
 
     #[test]
@@ -100,7 +118,7 @@ mod tests {
     #[test]
     fn one_look_is_too_few() {
         assert_eq!(Growth::of(&[]), None);
-        assert_eq!(Growth::of(&[Held { at_s: 0.0, memory_kib: 1, handles: 1 }]), None);
+        assert_eq!(Growth::of(&[Held { at_s: 0.0, memory_kib: 1, handles: 1, cpu_s: 0.0 }]), None);
     }
 
     #[test]
