@@ -5,13 +5,16 @@
 //! either, a few of them are planned at once, by conflict-based search; after that, whoever failed most
 //! often only makes way for the rest; if it cannot, it stands.
 
+use super::attempt::Expected;
 use super::blocker_search::blocker;
 use super::discretized_path::DiscretizedPath;
 use super::field::Field;
 use super::job::{JointJob, JointResult, Member, NoWay, Plan};
 use super::occupancy::Occupancy;
 use super::order::Order;
+use super::task::EXPANSIONS_EACH;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// Orders that are tried with some of the trucks, at most; chosen, not measured.
 const TRIES: usize = 8;
@@ -25,7 +28,7 @@ pub(super) const MOST_TICKS: usize = 4800;
 
 /// Ways and orders that fit together.
 pub(super) struct Solution {
-    pub(super) ways: BTreeMap<usize, DiscretizedPath>,
+    pub(super) ways: BTreeMap<usize, Arc<DiscretizedPath>>,
     pub(super) order: Order,
 }
 
@@ -37,6 +40,8 @@ pub(super) struct Solver<'a> {
     pub(super) keep_going: &'a mut dyn FnMut() -> bool,
     pub(super) fields: BTreeMap<usize, Field>,
     pub(super) blocks: Vec<Occupancy>,
+    /// Who keep their ways, and as what they are expected.
+    pub(super) running: Option<(Vec<usize>, Option<Expected>)>,
     pub(super) left: u32,
     pub(super) group_left: u32,
     pub(super) turn_left: u32,
@@ -62,6 +67,7 @@ impl JointJob {
             keep_going,
             fields: BTreeMap::new(),
             blocks: self.blocks.iter().map(|block| Occupancy::standing(&block.stands)).collect(),
+            running: None,
             left: self.budget,
             group_left: self.group_budget,
             turn_left: self.turn_budget,
@@ -74,7 +80,11 @@ impl JointJob {
             served: None,
         };
         let wanting: Vec<usize> = self.indices(|member| member.wanting).collect();
-        let led: Vec<usize> = self.indices(|member| !member.wanting).collect();
+        if self.each_for_itself {
+            let solution = solver.each(&wanting);
+            return self.result(solver, solution, false);
+        }
+        let led: Vec<usize> = self.indices(|member| !member.wanting && !member.fixed).collect();
         // Whoever has waited for long is not passed over again.
         let in_turn = wanting.iter().any(|&index| self.members[index].waited_ms > PATIENCE_MS);
         let mut solution = if in_turn { solver.in_turn(&wanting, &led) } else { None };
@@ -105,6 +115,7 @@ impl JointJob {
             let member = &self.members[index];
             none.push(match solver.served {
                 Some(served) => NoWay::behind(member, &self.members[served].name),
+                None if self.each_for_itself => NoWay::yet(member),
                 None => blocker(self, member, &mut left),
             });
         }
@@ -114,7 +125,7 @@ impl JointJob {
             + spent(self.turn_budget, solver.turn_left);
         let (tries, choices) = (solver.tries, solver.choices);
         let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
-        let plan = |(index, way): (usize, DiscretizedPath)| {
+        let plan = |(index, way): (usize, Arc<DiscretizedPath>)| {
             let member: &Member = &self.members[index];
             let evades = solver.evading.contains(&index);
             let moves = way.length_m > member.way.at_m(member.held) + 0.01;
@@ -135,6 +146,20 @@ impl JointJob {
 }
 
 impl Solver<'_> {
+    /// Ways for as many of these as find one around all others: whoever has none yet stands where it stands.
+    fn each(&mut self, wanting: &[usize]) -> Option<Solution> {
+        let standing: BTreeSet<usize> = wanting.iter().copied().collect();
+        let mut expected = self.expected(&[], &[], &standing)?;
+        for &index in wanting {
+            let found = self.single(index, &expected.others(index), &[], None, EXPANSIONS_EACH);
+            if let Ok((way, at_m)) = found {
+                let line = self.job.members[index].driving(&way, &at_m);
+                expected.take(index, way, &at_m, line);
+            }
+        }
+        self.ordered(expected, &[])
+    }
+
     /// Ways for all to their goals, as far as there are any; and whether a group was planned at once.
     fn all_at_once(&mut self) -> (Option<Solution>, bool) {
         let mut standing = BTreeSet::new();
@@ -145,7 +170,7 @@ impl Solver<'_> {
                 self.evading.clear();
                 return (None, false);
             }
-            let led: Vec<usize> = self.job.indices(|member| !member.wanting).collect();
+            let led: Vec<usize> = self.job.indices(|member| !member.wanting && !member.fixed).collect();
             if let Some(found) = self.orders(&wanting, &led, &standing) {
                 return (Some(found), false);
             }

@@ -6,9 +6,10 @@
 //! (M. Phillips and M. Likhachev, *SIPP: Safe interval path planning*, ICRA 2011).
 
 use super::lane;
+use super::nearby::Nearby;
 use super::occupancy::{NEVER, TICK_WAY_M};
 use super::order::GEAR_TICKS;
-use super::task::{Leg, Stuck, Task};
+use super::task::{Leg, Other, Stuck, Task};
 use crate::hybrid_a_star::{End, Expand, Tree};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -50,6 +51,8 @@ const LANE_COST: f64 = 0.6;
 const LANE_TICKS: u32 = 4;
 /// Longest wait for a gap, in ticks (100 s); chosen, not measured.
 const MOST_WAIT: u32 = 400;
+/// So many others are asked one by one; more are found through a grid.
+const FEW: usize = 16;
 /// Margin of the look-out to fixed things, in m, less than the body's; chosen, not measured.
 const LOOK_MARGIN_M: f64 = 0.02;
 /// Margins of the body to fixed things, in m: the largest with which it is free where it stands. With the
@@ -95,6 +98,8 @@ struct Search<'a> {
     body_margin_m: f64,
     /// No other truck moves any more from this tick on.
     still: u32,
+    /// If there are more than [`FEW`].
+    nearby: Option<Nearby>,
     goals: Vec<MapPose>,
     closed: BTreeMap<(i32, i32, i32), Vec<Seen>>,
     sweep: Vec<Stand>,
@@ -110,7 +115,9 @@ impl<'a> Search<'a> {
         let still = task.others.iter().map(|other| other.line.end()).max().unwrap_or(0);
         let radius_m = task.car.radius_m * RADIUS_FACTOR;
         let (goals, closed, sweep) = (Vec::new(), BTreeMap::new(), Vec::new());
-        let mut search = Self { task, grain, radius_m, body_margin_m, still, goals, closed, sweep };
+        let reach_m = Rect::looking(task.car, &task.start, 1.0).reach_m();
+        let nearby = (task.others.len() > FEW).then(|| Nearby::new(task.others, reach_m));
+        let mut search = Self { task, grain, radius_m, body_margin_m, still, nearby, goals, closed, sweep };
         if let Some(target) = &task.target {
             let yaws: Vec<f64> = match target.yaw_rad {
                 Some(yaw_rad) => vec![yaw_rad],
@@ -262,18 +269,26 @@ impl<'a> Search<'a> {
     }
 
     fn is_clear(&self, sweep: &[Stand], depart: u32) -> bool {
-        self.task.others.iter().all(|other| {
-            let hit = |(step, stand): (usize, &Stand)| {
-                other.line.hits(stand, depart + 1 + step as u32, other.separation_m)
-            };
-            !sweep.iter().enumerate().any(hit)
-        })
+        let hits = |other: &Other<'_>, step: usize, stand: &Stand| {
+            other.line.hits(stand, depart + 1 + step as u32, other.separation_m)
+        };
+        let (others, mut steps) = (self.task.others, sweep.iter().enumerate());
+        match &self.nearby {
+            None => others
+                .iter()
+                .all(|other| !sweep.iter().enumerate().any(|(step, stand)| hits(other, step, stand))),
+            Some(nearby) => !steps.any(|(step, stand)| {
+                nearby.any_at(stand, depart + 1 + step as u32, |line| hits(&others[line], step, stand))
+            }),
+        }
     }
 
     fn safe_until(&self, stand: &Stand, tick: u32) -> u32 {
-        let others = self.task.others.iter();
-        let next =
-            others.map(|other| other.line.next_hit(stand, tick, other.separation_m)).min().unwrap_or(NEVER);
+        let next_of = |other: &Other<'_>| other.line.next_hit(stand, tick, other.separation_m);
+        let next = match &self.nearby {
+            Some(nearby) => nearby.next_hit(self.task.others, stand, tick),
+            None => self.task.others.iter().map(next_of).min().unwrap_or(NEVER),
+        };
         if next == NEVER { NEVER } else { next - 1 }
     }
 
