@@ -51,6 +51,13 @@ impl Expected {
         lines.flat_map(|(_, line)| line.bodies())
     }
 
+    /// This one is not on its way any more, and leaves its place some time.
+    pub(super) fn leave(&mut self, index: usize, member: &Member) {
+        let gone = to_release(member).len() as u32 + GRACE_TICKS;
+        self.lines.insert(index, Rc::new(Occupancy::leaving(member.held_stands(), gone)));
+        self.soft.insert(index, member.way.stands[member.held].body);
+    }
+
     /// From now on this one goes so, with its position at each tick.
     pub(super) fn take(&mut self, index: usize, way: DiscretizedPath, at_m: &[f64], line: Occupancy) {
         self.soft.remove(&index);
@@ -70,17 +77,13 @@ impl Solver<'_> {
     ) -> Option<Expected> {
         let mut expected = self.running(led)?;
         let job = self.job;
-        let mut lines: Vec<(usize, Occupancy)> = standing
-            .iter()
-            .map(|&index| (index, Occupancy::standing(job.members[index].held_stands())))
-            .collect();
-        for &index in free.iter().chain(&self.evading) {
-            let member = &job.members[index];
-            let gone = to_release(member).len() as u32 + GRACE_TICKS;
-            lines.push((index, Occupancy::leaving(member.held_stands(), gone)));
-            expected.soft.insert(index, member.way.stands[member.held].body);
+        for &index in standing {
+            let line = Occupancy::standing(job.members[index].held_stands());
+            expected.lines.insert(index, Rc::new(line));
         }
-        expected.lines.extend(lines.into_iter().map(|(index, line)| (index, Rc::new(line))));
+        for &index in free.iter().chain(&self.evading) {
+            expected.leave(index, &job.members[index]);
+        }
         Some(expected)
     }
 
@@ -114,16 +117,11 @@ impl Solver<'_> {
     ) -> Result<Solution, Failed> {
         let fallback = || Failed(free.last().copied().unwrap_or(0));
         let expected = self.expected(free, led, standing).ok_or_else(fallback)?;
-        self.one_by_one(expected, free, led)
+        self.one_by_one(expected, free)
     }
 
     /// Ways for these in this order, then for those that make way.
-    pub(super) fn one_by_one(
-        &mut self,
-        mut expected: Expected,
-        free: &[usize],
-        led: &[usize],
-    ) -> Result<Solution, Failed> {
+    pub(super) fn one_by_one(&mut self, mut expected: Expected, free: &[usize]) -> Result<Solution, Failed> {
         let evading: Vec<usize> = self.evading.iter().copied().collect();
         for &index in free.iter().chain(&evading) {
             let soft = expected.soft(&[index]);
@@ -134,7 +132,7 @@ impl Solver<'_> {
             expected.take(index, way, &at_m, line);
         }
         let last = free.last().or(evading.last()).copied().unwrap_or(0);
-        self.ordered(expected, led).ok_or(Failed(last))
+        self.ordered(expected).ok_or(Failed(last))
     }
 
     /// How far it is from anywhere to where this one is off all ways that are known by now.
@@ -143,6 +141,15 @@ impl Solver<'_> {
         let standing: Vec<Rect> = job.bodies_around(member).collect();
         let taken: Vec<Rect> = expected.taken(index).collect();
         Field::aside(&*job.room, member.car.half_width_m, &standing, &taken)
+    }
+
+    /// How far it is from anywhere to the goal of this one.
+    pub(super) fn field(&mut self, index: usize) -> &Field {
+        let (job, member) = (self.job, &self.job.members[index]);
+        self.fields.entry(index).or_insert_with(|| {
+            let (standing, target): (Vec<Rect>, _) = (job.bodies_around(member).collect(), member.target);
+            Field::new(&*job.room, member.car.half_width_m, &standing, [target.x_m, target.y_m])
+        })
     }
 
     /// The way of one truck around all these, with its position on it at each tick: to its goal, or out of
@@ -159,14 +166,10 @@ impl Solver<'_> {
             return Err(Stuck::Budget);
         }
         let (job, member) = (self.job, &self.job.members[index]);
-        let to_goal = || {
-            let (standing, target): (Vec<Rect>, _) = (job.bodies_around(member).collect(), member.target);
-            Field::new(&*job.room, member.car.half_width_m, &standing, [target.x_m, target.y_m])
-        };
-        let field = match aside {
-            Some(field) => field,
-            None => &*self.fields.entry(index).or_insert_with(to_goal),
-        };
+        if aside.is_none() {
+            self.field(index);
+        }
+        let Some(field) = aside.or_else(|| self.fields.get(&index)) else { return Err(Stuck::Nowhere) };
         let mine = member.held_stands();
         let others: Vec<Other<'_>> = lines
             .iter()
@@ -183,15 +186,20 @@ impl Solver<'_> {
             )
             .collect();
         let target = aside.is_none().then_some(member.target);
-        go_on(job, member, &Around { target, field, others: &others, soft }, most, &mut self.left)
+        go_on(
+            job,
+            member,
+            &Around { target, field, others: &others, soft, wait: self.wait },
+            most,
+            &mut self.left,
+        )
     }
 
     /// Who passes first where; `None` if they would block each other.
-    pub(super) fn ordered(&self, expected: Expected, led: &[usize]) -> Option<Solution> {
+    pub(super) fn ordered(&self, expected: Expected) -> Option<Solution> {
         let (job, Expected { ways, times, .. }) = (self.job, expected);
         let way = |index: usize| &**ways.get(&index).unwrap_or(&job.members[index].way);
-        let keeps: Vec<bool> =
-            (0..job.members.len()).map(|index| job.members[index].fixed || led.contains(&index)).collect();
+        let keeps = |index: &usize| !ways.contains_key(index);
         let timed = |index: usize| {
             let member = &job.members[index];
             let at = way(index).place(member.done_m).min(member.held);
@@ -201,7 +209,7 @@ impl Solver<'_> {
         let moving: Vec<usize> = times.keys().copied().collect();
         for (place, &a) in moving.iter().enumerate() {
             for &b in &moving[place + 1..] {
-                if keeps[a] && keeps[b] {
+                if keeps(&a) && keeps(&b) {
                     continue;
                 }
                 let (one, other) = (&job.members[a], &job.members[b]);

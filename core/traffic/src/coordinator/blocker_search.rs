@@ -90,7 +90,7 @@ fn way_around(
         .zip(suspects)
         .map(|(line, suspect)| Other { line, separation_m: between(suspect) })
         .collect();
-    let around = Around { target: Some(member.target), field: &field, others: &others, soft: &[] };
+    let around = Around { target: Some(member.target), field: &field, others: &others, soft: &[], wait: 0 };
     Ok(go_on(job, member, &around, most, left)?.0)
 }
 

@@ -61,7 +61,7 @@ impl Solver<'_> {
             expected.take(index, drive.way.clone(), &drive.at_m, drive.line.clone());
         }
         let rest: Vec<usize> = free.iter().copied().filter(|index| !members.contains(index)).collect();
-        self.one_by_one(expected, &rest, &[]).ok()
+        self.one_by_one(expected, &rest).ok()
     }
 
     /// All if they are few; else who failed most often, and those that it meets first on its way.

@@ -13,6 +13,28 @@ const FAR_M: f64 = 1.0e6;
 /// No fewer cells than one, no more than so many along each side of what all lines cover.
 const MOST_CELLS: f64 = 400.0;
 
+/// Lines by cells, row by row: those of cells side by side follow each other.
+struct Rows {
+    from: Vec<u32>,
+    lines: Vec<u32>,
+}
+
+impl Rows {
+    /// From pairs of cell and line.
+    fn of(cells: usize, mut pairs: Vec<(u32, u32)>) -> Self {
+        pairs.sort_unstable();
+        let mut from = vec![0; cells + 1];
+        pairs.iter().for_each(|&(cell, _)| from[cell as usize + 1] += 1);
+        (0..cells).for_each(|cell| from[cell + 1] += from[cell]);
+        Self { from, lines: pairs.into_iter().map(|(_, line)| line).collect() }
+    }
+
+    /// Of the cells from one to another in one row.
+    fn between(&self, first: usize, last: usize) -> &[u32] {
+        &self.lines[self.from[first] as usize..self.from[last + 1] as usize]
+    }
+}
+
 /// Cells of one size, and who is near them.
 pub(super) struct Nearby {
     side_m: f64,
@@ -21,10 +43,19 @@ pub(super) struct Nearby {
     height: usize,
     /// In each cell: block of ticks and line, sorted.
     moving: Vec<Vec<(u32, u32)>>,
-    /// In each cell: lines that hold something there, or end there.
-    standing: Vec<Vec<u32>>,
+    blocks: usize,
+    /// The same by blocks, and by cells in each.
+    by_block: Rows,
+    /// Lines that hold something in a cell, or end there.
+    standing: Rows,
     /// Lines that are looked at everywhere.
     everywhere: Vec<u32>,
+}
+
+/// Columns and rows around a place.
+struct Around {
+    columns: [usize; 2],
+    rows: std::ops::RangeInclusive<usize>,
 }
 
 impl Nearby {
@@ -57,30 +88,35 @@ impl Nearby {
             width,
             height,
             moving: vec![Vec::new(); width * height],
-            standing: vec![Vec::new(); width * height],
+            blocks: 0,
+            by_block: Rows::of(0, Vec::new()),
+            standing: Rows::of(0, Vec::new()),
             everywhere: Vec::new(),
         };
-        for (line, (other, large)) in others.iter().zip(large).enumerate() {
-            if large {
-                nearby.everywhere.push(line as u32);
-            } else {
-                nearby.add(line as u32, other);
-            }
-        }
-        nearby.moving.iter_mut().for_each(|cell| cell.sort_unstable());
+        nearby.fill(others, &large);
         nearby
     }
 
-    fn add(&mut self, line: u32, other: &Other<'_>) {
-        let (circles, held) = other.line.circles();
-        for (block, circle) in circles.iter().enumerate() {
-            let cell = self.cell(circle);
-            self.moving[cell].push((block as u32, line));
+    fn fill(&mut self, others: &[Other<'_>], large: &[bool]) {
+        let (mut standing, mut by_block) = (Vec::new(), Vec::new());
+        for (line, other) in others.iter().enumerate() {
+            if large[line] {
+                self.everywhere.push(line as u32);
+                continue;
+            }
+            let (circles, held) = other.line.circles();
+            self.blocks = self.blocks.max(circles.len());
+            for (block, circle) in circles.iter().enumerate() {
+                let cell = self.cell(circle);
+                self.moving[cell].push((block as u32, line as u32));
+                by_block.push(((block * self.width * self.height + cell) as u32, line as u32));
+            }
+            let stays = circles.last().into_iter().chain(held);
+            standing.extend(stays.map(|circle| (self.cell(circle) as u32, line as u32)));
         }
-        for circle in circles.last().into_iter().chain(held) {
-            let cell = self.cell(circle);
-            self.standing[cell].push(line);
-        }
+        let cells = self.width * self.height;
+        self.moving.iter_mut().for_each(|cell| cell.sort_unstable());
+        (self.by_block, self.standing) = (Rows::of(self.blocks * cells, by_block), Rows::of(cells, standing));
     }
 
     /// Of a circle that is inside.
@@ -94,31 +130,35 @@ impl Nearby {
         [along(x_m, 0), along(y_m, 1)]
     }
 
-    /// The cells in which whoever can be too near to this one is.
-    fn cells(&self, stand: &Stand) -> impl Iterator<Item = usize> + use<> {
+    /// The cells in which whoever can be too near to this one is; `None` = it is far outside.
+    fn around(&self, stand: &Stand) -> Option<Around> {
         let rect: Rect = stand.look.unwrap_or(stand.body);
         let [column, row] = self.place(rect.x_m, rect.y_m);
-        let (width, height) = (self.width as i64, self.height as i64);
-        let rows = row.saturating_sub(1).max(0)..=row.saturating_add(1).min(height - 1);
-        rows.flat_map(move |row| {
-            let columns = column.saturating_sub(1).max(0)..=column.saturating_add(1).min(width - 1);
-            columns.map(move |column| (row * width + column) as usize)
-        })
+        let of = |place: i64, count: usize| {
+            let (from, to) = (place.saturating_sub(1).max(0), place.saturating_add(1).min(count as i64 - 1));
+            (from <= to).then_some((from as usize, to as usize))
+        };
+        let ((left, right), (low, high)) = (of(column, self.width)?, of(row, self.height)?);
+        Some(Around { columns: [left, right], rows: low..=high })
     }
 
     /// Whether any of the lines that may be near the stand at this tick is what `hits` says.
     pub(super) fn any_at(&self, stand: &Stand, tick: u32, mut hits: impl FnMut(usize) -> bool) -> bool {
-        let block = tick / BLOCK as u32;
-        let in_cell = |cell: usize, hits: &mut dyn FnMut(usize) -> bool| {
-            let moving = &self.moving[cell];
-            let from = moving.partition_point(|&(at, _)| at < block);
-            let now = moving[from..].iter().take_while(|(at, _)| *at == block);
-            now.map(|&(_, line)| line)
-                .chain(self.standing[cell].iter().copied())
-                .any(|line| hits(line as usize))
-        };
-        self.cells(stand).any(|cell| in_cell(cell, &mut hits))
-            || self.everywhere.iter().any(|&line| hits(line as usize))
+        let mut any = |lines: &[u32]| lines.iter().any(|&line| hits(line as usize));
+        let block = tick as usize / BLOCK;
+        if let Some(Around { columns: [left, right], rows }) = self.around(stand) {
+            for row in rows {
+                let at = row * self.width;
+                if any(self.standing.between(at + left, at + right)) {
+                    return true;
+                }
+                let at = (block * self.height + row) * self.width;
+                if block < self.blocks && any(self.by_block.between(at + left, at + right)) {
+                    return true;
+                }
+            }
+        }
+        any(&self.everywhere)
     }
 
     /// The first tick after `from` at which a truck that stays there is in somebody's way.
@@ -127,7 +167,8 @@ impl Nearby {
         let large =
             self.everywhere.iter().map(|&line| of(line).line.next_hit(stand, from, of(line).separation_m));
         let mut first = large.min().unwrap_or(NEVER);
-        for cell in self.cells(stand) {
+        let Some(Around { columns: [left, right], rows }) = self.around(stand) else { return first };
+        for cell in rows.flat_map(|row| (left..=right).map(move |column| row * self.width + column)) {
             let moving = &self.moving[cell];
             let begin = moving.partition_point(|&(at, _)| at < (from + 1) / BLOCK as u32);
             for &(block, line) in &moving[begin..] {

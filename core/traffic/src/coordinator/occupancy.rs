@@ -105,6 +105,12 @@ impl Occupancy {
         Self { ticks, held, held_circle, circles, gone }
     }
 
+    /// Whether it is so near to a point at any tick from this one on, or stays there.
+    pub(super) fn is_near_after(&self, tick: usize, [x_m, y_m]: [f64; 2], near_m: f64) -> bool {
+        let is_near = |stand: &Stand| libm::hypot(stand.body.x_m - x_m, stand.body.y_m - y_m) < near_m;
+        self.ticks.iter().skip(tick).step_by(2).chain(self.ticks.last()).any(is_near)
+    }
+
     /// Circles around each [`BLOCK`] ticks, and one around what it holds.
     pub(super) fn circles(&self) -> (&[[f64; 3]], Option<&[f64; 3]>) {
         (&self.circles, (!self.held.is_empty()).then_some(&self.held_circle))

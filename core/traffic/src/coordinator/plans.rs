@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use xtb_control::Stamp;
 use xtb_nav::Path;
-use xtb_nav::geometry::rect::Rect;
+use xtb_nav::geometry::rect::{LOOK_OUT_M, Rect, Stand};
 use xtb_nav::navigator::START_WITHIN_M;
 use xtb_protocol::messages::Track;
 
@@ -40,11 +40,13 @@ const TOGETHER: usize = 16;
 /// So many of these at once, and nodes for them in all; chosen, not measured.
 const MOST_AT_ONCE: usize = 8;
 const EACH_BUDGET: u32 = 24_000;
-/// Who found none is planned together with so many that are led past it, at most …
-const MOST_NEIGHBOURS: usize = 5;
-/// … within so many m, with so many nodes each for orders and for serving one; all chosen, not measured.
-const NEIGHBOUR_M: f64 = 2.5;
-const THOROUGH_BUDGET: u32 = 12_000;
+/// So many that are led past one of these, or past its goal, may get other ways for it; chosen, not measured.
+const MOST_NEIGHBOURS: usize = 12;
+/// After so many tries one by one it is planned together with them in all ways …
+const ALONE_TRIES: u32 = 4;
+/// … if they come within so many m, with so many nodes each for orders and for serving one; all chosen, not measured.
+const NEIGHBOUR_M: f64 = 1.5;
+const THOROUGH_BUDGET: u32 = 8_000;
 /// A way that begins anew begins at most so far from where the truck is when it gets it, in m; chosen, not
 /// measured.
 const START_M: f64 = 0.1;
@@ -97,11 +99,14 @@ impl Coordinator {
         wanted.sort_by_key(|&index| (truck(index).neglected_since(), truck(index).id));
         let &first = wanted.first()?;
         let (wanted, moved, look) = if truck(first).misses > 0 {
-            (vec![first], self.neighbours(first, &members), Look::Thorough)
+            let near = self.neighbours(first, &members);
+            let look = if truck(first).misses < ALONE_TRIES { Look::Each } else { Look::Thorough };
+            (vec![first], near, look)
         } else {
             wanted.retain(|&index| truck(index).misses == 0);
             wanted.truncate(MOST_AT_ONCE);
-            (wanted, Vec::new(), Look::Each)
+            let moved = wanted.iter().flat_map(|&index| self.passing(index, &members)).collect();
+            (wanted, moved, Look::Each)
         };
         let mut part = Vec::with_capacity(members.len());
         for (index, member) in members {
@@ -113,23 +118,39 @@ impl Coordinator {
         Some((part, look))
     }
 
-    /// Those that are led past a truck, or to a place near its goal, nearest first.
+    /// Those that are led past a truck or its goal, nearest first.
     fn neighbours(&self, of: usize, members: &[(usize, Member)]) -> Vec<usize> {
         let Some((_, member)) = members.iter().find(|(index, _)| *index == of) else { return Vec::new() };
         let here = member.way.stands[member.held].body;
         let apart_m = |body: &Rect, [x_m, y_m]: [f64; 2]| libm::hypot(body.x_m - x_m, body.y_m - y_m);
+        let goal_m = [member.target.x_m, member.target.y_m];
         let mut near: Vec<(f64, usize)> = Vec::new();
         for (index, other) in members.iter().filter(|(_, other)| !other.wanting) {
             let rest = &other.way.stands[other.held..];
-            let passes = rest.iter().map(|stand| apart_m(&stand.body, [here.x_m, here.y_m]));
-            let ends = rest.last().map(|stand| apart_m(&stand.body, [member.target.x_m, member.target.y_m]));
-            let near_m = passes.chain(ends).fold(f64::MAX, f64::min);
+            let from_m =
+                |stand: &Stand| apart_m(&stand.body, [here.x_m, here.y_m]).min(apart_m(&stand.body, goal_m));
+            let near_m = rest.iter().map(from_m).fold(f64::MAX, f64::min);
             if near_m < NEIGHBOUR_M {
                 near.push((near_m, *index));
             }
         }
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         near.into_iter().take(MOST_NEIGHBOURS).map(|(_, index)| index).collect()
+    }
+
+    /// Those whose ways lead past the goal of a truck: they could be led around it.
+    fn passing(&self, of: usize, members: &[(usize, Member)]) -> Vec<usize> {
+        let Some((_, member)) = members.iter().find(|(index, _)| *index == of) else { return Vec::new() };
+        let goal = &member.target;
+        let passes = |other: &Member| {
+            let reach_m = other.car.reach_m() + member.car.reach_m() + LOOK_OUT_M;
+            let rest = &other.way.stands[other.held..];
+            let near =
+                |stand: &Stand| libm::hypot(stand.body.x_m - goal.x_m, stand.body.y_m - goal.y_m) < reach_m;
+            rest.iter().any(near)
+        };
+        let others = members.iter().filter(|(_, other)| !other.wanting && passes(other));
+        others.map(|(index, _)| *index).take(MOST_NEIGHBOURS).collect()
     }
 
     fn job_of(&mut self, now: Stamp, members: Vec<Member>, look: Look) -> JointJob {
@@ -152,7 +173,7 @@ impl Coordinator {
             Look::Together if in_vain => (IN_VAIN_BUDGET, 0, TURN_BUDGET),
             Look::Together => (BUDGET, GROUP_BUDGET, TURN_BUDGET),
             Look::Each => (EACH_BUDGET, 0, 0),
-            Look::Thorough => (THOROUGH_BUDGET, GROUP_BUDGET, THOROUGH_BUDGET),
+            Look::Thorough => (THOROUGH_BUDGET, 0, THOROUGH_BUDGET),
         };
         JointJob {
             id: self.jobs,

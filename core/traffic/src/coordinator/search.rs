@@ -174,13 +174,13 @@ impl<'a> Search<'a> {
             return false;
         };
         let heuristic = if goal { Some(0.0) } else { self.heuristic(&end) };
-        let (mut delay, mut found) = (0, 0);
+        let (mut delay, mut found, mut met) = (0, 0, 0);
         while let Some(heuristic) = heuristic {
             let depart = tick + delay;
             if depart > safe || delay > MOST_WAIT || found == 2 {
                 break;
             }
-            if !self.is_clear(&sweep, depart) {
+            if !self.is_clear(&sweep, depart, &mut met) {
                 if depart > self.still {
                     break;
                 }
@@ -268,18 +268,25 @@ impl<'a> Search<'a> {
         Some((pose, gear, legs, extra))
     }
 
-    fn is_clear(&self, sweep: &[Stand], depart: u32) -> bool {
-        let hits = |other: &Other<'_>, step: usize, stand: &Stand| {
-            other.line.hits(stand, depart + 1 + step as u32, other.separation_m)
-        };
-        let (others, mut steps) = (self.task.others, sweep.iter().enumerate());
+    /// Whether nobody is in the way of the whole sweep. Who is at one departure is mostly there at the next one as
+    /// well: the step at which it was met, from 0, is looked at first.
+    fn is_clear(&self, sweep: &[Stand], depart: u32, met: &mut usize) -> bool {
+        if sweep.get(*met).is_some_and(|stand| self.is_hit(stand, depart + 1 + *met as u32)) {
+            return false;
+        }
+        let hit = |(step, stand): (usize, &Stand)| self.is_hit(stand, depart + 1 + step as u32);
+        match sweep.iter().enumerate().position(hit) {
+            Some(step) => *met = step,
+            None => return true,
+        }
+        false
+    }
+
+    fn is_hit(&self, stand: &Stand, tick: u32) -> bool {
+        let hits = |other: &Other<'_>| other.line.hits(stand, tick, other.separation_m);
         match &self.nearby {
-            None => others
-                .iter()
-                .all(|other| !sweep.iter().enumerate().any(|(step, stand)| hits(other, step, stand))),
-            Some(nearby) => !steps.any(|(step, stand)| {
-                nearby.any_at(stand, depart + 1 + step as u32, |line| hits(&others[line], step, stand))
-            }),
+            Some(nearby) => nearby.any_at(stand, tick, |line| hits(&self.task.others[line])),
+            None => self.task.others.iter().any(hits),
         }
     }
 

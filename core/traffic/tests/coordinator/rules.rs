@@ -90,6 +90,64 @@ fn nothing_is_released_before_it_has_listened() {
     assert!(coordinator.job(later).is_none(), "one job is out at a time");
 }
 
+/// Reports these until it has listened for long enough; when that is.
+fn told(coordinator: &mut Coordinator, views: &[RobotView]) -> Stamp {
+    let mut now = Stamp::ZERO;
+    for turn in 0..10 {
+        now = Stamp::from_ms(1000 + 200 * turn);
+        views.iter().for_each(|view| coordinator.robot(now, view.clone()));
+        coordinator.tick(now);
+    }
+    now
+}
+
+#[test]
+fn far_groups_are_planned_apart_and_neither_waits_for_the_other() {
+    let mut coordinator = Coordinator::new(Arc::new(room(40.0, 6.0, &[])), 1);
+    let views = [
+        view("a", pose(1.0, 1.0, 0.0), Some((1, 4.0, 3.0))),
+        view("b", pose(4.0, 5.0, 3.0), Some((2, 1.0, 3.0))),
+        view("c", pose(36.0, 1.0, 0.0), Some((3, 38.0, 3.0))),
+    ];
+    let now = told(&mut coordinator, &views);
+    let (west, east) = (coordinator.job(now).unwrap(), coordinator.job(now).unwrap());
+    assert!(coordinator.job(now).is_none());
+    let east = east.solve(&mut || true);
+    assert_eq!(east.counts(), (1, 0));
+    coordinator.planned(now, east);
+    let guides = coordinator.tick(now);
+    assert!(guides["c"].path.is_some() && guides["c"].release_m > 0.5, "{:?}", guides["c"]);
+    assert!(guides["a"].path.is_none() && guides["b"].path.is_none());
+    let west = west.solve(&mut || true);
+    assert_eq!(west.counts(), (2, 0));
+    coordinator.planned(now, west);
+    let guides = coordinator.tick(now);
+    assert!(views.iter().all(|view| guides[&view.name].release_m > 0.0), "{guides:?}");
+}
+
+#[test]
+fn a_way_that_meets_one_that_was_planned_elsewhere_meanwhile_is_not_used_but_looked_for_again() {
+    // a has to go all around the wall, through the gap at its end; b goes through the gap.
+    let wall = [[3.9, 0.0, 0.2, 18.4]];
+    let mut coordinator = Coordinator::new(Arc::new(room(8.0, 20.0, &wall)), 1);
+    let views = [
+        view("a", pose(2.0, 1.0, 1.57), Some((1, 6.0, 1.0))),
+        view("b", pose(2.0, 19.2, 0.0), Some((2, 6.0, 19.2))),
+    ];
+    let now = told(&mut coordinator, &views);
+    let (one, other) = (coordinator.job(now).unwrap(), coordinator.job(now).unwrap());
+    let (one, other) = (one.solve(&mut || true), other.solve(&mut || true));
+    assert_eq!((one.counts(), other.counts()), ((1, 0), (1, 0)));
+    coordinator.planned(now, other);
+    coordinator.planned(now, one);
+    assert_eq!(coordinator.counters().outdated, 1);
+    let guides = coordinator.tick(now);
+    assert!(guides["a"].path.is_none() && guides["b"].path.is_some());
+    let guides = listen(&mut coordinator, now.ms() + 200, &views);
+    assert!(guides.iter().all(|guide| guide.path.is_some()), "{guides:?}");
+    assert!(coordinator.is_acyclic());
+}
+
 #[test]
 fn a_result_for_an_earlier_goal_is_not_used() {
     let mut coordinator = coordinator();
