@@ -12,6 +12,9 @@
 //! * The **passing order** says for each place of each way how far each other truck must be before.
 //!   It comes from a joint plan in space and time, and is all that is kept of its clock: a truck that
 //!   is late delays others and meets nobody, and what two trucks hold never conflicts.
+//! * Trucks that could get into each other's way form a **region**, planned apart from all others; in one of many
+//!   trucks only those without a way are planned, and the others drive on. A result is used only as far as it fits
+//!   what was released meanwhile.
 //! * Only trucks with a planned goal are led. All others are driven around: those without a goal,
 //!   latched, taken over, failed, stalled, or not heard of.
 
@@ -44,6 +47,7 @@ mod view;
 pub use field::Field;
 pub use job::{JointJob, JointResult};
 pub use messages::others_near;
+pub use plans::MOST_JOBS;
 pub use room::{GridRoom, Room};
 pub use view::{Counters, Guide, PlannedGoal, RobotView, RouteReport};
 

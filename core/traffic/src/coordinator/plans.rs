@@ -33,7 +33,7 @@ const IN_VAIN_MS: u64 = 10_000;
 /// … only with so few nodes, and no groups; both chosen, not measured.
 const IN_VAIN_BUDGET: u32 = 6_000;
 /// Joint plans that are made at a time, each for its own region; chosen, not measured.
-const MOST_JOBS: usize = 4;
+pub const MOST_JOBS: usize = 4;
 /// So many trucks in a region are planned together, with all that a joint plan can do; of more only those that need
 /// a way, while the others drive on. Chosen, not measured.
 const TOGETHER: usize = 16;
