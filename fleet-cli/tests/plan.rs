@@ -140,6 +140,9 @@ fn a_public_instance_becomes_a_schedule_and_a_drawing() {
     let file = folder.schedule("schedule.yaml");
     assert_eq!(summary["agents"], 3);
     assert_eq!(summary["makespan"].as_f64().unwrap(), file.statistics.makespan);
+    let number = |name: &str| summary[name].as_f64().unwrap();
+    assert!(number("makespan") <= number("first_makespan") && number("flowtime") <= number("first_flowtime"));
+    assert!(number("first_runtime") <= number("runtime") && summary["improved"].is_u64());
     let last: Vec<f64> = file.schedule.values().map(|rows| rows[rows.len() - 1].t).collect();
     assert_eq!(file.statistics.flowtime, last.iter().sum::<f64>());
     let rows = &file.schedule["agent2"];

@@ -4,6 +4,7 @@
 //! every robot has taken its turn, or none has for a short while of real time. So a busy machine slows the
 //! whole simulation down instead of making robots miss samples.
 
+use crate::wake::Wake;
 use rustix::time::{ClockId, clock_gettime};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -49,6 +50,33 @@ impl Clock {
                 }
             }
             Self::World(turn) => turn.wait_until(deadline),
+        }
+    }
+
+    /// The same, but on the machine's clock a call of `wake` ends the wait: then true. A simulated clock
+    /// stands still between two steps, so there is nothing to wake up for.
+    pub(crate) fn wait_until_called(&self, deadline: Stamp, wake: &Wake) -> bool {
+        let Self::Real(_) = self else {
+            self.wait_until(deadline);
+            return false;
+        };
+        loop {
+            let ahead = deadline.ns().saturating_sub(self.now().ns());
+            if ahead == 0 {
+                return false;
+            }
+            if wake.take_call() {
+                return true;
+            }
+            std::thread::park_timeout(Duration::from_nanos(ahead));
+        }
+    }
+
+    /// Tells a simulated world that there is nothing to do before `deadline`, without waiting for that: who takes
+    /// the turns of several robots tells it for each of them before it waits for the first.
+    pub(crate) fn rest_until(&self, deadline: Stamp) {
+        if let Self::World(turn) = self {
+            turn.rest_until(deadline);
         }
     }
 }
@@ -129,7 +157,7 @@ impl WorldTime {
         self.advance_within(now, PATIENCE)
     }
 
-    fn advance_within(&self, now: Stamp, patience: Duration) -> bool {
+    pub(crate) fn advance_within(&self, now: Stamp, patience: Duration) -> bool {
         let mut state = self.lock();
         state.advance(now);
         self.advanced.notify_all();
@@ -165,6 +193,12 @@ pub struct Turn {
 }
 
 impl Turn {
+    fn rest_until(&self, deadline: Stamp) {
+        if self.world.lock().wait_for(self.index, Some(deadline)) {
+            self.world.turned.notify_one();
+        }
+    }
+
     fn wait_until(&self, deadline: Stamp) {
         let mut state = self.world.lock();
         if state.wait_for(self.index, Some(deadline)) {
@@ -215,6 +249,25 @@ mod tests {
     }
 
     #[test]
+    fn one_thread_takes_the_turns_of_several_robots() {
+        let world = WorldTime::new();
+        let clocks: Vec<_> = (0..3).map(|_| world.join()).collect();
+        let machine = std::thread::spawn(move || {
+            for step in 1..=100 {
+                for clock in &clocks {
+                    clock.wait_until(Stamp::from_ms(5 * step));
+                    assert_eq!(clock.now(), Stamp::from_ms(5 * step));
+                    clock.rest_until(Stamp::from_ms(5 * (step + 1)));
+                }
+            }
+        });
+        for step in 1..=100 {
+            assert!(world.advance_within(Stamp::from_ms(5 * step), Duration::from_secs(20)));
+        }
+        machine.join().unwrap();
+    }
+
+    #[test]
     fn robots_that_come_late_leave_or_stall_are_counted_once() {
         let world = WorldTime::new();
         let clocks: Vec<_> = (0..3).map(|_| world.join()).collect();
@@ -253,6 +306,25 @@ mod tests {
         });
         assert!(world.advance_within(Stamp::from_ms(5), PATIENCE), "it went on without one of them");
         drop(machine.join());
+    }
+
+    #[test]
+    fn a_call_ends_the_wait_on_the_machines_clock_and_no_other() {
+        let (clock, wake) = (Clock::real(), Arc::new(Wake::default()));
+        let hour = clock.now().plus_ms(3_600_000);
+        wake.call();
+        assert!(clock.wait_until_called(hour, &wake), "a call from before the wait is heard");
+        let caller = {
+            let wake = wake.clone();
+            wake.wakes_me();
+            std::thread::spawn(move || wake.call())
+        };
+        assert!(clock.wait_until_called(hour, &wake)); // or the test hangs
+        caller.join().unwrap();
+        assert!(!clock.wait_until_called(clock.now().plus_ms(1), &wake), "one call, one turn");
+        let world = WorldTime::new();
+        wake.call();
+        assert!(!world.join().wait_until_called(Stamp::ZERO, &wake));
     }
 
     #[test]

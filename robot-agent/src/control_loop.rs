@@ -1,4 +1,6 @@
-//! The control loop: one thread, absolute deadlines, a turn every 5 ms.
+//! The control loop: absolute deadlines, a turn every 5 ms, and on real lines one more in between for a setpoint
+//! or a stop that has come; on a thread of its own, or with others of simulated robots
+//! ([`loop_pool`](crate::loop_pool)).
 //!
 //! It owns the robot and its lines. It never waits for Zenoh or a disk; what crosses to them does so
 //! through the bounded queues of [`mailbox`](crate::mailbox).
@@ -7,14 +9,12 @@ use crate::clock::Clock;
 use crate::fast_path::{ESTOPS, EstopCall};
 use crate::hardware::Hardware;
 use crate::hardware::lines::Lines;
-use crate::mailbox::{LineNote, LoopEnds, NAV_INPUTS, NavInput, Response, Snapshot, Waiting};
+use crate::mailbox::{LineNote, LoopEnds, NAV_INPUTS, NavInput, Response, Waiting};
 use crate::planner_worker::PlannerWorker;
 use crate::recorder::Recorder;
-use std::io;
+use crate::snapshot::Snapshot;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
-use tokio::sync::mpsc;
 use xtb_control::Stamp;
 use xtb_protocol::messages::{Estopped, Latch};
 use xtb_robot::Robot;
@@ -27,54 +27,87 @@ const SNAPSHOT_NS: u64 = 50_000_000;
 /// After this delay the missed turns are given up rather than made up for.
 const GIVE_UP_NS: u64 = 100_000_000;
 
-/// Starts the loop on a thread of its own. It runs until `stop`, then sends a neutral frame.
-///
-/// # Errors
-/// The system cannot start a thread.
-pub(crate) fn start(
-    robot: Robot,
-    hardware: Box<dyn Hardware>,
-    clock: Clock,
-    ends: LoopEnds,
-    recorder: Option<Recorder>,
-    stop: Arc<AtomicBool>,
-) -> io::Result<JoinHandle<()>> {
-    let name = format!("control-{}", robot.agent().identity().robot);
-    let planning = PlannerWorker::start(&robot.agent().identity().robot)?;
-    let control = ControlLoop { robot, lines: Lines::new(hardware), ends, recorder, planning };
-    std::thread::Builder::new().name(name).spawn(move || control.run(&clock, &stop))
-}
-
-struct ControlLoop {
+/// A robot's loop.
+pub(crate) struct ControlLoop {
     robot: Robot,
     lines: Lines,
     ends: LoopEnds,
     recorder: Option<Recorder>,
     planning: PlannerWorker,
+    clock: Clock,
+    stop: Arc<AtomicBool>,
+    /// The present turn.
+    next: Stamp,
+    next_snapshot: Stamp,
 }
 
 impl ControlLoop {
-    fn run(mut self, clock: &Clock, stop: &AtomicBool) {
-        let mut next = clock.now();
-        let mut next_snapshot = next;
-        while !stop.load(Ordering::Relaxed) {
-            next = next.plus_ns(TURN_NS);
-            clock.wait_until(next);
-            let now = clock.now();
-            self.robot.turn_was_late(now.ns().saturating_sub(next.ns()));
-            if now.ns() > next.ns() + GIVE_UP_NS {
-                next = now;
-            }
-            self.lines.read(&mut self.robot, now, &mut logging(&self.ends.notes));
-            self.take_orders(now);
-            self.take_tidings(now);
-            self.lines.write(&mut self.robot, now, &mut logging(&self.ends.notes));
-            self.plan(now);
+    /// Of a robot on its hardware. It turns until `stop`, then sends a neutral frame.
+    pub(crate) fn new(
+        (robot, hardware, clock): (Robot, Box<dyn Hardware>, Clock),
+        ends: LoopEnds,
+        recorder: Option<Recorder>,
+        stop: Arc<AtomicBool>,
+        planning: PlannerWorker,
+    ) -> Self {
+        let lines = Lines::new(hardware);
+        let (next, next_snapshot) = (Stamp::ZERO, Stamp::ZERO);
+        Self { robot, lines, ends, recorder, planning, clock, stop, next, next_snapshot }
+    }
+
+    /// Its first turn is the next one. To be told on the thread on which it turns, unless the clock is simulated.
+    pub(crate) fn begin(&mut self) {
+        self.next = self.clock.now();
+        self.next_snapshot = self.next;
+        self.clock.rest_until(self.next_turn());
+    }
+
+    /// Turns on this thread to its end.
+    pub(crate) fn run(mut self) {
+        self.ends.wake.wakes_me();
+        self.begin();
+        while self.turn() {}
+    }
+
+    /// When its next turn is due.
+    pub(crate) fn next_turn(&self) -> Stamp {
+        self.next.plus_ns(TURN_NS)
+    }
+
+    /// Waits for the next turn and takes it. False = it was told to end, and the truck has been told to stand.
+    pub(crate) fn turn(&mut self) -> bool {
+        if self.stop.load(Ordering::Relaxed) {
+            self.lines.stand(&mut self.robot, self.clock.now(), &mut logging(&self.ends.notes));
             self.record();
-            self.report(now, &mut next_snapshot);
+            return false;
         }
-        self.lines.stand(&mut self.robot, clock.now(), &mut logging(&self.ends.notes));
+        self.next = self.next_turn();
+        // One at most, so that no flood can make the loop turn all the time.
+        if self.clock.wait_until_called(self.next, &self.ends.wake) {
+            self.act(self.clock.now());
+            self.clock.wait_until(self.next);
+        }
+        let now = self.clock.now();
+        self.robot.turn_was_late(now.ns().saturating_sub(self.next.ns()));
+        if now.ns() > self.next.ns() + GIVE_UP_NS {
+            self.next = now;
+        }
+        self.act(now);
+        self.clock.rest_until(self.next_turn());
+        true
+    }
+
+    /// Everything that a turn does.
+    fn act(&mut self, now: Stamp) {
+        // What calls from here on may come too late for this turn.
+        self.ends.wake.take_call();
+        self.lines.read(&mut self.robot, now, &mut logging(&self.ends.notes));
+        self.take_orders(now);
+        self.take_tidings(now);
+        self.lines.write(&mut self.robot, now, &mut logging(&self.ends.notes));
+        self.plan(now);
         self.record();
+        self.report(now);
     }
 
     /// The turn's steps, for the recorder.
@@ -159,11 +192,11 @@ impl ControlLoop {
 
     /// The state, 20 times a second and before each event (who hears of a goal's end and asks for
     /// the state must not get an older one), and the events.
-    fn report(&mut self, now: Stamp, next_snapshot: &mut Stamp) {
-        let due = now >= *next_snapshot;
+    fn report(&mut self, now: Stamp) {
+        let due = now >= self.next_snapshot;
         if due {
             // In step with the clock, not with the turn: else 20 Hz would be 19.
-            *next_snapshot = next_snapshot.plus_ns(SNAPSHOT_NS).max(now);
+            self.next_snapshot = self.next_snapshot.plus_ns(SNAPSHOT_NS).max(now);
         }
         if due || self.robot.agent().has_events() {
             let mut rejected = self.ends.counters.rejected_so_far();
@@ -182,7 +215,7 @@ impl ControlLoop {
 
 /// Tells the log when a line breaks and when it works again. A full queue is no reason to wait: the
 /// state shows what matters.
-fn logging(notes: &mpsc::Sender<LineNote>) -> impl FnMut(&'static str, Option<String>) + '_ {
+fn logging(notes: &tokio::sync::mpsc::Sender<LineNote>) -> impl FnMut(&'static str, Option<String>) + '_ {
     |line, error| {
         let _ = notes.try_send(LineNote { line, error });
     }

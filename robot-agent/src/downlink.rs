@@ -9,6 +9,7 @@ use crate::counters::Counters;
 use crate::fast_path::Answer;
 use crate::fast_path::{EstopCall, FastPath};
 use crate::mailbox::{Arrivals, Job, REQUESTS, Response, SessionEnds, SetpointSlot, Waiting};
+use crate::wake::Wake;
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};
 use tokio::sync::mpsc;
@@ -32,6 +33,7 @@ struct RequestInbox {
     requests: SyncSender<Job>,
     arrivals: Arc<Arrivals>,
     fast_path: Arc<FastPath>,
+    wake: Arc<Wake>,
     replies: mpsc::Sender<(Answer, Response)>,
     counters: Arc<Counters>,
 }
@@ -52,6 +54,7 @@ pub(crate) async fn declare(
         keys: keys.clone(),
         arrivals: ends.arrivals.clone(),
         fast_path: ends.fast_path.clone(),
+        wake: ends.wake.clone(),
         counters: ends.counters.clone(),
     });
     let take = |estop_inbox: Arc<EstopInbox>| move |incoming: Incoming| estop_inbox.published(&incoming);
@@ -64,6 +67,7 @@ pub(crate) async fn declare(
         requests: ends.requests.clone(),
         arrivals: ends.arrivals.clone(),
         fast_path: ends.fast_path.clone(),
+        wake: ends.wake.clone(),
         replies: ends.reply_sender.clone(),
         counters: ends.counters.clone(),
     };
@@ -73,6 +77,7 @@ pub(crate) async fn declare(
         slot: ends.setpoint.clone(),
         arrivals: ends.arrivals.clone(),
         fast_path: ends.fast_path.clone(),
+        wake: ends.wake.clone(),
         counters: ends.counters.clone(),
     };
     let setpoints = bus.subscribe(&keys.teleop(None), move |incoming| setpoint_inbox.take(&incoming)).await?;
@@ -91,6 +96,7 @@ struct SetpointInbox {
     slot: Arc<SetpointSlot>,
     arrivals: Arc<Arrivals>,
     fast_path: Arc<FastPath>,
+    wake: Arc<Wake>,
     counters: Arc<Counters>,
 }
 
@@ -105,6 +111,7 @@ impl SetpointInbox {
                 }
                 let arrival = self.arrivals.next();
                 self.slot.put(Waiting { at, arrival, client, setpoint }, &self.counters);
+                self.wake.call();
             }
             Err(error) => self.counters.rejected(&error),
         }
@@ -116,6 +123,7 @@ struct EstopInbox {
     keys: RobotKeys,
     arrivals: Arc<Arrivals>,
     fast_path: Arc<FastPath>,
+    wake: Arc<Wake>,
     counters: Arc<Counters>,
 }
 
@@ -143,11 +151,9 @@ impl EstopInbox {
                 Uuid::new_v4()
             }
         };
-        if self
-            .fast_path
-            .estop(EstopCall { arrival, by, id, answer })
-            .is_some_and(|call| call.answer.is_some())
-        {
+        let crowded = self.fast_path.estop(EstopCall { arrival, by, id, answer });
+        self.wake.call();
+        if crowded.is_some_and(|call| call.answer.is_some()) {
             self.counters.overloaded();
         }
     }
@@ -161,11 +167,15 @@ impl RequestInbox {
             Ok((request, format)) => {
                 let arrival = self.arrivals.next();
                 self.fast_path.note_heartbeat(self.clock.now(), &client, request.lease);
-                if matches!(request.body, Body::Stop {}) {
+                let stops = matches!(request.body, Body::Stop {});
+                if stops {
                     self.arrivals.stop(arrival); // whatever becomes of the rest of it
                 }
                 let answer = Answer { question, key, format };
                 let refused = self.requests.try_send(Job { arrival, client, request, answer });
+                if stops {
+                    self.wake.call();
+                }
                 if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) = refused {
                     self.counters.overloaded();
                     self.reply(job.answer, overloaded(job.request.id));

@@ -12,6 +12,7 @@ mod downlink;
 mod fast_path;
 pub mod hardware;
 pub mod logging;
+mod loop_pool;
 mod mailbox;
 mod map_file;
 mod map_reader;
@@ -22,8 +23,12 @@ mod recorder;
 mod recording_server;
 pub mod replay;
 mod session;
+mod shared;
+mod snapshot;
 mod uplink;
+mod wake;
 
+pub use shared::Shared;
 pub use xtb_recording::files;
 
 use crate::clock::Clock;
@@ -81,7 +86,7 @@ pub async fn run(
     clock: Clock,
     shutdown: Shutdown,
 ) -> Result<(), AgentError> {
-    let host = Host { link_lease: xtb_bus::LINK_LEASE, alive: || {} };
+    let host = Host { link_lease: xtb_bus::LINK_LEASE, alive: || {}, shared: Shared::default() };
     run_hosted(config, hardware, clock, shutdown, host).await
 }
 
@@ -93,6 +98,8 @@ pub struct Host<Alive> {
     pub link_lease: Duration,
     /// Called when the robot is present under its name, and can be commanded.
     pub alive: Alive,
+    /// What it has together with the others.
+    pub shared: Shared,
 }
 
 /// Runs a robot within a program that has others too.
@@ -131,7 +138,8 @@ pub async fn run_hosted(
     let (loop_ends, session_ends, notes) = mailbox::mailbox();
     tokio::spawn(mailbox::log(notes));
     let stop = StopOnDrop(Arc::new(AtomicBool::new(false)));
-    let control = control_loop::start(robot, hardware, clock.clone(), loop_ends, recorder, stop.0.clone())?;
+    let parts = (robot, hardware, clock.clone());
+    let control = host.shared.start_loop(parts, loop_ends, recorder, stop.0.clone())?;
     let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now(), host).await;
     stop.now();
     // A turn lasts 5 ms: joining is short.

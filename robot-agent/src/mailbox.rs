@@ -7,6 +7,7 @@
 //! nothing is lost: one stop is as good as two | | downlink → loop | the holder lives | 1 time, the latest
 //! wins | – | | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
 //! | downlink → loop | setpoint of the holder | 1, latest wins | the older one is dropped, counted |
+//! | downlink → loop | "take a turn now" ([`Wake`]) | 1 flag | one turn sees all that has come |
 //! | Zenoh → map reader | maps, unread | 1, latest wins | the older one is dropped, counted as overloaded |
 //! | downlink → loop | poses, paths, maps | [`NAV_INPUTS`] | dropped, counted as overloaded; newer ones
 //! follow | | other robots → loop | their states | the latest of 64 robots | those of more robots are
@@ -19,15 +20,15 @@
 use crate::counters::Counters;
 use crate::fast_path::{Answer, FastPath};
 use crate::neighbours::NeighbourSlot;
+use crate::snapshot::Snapshot;
+use crate::wake::Wake;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc as std_mpsc};
 use tokio::sync::{mpsc, watch};
 use xtb_control::Stamp;
 use xtb_nav::navigator::PreparedMap;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{
-    Estopped, Event, Fix, MapHash, Reply, Request, RobotState, Route, Sensors, Setpoint,
-};
+use xtb_protocol::messages::{Estopped, Event, Fix, MapHash, Reply, Request, Route, Setpoint};
 use xtb_robot::agent::Arrival;
 
 /// Requests waiting for a turn.
@@ -98,15 +99,6 @@ pub(crate) enum NavInput {
     FleetMap(MapHash),
 }
 
-/// What the uplink publishes.
-#[derive(Debug, Clone)]
-pub(crate) struct Snapshot {
-    /// 20 Hz.
-    pub(crate) state: RobotState,
-    /// With the same stamp; `None` until the converter has been heard.
-    pub(crate) sensors: Option<Sensors>,
-}
-
 /// A line broke, or works again. The loop does not log: standard error can be a pipe that is full.
 #[derive(Debug)]
 pub(crate) struct LineNote {
@@ -168,6 +160,8 @@ pub(crate) struct LoopEnds {
     pub(crate) arrivals: Arc<Arrivals>,
     /// What must not wait in a queue.
     pub(crate) fast_path: Arc<FastPath>,
+    /// What must not wait for the next turn.
+    pub(crate) wake: Arc<Wake>,
     /// Replies.
     pub(crate) replies: mpsc::Sender<(Answer, Response)>,
     /// Snapshots.
@@ -198,6 +192,8 @@ pub(crate) struct SessionEnds {
     pub(crate) arrivals: Arc<Arrivals>,
     /// What must not wait in a queue.
     pub(crate) fast_path: Arc<FastPath>,
+    /// What must not wait for the next turn.
+    pub(crate) wake: Arc<Wake>,
     /// Replies that were refused before they reached the loop.
     pub(crate) reply_sender: mpsc::Sender<(Answer, Response)>,
     /// Replies.
@@ -226,6 +222,7 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let setpoint = Arc::new(SetpointSlot::default());
     let arrivals = Arc::new(Arrivals::default());
     let fast_path = Arc::new(FastPath::default());
+    let wake = Arc::new(Wake::default());
     let link_up = Arc::new(AtomicBool::new(false));
     let counters = Arc::new(Counters::default());
     let loop_ends = LoopEnds {
@@ -236,6 +233,7 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
         listens: listens_sender,
         arrivals: arrivals.clone(),
         fast_path: fast_path.clone(),
+        wake: wake.clone(),
         replies: reply_sender.clone(),
         snapshot: snapshot_sender,
         events: event_sender,
@@ -251,6 +249,7 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
         listens: listens_receiver,
         arrivals,
         fast_path,
+        wake,
         reply_sender,
         replies: reply_receiver,
         snapshot: snapshot_receiver,

@@ -9,7 +9,7 @@ use crate::mailbox::NavInput;
 use std::collections::BTreeSet;
 use std::io;
 use std::sync::mpsc::SyncSender;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 use xtb_bus::Incoming;
 use xtb_nav::map::Map;
@@ -112,10 +112,34 @@ impl Drop for MapReader {
     }
 }
 
+/// Maps that some robot of this program has, by their hash: each is prepared once, and kept as long as a robot
+/// has it.
+#[derive(Debug, Default)]
+pub(crate) struct MapShelf(Mutex<Vec<(MapHash, Weak<PreparedMap>)>>);
+
+/// What is wrong with a map.
+type MapError = <Map as TryFrom<&'static FleetMap>>::Error;
+
+impl MapShelf {
+    /// The map of a message. Robots that ask for the same one at the same time wait for the first of them.
+    fn prepared(&self, message: &FleetMap) -> Result<Arc<PreparedMap>, MapError> {
+        let mut shelf = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        shelf.retain(|(_, map)| map.strong_count() > 0);
+        let known = shelf.iter().find(|(hash, _)| *hash == message.hash);
+        if let Some(map) = known.and_then(|(_, map)| map.upgrade()) {
+            return Ok(map);
+        }
+        let map = Arc::new(PreparedMap::of(Map::try_from(message)?));
+        shelf.push((message.hash, Arc::downgrade(&map)));
+        Ok(map)
+    }
+}
+
 /// What becomes of a message.
 pub(crate) struct MapReading {
     nav_inputs: SyncSender<NavInput>,
     counters: Arc<Counters>,
+    shelf: Arc<MapShelf>,
     /// The robot has a map of its own.
     own_map: bool,
     /// The map that was told last: it is published again and again.
@@ -124,8 +148,13 @@ pub(crate) struct MapReading {
 }
 
 impl MapReading {
-    pub(crate) fn new(nav_inputs: SyncSender<NavInput>, counters: Arc<Counters>, own_map: bool) -> Self {
-        Self { nav_inputs, counters, own_map, told: None, complaints: Complaints::default() }
+    pub(crate) fn new(
+        nav_inputs: SyncSender<NavInput>,
+        counters: Arc<Counters>,
+        shelf: Arc<MapShelf>,
+        own_map: bool,
+    ) -> Self {
+        Self { nav_inputs, counters, shelf, own_map, told: None, complaints: Complaints::default() }
     }
 
     /// Reads a map, measures it if the robot needs it, and tells the control loop.
@@ -141,7 +170,7 @@ impl MapReading {
             return;
         }
         if !self.own_map {
-            let map = match Map::try_from(&message) {
+            let map = match self.shelf.prepared(&message) {
                 Ok(map) => map,
                 Err(error) => {
                     let words = format!("the fleet's map {} cannot be used: {error}", message.name);
@@ -149,7 +178,7 @@ impl MapReading {
                 }
             };
             // Measured here, not in the control loop. Without room for it, it is published again.
-            if !self.put(NavInput::Floor(Arc::new(PreparedMap::of(map)))) {
+            if !self.put(NavInput::Floor(map)) {
                 return;
             }
         }
@@ -212,9 +241,40 @@ mod tests {
     }
 
     fn reading() -> (MapReading, LoopEnds, Arc<Counters>) {
+        reading_from(&Arc::default())
+    }
+
+    fn reading_from(shelf: &Arc<MapShelf>) -> (MapReading, LoopEnds, Arc<Counters>) {
         let (loop_ends, session_ends, _) = mailbox();
         let counters = session_ends.counters.clone();
-        (MapReading::new(session_ends.nav_inputs, counters.clone(), false), loop_ends, counters)
+        let reading = MapReading::new(session_ends.nav_inputs, counters.clone(), shelf.clone(), false);
+        (reading, loop_ends, counters)
+    }
+
+    /// The map that a robot was told.
+    fn floor(loop_ends: &LoopEnds) -> Arc<PreparedMap> {
+        match loop_ends.nav_inputs.try_recv() {
+            Ok(NavInput::Floor(floor)) => floor,
+            _ => panic!("no map"),
+        }
+    }
+
+    #[test]
+    fn the_robots_of_a_program_share_a_map_as_long_as_one_has_it() {
+        let shelf = Arc::default();
+        let (mut first, first_ends, _) = reading_from(&shelf);
+        let (mut second, second_ends, counters) = reading_from(&shelf);
+        first.read(&message("lab", None));
+        second.read(&message("lab", None));
+        let (one, other) = (floor(&first_ends), floor(&second_ends));
+        assert!(Arc::ptr_eq(&one, &other));
+        second.read(&message("lab", Some(MapHash::new(1))));
+        assert!(second_ends.nav_inputs.try_iter().all(|input| !matches!(input, NavInput::Floor(_))));
+        assert_eq!(counters.rejected_so_far().overloaded, 0);
+        drop((one, other));
+        let (mut third, third_ends, _) = reading_from(&shelf);
+        third.read(&message("lab", None));
+        assert_eq!((Arc::strong_count(&floor(&third_ends)), shelf.0.lock().unwrap().len()), (1, 1));
     }
 
     #[test]

@@ -2,9 +2,11 @@
 
 use crate::clock::Clock;
 use crate::config::AgentConfig;
-use crate::mailbox::{SessionEnds, Snapshot};
+use crate::mailbox::SessionEnds;
+use crate::neighbours::{self, Listener};
 use crate::recording_server::{self, RecordingServer};
-use crate::{AgentError, Host, Shutdown, VERSION, downlink, nav_inputs, neighbours, uplink};
+use crate::snapshot::Snapshot;
+use crate::{AgentError, Host, Shutdown, VERSION, downlink, nav_inputs, uplink};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,6 +15,7 @@ use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 use xtb_bus::{Bus, BusError};
+use xtb_nav::geometry::Car;
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{About, Limits, MAX_COORDINATE_M, ParameterInfo, RobotState};
 use xtb_robot::Identity;
@@ -69,11 +72,16 @@ pub(crate) async fn run(
 ) -> Result<(), AgentError> {
     let role = config.role();
     let mut told = false;
-    let opening = xtb_bus::open_patiently_leased(&role, host.link_lease, |error| {
-        if !std::mem::replace(&mut told, true) {
-            tracing::warn!("{error}; trying again, the controller keeps running");
-        }
-    });
+    let room = host.shared.opening.clone();
+    let opening = async {
+        let _room = room.room().await;
+        let each = |error: &xtb_bus::BusError| {
+            if !std::mem::replace(&mut told, true) {
+                tracing::warn!("{error}; trying again, the controller keeps running");
+            }
+        };
+        xtb_bus::open_patiently_leased(&role, host.link_lease, each).await
+    };
     // The motors stop inside this future: `select` drops the others before it goes on.
     let mut ending = std::pin::pin!(async {
         let _ = shutdown.wait_for(|end| *end).await;
@@ -87,7 +95,7 @@ pub(crate) async fn run(
     let served = tokio::select! {
         // Also when it ends by an error: motors first, and nobody could stop them any more.
         served = async {
-            let served = serve(config, clock, &bus, ends, about, host.alive).await;
+            let served = serve(config, clock, &bus, ends, about, host).await;
             stop_motors();
             served
         } => served,
@@ -104,14 +112,14 @@ async fn serve(
     bus: &Bus,
     mut ends: SessionEnds,
     about: About,
-    alive: impl FnOnce(),
+    host: Host<impl FnOnce()>,
 ) -> Result<(), AgentError> {
     let fleet = FleetKeys::new(config.fleet.clone());
     let keys = fleet.robot(&config.robot);
     let epoch = about.epoch;
     wait_for_name(config, bus, &keys.alive()).await?;
     let _uplink = uplink::declare(bus, &keys, &ends.snapshot, &ends.counters, about).await?;
-    let _nav_inputs = nav_inputs::declare(bus, &fleet, config, clock, &ends).await?;
+    let _nav_inputs = nav_inputs::declare(bus, &fleet, config, clock, &ends, &host.shared.maps).await?;
     let _downlink = downlink::declare(bus, &fleet, &config.robot, clock, &ends).await?;
     let _recording_server = recording_server::declare(
         bus,
@@ -123,26 +131,28 @@ async fn serve(
     wait_for_inputs(&mut ends.snapshot, clock).await;
     let _token = bus.declare_alive(&keys.alive()).await?;
     tracing::info!("{} of fleet {} is online", config.robot, config.fleet);
-    alive();
+    (host.alive)();
     let state_key = keys.state();
     // Tasks of their own: a message that has to wait must not hold up the others. Dropping the set
     // ends them.
     let mut tasks = JoinSet::new();
-    tasks.spawn(uplink::publish_states(bus.clone(), keys.clone(), ends.snapshot));
+    tasks.spawn(uplink::publish_states(bus.clone(), keys.clone(), ends.snapshot.clone()));
+    tasks.spawn(neighbours::tell(bus.clone(), keys.clone(), ends.snapshot.clone()));
     tasks.spawn(uplink::publish_events(bus.clone(), keys.clone(), ends.events));
     tasks.spawn(async move {
         downlink::send_replies(ends.replies).await;
         Ok(())
     });
-    tasks.spawn(neighbours::listen(
-        bus.clone(),
+    let listener = Listener {
+        bus: bus.clone(),
         fleet,
-        config.robot.clone(),
-        clock.clone(),
-        ends.neighbours,
-        ends.counters,
-        ends.listens,
-    ));
+        me: config.robot.clone(),
+        car: Car::of(&config.vehicle),
+        clock: clock.clone(),
+        slot: ends.neighbours,
+        counters: ends.counters,
+    };
+    tasks.spawn(listener.run(ends.listens, ends.snapshot));
     tasks.spawn(follow_link(link.up.clone(), ends.link_up));
     tokio::select! {
         Some(ended) = tasks.join_next() => match ended {

@@ -1,7 +1,7 @@
 //! State, samples, events and the factsheet from the control loop to Zenoh.
 
 use crate::counters::Counters;
-use crate::mailbox::Snapshot;
+use crate::snapshot::Snapshot;
 use std::sync::Arc;
 use tokio::sync::{mpsc, watch};
 use xtb_bus::{Bus, BusError, Question, Service};

@@ -1,144 +1,215 @@
 //! From a teleop put to the steering count in a PWM frame on the serial line, beside raw Zenoh.
 //!
-//! `cargo bench -p fleet-tests --bench latency`: both through the same router in the same run, one
-//! after the other, so that the ratio does not depend on the machine. The bound of the design: p99
-//! at most twice raw Zenoh's, plus one turn (5 ms) and one frame (20 ms).
+//! `cargo bench -p fleet-tests --bench latency [-- SAMPLES]`: both through the same router in turn, so that the
+//! ratio does not depend on the machine. The limits: p50 at most raw Zenoh's plus one turn (5 ms), p99 at most
+//! twice raw Zenoh's plus 7 ms. Setpoints are sent as clients send them, every 50 ms and more, in any phase of
+//! the 20 ms frame. The last line is the result as JSON; exit code 1 if a limit is missed.
+//!
+//! The speed of a setpoint is not measured: its pulse waits for an encoder window (docs/io-board.md), and the
+//! board takes new pulses at the end of its own period of 22.2 ms.
 
 use fleet_tests::{Pilot, Probe, agent_config, eventually, name};
 use robot_agent::clock::{Clock, WorldTime};
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware};
-use std::sync::mpsc;
+use serde_json::{Value, json};
+use std::process::ExitCode;
+use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
-use xtb_bus::{Bus, Role};
+use tokio::task::JoinHandle;
+use xtb_bus::{Bus, Role, Subscription};
+use xtb_control::controller::PwmOutputs;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::Setpoint;
 use xtb_sim::{Simulation, TruckParameters, World};
 
-const SAMPLES: usize = 1000;
-const TURN_AND_FRAME_US: u64 = 25_000;
+const SAMPLES: u64 = 1000;
+/// Over raw Zenoh's median: one turn.
+const P50_OVER_US: u64 = 5_000;
+/// Over twice raw Zenoh's: one turn, and the time of its work on a computer that does other things too.
+const P99_OVER_US: u64 = 7_000;
+/// Half of the time between two setpoints; the other half follows the raw put.
+const HALF: Duration = Duration::from_millis(25);
 const LOST_AFTER: Duration = Duration::from_secs(2);
 
 #[allow(clippy::print_stdout)]
-fn main() {
+fn main() -> ExitCode {
+    let samples = std::env::args().skip(1).find_map(|word| word.parse().ok()).unwrap_or(SAMPLES);
     let runtime = tokio::runtime::Runtime::new().expect("a runtime");
-    let (raw, teleop) = runtime.block_on(measure());
+    let (raw, teleop) = runtime.block_on(measure(samples));
     println!("                        samples      p50      p99      max");
-    let row = |what: &str, us: &[u64]| {
-        let (p50, p99, max) = (percentile(us, 0.5), percentile(us, 0.99), percentile(us, 1.0));
-        println!("{what}  {:7}  {p50:5} µs  {p99:5} µs  {max:5} µs", us.len());
-        p99
-    };
-    let raw_p99 = row("raw put → callback    ", &raw);
-    let teleop_p99 = row("teleop put → PWM frame", &teleop);
-    let bound = 2 * raw_p99 + TURN_AND_FRAME_US;
-    let verdict = if teleop_p99 <= bound { "kept" } else { "MISSED" };
-    println!("bound: 2 × {raw_p99} + {TURN_AND_FRAME_US} = {bound} µs: {verdict}");
+    println!("{}", raw.row("raw put → callback    "));
+    println!("{}", teleop.row("teleop put → PWM frame"));
+    let limits = [
+        ("p50", teleop.at(0.5), raw.at(0.5) + P50_OVER_US),
+        ("p99", teleop.at(0.99), 2 * raw.at(0.99) + P99_OVER_US),
+    ];
+    for (what, us, limit_us) in limits {
+        println!("{what} {us} µs, limit {limit_us} µs: {}", if us <= limit_us { "kept" } else { "missed" });
+    }
+    let kept = limits.map(|(_, us, limit_us)| us <= limit_us);
+    let kept_by_name = json!({ "p50": kept[0], "p99": kept[1] });
+    println!("{}", json!({ "raw_us": raw.json(), "teleop_us": teleop.json(), "kept": kept_by_name }));
+    if kept == [true; 2] { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-fn percentile(sorted: &[u64], share: f64) -> u64 {
-    sorted[((sorted.len() - 1) as f64 * share) as usize]
+/// What one way took.
+#[derive(Default)]
+struct Took {
+    us: Vec<u64>,
+    lost: u64,
+}
+
+impl Took {
+    fn add(&mut self, took: Option<Duration>) {
+        match took {
+            Some(took) => self.us.push(took.as_micros() as u64),
+            None => self.lost += 1,
+        }
+    }
+
+    fn sorted(mut self) -> Self {
+        assert!(!self.us.is_empty(), "nothing arrived");
+        self.us.sort_unstable();
+        self
+    }
+
+    fn at(&self, share: f64) -> u64 {
+        self.us[((self.us.len() - 1) as f64 * share) as usize]
+    }
+
+    fn row(&self, what: &str) -> String {
+        let (p50, p99, max) = (self.at(0.5), self.at(0.99), self.at(1.0));
+        format!("{what}  {:7}  {p50:5} µs  {p99:5} µs  {max:5} µs, {} lost", self.us.len(), self.lost)
+    }
+
+    fn json(&self) -> Value {
+        let (p50, p99, max) = (self.at(0.5), self.at(0.99), self.at(1.0));
+        json!({ "samples": self.us.len(), "p50": p50, "p99": p99, "max": max, "lost": self.lost })
+    }
 }
 
 async fn client(endpoint: &str) -> Bus {
     xtb_bus::open(&Role::Client { connect: vec![endpoint.to_owned()] }).await.expect("a session")
 }
 
-async fn measure() -> (Vec<u64>, Vec<u64>) {
+async fn measure(samples: u64) -> (Took, Took) {
     let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
     let router = xtb_bus::open(&role).await.expect("a router");
     let endpoint = router.locators().await.remove(0);
     let bus = client(&endpoint).await;
-    let raw = raw(&bus, &client(&endpoint).await).await;
-    let teleop = teleop(&bus, &endpoint).await;
-    (raw, teleop)
-}
-
-fn setpoint(seq: u64, steering: f64) -> Setpoint {
-    Setpoint { lease: None, seq, echo_tick_ms: None, rpm: 0.0, steering }
+    let raw_way = RawWay::open(&bus, client(&endpoint).await).await;
+    let robot = Robot::start(&bus, &endpoint).await;
+    let (mut raw, mut teleop) = (Took::default(), Took::default());
+    for n in 0..samples {
+        tokio::time::sleep(HALF).await;
+        raw.add(raw_way.took(n).await);
+        // Any phase of the 20 ms frame, one after the other.
+        tokio::time::sleep(HALF + Duration::from_micros(n * 7919 % 20_000)).await;
+        teleop.add(robot.took(n).await);
+    }
+    robot.end().await;
+    (raw.sorted(), teleop.sorted())
 }
 
 /// Puts of the same message with the same quality of service, to a callback that does nothing.
-async fn raw(bus: &Bus, other: &Bus) -> Vec<u64> {
-    let (client, keys) = (name("bench"), FleetKeys::new(name("lab")).robot(&name("raw")));
-    let (sender, arrived) = mpsc::channel();
-    let key = keys.teleop(Some(&client));
-    let each = move |_| {
-        let _ = sender.send(Instant::now());
-    };
-    let _subscription = other.subscribe(&key, each).await.expect("a subscription");
-    let channel = Channel::Teleop(client);
-    eventually("the subscription", || async {
-        bus.put(&key, &channel, &setpoint(0, 0.0), Format::Postcard).await.expect("a put");
-        arrived.recv_timeout(Duration::from_millis(100)).ok()
-    })
-    .await;
-    while arrived.recv_timeout(Duration::from_millis(100)).is_ok() {}
-    let mut took = Vec::new();
-    for seq in 0..SAMPLES as u64 {
-        pause(seq).await;
-        let sent = Instant::now();
-        bus.put(&key, &channel, &setpoint(seq, 0.0), Format::Postcard).await.expect("a put");
-        if let Ok(at) = arrived.recv_timeout(LOST_AFTER) {
-            took.push((at - sent).as_micros() as u64);
-        }
+struct RawWay {
+    bus: Bus,
+    key: String,
+    channel: Channel,
+    arrived: Receiver<Instant>,
+    _subscription: Subscription,
+    _other: Bus,
+}
+
+impl RawWay {
+    async fn open(bus: &Bus, other: Bus) -> Self {
+        let (client, keys) = (name("bench"), FleetKeys::new(name("lab")).robot(&name("raw")));
+        let (sender, arrived) = mpsc::channel();
+        let key = keys.teleop(Some(&client));
+        let each = move |_| {
+            let _ = sender.send(Instant::now());
+        };
+        let subscription = other.subscribe(&key, each).await.expect("a subscription");
+        let (bus, channel) = (bus.clone(), Channel::Teleop(client));
+        let way = Self { bus, key, channel, arrived, _subscription: subscription, _other: other };
+        eventually("the subscription", || async {
+            way.put(0).await;
+            way.arrived.recv_timeout(Duration::from_millis(100)).ok()
+        })
+        .await;
+        way
     }
-    took.sort_unstable();
-    took
-}
 
-/// Any phase of the 20 ms frame, one after the other.
-async fn pause(seq: u64) {
-    tokio::time::sleep(Duration::from_micros(500 + seq * 7919 % 20_000)).await;
-}
+    async fn put(&self, seq: u64) {
+        let setpoint = Setpoint { lease: None, seq, echo_tick_ms: None, rpm: 0.0, steering: 0.0 };
+        self.bus.put(&self.key, &self.channel, &setpoint, Format::Postcard).await.expect("a put");
+    }
 
-async fn teleop(bus: &Bus, endpoint: &str) -> Vec<u64> {
-    let (hardware, lines) = SimulatedHardware::connect();
-    let simulation =
-        Simulation::new(World::default(), &TruckParameters::default(), &["truck"], 1).expect("there is room");
-    // Nobody waits for anybody: robot and world each on real time, as with a real truck.
-    let _world =
-        RunningWorld::start(simulation, vec![lines], WorldTime::new(), 1.0, |_| {}).expect("a thread");
-    let (passed_sender, passed) = mpsc::channel();
-    let probe = Probe::new(hardware, passed_sender);
-    let config = agent_config(endpoint, "lab");
-    let (end, shutdown) = watch::channel(false);
-    let agent =
-        tokio::spawn(
-            async move { robot_agent::run(&config, Box::new(probe), Clock::real(), shutdown).await },
-        );
-    let (client, keys) = (name("bench"), FleetKeys::new(name("lab")).robot(&name("xtb-1")));
-    eventually("the agent", || async {
-        let alive = bus.alive(&keys.alive(), Duration::from_secs(1)).await.expect("an answer");
-        (!alive.is_empty()).then_some(())
-    })
-    .await;
-
-    let pilot = Pilot::new(bus, "lab", "xtb-1", client.as_str()).await;
-    eventually("the lease and a state", || async {
-        pilot.setpoint(0.0, 0.0).await;
-        pilot.next_setpoint(0.0, 0.0)
-    })
-    .await;
-    let mut took = Vec::new();
-    for seq in 0..SAMPLES as u64 {
-        pause(seq).await;
-        while passed.try_recv().is_ok() {}
-        // 900 different counts, so that no frame can be taken for another's.
-        let offset = 10 + (seq % 900) as u16;
-        let steering = -f64::from(offset) / 975.0;
+    async fn took(&self, seq: u64) -> Option<Duration> {
+        while self.arrived.try_recv().is_ok() {}
         let sent = Instant::now();
-        pilot.setpoint(0.0, steering).await;
-        while let Ok((pulses, at)) = passed.recv_timeout(LOST_AFTER) {
+        self.put(seq).await;
+        self.arrived.recv_timeout(LOST_AFTER).ok().map(|at| at - sent)
+    }
+}
+
+/// An agent on real time, with a probe on its board's line and a client that drives it.
+struct Robot {
+    pilot: Pilot,
+    passed: Receiver<(PwmOutputs, Instant)>,
+    end: watch::Sender<bool>,
+    agent: JoinHandle<()>,
+    _world: RunningWorld,
+}
+
+impl Robot {
+    async fn start(bus: &Bus, endpoint: &str) -> Self {
+        let (hardware, lines) = SimulatedHardware::connect();
+        let simulation = Simulation::new(World::default(), &TruckParameters::default(), &["truck"], 1)
+            .expect("there is room");
+        // Nobody waits for anybody: robot and world each on real time, as with a real truck.
+        let world =
+            RunningWorld::start(simulation, vec![lines], WorldTime::new(), 1.0, |_| {}).expect("a thread");
+        let (sender, passed) = mpsc::channel();
+        let (probe, config) = (Probe::new(hardware, sender), agent_config(endpoint, "lab"));
+        let (end, shutdown) = watch::channel(false);
+        let agent = tokio::spawn(async move {
+            let ended = robot_agent::run(&config, Box::new(probe), Clock::real(), shutdown).await;
+            ended.expect("an agent");
+        });
+        let keys = FleetKeys::new(name("lab")).robot(&name("xtb-1"));
+        eventually("the agent", || async {
+            let alive = bus.alive(&keys.alive(), Duration::from_secs(1)).await.expect("an answer");
+            (!alive.is_empty()).then_some(())
+        })
+        .await;
+        let pilot = Pilot::new(bus, "lab", "xtb-1", "bench").await;
+        eventually("the lease and a state", || async {
+            pilot.setpoint(0.0, 0.0).await;
+            pilot.next_setpoint(0.0, 0.0)
+        })
+        .await;
+        Self { pilot, passed, end, agent, _world: world }
+    }
+
+    async fn took(&self, n: u64) -> Option<Duration> {
+        while self.passed.try_recv().is_ok() {}
+        // 900 different counts, so that no frame can be taken for another's.
+        let offset = 10 + (n % 900) as u16;
+        let sent = Instant::now();
+        self.pilot.setpoint(0.0, -f64::from(offset) / 975.0).await;
+        loop {
+            let (pulses, at) = self.passed.recv_timeout(LOST_AFTER.saturating_sub(sent.elapsed())).ok()?;
             if pulses.steer_front.get() == 3710 + offset {
-                took.push((at - sent).as_micros() as u64);
-                break;
+                return Some(at - sent);
             }
         }
     }
-    end.send_replace(true);
-    let _ = agent.await;
-    took.sort_unstable();
-    took
+
+    async fn end(self) {
+        self.end.send_replace(true);
+        let _ = self.agent.await;
+    }
 }

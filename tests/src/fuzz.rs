@@ -14,7 +14,7 @@ mod text;
 
 pub use lines::{board, gyro};
 pub use maps::{fleet_map, ros_map};
-pub use messages::{command, dispatch, estop, fix, robot_state, route, teleop, traffic};
+pub use messages::{command, dispatch, estop, fix, near, robot_state, route, teleop, traffic};
 pub use mutate::Mutator;
 pub use text::{agent_config, fleet_config, trace};
 
@@ -37,7 +37,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 15] = [
+pub const TARGETS: [Target; 16] = [
     Target { name: "command", check: command, seeds: seeds::command, rounds: 30_000 },
     Target { name: "dispatch", check: dispatch, seeds: seeds::dispatch, rounds: 20_000 },
     Target { name: "teleop", check: teleop, seeds: seeds::teleop, rounds: 40_000 },
@@ -48,6 +48,7 @@ pub const TARGETS: [Target; 15] = [
     Target { name: "agent_config", check: agent_config, seeds: seeds::agent_config, rounds: 8_000 },
     Target { name: "fix", check: fix, seeds: seeds::fix, rounds: 40_000 },
     Target { name: "route", check: route, seeds: seeds::route, rounds: 20_000 },
+    Target { name: "near", check: near, seeds: seeds::near, rounds: 20_000 },
     Target { name: "traffic", check: traffic, seeds: seeds::traffic, rounds: 30_000 },
     Target { name: "robot_state", check: robot_state, seeds: seeds::robot_state, rounds: 10_000 },
     Target { name: "fleet_map", check: fleet_map, seeds: seeds::fleet_map, rounds: 10_000 },

@@ -10,6 +10,7 @@ pub mod load;
 mod pilot;
 mod probe;
 pub mod processes;
+pub mod ratios;
 pub mod rig;
 pub mod screen;
 pub mod slow_link;
@@ -149,6 +150,8 @@ impl Fleet {
             fixes: setup.fixes.clone(),
             fleet: name("lab"),
             robots: setup.robots,
+            first: 1,
+            fleet_size: None,
             world: setup.world,
             vehicles: setup.vehicles,
             starts: setup.starts.iter().map(pose).collect(),

@@ -10,6 +10,7 @@ use xtb_protocol::messages::Message;
 use xtb_protocol::wire::CodecError;
 use zenoh::pubsub::PublisherBuilder;
 use zenoh::qos::{CongestionControl, Priority as ZenohPriority};
+use zenoh::sample::Locality;
 use zenoh_ext::{
     AdvancedPublisher, AdvancedPublisherBuilderExt, AdvancedSubscriberBuilderExt, CacheConfig, HistoryConfig,
     MissDetectionConfig, RecoveryConfig,
@@ -192,6 +193,26 @@ impl Bus {
         each: impl Fn(Incoming) + Send + Sync + 'static,
     ) -> Result<Subscription, BusError> {
         self.subscribe_raw(key_expr, ours(self.foreign.clone(), key_expr.to_owned(), each)).await
+    }
+
+    /// The same, but for what this very session publishes.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`].
+    pub async fn subscribe_remote(
+        &self,
+        key_expr: &str,
+        each: impl Fn(Incoming) + Send + Sync + 'static,
+    ) -> Result<Subscription, BusError> {
+        let each = ours(self.foreign.clone(), key_expr.to_owned(), each);
+        let inner = self
+            .session
+            .declare_subscriber(key_expr.to_owned())
+            .allowed_origin(Locality::Remote)
+            .callback(move |sample| each(Incoming::of(&sample)))
+            .await
+            .map_err(failed("subscribing", key_expr))?;
+        Ok(Subscription { _inner: Box::new(inner) })
     }
 
     /// The same for events: the last ones first, lost ones recovered.

@@ -4,7 +4,7 @@ use crate::channel::{Incoming, congestion, priority};
 use crate::session::{Bus, BusError, failed};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{self, error::TrySendError};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
@@ -38,6 +38,7 @@ fn longest_bytes(channel: &Channel) -> usize {
         | Channel::About
         | Channel::Fix
         | Channel::Route
+        | Channel::Near(_)
         | Channel::Cmd(_)
         | Channel::Teleop(_)
         | Channel::Estop(_)
@@ -235,6 +236,20 @@ impl Bus {
         quiet: Duration,
         within: Duration,
     ) -> Result<Vec<Incoming>, BusError> {
+        let answers = self.gather_timed(selector, quiet, within).await?;
+        Ok(answers.into_iter().map(|(_, answer)| answer).collect())
+    }
+
+    /// The same, each with when it came: the first may have waited long for the last.
+    ///
+    /// # Errors
+    /// As [`Bus::gather`].
+    pub async fn gather_timed(
+        &self,
+        selector: &str,
+        quiet: Duration,
+        within: Duration,
+    ) -> Result<Vec<(Instant, Incoming)>, BusError> {
         let (inlet, mut replies) = answers(selector);
         self.session
             .get(selector)
@@ -252,7 +267,7 @@ impl Bus {
                 tracing::warn!("too many answers on {selector}: only the first {} are taken", answers.len());
                 break;
             }
-            answers.push(answer);
+            answers.push((Instant::now(), answer));
         }
         Ok(answers)
     }

@@ -13,6 +13,9 @@ use zenoh::sample::SampleKind;
 /// How long a link may be silent before the other side takes it for lost, unless told otherwise; four
 /// keep-alives in it. (Zenoh's own default is 10 s: too long for a fleet.)
 pub const LINK_LEASE: Duration = Duration::from_millis(2000);
+/// Sessions that a router takes: a thousand robots, those who look at them, and as many again that are about to be
+/// found dead. Zenoh's own limit is 1,000.
+const MOST_SESSIONS: usize = 2048;
 /// Longest message that is taken in, in bytes: twice the longest of ours. Of a longer one the rest is thrown
 /// away as it comes, and the link stays. (Zenoh's own limit is 1 GiB.)
 const MAX_MESSAGE: usize = 8 * 1024 * 1024;
@@ -128,6 +131,7 @@ impl Role {
         set("transport/link/tx/lease", link_lease.as_millis().to_string())?;
         set("transport/link/tx/keep_alive", "4".into())?;
         set("transport/link/rx/max_message_size", MAX_MESSAGE.to_string())?;
+        set("transport/unicast/max_sessions", MOST_SESSIONS.to_string())?;
         Ok(config)
     }
 }

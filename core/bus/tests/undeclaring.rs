@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use xtb_bus::{Bus, Role, Service, Subscription};
 use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
-use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::keys::{FleetKeys, FloorCell};
 use xtb_protocol::messages::Roster;
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -90,8 +90,8 @@ async fn robot(
     (services, subscriptions, token)
 }
 
-/// With `any_robot().state()` in place of `neighbour_states()` the third robot is not reached any more once it
-/// alone has ended to listen.
+/// With `any_robot().state()` in place of a cell the third robot is not reached any more once it alone has ended
+/// to listen: Zenoh 1.10 no longer routes questions on the very expression of a subscription that was taken back.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_robot_is_asked_with_all_others_after_it_has_listened_to_them() {
     let fleet = FleetKeys::new(Name::new("lab").unwrap());
@@ -111,7 +111,7 @@ async fn a_robot_is_asked_with_all_others_after_it_has_listened_to_them() {
     asker.close().await;
     let mut listening = Vec::new();
     for session in &sessions {
-        listening.push(listen(session, &fleet.neighbour_states()).await);
+        listening.push(listen(session, &fleet.any_robot().near(FloorCell::at(0.0, 0.0))).await);
     }
     let asker = client(&router).await;
     assert_eq!(until(&asker, &any, &keys).await, keys, "while all listen");

@@ -267,10 +267,7 @@ impl Client {
     /// # Errors
     /// [`ErrorKind::Failed`] if the question could not be sent.
     pub async fn states(&self, keys: &RobotKeys) -> Result<BTreeMap<Name, Seen>> {
-        let answers = self.get(&keys.state()).await?;
-        let at = Instant::now();
-        let states = answers.iter().filter_map(read::<RobotState>);
-        Ok(states.map(|state| (state.robot.clone(), Seen { state, at })).collect())
+        Ok(seen(&get_timed(self.bus(), &keys.state(), self.patience()).await?))
     }
 
     /// A robot's factsheet, if it answers.
@@ -293,8 +290,8 @@ impl Client {
         key: fn(&RobotKeys) -> String,
         there: &BTreeSet<Name>,
     ) -> std::result::Result<Vec<Incoming>, BusError> {
-        let answers = self.get(&key(&self.keys().any_robot())).await?;
-        self.ask_the_silent(key, answers, there).await
+        let answers = get_timed(self.bus(), &key(&self.keys().any_robot()), self.patience()).await?;
+        Ok(untimed(self.ask_the_silent(key, answers, there).await?))
     }
 
     /// Asks by name those of `there` who have not answered a question to all. (A wildcard reaches only those whom
@@ -302,16 +299,16 @@ impl Client {
     async fn ask_the_silent(
         &self,
         key: fn(&RobotKeys) -> String,
-        mut answers: Vec<Incoming>,
+        mut answers: Vec<Timed>,
         there: &BTreeSet<Name>,
-    ) -> std::result::Result<Vec<Incoming>, BusError> {
+    ) -> std::result::Result<Vec<Timed>, BusError> {
         let answered: BTreeSet<Name> =
-            answers.iter().filter_map(|answer| Key::parse(&answer.key)?.robot).collect();
+            answers.iter().filter_map(|(_, answer)| Key::parse(&answer.key)?.robot).collect();
         let mut asking = JoinSet::new();
         for robot in there.difference(&answered) {
             let (client, key) = (self.clone(), key(&self.keys().robot(robot)));
             asking.spawn(async move {
-                let found = client.get(&key).await?;
+                let found = get_timed(client.bus(), &key, client.patience()).await?;
                 Ok::<_, BusError>(found.into_iter().take(VOICES).collect::<Vec<_>>())
             });
         }
@@ -324,24 +321,23 @@ impl Client {
         Ok(answers)
     }
 
-    /// Who is there, and the states of all; who does not answer a question to all is asked by name.
+    /// Who is there, and the states of all, each with when it came; who does not answer a question to all is asked
+    /// by name.
     ///
     /// # Errors
     /// [`ErrorKind::Failed`] if the question could not be sent.
     pub async fn heard(&self) -> Result<(BTreeSet<Name>, BTreeMap<Name, Seen>)> {
         let any = self.keys().any_robot().state();
-        let (alive, answers) = tokio::join!(self.alive(), self.get(&any));
+        let ask = || get_timed(self.bus(), &any, self.patience());
+        let (alive, answers) = tokio::join!(self.alive(), ask());
         let alive = alive?;
         let asked = Instant::now();
         let mut answers = self.ask_the_silent(RobotKeys::state, answers?, &alive).await?;
         if asked.elapsed() > STALE / 2 {
             // Somebody took his time: the others' states have become old.
-            answers.extend(self.get(&any).await?);
+            answers.extend(ask().await?);
         }
-        let at = Instant::now();
-        let states = answers.iter().filter_map(read::<RobotState>);
-        let states = states.map(|state| (state.robot.clone(), Seen { state, at })).collect();
-        Ok((alive, states))
+        Ok((alive, seen(&answers)))
     }
 
     /// What to say when nobody is there.
@@ -372,14 +368,32 @@ pub async fn get(
     selector: &str,
     within: Duration,
 ) -> std::result::Result<Vec<Incoming>, BusError> {
+    Ok(untimed(get_timed(bus, selector, within).await?))
+}
+
+/// An answer, and when it came.
+type Timed = (Instant, Incoming);
+
+/// The same, each with when it came.
+async fn get_timed(bus: &Bus, selector: &str, within: Duration) -> std::result::Result<Vec<Timed>, BusError> {
     let asked = Instant::now();
     let most = within.max(PATIENCE_MOST);
-    let answers = bus.gather(selector, within, most).await?;
+    let answers = bus.gather_timed(selector, within, most).await?;
     if !answers.is_empty() || asked.elapsed() >= within {
         return Ok(answers);
     }
     tokio::time::sleep(SETTLE).await;
-    bus.gather(selector, within, most).await
+    bus.gather_timed(selector, within, most).await
+}
+
+fn untimed(answers: Vec<Timed>) -> Vec<Incoming> {
+    answers.into_iter().map(|(_, answer)| answer).collect()
+}
+
+/// The states among answers; of two of one robot the later one.
+fn seen(answers: &[Timed]) -> BTreeMap<Name, Seen> {
+    let states = answers.iter().filter_map(|(at, answer)| Some((*at, read::<RobotState>(answer)?)));
+    states.map(|(at, state)| (state.robot.clone(), Seen { state, at })).collect()
 }
 
 /// What a reply gave.

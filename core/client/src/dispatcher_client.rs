@@ -203,15 +203,20 @@ impl<'a> DispatcherClient<'a> {
         let began = Instant::now();
         let (mut was_there, mut busy) = (false, None);
         loop {
-            match self.ask_once(&request, self.within(within)).await? {
+            let (asked, within) = (Instant::now(), self.within(within));
+            match self.ask_once(&request, within).await? {
                 Some(DispatchReply { result: DispatchOutcome::Error(error), .. }) => match error.code {
                     DispatchCode::Overloaded => busy = Some(error),
                     _ => return Err(error.into()),
                 },
                 Some(reply) => return Ok(reply),
+                // Where nobody could have got it the question ends at once.
+                None if asked.elapsed() >= within => was_there = true,
                 None => was_there |= self.is_there().await,
             }
             if began.elapsed() >= patience {
+                // What turned one away may have taken another.
+                let busy = busy.filter(|_| !was_there);
                 return Err(busy.map_or_else(|| self.silent(patience, left_undone, was_there), Error::from));
             }
             tokio::time::sleep(ASK_AGAIN).await;

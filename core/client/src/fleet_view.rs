@@ -29,7 +29,8 @@ pub struct RobotView {
     pub name: Name,
     /// Whether it is present: alive means commandable.
     pub alive: bool,
-    /// `None` = unknown, or so old that it says nothing any more.
+    /// `None` = unknown, or one of a feed that is so old that it says nothing any more. One that was asked for is
+    /// shown however long the others' answers took: its age says it.
     pub state: Option<RobotState>,
     /// Since the last state arrived, stale or not.
     pub age_ms: Option<u64>,
@@ -62,15 +63,25 @@ impl FleetView {
     pub fn now(feed: &StateFeed, fleet: &Name, wanted: &BTreeSet<Name>) -> Self {
         let states = feed.states();
         let wanted = wanted.iter().chain(states.keys()).cloned().collect();
-        Self::of(fleet, &feed.alive(), &states, &wanted)
+        Self::showing(fleet, &feed.alive(), &states, &wanted, Seen::fresh)
     }
 
-    /// Of those who are there, their states, and whoever gets a row in any case.
+    /// Of those who are there, the states that they answered, and whoever gets a row in any case.
     pub fn of(
         fleet: &Name,
         alive: &BTreeSet<Name>,
         states: &BTreeMap<Name, Seen>,
         wanted: &BTreeSet<Name>,
+    ) -> Self {
+        Self::showing(fleet, alive, states, wanted, |seen| Some(&seen.state))
+    }
+
+    fn showing(
+        fleet: &Name,
+        alive: &BTreeSet<Name>,
+        states: &BTreeMap<Name, Seen>,
+        wanted: &BTreeSet<Name>,
+        shown: fn(&Seen) -> Option<&RobotState>,
     ) -> Self {
         let mut names: Vec<&Name> = alive.iter().chain(wanted).collect();
         names.sort_by_key(|name| by_number(name));
@@ -80,7 +91,7 @@ impl FleetView {
             RobotView {
                 name: name.clone(),
                 alive: alive.contains(name),
-                state: seen.and_then(Seen::fresh).cloned(),
+                state: seen.and_then(shown).cloned(),
                 tags: Vec::new(),
                 start_pose: None,
                 age_ms: seen.map(|seen| u64::try_from(seen.age().as_millis()).unwrap_or(u64::MAX)),
@@ -134,5 +145,19 @@ mod tests {
         let rows: Vec<_> = view.robots.iter().map(|row| (row.name.as_str(), row.alive)).collect();
         assert_eq!(rows, [("xtb-1", false), ("xtb-2", true), ("xtb-10", true)]);
         assert!(view.robots.iter().all(|row| row.state.is_none() && row.age_ms.is_none()));
+    }
+
+    #[test]
+    fn a_state_that_was_asked_for_is_shown_with_its_age_and_an_old_one_of_a_feed_is_not() {
+        let fleet = Name::new("lab").unwrap();
+        let robot = Name::new("xtb-1").unwrap();
+        let at = std::time::Instant::now().checked_sub(2 * crate::client::STALE).unwrap();
+        let state = crate::fake::state("xtb-1");
+        let states = BTreeMap::from([(robot.clone(), Seen { state, at })]);
+        let alive = BTreeSet::from([robot]);
+        let asked = FleetView::of(&fleet, &alive, &states, &BTreeSet::new());
+        assert!(asked.robots[0].state.is_some() && asked.robots[0].age_ms >= Some(1000));
+        let fed = FleetView::showing(&fleet, &alive, &states, &BTreeSet::new(), Seen::fresh);
+        assert!(fed.robots[0].state.is_none() && fed.robots[0].age_ms >= Some(1000));
     }
 }

@@ -7,8 +7,8 @@ use thiserror::Error;
 use xtb_bus::Incoming;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetMap, LogRequest, Message, Request, RobotState, Roster,
-    Route, Sensors, Setpoint, SimStats, TaskEvent, TaskList, TrafficState, Truth,
+    About, DispatchRequest, Estop, Event, Fix, FleetMap, LogRequest, Message, NearState, Request, RobotState,
+    Roster, Route, Sensors, Setpoint, SimStats, TaskEvent, TaskList, TrafficState, Truth,
 };
 use xtb_protocol::wire::CodecError;
 
@@ -75,6 +75,8 @@ any_message! {
     Fix(Fix),
     /// Path and release from traffic control.
     Route(Route),
+    /// What a robot tells those near it.
+    Near(NearState),
     /// What traffic control does.
     Traffic(TrafficState),
     /// The fleet's floor.
@@ -140,6 +142,7 @@ impl AnyMessage {
             Channel::Fix => bytes.read::<Fix>()?.into(),
             Channel::Log(_) => bytes.read::<LogRequest>()?.into(),
             Channel::Route => bytes.read::<Route>()?.into(),
+            Channel::Near(_) => bytes.read::<NearState>()?.into(),
             Channel::TrafficState => bytes.read::<TrafficState>()?.into(),
             Channel::Map => bytes.read::<FleetMap>()?.into(),
             Channel::SimTruth => bytes.read::<Truth>()?.into(),

@@ -17,8 +17,8 @@ use xtb_nav::Car;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::{
-    About, Event, FleetMap, RobotState, RosterEntry, Sensors, SimStats, Suspension, TaskEvent, TaskList,
-    TaskView, TrafficState, Truth,
+    About, Event, FleetMap, MAX_ROSTER, RobotState, RosterEntry, Sensors, SimStats, Suspension, TaskEvent,
+    TaskList, TaskView, TrafficState, Truth,
 };
 
 /// Points of a trail; 5 cm apart: 20 m.
@@ -27,8 +27,8 @@ pub const TRAIL: usize = 400;
 const TRAIL_STEP_M: f64 = 0.05;
 /// Happenings that stay readable.
 pub const HAPPENINGS: usize = 200;
-/// Robots that a scene holds; states of further ones are counted and not kept.
-pub const MOST_ROBOTS: usize = 256;
+/// Robots that a scene holds, as many as a roster; states of further ones are counted and not kept.
+pub const MOST_ROBOTS: usize = MAX_ROSTER;
 
 /// A simulator speaks once a second, and not as regularly when it is overloaded.
 const SIMULATOR_STALE_MS: u64 = 5000;

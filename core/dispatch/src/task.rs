@@ -22,6 +22,10 @@ use xtb_protocol::messages::{
 /// Steps of a history that are kept; of more, those after the first are left out.
 pub const MAX_STEPS: usize = 64;
 
+/// A wander that goes on lasts at least so long, in s, however little is left: it ends as every drive does, by its
+/// robot. Chosen, not measured.
+const SHORTEST_WANDER_S: f64 = 1.0;
+
 /// Characters of a reason that are kept: robots may say more.
 pub const MAX_REASON: usize = 400;
 
@@ -172,13 +176,23 @@ impl Task {
         (!points.is_empty()).then(|| &points[leg as usize % points.len()])
     }
 
-    /// What a robot shall do for a drive.
+    /// What a robot that is asked now shall do for a drive.
     #[must_use]
-    pub fn action(&self, leg: u32) -> TaskAction {
+    pub fn action(&self, leg: u32, now_ms: u64) -> TaskAction {
         match (self.point(leg), &self.spec.kind) {
             (Some(&Waypoint { x_m, y_m, yaw_rad }), _) => TaskAction::Goto { x_m, y_m, yaw_rad, via: None },
-            (None, TaskKind::Wander { for_s }) => TaskAction::Wander { for_s: *for_s },
+            (None, TaskKind::Wander { for_s }) => {
+                TaskAction::Wander { for_s: self.wander_left_s(*for_s, now_ms) }
+            }
             (None, _) => TaskAction::Wander { for_s: 0.0 },
+        }
+    }
+
+    /// What is left of a wander: its time runs from when it first ran, as that of a patrol.
+    fn wander_left_s(&self, for_s: f64, now_ms: u64) -> f64 {
+        match now_ms.saturating_sub(self.began_ms.unwrap_or(now_ms)) {
+            0 => for_s,
+            gone_ms => (for_s - gone_ms as f64 / 1000.0).max(SHORTEST_WANDER_S),
         }
     }
 

@@ -319,9 +319,14 @@ impl TrackedRobot {
     }
 }
 
-/// Of the robots that may do a task for these and have said what car they are, the one that fits through most.
+/// Of the robots that may do a task for these the one that fits through most: any car if one of them has been heard
+/// and has not said what it is, or none has.
 #[must_use]
 pub fn smallest_car(robots: &BTreeMap<Name, TrackedRobot>, who: &Who) -> Car {
-    let cars = robots.values().filter(|robot| robot.is_eligible(who)).filter_map(|robot| robot.car);
+    let may = || robots.values().filter(|robot| robot.is_eligible(who));
+    if may().any(|robot| robot.observed.is_some() && robot.car.is_none()) {
+        return ANY_CAR;
+    }
+    let cars = may().filter_map(|robot| robot.car);
     cars.min_by(|a, b| a.core_m().total_cmp(&b.core_m())).unwrap_or(ANY_CAR)
 }

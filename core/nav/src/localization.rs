@@ -39,7 +39,7 @@ pub use xtb_protocol::messages::FixSource;
 
 use crate::MapPose;
 use fix::Measurement;
-use history::History;
+use history::{After, History};
 use model::State;
 use motion_increment::MotionTracker;
 use relocalization::{Agreement, Relocalization};
@@ -78,8 +78,8 @@ pub struct PoseFilter {
     /// When the odometry last said something new.
     now: Stamp,
     odom: OdomPose,
-    /// Present while nothing has been learnt: the pose is then the odometry's.
-    alignment: Option<MapFromOdom>,
+    /// Present while nothing has been learnt, with the pose, which is then the odometry's.
+    aligned: Option<(MapFromOdom, MapPose)>,
     state: State,
     motion: MotionTracker,
     history: History,
@@ -100,10 +100,11 @@ impl PoseFilter {
         start: &MapPose,
     ) -> Self {
         let state = State::at(start, &tuning);
+        let alignment = MapFromOdom::aligning(odom, start);
         let mut filter = Self {
             now,
             odom: *odom,
-            alignment: Some(MapFromOdom::aligning(odom, start)),
+            aligned: Some((alignment, alignment.pose(odom))),
             state,
             motion: MotionTracker::new(vehicle, tuning.yaw_noise_rad),
             history: History::default(),
@@ -130,24 +131,28 @@ impl PoseFilter {
         }
         let mut increment = self.motion.step(self.now, now, &self.odom, odom);
         (self.now, self.odom) = (self.now.max(now), *odom);
-        if let Some(alignment) = &self.alignment {
+        if self.aligned.is_some() {
             increment.stood_radps = None; // learning from standing would leave the odometry's bits
-            self.state.predict(&increment, &self.tuning);
-            self.state.set_pose(&alignment.pose(odom));
-        } else {
-            self.state.predict(&increment, &self.tuning);
-            if self.relocalization.contradicts() && self.motion.rests(now) {
-                self.state.slip(SLIP_WALK_M, SLIP_MOST_M, increment.dt_s);
-            }
         }
-        self.history.push(self.now, increment, &self.state);
+        self.state.predict(&increment, &self.tuning);
+        let after = match &mut self.aligned {
+            Some((alignment, pose)) => {
+                *pose = alignment.pose(odom);
+                After::Pose(*pose)
+            }
+            None if self.relocalization.contradicts() && self.motion.rests(now) => After::Slip,
+            None => After::Nothing,
+        };
+        after.apply(&mut self.state, increment.dt_s);
+        self.history.push(self.now, increment, after, &self.state);
         Ok(())
     }
 
     /// The odometry started again elsewhere, without the truck having moved.
     pub fn rezeroed(&mut self, before: &OdomPose, after: &OdomPose) {
-        if let Some(alignment) = &mut self.alignment {
+        if let Some((alignment, pose)) = &mut self.aligned {
             *alignment = MapFromOdom::aligning(after, &alignment.pose(before));
+            *pose = alignment.pose(after);
         }
         self.odom = *after;
         self.motion.rezeroed();
@@ -157,7 +162,8 @@ impl PoseFilter {
     /// From the odometry's frame to the map's, as it is now.
     #[must_use]
     pub fn map_from_odom(&self) -> MapFromOdom {
-        self.alignment.unwrap_or_else(|| MapFromOdom::aligning(&self.odom, &self.state.pose()))
+        let learnt = || MapFromOdom::aligning(&self.odom, &self.state.pose());
+        self.aligned.map_or_else(learnt, |(alignment, _)| alignment)
     }
 
     /// Somebody says where the truck is. What was learnt of gyro and wheels is kept.
@@ -165,8 +171,10 @@ impl PoseFilter {
         self.now = self.now.max(now);
         self.odom = *odom;
         self.motion.rezeroed();
-        let learnt = self.alignment.is_none();
-        self.alignment = (!learnt).then(|| MapFromOdom::aligning(odom, pose));
+        self.aligned = self.aligned.map(|_| {
+            let alignment = MapFromOdom::aligning(odom, pose);
+            (alignment, alignment.pose(odom))
+        });
         self.state.restart(pose, self.tuning.start_m, self.tuning.start_rad);
         self.last_fix = None;
         self.relocalization.clear();
@@ -193,11 +201,11 @@ impl PoseFilter {
         if self.is_lost() {
             return Ok(self.gather(fix.stamp, slot, measurement));
         }
-        let mut state = *self.history.state(slot);
-        if self.alignment.is_some() {
+        let mut state = self.history.state(slot, &self.tuning);
+        if self.aligned.is_some() {
             state.open_scale(self.tuning.open_scale);
         }
-        let test = state.correct(&measurement, self.history.twist(slot), self.tuning.gate);
+        let test = state.correct(&measurement, &self.history.twist(slot), self.tuning.gate);
         let outcome = FixOutcome::Rejected { mahalanobis: test.mahalanobis, limit: test.limit };
         if !test.passed() {
             return Ok(self.contradicted(fix.stamp, slot, measurement).unwrap_or(outcome));
@@ -206,7 +214,7 @@ impl PoseFilter {
             self.counts.rejected += 1;
             return Ok(outcome);
         }
-        self.alignment = None;
+        self.aligned = None;
         self.counts.accepted += 1;
         self.last_fix = self.last_fix.max(Some(fix.stamp));
         self.state = self.history.insert(slot, measurement, state, &self.tuning);
@@ -216,14 +224,33 @@ impl PoseFilter {
     /// Where the truck is now, and how sure that is.
     #[must_use]
     pub fn estimate(&self, now: Stamp) -> Estimate {
-        let pose = self.alignment.map_or_else(|| self.state.pose(), |alignment| alignment.pose(&self.odom));
+        let pose = self.aligned.map_or_else(|| self.state.pose(), |(_, pose)| pose);
         let fix_age_ms = self.last_fix.map(|at| now.since_ms(at));
         let estimate = Estimate::of(&self.state, pose, fix_age_ms, self.counts);
-        let estimate = Estimate { frozen: self.repeats.is_frozen(now), ..estimate };
+        let estimate = Estimate { frozen: self.is_frozen(now), ..estimate };
         match self.relocalization.contradiction() {
             Some((off_m, off_rad)) => estimate.with_contradiction(off_m, off_rad),
             None => estimate,
         }
+    }
+
+    /// Whether the fixes repeat one pose while the wheels turn; none of them counts.
+    #[must_use]
+    pub fn is_frozen(&self, now: Stamp) -> bool {
+        self.repeats.is_frozen(now)
+    }
+
+    /// Whether fixes say another pose, and it is not known which is right.
+    #[must_use]
+    pub fn is_contradicted(&self) -> bool {
+        self.relocalization.contradiction().is_some()
+    }
+
+    /// By which part the wheels go farther than nominal ones, and its standard deviation; `None` = nothing was
+    /// learnt.
+    #[must_use]
+    pub fn wheel_scale(&self) -> Option<(f64, f64)> {
+        (self.counts.accepted > 0).then(|| self.state.wheel_scale())
     }
 
     /// Too unsure of the heading for a correction to point the right way.
@@ -233,7 +260,7 @@ impl PoseFilter {
 
     /// The heading is lost: keeps a fix, and starts again if those kept agree with each other.
     fn gather(&mut self, at: Stamp, slot: usize, fix: Measurement) -> FixOutcome {
-        self.relocalization.push(at, fix, self.history.state(slot).pose());
+        self.relocalization.push(at, fix, self.history.state(slot, &self.tuning).pose());
         if let Some(agreement) = self.relocalization.agreement() {
             return self.start_again(at, &agreement);
         }
@@ -243,8 +270,8 @@ impl PoseFilter {
 
     /// A fix does not fit: starts again where those rejected say, if the truck's motion has confirmed them.
     fn contradicted(&mut self, at: Stamp, slot: usize, fix: Measurement) -> Option<FixOutcome> {
-        let state = self.history.state(slot);
-        let (off_m, off_rad) = state.off(&fix, self.history.twist(slot));
+        let state = self.history.state(slot, &self.tuning);
+        let (off_m, off_rad) = state.off(&fix, &self.history.twist(slot));
         // As far as the fix itself may be off.
         let off = (off_m + 3.0 * fix.sigma_m(), off_rad + fix.yaw_rad.map_or(0.0, |_| 3.0 * fix.sigma_rad()));
         self.relocalization.reject(at, fix, state.pose(), off);
@@ -260,7 +287,7 @@ impl PoseFilter {
         let pose = agreement.moved(&before);
         self.state.restart(&pose, agreement.sigma_m, agreement.sigma_rad);
         self.state.reopen_learnt(&self.tuning);
-        self.alignment = None;
+        self.aligned = None;
         self.last_fix = self.last_fix.max(Some(at));
         self.counts.restarts += 1;
         if self.is_lost() {

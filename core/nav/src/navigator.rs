@@ -23,6 +23,7 @@ mod contact;
 mod follow;
 mod following;
 mod look_ahead;
+pub mod near;
 mod prepared_map;
 mod recovery;
 mod replan;

@@ -96,10 +96,13 @@ pub struct GyroReader {
 
 impl GyroReader {
     /// Feeds bytes; `found` gets each good frame.
-    pub fn push(&mut self, bytes: &[u8], mut found: impl FnMut(GyroFrame)) {
-        for &byte in bytes {
-            self.window[self.len] = byte;
-            self.len += 1;
+    pub fn push(&mut self, mut bytes: &[u8], mut found: impl FnMut(GyroFrame)) {
+        while let Some(&first) = bytes.first() {
+            let is_whole = self.len == 0 && first == EULER && bytes.len() >= EULER_LEN;
+            let (piece, rest) = bytes.split_at(if is_whole { EULER_LEN } else { 1 });
+            self.window[self.len..self.len + piece.len()].copy_from_slice(piece);
+            self.len += piece.len();
+            bytes = rest;
             while let Some(frame) = self.next() {
                 found(frame);
             }

@@ -1,15 +1,15 @@
 //! The only table of keys: every channel, what it carries and how Zenoh shall treat it. What builds keys, reads
 //! them and listens to all of a kind follows from it.
 
+mod cell;
 mod name;
 pub mod received;
 
+pub use cell::{CELL_M, FloorCell};
 pub use name::{MAX_NAME, Name, NameError, RESERVED};
 
 const ROOT: &str = "xtb";
 const ANY: &str = "*";
-/// Any number of characters within a chunk, none too.
-const ANY_PART: &str = "$*";
 
 /// What happens when a queue on the way is full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,6 +71,7 @@ impl Qos {
 macro_rules! channels {
     (
         robot { $($(#[doc = $r_doc:literal])+ $R:ident: $r:ident, $R_ANY:ident, $r_key:literal, $r_qos:ident;)+ }
+        robot by cell { $($(#[doc = $rl_doc:literal])+ $Rl:ident: $rl:ident, $RL_ANY:ident, $rl_key:literal, $rl_qos:ident;)+ }
         robot by client { $($(#[doc = $rc_doc:literal])+ $Rc:ident: $rc:ident, $RC_ANY:ident, $rc_key:literal, $rc_qos:ident;)+ }
         fleet { $($(#[doc = $f_doc:literal])+ $F:ident: $f:ident, $F_ANY:ident, $f_key:literal, $f_qos:ident;)+ }
         fleet by client { $($(#[doc = $fc_doc:literal])+ $Fc:ident: $fc:ident, $FC_ANY:ident, $fc_key:literal, $fc_qos:ident;)+ }
@@ -79,6 +80,7 @@ macro_rules! channels {
         #[derive(Debug, Clone, PartialEq, Eq)]
         pub enum Channel {
             $($(#[doc = $r_doc])+ $R,)+
+            $($(#[doc = $rl_doc])+ $Rl(FloorCell),)+
             $($(#[doc = $rc_doc])+ $Rc(Name),)+
             $($(#[doc = $f_doc])+ $F,)+
             $($(#[doc = $fc_doc])+ $Fc(Name),)+
@@ -91,7 +93,7 @@ macro_rules! channels {
                 match self {
                     $(Self::$Rc(client) => Some(client),)+
                     $(Self::$Fc(client) => Some(client),)+
-                    $(Self::$R)|+ | $(Self::$F)|+ => None,
+                    $(Self::$R)|+ | $(Self::$Rl(_))|+ | $(Self::$F)|+ => None,
                 }
             }
 
@@ -101,6 +103,7 @@ macro_rules! channels {
             pub fn qos(&self) -> Qos {
                 match self {
                     $(Self::$R => Qos::$r_qos,)+
+                    $(Self::$Rl(_) => Qos::$rl_qos,)+
                     $(Self::$Rc(_) => Qos::$rc_qos,)+
                     $(Self::$F => Qos::$f_qos,)+
                     $(Self::$Fc(_) => Qos::$fc_qos,)+
@@ -110,7 +113,11 @@ macro_rules! channels {
             fn of_robot(key: &str) -> Option<Self> {
                 match key.split_once('/') {
                     None => match key { $($r_key => Some(Self::$R),)+ _ => None },
-                    Some((key, by)) => match key { $($rc_key => Name::new(by).ok().map(Self::$Rc),)+ _ => None },
+                    Some((key, by)) => match key {
+                        $($rl_key => FloorCell::parse(by).map(Self::$Rl),)+
+                        $($rc_key => Name::new(by).ok().map(Self::$Rc),)+
+                        _ => None,
+                    },
                 }
             }
 
@@ -123,6 +130,9 @@ macro_rules! channels {
 
         impl RobotKeys {
             $($(#[doc = $r_doc])+ #[must_use] pub fn $r(&self) -> String { key(&self.0, $r_key) })+
+            $($(#[doc = $rl_doc])+ #[must_use] pub fn $rl(&self, cell: FloorCell) -> String {
+                format!("{}/{}/{cell}", self.0, $rl_key)
+            })+
             $($(#[doc = $rc_doc])+ /// `None` = of any client.
             #[must_use] pub fn $rc(&self, client: Option<&Name>) -> String { by(&self.0, $rc_key, client) })+
         }
@@ -136,6 +146,7 @@ macro_rules! channels {
         /// Key expressions that match every key of a channel, whatever fleet, robot and client.
         pub mod any {
             $($(#[doc = $r_doc])+ pub const $R_ANY: &str = concat!("xtb/*/*/", $r_key);)+
+            $($(#[doc = $rl_doc])+ pub const $RL_ANY: &str = concat!("xtb/*/*/", $rl_key, "/*");)+
             $($(#[doc = $rc_doc])+ pub const $RC_ANY: &str = concat!("xtb/*/*/", $rc_key, "/*");)+
             $($(#[doc = $f_doc])+ pub const $F_ANY: &str = concat!("xtb/*/", $f_key);)+
             $($(#[doc = $fc_doc])+ pub const $FC_ANY: &str = concat!("xtb/*/", $fc_key, "/*");)+
@@ -159,6 +170,11 @@ channels! {
         Fix: fix, FIX, "fix", LATEST;
         /// [`Route`](crate::messages::Route), path and release from traffic control.
         Route: route, ROUTE, "route", LATEST;
+    }
+    robot by cell { // xtb/<fleet>/<robot>/…/<cell>, so that who listens to a few cells hears few robots
+        /// [`NearState`](crate::messages::NearState), 5 Hz while somebody listens, on the cells of its body and of
+        /// the next metres of its way.
+        Near: near, NEAR, "near", LATEST;
     }
     robot by client { // xtb/<fleet>/<robot>/…/<client>, so that identities can be bound to it one day
         /// [`Request`](crate::messages::Request) → [`Reply`](crate::messages::Reply).
@@ -184,7 +200,7 @@ channels! {
         DispatchTasks: dispatch_tasks, DISPATCH_TASKS, "dispatch/tasks", RELIABLE;
         /// [`TaskEvent`](crate::messages::TaskEvent), each change of a task; recoverable.
         DispatchEvent: dispatch_event, DISPATCH_EVENT, "dispatch/event", RELIABLE;
-        /// [`Truth`](crate::messages::Truth) of the simulator, JSON, 20 Hz.
+        /// [`Truth`](crate::messages::Truth) of the simulator, JSON, 20 Hz while somebody listens.
         SimTruth: sim_truth, SIM_TRUTH, "sim/truth", SAMPLES;
         /// [`Roster`](crate::messages::Roster), JSON: which robots the simulator runs, queryable.
         SimRoster: sim_roster, SIM_ROSTER, "sim/roster", RELIABLE;
@@ -256,14 +272,6 @@ impl FleetKeys {
     pub fn any_robot(&self) -> RobotKeys {
         RobotKeys(key(&self.0, ANY))
     }
-
-    /// The states of all robots, for a robot that listens to them for a while. It matches the same keys as
-    /// `any_robot().state()` and is another expression: when a session takes back a subscription, Zenoh 1.10 no
-    /// longer routes questions on the very same expression to that session's queryables.
-    #[must_use]
-    pub fn neighbour_states(&self) -> String {
-        self.any_robot().state() + ANY_PART
-    }
 }
 
 /// The keys of a robot, or of any robot.
@@ -299,6 +307,7 @@ mod tests {
             (robot.about(), Channel::About),
             (robot.fix(), Channel::Fix),
             (robot.route(), Channel::Route),
+            (robot.near(FloorCell::at(-1.0, 9.0)), Channel::Near(FloorCell { column: -1, row: 1 })),
             (robot.cmd(Some(&client)), Channel::Cmd(client.clone())),
             (robot.log(Some(&client)), Channel::Log(client.clone())),
             (robot.teleop(Some(&client)), Channel::Teleop(client.clone())),
@@ -322,6 +331,9 @@ mod tests {
     #[test]
     fn foreign_keys_are_not_ours() {
         for key in ["", "xtb", "xtb/lab", "xtb/lab/xtb-1", "xtb/lab/xtb-1/cmd", "ros/lab/xtb-1/state"] {
+            assert_eq!(Key::parse(key), None, "{key}");
+        }
+        for key in ["xtb/lab/xtb-1/near", "xtb/lab/xtb-1/near/*", "xtb/lab/xtb-1/near/1"] {
             assert_eq!(Key::parse(key), None, "{key}");
         }
         assert_eq!(Key::parse("xtb/lab/all/state"), None);

@@ -1,7 +1,8 @@
 //! Text from elsewhere, for people: shown as text, whatever characters it holds.
 //!
 //! A control character in a robot's words could clear a terminal, forge a line or turn what follows it
-//! around. Each becomes its visible escape (`\n`, `\u{1b}`): nothing of the text is lost. Every text for
+//! around, and one that nobody sees could make two names look alike. Each becomes its visible escape (`\n`,
+//! `\u{1b}`, `\u{200b}`): nothing of the text is lost. Every text for
 //! people in a message is escaped where the message is read ([`read`] and its like); what is printed is
 //! looked at once more where it leaves the program.
 
@@ -17,7 +18,22 @@ pub fn is_control(c: char) -> bool {
             '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// The text with each control character as its escape.
+/// Whether a character takes no room, so that a text with it looks like one without: soft hyphen, joiners and
+/// spaces without width, marks of order and annotation, tags. (Unicode's format characters but for those that are
+/// drawn, such as Arabic number signs.)
+#[must_use]
+pub fn is_invisible(c: char) -> bool {
+    matches!(c,
+        '\u{ad}' | '\u{180e}' | '\u{200b}'..='\u{200f}' | '\u{2060}'..='\u{206f}' | '\u{feff}'
+        | '\u{fff9}'..='\u{fffb}' | '\u{1bca0}'..='\u{1bca3}' | '\u{1d173}'..='\u{1d17a}'
+        | '\u{e0000}'..='\u{e007f}')
+}
+
+fn is_escaped(c: char) -> bool {
+    is_control(c) || is_invisible(c)
+}
+
+/// The text with each control character and each invisible one as its escape.
 #[must_use]
 pub fn escaped(text: &str) -> Cow<'_, str> {
     escaped_but(text, |_| false)
@@ -30,7 +46,7 @@ pub fn escaped_lines(text: &str) -> Cow<'_, str> {
 }
 
 fn escaped_but(text: &str, stays: impl Fn(char) -> bool) -> Cow<'_, str> {
-    let bad = |c: char| is_control(c) && !stays(c);
+    let bad = |c: char| is_escaped(c) && !stays(c);
     if !text.contains(bad) {
         return Cow::Borrowed(text);
     }
@@ -41,17 +57,22 @@ fn escaped_but(text: &str, stays: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
-/// JSON with the control characters that JSON itself leaves as they are (DEL, C1 and the others above C0) as
-/// JSON's own escapes: the value is the same.
+/// JSON with the control characters that JSON itself leaves as they are (DEL, C1 and the others above C0) and with
+/// the invisible ones as JSON's own escapes: the value is the same.
 #[must_use]
 pub fn escaped_json(json: &str) -> Cow<'_, str> {
-    let bad = |c: char| c >= '\u{7f}' && is_control(c);
+    let bad = |c: char| c >= '\u{7f}' && is_escaped(c);
     if !json.contains(bad) {
         return Cow::Borrowed(json);
     }
     let mut out = String::with_capacity(2 * json.len());
     for c in json.chars() {
-        if bad(c) { out.push_str(&format!("\\u{:04x}", u32::from(c))) } else { out.push(c) }
+        if bad(c) {
+            // Two of them for a character beyond 16 bits.
+            out.extend(c.encode_utf16(&mut [0; 2]).iter().map(|unit| format!("\\u{unit:04x}")));
+        } else {
+            out.push(c);
+        }
     }
     Cow::Owned(out)
 }
@@ -100,9 +121,11 @@ mod tests {
             ("\u{9b}31m", "\\u{9b}31m"),
             ("\u{202e}txt\u{2066}\u{200f}", "\\u{202e}txt\\u{2066}\\u{200f}"),
             ("\u{2028}\u{2029}", "\\u{2028}\\u{2029}"),
+            ("xtb\u{200b}-1\u{ad}\u{feff}", "xtb\\u{200b}-1\\u{ad}\\u{feff}"),
+            ("\u{2060}a\u{e0041}", "\\u{2060}a\\u{e0041}"),
         ] {
             assert_eq!(escaped(raw), shown);
-            assert!(!escaped(raw).contains(is_control));
+            assert!(!escaped(raw).contains(is_escaped));
             assert_eq!(escaped(shown), shown, "escaped once");
         }
         assert_eq!(escaped_lines("a\nb\x07"), "a\nb\\u{7}");
@@ -117,10 +140,10 @@ mod tests {
 
     #[test]
     fn json_keeps_its_value() {
-        let value = "\x1b\x7f\u{85}\u{2028}\u{202e}ok";
+        let value = "\x1b\x7f\u{85}\u{2028}\u{202e}\u{200b}\u{e0041}ok";
         let json = serde_json::to_string(value).unwrap();
         let safe = escaped_json(&json);
-        assert!(!safe.contains(is_control), "{safe:?}");
+        assert!(!safe.contains(is_escaped), "{safe:?}");
         assert_eq!(serde_json::from_str::<String>(&safe).unwrap(), value);
     }
 }

@@ -131,11 +131,19 @@ impl LineWatch {
         *self = Self { port: self.port, known: self.known, ..Self::new(self.device, now) };
     }
 
-    /// Bytes came.
-    pub fn bytes(&mut self, now: Stamp, bytes: &[u8]) {
+    /// Something came; to be told before what is in it.
+    pub fn came(&mut self, now: Stamp) {
         if now.since_ms(self.window_since) >= WINDOW_MS {
             self.before = std::mem::take(&mut self.window);
             self.window_since = now;
+        }
+    }
+
+    /// What came; to be told after the frames in it, as bytes with a good frame are evidence of nothing.
+    pub fn bytes(&mut self, now: Stamp, bytes: &[u8]) {
+        if self.well_at == now {
+            self.last_byte = bytes.last().copied().unwrap_or(self.last_byte);
+            return;
         }
         for &byte in bytes {
             let start = match self.device {
@@ -229,12 +237,17 @@ mod tests {
     use xtb_protocol::board::FrameWriter;
     use xtb_protocol::gyro_3dmg::EulerFrame;
 
+    fn hear(watch: &mut LineWatch, now: Stamp, bytes: &[u8]) {
+        watch.came(now);
+        watch.bytes(now, bytes);
+    }
+
     /// What the watch says after a second of `chunk(i)` every 10 ms.
     fn fault_of(device: Device, mut chunk: impl FnMut(u64) -> Vec<u8>) -> Option<LineFault> {
         let mut watch = LineWatch::new(device, Stamp::ZERO);
         for i in 0..100 {
             let bytes = chunk(i);
-            watch.bytes(Stamp::from_ms(10 * i), &bytes);
+            hear(&mut watch, Stamp::from_ms(10 * i), &bytes);
         }
         watch.fault(Stamp::from_ms(1000))
     }
@@ -274,7 +287,7 @@ mod tests {
         let frame = adc_frame(&mut writer);
         let mut watch = LineWatch::new(Device::Board, Stamp::ZERO);
         for ms in (0..=160).step_by(40) {
-            watch.bytes(Stamp::from_ms(ms), &frame);
+            hear(&mut watch, Stamp::from_ms(ms), &frame);
             watch.repeated_frame();
         }
         assert_eq!(watch.fault(Stamp::from_ms(160)), Some(LineFault::Frozen));
@@ -317,7 +330,7 @@ mod tests {
     #[test]
     fn one_frame_of_a_waiting_board_tells_that_the_gyros_line_has_the_wrong_device() {
         let mut watch = LineWatch::new(Device::Gyro, Stamp::ZERO);
-        watch.bytes(Stamp::from_ms(110), &[7; 16]);
+        hear(&mut watch, Stamp::from_ms(110), &[7; 16]);
         watch.foreign_frame();
         assert_eq!(watch.fault(Stamp::from_ms(151)), Some(LineFault::WrongDevice));
     }
@@ -325,7 +338,7 @@ mod tests {
     #[test]
     fn steady_good_frames_end_every_fault() {
         let mut watch = LineWatch::new(Device::Gyro, Stamp::ZERO);
-        watch.bytes(Stamp::from_ms(400), &noise(1));
+        hear(&mut watch, Stamp::from_ms(400), &noise(1));
         assert_eq!(watch.fault(Stamp::from_ms(400)), Some(LineFault::Garbage));
         for ms in (401..=700).step_by(10) {
             watch.good_frame(Stamp::from_ms(ms));
@@ -338,10 +351,10 @@ mod tests {
     #[test]
     fn a_good_frame_now_and_then_does_not_make_a_fault_come_and_go() {
         let mut watch = LineWatch::new(Device::Board, Stamp::ZERO);
-        watch.bytes(Stamp::from_ms(200), &noise(1));
+        hear(&mut watch, Stamp::from_ms(200), &noise(1));
         assert_eq!(watch.fault(Stamp::from_ms(200)), Some(LineFault::Garbage));
         for i in 1..50 {
-            watch.bytes(Stamp::from_ms(200 + 40 * i), &noise(i));
+            hear(&mut watch, Stamp::from_ms(200 + 40 * i), &noise(i));
             if i.is_multiple_of(4) {
                 watch.good_frame(Stamp::from_ms(200 + 40 * i));
             }

@@ -10,6 +10,7 @@
 //!   PWM, set-up, channel reset, gyro start ◄──────────────────────────────┘
 //! ```
 
+mod early;
 mod guards;
 mod inputs;
 mod lines;
@@ -22,9 +23,9 @@ use crate::faults::INPUT_LOST_MS;
 use crate::line::{Device, LineWatch};
 use crate::monitor::Monitors;
 use crate::step_log::{Step, StepLog};
-use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
+use xtb_control::controller::{AdcSample, GyroSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup, SetupTask, WATCHDOG_MS};
-use xtb_control::{Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
+use xtb_control::{Command, Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
 use xtb_protocol::board::rates::PWM_EVERY_S;
 use xtb_protocol::board::{BoardStatus, Frame, FrameReader, FrameWriter};
 use xtb_protocol::gyro_3dmg::{GyroReader, GyroStarter, START_CONTINUOUS};
@@ -33,12 +34,13 @@ use xtb_protocol::messages::{InputAges, Reply, Request};
 
 pub use views::Readings;
 
+use early::EarlyFrames;
 use lines::{BoardLine, GyroLine};
 
 /// Length of a turn: half of the gyro's period, which comes most often, so that no sample waits for longer.
 pub const TURN_NS: u64 = 5_000_000;
-/// A PWM frame goes out this often, and at once when the motor becomes neutral: one for each PWM period of
-/// 22.2 ms, and five within the board's watchdog.
+/// A PWM frame goes out this often: one for each PWM period of 22.2 ms, and five within the board's watchdog.
+/// One goes at once when the motor becomes neutral, and when a new setpoint turns the wheels (`robot/early.rs`).
 pub const PWM_FRAME_NS: u64 = (PWM_EVERY_S * 1e9) as u64;
 /// A turn that is this late: the board's watchdog may have stopped the truck meanwhile, since the last frame
 /// may be older than the last turn by the time between two; so what was under way is over.
@@ -76,7 +78,9 @@ pub struct Robot {
     reset: ResetMask,
     writer: FrameWriter,
     next_frame: Stamp,
-    sent_motor: PwmCount,
+    /// The pulses of the last frame.
+    sent: PwmOutputs,
+    early: EarlyFrames,
     heard: Heard,
     newest: Newest,
     step_log: StepLog,
@@ -111,9 +115,11 @@ impl Robot {
             channels: [0; xtb_control::tpu::PINS],
         });
         let controller = Controller::new(vehicle);
+        let outputs = controller.outputs(Stamp::ZERO);
         Self {
             agent,
-            outputs: controller.outputs(Stamp::ZERO),
+            sent: outputs.pwm,
+            outputs,
             controller,
             board: BoardLine {
                 watch: LineWatch::new(Device::Board, Stamp::ZERO),
@@ -137,7 +143,7 @@ impl Robot {
             reset: ResetMask::default(),
             writer: FrameWriter::default(),
             next_frame: Stamp::ZERO,
-            sent_motor: PwmCount::NEUTRAL,
+            early: EarlyFrames::default(),
             heard: Heard::default(),
             newest: Newest::default(),
             step_log: StepLog::default(),
@@ -177,7 +183,8 @@ impl Robot {
         self.agent.request(now, arrival, client, request, view)
     }
 
-    /// One turn, each [`TURN_NS`]: the PWM frame for the board, if one is due.
+    /// One turn, each [`TURN_NS`], or sooner for what must not wait that long: the PWM frame for the board, if
+    /// one is due.
     pub fn turn(&mut self, now: Stamp) -> Option<Frame> {
         self.watch_loop(now);
         self.miss_remote(now);
@@ -192,7 +199,8 @@ impl Robot {
         self.agent.set_faults(now, &self.faults(now, line_fault, gyro_fault));
         let (ages, neutral) = (self.ages(now), self.neutral_since.is_some());
         let view = View { outputs: &self.outputs, ages, neutral, over_speed: self.over_speed() };
-        if let Some(command) = self.agent.turn(now, view) {
+        let command = self.agent.turn(now, view);
+        if let Some(command) = command {
             self.step(now, &Sample::Command(command));
         }
         // A reset moves nothing: a stick that was held through the latch has to be let go.
@@ -203,12 +211,15 @@ impl Robot {
         let offset_counts = f64::from(motor.get().abs_diff(PwmCount::NEUTRAL.get()));
         let stands = offset_counts <= STICK_NEUTRAL_COUNTS;
         self.neutral_since = stands.then(|| self.neutral_since.unwrap_or(now));
-        let became_neutral = motor == PwmCount::NEUTRAL && self.sent_motor != PwmCount::NEUTRAL;
-        let due = now >= self.next_frame || became_neutral;
+        let became_neutral = motor == PwmCount::NEUTRAL && self.sent.motor != PwmCount::NEUTRAL;
+        // Its speed is the PID's (§4.7): the next encoder window decides the motor's pulse.
+        let steers = matches!(command, Some(Command::Teleop { .. }))
+            && (pwm.steer_front, pwm.steer_rear) != (self.sent.steer_front, self.sent.steer_rear);
+        let due = now >= self.next_frame || became_neutral || (steers && self.early.admit(now));
         if due {
-            self.sent_motor = motor;
+            self.sent = pwm;
         }
-        self.watch_drive(self.sent_motor);
+        self.watch_drive(self.sent.motor);
         if !due {
             return None;
         }

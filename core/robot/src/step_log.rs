@@ -6,8 +6,8 @@
 use std::collections::VecDeque;
 use xtb_control::{Outputs, Sample, Stamp};
 
-/// Steps that wait to be taken: half a second of them (gyro 100, encoder 19, converter 26, receiver 45,
-/// commands up to 200 a second).
+/// Steps that wait to be taken: nearly half a second of them (gyro 100, encoder 19, converter 26, receiver 45,
+/// commands up to 400 a second).
 const CAPACITY: usize = 256;
 
 /// One step of the controller.

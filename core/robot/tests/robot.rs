@@ -6,7 +6,7 @@ mod bench;
 
 use bench::*;
 use xtb_control::controller::Mode;
-use xtb_control::{PwmCount, Stamp};
+use xtb_control::{Command, PwmCount, Sample, Stamp};
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
     Body, GoalStatus, Lease, LinkLoss, Outcome, RejectCode, Request, Route, Setpoint, StopReason,
@@ -197,6 +197,65 @@ fn a_frame_goes_out_every_20_ms_and_neutral_at_once() {
     bench.setpoint(0.0);
     bench.run_ms(5);
     assert_eq!(bench.motor, PwmCount::NEUTRAL);
+}
+
+/// Frames that leave in the turn after a fresh setpoint.
+fn frames_after_steering(bench: &mut Bench, rpm: f64, steering: f64) -> u64 {
+    bench.lease_of(CLIENT);
+    let setpoint = Setpoint { steering, ..bench.fresh_setpoint(rpm) };
+    bench.put(&setpoint);
+    let frames = bench.frames.counters().frames;
+    bench.run_ms(5);
+    bench.frames.counters().frames - frames
+}
+
+#[test]
+fn a_new_setpoint_turns_the_wheels_in_the_same_turn_in_any_phase_of_the_frame() {
+    let mut bench = Bench::new();
+    for counts in 1..=20_u16 {
+        let left = f64::from(counts) / 975.0;
+        assert_eq!(frames_after_steering(&mut bench, 0.0, -left), 1, "{counts}");
+        assert_eq!(bench.steer_front.get(), 3710 + counts);
+        bench.run_ms(50);
+    }
+}
+
+#[test]
+fn setpoints_that_change_nothing_send_no_frame_before_its_time() {
+    let mut bench = Bench::new();
+    frames_after_steering(&mut bench, 0.0, 0.5);
+    bench.run_ms(20);
+    let frames = bench.frames.counters().frames;
+    for _ in 0..100 {
+        frames_after_steering(&mut bench, 0.0, 0.5);
+        bench.run_ms(5);
+    }
+    assert_eq!(bench.frames.counters().frames - frames, 50);
+}
+
+#[test]
+fn setpoints_at_each_turn_send_25_early_frames_a_second_at_most_and_neutral_is_none_of_them() {
+    let mut bench = Bench::new();
+    let mut frames = 0;
+    for turn in 0..200 {
+        frames += frames_after_steering(&mut bench, 20.0, f64::from(turn % 7) / 10.0);
+    }
+    assert!((51..=75).contains(&frames), "{frames}");
+    assert_ne!(bench.motor, PwmCount::NEUTRAL);
+    frames_after_steering(&mut bench, 0.0, 0.9);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+}
+
+#[test]
+fn an_early_frame_makes_no_step_of_its_own() {
+    let mut bench = Bench::new();
+    bench.run_ms(10);
+    bench.robot.record_steps();
+    // A turn without a sample, in which no frame is due.
+    assert_eq!(frames_after_steering(&mut bench, 0.0, 0.5), 1);
+    let samples: Vec<Sample> =
+        std::iter::from_fn(|| bench.robot.take_step()).map(|step| step.sample).collect();
+    assert!(matches!(samples[..], [Sample::Command(Command::Teleop { .. })]), "{samples:?}");
 }
 
 #[test]

@@ -55,6 +55,14 @@ impl Bounds {
         ((self.min_x_m + self.max_x_m) / 2.0, (self.min_y_m + self.max_y_m) / 2.0)
     }
 
+    /// Whether the two have a point in common.
+    pub(crate) fn meets(self, other: Self) -> bool {
+        self.min_x_m <= other.max_x_m
+            && other.min_x_m <= self.max_x_m
+            && self.min_y_m <= other.max_y_m
+            && other.min_y_m <= self.max_y_m
+    }
+
     pub(crate) fn holds(self, x_m: f64, y_m: f64) -> bool {
         (self.min_x_m..=self.max_x_m).contains(&x_m) && (self.min_y_m..=self.max_y_m).contains(&y_m)
     }

@@ -4,6 +4,7 @@
 //! on the way out alike, so nothing is ever missed, only found more slowly.
 
 use crate::geometry::{Bounds, OrientedBox};
+use std::collections::VecDeque;
 
 const CELL_M: f64 = 1.0;
 /// More cells a side than this are made larger instead.
@@ -15,7 +16,7 @@ const NONE: u32 = u32::MAX;
 pub(crate) struct Cells {
     min_x_m: f64,
     min_y_m: f64,
-    size_m: f64,
+    per_m: f64,
     columns: usize,
     rows: usize,
 }
@@ -28,7 +29,7 @@ impl Cells {
         Self {
             min_x_m: bounds.min_x_m,
             min_y_m: bounds.min_y_m,
-            size_m,
+            per_m: 1.0 / size_m,
             columns: count(bounds.width_m()),
             rows: count(bounds.depth_m()),
         }
@@ -40,23 +41,61 @@ impl Cells {
 
     fn column(&self, x_m: f64) -> usize {
         // A negative float saturates to 0.
-        (((x_m - self.min_x_m) / self.size_m) as usize).min(self.columns - 1)
+        (((x_m - self.min_x_m) * self.per_m) as usize).min(self.columns - 1)
     }
 
     fn row(&self, y_m: f64) -> usize {
-        (((y_m - self.min_y_m) / self.size_m) as usize).min(self.rows - 1)
+        (((y_m - self.min_y_m) * self.per_m) as usize).min(self.rows - 1)
     }
 
     fn cell(&self, (x_m, y_m): (f64, f64)) -> usize {
         self.row(y_m) * self.columns + self.column(x_m)
     }
 
-    fn within(&self, bounds: Bounds) -> impl Iterator<Item = usize> + use<> {
-        let (first, last) = (self.column(bounds.min_x_m), self.column(bounds.max_x_m));
-        let columns = self.columns;
-        (self.row(bounds.min_y_m)..=self.row(bounds.max_y_m))
-            .flat_map(move |row| (row * columns + first)..=(row * columns + last))
+    fn span(&self, bounds: Bounds) -> Span {
+        Span {
+            first_column: self.column(bounds.min_x_m),
+            last_column: self.column(bounds.max_x_m),
+            first_row: self.row(bounds.min_y_m),
+            last_row: self.row(bounds.max_y_m),
+        }
     }
+
+    fn each(&self, span: Span, mut cell: impl FnMut(usize)) {
+        for row in span.first_row..=span.last_row {
+            (row * self.columns + span.first_column..=row * self.columns + span.last_column)
+                .for_each(&mut cell);
+        }
+    }
+}
+
+/// A rectangle of cells.
+#[derive(Debug, Clone, Copy)]
+struct Span {
+    first_column: usize,
+    last_column: usize,
+    first_row: usize,
+    last_row: usize,
+}
+
+/// For each cell of these lists how far the nearest that is not empty is, in cells (Chebyshev).
+fn empty_around(cells: &Cells, lists: &[Vec<u32>]) -> Vec<u16> {
+    let (columns, rows) = (cells.columns, cells.rows);
+    let mut steps: Vec<u16> = lists.iter().map(|list| if list.is_empty() { u16::MAX } else { 0 }).collect();
+    let mut near: VecDeque<usize> = (0..steps.len()).filter(|&cell| steps[cell] == 0).collect();
+    while let Some(cell) = near.pop_front() {
+        let (column, row) = (cell % columns, cell / columns);
+        for row in row.saturating_sub(1)..(row + 2).min(rows) {
+            for column in column.saturating_sub(1)..(column + 2).min(columns) {
+                let other = row * columns + column;
+                if steps[other] == u16::MAX {
+                    steps[other] = steps[cell].saturating_add(1).min(u16::MAX - 1);
+                    near.push_back(other);
+                }
+            }
+        }
+    }
+    steps
 }
 
 /// Boxes that do not move, each listed in every cell that its bounds reach.
@@ -66,17 +105,18 @@ pub(crate) struct StandingGrid {
     /// `items[starts[c]..starts[c + 1]]` are the boxes of cell c.
     starts: Vec<u32>,
     items: Vec<u32>,
+    /// From each cell to the nearest one with a box, in cells (Chebyshev); 0 = it has one itself.
+    empty_around: Vec<u16>,
 }
 
 impl StandingGrid {
     pub(crate) fn new(cells: Cells, boxes: &[OrientedBox]) -> Self {
         let mut lists = vec![Vec::new(); cells.len()];
         for (i, b) in boxes.iter().enumerate() {
-            for cell in cells.within(b.bounds()) {
-                lists[cell].push(i as u32);
-            }
+            cells.each(cells.span(b.bounds()), |cell| lists[cell].push(i as u32));
         }
-        let mut grid = Self { cells, starts: vec![0], items: Vec::new() };
+        let empty_around = empty_around(&cells, &lists);
+        let mut grid = Self { cells, starts: vec![0], items: Vec::new(), empty_around };
         for list in lists {
             grid.items.extend(list);
             grid.starts.push(grid.items.len() as u32);
@@ -85,11 +125,22 @@ impl StandingGrid {
     }
 
     /// Boxes that may reach into `bounds`; one that lies in several cells comes more than once.
-    pub(crate) fn near(&self, bounds: Bounds) -> impl Iterator<Item = usize> {
-        self.cells.within(bounds).flat_map(|cell| {
+    pub(crate) fn near(&self, bounds: Bounds, mut found: impl FnMut(usize)) {
+        let span = self.cells.span(bounds);
+        if self.is_empty(&span) {
+            return;
+        }
+        self.cells.each(span, |cell| {
             let range = self.starts[cell] as usize..self.starts[cell + 1] as usize;
-            self.items[range].iter().map(|&i| i as usize)
-        })
+            self.items[range].iter().for_each(|&i| found(i as usize));
+        });
+    }
+
+    /// Whether no cell of the span has a box, as far as its first cell tells.
+    fn is_empty(&self, span: &Span) -> bool {
+        let far = (span.last_column - span.first_column).max(span.last_row - span.first_row);
+        let first = span.first_row * self.cells.columns + span.first_column;
+        usize::from(self.empty_around[first]) > far
     }
 }
 
@@ -112,10 +163,17 @@ impl MovingGrid {
         Self { cells, head, next: vec![NONE; count], cell_of: vec![0; count], reach_m }
     }
 
+    /// No box reaches farther from its centre, in m.
+    pub(crate) fn reach_m(&self) -> f64 {
+        self.reach_m
+    }
+
     pub(crate) fn rebuild(&mut self, boxes: &[OrientedBox]) {
         for &cell in &self.cell_of {
             self.head[cell] = NONE;
         }
+        self.cell_of.resize(boxes.len(), 0);
+        self.next.resize(boxes.len(), NONE);
         for (i, b) in boxes.iter().enumerate() {
             let cell = self.cells.cell(b.centre_m());
             self.cell_of[i] = cell;
@@ -123,12 +181,20 @@ impl MovingGrid {
         }
     }
 
+    /// From now on boxes may reach so far from their centres.
+    pub(crate) fn reach_at_least(&mut self, reach_m: f64) {
+        self.reach_m = self.reach_m.max(reach_m);
+    }
+
     /// Boxes that may reach into `bounds`, each once.
-    pub(crate) fn near(&self, bounds: Bounds) -> impl Iterator<Item = usize> {
-        self.cells.within(bounds.grown(self.reach_m)).flat_map(move |cell| {
-            let known = |i: u32| (i != NONE).then_some(i as usize);
-            std::iter::successors(known(self.head[cell]), move |&i| known(self.next[i]))
-        })
+    pub(crate) fn near(&self, bounds: Bounds, mut found: impl FnMut(usize)) {
+        self.cells.each(self.cells.span(bounds.grown(self.reach_m)), |cell| {
+            let mut next = self.head[cell];
+            while next != NONE {
+                found(next as usize);
+                next = self.next[next as usize];
+            }
+        });
     }
 }
 
@@ -140,11 +206,13 @@ mod tests {
         OrientedBox::new(x_m, y_m, 0.0, 0.4, 0.4)
     }
 
-    fn sorted(found: impl Iterator<Item = usize>) -> Vec<usize> {
-        let mut found: Vec<_> = found.collect();
-        found.sort_unstable();
-        found.dedup();
-        found
+    /// What a search for what is near finds, each once.
+    fn found(search: impl FnOnce(&mut dyn FnMut(usize))) -> Vec<usize> {
+        let mut all = Vec::new();
+        search(&mut |i| all.push(i));
+        all.sort_unstable();
+        all.dedup();
+        all
     }
 
     #[test]
@@ -155,11 +223,37 @@ mod tests {
         let mut moving = MovingGrid::new(cells, boxes.len(), 0.3);
         moving.rebuild(&boxes);
         for (i, b) in boxes.iter().enumerate() {
-            assert!(sorted(standing.near(b.bounds())).contains(&i));
-            assert!(sorted(moving.near(b.bounds())).contains(&i));
+            assert!(found(|each| standing.near(b.bounds(), each)).contains(&i));
+            assert!(found(|each| moving.near(b.bounds(), each)).contains(&i));
         }
-        assert_eq!(sorted(standing.near(boxes[0].bounds())), [0]);
-        assert_eq!(sorted(moving.near(boxes[0].bounds())), [0]);
+        assert_eq!(found(|each| standing.near(boxes[0].bounds(), each)), [0]);
+        assert_eq!(found(|each| moving.near(boxes[0].bounds(), each)), [0]);
+    }
+
+    #[test]
+    fn where_nothing_stands_no_cell_is_looked_into() {
+        let cells = Cells::covering(Bounds::around(0.0, 0.0, 20.0, 20.0));
+        let standing = StandingGrid::new(cells, &[square(0.5, 0.5)]);
+        let is_empty = |x_m, y_m, side_m| {
+            standing.is_empty(&standing.cells.span(Bounds::around(x_m, y_m, side_m, side_m)))
+        };
+        assert!(is_empty(5.0, 5.0, 2.0) && is_empty(-9.0, 3.0, 4.0));
+        assert!(!is_empty(0.5, 0.5, 0.1) && !is_empty(2.0, 2.0, 4.0));
+        let nothing = StandingGrid::new(Cells::covering(Bounds::around(0.0, 0.0, 3.0, 3.0)), &[]);
+        assert!(nothing.is_empty(&nothing.cells.span(Bounds::around(0.0, 0.0, 9.0, 9.0))));
+    }
+
+    #[test]
+    fn boxes_that_come_and_go_are_found_while_they_are_there() {
+        let cells = Cells::covering(Bounds::around(0.0, 0.0, 10.0, 10.0));
+        let mut moving = MovingGrid::new(cells, 1, 0.3);
+        let (here, there) = (square(-3.5, -3.5), square(3.5, 3.5));
+        moving.rebuild(&[here]);
+        moving.rebuild(&[here, there]);
+        assert_eq!(found(|each| moving.near(there.bounds(), each)), [1]);
+        moving.rebuild(&[here]);
+        assert!(found(|each| moving.near(there.bounds(), each)).is_empty());
+        assert_eq!(found(|each| moving.near(here.bounds(), each)), [0]);
     }
 
     #[test]
@@ -168,7 +262,7 @@ mod tests {
         let mut moving = MovingGrid::new(cells, 1, 0.3);
         moving.rebuild(&[square(-3.5, -3.5)]);
         moving.rebuild(&[square(3.5, 3.5)]);
-        assert_eq!(moving.near(square(-3.5, -3.5).bounds()).count(), 0);
-        assert_eq!(moving.near(square(3.5, 3.5).bounds()).count(), 1);
+        assert!(found(|each| moving.near(square(-3.5, -3.5).bounds(), each)).is_empty());
+        assert_eq!(found(|each| moving.near(square(3.5, 3.5).bounds(), each)), [0]);
     }
 }

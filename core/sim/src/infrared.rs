@@ -44,15 +44,47 @@ fn curve_v(truth: &InfraredTruth, cm: f64) -> f64 {
     truth.touch_v + (peak_v - truth.touch_v) * cm.max(0.0) / truth.fold_back_cm
 }
 
+/// A ray of a beam, on the body.
+#[derive(Debug, Clone, Copy)]
+struct Ray {
+    /// Where it begins, to the left of the body's centre.
+    left_m: f64,
+    /// Its direction: ahead and to the left.
+    ahead: f64,
+    left: f64,
+    /// The part of its length that lies along the beam's middle.
+    along: f64,
+}
+
+impl Ray {
+    /// `beside`: where in the beam's half width, + = left.
+    fn new(truth: &InfraredTruth, facing: f64, middle_m: f64, beside: f64) -> Self {
+        let widens = beside * (truth.beam_m - truth.lens_m) / 2.0 / WIDE_AT_M;
+        let along = 1.0 / libm::sqrt(1.0 + widens * widens);
+        let left_m = middle_m + beside * truth.lens_m / 2.0;
+        Self { left_m, ahead: facing * along, left: widens * along, along }
+    }
+
+    fn beam(&self, ahead_m: f64, body: &OrientedBox) -> Beam {
+        let ((x_m, y_m), (cos, sin)) = (body.centre_m(), body.direction());
+        Beam::new(
+            x_m + cos * ahead_m - sin * self.left_m,
+            y_m + sin * ahead_m + cos * self.left_m,
+            cos * self.ahead - sin * self.left,
+            sin * self.ahead + cos * self.left,
+            SIGHT_M,
+        )
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Sensor {
-    /// Where it sits on the body, in m ahead and to the left of the centre.
+    /// Where it sits on the body, in m ahead of the centre.
     ahead_m: f64,
-    left_m: f64,
+    rays: [Ray; 3],
     /// What it shows with nothing in sight.
     floor_v: f64,
     period_ns: u64,
-    next_ns: u64,
     /// 0 V until the first measurement, as a sensor that is just being switched on.
     reading: AdcCount,
     fault: RangeFinderFault,
@@ -63,27 +95,33 @@ struct Sensor {
 pub(crate) struct RangeFinders {
     truth: InfraredTruth,
     sensors: [Sensor; SENSORS],
-    /// When the first of the sensors measures again.
+    /// When each of them measures again.
+    next_ns: [u64; SENSORS],
+    /// The first of these moments.
     due_ns: u64,
 }
 
 impl RangeFinders {
     pub(crate) fn new(truth: &InfraredTruth, body: &Body, noise: &mut Rng) -> Self {
+        let mut next_ns = [0; SENSORS];
         let sensors = std::array::from_fn(|i| {
             let spread = truth.refresh_tolerance_s;
             let period_s = truth.refresh_s + noise.uniform(-spread, spread);
             let period_ns = (period_s * 1e9) as u64;
+            let ahead_m = if i < 6 { body.length_m / 2.0 } else { -body.length_m / 2.0 };
+            let left_m = (2.5 - (i % 6) as f64) * truth.spacing_m;
+            let floor_v = noise.uniform(truth.floor_min_v, truth.floor_max_v);
+            next_ns[i] = noise.up_to(period_ns);
             Sensor {
-                ahead_m: if i < 6 { body.length_m / 2.0 } else { -body.length_m / 2.0 },
-                left_m: (2.5 - (i % 6) as f64) * truth.spacing_m,
-                floor_v: noise.uniform(truth.floor_min_v, truth.floor_max_v),
+                ahead_m,
+                rays: RAYS.map(|(beside, _)| Ray::new(truth, ahead_m.signum(), left_m, beside)),
+                floor_v,
                 period_ns,
-                next_ns: noise.up_to(period_ns),
                 reading: AdcCount::ZERO,
                 fault: RangeFinderFault::None,
             }
         });
-        Self { truth: truth.clone(), sensors, due_ns: 0 }
+        Self { truth: truth.clone(), sensors, next_ns, due_ns: 0 }
     }
 
     /// Lets every sensor measure whose time has come. `stretch` is 1 / cos θ of front and rear bumper.
@@ -99,16 +137,15 @@ impl RangeFinders {
         if now_ns < self.due_ns {
             return;
         }
-        self.due_ns = u64::MAX;
-        for sensor in &mut self.sensors {
-            if sensor.next_ns <= now_ns {
-                sensor.next_ns += sensor.period_ns;
+        for (sensor, next_ns) in self.sensors.iter_mut().zip(&mut self.next_ns) {
+            if *next_ns <= now_ns {
+                *next_ns += sensor.period_ns;
                 let stretch = stretch[usize::from(sensor.ahead_m < 0.0)];
                 let seen_v = sensor.seen_v(&self.truth, context, me, body, stretch);
                 sensor.measure(&self.truth, seen_v, noise);
             }
-            self.due_ns = self.due_ns.min(sensor.next_ns);
         }
+        self.due_ns = self.next_ns.into_iter().fold(u64::MAX, u64::min);
     }
 
     /// Breaks or mends them: front, then rear, left to right.
@@ -135,10 +172,12 @@ impl Sensor {
         body: &OrientedBox,
         stretch: f64,
     ) -> Option<f64> {
+        let ways_m = context.nearest_m(me, self.rays.map(|ray| ray.beam(self.ahead_m, body)));
         let (mut light, mut light_v) = (0.0, 0.0);
-        for (beside, part) in RAYS {
-            if let Some(way_m) = self.way_m(truth, context, me, body, beside) {
-                let range_m = way_m * stretch;
+        for ((ray, (_, part)), way_m) in self.rays.iter().zip(RAYS).zip(ways_m) {
+            if let Some(way_m) = way_m {
+                // Along the beam's middle.
+                let range_m = way_m * ray.along * stretch;
                 // Nearer than the peak it is as bright as can be.
                 let bright_m = range_m.max(truth.fold_back_cm / 100.0);
                 let bright = part / (bright_m * bright_m);
@@ -147,31 +186,6 @@ impl Sensor {
             }
         }
         (light >= 1.0 / (SIGHT_M * SIGHT_M)).then(|| light_v / light)
-    }
-
-    /// Way along the floor to the nearest surface on one ray of the beam, measured along its middle.
-    fn way_m(
-        &self,
-        truth: &InfraredTruth,
-        context: &StepContext<'_>,
-        me: usize,
-        body: &OrientedBox,
-        beside: f64,
-    ) -> Option<f64> {
-        let ((x_m, y_m), (cos, sin)) = (body.centre_m(), body.direction());
-        let facing = self.ahead_m.signum();
-        let left_m = self.left_m + beside * truth.lens_m / 2.0;
-        let widens = beside * (truth.beam_m - truth.lens_m) / 2.0 / WIDE_AT_M;
-        let along = 1.0 / libm::sqrt(1.0 + widens * widens);
-        let (ahead, left) = (facing * along, widens * along);
-        let beam = Beam::new(
-            x_m + cos * self.ahead_m - sin * left_m,
-            y_m + sin * self.ahead_m + cos * left_m,
-            cos * ahead - sin * left,
-            sin * ahead + cos * left,
-            SIGHT_M,
-        );
-        context.nearest_m(me, beam).map(|way_m| way_m * along)
     }
 
     fn measure(&mut self, truth: &InfraredTruth, seen_v: Option<f64>, noise: &mut Rng) {

@@ -47,7 +47,7 @@ pub use parameters::{Body, TruckParameters};
 pub use real_time::{Pace, RealTimeMeter};
 pub use receiver::Transmitter;
 pub use scene::StepContext;
-pub use simulation::{Simulation, SimulationError};
+pub use simulation::{MOST_FOREIGN, Simulation, SimulationError};
 pub use step::STEP_NS;
 pub use vehicle::Truck;
 pub use world::{BoxSpec, World};

@@ -11,17 +11,19 @@ use crate::fixes::{FixMaker, FixTruth};
 use crate::rng::Rng;
 use crate::simulation::{Simulation, SimulationError};
 use crate::vehicle::Truck;
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use thiserror::Error;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
 use xtb_nav::Map;
+use xtb_nav::geometry::Car;
+use xtb_nav::navigator::near::Surroundings;
 use xtb_nav::navigator::right_of_way::Neighbour;
 use xtb_nav::navigator::{PlanDone, PreparedMap};
 use xtb_nav::planner::Planner;
-use xtb_protocol::keys::NameError;
+use xtb_protocol::keys::{FloorCell, NameError};
 use xtb_protocol::messages::{Body, Lease, Outcome, Rejected, Reply, Request, RobotState, TruthRobot};
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::agent::Arrival;
@@ -44,6 +46,13 @@ pub const PLAN_MS: u64 = 50;
 /// The robots hear each other's states this often, as `robot-agent` lets them.
 const HEARING_MS: u64 = 200;
 
+/// What a robot listens to.
+#[derive(Debug, Clone)]
+struct Listener {
+    around: Surroundings,
+    cells: BTreeSet<FloorCell>,
+}
+
 /// A simulation with a robot on each of its trucks.
 #[derive(Debug)]
 pub struct Lockstep {
@@ -61,8 +70,9 @@ pub struct Lockstep {
     plans: VecDeque<(Stamp, usize, PlanDone)>,
     /// Whose agents have died.
     dead: BTreeSet<usize>,
-    /// When the robots hear each other next.
+    /// When the robots hear each other next, and the squares of the floor that each listens to.
     next_hearing: Stamp,
+    listeners: Vec<Listener>,
     /// The part of what they say that gets lost on the way to each.
     unheard: (f64, Rng),
 }
@@ -86,6 +96,8 @@ impl Lockstep {
         let robots: Vec<Robot> =
             simulation.trucks().iter().enumerate().map(robot).collect::<Result<_, NameError>>()?;
         let leases = vec![None; robots.len()];
+        let around = Surroundings::of(&Car::of(vehicle));
+        let listeners = vec![Listener { around, cells: BTreeSet::new() }; robots.len()];
         Ok(Self {
             simulation,
             robots,
@@ -98,6 +110,7 @@ impl Lockstep {
             plans: VecDeque::new(),
             dead: BTreeSet::new(),
             next_hearing: Stamp::ZERO,
+            listeners,
             unheard: (0.0, Rng::new(0, 0)),
         })
     }
@@ -190,13 +203,8 @@ impl Lockstep {
     }
 
     /// Paths that were asked for come back after [`PLAN_MS`], whatever they cost this machine.
-    fn plan(&mut self) {
+    fn deliver_plans(&mut self) {
         let now = self.now();
-        for (index, robot) in self.robots.iter_mut().enumerate() {
-            if let Some(job) = robot.agent_mut().take_plan_job() {
-                self.plans.push_back((now.plus_ms(PLAN_MS), index, job.run(&mut self.planner)));
-            }
-        }
         while self.plans.front().is_some_and(|(at, ..)| *at <= now) {
             if let Some((_, index, done)) = self.plans.pop_front() {
                 self.robots[index].agent_mut().planned(now, done);
@@ -209,19 +217,35 @@ impl Lockstep {
         self.unheard = (part, Rng::new(seed ^ 0x4EA2_0000, 0));
     }
 
-    /// What each says of itself, to all others.
+    /// What each says of itself, to those near it that drive alone, as `robot-agent` lets them.
     fn hear(&mut self) {
         let now = self.now();
-        if self.robots.len() < 2 || now < self.next_hearing {
+        if now < self.next_hearing || !self.robots.iter().any(|robot| robot.agent().goes_alone(now)) {
             return;
         }
         self.next_hearing = now.plus_ms(HEARING_MS);
-        let alive = |(index, _): &(usize, &mut Robot)| !self.dead.contains(index);
-        let said: Vec<Neighbour> = (self.robots.iter_mut().enumerate().filter(alive))
-            .filter_map(|(_, robot)| Neighbour::of(&robot.state(now, Rejected::default())))
-            .collect();
-        for robot in &mut self.robots {
-            for said in &said {
+        let mut told = BTreeMap::<FloorCell, Vec<(usize, Arc<Neighbour>)>>::new();
+        let mut here = Vec::with_capacity(self.robots.len());
+        for (index, robot) in self.robots.iter_mut().enumerate() {
+            let state = robot.state(now, Rejected::default());
+            here.push((state.pose.x_m, state.pose.y_m));
+            let said = Neighbour::of(&state).filter(|_| !self.dead.contains(&index)).map(Arc::new);
+            if let Some(said) = said {
+                for cell in said.cells() {
+                    told.entry(cell).or_default().push((index, said.clone()));
+                }
+            }
+        }
+        for (index, (robot, listener)) in self.robots.iter_mut().zip(&mut self.listeners).enumerate() {
+            if !robot.agent().goes_alone(now) {
+                continue;
+            }
+            if let Some(cells) = listener.around.moved(here[index].0, here[index].1) {
+                listener.cells = cells;
+            }
+            let near = listener.cells.iter().filter_map(|cell| told.get(cell)).flatten();
+            let near: BTreeMap<usize, &Arc<Neighbour>> = near.map(|(from, said)| (*from, said)).collect();
+            for (_, said) in near.into_iter().filter(|(from, _)| *from != index) {
                 let (part, noise) = &mut self.unheard;
                 if !noise.chance(*part) {
                     robot.agent_mut().neighbour(now, said.clone());
@@ -244,24 +268,31 @@ impl Lockstep {
 
     /// One step of the world and one turn of every robot.
     pub fn step(&mut self) {
-        let Self { simulation, robots, leases, bytes, dead, .. } = self;
-        simulation.step();
-        let now = simulation.now();
-        let each = simulation.trucks_mut().iter_mut().zip(robots).zip(leases).enumerate();
-        for (_, ((truck, robot), lease)) in each.filter(|(index, _)| !dead.contains(index)) {
+        let Self { simulation, robots, leases, bytes, dead, planner, plans, .. } = self;
+        let (context, trucks) = simulation.split_step();
+        let now = context.now();
+        // One robot after the other, as long as it is in the processor's cache: no truck's step depends on what
+        // another robot does in its turn.
+        for (index, ((truck, robot), lease)) in trucks.iter_mut().zip(robots).zip(leases).enumerate() {
+            truck.step(&context);
+            if dead.contains(&index) {
+                continue;
+            }
             if let Some(lease) = lease {
                 robot.agent_mut().heard(now, *lease);
             }
             turn(truck, robot, now, bytes);
             while robot.agent_mut().next_event().is_some() {}
+            if let Some(job) = robot.agent_mut().take_plan_job() {
+                plans.push_back((now.plus_ms(PLAN_MS), index, job.run(planner)));
+            }
         }
         self.fix();
         self.hear();
-        let now = self.now();
         if let Some(traffic) = &mut self.traffic {
             traffic.step(now, &mut self.robots, &self.dead);
         }
-        self.plan();
+        self.deliver_plans();
     }
 }
 

@@ -25,7 +25,8 @@ config_section! {
 
 impl Body {
     /// As long and as wide as the longest and the widest of these; without any, the default.
-    pub(crate) fn around<'a>(bodies: impl Iterator<Item = &'a Self>) -> Self {
+    #[must_use]
+    pub fn around<'a>(bodies: impl Iterator<Item = &'a Self>) -> Self {
         let larger = |a: Self, b: Self| Self {
             length_m: a.length_m.max(b.length_m),
             width_m: a.width_m.max(b.width_m),

@@ -3,7 +3,7 @@
 //! A [`StepContext`] never changes during a step. That is why trucks can be stepped in any order,
 //! or on several threads, and still come out with the same bits.
 
-use crate::geometry::{Beam, OrientedBox};
+use crate::geometry::{Beam, Bounds, OrientedBox};
 use crate::grid::{Cells, MovingGrid, StandingGrid};
 use crate::step::STEP_NS;
 use crate::world::World;
@@ -21,6 +21,7 @@ struct Slope {
 #[derive(Debug, Clone)]
 pub(crate) struct Scene {
     boxes: Vec<OrientedBox>,
+    bounds: Vec<Bounds>,
     grid: StandingGrid,
     slopes: Vec<Slope>,
     cells: Cells,
@@ -37,7 +38,8 @@ impl Scene {
             Slope { area, rise: (cos * rise, sin * rise) }
         });
         let slopes = slopes.collect();
-        Self { grid: StandingGrid::new(cells.clone(), &boxes), boxes, slopes, cells }
+        let bounds = boxes.iter().map(OrientedBox::bounds).collect();
+        Self { grid: StandingGrid::new(cells.clone(), &boxes), boxes, bounds, slopes, cells }
     }
 
     pub(crate) fn cells(&self) -> Cells {
@@ -51,7 +53,7 @@ impl Scene {
     }
 }
 
-/// The trucks at the beginning of a step.
+/// The trucks at the beginning of a step, and behind them those that other programs move.
 #[derive(Debug, Clone)]
 pub(crate) struct Traffic {
     boxes: Vec<OrientedBox>,
@@ -68,17 +70,32 @@ impl Traffic {
         Self { boxes: bodies.to_vec(), touched: vec![false; bodies.len()], grid }
     }
 
-    /// Takes over where the trucks are now; allocates nothing.
+    /// Takes over where all are now; allocates nothing while there are no more than before.
     pub(crate) fn update(&mut self, bodies: impl Iterator<Item = OrientedBox>) {
-        for (kept, body) in self.boxes.iter_mut().zip(bodies) {
-            *kept = body;
-        }
+        self.boxes.clear();
+        self.boxes.extend(bodies);
         self.grid.rebuild(&self.boxes);
-        self.touched.fill(false);
+        self.touched.clear();
+        self.touched.resize(self.boxes.len(), false);
     }
 
+    /// Whether a truck is as near to another body as trucks reach.
+    fn may_meet(&self, truck: usize, body: &OrientedBox) -> bool {
+        let ((ax, ay), (bx, by)) = (self.boxes[truck].centre_m(), body.centre_m());
+        let reach_m = 2.0 * self.grid.reach_m();
+        (ax - bx) * (ax - bx) + (ay - by) * (ay - by) <= reach_m * reach_m
+    }
+
+    /// A body of this size comes.
+    pub(crate) fn admit(&mut self, body: &OrientedBox) {
+        self.grid.reach_at_least(body.radius_m());
+    }
+
+    /// Another program's may be gone by now; who moves it counts its contacts.
     pub(crate) fn mark_touched(&mut self, truck: usize) {
-        self.touched[truck] = true;
+        if let Some(touched) = self.touched.get_mut(truck) {
+            *touched = true;
+        }
     }
 }
 
@@ -111,20 +128,34 @@ impl StepContext<'_> {
         self.traffic.touched[me]
     }
 
-    /// Distance along the beam to whatever is nearest, `None` if nothing is in reach.
-    pub(crate) fn nearest_m(&self, me: usize, mut beam: Beam) -> Option<f64> {
-        let (bounds, reach_m) = (beam.bounds(), beam.length_m());
-        for i in self.scene.grid.near(bounds) {
-            if let Some(hit_m) = self.scene.boxes[i].hit_m(&beam) {
-                beam.shorten(hit_m);
+    /// Distances along these beams, which start near each other, to whatever is nearest on each; `None` if
+    /// nothing is in reach.
+    pub(crate) fn nearest_m<const N: usize>(&self, me: usize, mut beams: [Beam; N]) -> [Option<f64>; N] {
+        let bounds = beams.iter().map(Beam::bounds).reduce(Bounds::union);
+        let Some(bounds) = bounds else { return [None; N] };
+        let reach_m = beams.map(|beam| beam.length_m());
+        let mut look = |body: &OrientedBox| {
+            for beam in &mut beams {
+                if let Some(hit_m) = body.hit_m(beam) {
+                    beam.shorten(hit_m);
+                }
             }
-        }
-        for i in self.traffic.grid.near(bounds).filter(|&i| i != me) {
-            if let Some(hit_m) = self.traffic.boxes[i].hit_m(&beam) {
-                beam.shorten(hit_m);
+        };
+        let mut last = usize::MAX;
+        self.scene.grid.near(bounds, |i| {
+            // A wall comes once for each of its cells.
+            if std::mem::replace(&mut last, i) != i && self.scene.bounds[i].meets(bounds) {
+                look(&self.scene.boxes[i]);
             }
-        }
-        (beam.length_m() < reach_m).then_some(beam.length_m())
+        });
+        let reach = bounds.grown(self.traffic.grid.reach_m());
+        self.traffic.grid.near(bounds, |i| {
+            let (x_m, y_m) = self.traffic.boxes[i].centre_m();
+            if i != me && reach.holds(x_m, y_m) {
+                look(&self.traffic.boxes[i]);
+            }
+        });
+        std::array::from_fn(|n| (beams[n].length_m() < reach_m[n]).then_some(beams[n].length_m()))
     }
 
     /// Whether something is in the way from one position to the next. Trucks in the way go into
@@ -142,22 +173,27 @@ impl StepContext<'_> {
             there_m <= 0.0 && there_m < from.separation_m(other)
         };
         let bounds = to.bounds();
-        let mut blocked = self.scene.grid.near(bounds).any(|i| in_the_way(&self.scene.boxes[i]));
-        for i in self.traffic.grid.near(bounds).filter(|&i| i != me) {
-            if in_the_way(&self.traffic.boxes[i]) {
+        let mut blocked = false;
+        self.scene.grid.near(bounds, |i| {
+            blocked |= self.scene.bounds[i].meets(bounds) && in_the_way(&self.scene.boxes[i]);
+        });
+        self.traffic.grid.near(bounds, |i| {
+            if i != me && self.traffic.may_meet(i, to) && in_the_way(&self.traffic.boxes[i]) {
                 touched.push(i);
                 blocked = true;
             }
-        }
+        });
         blocked
     }
 
     /// Whether nothing is nearer to a truck than `margin_m`.
     pub(crate) fn is_clear(&self, me: usize, body: &OrientedBox, margin_m: f64) -> bool {
         let bounds = body.bounds().grown(margin_m);
-        let far = |other: &OrientedBox| body.separation_m(other) > margin_m;
-        self.scene.grid.near(bounds).all(|i| far(&self.scene.boxes[i]))
-            && self.traffic.grid.near(bounds).filter(|&i| i != me).all(|i| far(&self.traffic.boxes[i]))
+        let near = |other: &OrientedBox| body.separation_m(other) <= margin_m;
+        let mut clear = true;
+        self.scene.grid.near(bounds, |i| clear &= !near(&self.scene.boxes[i]));
+        self.traffic.grid.near(bounds, |i| clear &= i == me || !near(&self.traffic.boxes[i]));
+        clear
     }
 }
 
@@ -206,7 +242,10 @@ mod tests {
             let (x_m, y_m) = (noise.uniform(-11.0, 11.0), noise.uniform(-11.0, 11.0));
             let beam = Beam::new(x_m, y_m, cos, sin, 1.2);
             let expected = all.iter().filter_map(|b| b.hit_m(&beam)).reduce(f64::min);
-            assert_eq!(context.nearest_m(me, beam), expected);
+            assert_eq!(context.nearest_m(me, [beam]), [expected]);
+            let aside = Beam::new(x_m, y_m, sin, cos, 1.2);
+            let alone = [beam, aside].map(|beam| context.nearest_m(me, [beam])[0]);
+            assert_eq!(context.nearest_m(me, [beam, aside]), alone);
             hits += usize::from(expected.is_some());
 
             let (far, here) = (OrientedBox::new(500.0, 0.0, 0.0, 0.5, 0.4), anywhere(&mut noise));

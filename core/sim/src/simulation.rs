@@ -16,6 +16,7 @@
 //! # Ok(()) }
 //! ```
 
+use crate::geometry::OrientedBox;
 use crate::lattice::footprint;
 use crate::parameters::{Body, TruckParameters};
 use crate::scene::{Scene, StepContext, Traffic};
@@ -23,6 +24,7 @@ use crate::step::STEP_NS;
 use crate::vehicle::Truck;
 use crate::world::{BoxSpec, World};
 use crate::world_error::WorldError;
+use std::collections::BTreeMap;
 use thiserror::Error;
 use xtb_control::config::ConfigError;
 use xtb_control::frames::MapPose;
@@ -72,6 +74,18 @@ pub enum SimulationError {
     },
 }
 
+/// No coordinate or angle of a pose is farther from 0 than this, in m and rad.
+const FARTHEST: f64 = 1e4;
+/// Trucks of other programs that a simulation holds at most.
+pub const MOST_FOREIGN: usize = 1024;
+
+/// A truck that another program moves.
+#[derive(Debug, Clone, Copy)]
+struct Foreign {
+    body: OrientedBox,
+    until: Stamp,
+}
+
 /// Trucks in a world, at a moment of simulated time that only [`Simulation::step`] moves on.
 #[derive(Debug, Clone)]
 pub struct Simulation {
@@ -79,6 +93,8 @@ pub struct Simulation {
     scene: Scene,
     traffic: Traffic,
     trucks: Vec<Truck>,
+    /// By name.
+    foreign: BTreeMap<String, Foreign>,
     now: Stamp,
 }
 
@@ -159,7 +175,8 @@ impl Simulation {
         let scene = Scene::new(&world);
         let bodies: Vec<_> = trucks.iter().map(Truck::body).collect();
         let traffic = Traffic::new(scene.cells(), &bodies);
-        let simulation = Self { world, scene, traffic, trucks, now: Stamp::ZERO };
+        let foreign = BTreeMap::new();
+        let simulation = Self { world, scene, traffic, trucks, foreign, now: Stamp::ZERO };
         for (i, (_, start)) in robots.iter().enumerate() {
             simulation.check_free(i, start)?;
         }
@@ -211,7 +228,10 @@ impl Simulation {
     /// Begins a step that the caller finishes: every truck must be stepped with the context exactly
     /// once, in any order and on any thread.
     pub fn split_step(&mut self) -> (StepContext<'_>, &mut [Truck]) {
-        self.traffic.update(self.trucks.iter().map(Truck::body));
+        let now = self.now;
+        self.foreign.retain(|_, known| known.until >= now);
+        let own = self.trucks.iter().map(Truck::body);
+        self.traffic.update(own.chain(self.foreign.values().map(|known| known.body)));
         for truck in &self.trucks {
             for &other in truck.ran_into() {
                 self.traffic.mark_touched(other);
@@ -232,6 +252,32 @@ impl Simulation {
         let truck = self.trucks.get_mut(index).ok_or(SimulationError::NoSuchTruck { index, count })?;
         truck.place(&pose);
         Ok(())
+    }
+
+    /// A truck that another program moves is here, for the trucks of this world a body like theirs: they see it,
+    /// and one that drives into it stops and has a contact. What it drives into itself is the other program's
+    /// business. It is gone after `until`, unless it is told again. False = it is not taken: a pose that is not
+    /// finite, the name of a truck of this world, or one of more than [`MOST_FOREIGN`].
+    pub fn put_foreign(&mut self, name: &str, pose: &MapPose, body: &Body, until: Stamp) -> bool {
+        let is_known = self.foreign.contains_key(name);
+        let room = is_known || self.foreign.len() < MOST_FOREIGN;
+        let is_own = !is_known && self.index_of(name).is_some();
+        let finite = [pose.x_m, pose.y_m, pose.yaw_rad].iter().all(|v| v.is_finite() && v.abs() <= FARTHEST);
+        if !room || is_own || !finite {
+            return false;
+        }
+        let foreign = Foreign { body: footprint(pose, body), until };
+        self.traffic.admit(&foreign.body);
+        match self.foreign.get_mut(name) {
+            Some(known) => *known = foreign,
+            None => drop(self.foreign.insert(name.to_owned(), foreign)),
+        }
+        true
+    }
+
+    /// The names of those that other programs move, as of the last step.
+    pub fn foreign(&self) -> impl Iterator<Item = &str> {
+        self.foreign.keys().map(String::as_str)
     }
 
     /// Adds a box, or moves and resizes the one of that name.
@@ -264,14 +310,15 @@ impl Simulation {
     fn change_world(&mut self, world: World) {
         self.world = world;
         self.scene = Scene::new(&self.world);
-        let bodies: Vec<_> = self.trucks.iter().map(Truck::body).collect();
+        let own = self.trucks.iter().map(Truck::body);
+        let bodies: Vec<_> = own.chain(self.foreign.values().map(|known| known.body)).collect();
         self.traffic = Traffic::new(self.scene.cells(), &bodies);
     }
 
     /// Refuses a pose of truck `index` inside something or beyond the limits.
     fn check_free(&self, index: usize, pose: &MapPose) -> Result<(), SimulationError> {
         let &MapPose { x_m, y_m, yaw_rad } = pose;
-        if ![x_m, y_m, yaw_rad].iter().all(|v| v.is_finite() && v.abs() <= 1e4) {
+        if ![x_m, y_m, yaw_rad].iter().all(|v| v.is_finite() && v.abs() <= FARTHEST) {
             return Err(SimulationError::Pose { x_m, y_m, yaw_rad });
         }
         let count = self.trucks.len();
@@ -279,7 +326,9 @@ impl Simulation {
         let here = footprint(pose, truck.dimensions());
         let solids = self.world.solids().map(|solid| (solid.what, solid.shape));
         let others = self.trucks.iter().filter(|other| other.name() != truck.name());
-        let mut all = solids.chain(others.map(|other| (other.name().to_owned(), other.body())));
+        let foreign = self.foreign.iter().map(|(name, known)| (name.clone(), known.body));
+        let others = others.map(|other| (other.name().to_owned(), other.body()));
+        let mut all = solids.chain(others).chain(foreign);
         match all.find(|(_, shape)| here.separation_m(shape) <= 0.0) {
             Some((other, _)) => Err(SimulationError::Occupied { what: truck.name().to_owned(), other }),
             None => Ok(()),

@@ -1,7 +1,7 @@
 //! Solves random problems like the public CL-MAPF families, and prints a line for each family.
 //!
 //! `cargo run --release -p xtb-traffic --example fleet_table -- [PROBLEMS [SECONDS]]`: so many of each
-//! (default 15), each within so many seconds (default 20), on one thread.
+//! (default 15), each within so many seconds (default 20), on one thread, without improvements.
 
 #![allow(clippy::print_stdout)]
 

@@ -21,6 +21,7 @@
 mod arrival_times;
 mod attempt;
 mod blocker_search;
+mod crowd;
 mod discretized_path;
 mod field;
 mod group;
@@ -39,6 +40,7 @@ mod release;
 mod room;
 mod search;
 mod separation;
+mod standstill;
 mod task;
 mod truck;
 mod unknown;
@@ -57,6 +59,7 @@ use joint::MOST_TICKS;
 use order::{Order, Runner, run_ahead};
 use outstanding::Outstanding;
 use release::{Heads, Obstacle};
+use standstill::Standstill;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use truck::{Route, Truck, place_of};
@@ -82,25 +85,9 @@ const SETTLED_MS: u64 = 1500;
 /// A job that takes longer is lost, in ms. Jobs end by what they may expand, not by the clock: this is only for
 /// one whose thread has died.
 const JOB_MS: u64 = 300_000;
-/// Nobody moved for so long though someone should, in ms: longer than [`STANDSTILL_MS`], as all ways are
-/// given up then; chosen, not measured.
+/// Nobody moved for so long though someone should, in ms: longer than [`standstill::STANDSTILL_MS`], as all ways
+/// are given up then; chosen, not measured.
 const DEADLOCK_MS: u64 = 8000;
-/// Nobody moved for so long though someone should, and no joint plan is being made: one of them gives its
-/// goal up, in ms; chosen, not measured.
-const STANDSTILL_MS: u64 = 5000;
-/// Turns of [`Coordinator::tick`] farther apart than this count as so long, in ms: five of those that should
-/// have come.
-const LONGEST_TURN_MS: u64 = 500;
-
-/// For how long the whole fleet has stood.
-#[derive(Debug, Default)]
-struct Standstill {
-    /// Without the time for which a joint plan was being made, in ms.
-    stood_ms: u64,
-    looked: Option<Stamp>,
-    /// Who gives its goal up for that, and which: boot and id.
-    gives_up: Option<(u32, (u64, u128))>,
-}
 
 /// Traffic control.
 #[derive(Debug)]
@@ -344,35 +331,6 @@ impl Coordinator {
             self.moved = now;
             self.trucks.iter_mut().filter(|truck| !truck.is_complete()).for_each(|truck| truck.halt(now));
             self.stir(now);
-        }
-    }
-
-    /// The last net: if nobody has moved for long, whatever the plans say, then of those that have no way or
-    /// wait for another one whoever has waited longest is told that there is none. The time for which a joint
-    /// plan is being made does not count: on a slow machine it takes longer.
-    fn end_standstill(&mut self, now: Stamp) {
-        let goal =
-            |truck: &Truck| truck.goal().filter(|_| truck.can_be_led(now)).map(|(key, _)| (truck.id, key));
-        let moves = self.trucks.iter().any(|truck| truck.is_fresh(now) && !truck.stands());
-        let Standstill { stood_ms, looked, gives_up } = &mut self.standstill;
-        let turn_ms = looked.map_or(0, |at| now.since_ms(at)).min(LONGEST_TURN_MS);
-        *looked = Some(now);
-        let is_over = gives_up.is_some() && !self.trucks.iter().any(|truck| goal(truck) == *gives_up);
-        if moves || is_over {
-            (*stood_ms, *gives_up) = (0, None);
-            return;
-        }
-        if self.out.is_empty() {
-            *stood_ms += turn_ms;
-        }
-        if *stood_ms > STANDSTILL_MS && gives_up.is_none() {
-            let waits = |truck: &&Truck| match truck.waits_for {
-                Some((_, is_led)) if truck.is_live() => is_led,
-                _ => truck.none.is_some(),
-            };
-            let longest = self.trucks.iter().filter(waits).filter(|truck| goal(truck).is_some());
-            *gives_up = longest.max_by_key(|truck| truck.waited_ms(now)).and_then(goal);
-            self.counters.given_up += u64::from(gives_up.is_some());
         }
     }
 

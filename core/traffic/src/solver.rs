@@ -4,7 +4,8 @@
 //!   Problem ──► Solver::new ──► solve ──► Schedule ──► check
 //!               obstacles,       ├─ priorities: who gives way to whom, depth-first (PBS)
 //!               ways to goals    └─ repair: new ways for a few cars around a conflict (LNS, CBS)
-//!                                      └─ search: one car in space and time, around the others (A*)
+//!                    │                 └─ search: one car in space and time, around the others (A*)
+//!                    └─ improve: shorter ways for a few cars at a time, as long as there is time (LNS)
 //! ```
 //!
 //! Time goes in steps of equal length; in a step a car drives one arc of at most `step_m` or waits.
@@ -19,11 +20,13 @@
 mod alone;
 mod analytic_expansion;
 mod body;
+mod cars;
 mod check;
 mod closed;
 mod cost_to_go;
 mod driver;
 mod groups;
+mod improve;
 mod instance;
 mod lattice;
 mod motion;
@@ -150,6 +153,18 @@ impl Solver {
         settings: &Settings,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<Schedule, Unsolved> {
+        Ok(self.begin(settings, keep_going)?.schedule())
+    }
+
+    /// The same for a schedule that is to be [improved](Solution::improve).
+    ///
+    /// # Errors
+    /// [`Unsolved::OutOfBudget`].
+    pub fn begin(
+        &self,
+        settings: &Settings,
+        keep_going: &mut dyn FnMut() -> bool,
+    ) -> Result<Solution<'_>, Unsolved> {
         let mut plans = Plans::new(&self.instance, settings.seed);
         if settings.priorities_first {
             priorities::run(&mut plans, keep_going);
@@ -161,6 +176,26 @@ impl Solver {
             return Err(plans.unsolved());
         }
         repair::polish(&mut plans, keep_going);
-        Ok(plans.schedule())
+        Ok(Solution { plans })
+    }
+}
+
+/// A schedule that can become shorter.
+#[derive(Debug)]
+pub struct Solution<'s> {
+    plans: Plans<'s>,
+}
+
+impl Solution<'_> {
+    /// The schedule as it is now.
+    #[must_use]
+    pub fn schedule(&self) -> Schedule {
+        self.plans.schedule()
+    }
+
+    /// Shortens it until a round of attempts, some for each car, finds nothing more, or until `keep_going`
+    /// says no. Neither the makespan nor the flowtime grows. Returns how often one of them became less.
+    pub fn improve(&mut self, keep_going: &mut dyn FnMut() -> bool) -> usize {
+        improve::run(&mut self.plans, keep_going)
     }
 }

@@ -3,7 +3,7 @@
 use robot_agent::clock::Clock;
 use robot_agent::config::AgentConfig;
 use robot_agent::hardware::simulated::SimulatedHardware;
-use robot_agent::{AgentError, Host};
+use robot_agent::{AgentError, Host, Shared};
 use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::watch;
@@ -22,6 +22,7 @@ pub(super) struct AgentSettings {
     pub(super) record: Option<PathBuf>,
     pub(super) world_speed: f64,
     pub(super) link_lease: Duration,
+    pub(super) shared: Shared,
 }
 
 /// How far an agent has come.
@@ -61,11 +62,11 @@ impl RunningAgent {
             record: settings.record.clone(),
             world_speed: settings.world_speed,
         };
-        let link_lease = settings.link_lease;
+        let (link_lease, shared) = (settings.link_lease, settings.shared.clone());
         let (end, shutdown) = watch::channel(false);
         let (told, life) = watch::channel(Life::Starting);
         let task = tokio::spawn(async move {
-            let host = Host { link_lease, alive: || drop(told.send_replace(Life::Alive)) };
+            let host = Host { link_lease, alive: || drop(told.send_replace(Life::Alive)), shared };
             let hardware = Box::new(hardware);
             if let Err(error) = robot_agent::run_hosted(&config, hardware, clock, shutdown, host).await {
                 tracing::warn!("{}: {error}", config.robot);

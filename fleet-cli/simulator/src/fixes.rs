@@ -6,9 +6,10 @@ use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_bus::{Bus, Publisher};
 use xtb_control::Stamp;
+use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
-use xtb_protocol::messages::{Fix, Roster};
+use xtb_protocol::messages::{Fix, Roster, Truth};
 use xtb_sim::fixes::{FixMaker, FixTruth};
 
 /// The truth is looked at this often.
@@ -42,17 +43,26 @@ pub(super) fn publish(
         tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
         loop {
             tick.tick().await;
-            let latest = truth.latest();
-            let now = Stamp::from_s(latest.t_s);
-            for ((name, maker), publisher) in names.iter().zip(&mut makers).zip(&publishers) {
-                let Some(truck) = latest.robots.get(name) else { continue };
-                maker.step(now, truck);
-                while let Some(made) = maker.take(now) {
-                    if let Err(error) = publisher.put(&made.message(now)).await {
-                        tracing::debug!("{error}");
-                    }
+            let made = truth.look(|latest| make(latest, &names, &mut makers));
+            for (truck, fix) in made {
+                if let Err(error) = publishers[truck].put(&fix).await {
+                    tracing::debug!("{error}");
                 }
             }
         }
     })
+}
+
+/// What is due by now, with the number of its truck.
+fn make(latest: &Truth, names: &[Name], makers: &mut [FixMaker]) -> Vec<(usize, Fix)> {
+    let now = Stamp::from_s(latest.t_s);
+    let mut made = Vec::new();
+    for (number, (name, maker)) in names.iter().zip(makers).enumerate() {
+        let Some(truck) = latest.robots.get(name) else { continue };
+        maker.step(now, truck);
+        while let Some(fix) = maker.take(now) {
+            made.push((number, fix.message(now)));
+        }
+    }
+    made
 }

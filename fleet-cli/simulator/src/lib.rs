@@ -1,13 +1,14 @@
 //! A fleet of simulated trucks with real agents: the only part of this program that holds robots.
 //!
-//! One world thread, one control thread and one Zenoh session for each robot, and a router unless
-//! one is named. Agents talk to their trucks through board frames and gyro bytes alone: in-memory
+//! One world thread, as many for control loops as there are cores, a Zenoh session for each robot, and a router
+//! unless one is named. Agents talk to their trucks through board frames and gyro bytes alone: in-memory
 //! lines, or ptys to which separate `robot-agent` processes connect.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod agents;
 mod fixes;
+mod foreign;
 mod plan;
 mod ptys;
 mod stats;
@@ -19,23 +20,25 @@ pub use stats::Told;
 pub use truth::TruthView;
 
 use agents::{AgentSettings, Life};
+use robot_agent::Shared;
 use robot_agent::clock::WorldTime;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};
 use stats::StatsService;
+use std::num::NonZero;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
-use xtb_bus::{Bus, Service};
+use xtb_bus::{Bus, Service, Subscription};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_nav::Map;
 use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
-use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::keys::{FleetKeys, Key};
 use xtb_protocol::messages::{Roster, RosterEntry};
 use xtb_services::map_server::MapService;
-use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters, World};
+use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters};
 
 /// Agents are alive within a second, hundreds one after the other on a busy machine: so long after the last
 /// one no more are expected.
@@ -58,6 +61,8 @@ pub struct Simulator {
     truth: TruthView,
     publishing: [JoinHandle<()>; 2],
     _roster_service: Service,
+    /// The robots of the same world that others move.
+    _foreign: Option<Subscription>,
     _map_service: Option<MapService>,
     /// The one that is served.
     map: Option<Map>,
@@ -93,14 +98,16 @@ impl Simulator {
         let mut vehicles = plan.vehicles.clone();
         vehicles.resize_with(plan.robots, VehicleConfig::default);
         let kinds: Vec<TruckParameters> = vehicles.iter().map(TruckParameters::of).collect();
-        let world = plan.world.clone().unwrap_or_else(|| World::for_kinds(&kinds));
+        let world = plan.world(&kinds);
         let world_map = world.chart(CHART_RESOLUTION_M);
         let simulation = plan.simulation(&kinds, world)?;
         let roster = roster_of(&simulation)?;
         let (bus, endpoint, connect) = plan.session().await?;
 
-        let time = WorldTime::new();
         let keys = FleetKeys::new(plan.fleet.clone());
+        // Before there is a robot: in another world than the others' it must not drive.
+        let map_service = serve_map(&bus, &keys, &world_map, plan.shares_world()).await?;
+        let time = WorldTime::new();
         let (truth, mut observer) = truth::view(&roster, plan.truth_log.as_deref())?;
         let (lines, hardware, ptys) = lines(&plan, &roster)?;
         let clocks: Vec<_> = hardware.iter().map(|_| time.join()).collect();
@@ -115,6 +122,7 @@ impl Simulator {
             record: plan.record.clone(),
             world_speed: plan.speed,
             link_lease: plan.link_lease(),
+            shared: Shared::with_threads(std::thread::available_parallelism().map_or(1, NonZero::get))?,
         };
         let agents = roster
             .robots
@@ -129,7 +137,13 @@ impl Simulator {
             fixes::publish(bus.clone(), keys.clone(), &roster, truth.clone(), &plan.fixes, plan.seed),
         ];
         let roster_service = serve_roster(&bus, keys.sim_roster(), roster.clone()).await?;
-        let map_service = serve_map(&bus, &keys, &world_map).await;
+        let foreign = match kinds.into_iter().next() {
+            Some(kind) if plan.shares_world() => {
+                let others = foreign::listen(&bus, &keys, &roster, kind.body, world.orders(), plan.speed);
+                Some(others.await?)
+            }
+            _ => None,
+        };
         Ok(Self {
             endpoint,
             fleet: plan.fleet,
@@ -140,6 +154,7 @@ impl Simulator {
             truth,
             publishing,
             _roster_service: roster_service,
+            _foreign: foreign,
             map: map_service.is_some().then(|| world_map.ok()).flatten(),
             _map_service: map_service,
             stats,
@@ -244,7 +259,9 @@ impl Simulator {
             }
             let mut now = self.lives().filter(|(_, life)| *life == Life::Alive).count();
             if now == wanted {
-                now = self.bus.alive(&key, ALIVE_WITHIN).await?.len();
+                let alive = self.bus.alive(&key, ALIVE_WITHIN).await?;
+                let robots = alive.iter().filter_map(|key| Key::parse(key)?.robot);
+                now = robots.filter(|robot| self.roster.robots.iter().any(|own| own.name == *robot)).count();
             }
             if now >= wanted {
                 return Ok(());
@@ -327,15 +344,34 @@ fn lines(plan: &Plan, roster: &Roster) -> Result<Lines> {
     Ok((lines, hardware, None))
 }
 
-/// Serves the world's map. A world that has none, and a fleet that has another already, can do without.
+/// Serves the world's map. A world that has none, and a fleet that has another already, can do without, unless the
+/// world is shared: it must be the same then.
 async fn serve_map(
     bus: &Bus,
     keys: &FleetKeys,
     map: &std::result::Result<Map, ChartError>,
-) -> Option<MapService> {
-    let map = map.as_ref().inspect_err(|error| tracing::warn!("no map is served: {error}")).ok()?;
-    let service = MapService::start(bus, keys, map, MAP_ANSWER_WITHIN).await;
-    service.inspect_err(|failure| tracing::warn!("the world's map is not served: {failure}")).ok()
+    shared: bool,
+) -> Result<Option<MapService>> {
+    let map = match map {
+        Ok(map) => map,
+        Err(error) if shared => {
+            return Err(Error::new(ErrorKind::Invalid, format!("no map of the world: {error}")));
+        }
+        Err(error) => {
+            tracing::warn!("no map is served: {error}");
+            return Ok(None);
+        }
+    };
+    match MapService::start(bus, keys, map, MAP_ANSWER_WITHIN).await {
+        Ok(service) => Ok(Some(service)),
+        Err(failure) if shared => {
+            Err(failure.hint("all simulators of a fleet need the same --world and --fleet-size"))
+        }
+        Err(failure) => {
+            tracing::warn!("the world's map is not served: {failure}");
+            Ok(None)
+        }
+    }
 }
 
 async fn serve_roster(bus: &Bus, key: String, roster: Roster) -> Result<Service> {

@@ -7,12 +7,14 @@ use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
+use xtb_protocol::messages::MAX_ROSTER;
 use xtb_services::router;
 use xtb_sim::fixes::FixTruth;
-use xtb_sim::{Simulation, TruckParameters, World};
+use xtb_sim::{Body, Simulation, TruckParameters, World};
 
-/// More robots than this do not fit one process at real time.
-pub const MAX_ROBOTS: usize = 500;
+/// More robots than this are not simulated in one process: at real time only a large computer has room for so many,
+/// see docs/simulator.md.
+pub const MAX_ROBOTS: usize = 1000;
 /// Router and agents in one overloaded process are late with their keep-alives; where one of them dies, all do,
 /// and whoever is connected sees that at once. (Zenoh's own default.)
 const OWN_LINK_LEASE: Duration = Duration::from_secs(10);
@@ -22,8 +24,12 @@ const OWN_LINK_LEASE: Duration = Duration::from_secs(10);
 pub struct Plan {
     /// The fleet's name.
     pub fleet: Name,
-    /// How many robots: `xtb-1` … `xtb-N`.
+    /// How many robots.
     pub robots: usize,
+    /// The number of the first: 1 for `xtb-1` … `xtb-N`.
+    pub first: usize,
+    /// Robots of all simulators of this world, which share it; `None` = up to its own last one.
+    pub fleet_size: Option<usize>,
     /// The room; `None` = an empty one, large enough.
     pub world: Option<World>,
     /// What the robots are, in their order; those beyond are XTBs.
@@ -57,6 +63,24 @@ impl Plan {
                 Error::new(ErrorKind::Invalid, message).hint(format!("--robots must be 1 to {MAX_ROBOTS}"))
             );
         }
+        let last = self.last();
+        if self.first == 0 || last > MAX_ROSTER {
+            let message = format!("robots {} to {last} cannot be simulated", self.first);
+            return Err(Error::new(ErrorKind::Invalid, message)
+                .hint(format!("they are numbered from 1 to {MAX_ROSTER}")));
+        }
+        if !(last..=MAX_ROSTER).contains(&self.size()) {
+            let message = format!("a fleet of {} robots has none of the number {last}", self.size());
+            return Err(Error::new(ErrorKind::Invalid, message).hint(format!(
+                "--fleet-size must be {last} to {MAX_ROSTER}, the same for all its simulators"
+            )));
+        }
+        if self.first > 1 && self.connect.is_empty() {
+            let message =
+                format!("robots from xtb-{} on are part of a world of another simulator", self.first);
+            return Err(Error::new(ErrorKind::Invalid, message)
+                .hint("add --connect with the endpoint of the simulator that has the first robots"));
+        }
         if !(self.speed.is_finite() && (0.01..=1000.0).contains(&self.speed)) {
             let message = format!("the simulation cannot run at {} × real time", self.speed);
             return Err(Error::new(ErrorKind::Invalid, message).hint("--speed must be 0.01 to 1000"));
@@ -64,24 +88,48 @@ impl Plan {
         Ok(())
     }
 
-    /// Its world, with a truck of each of these kinds.
-    pub(super) fn simulation(&self, kinds: &[TruckParameters], world: World) -> Result<Simulation> {
-        let names: Vec<String> = (1..=self.robots).map(|n| format!("xtb-{n}")).collect();
-        let made = if self.starts.is_empty() {
-            Simulation::of_kinds(world, kinds, &names, self.seed)
-        } else {
-            let starts: Vec<_> = names.iter().map(String::as_str).zip(self.starts.iter().copied()).collect();
-            Simulation::of_kinds_at(world, &kinds[..starts.len()], &starts, self.seed)
-        };
-        made.map_err(|error| {
-            Error::new(ErrorKind::Config, error.to_string())
-                .hint("use fewer --robots, or a world with more room")
-        })
+    /// The number of its last robot.
+    fn last(&self) -> usize {
+        self.first.saturating_add(self.robots).saturating_sub(1)
     }
 
-    /// Real agents, on ptys, and routers elsewhere notice a lost link as ever.
+    /// Robots of the whole fleet.
+    fn size(&self) -> usize {
+        self.fleet_size.unwrap_or(self.last())
+    }
+
+    /// Whether other simulators move robots in the same world.
+    pub(super) fn shares_world(&self) -> bool {
+        self.size() > self.robots
+    }
+
+    /// The world of the whole fleet: an empty room unless there is one, with room for as many as there are.
+    pub(super) fn world(&self, kinds: &[TruckParameters]) -> World {
+        let fleet = || World::for_robots(self.size(), &Body::around(kinds.iter().map(|kind| &kind.body)));
+        self.world.clone().unwrap_or_else(fleet)
+    }
+
+    /// Its world, with a truck of each of these kinds.
+    pub(super) fn simulation(&self, kinds: &[TruckParameters], world: World) -> Result<Simulation> {
+        let names: Vec<String> = (self.first..=self.last()).map(|n| format!("xtb-{n}")).collect();
+        let impossible = |error: String| {
+            Error::new(ErrorKind::Config, error).hint("use fewer --robots, or a world with more room")
+        };
+        let starts: Vec<MapPose> = if self.starts.is_empty() {
+            let body = Body::around(kinds.iter().map(|kind| &kind.body));
+            let all = world.start_poses(self.last(), &body).map_err(|error| impossible(error.to_string()))?;
+            all.into_iter().skip(self.first - 1).collect()
+        } else {
+            self.starts.clone()
+        };
+        let robots: Vec<_> = names.iter().map(String::as_str).zip(starts).collect();
+        let made = Simulation::of_kinds_at(world, &kinds[..robots.len()], &robots, self.seed);
+        made.map_err(|error| impossible(error.to_string()))
+    }
+
+    /// Real agents, on ptys, and routers elsewhere notice a lost link as ever, unless a simulator is there too.
     pub(super) fn link_lease(&self) -> Duration {
-        let alone = self.connect.is_empty() && self.pty.is_none();
+        let alone = (self.connect.is_empty() || self.first > 1) && self.pty.is_none();
         if alone { OWN_LINK_LEASE } else { LINK_LEASE }
     }
 
@@ -93,5 +141,71 @@ impl Plan {
         }
         let bus = xtb_bus::open(&Role::Client { connect: self.connect.clone() }).await?;
         Ok((bus, self.connect.join(", "), self.connect.clone()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_sim::CHART_RESOLUTION_M;
+
+    fn plan(first: usize, robots: usize, fleet_size: Option<usize>) -> Plan {
+        Plan {
+            fleet: Name::new("lab").unwrap(),
+            robots,
+            first,
+            fleet_size,
+            world: None,
+            vehicles: Vec::new(),
+            starts: Vec::new(),
+            seed: 1,
+            speed: 1.0,
+            listen: "tcp/127.0.0.1:0".into(),
+            connect: if first > 1 { vec!["tcp/127.0.0.1:7447".into()] } else { Vec::new() },
+            pty: None,
+            truth_log: None,
+            fixes: FixTruth::default(),
+            record: None,
+        }
+    }
+
+    /// Its map's hash, and which robot starts where.
+    fn made(plan: &Plan) -> (String, Vec<(String, f64, f64)>) {
+        let kinds = vec![TruckParameters::default(); plan.robots];
+        let world = plan.world(&kinds);
+        let hash = world.chart(CHART_RESOLUTION_M).unwrap().hash().to_string();
+        let simulation = plan.simulation(&kinds, world).unwrap();
+        let start = |truck: &xtb_sim::Truck| (truck.name().to_owned(), truck.truth().x_m, truck.truth().y_m);
+        (hash, simulation.trucks().iter().map(start).collect())
+    }
+
+    #[test]
+    fn simulators_of_one_fleet_have_one_world_and_each_its_own_places_in_it() {
+        let (whole, first, second) = (plan(1, 40, None), plan(1, 25, Some(40)), plan(26, 15, None));
+        assert!(!whole.shares_world() && first.shares_world() && second.shares_world());
+        let ((world, all), (one, some), (other, rest)) = (made(&whole), made(&first), made(&second));
+        assert_eq!((&one, &other), (&world, &world));
+        assert_eq!([some, rest].concat(), all);
+    }
+
+    #[test]
+    fn numbers_that_cannot_be_are_refused() {
+        for (first, robots, fleet_size) in [(1, MAX_ROBOTS, None), (501, 500, None), (1, 500, Some(1000))] {
+            assert_eq!(plan(first, robots, fleet_size).check(), Ok(()), "{first} {robots} {fleet_size:?}");
+        }
+        for (first, robots, fleet_size) in [
+            (1, 0, None),
+            (1, MAX_ROBOTS + 1, None),
+            (0, 3, None),
+            (MAX_ROSTER, 2, None),
+            (usize::MAX, 2, None),
+            (1, 5, Some(4)),
+            (1, 5, Some(MAX_ROSTER + 1)),
+        ] {
+            let refused = plan(first, robots, fleet_size).check().unwrap_err();
+            assert_eq!(refused.kind, ErrorKind::Invalid, "{first} {robots} {fleet_size:?}");
+        }
+        let alone = Plan { connect: Vec::new(), ..plan(26, 15, None) };
+        assert!(alone.check().unwrap_err().hint.contains("--connect"));
     }
 }

@@ -90,6 +90,8 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
         fixes: FixTruth { rate_hz: 2.0, ..FixTruth::default() },
         fleet: ctx.settings.fleet.clone(),
         robots: args.robots,
+        first: 1,
+        fleet_size: None,
         world: None,
         vehicles: Vec::new(),
         starts: Vec::new(),

@@ -258,10 +258,10 @@ fn text(report: &Report, out: &Output) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use xtb_client::fake::{FakeRobot, name};
+    use xtb_client::fake::{FakeDispatcher, FakeRobot, Told, name, task};
     use xtb_protocol::codec::Format;
     use xtb_protocol::keys::Channel;
-    use xtb_protocol::messages::{FixSource, Latch};
+    use xtb_protocol::messages::{DispatchOutcome, DispatchStatus, FixSource, Latch, TaskState};
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn a_missing_and_a_latched_robot_are_found_with_what_to_do() {
@@ -279,6 +279,26 @@ mod tests {
         assert!(text.contains("→ `fleet-cli why xtb-1`"), "{text}");
         assert!(text.contains("ok       versions"), "{text}");
         assert!(report.problems >= 2 && text.ends_with("warnings"), "{text}");
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn tasks_of_all_pages_are_counted() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let _robot = FakeRobot::start(&client, "xtb-1").await;
+        let (ledger_failed, map) = (None, None);
+        let status =
+            DispatchStatus { ledger: 1, ledger_failed, map, tasks: 7, open: 6, assigned: 0, robots: 1 };
+        let told = Told {
+            answers: [Some(DispatchOutcome::Status(status))].into(),
+            tasks: (1..=7).map(|number| task(number, TaskState::Queued)).collect(),
+            page: Some(2),
+            ..Told::default()
+        };
+        let _dispatcher = FakeDispatcher::start(&client, told).await;
+        let facts = gather(&Context::of(&client), &client, &DoctorArgs { expect: Vec::new() }).await.unwrap();
+        let report = Report::new(&name("lab"), checks::all(&facts));
+        let text = text(&report, &Output { json: false, colors: false });
+        assert!(text.contains("6 of 7 tasks are open"), "{text}");
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -46,11 +46,7 @@ pub async fn run(ctx: &Context, args: &NamesArgs) -> Result<Exit> {
 async fn names(ctx: &Context, of: NamesOf) -> Result<Vec<String>> {
     let client = Client::open(&ctx.settings).await?;
     match of {
-        // A name that a shell would hand over as an option is not suggested.
-        NamesOf::Robots => {
-            let alive = client.alive().await?;
-            Ok(alive.iter().map(ToString::to_string).filter(|name| !name.starts_with('-')).collect())
-        }
+        NamesOf::Robots => Ok(client.alive().await?.iter().map(ToString::to_string).collect()),
         NamesOf::Tasks => {
             let list = DispatcherClient::of(&client).list().await?;
             // The newest are meant more often.

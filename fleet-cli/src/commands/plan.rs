@@ -11,12 +11,12 @@ use crate::output::{Output, Progress};
 use crate::values::seconds;
 use clap::Args;
 use instance::Instance;
-use race::Race;
+use race::{Planned, Race};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_traffic::solver::{Fault, ProblemError, Schedule, Unsolved};
+use xtb_traffic::solver::{Fault, ProblemError, Unsolved};
 
 const PLAN_HELP: &str = "\
 An instance names a world file in the same folder, and robots with start and goal (x, y in m, yaw in rad):
@@ -42,7 +42,7 @@ pub struct PlanArgs {
     /// Write the schedule (YAML) to this file.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Time limit, in s.
+    /// Time limit, in s. Ends sooner when a round of improvements finds nothing.
     #[arg(long, value_name = "SECONDS", default_value = "20", value_parser = seconds)]
     pub time_limit: Duration,
     /// Draw the schedule (SVG) to this file.
@@ -68,6 +68,14 @@ pub(crate) struct Statistics {
     flowtime: f64,
     /// In s.
     runtime: f64,
+    /// When the first schedule was found, in s.
+    first_runtime: f64,
+    /// The first schedule's, in the schedule's unit of time.
+    first_makespan: f64,
+    /// The first schedule's, in the schedule's unit of time.
+    first_flowtime: f64,
+    /// How often makespan or flowtime became less after that.
+    improved: usize,
 }
 
 /// Plans, checks the plan once more, and writes it.
@@ -79,28 +87,34 @@ pub async fn run(out: Output, args: PlanArgs) -> Result<Exit> {
     let begun = Instant::now();
     let instance = Instance::read(&args.instance)?;
     let race = Race::start(&instance.problem, args.seed, begun + args.time_limit);
-    let schedule = tokio::select! {
+    let planned = tokio::select! {
         ended = follow(out, begun, &args, &race) => ended,
         () = interrupted() => {
             race.stop();
             return Ok(Exit::Interrupted);
         }
     };
-    let schedule = schedule.map_err(|unsolved| explain(unsolved, &instance, &args))?;
-    xtb_traffic::solver::check(&instance.problem, &schedule).map_err(|fault| wrong(&fault))?;
-    let statistics = statistics(&instance, &schedule, begun);
-    write(&args.out, &schedule::text(&instance, &schedule, &statistics)?)?;
+    let planned = planned.map_err(|unsolved| explain(unsolved, &instance, &args))?;
+    let schedule = &planned.schedule;
+    xtb_traffic::solver::check(&instance.problem, schedule).map_err(|fault| wrong(&fault))?;
+    let statistics = statistics(&instance, &planned, begun);
+    write(&args.out, &schedule::text(&instance, schedule, &statistics)?)?;
     if let Some(file) = &args.plot {
-        write(file, &drawing::svg(&instance.problem, &schedule))?;
+        write(file, &drawing::svg(&instance.problem, schedule))?;
     }
     out.result(&statistics, |statistics| {
         format!(
-            "{} robots, makespan {:.1}, flowtime {:.1}, {:.1} s → {}",
+            "{} robots, makespan {:.1}, flowtime {:.1}, {:.1} s → {}\n\
+             first schedule after {:.1} s: makespan {:.1}, flowtime {:.1}; improved {} times",
             statistics.agents,
             statistics.makespan,
             statistics.flowtime,
             statistics.runtime,
-            args.out.display()
+            args.out.display(),
+            statistics.first_runtime,
+            statistics.first_makespan,
+            statistics.first_flowtime,
+            statistics.improved,
         )
     })?;
     Ok(Exit::Done)
@@ -112,7 +126,7 @@ async fn follow(
     begun: Instant,
     args: &PlanArgs,
     race: &Race,
-) -> std::result::Result<Schedule, Unsolved> {
+) -> std::result::Result<Planned, Unsolved> {
     let mut progress = Progress::new();
     loop {
         tokio::time::sleep(race::LOOK_EVERY).await;
@@ -156,13 +170,18 @@ fn wrong(fault: &Fault) -> Error {
         .hint("this is a bug in fleet-cli; another --seed may help")
 }
 
-fn statistics(instance: &Instance, schedule: &Schedule, begun: Instant) -> Statistics {
+fn statistics(instance: &Instance, planned: &Planned, begun: Instant) -> Statistics {
+    let (schedule, first) = (&planned.schedule, &planned.first);
     Statistics {
         agents: schedule.ways.len(),
         cost: schedule.length_m(),
         makespan: instance.time(schedule.makespan()),
         flowtime: instance.time(schedule.flowtime()),
         runtime: begun.elapsed().as_secs_f64(),
+        first_runtime: first.after.as_secs_f64(),
+        first_makespan: instance.time(first.makespan),
+        first_flowtime: instance.time(first.flowtime),
+        improved: planned.improved,
     }
 }
 

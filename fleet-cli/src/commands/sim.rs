@@ -33,9 +33,16 @@ use xtb_simulator::{Plan, Simulator, Told};
 /// Arguments of `sim`.
 #[derive(Debug, Clone, Args)]
 pub struct SimArgs {
-    /// Number of robots: xtb-1 … xtb-N.
+    /// Number of robots: xtb-1 … xtb-N, at most 1000.
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub robots: usize,
+    /// Number of the first robot, if another simulator (--connect) has the robots before it, in the same world.
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "pty")]
+    pub first: usize,
+    /// Number of robots of all simulators of this world, the same for each of them; their robots meet
+    /// [default: those of this one and the ones before].
+    #[arg(long, value_name = "N", conflicts_with = "pty")]
+    pub fleet_size: Option<usize>,
     /// World (TOML) [default: an empty room].
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
@@ -87,7 +94,7 @@ pub struct SimArgs {
     /// Run a fault scenario of a virtual fleet, without router and agents: prints the events of the scenario
     /// of
     /// --seed, and whether a rule of docs/safety.md was broken.
-    #[arg(long = "virtual", conflicts_with_all = ["robots", "world", "vehicle", "speed", "strict", "listen", "pty", "truth_log", "record", "dispatch", "dashboard"])]
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "first", "fleet_size", "world", "vehicle", "speed", "strict", "listen", "pty", "truth_log", "record", "dispatch", "dashboard"])]
     pub virtual_day: bool,
 }
 
@@ -235,6 +242,8 @@ fn plan(ctx: &Context, args: &SimArgs) -> Result<Plan> {
     Ok(Plan {
         fleet: ctx.settings.fleet.clone(),
         robots: args.robots,
+        first: args.first,
+        fleet_size: args.fleet_size,
         vehicles: vehicles(args, world.as_ref())?,
         world,
         starts: Vec::new(),
@@ -253,7 +262,8 @@ fn plan(ctx: &Context, args: &SimArgs) -> Result<Plan> {
 fn vehicles(args: &SimArgs, world: Option<&World>) -> Result<Vec<VehicleConfig>> {
     let rest = args.vehicle.as_deref().map_or_else(|| Ok(VehicleConfig::default()), vehicle_file::read)?;
     let folder = args.world.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-    let own = world.map_or(&[][..], World::vehicles).iter().take(args.robots);
+    let own =
+        world.map_or(&[][..], World::vehicles).iter().skip(args.first.saturating_sub(1)).take(args.robots);
     let mut vehicles: Vec<VehicleConfig> =
         own.map(|file| vehicle_file::read(&folder.join(file))).collect::<Result<_>>()?;
     // More than it can simulate are refused with the rest of the plan.
@@ -301,12 +311,17 @@ async fn tell(ctx: &Context, simulator: &Simulator, dispatcher: EmbeddedDispatch
     let truth = simulator.truth().latest();
     let contacts = truth.robots.values().map(|robot| robot.contacts).sum();
     let (open, tasks, usage) = (standing.status.open, standing.status.tasks, standing.usage);
-    let failed = usage.robots.values().any(|spent| spent.failed > 0);
+    let failed = usage.has_failed();
     let suspended = standing.suspended;
     let ended = Ended { open, tasks, suspended, contacts, simulated_s: truth.t_s, usage };
     ctx.out.result(&ended, |Ended { open, tasks, suspended, contacts, simulated_s, usage }| {
         let suspended: Vec<String> = task_text::suspended(suspended, None, &ctx.out);
-        let lines = [embedded::table(&ctx.out, usage)].into_iter().chain(suspended);
+        let unassigned = match usage.failed_unassigned {
+            0 => None,
+            1 => Some("1 task failed without a robot".to_owned()),
+            count => Some(format!("{count} tasks failed without a robot")),
+        };
+        let lines = [embedded::table(&ctx.out, usage)].into_iter().chain(unassigned).chain(suspended);
         format!(
             "{}\n{open} of {tasks} tasks are open; {contacts} contacts in {simulated_s:.0} s simulated",
             lines.collect::<Vec<_>>().join("\n")

@@ -126,6 +126,21 @@ impl Hardware for SimulatedHardware {
 type Order = Box<dyn FnOnce(&mut Simulation, &mut Vec<TruckLines>) + Send>;
 type Orders = Arc<Mutex<Vec<Order>>>;
 
+/// Changes a running world from any thread.
+#[derive(Clone)]
+pub struct WorldOrders(Orders);
+
+impl WorldOrders {
+    /// Changes the world between two steps.
+    pub fn change(&self, order: impl FnOnce(&mut Simulation) + Send + 'static) {
+        self.push(Box::new(move |simulation, _| order(simulation)));
+    }
+
+    fn push(&self, order: Order) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(order);
+    }
+}
+
 /// A world that runs on a thread of its own until this is dropped.
 pub struct RunningWorld {
     time: Arc<WorldTime>,
@@ -158,20 +173,22 @@ impl RunningWorld {
 
     /// Changes the world between two steps.
     pub fn change(&self, order: impl FnOnce(&mut Simulation) + Send + 'static) {
-        self.push(Box::new(move |simulation, _| order(simulation)));
+        self.orders().change(order);
+    }
+
+    /// For those who change it later.
+    #[must_use]
+    pub fn orders(&self) -> WorldOrders {
+        WorldOrders(self.orders.clone())
     }
 
     /// Plugs other lines into the truck with this index.
     pub fn replace_lines(&self, index: usize, new: TruckLines) {
-        self.push(Box::new(move |_, lines| {
+        self.orders().push(Box::new(move |_, lines| {
             if let Some(old) = lines.get_mut(index) {
                 *old = new;
             }
         }));
-    }
-
-    fn push(&self, order: Order) {
-        self.orders.lock().unwrap_or_else(PoisonError::into_inner).push(order);
     }
 
     /// The instruments that a person holds to the truck with this index.

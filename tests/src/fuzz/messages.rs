@@ -1,11 +1,12 @@
-//! Messages from the network: requests, questions to the dispatcher, setpoints, emergency stops, pose fixes, routes, states.
+//! Messages from the network: requests, questions to the dispatcher, setpoints, emergency stops, pose fixes, routes,
+//! states, what robots tell those near them.
 
 use std::fmt::Debug;
 use xtb_protocol::Uuid;
 use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::messages::{
     Assignment, Body, DispatchBody, DispatchRequest, Estop, Fix, MAX_POINTS, MAX_PRIORITY, MAX_SUBMISSION,
-    Message, RejectCode, Reply, Request, RobotState, Route, Setpoint, TaskAction, TaskSpec, Track,
+    Message, NearState, RejectCode, Reply, Request, RobotState, Route, Setpoint, TaskAction, TaskSpec, Track,
     TrafficState,
 };
 use xtb_protocol::wire::CodecError;
@@ -100,6 +101,16 @@ pub fn route(bytes: &[u8]) -> bool {
             && route.others.iter().all(|pose| in_map(pose.x_m, pose.y_m) && is_angle(pose.yaw_rad))
             && (0.0..=1.0e5).contains(&route.release_m)
             && (0.0..=2.0).contains(&route.cruise_mps)
+    })
+}
+
+/// What a robot tells those near it.
+#[must_use]
+pub fn near(bytes: &[u8]) -> bool {
+    message(bytes, |near: &NearState| {
+        let way = near.way.as_ref();
+        way.is_none_or(|way| is_track(&way.track) && way.done_m.is_finite() && way.release_m.is_finite())
+            && [near.x_m, near.y_m, near.yaw_rad, near.speed_mps].iter().all(|value| value.is_finite())
     })
 }
 

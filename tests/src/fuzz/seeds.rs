@@ -5,7 +5,7 @@
 mod navigation;
 mod tasks;
 
-pub(crate) use navigation::{fix, fleet_map, robot_state, ros_map, route, traffic};
+pub(crate) use navigation::{fix, fleet_map, near, robot_state, ros_map, route, traffic};
 pub(crate) use tasks::dispatch;
 
 use super::Seed;

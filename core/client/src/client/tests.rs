@@ -1,4 +1,4 @@
-//! Requests that are turned away, against a robot that a test plays.
+//! Requests that are turned away and states that come late, against robots that a test plays.
 
 use super::requests::Answer;
 use super::*;
@@ -69,4 +69,19 @@ async fn a_robot_that_stays_overloaded_is_said_to_be() {
     assert_eq!(failure.kind, ErrorKind::OutcomeUnknown);
     assert!(failure.message.contains("overloaded"), "{failure}");
     assert!(busy.ids.lock().unwrap().len() > 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_state_ages_from_its_own_arrival_while_another_robot_is_waited_for() {
+    let client = Client::alone(Duration::from_secs(1)).await;
+    let _prompt = crate::fake::FakeRobot::start(&client, "xtb-1").await;
+    let unanswered = Mutex::new(Vec::<Question>::new());
+    let each = move |question| unanswered.lock().unwrap().push(question);
+    let silent = client.keys().robot(&name("xtb-2")).state();
+    let _silent = client.bus().serve(&silent, each).await.unwrap();
+    let began = Instant::now();
+    let (_, states) = client.heard().await.unwrap();
+    let (took, age) = (began.elapsed(), states[&name("xtb-1")].age());
+    assert!(took >= Duration::from_secs(1), "{took:?}: the silent one is waited for");
+    assert!(age > took / 2, "{age:?} of {took:?}");
 }

@@ -2,6 +2,8 @@
 
 use super::*;
 use crate::fake::{FakeDispatcher, Told, task};
+use std::sync::Mutex;
+use xtb_bus::Question;
 use xtb_protocol::messages::TaskState;
 
 fn patient(client: &Client, starts_within: Duration) -> DispatcherClient<'_> {
@@ -64,6 +66,31 @@ async fn a_dispatcher_that_is_there_and_silent_leaves_the_outcome_unknown() {
     let failure = patient(&client, Duration::from_millis(1)).submit(one()).await.unwrap_err();
     assert_eq!(failure.kind, ErrorKind::OutcomeUnknown);
     assert!(failure.hint.contains("fleet-cli tasks"), "{}", failure.hint);
+}
+
+/// It took the question and is gone from the network before it answers.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_submission_that_somebody_took_and_nobody_answered_may_have_been_submitted() {
+    let client = client().await;
+    let unanswered = Mutex::new(Vec::<Question>::new());
+    let each = move |question| unanswered.lock().unwrap().push(question);
+    let _service = client.bus().serve(&client.keys().dispatch_cmd(None), each).await.unwrap();
+    let dispatching = patient(&client, Duration::from_millis(1));
+    assert!(!dispatching.is_there().await);
+    let failure = dispatching.submit(one()).await.unwrap_err();
+    assert_eq!(failure.kind, ErrorKind::OutcomeUnknown);
+    assert!(failure.message.ends_with("outcome unknown"), "{failure}");
+    assert!(failure.hint.contains("fleet-cli tasks"), "{}", failure.hint);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_submission_that_was_turned_away_once_and_then_not_answered_may_have_been_submitted() {
+    let client = client().await;
+    let told = Told { answers: [Some(error(DispatchCode::Overloaded))].into(), ..Told::default() };
+    let fake = FakeDispatcher::start(&client, told).await;
+    let failure = patient(&client, Duration::from_secs(1)).submit(one()).await.unwrap_err();
+    assert_eq!(failure.kind, ErrorKind::OutcomeUnknown);
+    assert!(fake.told.lock().unwrap().asked.len() >= 2);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -14,8 +14,8 @@ const ANY: &str = "*";
 const ANY_MANY: &str = "**";
 
 /// Keys that carry published messages only.
-const PUBLISHED: [&str; 6] =
-    [any::SENSORS, any::TELEOP, any::ESTOP, any::MAP, any::SIM_TRUTH, any::SIM_STATS];
+const PUBLISHED: [&str; 7] =
+    [any::SENSORS, any::NEAR, any::TELEOP, any::ESTOP, any::MAP, any::SIM_TRUTH, any::SIM_STATS];
 
 /// How to watch an expression.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -5,12 +5,13 @@ use crate::assign::{self, Candidate, Demand};
 use crate::predicted_free;
 use crate::task::Task;
 use crate::task_store::record::Record;
-use crate::tracked_robot::TrackedRobot;
-use crate::travel_cost::TravelCost;
+use crate::tracked_robot::{TrackedRobot, smallest_car};
+use crate::travel_cost::{ANY_CAR, TravelCost};
 use crate::write_queue::OnWritten;
 use std::collections::BTreeSet;
+use xtb_nav::Car;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{TaskId, TaskState};
+use xtb_protocol::messages::{TaskId, TaskState, Who};
 
 /// How much farther a robot counts whose battery is getting low, in m.
 const LOW_BATTERY_M: f64 = 20.0;
@@ -42,15 +43,18 @@ impl Dispatcher {
             candidates.push(candidate);
         }
         // As admission measured it, also by who is busy now.
+        let least_m = smallest_car(&self.robots, &Who::Any).core_m();
+        // Who has not said what car it is may be as wide as any.
         let known = self.robots.values().filter_map(|robot| robot.car);
-        let least_m = known.map(|car| car.core_m()).fold(f64::INFINITY, f64::min);
+        let widest = known.max_by(|a, b| a.core_m().total_cmp(&b.core_m())).unwrap_or(ANY_CAR);
         let demands: Vec<Demand> = waiting.iter().map(|task| self.demand(now_ms, task)).collect();
         let assign = |tasks: &[usize], who: &[usize]| -> Vec<(usize, usize)> {
             let some_demands: Vec<Demand> = tasks.iter().map(|&task| demands[task]).collect();
             let some_candidates: Vec<Candidate> = who.iter().map(|&robot| candidates[robot]).collect();
             let penalty_m = |task: usize, robot: usize| {
                 let (task, robot) = (waiting[tasks[task]], robots[who[robot]]);
-                let fits = robot.car().core_m() <= least_m || fits(travel_cost, task, robot);
+                let car = robot.car.unwrap_or(widest);
+                let fits = car.core_m() <= least_m || fits(travel_cost, task, &car);
                 fits.then(|| penalty_m(task, robot)).flatten()
             };
             let pairs = assign::assign(&some_demands, &some_candidates, travel_cost, &penalty_m);
@@ -161,12 +165,14 @@ impl Dispatcher {
         if may.peek().is_none() {
             return Some("no suitable robot present".to_owned());
         }
+        let measured = self.robots.values().any(|robot| robot.car.is_some());
         let reasons = may.filter_map(|robot| {
             let busy = self.store.on(&robot.name).map(|other| format!("busy with {}", other.id));
             let unavailable = || robot.availability(now_ms, &self.settings, &self.identity.me).err();
             let no_member = || self.membership(robot).err();
             let incapable = robot.incapable.get(&id).cloned();
-            let reason = busy.or(incapable).or_else(unavailable).or_else(no_member)?;
+            let unmeasured = || unmeasured(robot).filter(|_| measured).map(str::to_owned);
+            let reason = busy.or(incapable).or_else(unavailable).or_else(no_member).or_else(unmeasured)?;
             Some(format!("{}: {reason}", robot.name))
         });
         let mut reasons: Vec<String> = reasons.collect();
@@ -185,9 +191,18 @@ fn candidate(robot: &TrackedRobot) -> Option<Candidate> {
     Some(Candidate { pose: observed.pose, car: robot.car(), extra_m })
 }
 
-/// Whether a robot may stand at each of a task's points: one that is wider than others cannot do all of theirs.
-fn fits(travel_cost: &dyn TravelCost, task: &Task, robot: &TrackedRobot) -> bool {
-    task.points_left().iter().all(|point| travel_cost.admits(&robot.car(), point).is_ok())
+/// Whether a car may stand at each of a task's points: one that is wider than others cannot do all of theirs.
+fn fits(travel_cost: &dyn TravelCost, task: &Task, car: &Car) -> bool {
+    task.points_left().iter().all(|point| travel_cost.admits(car, point).is_ok())
+}
+
+/// Why it gets no task for which another robot is too wide, if so.
+fn unmeasured(robot: &TrackedRobot) -> Option<&'static str> {
+    match (robot.car, &robot.capabilities) {
+        (Some(_), _) => None,
+        (None, None) => Some("factsheet not read yet"),
+        (None, Some(_)) => Some("its factsheet does not say what vehicle it is"),
+    }
 }
 
 /// How much more than the way it costs, in m; `None` = it may not be.

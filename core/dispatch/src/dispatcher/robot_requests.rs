@@ -32,7 +32,7 @@ impl Dispatcher {
         let ctx = self.ctx(now_ms, ledger);
         let due = robot.pending.is_none() && now_ms >= robot.next_request_ms && settled;
         let purpose = if due { task_progress::next_purpose(ctx, task, robot) } else { None };
-        let next = purpose.and_then(|purpose| Some((purpose, body(purpose, task, ledger)?)));
+        let next = purpose.and_then(|purpose| Some((purpose, body(now_ms, purpose, task, ledger)?)));
         let is_suspended = task.is_some_and(|task| ctx.suspension.cause(task).is_some());
         let (id, keep) = (self.new_id(), self.new_id());
         let Some(robot) = self.robots.get_mut(name) else { return };
@@ -131,7 +131,7 @@ impl Dispatcher {
 }
 
 /// The request for a purpose.
-fn body(purpose: Purpose, task: Option<&Task>, ledger: u64) -> Option<Body> {
+fn body(now_ms: u64, purpose: Purpose, task: Option<&Task>, ledger: u64) -> Option<Body> {
     Some(match purpose {
         Purpose::Acquire => Body::Acquire { take: false },
         Purpose::Release => Body::Release {},
@@ -140,7 +140,7 @@ fn body(purpose: Purpose, task: Option<&Task>, ledger: u64) -> Option<Body> {
             let task = task?;
             Body::Assign {
                 assignment,
-                errand: task.action(assignment.leg),
+                errand: task.action(assignment.leg, now_ms),
                 on_link_loss: task.spec.on_link_loss,
                 finish_s: task.finish_s(),
             }

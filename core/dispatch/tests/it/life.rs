@@ -5,8 +5,8 @@ use xtb_dispatch::{OpenTravelCost, Settings, TravelCost};
 use xtb_nav::{Car, MapPose};
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
-    DispatchBody, DispatchCode, DispatchOutcome, DispatchRequest, Roster, RosterEntry, TaskId, TaskKind,
-    TaskSpec, TaskState, Waypoint, Who,
+    Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchRequest, Roster, RosterEntry, TaskAction,
+    TaskId, TaskKind, TaskSpec, TaskState, Waypoint, Who,
 };
 
 #[test]
@@ -176,6 +176,33 @@ fn pause_stops_the_robot_and_resume_goes_on_at_the_same_leg() {
     bench.run_ms(2000);
     assert_eq!(bench.state(id), TaskState::Running);
     assert_eq!(bench.begun().iter().filter(|(_, leg)| *leg == 0).count(), 2, "one of each task");
+}
+
+#[test]
+fn a_wander_that_is_assigned_again_gets_the_time_that_is_left() {
+    let mut bench = Bench::new(1);
+    let id = bench.submit(TaskSpec::new(TaskKind::Wander { for_s: 60.0 }));
+    let pause = |bench: &mut Bench, for_ms: u64| {
+        bench.run_ms(2000);
+        assert_eq!(bench.state(id), TaskState::Running);
+        bench.ask(DispatchBody::Pause { tasks: vec![id] });
+        bench.run_ms(for_ms);
+        bench.ask(DispatchBody::Resume { tasks: vec![id] });
+    };
+    pause(&mut bench, 20_000);
+    pause(&mut bench, 60_000);
+    bench.run_ms(6000);
+    assert_eq!(bench.state(id), TaskState::Done);
+    let given: Vec<f64> = bench
+        .asks
+        .iter()
+        .filter_map(|(_, body)| match body {
+            Body::Assign { errand: TaskAction::Wander { for_s }, .. } => Some(*for_s),
+            _ => None,
+        })
+        .collect();
+    assert_eq!((given.len(), given[0], given[2]), (3, 60.0, 1.0), "{given:?}");
+    assert!((30.0..39.0).contains(&given[1]), "{given:?}");
 }
 
 #[test]

@@ -216,3 +216,25 @@ fn a_robot_that_is_too_wide_for_a_goal_is_not_sent_there() {
     bench.run_ms(200);
     assert_eq!((bench.robot_of(id), bench.robot_of(next)), (Some(1), None), "it waits for who is busy");
 }
+
+#[test]
+fn a_task_that_only_a_robot_without_a_factsheet_may_fit_waits_for_the_factsheet() {
+    let mut bench = Bench::new(2);
+    bench.travel_cost = Box::new(walled(true));
+    (bench.robots[0].at, bench.robots[1].at) = ((5.0, 2.0), (1.0, 1.0));
+    bench.run_ms(2000);
+    let truck = xtb_nav::Car::of(&xtb_control::VehicleConfig::default());
+    bench.dispatcher.set_factsheet(bench.now_ms, &name("xtb-1"), &[], Some(truck.grown(0.2)));
+    let id = bench.submit(goto(5.0, 3.7)); // 0.3 m from the wall
+    bench.run_ms(2000);
+    assert_eq!((bench.state(id), bench.robot_of(id)), (TaskState::Queued, None));
+    let why = bench.dispatcher.why_queued(bench.now_ms, id);
+    assert_eq!(why.as_deref(), Some("xtb-2: factsheet not read yet"));
+    let wide = bench.submit(goto(4.0, 2.0));
+    bench.run_ms(1000);
+    assert!(bench.robot_of(wide).is_some(), "where the widest fits, any may go");
+    bench.dispatcher.set_factsheet(bench.now_ms, &name("xtb-2"), &[], Some(truck));
+    bench.run_ms(30_000);
+    let robot = bench.dispatcher.history(id).unwrap().task.robot;
+    assert_eq!((bench.state(id), robot), (TaskState::Done, Some(name("xtb-2"))));
+}

@@ -130,15 +130,11 @@ impl State {
         self.mean[X] += stretch * dx;
         self.mean[Y] += stretch * dy;
 
-        let mut f = Matrix6::identity();
-        f[(X, YAW)] = -stretch * dy;
-        f[(Y, YAW)] = stretch * dx;
-        f[(X, DRIFT)] = -stretch * dy * step.dt_s;
-        f[(Y, DRIFT)] = stretch * dx * step.dt_s;
-        f[(X, SCALE)] = dx;
-        f[(Y, SCALE)] = dy;
-        f[(YAW, DRIFT)] = step.dt_s;
-        self.covariance = f * self.covariance * f.transpose();
+        self.carry(&[
+            (X, [(YAW, -stretch * dy), (DRIFT, -stretch * dy * step.dt_s), (SCALE, dx)]),
+            (Y, [(YAW, stretch * dx), (DRIFT, stretch * dx * step.dt_s), (SCALE, dy)]),
+            (YAW, [(DRIFT, step.dt_s), (DELAY, 0.0), (DELAY, 0.0)]),
+        ]);
 
         let way_m = libm::hypot(dx, dy);
         let (along, across) = (square(tuning.along_walk) * way_m, square(tuning.across_walk) * way_m);
@@ -154,6 +150,30 @@ impl State {
         if let Some((rate_radps, sigma_radps)) = step.stood_radps {
             self.correct_drift(rate_radps, sigma_radps);
         }
+    }
+
+    /// The covariance after a step whose derivative is the identity but for these rows: `F P Fᵀ`, of which only
+    /// what is not 0 is computed. A row may use only rows that come after it.
+    fn carry(&mut self, rows: &[(usize, [(usize, f64); 3])]) {
+        let p = &mut self.covariance;
+        for (row, parts) in rows {
+            for column in 0..STATES {
+                for (from, part) in parts {
+                    p[(*row, column)] += part * p[(*from, column)];
+                }
+            }
+        }
+        for (column, parts) in rows {
+            for row in 0..STATES {
+                for (from, part) in parts {
+                    p[(row, *column)] += part * p[(row, *from)];
+                }
+            }
+        }
+    }
+
+    pub(crate) fn wheel_scale(&self) -> (f64, f64) {
+        (self.mean[SCALE], self.covariance[(SCALE, SCALE)].max(0.0).sqrt())
     }
 
     /// A wrong heading does not only shift the way aside, it shortens it: by 1 − cos of its error, which the

@@ -15,7 +15,9 @@ use super::{MARGIN_M, ROBOT_MARGIN_M};
 use crate::MapPose;
 use crate::geometry::{Car, Path, Piece, Rect, distance_m};
 use crate::settings::MEETING_MPS;
+use std::sync::Arc;
 use xtb_control::{Mode, Stamp};
+pub use xtb_protocol::messages::NearRole as Role;
 use xtb_protocol::messages::{RobotState, RouteSource, Via};
 
 /// A robot that has not been heard for this long is unknown: five of the states that robots take of each
@@ -27,9 +29,9 @@ pub const MOST_NEIGHBOURS: usize = 64;
 pub const LOST_TURN_MS: u64 = 5_000;
 
 /// My way is looked at so far, in m: half a minute at 0.2 m/s; chosen, not measured.
-const MINE_M: f64 = 6.0;
+pub(super) const MINE_M: f64 = 6.0;
 /// And the other's; chosen, not measured.
-const THEIRS_M: f64 = 8.0;
+pub(super) const THEIRS_M: f64 = 8.0;
 /// In steps of this, in m, less than a third of an XTB's length; chosen, not measured.
 const STEP_M: f64 = 0.15;
 /// Slower than it will be, for what takes long, in m/s: three quarters of [`MEETING_MPS`]; chosen, not
@@ -48,7 +50,7 @@ const GUESSED_S: f64 = 3.0;
 /// Between a body and a place that is driven through, in m: what a path keeps free.
 const BODY_M: f64 = MARGIN_M;
 /// Between the ways of two, in m: what a path keeps free beside a robot that stands.
-const WAYS_M: f64 = MARGIN_M + ROBOT_MARGIN_M;
+pub(super) const WAYS_M: f64 = MARGIN_M + ROBOT_MARGIN_M;
 /// It stops so far before a body, so that there is room to turn, in m: for an XTB, which turns on 0.45 m as
 /// it is planned; a larger circle is not allowed for. Chosen, not measured.
 const ROOM_M: f64 = 0.6;
@@ -59,17 +61,6 @@ const NEARER_M: f64 = 0.01;
 /// Middles that near to each other are no way out, in m, nor any as near as two bodies reach: 0.64 m for an
 /// XTB. Chosen, not measured.
 const NEAR_M: f64 = 0.9;
-
-/// Who tells a robot where to go.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Role {
-    /// It drives to a planned goal on its own and keeps to the rule.
-    Alone,
-    /// A person, traffic control, or the memorandum's own rules: it gives way to nobody.
-    Driven,
-    /// Nobody: it has no goal, or is latched.
-    Parked,
-}
 
 /// What a robot says of itself.
 #[derive(Debug, Clone, PartialEq)]
@@ -169,7 +160,7 @@ impl NeighbourNow<'_> {
     }
 
     /// Where it will be after so much way.
-    fn ahead(&self, way_m: f64) -> MapPose {
+    pub(super) fn ahead(&self, way_m: f64) -> MapPose {
         match &self.said.way {
             Some(way) if way_m > 0.0 => way.path.at(way.done_m + way_m).0,
             _ => {
@@ -179,13 +170,18 @@ impl NeighbourNow<'_> {
         }
     }
 
+    /// How far its way counts, in m.
+    pub(super) fn reaches_m(&self) -> f64 {
+        match &self.said.way {
+            Some(way) => (way.release_m.min(way.path.length_m()) - way.done_m).clamp(0.0, THEIRS_M),
+            None => (self.said.speed_mps.abs() * GUESSED_S).min(THEIRS_M),
+        }
+    }
+
     /// Its way, place by place, and when it is there at the earliest, in s.
     fn places(&self, car: &Car) -> Vec<(f64, Rect)> {
         let mps = self.said.speed_mps.abs();
-        let to_m = match &self.said.way {
-            Some(way) => (way.release_m.min(way.path.length_m()) - way.done_m).clamp(0.0, THEIRS_M),
-            None => (mps * GUESSED_S).min(THEIRS_M),
-        };
+        let to_m = self.reaches_m();
         let steps = libm::ceil(to_m / STEP_M) as u32;
         let way_m = (0..=steps).map(|step| (f64::from(step) * STEP_M).min(to_m));
         way_m.map(|m| (m / mps.max(FAST_MPS), Rect::body(car, &self.ahead(m)))).collect()
@@ -348,7 +344,7 @@ struct Heard {
     at: Stamp,
     stands_since: Option<Stamp>,
     role_since: Stamp,
-    said: Neighbour,
+    said: Arc<Neighbour>,
 }
 
 /// Those that were heard lately, by name.
@@ -360,23 +356,33 @@ pub(super) struct Neighbours {
 
 impl Neighbours {
     /// A robot said this, `at`.
-    pub(super) fn hear(&mut self, at: Stamp, said: Neighbour) {
+    pub(super) fn hear(&mut self, at: Stamp, said: Arc<Neighbour>) {
         if said.name == self.me {
             return;
         }
+        let fresh = |known: &Heard| at.since_ms(known.at) <= HEARD_MS;
         let stands = said.speed_mps.abs() < STANDS_MPS;
-        self.heard.retain(|known| at.since_ms(known.at) <= HEARD_MS);
         match self.heard.binary_search_by(|known| known.said.name.cmp(&said.name)) {
             Ok(known) => {
                 let known = &mut self.heard[known];
-                let stands_since = stands.then(|| known.stands_since.unwrap_or(at));
-                let role_since = if known.said.role == said.role { known.role_since } else { at };
+                let before = Some(&*known).filter(|known| fresh(known));
+                let stands_since =
+                    before.and_then(|known| known.stands_since).or(Some(at)).filter(|_| stands);
+                let same = before.filter(|known| known.said.role == said.role);
+                let role_since = same.map_or(at, |known| known.role_since);
                 *known = Heard { at, stands_since, role_since, said };
             }
-            Err(_) if self.heard.len() >= MOST_NEIGHBOURS => {}
             Err(place) => {
-                let stands_since = stands.then_some(at);
-                self.heard.insert(place, Heard { at, stands_since, role_since: at, said });
+                let place = if self.heard.len() < MOST_NEIGHBOURS {
+                    place
+                } else {
+                    self.heard.retain(fresh);
+                    self.heard.partition_point(|known| known.said.name < said.name)
+                };
+                if self.heard.len() < MOST_NEIGHBOURS {
+                    let stands_since = stands.then_some(at);
+                    self.heard.insert(place, Heard { at, stands_since, role_since: at, said });
+                }
             }
         }
     }

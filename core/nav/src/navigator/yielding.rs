@@ -19,6 +19,7 @@ use super::traffic_guidance::MOTION_ALLOWANCE_M;
 use super::turn::{Decision, HoldReason, stand};
 use crate::MapPose;
 use crate::geometry::{Car, Path, Rect, distance_m};
+use std::sync::Arc;
 use xtb_control::Stamp;
 use xtb_protocol::messages::Route;
 
@@ -42,8 +43,8 @@ impl Navigator {
     }
 
     /// Another robot said this, `at`.
-    pub fn neighbour(&mut self, at: Stamp, said: Neighbour) {
-        self.neighbours.hear(at, said);
+    pub fn neighbour(&mut self, at: Stamp, said: impl Into<Arc<Neighbour>>) {
+        self.neighbours.hear(at, said.into());
     }
 
     /// Whether it has a goal and nobody coordinates.

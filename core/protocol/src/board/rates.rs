@@ -16,6 +16,9 @@ pub const HEAD_ROOM: f64 = 1.25;
 const AROUND: usize = 1 + 1 + 1 + 4 + 1;
 /// Between two PWM frames, in s.
 pub const PWM_EVERY_S: f64 = 0.020;
+/// PWM frames that go out beside those, when a new setpoint turns the wheels: in any second at most. More than
+/// the 20 setpoints of a client, and as many as 38,400 baud carry with their reserve.
+pub const EARLY_PWM_A_SECOND: u32 = 25;
 /// Between two set-ups while the board has not confirmed, in s.
 pub const SETUP_EVERY_S: f64 = 0.1;
 /// Between two scans of the converter, in s (§4.5).
@@ -105,6 +108,7 @@ impl LineRates {
                 frame("remote control", FromDevice, 6, remote_s, "with a receiver"),
                 frame("status", FromDevice, 8, STATUS_EVERY_S, ""),
                 frame("pwm", ToDevice, 20, PWM_EVERY_S, ""),
+                frame("early pwm", ToDevice, 20, 1.0 / f64::from(EARLY_PWM_A_SECOND), "after new setpoints"),
                 frame("set-up", ToDevice, Setup::LEN, SETUP_EVERY_S, "until confirmed"),
                 frame("channel reset", ToDevice, 2, remote_s, "while a channel reads 420 %"),
             ],
@@ -254,6 +258,7 @@ mod tests {
             ("remote control", writer.remote(&RemoteSample::default())),
             ("status", writer.status(&status)),
             ("pwm", writer.pwm(&pwm)),
+            ("early pwm", writer.pwm(&pwm)),
             ("set-up", writer.setup(&setup)),
             ("channel reset", writer.reset(ResetMask::default())),
         ];
@@ -264,18 +269,18 @@ mod tests {
     }
 
     #[test]
-    fn the_memorandums_9600_baud_do_not_carry_the_board_and_28800_do() {
+    fn the_memorandums_9600_baud_do_not_carry_the_board_and_38400_do_with_all_early_frames() {
         let line = usual_board();
-        for (baud, fits) in [(9600, false), (19_200, false), (28_800, true), (38_400, true)] {
+        for (baud, fits) in [(9600, false), (19_200, false), (28_800, false), (38_400, true)] {
             assert_eq!(line.check(baud).is_ok(), fits, "{baud}");
         }
         let error = line.check(9600).unwrap_err();
-        assert_eq!((error.standard, error.usual), (28_800, 38_400));
+        assert_eq!((error.standard, error.usual), (38_400, 38_400));
         assert_eq!(
             error.to_string(),
             "the frames need 27399 baud from the board (encoder 1907 + converter 12105 + remote control \
-             6306 + status 1600, and a quarter more) and 26881 to it (pwm 14000 + set-up 3000 + channel \
-             reset 4505, and a quarter more); use at least 28800 (38400 is usual)"
+             6306 + status 1600, and a quarter more) and 35631 to it (pwm 14000 + early pwm 7000 + set-up \
+             3000 + channel reset 4505, and a quarter more); use at least 38400"
         );
     }
 

@@ -57,28 +57,35 @@ impl FrameReader {
 
     /// Frames of the board, for the agent.
     pub fn from_board(&mut self, bytes: &[u8], mut found: impl FnMut(Result<FromBoard, BoardError>)) {
-        for &byte in bytes {
-            if let Some(body) = self.push(byte) {
-                let result = body.and_then(|opened| match opened.repeated {
-                    true => Err(BoardError::Repeated(opened.seq)),
-                    false => parse_from_board(opened.kind, opened.payload()),
-                });
-                self.count(&result);
-                found(result);
-            }
-        }
+        self.frames(bytes, |reader, body| {
+            let result = body.and_then(|opened| match opened.repeated {
+                true => Err(BoardError::Repeated(opened.seq)),
+                false => parse_from_board(opened.kind, opened.payload()),
+            });
+            reader.count(&result);
+            found(result);
+        });
     }
 
     /// Frames of the agent, for the board (real firmware or simulated).
     pub fn to_board(&mut self, bytes: &[u8], mut found: impl FnMut(Result<ToBoard, BoardError>)) {
-        for &byte in bytes {
-            if let Some(body) = self.push(byte) {
-                // An agent that restarts may begin with any number: the board obeys it.
-                let result = body.and_then(|opened| parse_to_board(opened.kind, opened.payload()));
-                self.count(&result);
-                found(result);
+        self.frames(bytes, |reader, body| {
+            // An agent that restarts may begin with any number: the board obeys it.
+            let result = body.and_then(|opened| parse_to_board(opened.kind, opened.payload()));
+            reader.count(&result);
+            found(result);
+        });
+    }
+
+    fn frames(&mut self, mut bytes: &[u8], mut each: impl FnMut(&mut Self, Result<Opened, BoardError>)) {
+        while let Some(end) = bytes.iter().position(|&byte| byte == 0) {
+            self.keep(&bytes[..end]);
+            if let Some(body) = self.close() {
+                each(self, body);
             }
+            bytes = &bytes[end + 1..];
         }
+        self.keep(bytes);
     }
 
     fn count<T>(&mut self, result: &Result<T, BoardError>) {
@@ -89,17 +96,17 @@ impl FrameReader {
         }
     }
 
+    /// Bytes of a frame, without a delimiter.
+    fn keep(&mut self, piece: &[u8]) {
+        let room = &mut self.buffer[self.len..];
+        let kept = piece.len().min(room.len());
+        room[..kept].copy_from_slice(&piece[..kept]);
+        self.len += kept;
+        self.overrun |= kept < piece.len();
+    }
+
     /// A delimiter closes a frame: what is in it, checked.
-    fn push(&mut self, byte: u8) -> Option<Result<Opened, BoardError>> {
-        if byte != 0 {
-            if self.len == self.buffer.len() {
-                self.overrun = true;
-            } else {
-                self.buffer[self.len] = byte;
-                self.len += 1;
-            }
-            return None;
-        }
+    fn close(&mut self) -> Option<Result<Opened, BoardError>> {
         let (len, overrun) = (self.len, self.overrun);
         (self.len, self.overrun) = (0, false);
         if len == 0 {

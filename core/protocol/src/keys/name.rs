@@ -15,6 +15,9 @@ pub enum NameError {
     /// Wrong length or characters.
     #[error("{0:?} is not a name: 1 to {MAX_NAME} of a-z, 0-9 and -")]
     Malformed(String),
+    /// A robot's name on a command line would be taken for an option.
+    #[error("{0:?} cannot be a robot's name: it begins with -")]
+    LeadingDash(String),
     /// See [`RESERVED`].
     #[error("{0:?} is reserved and cannot be a robot's name")]
     Reserved(String),
@@ -41,9 +44,12 @@ impl Name {
     /// A name that a robot may have.
     ///
     /// # Errors
-    /// [`NameError::Malformed`] or [`NameError::Reserved`].
+    /// Every [`NameError`].
     pub fn robot(text: &str) -> Result<Self, NameError> {
         let name = Self::new(text)?;
+        if text.starts_with('-') {
+            return Err(NameError::LeadingDash(text.to_owned()));
+        }
         if RESERVED.contains(&text) { Err(NameError::Reserved(text.to_owned())) } else { Ok(name) }
     }
 
@@ -92,5 +98,9 @@ mod tests {
             assert!(Name::new(bad).is_err(), "{bad}");
         }
         assert_eq!(Name::robot("all"), Err(NameError::Reserved("all".into())));
+        for option in ["-", "--all", "-xtb-1"] {
+            assert_eq!(Name::robot(option), Err(NameError::LeadingDash(option.into())));
+        }
+        assert!(["xtb-1", "xtb-", "7"].iter().all(|name| Name::robot(name).is_ok()));
     }
 }

@@ -14,6 +14,7 @@ mod latch;
 mod log;
 mod map;
 mod nav;
+mod near;
 mod request;
 mod sensors;
 mod sim;
@@ -42,6 +43,7 @@ pub use nav::{
     Arc, Fix, FixSource, MapState, NavPhase, NavState, Route, RouteGoal, RouteSource, RouteState, Track,
     TrafficState,
 };
+pub use near::{NearRole, NearState, NearWay};
 pub use request::{
     Body, Done, ErrorBody, Estop, Estopped, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint,
     Via,

@@ -90,7 +90,7 @@ impl Track {
     /// Longest track in arcs.
     pub const MOST_ARCS: usize = 256;
 
-    fn validate(&self) -> Result<(), CodecError> {
+    pub(super) fn validate(&self) -> Result<(), CodecError> {
         coordinate("start x_m", self.start.x_m)?;
         coordinate("start y_m", self.start.y_m)?;
         angle("start yaw_rad", self.start.yaw_rad)?;

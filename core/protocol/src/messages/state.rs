@@ -302,7 +302,7 @@ pub struct RobotState {
 pub const MAX_REPORTED_M: f64 = 1e6;
 /// Largest speed that a state may tell of, in m/s. At its limit, through 1:1 and wheels of 1 m, an encoder says
 /// 660; the rest is for what fixes make of it. Chosen, not measured.
-const MAX_REPORTED_MPS: f64 = 2000.0;
+pub(super) const MAX_REPORTED_MPS: f64 = 2000.0;
 
 /// Where something is, as a robot reports it.
 pub(super) fn reported(quantity: &'static str, value_m: Option<f64>) -> Result<(), CodecError> {

@@ -168,6 +168,7 @@ fn outlives(channel: &Channel) -> bool {
         Channel::State
             | Channel::Sensors
             | Channel::Route
+            | Channel::Near(_)
             | Channel::Fix
             | Channel::Teleop(_)
             | Channel::TrafficState

@@ -78,6 +78,8 @@ impl Recorder {
     /// What came in at `at_ns` since 1970.
     pub fn take(&mut self, at_ns: u64, item: &Item) -> Vec<Record> {
         match AnyMessage::of(item) {
+            // The state says the same, once and not once a cell.
+            Ok((_, AnyMessage::Near(_))) => Vec::new(),
             Ok((key, news)) => self.keep(at_ns, item, &key, &news),
             Err(error) => {
                 tracing::debug!("not recorded: {error}");

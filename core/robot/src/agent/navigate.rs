@@ -131,7 +131,7 @@ impl Agent {
     }
 
     /// Another robot said this of itself; it came in `at`.
-    pub fn neighbour(&mut self, at: Stamp, said: Neighbour) {
+    pub fn neighbour(&mut self, at: Stamp, said: impl Into<Shared<Neighbour>>) {
         self.nav.neighbour(at, said);
     }
 

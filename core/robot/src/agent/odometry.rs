@@ -9,7 +9,6 @@
 //! than without it, and what is applied changes slowly. Without fixes the scale is 1.
 
 use xtb_control::{Command, Stamp, WheelRpm};
-use xtb_nav::localization::Estimate;
 
 /// A scale is known from this standard deviation down: a third of what it is before any fix shows it
 /// (`filter.open_scale`), after 10 to 13 s in the table of docs/navigation.md.
@@ -42,16 +41,17 @@ impl Default for OdometryScale {
 }
 
 impl OdometryScale {
-    /// What the pose filter says now.
-    pub(super) fn learn(&mut self, now: Stamp, estimate: &Estimate) {
-        let learnt = estimate.fixes.accepted > 0 && estimate.wheel_scale_sigma <= KNOWN_SIGMA;
-        let off = estimate.wheel_scale;
-        if learnt && !estimate.contradicted {
-            self.measured = Some(1.0 + off);
-            let sure = off.abs() - 2.0 * estimate.wheel_scale_sigma;
-            self.fault = sure > FAULT || (self.fault && off.abs() > FAULT_OVER);
-        } else if !learnt {
-            self.measured = None;
+    /// What the pose filter says now: by which part the wheels go farther, with its standard deviation, and
+    /// whether fixes contradict it.
+    pub(super) fn learn(&mut self, now: Stamp, scale: Option<(f64, f64)>, contradicted: bool) {
+        match scale.filter(|(_, sigma)| *sigma <= KNOWN_SIGMA) {
+            None => self.measured = None,
+            Some(_) if contradicted => {}
+            Some((off, sigma)) => {
+                self.measured = Some(1.0 + off);
+                let sure = off.abs() - 2.0 * sigma;
+                self.fault = sure > FAULT || (self.fault && off.abs() > FAULT_OVER);
+            }
         }
         // One that is not known any more does not make the truck faster.
         let wanted = self.measured.unwrap_or_else(|| self.applied.max(1.0));
@@ -86,29 +86,13 @@ impl OdometryScale {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use xtb_control::VehicleConfig;
-    use xtb_control::frames::MapPose;
-    use xtb_control::odometry::OdomPose;
     use xtb_control::units::Steering;
-    use xtb_nav::localization::{FilterTuning, FixCounts, PoseFilter};
-
-    fn estimate(scale: f64, sigma: f64) -> Estimate {
-        let (vehicle, start) = (VehicleConfig::default(), MapPose::default());
-        let odom = OdomPose::default();
-        let filter = PoseFilter::new(&vehicle, FilterTuning::default(), Stamp::ZERO, &odom, &start);
-        Estimate {
-            wheel_scale: scale - 1.0,
-            wheel_scale_sigma: sigma,
-            fixes: FixCounts { accepted: 9, ..FixCounts::default() },
-            ..filter.estimate(Stamp::ZERO)
-        }
-    }
 
     fn learnt(said: &[(f64, f64)]) -> OdometryScale {
         let mut scale = OdometryScale::default();
         for (turn, (value, sigma)) in (1..).zip(said) {
             for tenth in 0..100 {
-                scale.learn(Stamp::from_ms(turn * 10_000 + tenth * 100), &estimate(*value, *sigma));
+                scale.learn(Stamp::from_ms(turn * 10_000 + tenth * 100), Some((value - 1.0, *sigma)), false);
             }
         }
         scale
@@ -136,7 +120,7 @@ mod tests {
     fn a_scale_makes_nothing_fast_and_nothing_at_once() {
         assert!((asked(&learnt(&[(0.6, 0.01)])) - 20.0 / 0.95).abs() < 1e-9, "5 % more at most");
         let mut scale = OdometryScale::default();
-        scale.learn(Stamp::from_ms(5), &estimate(1.3, 0.01));
+        scale.learn(Stamp::from_ms(5), Some((1.3 - 1.0, 0.01)), false);
         assert!((asked(&scale) - 20.0).abs() < 0.1, "{}", asked(&scale));
     }
 

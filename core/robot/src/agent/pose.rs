@@ -19,7 +19,7 @@ impl Agent {
     pub(super) fn locate(&mut self, now: Stamp, view: View<'_>) {
         // A pose that is not finite is left out: the odometry never makes one.
         let _ = self.filter.odometry(now, &view.outputs.pose);
-        self.odometry_scale.learn(now, &self.filter.estimate(now));
+        self.odometry_scale.learn(now, self.filter.wheel_scale(), self.filter.is_contradicted());
     }
 
     /// Where the robot is in the map.
@@ -57,10 +57,9 @@ impl Agent {
     /// What is wrong with odometry and pose fixes, with what was seen.
     #[must_use]
     pub fn pose_faults(&self, now: Stamp) -> Vec<(Fault, Option<Arc<str>>)> {
-        let estimate = self.filter.estimate(now);
         let scale = self.odometry_scale.fault().map(|words| (Fault::OdometryScale, Some(words.into())));
-        let frozen = estimate.frozen.then_some((Fault::FixesFrozen, None));
-        let contradict = estimate.contradicted.then_some((Fault::FixesContradict, None));
+        let frozen = self.filter.is_frozen(now).then_some((Fault::FixesFrozen, None));
+        let contradict = self.filter.is_contradicted().then_some((Fault::FixesContradict, None));
         [scale, frozen, contradict].into_iter().flatten().collect()
     }
 }

@@ -1,6 +1,7 @@
 //! What holds a robot back beside its brain: a receiver that falls silent, a stick that was never
 //! neutral, a board that is not there; and what is broken, collected for the brain.
 
+use super::early::EarlyFrames;
 use super::{Heard, LOOP_STALL_MS, Robot};
 use crate::agent::STICK_NEUTRAL_COUNTS;
 use crate::authority::arbitration::Writer;
@@ -37,6 +38,7 @@ impl Robot {
             (self.heard, self.board.open_since) = (Heard::default(), now);
             (self.next_frame, self.neutral_since) = (now, self.neutral_since.map(|_| now));
             self.remote_due = self.remote_due.map(|_| now);
+            self.early = EarlyFrames::default();
             self.monitors = Monitors::default();
             self.setup.forget();
         }

@@ -22,7 +22,7 @@ impl Robot {
             // The board's watchdog has fired because of us: no reason to set it up again.
             self.board.excused_until = now.plus_ms(LINE_LOST_MS);
         }
-        self.board.watch.bytes(now, bytes);
+        self.board.watch.came(now);
         if self.board.watch.unwell_ms(now) > SUSPICIOUS_MS {
             let watch = &mut self.board.watch;
             self.board.foreign.push(bytes, |_| watch.foreign_frame());
@@ -40,6 +40,7 @@ impl Robot {
             Err(_) => {} // the reader counts it
         });
         self.board.reader = reader;
+        self.board.watch.bytes(now, bytes);
     }
 
     /// Until the board has confirmed its set-up, nothing but its status counts (Fig. 8).
@@ -83,7 +84,7 @@ impl Robot {
         if bytes.is_empty() {
             return;
         }
-        self.gyro.watch.bytes(now, bytes);
+        self.gyro.watch.came(now);
         if self.gyro.watch.unwell_ms(now) > SUSPICIOUS_MS {
             let watch = &mut self.gyro.watch;
             self.gyro.foreign.from_board(bytes, |frame| {
@@ -104,6 +105,7 @@ impl Robot {
             }
         });
         self.gyro.reader = reader;
+        self.gyro.watch.bytes(now, bytes);
     }
 
     /// How the board's port is: `None` = open. What is plugged in again has to be set up again.

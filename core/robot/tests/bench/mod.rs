@@ -23,6 +23,7 @@ pub(crate) struct Bench {
     pub(crate) frames: FrameReader,
     pub(crate) now: Stamp,
     pub(crate) motor: PwmCount,
+    pub(crate) steer_front: PwmCount,
     /// Counts of the front range finders; 60 = nothing in range, 300 = something near.
     pub(crate) front: u16,
     pub(crate) board_silent: bool,
@@ -69,6 +70,7 @@ impl Bench {
             frames: FrameReader::default(),
             now: Stamp::ZERO,
             motor: PwmCount::NEUTRAL,
+            steer_front: PwmCount::NEUTRAL,
             front: 60,
             board_silent: false,
             gyro_silent: false,
@@ -123,9 +125,9 @@ impl Bench {
     }
 
     pub(crate) fn board_hears(&mut self, bytes: &[u8]) {
-        let Self { frames, motor, setup, resets, .. } = self;
+        let Self { frames, motor, steer_front, setup, resets, .. } = self;
         frames.to_board(bytes, |frame| match frame.unwrap() {
-            ToBoard::Pwm(pwm) => *motor = pwm.motor,
+            ToBoard::Pwm(pwm) => (*motor, *steer_front) = (pwm.motor, pwm.steer_front),
             ToBoard::Setup(wanted) => *setup = Some(wanted),
             ToBoard::Reset(mask) => resets.push(mask),
         });

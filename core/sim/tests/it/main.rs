@@ -14,6 +14,7 @@ mod draw;
 mod drive;
 mod faults;
 mod fixed;
+mod foreign;
 mod goto;
 mod guards;
 mod hazards;

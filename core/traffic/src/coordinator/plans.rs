@@ -357,6 +357,11 @@ fn is_due(truck: &Truck, now: Stamp) -> bool {
     !truck.is_live() && truck.retry_at <= now && truck.can_be_led(now)
 }
 
+/// Whether it has no way among many, and the next look for one is a more thorough one.
+pub(super) fn is_looked_for_further(truck: &Truck) -> bool {
+    !truck.is_live() && (1..=ALONE_TRIES).contains(&truck.misses)
+}
+
 /// Whether a plan goes on from what is released of a route.
 fn continues(route: &Route, truck: &Truck, plan: &Plan) -> bool {
     route.way.path.start == plan.way.path.start && !truck.stalled

@@ -5,11 +5,11 @@
 //! interval. Two nodes of one cell compete only if the truck could have waited from one to the other
 //! (M. Phillips and M. Likhachev, *SIPP: Safe interval path planning*, ICRA 2011).
 
+use super::crowd::Crowd;
 use super::lane;
-use super::nearby::Nearby;
 use super::occupancy::{NEVER, TICK_WAY_M};
 use super::order::GEAR_TICKS;
-use super::task::{Leg, Other, Stuck, Task};
+use super::task::{Leg, Stuck, Task};
 use crate::hybrid_a_star::{End, Expand, Tree};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -51,8 +51,6 @@ const LANE_COST: f64 = 0.6;
 const LANE_TICKS: u32 = 4;
 /// Longest wait for a gap, in ticks (100 s); chosen, not measured.
 const MOST_WAIT: u32 = 400;
-/// So many others are asked one by one; more are found through a grid.
-const FEW: usize = 16;
 /// Margin of the look-out to fixed things, in m, less than the body's; chosen, not measured.
 const LOOK_MARGIN_M: f64 = 0.02;
 /// Margins of the body to fixed things, in m: the largest with which it is free where it stands. With the
@@ -96,10 +94,7 @@ struct Search<'a> {
     grain: &'static Grain,
     radius_m: f64,
     body_margin_m: f64,
-    /// No other truck moves any more from this tick on.
-    still: u32,
-    /// If there are more than [`FEW`].
-    nearby: Option<Nearby>,
+    crowd: Crowd<'a>,
     goals: Vec<MapPose>,
     closed: BTreeMap<(i32, i32, i32), Vec<Seen>>,
     sweep: Vec<Stand>,
@@ -112,12 +107,11 @@ impl<'a> Search<'a> {
             .into_iter()
             .find(|&margin| task.room.is_free(&here, margin))
             .ok_or(Stuck::Start)?;
-        let still = task.others.iter().map(|other| other.line.end()).max().unwrap_or(0);
         let radius_m = task.car.radius_m * RADIUS_FACTOR;
         let (goals, closed, sweep) = (Vec::new(), BTreeMap::new(), Vec::new());
         let reach_m = Rect::looking(task.car, &task.start, 1.0).reach_m();
-        let nearby = (task.others.len() > FEW).then(|| Nearby::new(task.others, reach_m));
-        let mut search = Self { task, grain, radius_m, body_margin_m, still, nearby, goals, closed, sweep };
+        let crowd = Crowd::new(task.others, reach_m);
+        let mut search = Self { task, grain, radius_m, body_margin_m, crowd, goals, closed, sweep };
         if let Some(target) = &task.target {
             let yaws: Vec<f64> = match target.yaw_rad {
                 Some(yaw_rad) => vec![yaw_rad],
@@ -138,7 +132,7 @@ impl<'a> Search<'a> {
 
     fn run(&mut self, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
         let Task { car, start: pose, gear, tick, .. } = *self.task;
-        let safe = self.safe_until(&Stand::still(car, &pose), tick);
+        let safe = self.crowd.safe_until(&Stand::still(car, &pose), tick);
         let heuristic = self.heuristic(&pose).ok_or(Stuck::Nowhere)?;
         let root = Node { pose, gear, tick, safe, cost: 0.0, legs: Vec::new(), goal: false };
         let mut tree = Tree::new();
@@ -180,8 +174,8 @@ impl<'a> Search<'a> {
             if depart > safe || delay > MOST_WAIT || found == 2 {
                 break;
             }
-            if !self.is_clear(&sweep, depart, &mut met) {
-                if depart > self.still {
+            if !self.crowd.is_clear(&sweep, depart, &mut met) {
+                if depart > self.crowd.still {
                     break;
                 }
                 delay += 2;
@@ -191,7 +185,7 @@ impl<'a> Search<'a> {
             let still = sweep
                 .last()
                 .map_or_else(|| Stand::still(self.task.car, &end), |stand| Stand { look: None, ..*stand });
-            let safe_then = self.safe_until(&still, arrive);
+            let safe_then = self.crowd.safe_until(&still, arrive);
             if goal && safe_then != NEVER {
                 delay += 4;
                 continue;
@@ -268,42 +262,10 @@ impl<'a> Search<'a> {
         Some((pose, gear, legs, extra))
     }
 
-    /// Whether nobody is in the way of the whole sweep. Who is at one departure is mostly there at the next one as
-    /// well: the step at which it was met, from 0, is looked at first.
-    fn is_clear(&self, sweep: &[Stand], depart: u32, met: &mut usize) -> bool {
-        if sweep.get(*met).is_some_and(|stand| self.is_hit(stand, depart + 1 + *met as u32)) {
-            return false;
-        }
-        let hit = |(step, stand): (usize, &Stand)| self.is_hit(stand, depart + 1 + step as u32);
-        match sweep.iter().enumerate().position(hit) {
-            Some(step) => *met = step,
-            None => return true,
-        }
-        false
-    }
-
-    fn is_hit(&self, stand: &Stand, tick: u32) -> bool {
-        let hits = |other: &Other<'_>| other.line.hits(stand, tick, other.separation_m);
-        match &self.nearby {
-            Some(nearby) => nearby.any_at(stand, tick, |line| hits(&self.task.others[line])),
-            None => self.task.others.iter().any(hits),
-        }
-    }
-
-    fn safe_until(&self, stand: &Stand, tick: u32) -> u32 {
-        let next_of = |other: &Other<'_>| other.line.next_hit(stand, tick, other.separation_m);
-        let next = match &self.nearby {
-            Some(nearby) => nearby.next_hit(self.task.others, stand, tick),
-            None => self.task.others.iter().map(next_of).min().unwrap_or(NEVER),
-        };
-        if next == NEVER { NEVER } else { next - 1 }
-    }
-
     /// Whether the truck can stand there for good.
     fn may_stay(&self, pose: &MapPose) -> bool {
         let stand = Stand::still(self.task.car, pose);
-        self.task.room.is_free(&stand.body, self.body_margin_m)
-            && !self.task.others.iter().any(|other| other.line.hits(&stand, NEVER - 1, other.separation_m))
+        self.task.room.is_free(&stand.body, self.body_margin_m) && self.crowd.leaves_free(&stand)
     }
 
     /// Whether who ends there in any heading can drive on.

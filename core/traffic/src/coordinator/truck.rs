@@ -97,6 +97,8 @@ pub(super) struct Truck {
     pub(super) misses: u32,
     /// Its last way met one that was planned elsewhere: everybody is looked at for the next one.
     pub(super) anywhere: bool,
+    /// For how long it has stood with this goal, in ms, without the time for which a joint plan was being made.
+    pub(super) stood_ms: u64,
 }
 
 impl Truck {
@@ -122,6 +124,7 @@ impl Truck {
             tried: None,
             misses: 0,
             anywhere: false,
+            stood_ms: 0,
             view,
         }
     }
@@ -152,6 +155,11 @@ impl Truck {
     /// For how long it has had this goal without being led to it, in ms.
     pub(super) fn waited_ms(&self, now: Stamp) -> u64 {
         now.since_ms(self.wants_since)
+    }
+
+    /// Another turn of so long is over.
+    pub(super) fn count_standing(&mut self, now: Stamp, turn_ms: u64) {
+        self.stood_ms = if self.can_be_led(now) && self.stands() { self.stood_ms + turn_ms } else { 0 };
     }
 
     /// It is led to its goal, and has its turn with that.
@@ -196,6 +204,7 @@ impl Truck {
             self.none = None;
             self.wants_since = seen;
             (self.misses, self.anywhere) = (0, false);
+            self.stood_ms = 0;
         }
         let confirmed = match (&mut self.route, &self.view.route) {
             (Some(route), Some(report)) if (route.base..=route.plan).contains(&report.plan) => {

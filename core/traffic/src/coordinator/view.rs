@@ -98,6 +98,7 @@ pub struct Counters {
     pub in_turn: u64,
     /// New ways that were not used, as somebody else had been led across them meanwhile.
     pub outdated: u64,
-    /// Times that the whole fleet stood and one was told that there is no way.
+    /// Times that the whole fleet stood, or some that wait for each other did for long, and one was told that there is
+    /// no way.
     pub given_up: u64,
 }

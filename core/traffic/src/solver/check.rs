@@ -153,6 +153,20 @@ fn slices(problem: &Problem, schedule: &Schedule, step: usize) -> Result<(), Fau
     let touch = problem.step_m * TOUCH;
     let bodies: Vec<Car> = problem.cars.iter().map(|task| task.car.grown(-touch / 2.0)).collect();
     let name = |car: usize| problem.cars[car].name.clone();
+    let spans: Vec<([f64; 2], f64)> =
+        (0..bodies.len()).map(|car| span(&problem.cars[car].car, &schedule.ways[car].rows, step)).collect();
+    let near = |(a, far): ([f64; 2], f64), b: [f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]) <= far + touch;
+    let obstacles: Vec<Vec<&Obstacle>> = spans
+        .iter()
+        .map(|&(at, far)| {
+            let around = |thing: &&Obstacle| near((at, far + thing.reach_m()), thing.middle_m());
+            problem.obstacles.iter().filter(around).collect()
+        })
+        .collect();
+    let pairs: Vec<(usize, usize)> = (0..spans.len())
+        .flat_map(|car| (car + 1..spans.len()).map(move |other| (car, other)))
+        .filter(|&(car, other)| near((spans[car].0, spans[car].1 + spans[other].1), spans[other].0))
+        .collect();
     for slice in 0..SLICES {
         let fraction = slice as f64 / SLICES as f64;
         let poses: Vec<MapPose> = schedule.ways.iter().map(|way| pose(&way.rows, step, fraction)).collect();
@@ -165,20 +179,28 @@ fn slices(problem: &Problem, schedule: &Schedule, step: usize) -> Result<(), Fau
             if !(wide && deep) {
                 return Err(Fault::Outside { name: name(car), step });
             }
-            if let Some(obstacle) =
-                problem.obstacles.iter().find(|obstacle| hits(&problem.cars[car].car, pose, obstacle, touch))
-            {
+            let hit = |obstacle: &&&Obstacle| hits(&problem.cars[car].car, pose, obstacle, touch);
+            if let Some(obstacle) = obstacles[car].iter().find(hit) {
                 let [x_m, y_m] = obstacle.middle_m();
                 return Err(Fault::Obstacle { name: name(car), step, x_m, y_m });
             }
-            for (other, there) in poses.iter().enumerate().skip(car + 1) {
-                if bodies[car].overlaps(pose, &bodies[other], there) {
-                    return Err(Fault::Contact { first: name(car), second: name(other), step });
-                }
-            }
+        }
+        let touching = |&&(car, other): &&(usize, usize)| {
+            bodies[car].overlaps(&poses[car], &bodies[other], &poses[other])
+        };
+        if let Some(&(car, other)) = pairs.iter().find(touching) {
+            return Err(Fault::Contact { first: name(car), second: name(other), step });
         }
     }
     Ok(())
+}
+
+/// Where a car is when a step begins, and how far any point of it gets from there in that step.
+fn span(car: &Car, rows: &[Row], step: usize) -> ([f64; 2], f64) {
+    let reach = libm::hypot(car.front_m.max(car.rear_m), car.half_width_m);
+    let driven = rows.get(step).map_or(0.0, |row| row.piece.length_m.abs());
+    let at = pose(rows, step, 0.0);
+    ([at.x_m, at.y_m], reach + driven)
 }
 
 fn pose(rows: &[Row], step: usize, fraction: f64) -> MapPose {

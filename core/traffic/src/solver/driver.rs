@@ -55,8 +55,8 @@ impl Driver {
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Option<()> {
         self.moves = grain.moves(problem.step_m, self.radius);
-        let (car, goal) = ((&self.body, &self.moves[..], &self.keep), Spot::new(&self.goal));
-        self.to_goal = Arc::new(CostToGo::flood(problem, grain, obstacles, car, goal, keep_going)?);
+        let (car, ends) = ((&self.body, &self.moves[..], &self.keep), (&self.start, &Spot::new(&self.goal)));
+        self.to_goal = Arc::new(CostToGo::flood(problem, grain, obstacles, car, ends, keep_going)?);
         Some(())
     }
 }

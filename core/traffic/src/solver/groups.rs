@@ -2,7 +2,7 @@
 //! Everybody outside of the group is a wall.
 
 use super::plans::Plans;
-use super::search::{Constraint, Manner, Rank};
+use super::search::{ANY, Constraint, Manner, Rank};
 use super::table::Track;
 use crate::conflicts::{self, Conflict};
 use std::rc::Rc;
@@ -12,7 +12,7 @@ pub(crate) const MOST: usize = 3;
 /// Choices that are looked at; chosen, not measured.
 const MOST_CHOICES: usize = 60;
 /// One search of a group, nearly the shortest way; chosen, not measured.
-const MANNER: Manner = Manner { clash_steps: 1, heuristic_weight: 110, most_nodes: 4_000 };
+const MANNER: Manner = Manner { clash_steps: 1, heuristic_weight: 110, most_nodes: 4_000, most_steps: ANY };
 
 /// Some of the cars; the tracks that were looked at last are those in `plans`.
 struct Group<'g, 's> {

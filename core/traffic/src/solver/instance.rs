@@ -29,6 +29,8 @@ pub(crate) struct Instance {
     by_order: bool,
     /// Longest schedule, in steps.
     pub(crate) horizon: usize,
+    /// Of each car's way without the others.
+    pub(crate) alone: Vec<usize>,
     /// Farthest corner of any car from its middle, in m.
     pub(crate) reach: f64,
     /// Farthest corner of any car from its reference point, in m.
@@ -64,7 +66,8 @@ impl Instance {
         }
         let (step, horizon) = (problem.step_m, MOST_STEPS);
         let by_order = problem.by_order;
-        Ok(Self { obstacles, lattice, drivers, margins, step, by_order, horizon, reach, farthest })
+        let alone = Vec::new();
+        Ok(Self { obstacles, lattice, drivers, margins, step, by_order, horizon, alone, reach, farthest })
     }
 
     /// The same car on the same floor on the way to the same goal.
@@ -75,8 +78,11 @@ impl Instance {
             return None;
         }
         let mut cars = before.cars.iter().zip(&self.drivers);
-        cars.find(|(known, driver)| known.car == task.car && driver.goal == places.goal)
-            .map(|(_, driver)| driver)
+        let start = Spot::new(&places.start);
+        cars.find(|(known, driver)| {
+            known.car == task.car && driver.goal == places.goal && driver.to_goal.serves(&start)
+        })
+        .map(|(_, driver)| driver)
     }
 
     /// Between two cars, in m.

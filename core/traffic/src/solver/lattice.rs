@@ -32,9 +32,16 @@ impl Lattice {
 
     #[inline]
     pub(crate) fn square(&self, x: f64, y: f64) -> usize {
+        let (column, row) = self.cell(x, y);
+        row * self.columns + column
+    }
+
+    /// Column and row of the square that a point lies in, or is nearest to.
+    #[inline]
+    pub(crate) fn cell(&self, x: f64, y: f64) -> (usize, usize) {
         let column = (((x - self.west) / self.side).max(0.0) as usize).min(self.columns - 1);
         let row = (((y - self.south) / self.side).max(0.0) as usize).min(self.rows - 1);
-        row * self.columns + column
+        (column, row)
     }
 
     /// Middle of the square in this column and row.

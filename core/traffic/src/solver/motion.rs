@@ -32,17 +32,39 @@ impl Spot {
     /// After this fraction of a piece.
     #[inline]
     pub(crate) fn after(&self, piece: &Piece, fraction: f64) -> Self {
+        Drive::new(piece, fraction).end(self)
+    }
+}
+
+/// A fraction of a piece, ready to be driven from anywhere.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Drive {
+    ahead: f64,
+    left: f64,
+    turned: f64,
+    cos: f64,
+    sin: f64,
+}
+
+impl Drive {
+    #[inline]
+    pub(crate) fn new(piece: &Piece, fraction: f64) -> Self {
         let way = piece.length_m * fraction;
         let turned = piece.curvature_per_m * way;
         let (along, across) = chord(turned);
         let (ahead, left) = (way * along, way * across);
-        let (sin, cos) = (turned * along, 1.0 - turned * across);
-        Self {
-            x: self.x + ahead * self.cos - left * self.sin,
-            y: self.y + ahead * self.sin + left * self.cos,
-            yaw: self.yaw + turned,
-            cos: self.cos * cos - self.sin * sin,
-            sin: self.sin * cos + self.cos * sin,
+        Self { ahead, left, turned, cos: 1.0 - turned * across, sin: turned * along }
+    }
+
+    /// Where it ends, from here.
+    #[inline]
+    pub(crate) fn end(&self, spot: &Spot) -> Spot {
+        Spot {
+            x: spot.x + self.ahead * spot.cos - self.left * spot.sin,
+            y: spot.y + self.ahead * spot.sin + self.left * spot.cos,
+            yaw: spot.yaw + self.turned,
+            cos: spot.cos * self.cos - spot.sin * self.sin,
+            sin: spot.sin * self.cos + spot.cos * self.sin,
         }
     }
 }

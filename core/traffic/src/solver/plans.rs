@@ -1,6 +1,7 @@
 //! All cars' tracks and who is in whose way: what priorities and repair work on.
 
 use super::Unsolved;
+use super::cars::{Cars, bits};
 use super::instance::Instance;
 use super::motion::WAIT;
 use super::schedule::Schedule;
@@ -9,10 +10,6 @@ use super::table::{Table, Track};
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 use std::rc::Rc;
-
-/// Bits of cars; [`MOST_CARS`](super::problem::MOST_CARS) of them.
-pub(crate) type Cars = u128;
-const _: () = assert!(super::problem::MOST_CARS == Cars::BITS as usize);
 
 /// The state of the search for a schedule.
 #[derive(Debug)]
@@ -154,16 +151,4 @@ impl<'s> Plans<'s> {
         let without = self.missing().into_iter().map(name).collect();
         Unsolved::OutOfBudget { conflicts, without }
     }
-}
-
-/// The cars whose bits are set.
-pub(crate) fn bits(mut cars: Cars) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        if cars == 0 {
-            return None;
-        }
-        let car = cars.trailing_zeros() as usize;
-        cars &= cars - 1;
-        Some(car)
-    })
 }

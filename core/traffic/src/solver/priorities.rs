@@ -1,8 +1,9 @@
 //! Priorities: who gives way to whom. Each car is planned alone first; where two touch, one of them has
 //! to give way, and it and those below it are planned anew. Depth first, the better choice first.
 
-use super::plans::{Cars, Plans, bits};
-use super::search::{Manner, Rank};
+use super::cars::{Cars, bits};
+use super::plans::Plans;
+use super::search::{ANY, Manner, Rank};
 use super::table::Track;
 use std::rc::Rc;
 
@@ -71,8 +72,12 @@ fn root(plans: &mut Plans<'_>, keep_going: &mut dyn FnMut() -> bool) -> Option<C
 }
 
 /// Of these.
-const MANNER: Manner =
-    Manner { clash_steps: CLASH_STEPS, heuristic_weight: HEURISTIC_WEIGHT, most_nodes: NODES };
+const MANNER: Manner = Manner {
+    clash_steps: CLASH_STEPS,
+    heuristic_weight: HEURISTIC_WEIGHT,
+    most_nodes: NODES,
+    most_steps: ANY,
+};
 
 /// Puts the tracks of a choice in place.
 fn choose(plans: &mut Plans<'_>, choice: &Choice) {

@@ -4,10 +4,11 @@
 //! A neighbourhood is chosen around a car that is in somebody's way: those it touches and those they
 //! touch, those that stand in its best way, or those that are near it somewhere.
 
+use super::cars::{Cars, bits};
 use super::groups;
 use super::motion::Spot;
-use super::plans::{Cars, Plans, bits};
-use super::search::{Manner, Rank};
+use super::plans::Plans;
+use super::search::{ANY, Manner, Rank};
 use super::table::Track;
 use std::rc::Rc;
 
@@ -64,7 +65,7 @@ fn soft(
     most_nodes: u32,
 ) -> Option<Rc<Track>> {
     let ranks = vec![Rank::Soft; plans.cars()];
-    plans.search(car, &ranks, &[], Manner { clash_steps, heuristic_weight, most_nodes })
+    plans.search(car, &ranks, &[], Manner { clash_steps, heuristic_weight, most_nodes, most_steps: ANY })
 }
 
 /// The way that a car would take without all others.
@@ -74,7 +75,12 @@ pub(crate) fn alone(plans: &mut Plans<'_>, car: usize) -> Option<Rc<Track>> {
         car,
         &ranks,
         &[],
-        Manner { clash_steps: 0, heuristic_weight: HEURISTIC_WEIGHT, most_nodes: MOST_NODES },
+        Manner {
+            clash_steps: 0,
+            heuristic_weight: HEURISTIC_WEIGHT,
+            most_nodes: MOST_NODES,
+            most_steps: ANY,
+        },
     )
 }
 
@@ -142,7 +148,7 @@ fn touching(plans: &mut Plans<'_>, group: &mut Cars, size: usize) {
 }
 
 /// Those that the car would meet on its best way.
-fn in_the_way(plans: &mut Plans<'_>, car: usize, group: &mut Cars, size: usize) {
+pub(super) fn in_the_way(plans: &mut Plans<'_>, car: usize, group: &mut Cars, size: usize) {
     let Some(track) = alone(plans, car) else { return };
     let mut met: Vec<usize> = bits(plans.met_by(car, &track)).collect();
     plans.shuffle(&mut met);
@@ -152,7 +158,7 @@ fn in_the_way(plans: &mut Plans<'_>, car: usize, group: &mut Cars, size: usize) 
 }
 
 /// Fills up with those that come near one of the group somewhere, and with anybody in the end.
-fn nearby(plans: &mut Plans<'_>, group: &mut Cars, size: usize) {
+pub(super) fn nearby(plans: &mut Plans<'_>, group: &mut Cars, size: usize) {
     /// Then it takes anybody; chosen, not measured.
     const TRIES: usize = 20;
     /// Ways that two cars drive in two steps each; chosen, not measured.
@@ -189,7 +195,7 @@ pub(crate) fn polish(plans: &mut Plans<'_>, keep_going: &mut dyn FnMut() -> bool
         if !keep_going() {
             return;
         }
-        let manner = Manner { clash_steps: 0, heuristic_weight: 100, most_nodes: NODES };
+        let manner = Manner { clash_steps: 0, heuristic_weight: 100, most_nodes: NODES, most_steps: ANY };
         let Some(track) = plans.search(car, &ranks, &[], manner) else { continue };
         if plans.table.track(car).is_some_and(|old| track.steps() < old.steps()) {
             plans.put(car, track);

@@ -65,6 +65,9 @@ pub(crate) struct Query<'q> {
     pub(crate) manner: Manner,
 }
 
+/// No limit on how long a way takes.
+pub(crate) const ANY: u32 = u32::MAX;
+
 /// How a car is to be planned.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Manner {
@@ -74,6 +77,8 @@ pub(crate) struct Manner {
     pub(crate) heuristic_weight: u32,
     /// Nodes after which it gives up.
     pub(crate) most_nodes: u32,
+    /// Ways that take longer, by the heuristic, are not looked at; in steps.
+    pub(crate) most_steps: u32,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -167,6 +172,9 @@ impl Expand for World<'_> {
             }
             let square = self.instance.lattice.square(spot.x, spot.y);
             let Some(to_go) = driver.to_goal.steps(&spot) else { continue };
+            if node.step + 1 + u32::from(to_go) > self.query.manner.most_steps {
+                continue;
+            }
             let gear = if piece.length_m > 0.0 { 1 } else { -1 };
             let mut extra = node.extra + driving(gear, node.gear);
             let key = self.key(square, &spot, step + 1);
@@ -221,6 +229,9 @@ impl World<'_> {
                 return;
             }
             self.closed.insert(then, cost);
+        }
+        if node.step + 1 + node.to_go > self.query.manner.most_steps {
+            return;
         }
         let next = Node { piece: WAIT, step: node.step + 1, extra, ..*node };
         tree.push(index, next, self.estimate(&next));

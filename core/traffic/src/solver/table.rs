@@ -1,12 +1,11 @@
 //! Who is where in which step: the reservations of all cars.
 
+use super::cars::{Cars, bits};
 use super::instance::{Instance, MOST_STEPS};
 use super::motion::{Spot, WAIT};
 use std::rc::Rc;
 use xtb_nav::Piece;
 
-/// Where absent cars are.
-const NOWHERE: [f64; 2] = [f64::MAX, f64::MAX];
 /// Steps that one number of bits stands for.
 pub(super) const WORD: usize = u64::BITS as usize;
 const _: () = assert!(MOST_STEPS.is_multiple_of(WORD));
@@ -49,8 +48,12 @@ impl Track {
 pub(crate) struct Table<'s> {
     instance: &'s Instance,
     tracks: Vec<Option<Rc<Track>>>,
-    /// Middle of each car where a step begins; step by step.
-    centres: Vec<[f64; 2]>,
+    /// Cars that may be met in a block of squares in a step; block by block.
+    near: Vec<Cars>,
+    /// Squares along a side of a block, …
+    block: usize,
+    /// … and blocks along the floor.
+    blocks: [usize; 2],
     /// Cars near a square in a step; square by square.
     counts: Vec<u8>,
     /// The same as bits: any.
@@ -62,11 +65,18 @@ pub(crate) struct Table<'s> {
 
 impl<'s> Table<'s> {
     pub(crate) fn new(instance: &'s Instance) -> Self {
-        let (cars, steps, squares) = (instance.cars(), instance.horizon, instance.lattice.squares());
+        let (cars, steps, lattice) = (instance.cars(), instance.horizon, &instance.lattice);
+        let squares = lattice.squares();
+        // Middles move a little farther than reference points do; twice is plenty.
+        let near = 2.0 * instance.reach + 4.0 * instance.step;
+        let block = libm::ceil(near / lattice.side) as usize + 1;
+        let blocks = [lattice.columns.div_ceil(block), lattice.rows.div_ceil(block)];
         Self {
             instance,
             tracks: vec![None; cars],
-            centres: vec![NOWHERE; cars * steps],
+            near: vec![0; blocks[0] * blocks[1] * steps],
+            block,
+            blocks,
             counts: vec![0; squares * steps],
             bits: vec![0; squares * steps / WORD],
             words: steps / WORD,
@@ -85,21 +95,40 @@ impl<'s> Table<'s> {
 
     pub(crate) fn put(&mut self, car: usize, track: Rc<Track>) {
         self.take(car);
-        let body = &self.instance.drivers[car].body;
-        for step in 0..self.horizon {
-            self.centres[step * self.instance.cars() + car] = body.centre(track.at(step).0);
-        }
+        self.place(car, &track, true);
         self.mark(car, &track, true);
         self.tracks[car] = Some(track);
     }
 
     pub(crate) fn take(&mut self, car: usize) -> Option<Rc<Track>> {
         let track = self.tracks[car].take()?;
-        for step in 0..self.horizon {
-            self.centres[step * self.instance.cars() + car] = NOWHERE;
-        }
+        self.place(car, &track, false);
         self.mark(car, &track, false);
         Some(track)
+    }
+
+    /// Block of squares that the middle of a body lies in: column and row.
+    #[inline]
+    fn block_of(&self, [x, y]: [f64; 2]) -> (usize, usize) {
+        let (column, row) = self.instance.lattice.cell(x, y);
+        (column / self.block, row / self.block)
+    }
+
+    /// Tells the blocks around a car that it is there, or no longer: whoever can meet it is in one of them.
+    fn place(&mut self, car: usize, track: &Track, there: bool) {
+        let body = &self.instance.drivers[car].body;
+        for step in 0..=track.steps().min(self.horizon - 1) {
+            let (column, row) = self.block_of(body.centre(track.at(step).0));
+            let steps = if step == track.steps() { step..self.horizon } else { step..step + 1 };
+            for row in row.saturating_sub(1)..(row + 2).min(self.blocks[1]) {
+                for column in column.saturating_sub(1)..(column + 2).min(self.blocks[0]) {
+                    let base = (row * self.blocks[0] + column) * self.horizon;
+                    for cars in &mut self.near[base + steps.start..base + steps.end] {
+                        *cars = if there { *cars | 1 << car } else { *cars & !(1 << car) };
+                    }
+                }
+            }
+        }
     }
 
     /// Counts the car in or out in all squares in which another one could not stand beside it.
@@ -181,17 +210,18 @@ impl<'s> Table<'s> {
         let Instance { drivers, reach, step: longest, .. } = self.instance;
         let body = &drivers[me].body;
         let [x, y] = body.centre(spot);
-        // Middles move a little farther than reference points do; twice is plenty.
         let near = body.reach + reach + 2.0 * (piece.length_m.abs() + longest);
         let near = near * near;
-        let cars = self.instance.cars();
-        for (other, centre) in self.centres[step * cars..(step + 1) * cars].iter().enumerate() {
-            let (dx, dy) = (centre[0] - x, centre[1] - y);
-            if dx * dx + dy * dy > near || other == me {
-                continue;
-            }
+        let (column, row) = self.block_of([x, y]);
+        let cars = self.near[(row * self.blocks[0] + column) * self.horizon + step];
+        for other in bits(cars & !(1 << me)) {
             let Some(track) = &self.tracks[other] else { continue };
             let (there, driven) = track.at(step);
+            let centre = drivers[other].body.centre(there);
+            let (dx, dy) = (centre[0] - x, centre[1] - y);
+            if dx * dx + dy * dy > near {
+                continue;
+            }
             if !self.instance.pass((me, spot, piece), (other, there, driven)) && !found(other) {
                 return;
             }

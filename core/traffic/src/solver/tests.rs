@@ -135,6 +135,73 @@ fn the_same_seed_gives_the_same_schedule() {
 }
 
 #[test]
+fn forty_cars_on_a_large_floor_are_solved_within_a_budget_and_then_only_get_better() {
+    /// Questions whether to go on until the first schedule: twice what it takes.
+    const BUDGET: usize = 220;
+    let problem = random(120.0, 60, 40, 9);
+    let solver = Solver::new(&problem, &mut patience(100_000)).unwrap();
+    let cost = |solution: &Solution<'_>| (solution.schedule().makespan(), solution.schedule().flowtime());
+    let run = || {
+        let mut solution = solver.begin(&Settings::default(), &mut patience(BUDGET)).unwrap();
+        let first = cost(&solution);
+        let mut before = first;
+        for _ in 0..6 {
+            solution.improve(&mut patience(40));
+            let now = cost(&solution);
+            assert!(now.0 <= before.0 && now.1 <= before.1, "{before:?} became {now:?}");
+            before = now;
+        }
+        assert!(before < first, "{first:?} became {before:?}");
+        solution.schedule()
+    };
+    let schedule = run();
+    assert_eq!(check(&problem, &schedule), Ok(()));
+    // The same seed and the same work, bit for bit the same.
+    assert_eq!(run(), schedule);
+}
+
+#[test]
+fn improving_ends_by_itself_when_nothing_becomes_shorter() {
+    let ways = [(pose(4.0, 4.0, 0.0), pose(16.0, 4.0, 0.0)), (pose(4.0, 14.0, 0.0), pose(16.0, 14.0, 0.0))];
+    let problem = room(20.0, 20.0, Vec::new(), &ways);
+    let solver = Solver::new(&problem, &mut || true).unwrap();
+    let mut solution = solver.begin(&Settings::default(), &mut || true).unwrap();
+    solution.improve(&mut || true);
+    let best = solution.schedule();
+    assert_eq!((best.makespan(), best.flowtime()), (9, 18));
+    assert_eq!(solution.improve(&mut || true), 0);
+}
+
+#[test]
+fn on_a_large_floor_the_way_around_a_long_wall_is_found() {
+    // 14 m through the wall, ten times as far around its end.
+    let walls = vec![block(60.0, 0.0, 62.0, 84.0)];
+    let ways = [(pose(54.0, 8.0, 0.0), pose(68.0, 8.0, 0.0)), (pose(68.0, 16.0, PI), pose(54.0, 16.0, PI))];
+    let schedule = solved(&room(120.0, 120.0, walls, &ways));
+    assert!(schedule.ways[0].rows.iter().any(|row| row.pose.y_m > 84.0));
+}
+
+#[test]
+fn five_trucks_drive_through_a_door_of_a_metre() {
+    /// Searches that take a quarter of 2 s on one core.
+    const BUDGET: usize = 40;
+    // The trucks' own measures, with 0.27 m of look-out at both ends.
+    let car = Car { front_m: 0.52, rear_m: 0.52, half_width_m: 0.2, radius_m: 0.39 };
+    let walls = vec![block(0.0, 3.95, 3.5, 4.05), block(4.5, 3.95, 8.0, 4.05)];
+    let task = |i: u32| {
+        let aside = f64::from(i) * 1.2 - 2.4;
+        let (start, goal) = (pose(4.0 + aside, 2.0, FRAC_PI_2), pose(4.0 - aside, 6.0, FRAC_PI_2));
+        Task { name: format!("xtb-{i}"), car, start, goal }
+    };
+    let cars = (0..5).map(task).collect();
+    let problem = Problem { cars, step_m: 0.273, by_order: true, ..room(8.0, 8.0, walls, &[]) };
+    let settings = Settings { priorities_first: false, ..Settings::default() };
+    let solver = Solver::new(&problem, &mut patience(1_000)).unwrap();
+    let schedule = solver.solve(&settings, &mut patience(BUDGET)).unwrap();
+    assert_eq!(check(&problem, &schedule), Ok(()));
+}
+
+#[test]
 fn two_cars_swap_places_through_a_door() {
     let walls = vec![block(11.0, 0.0, 12.0, 8.0), block(11.0, 11.0, 12.0, 20.0)];
     let (west, east) = (pose(5.0, 10.0, 0.0), pose(18.0, 10.0, PI));

@@ -2,6 +2,8 @@
 
 use crate::scenes::pose;
 use crate::toy::room;
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
 use std::sync::Arc;
 use xtb_control::{Stamp, VehicleConfig};
 use xtb_nav::{Car, MapPose, Path, Piece};
@@ -256,4 +258,48 @@ fn one_that_nobody_has_heard_of_for_long_makes_room_for_one_that_speaks_unless_i
     assert_eq!(names.len(), MOST_TRUCKS);
     assert!(has("t0") && !has("t1") && has("t2") && has("t1002"), "{names:?}");
     assert_eq!(coordinator.counters().ignored, 2);
+}
+
+/// A lane for one, in which two want past each other, and a room beside it.
+fn lane_and_room() -> Coordinator {
+    let room = room(8.0, 6.0, &[[0.0, 0.0, 8.0, 1.5], [0.0, 2.4, 8.0, 1.6]]);
+    Coordinator::new(Arc::new(room), 1)
+}
+
+fn east_and_west() -> [RobotView; 2] {
+    let east = view("a", pose(1.0, 1.95, 0.0), Some((1, 7.0, 1.95)));
+    [east, view("b", pose(7.0, 1.95, PI), Some((2, 1.0, 1.95)))]
+}
+
+/// Reports these every 0.2 s for 100 s; when each was first told a reason to give its goal up, in ms, and which.
+fn reasons(coordinator: &mut Coordinator, views: &[RobotView]) -> Vec<(u64, String)> {
+    let mut first = BTreeMap::new();
+    for now_ms in (0..100_000).step_by(200) {
+        let now = Stamp::from_ms(now_ms);
+        views.iter().for_each(|view| coordinator.robot(now, view.clone()));
+        for (name, guide) in coordinator.tick(now) {
+            if let Some(reason) = guide.reason {
+                first.entry(name).or_insert((now_ms, reason));
+            }
+        }
+        if let Some(job) = coordinator.job(now) {
+            coordinator.planned(now, job.solve(&mut || true));
+        }
+    }
+    first.into_values().collect()
+}
+
+#[test]
+fn one_of_two_that_wait_for_each_other_gives_up_also_while_a_third_one_moves_elsewhere() {
+    let [a, b] = east_and_west();
+    let c = RobotView { speed_mps: 0.4, ..view("c", pose(4.0, 5.0, 0.0), None) };
+    let told = reasons(&mut lane_and_room(), &[a, b, c]);
+    assert!(matches!(told[..], [(60_000..75_000, _)]), "{told:?}");
+}
+
+#[test]
+fn one_that_waits_for_one_that_moves_is_not_told_to_give_up() {
+    let [a, b] = east_and_west();
+    let told = reasons(&mut lane_and_room(), &[a, RobotView { speed_mps: 0.3, ..b }]);
+    assert!(told.is_empty(), "{told:?}");
 }

@@ -34,6 +34,11 @@ pub struct Spent {
 pub struct Usage {
     /// What each did.
     pub robots: BTreeMap<Name, Spent>,
+    /// Tasks that failed while no robot had them: by their deadline, or for a new map.
+    pub failed_unassigned: u64,
+    /// Tasks that have ended in any way, on a robot or not.
+    #[serde(skip)]
+    pub ended: u64,
     #[serde(skip)]
     last: BTreeMap<Name, Last>,
 }
@@ -71,13 +76,23 @@ impl Usage {
 
     /// A task has changed.
     pub fn step(&mut self, step: &TaskStep) {
-        let Some(robot) = &step.robot else { return };
+        self.ended += u64::from(step.state.is_final());
+        let Some(robot) = &step.robot else {
+            self.failed_unassigned += u64::from(step.state == TaskState::Failed);
+            return;
+        };
         let spent = self.robots.entry(robot.clone()).or_default();
         match step.state {
             TaskState::Done => spent.done += 1,
             TaskState::Failed => spent.failed += 1,
             _ => {}
         }
+    }
+
+    /// Whether a task has failed, on a robot or before it had one.
+    #[must_use]
+    pub fn has_failed(&self) -> bool {
+        self.failed_unassigned > 0 || self.robots.values().any(|spent| spent.failed > 0)
     }
 }
 
@@ -124,5 +139,17 @@ mod tests {
         usage.step(&step(TaskState::Done, Some(name())));
         usage.step(&step(TaskState::Cancelled, None));
         assert_eq!(usage.robots[&name()], Spent { done: 1, ..Spent::default() });
+        assert!(!usage.has_failed());
+    }
+
+    #[test]
+    fn a_task_that_fails_in_the_queue_counts_as_ended_and_as_failed() {
+        let mut usage = Usage::default();
+        let step = |state| TaskStep { at_ms: 1, state, robot: None, legs_done: 0, reason: None };
+        usage.step(&step(TaskState::Queued));
+        assert_eq!((usage.ended, usage.has_failed()), (0, false));
+        usage.step(&step(TaskState::Failed));
+        assert_eq!((usage.ended, usage.failed_unassigned, usage.has_failed()), (1, 1, true));
+        assert!(usage.robots.is_empty());
     }
 }

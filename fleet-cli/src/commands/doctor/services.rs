@@ -7,7 +7,8 @@ use tokio::sync::Notify;
 use xtb_bus::{Incoming, Subscription};
 use xtb_client::Result;
 use xtb_client::client::Client;
-use xtb_protocol::messages::{Message, TrafficState};
+use xtb_client::dispatcher_client::DispatcherClient;
+use xtb_protocol::messages::{Message, TaskList, TrafficState};
 
 /// Boots of traffic control that are told apart; there should be one.
 const BOOTS: usize = 8;
@@ -52,8 +53,14 @@ impl Listening {
             // Who is not heard by then says nothing.
             let _ = tokio::time::timeout(within, self.heard.something()).await;
         }
+        let (tasks, maps) = (read::<TaskList>(&tasks?), read(&maps?));
+        // Only the first page of very many tasks is read: their number is asked for.
+        let status = match tasks.iter().flatten().any(|list| list.left_out > 0) {
+            true => DispatcherClient::of(client).status().await.ok().map(|status| status.dispatcher),
+            false => None,
+        };
         let heard = std::mem::take(&mut *self.heard.lock());
-        Ok(Services { dispatcher, traffic, tasks: read(&tasks?), maps: read(&maps?), ..heard })
+        Ok(Services { dispatcher, traffic, tasks, status, maps, ..heard })
     }
 }
 

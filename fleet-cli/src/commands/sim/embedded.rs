@@ -46,7 +46,7 @@ impl EmbeddedDispatcher {
         self.service.ended().await
     }
 
-    /// Resolves once there were open tasks and all have ended.
+    /// Resolves once there were tasks and all have ended, also those that no robot ever had.
     ///
     /// # Errors
     /// It has ended by itself.
@@ -59,7 +59,7 @@ impl EmbeddedDispatcher {
                 _ = look.tick() => {
                     let Standing { status, usage, .. } = self.service.standing();
                     let open = status.open;
-                    any |= open > 0 || usage.robots.values().any(|spent| spent.done + spent.failed > 0);
+                    any |= open > 0 || usage.ended > 0;
                     if any && open == 0 {
                         return Ok(());
                     }

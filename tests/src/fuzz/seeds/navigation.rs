@@ -10,7 +10,8 @@ use xtb_nav::{Cell, Grid, Map, Zone, ZoneKind};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
     Arc, Fix, FixSource, FleetMap, GoalKind, GoalState, GoalStatus, LinkLoss, MapState, NavPhase, NavState,
-    Rejected, RobotState, Route, RouteGoal, RouteSource, RouteState, Track, TrafficState, Via,
+    NearRole, NearState, NearWay, Rejected, RobotState, Route, RouteGoal, RouteSource, RouteState, Track,
+    TrafficState, Via,
 };
 use xtb_robot::agent::Identity;
 use xtb_robot::robot::Robot;
@@ -72,6 +73,27 @@ pub(crate) fn route() -> Vec<Seed> {
     let mut seeds = message("alive", &alive).to_vec();
     seeds.extend(message("led", &led));
     seeds.extend(message("stood", &stood));
+    seeds
+}
+
+/// One that is parked, one that drives, and one that waits for another.
+pub(crate) fn near() -> Vec<Seed> {
+    let parked = NearState {
+        robot: name("xtb-1"),
+        x_m: HERE.x_m,
+        y_m: HERE.y_m,
+        yaw_rad: HERE.yaw_rad,
+        speed_mps: 0.0,
+        role: NearRole::Parked,
+        way: None,
+        waits_for: None,
+    };
+    let way = Some(NearWay { track: track(), done_m: 0.5, release_m: 1.25 });
+    let going = NearState { speed_mps: 0.2, role: NearRole::Alone, way, ..parked.clone() };
+    let waiting = NearState { speed_mps: 0.0, waits_for: Some(name("xtb-2")), ..going.clone() };
+    let mut seeds = message("parked", &parked).to_vec();
+    seeds.extend(message("going", &going));
+    seeds.extend(message("waiting", &waiting));
     seeds
 }
 

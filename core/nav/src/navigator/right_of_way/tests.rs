@@ -141,15 +141,15 @@ fn both_of_a_pair_never_go_and_never_wait_for_ways_of_each_other() {
 fn what_was_not_heard_for_a_second_is_unknown_and_no_more_than_64_are_kept() {
     let at = |ms| Stamp::ZERO.plus_ms(ms);
     let mut book = Neighbours { me: "xtb-0".to_owned(), ..Neighbours::default() };
-    book.hear(at(0), going("xtb-0", pose(0.0, 0.0, 0.0), 1.0));
+    book.hear(at(0), going("xtb-0", pose(0.0, 0.0, 0.0), 1.0).into());
     assert_eq!(book.others(at(0)).count(), 0, "itself");
     for n in 1..=70 {
-        book.hear(at(100), going(&format!("xtb-{n}"), pose(f64::from(n), 0.0, 0.0), 1.0));
+        book.hear(at(100), going(&format!("xtb-{n}"), pose(f64::from(n), 0.0, 0.0), 1.0).into());
     }
     assert_eq!(book.others(at(100)).count(), MOST_NEIGHBOURS);
     assert_eq!(book.others(at(100 + HEARD_MS)).count(), MOST_NEIGHBOURS);
     assert_eq!(book.others(at(101 + HEARD_MS)).count(), 0);
-    book.hear(at(101 + HEARD_MS), going("xtb-70", pose(0.0, 0.0, 0.0), 1.0));
+    book.hear(at(101 + HEARD_MS), going("xtb-70", pose(0.0, 0.0, 0.0), 1.0).into());
     assert_eq!(book.others(at(101 + HEARD_MS)).count(), 1);
 }
 
@@ -158,10 +158,10 @@ fn how_long_one_has_stood_counts_from_when_it_got_its_role() {
     let at = |ms| Stamp::ZERO.plus_ms(ms);
     let mut book = Neighbours { me: "xtb-0".to_owned(), ..Neighbours::default() };
     let stands = |role| Neighbour { role, ..parked("xtb-1", pose(1.0, 0.0, 0.0)) };
-    (0..20).for_each(|n| book.hear(at(n * 200), stands(Role::Parked)));
-    book.hear(at(4_000), stands(Role::Alone));
+    (0..20).for_each(|n| book.hear(at(n * 200), stands(Role::Parked).into()));
+    book.hear(at(4_000), stands(Role::Alone).into());
     let other = book.find(at(4_200), "xtb-1").unwrap();
     assert_eq!((other.still_ms, other.stood_ms), (4_200, 200));
-    book.hear(at(4_200), Neighbour { speed_mps: 0.1, ..stands(Role::Alone) });
+    book.hear(at(4_200), Neighbour { speed_mps: 0.1, ..stands(Role::Alone) }.into());
     assert_eq!(book.find(at(4_200), "xtb-1").unwrap().still_ms, 0);
 }

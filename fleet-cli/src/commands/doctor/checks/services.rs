@@ -3,7 +3,7 @@
 use super::{Facts, Finding};
 use std::collections::{BTreeMap, BTreeSet};
 use xtb_protocol::Name;
-use xtb_protocol::messages::{FleetMap, MapHash, TaskList, TrafficState};
+use xtb_protocol::messages::{DispatchStatus, FleetMap, MapHash, TaskList, TrafficState};
 
 const SAME_RELEASE: &str = "install the same release of fleet-cli here and on its computer";
 
@@ -17,6 +17,8 @@ pub(in super::super) struct Services {
     pub(in super::super) dispatcher: bool,
     /// What answered to the question for its tasks.
     pub(in super::super) tasks: Vec<Answer<TaskList>>,
+    /// How many tasks there are, if they are more than that answer has room for.
+    pub(in super::super) status: Option<DispatchStatus>,
     /// Whether traffic control is present.
     pub(in super::super) traffic: bool,
     /// What it said meanwhile: the last state of each boot.
@@ -65,11 +67,7 @@ pub(super) fn dispatcher(facts: &Facts) -> Vec<Finding> {
         (None, _) if facts.alive.is_empty() => return Vec::new(),
         (None, _) => Finding::ok(TOPIC, "no dispatcher"),
         (Some(list), 1) => {
-            let open = list.tasks.iter().filter(|task| !task.state.is_final()).count();
-            Finding::ok(
-                TOPIC,
-                format!("the dispatcher answers: {open} of {} tasks are open", list.tasks.len()),
-            )
+            Finding::ok(TOPIC, format!("the dispatcher answers: {}", count_tasks(list, &facts.services)))
         }
         (Some(_), count) => Finding::problem(
             TOPIC,
@@ -78,6 +76,19 @@ pub(super) fn dispatcher(facts: &Facts) -> Vec<Finding> {
         ),
     };
     std::iter::once(finding).chain(suspended(facts)).collect()
+}
+
+/// `3 of 7 tasks are open`, of all its pages if their number is known.
+fn count_tasks(list: &TaskList, services: &Services) -> String {
+    let open = list.tasks.iter().filter(|task| !task.state.is_final()).count();
+    let page = format!("{open} of {} tasks are open", list.tasks.len());
+    match (&services.status, list.left_out) {
+        (_, 0) => page,
+        (Some(all), _) if all.ledger == list.ledger => {
+            format!("{} of {} tasks are open", all.open, all.tasks)
+        }
+        (_, more) => format!("{page}, {more} more were not counted"),
+    }
 }
 
 /// Whether the ledger is written.

@@ -3,8 +3,8 @@
 use super::*;
 use xtb_client::fake::{self, name};
 use xtb_protocol::messages::{
-    FaultState, FleetMap, Latch, MapHash, MapState, ParameterInfo, SimStats, TaskList, TaskState,
-    TrafficState,
+    DispatchStatus, FaultState, FleetMap, Latch, MapHash, MapState, ParameterInfo, SimStats, TaskList,
+    TaskState, TrafficState,
 };
 
 fn entry(robot: &str) -> RosterEntry {
@@ -285,6 +285,7 @@ fn served() -> Facts {
     facts.services = Services {
         dispatcher: true,
         tasks: vec![Ok(tasks(1))],
+        status: None,
         traffic: true,
         traffic_states: BTreeMap::from([(7, state)]),
         traffic_unreadable: None,
@@ -313,6 +314,25 @@ fn what_serves_the_fleet_is_ok_while_it_answers() {
     for part in ["2 of 3 tasks are open", "ledger 1 writable", "coordinates 1 robot,", "used by 2 robots"] {
         assert!(said.iter().any(|text| text.contains(part)), "{part}: {said:?}");
     }
+}
+
+#[test]
+fn tasks_of_further_pages_are_counted_or_said_to_be_left_out() {
+    let mut facts = served();
+    facts.services.tasks = vec![Ok(TaskList { left_out: 997, ..tasks(1) })];
+    let says = |facts: &Facts, part: &str| all(facts).iter().any(|finding| finding.text.contains(part));
+    assert!(says(&facts, "2 of 3 tasks are open, 997 more were not counted"));
+    let status = DispatchStatus {
+        ledger: 1,
+        ledger_failed: None,
+        map: None,
+        tasks: 1000,
+        open: 640,
+        assigned: 2,
+        robots: 2,
+    };
+    facts.services.status = Some(status);
+    assert!(says(&facts, "answers: 640 of 1000 tasks are open"));
 }
 
 #[test]

@@ -1,0 +1,12 @@
+//! What the control loop says of the robot, for those that tell others.
+
+use xtb_protocol::messages::{RobotState, Sensors};
+
+/// What uplink and neighbours are told.
+#[derive(Debug, Clone)]
+pub(crate) struct Snapshot {
+    /// 20 Hz.
+    pub(crate) state: RobotState,
+    /// With the same stamp; `None` until the converter has been heard.
+    pub(crate) sensors: Option<Sensors>,
+}
