@@ -99,6 +99,9 @@ fn told(hall: &Hall, robots: usize, minutes: f64, seed: u64, alone: f64, wall_s:
     )
 }
 
+/// What it is, its points, and its colour.
+type Line = (&'static str, Vec<(f64, f64)>, RGBColor);
+
 /// Throughput and time of rounds over the number of robots.
 fn plot(csv: &str, svg: &str) -> Result<(), Box<dyn Error>> {
     let text = std::fs::read_to_string(csv)?;
@@ -124,7 +127,7 @@ fn plot(csv: &str, svg: &str) -> Result<(), Box<dyn Error>> {
     for (side, caption, series) in
         [(&sides[0], "Goals per robot-hour", goals), (&sides[1], "Time of a joint plan, ms", rounds)]
     {
-        let lines: Vec<(&str, Vec<(f64, f64)>, RGBColor)> = series
+        let lines: Vec<Line> = series
             .into_iter()
             .map(|(label, name, colour)| Ok((label, column(name)?, colour)))
             .collect::<Result<_, Box<dyn Error>>>()?;
