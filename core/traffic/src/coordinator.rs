@@ -12,12 +12,16 @@
 //! * The **passing order** says for each place of each way how far each other truck must be before.
 //!   It comes from a joint plan in space and time, and is all that is kept of its clock: a truck that
 //!   is late delays others and meets nobody, and what two trucks hold never conflicts.
+//! * Trucks that could get into each other's way form a **region**, planned apart from all others; in one of many
+//!   trucks only those without a way are planned, and the others drive on. A result is used only as far as it fits
+//!   what was released meanwhile.
 //! * Only trucks with a planned goal are led. All others are driven around: those without a goal,
 //!   latched, taken over, failed, stalled, or not heard of.
 
 mod arrival_times;
 mod attempt;
 mod blocker_search;
+mod crowd;
 mod discretized_path;
 mod field;
 mod group;
@@ -26,9 +30,12 @@ mod job;
 mod joint;
 mod lane;
 mod messages;
+mod nearby;
 mod occupancy;
 mod order;
+mod outstanding;
 mod plans;
+mod regions;
 mod release;
 mod room;
 mod search;
@@ -42,6 +49,7 @@ mod view;
 pub use field::Field;
 pub use job::{JointJob, JointResult};
 pub use messages::others_near;
+pub use plans::MOST_JOBS;
 pub use room::{GridRoom, Room};
 pub use view::{Counters, Guide, PlannedGoal, RobotView, RouteReport};
 
@@ -49,16 +57,19 @@ use discretized_path::{DiscretizedPath, STEP_M};
 use job::Block;
 use joint::MOST_TICKS;
 use order::{Order, Runner, run_ahead};
+use outstanding::Outstanding;
+use release::{Heads, Obstacle};
 use standstill::Standstill;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use truck::{Route, Truck};
+use truck::{Route, Truck, place_of};
 use unknown::Unknown;
 use xtb_control::Stamp;
 use xtb_nav::navigator::LONGEST_PATH_M;
 
-/// Most trucks that are looked at, more than a lab's fifty; more are ignored and counted.
-pub const MOST_TRUCKS: usize = 64;
+/// Most trucks that are looked at; more are ignored and counted. A truck takes about 0.15 MB with a way of 50 m and
+/// 1.5 MB with the longest, 500 m; the passing order of 500 in one hall a few MB more.
+pub const MOST_TRUCKS: usize = 512;
 /// A truck that was not heard of for so long makes room for one that speaks, if there are [`MOST_TRUCKS`] and it
 /// holds nothing of a route, in ms: until then one that stands in a doorway without a network is driven around,
 /// and as long as there is room, for good. Chosen, not measured.
@@ -82,18 +93,18 @@ const DEADLOCK_MS: u64 = 8000;
 #[derive(Debug)]
 pub struct Coordinator {
     room: Arc<dyn Room>,
+    /// By ascending id.
     trucks: Vec<Truck>,
+    ids_by_name: BTreeMap<String, u32>,
     unknown: Unknown,
     order: Order,
     ids: u32,
     plan: u64,
     jobs: u64,
-    job: Option<(u64, Stamp)>,
-    next_job: Stamp,
+    /// Joint plans that are being made.
+    out: Vec<Outstanding>,
     began: Option<Stamp>,
     moved: Stamp,
-    /// Since when joint plans have not led everybody to its goal.
-    in_vain: Option<Stamp>,
     standstill: Standstill,
     seed: u64,
     counters: Counters,
@@ -106,16 +117,15 @@ impl Coordinator {
         Self {
             room,
             trucks: Vec::new(),
+            ids_by_name: BTreeMap::new(),
             unknown: Unknown::default(),
             order: Order::new(),
             ids: 0,
             plan: 0,
             jobs: 0,
-            job: None,
-            next_job: Stamp::ZERO,
+            out: Vec::new(),
             began: None,
             moved: Stamp::ZERO,
-            in_vain: None,
             standstill: Standstill::default(),
             seed,
             counters: Counters::default(),
@@ -142,19 +152,21 @@ impl Coordinator {
     pub fn map(&mut self, now: Stamp, room: Arc<dyn Room>) {
         self.room = room;
         self.trucks.iter_mut().for_each(|truck| truck.halt(now));
-        self.job = None;
+        self.out.clear();
         self.stir(now);
     }
 
     /// A robot that is not there any more: nobody drives around it from now on.
     pub fn forget(&mut self, name: &str) {
-        self.trucks.retain(|truck| truck.view.name != name);
+        if let Some(id) = self.ids_by_name.remove(name) {
+            self.trucks.retain(|truck| truck.id != id);
+        }
     }
 
     /// A report of a robot. One that is older than the last is dropped.
     pub fn robot(&mut self, now: Stamp, view: RobotView) {
         let seen = Stamp::from_ns(now.ns().saturating_sub(view.age_ms.saturating_mul(1_000_000)));
-        let known = self.trucks.iter().position(|truck| truck.view.name == view.name);
+        let known = self.ids_by_name.get(&view.name).and_then(|&id| place_of(&self.trucks, id));
         let index = match known {
             Some(index) if self.trucks[index].seen > seen => return,
             Some(index) => index,
@@ -164,6 +176,7 @@ impl Coordinator {
             }
             None => {
                 self.ids += 1;
+                self.ids_by_name.insert(view.name.clone(), self.ids);
                 self.trucks.push(Truck::new(self.ids, seen, view.clone()));
                 self.stir(now);
                 self.adopt(self.trucks.len() - 1);
@@ -194,6 +207,7 @@ impl Coordinator {
         let goes = self.trucks.iter().filter(may_go).min_by_key(|truck| truck.seen).map(|truck| truck.id);
         let Some(goes) = goes.filter(|_| !is_gone(seen)) else { return false };
         self.trucks.retain(|truck| truck.id != goes);
+        self.ids_by_name.retain(|_, id| *id != goes);
         true
     }
 
@@ -206,7 +220,7 @@ impl Coordinator {
         if length_m > LONGEST_PATH_M || report.release_m > length_m + STEP_M {
             return;
         }
-        let way = DiscretizedPath::new(report.path, &truck.car());
+        let way = Arc::new(DiscretizedPath::new(report.path, &truck.car()));
         let release_m = report.release_m.clamp(0.0, way.length_m);
         // What lies between two places counts as released up to the second one.
         let release = (libm::ceil(release_m / STEP_M - 1e-6) as usize).min(way.last());
@@ -233,9 +247,7 @@ impl Coordinator {
     /// What each robot is told now. At 5 to 10 Hz.
     pub fn tick(&mut self, now: Stamp) -> BTreeMap<String, Guide> {
         let began = *self.began.get_or_insert(now);
-        if self.job.is_some_and(|(_, since)| now.since_ms(since) > JOB_MS) {
-            self.job = None;
-        }
+        self.out.retain(|job| now.since_ms(job.since) <= JOB_MS);
         let (mut changed, mut stalls) = (false, 0);
         for truck in &mut self.trucks {
             let stalled = truck.stalled;
@@ -247,22 +259,34 @@ impl Coordinator {
         if changed {
             self.stir(now);
         }
-        let blocks = self.blocks();
-        if self.job.is_none() && now.since_ms(began) >= LISTEN_MS {
-            self.turn_away(now, &blocks);
-            // Who has just given up its way is in the way from now on.
-            let blocks = self.blocks();
-            for index in 0..self.trucks.len() {
-                if release::grow(&mut self.trucks, index, &self.order, &blocks) {
-                    self.moved = now;
-                }
-            }
-            self.break_deadlock(now);
+        if now.since_ms(began) >= LISTEN_MS {
+            self.release(now);
         }
         self.end_standstill(now);
+        let heads = Heads::of(&self.trucks);
         (0..self.trucks.len())
-            .map(|index| (self.trucks[index].view.name.clone(), self.guide(now, index)))
+            .map(|index| (self.trucks[index].view.name.clone(), self.guide(now, index, &heads)))
             .collect()
+    }
+
+    /// Lets everybody go on for whom no other way is being looked for.
+    fn release(&mut self, now: Stamp) {
+        let waits: BTreeSet<u32> = self.out.iter().flat_map(Outstanding::frozen).collect();
+        let blocks = self.blocks();
+        self.turn_away(now, &Obstacle::all(&blocks), &waits);
+        // Who has just given up its way is in the way from now on.
+        let blocks = self.blocks();
+        let obstacles = Obstacle::all(&blocks);
+        for index in 0..self.trucks.len() {
+            if !waits.contains(&self.trucks[index].id)
+                && release::grow(&mut self.trucks, index, &self.order, &obstacles)
+            {
+                self.moved = now;
+            }
+        }
+        if self.out.is_empty() {
+            self.break_deadlock(now);
+        }
     }
 
     /// Everything that is driven around, and what led trucks may still use of earlier ways.
@@ -276,7 +300,7 @@ impl Coordinator {
     }
 
     /// Who would run into something that stays there looks for another way.
-    fn turn_away(&mut self, now: Stamp, blocks: &[Block]) {
+    fn turn_away(&mut self, now: Stamp, obstacles: &[Obstacle<'_>], waits: &BTreeSet<u32>) {
         let settled: BTreeSet<u32> = self
             .trucks
             .iter()
@@ -284,10 +308,11 @@ impl Coordinator {
             .map(|truck| truck.id)
             .chain(self.unknown.ids())
             .collect();
-        for truck in &mut self.trucks {
-            let mut others =
-                blocks.iter().filter(|block| block.id != truck.id && settled.contains(&block.id));
-            if others.any(|block| release::meets(truck, block)) {
+        for truck in self.trucks.iter_mut().filter(|truck| !waits.contains(&truck.id)) {
+            let mut others = obstacles
+                .iter()
+                .filter(|there| there.block.id != truck.id && settled.contains(&there.block.id));
+            if others.any(|there| release::meets(truck, there)) {
                 truck.halt(now);
                 truck.retry_at = now;
             }
@@ -324,7 +349,7 @@ impl Coordinator {
         (!self.trucks.iter().any(is_led)).then(|| name.to_owned())
     }
 
-    fn guide(&self, now: Stamp, index: usize) -> Guide {
+    fn guide(&self, now: Stamp, index: usize, heads: &Heads) -> Guide {
         let truck = &self.trucks[index];
         let name =
             |id: u32| self.trucks.iter().find(|other| other.id == id).map(|other| other.view.name.clone());
@@ -349,7 +374,7 @@ impl Coordinator {
             plan: route.map_or(0, |route| route.plan),
             path: route.map(|route| route.way.path.clone()),
             release_m: route.map_or(0.0, |route| route.release_m),
-            cruise_mps: release::cruise_mps(&self.trucks, index),
+            cruise_mps: heads.cruise_mps(&self.trucks, index),
             waits_for,
             reason,
         }

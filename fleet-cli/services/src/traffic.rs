@@ -20,7 +20,9 @@ use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{MapHash, RobotState, Route, TrafficState};
 use xtb_protocol::{Name, Uuid};
-use xtb_traffic::coordinator::{Coordinator, GridRoom, JointJob, JointResult, RobotView, others_near};
+use xtb_traffic::coordinator::{
+    Coordinator, GridRoom, JointJob, JointResult, MOST_JOBS, RobotView, others_near,
+};
 
 /// Robots are guided this often.
 const TICK: Duration = Duration::from_millis(100);
@@ -120,7 +122,7 @@ struct Work {
 
 impl Work {
     async fn run(mut self, feed: StateFeed, now: impl Fn() -> Stamp) {
-        let (sender, mut results) = mpsc::channel::<JointResult>(1);
+        let (sender, mut results) = mpsc::channel::<JointResult>(MOST_JOBS);
         let mut tick = tokio::time::interval(TICK);
         tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
         loop {
@@ -134,7 +136,7 @@ impl Work {
                 self.coordinator.robot(now(), view.clone());
             }
             self.guide(now(), &views).await;
-            if let Some(job) = self.coordinator.job(now()) {
+            while let Some(job) = self.coordinator.job(now()) {
                 self.plan(job, sender.clone());
             }
             if self.seq.is_multiple_of(TELL_EVERY) {
@@ -178,7 +180,7 @@ impl Work {
         Ok(&self.routes[name])
     }
 
-    /// A joint plan, on a thread of its own; at most one at a time.
+    /// A joint plan, on a thread of its own; at most [`MOST_JOBS`] at a time.
     fn plan(&self, job: JointJob, done: mpsc::Sender<JointResult>) {
         let stop = self.stop.clone();
         tokio::task::spawn_blocking(move || {

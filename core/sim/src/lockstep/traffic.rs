@@ -26,7 +26,7 @@ pub struct Traffic {
     epoch: u64,
     seq: u64,
     next: Stamp,
-    due: Option<(Stamp, JointResult)>,
+    due: Vec<(Stamp, JointResult)>,
     views: Vec<RobotView>,
     noise: Rng,
     /// The part of all messages that gets lost.
@@ -43,7 +43,7 @@ impl Traffic {
             epoch: 0,
             seq: 0,
             next: Stamp::ZERO,
-            due: None,
+            due: Vec::new(),
             views: Vec::new(),
             noise: Rng::new(seed ^ 0x7AFF_1C00, 0),
             lost: 0.0,
@@ -54,7 +54,7 @@ impl Traffic {
 
     /// It dies: nobody is told anything any more.
     pub fn kill(&mut self) {
-        (self.coordinator, self.due) = (None, None);
+        (self.coordinator, self.due) = (None, Vec::new());
     }
 
     /// It begins anew and knows nothing.
@@ -74,9 +74,9 @@ impl Traffic {
     /// One step of the simulation.
     pub(super) fn step(&mut self, now: Stamp, robots: &mut [Robot], dead: &BTreeSet<usize>) {
         let Some(coordinator) = &mut self.coordinator else { return };
-        if self.due.as_ref().is_some_and(|(at, _)| *at <= now)
-            && let Some((_, result)) = self.due.take()
-        {
+        let (due, later) = std::mem::take(&mut self.due).into_iter().partition(|(at, _)| *at <= now);
+        self.due = later;
+        for (_, result) in due {
             coordinator.planned(now, result);
         }
         if now < self.next {
@@ -104,8 +104,8 @@ impl Traffic {
                     .route(now, &guide.route(self.epoch, self.seq, others_near(&self.views, &name)));
             }
         }
-        if let Some(job) = coordinator.job(now) {
-            self.due = Some((now.plus_ms(JOINT_MS), job.solve(&mut || true)));
+        while let Some(job) = coordinator.job(now) {
+            self.due.push((now.plus_ms(JOINT_MS), job.solve(&mut || true)));
         }
     }
 }

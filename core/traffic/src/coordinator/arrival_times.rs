@@ -7,7 +7,7 @@ use super::occupancy::{NEVER, TICK_WAY_M};
 use super::search::search;
 use super::task::{Leg, Other, Stuck, Target, Task};
 use xtb_nav::Path;
-use xtb_nav::geometry::rect::Rect;
+use xtb_nav::geometry::rect::{Rect, Stand};
 
 /// Positions tick by tick from where a truck is to the end of what is released to it.
 pub(super) fn to_release(member: &Member) -> Vec<f64> {
@@ -25,6 +25,8 @@ pub(super) struct Around<'a> {
     pub(super) field: &'a Field,
     pub(super) others: &'a [Other<'a>],
     pub(super) soft: &'a [Rect],
+    /// It stands so long at the end of what is released to it first, in ticks.
+    pub(super) wait: u32,
 }
 
 /// A way from the end of what is released to a truck on, with its position on it at each tick. At most so many nodes
@@ -37,7 +39,16 @@ pub(super) fn go_on(
     left: &mut u32,
 ) -> Result<(DiscretizedPath, Vec<f64>), Stuck> {
     let (mut at_m, head) = (to_release(member), member.way.up_to(member.held));
-    let &Around { target, field, others, soft } = around;
+    let &Around { target, field, others, soft, wait } = around;
+    if wait > 0 {
+        let (still, tick) = (Stand { look: None, ..member.way.stands[member.held] }, at_m.len() as u32 - 1);
+        let met = |other: &Other<'_>| other.line.next_hit(&still, tick, other.separation_m) <= tick + wait;
+        if others.iter().any(met) {
+            return Err(Stuck::Nowhere);
+        }
+        let end_m = at_m[at_m.len() - 1];
+        at_m.extend(std::iter::repeat_n(end_m, wait as usize));
+    }
     let (room, car, start) = (&*job.room, &member.car, head.end());
     let (gear, tick) = (member.way.gears[member.held], at_m.len() as u32 - 1);
     let legs = search(&Task { room, car, start, gear, tick, target, field, others, soft }, most, left)?;

@@ -7,10 +7,12 @@ use super::field::Field;
 use super::job::Member;
 use super::joint::{Failed, MOST_TICKS, Solution, Solver};
 use super::occupancy::Occupancy;
-use super::order::{Runner, Timed, pair, run_ahead};
+use super::order::{Runner, Timed, pair, run_ahead, set_needs};
 use super::separation::{driven_separation_m, separation_m};
 use super::task::{EXPANSIONS_EACH, Other, Stuck};
 use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
+use std::sync::Arc;
 use xtb_nav::geometry::rect::Rect;
 
 /// A truck that has still to leave its place is not driven through so many ticks longer, 3 s; chosen, not
@@ -18,20 +20,24 @@ use xtb_nav::geometry::rect::Rect;
 const GRACE_TICKS: u32 = 12;
 
 /// Where everybody is expected while ways are looked for one by one.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(super) struct Expected {
     /// By member. Those without a way yet leave their places some time.
-    pub(super) lines: BTreeMap<usize, Occupancy>,
-    times: BTreeMap<usize, Vec<f64>>,
+    pub(super) lines: BTreeMap<usize, Rc<Occupancy>>,
+    times: BTreeMap<usize, Rc<Vec<f64>>>,
     /// The places of those without a way yet.
     soft: BTreeMap<usize, Rect>,
-    ways: BTreeMap<usize, DiscretizedPath>,
+    ways: BTreeMap<usize, Arc<DiscretizedPath>>,
 }
 
 impl Expected {
     /// The lines of all others; what is told twice of one holds twice.
     pub(super) fn others(&self, index: usize) -> Vec<(usize, &Occupancy)> {
-        self.lines.iter().filter(|(other, _)| **other != index).map(|(other, line)| (*other, line)).collect()
+        self.lines
+            .iter()
+            .filter(|(other, _)| **other != index)
+            .map(|(other, line)| (*other, &**line))
+            .collect()
     }
 
     /// Places of those without a way yet, but for these.
@@ -45,46 +51,61 @@ impl Expected {
         lines.flat_map(|(_, line)| line.bodies())
     }
 
+    /// This one is not on its way any more, and leaves its place some time.
+    pub(super) fn leave(&mut self, index: usize, member: &Member) {
+        let gone = to_release(member).len() as u32 + GRACE_TICKS;
+        self.lines.insert(index, Rc::new(Occupancy::leaving(member.held_stands(), gone)));
+        self.soft.insert(index, member.way.stands[member.held].body);
+    }
+
     /// From now on this one goes so, with its position at each tick.
     pub(super) fn take(&mut self, index: usize, way: DiscretizedPath, at_m: &[f64], line: Occupancy) {
         self.soft.remove(&index);
-        self.times.insert(index, arrival_times(&way, at_m));
-        self.lines.insert(index, line);
-        self.ways.insert(index, way);
+        self.times.insert(index, Rc::new(arrival_times(&way, at_m)));
+        self.lines.insert(index, Rc::new(line));
+        self.ways.insert(index, Arc::new(way));
     }
 }
 
 impl Solver<'_> {
     /// Before anybody of `free` has a way. `None` if those who have one block each other.
     pub(super) fn expected(
-        &self,
+        &mut self,
         free: &[usize],
         led: &[usize],
         standing: &BTreeSet<usize>,
     ) -> Option<Expected> {
+        let mut expected = self.running(led)?;
         let job = self.job;
-        let mut expected = Expected {
-            lines: BTreeMap::new(),
-            times: BTreeMap::new(),
-            soft: BTreeMap::new(),
-            ways: BTreeMap::new(),
-        };
-        let runners: Vec<Runner<'_>> = led.iter().map(|&index| runner(&job.members[index], None)).collect();
-        for (&index, at_m) in led.iter().zip(run_ahead(&runners, &job.order, MOST_TICKS)?) {
-            let member = &job.members[index];
-            expected.lines.insert(index, member.driving(&member.way, &at_m));
-            expected.times.insert(index, arrival_times(&member.way, &at_m));
-        }
         for &index in standing {
-            expected.lines.insert(index, Occupancy::standing(job.members[index].held_stands()));
+            let line = Occupancy::standing(job.members[index].held_stands());
+            expected.lines.insert(index, Rc::new(line));
         }
         for &index in free.iter().chain(&self.evading) {
-            let member = &job.members[index];
-            let gone = to_release(member).len() as u32 + GRACE_TICKS;
-            expected.lines.insert(index, Occupancy::leaving(member.held_stands(), gone));
-            expected.soft.insert(index, member.way.stands[member.held].body);
+            expected.leave(index, &job.members[index]);
         }
         Some(expected)
+    }
+
+    /// Those who keep their ways, as they go by the order: the same for each order of the others.
+    fn running(&mut self, led: &[usize]) -> Option<Expected> {
+        if let Some((_, known)) = self.running.as_ref().filter(|(of, _)| of == led) {
+            return known.clone();
+        }
+        let job = self.job;
+        let all: Vec<usize> = led.iter().copied().chain(job.indices(|member| member.fixed)).collect();
+        let runners: Vec<Runner<'_>> = all.iter().map(|&index| runner(&job.members[index], None)).collect();
+        let expected = run_ahead(&runners, &job.order, MOST_TICKS).map(|ways| {
+            let mut expected = Expected::default();
+            for (&index, at_m) in all.iter().zip(ways) {
+                let member = &job.members[index];
+                expected.lines.insert(index, Rc::new(member.driving(&member.way, &at_m)));
+                expected.times.insert(index, Rc::new(arrival_times(&member.way, &at_m)));
+            }
+            expected
+        });
+        self.running = Some((led.to_vec(), expected.clone()));
+        expected
     }
 
     /// One order.
@@ -96,16 +117,11 @@ impl Solver<'_> {
     ) -> Result<Solution, Failed> {
         let fallback = || Failed(free.last().copied().unwrap_or(0));
         let expected = self.expected(free, led, standing).ok_or_else(fallback)?;
-        self.one_by_one(expected, free, led)
+        self.one_by_one(expected, free)
     }
 
     /// Ways for these in this order, then for those that make way.
-    pub(super) fn one_by_one(
-        &mut self,
-        mut expected: Expected,
-        free: &[usize],
-        led: &[usize],
-    ) -> Result<Solution, Failed> {
+    pub(super) fn one_by_one(&mut self, mut expected: Expected, free: &[usize]) -> Result<Solution, Failed> {
         let evading: Vec<usize> = self.evading.iter().copied().collect();
         for &index in free.iter().chain(&evading) {
             let soft = expected.soft(&[index]);
@@ -116,7 +132,7 @@ impl Solver<'_> {
             expected.take(index, way, &at_m, line);
         }
         let last = free.last().or(evading.last()).copied().unwrap_or(0);
-        self.ordered(expected, led).ok_or(Failed(last))
+        self.ordered(expected).ok_or(Failed(last))
     }
 
     /// How far it is from anywhere to where this one is off all ways that are known by now.
@@ -125,6 +141,15 @@ impl Solver<'_> {
         let standing: Vec<Rect> = job.bodies_around(member).collect();
         let taken: Vec<Rect> = expected.taken(index).collect();
         Field::aside(&*job.room, member.car.half_width_m, &standing, &taken)
+    }
+
+    /// How far it is from anywhere to the goal of this one.
+    pub(super) fn field(&mut self, index: usize) -> &Field {
+        let (job, member) = (self.job, &self.job.members[index]);
+        self.fields.entry(index).or_insert_with(|| {
+            let (standing, target): (Vec<Rect>, _) = (job.bodies_around(member).collect(), member.target);
+            Field::new(&*job.room, member.car.half_width_m, &standing, [target.x_m, target.y_m])
+        })
     }
 
     /// The way of one truck around all these, with its position on it at each tick: to its goal, or out of
@@ -141,14 +166,10 @@ impl Solver<'_> {
             return Err(Stuck::Budget);
         }
         let (job, member) = (self.job, &self.job.members[index]);
-        let to_goal = || {
-            let (standing, target): (Vec<Rect>, _) = (job.bodies_around(member).collect(), member.target);
-            Field::new(&*job.room, member.car.half_width_m, &standing, [target.x_m, target.y_m])
-        };
-        let field = match aside {
-            Some(field) => field,
-            None => &*self.fields.entry(index).or_insert_with(to_goal),
-        };
+        if aside.is_none() {
+            self.field(index);
+        }
+        let Some(field) = aside.or_else(|| self.fields.get(&index)) else { return Err(Stuck::Nowhere) };
         let mine = member.held_stands();
         let others: Vec<Other<'_>> = lines
             .iter()
@@ -165,13 +186,20 @@ impl Solver<'_> {
             )
             .collect();
         let target = aside.is_none().then_some(member.target);
-        go_on(job, member, &Around { target, field, others: &others, soft }, most, &mut self.left)
+        go_on(
+            job,
+            member,
+            &Around { target, field, others: &others, soft, wait: self.wait },
+            most,
+            &mut self.left,
+        )
     }
 
     /// Who passes first where; `None` if they would block each other.
-    pub(super) fn ordered(&self, expected: Expected, led: &[usize]) -> Option<Solution> {
+    pub(super) fn ordered(&self, expected: Expected) -> Option<Solution> {
         let (job, Expected { ways, times, .. }) = (self.job, expected);
-        let way = |index: usize| ways.get(&index).unwrap_or(&job.members[index].way);
+        let way = |index: usize| &**ways.get(&index).unwrap_or(&job.members[index].way);
+        let keeps = |index: &usize| !ways.contains_key(index);
         let timed = |index: usize| {
             let member = &job.members[index];
             let at = way(index).place(member.done_m).min(member.held);
@@ -181,14 +209,19 @@ impl Solver<'_> {
         let moving: Vec<usize> = times.keys().copied().collect();
         for (place, &a) in moving.iter().enumerate() {
             for &b in &moving[place + 1..] {
-                if led.contains(&a) && led.contains(&b) {
+                if keeps(&a) && keeps(&b) {
                     continue;
                 }
                 let (one, other) = (&job.members[a], &job.members[b]);
+                if !way(a).may_meet(way(b)) {
+                    order.remove(&(one.id, other.id));
+                    order.remove(&(other.id, one.id));
+                    continue;
+                }
                 let separation_m = driven_separation_m(separation_m(one.held_stands(), other.held_stands()));
                 let (a_needs, b_needs) = pair(&timed(a), &timed(b), separation_m);
-                order.insert((one.id, other.id), a_needs);
-                order.insert((other.id, one.id), b_needs);
+                set_needs(&mut order, (one.id, other.id), &a_needs);
+                set_needs(&mut order, (other.id, one.id), &b_needs);
             }
         }
         let runners: Vec<Runner<'_>> =

@@ -13,6 +13,9 @@ use xtb_nav::geometry::rect::{Rect, Stand};
 /// measured.
 const EXPANSIONS: u32 = 2000;
 
+/// So many of those that the way meets are asked about, the first ones: each takes a search. Chosen, not measured.
+const MOST_SUSPECTS: usize = 12;
+
 /// Somebody who may be in the way.
 struct Suspect<'a> {
     name: &'a str,
@@ -56,7 +59,7 @@ pub(super) fn blocker(job: &JointJob, member: &Member, left: &mut u32) -> NoWay 
         met.extend(now);
     }
     let by = at_goal
-        .or_else(|| bolt(job, member, &met, left))
+        .or_else(|| bolt(job, member, &met[..met.len().min(MOST_SUSPECTS)], left))
         .or(met.first().copied())
         .map(|suspect| suspect.name);
     let crosses = || {
@@ -87,7 +90,7 @@ fn way_around(
         .zip(suspects)
         .map(|(line, suspect)| Other { line, separation_m: between(suspect) })
         .collect();
-    let around = Around { target: Some(member.target), field: &field, others: &others, soft: &[] };
+    let around = Around { target: Some(member.target), field: &field, others: &others, soft: &[], wait: 0 };
     Ok(go_on(job, member, &around, most, left)?.0)
 }
 

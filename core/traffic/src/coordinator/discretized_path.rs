@@ -1,10 +1,16 @@
 //! A path cut into steps of 5 cm: what orders and releases count in.
 
-use xtb_nav::geometry::rect::{Rect, Stand};
+use xtb_nav::geometry::rect::{LOOK_OUT_M, Rect, Stand};
 use xtb_nav::{Car, MapPose, Path};
 
 /// Way between two places, in m: the usual cell of a map; chosen, not measured.
 pub(super) const STEP_M: f64 = 0.05;
+
+/// Side of the cells by which two ways are known to be apart, in m: more than two XTBs and a look-out reach. Two
+/// trucks that reach farther are looked at place by place.
+const CELL_M: f64 = 2.0;
+/// What two of them keep from each other at most, in m: thrice the largest separation, and a place.
+const KEEP_M: f64 = 0.3;
 
 /// A path and the truck at each of its places. Place 0 is the start, the last one the end.
 #[derive(Debug, Clone)]
@@ -17,6 +23,8 @@ pub(super) struct DiscretizedPath {
     pub(super) stands: Vec<Stand>,
     /// Gear in which each place is reached; that of the first is the next one's.
     pub(super) gears: Vec<f64>,
+    /// The cells through which it leads, sorted.
+    cells: Vec<(i32, i32)>,
 }
 
 impl DiscretizedPath {
@@ -37,7 +45,27 @@ impl DiscretizedPath {
             });
             gears.push(gear);
         }
-        Self { path, length_m, stands, gears }
+        let place = |v: f64| libm::floor(v / CELL_M) as i32;
+        let mut cells: Vec<(i32, i32)> =
+            stands.iter().map(|stand| (place(stand.body.x_m), place(stand.body.y_m))).collect();
+        cells.sort_unstable();
+        cells.dedup();
+        Self { path, length_m, stands, gears, cells }
+    }
+
+    /// Whether the two ways come near each other anywhere; a yes may be wrong.
+    pub(super) fn may_meet(&self, other: &Self) -> bool {
+        let reach_m = |way: &Self| way.stands[0].body.reach_m();
+        if reach_m(self) + reach_m(other) + LOOK_OUT_M + KEEP_M > CELL_M {
+            return true;
+        }
+        let near = |&(x, y): &(i32, i32)| {
+            (x - 1..=x + 1).any(|x| {
+                let from = other.cells.partition_point(|cell| *cell < (x, y - 1));
+                other.cells.get(from).is_some_and(|cell| *cell <= (x, y + 1))
+            })
+        };
+        self.cells.iter().any(near)
     }
 
     /// Number of the last place.

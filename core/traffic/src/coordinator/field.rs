@@ -2,8 +2,6 @@
 //! hopes for.
 
 use super::room::Room;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 use xtb_nav::geometry::rect::Rect;
 use xtb_nav::planner::space::OneWay;
 
@@ -12,6 +10,10 @@ const CELL_M: f64 = 0.1;
 /// A cell's middle may be so much nearer to a thing than the truck that is in the cell, in m: half of its
 /// diagonal is 7.1 cm.
 const SLACK_M: f64 = 0.075;
+
+/// To the next cell and to the one across a corner, in tenths of a millimetre.
+const STRAIGHT: u32 = 1000;
+const SLANTED: u32 = 1414;
 
 /// Distances to one goal.
 #[derive(Debug, Clone)]
@@ -39,18 +41,7 @@ impl Field {
         let (mut field, open) = Self::unknown(room, half_width_m, standing);
         let mut free = open.clone();
         for rect in taken {
-            let reach_m = rect.reach_m() + half_width_m;
-            let place =
-                |v: f64, axis: usize| libm::floor((v - field.origin_m[axis]) / CELL_M).max(0.0) as usize;
-            let (left, low) = (place(rect.x_m - reach_m, 0), place(rect.y_m - reach_m, 1));
-            let (right, high) = (place(rect.x_m + reach_m, 0), place(rect.y_m + reach_m, 1));
-            for row in low..=high.min(field.height - 1) {
-                let (from, to) = (row * field.width + left, row * field.width + right.min(field.width - 1));
-                for (index, free) in free.iter_mut().enumerate().take(to + 1).skip(from) {
-                    let [x, y] = field.middle(index);
-                    *free &= rect.distance_m(x, y) >= half_width_m;
-                }
-            }
+            field.close_near(&mut free, rect, half_width_m);
         }
         let sources: Vec<usize> = (0..free.len()).filter(|&index| free[index]).collect();
         field.flood(sources.into_iter(), &open, room.one_way());
@@ -64,38 +55,61 @@ impl Field {
         let (width, height) = (cells(0), cells(1));
         let field = Self { origin_m: low, width, height, distance: vec![u32::MAX; width * height] };
         let keep = half_width_m - SLACK_M;
-        let open = (0..width * height)
+        let mut open: Vec<bool> = (0..width * height)
             .map(|index| {
                 let [x, y] = field.middle(index);
-                room.clearance_m(x, y) >= keep && standing.iter().all(|rect| rect.distance_m(x, y) >= keep)
+                room.clearance_m(x, y) >= keep
             })
             .collect();
+        standing.iter().for_each(|rect| field.close_near(&mut open, rect, keep));
         (field, open)
     }
 
-    fn flood(&mut self, from: impl Iterator<Item = usize>, open: &[bool], one_way: Option<&OneWay>) {
-        let mut heap: BinaryHeap<Reverse<(u32, usize)>> = from.map(|index| Reverse((0, index))).collect();
-        heap.iter().for_each(|Reverse((_, index))| self.distance[*index] = 0);
-        while let Some(Reverse((distance, index))) = heap.pop() {
-            if distance > self.distance[index] {
-                continue;
+    /// Closes the cells whose middles are nearer to a rectangle than that.
+    fn close_near(&self, open: &mut [bool], rect: &Rect, keep_m: f64) {
+        let reach_m = rect.reach_m() + keep_m;
+        let place = |v: f64, axis: usize| libm::floor((v - self.origin_m[axis]) / CELL_M).max(0.0) as usize;
+        let (left, low) = (place(rect.x_m - reach_m, 0), place(rect.y_m - reach_m, 1));
+        let (right, high) = (place(rect.x_m + reach_m, 0), place(rect.y_m + reach_m, 1));
+        for row in low..=high.min(self.height - 1) {
+            let (from, to) = (row * self.width + left, row * self.width + right.min(self.width - 1));
+            for (index, open) in open.iter_mut().enumerate().take(to + 1).skip(from) {
+                let [x, y] = self.middle(index);
+                *open &= rect.distance_m(x, y) >= keep_m;
             }
-            let (column, row) = ((index % self.width) as i64, (index / self.width) as i64);
-            for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)] {
-                let (x, y) = (column + dx, row + dy);
-                if x < 0 || y < 0 || x >= self.width as i64 || y >= self.height as i64 {
+        }
+    }
+
+    /// Best first. No step is shorter than the range of distances in one bucket, and none longer than two of them:
+    /// what is in a bucket when its turn comes stays as it is.
+    fn flood(&mut self, from: impl Iterator<Item = usize>, open: &[bool], one_way: Option<&OneWay>) {
+        let mut buckets: [Vec<(u32, usize)>; 3] = [from.map(|index| (0, index)).collect(), vec![], vec![]];
+        buckets[0].iter().for_each(|&(_, index)| self.distance[index] = 0);
+        let mut turn = 0;
+        while buckets.iter().any(|bucket| !bucket.is_empty()) {
+            for (distance, index) in std::mem::take(&mut buckets[turn % 3]) {
+                if distance > self.distance[index] {
                     continue;
                 }
-                let next = y as usize * self.width + x as usize;
-                let longer = distance + if dx != 0 && dy != 0 { 1414 } else { 1000 };
-                // It is driven the other way: from there to here.
-                let may =
-                    || one_way.is_none_or(|zones| zones.lets_through(self.middle(next), self.middle(index)));
-                if open[next] && longer < self.distance[next] && may() {
-                    self.distance[next] = longer;
-                    heap.push(Reverse((longer, next)));
+                let (column, row) = ((index % self.width) as i64, (index / self.width) as i64);
+                for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)] {
+                    let (x, y) = (column + dx, row + dy);
+                    if x < 0 || y < 0 || x >= self.width as i64 || y >= self.height as i64 {
+                        continue;
+                    }
+                    let next = y as usize * self.width + x as usize;
+                    let longer = distance + if dx != 0 && dy != 0 { SLANTED } else { STRAIGHT };
+                    // It is driven the other way: from there to here.
+                    let may = || {
+                        one_way.is_none_or(|zones| zones.lets_through(self.middle(next), self.middle(index)))
+                    };
+                    if open[next] && longer < self.distance[next] && may() {
+                        self.distance[next] = longer;
+                        buckets[(longer / STRAIGHT) as usize % 3].push((longer, next));
+                    }
                 }
             }
+            turn += 1;
         }
     }
 

@@ -61,7 +61,7 @@ impl Solver<'_> {
             expected.take(index, drive.way.clone(), &drive.at_m, drive.line.clone());
         }
         let rest: Vec<usize> = free.iter().copied().filter(|index| !members.contains(index)).collect();
-        self.one_by_one(expected, &rest, &[]).ok()
+        self.one_by_one(expected, &rest).ok()
     }
 
     /// All if they are few; else who failed most often, and those that it meets first on its way.
@@ -170,14 +170,15 @@ mod tests {
             id: index as u32 + 1,
             name: format!("xtb-{}", index + 1),
             revision: 0,
-            way: DiscretizedPath::new(
+            way: Arc::new(DiscretizedPath::new(
                 Path::standing(MapPose { x_m: from[0], y_m: from[1], yaw_rad: from[2] }),
                 &car,
-            ),
+            )),
             car,
             done_m: 0.0,
             held: 0,
             wanting: true,
+            fixed: false,
             waited_ms: 0,
             target: Target { x_m: to[0], y_m: to[1], yaw_rad: Some(to[2]) },
         };
@@ -191,6 +192,7 @@ mod tests {
             budget: 30_000,
             group_budget,
             turn_budget: 0,
+            each_for_itself: false,
         }
     }
 

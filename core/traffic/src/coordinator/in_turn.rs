@@ -54,7 +54,7 @@ impl Solver<'_> {
                 break;
             }
             let Some(expected) = self.others_make_room(first, late_ticks, &queue, led) else { continue };
-            let Some(found) = self.with_further(expected, first, &queue, led) else { continue };
+            let Some(found) = self.with_further(expected, first, &queue) else { continue };
             let arriving =
                 queue.iter().filter(|index| found.ways.contains_key(index)).count() - self.evading.len();
             if best.as_ref().is_none_or(|(most, ..)| arriving > *most) {
@@ -145,13 +145,7 @@ impl Solver<'_> {
     }
 
     /// Those that make room go on to their goals, if they find a way there beside all others.
-    fn with_further(
-        &mut self,
-        expected: Expected,
-        first: usize,
-        queue: &[usize],
-        led: &[usize],
-    ) -> Option<Solution> {
+    fn with_further(&mut self, expected: Expected, first: usize, queue: &[usize]) -> Option<Solution> {
         let (mut further, mut arriving) = (expected.clone(), BTreeSet::new());
         for &index in queue.iter().filter(|&&index| index != first) {
             if !self.evading.contains(&index) {
@@ -163,12 +157,12 @@ impl Solver<'_> {
             }
         }
         if !arriving.is_empty()
-            && let Some(found) = self.ordered(further, led)
+            && let Some(found) = self.ordered(further)
         {
             self.evading.retain(|index| !arriving.contains(index));
             return Some(found);
         }
-        self.ordered(expected, led)
+        self.ordered(expected)
     }
 
     fn beside(

@@ -18,12 +18,14 @@ pub(super) struct Member {
     pub(super) revision: u64,
     pub(super) car: Car,
     /// Its way so far; only the released part counts if it wants another one.
-    pub(super) way: DiscretizedPath,
+    pub(super) way: Arc<DiscretizedPath>,
     pub(super) done_m: f64,
     /// Place up to which its way is released.
     pub(super) held: usize,
     /// Whether it needs a way.
     pub(super) wanting: bool,
+    /// It keeps its way, and goes on along it while the plan is made.
+    pub(super) fixed: bool,
     /// For so long it has had a goal and has not been led to it, in ms.
     pub(super) waited_ms: u64,
     pub(super) target: Target,
@@ -65,6 +67,8 @@ pub struct JointJob {
     pub(super) group_budget: u32,
     /// The same for serving one after the other, when that does not work either; 0 = not at all.
     pub(super) turn_budget: u32,
+    /// Each of those without a way looks for one around all others as they are: who finds none stays.
+    pub(super) each_for_itself: bool,
 }
 
 impl JointJob {
@@ -88,7 +92,7 @@ impl JointJob {
 pub(super) struct Plan {
     pub(super) id: u32,
     pub(super) revision: u64,
-    pub(super) way: DiscretizedPath,
+    pub(super) way: Arc<DiscretizedPath>,
     /// It ends out of the others' way, not at the goal.
     pub(super) evades: bool,
 }
@@ -133,6 +137,12 @@ impl JointResult {
 }
 
 impl NoWay {
+    /// None was found among many; the next try is a thorough one.
+    pub(super) fn yet(member: &Member) -> Self {
+        let reason = "no path found in time".to_owned();
+        Self { id: member.id, revision: member.revision, by: None, reason, for_good: false }
+    }
+
     /// Somebody else is served before.
     pub(super) fn behind(member: &Member, name: &str) -> Self {
         let (by, reason) = (Some(name.to_owned()), format!("blocked by {name}"));

@@ -5,13 +5,18 @@
 //! either, a few of them are planned at once, by conflict-based search; after that, whoever failed most
 //! often only makes way for the rest; if it cannot, it stands.
 
+use super::arrival_times::to_release;
+use super::attempt::Expected;
 use super::blocker_search::blocker;
 use super::discretized_path::DiscretizedPath;
 use super::field::Field;
 use super::job::{JointJob, JointResult, Member, NoWay, Plan};
-use super::occupancy::Occupancy;
+use super::occupancy::{Occupancy, TICK_WAY_M};
 use super::order::Order;
+use super::task::EXPANSIONS_EACH;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use xtb_nav::geometry::rect::LOOK_OUT_M;
 
 /// Orders that are tried with some of the trucks, at most; chosen, not measured.
 const TRIES: usize = 8;
@@ -20,12 +25,18 @@ const EXPANSIONS_BLOCKERS: u32 = 12_000;
 /// Who has waited for longer than this is served before ways for all are looked for, in ms; chosen, not
 /// measured.
 pub(super) const PATIENCE_MS: u64 = 30_000;
+/// Who would wait longer than this at its goal for others to pass is let there first, in ticks (10 s); chosen, not
+/// measured.
+const LATE_TICKS: usize = 40;
+/// Who found no way among many looks for one that begins so much later, in ticks (30 s, 90 s, 4 min); chosen, not
+/// measured.
+const WAITS: [u32; 3] = [120, 360, 960];
 /// Longest plan, in ticks (20 min), so that it ends; chosen, not measured.
 pub(super) const MOST_TICKS: usize = 4800;
 
 /// Ways and orders that fit together.
 pub(super) struct Solution {
-    pub(super) ways: BTreeMap<usize, DiscretizedPath>,
+    pub(super) ways: BTreeMap<usize, Arc<DiscretizedPath>>,
     pub(super) order: Order,
 }
 
@@ -37,7 +48,11 @@ pub(super) struct Solver<'a> {
     pub(super) keep_going: &'a mut dyn FnMut() -> bool,
     pub(super) fields: BTreeMap<usize, Field>,
     pub(super) blocks: Vec<Occupancy>,
+    /// Who keep their ways, and as what they are expected.
+    pub(super) running: Option<(Vec<usize>, Option<Expected>)>,
     pub(super) left: u32,
+    /// Ways that are looked for begin so much later, in ticks.
+    pub(super) wait: u32,
     pub(super) group_left: u32,
     pub(super) turn_left: u32,
     random: u64,
@@ -62,7 +77,9 @@ impl JointJob {
             keep_going,
             fields: BTreeMap::new(),
             blocks: self.blocks.iter().map(|block| Occupancy::standing(&block.stands)).collect(),
+            running: None,
             left: self.budget,
+            wait: 0,
             group_left: self.group_budget,
             turn_left: self.turn_budget,
             random: self.seed,
@@ -74,7 +91,11 @@ impl JointJob {
             served: None,
         };
         let wanting: Vec<usize> = self.indices(|member| member.wanting).collect();
-        let led: Vec<usize> = self.indices(|member| !member.wanting).collect();
+        if self.each_for_itself {
+            let solution = solver.each(&wanting);
+            return self.result(solver, solution, false);
+        }
+        let led: Vec<usize> = self.indices(|member| !member.wanting && !member.fixed).collect();
         // Whoever has waited for long is not passed over again.
         let in_turn = wanting.iter().any(|&index| self.members[index].waited_ms > PATIENCE_MS);
         let mut solution = if in_turn { solver.in_turn(&wanting, &led) } else { None };
@@ -105,6 +126,7 @@ impl JointJob {
             let member = &self.members[index];
             none.push(match solver.served {
                 Some(served) => NoWay::behind(member, &self.members[served].name),
+                None if self.each_for_itself => NoWay::yet(member),
                 None => blocker(self, member, &mut left),
             });
         }
@@ -114,7 +136,7 @@ impl JointJob {
             + spent(self.turn_budget, solver.turn_left);
         let (tries, choices) = (solver.tries, solver.choices);
         let (ways, order) = solution.map_or_else(Default::default, |found| (found.ways, found.order));
-        let plan = |(index, way): (usize, DiscretizedPath)| {
+        let plan = |(index, way): (usize, Arc<DiscretizedPath>)| {
             let member: &Member = &self.members[index];
             let evades = solver.evading.contains(&index);
             let moves = way.length_m > member.way.at_m(member.held) + 0.01;
@@ -135,6 +157,56 @@ impl JointJob {
 }
 
 impl Solver<'_> {
+    /// Ways for as many of these as find one around all others: whoever has none yet stands where it stands.
+    fn each(&mut self, wanting: &[usize]) -> Option<Solution> {
+        let standing: BTreeSet<usize> = wanting.iter().copied().collect();
+        let led: Vec<usize> = self.job.indices(|member| !member.wanting && !member.fixed).collect();
+        let mut expected = self.expected(&[], &led, &standing)?;
+        for &index in wanting {
+            let late = self.late(index, &led, &expected);
+            let moved = if late.is_empty() { None } else { self.with_moved(index, &late, &expected) };
+            let mut found = moved.or_else(|| self.with_moved(index, &[], &expected));
+            // Later there is less traffic.
+            for wait in WAITS.into_iter().filter(|_| wanting.len() == 1) {
+                if found.is_none() {
+                    self.wait = wait;
+                    found = self.with_moved(index, &[], &expected);
+                }
+            }
+            self.wait = 0;
+            expected = found.unwrap_or(expected);
+        }
+        self.ordered(expected)
+    }
+
+    /// Who of those that may be given other ways would lead past the goal of this one long after it could be there.
+    fn late(&mut self, index: usize, led: &[usize], expected: &Expected) -> Vec<usize> {
+        let member = &self.job.members[index];
+        let start = member.way.stands[member.held].body;
+        let goal_m = [member.target.x_m, member.target.y_m];
+        let Some(way_m) = self.field(index).distance_m(start.x_m, start.y_m) else { return Vec::new() };
+        let there = to_release(member).len() + (way_m / TICK_WAY_M) as usize + LATE_TICKS;
+        let passes = |other: &usize| {
+            let reach_m = member.car.reach_m() + self.job.members[*other].car.reach_m() + LOOK_OUT_M;
+            expected.lines[other].is_near_after(there, goal_m, reach_m)
+        };
+        led.iter().copied().filter(passes).collect()
+    }
+
+    /// With a way of this one, as if these were not on theirs, and other ways of these around it.
+    fn with_moved(&mut self, index: usize, moved: &[usize], expected: &Expected) -> Option<Expected> {
+        let mut expected = expected.clone();
+        moved.iter().for_each(|&other| expected.leave(other, &self.job.members[other]));
+        for index in std::iter::once(index).chain(moved.iter().copied()) {
+            let soft = expected.soft(&[index]);
+            let others = expected.others(index);
+            let (way, at_m) = self.single(index, &others, &soft, None, EXPANSIONS_EACH).ok()?;
+            let line = self.job.members[index].driving(&way, &at_m);
+            expected.take(index, way, &at_m, line);
+        }
+        Some(expected)
+    }
+
     /// Ways for all to their goals, as far as there are any; and whether a group was planned at once.
     fn all_at_once(&mut self) -> (Option<Solution>, bool) {
         let mut standing = BTreeSet::new();
@@ -145,7 +217,7 @@ impl Solver<'_> {
                 self.evading.clear();
                 return (None, false);
             }
-            let led: Vec<usize> = self.job.indices(|member| !member.wanting).collect();
+            let led: Vec<usize> = self.job.indices(|member| !member.wanting && !member.fixed).collect();
             if let Some(found) = self.orders(&wanting, &led, &standing) {
                 return (Some(found), false);
             }

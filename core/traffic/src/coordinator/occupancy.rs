@@ -13,7 +13,7 @@ pub(super) const NEVER: u32 = u32::MAX;
 /// Where nobody is, in m: beyond any map.
 const AWAY_M: f64 = 1.0e9;
 /// Ticks in one block of the coarse look; chosen, not measured.
-const BLOCK: usize = 8;
+pub(super) const BLOCK: usize = 8;
 
 /// One truck over time.
 #[derive(Debug, Clone, Default)]
@@ -105,6 +105,17 @@ impl Occupancy {
         Self { ticks, held, held_circle, circles, gone }
     }
 
+    /// Whether it is so near to a point at any tick from this one on, or stays there.
+    pub(super) fn is_near_after(&self, tick: usize, [x_m, y_m]: [f64; 2], near_m: f64) -> bool {
+        let is_near = |stand: &Stand| libm::hypot(stand.body.x_m - x_m, stand.body.y_m - y_m) < near_m;
+        self.ticks.iter().skip(tick).step_by(2).chain(self.ticks.last()).any(is_near)
+    }
+
+    /// Circles around each [`BLOCK`] ticks, and one around what it holds.
+    pub(super) fn circles(&self) -> (&[[f64; 3]], Option<&[f64; 3]>) {
+        (&self.circles, (!self.held.is_empty()).then_some(&self.held_circle))
+    }
+
     /// Where it is at its ticks, one after the other: its whole way.
     pub(super) fn bodies(&self) -> impl Iterator<Item = Rect> {
         self.ticks.iter().step_by(2).chain(self.ticks.last()).map(|stand| stand.body)
@@ -133,6 +144,16 @@ impl Occupancy {
             && self.ticks[index].conflicts(stand, separation_m)
     }
 
+    /// The first tick of this block after `from` at which a truck that stays at `stand` is in the way.
+    pub(super) fn next_hit_in(&self, block: usize, stand: &Stand, from: u32, separation_m: f64) -> u32 {
+        if !near(&self.circles[block], stand, separation_m) {
+            return NEVER;
+        }
+        let ticks = (block * BLOCK).max(from as usize + 1)..self.ticks.len().min((block + 1) * BLOCK);
+        let hit = ticks.into_iter().find(|&tick| self.ticks[tick].conflicts(stand, separation_m));
+        hit.map_or(NEVER, |tick| tick as u32)
+    }
+
     /// The first tick after `from` at which a truck that stays at `stand` is in the way.
     pub(super) fn next_hit(&self, stand: &Stand, from: u32, separation_m: f64) -> u32 {
         let mut index = from as usize + 1;
@@ -158,7 +179,7 @@ fn near(circle: &[f64; 3], stand: &Stand, separation_m: f64) -> bool {
 }
 
 /// A circle around all of them; an empty one is far away.
-fn circle<'a>(stands: impl Iterator<Item = &'a Stand> + Clone) -> [f64; 3] {
+pub(super) fn circle<'a>(stands: impl Iterator<Item = &'a Stand> + Clone) -> [f64; 3] {
     let rects = || stands.clone().flat_map(|stand| [Some(stand.body), stand.look]).flatten();
     let count = rects().count() as f64;
     if count == 0.0 {

@@ -7,10 +7,48 @@
 use super::discretized_path::{DiscretizedPath, STEP_M};
 use super::occupancy::TICK_WAY_M;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use xtb_nav::geometry::rect::Stand;
 
-/// For (who waits, for whom): which place of the other must be reached before each own one is entered.
-pub(super) type Order = BTreeMap<(u32, u32), Vec<u32>>;
+/// Which place of another truck must be reached before each own one is entered; only the stretch in which any must.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Needs {
+    first: usize,
+    places: Vec<u32>,
+}
+
+impl Needs {
+    /// From what each own place needs; `None` = none needs anything.
+    pub(super) fn of(all: &[u32]) -> Option<Self> {
+        let first = all.iter().position(|&need| need > 0)?;
+        let last = all.iter().rposition(|&need| need > 0)?;
+        Some(Self { first, places: all[first..=last].to_vec() })
+    }
+
+    /// The place that the other one must have reached before this one enters its own.
+    pub(super) fn at(&self, place: usize) -> usize {
+        place
+            .checked_sub(self.first)
+            .and_then(|index| self.places.get(index))
+            .map_or(0, |&need| need as usize)
+    }
+}
+
+/// For (who waits, for whom) what it needs; a pair that is missing needs nothing of each other.
+pub(super) type Order = BTreeMap<(u32, u32), Arc<Needs>>;
+
+/// All that one needs of others.
+pub(super) fn needs_of(order: &Order, id: u32) -> impl Iterator<Item = (u32, &Needs)> {
+    order.range((id, 0)..=(id, u32::MAX)).map(|((_, other), needs)| (*other, &**needs))
+}
+
+/// Sets what one needs of another, by place.
+pub(super) fn set_needs(order: &mut Order, pair: (u32, u32), all: &[u32]) {
+    match Needs::of(all) {
+        Some(needs) => drop(order.insert(pair, Arc::new(needs))),
+        None => drop(order.remove(&pair)),
+    }
+}
 
 /// Ticks that a change of gear takes, half a second: less than it takes (1.5 s by `CUSP_S` in xtb-nav's
 /// `path_choice.rs`), but of the plan's clock only the passing order is kept. Chosen, not measured.
@@ -81,14 +119,35 @@ fn raise(need: &mut u32, place: usize) {
     *need = (*need).max(place as u32);
 }
 
+/// Whether anything that is left of the one way conflicts with anything that is left of the other.
+pub(super) fn ways_meet(
+    a: (&DiscretizedPath, usize),
+    b: (&DiscretizedPath, usize),
+    separation_m: f64,
+) -> bool {
+    let ((a, a_at), (b, b_at)) = (a, b);
+    a.may_meet(b)
+        && a.stands.iter().skip(a_at).any(|mine| {
+            let mut j = b_at;
+            while j < b.stands.len() {
+                match clear_places(mine, &b.stands[j], separation_m) {
+                    0 if mine.conflicts(&b.stands[j], separation_m) => return true,
+                    skip => j += skip.max(1),
+                }
+            }
+            false
+        })
+}
+
+/// Farther apart than this two trucks at two places do not matter to each other, in m.
+pub(super) fn matters_m(a: &Stand, b: &Stand, separation_m: f64) -> f64 {
+    a.body.reach_m() + b.body.reach_m() + xtb_nav::geometry::rect::LOOK_OUT_M + STEP_M + 3.0 * separation_m
+}
+
 /// So many places further on the two are still too far apart to matter.
 fn clear_places(a: &Stand, b: &Stand, separation_m: f64) -> usize {
     let apart = libm::hypot(a.body.x_m - b.body.x_m, a.body.y_m - b.body.y_m);
-    let reach = a.body.reach_m()
-        + b.body.reach_m()
-        + xtb_nav::geometry::rect::LOOK_OUT_M
-        + STEP_M
-        + 3.0 * separation_m;
+    let reach = matters_m(a, b, separation_m);
     if apart <= reach { 0 } else { (((apart - reach) / STEP_M) as usize).max(1) }
 }
 
@@ -103,11 +162,13 @@ pub(super) struct Runner<'a> {
 /// Lets everybody go by the order at an even speed: the way of each at each tick until its end, or
 /// `None` if they block each other for good (or take longer than `most_ticks`).
 pub(super) fn run_ahead(runners: &[Runner<'_>], order: &Order, most_ticks: usize) -> Option<Vec<Vec<f64>>> {
-    let needs: Vec<Vec<(usize, &Vec<u32>)>> = runners
+    let index_of: BTreeMap<u32, usize> =
+        runners.iter().enumerate().map(|(index, runner)| (runner.id, index)).collect();
+    let needs: Vec<Vec<(usize, &Needs)>> = runners
         .iter()
         .map(|one| {
-            let of = |(index, other): (usize, &Runner<'_>)| Some((index, order.get(&(one.id, other.id))?));
-            runners.iter().enumerate().filter_map(of).collect()
+            let known = |(other, needs)| Some((*index_of.get(&other)?, needs));
+            needs_of(order, one.id).filter_map(known).collect()
         })
         .collect();
     let mut ways: Vec<Vec<f64>> = runners.iter().map(|runner| vec![runner.done_m]).collect();
@@ -130,8 +191,7 @@ pub(super) fn run_ahead(runners: &[Runner<'_>], order: &Order, most_ticks: usize
                 continue;
             }
             let wanted = (here + TICK_WAY_M).min(way.length_m);
-            let may =
-                |place: usize| needs[index].iter().all(|(other, need)| need[place] as usize <= at[*other]);
+            let may = |place: usize| needs[index].iter().all(|(other, need)| need.at(place) <= at[*other]);
             while cleared[index] < way.last() && way.at_m(cleared[index]) < wanted && may(cleared[index] + 1)
             {
                 cleared[index] += 1;
@@ -195,7 +255,10 @@ mod tests {
     #[test]
     fn by_the_order_both_arrive_and_never_touch() {
         let (east, north, east_needs, north_needs) = crossing(20.0);
-        let order = Order::from([((0, 1), east_needs), ((1, 0), north_needs)]);
+        let mut order = Order::new();
+        set_needs(&mut order, (0, 1), &east_needs);
+        set_needs(&mut order, (1, 0), &north_needs);
+        assert_eq!(order.len(), 1, "who needs nothing takes no room");
         let runners = [Runner { id: 0, way: &east, done_m: 0.0 }, Runner { id: 1, way: &north, done_m: 0.0 }];
         let ways = run_ahead(&runners, &order, 1000).unwrap();
         for tick in 0..ways[0].len().max(ways[1].len()) {
@@ -211,8 +274,9 @@ mod tests {
     fn an_order_in_which_each_waits_for_the_other_is_seen() {
         let (east, north) = (way(-2.0, 0.0, 0.0, 4.0), way(0.0, -2.0, 1.57, 4.0));
         let mut order = Order::new();
-        order.insert((0, 1), (0..=80).map(|place| if place > 30 { 40 } else { 0 }).collect());
-        order.insert((1, 0), (0..=80).map(|place| if place > 30 { 40 } else { 0 }).collect());
+        let after_30: Vec<u32> = (0..=80).map(|place| if place > 30 { 40 } else { 0 }).collect();
+        set_needs(&mut order, (0, 1), &after_30);
+        set_needs(&mut order, (1, 0), &after_30);
         let runners = [Runner { id: 0, way: &east, done_m: 0.0 }, Runner { id: 1, way: &north, done_m: 0.0 }];
         assert_eq!(run_ahead(&runners, &order, 1000), None);
     }

@@ -5,6 +5,7 @@
 //! interval. Two nodes of one cell compete only if the truck could have waited from one to the other
 //! (M. Phillips and M. Likhachev, *SIPP: Safe interval path planning*, ICRA 2011).
 
+use super::crowd::Crowd;
 use super::lane;
 use super::occupancy::{NEVER, TICK_WAY_M};
 use super::order::GEAR_TICKS;
@@ -93,8 +94,7 @@ struct Search<'a> {
     grain: &'static Grain,
     radius_m: f64,
     body_margin_m: f64,
-    /// No other truck moves any more from this tick on.
-    still: u32,
+    crowd: Crowd<'a>,
     goals: Vec<MapPose>,
     closed: BTreeMap<(i32, i32, i32), Vec<Seen>>,
     sweep: Vec<Stand>,
@@ -107,10 +107,11 @@ impl<'a> Search<'a> {
             .into_iter()
             .find(|&margin| task.room.is_free(&here, margin))
             .ok_or(Stuck::Start)?;
-        let still = task.others.iter().map(|other| other.line.end()).max().unwrap_or(0);
         let radius_m = task.car.radius_m * RADIUS_FACTOR;
         let (goals, closed, sweep) = (Vec::new(), BTreeMap::new(), Vec::new());
-        let mut search = Self { task, grain, radius_m, body_margin_m, still, goals, closed, sweep };
+        let reach_m = Rect::looking(task.car, &task.start, 1.0).reach_m();
+        let crowd = Crowd::new(task.others, reach_m);
+        let mut search = Self { task, grain, radius_m, body_margin_m, crowd, goals, closed, sweep };
         if let Some(target) = &task.target {
             let yaws: Vec<f64> = match target.yaw_rad {
                 Some(yaw_rad) => vec![yaw_rad],
@@ -131,7 +132,7 @@ impl<'a> Search<'a> {
 
     fn run(&mut self, budget: &mut u32) -> Result<Vec<Leg>, Stuck> {
         let Task { car, start: pose, gear, tick, .. } = *self.task;
-        let safe = self.safe_until(&Stand::still(car, &pose), tick);
+        let safe = self.crowd.safe_until(&Stand::still(car, &pose), tick);
         let heuristic = self.heuristic(&pose).ok_or(Stuck::Nowhere)?;
         let root = Node { pose, gear, tick, safe, cost: 0.0, legs: Vec::new(), goal: false };
         let mut tree = Tree::new();
@@ -167,14 +168,14 @@ impl<'a> Search<'a> {
             return false;
         };
         let heuristic = if goal { Some(0.0) } else { self.heuristic(&end) };
-        let (mut delay, mut found) = (0, 0);
+        let (mut delay, mut found, mut met) = (0, 0, 0);
         while let Some(heuristic) = heuristic {
             let depart = tick + delay;
             if depart > safe || delay > MOST_WAIT || found == 2 {
                 break;
             }
-            if !self.is_clear(&sweep, depart) {
-                if depart > self.still {
+            if !self.crowd.is_clear(&sweep, depart, &mut met) {
+                if depart > self.crowd.still {
                     break;
                 }
                 delay += 2;
@@ -184,7 +185,7 @@ impl<'a> Search<'a> {
             let still = sweep
                 .last()
                 .map_or_else(|| Stand::still(self.task.car, &end), |stand| Stand { look: None, ..*stand });
-            let safe_then = self.safe_until(&still, arrive);
+            let safe_then = self.crowd.safe_until(&still, arrive);
             if goal && safe_then != NEVER {
                 delay += 4;
                 continue;
@@ -261,27 +262,10 @@ impl<'a> Search<'a> {
         Some((pose, gear, legs, extra))
     }
 
-    fn is_clear(&self, sweep: &[Stand], depart: u32) -> bool {
-        self.task.others.iter().all(|other| {
-            let hit = |(step, stand): (usize, &Stand)| {
-                other.line.hits(stand, depart + 1 + step as u32, other.separation_m)
-            };
-            !sweep.iter().enumerate().any(hit)
-        })
-    }
-
-    fn safe_until(&self, stand: &Stand, tick: u32) -> u32 {
-        let others = self.task.others.iter();
-        let next =
-            others.map(|other| other.line.next_hit(stand, tick, other.separation_m)).min().unwrap_or(NEVER);
-        if next == NEVER { NEVER } else { next - 1 }
-    }
-
     /// Whether the truck can stand there for good.
     fn may_stay(&self, pose: &MapPose) -> bool {
         let stand = Stand::still(self.task.car, pose);
-        self.task.room.is_free(&stand.body, self.body_margin_m)
-            && !self.task.others.iter().any(|other| other.line.hits(&stand, NEVER - 1, other.separation_m))
+        self.task.room.is_free(&stand.body, self.body_margin_m) && self.crowd.leaves_free(&stand)
     }
 
     /// Whether who ends there in any heading can drive on.

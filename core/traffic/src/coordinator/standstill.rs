@@ -2,14 +2,17 @@
 
 use super::Coordinator;
 use super::joint::PATIENCE_MS;
-use super::truck::Truck;
+use super::outstanding::Outstanding;
+use super::plans::is_looked_for_further;
+use super::truck::{Truck, place_of};
+use std::collections::BTreeSet;
 use xtb_control::Stamp;
 
 /// Nobody moved for so long though someone should, and no joint plan is being made: one of them gives its
 /// goal up, in ms; chosen, not measured.
 pub(super) const STANDSTILL_MS: u64 = 5000;
-/// Some that wait for each other have stood for so long, while others move, and no joint plan is being made: one of
-/// them gives its goal up, in ms. Twice the time after which it is served first: its turn has come and was in vain.
+/// Some that wait for each other have stood for so long, while others move, without the time for which a joint plan
+/// that looks for their ways was being made: one of them gives its goal up, in ms. Twice the time after which it is served first: its turn has come and was in vain.
 const STUCK_MS: u64 = 2 * PATIENCE_MS;
 /// Turns of [`Coordinator::tick`] farther apart than this count as so long, in ms: five of those that should
 /// have come.
@@ -28,14 +31,15 @@ pub(super) struct Standstill {
 impl Coordinator {
     /// The last net: if nobody has moved for long, whatever the plans say, then of those that have no way or
     /// wait for another one whoever has waited longest is told that there is none; while others move, of those
-    /// that are stuck. The time for which a joint plan is being made does not count: on a slow machine it takes
-    /// longer.
+    /// that are stuck. The time for which a joint plan is being made for them does not count: on a slow machine it
+    /// takes longer.
     pub(super) fn end_standstill(&mut self, now: Stamp) {
         let Standstill { mut stood_ms, looked, mut gives_up } = std::mem::take(&mut self.standstill);
-        let is_planning = self.job.is_some();
         let turn_ms = looked.map_or(0, |at| now.since_ms(at)).min(LONGEST_TURN_MS);
-        let turn_ms = if is_planning { 0 } else { turn_ms };
-        self.trucks.iter_mut().for_each(|truck| truck.count_standing(now, turn_ms));
+        let planned: BTreeSet<u32> = self.out.iter().flat_map(Outstanding::frozen).collect();
+        for truck in &mut self.trucks {
+            truck.count_standing(now, if planned.contains(&truck.id) { 0 } else { turn_ms });
+        }
         let goal =
             |truck: &Truck| truck.goal().filter(|_| truck.can_be_led(now)).map(|(key, _)| (truck.id, key));
         let moves = self.trucks.iter().any(|truck| truck.is_fresh(now) && !truck.stands());
@@ -43,7 +47,7 @@ impl Coordinator {
         if moves || (gives_up.is_some() && given_up.is_none()) {
             stood_ms = 0;
             gives_up = gives_up.filter(|_| given_up.is_some_and(|truck| self.is_stuck(truck)));
-        } else {
+        } else if self.out.is_empty() {
             stood_ms += turn_ms;
         }
         if gives_up.is_none() {
@@ -61,15 +65,16 @@ impl Coordinator {
     }
 
     /// Whether it has stood for long behind one that has stood as long, and so on: around in a ring, or up to one
-    /// that has no way for another reason. One that waits for somebody who moves, or whom nobody leads, is not.
+    /// that has no way for another reason. One that waits for somebody who moves, or whom nobody leads, is not, nor is
+    /// one among many for which more can still be tried.
     fn is_stuck(&self, truck: &Truck) -> bool {
         let mut last = truck;
         // As many as there are: then one of them has come twice.
         for _ in &self.trucks {
             let waits_for = last.waits_for.filter(|_| last.is_live());
             let behind = match (waits_for, &last.none) {
-                _ if last.stood_ms <= STUCK_MS => return false,
-                (Some((id, _)), _) => self.trucks.iter().find(|other| other.id == id),
+                _ if last.stood_ms <= STUCK_MS || is_looked_for_further(last) => return false,
+                (Some((id, _)), _) => place_of(&self.trucks, id).map(|index| &self.trucks[index]),
                 (None, Some(none)) if !last.is_live() => {
                     let by = none.by.as_deref();
                     self.trucks.iter().find(|other| by == Some(other.view.name.as_str()))

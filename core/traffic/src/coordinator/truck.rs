@@ -3,6 +3,7 @@
 use super::discretized_path::DiscretizedPath;
 use super::job::NoWay;
 use super::{PlannedGoal, RobotView};
+use std::sync::Arc;
 use xtb_control::Stamp;
 use xtb_nav::geometry::rect::{Rect, Stand};
 use xtb_nav::navigator::STANDS_MPS;
@@ -30,6 +31,10 @@ const STALL_MS: u64 = 8000;
 /// measured.
 const STOPPING_M: f64 = 0.1;
 
+/// After so many ms, doubled each time up to 8 s, the next way is looked for among many trucks; chosen, not
+/// measured.
+const MISSED_MS: u64 = 500;
+
 /// The body of a truck that has not said what car it is: it is driven around with room to spare, twice an
 /// XTB's length, and not led.
 const UNKNOWN_CAR: Car = Car { front_m: 0.5, rear_m: 0.5, half_width_m: 0.5, radius_m: 1.0 };
@@ -40,7 +45,7 @@ pub(super) struct Route {
     pub(super) plan: u64,
     /// The plan with which it began at its present start.
     pub(super) base: u64,
-    pub(super) way: DiscretizedPath,
+    pub(super) way: Arc<DiscretizedPath>,
     /// Driven, as reported, in m.
     pub(super) done_m: f64,
     /// Released up to this place.
@@ -51,6 +56,11 @@ pub(super) struct Route {
     pub(super) live: bool,
     /// It leads out of the others' way, not to the goal.
     pub(super) evades: bool,
+}
+
+/// Which of the trucks, by ascending id, has this one.
+pub(super) fn place_of(trucks: &[Truck], id: u32) -> Option<usize> {
+    trucks.binary_search_by_key(&id, |truck| truck.id).ok()
 }
 
 #[derive(Debug, Clone)]
@@ -78,6 +88,15 @@ pub(super) struct Truck {
     pub(super) waits_for: Option<(u32, bool)>,
     /// Since when it has had this goal without being led to it.
     wants_since: Stamp,
+    /// No joint plan before that: one of which it was part has just ended.
+    pub(super) pause_until: Stamp,
+    /// Since when joint plans of which it was part have not led everybody to its goal.
+    pub(super) in_vain: Option<Stamp>,
+    /// When a way was looked for last among many trucks, and how often in a row there was none.
+    tried: Option<Stamp>,
+    pub(super) misses: u32,
+    /// Its last way met one that was planned elsewhere: everybody is looked at for the next one.
+    pub(super) anywhere: bool,
     /// For how long it has stood with this goal, in ms, without the time for which a joint plan was being made.
     pub(super) stood_ms: u64,
 }
@@ -100,6 +119,11 @@ impl Truck {
             none: None,
             waits_for: None,
             wants_since: now,
+            pause_until: Stamp::ZERO,
+            in_vain: None,
+            tried: None,
+            misses: 0,
+            anywhere: false,
             stood_ms: 0,
             view,
         }
@@ -141,6 +165,24 @@ impl Truck {
     /// It is led to its goal, and has its turn with that.
     pub(super) fn is_served(&mut self, now: Stamp) {
         self.wants_since = now;
+        (self.misses, self.anywhere) = (0, false);
+    }
+
+    /// Since when it has not been looked after: whoever is longest comes first.
+    pub(super) fn neglected_since(&self) -> Stamp {
+        self.tried.map_or(self.wants_since, |tried| tried.max(self.wants_since))
+    }
+
+    /// A way was looked for among many, and there was none.
+    pub(super) fn missed(&mut self, now: Stamp) {
+        self.tried = Some(now);
+        self.misses += 1;
+    }
+
+    /// Whether it waits for its next try among many.
+    pub(super) fn backs_off(&self, now: Stamp) -> bool {
+        self.misses > 0
+            && self.tried.is_some_and(|tried| now.since_ms(tried) < MISSED_MS << self.misses.min(4))
     }
 
     pub(super) fn is_live(&self) -> bool {
@@ -161,6 +203,7 @@ impl Truck {
             self.stalled = false;
             self.none = None;
             self.wants_since = seen;
+            (self.misses, self.anywhere) = (0, false);
             self.stood_ms = 0;
         }
         let confirmed = match (&mut self.route, &self.view.route) {
@@ -186,7 +229,7 @@ impl Truck {
     fn measure(&mut self) {
         let car = self.car();
         if let Some(route) = &mut self.route {
-            route.way = DiscretizedPath::new(route.way.path.clone(), &car);
+            route.way = Arc::new(DiscretizedPath::new(route.way.path.clone(), &car));
         }
     }
 

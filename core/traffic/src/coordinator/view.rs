@@ -96,6 +96,8 @@ pub struct Counters {
     pub grouped: u64,
     /// Joint plans in which one was served while others only made room.
     pub in_turn: u64,
+    /// New ways that were not used, as somebody else had been led across them meanwhile.
+    pub outdated: u64,
     /// Times that the whole fleet stood, or some that wait for each other did for long, and one was told that there is
     /// no way.
     pub given_up: u64,

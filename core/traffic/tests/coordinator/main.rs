@@ -2,10 +2,12 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod hall;
 mod rules;
 mod scenes;
 mod toy;
 
+use hall::Hall;
 use scenes::{
     bay, circle, corridor, dead, door, l_corridor, lane, life, no_place, one_way, pocket, pose, send_on,
 };
@@ -299,4 +301,27 @@ fn who_cannot_reach_its_goal_still_makes_way() {
     assert!(world.toys[0].goal.is_none(), "{}", standing(&world));
     let reason = world.toys[1].says.as_ref().and_then(|guide| guide.reason.clone());
     assert_eq!(reason.as_deref(), Some("blocked by xtb-3"));
+}
+
+/// As dense as 400 in a hall of 60 × 60 m.
+#[test]
+fn forty_trucks_in_a_hall_are_sent_on_for_ten_minutes_and_nobody_stands_for_long() {
+    let mut hall = Hall::new(40, 24.0, 1, no_clock);
+    hall.run(10.0);
+    let still_s = hall.longest_still_s;
+    assert_eq!(hall.world.contacts, 0);
+    assert!(hall.failed.is_empty(), "{:?}", hall.failed);
+    assert!(still_s <= 60.0, "stood {still_s} s");
+    assert!(hall.reached() >= 200, "{} reached", hall.reached());
+}
+
+#[test]
+fn with_three_hundred_trucks_the_work_of_each_round_is_bounded() {
+    let mut hall = Hall::new(300, 60.0, 2, no_clock);
+    hall.run(0.2);
+    let nodes = &hall.world.expansions;
+    assert!(nodes.len() >= 4 && nodes.iter().all(|nodes| *nodes <= 24_000), "{nodes:?}");
+    let led = hall.world.toys.iter().filter(|toy| toy.guide.is_some()).count();
+    assert!(led >= 4 * nodes.len(), "{led} are led after {} rounds", nodes.len());
+    assert_eq!(hall.world.contacts, 0);
 }

@@ -9,7 +9,7 @@ use xtb_control::{Stamp, VehicleConfig};
 use xtb_nav::geometry::rect::Rect;
 use xtb_nav::{Car, Cell, Grid, MapPose, Path};
 use xtb_traffic::coordinator::{
-    Coordinator, Counters, GridRoom, Guide, JointJob, PlannedGoal, RobotView, Room, RouteReport,
+    Coordinator, Counters, GridRoom, Guide, JointResult, PlannedGoal, RobotView, Room, RouteReport,
 };
 
 /// Turn of the world, in ms; the coordinator ticks every second one.
@@ -49,12 +49,15 @@ pub(crate) struct Trouble {
     pub(crate) pause: f64,
     /// It pauses for 1 s to so long.
     pub(crate) pause_s: f64,
-    /// A joint plan takes up to so long, in s.
+    /// A joint plan takes up to so long, in s …
     pub(crate) planning_s: f64,
+    /// … and so long for each node that it expands, in s.
+    pub(crate) expansion_s: f64,
 }
 
 impl Trouble {
-    pub(crate) const SOME: Self = Self { loss: 0.1, pause: 0.02, pause_s: 4.0, planning_s: 1.0 };
+    pub(crate) const SOME: Self =
+        Self { loss: 0.1, pause: 0.02, pause_s: 4.0, planning_s: 1.0, expansion_s: 0.0 };
     /// Robots fall asleep for longer than traffic control waits for them.
     pub(crate) const SLEEPY: Self = Self { pause: 0.015, pause_s: 15.0, ..Self::SOME };
 }
@@ -111,7 +114,7 @@ impl Toy {
         }
     }
 
-    fn hear(&mut self, now: Stamp, guide: &Guide) {
+    fn hear(&mut self, now: Stamp, guide: &Guide, keeps: bool) {
         self.heard = now;
         self.says = Some(guide.clone());
         if guide.goal != self.goal.map(|goal| (1, goal.id)) || guide.path.is_none() {
@@ -131,7 +134,7 @@ impl Toy {
             assert!(guide.plan >= old.plan, "{}: plan {} after {}", self.name, guide.plan, old.plan);
             assert!(guide.release_m >= old.release_m - 1e-9, "{}: the release shrank", self.name);
         }
-        if self.guide.as_ref().is_none_or(|old| old.plan != guide.plan) {
+        if keeps && self.guide.as_ref().is_none_or(|old| old.plan != guide.plan) {
             self.driven.extend(guide.path.clone());
         }
         self.guide = Some(guide.clone());
@@ -180,6 +183,10 @@ pub(crate) struct World {
     pub(crate) now: Stamp,
     /// Wall time that jobs took, in ms, by the caller's clock.
     pub(crate) jobs_ms: Vec<f64>,
+    /// Nodes that each of them expanded.
+    pub(crate) expansions: Vec<u32>,
+    /// Wall time that turns of the coordinator took, in ms.
+    pub(crate) ticks_ms: Vec<f64>,
     /// Longest stand of one that was not told for whom it waits, in s.
     pub(crate) longest_still_s: f64,
     /// Longest stand of all, in s.
@@ -187,8 +194,13 @@ pub(crate) struct World {
     clock_ms: fn() -> f64,
     draw: Draw,
     trouble: Trouble,
-    job: Option<(JointJob, Stamp)>,
+    jobs: Vec<(JointResult, Stamp)>,
     seed: u64,
+    /// Whether everybody's way is kept for drawings and looked at after each plan.
+    pub(crate) looks_back: bool,
+    /// Turns in which two touched, by pairs, if that is to be counted and no error.
+    pub(crate) contacts: u64,
+    pub(crate) counts_contacts: bool,
 }
 
 impl World {
@@ -230,13 +242,18 @@ impl World {
             toys: starts.iter().enumerate().map(toy).collect(),
             now: Stamp::from_ms(1000),
             jobs_ms: Vec::new(),
+            expansions: Vec::new(),
+            ticks_ms: Vec::new(),
             longest_still_s: 0.0,
             longest_wait_s: 0.0,
             clock_ms,
             draw,
             trouble,
-            job: None,
+            jobs: Vec::new(),
             seed,
+            looks_back: true,
+            contacts: 0,
+            counts_contacts: false,
         }
     }
 
@@ -263,7 +280,7 @@ impl World {
 
     pub(crate) fn kill_coordinator(&mut self) {
         self.coordinator = None;
-        self.job = None;
+        self.jobs.clear();
     }
 
     pub(crate) fn start_coordinator(&mut self) {
@@ -315,7 +332,9 @@ impl World {
             toy.drive(self.now, clear);
             if toy.speed_mps != 0.0 {
                 toy.still_since = self.now;
-                toy.trace.push(toy.pose);
+                if self.looks_back {
+                    toy.trace.push(toy.pose);
+                }
             }
             if toy.is_there() {
                 toy.goal = None;
@@ -334,35 +353,42 @@ impl World {
                 coordinator.robot(self.now, toy.view(50));
             }
         }
+        let before = (self.clock_ms)();
         let guides: BTreeMap<String, Guide> = coordinator.tick(self.now);
+        self.ticks_ms.push((self.clock_ms)() - before);
         for toy in self.toys.iter_mut().filter(|toy| toy.alive) {
             if let Some(guide) = guides.get(&toy.name)
                 && !self.draw.chance(lost)
             {
-                toy.hear(self.now, guide);
+                toy.hear(self.now, guide, self.looks_back);
             }
         }
-        if let Some((job, due)) = self.job.take() {
-            if self.now < due {
-                self.job = Some((job, due));
-                return;
-            }
+        let (due, later) = std::mem::take(&mut self.jobs).into_iter().partition(|(_, due)| *due <= self.now);
+        self.jobs = later;
+        for (result, _) in due {
+            coordinator.planned(self.now, result);
+            assert!(!self.looks_back || coordinator.is_acyclic(), "the passing order blocks itself");
+        }
+        while let Some(job) = coordinator.job(self.now) {
             let before = (self.clock_ms)();
             let result = job.solve(&mut || true);
             self.jobs_ms.push((self.clock_ms)() - before);
-            coordinator.planned(self.now, result);
-            assert!(coordinator.is_acyclic(), "the passing order blocks itself");
-        } else if let Some(job) = coordinator.job(self.now) {
-            let late_s = self.draw.uniform(0.05, 0.1 + self.trouble.planning_s);
-            self.job = Some((job, self.now.plus_ms((late_s * 1000.0) as u64)));
+            self.expansions.push(result.expansions);
+            let late_s = self.draw.uniform(0.05, 0.1 + self.trouble.planning_s)
+                + self.trouble.expansion_s * f64::from(result.expansions);
+            self.jobs.push((result, self.now.plus_ms((late_s * 1000.0) as u64)));
         }
     }
 
     fn check(&mut self) {
         for (index, one) in self.toys.iter().enumerate() {
             for other in &self.toys[index + 1..] {
+                let apart_m = (one.pose.x_m - other.pose.x_m).hypot(one.pose.y_m - other.pose.y_m);
+                let touch = apart_m < one.car.reach_m() + other.car.reach_m()
+                    && one.car.overlaps(&one.pose, &other.car, &other.pose);
+                self.contacts += u64::from(touch);
                 assert!(
-                    !one.car.overlaps(&one.pose, &other.car, &other.pose),
+                    !touch || self.counts_contacts,
                     "{} at {:?} and {} at {:?} touch at {} s",
                     one.name,
                     one.pose,
