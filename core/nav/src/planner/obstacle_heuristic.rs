@@ -131,7 +131,8 @@ impl ObstacleHeuristic {
         let bucket = self.reached as usize % BUCKETS;
         while let Some(square) = self.buckets[bucket].pop() {
             self.waiting -= 1;
-            let (column, row) = (square as usize % self.columns, square as usize / self.columns);
+            let columns = self.columns as u32;
+            let (column, row) = ((square % columns) as usize, (square / columns) as usize);
             let cost = self.costs[square as usize];
             if cost + self.estimate(column, row) == self.reached {
                 self.settled += 1;
@@ -147,17 +148,18 @@ impl ObstacleHeuristic {
             for to_column in columns.clone() {
                 let next = to_row * self.columns + to_column;
                 let cost = so_far + if to_row == row || to_column == column { SIDE } else { ACROSS };
-                let mut known = self.costs[next];
-                if known == FAR {
-                    known = if self.fits(space, (to_column, to_row)) { FITS } else { BLOCKED };
-                    self.costs[next] = known;
+                let known = self.costs[next];
+                if known <= cost || known == BLOCKED {
+                    continue;
                 }
-                if known != BLOCKED && known > cost {
-                    self.costs[next] = cost;
-                    let bucket = (cost + self.estimate(to_column, to_row)) as usize % BUCKETS;
-                    self.buckets[bucket].push(next as u32);
-                    self.waiting += 1;
+                if known == FAR && !self.fits(space, (to_column, to_row)) {
+                    self.costs[next] = BLOCKED;
+                    continue;
                 }
+                self.costs[next] = cost;
+                let bucket = (cost + self.estimate(to_column, to_row)) as usize % BUCKETS;
+                self.buckets[bucket].push(next as u32);
+                self.waiting += 1;
             }
         }
     }

@@ -4,6 +4,9 @@
 use super::sweep::{Frame, FreeSpace, Plate};
 use crate::geometry::{Clearance, Grid};
 
+/// Bits of a word.
+const WORD: usize = 64;
+
 /// A cell with nothing on it.
 pub(super) const FREE: u16 = 0;
 
@@ -16,17 +19,30 @@ pub(super) struct Layer {
     pub(super) height: usize,
     pub(super) cells: Vec<u16>,
     pub(super) clearance: Clearance,
+    /// A bit for each cell that is not free, rows apart.
+    taken: Vec<u64>,
+    /// Words of `taken` in a row.
+    words: usize,
 }
 
 impl Layer {
     pub(super) fn new(grid: &Grid, cells: Vec<u16>) -> Self {
+        let (width, words) = (grid.width(), grid.width().div_ceil(WORD));
+        let mut taken = vec![0; words * grid.height()];
+        for (row, cells) in cells.chunks(width).enumerate() {
+            for (column, _) in cells.iter().enumerate().filter(|(_, cell)| **cell != FREE) {
+                taken[row * words + column / WORD] |= 1 << (column % WORD);
+            }
+        }
         Self {
             resolution_m: grid.resolution_m(),
             origin_m: grid.origin_m(),
-            width: grid.width(),
+            width,
             height: grid.height(),
             clearance: Clearance::around(grid, |index| cells[index] != FREE),
             cells,
+            taken,
+            words,
         }
     }
 
@@ -58,16 +74,26 @@ impl Layer {
         if !inside {
             return Some(self.outside(at, &spans));
         }
-        let last = (spans.north[1] as usize).min(self.height - 1);
-        (spans.south[1] as usize..=last).find_map(|row| {
+        // Never negative here: a cast by way of a signed number is the shorter one.
+        let whole = |v: f64| v as i64 as usize;
+        let last = whole(spans.north[1]).min(self.height - 1);
+        (whole(spans.south[1])..=last).find_map(|row| {
             let (left, right) = spans.of_row(row as f64);
-            let (first, last) = (left.max(0.0) as usize, (right.max(0.0) as usize).min(self.width - 1));
-            let cells = self.cells.get(row * self.width + first..=row * self.width + last)?;
-            // All at once, since few are not free.
-            if cells.iter().fold(FREE, |any, cell| any | cell) == FREE {
-                return None;
-            }
-            cells.iter().position(|&cell| cell != FREE).map(|at| ((first + at) as i64, row as i64))
+            let column = self.first_taken(row, whole(left), whole(right).min(self.width - 1))?;
+            Some((column as i64, row as i64))
+        })
+    }
+
+    /// The first column from `first` to `last` whose cell in this row is not free.
+    fn first_taken(&self, row: usize, first: usize, last: usize) -> Option<usize> {
+        let row = &self.taken[row * self.words..(row + 1) * self.words];
+        let before = !0 << (first % WORD);
+        let after = !0 >> (WORD - 1 - last % WORD);
+        (first / WORD..=last / WORD).find_map(|word| {
+            let mut bits = row[word];
+            bits &= if word == first / WORD { before } else { !0 };
+            bits &= if word == last / WORD { after } else { !0 };
+            (bits != 0).then(|| word * WORD + bits.trailing_zeros() as usize)
         })
     }
 

@@ -146,7 +146,7 @@ pub(super) fn clear(floor: &impl FreeSpace, plate: &Plate, from: &Frame, piece: 
     })
 }
 
-/// The same on a stretch with the pose in the middle, if the plate there, grown, is not free.
+/// The same on a stretch around `middle_m`, `half_m` to either side, by its halves.
 fn clear_halves(
     floor: &impl FreeSpace,
     plate: &Plate,
@@ -154,16 +154,16 @@ fn clear_halves(
     curvature_per_m: f64,
     (middle_m, half_m): (f64, f64),
 ) -> bool {
-    let at = from.after(middle_m, curvature_per_m);
-    if half_m.abs() <= 0.5 * FINEST_M || !floor.free(&at, plate) {
-        return false;
-    }
     let quarter_m = 0.5 * half_m;
-    [middle_m + quarter_m, middle_m - quarter_m].into_iter().all(|middle_m| {
-        let at = from.after(middle_m, curvature_per_m);
-        floor.free(&at, &plate.grown(quarter_m.abs(), curvature_per_m))
-            || clear_halves(floor, plate, from, curvature_per_m, (middle_m, quarter_m))
-    })
+    let may_halve = half_m.abs() > 0.5 * FINEST_M;
+    let grown = plate.grown(quarter_m.abs(), curvature_per_m);
+    may_halve
+        && [middle_m + quarter_m, middle_m - quarter_m].into_iter().all(|middle_m| {
+            let at = from.after(middle_m, curvature_per_m);
+            floor.free(&at, &grown)
+                || floor.free(&at, plate)
+                    && clear_halves(floor, plate, from, curvature_per_m, (middle_m, quarter_m))
+        })
 }
 
 #[cfg(test)]
