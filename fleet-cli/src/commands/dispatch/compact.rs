@@ -46,8 +46,8 @@ pub(super) fn run(ctx: &Context, args: &DispatchCompactArgs) -> Result<Exit> {
         tasks: book.tasks().count(),
         open: book.open_count(),
     };
-    let v = xtb_dispatch::task_store::record::VERSION;
     let record = Record::Snapshot(Box::new(book));
+    let v = record.version();
     ledger.compact(&Entry { v, n, at_ms: store::wall_ms(), record })?;
     ctx.out.result(&compacted, |Compacted { ledger, records, tasks, open }| {
         format!("{ledger}: {records} records compacted to one, with {tasks} tasks, {open} of them open")
