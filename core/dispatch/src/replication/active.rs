@@ -160,6 +160,12 @@ impl Active {
         self.paired
     }
 
+    /// Whether there is, or has to be, a stand-by.
+    #[must_use]
+    pub fn is_known(&self) -> bool {
+        self.known.is_some() || self.paired.is_some()
+    }
+
     /// Why nothing may be done.
     #[must_use]
     pub fn held(&self) -> Option<&str> {
