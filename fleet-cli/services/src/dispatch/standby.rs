@@ -47,6 +47,19 @@ pub enum Change {
 }
 
 impl Change {
+    /// For programs.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Follows => "follows",
+            Self::Paired => "paired",
+            Self::Waits(_) => "waits",
+            Self::Stale => "stale",
+            Self::BegunAnew(_) => "begun_anew",
+            Self::TakesOver(_) => "takes_over",
+        }
+    }
+
     /// In words.
     #[must_use]
     pub fn text(&self) -> String {

@@ -78,6 +78,13 @@ struct StandingBy<'a> {
     ledger: String,
 }
 
+/// What has changed for a stand-by.
+#[derive(Debug, Serialize)]
+struct StandbyNews {
+    standby: &'static str,
+    text: String,
+}
+
 /// What it did, said at the end.
 #[derive(Debug, Serialize)]
 struct Ended {
@@ -177,7 +184,7 @@ async fn to_be_served(
 ) -> Result<Option<Store>> {
     if args.standby {
         ready_to_stand_by(ctx, store.ledger.path())?;
-        let say = |change: &Change| ctx.out.note(&change.text());
+        let say = |change: &Change| say(ctx, change);
         return standby::stand_by(client, store, stop, say).await;
     }
     if args.promote {
@@ -189,6 +196,16 @@ async fn to_be_served(
         ctx.out.note(&format!("the ledger continues in term {term}"));
     }
     Ok(Some(store))
+}
+
+/// What changes for a stand-by: a line of JSON for programs, a note for people.
+fn say(ctx: &Context, change: &Change) {
+    let (standby, text) = (change.name(), change.text());
+    if !ctx.out.json {
+        return ctx.out.note(&text);
+    }
+    // It goes on if nobody reads it.
+    let _ = ctx.out.result(&StandbyNews { standby, text }, |news| news.text.clone());
 }
 
 fn ready_to_stand_by(ctx: &Context, path: &Path) -> Result<()> {
