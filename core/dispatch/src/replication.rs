@@ -5,7 +5,8 @@
 //!   stand-by ◄── records n+1 …, paired ── dispatcher      answered at once, or after 0.2 s without news
 //!
 //!   dispatcher:  alone ──(the copy has caught up)──► paired ──(silent for 5 s, most robots seen)──► alone
-//!                                                      └──(silent for 5 s, else)──► held
+//!                                                      ▲ └──(silent for 5 s, else)──► held
+//!                                                      └────────(it answers)───────────┘
 //!   stand-by:    follows ──(no answer for 1.5 s, robots agree, at most 4 s)──► takes over
 //! ```
 //!
@@ -16,7 +17,8 @@
 //!   within [`Times::take_over_ms`] of that moment, which is less: what it does not have was acknowledged to
 //!   nobody. Both measure with their own monotonic clock; no clocks are compared.
 //! * **Robots decide** between the two halves of a split network: each side has to see more than half of the
-//!   robots that were online when both agreed last ([`Witnesses`]), before it goes on without the other.
+//!   robots that were online when both agreed last ([`Witnesses`]), before it goes on without the other: the
+//!   stand-by at one moment, the dispatcher all the time since [`Times::doubt_ms`].
 //! * **Term**: a take-over raises it. It stands in the high bits of `assign_seq`, so that robots refuse what a
 //!   dispatcher of an earlier term sends late: its numbers are lower than those that they have.
 //! * A process that was held up counts only the time in which it ran: before it concludes anything from
@@ -46,6 +48,8 @@ pub struct Times {
     /// The dispatcher goes on alone after this: `take_over_ms`, half a second for the record of the new term to
     /// reach the disk, and another one for clocks that do not run equally fast.
     pub alone_ms: u64,
+    /// From this silence on the dispatcher has to see most robots all the time: its stand-by may take over.
+    pub doubt_ms: u64,
     /// Time between two steps that counts at most.
     pub step_ms: u64,
     /// A robot that heard the dispatcher within this says that it is alive.
@@ -61,6 +65,7 @@ impl Default for Times {
             silent_ms: 1_500,
             take_over_ms: 4_000,
             alone_ms: 5_000,
+            doubt_ms: 500,
             step_ms: 100,
             heard_ms: 1_000,
             caught_up: 64,

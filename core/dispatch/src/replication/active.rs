@@ -39,7 +39,8 @@ pub struct Active {
     /// The witnesses that the stand-by is known to have, and those that it was sent.
     agreed: Option<Witnesses>,
     proposed: Witnesses,
-    held: Option<String>,
+    /// Why the stand-by may have taken over, if it may, since it was heard last.
+    doubt: Option<String>,
     superseded: Option<u32>,
 }
 
@@ -57,7 +58,7 @@ impl Active {
             stepped_ms: now_ms,
             agreed: None,
             proposed: Witnesses { version: 1, robots: Vec::new() },
-            held: None,
+            doubt: None,
             superseded: None,
         }
     }
@@ -70,7 +71,7 @@ impl Active {
             return; // One stand-by at a time counts.
         }
         self.known = Some(Known { copy, last, heard_ms: now_ms });
-        self.quiet_ms = 0;
+        (self.quiet_ms, self.doubt) = (0, None);
         if witnesses == self.proposed.version {
             self.agreed = Some(self.proposed.clone());
         }
@@ -110,13 +111,17 @@ impl Active {
         self.stepped_ms = now_ms;
         self.quiet_ms = self.quiet_ms.saturating_add(ran_ms);
         self.propose(visible);
-        if self.paired.is_none() || self.quiet_ms < self.times.alone_ms {
-            self.held = None;
+        if self.paired.is_none() {
+            self.doubt = None;
             return;
         }
-        match self.lacks(visible) {
-            None => (self.paired, self.held) = (None, None),
-            Some(why) => self.held = Some(why),
+        // The stand-by may have taken over at any moment at which this side did not see most robots: those that
+        // come back later prove nothing.
+        if self.quiet_ms >= self.times.doubt_ms && self.doubt.is_none() {
+            self.doubt = self.lacks(visible);
+        }
+        if self.quiet_ms >= self.times.alone_ms && self.doubt.is_none() {
+            self.paired = None;
         }
     }
 
@@ -132,14 +137,15 @@ impl Active {
     /// Why this side may not go on without its stand-by, if it may not.
     fn lacks(&self, visible: &BTreeSet<Name>) -> Option<String> {
         let Some(agreed) = &self.agreed else {
-            return Some("the stand-by does not answer, and may have taken over".to_owned());
+            return Some("its stand-by does not answer, and may have taken over".to_owned());
         };
         // Where no robot was online nobody takes over.
         let minority =
             |witnesses: &&Witnesses| !witnesses.robots.is_empty() && !majority(witnesses, visible).1;
         let witnesses = [agreed, &self.proposed].into_iter().find(minority)?;
         let (seen, of) = (majority(witnesses, visible).0, witnesses.robots.len());
-        Some(format!("the stand-by does not answer, and only {seen} of {of} robots are visible"))
+        let why = "its stand-by does not answer, and may have taken over:";
+        Some(format!("{why} only {seen} of {of} robots were visible here"))
     }
 
     /// The last record that may be acknowledged.
@@ -169,7 +175,8 @@ impl Active {
     /// Why nothing may be done.
     #[must_use]
     pub fn held(&self) -> Option<&str> {
-        self.held.as_deref()
+        let is_over = self.paired.is_some() && self.quiet_ms >= self.times.alone_ms;
+        self.doubt.as_deref().filter(|_| is_over)
     }
 
     /// The higher term that somebody else has: this dispatcher has to end.

@@ -47,8 +47,6 @@ pub struct Follower {
     /// The run of the dispatcher that the witnesses are of.
     run: Option<u64>,
     witnesses: Option<Witnesses>,
-    /// Whether there ever was an answer.
-    answered: bool,
     /// Time that this process ran since the last answer.
     silent_ms: u64,
     stepped_ms: u64,
@@ -58,15 +56,7 @@ impl Follower {
     /// One that was not answered yet.
     #[must_use]
     pub fn new(times: Times, now_ms: u64) -> Self {
-        Self {
-            times,
-            pairing: None,
-            run: None,
-            witnesses: None,
-            answered: false,
-            silent_ms: 0,
-            stepped_ms: now_ms,
-        }
+        Self { times, pairing: None, run: None, witnesses: None, silent_ms: 0, stepped_ms: now_ms }
     }
 
     /// An answer to the question that was sent at `asked_ms`. `paired`: the dispatcher, in this run, acknowledges
@@ -78,7 +68,7 @@ impl Follower {
         if witnesses.is_some() {
             self.witnesses = witnesses;
         }
-        (self.answered, self.silent_ms) = (true, 0);
+        self.silent_ms = 0;
         self.pairing = match (&self.witnesses, paired) {
             (Some(witnesses), true) => Some(Pairing { asked_ms, witnesses: witnesses.clone() }),
             _ => None,
@@ -96,7 +86,7 @@ impl Follower {
         let ran_ms = now_ms.saturating_sub(self.stepped_ms).min(self.times.step_ms);
         self.stepped_ms = now_ms;
         self.silent_ms = self.silent_ms.saturating_add(ran_ms);
-        let is_silent = !self.answered || self.silent_ms >= self.times.silent_ms;
+        let is_silent = self.silent_ms >= self.times.silent_ms;
         let Some(pairing) = &self.pairing else {
             return if is_silent { Decision::Stale } else { Decision::CatchingUp };
         };

@@ -15,6 +15,7 @@ const TIMES: Times = Times {
     silent_ms: 1_500,
     take_over_ms: 4_000,
     alone_ms: 5_000,
+    doubt_ms: 500,
     step_ms: 100,
     heard_ms: 1_000,
     caught_up: 64,
@@ -107,10 +108,17 @@ fn without_its_stand_by_a_dispatcher_goes_on_alone_only_where_most_robots_are() 
         assert_eq!(active.paired().is_none(), alone, "{seen} of 3");
         assert_eq!((active.held().is_none(), active.acknowledged()), (alone, if alone { 12 } else { 10 }));
     }
+}
+
+#[test]
+fn a_dispatcher_whose_stand_by_may_have_taken_over_waits_for_it_whoever_is_visible_later() {
     let mut active = paired(&robots(3));
-    run(&mut active, 50, 6_000, &robots(1));
-    active.follows(6_100, Follow { copy: 9, last: 10, witnesses: 2 });
-    active.step(6_150, &robots(1));
+    run(&mut active, 50, 2_000, &robots(3));
+    run(&mut active, 2_100, 100, &robots(1));
+    run(&mut active, 2_250, 4_000, &robots(3));
+    assert!(active.paired() == Some(9) && active.held().is_some());
+    active.follows(6_300, Follow { copy: 9, last: 10, witnesses: 2 });
+    active.step(6_350, &robots(1));
     assert_eq!((active.paired(), active.held()), (Some(9), None), "its stand-by is back");
 }
 
@@ -187,7 +195,8 @@ fn kills_splits_and_delays_lose_no_acknowledged_task_and_give_no_term_to_two() {
     let (breach, counts) = first_breach(TIMES, 0..300);
     assert_eq!(breach, None);
     // Storms in which nothing happens prove nothing.
-    let Counts { acknowledged, taken_over, alone, held, begun_anew } = counts;
+    let Counts { acknowledged, taken_over, alone, held, begun_anew, left_alone } = counts;
+    assert!(left_alone < 10, "{counts:?}");
     assert!(
         acknowledged > 1_000 && taken_over > 30 && alone > 30 && held > 0 && begun_anew > 0,
         "{counts:?}"

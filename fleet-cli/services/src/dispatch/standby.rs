@@ -39,11 +39,16 @@ pub enum Change {
     /// The dispatcher is silent; why it does not take over yet.
     Waits(String),
     /// No dispatcher answers, and it does not take over by itself.
-    Stale,
+    Stale {
+        /// Its ledger is a copy; else it was a dispatcher's, whose stand-by may have taken over.
+        copied: bool,
+    },
     /// Its own ledger was another one: that is kept here, and the dispatcher's is copied from the beginning.
     BegunAnew(Option<PathBuf>),
     /// It takes over, in this term.
     TakesOver(u32),
+    /// There is no dispatcher, and nobody can have newer records: its ledger is that of the last one.
+    Continues,
 }
 
 impl Change {
@@ -54,9 +59,10 @@ impl Change {
             Self::Follows => "follows",
             Self::Paired => "paired",
             Self::Waits(_) => "waits",
-            Self::Stale => "stale",
+            Self::Stale { .. } => "stale",
             Self::BegunAnew(_) => "begun_anew",
             Self::TakesOver(_) => "takes_over",
+            Self::Continues => "continues",
         }
     }
 
@@ -69,9 +75,14 @@ impl Change {
                 "paired: the dispatcher acknowledges nothing that is not stored here too".to_owned()
             }
             Self::Waits(why) => why.clone(),
-            Self::Stale => {
-                "no dispatcher answers, and this stand-by may lack records: it does not take over by \
-                            itself. Start the dispatcher, or, if its ledger is lost, this one with --promote"
+            Self::Stale { copied: true } => {
+                "no dispatcher answers, and this stand-by may lack records: it does not take over by itself. Start \
+                 the dispatcher, or, if its ledger is lost, this one with --promote"
+                    .to_owned()
+            }
+            Self::Stale { copied: false } => {
+                "no dispatcher answers, and the stand-by of this ledger may have taken over: start that one, or, \
+                 while it runs as a stand-by, this one without --standby"
                     .to_owned()
             }
             Self::BegunAnew(Some(aside)) => format!(
@@ -80,6 +91,9 @@ impl Change {
             ),
             Self::BegunAnew(None) => "the dispatcher's ledger has other records: copying it anew".to_owned(),
             Self::TakesOver(term) => format!("the dispatcher is dead: taking over, in term {term}"),
+            Self::Continues => {
+                "there is no dispatcher, and this ledger has all records: continuing with it".to_owned()
+            }
         }
     }
 }
@@ -134,7 +148,11 @@ pub async fn stand_by(
             Decision::Paired => Change::Paired,
             Decision::CatchingUp => Change::Follows,
             Decision::Waits(why) => Change::Waits(why),
-            Decision::Stale => Change::Stale,
+            Decision::Stale if copy.is_last() && !seen.present => {
+                tell(&Change::Continues);
+                return Ok(Some(copy.into_store()));
+            }
+            Decision::Stale => Change::Stale { copied: copy.is_copied() },
             Decision::TakeOver => return take_over(&around, copy, &mut tell).map(Some),
         };
         if told.as_ref() != Some(&change) {

@@ -25,6 +25,8 @@ pub(super) struct Counts {
     pub(super) alone: usize,
     pub(super) held: usize,
     pub(super) begun_anew: usize,
+    /// Storms after which no dispatcher was active.
+    pub(super) left_alone: usize,
 }
 
 impl Counts {
@@ -34,6 +36,7 @@ impl Counts {
         self.alone += other.alone;
         self.held += other.held;
         self.begun_anew += other.begun_anew;
+        self.left_alone += other.left_alone;
     }
 }
 
@@ -109,6 +112,7 @@ struct Answer {
     paired: bool,
     witnesses: Option<Witnesses>,
     after: u64,
+    term: u32,
     /// `None` = diverged.
     rows: Option<Vec<Row>>,
 }
@@ -186,7 +190,11 @@ impl Pair {
         let actives = self.nodes.iter().filter(|node| matches!(node.role, Role::Active { .. }));
         match actives.max_by_key(|node| node.disk.term()) {
             Some(node) => self.has_all(&node.disk, "at the end"),
-            None => Ok(()),
+            // It may need a person, but hardly ever does.
+            None => {
+                self.counts.left_alone += 1;
+                Ok(())
+            }
         }
     }
 
@@ -258,7 +266,10 @@ impl Pair {
         let (due, later): (Vec<_>, Vec<_>) =
             std::mem::take(&mut self.mail).into_iter().partition(|(at_ms, ..)| *at_ms <= now_ms);
         self.mail = later;
-        for (_, to, mail) in due.into_iter().filter(|_| self.split.is_none()) {
+        if self.split.is_some() {
+            return Ok(()); // It is lost.
+        }
+        for (_, to, mail) in due {
             match mail {
                 Mail::Question(question) => self.asked(to, question)?,
                 Mail::Answer(answer) => self.answered(to, answer),
@@ -274,11 +285,25 @@ impl Pair {
         let is_ours = own.is_none_or(|own| own.is_some() && own == question.last);
         let term = disk.term();
         if matches!(self.nodes[who].role, Role::Consults { .. }) {
-            if question.term > term {
+            let pair = disk.pair(disk.last());
+            if !question.copied && question.term > term {
                 self.kill(who);
-            } else if is_ours && question.copied && disk.pair(disk.last()) == Some(question.follow.copy) {
-                let pair = Some(question.follow.copy);
-                self.begin(who, pair)?;
+            } else if question.copied && pair == Some(question.follow.copy) {
+                if is_ours {
+                    self.begin(who, pair)?;
+                } else {
+                    let answer = Answer {
+                        question: question.number,
+                        asked_ms: question.asked_ms,
+                        run: 0,
+                        paired: false,
+                        witnesses: None,
+                        after: question.follow.last,
+                        term,
+                        rows: None,
+                    };
+                    self.send(1 - who, 0, Mail::Answer(answer));
+                }
             }
         }
         let node = &mut self.nodes[who];
@@ -299,6 +324,7 @@ impl Pair {
             paired: paired && is_ours,
             witnesses: active.witnesses_for(question.follow.witnesses),
             after,
+            term,
             rows: is_ours.then(|| node.disk.rows[after as usize..].iter().take(20).copied().collect()),
         };
         let is_news = answer.rows.as_ref().is_none_or(|rows| !rows.is_empty());
@@ -314,6 +340,9 @@ impl Pair {
             return;
         }
         *ask_ms = 0;
+        if answer.term < node.disk.term() && !node.disk.copied {
+            return; // From one that this one has replaced.
+        }
         let Some(rows) = answer.rows else {
             self.counts.begun_anew += 1;
             (node.disk.rows, node.disk.copied) = (Vec::new(), true);
@@ -367,10 +396,7 @@ impl Pair {
                 self.lead(who);
                 self.drive(who)
             }
-            Role::Standby { .. } => {
-                self.follow(who);
-                Ok(())
-            }
+            Role::Standby { .. } => self.follow(who),
             Role::TakingOver { follower, until_ms } if now_ms >= *until_ms => {
                 if follower.is_in_time(now_ms) {
                     self.counts.taken_over += 1;
@@ -433,7 +459,7 @@ impl Pair {
     }
 
     /// Asks, and takes over if it may.
-    fn follow(&mut self, who: usize) {
+    fn follow(&mut self, who: usize) -> Result<(), String> {
         let (now_ms, number, row_id, fsync_ms) = (self.now_ms, self.id(), self.id(), self.below(300));
         let shown = match self.split {
             None => self.is_present(1 - who),
@@ -441,16 +467,21 @@ impl Pair {
         };
         let seen = Seen { present: shown, robots: self.visible(who), hears: None };
         let node = &mut self.nodes[who];
-        let Role::Standby { follower, question, ask_ms } = &mut node.role else { return };
-        if follower.step(now_ms, &seen) == Decision::TakeOver {
+        let Role::Standby { follower, question, ask_ms } = &mut node.role else { return Ok(()) };
+        let decision = follower.step(now_ms, &seen);
+        let is_own = !node.disk.copied && node.disk.last() > 0 && node.disk.pair(node.disk.last()).is_none();
+        if decision == Decision::Stale && is_own && !shown {
+            return self.begin(who, None);
+        }
+        if decision == Decision::TakeOver {
             let term = node.disk.term() + 1;
             node.disk.rows.push(Row::Term(term, row_id));
             let follower = follower.clone();
             node.role = Role::TakingOver { follower, until_ms: now_ms + fsync_ms };
-            return;
+            return Ok(());
         }
         if now_ms < *ask_ms {
-            return;
+            return Ok(());
         }
         (*question, *ask_ms) = (number, now_ms + ASK_AGAIN_MS);
         let follow = Follow { copy: node.disk.copy, last: node.disk.last(), witnesses: follower.knows() };
@@ -463,5 +494,6 @@ impl Pair {
             last: node.disk.rows.last().copied(),
         };
         self.send(1 - who, 0, Mail::Question(asked));
+        Ok(())
     }
 }

@@ -58,6 +58,16 @@ impl CopiedLedger {
         !self.copied && reply.term < self.book.term()
     }
 
+    /// Whether all of its records came from a dispatcher that it followed.
+    pub(super) fn is_copied(&self) -> bool {
+        self.copied
+    }
+
+    /// Whether it is the ledger of a dispatcher that had no stand-by at its end: nobody has taken over since.
+    pub(super) fn is_last(&self) -> bool {
+        !self.copied && self.book.ledger().is_some() && self.book.pair().is_none()
+    }
+
     /// # Errors
     /// This is a copy of another ledger.
     pub(super) fn check_ledger(&self, number: u64) -> Result<()> {
@@ -128,7 +138,8 @@ impl CopiedLedger {
         let n = self.book.next_n() - 1;
         let record = Record::Snapshot(Box::new(self.book));
         let entries = vec![Entry { v: VERSION, n, at_ms: wall_ms(), record }];
-        Store { ledger: self.ledger, entries, created: false, set_aside: None, copy: Some(self.id) }
+        let copy = self.copied.then_some(self.id);
+        Store { ledger: self.ledger, entries, created: false, set_aside: None, copy }
     }
 }
 
@@ -198,9 +209,10 @@ mod tests {
         let copy = CopiedLedger::new(store, fleet()).unwrap();
         let StandbyRequest::Follow { copied, last, .. } = copy.question(0).unwrap() else { panic!() };
         assert_eq!((copied, last), (false, 1), "what it has was not copied");
+        assert!(copy.is_last());
         let (copy, aside) = copy.begin_anew().unwrap();
         let StandbyRequest::Follow { copied, last, .. } = copy.question(0).unwrap() else { panic!() };
-        assert_eq!((copied, last), (true, 0));
+        assert_eq!((copied, last, copy.is_last()), (true, 0, false));
         let aside = aside.unwrap();
         assert_eq!(Store::open(&aside, &fleet()).unwrap().entries.len(), 1);
         for end in ["", "-wal", "-shm", "-lock"] {
