@@ -11,7 +11,8 @@
 //! ```
 //!
 //! * **Paired**: nothing is acknowledged before both disks have it. The dispatcher goes on **alone** when its
-//!   stand-by was silent for [`Times::alone_ms`], or has left.
+//!   stand-by was silent for [`Times::alone_ms`], or has left. A copy that lacks what was acknowledged alone is
+//!   not told that it is paired.
 //! * **The promise.** An answer to a question proves that the dispatcher had that question when it said "paired".
 //!   So it is not alone earlier than `alone_ms` after the question was *sent*. The stand-by takes over only
 //!   within [`Times::take_over_ms`] of that moment, which is less: what it does not have was acknowledged to

@@ -33,6 +33,8 @@ pub struct Active {
     known: Option<Known>,
     /// The last record on the own disk.
     own: u64,
+    /// The last record that counted as acknowledged: a stand-by that lacks it is not paired yet.
+    given: u64,
     /// Time that this process ran since it heard the paired stand-by.
     quiet_ms: u64,
     stepped_ms: u64,
@@ -54,6 +56,7 @@ impl Active {
             paired,
             known: None,
             own,
+            given: own,
             quiet_ms: 0,
             stepped_ms: now_ms,
             agreed: None,
@@ -78,6 +81,11 @@ impl Active {
         if !is_paired && last + self.times.caught_up >= self.own {
             self.paired = Some(copy);
         }
+        self.note_given();
+    }
+
+    fn note_given(&mut self) {
+        self.given = self.given.max(self.acknowledged());
     }
 
     /// A stand-by ends and does not take over: nobody has to be waited for.
@@ -86,11 +94,13 @@ impl Active {
             self.paired = None;
         }
         self.known = self.known.filter(|known| known.copy != copy);
+        self.note_given();
     }
 
     /// The own disk has the records up to this one.
     pub fn wrote(&mut self, last: u64) {
         self.own = last;
+        self.note_given();
     }
 
     /// Somebody has, or knows of, this term of the same ledger.
@@ -122,6 +132,7 @@ impl Active {
         }
         if self.quiet_ms >= self.times.alone_ms && self.doubt.is_none() {
             self.paired = None;
+            self.note_given();
         }
     }
 
@@ -191,12 +202,12 @@ impl Active {
         (known != self.proposed.version).then(|| self.proposed.clone())
     }
 
-    /// The stand-by, as `dispatch status` shows it.
+    /// The stand-by, and whether it has everything that was ever acknowledged.
     #[must_use]
     pub fn view(&self, now_ms: u64) -> Option<StandbyView> {
         self.known.map(|Known { copy, last, heard_ms }| StandbyView {
             copy,
-            paired: self.paired == Some(copy),
+            paired: self.paired == Some(copy) && last >= self.given,
             last,
             age_ms: now_ms.saturating_sub(heard_ms),
         })

@@ -98,6 +98,17 @@ fn nothing_is_acknowledged_before_both_have_it() {
 }
 
 #[test]
+fn a_stand_by_that_lacks_what_was_acknowledged_alone_is_not_told_that_it_is_paired() {
+    let mut active = Active::new(TIMES, 0, 40, 0, None);
+    let is_paired = |active: &Active| active.view(0).is_some_and(|view| view.paired);
+    active.follows(0, Follow { copy: 9, last: 10, witnesses: 0 });
+    active.wrote(41);
+    assert_eq!((active.paired(), active.acknowledged(), is_paired(&active)), (Some(9), 10, false));
+    active.follows(0, Follow { copy: 9, last: 40, witnesses: 0 });
+    assert_eq!((active.acknowledged(), is_paired(&active)), (40, true));
+}
+
+#[test]
 fn without_its_stand_by_a_dispatcher_goes_on_alone_only_where_most_robots_are() {
     for (seen, alone) in [(2, true), (1, false)] {
         let mut active = paired(&robots(3));

@@ -18,6 +18,7 @@ use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{
     Assignment, Copied, CopiedRecord, RobotState, STANDBY_PAGE_BYTES, StandbyReply, StandbyRequest,
+    StandbyView,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -133,7 +134,8 @@ impl StandbyLink {
         })
     }
 
-    /// Whoever had a stand-by hears it first: it may have taken over.
+    /// Whoever had a stand-by hears it first: it may have taken over. And it gets what the own ledger has more, of
+    /// which nobody knows whether it was acknowledged.
     ///
     /// # Errors
     /// It has, or it does not answer.
@@ -141,7 +143,8 @@ impl StandbyLink {
         let Some(copy) = dispatcher.store().pair() else { return Ok(()) };
         tracing::info!("waiting for the stand-by of this ledger");
         let until = tokio::time::Instant::now() + CONSULT_WITHIN;
-        while !self.pair.view(clock.ms()).is_some_and(|view| view.copy == copy) {
+        let has_all = |view: StandbyView, own: u64| view.copy == copy && view.last >= own;
+        while !self.pair.view(clock.ms()).is_some_and(|view| has_all(view, self.own)) {
             match tokio::time::timeout_at(until, self.inputs.recv()).await {
                 Ok(Some(input)) => self.take(clock.ms(), input, dispatcher),
                 Ok(None) | Err(_) => return Err(self.unheard()),

@@ -82,6 +82,8 @@ enum Role {
         active: Active,
         run: u64,
         pending: Vec<(u64, u64)>,
+        /// The last row that has taken effect.
+        applied: u64,
     },
     Standby {
         follower: Follower,
@@ -125,6 +127,11 @@ enum Mail {
 struct Node {
     disk: Disk,
     role: Role,
+}
+
+/// The rows that follow, as many as an answer has.
+fn next(disk: &Disk, after: u64) -> Vec<Row> {
+    disk.rows[after as usize..].iter().take(20).copied().collect()
 }
 
 pub(super) struct Pair {
@@ -289,25 +296,27 @@ impl Pair {
             if !question.copied && question.term > term {
                 self.kill(who);
             } else if question.copied && pair == Some(question.follow.copy) {
-                if is_ours {
+                let after = question.follow.last;
+                if is_ours && after == disk.last() {
                     self.begin(who, pair)?;
                 } else {
+                    let rows = is_ours.then(|| next(disk, after));
                     let answer = Answer {
                         question: question.number,
                         asked_ms: question.asked_ms,
                         run: 0,
                         paired: false,
                         witnesses: None,
-                        after: question.follow.last,
+                        after,
                         term,
-                        rows: None,
+                        rows,
                     };
                     self.send(1 - who, 0, Mail::Answer(answer));
                 }
             }
         }
         let node = &mut self.nodes[who];
-        let Role::Active { active, run, .. } = &mut node.role else { return Ok(()) };
+        let Role::Active { active, run, applied, .. } = &mut node.role else { return Ok(()) };
         if !question.copied {
             active.saw_term(question.term);
         }
@@ -315,7 +324,9 @@ impl Pair {
         if is_ours {
             active.follows(now_ms, question.follow);
         }
-        let paired = active.paired() == Some(copy) && node.disk.pair(active.acknowledged()) == Some(copy);
+        *applied = (*applied).max(active.acknowledged());
+        let is_paired = active.view(now_ms).is_some_and(|view| view.copy == copy && view.paired);
+        let paired = is_paired && node.disk.pair(*applied) == Some(copy);
         let after = question.follow.last;
         let answer = Answer {
             question: question.number,
@@ -325,7 +336,7 @@ impl Pair {
             witnesses: active.witnesses_for(question.follow.witnesses),
             after,
             term,
-            rows: is_ours.then(|| node.disk.rows[after as usize..].iter().take(20).copied().collect()),
+            rows: is_ours.then(|| next(&node.disk, after)),
         };
         let is_news = answer.rows.as_ref().is_none_or(|rows| !rows.is_empty());
         let more_ms = if is_news { 0 } else { self.times.answer_ms };
@@ -361,7 +372,7 @@ impl Pair {
         let node = &mut self.nodes[who];
         node.disk.copied = false;
         let active = Active::new(self.times, self.now_ms, node.disk.last(), node.disk.term(), pair);
-        node.role = Role::Active { active, run, pending: Vec::new() };
+        node.role = Role::Active { active, run, pending: Vec::new(), applied: node.disk.last() };
         Ok(())
     }
 
@@ -418,7 +429,7 @@ impl Pair {
             _ => 0,
         };
         let node = &mut self.nodes[who];
-        let Role::Active { active, pending, .. } = &mut node.role else { return };
+        let Role::Active { active, pending, applied, .. } = &mut node.role else { return };
         if now_ms.is_multiple_of(1_000) {
             active.saw_term(other_term);
         }
@@ -437,6 +448,7 @@ impl Pair {
             active.wrote(node.disk.last());
         }
         let acknowledged = active.acknowledged();
+        *applied = (*applied).max(acknowledged);
         let done: Vec<u64> = pending.iter().filter(|(n, _)| *n <= acknowledged).map(|(_, id)| *id).collect();
         pending.retain(|(n, _)| *n > acknowledged);
         self.acknowledged.extend(done);
