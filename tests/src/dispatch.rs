@@ -163,7 +163,7 @@ impl Asker {
         let (key, channel) =
             (self.keys.dispatch_standby(Some(&self.me)), Channel::DispatchStandby(self.me.clone()));
         let mut replies = Vec::<StandbyReply>::new();
-        let each = |answer: Incoming| replies.extend(answer.decode().ok());
+        let each = |answer: Incoming| replies.extend(answer.decode::<StandbyReply>().ok());
         let asked = self.bus.ask_each(&key, &channel, &StandbyRequest::Status {}, STATUS_WITHIN, each).await;
         asked.unwrap_or_else(|error| panic!("{error}"));
         replies.into_iter().max_by_key(|reply| reply.term)

@@ -38,7 +38,7 @@ pub struct Active {
     /// Time that this process ran since it heard the paired stand-by.
     quiet_ms: u64,
     stepped_ms: u64,
-    /// The witnesses that the stand-by is known to have, and those that it was sent.
+    /// The witnesses that the stand-by is known to have, and those that it is sent; their version 0 = none yet.
     agreed: Option<Witnesses>,
     proposed: Witnesses,
     /// Why the stand-by may have taken over, if it may, since it was heard last.
@@ -60,7 +60,7 @@ impl Active {
             quiet_ms: 0,
             stepped_ms: now_ms,
             agreed: None,
-            proposed: Witnesses { version: 1, robots: Vec::new() },
+            proposed: Witnesses { version: 0, robots: Vec::new() },
             doubt: None,
             superseded: None,
         }
@@ -75,7 +75,7 @@ impl Active {
         }
         self.known = Some(Known { copy, last, heard_ms: now_ms });
         (self.quiet_ms, self.doubt) = (0, None);
-        if witnesses == self.proposed.version {
+        if witnesses != 0 && witnesses == self.proposed.version {
             self.agreed = Some(self.proposed.clone());
         }
         if !is_paired && last + self.times.caught_up >= self.own {
@@ -138,8 +138,9 @@ impl Active {
 
     /// The witnesses change only when the stand-by has the last ones: it decides by those or by these.
     fn propose(&mut self, visible: &BTreeSet<Name>) {
+        let is_first = self.proposed.version == 0 && self.is_known();
         let has_last = self.agreed.as_ref().is_some_and(|agreed| agreed.version == self.proposed.version);
-        if has_last && !self.proposed.robots.iter().eq(visible.iter()) {
+        if is_first || (has_last && !self.proposed.robots.iter().eq(visible.iter())) {
             let version = self.proposed.version.wrapping_add(1).max(1);
             self.proposed = Witnesses { version, robots: visible.iter().cloned().collect() };
         }
@@ -199,15 +200,15 @@ impl Active {
     /// The witnesses, for a stand-by that knows others.
     #[must_use]
     pub fn witnesses_for(&self, known: u32) -> Option<Witnesses> {
-        (known != self.proposed.version).then(|| self.proposed.clone())
+        (known != self.proposed.version && self.proposed.version != 0).then(|| self.proposed.clone())
     }
 
-    /// The stand-by, and whether it has everything that was ever acknowledged.
+    /// The stand-by, and whether it may take over: it has witnesses, and everything that was ever acknowledged.
     #[must_use]
     pub fn view(&self, now_ms: u64) -> Option<StandbyView> {
         self.known.map(|Known { copy, last, heard_ms }| StandbyView {
             copy,
-            paired: self.paired == Some(copy) && last >= self.given,
+            paired: self.paired == Some(copy) && last >= self.given && self.agreed.is_some(),
             last,
             age_ms: now_ms.saturating_sub(heard_ms),
         })
