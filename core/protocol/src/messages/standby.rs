@@ -79,7 +79,7 @@ pub struct CopiedRecord {
     pub snapshot: bool,
     /// Length of its JSON, in bytes.
     pub bytes: u64,
-    /// Its JSON, or the piece that begins at the offset that was asked for.
+    /// Its JSON, or the piece that begins at the offset that was asked for: as it is, it is read before it is kept.
     pub body: String,
 }
 

@@ -1,6 +1,11 @@
 //! Two computers with a disk each, robots, and a network between them, in virtual time: whoever is killed starts
 //! again, whatever is acknowledged is remembered.
 
+mod disk;
+
+pub(crate) use disk::Counts;
+
+use disk::{Disk, Row};
 use std::collections::{BTreeMap, BTreeSet};
 use xtb_dispatch::replication::{Active, Decision, Follow, Follower, Seen, Times};
 use xtb_protocol::Name;
@@ -16,60 +21,6 @@ const WHOLE_MS: u64 = 2_500;
 /// A question without an answer is asked again after this.
 const ASK_AGAIN_MS: u64 = 1_000;
 const CONSULT_MS: u64 = 5_000;
-
-/// What has happened.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Counts {
-    pub(super) acknowledged: usize,
-    pub(super) taken_over: usize,
-    pub(super) alone: usize,
-    pub(super) held: usize,
-    pub(super) begun_anew: usize,
-    /// Storms after which no dispatcher was active.
-    pub(super) left_alone: usize,
-}
-
-impl Counts {
-    pub(super) fn add(&mut self, other: &Self) {
-        self.acknowledged += other.acknowledged;
-        self.taken_over += other.taken_over;
-        self.alone += other.alone;
-        self.held += other.held;
-        self.begun_anew += other.begun_anew;
-        self.left_alone += other.left_alone;
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Row {
-    Task(u64),
-    Term(u32, u64),
-    Pair(Option<u64>, u64),
-}
-
-#[derive(Debug, Clone, Default)]
-struct Disk {
-    rows: Vec<Row>,
-    copied: bool,
-    copy: u64,
-}
-
-impl Disk {
-    fn term(&self) -> u32 {
-        let term = |row: &Row| if let Row::Term(term, _) = row { Some(*term) } else { None };
-        self.rows.iter().rev().find_map(term).unwrap_or(0)
-    }
-
-    /// The pair that the first `count` rows end with.
-    fn pair(&self, count: u64) -> Option<u64> {
-        let last = self.rows[..count as usize].iter().rev().find(|row| !matches!(row, Row::Task(_)));
-        if let Some(Row::Pair(copy, _)) = last { *copy } else { None }
-    }
-
-    fn last(&self) -> u64 {
-        self.rows.len() as u64
-    }
-}
 
 enum Role {
     Down {
@@ -127,11 +78,6 @@ enum Mail {
 struct Node {
     disk: Disk,
     role: Role,
-}
-
-/// The rows that follow, as many as an answer has.
-fn next(disk: &Disk, after: u64) -> Vec<Row> {
-    disk.rows[after as usize..].iter().take(20).copied().collect()
 }
 
 pub(super) struct Pair {
@@ -300,7 +246,7 @@ impl Pair {
                 if is_ours && after == disk.last() {
                     self.begin(who, pair)?;
                 } else {
-                    let rows = is_ours.then(|| next(disk, after));
+                    let rows = is_ours.then(|| disk.next(after));
                     let answer = Answer {
                         question: question.number,
                         asked_ms: question.asked_ms,
@@ -336,7 +282,7 @@ impl Pair {
             witnesses: active.witnesses_for(question.follow.witnesses),
             after,
             term,
-            rows: is_ours.then(|| next(&node.disk, after)),
+            rows: is_ours.then(|| node.disk.next(after)),
         };
         let is_news = answer.rows.as_ref().is_none_or(|rows| !rows.is_empty());
         let more_ms = if is_news { 0 } else { self.times.answer_ms };
