@@ -85,6 +85,8 @@ pub(super) struct StandbyLink {
     reader: Arc<Mutex<Reader>>,
     parked: Option<Parked>,
     next_probe_ms: u64,
+    /// Whether it was paired, and held, when that was told last.
+    told: (bool, bool),
     questions: u64,
     overloaded: Arc<AtomicU64>,
     _service: Service,
@@ -128,6 +130,7 @@ impl StandbyLink {
             reader,
             parked: None,
             next_probe_ms: 0,
+            told: (store.pair().is_some(), false),
             questions: 0,
             overloaded,
             _service,
@@ -318,7 +321,6 @@ impl StandbyLink {
     /// # Errors
     /// Another dispatcher has taken over.
     pub(super) fn step(&mut self, now_ms: u64, dispatcher: &mut Dispatcher) -> Result<()> {
-        let before = (self.pair.paired(), self.pair.held().map(str::to_owned));
         let is_known = self.pair.is_known();
         let visible = if is_known { dispatcher.online(now_ms) } else { BTreeSet::new() };
         self.pair.in_term(dispatcher.store().term());
@@ -326,7 +328,7 @@ impl StandbyLink {
         self.end_if_superseded()?;
         dispatcher.hold(self.pair.held().map(str::to_owned));
         dispatcher.pair(now_ms, self.pair.paired());
-        self.tell(before);
+        self.tell();
         if self.parked.as_ref().is_some_and(|parked| now_ms >= parked.until_ms) {
             self.release(now_ms, dispatcher);
         }
@@ -337,15 +339,20 @@ impl StandbyLink {
         Ok(())
     }
 
-    fn tell(&self, (paired, held): (Option<u64>, Option<String>)) {
-        match (paired, self.pair.paired()) {
-            (None, Some(_)) => tracing::info!("the stand-by has caught up: it gets every record first"),
-            (Some(_), None) => tracing::warn!("the dispatcher continues without its stand-by"),
+    fn tell(&mut self) {
+        let (was_paired, was_held) = self.told;
+        let held = self.pair.held();
+        self.told = (self.pair.paired().is_some(), held.is_some());
+        match self.told.0 {
+            true if !was_paired => {
+                tracing::info!("nothing is acknowledged any more before the stand-by has it")
+            }
+            false if was_paired => tracing::warn!("the dispatcher continues without its stand-by"),
             _ => {}
         }
-        match (held, self.pair.held()) {
-            (None, Some(why)) => tracing::warn!("nothing is assigned: {why}"),
-            (Some(_), None) => tracing::warn!("tasks are assigned again"),
+        match held {
+            Some(why) if !was_held => tracing::warn!("nothing is assigned: {why}"),
+            None if was_held => tracing::warn!("tasks are assigned again"),
             _ => {}
         }
     }
