@@ -31,6 +31,7 @@ mod recording;
 mod shared_world;
 mod simulator;
 mod slow_links;
+mod standby;
 mod style;
 mod tasks;
 mod teleop;
