@@ -62,13 +62,12 @@ impl Islands {
     /// The lists hold from now on while nobody goes farther than it can; they are made anew where they have to
     /// be. Whether they were. Allocates nothing once they have had their length.
     pub(crate) fn update(&mut self, bodies: &[OrientedBox], ways: &[Ways]) -> bool {
-        let then = self.centres.iter().zip(&self.margins_m);
-        let still = |((body, ways), (then, margin_m)): ((&OrientedBox, &Ways), (&(f64, f64), &f64))| {
-            let (x_m, y_m) = body.centre_m();
-            let (dx_m, dy_m, left_m) = (x_m - then.0, y_m - then.1, margin_m - ways.now_m);
+        let still = |n: usize| {
+            let ((x_m, y_m), (then_x_m, then_y_m)) = (bodies[n].centre_m(), self.centres[n]);
+            let (dx_m, dy_m, left_m) = (x_m - then_x_m, y_m - then_y_m, self.margins_m[n] - ways[n].now_m);
             left_m >= 0.0 && dx_m * dx_m + dy_m * dy_m <= left_m * left_m
         };
-        let holds = bodies.len() == self.centres.len() && bodies.iter().zip(ways).zip(then).all(still);
+        let holds = bodies.len() == self.centres.len() && (0..bodies.len()).all(still);
         if !holds {
             self.make(bodies, ways);
         }

@@ -180,8 +180,7 @@ impl Piece<'_> {
                 }
                 let start = start.plus_ns(step * STEP_NS);
                 let Island { units, first, boxes, touched } = &mut island;
-                let context =
-                    StepContext { scene, lists, first: *first, boxes: &**boxes, touched: &**touched, start };
+                let context = StepContext { scene, lists, first: *first, boxes, touched, start };
                 let now = context.now();
                 // One robot after the other: no truck's step depends on what another robot does in its turn.
                 for (truck, crew) in units.iter_mut() {
