@@ -79,11 +79,11 @@ fn disturb(fleet: &mut Lockstep, round: u64) {
             let _ = world.put_box("crate", spec);
         }
         7 | 3 => {
-            // Right in front of somebody who drives.
-            let drives = world.truths().find(|truth| truth.speed_mps > 0.15);
+            // 3 mm in front of somebody who drives: nobody can stop in time.
+            let drives = world.truths().find(|truth| truth.speed_mps > 0.05);
             if let Some(TruthRobot { x_m, y_m, yaw_rad, .. }) = drives {
                 let (sin, cos) = yaw_rad.sin_cos();
-                let pose = MapPose { x_m: x_m + 0.54 * cos, y_m: y_m + 0.54 * sin, yaw_rad };
+                let pose = MapPose { x_m: x_m + 0.503 * cos, y_m: y_m + 0.503 * sin, yaw_rad };
                 let _ = world.place(robot, pose);
             }
         }
