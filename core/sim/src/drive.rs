@@ -10,6 +10,7 @@
 use crate::faults::DriveFault;
 use crate::parameters::{BatteryTruth, DriveTruth};
 use crate::servos::response;
+use crate::step::STEP_S;
 use xtb_control::PwmCount;
 
 /// Below this a coasting truck stands: the exponential alone would never end.
@@ -47,9 +48,14 @@ impl Drive {
         self.wheel_mps
     }
 
-    /// It never rolls faster where no slope has a larger sine than this.
-    pub(crate) fn most_mps(&self, steepest: f64) -> f64 {
-        self.truth.top_speed_mps * (1.0 + self.truth.grade_effect * steepest)
+    /// The wheels roll no farther in so many steps where no slope has a larger sine than this: each step brings
+    /// the speed nearer to what is asked for by the same part.
+    pub(crate) fn farthest_m(&self, steps: u64, steepest: f64) -> f64 {
+        let most_mps = self.truth.top_speed_mps * (1.0 + self.truth.grade_effect * steepest);
+        let slower_mps = (most_mps - self.wheel_mps.abs()).max(0.0);
+        let last_mps =
+            most_mps.max(self.wheel_mps.abs()) - slower_mps * (1.0 - self.drive_response).powi(steps as i32);
+        last_mps * steps as f64 * STEP_S
     }
 
     /// Breaks or mends it.
@@ -182,6 +188,26 @@ mod tests {
         }
         let expected = 3.0 * (1.0 - libm::exp(-1.0));
         assert!((drive.wheel_mps() - expected).abs() < 1e-9, "{}", drive.wheel_mps());
+    }
+
+    #[test]
+    fn the_wheels_roll_no_farther_than_told_whatever_is_asked_for() {
+        let mut drive = drive();
+        let pulses = [PwmCount::MAX, PwmCount::MIN, count(4500), PwmCount::NEUTRAL, count(3000)];
+        for round in 0..200 {
+            // Straight down half of the time, on a slope of 8 degrees.
+            let steepest = libm::sin(8.0_f64.to_radians());
+            let told_m = drive.farthest_m(10, steepest);
+            let mut way_m = 0.0;
+            for step in 0..10 {
+                let pulse = pulses[(round * round / 3 + step / 7) % pulses.len()];
+                drive.step(pulse, 1.0, if round % 4 < 2 { -steepest } else { steepest });
+                way_m += drive.wheel_mps().abs() * DT_S;
+            }
+            assert!(way_m <= told_m, "{way_m} {told_m}");
+        }
+        let standing = Drive::new(&DriveTruth::default(), DT_S);
+        assert!(standing.farthest_m(10, 0.0) < 0.03, "not at top speed at once");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Which bodies can come near which before anybody has gone far, and so which trucks can go on by themselves.
 //!
-//! Each body gets a list of those that it could see or touch while none of the two moves farther than a
+//! Each body gets a list of those that it could see or touch while none of the two moves farther than its
 //! margin. Bodies that are linked by such lists, directly or by others, are an island: what happens on it for
 //! as long depends on nothing beyond it.
 
@@ -9,16 +9,22 @@ use crate::grid::{Cells, MovingGrid};
 
 const NONE: u32 = u32::MAX;
 
+/// How far a body can go: in the steps that begin now, and in as many as lists shall hold for.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Ways {
+    pub(crate) now_m: f64,
+    pub(crate) later_m: f64,
+}
+
 /// The lists and the islands, as of where the bodies were when they were made.
 #[derive(Debug, Clone)]
 pub(crate) struct Islands {
     grid: MovingGrid,
     /// Within this distance of their centres two bodies could matter to each other.
     reach_m: f64,
-    /// No body has gone farther since.
-    margin_m: f64,
-    /// Where they were.
+    /// Where they were, and how far each may go from there.
     centres: Vec<(f64, f64)>,
+    margins_m: Vec<f64>,
     /// `near[starts[n]..starts[n + 1]]` are those near body n.
     starts: Vec<u32>,
     near: Vec<u32>,
@@ -30,20 +36,20 @@ pub(crate) struct Islands {
 }
 
 impl Islands {
-    /// Lists that hold until a body has gone farther than `margin_m`.
-    pub(crate) fn new(cells: Cells, reach_m: f64, margin_m: f64, bodies: &[OrientedBox]) -> Self {
+    /// Lists that hold until a body has gone farther than its margin.
+    pub(crate) fn new(cells: Cells, reach_m: f64, bodies: &[OrientedBox], ways: &[Ways]) -> Self {
         let mut islands = Self {
             grid: MovingGrid::new(cells),
             reach_m,
-            margin_m,
             centres: Vec::new(),
+            margins_m: Vec::new(),
             starts: Vec::new(),
             near: Vec::new(),
             order: Vec::new(),
             places: Vec::new(),
             firsts: Vec::new(),
         };
-        islands.make(bodies);
+        islands.make(bodies, ways);
         islands
     }
 
@@ -53,33 +59,37 @@ impl Islands {
         self.centres.clear();
     }
 
-    /// The lists hold from now on while nobody goes farther than `way_m`, which is within the margin; they are
-    /// made anew where they have to be. Whether they were. Allocates nothing once they have had their length.
-    pub(crate) fn update(&mut self, bodies: &[OrientedBox], way_m: f64) -> bool {
-        let left_m = self.margin_m - way_m;
-        let still = |(body, (then_x_m, then_y_m)): (&OrientedBox, &(f64, f64))| {
-            let (x_m, y_m) = body.centre_m();
-            let (dx_m, dy_m) = (x_m - then_x_m, y_m - then_y_m);
-            dx_m * dx_m + dy_m * dy_m <= left_m * left_m
+    /// The lists hold from now on while nobody goes farther than it can; they are made anew where they have to
+    /// be. Whether they were. Allocates nothing once they have had their length.
+    pub(crate) fn update(&mut self, bodies: &[OrientedBox], ways: &[Ways]) -> bool {
+        let still = |n: usize| {
+            let ((x_m, y_m), (then_x_m, then_y_m)) = (bodies[n].centre_m(), self.centres[n]);
+            let (dx_m, dy_m, left_m) = (x_m - then_x_m, y_m - then_y_m, self.margins_m[n] - ways[n].now_m);
+            left_m >= 0.0 && dx_m * dx_m + dy_m * dy_m <= left_m * left_m
         };
-        let holds = bodies.len() == self.centres.len() && bodies.iter().zip(&self.centres).all(still);
+        let holds = bodies.len() == self.centres.len() && (0..bodies.len()).all(still);
         if !holds {
-            self.make(bodies);
+            self.make(bodies, ways);
         }
         !holds
     }
 
-    fn make(&mut self, bodies: &[OrientedBox]) {
+    fn make(&mut self, bodies: &[OrientedBox], ways: &[Ways]) {
         self.centres.clear();
         self.centres.extend(bodies.iter().map(OrientedBox::centre_m));
+        self.margins_m.clear();
+        self.margins_m.extend(ways.iter().map(|ways| ways.now_m.max(ways.later_m)));
         self.grid.rebuild(&self.centres);
-        let far_m = self.reach_m + 2.0 * self.margin_m;
-        let Self { grid, centres, starts, near, .. } = self;
+        let most_m = self.margins_m.iter().copied().fold(0.0, f64::max);
+        let Self { grid, centres, margins_m, starts, near, reach_m, .. } = self;
         near.clear();
         starts.clear();
         for (n, &(x_m, y_m)) in centres.iter().enumerate() {
             starts.push(near.len() as u32);
-            grid.near(Bounds::around(x_m, y_m, 2.0 * far_m, 2.0 * far_m), |other| {
+            let side_m = 2.0 * (*reach_m + margins_m[n] + most_m);
+            grid.near(Bounds::around(x_m, y_m, side_m, side_m), |other| {
+                // The same sum for both of them.
+                let far_m = *reach_m + (margins_m[n] + margins_m[other]);
                 let (dx_m, dy_m) = (x_m - centres[other].0, y_m - centres[other].1);
                 if other != n && dx_m * dx_m + dy_m * dy_m <= far_m * far_m {
                     near.push(other as u32);
@@ -155,7 +165,11 @@ mod tests {
 
     fn islands(reach_m: f64, margin_m: f64, bodies: &[OrientedBox]) -> Islands {
         let cells = Cells::covering(Bounds::around(0.0, 0.0, 20.0, 20.0));
-        Islands::new(cells, reach_m, margin_m, bodies)
+        Islands::new(cells, reach_m, bodies, &ways(bodies, margin_m, margin_m))
+    }
+
+    fn ways(bodies: &[OrientedBox], now_m: f64, later_m: f64) -> Vec<Ways> {
+        vec![Ways { now_m, later_m }; bodies.len()]
     }
 
     #[test]
@@ -194,17 +208,17 @@ mod tests {
     fn lists_are_made_anew_when_somebody_has_gone_too_far_or_somebody_comes() {
         let mut bodies = vec![square(0.0, 0.0), square(3.0, 0.0)];
         let mut islands = islands(1.0, 0.2, &bodies);
-        assert!(!islands.update(&bodies, 0.2));
+        assert!(!islands.update(&bodies, &ways(&bodies, 0.2, 0.2)));
         bodies[1] = square(2.9, 0.0);
-        assert!(!islands.update(&bodies, 0.05));
-        assert!(islands.update(&bodies, 0.15), "only 0.05 m are left");
-        assert!(!islands.update(&bodies, 0.15));
+        assert!(!islands.update(&bodies, &ways(&bodies, 0.05, 0.2)));
+        assert!(islands.update(&bodies, &ways(&bodies, 0.15, 0.2)), "only 0.05 m are left");
+        assert!(!islands.update(&bodies, &ways(&bodies, 0.15, 0.2)));
         bodies.push(square(3.5, 0.0));
-        assert!(islands.update(&bodies, 0.0));
+        assert!(islands.update(&bodies, &ways(&bodies, 0.0, 0.2)));
         assert_eq!(islands.sizes().collect::<Vec<_>>(), [1, 2]);
         assert_eq!(islands.near(1).collect::<Vec<_>>(), [2]);
         islands.reach_farther(2.0);
-        assert!(islands.update(&bodies, 0.0));
+        assert!(islands.update(&bodies, &ways(&bodies, 0.0, 0.2)));
         assert_eq!(islands.sizes().collect::<Vec<_>>(), [3]);
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::geometry::{Beam, Bounds, OrientedBox};
 use crate::grid::{Cells, StandingGrid};
-use crate::islands::Islands;
+use crate::islands::{Islands, Ways};
 use crate::step::STEP_NS;
 use crate::vehicle::Truck;
 use crate::world::World;
@@ -59,8 +59,10 @@ impl Scene {
 /// So many steps trucks that are not near each other are moved on without looking at the others, at most.
 pub(crate) const WINDOW_STEPS: u64 = 10;
 /// Nearer than this to a body's edge something matters to it, beside what it sees: more than the margin of a
-/// touch, and a little for what rounding adds up to.
+/// touch.
 const BESIDE_M: f64 = 0.05;
+/// More than rounding adds up to.
+const ROUNDING_M: f64 = 0.001;
 
 /// The trucks at the beginning of a step, and behind them those that other programs move.
 #[derive(Debug, Clone)]
@@ -73,33 +75,51 @@ pub(crate) struct Traffic {
     touched: Vec<bool>,
     /// No body reaches farther from its centre.
     radius_m: f64,
-    /// The longest way of a truck in a step.
-    step_m: f64,
+    /// How far each can go.
+    ways: Vec<Ways>,
+    /// The largest sine of a slope.
+    steepest: f64,
 }
 
 impl Traffic {
     /// For these trucks and for what else moves among them.
     pub(crate) fn new(scene: &Scene, trucks: &[Truck], foreign: impl Iterator<Item = OrientedBox>) -> Self {
-        let most = |of: &dyn Fn(&Truck) -> f64| trucks.iter().map(of).fold(0.0, f64::max);
-        let steepest = scene.steepest();
-        let step_m = most(&|truck| truck.farthest_step_m(steepest));
-        let bodies = trucks.iter().map(Truck::body).chain(foreign).collect();
-        Self::of(scene, bodies, most(&Truck::sight_m), step_m)
+        let sight_m = trucks.iter().map(Truck::sight_m).fold(0.0, f64::max);
+        let bodies: Vec<_> = trucks.iter().map(Truck::body).chain(foreign).collect();
+        let ways = vec![Ways::default(); bodies.len()];
+        Self::of(scene, bodies, sight_m, ways)
     }
 
-    fn of(scene: &Scene, bodies: Vec<OrientedBox>, sight_m: f64, step_m: f64) -> Self {
+    fn of(scene: &Scene, bodies: Vec<OrientedBox>, sight_m: f64, ways: Vec<Ways>) -> Self {
         let radius_m = bodies.iter().map(OrientedBox::radius_m).fold(0.0, f64::max);
-        let reach_m = sight_m.max(radius_m) + BESIDE_M + radius_m;
-        let islands = Islands::new(scene.cells.clone(), reach_m, WINDOW_STEPS as f64 * step_m, &bodies);
+        let reach_m = (sight_m + ROUNDING_M).max(radius_m + BESIDE_M) + radius_m;
+        let islands = Islands::new(scene.cells.clone(), reach_m, &bodies, &ways);
         let (boxes, touched) = (islands.order().map(|n| bodies[n]).collect(), vec![false; bodies.len()]);
-        Self { islands, bodies, boxes, touched, radius_m, step_m }
+        Self { islands, bodies, boxes, touched, radius_m, ways, steepest: scene.steepest() }
     }
 
     /// Takes over where all are now, for so many steps; allocates nothing while there are no more than before.
-    pub(crate) fn update(&mut self, bodies: impl Iterator<Item = OrientedBox>, steps: u64) {
+    pub(crate) fn update(
+        &mut self,
+        trucks: &[Truck],
+        foreign: impl Iterator<Item = OrientedBox>,
+        steps: u64,
+    ) {
         self.bodies.clear();
-        self.bodies.extend(bodies);
-        self.islands.update(&self.bodies, steps as f64 * self.step_m);
+        self.bodies.extend(trucks.iter().map(Truck::body).chain(foreign));
+        let steepest = self.steepest;
+        self.ways.clear();
+        self.ways.extend(trucks.iter().map(|truck| Ways {
+            now_m: truck.farthest_m(steps, steepest),
+            later_m: truck.farthest_m(WINDOW_STEPS, steepest),
+        }));
+        // Another program's is put elsewhere, or not at all.
+        self.ways.resize(self.bodies.len(), Ways::default());
+        self.place();
+    }
+
+    fn place(&mut self) {
+        self.islands.update(&self.bodies, &self.ways);
         self.boxes.clear();
         self.boxes.extend(self.islands.order().map(|n| self.bodies[n]));
         self.touched.clear();
@@ -273,6 +293,8 @@ mod tests {
     use crate::rng::Rng;
     use crate::world::BoxSpec;
 
+    const WAYS: Ways = Ways { now_m: 0.02, later_m: 0.2 };
+
     /// A crowded world: 40 boxes and 40 bodies anywhere, some beyond the walls.
     fn crowd(noise: &mut Rng) -> (Scene, Traffic) {
         let mut world = World::default();
@@ -288,7 +310,7 @@ mod tests {
         }
         let scene = Scene::new(&world);
         let bodies = (0..40).map(|_| near(noise, 0.0, 0.0, 11.0)).collect();
-        let traffic = Traffic::of(&scene, bodies, 1.5, 0.02);
+        let traffic = Traffic::of(&scene, bodies, 1.5, vec![WAYS; 40]);
         (scene, traffic)
     }
 
@@ -315,7 +337,8 @@ mod tests {
                 .iter()
                 .map(|body| near(&mut noise, body.centre_m().0, body.centre_m().1, 0.1))
                 .collect();
-            traffic.update(bodies.iter().copied(), 1);
+            traffic.bodies.clone_from(&bodies);
+            traffic.place();
             let context = context(&scene, &mut traffic);
             for (me, body) in bodies.iter().enumerate() {
                 let others = bodies.iter().enumerate().filter(|(i, _)| *i != me);
@@ -356,7 +379,7 @@ mod tests {
         world.put_box("crate", spec).unwrap();
         let scene = Scene::new(&world);
         let at = |x_m: f64| OrientedBox::new(x_m, 0.0, 0.0, 0.5, 0.4);
-        let mut traffic = Traffic::of(&scene, vec![at(0.7)], 1.5, 0.02);
+        let mut traffic = Traffic::of(&scene, vec![at(0.7)], 1.5, vec![WAYS]);
         let context = context(&scene, &mut traffic);
         assert!(context.blocks(0, &at(0.7), &at(0.69), &mut Vec::new()));
         assert!(!context.blocks(0, &at(0.7), &at(0.71), &mut Vec::new()));

@@ -250,8 +250,7 @@ impl Simulation {
     pub(crate) fn split_window(&mut self, steps: u64) -> Window<'_> {
         let now = self.now;
         self.foreign.retain(|_, known| known.until >= now);
-        let own = self.trucks.iter().map(Truck::body);
-        self.traffic.update(own.chain(self.foreign.values().map(|known| known.body)), steps);
+        self.traffic.update(&self.trucks, self.foreign.values().map(|known| known.body), steps);
         for truck in &self.trucks {
             for &other in truck.ran_into() {
                 self.traffic.mark_touched(other);

@@ -293,10 +293,10 @@ impl Truck {
         self.range_finders.sight_m()
     }
 
-    /// Its centre goes no farther in a step where no slope has a larger sine than this: no faster than the wheels
-    /// roll.
-    pub(crate) fn farthest_step_m(&self, steepest: f64) -> f64 {
-        self.drive.most_mps(steepest) * STEP_S
+    /// Its centre goes no farther in so many steps where no slope has a larger sine than this: no faster than the
+    /// wheels roll.
+    pub(crate) fn farthest_m(&self, steps: u64, steepest: f64) -> f64 {
+        self.drive.farthest_m(steps, steepest)
     }
 
     /// Trucks that stopped this one during the last step.

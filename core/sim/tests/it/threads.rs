@@ -5,12 +5,11 @@
 mod pool;
 
 use pool::Threads;
-use std::f64::consts::FRAC_PI_2;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
-use xtb_protocol::messages::{Body, LinkLoss, Request, Via};
+use xtb_protocol::messages::{Body, LinkLoss, Request, TruthRobot, Via};
 use xtb_protocol::{Name, Uuid};
 use xtb_sim::lockstep::Traffic;
 use xtb_sim::{
@@ -68,10 +67,6 @@ fn disturb(fleet: &mut Lockstep, round: u64) {
         0 => world.trucks_mut()[robot].set_line_faults(line(LineFault::Lossy(0.3), LineFault::Garbage)),
         1 => world.trucks_mut()[robot].set_line_faults(line(LineFault::WrongDevice, LineFault::None)),
         2 => world.trucks_mut()[robot].set_drive_fault(DriveFault::Stuck),
-        3 => {
-            let faults = SensorFaults::range_finder(robot % 12, RangeFinderFault::Short);
-            world.trucks_mut()[robot].set_sensor_faults(faults);
-        }
         4 => world.trucks_mut()[robot].power_cycle_board(),
         5 => {
             let pose = MapPose { x_m: 8.0, y_m: -8.0, yaw_rad: 1.0 };
@@ -83,10 +78,20 @@ fn disturb(fleet: &mut Lockstep, round: u64) {
             // Somebody may stand there.
             let _ = world.put_box("crate", spec);
         }
-        7 => {
-            let _ = world.place(robot, MapPose { x_m: -8.0, y_m: -8.5, yaw_rad: FRAC_PI_2 });
+        7 | 3 => {
+            // 3 mm in front of somebody who drives: nobody can stop in time.
+            let drives = world.truths().find(|truth| truth.speed_mps > 0.05);
+            if let Some(TruthRobot { x_m, y_m, yaw_rad, .. }) = drives {
+                let (sin, cos) = yaw_rad.sin_cos();
+                let pose = MapPose { x_m: x_m + 0.503 * cos, y_m: y_m + 0.503 * sin, yaw_rad };
+                let _ = world.place(robot, pose);
+            }
         }
-        8 => world.trucks_mut()[robot].set_battery_left(0.05),
+        8 => {
+            let faults = SensorFaults::range_finder(robot % 12, RangeFinderFault::Short);
+            world.trucks_mut()[robot].set_sensor_faults(faults);
+            world.trucks_mut()[(robot + 1) % ROBOTS].set_battery_left(0.05);
+        }
         9 if round < 20 => fleet.kill(robot),
         _ => ask(fleet, robot, 1000 + u128::from(round), Body::Stop {}),
     }
@@ -99,7 +104,7 @@ fn run(ahead: impl Fn(&mut Lockstep, u64)) -> (u64, u64) {
     ahead(&mut fleet, 100);
     set_off(&mut fleet);
     for round in 0..40 {
-        ahead(&mut fleet, [1, 7, 43, 10, 120, 60][round as usize % 6]);
+        ahead(&mut fleet, [1, 7, 203, 10, 320, 160][round as usize % 6]);
         disturb(&mut fleet, round);
         if round == 20 {
             let map = fleet.simulation().world().chart(0.05).unwrap();
@@ -121,7 +126,7 @@ fn run(ahead: impl Fn(&mut Lockstep, u64)) -> (u64, u64) {
 #[test]
 fn neither_windows_nor_threads_change_a_bit() {
     let one_by_one = run(|fleet, steps| (0..steps).for_each(|_| fleet.step()));
-    assert!(one_by_one.1 > 5, "{} contacts", one_by_one.1);
+    assert!(one_by_one.1 > 1, "{} contacts", one_by_one.1);
     assert_eq!(run(|fleet, steps| fleet.run(steps, &Sequential)), one_by_one, "in windows");
     for threads in [1, 2, 3, 8] {
         assert_eq!(run(|fleet, steps| fleet.run(steps, &Threads(threads))), one_by_one, "{threads} threads");
