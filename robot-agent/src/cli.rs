@@ -176,6 +176,10 @@ pub(crate) struct Settings {
     /// Start pose of the truck in the map (ENU: metres, radians) [default: 0,0,1.5708]
     #[arg(long, value_name = "X,Y,YAW", env = "XTB_START_POSE", global = true, allow_hyphen_values = true, value_parser = parse_pose)]
     start_pose: Option<[f64; 3]>,
+    /// Run the control loop before all ordinary programs and lock all memory, where the system permits it
+    /// (SCHED_FIFO, mlockall)
+    #[arg(long, global = true)]
+    realtime: bool,
     /// Any other setting, such as goto.reference_rpm=10 (or vehicle.goto.reference_rpm=10)
     #[arg(long = "set", value_name = "KEY=VALUE", global = true)]
     settings: Vec<String>,
@@ -236,6 +240,9 @@ impl Settings {
             for (key, value) in ["start_pose.x_m", "start_pose.y_m", "start_pose.yaw_rad"].iter().zip(pose) {
                 layers.set("--start-pose", key, Value::Float(value))?;
             }
+        }
+        if self.realtime {
+            layers.set("--realtime", "control.realtime", Value::Boolean(true))?;
         }
         for setting in &self.settings {
             let (key, value) = setting.split_once('=').ok_or_else(|| ConfigProblem::Syntax {

@@ -9,8 +9,8 @@ mod layers;
 mod problem;
 
 pub use file::{
-    AgentConfig, AgentSection, ConfigFile, HardwareSection, MapSection, NavigationSection, StartPose,
-    ZenohSection,
+    AgentConfig, AgentSection, ConfigFile, ControlSection, HardwareSection, MapSection, NavigationSection,
+    StartPose, ZenohSection,
 };
 pub use layers::Layers;
 pub use problem::ConfigProblem;
@@ -68,6 +68,18 @@ mod tests {
         let agent = with(text).unwrap().agent().unwrap();
         assert_eq!(agent.map, Some(PathBuf::from("lab.yaml")));
         assert_eq!((agent.navigation.drive.cruise_mps, agent.navigation.unknown.fades_s), (0.3, 20.0));
+    }
+
+    #[test]
+    fn real_time_is_off_unless_asked_for_and_reads_back_as_itself() {
+        assert!(!ConfigFile::default().agent().unwrap().realtime);
+        let file = with("[control]\nrealtime = true\n").unwrap();
+        assert!(file.agent().unwrap().realtime);
+        assert_eq!(with(&file.to_toml()).unwrap(), file);
+        let error = with("[control]\nrealtime = 20\n").unwrap_err().to_string();
+        assert!(error.contains("expected a boolean"), "{error}");
+        let error = with("[control]\nreal_time = true\n").unwrap_err().to_string();
+        assert!(error.ends_with("did you mean control.realtime?"), "{error}");
     }
 
     #[test]

@@ -19,10 +19,12 @@ mod map_reader;
 mod nav_inputs;
 mod neighbours;
 mod planner_worker;
+pub mod realtime;
 mod recorder;
 mod recording_server;
 pub mod replay;
 mod session;
+mod sessions;
 mod shared;
 mod snapshot;
 mod uplink;
@@ -120,7 +122,7 @@ pub async fn run_hosted(
         epoch: (Uuid::new_v4().as_u128() >> 76) as u64,
         start_pose: config.start_pose,
     };
-    let about = session::about(config, &identity, hardware.kind());
+    let mut about = session::about(config, &identity, hardware.kind());
     let mut robot = Robot::new(identity.clone(), config.vehicle.clone(), VERSION);
     robot.agent_mut().set_navigation(&config.vehicle, &config.navigation);
     robot.agent_mut().set_world_speed(config.world_speed);
@@ -139,7 +141,10 @@ pub async fn run_hosted(
     tokio::spawn(mailbox::log(notes));
     let stop = StopOnDrop(Arc::new(AtomicBool::new(false)));
     let parts = (robot, hardware, clock.clone());
-    let control = host.shared.start_loop(parts, loop_ends, recorder, stop.0.clone())?;
+    let (control, realtime) =
+        host.shared.start_loop(parts, loop_ends, recorder, stop.0.clone(), config.realtime)?;
+    realtime.log();
+    about.vehicle.push(realtime.parameter());
     let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now(), host).await;
     stop.now();
     // A turn lasts 5 ms: joining is short.

@@ -120,6 +120,7 @@ mod tests {
     use crate::hardware::Hardware;
     use crate::hardware::simulated::SimulatedHardware;
     use crate::mailbox::mailbox;
+    use crate::realtime::Realtime;
     use crate::shared::Shared;
     use std::sync::Arc;
     use std::sync::atomic::{AtomicBool, Ordering};
@@ -145,7 +146,7 @@ mod tests {
 
     #[test]
     fn fifty_loops_on_two_threads_take_a_turn_for_each_step_of_their_world_from_their_start_on() {
-        let (world, shared) = (WorldTime::new(), Shared::with_threads(2).unwrap());
+        let (world, shared) = (WorldTime::new(), Shared::among(2, 1).unwrap());
         let stop = Arc::new(AtomicBool::new(false));
         let (mut sessions, mut running, mut lines) = (Vec::new(), Vec::new(), Vec::new());
         for number in 1..=50 {
@@ -155,7 +156,9 @@ mod tests {
             lines.push(theirs);
             sessions.push((session_ends, notes));
             let parts = (robot(number), hardware, world.join());
-            running.push(shared.start_loop(parts, loop_ends, None, stop.clone()).unwrap());
+            let (started, realtime) = shared.start_loop(parts, loop_ends, None, stop.clone(), true).unwrap();
+            assert!(matches!(realtime, Realtime::Off), "{realtime:?}: such a thread is not one robot's");
+            running.push(started);
             // It comes while the threads wait with the loops that they have.
             assert!(
                 world.advance_within(Stamp::from_ms(5 * number as u64), PATIENCE),

@@ -2,17 +2,17 @@
 //!
 //! | from → to | what | bound | when full |
 //! | --- | --- | --- | --- |
-//! | downlink → loop | emergency stop | [`ESTOPS`](crate::fast_path::ESTOPS) | nothing is lost but an
-//! acknowledgement, counted; the client asks again | | downlink → loop | stop | 1 number, the latest wins |
-//! nothing is lost: one stop is as good as two | | downlink → loop | the holder lives | 1 time, the latest
-//! wins | – | | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
+//! | downlink → loop | emergency stop | [`ESTOPS`](crate::fast_path::ESTOPS) | only an acknowledgement is lost, counted |
+//! | downlink → loop | stop | 1 number, the latest wins | nothing is lost: one stop is as good as two |
+//! | downlink → loop | the holder lives | 1 time, the latest wins | – |
+//! | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
 //! | downlink → loop | setpoint of the holder | 1, latest wins | the older one is dropped, counted |
 //! | downlink → loop | "take a turn now" ([`Wake`]) | 1 flag | one turn sees all that has come |
-//! | Zenoh → map reader | maps, unread | 1, latest wins | the older one is dropped, counted as overloaded |
-//! | downlink → loop | poses, paths, maps | [`NAV_INPUTS`] | dropped, counted as overloaded; newer ones
-//! follow | | other robots → loop | their states | the latest of 64 robots | those of more robots are
-//! dropped, counted as overloaded | | loop → downlink | replies | [`REPLIES`] | requests wait in their own
-//! queue | | loop → uplink | snapshot | 1, latest wins | the older one is dropped |
+//! | Zenoh → map reader | maps, unread | 1, latest wins | the older one is dropped, counted |
+//! | nav inputs, map reader → loop | poses, paths, maps | [`NAV_INPUTS`] | dropped, counted; newer ones follow |
+//! | other robots → loop | their states | the latest of 64 robots | those of more are dropped, counted |
+//! | loop → downlink | replies | [`REPLIES`] | requests wait in their own queue |
+//! | loop → uplink | snapshot | 1, latest wins | the older one is dropped |
 //! | loop → uplink | events | [`EVENTS`] | dropped, counted |
 //! | loop → log | line broken, line works again | [`NOTES`] | dropped |
 //! | Zenoh → uplink | questions for `state`, `about` | 64 | dropped, counted; the client asks again |

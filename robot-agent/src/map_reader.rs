@@ -1,20 +1,20 @@
-//! The fleet's map is read beside the network, on a thread of its own: a message of some kilobytes can
-//! describe millions of cells under hundreds of zones, and until a callback of Zenoh's returns, no stop and
-//! no command comes in on that link.
+//! The fleet's map is read beside the network, as a blocking task: a message of some kilobytes can describe
+//! millions of cells under hundreds of zones, and until a callback of Zenoh's returns, no stop and no command
+//! comes in on that link.
 //!
 //! One slot: a map that was not begun yet gives way to a newer one, and a published map is published again.
 
 use crate::counters::Counters;
 use crate::mailbox::NavInput;
 use std::collections::BTreeSet;
-use std::io;
 use std::sync::mpsc::SyncSender;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Duration;
+use tokio::sync::Notify;
+use tokio::task::JoinHandle;
 use xtb_bus::Incoming;
 use xtb_nav::map::Map;
 use xtb_nav::navigator::PreparedMap;
-use xtb_protocol::Name;
 use xtb_protocol::messages::{FleetMap, MapHash};
 
 /// From the end of one map to the beginning of the next: whoever floods with maps must not take a processor
@@ -24,91 +24,78 @@ const PAUSE: Duration = Duration::from_secs(1);
 /// measured.
 const MOST_COMPLAINTS: usize = 16;
 
-#[derive(Default)]
-struct Slot {
-    waiting: Option<Incoming>,
-    over: bool,
-}
-
 /// The newest map that nobody has read yet.
 #[derive(Default)]
 pub(crate) struct MapSlot {
-    slot: Mutex<Slot>,
-    news: Condvar,
+    waiting: Mutex<Option<Incoming>>,
+    news: Notify,
 }
 
 impl MapSlot {
-    fn lock(&self) -> MutexGuard<'_, Slot> {
-        self.slot.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Option<Incoming>> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Puts a message, unread: this is all that a callback does. Another one that still waits is dropped and
     /// counted; the same one again is no loss.
     pub(crate) fn put(&self, incoming: Incoming, counters: &Counters) {
-        let mut slot = self.lock();
-        if slot.waiting.as_ref().is_some_and(|before| *before != incoming) {
+        let before = self.lock().replace(incoming.clone());
+        if before.is_some_and(|before| before != incoming) {
             counters.overloaded();
         }
-        slot.waiting = Some(incoming);
-        drop(slot);
         self.news.notify_one();
     }
 
-    /// The next message, not before this time; `None` when there will be none any more.
-    fn next(&self, not_before: Instant) -> Option<Incoming> {
-        let mut slot = self.lock();
+    /// The next message.
+    async fn next(&self) -> Incoming {
         loop {
-            if slot.over {
-                return None;
+            if let Some(incoming) = self.lock().take() {
+                return incoming;
             }
-            let left = not_before.saturating_duration_since(Instant::now());
-            if !left.is_zero() {
-                let woken = self.news.wait_timeout(slot, left);
-                slot = woken.unwrap_or_else(PoisonError::into_inner).0;
-            } else if let Some(incoming) = slot.waiting.take() {
-                return Some(incoming);
-            } else {
-                slot = self.news.wait(slot).unwrap_or_else(PoisonError::into_inner);
-            }
+            self.news.notified().await;
         }
-    }
-
-    fn end(&self) {
-        self.lock().over = true;
-        self.news.notify_one();
     }
 }
 
-/// The thread's owner: dropping it ends the thread after its present map.
-pub(crate) struct MapReader(Arc<MapSlot>);
+/// The task's owner: dropping it ends the task after its present map.
+pub(crate) struct MapReader {
+    slot: Arc<MapSlot>,
+    task: JoinHandle<()>,
+}
 
 impl MapReader {
-    /// Starts the thread.
-    ///
-    /// # Errors
-    /// The system cannot.
-    pub(crate) fn start(robot: &Name, mut reading: MapReading) -> io::Result<Self> {
+    /// Starts the task.
+    pub(crate) fn start(reading: MapReading) -> Self {
+        Self::pausing(reading, PAUSE)
+    }
+
+    fn pausing(mut reading: MapReading, pause: Duration) -> Self {
         let slot = Arc::new(MapSlot::default());
         let theirs = slot.clone();
-        std::thread::Builder::new().name(format!("map-{robot}")).spawn(move || {
-            let mut not_before = Instant::now();
-            while let Some(incoming) = theirs.next(not_before) {
-                reading.read(&incoming);
-                not_before = Instant::now() + PAUSE;
+        let task = tokio::spawn(async move {
+            loop {
+                let incoming = theirs.next().await;
+                let read = tokio::task::spawn_blocking(move || {
+                    reading.read(&incoming);
+                    reading
+                });
+                let Ok(back) = read.await else { return };
+                reading = back;
+                tokio::time::sleep(pause).await;
             }
-        })?;
-        Ok(Self(slot))
+        });
+        Self { slot, task }
     }
 
     /// Where messages are put.
     pub(crate) fn slot(&self) -> Arc<MapSlot> {
-        self.0.clone()
+        self.slot.clone()
     }
 }
 
 impl Drop for MapReader {
     fn drop(&mut self) {
-        self.0.end();
+        self.task.abort();
     }
 }
 
@@ -225,6 +212,7 @@ impl Complaints {
 mod tests {
     use super::*;
     use crate::mailbox::{LoopEnds, mailbox};
+    use std::time::Instant;
     use xtb_nav::Grid;
     use xtb_protocol::codec::{Format, encode, encoding};
 
@@ -277,8 +265,8 @@ mod tests {
         assert_eq!((Arc::strong_count(&floor(&third_ends)), shelf.0.lock().unwrap().len()), (1, 1));
     }
 
-    #[test]
-    fn a_put_reads_nothing_and_the_newest_map_displaces_the_one_that_waits() {
+    #[tokio::test]
+    async fn a_put_reads_nothing_and_the_newest_map_displaces_the_one_that_waits() {
         let (slot, counters) = (MapSlot::default(), Counters::default());
         slot.put(raw(&[1]), &counters);
         slot.put(raw(&[1]), &counters);
@@ -286,19 +274,32 @@ mod tests {
         slot.put(raw(&[2]), &counters);
         let rejected = counters.rejected_so_far();
         assert_eq!((rejected.overloaded, rejected.malformed), (1, 0));
-        assert_eq!(slot.next(Instant::now()), Some(raw(&[2])));
-        assert_eq!(slot.lock().waiting, None);
+        assert_eq!(slot.next().await, raw(&[2]));
+        assert_eq!(*slot.lock(), None);
     }
 
-    #[test]
-    fn the_next_map_waits_for_its_time_and_the_end_does_not() {
-        let (slot, counters) = (MapSlot::default(), Counters::default());
-        slot.put(raw(&[1]), &counters);
-        let not_before = Instant::now() + Duration::from_millis(20);
-        assert!(slot.next(not_before).is_some() && Instant::now() >= not_before);
-        slot.put(raw(&[2]), &counters);
-        slot.end();
-        assert_eq!(slot.next(Instant::now() + Duration::from_secs(3600)), None);
+    #[tokio::test]
+    async fn the_next_map_waits_for_its_time_and_the_end_does_not() {
+        let (reading, loop_ends, counters) = reading();
+        let reader = MapReader::pausing(reading, Duration::from_millis(20));
+        let told = async || {
+            loop {
+                if let Ok(NavInput::FleetMap(_)) = loop_ends.nav_inputs.try_recv() {
+                    return Instant::now();
+                }
+                tokio::task::yield_now().await;
+            }
+        };
+        reader.slot().put(message("one", None), &counters);
+        let first = told().await;
+        reader.slot().put(message("two", None), &counters);
+        // The pause began a moment before the first one was heard of here.
+        assert!(told().await - first >= Duration::from_millis(15));
+        let slot = Arc::downgrade(&reader.slot());
+        drop(reader);
+        while slot.strong_count() > 0 {
+            tokio::task::yield_now().await;
+        }
     }
 
     #[test]

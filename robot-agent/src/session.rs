@@ -72,25 +72,22 @@ pub(crate) async fn run(
 ) -> Result<(), AgentError> {
     let role = config.role();
     let mut told = false;
-    let room = host.shared.opening.clone();
-    let opening = async {
-        let _room = room.room().await;
-        let each = |error: &xtb_bus::BusError| {
-            if !std::mem::replace(&mut told, true) {
-                tracing::warn!("{error}; trying again, the controller keeps running");
-            }
-        };
-        xtb_bus::open_patiently_leased(&role, host.link_lease, each).await
-    };
+    let sessions = host.shared.sessions.clone();
+    let opening = sessions.open(&role, host.link_lease, |error| {
+        if !std::mem::replace(&mut told, true) {
+            tracing::warn!("{error}; trying again, the controller keeps running");
+        }
+    });
     // The motors stop inside this future: `select` drops the others before it goes on.
     let mut ending = std::pin::pin!(async {
         let _ = shutdown.wait_for(|end| *end).await;
         stop_motors();
     });
-    let bus = tokio::select! {
-        bus = opening => bus?,
+    let part = tokio::select! {
+        part = opening => part?,
         () = &mut ending => return Ok(()),
     };
+    let bus = part.bus.clone();
     ends.counters.follow_foreign_keys(bus.foreign_keys_counter());
     let served = tokio::select! {
         // Also when it ends by an error: motors first, and nobody could stop them any more.
@@ -101,7 +98,8 @@ pub(crate) async fn run(
         } => served,
         () = ending => Ok(()),
     };
-    bus.close().await;
+    drop(bus);
+    part.close().await;
     served
 }
 

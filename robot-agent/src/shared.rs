@@ -7,55 +7,44 @@ use crate::loop_pool::{LoopPool, Running};
 use crate::mailbox::LoopEnds;
 use crate::map_reader::MapShelf;
 use crate::planner_worker::{PlannerWorker, Planners};
+use crate::realtime::{self, Realtime};
 use crate::recorder::Recorder;
+use crate::sessions::Sessions;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use tokio::sync::{Semaphore, SemaphorePermit};
 use xtb_protocol::Name;
 use xtb_robot::Robot;
 
-/// So many sessions are being opened at once: of a thousand each would take longer than Zenoh waits for an answer.
-const OPENED_AT_ONCE: usize = 16;
-
-/// Room for sessions that are being opened.
-#[derive(Debug, Clone)]
-pub(crate) struct Opening(Arc<Semaphore>);
-
-impl Default for Opening {
-    fn default() -> Self {
-        Self(Arc::new(Semaphore::new(OPENED_AT_ONCE)))
-    }
-}
-
-impl Opening {
-    /// Waits for room, which is taken until what is returned is dropped.
-    pub(crate) async fn room(&self) -> Option<SemaphorePermit<'_>> {
-        self.0.acquire().await.ok() // nobody closes it
-    }
-}
-
 /// What they share. A robot's own agent has one for itself.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Shared {
     /// Maps that are prepared already: a large one takes megabytes.
     pub(crate) maps: Arc<MapShelf>,
-    pub(crate) opening: Opening,
+    pub(crate) sessions: Sessions,
     /// Threads for all; `None` = each robot has its own.
     threads: Option<(LoopPool, Planners)>,
 }
 
+impl Default for Shared {
+    fn default() -> Self {
+        Self { maps: Arc::default(), sessions: Sessions::of(1), threads: None }
+    }
+}
+
 impl Shared {
-    /// With so many threads for the control loops of simulated robots, and as many for their planners.
+    /// With so many threads for the control loops of simulated robots, as many for their planners, and a session for
+    /// so many robots each.
     ///
     /// # Errors
     /// The system cannot start them.
-    pub fn with_threads(threads: usize) -> io::Result<Self> {
+    pub fn among(threads: usize, robots_a_session: usize) -> io::Result<Self> {
         let threads = Some((LoopPool::start(threads)?, Planners::start(threads, "shared")?));
-        Ok(Self { threads, ..Self::default() })
+        Ok(Self { threads, sessions: Sessions::of(robots_a_session), ..Self::default() })
     }
 
-    /// Starts the control loop of a robot on its hardware. It runs until `stop`, then sends a neutral frame.
+    /// Starts the control loop of a robot on its hardware. It runs until `stop`, then sends a neutral frame. On
+    /// a thread of its own it is prioritized if that is `wanted`; the second value says what became of that.
     ///
     /// # Errors
     /// The system cannot start a thread.
@@ -65,14 +54,16 @@ impl Shared {
         ends: LoopEnds,
         recorder: Option<Recorder>,
         stop: Arc<AtomicBool>,
-    ) -> io::Result<Running> {
+        wanted: bool,
+    ) -> io::Result<(Running, Realtime)> {
         let name = parts.0.agent().identity().robot.clone();
         let control = ControlLoop::new(parts, ends, recorder, stop, self.planner_worker(&name)?);
         if let Some((loops, _)) = &self.threads {
-            return Ok(Running::Pooled(loops.run(control)));
+            return Ok((Running::Pooled(loops.run(control)), Realtime::Off));
         }
         let thread = std::thread::Builder::new().name(format!("control-{name}"));
-        Ok(Running::Thread(thread.spawn(move || control.run())?))
+        let (thread, realtime) = realtime::spawn(thread, wanted, move || control.run())?;
+        Ok((Running::Thread(thread), realtime))
     }
 
     /// Who plans for this robot.

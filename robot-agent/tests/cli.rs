@@ -41,6 +41,20 @@ fn flags_are_over_the_environment_over_the_file() {
 }
 
 #[test]
+fn real_time_is_asked_for_by_a_flag_also_before_a_command_and_off_without() {
+    for (arguments, says) in [
+        (&["--print-config"][..], "realtime = false"),
+        (&["--realtime", "--print-config"], "realtime = true"),
+        (&["--set", "control.realtime=true", "--print-config"], "realtime = true"),
+        (&["--print-config", "--realtime", "record"], "realtime = true"),
+    ] {
+        let output = agent().args(arguments).assert().success().get_output().clone();
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(text.contains(&format!("\n{says}\n")), "{arguments:?}\n{text}");
+    }
+}
+
+#[test]
 fn a_misspelt_key_is_an_error_with_a_suggestion() {
     let said = stderr_of(agent().args(["--set", "vehicle.goto.refrence_rpm=10"]), 2);
     assert!(said.contains("did you mean vehicle.goto.reference_rpm?"), "{said}");

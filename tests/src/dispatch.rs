@@ -1,9 +1,11 @@
 //! The dispatcher as its users run it: a process that may be killed at any moment, clients that ask until they
 //! are answered, and a witness of what the robots really drove.
 
+mod pair;
 mod storm;
 mod witness;
 
+pub use pair::ServePair;
 pub use storm::{Storm, Totals, Whom};
 pub use witness::{Witness, Written};
 
@@ -12,17 +14,19 @@ use crate::{PATIENCE, name};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use xtb_bus::{Bus, Role};
+use xtb_bus::{Bus, Incoming, Role};
 use xtb_protocol::codec::{self, Format};
-use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{
-    DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, TaskId, TaskKind, TaskList,
-    TaskSpec, Waypoint,
+    DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, StandbyReply,
+    StandbyRequest, TaskId, TaskKind, TaskList, TaskSpec, Waypoint,
 };
 use xtb_protocol::{Name, Uuid};
 
 /// A request is given this long, then asked again with the same id; cancellations wait for robots.
 const ANSWER_WITHIN: Duration = Duration::from_secs(7);
+/// A stopped process does not answer.
+const STATUS_WITHIN: Duration = Duration::from_millis(500);
 const AGAIN: Duration = Duration::from_millis(20);
 
 /// `fleet-cli dispatch serve` as a process.
@@ -149,6 +153,20 @@ impl Asker {
             DispatchOutcome::Submitted(tasks) => tasks,
             other => panic!("not taken: {other:?}"),
         }
+    }
+
+    /// How a dispatcher stands with its stand-by, if there is one; of two the later one.
+    ///
+    /// # Panics
+    /// If Zenoh fails.
+    pub async fn standby(&self) -> Option<StandbyReply> {
+        let (key, channel) =
+            (self.keys.dispatch_standby(Some(&self.me)), Channel::DispatchStandby(self.me.clone()));
+        let mut replies = Vec::<StandbyReply>::new();
+        let each = |answer: Incoming| replies.extend(answer.decode::<StandbyReply>().ok());
+        let asked = self.bus.ask_each(&key, &channel, &StandbyRequest::Status {}, STATUS_WITHIN, each).await;
+        asked.unwrap_or_else(|error| panic!("{error}"));
+        replies.into_iter().max_by_key(|reply| reply.term)
     }
 
     /// The list of tasks, if there is a dispatcher.

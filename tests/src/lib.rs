@@ -5,8 +5,10 @@
 
 pub mod dispatch;
 pub mod fuzz;
+pub mod hosts;
 pub mod live;
 pub mod load;
+pub mod mesh;
 mod pilot;
 mod probe;
 pub mod processes;
@@ -15,6 +17,7 @@ pub mod rig;
 pub mod screen;
 pub mod slow_link;
 pub mod slow_verbs;
+pub mod soak;
 pub mod vehicles;
 
 pub use live::Live;
@@ -86,6 +89,7 @@ pub fn agent_config(endpoint: &str, fleet: &str) -> AgentConfig {
         start_pose: MapPose::default(),
         vehicle: VehicleConfig::default(),
         record: None,
+        realtime: false,
         world_speed: 1.0,
     }
 }

@@ -117,6 +117,15 @@ impl Process {
         self.status_kib("VmHWM:")
     }
 
+    /// Memory that is locked, in KiB.
+    ///
+    /// # Panics
+    /// If it has ended.
+    #[must_use]
+    pub fn locked_memory_kib(&self) -> u64 {
+        self.status_kib("VmLck:")
+    }
+
     fn status_kib(&self, field: &str) -> u64 {
         let path = format!("/proc/{}/status", self.0.id());
         let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{error}"));

@@ -6,8 +6,10 @@
 
 use fleet_tests::Rig;
 use fleet_tests::load::{self, Flood};
+use fleet_tests::mesh::Mesh;
 use std::time::Duration;
 use tokio::sync::Mutex;
+use xtb_protocol::messages::GoalStatus;
 
 /// Held by the test that runs.
 static MACHINE: Mutex<()> = Mutex::const_new(());
@@ -67,4 +69,24 @@ async fn a_flood_of_strangers_stops_neither_the_robot_nor_its_states() {
     assert!(flooded.stood.is_none() && flooded.arrived_per_s > 0.0, "{:?}", flooded.stood);
     assert!(flooded.growth_kib <= 32 * 1024, "{} KiB", flooded.growth_kib);
     rig.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn robots_of_a_dead_router_go_on_at_another_one_and_the_others_do_not_notice() {
+    let _alone = MACHINE.lock().await;
+    let mut mesh = match Mesh::start().await {
+        Ok(mesh) => mesh,
+        Err(why) => return skip(&format!("no network namespaces here: {why}")),
+    };
+    let failover = mesh.kill_router().await;
+    assert!(failover.gap_s <= 5.0 && failover.others_gap_s <= 1.0, "{failover:?}");
+    assert!(!failover.elsewhere.status.is_final() && !failover.finishing.status.is_final(), "{failover:?}");
+    assert_eq!(failover.halting.status, GoalStatus::Failed, "{failover:?}");
+    mesh.lists_all().await;
+    mesh.restart_router().await;
+}
+
+#[allow(clippy::print_stderr)] // people who run the tests shall see it
+fn skip(why: &str) {
+    eprintln!("skipped: {why}");
 }

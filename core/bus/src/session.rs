@@ -37,7 +37,7 @@ pub enum Role {
     Router {
         /// Where. Port 0 takes a free one; see [`Bus::locators`].
         listen: Vec<String>,
-        /// Other routers.
+        /// Other routers, which together route as one; those that are not there are tried again and again.
         connect: Vec<String>,
     },
     /// Finds others by multicast, without a router.
@@ -123,7 +123,9 @@ impl Role {
         if !matches!(self, Self::Peer { .. }) {
             set("listen/endpoints", format!("{listen:?}"))?;
         }
-        set("connect/timeout_ms", "0".into())?;
+        // A client is opened again and again; a router is open at once, and tries its neighbours by itself.
+        let timeout_ms = if matches!(self, Self::Router { .. }) { "-1" } else { "0" };
+        set("connect/timeout_ms", timeout_ms.into())?;
         let retry = format!("{{ period_init_ms: {RETRY_FIRST_MS}, period_max_ms: {RETRY_MOST_MS} }}");
         set("connect/retry", retry)?;
         set("scouting/multicast/enabled", multicast.to_string())?;
@@ -196,6 +198,12 @@ pub async fn open_patiently_leased(
 }
 
 impl Bus {
+    /// The same session with a counter of its own, for one of several robots that share it.
+    #[must_use]
+    pub fn part(&self) -> Self {
+        Self { session: self.session.clone(), foreign: ForeignKeys::default() }
+    }
+
     /// Where a router listens.
     pub async fn locators(&self) -> Vec<String> {
         self.session.info().locators().await.iter().map(ToString::to_string).collect()
@@ -217,6 +225,11 @@ impl Bus {
     /// Whether a link to any other session stands.
     pub async fn is_linked(&self) -> bool {
         self.session.info().transports().await.next().is_some()
+    }
+
+    /// How many routers a link stands to: of a router, its neighbours in the mesh.
+    pub async fn linked_routers(&self) -> usize {
+        self.session.info().routers_zid().await.count()
     }
 
     /// Tells whether a link stands, now and at each change.

@@ -9,12 +9,14 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
-use xtb_bus::{BusError, Subscription};
+use xtb_bus::{BusError, Incoming, Subscription};
 use xtb_protocol::Uuid;
 use xtb_protocol::codec::{self, Format};
+use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{
     Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
-    DispatchStatus, Message, Suspension, SuspensionCause, TaskChange, TaskHistory, TaskId, TaskSpec,
+    DispatchStatus, Message, StandbyReply, StandbyRequest, Suspension, SuspensionCause, TaskChange,
+    TaskHistory, TaskId, TaskSpec,
 };
 
 /// A dispatcher that is just starting, or is started again, is waited for this long.
@@ -136,6 +138,24 @@ impl<'a> DispatcherClient<'a> {
             DispatchOutcome::Status(dispatcher) => Ok(Status { dispatcher, suspended: reply.suspended }),
             other => Err(unexpected(&other)),
         }
+    }
+
+    /// How it stands with its stand-by, and in which term it assigns; of two the one of the later term. `None`: it
+    /// does not say.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`]: Zenoh would not.
+    pub async fn standby(&self) -> Result<Option<StandbyReply>> {
+        let name = self.client.name();
+        let (key, channel) =
+            (self.client.keys().dispatch_standby(Some(name)), Channel::DispatchStandby(name.clone()));
+        let (within, mut replies) = (self.within(IS_THERE_WITHIN), Vec::<StandbyReply>::new());
+        let each = |answer: Incoming| match answer.decode() {
+            Ok(reply) => replies.push(reply),
+            Err(error) => tracing::debug!("on {}: {error}", answer.key),
+        };
+        self.client.bus().ask_each(&key, &channel, &StandbyRequest::Status {}, within, each).await?;
+        Ok(replies.into_iter().max_by_key(|reply| reply.term))
     }
 
     /// Cancels, pauses, resumes or retries; answered when robots have confirmed, or have not in time.

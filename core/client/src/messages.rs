@@ -8,7 +8,7 @@ use xtb_bus::Incoming;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
     About, DispatchRequest, Estop, Event, Fix, FleetMap, LogRequest, Message, NearState, Request, RobotState,
-    Roster, Route, Sensors, Setpoint, SimStats, TaskEvent, TaskList, TrafficState, Truth,
+    Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent, TaskList, TrafficState, Truth,
 };
 use xtb_protocol::wire::CodecError;
 
@@ -89,6 +89,8 @@ any_message! {
     SimStats(SimStats),
     /// What a client asks of the dispatcher.
     DispatchRequest(DispatchRequest),
+    /// What a stand-by asks of the dispatcher.
+    StandbyRequest(StandbyRequest),
     /// What a client asks of a robot's recordings.
     LogRequest(LogRequest),
     /// The dispatcher's tasks.
@@ -149,6 +151,7 @@ impl AnyMessage {
             Channel::SimRoster => bytes.read::<Roster>()?.into(),
             Channel::SimStats => bytes.read::<SimStats>()?.into(),
             Channel::DispatchCmd(_) => bytes.read::<DispatchRequest>()?.into(),
+            Channel::DispatchStandby(_) => bytes.read::<StandbyRequest>()?.into(),
             Channel::DispatchTasks => bytes.read::<TaskList>()?.into(),
             Channel::DispatchEvent => bytes.read::<TaskEvent>()?.into(),
             Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive => {

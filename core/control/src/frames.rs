@@ -77,7 +77,8 @@ pub fn heading_of(yaw_rad: f64) -> Heading {
 /// An angle brought into (−π, π].
 #[must_use]
 pub fn wrap_rad(rad: f64) -> f64 {
-    let wrapped = libm::fmod(rad, 2.0 * PI);
+    // The remainder of what is less than a turn is itself.
+    let wrapped = if rad.abs() < 2.0 * PI { rad } else { libm::fmod(rad, 2.0 * PI) };
     if wrapped > PI {
         wrapped - 2.0 * PI
     } else if wrapped <= -PI {

@@ -135,7 +135,10 @@ impl PwmCount {
         if !counts.is_finite() {
             return Self::NEUTRAL;
         }
-        Self(libm::round(counts.clamp(f64::from(Self::MIN.0), f64::from(Self::MAX.0))) as u16)
+        let counts = counts.clamp(f64::from(Self::MIN.0), f64::from(Self::MAX.0));
+        let whole = counts as u16;
+        // The rest is exact.
+        Self(whole + u16::from(counts - f64::from(whole) >= 0.5))
     }
 
     /// The count, in 0.4 µs.
@@ -307,7 +310,8 @@ pub(crate) fn wrap_deg(deg: f64) -> f64 {
     if !deg.is_finite() {
         return 0.0;
     }
-    let wrapped = libm::fmod(deg, 360.0);
+    // The remainder of what is less than a turn is itself.
+    let wrapped = if deg.abs() < 360.0 { deg } else { libm::fmod(deg, 360.0) };
     let wrapped = if wrapped < 0.0 { wrapped + 360.0 } else { wrapped };
     // −1e-20 + 360 rounds to 360 exactly.
     if wrapped >= 360.0 { 0.0 } else { wrapped }

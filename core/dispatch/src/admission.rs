@@ -32,7 +32,11 @@ pub fn refusal(code: DispatchCode, message: impl Into<String>, hint: &str) -> Di
 /// The ledger cannot be written.
 pub(crate) fn ledger_failed(why: &str) -> DispatchError {
     let message = format!("the ledger cannot be written: {why}");
-    refusal(DispatchCode::LedgerFailed, message, "nothing was changed; free disk space, then try again")
+    refusal(
+        DispatchCode::LedgerFailed,
+        message,
+        "nothing was changed; try again when the cause is gone, such as a full disk",
+    )
 }
 
 /// Whether all of a submission can be taken.

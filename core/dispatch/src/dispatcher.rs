@@ -9,6 +9,7 @@ mod client_requests;
 mod map_check;
 mod pages;
 mod robot_requests;
+mod standby;
 mod suspension;
 mod task_updates;
 
@@ -205,6 +206,9 @@ impl Dispatcher {
     /// Decides. To be called some 20 times a second, and after anything that should not wait.
     pub fn step(&mut self, now_ms: u64, travel_cost: &dyn TravelCost) {
         self.check_fleet_stop(now_ms);
+        if self.writes.is_held() {
+            return self.answer(now_ms);
+        }
         self.send_requests(now_ms);
         self.answer(now_ms);
         if self.writes.may_try(now_ms) {
@@ -281,9 +285,12 @@ impl Dispatcher {
                 self.check = Some(MapCheck::Points);
                 return;
             }
-            Record::Opened { .. } | Record::Activated { .. } | Record::Map { .. } | Record::Snapshot(_) => {
-                return;
-            }
+            Record::Opened { .. }
+            | Record::Activated { .. }
+            | Record::Map { .. }
+            | Record::Term { .. }
+            | Record::Pair { .. }
+            | Record::Snapshot(_) => return,
         };
         self.update_robots(entry, task);
         let step = self.store.task(task).and_then(|task| task.steps.back().cloned());

@@ -4,6 +4,7 @@
 
 pub mod record;
 
+use crate::replication;
 use crate::suspension::{FleetStop, KnownMap};
 use crate::task::{Task, TaskMap};
 use crate::transition::Change;
@@ -14,7 +15,7 @@ use std::ops::Bound;
 use thiserror::Error;
 use uuid::Uuid;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{MapHash, TaskId, TaskState};
+use xtb_protocol::messages::{MAX_TERM, MapHash, TaskId, TaskState};
 
 /// Why entries are no ledger of ours.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -57,6 +58,9 @@ pub struct TaskStore {
     /// The map that the fleet had last.
     #[serde(default)]
     map: Option<KnownMap>,
+    /// The copy without which nothing is acknowledged.
+    #[serde(default)]
+    pair: Option<u64>,
     tasks: BTreeMap<TaskId, Task>,
     /// In the order of their ends.
     ended: VecDeque<TaskId>,
@@ -108,6 +112,18 @@ impl TaskStore {
     #[must_use]
     pub fn next_seq(&self) -> u64 {
         self.next_seq
+    }
+
+    /// The term of the next assignment: how often a stand-by has taken over.
+    #[must_use]
+    pub fn term(&self) -> u32 {
+        replication::term_of(self.next_seq)
+    }
+
+    /// The stand-by's copy without which nothing is acknowledged; `None` = the dispatcher is alone.
+    #[must_use]
+    pub fn pair(&self) -> Option<u64> {
+        self.pair
     }
 
     /// The emergency stop of all robots after which nobody has activated the dispatcher.
@@ -246,6 +262,13 @@ impl TaskStore {
                 let open = self.tasks.values_mut().filter(|task| !task.state.is_final());
                 open.for_each(|task| task.adopt(at_ms, map, by));
             }
+            Record::Term { term } => {
+                if *term <= self.term() || *term > MAX_TERM {
+                    return Err(format!("term {term} does not follow term {}", self.term()));
+                }
+                (self.next_seq, self.pair) = (replication::first_seq(*term), None);
+            }
+            Record::Pair { copy } => self.pair = *copy,
             Record::Snapshot(_) => {}
         }
         Ok(())

@@ -4,7 +4,7 @@
 //! told, and what still is so will be seen and asked for again.
 
 use crate::task_store::TaskStore;
-use crate::task_store::record::{Entry, Record, VERSION};
+use crate::task_store::record::{Entry, Record};
 use std::collections::{BTreeSet, VecDeque};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{DispatchOutcome, MapHash, TaskId};
@@ -62,8 +62,12 @@ pub(crate) struct WriteQueue {
     suspends: Option<bool>,
     /// The last unwritten map.
     map: Option<(String, MapHash)>,
+    /// The last unwritten stand-by, or that there is none any more.
+    pair: Option<Option<u64>>,
     /// Why the last write failed, and when the next may be tried.
     failed: Option<(String, u64)>,
+    /// Why nothing may be written at all.
+    held: Option<String>,
 }
 
 impl WriteQueue {
@@ -83,7 +87,11 @@ impl WriteQueue {
                 Record::Suspended { .. } => self.suspends = Some(true),
                 Record::Activated { .. } => self.suspends = Some(false),
                 Record::Map { name, hash } => self.map = Some((name.clone(), *hash)),
-                Record::Opened { .. } | Record::Adopted { .. } | Record::Snapshot(_) => {}
+                Record::Pair { copy } => self.pair = Some(*copy),
+                Record::Opened { .. }
+                | Record::Adopted { .. }
+                | Record::Term { .. }
+                | Record::Snapshot(_) => {}
             }
         }
         self.waiting.push_back(WriteJob { at_ms, records, on_written });
@@ -117,6 +125,21 @@ impl WriteQueue {
         self.map.as_ref()
     }
 
+    /// The stand-by when everything is written; `None` = as it is.
+    pub(crate) fn pair(&self) -> Option<Option<u64>> {
+        self.pair
+    }
+
+    /// Nothing is written any more, for this reason; `None` = again.
+    pub(crate) fn hold(&mut self, why: Option<String>) {
+        self.held = why;
+    }
+
+    /// Whether nothing may be written.
+    pub(crate) fn is_held(&self) -> bool {
+        self.held.is_some()
+    }
+
     /// Tasks that were not written yet.
     pub(crate) fn new_tasks(&self) -> u64 {
         self.new_tasks
@@ -134,12 +157,12 @@ impl WriteQueue {
 
     /// Why the ledger cannot be written, if it could not the last time.
     pub(crate) fn failed(&self) -> Option<&str> {
-        self.failed.as_ref().map(|(why, _)| why.as_str())
+        self.held.as_deref().or_else(|| self.failed.as_ref().map(|(why, _)| why.as_str()))
     }
 
     /// Whether to try to write at all now.
     pub(crate) fn may_try(&self, now_ms: u64) -> bool {
-        self.failed.as_ref().is_none_or(|(_, again_ms)| now_ms >= *again_ms)
+        self.held.is_none() && self.failed.as_ref().is_none_or(|(_, again_ms)| now_ms >= *again_ms)
     }
 
     /// The next write, if none is out.
@@ -154,7 +177,8 @@ impl WriteQueue {
         {
             for record in &job.records {
                 let n = store.next_n() + entries.len() as u64;
-                entries.push(Entry { v: VERSION, n, at_ms: job.at_ms, record: record.clone() });
+                let v = record.version();
+                entries.push(Entry { v, n, at_ms: job.at_ms, record: record.clone() });
             }
             jobs.push(job);
         }
@@ -191,7 +215,7 @@ impl WriteQueue {
     fn count(&mut self) {
         let waiting = std::mem::take(&mut self.waiting);
         (self.new_tasks, self.new_seqs) = (0, 0);
-        (self.suspends, self.map) = (None, None);
+        (self.suspends, self.map, self.pair) = (None, None, None);
         self.tasks.clear();
         self.robots.clear();
         for job in waiting {

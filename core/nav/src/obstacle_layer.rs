@@ -17,6 +17,7 @@
 //! beam has got through or the truck has stood there; [`ObstacleLayer::unobserved`] has these too.
 
 mod beams;
+mod free_cells;
 mod obstacle_cells;
 mod swept;
 #[cfg(test)]
@@ -32,7 +33,8 @@ pub(crate) use swept::CELL_M as SWEPT_CELL_M;
 use crate::MapPose;
 use crate::geometry::{Car, Cell, Grid, apart_m};
 use beams::{Beam, BeamReading, Extent, Foldback, beams, extent};
-use obstacle_cells::ObservedCells;
+use free_cells::FreeCells;
+use obstacle_cells::{CellGrid, ObservedCells};
 use swept::Swept;
 use thin_obstacles::{BROAD_M, ThinObstacles};
 use xtb_control::infrared::BumperRanges;
@@ -77,7 +79,7 @@ pub struct ObstacleLayer {
     car: Car,
     occupied: ObservedCells,
     /// Where nothing stood.
-    free: ObservedCells,
+    free: FreeCells,
     thin: ThinObstacles,
     /// Where nothing thin stood, while something thin is near.
     swept: Swept,
@@ -113,10 +115,11 @@ impl ObstacleLayer {
     pub fn new(car: Car, map: Option<&Grid>) -> Self {
         let (resolution_m, origin_m) =
             map.map_or((Self::RESOLUTION_M, [0.0; 2]), |map| (map.resolution_m(), map.origin_m()));
+        let grid = CellGrid { resolution_m, origin_m };
         Self {
             car,
-            occupied: ObservedCells::new(resolution_m, origin_m, Self::MOST_OBSTACLES, Self::DOUBTFUL_MS),
-            free: ObservedCells::new(resolution_m, origin_m, Self::MOST_FREE, 0),
+            occupied: ObservedCells::new(grid, Self::MOST_OBSTACLES, Self::DOUBTFUL_MS),
+            free: FreeCells::new(grid, Self::MOST_FREE),
             thin: ThinObstacles::default(),
             swept: Swept::default(),
             foldback: [Foldback::default(); 12],
@@ -138,7 +141,7 @@ impl ObstacleLayer {
             return;
         }
         self.occupied.fade(now);
-        self.free.fade(now);
+        self.free.begin(now, self.fades_ms);
         self.swept.fade(now, self.fades_ms);
         self.thin.fade(now, Self::DOUBTFUL_MS);
         let known_m = (EXPLAINED_M + 2.0 * scan.sigma_m).clamp(EXPLAINED_M, MOST_EXPLAINED_M);
@@ -164,6 +167,7 @@ impl ObstacleLayer {
         }
         let (car, pose) = (self.car, scan.pose);
         self.clear_seen(now, &pose, &beams, &readings);
+        self.free.end();
         let inside = car.grown(-GRAZES_M);
         let beside = |point| is_beside(&car, &pose, point);
         self.occupied.hold(now.plus_ms(self.fades_ms), self.fades_beside_ms, beside);
@@ -216,27 +220,28 @@ impl ObstacleLayer {
         if is_thin_near {
             self.swept.stand(&self.car, pose);
         }
-        self.stand_on(now, pose);
+        self.stand_on(pose);
     }
 
     /// Takes away what stood in a beam that got through, unless another beam hits it now.
     fn clear_beam(&mut self, now: Stamp, beam: &Beam, to_m: f64) {
         let step_m = self.occupied.resolution_m() / 2.0;
         let steps = libm::floor(to_m / step_m);
-        if steps >= 0.0 {
-            for step in 0..=steps as u32 {
-                let along_m = f64::from(step) * step_m;
-                let is_seen = |at| beam.off_m(at) <= THIN_M || !self.thin.is_at(at);
-                self.occupied.remove_before(now, beam.at(along_m), is_seen);
-                for left_m in [-BESIDE_BEAM_M, 0.0, BESIDE_BEAM_M] {
-                    self.free.see(now, beam.beside(along_m, left_m), self.fades_ms);
-                }
-            }
+        if steps < 0.0 {
+            return;
+        }
+        let along_m = || (0..=steps as u32).map(|step| f64::from(step) * step_m);
+        if !self.occupied.is_empty() {
+            let is_seen = |at| beam.off_m(at) <= THIN_M || !self.thin.is_at(at);
+            along_m().for_each(|along_m| self.occupied.remove_before(now, beam.at(along_m), is_seen));
+        }
+        for left_m in [-BESIDE_BEAM_M, 0.0, BESIDE_BEAM_M] {
+            along_m().for_each(|along_m| self.free.see(beam.beside(along_m, left_m)));
         }
     }
 
     /// Nothing stands where the truck does.
-    fn stand_on(&mut self, now: Stamp, pose: &MapPose) {
+    fn stand_on(&mut self, pose: &MapPose) {
         let step_m = self.occupied.resolution_m() / 2.0;
         let (sin, cos) = libm::sincos(pose.yaw_rad);
         let steps = |from_m: f64, to_m: f64| {
@@ -246,7 +251,7 @@ impl ObstacleLayer {
         for ahead_m in steps(-self.car.rear_m, self.car.front_m) {
             for left_m in steps(-self.car.half_width_m, self.car.half_width_m) {
                 let (x_m, y_m) = (ahead_m * cos - left_m * sin, ahead_m * sin + left_m * cos);
-                self.free.see(now, [pose.x_m + x_m, pose.y_m + y_m], self.fades_ms);
+                self.free.see([pose.x_m + x_m, pose.y_m + y_m]);
             }
         }
     }
@@ -279,7 +284,7 @@ impl ObstacleLayer {
     /// Whether something has shown lately that nothing stands there.
     #[must_use]
     pub fn is_known_free(&self, point: [f64; 2]) -> bool {
-        self.free.seen(self.free.place(point)).is_some()
+        self.free.seen_at(point).is_some()
     }
 
     /// The same for something thin; only within [`ObstacleLayer::THIN_NEAR_M`] of something thin this is noted.

@@ -119,7 +119,7 @@ impl Planner {
     /// A single curve that does it.
     fn at_once(&mut self, space: &impl Space, costs: &Costs, start: &MapPose) -> Option<Path> {
         nearest_goals(&mut self.curves, &self.goals, start).find_map(|goal| {
-            let way = self.analytic.free(space, costs, start, &self.goals[goal])?;
+            let way = self.analytic.free(space, costs, (start, &self.goals[goal]), f64::INFINITY)?;
             let mut path = Path::standing(*start);
             way.pieces().iter().for_each(|piece| path.push(*piece));
             Some(path)
@@ -131,12 +131,15 @@ impl Planner {
         space: &impl Space,
         costs: &Costs,
         settings: &PlannerSettings,
-        path: Path,
+        mut path: Path,
         expansions: usize,
     ) -> Plan {
-        let path = (0..settings.rounds).fold(path, |path, _| {
-            self.shortcuts.path(space, costs, &mut self.analytic, &mut self.curves, path)
-        });
+        for _ in 0..settings.rounds {
+            let shorter = self.shortcuts.path(space, costs, &mut self.analytic, &mut self.curves, &path);
+            // Another round would look at the same curves again.
+            let Some(shorter) = shorter else { break };
+            path = shorter;
+        }
         Plan { cost: costs.path(space, &path), path, expansions }
     }
 
@@ -183,9 +186,10 @@ impl Planner {
     ) -> Result<(), PlanError> {
         let (start_m, goal_m) = ([start.x_m, start.y_m], [goal.x_m, goal.y_m]);
         let [ahead, back] = &mut self.trees;
-        ahead.distances.begin(space, settings.square_m, goal_m);
-        back.distances.begin(space, settings.square_m, start_m);
-        if ahead.distances.way_m(space, start.x_m, start.y_m).is_finite() {
+        ahead.distances.begin(space, settings.square_m, goal_m, start_m);
+        let reached = ahead.distances.way_m(space, start.x_m, start.y_m).is_finite();
+        back.distances.begin_opposite(&ahead.distances, start_m, goal_m);
+        if reached {
             return Ok(());
         }
         let goal_is_walled_in = ahead.distances.finish(space) <= back.distances.finish(space);
@@ -297,7 +301,7 @@ impl Planner {
         other: (u32, &MapPose),
     ) -> Option<Path> {
         let (from, to) = if tree == FORWARD { (node, other) } else { (other, node) };
-        let way = self.analytic.free(query.space, query.costs, from.1, to.1)?;
+        let way = self.analytic.free(query.space, query.costs, (from.1, to.1), f64::INFINITY)?;
         Some(self.joined(query.start, from.0, way.pieces(), Some(to.0)))
     }
 

@@ -212,6 +212,8 @@ channels! {
         EstopAll: estop_all, ESTOP_ALL, "all/estop", ESTOP;
         /// [`DispatchRequest`](crate::messages::DispatchRequest) → [`DispatchReply`](crate::messages::DispatchReply).
         DispatchCmd: dispatch_cmd, DISPATCH_CMD, "dispatch/cmd", RELIABLE;
+        /// [`StandbyRequest`](crate::messages::StandbyRequest) → [`StandbyReply`](crate::messages::StandbyReply).
+        DispatchStandby: dispatch_standby, DISPATCH_STANDBY, "dispatch/standby", RELIABLE;
     }
 }
 
@@ -318,6 +320,7 @@ mod tests {
             (fleet.map(), Channel::Map),
             (fleet.dispatch_alive(), Channel::DispatchAlive),
             (fleet.dispatch_cmd(Some(&client)), Channel::DispatchCmd(client.clone())),
+            (fleet.dispatch_standby(Some(&client)), Channel::DispatchStandby(client.clone())),
             (fleet.dispatch_tasks(), Channel::DispatchTasks),
             (fleet.dispatch_event(), Channel::DispatchEvent),
             (fleet.sim_truth(), Channel::SimTruth),

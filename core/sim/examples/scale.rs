@@ -4,17 +4,22 @@
 //! `cargo run --release -p xtb-sim --example scale [plot FILE.svg | ROBOTS …]`: 1, 10, 100 and 1,000 robots
 //! unless others are given. Time is the thread's own on a processor where the system says it, so that other
 //! programs disturb little.
+//!
+//! `… threads COUNT [ROBOTS …]`: on so many threads, in real time, beside one thread.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 #[path = "scale/plot.rs"]
 mod plot;
+#[path = "scale/threads.rs"]
+mod threads;
 
 use std::time::Instant;
+use threads::Threads;
 use xtb_control::VehicleConfig;
 use xtb_protocol::messages::{Body, LinkLoss, Request};
 use xtb_protocol::{Name, Uuid};
-use xtb_sim::{Lockstep, Simulation, TruckParameters, World};
+use xtb_sim::{Executor, Lockstep, STEP_NS, Sequential, Simulation, TruckParameters, World};
 
 /// Robot-seconds of each run, and how often it is made: the median counts.
 const ROBOT_SECONDS: f64 = 6000.0;
@@ -29,6 +34,9 @@ pub(crate) struct Row {
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if arguments.first().is_some_and(|word| word == "threads") {
+        return on_threads(&arguments[1..]);
+    }
     let file = (arguments.first().is_some_and(|word| word == "plot")).then(|| arguments[1].clone());
     let counts: Vec<usize> = arguments.iter().filter_map(|word| word.parse().ok()).collect();
     let counts = if counts.is_empty() { vec![1, 10, 100, 1000] } else { counts };
@@ -55,15 +63,41 @@ fn row(robots: usize) -> Row {
     Row { robots, us }
 }
 
+/// Real time on one thread and on so many.
+fn on_threads(arguments: &[String]) {
+    let mut numbers = arguments.iter().filter_map(|word| word.parse().ok());
+    let threads = numbers.next().unwrap_or(2);
+    let counts: Vec<usize> = numbers.collect();
+    let counts = if counts.is_empty() { vec![10, 100, 1000] } else { counts };
+    println!("| robots | × real time, 1 thread | {threads} threads | ratio |");
+    println!("| ---: | ---: | ---: | ---: |");
+    for robots in counts {
+        let (mut one, mut many): (Vec<f64>, Vec<f64>) =
+            (0..RUNS).map(|_| (speed(robots, &Sequential), speed(robots, &Threads(threads)))).unzip();
+        [&mut one, &mut many].into_iter().for_each(|runs| runs.sort_by(f64::total_cmp));
+        let (one, many) = (one[RUNS / 2], many[RUNS / 2]);
+        println!("| {robots} | {one:.1} | {many:.1} | {:.2} |", many / one);
+    }
+}
+
+/// Simulated over real time.
+fn speed(robots: usize, executor: &impl Executor) -> f64 {
+    let mut fleet = fleet(robots);
+    let steps = steps(robots);
+    let began = Instant::now();
+    fleet.run(steps, executor);
+    (steps * STEP_NS) as f64 / 1e9 / began.elapsed().as_secs_f64()
+}
+
+fn steps(robots: usize) -> u64 {
+    (ROBOT_SECONDS / robots as f64 * 1e9) as u64 / STEP_NS
+}
+
 /// Core-µs a robot-second, and the touches.
 fn run(robots: usize) -> (f64, u64) {
     let mut fleet = fleet(robots);
-    let simulated_s = ROBOT_SECONDS / robots as f64;
-    let end_s = fleet.now().s() + simulated_s;
     let clock = Clock::start();
-    while fleet.now().s() < end_s {
-        fleet.step();
-    }
+    fleet.run(steps(robots), &Sequential);
     let us = clock.seconds() * 1e6 / ROBOT_SECONDS;
     (us, fleet.simulation().truths().map(|truth| truth.contacts).sum())
 }

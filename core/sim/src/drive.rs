@@ -47,6 +47,11 @@ impl Drive {
         self.wheel_mps
     }
 
+    /// It never rolls faster where no slope has a larger sine than this.
+    pub(crate) fn most_mps(&self, steepest: f64) -> f64 {
+        self.truth.top_speed_mps * (1.0 + self.truth.grade_effect * steepest)
+    }
+
     /// Breaks or mends it.
     pub(crate) fn set_fault(&mut self, fault: DriveFault) {
         self.fault = fault;

@@ -89,6 +89,14 @@ impl Beam {
         self.length_m = length_m;
     }
 
+    /// Whether a point is farther than `reach_m` from all of it; false says nothing beyond its ends.
+    pub(crate) fn passes(&self, (x_m, y_m): (f64, f64), reach_m: f64) -> bool {
+        let (dx_m, dy_m) = (x_m - self.ray.origin.x, y_m - self.ray.origin.y);
+        let along_m = dx_m * self.ray.dir.x + dy_m * self.ray.dir.y;
+        let across_m = dy_m * self.ray.dir.x - dx_m * self.ray.dir.y;
+        across_m.abs() > reach_m || along_m < -reach_m || along_m > self.length_m + reach_m
+    }
+
     pub(crate) fn bounds(&self) -> Bounds {
         let from = self.ray.origin;
         let to = from + self.ray.dir * self.length_m;

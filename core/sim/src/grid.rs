@@ -136,6 +136,11 @@ impl StandingGrid {
         });
     }
 
+    /// Whether no box reaches into `bounds`, as far as one look tells.
+    pub(crate) fn is_free(&self, bounds: Bounds) -> bool {
+        self.is_empty(&self.cells.span(bounds))
+    }
+
     /// Whether no cell of the span has a box, as far as its first cell tells.
     fn is_empty(&self, span: &Span) -> bool {
         let far = (span.last_column - span.first_column).max(span.last_row - span.first_row);
@@ -144,51 +149,39 @@ impl StandingGrid {
     }
 }
 
-/// Boxes that move: each is listed in the cell of its centre only, so that a rebuild costs a few
-/// nanoseconds a box and allocates nothing.
+/// What moves: each is listed in the cell of its centre only, so that a rebuild costs a few nanoseconds a body
+/// and allocates nothing.
 #[derive(Debug, Clone)]
 pub(crate) struct MovingGrid {
     cells: Cells,
-    /// The first box of each cell, and of each box the next one in its cell.
+    /// The first body of each cell, and of each body the next one in its cell.
     head: Vec<u32>,
     next: Vec<u32>,
     cell_of: Vec<usize>,
-    reach_m: f64,
 }
 
 impl MovingGrid {
-    /// No box of the `count` reaches farther than `reach_m` from its centre.
-    pub(crate) fn new(cells: Cells, count: usize, reach_m: f64) -> Self {
+    pub(crate) fn new(cells: Cells) -> Self {
         let head = vec![NONE; cells.len()];
-        Self { cells, head, next: vec![NONE; count], cell_of: vec![0; count], reach_m }
+        Self { cells, head, next: Vec::new(), cell_of: Vec::new() }
     }
 
-    /// No box reaches farther from its centre, in m.
-    pub(crate) fn reach_m(&self) -> f64 {
-        self.reach_m
-    }
-
-    pub(crate) fn rebuild(&mut self, boxes: &[OrientedBox]) {
+    pub(crate) fn rebuild(&mut self, centres: &[(f64, f64)]) {
         for &cell in &self.cell_of {
             self.head[cell] = NONE;
         }
-        self.cell_of.resize(boxes.len(), 0);
-        self.next.resize(boxes.len(), NONE);
-        for (i, b) in boxes.iter().enumerate() {
-            let cell = self.cells.cell(b.centre_m());
-            self.cell_of[i] = cell;
-            self.next[i] = std::mem::replace(&mut self.head[cell], i as u32);
+        self.cell_of.clear();
+        self.next.clear();
+        for (i, &centre) in centres.iter().enumerate() {
+            let cell = self.cells.cell(centre);
+            self.cell_of.push(cell);
+            self.next.push(std::mem::replace(&mut self.head[cell], i as u32));
         }
     }
 
-    /// From now on boxes may reach so far from their centres.
-    pub(crate) fn reach_at_least(&mut self, reach_m: f64) {
-        self.reach_m = self.reach_m.max(reach_m);
-    }
-
-    /// Boxes that may reach into `bounds`, each once.
+    /// Bodies whose centres may lie in `bounds`, each once.
     pub(crate) fn near(&self, bounds: Bounds, mut found: impl FnMut(usize)) {
-        self.cells.each(self.cells.span(bounds.grown(self.reach_m)), |cell| {
+        self.cells.each(self.cells.span(bounds), |cell| {
             let mut next = self.head[cell];
             while next != NONE {
                 found(next as usize);
@@ -220,8 +213,8 @@ mod tests {
         let boxes = [square(0.5, 0.5), square(3.5, 3.5), square(-40.0, 2.0), square(90.0, 90.0)];
         let cells = Cells::covering(Bounds::around(0.0, 0.0, 10.0, 10.0));
         let standing = StandingGrid::new(cells.clone(), &boxes);
-        let mut moving = MovingGrid::new(cells, boxes.len(), 0.3);
-        moving.rebuild(&boxes);
+        let mut moving = MovingGrid::new(cells);
+        moving.rebuild(&boxes.each_ref().map(OrientedBox::centre_m));
         for (i, b) in boxes.iter().enumerate() {
             assert!(found(|each| standing.near(b.bounds(), each)).contains(&i));
             assert!(found(|each| moving.near(b.bounds(), each)).contains(&i));
@@ -244,25 +237,19 @@ mod tests {
     }
 
     #[test]
-    fn boxes_that_come_and_go_are_found_while_they_are_there() {
+    fn bodies_that_come_and_go_are_found_while_they_are_there() {
         let cells = Cells::covering(Bounds::around(0.0, 0.0, 10.0, 10.0));
-        let mut moving = MovingGrid::new(cells, 1, 0.3);
-        let (here, there) = (square(-3.5, -3.5), square(3.5, 3.5));
+        let mut moving = MovingGrid::new(cells);
+        let (here, there) = ((-3.5, -3.5), (3.5, 3.5));
+        let around = |(x_m, y_m)| Bounds::around(x_m, y_m, 0.4, 0.4);
         moving.rebuild(&[here]);
         moving.rebuild(&[here, there]);
-        assert_eq!(found(|each| moving.near(there.bounds(), each)), [1]);
+        assert_eq!(found(|each| moving.near(around(there), each)), [1]);
         moving.rebuild(&[here]);
-        assert!(found(|each| moving.near(there.bounds(), each)).is_empty());
-        assert_eq!(found(|each| moving.near(here.bounds(), each)), [0]);
-    }
-
-    #[test]
-    fn a_box_that_moved_is_found_at_its_new_place_only() {
-        let cells = Cells::covering(Bounds::around(0.0, 0.0, 10.0, 10.0));
-        let mut moving = MovingGrid::new(cells, 1, 0.3);
-        moving.rebuild(&[square(-3.5, -3.5)]);
-        moving.rebuild(&[square(3.5, 3.5)]);
-        assert!(found(|each| moving.near(square(-3.5, -3.5).bounds(), each)).is_empty());
-        assert_eq!(found(|each| moving.near(square(3.5, 3.5).bounds(), each)), [0]);
+        assert!(found(|each| moving.near(around(there), each)).is_empty());
+        assert_eq!(found(|each| moving.near(around(here), each)), [0]);
+        moving.rebuild(&[there]);
+        assert!(found(|each| moving.near(around(here), each)).is_empty());
+        assert_eq!(found(|each| moving.near(around(there), each)), [0]);
     }
 }

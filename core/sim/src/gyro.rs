@@ -108,7 +108,7 @@ impl Gyro {
         let mut counts = |deg: f64| {
             let noisy_deg = deg + noise.bell(self.noise_deg);
             // Beyond half a turn the 16-bit word wraps, as the angle does.
-            libm::round(noisy_deg / GYRO_DEG_PER_COUNT) as i64 as i16
+            rounded(noisy_deg / GYRO_DEG_PER_COUNT) as i16
         };
         let yaw_deg = attitude.heading_deg + self.offset_deg + self.drift_dps * now.s();
         let angles = GyroSample {
@@ -127,10 +127,27 @@ impl Gyro {
     }
 }
 
+/// The nearest whole number, ties away from zero, as far as there are such.
+fn rounded(value: f64) -> i64 {
+    let whole = value as i64;
+    // The rest is exact.
+    let rest = value - whole as f64;
+    whole.saturating_add(i64::from(rest >= 0.5) - i64::from(rest <= -0.5))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use xtb_protocol::gyro_3dmg::{GyroFrame, GyroReader, STOP_CONTINUOUS};
+
+    #[test]
+    fn rounding_goes_to_the_nearest_and_from_the_middle_away_from_zero() {
+        let values =
+            [0.0, 0.49, 0.5, 0.499_999_999_999_999_94, 1.5, 2.5, -0.3, -0.5, -1.5, -2.51, 1e9 + 0.5, 7e15];
+        for value in values {
+            assert_eq!(rounded(value), libm::round(value) as i64, "{value}");
+        }
+    }
 
     const LEVEL: Attitude = Attitude { heading_deg: 0.0, pitch_deg: 0.0, roll_deg: 0.0 };
 

@@ -77,11 +77,18 @@ impl Ray {
     }
 }
 
+/// No ray of a beam is farther from the one in the middle; a millimetre more than rounding needs.
+fn beside_m(truth: &InfraredTruth) -> f64 {
+    truth.lens_m / 2.0 + (truth.beam_m - truth.lens_m).abs() / 2.0 / WIDE_AT_M * SIGHT_M + 0.001
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Sensor {
     /// Where it sits on the body, in m ahead of the centre.
     ahead_m: f64,
     rays: [Ray; 3],
+    /// No ray goes farther from the one in the middle.
+    beside_m: f64,
     /// What it shows with nothing in sight.
     floor_v: f64,
     period_ns: u64,
@@ -115,6 +122,7 @@ impl RangeFinders {
             Sensor {
                 ahead_m,
                 rays: RAYS.map(|(beside, _)| Ray::new(truth, ahead_m.signum(), left_m, beside)),
+                beside_m: beside_m(truth),
                 floor_v,
                 period_ns,
                 reading: AdcCount::ZERO,
@@ -148,6 +156,13 @@ impl RangeFinders {
         self.due_ns = self.next_ns.into_iter().fold(u64::MAX, u64::min);
     }
 
+    /// No ray ends farther from the body's centre.
+    pub(crate) fn sight_m(&self) -> f64 {
+        let rays =
+            self.sensors.iter().flat_map(|sensor| sensor.rays.iter().map(|ray| (sensor.ahead_m, ray.left_m)));
+        SIGHT_M + rays.map(|(ahead_m, left_m)| libm::hypot(ahead_m, left_m)).fold(0.0, f64::max)
+    }
+
     /// Breaks or mends them: front, then rear, left to right.
     pub(crate) fn set_faults(&mut self, faults: &[RangeFinderFault; SENSORS]) {
         for (sensor, fault) in self.sensors.iter_mut().zip(faults) {
@@ -172,6 +187,10 @@ impl Sensor {
         body: &OrientedBox,
         stretch: f64,
     ) -> Option<f64> {
+        let [_, middle, _] = self.rays;
+        if context.is_free(me, &middle.beam(self.ahead_m, body), self.beside_m) {
+            return None;
+        }
         let ways_m = context.nearest_m(me, self.rays.map(|ray| ray.beam(self.ahead_m, body)));
         let (mut light, mut light_v) = (0.0, 0.0);
         for ((ray, (_, part)), way_m) in self.rays.iter().zip(RAYS).zip(ways_m) {
@@ -209,7 +228,8 @@ impl Sensor {
 
 /// What the 10-bit converter makes of a voltage; `scans` > 1 means a mean with finer steps.
 pub(crate) fn adc_count(volts: f64, scans: f64) -> AdcCount {
-    let counts = libm::floor(volts * ADC_FULL_SCALE / ADC_SUPPLY_V * scans) / scans;
+    // Whole ones: below 0 it shows 0 anyway.
+    let counts = (volts * ADC_FULL_SCALE / ADC_SUPPLY_V * scans) as i64 as f64 / scans;
     AdcCount::try_from(counts.clamp(0.0, ADC_FULL_SCALE - 1.0)).unwrap_or(AdcCount::ZERO)
 }
 

@@ -11,6 +11,7 @@ mod board;
 pub mod calibration;
 mod chart;
 mod drive;
+mod executor;
 pub mod faults;
 pub mod fixes;
 mod geometry;
@@ -18,6 +19,7 @@ mod grid;
 mod gyro;
 mod impostors;
 mod infrared;
+mod islands;
 mod lattice;
 mod line;
 pub mod lockstep;
@@ -37,6 +39,7 @@ mod world_error;
 
 pub use calibration::CalibrationTruth;
 pub use chart::{CHART_RESOLUTION_M, ChartError};
+pub use executor::{Executor, Sequential};
 pub use faults::{
     DriveFault, EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults,
 };

@@ -1,30 +1,36 @@
 //! Trucks and their robots in one loop, without threads, clocks or Zenoh: as fast as it goes.
 //!
 //! The same [`Robot`] as in `robot-agent`, the same bytes between it and its truck. A turn is a step
-//! of the world; same arguments, same bits.
+//! of the world; same arguments, same bits, step by step or many at once ([`Lockstep::run`]), on any
+//! number of threads.
 
 mod traffic;
+mod window;
 
 pub use traffic::Traffic;
 
+use crate::executor::{Executor, Sequential};
 use crate::fixes::{FixMaker, FixTruth};
 use crate::rng::Rng;
+use crate::scene::WINDOW_STEPS;
 use crate::simulation::{Simulation, SimulationError};
+use crate::step::STEP_NS;
 use crate::vehicle::Truck;
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use thiserror::Error;
+use window::Crew;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
 use xtb_nav::Map;
 use xtb_nav::geometry::Car;
+use xtb_nav::navigator::PreparedMap;
 use xtb_nav::navigator::near::Surroundings;
 use xtb_nav::navigator::right_of_way::Neighbour;
-use xtb_nav::navigator::{PlanDone, PreparedMap};
 use xtb_nav::planner::Planner;
 use xtb_protocol::keys::{FloorCell, NameError};
-use xtb_protocol::messages::{Body, Lease, Outcome, Rejected, Reply, Request, RobotState, TruthRobot};
+use xtb_protocol::messages::{Body, Outcome, Rejected, Reply, Request, RobotState, TruthRobot};
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::agent::Arrival;
 use xtb_robot::{Identity, Robot};
@@ -57,19 +63,10 @@ struct Listener {
 #[derive(Debug)]
 pub struct Lockstep {
     simulation: Simulation,
-    robots: Vec<Robot>,
-    /// What the one client of each robot holds, once it has asked for something.
-    leases: Vec<Option<Lease>>,
-    bytes: Vec<u8>,
+    crews: Vec<Crew>,
     asked: Arrival,
-    /// What measures the trucks from outside.
-    fixes: Vec<FixMaker>,
     traffic: Option<Traffic>,
-    planner: Planner,
-    /// Plans on their way back, with when and to whom.
-    plans: VecDeque<(Stamp, usize, PlanDone)>,
-    /// Whose agents have died.
-    dead: BTreeSet<usize>,
+    planners: Vec<Planner>,
     /// When the robots hear each other next, and the squares of the floor that each listens to.
     next_hearing: Stamp,
     listeners: Vec<Listener>,
@@ -91,24 +88,18 @@ impl Lockstep {
                 epoch: epoch as u64,
                 start_pose: MapPose { x_m, y_m, yaw_rad },
             };
-            Ok(Robot::new(identity, vehicle.clone(), "lockstep"))
+            Ok(Crew::new(Robot::new(identity, vehicle.clone(), "lockstep")))
         };
-        let robots: Vec<Robot> =
+        let crews: Vec<Crew> =
             simulation.trucks().iter().enumerate().map(robot).collect::<Result<_, NameError>>()?;
-        let leases = vec![None; robots.len()];
         let around = Surroundings::of(&Car::of(vehicle));
-        let listeners = vec![Listener { around, cells: BTreeSet::new() }; robots.len()];
+        let listeners = vec![Listener { around, cells: BTreeSet::new() }; crews.len()];
         Ok(Self {
             simulation,
-            robots,
-            leases,
-            bytes: Vec::with_capacity(1024),
+            crews,
             asked: 0,
-            fixes: Vec::new(),
             traffic: None,
-            planner: Planner::new(),
-            plans: VecDeque::new(),
-            dead: BTreeSet::new(),
+            planners: Vec::new(),
             next_hearing: Stamp::ZERO,
             listeners,
             unheard: (0.0, Rng::new(0, 0)),
@@ -138,14 +129,14 @@ impl Lockstep {
         if request.lease.is_some() {
             return self.ask(index, client, request);
         }
-        if self.leases.get(index)?.is_none() {
+        if self.crews.get(index)?.lease.is_none() {
             let id = Uuid::from_u128(u128::MAX - u128::from(self.asked));
             let reply =
                 self.ask(index, client, &Request { id, lease: None, body: Body::Acquire { take: true } })?;
             let Outcome::Ok(done) = reply.result else { return Some(reply) };
-            self.leases[index] = done.lease;
+            self.crews[index].lease = done.lease;
         }
-        let lease = self.leases[index];
+        let lease = self.crews[index].lease;
         self.ask(index, client, &Request { lease, ..request.clone() })
     }
 
@@ -153,34 +144,24 @@ impl Lockstep {
         let now = self.now();
         self.asked += 1;
         let arrival = self.asked;
-        self.robots.get_mut(index).map(|robot| robot.request(now, arrival, client, request))
+        self.crews.get_mut(index).map(|crew| crew.robot.request(now, arrival, client, request))
     }
 
     /// The state of the robot with this index; `None` if there is none.
     pub fn state(&mut self, index: usize) -> Option<RobotState> {
         let now = self.now();
-        self.robots.get_mut(index).map(|robot| robot.state(now, Rejected::default()))
+        self.crews.get_mut(index).map(|crew| crew.robot.state(now, Rejected::default()))
     }
 
     /// The robot with this index, to be told of poses and paths between two steps.
     pub fn robot_mut(&mut self, index: usize) -> Option<&mut Robot> {
-        self.robots.get_mut(index)
+        self.crews.get_mut(index).map(|crew| &mut crew.robot)
     }
 
     /// Pose fixes for every robot from now on.
     pub fn set_fixes(&mut self, truth: FixTruth, seed: u64) {
-        self.fixes = (0..self.robots.len()).map(|truck| FixMaker::new(truth.clone(), seed, truck)).collect();
-    }
-
-    fn fix(&mut self) {
-        let now = self.now();
-        for ((maker, truck), robot) in
-            self.fixes.iter_mut().zip(self.simulation.trucks()).zip(&mut self.robots)
-        {
-            maker.step(now, &truck.truth());
-            while let Some(made) = maker.take(now) {
-                robot.agent_mut().fix(now, now, &made.message(now));
-            }
+        for (truck, crew) in self.crews.iter_mut().enumerate() {
+            crew.fixes = Some(FixMaker::new(truth.clone(), seed, truck));
         }
     }
 
@@ -197,18 +178,8 @@ impl Lockstep {
     /// Gives every robot this map to plan on.
     pub fn set_map(&mut self, map: &Map) {
         let floor = Arc::new(PreparedMap::of(map.clone()));
-        for robot in &mut self.robots {
-            robot.agent_mut().set_floor(floor.clone());
-        }
-    }
-
-    /// Paths that were asked for come back after [`PLAN_MS`], whatever they cost this machine.
-    fn deliver_plans(&mut self) {
-        let now = self.now();
-        while self.plans.front().is_some_and(|(at, ..)| *at <= now) {
-            if let Some((_, index, done)) = self.plans.pop_front() {
-                self.robots[index].agent_mut().planned(now, done);
-            }
+        for crew in &mut self.crews {
+            crew.robot.agent_mut().set_floor(floor.clone());
         }
     }
 
@@ -220,23 +191,24 @@ impl Lockstep {
     /// What each says of itself, to those near it that drive alone, as `robot-agent` lets them.
     fn hear(&mut self) {
         let now = self.now();
-        if now < self.next_hearing || !self.robots.iter().any(|robot| robot.agent().goes_alone(now)) {
+        if now < self.next_hearing || !self.crews.iter().any(|crew| crew.robot.agent().goes_alone(now)) {
             return;
         }
         self.next_hearing = now.plus_ms(HEARING_MS);
         let mut told = BTreeMap::<FloorCell, Vec<(usize, Arc<Neighbour>)>>::new();
-        let mut here = Vec::with_capacity(self.robots.len());
-        for (index, robot) in self.robots.iter_mut().enumerate() {
-            let state = robot.state(now, Rejected::default());
+        let mut here = Vec::with_capacity(self.crews.len());
+        for (index, crew) in self.crews.iter_mut().enumerate() {
+            let state = crew.robot.state(now, Rejected::default());
             here.push((state.pose.x_m, state.pose.y_m));
-            let said = Neighbour::of(&state).filter(|_| !self.dead.contains(&index)).map(Arc::new);
+            let said = Neighbour::of(&state).filter(|_| !crew.dead).map(Arc::new);
             if let Some(said) = said {
                 for cell in said.cells() {
                     told.entry(cell).or_default().push((index, said.clone()));
                 }
             }
         }
-        for (index, (robot, listener)) in self.robots.iter_mut().zip(&mut self.listeners).enumerate() {
+        for (index, (crew, listener)) in self.crews.iter_mut().zip(&mut self.listeners).enumerate() {
+            let robot = &mut crew.robot;
             if !robot.agent().goes_alone(now) {
                 continue;
             }
@@ -257,42 +229,68 @@ impl Lockstep {
     /// The agent of the robot with this index dies: no turn and no word of it any more, and its truck hears
     /// nothing.
     pub fn kill(&mut self, index: usize) {
-        self.dead.insert(index);
+        if let Some(crew) = self.crews.get_mut(index) {
+            crew.dead = true;
+        }
     }
 
     /// Whether the agent of the robot with this index has died.
     #[must_use]
     pub fn is_dead(&self, index: usize) -> bool {
-        self.dead.contains(&index)
+        self.crews.get(index).is_some_and(|crew| crew.dead)
     }
 
     /// One step of the world and one turn of every robot.
     pub fn step(&mut self) {
-        let Self { simulation, robots, leases, bytes, dead, planner, plans, .. } = self;
-        let (context, trucks) = simulation.split_step();
-        let now = context.now();
-        // One robot after the other, as long as it is in the processor's cache: no truck's step depends on what
-        // another robot does in its turn.
-        for (index, ((truck, robot), lease)) in trucks.iter_mut().zip(robots).zip(leases).enumerate() {
-            truck.step(&context);
-            if dead.contains(&index) {
-                continue;
+        self.run(1, &Sequential);
+    }
+
+    /// So many steps, with the same bits as one by one, whatever the executor: trucks that cannot come near each
+    /// other meanwhile are moved on by several steps in a row.
+    pub fn run(&mut self, steps: u64, executor: &impl Executor) {
+        let mut left = steps;
+        let mut goals = true;
+        while left > 0 {
+            let steps = self.window_steps(goals).min(left);
+            left -= steps;
+            let window = self.simulation.split_window(steps);
+            let news = window::run(window, &mut self.crews, steps, executor);
+            if news.jobs {
+                window::plan(&mut self.crews, &mut self.planners, executor);
             }
-            if let Some(lease) = lease {
-                robot.agent_mut().heard(now, *lease);
+            if news.goals {
+                self.hear();
             }
-            turn(truck, robot, now, bytes);
-            while robot.agent_mut().next_event().is_some() {}
-            if let Some(job) = robot.agent_mut().take_plan_job() {
-                plans.push_back((now.plus_ms(PLAN_MS), index, job.run(planner)));
+            let now = self.now();
+            if let Some(traffic) = &mut self.traffic {
+                traffic.step(now, &mut self.crews);
             }
+            if news.plans {
+                self.crews.iter_mut().for_each(|crew| crew.deliver_plans(now));
+            }
+            goals = news.goals;
         }
-        self.fix();
-        self.hear();
-        if let Some(traffic) = &mut self.traffic {
-            traffic.step(now, &mut self.robots, &self.dead);
+    }
+
+    /// For so many steps nobody hears anything of anybody, but at the end. `goals`: whether anybody may have a
+    /// planned one; who has none gets none within a window.
+    fn window_steps(&self, goals: bool) -> u64 {
+        if self.simulation.has_foreign() {
+            return 1;
         }
-        self.deliver_plans();
+        let now = self.now();
+        let until = |next: Stamp| next.ns().saturating_sub(now.ns()).div_ceil(STEP_NS);
+        let traffic = self.traffic.as_ref().and_then(Traffic::next);
+        let steps = traffic.map_or(WINDOW_STEPS, |next| until(next).clamp(1, WINDOW_STEPS));
+        if !goals {
+            return steps;
+        }
+        if now < self.next_hearing {
+            return until(self.next_hearing).min(steps);
+        }
+        // It is due as soon as somebody goes alone.
+        let then = now.plus_ns(steps * STEP_NS);
+        if self.crews.iter().any(|crew| crew.robot.agent().goes_alone(then)) { 1 } else { steps }
     }
 }
 

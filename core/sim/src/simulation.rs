@@ -19,7 +19,7 @@
 use crate::geometry::OrientedBox;
 use crate::lattice::footprint;
 use crate::parameters::{Body, TruckParameters};
-use crate::scene::{Scene, StepContext, Traffic};
+use crate::scene::{Lists, Scene, StepContext, Traffic};
 use crate::step::STEP_NS;
 use crate::vehicle::Truck;
 use crate::world::{BoxSpec, World};
@@ -98,6 +98,16 @@ pub struct Simulation {
     now: Stamp,
 }
 
+/// What some steps of all trucks need; `boxes` and `touched` lie island after island.
+pub(crate) struct Window<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) lists: Lists<'a>,
+    pub(crate) boxes: &'a mut [OrientedBox],
+    pub(crate) touched: &'a mut [bool],
+    pub(crate) trucks: &'a mut [Truck],
+    pub(crate) start: Stamp,
+}
+
 impl Simulation {
     /// Trucks of these names at the world's start poses. `seed` decides all that is random; the
     /// same arguments give the same bits.
@@ -173,8 +183,7 @@ impl Simulation {
             .map(|(i, ((name, start), kind))| Truck::new(i, name, start, kind, seed))
             .collect();
         let scene = Scene::new(&world);
-        let bodies: Vec<_> = trucks.iter().map(Truck::body).collect();
-        let traffic = Traffic::new(scene.cells(), &bodies);
+        let traffic = Traffic::new(&scene, &trucks, std::iter::empty());
         let foreign = BTreeMap::new();
         let simulation = Self { world, scene, traffic, trucks, foreign, now: Stamp::ZERO };
         for (i, (_, start)) in robots.iter().enumerate() {
@@ -228,18 +237,30 @@ impl Simulation {
     /// Begins a step that the caller finishes: every truck must be stepped with the context exactly
     /// once, in any order and on any thread.
     pub fn split_step(&mut self) -> (StepContext<'_>, &mut [Truck]) {
+        let Window { scene, lists, boxes, touched, trucks, start } = self.split_window(1);
+        (StepContext { scene, lists, first: 0, boxes, touched, start }, trucks)
+    }
+
+    /// Trucks of other programs are there, which may be gone after the next step.
+    pub(crate) fn has_foreign(&self) -> bool {
+        !self.foreign.is_empty()
+    }
+
+    /// Begins so many steps that the caller finishes: every truck must be stepped as often, island by island.
+    pub(crate) fn split_window(&mut self, steps: u64) -> Window<'_> {
         let now = self.now;
         self.foreign.retain(|_, known| known.until >= now);
         let own = self.trucks.iter().map(Truck::body);
-        self.traffic.update(own.chain(self.foreign.values().map(|known| known.body)));
+        self.traffic.update(own.chain(self.foreign.values().map(|known| known.body)), steps);
         for truck in &self.trucks {
             for &other in truck.ran_into() {
                 self.traffic.mark_touched(other);
             }
         }
         let start = self.now;
-        self.now = start.plus_ns(STEP_NS);
-        (StepContext { scene: &self.scene, traffic: &self.traffic, start }, &mut self.trucks)
+        self.now = start.plus_ns(steps * STEP_NS);
+        let (lists, boxes, touched) = self.traffic.split();
+        Window { scene: &self.scene, lists, boxes, touched, trucks: &mut self.trucks, start }
     }
 
     /// Puts a truck elsewhere, standing. Its clocks, sensors and counters go on.
@@ -310,9 +331,8 @@ impl Simulation {
     fn change_world(&mut self, world: World) {
         self.world = world;
         self.scene = Scene::new(&self.world);
-        let own = self.trucks.iter().map(Truck::body);
-        let bodies: Vec<_> = own.chain(self.foreign.values().map(|known| known.body)).collect();
-        self.traffic = Traffic::new(self.scene.cells(), &bodies);
+        let foreign = self.foreign.values().map(|known| known.body);
+        self.traffic = Traffic::new(&self.scene, &self.trucks, foreign);
     }
 
     /// Refuses a pose of truck `index` inside something or beyond the limits.

@@ -288,6 +288,17 @@ impl Truck {
         &self.dimensions
     }
 
+    /// It sees nothing farther than this from its centre.
+    pub(crate) fn sight_m(&self) -> f64 {
+        self.range_finders.sight_m()
+    }
+
+    /// Its centre goes no farther in a step where no slope has a larger sine than this: no faster than the wheels
+    /// roll.
+    pub(crate) fn farthest_step_m(&self, steepest: f64) -> f64 {
+        self.drive.most_mps(steepest) * STEP_S
+    }
+
     /// Trucks that stopped this one during the last step.
     pub(crate) fn ran_into(&self) -> &[usize] {
         &self.ran_into

@@ -2,17 +2,22 @@
 //!
 //! What it decides is [`xtb_dispatch`]'s; here are its clock, its Zenoh and its disk. `event_loop` is the
 //! loop, `request_queue` answers questions, `robot_client` talks to robots, `map_watch` looks for roster and map
-//! and runs traffic control, `store` opens the ledger, `usage` counts what the robots did.
+//! and runs traffic control, `store` opens the ledger, `usage` counts what the robots did. `standby` follows
+//! another dispatcher and takes over from it, `standby_link` is that dispatcher's end.
 
 mod event_loop;
+mod flying;
 mod map_watch;
 mod request_queue;
 mod robot_client;
+pub mod standby;
+mod standby_link;
 pub mod store;
 pub mod usage;
 
 use crate::ledger;
 use serde::Serialize;
+use standby_link::StandbyLink;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use store::Store;
@@ -52,6 +57,10 @@ pub struct Counters {
     pub events_dropped: u64,
     /// Snapshots written.
     pub snapshots: u64,
+    /// Questions of a stand-by.
+    pub standby_questions: u64,
+    /// Those of them that found the queue full.
+    pub standby_overloaded: u64,
     /// The ledger's own.
     pub ledger: ledger::Counters,
 }
@@ -103,9 +112,10 @@ impl DispatchService {
     /// Starts it on a ledger that is held already; it answers when this returns.
     ///
     /// # Errors
-    /// [`ErrorKind::Failed`]: the fleet has a dispatcher already, the ledger's entries make no sense, or Zenoh
-    /// would not.
+    /// [`ErrorKind::Failed`]: the fleet has a dispatcher already, the ledger's entries make no sense, it is a copy,
+    /// or has a stand-by that does not answer; or Zenoh would not.
     pub async fn start(client: &Client, store: Store, map: Option<Map>, within: Duration) -> Result<Self> {
+        store.no_copy()?;
         let now = Clock::start();
         let path = store.ledger.path().to_owned();
         let read = store.entries.len() as u64;
@@ -113,10 +123,13 @@ impl DispatchService {
         let (bus, keys) = (client.bus(), client.keys());
         alone(bus, &keys.dispatch_alive(), within).await?;
         let token = bus.declare_alive(&keys.dispatch_alive()).await?;
+        let mut link = StandbyLink::open(client, now, &path, &dispatcher).await?;
+        link.consult(now, &dispatcher).await?;
         let (stop, stopped) = oneshot::channel();
         let none = Standing::of(&dispatcher, now.ms(), Counters::default(), Usage::default());
         let (told, standing) = watch::channel(none);
-        let work = event_loop::Work::new(client, now, dispatcher, store.ledger, read, map, told).await?;
+        let ledger = event_loop::Held { ledger: store.ledger, read, link };
+        let work = event_loop::Work::new(client, now, dispatcher, ledger, map, told).await?;
         let working = tokio::spawn(run(work, stopped, token));
         Ok(Self { working, standing, stop: Some(stop) })
     }
@@ -192,8 +205,10 @@ async fn alone(bus: &Bus, key: &str, within: Duration) -> Result<()> {
 }
 
 fn second() -> Error {
-    Error::new(ErrorKind::Failed, "this fleet already has a dispatcher")
-        .hint("`fleet-cli tasks` shows its tasks; use that one, or choose another --fleet")
+    Error::new(ErrorKind::Failed, "this fleet already has a dispatcher").hint(
+        "`fleet-cli tasks` shows its tasks; use that one, choose another --fleet, or start this one as its \
+             stand-by with --standby",
+    )
 }
 
 /// Wall clock at the start and monotonic since: it never goes back and does not jump.

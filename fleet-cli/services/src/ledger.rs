@@ -6,9 +6,11 @@
 //! itself where something was.
 //!
 //! [`Ledger`] writes and waits for the disk; [`Writer`] does so on a thread, many submissions to a commit;
-//! [`read`] reads beside a running dispatcher, and what is left of a damaged file.
+//! [`read`] reads beside a running dispatcher, and what is left of a damaged file; [`Reader`] hands records on
+//! to a stand-by's copy.
 
 mod anew;
+mod copy;
 mod error;
 mod export;
 mod holder;
@@ -18,6 +20,7 @@ mod tests;
 mod wal;
 mod writer;
 
+pub use copy::{History, Reader};
 pub use error::{Damage, Fault, LedgerError};
 pub use export::{Reading, StoredRow, backup, read};
 pub use writer::{Counters, QUEUE, Refused, Ticket, WriteError, Writer};

@@ -1,28 +1,29 @@
-//! The embedded Zenoh router: the whole infrastructure that a small lab needs.
+//! The embedded Zenoh router: the whole infrastructure that a small lab needs, and one of a mesh for a larger one.
 
 use std::net::TcpListener;
 use std::time::Duration;
 use xtb_bus::{Bus, LINK_LEASE, Role};
 use xtb_client::{Error, ErrorKind, Result};
 
-/// Opens a router, and says where it can be reached (with the real port for port 0).
+/// Opens a router that routes together with those at `connect`, whether they are there yet or not; and says where
+/// it can be reached (with the real port for port 0).
 ///
 /// # Errors
-/// [`ErrorKind::PortTaken`], or what Zenoh says of the endpoint.
-pub async fn open(listen: &str) -> Result<(Bus, String)> {
-    open_leased(listen, LINK_LEASE).await
+/// [`ErrorKind::PortTaken`], or what Zenoh says of an endpoint.
+pub async fn open(listen: &str, connect: &[String]) -> Result<(Bus, String)> {
+    open_leased(listen, connect, LINK_LEASE).await
 }
 
 /// The same; others take it for lost after so much silence.
 ///
 /// # Errors
 /// As [`open`].
-pub async fn open_leased(listen: &str, link_lease: Duration) -> Result<(Bus, String)> {
+pub async fn open_leased(listen: &str, connect: &[String], link_lease: Duration) -> Result<(Bus, String)> {
     if let Some(address) = listen.strip_prefix("tcp/") {
         // Zenoh's own message does not tell a taken port from a mistyped address.
         TcpListener::bind(address).map_err(|error| taken(listen, &error))?;
     }
-    let role = Role::Router { listen: vec![listen.to_owned()], connect: Vec::new() };
+    let role = Role::Router { listen: vec![listen.to_owned()], connect: connect.to_vec() };
     let bus = xtb_bus::open_leased(&role, link_lease).await?;
     let locators = bus.locators().await;
     let endpoint = locators.into_iter().next().unwrap_or_else(|| listen.to_owned());

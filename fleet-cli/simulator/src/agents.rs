@@ -60,6 +60,7 @@ impl RunningAgent {
             start_pose: robot.start_pose.unwrap_or_default(),
             vehicle: vehicle.clone(),
             record: settings.record.clone(),
+            realtime: false,
             world_speed: settings.world_speed,
         };
         let (link_lease, shared) = (settings.link_lease, settings.shared.clone());

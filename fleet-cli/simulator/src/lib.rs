@@ -1,6 +1,6 @@
 //! A fleet of simulated trucks with real agents: the only part of this program that holds robots.
 //!
-//! One world thread, as many for control loops as there are cores, a Zenoh session for each robot, and a router
+//! One world thread, as many for control loops as there are cores, a Zenoh session for each robot (of up to 64), and a router
 //! unless one is named. Agents talk to their trucks through board frames and gyro bytes alone: in-memory
 //! lines, or ptys to which separate `robot-agent` processes connect.
 
@@ -45,6 +45,8 @@ use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters};
 const NEXT_WITHIN: Duration = Duration::from_secs(60);
 /// For an answer of the router, and for the rest of the agents when one has lost its name.
 const ALIVE_WITHIN: Duration = Duration::from_secs(1);
+/// More robots share sessions: the links of hundreds cost more than their controllers.
+const MOST_SESSIONS: usize = 64;
 /// Between two looks at the agents.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// For whoever serves a map already.
@@ -116,13 +118,14 @@ impl Simulator {
         })?;
         let stats = StatsService::start(&bus, &keys, time, plan.speed).await?;
 
+        let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
         let settings = AgentSettings {
             fleet: plan.fleet.clone(),
             connect: connect.clone(),
             record: plan.record.clone(),
             world_speed: plan.speed,
             link_lease: plan.link_lease(),
-            shared: Shared::with_threads(std::thread::available_parallelism().map_or(1, NonZero::get))?,
+            shared: Shared::among(cores, plan.robots.div_ceil(MOST_SESSIONS))?,
         };
         let agents = roster
             .robots

@@ -136,7 +136,7 @@ impl Plan {
     /// The simulator's own session, where it can be reached, and where its agents connect.
     pub(super) async fn session(&self) -> Result<(Bus, String, Vec<String>)> {
         if self.connect.is_empty() {
-            let (bus, endpoint) = router::open_leased(&self.listen, self.link_lease()).await?;
+            let (bus, endpoint) = router::open_leased(&self.listen, &[], self.link_lease()).await?;
             return Ok((bus, endpoint.clone(), vec![endpoint]));
         }
         let bus = xtb_bus::open(&Role::Client { connect: self.connect.clone() }).await?;

@@ -46,6 +46,15 @@ config_section! {
 }
 
 config_section! {
+    /// How the control loop runs.
+    ControlSection "control" {
+        realtime: bool = false, "", Switch, Ours, "Run the control loop before all ordinary programs \
+                                (SCHED_FIFO, priority 20) and lock all memory (mlockall), where the system \
+                                permits it.";
+    }
+}
+
+config_section! {
     /// Where the truck stands at start, in the map (ENU).
     StartPose "start_pose" {
         x_m: f64 = 0.0, "m", Range(-1000.0, 1000.0), Ours, "East.";
@@ -104,6 +113,8 @@ pub struct ConfigFile {
     pub zenoh: ZenohSection,
     /// Where plugged in.
     pub hardware: HardwareSection,
+    /// How its control loop runs.
+    pub control: ControlSection,
     /// Where it stands.
     pub start_pose: StartPose,
     /// The second level.
@@ -133,6 +144,9 @@ pub struct AgentConfig {
     pub map: Option<PathBuf>,
     /// Folder for a recording of every step.
     pub record: Option<PathBuf>,
+    /// Its control loop with real-time priority and in locked memory, where permitted. Without effect where loops
+    /// share threads.
+    pub realtime: bool,
     /// Times real time that its simulated world runs; 1 for every real robot.
     pub world_speed: f64,
 }
@@ -159,6 +173,7 @@ impl ConfigFile {
         let mut all = self.agent.parameters();
         all.extend(self.zenoh.parameters());
         all.extend(self.hardware.parameters());
+        all.extend(self.control.parameters());
         all.extend(self.start_pose.parameters());
         all.extend(self.navigation.parameters());
         all
@@ -213,6 +228,7 @@ impl ConfigFile {
             map: (!self.navigation.map.is_empty()).then(|| PathBuf::from(&self.navigation.map)),
             navigation,
             record: None,
+            realtime: self.control.realtime,
             world_speed: 1.0,
         })
     }

@@ -2,14 +2,14 @@
 //! reckoning at the end: nothing that was acknowledged is lost, nothing is done twice.
 
 use super::witness::{Reached, Written};
-use super::{Asker, Serve, Witness, route};
+use super::{Asker, Serve, ServePair, Witness, route};
 use crate::processes::{Process, Signal, program};
 use crate::{Fleet, Setup, eventually, name};
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 use std::collections::BTreeSet;
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -45,6 +45,8 @@ const UNTOLD: Duration = Duration::from_secs(2);
 pub enum Whom {
     /// The dispatcher's process.
     Dispatcher,
+    /// The dispatcher's process and its stand-by's in turns.
+    Pair,
     /// Robots' agents, one at a time, which are processes of their own.
     Robots,
 }
@@ -176,7 +178,6 @@ impl Storm {
     pub async fn pass(&self, folder: &Path, mut each: impl FnMut(usize)) -> Totals {
         let began = Instant::now();
         let mut dice = Pcg32::new(self.seed, 0xd15a);
-        let ledger = folder.join("storm.ledger");
         let apart = self.whom == Whom::Robots;
         let setup = Setup {
             robots: self.robots,
@@ -190,9 +191,9 @@ impl Storm {
         let fleet = Fleet::start(setup).await;
         let mut agents = Agents::start(&fleet, if apart { Some(folder) } else { None }).await;
         let witness = Witness::listen(&fleet.bus).await;
-        let mut serve = Serve::start(fleet.simulator.endpoint(), &ledger);
-        let mut ready = vec![serve.ready_within];
         let asker = Asker::connect(fleet.simulator.endpoint(), "storm").await;
+        let mut serve = Dispatchers::start(self.whom, fleet.simulator.endpoint(), folder, &asker).await;
+        let mut ready = vec![serve.ready_within()];
         let (told, enough) = (Arc::<Mutex<Told>>::default(), Arc::<AtomicBool>::default());
         let left = Arc::<Notify>::default();
         let hands = (told.clone(), enough.clone(), left.clone());
@@ -208,11 +209,7 @@ impl Storm {
                 () = left.notified(), if kill % 3 == 2 => tokio::time::sleep(soon).await,
             }
             match self.whom {
-                Whom::Dispatcher => {
-                    serve.kill();
-                    serve.restart();
-                    ready.push(serve.ready_within);
-                }
+                Whom::Dispatcher | Whom::Pair => ready.extend(serve.kill(kill, &asker).await),
                 Whom::Robots => {
                     let number = dice.next_u32() as usize % self.robots + 1;
                     killed.push((name(&format!("xtb-{number}")), Instant::now()));
@@ -224,7 +221,7 @@ impl Storm {
         enough.store(true, Ordering::Relaxed);
         submitting.await.unwrap_or_else(|error| panic!("{error}"));
         let list = until_ended(&asker).await;
-        let written = Written::read(&ledger);
+        let written = Written::read(&serve.ledger());
         let told = std::mem::take(&mut *lock(&told));
         let mut totals = reckon(&told, &list, &written, &witness, &killed);
         let truth = fleet.simulator.truth().latest();
@@ -237,6 +234,53 @@ impl Storm {
         fleet.end().await;
         totals.took = began.elapsed();
         totals
+    }
+}
+
+/// One dispatcher, or one with a stand-by.
+enum Dispatchers {
+    One(Serve),
+    Two(Box<ServePair>),
+}
+
+impl Dispatchers {
+    async fn start(whom: Whom, endpoint: &str, folder: &Path, asker: &Asker) -> Self {
+        match whom {
+            Whom::Pair => Self::Two(Box::new(ServePair::start(endpoint, folder, asker).await)),
+            Whom::Dispatcher | Whom::Robots => {
+                Self::One(Serve::start(endpoint, &folder.join("storm.ledger")))
+            }
+        }
+    }
+
+    fn ready_within(&self) -> Duration {
+        match self {
+            Self::One(serve) => serve.ready_within,
+            Self::Two(pair) => pair.ready_within,
+        }
+    }
+
+    /// Kills one; how long it took until there was a dispatcher again.
+    async fn kill(&mut self, number: usize, asker: &Asker) -> Option<Duration> {
+        match self {
+            Self::One(serve) => {
+                serve.kill();
+                serve.restart();
+                Some(serve.ready_within)
+            }
+            Self::Two(pair) if number.is_multiple_of(2) => Some(pair.kill_active(asker).await),
+            Self::Two(pair) => {
+                pair.restart_standby().await;
+                None
+            }
+        }
+    }
+
+    fn ledger(&self) -> PathBuf {
+        match self {
+            Self::One(serve) => serve.ledger.clone(),
+            Self::Two(pair) => pair.ledger(true).to_owned(),
+        }
     }
 }
 

@@ -114,6 +114,8 @@ impl Written {
                 | Record::Suspended { .. }
                 | Record::Activated { .. }
                 | Record::Map { .. }
+                | Record::Term { .. }
+                | Record::Pair { .. }
                 | Record::Adopted { .. } => {}
                 Record::Snapshot(_) => panic!("it was compacted, and who did what is not in it any more"),
             }

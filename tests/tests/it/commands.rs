@@ -229,3 +229,25 @@ async fn robots_that_have_arrived_answer_a_question_to_all() {
         .await;
     }
 }
+
+#[test]
+fn a_router_connects_to_those_of_the_flag_and_not_to_those_of_the_environment() {
+    let start = |arguments: &[&str]| {
+        let mut command = fleet_cli(&["router", "--listen", "tcp/127.0.0.1:0"]);
+        command.args(arguments).env("XTB_CONNECT", "tcp/127.0.0.1:9");
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let ready: Value = serde_json::from_str(&line).unwrap_or_else(|error| panic!("{error}: {line:?}"));
+        (Process(child), ready)
+    };
+    let (_first, ready) = start(&[]);
+    assert_eq!(ready["connect"], Value::Null);
+    let endpoint = ready["router"].as_str().unwrap();
+    let (mut second, ready) = start(&["--connect", endpoint]);
+    assert_eq!(ready["connect"], serde_json::json!([endpoint]));
+    let (say, said) = std::sync::mpsc::channel();
+    let notes = BufReader::new(second.0.stderr.take().unwrap());
+    std::thread::spawn(move || notes.lines().map_while(Result::ok).try_for_each(|note| say.send(note)));
+    assert_eq!(said.recv_timeout(PATIENCE).unwrap(), "linked to 1 other router");
+}

@@ -25,10 +25,13 @@ mod nearby;
 mod obstacles;
 mod operators;
 mod processes;
+#[cfg(target_os = "linux")]
+mod realtime;
 mod recording;
 mod shared_world;
 mod simulator;
 mod slow_links;
+mod standby;
 mod style;
 mod tasks;
 mod teleop;

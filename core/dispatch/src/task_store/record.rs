@@ -10,8 +10,11 @@ use xtb_protocol::Name;
 use xtb_protocol::messages::{MapHash, TaskId, TaskSpec};
 
 /// Version of the entries that this program writes. It reads this one and those before; a program that
-/// knows less refuses the ledger. 2 added suspensions and maps.
-pub const VERSION: u32 = 2;
+/// knows less refuses the ledger. 2 added suspensions and maps, 3 stand-bys. An entry has the lowest version that
+/// can hold it, so that a ledger without stand-bys remains readable for a program that knows none.
+pub const VERSION: u32 = 3;
+/// Of entries that say nothing of stand-bys.
+const WITHOUT_STANDBY: u32 = 2;
 
 /// One change of the store.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -84,8 +87,31 @@ pub enum Record {
         /// By whom.
         by: Name,
     },
+    /// A stand-by has taken over: assignments have numbers of this term from here on, and nobody else has to
+    /// have what is acknowledged.
+    Term {
+        /// Higher than all before.
+        term: u32,
+    },
+    /// Who else has to have what is acknowledged from here on.
+    Pair {
+        /// Number of the stand-by's copy; `None` = nobody: the dispatcher is alone.
+        copy: Option<u64>,
+    },
     /// Everything so far, in place of all entries before.
     Snapshot(Box<TaskStore>),
+}
+
+impl Record {
+    /// The version of an entry that holds it.
+    #[must_use]
+    pub fn version(&self) -> u32 {
+        match self {
+            Self::Term { .. } | Self::Pair { .. } => VERSION,
+            Self::Snapshot(store) if store.pair().is_some() => VERSION,
+            _ => WITHOUT_STANDBY,
+        }
+    }
 }
 
 /// A record with its place and time.

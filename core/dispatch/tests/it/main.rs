@@ -11,6 +11,7 @@ mod other_map;
 mod pages;
 mod predicted_free;
 mod robots;
+mod standby;
 mod storms;
 mod suspended;
 mod travel_cost;

@@ -57,6 +57,8 @@ fn kind(entry: &Entry) -> &'static str {
         Record::Activated { .. } => return "activated",
         Record::Map { .. } => return "map",
         Record::Adopted { .. } => return "adopted",
+        Record::Term { .. } => return "term",
+        Record::Pair { .. } => return "pair",
         Record::Snapshot(_) => return "snapshot",
         Record::Became { change, .. } => change,
     };

@@ -51,6 +51,12 @@ impl Clearance {
         self.nearest(x_m, y_m).map_or(0.0, |(there, apart)| there * (1.0 + 1e-6) + apart)
     }
 
+    /// What [`Self::at_least_m`] and [`Self::at_most_m`] say.
+    pub(crate) fn bounds_m(&self, x_m: f64, y_m: f64) -> (f64, f64) {
+        let bounds = |(there, apart): (f64, f64)| ((there - apart).max(0.0), there * (1.0 + 1e-6) + apart);
+        self.nearest(x_m, y_m).map_or((0.0, 0.0), bounds)
+    }
+
     /// The field at the nearest corner and how far that is.
     fn nearest(&self, x_m: f64, y_m: f64) -> Option<(f64, f64)> {
         let (u, v) =

@@ -139,14 +139,46 @@ impl Word {
     }
 }
 
+/// A target as the formulas see it: with what several of them need.
+#[derive(Debug, Clone, Copy)]
+struct View {
+    yaw: f64,
+    /// x − sin yaw, y − 1 + cos yaw: between the middles of two left turns.
+    same: [f64; 2],
+    /// x + sin yaw, y − 1 − cos yaw: between the middles of a left and a right turn.
+    other: [f64; 2],
+    same_apart: f64,
+    other_apart: f64,
+}
+
+impl View {
+    fn of(x: f64, y: f64, yaw: f64, (sin, cos): (f64, f64)) -> Self {
+        let (same, other) = ([x - sin, y - 1.0 + cos], [x + sin, y - 1.0 - cos]);
+        let (same_apart, other_apart) = (libm::hypot(same[0], same[1]), libm::hypot(other[0], other[1]));
+        Self { yaw, same, other, same_apart, other_apart }
+    }
+
+    fn same_rad(&self) -> f64 {
+        libm::atan2(self.same[1], self.same[0])
+    }
+}
+
+/// Flipped in time, mirrored left to right.
+const SYMMETRIES: [(bool, bool); 4] = [(false, false), (true, false), (false, true), (true, true)];
+
 /// Calls `found` with every word that leads to the target.
 fn each(to: Target, mut found: impl FnMut(f64, &Word)) {
-    let mut symmetric = |to: Target, reversed: bool, formula: Formula| {
-        for (flip, mirror) in [(false, false), (true, false), (false, true), (true, true)] {
-            let x = if flip { -to.x } else { to.x };
-            let y = if mirror { -to.y } else { to.y };
-            let yaw = if flip == mirror { to.yaw } else { -to.yaw };
-            let Some((turns, lengths)) = formula(Target { x, y, yaw }) else { continue };
+    let (sin, cos) = libm::sincos(to.yaw);
+    let views = |x: f64, y: f64| {
+        SYMMETRIES.map(|(flip, mirror)| {
+            let (x, y) = (if flip { -x } else { x }, if mirror { -y } else { y });
+            let (yaw, sin) = if flip == mirror { (to.yaw, sin) } else { (-to.yaw, -sin) };
+            View::of(x, y, yaw, (sin, cos))
+        })
+    };
+    let mut symmetric = |views: &[View; 4], reversed: bool, formula: Formula| {
+        for (view, (flip, mirror)) in views.iter().zip(SYMMETRIES) {
+            let Some((turns, lengths)) = formula(view) else { continue };
             let count = lengths.iter().rposition(|&length| length != 0.0).map_or(0, |last| last + 1).max(3);
             let mut word = Word { turns, lengths, count };
             for (turn, length) in word.turns.iter_mut().zip(&mut word.lengths).take(count) {
@@ -168,53 +200,46 @@ fn each(to: Target, mut found: impl FnMut(f64, &Word)) {
             found(word.lengths.iter().map(|length| length.abs()).sum(), &word);
         }
     };
+    let there = views(to.x, to.y);
     for formula in [lsl, lsr, lrl, lrlr_inner, lrlr_outer, lrsl, lrsr, lrslr] {
-        symmetric(to, false, formula);
+        symmetric(&there, false, formula);
     }
     // From the other end: the formulas that are not their own mirror image in time.
-    let (sin, cos) = libm::sincos(to.yaw);
-    let back = Target { x: to.x * cos + to.y * sin, y: to.x * sin - to.y * cos, yaw: to.yaw };
+    let back = views(to.x * cos + to.y * sin, to.x * sin - to.y * cos);
     for formula in [lrl, lrsl, lrsr] {
-        symmetric(back, true, formula);
+        symmetric(&back, true, formula);
     }
 }
 
-type Formula = fn(Target) -> Option<([Turn; 5], [f64; 5])>;
-
-fn polar(x: f64, y: f64) -> (f64, f64) {
-    (libm::hypot(x, y), libm::atan2(y, x))
-}
+type Formula = fn(&View) -> Option<([Turn; 5], [f64; 5])>;
 
 /// (8.1) L⁺ S⁺ L⁺
-fn lsl(to: Target) -> Option<([Turn; 5], [f64; 5])> {
-    let (sin, cos) = libm::sincos(to.yaw);
-    let (u, t) = polar(to.x - sin, to.y - 1.0 + cos);
+fn lsl(to: &View) -> Option<([Turn; 5], [f64; 5])> {
+    let (u, t) = (to.same_apart, to.same_rad());
     let v = wrap_rad(to.yaw - t);
     (t >= -ZERO && v >= -ZERO).then_some(([L, S, L, S, S], [t, u, v, 0.0, 0.0]))
 }
 
 /// (8.2) L⁺ S⁺ R⁺
-fn lsr(to: Target) -> Option<([Turn; 5], [f64; 5])> {
-    let (sin, cos) = libm::sincos(to.yaw);
-    let (u1, t1) = polar(to.x + sin, to.y - 1.0 - cos);
+fn lsr(to: &View) -> Option<([Turn; 5], [f64; 5])> {
+    let ([xi, eta], u1) = (to.other, to.other_apart);
     if u1 < 2.0 {
         return None;
     }
     let u = libm::sqrt(u1 * u1 - 4.0);
-    let t = wrap_rad(t1 + libm::atan2(2.0, u));
+    let t = wrap_rad(libm::atan2(eta, xi) + libm::atan2(2.0, u));
     let v = wrap_rad(t - to.yaw);
     (t >= -ZERO && v >= -ZERO).then_some(([L, S, R, S, S], [t, u, v, 0.0, 0.0]))
 }
 
 /// (8.3, 8.4) L⁺ R⁻ L±
-fn lrl(to: Target) -> Option<([Turn; 5], [f64; 5])> {
-    let (sin, cos) = libm::sincos(to.yaw);
-    let (u1, theta) = polar(to.x - sin, to.y - 1.0 + cos);
+fn lrl(to: &View) -> Option<([Turn; 5], [f64; 5])> {
+    let u1 = to.same_apart;
     if u1 > 4.0 {
         return None;
     }
     let u = -2.0 * libm::asin(0.25 * u1);
-    let t = wrap_rad(theta + 0.5 * u + PI);
+    let t = wrap_rad(to.same_rad() + 0.5 * u + PI);
     let v = wrap_rad(to.yaw - t + u);
     (t >= -ZERO && u <= ZERO).then_some(([L, R, L, S, S], [t, u, v, 0.0, 0.0]))
 }
@@ -231,10 +256,9 @@ fn tau_omega(u: f64, v: f64, xi: f64, eta: f64, yaw: f64) -> (f64, f64) {
 }
 
 /// (8.7) L⁺ Rᵤ⁺ Lᵤ⁻ R⁻
-fn lrlr_inner(to: Target) -> Option<([Turn; 5], [f64; 5])> {
-    let (sin, cos) = libm::sincos(to.yaw);
-    let (xi, eta) = (to.x + sin, to.y - 1.0 - cos);
-    let rho = 0.25 * (2.0 + libm::hypot(xi, eta));
+fn lrlr_inner(to: &View) -> Option<([Turn; 5], [f64; 5])> {
+    let [xi, eta] = to.other;
+    let rho = 0.25 * (2.0 + to.other_apart);
     if rho > 1.0 {
         return None;
     }
@@ -244,9 +268,8 @@ fn lrlr_inner(to: Target) -> Option<([Turn; 5], [f64; 5])> {
 }
 
 /// (8.8) L⁺ Rᵤ⁻ Lᵤ⁻ R⁺
-fn lrlr_outer(to: Target) -> Option<([Turn; 5], [f64; 5])> {
-    let (sin, cos) = libm::sincos(to.yaw);
-    let (xi, eta) = (to.x + sin, to.y - 1.0 - cos);
+fn lrlr_outer(to: &View) -> Option<([Turn; 5], [f64; 5])> {
+    let [xi, eta] = to.other;
     let rho = (20.0 - xi * xi - eta * eta) / 16.0;
     if !(0.0..=1.0).contains(&rho) {
         return None;
@@ -257,37 +280,35 @@ fn lrlr_outer(to: Target) -> Option<([Turn; 5], [f64; 5])> {
 }
 
 /// (8.9) L⁺ R⁻(π/2) S⁻ L⁻
-fn lrsl(to: Target) -> Option<([Turn; 5], [f64; 5])> {
-    let (sin, cos) = libm::sincos(to.yaw);
-    let (rho, theta) = polar(to.x - sin, to.y - 1.0 + cos);
+fn lrsl(to: &View) -> Option<([Turn; 5], [f64; 5])> {
+    let rho = to.same_apart;
     if rho < 2.0 {
         return None;
     }
     let r = libm::sqrt(rho * rho - 4.0);
     let u = 2.0 - r;
-    let t = wrap_rad(theta + libm::atan2(r, -2.0));
+    if u > ZERO {
+        return None;
+    }
+    let t = wrap_rad(to.same_rad() + libm::atan2(r, -2.0));
     let v = wrap_rad(to.yaw - FRAC_PI_2 - t);
-    (t >= -ZERO && u <= ZERO && v <= ZERO).then_some(([L, R, S, L, S], [t, -FRAC_PI_2, u, v, 0.0]))
+    (t >= -ZERO && v <= ZERO).then_some(([L, R, S, L, S], [t, -FRAC_PI_2, u, v, 0.0]))
 }
 
 /// (8.10) L⁺ R⁻(π/2) S⁻ R⁻
-fn lrsr(to: Target) -> Option<([Turn; 5], [f64; 5])> {
-    let (sin, cos) = libm::sincos(to.yaw);
-    let (xi, eta) = (to.x + sin, to.y - 1.0 - cos);
-    let (rho, t) = polar(-eta, xi);
+fn lrsr(to: &View) -> Option<([Turn; 5], [f64; 5])> {
+    let ([xi, eta], rho) = (to.other, to.other_apart);
     if rho < 2.0 {
         return None;
     }
-    let u = 2.0 - rho;
+    let (t, u) = (libm::atan2(xi, -eta), 2.0 - rho);
     let v = wrap_rad(t + FRAC_PI_2 - to.yaw);
     (t >= -ZERO && u <= ZERO && v <= ZERO).then_some(([L, R, S, R, S], [t, -FRAC_PI_2, u, v, 0.0]))
 }
 
 /// (8.11) L⁺ R⁻(π/2) S⁻ L⁻(π/2) R⁺
-fn lrslr(to: Target) -> Option<([Turn; 5], [f64; 5])> {
-    let (sin, cos) = libm::sincos(to.yaw);
-    let (xi, eta) = (to.x + sin, to.y - 1.0 - cos);
-    let rho = libm::hypot(xi, eta);
+fn lrslr(to: &View) -> Option<([Turn; 5], [f64; 5])> {
+    let ([xi, eta], rho) = (to.other, to.other_apart);
     if rho < 2.0 {
         return None;
     }

@@ -18,19 +18,23 @@ pub(super) struct AnalyticExpansion {
 }
 
 impl AnalyticExpansion {
-    /// The cheapest free one, with its cost but for what is near.
+    /// The cheapest free one that costs, but for what is near, less than `below`.
     pub(super) fn free(
         &mut self,
         space: &impl Space,
         costs: &Costs,
-        from: &MapPose,
-        to: &MapPose,
+        (from, to): (&MapPose, &MapPose),
+        below: f64,
     ) -> Option<Curve> {
         reeds_shepp::curves(from, to, space.car().radius_m, MOST_DETOUR, &mut self.curves);
         self.order.clear();
         self.order.extend(self.curves.iter().enumerate().map(|(index, curve)| (costs.curve(curve), index)));
         self.order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let tried = self.order.iter().take(MOST_WORDS).map(|&(_, index)| &self.curves[index]);
-        tried.into_iter().find(|curve| space.drives_all(from, curve.pieces())).copied()
+        let tried = self.order.iter().take(MOST_WORDS).take_while(|(cost, _)| *cost < below);
+        let mut tried = tried.map(|&(_, index)| &self.curves[index]);
+        let free = |curve: &Curve| {
+            space.may_drive_all(from, curve.pieces()) && space.drives_all(from, curve.pieces())
+        };
+        tried.find(|curve| free(curve)).copied()
     }
 }

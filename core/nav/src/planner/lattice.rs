@@ -33,22 +33,41 @@ pub(super) struct Move {
     back_m: [f64; 2],
 }
 
+/// A heading that a tree counts from its root.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Heading {
+    pub(super) yaw_rad: f64,
+    /// Sine and cosine of the yaw.
+    pub(super) direction: (f64, f64),
+    /// The same from those of the root, to go on by: the poses of a lattice meet each other to the bit.
+    course: (f64, f64),
+}
+
 /// A lattice with its moves.
 #[derive(Debug, Default)]
 pub(super) struct Moves {
     pub(super) all: Vec<Move>,
-    /// Sine and cosine of each heading, from that of the root.
-    directions: Vec<(f64, f64)>,
-    headings: i32,
+    headings: Vec<Heading>,
+    root_rad: f64,
     step_rad: f64,
 }
 
 impl Moves {
-    pub(super) fn begin(&mut self, lattice: &Lattice, radius_m: f64) {
-        self.headings = i32::from(lattice.headings);
+    /// Begins anew, with headings from that of a root on.
+    pub(super) fn begin(&mut self, lattice: &Lattice, radius_m: f64, root_rad: f64) {
         self.step_rad = TAU / f64::from(lattice.headings);
-        self.directions.clear();
-        self.directions.extend((0..self.headings).map(|n| libm::sincos(f64::from(n) * self.step_rad)));
+        self.root_rad = root_rad;
+        let (root_sin, root_cos) = libm::sincos(root_rad);
+        let step_rad = self.step_rad;
+        let heading = |number: u16| {
+            let turned_rad = f64::from(number) * step_rad;
+            let yaw_rad = wrap_rad(root_rad + turned_rad);
+            let (sin, cos) = libm::sincos(turned_rad);
+            let course = (sin * root_cos + cos * root_sin, cos * root_cos - sin * root_sin);
+            Heading { yaw_rad, direction: libm::sincos(yaw_rad), course }
+        };
+        self.headings.clear();
+        self.headings.extend((0..lattice.headings).map(heading));
         self.all.clear();
         let turn = i32::from(lattice.turn);
         let arc_m = f64::from(turn) * self.step_rad * radius_m;
@@ -77,44 +96,25 @@ impl Moves {
     }
 
     /// Where the move leads from a point and heading, or where it must have begun to lead there.
-    pub(super) fn next(
-        &self,
-        step: &Move,
-        at: ([f64; 2], u16),
-        root: Root,
-        backward: bool,
-    ) -> ([f64; 2], u16) {
+    pub(super) fn next(&self, step: &Move, at: ([f64; 2], u16), backward: bool) -> ([f64; 2], u16) {
         let ([x, y], heading) = at;
-        let (sin, cos) = self.directions[usize::from(heading)];
-        let (sin, cos) = (sin * root.cos + cos * root.sin, cos * root.cos - sin * root.sin);
+        let (sin, cos) = self.headings[usize::from(heading)].course;
         let ([ahead, left], turn) =
             if backward { (step.back_m, -step.turn) } else { (step.there_m, step.turn) };
-        let heading = (i32::from(heading) + turn).rem_euclid(self.headings) as u16;
+        // A move turns by a quarter at most.
+        let (count, turned) = (self.headings.len() as i32, i32::from(heading) + turn);
+        let heading = (if turned < 0 { turned + count } else { turned % count }) as u16;
         ([x + ahead * cos - left * sin, y + ahead * sin + left * cos], heading)
     }
 
-    pub(super) fn yaw_rad(&self, heading: u16, root: Root) -> f64 {
-        wrap_rad(root.yaw_rad + f64::from(heading) * self.step_rad)
+    /// The heading with this number.
+    pub(super) fn numbered(&self, heading: u16) -> &Heading {
+        &self.headings[usize::from(heading)]
     }
 
-    /// The heading that is nearest to a yaw.
-    pub(super) fn heading(&self, yaw_rad: f64, root: Root) -> u16 {
-        let steps = libm::floor((yaw_rad - root.yaw_rad) / self.step_rad + 0.5) as i32;
-        steps.rem_euclid(self.headings) as u16
-    }
-}
-
-/// The heading from which a tree counts.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Root {
-    pub(super) yaw_rad: f64,
-    sin: f64,
-    cos: f64,
-}
-
-impl Root {
-    pub(super) fn new(yaw_rad: f64) -> Self {
-        let (sin, cos) = libm::sincos(yaw_rad);
-        Self { yaw_rad, sin, cos }
+    /// The number of the heading that is nearest to a yaw.
+    pub(super) fn nearest(&self, yaw_rad: f64) -> u16 {
+        let steps = libm::floor((yaw_rad - self.root_rad) / self.step_rad + 0.5) as i32;
+        steps.rem_euclid(self.headings.len() as i32) as u16
     }
 }

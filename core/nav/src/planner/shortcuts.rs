@@ -15,6 +15,8 @@ const MOST_KNOTS: usize = 30;
 const MOST_TRIES: usize = 120;
 /// What a cut has to gain to be tried, in m; chosen, not measured.
 const WORTH_M: f64 = 0.05;
+/// Costs that are summed in another order differ by less, in m.
+const ROUNDING_M: f64 = 1e-9;
 
 /// Memory that is used again.
 #[derive(Debug, Default)]
@@ -38,16 +40,16 @@ struct Knot {
 }
 
 impl Shortcuts {
-    /// The path, cheaper if it can be.
+    /// A cheaper path; `None` = not found.
     pub(super) fn path(
         &mut self,
         space: &impl Space,
         costs: &Costs,
         analytic: &mut AnalyticExpansion,
         curves: &mut CurveHeuristic,
-        path: Path,
-    ) -> Path {
-        self.divide(space, costs, &path);
+        path: &Path,
+    ) -> Option<Path> {
+        self.divide(space, costs, path);
         let mut left = MOST_TRIES;
         for to in 1..self.knots.len() {
             let before = &self.knots[to - 1];
@@ -61,7 +63,9 @@ impl Shortcuts {
                     continue;
                 }
                 left -= 1;
-                let Some(way) = analytic.free(space, costs, &start.pose, &here) else { continue };
+                // What is near only adds to the cost of a curve.
+                let below = best - start.best - WORTH_M + ROUNDING_M;
+                let Some(way) = analytic.free(space, costs, (&start.pose, &here), below) else { continue };
                 let (cost, _) = costs.pieces(space, &start.pose, way.pieces());
                 if start.best + cost + WORTH_M < best {
                     let best = start.best + cost;
@@ -71,7 +75,7 @@ impl Shortcuts {
             }
         }
         let shorter = self.joined(path.start);
-        if costs.path(space, &shorter) < costs.path(space, &path) { shorter } else { path }
+        (costs.path(space, &shorter) < costs.path(space, path)).then_some(shorter)
     }
 
     /// Cuts the path into knots: at the ends of its arcs and in between.

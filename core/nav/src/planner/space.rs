@@ -3,6 +3,7 @@
 //! A trait, so that the same search plans on a grid, among discs or between cars that move.
 
 mod grid_space;
+mod layer;
 mod one_way;
 mod sweep;
 
@@ -82,6 +83,11 @@ pub trait Space {
     /// hair's breadth, never yes where there is none.
     fn drives(&self, from: &MapPose, piece: &Piece) -> bool;
 
+    /// [`Space::drives`] for whoever knows sine and cosine of the yaw already.
+    fn drives_towards(&self, from: &MapPose, _sin_cos: (f64, f64), piece: &Piece) -> bool {
+        self.drives(from, piece)
+    }
+
     /// Whether it can drive all of these pieces, one after the other.
     fn drives_all(&self, from: &MapPose, pieces: &[Piece]) -> bool {
         let mut pose = *from;
@@ -90,6 +96,11 @@ pub trait Space {
             pose = piece.end(&pose);
             free
         })
+    }
+
+    /// Whether a quick look leaves open that it can drive all of these pieces, one after the other.
+    fn may_drive_all(&self, _from: &MapPose, _pieces: &[Piece]) -> bool {
+        true
     }
 
     /// What keeps it from driving the piece; `None` exactly when [`Space::drives`].

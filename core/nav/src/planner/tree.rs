@@ -2,7 +2,7 @@
 
 use super::costs::Costs;
 use super::curve_heuristic::CurveHeuristic;
-use super::lattice::{Lattice, Moves, Root};
+use super::lattice::{Heading, Lattice, Moves};
 use super::obstacle_heuristic::ObstacleHeuristic;
 use super::paged_grid::{Key, PagedGrid};
 use super::space::Space;
@@ -41,8 +41,8 @@ pub(super) struct Tree {
     cells: PagedGrid,
     /// Around everything, to the end that is looked for.
     pub(super) distances: ObstacleHeuristic,
-    target: Option<MapPose>,
-    root: Root,
+    /// The end that is looked for, with the sine and cosine of its yaw.
+    target: Option<(MapPose, (f64, f64))>,
     low_m: [f64; 2],
     cell_m: f64,
     best: Option<u32>,
@@ -60,11 +60,11 @@ impl Tree {
         target: Option<MapPose>,
     ) {
         let (bounds, cell_m) = (context.space.bounds(), lattice.cell_m);
-        self.moves.begin(lattice, context.space.car().radius_m);
+        self.moves.begin(lattice, context.space.car().radius_m, root.0.yaw_rad);
         self.nodes.clear();
         self.open.clear();
-        (self.backward, self.target, self.best, self.until_analytic) = (root.1, target, None, 0);
-        self.root = Root::new(root.0.yaw_rad);
+        (self.backward, self.best, self.until_analytic) = (root.1, None, 0);
+        self.target = target.map(|pose| (pose, libm::sincos(pose.yaw_rad)));
         self.cell_m = cell_m;
         // The first root stands in the middle of a square.
         let aligned = |low: f64, at: f64| at - (libm::ceil((at - low) / cell_m) + 0.5) * cell_m;
@@ -81,10 +81,10 @@ impl Tree {
         curves: &mut CurveHeuristic,
         pose: &MapPose,
     ) {
-        let heading = self.moves.heading(pose.yaw_rad, self.root);
+        let heading = self.moves.nearest(pose.yaw_rad);
         let at_m = [pose.x_m, pose.y_m];
         let Some(key) = self.key(at_m, heading) else { return };
-        let left = self.left_m(context.space, curves, pose) as f32;
+        let left = self.left_m(context.space, curves, pose, libm::sincos(pose.yaw_rad)) as f32;
         self.add(
             key,
             Node { at_m, cost: 0.0, left, parent: 0, heading, step: NO_MOVE, done: false },
@@ -119,10 +119,10 @@ impl Tree {
     ) {
         let node = self.nodes[index as usize];
         let last = self.moves.all.get(usize::from(node.step)).map(|step| step.piece);
-        let here = self.pose_of(&node);
+        let (here, heading_here) = (self.pose_of(&node), *self.moves.numbered(node.heading));
         for number in 0..self.moves.all.len() {
             let step = self.moves.all[number];
-            let (at_m, heading) = self.moves.next(&step, (node.at_m, node.heading), self.root, self.backward);
+            let (at_m, heading) = self.moves.next(&step, (node.at_m, node.heading), self.backward);
             let Some(key) = self.key(at_m, heading) else { continue };
             let change = last.map_or(0.0, |last| context.costs.change(&last, &step.piece));
             let near = context.costs.near(context.space, at_m[0], at_m[1]) * step.piece.length_m.abs();
@@ -131,12 +131,13 @@ impl Tree {
             if known.is_some_and(|known| known.done || known.cost <= cost) {
                 continue;
             }
-            let there =
-                MapPose { x_m: at_m[0], y_m: at_m[1], yaw_rad: self.moves.yaw_rad(heading, self.root) };
-            if !context.space.drives(if self.backward { &there } else { &here }, &step.piece) {
+            let Heading { yaw_rad, direction, .. } = *self.moves.numbered(heading);
+            let there = MapPose { x_m: at_m[0], y_m: at_m[1], yaw_rad };
+            let from = if self.backward { (&there, direction) } else { (&here, heading_here.direction) };
+            if !context.space.drives_towards(from.0, from.1, &step.piece) {
                 continue;
             }
-            let left = self.left_m(context.space, curves, &there) as f32;
+            let left = self.left_m(context.space, curves, &there, direction) as f32;
             let next = Node { at_m, cost, left, parent: index, heading, step: number as u8, done: false };
             self.add(key, next, context.heuristic_weight);
         }
@@ -155,10 +156,17 @@ impl Tree {
     }
 
     /// About the least that is left from a pose, in m.
-    fn left_m(&mut self, space: &impl Space, curves: &mut CurveHeuristic, pose: &MapPose) -> f64 {
+    fn left_m(
+        &mut self,
+        space: &impl Space,
+        curves: &mut CurveHeuristic,
+        pose: &MapPose,
+        direction: (f64, f64),
+    ) -> f64 {
         let around = self.distances.way_m(space, pose.x_m, pose.y_m);
-        let curve = self.target.map_or(0.0, |target| {
-            if self.backward { curves.cost(&target, pose) } else { curves.cost(pose, &target) }
+        let curve = self.target.map_or(0.0, |(target, target_direction)| match self.backward {
+            true => curves.cost_towards(&target, target_direction, pose),
+            false => curves.cost_towards(pose, direction, &target),
         });
         around.max(curve)
     }
@@ -170,12 +178,12 @@ impl Tree {
 
     /// The expanded node in whose cell a pose lies.
     pub(super) fn near(&self, pose: &MapPose) -> Option<u32> {
-        let key = self.key([pose.x_m, pose.y_m], self.moves.heading(pose.yaw_rad, self.root))?;
+        let key = self.key([pose.x_m, pose.y_m], self.moves.nearest(pose.yaw_rad))?;
         self.cells.get(key).filter(|&index| self.nodes[index as usize].done)
     }
 
     fn pose_of(&self, node: &Node) -> MapPose {
-        MapPose { x_m: node.at_m[0], y_m: node.at_m[1], yaw_rad: self.moves.yaw_rad(node.heading, self.root) }
+        MapPose { x_m: node.at_m[0], y_m: node.at_m[1], yaw_rad: self.moves.numbered(node.heading).yaw_rad }
     }
 
     pub(super) fn pose(&self, index: u32) -> MapPose {

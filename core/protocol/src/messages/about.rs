@@ -6,6 +6,18 @@ use crate::text;
 use serde::{Deserialize, Serialize};
 use xtb_control::frames::MapPose;
 
+/// The parameter in [`About::vehicle`] that says how the control loop is scheduled: [`REALTIME_OFF`],
+/// [`REALTIME_ON`], or what was refused. It is none of the vehicle's: `vehicle_hash` does not cover it.
+pub const REALTIME: &str = "control.realtime";
+/// As any program.
+pub const REALTIME_OFF: &str = "off";
+/// `SCHED_FIFO`, in locked memory.
+pub const REALTIME_ON: &str = "on";
+/// How a person permits it.
+pub const REALTIME_REMEDY: &str = "permit it on the robot's computer: `sudo setcap \
+    cap_sys_nice,cap_ipc_lock+ep` with the path of robot-agent, or LimitRTPRIO=20 and \
+    LimitMEMLOCK=infinity in its systemd unit";
+
 /// A parameter as the factsheet lists it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -14,7 +26,7 @@ pub struct ParameterInfo {
     /// `section.field`.
     #[serde(deserialize_with = "text::read")]
     pub name: String,
-    /// In TOML.
+    /// In TOML; of [`REALTIME`] in words.
     #[serde(deserialize_with = "text::read")]
     pub value: String,
     /// Empty for switches.
@@ -67,8 +79,16 @@ pub struct About {
     /// CRC-32 of the vehicle parameters, in hexadecimal.
     #[serde(deserialize_with = "text::read")]
     pub vehicle_hash: String,
-    /// The vehicle parameters.
+    /// The vehicle parameters, and [`REALTIME`].
     pub vehicle: Vec<ParameterInfo>,
+}
+
+impl About {
+    /// What [`REALTIME`] says; `None` of an agent that does not know it.
+    #[must_use]
+    pub fn realtime(&self) -> Option<&str> {
+        self.vehicle.iter().find(|info| info.name == REALTIME).map(|info| info.value.as_str())
+    }
 }
 
 impl Message for About {

@@ -18,12 +18,13 @@ mod near;
 mod request;
 mod sensors;
 mod sim;
+mod standby;
 mod state;
 mod suspension;
 mod task;
 pub mod texts;
 
-pub use about::{About, Limits, ParameterInfo};
+pub use about::{About, Limits, ParameterInfo, REALTIME, REALTIME_OFF, REALTIME_ON, REALTIME_REMEDY};
 pub use assign::{Assignment, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG, TaskAction};
 pub use dispatch::{
     Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
@@ -50,6 +51,10 @@ pub use request::{
 };
 pub use sensors::Sensors;
 pub use sim::{MAX_ROSTER, Roster, RosterEntry, SLOW_BELOW, SimStats, Truth, TruthRobot};
+pub use standby::{
+    Copied, CopiedRecord, MAX_TERM, STANDBY_PAGE_BYTES, StandbyReply, StandbyRequest, StandbyView, TERM_BITS,
+    Witnesses,
+};
 pub use state::{
     BatteryLevel, InputAges, LeaseState, MAX_REPORTED_M, ObstacleView, PoseSource, PoseState, Rejected,
     RobotState, StopReason, TiltState,

@@ -1,14 +1,14 @@
 //! Traffic control beside the robots of a lockstep simulation: the same state machine as behind
 //! `fleet-cli traffic serve`, the same messages, on a network that may lose them.
 
+use super::window::Crew;
 use crate::rng::Rng;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use xtb_control::units::Stamp;
 use xtb_nav::Car;
 use xtb_nav::map::Map;
 use xtb_protocol::messages::{Rejected, RobotState};
-use xtb_robot::Robot;
 use xtb_traffic::coordinator::{Coordinator, GridRoom, JointResult, Neighbours, RobotView};
 
 /// Reports come in and guides go out this often.
@@ -72,8 +72,14 @@ impl Traffic {
         self.coordinator.as_ref()
     }
 
+    /// When it does something next; `None` = it is dead.
+    pub(super) fn next(&self) -> Option<Stamp> {
+        self.coordinator.as_ref()?;
+        Some(self.due.iter().map(|(at, _)| *at).fold(self.next, Stamp::min))
+    }
+
     /// One step of the simulation.
-    pub(super) fn step(&mut self, now: Stamp, robots: &mut [Robot], dead: &BTreeSet<usize>) {
+    pub(super) fn step(&mut self, now: Stamp, crews: &mut [Crew]) {
         let Some(coordinator) = &mut self.coordinator else { return };
         let (due, later) = std::mem::take(&mut self.due).into_iter().partition(|(at, _)| *at <= now);
         self.due = later;
@@ -84,7 +90,7 @@ impl Traffic {
             return;
         }
         self.next = now.plus_ms(TICK_MS);
-        for (_, robot) in robots.iter_mut().enumerate().filter(|(index, _)| !dead.contains(index)) {
+        for robot in crews.iter_mut().filter(|crew| !crew.dead).map(|crew| &mut crew.robot) {
             if !self.noise.chance(self.lost) {
                 let state: RobotState = robot.state(now, Rejected::default());
                 let view = RobotView::of(&state, Some(Car::of(robot.vehicle())), WAY_MS);
@@ -95,7 +101,7 @@ impl Traffic {
         let guides = coordinator.tick(now);
         self.seq += 1;
         let near = Neighbours::of(self.views.values());
-        for (_, robot) in robots.iter_mut().enumerate().filter(|(index, _)| !dead.contains(index)) {
+        for robot in crews.iter_mut().filter(|crew| !crew.dead).map(|crew| &mut crew.robot) {
             let name = robot.agent().identity().robot.to_string();
             if let Some(guide) = guides.get(&name)
                 && !self.noise.chance(self.lost)

@@ -31,6 +31,7 @@ mod platform;
 mod poses;
 mod remote;
 mod sensors;
+mod threads;
 mod trips;
 mod troubled;
 mod walls;

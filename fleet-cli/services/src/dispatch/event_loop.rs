@@ -1,8 +1,10 @@
 //! The loop: what has come in goes to the dispatcher, what it wants is done.
 
+use super::flying::{Flying, Unacknowledged, Written, durable};
 use super::map_watch::{self, Found, Ground, MapWatch, ground};
 use super::request_queue::{Asked, Input, RequestQueue};
 use super::robot_client::{Fleet, News};
+use super::standby_link::StandbyLink;
 use super::usage::Usage;
 use super::{CLIENT, Clock, Counters, List, Standing, second};
 use crate::ledger::{self, Fault, Ledger, WriteError, Writer};
@@ -31,6 +33,8 @@ const COMPACT_AT: u64 = 10_000;
 const COMPACT_BUSY_AT: u64 = 40_000;
 /// A write that is out at the end is waited for this long.
 const LAST_WRITE: Duration = Duration::from_secs(5);
+/// And this long until the stand-by has it.
+const LAST_COPY: Duration = Duration::from_secs(1);
 
 /// Emergency stops that wait to be read.
 const STOPS: usize = 16;
@@ -41,12 +45,11 @@ fn is_followed(robot: &Name, heard: &BTreeMap<Name, (u64, u64)>, alive: &BTreeSe
     heard.len() < MOST_ROBOTS || heard.contains_key(robot) || alive.contains(robot)
 }
 
-/// The write that is out.
-struct Flying {
-    id: u64,
-    last_n: u64,
-    snapshot: bool,
-    ticket: ledger::Ticket,
+/// A ledger, how many entries follow its last snapshot, and who else gets them.
+pub(super) struct Held {
+    pub(super) ledger: Ledger<Entry>,
+    pub(super) read: u64,
+    pub(super) link: StandbyLink,
 }
 
 /// All that the loop holds.
@@ -54,8 +57,11 @@ pub(super) struct Work {
     clock: Clock,
     dispatcher: Dispatcher,
     ground: Ground,
+    /// Before the writer: who reads beside it ends first.
+    standby: StandbyLink,
     writer: Writer,
     flying: Option<Flying>,
+    unacknowledged: Option<Unacknowledged>,
     since_snapshot: u64,
     feed: StateFeed,
     heard: BTreeMap<Name, (u64, u64)>,
@@ -81,8 +87,7 @@ impl Work {
         client: &Client,
         clock: Clock,
         mut dispatcher: Dispatcher,
-        ledger: Ledger<Entry>,
-        since_snapshot: u64,
+        Held { ledger, read, link }: Held,
         map: Option<Map>,
         told: watch::Sender<Standing>,
     ) -> Result<Self> {
@@ -107,9 +112,11 @@ impl Work {
             clock,
             dispatcher,
             ground,
+            standby: link,
             writer,
             flying: None,
-            since_snapshot,
+            unacknowledged: None,
+            since_snapshot: read,
             feed,
             heard: BTreeMap::new(),
             alive: BTreeSet::new(),
@@ -141,6 +148,9 @@ impl Work {
                 Some(input) = self.questions.recv() => self.take(input),
                 Some(news) = self.news.recv() => self.hear(news),
                 Some(found) = self.looking.news.recv() => self.found(found)?,
+                Some(input) = self.standby.inputs.recv() => {
+                    self.standby.take(self.clock.ms(), input, &self.dispatcher);
+                }
                 _ = tick.tick() => {
                     ticks += 1;
                     self.look();
@@ -149,6 +159,8 @@ impl Work {
                     }
                 }
             }
+            self.standby.step(self.clock.ms(), &mut self.dispatcher)?;
+            self.acknowledge()?;
             self.dispatcher.step(self.clock.ms(), self.ground.as_ref());
             self.carry_out();
         }
@@ -175,6 +187,7 @@ impl Work {
             if self.heard.insert(name.clone(), number) == Some(number) {
                 continue;
             }
+            self.standby.look(&seen.state, &self.dispatcher);
             self.dispatcher.state(now_ms, &seen.state);
             let has_task = self.dispatcher.store().on(&name).is_some();
             self.usage.look(&seen.state, has_task);
@@ -284,22 +297,31 @@ impl Work {
 
     /// The write that was out is on the disk, or is not.
     fn settle(&mut self, (flying, written): (Flying, Written)) -> Result<()> {
-        let now_ms = self.clock.ms();
         let Flying { id, last_n, snapshot, .. } = flying;
         match written {
             Ok(Ok(n)) if n == last_n => {
-                let entries = self.dispatcher.store().next_n();
-                let written = self.dispatcher.written(now_ms, id);
-                written.map_err(|error| lost(&format!("the written entry is inconsistent: {error}")))?;
-                self.since_snapshot += self.dispatcher.store().next_n() - entries;
-                self.counters.snapshots += u64::from(snapshot);
-                self.changed = true;
-                Ok(())
+                self.standby.wrote(last_n);
+                self.unacknowledged = Some(Unacknowledged { id, last_n, snapshot });
+                self.acknowledge()
             }
             Ok(Ok(n)) => Err(lost(&format!("entry {last_n} became record {n}"))),
-            Ok(Err(error)) => self.failed(now_ms, id, &error),
+            Ok(Err(error)) => self.failed(self.clock.ms(), id, &error),
             Err(_) => Err(lost("its thread has ended; the last write is unconfirmed")),
         }
+    }
+
+    /// What is on the own disk takes effect when the stand-by has it too, if there is one.
+    fn acknowledge(&mut self) -> Result<()> {
+        let acknowledged = self.standby.acknowledged();
+        let write = self.unacknowledged.take_if(|write| write.last_n <= acknowledged);
+        let Some(Unacknowledged { id, snapshot, .. }) = write else { return Ok(()) };
+        let entries = self.dispatcher.store().next_n();
+        let written = self.dispatcher.written(self.clock.ms(), id);
+        written.map_err(|error| lost(&format!("the written entry is inconsistent: {error}")))?;
+        self.since_snapshot += self.dispatcher.store().next_n() - entries;
+        self.counters.snapshots += u64::from(snapshot);
+        self.changed = true;
+        Ok(())
     }
 
     fn failed(&mut self, now_ms: u64, id: u64, error: &WriteError) -> Result<()> {
@@ -331,6 +353,8 @@ impl Work {
         self.counters.overloaded = self.desk.overloaded();
         self.counters.foreign_keys = self.desk.foreign_keys();
         self.counters.ledger = self.writer.counters();
+        self.counters.standby_questions = self.standby.questions();
+        self.counters.standby_overloaded = self.standby.overloaded();
         let (counters, usage) = (self.counters.clone(), self.usage.clone());
         self.told.send_replace(Standing::of(&self.dispatcher, self.clock.ms(), counters, usage));
         if self.desk.has_listeners().await {
@@ -347,6 +371,13 @@ impl Work {
                 Ok(written) => self.settle(written)?,
                 Err(_) => return Err(lost("the disk does not respond; the last write is unconfirmed")),
             }
+            let until = tokio::time::Instant::now() + LAST_COPY;
+            while self.unacknowledged.is_some()
+                && let Ok(Some(input)) = tokio::time::timeout_at(until, self.standby.inputs.recv()).await
+            {
+                self.standby.take(self.clock.ms(), input, &self.dispatcher);
+                self.acknowledge()?;
+            }
             while let Some(effect) = self.dispatcher.next_effect() {
                 if let Effect::Reply { ticket, reply } = effect {
                     self.desk.reply(ticket, reply);
@@ -356,22 +387,6 @@ impl Work {
         self.desk.last_answers().await;
         self.tell().await;
         Ok(())
-    }
-}
-
-type Written = std::result::Result<std::result::Result<u64, WriteError>, oneshot::error::RecvError>;
-
-/// Resolves when the write that is out has an outcome; never if none is.
-async fn durable(flying: &mut Option<Flying>) -> (Flying, Written) {
-    match flying {
-        Some(out) => {
-            let written = (&mut out.ticket).await;
-            match flying.take() {
-                Some(out) => (out, written),
-                None => std::future::pending().await,
-            }
-        }
-        None => std::future::pending().await,
     }
 }
 

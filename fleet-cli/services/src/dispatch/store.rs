@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::task_store::record::VERSION;
-use xtb_dispatch::{Entry, ReplayError};
+use xtb_dispatch::{Entry, Record, ReplayError, Settings, TaskStore};
+use xtb_protocol::messages::MAX_TERM;
 use xtb_protocol::{Name, Uuid};
 
 /// A ledger that is held, and what stands in it.
@@ -19,6 +20,8 @@ pub struct Store {
     pub created: bool,
     /// Where the one of before is kept, if that was put aside.
     pub set_aside: Option<PathBuf>,
+    /// Number of the copy, if it is a stand-by's.
+    pub copy: Option<u64>,
 }
 
 impl Store {
@@ -60,7 +63,66 @@ impl Store {
             }
             entries.push(entry);
         }
-        Ok(Self { ledger, entries, created, set_aside: None })
+        let copy = ledger.copy_id()?;
+        Ok(Self { ledger, entries, created, set_aside: None, copy })
+    }
+
+    /// Refuses a stand-by's copy: only the dispatcher that it follows may write it.
+    ///
+    /// # Errors
+    /// It is one.
+    pub fn no_copy(&self) -> Result<()> {
+        if self.copy.is_none() {
+            return Ok(());
+        }
+        let message = format!("ledger {} is the copy of a stand-by", self.ledger.path().display());
+        Err(Error::new(ErrorKind::Failed, message).hint(
+            "`dispatch serve --standby` follows the dispatcher; `dispatch serve --promote` continues with this \
+             copy when the dispatcher and its ledger are lost",
+        ))
+    }
+
+    /// Makes it the ledger of an active dispatcher, in the next term, whatever the other one has; gives the term.
+    ///
+    /// # Errors
+    /// It has no records, its terms are used up, or the disk refuses.
+    pub fn promote(&mut self) -> Result<u32> {
+        let term = self.raise_term()?;
+        self.end_copy()?;
+        Ok(term)
+    }
+
+    /// Writes the next term.
+    pub(super) fn raise_term(&mut self) -> Result<u32> {
+        let path = self.ledger.path().to_owned();
+        let refused =
+            |what: &str| Error::new(ErrorKind::Failed, format!("ledger {}: {what}", path.display()));
+        let keep = Settings::default().keep_ended;
+        let book = TaskStore::replay(keep, self.entries.iter().cloned());
+        let book = book.map_err(|error| unreadable(&path, &error))?;
+        if book.ledger().is_none() {
+            return Err(
+                refused("it has no records").hint("`dispatch serve` without --promote starts a new one")
+            );
+        }
+        let term = book.term() + 1;
+        if term > MAX_TERM {
+            return Err(
+                refused("all terms are used up").hint("--fresh starts a new ledger and keeps this one")
+            );
+        }
+        let record = Record::Term { term };
+        let entry = Entry { v: record.version(), n: book.next_n(), at_ms: wall_ms(), record };
+        self.ledger.append(std::slice::from_ref(&entry))?;
+        self.entries.push(entry);
+        Ok(term)
+    }
+
+    /// It is no copy any more.
+    pub(super) fn end_copy(&mut self) -> Result<()> {
+        self.ledger.set_copy_id(None)?;
+        self.copy = None;
+        Ok(())
     }
 }
 
@@ -155,7 +217,6 @@ pub fn wall_ms() -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use xtb_dispatch::Record;
 
     fn fleet() -> Name {
         Name::new("lab").unwrap()
@@ -186,13 +247,30 @@ mod tests {
 
     #[test]
     fn entries_of_a_later_program_or_out_of_their_place_are_refused() {
-        for (wrong, words) in [(entry(VERSION + 1, 1), "has version 3"), (entry(VERSION, 3), "has number 3")]
+        for (wrong, words) in [(entry(VERSION + 1, 1), "has version 4"), (entry(VERSION, 3), "has number 3")]
         {
             let scratch = Scratch::new();
             Store::open(scratch.path(), &fleet()).unwrap().ledger.append(&[wrong]).unwrap();
             let failure = Store::open(scratch.path(), &fleet()).unwrap_err();
             assert!(failure.message.contains(words), "{failure:?}");
         }
+    }
+
+    #[test]
+    fn a_copy_is_nobodys_ledger_until_it_is_promoted() {
+        let scratch = Scratch::new();
+        let mut store = Store::open(scratch.path(), &fleet()).unwrap();
+        assert!(store.promote().unwrap_err().message.contains("no records"));
+        store.ledger.append(&[entry(2, 1)]).unwrap();
+        store.ledger.set_copy_id(Some(7)).unwrap();
+        drop(store);
+        let mut store = Store::open(scratch.path(), &fleet()).unwrap();
+        assert!(store.no_copy().unwrap_err().hint.contains("--promote"));
+        assert_eq!(store.promote().unwrap(), 1);
+        drop(store);
+        let store = Store::open(scratch.path(), &fleet()).unwrap();
+        store.no_copy().unwrap();
+        assert_eq!(TaskStore::replay(9, store.entries).unwrap().term(), 1);
     }
 
     #[test]

@@ -160,7 +160,7 @@ fn text(value: ValueRef<'_>) -> String {
     }
 }
 
-fn open(path: &Path) -> Result<Connection, Fault> {
+pub(super) fn open(path: &Path) -> Result<Connection, Fault> {
     let file = fs::metadata(path).map_err(|error| Fault::io("looking for it", error))?;
     if file.len() == 0 {
         return Err(Fault::Empty);

@@ -1,6 +1,7 @@
 //! Opening, refusing, writing and compacting.
 
 mod anew;
+mod copying;
 mod damage;
 mod queue;
 

@@ -29,14 +29,17 @@ struct Compacted {
 /// Compacts it.
 ///
 /// # Errors
-/// There is none, a dispatcher holds it, it is damaged, or the disk is full: nothing is changed then.
+/// There is none, a dispatcher holds it, it is a stand-by's, it is damaged, or the disk is full: nothing is changed
+/// then.
 pub(super) fn run(ctx: &Context, args: &DispatchCompactArgs) -> Result<Exit> {
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
     if !path.exists() {
         return Err(Error::new(ErrorKind::Config, format!("no ledger at {}", path.display()))
             .hint("give one with --ledger"));
     }
-    let Store { mut ledger, entries, .. } = Store::open(&path, &ctx.settings.fleet)?;
+    let store = Store::open(&path, &ctx.settings.fleet)?;
+    store.no_copy()?;
+    let Store { mut ledger, entries, .. } = store;
     let (records, n) = (entries.len(), ledger.last_seq() + 1);
     let keep = xtb_dispatch::Settings::default().keep_ended;
     let book = TaskStore::replay(keep, entries).map_err(|error| store::unreadable(&path, &error))?;
@@ -46,8 +49,8 @@ pub(super) fn run(ctx: &Context, args: &DispatchCompactArgs) -> Result<Exit> {
         tasks: book.tasks().count(),
         open: book.open_count(),
     };
-    let v = xtb_dispatch::task_store::record::VERSION;
     let record = Record::Snapshot(Box::new(book));
+    let v = record.version();
     ledger.compact(&Entry { v, n, at_ms: store::wall_ms(), record })?;
     ctx.out.result(&compacted, |Compacted { ledger, records, tasks, open }| {
         format!("{ledger}: {records} records compacted to one, with {tasks} tasks, {open} of them open")

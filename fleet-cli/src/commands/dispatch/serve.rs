@@ -1,6 +1,7 @@
 //! `dispatch serve`: takes tasks and gives them to robots, until Ctrl-C.
 
 use crate::commands::dispatch::LedgerArgs;
+use crate::commands::dispatcher;
 use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
 use crate::exit::Exit;
@@ -9,19 +10,23 @@ use crate::map_file;
 use crate::text::task as task_text;
 use clap::Args;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::pin::pin;
 use xtb_client::client::Client;
-use xtb_client::{Error, Result};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::Suspension;
+use xtb_services::dispatch::standby::{self, Change};
 use xtb_services::dispatch::store::{self, Store};
 use xtb_services::dispatch::{Counters, DispatchService};
 use xtb_services::map_server::MapService;
 
 const SERVE_HELP: &str = "\
 The dispatcher assigns one task at a time to each robot. It stores each task before it acknowledges it, and \
-continues after a crash or kill -9. It includes traffic control, unless that runs already.";
+continues after a crash or kill -9. It includes traffic control, unless that runs already.
+
+With --standby it follows the fleet's dispatcher, keeps a copy of its ledger, and takes over when it is dead. \
+Use a ledger of its own, on another computer.";
 
 /// Arguments of `dispatch serve`.
 #[derive(Debug, Clone, Args)]
@@ -33,6 +38,12 @@ pub struct DispatchServeArgs {
     /// Start a new ledger; an existing one is kept as NAME.before-TIME.ledger.
     #[arg(long)]
     pub fresh: bool,
+    /// Follow the fleet's dispatcher with a copy of its ledger, and take over when it is dead.
+    #[arg(long, conflicts_with = "fresh")]
+    pub standby: bool,
+    /// Continue with this ledger although another one may have newer records: the other one is lost.
+    #[arg(long, conflicts_with_all = ["fresh", "standby"])]
+    pub promote: bool,
     /// Map (map_server YAML) or world (TOML), also served to the fleet [default: the fleet's map, if any].
     #[arg(long, value_name = "FILE")]
     pub map: Option<PathBuf>,
@@ -58,6 +69,22 @@ struct Ready<'a> {
     suspended: Vec<Suspension>,
 }
 
+/// The line before that of a stand-by.
+#[derive(Debug, Serialize)]
+struct StandingBy<'a> {
+    ready: bool,
+    standby: bool,
+    fleet: &'a Name,
+    ledger: String,
+}
+
+/// What has changed for a stand-by.
+#[derive(Debug, Serialize)]
+struct StandbyNews {
+    standby: &'static str,
+    text: String,
+}
+
 /// What it did, said at the end.
 #[derive(Debug, Serialize)]
 struct Ended {
@@ -69,7 +96,7 @@ struct Ended {
 ///
 /// # Errors
 /// A ledger that cannot be opened, no router, or a second dispatcher; later, a ledger that cannot be gone on
-/// with.
+/// with, or a stand-by that has taken over.
 pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit> {
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
     let own = args.map.as_deref().map(|file| map_file::read(file, args.fine.resolution_m)).transpose()?;
@@ -78,10 +105,20 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
         true => Store::fresh(&path, &ctx.settings.fleet)?,
         false => Store::open(&path, &ctx.settings.fleet)?,
     };
+    if !args.standby && !args.promote {
+        store.no_copy()?;
+    }
     let (created, set_aside) = (store.created, store.set_aside.clone());
     let mut stop = pin!(interrupted());
+    let client = tokio::select! {
+        opened = Client::open(&ctx.settings) => opened?,
+        () = &mut stop => return Ok(Exit::Interrupted),
+    };
+    let Some(store) = to_be_served(ctx, args, &client, store, &mut stop).await? else {
+        client.close().await;
+        return Ok(Exit::Done);
+    };
     let starting = async {
-        let client = Client::open(&ctx.settings).await?;
         let maps = match &own {
             Some(map) => {
                 Some(MapService::start(client.bus(), client.keys(), map, ctx.settings.timeout).await?)
@@ -89,9 +126,9 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
             None => None,
         };
         let service = DispatchService::start(&client, store, own, ctx.settings.timeout).await?;
-        Ok::<_, Error>((client, maps, service))
+        Ok::<_, Error>((maps, service))
     };
-    let (client, maps, mut service) = tokio::select! {
+    let (maps, mut service) = tokio::select! {
         started = starting => started?,
         () = &mut stop => return Ok(Exit::Interrupted),
     };
@@ -135,4 +172,46 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
         )
     })?;
     Ok(Exit::Done)
+}
+
+/// The ledger of an active dispatcher: of a stand-by as soon as it takes over; `None` = it was stopped before.
+async fn to_be_served(
+    ctx: &Context,
+    args: &DispatchServeArgs,
+    client: &Client,
+    mut store: Store,
+    stop: impl Future<Output = ()>,
+) -> Result<Option<Store>> {
+    if args.standby {
+        ready_to_stand_by(ctx, store.ledger.path())?;
+        let say = |change: &Change| say(ctx, change);
+        return standby::stand_by(client, store, stop, say).await;
+    }
+    if args.promote {
+        if dispatcher(client).is_there().await {
+            return Err(Error::new(ErrorKind::Failed, "this fleet already has a dispatcher")
+                .hint("stop it first, or let this one follow it with --standby; nothing was changed"));
+        }
+        let term = store.promote()?;
+        ctx.out.note(&format!("the ledger continues in term {term}"));
+    }
+    Ok(Some(store))
+}
+
+/// What changes for a stand-by: a line of JSON for programs, a note for people.
+fn say(ctx: &Context, change: &Change) {
+    let (standby, text) = (change.name(), change.text());
+    if !ctx.out.json {
+        return ctx.out.note(&text);
+    }
+    // It goes on if nobody reads it.
+    let _ = ctx.out.result(&StandbyNews { standby, text }, |news| news.text.clone());
+}
+
+fn ready_to_stand_by(ctx: &Context, path: &Path) -> Result<()> {
+    let ledger = path.display().to_string();
+    let ready = StandingBy { ready: true, standby: true, fleet: &ctx.settings.fleet, ledger };
+    ctx.out.result(&ready, |StandingBy { fleet, ledger, .. }| {
+        format!("stand-by of fleet {fleet}, copy of the ledger in {ledger}; stop with Ctrl-C")
+    })
 }

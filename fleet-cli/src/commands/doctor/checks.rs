@@ -1,5 +1,6 @@
 //! The checks. Pure: facts in, findings out.
 
+mod loops;
 mod services;
 mod simulator;
 
@@ -13,7 +14,7 @@ use xtb_client::Error;
 use xtb_client::text::robot as describe;
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{About, BatteryLevel, Fault, RobotState, RosterEntry, SimStats};
+use xtb_protocol::messages::{About, BatteryLevel, Fault, REALTIME, RobotState, RosterEntry, SimStats};
 
 /// Of the robot's clock against ours.
 const CLOCK_TOLERANCE: f64 = 0.05;
@@ -21,8 +22,6 @@ const CLOCK_TOLERANCE: f64 = 0.05;
 const POSE_TOLERANCE_M: f64 = 0.01;
 /// The same, for yaw.
 const YAW_TOLERANCE_RAD: f64 = 0.01;
-/// A turn of a robot's control loop that is later has lost a turn.
-const LATE_US: u64 = 5000;
 /// Parameters that are named where vehicle configs differ.
 const DIFFERENCES_SHOWN: usize = 3;
 
@@ -84,7 +83,7 @@ pub(super) fn all(facts: &Facts) -> Vec<Finding> {
         ("versions", versions),
         ("starts", starts),
         ("clocks", clocks),
-        ("loops", loops),
+        ("loops", loops::check),
         ("vehicle", vehicles),
         ("latches", latches),
         ("faults", faults),
@@ -275,21 +274,6 @@ fn clocks(facts: &Facts) -> Vec<Finding> {
     findings
 }
 
-fn loops(facts: &Facts) -> Vec<Finding> {
-    let late = facts.states.iter().filter(|(_, state)| state.turn_late_us > LATE_US);
-    let findings: Vec<_> = late
-        .map(|(name, state)| {
-            let text = format!("control loop {} ms late", state.turn_late_us / 1000);
-            let todo = "its computer is overloaded: end other programs on it";
-            simulator::late(facts, name, Finding::warning("loops", text, todo)).of(name)
-        })
-        .collect();
-    if findings.is_empty() && !facts.states.is_empty() {
-        return vec![Finding::ok("loops", "all control loops on time")];
-    }
-    findings
-}
-
 fn vehicles(facts: &Facts) -> Vec<Finding> {
     let mut groups = BTreeMap::<&str, Vec<&About>>::new();
     for about in facts.abouts.values().flatten() {
@@ -322,7 +306,8 @@ fn vehicles(facts: &Facts) -> Vec<Finding> {
 
 fn differences(about: &About, normal: &About) -> String {
     let of = |about: &About| -> BTreeMap<String, String> {
-        about.vehicle.iter().map(|parameter| (parameter.name.clone(), parameter.value.clone())).collect()
+        let vehicles = about.vehicle.iter().filter(|parameter| parameter.name != REALTIME);
+        vehicles.map(|parameter| (parameter.name.clone(), parameter.value.clone())).collect()
     };
     let (ours, theirs) = (of(about), of(normal));
     let names: BTreeSet<_> = ours.keys().chain(theirs.keys()).collect();

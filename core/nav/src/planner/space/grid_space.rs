@@ -1,10 +1,10 @@
 //! A car on an occupancy grid.
 //!
 //! The body keeps off everything; the look-out strip keeps off what the distance sensors would see,
-//! so not off zones. Both are rectangles: accepted or refused by the distance field where circles
-//! decide, and cell by cell where they do not.
+//! so not off zones.
 
-use super::sweep::{Frame, FreeSpace, Plate, touch};
+use super::layer::{FREE, Layer};
+use super::sweep::{Frame, Plate, ROUNDING_M, clear, touch};
 use super::{Bounds, Hit, OneWay, Space, What};
 use crate::MapPose;
 use crate::geometry::rect::INFRARED_STOPS_M;
@@ -71,12 +71,15 @@ pub enum LayersError {
     Unnamed(u16),
 }
 
-/// What a cell is to a car. Numbers above are zones.
-const FREE: u16 = 0;
+/// What a cell is to a car, if it is not [`FREE`]. Numbers above are zones.
 const WALL: u16 = 1;
 const UNKNOWN: u16 = 2;
 const LOCAL: u16 = 3;
 const FIRST_ZONE: u16 = 4;
+
+/// Way after which the room around the reference point is looked at again, in m, where there is little; chosen,
+/// not measured.
+const ROOM_STEP_M: f64 = 0.1;
 
 /// A car on a grid.
 #[derive(Debug, Clone)]
@@ -140,14 +143,34 @@ impl GridSpace {
     }
 
     /// Where the piece stops being free: the rectangle, the layer it touches something of, and the way.
-    fn touch(&self, from: &MapPose, piece: &Piece) -> Option<(Plate, &Layer, f64)> {
-        let frame = Frame::of(from);
-        let body = touch(&self.all, &self.body, &frame, piece).map(|way| (self.body, &self.all, way));
+    fn touch(&self, frame: &Frame, piece: &Piece) -> Option<(Plate, &Layer, f64)> {
+        let body = touch(&self.all, &self.body, frame, piece).map(|way| (self.body, &self.all, way));
         body.or_else(|| {
-            let strip = self.strips.as_ref()?[usize::from(piece.gear() < 0.0)];
-            let seen = self.seen.as_ref().unwrap_or(&self.all);
-            touch(seen, &strip, &frame, piece).map(|way| (strip, seen, way))
+            let (strip, seen) = self.strip(piece)?;
+            touch(seen, &strip, frame, piece).map(|way| (strip, seen, way))
         })
+    }
+
+    /// The look-out strip in the gear of a piece, and what it keeps off.
+    fn strip(&self, piece: &Piece) -> Option<(Plate, &Layer)> {
+        let strip = self.strips.as_ref()?[usize::from(piece.gear() < 0.0)];
+        Some((strip, self.seen.as_ref().unwrap_or(&self.all)))
+    }
+
+    /// Whether there may be room around the reference point on all of a piece: by the distance field alone,
+    /// here and there, which refuses most curves across a room.
+    fn middle_has_room(&self, from: &Frame, piece: &Piece) -> bool {
+        let (core_m, gear) = (self.car.core_m() - ROUNDING_M, piece.gear());
+        let mut way_m = 0.0;
+        while way_m < piece.length_m.abs() {
+            let at = from.after(gear * way_m, piece.curvature_per_m);
+            let (least_m, most_m) = self.all.clearance.bounds_m(at.x_m, at.y_m);
+            if most_m < core_m {
+                return false;
+            }
+            way_m += (least_m - core_m).max(ROOM_STEP_M);
+        }
+        true
     }
 
     /// Where the reference point would go against a one-way zone.
@@ -192,12 +215,30 @@ impl Space for GridSpace {
     }
 
     fn drives(&self, from: &MapPose, piece: &Piece) -> bool {
-        self.touch(from, piece).is_none() && self.against(from, piece).is_none()
+        let (sin, cos) = libm::sincos(from.yaw_rad);
+        self.drives_towards(from, (sin, cos), piece)
+    }
+
+    fn drives_towards(&self, from: &MapPose, (sin, cos): (f64, f64), piece: &Piece) -> bool {
+        let frame = Frame { x_m: from.x_m, y_m: from.y_m, sin, cos };
+        clear(&self.all, &self.body, &frame, piece)
+            && self.strip(piece).is_none_or(|(strip, seen)| clear(seen, &strip, &frame, piece))
+            && self.against(from, piece).is_none()
+    }
+
+    fn may_drive_all(&self, from: &MapPose, pieces: &[Piece]) -> bool {
+        let mut at = Frame::of(from);
+        pieces.iter().all(|piece| {
+            let has_room = self.middle_has_room(&at, piece);
+            at = at.after(piece.length_m, piece.curvature_per_m);
+            has_room
+        })
     }
 
     fn driving(&self, from: &MapPose, piece: &Piece) -> Option<Hit> {
-        if let Some((plate, layer, way_m)) = self.touch(from, piece) {
-            let at = Frame::of(from).after(way_m, piece.curvature_per_m);
+        let frame = Frame::of(from);
+        if let Some((plate, layer, way_m)) = self.touch(&frame, piece) {
+            let at = frame.after(way_m, piece.curvature_per_m);
             let margin_m = super::sweep::FINEST_M;
             return self
                 .hit(layer, &at, &plate)
@@ -238,146 +279,6 @@ fn things(layers: &Layers<'_>) -> Vec<u16> {
         }
     }
     cells
-}
-
-/// Cells and how far each point is from those that are not free.
-#[derive(Debug, Clone)]
-struct Layer {
-    resolution_m: f64,
-    origin_m: [f64; 2],
-    width: usize,
-    height: usize,
-    cells: Vec<u16>,
-    clearance: Clearance,
-}
-
-impl Layer {
-    fn new(grid: &Grid, cells: Vec<u16>) -> Self {
-        Self {
-            resolution_m: grid.resolution_m(),
-            origin_m: grid.origin_m(),
-            width: grid.width(),
-            height: grid.height(),
-            clearance: Clearance::around(grid, |index| cells[index] != FREE),
-            cells,
-        }
-    }
-
-    fn place(&self, x_m: f64, y_m: f64) -> (i64, i64) {
-        let along = |v: f64, origin: f64| libm::floor((v - origin) / self.resolution_m) as i64;
-        (along(x_m, self.origin_m[0]), along(y_m, self.origin_m[1]))
-    }
-
-    fn index(&self, (column, row): (i64, i64)) -> Option<usize> {
-        let (column, row) = (usize::try_from(column).ok()?, usize::try_from(row).ok()?);
-        (column < self.width && row < self.height).then(|| row * self.width + column)
-    }
-
-    /// A cell that is not free, or lies outside, and that the rectangle touches. Exact: row by row,
-    /// the part of a convex shape that lies within the row covers all columns from its least to its
-    /// greatest x there.
-    fn touched(&self, at: &Frame, plate: &Plate) -> Option<(i64, i64)> {
-        let corners =
-            [(plate.front_m, 1.0), (-plate.rear_m, 1.0), (-plate.rear_m, -1.0), (plate.front_m, -1.0)]
-                .map(|(ahead, left)| at.point_m(ahead, left * plate.half_width_m))
-                .map(|[x, y]| {
-                    [(x - self.origin_m[0]) / self.resolution_m, (y - self.origin_m[1]) / self.resolution_m]
-                });
-        let edges = [0, 1, 2, 3].map(|i| Edge::between(corners[i], corners[(i + 1) % 4]));
-        let span = |axis: usize| {
-            corners
-                .iter()
-                .map(|p| p[axis])
-                .fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)))
-        };
-        let ((west, east), (south, north)) = (span(0), span(1));
-        if !(west >= 0.0 && south >= 0.0 && east <= self.width as f64 && north <= self.height as f64) {
-            return Some(self.place(at.x_m, at.y_m)).filter(|&place| self.index(place).is_none()).or_else(
-                || {
-                    let column = if west < 0.0 {
-                        -1
-                    } else if east > self.width as f64 {
-                        self.width as i64
-                    } else {
-                        west as i64
-                    };
-                    let row = if south < 0.0 {
-                        -1
-                    } else if north > self.height as f64 {
-                        self.height as i64
-                    } else {
-                        south as i64
-                    };
-                    Some((column, row))
-                },
-            );
-        }
-        let last = (north as usize).min(self.height - 1);
-        (south as usize..=last).find_map(|row| {
-            let (low, high) = (row as f64, (row + 1) as f64);
-            let (left, right) = edges.iter().fold((f64::MAX, f64::MIN), |(left, right), edge| {
-                edge.within(low, high).map_or((left, right), |(a, b)| (left.min(a), right.max(b)))
-            });
-            if left > right {
-                return None;
-            }
-            let (first, last) = (left.max(0.0) as usize, (right.max(0.0) as usize).min(self.width - 1));
-            let cells = self.cells.get(row * self.width + first..=row * self.width + last)?;
-            cells.iter().position(|&cell| cell != FREE).map(|at| ((first + at) as i64, row as i64))
-        })
-    }
-}
-
-/// A side of a rectangle in cells, from south to north.
-struct Edge {
-    low: [f64; 2],
-    high: [f64; 2],
-    slope: f64,
-}
-
-impl Edge {
-    fn between(a: [f64; 2], b: [f64; 2]) -> Self {
-        let (low, high) = if a[1] <= b[1] { (a, b) } else { (b, a) };
-        Self { low, high, slope: (high[0] - low[0]) / (high[1] - low[1]) }
-    }
-
-    /// Least and greatest x between two rows.
-    fn within(&self, south: f64, north: f64) -> Option<(f64, f64)> {
-        if self.high[1] < south || self.low[1] > north {
-            return None;
-        }
-        let x = |y: f64| self.low[0] + (y - self.low[1]) * self.slope;
-        let a = if self.low[1] >= south { self.low[0] } else { x(south) };
-        let b = if self.high[1] <= north { self.high[0] } else { x(north) };
-        Some((a.min(b), a.max(b)))
-    }
-}
-
-impl FreeSpace for Layer {
-    /// Circles around the rectangle, or around its halves, prove it free; the one within proves it
-    /// is not; what they leave open is looked at cell by cell.
-    fn free(&self, at: &Frame, plate: &Plate) -> bool {
-        let middle_m = 0.5 * (plate.front_m - plate.rear_m);
-        let (half_m, half_width_m) = (0.5 * (plate.front_m + plate.rear_m), plate.half_width_m);
-        let least = |ahead_m: f64| {
-            let [x_m, y_m] = at.point_m(middle_m + ahead_m, 0.0);
-            self.clearance.at_least_m(x_m, y_m)
-        };
-        let middle = least(0.0);
-        if middle * middle > half_m * half_m + half_width_m * half_width_m {
-            return true;
-        }
-        let reach = 0.25 * half_m * half_m + half_width_m * half_width_m;
-        let (front, rear) = (least(0.5 * half_m), least(-0.5 * half_m));
-        if front * front > reach && rear * rear > reach {
-            return true;
-        }
-        let [x_m, y_m] = at.point_m(middle_m, 0.0);
-        if self.clearance.at_most_m(x_m, y_m) < half_m.min(half_width_m) {
-            return false;
-        }
-        self.touched(at, plate).is_none()
-    }
 }
 
 #[cfg(test)]

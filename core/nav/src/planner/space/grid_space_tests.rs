@@ -211,3 +211,43 @@ fn things_are_named_by_what_they_are() {
     let hit = space.standing(&MapPose { x_m: 1.0, y_m: 1.0, yaw_rad: 0.0 }).unwrap();
     assert_eq!(hit.to_string(), "an unmapped obstacle at (1.03, 1.03)");
 }
+
+#[test]
+fn a_quick_look_refuses_only_what_cannot_be_driven() {
+    let mut random = Random(Pcg32::new(9, 9));
+    let (mut refused, mut kept, mut free) = (0, 0, 0);
+    for _ in 0..60 {
+        let space = on(&scattered(60, 12, &mut random));
+        for _ in 0..40 {
+            let from = random.pose(3.0);
+            let curvatures = [0.0, 1.0 / 0.393, -1.0 / 0.393];
+            let mut piece = |curvature_per_m| Piece { length_m: random.uniform(-1.0, 1.0), curvature_per_m };
+            let pieces = curvatures.map(&mut piece);
+            match (space.may_drive_all(&from, &pieces), space.drives_all(&from, &pieces)) {
+                (false, drives) => {
+                    refused += 1;
+                    assert!(!drives, "{from:?} {pieces:?}");
+                }
+                (true, drives) => *(if drives { &mut free } else { &mut kept }) += 1,
+            }
+        }
+    }
+    assert!(refused > 4 * kept && free > 20, "{refused} refused, {kept} found out later, {free} free");
+}
+
+#[test]
+fn rounding_beside_a_wall_does_not_part_what_is_driven_from_what_is_named() {
+    let mut random = Random(Pcg32::new(10, 10));
+    let space = on(&scattered(80, 12, &mut random));
+    let mut free = 0;
+    for _ in 0..4000 {
+        let mut on_cells = |most: f64| 0.05 * libm::floor(random.uniform(0.0, most));
+        let from =
+            MapPose { x_m: on_cells(80.0), y_m: on_cells(80.0), yaw_rad: on_cells(4.0) * 20.0 * FRAC_PI_2 };
+        let piece = Piece { length_m: on_cells(20.0) - 0.5, curvature_per_m: 0.0 };
+        let drives = space.drives(&from, &piece);
+        assert_eq!(space.driving(&from, &piece).is_none(), drives, "{from:?} {piece:?}");
+        free += usize::from(drives);
+    }
+    assert!((100..3900).contains(&free), "{free} free");
+}

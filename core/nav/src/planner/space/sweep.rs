@@ -25,6 +25,9 @@ pub(super) const FINEST_M: f64 = 0.002;
 /// Way that is looked at in one go at most, in m; chosen, not measured.
 const LONGEST_M: f64 = 0.2;
 
+/// What touches by less than this may be rounding, in m.
+pub(super) const ROUNDING_M: f64 = 1e-9;
+
 /// A rectangle in the car's frame, from −`rear_m` to `front_m`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Plate {
@@ -45,6 +48,15 @@ impl Plate {
             front_m: self.front_m + ahead,
             rear_m: self.rear_m + ahead,
             half_width_m: self.half_width_m + left,
+        }
+    }
+
+    /// What touches this touches the plate, and not by rounding.
+    fn shrunk(&self) -> Self {
+        Self {
+            front_m: self.front_m - ROUNDING_M,
+            rear_m: self.rear_m - ROUNDING_M,
+            half_width_m: self.half_width_m - ROUNDING_M,
         }
     }
 }
@@ -115,6 +127,43 @@ fn touch_within(
     let quarter_m = 0.5 * half_m;
     touch_within(floor, plate, from, curvature_per_m, middle_m - quarter_m, quarter_m)
         .or_else(|| touch_within(floor, plate, from, curvature_per_m, middle_m + quarter_m, quarter_m))
+}
+
+/// Whether [`touch`] finds nothing: sooner known than where something is, since what a car drives into it mostly
+/// still touches at the end.
+pub(super) fn clear(floor: &impl FreeSpace, plate: &Plate, from: &Frame, piece: &Piece) -> bool {
+    let parts = libm::ceil(piece.length_m.abs() / LONGEST_M).max(1.0);
+    let (half_m, curvature_per_m) = (0.5 * piece.length_m / parts, piece.curvature_per_m);
+    (0..parts as usize).all(|part| {
+        let middle_m = half_m * (2 * part + 1) as f64;
+        let at = from.after(middle_m, curvature_per_m);
+        if floor.free(&at, &plate.grown(half_m.abs(), curvature_per_m)) {
+            return true;
+        }
+        let end = from.after(middle_m + half_m, curvature_per_m);
+        floor.free(&end, &plate.shrunk())
+            && clear_halves(floor, plate, from, curvature_per_m, (middle_m, half_m))
+    })
+}
+
+/// The same on a stretch around `middle_m`, `half_m` to either side, by its halves.
+fn clear_halves(
+    floor: &impl FreeSpace,
+    plate: &Plate,
+    from: &Frame,
+    curvature_per_m: f64,
+    (middle_m, half_m): (f64, f64),
+) -> bool {
+    let quarter_m = 0.5 * half_m;
+    let may_halve = half_m.abs() > 0.5 * FINEST_M;
+    let grown = plate.grown(quarter_m.abs(), curvature_per_m);
+    may_halve
+        && [middle_m + quarter_m, middle_m - quarter_m].into_iter().all(|middle_m| {
+            let at = from.after(middle_m, curvature_per_m);
+            floor.free(&at, &grown)
+                || floor.free(&at, plate)
+                    && clear_halves(floor, plate, from, curvature_per_m, (middle_m, quarter_m))
+        })
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ fn entry(robot: &str) -> RosterEntry {
 }
 
 /// A fleet of two with nothing wrong.
-fn healthy() -> Facts {
+pub(super) fn healthy() -> Facts {
     let robots = ["xtb-1", "xtb-2"];
     let each = || robots.iter().map(|robot| (name(robot), *robot));
     Facts {
@@ -149,14 +149,6 @@ fn a_clock_that_is_off_is_a_problem_except_a_simulators() {
     facts.abouts.get_mut(&name("xtb-1")).unwrap()[0].hardware = "simulated".into();
     assert_eq!(wrong(&facts), []);
     assert!(all(&facts).iter().any(|finding| finding.text.contains("8.0 × this computer's: a simulator's")));
-}
-
-#[test]
-fn a_control_loop_that_was_late_is_worth_a_look() {
-    let mut facts = healthy();
-    facts.states.get_mut(&name("xtb-1")).unwrap().turn_late_us = 12_000;
-    let found = the_only(&facts);
-    assert_eq!((found.level, found.text.as_str()), (Level::Warning, "control loop 12 ms late"));
 }
 
 #[test]
