@@ -23,7 +23,7 @@ const SIDE_M: f64 = 60.0;
 /// One robot alone drives for so long, in min: what all others are compared with.
 const ALONE_MIN: f64 = 120.0;
 const HEADER: &str = "robots,minutes,seed,goals_per_robot_hour,alone_per_robot_hour,rounds,round_ms_p50,round_ms_p99,\
-                      round_ms_max,round_nodes_p50,round_nodes_p99,round_nodes_max,tick_ms_p50,tick_ms_p99,\
+                      round_ms_max,round_nodes_p50,round_nodes_p99,round_nodes_max,turn_ms_p50,turn_ms_p99,\
                       longest_still_s,contacts,failed,outdated,cyclic,deadlocks,wall_s";
 
 fn clock_ms() -> f64 {
@@ -54,6 +54,7 @@ fn run(robots: &str, minutes: &str, seed: &str, file: Option<&str>) -> Result<()
         hall.run(minutes);
         let line = told(&hall, robots, minutes, seed, alone, (clock_ms() - before_ms) / 1000.0);
         println!("{line}");
+        hall.longest_story.iter().for_each(|line| println!("# {line}"));
         for (reason, count) in &hall.failed {
             println!("# {count} goals failed: {reason}");
         }
@@ -88,8 +89,8 @@ fn told(hall: &Hall, robots: usize, minutes: f64, seed: u64, alone: f64, wall_s:
         part(&nodes, 0.5),
         part(&nodes, 0.99),
         part(&nodes, 1.0),
-        part(&world.ticks_ms, 0.5),
-        part(&world.ticks_ms, 0.99),
+        part(&world.turns_ms, 0.5),
+        part(&world.turns_ms, 0.99),
         hall.longest_still_s,
         world.contacts,
         hall.failed.values().sum::<u32>(),
@@ -124,9 +125,12 @@ fn plot(csv: &str, svg: &str) -> Result<(), Box<dyn Error>> {
         ("one robot alone", "alone_per_robot_hour", BLACK),
     ];
     let rounds = [("median", "round_ms_p50", BLUE), ("99 %", "round_ms_p99", RED)];
-    for (side, caption, series) in
-        [(&sides[0], "Goals per robot-hour", goals), (&sides[1], "Time of a joint plan, ms", rounds)]
-    {
+    // Where the curves are not: goals fall, times rise.
+    let (low, high) = (SeriesLabelPosition::LowerLeft, SeriesLabelPosition::UpperLeft);
+    for (side, caption, series, at) in [
+        (&sides[0], "Goals per robot-hour", goals, low),
+        (&sides[1], "Time of a joint plan, ms", rounds, high),
+    ] {
         let lines: Vec<Line> = series
             .into_iter()
             .map(|(label, name, colour)| Ok((label, column(name)?, colour)))
@@ -150,7 +154,7 @@ fn plot(csv: &str, svg: &str) -> Result<(), Box<dyn Error>> {
             );
             chart.draw_series(marks)?;
         }
-        chart.configure_series_labels().background_style(WHITE).border_style(BLACK).draw()?;
+        chart.configure_series_labels().position(at).background_style(WHITE).border_style(BLACK).draw()?;
     }
     root.present()?;
     Ok(())

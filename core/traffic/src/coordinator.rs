@@ -23,20 +23,25 @@ mod attempt;
 mod blocker_search;
 mod crowd;
 mod discretized_path;
+mod each;
 mod field;
 mod group;
+mod guides;
 mod in_turn;
 mod job;
 mod joint;
 mod lane;
 mod messages;
 mod nearby;
+mod obstacles;
 mod occupancy;
 mod order;
 mod outstanding;
 mod plans;
+mod refused;
 mod regions;
 mod release;
+mod results;
 mod room;
 mod search;
 mod separation;
@@ -48,7 +53,7 @@ mod view;
 
 pub use field::Field;
 pub use job::{JointJob, JointResult};
-pub use messages::others_near;
+pub use messages::Neighbours;
 pub use plans::MOST_JOBS;
 pub use room::{GridRoom, Room};
 pub use view::{Counters, Guide, PlannedGoal, RobotView, RouteReport};
@@ -56,9 +61,11 @@ pub use view::{Counters, Guide, PlannedGoal, RobotView, RouteReport};
 use discretized_path::{DiscretizedPath, STEP_M};
 use job::Block;
 use joint::MOST_TICKS;
+use obstacles::Obstacles;
 use order::{Order, Runner, run_ahead};
 use outstanding::Outstanding;
-use release::{Heads, Obstacle};
+use refused::Refused;
+use release::Heads;
 use standstill::Standstill;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -67,7 +74,7 @@ use unknown::Unknown;
 use xtb_control::Stamp;
 use xtb_nav::navigator::LONGEST_PATH_M;
 
-/// Most trucks that are looked at; more are ignored and counted. A truck takes about 0.15 MB with a way of 50 m and
+/// Most trucks that are looked at; more are refused ([`Coordinator::refused`]) and counted. A truck takes about 0.15 MB with a way of 50 m and
 /// 1.5 MB with the longest, 500 m; the passing order of 500 in one hall a few MB more.
 pub const MOST_TRUCKS: usize = 512;
 /// A truck that was not heard of for so long makes room for one that speaks, if there are [`MOST_TRUCKS`] and it
@@ -97,6 +104,7 @@ pub struct Coordinator {
     trucks: Vec<Truck>,
     ids_by_name: BTreeMap<String, u32>,
     unknown: Unknown,
+    refused: Refused,
     order: Order,
     ids: u32,
     plan: u64,
@@ -119,6 +127,7 @@ impl Coordinator {
             trucks: Vec::new(),
             ids_by_name: BTreeMap::new(),
             unknown: Unknown::default(),
+            refused: Refused::default(),
             order: Order::new(),
             ids: 0,
             plan: 0,
@@ -158,6 +167,7 @@ impl Coordinator {
 
     /// A robot that is not there any more: nobody drives around it from now on.
     pub fn forget(&mut self, name: &str) {
+        self.refused.remove(name);
         if let Some(id) = self.ids_by_name.remove(name) {
             self.trucks.retain(|truck| truck.id != id);
         }
@@ -172,10 +182,12 @@ impl Coordinator {
             Some(index) => index,
             None if self.trucks.len() == MOST_TRUCKS && !self.make_room(now, seen) => {
                 self.counters.ignored += 1;
+                self.refused.add(seen, &view);
                 return;
             }
             None => {
                 self.ids += 1;
+                self.refused.remove(&view.name);
                 self.ids_by_name.insert(view.name.clone(), self.ids);
                 self.trucks.push(Truck::new(self.ids, seen, view.clone()));
                 self.stir(now);
@@ -256,6 +268,7 @@ impl Coordinator {
         }
         self.counters.stalls += stalls;
         self.unknown.fade(now);
+        self.refused.fade(now);
         if changed {
             self.stir(now);
         }
@@ -272,14 +285,15 @@ impl Coordinator {
     /// Lets everybody go on for whom no other way is being looked for.
     fn release(&mut self, now: Stamp) {
         let waits: BTreeSet<u32> = self.out.iter().flat_map(Outstanding::frozen).collect();
+        let reach_m = self.trucks.iter().map(|truck| truck.car().reach_m()).fold(0.0, f64::max);
         let blocks = self.blocks();
-        self.turn_away(now, &Obstacle::all(&blocks), &waits);
+        self.turn_away(now, &Obstacles::of(&blocks, reach_m), &waits);
         // Who has just given up its way is in the way from now on.
         let blocks = self.blocks();
-        let obstacles = Obstacle::all(&blocks);
+        let obstacles = Obstacles::of(&blocks, reach_m);
         for index in 0..self.trucks.len() {
             if !waits.contains(&self.trucks[index].id)
-                && release::grow(&mut self.trucks, index, &self.order, &obstacles)
+                && release::grow(&mut self.trucks, index, &self.order, &obstacles.all)
             {
                 self.moved = now;
             }
@@ -300,7 +314,7 @@ impl Coordinator {
     }
 
     /// Who would run into something that stays there looks for another way.
-    fn turn_away(&mut self, now: Stamp, obstacles: &[Obstacle<'_>], waits: &BTreeSet<u32>) {
+    fn turn_away(&mut self, now: Stamp, obstacles: &Obstacles<'_>, waits: &BTreeSet<u32>) {
         let settled: BTreeSet<u32> = self
             .trucks
             .iter()
@@ -309,10 +323,7 @@ impl Coordinator {
             .chain(self.unknown.ids())
             .collect();
         for truck in self.trucks.iter_mut().filter(|truck| !waits.contains(&truck.id)) {
-            let mut others = obstacles
-                .iter()
-                .filter(|there| there.block.id != truck.id && settled.contains(&there.block.id));
-            if others.any(|there| release::meets(truck, there)) {
+            if obstacles.meet(truck, &settled) {
                 truck.halt(now);
                 truck.retry_at = now;
             }
@@ -331,52 +342,6 @@ impl Coordinator {
             self.moved = now;
             self.trucks.iter_mut().filter(|truck| !truck.is_complete()).for_each(|truck| truck.halt(now));
             self.stir(now);
-        }
-    }
-
-    /// Who stands in the way for good behind this one: somebody, or something, that nobody leads.
-    fn for_good(&self, now: Stamp, name: &str) -> Option<String> {
-        let mut name = name;
-        for _ in &self.trucks {
-            let Some(truck) = self.trucks.iter().find(|truck| truck.view.name == name) else { break };
-            if !truck.can_be_led(now) {
-                break;
-            }
-            // That one goes somewhere: it is a matter of time.
-            name = truck.none.as_ref().filter(|_| !truck.is_live())?.by.as_deref()?;
-        }
-        let is_led = |truck: &Truck| truck.view.name == name && truck.can_be_led(now);
-        (!self.trucks.iter().any(is_led)).then(|| name.to_owned())
-    }
-
-    fn guide(&self, now: Stamp, index: usize, heads: &Heads) -> Guide {
-        let truck = &self.trucks[index];
-        let name =
-            |id: u32| self.trucks.iter().find(|other| other.id == id).map(|other| other.view.name.clone());
-        let waits = truck.waits_for.filter(|_| truck.is_live());
-        let blocked = truck.none.as_ref();
-        let waits_for =
-            waits.and_then(|(id, _)| name(id)).or_else(|| blocked.and_then(|none| none.by.clone()));
-        let gives_up = self.standstill.gives_up.is_some_and(|(id, _)| id == truck.id);
-        let reason = match &waits_for {
-            _ if truck.view.goal.is_none() => None,
-            _ if truck.view.car.is_none() => Some("its factsheet does not say what vehicle it is".to_owned()),
-            Some(name) if gives_up => Some(format!("blocked by {name}")),
-            Some(name) if waits.is_none_or(|(_, is_led)| !is_led) => {
-                self.for_good(now, name).map(|name| format!("blocked by {name}"))
-            }
-            Some(_) => None,
-            None => blocked.filter(|none| gives_up || none.for_good).map(|none| none.reason.clone()),
-        };
-        let route = truck.route.as_ref();
-        Guide {
-            goal: truck.goal().map(|(key, _)| key),
-            plan: route.map_or(0, |route| route.plan),
-            path: route.map(|route| route.way.path.clone()),
-            release_m: route.map_or(0.0, |route| route.release_m),
-            cruise_mps: heads.cruise_mps(&self.trucks, index),
-            waits_for,
-            reason,
         }
     }
 

@@ -1,12 +1,13 @@
-//! Traffic control of a fleet as a service: states in, routes out, joint plans on a thread beside.
+//! Traffic control of a fleet as a service: states in, routes out, joint plans on threads beside.
 //!
-//! What it decides is [`xtb_traffic::coordinator`]'s; here are its clock, its Zenoh and its thread.
+//! What it decides is [`xtb_traffic::coordinator`]'s; here are its clock, its Zenoh and its threads.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_bus::{Bus, Publisher, Token};
@@ -21,7 +22,7 @@ use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{MapHash, RobotState, Route, TrafficState};
 use xtb_protocol::{Name, Uuid};
 use xtb_traffic::coordinator::{
-    Coordinator, GridRoom, JointJob, JointResult, MOST_JOBS, RobotView, others_near,
+    Coordinator, GridRoom, Guide, JointJob, JointResult, MOST_JOBS, MOST_TRUCKS, Neighbours, RobotView,
 };
 
 /// Robots are guided this often.
@@ -70,6 +71,8 @@ impl TrafficService {
             bus,
             keys,
             routes: BTreeMap::new(),
+            threads: Arc::new(Semaphore::new(joint_plans())),
+            refused: BTreeSet::new(),
             publisher,
             told,
             stop: stop.clone(),
@@ -115,6 +118,10 @@ struct Work {
     bus: Bus,
     keys: FleetKeys,
     routes: BTreeMap<String, Publisher<Route>>,
+    /// For joint plans: each takes one.
+    threads: Arc<Semaphore>,
+    /// Those that are one too many.
+    refused: BTreeSet<String>,
     publisher: Publisher<TrafficState>,
     told: watch::Sender<TrafficState>,
     stop: Arc<AtomicBool>,
@@ -136,8 +143,10 @@ impl Work {
                 self.coordinator.robot(now(), view.clone());
             }
             self.guide(now(), &views).await;
-            while let Some(job) = self.coordinator.job(now()) {
-                self.plan(job, sender.clone());
+            while let Ok(permit) = self.threads.clone().try_acquire_owned()
+                && let Some(job) = self.coordinator.job(now())
+            {
+                self.plan(job, sender.clone(), permit);
             }
             if self.seq.is_multiple_of(TELL_EVERY) {
                 self.tell().await;
@@ -158,8 +167,12 @@ impl Work {
     /// Each robot is told how to go on.
     async fn guide(&mut self, now: Stamp, views: &[RobotView]) {
         self.seq += 1;
-        for (name, guide) in self.coordinator.tick(now) {
-            let route = guide.route(self.epoch, self.seq, others_near(views, &name));
+        let guides = self.coordinator.tick(now);
+        let refused = self.coordinator.refused();
+        self.warn_of(&refused);
+        let near = Neighbours::of(views);
+        for (name, guide) in guides.into_iter().chain(refused) {
+            let route = guide.route(self.epoch, self.seq, near.near(&name));
             let sent = match self.publisher_of(&name).await {
                 Ok(publisher) => publisher.put(&route).await.map_err(Error::from),
                 Err(failure) => Err(failure),
@@ -168,6 +181,17 @@ impl Work {
                 tracing::debug!("cannot send to {name}: {}", failure.message);
             }
         }
+    }
+
+    /// Says once of each robot that it is one too many.
+    fn warn_of(&mut self, refused: &BTreeMap<String, Guide>) {
+        for name in refused.keys().filter(|name| !self.refused.contains(*name)) {
+            tracing::warn!(
+                "{name} is not coordinated: there are {MOST_TRUCKS} robots already, {} more than that",
+                refused.len()
+            );
+        }
+        self.refused = refused.keys().cloned().collect();
     }
 
     async fn publisher_of(&mut self, name: &str) -> Result<&Publisher<Route>> {
@@ -180,11 +204,12 @@ impl Work {
         Ok(&self.routes[name])
     }
 
-    /// A joint plan, on a thread of its own; at most [`MOST_JOBS`] at a time.
-    fn plan(&self, job: JointJob, done: mpsc::Sender<JointResult>) {
+    /// A joint plan, on a thread of its own.
+    fn plan(&self, job: JointJob, done: mpsc::Sender<JointResult>, permit: OwnedSemaphorePermit) {
         let stop = self.stop.clone();
         tokio::task::spawn_blocking(move || {
             let result = job.solve(&mut || !stop.load(Ordering::Relaxed));
+            drop(permit);
             let _ = done.blocking_send(result);
         });
     }
@@ -196,6 +221,12 @@ impl Work {
         }
         self.told.send_replace(state);
     }
+}
+
+/// So many joint plans are made at a time: one core is left for all the rest.
+fn joint_plans() -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    cores.saturating_sub(1).clamp(1, MOST_JOBS)
 }
 
 fn millis(age: Duration) -> u64 {

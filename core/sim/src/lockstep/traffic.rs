@@ -3,12 +3,13 @@
 
 use super::window::Crew;
 use crate::rng::Rng;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use xtb_control::units::Stamp;
 use xtb_nav::Car;
 use xtb_nav::map::Map;
 use xtb_protocol::messages::{Rejected, RobotState};
-use xtb_traffic::coordinator::{Coordinator, GridRoom, JointResult, RobotView, others_near};
+use xtb_traffic::coordinator::{Coordinator, GridRoom, JointResult, Neighbours, RobotView};
 
 /// Reports come in and guides go out this often.
 const TICK_MS: u64 = 100;
@@ -26,7 +27,8 @@ pub struct Traffic {
     seq: u64,
     next: Stamp,
     due: Vec<(Stamp, JointResult)>,
-    views: Vec<RobotView>,
+    /// By name.
+    views: BTreeMap<String, RobotView>,
     noise: Rng,
     /// The part of all messages that gets lost.
     pub lost: f64,
@@ -43,7 +45,7 @@ impl Traffic {
             seq: 0,
             next: Stamp::ZERO,
             due: Vec::new(),
-            views: Vec::new(),
+            views: BTreeMap::new(),
             noise: Rng::new(seed ^ 0x7AFF_1C00, 0),
             lost: 0.0,
         };
@@ -92,21 +94,19 @@ impl Traffic {
             if !self.noise.chance(self.lost) {
                 let state: RobotState = robot.state(now, Rejected::default());
                 let view = RobotView::of(&state, Some(Car::of(robot.vehicle())), WAY_MS);
-                self.views.retain(|known| known.name != view.name);
-                self.views.push(view.clone());
+                self.views.insert(view.name.clone(), view.clone());
                 coordinator.robot(now, view);
             }
         }
         let guides = coordinator.tick(now);
         self.seq += 1;
+        let near = Neighbours::of(self.views.values());
         for robot in crews.iter_mut().filter(|crew| !crew.dead).map(|crew| &mut crew.robot) {
             let name = robot.agent().identity().robot.to_string();
             if let Some(guide) = guides.get(&name)
                 && !self.noise.chance(self.lost)
             {
-                robot
-                    .agent_mut()
-                    .route(now, &guide.route(self.epoch, self.seq, others_near(&self.views, &name)));
+                robot.agent_mut().route(now, &guide.route(self.epoch, self.seq, near.near(&name)));
             }
         }
         while let Some(job) = coordinator.job(now) {

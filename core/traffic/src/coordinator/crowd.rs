@@ -57,6 +57,13 @@ impl<'a> Crowd<'a> {
         if next == NEVER { NEVER } else { next - 1 }
     }
 
+    /// From which tick on nobody comes there any more, where there are many; 0 where there are few.
+    pub(super) fn free_from(&self, stand: &Stand) -> u32 {
+        let last = |other: &Other<'_>| other.line.last_hit(stand, other.separation_m);
+        let many = self.others.iter().filter(|_| self.nearby.is_some());
+        many.map(last).filter(|tick| *tick != NEVER).max().map_or(0, |tick| tick + 1)
+    }
+
     /// Whether nobody will ever stay there.
     pub(super) fn leaves_free(&self, stand: &Stand) -> bool {
         !self.others.iter().any(|other| other.line.hits(stand, NEVER - 1, other.separation_m))

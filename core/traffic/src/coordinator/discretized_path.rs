@@ -8,7 +8,9 @@ pub(super) const STEP_M: f64 = 0.05;
 
 /// Side of the cells by which two ways are known to be apart, in m: more than two XTBs and a look-out reach. Two
 /// trucks that reach farther are looked at place by place.
-const CELL_M: f64 = 2.0;
+pub(super) const CELL_M: f64 = 2.0;
+/// No cell is farther from the map's origin.
+const FARTHEST: i32 = 1 << 20;
 /// What two of them keep from each other at most, in m: thrice the largest separation, and a place.
 const KEEP_M: f64 = 0.3;
 
@@ -45,12 +47,29 @@ impl DiscretizedPath {
             });
             gears.push(gear);
         }
-        let place = |v: f64| libm::floor(v / CELL_M) as i32;
         let mut cells: Vec<(i32, i32)> =
-            stands.iter().map(|stand| (place(stand.body.x_m), place(stand.body.y_m))).collect();
+            stands.iter().map(|stand| cell_of(stand.body.x_m, stand.body.y_m)).collect();
         cells.sort_unstable();
         cells.dedup();
         Self { path, length_m, stands, gears, cells }
+    }
+
+    /// The cells through which it leads, sorted.
+    pub(super) fn cells(&self) -> &[(i32, i32)] {
+        &self.cells
+    }
+
+    /// Whether it comes so near to a place anywhere; a yes may be wrong.
+    pub(super) fn may_pass(&self, [x_m, y_m]: [f64; 2], near_m: f64) -> bool {
+        near_m > CELL_M || self.is_around(cell_of(x_m, y_m))
+    }
+
+    /// Whether it leads through this cell or one beside it.
+    fn is_around(&self, (x, y): (i32, i32)) -> bool {
+        (x - 1..=x + 1).any(|x| {
+            let from = self.cells.partition_point(|cell| *cell < (x, y - 1));
+            self.cells.get(from).is_some_and(|cell| *cell <= (x, y + 1))
+        })
     }
 
     /// Whether the two ways come near each other anywhere; a yes may be wrong.
@@ -59,13 +78,7 @@ impl DiscretizedPath {
         if reach_m(self) + reach_m(other) + LOOK_OUT_M + KEEP_M > CELL_M {
             return true;
         }
-        let near = |&(x, y): &(i32, i32)| {
-            (x - 1..=x + 1).any(|x| {
-                let from = other.cells.partition_point(|cell| *cell < (x, y - 1));
-                other.cells.get(from).is_some_and(|cell| *cell <= (x, y + 1))
-            })
-        };
-        self.cells.iter().any(near)
+        self.cells.iter().any(|cell| other.is_around(*cell))
     }
 
     /// Number of the last place.
@@ -90,6 +103,12 @@ impl DiscretizedPath {
     pub(super) fn up_to(&self, place: usize) -> Path {
         self.path.head(self.at_m(place))
     }
+}
+
+/// The cell in which a place is.
+pub(super) fn cell_of(x_m: f64, y_m: f64) -> (i32, i32) {
+    let along = |v: f64| (libm::floor(v / CELL_M) as i32).clamp(-FARTHEST, FARTHEST);
+    (along(x_m), along(y_m))
 }
 
 /// Goes along a path once, from its start on.

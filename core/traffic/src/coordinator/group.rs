@@ -179,7 +179,9 @@ mod tests {
             held: 0,
             wanting: true,
             fixed: false,
+            slow: false,
             waited_ms: 0,
+            misses: 0,
             target: Target { x_m: to[0], y_m: to[1], yaw_rad: Some(to[2]) },
         };
         JointJob {

@@ -26,8 +26,12 @@ pub(super) struct Member {
     pub(super) wanting: bool,
     /// It keeps its way, and goes on along it while the plan is made.
     pub(super) fixed: bool,
+    /// It has stood on its way for long: it gets another one if that leads it to its goal clearly sooner.
+    pub(super) slow: bool,
     /// For so long it has had a goal and has not been led to it, in ms.
     pub(super) waited_ms: u64,
+    /// So often in a row no way was found among many.
+    pub(super) misses: u32,
     pub(super) target: Target,
 }
 

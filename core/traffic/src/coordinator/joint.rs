@@ -5,18 +5,15 @@
 //! either, a few of them are planned at once, by conflict-based search; after that, whoever failed most
 //! often only makes way for the rest; if it cannot, it stands.
 
-use super::arrival_times::to_release;
 use super::attempt::Expected;
 use super::blocker_search::blocker;
 use super::discretized_path::DiscretizedPath;
 use super::field::Field;
 use super::job::{JointJob, JointResult, Member, NoWay, Plan};
-use super::occupancy::{Occupancy, TICK_WAY_M};
+use super::occupancy::Occupancy;
 use super::order::Order;
-use super::task::EXPANSIONS_EACH;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use xtb_nav::geometry::rect::LOOK_OUT_M;
 
 /// Orders that are tried with some of the trucks, at most; chosen, not measured.
 const TRIES: usize = 8;
@@ -25,12 +22,6 @@ const EXPANSIONS_BLOCKERS: u32 = 12_000;
 /// Who has waited for longer than this is served before ways for all are looked for, in ms; chosen, not
 /// measured.
 pub(super) const PATIENCE_MS: u64 = 30_000;
-/// Who would wait longer than this at its goal for others to pass is let there first, in ticks (10 s); chosen, not
-/// measured.
-const LATE_TICKS: usize = 40;
-/// Who found no way among many looks for one that begins so much later, in ticks (30 s, 90 s, 4 min); chosen, not
-/// measured.
-const WAITS: [u32; 3] = [120, 360, 960];
 /// Longest plan, in ticks (20 min), so that it ends; chosen, not measured.
 pub(super) const MOST_TICKS: usize = 4800;
 
@@ -65,6 +56,10 @@ pub(super) struct Solver<'a> {
     stuck: Option<usize>,
     /// For whom the others make way.
     pub(super) served: Option<usize>,
+    /// Where each looks for itself: at whose goals somebody stays, and who that is.
+    pub(super) behind: BTreeMap<usize, String>,
+    /// The same: for whom no nodes were left.
+    pub(super) untried: BTreeSet<usize>,
 }
 
 impl JointJob {
@@ -89,6 +84,8 @@ impl JointJob {
             evading: BTreeSet::new(),
             stuck: None,
             served: None,
+            behind: BTreeMap::new(),
+            untried: BTreeSet::new(),
         };
         let wanting: Vec<usize> = self.indices(|member| member.wanting).collect();
         if self.each_for_itself {
@@ -115,8 +112,8 @@ impl JointJob {
             !solver.evading.contains(&index)
                 && solution.as_ref().is_some_and(|found| found.ways.contains_key(&index))
         };
-        let without: Vec<usize> =
-            self.indices(|member| member.wanting).filter(|&index| !planned(index)).collect();
+        let is_told = |index: &usize| !planned(*index) && !solver.untried.contains(index);
+        let without: Vec<usize> = self.indices(|member| member.wanting).filter(is_told).collect();
         // A share each: who is asked last gets an answer too.
         let share = EXPANSIONS_BLOCKERS / without.len().max(1) as u32;
         let mut none = Vec::with_capacity(without.len());
@@ -126,7 +123,10 @@ impl JointJob {
             let member = &self.members[index];
             none.push(match solver.served {
                 Some(served) => NoWay::behind(member, &self.members[served].name),
-                None if self.each_for_itself => NoWay::yet(member),
+                None if self.each_for_itself => match solver.behind.get(&index) {
+                    Some(name) => NoWay::behind(member, name),
+                    None => NoWay::yet(member),
+                },
                 None => blocker(self, member, &mut left),
             });
         }
@@ -157,56 +157,6 @@ impl JointJob {
 }
 
 impl Solver<'_> {
-    /// Ways for as many of these as find one around all others: whoever has none yet stands where it stands.
-    fn each(&mut self, wanting: &[usize]) -> Option<Solution> {
-        let standing: BTreeSet<usize> = wanting.iter().copied().collect();
-        let led: Vec<usize> = self.job.indices(|member| !member.wanting && !member.fixed).collect();
-        let mut expected = self.expected(&[], &led, &standing)?;
-        for &index in wanting {
-            let late = self.late(index, &led, &expected);
-            let moved = if late.is_empty() { None } else { self.with_moved(index, &late, &expected) };
-            let mut found = moved.or_else(|| self.with_moved(index, &[], &expected));
-            // Later there is less traffic.
-            for wait in WAITS.into_iter().filter(|_| wanting.len() == 1) {
-                if found.is_none() {
-                    self.wait = wait;
-                    found = self.with_moved(index, &[], &expected);
-                }
-            }
-            self.wait = 0;
-            expected = found.unwrap_or(expected);
-        }
-        self.ordered(expected)
-    }
-
-    /// Who of those that may be given other ways would lead past the goal of this one long after it could be there.
-    fn late(&mut self, index: usize, led: &[usize], expected: &Expected) -> Vec<usize> {
-        let member = &self.job.members[index];
-        let start = member.way.stands[member.held].body;
-        let goal_m = [member.target.x_m, member.target.y_m];
-        let Some(way_m) = self.field(index).distance_m(start.x_m, start.y_m) else { return Vec::new() };
-        let there = to_release(member).len() + (way_m / TICK_WAY_M) as usize + LATE_TICKS;
-        let passes = |other: &usize| {
-            let reach_m = member.car.reach_m() + self.job.members[*other].car.reach_m() + LOOK_OUT_M;
-            expected.lines[other].is_near_after(there, goal_m, reach_m)
-        };
-        led.iter().copied().filter(passes).collect()
-    }
-
-    /// With a way of this one, as if these were not on theirs, and other ways of these around it.
-    fn with_moved(&mut self, index: usize, moved: &[usize], expected: &Expected) -> Option<Expected> {
-        let mut expected = expected.clone();
-        moved.iter().for_each(|&other| expected.leave(other, &self.job.members[other]));
-        for index in std::iter::once(index).chain(moved.iter().copied()) {
-            let soft = expected.soft(&[index]);
-            let others = expected.others(index);
-            let (way, at_m) = self.single(index, &others, &soft, None, EXPANSIONS_EACH).ok()?;
-            let line = self.job.members[index].driving(&way, &at_m);
-            expected.take(index, way, &at_m, line);
-        }
-        Some(expected)
-    }
-
     /// Ways for all to their goals, as far as there are any; and whether a group was planned at once.
     fn all_at_once(&mut self) -> (Option<Solution>, bool) {
         let mut standing = BTreeSet::new();

@@ -1,6 +1,7 @@
 //! Robots' states as reports, and guides as messages.
 
 use super::{Guide, PlannedGoal, RobotView, RouteReport};
+use std::collections::BTreeMap;
 use xtb_control::Mode;
 use xtb_nav::{Car, MapPose, Path};
 use xtb_protocol::messages::{
@@ -50,18 +51,58 @@ impl RobotView {
     }
 }
 
-/// The robots near one of them, nearest first.
-#[must_use]
-pub fn others_near(views: &[RobotView], name: &str) -> Vec<MapPose> {
-    let Some(own) = views.iter().find(|view| view.name == name) else { return Vec::new() };
-    let apart_m = |view: &RobotView| libm::hypot(view.pose.x_m - own.pose.x_m, view.pose.y_m - own.pose.y_m);
-    let reach_m = |view: &RobotView| view.car.map_or(0.0, |car| car.reach_m());
-    let near_m = |view: &RobotView| NEAR_M.max(SIGHT_M + reach_m(own) + reach_m(view));
-    let others = views.iter().filter(|&view| view.name != name && apart_m(view) < near_m(view));
-    let mut near: Vec<_> = others.map(|view| (apart_m(view), view.pose)).collect();
-    near.sort_by(|a, b| a.0.total_cmp(&b.0));
-    near.truncate(Route::MOST_OTHERS);
-    near.into_iter().map(|(_, pose)| pose).collect()
+/// Where all robots are, by squares of the floor: who is near one of them.
+#[derive(Debug)]
+pub struct Neighbours<'a> {
+    side_m: f64,
+    named: BTreeMap<&'a str, &'a RobotView>,
+    squares: BTreeMap<(i64, i64), Vec<&'a RobotView>>,
+}
+
+impl<'a> Neighbours<'a> {
+    /// Of all that are known; of two of one name the last one counts.
+    #[must_use]
+    pub fn of(views: impl IntoIterator<Item = &'a RobotView>) -> Self {
+        let named: BTreeMap<&str, &RobotView> =
+            views.into_iter().map(|view| (view.name.as_str(), view)).collect();
+        let largest_m = named.values().map(|view| reach_m(view)).fold(0.0, f64::max);
+        let side_m = NEAR_M.max(SIGHT_M + 2.0 * largest_m);
+        let mut squares: BTreeMap<(i64, i64), Vec<&RobotView>> = BTreeMap::new();
+        for view in named.values() {
+            squares.entry(square(&view.pose, side_m)).or_default().push(*view);
+        }
+        Self { side_m, named, squares }
+    }
+
+    /// The robots near this one, nearest first.
+    #[must_use]
+    pub fn near(&self, name: &str) -> Vec<MapPose> {
+        let Some(own) = self.named.get(name) else { return Vec::new() };
+        let apart_m =
+            |view: &RobotView| libm::hypot(view.pose.x_m - own.pose.x_m, view.pose.y_m - own.pose.y_m);
+        let near_m = |view: &RobotView| NEAR_M.max(SIGHT_M + reach_m(own) + reach_m(view));
+        let (column, row) = square(&own.pose, self.side_m);
+        let beside = |at: i64| at.saturating_sub(1)..=at.saturating_add(1);
+        let squares = beside(column).flat_map(|x| beside(row).map(move |y| (x, y)));
+        let mut near: Vec<(f64, MapPose)> = squares
+            .filter_map(|square| self.squares.get(&square))
+            .flatten()
+            .filter(|view| view.name != name && apart_m(view) < near_m(view))
+            .map(|view| (apart_m(view), view.pose))
+            .collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        near.truncate(Route::MOST_OTHERS);
+        near.into_iter().map(|(_, pose)| pose).collect()
+    }
+}
+
+fn square(pose: &MapPose, side_m: f64) -> (i64, i64) {
+    let along = |v: f64| libm::floor(v / side_m) as i64;
+    (along(pose.x_m), along(pose.y_m))
+}
+
+fn reach_m(view: &RobotView) -> f64 {
+    view.car.map_or(0.0, |car| car.reach_m())
 }
 
 fn planned(goal: &GoalState) -> Option<PlannedGoal> {
@@ -85,5 +126,54 @@ impl Guide {
             reason: self.reason.clone(),
             others,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xtb_control::VehicleConfig;
+
+    fn view(name: String, x_m: f64, y_m: f64, car: Option<Car>) -> RobotView {
+        RobotView {
+            name,
+            epoch: 0,
+            car,
+            pose: MapPose { x_m, y_m, yaw_rad: 0.0 },
+            sigma_m: 0.02,
+            speed_mps: 0.0,
+            goal: None,
+            route: None,
+            blocked_at_m: None,
+            drives: true,
+            age_ms: 0,
+        }
+    }
+
+    #[test]
+    fn squares_leave_out_nobody_who_is_near() {
+        let car = Car::of(&VehicleConfig::default());
+        let large = Car { front_m: 2.0, rear_m: 2.0, half_width_m: 1.0, ..car };
+        let cars = [None, Some(car), Some(large)];
+        // Also left of and below the map's origin.
+        let place = |step: usize, by: f64| 6.0 * libm::sin(step as f64 * by);
+        let views: Vec<RobotView> = (0..60)
+            .map(|step| view(format!("t{step}"), place(step, 1.7), place(step, 2.9), cars[step % 3]))
+            .collect();
+        let neighbours = Neighbours::of(&views);
+        for own in &views {
+            let apart_m = |pose: &MapPose| libm::hypot(pose.x_m - own.pose.x_m, pose.y_m - own.pose.y_m);
+            let is_near = |view: &&RobotView| {
+                let sight_m = SIGHT_M + reach_m(own) + reach_m(view);
+                view.name != own.name && apart_m(&view.pose) < sight_m.max(NEAR_M)
+            };
+            let mut all: Vec<f64> = views.iter().filter(is_near).map(|view| apart_m(&view.pose)).collect();
+            all.sort_by(f64::total_cmp);
+            all.truncate(Route::MOST_OTHERS);
+            let near: Vec<f64> = neighbours.near(&own.name).iter().map(apart_m).collect();
+            assert!(!near.is_empty());
+            assert_eq!(near, all, "{}", own.name);
+        }
+        assert!(neighbours.near("nobody").is_empty());
     }
 }

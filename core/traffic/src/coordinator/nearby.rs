@@ -20,13 +20,18 @@ struct Rows {
 }
 
 impl Rows {
-    /// From pairs of cell and line.
-    fn of(cells: usize, mut pairs: Vec<(u32, u32)>) -> Self {
-        pairs.sort_unstable();
+    /// From pairs of cell and line; in each cell they stay in their order.
+    fn of(cells: usize, pairs: &[(u32, u32)]) -> Self {
         let mut from = vec![0; cells + 1];
         pairs.iter().for_each(|&(cell, _)| from[cell as usize + 1] += 1);
         (0..cells).for_each(|cell| from[cell + 1] += from[cell]);
-        Self { from, lines: pairs.into_iter().map(|(_, line)| line).collect() }
+        let (mut next, mut lines) = (from.clone(), vec![0; pairs.len()]);
+        for &(cell, line) in pairs {
+            let at = &mut next[cell as usize];
+            lines[*at as usize] = line;
+            *at += 1;
+        }
+        Self { from, lines }
     }
 
     /// Of the cells from one to another in one row.
@@ -89,8 +94,8 @@ impl Nearby {
             height,
             moving: vec![Vec::new(); width * height],
             blocks: 0,
-            by_block: Rows::of(0, Vec::new()),
-            standing: Rows::of(0, Vec::new()),
+            by_block: Rows::of(0, &[]),
+            standing: Rows::of(0, &[]),
             everywhere: Vec::new(),
         };
         nearby.fill(others, &large);
@@ -106,17 +111,21 @@ impl Nearby {
             }
             let (circles, held) = other.line.circles();
             self.blocks = self.blocks.max(circles.len());
-            for (block, circle) in circles.iter().enumerate() {
+            let stays = circles.last().into_iter().chain(held);
+            standing.extend(stays.map(|circle| (self.cell(circle) as u32, line as u32)));
+        }
+        // Block by block, so that each cell has them in this order.
+        for block in 0..self.blocks {
+            for (line, other) in others.iter().enumerate().filter(|(line, _)| !large[*line]) {
+                let Some(circle) = other.line.circles().0.get(block) else { continue };
                 let cell = self.cell(circle);
                 self.moving[cell].push((block as u32, line as u32));
                 by_block.push(((block * self.width * self.height + cell) as u32, line as u32));
             }
-            let stays = circles.last().into_iter().chain(held);
-            standing.extend(stays.map(|circle| (self.cell(circle) as u32, line as u32)));
         }
         let cells = self.width * self.height;
-        self.moving.iter_mut().for_each(|cell| cell.sort_unstable());
-        (self.by_block, self.standing) = (Rows::of(self.blocks * cells, by_block), Rows::of(cells, standing));
+        self.by_block = Rows::of(self.blocks * cells, &by_block);
+        self.standing = Rows::of(cells, &standing);
     }
 
     /// Of a circle that is inside.

@@ -144,6 +144,27 @@ impl Occupancy {
             && self.ticks[index].conflicts(stand, separation_m)
     }
 
+    /// The last tick at which it is in the way of a truck that stays at `stand`; 0 = never, [`NEVER`] = it stays there.
+    pub(super) fn last_hit(&self, stand: &Stand, separation_m: f64) -> u32 {
+        let is_hit = |there: &Stand| there.conflicts(stand, separation_m);
+        let mut last = 0;
+        if near(&self.held_circle, stand, separation_m) {
+            let held = self.held.iter().filter(|(there, _)| is_hit(there));
+            last = held.map(|(_, until)| *until).max().unwrap_or(0);
+        }
+        for block in (0..self.circles.len()).rev() {
+            if near(&self.circles[block], stand, separation_m) {
+                let from = block * BLOCK;
+                let stands = &self.ticks[from..self.ticks.len().min(from + BLOCK)];
+                if let Some(at) = stands.iter().rposition(is_hit) {
+                    let tick = from + at;
+                    return if tick + 1 == self.ticks.len() { NEVER } else { last.max(tick as u32) };
+                }
+            }
+        }
+        last
+    }
+
     /// The first tick of this block after `from` at which a truck that stays at `stand` is in the way.
     pub(super) fn next_hit_in(&self, block: usize, stand: &Stand, from: u32, separation_m: f64) -> u32 {
         if !near(&self.circles[block], stand, separation_m) {

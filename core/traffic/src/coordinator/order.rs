@@ -38,7 +38,7 @@ impl Needs {
 pub(super) type Order = BTreeMap<(u32, u32), Arc<Needs>>;
 
 /// All that one needs of others.
-pub(super) fn needs_of(order: &Order, id: u32) -> impl Iterator<Item = (u32, &Needs)> {
+pub(super) fn needs_of(order: &Order, id: u32) -> impl Iterator<Item = (u32, &Needs)> + Clone {
     order.range((id, 0)..=(id, u32::MAX)).map(|((_, other), needs)| (*other, &**needs))
 }
 
@@ -159,16 +159,49 @@ pub(super) struct Runner<'a> {
     pub(super) done_m: f64,
 }
 
+/// All that one truck needs of others, by its own places: at each few need anything.
+struct NeedsByPlace {
+    /// From where in `needs` those of each place are.
+    from: Vec<u32>,
+    needs: Vec<(u32, u32)>,
+}
+
+impl NeedsByPlace {
+    /// From which other needs what, for places up to `last`.
+    fn of<'a>(last: usize, all: impl Iterator<Item = (usize, &'a Needs)> + Clone) -> Self {
+        let each = || {
+            all.clone().flat_map(|(other, needs)| {
+                let places = needs.places.iter().zip(needs.first..=last);
+                places.filter(|(need, _)| **need > 0).map(move |(&need, place)| (place, other as u32, need))
+            })
+        };
+        let mut from = vec![0_u32; last + 2];
+        each().for_each(|(place, ..)| from[place + 1] += 1);
+        (0..=last).for_each(|place| from[place + 1] += from[place]);
+        let (mut next, mut needs) = (from.clone(), vec![(0, 0); from[last + 1] as usize]);
+        for (place, other, need) in each() {
+            needs[next[place] as usize] = (other, need);
+            next[place] += 1;
+        }
+        Self { from, needs }
+    }
+
+    fn at(&self, place: usize) -> &[(u32, u32)] {
+        &self.needs[self.from[place] as usize..self.from[place + 1] as usize]
+    }
+}
+
 /// Lets everybody go by the order at an even speed: the way of each at each tick until its end, or
 /// `None` if they block each other for good (or take longer than `most_ticks`).
 pub(super) fn run_ahead(runners: &[Runner<'_>], order: &Order, most_ticks: usize) -> Option<Vec<Vec<f64>>> {
     let index_of: BTreeMap<u32, usize> =
         runners.iter().enumerate().map(|(index, runner)| (runner.id, index)).collect();
-    let needs: Vec<Vec<(usize, &Needs)>> = runners
+    let needs: Vec<NeedsByPlace> = runners
         .iter()
         .map(|one| {
-            let known = |(other, needs)| Some((*index_of.get(&other)?, needs));
-            needs_of(order, one.id).filter_map(known).collect()
+            let known =
+                needs_of(order, one.id).filter_map(|(other, needs)| Some((*index_of.get(&other)?, needs)));
+            NeedsByPlace::of(one.way.last(), known)
         })
         .collect();
     let mut ways: Vec<Vec<f64>> = runners.iter().map(|runner| vec![runner.done_m]).collect();
@@ -191,7 +224,9 @@ pub(super) fn run_ahead(runners: &[Runner<'_>], order: &Order, most_ticks: usize
                 continue;
             }
             let wanted = (here + TICK_WAY_M).min(way.length_m);
-            let may = |place: usize| needs[index].iter().all(|(other, need)| need.at(place) <= at[*other]);
+            let may = |place: usize| {
+                needs[index].at(place).iter().all(|&(other, need)| need as usize <= at[other as usize])
+            };
             while cleared[index] < way.last() && way.at_m(cleared[index]) < wanted && may(cleared[index] + 1)
             {
                 cleared[index] += 1;

@@ -2,13 +2,11 @@
 
 use super::discretized_path::STEP_M;
 use super::job::Block;
-use super::occupancy::circle;
+use super::obstacles::{Obstacle, block_separation_m};
 use super::order::{Needs, Order, needs_of};
-use super::separation::{driven_separation_m, separation_m};
 use super::truck::{Truck, place_of};
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
-use xtb_nav::geometry::rect::{LOOK_OUT_M, Stand};
 use xtb_nav::settings::{CRUISE_MPS, MEETING_MPS};
 
 /// Released ahead of a truck at most, in m: short enough to be replanned soon, long enough to cruise. Chosen,
@@ -16,30 +14,8 @@ use xtb_nav::settings::{CRUISE_MPS, MEETING_MPS};
 const AHEAD_M: f64 = 1.2;
 /// Nearer than this the ends of two released stretches count as head-on, in m; chosen, not measured.
 const HEAD_ON_M: f64 = 1.2;
-/// What an obstacle is looked at from farther away than it matters, in m: separations, and what bodies are off the
-/// middles of their paths.
-const SLACK_M: f64 = 1.0;
 /// No cell is farther from the map's origin.
 const FARTHEST: i32 = 1 << 20;
-
-/// Something that is driven around, and a circle around all of it.
-pub(super) struct Obstacle<'a> {
-    pub(super) block: &'a Block,
-    circle: [f64; 3],
-}
-
-impl<'a> Obstacle<'a> {
-    pub(super) fn all(blocks: &'a [Block]) -> Vec<Self> {
-        blocks.iter().map(|block| Self { block, circle: circle(block.stands.iter()) }).collect()
-    }
-
-    /// Whether it can matter within so much way of this place, in m.
-    fn is_near(&self, stand: &Stand, way_m: f64) -> bool {
-        let [x_m, y_m, radius_m] = self.circle;
-        let reach_m = stand.body.reach_m() + LOOK_OUT_M + radius_m + SLACK_M;
-        libm::hypot(stand.body.x_m - x_m, stand.body.y_m - y_m) < reach_m + way_m
-    }
-}
 
 /// Lets the truck at `index` go on as far as the order and everything that is driven around allow.
 /// True if it may go farther than before.
@@ -86,21 +62,6 @@ pub(super) fn grow(trucks: &mut [Truck], index: usize, order: &Order, obstacles:
         (route.release, route.release_m) = (release, release_m);
     }
     grown
-}
-
-/// Whether what is not released yet of a truck's way leads through something.
-pub(super) fn meets(truck: &Truck, there: &Obstacle<'_>) -> bool {
-    let Some(route) = truck.route.as_ref().filter(|route| route.live) else { return false };
-    let mut rest = route.way.stands[route.release + 1..].iter().filter(|stand| there.is_near(stand, 0.0));
-    let Some(first) = rest.next() else { return false };
-    let separation_m = block_separation_m(truck, there.block);
-    let meets = |stand: &Stand| there.block.stands.iter().any(|there| stand.conflicts(there, separation_m));
-    meets(first) || rest.any(meets)
-}
-
-fn block_separation_m(truck: &Truck, block: &Block) -> f64 {
-    let end: &[Stand] = truck.held();
-    driven_separation_m(separation_m(end, &block.stands))
 }
 
 /// Where those go that move, by cells of [`HEAD_ON_M`].

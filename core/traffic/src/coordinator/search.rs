@@ -95,6 +95,8 @@ struct Search<'a> {
     radius_m: f64,
     body_margin_m: f64,
     crowd: Crowd<'a>,
+    /// No goal can be entered for good before this tick: whoever is there sooner waits, wherever that is.
+    free_from: u32,
     goals: Vec<MapPose>,
     closed: BTreeMap<(i32, i32, i32), Vec<Seen>>,
     sweep: Vec<Stand>,
@@ -111,7 +113,9 @@ impl<'a> Search<'a> {
         let (goals, closed, sweep) = (Vec::new(), BTreeMap::new(), Vec::new());
         let reach_m = Rect::looking(task.car, &task.start, 1.0).reach_m();
         let crowd = Crowd::new(task.others, reach_m);
-        let mut search = Self { task, grain, radius_m, body_margin_m, crowd, goals, closed, sweep };
+        let free_from = 0;
+        let mut search =
+            Self { task, grain, radius_m, body_margin_m, crowd, free_from, goals, closed, sweep };
         if let Some(target) = &task.target {
             let yaws: Vec<f64> = match target.yaw_rad {
                 Some(yaw_rad) => vec![yaw_rad],
@@ -126,6 +130,8 @@ impl<'a> Search<'a> {
                 search.goals =
                     search.goals.iter().copied().filter(|pose| search.lets_drive_on(pose)).collect();
             }
+            let free_from = |pose: &MapPose| search.crowd.free_from(&Stand::still(task.car, pose));
+            search.free_from = search.goals.iter().map(free_from).min().unwrap_or(0);
         }
         Ok(search)
     }
@@ -136,7 +142,7 @@ impl<'a> Search<'a> {
         let heuristic = self.heuristic(&pose).ok_or(Stuck::Nowhere)?;
         let root = Node { pose, gear, tick, safe, cost: 0.0, legs: Vec::new(), goal: false };
         let mut tree = Tree::new();
-        tree.plant(root, estimate(0.0, heuristic));
+        tree.plant(root, self.estimate(0.0, tick, heuristic));
         match tree.search(self, budget) {
             Ok(goal) => Ok(tree.chain(goal).into_iter().flat_map(|node| node.legs.clone()).collect()),
             Err(End::Nowhere) => Err(Stuck::Nowhere),
@@ -195,7 +201,7 @@ impl<'a> Search<'a> {
                 let legs = legs.iter().map(|leg| Leg { depart: leg.depart + depart, ..*leg }).collect();
                 let next =
                     Node { pose: end, gear: end_gear, tick: arrive, safe: safe_then, cost, legs, goal };
-                tree.push(from, next, estimate(cost, heuristic));
+                tree.push(from, next, self.estimate(cost, arrive, heuristic));
             }
             found += 1;
             if safe_then == NEVER {
@@ -284,6 +290,14 @@ impl<'a> Search<'a> {
         Some(flat_m.max(curved_m) / TICK_WAY_M)
     }
 
+    /// What a way through a node reached at this tick costs, roughly. The wait until the goal is free counts wherever
+    /// it is spent: otherwise all that could be reached meanwhile would be looked at before the goal.
+    fn estimate(&self, cost: f64, tick: u32, heuristic: f64) -> u64 {
+        let wait = (f64::from(self.free_from) - f64::from(tick) - heuristic).max(0.0);
+        // Floats that are not negative sort like their bits.
+        (cost + heuristic * HEURISTIC_WEIGHT + WAIT_COST * wait).to_bits()
+    }
+
     /// Whether no earlier node of this cell could have waited until then for less.
     fn is_new(&mut self, pose: &MapPose, gear: f64, tick: u32, safe: u32, cost: f64) -> bool {
         let along = |v: f64| libm::floor(v / self.grain.cell_m) as i32;
@@ -324,11 +338,6 @@ impl Expand for Search<'_> {
             }
         }
     }
-}
-
-fn estimate(cost: f64, heuristic: f64) -> u64 {
-    // Floats that are not negative sort like their bits.
-    (cost + heuristic * HEURISTIC_WEIGHT).to_bits()
 }
 
 fn rank(path: &Path) -> f64 {

@@ -4,7 +4,7 @@ use xtb_nav::geometry::rect::Stand;
 
 /// Separations of a pair while it is planned, in m: the largest at which the two do not meet already, each
 /// body being grown by it, so 16 cm at most. Chosen, not measured.
-const SEPARATIONS_M: [f64; 5] = [0.08, 0.06, 0.04, 0.02, 0.005];
+pub(super) const SEPARATIONS_M: [f64; 5] = [0.08, 0.06, 0.04, 0.02, 0.005];
 /// So much less of it counts when the plan is driven, in m, for what trucks are off; chosen, not measured.
 const SPARE_M: f64 = 0.02;
 

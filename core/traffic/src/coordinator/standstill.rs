@@ -75,10 +75,7 @@ impl Coordinator {
             let behind = match (waits_for, &last.none) {
                 _ if last.stood_ms <= STUCK_MS || is_looked_for_further(last) => return false,
                 (Some((id, _)), _) => place_of(&self.trucks, id).map(|index| &self.trucks[index]),
-                (None, Some(none)) if !last.is_live() => {
-                    let by = none.by.as_deref();
-                    self.trucks.iter().find(|other| by == Some(other.view.name.as_str()))
-                }
+                (None, Some(none)) if !last.is_live() => none.by.as_deref().and_then(|name| self.named(name)),
                 (None, _) => return false,
             };
             match behind {

@@ -12,7 +12,7 @@ use xtb_nav::{Car, MapPose};
 
 /// Without a report for so long a truck is driven around, in ms: twice as long as a robot is known to other
 /// robots, since the others plan anew then, while it stops at its release's end anyhow.
-const STALE_MS: u64 = 2 * HEARD_MS;
+pub(super) const STALE_MS: u64 = 2 * HEARD_MS;
 /// A truck that reports less stands, in m/s: twice what the truck itself takes for standing, as a report is
 /// older; chosen, not measured.
 const REPORT_STANDS_MPS: f64 = 2.0 * STANDS_MPS;
@@ -97,6 +97,8 @@ pub(super) struct Truck {
     pub(super) misses: u32,
     /// Its last way met one that was planned elsewhere: everybody is looked at for the next one.
     pub(super) anywhere: bool,
+    /// When a better way was looked for last, as it stood.
+    pub(super) looked_after: Stamp,
     /// For how long it has stood with this goal, in ms, without the time for which a joint plan was being made.
     pub(super) stood_ms: u64,
 }
@@ -124,6 +126,7 @@ impl Truck {
             tried: None,
             misses: 0,
             anywhere: false,
+            looked_after: Stamp::ZERO,
             stood_ms: 0,
             view,
         }
@@ -173,10 +176,11 @@ impl Truck {
         self.tried.map_or(self.wants_since, |tried| tried.max(self.wants_since))
     }
 
-    /// A way was looked for among many, and there was none.
-    pub(super) fn missed(&mut self, now: Stamp) {
+    /// A way was looked for among many, and there was none: for as long as another one that has its turn stands in the
+    /// way that counts for nothing.
+    pub(super) fn missed(&mut self, now: Stamp, other_has_turn: bool) {
         self.tried = Some(now);
-        self.misses += 1;
+        self.misses += u32::from(!other_has_turn);
     }
 
     /// Whether it waits for its next try among many.

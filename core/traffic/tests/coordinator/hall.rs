@@ -18,8 +18,20 @@ const APART_M: f64 = 1.0;
 const WALL_M: f64 = 0.6;
 /// A turn in which a robot moves less than this is one in which it stands, in m.
 const STANDS_M: f64 = 1e-4;
-/// Messages arrive, nobody pauses, and a joint plan takes 0.05 to 0.2 s and 0.1 ms for each node.
-const CALM: Trouble = Trouble { loss: 0.0, pause: 0.0, pause_s: 1.0, planning_s: 0.1, expansion_s: 1e-4 };
+/// Whom a robot waits for that stands is kept this often, in ms, and so many links of it.
+const STORY_MS: u64 = 5000;
+const MOST_LINKS: usize = 8;
+/// Messages arrive, nobody pauses, and a joint plan takes 0.05 to 0.2 s, 15 ms for each robot that it is for and
+/// 0.1 ms for each node.
+const CALM: Trouble =
+    Trouble { loss: 0.0, pause: 0.0, pause_s: 1.0, planning_s: 0.1, expansion_s: 1e-4, truck_s: 0.015 };
+
+/// Where a robot stands, since when, and whom it has waited for.
+struct Still {
+    pose: MapPose,
+    since: Stamp,
+    story: Vec<String>,
+}
 
 /// A fleet in a hall.
 pub(crate) struct Hall {
@@ -30,7 +42,9 @@ pub(crate) struct Hall {
     pub(crate) failed: BTreeMap<String, u32>,
     /// Longest time for which any robot has stood, in s.
     pub(crate) longest_still_s: f64,
-    moved: Vec<(MapPose, Stamp)>,
+    /// Whom that one waited for meanwhile, and those for whom, every 5 s.
+    pub(crate) longest_story: Vec<String>,
+    stands: Vec<Still>,
     /// Since when each has been told that there is no way.
     refused: Vec<Option<Stamp>>,
 }
@@ -52,9 +66,11 @@ impl Hall {
         }
         let mut world = World::new(room, &starts, seed, CALM, clock_ms);
         (world.looks_back, world.counts_contacts) = (false, true);
-        let moved = starts.iter().map(|pose| (*pose, world.now)).collect();
+        let still = |pose: &MapPose| Still { pose: *pose, since: world.now, story: Vec::new() };
+        let stands = starts.iter().map(still).collect();
         let (failed, refused) = (BTreeMap::new(), vec![None; robots]);
-        Self { world, draw, reached: 0, failed, longest_still_s: 0.0, moved, refused }
+        let (longest_still_s, longest_story) = (0.0, Vec::new());
+        Self { world, draw, reached: 0, failed, longest_still_s, longest_story, stands, refused }
     }
 
     /// Goals that were reached.
@@ -93,15 +109,51 @@ impl Hall {
         }
     }
 
+    /// A robot, the one for which it waits, the one for which that one waits …
+    fn chain(&self, index: usize) -> String {
+        let toys = &self.world.toys;
+        let (mut line, mut next) = (String::new(), Some(index));
+        for _ in 0..MOST_LINKS {
+            let Some(toy) = next.map(|index| &toys[index]) else { break };
+            let says = toy.says.as_ref();
+            let state = match (&toy.goal, &toy.guide) {
+                (None, _) => "no goal".to_owned(),
+                (_, None) => "no path".to_owned(),
+                (_, Some(guide)) => {
+                    let all_m = guide.path.as_ref().map_or(0.0, xtb_nav::Path::length_m);
+                    format!("{:.1} of {all_m:.1} m released", guide.release_m)
+                }
+            };
+            let reason = says.and_then(|guide| guide.reason.as_deref()).unwrap_or("no reason told");
+            line.push_str(&format!(" > {} ({state}, {reason})", toy.name));
+            let waits_for = says.and_then(|guide| guide.waits_for.as_deref());
+            next = waits_for.and_then(|name| toys.iter().position(|toy| toy.name == name));
+        }
+        line
+    }
+
     /// Who stands for how long, and whose goal fails because there is no way to it.
     fn watch(&mut self) {
         let now = self.world.now;
-        for (index, toy) in self.world.toys.iter_mut().enumerate() {
-            let (before, since) = &mut self.moved[index];
-            if (toy.pose.x_m - before.x_m).hypot(toy.pose.y_m - before.y_m) > STANDS_M {
-                (*before, *since) = (toy.pose, now);
+        for index in 0..self.stands.len() {
+            let pose = self.world.toys[index].pose;
+            let still = &mut self.stands[index];
+            if (pose.x_m - still.pose.x_m).hypot(pose.y_m - still.pose.y_m) > STANDS_M {
+                *still = Still { pose, since: now, story: Vec::new() };
             }
-            self.longest_still_s = self.longest_still_s.max(now.since_s(*since));
+            let still_s = now.since_s(still.since);
+            if still_s > 0.0 && now.since_ms(still.since).is_multiple_of(STORY_MS) {
+                let line = format!("{:.0} s, standing for {still_s:.0} s: {}", now.s(), self.chain(index));
+                self.stands[index].story.push(line);
+            }
+            if still_s > self.longest_still_s {
+                self.longest_still_s = still_s;
+                if now.since_ms(self.stands[index].since).is_multiple_of(STORY_MS) {
+                    self.longest_story.clone_from(&self.stands[index].story);
+                }
+            }
+        }
+        for (index, toy) in self.world.toys.iter_mut().enumerate() {
             let reason = toy.says.as_ref().and_then(|guide| guide.reason.clone());
             let refused = &mut self.refused[index];
             *refused = reason.as_ref().filter(|_| toy.goal.is_some()).map(|_| refused.unwrap_or(now));

@@ -151,6 +151,27 @@ fn a_way_that_meets_one_that_was_planned_elsewhere_meanwhile_is_not_used_but_loo
 }
 
 #[test]
+fn among_many_one_whose_goal_is_another_ones_place_gets_a_way_in_the_same_job_as_that_one() {
+    let mut coordinator = Coordinator::new(Arc::new(room(22.0, 20.0, &[])), 1);
+    // a, which is asked first, wants to where b stands; the rest are many and drive north.
+    let mut views = vec![
+        view("a", pose(2.0, 2.0, 0.0), Some((1, 10.0, 9.0))),
+        view("b", pose(10.0, 9.0, 3.0), Some((2, 2.0, 18.0))),
+    ];
+    for index in 0..16_u32 {
+        let x_m = 2.0 + 1.2 * f64::from(index);
+        views.push(view(&format!("t{index}"), pose(x_m, 4.0, PI / 2.0), Some((3, x_m, 16.0))));
+    }
+    let now = told(&mut coordinator, &views);
+    let job = coordinator.job(now).unwrap();
+    assert!(coordinator.job(now).is_none(), "they are one region");
+    coordinator.planned(now, job.solve(&mut || true));
+    let guides = coordinator.tick(now);
+    assert!(guides["a"].path.is_some() && guides["b"].path.is_some(), "{:?}", guides["a"]);
+    assert!(coordinator.is_acyclic());
+}
+
+#[test]
 fn a_result_for_an_earlier_goal_is_not_used() {
     let mut coordinator = coordinator();
     coordinator.tick(Stamp::from_ms(1000));
@@ -194,6 +215,31 @@ fn an_older_report_changes_nothing_and_too_many_trucks_are_counted() {
     }
     assert_eq!(coordinator.tick(now).len(), MOST_TRUCKS);
     assert_eq!(coordinator.counters().ignored, 4);
+}
+
+#[test]
+fn a_truck_that_is_one_too_many_is_told_so_by_name_until_there_is_room() {
+    let mut coordinator = coordinator();
+    let now = Stamp::from_ms(5000);
+    for index in 0..MOST_TRUCKS {
+        coordinator.robot(now, view(&format!("t{index}"), pose(1.0, 1.0, 0.0), None));
+    }
+    assert!(coordinator.refused().is_empty());
+    let late = view("late", pose(1.0, 1.0, 0.0), Some((7, 3.0, 3.0)));
+    coordinator.robot(now, late.clone());
+    coordinator.robot(now, view("idle", pose(1.0, 1.0, 0.0), None));
+    assert!(!coordinator.tick(now).contains_key("late"));
+    let told = coordinator.refused();
+    assert_eq!((told["late"].goal, told["idle"].goal), (Some((1, 7)), None));
+    let reason = told["late"].reason.clone().unwrap();
+    assert!(reason.contains(&MOST_TRUCKS.to_string()), "{reason}");
+    assert_eq!((told.len(), &told["idle"].reason), (2, &None));
+    coordinator.forget("t7");
+    coordinator.robot(now.plus_ms(200), late);
+    let guides = coordinator.tick(now.plus_ms(200));
+    assert!(guides.contains_key("late") && !coordinator.refused().contains_key("late"));
+    coordinator.tick(now.plus_ms(60_000));
+    assert!(coordinator.refused().is_empty(), "of whom nothing is heard any more");
 }
 
 /// One of 2 m to the east, of which 1 m is released.

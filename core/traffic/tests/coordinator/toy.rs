@@ -51,13 +51,15 @@ pub(crate) struct Trouble {
     pub(crate) pause_s: f64,
     /// A joint plan takes up to so long, in s …
     pub(crate) planning_s: f64,
-    /// … and so long for each node that it expands, in s.
+    /// … and so long for each node that it expands …
     pub(crate) expansion_s: f64,
+    /// … and for each truck for which it finds a way or none, in s.
+    pub(crate) truck_s: f64,
 }
 
 impl Trouble {
     pub(crate) const SOME: Self =
-        Self { loss: 0.1, pause: 0.02, pause_s: 4.0, planning_s: 1.0, expansion_s: 0.0 };
+        Self { loss: 0.1, pause: 0.02, pause_s: 4.0, planning_s: 1.0, expansion_s: 0.0, truck_s: 0.0 };
     /// Robots fall asleep for longer than traffic control waits for them.
     pub(crate) const SLEEPY: Self = Self { pause: 0.015, pause_s: 15.0, ..Self::SOME };
 }
@@ -185,8 +187,8 @@ pub(crate) struct World {
     pub(crate) jobs_ms: Vec<f64>,
     /// Nodes that each of them expanded.
     pub(crate) expansions: Vec<u32>,
-    /// Wall time that turns of the coordinator took, in ms.
-    pub(crate) ticks_ms: Vec<f64>,
+    /// Wall time that turns of the coordinator took, in ms: all that is not done in jobs.
+    pub(crate) turns_ms: Vec<f64>,
     /// Longest stand of one that was not told for whom it waits, in s.
     pub(crate) longest_still_s: f64,
     /// Longest stand of all, in s.
@@ -243,7 +245,7 @@ impl World {
             now: Stamp::from_ms(1000),
             jobs_ms: Vec::new(),
             expansions: Vec::new(),
-            ticks_ms: Vec::new(),
+            turns_ms: Vec::new(),
             longest_still_s: 0.0,
             longest_wait_s: 0.0,
             clock_ms,
@@ -355,7 +357,7 @@ impl World {
         }
         let before = (self.clock_ms)();
         let guides: BTreeMap<String, Guide> = coordinator.tick(self.now);
-        self.ticks_ms.push((self.clock_ms)() - before);
+        let mut turn_ms = (self.clock_ms)() - before;
         for toy in self.toys.iter_mut().filter(|toy| toy.alive) {
             if let Some(guide) = guides.get(&toy.name)
                 && !self.draw.chance(lost)
@@ -366,18 +368,27 @@ impl World {
         let (due, later) = std::mem::take(&mut self.jobs).into_iter().partition(|(_, due)| *due <= self.now);
         self.jobs = later;
         for (result, _) in due {
+            let before = (self.clock_ms)();
             coordinator.planned(self.now, result);
+            turn_ms += (self.clock_ms)() - before;
             assert!(!self.looks_back || coordinator.is_acyclic(), "the passing order blocks itself");
         }
-        while let Some(job) = coordinator.job(self.now) {
+        loop {
+            let before = (self.clock_ms)();
+            let job = coordinator.job(self.now);
+            turn_ms += (self.clock_ms)() - before;
+            let Some(job) = job else { break };
             let before = (self.clock_ms)();
             let result = job.solve(&mut || true);
             self.jobs_ms.push((self.clock_ms)() - before);
             self.expansions.push(result.expansions);
+            let (led, without) = result.counts();
             let late_s = self.draw.uniform(0.05, 0.1 + self.trouble.planning_s)
-                + self.trouble.expansion_s * f64::from(result.expansions);
+                + self.trouble.expansion_s * f64::from(result.expansions)
+                + self.trouble.truck_s * (led + without) as f64;
             self.jobs.push((result, self.now.plus_ms((late_s * 1000.0) as u64)));
         }
+        self.turns_ms.push(turn_ms);
     }
 
     fn check(&mut self) {
