@@ -222,7 +222,7 @@ mod tests {
     }
 
     fn message(name: &str, hash: Option<MapHash>) -> Incoming {
-        let grid = Grid::free(0.05, [0.0; 2], 4, 4).unwrap();
+        let grid = Grid::free(0.05, [0.0; 2], 4, 1 + name.len()).unwrap();
         let mut message = FleetMap::from(&Map::new(name, grid, vec![]).unwrap());
         message.hash = hash.unwrap_or(message.hash);
         raw(&encode(&message, Format::Postcard).unwrap())
@@ -290,9 +290,9 @@ mod tests {
                 tokio::task::yield_now().await;
             }
         };
-        reader.slot().put(message("one", None), &counters);
+        reader.slot().put(message("first", None), &counters);
         let first = told().await;
-        reader.slot().put(message("two", None), &counters);
+        reader.slot().put(message("second", None), &counters);
         // The pause began a moment before the first one was heard of here.
         assert!(told().await - first >= Duration::from_millis(15));
         let slot = Arc::downgrade(&reader.slot());

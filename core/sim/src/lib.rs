@@ -8,6 +8,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod board;
+mod bodies;
 pub mod calibration;
 mod chart;
 mod drive;

@@ -9,10 +9,10 @@ mod window;
 
 pub use traffic::Traffic;
 
+use crate::bodies::WINDOW_STEPS;
 use crate::executor::{Executor, Sequential};
 use crate::fixes::{FixMaker, FixTruth};
 use crate::rng::Rng;
-use crate::scene::WINDOW_STEPS;
 use crate::simulation::{Simulation, SimulationError};
 use crate::step::STEP_NS;
 use crate::vehicle::Truck;

@@ -16,10 +16,11 @@
 //! # Ok(()) }
 //! ```
 
+use crate::bodies::Bodies;
 use crate::geometry::OrientedBox;
 use crate::lattice::footprint;
 use crate::parameters::{Body, TruckParameters};
-use crate::scene::{Lists, Scene, StepContext, Traffic};
+use crate::scene::{Lists, Scene, StepContext};
 use crate::step::STEP_NS;
 use crate::vehicle::Truck;
 use crate::world::{BoxSpec, World};
@@ -91,7 +92,7 @@ struct Foreign {
 pub struct Simulation {
     world: World,
     scene: Scene,
-    traffic: Traffic,
+    traffic: Bodies,
     trucks: Vec<Truck>,
     /// By name.
     foreign: BTreeMap<String, Foreign>,
@@ -183,7 +184,7 @@ impl Simulation {
             .map(|(i, ((name, start), kind))| Truck::new(i, name, start, kind, seed))
             .collect();
         let scene = Scene::new(&world);
-        let traffic = Traffic::new(&scene, &trucks, std::iter::empty());
+        let traffic = Bodies::new(&scene, &trucks, std::iter::empty());
         let foreign = BTreeMap::new();
         let simulation = Self { world, scene, traffic, trucks, foreign, now: Stamp::ZERO };
         for (i, (_, start)) in robots.iter().enumerate() {
@@ -331,7 +332,7 @@ impl Simulation {
         self.world = world;
         self.scene = Scene::new(&self.world);
         let foreign = self.foreign.values().map(|known| known.body);
-        self.traffic = Traffic::new(&self.scene, &self.trucks, foreign);
+        self.traffic = Bodies::new(&self.scene, &self.trucks, foreign);
     }
 
     /// Refuses a pose of truck `index` inside something or beyond the limits.

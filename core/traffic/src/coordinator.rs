@@ -24,6 +24,7 @@ mod blocker_search;
 mod crowd;
 mod discretized_path;
 mod each;
+mod expected;
 mod field;
 mod group;
 mod guides;

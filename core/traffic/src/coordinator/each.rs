@@ -1,7 +1,7 @@
 //! Among many, each truck without a way looks for one around all others as they go.
 
 use super::arrival_times::to_release;
-use super::attempt::Expected;
+use super::expected::Expected;
 use super::joint::{Solution, Solver};
 use super::occupancy::{NEVER, Occupancy, TICK_WAY_M};
 use super::separation::{SEPARATIONS_M, separation_m};

@@ -1,8 +1,8 @@
 //! A few trucks for which no order of priorities works, planned at once: one of them may make room for
 //! another that it passes before or after. Conflict-based search; the rest follows in an order.
 
-use super::attempt::Expected;
 use super::discretized_path::DiscretizedPath;
+use super::expected::Expected;
 use super::joint::{Solution, Solver};
 use super::occupancy::{NEVER, Occupancy};
 use super::separation::separation_m;

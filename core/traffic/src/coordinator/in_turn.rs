@@ -6,8 +6,8 @@
 //! have to, and it still drives as soon as the way is free.
 
 use super::arrival_times::to_release;
-use super::attempt::Expected;
 use super::discretized_path::DiscretizedPath;
+use super::expected::Expected;
 use super::field::Field;
 use super::joint::{Failed, PATIENCE_MS, Solution, Solver};
 use super::task::EXPANSIONS_EACH;

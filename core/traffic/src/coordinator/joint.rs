@@ -5,9 +5,9 @@
 //! either, a few of them are planned at once, by conflict-based search; after that, whoever failed most
 //! often only makes way for the rest; if it cannot, it stands.
 
-use super::attempt::Expected;
 use super::blocker_search::blocker;
 use super::discretized_path::DiscretizedPath;
+use super::expected::Expected;
 use super::field::Field;
 use super::job::{JointJob, JointResult, Member, NoWay, Plan};
 use super::occupancy::Occupancy;

@@ -206,6 +206,8 @@ mod tests {
         let scratch = Scratch::new();
         let mut store = Store::open(scratch.path(), &fleet()).unwrap();
         store.ledger.append(&[entry(1, Record::Opened { ledger: 7 })]).unwrap();
+        drop(store);
+        let store = Store::open(scratch.path(), &fleet()).unwrap();
         let copy = CopiedLedger::new(store, fleet()).unwrap();
         let StandbyRequest::Follow { copied, last, .. } = copy.question(0).unwrap() else { panic!() };
         assert_eq!((copied, last), (false, 1), "what it has was not copied");
