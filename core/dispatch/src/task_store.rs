@@ -200,7 +200,7 @@ impl TaskStore {
     /// See [`ReplayError`]; nothing changes then.
     pub fn apply(&mut self, entry: &Entry) -> Result<(), ReplayError> {
         if let Record::Snapshot(store) = &entry.record {
-            *self = Self { next_n: entry.n + 1, ..(**store).clone() };
+            *self = Self { next_n: entry.n.saturating_add(1), ..(**store).clone() };
             return Ok(());
         }
         if entry.n != self.next_n {
@@ -244,7 +244,7 @@ impl TaskStore {
                     return Err(format!("{id} is already on another robot"));
                 }
                 task.assign(at_ms, robot.clone(), *seq);
-                self.next_seq = seq + 1;
+                self.next_seq = seq.saturating_add(1);
                 self.on.insert(robot.clone(), *id);
             }
             Record::Reached { task: id, leg, .. } => {

@@ -75,10 +75,13 @@ impl Active {
         }
         self.known = Some(Known { copy, last, heard_ms: now_ms });
         (self.quiet_ms, self.doubt) = (0, None);
-        if witnesses != 0 && witnesses == self.proposed.version {
+        let has_read = witnesses != 0 && witnesses == self.proposed.version;
+        if has_read {
             self.agreed = Some(self.proposed.clone());
         }
-        if !is_paired && last + self.times.caught_up >= self.own {
+        // Not before it has read an answer: one that ends before that, as it cannot read or write them, would be
+        // waited for without end.
+        if !is_paired && has_read && last + self.times.caught_up >= self.own {
             self.paired = Some(copy);
         }
         self.note_given();
@@ -120,7 +123,7 @@ impl Active {
         let ran_ms = now_ms.saturating_sub(self.stepped_ms).min(self.times.step_ms);
         self.stepped_ms = now_ms;
         self.quiet_ms = self.quiet_ms.saturating_add(ran_ms);
-        self.propose(visible);
+        self.propose(now_ms, visible);
         if self.paired.is_none() {
             self.doubt = None;
             return;
@@ -137,12 +140,13 @@ impl Active {
     }
 
     /// The witnesses change only when the stand-by has the last ones: it decides by those or by these.
-    fn propose(&mut self, visible: &BTreeSet<Name>) {
+    fn propose(&mut self, now_ms: u64, visible: &BTreeSet<Name>) {
         let is_first = self.proposed.version == 0 && self.is_known();
         let has_last = self.agreed.as_ref().is_some_and(|agreed| agreed.version == self.proposed.version);
         if is_first || (has_last && !self.proposed.robots.iter().eq(visible.iter())) {
-            let version = self.proposed.version.wrapping_add(1).max(1);
-            self.proposed = Witnesses { version, robots: visible.iter().cloned().collect() };
+            // Not a number of an earlier run: the stand-by names that one until it is answered by this run.
+            let next = if is_first { now_ms as u32 } else { self.proposed.version.wrapping_add(1) };
+            self.proposed = Witnesses { version: next.max(1), robots: visible.iter().cloned().collect() };
         }
     }
 

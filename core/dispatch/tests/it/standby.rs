@@ -147,6 +147,33 @@ fn a_dispatcher_that_was_held_up_listens_before_it_goes_on_alone() {
 }
 
 #[test]
+fn a_stand_by_that_ended_before_it_had_read_an_answer_is_not_waited_for() {
+    let mut active = Active::new(TIMES, 0, 10, 0, None);
+    active.follows(0, Follow { copy: 9, last: 10, witnesses: 0 });
+    active.wrote(12);
+    run(&mut active, 50, 6_000, &robots(3));
+    assert_eq!((active.paired(), active.held(), active.acknowledged()), (None, None, 12));
+    // It never wrote its number to its disk: it comes back with another one.
+    active.follows(6_100, Follow { copy: 8, last: 12, witnesses: 0 });
+    let witnesses = active.witnesses_for(0).unwrap();
+    active.follows(6_200, Follow { copy: 8, last: 12, witnesses: witnesses.version });
+    assert_eq!((active.paired(), active.view(6_200).map(|view| view.paired)), (Some(8), Some(true)));
+}
+
+#[test]
+fn witnesses_that_a_stand_by_has_of_an_earlier_run_are_not_taken_for_those_of_this_one() {
+    let first = paired(&robots(3)).witnesses_for(0).unwrap().version;
+    let mut restarted = Active::new(TIMES, 60_000, 10, 0, Some(9));
+    for now_ms in [60_000, 60_050] {
+        restarted.follows(now_ms, Follow { copy: 9, last: 10, witnesses: first });
+        restarted.step(now_ms, &BTreeSet::new());
+    }
+    assert_eq!(restarted.view(60_050).map(|view| view.paired), Some(false));
+    run(&mut restarted, 60_100, 6_000, &robots(3));
+    assert!(restarted.held().is_some(), "it may have taken over from the earlier run");
+}
+
+#[test]
 fn a_stand_by_that_leaves_is_not_waited_for() {
     let mut active = paired(&robots(3));
     active.wrote(12);

@@ -88,7 +88,7 @@ pub struct CopiedRecord {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Witnesses {
-    /// Counts the lists of this run, from 1.
+    /// Counts the lists of this run, from a number that no earlier run had; never 0.
     pub version: u32,
     /// Those that were online.
     pub robots: Vec<Name>,

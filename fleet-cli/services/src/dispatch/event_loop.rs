@@ -371,6 +371,8 @@ impl Work {
                 Ok(written) => self.settle(written)?,
                 Err(_) => return Err(lost("the disk does not respond; the last write is unconfirmed")),
             }
+        }
+        if self.unacknowledged.is_some() {
             let until = tokio::time::Instant::now() + LAST_COPY;
             while self.unacknowledged.is_some()
                 && let Ok(Some(input)) = tokio::time::timeout_at(until, self.standby.inputs.recv()).await
@@ -378,10 +380,10 @@ impl Work {
                 self.standby.take(self.clock.ms(), input, &self.dispatcher);
                 self.acknowledge()?;
             }
-            while let Some(effect) = self.dispatcher.next_effect() {
-                if let Effect::Reply { ticket, reply } = effect {
-                    self.desk.reply(ticket, reply);
-                }
+        }
+        while let Some(effect) = self.dispatcher.next_effect() {
+            if let Effect::Reply { ticket, reply } = effect {
+                self.desk.reply(ticket, reply);
             }
         }
         self.desk.last_answers().await;

@@ -3,9 +3,10 @@
 
 mod copied_ledger;
 
+use super::CLIENT;
 use super::store::Store;
-use super::{CLIENT, Clock};
 use copied_ledger::CopiedLedger;
+use rustix::time::{ClockId, clock_gettime};
 use std::path::PathBuf;
 use std::pin::pin;
 use std::sync::Arc;
@@ -101,7 +102,6 @@ impl Change {
 /// What it sees and holds, besides the copy.
 struct Around {
     client: Client,
-    clock: Clock,
     times: Times,
     follower: Follower,
     feed: StateFeed,
@@ -122,7 +122,7 @@ pub async fn stand_by(
 ) -> Result<Option<Store>> {
     let mut around = Around::open(client).await?;
     let mut copy = CopiedLedger::new(store, client.fleet().clone())?;
-    let mut asking = Box::pin(ask(around.clone_for_asking(), copy.question(0)?, Duration::ZERO));
+    let mut asking = Box::pin(ask(around.client.clone(), copy.question(0)?, Duration::ZERO));
     let mut stopped = pin!(stopped);
     let mut tick = tokio::time::interval(TICK);
     tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -136,15 +136,22 @@ pub async fn stand_by(
             (asked_ms, reply) = &mut asking => {
                 let again = if reply.is_some() { Duration::ZERO } else { ASK_AGAIN };
                 if let Some(reply) = reply {
-                    copy = answered(&mut around, copy, asked_ms, reply, &mut tell)?;
+                    let id = copy.id();
+                    copy = match answered(&mut around, copy, asked_ms, reply, &mut tell) {
+                        Ok(copy) => copy,
+                        Err(error) => {
+                            around.leave(id).await;
+                            return Err(error);
+                        }
+                    };
                 }
                 let question = copy.question(around.follower.knows())?;
-                asking = Box::pin(ask(around.clone_for_asking(), question, again));
+                asking = Box::pin(ask(around.client.clone(), question, again));
             }
             _ = tick.tick() => {}
         }
         let seen = around.seen();
-        let change = match around.follower.step(around.clock.ms(), &seen) {
+        let change = match around.follower.step(since_start_ms(), &seen) {
             Decision::Paired => Change::Paired,
             Decision::CatchingUp => Change::Follows,
             Decision::Waits(why) => Change::Waits(why),
@@ -191,7 +198,7 @@ fn answered(
 fn take_over(around: &Around, copy: CopiedLedger, tell: &mut impl FnMut(&Change)) -> Result<Store> {
     let mut store = copy.into_store();
     let term = store.raise_term()?;
-    if !around.follower.is_in_time(around.clock.ms()) {
+    if !around.follower.is_in_time(since_start_ms()) {
         let message = "the disk was too slow to take over: the dispatcher may have continued alone";
         return Err(Error::new(ErrorKind::Failed, message)
             .hint("start this one again with --standby, or, if the dispatcher is lost, with --promote"));
@@ -201,14 +208,20 @@ fn take_over(around: &Around, copy: CopiedLedger, tell: &mut impl FnMut(&Change)
     Ok(store)
 }
 
+/// Time since this computer was started, also that in which it slept: its dispatcher may have gone on meanwhile.
+fn since_start_ms() -> u64 {
+    #[cfg(target_os = "linux")]
+    let clock = ClockId::Boottime;
+    #[cfg(not(target_os = "linux"))]
+    let clock = ClockId::Monotonic;
+    let now = clock_gettime(clock);
+    now.tv_sec.unsigned_abs() * 1_000 + u64::try_from(now.tv_nsec).unwrap_or(0) / 1_000_000
+}
+
 /// Asks once, after a while: when, and what came.
-async fn ask(
-    (client, clock): (Client, Clock),
-    question: StandbyRequest,
-    after: Duration,
-) -> (u64, Option<StandbyReply>) {
+async fn ask(client: Client, question: StandbyRequest, after: Duration) -> (u64, Option<StandbyReply>) {
     tokio::time::sleep(after).await;
-    let asked_ms = clock.ms();
+    let asked_ms = since_start_ms();
     (asked_ms, ask_once(&client, &question, ANSWER_WITHIN).await)
 }
 
@@ -224,18 +237,14 @@ async fn ask_once(client: &Client, question: &StandbyRequest, within: Duration) 
 
 impl Around {
     async fn open(client: &Client) -> Result<Self> {
-        let (clock, times) = (Clock::start(), Times::default());
+        let times = Times::default();
         let present = Arc::new(AtomicBool::new(false));
         let shown = present.clone();
         let each = move |_: &str, there: bool| shown.store(there, Ordering::Relaxed);
         let _presence = client.bus().watch_alive(&client.keys().dispatch_alive(), each).await?;
         let feed = StateFeed::open(client, &client.keys().any_robot()).await?;
-        let follower = Follower::new(times, clock.ms());
-        Ok(Self { client: client.clone(), clock, times, follower, feed, present, _presence })
-    }
-
-    fn clone_for_asking(&self) -> (Client, Clock) {
-        (self.client.clone(), self.clock)
+        let follower = Follower::new(times, since_start_ms());
+        Ok(Self { client: client.clone(), times, follower, feed, present, _presence })
     }
 
     /// Robots whose states come in, and one that has just heard the dispatcher.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tokio::sync::mpsc;
+use tokio::sync::{Semaphore, mpsc};
 use xtb_bus::{Bus, Question, Service};
 use xtb_client::client::Client;
 use xtb_client::{Error, ErrorKind, Result};
@@ -24,6 +24,10 @@ use xtb_protocol::{Name, Uuid};
 
 /// Questions, and what was read for them, that wait at most: a stand-by asks one at a time.
 const INPUTS: usize = 64;
+/// Questions for which the ledger is read at a time; more are not answered, and counted as those without room.
+const READS: usize = 8;
+/// Questions of several stand-bys that wait for news at most; then the first one is answered.
+const PARKED: usize = 8;
 /// Somebody else with this ledger is looked for this often, once there was a stand-by.
 const PROBE_EVERY_MS: u64 = 1_000;
 const PROBE_WITHIN: Duration = Duration::from_millis(500);
@@ -43,6 +47,8 @@ pub(super) enum Input {
 /// Which records a stand-by has.
 #[derive(Debug, Clone, Copy)]
 struct Holds {
+    /// Which question says so, counted.
+    number: u64,
     copied: bool,
     ledger: u64,
     term: u32,
@@ -83,7 +89,12 @@ pub(super) struct StandbyLink {
     /// The last record on the own disk.
     own: u64,
     reader: Arc<Mutex<Reader>>,
-    parked: Option<Parked>,
+    reads: Arc<Semaphore>,
+    parked: Vec<Parked>,
+    /// The last copy that has left, and with which question: those before it do not count any more.
+    left: Option<(u64, u64)>,
+    /// The last record of the paired copy, if that has more than this ledger.
+    ahead: Option<u64>,
     next_probe_ms: u64,
     /// Whether it was paired, and held, when that was told last.
     told: (bool, bool),
@@ -128,7 +139,10 @@ impl StandbyLink {
             pair,
             own,
             reader,
-            parked: None,
+            reads: Arc::new(Semaphore::new(READS)),
+            parked: Vec::new(),
+            left: None,
+            ahead: None,
             next_probe_ms: 0,
             told: (store.pair().is_some(), false),
             questions: 0,
@@ -151,6 +165,9 @@ impl StandbyLink {
             match tokio::time::timeout_at(until, self.inputs.recv()).await {
                 Ok(Some(input)) => self.take(clock.ms(), input, dispatcher),
                 Ok(None) | Err(_) => return Err(self.unheard()),
+            }
+            if let Some(last) = self.ahead {
+                return Err(self.outdated(last));
             }
             self.end_if_superseded()?;
         }
@@ -179,10 +196,11 @@ impl StandbyLink {
         match request {
             StandbyRequest::Follow { copy, copied, ledger, term, last, sum, offset, witnesses } => {
                 let follow = Follow { copy, last, witnesses };
-                let holds = Holds { copied, ledger, term, sum, offset, follow };
+                let holds = Holds { number: self.questions, copied, ledger, term, sum, offset, follow };
                 self.look_up(question, format, holds, false);
             }
             StandbyRequest::Leave { copy } => {
+                self.left = Some((copy, self.questions));
                 self.pair.left(copy);
                 self.answer(now_ms, (question, format), None, Copied::Records(Vec::new()), dispatcher);
             }
@@ -194,6 +212,11 @@ impl StandbyLink {
 
     /// Reads beside the writer, on a thread that may wait for the disk.
     fn look_up(&self, question: Question, format: Format, holds: Holds, parked: bool) {
+        let room = self.reads.clone().try_acquire_owned().ok();
+        if room.is_none() && !parked {
+            self.overloaded.fetch_add(1, Ordering::Relaxed);
+            return;
+        }
         let (reader, sender) = (self.reader.clone(), self.sender.clone());
         tokio::spawn(async move {
             let Holds { sum, offset, follow, .. } = holds;
@@ -208,6 +231,7 @@ impl StandbyLink {
             let read = ReadFor { question, format, holds, parked, found };
             // Nobody takes it: the dispatcher has ended.
             let _ = sender.send(Input::Read(Box::new(read))).await;
+            drop(room);
         });
     }
 
@@ -218,8 +242,8 @@ impl StandbyLink {
             Err(error) => return tracing::warn!("the stand-by gets no records: {error}"),
         };
         let is_ledger = holds.ledger == 0 || Some(holds.ledger) == dispatcher.store().ledger();
-        // A term that only a copy has was never begun.
-        if is_ledger && !holds.copied {
+        // A term that only a copy has was never begun; an empty ledger has none.
+        if is_ledger && !holds.copied && holds.ledger != 0 {
             self.pair.saw_term(holds.term);
         }
         let is_ours = is_ledger
@@ -228,10 +252,19 @@ impl StandbyLink {
                 History::Replaced => holds.copied,
                 History::Other => false,
             };
+        let (copy, last, store) = (holds.follow.copy, holds.follow.last, dispatcher.store());
+        let is_of_this_term = store.ledger() == Some(holds.ledger) && store.term() == holds.term;
+        let is_pair = holds.copied && is_of_this_term && store.pair() == Some(copy);
+        if !is_ours && is_pair && last > self.own {
+            // It is not told to begin anew: what it has more may have been acknowledged.
+            self.ahead = Some(last);
+            return;
+        }
         if !is_ours {
             return self.answer(now_ms, (question, format), Some(holds), Copied::Diverged {}, dispatcher);
         }
-        if !parked {
+        let has_left = self.left.is_some_and(|(left, number)| left == copy && holds.number < number);
+        if !parked && !has_left {
             self.pair.follows(now_ms, holds.follow);
         }
         if records.is_empty() && !parked {
@@ -240,18 +273,27 @@ impl StandbyLink {
                 return self.look_up(question, format, holds, true);
             }
             let until_ms = now_ms + self.times.answer_ms;
-            self.release(now_ms, dispatcher);
-            self.parked = Some(Parked { question, format, holds, until_ms });
+            if self.parked.len() >= PARKED {
+                let first = self.parked.remove(0);
+                self.nothing_new(now_ms, first, dispatcher);
+            }
+            self.parked.push(Parked { question, format, holds, until_ms });
             return;
         }
         self.answer(now_ms, (question, format), Some(holds), Copied::Records(records), dispatcher);
     }
 
-    /// Answers the question that waits: there is nothing new.
+    /// Answers the questions that have waited long enough.
     fn release(&mut self, now_ms: u64, dispatcher: &Dispatcher) {
-        if let Some(Parked { question, format, holds, .. }) = self.parked.take() {
-            self.answer(now_ms, (question, format), Some(holds), Copied::Records(Vec::new()), dispatcher);
-        }
+        let all = std::mem::take(&mut self.parked).into_iter();
+        let (due, waiting): (Vec<_>, Vec<_>) = all.partition(|parked| now_ms >= parked.until_ms);
+        self.parked = waiting;
+        due.into_iter().for_each(|parked| self.nothing_new(now_ms, parked, dispatcher));
+    }
+
+    fn nothing_new(&self, now_ms: u64, parked: Parked, dispatcher: &Dispatcher) {
+        let Parked { question, format, holds, .. } = parked;
+        self.answer(now_ms, (question, format), Some(holds), Copied::Records(Vec::new()), dispatcher);
     }
 
     fn answer(
@@ -269,7 +311,8 @@ impl StandbyLink {
             // Not before the ledger says so: a restart has to know it.
             view.paired &= store.pair() == Some(view.copy);
         }
-        let is_it = |holds: &Holds| standby.as_ref().is_some_and(|view| view.copy == holds.follow.copy);
+        // Where nobody is paired yet each of several may be the one.
+        let is_it = |holds: &Holds| self.pair.paired().is_none_or(|copy| copy == holds.follow.copy);
         let holds = holds.filter(is_it);
         let reply = StandbyReply {
             run: self.run,
@@ -292,7 +335,7 @@ impl StandbyLink {
     pub(super) fn wrote(&mut self, last: u64) {
         self.own = last;
         self.pair.wrote(last);
-        if let Some(Parked { question, format, holds, .. }) = self.parked.take() {
+        for Parked { question, format, holds, .. } in std::mem::take(&mut self.parked) {
             self.look_up(question, format, holds, true);
         }
     }
@@ -329,9 +372,7 @@ impl StandbyLink {
         dispatcher.hold(self.pair.held().map(str::to_owned));
         dispatcher.pair(now_ms, self.pair.paired());
         self.tell();
-        if self.parked.as_ref().is_some_and(|parked| now_ms >= parked.until_ms) {
-            self.release(now_ms, dispatcher);
-        }
+        self.release(now_ms, dispatcher);
         if now_ms >= self.next_probe_ms && self.has_had_standby(dispatcher) {
             self.next_probe_ms = now_ms + PROBE_EVERY_MS;
             self.probe();
@@ -396,6 +437,18 @@ impl StandbyLink {
             "start this one with --standby: it follows the other one, and keeps records that only it has in a \
              file beside its ledger",
         ))
+    }
+
+    fn outdated(&self, last: u64) -> Error {
+        let message = format!(
+            "ledger {} ends with record {}, the copy of its stand-by with record {last}: this file is older",
+            self.path.display(),
+            self.own
+        );
+        Error::new(ErrorKind::Failed, message).hint(
+            "continue with the stand-by's ledger: `dispatch serve --promote` there; then start this one with \
+             --standby",
+        )
     }
 
     fn unheard(&self) -> Error {

@@ -105,7 +105,7 @@ impl Store {
                 refused("it has no records").hint("`dispatch serve` without --promote starts a new one")
             );
         }
-        let term = book.term() + 1;
+        let term = book.term().saturating_add(1);
         if term > MAX_TERM {
             return Err(
                 refused("all terms are used up").hint("--fresh starts a new ledger and keeps this one")

@@ -1,8 +1,8 @@
 //! A stand-by's ledger: what it has of the dispatcher's, and what its records add up to.
 
 use super::super::store::{Store, unreadable, wall_ms};
-use crate::ledger::Ledger;
-use std::path::PathBuf;
+use crate::ledger::{Ledger, MAX_SNAPSHOT_BYTES};
+use std::path::{Path, PathBuf};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::task_store::record::VERSION;
 use xtb_dispatch::{Entry, Record, Settings, TaskStore};
@@ -101,6 +101,10 @@ impl CopiedLedger {
         }
         let begun = std::mem::take(&mut self.begun);
         let Some(first) = records.first_mut() else { return Ok(()) };
+        if first.bytes > MAX_SNAPSHOT_BYTES as u64 {
+            let what = format!("{} bytes are more than a ledger takes", first.bytes);
+            return Err(wrong(self.ledger.path(), first.seq, &what));
+        }
         if first.seq == begun.0 {
             first.body.insert_str(0, &begun.1);
         } else if !begun.1.is_empty() {
@@ -118,19 +122,14 @@ impl CopiedLedger {
     }
 
     fn apply(&mut self, record: &CopiedRecord) -> Result<()> {
-        let path = self.ledger.path();
-        let wrong = |what: String| {
-            Error::new(
-                ErrorKind::Failed,
-                format!("record {} for ledger {}: {what}", record.seq, path.display()),
-            )
-            .hint("compare `fleet-cli --version` here and where the dispatcher runs")
-        };
-        let entry = Entry::from_json(&record.body).map_err(|error| wrong(error.to_string()))?;
-        if entry.n != record.seq || matches!(entry.record, Record::Snapshot(_)) != record.snapshot {
-            return Err(wrong("it is not what it is said to be".to_owned()));
+        let wrong = |what: &str| wrong(self.ledger.path(), record.seq, what);
+        let entry = Entry::from_json(&record.body).map_err(|error| wrong(&error.to_string()))?;
+        // SQLite's numbers have a sign.
+        let is_it = entry.n == record.seq && i64::try_from(entry.n).is_ok();
+        if !is_it || matches!(entry.record, Record::Snapshot(_)) != record.snapshot {
+            return Err(wrong("it is not what it is said to be"));
         }
-        self.book.apply(&entry).map_err(|error| wrong(error.to_string()))
+        self.book.apply(&entry).map_err(|error| wrong(&error.to_string()))
     }
 
     /// The same, as a dispatcher takes it.
@@ -141,6 +140,11 @@ impl CopiedLedger {
         let copy = self.copied.then_some(self.id);
         Store { ledger: self.ledger, entries, created: false, set_aside: None, copy }
     }
+}
+
+fn wrong(path: &Path, seq: u64, what: &str) -> Error {
+    Error::new(ErrorKind::Failed, format!("record {seq} for ledger {}: {what}", path.display()))
+        .hint("compare `fleet-cli --version` here and where the dispatcher runs")
 }
 
 #[cfg(test)]
@@ -199,6 +203,19 @@ mod tests {
         assert_eq!(store.entries[..3], entries);
         let book = TaskStore::replay(9, store.entries).unwrap();
         assert_eq!((book.term(), book.pair(), book.next_n()), (1, None, 5));
+    }
+
+    #[test]
+    fn a_record_that_no_ledger_can_hold_is_refused() {
+        let scratch = Scratch::new();
+        let store = Store::open(scratch.path(), &fleet()).unwrap();
+        let mut copy = CopiedLedger::new(store, fleet()).unwrap();
+        let last = entry(u64::MAX, Record::Snapshot(Box::new(TaskStore::new(9))));
+        let body = last.to_json().unwrap();
+        for bytes in [body.len() as u64, 1 << 40] {
+            let record = CopiedRecord { seq: u64::MAX, snapshot: true, bytes, body: body.clone() };
+            assert!(copy.take(vec![record]).is_err(), "{bytes}");
+        }
     }
 
     #[test]
