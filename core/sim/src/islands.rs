@@ -86,7 +86,8 @@ impl Islands {
         starts.clear();
         for (n, &(x_m, y_m)) in centres.iter().enumerate() {
             starts.push(near.len() as u32);
-            let side_m = 2.0 * (*reach_m + margins_m[n] + most_m);
+            // A hair more than the sum below, however that is rounded: both of a pair find each other.
+            let side_m = 2.0 * (*reach_m + margins_m[n] + most_m + 1e-6);
             grid.near(Bounds::around(x_m, y_m, side_m, side_m), |other| {
                 // The same sum for both of them.
                 let far_m = *reach_m + (margins_m[n] + margins_m[other]);

@@ -171,6 +171,7 @@ impl Coordinator {
         self.refused.remove(name);
         if let Some(id) = self.ids_by_name.remove(name) {
             self.trucks.retain(|truck| truck.id != id);
+            self.drop_order_of(id);
         }
     }
 
@@ -221,6 +222,7 @@ impl Coordinator {
         let Some(goes) = goes.filter(|_| !is_gone(seen)) else { return false };
         self.trucks.retain(|truck| truck.id != goes);
         self.ids_by_name.retain(|_, id| *id != goes);
+        self.drop_order_of(goes);
         true
     }
 

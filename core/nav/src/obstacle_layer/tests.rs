@@ -324,3 +324,10 @@ fn what_one_beam_sees_beside_another_truck_is_no_thin_thing() {
         "only a mark"
     );
 }
+
+#[test]
+fn a_place_beyond_all_cells_is_in_the_outermost_one() {
+    let grid = CellGrid { resolution_m: 0.05, origin_m: [0.0; 2] };
+    assert_eq!(grid.place([-1e300, 1e300]), (i64::MAX, i64::MIN));
+    assert_eq!(grid.place([-0.01, 0.01]), (0, -1));
+}

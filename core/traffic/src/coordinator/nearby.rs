@@ -12,6 +12,9 @@ const LARGE_M: f64 = 6.0;
 const FAR_M: f64 = 1.0e6;
 /// No fewer cells than one, no more than so many along each side of what all lines cover.
 const MOST_CELLS: f64 = 400.0;
+/// Most cells, each counted once for each block of ticks: where there would be more they are larger, so that lines
+/// that lead far and take long need no more than 16 MB; chosen, not measured.
+const MOST_BY_BLOCK: usize = 1 << 21;
 
 /// Lines by cells, row by row: those of cells side by side follow each other.
 struct Rows {
@@ -84,16 +87,21 @@ impl Nearby {
         let high = |axis: usize| circles().map(|circle| circle[axis]).fold(f64::MIN, f64::max);
         let (low_m, high_m) = ([low(0), low(1)], [high(0), high(1)]);
         let long_m = (high_m[0] - low_m[0]).max(high_m[1] - low_m[1]).max(0.0);
-        let side_m = (radius_m + reach_m + keep_m).max(long_m / MOST_CELLS).max(0.1);
-        let cells = |axis: usize| ((high_m[axis] - low_m[axis]).max(0.0) / side_m) as usize + 1;
-        let (width, height) = (cells(0), cells(1));
+        let small = others.iter().zip(&large).filter(|(_, large)| !**large);
+        let blocks = small.map(|(other, _)| other.line.circles().0.len()).max().unwrap_or(0);
+        let mut side_m = (radius_m + reach_m + keep_m).max(long_m / MOST_CELLS).max(0.1);
+        let cells = |axis: usize, side_m: f64| ((high_m[axis] - low_m[axis]).max(0.0) / side_m) as usize + 1;
+        while side_m < long_m && cells(0, side_m) * cells(1, side_m) * blocks > MOST_BY_BLOCK {
+            side_m *= 2.0;
+        }
+        let (width, height) = (cells(0, side_m), cells(1, side_m));
         let mut nearby = Self {
             side_m,
             origin_m: low_m,
             width,
             height,
             moving: vec![Vec::new(); width * height],
-            blocks: 0,
+            blocks,
             by_block: Rows::of(0, &[]),
             standing: Rows::of(0, &[]),
             everywhere: Vec::new(),
@@ -110,7 +118,6 @@ impl Nearby {
                 continue;
             }
             let (circles, held) = other.line.circles();
-            self.blocks = self.blocks.max(circles.len());
             let stays = circles.last().into_iter().chain(held);
             standing.extend(stays.map(|circle| (self.cell(circle) as u32, line as u32)));
         }
@@ -189,5 +196,39 @@ impl Nearby {
             }
         }
         first
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::discretized_path::DiscretizedPath;
+    use super::super::occupancy::{Occupancy, TICK_WAY_M};
+    use super::*;
+    use std::f64::consts::FRAC_PI_4;
+    use xtb_control::VehicleConfig;
+    use xtb_nav::{Car, MapPose, Path, Piece};
+
+    #[test]
+    fn lines_that_lead_far_and_take_long_need_no_more_room_and_are_found() {
+        let car = Car::of(&VehicleConfig::default());
+        let mut path = Path::standing(MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: FRAC_PI_4 });
+        path.push(Piece { length_m: 400.0, curvature_per_m: 0.0 });
+        let at_m: Vec<f64> = (0..4000).map(|tick| (f64::from(tick) * TICK_WAY_M).min(400.0)).collect();
+        let line = Occupancy::driving(&DiscretizedPath::new(path, &car), &car, &at_m, 0);
+        let others = [Other { line: &line, separation_m: 0.08 }];
+        let nearby = Nearby::new(&others, 1.0);
+        assert!(nearby.by_block.from.len() <= MOST_BY_BLOCK + 1, "{}", nearby.by_block.from.len());
+        let mut met = 0;
+        for step in 0..200 {
+            let along_m = f64::from(step) * 1.4;
+            let stand = Stand::still(&car, &MapPose { x_m: along_m, y_m: along_m, yaw_rad: 0.0 });
+            for tick in (0..4000).step_by(50) {
+                let hits = line.hits(&stand, tick, 0.08);
+                assert_eq!(nearby.any_at(&stand, tick, |_| line.hits(&stand, tick, 0.08)), hits);
+                met += u32::from(hits);
+            }
+            assert_eq!(nearby.next_hit(&others, &stand, 0), line.next_hit(&stand, 0, 0.08));
+        }
+        assert!(met > 10, "{met}");
     }
 }

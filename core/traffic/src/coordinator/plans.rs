@@ -79,8 +79,13 @@ impl Coordinator {
         let busy: BTreeSet<u32> = self.out.iter().flat_map(Outstanding::ids).collect();
         let is_free = |truck: &Truck| !busy.contains(&truck.id) && truck.pause_until <= now;
         let regions = self.regions(now);
-        let free = regions.iter().filter(|region| region.iter().all(|&index| is_free(&self.trucks[index])));
-        let (members, look) = free.filter_map(|region| self.chosen(now, region)).next()?;
+        let mut free: Vec<&Vec<usize>> = regions
+            .iter()
+            .filter(|region| region.iter().all(|&index| is_free(&self.trucks[index])))
+            .collect();
+        // The one that was planned longest ago: those that find no way again and again leave the others their turns.
+        free.sort_by_key(|region| region.iter().map(|&index| self.trucks[index].pause_until).max());
+        let (members, look) = free.into_iter().find_map(|region| self.chosen(now, region))?;
         Some(self.job_of(now, members, look))
     }
 
@@ -273,4 +278,49 @@ fn is_due(truck: &Truck, now: Stamp) -> bool {
 /// Whether it has no way among many, and the next look for one is a more thorough one.
 pub(super) fn is_looked_for_further(truck: &Truck) -> bool {
     !truck.is_live() && (1..=ALONE_TRIES).contains(&truck.misses)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::room::GridRoom;
+    use super::super::{PlannedGoal, RobotView};
+    use super::*;
+    use xtb_control::VehicleConfig;
+    use xtb_nav::{Car, MapPose};
+
+    /// It wants to go 3 m to the east.
+    fn view(name: &str, x_m: f64) -> RobotView {
+        let goal = PlannedGoal { id: 1, x_m: x_m + 3.0, y_m: 2.0, yaw_rad: None };
+        RobotView {
+            name: name.to_owned(),
+            epoch: 1,
+            car: Some(Car::of(&VehicleConfig::default())),
+            pose: MapPose { x_m, y_m: 2.0, yaw_rad: 0.0 },
+            sigma_m: 0.01,
+            speed_mps: 0.0,
+            goal: Some(goal),
+            route: None,
+            blocked_at_m: None,
+            drives: true,
+            age_ms: 0,
+        }
+    }
+
+    #[test]
+    fn regions_in_which_no_way_is_found_take_turns() {
+        // All goals are in walls.
+        let walls = [[4.0, 1.0, 2.0, 2.0], [17.0, 1.0, 2.0, 2.0], [30.0, 1.0, 2.0, 2.0]];
+        let mut coordinator = Coordinator::new(Arc::new(GridRoom::with(34.0, 4.0, &walls)), 1);
+        let views = [("a", 2.0), ("b", 15.0), ("c", 28.0)].map(|(name, x_m)| view(name, x_m));
+        let mut planned = Vec::new();
+        for now in [1000, 3000, 5000, 7000].map(Stamp::from_ms) {
+            views.iter().for_each(|view| coordinator.robot(now, view.clone()));
+            coordinator.tick(now);
+            if let Some(job) = coordinator.job(now) {
+                planned.push(job.members.iter().map(|member| member.id).collect::<Vec<_>>());
+                coordinator.planned(now, job.solve(&mut || true));
+            }
+        }
+        assert_eq!(planned, [[1], [2], [3]]);
+    }
 }

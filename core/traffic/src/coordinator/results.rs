@@ -181,6 +181,11 @@ impl Coordinator {
             .collect();
         self.order.extend(new);
     }
+
+    /// One that is gone needs nothing of anybody, nor anybody of it.
+    pub(super) fn drop_order_of(&mut self, gone: u32) {
+        self.order.retain(|(one, other), _| *one != gone && *other != gone);
+    }
 }
 
 /// Whether a plan goes on from what is released of a route.
@@ -213,4 +218,44 @@ fn lead(truck: &mut Truck, now: Stamp, plan: u64, found: Plan) -> bool {
         None => Route { plan, base: plan, way, done_m: 0.0, release: 0, release_m: 0.0, live: true, evades },
     });
     true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::RobotView;
+    use super::super::order::set_needs;
+    use super::super::room::GridRoom;
+    use super::*;
+    use std::sync::Arc;
+    use xtb_control::VehicleConfig;
+    use xtb_nav::{Car, MapPose};
+
+    fn view(name: &str, x_m: f64) -> RobotView {
+        RobotView {
+            name: name.to_owned(),
+            epoch: 1,
+            car: Some(Car::of(&VehicleConfig::default())),
+            pose: MapPose { x_m, y_m: 2.0, yaw_rad: 0.0 },
+            sigma_m: 0.01,
+            speed_mps: 0.0,
+            goal: None,
+            route: None,
+            blocked_at_m: None,
+            drives: true,
+            age_ms: 0,
+        }
+    }
+
+    #[test]
+    fn nothing_of_the_passing_order_is_kept_of_a_robot_that_is_forgotten() {
+        let mut coordinator = Coordinator::new(Arc::new(GridRoom::with(8.0, 4.0, &[])), 1);
+        for (name, x_m) in [("a", 1.0), ("b", 4.0), ("c", 7.0)] {
+            coordinator.robot(Stamp::from_ms(1000), view(name, x_m));
+        }
+        for pair in [(1, 2), (1, 3), (2, 1), (3, 2)] {
+            set_needs(&mut coordinator.order, pair, &[0, 1]);
+        }
+        coordinator.forget("b");
+        assert_eq!(coordinator.order.keys().copied().collect::<Vec<_>>(), [(1, 3)]);
+    }
 }
