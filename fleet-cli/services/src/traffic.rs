@@ -171,6 +171,8 @@ impl Work {
         let refused = self.coordinator.refused();
         self.warn_of(&refused);
         let near = Neighbours::of(views);
+        let known: BTreeSet<&str> = views.iter().map(|view| view.name.as_str()).collect();
+        self.routes.retain(|name, _| known.contains(name.as_str()) || guides.contains_key(name));
         for (name, guide) in guides.into_iter().chain(refused) {
             let route = guide.route(self.epoch, self.seq, near.near(&name));
             let sent = match self.publisher_of(&name).await {

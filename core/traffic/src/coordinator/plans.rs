@@ -122,11 +122,14 @@ impl Coordinator {
         for (index, member) in members {
             let slow = slow.contains(&index);
             let fixed = !member.wanting && !slow && !moved.contains(&index);
-            if !member.wanting || wanted.contains(&index) {
-                part.push(Member { fixed, slow, ..member });
+            let rank = wanted.iter().position(|&wanted| wanted == index);
+            if !member.wanting || rank.is_some() {
+                part.push((rank, Member { fixed, slow, ..member }));
             }
         }
-        Some((part, look))
+        // What is left of the nodes goes to the most neglected first.
+        part.sort_by_key(|(rank, _)| *rank);
+        Some((part.into_iter().map(|(_, member)| member).collect(), look))
     }
 
     /// Those that have stood on their ways for longest, and were not looked after lately.
