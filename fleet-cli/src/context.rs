@@ -38,6 +38,7 @@ impl Context {
         }
         let settings = Settings {
             connect,
+            identity: None,
             fleet: match global.fleet.clone().or(config.fleet) {
                 Some(fleet) => fleet,
                 None => Name::new(DEFAULT_FLEET).map_err(impossible)?,

@@ -70,10 +70,10 @@ pub(crate) async fn run(
     stop_motors: impl Fn(),
     host: Host<impl FnOnce()>,
 ) -> Result<(), AgentError> {
-    let role = config.role();
+    let opening = config.opening().link_lease(host.link_lease);
     let mut told = false;
     let sessions = host.shared.sessions.clone();
-    let opening = sessions.open(&role, host.link_lease, |error| {
+    let opening = sessions.open(&opening, |error| {
         if !std::mem::replace(&mut told, true) {
             tracing::warn!("{error}; trying again, the controller keeps running");
         }

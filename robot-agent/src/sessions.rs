@@ -2,9 +2,8 @@
 //! links would cost more than their controllers.
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
-use std::time::Duration;
 use tokio::sync::{OnceCell, Semaphore};
-use xtb_bus::{Bus, BusError, Role};
+use xtb_bus::{Bus, BusError, Opening};
 
 /// So many sessions are being opened at once: of hundreds each would take longer than Zenoh waits for an answer.
 const OPENED_AT_ONCE: usize = 16;
@@ -39,17 +38,16 @@ impl Sessions {
     /// Opens one, or joins one that has room; tries until it stands.
     ///
     /// # Errors
-    /// As [`xtb_bus::open_patiently_leased`].
+    /// As [`Opening::patiently`].
     pub(crate) async fn open(
         &self,
-        role: &Role,
-        link_lease: Duration,
+        opening: &Opening,
         failing: impl FnMut(&BusError),
     ) -> Result<Part, BusError> {
         let whole = self.0.next();
         let bus = whole.get_or_try_init(async || {
             let _room = self.0.opening.acquire().await; // nobody closes it
-            xtb_bus::open_patiently_leased(role, link_lease, failing).await
+            opening.patiently(failing).await
         });
         Ok(Part { bus: bus.await?.part(), whole })
     }

@@ -80,6 +80,7 @@ pub fn name(text: &str) -> Name {
 #[must_use]
 pub fn agent_config(endpoint: &str, fleet: &str) -> AgentConfig {
     AgentConfig {
+        identity: None,
         navigation: xtb_nav::NavSettings::default(),
         map: None,
         fleet: name(fleet),

@@ -10,17 +10,21 @@
 //! Rules that hold for every callback given to this crate: it runs on one of Zenoh's threads, so it
 //! must not block; a callback that blocks hurts every session of the process.
 
+mod acl;
 mod channel;
+mod enrolled;
 mod foreign;
 mod key_expr;
 mod presence;
 mod query;
 mod session;
+mod tls;
 
 pub use channel::{EventPublisher, Incoming, Publisher, Subscription};
 pub use key_expr::intersect;
 pub use presence::{Presence, Token};
 pub use query::{Question, Service};
-pub use session::{
-    Bus, BusError, LINK_LEASE, LinkWatch, Role, open, open_leased, open_patiently, open_patiently_leased,
-};
+pub use acl::AccessControl;
+pub use enrolled::{EnrolError, Enrolled};
+pub use session::{Bus, BusError, LINK_LEASE, LinkWatch, Opening, Role, open};
+pub use tls::Tls;

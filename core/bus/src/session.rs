@@ -1,6 +1,8 @@
 //! Opening a session: as a client of a router, as a router, or as a peer.
 
+use crate::acl::AccessControl;
 use crate::foreign::ForeignKeys;
+use crate::tls::Tls;
 use std::collections::HashSet;
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -68,6 +70,12 @@ pub enum BusError {
         /// Zenoh's words.
         reason: String,
     },
+    /// An identity shall be used with an endpoint that has no TLS.
+    #[error("{endpoint} has no TLS, so an identity would protect nothing there")]
+    NotSecure {
+        /// Which.
+        endpoint: String,
+    },
     /// A declaration, put or get failed.
     #[error("{what} on {key}: {reason}")]
     Operation {
@@ -102,6 +110,14 @@ impl Role {
             Self::Router { listen, .. } => format!("as a router on {}", listen.join(", ")),
             Self::Peer { .. } => "as a peer".into(),
         }
+    }
+
+    fn endpoints(&self) -> impl Iterator<Item = &String> {
+        let (listen, connect) = match self {
+            Self::Client { connect } | Self::Peer { connect } => (&[][..], connect),
+            Self::Router { listen, connect } => (&listen[..], connect),
+        };
+        listen.iter().chain(connect)
     }
 
     fn config(&self, link_lease: Duration) -> Result<zenoh::Config, BusError> {
@@ -145,56 +161,112 @@ pub struct Bus {
     pub(crate) foreign: ForeignKeys,
 }
 
-/// Opens a session: one attempt, without blocking the runtime.
+/// How to open a session.
+#[derive(Debug, Clone)]
+pub struct Opening {
+    role: Role,
+    link_lease: Duration,
+    tls: Option<Tls>,
+    access: Option<AccessControl>,
+}
+
+impl Opening {
+    /// As this role, without an identity, with links of [`LINK_LEASE`].
+    #[must_use]
+    pub fn of(role: Role) -> Self {
+        Self { role, link_lease: LINK_LEASE, tls: None, access: None }
+    }
+
+    /// The others take this session's links for lost after so much silence.
+    #[must_use]
+    pub fn link_lease(self, link_lease: Duration) -> Self {
+        Self { link_lease, ..self }
+    }
+
+    /// With an identity: TLS 1.3 with certificates on both sides, names checked; no other kind of endpoint, no
+    /// peers.
+    #[must_use]
+    pub fn tls(self, tls: Option<Tls>) -> Self {
+        Self { tls, ..self }
+    }
+
+    /// A router that lets in whom these rules name.
+    #[must_use]
+    pub fn access(self, access: Option<AccessControl>) -> Self {
+        Self { access, ..self }
+    }
+
+    fn config(&self) -> Result<zenoh::Config, BusError> {
+        let mut config = self.role.config(self.link_lease)?;
+        let mut set = |name: &'static str, value: String| {
+            config.insert_json5(name, &value).map_err(|error| BusError::Setting {
+                name,
+                value,
+                reason: words(&error),
+            })
+        };
+        if let Some(tls) = &self.tls {
+            self.closed()?;
+            for (name, value) in tls.settings(matches!(self.role, Role::Router { .. })) {
+                set(name, value)?;
+            }
+        }
+        if let Some(AccessControl(rules)) = &self.access {
+            set("access_control", rules.to_string())?;
+        }
+        Ok(config)
+    }
+
+    /// An identity is of no use on a session that others can enter, or look into, without one.
+    fn closed(&self) -> Result<(), BusError> {
+        if let Role::Peer { .. } = self.role {
+            return Err(BusError::Open { role: self.role.describe(), reason: "peers have no identity".into() });
+        }
+        match self.role.endpoints().find(|endpoint| !endpoint.starts_with("tls/")) {
+            Some(endpoint) => Err(BusError::NotSecure { endpoint: endpoint.clone() }),
+            None => Ok(()),
+        }
+    }
+
+    /// One attempt, without blocking the runtime.
+    ///
+    /// # Errors
+    /// [`BusError::Setting`], [`BusError::NotSecure`] or [`BusError::Open`].
+    pub async fn once(&self) -> Result<Bus, BusError> {
+        let config = self.config()?;
+        let failed = |reason: String| BusError::Open { role: self.role.describe(), reason };
+        // `zenoh::open` blocks its thread while it tries.
+        match tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await {
+            Ok(Ok(session)) => Ok(Bus { session, foreign: ForeignKeys::default() }),
+            Ok(Err(error)) => Err(failed(words(&error))),
+            Err(error) => Err(failed(error.to_string())),
+        }
+    }
+
+    /// Again and again with growing pauses until it stands. `failing` hears of each failure. Dropping the future
+    /// ends the attempts.
+    ///
+    /// # Errors
+    /// [`BusError::Setting`] and [`BusError::NotSecure`] only: these would never get better.
+    pub async fn patiently(&self, mut failing: impl FnMut(&BusError)) -> Result<Bus, BusError> {
+        let mut pause = Duration::from_millis(RETRY_FIRST_MS.into());
+        loop {
+            match self.once().await {
+                Err(error @ BusError::Open { .. }) => failing(&error),
+                other => return other,
+            }
+            tokio::time::sleep(pause).await;
+            pause = (pause * 2).min(Duration::from_millis(RETRY_MOST_MS.into()));
+        }
+    }
+}
+
+/// Opens a session without an identity: one attempt; see [`Opening::once`].
 ///
 /// # Errors
 /// [`BusError::Setting`] or [`BusError::Open`].
 pub async fn open(role: &Role) -> Result<Bus, BusError> {
-    open_leased(role, LINK_LEASE).await
-}
-
-/// The same; the others take this session's links for lost after so much silence.
-///
-/// # Errors
-/// As [`open`].
-pub async fn open_leased(role: &Role, link_lease: Duration) -> Result<Bus, BusError> {
-    let config = role.config(link_lease)?;
-    let failed = |reason: String| BusError::Open { role: role.describe(), reason };
-    // `zenoh::open` blocks its thread while it tries.
-    match tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await {
-        Ok(Ok(session)) => Ok(Bus { session, foreign: ForeignKeys::default() }),
-        Ok(Err(error)) => Err(failed(words(&error))),
-        Err(error) => Err(failed(error.to_string())),
-    }
-}
-
-/// Opens a session, again and again with growing pauses until it stands. `failing` hears of each
-/// failure. Dropping the future ends the attempts.
-///
-/// # Errors
-/// [`BusError::Setting`] only: that would never get better.
-pub async fn open_patiently(role: &Role, failing: impl FnMut(&BusError)) -> Result<Bus, BusError> {
-    open_patiently_leased(role, LINK_LEASE, failing).await
-}
-
-/// The same with a lease as [`open_leased`] takes it.
-///
-/// # Errors
-/// As [`open_patiently`].
-pub async fn open_patiently_leased(
-    role: &Role,
-    link_lease: Duration,
-    mut failing: impl FnMut(&BusError),
-) -> Result<Bus, BusError> {
-    let mut pause = Duration::from_millis(RETRY_FIRST_MS.into());
-    loop {
-        match open_leased(role, link_lease).await {
-            Err(error @ BusError::Open { .. }) => failing(&error),
-            other => return other,
-        }
-        tokio::time::sleep(pause).await;
-        pause = (pause * 2).min(Duration::from_millis(RETRY_MOST_MS.into()));
-    }
+    Opening::of(role.clone()).once().await
 }
 
 impl Bus {

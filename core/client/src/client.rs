@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
-use xtb_bus::{Bus, BusError, Incoming, Role};
+use xtb_bus::{Bus, BusError, Enrolled, Incoming, Opening, Role};
 use xtb_control::Stamp;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{FleetKeys, Key, RobotKeys};
@@ -79,8 +79,9 @@ impl Client {
     /// [`ErrorKind::NoRouter`] or, for an endpoint that is none, [`ErrorKind::Invalid`].
     pub async fn open(settings: &Settings) -> Result<Self> {
         let role = Role::Client { connect: settings.connect.clone() };
+        let session = Opening::of(role).tls(settings.identity.as_ref().map(Enrolled::tls));
         let (began, failed) = (Instant::now(), AtomicBool::new(false));
-        let mut opening = pin!(xtb_bus::open_patiently(&role, |error| {
+        let mut opening = pin!(session.patiently(|error| {
             failed.store(true, Ordering::Relaxed);
             tracing::debug!("{error}");
         }));

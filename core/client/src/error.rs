@@ -129,6 +129,8 @@ impl From<BusError> for Error {
         match &error {
             BusError::Setting { .. } => Self::new(ErrorKind::Invalid, error.to_string())
                 .hint("an endpoint looks like tcp/192.168.1.10:7447"),
+            BusError::NotSecure { .. } => Self::new(ErrorKind::Invalid, error.to_string())
+                .hint("use a tls/ endpoint, or do without the identity: XTB_IDENTITY= (empty)"),
             BusError::Open { .. } => Self::new(ErrorKind::NoRouter, error.to_string()),
             BusError::Operation { .. } | BusError::Encode(_) => {
                 Self::new(ErrorKind::Failed, error.to_string())

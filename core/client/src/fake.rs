@@ -371,6 +371,7 @@ impl Client {
         let own = |text: &str| Name::new(text).unwrap();
         let settings = Settings {
             connect: Vec::new(),
+            identity: None,
             fleet: own("lab"),
             client: own("me"),
             timeout,

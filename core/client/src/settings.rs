@@ -1,6 +1,7 @@
 //! How to reach a fleet, and as whom.
 
 use std::time::Duration;
+use xtb_bus::Enrolled;
 use xtb_protocol::keys::NameError;
 use xtb_protocol::messages::RosterEntry;
 use xtb_protocol::{Name, Uuid};
@@ -19,6 +20,8 @@ pub struct Settings {
     pub connect: Vec<String>,
     /// The fleet.
     pub fleet: Name,
+    /// Its identity; `None` = it uses a router without identities.
+    pub identity: Option<Enrolled>,
     /// This client's name: robots show it as the holder of their lease.
     pub client: Name,
     /// For a router or an answer; longer on a slow link.
@@ -36,6 +39,7 @@ impl Settings {
         Ok(Self {
             connect: vec![DEFAULT_ENDPOINT.to_owned()],
             fleet: Name::new(fleet)?,
+            identity: None,
             client: unique_name("client")?,
             timeout: DEFAULT_TIMEOUT,
             robots: Vec::new(),

@@ -2,7 +2,7 @@
 
 use std::net::TcpListener;
 use std::time::Duration;
-use xtb_bus::{Bus, LINK_LEASE, Role};
+use xtb_bus::{Bus, LINK_LEASE, Opening, Role};
 use xtb_client::{Error, ErrorKind, Result};
 
 /// Opens a router that routes together with those at `connect`, whether they are there yet or not; and says where
@@ -24,7 +24,7 @@ pub async fn open_leased(listen: &str, connect: &[String], link_lease: Duration)
         TcpListener::bind(address).map_err(|error| taken(listen, &error))?;
     }
     let role = Role::Router { listen: vec![listen.to_owned()], connect: connect.to_vec() };
-    let bus = xtb_bus::open_leased(&role, link_lease).await?;
+    let bus = Opening::of(role).link_lease(link_lease).once().await?;
     let locators = bus.locators().await;
     let endpoint = locators.into_iter().next().unwrap_or_else(|| listen.to_owned());
     Ok((bus, endpoint))

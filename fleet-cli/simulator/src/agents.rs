@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
+use xtb_bus::Enrolled;
 use xtb_client::{Error, ErrorKind};
 use xtb_control::VehicleConfig;
 use xtb_nav::NavSettings;
@@ -19,6 +20,7 @@ use xtb_protocol::messages::RosterEntry;
 pub(super) struct AgentSettings {
     pub(super) fleet: Name,
     pub(super) connect: Vec<String>,
+    pub(super) identity: Option<Enrolled>,
     pub(super) record: Option<PathBuf>,
     pub(super) world_speed: f64,
     pub(super) link_lease: Duration,
@@ -57,6 +59,7 @@ impl RunningAgent {
             robot: robot.name.clone(),
             peer: false,
             connect: settings.connect.clone(),
+            identity: settings.identity.clone(),
             start_pose: robot.start_pose.unwrap_or_default(),
             vehicle: vehicle.clone(),
             record: settings.record.clone(),

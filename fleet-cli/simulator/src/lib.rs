@@ -122,6 +122,7 @@ impl Simulator {
         let settings = AgentSettings {
             fleet: plan.fleet.clone(),
             connect: connect.clone(),
+            identity: None,
             record: plan.record.clone(),
             world_speed: plan.speed,
             link_lease: plan.link_lease(),

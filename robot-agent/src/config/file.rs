@@ -3,7 +3,7 @@
 use super::problem::ConfigProblem;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use xtb_bus::Role;
+use xtb_bus::{Enrolled, Opening, Role};
 use xtb_control::VehicleConfig;
 use xtb_control::config::{Allowed::*, ConfigError, Origin::*, Parameter, render_toml, validate};
 use xtb_control::config_section;
@@ -134,6 +134,8 @@ pub struct AgentConfig {
     pub peer: bool,
     /// Routers to try.
     pub connect: Vec<String>,
+    /// Its identity; `None` = it uses a router without identities.
+    pub identity: Option<Enrolled>,
     /// Where it stands at start.
     pub start_pose: MapPose,
     /// Its vehicle.
@@ -152,11 +154,12 @@ pub struct AgentConfig {
 }
 
 impl AgentConfig {
-    /// What its session is on the network.
+    /// How its session is opened.
     #[must_use]
-    pub fn role(&self) -> Role {
+    pub fn opening(&self) -> Opening {
         let connect = self.connect.clone();
-        if self.peer { Role::Peer { connect } } else { Role::Client { connect } }
+        let role = if self.peer { Role::Peer { connect } } else { Role::Client { connect } };
+        Opening::of(role).tls(self.identity.as_ref().map(Enrolled::tls))
     }
 }
 
@@ -223,6 +226,7 @@ impl ConfigFile {
             robot: Name::robot(&self.agent.name)?,
             peer: self.zenoh.mode == "peer",
             connect: self.zenoh.connect.clone(),
+            identity: None,
             start_pose: MapPose { x_m, y_m, yaw_rad },
             vehicle: self.vehicle.clone(),
             map: (!self.navigation.map.is_empty()).then(|| PathBuf::from(&self.navigation.map)),

@@ -34,6 +34,7 @@ impl Rig {
     async fn with(setup: Setup, change: impl FnOnce(&mut Settings)) -> Self {
         let fleet = Fleet::start(setup).await;
         let settings = xtb_client::Settings {
+            identity: None,
             connect: vec![fleet.simulator.endpoint().to_owned()],
             fleet: name("lab"),
             client: name("dashboard"),
