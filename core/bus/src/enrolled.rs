@@ -8,7 +8,7 @@ use std::io::{self, Write as _};
 use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
-use xtb_identity::{Identity, IdentityError};
+use xtb_identity::{Identity, IdentityError, Page};
 
 /// A longer file of an identity is none.
 const MAX_FILE: u64 = 64 * 1024;
@@ -83,12 +83,15 @@ impl Enrolled {
             Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(failed(folder)(error)),
             _ => {}
         }
-        for (name, text) in [
-            ("key.pem", &identity.key),
+        let page = identity.page.iter().flat_map(|page| {
+            [("page-key.pem", page.key.as_str()), ("page-certificate.pem", page.certificate.as_str())]
+        });
+        for (name, text) in page.chain([
+            ("key.pem", identity.key.as_str()),
             ("certificate.pem", &identity.certificate),
             ("ca.pem", &identity.ca),
             ("identity.toml", &facts), // last: with it the folder counts
-        ] {
+        ]) {
             let path = folder.join(name);
             write_private(&path, text.as_bytes()).map_err(failed(&path))?;
         }
@@ -108,6 +111,10 @@ impl Enrolled {
         identity.ca = text("ca.pem")?;
         identity.certificate = text("certificate.pem")?;
         identity.key = text("key.pem")?;
+        if folder.join("page-certificate.pem").exists() {
+            let (certificate, key) = (text("page-certificate.pem")?, text("page-key.pem")?);
+            identity.page = Some(Page { certificate, key });
+        }
         identity.check().map_err(broken(folder))?;
         Ok(Self { folder: folder.to_owned(), identity })
     }

@@ -20,11 +20,11 @@ mod query;
 mod session;
 mod tls;
 
+pub use acl::AccessControl;
 pub use channel::{EventPublisher, Incoming, Publisher, Subscription};
+pub use enrolled::{EnrolError, Enrolled};
 pub use key_expr::intersect;
 pub use presence::{Presence, Token};
 pub use query::{Question, Service};
-pub use acl::AccessControl;
-pub use enrolled::{EnrolError, Enrolled};
 pub use session::{Bus, BusError, LINK_LEASE, LinkWatch, Opening, Role, open};
 pub use tls::Tls;

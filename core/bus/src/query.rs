@@ -48,6 +48,7 @@ fn longest_bytes(channel: &Channel) -> usize {
         | Channel::TrafficState
         | Channel::DispatchAlive
         | Channel::DispatchEvent
+        | Channel::Identity(_)
         | Channel::SimStats => wire::MAX_BYTES,
     }
 }

@@ -220,7 +220,10 @@ impl Opening {
     /// An identity is of no use on a session that others can enter, or look into, without one.
     fn closed(&self) -> Result<(), BusError> {
         if let Role::Peer { .. } = self.role {
-            return Err(BusError::Open { role: self.role.describe(), reason: "peers have no identity".into() });
+            return Err(BusError::Open {
+                role: self.role.describe(),
+                reason: "peers have no identity".into(),
+            });
         }
         match self.role.endpoints().find(|endpoint| !endpoint.starts_with("tls/")) {
             Some(endpoint) => Err(BusError::NotSecure { endpoint: endpoint.clone() }),

@@ -7,8 +7,9 @@ use thiserror::Error;
 use xtb_bus::Incoming;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetMap, LogRequest, Message, NearState, Request, RobotState,
-    Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent, TaskList, TrafficState, Truth,
+    About, DispatchRequest, Estop, Event, Fix, FleetMap, IdentityStatus, LogRequest, Message, NearState,
+    Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent, TaskList,
+    TrafficState, Truth,
 };
 use xtb_protocol::wire::CodecError;
 
@@ -93,6 +94,8 @@ any_message! {
     StandbyRequest(StandbyRequest),
     /// What a client asks of a robot's recordings.
     LogRequest(LogRequest),
+    /// Whether the router admits an identity.
+    Identity(IdentityStatus),
     /// The dispatcher's tasks.
     Tasks(TaskList),
     /// A change of a task.
@@ -152,6 +155,7 @@ impl AnyMessage {
             Channel::SimStats => bytes.read::<SimStats>()?.into(),
             Channel::DispatchCmd(_) => bytes.read::<DispatchRequest>()?.into(),
             Channel::DispatchStandby(_) => bytes.read::<StandbyRequest>()?.into(),
+            Channel::Identity(_) => bytes.read::<IdentityStatus>()?.into(),
             Channel::DispatchTasks => bytes.read::<TaskList>()?.into(),
             Channel::DispatchEvent => bytes.read::<TaskEvent>()?.into(),
             Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive => {

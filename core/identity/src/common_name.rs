@@ -24,7 +24,8 @@ impl FromStr for CommonName {
 
     fn from_str(text: &str) -> Result<Self, ()> {
         let (name, generation) = text.rsplit_once('.').ok_or(())?;
-        let own = Self { name: Name::new(name).map_err(drop)?, generation: generation.parse().map_err(drop)? };
+        let own =
+            Self { name: Name::new(name).map_err(drop)?, generation: generation.parse().map_err(drop)? };
         // One spelling each: no `+1`, no `01`.
         if own.generation >= 1 && own.to_string() == text { Ok(own) } else { Err(()) }
     }

@@ -77,6 +77,19 @@ pub struct Identity {
     /// Its private key, PEM.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub key: String,
+    /// A dashboard's second certificate, for browsers.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub page: Option<Page>,
+}
+
+/// The certificate of a web server, and its key, both PEM. Routers do not take it.
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Page {
+    /// The certificate, with the page's host names and addresses.
+    pub certificate: String,
+    /// Its private key.
+    pub key: String,
 }
 
 impl fmt::Debug for Identity {
@@ -99,7 +112,7 @@ impl Identity {
         key: String,
     ) -> Self {
         let CommonName { name, generation } = own;
-        Self { version: VERSION, fleet, name, role, generation, routers, ca, certificate, key }
+        Self { version: VERSION, fleet, name, role, generation, routers, ca, certificate, key, page: None }
     }
 
     /// Reads a file's text, and checks that its parts belong together.
@@ -130,7 +143,7 @@ impl Identity {
     #[must_use]
     pub fn facts(&self) -> Self {
         let (ca, certificate, key) = Default::default();
-        Self { ca, certificate, key, ..self.clone() }
+        Self { ca, certificate, key, page: None, ..self.clone() }
     }
 
     /// Whether its parts belong together.

@@ -18,6 +18,6 @@ mod registry;
 mod role;
 
 pub use common_name::CommonName;
-pub use identity::{Identity, IdentityError};
+pub use identity::{Identity, IdentityError, Page};
 pub use registry::{Entry, Registry, RegistryError, Router};
 pub use role::{Action, Role, UnknownRole};

@@ -7,7 +7,8 @@ use thiserror::Error;
 use xtb_protocol::Name;
 
 /// Names that no identity but the one of that role may have: they stand in keys, or begin the names of programs.
-const TAKEN: [&str; 10] = ["all", "sim", "dispatch", "traffic", "map", "web", "cli", "client", "router", "ros"];
+const TAKEN: [&str; 10] =
+    ["all", "sim", "dispatch", "traffic", "map", "web", "cli", "client", "router", "ros"];
 const VERSION: u32 = 1;
 
 /// Something is wrong in it, or cannot be done with it.

@@ -144,10 +144,9 @@ impl Role {
         match self {
             Self::Robot => action == A::RunRobot,
             Self::Viewer => matches!(action, A::Look | A::EmergencyStop),
-            Self::Operator => matches!(
-                action,
-                A::Look | A::EmergencyStop | A::Drive | A::FetchRecordings | A::ChangeTasks
-            ),
+            Self::Operator => {
+                matches!(action, A::Look | A::EmergencyStop | A::Drive | A::FetchRecordings | A::ChangeTasks)
+            }
             Self::Dashboard => matches!(
                 action,
                 A::Look

@@ -214,6 +214,9 @@ channels! {
         DispatchCmd: dispatch_cmd, DISPATCH_CMD, "dispatch/cmd", RELIABLE;
         /// [`StandbyRequest`](crate::messages::StandbyRequest) → [`StandbyReply`](crate::messages::StandbyReply).
         DispatchStandby: dispatch_standby, DISPATCH_STANDBY, "dispatch/standby", RELIABLE;
+        /// [`IdentityStatus`](crate::messages::IdentityStatus), JSON: whether the router admits this identity,
+        /// queryable.
+        Identity: identity, IDENTITY, "identity", RELIABLE;
     }
 }
 
@@ -321,6 +324,7 @@ mod tests {
             (fleet.dispatch_alive(), Channel::DispatchAlive),
             (fleet.dispatch_cmd(Some(&client)), Channel::DispatchCmd(client.clone())),
             (fleet.dispatch_standby(Some(&client)), Channel::DispatchStandby(client.clone())),
+            (fleet.identity(Some(&client)), Channel::Identity(client.clone())),
             (fleet.dispatch_tasks(), Channel::DispatchTasks),
             (fleet.dispatch_event(), Channel::DispatchEvent),
             (fleet.sim_truth(), Channel::SimTruth),
