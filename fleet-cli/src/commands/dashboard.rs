@@ -257,3 +257,50 @@ async fn foxglove(_: &Context, args: &DashboardArgs, _: &Live) -> Result<Option<
             .hint("build it with `cargo build --release -p fleet-cli --features foxglove`")),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::Output;
+    use xtb_identity::{Identity, Page, Role};
+
+    fn ctx(identity: Option<Identity>) -> Context {
+        let mut settings = xtb_client::Settings::new("lab").unwrap();
+        settings.identity =
+            identity.map(|identity| Enrolled { folder: "/etc/xtb/dashboard".into(), identity });
+        Context { settings, connect_given: false, out: Output { json: true, colors: false } }
+    }
+
+    fn identity(name: &str, role: Role, page: Option<Page>) -> Identity {
+        let own = format!("{name}.1").parse().unwrap();
+        let (fleet, none) = (xtb_protocol::Name::new("lab").unwrap(), String::new);
+        let mut identity = Identity::new(fleet, own, role, Vec::new(), none(), none(), none());
+        identity.page = page;
+        identity
+    }
+
+    fn args(listen: &str, pki: Option<&str>) -> DashboardArgs {
+        DashboardArgs { pki: pki.map(PathBuf::from), ..DashboardArgs::at(listen.parse().unwrap()) }
+    }
+
+    #[test]
+    fn tls_is_for_others_and_for_who_asks_for_it() {
+        let page = Page { certificate: String::new(), key: String::new() };
+        let dashboard = ctx(Some(identity("dashboard", Role::Dashboard, Some(page))));
+        let found = secure(&dashboard, &args("0.0.0.0:8443", Some("/pki"))).unwrap().unwrap();
+        let (folder, registry) = (found.identity.to_str(), found.registry.to_str());
+        assert_eq!((folder, registry), (Some("/etc/xtb/dashboard"), Some("/pki/identities.toml")));
+        assert_eq!(secure(&dashboard, &args("127.0.0.1:8080", Some("/pki"))).unwrap(), None);
+        let asked = DashboardArgs { tls: true, ..args("127.0.0.1:8080", Some("/pki")) };
+        assert!(secure(&dashboard, &asked).unwrap().is_some());
+        let insecure = DashboardArgs { insecure: true, ..args("0.0.0.0:8080", None) };
+        assert_eq!(secure(&dashboard, &insecure).unwrap(), None);
+
+        let alice = ctx(Some(identity("alice", Role::Operator, None)));
+        let failure = secure(&alice, &args("0.0.0.0:8443", None)).unwrap_err();
+        assert_eq!(failure.message, "alice in /etc/xtb/dashboard has no certificate for the page");
+        assert!(failure.hint.contains("pki add-service dashboard"), "{}", failure.hint);
+        assert!(secure(&ctx(None), &asked).is_err());
+        assert_eq!(secure(&ctx(None), &args("0.0.0.0:8443", None)).unwrap(), None, "refused by the settings");
+    }
+}

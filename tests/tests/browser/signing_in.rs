@@ -90,7 +90,8 @@ async fn at(browser: &Browser, path: &str) {
 async fn screen(browser: &Browser, name: &str) {
     let Some(folder) = std::env::var_os("XTB_SCREENS") else { return };
     for (size, width, height) in [("desktop", 1440, 900), ("phone", 390, 844)] {
-        let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600 });
+        let metrics =
+            json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600 });
         browser.devtools("Emulation.setDeviceMetricsOverride", metrics).await;
         tokio::time::sleep(std::time::Duration::from_millis(500)).await;
         let png = browser.page.screenshot().await.unwrap();
@@ -130,10 +131,8 @@ async fn an_operator_signs_in_drives_and_stops_and_is_thrown_out_when_revoked() 
     let lease = secured.fleet.until(1, "a lease", |state| state.lease.is_some()).await.lease.unwrap();
     assert!(lease.holder.as_str().starts_with("web-alice-"), "{}", lease.holder);
     let down = fantoccini::actions::KeyAction::Down { value: 'w' };
-    let hold = fantoccini::actions::InputSource::then(
-        fantoccini::actions::KeyActions::new("keyboard".into()),
-        down,
-    );
+    let hold =
+        fantoccini::actions::InputSource::then(fantoccini::actions::KeyActions::new("keyboard".into()), down);
     browser.page.perform_actions(hold).await.unwrap();
     eventually("it drives", || async { (secured.fleet.truth(1).speed_mps > 0.1).then_some(()) }).await;
     press(&browser, &[char::from(Key::Shift), ' ']).await;
@@ -173,10 +172,8 @@ async fn a_viewers_page_has_the_emergency_stop_alone_and_says_why() {
             .filter((one) => !one.matches(':disabled')
                 || !one.closest('[title]')?.title.includes('bob is a viewer: may look and call an emergency stop'))
             .map((one) => one.outerHTML)";
-        eventually("nothing but to look", || async {
-            (browser.ask(open).await == json!([])).then_some(())
-        })
-        .await;
+        eventually("nothing but to look", || async { (browser.ask(open).await == json!([])).then_some(()) })
+            .await;
         let some = "return document.querySelectorAll('[data-tool]:disabled, #robot button:disabled, #tasks :disabled').length";
         assert!(browser.ask(some).await.as_u64().unwrap() >= 4);
     }
