@@ -9,6 +9,7 @@ pub mod hosts;
 pub mod live;
 pub mod load;
 pub mod mesh;
+pub mod page_identities;
 mod pilot;
 mod probe;
 pub mod processes;
