@@ -23,13 +23,14 @@ nobody use the name of another; without them a name is what its client says.
 Examples:
   fleet-cli audit --since 24h
   fleet-cli audit lab-1700000000.mcap --robot xtb-1
+  fleet-cli fetch-log xtb-1 --out run.mcap; fleet-cli audit run.mcap
   fleet-cli audit lab-1700000000.mcap --ledger ~/.local/share/xtb/lab.ledger --client alice --json";
 
 /// Arguments of `audit`.
 #[derive(Debug, Clone, Args)]
 #[command(after_help = AUDIT_HELP)]
 pub struct AuditArgs {
-    /// Recordings of the fleet, written by `record`.
+    /// Recordings: of the fleet, written by `record`, or a robot's own (`fetch-log`).
     #[arg(value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Ledger of the dispatcher; for several, repeat it [default: that of the fleet, if no FILE is given].

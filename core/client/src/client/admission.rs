@@ -128,44 +128,4 @@ fn verdict(own: &Identity, status: &IdentityStatus) -> Option<Error> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::fake::name;
-
-    fn own() -> Identity {
-        let own = "alice.1".parse().unwrap();
-        let none = String::new;
-        Identity::new(name("lab"), own, Role::Operator, Vec::new(), none(), none(), none())
-    }
-
-    fn said(role: Option<&str>, generation: u32, revoked: bool) -> Option<String> {
-        let role = role.map(str::to_owned);
-        let status = IdentityStatus { name: name("alice"), role, generation, revoked };
-        verdict(&own(), &status).map(|error| {
-            assert_eq!((error.kind, error.kind.code().as_str()), (ErrorKind::NotAdmitted, "not_admitted"));
-            assert!(!error.hint.is_empty());
-            error.message
-        })
-    }
-
-    #[test]
-    fn who_is_not_admitted_is_told_why() {
-        assert_eq!(said(Some("operator"), 1, false), None);
-        for (role, generation, revoked, words) in [
-            (None, 0, false, "the router does not know alice"),
-            (Some("operator"), 0, true, "alice was revoked"),
-            (Some("operator"), 2, false, "the router admits certificate 2 of alice, this is 1"),
-            (Some("operator"), 0, false, "the router admits certificate 0 of alice, this is 1"),
-            (
-                Some("viewer"),
-                1,
-                false,
-                "alice is a viewer to the router, and an operator by its identity here",
-            ),
-        ] {
-            assert_eq!(said(role, generation, revoked).as_deref(), Some(words));
-        }
-        let other = IdentityStatus { name: name("bob"), role: None, generation: 0, revoked: true };
-        assert_eq!(verdict(&own(), &other), None);
-    }
-}
+mod tests;

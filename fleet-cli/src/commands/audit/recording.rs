@@ -1,10 +1,11 @@
-//! Commands in a recording of the fleet: what robots said of leases, goals, latches and teleoperation, with the client
-//! that each names, and emergency stops of all robots.
+//! Commands in a recording of the fleet or of a robot: what robots said of leases, goals, latches and teleoperation,
+//! with the client that each names, and emergency stops of all robots.
 
 use super::command::Command;
 use crate::recording::playback_worker::not_readable;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::time::UNIX_EPOCH;
 use xtb_client::Result;
 use xtb_client::messages::AnyMessage;
 use xtb_client::text::{reasons, robot as describe};
@@ -12,7 +13,9 @@ use xtb_control::Mode;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{Event, EventKind, GoalKind, GoalState, Latch, RobotState};
 use xtb_protocol::{Name, Uuid};
+use xtb_recording::Error;
 use xtb_recording::fleet::reader;
+use xtb_recording::robot::events::{self, Told};
 
 /// Goals, and calls of an emergency stop, that are told apart in one recording.
 const MOST: usize = 1 << 20;
@@ -20,8 +23,15 @@ const MOST: usize = 1 << 20;
 /// All that it holds.
 pub(super) fn commands(path: &Path, note: impl Fn(String)) -> Result<Vec<Command>> {
     let wrong = |error| not_readable(path, &error);
-    let (mut reader, _) = reader::begin(path).map_err(wrong)?;
     let mut audit = Audit::default();
+    let mut reader = match reader::begin(path) {
+        Ok((reader, _)) => reader,
+        Err(Error::NotOfAFleet) => {
+            audit.told(&events::read(path).map_err(wrong)?);
+            return Ok(audit.commands);
+        }
+        Err(error) => return Err(wrong(error)),
+    };
     while let Some(message) = reader.next_message().map_err(wrong)? {
         if let Some(Ok((key, news))) = reader::read(&message) {
             audit.take(message.log_ns / 1_000_000, &key, &news);
@@ -44,6 +54,15 @@ struct Audit {
 }
 
 impl Audit {
+    /// A robot's own recording. Its clock counts from boot; what the wall clock said stands at its beginning.
+    fn told(&mut self, told: &Told) {
+        let started = humantime::parse_rfc3339_weak(&told.header.started).unwrap_or(UNIX_EPOCH);
+        let started_ms = started.duration_since(UNIX_EPOCH).unwrap_or_default().as_millis() as u64;
+        for (at_ns, event) in &told.events {
+            self.event(started_ms.saturating_add(at_ns.saturating_sub(told.began_ns) / 1_000_000), event);
+        }
+    }
+
     fn take(&mut self, at_ms: u64, key: &Key, news: &AnyMessage) {
         match news {
             AnyMessage::Event(event) => self.event(at_ms, event),

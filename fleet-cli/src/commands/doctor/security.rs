@@ -1,6 +1,7 @@
 //! Looks at identity, registry and router: who can come in, and what runs out.
 
 use super::checks::Security;
+use robot_agent::files;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::MetadataExt as _;
@@ -16,7 +17,7 @@ use xtb_protocol::{Name, Uuid};
 /// Where the fleet's CA is, if this computer has it.
 const PKI: &str = "XTB_PKI";
 /// A longer registry is none.
-const MAX_REGISTRY: u64 = 4 << 20;
+const MAX_REGISTRY: usize = 4 << 20;
 /// An answer that should not come is waited for so long.
 const UNANSWERED_FOR: Duration = Duration::from_millis(700);
 
@@ -67,11 +68,7 @@ fn pki() -> Option<PathBuf> {
 }
 
 fn read(path: &Path) -> Result<Registry, String> {
-    let failed = |error: std::io::Error| format!("{}: {error}", path.display());
-    if fs::metadata(path).map_err(failed)?.len() > MAX_REGISTRY {
-        return Err(format!("{} is too long", path.display()));
-    }
-    let text = fs::read_to_string(path).map_err(failed)?;
+    let text = files::text(path, MAX_REGISTRY).map_err(|error| format!("{}: {error}", path.display()))?;
     Registry::parse(&text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
