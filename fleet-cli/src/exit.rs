@@ -12,7 +12,8 @@ pub enum Exit {
     Failed,
     /// Wrong usage or configuration.
     Usage,
-    /// No router, no robot or no dispatcher answered, or the outcome is unknown.
+    /// No router, no robot or no dispatcher answered, the router does not admit this identity, or the outcome is
+    /// unknown.
     Unknown,
     /// Another robot or simulator of the fleet has the name.
     NameTaken,

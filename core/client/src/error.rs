@@ -24,9 +24,9 @@ pub enum ErrorKind {
     Refused(RejectCode),
     /// The dispatcher refused.
     NotDispatched(DispatchCode),
-    /// The role does not allow it.
+    /// This client's role does not allow it; nothing was sent.
     NotAllowed,
-    /// The router refuses the identity: revoked, superseded, or unknown.
+    /// The router does not admit this client's identity.
     NotAdmitted,
     /// Control was given back because nobody used it.
     Idle,

@@ -5,7 +5,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use thiserror::Error;
 use x509_parser::extensions::GeneralName;
 use x509_parser::pem::parse_x509_pem;
-use x509_parser::prelude::{FromDer, X509Certificate};
+use x509_parser::prelude::{FromDer as _, X509Certificate};
 
 /// Not a certificate of this project.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -44,7 +44,7 @@ impl Certificate {
         Self::parse_der(&pem.contents)
     }
 
-    /// The same of one in DER, as it comes over a link.
+    /// Reads one as it is sent in a handshake.
     ///
     /// # Errors
     /// [`CertificateError::Malformed`].
