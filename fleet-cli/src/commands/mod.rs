@@ -6,6 +6,7 @@ pub mod dashboard;
 pub mod demo;
 pub mod dispatch;
 pub mod doctor;
+pub mod enrol;
 pub mod estop;
 pub mod export;
 pub mod fetch_log;
@@ -14,6 +15,7 @@ pub mod goto;
 pub mod list;
 pub mod map;
 pub mod names;
+pub mod pki;
 pub mod plan;
 pub mod play;
 pub mod record;
@@ -35,7 +37,7 @@ pub mod watch;
 pub mod why;
 
 use crate::args::GlobalArgs;
-use crate::context::Context;
+use crate::context::{Context, Uses};
 use crate::exit::Exit;
 use crate::interrupt::{or_interrupted, or_interrupted_saying};
 use crate::output::{Output, Progress};
@@ -106,6 +108,10 @@ pub enum Verb {
     Retry(change::RetryArgs),
     /// Show and control the fleet in a browser.
     Dashboard(dashboard::DashboardArgs),
+    /// Make, renew and revoke identities: who belongs to the fleet.
+    Pki(pki::PkiArgs),
+    /// Enrol this computer with an identity file.
+    Enrol(enrol::EnrolArgs),
     /// Run a router: the only infrastructure that a small lab needs.
     Router(router::RouterArgs),
     /// Run simulated robots with real agents.
@@ -121,13 +127,30 @@ pub enum Verb {
     Names(names::NamesArgs),
 }
 
+impl Verb {
+    /// What becomes of this computer's identity.
+    fn uses_identity(&self) -> Uses {
+        match self {
+            Self::Pki(_) | Self::Enrol(_) | Self::Play(_) | Self::Export(_) | Self::Router(_) => {
+                Uses::Nothing
+            }
+            Self::Map(args) if !args.needs_session() => Uses::Nothing,
+            Self::Sim(_) | Self::Demo(_) => Uses::IfAsked,
+            Self::Doctor(_) => Uses::Unchecked,
+            Self::Dispatch(args) if !args.needs_session() => Uses::Unchecked,
+            _ => Uses::Always,
+        }
+    }
+}
+
 /// Carries out one verb; `grammar` is the whole command line's, for completions.
 ///
 /// # Errors
 /// What the verb says.
 pub async fn run(verb: Verb, global: &GlobalArgs, grammar: clap::Command, out: Output) -> Result<Exit> {
     // Not before a verb asks for it: completions must not fail over a broken config.
-    let ctx = || Context::new(global, out);
+    let uses = verb.uses_identity();
+    let ctx = || Context::new(global, uses, out);
     match verb {
         Verb::List(args) => or_interrupted(list::run(&ctx()?, &args)).await,
         Verb::Status(args) if args.watch => status::run(&ctx()?, &args).await,
@@ -173,6 +196,8 @@ pub async fn run(verb: Verb, global: &GlobalArgs, grammar: clap::Command, out: O
         Verb::FetchLog(args) => fetch_log::run(&ctx()?, &args).await,
         Verb::Map(args) => map::run(&ctx()?, &args).await,
         Verb::Dashboard(args) => dashboard::run(&ctx()?, &args).await,
+        Verb::Pki(args) => pki::run(&ctx()?, &args),
+        Verb::Enrol(args) => enrol::run(&ctx()?, &args),
         Verb::Router(args) => router::run(&ctx()?, &args).await,
         Verb::Sim(args) => sim::run(&ctx()?, args).await,
         Verb::Demo(args) => demo::run(&ctx()?, args).await,
