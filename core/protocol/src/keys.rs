@@ -86,6 +86,40 @@ macro_rules! channels {
             $($(#[doc = $fc_doc])+ $Fc(Name),)+
         }
 
+        /// A channel, whatever cell or client its key names.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Kind {
+            $($(#[doc = $r_doc])+ $R,)+
+            $($(#[doc = $rl_doc])+ $Rl,)+
+            $($(#[doc = $rc_doc])+ $Rc,)+
+            $($(#[doc = $f_doc])+ $F,)+
+            $($(#[doc = $fc_doc])+ $Fc,)+
+        }
+
+        impl Kind {
+            /// Every channel.
+            pub const ALL: &'static [Self] =
+                &[$(Self::$R,)+ $(Self::$Rl,)+ $(Self::$Rc,)+ $(Self::$F,)+ $(Self::$Fc),+];
+
+            /// Whether its keys name a client.
+            #[must_use]
+            pub fn names_client(self) -> bool {
+                matches!(self, $(Self::$Rc)|+ | $(Self::$Fc)|+)
+            }
+
+            /// The channel's keys in this fleet: of this robot if it is a robot's, of any cell and client.
+            #[must_use]
+            pub fn key_expr(self, fleet: &FleetKeys, robot: &RobotKeys) -> String {
+                match self {
+                    $(Self::$R => robot.$r(),)+
+                    $(Self::$Rl => by(&robot.0, $rl_key, None),)+
+                    $(Self::$Rc => robot.$rc(None),)+
+                    $(Self::$F => fleet.$f(),)+
+                    $(Self::$Fc => fleet.$fc(None),)+
+                }
+            }
+        }
+
         impl Channel {
             /// The client that the key names, if the channel's keys name one.
             #[must_use]
@@ -270,6 +304,12 @@ impl FleetKeys {
     #[must_use]
     pub fn robot(&self, robot: &Name) -> RobotKeys {
         RobotKeys(key(&self.0, robot.as_str()))
+    }
+
+    /// All keys of the fleet, also those that later versions may have.
+    #[must_use]
+    pub fn everything(&self) -> String {
+        key(&self.0, "**")
     }
 
     /// Key expressions for all robots at once.
