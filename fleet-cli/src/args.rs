@@ -1,6 +1,7 @@
 //! Arguments of all verbs, and of several.
 
 use crate::values::seconds;
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{ArgGroup, Args, ValueEnum};
 use robot_agent::logging::LogFormat;
 use std::path::PathBuf;
@@ -13,15 +14,23 @@ use xtb_protocol::messages::LinkLoss;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Global options")]
 pub struct GlobalArgs {
-    /// Router to connect to; repeat it or separate several with commas [default: tcp/127.0.0.1:7447].
+    /// Router to connect to; repeat it or separate several with commas [default: those of
+    /// the identity, else tcp/127.0.0.1:7447].
     #[arg(long, global = true, env = "XTB_CONNECT", value_name = "ENDPOINT", value_delimiter = ',')]
     pub connect: Vec<String>,
     /// Whether `--connect` stands on the command line (not in the environment).
     #[arg(skip)]
     pub connect_given: bool,
-    /// Fleet [default: lab].
+    /// Fleet [default: that of the identity, else lab].
     #[arg(long, global = true, env = "XTB_FLEET", value_name = "NAME")]
     pub fleet: Option<Name>,
+    /// Folder of the identity to use, or none [default: $XDG_CONFIG_HOME/xtb/identity or ~/.config/xtb/identity,
+    /// if `fleet-cli enrol` has made it]. Fleet, name and routers follow from it.
+    #[arg(long, global = true, env = "XTB_IDENTITY", value_name = "DIR|none", value_parser = IdentityArg::parser())]
+    pub identity: Option<IdentityArg>,
+    /// Whether `--identity` stands on the command line (not in the environment).
+    #[arg(skip)]
+    pub identity_given: bool,
     /// Print JSON, one line per result.
     #[arg(long, global = true)]
     pub json: bool,
@@ -29,7 +38,8 @@ pub struct GlobalArgs {
     /// present].
     #[arg(long, global = true, env = "XTB_CONFIG", value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Name of this client, shown as the controlling client of a robot [default: cli- and six random digits].
+    /// Name of this client, shown as the controlling client of a robot [default: cli- or the identity's name-, and
+    /// six random digits].
     #[arg(long, global = true, value_name = "NAME")]
     pub client: Option<Name>,
     /// Longest time to wait for a router or an answer, in s.
@@ -41,6 +51,25 @@ pub struct GlobalArgs {
     /// Format of the log on standard error; XTB_LOG=debug makes it detailed.
     #[arg(long, global = true, value_name = "FORMAT", env = "XTB_LOG_FORMAT", default_value = "text")]
     pub log_format: LogFormat,
+}
+
+/// Which identity to use.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum IdentityArg {
+    /// None, also if this computer has one.
+    None,
+    /// The one in this folder.
+    Folder(PathBuf),
+}
+
+impl IdentityArg {
+    /// Empty means none too: `XTB_IDENTITY=`.
+    fn parser() -> impl TypedValueParser<Value = Self> {
+        OsStringValueParser::new().map(|text| match text.as_encoded_bytes() {
+            b"" | b"none" => Self::None,
+            _ => Self::Folder(text.into()),
+        })
+    }
 }
 
 /// When to use colours.

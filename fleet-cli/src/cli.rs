@@ -46,6 +46,7 @@ impl Cli {
         let matches = read.map_err(usage::with_tip)?;
         let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         cli.global.connect_given = matches.value_source("connect") == Some(ValueSource::CommandLine);
+        cli.global.identity_given = matches.value_source("identity") == Some(ValueSource::CommandLine);
         cli.global.connect.retain(|endpoint| !endpoint.is_empty());
         Ok(cli)
     }

@@ -1,5 +1,7 @@
 //! What every command needs to know: connection, fleet, own name, output.
 
+mod identity;
+
 use crate::args::GlobalArgs;
 use crate::config::FleetConfig;
 use crate::output::Output;
@@ -11,7 +13,21 @@ use xtb_protocol::keys::NameError;
 /// Where clients look for a router's name unless `--connect` says it.
 const ROUTERS: &str = "XTB_CONNECT";
 
-/// The options of one invocation, resolved: command line over environment over config over default.
+/// What becomes of this computer's identity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Uses {
+    /// It is used, if there is one.
+    Always,
+    /// It is used, but one that is out of date is no error: the verb opens no session, or finds that out itself.
+    Unchecked,
+    /// It is used if the command line names it, or a router with TLS: the verb runs a router of its own otherwise.
+    IfAsked,
+    /// It is not used: the verb opens no session, or has an identity of its own.
+    Nothing,
+}
+
+/// The options of one invocation, resolved: command line over environment over identity over config
+/// over default.
 #[derive(Debug, Clone)]
 pub struct Context {
     /// Routers, fleet, own name, timeout and roster.
@@ -23,30 +39,38 @@ pub struct Context {
 }
 
 impl Context {
-    /// Reads the config, and the environment for its place.
+    /// Reads the config and the identity, and the environment for their places.
     ///
     /// # Errors
-    /// [`ErrorKind::Config`].
-    pub fn new(global: &GlobalArgs, out: Output) -> Result<Self> {
+    /// [`ErrorKind::Config`]; [`ErrorKind::Invalid`] for options that the identity excludes.
+    pub fn new(global: &GlobalArgs, uses: Uses, out: Output) -> Result<Self> {
         let config = FleetConfig::find(global.config.as_deref())?;
-        let mut connect = global.connect.clone();
-        if connect.is_empty() {
-            connect = config.connect;
-        }
+        let enrolled = identity::find(global, uses)?;
+        let identity = enrolled.as_ref().map(|enrolled| &enrolled.identity);
+        let connect = [&global.connect, identity.map_or(&config.connect, |identity| &identity.routers)];
+        let mut connect = connect.into_iter().find(|it| !it.is_empty()).cloned().unwrap_or_default();
         if connect.is_empty() {
             connect.push(DEFAULT_ENDPOINT.to_owned());
         }
+        if uses != Uses::Nothing {
+            identity::check_endpoints(&connect, identity)?;
+        }
+        let named = global.fleet.clone().or(config.fleet);
+        let fleet = match (identity, named) {
+            (Some(identity), named) => identity::check_fleet(identity, named.as_ref())?,
+            (None, Some(fleet)) => fleet,
+            (None, None) => Name::new(DEFAULT_FLEET).map_err(impossible)?,
+        };
+        let client = match (identity, global.client.clone()) {
+            (Some(identity), Some(client)) => identity::check_client(identity, client)?,
+            (None, Some(client)) => client,
+            (identity, None) => unique_name(identity::stem(identity)).map_err(impossible)?,
+        };
         let settings = Settings {
             connect,
-            identity: None,
-            fleet: match global.fleet.clone().or(config.fleet) {
-                Some(fleet) => fleet,
-                None => Name::new(DEFAULT_FLEET).map_err(impossible)?,
-            },
-            client: match global.client.clone() {
-                Some(client) => client,
-                None => unique_name("cli").map_err(impossible)?,
-            },
+            identity: enrolled,
+            fleet,
+            client,
             timeout: global.timeout,
             robots: config.robots,
         };

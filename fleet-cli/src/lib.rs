@@ -14,6 +14,7 @@ pub mod interrupt;
 mod map_file;
 mod nearest;
 pub mod output;
+pub mod pki;
 pub mod recording;
 pub mod table;
 pub mod terminal;

@@ -45,6 +45,8 @@ pub(crate) enum Verb {
     CheckHardware(CheckArgs),
     /// Sweep a servo, measure, fit the line of Annex A and write it to the configuration
     Calibrate(CalibrateArgs),
+    /// Enrol this robot with its identity file, from `fleet-cli pki add-robot`
+    Enrol(EnrolArgs),
     /// List this computer's serial ports
     Ports(PortsArgs),
     /// Print a completion script for a shell
@@ -141,6 +143,31 @@ fn actuators() -> impl TypedValueParser<Value = Actuator> {
     PossibleValuesParser::new(Actuator::ALL.map(Actuator::name)).try_map(|name| name.parse::<Actuator>())
 }
 
+/// `enrol`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "From then on the robot uses this identity: name, fleet and router follow from it. A \
+    renewed certificate is enrolled the same way; a running robot takes it when it connects the next time.\n\n\
+    Example: robot-agent enrol xtb-1.xtbid --remove"
+)]
+pub(crate) struct EnrolArgs {
+    /// Identity file
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// Folder to write to [default: $XDG_CONFIG_HOME/xtb/identity or ~/.config/xtb/identity]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) to: Option<PathBuf>,
+    /// Delete the file afterwards
+    #[arg(long)]
+    pub(crate) remove: bool,
+    /// Replace another identity in this folder
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// `ports`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct PortsArgs {
@@ -164,6 +191,10 @@ pub(crate) struct Settings {
     /// The router [default: tcp/127.0.0.1:7447]; may be given several times
     #[arg(long, value_name = "ENDPOINT", env = "XTB_CONNECT", value_delimiter = ',', global = true)]
     connect: Vec<String>,
+    /// Folder of the robot's identity, or none; name, fleet and router follow from it [default:
+    /// $XDG_CONFIG_HOME/xtb/identity or ~/.config/xtb/identity, if `robot-agent enrol` has made it]
+    #[arg(long, value_name = "DIR|none", env = "XTB_IDENTITY", global = true)]
+    identity: Option<String>,
     /// serial, or simulated (one truck in an empty room). Required, here or in the configuration
     #[arg(long, value_name = "KIND", env = "XTB_HARDWARE", global = true)]
     hardware: Option<String>,
@@ -183,6 +214,14 @@ pub(crate) struct Settings {
     /// Any other setting, such as goto.reference_rpm=10 (or vehicle.goto.reference_rpm=10)
     #[arg(long = "set", value_name = "KEY=VALUE", global = true)]
     settings: Vec<String>,
+}
+
+/// What flags and the environment say of who the robot is and where its routers are.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Given<'a> {
+    pub(crate) name: Option<&'a str>,
+    pub(crate) fleet: Option<&'a str>,
+    pub(crate) connect: &'a [String],
 }
 
 fn parse_pose(text: &str) -> Result<[f64; 3], String> {
@@ -209,6 +248,11 @@ impl Settings {
         self.over(layers, self.config.as_deref())
     }
 
+    /// Those of name, fleet and routers that a flag or the environment sets: an identity excludes others.
+    pub(crate) fn given(&self) -> Given<'_> {
+        Given { name: self.name.as_deref(), fleet: self.fleet.as_deref(), connect: &self.connect }
+    }
+
     /// Whether anything here could make a controller decide otherwise.
     pub(crate) fn change_anything(&self) -> bool {
         self.config.is_some() || !self.settings.is_empty()
@@ -221,9 +265,13 @@ impl Settings {
                 .map_err(|error| ConfigProblem::Read { path: origin.clone(), reason: error.to_string() })?;
             layers.file(&origin, &text)?;
         }
+        // `XTB_IDENTITY=` goes without one, as everywhere.
+        let none = |folder: &String| if folder.is_empty() { "none".to_owned() } else { folder.clone() };
+        let identity = self.identity.as_ref().map(none);
         for (flag, key, value) in [
             ("--name", "agent.name", &self.name),
             ("--fleet", "agent.fleet", &self.fleet),
+            ("--identity", "zenoh.identity", &identity),
             ("--hardware", "hardware.kind", &self.hardware),
             ("--board", "hardware.board", &self.board),
             ("--gyro", "hardware.gyro", &self.gyro),

@@ -2,6 +2,8 @@
 
 pub(crate) mod calibrate;
 pub(crate) mod check_hardware;
+pub(crate) mod enrol;
+pub(crate) mod identity;
 pub(crate) mod ports;
 pub(crate) mod replay;
 pub(crate) mod run;
@@ -52,7 +54,11 @@ impl Failure {
 
 impl From<ConfigProblem> for Failure {
     fn from(problem: ConfigProblem) -> Self {
-        Self::new(problem, "robot-agent --print-config shows every setting").code(2)
+        let hint = match &problem {
+            ConfigProblem::Identity { hint, .. } => hint.clone(),
+            _ => "robot-agent --print-config shows every setting".to_owned(),
+        };
+        Self::new(problem, hint).code(2)
     }
 }
 

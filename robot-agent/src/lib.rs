@@ -9,6 +9,7 @@ pub mod config;
 mod control_loop;
 mod counters;
 mod downlink;
+pub mod enrol;
 mod fast_path;
 pub mod hardware;
 pub mod logging;

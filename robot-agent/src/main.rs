@@ -5,7 +5,7 @@ mod commands;
 
 use clap::{CommandFactory, Parser};
 use cli::{Args, Verb};
-use commands::{Failure, calibrate, check_hardware, ports, print, replay, run};
+use commands::{Failure, calibrate, check_hardware, enrol, identity, ports, print, replay, run};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -17,6 +17,7 @@ fn dispatch(args: Args) -> Result<ExitCode, Failure> {
     let settings = &args.settings;
     match args.command {
         Some(Verb::Replay(replay)) => return replay::run(settings, &replay),
+        Some(Verb::Enrol(enrol)) => return enrol::run(&enrol),
         Some(Verb::Ports(ports)) => return ports::run(&ports),
         Some(Verb::Completions { shell }) => {
             let mut script = Vec::new();
@@ -26,15 +27,18 @@ fn dispatch(args: Args) -> Result<ExitCode, Failure> {
         }
         _ => {}
     }
-    let file = settings.load()?;
+    let mut file = settings.load()?;
     if args.print_config {
+        identity::of(&mut file, settings.given())?;
         print(&file.to_toml())?;
         return Ok(ExitCode::SUCCESS);
     }
-    match args.command {
-        Some(Verb::Calibrate(asked)) => calibrate::run(&file, settings.file().as_deref(), &asked),
-        Some(Verb::CheckHardware(check)) => check_hardware::run(&file, &check),
-        Some(Verb::Record(record)) => run::run(&file, Some(&record.folder), args.log_format),
-        _ => run::run(&file, args.record.as_deref(), args.log_format),
-    }
+    let record = match args.command {
+        Some(Verb::Calibrate(asked)) => return calibrate::run(&file, settings.file().as_deref(), &asked),
+        Some(Verb::CheckHardware(check)) => return check_hardware::run(&file, &check),
+        Some(Verb::Record(record)) => Some(record.folder),
+        _ => args.record,
+    };
+    let identity = identity::of(&mut file, settings.given())?;
+    run::run(&file, identity, record.as_deref(), args.log_format)
 }

@@ -18,10 +18,19 @@ pub const LIFE: Duration = Duration::from_secs(365 * 24 * 3600);
 /// A certificate begins this much before it is made: computers' clocks differ.
 pub const BACKDATED: Duration = Duration::from_secs(3600);
 
-/// A certificate could not be made: a host name that is none, a key that cannot be read.
+/// A CA that issues.
+pub type Issuer = rcgen::Issuer<'static, KeyPair>;
+
+/// A certificate could not be made.
 #[derive(Debug, Error)]
-#[error("cannot make a certificate: {0}")]
-pub struct IssueError(#[from] rcgen::Error);
+pub enum IssueError {
+    /// A key that cannot be read, most likely.
+    #[error("cannot make a certificate: {0}")]
+    Make(#[from] rcgen::Error),
+    /// Neither a host name nor an address.
+    #[error("{0:?} is neither a host name nor an address")]
+    Host(String),
+}
 
 /// A certificate and its private key, both PEM.
 #[derive(Clone, PartialEq, Eq)]
@@ -43,7 +52,7 @@ pub enum Purpose<'a> {
     Router(&'a [String]),
     /// A web server alone: the names and addresses by which it is reached. No router takes it.
     Page(&'a [String]),
-    /// A person's browser.
+    /// A person's browser: the same as a session's.
     Browser,
 }
 
@@ -70,7 +79,7 @@ impl Authority {
     ///
     /// # Errors
     /// [`IssueError`].
-    pub fn load(certificate: &str, key: &str) -> Result<rcgen::Issuer<'static, KeyPair>, IssueError> {
+    pub fn load(certificate: &str, key: &str) -> Result<Issuer, IssueError> {
         Ok(rcgen::Issuer::from_ca_cert_pem(certificate, KeyPair::from_pem(key)?)?)
     }
 
@@ -116,6 +125,12 @@ pub fn issue(
     Ok(Issued { certificate: certificate.pem(), key: key.serialize_pem(), expires: seconds(now + life) })
 }
 
+/// The bytes of the first block of a PEM text, as other formats hold them.
+#[must_use]
+pub fn der(pem: &str) -> Option<Vec<u8>> {
+    x509_parser::pem::parse_x509_pem(pem.as_bytes()).ok().map(|(_, pem)| pem.contents)
+}
+
 fn common_name(text: &str) -> DistinguishedName {
     let mut name = DistinguishedName::new();
     name.push(DnType::CommonName, text);
@@ -133,11 +148,21 @@ fn seconds(time: SystemTime) -> SystemTime {
     SystemTime::UNIX_EPOCH + Duration::from_secs(since.as_secs())
 }
 
-fn san(host: &str) -> Result<SanType, rcgen::Error> {
-    Ok(match host.parse() {
-        Ok(address) => SanType::IpAddress(address),
-        Err(_) => SanType::DnsName(host.try_into()?),
-    })
+fn san(host: &str) -> Result<SanType, IssueError> {
+    if let Ok(address) = host.parse() {
+        return Ok(SanType::IpAddress(address));
+    }
+    let label = |label: &str| {
+        (1..=63).contains(&label.len())
+            && label.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
+            && !label.starts_with('-')
+            && !label.ends_with('-')
+    };
+    // `10.0.0.300` is no address, and no name either.
+    let is_name = host.len() <= 253
+        && host.split('.').all(label)
+        && host.rsplit('.').next().is_some_and(|last| last.bytes().any(|byte| byte.is_ascii_alphabetic()));
+    if is_name { Ok(SanType::DnsName(host.try_into()?)) } else { Err(IssueError::Host(host.to_owned())) }
 }
 
 #[cfg(test)]
@@ -174,7 +199,8 @@ mod tests {
         let early = identity.check_at(now - 2 * BACKDATED).unwrap_err();
         assert!(matches!(early, IdentityError::NotYet { .. }), "{early}");
 
-        let other = Identity { name: Name::new("bob").unwrap(), ..identity };
+        let mut other = identity;
+        other.name = Name::new("bob").unwrap();
         let said = Identity::parse(&other.to_text().unwrap()).unwrap_err().to_string();
         assert_eq!(said, "it is for bob.2, but its certificate is for alice.2");
     }
@@ -188,7 +214,10 @@ mod tests {
         let router = "router.1".parse().unwrap();
         let issued = issue(&ca, &router, Purpose::Router(&hosts), now, LIFE).unwrap();
         assert_eq!(Certificate::parse(&issued.certificate).unwrap().hosts, hosts);
-        let bad = ["no host".to_owned()];
-        assert!(issue(&ca, &router, Purpose::Router(&bad), now, LIFE).is_err());
+        for bad in ["no host", "", "10.0.0.300", "-a.local", "tls/10.0.0.1", "10.0.0.1:7447"] {
+            let hosts = [bad.to_owned()];
+            let refused = issue(&ca, &router, Purpose::Router(&hosts), now, LIFE).map(drop).unwrap_err();
+            assert!(matches!(refused, IssueError::Host(_)), "{bad}: {refused}");
+        }
     }
 }

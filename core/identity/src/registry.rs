@@ -2,13 +2,27 @@
 
 use crate::{CommonName, Role};
 use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
 use std::time::SystemTime;
 use thiserror::Error;
 use xtb_protocol::Name;
 
-/// Names that no identity but the one of that role may have: they stand in keys, or begin the names of programs.
-const TAKEN: [&str; 10] =
-    ["all", "sim", "dispatch", "traffic", "map", "web", "cli", "client", "router", "ros"];
+/// Names that stand in keys or begin the names of programs, and the role that may have one all the same.
+const TAKEN: [(&str, Option<Role>); 10] = [
+    ("all", None),
+    ("sim", Some(Role::Simulator)),
+    ("dispatch", Some(Role::Dispatcher)),
+    ("traffic", Some(Role::Traffic)),
+    ("map", Some(Role::Map)),
+    ("web", None),
+    ("cli", None),
+    ("client", None),
+    ("router", None),
+    ("ros", None),
+];
+/// Longest name of a person, and of a service: `-3f9a1c` follows it in the name of a session.
+const LONGEST_PERSON: usize = 20;
+const LONGEST_SERVICE: usize = 25;
 const VERSION: u32 = 1;
 
 /// Something is wrong in it, or cannot be done with it.
@@ -23,6 +37,14 @@ pub enum RegistryError {
     /// Two entries with one name.
     #[error("two identities have the name {0}")]
     Twice(Name),
+    /// See [`Registry::add`].
+    #[error("{longer} could be the name of a session of {name}")]
+    Covers {
+        /// Whose sessions begin so.
+        name: Name,
+        /// The other one.
+        longer: Name,
+    },
     /// See [`Registry::check_name`].
     #[error("{name} cannot be the name of a {role}: {reason}")]
     Name {
@@ -80,6 +102,19 @@ impl Entry {
     pub fn common_name(&self) -> CommonName {
         CommonName { name: self.name.clone(), generation: self.generation }
     }
+
+    /// Whether this is the token with which this person signs in.
+    #[must_use]
+    pub fn has_token(&self, token: &str) -> bool {
+        // Of digests: how long it takes says nothing of the token.
+        self.token_sha256.as_ref().is_some_and(|digest| *digest == token_digest(token))
+    }
+}
+
+/// What the registry keeps of a token: its SHA-256 in hexadecimal digits.
+#[must_use]
+pub fn token_digest(token: &str) -> String {
+    Sha256::digest(token).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// All identities of a fleet.
@@ -116,9 +151,7 @@ impl Registry {
         }
         for (i, entry) in registry.identities.iter().enumerate() {
             Self::check_name(&entry.name, entry.role)?;
-            if registry.identities[..i].iter().any(|other| other.name == entry.name) {
-                return Err(RegistryError::Twice(entry.name.clone()));
-            }
+            apart(&registry.identities[..i], entry)?;
         }
         Ok(registry)
     }
@@ -131,31 +164,32 @@ impl Registry {
         toml::to_string(self).map_err(|error| RegistryError::Malformed(error.to_string()))
     }
 
-    /// Whether an identity may have this name. A person's has no `-` (each session of `alice` is `alice-…`, and the
-    /// rules admit these), and none begins as another's sessions would.
+    /// Whether an identity may have this name. A person's has no `-`: each session of `alice` is `alice-…`, and the
+    /// rules admit these.
     ///
     /// # Errors
     /// [`RegistryError::Name`].
     pub fn check_name(name: &Name, role: Role) -> Result<(), RegistryError> {
-        let no = |reason: &str| {
-            Err(RegistryError::Name { name: name.to_string(), role, reason: reason.to_owned() })
-        };
+        let no = |reason: String| Err(RegistryError::Name { name: name.to_string(), role, reason });
         if name.as_str().starts_with('-') {
-            return no("it begins with -");
+            return no("it begins with -".into());
         }
-        if role.is_person() {
-            if name.as_str().contains('-') {
-                return no("a person's name has no -");
-            }
-            // `-3f9a1c` follows it in the name of a session.
-            if name.as_str().len() > 20 {
-                return no("a person's name has at most 20 characters");
-            }
+        if role.is_person() && name.as_str().contains('-') {
+            return no("a person's name has no -".into());
         }
-        if TAKEN.contains(&name.as_str()) {
-            return no("it is reserved");
+        let (who, longest) = match role {
+            Role::Robot | Role::Router => ("", usize::MAX),
+            role if role.is_person() => ("person", LONGEST_PERSON),
+            _ => ("service", LONGEST_SERVICE),
+        };
+        if name.as_str().len() > longest {
+            return no(format!("a {who}'s name has at most {longest} characters"));
         }
-        Ok(())
+        let taken = TAKEN.iter().find(|(taken, _)| *taken == name.as_str());
+        match taken.filter(|(_, by)| *by != Some(role)) {
+            Some(_) => no("it is reserved".into()),
+            None => Ok(()),
+        }
     }
 
     /// Whose entry.
@@ -173,15 +207,13 @@ impl Registry {
         found.ok_or_else(|| RegistryError::Unknown(name.clone()))
     }
 
-    /// Takes a new one in.
+    /// Takes a new one in, if no session of it could pass for another's, or the other way round.
     ///
     /// # Errors
-    /// [`RegistryError::Twice`] or [`RegistryError::Name`].
+    /// [`RegistryError::Twice`], [`RegistryError::Covers`] or [`RegistryError::Name`].
     pub fn add(&mut self, entry: Entry) -> Result<(), RegistryError> {
         Self::check_name(&entry.name, entry.role)?;
-        if self.get(&entry.name).is_some() {
-            return Err(RegistryError::Twice(entry.name));
-        }
+        apart(&self.identities, &entry)?;
         self.identities.push(entry);
         Ok(())
     }
@@ -190,6 +222,26 @@ impl Registry {
     pub fn admitted(&self) -> impl Iterator<Item = &Entry> {
         self.identities.iter().filter(|entry| !entry.revoked)
     }
+}
+
+/// Whether an entry goes with those before it. Robots and routers have no sessions under other names.
+fn apart(before: &[Entry], entry: &Entry) -> Result<(), RegistryError> {
+    let has_sessions = |entry: &Entry| !matches!(entry.role, Role::Robot | Role::Router);
+    let covers = |short: &Entry, long: &Entry| {
+        let rest = long.name.as_str().strip_prefix(short.name.as_str());
+        has_sessions(short) && has_sessions(long) && rest.is_some_and(|rest| rest.starts_with('-'))
+    };
+    for other in before {
+        if other.name == entry.name {
+            return Err(RegistryError::Twice(entry.name.clone()));
+        }
+        for (short, long) in [(other, entry), (entry, other)] {
+            if covers(short, long) {
+                return Err(RegistryError::Covers { name: short.name.clone(), longer: long.name.clone() });
+            }
+        }
+    }
+    Ok(())
 }
 
 mod rfc3339 {
@@ -239,6 +291,15 @@ mod tests {
     }
 
     #[test]
+    fn a_token_is_known_by_its_digest() {
+        let mut alice = entry("alice", Role::Operator);
+        assert!(!alice.has_token(""));
+        alice.token_sha256 = Some(token_digest("abc"));
+        assert!(alice.token_sha256.as_ref().unwrap().starts_with("ba7816bf8f01cfea"));
+        assert!(alice.has_token("abc") && !alice.has_token("abd") && !alice.has_token(""));
+    }
+
+    #[test]
     fn names_that_would_cover_others_are_refused() {
         let mut registry = registry();
         for (name, role) in [
@@ -248,10 +309,16 @@ mod tests {
             ("all", Role::Robot),
             ("-x", Role::Robot),
             ("a234567890123456789012", Role::Viewer),
+            ("a2345678901234567890123456", Role::Recorder),
+            ("traffic", Role::Map),
         ] {
             assert!(registry.add(entry(name, role)).is_err(), "{name}");
         }
         registry.add(entry("alice", Role::Viewer)).unwrap();
+        registry.add(entry("traffic", Role::Traffic)).unwrap();
+        registry.add(entry("alice-2", Role::Robot)).unwrap();
+        let covered = registry.add(entry("alice-3", Role::Recorder)).unwrap_err();
+        assert_eq!(covered.to_string(), "alice-3 could be the name of a session of alice");
         let twice = registry.add(entry("alice", Role::Robot)).unwrap_err();
         assert_eq!(twice.to_string(), "two identities have the name alice");
     }

@@ -70,6 +70,13 @@ pub enum DispatchVerb {
     Export(DispatchExportArgs),
 }
 
+impl DispatchArgs {
+    /// Whether it talks to a fleet.
+    pub(super) fn needs_session(&self) -> bool {
+        !matches!(self.verb, DispatchVerb::Compact(_) | DispatchVerb::Export(_))
+    }
+}
+
 /// Which ledger.
 #[derive(Debug, Clone, Default, Args)]
 pub struct LedgerArgs {

@@ -52,6 +52,17 @@ fn cell(text: &str) -> std::result::Result<f64, String> {
     number(text, *Grid::RESOLUTION_M.start(), *Grid::RESOLUTION_M.end(), "metres")
 }
 
+impl MapArgs {
+    /// Whether it talks to a fleet.
+    pub(super) fn needs_session(&self) -> bool {
+        match &self.verb {
+            MapVerb::Show(args) => args.live,
+            MapVerb::Check(_) | MapVerb::Import(_) => false,
+            MapVerb::Serve(_) => true,
+        }
+    }
+}
+
 /// Carries out one of its verbs.
 ///
 /// # Errors

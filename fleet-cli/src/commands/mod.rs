@@ -7,6 +7,7 @@ pub mod dashboard;
 pub mod demo;
 pub mod dispatch;
 pub mod doctor;
+pub mod enrol;
 pub mod estop;
 pub mod export;
 pub mod fetch_log;
@@ -15,6 +16,7 @@ pub mod goto;
 pub mod list;
 pub mod map;
 pub mod names;
+pub mod pki;
 pub mod plan;
 pub mod play;
 pub mod record;
@@ -37,7 +39,7 @@ pub mod watch;
 pub mod why;
 
 use crate::args::GlobalArgs;
-use crate::context::Context;
+use crate::context::{Context, Uses};
 use crate::exit::Exit;
 use crate::interrupt::{or_interrupted, or_interrupted_saying};
 use crate::output::{Output, Progress};
@@ -112,6 +114,10 @@ pub enum Verb {
     Retry(change::RetryArgs),
     /// Show and control the fleet in a browser.
     Dashboard(dashboard::DashboardArgs),
+    /// Make, renew and revoke identities: who belongs to the fleet.
+    Pki(pki::PkiArgs),
+    /// Enrol this computer with an identity file.
+    Enrol(enrol::EnrolArgs),
     /// Run a router: the only infrastructure that a small lab needs.
     Router(router::RouterArgs),
     /// Run simulated robots with real agents.
@@ -127,6 +133,22 @@ pub enum Verb {
     Names(names::NamesArgs),
 }
 
+impl Verb {
+    /// What becomes of this computer's identity.
+    fn uses_identity(&self) -> Uses {
+        match self {
+            Self::Pki(_) | Self::Enrol(_) | Self::Play(_) | Self::Export(_) | Self::Router(_) => {
+                Uses::Nothing
+            }
+            Self::Map(args) if !args.needs_session() => Uses::Nothing,
+            Self::Sim(_) | Self::Demo(_) => Uses::IfAsked,
+            Self::Doctor(_) => Uses::Unchecked,
+            Self::Dispatch(args) if !args.needs_session() => Uses::Unchecked,
+            _ => Uses::Always,
+        }
+    }
+}
+
 /// Carries out one verb; `grammar` is the whole command line's, for completions.
 ///
 /// # Errors
@@ -134,8 +156,9 @@ pub enum Verb {
 pub async fn run(verb: Verb, global: &GlobalArgs, grammar: clap::Command, out: Output) -> Result<Exit> {
     let (rights, settings) = (Rights::of(&verb), OnceLock::new());
     // Not before a verb asks for it: completions must not fail over a broken config.
+    let uses = verb.uses_identity();
     let ctx = || {
-        let ctx = Context::new(global, out)?;
+        let ctx = Context::new(global, uses, out)?;
         rights.check(&ctx.settings)?;
         settings.get_or_init(|| ctx.settings.clone());
         Ok(ctx)
@@ -199,6 +222,8 @@ async fn carry_out(
         Verb::FetchLog(args) => fetch_log::run(&ctx()?, &args).await,
         Verb::Map(args) => map::run(&ctx()?, &args).await,
         Verb::Dashboard(args) => dashboard::run(&ctx()?, &args).await,
+        Verb::Pki(args) => pki::run(&ctx()?, &args),
+        Verb::Enrol(args) => enrol::run(&ctx()?, &args),
         Verb::Router(args) => router::run(&ctx()?, &args).await,
         Verb::Sim(args) => sim::run(&ctx()?, args).await,
         Verb::Demo(args) => demo::run(&ctx()?, args).await,

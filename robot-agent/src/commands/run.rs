@@ -1,6 +1,6 @@
 //! No verb, or `record`: the robot runs until it is told to end.
 
-use super::Failure;
+use super::{Failure, identity};
 use robot_agent::AgentError;
 use robot_agent::clock::Clock;
 use robot_agent::config::ConfigFile;
@@ -10,13 +10,23 @@ use robot_agent::hardware::serial::{PortSettings, SerialHardware};
 use robot_agent::logging::{self, LogFormat};
 use std::path::Path;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 use tokio::sync::watch;
+use xtb_bus::Enrolled;
 
-pub(crate) fn run(file: &ConfigFile, record: Option<&Path>, log: LogFormat) -> Result<ExitCode, Failure> {
+pub(crate) fn run(
+    file: &ConfigFile,
+    identity: Option<Enrolled>,
+    record: Option<&Path>,
+    log: LogFormat,
+) -> Result<ExitCode, Failure> {
     let mut agent = file.agent()?;
     agent.record = record.map(Path::to_owned);
     logging::start(log, "info,zenoh=error,zenoh_transport=error");
+    if let Some(identity) = &identity {
+        identity::check(identity, SystemTime::now())?;
+    }
+    agent.identity = identity;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()

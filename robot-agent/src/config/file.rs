@@ -3,11 +3,12 @@
 use super::problem::ConfigProblem;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use xtb_bus::{Enrolled, Opening, Role};
+use xtb_bus::{Enrolled, Opening, Role as Session};
 use xtb_control::VehicleConfig;
 use xtb_control::config::{Allowed::*, ConfigError, Origin::*, Parameter, render_toml, validate};
 use xtb_control::config_section;
 use xtb_control::frames::MapPose;
+use xtb_identity::{Identity, Role};
 use xtb_nav::NavSettings;
 use xtb_nav::settings::{ArrivalSettings, DriveSettings, PoseSettings, UnknownSettings};
 use xtb_protocol::Name;
@@ -26,7 +27,11 @@ config_section! {
     ZenohSection "zenoh" {
         mode: String = "client".to_owned(), "", OneOf(&["client", "peer"]), Ours, "client of a router, or \
                         peer discovered by multicast.";
-        connect: Vec<String> = vec!["tcp/127.0.0.1:7447".to_owned()], "", Text, Ours, "Routers to try.";
+        connect: Vec<String> = vec!["tcp/127.0.0.1:7447".to_owned()], "", Text, Ours, "Routers to try; with an \
+                               identity, those that it names unless others with TLS stand here.";
+        identity: String = String::new(), "", Text, Ours, "Folder of the robot's identity; empty = \
+                           xtb/identity below the user's configuration, if `robot-agent enrol` has made it; \
+                           none = none. Name and fleet follow from it.";
     }
 }
 
@@ -158,7 +163,7 @@ impl AgentConfig {
     #[must_use]
     pub fn opening(&self) -> Opening {
         let connect = self.connect.clone();
-        let role = if self.peer { Role::Peer { connect } } else { Role::Client { connect } };
+        let role = if self.peer { Session::Peer { connect } } else { Session::Client { connect } };
         Opening::of(role).tls(self.identity.as_ref().map(Enrolled::tls))
     }
 }
@@ -200,6 +205,52 @@ impl ConfigFile {
             })?;
         }
         Ok(())
+    }
+
+    /// The robot of this identity: name, fleet and, unless others with TLS are set, routers are its own.
+    ///
+    /// # Errors
+    /// [`ConfigProblem::Identity`]: a setting that goes with no identity, or not with this one.
+    pub fn identify(&mut self, identity: &Identity) -> Result<(), ConfigProblem> {
+        let usual = Self::default();
+        let own = identity.name.as_str();
+        let other = |set: &str, usual: &str, own: &str| set != usual && set != own;
+        if identity.role != Role::Robot {
+            let (message, hint) = (
+                format!("{own} is a {}, not a robot", identity.role),
+                "enrol a robot's file, of `fleet-cli pki add-robot`",
+            );
+            return Err(ConfigProblem::Identity { message, hint: hint.into() });
+        }
+        for (what, set, usual, own) in [
+            ("robot", &mut self.agent.name, usual.agent.name, own),
+            ("fleet", &mut self.agent.fleet, usual.agent.fleet, identity.fleet.as_str()),
+        ] {
+            if other(set, &usual, own) {
+                let message = format!("the {what} is set to {set}, but the identity is of {what} {own}");
+                let hint = "leave name and fleet out: they follow from the identity";
+                return Err(ConfigProblem::Identity { message, hint: hint.into() });
+            }
+            *set = own.to_owned();
+        }
+        if self.zenoh.mode == "peer" {
+            let message = format!("peers have no identity, but this computer has that of {own}");
+            let hint = "zenoh.mode = \"client\" uses a router; --identity none goes without the identity";
+            return Err(ConfigProblem::Identity { message, hint: hint.into() });
+        }
+        if self.zenoh.connect == usual.zenoh.connect {
+            self.zenoh.connect = identity.routers.clone();
+        }
+        match self.zenoh.connect.iter().find(|endpoint| !endpoint.starts_with("tls/")) {
+            None => Ok(()),
+            Some(endpoint) => Err(ConfigProblem::Identity {
+                message: format!("{endpoint} has no TLS: the identity of {own} is not used there"),
+                hint: format!(
+                    "connect to {} (the default without --connect); --identity none goes without the identity",
+                    identity.routers.first().map_or("tls/HOST:7447", String::as_str)
+                ),
+            }),
+        }
     }
 
     /// All settings as commented TOML.

@@ -44,6 +44,14 @@ pub enum ConfigProblem {
     /// A value out of its range.
     #[error(transparent)]
     Value(#[from] ConfigError),
+    /// Settings and identity do not go together, or it cannot be used.
+    #[error("{message}")]
+    Identity {
+        /// Why not.
+        message: String,
+        /// What to do.
+        hint: String,
+    },
     /// A name that cannot stand in a key.
     #[error(transparent)]
     Name(#[from] NameError),
