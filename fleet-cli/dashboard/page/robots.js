@@ -125,7 +125,7 @@ function buttons(robot, store, act, look) {
   const [title, off] = [denied ?? nothing, denied !== null];
   const driving = look.driving === robot.name;
   const { held } = look;
-  return html`<div class="row">
+  return html`${denied === null ? nothing : html`<p class="box">${denied}.</p>`}<div class="row">
       <button type="button" id="goal-here" title=${title} ?disabled=${off} @click=${act.aim} aria-pressed=${look.tool === "goals"}>Send goals</button>
       <button type="button" id="drive-begin" title=${title} ?disabled=${off || !robot.alive || robot.stale}
         @click=${() => (driving ? act.driveEnd() : act.drive(robot.name, false))}>${driving ? "End driving" : "Drive by hand"}</button>
