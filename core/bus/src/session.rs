@@ -1,6 +1,7 @@
 //! Opening a session: as a client of a router, as a router, or as a peer.
 
 use crate::foreign::ForeignKeys;
+use crate::presence::Watched;
 use std::collections::HashSet;
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -143,6 +144,7 @@ impl Role {
 pub struct Bus {
     pub(crate) session: zenoh::Session,
     pub(crate) foreign: ForeignKeys,
+    pub(crate) watched: Watched,
 }
 
 /// Opens a session: one attempt, without blocking the runtime.
@@ -162,7 +164,7 @@ pub async fn open_leased(role: &Role, link_lease: Duration) -> Result<Bus, BusEr
     let failed = |reason: String| BusError::Open { role: role.describe(), reason };
     // `zenoh::open` blocks its thread while it tries.
     match tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await {
-        Ok(Ok(session)) => Ok(Bus { session, foreign: ForeignKeys::default() }),
+        Ok(Ok(session)) => Ok(Bus { session, foreign: ForeignKeys::default(), watched: Watched::default() }),
         Ok(Err(error)) => Err(failed(words(&error))),
         Err(error) => Err(failed(error.to_string())),
     }
@@ -201,7 +203,7 @@ impl Bus {
     /// The same session with a counter of its own, for one of several robots that share it.
     #[must_use]
     pub fn part(&self) -> Self {
-        Self { session: self.session.clone(), foreign: ForeignKeys::default() }
+        Self { foreign: ForeignKeys::default(), ..self.clone() }
     }
 
     /// Where a router listens.
