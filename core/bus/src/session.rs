@@ -2,6 +2,7 @@
 
 use crate::acl::AccessControl;
 use crate::foreign::ForeignKeys;
+use crate::presence::Watched;
 use crate::tls::Tls;
 use std::collections::HashSet;
 use std::sync::atomic::AtomicU64;
@@ -159,6 +160,7 @@ impl Role {
 pub struct Bus {
     pub(crate) session: zenoh::Session,
     pub(crate) foreign: ForeignKeys,
+    pub(crate) watched: Watched,
 }
 
 /// How to open a session.
@@ -240,7 +242,7 @@ impl Opening {
         let failed = |reason: String| BusError::Open { role: self.role.describe(), reason };
         // `zenoh::open` blocks its thread while it tries.
         match tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await {
-            Ok(Ok(session)) => Ok(Bus { session, foreign: ForeignKeys::default() }),
+            Ok(Ok(session)) => Ok(Bus { session, foreign: ForeignKeys::default(), watched: Watched::default() }),
             Ok(Err(error)) => Err(failed(words(&error))),
             Err(error) => Err(failed(error.to_string())),
         }
@@ -276,7 +278,7 @@ impl Bus {
     /// The same session with a counter of its own, for one of several robots that share it.
     #[must_use]
     pub fn part(&self) -> Self {
-        Self { session: self.session.clone(), foreign: ForeignKeys::default() }
+        Self { foreign: ForeignKeys::default(), ..self.clone() }
     }
 
     /// Where a router listens.

@@ -283,10 +283,9 @@ impl Client {
     /// Whether this robot is there now.
     ///
     /// # Errors
-    /// [`ErrorKind::Failed`] if the question could not be sent.
+    /// [`ErrorKind::Failed`] if nobody can say so.
     pub async fn is_alive(&self, robot: &Name) -> Result<bool> {
-        let keys = self.bus().alive(&self.keys().robot(robot).alive(), self.patience()).await?;
-        Ok(!keys.is_empty())
+        Ok(self.bus().is_alive(&self.keys().robot(robot).alive(), self.patience()).await?)
     }
 
     /// The states of the robots behind `keys`.
