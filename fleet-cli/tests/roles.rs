@@ -55,7 +55,7 @@ const MATRIX: &[(&str, &[Role])] = &[
     ("retry t1", DRIVES),
     ("dispatch goto 1 2", DRIVES),
     ("dispatch route 1,2 3,4", DRIVES),
-    ("dispatch patrol 1,2 3,4 --rounds 2", DRIVES),
+    ("dispatch patrol 1,2 3,4", DRIVES),
     ("dispatch wander --for 5", DRIVES),
     ("dispatch submit tasks.toml", DRIVES),
     ("dispatch status", DRIVES),
@@ -79,7 +79,7 @@ const MATRIX: &[(&str, &[Role])] = &[
     ("export a.mcap --csv", ALL),
     ("audit a.mcap", ALL),
     ("router", ALL),
-    ("plan --robots 2", ALL),
+    ("plan instance.yaml --out x", ALL),
     ("completions bash", ALL),
 ];
 /// They make identities, so they need none.
