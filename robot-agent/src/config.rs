@@ -92,6 +92,36 @@ mod tests {
     }
 
     #[test]
+    fn an_identity_gives_name_fleet_and_routers_and_excludes_others() {
+        let own = "xtb-7.1".parse().unwrap();
+        let routers = vec!["tls/10.0.0.1:7447".to_owned()];
+        let [ca, certificate, key] = Default::default();
+        let fleet = xtb_protocol::Name::new("hall").unwrap();
+        let identity =
+            xtb_identity::Identity::new(fleet, own, xtb_identity::Role::Robot, routers, ca, certificate, key);
+        let mut file = with("[agent]\nname = \"xtb-1\"\n").unwrap(); // the default, as --print-config writes it
+        file.identify(&identity).unwrap();
+        let agent = file.agent().unwrap();
+        assert_eq!((agent.robot.as_str(), agent.fleet.as_str()), ("xtb-7", "hall"));
+        assert_eq!(agent.connect, ["tls/10.0.0.1:7447"]);
+        for (text, says) in [
+            ("[agent]\nname = \"xtb-2\"\n", "the robot is set to xtb-2, but the identity is of robot xtb-7"),
+            ("[agent]\nfleet = \"barn\"\n", "the fleet is set to barn, but the identity is of fleet hall"),
+            ("[zenoh]\nmode = \"peer\"\n", "peers have no identity, but this computer has that of xtb-7"),
+            (
+                "[zenoh]\nconnect = [\"tcp/a:1\"]\n",
+                "tcp/a:1 has no TLS: the identity of xtb-7 is not used there",
+            ),
+        ] {
+            assert_eq!(with(text).unwrap().identify(&identity).unwrap_err().to_string(), says);
+        }
+        let mut viewer = identity;
+        viewer.role = xtb_identity::Role::Viewer;
+        let refused = ConfigFile::default().identify(&viewer).unwrap_err().to_string();
+        assert_eq!(refused, "xtb-7 is a viewer, not a robot");
+    }
+
+    #[test]
     fn a_reserved_name_is_refused() {
         let error = with("[agent]\nname = \"all\"\n").unwrap().agent().unwrap_err();
         assert!(error.to_string().contains("reserved"), "{error}");

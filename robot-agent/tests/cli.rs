@@ -96,3 +96,79 @@ fn help_documents_the_exit_codes() {
     let output = agent().arg("--help").assert().success().get_output().clone();
     assert!(String::from_utf8_lossy(&output.stdout).contains("Exit codes"));
 }
+
+/// A robot's identity, in a folder.
+fn enrolled(folder: &std::path::Path, days: u64, now: std::time::SystemTime) -> std::path::PathBuf {
+    use std::time::Duration;
+    use xtb_identity::issue::{Authority, Purpose, issue};
+    let fleet = xtb_protocol::Name::new("lab").expect("a name");
+    let made = Authority::create(&fleet, now).expect("a CA");
+    let ca = Authority::load(&made.certificate(), &made.key()).expect("the CA");
+    let own: xtb_identity::CommonName = "xtb-7.1".parse().expect("a common name");
+    let life = Duration::from_secs(days * 24 * 3600);
+    let issued = issue(&ca, &own, Purpose::Client, now, life).expect("a certificate");
+    let routers = vec!["tls/127.0.0.1:1".to_owned()];
+    let role = xtb_identity::Role::Robot;
+    let identity = xtb_identity::Identity::new(
+        fleet,
+        own,
+        role,
+        routers,
+        made.certificate(),
+        issued.certificate,
+        issued.key,
+    );
+    let file = folder.join("xtb-7.xtbid");
+    std::fs::write(&file, identity.to_text().expect("its text")).expect("writing it");
+    file
+}
+
+#[test]
+fn name_fleet_and_router_follow_from_the_identity() {
+    let home = tempfile::tempdir().expect("a folder");
+    let file = enrolled(home.path(), 30, std::time::SystemTime::now());
+    let at_home = || {
+        let mut command = agent();
+        command.env("HOME", home.path());
+        command
+    };
+    let enrol = at_home().arg("enrol").arg(&file).assert().success().get_output().clone();
+    let said = String::from_utf8_lossy(&enrol.stdout).into_owned();
+    assert!(said.starts_with("xtb-7, robot of fleet lab: may be driven, under its own name\n"), "{said}");
+    assert!(said.contains("Next: `robot-agent --hardware serial`"), "{said}");
+    let said = String::from_utf8_lossy(&enrol.stderr).into_owned();
+    assert!(said.contains("can be read by others (mode 0644)"), "{said}");
+
+    let printed = at_home().arg("--print-config").assert().success().get_output().clone();
+    let printed = String::from_utf8_lossy(&printed.stdout).into_owned();
+    for line in ["name = \"xtb-7\"", "fleet = \"lab\"", "connect = [\"tls/127.0.0.1:1\"]"] {
+        assert!(printed.contains(line), "{line} is missing from\n{printed}");
+    }
+    for (arguments, says) in [
+        (&["--name", "xtb-1"][..], "--name xtb-1 is not that of the identity"),
+        (&["--fleet", "hall"], "--fleet hall is not that of the identity"),
+        (&["--set", "agent.name=xtb-3"], "the robot is set to xtb-3, but the identity is of robot xtb-7"),
+        (&["--set", "zenoh.mode=peer"], "peers have no identity"),
+        (&["--connect", "tcp/127.0.0.1:7447"], "tcp/127.0.0.1:7447 has no TLS"),
+        (&["--connect", "tcp/10.0.0.1:7447"], "tcp/10.0.0.1:7447 has no TLS"),
+        (&["--identity", "/nonexistent"], "cannot read the identity: /nonexistent/identity.toml"),
+        (&["--identity", "none", "--connect", "tls/127.0.0.1:1"], "tls/127.0.0.1:1 needs an identity"),
+    ] {
+        let said = stderr_of(at_home().args(arguments).args(["--hardware", "simulated"]), 2);
+        assert!(said.contains(says) && said.contains("hint: "), "{arguments:?}: {said}");
+    }
+}
+
+#[test]
+fn an_expired_identity_is_said_at_once() {
+    let home = tempfile::tempdir().expect("a folder");
+    let now = std::time::SystemTime::now();
+    let file = enrolled(home.path(), 1, now - std::time::Duration::from_secs(3 * 24 * 3600));
+    let said = stderr_of(agent().arg("enrol").arg(&file).args(["--to", "/nonexistent"]), 2);
+    assert!(said.contains("the certificate of xtb-7 expired on "), "{said}");
+    let identity = xtb_identity::Identity::parse(&std::fs::read_to_string(&file).expect("the file"));
+    let folder = home.path().join("identity");
+    xtb_bus::Enrolled::write(&identity.expect("an identity"), &folder).expect("writing it");
+    let said = stderr_of(agent().arg("--identity").arg(&folder).args(["--hardware", "simulated"]), 2);
+    assert!(said.contains("expired on ") && said.contains("hint: `fleet-cli pki renew xtb-7`"), "{said}");
+}

@@ -165,6 +165,8 @@ impl Fleet {
             speed: setup.speed,
             listen: "tcp/127.0.0.1:0".into(),
             connect: Vec::new(),
+            pki: None,
+            identity: None,
             pty: setup.pty,
             truth_log: None,
             record: setup.record,

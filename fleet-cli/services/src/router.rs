@@ -1,5 +1,9 @@
 //! The embedded Zenoh router: the whole infrastructure that a small lab needs, and one of a mesh for a larger one.
 
+mod listen;
+
+pub use listen::check_listen;
+
 use std::net::TcpListener;
 use std::time::Duration;
 use xtb_bus::{Bus, LINK_LEASE, Opening, Role};
@@ -19,7 +23,7 @@ pub async fn open(listen: &str, connect: &[String]) -> Result<(Bus, String)> {
 /// # Errors
 /// As [`open`].
 pub async fn open_leased(listen: &str, connect: &[String], link_lease: Duration) -> Result<(Bus, String)> {
-    if let Some(address) = listen.strip_prefix("tcp/") {
+    if let Some(address) = listen.strip_prefix("tcp/").or_else(|| listen.strip_prefix("tls/")) {
         // Zenoh's own message does not tell a taken port from a mistyped address.
         TcpListener::bind(address).map_err(|error| taken(listen, &error))?;
     }

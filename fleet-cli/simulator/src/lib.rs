@@ -20,6 +20,7 @@ pub use stats::Told;
 pub use truth::TruthView;
 
 use agents::{AgentSettings, Life};
+use plan::Session;
 use robot_agent::Shared;
 use robot_agent::clock::WorldTime;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};
@@ -70,6 +71,8 @@ pub struct Simulator {
     map: Option<Map>,
     stats: StatsService,
     bus: Bus,
+    /// Where it is a session of its own.
+    router: Option<Bus>,
     world: RunningWorld,
     ptys: Option<ptys::PtyFolder>,
 }
@@ -104,7 +107,7 @@ impl Simulator {
         let world_map = world.chart(CHART_RESOLUTION_M);
         let simulation = plan.simulation(&kinds, world)?;
         let roster = roster_of(&simulation)?;
-        let (bus, endpoint, connect) = plan.session().await?;
+        let Session { bus, endpoint, connect, router } = plan.session().await?;
 
         let keys = FleetKeys::new(plan.fleet.clone());
         // Before there is a robot: in another world than the others' it must not drive.
@@ -122,7 +125,7 @@ impl Simulator {
         let settings = AgentSettings {
             fleet: plan.fleet.clone(),
             connect: connect.clone(),
-            identity: None,
+            identity: plan.identity.clone(),
             record: plan.record.clone(),
             world_speed: plan.speed,
             link_lease: plan.link_lease(),
@@ -163,6 +166,7 @@ impl Simulator {
             _map_service: map_service,
             stats,
             bus,
+            router,
             world,
             ptys,
         })
@@ -235,7 +239,7 @@ impl Simulator {
 
     /// Ends everything: agents first (their motors go neutral), then the router.
     pub async fn stop(self) {
-        let Self { agents, publishing, bus, world, _roster_service, .. } = self;
+        let Self { agents, publishing, bus, router, world, _roster_service, .. } = self;
         let ending: Vec<_> = agents.into_iter().flatten().map(|agent| tokio::spawn(agent.stop())).collect();
         for agent in ending {
             let _ = agent.await;
@@ -243,6 +247,9 @@ impl Simulator {
         publishing.iter().for_each(JoinHandle::abort);
         drop(world);
         bus.close().await;
+        if let Some(router) = router {
+            router.close().await;
+        }
     }
 
     /// Waits until each agent is present under its own name, and the router shows that. Agents on ptys

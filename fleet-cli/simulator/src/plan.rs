@@ -1,11 +1,12 @@
 //! What to simulate, and what follows from it: the world with its trucks, and the session.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
-use xtb_bus::{Bus, LINK_LEASE, Role};
+use xtb_bus::{AccessControl, Bus, Enrolled, LINK_LEASE, Opening, Role, Tls};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
+use xtb_identity::Registry;
 use xtb_protocol::Name;
 use xtb_protocol::messages::MAX_ROSTER;
 use xtb_services::router;
@@ -44,6 +45,10 @@ pub struct Plan {
     pub listen: String,
     /// Routers to use instead of an own one.
     pub connect: Vec<String>,
+    /// Its router admits by this PKI folder; `None` = whoever reaches it.
+    pub pki: Option<PathBuf>,
+    /// The identity of all its agents and of its own session: a simulator's.
+    pub identity: Option<Enrolled>,
     /// No agents, but two ptys a truck in this folder.
     pub pty: Option<PathBuf>,
     /// Where to write the truth at every step.
@@ -133,14 +138,69 @@ impl Plan {
         if alone { OWN_LINK_LEASE } else { LINK_LEASE }
     }
 
-    /// The simulator's own session, where it can be reached, and where its agents connect.
-    pub(super) async fn session(&self) -> Result<(Bus, String, Vec<String>)> {
-        if self.connect.is_empty() {
-            let (bus, endpoint) = router::open_leased(&self.listen, &[], self.link_lease()).await?;
-            return Ok((bus, endpoint.clone(), vec![endpoint]));
+    /// The simulator's own session, and its router unless it uses another one.
+    pub(super) async fn session(&self) -> Result<Session> {
+        if !self.connect.is_empty() {
+            let bus = self.client(&self.connect).await?;
+            return Ok(Session {
+                bus,
+                endpoint: self.connect.join(", "),
+                connect: self.connect.clone(),
+                router: None,
+            });
         }
-        let bus = xtb_bus::open(&Role::Client { connect: self.connect.clone() }).await?;
-        Ok((bus, self.connect.join(", "), self.connect.clone()))
+        let Some(pki) = &self.pki else {
+            let (bus, endpoint) = router::open_leased(&self.listen, &[], self.link_lease()).await?;
+            return Ok(Session { bus, endpoint: endpoint.clone(), connect: vec![endpoint], router: None });
+        };
+        let (router, endpoint) = open_with_registry(&self.listen, pki, self.link_lease()).await?;
+        let endpoint = on_this_computer(&endpoint);
+        let connect = vec![endpoint.clone()];
+        // A client as its agents are: a router's own session is under no rules.
+        let bus = self.client(&connect).await?;
+        Ok(Session { bus, endpoint, connect, router: Some(router) })
+    }
+
+    async fn client(&self, connect: &[String]) -> Result<Bus> {
+        let role = Role::Client { connect: connect.to_vec() };
+        let tls = self.identity.as_ref().map(Enrolled::tls);
+        Ok(Opening::of(role).link_lease(self.link_lease()).tls(tls).once().await?)
+    }
+}
+
+/// The simulator's way to its clients.
+pub(super) struct Session {
+    /// Its own session.
+    pub(super) bus: Bus,
+    /// Where it can be reached.
+    pub(super) endpoint: String,
+    /// Where its agents connect.
+    pub(super) connect: Vec<String>,
+    /// Its router, where that is a session of its own.
+    pub(super) router: Option<Bus>,
+}
+
+/// Opens a router that admits whom the registry in a PKI folder names.
+async fn open_with_registry(listen: &str, pki: &Path, link_lease: Duration) -> Result<(Bus, String)> {
+    let path = pki.join("identities.toml");
+    let invalid = |error: &dyn std::fmt::Display| {
+        Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display()))
+    };
+    let text = robot_agent::files::text(&path, robot_agent::files::MAX_TEXT);
+    let registry =
+        Registry::parse(&text.map_err(|error| invalid(&error))?).map_err(|error| invalid(&error))?;
+    let role = Role::Router { listen: vec![listen.to_owned()], connect: Vec::new() };
+    let opening = Opening::of(role).link_lease(link_lease).tls(Some(Tls::in_folder(&pki.join("router"))));
+    let bus = opening.access(Some(AccessControl::of(&registry))).once().await?;
+    let endpoint = bus.locators().await.into_iter().next().unwrap_or_else(|| listen.to_owned());
+    Ok((bus, endpoint))
+}
+
+/// The certificate of a router that listens on all addresses names this computer's, perhaps not all others.
+fn on_this_computer(endpoint: &str) -> String {
+    match endpoint.rsplit_once(':') {
+        Some((_, port)) => format!("tls/127.0.0.1:{port}"),
+        None => endpoint.to_owned(),
     }
 }
 
@@ -162,6 +222,8 @@ mod tests {
             speed: 1.0,
             listen: "tcp/127.0.0.1:0".into(),
             connect: if first > 1 { vec!["tcp/127.0.0.1:7447".into()] } else { Vec::new() },
+            pki: None,
+            identity: None,
             pty: None,
             truth_log: None,
             fixes: FixTruth::default(),

@@ -23,6 +23,7 @@ use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Roster};
 use xtb_protocol::{Name, Uuid};
 use xtb_services::dispatch::store::{Scratch, Store};
+use xtb_services::router::check_listen;
 use xtb_sim::fixes::FixTruth;
 use xtb_simulator::{Plan, Simulator};
 
@@ -47,6 +48,9 @@ pub struct DemoArgs {
     /// Endpoint of its router; port 0 picks a free port.
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:0")]
     pub listen: String,
+    /// Listen without identities also where other computers can reach it.
+    #[arg(long)]
+    pub insecure: bool,
 }
 
 /// A goal that takes longer than this much simulated time has failed.
@@ -86,6 +90,9 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
             Error::new(ErrorKind::Invalid, "a demonstration needs goals").hint("--goals must be 1 or more")
         );
     }
+    if let Some(warning) = check_listen(&args.listen, args.insecure)? {
+        ctx.out.note(&format!("warning: {warning}"));
+    }
     let plan = Plan {
         fixes: FixTruth { rate_hz: 2.0, ..FixTruth::default() },
         fleet: ctx.settings.fleet.clone(),
@@ -99,6 +106,8 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
         speed: args.speed,
         listen: args.listen.clone(),
         connect: Vec::new(),
+        pki: None,
+        identity: None,
         pty: None,
         truth_log: None,
         record: None,

@@ -1,6 +1,7 @@
 //! `sim`: simulated trucks with real agents, until Ctrl-C.
 
 pub(crate) mod embedded;
+mod identities;
 
 use super::dashboard;
 use crate::commands::dashboard::DashboardArgs;
@@ -12,6 +13,7 @@ use crate::values::{drop_outs, fix_noise, fix_rate, part};
 use crate::{map_file, vehicle_file};
 use clap::Args;
 use embedded::EmbeddedDispatcher;
+use identities::Identities;
 use robot_agent::files;
 use serde::Serialize;
 use std::net::SocketAddr;
@@ -22,11 +24,13 @@ use xtb_client::DEFAULT_ENDPOINT;
 use xtb_client::text::robot as describe;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
+use xtb_identity::Role;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{DispatchStatus, RosterEntry, Suspension};
 use xtb_services::dispatch::Standing;
 use xtb_services::dispatch::store::{self, Store};
 use xtb_services::dispatch::usage::Usage;
+use xtb_services::router::check_listen;
 use xtb_sim::{Pace, World};
 use xtb_simulator::{Plan, Simulator, Told};
 
@@ -61,9 +65,18 @@ pub struct SimArgs {
     /// not.
     #[arg(long)]
     pub strict: bool,
-    /// Endpoint of its router [default: tcp/127.0.0.1:7447]; with --connect it runs no router.
+    /// Endpoint of its router [default: tcp/127.0.0.1:7447, with --identities tls/127.0.0.1:7447]; with --connect
+    /// it runs no router.
     #[arg(long, value_name = "ENDPOINT")]
     pub listen: Option<String>,
+    /// Listen without identities also where other computers can reach it.
+    #[arg(long)]
+    pub insecure: bool,
+    /// Run under identities: router, agents and services over TLS, with the set in this folder, which is made if
+    /// the folder is empty. It is for trials: all its keys are in one place. `--identity DIR/operator` and
+    /// `--identity DIR/viewer` use it.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["insecure", "pty"])]
+    pub identities: Option<PathBuf>,
     /// Start no agents; create two serial ports for each truck instead: DIR/ROBOT.board and DIR/ROBOT.gyro.
     #[arg(long, value_name = "DIR")]
     pub pty: Option<PathBuf>,
@@ -94,7 +107,7 @@ pub struct SimArgs {
     /// Run a fault scenario of a virtual fleet, without router and agents: prints the events of the scenario
     /// of
     /// --seed, and whether a rule of docs/safety.md was broken.
-    #[arg(long = "virtual", conflicts_with_all = ["robots", "first", "fleet_size", "world", "vehicle", "speed", "strict", "listen", "pty", "truth_log", "record", "dispatch", "dashboard"])]
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "first", "fleet_size", "world", "vehicle", "speed", "strict", "listen", "identities", "pty", "truth_log", "record", "dispatch", "dashboard"])]
     pub virtual_day: bool,
 }
 
@@ -135,6 +148,9 @@ struct Ready<'a> {
     fleet: &'a Name,
     router: &'a str,
     robots: &'a [RosterEntry],
+    /// Folder with a folder for each identity.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    identities: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     ledger: Option<String>,
     /// What the dispatcher found in it.
@@ -174,7 +190,10 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     if let Some(unused) = ctx.unused_routers("sim") {
         ctx.out.note(&unused);
     }
-    let plan = plan(ctx, &args)?;
+    let listen = listen(ctx, &args)?;
+    let set =
+        args.identities.as_deref().map(|folder| Identities::prepare(ctx, folder, &listen)).transpose()?;
+    let plan = plan(ctx, &args, listen, set.as_ref())?;
     let ledger =
         args.dispatch.then(|| store::simulated(args.ledger.as_deref(), &ctx.settings.fleet)).transpose()?;
     let open = |path: &Path| match args.fresh {
@@ -192,7 +211,10 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     let starting = async {
         simulator.ready().await?;
         match store {
-            Some(store) => EmbeddedDispatcher::start(ctx, &simulator, store).await.map(Some),
+            Some(store) => {
+                let ctx = identities::of(ctx, set.as_ref(), Role::Dispatcher)?;
+                EmbeddedDispatcher::start(&ctx, &simulator, store).await.map(Some)
+            }
             None => Ok(None),
         }
     };
@@ -208,13 +230,21 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
             return Err(failure);
         }
     };
-    let found = Found { ledger, set_aside, standing: dispatcher.as_ref().map(EmbeddedDispatcher::standing) };
+    if let Some(set) = &set {
+        set.moved(simulator.endpoints())?;
+    }
+    let found = Found {
+        identities: set.as_ref().map(Identities::folder),
+        ledger,
+        set_aside,
+        standing: dispatcher.as_ref().map(EmbeddedDispatcher::standing),
+    };
     announce(ctx, &simulator, args.speed, args.pty.as_deref(), &found)?;
     let done = tokio::select! {
         done = until_done(dispatcher.as_mut(), args.until_done) => Some(done),
         taken = simulator.names_taken() => Some(Err(taken)),
         slow = &mut slow => Some(Err(slow)),
-        ended = page(ctx, &simulator, args.dashboard) => ended.err().map(Err),
+        ended = page(ctx, &simulator, args.dashboard, set.as_ref()) => ended.err().map(Err),
         () = &mut stop => None,
     };
     let exit = match dispatcher {
@@ -231,8 +261,43 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     }
 }
 
+/// Where its router listens.
+fn listen(ctx: &Context, args: &SimArgs) -> Result<String> {
+    let usual = if args.identities.is_some() { "tls/127.0.0.1:7447" } else { DEFAULT_ENDPOINT };
+    let listen = args.listen.clone().unwrap_or_else(|| usual.to_owned());
+    if ctx.connect_given {
+        return match args.identities {
+            None => Ok(listen),
+            Some(_) => Err(Error::new(ErrorKind::Invalid, "--identities and --connect exclude each other")
+                .hint("--connect uses a router that runs elsewhere: name a simulator's identity with --identity")),
+        };
+    }
+    if ctx.settings.identity.is_some() {
+        return Err(Error::new(
+            ErrorKind::Invalid,
+            "--identity is of no use to a router that knows no identities",
+        )
+        .hint("--identities DIR runs one that does; --connect uses one that runs elsewhere"));
+    }
+    if args.identities.is_some() && !listen.starts_with("tls/") {
+        return Err(Error::new(
+            ErrorKind::Invalid,
+            format!("{listen} has no TLS, so identities are of no use"),
+        )
+        .hint(format!("--listen {}", listen.replacen("tcp/", "tls/", 1))));
+    }
+    if let Some(warning) = check_listen(&listen, args.insecure)? {
+        ctx.out.note(&format!("warning: {warning}"));
+    }
+    Ok(listen)
+}
+
 /// What is asked for.
-fn plan(ctx: &Context, args: &SimArgs) -> Result<Plan> {
+fn plan(ctx: &Context, args: &SimArgs, listen: String, set: Option<&Identities>) -> Result<Plan> {
+    let identity = match set {
+        Some(set) => Some(set.of(Role::Simulator)?),
+        None => ctx.settings.identity.clone(),
+    };
     let world = args.world.as_deref().map(read_world).transpose()?;
     if args.pty.is_some()
         && (args.vehicle.is_some() || world.as_ref().is_some_and(|it| !it.vehicles().is_empty()))
@@ -249,7 +314,9 @@ fn plan(ctx: &Context, args: &SimArgs) -> Result<Plan> {
         starts: Vec::new(),
         seed: args.seed,
         speed: args.speed,
-        listen: args.listen.clone().unwrap_or_else(|| DEFAULT_ENDPOINT.to_owned()),
+        listen,
+        pki: set.map(Identities::pki),
+        identity,
         connect: if ctx.connect_given { ctx.settings.connect.clone() } else { Vec::new() },
         pty: args.pty.clone(),
         truth_log: args.truth_log.clone(),
@@ -299,8 +366,14 @@ async fn pace(ctx: &Context, mut stats: watch::Receiver<Told>, strict: bool) -> 
 }
 
 /// The dashboard, if it is wanted, until it is interrupted.
-async fn page(ctx: &Context, simulator: &Simulator, listen: Option<SocketAddr>) -> Result<()> {
+async fn page(
+    ctx: &Context,
+    simulator: &Simulator,
+    listen: Option<SocketAddr>,
+    set: Option<&Identities>,
+) -> Result<()> {
     let Some(listen) = listen else { return std::future::pending().await };
+    let ctx = identities::of(ctx, set, Role::Dashboard)?;
     let own = ctx.with(|settings| settings.connect = simulator.endpoints().to_vec());
     dashboard::run(&own, &DashboardArgs::at(listen)).await.map(drop)
 }
@@ -382,7 +455,8 @@ pub fn read_world(path: &Path) -> Result<World> {
 }
 
 /// A dispatcher beside the robots, and what it found in its ledger.
-struct Found {
+struct Found<'a> {
+    identities: Option<&'a Path>,
     ledger: Option<PathBuf>,
     set_aside: Option<PathBuf>,
     standing: Option<Standing>,
@@ -393,7 +467,7 @@ fn announce(
     simulator: &Simulator,
     speed: f64,
     pty: Option<&Path>,
-    found: &Found,
+    found: &Found<'_>,
 ) -> Result<()> {
     let robots = &simulator.roster().robots;
     if speed > 1.0 {
@@ -423,6 +497,7 @@ fn announce(
         fleet: &ctx.settings.fleet,
         router: simulator.endpoint(),
         robots,
+        identities: found.identities.map(|folder| folder.display().to_string()),
         ledger: found.ledger.as_ref().map(|path| path.display().to_string()),
         dispatcher: standing.map(|standing| standing.status.clone()),
         suspended: standing.map(|standing| standing.suspended.clone()),
@@ -436,6 +511,9 @@ fn announce(
         });
         format!("sim ready: {} {many} of fleet {}, router {}{with}", robots.len(), ready.fleet, ready.router)
     })?;
+    if let (Some(folder), false) = (&ready.identities, ctx.out.json) {
+        ctx.out.note(&format!("as an operator: fleet-cli list --identity {folder}/operator"));
+    }
     if let (Some(standing), false) = (standing, ctx.out.json) {
         task_text::found(ctx, &standing.suspended, ready.set_aside.as_deref());
     }

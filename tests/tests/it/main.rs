@@ -9,6 +9,7 @@ mod commands;
 mod dashboard;
 mod dispatch;
 mod driving;
+mod enrolment;
 mod fetching;
 mod fleet_recording;
 mod foreign_files;

@@ -19,6 +19,8 @@ fn plan(first: usize, fleet_size: usize, connect: Vec<String>) -> Plan {
         speed: 1.0,
         listen: "tcp/127.0.0.1:0".into(),
         connect,
+        pki: None,
+        identity: None,
         pty: None,
         truth_log: None,
         fixes: FixTruth::default(),
