@@ -139,7 +139,9 @@ async fn tell_news(ctx: &Context, router: &mut GuardedRouter) {
                 format!("opened anew after {:.1} s: {change}", closed.as_secs_f64())
             }
             News::Waiting(change) => {
-                format!("{change}; admitted when no robot is driven, or at once with `fleet-cli pki … --apply`")
+                format!(
+                    "{change}; admitted when no robot is driven, or at once with `fleet-cli pki … --apply`"
+                )
             }
             News::Unreadable(reason) => {
                 format!("warning: the registry cannot be read, the rules before are in force: {reason}")

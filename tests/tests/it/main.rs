@@ -18,6 +18,7 @@ mod fuzz;
 mod hardware;
 mod hostile;
 mod huge_messages;
+mod identities;
 mod keys;
 mod logs;
 mod membership;
