@@ -1,7 +1,11 @@
 //! Who may come in, and what each may do there: over real Zenoh with TLS.
 
+mod attacks;
+mod keys;
 mod matrix;
 mod oracle;
+mod registry;
+mod robot;
 mod session;
 
 use fleet_tests::identities::Pki;

@@ -3,6 +3,7 @@
 //! The observer has a router's rights. What an identity sends is judged by what the observer gets or the router has
 //! on record, what it is sent by what it gets, both once a marker has come the same way.
 
+use super::keys::keys;
 use super::oracle::Who;
 use super::session::{TEST, client, marker, router};
 use super::{EVERYBODY, REVOKED, everybody};
@@ -19,102 +20,6 @@ use zenoh::sample::SampleKind;
 const EVERYTHING: [&str; 2] = ["**", "**/@adv/**"];
 /// Longer than the test runs.
 const LONG: Duration = Duration::from_secs(120);
-
-/// Channels of a robot.
-const ROBOT: [&str; 18] = [
-    "alive",
-    "state",
-    "sensors",
-    "event",
-    "event/@adv/pub/z/1/_",
-    "event/@adv/**",
-    "state/@adv/**",
-    "about",
-    "fix",
-    "route",
-    "near/x0y0",
-    "near/*",
-    "cmd/alice",
-    "cmd/*",
-    "log/alice",
-    "teleop/alice",
-    "estop/alice",
-    "estop/*",
-];
-/// Clients' keys of one robot, and the others.
-const OTHERS: [&str; 60] = [
-    "xtb-1/cmd/alice-3f9a1c",
-    "xtb-1/cmd/alicex",
-    "xtb-1/cmd/vera",
-    "xtb-1/cmd/eve",
-    "xtb-1/cmd/web-3f9a1c",
-    "xtb-1/cmd/dispatch",
-    "xtb-1/cmd/page",
-    "xtb-1/log/*",
-    "xtb-1/log/vera",
-    "xtb-1/teleop/*",
-    "xtb-1/teleop/alice-3f9a1c",
-    "xtb-1/teleop/vera",
-    "xtb-1/teleop/web-3f9a1c",
-    "xtb-1/teleop/dispatch",
-    "xtb-1/estop/vera",
-    "xtb-1/estop/vera-3f9a1c",
-    "xtb-1/estop/eve",
-    "xtb-1/estop/web-3f9a1c",
-    "*/estop/vera",
-    "*/cmd/dispatch",
-    "*/cmd/web-3f9a1c",
-    "all/estop/alice",
-    "all/estop/vera",
-    "all/estop/web-3f9a1c",
-    "all/estop/eve",
-    "all/estop/*",
-    "traffic/alive",
-    "traffic/state",
-    "map",
-    "dispatch/alive",
-    "dispatch/tasks",
-    "dispatch/event",
-    "dispatch/event/@adv/pub/z/1/_",
-    "dispatch/event/@adv/**",
-    "dispatch/cmd/alice",
-    "dispatch/cmd/vera",
-    "dispatch/cmd/web-3f9a1c",
-    "dispatch/cmd/dispatch",
-    "dispatch/cmd/*",
-    "dispatch/standby/alice",
-    "dispatch/standby/vera",
-    "dispatch/standby/dispatch",
-    "dispatch/standby/*",
-    "sim/truth",
-    "sim/roster",
-    "sim/stats",
-    "sim/*",
-    "identity/alice",
-    "identity/eve",
-    "identity/*",
-    "unheard-of",
-    "xtb-1/unheard-of",
-    "**",
-    "*/*",
-    "xtb-1/**",
-    "xtb-1/*/alice",
-    "*/*/alice",
-    "**/cmd/alice",
-    "xtb-$*/state",
-    "xtb-1/cmd/al$*",
-];
-/// Not of this fleet.
-const FOREIGN: [&str; 6] =
-    ["xtb/other/xtb-1/state", "xtb/other/xtb-1/cmd/alice", "xtb/*/xtb-1/cmd/alice", "xtb/**", "**", "ros/a"];
-
-fn keys() -> Vec<String> {
-    let robots =
-        ["xtb-1", "xtb-2", "*"].into_iter().flat_map(|robot| ROBOT.map(|key| format!("{robot}/{key}")));
-    let own = robots.chain(OTHERS.map(str::to_owned)).map(|key| format!("xtb/lab/{key}"));
-    let keys: BTreeSet<String> = own.chain(FOREIGN.map(str::to_owned)).collect();
-    keys.into_iter().collect()
-}
 
 /// Kinds and keys (by number) that came.
 type Passed = Arc<Mutex<BTreeSet<(&'static str, usize)>>>;
@@ -284,8 +189,6 @@ async fn what_each_role_sends_passes_as_the_design_says() {
     let observer = client(&pki, "router", &endpoint).await;
     let passed = Passed::default();
     let (_markers, _heard) = (answer_markers(&observer).await, hear(&observer, &passed).await);
-    let _tokens = tokens(&observer, &keys).await;
-    marker(&observer).await;
     let mut judges = judges(&keys, "in");
     for judge in &mut judges {
         let session = client(&pki, judge.name, &endpoint).await;
@@ -302,7 +205,7 @@ async fn what_each_role_sends_passes_as_the_design_says() {
             judge.kind(kind, |index, _| came.contains(&(kind, index)), all);
         }
         declare(judge, &router, &observer, &session).await;
-        look_who_is_there(judge, &session).await;
+        look_who_is_there(judge, &observer, &session).await;
         session.close().await.unwrap();
     }
     verdict(judges);
@@ -359,7 +262,9 @@ fn is_public(key: &str) -> bool {
 }
 
 /// Asks who is there on every key, at once and from now on; somebody is.
-async fn look_who_is_there(judge: &mut Judge<'_>, session: &Session) {
+async fn look_who_is_there(judge: &mut Judge<'_>, observer: &Session, session: &Session) {
+    let there = tokens(observer, judge.keys).await;
+    marker(observer).await;
     let (passed, mut watching) = (Passed::default(), Vec::new());
     for (index, key) in judge.keys.iter().enumerate() {
         let to = Arc::clone(&passed);
@@ -375,6 +280,8 @@ async fn look_who_is_there(judge: &mut Judge<'_>, session: &Session) {
     for kind in ["declare_liveliness_subscriber", "liveliness_query"] {
         judge.kind(kind, |index, _| came.contains(&(kind, index)), all);
     }
+    drop(there);
+    marker(observer).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
