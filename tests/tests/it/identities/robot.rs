@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use xtb_bus::Bus;
+use xtb_control::PwmCount;
 use xtb_control::controller::PwmOutputs;
 use xtb_sim::{Simulation, TruckParameters, World};
 
