@@ -6,6 +6,7 @@
 pub mod dispatch;
 pub mod fuzz;
 pub mod hosts;
+pub mod identities;
 pub mod live;
 pub mod load;
 pub mod mesh;
