@@ -144,7 +144,7 @@ impl Verb {
             | Self::Router(_) => Uses::Nothing,
             Self::Map(args) if !args.needs_session() => Uses::Nothing,
             Self::Sim(_) | Self::Demo(_) => Uses::IfAsked,
-            Self::Doctor(_) | Self::Audit(_) => Uses::Unchecked,
+            Self::Doctor(_) => Uses::Unchecked,
             Self::Dispatch(args) if !args.needs_session() => Uses::Unchecked,
             _ => Uses::Always,
         }

@@ -58,6 +58,8 @@ pub fn needed(verb: &Verb) -> Option<Action> {
         Verb::Play(_)
         | Verb::Export(_)
         | Verb::Audit(_)
+        | Verb::Pki(_)
+        | Verb::Enrol(_)
         | Verb::Router(_)
         | Verb::Plan(_)
         | Verb::Completions(_) => None,
