@@ -5,8 +5,9 @@
 
 use super::keys::keys;
 use super::oracle::Who;
-use super::session::{TEST, answer, client, marker, router, settled};
+use super::session::{TEST, answer, client, marker, markers, router, settled};
 use super::{EVERYBODY, REVOKED, everybody};
+use fleet_tests::eventually;
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -139,16 +140,20 @@ impl Judge<'_> {
         }
     }
 
+    /// The keys that meet one that may be declared.
+    fn met(&self, kind: &str) -> BTreeSet<usize> {
+        let keys: Vec<&keyexpr> = self.keys.iter().map(|key| keyexpr::new(key.as_str()).unwrap()).collect();
+        let allowed: Vec<&keyexpr> =
+            keys.iter().filter(|key| self.who.may(self.flow, kind, key)).copied().collect();
+        let met = |(_, key): &(usize, &&keyexpr)| allowed.iter().any(|other| other.intersects(key));
+        keys.iter().enumerate().filter(met).map(|(index, _)| index).collect()
+    }
+
     /// Where a key counts as declared when anything that meets it is.
     fn matching(&mut self, kind: &str, came: &BTreeSet<usize>, judged: impl Fn(&str) -> bool) {
-        let allowed: Vec<&keyexpr> = (self.keys.iter())
-            .filter(|key| self.who.may(self.flow, kind, key))
-            .map(|key| keyexpr::new(key.as_str()).unwrap())
-            .collect();
+        let met = self.met(kind);
         for (index, key) in self.keys.iter().enumerate().filter(|(_, key)| judged(key)) {
-            let own = keyexpr::new(key.as_str()).unwrap();
-            let expected = allowed.iter().any(|other| other.intersects(own));
-            self.cell(kind, key, expected, came.contains(&index));
+            self.cell(kind, key, met.contains(&index), came.contains(&index));
         }
     }
 }
@@ -268,7 +273,7 @@ async fn look_who_is_there(judge: &mut Judge<'_>, observer: &Session, session: &
         };
         session.liveliness().get(key).timeout(LONG).callback(each).await.unwrap();
     }
-    marker(session).await;
+    markers(session).await;
     let mut watching = Vec::new();
     for (index, key) in judge.keys.iter().enumerate() {
         let (to, own) = (Arc::clone(&passed), key.clone());
@@ -279,11 +284,18 @@ async fn look_who_is_there(judge: &mut Judge<'_>, observer: &Session, session: &
         watching
             .push(session.liveliness().declare_subscriber(key).history(true).callback(each).await.unwrap());
     }
-    marker(session).await;
+    // Whoever may is told in the end; a marker can overtake that.
+    let kind = "declare_liveliness_subscriber";
+    let met = judge.met(kind);
+    eventually("presence", || async {
+        marker(session).await;
+        let came = passed.lock().unwrap();
+        met.iter().all(|index| came.contains(&(kind, *index))).then_some(())
+    })
+    .await;
     let came = passed.lock().unwrap().clone();
     judge.kind("liveliness_query", |index, _| came.contains(&("liveliness_query", index)), all);
     // What one subscription brings, the session gives to its others too.
-    let kind = "declare_liveliness_subscriber";
     let came = came.iter().filter(|(its, _)| *its == kind).map(|(_, index)| *index).collect();
     judge.matching(kind, &came, all);
     drop(there);
@@ -339,13 +351,13 @@ async fn hear_declarations(judge: &mut Judge<'_>, observer: &Session, session: &
     for key in &queried {
         queriers.push(session.declare_querier(*key).target(QueryTarget::All).await.unwrap());
     }
-    marker(session).await;
+    markers(session).await;
     let mut declared: Vec<Box<dyn std::any::Any>> = vec![Box::new(tokens(observer, judge.keys).await)];
     for key in judge.keys {
         declared.push(Box::new(observer.declare_subscriber(key).callback(|_| {}).await.unwrap()));
         declared.push(Box::new(observer.declare_queryable(key).callback(|_| {}).await.unwrap()));
     }
-    marker(session).await;
+    markers(session).await;
     let (mut subscribed, mut served) = (BTreeSet::new(), BTreeSet::new());
     for (index, publisher) in publishers.iter().enumerate() {
         if publisher.matching_status().await.unwrap().matching() {

@@ -76,6 +76,14 @@ pub(super) async fn marker(session: &Session) {
     asked(session, "marker").await;
 }
 
+/// The same for what others have declared: such messages have a queue of their own, of which a marker overtakes the last
+/// one once in a while.
+pub(super) async fn markers(session: &Session) {
+    for _ in 0..5 {
+        marker(session).await;
+    }
+}
+
 /// Waits until the router has taken everything that the session has sent.
 pub(super) async fn settled(session: &Session) {
     asked(session, "router").await;
