@@ -137,11 +137,9 @@ impl Verb {
     /// What becomes of this computer's identity.
     fn uses_identity(&self) -> Uses {
         match self {
-            Self::Pki(_)
-            | Self::Enrol(_)
-            | Self::Play(_)
-            | Self::Export(_)
-            | Self::Router(_) => Uses::Nothing,
+            Self::Pki(_) | Self::Enrol(_) | Self::Play(_) | Self::Export(_) | Self::Router(_) => {
+                Uses::Nothing
+            }
             Self::Map(args) if !args.needs_session() => Uses::Nothing,
             Self::Sim(_) | Self::Demo(_) => Uses::IfAsked,
             Self::Doctor(_) => Uses::Unchecked,
