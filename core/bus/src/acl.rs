@@ -4,20 +4,16 @@
 //! `xtb/lab/*/teleop/alice` cannot put on `xtb/lab/*/teleop/*`. Who certifies as `alice.2` is judged as alice; an
 //! earlier certificate, or a revoked one, may only ask what the router says of it.
 
+mod grants;
 mod table;
 
+use grants::{Flow, Grants, Message, RECOVERY, declarations, of_parties, recovery};
 use serde_json::{Value, json};
-use std::collections::{BTreeMap, BTreeSet};
-use table::{Party, Row, Use};
-use xtb_identity::{Entry, Registry, Role};
+use std::collections::BTreeSet;
+use table::Party;
+use xtb_identity::{Registry, Role};
 use xtb_protocol::keys::{FleetKeys, Kind};
 
-/// What Zenoh's recovery of events adds to their key.
-const RECOVERY: &str = "@adv/**";
-/// The name under which a dispatcher drives.
-const DISPATCHER: &str = "dispatch";
-/// How the names of a dashboard's sessions begin.
-const DASHBOARD: &str = "web";
 /// The rules of the router's own certificate, and of whoever has a certificate of the fleet.
 const ROUTER: &str = "router";
 const ANYBODY: &str = "anybody";
@@ -25,19 +21,6 @@ const ANYBODY: &str = "anybody";
 /// Zenoh's `access_control`, in JSON.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AccessControl(pub(crate) Value);
-
-/// Zenoh's kinds of messages.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Message {
-    Put,
-    DeclareSubscriber,
-    Query,
-    DeclareQueryable,
-    Reply,
-    LivelinessToken,
-    DeclareLivelinessSubscriber,
-    LivelinessQuery,
-}
 
 /// Everything that Zenoh's rules tell apart, for routers.
 const EVERY_MESSAGE: [&str; 9] = [
@@ -51,42 +34,6 @@ const EVERY_MESSAGE: [&str; 9] = [
     "declare_liveliness_subscriber",
     "liveliness_query",
 ];
-
-impl Message {
-    fn as_str(self) -> &'static str {
-        match self {
-            Self::Put => "put",
-            Self::DeclareSubscriber => "declare_subscriber",
-            Self::Query => "query",
-            Self::DeclareQueryable => "declare_queryable",
-            Self::Reply => "reply",
-            Self::LivelinessToken => "liveliness_token",
-            Self::DeclareLivelinessSubscriber => "declare_liveliness_subscriber",
-            Self::LivelinessQuery => "liveliness_query",
-        }
-    }
-}
-
-/// Seen from the router.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Flow {
-    /// What somebody sends.
-    Ingress,
-    /// What somebody is sent.
-    Egress,
-}
-
-impl Flow {
-    fn as_str(self) -> &'static str {
-        match self {
-            Self::Ingress => "ingress",
-            Self::Egress => "egress",
-        }
-    }
-}
-
-/// The key expressions of each kind of message that somebody sends or is sent.
-type Grants = BTreeMap<(Flow, Message), BTreeSet<String>>;
 
 impl AccessControl {
     /// The rules of this fleet. Of those that have left, and of certificates that have been replaced, nothing
@@ -133,12 +80,6 @@ impl AccessControl {
             "policies": policies,
         }))
     }
-
-    /// As Zenoh's configuration has it.
-    #[must_use]
-    pub fn json(&self) -> &Value {
-        &self.0
-    }
 }
 
 /// A rule for each kind of message that has keys.
@@ -183,160 +124,108 @@ fn no_service(id: &str, keys: &FleetKeys) -> Value {
     })
 }
 
-fn recovery(key: &str) -> String {
-    format!("{key}/{RECOVERY}")
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::SystemTime;
+    use table::Row;
+    use xtb_identity::{Entry, Router};
+    use xtb_protocol::Name;
+    use zenoh::key_expr::keyexpr;
 
-/// What somebody who takes part in all of these may send and be sent.
-fn of_parties(keys: &FleetKeys, parties: &[Party], entry: Option<&Entry>) -> Grants {
-    let mut grants = Grants::new();
-    for &kind in Kind::ALL {
-        for Row(how, from, to) in table::rows(kind) {
-            for &party in parties {
-                let scope = Scope::of(keys, kind, party, entry);
-                if to.contains(&party) {
-                    scope.listens(*how, &mut grants);
-                }
-                if from.contains(&party) {
-                    scope.under(&clients(kind, party, entry)).speaks(*how, &mut grants);
-                }
-            }
+    fn registry(entries: &[(&str, Role)]) -> Registry {
+        let name = |text| Name::new(text).unwrap();
+        let expires = SystemTime::UNIX_EPOCH;
+        let router = Router { names: Vec::new(), port: 7447, generation: 3, expires };
+        let mut registry = Registry::new(name("lab"), router);
+        for (of, role) in entries {
+            let (name, role) = (name(of), *role);
+            registry
+                .add(Entry { name, role, generation: 2, expires, revoked: false, token_sha256: None })
+                .unwrap();
         }
+        registry
     }
-    grants
-}
 
-/// The declarations of others, without which Zenoh sends nothing to them.
-fn declarations(keys: &FleetKeys, grants: &mut Grants) {
-    for message in [
-        Message::DeclareSubscriber,
-        Message::DeclareQueryable,
-        Message::LivelinessQuery,
-        Message::DeclareLivelinessSubscriber,
-    ] {
-        let all = keys.everything();
-        grants.entry((Flow::Egress, message)).or_default().extend([recovery(&all), all]);
-    }
-}
-
-/// A channel's keys for one party.
-struct Scope {
-    /// Its own.
-    own: Vec<String>,
-    /// Those on which others mean it, beside these.
-    called: Vec<String>,
-    /// Robots take an emergency stop also from who means all of them.
-    put_to_all: bool,
-}
-
-impl Scope {
-    fn of(keys: &FleetKeys, kind: Kind, party: Party, entry: Option<&Entry>) -> Self {
-        let any = keys.any_robot();
-        let called = if party == Party::Robot { vec![kind.key_expr(keys, &any)] } else { Vec::new() };
-        let robot = match entry {
-            Some(entry) if party == Party::Robot && entry.role == Role::Robot => keys.robot(&entry.name),
-            _ => any,
+    /// Whether a certificate's own rules admit a message; the rules that deny come first.
+    fn may(rules: &AccessControl, common_name: &str, flow: &str, message: &str, key: &str) -> bool {
+        let has = |list: &Value, text: &str| list.as_array().unwrap().iter().any(|item| item == text);
+        let policy = |policy: &&Value| has(&policy["subjects"], common_name);
+        let Some(policy) = rules.0["policies"].as_array().unwrap().iter().find(policy) else { return false };
+        let covers = |permission: &str| {
+            rules.0["rules"].as_array().unwrap().iter().any(|rule| {
+                let keys = rule["key_exprs"].as_array().unwrap().iter();
+                has(&policy["rules"], rule["id"].as_str().unwrap())
+                    && rule["permission"] == permission
+                    && has(&rule["flows"], flow)
+                    && has(&rule["messages"], message)
+                    && keys.into_iter().any(|own| {
+                        keyexpr::new(own.as_str().unwrap()).unwrap().includes(keyexpr::new(key).unwrap())
+                    })
+            })
         };
-        Self { own: vec![kind.key_expr(keys, &robot)], called, put_to_all: kind == Kind::Estop }
+        covers("allow") && !covers("deny")
     }
 
-    /// The keys that name these clients, of those that name any; all of them if there are none.
-    fn under(mut self, clients: &[String]) -> Self {
-        if !clients.is_empty() {
-            // `…/cmd/*` → `…/cmd/alice`
-            let named = |key: &String| {
-                let stem = key.trim_end_matches('*').to_owned();
-                clients.iter().map(move |client| format!("{stem}{client}"))
-            };
-            self.own = self.own.iter().flat_map(named).collect();
-        }
-        self
-    }
-
-    /// It publishes, asks, or is there.
-    fn speaks(&self, how: Use, grants: &mut Grants) {
-        use Flow::{Egress, Ingress};
-        match how {
-            Use::Put => self.grant(grants, Ingress, Message::Put),
-            Use::Ask => {
-                self.grant(grants, Ingress, Message::Query);
-                self.grant(grants, Egress, Message::Reply);
-            }
-            Use::Alive => self.grant(grants, Ingress, Message::LivelinessToken),
-            Use::AliveNow => {}
-            Use::Event => {
-                self.grant(grants, Ingress, Message::Put);
-                self.grant(grants, Ingress, Message::Reply);
-                let recovery = self.recovery();
-                for message in
-                    [Message::Put, Message::DeclareQueryable, Message::Reply, Message::LivelinessToken]
-                {
-                    recovery.grant(grants, Ingress, message);
-                }
-                recovery.grant_called(grants, Message::Query);
-            }
-        }
-    }
-
-    /// It hears, answers, or sees who is there.
-    fn listens(&self, how: Use, grants: &mut Grants) {
-        use Flow::{Egress, Ingress};
-        match how {
-            Use::Put => {
-                self.grant(grants, Ingress, Message::DeclareSubscriber);
-                self.grant(grants, Egress, Message::Put);
-                if self.put_to_all {
-                    self.grant_called(grants, Message::Put);
+    #[test]
+    fn every_channel_is_used_by_somebody_for_somebody() {
+        for kind in Kind::ALL {
+            let rows = table::rows(*kind);
+            assert!(!rows.is_empty(), "{kind:?} has no row: nobody may use it");
+            for Row(how, from, to) in rows {
+                assert!(!from.is_empty() && !to.is_empty(), "{kind:?} {how:?}");
+                for party in from.iter().chain(*to).filter(|party| **party != Party::Anybody) {
+                    let has = |role: &Role| table::parties(*role).contains(party);
+                    assert!(Role::ALL.iter().any(has), "no role has {party:?}");
                 }
             }
-            Use::Ask => {
-                self.grant(grants, Ingress, Message::DeclareQueryable);
-                self.grant(grants, Ingress, Message::Reply);
-                self.grant_called(grants, Message::Query);
-            }
-            Use::AliveNow => {
-                self.grant(grants, Ingress, Message::LivelinessQuery);
-                self.grant(grants, Egress, Message::LivelinessToken);
-            }
-            Use::Alive => {
-                self.grant(grants, Ingress, Message::LivelinessQuery);
-                self.grant(grants, Ingress, Message::DeclareLivelinessSubscriber);
-                self.grant(grants, Egress, Message::LivelinessToken);
-            }
-            Use::Event => {
-                self.listens(Use::Put, grants);
-                self.grant(grants, Egress, Message::Reply);
-                let recovery = self.recovery();
-                recovery.listens(Use::Put, grants);
-                recovery.speaks(Use::Ask, grants);
-                recovery.listens(Use::Alive, grants);
-            }
         }
     }
 
-    fn recovery(&self) -> Self {
-        let of = |keys: &[String]| keys.iter().map(|key| recovery(key)).collect();
-        Self { own: of(&self.own), called: of(&self.called), put_to_all: self.put_to_all }
+    #[test]
+    fn a_certificate_counts_in_its_generation_only_and_a_revoked_one_not_at_all() {
+        let mut registry = registry(&[("alice", Role::Operator)]);
+        let key = "xtb/lab/xtb-1/cmd/alice";
+        let rules = AccessControl::of(&registry);
+        assert!(may(&rules, "alice.2", "ingress", "query", key));
+        assert!(!may(&rules, "alice.1", "ingress", "query", key));
+        assert!(!may(&rules, "alice.3", "ingress", "query", key));
+        registry.identities[0].revoked = true;
+        assert!(!may(&AccessControl::of(&registry), "alice.2", "ingress", "query", key));
+        // The router's own certificate, which those of a mesh have too.
+        assert!(may(&rules, "router.3", "ingress", "put", "xtb/lab/xtb-1/state"));
+        assert!(!may(&rules, "router.2", "ingress", "put", "xtb/lab/xtb-1/state"));
     }
 
-    fn grant(&self, grants: &mut Grants, flow: Flow, message: Message) {
-        grants.entry((flow, message)).or_default().extend(self.own.iter().cloned());
+    #[test]
+    fn a_persons_rules_cover_the_persons_sessions_and_nobody_elses() {
+        let rules = AccessControl::of(&registry(&[("alice", Role::Operator), ("page", Role::Dashboard)]));
+        for (own, covered) in [("alice", true), ("alice-3f9a1c", true), ("alicex", false), ("bob", false)] {
+            let key = format!("xtb/lab/xtb-1/teleop/{own}");
+            assert_eq!(may(&rules, "alice.2", "ingress", "put", &key), covered, "{own}");
+        }
+        for (own, covered) in
+            [("web-alice-3f9a1c", true), ("web-3f9a1c", true), ("page", false), ("web", false)]
+        {
+            let key = format!("xtb/lab/xtb-1/cmd/{own}");
+            assert_eq!(may(&rules, "page.2", "ingress", "query", &key), covered, "{own}");
+        }
     }
 
-    /// What it is sent on its own keys, and on those that mean all.
-    fn grant_called(&self, grants: &mut Grants, message: Message) {
-        self.grant(grants, Flow::Egress, message);
-        grants.entry((Flow::Egress, message)).or_default().extend(self.called.iter().cloned());
-    }
-}
-
-/// The client names that stand in the keys of a party that asks or puts.
-fn clients(kind: Kind, party: Party, entry: Option<&Entry>) -> Vec<String> {
-    let Some(entry) = entry.filter(|_| kind.names_client()) else { return Vec::new() };
-    let sessions = |stem: &str| format!("{stem}-$*");
-    match party {
-        Party::Dispatcher => vec![DISPATCHER.to_owned()],
-        _ if entry.role == Role::Dashboard => vec![sessions(DASHBOARD)],
-        _ => vec![entry.name.to_string(), sessions(entry.name.as_str())],
+    #[test]
+    fn only_what_is_in_the_table_has_keys_and_no_fleet_but_its_own_is_named() {
+        let everybody: Vec<(String, Role)> = Role::ALL.map(|role| (format!("x{role}"), role)).to_vec();
+        let everybody: Vec<(&str, Role)> = everybody.iter().map(|(of, role)| (of.as_str(), *role)).collect();
+        let rules = AccessControl::of(&registry(&everybody));
+        assert_eq!((&rules.0["enabled"], &rules.0["default_permission"]), (&json!(true), &json!("deny")));
+        for rule in rules.0["rules"].as_array().unwrap() {
+            let id = rule["id"].as_str().unwrap();
+            let is_router = id.starts_with("router.") || id.starts_with("xrouter.");
+            for key in rule["key_exprs"].as_array().unwrap() {
+                assert!(is_router || key.as_str().unwrap().starts_with("xtb/lab/"), "{id}: {key}");
+            }
+            assert!(is_router || !rule["messages"].as_array().unwrap().contains(&json!("delete")), "{id}");
+        }
+        assert_eq!(rules.0["subjects"].as_array().unwrap().len(), 2 + Role::ALL.len());
     }
 }

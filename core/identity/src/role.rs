@@ -156,7 +156,10 @@ impl Role {
                     | A::ChangeTasks
                     | A::ServeDashboard
             ),
-            Self::Dispatcher => matches!(action, A::Look | A::ServeDispatcher),
+            // It includes traffic control, and serves the map if it is given one.
+            Self::Dispatcher => {
+                matches!(action, A::Look | A::ServeDispatcher | A::ServeTraffic | A::ServeMap)
+            }
             Self::Traffic => matches!(action, A::Look | A::ServeTraffic),
             Self::Map => matches!(action, A::Look | A::ServeMap),
             Self::Tracker => action == A::PublishFixes,

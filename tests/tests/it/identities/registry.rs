@@ -7,7 +7,7 @@ use fleet_tests::{eventually, name};
 use std::time::{Duration, Instant};
 use xtb_bus::Bus;
 use xtb_identity::Role;
-use xtb_protocol::messages::{Body, GoalStatus, IdentityStatus, LinkLoss, Outcome, RobotState};
+use xtb_protocol::messages::{Body, IdentityStatus, LinkLoss, Outcome, RobotState};
 use xtb_services::router::{Change, GuardedRouter, News, ask_to_apply};
 
 const PEOPLE: [(&str, Role); 3] =
