@@ -12,7 +12,8 @@ pub enum Exit {
     Failed,
     /// Wrong usage or configuration.
     Usage,
-    /// No router, no robot or no dispatcher answered, or the outcome is unknown.
+    /// No router, no robot or no dispatcher answered, the router does not admit this identity, or the outcome is
+    /// unknown.
     Unknown,
     /// Another robot or simulator of the fleet has the name.
     NameTaken,
@@ -43,9 +44,11 @@ impl From<ErrorKind> for Exit {
             | ErrorKind::NoRobot
             | ErrorKind::NoDispatcher
             | ErrorKind::OutcomeUnknown
+            | ErrorKind::NotAdmitted
             | ErrorKind::NotDispatched(DispatchCode::Unconfirmed) => Self::Unknown,
             ErrorKind::Refused(_)
             | ErrorKind::NotDispatched(_)
+            | ErrorKind::NotAllowed
             | ErrorKind::PortTaken
             | ErrorKind::Failed => Self::Failed,
             ErrorKind::NameTaken => Self::NameTaken,
@@ -72,6 +75,8 @@ mod tests {
             (ErrorKind::Refused(RejectCode::LeaseHeld), "lease_held", 1),
             (ErrorKind::NotDispatched(DispatchCode::KeepOut), "keep_out", 1),
             (ErrorKind::NotDispatched(DispatchCode::Unconfirmed), "unconfirmed", 3),
+            (ErrorKind::NotAllowed, "not_allowed", 1),
+            (ErrorKind::NotAdmitted, "not_admitted", 3),
             (ErrorKind::NameTaken, "name_taken", 4),
             (ErrorKind::Idle, "interrupted", 130),
             (ErrorKind::Failed, "failed", 1),

@@ -206,6 +206,9 @@ impl ControlLoop {
             self.ends.snapshot.send_replace(Some(Snapshot { state, sensors }));
         }
         while let Some(event) = self.robot.agent_mut().next_event() {
+            if let Some(recorder) = &self.recorder {
+                recorder.push_event(now, &event);
+            }
             if self.ends.events.try_send(event).is_err() {
                 self.ends.counters.events_dropped.fetch_add(1, Ordering::Relaxed);
             }

@@ -19,6 +19,7 @@ use std::time::{Duration, Instant, SystemTime};
 use xtb_control::Stamp;
 use xtb_control::config::render_toml;
 use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::messages::Event;
 use xtb_recording::Error;
 use xtb_recording::robot::Header;
 use xtb_recording::robot::writer::{StepWriter, fresh_path};
@@ -35,17 +36,33 @@ struct Shared {
     failed: AtomicBool,
 }
 
+/// What is recorded.
+#[derive(Debug)]
+enum Item {
+    Step(Step),
+    Event(Stamp, Box<Event>),
+}
+
 /// The control loop's end.
 #[derive(Debug)]
 pub(crate) struct Recorder {
-    steps: SyncSender<Step>,
+    items: SyncSender<Item>,
     shared: Arc<Shared>,
 }
 
 impl Recorder {
     /// Hands a step over; never waits.
     pub(crate) fn push(&self, step: Step) {
-        if self.steps.try_send(step).is_err() {
+        self.send(Item::Step(step));
+    }
+
+    /// Hands an event over, as of now; never waits.
+    pub(crate) fn push_event(&self, now: Stamp, event: &Event) {
+        self.send(Item::Event(now, Box::new(event.clone())));
+    }
+
+    fn send(&self, item: Item) {
+        if self.items.try_send(item).is_err() {
             self.shared.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -85,7 +102,7 @@ pub(crate) fn start(
     let keys = FleetKeys::new(config.fleet.clone()).robot(&config.robot);
     let mut writer = StepWriter::create(&path, &header, &keys).map_err(io::Error::other)?;
     tracing::info!("recording to {}", path.display());
-    let (steps, queue) = mpsc::sync_channel(QUEUE);
+    let (items, queue) = mpsc::sync_channel(QUEUE);
     let shared = Arc::<Shared>::default();
     let own = shared.clone();
     let thread = std::thread::Builder::new().name(format!("record-{}", header.robot)).spawn(move || {
@@ -95,11 +112,11 @@ pub(crate) fn start(
             // Whatever comes from now on is counted by the sender, which finds nobody.
         }
     })?;
-    Ok((Recorder { steps, shared }, thread))
+    Ok((Recorder { items, shared }, thread))
 }
 
 /// Writes what comes, until the sender is gone; then finishes the file.
-fn keep(writer: &mut StepWriter, queue: &Receiver<Step>) -> Result<(), Error> {
+fn keep(writer: &mut StepWriter, queue: &Receiver<Item>) -> Result<(), Error> {
     let (to_sync, chunks) = mpsc::sync_channel(1);
     let disk = writer.disk();
     // Ends with the first error, or when the recording does.
@@ -113,14 +130,18 @@ fn keep(writer: &mut StepWriter, queue: &Receiver<Step>) -> Result<(), Error> {
     writer.finish()
 }
 
-fn write_all(writer: &mut StepWriter, queue: &Receiver<Step>, to_sync: &SyncSender<()>) -> Result<(), Error> {
+fn write_all(writer: &mut StepWriter, queue: &Receiver<Item>, to_sync: &SyncSender<()>) -> Result<(), Error> {
     let mut closed = Instant::now();
     let mut begun: Option<Stamp> = None;
     loop {
         let now = match queue.recv_timeout(FLUSH_EVERY) {
-            Ok(step) => {
+            Ok(Item::Step(step)) => {
                 writer.write(&step)?;
                 Some(step.t)
+            }
+            Ok(Item::Event(now, event)) => {
+                writer.write_event(now, &event)?;
+                Some(now)
             }
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return Ok(()),
@@ -149,14 +170,18 @@ mod tests {
     #[test]
     fn a_disk_that_does_not_keep_up_costs_steps_that_are_counted_and_never_waits() {
         let (steps, queue) = mpsc::sync_channel(2);
-        let recorder = Recorder { steps, shared: Arc::default() };
+        let recorder = Recorder { items: steps, shared: Arc::default() };
         let sample = Sample::Encoder { pulses: 1 };
         let outputs = Controller::new(VehicleConfig::default()).step(Stamp::ZERO, &sample);
         for number in 0..5 {
             recorder.push(Step { number, t: Stamp::ZERO, sample, outputs });
         }
         assert_eq!(recorder.dropped(), 3);
-        assert_eq!(queue.try_iter().map(|step| step.number).collect::<Vec<_>>(), [0, 1]);
+        let numbers = queue.try_iter().map(|item| match item {
+            Item::Step(step) => step.number,
+            Item::Event(..) => panic!("{item:?}"),
+        });
+        assert_eq!(numbers.collect::<Vec<_>>(), [0, 1]);
     }
 
     #[test]
@@ -180,7 +205,7 @@ mod tests {
         for number in 0..1000 {
             let t = Stamp::from_ms(10 * number);
             let outputs = Controller::new(VehicleConfig::default()).step(t, &sample);
-            steps.send(Step { number, t, sample, outputs }).unwrap();
+            steps.send(Item::Step(Step { number, t, sample, outputs })).unwrap();
         }
         drop(steps);
         let (to_sync, _chunks) = mpsc::sync_channel(1);

@@ -6,9 +6,11 @@
 pub mod dispatch;
 pub mod fuzz;
 pub mod hosts;
+pub mod identities;
 pub mod live;
 pub mod load;
 pub mod mesh;
+pub mod page_identities;
 mod pilot;
 mod probe;
 pub mod processes;

@@ -2,8 +2,11 @@
 
 use crate::query::answers;
 use crate::session::{Bus, BusError, failed};
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 use xtb_protocol::keys::{Channel, Key};
+use zenoh::key_expr::keyexpr;
 use zenoh::sample::SampleKind;
 
 /// Says "alive" until it is dropped or its session ends.
@@ -25,6 +28,48 @@ impl Token {
 /// Watches others come and go until it is dropped.
 pub struct Presence {
     _inner: zenoh::pubsub::Subscriber<()>,
+    /// Kept for the session's [`Watched`].
+    _there: Arc<Mutex<BTreeSet<String>>>,
+}
+
+/// Who is there, as far as a session's watches were told. Clones share it.
+///
+/// Zenoh (1.10) sends a question for presence to the router before it answers what it knows itself, and it knows
+/// what the session watches. When the router's word that this was all comes in between, the question ends without
+/// that part. So what the watches know is added to the answers.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Watched(Arc<Mutex<Vec<Weak<Mutex<BTreeSet<String>>>>>>);
+
+impl Watched {
+    /// What one more watch knows: nothing yet.
+    fn begin(&self) -> Arc<Mutex<BTreeSet<String>>> {
+        let there = Arc::default();
+        let mut watches = lock(&self.0);
+        watches.retain(|watch| watch.strong_count() > 0);
+        watches.push(Arc::downgrade(&there));
+        there
+    }
+
+    /// Those on `key_expr`.
+    fn on(&self, key_expr: &str) -> BTreeSet<String> {
+        let Ok(asked) = keyexpr::new(key_expr) else { return BTreeSet::new() };
+        let mut found = BTreeSet::new();
+        for there in lock(&self.0).iter().filter_map(Weak::upgrade) {
+            let there = lock(&there);
+            if !asked.is_wild() {
+                found.extend(there.get(key_expr).cloned());
+                continue;
+            }
+            let is_asked = |key: &&String| keyexpr::new(key.as_str()).is_ok_and(|key| asked.includes(key));
+            found.extend(there.iter().filter(is_asked).cloned());
+        }
+        found
+    }
+}
+
+/// A panic elsewhere does not make the keys unreadable.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Whether a key stands for somebody's presence. A token can stand on an expression with wildcards too:
@@ -54,6 +99,29 @@ impl Bus {
     /// # Errors
     /// [`BusError::Operation`].
     pub async fn alive(&self, key_expr: &str, within: Duration) -> Result<Vec<String>, BusError> {
+        let (keys, _) = self.ask_alive(key_expr, within).await?;
+        Ok(keys.into_iter().collect())
+    }
+
+    /// Whether this key is alive now.
+    ///
+    /// # Errors
+    /// [`BusError::Operation`], also if nobody says so within `within`.
+    pub async fn is_alive(&self, key: &str, within: Duration) -> Result<bool, BusError> {
+        let (keys, all_told) = self.ask_alive(key, within).await?;
+        if keys.is_empty() && !all_told {
+            let reason = format!("no answer within {} ms", within.as_millis());
+            return Err(BusError::Operation { what: "asking for presence", key: key.to_owned(), reason });
+        }
+        Ok(!keys.is_empty())
+    }
+
+    /// The keys that are alive, and whether these are all.
+    async fn ask_alive(
+        &self,
+        key_expr: &str,
+        within: Duration,
+    ) -> Result<(BTreeSet<String>, bool), BusError> {
         let (inlet, mut replies) = answers(key_expr);
         self.session
             .liveliness()
@@ -62,17 +130,19 @@ impl Bus {
             .callback(inlet)
             .await
             .map_err(failed("asking for presence", key_expr))?;
-        let mut keys = Vec::new();
+        let (mut keys, mut all_told) = (BTreeSet::new(), true);
         while let Some(reply) = replies.recv().await {
-            let Ok(sample) = reply.result() else { continue };
+            let Ok(sample) = reply.result() else {
+                all_told = false; // Time is up.
+                continue;
+            };
             match sample.key_expr().as_str() {
-                key if is_presence(key) => keys.push(key.to_owned()),
+                key if is_presence(key) => _ = keys.insert(key.to_owned()),
                 other => self.foreign.dropped("presence", other),
             }
         }
-        keys.sort();
-        keys.dedup();
-        Ok(keys)
+        keys.extend(self.watched.on(key_expr));
+        Ok((keys, all_told))
     }
 
     /// Calls `each` with a key and whether it is alive: those present first, then each change.
@@ -84,19 +154,30 @@ impl Bus {
         key_expr: &str,
         each: impl Fn(&str, bool) + Send + Sync + 'static,
     ) -> Result<Presence, BusError> {
-        let foreign = self.foreign.clone();
+        let (foreign, there) = (self.foreign.clone(), self.watched.begin());
+        let told = Arc::downgrade(&there);
         let inner = self
             .session
             .liveliness()
             .declare_subscriber(key_expr.to_owned())
             .history(true)
             .callback(move |sample| match sample.key_expr().as_str() {
-                key if is_presence(key) => each(key, sample.kind() == SampleKind::Put),
+                key if is_presence(key) => {
+                    // A token that came too late for a question is told once more.
+                    let is_there = sample.kind() == SampleKind::Put;
+                    let change = |there: Arc<Mutex<BTreeSet<String>>>| {
+                        let mut there = lock(&there);
+                        if is_there { there.insert(key.to_owned()) } else { there.remove(key) }
+                    };
+                    if told.upgrade().is_some_and(change) {
+                        each(key, is_there);
+                    }
+                }
                 other => foreign.dropped("presence", other),
             })
             .await
             .map_err(failed("watching presence", key_expr))?;
-        Ok(Presence { _inner: inner })
+        Ok(Presence { _inner: inner, _there: there })
     }
 }
 
@@ -108,6 +189,7 @@ mod tests {
     use xtb_protocol::keys::{FleetKeys, Name};
 
     const FLEET: usize = 300;
+    const QUESTIONS: usize = 1000;
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn a_large_fleet_is_counted_by_the_session_that_knows_it() {
@@ -129,5 +211,64 @@ mod tests {
         });
         let found = tokio::task::spawn_blocking(move || found.recv_timeout(Duration::from_secs(20)));
         assert_eq!(found.await.unwrap().expect("asking does not return").unwrap(), FLEET);
+    }
+
+    /// Zenoh itself leaves tokens out here, several in a hundred times on a busy computer.
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn who_watches_presence_and_asks_for_it_too_is_told_of_everybody_each_time() {
+        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        let router = crate::open(&role).await.unwrap();
+        let role = Role::Client { connect: router.locators().await };
+        let (robots, asker) = (crate::open(&role).await.unwrap(), crate::open(&role).await.unwrap());
+        let keys = FleetKeys::new(Name::new("lab").unwrap());
+        let each = ["xtb-1", "xtb-2", "xtb-3"].map(|robot| keys.robot(&Name::new(robot).unwrap()).alive());
+        let mut tokens = Vec::new();
+        for key in &each {
+            tokens.push(robots.declare_alive(key).await.unwrap());
+        }
+        let anybody = keys.any_robot().alive();
+        let (sender, mut changes) = tokio::sync::mpsc::unbounded_channel();
+        let watch = move |key: &str, there| sender.send((key.to_owned(), there)).unwrap_or_default();
+        let _presence = asker.watch_alive(&anybody, watch).await.unwrap();
+        for _ in 0..each.len() {
+            assert!(changes.recv().await.unwrap().1);
+        }
+        let within = Duration::from_secs(30);
+        for round in 0..QUESTIONS {
+            let (all, one, two, three) = tokio::join!(
+                asker.alive(&anybody, within),
+                asker.alive(&each[0], within),
+                asker.alive(&each[1], within),
+                asker.alive(&each[2], within),
+            );
+            assert_eq!(all.unwrap(), each, "round {round}");
+            assert_eq!([one, two, three].map(|keys| keys.unwrap().concat()), each, "round {round}");
+        }
+        tokens.pop().unwrap().withdraw().await.unwrap();
+        assert_eq!(changes.recv().await.unwrap(), (each[2].clone(), false));
+        assert_eq!(asker.alive(&anybody, within).await.unwrap(), each[..2]);
+        assert_eq!(asker.alive(&each[2], within).await.unwrap(), Vec::<String>::new());
+        router.close().await;
+        let mut gone = [changes.recv().await.unwrap(), changes.recv().await.unwrap()];
+        gone.sort();
+        assert_eq!(gone, [(each[0].clone(), false), (each[1].clone(), false)]);
+        assert_eq!(asker.alive(&anybody, within).await.unwrap(), Vec::<String>::new(), "without a link");
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn who_is_there_is_not_absent_because_nobody_says_so_in_time() {
+        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        let router = crate::open(&role).await.unwrap();
+        let key = FleetKeys::new(Name::new("lab").unwrap()).robot(&Name::new("xtb-1").unwrap()).alive();
+        let _token = router.declare_alive(&key).await.unwrap();
+        let asker = crate::open(&Role::Client { connect: router.locators().await }).await.unwrap();
+        let patience = Duration::from_secs(30);
+        assert!(asker.is_alive(&key, patience).await.unwrap());
+        for within in [Duration::ZERO, Duration::from_micros(100), patience] {
+            let told = asker.is_alive(&key, within).await;
+            assert!(!matches!(told, Ok(false)), "asked for {within:?}");
+        }
+        let nobody = FleetKeys::new(Name::new("lab").unwrap()).robot(&Name::new("xtb-2").unwrap()).alive();
+        assert!(!asker.is_alive(&nobody, patience).await.unwrap());
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::acl::AccessControl;
 use crate::foreign::ForeignKeys;
+use crate::presence::Watched;
 use crate::tls::Tls;
 use std::collections::HashSet;
 use std::sync::atomic::AtomicU64;
@@ -120,37 +121,32 @@ impl Role {
         listen.iter().chain(connect)
     }
 
-    fn config(&self, link_lease: Duration) -> Result<zenoh::Config, BusError> {
+    /// Zenoh's settings and their values in JSON.
+    fn settings(&self, link_lease: Duration) -> Vec<(&'static str, String)> {
         let (mode, listen, connect, multicast) = match self {
             Self::Client { connect } => ("client", &[][..], connect, false),
             Self::Router { listen, connect } => ("router", &listen[..], connect, false),
             Self::Peer { connect } => ("peer", &[][..], connect, true),
         };
-        let mut config = zenoh::Config::default();
-        let mut set = |name: &'static str, value: String| {
-            config.insert_json5(name, &value).map_err(|error| BusError::Setting {
-                name,
-                value,
-                reason: words(&error),
-            })
-        };
-        set("mode", format!("{mode:?}"))?;
-        set("connect/endpoints", format!("{connect:?}"))?;
-        if !matches!(self, Self::Peer { .. }) {
-            set("listen/endpoints", format!("{listen:?}"))?;
-        }
         // A client is opened again and again; a router is open at once, and tries its neighbours by itself.
         let timeout_ms = if matches!(self, Self::Router { .. }) { "-1" } else { "0" };
-        set("connect/timeout_ms", timeout_ms.into())?;
-        let retry = format!("{{ period_init_ms: {RETRY_FIRST_MS}, period_max_ms: {RETRY_MOST_MS} }}");
-        set("connect/retry", retry)?;
-        set("scouting/multicast/enabled", multicast.to_string())?;
-        set("scouting/gossip/enabled", multicast.to_string())?;
-        set("transport/link/tx/lease", link_lease.as_millis().to_string())?;
-        set("transport/link/tx/keep_alive", "4".into())?;
-        set("transport/link/rx/max_message_size", MAX_MESSAGE.to_string())?;
-        set("transport/unicast/max_sessions", MOST_SESSIONS.to_string())?;
-        Ok(config)
+        let retry = format!("{{\"period_init_ms\":{RETRY_FIRST_MS},\"period_max_ms\":{RETRY_MOST_MS}}}");
+        let mut settings = vec![
+            ("mode", format!("{mode:?}")),
+            ("connect/endpoints", format!("{connect:?}")),
+            ("connect/timeout_ms", timeout_ms.into()),
+            ("connect/retry", retry),
+            ("scouting/multicast/enabled", multicast.to_string()),
+            ("scouting/gossip/enabled", multicast.to_string()),
+            ("transport/link/tx/lease", link_lease.as_millis().to_string()),
+            ("transport/link/tx/keep_alive", "4".into()),
+            ("transport/link/rx/max_message_size", MAX_MESSAGE.to_string()),
+            ("transport/unicast/max_sessions", MOST_SESSIONS.to_string()),
+        ];
+        if !matches!(self, Self::Peer { .. }) {
+            settings.push(("listen/endpoints", format!("{listen:?}")));
+        }
+        settings
     }
 }
 
@@ -159,6 +155,7 @@ impl Role {
 pub struct Bus {
     pub(crate) session: zenoh::Session,
     pub(crate) foreign: ForeignKeys,
+    pub(crate) watched: Watched,
 }
 
 /// How to open a session.
@@ -196,23 +193,43 @@ impl Opening {
         Self { access, ..self }
     }
 
-    fn config(&self) -> Result<zenoh::Config, BusError> {
-        let mut config = self.role.config(self.link_lease)?;
-        let mut set = |name: &'static str, value: String| {
-            config.insert_json5(name, &value).map_err(|error| BusError::Setting {
-                name,
-                value,
-                reason: words(&error),
-            })
-        };
+    /// Zenoh's settings and their values in JSON.
+    fn settings(&self) -> Result<Vec<(&'static str, String)>, BusError> {
+        let mut settings = self.role.settings(self.link_lease);
         if let Some(tls) = &self.tls {
             self.closed()?;
-            for (name, value) in tls.settings(matches!(self.role, Role::Router { .. })) {
-                set(name, value)?;
-            }
+            settings.extend(tls.settings(matches!(self.role, Role::Router { .. })));
         }
         if let Some(AccessControl(rules)) = &self.access {
-            set("access_control", rules.to_string())?;
+            settings.push(("access_control", rules.to_string()));
+        }
+        Ok(settings)
+    }
+
+    /// The same as one JSON object: the configuration of a zenohd that does what this session would.
+    ///
+    /// # Errors
+    /// [`BusError::Setting`] or [`BusError::NotSecure`].
+    pub fn to_json(&self) -> Result<serde_json::Value, BusError> {
+        let mut whole = serde_json::Value::Object(serde_json::Map::new());
+        for (name, value) in self.settings()? {
+            let value = serde_json::from_str(&value).map_err(|error| BusError::Setting {
+                name,
+                value: value.clone(),
+                reason: error.to_string(),
+            })?;
+            let place = name.split('/').fold(&mut whole, |place, part| &mut place[part]);
+            *place = value;
+        }
+        Ok(whole)
+    }
+
+    fn config(&self) -> Result<zenoh::Config, BusError> {
+        let mut config = zenoh::Config::default();
+        for (name, value) in self.settings()? {
+            if let Err(error) = config.insert_json5(name, &value) {
+                return Err(BusError::Setting { name, value, reason: words(&error) });
+            }
         }
         Ok(config)
     }
@@ -240,7 +257,9 @@ impl Opening {
         let failed = |reason: String| BusError::Open { role: self.role.describe(), reason };
         // `zenoh::open` blocks its thread while it tries.
         match tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await {
-            Ok(Ok(session)) => Ok(Bus { session, foreign: ForeignKeys::default() }),
+            Ok(Ok(session)) => {
+                Ok(Bus { session, foreign: ForeignKeys::default(), watched: Watched::default() })
+            }
             Ok(Err(error)) => Err(failed(words(&error))),
             Err(error) => Err(failed(error.to_string())),
         }
@@ -276,7 +295,7 @@ impl Bus {
     /// The same session with a counter of its own, for one of several robots that share it.
     #[must_use]
     pub fn part(&self) -> Self {
-        Self { session: self.session.clone(), foreign: ForeignKeys::default() }
+        Self { foreign: ForeignKeys::default(), ..self.clone() }
     }
 
     /// Where a router listens.
@@ -355,7 +374,7 @@ mod tests {
     #[test]
     fn a_wrong_endpoint_is_told_in_plain_words() {
         let role = Role::Client { connect: vec!["bogus".into()] };
-        let said = role.config(LINK_LEASE).map(drop).unwrap_err().to_string();
+        let said = Opening::of(role).config().map(drop).unwrap_err().to_string();
         assert!(said.ends_with("[?<metadata>][#<config>]: bogus"), "{said}");
     }
 }

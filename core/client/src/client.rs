@@ -1,5 +1,7 @@
 //! A session with the fleet: who is there, who should be, and requests that are asked until answered.
 
+mod admission;
+mod no_link;
 mod requests;
 
 use crate::error::{Error, ErrorKind, Result};
@@ -9,6 +11,7 @@ use std::pin::pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use tokio::sync::Notify;
 use tokio::task::JoinSet;
 use xtb_bus::{Bus, BusError, Enrolled, Incoming, Opening, Role};
 use xtb_control::Stamp;
@@ -70,29 +73,48 @@ struct Shared {
     settings: Settings,
     began: Instant,
     link: Mutex<RoundTrip>,
+    asking: Option<admission::Asking>,
 }
 
 impl Client {
-    /// Opens a session, trying for as long as `--timeout` says.
+    /// Opens a session, trying for as long as `--timeout` says. What will not get better by trying again is told at
+    /// once.
     ///
     /// # Errors
-    /// [`ErrorKind::NoRouter`] or, for an endpoint that is none, [`ErrorKind::Invalid`].
+    /// [`ErrorKind::NoRouter`], [`ErrorKind::NotAdmitted`] or, for an endpoint that is none, [`ErrorKind::Invalid`].
     pub async fn open(settings: &Settings) -> Result<Self> {
         let role = Role::Client { connect: settings.connect.clone() };
         let session = Opening::of(role).tls(settings.identity.as_ref().map(Enrolled::tls));
-        let (began, failed) = (Instant::now(), AtomicBool::new(false));
-        let mut opening = pin!(session.patiently(|error| {
-            failed.store(true, Ordering::Relaxed);
+        let (began, failed) = (Instant::now(), Notify::new());
+        let has_failed = AtomicBool::new(false);
+        let opening = session.patiently(|error| {
+            has_failed.store(true, Ordering::Relaxed);
+            failed.notify_one();
             tracing::debug!("{error}");
-        }));
-        let mut opened = tokio::time::timeout(settings.timeout, &mut opening).await;
-        if opened.is_err() && !failed.load(Ordering::Relaxed) {
-            opened = tokio::time::timeout(settings.timeout * (OPENING_TAKES - 1), &mut opening).await;
-        }
+        });
+        let cause = no_link::Cause::default();
+        let looking = async {
+            failed.notified().await;
+            cause.lasting(settings).await
+        };
+        let (mut opening, mut looking) = (pin!(opening), pin!(looking));
+        let mut within = settings.timeout;
+        let opened = loop {
+            tokio::select! {
+                biased;
+                opened = &mut opening => break opened?,
+                error = &mut looking => return Err(error),
+                () = tokio::time::sleep_until((began + within).into()) => {
+                    if has_failed.load(Ordering::Relaxed) || within > settings.timeout {
+                        return Err(cause.error(settings, began.elapsed()));
+                    }
+                    within *= OPENING_TAKES;
+                }
+            }
+        };
         let took = began.elapsed();
-        let Ok(opened) = opened else { return Err(no_router(settings, took)) };
-        let client = Self::on(settings, opened?);
-        if took > SLOW_HANDSHAKE && !failed.load(Ordering::Relaxed) {
+        let client = Self::asking(settings, opened, true);
+        if took > SLOW_HANDSHAKE && !has_failed.load(Ordering::Relaxed) {
             client.measured(took / 2);
         }
         Ok(client)
@@ -101,11 +123,15 @@ impl Client {
     /// A client on a session that is open already.
     #[must_use]
     pub fn on(settings: &Settings, bus: Bus) -> Self {
+        Self::asking(settings, bus, false)
+    }
+
+    fn asking(settings: &Settings, bus: Bus, asks: bool) -> Self {
         let keys = FleetKeys::new(settings.fleet.clone());
-        let link = Mutex::default();
-        Self {
-            shared: Arc::new(Shared { bus, keys, settings: settings.clone(), began: Instant::now(), link }),
-        }
+        let (link, settings, began) = (Mutex::default(), settings.clone(), Instant::now());
+        let identity = settings.identity.as_ref().filter(|_| asks).map(|enrolled| enrolled.identity.clone());
+        let asking = identity.map(|own| admission::Asking::begin(bus.clone(), keys.clone(), own));
+        Self { shared: Arc::new(Shared { bus, keys, settings, began, link, asking }) }
     }
 
     /// The session.
@@ -257,10 +283,9 @@ impl Client {
     /// Whether this robot is there now.
     ///
     /// # Errors
-    /// [`ErrorKind::Failed`] if the question could not be sent.
+    /// [`ErrorKind::Failed`] if nobody can say so.
     pub async fn is_alive(&self, robot: &Name) -> Result<bool> {
-        let keys = self.bus().alive(&self.keys().robot(robot).alive(), self.patience()).await?;
-        Ok(!keys.is_empty())
+        Ok(self.bus().is_alive(&self.keys().robot(robot).alive(), self.patience()).await?)
     }
 
     /// The states of the robots behind `keys`.
@@ -352,14 +377,6 @@ impl Client {
              --fleet selects another fleet, --connect another router",
         )
     }
-}
-
-fn no_router(settings: &Settings, tried: Duration) -> Error {
-    let (endpoints, seconds) = (settings.connect.join(", "), (tried.as_secs_f64() * 10.0).round() / 10.0);
-    Error::new(ErrorKind::NoRouter, format!("No router answers at {endpoints} (tried for {seconds} s)")).hint(
-        "start `fleet-cli sim` or `fleet-cli router`, \
-         or give a router with --connect or XTB_CONNECT",
-    )
 }
 
 /// Everybody's answers on `selector`; asked for once more if there are none at once. Silence for `within` ends

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 use xtb_bus::{BusError, Incoming, Subscription};
+use xtb_identity::Action;
 use xtb_protocol::Uuid;
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::Channel;
@@ -195,6 +196,9 @@ impl<'a> DispatcherClient<'a> {
 
     /// Says what is waited for if the answer takes its time.
     async fn ask(&self, body: DispatchBody, patience: Duration) -> Result<DispatchReply> {
+        let shows = matches!(body, DispatchBody::Show { .. } | DispatchBody::Status {});
+        let hint = "`fleet-cli tasks` shows all tasks to whoever may look";
+        self.client.may(Action::ChangeTasks).map_err(|error| if shows { error.hint(hint) } else { error })?;
         let what = match &body {
             DispatchBody::Show { .. } | DispatchBody::Status {} => None,
             DispatchBody::Submit { .. } | DispatchBody::Activate {} | DispatchBody::Adopt {} => {
@@ -236,8 +240,10 @@ impl<'a> DispatcherClient<'a> {
             }
             if began.elapsed() >= patience {
                 // What turned one away may have taken another.
-                let busy = busy.filter(|_| !was_there);
-                return Err(busy.map_or_else(|| self.silent(patience, left_undone, was_there), Error::from));
+                return Err(match busy.filter(|_| !was_there) {
+                    Some(busy) => busy.into(),
+                    None => self.client.explained(self.silent(patience, left_undone, was_there)).await,
+                });
             }
             tokio::time::sleep(ASK_AGAIN).await;
         }

@@ -24,6 +24,10 @@ pub enum ErrorKind {
     Refused(RejectCode),
     /// The dispatcher refused.
     NotDispatched(DispatchCode),
+    /// This client's role does not allow it; nothing was sent.
+    NotAllowed,
+    /// The router does not admit this client's identity.
+    NotAdmitted,
     /// Control was given back because nobody used it.
     Idle,
     /// A port is taken.
@@ -51,6 +55,8 @@ impl ErrorKind {
             Self::OutcomeUnknown => "outcome_unknown".into(),
             Self::Refused(code) => reasons::name(&code),
             Self::NotDispatched(code) => reasons::name(&code),
+            Self::NotAllowed => "not_allowed".into(),
+            Self::NotAdmitted => "not_admitted".into(),
             Self::PortTaken => "port_taken".into(),
             Self::NameTaken => "name_taken".into(),
             Self::Failed => "failed".into(),

@@ -8,10 +8,12 @@
 use crate::client::Client;
 use crate::confirm::confirm;
 use crate::multi_robot::{MissingInfo, MultiRobot, StopOutcome, StopReport, Targets};
+use crate::stop::not_sent;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::task::{JoinHandle, JoinSet};
+use xtb_identity::Action;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{Estop, Estopped, Latch, RobotState};
@@ -28,8 +30,11 @@ const ANSWER_WITHIN: Duration = Duration::from_millis(500);
 /// A lost link is waited for so long.
 const LINK_WITHIN: Duration = Duration::from_secs(60);
 
-/// Calls it for them for so long, and says what came of it.
+/// Calls it for them for so long, and says what came of it; as [`stop`](crate::stop::stop) for who may not.
 pub async fn estop(client: &Client, targets: &Targets, within: Duration) -> (StopReport, MissingInfo) {
+    if let Err(error) = client.may(Action::EmergencyStop) {
+        return not_sent(error);
+    }
     let call = Call { id: Uuid::new_v4(), within };
     let robots = match targets {
         Targets::All { expect, known } => return call.until_linked(client, expect, known).await,

@@ -27,6 +27,7 @@
 //! * [`stop`], [`estop`], [`reset`]: of one robot or all; each must show by its own state that it stands.
 //! * [`cars`]: what car each robot says it is, for whoever plans for others.
 //! * [`scene`]: the whole fleet as screens show it. [`text`]: states in words.
+//! * [`rights`]: what the client's role allows. Who may not is told at once, without a message.
 //! * [`DispatcherClient`]: tasks for whoever is free. [`map_source`]: the fleet's map.
 //! * [`subscription`], [`messages`]: every message on the fleet's keys, for recorders and screens.
 //!
@@ -50,6 +51,7 @@ pub mod map_source;
 pub mod messages;
 pub mod multi_robot;
 pub mod reset;
+pub mod rights;
 pub mod scene;
 mod settings;
 pub mod state_feed;
@@ -66,3 +68,4 @@ pub use fleet_view::{FleetView, RobotView};
 pub use settings::{DEFAULT_ENDPOINT, DEFAULT_FLEET, DEFAULT_TIMEOUT, Settings, unique_name};
 pub use state_feed::{Events, StateFeed};
 pub use teleop::TeleopSession;
+pub use xtb_identity::Action;

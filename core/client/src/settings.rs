@@ -1,7 +1,9 @@
 //! How to reach a fleet, and as whom.
 
+use crate::rights;
 use std::time::Duration;
 use xtb_bus::Enrolled;
+use xtb_identity::Action;
 use xtb_protocol::keys::NameError;
 use xtb_protocol::messages::RosterEntry;
 use xtb_protocol::{Name, Uuid};
@@ -44,6 +46,17 @@ impl Settings {
             timeout: DEFAULT_TIMEOUT,
             robots: Vec::new(),
         })
+    }
+
+    /// Whether the role of its identity allows this; without an identity everything is. Asks nobody.
+    ///
+    /// # Errors
+    /// [`ErrorKind::NotAllowed`](crate::ErrorKind::NotAllowed), with who can.
+    pub fn may(&self, action: Action) -> crate::Result<()> {
+        match &self.identity {
+            Some(Enrolled { identity, .. }) => rights::check(&identity.name, identity.role, action),
+            None => Ok(()),
+        }
     }
 }
 

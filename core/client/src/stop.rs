@@ -3,13 +3,20 @@
 
 use crate::client::{Client, accepted};
 use crate::confirm::confirm;
+use crate::error::Error;
 use crate::multi_robot::{MissingInfo, MultiRobot, StopOutcome, StopReport, Targets};
+use std::collections::BTreeMap;
 use xtb_control::Mode;
+use xtb_identity::Action;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Body, RobotState};
 
-/// Asks them, and says what came of it.
+/// Asks them, and says what came of it. Who may not asks nobody: no outcomes, and the refusal in
+/// [`MissingInfo::alive`].
 pub async fn stop(client: &Client, targets: &Targets) -> (StopReport, MissingInfo) {
+    if let Err(error) = client.may(Action::Drive) {
+        return not_sent(error);
+    }
     let mut stops = MultiRobot::new(client, one);
     let missing = match targets {
         Targets::All { expect, known } => {
@@ -22,6 +29,12 @@ pub async fn stop(client: &Client, targets: &Targets) -> (StopReport, MissingInf
         }
     };
     (StopReport::new(stops.outcomes().await, &missing), missing)
+}
+
+/// Nobody was asked.
+pub(crate) fn not_sent(error: Error) -> (StopReport, MissingInfo) {
+    let missing = MissingInfo { alive: Some(error), ..MissingInfo::default() };
+    (StopReport::new(BTreeMap::new(), &missing), missing)
 }
 
 async fn one(client: Client, robot: Name) -> StopOutcome {
@@ -49,7 +62,6 @@ fn has_stopped(state: &RobotState) -> bool {
 mod tests {
     use super::*;
     use crate::fake::{self, FakeRobot, name};
-    use std::collections::BTreeMap;
     use std::time::Duration;
     use tokio::sync::mpsc;
     use xtb_bus::{Question, Service};

@@ -42,11 +42,32 @@ impl Subscriptions {
         self.add_plan(client, key_expr, Plan::of(key_expr)?, inlet).await.map_err(not_a_key_expr)
     }
 
-    /// Listens on `key_expr` too, as planned.
+    /// Listens on `key_expr` too, as planned; with an identity channel by channel, and on what none of the fleet's
+    /// covers as it is: a router without rules for it may let it pass.
     ///
     /// # Errors
     /// Zenoh would not.
     pub async fn add_plan(
+        &mut self,
+        client: &Client,
+        key_expr: &str,
+        plan: Plan,
+        inlet: &Inlet,
+    ) -> Result<(), BusError> {
+        let mut parts = match client.settings().identity {
+            Some(_) => plan.clone().by_channel(key_expr, client.fleet()),
+            None => Vec::new(),
+        };
+        if parts.is_empty() {
+            parts.push((key_expr.to_owned(), plan));
+        }
+        for (key_expr, plan) in parts {
+            self.add_part(client, &key_expr, plan, inlet).await?;
+        }
+        Ok(())
+    }
+
+    async fn add_part(
         &mut self,
         client: &Client,
         key_expr: &str,
@@ -94,6 +115,25 @@ async fn answers_to(client: Client, key_expr: String, inlet: Inlet) {
     match client.get(&key_expr).await {
         Ok(answers) => answers.into_iter().for_each(|answer| inlet(Item::Message(answer))),
         Err(error) => tracing::warn!("{error}"),
+    }
+}
+
+/// What to say of an expression of which an identity sees a part at most; `None` = all of it can be seen.
+#[must_use]
+pub fn hidden(client: &Client, key_expr: &str, plan: &Plan) -> Option<String> {
+    client.settings().identity.as_ref()?;
+    let fleet = client.fleet();
+    let parts = plan.clone().by_channel(key_expr, fleet);
+    match parts.as_slice() {
+        [] => Some(format!(
+            "{key_expr} is no key of fleet {fleet} that can be watched with an identity: the router's rules hide it"
+        )),
+        [(part, _)] if part == key_expr => None,
+        _ if parts.iter().any(|(part, plan)| part == key_expr && !matches!(plan, Plan::Answers(_))) => None,
+        _ => Some(format!(
+            "with an identity only what fleet {fleet} publishes is shown: the router's rules hide the rest of \
+             {key_expr}"
+        )),
     }
 }
 

@@ -5,6 +5,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use thiserror::Error;
 use x509_parser::extensions::GeneralName;
 use x509_parser::pem::parse_x509_pem;
+use x509_parser::prelude::{FromDer as _, X509Certificate};
 
 /// Not a certificate of this project.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -40,7 +41,16 @@ impl Certificate {
     pub fn parse(pem: &str) -> Result<Self, CertificateError> {
         let malformed = |error: &dyn std::fmt::Display| CertificateError::Malformed(error.to_string());
         let (_, pem) = parse_x509_pem(pem.as_bytes()).map_err(|error| malformed(&error))?;
-        let certificate = pem.parse_x509().map_err(|error| malformed(&error))?;
+        Self::parse_der(&pem.contents)
+    }
+
+    /// Reads one as it is sent in a handshake.
+    ///
+    /// # Errors
+    /// [`CertificateError::Malformed`].
+    pub fn parse_der(der: &[u8]) -> Result<Self, CertificateError> {
+        let malformed = |error: &dyn std::fmt::Display| CertificateError::Malformed(error.to_string());
+        let (_, certificate) = X509Certificate::from_der(der).map_err(|error| malformed(&error))?;
         let subject = certificate.subject().iter_common_name().next();
         let subject = subject.and_then(|name| name.as_str().ok()).unwrap_or_default().to_owned();
         let names = certificate.subject_alternative_name().map_err(|error| malformed(&error))?;

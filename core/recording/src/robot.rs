@@ -9,11 +9,13 @@
 //! | `config` | the first message: who, which version, the vehicle's constants as TOML |
 //! | `gyro`, `encoder`, `adc`, `remote`, `command` | `{"n": …,` then the line of the trace |
 //! | `outputs` | `{"n": …, "sample_crc": …,` then what was decided, numbers in full |
+//! | `event` | `{"n": …,` then the event: who has control, goals, latches |
 //!
 //! `n` counts the controller's steps since boot and pairs a sample with its decision; a gap means
 //! that the recorder had to drop. `sample_crc` is the CRC-32 of the sample's message: a sample that
 //! was altered afterwards is found even if it changes no decision.
 
+pub mod events;
 mod schemas;
 pub mod writer;
 
@@ -186,6 +188,9 @@ impl Recording {
             };
             let bad = |reason: &str| Error::Message { number: self.messages, reason: reason.into() };
             let (number, rest) = number_of(&message).ok_or_else(|| bad("a message without its number"))?;
+            if topic == events::EVENTS {
+                continue;
+            }
             if topic != OUTPUTS {
                 self.pending = Some((number, topic, message));
                 continue;
@@ -204,6 +209,11 @@ impl Recording {
 
     /// The last part of the next message's topic, and its text.
     fn next_message(&mut self) -> Result<Option<(String, String)>, Error> {
+        Ok(self.next_timed()?.map(|(topic, _, text)| (topic, text)))
+    }
+
+    /// The same with its time since boot, in ns.
+    fn next_timed(&mut self) -> Result<Option<(String, u64, String)>, Error> {
         while let Some(record) = self.input.next_record()? {
             match record {
                 Record::Channel(channel) => {
@@ -216,7 +226,7 @@ impl Recording {
                     self.messages += 1;
                     let text = String::from_utf8_lossy(&data).into_owned();
                     let topic = self.topics.get(&header.channel_id).cloned().unwrap_or_default();
-                    return Ok(Some((topic, text)));
+                    return Ok(Some((topic, header.log_time, text)));
                 }
                 _ => {}
             }

@@ -17,6 +17,7 @@ import { Store, shown } from "./store.js";
 import { form, spec, taskPanel, withPoint } from "./tasks.js";
 import { theme } from "./theme.js";
 import { View } from "./view.js";
+import { leaveIfOut, whoMenu } from "./who.js";
 import { age, happening } from "./words.js";
 
 const PANELS_EVERY_MS = 200;
@@ -55,6 +56,7 @@ const link = new Link(address, {
     store.begin();
     drive.lost();
     changed();
+    leaveIfOut(store.hello);
   },
 });
 const drive = new Drive(link, store, tell);
@@ -265,7 +267,7 @@ function drawHeader(nowMs) {
   const state = byId("link");
   state.className = `link ${tone}`;
   if (state.textContent !== words) state.textContent = words;
-  const readOnly = hello && !hello.writable ? `Commands disabled: ${hello.why_not ?? "read only"}.` : "";
+  const readOnly = hello && !hello.writable && !hello.estop ? `Commands disabled: ${hello.why_not ?? "read only"}.` : "";
   const slow = store.frame?.simulator ? `The ${store.frame.simulator}.` : "";
   const text = alarm ?? [readOnly, slow].filter(Boolean).join(" ");
   const banner = byId("banner");
@@ -273,6 +275,7 @@ function drawHeader(nowMs) {
   banner.hidden = !text;
   if (banner.textContent !== text) banner.textContent = text;
   byId("estop").disabled = Boolean(readOnly);
+  render(whoMenu(hello), byId("who"));
   render(panels.services(store), byId("services"));
 }
 

@@ -48,9 +48,10 @@ export function stops(stop, close) {
 }
 
 export function tools(store, act, look) {
-  const button = (tool, text, title) => html`<button type="button" data-tool=${tool} title=${title}
-    aria-pressed=${look.tool === tool} @click=${() => act.use(tool)}>${text}</button>`;
-  if (!store.writable()) return nothing;
+  const denied = store.denied();
+  const button = (tool, text, title) => html`<button type="button" data-tool=${tool} title=${denied ?? title}
+    ?disabled=${denied !== null} aria-pressed=${look.tool === tool} @click=${() => act.use(tool)}>${text}</button>`;
+  if (!store.controls()) return nothing;
   return html`${button("look", "View", "Pan and zoom; a tap on the map previews a goal")}
     ${button("goals", "Send goals", "Press, drag for the heading, release: sent at once")}
     ${look.tool === "points" ? button("points", "Points", "Each tap adds a point to the new task") : nothing}`;

@@ -17,7 +17,7 @@ function chipOf(robot) {
 let asked = false;
 function resetAll(robots, store, act) {
   const latched = robots.filter((robot) => robot.latches?.length > 0);
-  if (latched.length === 0 || !store.writable()) {
+  if (latched.length === 0 || !store.controls()) {
     asked = false;
     return nothing;
   }
@@ -27,7 +27,9 @@ function resetAll(robots, store, act) {
     act.changed();
   };
   if (!asked) {
-    return html`<div class="row"><button type="button" id="reset-all" @click=${press(true, false)}>
+    const denied = store.denied();
+    return html`<div class="row"><button type="button" id="reset-all" title=${denied ?? nothing}
+      ?disabled=${denied !== null} @click=${press(true, false)}>
       Reset all (${latched.length} latched)</button></div>`;
   }
   return html`<div class="box warn" role="alertdialog" aria-label="Reset all">
@@ -72,7 +74,7 @@ export function robotPanel(store, act, look) {
     </div>
     ${robot.stale ? stale(robot) : html`${latches(robot, store, act)}${why(robot, store)}`}
     ${look.answer ? html`<p class="box ${look.answer.error ? "bad" : ""}" role="status">${look.answer.text}</p>` : nothing}
-    ${store.writable() ? buttons(robot, act, look) : nothing}
+    ${store.controls() ? buttons(robot, store, act, look) : nothing}
     ${facts(robot, store)}
     ${Object.entries(PLOTS).map(([name, spec]) => plot(name, spec, robot))}`;
 }
@@ -95,8 +97,9 @@ function latches(robot, store, act) {
         : store.dispatcher()
         ? "After a reset the dispatcher may assign it a task at once."
         : "After a reset the robot moves only with a new goal."}</p>
-      ${store.writable()
-        ? html`<div class="row"><button type="button" data-reset=${latch} @click=${() => act.reset(robot.name)}>
+      ${store.controls()
+        ? html`<div class="row"><button type="button" data-reset=${latch} title=${store.denied() ?? nothing}
+            ?disabled=${store.denied() !== null} @click=${() => act.reset(robot.name)}>
             Reset ${robot.name}</button></div>`
         : nothing}</div>`;
   });
@@ -117,12 +120,14 @@ function why(robot, store) {
     ${[...todos].map((todo) => (todo ? html`<p class="todo">${todo}</p>` : nothing))}</div>`;
 }
 
-function buttons(robot, act, look) {
+function buttons(robot, store, act, look) {
+  const denied = store.denied();
+  const [title, off] = [denied ?? nothing, denied !== null];
   const driving = look.driving === robot.name;
   const { held } = look;
-  return html`<div class="row">
-      <button type="button" id="goal-here" @click=${act.aim} aria-pressed=${look.tool === "goals"}>Send goals</button>
-      <button type="button" id="drive-begin" ?disabled=${!robot.alive || robot.stale}
+  return html`${denied === null ? nothing : html`<p class="box">${denied}.</p>`}<div class="row">
+      <button type="button" id="goal-here" title=${title} ?disabled=${off} @click=${act.aim} aria-pressed=${look.tool === "goals"}>Send goals</button>
+      <button type="button" id="drive-begin" title=${title} ?disabled=${off || !robot.alive || robot.stale}
         @click=${() => (driving ? act.driveEnd() : act.drive(robot.name, false))}>${driving ? "End driving" : "Drive by hand"}</button>
     </div>
     ${held
@@ -130,7 +135,7 @@ function buttons(robot, act, look) {
           <button type="button" class="danger" id="take" @click=${held.take}>${held.title}</button></div></div>`
       : nothing}
     <div class="row">
-      <button type="button" id="stop-one" @click=${() => act.stop(robot.name)}>Stop</button>
+      <button type="button" id="stop-one" title=${title} ?disabled=${off} @click=${() => act.stop(robot.name)}>Stop</button>
       <button type="button" class="danger" id="estop-one" @click=${() => act.estop(robot.name)}>E-stop ${robot.name}</button>
     </div>`;
 }

@@ -120,6 +120,17 @@ export class Store {
     return this.hello !== null && this.hello.writable;
   }
 
+  // Why whoever has signed in may do nothing but an emergency stop; null = that is not so.
+  denied() {
+    const { hello } = this;
+    return hello?.who && !hello.writable && hello.estop ? hello.why_not : null;
+  }
+
+  // Whether controls are shown, though they may be disabled.
+  controls() {
+    return this.writable() || this.denied() !== null;
+  }
+
   // The selected robot's full state, as long as it is fresh.
   detail() {
     const detail = this.frame?.detail;

@@ -50,7 +50,7 @@ export function taskPanel(store, act, look) {
     ${isThere ? nothing : html`<p class="box warn">${isThere === null ? "Dispatcher state unknown."
       : html`No dispatcher. Start one with <code>fleet-cli dispatch serve</code>.`}</p>`}
     ${store.suspended().map((one) => suspended(one, store, act))}
-    ${store.writable() ? formOf(store, act, look, isThere) : nothing}
+    ${store.controls() ? formOf(store, act, look, isThere) : nothing}
     ${list?.ledger_failed ? html`<p class="box bad">The ledger cannot be written: ${list.ledger_failed}</p>` : nothing}
     ${tasks(list, store, act, isThere)}`;
 }
@@ -70,10 +70,11 @@ function suspended(one, store, act) {
     ? html`<span>Robots may start at once.</span>
       <button type="button" id="${id}-yes" @click=${press(null, true)}>${what}</button>
       <button type="button" @click=${press(null, false)}>Cancel</button>`
-    : html`<button type="button" id=${id} @click=${press(id, false)}>${what}</button>`;
+    : html`<button type="button" id=${id} title=${store.denied() ?? nothing} ?disabled=${store.denied() !== null}
+        @click=${press(id, false)}>${what}</button>`;
   return html`<div class="box bad"><p><strong>Suspended:</strong> ${one.text}</p>
     <p class="todo">${one.remedy.split("`").map((part, i) => (i % 2 ? html`<code>${part}</code>` : part))}</p>
-    ${store.writable() ? html`<div class="row">${button}</div>` : nothing}</div>`;
+    ${store.controls() ? html`<div class="row">${button}</div>` : nothing}</div>`;
 }
 
 function formOf(store, act, look, isThere) {
@@ -89,7 +90,10 @@ function formOf(store, act, look, isThere) {
   const robots = [...store.robots.keys()];
   const tags = [...new Set([...store.robots.values()].flatMap((robot) => robot.tags))];
   const needsPoints = form.kind !== "wander";
-  return html`<form class="form" @submit=${(event) => { event.preventDefault(); act.submit(); }}>
+  const denied = store.denied();
+  return html`<form @submit=${(event) => { event.preventDefault(); act.submit(); }}>
+    <fieldset class="form" title=${denied ?? nothing} ?disabled=${denied !== null}>
+    ${denied === null ? nothing : html`<p class="wide hint">${denied}.</p>`}
     <label>Task<select @change=${set("kind")}>${option("goto", "Go to a point", "kind")}${option("route", "Route", "kind")}
       ${option("patrol", "Patrol", "kind")}${option("wander", "Wander", "kind")}</select></label>
     <label>Robot<select @change=${set("who")}>${option("any", "Any robot", "who")}
@@ -102,7 +106,7 @@ function formOf(store, act, look, isThere) {
     ${form.error ? html`<p class="wide error" role="alert">${form.error}</p>` : nothing}
     ${form.sent ? html`<p class="wide hint" role="status">${form.sent}</p>` : nothing}
     <button class="wide main" id="task-submit" ?disabled=${!isThere}>Submit</button>
-  </form>`;
+    </fieldset></form>`;
 }
 
 function pointsOf(act, look) {
@@ -122,8 +126,8 @@ function tasks(list, store, act, isThere) {
     <span class="what">${task.id} · ${words(task)}</span>
     <span class="chip ${TONES[task.state] ?? ""}">${plain(task.state)}</span>
     <span class="more">${more(task)}</span>
-    ${store.writable() && isThere && !ENDED.includes(task.state)
-      ? html`<button type="button" aria-label="Cancel ${task.id}" @click=${() => act.cancel(task.id)}>Cancel</button>`
+    ${store.controls() && isThere && !ENDED.includes(task.state)
+      ? html`<button type="button" title=${store.denied() ?? nothing} ?disabled=${store.denied() !== null} aria-label="Cancel ${task.id}" @click=${() => act.cancel(task.id)}>Cancel</button>`
       : nothing}</li>`;
   return html`<h2 class="later">Tasks${isThere ? "" : ", last known"} (${open.length} open)</h2>
     <ul class="task-list">${repeat(shown, (task) => task.id, row)}</ul>

@@ -1,15 +1,21 @@
 //! What all requests and sockets of the dashboard share.
 
-use super::frames::Hello;
+use super::access::Visitor;
+use super::hello::{Hello, Who};
 use super::metrics::Metrics;
+use super::people::Person;
 use super::security::Guard;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
-use xtb_client::Client;
 use xtb_client::scene::live::Shared;
+use xtb_client::{Client, Error, ErrorKind, Result};
+use xtb_identity::{Action, Role};
 use xtb_protocol::Name;
+
+/// How often it is looked whether a page's visitor is still in, if nothing has changed.
+const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
 /// What is shown, and who commands.
 #[derive(Clone)]
@@ -38,20 +44,51 @@ pub(super) struct App {
 
 impl App {
     /// What a page is told first.
-    pub(super) fn hello(&self, client: Name) -> Hello {
+    pub(super) fn hello(&self, client: Name, visitor: &Visitor) -> Hello {
+        let person = visitor.person();
+        let refused = person.and_then(|person| refusal(person, Action::Drive));
         let why_not = match (&self.shown.commands, self.read_only) {
-            (None, _) => Some("playing a recording"),
-            (Some(_), true) => Some("the dashboard was started with --read-only"),
-            (Some(_), false) => None,
+            (None, _) => Some("playing a recording".to_owned()),
+            (Some(_), true) => Some("the dashboard was started with --read-only".to_owned()),
+            (Some(_), false) => refused.map(|refused| refused.message),
         };
+        let stops = person.is_none_or(|person| person.role.may(Action::EmergencyStop));
         Hello {
             fleet: self.shown.scene.lock().fleet().clone(),
             client,
             version: env!("CARGO_PKG_VERSION"),
             writable: why_not.is_none(),
-            why_not: why_not.map(str::to_owned),
+            why_not,
+            estop: stops && self.commands().is_some(),
+            who: person.map(Who::from),
             live: self.shown.commands.is_some(),
         }
+    }
+
+    /// Whether a visitor may do this now.
+    ///
+    /// # Errors
+    /// [`ErrorKind::NotAllowed`]: it has not the role, or is out meanwhile.
+    pub(super) fn may(&self, visitor: &Visitor, action: Action) -> Result<()> {
+        let (Some(people), Some(person)) = (self.guard.people(), visitor.person()) else { return Ok(()) };
+        match people.again(person, Instant::now()) {
+            Some(person) => refusal(&person, action).map_or(Ok(()), Err),
+            None => Err(Error::new(ErrorKind::NotAllowed, format!("{} is signed out", person.name))
+                .hint("sign in again")),
+        }
+    }
+
+    /// Ends when a visitor is out, or has another role.
+    pub(super) async fn left(&self, visitor: &Visitor) {
+        let (Some(people), Some(person)) = (self.guard.people(), visitor.person()) else {
+            return std::future::pending().await;
+        };
+        let mut changes = people.changes();
+        while people.again(person, Instant::now()).is_some_and(|now| now.role == person.role) {
+            // Certificates end without a word.
+            let _ = tokio::time::timeout(LOOK_AGAIN, changes.changed()).await;
+        }
+        tracing::info!("a page of {} was closed: signed out, revoked, or of another role now", person.name);
     }
 
     /// Who commands, if commands are taken.
@@ -83,4 +120,16 @@ impl App {
     pub(super) fn clock_ms(&self) -> u64 {
         u64::try_from(self.began.elapsed().as_millis()).unwrap_or(u64::MAX)
     }
+}
+
+fn refusal(person: &Person, action: Action) -> Option<Error> {
+    let Person { name, role, .. } = person;
+    (!role.may(action)).then(|| {
+        Error::new(ErrorKind::NotAllowed, format!("{name} is {} {role}: {}", article(*role), role.allows()))
+            .hint("whoever has the fleet's CA gives roles: `fleet-cli pki`")
+    })
+}
+
+fn article(role: Role) -> &'static str {
+    if role.as_str().starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" }
 }

@@ -33,6 +33,7 @@ macro_rules! asset {
 }
 
 const FILES: &[Asset] = &[
+    Asset { path: super::sign_in::PATH, content_type: HTML, bytes: include_bytes!("../page/sign_in.html") },
     Asset { path: "/", content_type: HTML, bytes: include_bytes!("../page/index.html") },
     asset!("goal_tool.js", JS),
     asset!("draw.js", JS),
@@ -48,11 +49,13 @@ const FILES: &[Asset] = &[
     asset!("plots.js", JS),
     asset!("robots.js", JS),
     asset!("shapes.js", JS),
+    asset!("sign_in.js", JS),
     asset!("store.js", JS),
     asset!("style.css", CSS),
     asset!("tasks.js", JS),
     asset!("theme.js", JS),
     asset!("view.js", JS),
+    asset!("who.js", JS),
     asset!("words.js", JS),
     asset!("vendor/LICENSE-d3.txt", TEXT),
     asset!("vendor/LICENSE-lit-html.txt", TEXT),

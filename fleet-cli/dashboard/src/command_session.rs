@@ -2,6 +2,7 @@
 //!
 //! Whatever is under way when the page leaves goes on to its end; only the wheel is let go at once.
 
+use super::access::Visitor;
 use super::app::App;
 use super::commands::{Answer, Command, Order};
 use super::frames::ToPage;
@@ -50,6 +51,7 @@ struct Wish {
 /// See the module.
 pub(super) struct CommandSession {
     app: Arc<App>,
+    visitor: Visitor,
     commands: Option<Client>,
     orders: Orders,
     grip: Grip,
@@ -62,7 +64,7 @@ pub(super) struct CommandSession {
 
 impl CommandSession {
     /// For a page that commands as `name`.
-    pub(super) fn new(app: Arc<App>, name: &Name, answers: mpsc::Sender<ToPage>) -> Self {
+    pub(super) fn new(app: Arc<App>, name: &Name, visitor: Visitor, answers: mpsc::Sender<ToPage>) -> Self {
         let commands = app.commands().map(|client| {
             let settings = Settings { client: name.clone(), ..client.settings().clone() };
             Client::on(&settings, client.bus().clone())
@@ -70,7 +72,7 @@ impl CommandSession {
         // Room for everything that can be under way: nobody who ends has to wait.
         let (ended, done) = mpsc::channel(MOST + MOST_ESTOPS + 4);
         let (orders, grip) = (Orders::default(), Grip::Off);
-        Self { app, commands, orders, grip, next: None, answers, ended, done }
+        Self { app, visitor, commands, orders, grip, next: None, answers, ended, done }
     }
 
     /// The next thing that has ended.
@@ -99,6 +101,7 @@ impl CommandSession {
             return Err(Error::new(ErrorKind::Refused(RejectCode::Unsupported), message)
                 .hint("it plays a recording, or was started with --read-only"));
         };
+        self.app.may(&self.visitor, command.action())?;
         if let Some(robot) = command.robot() {
             Name::robot(robot.as_str()).map_err(|error| Error::new(ErrorKind::Invalid, error.to_string()))?;
         }

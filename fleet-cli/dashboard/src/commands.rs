@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use xtb_client::Error;
+use xtb_identity::Action;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{TaskId, TaskSpec, Via};
 
@@ -110,6 +111,22 @@ impl Command {
             Self::Adopt {} => "adopt",
             Self::Teleop { .. } => "teleop",
             Self::TeleopEnd {} => "teleop_end",
+        }
+    }
+
+    /// What whoever asks for it has to be allowed to do.
+    pub(super) fn action(&self) -> Action {
+        match self {
+            Self::Estop { .. } => Action::EmergencyStop,
+            Self::Goto { .. }
+            | Self::Stop { .. }
+            | Self::Reset { .. }
+            | Self::ResetAll {}
+            | Self::Teleop { .. }
+            | Self::TeleopEnd {} => Action::Drive,
+            Self::Submit { .. } | Self::Cancel { .. } | Self::Activate {} | Self::Adopt {} => {
+                Action::ChangeTasks
+            }
         }
     }
 

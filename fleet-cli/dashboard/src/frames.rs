@@ -4,6 +4,7 @@
 //! A robot that has not been heard lately keeps its last place, marked as stale; everything else about
 //! it is unknown then.
 
+use super::hello::Hello;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use xtb_client::scene::{AtMs, Body, Robot, Scene, SceneEvent};
@@ -40,23 +41,6 @@ pub(super) enum ToPage {
     Answer(super::commands::Answer),
     /// How teleoperation stands.
     Teleop(super::teleop::Said),
-}
-
-/// Who serves the page, and what it may do.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct Hello {
-    /// The fleet.
-    pub(super) fleet: Name,
-    /// The name under which this page's commands go out.
-    pub(super) client: Name,
-    /// The program's.
-    pub(super) version: &'static str,
-    /// Whether commands are taken.
-    pub(super) writable: bool,
-    /// Why they are not.
-    pub(super) why_not: Option<String>,
-    /// False: a recording is played.
-    pub(super) live: bool,
 }
 
 /// One picture of the fleet.

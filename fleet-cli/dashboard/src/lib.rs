@@ -5,25 +5,33 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod access;
 mod app;
 mod assets;
 mod command_session;
 mod commands;
 mod execute;
+mod files;
 #[cfg(feature = "foxglove")]
 pub mod foxglove;
 mod frames;
+mod guesses;
+mod hello;
 mod listener;
 mod metrics;
 mod orders;
+mod people;
 mod places;
 mod security;
 mod server;
 mod session;
+mod sign_in;
 mod socket;
 mod teleop;
 mod teleop_session;
+mod tls;
 
 pub use app::Shown;
 pub use security::Origin;
 pub use server::{Running, Settings};
+pub use tls::Secure;

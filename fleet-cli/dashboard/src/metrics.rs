@@ -112,10 +112,11 @@ impl Metrics {
         own.register("sockets_stalled", help, metrics.stalled.clone());
         let help = "Unreadable messages of pages";
         own.register("messages_malformed", help, metrics.malformed.clone());
-        let help = "Requests refused: a foreign origin, an unknown host, no token, no room";
+        let help =
+            "Requests refused: a foreign origin, an unknown host, no token, not signed in, no TLS, no room";
         own.register("requests_refused", help, metrics.refused.clone());
         own.register("commands", "Commands of pages by their result", metrics.commands.clone());
-        for reason in ["origin", "host", "token", "full"] {
+        for reason in ["origin", "host", "token", "sign_in", "guesses", "handshake", "full"] {
             drop(metrics.refused.get_or_create(&Reason { reason }));
         }
         let began: Gauge<f64, AtomicU64> = Gauge::default();

@@ -91,12 +91,16 @@ impl Places {
     fn source(&self, from: IpAddr) -> Source {
         match from {
             from if from.is_loopback() || self.proxies.contains(&from) => Source::Near,
-            IpAddr::V4(_) => Source::Far(from),
-            IpAddr::V6(from) => {
-                let network = from.to_bits() & (u128::MAX << 64);
-                Source::Far(Ipv6Addr::from_bits(network).into())
-            }
+            from => Source::Far(network(from)),
         }
+    }
+}
+
+/// Of one customer: the address, or the first half of one of IPv6.
+pub(super) fn network(from: IpAddr) -> IpAddr {
+    match from.to_canonical() {
+        IpAddr::V6(from) => Ipv6Addr::from_bits(from.to_bits() & (u128::MAX << 64)).into(),
+        from => from,
     }
 }
 

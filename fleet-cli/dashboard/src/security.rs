@@ -4,18 +4,32 @@
 //!   whatever could have an effect (the socket, anything but GET and HEAD) needs the page's own.
 //! * It can name this machine by a name of its own (DNS rebinding) and then is its own origin; so `Host`
 //!   must be an address or a name that is known.
-//! * Other machines need a token: whoever gets in may drive robots.
+//! * Other machines are let in by TLS and the fleet's registry of people, or, where the user insists, by one token for
+//!   all: whoever gets in may drive robots.
 
+use super::access::{Access, Visitor};
+use super::listener::Peer;
+use super::people::{NotTaken, People};
 use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
 use std::hint::black_box;
-use std::net::{IpAddr, SocketAddr};
+use std::net::IpAddr;
 use std::str::FromStr;
-use xtb_client::{Error, ErrorKind};
+use std::time::Instant;
 
-/// Shortest token.
-pub(super) const MIN_TOKEN: usize = 16;
 /// The cookie that stands for the token.
 const COOKIE: &str = "xtb_dashboard";
+/// The cookie of a person; browsers take one of such a name over TLS only, and for the whole host.
+const PERSONS_COOKIE: &str = "__Host-xtb_dashboard";
+/// What leads to signing in: there is nothing about the fleet in it.
+const OPEN_PATHS: [&str; 7] = [
+    "/healthz",
+    "/who",
+    super::sign_in::PATH,
+    "/assets/sign_in.js",
+    "/assets/theme.js",
+    "/assets/style.css",
+    "/assets/icon.svg",
+];
 
 /// The page may load and reach nothing but its own files and socket, and stand in no frame.
 const CSP: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
@@ -32,6 +46,10 @@ pub(super) const HEADERS: [(&str, &str); 7] = [
     ("cross-origin-resource-policy", "same-origin"),
     ("x-frame-options", "DENY"),
 ];
+
+/// On every answer over TLS: browsers come back over TLS only, for 30 days. The port does not count, so a name is
+/// bound for all of its web pages; an address never is.
+pub(super) const TLS_ONLY: (&str, &str) = ("strict-transport-security", "max-age=2592000");
 
 /// Where a page comes from: `https://fleet.example:8443`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -105,6 +123,10 @@ pub(super) enum Refusal {
     Origin,
     /// The token is missing or wrong.
     Token,
+    /// Nobody has signed in.
+    SignIn,
+    /// Too many wrong tokens came from there.
+    Guesses,
 }
 
 impl Refusal {
@@ -114,6 +136,8 @@ impl Refusal {
             Self::Host => "host",
             Self::Origin => "origin",
             Self::Token => "token",
+            Self::SignIn => "sign_in",
+            Self::Guesses => "guesses",
         }
     }
 
@@ -132,15 +156,20 @@ impl Refusal {
                 "refused: a token is needed. Open the address that the dashboard printed when it started \
                  (it ends in ?token=…), or send Authorization: Bearer TOKEN.\n"
             }
+            Self::SignIn => {
+                "refused: sign in first, at /sign-in; programs send Authorization: Bearer TOKEN, with the token of \
+                 `fleet-cli pki token NAME`, or a client certificate of the fleet.\n"
+            }
+            Self::Guesses => "refused: too many wrong tokens from this address. Wait a minute.\n",
         }
     }
 }
 
 /// What a request may do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Entry {
     /// Go on.
-    In,
+    In(Visitor),
     /// The token stands in the address: set the cookie and lead to the page.
     SetCookie,
 }
@@ -149,82 +178,110 @@ pub(super) enum Entry {
 #[derive(Debug, Clone)]
 pub(super) struct Guard {
     listen: IpAddr,
-    token: Option<String>,
-    /// Stands for the token in the cookie, which other programs on other ports of this host get too.
-    cookie: String,
+    access: Access,
     allowed: Vec<Origin>,
 }
 
 impl Guard {
-    /// For a server at `listen`; `cookie` is random and of this process.
-    ///
-    /// # Errors
-    /// [`ErrorKind::Invalid`]: other machines could get in without a token, or with a short one.
-    pub(super) fn new(
-        listen: SocketAddr,
-        token: Option<String>,
-        cookie: String,
-        allowed: Vec<Origin>,
-    ) -> Result<Self, Error> {
-        let listen = listen.ip();
-        match &token {
-            None if !listen.is_loopback() => Err(Error::new(
-                ErrorKind::Invalid,
-                format!("a token is needed to listen on {listen}: anyone who reaches it could drive robots"),
-            )
-            .hint(
-                "set XTB_DASHBOARD_TOKEN (or --token) to 16 or more random characters, such as from `openssl rand \
-                 -hex 16`; or stay on 127.0.0.1 and use a proxy with TLS, with --allow-origin",
-            )),
-            Some(token) if token.len() < MIN_TOKEN || !token.bytes().all(|b| b.is_ascii_graphic()) => {
-                Err(Error::new(
-                    ErrorKind::Invalid,
-                    format!("a token needs at least {MIN_TOKEN} characters, without spaces or accents"),
-                )
-                .hint("create one with `openssl rand -hex 16`"))
-            }
-            _ => Ok(Self { listen, token, cookie, allowed }),
-        }
+    /// For a server at this address.
+    pub(super) fn new(listen: IpAddr, access: Access, allowed: Vec<Origin>) -> Self {
+        Self { listen, access, allowed }
     }
 
     /// The cookie as it is set: scripts cannot read it, and no other site's request bears it.
     pub(super) fn set_cookie(&self) -> String {
-        format!("{COOKIE}={}; HttpOnly; SameSite=Strict; Path=/", self.cookie)
+        let cookie = match &self.access {
+            Access::Token { cookie, .. } => cookie,
+            Access::Open | Access::People { .. } => "",
+        };
+        format!("{COOKIE}={cookie}; HttpOnly; SameSite=Strict; Path=/")
+    }
+
+    /// The people who may sign in, if that is how one gets in.
+    pub(super) fn people(&self) -> Option<&People> {
+        match &self.access {
+            Access::People { people, .. } => Some(people),
+            Access::Open | Access::Token { .. } => None,
+        }
     }
 
     /// Whether a request may go on.
-    pub(super) fn admit(&self, method: &Method, uri: &Uri, headers: &HeaderMap) -> Result<Entry, Refusal> {
+    pub(super) fn admit(
+        &self,
+        method: &Method,
+        uri: &Uri,
+        headers: &HeaderMap,
+        peer: &Peer,
+    ) -> Result<Entry, Refusal> {
         let host = text(headers.get(header::HOST)).and_then(Host::parse).ok_or(Refusal::Host)?;
         if !self.knows(&host) {
             return Err(Refusal::Host);
         }
-        let bearer = self.bearer(headers);
+        let given = text(headers.get(header::AUTHORIZATION)).and_then(|value| value.strip_prefix("Bearer "));
+        let bearer = given.map(|token| self.bearer(token, peer)).transpose()?.flatten();
         let has_effect = !matches!(*method, Method::GET | Method::HEAD) || uri.path() == "/ws";
         match headers.get(header::ORIGIN) {
             Some(origin) if has_effect && !self.is_own(text(Some(origin)), &host) => {
                 return Err(Refusal::Origin);
             }
             // Programs send none; browsers always do.
-            None if has_effect && !bearer => return Err(Refusal::Origin),
+            None if has_effect && bearer.is_none() => return Err(Refusal::Origin),
             _ => {}
         }
-        let Some(token) = &self.token else { return Ok(Entry::In) };
-        // Whether the dashboard is up is no secret.
-        if bearer || self.has_cookie(headers) || uri.path() == "/healthz" {
-            return Ok(Entry::In);
+        if let Some(visitor) = bearer {
+            return Ok(Entry::In(visitor));
         }
-        let given = uri.query().into_iter().flat_map(|query| query.split('&'));
-        let mut given = given.filter_map(|part| part.strip_prefix("token="));
-        match given.next_back().is_some_and(|given| same(given, token)) && uri.path() == "/" {
-            true => Ok(Entry::SetCookie),
-            false => Err(Refusal::Token),
+        match &self.access {
+            Access::Open => Ok(Entry::In(Visitor::Anybody)),
+            Access::Token { token, cookie } => {
+                // Whether the dashboard is up is no secret.
+                let known = cookies(headers, COOKIE).any(|value| same(value, cookie));
+                if known || uri.path() == "/healthz" {
+                    return Ok(Entry::In(Visitor::Anybody));
+                }
+                let given = uri.query().into_iter().flat_map(|query| query.split('&'));
+                let mut given = given.filter_map(|part| part.strip_prefix("token="));
+                match given.next_back().is_some_and(|given| same(given, token)) && uri.path() == "/" {
+                    true => Ok(Entry::SetCookie),
+                    false => Err(Refusal::Token),
+                }
+            }
+            Access::People { people, .. } => {
+                let now = Instant::now();
+                let by_cookie =
+                    cookies(headers, PERSONS_COOKIE).find_map(|value| people.by_cookie(value, now));
+                let by_certificate = || people.by_certificate(peer.certificate.as_ref()?);
+                match by_cookie.or_else(by_certificate) {
+                    Some(person) => Ok(Entry::In(Visitor::Person(person))),
+                    None if OPEN_PATHS.contains(&uri.path()) => Ok(Entry::In(Visitor::Anybody)),
+                    None => Err(Refusal::SignIn),
+                }
+            }
+        }
+    }
+
+    /// Whose token this is: with none to know, it is not looked at.
+    fn bearer(&self, given: &str, peer: &Peer) -> Result<Option<Visitor>, Refusal> {
+        match &self.access {
+            Access::Open => Ok(None),
+            Access::Token { token, .. } => Ok(same(given, token).then_some(Visitor::Anybody)),
+            Access::People { people, .. } => match people.by_token(given, peer.from, Instant::now()) {
+                Ok(person) => Ok(Some(Visitor::Person(person))),
+                Err(NotTaken::Wrong) => Err(Refusal::SignIn),
+                Err(NotTaken::TooMany) => Err(Refusal::Guesses),
+            },
         }
     }
 
     /// An address cannot be rebound; a name must be one that was told.
     fn knows(&self, host: &Host) -> bool {
         let told = self.allowed.iter().filter_map(|origin| Host::parse(&origin.authority));
-        let mut told = told.map(|told| told.name);
+        let hosts: &[String] = match &self.access {
+            Access::People { hosts, .. } => hosts,
+            Access::Open | Access::Token { .. } => &[],
+        };
+        let certified = hosts.iter().map(|name| name.to_ascii_lowercase());
+        let mut told = told.map(|told| told.name).chain(certified);
         match ip(&host.name) {
             Some(ip) if ip.is_loopback() || ip == self.listen || self.listen.is_unspecified() => true,
             None if host.name == "localhost" => true,
@@ -234,26 +291,29 @@ impl Guard {
 
     fn is_own(&self, origin: Option<&str>, host: &Host) -> bool {
         let Some(Ok(origin)) = origin.map(str::parse::<Origin>) else { return false };
+        let https = matches!(self.access, Access::People { .. });
+        let own_port = if https { 443 } else { 80 };
         let authority = match host.port {
-            None | Some(80) => host.name.clone(),
-            Some(port) => format!("{}:{port}", host.name),
+            Some(port) if port != own_port => format!("{}:{port}", host.name),
+            _ => host.name.clone(),
         };
-        self.allowed.contains(&origin) || (!origin.https && origin.authority == authority)
+        self.allowed.contains(&origin) || origin == Origin { https, authority }
     }
+}
 
-    fn bearer(&self, headers: &HeaderMap) -> bool {
-        let given = text(headers.get(header::AUTHORIZATION)).and_then(|value| value.strip_prefix("Bearer "));
-        given.zip(self.token.as_deref()).is_some_and(|(given, token)| same(given, token))
-    }
+/// The cookie of a person who has signed in, or of nobody any more.
+pub(super) fn persons_cookie(value: Option<&str>) -> String {
+    let (value, end) = value.map_or(("", "; Max-Age=0"), |value| (value, ""));
+    format!("{PERSONS_COOKIE}={value}; Secure; HttpOnly; SameSite=Strict; Path=/{end}")
+}
 
-    fn has_cookie(&self, headers: &HeaderMap) -> bool {
-        let cookies = headers.get_all(header::COOKIE).iter().filter_map(|value| text(Some(value)));
-        let mut values = cookies.flat_map(|value| value.split(';')).filter_map(|pair| {
-            let (name, value) = pair.trim().split_once('=')?;
-            (name == COOKIE).then_some(value)
-        });
-        values.any(|value| same(value, &self.cookie))
-    }
+/// The values of the cookies of this name.
+fn cookies<'a>(headers: &'a HeaderMap, name: &'a str) -> impl Iterator<Item = &'a str> {
+    let cookies = headers.get_all(header::COOKIE).iter().filter_map(|value| text(Some(value)));
+    cookies.flat_map(|value| value.split(';')).filter_map(move |pair| {
+        let (own, value) = pair.trim().split_once('=')?;
+        (own == name).then_some(value)
+    })
 }
 
 fn text(value: Option<&HeaderValue>) -> Option<&str> {
@@ -261,140 +321,10 @@ fn text(value: Option<&HeaderValue>) -> Option<&str> {
 }
 
 /// Whether both are the same, in a time that tells only their lengths.
-fn same(a: &str, b: &str) -> bool {
+pub(super) fn same(a: &str, b: &str) -> bool {
     let differing = a.bytes().zip(b.bytes()).fold(0, |differing, (a, b)| black_box(differing | (a ^ b)));
     a.len() == b.len() && differing == 0
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const TOKEN: &str = "0123456789abcdef";
-
-    fn guard(listen: &str, token: Option<&str>, allowed: &[&str]) -> Guard {
-        let allowed = allowed.iter().map(|origin| origin.parse().unwrap()).collect();
-        Guard::new(listen.parse().unwrap(), token.map(str::to_owned), "c00kie".into(), allowed).unwrap()
-    }
-
-    fn admit(guard: &Guard, method: Method, path: &str, headers: &[(&str, &str)]) -> Result<Entry, Refusal> {
-        let headers = headers.iter().map(|(name, value)| (name.parse().unwrap(), value.parse().unwrap()));
-        guard.admit(&method, &path.parse().unwrap(), &HeaderMap::from_iter(headers))
-    }
-
-    #[test]
-    fn only_the_pages_own_origin_opens_the_socket_or_posts() {
-        let guard = guard("127.0.0.1:8080", None, &[]);
-        for (method, path) in [(Method::GET, "/ws"), (Method::POST, "/"), (Method::DELETE, "/x")] {
-            let with = |origin| {
-                let host = ("host", "localhost:8080");
-                admit(&guard, method.clone(), path, &[host, ("origin", origin)])
-            };
-            assert_eq!(with("http://localhost:8080"), Ok(Entry::In));
-            for foreign in [
-                "http://evil.example",
-                "http://localhost:8081",
-                "https://localhost:8080",
-                "http://127.0.0.1:8080",
-                "http://localhost:8080.evil.example",
-                "http://localhost:8080@evil.example",
-                "null",
-                "",
-            ] {
-                assert_eq!(with(foreign), Err(Refusal::Origin), "{foreign}");
-            }
-            let none = admit(&guard, method, path, &[("host", "localhost:8080")]);
-            assert_eq!(none, Err(Refusal::Origin), "browsers send one");
-        }
-    }
-
-    #[test]
-    fn a_name_that_nobody_told_us_of_is_refused() {
-        let local = guard("127.0.0.1:8080", None, &["https://fleet.example"]);
-        let with = |guard: &Guard, host: &str| admit(guard, Method::GET, "/", &[("host", host)]);
-        for good in ["127.0.0.1:8080", "localhost:9000", "LOCALHOST", "[::1]:8080", "fleet.example"] {
-            assert_eq!(with(&local, good), Ok(Entry::In), "{good}");
-        }
-        for bad in
-            ["evil.example:8080", "192.168.1.7:8080", "localhost.evil.example", "a b", "", "x:y", "[::1"]
-        {
-            assert_eq!(with(&local, bad), Err(Refusal::Host), "{bad}");
-        }
-        assert_eq!(admit(&local, Method::GET, "/", &[]), Err(Refusal::Host));
-        let anywhere = guard("0.0.0.0:8080", Some(TOKEN), &[]);
-        assert_eq!(with(&anywhere, "192.168.1.7:8080"), Err(Refusal::Token), "an address cannot be rebound");
-        assert_eq!(with(&anywhere, "evil.example:8080"), Err(Refusal::Host));
-    }
-
-    #[test]
-    fn an_allowed_origin_comes_through_its_proxy() {
-        let guard = guard("127.0.0.1:8080", None, &["https://fleet.example/"]);
-        for (host, origin, admitted) in [
-            ("fleet.example", "https://fleet.example", true),
-            ("127.0.0.1:8080", "https://fleet.example", true),
-            ("fleet.example", "https://fleet.example:8443", false),
-            ("127.0.0.1:8080", "https://other.example", false),
-        ] {
-            let headers = [("host", host), ("origin", origin)];
-            assert_eq!(admit(&guard, Method::GET, "/ws", &headers).is_ok(), admitted, "{host} {origin}");
-        }
-    }
-
-    #[test]
-    fn the_token_is_asked_for_everywhere_but_for_health() {
-        let guard = guard("0.0.0.0:8080", Some(TOKEN), &[]);
-        let host = ("host", "192.168.1.7:8080");
-        let with = |path: &str, more: (&str, &str)| admit(&guard, Method::GET, path, &[host, more]);
-        let none = ("accept", "*/*");
-        for path in [
-            "/",
-            "/assets/app.js",
-            "/metrics",
-            "/?token=",
-            "/?token=0123456789abcdeX",
-            "/metrics?token=0123456789abcdef",
-        ] {
-            assert_eq!(with(path, none), Err(Refusal::Token), "{path}");
-        }
-        assert_eq!(with("/healthz", none), Ok(Entry::In));
-        assert_eq!(with("/?token=0123456789abcdef", none), Ok(Entry::SetCookie));
-        assert_eq!(with("/", ("cookie", "a=b; xtb_dashboard=c00kie")), Ok(Entry::In));
-        for wrong in ["xtb_dashboard=", "xtb_dashboard=c00kiX", "xtb_dashboard=c00kie0", "x=c00kie"] {
-            assert_eq!(with("/", ("cookie", wrong)), Err(Refusal::Token), "{wrong}");
-        }
-        assert_eq!(with("/ws", ("authorization", "Bearer 0123456789abcdef")), Ok(Entry::In));
-        assert_eq!(with("/metrics", ("authorization", "Bearer 0123456789")), Err(Refusal::Token));
-        assert_eq!(with("/ws", ("cookie", "xtb_dashboard=c00kie")), Err(Refusal::Origin));
-        let forged = [host, ("authorization", "Bearer 0123456789abcdef"), ("origin", "http://evil.example")];
-        assert_eq!(admit(&guard, Method::GET, "/ws", &forged), Err(Refusal::Origin));
-        assert!(guard.set_cookie().contains("HttpOnly; SameSite=Strict"));
-        assert!(!guard.set_cookie().contains(TOKEN));
-    }
-
-    #[test]
-    fn other_machines_need_a_token_that_cannot_be_guessed() {
-        let new = |listen: &str, token: Option<&str>| {
-            Guard::new(listen.parse().unwrap(), token.map(str::to_owned), String::new(), Vec::new())
-        };
-        for (listen, token) in
-            [("0.0.0.0:1", None), ("192.168.1.7:1", None), ("[::]:1", None), ("127.0.0.1:1", Some("short"))]
-        {
-            let failure = new(listen, token).unwrap_err();
-            assert_eq!(failure.kind, ErrorKind::Invalid);
-            assert!(failure.hint.contains("openssl rand"), "{failure:?}");
-        }
-        assert!(new("127.0.0.1:1", None).is_ok() && new("[::1]:1", None).is_ok());
-        assert!(new("0.0.0.0:1", Some(TOKEN)).is_ok());
-    }
-
-    #[test]
-    fn scripts_and_frames_of_others_are_forbidden() {
-        for rule in
-            ["default-src 'none'", "script-src 'self'", "connect-src 'self'", "frame-ancestors 'none'"]
-        {
-            assert!(CSP.contains(rule), "{rule}");
-        }
-        assert!(!CSP.contains("unsafe") && !CSP.contains('*'));
-        assert!(HEADERS.iter().all(|(name, _)| !name.starts_with("access-control")));
-    }
-}
+mod tests;

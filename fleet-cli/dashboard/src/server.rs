@@ -1,16 +1,21 @@
 //! The dashboard's HTTP server: page, socket, metrics. Nothing is changed by a plain request.
 
+use super::access::{Access, Visitor};
 use super::app::{App, Shown};
+use super::listener::{Peer, Speaks};
 use super::metrics::Metrics;
+use super::people::People;
 use super::places::Places;
-use super::security::{Entry, Guard, HEADERS, Origin, Refusal};
-use super::{assets, listener, socket};
-use axum::Router;
+use super::security::{Entry, Guard, HEADERS, Origin, Refusal, TLS_ONLY};
+use super::tls::{Loaded, Secure};
+use super::{assets, listener, sign_in, socket};
+use axum::extract::ws::WebSocket;
 use axum::extract::{Request, State, WebSocketUpgrade};
 use axum::http::{HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use axum::{Extension, Router};
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,6 +24,7 @@ use tokio::net::{TcpListener, TcpSocket};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
+use tokio_rustls::TlsAcceptor;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Uuid;
 
@@ -42,8 +48,12 @@ const ENDS_WITHIN: Duration = Duration::from_millis(1500);
 pub struct Settings {
     /// Where; port 0 takes a free one.
     pub listen: SocketAddr,
-    /// Who does not know it stays out.
+    /// Over TLS, where people sign in. `None` = plain HTTP.
+    pub secure: Option<Secure>,
+    /// Without TLS: who does not know it stays out.
     pub token: Option<String>,
+    /// Others may reach it without TLS.
+    pub insecure: bool,
     /// No commands.
     pub read_only: bool,
     /// Pages behind a proxy that may command.
@@ -58,16 +68,30 @@ impl Settings {
     /// Whether it may be served so: to be asked before anything else is begun.
     ///
     /// # Errors
-    /// [`ErrorKind::Invalid`]: another address than loopback without a token, or a token that is too short.
+    /// [`ErrorKind::Invalid`]: others can reach it without TLS, or it has a token that is too short;
+    /// [`ErrorKind::Config`]: what TLS needs cannot be read.
     pub fn check(&self) -> Result<()> {
-        Guard::new(self.listen, self.token.clone(), String::new(), self.allow_origins.clone()).map(drop)
+        self.access(String::new()).map(drop)
+    }
+
+    /// How people get in, and what is spoken.
+    fn access(&self, cookie: String) -> Result<(Access, Option<TlsAcceptor>)> {
+        let Some(secure) = &self.secure else {
+            return Ok((Access::plain(self.listen, self.token.clone(), cookie, self.insecure)?, None));
+        };
+        if self.token.is_some() {
+            return Err(Error::new(ErrorKind::Invalid, "with TLS each person signs in with an own token")
+                .hint("leave --token out, or unset XTB_DASHBOARD_TOKEN"));
+        }
+        let Loaded { acceptor, hosts, registry } = secure.load()?;
+        Ok((Access::People { people: People::new(registry), hosts }, Some(acceptor)))
     }
 }
 
 /// A server that runs until it is stopped or dropped.
 pub struct Running {
     address: SocketAddr,
-    token: Option<String>,
+    url: String,
     stop: watch::Sender<bool>,
     places: Arc<Semaphore>,
     busy: Arc<Semaphore>,
@@ -87,11 +111,13 @@ impl Running {
     /// # Errors
     /// [`ErrorKind::Invalid`]: another address than loopback without a token; [`ErrorKind::PortTaken`].
     pub async fn start(settings: Settings, shown: Shown) -> Result<Self> {
-        let Settings { listen, token, read_only, allow_origins, proxies, hz } = settings;
         let cookie = Uuid::new_v4().simple().to_string();
-        let guard = Guard::new(listen, token.clone(), cookie, allow_origins)?;
+        let (access, acceptor) = settings.access(cookie)?;
+        let Settings { listen, secure, token, read_only, allow_origins, proxies, hz, .. } = settings;
         let listener = bind(listen).map_err(|error| taken(listen, &error))?;
         let address = listener.local_addr()?;
+        let url = url(address, &access, token.as_deref());
+        let guard = Guard::new(listen.ip(), access, allow_origins);
         let (stop, stopped) = watch::channel(false);
         let places = Arc::new(Semaphore::new(MOST_SOCKETS));
         let busy = Arc::new(Semaphore::new(BUSY as usize));
@@ -108,11 +134,20 @@ impl Running {
             busy: Arc::clone(&busy),
         });
         let ticker = tokio::spawn(tick(Arc::clone(&app), Duration::from_secs_f64(1.0 / hz)));
-        let serving = tokio::spawn(async move {
+        let mut tasks = vec![ticker];
+        let speaks = match (secure, acceptor, app.guard.people()) {
+            (Some(secure), Some(acceptor), Some(people)) => {
+                let (acceptors, latest) = watch::channel(acceptor);
+                tasks.push(tokio::spawn(secure.follow(people.clone(), acceptors)));
+                Speaks::Tls(latest)
+            }
+            _ => Speaks::Plain,
+        };
+        tasks.push(tokio::spawn(async move {
             let router = router(Arc::clone(&app));
-            listener::serve(listener, Places::new(&proxies), router, &app.metrics).await;
-        });
-        Ok(Self { address, token, stop, places, busy, tasks: vec![ticker, serving] })
+            listener::serve(listener, Places::new(&proxies), speaks, router, &app.metrics).await;
+        }));
+        Ok(Self { address, url, stop, places, busy, tasks })
     }
 
     /// Where it listens.
@@ -130,8 +165,7 @@ impl Running {
     /// What to open in a browser.
     #[must_use]
     pub fn url(&self) -> String {
-        let token = self.token.as_ref().map(|token| format!("?token={}", escaped(token)));
-        format!("http://{}/{}", self.address, token.unwrap_or_default())
+        self.url.clone()
     }
 
     /// Closes all sockets, lets all wheels go, and ends, within 2 s.
@@ -142,6 +176,21 @@ impl Running {
             tracing::warn!("some pages did not close in time");
         }
     }
+}
+
+/// What to open in a browser: over TLS, by a name that the certificate is for.
+fn url(address: SocketAddr, access: &Access, token: Option<&str>) -> String {
+    let Access::People { hosts, .. } = access else {
+        let token = token.map(|token| format!("?token={}", escaped(token)));
+        return format!("http://{address}/{}", token.unwrap_or_default());
+    };
+    let ip = address.ip().to_string();
+    let host = match hosts.first() {
+        Some(first) if !hosts.contains(&ip) => first,
+        _ => &ip,
+    };
+    let host = if host.contains(':') { format!("[{host}]") } else { host.clone() };
+    format!("https://{host}:{}/", address.port())
 }
 
 /// What may stand in a query as it is.
@@ -167,27 +216,40 @@ fn router(app: Arc<App>) -> Router {
         .route("/ws", get(upgrade))
         .route("/metrics", get(metrics))
         .route("/healthz", get(|| async { "ok\n" }))
+        .merge(sign_in::routes())
         .fallback(page)
         .layer(from_fn_with_state(Arc::clone(&app), guarded))
         .with_state(app)
 }
 
 /// Nobody comes past this.
-async fn guarded(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
-    let mut response = match app.guard.admit(request.method(), request.uri(), request.headers()) {
-        Ok(Entry::In) => next.run(request).await,
+async fn guarded(
+    State(app): State<Arc<App>>,
+    Extension(peer): Extension<Peer>,
+    mut request: Request,
+    next: Next,
+) -> Response {
+    let admitted = app.guard.admit(request.method(), request.uri(), request.headers(), &peer);
+    let is_page = *request.method() == Method::GET && request.uri().path() == "/";
+    let mut response = match admitted {
+        Ok(Entry::In(visitor)) => {
+            request.extensions_mut().insert(visitor);
+            next.run(request).await
+        }
         Ok(Entry::SetCookie) => welcome(&app.guard),
+        Err(Refusal::SignIn) if is_page => sign_in::lead(),
         Err(refusal) => {
             app.metrics.refused(refusal.name());
             let status = match refusal {
-                Refusal::Token => StatusCode::UNAUTHORIZED,
+                Refusal::Token | Refusal::SignIn => StatusCode::UNAUTHORIZED,
+                Refusal::Guesses => StatusCode::TOO_MANY_REQUESTS,
                 Refusal::Host | Refusal::Origin => StatusCode::FORBIDDEN,
             };
             (status, refusal.text()).into_response()
         }
     };
     let headers = response.headers_mut();
-    for (name, value) in HEADERS {
+    for (name, value) in HEADERS.into_iter().chain(app.guard.people().map(|_| TLS_ONLY)) {
         headers.insert(HeaderName::from_static(name), HeaderValue::from_static(value));
     }
     headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
@@ -204,7 +266,11 @@ fn welcome(guard: &Guard) -> Response {
     (headers, "<!doctype html><title>XTB fleet</title><a href=\"/\">The dashboard</a>\n").into_response()
 }
 
-async fn upgrade(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
+async fn upgrade(
+    State(app): State<Arc<App>>,
+    Extension(visitor): Extension<Visitor>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
     let Ok(place) = Arc::clone(&app.places).try_acquire_owned() else {
         app.metrics.refused("full");
         let text = format!("too many pages: {MOST_SOCKETS} pages are connected; close one of them\n");
@@ -214,13 +280,13 @@ async fn upgrade(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Resp
         .max_message_size(MAX_MESSAGE)
         .max_frame_size(MAX_MESSAGE)
         .write_buffer_size(WRITE_BUFFER)
-        .on_upgrade(move |socket| serve(app, socket, place))
+        .on_upgrade(move |socket| serve(app, socket, visitor, place))
 }
 
-async fn serve(app: Arc<App>, socket: axum::extract::ws::WebSocket, place: OwnedSemaphorePermit) {
+async fn serve(app: Arc<App>, socket: WebSocket, visitor: Visitor, place: OwnedSemaphorePermit) {
     app.metrics.sockets.inc();
     let gauge = app.metrics.sockets.clone();
-    socket::serve(app, socket).await;
+    socket::serve(app, socket, visitor).await;
     gauge.dec();
     drop(place);
 }

@@ -3,10 +3,12 @@
 //! Two tasks, so that a page that takes nothing is still heard: an emergency stop comes in while a frame
 //! is stuck on its way out.
 
+use super::access::Visitor;
 use super::app::App;
 use super::command_session::CommandSession;
 use super::commands::FromPage;
-use super::frames::{Hello, ToPage};
+use super::frames::ToPage;
+use super::hello::Hello;
 use super::session::Session;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
 use futures_util::stream::{SplitSink, SplitStream};
@@ -15,7 +17,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 use tokio::time::Instant;
-use xtb_protocol::{Name, Uuid};
+use xtb_client::unique_name;
 
 /// A page that does not take a message within this is closed.
 const SEND_WITHIN: Duration = Duration::from_secs(5);
@@ -27,19 +29,21 @@ const CLOSE_WITHIN: Duration = Duration::from_millis(500);
 const ANSWERS: usize = 64;
 
 /// Serves one page until it leaves.
-pub(super) async fn serve(app: Arc<App>, socket: WebSocket) {
-    let name = format!("web-{}", &Uuid::new_v4().simple().to_string()[..6]);
-    let Ok(name) = Name::new(&name) else { return };
+pub(super) async fn serve(app: Arc<App>, socket: WebSocket, visitor: Visitor) {
+    // What a person does bears its name wherever the robots say who it was.
+    let stem = visitor.person().map_or("web".to_owned(), |person| format!("web-{}", person.name));
+    let Ok(name) = unique_name(&stem) else { return };
     let _busy = app.busy();
     let (sink, stream) = socket.split();
     let session = Arc::<Mutex<Session>>::default();
     let (answers, queue) = mpsc::channel(ANSWERS);
-    let desk = CommandSession::new(Arc::clone(&app), &name, answers);
+    let desk = CommandSession::new(Arc::clone(&app), &name, visitor.clone(), answers);
     let writer = Writer { app: Arc::clone(&app), sink, session: Arc::clone(&session), answers: queue };
-    let mut writer = tokio::spawn(writer.run(app.hello(name)));
+    let mut writer = tokio::spawn(writer.run(app.hello(name, &visitor)));
     tokio::select! {
         _ = &mut writer => {}
         () = read(&app, stream, &session, desk) => {}
+        () = app.left(&visitor) => {}
     }
     writer.abort();
 }

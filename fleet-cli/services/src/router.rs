@@ -1,7 +1,16 @@
 //! The embedded Zenoh router: the whole infrastructure that a small lab needs, and one of a mesh for a larger one.
 
+mod change;
+mod files;
+mod guarded;
 mod listen;
+mod quiet;
+mod status;
+mod visitors;
 
+pub use change::Change;
+pub use files::ask_to_apply;
+pub use guarded::{GuardedRouter, News, open_with_registry, zenohd_config};
 pub use listen::check_listen;
 
 use std::net::TcpListener;
@@ -23,15 +32,21 @@ pub async fn open(listen: &str, connect: &[String]) -> Result<(Bus, String)> {
 /// # Errors
 /// As [`open`].
 pub async fn open_leased(listen: &str, connect: &[String], link_lease: Duration) -> Result<(Bus, String)> {
-    if let Some(address) = listen.strip_prefix("tcp/").or_else(|| listen.strip_prefix("tls/")) {
-        // Zenoh's own message does not tell a taken port from a mistyped address.
-        TcpListener::bind(address).map_err(|error| taken(listen, &error))?;
-    }
+    check_port(listen)?;
     let role = Role::Router { listen: vec![listen.to_owned()], connect: connect.to_vec() };
     let bus = Opening::of(role).link_lease(link_lease).once().await?;
     let locators = bus.locators().await;
     let endpoint = locators.into_iter().next().unwrap_or_else(|| listen.to_owned());
     Ok((bus, endpoint))
+}
+
+/// Zenoh's own message does not tell a taken port from a mistyped address.
+fn check_port(listen: &str) -> Result<()> {
+    let address = listen.strip_prefix("tcp/").or_else(|| listen.strip_prefix("tls/"));
+    if let Some(address) = address {
+        TcpListener::bind(address).map_err(|error| taken(listen, &error))?;
+    }
+    Ok(())
 }
 
 fn taken(listen: &str, error: &std::io::Error) -> Error {

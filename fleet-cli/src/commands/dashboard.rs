@@ -7,24 +7,31 @@ use crate::recording::playback_worker::PlaybackWorker;
 use clap::Args;
 use serde::Serialize;
 use std::net::{IpAddr, SocketAddr};
+use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::MissedTickBehavior;
+use xtb_bus::Enrolled;
 use xtb_client::client::Client;
 use xtb_client::scene::live::{Live, Wanted};
 use xtb_client::subscription::Subscriptions;
-use xtb_client::{Error, Result};
-use xtb_dashboard::{Origin, Running, Settings, Shown};
+use xtb_client::{Error, ErrorKind, Result};
+use xtb_dashboard::{Origin, Running, Secure, Settings, Shown};
 
 const DASHBOARD_HELP: &str = "\
-Any address other than 127.0.0.1 needs a token: everyone with access can drive robots. The connection is not \
-encrypted; to encrypt it, use a proxy with TLS (--allow-origin gives its address).
+On 127.0.0.1 everyone on this computer can open the page. On any other address it uses TLS with the certificate of \
+the dashboard's identity, and people sign in with their own token (`fleet-cli pki token NAME`) or with a client \
+certificate of the fleet; what they may do follows from their role, and what they do carries their name. Without an \
+identity such an address is refused, unless --insecure is given with one token for all.
 
 Examples:
   fleet-cli dashboard
-  fleet-cli dashboard --listen 0.0.0.0:8080 --token \"$(openssl rand -hex 16)\"
-  fleet-cli dashboard --allow-origin https://fleet.example";
+  fleet-cli pki add-service dashboard --address 10.0.0.1
+  fleet-cli enrol dashboard.xtbid --to dashboard-identity
+  fleet-cli --identity dashboard-identity dashboard --listen 0.0.0.0:8443
+  fleet-cli dashboard --allow-origin https://fleet.example
+  fleet-cli dashboard --listen 0.0.0.0:8080 --insecure --token \"$(openssl rand -hex 16)\"";
 
 /// Arguments of `dashboard`.
 #[derive(Debug, Clone, Args)]
@@ -33,7 +40,17 @@ pub struct DashboardArgs {
     /// Address to listen on; port 0 picks a free port.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8080", value_parser = address)]
     pub listen: SocketAddr,
-    /// Access token (at least 16 characters). Safer in the environment, where other users cannot see it.
+    /// Use TLS on 127.0.0.1 too, and let people sign in there.
+    #[arg(long, conflicts_with_all = ["insecure", "token"])]
+    pub tls: bool,
+    /// The fleet's PKI, whose identities.toml says who may sign in [default: ~/.config/xtb/pki].
+    #[arg(long, env = "XTB_PKI", value_name = "DIR")]
+    pub pki: Option<PathBuf>,
+    /// Serve other computers without TLS: whoever reads along can drive every robot.
+    #[arg(long)]
+    pub insecure: bool,
+    /// Without TLS: access token for everybody (at least 16 characters). Safer in the environment, where other users
+    /// cannot see it.
     #[arg(long, env = "XTB_DASHBOARD_TOKEN", value_name = "TOKEN", hide_env_values = true)]
     pub token: Option<String>,
     /// View only: no page can send commands.
@@ -62,7 +79,9 @@ impl DashboardArgs {
     #[must_use]
     pub fn at(listen: SocketAddr) -> Self {
         let (allow_origin, proxy) = (Vec::new(), Vec::new());
-        Self { listen, token: None, read_only: false, allow_origin, proxy, hz: HZ, foxglove: None }
+        let (token, pki, foxglove) = (None, None, None);
+        let (tls, insecure, read_only) = (false, false, false);
+        Self { listen, tls, pki, insecure, token, read_only, allow_origin, proxy, hz: HZ, foxglove }
     }
 }
 
@@ -90,7 +109,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(200);
 #[derive(Debug, Serialize)]
 struct Ready<'a> {
     ready: bool,
-    /// To be opened in a browser; with the token, if there is one.
+    /// To be opened in a browser; with the token for everybody, if there is one.
     url: String,
     /// Such as `127.0.0.1:8080`.
     address: String,
@@ -101,11 +120,15 @@ struct Ready<'a> {
 /// Serves the page until it is interrupted.
 ///
 /// # Errors
-/// No router, a port that is taken, or an address that needs a token.
+/// No router, a port that is taken, or an address that others can reach without TLS.
 pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
     let mut stop = pin!(interrupted());
-    let settings = settings(args);
+    let settings = Settings { secure: secure(ctx, args)?, ..settings(args) };
     settings.check()?;
+    if settings.secure.is_none() && !args.listen.ip().is_loopback() {
+        let text = "no TLS (--insecure): whoever reads along on this network gets the token, and can drive every robot";
+        ctx.out.note(&format!("warning: {text}"));
+    }
     let starting = async {
         let client = Client::open(&ctx.settings).await?;
         let live = Live::open(&client, Wanted::default()).await?;
@@ -160,10 +183,45 @@ pub(crate) async fn played(ctx: &Context, playing: Arc<PlaybackWorker>, listen: 
     Ok(Exit::Done)
 }
 
+/// What TLS needs, if it is used: the dashboard's identity, and the registry of people.
+fn secure(ctx: &Context, args: &DashboardArgs) -> Result<Option<Secure>> {
+    if args.insecure || !(args.tls || !args.listen.ip().is_loopback()) {
+        return Ok(None);
+    }
+    let hint = "`fleet-cli pki add-service dashboard --address HOST` makes an identity with a certificate for the \
+                page; `fleet-cli enrol dashboard.xtbid --to DIR`, then `fleet-cli --identity DIR dashboard`";
+    match &ctx.settings.identity {
+        Some(Enrolled { folder, identity }) if identity.page.is_some() => {
+            let registry = registry(args.pki.as_deref())?;
+            Ok(Some(Secure { identity: folder.clone(), registry }))
+        }
+        Some(Enrolled { folder, identity }) => {
+            let text = format!("{} in {} has no certificate for the page", identity.name, folder.display());
+            Err(Error::new(ErrorKind::Config, text).hint(hint))
+        }
+        None if args.tls => Err(Error::new(ErrorKind::Config, "TLS needs an identity").hint(hint)),
+        // Refused with the rest of the settings, which know why.
+        None => Ok(None),
+    }
+}
+
+/// Where the registry is.
+fn registry(pki: Option<&Path>) -> Result<PathBuf> {
+    let usual = || Some(Enrolled::place()?.parent()?.join("pki"));
+    let folder = pki.map(Path::to_owned).or_else(usual);
+    let folder = folder.ok_or_else(|| {
+        Error::new(ErrorKind::Config, "where the fleet's PKI is cannot be told without HOME")
+            .hint("give --pki DIR")
+    })?;
+    Ok(folder.join("identities.toml"))
+}
+
 fn settings(args: &DashboardArgs) -> Settings {
     Settings {
         listen: args.listen,
+        secure: None,
         token: args.token.clone().filter(|token| !token.is_empty()),
+        insecure: args.insecure,
         read_only: args.read_only,
         allow_origins: args.allow_origin.clone(),
         proxies: args.proxy.clone(),
@@ -195,9 +253,54 @@ async fn foxglove(ctx: &Context, args: &DashboardArgs, live: &Live) -> Result<Op
 async fn foxglove(_: &Context, args: &DashboardArgs, _: &Live) -> Result<Option<Foxglove>> {
     match args.foxglove {
         None => Ok(None),
-        Some(_) => {
-            Err(Error::new(xtb_client::ErrorKind::Invalid, "this fleet-cli was built without Foxglove")
-                .hint("build it with `cargo build --release -p fleet-cli --features foxglove`"))
-        }
+        Some(_) => Err(Error::new(ErrorKind::Invalid, "this fleet-cli was built without Foxglove")
+            .hint("build it with `cargo build --release -p fleet-cli --features foxglove`")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::Output;
+    use xtb_identity::{Identity, Page, Role};
+
+    fn ctx(identity: Option<Identity>) -> Context {
+        let mut settings = xtb_client::Settings::new("lab").unwrap();
+        settings.identity =
+            identity.map(|identity| Enrolled { folder: "/etc/xtb/dashboard".into(), identity });
+        Context { settings, connect_given: false, out: Output { json: true, colors: false } }
+    }
+
+    fn identity(name: &str, role: Role, page: Option<Page>) -> Identity {
+        let own = format!("{name}.1").parse().unwrap();
+        let (fleet, none) = (xtb_protocol::Name::new("lab").unwrap(), String::new);
+        let mut identity = Identity::new(fleet, own, role, Vec::new(), none(), none(), none());
+        identity.page = page;
+        identity
+    }
+
+    fn args(listen: &str, pki: Option<&str>) -> DashboardArgs {
+        DashboardArgs { pki: pki.map(PathBuf::from), ..DashboardArgs::at(listen.parse().unwrap()) }
+    }
+
+    #[test]
+    fn tls_is_for_others_and_for_who_asks_for_it() {
+        let page = Page { certificate: String::new(), key: String::new() };
+        let dashboard = ctx(Some(identity("dashboard", Role::Dashboard, Some(page))));
+        let found = secure(&dashboard, &args("0.0.0.0:8443", Some("/pki"))).unwrap().unwrap();
+        let (folder, registry) = (found.identity.to_str(), found.registry.to_str());
+        assert_eq!((folder, registry), (Some("/etc/xtb/dashboard"), Some("/pki/identities.toml")));
+        assert_eq!(secure(&dashboard, &args("127.0.0.1:8080", Some("/pki"))).unwrap(), None);
+        let asked = DashboardArgs { tls: true, ..args("127.0.0.1:8080", Some("/pki")) };
+        assert!(secure(&dashboard, &asked).unwrap().is_some());
+        let insecure = DashboardArgs { insecure: true, ..args("0.0.0.0:8080", None) };
+        assert_eq!(secure(&dashboard, &insecure).unwrap(), None);
+
+        let alice = ctx(Some(identity("alice", Role::Operator, None)));
+        let failure = secure(&alice, &args("0.0.0.0:8443", None)).unwrap_err();
+        assert_eq!(failure.message, "alice in /etc/xtb/dashboard has no certificate for the page");
+        assert!(failure.hint.contains("pki add-service dashboard"), "{}", failure.hint);
+        assert!(secure(&ctx(None), &asked).is_err());
+        assert_eq!(secure(&ctx(None), &args("0.0.0.0:8443", None)).unwrap(), None, "refused by the settings");
     }
 }

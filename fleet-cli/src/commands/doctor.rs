@@ -5,6 +5,7 @@ mod checks;
 mod clock;
 mod finding;
 mod fixes;
+mod security;
 mod services;
 
 use crate::context::Context;
@@ -21,10 +22,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 use xtb_bus::{Incoming, Subscription};
-use xtb_client::ErrorKind;
 use xtb_client::Result;
 use xtb_client::client::{Client, Seen};
 use xtb_client::state_feed::StateFeed;
+use xtb_client::{Action, ErrorKind};
 use xtb_protocol::keys::{Key, RobotKeys};
 use xtb_protocol::messages::{About, Body, Fix, Request, RobotState};
 use xtb_protocol::{Name, Uuid};
@@ -71,16 +72,24 @@ impl Report {
 /// An endpoint that is none; a router that does not answer is a finding.
 pub async fn run(ctx: &Context, args: &DoctorArgs) -> Result<Exit> {
     let began = Instant::now();
-    let findings = match Client::open(&ctx.settings).await {
+    let (opened, took) = (Client::open(&ctx.settings).await, began.elapsed());
+    let mut security = security::look(&ctx.settings).await;
+    let findings = match opened {
         Ok(client) => {
-            let took = began.elapsed();
-            let facts = gather(ctx, &client, args).await?;
-            client.close().await;
             let mut findings = vec![checks::router(&ctx.settings.connect, took)];
+            findings.extend(client.not_admitted().await.as_ref().map(checks::no_router));
+            let facts = gather(ctx, &client, args).await?;
+            security.answers_others = security::answers_others(&client, facts.alive.first()).await;
+            client.close().await;
+            findings.extend(security.findings());
             findings.extend(checks::all(&facts));
             findings
         }
-        Err(error) if error.kind == ErrorKind::NoRouter => vec![checks::no_router(&error)],
+        Err(error) if matches!(error.kind, ErrorKind::NoRouter | ErrorKind::NotAdmitted) => {
+            let mut findings = vec![checks::no_router(&error)];
+            findings.extend(security.findings());
+            findings
+        }
         Err(error) => return Err(error),
     };
     let report = Report::new(&ctx.settings.fleet, findings);
@@ -170,6 +179,10 @@ async fn listen_for_fixes(client: &Client, feed: &Arc<StateFeed>) -> Result<FixE
 /// How many programs answer each robot's commands. (What is asked, to retain a lease that nobody holds, is refused
 /// and changes nothing.)
 async fn voices(client: &Client, alive: &BTreeSet<Name>) -> BTreeMap<Name, usize> {
+    // Who may not command gets no answer: nothing can be said of it then.
+    if client.may(Action::Drive).is_err() {
+        return BTreeMap::new();
+    }
     let mut asking = JoinSet::new();
     for robot in alive {
         let (client, robot) = (client.clone(), robot.clone());
@@ -180,6 +193,9 @@ async fn voices(client: &Client, alive: &BTreeSet<Name>) -> BTreeMap<Name, usize
 
 /// Whether somebody answers the commands to a robot that is not there.
 async fn answered_for_nobody(client: &Client) -> bool {
+    if client.may(Action::Drive).is_err() {
+        return false;
+    }
     let invented = format!("nobody-{}", &Uuid::new_v4().simple().to_string()[..12]);
     match Name::robot(&invented) {
         Ok(robot) => answers_to_a_command(client, &robot).await > 0,

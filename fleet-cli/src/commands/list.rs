@@ -71,6 +71,10 @@ pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
     let (alive, states) = client.heard().await?;
     let view = FleetView::of(&ctx.settings.fleet, &alive, &states, &expected).with_roster(&roster);
     let view = FleetView { simulator: simulator?, ..view };
+    let nobody = !view.robots.iter().any(|robot| robot.alive);
+    if nobody && let Some(error) = client.not_admitted().await {
+        return Err(error);
+    }
     if view.robots.is_empty() {
         return Err(client.nobody());
     }
@@ -79,7 +83,7 @@ pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
         let more = task_text::suspended(suspended, None, &ctx.out);
         [table(view, terminal_columns(), &ctx.out)].into_iter().chain(more).collect::<Vec<_>>().join("\n")
     })?;
-    if !view.robots.iter().any(|robot| robot.alive) && !ctx.out.json {
+    if nobody && !ctx.out.json {
         ctx.out.failure(&client.nobody());
     }
     client.close().await;

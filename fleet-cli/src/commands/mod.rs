@@ -1,5 +1,6 @@
 //! One verb a file: its arguments, then what it does. A new verb is a file and its lines here.
 
+pub mod audit;
 pub mod change;
 pub mod completions;
 pub mod dashboard;
@@ -20,6 +21,7 @@ pub mod plan;
 pub mod play;
 pub mod record;
 pub mod reset;
+pub mod rights;
 pub mod router;
 pub mod set_pose;
 pub mod sim;
@@ -42,6 +44,8 @@ use crate::exit::Exit;
 use crate::interrupt::{or_interrupted, or_interrupted_saying};
 use crate::output::{Output, Progress};
 use clap::Subcommand;
+use rights::Rights;
+use std::sync::OnceLock;
 use xtb_client::DispatcherClient;
 use xtb_client::Result;
 use xtb_client::client::Client;
@@ -86,6 +90,8 @@ pub enum Verb {
     Play(play::PlayArgs),
     /// Export a recording of the fleet as tables.
     Export(export::ExportArgs),
+    /// Show who commanded what and when, by name, from recordings and the dispatcher's ledger.
+    Audit(audit::AuditArgs),
     /// Download a recording from a robot.
     FetchLog(fetch_log::FetchLogArgs),
     /// Show, check, import or serve a map.
@@ -131,9 +137,11 @@ impl Verb {
     /// What becomes of this computer's identity.
     fn uses_identity(&self) -> Uses {
         match self {
-            Self::Pki(_) | Self::Enrol(_) | Self::Play(_) | Self::Export(_) | Self::Router(_) => {
-                Uses::Nothing
-            }
+            Self::Pki(_)
+            | Self::Enrol(_)
+            | Self::Play(_)
+            | Self::Export(_)
+            | Self::Router(_) => Uses::Nothing,
             Self::Map(args) if !args.needs_session() => Uses::Nothing,
             Self::Sim(_) | Self::Demo(_) => Uses::IfAsked,
             Self::Doctor(_) => Uses::Unchecked,
@@ -148,9 +156,28 @@ impl Verb {
 /// # Errors
 /// What the verb says.
 pub async fn run(verb: Verb, global: &GlobalArgs, grammar: clap::Command, out: Output) -> Result<Exit> {
+    let (rights, settings) = (Rights::of(&verb), OnceLock::new());
     // Not before a verb asks for it: completions must not fail over a broken config.
     let uses = verb.uses_identity();
-    let ctx = || Context::new(global, uses, out);
+    let ctx = || {
+        let ctx = Context::new(global, uses, out)?;
+        rights.check(&ctx.settings)?;
+        settings.get_or_init(|| ctx.settings.clone());
+        Ok(ctx)
+    };
+    let done = carry_out(verb, ctx, grammar, out).await;
+    match (done, settings.get()) {
+        (Err(error), Some(settings)) => Err(rights::explained(settings, error).await),
+        (done, _) => done,
+    }
+}
+
+async fn carry_out(
+    verb: Verb,
+    ctx: impl Fn() -> Result<Context>,
+    grammar: clap::Command,
+    out: Output,
+) -> Result<Exit> {
     match verb {
         Verb::List(args) => or_interrupted(list::run(&ctx()?, &args)).await,
         Verb::Status(args) if args.watch => status::run(&ctx()?, &args).await,
@@ -185,6 +212,7 @@ pub async fn run(verb: Verb, global: &GlobalArgs, grammar: clap::Command, out: O
         Verb::Record(args) => record::run(&ctx()?, args).await,
         Verb::Play(args) => play::run(&ctx()?, &args).await,
         Verb::Export(args) => export::run(&ctx()?, &args),
+        Verb::Audit(args) => audit::run(&ctx()?, &args),
         Verb::Traffic(args) => traffic::run(&ctx()?, &args).await,
         Verb::Dispatch(args) => dispatch::run(&ctx()?, &args).await,
         Verb::Tasks(args) => tasks::run(&ctx()?, &args).await,

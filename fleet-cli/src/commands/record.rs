@@ -120,10 +120,16 @@ pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
     }
     let mut shown = output::Progress::new();
     let mut tick = tokio::time::interval(SHOW_EVERY);
-    while !writing.ended() && args.lasting.is_none_or(|lasting| began.elapsed() < lasting) {
+    let mut refused = None;
+    while refused.is_none()
+        && !writing.ended()
+        && args.lasting.is_none_or(|lasting| began.elapsed() < lasting)
+    {
         let left = args.lasting.map_or(SHOW_EVERY, |lasting| lasting.saturating_sub(began.elapsed()));
         tokio::select! {
             () = &mut stop => break,
+            // What was recorded until now is kept.
+            error = client.refused(), if refused.is_none() => refused = Some(error),
             () = tokio::time::sleep(left) => {}
             _ = tick.tick() => shown.show(&progress(&writing.progress(), began.elapsed())),
         }
@@ -136,7 +142,7 @@ pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
         finishing.await.map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))??;
     client.close().await;
     ctx.out.result(&Ended { files, bytes, seconds, counts }, words)?;
-    Ok(Exit::Done)
+    refused.map_or(Ok(Exit::Done), Err)
 }
 
 /// Listens on what is wanted: by default on everything, and what only answers is asked once.

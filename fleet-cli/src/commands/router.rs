@@ -5,19 +5,29 @@ use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use clap::Args;
 use serde::Serialize;
+use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::time::Duration;
-use xtb_bus::Bus;
+use xtb_bus::{Bus, Enrolled};
 use xtb_client::DEFAULT_ENDPOINT;
-use xtb_client::Result;
-use xtb_services::router;
+use xtb_client::{Error, ErrorKind, Result};
+use xtb_services::router::{self, GuardedRouter, News};
 
 const ROUTER_HELP: &str = "\
+On tls/… it admits those whom the PKI names (`fleet-cli pki`), each with the rights of its role, and follows the \
+registry: who is revoked is out at once, for which the router opens anew (about a second, which ends teleoperation \
+and goals that stop on a lost link); who is added comes in when no robot is driven, or at once where `fleet-cli pki` \
+was given --apply. On another computer than that of the PKI it needs a copy of its folder without ca.key. On \
+tcp/… it admits everybody, so others than this computer must not reach it, unless with --insecure.
+
 With --connect it forms a mesh with other routers: robots and clients of all of them are one fleet. Each pair of \
 routers needs one of the two to connect. A router that is not there is tried again until it is. XTB_CONNECT and \
 the fleet config are not used.
 
-Example, on the second of two computers: fleet-cli router --listen tcp/0.0.0.0:7447 --connect tcp/10.0.0.1:7447";
+Examples:
+  fleet-cli pki init && fleet-cli router --listen tls/0.0.0.0:7447
+  fleet-cli router --listen tls/0.0.0.0:7447 --connect tls/10.0.0.1:7447   on the second of two computers
+  fleet-cli router --listen tls/0.0.0.0:7447 --print-acl > zenohd.json5    zenohd with the same rules";
 
 /// Between two looks at the links to other routers.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -29,6 +39,15 @@ pub struct RouterArgs {
     /// Endpoint to listen on; port 0 picks a free port.
     #[arg(long, value_name = "ENDPOINT", default_value = DEFAULT_ENDPOINT)]
     pub listen: String,
+    /// For tls/: the folder of the PKI, or a copy of it without ca.key [default: ~/.config/xtb/pki].
+    #[arg(long, value_name = "DIR", env = "XTB_PKI")]
+    pub pki: Option<PathBuf>,
+    /// Listen without identities where others can reach it: whoever does can drive every robot.
+    #[arg(long)]
+    pub insecure: bool,
+    /// Print the configuration of a zenohd with the same rules, as JSON5, and end. It does not follow the registry.
+    #[arg(long)]
+    pub print_acl: bool,
 }
 
 /// The one line that says it is ready.
@@ -36,6 +55,8 @@ pub struct RouterArgs {
 struct Ready<'a> {
     ready: bool,
     router: &'a str,
+    /// Whether it admits only those of a registry.
+    identities: bool,
     /// Routers that it keeps a link to, or tries to.
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     connect: &'a [String],
@@ -44,35 +65,98 @@ struct Ready<'a> {
 /// Runs until it is interrupted.
 ///
 /// # Errors
-/// A port that is taken, or an endpoint that is none.
+/// A port that is taken, an endpoint that is none, or one that others could reach without identities.
 pub async fn run(ctx: &Context, args: &RouterArgs) -> Result<Exit> {
     // Not those of the environment or the config: they say where clients of this computer find a router.
     let connect = if ctx.connect_given { ctx.settings.connect.as_slice() } else { &[] };
+    if args.listen.starts_with("tls/") || args.print_acl {
+        return guarded(ctx, args, connect).await;
+    }
+    if let Some(warning) = router::check_listen(&args.listen, args.insecure)? {
+        ctx.out.note(&format!("warning: {warning}"));
+    }
     let mut stop = pin!(interrupted());
     let (bus, endpoint) = tokio::select! {
         opened = router::open(&args.listen, connect) => opened?,
         () = &mut stop => return Ok(Exit::Interrupted),
     };
-    let ready = Ready { ready: true, router: &endpoint, connect };
-    ctx.out.result(&ready, |Ready { router, connect, .. }| match connect {
-        [] => format!("router ready on {router}"),
-        connect => format!("router ready on {router}, in a mesh with {}", connect.join(", ")),
-    })?;
+    tell_ready(ctx, &endpoint, false, connect)?;
     tokio::select! {
         () = &mut stop => {}
-        () = tell_links(ctx, &bus) => {}
+        () = tell_links(ctx, || bus.clone()) => {}
     }
     bus.close().await;
     Ok(Exit::Done)
 }
 
+/// With identities.
+async fn guarded(ctx: &Context, args: &RouterArgs, connect: &[String]) -> Result<Exit> {
+    let pki = pki_folder(args.pki.as_deref())?;
+    if args.print_acl {
+        let config = router::zenohd_config(&args.listen, connect, &pki)?;
+        let text = serde_json::to_string_pretty(&config)
+            .map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))?;
+        ctx.out.result(&config, |_| text.clone())?;
+        return Ok(Exit::Done);
+    }
+    let mut stop = pin!(interrupted());
+    let mut router = tokio::select! {
+        opened = router::open_with_registry(&args.listen, connect, &pki) => opened?,
+        () = &mut stop => return Ok(Exit::Interrupted),
+    };
+    tell_ready(ctx, router.endpoint(), true, connect)?;
+    let bus = router.bus_watch();
+    tokio::select! {
+        () = &mut stop => {}
+        () = tell_news(ctx, &mut router) => {}
+        () = tell_links(ctx, || bus.borrow().clone()) => {}
+    }
+    router.close().await;
+    Ok(Exit::Done)
+}
+
+fn tell_ready(ctx: &Context, router: &str, identities: bool, connect: &[String]) -> Result<()> {
+    let ready = Ready { ready: true, router, identities, connect };
+    ctx.out.result(&ready, |Ready { router, connect, .. }| match connect {
+        [] => format!("router ready on {router}"),
+        connect => format!("router ready on {router}, in a mesh with {}", connect.join(", ")),
+    })
+}
+
+/// The folder of the PKI: as named, else `xtb/pki` below the user's configuration.
+fn pki_folder(named: Option<&Path>) -> Result<PathBuf> {
+    let usual = || Some(Enrolled::place()?.with_file_name("pki"));
+    named.map(Path::to_owned).or_else(usual).ok_or_else(|| {
+        Error::new(ErrorKind::Invalid, "there is no home folder for the PKI").hint("name one with --pki DIR")
+    })
+}
+
+/// Says what happens to a router with identities; does not end.
+async fn tell_news(ctx: &Context, router: &mut GuardedRouter) {
+    loop {
+        ctx.out.note(&match router.news().await {
+            News::Reopened { change, closed } => {
+                format!("opened anew after {:.1} s: {change}", closed.as_secs_f64())
+            }
+            News::Waiting(change) => {
+                format!(
+                    "{change}; admitted when no robot is driven, or at once with `fleet-cli pki … --apply`"
+                )
+            }
+            News::Unreadable(reason) => {
+                format!("warning: the registry cannot be read, the rules before are in force: {reason}")
+            }
+        });
+    }
+}
+
 /// Notes each change of the number of routers that a link stands to; does not end.
-async fn tell_links(ctx: &Context, bus: &Bus) {
+async fn tell_links(ctx: &Context, bus: impl Fn() -> Bus) {
     let mut look = tokio::time::interval(LOOK_EVERY);
     let mut told = 0;
     loop {
         look.tick().await;
-        let linked = bus.linked_routers().await;
+        let linked = bus().linked_routers().await;
         if linked != told {
             told = linked;
             let routers = if linked == 1 { "router" } else { "routers" };

@@ -44,6 +44,11 @@ pub async fn run(ctx: &Context, args: &StatusArgs) -> Result<Exit> {
 
 async fn once(ctx: &Context, client: &Client, args: &StatusArgs, wanted: &BTreeSet<Name>) -> Result<Exit> {
     let view = FleetView::ask(client, &ctx.settings.fleet, wanted).await?.only(&args.robots);
+    if !view.robots.iter().any(|robot| robot.alive)
+        && let Some(error) = client.not_admitted().await
+    {
+        return Err(error);
+    }
     if view.robots.is_empty() {
         return Err(client.nobody());
     }

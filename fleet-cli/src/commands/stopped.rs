@@ -75,6 +75,11 @@ pub(super) async fn shown(
     if found.robots.is_empty() {
         return Err(missing.alive.unwrap_or_else(|| client.nobody()));
     }
+    if found.robots.values().all(|outcome| *outcome == StopOutcome::Unknown)
+        && let Some(error) = client.not_admitted().await
+    {
+        return Err(error);
+    }
     let report = Report { stopped: found, unknown_robots };
     ctx.out.result(&report, |report| report.table(stopped, &ctx.out))?;
     warn(ctx, &missing);

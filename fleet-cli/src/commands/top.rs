@@ -77,7 +77,10 @@ pub async fn run(ctx: &Context, args: &TopArgs) -> Result<Exit> {
     };
     let read_only = args.read_only.then_some("--read-only; `fleet-cli estop --all` stops the fleet");
     let source = Source { scene: Arc::clone(&live.scene), client: Some(&client), played: None };
-    let shown = show(ctx, source, link.up.clone(), args, read_only).await;
+    let shown = tokio::select! {
+        shown = show(ctx, source, link.up.clone(), args, read_only) => shown,
+        error = client.refused() => Err(error),
+    };
     client.close().await;
     shown
 }

@@ -14,7 +14,7 @@ use xtb_bus::Incoming;
 use xtb_client::client::Client;
 use xtb_client::messages::AnyMessage;
 use xtb_client::subscription::plan::Plan;
-use xtb_client::subscription::{Inlet, Item, Subscriptions, not_a_key_expr};
+use xtb_client::subscription::{Inlet, Item, Subscriptions, hidden, not_a_key_expr};
 use xtb_client::{Error, ErrorKind, Result};
 
 /// Arguments of `watch`.
@@ -52,13 +52,20 @@ struct Undecodable<'a> {
 /// had, it ends after these.
 ///
 /// # Errors
-/// No router, a key expression that is none or that names only commands, or nobody to answer.
+/// No router, one that does not admit this identity, a key expression that is none or that names only commands, or
+/// nobody to answer.
 pub async fn run(ctx: &Context, args: &WatchArgs) -> Result<Exit> {
     let plan = Plan::of(&args.key_expr)?;
     let client = Client::open(&ctx.settings).await?;
+    if let Some(words) = hidden(&client, &args.key_expr, &plan) {
+        ctx.out.note(&format!("warning: {words}"));
+    }
     match plan {
         Plan::Answers(ask) => print_answers(ctx, &client, args, &ask).await?,
-        plan => follow(ctx, &client, args, plan).await?,
+        plan => tokio::select! {
+            followed = follow(ctx, &client, args, plan) => followed?,
+            refused = client.refused() => return Err(refused),
+        },
     }
     client.close().await;
     Ok(Exit::Done)

@@ -121,6 +121,7 @@ impl Browser {
         let mut arguments = ARGUMENTS.map(str::to_owned).to_vec();
         arguments.push(format!("--user-data-dir={}", profile.path().join("profile").display()));
         let wanted: Capabilities = serde_json::from_value(json!({
+            "acceptInsecureCerts": true,
             "goog:chromeOptions": { "binary": CHROMIUM, "args": arguments },
             "goog:loggingPrefs": { "browser": "ALL" },
         }))

@@ -9,6 +9,7 @@ mod driver;
 mod driving;
 mod foreign;
 mod hand;
+mod signing_in;
 mod tasks;
 
 use driver::{Browser, Dashboard};
@@ -77,12 +78,13 @@ async fn goals_are_clicked_and_reached_and_an_emergency_stop_latches_all() {
     eventually("all drive", || async { (1..=3).all(|n| fleet.truth(n).speed_mps > 0.05).then_some(()) })
         .await;
     browser.click("#estop").await;
-    browser
-        .until(
-            "the page shows who has stopped",
-            "return document.querySelectorAll('[data-stopped].good, .good[data-stopped]').length === 3",
-        )
-        .await;
+    let answered = "const said = document.getElementById('stops').textContent;
+        return said.includes('Emergency stop of all robots') && !said.includes('waiting for confirmation')";
+    browser.until("the page shows what came of the emergency stop", answered).await;
+    let outcomes =
+        "return [...document.querySelectorAll('[data-stopped].good')].map((chip) => chip.dataset.stopped)";
+    let said = browser.ask("return document.getElementById('stops').innerText").await;
+    assert_eq!(browser.ask(outcomes).await, serde_json::json!(["xtb-1", "xtb-2", "xtb-3"]), "{said}");
     browser
         .until(
             "the page shows the latches",

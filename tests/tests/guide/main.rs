@@ -16,7 +16,7 @@ use std::process::Command;
 use walk::walk;
 
 /// The pages, and the tests below: one each, so that they run side by side.
-const PAGES: [&str; 10] = [
+const PAGES: [&str; 11] = [
     "README.md",
     "first-drive.md",
     "fleet.md",
@@ -24,6 +24,7 @@ const PAGES: [&str; 10] = [
     "recordings.md",
     "rooms.md",
     "screens.md",
+    "security.md",
     "tasks.md",
     "troubleshooting.md",
     "your-robot.md",
@@ -122,6 +123,11 @@ fn rooms_runs_as_written() {
 #[test]
 fn screens_runs_as_written() {
     walk("screens.md");
+}
+
+#[test]
+fn security_runs_as_written() {
+    walk("security.md");
 }
 
 #[test]

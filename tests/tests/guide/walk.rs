@@ -46,6 +46,8 @@ struct Walk<'a> {
     page: &'a str,
     home: TempDir,
     variables: BTreeMap<String, String>,
+    /// Where a router with identities listens: their files name it, so it is chosen before there is one.
+    tls: String,
     running: Vec<Running>,
     /// What the last block of commands has shown.
     seen: String,
@@ -81,7 +83,16 @@ impl<'a> Walk<'a> {
             ("XTB_CONNECT", "tcp/127.0.0.1:1".to_owned()),
         ];
         let variables = variables.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
-        Self { page, home, variables, running: Vec::new(), seen: String::new(), outputs: 0 }
+        let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+        Self {
+            page,
+            home,
+            variables,
+            tls: format!("tls/{free}"),
+            running: Vec::new(),
+            seen: String::new(),
+            outputs: 0,
+        }
     }
 
     fn step(&mut self, step: &Step, shown: Option<&str>) {
@@ -275,7 +286,13 @@ impl<'a> Walk<'a> {
         // In the shell's place, so that what ends the one ends the other.
         let ours = ["fleet-cli ", "robot-agent "].iter().any(|program| typed.starts_with(program));
         let exec = if ours { "exec " } else { "" };
-        command.arg("-c").arg(format!("{exec}{}", self.adapted(typed))).stdin(Stdio::null());
+        if typed.contains("--identity ") && !typed.contains("--identity none") {
+            // It names the router, and the page has said nothing of another one.
+            command.env_remove("XTB_CONNECT");
+        }
+        let port = self.tls.rsplit(':').next().unwrap();
+        let typed = typed.replace("pki init ", &format!("pki init --port {port} "));
+        command.arg("-c").arg(format!("{exec}{}", self.adapted(&typed))).stdin(Stdio::null());
         command
     }
 
@@ -304,8 +321,12 @@ impl<'a> Walk<'a> {
         }
         let mut words: Vec<&str> = typed.split_whitespace().collect();
         let verb = words.get(1).copied().filter(|_| words[0] == "fleet-cli");
+        if typed.contains("tls/") {
+            return typed.replace("tls/0.0.0.0:7447", &self.tls);
+        }
         let free = match verb {
             Some(verb) if ROUTERS.contains(&verb) && !typed.contains("--connect") => "tcp/127.0.0.1:0",
+            Some("dashboard") if typed.contains("--identity") => "127.0.0.1:0 --tls",
             Some("dashboard") => "127.0.0.1:0",
             _ => return typed.to_owned(),
         };

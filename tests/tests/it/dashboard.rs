@@ -6,6 +6,7 @@ mod commands;
 mod driving;
 mod entry;
 mod page;
+mod secure;
 mod slow;
 mod stalled;
 
@@ -47,7 +48,9 @@ impl Rig {
         let live = Live::open(&client, Wanted { sensors: true, truth: false }).await.unwrap();
         let mut settings = Settings {
             listen: "127.0.0.1:0".parse().unwrap(),
+            secure: None,
             token: None,
+            insecure: false,
             read_only: false,
             allow_origins: Vec::new(),
             proxies: Vec::new(),

@@ -19,6 +19,7 @@ mod fuzz;
 mod hardware;
 mod hostile;
 mod huge_messages;
+mod identities;
 mod keys;
 mod logs;
 mod membership;

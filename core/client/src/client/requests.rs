@@ -5,6 +5,7 @@ use crate::error::{Error, ErrorKind, Result};
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 use xtb_bus::BusError;
+use xtb_identity::Action;
 use xtb_protocol::messages::{Body, Done, Message, Outcome, RejectCode, Reply, Request};
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::operator::{Operator, Step};
@@ -18,7 +19,8 @@ impl Client {
     /// Asks a robot for something that needs no lease.
     ///
     /// # Errors
-    /// [`ErrorKind::Refused`], [`ErrorKind::OutcomeUnknown`], or [`ErrorKind::Invalid`] if the request is not valid.
+    /// [`ErrorKind::Refused`], [`ErrorKind::OutcomeUnknown`], [`ErrorKind::Invalid`] if the request is not valid, or
+    /// [`ErrorKind::NotAllowed`].
     pub async fn request(&self, robot: &Name, body: Body) -> Result<Done> {
         let reply = self.carry_out(robot, &Operator::default(), Uuid::new_v4(), body).await?;
         accepted(robot, &reply)
@@ -47,6 +49,7 @@ impl Client {
         body: Body,
         linger: Duration,
     ) -> Result<Vec<Reply>> {
+        self.may(Action::Drive)?;
         Request { id, lease: None, body: body.clone() }
             .validate()
             .map_err(|error| Error::new(ErrorKind::Invalid, error.to_string()))?;
@@ -65,7 +68,10 @@ impl Client {
                     continue;
                 }
                 Step::Wait(until) => until,
-                Step::GiveUp { asked } => return Err(self.no_answer(robot, patience, asked, turned_away)),
+                Step::GiveUp { asked } => {
+                    let error = self.no_answer(robot, patience, asked, turned_away);
+                    return Err(self.explained(error).await);
+                }
             };
             let nap = Duration::from_nanos(until.ns().saturating_sub(self.now().ns()));
             tokio::select! {

@@ -47,7 +47,10 @@ impl DispatcherClient<'_> {
                 let page = answer.decode().map_err(|error| not_ours(&error.to_string()))?;
                 Ok((page, answer.payload.len()))
             }
-            None => Err(self.silent(Duration::ZERO, "no request was sent", self.is_there().await)),
+            None => {
+                let error = self.silent(Duration::ZERO, "no request was sent", self.is_there().await);
+                Err(self.client.explained(error).await)
+            }
         }
     }
 }

@@ -6,6 +6,7 @@
 
 use crate::error::{Error, ErrorKind, Result};
 use xtb_bus::intersect;
+use xtb_protocol::Name;
 use xtb_protocol::keys::any;
 
 /// Any chunk.
@@ -64,6 +65,63 @@ impl Plan {
         }
         Ok(Self::Messages { ask, presence })
     }
+}
+
+/// Keys on which messages are published that whoever looks may hear, each message on one of them.
+const HEARD: [&str; 10] = [
+    any::STATE,
+    any::SENSORS,
+    any::EVENT,
+    any::FIX,
+    any::ROUTE,
+    any::NEAR,
+    any::MAP,
+    any::DISPATCH_TASKS,
+    any::SIM_TRUTH,
+    any::SIM_STATS,
+];
+
+impl Plan {
+    /// The same channel by channel, for a router with identities: it drops a subscription to more than its rules
+    /// allow, and does not narrow it. Empty: nothing of this fleet can be seen there.
+    #[must_use]
+    pub fn by_channel(self, expression: &str, fleet: &Name) -> Vec<(String, Self)> {
+        let overlaps = |pattern: &str| overlap(expression, &within(pattern, fleet));
+        let each = |pattern: &str, plan: &Self| {
+            overlaps(pattern).into_iter().map(|part| (part, plan.clone())).collect::<Vec<_>>()
+        };
+        let asks = |ask: Vec<String>| {
+            let ask: Vec<String> = ask.iter().filter_map(|ask| ask_within(ask, fleet)).collect();
+            (!ask.is_empty()).then(|| (expression.to_owned(), Self::Answers(ask)))
+        };
+        match self {
+            Self::Presence => each(any::ALIVE, &Self::Presence),
+            Self::Events => each(any::EVENT, &Self::Events),
+            Self::Answers(ask) => asks(ask).into_iter().collect(),
+            Self::Messages { ask, presence } => {
+                let published = Self::Messages { ask: Vec::new(), presence: Vec::new() };
+                let mut parts: Vec<_> = HEARD.iter().flat_map(|pattern| each(pattern, &published)).collect();
+                if !presence.is_empty() {
+                    parts.extend(each(any::ALIVE, &Self::Presence));
+                }
+                parts.extend(asks(ask));
+                parts
+            }
+        }
+    }
+}
+
+/// Of this fleet.
+fn within(pattern: &str, fleet: &Name) -> String {
+    pattern.replacen(ANY, fleet.as_str(), 1)
+}
+
+/// A question to whatever fleets, to this one alone; `None` = it is to another.
+fn ask_within(ask: &str, fleet: &Name) -> Option<String> {
+    let mut chunks: Vec<&str> = ask.split('/').collect();
+    let of = chunks.get_mut(1).filter(|of| intersect(of, fleet.as_str()))?;
+    *of = fleet.as_str();
+    Some(chunks.join("/"))
 }
 
 fn only_commands(expression: &str) -> Error {
@@ -158,6 +216,35 @@ mod tests {
         let one = ["xtb/lab/xtb-1/state", "xtb/lab/xtb-1/about"];
         assert_eq!(Plan::of("xtb/lab/xtb-1/**"), Ok(messages(&one, &["xtb/lab/xtb-1/alive"])));
         assert_eq!(Plan::of("xtb/lab/*/s$*"), Ok(messages(&["xtb/lab/*/state"], &[])));
+    }
+
+    #[test]
+    fn with_an_identity_each_channel_is_subscribed_by_itself() {
+        let fleet = crate::fake::name("lab");
+        let parts = |expression: &str| {
+            Plan::of(expression).unwrap().by_channel(expression, &fleet).into_iter().collect::<Vec<_>>()
+        };
+        let heard: Vec<String> = HEARD.iter().map(|pattern| within(pattern, &fleet)).collect();
+        for wide in ["xtb/**", "**", "xtb/lab/**"] {
+            let found = parts(wide);
+            let messages: Vec<_> = found
+                .iter()
+                .filter(|(_, plan)| matches!(plan, Plan::Messages { .. }))
+                .map(|(key, _)| key.clone())
+                .collect();
+            assert_eq!(messages, heard, "{wide}");
+            assert!(found.contains(&("xtb/lab/*/alive".into(), Plan::Presence)), "{wide}");
+            let ask = answers(&["xtb/lab/*/state", "xtb/lab/*/about", "xtb/lab/sim/roster"]);
+            assert!(found.contains(&(wide.to_owned(), ask)), "{found:?}");
+        }
+        let one = |key: &str, plan: Plan| vec![(key.to_owned(), plan)];
+        assert_eq!(parts("xtb/**/event"), one("xtb/lab/*/event", Plan::Events));
+        assert_eq!(parts("xtb/*/*/about"), one("xtb/*/*/about", answers(&["xtb/lab/*/about"])));
+        assert_eq!(parts("xtb/lab/dispatch/event"), one("xtb/lab/dispatch/event", Plan::Events));
+        assert_eq!(parts("xtb/lab/traffic/state")[0].0, "xtb/lab/traffic/state");
+        for hidden in ["ros/**", "xtb/home/*/state", "xtb/lab/*/teleop/*", "xtb/home/*/about"] {
+            assert_eq!(parts(hidden), [], "{hidden}");
+        }
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! JSON Schemas of a robot's topics, made from the types that are written; `docs/recording.md` has them in
 //! words.
 
+use super::events::EVENTS;
 use super::{CONFIG, Header, OUTPUTS};
 use crate::schema::{self, Schema};
 use serde_json::{Value, json};
+use xtb_protocol::messages::Event;
 use xtb_protocol::trace::{decision_schema, sample_schema};
 
 /// Kinds of samples, each with a topic of its own, and what they hold.
@@ -27,6 +29,13 @@ pub(super) fn outputs() -> Schema {
     number(&mut line, "n", "Counts the controller's steps since boot.");
     number(&mut line, "sample_crc", "CRC-32 of the whole message of the sample.");
     topic(OUTPUTS, line)
+}
+
+/// What events look like.
+pub(super) fn events() -> Schema {
+    let mut line = schema::generator().into_root_schema_for::<Event>().to_value();
+    number(&mut line, "n", "Number of the last step before it.");
+    topic(EVENTS, line)
 }
 
 /// What samples of this kind look like.

@@ -1,6 +1,6 @@
 //! The file of a robot's steps while it is written: its name, its header, and what a step becomes.
 
-use super::{CONFIG, Header, OUTPUTS, outputs_message, sample_message, schemas};
+use super::{CONFIG, Header, OUTPUTS, events, outputs_message, sample_message, schemas};
 use crate::error::Error;
 use crate::output::Output;
 use crate::schema::Schema;
@@ -10,8 +10,9 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use xtb_control::Stamp;
 use xtb_protocol::keys::{Name, RobotKeys};
-use xtb_protocol::messages::RecordingName;
+use xtb_protocol::messages::{Event, RecordingName};
 use xtb_protocol::trace::kind;
 use xtb_robot::step_log::Step;
 
@@ -36,6 +37,9 @@ pub struct StepWriter {
     output: Output,
     kinds: BTreeMap<&'static str, u16>,
     outputs: u16,
+    events: u16,
+    /// Number of the last step.
+    last: u64,
 }
 
 impl StepWriter {
@@ -53,6 +57,7 @@ impl StepWriter {
         let mut channel = |name: &str, schema: Schema| output.topic(&keys.record(name), &schema);
         let config = channel(CONFIG, schemas::config())?;
         let outputs = channel(OUTPUTS, schemas::outputs())?;
+        let events = channel(events::EVENTS, schemas::events())?;
         let kinds = schemas::KINDS
             .into_iter()
             .map(|(kind, title)| Ok((kind, channel(kind, schemas::sample(kind, title))?)));
@@ -61,7 +66,7 @@ impl StepWriter {
         output.message(config, 0, 0, &text)?;
         output.writer.flush()?;
         output.file.sync_all()?;
-        Ok(Self { output, kinds, outputs })
+        Ok(Self { output, kinds, outputs, events, last: 0 })
     }
 
     /// Writes a step: its sample, and what was decided.
@@ -76,6 +81,17 @@ impl StepWriter {
             self.output.message(*kind, sequence, log_ns, sample.as_bytes())?;
         }
         self.output.message(self.outputs, sequence, log_ns, outputs.as_bytes())?;
+        self.last = step.number;
+        Ok(())
+    }
+
+    /// Writes an event, of this moment since boot.
+    ///
+    /// # Errors
+    /// [`Error::Mcap`]: the disk is full or gone.
+    pub fn write_event(&mut self, t: Stamp, event: &Event) -> Result<(), Error> {
+        let message = events::message(self.last, event).map_err(io::Error::from)?;
+        self.output.message(self.events, event.seq as u32, t.ns(), message.as_bytes())?;
         Ok(())
     }
 

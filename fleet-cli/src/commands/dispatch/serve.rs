@@ -157,6 +157,7 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
     }
     tokio::select! {
         failure = service.ended() => return Err(failure),
+        failure = client.refused() => return Err(failure),
         () = &mut stop => {}
     }
     let standing = service.stop().await?;

@@ -1,9 +1,11 @@
 //! The checks. Pure: facts in, findings out.
 
 mod loops;
+mod security;
 mod services;
 mod simulator;
 
+pub(super) use security::Security;
 pub(super) use services::Services;
 
 use super::finding::{Finding, Level};

@@ -59,7 +59,10 @@ pub(super) async fn run(ctx: &Context, args: &MapServeArgs) -> Result<Exit> {
     ctx.out.result(&ready, |ready| {
         format!("map {} ({}) served to fleet {}; stop with Ctrl-C", ready.name, ready.hash, ready.fleet)
     })?;
-    stop.await;
+    tokio::select! {
+        () = &mut stop => {}
+        error = client.refused() => return Err(error),
+    }
     drop(service);
     client.close().await;
     Ok(Exit::Done)

@@ -13,7 +13,7 @@ use xtb_client::multi_robot::{MissingInfo, StopOutcome, StopReport, Targets};
 use xtb_client::reset::{ResetReport, each};
 use xtb_client::stop::stop;
 use xtb_client::text::reasons;
-use xtb_client::{Error, ErrorKind, Result};
+use xtb_client::{Action, Error, ErrorKind, Result};
 use xtb_protocol::messages::{DispatchBody, LinkLoss, RejectCode, Suspension};
 use xtb_protocol::{Name, Uuid};
 
@@ -45,10 +45,12 @@ async fn attempt(
 ) -> Result<(Tone, String)> {
     match command {
         Command::Estop(whom) => {
+            client.may(Action::EmergencyStop)?;
             let targets = Targets::one_or_all(whom.robot(), known);
             Ok(stopped(estop(client, &targets, ctx.settings.timeout).await, "latched"))
         }
         Command::Stop(whom) => {
+            client.may(Action::Drive)?;
             Ok(stopped(stop(client, &Targets::one_or_all(whom.robot(), known)).await, "stopped"))
         }
         Command::Goto { robot, x_m, y_m, yaw_rad, take } => {

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::pin::pin;
 use xtb_client::client::Client;
 use xtb_client::map_source;
-use xtb_client::{Error, ErrorKind, Result};
+use xtb_client::{Action, Error, ErrorKind, Result};
 use xtb_nav::Map;
 use xtb_protocol::Name;
 use xtb_protocol::messages::MapHash;
@@ -49,6 +49,9 @@ struct Ready<'a> {
 /// # Errors
 /// No map, no router, or traffic control that runs already.
 pub(super) async fn run(ctx: &Context, args: &TrafficServeArgs) -> Result<Exit> {
+    if args.map.is_some() {
+        ctx.settings.may(Action::ServeMap)?;
+    }
     let own = args.map.as_deref().map(|file| map_file::read(file, args.fine.resolution_m)).transpose()?;
     let mut stop = pin!(interrupted());
     let starting = async {
@@ -75,7 +78,10 @@ pub(super) async fn run(ctx: &Context, args: &TrafficServeArgs) -> Result<Exit> 
             ready.fleet, ready.map, ready.hash
         )
     })?;
-    stop.await;
+    tokio::select! {
+        () = &mut stop => {}
+        error = client.refused() => return Err(error),
+    }
     drop((service, maps));
     client.close().await;
     Ok(Exit::Done)

@@ -5,7 +5,7 @@ use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
 use std::net::SocketAddr;
 use std::time::Duration;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::http::{HeaderName, HeaderValue};
@@ -13,8 +13,8 @@ use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{WebSocketStream, client_async};
 
 /// See the module.
-pub(super) struct Page {
-    pub(super) socket: WebSocketStream<TcpStream>,
+pub(super) struct Page<S = TcpStream> {
+    pub(super) socket: WebSocketStream<S>,
     /// The last of each kind, `teleop` and `hello` too.
     pub(super) hello: Value,
     pub(super) map: Option<Value>,
@@ -42,7 +42,16 @@ pub(super) async fn connect_on(
     address: SocketAddr,
     headers: &[(&str, &str)],
 ) -> Result<WebSocketStream<TcpStream>, (u16, String)> {
-    let mut request = format!("ws://{address}/ws").into_client_request().unwrap();
+    upgrade(stream, &format!("ws://{address}/ws"), headers).await
+}
+
+/// The same over any stream, at this address.
+pub(super) async fn upgrade<S: AsyncRead + AsyncWrite + Unpin>(
+    stream: S,
+    url: &str,
+    headers: &[(&str, &str)],
+) -> Result<WebSocketStream<S>, (u16, String)> {
+    let mut request = url.into_client_request().unwrap();
     for (name, value) in headers {
         let name: HeaderName = name.parse().unwrap();
         request.headers_mut().insert(name, HeaderValue::from_str(value).unwrap());
@@ -91,9 +100,11 @@ impl Page {
         let socket = connect(address, &[("origin", &format!("http://{address}"))]).await.unwrap();
         Self::on(socket)
     }
+}
 
+impl<S: AsyncRead + AsyncWrite + Unpin> Page<S> {
     /// Over this socket.
-    pub(super) fn on(socket: WebSocketStream<TcpStream>) -> Self {
+    pub(super) fn on(socket: WebSocketStream<S>) -> Self {
         Self {
             socket,
             hello: Value::Null,

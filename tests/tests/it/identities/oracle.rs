@@ -1,0 +1,159 @@
+//! What each role may do, written by hand from the design: not from the rules of the bus.
+//!
+//! `n` is the robot's own name, `me` the names of its own sessions; keys are those below the fleet.
+
+use xtb_identity::Role;
+use zenoh::key_expr::keyexpr;
+
+/// What is sent to the router (`in`) or by it (`out`), which kinds of messages, on which keys.
+type Line = (&'static str, &'static str, &'static str);
+
+const LOOK: &[Line] = &[
+    (
+        "in",
+        "declare_subscriber",
+        "*/{state,sensors,event,route,fix,near/*} map traffic/state dispatch/{tasks,event} sim/{truth,stats} \
+         {*,dispatch}/event/@adv/**",
+    ),
+    ("in", "query", "*/{state,about} map dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/**"),
+    (
+        "in",
+        "liveliness_query declare_liveliness_subscriber",
+        "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/**",
+    ),
+    (
+        "out",
+        "put",
+        "*/{state,sensors,event,route,fix,near/*} map traffic/state dispatch/{tasks,event} sim/{truth,stats} \
+         {*,dispatch}/event/@adv/**",
+    ),
+    (
+        "out",
+        "reply",
+        "*/{state,about} map dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** {*,dispatch}/event",
+    ),
+    ("out", "liveliness_token", "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/**"),
+];
+const STOP: &[Line] =
+    &[("in", "put query", "*/estop/me"), ("in", "put", "all/estop/me"), ("out", "reply", "*/estop/me")];
+const DRIVE: &[Line] = &[
+    ("in", "query", "*/{cmd,estop,log}/me dispatch/{cmd,standby}/me"),
+    ("in", "put", "*/{teleop,estop}/me all/estop/me"),
+    ("out", "reply", "*/{cmd,estop,log}/me dispatch/{cmd,standby}/me"),
+];
+const ROBOT: &[Line] = &[
+    ("in", "put", "n/{state,sensors,event,near/*,event/@adv/**}"),
+    ("in", "declare_queryable", "n/{state,about,cmd/*,estop/*,log/*,event/@adv/**}"),
+    ("in", "reply", "n/{state,about,cmd/*,estop/*,log/*,event/@adv/**,event}"),
+    ("in", "liveliness_token", "n/{alive,event/@adv/**}"),
+    ("in", "declare_subscriber", "n/{teleop/*,estop/*,fix,route} all/estop/* map */near/*"),
+    ("in", "query", "n/state map"),
+    ("in", "liveliness_query", "n/alive"),
+    ("out", "put", "n/{teleop/*,fix,route} */estop/* all/estop/* map */near/*"),
+    ("out", "query", "{n,*}/{state,about,cmd/*,estop/*,log/*,event/@adv/**}"),
+    ("out", "reply", "n/state map"),
+    ("out", "liveliness_token", "n/alive"),
+];
+/// The dispatcher, but for traffic control and map.
+const DISPATCH: &[Line] = &[
+    ("in", "declare_subscriber", "all/estop/*"),
+    ("in", "query", "*/cmd/dispatch dispatch/standby/dispatch"),
+    ("in", "put", "dispatch/{tasks,event,event/@adv/**}"),
+    ("in", "declare_queryable", "dispatch/{tasks,cmd/*,standby/*,event/@adv/**}"),
+    ("in", "reply", "dispatch/{tasks,cmd/*,standby/*,event/@adv/**,event}"),
+    ("in", "liveliness_token", "dispatch/{alive,event/@adv/**}"),
+    ("out", "put", "all/estop/*"),
+    ("out", "query", "dispatch/{tasks,cmd/*,standby/*,event/@adv/**}"),
+    ("out", "reply", "*/cmd/dispatch dispatch/standby/dispatch"),
+];
+const TRAFFIC: &[Line] =
+    &[("in", "put", "*/route traffic/state"), ("in", "liveliness_token", "traffic/alive")];
+const MAP: &[Line] = &[("in", "put declare_queryable reply query", "map"), ("out", "query reply", "map")];
+const FIXES: &[Line] = &[("in", "put", "*/fix")];
+const SIMULATE: &[Line] = &[
+    ("in", "put", "sim/{truth,stats}"),
+    ("in", "declare_subscriber", "sim/truth"),
+    ("in", "declare_queryable reply", "sim/{roster,stats}"),
+    ("out", "put", "sim/truth"),
+    ("out", "query", "sim/{roster,stats}"),
+];
+/// Whoever is admitted hears what others declare.
+const MEMBER: &[Line] = &[(
+    "out",
+    "declare_subscriber declare_queryable liveliness_query declare_liveliness_subscriber",
+    "** **/@adv/**",
+)];
+/// Whoever has a certificate, even a revoked one.
+const ANYBODY: &[Line] = &[("in", "query", "identity/*"), ("out", "reply", "identity/*")];
+/// What a simulator's robots may not be, though `*` is any name.
+const NO_ROBOT: &str = "traffic/{alive,state} dispatch/{alive,event,cmd/*,event/@adv/**}";
+
+/// Who asks: the role, the name, and the names of its sessions.
+pub(super) struct Who {
+    role: Option<Role>,
+    n: String,
+    me: Vec<String>,
+}
+
+impl Who {
+    /// `None` = not admitted.
+    pub(super) fn new(name: &str, role: Option<Role>) -> Self {
+        let n = if role == Some(Role::Robot) { name } else { "*" };
+        let me = match role {
+            Some(Role::Dashboard) => vec!["web-$*".to_owned()],
+            _ => vec![name.to_owned(), format!("{name}-$*")],
+        };
+        Self { role, n: n.to_owned(), me }
+    }
+
+    /// Whether a message of this kind on this whole key may pass.
+    pub(super) fn may(&self, flow: &str, kind: &str, key: &str) -> bool {
+        let sections: &[&[Line]] = match self.role {
+            None => &[],
+            Some(Role::Router) => return true,
+            Some(Role::Robot) => &[ROBOT, MEMBER],
+            Some(Role::Viewer) => &[LOOK, STOP, MEMBER],
+            Some(Role::Operator | Role::Dashboard) => &[LOOK, DRIVE, MEMBER],
+            // It includes traffic control, and serves a map.
+            Some(Role::Dispatcher) => &[LOOK, DISPATCH, TRAFFIC, MAP, MEMBER],
+            Some(Role::Traffic) => &[LOOK, TRAFFIC, MEMBER],
+            Some(Role::Map) => &[LOOK, MAP, MEMBER],
+            Some(Role::Tracker) => &[FIXES, MEMBER],
+            Some(Role::Recorder) => &[LOOK, MEMBER],
+            Some(Role::Simulator) => &[ROBOT, MAP, FIXES, SIMULATE, MEMBER],
+        };
+        let speaks = matches!(kind, "put" | "declare_queryable" | "reply" | "liveliness_token");
+        if self.role == Some(Role::Simulator) && flow == "in" && speaks && self.covers(NO_ROBOT, key) {
+            return false;
+        }
+        let mut lines = sections.iter().copied().chain([ANYBODY]).flatten();
+        lines.any(|(its, kinds, keys)| {
+            *its == flow && kinds.split(' ').any(|its| its == kind) && self.covers(keys, key)
+        })
+    }
+
+    /// Whether one of these covers the whole key.
+    fn covers(&self, keys: &str, key: &str) -> bool {
+        let key = keyexpr::new(key).unwrap();
+        keys.split(' ').flat_map(braces).flat_map(|line| self.named(&line)).any(|line| {
+            let line = format!("xtb/lab/{line}");
+            keyexpr::new(&line).unwrap().includes(key)
+        })
+    }
+
+    fn named(&self, key: &str) -> Vec<String> {
+        let chunk = |chunk| if chunk == "n" { self.n.as_str() } else { chunk };
+        let key = key.split('/').map(chunk).collect::<Vec<_>>().join("/");
+        match key.strip_suffix("/me") {
+            Some(stem) => self.me.iter().map(|me| format!("{stem}/{me}")).collect(),
+            None => vec![key],
+        }
+    }
+}
+
+/// `a/{b,c}` → `a/b`, `a/c`; of several braces each with each.
+fn braces(text: &str) -> Vec<String> {
+    let Some((before, rest)) = text.split_once('{') else { return vec![text.to_owned()] };
+    let (these, after) = rest.split_once('}').unwrap();
+    these.split(',').flat_map(|this| braces(&format!("{before}{this}{after}"))).collect()
+}
