@@ -2,10 +2,12 @@
 
 mod identity;
 
+pub(crate) use identity::session_name;
+
 use crate::args::GlobalArgs;
 use crate::config::FleetConfig;
 use crate::output::Output;
-use xtb_client::{DEFAULT_ENDPOINT, DEFAULT_FLEET, Settings, unique_name};
+use xtb_client::{DEFAULT_ENDPOINT, DEFAULT_FLEET, Settings};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::keys::NameError;
@@ -64,7 +66,7 @@ impl Context {
         let client = match (identity, global.client.clone()) {
             (Some(identity), Some(client)) => identity::check_client(identity, client)?,
             (None, Some(client)) => client,
-            (identity, None) => unique_name(identity::stem(identity)).map_err(impossible)?,
+            (identity, None) => session_name(identity)?,
         };
         let settings = Settings {
             connect,

@@ -246,6 +246,15 @@ impl Pki {
         files::private(&self.folder.join(REGISTRY), self.registry_text()?.as_bytes())
     }
 
+    /// Asks a router that reads this folder to admit those who were added at once.
+    ///
+    /// # Errors
+    /// The system's words.
+    pub fn ask_to_apply(&self, now: SystemTime) -> Result<()> {
+        let now = humantime::format_rfc3339_nanos(now);
+        files::private(&self.folder.join("apply"), format!("{now}\n").as_bytes())
+    }
+
     fn registry_text(&self) -> Result<String> {
         self.registry.to_text().map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))
     }

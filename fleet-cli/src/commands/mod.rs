@@ -141,7 +141,6 @@ impl Verb {
             | Self::Enrol(_)
             | Self::Play(_)
             | Self::Export(_)
-            | Self::Audit(_)
             | Self::Router(_) => Uses::Nothing,
             Self::Map(args) if !args.needs_session() => Uses::Nothing,
             Self::Sim(_) | Self::Demo(_) => Uses::IfAsked,

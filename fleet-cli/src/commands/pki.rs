@@ -10,7 +10,7 @@ mod token;
 
 use crate::context::Context;
 use crate::exit::Exit;
-use crate::pki::{self, Validity};
+use crate::pki::{self, Pki, Validity};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 use std::time::SystemTime;
@@ -92,6 +92,17 @@ pub struct OutArgs {
     /// Overwrite an existing file.
     #[arg(long)]
     pub force: bool,
+    /// Let the router admit it at once: it reopens, which ends teleoperation and goals that stop on link loss. Without
+    /// this it is admitted when no robot is driven.
+    #[arg(long)]
+    pub apply: bool,
+}
+
+impl OutArgs {
+    /// Asks the router, if that is wanted.
+    fn apply(&self, pki: &Pki) -> Result<()> {
+        if self.apply { pki.ask_to_apply(SystemTime::now()) } else { Ok(()) }
+    }
 }
 
 /// Carries out one of its verbs.

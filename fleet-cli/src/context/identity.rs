@@ -4,9 +4,10 @@ use super::Uses;
 use crate::args::{GlobalArgs, IdentityArg};
 use std::time::SystemTime;
 use xtb_bus::{EnrolError, Enrolled};
-use xtb_client::{Error, ErrorKind, Result};
+use xtb_client::{Error, ErrorKind, Result, unique_name};
 use xtb_identity::{Identity, IdentityError, Role};
 use xtb_protocol::Name;
+use xtb_services::dispatch;
 
 /// Begins the endpoints that an identity can be used with.
 const TLS: &str = "tls/";
@@ -113,11 +114,24 @@ pub(super) fn check_fleet(identity: &Identity, named: Option<&Name>) -> Result<N
     }
 }
 
+/// A name for a session: one of its own, but a dispatcher drives robots under the name that it always has.
+///
+/// # Errors
+/// It is too long.
+pub(crate) fn session_name(identity: Option<&Identity>) -> Result<Name> {
+    let name = match identity {
+        Some(Identity { role: Role::Dispatcher, .. }) => Name::new(dispatch::CLIENT),
+        identity => unique_name(stem(identity)),
+    };
+    name.map_err(|error| Error::new(ErrorKind::Invalid, error.to_string()))
+}
+
 /// What the names of its sessions begin with.
-pub(super) fn stem(identity: Option<&Identity>) -> &str {
+fn stem(identity: Option<&Identity>) -> &str {
     match identity {
         None => "cli",
-        Some(identity) if identity.role == Role::Dashboard => "web",
+        Some(Identity { role: Role::Dashboard, .. }) => "web",
+        Some(Identity { role: Role::Dispatcher, .. }) => dispatch::CLIENT,
         Some(identity) => identity.name.as_str(),
     }
 }

@@ -57,7 +57,11 @@ impl Delivery {
     /// The system's words.
     pub fn finish(self, pki: &Pki) -> Result<PathBuf> {
         let Self { path, identity, new } = self;
-        pki.save()?;
+        if let Err(failure) = pki.save() {
+            // The key of an identity that nobody knows.
+            new.map(fs::remove_file);
+            return Err(failure);
+        }
         match new {
             Some(new) => fs::rename(new, &path).map_err(files::failed(&path))?,
             None => {

@@ -18,6 +18,7 @@ use xtb_client::client::Client;
 use xtb_client::state_feed::StateFeed;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::replication::{Decision, Follower, Seen, Times};
+use xtb_protocol::Name;
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::messages::{Copied, StandbyReply, StandbyRequest};
 
@@ -226,7 +227,9 @@ async fn ask(client: Client, question: StandbyRequest, after: Duration) -> (u64,
 }
 
 async fn ask_once(client: &Client, question: &StandbyRequest, within: Duration) -> Option<StandbyReply> {
-    let key = client.keys().dispatch_standby(Some(client.name()));
+    // As who it is: under identities only a dispatcher may ask by this name.
+    let me = Name::new(CLIENT).map_err(|error| tracing::debug!("{error}")).ok()?;
+    let key = client.keys().dispatch_standby(Some(&me));
     let encoding = codec::encoding::<StandbyRequest>(Format::Postcard);
     let told = |what: String| tracing::debug!("asking the dispatcher: {what}");
     let bytes = codec::encode(question, Format::Postcard).map_err(|error| told(error.to_string())).ok()?;

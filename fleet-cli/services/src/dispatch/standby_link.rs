@@ -193,6 +193,11 @@ impl StandbyLink {
             Err(error) => return tracing::debug!("a stand-by's question: {error}"),
         };
         self.questions += 1;
+        // Others may ask how it stands, but not be its stand-by: under identities that takes a dispatcher's.
+        let status = matches!(request, StandbyRequest::Status {});
+        if !status && question.client().is_none_or(|client| client.as_str() != CLIENT) {
+            return tracing::warn!("{:?} asks like a stand-by and is not answered", question.client());
+        }
         match request {
             StandbyRequest::Follow { copy, copied, ledger, term, last, sum, offset, witnesses } => {
                 let follow = Follow { copy, last, witnesses };

@@ -196,6 +196,7 @@ fn add(
     let validity = life.validity();
     let identity = pki.add(name, role, validity, hosts)?;
     let file = Delivery::prepare(identity.clone(), path)?.finish(&pki)?;
+    out.apply(&pki)?;
     ctx.out.result(&Made::of(&identity, validity, &file), |made| made.text(validity))?;
     Ok(Exit::Done)
 }

@@ -102,6 +102,7 @@ pub(super) fn run(ctx: &Context, folder: &Path, args: &RenewArgs) -> Result<Exit
     let hosts = if hosts.is_empty() { Vec::new() } else { with_local(hosts) };
     let identity = pki.renew(name, validity, &hosts, args.readmit)?;
     let file = Delivery::prepare(identity.clone(), path)?.finish(&pki)?;
+    args.out.apply(&pki)?;
     ctx.out.result(&Made::of(&identity, validity, &file), |made| {
         let before = identity.generation - 1;
         format!("{}\nCertificate {before} is not admitted any more", made.text(validity))

@@ -1,11 +1,11 @@
 //! A set of identities for trials: CA, router and one of each role in one folder, where no fleet would have them.
 
-use crate::context::Context;
+use crate::context::{Context, session_name};
 use crate::pki::{Pki, Validity};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 use xtb_bus::Enrolled;
-use xtb_client::{Error, ErrorKind, Result, unique_name};
+use xtb_client::{Error, ErrorKind, Result};
 use xtb_identity::{Identity, Role};
 use xtb_protocol::Name;
 
@@ -112,8 +112,7 @@ impl Identities {
 pub(super) fn of(ctx: &Context, set: Option<&Identities>, role: Role) -> Result<Context> {
     let Some(set) = set else { return Ok(ctx.clone()) };
     let enrolled = set.of(role)?;
-    let stem = if role == Role::Dashboard { "web" } else { role.as_str() };
-    let client = unique_name(stem).map_err(|error| Error::new(ErrorKind::Invalid, error.to_string()))?;
+    let client = session_name(Some(&enrolled.identity))?;
     Ok(ctx.with(|settings| (settings.identity, settings.client) = (Some(enrolled), client)))
 }
 

@@ -19,6 +19,8 @@ use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
 const LONG: Duration = Duration::from_secs(60);
 /// What every attack bears.
 const ATTACK: &str = "attack";
+/// What alice's own questions bear.
+const QUESTION: &str = "question";
 
 /// Puts that nobody may send but these roles. `OTHER` is a name that is not the attacker's.
 const PUTS: [(&str, &[Role]); 22] = [
@@ -216,7 +218,8 @@ async fn squat(
     for (key, _) in SHADOWS.iter().chain(&[("**", &[][..])]).filter(|(_, roles)| !mine(roles)) {
         let (to, told) = (Arc::clone(effects), format!("{by} is asked as {key}"));
         let each = move |query: zenoh::query::Query| {
-            if query.attachment().is_some() {
+            // Its own attacks may be answered by itself.
+            if query.attachment().is_some_and(|by| by.to_bytes() == QUESTION.as_bytes()) {
                 to.lock().unwrap().push(format!("{told}: {}", query.key_expr()));
             }
             let _ = query.reply(query.key_expr(), ATTACK).wait();
@@ -234,7 +237,7 @@ async fn squat(
 /// Asks as alice where somebody may have a shadow.
 async fn ask_where_shadows_are(alice: &Session, effects: &Effects) {
     for (key, _) in SHADOWS {
-        let asking = alice.get(format!("xtb/lab/{key}")).attachment("question").target(QueryTarget::All);
+        let asking = alice.get(format!("xtb/lab/{key}")).attachment(QUESTION).target(QueryTarget::All);
         let asking = asking.consolidation(ConsolidationMode::None).accept_replies(ReplyKeyExpr::Any);
         let to = Arc::clone(effects);
         let each = move |reply: zenoh::query::Reply| {

@@ -5,14 +5,16 @@
 
 use super::keys::keys;
 use super::oracle::Who;
-use super::session::{TEST, client, marker, router};
+use super::session::{TEST, answer, client, marker, markers, router, settled};
 use super::{EVERYBODY, REVOKED, everybody};
+use fleet_tests::eventually;
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use zenoh::Session;
 use zenoh::Wait;
 use zenoh::key_expr::keyexpr;
+use zenoh::qos::CongestionControl::Block;
 use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
 use zenoh::sample::SampleKind;
 
@@ -55,7 +57,6 @@ async fn hear(session: &Session, passed: &Passed) -> Box<dyn std::any::Any> {
 
 /// Puts, deletes and asks on every key.
 async fn send(session: &Session, keys: &[String]) {
-    use zenoh::qos::CongestionControl::Block;
     for (index, key) in keys.iter().enumerate() {
         let number = index.to_string();
         session.put(key, "").attachment(&number).congestion_control(Block).await.unwrap();
@@ -80,19 +81,11 @@ async fn answer_all(session: &Session, at: &str, keys: &[String]) -> Box<dyn std
 /// Asks on this key, and takes answers on any.
 async fn ask_all(session: &Session, at: &str, passed: &Passed) {
     let asking = session.get(at).target(QueryTarget::All).consolidation(ConsolidationMode::None);
+    let asking = asking.congestion_control(Block);
     let answers = asking.accept_replies(ReplyKeyExpr::Any).timeout(LONG).await.unwrap();
     while let Ok(answer) = answers.recv_async().await {
         pass(passed, "reply", answer.result().ok().and_then(|sample| number(sample.payload().to_bytes())));
     }
-}
-
-async fn answer_markers(session: &Session) -> Box<dyn std::any::Any> {
-    let key = format!("{TEST}/marker");
-    let own = key.clone();
-    let answering = session.declare_queryable(key).callback(move |query| {
-        let _ = query.reply(&own, "").wait();
-    });
-    Box::new(answering.await.unwrap())
 }
 
 /// Presence on every key.
@@ -147,16 +140,20 @@ impl Judge<'_> {
         }
     }
 
+    /// The keys that meet one that may be declared.
+    fn met(&self, kind: &str) -> BTreeSet<usize> {
+        let keys: Vec<&keyexpr> = self.keys.iter().map(|key| keyexpr::new(key.as_str()).unwrap()).collect();
+        let allowed: Vec<&keyexpr> =
+            keys.iter().filter(|key| self.who.may(self.flow, kind, key)).copied().collect();
+        let met = |(_, key): &(usize, &&keyexpr)| allowed.iter().any(|other| other.intersects(key));
+        keys.iter().enumerate().filter(met).map(|(index, _)| index).collect()
+    }
+
     /// Where a key counts as declared when anything that meets it is.
     fn matching(&mut self, kind: &str, came: &BTreeSet<usize>, judged: impl Fn(&str) -> bool) {
-        let allowed: Vec<&keyexpr> = (self.keys.iter())
-            .filter(|key| self.who.may(self.flow, kind, key))
-            .map(|key| keyexpr::new(key.as_str()).unwrap())
-            .collect();
+        let met = self.met(kind);
         for (index, key) in self.keys.iter().enumerate().filter(|(_, key)| judged(key)) {
-            let own = keyexpr::new(key.as_str()).unwrap();
-            let expected = allowed.iter().any(|other| other.intersects(own));
-            self.cell(kind, key, expected, came.contains(&index));
+            self.cell(kind, key, met.contains(&index), came.contains(&index));
         }
     }
 }
@@ -185,13 +182,15 @@ fn verdict(judges: Vec<Judge<'_>>) {
 #[tokio::test(flavor = "multi_thread")]
 async fn what_each_role_sends_passes_as_the_design_says() {
     let (pki, keys) = (everybody(), keys());
-    let (router, endpoint) = router(&pki, "egress").await;
-    let observer = client(&pki, "router", &endpoint).await;
+    let router = router(&pki, "egress").await;
+    let observer = client(&pki, "router", &router.endpoint).await;
     let passed = Passed::default();
-    let (_markers, _heard) = (answer_markers(&observer).await, hear(&observer, &passed).await);
+    let (_markers, _heard) =
+        (answer(&observer, &format!("{TEST}/marker")).await, hear(&observer, &passed).await);
+    settled(&observer).await;
     let mut judges = judges(&keys, "in");
     for judge in &mut judges {
-        let session = client(&pki, judge.name, &endpoint).await;
+        let session = client(&pki, judge.name, &router.endpoint).await;
         passed.lock().unwrap().clear();
         send(&session, &keys).await;
         marker(&session).await;
@@ -204,7 +203,7 @@ async fn what_each_role_sends_passes_as_the_design_says() {
         for kind in ["put", "delete", "query", "reply"] {
             judge.kind(kind, |index, _| came.contains(&(kind, index)), all);
         }
-        declare(judge, &router, &observer, &session).await;
+        declare(judge, &router.session, &observer, &session).await;
         look_who_is_there(judge, &observer, &session).await;
         session.close().await.unwrap();
     }
@@ -261,40 +260,60 @@ fn is_public(key: &str) -> bool {
     !key.contains('@')
 }
 
-/// Asks who is there on every key, at once and from now on; somebody is.
+/// Asks who is there on every key, at once, and then from now on; somebody is.
 async fn look_who_is_there(judge: &mut Judge<'_>, observer: &Session, session: &Session) {
     let there = tokens(observer, judge.keys).await;
-    marker(observer).await;
-    let (passed, mut watching) = (Passed::default(), Vec::new());
+    settled(observer).await;
+    let passed = Passed::default();
     for (index, key) in judge.keys.iter().enumerate() {
-        let to = Arc::clone(&passed);
-        let each = move |_| pass(&to, "declare_liveliness_subscriber", Some(index));
-        watching
-            .push(session.liveliness().declare_subscriber(key).history(true).callback(each).await.unwrap());
-        let to = Arc::clone(&passed);
-        let each = move |_| pass(&to, "liveliness_query", Some(index));
+        let (to, own) = (Arc::clone(&passed), key.clone());
+        let each = move |answer: zenoh::query::Reply| {
+            let came = answer.result().is_ok_and(|sample| sample.key_expr().as_str() == own);
+            pass(&to, "liveliness_query", came.then_some(index));
+        };
         session.liveliness().get(key).timeout(LONG).callback(each).await.unwrap();
     }
-    marker(session).await;
-    let came = passed.lock().unwrap().clone();
-    for kind in ["declare_liveliness_subscriber", "liveliness_query"] {
-        judge.kind(kind, |index, _| came.contains(&(kind, index)), all);
+    markers(session).await;
+    let mut watching = Vec::new();
+    for (index, key) in judge.keys.iter().enumerate() {
+        let (to, own) = (Arc::clone(&passed), key.clone());
+        let each = move |sample: zenoh::sample::Sample| {
+            let came = sample.key_expr().as_str() == own;
+            pass(&to, "declare_liveliness_subscriber", came.then_some(index));
+        };
+        watching
+            .push(session.liveliness().declare_subscriber(key).history(true).callback(each).await.unwrap());
     }
+    // Whoever may is told in the end; a marker can overtake that.
+    let kind = "declare_liveliness_subscriber";
+    let met = judge.met(kind);
+    eventually("presence", || async {
+        marker(session).await;
+        let came = passed.lock().unwrap();
+        met.iter().all(|index| came.contains(&(kind, *index))).then_some(())
+    })
+    .await;
+    let came = passed.lock().unwrap().clone();
+    judge.kind("liveliness_query", |index, _| came.contains(&("liveliness_query", index)), all);
+    // What one subscription brings, the session gives to its others too.
+    let came = came.iter().filter(|(its, _)| *its == kind).map(|(_, index)| *index).collect();
+    judge.matching(kind, &came, all);
     drop(there);
-    marker(observer).await;
+    settled(observer).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_each_role_is_sent_passes_as_the_design_says() {
     let (pki, keys) = (everybody(), keys());
-    let (router, endpoint) = router(&pki, "ingress").await;
-    let observer = client(&pki, "router", &endpoint).await;
-    let _markers = answer_markers(&observer).await;
+    let router = router(&pki, "ingress").await;
+    let observer = client(&pki, "router", &router.endpoint).await;
+    let _markers = answer(&observer, &format!("{TEST}/marker")).await;
     let at = format!("{TEST}/all");
     let _answering = answer_all(&observer, &at, &keys).await;
+    settled(&observer).await;
     let mut judges = judges(&keys, "out");
     for judge in &mut judges {
-        let session = client(&pki, judge.name, &endpoint).await;
+        let session = client(&pki, judge.name, &router.endpoint).await;
         let passed = Passed::default();
         let heard = hear(&session, &passed).await;
         marker(&session).await;
@@ -324,30 +343,37 @@ async fn hear_declarations(judge: &mut Judge<'_>, observer: &Session, session: &
         watching.push(session.liveliness().declare_subscriber(key).callback(each).await.unwrap());
     }
     let (mut publishers, mut queriers) = (Vec::new(), Vec::new());
+    // A session with a querier on all keys would no longer ask where it has not heard of an answer, as of the marker.
+    let queried: Vec<&String> = judge.keys.iter().filter(|key| *key != "**").collect();
     for key in judge.keys {
         publishers.push(session.declare_publisher(key).await.unwrap());
-        queriers.push(session.declare_querier(key).target(QueryTarget::All).await.unwrap());
     }
-    marker(session).await;
+    for key in &queried {
+        queriers.push(session.declare_querier(*key).target(QueryTarget::All).await.unwrap());
+    }
+    markers(session).await;
     let mut declared: Vec<Box<dyn std::any::Any>> = vec![Box::new(tokens(observer, judge.keys).await)];
     for key in judge.keys {
         declared.push(Box::new(observer.declare_subscriber(key).callback(|_| {}).await.unwrap()));
         declared.push(Box::new(observer.declare_queryable(key).callback(|_| {}).await.unwrap()));
     }
-    marker(session).await;
+    markers(session).await;
     let (mut subscribed, mut served) = (BTreeSet::new(), BTreeSet::new());
-    for (index, (publisher, querier)) in publishers.iter().zip(&queriers).enumerate() {
+    for (index, publisher) in publishers.iter().enumerate() {
         if publisher.matching_status().await.unwrap().matching() {
             subscribed.insert(index);
         }
+    }
+    for (key, querier) in queried.iter().zip(&queriers) {
         if querier.matching_status().await.unwrap().matching() {
-            served.insert(index);
+            served.insert((*key).clone());
         }
     }
     let came = passed.lock().unwrap().clone();
     judge.kind("liveliness_token", |index, _| came.contains(&("liveliness_token", index)), all);
     judge.matching("declare_subscriber", &subscribed, all);
-    judge.matching("declare_queryable", &served, all);
+    // Of what meets a querier's key Zenoh tells it the sum, on that key.
+    judge.kind("declare_queryable", |_, key| served.contains(key), |key| key != "**");
     drop(declared);
-    marker(observer).await;
+    settled(observer).await;
 }
