@@ -170,9 +170,9 @@ impl LinkProblem {
                 "check host and port; if the fleet has a new CA, enrol with a file that was made with it"
             }
             Self::WrongName { .. } => {
-                "connect to one of these names; `fleet-cli pki add-router` gives the router further ones"
+                "connect to one of these names; `fleet-cli pki renew --router --router-name HOST` adds further ones"
             }
-            Self::RouterExpired { .. } => "renew it where the CA is: `fleet-cli pki renew router`",
+            Self::RouterExpired { .. } => "renew it where the CA is: `fleet-cli pki renew --router`",
             Self::Refused { reason: Refusal::Time, .. } => {
                 "compare the clocks of both computers: `timedatectl`"
             }

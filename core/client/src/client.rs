@@ -31,6 +31,8 @@ const SETTLE: Duration = Duration::from_millis(150);
 /// A first attempt to open a session that has not failed by `--timeout` is waited for this many times as long:
 /// its handshake takes two round trips.
 const OPENING_TAKES: u32 = 3;
+/// The cause is looked for once an attempt has failed, or has taken so long.
+const LOOK_AFTER: Duration = Duration::from_secs(1);
 /// An opening handshake that took longer than this says something of the link, not only of this computer.
 const SLOW_HANDSHAKE: Duration = Duration::from_millis(300);
 
@@ -94,7 +96,8 @@ impl Client {
         });
         let cause = no_link::Cause::default();
         let looking = async {
-            failed.notified().await;
+            // Where TLS meets none, the first attempt may take longer than anybody waits.
+            let _ = tokio::time::timeout(LOOK_AFTER, failed.notified()).await;
             cause.lasting(settings).await
         };
         let (mut opening, mut looking) = (pin!(opening), pin!(looking));

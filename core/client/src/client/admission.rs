@@ -108,7 +108,9 @@ fn verdict(own: &Identity, status: &IdentityStatus) -> Option<Error> {
         ),
         IdentityStatus { revoked: true, .. } => (
             format!("{name} was revoked"),
-            format!("`fleet-cli pki renew {name}` where the CA is admits it again, with a new file"),
+            format!(
+                "`fleet-cli pki renew {name} --readmit` where the CA is admits it again, with a new file"
+            ),
         ),
         IdentityStatus { generation: admitted, .. } if *admitted > generation => {
             (format!("the router admits certificate {admitted} of {name}, this is {generation}"), new_file)

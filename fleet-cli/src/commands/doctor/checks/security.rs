@@ -114,7 +114,7 @@ impl Security {
             let text = format!("the router at {endpoint} opens sessions without TLS");
             found.push(Finding::problem(TOPIC, text, "end its tcp/ listeners that others can reach"));
         }
-        let todo = "renew it where the CA is: `fleet-cli pki renew router`".to_owned();
+        let todo = "renew it where the CA is: `fleet-cli pki renew --router`".to_owned();
         let what = format!("the certificate of the router at {endpoint}");
         found.push(self.lasts(&what, certificate.not_after, todo).unwrap_or_else(|| {
             let names = certificate.hosts.join(", ");
@@ -129,7 +129,7 @@ impl Security {
         let router = self.lasts(
             "the router's certificate",
             registry.router.expires,
-            "renew it: `fleet-cli pki renew router`".to_owned(),
+            "renew it: `fleet-cli pki renew --router`".to_owned(),
         );
         let entries = registry.admitted().filter_map(|entry| {
             let todo = format!("renew it: `fleet-cli pki renew {}`", entry.name);
