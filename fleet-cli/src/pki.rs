@@ -250,9 +250,8 @@ impl Pki {
     ///
     /// # Errors
     /// The system's words.
-    pub fn ask_to_apply(&self, now: SystemTime) -> Result<()> {
-        let now = humantime::format_rfc3339_nanos(now);
-        files::private(&self.folder.join("apply"), format!("{now}\n").as_bytes())
+    pub fn ask_to_apply(&self) -> Result<()> {
+        xtb_services::router::ask_to_apply(&self.folder).map_err(files::failed(&self.folder))
     }
 
     fn registry_text(&self) -> Result<String> {

@@ -10,7 +10,7 @@ mod visitors;
 
 pub use change::Change;
 pub use files::ask_to_apply;
-pub use guarded::{GuardedRouter, News, open_with_registry, zenohd_config};
+pub use guarded::{GuardedRouter, News, open_leased_with_registry, open_with_registry, zenohd_config};
 pub use listen::check_listen;
 
 use std::net::TcpListener;

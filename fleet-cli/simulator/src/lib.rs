@@ -39,6 +39,7 @@ use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{FleetKeys, Key};
 use xtb_protocol::messages::{Roster, RosterEntry};
 use xtb_services::map_server::MapService;
+use xtb_services::router::GuardedRouter;
 use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters};
 
 /// Agents are alive within a second, hundreds one after the other on a busy machine: so long after the last
@@ -71,8 +72,8 @@ pub struct Simulator {
     map: Option<Map>,
     stats: StatsService,
     bus: Bus,
-    /// Where it is a session of its own.
-    router: Option<Bus>,
+    /// Where it is one with identities.
+    router: Option<GuardedRouter>,
     world: RunningWorld,
     ptys: Option<ptys::PtyFolder>,
 }

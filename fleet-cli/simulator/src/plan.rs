@@ -1,15 +1,14 @@
 //! What to simulate, and what follows from it: the world with its trucks, and the session.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
-use xtb_bus::{AccessControl, Bus, Enrolled, LINK_LEASE, Opening, Role, Tls};
+use xtb_bus::{Bus, Enrolled, LINK_LEASE, Opening, Role};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
-use xtb_identity::Registry;
 use xtb_protocol::Name;
 use xtb_protocol::messages::MAX_ROSTER;
-use xtb_services::router;
+use xtb_services::router::{self, GuardedRouter};
 use xtb_sim::fixes::FixTruth;
 use xtb_sim::{Body, Simulation, TruckParameters, World};
 
@@ -153,8 +152,8 @@ impl Plan {
             let (bus, endpoint) = router::open_leased(&self.listen, &[], self.link_lease()).await?;
             return Ok(Session { bus, endpoint: endpoint.clone(), connect: vec![endpoint], router: None });
         };
-        let (router, endpoint) = open_with_registry(&self.listen, pki, self.link_lease()).await?;
-        let endpoint = on_this_computer(&endpoint);
+        let router = router::open_leased_with_registry(&self.listen, &[], pki, self.link_lease()).await?;
+        let endpoint = on_this_computer(router.endpoint());
         let connect = vec![endpoint.clone()];
         // A client as its agents are: a router's own session is under no rules.
         let bus = self.client(&connect).await?;
@@ -177,23 +176,7 @@ pub(super) struct Session {
     /// Where its agents connect.
     pub(super) connect: Vec<String>,
     /// Its router, where that is a session of its own.
-    pub(super) router: Option<Bus>,
-}
-
-/// Opens a router that admits whom the registry in a PKI folder names.
-async fn open_with_registry(listen: &str, pki: &Path, link_lease: Duration) -> Result<(Bus, String)> {
-    let path = pki.join("identities.toml");
-    let invalid = |error: &dyn std::fmt::Display| {
-        Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display()))
-    };
-    let text = robot_agent::files::text(&path, robot_agent::files::MAX_TEXT);
-    let registry =
-        Registry::parse(&text.map_err(|error| invalid(&error))?).map_err(|error| invalid(&error))?;
-    let role = Role::Router { listen: vec![listen.to_owned()], connect: Vec::new() };
-    let opening = Opening::of(role).link_lease(link_lease).tls(Some(Tls::in_folder(&pki.join("router"))));
-    let bus = opening.access(Some(AccessControl::of(&registry))).once().await?;
-    let endpoint = bus.locators().await.into_iter().next().unwrap_or_else(|| listen.to_owned());
-    Ok((bus, endpoint))
+    pub(super) router: Option<GuardedRouter>,
 }
 
 /// The certificate of a router that listens on all addresses names this computer's, perhaps not all others.

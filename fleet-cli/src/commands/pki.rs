@@ -101,7 +101,7 @@ pub struct OutArgs {
 impl OutArgs {
     /// Asks the router, if that is wanted.
     fn apply(&self, pki: &Pki) -> Result<()> {
-        if self.apply { pki.ask_to_apply(SystemTime::now()) } else { Ok(()) }
+        if self.apply { pki.ask_to_apply() } else { Ok(()) }
     }
 }
 

@@ -3,12 +3,13 @@
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::pki;
 use clap::Args;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::pin::pin;
 use std::time::Duration;
-use xtb_bus::{Bus, Enrolled};
+use xtb_bus::Bus;
 use xtb_client::DEFAULT_ENDPOINT;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_services::router::{self, GuardedRouter, News};
@@ -91,7 +92,7 @@ pub async fn run(ctx: &Context, args: &RouterArgs) -> Result<Exit> {
 
 /// With identities.
 async fn guarded(ctx: &Context, args: &RouterArgs, connect: &[String]) -> Result<Exit> {
-    let pki = pki_folder(args.pki.as_deref())?;
+    let pki = pki::place(args.pki.as_deref())?;
     if args.print_acl {
         let config = router::zenohd_config(&args.listen, connect, &pki)?;
         let text = serde_json::to_string_pretty(&config)
@@ -120,14 +121,6 @@ fn tell_ready(ctx: &Context, router: &str, identities: bool, connect: &[String])
     ctx.out.result(&ready, |Ready { router, connect, .. }| match connect {
         [] => format!("router ready on {router}"),
         connect => format!("router ready on {router}, in a mesh with {}", connect.join(", ")),
-    })
-}
-
-/// The folder of the PKI: as named, else `xtb/pki` below the user's configuration.
-fn pki_folder(named: Option<&Path>) -> Result<PathBuf> {
-    let usual = || Some(Enrolled::place()?.with_file_name("pki"));
-    named.map(Path::to_owned).or_else(usual).ok_or_else(|| {
-        Error::new(ErrorKind::Invalid, "there is no home folder for the PKI").hint("name one with --pki DIR")
     })
 }
 

@@ -6,8 +6,6 @@ use serde_json::Value;
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Output};
-use xtb_bus::{AccessControl, Bus, Opening, Role, Tls};
-use xtb_identity::Registry;
 
 /// One of the programs, in a home of its own.
 fn in_home(home: &Path, name: &str, line: &str) -> Command {
@@ -34,14 +32,6 @@ async fn robots(home: &Path, line: &str) -> Option<Vec<String>> {
     names.map(|name| name.map(str::to_owned)).collect()
 }
 
-/// A router that admits whom the registry names.
-async fn router(pki: &Path, listen: &str) -> Bus {
-    let registry = Registry::parse(&std::fs::read_to_string(pki.join("identities.toml")).unwrap()).unwrap();
-    let role = Role::Router { listen: vec![listen.to_owned()], connect: Vec::new() };
-    let opening = Opening::of(role).tls(Some(Tls::in_folder(&pki.join("router"))));
-    opening.access(Some(AccessControl::of(&registry))).once().await.unwrap()
-}
-
 #[tokio::test(flavor = "multi_thread")]
 async fn five_commands_then_router_agent_and_a_drive_over_tls() {
     let [office, robot, desk] = std::array::from_fn(|_| tempfile::tempdir().unwrap());
@@ -49,7 +39,11 @@ async fn five_commands_then_router_agent_and_a_drive_over_tls() {
     done(cli(office.path(), &format!("pki init --port {port}")));
     done(cli(office.path(), "pki add-robot xtb-1"));
     done(cli(office.path(), "pki add-person alice --role operator"));
-    let _router = router(&office.path().join(".config/xtb/pki"), &format!("tls/127.0.0.1:{port}")).await;
+    let pki = office.path().join(".config/xtb/pki");
+    let mut router = Command::new(program("fleet-cli"));
+    router.args(["--json", "router", "--listen", &format!("tls/127.0.0.1:{port}"), "--pki"]).arg(&pki);
+    let (_router, ready) = Process::start_ready(&mut router);
+    assert!(ready.contains("\"ready\":true"), "{ready}");
 
     let file = |name: &str| office.path().join(name).display().to_string();
     let mut enrol = in_home(robot.path(), "robot-agent", "enrol");

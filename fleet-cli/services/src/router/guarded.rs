@@ -93,7 +93,11 @@ pub async fn open_with_registry(listen: &str, connect: &[String], pki: &Path) ->
     open_leased_with_registry(listen, connect, pki, LINK_LEASE).await
 }
 
-async fn open_leased_with_registry(
+/// The same; others take it for lost after so much silence.
+///
+/// # Errors
+/// As [`open_with_registry`].
+pub async fn open_leased_with_registry(
     listen: &str,
     connect: &[String],
     pki: &Path,
