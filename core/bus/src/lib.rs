@@ -21,6 +21,7 @@ mod presence;
 mod query;
 mod session;
 mod tls;
+mod watched;
 
 pub use acl::AccessControl;
 pub use channel::{EventPublisher, Incoming, Publisher, Subscription};

@@ -2,11 +2,11 @@
 
 use crate::query::answers;
 use crate::session::{Bus, BusError, failed};
+use crate::watched::lock;
 use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use xtb_protocol::keys::{Channel, Key};
-use zenoh::key_expr::keyexpr;
 use zenoh::sample::SampleKind;
 
 /// Says "alive" until it is dropped or its session ends.
@@ -28,48 +28,8 @@ impl Token {
 /// Watches others come and go until it is dropped.
 pub struct Presence {
     _inner: zenoh::pubsub::Subscriber<()>,
-    /// Kept for the session's [`Watched`].
+    /// Kept for the session's [`Watched`](crate::watched::Watched).
     _there: Arc<Mutex<BTreeSet<String>>>,
-}
-
-/// Who is there, as far as a session's watches were told. Clones share it.
-///
-/// Zenoh (1.10) sends a question for presence to the router before it answers what it knows itself, and it knows
-/// what the session watches. When the router's word that this was all comes in between, the question ends without
-/// that part. So what the watches know is added to the answers.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Watched(Arc<Mutex<Vec<Weak<Mutex<BTreeSet<String>>>>>>);
-
-impl Watched {
-    /// What one more watch knows: nothing yet.
-    fn begin(&self) -> Arc<Mutex<BTreeSet<String>>> {
-        let there = Arc::default();
-        let mut watches = lock(&self.0);
-        watches.retain(|watch| watch.strong_count() > 0);
-        watches.push(Arc::downgrade(&there));
-        there
-    }
-
-    /// Those on `key_expr`.
-    fn on(&self, key_expr: &str) -> BTreeSet<String> {
-        let Ok(asked) = keyexpr::new(key_expr) else { return BTreeSet::new() };
-        let mut found = BTreeSet::new();
-        for there in lock(&self.0).iter().filter_map(Weak::upgrade) {
-            let there = lock(&there);
-            if !asked.is_wild() {
-                found.extend(there.get(key_expr).cloned());
-                continue;
-            }
-            let is_asked = |key: &&String| keyexpr::new(key.as_str()).is_ok_and(|key| asked.includes(key));
-            found.extend(there.iter().filter(is_asked).cloned());
-        }
-        found
-    }
-}
-
-/// A panic elsewhere does not make the keys unreadable.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Whether a key stands for somebody's presence. A token can stand on an expression with wildcards too:

@@ -2,8 +2,8 @@
 
 use crate::acl::AccessControl;
 use crate::foreign::ForeignKeys;
-use crate::presence::Watched;
 use crate::tls::Tls;
+use crate::watched::Watched;
 use std::collections::HashSet;
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, PoisonError};

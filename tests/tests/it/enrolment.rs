@@ -56,10 +56,9 @@ async fn five_commands_then_router_agent_and_a_drive_over_tls() {
     let _agent = Process(agent);
     let seen = || async { robots(desk.path(), "list --json").await.filter(|names| names == &["xtb-1"]) };
     eventually("the robot", seen).await;
-    let mut goto = in_home(desk.path(), "fleet-cli", "goto xtb-1 0.1 0.8 --wait");
     let drove = eventually("a drive", || async {
         // The agent may just have started: nothing heard of its gyro yet.
-        let output = goto.output().unwrap();
+        let output = in_home(desk.path(), "fleet-cli", "goto xtb-1 0.1 0.8 --wait").output().unwrap();
         output.status.success().then_some(output)
     });
     done(drove.await);
