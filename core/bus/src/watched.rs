@@ -10,7 +10,10 @@ use zenoh::key_expr::keyexpr;
 /// what the session watches. When the router's word that this was all comes in between, the question ends without
 /// that part. So what the watches know is added to the answers.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Watched(Arc<Mutex<Vec<Weak<Mutex<BTreeSet<String>>>>>>);
+pub(crate) struct Watched(Arc<Mutex<Vec<Weak<Keys>>>>);
+
+/// What one watch was told: the keys that are alive.
+pub(crate) type Keys = Mutex<BTreeSet<String>>;
 
 impl Watched {
     /// What one more watch knows: nothing yet.

@@ -13,6 +13,8 @@ const CSS: &str = "text/css; charset=utf-8";
 const SVG: &str = "image/svg+xml";
 const TEXT: &str = "text/plain; charset=utf-8";
 
+/// Where one signs in.
+pub(super) const SIGN_IN: &str = "/sign-in";
 /// One file of the page.
 #[derive(Debug, Clone, Copy)]
 struct Asset {
@@ -33,7 +35,7 @@ macro_rules! asset {
 }
 
 const FILES: &[Asset] = &[
-    Asset { path: super::sign_in::PATH, content_type: HTML, bytes: include_bytes!("../page/sign_in.html") },
+    Asset { path: SIGN_IN, content_type: HTML, bytes: include_bytes!("../page/sign_in.html") },
     Asset { path: "/", content_type: HTML, bytes: include_bytes!("../page/index.html") },
     asset!("goal_tool.js", JS),
     asset!("draw.js", JS),

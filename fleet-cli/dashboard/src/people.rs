@@ -3,9 +3,8 @@
 //! The registry decides anew at each request, each command, and once a second for each socket: whoever is revoked,
 //! has got a new token, certificate or role, is out at once.
 
-use super::guesses::Guesses;
+use super::guesses::{Guesses, same};
 use super::places::network;
-use super::security::same;
 use ring::digest::{SHA256, digest};
 use std::collections::BTreeMap;
 use std::net::IpAddr;

@@ -2,7 +2,7 @@
 
 use super::access::Visitor;
 use super::app::App;
-use super::assets;
+use super::assets::{self, SIGN_IN};
 use super::hello::Who;
 use super::listener::Peer;
 use super::people::NotTaken;
@@ -17,8 +17,6 @@ use serde_json::json;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Where one signs in.
-pub(super) const PATH: &str = "/sign-in";
 /// Longest request, in bytes.
 const MAX_BODY: usize = 1024;
 
@@ -32,7 +30,7 @@ struct Token {
 /// Its routes.
 pub(super) fn routes() -> Router<Arc<App>> {
     Router::new()
-        .route(PATH, get(page).post(sign_in))
+        .route(SIGN_IN, get(page).post(sign_in))
         .route("/sign-out", post(sign_out))
         .route("/who", get(who))
         .layer(DefaultBodyLimit::max(MAX_BODY))
@@ -40,11 +38,11 @@ pub(super) fn routes() -> Router<Arc<App>> {
 
 /// To whom nobody knows, instead of the page.
 pub(super) fn lead() -> Response {
-    (StatusCode::SEE_OTHER, [(header::LOCATION, PATH)]).into_response()
+    (StatusCode::SEE_OTHER, [(header::LOCATION, SIGN_IN)]).into_response()
 }
 
 async fn page(State(app): State<Arc<App>>, headers: HeaderMap) -> Response {
-    let page = app.guard.people().and_then(|_| assets::answer(PATH, &headers));
+    let page = app.guard.people().and_then(|_| assets::answer(SIGN_IN, &headers));
     page.unwrap_or_else(|| (StatusCode::NOT_FOUND, "page not found\n").into_response())
 }
 

@@ -141,6 +141,7 @@ impl Verb {
                 Uses::Nothing
             }
             Self::Map(args) if !args.needs_session() => Uses::Nothing,
+            Self::Sim(args) if args.identities.is_some() => Uses::Nothing,
             Self::Sim(_) | Self::Demo(_) => Uses::IfAsked,
             Self::Doctor(_) => Uses::Unchecked,
             Self::Dispatch(args) if !args.needs_session() => Uses::Unchecked,

@@ -303,7 +303,11 @@ impl<'a> Walk<'a> {
         let mut out = parts[0].to_owned();
         for part in &parts[1..] {
             match part.find(":7447") {
-                Some(end) if part[..end].chars().all(|c| c.is_ascii_digit() || c == '.') => {
+                // A listener that is refused stays as it is written.
+                Some(end)
+                    if !part.starts_with("0.0.0.0")
+                        && part[..end].chars().all(|c| c.is_ascii_digit() || c == '.') =>
+                {
                     out.push_str(ours);
                     out.push_str(&part[end + ":7447".len()..]);
                 }
