@@ -104,7 +104,7 @@ fn verdict(own: &Identity, status: &IdentityStatus) -> Option<Error> {
         IdentityStatus { name: other, .. } if other != name => return None,
         IdentityStatus { role: None, .. } => (
             format!("the router does not know {name}"),
-            format!("add it where the CA is with `fleet-cli pki`; `fleet-cli pki list` shows who is known"),
+            "add it where the CA is with `fleet-cli pki`; `fleet-cli pki list` shows who is known".to_owned(),
         ),
         IdentityStatus { revoked: true, .. } => (
             format!("{name} was revoked"),
