@@ -38,6 +38,7 @@ struct Shared {
 
 /// What is recorded.
 #[derive(Debug)]
+#[allow(clippy::large_enum_variant)] // nearly all are steps, which must not be allocated one by one
 enum Item {
     Step(Step),
     Event(Stamp, Box<Event>),

@@ -224,7 +224,8 @@ fn nearest_first(hosts: &[Host], host: usize) -> String {
 fn router(hosts: &[Host], host: usize) -> Process {
     let others: Vec<String> = (1..HOSTS).map(|n| endpoint(&hosts[(host + n) % HOSTS])).collect();
     let mut command = cli(&hosts[host], &others.join(","));
-    let (process, line) = Process::start_ready(command.args(["router", "--listen", &endpoint(&hosts[host])]));
+    let (process, line) =
+        Process::start_ready(command.args(["router", "--insecure", "--listen", &endpoint(&hosts[host])]));
     assert!(line.starts_with("{\"ready\":true"), "the router says {line:?}");
     process
 }

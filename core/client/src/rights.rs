@@ -45,8 +45,9 @@ fn hint(role: Role, action: Action) -> String {
                 or XTB_IDENTITY"
             .to_owned();
     }
-    // A person, if one can: the least of them.
-    let order = Role::PEOPLE.iter().rev().chain(&Role::SERVICES).chain(&Role::ALL);
+    // A person, if one can: the least of them. A dispatcher also leads and serves a map, but not that alone.
+    let alone = [Role::Traffic, Role::Map];
+    let order = Role::PEOPLE.iter().rev().chain(&alone).chain(&Role::SERVICES).chain(&Role::ALL);
     let can = order.copied().find(|role| role.may(action));
     let who = can.map_or("another role", noun);
     let how = match can {

@@ -185,7 +185,7 @@ pub(crate) async fn played(ctx: &Context, playing: Arc<PlaybackWorker>, listen: 
 
 /// What TLS needs, if it is used: the dashboard's identity, and the registry of people.
 fn secure(ctx: &Context, args: &DashboardArgs) -> Result<Option<Secure>> {
-    if args.insecure || !(args.tls || !args.listen.ip().is_loopback()) {
+    if args.insecure || (!args.tls && args.listen.ip().is_loopback()) {
         return Ok(None);
     }
     let hint = "`fleet-cli pki add-service dashboard --address HOST` makes an identity with a certificate for the \
