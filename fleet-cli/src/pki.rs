@@ -26,7 +26,6 @@ use xtb_protocol::Name;
 
 /// Names of this computer: each router certificate has them.
 pub const LOCAL: [&str; 3] = ["localhost", "127.0.0.1", "::1"];
-const REGISTRY: &str = "identities.toml";
 const CA: &str = "ca.pem";
 const CA_KEY: &str = "ca.key";
 const ROUTER: &str = "router";
@@ -66,7 +65,7 @@ impl Pki {
     ) -> Result<Self> {
         files::private_folder(folder)?;
         let lock = files::lock(folder)?;
-        if [REGISTRY, CA_KEY, CA].iter().any(|file| folder.join(file).exists()) {
+        if [Registry::FILE, CA_KEY, CA].iter().any(|file| folder.join(file).exists()) {
             let message = format!("{} already has a PKI", folder.display());
             return Err(Error::new(ErrorKind::Failed, message).hint(
                 "`fleet-cli pki list` shows it; another fleet needs another folder (--pki DIR); a new PKI in \
@@ -93,7 +92,7 @@ impl Pki {
     /// # Errors
     /// [`ErrorKind::Config`]: there is none, or its registry cannot be read.
     pub fn open(folder: &Path) -> Result<Self> {
-        let path = folder.join(REGISTRY);
+        let path = folder.join(Registry::FILE);
         let text = robot_agent::files::text(&path, robot_agent::files::MAX_TEXT).map_err(|error| {
             if error.is_missing() {
                 Error::new(ErrorKind::Config, format!("{} has no PKI", folder.display()))
@@ -223,7 +222,7 @@ impl Pki {
     pub fn browser(&self, name: &Name) -> Result<Issued> {
         let entry = self.registry.get(name).ok_or_else(|| refused(&RegistryError::Unknown(name.clone())))?;
         if !entry.role.is_person() {
-            let message = format!("{name} is a {}, not a person", entry.role);
+            let message = format!("{name} is {}, not a person", entry.role.noun());
             return Err(Error::new(ErrorKind::Invalid, message)
                 .hint("`fleet-cli pki add-person NAME --role operator` makes a person's identity"));
         }
@@ -243,7 +242,7 @@ impl Pki {
     /// # Errors
     /// The system's words.
     pub fn save(&self) -> Result<()> {
-        files::private(&self.folder.join(REGISTRY), self.registry_text()?.as_bytes())
+        files::private(&self.folder.join(Registry::FILE), self.registry_text()?.as_bytes())
     }
 
     /// Asks a router that reads this folder to admit those who were added at once.

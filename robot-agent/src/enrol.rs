@@ -1,6 +1,7 @@
 //! Enrolling: an identity file (`NAME.xtbid`) becomes this computer's identity. Both programs do it.
 
 use crate::files;
+use serde::Serialize;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
@@ -33,7 +34,7 @@ pub enum Refusal {
     #[error("{0}")]
     Expired(IdentityError),
     /// It is for the other program.
-    #[error("{name} is a {role}: its identity is not for this program")]
+    #[error("{name} is {}: its identity is not for this program", role.noun())]
     Role {
         /// Whose.
         name: Name,
@@ -66,6 +67,14 @@ pub enum Refusal {
     /// It cannot be written.
     #[error("cannot write the identity: {0}")]
     Write(EnrolError),
+    /// It is enrolled, and the file is still there.
+    #[error("enrolled, but cannot delete {}: {reason}", path.display())]
+    Delete {
+        /// Which.
+        path: PathBuf,
+        /// Why not.
+        reason: std::io::Error,
+    },
 }
 
 impl Refusal {
@@ -85,6 +94,7 @@ impl Refusal {
             Self::Older { .. } => "enrol the newest file; --force replaces it all the same".into(),
             Self::NoPlace => "name a folder with --to DIR".into(),
             Self::Write(_) => "--to DIR names another folder".into(),
+            Self::Delete { .. } => "delete it: it holds the private key".into(),
         }
     }
 
@@ -169,7 +179,51 @@ fn replaces(identity: &Identity, folder: &Path) -> Result<(), Refusal> {
     Ok(())
 }
 
+/// The same for scripts.
+#[derive(Debug, Serialize)]
+pub struct Report<'a> {
+    name: &'a Name,
+    fleet: &'a Name,
+    role: Role,
+    generation: u32,
+    expires: String,
+    routers: &'a [String],
+    folder: String,
+    warnings: &'a [String],
+}
+
 impl Done {
+    /// Deletes the file that was enrolled, or warns that it is still there.
+    ///
+    /// # Errors
+    /// [`Refusal::Delete`].
+    pub fn settle(&mut self, file: &Path, delete: bool) -> Result<(), Refusal> {
+        if delete {
+            return std::fs::remove_file(file)
+                .map_err(|reason| Refusal::Delete { path: file.to_owned(), reason });
+        }
+        let file = file.display();
+        self.warnings.push(format!("{file} still holds the private key: delete it (--remove does)"));
+        Ok(())
+    }
+
+    /// For scripts.
+    #[must_use]
+    pub fn report(&self) -> Report<'_> {
+        let Enrolled { identity, folder } = &self.enrolled;
+        let Identity { name, fleet, role, generation, routers, .. } = identity;
+        Report {
+            name,
+            fleet,
+            role: *role,
+            generation: *generation,
+            expires: humantime::format_rfc3339_seconds(self.expires).to_string(),
+            routers,
+            folder: folder.display().to_string(),
+            warnings: &self.warnings,
+        }
+    }
+
     /// What it is, in one sentence.
     #[must_use]
     pub fn text(&self) -> String {

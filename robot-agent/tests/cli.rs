@@ -97,8 +97,13 @@ fn help_documents_the_exit_codes() {
     assert!(String::from_utf8_lossy(&output.stdout).contains("Exit codes"));
 }
 
-/// A robot's identity, in a folder.
-fn enrolled(folder: &std::path::Path, days: u64, now: std::time::SystemTime) -> std::path::PathBuf {
+/// The identity file of `xtb-7`, in a folder.
+fn identity_file(
+    folder: &std::path::Path,
+    role: xtb_identity::Role,
+    days: u64,
+    now: std::time::SystemTime,
+) -> std::path::PathBuf {
     use std::time::Duration;
     use xtb_identity::issue::{Authority, Purpose, issue};
     let fleet = xtb_protocol::Name::new("lab").expect("a name");
@@ -108,16 +113,9 @@ fn enrolled(folder: &std::path::Path, days: u64, now: std::time::SystemTime) -> 
     let life = Duration::from_secs(days * 24 * 3600);
     let issued = issue(&ca, &own, Purpose::Client, now, life).expect("a certificate");
     let routers = vec!["tls/127.0.0.1:1".to_owned()];
-    let role = xtb_identity::Role::Robot;
-    let identity = xtb_identity::Identity::new(
-        fleet,
-        own,
-        role,
-        routers,
-        made.certificate(),
-        issued.certificate,
-        issued.key,
-    );
+    let (certificate, key) = (issued.certificate, issued.key);
+    let identity =
+        xtb_identity::Identity::new(fleet, own, role, routers, made.certificate(), certificate, key);
     let file = folder.join("xtb-7.xtbid");
     std::fs::write(&file, identity.to_text().expect("its text")).expect("writing it");
     file
@@ -126,7 +124,7 @@ fn enrolled(folder: &std::path::Path, days: u64, now: std::time::SystemTime) -> 
 #[test]
 fn name_fleet_and_router_follow_from_the_identity() {
     let home = tempfile::tempdir().expect("a folder");
-    let file = enrolled(home.path(), 30, std::time::SystemTime::now());
+    let file = identity_file(home.path(), xtb_identity::Role::Robot, 30, std::time::SystemTime::now());
     let at_home = || {
         let mut command = agent();
         command.env("HOME", home.path());
@@ -163,7 +161,8 @@ fn name_fleet_and_router_follow_from_the_identity() {
 fn an_expired_identity_is_said_at_once() {
     let home = tempfile::tempdir().expect("a folder");
     let now = std::time::SystemTime::now();
-    let file = enrolled(home.path(), 1, now - std::time::Duration::from_secs(3 * 24 * 3600));
+    let three_days_ago = now - std::time::Duration::from_secs(3 * 24 * 3600);
+    let file = identity_file(home.path(), xtb_identity::Role::Robot, 1, three_days_ago);
     let said = stderr_of(agent().arg("enrol").arg(&file).args(["--to", "/nonexistent"]), 2);
     assert!(said.contains("the certificate of xtb-7 expired on "), "{said}");
     let identity = xtb_identity::Identity::parse(&std::fs::read_to_string(&file).expect("the file"));
@@ -171,4 +170,41 @@ fn an_expired_identity_is_said_at_once() {
     xtb_bus::Enrolled::write(&identity.expect("an identity"), &folder).expect("writing it");
     let said = stderr_of(agent().arg("--identity").arg(&folder).args(["--hardware", "simulated"]), 2);
     assert!(said.contains("expired on ") && said.contains("hint: `fleet-cli pki renew xtb-7`"), "{said}");
+}
+
+#[test]
+fn only_a_robots_identity_runs_a_robot_and_what_needs_no_router_works_under_every_role() {
+    let home = tempfile::tempdir().expect("a folder");
+    let trace = home.path().join("empty.jsonl");
+    std::fs::write(&trace, "").expect("writing it");
+    for role in xtb_identity::Role::ALL {
+        let file = identity_file(home.path(), role, 30, std::time::SystemTime::now());
+        let identity = xtb_identity::Identity::parse(&std::fs::read_to_string(&file).expect("the file"));
+        let folder = home.path().join(role.as_str());
+        xtb_bus::Enrolled::write(&identity.expect("an identity"), &folder).expect("writing it");
+        let under = |arguments: &[&str]| {
+            let mut command = agent();
+            command.env("HOME", home.path()).env("XTB_IDENTITY", &folder).args(arguments);
+            command
+        };
+        if role != xtb_identity::Role::Robot {
+            let says = format!("xtb-7 is {}, not a robot", role.noun());
+            for verb in [&[][..], &["record", "recordings"], &["--print-config"]] {
+                let mut command = under(&["--hardware", "simulated"]);
+                let said = stderr_of(command.args(verb).current_dir(home.path()), 2);
+                assert!(
+                    said.contains(&says) && said.contains("hint: enrol a robot's file"),
+                    "{role}: {said}"
+                );
+            }
+            assert!(!home.path().join("recordings").exists(), "{role} began to record");
+            let said = stderr_of(under(&["enrol"]).arg(&file), 2);
+            assert!(said.contains("its identity is not for this program"), "{role}: {said}");
+        }
+        for verb in [&["ports"][..], &["completions", "bash"], &["--help"]] {
+            under(verb).assert().success();
+        }
+        under(&["replay", "--trace"]).arg(&trace).assert().success();
+        under(&["check-hardware", "--hardware", "simulated"]).assert().success();
+    }
 }

@@ -1,8 +1,9 @@
 //! The figures of `docs/safety.md` that need real processes and real time.
 //!
-//! `cargo build --release && cargo bench -p fleet-tests --bench safety -- WHAT [COUNT]`, where WHAT is one of
-//! `kill`, `freeze`, `router`, `stops`, `flood` (COUNT in seconds) or nothing for all. Exit code 1 if a limit is
-//! missed.
+//! `cargo build --release && cargo bench -p fleet-tests --bench safety -- [--identities] WHAT [COUNT]`, where WHAT is
+//! one of `kill`, `freeze`, `router`, `stops`, `flood` (COUNT in seconds) or nothing for all; with `--identities`
+//! over TLS and with the rules of a registry, without `flood`, whose strangers would not come in. Exit code 1 if a
+//! limit is missed.
 
 #![allow(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)] // a bench that cannot go on shall end
 
@@ -16,9 +17,10 @@ use std::time::Duration;
 const FLOOD_A_MS: usize = 20;
 /// The first argument of the process of a stranger; the second is the router's endpoint.
 const STRANGER: &str = "stranger";
+const IDENTITIES: &str = "--identities";
 
 fn main() -> ExitCode {
-    let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
+    let mut arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
     let runtime = tokio::runtime::Runtime::new().unwrap();
     if let [STRANGER, endpoint] = arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         return runtime.block_on(async {
@@ -26,23 +28,25 @@ fn main() -> ExitCode {
             std::future::pending().await
         });
     }
+    let identities = arguments.iter().any(|word| word == IDENTITIES);
+    arguments.retain(|word| word != IDENTITIES);
     let (what, count) = (arguments.first(), arguments.get(1).and_then(|count| count.parse().ok()));
     let wanted = |name: &str| what.is_none_or(|what| what == name);
     let mut kept = true;
     runtime.block_on(async {
         if wanted("kill") {
-            kept &= agents("kill -9 of the agent", count.unwrap_or(200), false).await;
+            kept &= agents("kill -9 of the agent", count.unwrap_or(200), false, identities).await;
         }
         if wanted("freeze") {
-            kept &= agents("SIGSTOP of the agent", count.unwrap_or(200), true).await;
+            kept &= agents("SIGSTOP of the agent", count.unwrap_or(200), true, identities).await;
         }
         if wanted("router") {
-            kept &= routers(count.unwrap_or(200)).await;
+            kept &= routers(count.unwrap_or(200), identities).await;
         }
         if wanted("stops") {
-            kept &= stops(count.unwrap_or(1000)).await;
+            kept &= stops(count.unwrap_or(1000), identities).await;
         }
-        if wanted("flood") {
+        if wanted("flood") && !identities {
             kept &= flood(count.unwrap_or(60)).await;
         }
     });
@@ -76,9 +80,9 @@ fn part(n: usize) -> f64 {
 }
 
 /// The trials of one of the rigs, each with its own trucks and router; they run side by side.
-async fn killed(count: usize, freeze: bool) -> Vec<Trial> {
+async fn killed(count: usize, freeze: bool, identities: bool) -> Vec<Trial> {
     let folder = tempfile::tempdir().unwrap();
-    let mut rig = Rig::start(1, folder.path()).await;
+    let mut rig = Rig::start(1, folder.path(), identities).await;
     let mut trials = Vec::new();
     for n in 0..count {
         eprint!("\r{n} of {count} ");
@@ -91,17 +95,17 @@ async fn killed(count: usize, freeze: bool) -> Vec<Trial> {
     trials
 }
 
-async fn agents(what: &str, count: usize, freeze: bool) -> bool {
+async fn agents(what: &str, count: usize, freeze: bool, identities: bool) -> bool {
     let third = count.div_ceil(3);
-    let (first, second, last) =
-        tokio::join!(killed(third, freeze), killed(third, freeze), killed(count - 2 * third, freeze));
+    let some = |count| killed(count, freeze, identities);
+    let (first, second, last) = tokio::join!(some(third), some(third), some(count - 2 * third));
     told(what, &[first, second, last].concat(), 0.2)
 }
 
 /// Trials of teleop and of goals that halt, and how many of the goals that finish were reached.
-async fn routed(count: usize) -> (Vec<Trial>, Vec<Trial>, usize) {
+async fn routed(count: usize, identities: bool) -> (Vec<Trial>, Vec<Trial>, usize) {
     let folder = tempfile::tempdir().unwrap();
-    let mut rig = Rig::start(3, folder.path()).await;
+    let mut rig = Rig::start(3, folder.path(), identities).await;
     let (mut teleop, mut halt, mut arrived) = (Vec::new(), Vec::new(), 0);
     for n in 0..count {
         eprint!("\r{n} of {count} ");
@@ -115,9 +119,10 @@ async fn routed(count: usize) -> (Vec<Trial>, Vec<Trial>, usize) {
     (teleop, halt, arrived)
 }
 
-async fn routers(count: usize) -> bool {
+async fn routers(count: usize, identities: bool) -> bool {
     let third = count.div_ceil(3);
-    let (first, second, last) = tokio::join!(routed(third), routed(third), routed(count - 2 * third));
+    let some = |count| routed(count, identities);
+    let (first, second, last) = tokio::join!(some(third), some(third), some(count - 2 * third));
     let kept = told("kill -9 of the router, teleop", &[first.0, second.0, last.0].concat(), 0.25);
     let arrived = first.2 + second.2 + last.2;
     println!("kill -9 of the router, goal that finishes: {arrived} of {count} arrived");
@@ -125,8 +130,8 @@ async fn routers(count: usize) -> bool {
     halt && kept && arrived == count
 }
 
-async fn stops(count: usize) -> bool {
-    let load::Stops { took, lost, others_per_s } = load::stops(count, 1).await;
+async fn stops(count: usize, identities: bool) -> bool {
+    let load::Stops { took, lost, others_per_s } = load::stops(count, 1, identities).await;
     let at = |share: f64| took[((took.len() - 1) as f64 * share) as usize].as_secs_f64() * 1000.0;
     println!(
         "estop put → neutral frame, {count} times beside {others_per_s:.0} messages/s: p50 {:.1} ms, p99.9 {:.1} ms, max {:.1} ms, {lost} lost (limit 50 ms p99.9)",
@@ -139,7 +144,7 @@ async fn stops(count: usize) -> bool {
 
 async fn flood(seconds: usize) -> bool {
     let folder = tempfile::tempdir().unwrap();
-    let rig = Rig::start(1, folder.path()).await;
+    let rig = Rig::start(1, folder.path(), false).await;
     // Another process than the world's, as in life: the truck's board does not wait for who floods.
     let stranger = async |router: &str| {
         Process::start(Command::new(std::env::current_exe().unwrap()).args([STRANGER, router]))

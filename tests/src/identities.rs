@@ -1,10 +1,11 @@
 //! A fleet with identities: a PKI in a folder of its own, a router on port 0, and sessions of whoever is wanted.
+//! And [`Access`], for trials that are made with identities and without.
 
-use crate::name;
+use crate::{eventually, name};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
-use xtb_bus::{Enrolled, Opening, Role as Session, Tls};
+use xtb_bus::{Bus, Enrolled, Opening, Role as Session, Tls};
 use xtb_identity::issue::{Authority, LIFE, Purpose, issue};
 use xtb_identity::{CommonName, Entry, Identity, Registry, Role, Router};
 use xtb_protocol::keys::FleetKeys;
@@ -117,6 +118,15 @@ impl Pki {
         Enrolled::write(&identity, &self.folder.join(of)).unwrap_or_else(|error| panic!("{error}"))
     }
 
+    /// One of them, as it was enrolled last.
+    ///
+    /// # Panics
+    /// If it never was.
+    #[must_use]
+    pub fn enrolled(&self, of: &str) -> Enrolled {
+        Enrolled::load(&self.folder.join(of)).unwrap_or_else(|error| panic!("{error}"))
+    }
+
     /// The files of one of them.
     #[must_use]
     pub fn tls(&self, of: &str) -> Tls {
@@ -164,5 +174,52 @@ impl Pki {
     #[must_use]
     pub fn keys(&self) -> FleetKeys {
         FleetKeys::new(self.registry.fleet.clone())
+    }
+}
+
+/// How the sessions of a trial come to its router.
+#[derive(Debug)]
+pub enum Access {
+    /// Over TCP, and everybody may do everything.
+    Open,
+    /// Over TLS, each with its own rights.
+    Identities(Pki),
+}
+
+impl Access {
+    /// Open, or a PKI of these robots (`xtb-1` …) and people, who are operators.
+    #[must_use]
+    pub fn of(identities: bool, robots: usize, people: &[&str]) -> Self {
+        if !identities {
+            return Self::Open;
+        }
+        let mut pki = Pki::new(&[]);
+        for number in 1..=robots {
+            pki.add(&format!("xtb-{number}"), Role::Robot);
+        }
+        for person in people {
+            pki.add(person, Role::Operator);
+        }
+        pki.write();
+        Self::Identities(pki)
+    }
+
+    /// Its PKI, if it has one.
+    #[must_use]
+    pub fn pki(&self) -> Option<&Pki> {
+        match self {
+            Self::Open => None,
+            Self::Identities(pki) => Some(pki),
+        }
+    }
+
+    /// A session of one of the people, once the router admits it.
+    ///
+    /// # Panics
+    /// If it never does.
+    pub async fn session(&self, of: &str, router: &str) -> Bus {
+        let connect = vec![router.to_owned()];
+        let opening = Opening::of(Session::Client { connect }).tls(self.pki().map(|pki| pki.tls(of)));
+        eventually("a session", || async { opening.clone().once().await.ok() }).await
     }
 }

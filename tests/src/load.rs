@@ -1,5 +1,8 @@
 //! A robot under load: stops while messages flow, and a flood.
 
+use crate::identities::{Access, Pki};
+use crate::processes::RouterProcess;
+use crate::rig::STRANGER;
 use crate::{Pilot, Probe, Rig, agent_config, eventually, name};
 use robot_agent::clock::{Clock, WorldTime};
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware};
@@ -9,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
-use xtb_bus::{Bus, Role};
+use xtb_bus::Bus;
 use xtb_control::PwmCount;
 use xtb_control::controller::PwmOutputs;
 use xtb_protocol::Uuid;
@@ -34,18 +37,20 @@ impl Drop for Flood {
 }
 
 impl Flood {
-    /// On xtb-1 of the fleet `lab`, with questions, from a session of its own with the router at `endpoint`.
+    /// On xtb-1 of the fleet `lab`, with questions, from a session of its own with the router at `endpoint`, which
+    /// has no identities.
     ///
     /// # Panics
     /// If Zenoh fails.
     pub async fn from(endpoint: &str, a_ms: usize) -> Self {
-        Self::start(&client(endpoint).await, &FleetKeys::new(name("lab")).robot(&name("xtb-1")), a_ms, true)
+        let bus = Access::Open.session(STRANGER, endpoint).await;
+        Self::start(&bus, &FleetKeys::new(name("lab")).robot(&name("xtb-1")), a_ms, true)
     }
 
     /// Setpoints without a lease, every fourth message garbage, `a_ms` of them each millisecond; sent
     /// with the care of requests, so that Zenoh drops none. With `asks`, a question now and then too.
     fn start(bus: &Bus, keys: &RobotKeys, a_ms: usize, asks: bool) -> Self {
-        let (bus, keys, client) = (bus.clone(), keys.clone(), name("stranger"));
+        let (bus, keys, client) = (bus.clone(), keys.clone(), name(STRANGER));
         let setpoint = Setpoint { lease: None, seq: 1, echo_tick_ms: Some(1), rpm: 20.0, steering: 0.0 };
         let good = encode(&setpoint, Format::Postcard).unwrap_or_default();
         let kind = encoding::<Setpoint>(Format::Postcard);
@@ -79,16 +84,17 @@ pub struct Stops {
     pub others_per_s: f64,
 }
 
-/// `count` emergency stops of a driving truck while `per_ms` other messages a millisecond flow.
+/// `count` emergency stops of a driving truck while `per_ms` other messages a millisecond flow; with or without
+/// identities.
 ///
 /// # Panics
 /// If the robot does not start, or Zenoh fails.
-pub async fn stops(count: usize, per_ms: usize) -> Stops {
-    let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
-    let router = xtb_bus::open(&role).await.unwrap_or_else(|error| panic!("{error}"));
-    let endpoint = router.locators().await.remove(0);
-    let (agent, passed) = Lone::start(&endpoint);
-    let (bus, other) = (client(&endpoint).await, client(&endpoint).await);
+pub async fn stops(count: usize, per_ms: usize, identities: bool) -> Stops {
+    let access = Access::of(identities, 1, &["bench", STRANGER]);
+    let router = RouterProcess::start(access.pki().map(Pki::folder));
+    let (agent, passed) = Lone::start(router.endpoint(), &access);
+    let bus = access.session("bench", router.endpoint()).await;
+    let other = access.session(STRANGER, router.endpoint()).await;
     let fleet = FleetKeys::new(name("lab"));
     let keys = fleet.robot(&name("xtb-1"));
     let pilot = Pilot::new(&bus, "lab", "xtb-1", "bench").await;
@@ -146,11 +152,6 @@ fn neutral(passed: &Receiver<(PwmOutputs, Instant)>, sent: Instant) -> Option<In
     }
 }
 
-async fn client(endpoint: &str) -> Bus {
-    let role = Role::Client { connect: vec![endpoint.to_owned()] };
-    xtb_bus::open(&role).await.unwrap_or_else(|error| panic!("{error}"))
-}
-
 async fn rejected(bus: &Bus, keys: &RobotKeys) -> Rejected {
     eventually("a state", || async {
         let states = bus.get(&keys.state(), Duration::from_secs(1)).await.ok()?;
@@ -167,13 +168,14 @@ struct Lone {
 }
 
 impl Lone {
-    fn start(endpoint: &str) -> (Self, Receiver<(PwmOutputs, Instant)>) {
+    fn start(endpoint: &str, access: &Access) -> (Self, Receiver<(PwmOutputs, Instant)>) {
         let (hardware, lines) = SimulatedHardware::connect();
         let simulation = Simulation::new(World::default(), &TruckParameters::default(), &["truck"], 1);
         let simulation = simulation.unwrap_or_else(|error| panic!("{error}"));
         let world = RunningWorld::start(simulation, vec![lines], WorldTime::new(), 1.0, |_| {});
         let (sender, passed) = mpsc::channel();
-        let (probe, config) = (Probe::new(hardware, sender), agent_config(endpoint, "lab"));
+        let (probe, mut config) = (Probe::new(hardware, sender), agent_config(endpoint, "lab"));
+        config.identity = access.pki().map(|pki| pki.enrolled("xtb-1"));
         let (end, shutdown) = watch::channel(false);
         let agent = tokio::spawn(async move {
             let ended = robot_agent::run(&config, Box::new(probe), Clock::real(), shutdown).await;
@@ -213,7 +215,7 @@ pub struct Flooded {
 pub async fn flood<F>(rig: &Rig, start: impl AsyncFnOnce(&str) -> F, lasting: Duration) -> Flooded {
     let bus = rig.client().await;
     let keys = FleetKeys::new(name("lab")).robot(&name("xtb-1"));
-    let pilot = Pilot::new(&bus, "lab", "xtb-1", "bench").await;
+    let pilot = rig.pilot(&bus, 1).await;
     let wander = Body::Wander { for_s: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 };
     eventually("wandering", || async {
         let outcome = pilot.ask(wander.clone()).await;

@@ -1,15 +1,19 @@
 //! A fleet on three computers, each with a router, two robots and people at it. The routers form a mesh; one of
-//! them is killed.
+//! them is killed. With identities or without.
 
 use crate::hosts::{Host, hosts};
 use crate::processes::{Process, Signal, program};
 use crate::{eventually, name, robot_name};
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::fs;
 use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use tempfile::TempDir;
+use xtb_identity::Registry;
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{GoalState, RobotState};
 use xtb_protocol::{Name, Uuid};
@@ -19,6 +23,8 @@ const A: usize = 0;
 const B: usize = 1;
 const C: usize = 2;
 const HOSTS: usize = 3;
+/// Who all the people are.
+const PERSON: &str = "alice";
 const ROBOTS: usize = 6;
 /// States of each robot after the kill until the gaps are counted: those of a second.
 const STATES: u64 = 20;
@@ -69,7 +75,7 @@ pub struct Mesh {
     people: Vec<Process>,
     routers: Vec<Process>,
     _robots: Vec<Process>,
-    hosts: Vec<Host>,
+    site: Site,
 }
 
 impl Mesh {
@@ -80,13 +86,15 @@ impl Mesh {
     ///
     /// # Panics
     /// If something does not start.
-    pub async fn start() -> Result<Self, String> {
+    pub async fn start(identities: bool) -> Result<Self, String> {
         let hosts = hosts(HOSTS)?;
-        let routers = (0..HOSTS).map(|host| router(&hosts, host)).collect();
-        let robots = (1..=ROBOTS).map(|number| robot(&hosts, number)).collect();
+        let identities = identities.then(|| issue(&hosts));
+        let site = Site { hosts, identities };
+        let routers = (0..HOSTS).map(|host| site.router(host)).collect();
+        let robots = (1..=ROBOTS).map(|number| site.robot(number)).collect();
         let fleet = HeardFleet::default();
-        let people = vec![watch(&hosts, &fleet)];
-        let mesh = Self { fleet, people, routers, _robots: robots, hosts };
+        let people = vec![site.watch(&fleet)];
+        let mesh = Self { fleet, people, routers, _robots: robots, site };
         mesh.until_all("states of all robots", |heard| heard.state.is_some()).await;
         Ok(mesh)
     }
@@ -97,9 +105,9 @@ impl Mesh {
     /// If they cannot be driven, or do not come back.
     pub async fn kill_router(&mut self) -> Failover {
         let (elsewhere, finishing, halting) = (1, 3, 4);
-        let all = nearest_first(&self.hosts, C);
+        let all = self.site.nearest_first(C);
         self.follow(C, &all, elsewhere);
-        self.follow(B, &endpoint(&self.hosts[B]), halting);
+        self.follow(B, &self.site.endpoint(B), halting);
         let finish =
             ["wander", robot_name(finishing).as_str(), "--on-link-loss", "finish"].map(str::to_owned);
         assert!(self.succeeds(C, &all, &finish).await, "{} refuses to wander", robot_name(finishing));
@@ -135,7 +143,7 @@ impl Mesh {
     /// If it does not.
     pub async fn lists_all(&self) {
         for host in [C, B] {
-            self.until_listed(host, &nearest_first(&self.hosts, host)).await;
+            self.until_listed(host, &self.site.nearest_first(host)).await;
         }
     }
 
@@ -144,8 +152,8 @@ impl Mesh {
     /// # Panics
     /// If it does not.
     pub async fn restart_router(&mut self) {
-        self.routers[B] = router(&self.hosts, B);
-        self.until_listed(B, &endpoint(&self.hosts[B])).await;
+        self.routers[B] = self.site.router(B);
+        self.until_listed(B, &self.site.endpoint(B)).await;
     }
 
     async fn until_listed(&self, host: usize, routers: &str) {
@@ -159,14 +167,14 @@ impl Mesh {
 
     /// Somebody makes a robot wander, and stays.
     fn follow(&mut self, host: usize, routers: &str, number: usize) {
-        let mut command = cli(&self.hosts[host], routers);
+        let mut command = self.site.cli(host, routers);
         command.args(["wander", robot_name(number).as_str(), "--wait"]).stdout(Stdio::null());
         self.people.push(Process::start(&mut command));
     }
 
     /// Whether a command ends with exit code 0.
     async fn succeeds(&self, host: usize, routers: &str, arguments: &[String]) -> bool {
-        let mut command = cli(&self.hosts[host], routers);
+        let mut command = self.site.cli(host, routers);
         command.args(arguments).stdout(Stdio::null());
         let ended = tokio::task::spawn_blocking(move || Process::start(&mut command).0.wait()).await;
         matches!(ended, Ok(Ok(status)) if status.success())
@@ -211,60 +219,111 @@ fn home(number: usize) -> usize {
     [A, A, B, B, C, C][number - 1]
 }
 
-fn endpoint(host: &Host) -> String {
-    format!("tcp/{}:7447", host.address())
+/// The computers, and what stands on their disks.
+struct Site {
+    hosts: Vec<Host>,
+    identities: Option<TempDir>,
 }
 
-/// All routers, that of this computer first.
-fn nearest_first(hosts: &[Host], host: usize) -> String {
-    let endpoints = (0..HOSTS).map(|n| endpoint(&hosts[(host + n) % HOSTS]));
-    endpoints.collect::<Vec<_>>().join(",")
+impl Site {
+    fn endpoint(&self, host: usize) -> String {
+        let protocol = if self.identities.is_some() { "tls" } else { "tcp" };
+        format!("{protocol}/{}:7447", self.hosts[host].address())
+    }
+
+    /// All routers, that of this computer first.
+    fn nearest_first(&self, host: usize) -> String {
+        let endpoints = (0..HOSTS).map(|n| self.endpoint((host + n) % HOSTS));
+        endpoints.collect::<Vec<_>>().join(",")
+    }
+
+    fn router(&self, host: usize) -> Process {
+        let others: Vec<String> = (1..HOSTS).map(|n| self.endpoint((host + n) % HOSTS)).collect();
+        let mut command = self.hosts[host].command(&program("fleet-cli"));
+        command.args(["--json", "--connect", &others.join(",")]);
+        command.args(["router", "--listen", &self.endpoint(host)]);
+        match &self.identities {
+            None => command.arg("--insecure"),
+            Some(folder) => command.arg("--pki").arg(folder.path().join(router_name(host))),
+        };
+        let (process, line) = Process::start_ready(&mut command);
+        assert!(line.starts_with("{\"ready\":true"), "the router says {line:?}");
+        process
+    }
+
+    fn robot(&self, number: usize) -> Process {
+        let host = home(number);
+        let mut command = self.hosts[host].command(&program("robot-agent"));
+        command.args(["--hardware", "simulated"]);
+        match &self.identities {
+            None => command.args(["--name", robot_name(number).as_str()]),
+            Some(folder) => command.arg("--identity").arg(folder.path().join(robot_name(number).as_str())),
+        };
+        // Each has a room of its own: far from the others on the map, too.
+        command.args(["--start-pose", &format!("{},0,1.5708", 50 * number)]);
+        command.args(["--connect", &self.nearest_first(host)]);
+        Process::start(&mut command)
+    }
+
+    fn cli(&self, host: usize, routers: &str) -> Command {
+        let mut command = self.hosts[host].command(&program("fleet-cli"));
+        command.args(["--json", "--connect", routers]);
+        if let Some(folder) = &self.identities {
+            command.arg("--identity").arg(folder.path().join(PERSON));
+        }
+        command
+    }
+
+    /// Somebody at the third computer follows all robots.
+    fn watch(&self, fleet: &HeardFleet) -> Process {
+        let states = FleetKeys::new(name("lab")).any_robot().state();
+        let mut command = self.cli(C, &self.nearest_first(C));
+        let mut process = Process::start(command.args(["watch", &states]).stdout(Stdio::piped()));
+        let output = process.0.stdout.take().unwrap_or_else(|| panic!("no output"));
+        let fleet = fleet.clone();
+        std::thread::spawn(move || {
+            for line in BufReader::new(output).lines().map_while(Result::ok) {
+                if let Ok(Line { value }) = serde_json::from_str(&line) {
+                    lock(&fleet).entry(value.robot.clone()).or_default().take(value);
+                }
+            }
+        });
+        process
+    }
 }
 
-fn router(hosts: &[Host], host: usize) -> Process {
-    let others: Vec<String> = (1..HOSTS).map(|n| endpoint(&hosts[(host + n) % HOSTS])).collect();
-    let mut command = cli(&hosts[host], &others.join(","));
-    let (process, line) =
-        Process::start_ready(command.args(["router", "--insecure", "--listen", &endpoint(&hosts[host])]));
-    assert!(line.starts_with("{\"ready\":true"), "the router says {line:?}");
-    process
+fn router_name(host: usize) -> String {
+    format!("router{}", host + 1)
 }
 
-fn robot(hosts: &[Host], number: usize) -> Process {
-    let host = home(number);
-    let mut command = hosts[host].command(&program("robot-agent"));
-    command.args(["--hardware", "simulated", "--name", robot_name(number).as_str()]);
-    // Each has a room of its own: far from the others on the map, too.
-    command.args(["--start-pose", &format!("{},0,1.5708", 50 * number)]);
-    command.args(["--connect", &nearest_first(hosts, host)]);
-    Process::start(&mut command)
-}
-
-fn cli(host: &Host, routers: &str) -> Command {
-    let mut command = host.command(&program("fleet-cli"));
-    command.args(["--json", "--connect", routers]);
-    command
+/// A PKI folder for each router, and an identity for each robot and for the people.
+fn issue(hosts: &[Host]) -> TempDir {
+    let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    let run = |program: &Path, line: &str| {
+        let mut command = Command::new(program);
+        command.env_clear().env("XTB_PKI", router_name(A)).current_dir(folder.path());
+        let output = command.args(line.split_whitespace()).output().unwrap_or_else(|error| panic!("{error}"));
+        assert!(output.status.success(), "{line}: {output:?}");
+    };
+    let (cli, agent) = (program("fleet-cli"), program("robot-agent"));
+    run(&cli, &format!("pki init --router-name {}", hosts[A].address()));
+    run(&cli, &format!("pki add-person {PERSON} --role operator"));
+    run(&cli, &format!("enrol {PERSON}.xtbid --to {PERSON} --remove"));
+    for robot in (1..=ROBOTS).map(robot_name) {
+        run(&cli, &format!("pki add-robot {robot}"));
+        run(&agent, &format!("enrol {robot}.xtbid --to {robot} --remove"));
+    }
+    for host in [B, C] {
+        run(&cli, &format!("pki add-router {} --router-name {}", router_name(host), hosts[host].address()));
+    }
+    // What was added after a copy was made.
+    let registry = |host| folder.path().join(router_name(host)).join(Registry::FILE);
+    fs::copy(registry(A), registry(B)).unwrap_or_else(|error| panic!("{error}"));
+    folder
 }
 
 /// A message as `watch` prints it.
 #[derive(Debug, Deserialize)]
 struct Line {
     value: RobotState,
-}
-
-/// Somebody at the third computer follows all robots.
-fn watch(hosts: &[Host], fleet: &HeardFleet) -> Process {
-    let states = FleetKeys::new(name("lab")).any_robot().state();
-    let mut command = cli(&hosts[C], &nearest_first(hosts, C));
-    let mut process = Process::start(command.args(["watch", &states]).stdout(Stdio::piped()));
-    let output = process.0.stdout.take().unwrap_or_else(|| panic!("no output"));
-    let fleet = fleet.clone();
-    std::thread::spawn(move || {
-        for line in BufReader::new(output).lines().map_while(Result::ok) {
-            if let Ok(Line { value }) = serde_json::from_str(&line) {
-                lock(&fleet).entry(value.robot.clone()).or_default().take(value);
-            }
-        }
-    });
-    process
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, SystemTime};
 use tempfile::TempDir;
 use xtb_dashboard::Secure;
 use xtb_identity::issue::{Authority, Issued, LIFE, Purpose, issue};
-use xtb_identity::{CommonName, Entry, Registry, Role, Router};
+use xtb_identity::{CommonName, Entry, Registry, Role, Router, token_digest};
 use xtb_protocol::Name;
 
 /// The hosts of the page's certificate.
@@ -70,7 +70,7 @@ impl PageIdentities {
 
     /// Takes somebody in, with their [`token`].
     pub fn add(&self, name: &str, role: Role) {
-        let token_sha256 = Some(sha256(&token(name)));
+        let token_sha256 = Some(token_digest(&token(name)));
         let (name, expires) = (must(Name::new(name)), SystemTime::now() + LIFE);
         self.change(|registry| {
             must(registry.add(Entry { name, role, generation: 1, expires, revoked: false, token_sha256 }));
@@ -111,9 +111,4 @@ impl Default for PageIdentities {
 #[must_use]
 pub fn token(name: &str) -> String {
     format!("{name}-token-0123456789")
-}
-
-fn sha256(token: &str) -> String {
-    let digest = ring::digest::digest(&ring::digest::SHA256, token.as_bytes());
-    digest.as_ref().iter().map(|byte| format!("{byte:02x}")).collect()
 }

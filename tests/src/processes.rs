@@ -1,7 +1,8 @@
 //! Real processes of this workspace: started, stopped and killed as a shell would.
 
+use std::ffi::OsString;
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 /// A program of this workspace, beside the running test: cargo builds it before it runs any test.
@@ -41,13 +42,16 @@ pub enum Signal {
 }
 
 impl Process {
-    /// Starts `command` without an environment of ours.
+    /// Starts `command` with no environment but what it was given.
     ///
     /// # Panics
     /// If it cannot be started.
     #[must_use]
     pub fn start(command: &mut Command) -> Self {
-        let child = command.env_clear().stdin(Stdio::null()).stderr(Stdio::null()).spawn();
+        let given: Vec<(OsString, OsString)> =
+            command.get_envs().filter_map(|(key, value)| Some((key.to_owned(), value?.to_owned()))).collect();
+        command.env_clear().envs(given);
+        let child = command.stdin(Stdio::null()).stderr(Stdio::null()).spawn();
         Self(child.unwrap_or_else(|error| panic!("{error}")))
     }
 
@@ -138,26 +142,32 @@ impl Process {
 /// `fleet-cli router` as a process that can be killed and started again at the same place.
 pub struct RouterProcess {
     process: Process,
+    pki: Option<PathBuf>,
     endpoint: String,
 }
 
 impl RouterProcess {
-    /// Starts it on a free port.
+    /// Starts it on a free port of this computer, open to all or for the identities of a PKI in this folder.
     ///
     /// # Panics
     /// If it does not start.
     #[must_use]
-    pub fn start() -> Self {
-        Self::start_at("tcp/127.0.0.1:0")
+    pub fn start(pki: Option<&Path>) -> Self {
+        let listen = if pki.is_some() { "tls/127.0.0.1:0" } else { "tcp/127.0.0.1:0" };
+        Self::start_at(listen, pki.map(Path::to_owned))
     }
 
-    fn start_at(listen: &str) -> Self {
+    fn start_at(listen: &str, pki: Option<PathBuf>) -> Self {
         let mut command = Command::new(program("fleet-cli"));
-        let (process, line) = Process::start_ready(command.args(["--json", "router", "--listen", listen]));
+        command.args(["--json", "router", "--listen", listen]);
+        if let Some(folder) = &pki {
+            command.arg("--pki").arg(folder);
+        }
+        let (process, line) = Process::start_ready(&mut command);
         // {"ready":true,"router":"tcp/127.0.0.1:40001"}
-        let endpoint = line.split('"').find(|part| part.starts_with("tcp/"));
+        let endpoint = line.split('"').find(|part| part.starts_with(&listen[..4]));
         let endpoint = endpoint.unwrap_or_else(|| panic!("the router says {line:?}")).to_owned();
-        Self { process, endpoint }
+        Self { process, pki, endpoint }
     }
 
     /// Where it listens.
@@ -183,6 +193,6 @@ impl RouterProcess {
     /// # Panics
     /// If it does not start.
     pub fn restart(&mut self) {
-        *self = Self::start_at(&self.endpoint.clone());
+        *self = Self::start_at(&self.endpoint.clone(), self.pki.clone());
     }
 }

@@ -4,12 +4,13 @@
 //! The ground truth is the simulated board's: since when it gives the motor neutral, on the world's
 //! clock, which runs at real time. A truck drives to and fro between its start and 1.2 m ahead.
 
+use crate::identities::{Access, Pki};
 use crate::processes::{Process, RouterProcess, Signal, program};
 use crate::{Fleet, Pilot, Setup, eventually};
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use xtb_bus::{Bus, Role};
+use xtb_bus::Bus;
 use xtb_control::Mode;
 use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, RobotState, TruthRobot, Via};
 
@@ -21,6 +22,9 @@ const WAY_M: f64 = 1.2;
 const AGAIN_S: f64 = 2.0;
 /// For so long nothing may move after a stop.
 const STANDS_S: f64 = 1.0;
+/// Who drives, and who else may come to the router.
+const PERSON: &str = "rig";
+pub(crate) const STRANGER: &str = "stranger";
 
 /// What a trial found.
 #[derive(Debug, Clone, Copy)]
@@ -35,6 +39,7 @@ pub struct Trial {
 pub struct Rig {
     /// The world.
     pub fleet: Fleet,
+    access: Access,
     router: RouterProcess,
     lines: PathBuf,
     agents: Vec<Process>,
@@ -42,16 +47,18 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// This many trucks, their agents ready.
+    /// This many trucks, their agents ready; with or without identities.
     ///
     /// # Panics
     /// If something does not start.
-    pub async fn start(robots: usize, lines: &Path) -> Self {
+    pub async fn start(robots: usize, lines: &Path, identities: bool) -> Self {
         let setup = Setup { robots, speed: 1.0, pty: Some(lines.to_owned()), ..Setup::default() };
-        let (fleet, router) = (Fleet::start(setup).await, RouterProcess::start());
+        let access = Access::of(identities, robots, &[PERSON, STRANGER]);
+        let router = RouterProcess::start(access.pki().map(Pki::folder));
+        let fleet = Fleet::start(setup).await;
         fleet.simulated(0.1).await; // until then there is no truth
         let homes = (1..=robots).map(|number| fleet.truth(number)).collect();
-        let mut rig = Self { fleet, router, lines: lines.to_owned(), agents: Vec::new(), homes };
+        let mut rig = Self { fleet, access, router, lines: lines.to_owned(), agents: Vec::new(), homes };
         for number in 1..=robots {
             let agent = rig.agent(number);
             rig.agents.push(agent);
@@ -64,7 +71,11 @@ impl Rig {
         let pose = format!("{:.4},{:.4},{:.4}", truth.x_m, truth.y_m, truth.yaw_rad);
         let line = |device: &str| self.lines.join(format!("xtb-{number}.{device}"));
         let mut command = Command::new(program("robot-agent"));
-        command.args(["--hardware", "serial", "--name", &format!("xtb-{number}")]);
+        command.args(["--hardware", "serial"]);
+        match self.access.pki() {
+            None => command.args(["--name", &format!("xtb-{number}")]),
+            Some(pki) => command.arg("--identity").arg(pki.folder().join(format!("xtb-{number}"))),
+        };
         command.arg("--board").arg(line("board")).arg("--gyro").arg(line("gyro"));
         command.args(["--start-pose", &pose, "--connect", self.endpoint()]);
         Process::start(&mut command)
@@ -75,10 +86,14 @@ impl Rig {
         self.router.endpoint()
     }
 
-    /// A session of a client.
+    /// A session of the person who drives.
     pub async fn client(&self) -> Bus {
-        let role = Role::Client { connect: vec![self.endpoint().to_owned()] };
-        eventually("a session", || async { xtb_bus::open(&role).await.ok() }).await
+        self.access.session(PERSON, self.endpoint()).await
+    }
+
+    /// A truck's client there.
+    pub async fn pilot(&self, bus: &Bus, number: usize) -> Pilot {
+        Pilot::new(bus, "lab", &format!("xtb-{number}"), PERSON).await
     }
 
     /// Where a truck goes next: 1.2 m ahead of its start, or back.
@@ -132,7 +147,7 @@ impl Rig {
     /// If the truck cannot be driven at all.
     pub async fn kill_agent(&mut self, number: usize, after_s: f64) -> Trial {
         let bus = self.client().await;
-        let pilot = Pilot::new(&bus, "lab", &format!("xtb-{number}"), "rig").await;
+        let pilot = self.pilot(&bus, number).await;
         self.drive(number, &pilot, LinkLoss::Finish).await;
         self.fleet.simulated(after_s).await;
         if !self.drives(number) {
@@ -168,7 +183,7 @@ impl Rig {
     /// If the truck cannot be driven at all.
     pub async fn freeze_agent(&mut self, number: usize, stopped_s: f64) -> Trial {
         let bus = self.client().await;
-        let pilot = Pilot::new(&bus, "lab", &format!("xtb-{number}"), "rig").await;
+        let pilot = self.pilot(&bus, number).await;
         self.drive(number, &pilot, LinkLoss::Finish).await;
         let stopped_at_s = self.fleet.time_s();
         self.agents[number - 1].signal(Signal::Stop);
@@ -189,11 +204,8 @@ impl Rig {
     /// If the trucks cannot be driven at all.
     pub async fn kill_router(&mut self) -> (Trial, Trial, Option<String>) {
         let bus = self.client().await;
-        let pilot = |number: usize| {
-            let bus = bus.clone();
-            async move { Pilot::new(&bus, "lab", &format!("xtb-{number}"), "rig").await }
-        };
-        let (teleop, halt, finish) = (pilot(1).await, pilot(2).await, pilot(3).await);
+        let (teleop, halt, finish) =
+            (self.pilot(&bus, 1).await, self.pilot(&bus, 2).await, self.pilot(&bus, 3).await);
         let ahead = self.next_goal(1) != (self.homes[0].x_m, self.homes[0].y_m);
         let rpm = if ahead { 20.0 } else { -20.0 };
         let (mut sent, mut to) = (0, (0.0, 0.0));

@@ -2,10 +2,11 @@
 //!
 //! `identity.toml` says who; `ca.pem`, `certificate.pem` and `key.pem` are what Zenoh reads.
 
+use crate::private_file;
 use crate::tls::Tls;
-use std::fs::{self, DirBuilder, OpenOptions};
-use std::io::{self, Write as _};
-use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _, OpenOptionsExt as _};
+use std::fs;
+use std::io;
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use xtb_identity::{Identity, IdentityError, Page};
@@ -76,13 +77,7 @@ impl Enrolled {
             move |reason| EnrolError::File { path, reason }
         };
         let facts = identity.facts().to_text().map_err(broken(folder))?;
-        if let Some(parent) = folder.parent() {
-            fs::create_dir_all(parent).map_err(failed(parent))?;
-        }
-        match DirBuilder::new().mode(0o700).create(folder) {
-            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(failed(folder)(error)),
-            _ => {}
-        }
+        private_file::folder(folder).map_err(failed(folder))?;
         let page = identity.page.iter().flat_map(|page| {
             [("page-key.pem", page.key.as_str()), ("page-certificate.pem", page.certificate.as_str())]
         });
@@ -93,7 +88,7 @@ impl Enrolled {
             ("identity.toml", &facts), // last: with it the folder counts
         ]) {
             let path = folder.join(name);
-            write_private(&path, text.as_bytes()).map_err(failed(&path))?;
+            private_file::write(&path, text.as_bytes()).map_err(failed(&path))?;
         }
         Ok(Self { folder: folder.to_owned(), identity: identity.clone() })
     }
@@ -138,19 +133,6 @@ impl Enrolled {
 fn broken(folder: &Path) -> impl FnOnce(IdentityError) -> EnrolError {
     let folder = folder.to_owned();
     move |reason| EnrolError::Identity { folder, reason }
-}
-
-/// Writes a file that only its owner can read, whole or not at all.
-fn write_private(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let beside = path.with_extension("new");
-    match fs::remove_file(&beside) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-        _ => {}
-    }
-    let mut file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&beside)?;
-    file.write_all(bytes)?;
-    file.sync_all()?;
-    fs::rename(&beside, path)
 }
 
 fn read(path: &Path) -> io::Result<String> {

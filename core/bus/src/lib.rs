@@ -18,6 +18,7 @@ mod key_expr;
 pub mod link_problem;
 mod links;
 mod presence;
+pub mod private_file;
 mod query;
 mod session;
 mod tls;

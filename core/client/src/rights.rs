@@ -17,25 +17,8 @@ pub fn check(name: &Name, role: Role, action: Action) -> Result<()> {
 
 /// The refusal alone.
 pub(crate) fn refusal(name: &Name, role: Role, hint: String) -> Error {
-    let message = format!("{name} is {}: {}", noun(role), role.allows());
+    let message = format!("{name} is {}: {}", role.noun(), role.allows());
     Error::new(ErrorKind::NotAllowed, message).hint(hint)
-}
-
-/// `a viewer`, `an operator`.
-pub(crate) fn noun(role: Role) -> &'static str {
-    match role {
-        Role::Robot => "a robot",
-        Role::Viewer => "a viewer",
-        Role::Operator => "an operator",
-        Role::Dashboard => "a dashboard",
-        Role::Dispatcher => "a dispatcher",
-        Role::Traffic => "traffic control",
-        Role::Map => "a map server",
-        Role::Tracker => "a tracker",
-        Role::Recorder => "a recorder",
-        Role::Simulator => "a simulator",
-        Role::Router => "a router",
-    }
 }
 
 /// Who can, and how to become one.
@@ -49,7 +32,7 @@ fn hint(role: Role, action: Action) -> String {
     let alone = [Role::Traffic, Role::Map];
     let order = Role::PEOPLE.iter().rev().chain(&alone).chain(&Role::SERVICES).chain(&Role::ALL);
     let can = order.copied().find(|role| role.may(action));
-    let who = can.map_or("another role", noun);
+    let who = can.map_or("another role", Role::noun);
     let how = match can {
         Some(role) if role.is_person() => format!(": `fleet-cli pki add-person NAME --role {role}` adds one"),
         Some(role) if Role::SERVICES.contains(&role) => {

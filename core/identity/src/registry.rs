@@ -132,6 +132,9 @@ pub struct Registry {
 }
 
 impl Registry {
+    /// Its file in the folder of the PKI.
+    pub const FILE: &str = "identities.toml";
+
     /// One without identities.
     #[must_use]
     pub fn new(fleet: Name, router: Router) -> Self {

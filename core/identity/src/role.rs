@@ -113,6 +113,24 @@ impl Role {
         }
     }
 
+    /// With its article: `a viewer`, `an operator`.
+    #[must_use]
+    pub fn noun(self) -> &'static str {
+        match self {
+            Self::Robot => "a robot",
+            Self::Viewer => "a viewer",
+            Self::Operator => "an operator",
+            Self::Dashboard => "a dashboard",
+            Self::Dispatcher => "a dispatcher",
+            Self::Traffic => "traffic control",
+            Self::Map => "a map server",
+            Self::Tracker => "a tracker",
+            Self::Recorder => "a recorder",
+            Self::Simulator => "a simulator",
+            Self::Router => "a router",
+        }
+    }
+
     /// Whether it is a person's.
     #[must_use]
     pub fn is_person(self) -> bool {

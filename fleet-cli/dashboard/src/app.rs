@@ -3,15 +3,14 @@
 use super::access::Visitor;
 use super::hello::{Hello, Who};
 use super::metrics::Metrics;
-use super::people::Person;
 use super::security::Guard;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use xtb_client::scene::live::Shared;
-use xtb_client::{Client, Error, ErrorKind, Result};
-use xtb_identity::{Action, Role};
+use xtb_client::{Client, Error, ErrorKind, Result, rights};
+use xtb_identity::Action;
 use xtb_protocol::Name;
 
 /// How often it is looked whether a page's visitor is still in, if nothing has changed.
@@ -46,7 +45,7 @@ impl App {
     /// What a page is told first.
     pub(super) fn hello(&self, client: Name, visitor: &Visitor) -> Hello {
         let person = visitor.person();
-        let refused = person.and_then(|person| refusal(person, Action::Drive));
+        let refused = person.and_then(|person| rights::check(&person.name, person.role, Action::Drive).err());
         let why_not = match (&self.shown.commands, self.read_only) {
             (None, _) => Some("playing a recording".to_owned()),
             (Some(_), true) => Some("the dashboard was started with --read-only".to_owned()),
@@ -72,7 +71,7 @@ impl App {
     pub(super) fn may(&self, visitor: &Visitor, action: Action) -> Result<()> {
         let (Some(people), Some(person)) = (self.guard.people(), visitor.person()) else { return Ok(()) };
         match people.again(person, Instant::now()) {
-            Some(person) => refusal(&person, action).map_or(Ok(()), Err),
+            Some(person) => rights::check(&person.name, person.role, action),
             None => Err(Error::new(ErrorKind::NotAllowed, format!("{} is signed out", person.name))
                 .hint("sign in again")),
         }
@@ -120,16 +119,4 @@ impl App {
     pub(super) fn clock_ms(&self) -> u64 {
         u64::try_from(self.began.elapsed().as_millis()).unwrap_or(u64::MAX)
     }
-}
-
-fn refusal(person: &Person, action: Action) -> Option<Error> {
-    let Person { name, role, .. } = person;
-    (!role.may(action)).then(|| {
-        Error::new(ErrorKind::NotAllowed, format!("{name} is {} {role}: {}", article(*role), role.allows()))
-            .hint("whoever has the fleet's CA gives roles: `fleet-cli pki`")
-    })
-}
-
-fn article(role: Role) -> &'static str {
-    if role.as_str().starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" }
 }

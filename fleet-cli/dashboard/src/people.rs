@@ -5,14 +5,13 @@
 
 use super::guesses::{Guesses, same};
 use super::places::network;
-use ring::digest::{SHA256, digest};
 use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 use tokio::sync::watch;
 use xtb_identity::certificate::Certificate;
-use xtb_identity::{CommonName, Entry, Registry, Role};
+use xtb_identity::{CommonName, Entry, Registry, Role, token_digest};
 use xtb_protocol::{Name, Uuid};
 
 /// A cookie that nobody has used for so long stands for nobody any more.
@@ -113,7 +112,7 @@ impl People {
         if table.guesses.is_blocked(from, now) {
             return Err(NotTaken::TooMany);
         }
-        let given = sha256(token);
+        let given = token_digest(token);
         // All of them: how long it takes tells nothing.
         let mut found = None;
         for entry in people(&table.registry) {
@@ -192,20 +191,16 @@ impl People {
     }
 }
 
-/// Robots and services do not sign in.
+/// Robots and services do not sign in, and nobody when the certificate has ended: a token lives no longer.
 fn people(registry: &Registry) -> impl Iterator<Item = &Entry> {
-    registry.admitted().filter(|entry| entry.role.is_person())
+    let now = SystemTime::now();
+    registry.admitted().filter(move |entry| entry.role.is_person() && now <= entry.expires)
 }
 
 fn role_by_token(registry: &Registry, name: &Name, token: &str) -> Option<Role> {
     let entry = people(registry).find(|entry| entry.name == *name)?;
     let own = entry.token_sha256.as_deref()?.to_ascii_lowercase();
     same(&own, token).then_some(entry.role)
-}
-
-/// In hexadecimal digits, as in the registry.
-fn sha256(token: &str) -> String {
-    digest(&SHA256, token.as_bytes()).as_ref().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

@@ -3,11 +3,12 @@
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::pki;
 use crate::recording::playback_worker::PlaybackWorker;
 use clap::Args;
 use serde::Serialize;
 use std::net::{IpAddr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,6 +19,7 @@ use xtb_client::scene::live::{Live, Wanted};
 use xtb_client::subscription::Subscriptions;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dashboard::{Origin, Running, Secure, Settings, Shown};
+use xtb_identity::Registry;
 
 const DASHBOARD_HELP: &str = "\
 On 127.0.0.1 everyone on this computer can open the page. On any other address it uses TLS with the certificate of \
@@ -192,7 +194,7 @@ fn secure(ctx: &Context, args: &DashboardArgs) -> Result<Option<Secure>> {
                 page; `fleet-cli enrol dashboard.xtbid --to DIR`, then `fleet-cli --identity DIR dashboard`";
     match &ctx.settings.identity {
         Some(Enrolled { folder, identity }) if identity.page.is_some() => {
-            let registry = registry(args.pki.as_deref())?;
+            let registry = pki::place(args.pki.as_deref())?.join(Registry::FILE);
             Ok(Some(Secure { identity: folder.clone(), registry }))
         }
         Some(Enrolled { folder, identity }) => {
@@ -203,17 +205,6 @@ fn secure(ctx: &Context, args: &DashboardArgs) -> Result<Option<Secure>> {
         // Refused with the rest of the settings, which know why.
         None => Ok(None),
     }
-}
-
-/// Where the registry is.
-fn registry(pki: Option<&Path>) -> Result<PathBuf> {
-    let usual = || Some(Enrolled::place()?.parent()?.join("pki"));
-    let folder = pki.map(Path::to_owned).or_else(usual);
-    let folder = folder.ok_or_else(|| {
-        Error::new(ErrorKind::Config, "where the fleet's PKI is cannot be told without HOME")
-            .hint("give --pki DIR")
-    })?;
-    Ok(folder.join("identities.toml"))
 }
 
 fn settings(args: &DashboardArgs) -> Settings {

@@ -1,7 +1,9 @@
 //! `sim`: simulated trucks with real agents, until Ctrl-C.
 
 pub(crate) mod embedded;
+mod fault_scenario;
 mod identities;
+mod ready;
 
 use super::dashboard;
 use crate::commands::dashboard::DashboardArgs;
@@ -14,6 +16,7 @@ use crate::{map_file, vehicle_file};
 use clap::Args;
 use embedded::EmbeddedDispatcher;
 use identities::Identities;
+use ready::{Found, announce};
 use robot_agent::files;
 use serde::Serialize;
 use std::net::SocketAddr;
@@ -25,9 +28,7 @@ use xtb_client::text::robot as describe;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
 use xtb_identity::Role;
-use xtb_protocol::Name;
-use xtb_protocol::messages::{DispatchStatus, RosterEntry, Suspension};
-use xtb_services::dispatch::Standing;
+use xtb_protocol::messages::Suspension;
 use xtb_services::dispatch::store::{self, Store};
 use xtb_services::dispatch::usage::Usage;
 use xtb_services::router::check_listen;
@@ -141,28 +142,6 @@ impl FixArgs {
 /// What helps an overloaded simulator.
 const TOO_SLOW: &str = "use fewer --robots, a lower --speed, or a faster computer";
 
-/// The one line that says it is ready.
-#[derive(Debug, Serialize)]
-struct Ready<'a> {
-    ready: bool,
-    fleet: &'a Name,
-    router: &'a str,
-    robots: &'a [RosterEntry],
-    /// Folder with a folder for each identity.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    identities: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    ledger: Option<String>,
-    /// What the dispatcher found in it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    dispatcher: Option<DispatchStatus>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    suspended: Option<Vec<Suspension>>,
-    /// Where the ledger of before is kept.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    set_aside: Option<String>,
-}
-
 /// What came of the tasks, said at the end of a simulation with a dispatcher.
 #[derive(Debug, Serialize)]
 struct Ended {
@@ -181,7 +160,7 @@ struct Ended {
 /// An impossible plan or world, a port that is taken, a folder or file that cannot be written.
 pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     if args.virtual_day {
-        return bad_day(ctx, args.seed);
+        return fault_scenario::tell(ctx, args.seed);
     }
     if ctx.connect_given && args.listen.is_some() {
         return Err(Error::new(ErrorKind::Invalid, "--listen and --connect exclude each other")
@@ -403,42 +382,6 @@ async fn tell(ctx: &Context, simulator: &Simulator, dispatcher: EmbeddedDispatch
     Ok(if failed || contacts > 0 { Exit::Failed } else { Exit::Done })
 }
 
-/// A day of the virtual fleet, as its seed has it.
-#[derive(Debug, Serialize)]
-struct Day {
-    seed: u64,
-    robots: usize,
-    lasted_ms: u64,
-    /// Over every decision of every robot: the same on every machine.
-    history: String,
-    broken: Option<String>,
-}
-
-/// Tells the day of this seed; exit code 1 if a rule was broken on it.
-fn bad_day(ctx: &Context, seed: u64) -> Result<Exit> {
-    let mut printed = Ok(());
-    let line = |text: &str| {
-        if !ctx.out.json && printed.is_ok() {
-            printed = ctx.out.text(text);
-        }
-    };
-    let day = xtb_chaos::tell(seed, xtb_chaos::Options::default(), line)
-        .map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))?;
-    printed?;
-    let broken =
-        day.violation.as_ref().map(|violation| format!("{}: {}", violation.invariant, violation.detail));
-    let exit = if broken.is_some() { Exit::Failed } else { Exit::Done };
-    let short = Day {
-        seed,
-        robots: day.robots,
-        lasted_ms: day.lasted_ms,
-        history: format!("{:016x}", day.hash),
-        broken,
-    };
-    ctx.out.result(&short, |_| day.to_string())?;
-    Ok(exit)
-}
-
 /// Reads a world.
 ///
 /// # Errors
@@ -452,70 +395,4 @@ pub fn read_world(path: &Path) -> Result<World> {
         Error::new(ErrorKind::Config, format!("{}: {error}", path.display())).hint("worlds/ has examples")
     })?;
     Ok(map_file::named_by_file(world, path))
-}
-
-/// A dispatcher beside the robots, and what it found in its ledger.
-struct Found<'a> {
-    identities: Option<&'a Path>,
-    ledger: Option<PathBuf>,
-    set_aside: Option<PathBuf>,
-    standing: Option<Standing>,
-}
-
-fn announce(
-    ctx: &Context,
-    simulator: &Simulator,
-    speed: f64,
-    pty: Option<&Path>,
-    found: &Found<'_>,
-) -> Result<()> {
-    let robots = &simulator.roster().robots;
-    if speed > 1.0 {
-        ctx.out.note(&format!(
-            "at {speed} × real time, a robot's time limits for clients (200 ms, 500 ms …) pass {speed} × as \
-             fast: clients run in real time"
-        ));
-    }
-    for robot in robots {
-        let Some(pose) = robot.start_pose else { continue };
-        let pose = format!("{:.3},{:.3},{:.4}", pose.x_m, pose.y_m, pose.yaw_rad);
-        let name = &robot.name;
-        ctx.out.note(&match pty {
-            None => format!("{name} starts at {pose} (x, y in m, yaw in rad)"),
-            Some(folder) => format!(
-                "robot-agent --hardware serial --name {name} --board {board} --gyro {gyro} \
-                 --start-pose {pose} --connect {router}",
-                board = folder.join(format!("{name}.board")).display(),
-                gyro = folder.join(format!("{name}.gyro")).display(),
-                router = simulator.endpoint(),
-            ),
-        });
-    }
-    let standing = found.standing.as_ref();
-    let ready = Ready {
-        ready: true,
-        fleet: &ctx.settings.fleet,
-        router: simulator.endpoint(),
-        robots,
-        identities: found.identities.map(|folder| folder.display().to_string()),
-        ledger: found.ledger.as_ref().map(|path| path.display().to_string()),
-        dispatcher: standing.map(|standing| standing.status.clone()),
-        suspended: standing.map(|standing| standing.suspended.clone()),
-        set_aside: found.set_aside.as_ref().map(|path| path.display().to_string()),
-    };
-    ctx.out.result(&ready, |ready| {
-        let many = if robots.len() == 1 { "robot" } else { "robots" };
-        let with = ready.ledger.as_ref().map_or_else(String::new, |file| {
-            let found = standing.map(Standing::found).unwrap_or_default();
-            format!(", dispatcher's ledger {file}: {found}")
-        });
-        format!("sim ready: {} {many} of fleet {}, router {}{with}", robots.len(), ready.fleet, ready.router)
-    })?;
-    if let (Some(folder), false) = (&ready.identities, ctx.out.json) {
-        ctx.out.note(&format!("as an operator: fleet-cli list --identity {folder}/operator"));
-    }
-    if let (Some(standing), false) = (standing, ctx.out.json) {
-        task_text::found(ctx, &standing.suspended, ready.set_aside.as_deref());
-    }
-    Ok(())
 }

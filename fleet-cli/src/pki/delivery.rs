@@ -1,10 +1,10 @@
 //! What is handed over: `NAME.xtbid`, or the folder of another router. It is there when the registry has it.
 
-use super::{CA, Pki, REGISTRY, ROUTER, files, write_router};
+use super::{CA, Pki, ROUTER, files, write_router};
 use std::fs;
 use std::path::{Path, PathBuf};
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_identity::{Identity, Role};
+use xtb_identity::{Identity, Registry, Role};
 
 /// A file or folder that is about to be handed over.
 #[derive(Debug)]
@@ -45,7 +45,7 @@ impl Delivery {
             _ => {
                 let text = identity.to_text();
                 let text = text.map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))?;
-                Some(files::beside(&path, text.as_bytes()).map_err(files::failed(&path))?)
+                Some(xtb_bus::private_file::beside(&path, text.as_bytes()).map_err(files::failed(&path))?)
             }
         };
         Ok(Self { path, identity, new })
@@ -68,7 +68,7 @@ impl Delivery {
                 files::private_folder(&path)?;
                 write_router(&path.join(ROUTER), &identity.ca, &identity.certificate, &identity.key)?;
                 files::private(&path.join(CA), identity.ca.as_bytes())?;
-                files::private(&path.join(REGISTRY), pki.registry_text()?.as_bytes())?;
+                files::private(&path.join(Registry::FILE), pki.registry_text()?.as_bytes())?;
             }
         }
         Ok(path)

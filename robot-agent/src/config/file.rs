@@ -217,7 +217,7 @@ impl ConfigFile {
         let other = |set: &str, usual: &str, own: &str| set != usual && set != own;
         if identity.role != Role::Robot {
             let (message, hint) = (
-                format!("{own} is a {}, not a robot", identity.role),
+                format!("{own} is {}, not a robot", identity.role.noun()),
                 "enrol a robot's file, of `fleet-cli pki add-robot`",
             );
             return Err(ConfigProblem::Identity { message, hint: hint.into() });

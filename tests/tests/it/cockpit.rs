@@ -113,7 +113,7 @@ fn a_lost_focus_takes_the_hand_off_the_wheel() {
 
 #[test]
 fn a_router_that_is_killed_shows_and_comes_back_by_itself() {
-    let mut router = fleet_tests::processes::RouterProcess::start();
+    let mut router = fleet_tests::processes::RouterProcess::start(None);
     let endpoint = router.endpoint().to_owned();
     let top = OnTerminal::start(80, 24, &["--connect", &endpoint, "top", "--read-only"]);
     top.until("an empty fleet", |text| text.contains("no robot of this fleet"));

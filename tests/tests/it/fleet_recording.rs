@@ -266,7 +266,7 @@ async fn an_independent_reader_finds_every_topic_schema_and_message() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_kill_costs_at_most_the_last_chunk() {
     let folder = tempfile::tempdir().unwrap();
-    let router = RouterProcess::start();
+    let router = RouterProcess::start(None);
     let recording = Recording::start(router.endpoint(), &folder.path().join("lab.mcap"), &[]);
     let bus = client(router.endpoint()).await;
     let me = name("counter");

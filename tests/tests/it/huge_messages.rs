@@ -70,7 +70,7 @@ fn agent(endpoint: &str) -> Process {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn at_a_router_it_takes_no_memory_and_the_link_stays() {
-    let router = RouterProcess::start();
+    let router = RouterProcess::start(None);
     let agent = agent(router.endpoint());
     let bus = open(Role::Client { connect: vec![router.endpoint().to_owned()] }).await;
     throw(&bus, &[("the router", router.process()), ("the agent behind it", &agent)]).await;

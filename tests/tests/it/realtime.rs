@@ -53,7 +53,7 @@ async fn agent(router: &RouterProcess, flags: &[&str]) -> (Process, About) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_loops_thread_alone_has_the_priority_that_the_factsheet_says_or_the_refusal_is_named() {
-    let router = RouterProcess::start();
+    let router = RouterProcess::start(None);
     let (process, about) = agent(&router, &["--realtime"]).await;
     let said = about.realtime().unwrap();
     let [refused, unlocked] = ["SCHED_FIFO refused: ", "memory not locked: "].map(|what| said.contains(what));
@@ -66,7 +66,7 @@ async fn the_loops_thread_alone_has_the_priority_that_the_factsheet_says_or_the_
 
 #[tokio::test(flavor = "multi_thread")]
 async fn without_the_flag_no_thread_is_prioritized_and_no_memory_locked() {
-    let router = RouterProcess::start();
+    let router = RouterProcess::start(None);
     let (process, about) = agent(&router, &[]).await;
     assert_eq!(about.realtime(), Some(REALTIME_OFF));
     assert_eq!(prioritized(&process), []);

@@ -4,7 +4,6 @@
 
 use super::{Client, read};
 use crate::error::{Error, ErrorKind};
-use crate::rights::noun;
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -121,9 +120,16 @@ fn verdict(own: &Identity, status: &IdentityStatus) -> Option<Error> {
                 .to_owned(),
         ),
         IdentityStatus { role: Some(role), .. } if role.parse() != Ok(own.role) => {
-            let role = role.parse::<Role>().map_or_else(|_| role.clone(), |role| noun(role).to_owned());
-            (format!("{name} is {role} to the router, and {} by its identity here", noun(own.role)), new_file)
+            let role = role.parse::<Role>().map_or_else(|_| role.clone(), |role| role.noun().to_owned());
+            (
+                format!("{name} is {role} to the router, and {} by its identity here", own.role.noun()),
+                new_file,
+            )
         }
+        IdentityStatus { waiting: true, .. } => (
+            format!("the router admits {name} when no robot is driven"),
+            "--apply of `fleet-cli pki`, where the CA is, admits it at once".to_owned(),
+        ),
         _ => return None,
     };
     Some(Error::new(ErrorKind::NotAdmitted, message).hint(hint))

@@ -21,10 +21,14 @@ pub struct IdentityStatus {
     pub generation: u32,
     /// Not admitted any more.
     pub revoked: bool,
+    /// Admitted by the registry, and by the router when no robot is driven. Since version 2.
+    #[serde(default)]
+    pub waiting: bool,
 }
 
 impl Message for IdentityStatus {
     const NAME: &'static str = "IdentityStatus";
+    const VERSION: u32 = 2;
 
     fn validate(&self) -> Result<(), CodecError> {
         let length = self.role.as_ref().map_or(0, String::len);

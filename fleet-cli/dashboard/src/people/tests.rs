@@ -12,7 +12,7 @@ fn name(text: &str) -> Name {
 
 fn entry(who: &str, role: Role, token: Option<&str>) -> Entry {
     let expires = UNIX_EPOCH + Duration::from_secs(4_000_000_000);
-    let token_sha256 = token.map(sha256);
+    let token_sha256 = token.map(token_digest);
     Entry { name: name(who), role, generation: 2, expires, revoked: false, token_sha256 }
 }
 
@@ -42,9 +42,13 @@ fn a_token_stands_for_its_person_and_a_cookie_for_that() {
     let alice = people.by_token("alice-token-0123456789", FROM, now).unwrap();
     assert_eq!((alice.name.as_str(), alice.role), ("alice", Role::Operator));
     assert_eq!(people.by_token("bob-token-0123456789", FROM, now).unwrap().role, Role::Viewer);
-    for wrong in
-        ["", "alice", "alice-token-012345678", "robot-token-0123456789", &sha256("alice-token-0123456789")]
-    {
+    for wrong in [
+        "",
+        "alice",
+        "alice-token-012345678",
+        "robot-token-0123456789",
+        &token_digest("alice-token-0123456789"),
+    ] {
         assert_eq!(people.by_token(wrong, FROM, now), Err(NotTaken::Wrong), "{wrong}");
     }
     let cookie = people.sign_in(&alice, now).unwrap();
@@ -74,7 +78,13 @@ fn the_registry_decides_at_each_request() {
 
     change(&people, "alice", |alice| alice.revoked = false);
     assert!(people.again(&signed_in, now).is_some());
-    change(&people, "alice", |alice| alice.token_sha256 = Some(sha256("another-0123456789")));
+    change(&people, "alice", |alice| alice.expires = SystemTime::now() - IDLE);
+    assert_eq!((people.again(&signed_in, now), people.again(&bearer, now)), (None, None));
+    assert_eq!(people.by_token("alice-token-0123456789", FROM, now), Err(NotTaken::Wrong));
+
+    change(&people, "alice", |alice| alice.expires = SystemTime::now() + IDLE);
+    assert!(people.again(&signed_in, now).is_some());
+    change(&people, "alice", |alice| alice.token_sha256 = Some(token_digest("another-0123456789")));
     assert_eq!((people.again(&signed_in, now), people.again(&bearer, now)), (None, None));
 }
 

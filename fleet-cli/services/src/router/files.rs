@@ -10,7 +10,6 @@ use xtb_identity::Registry;
 
 /// A longer registry is none: ten thousand identities are shorter.
 const MAX_REGISTRY: u64 = 4 * 1024 * 1024;
-const REGISTRY: &str = "identities.toml";
 const ROUTER: &str = "router";
 const APPLY: &str = "apply";
 const SEEN: &str = "seen.toml";
@@ -43,7 +42,7 @@ impl Folder {
     }
 
     pub(super) fn registry_file(&self) -> PathBuf {
-        self.0.join(REGISTRY)
+        self.0.join(Registry::FILE)
     }
 
     pub(super) fn tls(&self) -> Tls {

@@ -251,10 +251,11 @@ impl Following {
     }
 
     async fn take(&mut self, registry: Registry, asked: bool, bus: &Bus) -> Option<Registry> {
-        self.own.known.set(registry.clone());
+        self.own.known.read(registry.clone());
         let change = Change::between(&self.in_force, &registry);
         self.waits = None;
         if change.is_empty() {
+            self.own.known.in_force(registry.clone());
             self.in_force = registry;
             return None;
         }
@@ -294,6 +295,7 @@ impl Following {
             }
             tokio::time::sleep(AGAIN_AFTER).await;
         };
+        self.own.known.in_force(registry.clone());
         self.in_force = registry;
         self.bus.send_replace(anew.bus.clone());
         let closed = closed.elapsed();

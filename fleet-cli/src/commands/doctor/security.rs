@@ -1,13 +1,14 @@
 //! Looks at identity, registry and router: who can come in, and what runs out.
 
 use super::checks::Security;
+use crate::pki;
 use robot_agent::files;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
-use xtb_bus::{Enrolled, link_problem};
+use xtb_bus::link_problem;
 use xtb_client::client::Client;
 use xtb_client::{Settings, unique_name};
 use xtb_identity::Registry;
@@ -33,10 +34,10 @@ pub(super) async fn look(settings: &Settings) -> Security {
             }
         }
     }
-    if let Some(folder) = pki().filter(|folder| folder.join("identities.toml").exists()) {
+    if let Some(folder) = pki().filter(|folder| folder.join(Registry::FILE).exists()) {
         let secret = [folder.clone(), folder.join("ca.key"), folder.join("router").join("key.pem")];
         readable.extend(secret.into_iter().filter_map(readable_by_others));
-        registry = Some(read(&folder.join("identities.toml")));
+        registry = Some(read(&folder.join(Registry::FILE)));
     }
     Security {
         now,
@@ -61,10 +62,8 @@ pub(super) async fn answers_others(client: &Client, robot: Option<&Name>) -> Opt
 }
 
 fn pki() -> Option<PathBuf> {
-    match std::env::var_os(PKI).filter(|folder| !folder.is_empty()) {
-        Some(folder) => Some(folder.into()),
-        None => Some(Enrolled::place()?.with_file_name("pki")),
-    }
+    let named = std::env::var_os(PKI).filter(|folder| !folder.is_empty());
+    pki::place(named.as_ref().map(Path::new)).ok()
 }
 
 fn read(path: &Path) -> Result<Registry, String> {

@@ -93,8 +93,11 @@ pub(super) fn run(ctx: &Context, folder: &Path, args: &RenewArgs) -> Result<Exit
         _ => &Vec::new(),
     };
     if hosts.is_empty() && !(args.router_name.is_empty() && args.address.is_empty()) {
-        return Err(Error::new(ErrorKind::Invalid, format!("{name} is a {role}: it has no such host names"))
-            .hint("--router-name belongs to routers, --address to dashboards"));
+        return Err(Error::new(
+            ErrorKind::Invalid,
+            format!("{name} is {}: it has no such host names", role.noun()),
+        )
+        .hint("--router-name belongs to routers, --address to dashboards"));
     }
     let path = Delivery::place(name, role, args.out.out.as_deref());
     // A router's folder is renewed in its place.

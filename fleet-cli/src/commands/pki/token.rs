@@ -39,7 +39,7 @@ pub(super) fn run(ctx: &Context, folder: &Path, args: &TokenArgs) -> Result<Exit
         Error::new(ErrorKind::Invalid, error.to_string()).hint("`fleet-cli pki list` shows all identities")
     })?;
     if !entry.role.is_person() {
-        let message = format!("{name} is a {}: only people sign in to the page", entry.role);
+        let message = format!("{name} is {}: only people sign in to the page", entry.role.noun());
         return Err(Error::new(ErrorKind::Invalid, message).hint("`fleet-cli pki add-person` makes people"));
     }
     if entry.revoked && !args.remove {

@@ -22,9 +22,9 @@ fn alice(client: &Client, role: Role) -> Client {
     Client::on(&settings, client.bus().clone())
 }
 
-fn said(role: Option<&str>, generation: u32, revoked: bool) -> Option<String> {
+fn said(role: Option<&str>, generation: u32, revoked: bool, waiting: bool) -> Option<String> {
     let role = role.map(str::to_owned);
-    let status = IdentityStatus { name: name("alice"), role, generation, revoked };
+    let status = IdentityStatus { name: name("alice"), role, generation, revoked, waiting };
     verdict(&own(Role::Operator), &status).map(|error| {
         assert_eq!((error.kind, error.kind.code().as_str()), (ErrorKind::NotAdmitted, "not_admitted"));
         assert!(!error.hint.is_empty());
@@ -34,7 +34,7 @@ fn said(role: Option<&str>, generation: u32, revoked: bool) -> Option<String> {
 
 #[test]
 fn who_is_not_admitted_is_told_why() {
-    assert_eq!(said(Some("operator"), 1, false), None);
+    assert_eq!(said(Some("operator"), 1, false, false), None);
     for (role, generation, revoked, words) in [
         (None, 0, false, "the router does not know alice"),
         (Some("operator"), 0, true, "alice was revoked"),
@@ -42,9 +42,12 @@ fn who_is_not_admitted_is_told_why() {
         (Some("operator"), 0, false, "the router admits certificate 0 of alice, this is 1"),
         (Some("viewer"), 1, false, "alice is a viewer to the router, and an operator by its identity here"),
     ] {
-        assert_eq!(said(role, generation, revoked).as_deref(), Some(words));
+        assert_eq!(said(role, generation, revoked, false).as_deref(), Some(words));
     }
-    let other = IdentityStatus { name: name("bob"), role: None, generation: 0, revoked: true };
+    let waits = said(Some("operator"), 1, false, true);
+    assert_eq!(waits.as_deref(), Some("the router admits alice when no robot is driven"));
+    let other =
+        IdentityStatus { name: name("bob"), role: None, generation: 0, revoked: true, waiting: false };
     assert_eq!(verdict(&own(Role::Operator), &other), None);
 }
 
@@ -85,6 +88,7 @@ async fn router(client: &Client, revoked: bool) -> Service {
                 role: Some("operator".to_owned()),
                 generation: u32::from(!revoked),
                 revoked,
+                waiting: false,
             };
             question.reply(&own_key, &status, Format::Json).await.unwrap();
         });
