@@ -137,7 +137,7 @@ async fn a_stand_by_takes_over_from_a_killed_dispatcher_over_tls() {
     eventually("a pair", says("\"paired\"")).await;
     let route = "dispatch route 0,1.2 0,2.4 0,3.4 --identity set/operator --json";
     let task: Value = serde_json::from_str(done(cli(home, route)).trim()).unwrap();
-    let task = task["tasks"][0].as_str().unwrap().to_owned();
+    let task = task["id"].as_str().unwrap().to_owned();
     first.signal(Signal::Kill);
     eventually("a take-over", says("\"ready\":true")).await;
     let ended = || said(cli(home, &format!("task {task} --identity set/operator --json")));
