@@ -76,6 +76,7 @@ pub(crate) async fn publish_states(
     mut snapshots: watch::Receiver<Option<Snapshot>>,
 ) -> Result<(), BusError> {
     let state = bus.publisher::<RobotState>(&keys.state(), &Channel::State, Format::Postcard).await?;
+    let json = bus.publisher::<RobotState>(&keys.state_json(), &Channel::StateJson, Format::Json).await?;
     let sensors = bus.publisher::<Sensors>(&keys.sensors(), &Channel::Sensors, Format::Postcard).await?;
     while snapshots.changed().await.is_ok() {
         let snapshot = snapshots.borrow_and_update().clone();
@@ -87,6 +88,9 @@ pub(crate) async fn publish_states(
             note(sensors.put(&sampled).await);
         }
         note(state.put(&now).await);
+        if json.has_listeners().await {
+            note(json.put(&now).await);
+        }
     }
     Ok(())
 }
@@ -101,9 +105,12 @@ pub(crate) async fn publish_events(
     keys: RobotKeys,
     mut events: mpsc::Receiver<Event>,
 ) -> Result<(), BusError> {
-    let publisher = bus.event_publisher::<Event>(&keys.event()).await?;
+    let publisher = bus.event_publisher::<Event>(&keys.event(), Format::Postcard).await?;
+    // Also while nobody listens: who comes later gets the last ones.
+    let json = bus.event_publisher::<Event>(&keys.event_json(), Format::Json).await?;
     while let Some(event) = events.recv().await {
         note(publisher.put(&event).await);
+        note(json.put(&event).await);
     }
     Ok(())
 }

@@ -104,6 +104,7 @@ impl<M: Message> Publisher<M> {
 pub struct EventPublisher<M> {
     inner: AdvancedPublisher<'static>,
     key: String,
+    format: Format,
     message: PhantomData<fn(&M)>,
 }
 
@@ -113,7 +114,7 @@ impl<M: Message> EventPublisher<M> {
     /// # Errors
     /// [`BusError::Encode`] or [`BusError::Operation`].
     pub async fn put(&self, message: &M) -> Result<(), BusError> {
-        let bytes = codec::encode(message, Format::Postcard)?;
+        let bytes = codec::encode(message, self.format)?;
         self.inner.put(bytes).await.map_err(failed("put", &self.key))
     }
 }
@@ -158,15 +159,19 @@ impl Bus {
     ///
     /// # Errors
     /// [`BusError::Operation`].
-    pub async fn event_publisher<M: Message>(&self, key: &str) -> Result<EventPublisher<M>, BusError> {
+    pub async fn event_publisher<M: Message>(
+        &self,
+        key: &str,
+        format: Format,
+    ) -> Result<EventPublisher<M>, BusError> {
         let inner = self
-            .publisher_builder::<M>(key, &Channel::Event, Format::Postcard)
+            .publisher_builder::<M>(key, &Channel::Event, format)
             .cache(CacheConfig::default().max_samples(EVENT_CACHE))
             .sample_miss_detection(MissDetectionConfig::default().heartbeat(EVENT_HEARTBEAT))
             .publisher_detection()
             .await
             .map_err(failed("declaring an event publisher", key))?;
-        Ok(EventPublisher { inner, key: key.to_owned(), message: PhantomData })
+        Ok(EventPublisher { inner, key: key.to_owned(), format, message: PhantomData })
     }
 
     fn publisher_builder<M: Message>(

@@ -34,8 +34,10 @@ fn longest_bytes(channel: &Channel) -> usize {
         Channel::SimRoster => Roster::MAX_BYTES,
         Channel::Alive
         | Channel::State
+        | Channel::StateJson
         | Channel::Sensors
         | Channel::Event
+        | Channel::EventJson
         | Channel::About
         | Channel::Fix
         | Channel::Route

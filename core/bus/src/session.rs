@@ -137,7 +137,8 @@ impl Role {
             ("connect/timeout_ms", timeout_ms.into()),
             ("connect/retry", retry),
             ("scouting/multicast/enabled", multicast.to_string()),
-            ("scouting/gossip/enabled", multicast.to_string()),
+            // Other programs' peers, such as those of ROS 2, find each other through the router alone.
+            ("scouting/gossip/enabled", (mode != "client").to_string()),
             ("transport/link/tx/lease", link_lease.as_millis().to_string()),
             ("transport/link/tx/keep_alive", "4".into()),
             ("transport/link/rx/max_message_size", MAX_MESSAGE.to_string()),

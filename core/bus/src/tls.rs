@@ -33,6 +33,8 @@ impl Tls {
             ("transport/link/tls/connect_certificate", text(&self.certificate)),
             ("transport/link/tls/connect_private_key", text(&self.key)),
             ("adminspace/enabled", "false".into()),
+            // Peers would talk to each other past the router's rules.
+            ("scouting/gossip/enabled", "false".into()),
         ];
         if listens {
             settings.push(("transport/link/tls/listen_certificate", text(&self.certificate)));

@@ -137,9 +137,9 @@ impl AnyMessage {
 
     fn on(channel: &Channel, bytes: &impl Readable) -> Result<Self, Unreadable> {
         Ok(match channel {
-            Channel::State => bytes.read::<RobotState>()?.into(),
+            Channel::State | Channel::StateJson => bytes.read::<RobotState>()?.into(),
             Channel::Sensors => bytes.read::<Sensors>()?.into(),
-            Channel::Event => bytes.read::<Event>()?.into(),
+            Channel::Event | Channel::EventJson => bytes.read::<Event>()?.into(),
             Channel::About => bytes.read::<About>()?.into(),
             Channel::Cmd(_) => bytes.read::<Request>()?.into(),
             Channel::Teleop(_) => bytes.read::<Setpoint>()?.into(),

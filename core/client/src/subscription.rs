@@ -29,9 +29,16 @@ pub struct Subscriptions {
     subscriptions: Vec<Subscription>,
     presences: Vec<Presence>,
     questions: JoinSet<()>,
+    by_channel: bool,
 }
 
 impl Subscriptions {
+    /// Those of a recorder, which hears each message once: robots do not publish JSON for it.
+    #[must_use]
+    pub fn of_recorder() -> Self {
+        Self { by_channel: true, ..Self::default() }
+    }
+
     /// Listens on `key_expr` too. What only answers is asked once, and its answers come in like
     /// messages.
     ///
@@ -54,9 +61,10 @@ impl Subscriptions {
         plan: Plan,
         inlet: &Inlet,
     ) -> Result<(), BusError> {
-        let mut parts = match client.settings().identity {
-            Some(_) => plan.clone().by_channel(key_expr, client.fleet()),
-            None => Vec::new(),
+        let fleet = client.settings().identity.as_ref().map(|_| client.fleet());
+        let mut parts = match fleet.is_some() || self.by_channel {
+            true => plan.clone().by_channel(key_expr, fleet),
+            false => Vec::new(),
         };
         if parts.is_empty() {
             parts.push((key_expr.to_owned(), plan));

@@ -145,13 +145,12 @@ macro_rules! channels {
             }
 
             fn of_robot(key: &str) -> Option<Self> {
-                match key.split_once('/') {
-                    None => match key { $($r_key => Some(Self::$R),)+ _ => None },
-                    Some((key, by)) => match key {
-                        $($rl_key => FloorCell::parse(by).map(Self::$Rl),)+
-                        $($rc_key => Name::new(by).ok().map(Self::$Rc),)+
-                        _ => None,
-                    },
+                match key { $($r_key => return Some(Self::$R),)+ _ => {} }
+                let (key, by) = key.split_once('/')?;
+                match key {
+                    $($rl_key => FloorCell::parse(by).map(Self::$Rl),)+
+                    $($rc_key => Name::new(by).ok().map(Self::$Rc),)+
+                    _ => None,
                 }
             }
 
@@ -194,10 +193,14 @@ channels! {
         Alive: alive, ALIVE, "alive", RELIABLE;
         /// [`RobotState`](crate::messages::RobotState), 20 Hz; also a queryable for late joiners.
         State: state, STATE, "state", LATEST;
+        /// The same in JSON, 20 Hz while somebody listens.
+        StateJson: state_json, STATE_JSON, "state/json", LATEST;
         /// [`Sensors`](crate::messages::Sensors), 10 Hz while somebody listens.
         Sensors: sensors, SENSORS, "sensors", SAMPLES;
         /// [`Event`](crate::messages::Event): mode changes, goal results, faults; recoverable.
         Event: event, EVENT, "event", RELIABLE;
+        /// The same in JSON.
+        EventJson: event_json, EVENT_JSON, "event/json", RELIABLE;
         /// [`About`](crate::messages::About), the factsheet, queryable.
         About: about, ABOUT, "about", RELIABLE;
         /// [`Fix`](crate::messages::Fix), measured poses.
@@ -347,8 +350,10 @@ mod tests {
         for (key, channel) in [
             (robot.alive(), Channel::Alive),
             (robot.state(), Channel::State),
+            (robot.state_json(), Channel::StateJson),
             (robot.sensors(), Channel::Sensors),
             (robot.event(), Channel::Event),
+            (robot.event_json(), Channel::EventJson),
             (robot.about(), Channel::About),
             (robot.fix(), Channel::Fix),
             (robot.route(), Channel::Route),

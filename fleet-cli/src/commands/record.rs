@@ -147,7 +147,7 @@ pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
 
 /// Listens on what is wanted: by default on everything, and what only answers is asked once.
 async fn listen(client: &Client, key_exprs: &[String], inlet: &Inlet) -> Result<Subscriptions> {
-    let mut sources = Subscriptions::default();
+    let mut sources = Subscriptions::of_recorder();
     if !key_exprs.is_empty() {
         for key_expr in key_exprs {
             sources.add(client, key_expr, inlet).await?;

@@ -20,6 +20,7 @@ mod hardware;
 mod hostile;
 mod huge_messages;
 mod identities;
+mod json;
 mod keys;
 mod logs;
 mod membership;
@@ -30,6 +31,7 @@ mod processes;
 #[cfg(target_os = "linux")]
 mod realtime;
 mod recording;
+mod ros2;
 mod shared_world;
 mod simulator;
 mod slow_links;

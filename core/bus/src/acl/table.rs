@@ -89,8 +89,8 @@ pub(super) fn rows(kind: Kind) -> &'static [Row] {
         // A robot looks whether its name is free.
         Kind::Alive => &[Row(Alive, &[P::Robot], &[P::Look]), Row(AliveNow, &[P::Robot], &[P::Robot])],
         Kind::State => &[Row(Put, &[P::Robot], &[P::Look]), Row(Ask, &[P::Look, P::Robot], &[P::Robot])],
-        Kind::Sensors => &[Row(Put, &[P::Robot], &[P::Look])],
-        Kind::Event => &[Row(Event, &[P::Robot], &[P::Look])],
+        Kind::StateJson | Kind::Sensors => &[Row(Put, &[P::Robot], &[P::Look])],
+        Kind::Event | Kind::EventJson => &[Row(Event, &[P::Robot], &[P::Look])],
         Kind::About => &[Row(Ask, &[P::Look], &[P::Robot])],
         Kind::Fix => &[Row(Put, &[P::Fixes], &[P::Robot, P::Look])],
         Kind::Route => &[Row(Put, &[P::Traffic], &[P::Robot, P::Look])],

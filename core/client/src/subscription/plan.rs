@@ -15,8 +15,17 @@ const ANY: &str = "*";
 const ANY_MANY: &str = "**";
 
 /// Keys that carry published messages only.
-const PUBLISHED: [&str; 7] =
-    [any::SENSORS, any::NEAR, any::TELEOP, any::ESTOP, any::MAP, any::SIM_TRUTH, any::SIM_STATS];
+const PUBLISHED: [&str; 9] = [
+    any::STATE_JSON,
+    any::EVENT_JSON,
+    any::SENSORS,
+    any::NEAR,
+    any::TELEOP,
+    any::ESTOP,
+    any::MAP,
+    any::SIM_TRUTH,
+    any::SIM_STATS,
+];
 
 /// How to watch an expression.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -52,6 +61,9 @@ impl Plan {
         match last_chunk(expression) {
             "alive" if !presence.is_empty() => return Ok(Self::Presence),
             "event" if events => return Ok(Self::Events),
+            "json" if intersect(expression, any::EVENT_JSON) && !intersect(expression, any::STATE_JSON) => {
+                return Ok(Self::Events);
+            }
             // Long, so not within wider expressions.
             "map" if !maps.is_empty() => return Ok(Self::Messages { ask: maps, presence: Vec::new() }),
             "about" | "roster" if !answers.is_empty() => return Ok(Self::Answers(answers)),
@@ -67,7 +79,8 @@ impl Plan {
     }
 }
 
-/// Keys on which messages are published that whoever looks may hear, each message on one of them.
+/// Keys on which messages are published that whoever looks may hear, each message on one of them: without the same
+/// once more in JSON.
 const HEARD: [&str; 10] = [
     any::STATE,
     any::SENSORS,
@@ -80,12 +93,15 @@ const HEARD: [&str; 10] = [
     any::SIM_TRUTH,
     any::SIM_STATS,
 ];
+/// And those on which people and the dispatcher publish, which only a router without identities passes on.
+const SENT: [&str; 2] = [any::TELEOP, any::ESTOP];
 
 impl Plan {
-    /// The same channel by channel, for a router with identities: it drops a subscription to more than its rules
-    /// allow, and does not narrow it. Empty: nothing of this fleet can be seen there.
+    /// The same channel by channel, and without what is published in JSON too. Of this fleet: what a router with
+    /// identities passes on; it drops a subscription to more than its rules allow, and does not narrow it. `None`: of
+    /// any, without identities. Empty: nothing can be seen there.
     #[must_use]
-    pub fn by_channel(self, expression: &str, fleet: &Name) -> Vec<(String, Self)> {
+    pub fn by_channel(self, expression: &str, fleet: Option<&Name>) -> Vec<(String, Self)> {
         let overlaps = |pattern: &str| overlap(expression, &within(pattern, fleet));
         let each = |pattern: &str, plan: &Self| {
             overlaps(pattern).into_iter().map(|part| (part, plan.clone())).collect::<Vec<_>>()
@@ -100,7 +116,9 @@ impl Plan {
             Self::Answers(ask) => asks(ask).into_iter().collect(),
             Self::Messages { ask, presence } => {
                 let published = Self::Messages { ask: Vec::new(), presence: Vec::new() };
-                let mut parts: Vec<_> = HEARD.iter().flat_map(|pattern| each(pattern, &published)).collect();
+                let sent: &[&str] = if fleet.is_none() { &SENT } else { &[] };
+                let mut parts: Vec<_> =
+                    HEARD.iter().chain(sent).flat_map(|pattern| each(pattern, &published)).collect();
                 if !presence.is_empty() {
                     parts.extend(each(any::ALIVE, &Self::Presence));
                 }
@@ -111,13 +129,14 @@ impl Plan {
     }
 }
 
-/// Of this fleet.
-fn within(pattern: &str, fleet: &Name) -> String {
-    pattern.replacen(ANY, fleet.as_str(), 1)
+/// Of this fleet, if of one.
+fn within(pattern: &str, fleet: Option<&Name>) -> String {
+    fleet.map_or_else(|| pattern.to_owned(), |fleet| pattern.replacen(ANY, fleet.as_str(), 1))
 }
 
 /// A question to whatever fleets, to this one alone; `None` = it is to another.
-fn ask_within(ask: &str, fleet: &Name) -> Option<String> {
+fn ask_within(ask: &str, fleet: Option<&Name>) -> Option<String> {
+    let Some(fleet) = fleet else { return Some(ask.to_owned()) };
     let mut chunks: Vec<&str> = ask.split('/').collect();
     let of = chunks.get_mut(1).filter(|of| intersect(of, fleet.as_str()))?;
     *of = fleet.as_str();
@@ -199,6 +218,8 @@ mod tests {
             ("xtb/lab/sim/roster", answers(&["xtb/lab/sim/roster"])),
             ("xtb/lab/*/state", messages(&["xtb/lab/*/state"], &[])),
             ("xtb/lab/*/sensors", messages(&[], &[])),
+            ("xtb/lab/*/state/json", messages(&[], &[])),
+            ("xtb/lab/xtb-1/event/json", Plan::Events),
             ("xtb/lab/sim/truth", messages(&[], &[])),
             ("xtb/lab/*/teleop/*", messages(&[], &[])),
             ("xtb/lab/map", messages(&["xtb/lab/map"], &[])),
@@ -221,10 +242,9 @@ mod tests {
     #[test]
     fn with_an_identity_each_channel_is_subscribed_by_itself() {
         let fleet = crate::fake::name("lab");
-        let parts = |expression: &str| {
-            Plan::of(expression).unwrap().by_channel(expression, &fleet).into_iter().collect::<Vec<_>>()
-        };
-        let heard: Vec<String> = HEARD.iter().map(|pattern| within(pattern, &fleet)).collect();
+        let fleet = Some(&fleet);
+        let parts = |expression: &str| Plan::of(expression).unwrap().by_channel(expression, fleet);
+        let heard: Vec<String> = HEARD.iter().map(|pattern| within(pattern, fleet)).collect();
         for wide in ["xtb/**", "**", "xtb/lab/**"] {
             let found = parts(wide);
             let messages: Vec<_> = found
@@ -245,6 +265,18 @@ mod tests {
         for hidden in ["ros/**", "xtb/home/*/state", "xtb/lab/*/teleop/*", "xtb/home/*/about"] {
             assert_eq!(parts(hidden), [], "{hidden}");
         }
+    }
+
+    #[test]
+    fn a_recorder_hears_each_channel_of_any_fleet_and_nothing_twice() {
+        let parts = |expression: &str| Plan::of(expression).unwrap().by_channel(expression, None);
+        let keys: Vec<String> = parts("xtb/**").into_iter().map(|(key, _)| key).collect();
+        for key in HEARD.iter().chain(&SENT).chain(&[any::ALIVE]) {
+            assert!(keys.contains(&(*key).to_owned()), "{key} is missing in {keys:?}");
+        }
+        assert!(!keys.iter().any(|key| intersect(key, any::STATE_JSON)), "{keys:?}");
+        assert_eq!(parts("xtb/lab/xtb-1/state/json"), []);
+        assert_eq!(parts("ros/**"), []);
     }
 
     #[test]

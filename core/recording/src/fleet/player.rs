@@ -166,6 +166,7 @@ fn outlives(channel: &Channel) -> bool {
     !matches!(
         channel,
         Channel::State
+            | Channel::StateJson
             | Channel::Sensors
             | Channel::Route
             | Channel::Near(_)

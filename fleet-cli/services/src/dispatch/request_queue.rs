@@ -57,7 +57,7 @@ impl RequestQueue {
     /// Opens it: from now on questions are taken.
     pub(super) async fn open(client: &Client) -> Result<(Self, mpsc::Receiver<Input>)> {
         let (bus, keys) = (client.bus(), client.keys().clone());
-        let events = bus.event_publisher::<TaskEvent>(&keys.dispatch_event()).await?;
+        let events = bus.event_publisher::<TaskEvent>(&keys.dispatch_event(), Format::Postcard).await?;
         let (sender, mut waiting) = mpsc::channel::<TaskEvent>(EVENTS);
         tokio::spawn(async move {
             while let Some(event) = waiting.recv().await {

@@ -4,14 +4,18 @@
 use std::collections::BTreeSet;
 
 /// Channels of a robot.
-const ROBOT: [&str; 18] = [
+const ROBOT: [&str; 22] = [
     "alive",
     "state",
     "sensors",
     "event",
     "event/@adv/pub/z/1/_",
     "event/@adv/**",
+    "event/json",
+    "event/json/@adv/pub/z/1/_",
+    "event/json/@adv/**",
     "state/@adv/**",
+    "state/json",
     "about",
     "fix",
     "route",

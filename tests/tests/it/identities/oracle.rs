@@ -12,27 +12,31 @@ const LOOK: &[Line] = &[
     (
         "in",
         "declare_subscriber",
-        "*/{state,sensors,event,route,fix,near/*} map traffic/state dispatch/{tasks,event} sim/{truth,stats} \
-         {*,dispatch}/event/@adv/**",
+        "*/{state,state/json,sensors,event,event/json,route,fix,near/*} map traffic/state dispatch/{tasks,event} sim/{truth,stats} \
+         {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
-    ("in", "query", "*/{state,about} map dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/**"),
+    (
+        "in",
+        "query",
+        "*/{state,about} map dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
+    ),
     (
         "in",
         "liveliness_query declare_liveliness_subscriber",
-        "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/**",
+        "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "out",
         "put",
-        "*/{state,sensors,event,route,fix,near/*} map traffic/state dispatch/{tasks,event} sim/{truth,stats} \
-         {*,dispatch}/event/@adv/**",
+        "*/{state,state/json,sensors,event,event/json,route,fix,near/*} map traffic/state dispatch/{tasks,event} sim/{truth,stats} \
+         {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "out",
         "reply",
-        "*/{state,about} map dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** {*,dispatch}/event",
+        "*/{state,about} map dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
     ),
-    ("out", "liveliness_token", "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/**"),
+    ("out", "liveliness_token", "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/** */event/json/@adv/**"),
 ];
 const STOP: &[Line] =
     &[("in", "put query", "*/estop/me"), ("in", "put", "all/estop/me"), ("out", "reply", "*/estop/me")];
@@ -42,15 +46,15 @@ const DRIVE: &[Line] = &[
     ("out", "reply", "*/{cmd,estop,log}/me dispatch/{cmd,standby}/me"),
 ];
 const ROBOT: &[Line] = &[
-    ("in", "put", "n/{state,sensors,event,near/*,event/@adv/**}"),
-    ("in", "declare_queryable", "n/{state,about,cmd/*,estop/*,log/*,event/@adv/**}"),
-    ("in", "reply", "n/{state,about,cmd/*,estop/*,log/*,event/@adv/**,event}"),
-    ("in", "liveliness_token", "n/{alive,event/@adv/**}"),
+    ("in", "put", "n/{state,state/json,sensors,event,near/*,event/@adv/**,event/json,event/json/@adv/**}"),
+    ("in", "declare_queryable", "n/{state,about,cmd/*,estop/*,log/*,event/@adv/**,event/json/@adv/**}"),
+    ("in", "reply", "n/{state,about,cmd/*,estop/*,log/*,event/@adv/**,event,event/json/@adv/**,event/json}"),
+    ("in", "liveliness_token", "n/{alive,event/@adv/**,event/json/@adv/**}"),
     ("in", "declare_subscriber", "n/{teleop/*,estop/*,fix,route} all/estop/* map */near/*"),
     ("in", "query", "n/state map"),
     ("in", "liveliness_query", "n/alive"),
     ("out", "put", "n/{teleop/*,fix,route} */estop/* all/estop/* map */near/*"),
-    ("out", "query", "{n,*}/{state,about,cmd/*,estop/*,log/*,event/@adv/**}"),
+    ("out", "query", "{n,*}/{state,about,cmd/*,estop/*,log/*,event/@adv/**,event/json/@adv/**}"),
     ("out", "reply", "n/state map"),
     ("out", "liveliness_token", "n/alive"),
 ];
