@@ -131,7 +131,7 @@ async fn answers_to(client: Client, key_expr: String, inlet: Inlet) {
 pub fn hidden(client: &Client, key_expr: &str, plan: &Plan) -> Option<String> {
     client.settings().identity.as_ref()?;
     let fleet = client.fleet();
-    let parts = plan.clone().by_channel(key_expr, fleet);
+    let parts = plan.clone().by_channel(key_expr, Some(fleet));
     match parts.as_slice() {
         [] => Some(format!(
             "{key_expr} is no key of fleet {fleet} that can be watched with an identity: the router's rules hide it"

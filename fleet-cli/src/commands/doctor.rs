@@ -79,6 +79,7 @@ pub async fn run(ctx: &Context, args: &DoctorArgs) -> Result<Exit> {
             let mut findings = vec![checks::router(&ctx.settings.connect, took)];
             findings.extend(client.not_admitted().await.as_ref().map(checks::no_router));
             let facts = gather(ctx, &client, args).await?;
+            security.robots.clone_from(&facts.alive);
             security.answers_others = security::answers_others(&client, facts.alive.first()).await;
             client.close().await;
             findings.extend(security.findings());

@@ -65,9 +65,9 @@ async fn a_recorder_hears_states_and_makes_nobody_publish_them_in_json() {
     let role = Role::Client { connect: vec![router.endpoint().to_owned()] };
     let bus = xtb_bus::open(&role).await.unwrap();
     let keys = FleetKeys::new(name("lab")).robot(&name("ghost"));
-    let states = bus.publisher::<RobotState>(&keys.state(), &Channel::State, Format::Postcard);
-    let json = bus.publisher::<RobotState>(&keys.state_json(), &Channel::StateJson, Format::Json);
-    let (states, json) = (states.await.unwrap(), json.await.unwrap());
+    let states = bus.publisher::<RobotState>(&keys.state(), &Channel::State, Format::Postcard).await.unwrap();
+    let json = &keys.state_json();
+    let json = bus.publisher::<RobotState>(json, &Channel::StateJson, Format::Json).await.unwrap();
     eventually("the recorder", || async { states.has_listeners().await.then_some(()) }).await;
     assert!(!json.has_listeners().await);
 

@@ -3,7 +3,7 @@
 use super::checks::Security;
 use crate::pki;
 use robot_agent::files;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
@@ -41,6 +41,7 @@ pub(super) async fn look(settings: &Settings) -> Security {
     }
     Security {
         now,
+        robots: BTreeSet::new(),
         endpoints: settings.connect.clone(),
         identity: settings.identity.as_ref().map(|enrolled| enrolled.identity.clone()),
         readable,

@@ -1,7 +1,7 @@
 //! Whether identities and routers keep others out, and what will run out. Pure: facts in, findings out.
 
 use super::super::finding::Finding;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::net::IpAddr;
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
@@ -20,6 +20,8 @@ pub(in super::super) struct Security {
     pub(in super::super) now: SystemTime,
     /// The routers.
     pub(in super::super) endpoints: Vec<String>,
+    /// Who is there, by these routers.
+    pub(in super::super) robots: BTreeSet<Name>,
     /// The own identity.
     pub(in super::super) identity: Option<Identity>,
     /// Secrets that other users of this computer can read, with their modes.
@@ -57,8 +59,15 @@ impl Security {
     fn without(&self) -> Option<Finding> {
         let open: Vec<&str> =
             self.endpoints.iter().filter(|endpoint| is_open(endpoint)).map(String::as_str).collect();
-        let text =
-            format!("{} lets in everybody: whoever reaches it could drive every robot", open.join(", "));
+        let names: Vec<&str> = self.robots.iter().map(Name::as_str).collect();
+        let without_tls = match &names[..] {
+            [] => String::new(),
+            names => format!("; without TLS there: {}", names.join(", ")),
+        };
+        let text = format!(
+            "{} lets in everybody: whoever reaches it could drive every robot{without_tls}",
+            open.join(", ")
+        );
         let todo =
             "set up identities: `fleet-cli pki init`, then `fleet-cli router --listen tls/0.0.0.0:7447`";
         (!open.is_empty()).then(|| Finding::warning(TOPIC, text, todo))
@@ -202,6 +211,7 @@ mod tests {
     fn nothing() -> Security {
         Security {
             now: at(0),
+            robots: BTreeSet::new(),
             endpoints: vec!["tcp/127.0.0.1:7447".into()],
             identity: None,
             readable: Vec::new(),
@@ -221,8 +231,11 @@ mod tests {
         for own in ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "tcp/localhost:7447"] {
             assert_eq!(wrong(&Security { endpoints: vec![own.into()], ..nothing() }), [], "{own}");
         }
-        let found = wrong(&Security { endpoints: vec!["tcp/10.0.0.1:7447".into()], ..nothing() });
-        let text = "tcp/10.0.0.1:7447 lets in everybody: whoever reaches it could drive every robot";
+        let endpoints = vec!["tcp/10.0.0.1:7447".to_owned()];
+        let robots = ["xtb-1", "xtb-2"].map(|robot| Name::new(robot).unwrap()).into();
+        let found = wrong(&Security { endpoints, robots, ..nothing() });
+        let text = "tcp/10.0.0.1:7447 lets in everybody: whoever reaches it could drive every robot; without TLS \
+                    there: xtb-1, xtb-2";
         assert_eq!(found, [(Level::Warning, text.to_owned())]);
     }
 
