@@ -13,9 +13,9 @@ mod urdf;
 
 pub use diagnostics::{diagnostics, level};
 pub use fleet_map::occupancy_grid;
-pub use frames::{Frames, MAP};
+pub use frames::Frames;
 pub use motion::{Motion, MotionTracker};
-pub use pose::{PoseError, map_pose, planar_pose, yaw_of};
+pub use pose::{MAP, PoseError, map_pose, planar_pose, yaw_of};
 pub use robot::{Robot, battery, plan};
 
 #[cfg(test)]

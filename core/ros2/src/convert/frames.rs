@@ -8,8 +8,6 @@ use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
 
-/// The fleet's frame.
-pub const MAP: &str = "map";
 /// Between neighbours of a bumper, in m (§2.2 of the memorandum).
 const SPACING_M: f64 = 0.07;
 

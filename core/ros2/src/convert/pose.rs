@@ -1,11 +1,12 @@
 //! Poses on the floor: to ROS, and from ROS with everything checked that a person or a program can get wrong.
 
-use super::MAP;
 use crate::types::{Header, Point, Pose, PoseStamped, Quaternion, Time};
 use thiserror::Error;
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::MAX_COORDINATE_M;
 
+/// The fleet's frame.
+pub const MAP: &str = "map";
 /// A quaternion's length may be off by this much: 32-bit senders round.
 const LENGTH_TOLERANCE: f64 = 0.01;
 /// Most that a pose may lean out of the floor's plane, in rad.

@@ -2,7 +2,7 @@
 
 use super::frames::{Frames, transform};
 use super::motion::Motion;
-use super::pose::{in_map, planar_pose, stamped};
+use super::pose::{MAP, in_map, planar_pose, stamped};
 use crate::types::{
     BatteryState, Header, Imu, Odometry, Path, PoseWithCovariance, Quaternion, Range, TfMessage, Time, Twist,
     TwistWithCovariance, Vector3,
@@ -85,10 +85,7 @@ impl Robot {
         let Frames { odom, base_link, .. } = &self.frames;
         let moved = planar_pose(&motion.pose);
         TfMessage {
-            transforms: vec![
-                transform(stamp, super::MAP, odom, &map),
-                transform(stamp, odom, base_link, &moved),
-            ],
+            transforms: vec![transform(stamp, MAP, odom, &map), transform(stamp, odom, base_link, &moved)],
         }
     }
 
