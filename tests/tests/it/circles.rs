@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 
 type Module = Vec<String>;
 
-const CRATES: [&str; 17] = [
+const CRATES: [&str; 18] = [
     "core/control",
     "core/protocol",
     "core/nav",
     "core/traffic",
     "core/robot",
     "core/dispatch",
+    "core/ros2",
     "core/sim",
     "core/chaos",
     "core/bus",

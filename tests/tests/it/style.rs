@@ -59,7 +59,7 @@ fn keys_stand_in_the_key_table_only() {
 
 #[test]
 fn the_core_knows_no_clock_file_socket_or_thread() {
-    let folders = ["control", "protocol", "nav", "traffic", "robot", "dispatch", "sim", "chaos"]
+    let folders = ["control", "protocol", "nav", "traffic", "robot", "dispatch", "ros2", "sim", "chaos"]
         .map(|name| format!("core/{name}/src"));
     let folders = folders.each_ref().map(String::as_str);
     let words =

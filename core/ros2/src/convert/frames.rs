@@ -1,0 +1,88 @@
+//! The frames of a robot, and where those that never move are.
+
+use super::pose::planar_pose;
+use crate::names::RosName;
+use crate::types::{Header, Pose, TfMessage, Time, Transform, TransformStamped, Vector3};
+use std::f64::consts::PI;
+use xtb_control::VehicleConfig;
+use xtb_control::frames::MapPose;
+use xtb_protocol::Name;
+
+/// Between neighbours of a bumper, in m (§2.2 of the memorandum).
+const SPACING_M: f64 = 0.07;
+
+/// The names of a robot's frames.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Frames {
+    prefix: String,
+    /// Of the odometry.
+    pub odom: String,
+    /// Of the robot itself.
+    pub base_link: String,
+    /// Of the gyro.
+    pub imu: String,
+    /// Of the range finders: front, then rear, left to right seen from above with the truck pointing up.
+    pub ranges: [String; 12],
+}
+
+impl Frames {
+    /// Of this robot: `xtb_1/odom` and so on.
+    #[must_use]
+    pub fn new(robot: &Name) -> Self {
+        let prefix = RosName::robot(robot).relative().to_owned();
+        let frame = |name: &str| format!("{prefix}/{name}");
+        let ranges =
+            std::array::from_fn(|i| frame(&format!("ir_{}_{}", if i < 6 { "front" } else { "rear" }, i % 6)));
+        Self { odom: frame("odom"), base_link: frame("base_link"), imu: frame("imu_link"), ranges, prefix }
+    }
+
+    /// What they begin with, as the robot's namespace does: `xtb_1`.
+    #[must_use]
+    pub fn prefix(&self) -> &str {
+        &self.prefix
+    }
+
+    /// The sensors' frames, and where they are on the robot. Their height is that of the axles (assumed); readings of
+    /// range finders are distances over the floor, so their frames lie level whatever the bumpers' angle.
+    #[must_use]
+    pub fn sensors<'a>(&'a self, vehicle: &VehicleConfig) -> Vec<(&'a str, Pose)> {
+        let height_m = vehicle.geometry.wheel_diameter_m / 2.0;
+        let at = |x_m: f64, y_m: f64, yaw_rad: f64| {
+            let mut pose = planar_pose(&MapPose { x_m, y_m, yaw_rad });
+            pose.position.z = height_m;
+            pose
+        };
+        let bumper_m = vehicle.geometry.body_length_m / 2.0;
+        let range = |(i, frame): (usize, &'a String)| {
+            let left_m = (2.5 - (i % 6) as f64) * SPACING_M;
+            let pose = if i < 6 { at(bumper_m, left_m, 0.0) } else { at(-bumper_m, left_m, PI) };
+            (frame.as_str(), pose)
+        };
+        let imu = (self.imu.as_str(), at(0.0, 0.0, 0.0));
+        std::iter::once(imu).chain(self.ranges.iter().enumerate().map(range)).collect()
+    }
+
+    /// The transforms that never change.
+    #[must_use]
+    pub fn static_transforms(&self, stamp: &Time, vehicle: &VehicleConfig) -> TfMessage {
+        let sensors = self.sensors(vehicle);
+        let transforms = sensors
+            .into_iter()
+            .map(|(frame, pose)| transform(stamp, &self.base_link, frame, &pose))
+            .collect();
+        TfMessage { transforms }
+    }
+}
+
+/// `child` stands at `pose` in `parent`.
+pub(super) fn transform(stamp: &Time, parent: &str, child: &str, pose: &Pose) -> TransformStamped {
+    let Pose { position, orientation } = pose.clone();
+    TransformStamped {
+        header: Header { stamp: stamp.clone(), frame_id: parent.to_owned() },
+        child_frame_id: child.to_owned(),
+        transform: Transform {
+            translation: Vector3 { x: position.x, y: position.y, z: position.z },
+            rotation: orientation,
+        },
+    }
+}
