@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
+import weakref
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
@@ -110,8 +111,7 @@ class State:
 class Stream(Generic[T]):
     """Items as they come, for `for` and `async for`; a reader that is slow loses the oldest, and `dropped` counts them.
 
-    It ends when it is closed, or with `timeout` when nothing came for so long. Use it as a context manager, or
-    leave it to the end of the program.
+    It ends when it is closed, or with `timeout` when nothing came for so long.
     """
 
     def __init__(self, size: int, timeout: float | None, ended: Callable[[Stream[T]], None]) -> None:
@@ -188,7 +188,7 @@ class Feed(Generic[T]):
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._streams: list[Stream[T]] = []
+        self._streams: weakref.WeakSet[Stream[T]] = weakref.WeakSet()  # one that nobody reads any more is gone
         self._listeners: list[Callable[[T], None]] = []
         self._undeclare: Callable[[], None] | None = None
         self.unreadable = 0
@@ -208,13 +208,12 @@ class Feed(Generic[T]):
             raise ValueError(f"a queue of {size} holds nothing")
         stream: Stream[T] = Stream(size, timeout, self._forget)
         with self._lock:
-            self._streams.append(stream)
+            self._streams.add(stream)
         return stream
 
     def _forget(self, stream: Stream[T]) -> None:
         with self._lock:
-            if stream in self._streams:
-                self._streams.remove(stream)
+            self._streams.discard(stream)
 
     def listen(self, listener: Callable[[T], None]) -> None:
         """Calls this for each item, in the thread that receives it: it must be quick."""
