@@ -143,9 +143,10 @@ class Stream(Generic[T]):
         self._waiting.clear()
 
     def close(self) -> None:
-        """Ends it."""
+        """Ends it, with what was not read yet."""
         with self._changed:
             self._closed = True
+            self._items.clear()
             self._wake()
         self._ended(self)
 
