@@ -28,6 +28,7 @@ mod nearby;
 mod obstacles;
 mod operators;
 mod processes;
+mod python;
 #[cfg(target_os = "linux")]
 mod realtime;
 mod recording;
