@@ -222,6 +222,7 @@ impl Bus {
             .complete(true)
             .callback(move |query| match received::question(&declared, query.key_expr().as_str()) {
                 Some(key) => each(Question { query, key }),
+                None if received::is_to_each_robot(query.key_expr().as_str()) => {}
                 None => foreign.dropped("a question", query.key_expr().as_str()),
             })
             .await

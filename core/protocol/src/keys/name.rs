@@ -5,7 +5,7 @@ use std::fmt;
 use thiserror::Error;
 
 /// Names that no robot may have: they are other things' places in the key space.
-pub const RESERVED: [&str; 5] = ["all", "sim", "dispatch", "traffic", "map"];
+pub const RESERVED: [&str; 6] = ["all", "sim", "dispatch", "traffic", "map", "identity"];
 /// Longest name in characters.
 pub const MAX_NAME: usize = 32;
 
@@ -97,7 +97,9 @@ mod tests {
         for bad in ["", "Xtb", "a b", "a/b", "*", &"x".repeat(33)] {
             assert!(Name::new(bad).is_err(), "{bad}");
         }
-        assert_eq!(Name::robot("all"), Err(NameError::Reserved("all".into())));
+        for other in RESERVED {
+            assert_eq!(Name::robot(other), Err(NameError::Reserved(other.into())));
+        }
         for option in ["-", "--all", "-xtb-1"] {
             assert_eq!(Name::robot(option), Err(NameError::LeadingDash(option.into())));
         }

@@ -31,6 +31,13 @@ pub fn question(declared: &str, received: &str) -> Option<Key> {
     }
 }
 
+/// Whether a question is to each robot, and so, on the keys of somebody who is none, no concern of theirs: those of the
+/// dispatcher and of identities have the form of a robot's.
+#[must_use]
+pub fn is_to_each_robot(received: &str) -> bool {
+    addressed("xtb/*/x/**", received).is_some_and(|(key, _)| key.robot.is_some())
+}
+
 /// The key of an answer to a question on `asked`; `None`: it is nobody's.
 #[must_use]
 pub fn answer(asked: &str, received: &str) -> Option<Key> {
@@ -109,6 +116,24 @@ mod tests {
         // The dispatcher and the map are no robots.
         assert_eq!(question("xtb/lab/dispatch/cmd/*", "xtb/lab/*/cmd/me"), None);
         assert_eq!(question("xtb/lab/map", "xtb/lab/*"), None);
+        assert_eq!(question("xtb/lab/identity/*", "xtb/lab/*/state"), None);
+    }
+
+    #[test]
+    fn a_question_to_each_robot_is_no_mistake_where_a_service_hears_it_too() {
+        for asked in ["xtb/lab/*/cmd/me", "xtb/lab/*/state", "xtb/lab/*/about"] {
+            assert!(is_to_each_robot(asked), "{asked}");
+        }
+        for asked in [
+            "xtb/lab/*/*/me",
+            "xtb/lab/*/unheard-of",
+            "xtb/**",
+            "xtb/*/*/state",
+            "xtb/lab/*",
+            "xtb/lab/xtb-1/state",
+        ] {
+            assert!(!is_to_each_robot(asked), "{asked}");
+        }
     }
 
     #[test]

@@ -23,7 +23,7 @@ DEFAULT_TIMEOUT_S = 3.0
 MOST_BYTES_OF_A_FILE = 1 << 20
 
 _NAME = re.compile(r"[a-z0-9-]{1,32}")
-_RESERVED = {"all", "sim", "dispatch", "traffic", "map"}
+_RESERVED = {"all", "sim", "dispatch", "traffic", "map", "identity"}
 _TLS = "tls/"
 _WITHOUT = "identity=None with XTB_IDENTITY= (empty), or identity='none', goes without the identity"
 _ALLOWS = {
