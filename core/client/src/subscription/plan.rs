@@ -93,8 +93,10 @@ const HEARD: [&str; 10] = [
     any::SIM_TRUTH,
     any::SIM_STATS,
 ];
-/// And those on which people and the dispatcher publish, which only a router without identities passes on.
-const SENT: [&str; 2] = [any::TELEOP, any::ESTOP];
+/// And those that only a router without identities passes on: what people publish, and whatever else somebody should
+/// publish on keys that are for questions.
+const UNGUARDED: [&str; 7] =
+    [any::TELEOP, any::ESTOP, any::CMD, any::LOG, any::ABOUT, any::SIM_ROSTER, any::DISPATCH_STANDBY];
 
 impl Plan {
     /// The same channel by channel, and without what is published in JSON too. Of this fleet: what a router with
@@ -116,9 +118,9 @@ impl Plan {
             Self::Answers(ask) => asks(ask).into_iter().collect(),
             Self::Messages { ask, presence } => {
                 let published = Self::Messages { ask: Vec::new(), presence: Vec::new() };
-                let sent: &[&str] = if fleet.is_none() { &SENT } else { &[] };
+                let unguarded: &[&str] = if fleet.is_none() { &UNGUARDED } else { &[] };
                 let mut parts: Vec<_> =
-                    HEARD.iter().chain(sent).flat_map(|pattern| each(pattern, &published)).collect();
+                    HEARD.iter().chain(unguarded).flat_map(|pattern| each(pattern, &published)).collect();
                 if !presence.is_empty() {
                     parts.extend(each(any::ALIVE, &Self::Presence));
                 }
@@ -271,7 +273,7 @@ mod tests {
     fn a_recorder_hears_each_channel_of_any_fleet_and_nothing_twice() {
         let parts = |expression: &str| Plan::of(expression).unwrap().by_channel(expression, None);
         let keys: Vec<String> = parts("xtb/**").into_iter().map(|(key, _)| key).collect();
-        for key in HEARD.iter().chain(&SENT).chain(&[any::ALIVE]) {
+        for key in HEARD.iter().chain(&UNGUARDED).chain(&[any::ALIVE]) {
             assert!(keys.contains(&(*key).to_owned()), "{key} is missing in {keys:?}");
         }
         assert!(!keys.iter().any(|key| intersect(key, any::STATE_JSON)), "{keys:?}");

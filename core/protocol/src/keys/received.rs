@@ -35,7 +35,10 @@ pub fn question(declared: &str, received: &str) -> Option<Key> {
 /// dispatcher and of identities have the form of a robot's.
 #[must_use]
 pub fn is_to_each_robot(received: &str) -> bool {
-    addressed("xtb/*/x/**", received).is_some_and(|(key, _)| key.robot.is_some())
+    let mut chunks: Vec<&str> = received.split('/').collect();
+    let Some(robot) = chunks.get_mut(ROBOT).filter(|robot| **robot == ANY) else { return false };
+    *robot = "any";
+    Key::parse(&chunks.join("/")).is_some_and(|key| key.robot.is_some())
 }
 
 /// The key of an answer to a question on `asked`; `None`: it is nobody's.

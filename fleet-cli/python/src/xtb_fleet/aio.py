@@ -12,15 +12,16 @@ waits for a lease gives it back.
 from __future__ import annotations
 
 import asyncio
+import threading
 import time
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import Any, Literal, TypeVar
 
 from . import messages
 from .dispatch import LOOK_EVERY_S as TASKS_EVERY_S
 from .dispatch import Dispatch, Tasks
-from .errors import TimedOut
+from .errors import FleetError, TimedOut
 from .fleet import Fleet, Robots
 from .lease import Lease
 from .messages import About, Event, TaskChange, TaskHistory, TaskSpecInput
@@ -31,21 +32,39 @@ from .teleop import DEADMAN_S, Teleop
 
 T = TypeVar("T")
 
-_THREADS = ThreadPoolExecutor(64, "xtb-fleet")
+
+def _start(call: Callable[[], T]) -> Future[T]:
+    """In a thread of its own: no call waits for those of others, and none is dropped before it has begun."""
+    future: Future[T] = Future()
+    future.set_running_or_notify_cancel()
+
+    def run() -> None:
+        try:
+            future.set_result(call())
+        except BaseException as error:
+            future.set_exception(error)
+
+    threading.Thread(target=run, name="xtb-fleet").start()
+    return future
 
 
 async def _run(call: Callable[[], T], undo: Callable[[T], Any] | None = None) -> T:
     """In a thread; if nobody waits for it any more when it is done, it is undone."""
-    future = _THREADS.submit(call)
+    future = _start(call)
     try:
         return await asyncio.wrap_future(future)
     except asyncio.CancelledError:
-        if undo is not None:
+        if undo is not None:  # before the blocks around it end: a goal is cancelled while the lease is there
             back = undo
-            future.add_done_callback(
-                lambda done: None if done.cancelled() or done.exception() else back(done.result()) and None
-            )
+            await asyncio.shield(asyncio.wrap_future(_start(lambda: _undo(future, back))))
         raise
+
+
+def _undo(future: Future[T], undo: Callable[[T], Any]) -> None:
+    try:
+        undo(future.result())
+    except FleetError:
+        pass  # it failed, or the robot's own clock ends it
 
 
 class Connecting:

@@ -38,6 +38,8 @@ ANSWERS_WITHIN_S = 2.0
 ASK_AGAIN_S = 0.2
 LOOK_EVERY_S = 0.2
 MOST_BYTES_OF_PAGES = 256 << 20
+LEDGERS = 3
+"""So often a list is begun again because the ledger has changed."""
 
 Point = Union[tuple[float, float], tuple[float, float, float], WaypointInput]
 """(x, y) or (x, y, yaw), in m and rad."""
@@ -122,17 +124,28 @@ class Dispatch:
 
     def tasks(self) -> Tasks:
         """All tasks that it remembers, in the order of their ids."""
+        for _ in range(LEDGERS):
+            tasks = self._tasks()
+            if tasks is not None:
+                return tasks
+        raise FleetError("failed", "the dispatcher's ledger changes again and again")
+
+    def _tasks(self) -> Tasks | None:
+        """None = its ledger has changed meanwhile."""
         page = self._page("tasks?format=json")
         if page["left_out"] == 0:
             return Tasks(page["tasks"], page["suspended"])
         found: list[TaskView] = []
+        ledger = page["ledger"]
         after, left_out, size = "t0", 1, 0
         while left_out:
             page = self._page(f"tasks?format=json;after={after}")
+            if page["ledger"] != ledger:
+                return None
             if not page["tasks"]:
                 break
             found += page["tasks"]
-            size += wire.MOST_BYTES
+            size += wire.MOST_BYTES_OF_TASKS
             after, left_out = page["tasks"][-1]["id"], page["left_out"]
             if size > MOST_BYTES_OF_PAGES:
                 raise FleetError("failed", "the dispatcher's list of tasks does not end")

@@ -68,7 +68,7 @@ def robot_card(robot: Robot) -> str:
 
 
 def stop_report(report: StopReport) -> str:
-    """Who stands."""
+    """Which robots have confirmed."""
     rows = [(name, outcome if outcome == "stopped" else outcome.upper()) for name, outcome in report.robots.items()]
     caption = "every robot stands" if report.complete else "NOT CONFIRMED FOR ALL" if report.roster_known else "no roster"
     return table(("robot", "outcome"), rows, caption)

@@ -110,11 +110,15 @@ class Fleet:
         with self._lock:
             robots, feeds = list(self._robots.values()), [self._states, self._events]
         for robot in robots:
-            robot._close()
-        for feed in feeds:
-            if feed is not None:
-                feed.close()
-        self._link.close()
+            robot._let_run_out()
+        try:
+            for robot in robots:
+                robot._close()
+            for feed in feeds:
+                if feed is not None:
+                    feed.close()
+        finally:
+            self._link.close()
 
     def __repr__(self) -> str:
         at = ", ".join(self.settings.endpoints)
@@ -149,7 +153,7 @@ class Fleet:
             if data is not None:
                 states[data["robot"]] = State(data, answer.at)
         for name in alive - states.keys():
-            state = self[name]._ask_state()  # a question to all reaches those whom the routers know
+            state = Robot(self._link, name)._ask_state()  # a question to all reaches those whom the routers know
             if state is not None:
                 states[name] = state
         names = sorted(alive | set(roster or ()), key=_by_number)

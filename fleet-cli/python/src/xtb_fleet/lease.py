@@ -74,7 +74,7 @@ class Lease:
         robot = self._robot
         if self._grant is not None or self._ended.is_set():
             raise Invalid("usage", "a lease is acquired once", f"make a new one with `fleet[{robot.name!r}].lease()`")
-        if (other := robot._lease) is not None and other.is_held:
+        if (other := robot._held()) is not None and other.is_held:
             hint = "use the lease that it has, or release that first"
             raise Invalid("usage", f"this program controls {robot.name} already", hint)
         link = robot._link
@@ -91,7 +91,7 @@ class Lease:
             raise FleetError("outcome_unknown", f"the reply for {robot.name} has no lease, so it is not from a robot")
         with self._lock:
             self._grant = grant
-        robot._lease = self
+        robot._lease = weakref.ref(self)
         keeper = threading.Thread(
             target=_keep, args=(weakref.ref(self), self._ended), name=f"lease of {robot.name}", daemon=True
         )
@@ -103,8 +103,9 @@ class Lease:
         self._ended.set()
         with self._lock:
             grant, self._grant = self._grant, None
-        if self._robot._lease is self:
+        if self._robot._held() is self:
             self._robot._lease = None
+        self._retains = Asking(self._robot._link)  # a queue that nobody reads any more would block Zenoh when full
         if grant is None or self._robot._link.is_closed:
             return
         try:

@@ -195,11 +195,16 @@ class Link:
 
     def get(self, selector: str, within: float | None = None) -> list[Answer]:
         """Everybody's answers; asked for once more if there are none at once."""
+        self.settings.may("look")
         within = self.patience if within is None else within
+        return self._get(selector, within)
+
+    def _get(self, selector: str, within: float) -> list[Answer]:
         return self._twice(lambda asking: asking.ask(selector, within), within)
 
     def present(self, key_expr: str, within: float | None = None) -> list[str]:
         """The keys of those who are there."""
+        self.settings.may("look")
         within = self.patience if within is None else within
         return [answer.key for answer in self._twice(lambda asking: asking.ask_presence(key_expr, within), within)]
 
@@ -221,6 +226,7 @@ class Link:
         If that thread is slow the oldest are lost; nothing else waits for it.
         """
         self._check_open()
+        self.settings.may("look")
         ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(MOST_WAITING)
         subscriber = self.session.declare_subscriber(key_expr, ring)
         return self._pass_on(subscriber, subscriber.handler, each)
@@ -228,6 +234,7 @@ class Link:
     def subscribe_events(self, key_expr: str, each: Callable[[str, bytes], None]) -> Callable[[], None]:
         """The same; the last 64 come first, and lost ones are sent again."""
         self._check_open()
+        self.settings.may("look")
         ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(MOST_WAITING)
         subscriber = ext.declare_advanced_subscriber(
             self.session,
@@ -323,7 +330,7 @@ class Link:
                 continue
             replies.append(reply)
             if linger <= 0:
-                self.round_trip.measured(news.at - sent_at)
+                self.round_trip.measured(news.at - began)
                 return replies
             give_up = min(give_up, time.monotonic() + linger)
             next_ask = give_up
@@ -344,7 +351,7 @@ class Link:
         own = self.settings.identity
         if own is None:
             return error
-        for answer in self.get(f"xtb/{self.settings.fleet}/identity/{own.name}", 0.5):
+        for answer in self._get(f"xtb/{self.settings.fleet}/identity/{own.name}", 0.5):
             try:
                 status = wire.read("IdentityStatus", answer.payload)
             except Malformed:

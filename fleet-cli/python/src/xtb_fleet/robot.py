@@ -6,6 +6,7 @@ import math
 import threading
 import time
 import uuid
+import weakref
 from dataclasses import dataclass
 from typing import Literal, cast
 
@@ -201,7 +202,7 @@ class Robot:
     def __init__(self, link: Link, name: str) -> None:
         self.name = name
         self._link = link
-        self._lease: Lease | None = None
+        self._lease: weakref.ref[Lease] | None = None  # whoever drops the object lets go of the robot
         self._feeds = threading.Lock()
         self._state_feed: States | None = None
         self._event_feed: Events | None = None
@@ -330,9 +331,10 @@ class Robot:
 
     def _control(self) -> Lease:
         self._link.settings.may("control robots")
-        if self._lease is None:
+        lease = self._held()
+        if lease is None:
             raise no_lease(self.name)
-        return self._lease
+        return lease
 
     def _request(self, body: Body, lease: Lease, request_id: str | None = None) -> Done:
         try:
@@ -360,8 +362,16 @@ class Robot:
                 self._event_feed = Events(self._link, self.name)
             return self._event_feed
 
+    def _let_run_out(self) -> None:
+        lease = self._held()
+        if lease is not None:
+            lease._ended.set()
+
+    def _held(self) -> Lease | None:
+        return self._lease() if self._lease is not None else None
+
     def _close(self) -> None:
-        lease = self._lease
+        lease = self._held()
         if lease is not None:
             lease.release()
         with self._feeds:

@@ -21,6 +21,7 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 DEFAULT_FLEET = "lab"
 DEFAULT_TIMEOUT_S = 3.0
 MOST_BYTES_OF_A_FILE = 1 << 20
+TIMEOUT_MOST_S = 3600.0
 
 _NAME = re.compile(r"[a-z0-9-]{1,32}")
 _RESERVED = {"all", "sim", "dispatch", "traffic", "map", "identity"}
@@ -126,8 +127,8 @@ def resolve(
     if name is not None and own and name != stem and not name.startswith(f"{stem}-"):
         raise Invalid("usage", f"{name} is not a name of {own.name}", f"it is {stem}, or begins with {stem}-")
     client = name or f"{stem}-{secrets.token_hex(3)}"
-    if not timeout_s > 0:
-        raise Invalid("usage", f"a timeout of {timeout_s} s is none")
+    if not 0 < timeout_s <= TIMEOUT_MOST_S:
+        raise Invalid("usage", f"a timeout of {timeout_s} s: above 0, at most {TIMEOUT_MOST_S:.0f} s")
     return Settings(
         endpoints=tuple(endpoints),
         fleet=check_name(own.fleet if own else named or DEFAULT_FLEET, "fleet"),
@@ -182,7 +183,8 @@ def _config() -> dict[str, Any]:
     config = _toml(path)
     robots = config.get("robots", [])
     good = (
-        isinstance(config.get("fleet", ""), str)
+        config.keys() <= {"fleet", "connect", "robots"}
+        and isinstance(config.get("fleet", ""), str)
         and _texts(config.get("connect", []))
         and isinstance(robots, list)
         and all(isinstance(robot, dict) and isinstance(robot.get("name"), str) for robot in robots)

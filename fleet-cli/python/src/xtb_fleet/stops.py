@@ -18,7 +18,7 @@ from . import wire
 from .errors import FleetError, Malformed
 from .keys import ANY
 from .link import ESTOP, Asking, Link
-from .messages import RobotState
+from .messages import Request, RobotState
 from .streams import read_state
 
 AGAIN_FIRST_S, AGAIN_MOST_S = 0.05, 0.4
@@ -43,7 +43,7 @@ class StopReport:
 
     @property
     def confirmed(self) -> list[str]:
-        """Who stands, and has shown it."""
+        """Which robots have stopped, and have shown it."""
         return [name for name, outcome in self.robots.items() if outcome == "stopped"]
 
     @property
@@ -53,8 +53,8 @@ class StopReport:
 
     @property
     def complete(self) -> bool:
-        """Whether every robot that should be there has stopped; never true when nobody knows which."""
-        return self.roster_known and not self.unconfirmed
+        """Whether every robot that should be there has stopped; never true when nobody knows which, or there are none."""
+        return self.roster_known and bool(self.robots) and not self.unconfirmed
 
     def __repr__(self) -> str:
         parts = [f"stopped: {', '.join(self.confirmed) or 'nobody'}"]
@@ -74,6 +74,9 @@ class StopReport:
 def stop(link: Link, robots: Iterable[str] | None, roster: Callable[[], list[str] | None]) -> StopReport:
     """These, or all: they drop their goals and stand, not latched."""
     link.settings.may("control robots")
+    if robots is None:  # everybody at once, before anybody knows who they are; who has confirmed is asked one by one
+        stop_all: Request = {"id": str(uuid.uuid4()), "lease": None, "body": {"stop": {}}}
+        Asking(link).ask(link.keys.cmd(ANY), ANSWER_WITHIN_S, stop_all)
     return _each(link, robots, roster, lambda robot: _stop_one(link, robot))
 
 
@@ -105,7 +108,7 @@ def _each(
     roster: Callable[[], list[str] | None],
     one: Callable[[str], Outcome],
 ) -> StopReport:
-    """Each robot in a thread of its own, as soon as it is heard of."""
+    """Each robot in a thread, 64 at once, as soon as it is heard of."""
     asked: dict[str, Future[Outcome]] = {}
     with ThreadPoolExecutor(MOST_AT_ONCE, "stop") as pool:
 
@@ -118,11 +121,11 @@ def _each(
             call(robots)
             known = True
         else:
-            call(link.settings.roster)
             rostered = threading.Thread(target=lambda: found.append(roster()), daemon=True)
             found: list[list[str] | None] = []
             rostered.start()
             call(present(link))
+            call(link.settings.roster)
             rostered.join()
             known = bool(found) and found[0] is not None
             call(found[0] or [] if found else [])
@@ -193,6 +196,10 @@ class _Estop:
         self.id = str(uuid.uuid4())
         self.within = within
 
+    @property
+    def _answer_within(self) -> float:
+        return self.link.round_trip.patience(min(ANSWER_WITHIN_S, self.within))
+
     def putting(self, key: str) -> _Putting:
         """Repeats it as long as the block lasts."""
         return _Putting(self, key)
@@ -209,23 +216,25 @@ class _Estop:
     def _acknowledged(self, key: str, robot: str) -> int:
         """How many say in the robot's name that it is latched, once one does; a question is asked again before
         those before are answered."""
-        give_up = time.monotonic() + self.link.round_trip.patience(self.within)
+        began = time.monotonic()
+        give_up = began + self.link.round_trip.patience(self.within)
         asking, pause, due = Asking(self.link), AGAIN_FIRST_S, 0.0
         while (now := time.monotonic()) < give_up:
             if now >= due:
                 if asking.open < 16:
-                    asking.ask(key, ANSWER_WITHIN_S, {"id": self.id}, ESTOP)
+                    asking.ask(key, give_up - now, {"id": self.id}, ESTOP)
                 due, pause = now + pause, min(pause * 1.25, AGAIN_MOST_S)
             news = asking.next(min(due, give_up) - now)
             if news is not None and self._latched(news.key, news.payload) == robot:
                 # Another program that answers too does so at once.
+                self.link.round_trip.measured(news.at - began)
                 return 1 + self._others(key, robot)
         return 0
 
     def _others(self, key: str, robot: str) -> int:
         asking = Asking(self.link)
-        asking.ask(key, ANSWER_WITHIN_S, {"id": self.id}, ESTOP)
-        answers = asking.all(ANSWER_WITHIN_S)
+        asking.ask(key, self._answer_within, {"id": self.id}, ESTOP)
+        answers = asking.all(self._answer_within)
         return max(0, sum(self._latched(answer.key, answer.payload) == robot for answer in answers) - 1)
 
     def _latched(self, key: str, payload: bytes) -> str | None:
@@ -243,8 +252,8 @@ class _Estop:
         key = self.link.keys.estop(ANY)
         while not ended.is_set() and not self.link.is_closed:
             asking = Asking(self.link)
-            asking.ask(key, min(ANSWER_WITHIN_S, self.within), {"id": self.id}, ESTOP)
-            for answer in asking.all(ANSWER_WITHIN_S + 0.5):
+            asking.ask(key, self._answer_within, {"id": self.id}, ESTOP)
+            for answer in asking.all(self._answer_within + 0.5):
                 robot = self._latched(answer.key, answer.payload)
                 if robot:
                     heard.add(robot)

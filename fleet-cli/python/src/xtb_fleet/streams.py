@@ -177,11 +177,16 @@ class Stream(Generic[T]):
                     return self._items.popleft()
                 if self._closed:
                     raise StopAsyncIteration
-                self._waiting.append((asyncio.get_running_loop(), event))
+                waiter = (asyncio.get_running_loop(), event)
+                self._waiting.append(waiter)
             try:
                 await asyncio.wait_for(event.wait(), None if until is None else until - time.monotonic())
             except asyncio.TimeoutError:
                 raise StopAsyncIteration from None
+            finally:
+                with self._changed:
+                    if waiter in self._waiting:
+                        self._waiting.remove(waiter)
 
 
 class Feed(Generic[T]):
@@ -190,7 +195,7 @@ class Feed(Generic[T]):
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._streams: weakref.WeakSet[Stream[T]] = weakref.WeakSet()  # one that nobody reads any more is gone
-        self._listeners: list[Callable[[T], None]] = []
+        self._listeners: list[weakref.WeakMethod[Callable[[T], None]]] = []
         self._undeclare: Callable[[], None] | None = None
         self.unreadable = 0
         """Messages that were none of the protocol."""
@@ -198,8 +203,9 @@ class Feed(Generic[T]):
     def _publish(self, item: T) -> None:
         with self._lock:
             streams, listeners = list(self._streams), list(self._listeners)
-        for listener in listeners:
-            listener(item)
+        for reference in listeners:
+            if (listener := reference()) is not None:
+                listener(item)
         for stream in streams:
             stream._push(item)
 
@@ -219,13 +225,13 @@ class Feed(Generic[T]):
     def listen(self, listener: Callable[[T], None]) -> None:
         """Calls this for each item, in the thread that receives it: it must be quick."""
         with self._lock:
-            self._listeners.append(listener)
+            self._listeners = [each for each in self._listeners if each() is not None]
+            self._listeners.append(weakref.WeakMethod(listener))
 
     def unlisten(self, listener: Callable[[T], None]) -> None:
         """Ends that."""
         with self._lock:
-            if listener in self._listeners:
-                self._listeners.remove(listener)
+            self._listeners = [each for each in self._listeners if each() != listener]
 
     def close(self) -> None:
         """Ends the subscription and the streams."""

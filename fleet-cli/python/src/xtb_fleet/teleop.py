@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,9 @@ CAUTIOUS_RPM = 20.0
 """Full throttle at most, if the robot does not say what it accepts."""
 DEADMAN_S = 0.3
 DEADMAN_LEAST_S, DEADMAN_MOST_S = 0.05, 2.0
+
+IDLE_S = 1.0
+"""So often it is looked whether anybody has the object still."""
 
 Hand = tuple[float, float]
 """Throttle −1..1 (+ = ahead) and steering −1..1 (+ = right)."""
@@ -68,12 +72,17 @@ class Teleop:
         robot = self._robot
         if self._max_rpm is None:
             about = robot.about()
-            self._max_rpm = min(about["limits"]["max_rpm"], 353.0) if about else CAUTIOUS_RPM
+            most = about["limits"]["max_rpm"] if about else CAUTIOUS_RPM
+            if not most > 0:
+                raise FleetError("failed", f"{robot.name} says that it accepts at most {most} rpm")
+            self._max_rpm = min(most, 353.0)
         if robot._states().wait(robot.name, robot._link.patience, time.monotonic() - ECHO_MOST_S) is None:
             raise NotThere("no_robot", f"{robot.name} is not heard", "`fleet.robots()` shows the robots present")
         self._lease.grant()
         self._ended = False
-        threading.Thread(target=self._repeat, name=f"teleop of {robot.name}", daemon=True).start()
+        threading.Thread(
+            target=_repeat, args=(weakref.ref(self), self._changed), name=f"teleop of {robot.name}", daemon=True
+        ).start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -105,9 +114,9 @@ class Teleop:
                 self._send((0.0, 0.0))
 
     def run(self, source: Callable[[], Hand | None], for_s: float | None = None) -> None:
-        """Asks `source` at 20 Hz where the hand is, until it says None or `for_s` is over.
+        """Asks `source` at 20 Hz for throttle and steering, until it says None or `for_s` is over.
 
-        A source that hangs is one that has let go: the deadman ends the drive.
+        While a source hangs, the deadman ends the drive.
         """
         began = due = time.monotonic()
         while for_s is None or time.monotonic() - began < for_s:
@@ -119,21 +128,20 @@ class Teleop:
             time.sleep(max(due - time.monotonic(), 0.0))
         self.release()
 
-    def _repeat(self) -> None:
-        with self._changed:
-            while not self._ended:
-                now = time.monotonic()
-                if self._hand is None:
-                    self._changed.wait()
-                elif now - self._moved > self._deadman:
-                    # Never the hand's last place again: whoever holds it must say so.
-                    self._hand = None
-                    self.expired += 1
-                    self._send((0.0, 0.0))
-                elif now - self._sent_at >= SEND_EVERY_S:
-                    self._send(self._hand)
-                else:
-                    self._changed.wait(min(self._sent_at + SEND_EVERY_S, self._moved + self._deadman) - now + 1e-4)
+    def _turn(self) -> float:
+        """With the lock held: sends what is due. How long until something is due again, in s."""
+        now = time.monotonic()
+        if self._hand is None:
+            return IDLE_S
+        if now - self._moved > self._deadman:
+            # Never the last setpoint again: only `drive` makes a new one.
+            self._hand = None
+            self.expired += 1
+            self._send((0.0, 0.0))
+            return IDLE_S
+        if now - self._sent_at >= SEND_EVERY_S:
+            self._send(self._hand)
+        return max(min(self._sent_at + SEND_EVERY_S, self._moved + self._deadman) - now, 0.0) + 1e-4
 
     def _send(self, hand: Hand) -> None:
         """With the lock held: after the end of the block nobody gets here."""
@@ -148,7 +156,7 @@ class Teleop:
                 "lease": self._lease.grant(),
                 "seq": self._lease._number(),
                 "echo_tick_ms": state.data["tick_ms"],
-                "rpm": hand[0] * (self._max_rpm or CAUTIOUS_RPM),
+                "rpm": hand[0] * (CAUTIOUS_RPM if self._max_rpm is None else self._max_rpm),
                 "steering": hand[1],
             }
             robot._link.put(robot._link.keys.teleop(robot.name), setpoint, SETPOINT)
@@ -175,3 +183,12 @@ class Teleop:
             self.stopped = True
         except FleetError:
             self.stopped = False  # by the robot's own clock it stands 200 ms after the last setpoint
+
+
+def _repeat(itself: weakref.ref[Teleop], changed: threading.Condition) -> None:
+    """Sends what is due until the block has ended, or nobody has the object any more."""
+    with changed:
+        while (hand := itself()) is not None and not hand._ended:
+            pause = hand._turn()
+            del hand
+            changed.wait(pause)

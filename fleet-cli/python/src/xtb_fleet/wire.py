@@ -14,7 +14,7 @@ from functools import lru_cache
 from importlib import resources
 from typing import Any
 
-from .errors import Malformed
+from .errors import Invalid, Malformed
 
 MOST_BYTES = 64 * 1024
 """Of a message of a robot."""
@@ -40,7 +40,10 @@ def read(kind: str, payload: bytes, most: int = MOST_BYTES) -> Any:
 
 def write(message: Any) -> bytes:
     """A message in JSON; numbers must be finite."""
-    return json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
+    try:
+        return json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
+    except (TypeError, ValueError) as error:
+        raise Invalid("usage", f"this cannot be sent: {error}") from None
 
 
 def escaped(text: str) -> str:
