@@ -8,6 +8,9 @@ use crate::gp2d12::fit_cm;
 use crate::units::AdcCount;
 use crate::vehicle::Infrared;
 
+/// Between neighbours of a bumper's range finders, in m (§2.2).
+pub const SPACING_M: f64 = 0.07;
+
 /// Horizontal distances of one bumper in cm, left to right; `None` = nothing in range.
 pub type BumperRanges = [Option<f64>; 6];
 

@@ -23,7 +23,7 @@ mod settings;
 mod steering_model;
 mod swing;
 
-pub use drive::{DriveCommand, DriveLimits, FollowerStatus, GoalTolerance, Stuck};
+pub use drive::{DriveCommand, DriveLimits, FollowerStatus, GoalTolerance, Stuck, setpoint};
 pub use settings::FollowerSettings;
 
 use crate::MapPose;

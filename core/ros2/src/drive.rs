@@ -6,6 +6,7 @@
 use crate::types::Twist;
 use thiserror::Error;
 use xtb_control::{Steering, VehicleConfig, WheelRpm};
+use xtb_nav::path_follower::setpoint;
 
 /// Slower than this is standing, in m/s.
 const STANDING_MPS: f64 = 0.001;
@@ -66,31 +67,18 @@ pub enum Notice {
     OtherAxes,
 }
 
-/// What of a vehicle decides how it follows a velocity.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A vehicle that follows velocities.
+#[derive(Debug, Clone)]
 pub struct Car {
-    mps_per_rpm: f64,
-    wheelbase_m: f64,
-    lock_rad: f64,
-    max_rpm: f64,
+    vehicle: VehicleConfig,
+    smallest_radius_m: f64,
 }
 
 impl Car {
     /// The car of these settings; no faster than teleoperation.
     #[must_use]
     pub fn of(vehicle: &VehicleConfig) -> Self {
-        Self {
-            mps_per_rpm: vehicle.mps_per_rpm(),
-            wheelbase_m: vehicle.geometry.wheelbase_m,
-            lock_rad: vehicle.steering.stop_deg.to_radians(),
-            max_rpm: vehicle.teleop.max_rpm,
-        }
-    }
-
-    /// The smallest circle of its middle, in m: both axles steer opposite.
-    #[must_use]
-    pub fn smallest_radius_m(&self) -> f64 {
-        self.wheelbase_m / (2.0 * libm::tan(self.lock_rad))
+        Self { vehicle: vehicle.clone(), smallest_radius_m: xtb_nav::Car::of(vehicle).radius_m }
     }
 
     /// What this velocity asks of it. If several things are cut down, the one is said that changes most.
@@ -109,19 +97,17 @@ impl Car {
             return Drive::standing(turns.then_some(Notice::TurnOnTheSpot { yaw_rate_radps }).or(other));
         }
         let curvature_per_m = yaw_rate_radps / speed_mps;
-        let smallest_m = self.smallest_radius_m();
+        let smallest_m = self.smallest_radius_m;
         let tight = curvature_per_m.abs() * smallest_m > ROUNDING;
         let tight = tight.then(|| Notice::TooTight { radius_m: 1.0 / curvature_per_m.abs(), smallest_m });
-        let most_mps = self.max_rpm * self.mps_per_rpm;
+        let most_rpm = self.vehicle.teleop.max_rpm;
+        let most_mps = most_rpm * self.vehicle.mps_per_rpm();
         let fast = speed_mps.abs() > most_mps * ROUNDING;
         let fast = fast.then_some(Notice::TooFast { asked_mps: speed_mps, most_mps });
-        let rpm = (speed_mps / self.mps_per_rpm).clamp(-self.max_rpm, self.max_rpm);
-        // R = L / (2 tan δ); yaw counts to the left, steering to the right.
-        let wheels_rad = libm::atan(curvature_per_m * self.wheelbase_m / 2.0);
-        let steering = (-wheels_rad / self.lock_rad).clamp(-1.0, 1.0);
-        match (WheelRpm::try_from(rpm), Steering::try_from(steering)) {
-            (Ok(rpm), Ok(steering)) => Drive { rpm, steering, notice: tight.or(fast).or(other) },
-            _ => Drive::standing(Some(Notice::NotFinite)),
+        let (rpm, steering) = setpoint(speed_mps, curvature_per_m, &self.vehicle);
+        match WheelRpm::try_from(rpm.get().clamp(-most_rpm, most_rpm)) {
+            Ok(rpm) => Drive { rpm, steering, notice: tight.or(fast).or(other) },
+            Err(_) => Drive::standing(Some(Notice::NotFinite)),
         }
     }
 }
@@ -146,7 +132,7 @@ mod tests {
     #[test]
     fn ahead_is_ahead_and_left_is_left() {
         let straight = drive(0.15, 0.0);
-        assert!((straight.rpm.get() - 0.15 / car().mps_per_rpm).abs() < 1e-9);
+        assert!((straight.rpm.get() - 0.15 / VehicleConfig::default().mps_per_rpm()).abs() < 1e-9);
         assert_eq!((straight.steering.get().abs(), straight.notice), (0.0, None));
         assert!(drive(0.15, 0.1).steering.get() < 0.0, "to the left");
         let astern = drive(-0.15, 0.1);
@@ -158,7 +144,7 @@ mod tests {
 
     #[test]
     fn the_circle_at_full_lock_is_the_smallest() {
-        let radius_m = car().smallest_radius_m();
+        let radius_m = car().smallest_radius_m;
         assert!((radius_m - xtb_nav::Car::of(&VehicleConfig::default()).radius_m).abs() < 1e-12);
         let lock = drive(0.1, 0.1 / radius_m);
         assert!((lock.steering.get() + 1.0).abs() < 1e-9 && lock.notice.is_none(), "{lock:?}");

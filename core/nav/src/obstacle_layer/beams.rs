@@ -2,9 +2,8 @@
 
 use crate::MapPose;
 use crate::geometry::Car;
+pub(crate) use xtb_control::infrared::SPACING_M;
 
-/// Between neighbours of a bumper, in m (§2.2).
-pub(crate) const SPACING_M: f64 = 0.07;
 /// From the middle of a bumper to its outermost beams, in m: two and a half spacings, but for the last bit of
 /// the product, which recordings do not have.
 pub(crate) const OUTERMOST_BEAM_M: f64 = 0.175;

@@ -89,13 +89,21 @@ impl DriveCommand {
     /// As a command for the first level of this vehicle.
     #[must_use]
     pub fn command(&self, vehicle: &VehicleConfig) -> Command {
-        let rpm = (self.speed_mps / vehicle.mps_per_rpm()).clamp(-WheelRpm::MAX, WheelRpm::MAX);
-        // Both axles steer opposite: R = L / (2 tan δ).
-        let wheels_rad = libm::atan(self.curvature_per_m * vehicle.geometry.wheelbase_m / 2.0);
-        let steering = (-wheels_rad / vehicle.steering.stop_deg.to_radians()).clamp(-1.0, 1.0);
-        Command::Follow {
-            rpm: WheelRpm::try_from(rpm).unwrap_or(WheelRpm::ZERO),
-            steering: Steering::try_from(steering).unwrap_or(Steering::CENTRED),
-        }
+        let (rpm, steering) = setpoint(self.speed_mps, self.curvature_per_m, vehicle);
+        Command::Follow { rpm, steering }
     }
+}
+
+/// How this vehicle's wheels turn and stand for a speed (in m/s, negative = astern) and a curvature (+ = left), cut
+/// down to what they can.
+#[must_use]
+pub fn setpoint(speed_mps: f64, curvature_per_m: f64, vehicle: &VehicleConfig) -> (WheelRpm, Steering) {
+    let rpm = (speed_mps / vehicle.mps_per_rpm()).clamp(-WheelRpm::MAX, WheelRpm::MAX);
+    // Both axles steer opposite: R = L / (2 tan δ).
+    let wheels_rad = libm::atan(curvature_per_m * vehicle.geometry.wheelbase_m / 2.0);
+    let steering = (-wheels_rad / vehicle.steering.stop_deg.to_radians()).clamp(-1.0, 1.0);
+    (
+        WheelRpm::try_from(rpm).unwrap_or(WheelRpm::ZERO),
+        Steering::try_from(steering).unwrap_or(Steering::CENTRED),
+    )
 }

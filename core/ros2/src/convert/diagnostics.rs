@@ -4,6 +4,7 @@ use crate::names::RosName;
 use crate::types::{DiagnosticArray, DiagnosticStatus, Header, KeyValue, Level, Time};
 use xtb_protocol::messages::texts::for_robot;
 use xtb_protocol::messages::{BatteryLevel, Fault, RobotState};
+use xtb_robot::faults::stops;
 
 /// How bad a state is: an error while a stop is latched or a fault is there that stops the robot, a warning with any
 /// other fault.
@@ -16,15 +17,7 @@ pub fn level(state: &RobotState) -> Level {
 
 /// Faults with which the robot drives on are warnings.
 fn of_fault(fault: Fault) -> Level {
-    match fault {
-        Fault::TiltOutOfRange
-        | Fault::RecordingFailed
-        | Fault::BatteryLow
-        | Fault::OdometryScale
-        | Fault::FixesFrozen
-        | Fault::FixesContradict => Level::Warn,
-        _ => Level::Error,
-    }
+    if stops(fault).is_some() { Level::Error } else { Level::Warn }
 }
 
 /// How a robot is. `notes` is what else is to be said, as names and values: the original name of the node that drives

@@ -6,10 +6,8 @@ use crate::types::{Header, Pose, TfMessage, Time, Transform, TransformStamped, V
 use std::f64::consts::PI;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
+use xtb_control::infrared::SPACING_M;
 use xtb_protocol::Name;
-
-/// Between neighbours of a bumper, in m (§2.2 of the memorandum).
-const SPACING_M: f64 = 0.07;
 
 /// The names of a robot's frames.
 #[derive(Debug, Clone, PartialEq, Eq)]

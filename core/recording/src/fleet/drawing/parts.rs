@@ -6,14 +6,13 @@ use crate::fleet::well_known::{
     TextPrimitive, Vector3,
 };
 use xtb_client::text::reasons;
+use xtb_control::infrared::SPACING_M;
 use xtb_nav::{Car, Path};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{GoalState, PoseState, RobotState, RouteState, Sensors};
 
 /// The memorandum's truck: bumper to bumper, tyre to tyre, and as high as it looks.
 const HEIGHT_M: f64 = 0.30;
-/// Between neighbours of a bumper's range finders, in m (§2.2).
-const SPACING_M: f64 = 0.07;
 /// Half of what a range finder's beam is drawn wide, in m.
 const BEAM_M: f64 = 0.03;
 /// Height of lines above the floor, in m.
