@@ -9,6 +9,7 @@ use xtb_protocol::Name;
 use xtb_protocol::messages::{DispatchStatus, RosterEntry, Suspension};
 use xtb_services::dispatch::Standing;
 use xtb_simulator::Simulator;
+
 /// The one line that says it is ready.
 #[derive(Debug, Serialize)]
 struct Ready<'a> {
