@@ -61,7 +61,7 @@ pub enum StopOutcome {
 pub struct StopReport {
     /// By name.
     pub robots: BTreeMap<Name, StopOutcome>,
-    /// Whether every robot that should be there has stopped. Never true when nobody knows which.
+    /// Whether every robot that should be there has stopped. Never true when nobody knows which, or there are none.
     pub complete: bool,
 }
 
@@ -70,7 +70,7 @@ impl StopReport {
     #[must_use]
     pub fn new(robots: BTreeMap<Name, StopOutcome>, gaps: &MissingInfo) -> Self {
         let report = Self { robots, complete: false };
-        Self { complete: report.all_stopped() && gaps.none(), ..report }
+        Self { complete: !report.robots.is_empty() && report.all_stopped() && gaps.none(), ..report }
     }
 
     /// Whether all who were asked have stopped.
