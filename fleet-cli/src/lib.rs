@@ -29,9 +29,16 @@ pub use exit::Exit;
 pub use output::Output;
 
 use clap::CommandFactory as _;
+use std::pin::Pin;
 
-/// Carries out one command line and says how it ended.
-pub async fn run(cli: Cli) -> Exit {
+/// Carries out one command line and says how it ended. Boxed, so that it is compiled here, and not once more in the
+/// program.
+#[must_use]
+pub fn run(cli: Cli) -> Pin<Box<dyn Future<Output = Exit>>> {
+    Box::pin(carry_out(cli))
+}
+
+async fn carry_out(cli: Cli) -> Exit {
     let out = Output::new(cli.global.json, cli.global.color);
     match commands::run(cli.verb, &cli.global, Cli::command(), out).await {
         Ok(exit) => exit,

@@ -202,8 +202,8 @@ impl ControlLoop {
             let mut rejected = self.ends.counters.rejected_so_far();
             rejected.record_dropped = self.recorder.as_ref().map_or(0, Recorder::dropped);
             let state = self.robot.state(now, rejected);
-            let sensors = self.robot.sensors(now);
-            self.ends.snapshot.send_replace(Some(Snapshot { state, sensors }));
+            let (sensors, motion) = (self.robot.sensors(now), self.robot.motion(now));
+            self.ends.snapshot.send_replace(Some(Snapshot { state, sensors, motion }));
         }
         while let Some(event) = self.robot.agent_mut().next_event() {
             if let Some(recorder) = &self.recorder {

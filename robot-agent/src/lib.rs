@@ -37,6 +37,7 @@ pub use xtb_recording::files;
 use crate::clock::Clock;
 use crate::config::AgentConfig;
 use crate::hardware::Hardware;
+use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -83,24 +84,21 @@ pub type Shutdown = watch::Receiver<bool>;
 ///
 /// # Errors
 /// [`AgentError`]; the truck has been told to stand before it is returned.
-pub async fn run(
-    config: &AgentConfig,
-    hardware: Box<dyn Hardware>,
-    clock: Clock,
-    shutdown: Shutdown,
-) -> Result<(), AgentError> {
-    let host = Host { link_lease: xtb_bus::LINK_LEASE, alive: || {}, shared: Shared::default() };
-    run_hosted(config, hardware, clock, shutdown, host).await
+pub fn run(config: &AgentConfig, hardware: Box<dyn Hardware>, clock: Clock, shutdown: Shutdown) -> Run<'_> {
+    let host = Host { link_lease: xtb_bus::LINK_LEASE, alive: Box::new(|| {}), shared: Shared::default() };
+    run_hosted(config, hardware, clock, shutdown, host)
 }
 
+/// A robot's life. Boxed, so that it is compiled here, and not once more in each program that runs it.
+pub type Run<'a> = Pin<Box<dyn Future<Output = Result<(), AgentError>> + Send + 'a>>;
+
 /// What an agent has to know of the program that it runs in.
-#[derive(Debug)]
-pub struct Host<Alive> {
+pub struct Host {
     /// The router takes its link for lost after so much silence. Longer where many agents share a program:
     /// a busy one is late with all of them, and links that break make it busier.
     pub link_lease: Duration,
     /// Called when the robot is present under its name, and can be commanded.
-    pub alive: Alive,
+    pub alive: Box<dyn FnOnce() + Send>,
     /// What it has together with the others.
     pub shared: Shared,
 }
@@ -109,12 +107,22 @@ pub struct Host<Alive> {
 ///
 /// # Errors
 /// As [`run`].
-pub async fn run_hosted(
+pub fn run_hosted(
     config: &AgentConfig,
     hardware: Box<dyn Hardware>,
     clock: Clock,
     shutdown: Shutdown,
-    host: Host<impl FnOnce()>,
+    host: Host,
+) -> Run<'_> {
+    Box::pin(live(config, hardware, clock, shutdown, host))
+}
+
+async fn live(
+    config: &AgentConfig,
+    hardware: Box<dyn Hardware>,
+    clock: Clock,
+    shutdown: Shutdown,
+    host: Host,
 ) -> Result<(), AgentError> {
     let identity = Identity {
         fleet: config.fleet.clone(),

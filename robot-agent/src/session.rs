@@ -68,7 +68,7 @@ pub(crate) async fn run(
     about: About,
     mut shutdown: Shutdown,
     stop_motors: impl Fn(),
-    host: Host<impl FnOnce()>,
+    host: Host,
 ) -> Result<(), AgentError> {
     let opening = config.opening().link_lease(host.link_lease);
     let mut told = false;
@@ -110,7 +110,7 @@ async fn serve(
     bus: &Bus,
     mut ends: SessionEnds,
     about: About,
-    host: Host<impl FnOnce()>,
+    host: Host,
 ) -> Result<(), AgentError> {
     let fleet = FleetKeys::new(config.fleet.clone());
     let keys = fleet.robot(&config.robot);

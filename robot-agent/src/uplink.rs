@@ -80,7 +80,7 @@ pub(crate) async fn publish_states(
     let sensors = bus.publisher::<Sensors>(&keys.sensors(), &Channel::Sensors, Format::Postcard).await?;
     while snapshots.changed().await.is_ok() {
         let snapshot = snapshots.borrow_and_update().clone();
-        let Some(Snapshot { state: now, sensors: sampled }) = snapshot else { continue };
+        let Some(Snapshot { state: now, sensors: sampled, .. }) = snapshot else { continue };
         if now.seq % STATES_A_SAMPLE == 0
             && let Some(sampled) = sampled
             && sensors.has_listeners().await

@@ -124,6 +124,12 @@ pub struct Subscription {
     _inner: Box<dyn std::any::Any + Send + Sync>,
 }
 
+impl Subscription {
+    pub(crate) fn holding(declaration: impl std::any::Any + Send + Sync) -> Self {
+        Self { _inner: Box::new(declaration) }
+    }
+}
+
 /// Passes on what came in on a key of ours, under the key that it means to `declared`.
 fn ours(
     foreign: ForeignKeys,
@@ -217,7 +223,7 @@ impl Bus {
             .callback(move |sample| each(Incoming::of(&sample)))
             .await
             .map_err(failed("subscribing", key_expr))?;
-        Ok(Subscription { _inner: Box::new(inner) })
+        Ok(Subscription::holding(inner))
     }
 
     /// The same for events: the last ones first, lost ones recovered.
@@ -247,7 +253,7 @@ impl Bus {
             .callback(move |sample| each(Incoming::of(&sample)))
             .await
             .map_err(failed("subscribing", key_expr))?;
-        Ok(Subscription { _inner: Box::new(inner) })
+        Ok(Subscription::holding(inner))
     }
 
     /// The same for events: the last ones first, lost ones recovered.
@@ -267,7 +273,7 @@ impl Bus {
             .recovery(RecoveryConfig::default().heartbeat())
             .await
             .map_err(failed("subscribing to events", key_expr))?;
-        Ok(Subscription { _inner: Box::new(inner) })
+        Ok(Subscription::holding(inner))
     }
 
     /// Sends one message.

@@ -11,6 +11,7 @@
 //! must not block; a callback that blocks hurts every session of the process.
 
 mod acl;
+mod attached;
 mod channel;
 mod enrolled;
 mod foreign;
@@ -25,6 +26,7 @@ mod tls;
 mod watched;
 
 pub use acl::AccessControl;
+pub use attached::{Attached, AttachedPublisher, AttachedQuestion};
 pub use channel::{EventPublisher, Incoming, Publisher, Subscription};
 pub use enrolled::{EnrolError, Enrolled};
 pub use key_expr::intersect;

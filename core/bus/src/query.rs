@@ -204,6 +204,12 @@ pub struct Service {
     _inner: zenoh::query::Queryable<()>,
 }
 
+impl Service {
+    pub(crate) fn holding(queryable: zenoh::query::Queryable<()>) -> Self {
+        Self { _inner: queryable }
+    }
+}
+
 impl Bus {
     /// Calls `each` for each question on `key_expr` whose key is one of ours; the answer may come later from
     /// elsewhere. The others are not answered.
@@ -227,7 +233,7 @@ impl Bus {
             })
             .await
             .map_err(failed("declaring a queryable", key_expr))?;
-        Ok(Service { _inner: inner })
+        Ok(Service::holding(inner))
     }
 
     /// Asks everybody on `selector` and collects the answers that come, until everybody has answered, nothing has

@@ -157,6 +157,7 @@ pub struct Bus {
     pub(crate) session: zenoh::Session,
     pub(crate) foreign: ForeignKeys,
     pub(crate) watched: Watched,
+    pub(crate) numbers: Arc<AtomicU64>,
 }
 
 /// How to open a session.
@@ -258,9 +259,12 @@ impl Opening {
         let failed = |reason: String| BusError::Open { role: self.role.describe(), reason };
         // `zenoh::open` blocks its thread while it tries.
         match tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await {
-            Ok(Ok(session)) => {
-                Ok(Bus { session, foreign: ForeignKeys::default(), watched: Watched::default() })
-            }
+            Ok(Ok(session)) => Ok(Bus {
+                session,
+                foreign: ForeignKeys::default(),
+                watched: Watched::default(),
+                numbers: Arc::default(),
+            }),
             Ok(Err(error)) => Err(failed(words(&error))),
             Err(error) => Err(failed(error.to_string())),
         }

@@ -6,7 +6,7 @@
 //!   [`Command`](xtb_control::Command) a turn, state and events come out.
 //! * [`authority`]: the rules it goes by, each in one file.
 //! * [`mod@line`], [`monitor`], [`faults`]: what is broken, by name, and whether it must stop the robot.
-//! * [`step_log`]: every step of the controller, for the recorder.
+//! * [`step_log`]: every step of the controller, for the recorder. [`motion`]: its odometry in a frame that never jumps.
 //! * [`operator`], [`round_trip`]: the client's side: acquire, retain, retry, and how long to wait for an answer.
 
 pub mod agent;
@@ -14,6 +14,7 @@ pub mod authority;
 pub mod faults;
 pub mod line;
 pub mod monitor;
+pub mod motion;
 pub mod operator;
 pub mod robot;
 pub mod round_trip;

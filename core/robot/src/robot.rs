@@ -22,6 +22,7 @@ use crate::authority::guard::{Guard, Guards};
 use crate::faults::INPUT_LOST_MS;
 use crate::line::{Device, LineWatch};
 use crate::monitor::Monitors;
+use crate::motion::MotionTracker;
 use crate::step_log::{Step, StepLog};
 use xtb_control::controller::{AdcSample, GyroSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup, SetupTask, WATCHDOG_MS};
@@ -99,6 +100,7 @@ pub struct Robot {
     turns_late: u64,
     monitors: Monitors,
     guards: Guards,
+    motion: MotionTracker,
 }
 
 impl Robot {
@@ -157,6 +159,7 @@ impl Robot {
             turns_late: 0,
             monitors: Monitors::default(),
             guards: Guards::default(),
+            motion: MotionTracker::default(),
         }
     }
 
@@ -167,6 +170,8 @@ impl Robot {
         self.reset = self.reset.or(self.outputs.reset);
         if self.outputs.rezeroed {
             self.agent.rezeroed(&before, &self.outputs.pose);
+            self.motion.step(now, &before, false);
+            self.motion.step(now, &self.outputs.pose, true);
         }
         self.step_log.push(now, sample, &self.outputs);
     }

@@ -6,7 +6,6 @@
 mod diagnostics;
 mod fleet_map;
 mod frames;
-mod motion;
 mod pose;
 mod robot;
 mod urdf;
@@ -14,7 +13,6 @@ mod urdf;
 pub use diagnostics::{diagnostics, level};
 pub use fleet_map::occupancy_grid;
 pub use frames::Frames;
-pub use motion::{Motion, MotionTracker};
 pub use pose::{MAP, PoseError, map_pose, planar_pose, yaw_of};
 pub use robot::{Robot, battery, plan};
 

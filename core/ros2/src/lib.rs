@@ -7,8 +7,8 @@
 //!    there, and marks each sample. [`graph`]: which node publishes what.
 //! 2. [`cdr`] and [`types`]: messages as bytes. [`offer`]: the one table of what a robot offers, with types and QoS.
 //! 3. [`convert`]: a robot's state as messages of ROS, its URDF, the fleet's map; a pose of ROS as ours.
-//! 4. [`freshness`], [`drive`], [`action`]: which velocity command counts, what it asks of a car, and the goals of
-//!    NavigateToPose.
+//! 4. [`freshness`], [`drive`], [`command`]: which velocity command counts, what it asks of a car, and whose drive the
+//!    robot. [`action`]: the goals of NavigateToPose.
 //!
 //! Whatever comes in is bounded and checked here; nothing panics on any bytes. Who may drive is not decided here:
 //! a ROS node is a client with a name ([`names::client_name`]), and needs the lease as everybody does.
@@ -18,6 +18,7 @@
 pub mod action;
 pub mod attachment;
 pub mod cdr;
+pub mod command;
 pub mod convert;
 pub mod drive;
 pub mod freshness;

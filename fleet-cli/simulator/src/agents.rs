@@ -70,7 +70,9 @@ impl RunningAgent {
         let (end, shutdown) = watch::channel(false);
         let (told, life) = watch::channel(Life::Starting);
         let task = tokio::spawn(async move {
-            let host = Host { link_lease, alive: || drop(told.send_replace(Life::Alive)), shared };
+            let telling = told.clone();
+            let alive = Box::new(move || drop(telling.send_replace(Life::Alive)));
+            let host = Host { link_lease, alive, shared };
             let hardware = Box::new(hardware);
             if let Err(error) = robot_agent::run_hosted(&config, hardware, clock, shutdown, host).await {
                 tracing::warn!("{}: {error}", config.robot);

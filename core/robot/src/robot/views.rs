@@ -3,6 +3,7 @@
 use super::{Newest, Robot};
 use crate::agent::View;
 use crate::faults::INPUT_LOST_MS;
+use crate::motion::Motion;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::pistons::height_m;
 use xtb_control::{AdcCount, PwmCount, Stamp};
@@ -132,6 +133,16 @@ impl Robot {
                 ..rejected
             },
         }
+    }
+
+    /// Where the odometry has it, in a frame that never jumps, and how it moves. The yaw rate is the turn since the
+    /// last time that this was asked, so it is to be asked regularly.
+    pub fn motion(&mut self, now: Stamp) -> Option<Motion> {
+        let ages = self.ages(now);
+        let fresh = |age: Option<u64>| age.is_some_and(|ms| ms <= INPUT_LOST_MS);
+        self.motion.step(now, &self.outputs.pose, false);
+        let mps = self.outputs.rpm * self.controller.config().mps_per_rpm();
+        self.motion.motion(fresh(ages.encoder).then_some(mps), fresh(ages.gyro))
     }
 
     /// The last samples; `None` until the converter has been heard.

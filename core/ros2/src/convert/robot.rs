@@ -1,7 +1,6 @@
 //! A robot's state and samples as messages: odometry, frames, sensors, battery, path.
 
 use super::frames::{Frames, transform};
-use super::motion::Motion;
 use super::pose::{MAP, in_map, planar_pose, stamped};
 use crate::types::{
     BatteryState, Header, Imu, Odometry, Path, PoseWithCovariance, Quaternion, Range, TfMessage, Time, Twist,
@@ -12,6 +11,7 @@ use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_control::infrared::BumperRanges;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{PoseState, RobotState};
+use xtb_robot::motion::Motion;
 
 /// What stands in a covariance for what nothing measures; ROS's own drivers do so.
 const NOT_MEASURED: f64 = 1e6;

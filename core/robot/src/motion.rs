@@ -1,4 +1,4 @@
-//! The odometry as ROS wants it: one frame that never jumps, and how fast the robot turns.
+//! The odometry as others want it, such as ROS: one frame that never jumps, and how fast the robot turns.
 //!
 //! The controller sets its odometry back to zero at each autonomous mode (§4.9); here that is undone.
 
@@ -59,5 +59,43 @@ impl MotionTracker {
     pub fn motion(&self, speed_mps: Option<f64>, gyro_heard: bool) -> Option<Motion> {
         let yaw_rate_radps = self.yaw_rate_radps.filter(|_| gyro_heard);
         self.pose.map(|pose| Motion { pose, speed_mps, yaw_rate_radps })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, PI};
+    use xtb_control::odometry::Odometry as Controller;
+
+    fn near(a: &MapPose, b: &MapPose) -> bool {
+        let turn = xtb_control::frames::wrap_rad(a.yaw_rad - b.yaw_rad);
+        (a.x_m - b.x_m).abs() < 1e-9 && (a.y_m - b.y_m).abs() < 1e-9 && turn.abs() < 1e-9
+    }
+
+    #[test]
+    fn the_odometry_starts_ahead_and_never_jumps() {
+        let (mut controller, mut tracker) = (Controller::default(), MotionTracker::default());
+        assert_eq!(tracker.motion(None, true), None);
+        controller.yaw(1000);
+        tracker.step(Stamp::from_ms(0), &controller.pose(), false);
+        // A metre ahead, a quarter to the right, set back to zero, another metre.
+        controller.advance(60.0, 1.0, 1.0 / PI);
+        tracker.step(Stamp::from_ms(50), &controller.pose(), false);
+        controller.yaw(1000 + 16_384);
+        tracker.step(Stamp::from_ms(100), &controller.pose(), false);
+        let turning = tracker.motion(Some(0.1), true).unwrap();
+        assert!((turning.yaw_rate_radps.unwrap() + FRAC_PI_2 / 0.05).abs() < 1e-9, "{turning:?}");
+        assert_eq!(tracker.motion(None, false).unwrap().yaw_rate_radps, None, "the gyro is silent");
+        controller.rezero();
+        tracker.step(Stamp::from_ms(105), &controller.pose(), true);
+        let corner = MapPose { x_m: 1.0, y_m: 0.0, yaw_rad: -FRAC_PI_2 };
+        assert!(near(&tracker.motion(None, true).unwrap().pose, &corner));
+        controller.advance(60.0, 1.0, 1.0 / PI);
+        tracker.step(Stamp::from_ms(155), &controller.pose(), false);
+        let end = MapPose { x_m: 1.0, y_m: -1.0, yaw_rad: -FRAC_PI_2 };
+        assert!(near(&tracker.motion(None, true).unwrap().pose, &end));
+        tracker.step(Stamp::from_ms(5000), &controller.pose(), false);
+        assert_eq!(tracker.motion(None, true).unwrap().yaw_rate_radps, None, "nobody looked for 5 s");
     }
 }
