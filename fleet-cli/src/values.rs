@@ -33,6 +33,11 @@ pub(crate) fn metres(text: &str) -> Result<f64, String> {
     number(text, -most, most, "metres")
 }
 
+/// A `ROS_DOMAIN_ID`.
+pub(crate) fn ros_domain() -> impl TypedValueParser<Value = u32> {
+    clap::value_parser!(u32).range(0..=232)
+}
+
 pub(crate) fn fix_rate(text: &str) -> Result<f64, String> {
     number(text, 0.0, 50.0, "Hz")
 }

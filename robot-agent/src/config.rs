@@ -10,7 +10,7 @@ mod problem;
 
 pub use file::{
     AgentConfig, AgentSection, ConfigFile, ControlSection, HardwareSection, MapSection, NavigationSection,
-    StartPose, ZenohSection,
+    Ros2, Ros2Section, StartPose, ZenohSection,
 };
 pub use layers::Layers;
 pub use problem::ConfigProblem;

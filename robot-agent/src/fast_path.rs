@@ -4,8 +4,10 @@
 //! Zenoh's threads and the control loop meet here for a few instructions at a time; neither ever
 //! waits for the other's lock longer than that.
 
+use crate::mailbox::Response;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use tokio::sync::oneshot;
 use xtb_bus::Question;
 use xtb_control::Stamp;
 use xtb_protocol::codec::Format;
@@ -19,13 +21,18 @@ use xtb_robot::authority::admission::Admission;
 pub(crate) const ESTOPS: usize = 64;
 
 /// Where a reply goes.
-pub(crate) struct Answer {
-    /// The question.
-    pub(crate) question: Question,
-    /// The robot's own key for it.
-    pub(crate) key: String,
-    /// As the request was written.
-    pub(crate) format: Format,
+pub(crate) enum Answer {
+    /// Back over the network.
+    Asked {
+        /// The question.
+        question: Question,
+        /// The robot's own key for it.
+        key: String,
+        /// As the request was written.
+        format: Format,
+    },
+    /// To another part of the agent.
+    Inside(oneshot::Sender<Response>),
 }
 
 /// An emergency stop on its way to the loop.

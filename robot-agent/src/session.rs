@@ -2,11 +2,12 @@
 
 use crate::clock::Clock;
 use crate::config::AgentConfig;
+use crate::inbox::Inbox;
 use crate::mailbox::SessionEnds;
 use crate::neighbours::{self, Listener};
 use crate::recording_server::{self, RecordingServer};
 use crate::snapshot::Snapshot;
-use crate::{AgentError, Host, Shutdown, VERSION, downlink, nav_inputs, uplink};
+use crate::{AgentError, Host, Shutdown, VERSION, downlink, nav_inputs, ros2, uplink};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -118,7 +119,8 @@ async fn serve(
     wait_for_name(config, bus, &keys.alive()).await?;
     let _uplink = uplink::declare(bus, &keys, &ends.snapshot, &ends.counters, about).await?;
     let _nav_inputs = nav_inputs::declare(bus, &fleet, config, clock, &ends, &host.shared.maps).await?;
-    let _downlink = downlink::declare(bus, &fleet, &config.robot, clock, &ends).await?;
+    let inbox = Arc::new(Inbox::of(&ends, clock));
+    let _downlink = downlink::declare(bus, &fleet, &config.robot, &inbox).await?;
     let _recording_server = recording_server::declare(
         bus,
         &keys,
@@ -150,8 +152,20 @@ async fn serve(
         slot: ends.neighbours,
         counters: ends.counters,
     };
+    let snapshots = ends.snapshot.clone();
     tasks.spawn(listener.run(ends.listens, ends.snapshot));
     tasks.spawn(follow_link(link.up.clone(), ends.link_up));
+    if let Some(ros2) = &config.ros2 {
+        let parts = ros2::Parts {
+            bus: bus.clone(),
+            robot: config.robot.clone(),
+            vehicle: config.vehicle.clone(),
+            inbox,
+            snapshots,
+            stamps: ros2::Stamps { clock: clock.clone(), simulated: config.world_speed != 1.0 },
+        };
+        tasks.spawn(ros2::run(parts, ros2.clone()));
+    }
     tokio::select! {
         Some(ended) = tasks.join_next() => match ended {
             Ok(result) => Ok(result?),

@@ -93,6 +93,7 @@ pub fn agent_config(endpoint: &str, fleet: &str) -> AgentConfig {
         vehicle: VehicleConfig::default(),
         record: None,
         realtime: false,
+        ros2: None,
         world_speed: 1.0,
     }
 }
@@ -132,6 +133,7 @@ impl Default for Setup {
             pty: None,
             fixes: FixTruth::default(),
             record: None,
+            ros2: None,
         }
     }
 }

@@ -13,7 +13,7 @@ mod urdf;
 pub use diagnostics::{diagnostics, level};
 pub use fleet_map::occupancy_grid;
 pub use frames::Frames;
-pub use pose::{MAP, PoseError, map_pose, planar_pose, yaw_of};
+pub use pose::{MAP, PoseError, map_pose, planar_pose, pose_stamped, yaw_of};
 pub use robot::{Robot, battery, plan};
 
 #[cfg(test)]

@@ -21,10 +21,10 @@ const ROOT: &str = "@ros2_lv";
 /// Longest token that is believed, in bytes.
 pub const MAX_TOKEN: usize = 2048;
 
-/// What to watch to learn of everything in a domain.
+/// What to watch to learn of every endpoint whose name is in this namespace.
 #[must_use]
-pub fn watch(domain: u32) -> String {
-    format!("{ROOT}/{domain}/**")
+pub fn watch_namespace(domain: u32, namespace: &RosName) -> String {
+    format!("{ROOT}/{domain}/*/*/*/*/*/*/*/{}%$*/**", mangled(namespace))
 }
 
 /// A text that is no token.

@@ -5,5 +5,6 @@
 pub mod dispatch;
 pub mod ledger;
 pub mod map_server;
+pub mod ros2;
 pub mod router;
 pub mod traffic;

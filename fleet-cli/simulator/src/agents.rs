@@ -1,7 +1,7 @@
 //! Agents inside the simulator's process: the same `robot_agent::run` as on a real truck.
 
 use robot_agent::clock::Clock;
-use robot_agent::config::AgentConfig;
+use robot_agent::config::{AgentConfig, Ros2};
 use robot_agent::hardware::simulated::SimulatedHardware;
 use robot_agent::{AgentError, Host, Shared};
 use std::path::PathBuf;
@@ -22,6 +22,7 @@ pub(super) struct AgentSettings {
     pub(super) connect: Vec<String>,
     pub(super) identity: Option<Enrolled>,
     pub(super) record: Option<PathBuf>,
+    pub(super) ros2: Option<u32>,
     pub(super) world_speed: f64,
     pub(super) link_lease: Duration,
     pub(super) shared: Shared,
@@ -64,6 +65,7 @@ impl RunningAgent {
             vehicle: vehicle.clone(),
             record: settings.record.clone(),
             realtime: false,
+            ros2: settings.ros2.map(|domain| Ros2::of(&robot.name, domain)),
             world_speed: settings.world_speed,
         };
         let (link_lease, shared) = (settings.link_lease, settings.shared.clone());

@@ -128,6 +128,7 @@ impl Simulator {
             connect: connect.clone(),
             identity: plan.identity.clone(),
             record: plan.record.clone(),
+            ros2: plan.ros2,
             world_speed: plan.speed,
             link_lease: plan.link_lease(),
             shared: Shared::among(cores, plan.robots.div_ceil(MOST_SESSIONS))?,

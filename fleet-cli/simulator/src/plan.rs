@@ -56,6 +56,8 @@ pub struct Plan {
     pub fixes: FixTruth,
     /// Folder where every agent records its steps.
     pub record: Option<PathBuf>,
+    /// Every robot is a node of ROS 2 too, in this `ROS_DOMAIN_ID`.
+    pub ros2: Option<u32>,
 }
 
 impl Plan {
@@ -211,6 +213,7 @@ mod tests {
             truth_log: None,
             fixes: FixTruth::default(),
             record: None,
+            ros2: None,
         }
     }
 

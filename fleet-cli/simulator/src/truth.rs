@@ -29,6 +29,12 @@ impl TruthView {
         self.look(Truth::clone)
     }
 
+    /// The world's time, in s.
+    #[must_use]
+    pub fn now_s(&self) -> f64 {
+        self.look(|truth| truth.t_s)
+    }
+
     /// Looks at it; the world waits meanwhile.
     pub(super) fn look<T>(&self, at: impl FnOnce(&Truth) -> T) -> T {
         at(&self.0.lock().unwrap_or_else(PoisonError::into_inner))

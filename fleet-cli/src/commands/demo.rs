@@ -111,6 +111,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
         pty: None,
         truth_log: None,
         record: None,
+        ros2: None,
     };
     let simulator = tokio::select! {
         started = Simulator::start(plan) => started?,

@@ -11,7 +11,7 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::text::task as task_text;
-use crate::values::{drop_outs, fix_noise, fix_rate, part};
+use crate::values::{drop_outs, fix_noise, fix_rate, part, ros_domain};
 use crate::{map_file, vehicle_file};
 use clap::Args;
 use embedded::EmbeddedDispatcher;
@@ -24,6 +24,7 @@ use std::path::{Path, PathBuf};
 use std::pin::pin;
 use tokio::sync::watch;
 use xtb_client::DEFAULT_ENDPOINT;
+use xtb_client::client::Client;
 use xtb_client::text::robot as describe;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
@@ -31,6 +32,7 @@ use xtb_identity::Role;
 use xtb_protocol::messages::Suspension;
 use xtb_services::dispatch::store::{self, Store};
 use xtb_services::dispatch::usage::Usage;
+use xtb_services::ros2::FleetNode;
 use xtb_services::router::check_listen;
 use xtb_sim::{Pace, World};
 use xtb_simulator::{Plan, Simulator, Told};
@@ -102,13 +104,17 @@ pub struct SimArgs {
     /// Also serve the dashboard [default: 127.0.0.1:8080].
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = crate::commands::dashboard::address)]
     pub dashboard: Option<SocketAddr>,
+    /// Robots and fleet are also nodes of ROS 2, in this ROS_DOMAIN_ID [default: 0]; with another --speed than 1
+    /// also /clock.
+    #[arg(long, value_name = "DOMAIN", num_args = 0..=1, default_missing_value = "0", value_parser = ros_domain(), conflicts_with = "pty")]
+    pub ros2: Option<u32>,
     /// What measures the robots' poses.
     #[command(flatten)]
     pub fixes: FixArgs,
     /// Run a fault scenario of a virtual fleet, without router and agents: prints the events of the scenario
     /// of
     /// --seed, and whether a rule of docs/safety.md was broken.
-    #[arg(long = "virtual", conflicts_with_all = ["robots", "first", "fleet_size", "world", "vehicle", "speed", "strict", "listen", "identities", "pty", "truth_log", "record", "dispatch", "dashboard"])]
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "first", "fleet_size", "world", "vehicle", "speed", "strict", "listen", "identities", "pty", "truth_log", "record", "dispatch", "dashboard", "ros2"])]
     pub virtual_day: bool,
 }
 
@@ -189,21 +195,26 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     let mut slow = pin!(pace(ctx, simulator.stats(), args.strict));
     let starting = async {
         simulator.ready().await?;
-        match store {
+        let ros2 = match args.ros2 {
+            Some(domain) => Some(fleet_node(ctx, &simulator, set.as_ref(), domain, args.speed).await?),
+            None => None,
+        };
+        let dispatcher = match store {
             Some(store) => {
                 let ctx = identities::of(ctx, set.as_ref(), Role::Dispatcher)?;
-                EmbeddedDispatcher::start(&ctx, &simulator, store).await.map(Some)
+                Some(EmbeddedDispatcher::start(&ctx, &simulator, store).await?)
             }
-            None => Ok(None),
-        }
+            None => None,
+        };
+        Ok((dispatcher, ros2))
     };
     let started = tokio::select! {
         started = starting => started,
         slow = &mut slow => Err(slow),
         () = &mut stop => return Ok(Exit::Interrupted),
     };
-    let mut dispatcher = match started {
-        Ok(dispatcher) => dispatcher,
+    let (mut dispatcher, ros2) = match started {
+        Ok(started) => started,
         Err(failure) => {
             simulator.stop().await;
             return Err(failure);
@@ -230,6 +241,7 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
         Some(dispatcher) if !matches!(done, Some(Err(_))) => tell(ctx, &simulator, dispatcher).await,
         _ => Ok(Exit::Done),
     };
+    drop(ros2);
     simulator.stop().await;
     let interrupted = done.is_none();
     done.unwrap_or(Ok(()))?;
@@ -238,6 +250,25 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
         true => exit,
         false => exit.map(|_| Exit::Done),
     }
+}
+
+/// The fleet as a node of ROS 2, and its session.
+async fn fleet_node(
+    ctx: &Context,
+    simulator: &Simulator,
+    set: Option<&Identities>,
+    domain: u32,
+    speed: f64,
+) -> Result<(FleetNode, Client)> {
+    let ctx = identities::of(ctx, set, Role::Operator)?;
+    let own = ctx.with(|settings| settings.connect = simulator.endpoints().to_vec());
+    let client = Client::open(&own.settings).await?;
+    let mut node = FleetNode::start(&client, domain, simulator.map()).await?;
+    if speed != 1.0 {
+        let truth = simulator.truth().clone();
+        node.tell_time(move || truth.now_s()).await?;
+    }
+    Ok((node, client))
 }
 
 /// Where its router listens.
@@ -301,6 +332,7 @@ fn plan(ctx: &Context, args: &SimArgs, listen: String, set: Option<&Identities>)
         truth_log: args.truth_log.clone(),
         fixes: args.fixes.truth(),
         record: args.record.clone(),
+        ros2: args.ros2,
     })
 }
 

@@ -13,6 +13,8 @@ use xtb_nav::NavSettings;
 use xtb_nav::settings::{ArrivalSettings, DriveSettings, PoseSettings, UnknownSettings};
 use xtb_protocol::Name;
 use xtb_protocol::board::rates::LineRates;
+use xtb_ros2::RosName;
+use xtb_ros2::types::Distro;
 
 config_section! {
     /// Who this robot is.
@@ -108,6 +110,62 @@ impl NavigationSection {
     }
 }
 
+config_section! {
+    /// The robot as a node of ROS 2 (docs/ros2.md).
+    Ros2Section "ros2" {
+        enabled: bool = false, "", Switch, Ours, "Speak ROS 2 as rmw_zenoh does, beside the fleet's own \
+                               protocol.";
+        domain_id: u32 = 0, "", Range(0.0, 232.0), Ours, "ROS_DOMAIN_ID.";
+        namespace: String = String::new(), "", Text, Ours, "Namespace of the robot's topics, such as /xtb_1; \
+                               empty = that of its name.";
+        distro: String = "kilted".to_owned(), "", OneOf(&["jazzy", "kilted", "lyrical", "rolling"]), Ours,
+                         "Release of ROS 2: the feedback of navigate_to_pose differs between them.";
+    }
+}
+
+/// How the robot speaks ROS 2.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ros2 {
+    /// `ROS_DOMAIN_ID`.
+    pub domain: u32,
+    /// The node's namespace.
+    pub namespace: RosName,
+    /// For the types that differ between releases.
+    pub distro: Distro,
+}
+
+impl Ros2 {
+    /// In this domain, with the namespace of its name.
+    #[must_use]
+    pub fn of(robot: &Name, domain: u32) -> Self {
+        Self { domain, namespace: RosName::robot(robot), distro: Distro::default() }
+    }
+}
+
+impl Ros2Section {
+    /// `None` = not at all.
+    fn of(&self, robot: &Name) -> Result<Option<Ros2>, ConfigProblem> {
+        if !self.enabled {
+            return Ok(None);
+        }
+        let namespace = match self.namespace.as_str() {
+            "" => RosName::robot(robot),
+            text => RosName::new(text).ok().filter(|name| name.as_str() != "/").ok_or_else(|| {
+                ConfigProblem::Value(ConfigError::Conflict {
+                    name: "ros2.namespace".into(),
+                    value: format!("{text:?}"),
+                    reason:
+                        "a namespace is /a or /a/b, each part of A-Z, a-z, 0-9 and _, not beginning with a \
+                             digit"
+                            .into(),
+                })
+            })?,
+        };
+        let distro = Distro::of(&self.distro).unwrap_or_default();
+        Ok(Some(Ros2 { domain: self.domain_id, namespace, distro }))
+    }
+}
+
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -120,6 +178,8 @@ pub struct ConfigFile {
     pub hardware: HardwareSection,
     /// How its control loop runs.
     pub control: ControlSection,
+    /// As a node of ROS 2.
+    pub ros2: Ros2Section,
     /// Where it stands.
     pub start_pose: StartPose,
     /// The second level.
@@ -149,6 +209,8 @@ pub struct AgentConfig {
     pub navigation: NavSettings,
     /// Its own map; `None` = the fleet's.
     pub map: Option<PathBuf>,
+    /// As a node of ROS 2; `None` = it is none.
+    pub ros2: Option<Ros2>,
     /// Folder for a recording of every step.
     pub record: Option<PathBuf>,
     /// Its control loop with real-time priority and in locked memory, where permitted. Without effect where loops
@@ -182,6 +244,7 @@ impl ConfigFile {
         all.extend(self.zenoh.parameters());
         all.extend(self.hardware.parameters());
         all.extend(self.control.parameters());
+        all.extend(self.ros2.parameters());
         all.extend(self.start_pose.parameters());
         all.extend(self.navigation.parameters());
         all
@@ -272,9 +335,11 @@ impl ConfigFile {
         let navigation = self.navigation.settings();
         navigation.validate_for(&self.vehicle)?;
         let StartPose { x_m, y_m, yaw_rad } = self.start_pose;
+        let robot = Name::robot(&self.agent.name)?;
         Ok(AgentConfig {
             fleet: Name::new(&self.agent.fleet)?,
-            robot: Name::robot(&self.agent.name)?,
+            ros2: self.ros2.of(&robot)?,
+            robot,
             peer: self.zenoh.mode == "peer",
             connect: self.zenoh.connect.clone(),
             identity: None,

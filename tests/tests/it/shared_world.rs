@@ -25,6 +25,7 @@ fn plan(first: usize, fleet_size: usize, connect: Vec<String>) -> Plan {
         truth_log: None,
         fixes: FixTruth::default(),
         record: None,
+        ros2: None,
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::types::{Header, Point, Pose, PoseStamped, Quaternion, Time};
 use thiserror::Error;
 use xtb_control::frames::MapPose;
-use xtb_protocol::messages::MAX_COORDINATE_M;
+use xtb_protocol::messages::{MAX_COORDINATE_M, PoseState};
 
 /// The fleet's frame.
 pub const MAP: &str = "map";
@@ -76,6 +76,12 @@ pub fn planar_pose(pose: &MapPose) -> Pose {
         position: Point { x: pose.x_m, y: pose.y_m, z: 0.0 },
         orientation: Quaternion { x: 0.0, y: 0.0, z, w },
     }
+}
+
+/// Where a robot is.
+#[must_use]
+pub fn pose_stamped(stamp: &Time, pose: &PoseState) -> PoseStamped {
+    stamped(stamp, &MapPose { x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad })
 }
 
 pub(super) fn stamped(stamp: &Time, pose: &MapPose) -> PoseStamped {

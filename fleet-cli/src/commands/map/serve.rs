@@ -5,6 +5,7 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::map_file;
+use crate::values::ros_domain;
 use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -14,6 +15,7 @@ use xtb_client::{Error, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::MapHash;
 use xtb_services::map_server::MapService;
+use xtb_services::ros2::FleetNode;
 
 const SERVE_HELP: &str = "\
 Robots plan on the served map. Only one map can be served at a time.";
@@ -28,6 +30,9 @@ pub struct MapServeArgs {
     /// How fine a world is drawn.
     #[command(flatten)]
     pub fine: ResolutionArgs,
+    /// Also for ROS 2: /map and /estop, in this ROS_DOMAIN_ID [default: 0].
+    #[arg(long, value_name = "DOMAIN", num_args = 0..=1, default_missing_value = "0", value_parser = ros_domain())]
+    pub ros2: Option<u32>,
 }
 
 /// The one line that says it is ready.
@@ -49,9 +54,13 @@ pub(super) async fn run(ctx: &Context, args: &MapServeArgs) -> Result<Exit> {
     let starting = async {
         let client = Client::open(&ctx.settings).await?;
         let service = MapService::start(client.bus(), client.keys(), &map, ctx.settings.timeout).await?;
-        Ok::<_, Error>((client, service))
+        let ros2 = match args.ros2 {
+            Some(domain) => Some(FleetNode::start(&client, domain, Some(&map)).await?),
+            None => None,
+        };
+        Ok::<_, Error>((client, (service, ros2)))
     };
-    let (client, service) = tokio::select! {
+    let (client, services) = tokio::select! {
         started = starting => started?,
         () = &mut stop => return Ok(Exit::Interrupted),
     };
@@ -63,7 +72,7 @@ pub(super) async fn run(ctx: &Context, args: &MapServeArgs) -> Result<Exit> {
         () = &mut stop => {}
         error = client.refused() => return Err(error),
     }
-    drop(service);
+    drop(services);
     client.close().await;
     Ok(Exit::Done)
 }
