@@ -5,7 +5,10 @@
 //! earlier certificate, or a revoked one, may only ask what the router says of it.
 
 mod grants;
+mod ros2;
 mod table;
+
+pub use ros2::Ros2Domain;
 
 use grants::{Flow, Grants, Message, RECOVERY, declarations, of_parties, recovery};
 use serde_json::{Value, json};
@@ -37,9 +40,9 @@ const EVERY_MESSAGE: [&str; 9] = [
 
 impl AccessControl {
     /// The rules of this fleet. Of those that have left, and of certificates that have been replaced, nothing
-    /// remains.
+    /// remains. Where the router carries ROS 2 too, its rows are in [`Ros2Domain`]'s module.
     #[must_use]
-    pub fn of(registry: &Registry) -> Self {
+    pub fn of(registry: &Registry, ros2: Option<&Ros2Domain>) -> Self {
         let keys = FleetKeys::new(registry.fleet.clone());
         let mut rules = Vec::new();
         let mut subjects = Vec::new();
@@ -63,6 +66,9 @@ impl AccessControl {
                 role => {
                     let mut grants = of_parties(&keys, table::parties(role), Some(entry));
                     declarations(&keys, &mut grants);
+                    if let Some(domain) = ros2 {
+                        domain.grant(entry, &mut grants);
+                    }
                     let mut own = allow(&id, &grants);
                     if role == Role::Simulator {
                         own.push(no_service(&id, &keys));
@@ -186,12 +192,12 @@ mod tests {
     fn a_certificate_counts_in_its_generation_only_and_a_revoked_one_not_at_all() {
         let mut registry = registry(&[("alice", Role::Operator)]);
         let key = "xtb/lab/xtb-1/cmd/alice";
-        let rules = AccessControl::of(&registry);
+        let rules = AccessControl::of(&registry, None);
         assert!(may(&rules, "alice.2", "ingress", "query", key));
         assert!(!may(&rules, "alice.1", "ingress", "query", key));
         assert!(!may(&rules, "alice.3", "ingress", "query", key));
         registry.identities[0].revoked = true;
-        assert!(!may(&AccessControl::of(&registry), "alice.2", "ingress", "query", key));
+        assert!(!may(&AccessControl::of(&registry, None), "alice.2", "ingress", "query", key));
         // The router's own certificate, which those of a mesh have too.
         assert!(may(&rules, "router.3", "ingress", "put", "xtb/lab/xtb-1/state"));
         assert!(!may(&rules, "router.2", "ingress", "put", "xtb/lab/xtb-1/state"));
@@ -199,7 +205,8 @@ mod tests {
 
     #[test]
     fn a_persons_rules_cover_the_persons_sessions_and_nobody_elses() {
-        let rules = AccessControl::of(&registry(&[("alice", Role::Operator), ("page", Role::Dashboard)]));
+        let rules =
+            AccessControl::of(&registry(&[("alice", Role::Operator), ("page", Role::Dashboard)]), None);
         for (own, covered) in [("alice", true), ("alice-3f9a1c", true), ("alicex", false), ("bob", false)] {
             let key = format!("xtb/lab/xtb-1/teleop/{own}");
             assert_eq!(may(&rules, "alice.2", "ingress", "put", &key), covered, "{own}");
@@ -216,7 +223,7 @@ mod tests {
     fn only_what_is_in_the_table_has_keys_and_no_fleet_but_its_own_is_named() {
         let everybody: Vec<(String, Role)> = Role::ALL.map(|role| (format!("x{role}"), role)).to_vec();
         let everybody: Vec<(&str, Role)> = everybody.iter().map(|(of, role)| (of.as_str(), *role)).collect();
-        let rules = AccessControl::of(&registry(&everybody));
+        let rules = AccessControl::of(&registry(&everybody), None);
         assert_eq!((&rules.0["enabled"], &rules.0["default_permission"]), (&json!(true), &json!("deny")));
         for rule in rules.0["rules"].as_array().unwrap() {
             let id = rule["id"].as_str().unwrap();
@@ -227,5 +234,45 @@ mod tests {
             assert!(is_router || !rule["messages"].as_array().unwrap().contains(&json!("delete")), "{id}");
         }
         assert_eq!(rules.0["subjects"].as_array().unwrap().len(), 2 + Role::ALL.len());
+    }
+
+    #[test]
+    fn a_domain_of_ros_2_has_rules_by_role_and_takes_no_key_of_ours() {
+        let of_robot = |name: &Name| name.as_str().replace('-', "_");
+        let ros2 = Ros2Domain { domain: 7, namespace: of_robot };
+        let people = [
+            ("xtb-1", Role::Robot),
+            ("lab", Role::Robot),
+            ("alice", Role::Operator),
+            ("vera", Role::Viewer),
+            ("maps", Role::Map),
+        ];
+        let rules = AccessControl::of(&registry(&people), Some(&ros2));
+        let put = |who: &str, key: &str| may(&rules, who, "ingress", "put", key);
+        for (who, key, allowed) in [
+            ("xtb-1.2", "7/xtb_1/odom/T/H", true),
+            ("xtb-1.2", "7/tf/T/H", true),
+            ("xtb-1.2", "7/xtb_2/odom/T/H", false),
+            ("xtb-1.2", "7/xtb_2/cmd_vel/T/H", false),
+            ("xtb-1.2", "8/xtb_1/odom/T/H", false),
+            ("alice.2", "7/xtb_1/cmd_vel/T/H", true),
+            ("alice.2", "8/xtb_1/cmd_vel/T/H", false),
+            ("vera.2", "7/xtb_1/cmd_vel/T/H", false),
+            ("maps.2", "7/map/T/H", true),
+            ("maps.2", "7/xtb_1/cmd_vel/T/H", false),
+            // A robot that is called as its fleet: its namespace has none of the fleet's keys.
+            ("lab.2", "7/lab/odom/T/H", true),
+            ("lab.2", "xtb/lab/xtb-1/state", false),
+        ] {
+            assert_eq!(put(who, key), allowed, "{who} {key}");
+        }
+        let ask = |who: &str, key: &str| may(&rules, who, "ingress", "query", key);
+        assert!(ask("vera.2", "7/xtb_1/estop/T/H") && ask("vera.2", "7/estop/T/H"));
+        assert!(!ask("vera.2", "7/xtb_1/take_control/T/H") && !ask("xtb-1.2", "7/xtb_2/stop/T/H"));
+        assert!(ask("vera.2", "7/xtb_1/robot_description/T/H/@adv/pub/a/1/_"));
+        let token = |who: &str, key: &str| may(&rules, who, "ingress", "liveliness_token", key);
+        let odom = "@ros2_lv/7/a/1/2/MP/%/%xtb_1/xtb_agent/%xtb_1%odom/T/H/::,10:,:,:,,";
+        assert!(token("xtb-1.2", odom) && token("xtb-1.2", "@ros2_lv/7/a/1/1/NN/%/%xtb_1/xtb_agent"));
+        assert!(!token("vera.2", odom) && !token("lab.2", odom));
     }
 }

@@ -25,7 +25,7 @@ mod session;
 mod tls;
 mod watched;
 
-pub use acl::AccessControl;
+pub use acl::{AccessControl, Ros2Domain};
 pub use attached::{Attached, AttachedPublisher, AttachedQuestion};
 pub use channel::{EventPublisher, Incoming, Publisher, Subscription};
 pub use enrolled::{EnrolError, Enrolled};

@@ -154,7 +154,8 @@ impl Plan {
             let (bus, endpoint) = router::open_leased(&self.listen, &[], self.link_lease()).await?;
             return Ok(Session { bus, endpoint: endpoint.clone(), connect: vec![endpoint], router: None });
         };
-        let router = router::open_leased_with_registry(&self.listen, &[], pki, self.link_lease()).await?;
+        let router =
+            router::open_leased_with_registry(&self.listen, &[], pki, self.link_lease(), self.ros2).await?;
         let endpoint = on_this_computer(router.endpoint());
         let connect = vec![endpoint.clone()];
         // A client as its agents are: a router's own session is under no rules.

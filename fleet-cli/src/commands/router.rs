@@ -4,12 +4,13 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::pki;
+use crate::values::ros_domain;
 use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
 use std::time::Duration;
-use xtb_bus::Bus;
+use xtb_bus::{Bus, LINK_LEASE};
 use xtb_client::DEFAULT_ENDPOINT;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_services::router::{self, GuardedRouter, News};
@@ -46,6 +47,10 @@ pub struct RouterArgs {
     /// Listen without identities where others can reach it: whoever does can drive every robot.
     #[arg(long)]
     pub insecure: bool,
+    /// With identities: also carry this ROS_DOMAIN_ID of ROS 2 [default: 0], by the rights of each role. Without
+    /// identities every domain is carried.
+    #[arg(long, value_name = "DOMAIN", num_args = 0..=1, default_missing_value = "0", value_parser = ros_domain())]
+    pub ros2: Option<u32>,
     /// Print the configuration of a zenohd with the same rules, as JSON5, and end. It does not follow the registry.
     #[arg(long)]
     pub print_acl: bool,
@@ -94,7 +99,7 @@ pub async fn run(ctx: &Context, args: &RouterArgs) -> Result<Exit> {
 async fn guarded(ctx: &Context, args: &RouterArgs, connect: &[String]) -> Result<Exit> {
     let pki = pki::place(args.pki.as_deref())?;
     if args.print_acl {
-        let config = router::zenohd_config(&args.listen, connect, &pki)?;
+        let config = router::zenohd_config(&args.listen, connect, &pki, args.ros2)?;
         let text = serde_json::to_string_pretty(&config)
             .map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))?;
         ctx.out.result(&config, |_| text.clone())?;
@@ -102,7 +107,7 @@ async fn guarded(ctx: &Context, args: &RouterArgs, connect: &[String]) -> Result
     }
     let mut stop = pin!(interrupted());
     let mut router = tokio::select! {
-        opened = router::open_with_registry(&args.listen, connect, &pki) => opened?,
+        opened = router::open_leased_with_registry(&args.listen, connect, &pki, LINK_LEASE, args.ros2) => opened?,
         () = &mut stop => return Ok(Exit::Interrupted),
     };
     tell_ready(ctx, router.endpoint(), true, connect)?;

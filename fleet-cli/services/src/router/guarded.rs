@@ -13,10 +13,12 @@ use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
-use xtb_bus::{AccessControl, Bus, BusError, LINK_LEASE, Links, Opening, Role, Service};
+use xtb_bus::{AccessControl, Bus, BusError, LINK_LEASE, Links, Opening, Role, Ros2Domain, Service};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_identity::Registry;
+use xtb_protocol::Name;
 use xtb_protocol::keys::FleetKeys;
+use xtb_ros2::RosName;
 
 /// Between two looks at the registry.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
@@ -90,10 +92,10 @@ impl GuardedRouter {
 /// # Errors
 /// [`ErrorKind::Config`]: no registry, or one that cannot be read; [`ErrorKind::PortTaken`]; endpoints without TLS.
 pub async fn open_with_registry(listen: &str, connect: &[String], pki: &Path) -> Result<GuardedRouter> {
-    open_leased_with_registry(listen, connect, pki, LINK_LEASE).await
+    open_leased_with_registry(listen, connect, pki, LINK_LEASE, None).await
 }
 
-/// The same; others take it for lost after so much silence.
+/// The same; others take it for lost after so much silence, and it carries this `ROS_DOMAIN_ID` of ROS 2 too.
 ///
 /// # Errors
 /// As [`open_with_registry`].
@@ -102,6 +104,7 @@ pub async fn open_leased_with_registry(
     connect: &[String],
     pki: &Path,
     link_lease: Duration,
+    ros2: Option<u32>,
 ) -> Result<GuardedRouter> {
     let folder = Folder::new(pki);
     let (texts, registry) = read(&folder)?;
@@ -109,6 +112,7 @@ pub async fn open_leased_with_registry(
         listen: listen.to_owned(),
         connect: connect.to_vec(),
         link_lease,
+        ros2,
         keys: FleetKeys::new(registry.fleet.clone()),
         known: Known::new(registry.clone()),
         visitors: Visitors::new(&folder),
@@ -131,12 +135,22 @@ pub async fn open_leased_with_registry(
 ///
 /// # Errors
 /// As [`open_with_registry`], but for the port.
-pub fn zenohd_config(listen: &str, connect: &[String], pki: &Path) -> Result<serde_json::Value> {
+pub fn zenohd_config(
+    listen: &str,
+    connect: &[String],
+    pki: &Path,
+    ros2: Option<u32>,
+) -> Result<serde_json::Value> {
     let folder = Folder::new(pki);
     let (_, registry) = read(&folder)?;
     let role = Role::Router { listen: vec![listen.to_owned()], connect: connect.to_vec() };
-    let opening = Opening::of(role).tls(Some(folder.tls())).access(Some(AccessControl::of(&registry)));
+    let opening = Opening::of(role).tls(Some(folder.tls())).access(Some(rules(&registry, ros2)));
     Ok(opening.to_json()?)
+}
+
+fn rules(registry: &Registry, ros2: Option<u32>) -> AccessControl {
+    let namespace = |robot: &Name| RosName::robot(robot).relative().to_owned();
+    AccessControl::of(registry, ros2.map(|domain| Ros2Domain { domain, namespace }).as_ref())
 }
 
 fn read(folder: &Folder) -> Result<(Texts, Registry)> {
@@ -166,6 +180,7 @@ struct Own {
     listen: String,
     connect: Vec<String>,
     link_lease: Duration,
+    ros2: Option<u32>,
     keys: FleetKeys,
     known: Known,
     visitors: Visitors,
@@ -185,7 +200,7 @@ impl Own {
         Opening::of(role)
             .link_lease(self.link_lease)
             .tls(Some(self.folder.tls()))
-            .access(Some(AccessControl::of(registry)))
+            .access(Some(rules(registry, self.ros2)))
     }
 
     async fn open(&self, registry: &Registry) -> std::result::Result<Running, BusError> {

@@ -39,7 +39,7 @@ pub(super) struct Router {
 
 /// A router with the rules of this PKI in one flow, and none in the `open` one.
 pub(super) async fn router(pki: &Pki, open_flow: &str) -> Router {
-    let mut config = zenohd_config("tls/127.0.0.1:0", &[], pki.folder()).unwrap();
+    let mut config = zenohd_config("tls/127.0.0.1:0", &[], pki.folder(), None).unwrap();
     let whole = |id: &str, flows: &[&str], keys: &[&str]| json!({ "id": id, "permission": "allow", "flows": flows, "messages": EVERY_KIND, "key_exprs": keys });
     let rules = &mut config["access_control"];
     let added = [
