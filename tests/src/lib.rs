@@ -119,6 +119,8 @@ pub struct Setup {
     pub fixes: FixTruth,
     /// Every robot records into this folder.
     pub record: Option<PathBuf>,
+    /// Every robot is a node of ROS 2 in this domain.
+    pub ros2: Option<u32>,
 }
 
 impl Default for Setup {
@@ -173,6 +175,7 @@ impl Fleet {
             pty: setup.pty,
             truth_log: None,
             record: setup.record,
+            ros2: setup.ros2,
         };
         let simulator = Simulator::start(plan).await.unwrap_or_else(|failure| panic!("{failure}"));
         let role = Role::Client { connect: vec![simulator.endpoint().to_owned()] };
