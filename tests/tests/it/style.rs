@@ -197,3 +197,13 @@ fn only_places_that_escape_write_to_the_terminal() {
     ];
     none(&writes.filter(|place| !safe.iter().any(|file| place.contains(file))).cloned().collect::<Vec<_>>());
 }
+
+#[test]
+fn every_file_that_the_readme_names_by_its_whole_path_is_there() {
+    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let folders = ["core/", "robot-agent/", "fleet-cli/", "tests/"];
+    let named = readme.split('`').skip(1).step_by(2);
+    let named = named.filter(|text| text.ends_with(".rs") && folders.iter().any(|it| text.starts_with(it)));
+    let (there, missing): (Vec<&str>, Vec<&str>) = named.partition(|path| root().join(path).is_file());
+    assert!(there.len() > 20 && missing.is_empty(), "README names {missing:?}");
+}
