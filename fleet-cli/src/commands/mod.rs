@@ -10,6 +10,7 @@ pub mod doctor;
 pub mod enrol;
 pub mod estop;
 pub mod export;
+pub mod extend;
 pub mod fetch_log;
 mod goal;
 pub mod goto;
@@ -112,6 +113,8 @@ pub enum Verb {
     Resume(change::ResumeArgs),
     /// Queue failed or cancelled tasks again.
     Retry(change::RetryArgs),
+    /// Add points to a route that has not ended.
+    Extend(extend::ExtendArgs),
     /// Show and control the fleet in a browser.
     Dashboard(dashboard::DashboardArgs),
     /// Make, renew and revoke identities: who belongs to the fleet.
@@ -220,6 +223,7 @@ async fn carry_out(
         Verb::Pause(args) => changing(change::pause(&ctx()?, args)).await,
         Verb::Resume(args) => changing(change::resume(&ctx()?, args)).await,
         Verb::Retry(args) => changing(change::retry(&ctx()?, args)).await,
+        Verb::Extend(args) => changing(extend::run(&ctx()?, args)).await,
         Verb::FetchLog(args) => fetch_log::run(&ctx()?, &args).await,
         Verb::Map(args) => map::run(&ctx()?, &args).await,
         Verb::Dashboard(args) => dashboard::run(&ctx()?, &args).await,
