@@ -186,7 +186,15 @@ impl<'a> DispatcherClient<'a> {
     /// # Errors
     /// As [`Self::submit`]; [`DispatchCode::Stale`]: it has other points.
     pub async fn extend(&self, task: TaskId, after: u32, points: Vec<Waypoint>) -> Result<()> {
-        let changes = self.change(DispatchBody::Extend { task, after, points }).await?;
+        self.change_one(DispatchBody::Extend { task, after, points }).await
+    }
+
+    /// As [`Self::change`], of one task.
+    ///
+    /// # Errors
+    /// As [`Self::change`]; why it is not as asked.
+    pub async fn change_one(&self, body: DispatchBody) -> Result<()> {
+        let changes = self.change(body).await?;
         worst(&changes.tasks).map_or(Ok(()), |error| Err(error.clone().into()))
     }
 

@@ -7,10 +7,15 @@ use xtb_control::Mode;
 use xtb_protocol::messages::texts::for_robot;
 use xtb_protocol::messages::{BatteryLevel, Fault, Latch, RobotState, StopReason};
 
-/// Names under which the fleet's own services drive for a master control: the dispatcher's and the bridge's.
-pub const OURS: [&str; 2] = ["dispatch", CLIENT];
-/// The bridge's name as a client: the same at each start, so that the dispatcher knows its submissions again.
+/// The bridge's name as a client, or its end: the same at each start, so that the dispatcher knows its submissions
+/// again.
 pub const CLIENT: &str = "vda5050";
+
+/// Whether a client is one of those that drive for a master control: the dispatcher or the bridge.
+fn is_ours(client: &str) -> bool {
+    client == "dispatch"
+        || client.strip_suffix(CLIENT).is_some_and(|stem| stem.is_empty() || stem.ends_with('-'))
+}
 
 /// Who may drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,7 +36,7 @@ impl Operating {
     pub fn of(state: &RobotState, has_order: bool) -> Self {
         let holder = state.lease.as_ref().map(|lease| lease.holder.as_str());
         let taken = matches!(state.mode, Mode::Manual | Mode::Teleop)
-            || holder.is_some_and(|holder| !OURS.contains(&holder))
+            || holder.is_some_and(|holder| !is_ours(holder))
             || state.latches.iter().any(|set| set.latch == Latch::RemoteTakeover);
         match (taken, has_order) {
             (true, true) => Self::Intervened,

@@ -19,6 +19,8 @@ pub struct Part {
     pub number: u32,
     /// Its task.
     pub task: TaskId,
+    /// The ledger that it stands in; `None` = not known yet.
+    pub ledger: Option<u64>,
     /// Points that it has.
     pub points: u32,
     /// Those of them that count as traversed.

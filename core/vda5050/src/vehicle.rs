@@ -65,7 +65,8 @@ pub enum Ask {
     Pause(TaskId),
     /// Let a task go on.
     Resume(TaskId),
-    /// How a task stands: the answer comes through [`Vehicle::task`] as well.
+    /// How a task stands, which is told through [`Vehicle::task`] before the answer. One of another ledger does not
+    /// exist: [`DispatchCode::UnknownTask`].
     Show(TaskId),
     /// Set the robot's pose.
     SetPose {
@@ -117,7 +118,7 @@ struct Seen {
 pub struct Vehicle {
     serial: Serial,
     record: Record,
-    saved: String,
+    saved: Option<Record>,
     robot: Option<RobotState>,
     present: bool,
     body: Option<Body>,
@@ -127,6 +128,8 @@ pub struct Vehicle {
     asked: Option<Ask>,
     /// Not before this the next one, in ms since 1970.
     next_ask_ms: u64,
+    /// When the dispatcher was last asked how the task stands, in ms since 1970.
+    shown_ms: u64,
     /// The pending order may be in the ledger.
     may_be_taken: bool,
     /// Why the dispatcher cannot be asked.
@@ -139,12 +142,11 @@ impl Vehicle {
     /// A robot that goes on from what was kept of it.
     #[must_use]
     pub fn new(serial: Serial, record: Record) -> Self {
-        let saved = record.to_json();
         Self {
             serial,
             may_be_taken: record.pending.is_some(),
+            saved: Some(record.clone()),
             record,
-            saved,
             robot: None,
             present: false,
             body: None,
@@ -152,6 +154,7 @@ impl Vehicle {
             seen: None,
             asked: None,
             next_ask_ms: 0,
+            shown_ms: 0,
             unreachable: None,
             problems: VecDeque::new(),
             published: Published::default(),
@@ -189,15 +192,25 @@ impl Vehicle {
         (self.version, self.body) = (version.to_owned(), body);
     }
 
-    /// How a task stands. Others than that of the order are ignored.
-    pub fn task(&mut self, id: TaskId, state: TaskState, legs_done: u32, reason: Option<&str>) {
-        let Some(part) = self.record.part.as_mut().filter(|part| part.task == id) else { return };
+    /// How a task of a ledger stands. `false` = it is not the order's: others are ignored.
+    pub fn task(
+        &mut self,
+        of: (u64, TaskId),
+        state: TaskState,
+        legs_done: u32,
+        reason: Option<&str>,
+    ) -> bool {
+        let (ledger, id) = of;
+        let Some(part) = self.record.part.as_mut().filter(|part| part.task == id) else { return false };
+        if *part.ledger.get_or_insert(ledger) != ledger {
+            return false;
+        }
         // Lists may be older than events.
         let is_older = self.seen.as_ref().is_some_and(|seen| {
             seen.legs_done > legs_done || (seen.state == TaskState::Done && state != TaskState::Done)
         });
         if is_older {
-            return;
+            return true;
         }
         self.seen = Some(Seen { state, legs_done, reason: reason.map(str::to_owned) });
         while part.traversed < legs_done.min(part.points) {
@@ -205,6 +218,7 @@ impl Vehicle {
             self.record.order.traverse();
         }
         part.closed |= state.is_final();
+        true
     }
 
     /// The dispatcher has no such task any more: nobody knows what became of it.
@@ -236,18 +250,26 @@ impl Vehicle {
         self.problems.push_back(problem);
     }
 
+    /// What was to be kept could not be kept: what follows from it must not happen, and it is tried again.
+    pub fn not_saved(&mut self, now_ms: u64, why: String) {
+        self.saved = None;
+        self.answered(now_ms, Answer::Unreachable(why));
+    }
+
     /// Decides. To be called some 20 times a second, and after anything that should not wait.
     #[must_use]
     pub fn step(&mut self, now_ms: u64) -> Vec<Effect> {
         self.settle();
         let ask = self.next_ask(now_ms);
         let mut effects = Vec::new();
-        let record = self.record.to_json();
-        if record != self.saved {
-            self.saved.clone_from(&record);
-            effects.push(Effect::Save(record));
+        if self.saved.as_ref() != Some(&self.record) {
+            self.saved = Some(self.record.clone());
+            effects.push(Effect::Save(self.record.to_json()));
         }
         if let Some(ask) = ask {
+            if matches!(ask, Ask::Show(_)) {
+                self.shown_ms = now_ms;
+            }
             self.asked = Some(ask.clone());
             effects.push(Effect::Ask(ask));
         }

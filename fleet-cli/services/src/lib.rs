@@ -7,3 +7,4 @@ pub mod ledger;
 pub mod map_server;
 pub mod router;
 pub mod traffic;
+pub mod vda5050;

@@ -93,7 +93,9 @@ fn tasks_are_called_by_their_ids() {
         assert!(read(&format!("fleet-cli {bad}")).is_err(), "{bad}");
     }
     assert!(read("fleet-cli cancel --all").is_ok());
-    let Verb::Extend(extend) = read("fleet-cli extend t17 -1,0 2,2,90 --after 3").unwrap().verb else { panic!() };
+    let Verb::Extend(extend) = read("fleet-cli extend t17 -1,0 2,2,90 --after 3").unwrap().verb else {
+        panic!()
+    };
     assert_eq!((extend.task.number(), extend.points.len(), extend.after), (17, 2, Some(3)));
 }
 

@@ -35,6 +35,7 @@ pub mod teleop;
 pub mod top;
 pub mod traffic;
 mod unknown_robots;
+pub mod vda5050;
 pub mod wander;
 pub mod watch;
 pub mod why;
@@ -101,6 +102,9 @@ pub enum Verb {
     Traffic(traffic::TrafficArgs),
     /// Dispatcher: accept tasks for the fleet and assign them to its robots.
     Dispatch(dispatch::DispatchArgs),
+    /// VDA 5050: show the robots to a master control over MQTT, and carry out its orders.
+    #[command(name = "vda5050")]
+    Vda5050(vda5050::Vda5050Args),
     /// Show the dispatcher's tasks.
     Tasks(tasks::TasksArgs),
     /// Show one task and its history.
@@ -217,6 +221,7 @@ async fn carry_out(
         Verb::Audit(args) => audit::run(&ctx()?, &args),
         Verb::Traffic(args) => traffic::run(&ctx()?, &args).await,
         Verb::Dispatch(args) => dispatch::run(&ctx()?, &args).await,
+        Verb::Vda5050(args) => vda5050::run(&ctx()?, &args).await,
         Verb::Tasks(args) => tasks::run(&ctx()?, &args).await,
         Verb::Task(args) => or_interrupted(task::run(&ctx()?, &args)).await,
         Verb::Cancel(args) => changing(change::cancel(&ctx()?, args)).await,

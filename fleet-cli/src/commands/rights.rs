@@ -54,7 +54,8 @@ pub fn needed(verb: &Verb) -> Option<Action> {
         | Verb::Pause(_)
         | Verb::Resume(_)
         | Verb::Retry(_)
-        | Verb::Extend(_) => Some(Action::ChangeTasks),
+        | Verb::Extend(_)
+        | Verb::Vda5050(_) => Some(Action::ChangeTasks),
         Verb::Dashboard(_) => Some(Action::ServeDashboard),
         // Only with an identity, which they use only if asked to.
         Verb::Sim(_) | Verb::Demo(_) => Some(Action::Simulate),

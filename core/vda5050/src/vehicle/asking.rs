@@ -13,7 +13,9 @@ use xtb_protocol::messages::{
 /// What was not answered, or refused for the moment, is asked again after this, in ms.
 const AGAIN_MS: u64 = 1000;
 /// A task whose state is not known is asked for this often, in ms.
-const SHOW_EVERY_MS: u64 = 2000;
+const UNKNOWN_MS: u64 = 1000;
+/// One that is known as well: a change may have got lost.
+const SHOW_EVERY_MS: u64 = 5000;
 
 impl Vehicle {
     /// What is over by now.
@@ -85,6 +87,9 @@ impl Vehicle {
         if let Some(ask) = self.record.pending.as_ref().and_then(|order| self.ask_for(order)) {
             return Some(ask);
         }
+        if let Some(part) = live.filter(|_| now_ms >= self.shown_ms + SHOW_EVERY_MS) {
+            return Some(Ask::Show(part.task));
+        }
         let pose = self.record.actions.iter().find_map(|action| match action.wish {
             Some(Wish::Pose { x_m, y_m, yaw_rad, .. }) => Some(Ask::SetPose { x_m, y_m, yaw_rad }),
             _ => None,
@@ -148,7 +153,8 @@ impl Vehicle {
                 let number = if is_update { self.record.parts } else { 0 };
                 self.accept();
                 self.record.parts = number + 1;
-                self.record.part = Some(Part { number, task, points, traversed: 0, closed: false });
+                self.record.part =
+                    Some(Part { number, task, ledger: None, points, traversed: 0, closed: false });
                 self.seen = None;
             }
             (Ask::Extend { points, .. }, Answer::Done) => {
@@ -167,7 +173,7 @@ impl Vehicle {
             }
             (Ask::Show(_), Answer::Done) => {
                 // How it stands was told before.
-                self.next_ask_ms = now_ms + if self.seen.is_some() { 0 } else { SHOW_EVERY_MS };
+                self.next_ask_ms = now_ms + if self.seen.is_some() { 0 } else { UNKNOWN_MS };
             }
             (
                 Ask::Show(task) | Ask::Cancel(task) | Ask::Pause(task) | Ask::Resume(task),
