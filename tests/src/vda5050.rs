@@ -106,8 +106,10 @@ impl BridgeProcess {
     #[must_use]
     pub fn start(endpoint: &str, mqtt: &str, state: &Path, more: &[&str]) -> Self {
         let state = state.display().to_string();
-        let arguments = ["--json", "vda5050", "serve", "--connect", endpoint, "--mqtt", mqtt, "--state", &state];
-        let arguments: Vec<String> = arguments.iter().chain(more).map(|&argument| argument.to_owned()).collect();
+        let arguments =
+            ["--json", "vda5050", "serve", "--connect", endpoint, "--mqtt", mqtt, "--state", &state];
+        let arguments: Vec<String> =
+            arguments.iter().chain(more).map(|&argument| argument.to_owned()).collect();
         Self { process: Self::run(&arguments), arguments }
     }
 
@@ -126,9 +128,23 @@ impl BridgeProcess {
     pub fn try_for(endpoint: &str, mqtt: &str, state: &Path, more: &[&str], may: bool) -> (u64, String) {
         let state = state.display().to_string();
         let mut command = Command::new(program("fleet-cli"));
-        command.args(["--json", "vda5050", "serve", "--connect", endpoint, "--mqtt", mqtt, "--state", &state]);
+        command.args([
+            "--json",
+            "vda5050",
+            "serve",
+            "--connect",
+            endpoint,
+            "--mqtt",
+            mqtt,
+            "--state",
+            &state,
+        ]);
         command.args(more).env_clear().env("RUST_LOG", "xtb_services=debug").stdin(Stdio::null());
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap_or_else(|error| panic!("{error}"));
+        let mut child = command
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap_or_else(|error| panic!("{error}"));
         let mut errors = BufReader::new(child.stderr.take().unwrap_or_else(|| panic!("no errors")));
         let wanted = if may { "the broker has accepted" } else { "no connection to the broker" };
         let mut said = String::new();
@@ -139,7 +155,8 @@ impl BridgeProcess {
         if let Some(mut stdout) = process.0.stdout.take() {
             let _ = stdout.read_to_string(&mut output);
         }
-        let ended: Value = output.lines().last().and_then(|line| serde_json::from_str(line).ok()).unwrap_or_default();
+        let ended: Value =
+            output.lines().last().and_then(|line| serde_json::from_str(line).ok()).unwrap_or_default();
         (ended["connected"].as_u64().unwrap_or(0), format!("{said}{output}"))
     }
 

@@ -32,7 +32,12 @@ class Master:
         self.changed = asyncio.Event()
         client.on_state(self.on_state)
         client.on_error(lambda event: self.complaints.append(f"{event.error_type}: {event.error}"))
-        client.on_progress_issue(lambda issue, key: self.complaints.append(str(issue)))
+        client.on_progress_issue(self.on_issue)
+
+    def on_issue(self, issue: Any, key: Any) -> None:
+        # After an update it knows the nodes of that alone, and takes those of the base before for unknown.
+        if issue.kind.value != "UNKNOWN_NODE":
+            self.complaints.append(str(issue))
 
     def on_state(self, state: Any, key: Any) -> None:
         self.state = state

@@ -6,7 +6,7 @@ use crate::operating::{self, Operating};
 use crate::record::Record;
 use serde_json::{Value, json};
 use std::f64::consts::{PI, TAU};
-use xtb_protocol::messages::{RobotState, TaskState};
+use xtb_protocol::messages::{MapState, RobotState, TaskState};
 
 /// What a state is made of.
 #[derive(Debug, Clone, Copy)]
@@ -61,6 +61,7 @@ pub fn compose(view: View<'_>) -> Value {
         "information": information(record, is_v3),
         "safetyState": operating::safety(robot, protocol),
         "loads": [],
+        "maps": robot.nav.map.iter().map(map_state).collect::<Vec<_>>(),
         protocol.pick("agvPosition", "mobileRobotPosition"): position,
         protocol.pick("batteryState", "powerSupply"): operating::battery(robot, protocol),
         // Actions of nodes are refused, so that 3.0 has none here.
@@ -86,6 +87,10 @@ fn node(node: &Node) -> Value {
         state["nodePosition"] = at;
     }
     state
+}
+
+fn map_state(map: &MapState) -> Value {
+    json!({"mapId": map.name, "mapVersion": map.hash, "mapStatus": "ENABLED"})
 }
 
 fn edge(edge: &Edge) -> Value {

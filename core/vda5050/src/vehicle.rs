@@ -130,6 +130,8 @@ pub struct Vehicle {
     next_ask_ms: u64,
     /// When the dispatcher was last asked how the task stands, in ms since 1970.
     shown_ms: u64,
+    /// The last time that was told, in ms since 1970.
+    now_ms: u64,
     /// The pending order may be in the ledger.
     may_be_taken: bool,
     /// Why the dispatcher cannot be asked.
@@ -155,6 +157,7 @@ impl Vehicle {
             asked: None,
             next_ask_ms: 0,
             shown_ms: 0,
+            now_ms: 0,
             unreachable: None,
             problems: VecDeque::new(),
             published: Published::default(),
@@ -259,6 +262,12 @@ impl Vehicle {
     /// Decides. To be called some 20 times a second, and after anything that should not wait.
     #[must_use]
     pub fn step(&mut self, now_ms: u64) -> Vec<Effect> {
+        if now_ms < self.now_ms {
+            // Somebody has set the clock back: what was to be done later is due.
+            (self.next_ask_ms, self.shown_ms) = (now_ms, now_ms);
+            self.published.set_back();
+        }
+        self.now_ms = now_ms;
         self.settle();
         let ask = self.next_ask(now_ms);
         let mut effects = Vec::new();

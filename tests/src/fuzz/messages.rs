@@ -64,7 +64,9 @@ pub fn dispatch(bytes: &[u8]) -> bool {
         | DispatchBody::Resume { tasks }
         | DispatchBody::Retry { tasks } => (1..=MAX_SUBMISSION).contains(&tasks.len()),
         DispatchBody::Extend { after, points, .. } => {
-            *after as usize <= MAX_POINTS && (1..=MAX_POINTS).contains(&points.len()) && points.iter().all(is_point)
+            *after as usize <= MAX_POINTS
+                && (1..=MAX_POINTS).contains(&points.len())
+                && points.iter().all(is_point)
         }
         DispatchBody::Show { .. }
         | DispatchBody::CancelAll {}

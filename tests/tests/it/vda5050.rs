@@ -27,7 +27,8 @@ fn folder(name: &str) -> PathBuf {
 fn python(modules: &str) -> Option<PathBuf> {
     let candidates = std::env::var_os("XTB_PYTHON").into_iter().chain(["python3".into()]);
     candidates.map(PathBuf::from).find(|python| {
-        let import = Command::new(python).args(["-c", &format!("import {modules}")]).stderr(Stdio::null()).status();
+        let import =
+            Command::new(python).args(["-c", &format!("import {modules}")]).stderr(Stdio::null()).status();
         import.is_ok_and(|status| status.success())
     })
 }
@@ -36,7 +37,8 @@ fn python(modules: &str) -> Option<PathBuf> {
 fn node_modules() -> Option<PathBuf> {
     let modules = PathBuf::from(std::env::var_os("XTB_NODE_MODULES")?);
     let has_node = Command::new("node").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
-    (modules.join("vda-5050-lib").is_dir() && has_node.is_ok_and(|status| status.success())).then_some(modules)
+    (modules.join("vda-5050-lib").is_dir() && has_node.is_ok_and(|status| status.success()))
+        .then_some(modules)
 }
 
 /// Checks everything on the broker against the official schemas until it is asked; `None` = no Python for that.
@@ -45,7 +47,9 @@ struct Schemas(Child);
 impl Schemas {
     fn listen(broker: &Mosquitto) -> Option<Self> {
         let Some(python) = python("jsonschema, paho.mqtt.client") else {
-            skip("no Python with jsonschema and paho-mqtt: what goes over the broker is not checked with them");
+            skip(
+                "no Python with jsonschema and paho-mqtt: what goes over the broker is not checked with them",
+            );
             return None;
         };
         let mut child = Command::new(python)
@@ -177,10 +181,13 @@ async fn whatever_is_killed_an_order_goes_on_and_no_node_is_driven_twice() {
     let Some(mut scene) = Scene::start("2.1").await else { return };
     let schemas = Schemas::listen(&scene.broker);
     let master = Master::connect(scene.broker.port, "uagv/v2/xtb").await;
-    let first = master.state("xtb-1", "a state", |state| state["agvPosition"]["positionInitialized"] == true).await;
+    let first =
+        master.state("xtb-1", "a state", |state| state["agvPosition"]["positionInitialized"] == true).await;
     let map = map_of(&first);
     master.publish("xtb-1/order", &order("killed", 0, 0, &map, &PLACES, 3)).await;
-    master.state("xtb-1", "the order", |state| state["orderId"] == "killed" && state["driving"] == true).await;
+    master
+        .state("xtb-1", "the order", |state| state["orderId"] == "killed" && state["driving"] == true)
+        .await;
     scene.bridge.kill();
     // The broker says so by itself.
     let broken = |last: Option<Value>| last.filter(|last| last["connectionState"] == "CONNECTIONBROKEN");
@@ -191,7 +198,9 @@ async fn whatever_is_killed_an_order_goes_on_and_no_node_is_driven_twice() {
     // An update that nobody can take yet.
     let update = order("killed", 1, 4, &map, &PLACES[2..], 2);
     master.publish("xtb-1/order", &update).await;
-    master.state("xtb-1", "no dispatcher", |state| state["errors"][0]["errorType"] == "dispatcherUnreachable").await;
+    master
+        .state("xtb-1", "no dispatcher", |state| state["errors"][0]["errorType"] == "dispatcherUnreachable")
+        .await;
     scene.bridge.kill();
     scene.bridge.restart();
     scene.serve.restart();
@@ -205,8 +214,14 @@ async fn whatever_is_killed_an_order_goes_on_and_no_node_is_driven_twice() {
     assert_eq!(scene.reached(), 3);
     // The same order again is the same order.
     master.publish("xtb-1/order", &update).await;
-    master.publish("xtb-1/instantActions", &json!({"actions": [{"actionType": "stateRequest", "actionId": "s"}]})).await;
-    let state = master.state("xtb-1", "the action", |state| state["actionStates"][0]["actionId"] == "s").await;
+    master
+        .publish(
+            "xtb-1/instantActions",
+            &json!({"actions": [{"actionType": "stateRequest", "actionId": "s"}]}),
+        )
+        .await;
+    let state =
+        master.state("xtb-1", "the action", |state| state["actionStates"][0]["actionId"] == "s").await;
     assert_eq!((&state["errors"], scene.reached()), (&json!([]), 3));
     scene.fleet.end().await;
 }
@@ -230,7 +245,9 @@ async fn fifty_robots_have_fifty_wills() {
         eventually(said, || async {
             let is = |i| {
                 let last = master.last(&format!("wagon-{i}/connection"));
-                last.is_some_and(|last| last["connectionState"] == said && last["serialNumber"] == format!("wagon-{i}"))
+                last.is_some_and(|last| {
+                    last["connectionState"] == said && last["serialNumber"] == format!("wagon-{i}")
+                })
             };
             (1..=ROBOTS).all(is).then_some(())
         })
@@ -269,7 +286,8 @@ async fn a_broker_with_login_and_tls_hears_only_who_may_and_only_the_right_one_i
     let folder = tempfile::tempdir().unwrap();
     let [users, password, wrong, ca, other] =
         ["users", "password", "wrong", "ca.pem", "other.pem"].map(|name| folder.path().join(name));
-    let made = Command::new("mosquitto_passwd").arg("-c").arg("-b").arg(&users).args(["fleet", "secret"]).status();
+    let made =
+        Command::new("mosquitto_passwd").arg("-c").arg("-b").arg(&users).args(["fleet", "secret"]).status();
     if !made.is_ok_and(|status| status.success()) {
         return skip("no mosquitto_passwd: login and TLS were not tried");
     }

@@ -38,6 +38,10 @@ impl Published {
         self.wants_factsheet = true;
     }
 
+    pub(super) fn set_back(&mut self) {
+        self.state_ms = 0;
+    }
+
     fn next_id(&mut self, topic: Topic) -> u32 {
         let id = &mut self.ids[topic as usize];
         let now = *id;
@@ -68,6 +72,9 @@ impl Vehicle {
 
     pub(super) fn publish(&mut self, now_ms: u64) -> Vec<Effect> {
         let mut effects = Vec::new();
+        if self.robot.is_none() {
+            return effects; // what the broker retains of it still holds
+        }
         let connection = if self.present { Connection::Online } else { Connection::Broken };
         if self.published.connection != Some(connection) {
             self.published.connection = Some(connection);

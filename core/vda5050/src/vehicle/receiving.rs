@@ -125,9 +125,12 @@ impl Vehicle {
 
     fn act(&mut self, action: &Action) {
         let (id, kind) = (&action.action_id, &action.action_type);
-        if self.record.actions.iter().any(|known| known.id == *id) {
-            return; // sent again
+        // One that is under way was sent again. One that has ended is done again: ids should not be used twice, and
+        // some masters do; a cancellation must not be taken for an old one.
+        if self.record.actions.iter().any(|known| known.id == *id && !known.status.is_final()) {
+            return;
         }
+        self.record.actions.retain(|known| known.id != *id);
         let wish = Wish::of(action);
         let begun = wish.clone().map_err(|text| (ProblemKind::InvalidInstantAction, text));
         let begun = begun.and_then(|wish| self.begin(&wish, action));

@@ -34,12 +34,20 @@ fn a_robot_is_online_while_it_is_there() {
 }
 
 #[test]
-fn a_robot_that_was_never_heard_is_not_online() {
+fn nothing_is_said_of_a_robot_that_was_never_heard() {
     let mut vehicle = Vehicle::new(serial(Protocol::V2_1), Record::default());
     vehicle.robot(None, true);
-    let effects = vehicle.step(1);
-    let [Effect::Publish(Topic::Connection, message)] = effects.as_slice() else { panic!("{effects:?}") };
-    assert_eq!(message["connectionState"], "CONNECTIONBROKEN");
+    assert_eq!(vehicle.step(1), []);
+}
+
+#[test]
+fn a_clock_that_is_set_back_silences_nobody() {
+    let mut bench = Bench::new(Protocol::V2_1);
+    bench.now_ms -= 3_600_000;
+    bench.published.clear();
+    let order = bench.order("a", 0, 0, 3, 3);
+    bench.send(&order);
+    assert_eq!(bench.nodes(), "n1+ n2+");
 }
 
 #[test]
@@ -130,7 +138,10 @@ fn position_battery_and_mode_are_called_as_the_version_has_them() {
             protocol.pick(("agvPosition", "batteryState"), ("mobileRobotPosition", "powerSupply"));
         let state = bench.state().clone();
         assert!(state[position]["theta"].as_f64().unwrap().abs() <= std::f64::consts::PI);
-        assert_eq!(state[position]["mapId"], "world");
+        assert_eq!(
+            (&state[position]["mapId"], &state["maps"][0]["mapStatus"]),
+            (&json!("world"), &json!("ENABLED"))
+        );
         assert_eq!(state[battery][protocol.pick("batteryCharge", "stateOfCharge")], 40.0);
         assert_eq!(
             (&state["operatingMode"], &state["safetyState"]["fieldViolation"]),
