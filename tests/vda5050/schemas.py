@@ -30,11 +30,11 @@ def validator(level: str, name: str) -> Any:
 
 
 def on_message(client: Any, userdata: Any, message: Any) -> None:
-    _, level, _, _, name = message.topic.split("/")
-    if name not in OURS:
+    *_, name = levels = message.topic.split("/")
+    if len(levels) != 5 or name not in OURS:
         return
     COUNT[name] += 1
-    faults = [error.message[:200] for error in validator(level, name).iter_errors(json.loads(message.payload))]
+    faults = [error.message[:200] for error in validator(levels[1], name).iter_errors(json.loads(message.payload))]
     FAULTS.extend(f"{message.topic}: {fault}" for fault in faults)
 
 

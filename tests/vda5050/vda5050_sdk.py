@@ -29,6 +29,7 @@ class Master:
         self.state: Any = None
         self.seen: list[str] = []
         self.complaints: list[str] = []
+        self.issues: list[str] = []
         self.changed = asyncio.Event()
         client.on_state(self.on_state)
         client.on_error(lambda event: self.complaints.append(f"{event.error_type}: {event.error}"))
@@ -36,7 +37,8 @@ class Master:
 
     def on_issue(self, issue: Any, key: Any) -> None:
         # After an update it knows the nodes of that alone, and takes those of the base before for unknown.
-        if issue.kind.value != "UNKNOWN_NODE":
+        self.issues.append(issue.kind.value)
+        if issue.kind.value not in ("UNKNOWN_NODE", "ORDER_COMPLETE"):
             self.complaints.append(str(issue))
 
     def on_state(self, state: Any, key: Any) -> None:
@@ -84,6 +86,7 @@ async def traversed(master: Master, map_id: str) -> None:
     state = await master.until("the end", lambda state: not state.node_states and state.last_node_id == "c")
     assert state.edge_states == [] and state.last_node_sequence_id == 4, state
     assert master.seen == ["a", "b", "c"], master.seen
+    assert "ORDER_COMPLETE" in master.issues, master.issues
     say("traversed", seen=master.seen)
 
 
