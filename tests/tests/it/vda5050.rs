@@ -1,6 +1,7 @@
 //! VDA 5050 over mosquitto: foreign master controls drive, and whatever is killed, no node is driven twice.
 
 use fleet_tests::dispatch::{Serve, Witness};
+use fleet_tests::processes::program;
 use fleet_tests::vda5050::{BridgeProcess, Master, Mosquitto, order};
 use fleet_tests::{Fleet, Setup, eventually};
 use rcgen::{BasicConstraints, CertificateParams, IsCa, Issuer, KeyPair};
@@ -114,6 +115,18 @@ impl Scene {
         reached.len()
     }
 
+    /// A person's command.
+    async fn run(&self, arguments: &[&str]) {
+        let mut command = Command::new(program("fleet-cli"));
+        command
+            .args(arguments)
+            .args(["--connect", self.fleet.simulator.endpoint()])
+            .env_clear()
+            .stdin(Stdio::null());
+        let output = tokio::task::spawn_blocking(move || command.output()).await.unwrap().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+
     /// Lets a foreign master control drive.
     async fn drive_by(&self, command: &mut Command) -> Vec<Value> {
         command.args([&self.broker.url(), "xtb", "xtb-1"]).stdin(Stdio::null()).stderr(Stdio::inherit());
@@ -223,6 +236,53 @@ async fn whatever_is_killed_an_order_goes_on_and_no_node_is_driven_twice() {
     let state =
         master.state("xtb-1", "the action", |state| state["actionStates"][0]["actionId"] == "s").await;
     assert_eq!((&state["errors"], scene.reached()), (&json!([]), 3));
+    scene.fleet.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_master_of_3_0_extends_pauses_and_is_told_of_an_emergency_stop() {
+    let Some(scene) = Scene::start("3.0").await else { return };
+    let schemas = Schemas::listen(&scene.broker);
+    let master = Master::connect(scene.broker.port, "vda5050/v3/xtb").await;
+    let localized = |state: &Value| state["mobileRobotPosition"]["localized"] == true;
+    let first = master.state("xtb-1", "a state", localized).await;
+    let map = first["mobileRobotPosition"]["mapId"].as_str().unwrap().to_owned();
+    let act = async |kind: &str| {
+        let action = json!({"actionType": kind, "actionId": kind, "blockingType": "NONE"});
+        master.publish("xtb-1/instantActions", &json!({"actions": [action]})).await;
+        let is_finished = |state: &Value| {
+            let states = state["instantActionStates"].as_array().unwrap();
+            states.iter().any(|state| state["actionId"] == kind && state["actionStatus"] == "FINISHED")
+        };
+        master.state("xtb-1", kind, is_finished).await
+    };
+    master.publish("xtb-1/order", &order("three", 0, 0, &map, &PLACES[..3], 2)).await;
+    master
+        .state("xtb-1", "the order", |state| state["driving"] == true && state["newBaseRequest"] == true)
+        .await;
+    master.publish("xtb-1/order", &order("three", 1, 2, &map, &PLACES[1..], 3)).await;
+    let state = master.state("xtb-1", "the update", |state| state["orderUpdateId"] == 1).await;
+    assert_eq!(state["nodeStates"].as_array().unwrap().len(), 3, "{state}");
+    let state = act("startPause").await;
+    assert_eq!((&state["paused"], &state["driving"]), (&json!(true), &json!(false)));
+    act("stopPause").await;
+    master.state("xtb-1", "driving again", |state| state["driving"] == true).await;
+    // A stop of this robot keeps the order; after the reset it goes on by itself.
+    scene.run(&["estop", "xtb-1"]).await;
+    let stopped = |state: &Value| state["safetyState"]["activeEmergencyStop"] == "REMOTE";
+    let state = master.state("xtb-1", "the stop", stopped).await;
+    assert_eq!(
+        (&state["errors"][0]["errorType"], &state["errors"][0]["errorLevel"]),
+        (&json!("estop"), &json!("FATAL"))
+    );
+    scene.run(&["reset", "xtb-1"]).await;
+    let state = master.state("xtb-1", "the end", ended_at("n3")).await;
+    assert_eq!((&state["lastNodeSequenceId"], scene.reached()), (&json!(6), 3));
+    act("factsheetRequest").await;
+    assert!(master.last("xtb-1/factsheet").is_some_and(|sheet| sheet["physicalParameters"]["length"] != 0.0));
+    if let Some(schemas) = schemas {
+        schemas.assert_kept();
+    }
     scene.fleet.end().await;
 }
 

@@ -56,7 +56,7 @@ impl Vehicle {
         }
     }
 
-    fn wishes(&self, wish: &Wish) -> bool {
+    pub(super) fn wishes(&self, wish: &Wish) -> bool {
         self.record.actions.iter().any(|action| action.wish.as_ref() == Some(wish))
     }
 

@@ -1,6 +1,7 @@
 //! What is published, and when: a state when something has changed, at most each 100 ms, at least each 30 s.
 
 use super::{Effect, Topic, Vehicle};
+use crate::action::Wish;
 use crate::header::Connection;
 use crate::operating::drives;
 use crate::problem::{Level, error};
@@ -142,6 +143,7 @@ impl Vehicle {
             let node = order.nodes.first().map_or("", |node| node.node_id.as_str());
             let (name, level) = match seen.state {
                 TaskState::Failed => (protocol.pick("nodeUnreachable", "NODE_UNREACHABLE"), Level::Critical),
+                TaskState::Cancelled if self.wishes(&Wish::Cancel) => return errors,
                 TaskState::Cancelled => (protocol.pick("taskCancelled", "TASK_CANCELLED"), Level::Critical),
                 TaskState::Blocked => (protocol.pick("pathBlocked", "PATH_BLOCKED"), Level::Warning),
                 _ => return errors,
