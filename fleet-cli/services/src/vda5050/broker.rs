@@ -2,7 +2,7 @@
 
 use super::failed;
 use rumqttc::{LastWill, MqttOptions, QoS, TlsConfiguration, Transport};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio_rustls::rustls::crypto::ring;
@@ -10,6 +10,7 @@ use tokio_rustls::rustls::pki_types::CertificateDer;
 use tokio_rustls::rustls::pki_types::pem::PemObject;
 use tokio_rustls::rustls::{ClientConfig, RootCertStore};
 use xtb_client::{Error, ErrorKind, Result};
+use xtb_recording::files;
 use xtb_vda5050::incoming::MAX_BYTES;
 
 /// A broker that is not heard for half as long again is gone; the standard wants some 15 s.
@@ -19,6 +20,8 @@ const KEEP_ALIVE: Duration = Duration::from_secs(15);
 const MAX_PACKET: usize = 4 * MAX_BYTES;
 /// Longest password that is read, in bytes.
 const MAX_PASSWORD: usize = 4096;
+/// Longest file of certificates, in bytes.
+const MAX_CERTIFICATES: usize = 1 << 20;
 
 /// Who logs in at a broker.
 #[derive(Clone)]
@@ -41,11 +44,8 @@ impl Login {
     pub fn read(user: &str, password: Option<&Path>) -> Result<Self> {
         let read = |path: &Path| {
             let cannot = |what: String| failed(format!("cannot read {}: {what}", path.display()));
-            let text = std::fs::read_to_string(path).map_err(|error| cannot(error.to_string()))?;
-            match text.len() {
-                0..=MAX_PASSWORD => Ok(text.lines().next().unwrap_or_default().to_owned()),
-                long => Err(cannot(format!("{long} bytes are no password"))),
-            }
+            let text = files::text(path, MAX_PASSWORD).map_err(|error| cannot(error.to_string()))?;
+            Ok::<_, Error>(text.lines().next().unwrap_or_default().to_owned())
         };
         let password = password.map(read).transpose()?.unwrap_or_default();
         Ok(Self { user: user.to_owned(), password })
@@ -128,10 +128,10 @@ pub(super) fn will(topic: String, message: &serde_json::Value) -> LastWill {
 }
 
 fn trusting(file: &Path) -> Result<Arc<ClientConfig>> {
-    let cannot = |what: String| failed(format!("{}: {what}", PathBuf::from(file).display()));
+    let cannot = |what: String| failed(format!("{}: {what}", file.display()));
     let mut roots = RootCertStore::empty();
-    let certificates = CertificateDer::pem_file_iter(file).map_err(|error| cannot(error.to_string()))?;
-    for certificate in certificates {
+    let pem = files::bytes(file, MAX_CERTIFICATES).map_err(|error| cannot(error.to_string()))?;
+    for certificate in CertificateDer::pem_slice_iter(&pem) {
         let certificate = certificate.map_err(|error| cannot(error.to_string()))?;
         roots.add(certificate).map_err(|error| cannot(error.to_string()))?;
     }

@@ -1,17 +1,19 @@
 //! Where orders are kept: a file a robot, written beside and renamed, so that a kill leaves the old or the new one.
 
 use super::failed;
+use crate::ledger::sync_folder;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
+use xtb_recording::files;
 use xtb_vda5050::incoming::MAX_BYTES;
 use xtb_vda5050::record::Record;
 
 /// Longest file that is read, in bytes: two orders and what belongs to them.
-const MOST_BYTES: u64 = 8 * MAX_BYTES as u64;
+const MOST_BYTES: usize = 8 * MAX_BYTES;
 
 /// The folder of all robots' orders, held by this process alone.
 #[derive(Debug, Clone)]
@@ -56,14 +58,11 @@ impl Records {
             failed(format!("{}: {what}", path.display()))
                 .hint("look into it; without the file the robot begins without an order")
         };
-        match fs::metadata(&path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Record::default()),
-            Err(error) => return Err(cannot(error.to_string())),
-            Ok(found) if found.len() > MOST_BYTES => return Err(cannot(format!("{} bytes", found.len()))),
-            Ok(_) => {}
+        match files::text(&path, MOST_BYTES) {
+            Ok(text) => Record::from_json(&text).map_err(cannot),
+            Err(error) if error.is_missing() => Ok(Record::default()),
+            Err(error) => Err(cannot(error.to_string())),
         }
-        let text = fs::read_to_string(&path).map_err(|error| cannot(error.to_string()))?;
-        Record::from_json(&text).map_err(cannot)
     }
 
     /// Keeps this of a robot, on the disk when it returns. Waits for the disk: not for an async task.
@@ -77,7 +76,7 @@ impl Records {
         file.write_all(record.as_bytes())?;
         file.sync_all()?;
         fs::rename(&draft, &path)?;
-        File::open(&self.folder)?.sync_all()
+        sync_folder(&path)
     }
 }
 
@@ -99,7 +98,7 @@ mod tests {
         assert_eq!(records.read(&robot()).unwrap(), record);
         records.write(&robot(), "{").unwrap();
         assert!(records.read(&robot()).unwrap_err().message.contains("xtb-1.json"));
-        records.write(&robot(), &"x".repeat(MOST_BYTES as usize + 1)).unwrap();
+        records.write(&robot(), &"x".repeat(MOST_BYTES + 1)).unwrap();
         assert!(records.read(&robot()).is_err());
     }
 
