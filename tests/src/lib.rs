@@ -20,6 +20,7 @@ pub mod screen;
 pub mod slow_link;
 pub mod slow_verbs;
 pub mod soak;
+pub mod vda5050;
 pub mod vehicles;
 
 pub use live::Live;

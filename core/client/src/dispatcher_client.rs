@@ -17,7 +17,7 @@ use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{
     Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
     DispatchStatus, Message, StandbyReply, StandbyRequest, Suspension, SuspensionCause, TaskChange,
-    TaskHistory, TaskId, TaskSpec,
+    TaskHistory, TaskId, TaskSpec, Waypoint,
 };
 
 /// A dispatcher that is just starting, or is started again, is waited for this long.
@@ -99,7 +99,17 @@ impl<'a> DispatcherClient<'a> {
     /// # Errors
     /// The dispatcher's refusal, [`ErrorKind::NoDispatcher`], or [`ErrorKind::OutcomeUnknown`].
     pub async fn submit(&self, tasks: Vec<TaskSpec>) -> Result<Taken> {
-        let reply = self.ask(DispatchBody::Submit { tasks }, self.starts_within).await?;
+        self.submit_as(Uuid::new_v4(), tasks).await
+    }
+
+    /// The same under an id of the caller's: a submission that was taken before, also by a client of the same name
+    /// that was killed since, is answered with the same tasks.
+    ///
+    /// # Errors
+    /// As [`Self::submit`].
+    pub async fn submit_as(&self, id: Uuid, tasks: Vec<TaskSpec>) -> Result<Taken> {
+        let request = DispatchRequest { id, body: DispatchBody::Submit { tasks } };
+        let reply = self.ask(request, self.starts_within).await?;
         match reply.result {
             DispatchOutcome::Submitted(tasks) => Ok(Taken { tasks, suspended: reply.suspended }),
             other => Err(unexpected(&other)),
@@ -111,7 +121,7 @@ impl<'a> DispatcherClient<'a> {
     /// # Errors
     /// As [`Self::submit`].
     pub async fn activate(&self) -> Result<(Option<Suspension>, Vec<Suspension>)> {
-        let reply = self.ask(DispatchBody::Activate {}, self.starts_within).await?;
+        let reply = self.ask(new(DispatchBody::Activate {}), self.starts_within).await?;
         match reply.result {
             DispatchOutcome::Activated(ended) => Ok((ended, reply.suspended)),
             other => Err(unexpected(&other)),
@@ -123,7 +133,7 @@ impl<'a> DispatcherClient<'a> {
     /// # Errors
     /// As [`Self::submit`].
     pub async fn adopt(&self) -> Result<Adopted> {
-        match self.ask(DispatchBody::Adopt {}, self.starts_within).await?.result {
+        match self.ask(new(DispatchBody::Adopt {}), self.starts_within).await?.result {
             DispatchOutcome::Adopted(adopted) => Ok(adopted),
             other => Err(unexpected(&other)),
         }
@@ -134,7 +144,7 @@ impl<'a> DispatcherClient<'a> {
     /// # Errors
     /// As [`Self::show`].
     pub async fn status(&self) -> Result<Status> {
-        let reply = self.ask(DispatchBody::Status {}, Duration::ZERO).await?;
+        let reply = self.ask(new(DispatchBody::Status {}), Duration::ZERO).await?;
         match reply.result {
             DispatchOutcome::Status(dispatcher) => Ok(Status { dispatcher, suspended: reply.suspended }),
             other => Err(unexpected(&other)),
@@ -164,11 +174,28 @@ impl<'a> DispatcherClient<'a> {
     /// # Errors
     /// As [`Self::submit`].
     pub async fn change(&self, body: DispatchBody) -> Result<Changes> {
-        let DispatchReply { result, left_out, .. } = self.ask(body, self.starts_within).await?;
+        let DispatchReply { result, left_out, .. } = self.ask(new(body), self.starts_within).await?;
         match result {
             DispatchOutcome::Changed(tasks) => Ok(Changes { tasks, left_out }),
             other => Err(unexpected(&other)),
         }
+    }
+
+    /// Adds points to a route that has `after` points, in m and rad; the same again changes nothing.
+    ///
+    /// # Errors
+    /// As [`Self::submit`]; [`DispatchCode::Stale`]: it has other points.
+    pub async fn extend(&self, task: TaskId, after: u32, points: Vec<Waypoint>) -> Result<()> {
+        self.change_one(DispatchBody::Extend { task, after, points }).await
+    }
+
+    /// As [`Self::change`], of one task.
+    ///
+    /// # Errors
+    /// As [`Self::change`]; why it is not as asked.
+    pub async fn change_one(&self, body: DispatchBody) -> Result<()> {
+        let changes = self.change(body).await?;
+        worst(&changes.tasks).map_or(Ok(()), |error| Err(error.clone().into()))
     }
 
     /// One task with its history.
@@ -176,7 +203,7 @@ impl<'a> DispatcherClient<'a> {
     /// # Errors
     /// As [`Self::submit`]; a dispatcher that does not run is not waited for.
     pub async fn show(&self, task: TaskId) -> Result<TaskHistory> {
-        match self.ask(DispatchBody::Show { task }, Duration::ZERO).await?.result {
+        match self.ask(new(DispatchBody::Show { task }), Duration::ZERO).await?.result {
             DispatchOutcome::Shown(history) => Ok(*history),
             other => Err(unexpected(&other)),
         }
@@ -195,18 +222,19 @@ impl<'a> DispatcherClient<'a> {
     }
 
     /// Says what is waited for if the answer takes its time.
-    async fn ask(&self, body: DispatchBody, patience: Duration) -> Result<DispatchReply> {
+    async fn ask(&self, request: DispatchRequest, patience: Duration) -> Result<DispatchReply> {
+        let body = &request.body;
         let shows = matches!(body, DispatchBody::Show { .. } | DispatchBody::Status {});
         let hint = "`fleet-cli tasks` shows all tasks to whoever may look";
         self.client.may(Action::ChangeTasks).map_err(|error| if shows { error.hint(hint) } else { error })?;
-        let what = match &body {
+        let what = match body {
             DispatchBody::Show { .. } | DispatchBody::Status {} => None,
             DispatchBody::Submit { .. } | DispatchBody::Activate {} | DispatchBody::Adopt {} => {
                 Some("waiting for a dispatcher")
             }
             _ => Some("waiting for the dispatcher and for the robots' confirmation"),
         };
-        let mut asking = pin!(self.ask_quietly(body, patience));
+        let mut asking = pin!(self.ask_quietly(&request, patience));
         tokio::select! {
             outcome = &mut asking => return outcome,
             () = tokio::time::sleep(SAY_SO_AFTER) => {}
@@ -215,8 +243,7 @@ impl<'a> DispatcherClient<'a> {
         asking.await
     }
 
-    async fn ask_quietly(&self, body: DispatchBody, patience: Duration) -> Result<DispatchReply> {
-        let request = DispatchRequest { id: Uuid::new_v4(), body };
+    async fn ask_quietly(&self, request: &DispatchRequest, patience: Duration) -> Result<DispatchReply> {
         request.validate().map_err(|error| Error::new(ErrorKind::Invalid, error.to_string()))?;
         let (within, left_undone) = match &request.body {
             DispatchBody::Submit { .. } => (ANSWERS_WITHIN, "nothing was submitted"),
@@ -228,7 +255,7 @@ impl<'a> DispatcherClient<'a> {
         let (mut was_there, mut busy) = (false, None);
         loop {
             let (asked, within) = (Instant::now(), self.within(within));
-            match self.ask_once(&request, within).await? {
+            match self.ask_once(request, within).await? {
                 Some(DispatchReply { result: DispatchOutcome::Error(error), .. }) => match error.code {
                     DispatchCode::Overloaded => busy = Some(error),
                     _ => return Err(error.into()),
@@ -280,6 +307,10 @@ impl<'a> DispatcherClient<'a> {
         let message = format!("fleet {fleet} has no dispatcher{waited}: {left_undone}");
         Error::new(ErrorKind::NoDispatcher, message).hint(HOW_TO_START)
     }
+}
+
+fn new(body: DispatchBody) -> DispatchRequest {
+    DispatchRequest { id: Uuid::new_v4(), body }
 }
 
 fn unexpected(outcome: &DispatchOutcome) -> Error {

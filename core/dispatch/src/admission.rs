@@ -3,8 +3,9 @@
 use crate::tracked_robot::{TrackedRobot, smallest_car};
 use crate::travel_cost::TravelCost;
 use std::collections::BTreeMap;
+use xtb_nav::Car;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{DispatchCode, DispatchError, TaskSpec, Who};
+use xtb_protocol::messages::{DispatchCode, DispatchError, TaskSpec, Waypoint, Who};
 
 /// What a submission is measured against.
 #[derive(Clone, Copy)]
@@ -71,11 +72,13 @@ fn one(spec: &TaskSpec, ctx: AdmissionCtx<'_>) -> Result<(), DispatchError> {
     }
     known(&spec.who, ctx)?;
     let car = smallest_car(ctx.robots, &spec.who);
-    for point in spec.kind.points() {
-        let hint = "`fleet-cli map show --live` shows the free space";
-        ctx.travel_cost.admits(&car, point).map_err(|(code, message)| refusal(code, message, hint))?;
-    }
-    Ok(())
+    spec.kind.points().iter().try_for_each(|point| admits_point(ctx.travel_cost, &car, point))
+}
+
+/// Whether there is room for a robot at a point.
+pub(crate) fn admits_point(floor: &dyn TravelCost, car: &Car, point: &Waypoint) -> Result<(), DispatchError> {
+    let hint = "`fleet-cli map show --live` shows the free space";
+    floor.admits(car, point).map_err(|(code, message)| refusal(code, message, hint))
 }
 
 fn known(who: &Who, ctx: AdmissionCtx<'_>) -> Result<(), DispatchError> {

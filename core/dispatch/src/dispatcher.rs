@@ -276,6 +276,7 @@ impl Dispatcher {
             Record::Submitted { task, .. }
             | Record::Assigned { task, .. }
             | Record::Reached { task, .. }
+            | Record::Extended { task, .. }
             | Record::Became { task, .. } => *task,
             Record::Suspended { .. } => {
                 self.unwritten_stop = None;

@@ -267,6 +267,18 @@ impl Task {
         self.note(at_ms, None);
     }
 
+    /// It has more points after so many; `false` = it is no route that is driven once, or has another number.
+    pub(crate) fn extend(&mut self, at_ms: u64, after: u32, more: &[Waypoint], by: &Name) -> bool {
+        let TaskKind::Route { points, loops: 1, .. } = &mut self.spec.kind else { return false };
+        if points.len() != after as usize {
+            return false;
+        }
+        points.extend_from_slice(more);
+        let why = format!("{} points added by {by}, {} altogether", more.len(), points.len());
+        self.note(at_ms, Some(why));
+        true
+    }
+
     /// It was taken over to another map.
     pub(crate) fn adopt(&mut self, at_ms: u64, map: &str, by: &Name) {
         let named = TaskMap::Named(map.to_owned());

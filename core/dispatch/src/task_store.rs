@@ -254,6 +254,12 @@ impl TaskStore {
                 }
                 task.reach(at_ms, *leg);
             }
+            Record::Extended { task: id, after, points, by } => {
+                let task = Self::open_task(&mut self.tasks, *id)?;
+                if !task.extend(at_ms, *after, points, by) {
+                    return Err(format!("{id} cannot have more points after {after}"));
+                }
+            }
             Record::Became { task: id, change, why } => self.change(at_ms, *id, change, why.as_deref())?,
             Record::Suspended { by } => self.stopped = Some(FleetStop { by: by.clone(), at_ms }),
             Record::Activated { .. } => (self.stopped, self.activated_ms) = (None, at_ms),

@@ -81,7 +81,9 @@ impl WriteQueue {
                     self.tasks.insert(*task);
                     self.robots.insert(robot.clone());
                 }
-                Record::Reached { task, .. } | Record::Became { task, .. } => {
+                Record::Reached { task, .. }
+                | Record::Extended { task, .. }
+                | Record::Became { task, .. } => {
                     self.tasks.insert(*task);
                 }
                 Record::Suspended { .. } => self.suspends = Some(true),

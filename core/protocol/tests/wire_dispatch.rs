@@ -6,8 +6,8 @@
 
 use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::messages::{
-    Assignment, Body, DispatchCode, Lease, LinkLoss, Message, OnTakeover, Request, TaskAction, TaskEvent,
-    TaskId, TaskState, TaskStep, Via,
+    Assignment, Body, Lease, LinkLoss, Message, OnTakeover, Request, TaskAction, TaskEvent, TaskId,
+    TaskState, TaskStep, Via,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -117,11 +117,4 @@ fn the_numbers_of_the_names() {
         "queued assigned running blocked held paused cancelling done failed cancelled"
     );
     assert_eq!(names::<OnTakeover>(), "requeue resume fail");
-    assert_eq!(
-        names::<DispatchCode>(),
-        concat!(
-            "malformed out_of_range queue_full unknown_robot unknown_tag unknown_capability deadline_past ",
-            "keep_out goal_blocked ledger_failed unknown_task wrong_state unconfirmed overloaded"
-        )
-    );
 }

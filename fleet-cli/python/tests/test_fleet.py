@@ -205,6 +205,12 @@ class Driving(unittest.TestCase):
         with self.assertRaises(Refused) as unknown:
             dispatch.submit(Task.goto(0.0, 0.0, who={"robot": "nobody"}))
         self.assertEqual(unknown.exception.code, "unknown_robot")
+        (way,) = dispatch.submit(Task.route([(0.0, 1.0)], who={"robot": "xtb-1"}))
+        for _ in range(2):  # the same again adds nothing
+            self.assertIsNone(dispatch.extend(way, [(0.0, 1.5)], after=1)[0]["error"])
+        self.assertEqual(dispatch.show(way)["task"]["legs"], 2)
+        self.assertEqual(dispatch.extend(way, [(0.0, 2.0)], after=7)[0]["error"]["code"], "stale")
+        dispatch.cancel(way)
         dispatch.retry(task)
         dispatch.cancel_all()
         self.assertIn(task, [each["id"] for each in dispatch.tasks()])

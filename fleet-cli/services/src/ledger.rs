@@ -289,7 +289,7 @@ fn make(path: &Path, fleet: &str, mark: Option<u64>) -> Result<(), Fault> {
 }
 
 /// Makes a file's name in its folder outlive a power cut.
-fn sync_folder(path: &Path) -> std::io::Result<()> {
+pub(crate) fn sync_folder(path: &Path) -> std::io::Result<()> {
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
     File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
 }

@@ -8,3 +8,4 @@ pub mod map_server;
 pub mod ros2;
 pub mod router;
 pub mod traffic;
+pub mod vda5050;

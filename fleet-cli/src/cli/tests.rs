@@ -89,10 +89,14 @@ fn tasks_are_called_by_their_ids() {
     let Verb::Cancel(cancel) = read("fleet-cli cancel t17 t3").unwrap().verb else { panic!() };
     assert_eq!(cancel.tasks.iter().map(|task| task.number()).collect::<Vec<_>>(), [17, 3]);
     assert!(read("fleet-cli cancel 17").unwrap_err().to_string().contains("such as t17"));
-    for bad in ["cancel", "cancel --all t1", "pause", "resume", "retry", "task"] {
+    for bad in ["cancel", "cancel --all t1", "pause", "resume", "retry", "task", "extend", "extend t1"] {
         assert!(read(&format!("fleet-cli {bad}")).is_err(), "{bad}");
     }
     assert!(read("fleet-cli cancel --all").is_ok());
+    let Verb::Extend(extend) = read("fleet-cli extend t17 -1,0 2,2,90 --after 3").unwrap().verb else {
+        panic!()
+    };
+    assert_eq!((extend.task.number(), extend.points.len(), extend.after), (17, 2, Some(3)));
 }
 
 #[test]

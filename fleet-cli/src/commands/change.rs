@@ -105,7 +105,7 @@ async fn change(ctx: &Context, body: DispatchBody) -> Result<Exit> {
 }
 
 /// A line for each task: on standard output how it stands, on standard error why it is not as asked.
-fn report(ctx: &Context, changes: &[TaskChange]) -> Result<Exit> {
+pub(super) fn report(ctx: &Context, changes: &[TaskChange]) -> Result<Exit> {
     if changes.is_empty() && !ctx.out.json {
         ctx.out.note("no task is open");
     }

@@ -24,7 +24,7 @@ _fleet-cli_live() {
     elif [[ $cur != -* ]]; then
         for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do
             case "$word" in
-                task | cancel | pause | resume | retry) kind=tasks && break ;;
+                task | cancel | pause | resume | retry | extend) kind=tasks && break ;;
                 status | why | goto | wander | stop | estop | reset | set-pose | teleop | top | fetch-log) kind=robots && break ;;
                 dispatch) break ;;
             esac
@@ -36,7 +36,7 @@ complete -F _fleet-cli_live -o bashdefault -o default fleet-cli
 "#;
 
 const LIVE_FISH: &str = r#"
-complete -c fleet-cli -f -n "__fish_seen_subcommand_from task cancel pause resume retry" -a "(fleet-cli names tasks 2>/dev/null)"
+complete -c fleet-cli -f -n "__fish_seen_subcommand_from task cancel pause resume retry extend" -a "(fleet-cli names tasks 2>/dev/null)"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from status why goto wander stop estop reset set-pose teleop top fetch-log; and not __fish_seen_subcommand_from dispatch" -a "(fleet-cli names robots 2>/dev/null)"
 complete -c fleet-cli -n "__fish_seen_subcommand_from dispatch tasks" -l robot -x -a "(fleet-cli names robots 2>/dev/null)"
 "#;

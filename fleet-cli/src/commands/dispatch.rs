@@ -5,7 +5,7 @@ mod adopt;
 mod compact;
 mod export;
 mod file;
-mod points;
+pub(super) mod points;
 mod serve;
 mod status;
 mod submit;

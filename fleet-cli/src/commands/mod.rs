@@ -10,6 +10,7 @@ pub mod doctor;
 pub mod enrol;
 pub mod estop;
 pub mod export;
+pub mod extend;
 pub mod fetch_log;
 mod goal;
 pub mod goto;
@@ -34,6 +35,7 @@ pub mod teleop;
 pub mod top;
 pub mod traffic;
 mod unknown_robots;
+pub mod vda5050;
 pub mod wander;
 pub mod watch;
 pub mod why;
@@ -100,6 +102,9 @@ pub enum Verb {
     Traffic(traffic::TrafficArgs),
     /// Dispatcher: accept tasks for the fleet and assign them to its robots.
     Dispatch(dispatch::DispatchArgs),
+    /// VDA 5050: show the robots to a master control over MQTT, and carry out its orders.
+    #[command(name = "vda5050")]
+    Vda5050(vda5050::Vda5050Args),
     /// Show the dispatcher's tasks.
     Tasks(tasks::TasksArgs),
     /// Show one task and its history.
@@ -112,6 +117,8 @@ pub enum Verb {
     Resume(change::ResumeArgs),
     /// Queue failed or cancelled tasks again.
     Retry(change::RetryArgs),
+    /// Add points to a route that has not ended.
+    Extend(extend::ExtendArgs),
     /// Show and control the fleet in a browser.
     Dashboard(dashboard::DashboardArgs),
     /// Make, renew and revoke identities: who belongs to the fleet.
@@ -214,12 +221,14 @@ async fn carry_out(
         Verb::Audit(args) => audit::run(&ctx()?, &args),
         Verb::Traffic(args) => traffic::run(&ctx()?, &args).await,
         Verb::Dispatch(args) => dispatch::run(&ctx()?, &args).await,
+        Verb::Vda5050(args) => vda5050::run(&ctx()?, &args).await,
         Verb::Tasks(args) => tasks::run(&ctx()?, &args).await,
         Verb::Task(args) => or_interrupted(task::run(&ctx()?, &args)).await,
         Verb::Cancel(args) => changing(change::cancel(&ctx()?, args)).await,
         Verb::Pause(args) => changing(change::pause(&ctx()?, args)).await,
         Verb::Resume(args) => changing(change::resume(&ctx()?, args)).await,
         Verb::Retry(args) => changing(change::retry(&ctx()?, args)).await,
+        Verb::Extend(args) => changing(extend::run(&ctx()?, args)).await,
         Verb::FetchLog(args) => fetch_log::run(&ctx()?, &args).await,
         Verb::Map(args) => map::run(&ctx()?, &args).await,
         Verb::Dashboard(args) => dashboard::run(&ctx()?, &args).await,

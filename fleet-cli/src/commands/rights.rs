@@ -49,9 +49,13 @@ pub fn needed(verb: &Verb) -> Option<Action> {
             | DispatchVerb::Status => Some(Action::ChangeTasks),
             DispatchVerb::Compact(_) | DispatchVerb::Export(_) => None,
         },
-        Verb::Task(_) | Verb::Cancel(_) | Verb::Pause(_) | Verb::Resume(_) | Verb::Retry(_) => {
-            Some(Action::ChangeTasks)
-        }
+        Verb::Task(_)
+        | Verb::Cancel(_)
+        | Verb::Pause(_)
+        | Verb::Resume(_)
+        | Verb::Retry(_)
+        | Verb::Extend(_)
+        | Verb::Vda5050(_) => Some(Action::ChangeTasks),
         Verb::Dashboard(_) => Some(Action::ServeDashboard),
         // Only with an identity, which they use only if asked to.
         Verb::Sim(_) | Verb::Demo(_) => Some(Action::Simulate),

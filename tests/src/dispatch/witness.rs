@@ -111,6 +111,7 @@ impl Written {
                 Record::Assigned { task, seq, .. } => drop(written.assigned.insert(seq, task)),
                 Record::Reached { task, leg, .. } => *written.legs.entry((task, leg)).or_default() += 1,
                 Record::Became { .. }
+                | Record::Extended { .. }
                 | Record::Suspended { .. }
                 | Record::Activated { .. }
                 | Record::Map { .. }

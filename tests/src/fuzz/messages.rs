@@ -7,7 +7,7 @@ use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::messages::{
     Assignment, Body, DispatchBody, DispatchRequest, Estop, Fix, MAX_POINTS, MAX_PRIORITY, MAX_SUBMISSION,
     Message, NearState, RejectCode, Reply, Request, RobotState, Route, Setpoint, TaskAction, TaskSpec, Track,
-    TrafficState,
+    TrafficState, Waypoint,
 };
 use xtb_protocol::wire::CodecError;
 
@@ -39,10 +39,14 @@ fn is_errand(errand: &TaskAction) -> bool {
     }
 }
 
+fn is_point(at: &Waypoint) -> bool {
+    in_map(at.x_m, at.y_m) && at.yaw_rad.is_none_or(is_angle)
+}
+
 fn is_task(task: &TaskSpec) -> bool {
     let points = task.kind.points();
     points.len() <= MAX_POINTS
-        && points.iter().all(|at| in_map(at.x_m, at.y_m) && at.yaw_rad.is_none_or(is_angle))
+        && points.iter().all(is_point)
         && task.priority <= MAX_PRIORITY
         && is_time(task.finish_s)
         && is_time(task.grace_s)
@@ -59,6 +63,11 @@ pub fn dispatch(bytes: &[u8]) -> bool {
         | DispatchBody::Pause { tasks }
         | DispatchBody::Resume { tasks }
         | DispatchBody::Retry { tasks } => (1..=MAX_SUBMISSION).contains(&tasks.len()),
+        DispatchBody::Extend { after, points, .. } => {
+            *after as usize <= MAX_POINTS
+                && (1..=MAX_POINTS).contains(&points.len())
+                && points.iter().all(is_point)
+        }
         DispatchBody::Show { .. }
         | DispatchBody::CancelAll {}
         | DispatchBody::Activate {}

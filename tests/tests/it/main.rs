@@ -42,3 +42,4 @@ mod tasks;
 mod teleop;
 mod terminal;
 mod traffic;
+mod vda5050;

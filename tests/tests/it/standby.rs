@@ -5,7 +5,9 @@ use fleet_tests::dispatch::{Asker, Serve, ServePair, Storm, Whom, Witness, Writt
 use fleet_tests::processes::Signal;
 use fleet_tests::{Fleet, Setup, eventually};
 use std::process::Stdio;
-use xtb_protocol::messages::{DispatchBody, DispatchOutcome, StandbyReply, TaskId, TaskState, TaskView};
+use xtb_protocol::messages::{
+    DispatchBody, DispatchOutcome, StandbyReply, TaskId, TaskState, TaskView, Waypoint,
+};
 
 async fn fleet(robots: usize) -> Fleet {
     Fleet::start(Setup { robots, speed: 4.0, ..Setup::default() }).await
@@ -48,6 +50,23 @@ async fn a_stand_by_goes_on_with_a_task_of_a_killed_dispatcher_and_repeats_nothi
     assert_eq!((count, reached.len()), (3, 3), "{reached:?}");
     let written = Written::read(pair.ledger(true));
     assert_eq!(written.submitted.into_iter().collect::<Vec<_>>(), [id]);
+    fleet.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stand_by_drives_the_points_that_a_killed_dispatcher_has_acknowledged() {
+    let fleet = fleet(1).await;
+    let folder = tempfile::tempdir().unwrap();
+    let asker = Asker::new(&fleet.bus, "test");
+    let mut pair = ServePair::start(fleet.simulator.endpoint(), folder.path(), &asker).await;
+    let id = asker.submit(vec![route(&[(0.0, 1.2)])]).await[0];
+    let points = vec![Waypoint { x_m: 0.0, y_m: 2.4, yaw_rad: None }];
+    let extended = asker.ask(DispatchBody::Extend { task: id, after: 1, points }).await;
+    let DispatchOutcome::Changed(changes) = &extended else { panic!("{extended:?}") };
+    assert_eq!(changes[0].error, None);
+    pair.kill_active(&asker).await;
+    let done = until(&asker, id, "done", |task| task.state == TaskState::Done).await;
+    assert_eq!((done.legs_done, done.failures), (2, 0));
     fleet.end().await;
 }
 

@@ -251,6 +251,22 @@ fn a_task_is_paused_resumed_cancelled_and_retried() {
 }
 
 #[test]
+fn a_route_is_extended_while_its_robot_drives_and_the_same_command_again_adds_nothing() {
+    let lab = Lab::new(1);
+    let waiting = lab.beside("dispatch route 0,2.5 --wait");
+    lab.until("t1", "running");
+    let (code, extended) = lab.change("extend t1 0,1.5 0,0.5");
+    assert_eq!((code, &extended["error"]), (0, &Value::Null), "{extended}");
+    assert_eq!(lab.change("extend t1 0,1.5 0,0.5 --after 1").0, 0);
+    let (code, refused) = lab.change("extend t1 0,3 --after 1");
+    assert_eq!((code, &refused["error"]["code"]), (1, &"stale".into()), "{refused}");
+    let done = waiting.end();
+    assert_eq!((done.code, &done.lines[0]["legs_done"]), (0, &json!(3)), "{done:?}");
+    let (code, refused) = lab.change("extend t1 0,3");
+    assert_eq!((code, &refused["error"]["code"]), (1, &"wrong_state".into()), "{refused}");
+}
+
+#[test]
 fn a_task_that_failed_is_done_when_it_is_retried() {
     let lab = Lab::new(1);
     let waiting = lab.beside("dispatch route 0,3 0,1 --loops 3 --on-takeover fail --retries 0 --wait");

@@ -4,22 +4,24 @@ use super::{Dispatcher, Ticket};
 use crate::admission::{self, AdmissionCtx, ledger_failed, refusal};
 use crate::task::Task;
 use crate::task_store::record::Record;
+use crate::tracked_robot::smallest_car;
 use crate::transition::{Change, Ending};
 use crate::travel_cost::TravelCost;
 use crate::write_queue::OnWritten;
 use xtb_protocol::messages::{
-    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchRequest, TaskChange, TaskId,
-    TaskSpec, TaskState,
+    DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchRequest, MAX_POINTS, TaskChange,
+    TaskId, TaskKind, TaskSpec, TaskState, Waypoint,
 };
 use xtb_protocol::{Name, Uuid};
 
 /// What shall be done with tasks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 enum TaskCommand {
     Cancel,
     Pause,
     Resume,
     Retry,
+    Extend { after: u32, points: Vec<Waypoint> },
 }
 
 /// A question that waits for its tasks.
@@ -36,8 +38,8 @@ pub(super) struct OpenRequest {
 /// What a command comes to for a task as it is.
 enum Progress {
     Done,
-    Wrong(&'static str),
-    Write(Change, String),
+    Wrong(DispatchCode, String),
+    Write(Record),
     Wait,
 }
 
@@ -73,6 +75,12 @@ impl Dispatcher {
             DispatchBody::Pause { tasks } => (TaskCommand::Pause, tasks.clone()),
             DispatchBody::Resume { tasks } => (TaskCommand::Resume, tasks.clone()),
             DispatchBody::Retry { tasks } => (TaskCommand::Retry, tasks.clone()),
+            DispatchBody::Extend { task, after, points } => {
+                if let Err(error) = self.admit_points(*task, *after, points, travel_cost) {
+                    return self.reply(ticket, request.id, DispatchOutcome::Error(error));
+                }
+                (TaskCommand::Extend { after: *after, points: points.clone() }, vec![*task])
+            }
         };
         if self.open_requests.len() >= self.settings.max_waiting {
             let message = format!("{} requests are already waiting", self.open_requests.len());
@@ -154,6 +162,21 @@ impl Dispatcher {
         admission::check(tasks, AdmissionCtx { now_ms, room, max_open, robots, has_roster, travel_cost })
     }
 
+    /// Whether there is room for a robot at points that a task is to have; what it has already is not asked again.
+    fn admit_points(
+        &self,
+        id: TaskId,
+        after: u32,
+        points: &[Waypoint],
+        travel_cost: &dyn TravelCost,
+    ) -> Result<(), DispatchError> {
+        let Some(task) = self.store.task(id).filter(|task| !has_points(task, after, points)) else {
+            return Ok(());
+        };
+        let car = smallest_car(&self.robots, &task.spec.who);
+        points.iter().try_for_each(|point| admission::admits_point(travel_cost, &car, point))
+    }
+
     /// Goes on with the questions that wait, and answers those that need not any more.
     pub(super) fn answer(&mut self, now_ms: u64) {
         for _ in 0..self.open_requests.len() {
@@ -186,15 +209,14 @@ impl Dispatcher {
             let state = Some(task.state);
             let done = |error| Some(TaskChange { id: *id, state, error });
             let wait = self.writes.has_task(*id) || (*command == TaskCommand::Resume && self.still_has(task));
-            match if wait { Progress::Wait } else { progress(now_ms, *command, task, by) } {
+            match if wait { Progress::Wait } else { progress(now_ms, command, task, by) } {
                 Progress::Done => *change = done(None),
-                Progress::Wrong(what) => {
+                Progress::Wrong(code, what) => {
                     let message = format!("{id} {what}");
                     let hint = format!("`fleet-cli task {id}` shows its history");
-                    *change = done(Some(refusal(DispatchCode::WrongState, message, &hint)));
+                    *change = done(Some(refusal(code, message, &hint)));
                 }
-                Progress::Write(what, why) if self.writes.may_try(now_ms) => {
-                    let record = Record::Became { task: *id, change: what, why: Some(why) };
+                Progress::Write(record) if self.writes.may_try(now_ms) => {
                     self.writes.push(now_ms, vec![record], OnWritten::Nothing);
                 }
                 Progress::Write(..) => {
@@ -207,36 +229,60 @@ impl Dispatcher {
     }
 }
 
-fn progress(now_ms: u64, command: TaskCommand, task: &Task, by: &Name) -> Progress {
+fn progress(now_ms: u64, command: &TaskCommand, task: &Task, by: &Name) -> Progress {
     use TaskState::{Cancelled, Cancelling, Done, Failed, Held, Paused};
     let again = Change::Queued { not_before_ms: 0, failed: false };
     let free = task.assigned.is_none();
+    let write = |change, why| Progress::Write(Record::Became { task: task.id, change, why: Some(why) });
+    let wrong = |what: &str| Progress::Wrong(DispatchCode::WrongState, what.to_owned());
     match (command, task.state) {
         (TaskCommand::Cancel, Cancelled) => Progress::Done,
-        (TaskCommand::Cancel, Done | Failed) => Progress::Wrong("has already ended"),
+        (TaskCommand::Cancel, Done | Failed) => wrong("has already ended"),
         (TaskCommand::Cancel, Cancelling) if task.ending == Some(Ending::Cancelled) => Progress::Wait,
-        (TaskCommand::Cancel, _) => {
-            Progress::Write(task.end(Ending::Cancelled), format!("cancelled by {by}"))
-        }
+        (TaskCommand::Cancel, _) => write(task.end(Ending::Cancelled), format!("cancelled by {by}")),
         (TaskCommand::Pause, Paused) if free => Progress::Done,
         (TaskCommand::Pause | TaskCommand::Resume, Paused) if !free => Progress::Wait,
-        (TaskCommand::Pause, Cancelled | Cancelling | Done | Failed) => {
-            Progress::Wrong("has ended or is ending")
-        }
-        (TaskCommand::Pause, _) => Progress::Write(Change::Paused, format!("paused by {by}")),
-        (TaskCommand::Resume, Paused | Held) => Progress::Write(again, format!("resumed by {by}")),
+        (TaskCommand::Pause, Cancelled | Cancelling | Done | Failed) => wrong("has ended or is ending"),
+        (TaskCommand::Pause, _) => write(Change::Paused, format!("paused by {by}")),
+        (TaskCommand::Resume, Paused | Held) => write(again, format!("resumed by {by}")),
         (TaskCommand::Resume, Cancelled | Cancelling | Done | Failed) => {
-            Progress::Wrong("has ended; start it again with retry")
+            wrong("has ended; start it again with retry")
         }
         (TaskCommand::Retry, Cancelled | Failed)
             if task.spec.deadline_ms.is_some_and(|at_ms| at_ms <= now_ms) =>
         {
-            Progress::Wrong("has passed its deadline; submit it as a new task")
+            wrong("has passed its deadline; submit it as a new task")
         }
-        (TaskCommand::Retry, Cancelled | Failed) => Progress::Write(again, format!("retried by {by}")),
-        (TaskCommand::Retry, Done) => Progress::Wrong("is done; submit it as a new task"),
+        (TaskCommand::Retry, Cancelled | Failed) => write(again, format!("retried by {by}")),
+        (TaskCommand::Retry, Done) => wrong("is done; submit it as a new task"),
         (TaskCommand::Resume | TaskCommand::Retry, _) => Progress::Done,
+        (TaskCommand::Extend { after, points }, _) => extension(task, *after, points, by),
     }
+}
+
+/// A point that was driven to once is not added again: only what the client believes there is may be extended.
+fn extension(task: &Task, after: u32, more: &[Waypoint], by: &Name) -> Progress {
+    let wrong = |what: &str| Progress::Wrong(DispatchCode::WrongState, what.to_owned());
+    let TaskKind::Route { points, loops: 1, .. } = &task.spec.kind else {
+        return wrong("is no route that is driven once");
+    };
+    let stale = |what: String| Progress::Wrong(DispatchCode::Stale, what);
+    if has_points(task, after, more) {
+        Progress::Done
+    } else if task.state.is_final() || task.state == TaskState::Cancelling {
+        wrong("has ended or is ending")
+    } else if points.len() != after as usize {
+        stale(format!("has {} points, not {after}", points.len()))
+    } else if points.len() + more.len() > MAX_POINTS {
+        stale(format!("would have more than {MAX_POINTS} points"))
+    } else {
+        Progress::Write(Record::Extended { task: task.id, after, points: more.to_vec(), by: by.clone() })
+    }
+}
+
+/// Whether a task already has these points in that place.
+fn has_points(task: &Task, after: u32, more: &[Waypoint]) -> bool {
+    task.spec.kind.points().get(after as usize..).is_some_and(|points| points.starts_with(more))
 }
 
 fn unknown(id: TaskId) -> DispatchError {

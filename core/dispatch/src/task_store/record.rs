@@ -7,14 +7,17 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use uuid::Uuid;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{MapHash, TaskId, TaskSpec};
+use xtb_protocol::messages::{MapHash, TaskId, TaskSpec, Waypoint};
 
 /// Version of the entries that this program writes. It reads this one and those before; a program that
-/// knows less refuses the ledger. 2 added suspensions and maps, 3 stand-bys. An entry has the lowest version that
-/// can hold it, so that a ledger without stand-bys remains readable for a program that knows none.
-pub const VERSION: u32 = 3;
-/// Of entries that say nothing of stand-bys.
-const WITHOUT_STANDBY: u32 = 2;
+/// knows less refuses the ledger. 2 added suspensions and maps, 3 stand-bys, 4 extensions. An entry has the lowest
+/// version that can hold it, so that a ledger without stand-bys or extensions remains readable for a program that
+/// knows none.
+pub const VERSION: u32 = 4;
+/// Of entries about stand-bys.
+const OF_STANDBY: u32 = 3;
+/// Of entries that say nothing of stand-bys or extensions.
+const USUAL: u32 = 2;
 
 /// One change of the store.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,6 +66,17 @@ pub enum Record {
         /// Why, where that is not plain.
         why: Option<String>,
     },
+    /// A route has more points.
+    Extended {
+        /// Which.
+        task: TaskId,
+        /// Points that it had before.
+        after: u32,
+        /// What follows them.
+        points: Vec<Waypoint>,
+        /// By whom.
+        by: Name,
+    },
     /// All robots were stopped: nothing is assigned from here on.
     Suspended {
         /// By whom, if that is known.
@@ -107,9 +121,10 @@ impl Record {
     #[must_use]
     pub fn version(&self) -> u32 {
         match self {
-            Self::Term { .. } | Self::Pair { .. } => VERSION,
-            Self::Snapshot(store) if store.pair().is_some() => VERSION,
-            _ => WITHOUT_STANDBY,
+            Self::Extended { .. } => VERSION,
+            Self::Term { .. } | Self::Pair { .. } => OF_STANDBY,
+            Self::Snapshot(store) if store.pair().is_some() => OF_STANDBY,
+            _ => USUAL,
         }
     }
 }

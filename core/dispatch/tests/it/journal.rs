@@ -76,8 +76,8 @@ fn what_is_missing_or_twice_or_out_of_place_is_refused() {
 fn an_entry_of_a_later_program_or_none_at_all_is_refused() {
     let (entries, _) = ledger();
     let text = entries[0].to_json().unwrap();
-    let later = text.replacen("\"v\":2", "\"v\":4", 1);
-    assert_eq!(Entry::from_json(&later), Err(EntryError::Version { got: 4 }));
+    let later = text.replacen("\"v\":2", "\"v\":5", 1);
+    assert_eq!(Entry::from_json(&later), Err(EntryError::Version { got: 5 }));
     for bad in ["", "{}", &text[..text.len() - 1], &text.replacen("\"n\"", "\"m\"", 1)] {
         assert!(matches!(Entry::from_json(bad), Err(EntryError::Malformed(_))), "{bad}");
     }

@@ -4,6 +4,7 @@
 
 mod assigning;
 mod bench;
+mod extend;
 mod journal;
 mod life;
 mod model;

@@ -53,6 +53,7 @@ fn kind(entry: &Entry) -> &'static str {
         Record::Submitted { .. } => return "submitted",
         Record::Assigned { .. } => return "assigned",
         Record::Reached { .. } => return "reached",
+        Record::Extended { .. } => return "extended",
         Record::Suspended { .. } => return "suspended",
         Record::Activated { .. } => return "activated",
         Record::Map { .. } => return "map",

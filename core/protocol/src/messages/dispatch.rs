@@ -1,6 +1,7 @@
 //! What people and programs say to the dispatcher about tasks, and what it answers.
 
-use super::{Message, Suspension, TaskId, TaskSpec, TaskState, bounded};
+use super::task::{MAX_POINTS, points_in_range};
+use super::{Message, Suspension, TaskId, TaskSpec, TaskState, Waypoint, bounded};
 use crate::keys::Name;
 use crate::text;
 use crate::wire::CodecError;
@@ -58,6 +59,16 @@ pub enum DispatchBody {
     Adopt {},
     /// How the dispatcher stands, without its tasks.
     Status {},
+    /// More points for a route that has not ended. The same again changes nothing.
+    Extend {
+        /// Which.
+        task: TaskId,
+        /// Points that it has without these. If it has others than the client believes, the request is refused
+        /// as [`DispatchCode::Stale`].
+        after: u32,
+        /// What follows them; 1 to [`MAX_POINTS`] altogether.
+        points: Vec<Waypoint>,
+    },
 }
 
 /// One question to the dispatcher. The same id again, from the same client, submits nothing twice.
@@ -73,7 +84,7 @@ pub struct DispatchRequest {
 
 impl Message for DispatchRequest {
     const NAME: &'static str = "DispatchRequest";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const MAX_BYTES: usize = MAX_BYTES;
 
     fn validate(&self) -> Result<(), CodecError> {
@@ -86,6 +97,12 @@ impl Message for DispatchRequest {
             | DispatchBody::Pause { tasks }
             | DispatchBody::Resume { tasks }
             | DispatchBody::Retry { tasks } => tasks.len(),
+            DispatchBody::Extend { after, points, .. } => {
+                points_in_range(points)?;
+                bounded("after", f64::from(*after), 0.0, MAX_POINTS as f64, "")?;
+                bounded("points", points.len() as f64, 1.0, MAX_POINTS as f64, "")?;
+                1
+            }
             DispatchBody::CancelAll {}
             | DispatchBody::Show { .. }
             | DispatchBody::Activate {}
@@ -129,6 +146,8 @@ pub enum DispatchCode {
     Unconfirmed,
     /// Too many questions wait for an answer.
     Overloaded,
+    /// The task has other points than the client believes, or would have too many.
+    Stale,
 }
 
 /// A refusal, for people and programs.
@@ -234,7 +253,7 @@ pub struct DispatchReply {
 
 impl Message for DispatchReply {
     const NAME: &'static str = "DispatchReply";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const MAX_BYTES: usize = MAX_BYTES;
 }
 

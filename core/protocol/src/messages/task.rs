@@ -246,11 +246,7 @@ impl TaskSpec {
     /// The first value that is out of range, and its range.
     pub fn validate(&self) -> Result<(), CodecError> {
         const DAY_S: f64 = 86_400.0;
-        for point in self.kind.points() {
-            coordinate("x_m", point.x_m)?;
-            coordinate("y_m", point.y_m)?;
-            point.yaw_rad.map_or(Ok(()), |yaw_rad| angle("yaw_rad", yaw_rad))?;
-        }
+        points_in_range(self.kind.points())?;
         match &self.kind {
             TaskKind::Goto { .. } => {}
             TaskKind::Route { points, loops, dwell_s } => {
@@ -273,6 +269,15 @@ impl TaskSpec {
         bounded("finish_s", self.finish_s, 0.0, DAY_S, "s")?;
         bounded("grace_s", self.grace_s, 0.0, DAY_S, "s")
     }
+}
+
+/// Whether points are where one can be asked to drive.
+pub(super) fn points_in_range(points: &[Waypoint]) -> Result<(), CodecError> {
+    points.iter().try_for_each(|point| {
+        coordinate("x_m", point.x_m)?;
+        coordinate("y_m", point.y_m)?;
+        point.yaw_rad.map_or(Ok(()), |yaw_rad| angle("yaw_rad", yaw_rad))
+    })
 }
 
 /// How a task stands.

@@ -14,13 +14,13 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Future
 from typing import Any, Literal, TypeVar
 
 from . import messages
 from .dispatch import LOOK_EVERY_S as TASKS_EVERY_S
-from .dispatch import Dispatch, Tasks
+from .dispatch import Dispatch, Point, Tasks
 from .errors import FleetError, TimedOut
 from .fleet import Fleet, Robots
 from .lease import Lease
@@ -291,6 +291,10 @@ class AsyncDispatch:
     async def retry(self, *tasks: str) -> list[TaskChange]:
         """See :meth:`Dispatch.retry`."""
         return await _run(lambda: self.sync.retry(*tasks))
+
+    async def extend(self, task: str, points: Iterable[Point], after: int | None = None) -> list[TaskChange]:
+        """See :meth:`Dispatch.extend`."""
+        return await _run(lambda: self.sync.extend(task, points, after))
 
     async def wait(self, tasks: str | Sequence[str], timeout: float | None = None, check: bool = True) -> Tasks:
         """See :meth:`Dispatch.wait`."""

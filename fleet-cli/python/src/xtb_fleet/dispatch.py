@@ -176,6 +176,16 @@ class Dispatch:
         """Queues again what has failed or was cancelled."""
         return self._changed({"retry": {"tasks": list(tasks)}})
 
+    def extend(self, task: str, points: Iterable[Point], after: int | None = None) -> list[TaskChange]:
+        """Adds points to a route that has not ended, after its last one.
+
+        `after`: points that it has without these (None = as many as it has now). The same again adds nothing twice.
+        """
+        if after is None:
+            kind = self.show(task)["task"]["spec"]["kind"]
+            after = len(kind["route"]["points"]) if "route" in kind else 1
+        return self._changed({"extend": {"task": task, "after": after, "points": _points(points)}})
+
     def activate(self) -> Suspension | None:
         """Lets it assign tasks again after an emergency stop of all robots."""
         ended: Suspension | None = self._ask({"activate": {}}, "activated")

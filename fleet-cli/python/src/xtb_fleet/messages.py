@@ -51,7 +51,7 @@ BatteryLevel = Literal["unknown", "ok", "warn", "finish", "critical"]
 """What the battery's voltage means, a few seconds of load left out."""
 
 
-DispatchCode = Literal["malformed", "out_of_range", "queue_full", "unknown_robot", "unknown_tag", "unknown_capability", "deadline_past", "keep_out", "goal_blocked", "ledger_failed", "unknown_task", "wrong_state", "unconfirmed", "overloaded"]
+DispatchCode = Literal["malformed", "out_of_range", "queue_full", "unknown_robot", "unknown_tag", "unknown_capability", "deadline_past", "keep_out", "goal_blocked", "ledger_failed", "unknown_task", "wrong_state", "unconfirmed", "overloaded", "stale"]
 """Why the dispatcher refused."""
 
 
@@ -1006,6 +1006,17 @@ class DispatchBodyShow(TypedDict):
     """Which."""
 
 
+class DispatchBodyExtend(TypedDict):
+    """More points for a route that has not ended. The same again changes nothing."""
+    after: int
+    """Points that it has without these. If it has others than the client believes, the request
+    is refused as [`DispatchCode::Stale`]."""
+    points: list[WaypointInput]
+    """What follows them; 1 to [`MAX_POINTS`] altogether."""
+    task: TaskId
+    """Which."""
+
+
 class DispatchBody(TypedDict, total=False):
     """What is asked of the dispatcher."""
     submit: DispatchBodySubmit
@@ -1028,6 +1039,8 @@ class DispatchBody(TypedDict, total=False):
     """Take the tasks of other maps over to the one that the fleet has now."""
     status: dict[str, Any]
     """How the dispatcher stands, without its tasks."""
+    extend: DispatchBodyExtend
+    """More points for a route that has not ended. The same again changes nothing."""
 
 
 class DispatchRequest(TypedDict):

@@ -247,7 +247,7 @@ mod tests {
 
     #[test]
     fn entries_of_a_later_program_or_out_of_their_place_are_refused() {
-        for (wrong, words) in [(entry(VERSION + 1, 1), "has version 4"), (entry(VERSION, 3), "has number 3")]
+        for (wrong, words) in [(entry(VERSION + 1, 1), "has version 5"), (entry(VERSION, 3), "has number 3")]
         {
             let scratch = Scratch::new();
             Store::open(scratch.path(), &fleet()).unwrap().ledger.append(&[wrong]).unwrap();

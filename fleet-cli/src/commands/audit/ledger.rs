@@ -76,6 +76,9 @@ impl Audit {
                     command.result = Some(result);
                 }
             }
+            Record::Extended { task, points, by, .. } => {
+                push(Some(by.as_str()), format!("extend {task}: {} more points", points.len()));
+            }
             Record::Suspended { by } => {
                 push(by.as_ref().map(xtb_protocol::Name::as_str), "emergency stop of all robots".to_owned());
             }
@@ -126,6 +129,7 @@ mod tests {
         let records = [
             Record::Submitted { task, by: by("alice-1"), key: Uuid::nil(), spec },
             Record::Assigned { task, robot: name("xtb-1"), seq: 1 },
+            Record::Extended { task, after: 1, points: Vec::new(), by: by("dave") },
             Record::Became { task, change, why: Some("cancelled by bob".to_owned()) },
             Record::Suspended { by: Some(by("carol-2")) },
             Record::Activated { by: by("alice-1") },
@@ -150,8 +154,9 @@ mod tests {
         assert_eq!(told[0].0, "alice-1");
         assert!(told[0].2.starts_with("submit t1: wander"), "{told:?}");
         assert_eq!((told[0].1, told[0].3), (Some("xtb-1"), Some("cancelled")));
-        assert_eq!(told[1], ("bob", Some("xtb-1"), "cancel t1", None));
-        assert_eq!(told[2], ("carol-2", None, "emergency stop of all robots", None));
-        assert_eq!(told[3], ("alice-1", None, "activate the dispatcher", None));
+        assert_eq!(told[1], ("dave", None, "extend t1: 0 more points", None));
+        assert_eq!(told[2], ("bob", Some("xtb-1"), "cancel t1", None));
+        assert_eq!(told[3], ("carol-2", None, "emergency stop of all robots", None));
+        assert_eq!(told[4], ("alice-1", None, "activate the dispatcher", None));
     }
 }

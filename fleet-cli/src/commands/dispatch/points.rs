@@ -11,7 +11,7 @@ const MAX_BYTES: usize = 1 << 20;
 ///
 /// # Errors
 /// [`ErrorKind::Invalid`] with the point, or [`ErrorKind::Config`] with the file's line, that is wrong.
-pub(super) fn read(words: &[String]) -> Result<Vec<Waypoint>> {
+pub(in crate::commands) fn read(words: &[String]) -> Result<Vec<Waypoint>> {
     let points = match words {
         [word] if !looks_like_a_point(word) => return from_file(Path::new(word)),
         words => words.iter().map(|word| point(word).map_err(|what| wrong(word, &what))),

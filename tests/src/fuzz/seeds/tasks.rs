@@ -37,6 +37,14 @@ pub(crate) fn dispatch() -> Vec<Seed> {
         ("submit", DispatchBody::Submit { tasks: tasks() }),
         ("cancel", DispatchBody::Cancel { tasks: some() }),
         ("retry", DispatchBody::Retry { tasks: some() }),
+        (
+            "extend",
+            DispatchBody::Extend {
+                task: TaskId::new(17),
+                after: 2,
+                points: vec![Waypoint { x_m: 1.5, y_m: -2.0, yaw_rad: None }],
+            },
+        ),
         ("show", DispatchBody::Show { task: TaskId::new(17) }),
         ("cancel_all", DispatchBody::CancelAll {}),
         ("activate", DispatchBody::Activate {}),

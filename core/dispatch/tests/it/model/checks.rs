@@ -122,6 +122,16 @@ impl World {
         Ok(())
     }
 
+    /// How many points the ledger knows of a route.
+    pub(super) fn points_in_ledger(&self, id: TaskId) -> usize {
+        let points = self.ledger.iter().map(|entry| match &entry.record {
+            Record::Submitted { task, spec, .. } if *task == id => spec.kind.points().len(),
+            Record::Extended { task, points, .. } if *task == id => points.len(),
+            _ => 0,
+        });
+        points.sum()
+    }
+
     /// A drive that counts as done was driven: once, but for those that nobody could know of.
     fn check_leg(&self, tasks: &BTreeMap<u64, TaskId>, task: TaskId, leg: u32) -> Result<(), String> {
         let finishes = self

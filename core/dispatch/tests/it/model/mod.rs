@@ -78,6 +78,8 @@ enum Ticket {
     Submission(usize),
     Cancel(TaskId),
     Retry(TaskId),
+    /// How many points it has then.
+    Extend(TaskId, usize),
     Other,
 }
 
@@ -331,6 +333,12 @@ impl World {
                 let [change] = changes.as_slice() else { return Err("not one change".into()) };
                 if change.error.is_none() && change.state == Some(TaskState::Cancelled) {
                     self.confirmed.insert(task);
+                }
+            }
+            (Some(Ticket::Extend(task, points)), DispatchOutcome::Changed(changes)) => {
+                let taken = changes.iter().all(|change| change.error.is_none());
+                if taken && self.points_in_ledger(task) < points {
+                    return Err(format!("{task} has {points} points, was acknowledged and is not durable"));
                 }
             }
             (Some(Ticket::Retry(task)), _) => {

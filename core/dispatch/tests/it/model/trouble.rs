@@ -1,9 +1,9 @@
 //! What happens to robots of the model, and what people do in it.
 
-use super::weather::{Off, Weather};
+use super::weather::{Off, Weather, point};
 use super::{STEP_MS, Ticket, World, person};
 use xtb_protocol::Uuid;
-use xtb_protocol::messages::{Body, DispatchBody, DispatchRequest, TaskId, TaskState};
+use xtb_protocol::messages::{Body, DispatchBody, DispatchRequest, TaskId, TaskKind, TaskState};
 
 impl World {
     pub(super) fn trouble(&mut self) {
@@ -107,6 +107,9 @@ impl World {
         if self.weather.cancels && self.chance(0.001) {
             self.meddle();
         }
+        if self.weather.extensions && self.chance(0.004) {
+            self.extend();
+        }
         if self.now_ms > self.chaos_until_ms && self.now_ms.is_multiple_of(5000) {
             let resting = |state| matches!(state, TaskState::Paused | TaskState::Held);
             let tasks = self.dispatcher.iter().flat_map(|d| d.store().open());
@@ -117,6 +120,22 @@ impl World {
             self.ask(DispatchBody::Activate {});
             self.ask(DispatchBody::Adopt {});
         }
+    }
+
+    /// Somebody wants a route to go on.
+    fn extend(&mut self) {
+        let routes = self.dispatcher.iter().flat_map(|dispatcher| dispatcher.store().open());
+        let routes = routes.filter(|task| matches!(task.spec.kind, TaskKind::Route { .. }));
+        let routes: Vec<_> = routes.map(|task| (task.id, task.spec.kind.points().len())).collect();
+        if routes.is_empty() {
+            return;
+        }
+        let (task, has) = routes[self.draw.whole(0, routes.len() as i64 - 1) as usize];
+        let points: Vec<_> = (0..self.draw.whole(1, 3)).map(|_| point(&mut self.draw)).collect();
+        let ticket = Ticket::Extend(task, has + points.len());
+        self.sent += 1;
+        let body = DispatchBody::Extend { task, after: has as u32, points };
+        self.ask_as(&DispatchRequest { id: Uuid::from_u64_pair(77, self.sent), body }, ticket);
     }
 
     /// Somebody changes their mind about a task.

@@ -49,6 +49,8 @@ pub(crate) struct Weather {
     /// Something stands in the way for a while.
     pub(crate) obstacles: f64,
     pub(crate) cancels: bool,
+    /// Routes are driven once, and people add points to them.
+    pub(crate) extensions: bool,
 }
 
 impl Weather {
@@ -70,6 +72,7 @@ impl Weather {
         moves: 0.0,
         obstacles: 0.0,
         cancels: false,
+        extensions: false,
     };
     pub(crate) const STORM: Self = Self {
         loss: 0.05,
@@ -90,7 +93,7 @@ impl Weather {
 /// Where nobody gets to.
 pub(super) const DOOMED: (f64, f64) = (1.0, 1.0);
 
-fn point(draw: &mut Draw) -> Waypoint {
+pub(super) fn point(draw: &mut Draw) -> Waypoint {
     if draw.whole(0, 15) == 0 {
         return Waypoint { x_m: DOOMED.0, y_m: DOOMED.1, yaw_rad: None };
     }
@@ -101,7 +104,10 @@ fn point(draw: &mut Draw) -> Waypoint {
 pub(super) fn spec(draw: &mut Draw, weather: Weather) -> TaskSpec {
     let kind = match draw.whole(0, 5) {
         0..=2 => TaskKind::Goto { to: point(draw) },
-        3 => TaskKind::Route { points: (0..3).map(|_| point(draw)).collect(), loops: 2, dwell_s: 0.2 },
+        3 => {
+            let loops = if weather.extensions { 1 } else { 2 };
+            TaskKind::Route { points: (0..3).map(|_| point(draw)).collect(), loops, dwell_s: 0.2 }
+        }
         4 => TaskKind::Patrol {
             points: (0..2).map(|_| point(draw)).collect(),
             dwell_s: 0.0,
