@@ -77,7 +77,7 @@ impl Door {
         let decoded = question.decode::<Estop>();
         let format = decoded.as_ref().map_or_else(|_| question.likely_format(), |(_, format)| *format);
         let key = self.keys.estop(Some(&by));
-        let answer = Answer::Asked { question, key, format };
+        let answer = Answer::Asked { question: Box::new(question), key, format };
         self.estop(by, decoded.map(|(estop, _)| estop), Some(answer));
     }
 
@@ -98,12 +98,17 @@ impl Door {
         let key = self.keys.cmd(Some(&client));
         match question.decode::<Request>() {
             Ok((request, format)) => {
-                self.inbox.request(client, request, Answer::Asked { question, key, format });
+                self.inbox.request(
+                    client,
+                    request,
+                    Answer::Asked { question: Box::new(question), key, format },
+                );
             }
             Err(error) => {
                 self.inbox.counters.rejected(&error);
                 let format = question.likely_format();
-                self.inbox.reply(Answer::Asked { question, key, format }, refusal(&error));
+                self.inbox
+                    .reply(Answer::Asked { question: Box::new(question), key, format }, refusal(&error));
             }
         }
     }

@@ -25,7 +25,7 @@ pub(crate) enum Answer {
     /// Back over the network.
     Asked {
         /// The question.
-        question: Question,
+        question: Box<Question>,
         /// The robot's own key for it.
         key: String,
         /// As the request was written.

@@ -110,7 +110,7 @@ impl Publishers {
                 log(publisher.put(range).await);
             }
         }
-        if state.seq % STATES_A_SECOND == 0 && self.battery.is_heard() {
+        if state.seq.is_multiple_of(STATES_A_SECOND) && self.battery.is_heard() {
             log(self.battery.put(&battery(stamp, state)).await);
         }
         self.plan(state, stamp).await;
@@ -138,7 +138,7 @@ impl Publishers {
             state.latches.iter().map(|it| it.latch).collect(),
             notes.events.clone(),
         );
-        if state.seq % STATES_A_SECOND == 0 || self.told.as_ref() != Some(&told) {
+        if state.seq.is_multiple_of(STATES_A_SECOND) || self.told.as_ref() != Some(&told) {
             self.told = Some(told);
             let notes: Vec<_> = notes.events.iter().chain(&notes.counters).cloned().collect();
             log(self.diagnostics.put(&diagnostics(stamp, state, &notes)).await);
@@ -156,7 +156,7 @@ impl Publishers {
             self.goal = Some((goal_id, stamp.clone()));
         }
         let began = self.goal.as_ref().map_or(0, |(_, began)| began.ns());
-        if state.seq % STATES_A_FEEDBACK != 0 || !self.feedback.is_heard() {
+        if !state.seq.is_multiple_of(STATES_A_FEEDBACK) || !self.feedback.is_heard() {
             return;
         }
         let route = state.nav.route.as_ref();
