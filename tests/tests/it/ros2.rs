@@ -1,5 +1,6 @@
 //! ROS 2: what rmw_zenoh's sessions need of our router, and a robot that is a node, by the ground truth.
 
+mod judges;
 mod nodes;
 
 use crate::attacker;
