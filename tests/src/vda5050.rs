@@ -1,7 +1,7 @@
 //! VDA 5050 as its users run it: mosquitto, the bridge as a process that may be killed, and a master control that
 //! sees everything on the broker.
 
-use crate::eventually;
+use crate::{LOOK_EVERY, PATIENCE, eventually};
 use crate::processes::{Process, Signal, program};
 use rumqttc::{AsyncClient, Event, MqttOptions, Packet, QoS};
 use serde_json::{Value, json};
@@ -10,7 +10,7 @@ use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::net::TcpStream;
 use tokio::task::JoinHandle;
 
@@ -268,10 +268,18 @@ impl Master {
     /// Waits for a state of a robot.
     ///
     /// # Panics
-    /// If it does not come in time.
+    /// If it does not come in time; says the last one.
     pub async fn state(&self, robot: &str, what: &str, is: impl Fn(&Value) -> bool) -> Value {
         let end = format!("{robot}/state");
-        eventually(what, || async { self.last(&end).filter(|state| is(state)) }).await
+        let give_up = Instant::now() + PATIENCE;
+        loop {
+            let last = self.last(&end);
+            if let Some(state) = last.as_ref().filter(|state| is(state)) {
+                return state.clone();
+            }
+            assert!(Instant::now() < give_up, "waited in vain for: {what}; the last state is {last:?}");
+            tokio::time::sleep(LOOK_EVERY).await;
+        }
     }
 }
 
