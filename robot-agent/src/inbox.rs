@@ -109,6 +109,12 @@ impl Inbox {
         }
     }
 
+    /// The same, valid in itself, for who does not want the answer.
+    pub(crate) fn tell(&self, client: Name, request: Request) {
+        let (sender, _) = oneshot::channel();
+        self.request(client, request, Answer::Inside(sender));
+    }
+
     /// An emergency stop from inside of the agent; whether the robot has confirmed that it is latched.
     pub(crate) async fn ask_estop(&self, by: &Name) -> bool {
         let (sender, answer) = oneshot::channel();

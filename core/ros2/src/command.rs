@@ -8,7 +8,8 @@
 //! ```
 //! Who was fenced, refused or has lost the lease has to let go before it may ask: a stick that is still held must not
 //! set a robot in motion that has just become free. Letting go is a command to stand, or half a second without
-//! commands by the publisher's own clock; a gap in the network alone is none.
+//! commands by the publisher's own clock; a gap in the network alone is none. A command to stand counts however late
+//! it comes.
 
 use crate::drive::{Car, Drive, Notice};
 use crate::freshness::{Counts, Freshness, MOST, Sources};
@@ -95,13 +96,17 @@ impl Commands {
         });
         let paused = source_ns.saturating_sub(publisher.last_source_ns) >= LET_GO_MS * NS_PER_MS;
         (publisher.last_arrival_ns, publisher.last_source_ns) = (arrival_ns, source_ns);
-        if freshness != Freshness::Fresh {
+        if freshness == Freshness::Old {
             return Advice::Ignore;
         }
         let drive = self.car.drive(twist);
         let stands = drive.rpm == WheelRpm::ZERO;
-        publisher.notice = drive.notice;
+        // However late it comes: it was let go before whatever follows, and to stand is never wrong.
         publisher.must_let_go &= !stands && !paused;
+        if freshness != Freshness::Fresh && !stands {
+            return Advice::Ignore;
+        }
+        publisher.notice = drive.notice;
         match self.driver {
             Some(driver) if driver == gid => return Advice::Drive(drive),
             _ if stands => return Advice::Ignore,
@@ -274,6 +279,19 @@ mod tests {
         assert_eq!(trial.rounds(20, &[(A, 0.2)]), [Advice::Ignore]);
         trial.ms += LET_GO_MS;
         assert_eq!(trial.rounds(1, &[(A, 0.2)]), [Advice::Ask]);
+    }
+
+    #[test]
+    fn a_command_to_stand_counts_however_late_it_comes() {
+        let mut trial = Trial::driven_by_a();
+        let late_ns = (trial.ms - 50) * NS_PER_MS;
+        trial.ms += 1000;
+        let advice = trial.commands.command(A, trial.ms * NS_PER_MS, late_ns, &ahead(0.0));
+        assert!(matches!(advice, Advice::Drive(drive) if drive.rpm == WheelRpm::ZERO), "{advice:?}");
+        let old = trial.commands.command(A, trial.ms * NS_PER_MS, late_ns - 1, &ahead(0.0));
+        assert_eq!(old, Advice::Ignore, "made before the last one");
+        let late_ns = late_ns + 100 * NS_PER_MS;
+        assert_eq!(trial.commands.command(A, trial.ms * NS_PER_MS, late_ns, &ahead(0.2)), Advice::Ignore);
     }
 
     #[test]

@@ -134,6 +134,15 @@ impl Pilot {
         self.ask_as(&client, operator.lease(), body).await
     }
 
+    /// The same without an answer: what came of it, the state shows.
+    fn tell(&self, body: Body) {
+        let holder = self.front.lock().holder.clone();
+        if let Some(Holder { client, operator, .. }) = holder {
+            let request = Request { id: Uuid::new_v4(), lease: operator.lease(), body };
+            self.front.inbox.tell(client, request);
+        }
+    }
+
     async fn ask_as(&self, client: &Name, lease: Option<xtb_protocol::messages::Lease>, body: Body) -> Reply {
         let request = Request { id: Uuid::new_v4(), lease, body };
         self.front.inbox.ask(client, request).await
@@ -318,7 +327,8 @@ impl Pilot {
         };
         match body {
             Some(Body::Release {}) => self.give_back().await,
-            Some(body) => drop(self.ask(body).await),
+            // Its answer is not waited for: a slow link must not hold up the next one.
+            Some(body) => self.tell(body),
             None => {}
         }
     }

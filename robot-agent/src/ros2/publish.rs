@@ -156,7 +156,10 @@ impl Publishers {
             self.goal = Some((goal_id, stamp.clone()));
         }
         let began = self.goal.as_ref().map_or(0, |(_, began)| began.ns());
-        if !state.seq.is_multiple_of(STATES_A_FEEDBACK) || !self.feedback.is_heard() {
+        // A state from before the goal says nothing of the way to it.
+        let present = state.goal.as_ref().filter(|goal| goal.id.as_bytes() == &goal_id);
+        let Some(goal) = present.filter(|_| self.feedback.is_heard()) else { return };
+        if !state.seq.is_multiple_of(STATES_A_FEEDBACK) {
             return;
         }
         let route = state.nav.route.as_ref();
@@ -164,8 +167,7 @@ impl Publishers {
             let length_m: f64 = route.track.as_ref()?.arcs.iter().map(|arc| arc.length_m.abs()).sum();
             Some((length_m - route.done_m).max(0.0))
         });
-        let straight = state.goal.as_ref().and_then(|goal| goal.distance_m);
-        let remaining_m = along.or(straight).unwrap_or(0.0);
+        let Some(remaining_m) = along.or(goal.distance_m) else { return };
         let speed_mps = state.speed_mps.unwrap_or(0.0).abs();
         // At the speed of now; a robot that stands says nothing of it.
         let remaining_s = if speed_mps > 0.05 { remaining_m / speed_mps } else { 0.0 };
