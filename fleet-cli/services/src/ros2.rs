@@ -9,6 +9,7 @@ use xtb_client::client::Client;
 use xtb_client::estop::estop;
 use xtb_client::multi_robot::{StopOutcome, StopReport, Targets};
 use xtb_client::{Error, ErrorKind, Result};
+use xtb_identity::Action;
 use xtb_nav::Map;
 use xtb_protocol::messages::FleetMap;
 use xtb_ros2::convert::occupancy_grid;
@@ -26,7 +27,7 @@ const ESTOP_WITHIN: Duration = Duration::from_secs(2);
 /// The fleet as a node of ROS 2, until it is dropped.
 pub struct FleetNode {
     _map: Option<Publisher>,
-    _estop: Server,
+    _estop: Option<Server>,
     node: Node,
     clock: Option<JoinHandle<()>>,
 }
@@ -42,9 +43,11 @@ impl FleetNode {
             Some(map) => Some(publish(&node, map).await.map_err(failed)?),
             None => None,
         };
-        let (runtime, client) = (tokio::runtime::Handle::current(), Arc::new(client.clone()));
-        let each = move |call| _ = runtime.spawn(stop_all(client.clone(), call));
-        let estop = node.serve::<Trigger>(&offer::FLEET_ESTOP, each).await.map_err(failed)?;
+        // Who may not is not asked: whoever needs it must see that it is not there.
+        let estop = match client.may(Action::EmergencyStop) {
+            Ok(()) => Some(answer_estop(&node, client).await.map_err(failed)?),
+            Err(_) => None,
+        };
         Ok(Self { _map: published, _estop: estop, node, clock: None })
     }
 
@@ -88,6 +91,12 @@ async fn publish(node: &Node, map: &Map) -> std::result::Result<Publisher, NodeE
     let now = Time::from_ns(now_ns().unsigned_abs());
     publisher.put(&occupancy_grid(&now, &FleetMap::from(map))).await?;
     Ok(publisher)
+}
+
+async fn answer_estop(node: &Node, client: &Client) -> std::result::Result<Server, NodeError> {
+    let (runtime, client) = (tokio::runtime::Handle::current(), Arc::new(client.clone()));
+    let each = move |call| _ = runtime.spawn(stop_all(client.clone(), call));
+    node.serve::<Trigger>(&offer::FLEET_ESTOP, each).await
 }
 
 async fn stop_all(client: Arc<Client>, call: Call<Trigger>) {
