@@ -1,8 +1,8 @@
 //! VDA 5050 as its users run it: mosquitto, the bridge as a process that may be killed, and a master control that
 //! sees everything on the broker.
 
-use crate::{LOOK_EVERY, PATIENCE, eventually};
 use crate::processes::{Process, Signal, program};
+use crate::{LOOK_EVERY, PATIENCE, eventually};
 use rumqttc::{AsyncClient, Event, MqttOptions, Packet, QoS};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read};
