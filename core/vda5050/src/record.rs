@@ -25,7 +25,8 @@ pub struct Part {
     pub points: u32,
     /// Those of them that count as traversed.
     pub traversed: u32,
-    /// No points are added to it any more: it has ended, is full, or somebody else has added some.
+    /// The dispatcher has refused more points: it has ended, or somebody else has added some. Only that says so: the
+    /// points may be in it already, and driven, if an answer was lost.
     pub closed: bool,
 }
 

@@ -220,7 +220,6 @@ impl Vehicle {
             part.traversed += 1;
             self.record.order.traverse();
         }
-        part.closed |= state.is_final();
         true
     }
 

@@ -204,3 +204,30 @@ fn nothing_is_asked_for_what_could_not_be_kept() {
         "it was tried again: {effects:?}"
     );
 }
+
+#[test]
+fn an_extension_whose_answer_was_lost_and_that_was_driven_meanwhile_is_not_driven_again() {
+    for killed in [false, true] {
+        let mut bench = Bench::new(Protocol::V2_1);
+        let (order, update) = (bench.order("a", 0, 0, 2, 2), bench.order("a", 1, 2, 2, 2));
+        bench.send(&order);
+        bench.silent = true;
+        bench.vehicle.order(update.to_string().as_bytes());
+        bench.run();
+        let ask = bench.unanswered.take().unwrap();
+        assert!(matches!(ask, Ask::Extend { .. }), "{ask:?}");
+        bench.dispatcher.ask(&ask);
+        (0..2).for_each(|_| drop(bench.dispatcher.drive()));
+        match killed {
+            true => bench.kill(),
+            false => {
+                bench.vehicle.answered(bench.now_ms, xtb_vda5050::Answer::Unreachable("lost".to_owned()))
+            }
+        }
+        bench.silent = false;
+        bench.run();
+        bench.run();
+        assert_eq!(bench.dispatcher.driven, [(1.0, 0.0), (2.0, 0.0)], "{killed}");
+        assert_eq!((bench.last(), bench.dispatcher.tasks.len()), (("n2", 4), 1));
+    }
+}
