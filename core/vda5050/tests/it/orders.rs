@@ -217,7 +217,9 @@ fn an_extension_whose_answer_was_lost_and_that_was_driven_meanwhile_is_not_drive
         let ask = bench.unanswered.take().unwrap();
         assert!(matches!(ask, Ask::Extend { .. }), "{ask:?}");
         bench.dispatcher.ask(&ask);
-        (0..2).for_each(|_| drop(bench.dispatcher.drive()));
+        for _ in 0..2 {
+            let _ = bench.dispatcher.drive();
+        }
         match killed {
             true => bench.kill(),
             false => {
