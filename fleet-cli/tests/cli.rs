@@ -358,8 +358,8 @@ fn zsh_and_fish_complete_robots_and_tasks_that_there_are() {
     let zsh = stdout(&Home::empty().run("completions zsh").code(0));
     let asks = |end: &str| zsh.lines().filter(|line| line.ends_with(end)).count();
     let of = |what: &str| asks(&format!(":_fleet-cli_{what}' \\"));
-    // task, cancel, pause, resume, retry; as many robots as there are places for them.
-    assert_eq!(of("tasks"), 5, "{zsh}");
+    // task, cancel, extend, pause, resume, retry; as many robots as there are places for them.
+    assert_eq!(of("tasks"), 6, "{zsh}");
     let left = zsh.lines().filter(|line| line.contains(":ROBOT:_default") || line.contains("obot:_default"));
     assert_eq!((of("robots") > 10, left.count()), (true, 0), "{zsh}");
     let defined = zsh.find("_fleet-cli_tasks() {").unwrap();
