@@ -53,6 +53,8 @@ const MATRIX: &[(&str, &[Role])] = &[
     ("pause t1", DRIVES),
     ("resume t1", DRIVES),
     ("retry t1", DRIVES),
+    ("extend t1 3,0", DRIVES),
+    ("vda5050 serve --mqtt mqtt://127.0.0.1", DRIVES),
     ("dispatch goto 1 2", DRIVES),
     ("dispatch route 1,2 3,4", DRIVES),
     ("dispatch patrol 1,2 3,4", DRIVES),

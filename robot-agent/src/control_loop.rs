@@ -6,10 +6,10 @@
 //! through the bounded queues of [`mailbox`](crate::mailbox).
 
 use crate::clock::Clock;
-use crate::fast_path::{ESTOPS, EstopCall};
+use crate::fast_path::{ESTOPS, EstopCall, Response};
 use crate::hardware::Hardware;
 use crate::hardware::lines::Lines;
-use crate::mailbox::{LineNote, LoopEnds, NAV_INPUTS, NavInput, Response, Waiting};
+use crate::mailbox::{LineNote, LoopEnds, NAV_INPUTS, NavInput, Waiting};
 use crate::planner_worker::PlannerWorker;
 use crate::recorder::Recorder;
 use crate::snapshot::Snapshot;

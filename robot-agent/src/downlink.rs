@@ -2,9 +2,8 @@
 //!
 //! The callbacks run on Zenoh's threads and never wait: they decode, check and hand over.
 
-use crate::fast_path::Answer;
+use crate::fast_path::{Answer, Response};
 use crate::inbox::Inbox;
-use crate::mailbox::Response;
 use std::sync::Arc;
 use tokio::sync::mpsc;
 use xtb_bus::{Bus, BusError, Incoming, Question, Service, Subscription};

@@ -4,14 +4,13 @@
 //! Zenoh's threads and the control loop meet here for a few instructions at a time; neither ever
 //! waits for the other's lock longer than that.
 
-use crate::mailbox::Response;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use tokio::sync::oneshot;
 use xtb_bus::Question;
 use xtb_control::Stamp;
 use xtb_protocol::codec::Format;
-use xtb_protocol::messages::Lease;
+use xtb_protocol::messages::{Estopped, Lease, Reply};
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::Agent;
 use xtb_robot::agent::Arrival;
@@ -33,6 +32,14 @@ pub(crate) enum Answer {
     },
     /// To another part of the agent.
     Inside(oneshot::Sender<Response>),
+}
+
+/// What goes back to whoever asked.
+pub(crate) enum Response {
+    /// To a request.
+    Reply(Reply),
+    /// To an emergency stop.
+    Estopped(Estopped),
 }
 
 /// An emergency stop on its way to the loop.

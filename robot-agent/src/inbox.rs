@@ -6,8 +6,8 @@
 
 use crate::clock::Clock;
 use crate::counters::Counters;
-use crate::fast_path::{Answer, EstopCall, FastPath};
-use crate::mailbox::{Arrivals, Job, REQUESTS, Response, SessionEnds, SetpointSlot, Waiting};
+use crate::fast_path::{Answer, EstopCall, FastPath, Response};
+use crate::mailbox::{Arrivals, Job, REQUESTS, SessionEnds, SetpointSlot, Waiting};
 use crate::wake::Wake;
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};

@@ -18,7 +18,7 @@
 //! | Zenoh → uplink | questions for `state`, `about` | 64 | dropped, counted; the client asks again |
 
 use crate::counters::Counters;
-use crate::fast_path::{Answer, FastPath};
+use crate::fast_path::{Answer, FastPath, Response};
 use crate::neighbours::NeighbourSlot;
 use crate::snapshot::Snapshot;
 use crate::wake::Wake;
@@ -28,7 +28,7 @@ use tokio::sync::{mpsc, watch};
 use xtb_control::Stamp;
 use xtb_nav::navigator::PreparedMap;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{Estopped, Event, Fix, MapHash, Reply, Request, Route, Setpoint};
+use xtb_protocol::messages::{Event, Fix, MapHash, Request, Route, Setpoint};
 use xtb_robot::agent::Arrival;
 
 /// Requests waiting for a turn.
@@ -77,14 +77,6 @@ pub(crate) struct Job {
     pub(crate) request: Request,
     /// How to answer.
     pub(crate) answer: Answer,
-}
-
-/// What goes back to whoever asked.
-pub(crate) enum Response {
-    /// To a request.
-    Reply(Reply),
-    /// To an emergency stop.
-    Estopped(Estopped),
 }
 
 /// What the second level has to know.
