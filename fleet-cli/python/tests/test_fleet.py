@@ -209,7 +209,9 @@ class Driving(unittest.TestCase):
         for _ in range(2):  # the same again adds nothing
             self.assertIsNone(dispatch.extend(way, [(0.0, 1.5)], after=1)[0]["error"])
         self.assertEqual(dispatch.show(way)["task"]["legs"], 2)
-        self.assertEqual(dispatch.extend(way, [(0.0, 2.0)], after=7)[0]["error"]["code"], "stale")
+        with self.assertRaises(Refused) as stale:
+            dispatch.extend(way, [(0.0, 2.0)], after=7)
+        self.assertEqual(stale.exception.code, "stale")
         dispatch.cancel(way)
         dispatch.retry(task)
         dispatch.cancel_all()

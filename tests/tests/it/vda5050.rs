@@ -97,7 +97,9 @@ impl Scene {
             skip("no mosquitto: VDA 5050 was not tried over a broker");
             return None;
         };
-        let fleet = Fleet::start(Setup { speed: 4.0, ..Setup::default() }).await;
+        // A robot that stands and waits for long is not sure enough of its place without them.
+        let fixes = xtb_sim::fixes::FixTruth { rate_hz: 2.0, ..Default::default() };
+        let fleet = Fleet::start(Setup { speed: 4.0, fixes, ..Setup::default() }).await;
         let folder = tempfile::tempdir().unwrap();
         let serve = Serve::start(fleet.simulator.endpoint(), &folder.path().join("lab.ledger"));
         let witness = Witness::listen(&fleet.bus).await;
