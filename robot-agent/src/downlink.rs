@@ -31,15 +31,15 @@ pub(crate) async fn declare(
     inbox: &Arc<Inbox>,
 ) -> Result<Downlink, BusError> {
     let keys = &fleet.robot(robot);
-    let door = || Door { keys: keys.clone(), inbox: inbox.clone() };
-    let estop = |door: Door| move |incoming: Incoming| door.estop_published(&incoming);
-    let own = bus.subscribe(&keys.estop(None), estop(door())).await?;
-    let all = bus.subscribe(&fleet.estop_all(None), estop(door())).await?;
-    let of_estops = door();
+    let reader = || Reader { keys: keys.clone(), inbox: inbox.clone() };
+    let estop = |reader: Reader| move |incoming: Incoming| reader.estop_published(&incoming);
+    let own = bus.subscribe(&keys.estop(None), estop(reader())).await?;
+    let all = bus.subscribe(&fleet.estop_all(None), estop(reader())).await?;
+    let of_estops = reader();
     let asked = bus.serve(&keys.estop(None), move |question| of_estops.estop_asked(question)).await?;
-    let of_requests = door();
+    let of_requests = reader();
     let requests = bus.serve(&keys.cmd(None), move |question| of_requests.request(question)).await?;
-    let of_setpoints = door();
+    let of_setpoints = reader();
     let setpoints =
         bus.subscribe(&keys.teleop(None), move |incoming| of_setpoints.setpoint(&incoming)).await?;
     Ok(Downlink { _requests: requests, _setpoints: setpoints, _estops: [own, all], _estops_asked: asked })
@@ -51,12 +51,12 @@ fn client_of(incoming: &Incoming) -> Option<Name> {
 }
 
 /// Reads what comes in, and hands it over.
-struct Door {
+struct Reader {
     keys: RobotKeys,
     inbox: Arc<Inbox>,
 }
 
-impl Door {
+impl Reader {
     fn setpoint(&self, incoming: &Incoming) {
         let Some(client) = client_of(incoming) else { return };
         match incoming.decode::<Setpoint>() {

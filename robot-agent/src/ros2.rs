@@ -1,24 +1,24 @@
 //! The robot as a node of ROS 2: what it publishes, hears and answers is the table of `xtb_ros2::offer`.
 //!
 //! ```text
-//!  cmd_vel ─► front.rs: fresh? whose? ── setpoint ──────────────► inbox (as from the network) ─► control loop
+//!  cmd_vel ─► callbacks.rs: fresh? whose? ── setpoint ──────────────► inbox (as from the network) ─► control loop
 //!  stop, estop ─────────────────────── at once ─────────────────►   │
-//!  reset, take_control, goals, … ─► queue ─► pilot.rs ─ request ─►   │ reply
+//!  reset, take_control, goals, … ─► queue ─► client.rs ─ request ─►   │ reply
 //!  snapshots, 20 Hz ─► publish.rs ─► odom, tf, ranges, …        ◄───┘
 //! ```
 //! ROS has no way around the rules: whatever it asks for goes to the control loop as a client's request, under the
 //! name `ros-<node>` and with a lease that is asked for like any other.
 
-mod front;
-mod pilot;
+mod callbacks;
+mod client;
 mod publish;
 
 use crate::clock::Clock;
 use crate::config::Ros2;
 use crate::inbox::Inbox;
 use crate::snapshot::Snapshot;
-use front::{Event, Front};
-use pilot::Pilot;
+use callbacks::{Callbacks, Event};
+use client::Client;
 use publish::Publishers;
 use std::sync::Arc;
 use std::time::Duration;
@@ -31,7 +31,7 @@ use xtb_ros2::offer;
 use xtb_ros2::types::{CancelGoal, GetResult, PoseStamped, SendGoal, Time, Trigger, Twist, TwistStamped};
 use xtb_ros2_node::{Call, Node, NodeError, Server, Subscriber};
 
-/// Requests that wait for the pilot; more are dropped and counted: a `stop` and an `estop` are not among them.
+/// Requests that wait for the client; more are dropped and counted: a `stop` and an `estop` are not among them.
 const EVENTS: usize = 64;
 /// Leases are kept, and what takes too long is ended, this often.
 const TICK: Duration = Duration::from_millis(50);
@@ -93,65 +93,66 @@ async fn serve(parts: Parts, config: Ros2) -> Result<(), NodeError> {
     let Parts { bus, robot, vehicle, inbox, mut snapshots, stamps } = parts;
     let node = Node::open(&bus, config.domain, config.namespace.clone(), offer::NODE).await?;
     let (sender, mut events) = mpsc::channel(EVENTS);
-    let front = Arc::new(Front::new(&vehicle, config.namespace, inbox, snapshots.clone(), sender));
+    let callbacks = Arc::new(Callbacks::new(&vehicle, config.namespace, inbox, snapshots.clone(), sender));
     let publishers = Publishers::declare(&node, config.distro, &robot, &vehicle).await?;
-    let _heard = hear(&node, &front).await?;
-    let _served = answer(&node, &front).await?;
-    let follow = front.clone();
+    let _heard = hear(&node, &callbacks).await?;
+    let _served = answer(&node, &callbacks).await?;
+    let follow = callbacks.clone();
     let _watch = node.watch(move |token, there| follow.token(token, there)).await?;
     tracing::info!("{robot} is the ROS 2 node {} in domain {}", node.name().full_name(), config.domain);
-    let mut pilot = Pilot::new(front.clone(), publishers, stamps);
-    pilot.begin().await;
+    let mut client = Client::new(callbacks.clone(), publishers, stamps);
+    client.begin().await;
     let mut tick = tokio::time::interval(TICK);
     tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tokio::select! {
             biased;
-            Some(event) = events.recv() => pilot.handle(event).await,
+            Some(event) = events.recv() => client.handle(event).await,
             changed = snapshots.changed() => {
                 if changed.is_err() {
-                    pilot.end().await;
+                    client.end().await;
                     return Ok(());
                 }
                 let snapshot = snapshots.borrow_and_update().clone();
                 if let Some(snapshot) = snapshot {
-                    pilot.see(&snapshot, node.malformed()).await;
+                    client.see(&snapshot, node.malformed()).await;
                 }
             }
-            _ = tick.tick() => pilot.keep().await,
+            _ = tick.tick() => client.retain().await,
         }
     }
 }
 
-async fn hear(node: &Node, front: &Arc<Front>) -> Result<[Subscriber; 4], NodeError> {
-    let (stamped, plain, goal, initial) = (front.clone(), front.clone(), front.clone(), front.clone());
+async fn hear(node: &Node, callbacks: &Arc<Callbacks>) -> Result<[Subscriber; 4], NodeError> {
+    let (stamped, plain, goal, initial) =
+        (callbacks.clone(), callbacks.clone(), callbacks.clone(), callbacks.clone());
     Ok([
         node.subscribe::<TwistStamped>(&offer::CMD_VEL_STAMPED, move |heard| {
-            stamped.command(heard.gid, heard.source_ns, &heard.message.twist);
+            stamped.command(&heard.attachment, &heard.message.twist);
         })
         .await?,
         node.subscribe::<Twist>(&offer::CMD_VEL, move |heard| {
-            plain.command(heard.gid, heard.source_ns, &heard.message);
+            plain.command(&heard.attachment, &heard.message);
         })
         .await?,
         node.subscribe::<PoseStamped>(&offer::GOAL_POSE, move |heard| {
-            goal.event(Event::GoalPose(heard.gid, heard.message));
+            goal.event(Event::GoalPose(heard.attachment.gid, heard.message));
         })
         .await?,
         node.subscribe(&offer::INITIAL_POSE, move |heard| {
-            initial.event(Event::InitialPose(heard.gid, heard.message));
+            initial.event(Event::InitialPose(heard.attachment.gid, heard.message));
         })
         .await?,
     ])
 }
 
-async fn answer(node: &Node, front: &Arc<Front>) -> Result<Vec<Server>, NodeError> {
+async fn answer(node: &Node, callbacks: &Arc<Callbacks>) -> Result<Vec<Server>, NodeError> {
     let queued = |event: fn(Call<Trigger>) -> Event| {
-        let front = front.clone();
-        move |call| front.event(event(call))
+        let callbacks = callbacks.clone();
+        move |call| callbacks.event(event(call))
     };
-    let (send, result, cancel) = (front.clone(), front.clone(), front.clone());
-    let (stop, estop) = (front.clone(), front.clone());
+    let (send, result, cancel) = (callbacks.clone(), callbacks.clone(), callbacks.clone());
+    let (stop, estop) = (callbacks.clone(), callbacks.clone());
     let runtime = tokio::runtime::Handle::current();
     let stops = runtime.clone();
     Ok(vec![

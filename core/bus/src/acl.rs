@@ -65,7 +65,7 @@ impl AccessControl {
                 Role::Router => vec![everything(&id)],
                 role => {
                     let mut grants = of_parties(&keys, table::parties(role), Some(entry));
-                    declarations(&keys, &mut grants);
+                    declarations(&keys.everything(), &mut grants);
                     if let Some(domain) = ros2 {
                         domain.grant(entry, &mut grants);
                     }

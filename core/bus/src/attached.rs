@@ -30,9 +30,11 @@ pub struct Attached {
 }
 
 impl Attached {
-    fn of(payload: Option<&ZBytes>, attachment: Option<&ZBytes>) -> Self {
+    /// `None` = more than so many bytes; they are not copied then.
+    fn of(payload: Option<&ZBytes>, attachment: Option<&ZBytes>, most_bytes: usize) -> Option<Self> {
         let bytes = |bytes: Option<&ZBytes>| bytes.map(|it| it.to_bytes().into_owned()).unwrap_or_default();
-        Self { payload: bytes(payload), attachment: bytes(attachment) }
+        let length = [payload, attachment].into_iter().flatten().map(ZBytes::len).sum::<usize>();
+        (length <= most_bytes).then(|| Self { payload: bytes(payload), attachment: bytes(attachment) })
     }
 }
 
@@ -73,8 +75,8 @@ impl AttachedPublisher {
 /// A question that waits for its answer.
 pub struct AttachedQuestion {
     query: Query,
-    /// What was asked.
-    pub asked: Attached,
+    /// What was asked; `None` = more bytes than are read.
+    pub asked: Option<Attached>,
 }
 
 impl AttachedQuestion {
@@ -139,7 +141,7 @@ impl Bus {
         Ok(AttachedPublisher { _matching: matching, kind, key: key.to_owned(), heard })
     }
 
-    /// Calls `each` for each message on `key`; longer ones than this many bytes are left out.
+    /// Calls `each` for each message on `key`; `None` = one of more than this many bytes.
     ///
     /// # Errors
     /// [`BusError::Operation`].
@@ -147,14 +149,14 @@ impl Bus {
         &self,
         key: &str,
         most_bytes: usize,
-        each: impl Fn(Attached) + Send + Sync + 'static,
+        each: impl Fn(Option<Attached>) + Send + Sync + 'static,
     ) -> Result<Subscription, BusError> {
         let inner = self
             .session
             .declare_subscriber(key.to_owned())
             .callback(move |sample| {
-                if sample.kind() == SampleKind::Put && sample.payload().len() <= most_bytes {
-                    each(Attached::of(Some(sample.payload()), sample.attachment()));
+                if sample.kind() == SampleKind::Put {
+                    each(Attached::of(Some(sample.payload()), sample.attachment(), most_bytes));
                 }
             })
             .await
@@ -162,7 +164,7 @@ impl Bus {
         Ok(Subscription::holding(inner))
     }
 
-    /// Calls `each` for each question on `key`; those with more than this many bytes are not answered.
+    /// Calls `each` for each question on `key`; of one with more than this many bytes nothing is read.
     ///
     /// # Errors
     /// [`BusError::Operation`].
@@ -177,10 +179,8 @@ impl Bus {
             .declare_queryable(key.to_owned())
             .complete(true)
             .callback(move |query| {
-                if query.payload().is_none_or(|payload| payload.len() <= most_bytes) {
-                    let asked = Attached::of(query.payload(), query.attachment());
-                    each(AttachedQuestion { query, asked });
-                }
+                let asked = Attached::of(query.payload(), query.attachment(), most_bytes);
+                each(AttachedQuestion { query, asked });
             })
             .await
             .map_err(failed("declaring a queryable", key))?;

@@ -1,4 +1,4 @@
-//! Files and folders of an identity that only their owner can read; a file is written whole or not at all.
+//! Files and folders, such as those of an identity, that only their owner can read; a file is written whole or not at all.
 
 use std::fs::{self, DirBuilder, OpenOptions};
 use std::io::{self, Write as _};

@@ -1,7 +1,7 @@
 //! A node of ROS 2 on a Zenoh session of ours: it publishes, hears and answers as rmw_zenoh does, and sees who else
 //! is there. Names, bytes and rules are `xtb-ros2`'s; this opens what they need.
 //!
-//! What comes in without a proper attachment, or is no message of its type, is dropped and counted: a question of
+//! What comes in without a proper attachment, is too long, or is no message of its type, is dropped and counted: a question of
 //! that kind gets no answer, as rmw_zenoh knows none that means "no".
 
 use std::marker::PhantomData;
@@ -107,9 +107,9 @@ impl Node {
     ) -> Result<Subscriber, NodeError> {
         let (key, token) = self.endpoint(channel)?;
         let malformed = self.malformed.clone();
-        let take = move |attached: Attached| match read::<M>(&attached) {
+        let take = move |attached: Option<Attached>| match read::<M>(attached.as_ref()) {
             Some((message, attachment)) => {
-                each(Heard { message, gid: attachment.gid, source_ns: attachment.source_ns });
+                each(Heard { message, attachment });
             }
             None => drop_malformed(&malformed, M::TYPE.name),
         };
@@ -128,7 +128,7 @@ impl Node {
     ) -> Result<Server, NodeError> {
         let (key, token) = self.endpoint(channel)?;
         let malformed = self.malformed.clone();
-        let take = move |question: AttachedQuestion| match read::<S::Request>(&question.asked) {
+        let take = move |question: AttachedQuestion| match read::<S::Request>(question.asked.as_ref()) {
             Some((request, attachment)) => {
                 each(Call { request, attachment, question, service: PhantomData });
             }
@@ -151,7 +151,8 @@ impl Node {
     }
 }
 
-fn read<T: Cdr>(attached: &Attached) -> Option<(T, Attachment)> {
+fn read<T: Cdr>(attached: Option<&Attached>) -> Option<(T, Attachment)> {
+    let attached = attached?;
     let attachment = Attachment::from_bytes(&attached.attachment).ok()?;
     Some((from_bytes(&attached.payload).ok()?, attachment))
 }
@@ -171,22 +172,18 @@ pub struct Publisher {
 }
 
 impl Publisher {
-    /// Sends a message of the topic's type.
-    ///
-    /// # Errors
-    /// [`BusError::Operation`].
-    pub async fn put<M: Message>(&self, message: &M) -> Result<(), BusError> {
-        self.put_bytes(to_bytes(message)).await
+    /// Sends a message of the topic's type. One that cannot be sent is only logged: the next one follows.
+    pub async fn put<M: Message>(&self, message: &M) {
+        self.put_bytes(to_bytes(message)).await;
     }
 
     /// The same for messages that differ between releases of ROS.
-    ///
-    /// # Errors
-    /// [`BusError::Operation`].
-    pub async fn put_bytes(&self, message: Vec<u8>) -> Result<(), BusError> {
+    pub async fn put_bytes(&self, message: Vec<u8>) {
         let sequence = self.sequence.fetch_add(1, Ordering::Relaxed);
         let attachment = Attachment { sequence, source_ns: now_ns(), gid: self.gid };
-        self.inner.put(message, &attachment.to_bytes()).await
+        if let Err(error) = self.inner.put(message, &attachment.to_bytes()).await {
+            tracing::debug!("{error}");
+        }
     }
 
     /// Whether anybody listens.
@@ -213,10 +210,8 @@ pub struct Server {
 pub struct Heard<M> {
     /// What.
     pub message: M,
-    /// Whose.
-    pub gid: Gid,
-    /// When it was made, by its sender's clock, in ns since 1970.
-    pub source_ns: i64,
+    /// Whose, its number, and when it was made, by its sender's clock.
+    pub attachment: Attachment,
 }
 
 /// A question to a service, to be answered once.

@@ -6,11 +6,13 @@
 //!                   nobody drives: asks for motion, let go ─────► Ask for the lease ─► granted: it is the driver
 //!                                                                                   └► refused: has to let go
 //! ```
-//! Who was fenced, refused or has lost the lease has to let go before it may ask: a stick that is still held must not
-//! set a robot in motion that has just become free. Letting go is a command to stand, or half a second without
+//! Who was fenced, refused or has lost the lease has to let go before it may ask, and so has who was commanding
+//! before it was heard here (its numbers do not begin near 1): a stick that is still held must not set a robot in
+//! motion that has just become free, or has just started. Letting go is a command to stand, or half a second without
 //! commands by the publisher's own clock; a gap in the network alone is none. A command to stand counts however late
-//! it comes.
+//! it comes, but not again.
 
+use crate::attachment::Attachment;
 use crate::drive::{Car, Drive, Notice};
 use crate::freshness::{Counts, Freshness, MOST, Sources};
 use crate::gid::Gid;
@@ -26,6 +28,9 @@ pub const LET_GO_MS: i64 = 500;
 const ASKED_MS: i64 = 1000;
 /// What was held back this long ago is told no more.
 const TOLD_MS: i64 = 2000;
+/// A publisher that is first heard with a higher number was commanding before. The first ones of a new publisher may
+/// be lost before the subscription has reached it: a second of ten commands. Chosen, not measured.
+const FIRST_NUMBERS: i64 = 10;
 const NS_PER_MS: i64 = 1_000_000;
 
 /// What to do about a command.
@@ -45,13 +50,14 @@ pub enum HeldBack {
     /// Another one drives.
     Fenced,
     /// It has to let go first.
-    Held,
+    MustLetGo,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Publisher {
     last_arrival_ns: i64,
-    last_source_ns: i64,
+    /// When the newest command was made.
+    newest_ns: i64,
     must_let_go: bool,
     held_back: Option<(HeldBack, i64)>,
     notice: Option<Notice>,
@@ -80,8 +86,10 @@ impl Commands {
         }
     }
 
-    /// A command that came at `arrival_ns` (of a monotonic clock here), made at `source_ns` (of its own clock).
-    pub fn command(&mut self, gid: Gid, arrival_ns: i64, source_ns: i64, twist: &Twist) -> Advice {
+    /// A command that came at `arrival_ns` (of a monotonic clock here); when it was made, whose it is and its number
+    /// are in what was attached.
+    pub fn command(&mut self, attachment: &Attachment, arrival_ns: i64, twist: &Twist) -> Advice {
+        let Attachment { sequence, source_ns, gid } = *attachment;
         if !self.publishers.contains_key(&gid) && self.publishers.len() >= MOST {
             let others = self.publishers.iter().filter(|(gid, _)| Some(**gid) != self.driver);
             let silent = others.min_by_key(|(_, publisher)| publisher.last_arrival_ns).map(|(gid, _)| *gid);
@@ -89,20 +97,21 @@ impl Commands {
         }
         let freshness = self.sources.judge(gid, arrival_ns, source_ns);
         let publisher = self.publishers.entry(gid).or_insert(Publisher {
-            last_source_ns: source_ns,
-            // What it has sent before it was heard here is not known.
-            must_let_go: false,
+            newest_ns: source_ns.saturating_sub(1),
+            must_let_go: sequence > FIRST_NUMBERS,
             ..Publisher::default()
         });
-        let paused = source_ns.saturating_sub(publisher.last_source_ns) >= LET_GO_MS * NS_PER_MS;
-        (publisher.last_arrival_ns, publisher.last_source_ns) = (arrival_ns, source_ns);
+        publisher.last_arrival_ns = arrival_ns;
+        let newer_ns = source_ns.saturating_sub(publisher.newest_ns);
+        publisher.newest_ns = publisher.newest_ns.max(source_ns);
         if freshness == Freshness::Old {
             return Advice::Ignore;
         }
         let drive = self.car.drive(twist);
         let stands = drive.rpm == WheelRpm::ZERO;
         // However late it comes: it was let go before whatever follows, and to stand is never wrong.
-        publisher.must_let_go &= !stands && !paused;
+        let let_go = newer_ns > 0 && (stands || newer_ns >= LET_GO_MS * NS_PER_MS);
+        publisher.must_let_go &= !let_go;
         if freshness != Freshness::Fresh && !stands {
             return Advice::Ignore;
         }
@@ -116,7 +125,7 @@ impl Commands {
                 return Advice::Ignore;
             }
             None if publisher.must_let_go => {
-                publisher.held_back = Some((HeldBack::Held, arrival_ns));
+                publisher.held_back = Some((HeldBack::MustLetGo, arrival_ns));
                 return Advice::Ignore;
             }
             None => {}
@@ -222,16 +231,23 @@ mod tests {
     struct Trial {
         commands: Commands,
         ms: i64,
+        sequence: i64,
     }
 
     impl Trial {
         fn new() -> Self {
-            Self { commands: Commands::of(&VehicleConfig::default()), ms: 1000 }
+            Self { commands: Commands::of(&VehicleConfig::default()), ms: 1000, sequence: 0 }
         }
 
         fn say(&mut self, gid: Gid, mps: f64) -> Advice {
             let now = self.ms * NS_PER_MS;
-            self.commands.command(gid, now, now, &ahead(mps))
+            self.say_at(gid, now, now, mps)
+        }
+
+        fn say_at(&mut self, gid: Gid, arrival_ns: i64, source_ns: i64, mps: f64) -> Advice {
+            self.sequence += 1;
+            let attachment = Attachment { sequence: self.sequence, source_ns, gid };
+            self.commands.command(&attachment, arrival_ns, &ahead(mps))
         }
 
         /// So many rounds in which each of these says its speed; the last round's advice.
@@ -286,12 +302,12 @@ mod tests {
         let mut trial = Trial::driven_by_a();
         let late_ns = (trial.ms - 50) * NS_PER_MS;
         trial.ms += 1000;
-        let advice = trial.commands.command(A, trial.ms * NS_PER_MS, late_ns, &ahead(0.0));
+        let advice = trial.say_at(A, trial.ms * NS_PER_MS, late_ns, 0.0);
         assert!(matches!(advice, Advice::Drive(drive) if drive.rpm == WheelRpm::ZERO), "{advice:?}");
-        let old = trial.commands.command(A, trial.ms * NS_PER_MS, late_ns - 1, &ahead(0.0));
+        let old = trial.say_at(A, trial.ms * NS_PER_MS, late_ns - 1, 0.0);
         assert_eq!(old, Advice::Ignore, "made before the last one");
         let late_ns = late_ns + 100 * NS_PER_MS;
-        assert_eq!(trial.commands.command(A, trial.ms * NS_PER_MS, late_ns, &ahead(0.2)), Advice::Ignore);
+        assert_eq!(trial.say_at(A, trial.ms * NS_PER_MS, late_ns, 0.2), Advice::Ignore);
     }
 
     #[test]
@@ -301,9 +317,32 @@ mod tests {
         // Made every 100 ms, held up for 2 s, then on time again.
         for made in 0..20 {
             let (now, made) = ((trial.ms + 2000) * NS_PER_MS, (trial.ms + made * 100) * NS_PER_MS);
-            assert_eq!(trial.commands.command(A, now + made / 1000, made, &ahead(0.2)), Advice::Ignore);
+            assert_eq!(trial.say_at(A, now + made / 1000, made, 0.2), Advice::Ignore);
         }
         trial.ms += 2100;
+        assert_eq!(trial.rounds(20, &[(A, 0.2)]), [Advice::Ignore]);
+    }
+
+    #[test]
+    fn who_was_commanding_before_it_was_heard_has_to_let_go() {
+        let mut trial = Trial::new();
+        trial.sequence = FIRST_NUMBERS;
+        assert_eq!(trial.rounds(20, &[(A, 0.2)]), [Advice::Ignore]);
+        trial.rounds(1, &[(A, 0.0)]);
+        assert_eq!(trial.rounds(1, &[(A, 0.2)]), [Advice::Ask]);
+    }
+
+    #[test]
+    fn what_comes_again_is_no_letting_go() {
+        let mut trial = Trial::new();
+        trial.rounds(3, &[(A, 0.0)]);
+        let zero_ns = (trial.ms - 100) * NS_PER_MS;
+        trial.rounds(3, &[(A, 0.2)]);
+        trial.commands.refused(&A);
+        // Old ones, then the zero of before, then a gap that only they have made.
+        for ns in [zero_ns - 600 * NS_PER_MS, zero_ns] {
+            trial.say_at(A, trial.ms * NS_PER_MS, ns, 0.0);
+        }
         assert_eq!(trial.rounds(20, &[(A, 0.2)]), [Advice::Ignore]);
     }
 

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::JoinHandle;
-use xtb_bus::BusError;
+use tokio::time::MissedTickBehavior;
 use xtb_client::client::Client;
 use xtb_client::estop::estop;
 use xtb_client::multi_robot::{StopOutcome, StopReport, Targets};
@@ -59,12 +59,13 @@ impl FleetNode {
         let publisher = self.node.publisher(&offer::CLOCK).await.map_err(failed)?;
         self.clock = Some(tokio::spawn(async move {
             let mut tick = tokio::time::interval(CLOCK_EVERY);
+            tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
             let mut last_ns = None;
             loop {
                 tick.tick().await;
                 let ns = (now_s() * 1e9) as u64;
                 if publisher.is_heard() && last_ns.replace(ns) != Some(ns) {
-                    log(publisher.put(&Clock { clock: Time::from_ns(ns) }).await);
+                    publisher.put(&Clock { clock: Time::from_ns(ns) }).await;
                 }
             }
         }));
@@ -89,7 +90,7 @@ fn root() -> RosName {
 async fn publish(node: &Node, map: &Map) -> std::result::Result<Publisher, NodeError> {
     let publisher = node.publisher(&offer::MAP).await?;
     let now = Time::from_ns(now_ns().unsigned_abs());
-    publisher.put(&occupancy_grid(&now, &FleetMap::from(map))).await?;
+    publisher.put(&occupancy_grid(&now, &FleetMap::from(map))).await;
     Ok(publisher)
 }
 
@@ -125,10 +126,4 @@ fn verdict(report: &StopReport) -> Verdict {
 fn failed(error: NodeError) -> Error {
     Error::new(ErrorKind::Failed, format!("cannot speak ROS 2: {error}"))
         .hint("with identities the router has to carry ROS 2: `fleet-cli router --ros2`")
-}
-
-fn log(sent: std::result::Result<(), BusError>) {
-    if let Err(error) = sent {
-        tracing::debug!("{error}");
-    }
 }

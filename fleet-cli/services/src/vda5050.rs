@@ -13,7 +13,7 @@ pub use broker::{Broker, Login};
 
 use records::Records;
 use session::Session;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -158,16 +158,16 @@ fn note(facts: &mut BTreeMap<TaskId, Fact>, event: TaskEvent) {
 /// A session for each robot that is there, or was.
 async fn run(shared: Arc<Shared>, mut stop: watch::Receiver<bool>) {
     let mut sessions = JoinSet::new();
-    let mut known: BTreeMap<Name, ()> = BTreeMap::new();
+    let mut known = BTreeSet::new();
     let mut tick = tokio::time::interval(LOOK_EVERY);
-    let (only, full) = (&shared.options.robots, MOST_ROBOTS);
+    let only = &shared.options.robots;
     while !*stop.borrow() {
         for robot in shared.feed.alive() {
             let wanted = only.is_empty() || only.contains(&robot);
-            if !wanted || known.contains_key(&robot) || known.len() >= full {
+            if !wanted || known.contains(&robot) || known.len() >= MOST_ROBOTS {
                 continue;
             }
-            known.insert(robot.clone(), ());
+            known.insert(robot.clone());
             match Session::open(&shared, robot.clone()) {
                 Ok(session) => drop(sessions.spawn(session.run(stop.clone()))),
                 Err(error) => tracing::error!("{robot} is not shown to the master control: {error}"),

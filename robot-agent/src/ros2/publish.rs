@@ -1,7 +1,6 @@
 //! What the robot publishes: everything 20 times a second or less, and only while somebody hears it.
 
 use crate::snapshot::Snapshot;
-use xtb_bus::BusError;
 use xtb_control::{Mode, VehicleConfig};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Fault, Latch, RobotState, StopReason, Track};
@@ -80,8 +79,8 @@ impl Publishers {
 
     /// What never changes; who comes later gets it too.
     pub(super) async fn begin(&self, now: &Time) {
-        log(self.tf_static.put(&self.robot.static_transforms(now)).await);
-        log(self.description.put(&Text { data: self.robot.description() }).await);
+        self.tf_static.put(&self.robot.static_transforms(now)).await;
+        self.description.put(&Text { data: self.robot.description() }).await;
     }
 
     /// What the control loop shows.
@@ -89,15 +88,15 @@ impl Publishers {
         let Snapshot { state, sensors, motion } = snapshot;
         if let Some(motion) = motion {
             if self.odom.is_heard() {
-                log(self.odom.put(&self.robot.odometry(stamp, motion, &state.pose)).await);
+                self.odom.put(&self.robot.odometry(stamp, motion, &state.pose)).await;
             }
             if self.tf.is_heard() {
-                log(self.tf.put(&self.robot.transforms(stamp, motion, &state.pose)).await);
+                self.tf.put(&self.robot.transforms(stamp, motion, &state.pose)).await;
             }
             if self.imu.is_heard()
                 && let Some(imu) = self.robot.imu(stamp, motion)
             {
-                log(self.imu.put(&imu).await);
+                self.imu.put(&imu).await;
             }
         }
         // Not from a converter that has fallen silent.
@@ -107,11 +106,11 @@ impl Publishers {
         {
             let ranges = self.robot.ranges(stamp, &sensors.ir_front_cm, &sensors.ir_rear_cm);
             for (publisher, range) in self.ranges.iter().zip(&ranges).filter(|(it, _)| it.is_heard()) {
-                log(publisher.put(range).await);
+                publisher.put(range).await;
             }
         }
         if state.seq.is_multiple_of(STATES_A_SECOND) && self.battery.is_heard() {
-            log(self.battery.put(&battery(stamp, state)).await);
+            self.battery.put(&battery(stamp, state)).await;
         }
         self.plan(state, stamp).await;
         self.diagnose(state, stamp, notes).await;
@@ -122,7 +121,7 @@ impl Publishers {
         let track = state.nav.route.as_ref().and_then(|route| route.track.as_ref());
         if track != self.track.as_ref() {
             self.track = track.cloned();
-            log(self.plan.put(&plan(stamp, state)).await);
+            self.plan.put(&plan(stamp, state)).await;
         }
     }
 
@@ -141,13 +140,13 @@ impl Publishers {
         if state.seq.is_multiple_of(STATES_A_SECOND) || self.told.as_ref() != Some(&told) {
             self.told = Some(told);
             let notes: Vec<_> = notes.events.iter().chain(&notes.counters).cloned().collect();
-            log(self.diagnostics.put(&diagnostics(stamp, state, &notes)).await);
+            self.diagnostics.put(&diagnostics(stamp, state, &notes)).await;
         }
     }
 
     /// How all goals stand.
     pub(super) async fn status(&self, goals: &GoalStatusArray) {
-        log(self.status.put(goals).await);
+        self.status.put(goals).await;
     }
 
     /// How the present goal goes.
@@ -180,12 +179,6 @@ impl Publishers {
             number_of_recoveries: 0,
             distance_remaining: remaining_m as f32,
         };
-        log(self.feedback.put_bytes(self.distro.feedback(feedback, off_m, f32::NAN)).await);
-    }
-}
-
-fn log(sent: Result<(), BusError>) {
-    if let Err(error) = sent {
-        tracing::debug!("{error}");
+        self.feedback.put_bytes(self.distro.feedback(feedback, off_m, f32::NAN)).await;
     }
 }

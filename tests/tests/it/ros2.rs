@@ -100,6 +100,31 @@ async fn a_publisher_drives_and_the_truck_stands_when_it_falls_silent_and_when_i
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_stick_that_is_held_while_the_agent_restarts_drives_only_when_it_was_let_go() {
+    let mut fleet = robot().await;
+    let bus = nodes::session(fleet.simulator.endpoint()).await;
+    let teleop = Talker::new(&bus, "teleop").await;
+    let began = fleet.time_s();
+    teleop.hold(0.3, || drives(&fleet) && fleet.time_s() > began + 3.0).await;
+    let restart = async {
+        fleet.simulator.stop_agent(0).await;
+        fleet.simulator.restart_agent(0);
+        fleet.until(1, "the agent back", |state| state.tick_ms > 0).await;
+        fleet.simulated(3.0).await;
+        assert!(fleet.truth(1).speed_mps < 0.02, "it drove by itself");
+        assert_eq!(fleet.state(1).await.lease, None);
+    };
+    tokio::select! {
+        () = restart => {}
+        () = teleop.hold(0.3, || false) => {}
+    }
+    let began = fleet.time_s();
+    teleop.hold(0.0, || fleet.time_s() > began + 0.3).await;
+    teleop.hold(0.3, || drives(&fleet)).await;
+    fleet.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_burst_that_was_held_up_moves_nothing() {
     let fleet = robot().await;
     let bus = nodes::session(fleet.simulator.endpoint()).await;
@@ -129,6 +154,7 @@ async fn a_second_publisher_is_fenced_and_named_in_diagnostics() {
     let key = Key::new(DOMAIN, RosName::new("/diagnostics").unwrap(), offer::DIAGNOSTICS.ros_type);
     let _heard = bus
         .subscribe_attached(&key.to_string(), 1 << 16, move |attached| {
+            let attached = attached.unwrap();
             assert_eq!(attached.attachment.len(), 33);
             let message: DiagnosticArray = from_bytes(&attached.payload).unwrap();
             let named = message

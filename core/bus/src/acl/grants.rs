@@ -83,21 +83,20 @@ pub(super) fn of_parties(keys: &FleetKeys, parties: &[Party], entry: Option<&Ent
     grants
 }
 
-/// The declarations of others, without which Zenoh sends nothing to them.
-pub(super) fn declarations(keys: &FleetKeys, grants: &mut Grants) {
+/// The declarations of others on these keys, without which Zenoh sends nothing to them.
+pub(super) fn declarations(all: &str, grants: &mut Grants) {
     for message in [
         Message::DeclareSubscriber,
         Message::DeclareQueryable,
         Message::LivelinessQuery,
         Message::DeclareLivelinessSubscriber,
     ] {
-        let all = keys.everything();
-        grants.entry((Flow::Egress, message)).or_default().extend([recovery(&all), all]);
+        grants.entry((Flow::Egress, message)).or_default().extend([recovery(all), all.to_owned()]);
     }
 }
 
 /// A channel's keys for one party.
-struct Scope {
+pub(super) struct Scope {
     /// Its own.
     own: Vec<String>,
     /// Those on which others mean it, beside these.
@@ -107,6 +106,11 @@ struct Scope {
 }
 
 impl Scope {
+    /// Keys that are a party's own alone.
+    pub(super) fn at(own: Vec<String>) -> Self {
+        Self { own, called: Vec::new(), put_to_all: false }
+    }
+
     fn of(keys: &FleetKeys, kind: Kind, party: Party, entry: Option<&Entry>) -> Self {
         let any = keys.any_robot();
         let called = if party == Party::Robot { vec![kind.key_expr(keys, &any)] } else { Vec::new() };
@@ -131,7 +135,7 @@ impl Scope {
     }
 
     /// It publishes, asks, or is there.
-    fn speaks(&self, how: Use, grants: &mut Grants) {
+    pub(super) fn speaks(&self, how: Use, grants: &mut Grants) {
         use Flow::{Egress, Ingress};
         match how {
             Use::Put => self.grant(grants, Ingress, Message::Put),
@@ -156,7 +160,7 @@ impl Scope {
     }
 
     /// It hears, answers, or sees who is there.
-    fn listens(&self, how: Use, grants: &mut Grants) {
+    pub(super) fn listens(&self, how: Use, grants: &mut Grants) {
         use Flow::{Egress, Ingress};
         match how {
             Use::Put => {

@@ -8,9 +8,11 @@
 //! | viewer | hear everything; ask `estop` |
 //! | map | publish `/map` |
 //!
-//! A node of ROS is what its certificate is: who drives by `cmd_vel` has to be an operator.
+//! Topics are used as events are: what is latched is asked for by those who come late. A node of ROS is what its
+//! certificate is: who drives by `cmd_vel` has to be an operator.
 
-use super::grants::{Flow, Grants, Message, recovery};
+use super::grants::{Flow, Grants, Message, Scope, declarations, recovery};
+use super::table::Use::{Alive, Ask, Event};
 use xtb_identity::{Entry, Role};
 use xtb_protocol::Name;
 
@@ -27,36 +29,35 @@ impl Ros2Domain {
     /// Adds what somebody of the registry may do.
     pub(super) fn grant(&self, entry: &Entry, grants: &mut Grants) {
         let domain = self.domain;
-        let topic = |name: &str| vec![format!("{domain}/{name}/**")];
-        let all = vec![format!("{domain}/**")];
-        let tokens = |rest: &str| vec![format!("@ros2_lv/{domain}/{rest}")];
-        let mut own = Own(grants);
+        let keys = |names: &[&str]| names.iter().map(|name| format!("{domain}/{name}")).collect::<Vec<_>>();
+        let tokens = |ends: &[&str]| Scope::at(ends.iter().map(|end| self.token(end)).collect());
         match entry.role {
             Role::Robot => {
                 let namespace = (self.namespace)(&entry.name);
-                let space = topic(&namespace);
-                own.publishes(&space);
-                ["tf", "tf_static", "diagnostics"].iter().for_each(|name| own.publishes(&topic(name)));
-                own.hears(&space);
-                own.answers(&space);
-                own.is(&tokens(&format!("*/*/*/*/*/%{}/**", namespace.replace('/', "%"))));
+                let own = keys(&[&format!("{namespace}/**")]);
+                hears(own.clone(), grants);
+                Scope::at(own.clone()).listens(Ask, grants);
+                let shared = keys(&["tf/**", "tf_static/**", "diagnostics/**"]);
+                Scope::at([own, shared].concat()).speaks(Event, grants);
+                let node = format!("*/*/*/*/*/%{}/**", namespace.replace('/', "%"));
+                tokens(&[&node]).speaks(Alive, grants);
             }
             Role::Operator | Role::Simulator => {
-                own.publishes(&all);
-                own.hears(&all);
-                own.answers(&all);
-                own.asks(&all);
-                own.is(&tokens("**"));
+                let all = Scope::at(keys(&["**"]));
+                all.speaks(Event, grants);
+                hears(keys(&["**"]), grants);
+                all.speaks(Ask, grants);
+                all.listens(Ask, grants);
+                tokens(&["**"]).speaks(Alive, grants);
             }
             Role::Viewer => {
-                own.hears(&all);
-                own.asks(&[format!("{domain}/estop/**"), format!("{domain}/*/estop/**")]);
-                own.is(&["NN", "MS", "SC"].map(|kind| format!("@ros2_lv/{domain}/*/*/*/{kind}/**")));
+                hears(keys(&["**"]), grants);
+                Scope::at(keys(&["estop/**", "*/estop/**"])).speaks(Ask, grants);
+                tokens(&["*/*/*/NN/**", "*/*/*/MS/**", "*/*/*/SC/**"]).speaks(Alive, grants);
             }
             Role::Map => {
-                own.publishes(&topic("map"));
-                own.is(&tokens("*/*/*/NN/*/%/**"));
-                own.is(&tokens("*/*/*/MP/*/%/*/%map/**"));
+                Scope::at(keys(&["map/**"])).speaks(Event, grants);
+                tokens(&["*/*/*/NN/*/%/**", "*/*/*/MP/*/%/*/%map/**"]).speaks(Alive, grants);
             }
             Role::Dashboard
             | Role::Dispatcher
@@ -65,79 +66,19 @@ impl Ros2Domain {
             | Role::Recorder
             | Role::Router => return,
         }
-        own.sees(&tokens("**"));
-        own.learns(&[all, tokens("**")].concat());
+        tokens(&["**"]).listens(Alive, grants);
+        declarations(&format!("{domain}/**"), grants);
+        declarations(&self.token("**"), grants);
+    }
+
+    fn token(&self, end: &str) -> String {
+        format!("@ros2_lv/{}/{end}", self.domain)
     }
 }
 
-/// The grants of one of the registry.
-struct Own<'a>(&'a mut Grants);
-
-impl Own<'_> {
-    fn grant(&mut self, flow: Flow, messages: &[Message], keys: &[String]) {
-        for message in messages {
-            self.0.entry((flow, *message)).or_default().extend(keys.iter().cloned());
-        }
-    }
-
-    /// Also what is latched, which late subscribers ask for.
-    fn publishes(&mut self, keys: &[String]) {
-        self.grant(Flow::Ingress, &[Message::Put, Message::Reply], keys);
-        let cached = recovered(keys);
-        let cache = [Message::Put, Message::DeclareQueryable, Message::Reply, Message::LivelinessToken];
-        self.grant(Flow::Ingress, &cache, &cached);
-        self.grant(Flow::Egress, &[Message::Query], &cached);
-    }
-
-    fn hears(&mut self, keys: &[String]) {
-        self.grant(Flow::Ingress, &[Message::DeclareSubscriber], keys);
-        self.grant(Flow::Egress, &[Message::Put, Message::Reply], keys);
-        let cached = recovered(keys);
-        let asked = [
-            Message::DeclareSubscriber,
-            Message::Query,
-            Message::LivelinessQuery,
-            Message::DeclareLivelinessSubscriber,
-            // Of a late subscriber, which publishers look for.
-            Message::LivelinessToken,
-        ];
-        self.grant(Flow::Ingress, &asked, &cached);
-        self.grant(Flow::Egress, &[Message::Put, Message::Reply, Message::LivelinessToken], &cached);
-    }
-
-    fn answers(&mut self, keys: &[String]) {
-        self.grant(Flow::Ingress, &[Message::DeclareQueryable, Message::Reply], keys);
-        self.grant(Flow::Egress, &[Message::Query], keys);
-    }
-
-    fn asks(&mut self, keys: &[String]) {
-        self.grant(Flow::Ingress, &[Message::Query], keys);
-        self.grant(Flow::Egress, &[Message::Reply], keys);
-    }
-
-    fn is(&mut self, tokens: &[String]) {
-        self.grant(Flow::Ingress, &[Message::LivelinessToken], tokens);
-    }
-
-    fn sees(&mut self, tokens: &[String]) {
-        let looks = [Message::LivelinessQuery, Message::DeclareLivelinessSubscriber];
-        self.grant(Flow::Ingress, &looks, tokens);
-        self.grant(Flow::Egress, &[Message::LivelinessToken], tokens);
-    }
-
-    /// The declarations of others, without which Zenoh sends nothing to them.
-    fn learns(&mut self, keys: &[String]) {
-        let declarations = [
-            Message::DeclareSubscriber,
-            Message::DeclareQueryable,
-            Message::LivelinessQuery,
-            Message::DeclareLivelinessSubscriber,
-        ];
-        self.grant(Flow::Egress, &declarations, keys);
-        self.grant(Flow::Egress, &declarations, &recovered(keys));
-    }
-}
-
-fn recovered(keys: &[String]) -> Vec<String> {
-    keys.iter().map(|key| recovery(key)).collect()
+/// Also shows publishers that it is there, as subscribers of rmw_zenoh do.
+fn hears(keys: Vec<String>, grants: &mut Grants) {
+    let shown: Vec<String> = keys.iter().map(|key| recovery(key)).collect();
+    grants.entry((Flow::Ingress, Message::LivelinessToken)).or_default().extend(shown);
+    Scope::at(keys).listens(Event, grants);
 }

@@ -3,9 +3,10 @@
 use super::failed;
 use crate::ledger::sync_folder;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use xtb_bus::private_file;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_recording::files;
@@ -71,11 +72,7 @@ impl Records {
     /// What was kept before is kept still.
     pub(super) fn write(&self, robot: &Name, record: &str) -> io::Result<()> {
         let path = self.path(robot);
-        let draft = self.folder.join(format!("{robot}.json-new"));
-        let mut file = File::create(&draft)?;
-        file.write_all(record.as_bytes())?;
-        file.sync_all()?;
-        fs::rename(&draft, &path)?;
+        private_file::write(&path, record.as_bytes())?;
         sync_folder(&path)
     }
 }

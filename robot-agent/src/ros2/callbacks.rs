@@ -1,7 +1,7 @@
-//! What callbacks and pilot share: who of ROS is there, whose commands drive, and which lease they drive with.
+//! What callbacks and [`client`](super::client) share: who of ROS is there, whose commands drive, and which lease they drive with.
 //!
 //! The callbacks run on Zenoh's threads. A velocity command of the driver goes on to the control loop at once; an
-//! emergency stop and a stop wait for nothing; everything else is queued for the pilot.
+//! emergency stop and a stop wait for nothing; everything else is queued for the client.
 
 use crate::inbox::Inbox;
 use crate::snapshot::Snapshot;
@@ -20,13 +20,13 @@ use xtb_ros2::token::Kind;
 use xtb_ros2::types::{
     CancelGoal, GetResult, GoalId, PoseStamped, PoseWithCovarianceStamped, SendGoal, Trigger, Twist, Verdict,
 };
-use xtb_ros2::{Gid, Graph, RosName, Token};
+use xtb_ros2::{Attachment, Gid, Graph, RosName, Token};
 use xtb_ros2_node::Call;
 
-/// What waits for the pilot.
+/// What waits for the client.
 pub(super) enum Event {
     /// This publisher asks for motion, and nobody drives.
-    Wanted(Gid),
+    LeaseWanted(Gid),
     /// The one who had the lease is gone.
     Vanished,
     /// See `offer::RESET`.
@@ -108,7 +108,7 @@ impl Shared {
 }
 
 /// See the module's documentation.
-pub(super) struct Front {
+pub(super) struct Callbacks {
     shared: Mutex<Shared>,
     namespace: RosName,
     /// Where everything goes in.
@@ -119,7 +119,7 @@ pub(super) struct Front {
     overloaded: AtomicU64,
 }
 
-impl Front {
+impl Callbacks {
     pub(super) fn new(
         vehicle: &VehicleConfig,
         namespace: RosName,
@@ -146,12 +146,12 @@ impl Front {
         self.snapshots.borrow().as_ref().map_or(0, |now| now.state.seq)
     }
 
-    /// What found the queue to the pilot full.
+    /// What found the queue to the client full.
     pub(super) fn overloaded(&self) -> u64 {
         self.overloaded.load(Ordering::Relaxed)
     }
 
-    /// Queues something for the pilot. A service that finds no room is not answered: who asks asks again.
+    /// Queues something for the client. A service that finds no room is not answered: who asks asks again.
     pub(super) fn event(&self, event: Event) {
         if self.events.try_send(event).is_err() {
             self.overloaded.fetch_add(1, Ordering::Relaxed);
@@ -159,13 +159,13 @@ impl Front {
     }
 
     /// A velocity command has come.
-    pub(super) fn command(&self, gid: Gid, source_ns: i64, twist: &Twist) {
+    pub(super) fn command(&self, attachment: &Attachment, twist: &Twist) {
         let mut shared = self.lock();
-        match shared.commands.command(gid, self.now_ns(), source_ns, twist) {
+        match shared.commands.command(attachment, self.now_ns(), twist) {
             Advice::Ignore => {}
             Advice::Ask => {
                 drop(shared);
-                self.event(Event::Wanted(gid));
+                self.event(Event::LeaseWanted(attachment.gid));
             }
             Advice::Drive(drive) => self.setpoint(&mut shared, drive.rpm, drive.steering),
         }
