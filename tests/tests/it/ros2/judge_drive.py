@@ -75,7 +75,7 @@ def moves(seconds: float) -> float:
 
 def stands() -> bool:
     """Waits until it does: the wheels coast after the motor is neutral."""
-    return until(lambda: abs(odometry.speed_mps()) < 0.005, 10.0)
+    return until(lambda: abs(odometry.speed_mps()) < 0.005, 3.0)
 
 
 def received(what: str) -> int:
@@ -93,7 +93,7 @@ def drive() -> dict[str, Any]:
     stood = stands()
     moved_m = odometry.moved_m(began)
     # 0.5 m on a computer with time to spare; not more than 0.3 m/s and what it coasts.
-    ok = stood and 0.15 < moved_m < 1.1 and moves(1.0) < STANDS_M
+    ok = stood and 0.35 < moved_m < 1.1 and moves(1.0) < STANDS_M
     return {"ok": ok, "moved_m": round(moved_m, 3), "top_mps": round(top_mps, 3), "stood": stood,
             "notice": sorted(diagnostics.said.get("cmd_vel", [])),
             "in_control": sorted(diagnostics.said.get("ROS node in control", []))}
@@ -141,7 +141,7 @@ def burst() -> dict[str, Any]:
         faster_mps = max((pose[3] for pose in after), default=9.0) - speed_mps
         moved_m = odometry.moved_m(sent)
         dropped = received("late") > late  # /diagnostics counts them
-        ok = dropped and before_m > 0.1 and faster_mps < 0.02 and moved_m < (STANDS_M if held_s > 1.0 else 0.05)
+        ok = dropped and before_m > 0.2 and faster_mps < 0.02 and moved_m < (STANDS_M if held_s > 1.0 else 0.05)
         verdict["ok"] &= ok
         verdict[f"held {held_s} s"] = {"ok": ok, "before_m": round(before_m, 3), "speed_then_mps": round(speed_mps, 3),
                                        "faster_mps": round(faster_mps, 3), "moved_m": round(moved_m, 4),
