@@ -146,6 +146,12 @@ impl Callbacks {
         self.snapshots.borrow().as_ref().map_or(0, |now| now.state.seq)
     }
 
+    /// Who has the lease, by the robot's latest state.
+    pub(super) fn lease_holder(&self) -> Option<Name> {
+        let snapshot = self.snapshots.borrow();
+        snapshot.as_ref()?.state.lease.as_ref().map(|lease| lease.holder.clone())
+    }
+
     /// What found the queue to the client full.
     pub(super) fn overloaded(&self) -> u64 {
         self.overloaded.load(Ordering::Relaxed)

@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use xtb_control::Stamp;
 use xtb_control::frames::MapPose;
-use xtb_protocol::messages::{Body, ErrorBody, Outcome, RejectCode, Reply, Request, RobotState};
+use xtb_protocol::messages::{Body, ErrorBody, Outcome, RejectCode, Reply, Request};
 use xtb_protocol::{Name, Uuid};
 use xtb_ros2::Gid;
 use xtb_ros2::action::Goals;
@@ -47,12 +47,11 @@ pub(super) struct Client {
     goals: Goals<Call<GetResult>>,
     /// The last thing that was refused, and when.
     refused: Option<(String, Instant)>,
-    state: Option<RobotState>,
 }
 
 impl Client {
     pub(super) fn new(callbacks: Arc<Callbacks>, publishers: Publishers, stamps: Stamps) -> Self {
-        Self { callbacks, publishers, stamps, goals: Goals::default(), refused: None, state: None }
+        Self { callbacks, publishers, stamps, goals: Goals::default(), refused: None }
     }
 
     /// What stays true is published once.
@@ -202,7 +201,7 @@ impl Client {
     async fn release(&mut self, call: Call<Trigger>) {
         let holds = self.callbacks.lock().holder.is_some();
         self.release_lease().await;
-        let other = self.state.as_ref().and_then(|state| state.lease.as_ref()).map(|lease| &lease.holder);
+        let other = self.callbacks.lease_holder();
         call.reply(&match (holds, other) {
             (true, _) => Verdict::done("control is released; whoever held a stick has to let go first"),
             (false, None) => Verdict::done("nobody held control"),
@@ -252,7 +251,6 @@ impl Client {
     /// What the control loop shows: goals go on, a lost lease is lost, everything is published.
     pub(super) async fn see(&mut self, snapshot: &Snapshot, malformed: u64) {
         let state = &snapshot.state;
-        self.state = Some(state.clone());
         let lost = {
             let mut shared = self.callbacks.lock();
             let lost = shared.holder.take_if(|holder| {
@@ -268,8 +266,8 @@ impl Client {
             self.note(format!("{} has lost control to {}", holder.node, other.holder));
         }
         self.follow_goals(state).await;
-        let notes = self.notes(malformed);
-        self.publishers.snapshot(snapshot, &self.stamps.at(state.tick_ms), &notes).await;
+        let notes = self.publishers.diagnoses().then(|| self.notes(malformed));
+        self.publishers.snapshot(snapshot, &self.stamps.at(state.tick_ms), notes).await;
         if let Some((id, _)) = self.goals.active() {
             self.publishers.feedback(id, state, &self.stamps.at(state.tick_ms)).await;
         }

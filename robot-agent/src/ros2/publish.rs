@@ -83,8 +83,13 @@ impl Publishers {
         self.description.put(&Text { data: self.robot.description() }).await;
     }
 
-    /// What the control loop shows.
-    pub(super) async fn snapshot(&mut self, snapshot: &Snapshot, stamp: &Time, notes: &Notes) {
+    /// Whether anybody hears diagnostics.
+    pub(super) fn diagnoses(&self) -> bool {
+        self.diagnostics.is_heard()
+    }
+
+    /// What the control loop shows; `notes` are for diagnostics, if anybody hears them.
+    pub(super) async fn snapshot(&mut self, snapshot: &Snapshot, stamp: &Time, notes: Option<Notes>) {
         let Snapshot { state, sensors, motion } = snapshot;
         if let Some(motion) = motion {
             if self.odom.is_heard() {
@@ -125,11 +130,11 @@ impl Publishers {
         }
     }
 
-    async fn diagnose(&mut self, state: &RobotState, stamp: &Time, notes: &Notes) {
-        if !self.diagnostics.is_heard() {
+    async fn diagnose(&mut self, state: &RobotState, stamp: &Time, notes: Option<Notes>) {
+        let Some(notes) = notes else {
             self.told = None;
             return;
-        }
+        };
         let told = (
             state.mode,
             state.stopped_because.clone(),
