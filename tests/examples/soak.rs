@@ -28,12 +28,12 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use xtb_bus::{Bus, Incoming, Role};
-use xtb_control::frames::MapPose;
+use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_protocol::Uuid;
-use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::keys::{FleetKeys, Name};
 use xtb_protocol::messages::{
     Body, DispatchBody, DispatchOutcome, DispatchRequest, LinkLoss, Roster, TaskKind, TaskSpec, TaskState,
-    Truth, Via, Waypoint,
+    Truth, TruthRobot, Via, Waypoint,
 };
 
 const FLEET: &str = "lab";
@@ -56,6 +56,8 @@ const AROUND_M: f64 = 1.0;
 const GOAL_EVERY: Duration = Duration::from_secs(20);
 const GOAL_WITHIN_M: f64 = 4.0;
 const INTERRUPTED: u8 = 130;
+/// So many contacts are told one by one.
+const TOUCHES: usize = 100;
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error + Send + Sync>>;
 
@@ -246,7 +248,9 @@ fn table(watched: &[Watched]) -> Vec<String> {
 struct Seen {
     /// The world's time in s, and when: first and last.
     times: Option<[(Instant, f64); 2]>,
-    contacts: u64,
+    robots: BTreeMap<Name, TruthRobot>,
+    /// Who had the first ones, and who was near.
+    touches: Vec<String>,
     frames: u64,
     submitted: u64,
     refused: u64,
@@ -261,7 +265,14 @@ impl Seen {
     fn take(&mut self, truth: &Truth) {
         let now = (Instant::now(), truth.t_s);
         self.times = Some([self.times.map_or(now, |[first, _]| first), now]);
-        self.contacts = truth.robots.values().map(|robot| robot.contacts).sum();
+        for (name, robot) in &truth.robots {
+            let before = self.robots.insert(name.clone(), *robot);
+            if let Some(before) = before.filter(|before| robot.contacts > before.contacts)
+                && self.touches.len() < TOUCHES
+            {
+                self.touches.push(touch(truth, name, &before));
+            }
+        }
     }
 
     /// Prints it, and returns the limits that were broken.
@@ -269,11 +280,31 @@ impl Seen {
         let real_time = self.times.map_or(f64::NAN, |[(began, first_s), (now, last_s)]| {
             (last_s - first_s) / now.duration_since(began).as_secs_f64()
         });
-        let Self { contacts, frames, submitted, refused, unanswered, .. } = self;
+        let Self { touches, frames, submitted, refused, unanswered, .. } = self;
+        let contacts: u64 = self.robots.values().map(|robot| robot.contacts).sum();
         println!("{submitted} tasks submitted, {refused} refused, {unanswered} without an answer");
         println!("{contacts} contacts, {frames} frames of the page, {real_time:.2} × real time");
-        if self.contacts == 0 { Vec::new() } else { vec![format!("{contacts} contacts")] }
+        touches.iter().for_each(|touch| println!("contact: {touch}"));
+        if contacts == 0 { Vec::new() } else { vec![format!("{contacts} contacts")] }
     }
+}
+
+/// One contact: who drove, and the nearest other truck as that one sees it.
+fn touch(truth: &Truth, name: &Name, robot: &TruthRobot) -> String {
+    let others = truth.robots.iter().filter(|(other, _)| *other != name);
+    let away_m = |other: &TruthRobot| (other.x_m - robot.x_m).hypot(other.y_m - robot.y_m);
+    let nearest = others.min_by(|(_, a), (_, b)| away_m(a).total_cmp(&away_m(b)));
+    let at = format!("{:.1} s, {name} at {:.2} {:.2}", truth.t_s, robot.x_m, robot.y_m);
+    let Some((other, its)) = nearest else { return at };
+    let degrees = |rad: f64| wrap_rad(rad).to_degrees();
+    let bearing = degrees((its.y_m - robot.y_m).atan2(its.x_m - robot.x_m) - robot.yaw_rad);
+    let heading = degrees(its.yaw_rad - robot.yaw_rad);
+    format!(
+        "{at} with {:.2} m/s: {other} is {:.2} m away at {bearing:.0}°, heads {heading:.0}°, drives {:.2} m/s",
+        robot.speed_mps,
+        away_m(its),
+        its.speed_mps
+    )
 }
 
 /// Whoever submits tasks.

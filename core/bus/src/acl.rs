@@ -8,9 +8,11 @@ mod grants;
 mod ros2;
 mod table;
 
+use ros2::GRAPH;
 pub use ros2::Ros2Domain;
 
 use grants::{Flow, Grants, Message, RECOVERY, declarations, of_parties, recovery};
+use ros2::GRAPH;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use table::Party;
@@ -109,7 +111,7 @@ fn everything(id: &str) -> Value {
         "permission": "allow",
         "flows": [Flow::Ingress.as_str(), Flow::Egress.as_str()],
         "messages": EVERY_MESSAGE,
-        "key_exprs": ["**", format!("**/{RECOVERY}")],
+        "key_exprs": ["**", format!("**/{RECOVERY}"), format!("{GRAPH}/**")],
     })
 }
 

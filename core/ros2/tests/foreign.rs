@@ -1,5 +1,6 @@
-//! rosbags, an independent implementation in Python, computes every hash that is used here, and decodes what is
-//! written here. Without a Python that has it (`XTB_PYTHON`, else `python3`) nothing is tested.
+//! Foreign code computes every hash that is used here, and decodes what is written here: rosbags, an independent
+//! implementation in Python (`XTB_PYTHON`, else `python3`), and rclpy's genuine type support (`XTB_RCLPY`). Without a
+//! Python that has it nothing is judged by it.
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
@@ -24,28 +25,44 @@ const RELEASES: [(Distro, &str); 3] =
 const ACTION: &str = "nav2_msgs/action/NavigateToPose";
 const UUID: GoalId = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 255];
 
-fn python() -> Option<PathBuf> {
-    let candidates = std::env::var_os("XTB_PYTHON").into_iter().chain(["python3".into()]);
-    candidates.map(PathBuf::from).find(|python| {
-        let import =
-            Command::new(python).args(["-c", "import rosbags.typesys"]).stderr(Stdio::null()).status();
-        import.is_ok_and(|status| status.success())
-    })
+/// Who judges.
+#[derive(Clone, Copy)]
+struct Foreign {
+    script: &'static str,
+    /// Names its Python.
+    variable: &'static str,
+    package: &'static str,
 }
 
-/// What rosbags answers; `None` without it.
-fn judged(asked: &Value) -> Option<Value> {
-    let Some(python) = python() else {
-        skip("no Python with the package rosbags: hashes and bytes were not judged by it");
-        return None;
-    };
-    let judge = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/rosbags_judge.py");
-    let mut command = Command::new(python);
-    let mut child = command.arg(judge).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-    child.stdin.take().unwrap().write_all(asked.to_string().as_bytes()).unwrap();
-    let output = child.wait_with_output().unwrap();
-    assert!(output.status.success(), "{output:?}");
-    Some(serde_json::from_slice(&output.stdout).unwrap())
+const ROSBAGS: Foreign =
+    Foreign { script: "rosbags_judge.py", variable: "XTB_PYTHON", package: "rosbags.typesys" };
+const RCLPY: Foreign =
+    Foreign { script: "rclpy_judge.py", variable: "XTB_RCLPY", package: "rclpy.serialization" };
+
+impl Foreign {
+    fn python(self) -> Option<PathBuf> {
+        let candidates = std::env::var_os(self.variable).into_iter().chain(["python3".into()]);
+        candidates.map(PathBuf::from).find(|python| {
+            let import = format!("import {}", self.package);
+            let import = Command::new(python).args(["-c", &import]).stderr(Stdio::null()).status();
+            import.is_ok_and(|status| status.success())
+        })
+    }
+
+    /// What it answers; `None` without it.
+    fn judged(self, asked: &Value) -> Option<Value> {
+        let Some(python) = self.python() else {
+            skip(&format!("no Python with {}: hashes and bytes were not judged by it", self.package));
+            return None;
+        };
+        let judge = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(self.script);
+        let mut command = Command::new(python);
+        let mut child = command.arg(judge).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        child.stdin.take().unwrap().write_all(asked.to_string().as_bytes()).unwrap();
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        Some(serde_json::from_slice(&output.stdout).unwrap())
+    }
 }
 
 #[allow(clippy::print_stderr)]
@@ -53,21 +70,35 @@ fn skip(why: &str) {
     eprintln!("skipped: {why}");
 }
 
+fn types(distro: Distro) -> Vec<RosType> {
+    let offered = offer::robot(distro).chain([offer::MAP, offer::FLEET_ESTOP, offer::CLOCK]);
+    offered.map(|channel| channel.ros_type).chain([LaserScan::TYPE, SetBool::TYPE]).collect()
+}
+
 #[test]
 fn every_hash_is_the_one_that_rosbags_computes() {
-    let more = [LaserScan::TYPE, SetBool::TYPE];
-    let types = |distro: Distro| -> Vec<RosType> {
-        let offered = offer::robot(distro).chain([offer::MAP, offer::FLEET_ESTOP, offer::CLOCK]);
-        offered.map(|channel| channel.ros_type).chain(more).collect()
-    };
     let all =
         RELEASES.iter().flat_map(|(distro, store)| types(*distro).into_iter().map(move |it| (it, *store)));
     let (types, asked): (Vec<_>, Vec<_>) =
         all.map(|(it, store)| (it, json!({ "name": it.name, "store": store }))).unzip();
-    let Some(answer) = judged(&json!({ "types": asked, "messages": [] })) else { return };
+    let Some(answer) = ROSBAGS.judged(&json!({ "types": asked, "messages": [] })) else { return };
     for (ours, theirs) in types.iter().zip(answer["types"].as_array().unwrap()) {
         assert_eq!(theirs["hash"], ours.hash, "{theirs}");
     }
+}
+
+/// It has no tf2_msgs and no nav2_msgs.
+#[test]
+fn every_hash_is_the_one_that_the_genuine_generator_has_written() {
+    let types = types(Distro::Kilted);
+    let asked: Vec<_> = types.iter().map(|it| json!({ "name": it.name })).collect();
+    let Some(answer) = RCLPY.judged(&json!({ "types": asked, "messages": [] })) else { return };
+    let theirs = answer["types"].as_array().unwrap();
+    let known: Vec<_> = types.iter().zip(theirs).filter(|(_, theirs)| !theirs["hash"].is_null()).collect();
+    for (ours, theirs) in &known {
+        assert_eq!(theirs["hash"], ours.hash, "{theirs}");
+    }
+    assert!(known.len() > 20, "{theirs:?}");
 }
 
 /// A message with its release and its type's name.
@@ -184,16 +215,54 @@ fn diagnostics() -> DiagnosticArray {
     DiagnosticArray { header: header(""), status: vec![status("xtb_1: a"), status("xtb_1: bc")] }
 }
 
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn asked(sent: &[Sent]) -> Value {
+    let messages = sent.iter().map(|it| json!({ "name": it.name, "store": it.store, "hex": hex(&it.bytes) }));
+    json!({ "types": [], "messages": messages.collect::<Vec<_>>() })
+}
+
 #[test]
 fn rosbags_decodes_what_is_written_here_and_writes_the_same_bytes() {
     let sent = messages();
-    let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
-    let asked: Vec<_> =
-        sent.iter().map(|it| json!({ "name": it.name, "store": it.store, "hex": hex(&it.bytes) })).collect();
-    let Some(answer) = judged(&json!({ "types": [], "messages": asked })) else { return };
+    let Some(answer) = ROSBAGS.judged(&asked(&sent)) else { return };
     for (ours, theirs) in sent.iter().zip(answer["messages"].as_array().unwrap()) {
         assert_eq!(theirs["hex"], hex(&ours.bytes), "{}", ours.name);
         let (place, expected) = &ours.check;
         assert_eq!(theirs["value"].pointer(place), Some(expected), "{}: {theirs}", ours.name);
+    }
+}
+
+#[test]
+fn the_genuine_type_support_decodes_what_is_written_here_and_every_vector() {
+    let sent = messages();
+    let Some(answer) = RCLPY.judged(&asked(&sent)) else { return };
+    let mut known = 0;
+    for (ours, theirs) in sent.iter().zip(answer["messages"].as_array().unwrap()) {
+        if theirs["value"].is_null() {
+            continue;
+        }
+        let (place, expected) = &ours.check;
+        let hidden = theirs["value"] == json!({}); // the one byte of an empty request
+        assert!(hidden || theirs["value"].pointer(place) == Some(expected), "{}: {theirs}", ours.name);
+        assert_eq!(theirs["same"], true, "{theirs}");
+        known += 1;
+    }
+    assert!(known >= 10, "{known} messages");
+
+    let vectors: Value = serde_json::from_str(include_str!("data/cdr-vectors.json")).unwrap();
+    let vectors = vectors.as_object().unwrap().iter();
+    let asked = vectors.map(|(name, it)| json!({ "name": name, "store": "kilted", "hex": it["cdr_hex"] }));
+    let asked = json!({ "types": [], "messages": asked.collect::<Vec<_>>() });
+    let (genuine, rosbags) = (RCLPY.judged(&asked).unwrap(), ROSBAGS.judged(&asked));
+    for (index, theirs) in genuine["messages"].as_array().unwrap().iter().enumerate() {
+        let missing = theirs["value"].is_null();
+        assert!(missing || theirs["same"] == true, "{theirs}");
+        let hidden = missing || theirs["value"] == json!({});
+        if let Some(rosbags) = rosbags.as_ref().filter(|_| !hidden) {
+            assert_eq!(rosbags["messages"][index]["value"], theirs["value"]);
+        }
     }
 }

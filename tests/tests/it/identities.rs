@@ -5,7 +5,7 @@ mod keys;
 mod matrix;
 mod oracle;
 mod registry;
-mod robot;
+pub(crate) mod robot;
 mod session;
 
 use fleet_tests::identities::Pki;

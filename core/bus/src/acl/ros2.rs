@@ -16,6 +16,9 @@ use super::table::Use::{Alive, Ask, Event};
 use xtb_identity::{Entry, Role};
 use xtb_protocol::Name;
 
+/// Where the liveliness tokens of ROS 2's graph are: wildcards of other keys do not meet it.
+pub(super) const GRAPH: &str = "@ros2_lv";
+
 /// A domain of ROS 2 that a router carries.
 #[derive(Debug, Clone, Copy)]
 pub struct Ros2Domain {
@@ -72,7 +75,7 @@ impl Ros2Domain {
     }
 
     fn token(&self, end: &str) -> String {
-        format!("@ros2_lv/{}/{end}", self.domain)
+        format!("{GRAPH}/{}/{end}", self.domain)
     }
 }
 

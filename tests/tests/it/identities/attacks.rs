@@ -256,7 +256,7 @@ async fn no_identity_can_do_what_is_anothers_and_a_held_robot_stays_with_its_hol
     let router = pki.router().await;
     let endpoint = router.endpoint().to_owned();
     let bus = pki.opening("alice", &endpoint).once().await.unwrap();
-    let robot = Robot::start(&pki, &endpoint, &bus).await;
+    let robot = Robot::start(&pki, &endpoint, &bus, None).await;
     let pilot = Robot::pilot(&bus, "alice").await;
     let alice = client(&pki, "alice", &endpoint).await;
     let effects = Effects::default();

@@ -1,5 +1,5 @@
 //! The keys that are tried: each channel, of the robot, of another and of all, under names of each client; wildcards;
-//! and what is none of the fleet's.
+//! a domain of ROS 2; and what is none of the fleet's.
 
 use std::collections::BTreeSet;
 
@@ -91,6 +91,39 @@ const OTHERS: [&str; 60] = [
     "xtb-$*/state",
     "xtb-1/cmd/al$*",
 ];
+/// Of ROS 2: topics and services of each robot, of the fleet and of all, their recovery, and the graph's tokens.
+const ROS2: [&str; 30] = [
+    "7/xtb_1/odom/T/H",
+    "7/xtb_1/cmd_vel/T/H",
+    "7/xtb_2/cmd_vel/T/H",
+    "7/*/cmd_vel/T/H",
+    "7/xtb_1/estop/T/H",
+    "7/xtb_1/navigate_to_pose/_action/send_goal/T/H",
+    "7/xtb_1/**",
+    "7/xtb_1/plan/T/H/@adv/pub/z/1/_",
+    "7/xtb_2/plan/T/H/@adv/**",
+    "7/estop/T/H",
+    "7/map/T/H",
+    "7/map/T/H/@adv/pub/z/1/_",
+    "7/tf/T/H",
+    "7/tf_static/T/H",
+    "7/tf_static/T/H/@adv/pub/z/1/_",
+    "7/diagnostics/T/H",
+    "7/clock/T/H",
+    "7/**",
+    "7/**/@adv/**",
+    "8/xtb_1/cmd_vel/T/H",
+    "8/tf/T/H/@adv/pub/z/1/_",
+    "@ros2_lv/7/z/1/1/NN/%/%xtb_1/xtb_agent",
+    "@ros2_lv/7/z/1/2/MP/%/%xtb_1/xtb_agent/%xtb_1%odom/T/H/Q",
+    "@ros2_lv/7/z/1/2/MP/%/%xtb_2/xtb_agent/%xtb_2%odom/T/H/Q",
+    "@ros2_lv/7/z/1/2/MP/%/%/map_server/%map/T/H/Q",
+    "@ros2_lv/7/z/1/1/NN/%/%/rviz",
+    "@ros2_lv/7/z/1/2/MS/%/%/rviz/%tf/T/H/Q",
+    "@ros2_lv/7/z/1/2/SC/%/%/rviz/%estop/T/H/Q",
+    "@ros2_lv/8/z/1/1/NN/%/%xtb_1/xtb_agent",
+    "@ros2_lv/**",
+];
 /// Not of this fleet.
 const FOREIGN: [&str; 6] =
     ["xtb/other/xtb-1/state", "xtb/other/xtb-1/cmd/alice", "xtb/*/xtb-1/cmd/alice", "xtb/**", "**", "ros/a"];
@@ -99,6 +132,6 @@ pub(super) fn keys() -> Vec<String> {
     let robots =
         ["xtb-1", "xtb-2", "*"].into_iter().flat_map(|robot| ROBOT.map(|key| format!("{robot}/{key}")));
     let own = robots.chain(OTHERS.map(str::to_owned)).map(|key| format!("xtb/lab/{key}"));
-    let keys: BTreeSet<String> = own.chain(FOREIGN.map(str::to_owned)).collect();
+    let keys: BTreeSet<String> = own.chain(ROS2.into_iter().chain(FOREIGN).map(str::to_owned)).collect();
     keys.into_iter().collect()
 }

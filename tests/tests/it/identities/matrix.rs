@@ -5,7 +5,7 @@
 
 use super::keys::keys;
 use super::oracle::Who;
-use super::session::{TEST, answer, client, marker, markers, router, settled};
+use super::session::{EVERYTHING, TEST, answer, client, marker, markers, router, settled};
 use super::{EVERYBODY, REVOKED, everybody};
 use fleet_tests::eventually;
 use std::collections::BTreeSet;
@@ -18,8 +18,6 @@ use zenoh::qos::CongestionControl::Block;
 use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
 use zenoh::sample::SampleKind;
 
-/// What is declared to hear everything.
-const EVERYTHING: [&str; 2] = ["**", "**/@adv/**"];
 /// Longer than the test runs.
 const LONG: Duration = Duration::from_secs(120);
 
@@ -245,10 +243,12 @@ async fn declare(judge: &mut Judge<'_>, router: &Session, observer: &Session, se
         let came = came.iter().filter(|(its, _)| *its == kind).map(|(_, index)| *index).collect();
         judge.matching(kind, &came, |key| !is_public(key));
     }
-    let there = observer.liveliness().get(EVERYTHING[1]).timeout(LONG).await.unwrap();
     let mut found = BTreeSet::new();
-    while let Ok(answer) = there.recv_async().await {
-        found.insert(answer.into_result().unwrap().key_expr().to_string());
+    for all in EVERYTHING {
+        let there = observer.liveliness().get(all).timeout(LONG).await.unwrap();
+        while let Ok(answer) = there.recv_async().await {
+            found.insert(answer.into_result().unwrap().key_expr().to_string());
+        }
     }
     judge.kind("liveliness_token", |_, key| found.contains(key), |key| !is_public(key));
     drop(declared);

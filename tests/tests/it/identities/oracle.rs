@@ -1,6 +1,7 @@
 //! What each role may do, written by hand from the design: not from the rules of the bus.
 //!
-//! `n` is the robot's own name, `me` the names of its own sessions; keys are those below the fleet.
+//! `n` is the robot's own name, `r` its namespace in ROS 2, `me` the names of its own sessions; keys are those below
+//! the fleet, or, of domain 7 of ROS 2, whole ones.
 
 use xtb_identity::Role;
 use zenoh::key_expr::keyexpr;
@@ -89,6 +90,52 @@ const MEMBER: &[Line] = &[(
 )];
 /// Whoever has a certificate, even a revoked one.
 const ANYBODY: &[Line] = &[("in", "query", "identity/*"), ("out", "reply", "identity/*")];
+/// Whoever takes part in ROS 2 sees its graph, and hears what others declare.
+const ROS2: &[Line] = &[
+    ("in", "liveliness_query declare_liveliness_subscriber", "@ros2_lv/7/**"),
+    ("out", "liveliness_token", "@ros2_lv/7/**"),
+    (
+        "out",
+        "declare_subscriber declare_queryable liveliness_query declare_liveliness_subscriber",
+        "7/** 7/**/@adv/** @ros2_lv/7/** @ros2_lv/7/**/@adv/**",
+    ),
+];
+const ROS2_ROBOT: &[Line] = &[
+    ("in", "put reply", "7/{r,tf,tf_static,diagnostics}/** 7/{r,tf,tf_static,diagnostics}/**/@adv/**"),
+    ("in", "declare_queryable", "7/r/** 7/{r,tf,tf_static,diagnostics}/**/@adv/**"),
+    ("in", "declare_subscriber", "7/r/** 7/r/**/@adv/**"),
+    ("in", "query liveliness_query declare_liveliness_subscriber", "7/r/**/@adv/**"),
+    ("in", "liveliness_token", "7/{r,tf,tf_static,diagnostics}/**/@adv/** @ros2_lv/7/*/*/*/*/*/%r/**"),
+    ("out", "put reply", "7/r/** 7/r/**/@adv/**"),
+    ("out", "query", "7/r/** 7/{r,tf,tf_static,diagnostics}/**/@adv/**"),
+    ("out", "liveliness_token", "7/r/**/@adv/**"),
+];
+/// Hears everything, and shows that it does.
+const ROS2_LOOK: &[Line] = &[
+    ("in", "declare_subscriber", "7/** 7/**/@adv/**"),
+    ("in", "query liveliness_query declare_liveliness_subscriber liveliness_token", "7/**/@adv/**"),
+    ("out", "put reply", "7/** 7/**/@adv/**"),
+    ("out", "liveliness_token", "7/**/@adv/**"),
+];
+const ROS2_VIEWER: &[Line] = &[
+    ("in", "query", "7/estop/** 7/*/estop/**"),
+    ("in", "liveliness_token", "@ros2_lv/7/*/*/*/{NN,MS,SC}/**"),
+];
+const ROS2_EVERYTHING: &[Line] = &[
+    ("in", "put query reply declare_queryable", "7/** 7/**/@adv/**"),
+    ("in", "liveliness_token", "@ros2_lv/7/**"),
+    ("out", "query", "7/** 7/**/@adv/**"),
+];
+const ROS2_MAP: &[Line] = &[
+    ("in", "put reply", "7/map/** 7/map/**/@adv/**"),
+    ("in", "declare_queryable", "7/map/**/@adv/**"),
+    (
+        "in",
+        "liveliness_token",
+        "7/map/**/@adv/** @ros2_lv/7/*/*/*/NN/*/%/** @ros2_lv/7/*/*/*/MP/*/%/*/%map/**",
+    ),
+    ("out", "query", "7/map/**/@adv/**"),
+];
 /// What a simulator's robots may not be, though `*` is any name.
 const NO_ROBOT: &str = "traffic/{alive,state} dispatch/{alive,event,cmd/*,event/@adv/**}";
 
@@ -115,16 +162,17 @@ impl Who {
         let sections: &[&[Line]] = match self.role {
             None => &[],
             Some(Role::Router) => return true,
-            Some(Role::Robot) => &[ROBOT, MEMBER],
-            Some(Role::Viewer) => &[LOOK, STOP, MEMBER],
-            Some(Role::Operator | Role::Dashboard) => &[LOOK, DRIVE, MEMBER],
+            Some(Role::Robot) => &[ROBOT, MEMBER, ROS2_ROBOT, ROS2],
+            Some(Role::Viewer) => &[LOOK, STOP, MEMBER, ROS2_LOOK, ROS2_VIEWER, ROS2],
+            Some(Role::Operator) => &[LOOK, DRIVE, MEMBER, ROS2_LOOK, ROS2_EVERYTHING, ROS2],
+            Some(Role::Dashboard) => &[LOOK, DRIVE, MEMBER],
             // It includes traffic control, and serves a map.
             Some(Role::Dispatcher) => &[LOOK, DISPATCH, TRAFFIC, MAP, MEMBER],
             Some(Role::Traffic) => &[LOOK, TRAFFIC, MEMBER],
-            Some(Role::Map) => &[LOOK, MAP, MEMBER],
+            Some(Role::Map) => &[LOOK, MAP, MEMBER, ROS2_MAP, ROS2],
             Some(Role::Tracker) => &[FIXES, MEMBER],
             Some(Role::Recorder) => &[LOOK, MEMBER],
-            Some(Role::Simulator) => &[ROBOT, MAP, FIXES, SIMULATE, MEMBER],
+            Some(Role::Simulator) => &[ROBOT, MAP, FIXES, SIMULATE, MEMBER, ROS2_LOOK, ROS2_EVERYTHING, ROS2],
         };
         let speaks = matches!(kind, "put" | "declare_queryable" | "reply" | "liveliness_token");
         if self.role == Some(Role::Simulator) && flow == "in" && speaks && self.covers(NO_ROBOT, key) {
@@ -140,13 +188,20 @@ impl Who {
     fn covers(&self, keys: &str, key: &str) -> bool {
         let key = keyexpr::new(key).unwrap();
         keys.split(' ').flat_map(braces).flat_map(|line| self.named(&line)).any(|line| {
-            let line = format!("xtb/lab/{line}");
+            let whole = line.starts_with(['7', '@']);
+            let line = if whole { line } else { format!("xtb/lab/{line}") };
             keyexpr::new(&line).unwrap().includes(key)
         })
     }
 
     fn named(&self, key: &str) -> Vec<String> {
-        let chunk = |chunk| if chunk == "n" { self.n.as_str() } else { chunk };
+        let namespace = self.n.replace('-', "_");
+        let chunk = |chunk: &str| match chunk {
+            "n" => self.n.clone(),
+            "r" => namespace.clone(),
+            "%r" => format!("%{namespace}"),
+            _ => chunk.to_owned(),
+        };
         let key = key.split('/').map(chunk).collect::<Vec<_>>().join("/");
         match key.strip_suffix("/me") {
             Some(stem) => self.me.iter().map(|me| format!("{stem}/{me}")).collect(),

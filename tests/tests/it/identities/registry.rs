@@ -52,7 +52,7 @@ async fn who_is_revoked_is_out_within_4_s_and_the_others_are_back_within_1500_ms
     let mut pki = Pki::new(&PEOPLE);
     let mut router = pki.router().await;
     let (alice, bob) = (open(&pki, "alice", &router).await, open(&pki, "bob", &router).await);
-    let robot = Robot::start(&pki, router.endpoint(), &alice).await;
+    let robot = Robot::start(&pki, router.endpoint(), &alice, None).await;
     let pilot = Robot::pilot(&alice, "alice").await;
     let goal = Body::Wander { for_s: Some(60.0), on_link_loss: LinkLoss::Finish, finish_s: 120.0 };
     let Outcome::Ok(_) = pilot.ask(goal).await else { panic!("the goal is refused") };
@@ -89,7 +89,7 @@ async fn who_is_added_comes_in_when_no_robot_is_driven_or_at_once_where_that_is_
     let mut pki = Pki::new(&PEOPLE);
     let mut router = pki.router().await;
     let alice = open(&pki, "alice", &router).await;
-    let robot = Robot::start(&pki, router.endpoint(), &alice).await;
+    let robot = Robot::start(&pki, router.endpoint(), &alice, None).await;
     let pilot = Robot::pilot(&alice, "alice").await;
 
     pki.add("carol", Role::Viewer);
@@ -142,7 +142,7 @@ async fn three_hundred_silent_strangers_do_not_disturb_who_is_linked() {
     let pki = Pki::new(&PEOPLE);
     let router = pki.router().await;
     let alice = open(&pki, "alice", &router).await;
-    let robot = Robot::start(&pki, router.endpoint(), &alice).await;
+    let robot = Robot::start(&pki, router.endpoint(), &alice, None).await;
     let pilot = Robot::pilot(&alice, "alice").await;
     let address = router.endpoint().strip_prefix("tls/").unwrap().to_owned();
     let strangers: Vec<_> = (0..300).map(|_| std::net::TcpStream::connect(&address).unwrap()).collect();

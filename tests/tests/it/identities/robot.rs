@@ -3,6 +3,7 @@
 use fleet_tests::identities::Pki;
 use fleet_tests::{Pilot, Probe, agent_config, eventually, name};
 use robot_agent::clock::{Clock, WorldTime};
+use robot_agent::config::{AgentConfig, Ros2};
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware};
 use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
@@ -14,7 +15,7 @@ use xtb_control::controller::PwmOutputs;
 use xtb_sim::{Simulation, TruckParameters, World};
 
 /// See the module's documentation.
-pub(super) struct Robot {
+pub(crate) struct Robot {
     passed: Receiver<(PwmOutputs, Instant)>,
     end: watch::Sender<bool>,
     agent: JoinHandle<()>,
@@ -22,15 +23,15 @@ pub(super) struct Robot {
 }
 
 impl Robot {
-    /// `xtb-1`, once `bus` sees it.
-    pub(super) async fn start(pki: &Pki, router: &str, bus: &Bus) -> Self {
+    /// `xtb-1`, once `bus` sees it; also as a node of ROS 2 if that is said.
+    pub(crate) async fn start(pki: &Pki, router: &str, bus: &Bus, ros2: Option<Ros2>) -> Self {
         let (hardware, lines) = SimulatedHardware::connect();
         let simulation =
             Simulation::new(World::default(), &TruckParameters::default(), &["truck"], 1).unwrap();
         let world = RunningWorld::start(simulation, vec![lines], WorldTime::new(), 1.0, |_| {}).unwrap();
         let (sender, passed) = mpsc::channel();
         let probe = Probe::new(hardware, sender);
-        let mut config = agent_config(router, fleet_tests::identities::FLEET);
+        let mut config = AgentConfig { ros2, ..agent_config(router, fleet_tests::identities::FLEET) };
         config.identity = Some(xtb_bus::Enrolled::load(&pki.folder().join("xtb-1")).unwrap());
         let (end, shutdown) = watch::channel(false);
         let agent = tokio::spawn(async move {
@@ -46,7 +47,7 @@ impl Robot {
     }
 
     /// The pulses to the motor since the last look, but for neutral.
-    pub(super) fn driven(&self) -> usize {
+    pub(crate) fn driven(&self) -> usize {
         self.passed.try_iter().filter(|(pulses, _)| pulses.motor != PwmCount::NEUTRAL).count()
     }
 
@@ -61,7 +62,7 @@ impl Robot {
         pilot
     }
 
-    pub(super) async fn end(self) {
+    pub(crate) async fn end(self) {
         self.end.send_replace(true);
         self.agent.await.unwrap();
     }

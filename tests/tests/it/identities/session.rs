@@ -7,6 +7,8 @@ use std::time::Duration;
 use xtb_services::router::zenohd_config;
 use zenoh::{Config, Session, Wait};
 
+/// What is declared to hear everything: wildcards do not meet chunks that begin with `@`.
+pub(super) const EVERYTHING: [&str; 3] = ["**", "**/@adv/**", "@ros2_lv/**"];
 /// Everybody may use the keys below this one.
 pub(super) const TEST: &str = "test";
 const EVERY_KIND: [&str; 9] = [
@@ -39,11 +41,11 @@ pub(super) struct Router {
 
 /// A router with the rules of this PKI in one flow, and none in the `open` one.
 pub(super) async fn router(pki: &Pki, open_flow: &str) -> Router {
-    let mut config = zenohd_config("tls/127.0.0.1:0", &[], pki.folder(), None).unwrap();
+    let mut config = zenohd_config("tls/127.0.0.1:0", &[], pki.folder(), Some(7)).unwrap();
     let whole = |id: &str, flows: &[&str], keys: &[&str]| json!({ "id": id, "permission": "allow", "flows": flows, "messages": EVERY_KIND, "key_exprs": keys });
     let rules = &mut config["access_control"];
     let added = [
-        whole("open", &[open_flow], &["**", "**/@adv/**"]),
+        whole("open", &[open_flow], &EVERYTHING),
         whole("test", &["ingress", "egress"], &[&format!("{TEST}/**")]),
     ];
     rules["rules"].as_array_mut().unwrap().extend(added);

@@ -1,4 +1,4 @@
-"""judge_navigate.py ENDPOINT ROBOT reach|cancel|preempt|refuse: does a foreign client's goal get its way?
+"""judge_navigate.py ENDPOINT ROBOT reach|cancel|preempt|refuse|long X Y: does a foreign client's goal get its way?
 
 The services of `navigate_to_pose` are called with zenoh-ros2-sdk's client, feedback is heard with its subscriber, the
 latched status with zenoh-ext's AdvancedSubscriber; CDR and the services' hashes are rosbags'. The robot needs a map and
@@ -9,6 +9,7 @@ observed as one line with "ok".
   cancel   cancelled on the way: result 5 (CANCELED), and it stands
   preempt  another goal on the way: the first one ends with 6 (ABORTED) and a text, the second one is reached
   refuse   a goal in the frame odom, one 5 km away, one without an orientation, one with the id of another: not accepted
+  long    a goal at X Y that takes longer than 90 s (of a real clock): feedback all the way, result 4
 """
 
 import math
@@ -97,7 +98,7 @@ class Goal:
             threading.Thread(target=self._wait, daemon=True).start()
 
     def _wait(self) -> None:
-        self.result = robot.client(f"{ACTION}/get_result", GET_RESULT, 120.0).call(goal_id=goal_id(self.id))
+        self.result = robot.client(f"{ACTION}/get_result", GET_RESULT, 600.0).call(goal_id=goal_id(self.id))
         self.ended = time.monotonic()
 
     def cancel(self) -> int | None:
@@ -200,9 +201,23 @@ def refuse() -> dict[str, Any]:
             "unknown_goal": unknown and [int(unknown.status), unknown.result.error_msg]}
 
 
+def long() -> dict[str, Any]:
+    to = float(sys.argv[4]), float(sys.argv[5]), 0.0
+    began = time.monotonic()
+    goal, came, gap_s = Goal(to), began, 0.0
+    while goal.accepted and goal.result is None and time.monotonic() < began + 600.0:
+        known = len(feedback)
+        until(lambda: len(feedback) > known or goal.result is not None, 10.0)
+        came, gap_s = time.monotonic(), max(gap_s, time.monotonic() - came)
+    took_s, said = time.monotonic() - began, goal.end(1.0)
+    ok = (said["result"] or [0])[0] == SUCCEEDED and took_s > 90.0 and gap_s < 2.0 and off_m(to) < NEAR_M
+    return {"ok": ok, "took_s": round(took_s, 1), "longest_gap_s": round(gap_s, 2), "off_m": off_m(to), **said}
+
+
 needed = {f"{robot.frame}/odom", f"{robot.frame}/base_link"}
 if not until(lambda: odometry.came.is_set() and needed <= set(frames), 10.0):
     finish({"ok": False, "problem": "no odometry, or no transforms"})
 if not certain():
     finish({"ok": False, "problem": "initialpose is not taken", "said": sorted(diagnostics.said.get("refused", []))})
-finish({"reach": reach, "cancel": cancel, "preempt": preempt, "refuse": refuse}[sys.argv[3]]())
+scenarios = {"reach": reach, "cancel": cancel, "preempt": preempt, "refuse": refuse, "long": long}
+finish(scenarios[sys.argv[3]]())
