@@ -8,7 +8,6 @@ mod grants;
 mod ros2;
 mod table;
 
-use ros2::GRAPH;
 pub use ros2::Ros2Domain;
 
 use grants::{Flow, Grants, Message, RECOVERY, declarations, of_parties, recovery};

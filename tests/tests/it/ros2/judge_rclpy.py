@@ -2,7 +2,7 @@
 
 Plain Zenoh carries it (`pip install eclipse-zenoh`), rclpy's type support decodes and encodes it again (the wheels
 `ros-kilted-rclpy`, `ros-kilted-rmw-fastrtps-cpp` and those of the packages, or Jazzy's); ROS_DOMAIN_ID counts.
-tf2_msgs and nav2_msgs have no wheels. Hears everything for 5 s, then calls `stop`, `reset` and the action's
+tf2_msgs and nav2_msgs have no wheels. The fleet needs a map, such as with `sim --ros2 --world worlds/lab.toml`. Hears everything for 5 s, then calls `stop`, `reset` and the action's
 `cancel_goal`. Prints one line: {"ok", "problems", "types": {name: count}}.
 """
 
@@ -15,11 +15,12 @@ import time
 from collections import Counter, defaultdict
 
 import zenoh
+import zenoh.ext
 from rclpy.serialization import deserialize_message, serialize_message
 
 NO_WHEEL = {"tf2_msgs", "nav2_msgs"}
 EXPECTED = {
-    "nav_msgs/msg/Odometry", "nav_msgs/msg/Path", "nav_msgs/msg/OccupancyGrid", "sensor_msgs/msg/Imu",
+    "nav_msgs/msg/Odometry", "nav_msgs/msg/OccupancyGrid", "sensor_msgs/msg/Imu",
     "sensor_msgs/msg/Range", "sensor_msgs/msg/BatteryState", "diagnostic_msgs/msg/DiagnosticArray",
     "std_msgs/msg/String", "action_msgs/msg/GoalStatusArray", "std_srvs/srv/Trigger_Response",
     "action_msgs/srv/CancelGoal_Response",
@@ -79,11 +80,8 @@ config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps([endpoint]))
 config.insert_json5("scouting/multicast/enabled", "false")
 session = zenoh.open(config)
-kept = [session.declare_subscriber(f"{domain}/**", hear)]
-# What is latched is in its publisher's cache.
-for reply in session.get(f"{domain}/**/@adv/**", timeout=5.0, consolidation=zenoh.ConsolidationMode.NONE):
-    if reply.ok:
-        hear(reply.ok)
+history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)  # of what is latched
+kept = zenoh.ext.declare_advanced_subscriber(session, f"{domain}/**", hear, history=history)
 time.sleep(5.0)
 verdicts: dict[str, object] = defaultdict(object)
 for service in ("stop", "reset"):
