@@ -31,6 +31,9 @@
 //! * [`DispatcherClient`]: tasks for whoever is free. [`map_source`]: the fleet's map.
 //! * [`subscription`], [`messages`]: every message on the fleet's keys, for recorders and screens.
 //!
+//! A package outside this workspace names it by path (`xtb-client = { path = "…/core/client" }`). For links over TLS
+//! it also needs this workspace's `[patch.crates-io]` in its own manifest: Cargo does not inherit that.
+//!
 //! A goal's walk begins here: [`goal`] → [`Control`] → `xtb-robot`'s operator → `xtb-bus` → Zenoh.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
