@@ -34,17 +34,17 @@ pub(crate) struct Seen {
     pub(crate) latched: bool,
 }
 
-/// What travels.
+/// What travels. States travel most, so what is much larger is in a box.
 #[derive(Debug, Clone)]
 pub(crate) enum Message {
-    Ask(Request),
+    Ask(Box<Request>),
     Setpoint(Setpoint),
     Estop(Uuid),
     /// The get that wants an acknowledgement.
     AskEstop(Uuid),
     /// Bytes that say they are a request.
     Bytes(Vec<u8>),
-    Reply(Reply),
+    Reply(Box<Reply>),
     Estopped(Uuid, bool),
     State(Seen),
 }
@@ -117,6 +117,8 @@ pub(crate) struct Network {
     people: usize,
     links: Vec<Link>,
     wheel: Vec<Vec<Flight>>,
+    /// Emptied lists of the wheel: few are in use at a time, and these are in the processor's cache.
+    spare: Vec<Vec<Flight>>,
     rng: Rng,
     router_back: Option<Turn>,
     now: Turn,
@@ -155,6 +157,7 @@ impl Network {
             people,
             links,
             wheel,
+            spare: Vec::new(),
             rng,
             router_back: None,
             now: 0,
@@ -228,7 +231,18 @@ impl Network {
         let slot = now as usize % WHEEL;
         let mut flights = std::mem::take(&mut self.wheel[slot]);
         flights.drain(..).for_each(|flight| self.land(flight)); // each to a later slot, or to its end
-        self.wheel[slot] = flights;
+        if flights.capacity() > 0 {
+            self.spare.push(flights);
+        }
+    }
+
+    /// It goes on at this turn.
+    fn schedule(&mut self, at: Turn, flight: Flight) {
+        let slot = &mut self.wheel[at as usize % WHEEL];
+        if slot.capacity() == 0 {
+            *slot = self.spare.pop().unwrap_or_default();
+        }
+        slot.push(flight);
     }
 
     /// The messages that arrived at this turn, oldest first.
@@ -285,9 +299,9 @@ impl Network {
         let again = rng
             .chance(link.twice)
             .then(|| ((at + rng.up_to(40) as Turn).min(now + FARTHEST), flight.clone()));
-        self.wheel[at as usize % WHEEL].push(flight);
+        self.schedule(at, flight);
         if let Some((at, flight)) = again {
-            self.wheel[at as usize % WHEEL].push(flight);
+            self.schedule(at, flight);
         }
     }
 
@@ -301,7 +315,7 @@ impl Network {
             self.lost += 1;
         } else if link.held_until > self.now {
             let at = link.held_until.min(self.now + FARTHEST);
-            self.wheel[at as usize % WHEEL].push(Flight { parcel, first, session });
+            self.schedule(at, Flight { parcel, first, session });
         } else if first {
             if up {
                 self.capture(&parcel);

@@ -162,7 +162,7 @@ impl Person {
             let id = self.new_id();
             self.retains = [id.as_u128(), self.retains[0]];
             let request = Request { id, lease: self.operator.lease(), body };
-            self.send(self.robot, Message::Ask(request), out);
+            self.send(self.robot, Message::Ask(Box::new(request)), out);
         }
         self.pour(now, out);
         self.act(now, out);
@@ -175,7 +175,7 @@ impl Person {
             Doing::Asking { call, .. } => match call.step(stamp(now)) {
                 Step::Ask(request) => {
                     self.last_asked = Some(request.clone());
-                    self.send(self.robot, Message::Ask(request), out);
+                    self.send(self.robot, Message::Ask(Box::new(request)), out);
                 }
                 Step::Wait(_) => {}
                 Step::GiveUp { .. } => return self.pause(now, 0.0, 1.0),
@@ -219,7 +219,7 @@ impl Person {
                 Act::AskOld(body) => self.say(self.first_lease, body, out),
                 Act::Again => {
                     if let Some(request) = self.last_asked.clone() {
-                        self.send(self.robot, Message::Ask(request), out);
+                        self.send(self.robot, Message::Ask(Box::new(request)), out);
                     }
                 }
                 Act::Stick { rpm, steering } => {
@@ -246,7 +246,7 @@ impl Person {
         if goal {
             self.last_asked = Some(request.clone());
         }
-        self.send(self.robot, Message::Ask(request), out);
+        self.send(self.robot, Message::Ask(Box::new(request)), out);
     }
 
     /// A flood, while it lasts: requests and setpoints of nobody's.
@@ -265,7 +265,7 @@ impl Person {
                     steering: 0.0,
                 })
             } else {
-                Message::Ask(Request { id: self.new_id(), lease: None, body: Body::Retain {} })
+                Message::Ask(Box::new(Request { id: self.new_id(), lease: None, body: Body::Retain {} }))
             };
             self.send(robot, message, out);
         }
@@ -293,7 +293,7 @@ impl Person {
             && let Some(request) = self.last_asked.clone()
         {
             // A retry that comes much too late.
-            return self.send(self.robot, Message::Ask(request), out);
+            return self.send(self.robot, Message::Ask(Box::new(request)), out);
         }
         if !holds {
             if self.rng.chance(0.2) {

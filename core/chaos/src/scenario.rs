@@ -159,9 +159,9 @@ impl Scenario {
         match message {
             // Encoded and decoded are some of them: all would take too long.
             Message::Ask(request) if self.counts.requests.is_multiple_of(16) => {
-                self.ask(by, robot, scripts::crossed(request));
+                self.ask(by, robot, scripts::crossed(*request));
             }
-            Message::Ask(request) => self.ask(by, robot, request),
+            Message::Ask(request) => self.ask(by, robot, *request),
             Message::Setpoint(setpoint) => {
                 let tick = post.process.clock(now);
                 let fresh = post.oracle.setpoint(now, tick, by, &setpoint);
@@ -200,7 +200,7 @@ impl Scenario {
         }
         post.oracle.asked(self.now, by, post.process.latest() + 1, &request);
         if let Some(reply) = post.process.ask(self.now, by, &self.names[usize::from(by.name)], request) {
-            self.network.send(Parcel { by, robot, message: Message::Reply(reply) });
+            self.network.send(Parcel { by, robot, message: Message::Reply(Box::new(reply)) });
         }
     }
 
@@ -294,7 +294,7 @@ impl Scenario {
                     self.event_log.answered(now, robot, to.name, id, *answer, retain);
                 }
                 answer?;
-                self.network.send(Parcel { by: to, robot, message: Message::Reply(reply) });
+                self.network.send(Parcel { by: to, robot, message: Message::Reply(Box::new(reply)) });
             }
             Told::Estopped { to, id, latched } => {
                 oracle.estop_acknowledged(latched)?;
