@@ -32,8 +32,8 @@ use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_protocol::Uuid;
 use xtb_protocol::keys::{FleetKeys, Name};
 use xtb_protocol::messages::{
-    Body, DispatchBody, DispatchOutcome, DispatchRequest, LinkLoss, Roster, TaskKind, TaskSpec, TaskState,
-    Truth, TruthRobot, Via, Waypoint,
+    Body, DispatchBody, DispatchOutcome, DispatchRequest, LinkLoss, RobotState, Roster, TaskKind, TaskSpec,
+    TaskState, Truth, TruthRobot, Via, Waypoint,
 };
 
 const FLEET: &str = "lab";
@@ -86,6 +86,14 @@ async fn main() -> Result<ExitCode> {
         }
     };
     let _truth = bus.subscribe(&keys.sim_truth(), hear).await?;
+    let states = seen.clone();
+    let hear = move |incoming: Incoming| {
+        if let Ok(state) = incoming.decode::<RobotState>() {
+            let does = format!("{:?} {:?}", state.mode, state.stopped_because);
+            lock(&states).does.insert(state.robot, does);
+        }
+    };
+    let _states = bus.subscribe(&keys.any_robot().state(), hear).await?;
     let script = Script { asker: Asker::new(&bus, "soak"), area_m: area_m(&bus, &keys).await?, robots };
     let end = tokio::select! {
         biased;
@@ -249,6 +257,8 @@ struct Seen {
     /// The world's time in s, and when: first and last.
     times: Option<[(Instant, f64); 2]>,
     robots: BTreeMap<Name, TruthRobot>,
+    /// What each says that it does.
+    does: BTreeMap<Name, String>,
     /// Who had the first ones, and who was near.
     touches: Vec<String>,
     frames: u64,
@@ -270,7 +280,7 @@ impl Seen {
             if let Some(before) = before.filter(|before| robot.contacts > before.contacts)
                 && self.touches.len() < TOUCHES
             {
-                self.touches.push(touch(truth, name, &before));
+                self.touches.push(touch(truth, name, &before, &self.does));
             }
         }
     }
@@ -290,7 +300,7 @@ impl Seen {
 }
 
 /// One contact: who drove, and the nearest other truck as that one sees it.
-fn touch(truth: &Truth, name: &Name, robot: &TruthRobot) -> String {
+fn touch(truth: &Truth, name: &Name, robot: &TruthRobot, does: &BTreeMap<Name, String>) -> String {
     let others = truth.robots.iter().filter(|(other, _)| *other != name);
     let away_m = |other: &TruthRobot| (other.x_m - robot.x_m).hypot(other.y_m - robot.y_m);
     let nearest = others.min_by(|(_, a), (_, b)| away_m(a).total_cmp(&away_m(b)));
@@ -299,8 +309,9 @@ fn touch(truth: &Truth, name: &Name, robot: &TruthRobot) -> String {
     let degrees = |rad: f64| wrap_rad(rad).to_degrees();
     let bearing = degrees((its.y_m - robot.y_m).atan2(its.x_m - robot.x_m) - robot.yaw_rad);
     let heading = degrees(its.yaw_rad - robot.yaw_rad);
+    let [mine, others] = [name, other].map(|name| does.get(name).map_or("?", String::as_str));
     format!(
-        "{at} with {:.2} m/s: {other} is {:.2} m away at {bearing:.0}°, heads {heading:.0}°, drives {:.2} m/s",
+        "{at} with {:.2} m/s, {mine}: {other} is {:.2} m away at {bearing:.0}°, heads {heading:.0}°, drives {:.2} m/s, {others}",
         robot.speed_mps,
         away_m(its),
         its.speed_mps
