@@ -111,6 +111,8 @@ pub(crate) struct Motion {
 #[derive(Debug)]
 pub(crate) struct Oracle {
     held: Option<Held>,
+    /// The grant of this turn, if the robot has told since that its lease is free: of it, or of the one before.
+    freed: Option<Held>,
     granted: Vec<(Lease, u8)>,
     goal: Option<Goal>,
     /// Goals of this boot, and whether they have ended.
@@ -160,6 +162,7 @@ impl Oracle {
     pub(crate) fn new(names: usize) -> Self {
         Self {
             held: None,
+            freed: None,
             granted: Vec::new(),
             goal: None,
             begun: Vec::new(),
@@ -262,10 +265,17 @@ impl Oracle {
         }
     }
 
-    /// The robot told that its lease is free.
-    pub(crate) fn lease_freed(&mut self, now: Turn) {
-        if self.held.is_some_and(|held| held.granted < now) {
-            (self.held, self.setpoint, self.armed) = (None, None, false);
+    /// The robot told that its lease is free, or held. What it tells of a turn comes in its order, after the
+    /// answers of that turn: of several the last one counts.
+    pub(crate) fn lease(&mut self, now: Turn, held: bool) {
+        match held {
+            true => self.held = self.held.or(self.freed.take().filter(|freed| freed.granted == now)),
+            false => {
+                self.freed = self.held.take().filter(|held| held.granted == now);
+                if self.freed.is_none() {
+                    (self.setpoint, self.armed) = (None, false);
+                }
+            }
         }
     }
 

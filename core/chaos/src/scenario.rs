@@ -304,7 +304,7 @@ impl Scenario {
                 self.event_log.event(now, robot, &kind);
                 match kind {
                     EventKind::Goal { id, status, .. } => oracle.goal_event(id.as_u128(), status)?,
-                    EventKind::Lease { holder: None } => oracle.lease_freed(now),
+                    EventKind::Lease { holder } => oracle.lease(now, holder.is_some()),
                     _ => {}
                 }
             }

@@ -121,8 +121,7 @@ impl Oracle {
             self.cut(Cut::Reset);
             self.devices.reset(now, (of_estop && self.estopped) || self.published.holds_transmitter);
         }
-        self.estopped &= !of_estop;
-        self.armed = false;
+        self.estopped &= !of_estop; // what was not latched needs no new start: who drives, drives on
         Ok(())
     }
 

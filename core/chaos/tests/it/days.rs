@@ -31,6 +31,16 @@ fn bad_days_break_no_rule() {
     assert!(total.driven > 1000 * wanted && total.estops > wanted && total.lost > wanted, "{total}");
 }
 
+/// What the oracle once took for broken rules: a lease that was granted in the turn in which the clock went back,
+/// and a reset of nothing while somebody drives.
+#[test]
+fn days_that_the_oracle_misread_break_no_rule() {
+    for seed in [100_785, 108_462] {
+        let report = day(seed);
+        assert!(report.violation.is_none(), "{report}");
+    }
+}
+
 #[test]
 fn a_seed_is_one_history_whatever_else_runs() {
     let alone: Vec<Report> = (0..8).map(day).collect();
