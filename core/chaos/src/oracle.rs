@@ -128,6 +128,8 @@ pub(crate) struct Oracle {
     estopped: bool,
     estopped_by: Arrival,
     estops_known: Vec<Uuid>,
+    /// Of these, those since the last reset.
+    estops_standing: Vec<Uuid>,
     published: Published,
     idle_turns: u32,
     last_turn: Turn,
@@ -177,6 +179,7 @@ impl Oracle {
             estopped: false,
             estopped_by: 0,
             estops_known: Vec::new(),
+            estops_standing: Vec::new(),
             published: Published::default(),
             idle_turns: 0,
             last_turn: 0,
@@ -252,14 +255,16 @@ impl Oracle {
             return false; // held up: it was reset since, or it is latched anyway
         }
         self.estops_known.push(id);
+        self.estops_standing.push(id);
         (self.estopped, self.estopped_by, self.stopped_by) = (true, arrival, arrival);
         self.cut(Cut::Estop);
         true
     }
 
-    /// The robot acknowledged an emergency stop, or not.
-    pub(crate) fn estop_acknowledged(&self, latched: bool) -> Result<(), Broken> {
-        match latched || !self.estopped {
+    /// The robot acknowledged this emergency stop, or not: it need not if it was reset since, though another one
+    /// may wait behind it.
+    pub(crate) fn estop_acknowledged(&self, id: Uuid, latched: bool) -> Result<(), Broken> {
+        match latched || !self.estops_standing.contains(&id) {
             true => Ok(()),
             false => Err((Invariant::Requests, "an emergency stop arrived, but its state shows none".into())),
         }

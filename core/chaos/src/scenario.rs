@@ -297,7 +297,7 @@ impl Scenario {
                 self.network.send(Parcel { by: to, robot, message: Message::Reply(Box::new(reply)) });
             }
             Told::Estopped { to, id, latched } => {
-                oracle.estop_acknowledged(latched)?;
+                oracle.estop_acknowledged(id, latched)?;
                 self.network.send(Parcel { by: to, robot, message: Message::Estopped(id, latched) });
             }
             Told::Event(kind) => {

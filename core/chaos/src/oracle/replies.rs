@@ -121,6 +121,9 @@ impl Oracle {
             self.cut(Cut::Reset);
             self.devices.reset(now, (of_estop && self.estopped) || self.published.holds_transmitter);
         }
+        if of_estop {
+            self.estops_standing.clear();
+        }
         self.estopped &= !of_estop; // what was not latched needs no new start: who drives, drives on
         Ok(())
     }
