@@ -5,11 +5,14 @@ mod usage;
 
 pub use usage::failure as usage_failure;
 
-use crate::args::GlobalArgs;
+use crate::args::{GlobalArgs, IdentityArg};
 use crate::commands::Verb;
 use clap::parser::ValueSource;
-use clap::{CommandFactory, FromArgMatches, Parser};
+use clap::{Arg, Command, CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
+
+/// Where routers listen.
+const PORT: u16 = 7447;
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -41,13 +44,17 @@ impl Cli {
     /// # Errors
     /// Wrong usage; and the texts of `--help` and `--version`, which clap treats alike.
     pub fn read(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
-        let mut command = Self::command();
+        let mut command = with_negative_numbers(Self::command());
         let read = command.try_get_matches_from_mut(arguments.into_iter().map(shielded));
         let matches = read.map_err(usage::with_tip)?;
         let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         cli.global.connect_given = matches.value_source("connect") == Some(ValueSource::CommandLine);
         cli.global.identity_given = matches.value_source("identity") == Some(ValueSource::CommandLine);
         cli.global.connect.retain(|endpoint| !endpoint.is_empty());
+        let tls = matches!(cli.global.identity, Some(IdentityArg::Folder(_)));
+        for endpoint in &mut cli.global.connect {
+            *endpoint = whole(endpoint, if tls { "tls" } else { "tcp" });
+        }
         Ok(cli)
     }
 
@@ -60,6 +67,26 @@ impl Cli {
             _ => false,
         }
     }
+}
+
+/// `10.0.0.1` → `tcp/10.0.0.1:7447`: where only a computer is named, the usual protocol and port are meant.
+fn whole(endpoint: &str, protocol: &str) -> String {
+    if endpoint.contains('/') {
+        return endpoint.to_owned();
+    }
+    let has_port = endpoint.rsplit_once(':').is_some_and(|(host, port)| {
+        port.parse::<u16>().is_ok() && (!host.contains(':') || host.ends_with(']'))
+    });
+    if has_port { format!("{protocol}/{endpoint}") } else { format!("{protocol}/{endpoint}:{PORT}") }
+}
+
+/// A negative number is a value, so that each option itself can say why it is none of its own.
+fn with_negative_numbers(command: Command) -> Command {
+    let takes = |arg: Arg| {
+        let takes = arg.get_action().takes_values();
+        if takes { arg.allow_negative_numbers(true) } else { arg }
+    };
+    command.mut_args(takes).mut_subcommands(with_negative_numbers)
 }
 
 /// clap takes `-1,0` for an option. A blank in front makes it a value, and points are read without it.

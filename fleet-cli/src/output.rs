@@ -174,7 +174,9 @@ impl Output {
             let _ = self.line(&line);
             return;
         }
-        self.note(&format!("error: {message}"));
+        // Who interrupts knows that it is no error.
+        let what = if *kind == ErrorKind::Interrupted { "" } else { "error: " };
+        self.note(&format!("{what}{message}"));
         if !hint.is_empty() {
             self.note(&format!("hint: {hint}"));
         }

@@ -94,6 +94,27 @@ impl Monitors {
         (self.turning, self.over_speed) = (false, false);
     }
 
+    /// No time from before counts. What is broken stays so until it is seen well again: a battery that was empty
+    /// is no better for a clock that has jumped.
+    pub fn clock_went_back(&mut self) {
+        self.forget_gyro();
+        self.forget_board();
+        let Self { gyro, encoder, converter, drive, battery, .. } = self;
+        for alarm in [
+            &mut gyro.frozen,
+            &mut encoder.out_of_range,
+            &mut converter.frozen,
+            &mut converter.finder_frozen,
+            &mut converter.finder_out_of_range,
+            &mut drive.runaway,
+            &mut drive.stalled,
+            &mut battery.low,
+            &mut battery.critical,
+        ] {
+            alarm.forget_time();
+        }
+    }
+
     /// Whether the wheels are faster than the obstacle rule can stop.
     #[must_use]
     pub fn over_speed(&self) -> bool {
@@ -121,5 +142,27 @@ impl Monitors {
         ];
         let on = move |(guard, ..): &(Guard, Fault, &Alarm)| guards.on(*guard);
         alarms.into_iter().filter(on).filter_map(|(_, fault, alarm)| Some((fault, Some(alarm.words()?))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_battery_that_was_empty_is_so_after_the_clock_has_gone_back_until_it_is_measured_better() {
+        let (vehicle, mut monitors) = (VehicleConfig::default(), Monitors::default());
+        let mut scans = |from_ms: u64, seconds: f64, mv: u16, monitors: &mut Monitors| {
+            for scan in 0..(seconds / 0.04) as u64 {
+                let now = Stamp::from_ms(from_ms + 40 * scan);
+                monitors.scan(&vehicle, now, &AdcSample::default(), Some(mv));
+            }
+            monitors.faults(Guards::default()).any(|(fault, _)| fault == Fault::BatteryCritical)
+        };
+        assert!(scans(60_000, 3.0, 6_500, &mut monitors));
+        monitors.clock_went_back();
+        assert!(scans(100, 0.2, 6_500, &mut monitors));
+        assert!(scans(300, 2.5, 8_000, &mut monitors), "two seconds better, and a moment more");
+        assert!(!scans(2_800, 1.0, 8_000, &mut monitors));
     }
 }

@@ -39,6 +39,32 @@ fn global_options_stand_before_or_after_the_verb() {
 }
 
 #[test]
+fn a_router_may_be_named_by_its_computer_alone() {
+    let connect = |endpoint: &str| {
+        read(&format!("fleet-cli list --identity none --connect {endpoint}")).unwrap().global.connect
+    };
+    for (given, meant) in [
+        ("10.0.0.1", "tcp/10.0.0.1:7447"),
+        ("lab-pc:7000", "tcp/lab-pc:7000"),
+        ("[::1]", "tcp/[::1]:7447"),
+        ("[::1]:7000", "tcp/[::1]:7000"),
+        ("tls/a:1", "tls/a:1"),
+    ] {
+        assert_eq!(connect(given), [meant]);
+    }
+    let with = read("fleet-cli list --identity folder --connect 10.0.0.1").unwrap().global.connect;
+    assert_eq!(with, ["tls/10.0.0.1:7447"]);
+}
+
+#[test]
+fn a_negative_number_is_refused_by_its_own_option() {
+    for line in ["wander xtb-1 --for -3", "list --timeout -1", "goto xtb-1 1 2 --finish-s -3"] {
+        let error = read(&format!("fleet-cli {line}")).unwrap_err();
+        assert_ne!(error.kind(), clap::error::ErrorKind::UnknownArgument, "{line}: {error}");
+    }
+}
+
+#[test]
 fn latches_are_named_as_robots_name_them() {
     let Verb::Reset(reset) = read("fleet-cli reset xtb-1 --latch gyro_lost --take").unwrap().verb else {
         panic!()

@@ -188,9 +188,12 @@ impl Devices {
         if on && selector_manual {
             self.manual_last = Some(now);
         }
+        // What may have been heard counts: a line that loses some frames brings others.
+        let lossy = matches!(truth.board_line, LineFault::Lossy(_));
+        let may_be_heard = heard || (on && truth.reaches() && lossy);
         if board_lost {
             self.stick_free = false;
-        } else if heard && speed.abs() < NEUTRAL_STICK {
+        } else if may_be_heard && speed.abs() < NEUTRAL_STICK {
             self.stick_free = true;
         }
         let off = self.off.update(now, !on) > STICKS;

@@ -32,13 +32,21 @@ fn bad_days_break_no_rule() {
 }
 
 /// What the oracle once took for broken rules: a lease that was granted in the turn in which the clock went back,
-/// a reset of nothing while somebody drives, and a repeated emergency stop, reset long ago, ahead of a new one.
+/// a reset of nothing while somebody drives, a repeated emergency stop, reset long ago, ahead of a new one, and a
+/// stick at rest that came over a lossy line.
 #[test]
 fn days_that_the_oracle_misread_break_no_rule() {
-    for seed in [100_785, 108_462, 201_615, 208_263] {
+    for seed in [100_785, 108_462, 201_615, 208_263, 307_030] {
         let report = day(seed);
         assert!(report.violation.is_none(), "{report}");
     }
+}
+
+/// The battery was empty; then the robot's clock went back, and the robot thought no worse of it for two seconds.
+#[test]
+fn an_empty_battery_stops_a_robot_whose_clock_has_gone_back() {
+    let report = day(308_313);
+    assert!(report.violation.is_none(), "{report}");
 }
 
 #[test]

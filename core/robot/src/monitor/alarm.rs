@@ -29,6 +29,11 @@ impl Alarm {
         }
     }
 
+    /// No time from before counts: it is present a whole moment more.
+    pub(super) fn forget_time(&mut self) {
+        self.quiet_since = None;
+    }
+
     /// The cause is there, or it is not.
     pub(super) fn set(&mut self, now: Stamp, there: bool, words: impl FnOnce() -> String) {
         if there { self.raise(words) } else { self.quiet(now) }

@@ -8,7 +8,6 @@ use crate::authority::arbitration::Writer;
 use crate::authority::guard::Guard;
 use crate::faults::{of_line, silent_kinds};
 use crate::line::{Device, LINE_LOST_MS, LineFault};
-use crate::monitor::Monitors;
 use std::sync::Arc;
 use xtb_control::controller::{PwmOutputs, RemoteSample};
 use xtb_control::pistons::standing;
@@ -39,7 +38,7 @@ impl Robot {
             (self.next_frame, self.neutral_since) = (now, self.neutral_since.map(|_| now));
             self.remote_due = self.remote_due.map(|_| now);
             self.early = EarlyFrames::default();
-            self.monitors = Monitors::default();
+            self.monitors.clock_went_back();
             self.setup.forget();
         }
         self.agent.loop_stalled(now);
