@@ -148,14 +148,15 @@ impl Monitors {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use xtb_control::units::AdcCount;
 
     #[test]
     fn a_battery_that_was_empty_is_so_after_the_clock_has_gone_back_until_it_is_measured_better() {
-        let (vehicle, mut monitors) = (VehicleConfig::default(), Monitors::default());
-        let mut scans = |from_ms: u64, seconds: f64, mv: u16, monitors: &mut Monitors| {
-            for scan in 0..(seconds / 0.04) as u64 {
-                let now = Stamp::from_ms(from_ms + 40 * scan);
-                monitors.scan(&vehicle, now, &AdcSample::default(), Some(mv));
+        let (vehicle, mut monitors, zero) = (VehicleConfig::default(), Monitors::default(), AdcCount::ZERO);
+        let scan = AdcSample { ir_front: [zero; 6], ir_rear: [zero; 6], tilt: [zero; 2], pistons: [zero; 4] };
+        let scans = |from_ms: u64, seconds: f64, mv: u16, monitors: &mut Monitors| {
+            for i in 0..(seconds / 0.04) as u64 {
+                monitors.scan(&vehicle, Stamp::from_ms(from_ms + 40 * i), &scan, Some(mv));
             }
             monitors.faults(Guards::default()).any(|(fault, _)| fault == Fault::BatteryCritical)
         };
