@@ -211,9 +211,9 @@ fn the_environment_and_the_config_name_the_router() {
 }
 
 #[test]
-fn an_endpoint_that_is_none_is_wrong_usage() {
-    let said = stderr(&Home::empty().run("list --connect nonsense --timeout 0.3").code(2));
-    assert!(said.contains("nonsense") && said.contains("tcp/"), "{said}");
+fn a_router_whose_name_cannot_be_resolved_is_named() {
+    let said = stderr(&Home::empty().run("list --connect nonsense.invalid --timeout 0.3").code(3));
+    assert!(said.contains("nonsense.invalid cannot be resolved") && said.contains("hint: "), "{said}");
 }
 
 #[test]

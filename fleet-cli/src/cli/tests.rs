@@ -58,7 +58,7 @@ fn a_router_may_be_named_by_its_computer_alone() {
 
 #[test]
 fn a_negative_number_is_refused_by_its_own_option() {
-    for line in ["wander xtb-1 --for -3", "list --timeout -1", "goto xtb-1 1 2 --finish-s -3"] {
+    for line in ["wander xtb-1 --for -3", "list --timeout -1", "goto xtb-1 1 2 --within -3"] {
         let error = read(&format!("fleet-cli {line}")).unwrap_err();
         assert_ne!(error.kind(), clap::error::ErrorKind::UnknownArgument, "{line}: {error}");
     }
