@@ -1,6 +1,6 @@
 //! The whole board: what it hears, what it does in a turn, what it says.
 //!
-//! A turn comes every 250 µs, and every 50 µs while a frame is coming in, so that the watchdog counts
+//! A turn comes every 500 µs, and every 50 µs while a frame is coming in, so that the watchdog counts
 //! from the frame's true end; the caller asks [`Board::next_turn`] when. Shortly before each wrap it calls
 //! [`Board::latch`] and writes all ten pulses before the wrap, so that hardware takes them over together.
 
@@ -20,7 +20,7 @@ const STATUS: Ticks = Ticks::from_ms(100);
 /// answer; for so long at most.
 const STATUS_WAITS: Ticks = Ticks::from_ms(5);
 /// Between two turns while the line is idle, and while a frame is coming in.
-const IDLE_TURN: Ticks = Ticks::from_us(250);
+const IDLE_TURN: Ticks = Ticks::from_us(500);
 const BUSY_TURN: Ticks = Ticks::from_us(50);
 
 /// What the pins say in a turn.

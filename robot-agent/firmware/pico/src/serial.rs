@@ -1,5 +1,5 @@
 //! The two UARTs, read and filled in each turn: their hardware holds 32 bytes each way, which is 2.8 ms
-//! at 115,200 baud and more than ten turns.
+//! at 115,200 baud and more than five turns.
 
 use embassy_rp::Peri;
 use embassy_rp::pac::uart::Uart as Registers;
