@@ -115,8 +115,7 @@ export class Bench {
 
   /** The last status: { firmware, state, checksum, refused }. */
   status() {
-    const words = this.frames.findLast?.((frame) => frame.kind === KIND.status)?.words
-      ?? this.ofKind(KIND.status).at(-1)?.words;
+    const words = this.frames.findLast((frame) => frame.kind === KIND.status)?.words;
     if (!words) return null;
     const [firmware, state, checksum, refused] = words;
     return { firmware, state, checksum, refused };

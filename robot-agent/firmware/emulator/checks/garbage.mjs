@@ -1,7 +1,7 @@
 // Random bytes at the full rate of the line: no hang, and the next good frame is obeyed.
 
 import { MS, PERIOD } from '../bench.mjs';
-import { KIND, NEUTRAL } from '../frames.mjs';
+import { KIND, NEUTRAL, encode } from '../frames.mjs';
 import { DRIVE, drive, neutral, same, setUp } from './common.mjs';
 
 export function garbage({ bench, row, long, random }) {
@@ -27,6 +27,20 @@ export function garbage({ bench, row, long, random }) {
     drive(b);
     b.run(PERIOD);
   }
+  // Good frames with one wrong bit in a pulse.
+  let wrongBit = 0;
+  const flips = long ? 200 : 20;
+  for (let i = 0; i < flips; i++) {
+    drive(b);
+    const bytes = encode(KIND.pwm, i, DRIVE);
+    const place = 3 + 2 * random(0, 9), bit = 1 << random(0, 5);
+    if ((bytes[place] ^ bit) === 0) continue;
+    bytes[place] ^= bit;
+    b.lay(bytes);
+    b.run(PERIOD + 3 * MS);
+    if (!same(b.counts, DRIVE)) wrongBit++;
+  }
+  row('frames with one wrong bit', `${wrongBit} of ${flips} obeyed`, '0', wrongBit === 0);
   b.run(110 * MS);
   const { refused } = b.status();
   row('random bytes: the next good frame is obeyed', `${obeyed} of ${rounds}, ${bytes} bytes`, 'all', obeyed === rounds);

@@ -45,4 +45,20 @@ export function pulses({ bench, row, long, random }) {
   row('period', `${wrongPeriod} not 22.2000 ms`, '0', wrongPeriod === 0);
   row('the ten rise together', `${skew} ns apart`, '0', skew === 0);
   row('frames lost, resets', `${b.bad} bad, ${b.status().refused} refused, ${b.chip.resets.length} resets`, '0', b.bad === 0 && b.status().refused === 0 && b.chip.resets.length === 0);
+
+  // A frame with one pulse that no servo may get.
+  const before = [...b.counts], refusedBefore = b.status().refused;
+  let taken = 0, tried = 0;
+  for (const bad of [2330, 5273]) {
+    for (let place = 0; place < 10; place += long ? 1 : 3) {
+      b.tell(KIND.pwm, before); // the watchdog shall have no part in this
+      b.tell(KIND.pwm, before.map((count, i) => (i === place ? bad : 4444)));
+      b.run(PERIOD + 6 * MS);
+      tried++;
+      if (!same(b.counts, before)) taken++;
+    }
+  }
+  b.run(110 * MS);
+  const refused = b.status().refused - refusedBefore;
+  row('one pulse out of range: refused as a whole', `${tried - taken} of ${tried}, ${refused} counted`, 'all', taken === 0 && refused === tried);
 }

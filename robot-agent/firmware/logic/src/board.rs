@@ -245,6 +245,6 @@ impl Board {
             (Some(_), true) => 100_000,
             (Some(_), false) => return true,
         };
-        (now.as_us() / half) % 2 == 0
+        (now.as_us() / half).is_multiple_of(2)
     }
 }
