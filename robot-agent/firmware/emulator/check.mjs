@@ -6,17 +6,17 @@
 // from docs/io-board.md; the codec of these checks is their own (frames.mjs).
 
 import { Bench } from './bench.mjs';
-import * as checks from './checks/index.mjs';
+import { CHECKS } from './checks/index.mjs';
 import { readElf } from './elf.mjs';
 import { random } from './random.mjs';
 
 function usage(message) {
-  console.error(`${message}\nusage: node check.mjs ELF [--long] [--seed N] [--only NAME,…]\nnames: ${Object.keys(checks).join(', ')}`);
+  console.error(`${message}\nusage: node check.mjs ELF [--long] [--seed N] [--only NAME,…]\nnames: ${Object.keys(CHECKS).join(', ')}`);
   process.exit(2);
 }
 
 const args = process.argv.slice(2);
-let path = null, long = false, seed = 1, only = Object.keys(checks);
+let path = null, long = false, seed = 1, only = Object.keys(CHECKS);
 while (args.length) {
   const arg = args.shift();
   if (arg === '--long') long = true;
@@ -27,7 +27,7 @@ while (args.length) {
 }
 if (path === null) usage('which firmware?');
 if (!Number.isInteger(seed)) usage('a seed is a whole number');
-for (const name of only) if (!checks[name]) usage(`there is no check ${name}`);
+for (const name of only) if (!CHECKS[name]) usage(`there is no check ${name}`);
 
 const elf = readElf(path);
 let misses = 0, emulated = 0;
@@ -46,7 +46,7 @@ for (const name of only) {
     console.log(`| ${what.padEnd(46)} | ${String(measured).padEnd(42)} | ${limit.padEnd(24)} | ${ok ? 'ok' : 'NO'} |`);
   };
   try {
-    checks[name]({ bench, row, long, random: random(seed), elf });
+    CHECKS[name]({ bench, row, long, random: random(seed), elf });
   } catch (error) {
     row(name, error.message, 'runs to its end', false);
   }

@@ -1,12 +1,14 @@
-// All checks, in the order in which they run.
+// All checks by name, in the order in which they run.
 
-export { pulses } from './pulses.mjs';
-export { watchdog } from './watchdog.mjs';
-export { setup } from './setup.mjs';
-export { encoder } from './encoder.mjs';
-export { ranges } from './ranges.mjs';
-export { receiver } from './receiver.mjs';
-export { stop } from './stop.mjs';
-export { imu } from './imu.mjs';
-export { garbage } from './garbage.mjs';
-export { hang } from './hang.mjs';
+import { encoder } from './encoder.mjs';
+import { garbage } from './garbage.mjs';
+import { hang } from './hang.mjs';
+import { imu } from './imu.mjs';
+import { pulses } from './pulses.mjs';
+import { ranges } from './ranges.mjs';
+import { receiver } from './receiver.mjs';
+import { setup } from './setup.mjs';
+import { stop } from './stop.mjs';
+import { watchdog } from './watchdog.mjs';
+
+export const CHECKS = { pulses, watchdog, setup, encoder, ranges, receiver, stop, imu, hang, garbage };

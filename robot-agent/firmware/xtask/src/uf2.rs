@@ -43,7 +43,7 @@ mod tests {
             let bytes = &file[block * 512 + 4 * i..][..4];
             u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
         };
-        let mut flash = Vec::new();
+        let mut flash: Vec<u8> = Vec::new();
         for block in 0..3 {
             assert_eq!([word(block, 0), word(block, 1), word(block, 127)], [MAGIC[0], MAGIC[1], MAGIC_END]);
             assert_eq!(word(block, 3), FLASH + 256 * block as u32);
