@@ -95,8 +95,8 @@ const FAULTS: [Fault; 16] = [
     Fault {
         name: "impossible set-ups accepted",
         file: "setup.rs",
-        right: "let possible = setup.channels == WIRING",
-        wrong: "let possible = setup.channels[0] == WIRING[0]",
+        right: "setup.channels == WIRING",
+        wrong: "setup.channels[0] == WIRING[0]",
         pins: "setup",
     },
     Fault {
