@@ -46,7 +46,7 @@ for (const name of only) {
     console.log(`| ${what.padEnd(46)} | ${String(measured).padEnd(42)} | ${limit.padEnd(24)} | ${ok ? 'ok' : 'NO'} |`);
   };
   try {
-    CHECKS[name]({ bench, row, long, random: random(seed), elf });
+    CHECKS[name]({ bench, row, long, random: random(seed), elf, path });
   } catch (error) {
     row(name, error.message, 'runs to its end', false);
   }

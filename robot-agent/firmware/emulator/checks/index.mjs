@@ -1,5 +1,6 @@
 // All checks by name, in the order in which they run.
 
+import { bridge } from './bridge.mjs';
 import { encoder } from './encoder.mjs';
 import { garbage } from './garbage.mjs';
 import { hang } from './hang.mjs';
@@ -11,4 +12,4 @@ import { setup } from './setup.mjs';
 import { stop } from './stop.mjs';
 import { watchdog } from './watchdog.mjs';
 
-export const CHECKS = { pulses, watchdog, setup, encoder, ranges, receiver, stop, imu, hang, garbage };
+export const CHECKS = { pulses, watchdog, setup, encoder, ranges, receiver, stop, imu, hang, garbage, bridge };

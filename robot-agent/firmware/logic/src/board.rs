@@ -7,7 +7,7 @@
 use crate::encoder::Encoder;
 use crate::imu::Imu;
 use crate::outbox::{Identity, Outbox};
-use crate::outputs::Outputs;
+use crate::outputs::{self, Outputs};
 use crate::receiver::{Gate, Receiver};
 use crate::scan::{Scan, Visit};
 use crate::setup::{POWER_ON_PERIOD, Running};
@@ -110,12 +110,12 @@ impl Board {
                 self.set_up(setup, now)
             }
             kind::PWM => {
-                let pulses = words::<OUTPUTS>(payload)?;
-                let Some(running) = &self.running else {
-                    // Nothing that a pulse could act on; a bad one is refused nevertheless.
-                    return Outputs::new().request(pulses, STATUS, now).ok();
-                };
-                self.outputs.request(pulses, running.watchdog, now).ok()
+                let pulses = words(payload).filter(outputs::in_range)?;
+                // Before the set-up there is nothing that a pulse could act on.
+                if let Some(running) = &self.running {
+                    self.outputs.request(pulses, running.watchdog, now);
+                }
+                Some(())
             }
             kind::RESET => {
                 let [bits] = words(payload)?;

@@ -13,9 +13,10 @@ const PISTONS: core::ops::Range<usize> = 5..9;
 pub const AT_REST: [u16; OUTPUTS] =
     [NEUTRAL, 3710, 4179, NEUTRAL, NEUTRAL, NEUTRAL, NEUTRAL, NEUTRAL, NEUTRAL, NEUTRAL];
 
-/// A pulse was out of its range: the frame is refused as a whole.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct PulseOutOfRange;
+/// Whether an output may get each of these pulses; a frame with any other is refused as a whole.
+pub(crate) fn in_range(pulses: &[u16; OUTPUTS]) -> bool {
+    pulses.iter().all(|pulse| PULSES.contains(pulse))
+}
 
 #[derive(Debug, Clone)]
 pub(crate) struct Outputs {
@@ -42,20 +43,11 @@ impl Outputs {
         (self.requested, self.heard) = (AT_REST, None);
     }
 
-    /// A PWM frame of the agent.
-    pub(crate) fn request(
-        &mut self,
-        pulses: [u16; OUTPUTS],
-        watchdog: Ticks,
-        now: Ticks,
-    ) -> Result<(), PulseOutOfRange> {
-        if !pulses.iter().all(|pulse| PULSES.contains(pulse)) {
-            return Err(PulseOutOfRange);
-        }
+    /// A PWM frame of the agent, whose pulses are [in range](in_range).
+    pub(crate) fn request(&mut self, pulses: [u16; OUTPUTS], watchdog: Ticks, now: Ticks) {
         if pulses[MOTOR] == NEUTRAL || !self.is_starved(watchdog, now) {
             (self.requested, self.heard) = (pulses, Some(now));
         }
-        Ok(())
     }
 
     /// No frame for too long.

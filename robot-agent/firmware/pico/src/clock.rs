@@ -24,11 +24,6 @@ fn now_us() -> u64 {
     }
 }
 
-/// The low word of the time in µs, for differences.
-pub(crate) fn now_us_low() -> u32 {
-    TIMER.timerawl().read()
-}
-
 /// Since power-on.
 pub(crate) fn now() -> Ticks {
     Ticks::from_us(now_us())

@@ -1,11 +1,13 @@
 //! What is counted and timed: the encoder's edges, and how long the receiver's three pins are high.
 //!
 //! Slices do it in hardware: 7 counts rising edges, 6 and 0 count 0.4 µs while their pin is high. The
-//! selector's pin belongs to no slice that is free, so an interrupt before all others takes the time of its edges.
+//! selector's pin belongs to no slice that is free, so an interrupt before all others takes the time of its
+//! edges, in cycles of the core's own counter.
 
-use crate::clock;
-use crate::outputs::divider;
+use crate::outputs::{cycles_a_count, divider};
 use core::sync::atomic::{AtomicU32, Ordering};
+use cortex_m::peripheral::SYST;
+use cortex_m::peripheral::syst::SystClkSource;
 use embassy_rp::Peri;
 use embassy_rp::gpio::{Input, Pull};
 use embassy_rp::interrupt::{InterruptExt, Priority};
@@ -22,9 +24,14 @@ const STEERING_SLICE: usize = 0;
 const SPEED_SLICE: usize = 6;
 const ENCODER_SLICE: usize = 7;
 
-/// When the selector's pin rose, in µs; 0 while it is low.
-static SELECTOR_ROSE: AtomicU32 = AtomicU32::new(0);
-/// For how long it has been high, in µs modulo 2³².
+/// The core's counter has 24 bits and counts down: at 125 MHz it comes round in 134 ms.
+const CYCLES: u32 = 0x00FF_FFFF;
+/// No moment of that counter.
+const NEVER: u32 = u32::MAX;
+
+/// When the selector's pin rose, in cycles; [`NEVER`] while it is low.
+static SELECTOR_ROSE: AtomicU32 = AtomicU32::new(NEVER);
+/// For how long it has been high, in counts of 0.4 µs modulo 65,536.
 static SELECTOR_HIGH: AtomicU32 = AtomicU32::new(0);
 
 /// Slices 0, 6, 7.
@@ -50,7 +57,11 @@ pub(crate) struct Gates {
 }
 
 impl Gates {
-    pub(crate) fn new(slices: Slices, pins: Pins) -> Self {
+    pub(crate) fn new(slices: Slices, pins: Pins, mut cycles: SYST) -> Self {
+        cycles.set_clock_source(SystClkSource::Core);
+        cycles.set_reload(CYCLES);
+        cycles.clear_current();
+        cycles.enable_counter();
         let mut timed = Config::default();
         timed.divider = divider();
         let counted = Config::default();
@@ -85,33 +96,29 @@ impl Gates {
         let before = SIO.gpio_in(0).read();
         let speed = PWM.ch(SPEED_SLICE).ctr().read().ctr();
         let steering = PWM.ch(STEERING_SLICE).ctr().read().ctr();
-        let selector_us = SELECTOR_HIGH.load(Ordering::Relaxed);
+        let selector = SELECTOR_HIGH.load(Ordering::Relaxed) as u16;
         let pins = before | SIO.gpio_in(0).read();
         let gate = |counts: u16, pin: u32| Gate { counts, high: pins & 1 << pin != 0 };
-        [
-            gate(speed, SPEED_PIN),
-            gate(steering, STEERING_PIN),
-            // 2.5 counts of 0.4 µs a µs; the product's low 16 bits are those of the whole number.
-            gate((selector_us.wrapping_mul(5) >> 1) as u16, SELECTOR_PIN),
-        ]
+        [gate(speed, SPEED_PIN), gate(steering, STEERING_PIN), gate(selector, SELECTOR_PIN)]
     }
 }
 
 #[interrupt]
 fn IO_IRQ_BANK0() {
-    let now_us = clock::now_us_low();
+    let now = SYST::get_current();
     IO_BANK0.intr(SELECTOR_PIN as usize / 8).write(|w| {
         w.set_edge_low(SELECTOR_PIN as usize % 8, true);
         w.set_edge_high(SELECTOR_PIN as usize % 8, true);
     });
     if SIO.gpio_in(0).read() & 1 << SELECTOR_PIN != 0 {
-        SELECTOR_ROSE.store(now_us.max(1), Ordering::Relaxed);
-    } else {
-        let rose = SELECTOR_ROSE.load(Ordering::Relaxed);
-        if rose != 0 {
-            let high = SELECTOR_HIGH.load(Ordering::Relaxed).wrapping_add(now_us.wrapping_sub(rose));
-            SELECTOR_HIGH.store(high, Ordering::Relaxed);
-            SELECTOR_ROSE.store(0, Ordering::Relaxed);
-        }
+        SELECTOR_ROSE.store(now, Ordering::Relaxed);
+        return;
+    }
+    let rose = SELECTOR_ROSE.load(Ordering::Relaxed);
+    if rose != NEVER {
+        let (cycles, count) = (rose.wrapping_sub(now) & CYCLES, cycles_a_count());
+        let high = SELECTOR_HIGH.load(Ordering::Relaxed).wrapping_add((cycles + count / 2) / count);
+        SELECTOR_HIGH.store(high, Ordering::Relaxed);
+        SELECTOR_ROSE.store(NEVER, Ordering::Relaxed);
     }
 }

@@ -42,6 +42,8 @@ const AHEAD: Ticks = Ticks::from_us(200);
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
+    // Only the first call gets them, and this is it; a program without them waits for the hardware watchdog.
+    let Some(core) = cortex_m::Peripherals::take() else { panic!() };
     let p = embassy_rp::init(Default::default());
     let mut watchdog = Watchdog::new(p.WATCHDOG);
     let after_hang = watchdog.reset_reason().is_some();
@@ -58,6 +60,7 @@ fn main() -> ! {
     let gates = Gates::new(
         gates::Slices(p.PWM_SLICE0, p.PWM_SLICE6, p.PWM_SLICE7),
         gates::Pins { speed: p.PIN_13, steering: p.PIN_17, selector: p.PIN_16, encoder: p.PIN_15 },
+        core.SYST,
     );
     let mut analog = Analog::new(
         p.ADC,

@@ -29,7 +29,9 @@ impl AgentLine {
         tx: Peri<'static, PIN_0>,
         rx: Peri<'static, PIN_1>,
     ) -> Self {
-        Self { _uart: Uart::new_blocking(uart, tx, rx, Config::default()), sending: None }
+        let line = Self { _uart: Uart::new_blocking(uart, tx, rx, Config::default()), sending: None };
+        UART0.uartdr().write(|w| w.set_data(0)); // ends what a restart may have cut off
+        line
     }
 
     /// Hands out what has come in.

@@ -75,14 +75,14 @@ const FAULTS: [Fault; 16] = [
         name: "a set-up feeds the watchdog",
         file: "board.rs",
         right: "let setup = Setup::from_payload(payload)?;",
-        wrong: "let setup = Setup::from_payload(payload)?;\n                self.outputs.request(crate::AT_REST, STATUS, now).ok()?;",
+        wrong: "let setup = Setup::from_payload(payload)?;\n                self.outputs.request(crate::AT_REST, STATUS, now);",
         pins: "watchdog",
     },
     Fault {
         name: "pulses of any length",
         file: "outputs.rs",
-        right: "if !pulses.iter().all(|pulse| PULSES.contains(pulse)) {",
-        wrong: "if pulses.iter().all(|pulse| *pulse > *PULSES.end()) {",
+        right: "pulses.iter().all(|pulse| PULSES.contains(pulse))",
+        wrong: "pulses.iter().any(|pulse| PULSES.contains(pulse))",
         pins: "pulses",
     },
     Fault {
@@ -109,8 +109,8 @@ const FAULTS: [Fault; 16] = [
     Fault {
         name: "converted before the multiplexer has settled",
         file: "robot-agent/firmware/pico/src/main.rs",
-        right: "let (first, second) = analog.convert(&visit);",
-        wrong: "analog.select(visit.channel ^ 1);\n            analog.select(visit.channel);\n            let (first, second) = analog.convert(&visit);",
+        right: "let (first, second) = analog.convert(&visit);\n            board.converted(first, second, now);\n            analog.select(board.selected());",
+        wrong: "analog.select(visit.channel);\n            let (first, second) = analog.convert(&visit);\n            board.converted(first, second, now);",
         pins: "ranges",
     },
     Fault {
