@@ -290,6 +290,7 @@ fn neither_set_up_nor_reset_nor_question_feeds_the_watchdog() {
         bench.run_us(20_000);
     }
     assert!(held(bench.pins()));
+    assert_eq!((bench.pins()[1], bench.status()[1]), (DRIVE[1], flags::READY | flags::WATCHDOG));
 }
 
 #[test]

@@ -22,7 +22,7 @@ mod serial;
 
 use analog::Analog;
 use embassy_rp::gpio::{Input, Level, Output, Pull};
-use embassy_rp::watchdog::Watchdog;
+use embassy_rp::watchdog::{ResetReason, Watchdog};
 use embassy_time::Duration;
 use gates::Gates;
 use outputs::Outputs;
@@ -37,8 +37,9 @@ const HARDWARE: Hardware = Hardware::Pico;
 
 /// A core that does not come round for so long is reset.
 const HANG: Duration = Duration::from_millis(50);
-/// Pulses are written this long before the wrap at which they take effect: longer than a turn takes.
-const AHEAD: Ticks = Ticks::from_us(200);
+/// Pulses are written this long before the wrap at which they take effect: several times as long as the
+/// longest turn (0.11 ms emulated, where the flash costs no time).
+const AHEAD: Ticks = Ticks::from_us(400);
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -46,7 +47,7 @@ fn main() -> ! {
     let Some(core) = cortex_m::Peripherals::take() else { panic!() };
     let p = embassy_rp::init(Default::default());
     let mut watchdog = Watchdog::new(p.WATCHDOG);
-    let after_hang = watchdog.reset_reason().is_some();
+    let after_hang = matches!(watchdog.reset_reason(), Some(ResetReason::TimedOut));
     watchdog.start(HANG);
 
     let mut outputs = Outputs::start(

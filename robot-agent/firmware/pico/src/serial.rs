@@ -3,13 +3,18 @@
 
 use embassy_rp::Peri;
 use embassy_rp::pac::uart::Uart as Registers;
-use embassy_rp::pac::{UART0, UART1};
+use embassy_rp::pac::{PADS_BANK0, UART0, UART1};
 use embassy_rp::peripherals::{self, PIN_0, PIN_1, PIN_21};
 use embassy_rp::uart::{Blocking, Config, Uart, UartRx};
 use xtb_board_codec::Frame;
 
 /// Bytes that the hardware holds.
 const FIFO: usize = 32;
+
+/// A receiving pin to which nothing is connected shall be an idle line.
+fn pull_up(pin: usize) {
+    PADS_BANK0.gpio(pin).modify(|w| w.set_pue(true));
+}
 
 /// What has come in; a byte with a line error is taken as it is, since the check sum finds it.
 fn next_byte(uart: Registers) -> Option<u8> {
@@ -30,6 +35,7 @@ impl AgentLine {
         rx: Peri<'static, PIN_1>,
     ) -> Self {
         let line = Self { _uart: Uart::new_blocking(uart, tx, rx, Config::default()), sending: None };
+        pull_up(1);
         UART0.uartdr().write(|w| w.set_data(0)); // ends what a restart may have cut off
         line
     }
@@ -71,7 +77,9 @@ pub(crate) struct ImuLine {
 
 impl ImuLine {
     pub(crate) fn new(uart: Peri<'static, peripherals::UART1>, rx: Peri<'static, PIN_21>) -> Self {
-        Self { _uart: UartRx::new_blocking(uart, rx, Config::default()) }
+        let line = Self { _uart: UartRx::new_blocking(uart, rx, Config::default()) };
+        pull_up(21);
+        line
     }
 
     /// Hands out what has come in, at most what the hardware holds.
