@@ -1,4 +1,5 @@
-//! Frames on the line between the I/O board and the agent, both directions.
+//! Frames on the line between the I/O board and the agent, both directions: typed, over the numbers of
+//! [`xtb_board_codec`], which the board's firmware uses too.
 //!
 //! ```text
 //!   frame := COBS( type u8 · seq u8 · payload · CRC-32 ) · 0x00
@@ -14,6 +15,6 @@ pub mod rates;
 mod reader;
 mod writer;
 
-pub use frames::{ADC_SCANS, BoardError, BoardStatus, FromBoard, MAX_FRAME, MAX_PULSES, ToBoard};
+pub use frames::{ADC_SCANS, BoardError, BoardStatus, Frame, FromBoard, MAX_FRAME, MAX_PULSES, ToBoard};
 pub use reader::{FrameReader, LineCounters};
-pub use writer::{Frame, FrameWriter};
+pub use writer::FrameWriter;

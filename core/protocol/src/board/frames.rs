@@ -1,36 +1,12 @@
 //! What the frames carry, each way, with their types and bounds, and what can be wrong with one.
 
-use crc::{CRC_32_ISO_HDLC, Crc};
 use thiserror::Error;
+use xtb_board_codec::FrameError;
 use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup};
 use xtb_control::units::OutOfRange;
 
-pub(super) const CRC32: Crc<u32, crc::Table<16>> = Crc::<u32, crc::Table<16>>::new(&CRC_32_ISO_HDLC);
-
-pub(super) const TYPE_PWM: u8 = 0x10;
-pub(super) const TYPE_ENCODER: u8 = 0x11;
-pub(super) const TYPE_ADC: u8 = 0x12;
-pub(super) const TYPE_REMOTE: u8 = 0x13;
-pub(super) const TYPE_STATUS: u8 = 0x14;
-pub(super) const TYPE_SETUP: u8 = 0x18;
-pub(super) const TYPE_RESET: u8 = 0x19;
-
-/// Type, sequence, the longest payload, CRC.
-pub(super) const MAX_BODY: usize = 2 + 38 + 4;
-/// The longest frame on the wire: one COBS overhead byte and the delimiter.
-pub const MAX_FRAME: usize = MAX_BODY + 2;
-/// Most pulses that one encoder window can hold (12,000 rpm · 60 pulses, 5 % over).
-pub const MAX_PULSES: u16 = 660;
-/// Scans that tilt and piston readings are summed over (§4.8.3).
-pub const ADC_SCANS: u16 = 64;
-/// Battery reading of a board that does not measure it.
-pub(super) const NOT_FITTED: u16 = u16::MAX;
-/// Time count of a channel that saw no pulse.
-pub(super) const NO_PULSE: u16 = u16::MAX;
-/// Flags of a status frame.
-pub(super) const READY: u16 = 1;
-pub(super) const WATCHDOG: u16 = 2;
+pub use xtb_board_codec::{ADC_SCANS, Frame, MAX_FRAME, MAX_PULSES};
 
 /// What the board sends.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -121,4 +97,15 @@ pub enum BoardError {
     /// More pulses than the encoder can give.
     #[error("{0} pulses in one window, the encoder gives at most {MAX_PULSES}")]
     Pulses(u16),
+}
+
+impl From<FrameError> for BoardError {
+    fn from(error: FrameError) -> Self {
+        match error {
+            FrameError::TooLong => Self::TooLong,
+            FrameError::Cobs => Self::Cobs,
+            FrameError::TooShort(bytes) => Self::TooShort(bytes),
+            FrameError::Crc { got, expected } => Self::Crc { got, expected },
+        }
+    }
 }

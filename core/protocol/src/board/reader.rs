@@ -1,9 +1,8 @@
 //! Frames, found in the bytes of the line and read.
 
-use super::frames::{
-    ADC_SCANS, BoardError, BoardStatus, CRC32, FromBoard, MAX_FRAME, MAX_PULSES, NO_PULSE, NOT_FITTED, READY,
-    TYPE_ADC, TYPE_ENCODER, TYPE_PWM, TYPE_REMOTE, TYPE_RESET, TYPE_SETUP, TYPE_STATUS, ToBoard, WATCHDOG,
-};
+use super::frames::{ADC_SCANS, BoardError, BoardStatus, FromBoard, MAX_PULSES, ToBoard};
+use xtb_board_codec::flags::{READY, WATCHDOG};
+use xtb_board_codec::{Content, NO_PULSE, NOT_FITTED, Reader, kind};
 use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup};
 use xtb_control::units::PwmCount;
@@ -22,166 +21,78 @@ pub struct LineCounters {
 }
 
 /// Collects bytes into frames.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct FrameReader {
-    buffer: [u8; MAX_FRAME],
-    len: usize,
-    overrun: bool,
-    next_seq: Option<u8>,
-    counters: LineCounters,
-}
-
-impl Default for FrameReader {
-    fn default() -> Self {
-        Self {
-            buffer: [0; MAX_FRAME],
-            len: 0,
-            overrun: false,
-            next_seq: None,
-            counters: LineCounters::default(),
-        }
-    }
+    reader: Reader,
+    frames: u64,
+    rejected: u64,
 }
 
 impl FrameReader {
     /// What has been seen so far.
     #[must_use]
     pub fn counters(&self) -> LineCounters {
-        self.counters
+        let losses = self.reader.losses();
+        let (frames, rejected) = (self.frames, self.rejected);
+        LineCounters { frames, rejected, lost: losses.lost, repeated: losses.repeated }
     }
 
     /// The line was cut: what comes next has nothing to do with what came before.
     pub fn forget(&mut self) {
-        (self.len, self.overrun, self.next_seq) = (0, false, None);
+        self.reader.forget();
     }
 
     /// Frames of the board, for the agent.
-    pub fn from_board(&mut self, bytes: &[u8], mut found: impl FnMut(Result<FromBoard, BoardError>)) {
-        self.frames(bytes, |reader, body| {
-            let result = body.and_then(|opened| match opened.repeated {
-                true => Err(BoardError::Repeated(opened.seq)),
-                false => parse_from_board(opened.kind, opened.payload()),
-            });
-            reader.count(&result);
-            found(result);
+    pub fn from_board(&mut self, bytes: &[u8], found: impl FnMut(Result<FromBoard, BoardError>)) {
+        self.read(bytes, found, |content| match content.repeated {
+            true => Err(BoardError::Repeated(content.seq)),
+            false => parse_from_board(content.kind, content.payload()),
         });
     }
 
     /// Frames of the agent, for the board (real firmware or simulated).
-    pub fn to_board(&mut self, bytes: &[u8], mut found: impl FnMut(Result<ToBoard, BoardError>)) {
-        self.frames(bytes, |reader, body| {
-            // An agent that restarts may begin with any number: the board obeys it.
-            let result = body.and_then(|opened| parse_to_board(opened.kind, opened.payload()));
-            reader.count(&result);
+    pub fn to_board(&mut self, bytes: &[u8], found: impl FnMut(Result<ToBoard, BoardError>)) {
+        // An agent that restarts may begin with any number: the board obeys it.
+        self.read(bytes, found, |content| parse_to_board(content.kind, content.payload()));
+    }
+
+    fn read<T>(
+        &mut self,
+        bytes: &[u8],
+        mut found: impl FnMut(Result<T, BoardError>),
+        parse: impl Fn(&Content) -> Result<T, BoardError>,
+    ) {
+        let (frames, rejected) = (&mut self.frames, &mut self.rejected);
+        self.reader.read(bytes, |content| {
+            let result = content.map_err(BoardError::from).and_then(|content| parse(&content));
+            match &result {
+                Ok(_) => *frames += 1,
+                Err(BoardError::Repeated(_)) => {} // counted when it was opened
+                Err(_) => *rejected += 1,
+            }
             found(result);
         });
-    }
-
-    fn frames(&mut self, mut bytes: &[u8], mut each: impl FnMut(&mut Self, Result<Opened, BoardError>)) {
-        while let Some(end) = bytes.iter().position(|&byte| byte == 0) {
-            self.keep(&bytes[..end]);
-            if let Some(body) = self.close() {
-                each(self, body);
-            }
-            bytes = &bytes[end + 1..];
-        }
-        self.keep(bytes);
-    }
-
-    fn count<T>(&mut self, result: &Result<T, BoardError>) {
-        match result {
-            Ok(_) => self.counters.frames += 1,
-            Err(BoardError::Repeated(_)) => {} // counted when it was opened
-            Err(_) => self.counters.rejected += 1,
-        }
-    }
-
-    /// Bytes of a frame, without a delimiter.
-    fn keep(&mut self, piece: &[u8]) {
-        let room = &mut self.buffer[self.len..];
-        let kept = piece.len().min(room.len());
-        room[..kept].copy_from_slice(&piece[..kept]);
-        self.len += kept;
-        self.overrun |= kept < piece.len();
-    }
-
-    /// A delimiter closes a frame: what is in it, checked.
-    fn close(&mut self) -> Option<Result<Opened, BoardError>> {
-        let (len, overrun) = (self.len, self.overrun);
-        (self.len, self.overrun) = (0, false);
-        if len == 0 {
-            return None; // an idle line may send delimiters
-        }
-        Some(if overrun { Err(BoardError::TooLong) } else { self.open(len) })
-    }
-
-    fn open(&mut self, len: usize) -> Result<Opened, BoardError> {
-        let mut body = [0; MAX_FRAME];
-        let len = cobs::decode(&self.buffer[..len], &mut body).map_err(|_| BoardError::Cobs)?;
-        if len < 6 {
-            return Err(BoardError::TooShort(len));
-        }
-        let (content, crc) = body[..len].split_at(len - 4);
-        let got = u32::from_le_bytes([crc[0], crc[1], crc[2], crc[3]]);
-        let expected = CRC32.checksum(content);
-        if got != expected {
-            return Err(BoardError::Crc { got, expected });
-        }
-        let seq = body[1];
-        let next = self.next_seq.replace(seq.wrapping_add(1));
-        let gap = next.map_or(0, |next| seq.wrapping_sub(next));
-        let repeated = gap == u8::MAX;
-        if repeated {
-            self.counters.repeated += 1;
-        } else {
-            self.counters.lost += u64::from(gap);
-        }
-        Ok(Opened { kind: body[0], seq, repeated, body, len: len - 4 })
-    }
-}
-
-/// A frame whose check sum is right.
-struct Opened {
-    kind: u8,
-    seq: u8,
-    /// It has the number of the one before.
-    repeated: bool,
-    body: [u8; MAX_FRAME],
-    /// Of type, sequence and payload.
-    len: usize,
-}
-
-impl Opened {
-    fn payload(&self) -> &[u8] {
-        &self.body[2..self.len]
     }
 }
 
 /// A payload of exactly `N` numbers.
 fn words<const N: usize>(kind: u8, payload: &[u8]) -> Result<[u16; N], BoardError> {
-    if payload.len() != 2 * N {
-        return Err(BoardError::Length { kind, got: payload.len(), expected: 2 * N });
-    }
-    let mut words = [0; N];
-    for (word, bytes) in words.iter_mut().zip(payload.chunks_exact(2)) {
-        *word = u16::from_le_bytes([bytes[0], bytes[1]]);
-    }
-    Ok(words)
+    xtb_board_codec::words(payload).ok_or(BoardError::Length { kind, got: payload.len(), expected: 2 * N })
 }
 
 fn parse_from_board(kind: u8, payload: &[u8]) -> Result<FromBoard, BoardError> {
     match kind {
-        TYPE_ENCODER => match words::<1>(kind, payload)? {
+        kind::ENCODER => match words::<1>(kind, payload)? {
             [pulses] if pulses <= MAX_PULSES => Ok(FromBoard::Encoder { pulses }),
             [pulses] => Err(BoardError::Pulses(pulses)),
         },
-        TYPE_ADC => parse_adc(&words::<19>(kind, payload)?),
-        TYPE_REMOTE => {
+        kind::ADC => parse_adc(&words::<19>(kind, payload)?),
+        kind::REMOTE => {
             let ticks = |word: u16| (word != NO_PULSE).then_some(u32::from(word));
             let [speed, steering, selector] = words::<3>(kind, payload)?.map(ticks);
             Ok(FromBoard::Remote(RemoteSample { speed, steering, selector }))
         }
-        TYPE_STATUS => {
+        kind::STATUS => {
             let [firmware, flags, setup_checksum, rejected] = words::<4>(kind, payload)?;
             let (ready, watchdog) = (flags & READY != 0, flags & WATCHDOG != 0);
             Ok(FromBoard::Status(BoardStatus { firmware, ready, watchdog, setup_checksum, rejected }))
@@ -210,12 +121,12 @@ fn parse_adc(words: &[u16; 19]) -> Result<FromBoard, BoardError> {
 
 fn parse_to_board(kind: u8, payload: &[u8]) -> Result<ToBoard, BoardError> {
     match kind {
-        TYPE_PWM => parse_pwm(&words::<10>(kind, payload)?).map(ToBoard::Pwm),
-        TYPE_SETUP => match <&[u8; Setup::LEN]>::try_from(payload) {
+        kind::PWM => parse_pwm(&words::<10>(kind, payload)?).map(ToBoard::Pwm),
+        kind::SETUP => match <&[u8; Setup::LEN]>::try_from(payload) {
             Ok(bytes) => Ok(ToBoard::Setup(Setup::from_bytes(bytes))),
             Err(_) => Err(BoardError::Length { kind, got: payload.len(), expected: Setup::LEN }),
         },
-        TYPE_RESET => {
+        kind::RESET => {
             let [bits] = words::<1>(kind, payload)?;
             let bit = |n: u16| bits & (1 << n) != 0;
             Ok(ToBoard::Reset(ResetMask { speed: bit(0), steering: bit(1), selector: bit(2) }))
