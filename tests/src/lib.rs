@@ -99,6 +99,10 @@ pub fn agent_config(endpoint: &str, fleet: &str) -> AgentConfig {
     }
 }
 
+/// How a goal ends because its computer is too busy: the words of the reason.
+const HELD_UP: [&str; 5] =
+    ["control loop stalled", "board_silent", "gyro_silent", "board_not_set_up", "encoder_silent"];
+
 /// How a test's fleet differs from three robots in an empty room at eight times real time.
 #[derive(Debug, Clone)]
 pub struct Setup {
@@ -270,6 +274,24 @@ impl Fleet {
         };
         let state = self.until(number, "the goal's end", ended).await;
         state.goal.map_or(GoalStatus::Failed, |goal| goal.status)
+    }
+
+    /// Drives the robot to a point. On a busy computer a control loop, or a line, can be held up for so long that the
+    /// robot rightly ends its goal: then it is sent again, a few times.
+    ///
+    /// # Panics
+    /// If it does not get there, or ends its goal for another reason.
+    pub async fn reaches(&self, number: usize, x_m: f64, y_m: f64) {
+        for _ in 0..5 {
+            let goal = self.goto(number, x_m, y_m).await;
+            if self.outcome(number, goal).await == GoalStatus::Reached {
+                return;
+            }
+            let reason = self.state(number).await.goal.and_then(|goal| goal.reason).unwrap_or_default();
+            assert!(HELD_UP.iter().any(|held_up| reason.contains(held_up)), "{reason}");
+            self.ask(number, Body::Reset { latch: None }).await;
+        }
+        panic!("this computer is too busy: xtb-{number} was held up each time");
     }
 
     /// Sends a setpoint with the lease.

@@ -6,7 +6,6 @@ use fleet_tests::{Fleet, Setup, eventually};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use xtb_control::Mode;
-use xtb_protocol::messages::GoalStatus;
 
 fn agent(fleet: &Fleet, lines: &Path) -> Process {
     let child = Command::new(program("robot-agent"))
@@ -34,8 +33,7 @@ async fn an_agent_on_serial_lines_drives_and_its_death_is_neutral_within_200_ms(
     let fleet = serial_fleet(folder.path()).await;
     let mut process = agent(&fleet, folder.path());
     eventually("the agent", || async { (fleet.alive().await.len() == 1).then_some(()) }).await;
-    let goal = fleet.goto(1, 0.1, 0.5).await;
-    assert_eq!(fleet.outcome(1, goal).await, GoalStatus::Reached);
+    fleet.reaches(1, 0.1, 0.5).await;
 
     fleet.goto(1, 0.0, 5.0).await;
     eventually("driving", || async { (fleet.truth(1).speed_mps > 0.08).then_some(()) }).await;
