@@ -18,7 +18,7 @@ use tokio::time::Instant;
 use xtb_bus::{Bus, BusError};
 use xtb_nav::geometry::Car;
 use xtb_protocol::keys::FleetKeys;
-use xtb_protocol::messages::{About, Limits, MAX_COORDINATE_M, ParameterInfo, RobotState};
+use xtb_protocol::messages::{About, Limits, MAX_COORDINATE_M, NEXT_LEG, ParameterInfo, RobotState};
 use xtb_robot::Identity;
 
 /// A name that is alive elsewhere for this long is taken. (An agent killed just before leaves its
@@ -27,6 +27,10 @@ const NAME_TAKEN_AFTER: Duration = Duration::from_secs(3);
 const NAME_CHECK_EVERY: Duration = Duration::from_millis(250);
 const INPUTS_WITHIN: Duration = Duration::from_secs(2);
 const ASK_WITHIN: Duration = Duration::from_millis(1000);
+
+/// The requests that it understands, and what goes beyond a request's first meaning.
+const CAPABILITIES: [&str; 10] =
+    ["goto", "wander", "teleop", "stop", "estop", "reset", "cancel", "set_pose", "assign", NEXT_LEG];
 
 /// What the robot says of itself when asked.
 pub(crate) fn about(config: &AgentConfig, identity: &Identity, hardware: &str) -> About {
@@ -53,9 +57,7 @@ pub(crate) fn about(config: &AgentConfig, identity: &Identity, hardware: &str) -
             setpoint_lifetime_ms: vehicle.teleop.lifetime_ms,
             max_coordinate_m: MAX_COORDINATE_M,
         },
-        capabilities: ["goto", "wander", "teleop", "stop", "estop", "reset", "cancel", "set_pose", "assign"]
-            .map(str::to_owned)
-            .to_vec(),
+        capabilities: CAPABILITIES.map(str::to_owned).to_vec(),
         vehicle_hash: format!("{hash:08x}"),
         vehicle: info.collect(),
     }

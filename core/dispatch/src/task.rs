@@ -212,6 +212,19 @@ impl Task {
         Some(Assignment { ledger, task: self.id, assign_seq: *seq, leg: self.legs_done })
     }
 
+    /// The drive after that, if it is to be done without a stop in between.
+    #[must_use]
+    pub fn next_leg(&self, ledger: u64, now_ms: u64) -> Option<Assignment> {
+        let passes = match self.spec.kind {
+            TaskKind::Route { dwell_s, .. } | TaskKind::Patrol { dwell_s, for_s: None, .. } => dwell_s == 0.0,
+            // When the time of a patrol is up, it ends at the point that it has reached.
+            TaskKind::Patrol { .. } | TaskKind::Goto { .. } | TaskKind::Wander { .. } => false,
+        };
+        let leg = self.legs_done + 1;
+        let present = self.assignment(ledger).filter(|_| passes && !self.is_all(leg, now_ms))?;
+        Some(Assignment { leg, ..present })
+    }
+
     /// Until when it stands at the point it has reached, in ms since 1970.
     #[must_use]
     pub fn dwells_until_ms(&self) -> u64 {

@@ -12,7 +12,9 @@ use crate::tracked_robot::{ObservedState, Purpose, Stuck, TrackedRobot};
 use crate::transition::{Change, Ending, TaskOutcome};
 use xtb_protocol::Name;
 use xtb_protocol::messages::texts::is_client_timeout;
-use xtb_protocol::messages::{Assignment, GoalStatus, LinkLoss, OnTakeover, RejectCode, TaskState, Who};
+use xtb_protocol::messages::{
+    Assignment, GoalStatus, LinkLoss, NEXT_LEG, OnTakeover, RejectCode, TaskState, Who,
+};
 
 /// What a decision about a task is made from, besides the task and its robot.
 #[derive(Debug, Clone, Copy)]
@@ -133,7 +135,9 @@ fn has_surely_stopped(ctx: Ctx<'_>, task: &Task, assigned: &Assigned, robot: &Tr
     let over_ms = match task.spec.on_link_loss {
         LinkLoss::Halt => last_sent_ms + ctx.settings.halted_ms,
         LinkLoss::Finish => {
-            let bound_ms = (task.finish_s() * 1000.0) as u64 + ctx.settings.finish_margin_ms;
+            // One leg after the other, if it may know the next one.
+            let legs = 1.0 + f64::from(u8::from(task.next_leg(ctx.ledger, ctx.now_ms).is_some()));
+            let bound_ms = (legs * task.finish_s() * 1000.0) as u64 + ctx.settings.finish_margin_ms;
             last_sent_ms.max(assigned.at_ms) + bound_ms
         }
     };
@@ -327,11 +331,22 @@ pub fn next_purpose(ctx: Ctx<'_>, task: Option<&Task>, robot: &TrackedRobot) -> 
     if robot.lease(ctx.me).is_none() {
         return Some(Purpose::Acquire);
     }
-    let known = observed.goal(assignment.goal_id()).is_some()
-        || robot.acked.is_some_and(|(seq, leg, _)| (seq, leg) == (assignment.assign_seq, assignment.leg));
+    let present = observed.goal(assignment.goal_id());
+    if present.is_some_and(|goal| goal.status == GoalStatus::Running && goal.is_planned) {
+        return next_leg(ctx, task, robot).map(Purpose::Assign);
+    }
+    let known = present.is_some() || robot.has_acknowledged(&assignment);
     let dwells = ctx.now_ms < task.dwells_until_ms();
     (!known && !dwells && !ctx.map_due && observed.unavailable.is_none())
         .then_some(Purpose::Assign(assignment))
+}
+
+/// The leg after the one that runs, for a robot that can pass the point between without a stop.
+fn next_leg(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot) -> Option<Assignment> {
+    let passes = robot.capabilities.as_ref().is_some_and(|all| all.contains(NEXT_LEG));
+    let leg = task.next_leg(ctx.ledger, ctx.now_ms).filter(|_| passes && !ctx.map_due)?;
+    let known = robot.has_acknowledged(&leg) || robot.next_leg_refused == Some((leg.assign_seq, leg.leg));
+    (!known).then_some(leg)
 }
 
 /// The number of an assignment that the robot may drive for and that nobody wants.

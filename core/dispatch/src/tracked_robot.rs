@@ -121,6 +121,8 @@ pub struct TrackedRobot {
     pub incapable: BTreeMap<TaskId, String>,
     /// The last assignment and drive that it has acknowledged, and with which state it was then.
     pub acked: Option<(u64, u32, u64)>,
+    /// The assignment and drive that it would not take while the drive before was under way.
+    pub next_leg_refused: Option<(u64, u32)>,
     /// The last assignment whose withdrawal it has confirmed, in this boot.
     pub withdrawn: Option<u64>,
     /// What becomes of its task as soon as it has confirmed the end of this assignment.
@@ -158,6 +160,7 @@ impl TrackedRobot {
             avoid_until: None,
             incapable: BTreeMap::new(),
             acked: None,
+            next_leg_refused: None,
             withdrawn: None,
             pending_outcome: None,
             blocked_since_ms: None,
@@ -179,6 +182,7 @@ impl TrackedRobot {
             self.unanswered = self.unanswered.saturating_add(u32::from(had_one));
             self.operator = Operator::default();
             (self.acked, self.withdrawn, self.next_request_ms) = (None, None, 0);
+            self.next_leg_refused = None;
             self.incapable.clear();
             self.pending_outcome = None;
         }
@@ -200,6 +204,12 @@ impl TrackedRobot {
     #[must_use]
     pub fn has_released(&self, seq: u64) -> bool {
         self.withdrawn.is_some_and(|withdrawn| withdrawn >= seq)
+    }
+
+    /// Whether it has acknowledged this drive, in this boot.
+    #[must_use]
+    pub fn has_acknowledged(&self, of: &Assignment) -> bool {
+        self.acked.is_some_and(|(seq, leg, _)| (seq, leg) == (of.assign_seq, of.leg))
     }
 
     /// How long it has been silent, in ms.

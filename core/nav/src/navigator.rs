@@ -13,7 +13,8 @@
 //! A path is its own, planned on its own map (`replan`), or traffic control's (`traffic_guidance`), which also
 //! says how far along it is released. Planning takes longer than a turn: it goes out as a [`PlanJob`] and comes
 //! back as a [`PlanDone`]. On the way it looks ahead (`look_ahead`), and goes nowhere without having looked
-//! (`visibility`). Without traffic control the rule of [`right_of_way`] says who goes first, and `yielding` what
+//! (`visibility`). A goal behind which another one waits is passed without a stop (`passing`). Without traffic
+//! control the rule of [`right_of_way`] says who goes first, and `yielding` what
 //! the other one does.
 //!
 //! Words: *released* is the way up to which it may drive; *off* is the distance from the path; *blocked* is
@@ -24,6 +25,7 @@ mod follow;
 mod following;
 mod look_ahead;
 pub mod near;
+mod passing;
 mod prepared_map;
 mod recovery;
 mod replan;
@@ -34,6 +36,7 @@ mod turn;
 mod visibility;
 mod yielding;
 
+pub use passing::PASS_M;
 pub use prepared_map::PreparedMap;
 pub use replan::{PlanDone, PlanFailure, PlanJob};
 pub use traffic_guidance::{
@@ -41,6 +44,7 @@ pub use traffic_guidance::{
 };
 pub use turn::{Decision, HoldReason, Progress, STANDS_MPS, Sensed, TargetPose};
 
+use crate::MapPose;
 use crate::geometry::{Car, rect};
 use crate::obstacle_layer::{BumperScan, ObstacleLayer};
 use crate::path_follower::{FollowerSettings, PathFollower};
@@ -264,36 +268,43 @@ impl Navigator {
     fn seek(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
         let stand = stand(HoldReason::Planning);
         let Stage::Seeking { job } = &mut task.stage else { return stand };
-        let (Some(map), Some(obstacles)) = (&self.map, &self.obstacles) else {
+        if self.map.is_none() {
             return Decision::Failed("the robot has no map".to_owned());
-        };
+        }
         let asked = job.is_some_and(|(_, at)| now.since_ms(at) < PLAN_WITHIN_MS);
         if asked || !sensed.stands() || self.guidance.may_return(now) {
             return stand;
         }
         self.jobs += 1;
         *job = Some((self.jobs, now));
-        self.outbox = Some(PlanJob {
+        self.outbox = self.plan_job(now, task, sensed.estimate.pose);
+        stand
+    }
+
+    /// The last job of all, a path to the goal from here; `None` without a map.
+    fn plan_job(&self, now: Stamp, task: &Task, start: MapPose) -> Option<PlanJob> {
+        Some(PlanJob {
             number: self.jobs,
             now,
-            map: map.clone(),
-            obstacles: obstacles.clone(),
+            map: self.map.clone()?,
+            obstacles: self.obstacles.clone()?,
             seen_within_ms: task.seen_within_ms(),
             vantage_allowed: task.vantages < MOST_VANTAGES,
             car: self.car,
             cruise_mps: self.settings.drive.meeting_mps,
-            start: sensed.estimate.pose,
+            start,
             target: task.target,
-            others: self.standing_robots(now, &sensed.estimate.pose),
+            others: self.standing_robots(now, &start),
             retreat: self.retreat_from(now, task),
-        });
-        stand
+        })
     }
 
     /// A plan comes back.
     pub fn planned(&mut self, now: Stamp, done: PlanDone) {
         let Some(mut task) = self.task.take() else { return };
-        if matches!(task.stage, Stage::Seeking { job: Some((number, _)) } if number == done.number)
+        if passing::is_for(&task, done.number) {
+            self.go_beyond(&mut task, done.result);
+        } else if matches!(task.stage, Stage::Seeking { job: Some((number, _)) } if number == done.number)
             && let Some((planned, purpose)) = self.accept_plan(now, &mut task, done.result, done.by)
         {
             self.take_up(now, &mut task, planned, purpose);

@@ -137,6 +137,11 @@ impl PathFollower {
         Ok(())
     }
 
+    /// The end of the path is to be reached within this.
+    pub fn arrive(&mut self, within: GoalTolerance) {
+        self.tolerance = within;
+    }
+
     /// How far along the path it is, in m; never beyond the next change of gear.
     #[must_use]
     pub fn way_m(&self) -> f64 {

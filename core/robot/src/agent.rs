@@ -14,12 +14,14 @@
 mod goals;
 mod leases;
 mod navigate;
+mod next_leg;
 mod odometry;
 mod pose;
 mod requests;
 mod setpoints;
 mod stops;
 mod touch;
+mod wander_guard;
 mod why;
 
 use crate::authority::arbitration::{Facts, Writer, writer};
@@ -30,9 +32,11 @@ use crate::authority::latch::LatchBook;
 use crate::authority::lease::{LEASE_FREE_MS, LINK_LOSS_MS, LeaseBook};
 use crate::authority::replies::ReplyBook;
 use crate::faults::{FaultBook, stops};
+use next_leg::NextLeg;
 use odometry::OdometryScale;
 use setpoints::Teleop;
 use std::collections::VecDeque;
+use wander_guard::WanderGuard;
 use xtb_control::controller::Mode;
 use xtb_control::frames::MapPose;
 use xtb_control::units::PWM_COUNT_US;
@@ -108,6 +112,11 @@ pub struct Agent {
     replies: ReplyBook,
     goal: Option<Goal>,
     assigned: Assigned,
+    /// The next leg of the assignment under way: it begins as soon as the present one is passed or reached.
+    next_leg: Option<NextLeg>,
+    wander_guard: WanderGuard,
+    /// When it last looked where the others are.
+    wander_looked: Stamp,
     ended: VecDeque<GoalEnd>,
     teleop: Option<Teleop>,
     /// Number of the last setpoint that was accepted under the present grant.
@@ -172,6 +181,9 @@ impl Agent {
             replies: ReplyBook::default(),
             goal: None,
             assigned: Assigned::default(),
+            next_leg: None,
+            wander_guard: WanderGuard::default(),
+            wander_looked: Stamp::ZERO,
             ended: VecDeque::with_capacity(ENDED_GOALS),
             teleop: None,
             last_seq: None,
@@ -250,6 +262,7 @@ impl Agent {
         }
         self.arbitrate(now);
         let command = self.pending.take().or_else(|| self.navigate(now, view));
+        let command = command.or_else(|| self.mind_others(now, view));
         if let (Some(Command::Goto(_) | Command::Wander | Command::Follow { .. }), Some(goal)) =
             (command, &mut self.goal)
             && goal.status == GoalStatus::Accepted

@@ -5,10 +5,14 @@
 mod bench;
 
 use bench::*;
+use std::sync::Arc;
+use xtb_nav::geometry::Grid;
+use xtb_nav::map::Map;
+use xtb_nav::navigator::PreparedMap;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
-    Assignment, Body, Done, GoalStatus, LinkLoss, MAX_ASSIGN_SEQ, Outcome, RejectCode, Request, TaskAction,
-    TaskId,
+    Assignment, Body, Done, GoalEnd, GoalStatus, LinkLoss, MAX_ASSIGN_SEQ, Outcome, RejectCode, Request,
+    TaskAction, TaskId,
 };
 
 const LEDGER: u64 = 77;
@@ -65,6 +69,50 @@ fn lower_is_refused_and_higher_replaces() {
     }
     let ended: Vec<GoalStatus> = bench.state().ended_goals.iter().map(|end| end.status).collect();
     assert_eq!(ended, [GoalStatus::Replaced, GoalStatus::Replaced]);
+}
+
+/// A robot with an empty room of 20 × 20 m on its map, on its way to the first leg and told of the second one.
+fn between_two_legs() -> Bench {
+    let mut bench = Bench::new();
+    let room = Grid::free(0.1, [-10.0, -10.0], 200, 200).unwrap();
+    let map = Map::new("room", room, Vec::new()).unwrap();
+    bench.robot.agent_mut().set_floor(Arc::new(PreparedMap::of(map)));
+    bench.ask(assign(5, 0, 5.0));
+    bench.run_ms(100);
+    assert_eq!(goal_of(&bench.ask(assign(5, 1, 4.0))), assignment(5, 1).goal_id());
+    bench.run_ms(100);
+    let goal = bench.state().goal.unwrap();
+    assert_eq!((goal.id, goal.status), (assignment(5, 0).goal_id(), GoalStatus::Running), "it waits");
+    bench
+}
+
+#[test]
+fn the_next_leg_waits_for_the_one_under_way_and_anything_later_replaces_both() {
+    let mut bench = between_two_legs();
+    assert_eq!(goal_of(&bench.ask(assign(5, 1, 4.0))), assignment(5, 1).goal_id(), "acknowledged again");
+    assert_eq!(code_of(&bench.ask(assign(5, 0, 5.0))), RejectCode::UnknownGoal);
+    assert_eq!(goal_of(&bench.ask(assign(6, 0, 3.0))), assignment(6, 0).goal_id());
+    bench.run_ms(100);
+    let state = bench.state();
+    assert_eq!(state.goal.unwrap().id, assignment(6, 0).goal_id());
+    let replaced = GoalEnd { id: assignment(5, 0).goal_id(), status: GoalStatus::Replaced };
+    assert_eq!(state.ended_goals, [replaced], "the second leg has never begun");
+}
+
+#[test]
+fn what_ends_the_leg_under_way_ends_the_next_one_before_it_has_begun() {
+    let stop: fn(&mut Bench) = |bench| drop(bench.ask(Body::Stop {}));
+    let withdraw: fn(&mut Bench) = |bench| withdraw(bench, 5);
+    for end in [stop, withdraw] {
+        let mut bench = between_two_legs();
+        end(&mut bench);
+        bench.run_ms(500);
+        let state = bench.state();
+        let goal = state.goal.unwrap();
+        assert_eq!((goal.id, goal.status), (assignment(5, 0).goal_id(), GoalStatus::Cancelled));
+        assert_eq!(state.ended_goals, []);
+        assert_eq!(code_of(&bench.ask(assign(5, 1, 4.0))), RejectCode::UnknownGoal, "its number is used up");
+    }
 }
 
 #[test]

@@ -5,15 +5,17 @@ use crate::drive::Drive;
 use crate::meetings::fleet;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_2;
+use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_dispatch::dispatcher::Identity;
 use xtb_dispatch::{Dispatcher, Effect, Entry, MapTravelCost, Record, Settings};
+use xtb_nav::Car;
 use xtb_nav::rooms::Draw;
 use xtb_protocol::Name;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
-    Assignment, DispatchBody, DispatchRequest, GoalStatus, Request, TaskId, TaskKind, TaskSpec, TaskState,
-    Waypoint,
+    Assignment, DispatchBody, DispatchRequest, GoalStatus, NEXT_LEG, Request, TaskId, TaskKind, TaskSpec,
+    TaskState, Waypoint,
 };
 use xtb_sim::World;
 
@@ -55,7 +57,7 @@ impl Shift {
             .map(|n| MapPose { x_m: n as f64 * 1.5 - 2.25, y_m: -2.5, yaw_rad: FRAC_PI_2 })
             .collect();
         let map = World::from_toml(world).unwrap().chart(0.05).unwrap();
-        Self {
+        let mut shift = Self {
             drive: fleet(world, &starts, seed),
             ground: MapTravelCost::new(map),
             dispatcher: dispatcher(EPOCH_MS, 1, Vec::new()),
@@ -67,11 +69,21 @@ impl Shift {
             kills: 0,
             arrivals: 1_000_000,
             reached: BTreeSet::new(),
-        }
+        };
+        shift.tell_factsheets();
+        shift
     }
 
     fn now_ms(&self) -> u64 {
         EPOCH_MS + self.drive.lockstep.now().ms()
+    }
+
+    fn tell_factsheets(&mut self) {
+        let (now_ms, car) = (self.now_ms(), Car::of(&VehicleConfig::default()));
+        for index in 0..self.drive.lockstep.simulation().trucks().len() {
+            let name = Name::new(&format!("xtb-{}", index + 1)).unwrap();
+            self.dispatcher.set_factsheet(now_ms, &name, &[NEXT_LEG.to_owned()], Some(car));
+        }
     }
 
     fn is_lost(&mut self) -> bool {
@@ -113,6 +125,7 @@ impl Shift {
                     if killed {
                         self.kills += 1;
                         self.dispatcher = dispatcher(now_ms, self.writes, self.ledger.clone());
+                        self.tell_factsheets();
                     } else {
                         self.dispatcher.written(now_ms, write.id).unwrap();
                     }
@@ -196,7 +209,10 @@ fn tasks(draw: &mut Draw, count: usize) -> Vec<TaskSpec> {
         places.swap_remove(at)
     };
     let one = |i: usize| match i % 4 {
-        3 => TaskKind::Route { points: vec![next(), next()], loops: 1, dwell_s: 1.0 },
+        3 => {
+            let dwell_s = if i == 3 { 1.0 } else { 0.0 };
+            TaskKind::Route { points: vec![next(), next()], loops: 1, dwell_s }
+        }
         _ => TaskKind::Goto { to: next() },
     };
     (0..count).map(one).map(TaskSpec::new).collect()
@@ -214,6 +230,48 @@ fn day(world: &str, seed: u64, loss: f64, kill_each: u64) -> Shift {
     shift.work(TASKS, 900);
     shift.check(TASKS);
     shift
+}
+
+/// A route of four points for one robot: it drives over each of them and stands at none before the last.
+fn passes_three_points(mut shift: Shift) {
+    let points = [(-2.25, -1.0), (-1.5, 0.5), (0.0, 1.5), (2.0, 1.2)].map(|(x_m, y_m)| Waypoint {
+        x_m,
+        y_m,
+        yaw_rad: None,
+    });
+    let route = TaskKind::Route { points: points.to_vec(), loops: 1, dwell_s: 0.0 };
+    while shift.dispatcher.store().next_task() == 1 {
+        shift.submit(vec![TaskSpec::new(route.clone())]);
+        shift.step();
+    }
+    let (mut slowest_mps, mut nearest_m) = (f64::MAX, [f64::MAX; 4]);
+    while shift.reached.len() < 4 && shift.now_ms() < EPOCH_MS + 120_000 {
+        shift.step();
+        let truth = shift.drive.lockstep.simulation().trucks()[0].truth();
+        for (nearest_m, point) in nearest_m.iter_mut().zip(&points) {
+            *nearest_m = nearest_m.min((truth.x_m - point.x_m).hypot(truth.y_m - point.y_m));
+        }
+        // From the first point until it comes to the last one.
+        if nearest_m[0] < 0.1 && nearest_m[3] > 0.5 {
+            slowest_mps = slowest_mps.min(truth.speed_mps.abs());
+        }
+    }
+    shift.work(1, 5);
+    shift.check(1);
+    assert!(slowest_mps > 0.1, "it slowed down to {slowest_mps} m/s");
+    assert!(nearest_m.iter().all(|m| *m < 0.06), "{nearest_m:?}");
+}
+
+#[test]
+fn a_robot_that_goes_alone_passes_the_points_of_a_route_without_a_stop() {
+    let mut shift = Shift::new(OPEN, 1, 7);
+    shift.drive.lockstep.set_traffic(None);
+    passes_three_points(shift);
+}
+
+#[test]
+fn a_robot_that_is_led_passes_the_points_of_a_route_without_a_stop() {
+    passes_three_points(Shift::new(OPEN, 1, 8));
 }
 
 #[test]

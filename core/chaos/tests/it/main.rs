@@ -16,3 +16,4 @@ mod lifelong;
 mod meetings;
 mod rooms;
 mod together;
+mod wandering;

@@ -113,13 +113,20 @@ impl Dispatcher {
 
     fn not_begun(&mut self, now_ms: u64, name: &Name, of: Assignment, code: RejectCode, message: &str) {
         use RejectCode::{Malformed, NoMap, Unsupported, WrongVersion};
-        let (Some(task), Some(robot)) = (self.store.on(name), self.robots.get(name)) else { return };
-        let current = task.wants_to_drive() && task.assignment(of.ledger) == Some(of);
+        let (Some(task), Some(robot)) = (self.store.on(name), self.robots.get_mut(name)) else { return };
+        let present = task.assignment(of.ledger);
+        if present.is_some_and(|present| present.assign_seq == of.assign_seq && present.leg < of.leg) {
+            // It is asked again when the one before is reached: then the refusal counts.
+            robot.next_leg_refused = Some((of.assign_seq, of.leg));
+            return;
+        }
+        let current = task.wants_to_drive() && present == Some(of);
         if !current || self.writes.has_task(task.id) {
             return;
         }
         let id = task.id;
         let ctx = self.ctx(now_ms, of.ledger);
+        let Some(robot) = self.robots.get(name) else { return };
         let Some(outcome) = task_progress::refused(ctx, task, robot, code, message) else { return };
         if matches!(code, Malformed | WrongVersion | Unsupported | NoMap)
             && let Some(robot) = self.robots.get_mut(name)

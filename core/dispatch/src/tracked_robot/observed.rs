@@ -2,7 +2,7 @@
 
 use xtb_control::Mode;
 use xtb_control::frames::MapPose;
-use xtb_protocol::messages::{BatteryLevel, GoalStatus, Latch, MapState, RobotState};
+use xtb_protocol::messages::{BatteryLevel, GoalStatus, Latch, MapState, RobotState, Via};
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::faults::stops;
 
@@ -17,6 +17,8 @@ pub struct ObservedGoal {
     pub reason: Option<String>,
     /// Who sent it, if it is the present or last one.
     pub by: Option<Name>,
+    /// Whether it is driven to along a planned path.
+    pub is_planned: bool,
 }
 
 /// What a robot last said of itself.
@@ -60,9 +62,16 @@ impl ObservedState {
             status: goal.status,
             reason: goal.reason.clone(),
             by: Some(goal.by.clone()),
+            is_planned: goal.via == Some(Via::Planned),
         });
         let ended = state.ended_goals.iter();
-        let ended = ended.map(|end| ObservedGoal { id: end.id, status: end.status, reason: None, by: None });
+        let ended = ended.map(|end| ObservedGoal {
+            id: end.id,
+            status: end.status,
+            reason: None,
+            by: None,
+            is_planned: false,
+        });
         let pose = &state.pose;
         let estop = state.latches.iter().find(|set| set.latch == Latch::Estop);
         let estop = estop.map(|set| ObservedEstop {

@@ -5,8 +5,8 @@ use crate::robots::FakeRobot;
 use xtb_dispatch::dispatcher::Identity;
 use xtb_dispatch::{Dispatcher, Effect, Entry, OpenTravelCost, Settings, TravelCost};
 use xtb_protocol::messages::{
-    Assignment, Body, DispatchBody, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, Request,
-    TaskChange, TaskId, TaskKind, TaskSpec, TaskState, Waypoint,
+    Assignment, Body, DispatchBody, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, NEXT_LEG,
+    Request, TaskChange, TaskId, TaskKind, TaskSpec, TaskState, Waypoint,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -178,6 +178,12 @@ impl Bench {
         let id = Uuid::from_u64_pair(9, self.asked);
         let lease = self.robots[i].lease.present();
         self.robots[i].request(self.now_ms, &name("cli-9"), &Request { id, lease, body });
+    }
+
+    /// This robot takes the next leg while one is under way.
+    pub(crate) fn passes(&mut self, i: usize) {
+        let capabilities = [NEXT_LEG.to_owned()];
+        self.dispatcher.set_factsheet(self.now_ms, &self.robots[i].name, &capabilities, None);
     }
 
     pub(crate) fn restart(&mut self) {

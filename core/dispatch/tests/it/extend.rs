@@ -56,6 +56,50 @@ fn a_route_that_is_extended_while_it_is_driven_goes_on_at_its_former_last_point_
 }
 
 #[test]
+fn a_robot_that_can_pass_points_knows_the_next_leg_while_one_is_under_way() {
+    let mut bench = Bench::new(1);
+    bench.passes(0);
+    let task = bench.submit(route(&[(1.5, 0.0), (2.0, 0.0), (2.5, 0.0)]));
+    bench.run_ms(500);
+    assert_eq!(bench.dispatcher.store().task(task).unwrap().legs_done, 0);
+    assert_eq!(bench.begun(), [(1, 0), (1, 1)], "the next one, and no more");
+    let ticket = extend(&mut bench, task, 3, &[(3.0, 0.0)]);
+    run_until_done(&mut bench, task);
+    assert_eq!(refusal(&bench, ticket), None);
+    assert_eq!(bench.begun(), [(1, 0), (1, 1), (1, 2), (1, 3)], "one assignment, each drive asked for once");
+    assert_eq!(bench.robots[0].finished.len(), 4);
+}
+
+#[test]
+fn a_leg_is_only_known_ahead_where_the_robot_does_not_stand_before_it() {
+    let points = || vec![point(1.5, 0.0), point(2.0, 0.0)];
+    for kind in [
+        TaskKind::Route { points: points(), loops: 1, dwell_s: 0.5 },
+        TaskKind::Patrol { points: points(), dwell_s: 0.0, for_s: Some(60.0) },
+    ] {
+        let mut bench = Bench::new(1);
+        bench.passes(0);
+        bench.submit(TaskSpec { who: Who::Robot(name("xtb-1")), ..TaskSpec::new(kind) });
+        bench.run_ms(500);
+        assert_eq!(bench.begun(), [(1, 0)]);
+    }
+}
+
+#[test]
+fn a_task_that_is_paused_while_the_next_leg_is_known_begins_none_of_it() {
+    let mut bench = Bench::new(1);
+    bench.passes(0);
+    let task = bench.submit(route(&[(1.5, 0.0), (2.0, 0.0)]));
+    bench.run_ms(500);
+    bench.ask(DispatchBody::Pause { tasks: vec![task] });
+    bench.run_ms(5000);
+    assert_eq!(bench.robots[0].finished, []);
+    bench.ask(DispatchBody::Resume { tasks: vec![task] });
+    run_until_done(&mut bench, task);
+    assert_eq!(bench.robots[0].finished.len(), 2);
+}
+
+#[test]
 fn a_route_that_waits_is_extended_too() {
     let mut bench = Bench::new(1);
     bench.robots[0].up = false;

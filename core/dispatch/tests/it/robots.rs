@@ -4,7 +4,7 @@ use xtb_control::{Mode, Stamp};
 use xtb_protocol::messages::{
     Assignment, BatteryLevel, Body, Done, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, Latch,
     LatchState, LinkLoss, NavState, ObstacleView, PoseSource, PoseState, RejectCode, Rejected, Reply,
-    Request, RobotState, TaskAction, TiltState,
+    Request, RobotState, TaskAction, TiltState, Via,
 };
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::authority::assignments::{Assigned, Known};
@@ -31,6 +31,8 @@ pub(crate) struct Goal {
     pub(crate) to: Option<(f64, f64)>,
     pub(crate) on_link_loss: LinkLoss,
     pub(crate) limit_ms: Option<u64>,
+    /// What that is, if it begins now.
+    pub(crate) finish_ms: u64,
     /// Fails on the way, for a reason of the goal's.
     pub(crate) doomed: bool,
 }
@@ -43,6 +45,8 @@ pub(crate) struct FakeRobot {
     pub(crate) at: (f64, f64),
     pub(crate) lease: LeaseBook,
     pub(crate) goal: Option<Goal>,
+    /// The next leg of the assignment under way.
+    pub(crate) next_leg: Option<Goal>,
     pub(crate) ended: Vec<GoalEnd>,
     pub(crate) assigned: Assigned,
     pub(crate) replies: ReplyBook,
@@ -67,6 +71,7 @@ impl FakeRobot {
             at,
             lease: LeaseBook::new(1),
             goal: None,
+            next_leg: None,
             ended: Vec::new(),
             assigned: Assigned::default(),
             replies: ReplyBook::default(),
@@ -92,6 +97,7 @@ impl FakeRobot {
     }
 
     pub(crate) fn end(&mut self, status: GoalStatus, reason: Option<&str>) {
+        self.next_leg = None;
         if let Some(goal) = self.goal.as_mut().filter(|goal| !goal.status.is_final()) {
             (goal.status, goal.reason) = (status, reason.map(str::to_owned));
         }
@@ -138,6 +144,11 @@ impl FakeRobot {
             goal.status = GoalStatus::Reached;
             self.finished.push(Finished { goal: goal.id, at_ms: now_ms });
             self.at = goal.to.unwrap_or(self.at);
+            if let Some(next) = self.next_leg.take() {
+                let ends_ms = self.arrives_ms(now_ms, next.to);
+                let limit_ms = next.limit_ms.map(|_| now_ms + next.finish_ms);
+                self.begin(Goal { ends_ms, limit_ms, ..next });
+            }
         }
     }
 
@@ -207,7 +218,8 @@ impl FakeRobot {
                 Ok(Done::default())
             }
             Body::Assign { assignment, errand, on_link_loss, finish_s } => {
-                let goals = self.goal.iter().map(|goal| goal.id).chain(self.ended.iter().map(|end| end.id));
+                let goals = self.goal.iter().chain(&self.next_leg).map(|goal| goal.id);
+                let goals = goals.chain(self.ended.iter().map(|end| end.id));
                 match self.assigned.check(assignment, goals) {
                     _ if self.unfenced => {}
                     Ok(Known::New) => {}
@@ -221,24 +233,39 @@ impl FakeRobot {
                     TaskAction::Goto { x_m, y_m, .. } => Some((*x_m, *y_m)),
                     TaskAction::Wander { .. } => None,
                 };
-                let way = to.map_or(2.0, |(x, y)| (x - self.at.0).hypot(y - self.at.1));
-                let limit_ms = now_ms + (finish_s * 1000.0) as u64;
-                self.begin(Goal {
+                let finish_ms = (finish_s * 1000.0) as u64;
+                let goal = Goal {
                     id: assignment.goal_id(),
                     by: client.clone(),
                     status: GoalStatus::Accepted,
                     reason: None,
-                    ends_ms: self.blocked_until_ms.max(now_ms) + 200 + (way / SPEED) as u64,
+                    ends_ms: self.arrives_ms(now_ms, to),
                     to,
                     on_link_loss: *on_link_loss,
-                    limit_ms: (*on_link_loss == LinkLoss::Finish).then_some(limit_ms),
+                    limit_ms: (*on_link_loss == LinkLoss::Finish).then_some(now_ms + finish_ms),
+                    finish_ms,
                     doomed: to.is_some_and(|to| self.doomed.contains(&to)),
-                });
+                };
+                let before = Assignment { leg: assignment.leg.wrapping_sub(1), ..*assignment };
+                match self.running() {
+                    Some(present)
+                        if present.by == *client && present.id == before.goal_id() && to.is_some() =>
+                    {
+                        self.next_leg = Some(goal);
+                    }
+                    _ => self.begin(goal),
+                }
                 self.assigned.begun(client, assignment);
                 Ok(Done { lease: None, goal: Some(assignment.goal_id()) })
             }
             _ => Ok(Done::default()),
         }
+    }
+
+    /// When it is there, if it leaves now.
+    fn arrives_ms(&self, now_ms: u64, to: Option<(f64, f64)>) -> u64 {
+        let way = to.map_or(2.0, |(x, y)| (x - self.at.0).hypot(y - self.at.1));
+        self.blocked_until_ms.max(now_ms) + 200 + (way / SPEED) as u64
     }
 
     pub(crate) fn begin(&mut self, goal: Goal) {
@@ -290,7 +317,7 @@ impl FakeRobot {
                 x_m: None,
                 y_m: None,
                 yaw_rad: None,
-                via: None,
+                via: goal.to.map(|_| Via::Planned),
                 status: goal.status,
                 distance_m: None,
                 age_ms: 0,

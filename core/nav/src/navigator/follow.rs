@@ -1,7 +1,7 @@
 //! A turn along a path, and what ends it.
 
 use super::Navigator;
-use super::following::{Following, PathPurpose};
+use super::following::{Beyond, Following, PathPurpose};
 use super::look_ahead::LOOK_MS;
 use super::task::{Stage, TRIES, Task};
 use super::turn::{Decision, HoldReason, Sensed, stand};
@@ -24,6 +24,7 @@ const PROGRESS_M: f64 = 0.5;
 impl Navigator {
     /// A turn along the path.
     pub(super) fn follow(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+        self.look_beyond(now, task);
         let Stage::Following(following) = &mut task.stage else { return stand(HoldReason::Planning) };
         self.look_ahead(now, sensed, following);
         if following.met_thin && !following.expects_thin && following.plan == 0 {
@@ -58,6 +59,16 @@ impl Navigator {
                 task.has_made_room(now);
                 stand(task.pausing())
             }
+            FollowerStatus::Reached | FollowerStatus::Stuck(Stuck::Missed) if following.beyond.is_some() => {
+                match following.beyond {
+                    Some(Beyond::None) => {
+                        task.seek();
+                        stand(HoldReason::Planning)
+                    }
+                    _ if following.plan > 0 => go(Some(HoldReason::WaitingForTraffic)),
+                    _ => go(Some(HoldReason::Planning)),
+                }
+            }
             FollowerStatus::Reached => Decision::Reached,
             FollowerStatus::Deviated { .. }
             | FollowerStatus::Stuck(Stuck::Missed | Stuck::NoProgress | Stuck::NotANumber) => {
@@ -83,6 +94,9 @@ impl Navigator {
                 go(Some(HoldReason::WayBlocked))
             }
             FollowerStatus::AtReleaseEnd => go(Some(HoldReason::WaitingForTraffic)),
+            _ if following.plan > 0 && following.cruise_mps == 0.0 && sensed.stands() => {
+                go(Some(HoldReason::WaitingForTraffic))
+            }
             FollowerStatus::AtCusp => go(Some(HoldReason::AtCusp)),
             FollowerStatus::Following | FollowerStatus::Stuck(Stuck::NoMotion) => go(None),
         }

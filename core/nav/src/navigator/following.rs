@@ -34,6 +34,17 @@ pub(super) enum PathPurpose {
     Retreat,
 }
 
+/// The path beyond the end of one that leads to a goal which has been passed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Beyond {
+    /// Nobody has looked for it.
+    Unknown,
+    /// A job of this number looks for it.
+    Asked { job: u64, at: Stamp },
+    /// There is none from there, for now.
+    None,
+}
+
 /// Where a path is held by other robots.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Held {
@@ -86,6 +97,8 @@ pub(super) struct Following {
     pub(super) counted_m: f64,
     /// By other robots.
     pub(super) held: Held,
+    /// Its end is not the goal: that lies beyond.
+    pub(super) beyond: Option<Beyond>,
 }
 
 impl Following {
@@ -119,6 +132,7 @@ impl Following {
             expects_thin: true,
             counted_m: 0.0,
             held: Held::default(),
+            beyond: None,
         }
     }
 

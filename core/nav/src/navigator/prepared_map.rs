@@ -2,7 +2,7 @@
 
 use super::turn::TargetPose;
 use crate::MapPose;
-use crate::geometry::{Car, Clearance};
+use crate::geometry::{Car, Cell, Clearance};
 use crate::map::{Map, Zone, ZoneLayers};
 
 /// A map with what planning and following ask of it. Making one takes milliseconds for a room, seconds for
@@ -25,6 +25,14 @@ impl PreparedMap {
     #[must_use]
     pub fn map(&self) -> &Map {
         &self.map
+    }
+
+    /// A point of a car's body that is not on free floor, (x, y) in m.
+    #[must_use]
+    pub fn hit_by(&self, car: &Car, pose: &MapPose) -> Option<[f64; 2]> {
+        let near = self.clearance.at_least_m(pose.x_m, pose.y_m) <= car.reach_m();
+        let hit = |[x_m, y_m]: &[f64; 2]| self.map.grid().at(*x_m, *y_m) != Cell::Free;
+        near.then(|| car.body_points(pose).into_iter().find(hit)).flatten()
     }
 
     /// The keep-out zone that a car stands in.

@@ -7,7 +7,7 @@ use super::task::{Stage, Task};
 use super::turn::Sensed;
 use super::visibility::BODY_STEP_M;
 use crate::MapPose;
-use crate::geometry::{Car, Cell, Path, distance_m};
+use crate::geometry::{Car, Path, Rect, distance_m};
 use crate::path_follower::PathFollower;
 use xtb_control::Stamp;
 
@@ -90,9 +90,14 @@ impl GuidanceState {
 
     /// Where the others are, as far as that is known.
     pub(super) fn others(&self, now: Stamp, car: &Car) -> Vec<(MapPose, Car)> {
-        let fresh = self.heard.is_some_and(|at| now.since_ms(at) < OTHERS_MS);
         let car = car.grown(MOTION_ALLOWANCE_M);
-        self.others.iter().filter(|_| fresh).map(|pose| (*pose, car)).collect()
+        self.poses(now).iter().map(|pose| (*pose, car)).collect()
+    }
+
+    /// Where the middles of the others are, as far as that is known.
+    pub(super) fn poses(&self, now: Stamp) -> &[MapPose] {
+        let fresh = self.heard.is_some_and(|at| now.since_ms(at) < OTHERS_MS);
+        if fresh { &self.others } else { &[] }
     }
 
     pub(super) fn last(&self) -> Option<&TrafficGuidance> {
@@ -116,6 +121,19 @@ impl Navigator {
                 says_no.then(|| self.guidance.no_way_since.filter(|_| !was_gone).unwrap_or(now));
             self.guidance.last = guidance;
         }
+    }
+
+    /// Bodies of the others near by, as far as traffic control has told where they are.
+    #[must_use]
+    pub fn told_bodies(&self, now: Stamp) -> Vec<Rect> {
+        let others = self.guidance.others(now, &self.car);
+        others.iter().map(|(pose, car)| Rect::body(car, pose)).collect()
+    }
+
+    /// Whether its body has room at a pose, as far as the map says; without a map it has.
+    #[must_use]
+    pub fn has_room(&self, pose: &MapPose) -> bool {
+        self.map.as_ref().is_none_or(|map| map.hit_by(&self.car, pose).is_none())
     }
 
     /// Whether traffic control has been heard lately.
@@ -164,6 +182,7 @@ impl Navigator {
         let Some(path) = guidance.path.as_ref().filter(|path| task.lost_start != Some(path.start)) else {
             return Ok(());
         };
+        let tolerance = self.settings.tolerance(task.target.yaw_rad.is_some());
         // A plan that continues the one before is driven on; any other waits until it stands.
         if let Stage::Following(following) = &mut task.stage
             && following.plan > 0
@@ -173,7 +192,8 @@ impl Navigator {
                 return self.refuse(now, why);
             }
             following.follower.go_on(path, &self.car).map_err(|error| wrong_vehicle(&error))?;
-            (following.path, following.plan) = (path.clone(), guidance.plan);
+            (following.path, following.plan, following.beyond) = (path.clone(), guidance.plan, None);
+            following.follower.arrive(tolerance);
             following.release_m = following.release_m.max(guidance.release_m);
             following.cruise_mps = guidance.cruise_mps;
             task.blocked_at = None;
@@ -183,7 +203,6 @@ impl Navigator {
         if !stands || distance_m(start, here) > START_WITHIN_M {
             return Ok(());
         }
-        let tolerance = self.settings.tolerance(task.target.yaw_rad.is_some());
         let follower = PathFollower::new(path, &self.car, self.follower.clone(), tolerance)
             .map_err(|error| wrong_vehicle(&error))?;
         if let Err(why) = self.fits(path, 0.0) {
@@ -229,12 +248,6 @@ impl Navigator {
             return Err(wrong_vehicle(&format!("it is longer than {LONGEST_PATH_M} m")));
         }
         let body = self.car.grown(-GRAZE_M.min(self.car.core_m() / 2.0));
-        let reach_m = body.reach_m();
-        let hits = |pose: &MapPose| {
-            let near = map.clearance.at_least_m(pose.x_m, pose.y_m) <= reach_m;
-            let hit = |[x_m, y_m]: &[f64; 2]| map.map.grid().at(*x_m, *y_m) != Cell::Free;
-            near.then(|| body.body_points(pose).into_iter().find(hit)).flatten()
-        };
         let (mut begin, mut way_m) = (path.start, 0.0);
         for piece in &path.pieces {
             let steps = libm::ceil(piece.length_m.abs() / BODY_STEP_M).max(1.0) as u32;
@@ -243,7 +256,7 @@ impl Navigator {
                 if way_m + part * piece.length_m.abs() < from_m {
                     continue;
                 }
-                if let Some([x_m, y_m]) = hits(&piece.after(&begin, part * piece.length_m)) {
+                if let Some([x_m, y_m]) = map.hit_by(&body, &piece.after(&begin, part * piece.length_m)) {
                     let (long_m, wide_m) = (self.car.front_m + self.car.rear_m, 2.0 * self.car.half_width_m);
                     return Err(wrong_vehicle(&format!(
                         "it hits an obstacle on the map at ({x_m:.2}, {y_m:.2}) with a body of {long_m:.2} × {wide_m:.2} m"
@@ -264,7 +277,7 @@ fn wrong_vehicle(why: &dyn std::fmt::Display) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Grid, Piece};
+    use crate::geometry::{Cell, Grid, Piece};
     use crate::localization::FilterTuning;
     use crate::map::Map;
     use crate::navigator::{Decision, HoldReason, PreparedMap, TargetPose};

@@ -18,6 +18,11 @@ pub const REALTIME_REMEDY: &str = "permit it on the robot's computer: `sudo setc
     cap_sys_nice,cap_ipc_lock+ep` with the path of robot-agent, or LimitRTPRIO=20 and \
     LimitMEMLOCK=infinity in its systemd unit";
 
+/// The capability of a robot that takes the next leg of an assignment while the one before is under way, and passes
+/// the point between without a stop, if both are driven along planned paths; any other robot would drop the leg under
+/// way for it.
+pub const NEXT_LEG: &str = "next_leg";
+
 /// A parameter as the factsheet lists it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]

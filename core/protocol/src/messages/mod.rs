@@ -25,7 +25,9 @@ mod suspension;
 mod task;
 pub mod texts;
 
-pub use about::{About, Limits, ParameterInfo, REALTIME, REALTIME_OFF, REALTIME_ON, REALTIME_REMEDY};
+pub use about::{
+    About, Limits, NEXT_LEG, ParameterInfo, REALTIME, REALTIME_OFF, REALTIME_ON, REALTIME_REMEDY,
+};
 pub use assign::{Assignment, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG, TaskAction};
 pub use dispatch::{
     Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,

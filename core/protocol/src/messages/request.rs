@@ -113,7 +113,8 @@ pub enum Body {
         latch: Option<Latch>,
     },
     /// Drive under an assignment of the dispatcher; the goal's id is the assignment's. A lower one is
-    /// refused, an equal one acknowledged again, a higher one replaces the goal.
+    /// refused, an equal one acknowledged again, a higher one replaces the goal; but the next leg of the one
+    /// under way waits for it (capability [`NEXT_LEG`](super::NEXT_LEG)): the point between is passed.
     Assign {
         /// Which.
         assignment: Assignment,

@@ -74,13 +74,19 @@ impl Agent {
         self.teleop = None;
         let id = goal.id;
         goal.lease = self.lease.present();
+        self.replace_goal(now, goal);
+        self.pending = Some(command);
+        Ok(Done { lease: None, goal: Some(id) })
+    }
+
+    /// The present goal has ended, and this one follows.
+    pub(super) fn replace_goal(&mut self, now: Stamp, goal: Goal) {
+        let id = goal.id;
         if let Some(before) = self.goal.replace(goal) {
             self.ended.truncate(ENDED_GOALS - 1);
             self.ended.push_front(GoalEnd { id: before.id, status: before.status });
         }
         self.emit(now, EventKind::Goal { id, status: GoalStatus::Accepted, reason: None });
-        self.pending = Some(command);
-        Ok(Done { lease: None, goal: Some(id) })
     }
 
     pub(super) fn watch_goal(&mut self, now: Stamp, outputs: &Outputs) {
@@ -134,6 +140,7 @@ impl Agent {
         let event = EventKind::Goal { id: goal.id, status, reason: reason.map(str::to_owned) };
         self.nav.end();
         self.emit(now, event);
+        self.begin_next_leg(now, status);
     }
 
     /// Ends an assignment of this client, if it or an earlier one runs, and fences it.
@@ -162,10 +169,11 @@ impl Agent {
         self.goal.as_ref().is_some_and(|goal| !goal.status.is_final())
     }
 
-    /// The present goal and those before it, as the state shows them.
+    /// The present goal, the one that waits for it, and those before it, as the state shows them.
     pub(super) fn ends(&self) -> impl Iterator<Item = Uuid> {
         let present = self.goal.as_ref().map(|goal| goal.id);
-        present.into_iter().chain(self.ended.iter().map(|end| end.id))
+        let next = self.next_leg.as_ref().map(|leg| leg.goal.id);
+        present.into_iter().chain(next).chain(self.ended.iter().map(|end| end.id))
     }
 
     /// The present or last goal.
@@ -185,6 +193,6 @@ fn after(now: Stamp, seconds: f64) -> Stamp {
 }
 
 /// A goal that carries on without its client is bounded in time.
-fn finish_limit(now: Stamp, policy: LinkLoss, finish_s: f64) -> Option<TimeLimit> {
+pub(super) fn finish_limit(now: Stamp, policy: LinkLoss, finish_s: f64) -> Option<TimeLimit> {
     (policy == LinkLoss::Finish).then(|| TimeLimit { at: after(now, finish_s), then: GoalStatus::Failed })
 }

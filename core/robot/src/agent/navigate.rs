@@ -19,8 +19,8 @@ use xtb_protocol::messages::{
     StopReason, Track, Via,
 };
 
-/// The navigator's turns come at the gyro's rate.
-const STEP_NS: u64 = (PERIOD_MS * 1e6) as u64;
+/// The second level's turns come at the gyro's rate.
+pub(super) const STEP_NS: u64 = (PERIOD_MS * 1e6) as u64;
 /// A coordinator that has not been heard for this long may be followed by another one: as long as a robot is
 /// known to others, and well before the robot counts traffic control as gone.
 const OTHER_COORDINATOR_MS: u64 = HEARD_MS;
@@ -243,12 +243,13 @@ impl Agent {
             Decision::Go(command, standing) => {
                 let words = self.blocked_words(outputs.blocked, standing);
                 self.goal_is(now, words.as_deref());
+                self.pass_goal(now);
                 Some(command)
             }
             Decision::Reached => {
                 self.idle_because = StopReason::GoalReached;
                 self.end_goal(now, GoalStatus::Reached, None);
-                Some(Command::Idle)
+                Some(if self.goal_runs() { STAND } else { Command::Idle })
             }
             Decision::Failed(words) => {
                 let because = StopReason::WayBlocked;
@@ -330,4 +331,4 @@ impl Agent {
 }
 
 /// Standing, wheels straight, in mode goto.
-const STAND: Command = Command::Follow { rpm: WheelRpm::ZERO, steering: Steering::CENTRED };
+pub(super) const STAND: Command = Command::Follow { rpm: WheelRpm::ZERO, steering: Steering::CENTRED };

@@ -9,7 +9,7 @@
 //! | `cancel` | present | yes | ends that goal |
 //! | `set_pose` | present | yes | the pose, while nothing is under way |
 //! | `reset` | present | yes | clears latches whose cause is gone; moves nothing |
-//! | `assign` | present | no | as `goto` or `wander`, unless a later assignment came first |
+//! | `assign` | present | no | as `goto` or `wander`, unless a later assignment came first; the next leg of the one under way waits for it |
 //! | `withdraw` | none | yes | ends the client's own assignment, and fences it |
 //! | `stop` | none | yes | ends everything of the network |
 
@@ -94,7 +94,10 @@ impl Agent {
                 }
                 let patience = (*on_link_loss, *finish_s);
                 let goal = (client, assignment.goal_id());
-                let done = self.set_out(now, arrival, goal, errand, patience, view)?;
+                let done = match self.next_aim(client, assignment, errand) {
+                    Some(aim) => self.take_next_leg(now, arrival, goal, aim, patience, view)?,
+                    None => self.set_out(now, arrival, goal, errand, patience, view)?,
+                };
                 self.assigned.begun(client, assignment);
                 Ok(done)
             }

@@ -67,6 +67,15 @@ impl Drive {
         self.lockstep.request(index, &Name::new("tester").unwrap(), &request).unwrap().result
     }
 
+    /// From now on it wanders.
+    pub(crate) fn wander(&mut self, index: usize) {
+        self.asked += 1;
+        let body = Body::Wander { for_s: None, on_link_loss: LinkLoss::Halt, finish_s: 300.0 };
+        let request = Request { id: Uuid::from_u128(self.asked), lease: None, body };
+        let reply = self.lockstep.request(index, &Name::new("tester").unwrap(), &request).unwrap();
+        assert!(matches!(reply.result, Outcome::Ok(_)), "{reply:?}");
+    }
+
     /// Somebody hits this robot's emergency stop.
     pub(crate) fn estop(&mut self, index: usize) {
         let (now, id) = (self.lockstep.now(), Uuid::from_u128(u128::MAX / 2));

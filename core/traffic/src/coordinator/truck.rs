@@ -196,6 +196,7 @@ impl Truck {
     /// Takes a report. True if the situation is another one now.
     pub(super) fn hear(&mut self, seen: Stamp, view: RobotView) -> bool {
         let other_goal = self.goal().map(|(key, _)| key) != view.goal.map(|goal| (view.epoch, goal.id));
+        let has_passed = other_goal && self.has_passed(&view);
         let other_car = self.view.car != view.car;
         self.view = view;
         if other_car {
@@ -203,7 +204,10 @@ impl Truck {
         }
         self.seen = seen;
         if other_goal {
-            self.drop_route();
+            match has_passed {
+                true => self.halt(seen),
+                false => self.drop_route(),
+            }
             self.stalled = false;
             self.none = None;
             self.wants_since = seen;
@@ -227,6 +231,18 @@ impl Truck {
             self.retained.clear();
         }
         other_goal
+    }
+
+    /// Whether it has passed its goal, and says so while it drives on to the end of its route: all of that is released,
+    /// and its next route goes on from there.
+    fn has_passed(&self, view: &RobotView) -> bool {
+        let Some(route) = self.route.as_ref().filter(|route| route.live && !route.evades) else {
+            return false;
+        };
+        let follows =
+            view.route.as_ref().is_some_and(|report| (route.base..=route.plan).contains(&report.plan));
+        let goes_on = self.view.goal.is_some() && view.goal.is_some() && view.epoch == self.view.epoch;
+        follows && goes_on && !self.stalled && self.is_complete()
     }
 
     /// It is another car than was known: its body takes other room along its route.

@@ -17,8 +17,8 @@ use xtb_dispatch::dispatcher::Identity;
 use xtb_dispatch::{Dispatcher, Effect, Entry, OpenTravelCost, Settings, Write};
 use xtb_nav::rooms::Draw;
 use xtb_protocol::messages::{
-    Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, MapHash, Reply,
-    Request, RobotState, TaskId, TaskSpec, TaskState,
+    Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, MapHash, NEXT_LEG,
+    Reply, Request, RobotState, TaskId, TaskSpec, TaskState,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -155,7 +155,12 @@ impl World {
         let identity = Identity { me: me(), ledger: LEDGER, run: self.run };
         let dispatcher =
             Dispatcher::recover(self.now_ms, identity, self.settings(), read.collect::<Vec<_>>());
-        self.dispatcher = Some(dispatcher.unwrap());
+        let mut dispatcher = dispatcher.unwrap();
+        // Every other robot takes the next leg while one is under way.
+        for robot in self.robots.iter().step_by(2) {
+            dispatcher.set_factsheet(self.now_ms, &robot.name, &[NEXT_LEG.to_owned()], None);
+        }
+        self.dispatcher = Some(dispatcher);
         let moves = self.chance(self.weather.moves);
         let name = if moves { MAPS[self.draw.whole(0, 1) as usize] } else { self.map.0 };
         self.map = (name, self.now_ms + self.draw.whole(0, 400) as u64);
