@@ -65,8 +65,8 @@ async function traversed() {
   assert.deepStrictEqual(seen, ["a", "a-b", "b", "b-c", "c", "c-d", "d", "processed"]);
   assert.strictEqual(state.orderUpdateId, 1);
   assert.deepStrictEqual([state.nodeStates, state.edgeStates], [[], []]);
-  // It stands at the former end of its base as long as at any other node, not until somebody has decided something.
-  assert.ok(stops.c < stops.b + 1500, JSON.stringify(stops));
+  // It passes the nodes, the former end of its base too; for a moment it may stand where a busy computer plans too late.
+  assert.ok((stops.b || 0) + (stops.c || 0) < 500, JSON.stringify(stops));
   say("traversed", { seen, stops_ms: stops });
 }
 

@@ -22,7 +22,7 @@ use xtb_protocol::messages::StopReason;
 /// Bodies keep so far apart, in m; chosen, not measured.
 const APART_M: f64 = 0.12;
 /// A body that comes nearer by less than this does not come nearer, in m: rounding.
-const NEARER_M: f64 = 0.005;
+const NEARER_M: f64 = 0.001;
 /// So far ahead beside what it rolls in [`STOPS_S`], in m; chosen, not measured.
 const AHEAD_M: f64 = 0.1;
 /// It stands within its speed times this, in s, as for traffic control's robots.
@@ -140,18 +140,13 @@ impl Near {
         })
     }
 
-    /// Whether it comes near to nobody on the way, or only away from whoever is near already.
+    /// Whether it comes near to nobody on the way, or at least no nearer than it is.
     fn is_clear(&self, gear: f64, steering: f64, way_m: f64) -> bool {
         if self.others.is_empty() {
             return true;
         }
-        let mut before_m = self.gap_m(&self.pose);
-        self.along(gear, steering, way_m).all(|pose| {
-            let gap_m = self.gap_m(&pose);
-            let clear = gap_m >= APART_M || gap_m > before_m - NEARER_M;
-            before_m = gap_m;
-            clear
-        })
+        let least_m = APART_M.min(self.gap_m(&self.pose) - NEARER_M);
+        self.along(gear, steering, way_m).all(|pose| self.gap_m(&pose) >= least_m)
     }
 
     /// Gear and steering that lead farthest away from the others, where there is room for the body.

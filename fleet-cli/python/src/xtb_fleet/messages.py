@@ -926,7 +926,9 @@ class _BodyAssignAlways(TypedDict):
 
 class BodyAssign(_BodyAssignAlways, total=False):
     """Drive under an assignment of the dispatcher; the goal's id is the assignment's. A lower
-    one is refused, an equal one acknowledged again, a higher one replaces the goal."""
+    one is refused, an equal one acknowledged again, a higher one replaces the goal; but the
+    next leg of the one under way waits for it (capability [`NEXT_LEG`](super::NEXT_LEG)): the
+    point between is passed."""
     finish_s: float
     """See [`Body::Goto`]."""
     on_link_loss: LinkLoss
@@ -964,7 +966,9 @@ class Body(TypedDict, total=False):
     """End latched stops. It never moves the robot: a new command must follow."""
     assign: BodyAssign
     """Drive under an assignment of the dispatcher; the goal's id is the assignment's. A lower
-    one is refused, an equal one acknowledged again, a higher one replaces the goal."""
+    one is refused, an equal one acknowledged again, a higher one replaces the goal; but the
+    next leg of the one under way waits for it (capability [`NEXT_LEG`](super::NEXT_LEG)): the
+    point between is passed."""
     withdraw: BodyWithdraw
     """End this assignment, and let it never begin: no drive of it or of an earlier one counts
     any more. It needs no lease, as it only ever ends what the same client began."""
