@@ -69,6 +69,7 @@ pub struct DashboardArgs {
     #[arg(long, value_name = "HZ", default_value_t = HZ, value_parser = rate)]
     pub hz: f64,
     /// Also serve the live scene for the Foxglove app [default: 127.0.0.1:8765].
+    #[cfg_attr(not(feature = "foxglove"), arg(hide = true))]
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
     pub foxglove: Option<SocketAddr>,
 }
