@@ -30,7 +30,7 @@ use crate::speed::{Direction, SpeedPid, wheel_rpm};
 use crate::tilt::{TiltAngles, tilt_angles};
 use crate::tpu::ResetMask;
 use crate::units::{PwmCount, Stamp, Steering, WheelRpm};
-use crate::vehicle::{Line, Platform, VehicleConfig};
+use crate::vehicle::{Drivetrain, Line, Platform, VehicleConfig};
 use crate::wander::WanderStage;
 
 pub use crate::remote::RemoteSample;
@@ -357,13 +357,17 @@ impl Controller {
     #[must_use]
     pub fn outputs(&self, t: Stamp) -> Outputs {
         let steering = &self.config.steering;
+        let rear_counts = match self.config.drivetrain {
+            Drivetrain::BothAxles => self.steering_counts,
+            Drivetrain::FrontAxle => 0.0,
+        };
         Outputs {
             t,
             mode: self.mode,
             pwm: PwmOutputs {
                 motor: self.motor,
                 steer_front: PwmCount::saturating(steering.front_centre + self.steering_counts),
-                steer_rear: PwmCount::saturating(steering.rear_centre - self.steering_counts),
+                steer_rear: PwmCount::saturating(steering.rear_centre - rear_counts),
                 bumper_front: self.bumpers[0].pulse,
                 bumper_rear: self.bumpers[1].pulse,
                 pistons: self.pistons,

@@ -1,4 +1,4 @@
-//! What only holds between two constants: speeds that the obstacle rule can stop, stops in their
+//! What only holds between two constants: axles within the body, speeds that the obstacle rule can stop, stops in their
 //! order, calibrations that fit the servos, pins that do not share a channel.
 
 use crate::config::ConfigError;
@@ -36,9 +36,36 @@ impl VehicleConfig {
                 });
             }
         }
+        self.validate_body()?;
         self.validate_order()?;
         self.validate_calibration()?;
         Setup::of(self).map(drop)
+    }
+
+    /// The axles and the tyres stand within the body.
+    fn validate_body(&self) -> Result<(), ConfigError> {
+        let geometry = &self.geometry;
+        let within = |name: &str, value: f64, most_name: &str, most: f64| match value > most {
+            true => Err(conflict(name, value, format!("it must not be more than {most_name}, {most:?}"))),
+            false => Ok(()),
+        };
+        within(
+            "geometry.wheelbase_m",
+            geometry.wheelbase_m,
+            "geometry.body_length_m",
+            geometry.body_length_m,
+        )?;
+        within("geometry.track_m", geometry.track_m, "geometry.body_width_m", geometry.body_width_m)?;
+        let most_m = (geometry.body_length_m - geometry.wheelbase_m) / 2.0;
+        if geometry.body_ahead_m.abs() > most_m {
+            let reason = format!(
+                "an axle would be outside the body; with geometry.body_length_m {:?} and geometry.wheelbase_m {:?} \
+                 it is at most {most_m:.3} either way",
+                geometry.body_length_m, geometry.wheelbase_m
+            );
+            return Err(conflict("geometry.body_ahead_m", geometry.body_ahead_m, reason));
+        }
+        Ok(())
     }
 
     fn validate_order(&self) -> Result<(), ConfigError> {

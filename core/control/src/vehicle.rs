@@ -5,9 +5,11 @@
 //! run and compared.
 
 mod calibration;
+mod drivetrain;
 mod sections;
 
 pub use calibration::Line;
+pub use drivetrain::Drivetrain;
 pub use sections::*;
 
 use crate::config::{Allowed, Origin::Printed, Parameter, Value};
@@ -70,6 +72,8 @@ impl Value for GotoLaw {
 pub struct VehicleConfig {
     /// Which platform controller runs.
     pub platform: Platform,
+    /// Which axles steer.
+    pub drivetrain: Drivetrain,
     /// The body.
     pub geometry: Geometry,
     /// The encoder.
@@ -125,6 +129,15 @@ impl VehicleConfig {
             about: "Platform controller: balance, pid or none (off).",
             valid: true,
         }];
+        all.push(Parameter {
+            name: "drivetrain".into(),
+            value: self.drivetrain.to_toml(),
+            unit: "",
+            allowed: Allowed::OneOf(&Drivetrain::WORDS),
+            origin: Printed("§2.1"),
+            about: "Which axles steer: both, in opposite directions, or the front one.",
+            valid: true,
+        });
         all.extend(self.geometry.parameters());
         all.extend(self.encoder.parameters());
         all.extend(self.speed.parameters());

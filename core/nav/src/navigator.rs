@@ -97,7 +97,7 @@ impl Navigator {
             vehicle: vehicle.clone(),
             car: Car::of(vehicle),
             settings: settings.clone(),
-            follower: settings.follower(),
+            follower: settings.follower_of(vehicle),
             map: None,
             obstacles: None,
             task: None,

@@ -6,33 +6,58 @@
 //! tolerances given here.
 
 use xtb_control::config::{
-    Allowed::{Range, Switch},
+    Allowed::{OneOf, Range, Switch},
     ConfigError,
     Origin::{Assumed, DataSheet, Printed},
     Parameter,
 };
+use xtb_control::vehicle::Drivetrain;
 use xtb_control::{VehicleConfig, config_section};
 
 config_section! {
-    /// The body, seen from above; its centre lies midway between the axles.
+    /// The body, seen from above, and which axles steer.
     Body "body" {
+        drivetrain: Drivetrain = Drivetrain::BothAxles, "", OneOf(&Drivetrain::WORDS), Printed("§2.1"), "Which axles steer: both, in opposite directions, or the front one.";
         length_m: f64 = 0.50, "m", Range(0.1, 3.0), Assumed, "Bumper to bumper.";
         width_m: f64 = 0.40, "m", Range(0.1, 3.0), Assumed, "Tyre to tyre.";
         wheelbase_m: f64 = 0.286, "m", Range(0.05, 2.0), Assumed, "Distance between the axles.";
         track_m: f64 = 0.262, "m", Range(0.05, 2.0), Assumed, "Distance between the wheels of an axle.";
+        ahead_m: f64 = 0.0, "m", Range(-1.0, 1.0), Assumed, "From midway between the axles ahead to the middle of the body.";
     }
 }
 
 impl Body {
-    /// As long and as wide as the longest and the widest of these; without any, the default.
+    /// One that reaches as far from its reference point as any of these, ahead, astern and to the sides; without
+    /// any, the default.
     #[must_use]
     pub fn around<'a>(bodies: impl Iterator<Item = &'a Self>) -> Self {
-        let larger = |a: Self, b: Self| Self {
-            length_m: a.length_m.max(b.length_m),
-            width_m: a.width_m.max(b.width_m),
-            ..a
+        let larger = |a: Self, b: Self| {
+            let (front_m, rear_m) = (a.front_m().max(b.front_m()), a.rear_m().max(b.rear_m()));
+            let (length_m, ahead_m) = (front_m + rear_m, (front_m - rear_m) / 2.0);
+            Self {
+                drivetrain: Drivetrain::BothAxles,
+                length_m,
+                ahead_m,
+                width_m: a.width_m.max(b.width_m),
+                ..a
+            }
         };
         bodies.cloned().reduce(larger).unwrap_or_default()
+    }
+
+    /// From the reference point ahead to the middle of the body, in m.
+    pub(crate) fn middle_m(&self) -> f64 {
+        self.drivetrain.midway_m(self.wheelbase_m) + self.ahead_m
+    }
+
+    /// From the reference point to the front bumper, in m.
+    pub(crate) fn front_m(&self) -> f64 {
+        self.length_m / 2.0 + self.middle_m()
+    }
+
+    /// From the reference point back to the rear bumper, in m.
+    pub(crate) fn rear_m(&self) -> f64 {
+        self.length_m / 2.0 - self.middle_m()
     }
 }
 
@@ -206,10 +231,12 @@ impl TruckParameters {
     pub fn of(vehicle: &VehicleConfig) -> Self {
         let VehicleConfig { geometry, steering, encoder, tilt, pistons, .. } = vehicle;
         let body = Body {
+            drivetrain: vehicle.drivetrain,
             length_m: geometry.body_length_m,
             width_m: geometry.body_width_m,
             wheelbase_m: geometry.wheelbase_m,
             track_m: geometry.track_m,
+            ahead_m: geometry.body_ahead_m,
         };
         let mut truth = Self { body, ..Self::default() };
         truth.steering.front_centre = steering.front_centre;

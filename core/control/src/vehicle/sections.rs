@@ -13,6 +13,7 @@ config_section! {
         track_m: f64 = 0.262, "m", Range(0.05, 2.0), Assumed, "Distance between the wheels of an axle.";
         body_length_m: f64 = 0.50, "m", Range(0.1, 3.0), Assumed, "Bumper to bumper.";
         body_width_m: f64 = 0.40, "m", Range(0.1, 3.0), Assumed, "Tyre to tyre.";
+        body_ahead_m: f64 = 0.0, "m", Range(-1.0, 1.0), Assumed, "From midway between the axles ahead to the middle of the body.";
         wheel_diameter_m: f64 = 0.1651, "m", Range(0.02, 1.0), Printed("§2.1 (6.5 in)"), "Tyre diameter.";
     }
 }

@@ -144,6 +144,11 @@ fn within(parameter: &Parameter, present: &Value, part: f64) -> Value {
 }
 
 fn repaired(mut config: VehicleConfig) -> VehicleConfig {
+    let body = &mut config.geometry;
+    (body.wheelbase_m, body.track_m) =
+        (body.wheelbase_m.min(body.body_length_m), body.track_m.min(body.body_width_m));
+    let most_m = (body.body_length_m - body.wheelbase_m) / 2.0;
+    body.body_ahead_m = body.body_ahead_m.clamp(-most_m, most_m);
     if config.infrared.far_v >= config.infrared.near_v {
         config.infrared = Infrared::default();
     }

@@ -50,10 +50,10 @@ impl Frames {
             pose.position.z = height_m;
             pose
         };
-        let bumper_m = vehicle.geometry.body_length_m / 2.0;
         let range = |(i, frame): (usize, &'a String)| {
             let left_m = (2.5 - (i % 6) as f64) * SPACING_M;
-            let pose = if i < 6 { at(bumper_m, left_m, 0.0) } else { at(-bumper_m, left_m, PI) };
+            let (front_m, rear_m) = (vehicle.front_m(), vehicle.rear_m());
+            let pose = if i < 6 { at(front_m, left_m, 0.0) } else { at(-rear_m, left_m, PI) };
             (frame.as_str(), pose)
         };
         let imu = (self.imu.as_str(), at(0.0, 0.0, 0.0));
