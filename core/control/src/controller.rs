@@ -30,7 +30,7 @@ use crate::speed::{Direction, SpeedPid, wheel_rpm};
 use crate::tilt::{TiltAngles, tilt_angles};
 use crate::tpu::ResetMask;
 use crate::units::{PwmCount, Stamp, Steering, WheelRpm};
-use crate::vehicle::{Drivetrain, Line, Platform, VehicleConfig};
+use crate::vehicle::{Line, Platform, VehicleConfig};
 use crate::wander::WanderStage;
 
 pub use crate::remote::RemoteSample;
@@ -164,12 +164,13 @@ impl Controller {
     fn adc(&mut self, t: Stamp, adc: &AdcSample) {
         let infrared = &self.config.infrared;
         let [front, rear] = self.bumpers.map(|bumper| bumper.angle_deg);
-        self.ir_front_cm = bumper_ranges(infrared, front, &adc.ir_front);
-        self.ir_rear_cm = bumper_ranges(infrared, rear, &adc.ir_rear);
+        let fitted = &self.config.range_finders;
+        self.ir_front_cm = bumper_ranges(infrared, &fitted.front, front, &adc.ir_front);
+        self.ir_rear_cm = bumper_ranges(infrared, &fitted.rear, rear, &adc.ir_rear);
         let rule = &self.config.obstacle;
         self.obstacle = ObstacleState {
-            front: self.front.update(rule, t, &self.ir_front_cm, self.travel_m),
-            rear: self.rear.update(rule, t, &self.ir_rear_cm, -self.travel_m),
+            front: self.front.update(rule, &fitted.front, t, &self.ir_front_cm, self.travel_m),
+            rear: self.rear.update(rule, &fitted.rear, t, &self.ir_rear_cm, -self.travel_m),
         };
         self.platform(adc);
     }
@@ -357,10 +358,7 @@ impl Controller {
     #[must_use]
     pub fn outputs(&self, t: Stamp) -> Outputs {
         let steering = &self.config.steering;
-        let rear_counts = match self.config.drivetrain {
-            Drivetrain::BothAxles => self.steering_counts,
-            Drivetrain::FrontAxle => 0.0,
-        };
+        let rear_counts = self.config.drivetrain.rear_counts(self.steering_counts);
         Outputs {
             t,
             mode: self.mode,

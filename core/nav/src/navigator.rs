@@ -42,7 +42,7 @@ pub use traffic_guidance::{
 pub use turn::{Decision, HoldReason, Progress, STANDS_MPS, Sensed, TargetPose};
 
 use crate::geometry::{Car, rect};
-use crate::obstacle_layer::{BumperScan, ObstacleLayer};
+use crate::obstacle_layer::{BumperScan, ObstacleLayer, Sight};
 use crate::path_follower::{FollowerSettings, PathFollower};
 use crate::settings::NavSettings;
 use following::{Following, PathPurpose};
@@ -116,7 +116,7 @@ impl Navigator {
             return;
         }
         let (fades_ms, beside_ms) = self.settings.fades_ms();
-        let obstacles = ObstacleLayer::new(self.car, Some(map.map.grid()));
+        let obstacles = ObstacleLayer::new(self.car, Some(map.map.grid())).seeing(Sight::of(&self.vehicle));
         self.obstacles = Some(obstacles.fading(fades_ms, beside_ms));
         self.map = Some(map);
         if let Some(task) = &mut self.task {

@@ -26,6 +26,7 @@ mod line;
 pub mod lockstep;
 pub mod parameters;
 mod platform;
+mod range_curves;
 pub mod real_time;
 pub mod receiver;
 pub mod rng;

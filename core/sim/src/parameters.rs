@@ -11,7 +11,7 @@ use xtb_control::config::{
     Origin::{Assumed, DataSheet, Printed},
     Parameter,
 };
-use xtb_control::vehicle::Drivetrain;
+use xtb_control::vehicle::{Drivetrain, RangeFinders};
 use xtb_control::{VehicleConfig, config_section};
 
 config_section! {
@@ -124,16 +124,14 @@ config_section! {
 }
 
 config_section! {
-    /// The twelve GP2D12 range finders, six at the face of each bumper.
+    /// What all range finders have in common; which are fitted, and where, is in `range_finders`.
     InfraredTruth "infrared" {
-        spacing_m: f64 = 0.07, "m", Range(0.01, 0.5), Printed("§2.2"), "Between neighbours of a bumper.";
-        beam_m: f64 = 0.06, "m", Range(0.0, 0.5), DataSheet("GP2D12, as its sellers quote it"), "Width of the beam at 80 cm; it widens evenly from the lens on.";
         lens_m: f64 = 0.0075, "m", Range(0.0, 0.02), Assumed, "Width of the beam at the lens.";
         noise_v: f64 = 0.015, "V", Range(0.0, 0.5), Assumed, "Standard deviation of a reading.";
         refresh_s: f64 = 0.0383, "s", Range(0.005, 1.0), DataSheet("GP2D12"), "Mean time between two measurements.";
         refresh_tolerance_s: f64 = 0.0096, "s", Range(0.0, 0.5), DataSheet("GP2D12"), "A sensor's own period differs by up to this.";
-        fold_back_cm: f64 = 8.0, "cm", Range(1.0, 20.0), DataSheet("GP2D12"), "Nearer than this the voltage falls again.";
-        touch_v: f64 = 0.5, "V", Range(0.0, 2.0), Assumed, "At a distance of 0.";
+        fold_back_cm: f64 = 8.0, "cm", Range(1.0, 20.0), DataSheet("GP2D12"), "Nearer than this the voltage of a GP2D12 falls again.";
+        touch_v: f64 = 0.5, "V", Range(0.0, 2.0), Assumed, "Of a GP2D12 at a distance of 0.";
         floor_min_v: f64 = 0.25, "V", Range(0.0, 0.5), DataSheet("GP2D12"), "Least voltage with nothing in sight.";
         floor_max_v: f64 = 0.35, "V", Range(0.0, 0.5), Assumed, "Most voltage with nothing in sight.";
     }
@@ -213,6 +211,8 @@ pub struct TruckParameters {
     pub battery: BatteryTruth,
     /// Range finders.
     pub infrared: InfraredTruth,
+    /// Those that are fitted.
+    pub range_finders: RangeFinders,
     /// Orientation sensor.
     pub gyro: GyroTruth,
     /// Tilt sensor and pistons.
@@ -239,6 +239,8 @@ impl TruckParameters {
             ahead_m: geometry.body_ahead_m,
         };
         let mut truth = Self { body, ..Self::default() };
+        truth.range_finders = vehicle.range_finders.clone();
+        truth.receiver.fitted = vehicle.remote.enabled;
         truth.steering.front_centre = steering.front_centre;
         truth.steering.rear_centre = steering.rear_centre;
         truth.steering.range_counts = steering.range_counts;
@@ -265,6 +267,7 @@ impl TruckParameters {
             self.encoder.parameters(),
             self.battery.parameters(),
             self.infrared.parameters(),
+            self.range_finders.parameters(),
             self.gyro.parameters(),
             self.platform.parameters(),
             self.receiver.parameters(),

@@ -113,7 +113,12 @@ impl Truck {
             drive: Drive::new(&parameters.drive, STEP_S),
             battery: Battery::new(&parameters.battery),
             platform: Platform::new(&parameters.platform, &parameters.body, &mut noise),
-            range_finders: RangeFinders::new(&parameters.infrared, &parameters.body, &mut noise),
+            range_finders: RangeFinders::new(
+                &parameters.infrared,
+                &parameters.range_finders,
+                &parameters.body,
+                &mut noise,
+            ),
             yaw_rad: wrap_rad(start.yaw_rad),
             body: footprint(start, &parameters.body),
             speed_mps: 0.0,

@@ -37,6 +37,15 @@ impl Drivetrain {
         }
     }
 
+    /// The way of the rear servo, against its own direction, where the front one is moved by so many counts.
+    #[must_use]
+    pub fn rear_counts(self, front_counts: f64) -> f64 {
+        match self {
+            Self::BothAxles => front_counts,
+            Self::FrontAxle => 0.0,
+        }
+    }
+
     /// From the reference point ahead to the front axle, in m: the radius of a circle is this over the tangent of
     /// the wheels' angle.
     #[must_use]

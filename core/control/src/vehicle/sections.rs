@@ -1,6 +1,6 @@
 //! The tables: every constant of the vehicle with unit, range, default and origin.
 
-use super::GotoLaw;
+use super::{BumperFinders, GotoLaw};
 use crate::config::Allowed::{OneOf, Range, Switch, Text};
 use crate::config::Origin::{Assumed, DataSheet, Ours, Printed};
 use crate::config_section;
@@ -51,11 +51,19 @@ config_section! {
 }
 
 config_section! {
-    /// The twelve infrared range finders (§4.5).
+    /// What the voltage of a GP2D12 means (§4.5); other range finders have their own curves.
     Infrared "infrared" {
         far_v: f64 = 0.42, "V", Range(0.1, 1.0), Ours, "Below this voltage nothing is in range (the fit ends there).";
         near_v: f64 = 2.35, "V", Range(1.0, 2.35), Ours, "Above this voltage an object is too close (the fit turns back there).";
         near_cm: f64 = 9.74, "cm", Range(1.0, 25.0), Ours, "What a voltage above near_v counts as.";
+    }
+}
+
+config_section! {
+    /// The infrared range finders that are fitted (§2.2, §4.5).
+    RangeFinders "range_finders" {
+        front: BumperFinders = BumperFinders::default(), "", BumperFinders::ALLOWED, Printed("§2.2"), "Those of the front bumper, on its converter channels.";
+        rear: BumperFinders = BumperFinders::default(), "", BumperFinders::ALLOWED, Printed("§2.2"), "Those of the rear bumper.";
     }
 }
 

@@ -6,11 +6,11 @@
 
 use super::alarm::{Alarm, Still};
 use xtb_control::controller::AdcSample;
-use xtb_control::vehicle::GuardLimits;
+use xtb_control::vehicle::{GuardLimits, RangeFinders, SLOTS};
 use xtb_control::{AdcCount, Stamp};
 
-/// Six range finders on each of two bumpers (§2.2).
-const FINDERS: usize = 2 * 6;
+/// Channels for the range finders of both bumpers.
+const FINDERS: usize = 2 * SLOTS;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Finder {
@@ -32,13 +32,23 @@ pub(super) struct ConverterMonitor {
 }
 
 impl ConverterMonitor {
-    /// A scan; `turning` = the wheels turn.
-    pub(super) fn scan(&mut self, limits: &GuardLimits, now: Stamp, scan: &AdcSample, turning: bool) {
+    /// A scan; `turning` = the wheels turn. Channels without a range finder are not looked at.
+    pub(super) fn scan(
+        &mut self,
+        (limits, fitted): (&GuardLimits, &RangeFinders),
+        now: Stamp,
+        scan: &AdcSample,
+        turning: bool,
+    ) {
         let before = self.last.replace(*scan);
         let frozen = self.still.too_long(now, before == Some(*scan), limits.frozen_s);
         self.frozen.set(now, frozen, || "no channel changes".to_owned());
         let old = before.map(|before| readings(&before));
         for (i, reading) in readings(scan).into_iter().enumerate() {
+            let bumper = if i < SLOTS { &fitted.front } else { &fitted.rear };
+            if bumper.get(i % SLOTS).is_none() {
+                continue;
+            }
             let same = old.is_some_and(|old| old[i] == reading);
             let possible = (limits.infrared_min_v..=limits.infrared_max_v).contains(&reading.volts());
             let finder = &mut self.finders[i];
@@ -89,7 +99,8 @@ mod tests {
         let mut monitor = ConverterMonitor::default();
         for i in 0..scans {
             let now = Stamp::from_ms(38 * u64::from(i));
-            monitor.scan(&GuardLimits::default(), now, &scan(i), turning);
+            let (limits, fitted) = (GuardLimits::default(), RangeFinders::default());
+            monitor.scan((&limits, &fitted), now, &scan(i), turning);
         }
         monitor
     }
