@@ -36,6 +36,7 @@ pub mod simulation;
 mod starts;
 mod step;
 pub mod vehicle;
+mod vehicle_file;
 pub mod world;
 mod world_error;
 
@@ -55,5 +56,6 @@ pub use scene::StepContext;
 pub use simulation::{MOST_FOREIGN, Simulation, SimulationError};
 pub use step::STEP_NS;
 pub use vehicle::Truck;
+pub use vehicle_file::{VehicleFile, VehicleFileError};
 pub use world::{BoxSpec, World};
 pub use world_error::WorldError;
