@@ -139,6 +139,26 @@ mod tests {
     }
 
     #[test]
+    fn what_counts_is_the_way_from_the_bumpers_face() {
+        let (config, mut bumper) =
+            (Obstacle { foldback_latch: false, ..Obstacle::default() }, Bumper::default());
+        let back = RangeFinder { ahead_m: -0.1, ..RangeFinder::at(0.0) };
+        let aside = RangeFinder { turned_deg: -60.0, ..RangeFinder::at(-0.1) };
+        let fitted = BumperFinders(vec![back, aside]);
+        let mut sees = |first: f64, second: Option<f64>| {
+            bumper.update(
+                &config,
+                &fitted,
+                Stamp::ZERO,
+                &[Some(first), second, Some(1.0), None, None, None],
+                0.0,
+            )
+        };
+        assert!(sees(34.9, None) && !sees(35.1, None), "10 cm of the beam lie on the car");
+        assert!(sees(60.0, Some(49.9)) && !sees(60.0, Some(50.1)), "60° aside, half of it lies ahead");
+    }
+
+    #[test]
     fn without_the_latch_the_published_rule_stands() {
         let config = Obstacle { foldback_latch: false, ..Obstacle::default() };
         let mut bumper = Bumper::default();

@@ -141,6 +141,19 @@ mod tests {
     }
 
     #[test]
+    fn a_channel_on_which_no_range_finder_is_fitted_may_show_anything() {
+        let mut fitted = RangeFinders::default();
+        fitted.front.0.truncate(4);
+        let mut monitor = ConverterMonitor::default();
+        for i in 0..200_u16 {
+            let mut scan = lively(i);
+            (scan.ir_front[4], scan.ir_front[5]) = (count(0), count(1023));
+            monitor.scan((&GuardLimits::default(), &fitted), Stamp::from_ms(38 * u64::from(i)), &scan, true);
+        }
+        assert!(!monitor.finder_out_of_range.is_present() && !monitor.finder_frozen.is_present());
+    }
+
+    #[test]
     fn whatever_a_range_finder_can_read_is_in_range() {
         // 0.2 V: nothing in sight, with all the noise there is; 2.8 V: the peak at 8 cm with as much.
         let edges = |i: u16| {

@@ -25,6 +25,7 @@ impl Drive {
     }
 
     /// The car of a file, alone.
+    #[allow(dead_code)] // core/chaos drives XTBs alone
     pub(crate) fn by_file(world: World, start: MapPose, file: &VehicleFile, seed: u64) -> Self {
         let simulation = Simulation::with_starts(world, &file.truth, &[("xtb-1", start)], seed).unwrap();
         Self::with(simulation, &file.vehicle, seed)
