@@ -84,7 +84,7 @@ fn row(name: &str, file: &VehicleFile, (trips, parkings, goals): (u64, u64, u64)
     let refused = lab.iter().filter(|way| matches!(way.came, Came::Refused(_))).count();
     let reached = lab.iter().filter(|way| way.came == Came::Reached).count();
     for way in lab.iter().filter(|way| way.came != Came::Reached) {
-        eprintln!("{name}: {way:?}");
+        println!("{name}: {way:?}");
     }
     println!(
         "| {name} | {:.2} | {:.2} / {:.2} | {:.2} | {} of {} | {} | {:.2} | {missed_m:.2} | {} of {} | {} | {} | {:.1} \
