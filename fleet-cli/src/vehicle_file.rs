@@ -1,15 +1,16 @@
-//! Vehicle settings in a file of their own: what a robot's config has under `[vehicle]`, without that prefix.
+//! Vehicle settings in a file of their own: what a robot's config has under `[vehicle]`, without that prefix, and in
+//! what a simulated truck is otherwise (`[truth]`).
 
 use robot_agent::files;
 use std::path::Path;
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_control::VehicleConfig;
+use xtb_sim::VehicleFile;
 
 /// Reads and checks one; what it does not say is as on an XTB.
 ///
 /// # Errors
 /// [`ErrorKind::Config`]: no such file, no such setting, or one that is impossible.
-pub fn read(path: &Path) -> Result<VehicleConfig> {
+pub fn read(path: &Path) -> Result<VehicleFile> {
     let invalid = |reason: &dyn std::fmt::Display| {
         Error::new(ErrorKind::Config, format!("{}: {reason}", path.display())).hint(
             "the settings are listed under [vehicle] in `robot-agent --print-config`: [geometry], \
@@ -17,9 +18,7 @@ pub fn read(path: &Path) -> Result<VehicleConfig> {
         )
     };
     let text = files::text(path, files::MAX_TEXT).map_err(|error| invalid(&error))?;
-    let vehicle: VehicleConfig = toml::from_str(&text).map_err(|error| invalid(&error.message()))?;
-    vehicle.validate().map_err(|error| invalid(&error))?;
-    Ok(vehicle)
+    VehicleFile::from_toml(&text).map_err(|error| invalid(&error))
 }
 
 #[cfg(test)]
@@ -29,11 +28,12 @@ mod tests {
     #[test]
     fn the_vehicles_of_this_repository_can_be_driven() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/vehicles");
-        let length_m = |name: &str| read(&folder.join(name)).unwrap().geometry.body_length_m;
-        assert_eq!(read(&folder.join("xtb.toml")).unwrap(), VehicleConfig::default());
+        let length_m = |name: &str| read(&folder.join(name)).unwrap().vehicle.geometry.body_length_m;
+        assert_eq!(read(&folder.join("xtb.toml")).unwrap(), VehicleFile::default());
         assert_eq!(length_m("half-wheelbase.toml"), 0.5);
         assert_eq!(length_m("long.toml"), 0.75);
-        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 3, "each is named here");
+        assert_eq!((length_m("crawler.toml"), length_m("small.toml")), (0.43, 0.27));
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 5, "each is named here");
     }
 
     #[test]

@@ -115,7 +115,7 @@ pub struct Setup {
     /// The room.
     pub world: Option<World>,
     /// What the robots are; those beyond are XTBs.
-    pub vehicles: Vec<VehicleConfig>,
+    pub vehicles: Vec<xtb_sim::VehicleFile>,
     /// Start poses: x in m, y in m, yaw in rad.
     pub starts: Vec<(f64, f64, f64)>,
     /// No agents, but ptys here.

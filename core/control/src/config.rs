@@ -42,6 +42,8 @@ pub enum Allowed {
     OneOf(&'static [&'static str]),
     /// Any text (checked where it is used).
     Text,
+    /// A list, described so.
+    List(&'static str),
 }
 
 impl fmt::Display for Allowed {
@@ -51,6 +53,7 @@ impl fmt::Display for Allowed {
             Self::Switch => f.write_str("true or false"),
             Self::OneOf(words) => f.write_str(&words.join(" or ")),
             Self::Text => f.write_str("text"),
+            Self::List(words) => f.write_str(words),
         }
     }
 }
@@ -154,7 +157,7 @@ impl Value for String {
         match allowed {
             Allowed::Text => true,
             Allowed::OneOf(words) => words.contains(&self.as_str()),
-            Allowed::Range(..) | Allowed::Switch => false,
+            Allowed::Range(..) | Allowed::Switch | Allowed::List(_) => false,
         }
     }
 }

@@ -164,12 +164,13 @@ impl Controller {
     fn adc(&mut self, t: Stamp, adc: &AdcSample) {
         let infrared = &self.config.infrared;
         let [front, rear] = self.bumpers.map(|bumper| bumper.angle_deg);
-        self.ir_front_cm = bumper_ranges(infrared, front, &adc.ir_front);
-        self.ir_rear_cm = bumper_ranges(infrared, rear, &adc.ir_rear);
+        let fitted = &self.config.range_finders;
+        self.ir_front_cm = bumper_ranges(infrared, &fitted.front, front, &adc.ir_front);
+        self.ir_rear_cm = bumper_ranges(infrared, &fitted.rear, rear, &adc.ir_rear);
         let rule = &self.config.obstacle;
         self.obstacle = ObstacleState {
-            front: self.front.update(rule, t, &self.ir_front_cm, self.travel_m),
-            rear: self.rear.update(rule, t, &self.ir_rear_cm, -self.travel_m),
+            front: self.front.update(rule, &fitted.front, t, &self.ir_front_cm, self.travel_m),
+            rear: self.rear.update(rule, &fitted.rear, t, &self.ir_rear_cm, -self.travel_m),
         };
         self.platform(adc);
     }
@@ -357,13 +358,14 @@ impl Controller {
     #[must_use]
     pub fn outputs(&self, t: Stamp) -> Outputs {
         let steering = &self.config.steering;
+        let rear_counts = self.config.drivetrain.rear_counts(self.steering_counts);
         Outputs {
             t,
             mode: self.mode,
             pwm: PwmOutputs {
                 motor: self.motor,
                 steer_front: PwmCount::saturating(steering.front_centre + self.steering_counts),
-                steer_rear: PwmCount::saturating(steering.rear_centre - self.steering_counts),
+                steer_rear: PwmCount::saturating(steering.rear_centre - rear_counts),
                 bumper_front: self.bumpers[0].pulse,
                 bumper_rear: self.bumpers[1].pulse,
                 pistons: self.pistons,

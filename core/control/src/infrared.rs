@@ -1,20 +1,21 @@
-//! Infrared ranging (§4.5, Fig. 11): twelve GP2D12 voltages to horizontal distances.
+//! Infrared ranging (§4.5, Fig. 11): voltages of the range finders to horizontal distances.
 //!
 //! Readings: the sixth-order fit holds for 0.42..=2.35 V only. Its minimum is at 2.356 V and above
 //! it *rises* (2.8 V gives 27 cm: a touched wall would count as clear), so above 2.35 V an object
-//! is "too close", 9.74 cm. Below 0.42 V nothing is in range.
+//! is "too close", 9.74 cm. Below 0.42 V nothing is in range. Other parts: [`crate::range_curve`].
 
 use crate::gp2d12::fit_cm;
 use crate::units::AdcCount;
-use crate::vehicle::Infrared;
+use crate::vehicle::{BumperFinders, Infrared};
 
-/// Between neighbours of a bumper's range finders, in m (§2.2).
+/// Between neighbours of an XTB's range finders, in m (§2.2).
 pub const SPACING_M: f64 = 0.07;
 
-/// Horizontal distances of one bumper in cm, left to right; `None` = nothing in range.
+/// Horizontal distances of one bumper in cm, left to right, each along its beam; `None` = nothing in range, or
+/// nothing fitted.
 pub type BumperRanges = [Option<f64>; 6];
 
-/// Length of the hypotenuse in cm that one reading stands for.
+/// Length of the hypotenuse in cm that one reading of a GP2D12 stands for.
 #[must_use]
 pub fn hypotenuse_cm(config: &Infrared, reading: AdcCount) -> Option<f64> {
     let volts = reading.volts();
@@ -27,11 +28,19 @@ pub fn hypotenuse_cm(config: &Infrared, reading: AdcCount) -> Option<f64> {
     }
 }
 
-/// hyp · cos θ for the six sensors of a bumper tilted by `angle_deg` (§4.5).
+/// hyp · cos θ for the sensors of a bumper tilted by `angle_deg` (§4.5).
 #[must_use]
-pub fn bumper_ranges(config: &Infrared, angle_deg: f64, readings: &[AdcCount; 6]) -> BumperRanges {
+pub fn bumper_ranges(
+    config: &Infrared,
+    fitted: &BumperFinders,
+    angle_deg: f64,
+    readings: &[AdcCount; 6],
+) -> BumperRanges {
     let cos = libm::cos(angle_deg.to_radians());
-    readings.map(|reading| hypotenuse_cm(config, reading).map(|hyp| hyp * cos))
+    std::array::from_fn(|slot| {
+        let hyp = fitted.get(slot)?.curve.hypotenuse_cm(config, readings[slot]);
+        hyp.map(|hyp| hyp * cos)
+    })
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ pub mod odometry;
 pub mod pid;
 pub mod pistons;
 pub mod platform_pid;
+pub mod range_curve;
 pub mod remote;
 pub mod signals;
 pub mod speed;

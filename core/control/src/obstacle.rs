@@ -1,4 +1,4 @@
-//! The obstacle rule (§4.6): anything nearer than 25 cm on one of a bumper's six sensors.
+//! The obstacle rule (§4.6): anything nearer than 25 cm to the face of a bumper on one of its sensors.
 //!
 //! Ours: below 10 cm a GP2D12's voltage falls again and a touching wall reads as far away. A
 //! sensor that was near and then suddenly reads "farther" stays near until the truck has backed off:
@@ -7,7 +7,7 @@
 
 use crate::infrared::BumperRanges;
 use crate::units::Stamp;
-use crate::vehicle::Obstacle;
+use crate::vehicle::{BumperFinders, Obstacle, RangeFinder};
 
 /// Which bumpers see an obstacle; four states (§4.6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -33,7 +33,7 @@ struct Sensor {
     clear_since: Option<Stamp>,
 }
 
-/// The six sensors of one bumper.
+/// The sensors of one bumper.
 #[derive(Debug, Clone, Default)]
 pub struct Bumper {
     sensors: [Sensor; 6],
@@ -41,22 +41,36 @@ pub struct Bumper {
 
 impl Bumper {
     /// New ranges at `now`; `travel_m` counts the way driven *towards* this bumper's side.
-    pub fn update(&mut self, config: &Obstacle, now: Stamp, ranges: &BumperRanges, travel_m: f64) -> bool {
+    pub fn update(
+        &mut self,
+        config: &Obstacle,
+        fitted: &BumperFinders,
+        now: Stamp,
+        ranges: &BumperRanges,
+        travel_m: f64,
+    ) -> bool {
         let mut obstacle = false;
-        for (sensor, range) in self.sensors.iter_mut().zip(ranges) {
-            obstacle |= sensor.is_near(config, now, *range, travel_m);
+        for ((sensor, range), finder) in self.sensors.iter_mut().zip(ranges).zip(&fitted.0) {
+            obstacle |= sensor.is_near(config, finder, now, *range, travel_m);
         }
         obstacle
     }
 }
 
 impl Sensor {
-    fn is_near(&mut self, config: &Obstacle, now: Stamp, range: Option<f64>, travel_m: f64) -> bool {
-        let near = range.is_some_and(|cm| cm < config.threshold_cm);
+    fn is_near(
+        &mut self,
+        config: &Obstacle,
+        finder: &RangeFinder,
+        now: Stamp,
+        range: Option<f64>,
+        travel_m: f64,
+    ) -> bool {
+        let near = range.is_some_and(|cm| finder.from_face_cm(cm) < config.threshold_cm);
         if !config.foldback_latch {
             return near;
         }
-        if range.is_some_and(|cm| cm < config.foldback_cm) {
+        if range.is_some_and(|cm| cm < finder.curve.folds_cm(config)) {
             *self = Self { near_at_m: Some(travel_m), clear_since: None };
         }
         let Some(near_at_m) = self.near_at_m else { return near };
@@ -81,6 +95,10 @@ mod tests {
 
     const FAR: BumperRanges = [None; 6];
 
+    fn six() -> BumperFinders {
+        BumperFinders::default()
+    }
+
     fn one(cm: f64) -> BumperRanges {
         [None, None, Some(cm), None, None, None]
     }
@@ -88,43 +106,63 @@ mod tests {
     #[test]
     fn strictly_below_25_cm_is_an_obstacle() {
         let (config, mut bumper) = (Obstacle::default(), Bumper::default());
-        assert!(!bumper.update(&config, Stamp::ZERO, &one(25.0), 0.0));
-        assert!(bumper.update(&config, Stamp::ZERO, &one(24.999), 0.0));
-        assert!(!bumper.update(&config, Stamp::ZERO, &one(25.0), 0.0));
+        assert!(!bumper.update(&config, &six(), Stamp::ZERO, &one(25.0), 0.0));
+        assert!(bumper.update(&config, &six(), Stamp::ZERO, &one(24.999), 0.0));
+        assert!(!bumper.update(&config, &six(), Stamp::ZERO, &one(25.0), 0.0));
     }
 
     #[test]
     fn clear_readings_never_release_the_latch() {
         let (config, mut bumper) = (Obstacle::default(), Bumper::default());
-        assert!(bumper.update(&config, Stamp::from_ms(0), &one(12.0), 0.0));
-        assert!(bumper.update(&config, Stamp::from_ms(40), &FAR, 0.0));
-        assert!(bumper.update(&config, Stamp::from_ms(3_600_000), &FAR, 0.0), "an hour");
-        assert!(!bumper.update(&config, Stamp::from_ms(3_600_040), &FAR, -0.05), "5 cm back");
+        assert!(bumper.update(&config, &six(), Stamp::from_ms(0), &one(12.0), 0.0));
+        assert!(bumper.update(&config, &six(), Stamp::from_ms(40), &FAR, 0.0));
+        assert!(bumper.update(&config, &six(), Stamp::from_ms(3_600_000), &FAR, 0.0), "an hour");
+        assert!(!bumper.update(&config, &six(), Stamp::from_ms(3_600_040), &FAR, -0.05), "5 cm back");
     }
 
     #[test]
     fn a_time_that_is_configured_releases_the_latch() {
         let config = Obstacle { foldback_clear_s: 0.5, ..Obstacle::default() };
         let mut bumper = Bumper::default();
-        assert!(bumper.update(&config, Stamp::from_ms(0), &one(12.0), 0.0));
-        assert!(bumper.update(&config, Stamp::from_ms(40), &one(30.0), 0.0));
-        assert!(bumper.update(&config, Stamp::from_ms(500), &FAR, 0.0));
-        assert!(!bumper.update(&config, Stamp::from_ms(540), &FAR, 0.0));
+        assert!(bumper.update(&config, &six(), Stamp::from_ms(0), &one(12.0), 0.0));
+        assert!(bumper.update(&config, &six(), Stamp::from_ms(40), &one(30.0), 0.0));
+        assert!(bumper.update(&config, &six(), Stamp::from_ms(500), &FAR, 0.0));
+        assert!(!bumper.update(&config, &six(), Stamp::from_ms(540), &FAR, 0.0));
     }
 
     #[test]
     fn backing_off_releases_the_latch() {
         let (config, mut bumper) = (Obstacle::default(), Bumper::default());
-        assert!(bumper.update(&config, Stamp::from_ms(0), &one(12.0), 1.0));
-        assert!(bumper.update(&config, Stamp::from_ms(40), &FAR, 0.96));
-        assert!(!bumper.update(&config, Stamp::from_ms(80), &FAR, 0.95));
+        assert!(bumper.update(&config, &six(), Stamp::from_ms(0), &one(12.0), 1.0));
+        assert!(bumper.update(&config, &six(), Stamp::from_ms(40), &FAR, 0.96));
+        assert!(!bumper.update(&config, &six(), Stamp::from_ms(80), &FAR, 0.95));
+    }
+
+    #[test]
+    fn what_counts_is_the_way_from_the_bumpers_face() {
+        let (config, mut bumper) =
+            (Obstacle { foldback_latch: false, ..Obstacle::default() }, Bumper::default());
+        let back = RangeFinder { ahead_m: -0.1, ..RangeFinder::at(0.0) };
+        let aside = RangeFinder { turned_deg: -60.0, ..RangeFinder::at(-0.1) };
+        let fitted = BumperFinders(vec![back, aside]);
+        let mut sees = |first: f64, second: Option<f64>| {
+            bumper.update(
+                &config,
+                &fitted,
+                Stamp::ZERO,
+                &[Some(first), second, Some(1.0), None, None, None],
+                0.0,
+            )
+        };
+        assert!(sees(34.9, None) && !sees(35.1, None), "10 cm of the beam lie on the car");
+        assert!(sees(60.0, Some(49.9)) && !sees(60.0, Some(50.1)), "60° aside, half of it lies ahead");
     }
 
     #[test]
     fn without_the_latch_the_published_rule_stands() {
         let config = Obstacle { foldback_latch: false, ..Obstacle::default() };
         let mut bumper = Bumper::default();
-        assert!(bumper.update(&config, Stamp::from_ms(0), &one(10.0), 0.0));
-        assert!(!bumper.update(&config, Stamp::from_ms(40), &one(30.0), 0.0));
+        assert!(bumper.update(&config, &six(), Stamp::from_ms(0), &one(10.0), 0.0));
+        assert!(!bumper.update(&config, &six(), Stamp::from_ms(40), &one(30.0), 0.0));
     }
 }

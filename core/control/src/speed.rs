@@ -9,6 +9,9 @@ use crate::pid::{Gains, Pid};
 use crate::units::PwmCount;
 use crate::vehicle::{Encoder, Speed};
 
+/// Most pulses of a window that the board's frame holds (docs/io-board.md).
+pub const MAX_WINDOW_PULSES: u16 = 660;
+
 /// Unsigned wheel speed in rpm: pulses / t_s / pulses per turn / gear ratio · 60 (§4.2.3).
 #[must_use]
 pub fn wheel_rpm(encoder: &Encoder, pulses: u32) -> f64 {

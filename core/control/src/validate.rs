@@ -1,7 +1,8 @@
-//! What only holds between two constants: speeds that the obstacle rule can stop, stops in their
+//! What only holds between two constants: axles within the body, speeds that the obstacle rule can stop, stops in their
 //! order, calibrations that fit the servos, pins that do not share a channel.
 
 use crate::config::ConfigError;
+use crate::speed::MAX_WINDOW_PULSES;
 use crate::tpu::Setup;
 use crate::units::PwmCount;
 use crate::vehicle::VehicleConfig;
@@ -36,9 +37,76 @@ impl VehicleConfig {
                 });
             }
         }
+        self.validate_body()?;
+        self.validate_range_finders()?;
+        self.validate_encoder()?;
         self.validate_order()?;
         self.validate_calibration()?;
         Setup::of(self).map(drop)
+    }
+
+    /// The axles and the tyres stand within the body.
+    fn validate_body(&self) -> Result<(), ConfigError> {
+        let geometry = &self.geometry;
+        let within = |name: &str, value: f64, most_name: &str, most: f64| match value > most {
+            true => Err(conflict(name, value, format!("it must not be more than {most_name}, {most:?}"))),
+            false => Ok(()),
+        };
+        within(
+            "geometry.wheelbase_m",
+            geometry.wheelbase_m,
+            "geometry.body_length_m",
+            geometry.body_length_m,
+        )?;
+        within("geometry.track_m", geometry.track_m, "geometry.body_width_m", geometry.body_width_m)?;
+        let most_m = (geometry.body_length_m - geometry.wheelbase_m) / 2.0;
+        if geometry.body_ahead_m.abs() > most_m {
+            let reason = format!(
+                "an axle would be outside the body; with geometry.body_length_m {:?} and geometry.wheelbase_m {:?} \
+                 it is at most {most_m:.3} either way",
+                geometry.body_length_m, geometry.wheelbase_m
+            );
+            return Err(conflict("geometry.body_ahead_m", geometry.body_ahead_m, reason));
+        }
+        Ok(())
+    }
+
+    /// The board's frame holds the pulses of a window at top speed.
+    fn validate_encoder(&self) -> Result<(), ConfigError> {
+        let encoder = &self.encoder;
+        let per_turn = encoder.pulses_per_rev * encoder.gear_ratio;
+        let pulses = self.guard.top_rpm / 60.0 * per_turn * encoder.window_s;
+        if pulses > f64::from(MAX_WINDOW_PULSES) {
+            let reason = format!(
+                "with encoder.gear_ratio {:?} a window has {pulses:.0} pulses at guard.top_rpm {:?}; the board \
+                 sends up to {MAX_WINDOW_PULSES}",
+                encoder.gear_ratio, self.guard.top_rpm
+            );
+            return Err(conflict("encoder.pulses_per_rev", encoder.pulses_per_rev, reason));
+        }
+        Ok(())
+    }
+
+    /// The range finders stand within the body, and none shows what counts as a short circuit.
+    fn validate_range_finders(&self) -> Result<(), ConfigError> {
+        let (width_m, guard) = (self.geometry.body_width_m, &self.guard);
+        for (name, finders) in [
+            ("range_finders.front", &self.range_finders.front),
+            ("range_finders.rear", &self.range_finders.rear),
+        ] {
+            for finder in &finders.0 {
+                if 2.0 * finder.left_m.abs() > width_m {
+                    let reason = format!("left_m is beside the body, geometry.body_width_m {width_m:?}");
+                    return Err(conflict(name, finder.left_m, reason));
+                }
+                let (curve, most_v) = (finder.curve, finder.curve.most_v());
+                if most_v > guard.infrared_max_v {
+                    let reason = format!("with {} in {name} it must be at least {most_v:?}", curve.word());
+                    return Err(conflict("guard.infrared_max_v", guard.infrared_max_v, reason));
+                }
+            }
+        }
+        Ok(())
     }
 
     fn validate_order(&self) -> Result<(), ConfigError> {

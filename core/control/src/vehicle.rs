@@ -5,13 +5,16 @@
 //! run and compared.
 
 mod calibration;
+mod drivetrain;
+mod range_finders;
 mod sections;
 
 pub use calibration::Line;
+pub use drivetrain::Drivetrain;
+pub use range_finders::{BumperFinders, RangeFinder, SLOTS};
 pub use sections::*;
 
 use crate::config::{Allowed, Origin::Printed, Parameter, Value};
-use crate::gp2d12::fit_cm;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -70,6 +73,8 @@ impl Value for GotoLaw {
 pub struct VehicleConfig {
     /// Which platform controller runs.
     pub platform: Platform,
+    /// Which axles steer.
+    pub drivetrain: Drivetrain,
     /// The body.
     pub geometry: Geometry,
     /// The encoder.
@@ -78,8 +83,10 @@ pub struct VehicleConfig {
     pub speed: Speed,
     /// The steering servos.
     pub steering: SteeringServos,
-    /// The range finders.
+    /// What a GP2D12's voltage means.
     pub infrared: Infrared,
+    /// The range finders that are fitted.
+    pub range_finders: RangeFinders,
     /// The obstacle rule.
     pub obstacle: Obstacle,
     /// A-to-B.
@@ -125,11 +132,21 @@ impl VehicleConfig {
             about: "Platform controller: balance, pid or none (off).",
             valid: true,
         }];
+        all.push(Parameter {
+            name: "drivetrain".into(),
+            value: self.drivetrain.to_toml(),
+            unit: "",
+            allowed: Allowed::OneOf(&Drivetrain::WORDS),
+            origin: Printed("§2.1"),
+            about: "Which axles steer: both, in opposite directions, or the front one.",
+            valid: true,
+        });
         all.extend(self.geometry.parameters());
         all.extend(self.encoder.parameters());
         all.extend(self.speed.parameters());
         all.extend(self.steering.parameters());
         all.extend(self.infrared.parameters());
+        all.extend(self.range_finders.parameters());
         all.extend(self.obstacle.parameters());
         all.extend(self.goto.parameters());
         all.extend(self.wander.parameters());
@@ -156,12 +173,14 @@ impl VehicleConfig {
 
     /// The fastest speed that the obstacle rule can stop from without contact, in m/s: what is left
     /// of the threshold, or of the sensors' sight if that is shorter, above their blind zone, over the
-    /// reaction time of the whole path.
+    /// reaction time of the whole path; by the worst of the range finders, and none without any.
     #[must_use]
     pub fn admitted_mps(&self) -> f64 {
         let tilt_deg = self.bumpers.front_deg.abs().max(self.bumpers.rear_deg.abs());
-        let sight_cm = fit_cm(self.infrared.far_v) * libm::cos(tilt_deg.to_radians());
-        let room_m = (self.obstacle.threshold_cm.min(sight_cm) - self.infrared.near_cm) / 100.0;
+        let cos = libm::cos(tilt_deg.to_radians());
+        let RangeFinders { front, rear } = &self.range_finders;
+        let rooms_cm = front.0.iter().chain(&rear.0).map(|f| f.room_cm(&self.infrared, &self.obstacle, cos));
+        let room_m = rooms_cm.reduce(f64::min).unwrap_or(0.0) / 100.0;
         room_m.max(0.0) / self.obstacle.reaction_s
     }
 }

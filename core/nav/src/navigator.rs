@@ -46,7 +46,7 @@ pub use turn::{Decision, HoldReason, Progress, STANDS_MPS, Sensed, TargetPose};
 
 use crate::MapPose;
 use crate::geometry::{Car, rect};
-use crate::obstacle_layer::{BumperScan, ObstacleLayer};
+use crate::obstacle_layer::{BumperScan, ObstacleLayer, Sight};
 use crate::path_follower::{FollowerSettings, PathFollower};
 use crate::settings::NavSettings;
 use following::{Following, PathPurpose};
@@ -101,7 +101,7 @@ impl Navigator {
             vehicle: vehicle.clone(),
             car: Car::of(vehicle),
             settings: settings.clone(),
-            follower: settings.follower(),
+            follower: settings.follower_of(vehicle),
             map: None,
             obstacles: None,
             task: None,
@@ -120,7 +120,7 @@ impl Navigator {
             return;
         }
         let (fades_ms, beside_ms) = self.settings.fades_ms();
-        let obstacles = ObstacleLayer::new(self.car, Some(map.map.grid()));
+        let obstacles = ObstacleLayer::new(self.car, Some(map.map.grid())).seeing(Sight::of(&self.vehicle));
         self.obstacles = Some(obstacles.fading(fades_ms, beside_ms));
         self.map = Some(map);
         if let Some(task) = &mut self.task {

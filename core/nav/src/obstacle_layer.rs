@@ -1,7 +1,7 @@
 //! What the map does not know: obstacles seen by the range finders, for a short time.
 //!
-//! Six beams of each bumper, parallel and 7 cm apart, put obstacles where they hit and take them away where
-//! they pass. An obstacle counts once it was seen twice, and fades when it is not seen any more. What the map or
+//! The beams of both bumpers (an XTB's: six each, parallel and 7 cm apart) put obstacles where they hit and take them
+//! away where they pass. An obstacle counts once it was seen twice, and fades when it is not seen any more. What the map or
 //! the known pose of another truck explains is no obstacle of this layer.
 //!
 //! The published fit (§4.5) reads farther things too near, by 13 cm of the data sheet's 64. An obstacle goes
@@ -17,21 +17,23 @@
 //! beam has got through or the truck has stood there; [`ObstacleLayer::unobserved`] has these too.
 
 mod beams;
+mod clearing;
 mod free_cells;
 mod obstacle_cells;
+mod sight;
 mod swept;
 #[cfg(test)]
 mod tests;
 mod thin_obstacles;
 
-pub(crate) use beams::{
-    BESIDE_BEAM_M, LEG_HALF_WIDTH_M, LEG_SIGHT_M, OUTERMOST_BEAM_M, SPACING_M, SURE_WITHIN_M,
-};
+pub(crate) use beams::SURE_WITHIN_M;
 pub use obstacle_cells::UnmappedObstacle;
+pub(crate) use sight::LEG_HALF_WIDTH_M;
+pub use sight::Sight;
 pub(crate) use swept::CELL_M as SWEPT_CELL_M;
 
 use crate::MapPose;
-use crate::geometry::{Car, Cell, Grid, apart_m};
+use crate::geometry::{Car, Cell, Grid};
 use beams::{Beam, BeamReading, Extent, Foldback, beams, extent};
 use free_cells::FreeCells;
 use obstacle_cells::{CellGrid, ObservedCells};
@@ -45,12 +47,6 @@ const EXPLAINED_M: f64 = 0.12;
 /// With an unsure pose it explains more, but never more than this, in m: 9 cm of standard deviation; chosen,
 /// not measured.
 const MOST_EXPLAINED_M: f64 = 0.30;
-/// A beam clears up to this much before what it hits, in m: more than the diagonal of a cell of 5 cm, 7.1 cm.
-const BEFORE_HIT_M: f64 = 0.08;
-
-/// Something thin is in a beam only this near to its middle, in m: less than half of the beam's width (1.2
-/// cm), since a pose is a little off; chosen, not measured by itself.
-const THIN_M: f64 = 0.007;
 /// What was seen so little inside the body may stand right beside it, in m: about the pose's error (2.6 cm
 /// p95 with fixes, docs/navigation.md).
 const GRAZES_M: f64 = 0.03;
@@ -77,6 +73,7 @@ pub struct BumperScan {
 #[derive(Debug, Clone)]
 pub struct ObstacleLayer {
     car: Car,
+    sight: Sight,
     occupied: ObservedCells,
     /// Where nothing stood.
     free: FreeCells,
@@ -118,6 +115,7 @@ impl ObstacleLayer {
         let grid = CellGrid { resolution_m, origin_m };
         Self {
             car,
+            sight: Sight::default(),
             occupied: ObservedCells::new(grid, Self::MOST_OBSTACLES, Self::DOUBTFUL_MS),
             free: FreeCells::new(grid, Self::MOST_FREE),
             thin: ThinObstacles::default(),
@@ -126,6 +124,18 @@ impl ObstacleLayer {
             fades_ms: Self::FADES_MS,
             fades_beside_ms: Self::FADES_BESIDE_MS,
         }
+    }
+
+    /// With other range finders than an XTB's.
+    #[must_use]
+    pub fn seeing(self, sight: Sight) -> Self {
+        Self { sight, ..self }
+    }
+
+    /// What the range finders look at.
+    #[must_use]
+    pub fn sight(&self) -> &Sight {
+        &self.sight
     }
 
     /// With other times for obstacles that are not seen again.
@@ -145,17 +155,19 @@ impl ObstacleLayer {
         self.swept.fade(now, self.fades_ms);
         self.thin.fade(now, Self::DOUBTFUL_MS);
         let known_m = (EXPLAINED_M + 2.0 * scan.sigma_m).clamp(EXPLAINED_M, MOST_EXPLAINED_M);
-        let beams = beams(&self.car, &scan.pose);
+        let beams = beams(&self.sight, &self.car, &scan.pose);
         let readings: [BeamReading; 12] = std::array::from_fn(|i| {
             let range = if i < 6 { scan.front_cm[i] } else { scan.rear_cm[i - 6] };
-            self.foldback[i].interpret(&beams[i], range)
+            beams[i].map_or(BeamReading::Unfitted, |beam| self.foldback[i].interpret(&beam, range))
         });
         let known = |point: [f64; 2]| {
             map.is_some_and(|map| is_near(map, point, known_m))
                 || others.iter().any(|(pose, car)| car.distance_m(pose, point) <= known_m)
         };
         for (n, beam) in beams.iter().enumerate() {
-            self.add_hit(now, beam, &readings, n, (known_m, &known));
+            if let Some(beam) = beam {
+                self.add_hit(now, beam, &readings, n, (known_m, &known));
+            }
         }
         // What is seen beside another truck is most likely a corner of it, where it has not said yet that it is.
         let is_truck = |at| others.iter().any(|(there, other)| other.distance_m(there, at) <= BROAD_M);
@@ -198,61 +210,7 @@ impl ObstacleLayer {
                     self.occupied.see_part(now, beam.at(to_m), extent, self.fades_ms, JOINS_M);
                 }
             }
-            BeamReading::Folded(_) | BeamReading::Free { .. } => {}
-        }
-    }
-
-    /// Nothing stands where beams got through, nor where the truck does.
-    fn clear_seen(&mut self, now: Stamp, pose: &MapPose, beams: &[Beam; 12], readings: &[BeamReading; 12]) {
-        let here = [pose.x_m, pose.y_m];
-        let is_thin_near = self.thin_obstacles().any(|at| apart_m(at, here) <= Self::THIN_NEAR_M);
-        for (beam, reading) in beams.iter().zip(readings) {
-            let to_m = match reading {
-                BeamReading::Free { to_m } => *to_m,
-                BeamReading::Hit { from_m, .. } => from_m - BEFORE_HIT_M,
-                BeamReading::Folded(_) => continue,
-            };
-            self.clear_beam(now, beam, to_m);
-            if is_thin_near {
-                self.swept.pass(beam, to_m);
-            }
-        }
-        if is_thin_near {
-            self.swept.stand(&self.car, pose);
-        }
-        self.stand_on(pose);
-    }
-
-    /// Takes away what stood in a beam that got through, unless another beam hits it now.
-    fn clear_beam(&mut self, now: Stamp, beam: &Beam, to_m: f64) {
-        let step_m = self.occupied.resolution_m() / 2.0;
-        let steps = libm::floor(to_m / step_m);
-        if steps < 0.0 {
-            return;
-        }
-        let along_m = || (0..=steps as u32).map(|step| f64::from(step) * step_m);
-        if !self.occupied.is_empty() {
-            let is_seen = |at| beam.off_m(at) <= THIN_M || !self.thin.is_at(at);
-            along_m().for_each(|along_m| self.occupied.remove_before(now, beam.at(along_m), is_seen));
-        }
-        for left_m in [-BESIDE_BEAM_M, 0.0, BESIDE_BEAM_M] {
-            along_m().for_each(|along_m| self.free.see(beam.beside(along_m, left_m)));
-        }
-    }
-
-    /// Nothing stands where the truck does.
-    fn stand_on(&mut self, pose: &MapPose) {
-        let step_m = self.occupied.resolution_m() / 2.0;
-        let (sin, cos) = libm::sincos(pose.yaw_rad);
-        let steps = |from_m: f64, to_m: f64| {
-            let steps = libm::ceil((to_m - from_m) / step_m).max(1.0);
-            (0..=steps as u32).map(move |step| from_m + (to_m - from_m) * f64::from(step) / steps)
-        };
-        for ahead_m in steps(-self.car.rear_m, self.car.front_m) {
-            for left_m in steps(-self.car.half_width_m, self.car.half_width_m) {
-                let (x_m, y_m) = (ahead_m * cos - left_m * sin, ahead_m * sin + left_m * cos);
-                self.free.see([pose.x_m + x_m, pose.y_m + y_m]);
-            }
+            BeamReading::Folded(_) | BeamReading::Free { .. } | BeamReading::Unfitted => {}
         }
     }
 

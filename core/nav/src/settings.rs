@@ -144,7 +144,15 @@ impl NavSettings {
         Ok(())
     }
 
-    /// For the follower.
+    /// For the follower of this vehicle: its servos turn as fast as an XTB's, so a wider lock takes longer.
+    #[must_use]
+    pub fn follower_of(&self, vehicle: &VehicleConfig) -> FollowerSettings {
+        let follower = self.follower();
+        let wider = vehicle.steering.stop_deg / VehicleConfig::default().steering.stop_deg;
+        FollowerSettings { lock_s: follower.lock_s * wider, ..follower }
+    }
+
+    /// For the follower of an XTB.
     #[must_use]
     pub fn follower(&self) -> FollowerSettings {
         let DriveSettings { look_ahead_m, look_ahead_s, deviation_m, no_motion_s, no_progress_s, .. } =

@@ -75,7 +75,7 @@ impl Monitors {
 
     /// A scan of the converter; `battery_mv` is `None` if the board does not measure it.
     pub fn scan(&mut self, vehicle: &VehicleConfig, now: Stamp, scan: &AdcSample, battery_mv: Option<u16>) {
-        self.converter.scan(&vehicle.guard, now, scan, self.turning);
+        self.converter.scan((&vehicle.guard, &vehicle.range_finders), now, scan, self.turning);
         let volts = battery_mv.map(|mv| f64::from(mv) / 1000.0);
         self.battery.scan(&vehicle.battery, now, volts);
     }

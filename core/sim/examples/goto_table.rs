@@ -9,6 +9,7 @@ mod agent;
 #[allow(dead_code)]
 #[path = "../tests/it/draw.rs"]
 mod draw;
+#[allow(dead_code)]
 #[path = "../tests/it/trips.rs"]
 mod trips;
 

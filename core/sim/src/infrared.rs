@@ -1,4 +1,4 @@
-//! Twelve GP2D12 range finders at the bumper faces: true curve, fold-back, noise, own refresh.
+//! The range finders at the bumper faces: true curve, fold-back, noise, own refresh. Of a GP2D12:
 //!
 //! ```text
 //!   V │    ·     peak at 8 cm
@@ -12,8 +12,8 @@
 //! distance d is then d / cos θ away, so that hyp · cos θ (§4.5) gives d back. Floor and ceiling are
 //! not seen. They are listed left to right, seen from above with the truck pointing up.
 //!
-//! A beam is as wide as its lens at the sensor and 6 cm at 80 cm, 2.4 cm at 25 cm: between beams
-//! 7 cm apart there are strips that none looks at. Three rays stand for it, in the middle and at both
+//! A beam is as wide as its lens at the sensor and (an XTB's) 6 cm at 80 cm, 2.4 cm at 25 cm: between
+//! beams 7 cm apart there are strips that none looks at. Three rays stand for it, in the middle and at both
 //! edges. What comes back of each is its part of the light by the square of the distance, and the
 //! sensor, which triangulates the spot's middle, shows the mean of their voltages weighted with that
 //! light: a leg before a wall reads a little too far. Too little light is nothing at all.
@@ -21,28 +21,18 @@
 use crate::faults::RangeFinderFault;
 use crate::geometry::{Beam, OrientedBox};
 use crate::parameters::{Body, InfraredTruth};
+use crate::range_curves::{curve_v, sight_m};
 use crate::rng::Rng;
 use crate::scene::StepContext;
+use xtb_control::range_curve::RangeCurve;
 use xtb_control::units::{ADC_FULL_SCALE, ADC_SUPPLY_V, AdcCount};
+use xtb_control::vehicle::{RangeFinder, RangeFinders as Fitted};
 
 const SENSORS: usize = 12;
-/// Farther than this the curve lies below any floor voltage.
-const SIGHT_M: f64 = 1.2;
 /// The distance that the beam's width is given for, in m.
 const WIDE_AT_M: f64 = 0.8;
 /// The rays of a beam: where in its half width, + = left, and their part of the light.
 const RAYS: [(f64, f64); 3] = [(-1.0, 0.25), (0.0, 0.5), (1.0, 0.25)];
-
-/// Voltage for an object at `cm`: counts = 6787 / (cm + 4) + 3 beyond the peak, and a straight line
-/// down to `touch_v` below it.
-fn curve_v(truth: &InfraredTruth, cm: f64) -> f64 {
-    let beyond_peak_v = |cm: f64| (6787.0 / (cm + 4.0) + 3.0) * ADC_SUPPLY_V / ADC_FULL_SCALE;
-    if cm >= truth.fold_back_cm {
-        return beyond_peak_v(cm);
-    }
-    let peak_v = beyond_peak_v(truth.fold_back_cm);
-    truth.touch_v + (peak_v - truth.touch_v) * cm.max(0.0) / truth.fold_back_cm
-}
 
 /// A ray of a beam, on the body.
 #[derive(Debug, Clone, Copy)]
@@ -58,34 +48,40 @@ struct Ray {
 
 impl Ray {
     /// `beside`: where in the beam's half width, + = left.
-    fn new(truth: &InfraredTruth, facing: f64, middle_m: f64, beside: f64) -> Self {
-        let widens = beside * (truth.beam_m - truth.lens_m) / 2.0 / WIDE_AT_M;
+    fn new(truth: &InfraredTruth, facing: f64, finder: &RangeFinder, beside: f64) -> Self {
+        let widens = beside * (finder.beam_m - truth.lens_m) / 2.0 / WIDE_AT_M;
         let along = 1.0 / libm::sqrt(1.0 + widens * widens);
-        let left_m = middle_m + beside * truth.lens_m / 2.0;
-        Self { left_m, ahead: facing * along, left: widens * along, along }
+        let left_m = finder.left_m + beside * truth.lens_m / 2.0;
+        let (sin, cos) = libm::sincos(finder.turned_deg.to_radians());
+        let side = widens * along;
+        Self { left_m, ahead: facing * (along * cos - side * sin), left: along * sin + side * cos, along }
     }
 
-    fn beam(&self, ahead_m: f64, body: &OrientedBox) -> Beam {
+    fn beam(&self, (ahead_m, sight_m): (f64, f64), body: &OrientedBox) -> Beam {
         let ((x_m, y_m), (cos, sin)) = (body.centre_m(), body.direction());
         Beam::new(
             x_m + cos * ahead_m - sin * self.left_m,
             y_m + sin * ahead_m + cos * self.left_m,
             cos * self.ahead - sin * self.left,
             sin * self.ahead + cos * self.left,
-            SIGHT_M,
+            sight_m,
         )
     }
 }
 
 /// No ray of a beam is farther from the one in the middle; a millimetre more than rounding needs.
-fn beside_m(truth: &InfraredTruth) -> f64 {
-    truth.lens_m / 2.0 + (truth.beam_m - truth.lens_m).abs() / 2.0 / WIDE_AT_M * SIGHT_M + 0.001
+fn beside_m(truth: &InfraredTruth, finder: &RangeFinder) -> f64 {
+    let widens = (finder.beam_m - truth.lens_m).abs() / 2.0 / WIDE_AT_M;
+    truth.lens_m / 2.0 + widens * sight_m(finder.curve) + 0.001
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Sensor {
-    /// Where it sits on the body, in m ahead of the centre.
-    ahead_m: f64,
+    curve: RangeCurve,
+    /// Of the rear bumper.
+    is_rear: bool,
+    /// Where it sits on the body, in m ahead of the centre, and how far it sees at most.
+    place_m: (f64, f64),
     rays: [Ray; 3],
     /// No ray goes farther from the one in the middle.
     beside_m: f64,
@@ -101,7 +97,8 @@ struct Sensor {
 #[derive(Debug, Clone)]
 pub(crate) struct RangeFinders {
     truth: InfraredTruth,
-    sensors: [Sensor; SENSORS],
+    /// By their channels; `None` where none is fitted.
+    sensors: [Option<Sensor>; SENSORS],
     /// When each of them measures again.
     next_ns: [u64; SENSORS],
     /// The first of these moments.
@@ -109,25 +106,29 @@ pub(crate) struct RangeFinders {
 }
 
 impl RangeFinders {
-    pub(crate) fn new(truth: &InfraredTruth, body: &Body, noise: &mut Rng) -> Self {
+    /// Each channel takes its share of the noise, whatever is fitted there.
+    pub(crate) fn new(truth: &InfraredTruth, fitted: &Fitted, body: &Body, noise: &mut Rng) -> Self {
         let mut next_ns = [0; SENSORS];
         let sensors = std::array::from_fn(|i| {
             let spread = truth.refresh_tolerance_s;
             let period_s = truth.refresh_s + noise.uniform(-spread, spread);
             let period_ns = (period_s * 1e9) as u64;
-            let ahead_m = if i < 6 { body.length_m / 2.0 } else { -body.length_m / 2.0 };
-            let left_m = (2.5 - (i % 6) as f64) * truth.spacing_m;
             let floor_v = noise.uniform(truth.floor_min_v, truth.floor_max_v);
             next_ns[i] = noise.up_to(period_ns);
-            Sensor {
-                ahead_m,
-                rays: RAYS.map(|(beside, _)| Ray::new(truth, ahead_m.signum(), left_m, beside)),
-                beside_m: beside_m(truth),
+            let (bumper, facing) = if i < 6 { (&fitted.front, 1.0) } else { (&fitted.rear, -1.0) };
+            let finder = bumper.get(i % 6)?;
+            let ahead_m = facing * (body.length_m / 2.0 + finder.ahead_m);
+            Some(Sensor {
+                curve: finder.curve,
+                is_rear: i >= 6,
+                place_m: (ahead_m, sight_m(finder.curve)),
+                rays: RAYS.map(|(beside, _)| Ray::new(truth, facing, finder, beside)),
+                beside_m: beside_m(truth, finder),
                 floor_v,
                 period_ns,
                 reading: AdcCount::ZERO,
                 fault: RangeFinderFault::None,
-            }
+            })
         });
         Self { truth: truth.clone(), sensors, next_ns, due_ns: 0 }
     }
@@ -147,8 +148,12 @@ impl RangeFinders {
         }
         for (sensor, next_ns) in self.sensors.iter_mut().zip(&mut self.next_ns) {
             if *next_ns <= now_ns {
+                let Some(sensor) = sensor else {
+                    *next_ns = u64::MAX;
+                    continue;
+                };
                 *next_ns += sensor.period_ns;
-                let stretch = stretch[usize::from(sensor.ahead_m < 0.0)];
+                let stretch = stretch[usize::from(sensor.is_rear)];
                 let seen_v = sensor.seen_v(&self.truth, context, me, body, stretch);
                 sensor.measure(&self.truth, seen_v, noise);
             }
@@ -158,21 +163,25 @@ impl RangeFinders {
 
     /// No ray ends farther from the body's centre.
     pub(crate) fn sight_m(&self) -> f64 {
-        let rays =
-            self.sensors.iter().flat_map(|sensor| sensor.rays.iter().map(|ray| (sensor.ahead_m, ray.left_m)));
-        SIGHT_M + rays.map(|(ahead_m, left_m)| libm::hypot(ahead_m, left_m)).fold(0.0, f64::max)
+        let fitted = self.sensors.iter().flatten();
+        let rays = fitted.flat_map(|sensor| sensor.rays.iter().map(|ray| (sensor.place_m, ray.left_m)));
+        rays.map(|((ahead_m, sight_m), left_m)| sight_m + libm::hypot(ahead_m, left_m)).fold(0.0, f64::max)
     }
 
     /// Breaks or mends them: front, then rear, left to right.
     pub(crate) fn set_faults(&mut self, faults: &[RangeFinderFault; SENSORS]) {
         for (sensor, fault) in self.sensors.iter_mut().zip(faults) {
-            sensor.fault = *fault;
+            if let Some(sensor) = sensor {
+                sensor.fault = *fault;
+            }
         }
     }
 
-    /// The front and the rear bumper, left to right.
+    /// The front and the rear bumper, left to right; a channel without a range finder shows 0.
     pub(crate) fn readings(&self) -> ([AdcCount; 6], [AdcCount; 6]) {
-        let side = |first: usize| std::array::from_fn(|i| self.sensors[first + i].shown());
+        let side = |first: usize| {
+            std::array::from_fn(|i| self.sensors[first + i].map_or(AdcCount::ZERO, |sensor| sensor.shown()))
+        };
         (side(0), side(6))
     }
 }
@@ -188,10 +197,10 @@ impl Sensor {
         stretch: f64,
     ) -> Option<f64> {
         let [_, middle, _] = self.rays;
-        if context.is_free(me, &middle.beam(self.ahead_m, body), self.beside_m) {
+        if context.is_free(me, &middle.beam(self.place_m, body), self.beside_m) {
             return None;
         }
-        let ways_m = context.nearest_m(me, self.rays.map(|ray| ray.beam(self.ahead_m, body)));
+        let ways_m = context.nearest_m(me, self.rays.map(|ray| ray.beam(self.place_m, body)));
         let (mut light, mut light_v) = (0.0, 0.0);
         for ((ray, (_, part)), way_m) in self.rays.iter().zip(RAYS).zip(ways_m) {
             if let Some(way_m) = way_m {
@@ -201,10 +210,10 @@ impl Sensor {
                 let bright_m = range_m.max(truth.fold_back_cm / 100.0);
                 let bright = part / (bright_m * bright_m);
                 light += bright;
-                light_v += bright * curve_v(truth, range_m * 100.0);
+                light_v += bright * curve_v(truth, self.curve, range_m * 100.0);
             }
         }
-        (light >= 1.0 / (SIGHT_M * SIGHT_M)).then(|| light_v / light)
+        (light >= 1.0 / (self.place_m.1 * self.place_m.1)).then(|| light_v / light)
     }
 
     fn measure(&mut self, truth: &InfraredTruth, seen_v: Option<f64>, noise: &mut Rng) {
@@ -239,21 +248,15 @@ mod tests {
     use xtb_control::units::Stamp;
 
     #[test]
-    fn the_curve_peaks_at_8_cm_and_folds_back_to_the_touch_voltage() {
-        let truth = InfraredTruth::default();
-        let peak = curve_v(&truth, 8.0);
-        assert!((2.7..2.8).contains(&peak), "{peak}");
-        assert!(curve_v(&truth, 4.0) < peak && curve_v(&truth, 12.0) < peak);
-        assert!((curve_v(&truth, 7.999_999) - peak).abs() < 1e-5, "continuous");
-        assert_eq!(curve_v(&truth, 0.0), 0.5);
-        let data_sheet = curve_v(&truth, 80.0);
-        assert!((0.25..0.55).contains(&data_sheet), "{data_sheet}");
-    }
-
-    #[test]
     fn each_sensor_has_its_own_period_within_the_data_sheet() {
-        let finders = RangeFinders::new(&InfraredTruth::default(), &Body::default(), &mut Rng::new(3, 0));
-        let mut periods: Vec<_> = finders.sensors.iter().map(|s| Stamp::from_ns(s.period_ns)).collect();
+        let finders = RangeFinders::new(
+            &InfraredTruth::default(),
+            &Fitted::default(),
+            &Body::default(),
+            &mut Rng::new(3, 0),
+        );
+        let mut periods: Vec<_> =
+            finders.sensors.iter().flatten().map(|s| Stamp::from_ns(s.period_ns)).collect();
         for period in &periods {
             assert!((0.0287..=0.0479).contains(&period.s()), "{period:?}");
         }

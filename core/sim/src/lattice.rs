@@ -21,15 +21,17 @@ const GAP_M: f64 = 0.5;
 /// Kept free to the sides and behind.
 const MARGIN_M: f64 = 0.3;
 
-/// Where a truck of this size stands.
+/// Where a truck of this size stands whose reference point has this pose.
 pub(crate) fn footprint(pose: &MapPose, body: &Body) -> OrientedBox {
-    OrientedBox::new(pose.x_m, pose.y_m, pose.yaw_rad, body.length_m, body.width_m)
+    let (sin, cos) = libm::sincos(pose.yaw_rad);
+    let (x_m, y_m) = (pose.x_m + cos * body.middle_m(), pose.y_m + sin * body.middle_m());
+    OrientedBox::turned(x_m, y_m, (cos, sin), body.length_m, body.width_m)
 }
 
 /// The strip ahead of its bumper that a robot needs free.
 pub(crate) fn lane(pose: &MapPose, body: &Body) -> OrientedBox {
     let (sin, cos) = libm::sincos(pose.yaw_rad);
-    let to_middle_m = (body.length_m + LANE_M) / 2.0;
+    let to_middle_m = (body.length_m + LANE_M) / 2.0 + body.middle_m();
     let (x_m, y_m) = (pose.x_m + cos * to_middle_m, pose.y_m + sin * to_middle_m);
     OrientedBox::turned(x_m, y_m, (cos, sin), LANE_M, body.width_m)
 }
@@ -46,8 +48,8 @@ pub(crate) fn places(bounds: Bounds, body: &Body) -> impl Iterator<Item = MapPos
     let (centre_x_m, centre_y_m) = bounds.centre_m();
     let (half_width_m, half_depth_m) = (bounds.width_m() / 2.0, bounds.depth_m() / 2.0);
     let aside_m = half_width_m - body.width_m / 2.0 - MARGIN_M;
-    let ahead_m = half_depth_m - body.length_m / 2.0 - LANE_M;
-    let behind_m = half_depth_m - body.length_m / 2.0 - MARGIN_M;
+    let ahead_m = half_depth_m - body.front_m() - LANE_M;
+    let behind_m = half_depth_m - body.rear_m() - MARGIN_M;
     let row_m = body.length_m + FREE_AHEAD_M + GAP_M;
     let column_m = COLUMN_M.max(body.width_m + GAP_M);
     outwards(-row_m, -behind_m, ahead_m).flat_map(move |y_m| {

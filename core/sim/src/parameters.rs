@@ -6,33 +6,58 @@
 //! tolerances given here.
 
 use xtb_control::config::{
-    Allowed::{Range, Switch},
+    Allowed::{OneOf, Range, Switch},
     ConfigError,
     Origin::{Assumed, DataSheet, Printed},
     Parameter,
 };
+use xtb_control::vehicle::{Drivetrain, RangeFinders};
 use xtb_control::{VehicleConfig, config_section};
 
 config_section! {
-    /// The body, seen from above; its centre lies midway between the axles.
+    /// The body, seen from above, and which axles steer.
     Body "body" {
+        drivetrain: Drivetrain = Drivetrain::BothAxles, "", OneOf(&Drivetrain::WORDS), Printed("§2.1"), "Which axles steer: both, in opposite directions, or the front one.";
         length_m: f64 = 0.50, "m", Range(0.1, 3.0), Assumed, "Bumper to bumper.";
         width_m: f64 = 0.40, "m", Range(0.1, 3.0), Assumed, "Tyre to tyre.";
         wheelbase_m: f64 = 0.286, "m", Range(0.05, 2.0), Assumed, "Distance between the axles.";
         track_m: f64 = 0.262, "m", Range(0.05, 2.0), Assumed, "Distance between the wheels of an axle.";
+        ahead_m: f64 = 0.0, "m", Range(-1.0, 1.0), Assumed, "From midway between the axles ahead to the middle of the body.";
     }
 }
 
 impl Body {
-    /// As long and as wide as the longest and the widest of these; without any, the default.
+    /// One that reaches as far from its reference point as any of these, ahead, astern and to the sides; without
+    /// any, the default.
     #[must_use]
     pub fn around<'a>(bodies: impl Iterator<Item = &'a Self>) -> Self {
-        let larger = |a: Self, b: Self| Self {
-            length_m: a.length_m.max(b.length_m),
-            width_m: a.width_m.max(b.width_m),
-            ..a
+        let larger = |a: Self, b: Self| {
+            let (front_m, rear_m) = (a.front_m().max(b.front_m()), a.rear_m().max(b.rear_m()));
+            let (length_m, ahead_m) = (front_m + rear_m, (front_m - rear_m) / 2.0);
+            Self {
+                drivetrain: Drivetrain::BothAxles,
+                length_m,
+                ahead_m,
+                width_m: a.width_m.max(b.width_m),
+                ..a
+            }
         };
         bodies.cloned().reduce(larger).unwrap_or_default()
+    }
+
+    /// From the reference point ahead to the middle of the body, in m.
+    pub(crate) fn middle_m(&self) -> f64 {
+        self.drivetrain.midway_m(self.wheelbase_m) + self.ahead_m
+    }
+
+    /// From the reference point to the front bumper, in m.
+    pub(crate) fn front_m(&self) -> f64 {
+        self.length_m / 2.0 + self.middle_m()
+    }
+
+    /// From the reference point back to the rear bumper, in m.
+    pub(crate) fn rear_m(&self) -> f64 {
+        self.length_m / 2.0 - self.middle_m()
     }
 }
 
@@ -99,16 +124,14 @@ config_section! {
 }
 
 config_section! {
-    /// The twelve GP2D12 range finders, six at the face of each bumper.
+    /// What all range finders have in common; which are fitted, and where, is in `range_finders`.
     InfraredTruth "infrared" {
-        spacing_m: f64 = 0.07, "m", Range(0.01, 0.5), Printed("§2.2"), "Between neighbours of a bumper.";
-        beam_m: f64 = 0.06, "m", Range(0.0, 0.5), DataSheet("GP2D12, as its sellers quote it"), "Width of the beam at 80 cm; it widens evenly from the lens on.";
         lens_m: f64 = 0.0075, "m", Range(0.0, 0.02), Assumed, "Width of the beam at the lens.";
         noise_v: f64 = 0.015, "V", Range(0.0, 0.5), Assumed, "Standard deviation of a reading.";
         refresh_s: f64 = 0.0383, "s", Range(0.005, 1.0), DataSheet("GP2D12"), "Mean time between two measurements.";
         refresh_tolerance_s: f64 = 0.0096, "s", Range(0.0, 0.5), DataSheet("GP2D12"), "A sensor's own period differs by up to this.";
-        fold_back_cm: f64 = 8.0, "cm", Range(1.0, 20.0), DataSheet("GP2D12"), "Nearer than this the voltage falls again.";
-        touch_v: f64 = 0.5, "V", Range(0.0, 2.0), Assumed, "At a distance of 0.";
+        fold_back_cm: f64 = 8.0, "cm", Range(1.0, 20.0), DataSheet("GP2D12"), "Nearer than this the voltage of a GP2D12 falls again.";
+        touch_v: f64 = 0.5, "V", Range(0.0, 2.0), Assumed, "Of a GP2D12 at a distance of 0.";
         floor_min_v: f64 = 0.25, "V", Range(0.0, 0.5), DataSheet("GP2D12"), "Least voltage with nothing in sight.";
         floor_max_v: f64 = 0.35, "V", Range(0.0, 0.5), Assumed, "Most voltage with nothing in sight.";
     }
@@ -188,6 +211,8 @@ pub struct TruckParameters {
     pub battery: BatteryTruth,
     /// Range finders.
     pub infrared: InfraredTruth,
+    /// Those that are fitted.
+    pub range_finders: RangeFinders,
     /// Orientation sensor.
     pub gyro: GyroTruth,
     /// Tilt sensor and pistons.
@@ -206,12 +231,16 @@ impl TruckParameters {
     pub fn of(vehicle: &VehicleConfig) -> Self {
         let VehicleConfig { geometry, steering, encoder, tilt, pistons, .. } = vehicle;
         let body = Body {
+            drivetrain: vehicle.drivetrain,
             length_m: geometry.body_length_m,
             width_m: geometry.body_width_m,
             wheelbase_m: geometry.wheelbase_m,
             track_m: geometry.track_m,
+            ahead_m: geometry.body_ahead_m,
         };
         let mut truth = Self { body, ..Self::default() };
+        truth.range_finders = vehicle.range_finders.clone();
+        truth.receiver.fitted = vehicle.remote.enabled;
         truth.steering.front_centre = steering.front_centre;
         truth.steering.rear_centre = steering.rear_centre;
         truth.steering.range_counts = steering.range_counts;
@@ -238,6 +267,7 @@ impl TruckParameters {
             self.encoder.parameters(),
             self.battery.parameters(),
             self.infrared.parameters(),
+            self.range_finders.parameters(),
             self.gyro.parameters(),
             self.platform.parameters(),
             self.receiver.parameters(),

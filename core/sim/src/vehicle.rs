@@ -11,7 +11,8 @@
 //! Four-wheel-steered bicycle: the longitudinal speed u is common to both axles, an axle whose
 //! wheels are turned by δ moves sideways by u tan δ, so the heading turns (clockwise) at
 //! u (tan δ_front − tan δ_rear) / L. With both axles steered oppositely the radius is
-//! R = L / (2 tan δ).
+//! R = L / (2 tan δ); the rear wheels of a front-steered car stand straight. Poses are those of the
+//! reference point ([`Drivetrain`](xtb_control::vehicle::Drivetrain)).
 
 mod motion;
 
@@ -61,6 +62,8 @@ pub struct Truck {
     yaw_rad: f64,
     body: OrientedBox,
     speed_mps: f64,
+    /// The centre of the body goes no faster than this times the reference point.
+    swings: f64,
     /// Sine of the slope under the truck towards +x and +y.
     rise: (f64, f64),
     /// Turns of the motor shaft in pulses, since the start; never backwards.
@@ -110,10 +113,16 @@ impl Truck {
             drive: Drive::new(&parameters.drive, STEP_S),
             battery: Battery::new(&parameters.battery),
             platform: Platform::new(&parameters.platform, &parameters.body, &mut noise),
-            range_finders: RangeFinders::new(&parameters.infrared, &parameters.body, &mut noise),
+            range_finders: RangeFinders::new(
+                &parameters.infrared,
+                &parameters.range_finders,
+                &parameters.body,
+                &mut noise,
+            ),
             yaw_rad: wrap_rad(start.yaw_rad),
             body: footprint(start, &parameters.body),
             speed_mps: 0.0,
+            swings: swings(parameters),
             rise: (0.0, 0.0),
             pulses: 0.0,
             pulses_per_m: pulses_per_turn / (PI * encoder.wheel_diameter_m * scale),
@@ -144,7 +153,7 @@ impl Truck {
     /// What is really so.
     #[must_use]
     pub fn truth(&self) -> TruthRobot {
-        let (x_m, y_m) = self.body.centre_m();
+        let (x_m, y_m) = self.reference_m();
         TruthRobot {
             x_m,
             y_m,
@@ -280,6 +289,13 @@ impl Truck {
         self.swap_lines(&attitude);
     }
 
+    /// Where the reference point is.
+    fn reference_m(&self) -> (f64, f64) {
+        let ((x_m, y_m), (cos, sin)) = (self.body.centre_m(), self.body.direction());
+        let middle_m = self.dimensions.middle_m();
+        (x_m - cos * middle_m, y_m - sin * middle_m)
+    }
+
     pub(crate) fn body(&self) -> OrientedBox {
         self.body
     }
@@ -293,10 +309,10 @@ impl Truck {
         self.range_finders.sight_m()
     }
 
-    /// Its centre goes no farther in so many steps where no slope has a larger sine than this: no faster than the
-    /// wheels roll.
+    /// Its centre goes no farther in so many steps where no slope has a larger sine than this: the reference point
+    /// no faster than the wheels roll, and the centre swings about it.
     pub(crate) fn farthest_m(&self, steps: u64, steepest: f64) -> f64 {
-        self.drive.farthest_m(steps, steepest)
+        self.drive.farthest_m(steps, steepest) * self.swings
     }
 
     /// Trucks that stopped this one during the last step.
@@ -339,4 +355,11 @@ impl Truck {
         self.scan = Some((sample, battery_mv));
         self.board.send_scan(&sample, (!self.sensor_faults.battery_unmeasured).then_some(battery_mv));
     }
+}
+
+/// How much faster than the reference point the middle of the body goes on the tightest circle, at most.
+fn swings(parameters: &TruckParameters) -> f64 {
+    let (body, stop_deg) = (&parameters.body, parameters.steering.stop_deg);
+    let lever_m = body.drivetrain.lever_m(body.wheelbase_m);
+    libm::hypot(1.0, body.middle_m() / lever_m * libm::tan(stop_deg.to_radians()))
 }

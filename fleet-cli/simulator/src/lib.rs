@@ -40,7 +40,7 @@ use xtb_protocol::keys::{FleetKeys, Key};
 use xtb_protocol::messages::{Roster, RosterEntry};
 use xtb_services::map_server::MapService;
 use xtb_services::router::GuardedRouter;
-use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters};
+use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters, VehicleFile};
 
 /// Agents are alive within a second, hundreds one after the other on a busy machine: so long after the last
 /// one no more are expected.
@@ -101,9 +101,10 @@ impl Simulator {
     /// An impossible plan or world, a port that is taken, a folder that cannot be used.
     pub async fn begin(plan: Plan) -> Result<Self> {
         plan.check()?;
-        let mut vehicles = plan.vehicles.clone();
-        vehicles.resize_with(plan.robots, VehicleConfig::default);
-        let kinds: Vec<TruckParameters> = vehicles.iter().map(TruckParameters::of).collect();
+        let mut files = plan.vehicles.clone();
+        files.resize_with(plan.robots, VehicleFile::default);
+        let (vehicles, kinds): (Vec<VehicleConfig>, Vec<TruckParameters>) =
+            files.into_iter().map(|file| (file.vehicle, file.truth)).unzip();
         let world = plan.world(&kinds);
         let world_map = world.chart(CHART_RESOLUTION_M);
         let simulation = plan.simulation(&kinds, world)?;

@@ -4,13 +4,12 @@ use std::path::PathBuf;
 use std::time::Duration;
 use xtb_bus::{Bus, Enrolled, LINK_LEASE, Opening, Role};
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
 use xtb_protocol::messages::MAX_ROSTER;
 use xtb_services::router::{self, GuardedRouter};
 use xtb_sim::fixes::FixTruth;
-use xtb_sim::{Body, Simulation, TruckParameters, World};
+use xtb_sim::{Body, Simulation, TruckParameters, VehicleFile, World};
 
 /// More robots than this are not simulated in one process: at real time only a large computer has room for so many,
 /// see docs/simulator.md.
@@ -33,7 +32,7 @@ pub struct Plan {
     /// The room; `None` = an empty one, large enough.
     pub world: Option<World>,
     /// What the robots are, in their order; those beyond are XTBs.
-    pub vehicles: Vec<VehicleConfig>,
+    pub vehicles: Vec<VehicleFile>,
     /// Where the robots start; empty = the world's own choice.
     pub starts: Vec<MapPose>,
     /// Seed of every random number.

@@ -27,14 +27,13 @@ use xtb_client::DEFAULT_ENDPOINT;
 use xtb_client::client::Client;
 use xtb_client::text::robot as describe;
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_control::VehicleConfig;
 use xtb_identity::Role;
 use xtb_protocol::messages::Suspension;
 use xtb_services::dispatch::store::{self, Store};
 use xtb_services::dispatch::usage::Usage;
 use xtb_services::ros2::FleetNode;
 use xtb_services::router::check_listen;
-use xtb_sim::{Pace, World};
+use xtb_sim::{Pace, VehicleFile, World};
 use xtb_simulator::{Plan, Simulator, Told};
 
 /// Arguments of `sim`.
@@ -337,12 +336,12 @@ fn plan(ctx: &Context, args: &SimArgs, listen: String, set: Option<&Identities>)
 }
 
 /// What the robots are: as the world says, else all as `--vehicle` says.
-fn vehicles(args: &SimArgs, world: Option<&World>) -> Result<Vec<VehicleConfig>> {
-    let rest = args.vehicle.as_deref().map_or_else(|| Ok(VehicleConfig::default()), vehicle_file::read)?;
+fn vehicles(args: &SimArgs, world: Option<&World>) -> Result<Vec<VehicleFile>> {
+    let rest = args.vehicle.as_deref().map_or_else(|| Ok(VehicleFile::default()), vehicle_file::read)?;
     let folder = args.world.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
     let own =
         world.map_or(&[][..], World::vehicles).iter().skip(args.first.saturating_sub(1)).take(args.robots);
-    let mut vehicles: Vec<VehicleConfig> =
+    let mut vehicles: Vec<VehicleFile> =
         own.map(|file| vehicle_file::read(&folder.join(file))).collect::<Result<_>>()?;
     // More than it can simulate are refused with the rest of the plan.
     vehicles.resize(args.robots.min(xtb_simulator::MAX_ROBOTS), rest);

@@ -1,6 +1,6 @@
 //! The tables: every constant of the vehicle with unit, range, default and origin.
 
-use super::GotoLaw;
+use super::{BumperFinders, GotoLaw};
 use crate::config::Allowed::{OneOf, Range, Switch, Text};
 use crate::config::Origin::{Assumed, DataSheet, Ours, Printed};
 use crate::config_section;
@@ -13,6 +13,7 @@ config_section! {
         track_m: f64 = 0.262, "m", Range(0.05, 2.0), Assumed, "Distance between the wheels of an axle.";
         body_length_m: f64 = 0.50, "m", Range(0.1, 3.0), Assumed, "Bumper to bumper.";
         body_width_m: f64 = 0.40, "m", Range(0.1, 3.0), Assumed, "Tyre to tyre.";
+        body_ahead_m: f64 = 0.0, "m", Range(-1.0, 1.0), Assumed, "From midway between the axles ahead to the middle of the body.";
         wheel_diameter_m: f64 = 0.1651, "m", Range(0.02, 1.0), Printed("§2.1 (6.5 in)"), "Tyre diameter.";
     }
 }
@@ -50,11 +51,19 @@ config_section! {
 }
 
 config_section! {
-    /// The twelve infrared range finders (§4.5).
+    /// What the voltage of a GP2D12 means (§4.5); other range finders have their own curves.
     Infrared "infrared" {
         far_v: f64 = 0.42, "V", Range(0.1, 1.0), Ours, "Below this voltage nothing is in range (the fit ends there).";
         near_v: f64 = 2.35, "V", Range(1.0, 2.35), Ours, "Above this voltage an object is too close (the fit turns back there).";
         near_cm: f64 = 9.74, "cm", Range(1.0, 25.0), Ours, "What a voltage above near_v counts as.";
+    }
+}
+
+config_section! {
+    /// The infrared range finders that are fitted (§2.2, §4.5).
+    RangeFinders "range_finders" {
+        front: BumperFinders = BumperFinders::default(), "", BumperFinders::ALLOWED, Printed("§2.2"), "Those of the front bumper, on its converter channels.";
+        rear: BumperFinders = BumperFinders::default(), "", BumperFinders::ALLOWED, Printed("§2.2"), "Those of the rear bumper.";
     }
 }
 

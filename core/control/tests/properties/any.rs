@@ -7,7 +7,9 @@ use xtb_control::config::{Allowed, Parameter};
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::goto::Goal;
 use xtb_control::units::Stamp;
-use xtb_control::vehicle::{BatteryLevels, Calibration, Infrared, Obstacle, Pistons, Remote, VehicleConfig};
+use xtb_control::vehicle::{
+    BatteryLevels, Calibration, Encoder, Infrared, Obstacle, Pistons, Remote, VehicleConfig,
+};
 use xtb_control::{AdcCount, Command, Sample, Steering, WheelRpm};
 
 pub(crate) fn adc(counts: f64) -> AdcCount {
@@ -139,11 +141,18 @@ fn within(parameter: &Parameter, present: &Value, part: f64) -> Value {
         Allowed::Range(min, max) => json!((min + (max - min) * part).clamp(min, max)),
         Allowed::Switch => json!(part < 0.5),
         Allowed::OneOf(words) => json!(words[((words.len() - 1) as f64 * part).round() as usize]),
-        Allowed::Text => present.clone(),
+        Allowed::Text | Allowed::List(_) => present.clone(),
     }
 }
 
 fn repaired(mut config: VehicleConfig) -> VehicleConfig {
+    let body = &mut config.geometry;
+    (body.wheelbase_m, body.track_m) =
+        (body.wheelbase_m.min(body.body_length_m), body.track_m.min(body.body_width_m));
+    // The default range finders stand within the body.
+    body.body_width_m = body.body_width_m.max(0.36);
+    let most_m = (body.body_length_m - body.wheelbase_m) / 2.0;
+    body.body_ahead_m = body.body_ahead_m.clamp(-most_m, most_m);
     if config.infrared.far_v >= config.infrared.near_v {
         config.infrared = Infrared::default();
     }
@@ -154,6 +163,12 @@ fn repaired(mut config: VehicleConfig) -> VehicleConfig {
     let BatteryLevels { stop_v, finish_v, warn_v, .. } = config.battery;
     if stop_v >= finish_v || finish_v >= warn_v {
         config.battery = BatteryLevels::default();
+    }
+    let per_turn = config.guard.top_rpm / 60.0 * config.encoder.gear_ratio * config.encoder.window_s;
+    config.encoder.pulses_per_rev = config.encoder.pulses_per_rev.min(659.9 / per_turn);
+    if config.encoder.pulses_per_rev < 1.0 {
+        config.encoder = Encoder::default();
+        config.guard.top_rpm = 370.0;
     }
     config.pistons = ordered(config.pistons);
     config.calibration = matching(&config);

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use xtb_control::infrared::BumperRanges;
 use xtb_control::obstacle::{Bumper, ObstacleState};
 use xtb_control::units::Stamp;
-use xtb_control::vehicle::Obstacle;
+use xtb_control::vehicle::{BumperFinders, Obstacle};
 
 fn range() -> impl Strategy<Value = Option<f64>> {
     prop_oneof![2 => Just(None), 4 => (0.0..=60.0).prop_map(Some), 1 => Just(Some(25.0))]
@@ -30,7 +30,7 @@ proptest! {
         let config = Obstacle { foldback_latch: false, ..Obstacle::default() };
         let mut bumper = Bumper::default();
         for (i, (ranges, travel_m)) in scans.iter().enumerate() {
-            let seen = bumper.update(&config, Stamp::from_ms(38 * i as u64), ranges, *travel_m);
+            let seen = bumper.update(&config, &BumperFinders::default(), Stamp::from_ms(38 * i as u64), ranges, *travel_m);
             prop_assert_eq!(seen, nearer_than_25_cm(ranges));
         }
     }
@@ -40,7 +40,7 @@ proptest! {
         let (config, mut bumper, mut travel_m) = (Obstacle::default(), Bumper::default(), 0.0);
         for (i, (ranges, way_m)) in scans.iter().enumerate() {
             travel_m += way_m;
-            let seen = bumper.update(&config, Stamp::from_ms(38 * i as u64), ranges, travel_m);
+            let seen = bumper.update(&config, &BumperFinders::default(), Stamp::from_ms(38 * i as u64), ranges, travel_m);
             prop_assert!(seen || !nearer_than_25_cm(ranges));
         }
     }
@@ -52,11 +52,11 @@ proptest! {
         let (config, mut bumper) = (Obstacle::default(), Bumper::default());
         let mut ranges = [None; 6];
         ranges[sensor] = Some(near_cm);
-        prop_assert!(bumper.update(&config, Stamp::ZERO, &ranges, 0.0));
+        prop_assert!(bumper.update(&config, &BumperFinders::default(), Stamp::ZERO, &ranges, 0.0));
         let mut t = Stamp::from_ms(1);
         for (pause_ms, range, travel_m) in later {
             ranges[sensor] = range;
-            prop_assert!(bumper.update(&config, t, &ranges, travel_m), "at {} ms", t.ms());
+            prop_assert!(bumper.update(&config, &BumperFinders::default(), t, &ranges, travel_m), "at {} ms", t.ms());
             t = t.plus_ms(pause_ms);
         }
     }
@@ -67,11 +67,11 @@ proptest! {
     ) {
         let config = Obstacle { foldback_clear_s: 0.5, ..Obstacle::default() };
         let mut bumper = Bumper::default();
-        bumper.update(&config, Stamp::ZERO, &[Some(near_cm); 6], 1.0);
-        prop_assert!(bumper.update(&config, Stamp::from_ms(40), &[range; 6], 1.0));
+        bumper.update(&config, &BumperFinders::default(), Stamp::ZERO, &[Some(near_cm); 6], 1.0);
+        prop_assert!(bumper.update(&config, &BumperFinders::default(), Stamp::from_ms(40), &[range; 6], 1.0));
         let (ms, travel_m) = if backs_off { (80, 0.949) } else { (540, 1.0) };
-        prop_assert!(!bumper.update(&config, Stamp::from_ms(ms), &[range; 6], travel_m));
-        prop_assert!(!bumper.update(&config, Stamp::from_ms(ms + 40), &[range; 6], travel_m));
+        prop_assert!(!bumper.update(&config, &BumperFinders::default(), Stamp::from_ms(ms), &[range; 6], travel_m));
+        prop_assert!(!bumper.update(&config, &BumperFinders::default(), Stamp::from_ms(ms + 40), &[range; 6], travel_m));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use crate::any::{config, follow, published, samples, teleop};
 use proptest::prelude::*;
 use xtb_control::controller::Outputs;
 use xtb_control::units::WheelRpm;
+use xtb_control::vehicle::Drivetrain;
 use xtb_control::{Command, Controller, Mode, PwmCount, Sample, Stamp, VehicleConfig};
 
 fn every_configuration() -> impl Strategy<Value = VehicleConfig> {
@@ -53,11 +54,14 @@ fn check_motor(out: &Outputs) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// rear = its centre − (front − its centre), as far as both servos go.
+/// rear = its centre − (front − its centre), as far as both servos go; its centre where only the front steers.
 fn check_mirror(config: &VehicleConfig, out: &Outputs) -> Result<(), TestCaseError> {
     let (front, rear) = (out.pwm.steer_front, out.pwm.steer_rear);
     let at_limit = |pulse: PwmCount| pulse == PwmCount::MIN || pulse == PwmCount::MAX;
-    let offset = front.as_f64() - config.steering.front_centre;
+    let offset = match config.drivetrain {
+        Drivetrain::BothAxles => front.as_f64() - config.steering.front_centre,
+        Drivetrain::FrontAxle => 0.0,
+    };
     let mirrored = config.steering.rear_centre - offset;
     // Two roundings to whole counts.
     let alike = (rear.as_f64() - mirrored).abs() <= 1.0;

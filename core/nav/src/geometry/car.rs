@@ -3,7 +3,8 @@
 use crate::MapPose;
 use thiserror::Error;
 use xtb_control::VehicleConfig;
-use xtb_control::config::{ConfigError, validate};
+use xtb_control::config::{ConfigError, Value, validate};
+use xtb_control::vehicle::Drivetrain;
 use xtb_protocol::messages::About;
 
 /// A factsheet that does not say what car its robot is.
@@ -31,16 +32,15 @@ pub struct Car {
 }
 
 impl Car {
-    /// The truck of a vehicle config. Both axles steer opposite, so the reference point is the middle
-    /// between them and R = L / (2 tan δ) at full lock δ.
+    /// The car of a vehicle config; which point of it is the reference point follows from the axles that steer
+    /// ([`Drivetrain`]).
     #[must_use]
     pub fn of(vehicle: &VehicleConfig) -> Self {
-        let geometry = &vehicle.geometry;
         Self {
-            front_m: geometry.body_length_m / 2.0,
-            rear_m: geometry.body_length_m / 2.0,
-            half_width_m: geometry.body_width_m / 2.0,
-            radius_m: geometry.wheelbase_m / (2.0 * libm::tan(vehicle.steering.stop_deg.to_radians())),
+            front_m: vehicle.front_m(),
+            rear_m: vehicle.rear_m(),
+            half_width_m: vehicle.geometry.body_width_m / 2.0,
+            radius_m: vehicle.turning_radius_m(),
         }
     }
 
@@ -49,11 +49,18 @@ impl Car {
     /// # Errors
     /// The parameter that is missing or impossible.
     pub fn of_about(about: &About) -> Result<Self, NoCar> {
+        let find = |name: &'static str| about.vehicle.iter().find(|parameter| parameter.name == name);
         let value = |name: &'static str| {
-            let found = about.vehicle.iter().find(|parameter| parameter.name == name);
-            found.and_then(|parameter| parameter.value.parse().ok()).ok_or(NoCar::Missing(name))
+            find(name).and_then(|parameter| parameter.value.parse().ok()).ok_or(NoCar::Missing(name))
         };
         let mut vehicle = VehicleConfig::default();
+        // An agent that does not name these two drives an XTB's: both axles steer, the body lies evenly about them.
+        if find("drivetrain").is_some_and(|parameter| parameter.value == Drivetrain::FrontAxle.to_toml()) {
+            vehicle.drivetrain = Drivetrain::FrontAxle;
+        }
+        if find("geometry.body_ahead_m").is_some() {
+            vehicle.geometry.body_ahead_m = value("geometry.body_ahead_m")?;
+        }
         vehicle.geometry.wheelbase_m = value("geometry.wheelbase_m")?;
         vehicle.geometry.body_length_m = value("geometry.body_length_m")?;
         vehicle.geometry.body_width_m = value("geometry.body_width_m")?;
@@ -169,6 +176,9 @@ fn separated(a: &[[f64; 2]; 4], b: &[[f64; 2]; 4], yaw_rad: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use xtb_control::config::Parameter;
+    use xtb_protocol::Name;
+    use xtb_protocol::messages::{Limits, ParameterInfo};
 
     fn truck() -> Car {
         Car::of(&VehicleConfig::default())
@@ -190,6 +200,42 @@ mod tests {
     fn the_turning_circle_comes_from_both_axles() {
         // 0.286 m / (2 tan 20°)
         assert!((truck().radius_m - 0.3929).abs() < 1e-4);
+    }
+
+    fn about(vehicle: Vec<ParameterInfo>) -> About {
+        About {
+            robot: Name::new("xtb-1").unwrap(),
+            fleet: Name::new("lab").unwrap(),
+            version: String::new(),
+            epoch: 1,
+            hardware: String::new(),
+            start_pose: MapPose::default(),
+            limits: Limits {
+                max_rpm: 1.0,
+                admitted_mps: 1.0,
+                setpoint_lifetime_ms: 1,
+                max_coordinate_m: 1.0,
+            },
+            capabilities: Vec::new(),
+            vehicle_hash: String::new(),
+            vehicle,
+        }
+    }
+
+    #[test]
+    fn a_factsheet_says_which_axles_steer_and_an_older_one_means_both() {
+        let mut vehicle = VehicleConfig { drivetrain: Drivetrain::FrontAxle, ..VehicleConfig::default() };
+        vehicle.geometry.body_ahead_m = 0.03;
+        let info = |parameter: &Parameter| ParameterInfo {
+            name: parameter.name.clone(),
+            value: parameter.value.clone(),
+            unit: String::new(),
+            origin: String::new(),
+        };
+        let mut about = about(vehicle.parameters().iter().map(info).collect());
+        assert_eq!(Car::of_about(&about), Ok(Car::of(&vehicle)));
+        about.vehicle.retain(|info| !["drivetrain", "geometry.body_ahead_m"].contains(&info.name.as_str()));
+        assert_eq!(Car::of_about(&about), Ok(truck()));
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! From two poses of the odometry to what the truck did between them.
 //!
 //! The encoder counts the motor that drives both axles; each wheel rolls along the arc of its own steering
-//! angle δ, so the middle moves on by cos δ of that only: 6 % less at full lock. δ follows from how far the
-//! truck turned meanwhile, tan δ = κ L / 2. And a truck whose wheels stand does not turn: what the gyro
+//! angle δ, so the reference point moves on by a part of that only ([`Drivetrain::way_part`]): with both axles
+//! steered by cos δ, 6 % less at full lock. δ follows from how far the truck turned meanwhile, tan δ = κ times
+//! [`Drivetrain::lever_m`]. And a truck whose wheels stand does not turn: what the gyro
 //! says then is its drift.
 
 use std::f64::consts::FRAC_PI_2;
@@ -10,6 +11,7 @@ use xtb_control::VehicleConfig;
 use xtb_control::frames::wrap_rad;
 use xtb_control::odometry::OdomPose;
 use xtb_control::units::Stamp;
+use xtb_control::vehicle::Drivetrain;
 
 /// A way within one window that is shorter says nothing of the curvature, in m: four pulses of the default
 /// encoder, so that rounding is a quarter of it at most.
@@ -69,7 +71,8 @@ impl Twist {
 /// The odometry's way, watched from step to step.
 #[derive(Debug, Clone)]
 pub(crate) struct MotionTracker {
-    wheelbase_m: f64,
+    drivetrain: Drivetrain,
+    lever_m: f64,
     /// No steering angle has a larger tangent.
     most_tan: f64,
     yaw_noise_rad: f64,
@@ -82,9 +85,18 @@ pub(crate) struct MotionTracker {
 
 impl MotionTracker {
     pub(crate) fn new(vehicle: &VehicleConfig, yaw_noise_rad: f64) -> Self {
-        let wheelbase_m = vehicle.geometry.wheelbase_m;
+        let drivetrain = vehicle.drivetrain;
+        let lever_m = drivetrain.lever_m(vehicle.geometry.wheelbase_m);
         let most_tan = libm::tan(vehicle.steering.stop_deg.to_radians()).max(MOST_TAN);
-        Self { wheelbase_m, most_tan, yaw_noise_rad, rolled_at: None, turned_rad: 0.0, standing: None }
+        Self {
+            drivetrain,
+            lever_m,
+            most_tan,
+            yaw_noise_rad,
+            rolled_at: None,
+            turned_rad: 0.0,
+            standing: None,
+        }
     }
 
     /// The odometry jumped, or the truck was moved: nothing follows from before.
@@ -115,16 +127,15 @@ impl MotionTracker {
         }
     }
 
-    /// The part of the wheels' way that the middle makes: cos δ.
+    /// The part of the wheels' way that the reference point makes.
     fn arc(&mut self, now: Stamp, ahead_m: f64) -> f64 {
         let turned_rad = std::mem::take(&mut self.turned_rad);
         let since_s = self.rolled_at.replace(now).map_or(f64::INFINITY, |at| now.since_s(at));
         if since_s > WINDOWS_S || ahead_m.abs() < SHORTEST_M {
             return 1.0;
         }
-        let tan = turned_rad / ahead_m * self.wheelbase_m / 2.0;
-        let tan = tan.clamp(-self.most_tan, self.most_tan);
-        1.0 / (1.0 + tan * tan).sqrt()
+        let tan = turned_rad / ahead_m * self.lever_m;
+        self.drivetrain.way_part(tan.clamp(-self.most_tan, self.most_tan))
     }
 
     fn stand(&mut self, now: Stamp, yaw_rad: f64, rolled: bool) -> Option<(f64, f64)> {

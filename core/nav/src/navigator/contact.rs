@@ -9,8 +9,8 @@ use super::recovery::{RECOVERED_M, RECOVERY_MPS};
 use super::task::{Recovery, Stage, Task};
 use super::turn::{Decision, HoldReason, Sensed, stand};
 use crate::MapPose;
-use crate::obstacle_layer::SPACING_M;
 use crate::path_follower::LONGEST_STEP_S;
+use xtb_control::infrared::SPACING_M;
 use xtb_control::{Command, Stamp};
 
 /// Things touched without half a metre of progress in between; one more is a fault of the drive. Chosen, not

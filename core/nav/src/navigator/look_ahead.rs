@@ -84,7 +84,9 @@ impl Navigator {
         let at_obstacle = obstructed.map(|(way_m, at)| (way_m - LOOK_OUT_M, at));
         let blind = (following.plan == 0).then(|| {
             let things = obstacles.unobserved(now, GOES_ON_M, [here.x_m, here.y_m], near_m(&self.car));
-            blind_points(&following.path, [from_m, to_m], &self.car, &things).first().copied()
+            blind_points(&following.path, [from_m, to_m], (&self.car, obstacles.sight()), &things)
+                .first()
+                .copied()
         });
         let blind = blind.flatten().map(|(way_m, at)| (way_m - BLIND_STOP_M, at));
         let first = at_obstacle.into_iter().chain(blind).min_by(|a, b| a.0.total_cmp(&b.0));

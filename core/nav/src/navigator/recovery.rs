@@ -84,9 +84,9 @@ impl Navigator {
     pub(super) fn way_out(&self, now: Stamp, pose: &MapPose, way_m: f64, steerings: [f64; 3]) -> Option<f64> {
         let things = self.things_around(now, pose);
         let around = [pose.x_m, pose.y_m];
-        let unobserved = self.obstacles.as_ref();
+        let obstacles = self.obstacles.as_ref();
         let unobserved =
-            unobserved.map_or_else(Vec::new, |all| all.unobserved(now, GOES_ON_M, around, near_m(&self.car)));
+            obstacles.map_or_else(Vec::new, |all| all.unobserved(now, GOES_ON_M, around, near_m(&self.car)));
         let body = self.car.grown(IN_THE_WAY_M);
         let nears = |pose: &MapPose, point: &[f64; 2]| body.distance_m(pose, *point) <= 0.0;
         // What is that near already does not hold it there.
@@ -99,7 +99,10 @@ impl Navigator {
                 !away.iter().any(|point| nears(&there, point))
             }) && {
                 let path = Path { start: *pose, pieces: vec![back] };
-                blind_points(&path, [0.0, way_m.abs()], &self.car, &unobserved).is_empty()
+                let ways_m = [0.0, way_m.abs()];
+                let blind =
+                    |all: &ObstacleLayer| blind_points(&path, ways_m, (&self.car, all.sight()), &unobserved);
+                obstacles.is_none_or(|all| blind(all).is_empty())
             }
         })
     }

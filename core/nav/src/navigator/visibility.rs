@@ -7,7 +7,7 @@
 
 use crate::MapPose;
 use crate::geometry::{Car, Path};
-use crate::obstacle_layer::{BESIDE_BEAM_M, OUTERMOST_BEAM_M, SURE_WITHIN_M};
+use crate::obstacle_layer::{SURE_WITHIN_M, Sight};
 
 /// An obstacle as near as this to the body on the path is in the way, in m; chosen, not measured.
 pub(super) const IN_THE_WAY_M: f64 = 0.02;
@@ -16,9 +16,6 @@ pub(super) const BODY_STEP_M: f64 = 0.04;
 /// A thing goes on so far where nobody has looked, in m; chosen, not measured by itself (journeys and legs in
 /// docs/navigation.md were driven with it).
 pub(super) const GOES_ON_M: f64 = 0.40;
-/// From the middle of a bumper to either side a beam looks, in m: the outermost, and half of the way to
-/// where its neighbour would be.
-const SIGHT_HALF_WIDTH_M: f64 = OUTERMOST_BEAM_M + BESIDE_BEAM_M;
 /// From where something comes into sight to where it is touched, at least, in m of way: the time to see it
 /// twice, to look ahead, and to stop from 0.2 m/s.
 pub(super) const STOPS_WITHIN_M: f64 = 0.15;
@@ -32,7 +29,7 @@ const STEP_M: f64 = 0.02;
 pub(super) fn blind_points(
     path: &Path,
     ways_m: [f64; 2],
-    car: &Car,
+    (car, sight): (&Car, &Sight),
     points: &[[f64; 2]],
 ) -> Vec<(f64, [f64; 2])> {
     let here = path.at(ways_m[0]).0;
@@ -49,7 +46,7 @@ pub(super) fn blind_points(
                 }
                 return false;
             }
-            if *seen_m > way_m && looks_at(car, &pose, *point) {
+            if *seen_m > way_m && looks_at(car, sight, &pose, *point) {
                 *seen_m = way_m;
             }
             true
@@ -80,12 +77,12 @@ impl Open {
 }
 
 /// Whether a beam of either bumper passes over a point.
-fn looks_at(car: &Car, pose: &MapPose, point: [f64; 2]) -> bool {
+fn looks_at(car: &Car, sight: &Sight, pose: &MapPose, point: [f64; 2]) -> bool {
     let (sin, cos) = libm::sincos(pose.yaw_rad);
     let (dx, dy) = (point[0] - pose.x_m, point[1] - pose.y_m);
     let (ahead_m, left_m) = (dx * cos + dy * sin, dy * cos - dx * sin);
     let beyond_m = (ahead_m - car.front_m).max(-car.rear_m - ahead_m);
-    (0.0..=SURE_WITHIN_M).contains(&beyond_m) && left_m.abs() <= SIGHT_HALF_WIDTH_M
+    (0.0..=SURE_WITHIN_M).contains(&beyond_m) && sight.looks_at(ahead_m > 0.0, left_m)
 }
 
 #[cfg(test)]
@@ -104,7 +101,7 @@ mod tests {
     fn blind(length_m: f64, curvature_per_m: f64, point: [f64; 2]) -> bool {
         let start = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
         let path = Path { start, pieces: vec![Piece { length_m, curvature_per_m }] };
-        !blind_points(&path, [0.0, path.length_m()], &car(), &[point]).is_empty()
+        !blind_points(&path, [0.0, path.length_m()], (&car(), &Sight::default()), &[point]).is_empty()
     }
 
     #[test]

@@ -1,39 +1,16 @@
-//! The twelve beams and what their readings are worth.
+//! The beams and what their readings are worth.
 
+use super::sight::{Mount, Sight};
 use crate::MapPose;
 use crate::geometry::Car;
-pub(crate) use xtb_control::infrared::SPACING_M;
 
-/// From the middle of a bumper to its outermost beams, in m: two and a half spacings, but for the last bit of
-/// the product, which recordings do not have.
-pub(crate) const OUTERMOST_BEAM_M: f64 = 0.175;
-const _: () = assert!((OUTERMOST_BEAM_M - 2.5 * SPACING_M).abs() < 1e-12);
-/// A beam that gets through speaks for this much to either side, in m: 1 mm less than half of the way to its
-/// neighbour.
-pub(crate) const BESIDE_BEAM_M: f64 = SPACING_M / 2.0 - 0.001;
-/// Half of a beam's width, in m: 2.4 cm at 25 cm, as sellers of the sensor quote 6 cm at 80 cm
-/// (docs/navigation.md, "Thin legs"; the data sheet gives no width).
-pub(super) const BEAM_HALF_WIDTH_M: f64 = 0.012;
-/// Half of the thickness of a leg that shall be seen, in m: 2 cm (docs/navigation.md, "Thin legs").
-pub(crate) const LEG_HALF_WIDTH_M: f64 = 0.010;
-/// From the middle of a bumper to either side a beam sees a leg, in m: the outermost one, half of its width,
-/// and half of the leg's.
-pub(crate) const LEG_SIGHT_M: f64 = OUTERMOST_BEAM_M + BEAM_HALF_WIDTH_M + LEG_HALF_WIDTH_M;
 /// Farther away a reading does not say well enough where, in m: here fit and data sheet are 3 cm apart, at 51
 /// cm 13.
 pub(crate) const SURE_WITHIN_M: f64 = 0.35;
-/// Nearer than this a sensor may fold back: "farther" then means nearer still (§4.5, Fig. 11), in m. As the
-/// first level's rule has it, `obstacle.foldback_cm`.
-const FOLDS_M: f64 = 0.14;
 /// Backing off by this much ends the doubt, in m: as the first level's rule, `obstacle.foldback_retreat_m`.
 const RETREAT_M: f64 = 0.05;
 /// So does having gone elsewhere, in m: more than twice as far as it may be folded; chosen, not measured.
 const ELSEWHERE_M: f64 = 0.30;
-/// A reading of nothing means at least this much free way, in m: less than the farthest reading that counts
-/// by more than the noise there, 10 cm.
-const FREE_M: f64 = 0.40;
-/// Readings beyond this say nothing: the fit ends at 56 cm, and noise alone moves them by 10 cm, in m.
-const FARTHEST_M: f64 = 0.52;
 /// Two beams that hit at the same distance, within this, in m, hit the same thing: on a side that is aslant
 /// by up to 65°, as beams are 7 cm apart.
 const SAME_M: f64 = 0.15;
@@ -50,9 +27,20 @@ fn farther_m(range_m: f64) -> f64 {
 pub(super) struct Beam {
     from_m: [f64; 2],
     towards: [f64; 2],
+    mount: Mount,
 }
 
 impl Beam {
+    /// To either side a beam that gets through speaks for this much, in m.
+    pub(super) fn beside_m(&self) -> f64 {
+        self.mount.beside_m
+    }
+
+    /// Half of its width, in m.
+    pub(super) fn half_width_m(&self) -> f64 {
+        self.mount.half_width_m
+    }
+
     /// The point so far along it.
     pub(super) fn at(&self, m: f64) -> [f64; 2] {
         self.beside(m, 0.0)
@@ -77,16 +65,19 @@ impl Beam {
     }
 }
 
-/// Front, then rear, left to right with the truck pointing up.
-pub(super) fn beams(car: &Car, pose: &MapPose) -> [Beam; 12] {
+/// Front, then rear, left to right with the truck pointing up; `None` where no range finder is fitted.
+pub(super) fn beams(sight: &Sight, car: &Car, pose: &MapPose) -> [Option<Beam>; 12] {
     let (sin, cos) = libm::sincos(pose.yaw_rad);
     std::array::from_fn(|i| {
-        let left_m = (2.5 - (i % 6) as f64) * SPACING_M;
-        let (ahead_m, facing) = if i < 6 { (car.front_m, 1.0) } else { (-car.rear_m, -1.0) };
-        Beam {
+        let mount = sight.mounts()[i]?;
+        let (bumper_m, facing) = if i < 6 { (car.front_m, 1.0) } else { (car.rear_m, -1.0) };
+        let (ahead_m, left_m) = (facing * (bumper_m + mount.ahead_m), mount.left_m);
+        let (aside, along) = (mount.turned.0, facing * mount.turned.1);
+        Some(Beam {
             from_m: [pose.x_m + cos * ahead_m - sin * left_m, pose.y_m + sin * ahead_m + cos * left_m],
-            towards: [cos * facing, sin * facing],
-        }
+            towards: [cos * along - sin * aside, sin * along + cos * aside],
+            mount,
+        })
     })
 }
 
@@ -99,6 +90,8 @@ pub(super) enum BeamReading {
     Hit { from_m: f64, to_m: f64 },
     /// The reading is worth nothing: what was seen last is still there.
     Folded([f64; 2]),
+    /// There is no range finder.
+    Unfitted,
 }
 
 /// Whether a sensor may be folding back.
@@ -116,8 +109,9 @@ impl Foldback {
 
     /// What a reading in cm is worth. One that is not finite counts as none.
     pub(super) fn interpret(&mut self, beam: &Beam, range_cm: Option<f64>) -> BeamReading {
+        let trust = &beam.mount.trust;
         let range_m = range_cm.filter(|cm| cm.is_finite() && *cm >= 0.0).map(|cm| cm / 100.0);
-        if let Some(at_m) = range_m.filter(|m| *m < FOLDS_M) {
+        if let Some(at_m) = range_m.filter(|m| *m < trust.folds_m) {
             self.near = Some((beam.from_m, beam.at(at_m)));
             return BeamReading::Hit { from_m: at_m, to_m: at_m };
         }
@@ -130,10 +124,11 @@ impl Foldback {
             self.near = None;
         }
         match range_m {
-            Some(at_m) if at_m <= FARTHEST_M => {
-                BeamReading::Hit { from_m: at_m, to_m: at_m + farther_m(at_m) }
+            Some(at_m) if at_m <= trust.farthest_m => {
+                let farther_m = if trust.is_published { farther_m(at_m) } else { 0.0 };
+                BeamReading::Hit { from_m: at_m, to_m: at_m + farther_m }
             }
-            _ => BeamReading::Free { to_m: FREE_M },
+            _ => BeamReading::Free { to_m: trust.free_m },
         }
     }
 }
@@ -176,7 +171,9 @@ mod tests {
     #[test]
     fn sensors_fold_back_here_as_for_the_first_levels_rule() {
         let obstacle = VehicleConfig::default().obstacle;
-        assert_eq!(FOLDS_M, obstacle.foldback_cm / 100.0);
+        let mounts = Sight::default();
+        let folds = mounts.mounts().iter().flatten().map(|mount| mount.trust.folds_m);
+        assert!(folds.into_iter().all(|folds_m| folds_m == 0.14 && folds_m == obstacle.foldback_cm / 100.0));
         assert_eq!(RETREAT_M, obstacle.foldback_retreat_m);
     }
 }

@@ -5,7 +5,7 @@
 //! is kept in smaller cells, and only for where a beam really sees a leg. It is kept while something thin is
 //! near, and for one to two spans of time.
 
-use super::beams::{BEAM_HALF_WIDTH_M, Beam};
+use super::beams::Beam;
 use crate::MapPose;
 use crate::geometry::Car;
 use std::collections::BTreeMap;
@@ -17,10 +17,9 @@ pub(crate) const CELL_M: f64 = 0.025;
 const SIDE: i64 = 8;
 /// Most blocks in a span: 82 m², 33 kB. More are not noted: that floor counts as not passed over.
 const MOST_BLOCKS: usize = 2048;
-/// From the middle of a beam to either side a leg is seen for sure, in m: half of the beam's width and 5 mm
-/// of the leg, half of what [`LEG_SIGHT_M`](super::LEG_SIGHT_M) counts, as only sure floor is noted; chosen,
-/// not measured.
-const LEG_BESIDE_M: f64 = BEAM_HALF_WIDTH_M + 0.005;
+/// Beside a beam a leg is seen for sure, in m: 5 mm of it, half of what
+/// [`LEG_HALF_WIDTH_M`](super::LEG_HALF_WIDTH_M) counts, as only sure floor is noted; chosen, not measured.
+const LEG_BESIDE_M: f64 = 0.005;
 
 type Blocks = BTreeMap<(i64, i64), u64>;
 
@@ -46,9 +45,10 @@ impl Swept {
 
     /// A beam got through up to there.
     pub(super) fn pass(&mut self, beam: &Beam, to_m: f64) {
-        let corners = [0.0, to_m].map(|m| [beam.beside(m, -LEG_BESIDE_M), beam.beside(m, LEG_BESIDE_M)]);
+        let beside_m = beam.half_width_m() + LEG_BESIDE_M;
+        let corners = [0.0, to_m].map(|m| [beam.beside(m, -beside_m), beam.beside(m, beside_m)]);
         self.add(corners.as_flattened(), |at| {
-            beam.off_m(at) <= LEG_BESIDE_M && (0.0..=to_m).contains(&beam.along_m(at))
+            beam.off_m(at) <= beside_m && (0.0..=to_m).contains(&beam.along_m(at))
         });
     }
 
@@ -97,6 +97,7 @@ fn place(column: i64, row: i64) -> ((i64, i64), u64) {
 #[cfg(test)]
 mod tests {
     use super::super::beams::beams;
+    use super::super::sight::Sight;
     use super::*;
     use xtb_control::VehicleConfig;
 
@@ -109,7 +110,8 @@ mod tests {
     #[test]
     fn between_two_beams_and_beside_the_outermost_one_a_leg_may_stand() {
         let mut swept = Swept::default();
-        beams(&car(), &HERE)[..6].iter().for_each(|beam| swept.pass(beam, 0.4));
+        let beams = beams(&Sight::default(), &car(), &HERE);
+        beams[..6].iter().flatten().for_each(|beam| swept.pass(beam, 0.4));
         let at = |left_m: f64| swept.holds([car().front_m + 0.2, left_m]);
         assert!(at(0.035) && at(-0.105) && at(0.175), "in a beam");
         assert!(

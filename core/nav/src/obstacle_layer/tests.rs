@@ -2,6 +2,8 @@
 
 use super::*;
 use xtb_control::VehicleConfig;
+use xtb_control::range_curve::RangeCurve;
+use xtb_control::vehicle::{BumperFinders, RangeFinder};
 
 const HERE: MapPose = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
 const NOTHING: BumperRanges = [None; 6];
@@ -330,4 +332,31 @@ fn a_place_beyond_all_cells_is_in_the_outermost_one() {
     let grid = CellGrid { resolution_m: 0.05, origin_m: [0.0; 2] };
     assert_eq!(grid.place([-1e300, 1e300]), (i64::MAX, i64::MIN));
     assert_eq!(grid.place([-0.01, 0.01]), (0, -1));
+}
+
+#[test]
+fn a_channel_without_a_range_finder_neither_sees_nor_clears() {
+    let mut vehicle = VehicleConfig::default();
+    vehicle.range_finders.front.0.truncate(3);
+    let mut layer = ObstacleLayer::new(car(), None).seeing(Sight::of(&vehicle));
+    let fourth = [None, None, None, Some(30.0), None, None];
+    (0..5).for_each(|i| layer.see(Stamp::from_ms(38 * i), &scan(fourth), None, &[]));
+    assert_eq!(layer.obstacles(Stamp::from_ms(200)).count(), 0);
+    // 3.5 cm to the right of the middle looks the fourth of an XTB, to the left its third.
+    let (ahead_m, left_m) = (0.25 + 0.2, 0.035);
+    assert!(layer.is_known_free([ahead_m, left_m]) && !layer.is_known_free([ahead_m, -left_m - 0.02]));
+}
+
+#[test]
+fn a_beam_that_is_turned_aside_sees_things_there_and_a_part_that_sees_far_far_away() {
+    let mut vehicle = VehicleConfig::default();
+    let finder = RangeFinder { turned_deg: 30.0, curve: RangeCurve::Gp2y0a02, ..RangeFinder::at(0.1) };
+    vehicle.range_finders.front = BumperFinders(vec![finder]);
+    let mut layer = ObstacleLayer::new(car(), None).seeing(Sight::of(&vehicle));
+    let first = [Some(100.0), None, None, None, None, None];
+    (0..5).for_each(|i| layer.see(Stamp::from_ms(38 * i), &scan(first), None, &[]));
+    let found: Vec<_> = layer.obstacles(Stamp::from_ms(200)).collect();
+    assert_eq!(found.len(), 1, "{found:?}");
+    let at = [0.25 + 30_f64.to_radians().cos(), 0.1 + 0.5];
+    assert!(found[0].distance_m(at) < 0.05, "{found:?}");
 }

@@ -99,8 +99,7 @@ impl DriveCommand {
 #[must_use]
 pub fn setpoint(speed_mps: f64, curvature_per_m: f64, vehicle: &VehicleConfig) -> (WheelRpm, Steering) {
     let rpm = (speed_mps / vehicle.mps_per_rpm()).clamp(-WheelRpm::MAX, WheelRpm::MAX);
-    // Both axles steer opposite: R = L / (2 tan δ).
-    let wheels_rad = libm::atan(curvature_per_m * vehicle.geometry.wheelbase_m / 2.0);
+    let wheels_rad = vehicle.wheels_rad(curvature_per_m);
     let steering = (-wheels_rad / vehicle.steering.stop_deg.to_radians()).clamp(-1.0, 1.0);
     (
         WheelRpm::try_from(rpm).unwrap_or(WheelRpm::ZERO),

@@ -8,6 +8,8 @@ use xtb_control::units::OutOfRange;
 
 pub use xtb_board_codec::{ADC_SCANS, Frame, MAX_FRAME, MAX_PULSES};
 
+const _: () = assert!(MAX_PULSES == xtb_control::speed::MAX_WINDOW_PULSES);
+
 /// What the board sends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FromBoard {

@@ -6,11 +6,11 @@
 
 use super::alarm::{Alarm, Still};
 use xtb_control::controller::AdcSample;
-use xtb_control::vehicle::GuardLimits;
+use xtb_control::vehicle::{GuardLimits, RangeFinders, SLOTS};
 use xtb_control::{AdcCount, Stamp};
 
-/// Six range finders on each of two bumpers (§2.2).
-const FINDERS: usize = 2 * 6;
+/// Channels for the range finders of both bumpers.
+const FINDERS: usize = 2 * SLOTS;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Finder {
@@ -32,13 +32,23 @@ pub(super) struct ConverterMonitor {
 }
 
 impl ConverterMonitor {
-    /// A scan; `turning` = the wheels turn.
-    pub(super) fn scan(&mut self, limits: &GuardLimits, now: Stamp, scan: &AdcSample, turning: bool) {
+    /// A scan; `turning` = the wheels turn. Channels without a range finder are not looked at.
+    pub(super) fn scan(
+        &mut self,
+        (limits, fitted): (&GuardLimits, &RangeFinders),
+        now: Stamp,
+        scan: &AdcSample,
+        turning: bool,
+    ) {
         let before = self.last.replace(*scan);
         let frozen = self.still.too_long(now, before == Some(*scan), limits.frozen_s);
         self.frozen.set(now, frozen, || "no channel changes".to_owned());
         let old = before.map(|before| readings(&before));
         for (i, reading) in readings(scan).into_iter().enumerate() {
+            let bumper = if i < SLOTS { &fitted.front } else { &fitted.rear };
+            if bumper.get(i % SLOTS).is_none() {
+                continue;
+            }
             let same = old.is_some_and(|old| old[i] == reading);
             let possible = (limits.infrared_min_v..=limits.infrared_max_v).contains(&reading.volts());
             let finder = &mut self.finders[i];
@@ -89,7 +99,8 @@ mod tests {
         let mut monitor = ConverterMonitor::default();
         for i in 0..scans {
             let now = Stamp::from_ms(38 * u64::from(i));
-            monitor.scan(&GuardLimits::default(), now, &scan(i), turning);
+            let (limits, fitted) = (GuardLimits::default(), RangeFinders::default());
+            monitor.scan((&limits, &fitted), now, &scan(i), turning);
         }
         monitor
     }
@@ -127,6 +138,19 @@ mod tests {
         assert!(!after(4, false, broken).finder_out_of_range.is_present());
         let monitor = after(5, false, broken);
         assert_eq!(monitor.finder_out_of_range.words().as_deref(), Some("front 1, rear 6"));
+    }
+
+    #[test]
+    fn a_channel_on_which_no_range_finder_is_fitted_may_show_anything() {
+        let mut fitted = RangeFinders::default();
+        fitted.front.0.truncate(4);
+        let mut monitor = ConverterMonitor::default();
+        for i in 0..200_u16 {
+            let mut scan = lively(i);
+            (scan.ir_front[4], scan.ir_front[5]) = (count(0), count(1023));
+            monitor.scan((&GuardLimits::default(), &fitted), Stamp::from_ms(38 * u64::from(i)), &scan, true);
+        }
+        assert!(!monitor.finder_out_of_range.is_present() && !monitor.finder_frozen.is_present());
     }
 
     #[test]

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use xtb_control::controller::{PwmOutputs, RemoteSample};
 use xtb_control::pistons::standing;
 use xtb_control::units::PWM_PERIOD_COUNTS;
+use xtb_control::vehicle::Platform;
 use xtb_control::{Command, Mode, PwmCount, Sample, Stamp};
 use xtb_protocol::board::Frame;
 use xtb_protocol::messages::Fault;
@@ -123,7 +124,10 @@ impl Robot {
             faults.push((of_line(Device::Gyro, fault), self.gyro.detail.clone()));
         }
         faults.extend(self.agent.pose_faults(now));
-        let tilted = self.newest.adc.is_some() && self.outputs.tilt.both().is_none();
+        // Without a platform there is no tilt sensor to look at.
+        let is_level =
+            self.controller.config().platform == Platform::Off || self.outputs.tilt.both().is_some();
+        let tilted = self.newest.adc.is_some() && !is_level;
         for (fault, present) in [
             (Fault::RemoteLost, self.outputs.mode == Mode::Fault && speaks_ms > RECEIVER_BACK_MS),
             (Fault::TiltOutOfRange, tilted),

@@ -6,7 +6,7 @@ use crate::types::{Header, Pose, TfMessage, Time, Transform, TransformStamped, V
 use std::f64::consts::PI;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
-use xtb_control::infrared::SPACING_M;
+use xtb_control::vehicle::SLOTS;
 use xtb_protocol::Name;
 
 /// The names of a robot's frames.
@@ -41,7 +41,8 @@ impl Frames {
     }
 
     /// The sensors' frames, and where they are on the robot. Their height is that of the axles (assumed); readings of
-    /// range finders are distances over the floor, so their frames lie level whatever the bumpers' angle.
+    /// range finders are distances over the floor, so their frames lie level whatever the bumpers' angle. Those that
+    /// are not fitted have none.
     #[must_use]
     pub fn sensors<'a>(&'a self, vehicle: &VehicleConfig) -> Vec<(&'a str, Pose)> {
         let height_m = vehicle.geometry.wheel_diameter_m / 2.0;
@@ -50,14 +51,19 @@ impl Frames {
             pose.position.z = height_m;
             pose
         };
-        let bumper_m = vehicle.geometry.body_length_m / 2.0;
         let range = |(i, frame): (usize, &'a String)| {
-            let left_m = (2.5 - (i % 6) as f64) * SPACING_M;
-            let pose = if i < 6 { at(bumper_m, left_m, 0.0) } else { at(-bumper_m, left_m, PI) };
-            (frame.as_str(), pose)
+            let finders = &vehicle.range_finders;
+            let is_front = i < SLOTS;
+            let finder = if is_front { &finders.front } else { &finders.rear }.get(i % SLOTS)?;
+            let turned_rad = finder.turned_deg.to_radians();
+            let pose = match is_front {
+                true => at(vehicle.front_m() + finder.ahead_m, finder.left_m, turned_rad),
+                false => at(-(vehicle.rear_m() + finder.ahead_m), finder.left_m, PI - turned_rad),
+            };
+            Some((frame.as_str(), pose))
         };
         let imu = (self.imu.as_str(), at(0.0, 0.0, 0.0));
-        std::iter::once(imu).chain(self.ranges.iter().enumerate().map(range)).collect()
+        std::iter::once(imu).chain(self.ranges.iter().enumerate().filter_map(range)).collect()
     }
 
     /// The transforms that never change.

@@ -9,6 +9,8 @@ use crate::types::{
 use xtb_control::VehicleConfig;
 use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_control::infrared::BumperRanges;
+use xtb_control::range_curve::RangeCurve;
+use xtb_control::vehicle::SLOTS;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{PoseState, RobotState};
 use xtb_robot::motion::Motion;
@@ -19,10 +21,8 @@ const NOT_MEASURED: f64 = 1e6;
 const SPEED_VARIANCE: f64 = 1e-4;
 /// Of the yaw rate, in (rad/s)²: half a degree in a second (assumed).
 const YAW_RATE_VARIANCE: f64 = 1e-4;
-/// Nearest and farthest that a GP2D12 measures, in m.
-const RANGE_M: (f32, f32) = (0.10, 0.80);
-/// Width of its beam, in rad: 6 cm at 80 cm, as sellers of the sensor quote.
-const FIELD_OF_VIEW_RAD: f32 = 0.075;
+/// A beam's width is given at this distance, in m.
+const BEAM_AT_M: f64 = 0.8;
 const INFRARED: u8 = 1;
 const DISCHARGING: u8 = 2;
 /// Poses of a path are this far apart, in m.
@@ -121,28 +121,41 @@ impl Robot {
         })
     }
 
-    /// The range finders, as the controller has them in cm; in the order of [`Frames::ranges`].
+    /// The range finders that are fitted, as the controller has them in cm; in the order of [`Frames::ranges`].
     #[must_use]
     pub fn ranges(&self, stamp: &Time, front_cm: &BumperRanges, rear_cm: &BumperRanges) -> Vec<Range> {
-        let readings = front_cm.iter().chain(rear_cm).zip(&self.frames.ranges);
-        let range = |(cm, frame): (&Option<f64>, &String)| Range {
-            header: header(stamp, frame),
-            radiation_type: INFRARED,
-            field_of_view: FIELD_OF_VIEW_RAD,
-            min_range: RANGE_M.0,
-            max_range: RANGE_M.1,
-            range: range_m(*cm),
-            variance: 0.0,
+        let finders = [&self.vehicle.range_finders.front, &self.vehicle.range_finders.rear];
+        let readings = front_cm.iter().chain(rear_cm).zip(&self.frames.ranges).enumerate();
+        let range = |(i, (cm, frame)): (usize, (&Option<f64>, &String))| {
+            let finder = finders[i / SLOTS].get(i % SLOTS)?;
+            let limits_m = limits_m(finder.curve);
+            Some(Range {
+                header: header(stamp, frame),
+                radiation_type: INFRARED,
+                field_of_view: (finder.beam_m / BEAM_AT_M) as f32,
+                min_range: limits_m.0,
+                max_range: limits_m.1,
+                range: range_m(*cm, limits_m),
+                variance: 0.0,
+            })
         };
-        readings.map(range).collect()
+        readings.filter_map(range).collect()
+    }
+}
+
+/// Nearest and farthest that a part measures by its data sheet, in m.
+fn limits_m(curve: RangeCurve) -> (f32, f32) {
+    match curve {
+        RangeCurve::Gp2d12 | RangeCurve::Gp2y0a21 => (0.10, 0.80),
+        RangeCurve::Gp2y0a02 => (0.20, 1.50),
     }
 }
 
 /// REP 117: nothing in range is +Inf, nearer than can be measured −Inf.
-fn range_m(cm: Option<f64>) -> f32 {
+fn range_m(cm: Option<f64>, (least_m, most_m): (f32, f32)) -> f32 {
     match cm.map(|cm| (cm / 100.0) as f32) {
-        Some(m) if m < RANGE_M.0 => f32::NEG_INFINITY,
-        Some(m) if m <= RANGE_M.1 => m,
+        Some(m) if m < least_m => f32::NEG_INFINITY,
+        Some(m) if m <= most_m => m,
         _ => f32::INFINITY,
     }
 }

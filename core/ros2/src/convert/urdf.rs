@@ -20,13 +20,15 @@ impl Robot {
         let mut text = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", self.frames.prefix());
         let (length_m, width_m) =
             (geometry.body_length_m, (geometry.body_width_m - 2.0 * tyre_m).max(tyre_m));
+        let midway_m = self.vehicle.drivetrain.midway_m(geometry.wheelbase_m);
+        let body_m = self.vehicle.body_ahead_m();
         let mut visuals = visual(
-            &format!("xyz=\"0 0 {diameter_m}\""),
+            &format!("xyz=\"{body_m} 0 {diameter_m}\""),
             &format!("<box size=\"{length_m} {width_m} {radius_m}\"/>"),
             ("body", "0.85 0.35 0.1 1"),
         );
         for (ahead, left) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
-            let (x_m, y_m) = (ahead * geometry.wheelbase_m / 2.0, left * geometry.track_m / 2.0);
+            let (x_m, y_m) = (midway_m + ahead * geometry.wheelbase_m / 2.0, left * geometry.track_m / 2.0);
             visuals += &visual(
                 &format!("xyz=\"{x_m} {y_m} {radius_m}\" rpy=\"1.5707963 0 0\""),
                 &format!("<cylinder radius=\"{radius_m}\" length=\"{tyre_m}\"/>"),
@@ -34,7 +36,7 @@ impl Robot {
             );
         }
         let collision = format!(
-            "    <collision><origin xyz=\"0 0 {radius_m}\"/><geometry><box size=\"{length_m} {} {diameter_m}\"/>\
+            "    <collision><origin xyz=\"{body_m} 0 {radius_m}\"/><geometry><box size=\"{length_m} {} {diameter_m}\"/>\
              </geometry></collision>\n",
             geometry.body_width_m
         );

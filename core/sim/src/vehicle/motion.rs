@@ -6,6 +6,7 @@ use crate::gyro::Attitude;
 use crate::scene::StepContext;
 use crate::step::STEP_S;
 use xtb_control::frames::{heading_of, wrap_rad};
+use xtb_control::vehicle::Drivetrain;
 
 /// A touch is over when nothing is nearer than this: a truck that pushes against a wall comes to
 /// rest a hair's breadth in front of it again and again.
@@ -42,12 +43,17 @@ impl Truck {
     /// Moves on by one step unless something is in the way.
     fn advance(&mut self, context: &StepContext<'_>) -> bool {
         let wheel_mps = self.drive.wheel_mps();
-        let (front_tan, rear_tan) = (self.front.tan(), self.rear.tan());
+        let (front_tan, front_cos) = (self.front.tan(), self.front.cos());
+        let (rear_tan, rear_cos) = match self.dimensions.drivetrain {
+            Drivetrain::BothAxles => (self.rear.tan(), self.rear.cos()),
+            Drivetrain::FrontAxle => (0.0, 1.0),
+        };
         // One motor drives both axles: its speed is the mean of theirs, each u / cos δ.
-        let (front_cos, rear_cos) = (self.front.cos(), self.rear.cos());
         let ahead_mps = wheel_mps * 2.0 * front_cos * rear_cos / (front_cos + rear_cos);
         let clockwise_radps = ahead_mps * (front_tan - rear_tan) / self.dimensions.wheelbase_m;
-        let left_mps = -ahead_mps * (front_tan + rear_tan) / 2.0;
+        // Of the reference point, which a front-steered car has on its rear axle.
+        let midway_m = self.dimensions.drivetrain.midway_m(self.dimensions.wheelbase_m);
+        let left_mps = -ahead_mps * (front_tan + rear_tan) / 2.0 + clockwise_radps * midway_m;
 
         let (cos_before, sin_before) = self.body.direction();
         let (yaw_rad, (sin_after, cos_after)) = if clockwise_radps == 0.0 {
@@ -58,10 +64,11 @@ impl Truck {
         };
         // The mean of both directions makes the arc exact to second order.
         let (cos, sin) = ((cos_before + cos_after) / 2.0, (sin_before + sin_after) / 2.0);
-        let (x_m, y_m) = self.body.centre_m();
+        let (x_m, y_m) = self.reference_m();
+        let middle_m = self.dimensions.middle_m();
         let next = OrientedBox::turned(
-            x_m + (ahead_mps * cos - left_mps * sin) * STEP_S,
-            y_m + (ahead_mps * sin + left_mps * cos) * STEP_S,
+            x_m + (ahead_mps * cos - left_mps * sin) * STEP_S + cos_after * middle_m,
+            y_m + (ahead_mps * sin + left_mps * cos) * STEP_S + sin_after * middle_m,
             (cos_after, sin_after),
             self.dimensions.length_m,
             self.dimensions.width_m,

@@ -7,7 +7,7 @@ use xtb_protocol::messages::{Body, LinkLoss, Outcome, Request, RobotState, Via};
 use xtb_protocol::{Name, Uuid};
 use xtb_sim::fixes::FixTruth;
 use xtb_sim::lockstep::Lockstep;
-use xtb_sim::{Simulation, TruckParameters, World};
+use xtb_sim::{Simulation, TruckParameters, VehicleFile, World};
 
 /// Trucks, and what they are asked.
 pub(crate) struct Drive {
@@ -21,7 +21,14 @@ impl Drive {
         let world = World::from_toml(world).unwrap();
         let names: Vec<String> = (1..=trucks).map(|n| format!("xtb-{n}")).collect();
         let simulation = Simulation::new(world, &TruckParameters::default(), &names, seed).unwrap();
-        Self::with(simulation, seed)
+        Self::with(simulation, &VehicleConfig::default(), seed)
+    }
+
+    /// The car of a file, alone.
+    #[allow(dead_code)] // core/chaos drives XTBs alone
+    pub(crate) fn by_file(world: World, start: MapPose, file: &VehicleFile, seed: u64) -> Self {
+        let simulation = Simulation::with_starts(world, &file.truth, &[("xtb-1", start)], seed).unwrap();
+        Self::with(simulation, &file.vehicle, seed)
     }
 
     /// Trucks that start here.
@@ -33,13 +40,13 @@ impl Drive {
     pub(crate) fn of(world: World, starts: &[MapPose], truck: &TruckParameters, seed: u64) -> Self {
         let names: Vec<String> = (1..=starts.len()).map(|n| format!("xtb-{n}")).collect();
         let starts: Vec<_> = names.iter().map(String::as_str).zip(starts.iter().copied()).collect();
-        Self::with(Simulation::with_starts(world, truck, &starts, seed).unwrap(), seed)
+        let simulation = Simulation::with_starts(world, truck, &starts, seed).unwrap();
+        Self::with(simulation, &VehicleConfig::default(), seed)
     }
 
-    fn with(simulation: Simulation, seed: u64) -> Self {
+    fn with(simulation: Simulation, vehicle: &VehicleConfig, seed: u64) -> Self {
         let map = simulation.world().chart(0.05).unwrap();
-        let mut lockstep =
-            Lockstep::new(simulation, &Name::new("lab").unwrap(), &VehicleConfig::default()).unwrap();
+        let mut lockstep = Lockstep::new(simulation, &Name::new("lab").unwrap(), vehicle).unwrap();
         lockstep.set_map(&map);
         lockstep.set_fixes(FixTruth { rate_hz: 2.0, ..FixTruth::default() }, seed);
         let mut drive = Self { lockstep, asked: 0 };

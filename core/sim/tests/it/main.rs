@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod agent;
+mod any_car;
 mod approaches;
 mod calibration;
 mod chart;
@@ -34,6 +35,7 @@ mod sensors;
 mod threads;
 mod trips;
 mod troubled;
+mod vehicles;
 mod walls;
 mod wheels;
 mod whole_robot;

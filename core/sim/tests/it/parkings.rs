@@ -11,11 +11,11 @@ use xtb_control::odometry::OdomPose;
 use xtb_nav::geometry::path::wrap_rad;
 use xtb_nav::geometry::reeds_shepp::shortest;
 use xtb_nav::path_follower::GoalTolerance;
-use xtb_nav::{Car, DriveCommand, DriveLimits, FollowerSettings, FollowerStatus, Path, PathFollower};
+use xtb_nav::{Car, DriveCommand, DriveLimits, FollowerStatus, NavSettings, Path, PathFollower};
 use xtb_protocol::messages::Fault;
 use xtb_robot::Guards;
 use xtb_robot::monitor::{Driven, Monitors};
-use xtb_sim::{TruckParameters, World};
+use xtb_sim::{VehicleFile, World};
 
 /// Steps of the simulation between two gyro samples.
 const GYRO_STEPS: u64 = 2;
@@ -50,15 +50,22 @@ pub(crate) struct Course {
     pub(crate) radius_factor: f64,
     /// Goals lie up to so far away along x and y each.
     pub(crate) reach_m: f64,
-    pub(crate) settings: FollowerSettings,
+    /// What is driven.
+    pub(crate) file: VehicleFile,
     /// Things stand around the path, as near as a planner with these margins would pass them.
     pub(crate) margins: Option<Margins>,
 }
 
 impl Course {
     pub(crate) fn new(cruise_mps: f64, radius_factor: f64) -> Self {
-        let settings = FollowerSettings::default();
-        Self { eyes: Eyes::Truth, cruise_mps, radius_factor, reach_m: 1.0, settings, margins: None }
+        Self {
+            eyes: Eyes::Truth,
+            cruise_mps,
+            radius_factor,
+            reach_m: 1.0,
+            file: VehicleFile::default(),
+            margins: None,
+        }
     }
 
     /// Path of this number that changes its gear: from somewhere in the middle of the room to a goal
@@ -155,9 +162,10 @@ impl Pilot {
         {
             room.put_box(&format!("pillar {number}"), spec).unwrap();
         }
-        let mut bench = Bench::new(room, &TruckParameters::default(), path.start, seed);
+        let VehicleFile { vehicle, truth } = &course.file;
+        let mut bench = Bench::with_config(room, truth, path.start, seed, vehicle.clone());
         bench.run_s(0.2);
-        let settings = course.settings.clone();
+        let settings = NavSettings::default().follower_of(vehicle);
         Self {
             bench,
             follower: PathFollower::new(path, car, settings, GoalTolerance::default()).unwrap(),
@@ -220,8 +228,8 @@ impl Pilot {
 }
 
 fn park(seed: u64, course: &Course) -> Parked {
-    let vehicle = VehicleConfig::default();
-    let car = Car::of(&vehicle);
+    let vehicle = &course.file.vehicle;
+    let car = Car::of(vehicle);
     let path = course.path(seed, &car);
     let mut pilot = Pilot::new(course, &path, &car, seed);
     let limits = DriveLimits {
@@ -238,7 +246,7 @@ fn park(seed: u64, course: &Course) -> Parked {
         && pilot.seconds() < most_s
     {
         let pose = pilot.truth();
-        let drive = pilot.step(&vehicle, &limits);
+        let drive = pilot.step(vehicle, &limits);
         let (foot, _) = path.at(drive.way_m);
         let corners = car.corners(&pose);
         outside_m = corners.iter().map(|corner| car.distance_m(&foot, *corner)).fold(outside_m, f64::max);

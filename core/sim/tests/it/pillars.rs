@@ -47,9 +47,9 @@ struct Swept {
 
 /// The strips beyond both bumpers.
 fn strips(car: &Car, length_m: f64) -> [Car; 2] {
-    let (near_m, far_m) = (car.front_m, car.front_m + length_m);
-    let ahead = Car { front_m: far_m, rear_m: -near_m, half_width_m: HALF_LOOK_OUT_M, ..*car };
-    [ahead, Car { front_m: -near_m, rear_m: far_m, ..ahead }]
+    let half_width_m = HALF_LOOK_OUT_M;
+    let ahead = Car { front_m: car.front_m + length_m, rear_m: -car.front_m, half_width_m, ..*car };
+    [ahead, Car { front_m: -car.rear_m, rear_m: car.rear_m + length_m, ..ahead }]
 }
 
 impl Swept {

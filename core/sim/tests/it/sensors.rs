@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use xtb_control::controller::{AdcSample, PwmOutputs};
 use xtb_control::frames::MapPose;
 use xtb_control::infrared::bumper_ranges;
-use xtb_control::vehicle::Infrared;
+use xtb_control::vehicle::{BumperFinders, Infrared};
 use xtb_protocol::board::{FrameWriter, FromBoard};
 use xtb_sim::{BoxSpec, Simulation, TruckParameters, World};
 
@@ -46,7 +46,9 @@ fn ranges_decode_through_the_controllers_formula_within_15_percent() {
         let true_cm = f64::from(cm);
         let scans = scans(&mut facing(true_cm / 100.0, 9), 2.0);
         for i in 0..6 {
-            let decode = |scan: &AdcSample| bumper_ranges(&Infrared::default(), 0.0, &scan.ir_front)[i];
+            let decode = |scan: &AdcSample| {
+                bumper_ranges(&Infrared::default(), &BumperFinders::default(), 0.0, &scan.ir_front)[i]
+            };
             // The first scans may come before a sensor's first measurement.
             let ranges: Vec<f64> = scans[4..].iter().filter_map(decode).collect();
             let mean = ranges.iter().sum::<f64>() / ranges.len() as f64;
@@ -75,8 +77,9 @@ fn a_tilted_bumper_sees_the_hypotenuse_and_the_cosine_gives_the_distance_back() 
             _ => None,
         });
         let scan = scan.unwrap();
-        let decode =
-            |angle_deg, readings| bumper_ranges(&Infrared::default(), angle_deg, readings)[3].unwrap();
+        let decode = |angle_deg, readings| {
+            bumper_ranges(&Infrared::default(), &BumperFinders::default(), angle_deg, readings)[3].unwrap()
+        };
         let hyp = (decode(0.0, &scan.ir_front), decode(0.0, &scan.ir_rear));
         let way = (decode(truth[0].at(front), &scan.ir_front), decode(truth[1].at(rear), &scan.ir_rear));
         (hyp, way)
@@ -129,7 +132,7 @@ fn other_trucks_are_seen() {
     let parameters = TruckParameters::default();
     let mut simulation = Simulation::with_starts(World::default(), &parameters, &robots, 1).unwrap();
     let scan = *scans(&mut simulation, 1.0).last().unwrap();
-    let ranges = bumper_ranges(&Infrared::default(), 0.0, &scan.ir_front);
+    let ranges = bumper_ranges(&Infrared::default(), &BumperFinders::default(), 0.0, &scan.ir_front);
     assert!(ranges.iter().all(|r| r.is_some_and(|cm| (cm - 20.0).abs() < 4.0)), "{ranges:?}");
 }
 

@@ -8,7 +8,7 @@ use xtb_control::frames::{MapFromOdom, MapPose};
 use xtb_control::goto::Goal;
 use xtb_control::odometry::OdomPose;
 use xtb_control::{Command, Mode, VehicleConfig};
-use xtb_sim::{TruckParameters, World};
+use xtb_sim::{TruckParameters, VehicleFile, World};
 
 /// Longest that a trip is watched: five times as long as the longest straight line takes.
 const PATIENCE_S: f64 = 180.0;
@@ -31,6 +31,7 @@ pub(crate) struct Arrival {
     pub(crate) gear_changes: usize,
     /// From the goal to where the truck really is at the end, in m.
     pub(crate) missed_m: f64,
+    pub(crate) contacts: u64,
 }
 
 impl Trip {
@@ -42,10 +43,9 @@ impl Trip {
         Self { seed, start, distance_m: draw.uniform(0.5, 4.0), bearing_rad: draw.uniform(-PI, PI) }
     }
 
-    fn run(self, config: &VehicleConfig) -> Arrival {
+    fn run(self, config: &VehicleConfig, truck: &TruckParameters) -> Arrival {
         let free = World::from_toml("").unwrap();
-        let parameters = TruckParameters::default();
-        let mut bench = Bench::with_config(free, &parameters, self.start, self.seed, config.clone());
+        let mut bench = Bench::with_config(free, truck, self.start, self.seed, config.clone());
         bench.run_s(0.2);
         let (sin, cos) = libm::sincos(self.bearing_rad);
         let goal_x_m = self.start.x_m + self.distance_m * cos;
@@ -71,13 +71,19 @@ impl Trip {
             ratio: arrived.then_some(took_s / straight_s),
             gear_changes,
             missed_m: libm::hypot(truth.x_m - goal_x_m, truth.y_m - goal_y_m),
+            contacts: truth.contacts,
         }
     }
 }
 
 /// Makes the first so many trips.
 pub(crate) fn measure(trips: u64, config: &VehicleConfig) -> Vec<Arrival> {
-    in_parallel(0..trips, |seed| Trip::draw(seed).run(config))
+    in_parallel(0..trips, |seed| Trip::draw(seed).run(config, &TruckParameters::default()))
+}
+
+/// The same with the car of a file.
+pub(crate) fn measure_file(trips: u64, file: &VehicleFile) -> Vec<Arrival> {
+    in_parallel(0..trips, |seed| Trip::draw(seed).run(&file.vehicle, &file.truth))
 }
 
 /// The value that this part of all values does not exceed.

@@ -101,7 +101,7 @@ struct Found<'a> {
 /// A file that is no map, or no config.
 pub(super) fn run(ctx: &Context, args: &MapCheckArgs) -> Result<Exit> {
     let vehicle = match (&args.vehicle, &args.car_from) {
-        (Some(file), _) => vehicle_file::read(file)?,
+        (Some(file), _) => vehicle_file::read(file)?.vehicle,
         (None, Some(config)) => vehicle(config)?,
         (None, None) => VehicleConfig::default(),
     };

@@ -134,7 +134,7 @@ impl Instance {
         let world = read_world(&beside.join(&ours.world))?;
         let chart = world.chart(CHART_RESOLUTION_M).map_err(|error| invalid(error.to_string()))?;
         let truck = |agent: &Agent| match &agent.vehicle {
-            Some(file) => vehicle_file::read(&beside.join(file)).map(|vehicle| Car::of(&vehicle)),
+            Some(file) => vehicle_file::read(&beside.join(file)).map(|file| Car::of(&file.vehicle)),
             None => Ok(Car::of(&VehicleConfig::default())),
         };
         let trucks: Vec<Car> = ours.agents.iter().map(truck).collect::<Result<_>>()?;

@@ -7,6 +7,7 @@ use xtb_control::pistons::height_m;
 use xtb_control::remote::{Reading as Pulse, reading};
 use xtb_control::speed::wheel_rpm;
 use xtb_control::units::PWM_PERIOD_COUNTS;
+use xtb_control::vehicle::{BumperFinders, SLOTS};
 use xtb_control::{AdcCount, Outputs};
 use xtb_protocol::messages::{Fault, FaultState};
 use xtb_robot::robot::Readings;
@@ -210,14 +211,18 @@ impl Evidence<'_> {
 
     fn ranges(&self) -> Vec<Row> {
         let (adc, if_missing) = (self.readings.adc.as_ref(), self.of_board(Fault::ConverterSilent.remedy()));
-        let side = |name: &'static str, counts: Option<[AdcCount; 6]>, cm: [Option<f64>; 6]| {
-            (0..6).map(move |i| {
+        let fitted = &self.settings.vehicle.range_finders;
+        let side = |name: &'static str,
+                    finders: &BumperFinders,
+                    counts: Option<[AdcCount; 6]>,
+                    cm: [Option<f64>; 6]| {
+            (0..finders.0.len().min(SLOTS)).map(move |i| {
                 let measured = counts.map(|counts| range(counts[i], cm[i]));
                 Row::new(format!("range {name} {}", i + 1), measured, if_missing)
             })
         };
-        let front = side("front", adc.map(|adc| adc.ir_front), self.outputs.ir_front_cm);
-        front.chain(side("rear", adc.map(|adc| adc.ir_rear), self.outputs.ir_rear_cm)).collect()
+        let front = side("front", &fitted.front, adc.map(|adc| adc.ir_front), self.outputs.ir_front_cm);
+        front.chain(side("rear", &fitted.rear, adc.map(|adc| adc.ir_rear), self.outputs.ir_rear_cm)).collect()
     }
 
     fn platform(&self) -> Vec<Row> {

@@ -76,7 +76,8 @@ impl Search<'_> {
             true => {
                 let is_open = |at| met(at) && !self.obstacles.is_swept(at);
                 let grid = self.map.map.grid();
-                let mut visibility = VisibilityGrid::new(&path, &self.car, grid, &is_open, &self.unobserved);
+                let eyes = (&self.car, self.obstacles.sight());
+                let mut visibility = VisibilityGrid::new(&path, eyes, grid, &is_open, &self.unobserved);
                 let path = visibility.looking_aside(&path, space);
                 (WORTH_NEAR_S_PER_M2, visibility.blind_m2(), path)
             }
@@ -114,7 +115,8 @@ impl Search<'_> {
         }
         let middles = cells.into_iter().map(|(column, row)| grid.centre_m(column, row));
         let unknown: Vec<[f64; 2]> = middles.filter(|at| !self.obstacles.is_known_free(*at)).collect();
-        let blind = blind_points(path, [0.0, path.length_m()], &self.car, &unknown);
+        let eyes = (&self.car, self.obstacles.sight());
+        let blind = blind_points(path, [0.0, path.length_m()], eyes, &unknown);
         blind.len() as f64 * side_m * side_m
     }
 }

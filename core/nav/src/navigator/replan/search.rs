@@ -50,7 +50,8 @@ impl Search<'_> {
     /// Where a path leads the body without looking.
     pub(super) fn blind(&self, path: &Path) -> Vec<[f64; 2]> {
         let ways_m = [0.0, path.length_m()];
-        blind_points(path, ways_m, &self.car, &self.unobserved).into_iter().map(|(_, at)| at).collect()
+        let blind = blind_points(path, ways_m, (&self.car, self.obstacles.sight()), &self.unobserved);
+        blind.into_iter().map(|(_, at)| at).collect()
     }
 
     /// Keep-out zones, and where what is not on the map may go on: the body keeps off both, while the
@@ -125,7 +126,8 @@ impl Search<'_> {
             one_way: self.map.zones.one_way.as_deref(),
             local_m: &things,
         };
-        let look_out = LookOut { ahead_m: LOOK_OUT_M - margin_m, ..LookOut::TRUCK };
+        let half_width_m = self.obstacles.sight().look_out_half_m();
+        let look_out = LookOut { ahead_m: LOOK_OUT_M - margin_m, half_width_m };
         GridSpace::new(&layers, car, look_out).map_err(|error| PlanFailure::for_good(error.to_string()))
     }
 

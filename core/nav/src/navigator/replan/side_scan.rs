@@ -211,6 +211,7 @@ impl VisibilityGrid<'_> {
 mod tests {
     use super::*;
     use crate::geometry::{Car, Grid};
+    use crate::obstacle_layer::Sight;
     use crate::planner::space::{Layers, LookOut};
     use xtb_control::VehicleConfig;
 
@@ -234,7 +235,8 @@ mod tests {
         let planned = Car { radius_m: 1.0 / TIGHT_PER_M, ..car() };
         let space = GridSpace::new(&layers, planned, LookOut { ahead_m: 0.3, half_width_m: 0.2 }).unwrap();
         let (car, path) = (car(), bend());
-        let mut visibility = VisibilityGrid::new(&path, &car, &grid, is_open, doubts);
+        let sight = Sight::default();
+        let mut visibility = VisibilityGrid::new(&path, (&car, &sight), &grid, is_open, doubts);
         let before_m2 = visibility.blind_m2();
         let looks = visibility.looks(&path, &space);
         (before_m2, looks, visibility.blind_m2())

@@ -5,7 +5,7 @@ use crate::MapPose;
 use crate::geometry::{Car, Cell, Grid, Path};
 use crate::navigator::following::TIGHT;
 use crate::navigator::visibility::{BODY_STEP_M, STOPS_WITHIN_M};
-use crate::obstacle_layer::{LEG_HALF_WIDTH_M, LEG_SIGHT_M, SURE_WITHIN_M, SWEPT_CELL_M as CELL_M};
+use crate::obstacle_layer::{LEG_HALF_WIDTH_M, SURE_WITHIN_M, SWEPT_CELL_M as CELL_M, Sight};
 
 /// Of a path so much is looked at, in m, for time and memory; chosen, not measured.
 const WATCHED_M: f64 = 12.0;
@@ -24,6 +24,7 @@ const SWINGS_M: [f64; 2] = [0.10, 0.25];
 /// The floor around a path.
 pub(super) struct VisibilityGrid<'a> {
     car: &'a Car,
+    sight: &'a Sight,
     /// South-western corner.
     first_m: [f64; 2],
     columns: usize,
@@ -47,7 +48,7 @@ impl<'a> VisibilityGrid<'a> {
     /// What of the floor that `is_open` is blind on a path. No look leads blindly to one of these `doubts`.
     pub(super) fn new(
         path: &Path,
-        car: &'a Car,
+        (car, sight): (&'a Car, &'a Sight),
         grid: &'a Grid,
         is_open: &dyn Fn([f64; 2]) -> bool,
         doubts: &[[f64; 2]],
@@ -63,7 +64,7 @@ impl<'a> VisibilityGrid<'a> {
         });
         let (looked_m, touched_m) = (vec![f64::MIN; columns * rows], vec![f64::MAX; columns * rows]);
         let doubted = vec![false; columns * rows];
-        let mut visibility = Self { car, first_m, columns, rows, looked_m, touched_m, doubted };
+        let mut visibility = Self { car, sight, first_m, columns, rows, looked_m, touched_m, doubted };
         for cell in 0..columns * rows {
             let at = visibility.middle_m(cell % columns, cell / columns);
             let (column, row) = grid.place(at[0], at[1]);
@@ -111,7 +112,10 @@ impl<'a> VisibilityGrid<'a> {
     /// Cells that a body at this pose covers, or that one of its beams passes over.
     pub(super) fn around(&self, pose: &MapPose, swings: bool, mut gets: impl FnMut(usize, Effect)) {
         let reach_m = self.car.front_m.max(self.car.rear_m) + SURE_WITHIN_M;
-        let beside_m = LEG_SIGHT_M + if swings { SWING_SIGHT_M } else { 0.0 };
+        let swing_m = if swings { SWING_SIGHT_M } else { 0.0 };
+        // Ahead and astern.
+        let sides_m = [true, false].map(|ahead| self.sight.leg_half_width_m(ahead) + swing_m);
+        let beside_m = sides_m[0].max(sides_m[1]);
         let body = self.car.grown(TOUCH_M);
         let (sin, cos) = libm::sincos(pose.yaw_rad);
         // Of the rectangle from bumper to bumper with the beams.
@@ -130,7 +134,8 @@ impl<'a> VisibilityGrid<'a> {
                 if beyond_m <= TOUCH_M && left_m <= body.half_width_m {
                     gets(cell, Effect::Touched);
                 }
-                if (0.0..=SURE_WITHIN_M).contains(&beyond_m) && left_m <= beside_m {
+                if (0.0..=SURE_WITHIN_M).contains(&beyond_m) && left_m <= sides_m[usize::from(ahead_m <= 0.0)]
+                {
                     gets(cell, Effect::Seen);
                 }
             }
