@@ -26,6 +26,7 @@ mod ordinary;
 mod parking;
 mod parkings;
 mod pillars;
+mod pins;
 mod planned;
 mod platform;
 mod poses;
