@@ -47,7 +47,7 @@ impl EmulatorError {
             Self::NoEmulator(_) => "name this repository's folder robot-agent/firmware/emulator",
             Self::NoPackages(_) => "npm ci --ignore-scripts in that folder",
             Self::NoNode(_) => "install Node 18 or newer",
-            Self::Ended(_) => "is the file the firmware's ELF file, built for a Pico?",
+            Self::Ended(_) => "its process was ended, or the file is not the firmware's ELF file for a Pico",
         }
     }
 }
