@@ -300,6 +300,28 @@ fn what_is_no_map_is_refused_with_file_and_reason() {
 }
 
 #[test]
+fn a_board_without_firmware_emulator_or_node_is_refused_with_what_to_do() {
+    let home = Home::empty();
+    std::fs::write(home.path().join("board.elf"), "no firmware").unwrap();
+    for (line, reason) in [
+        ("sim --board-firmware none.elf", "none.elf is no file\nhint: build it: cargo xtask uf2"),
+        ("sim --board-firmware board.elf", "robot-agent/firmware/emulator has no bridge.mjs\nhint: name"),
+        ("sim --emulator .", "--board-firmware"),
+        ("sim --virtual --board-firmware board.elf", "cannot be used with"),
+    ] {
+        let said = stderr(&home.run(line).code(2));
+        assert!(said.contains(reason), "{line}: {said}");
+    }
+    std::fs::write(home.path().join("bridge.mjs"), "").unwrap();
+    let line = ["sim", "--board-firmware", "board.elf", "--emulator", "."];
+    let said = stderr(&home.command().args(line).assert().code(2));
+    assert!(said.contains("hint: npm ci --ignore-scripts"), "{said}");
+    std::fs::create_dir_all(home.path().join("node_modules/rp2040js")).unwrap();
+    let said = stderr(&home.command().env("PATH", "").args(line).assert().code(1));
+    assert!(said.contains("node does not start") && said.contains("hint: install Node 18"), "{said}");
+}
+
+#[test]
 fn teleop_needs_a_terminal() {
     let said = stderr(&Home::empty().alone("teleop xtb-1").code(2));
     assert!(said.contains("terminal"), "{said}");

@@ -178,6 +178,7 @@ impl Fleet {
             pki: None,
             identity: None,
             pty: setup.pty,
+            board: None,
             truth_log: None,
             record: setup.record,
             ros2: setup.ros2,

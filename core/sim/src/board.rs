@@ -71,6 +71,16 @@ impl ShaftTravel {
         let part = t.since_s(self.start) / self.end.since_s(self.start);
         (self.from_pulses + (self.to_pulses - self.from_pulses) * part.clamp(0.0, 1.0)) as u64
     }
+
+    /// When each whole pulse began during the step.
+    pub(crate) fn edges(&self) -> impl Iterator<Item = Stamp> {
+        let step_ns = (self.end.ns() - self.start.ns()) as f64;
+        let turned = self.to_pulses - self.from_pulses;
+        (self.from_pulses as u64 + 1..=self.to_pulses as u64).map(move |whole| {
+            let part = (whole as f64 - self.from_pulses) / turned;
+            self.start.plus_ns((part * step_ns) as u64)
+        })
+    }
 }
 
 /// What the board does once it is set up.
@@ -254,6 +264,18 @@ impl Board {
         if self.watchdog != before {
             self.send_status(); // the agent has to know at once
         }
+    }
+
+    /// Its outputs have what another board gives since `t`.
+    pub(crate) fn stand_in(&mut self, outputs: PwmOutputs, t: Stamp) {
+        self.outputs = outputs;
+        let neutral = outputs.motor == PwmCount::NEUTRAL;
+        self.neutral_since = neutral.then(|| self.neutral_since.unwrap_or(t));
+    }
+
+    /// The receiver's pulses, if one is fitted and hears the transmitter.
+    pub(crate) fn receiver_ms(&self) -> Option<[f64; 3]> {
+        self.receiver.as_ref().and_then(Receiver::at_pins_ms)
     }
 
     /// Sends the encoder windows that closed during a step.

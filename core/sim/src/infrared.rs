@@ -89,7 +89,7 @@ struct Sensor {
     floor_v: f64,
     period_ns: u64,
     /// 0 V until the first measurement, as a sensor that is just being switched on.
-    reading: AdcCount,
+    volts: f64,
     fault: RangeFinderFault,
 }
 
@@ -126,7 +126,7 @@ impl RangeFinders {
                 beside_m: beside_m(truth, finder),
                 floor_v,
                 period_ns,
-                reading: AdcCount::ZERO,
+                volts: 0.0,
                 fault: RangeFinderFault::None,
             })
         });
@@ -177,11 +177,16 @@ impl RangeFinders {
         }
     }
 
-    /// The front and the rear bumper, left to right; a channel without a range finder shows 0.
+    /// What the converter gets of the front and then of the rear bumper, left to right; 0 of a channel without a range
+    /// finder.
+    pub(crate) fn volts(&self) -> [f64; SENSORS] {
+        self.sensors.each_ref().map(|sensor| sensor.as_ref().map_or(0.0, Sensor::shown_v))
+    }
+
+    /// What the converter makes of the front and the rear bumper, left to right.
     pub(crate) fn readings(&self) -> ([AdcCount; 6], [AdcCount; 6]) {
-        let side = |first: usize| {
-            std::array::from_fn(|i| self.sensors[first + i].map_or(AdcCount::ZERO, |sensor| sensor.shown()))
-        };
+        let volts = self.volts();
+        let side = |first: usize| std::array::from_fn(|i| adc_count(volts[first + i], 1.0));
         (side(0), side(6))
     }
 }
@@ -221,16 +226,16 @@ impl Sensor {
         let seen_v = seen_v.map_or(self.floor_v, |seen_v| seen_v.max(self.floor_v));
         let volts = seen_v + noise.bell(truth.noise_v);
         if self.fault != RangeFinderFault::Frozen {
-            self.reading = adc_count(volts, 1.0);
+            self.volts = volts;
         }
     }
 
     /// What the converter gets of it.
-    fn shown(&self) -> AdcCount {
+    fn shown_v(&self) -> f64 {
         match self.fault {
-            RangeFinderFault::BrokenWire => AdcCount::ZERO,
-            RangeFinderFault::Short => adc_count(ADC_SUPPLY_V, 1.0),
-            RangeFinderFault::None | RangeFinderFault::Frozen => self.reading,
+            RangeFinderFault::BrokenWire => 0.0,
+            RangeFinderFault::Short => ADC_SUPPLY_V,
+            RangeFinderFault::None | RangeFinderFault::Frozen => self.volts,
         }
     }
 }

@@ -13,6 +13,7 @@ pub mod calibration;
 mod chart;
 mod drive;
 mod executor;
+pub mod external;
 pub mod faults;
 pub mod fixes;
 mod geometry;
@@ -43,6 +44,7 @@ mod world_error;
 pub use calibration::CalibrationTruth;
 pub use chart::{CHART_RESOLUTION_M, ChartError};
 pub use executor::{Executor, Sequential};
+pub use external::{ExternalBoard, Pins, Pulses};
 pub use faults::{
     DriveFault, EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults,
 };

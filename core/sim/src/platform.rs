@@ -104,8 +104,8 @@ impl Platform {
         })
     }
 
-    /// Tilt sensor x and y for a truck that lies like this; the platform tilts on top of it.
-    pub(crate) fn tilt(&self, ground: &Attitude) -> [AdcCount; 2] {
+    /// Voltages of tilt sensor x and y for a truck that lies like this; the platform tilts on top of it.
+    pub(crate) fn tilt_v(&self, ground: &Attitude) -> [f64; 2] {
         let [fl, fr, rl, rr] = [0, 1, 2, 3].map(|i: usize| self.pistons[i].height_m);
         let nose_up_deg = libm::atan((fl + fr - rl - rr) / 2.0 / self.wheelbase_m).to_degrees();
         let left_up_deg = libm::atan((fl + rl - fr - rr) / 2.0 / self.track_m).to_degrees();
@@ -116,15 +116,23 @@ impl Platform {
         };
         let x_v = volts(-ground.pitch_deg - nose_up_deg, truth.tilt_x_zero_v, truth.tilt_x_v_per_deg);
         let y_v = volts(-ground.roll_deg - left_up_deg, truth.tilt_y_zero_v, truth.tilt_y_v_per_deg);
-        [x_v, y_v].map(|v| adc_count(v, f64::from(ADC_SCANS)))
+        [x_v, y_v]
     }
 
-    /// Position sensors of FL, FR, RL, RR.
-    pub(crate) fn positions(&self) -> [AdcCount; 4] {
+    /// Voltages of the position sensors of FL, FR, RL, RR.
+    pub(crate) fn positions_v(&self) -> [f64; 4] {
         let travel_m = self.truth.piston_travel_m;
-        std::array::from_fn(|i| {
-            adc_count(self.pistons[i].height_m / travel_m * ADC_SUPPLY_V, f64::from(ADC_SCANS))
-        })
+        self.pistons.each_ref().map(|piston| piston.height_m / travel_m * ADC_SUPPLY_V)
+    }
+
+    /// What the converter makes of the tilt sensor.
+    pub(crate) fn tilt(&self, ground: &Attitude) -> [AdcCount; 2] {
+        self.tilt_v(ground).map(|v| adc_count(v, f64::from(ADC_SCANS)))
+    }
+
+    /// What the converter makes of the position sensors.
+    pub(crate) fn positions(&self) -> [AdcCount; 4] {
+        self.positions_v().map(|v| adc_count(v, f64::from(ADC_SCANS)))
     }
 }
 

@@ -103,6 +103,11 @@ impl Receiver {
         }
     }
 
+    /// Pulses of speed, steering and selector at its pins; `None` = the transmitter is off.
+    pub(crate) fn at_pins_ms(&self) -> Option<[f64; 3]> {
+        self.transmitter.on.then(|| self.pulses_ms())
+    }
+
     /// Pulses of speed, steering and selector.
     fn pulses_ms(&self) -> [f64; 3] {
         let (truth, sticks) = (&self.truth, &self.transmitter);

@@ -15,10 +15,12 @@
 //! reference point ([`Drivetrain`](xtb_control::vehicle::Drivetrain)).
 
 mod motion;
+mod pins;
 
 use crate::board::{self, Board, ShaftTravel};
 use crate::calibration::CalibrationTruth;
 use crate::drive::{Battery, Drive};
+use crate::external::External;
 use crate::faults::{DriveFault, LineFault, LineFaults, SensorFaults};
 use crate::geometry::OrientedBox;
 use crate::gyro::{Attitude, Gyro};
@@ -50,6 +52,7 @@ pub struct Truck {
     noise: Rng,
 
     board: Board,
+    external: Option<External>,
     gyro: Gyro,
     front: SteeringAxle,
     rear: SteeringAxle,
@@ -106,6 +109,7 @@ impl Truck {
             dimensions: parameters.body.clone(),
             now: Stamp::ZERO,
             board: Board::new(parameters, &mut noise),
+            external: None,
             gyro: Gyro::new(&parameters.gyro, &mut noise),
             front,
             rear,
@@ -236,7 +240,10 @@ impl Truck {
 
     /// Bytes from the agent to the I/O board: set-up, PWM and reset frames.
     pub fn board_rx(&mut self, bytes: &[u8]) {
-        self.board.rx(bytes, self.now, &mut self.noise);
+        match &mut self.external {
+            Some(external) => external.receive(bytes),
+            None => self.board.rx(bytes, self.now, &mut self.noise),
+        }
     }
 
     /// Moves everything that the board has sent to the end of `into`.
@@ -270,21 +277,27 @@ impl Truck {
     /// One step, once for each context; it must come from [`crate::Simulation::split_step`] of the
     /// simulation that the truck belongs to. Allocates nothing.
     pub fn step(&mut self, context: &StepContext<'_>) {
-        self.board.latch(context.start());
+        if self.external.is_none() {
+            self.board.latch(context.start());
+        }
         self.move_servos();
         let from_pulses = self.pulses;
         self.roll(context);
         self.now = context.now();
         let travel =
             ShaftTravel { start: context.start(), end: self.now, from_pulses, to_pulses: self.pulses };
-        self.board.count(&travel);
         let stretch = [self.bumpers[0].stretch(), self.bumpers[1].stretch()];
         self.range_finders.step(context, self.index, &self.body, stretch, &mut self.noise);
         let attitude = self.attitude();
-        if self.board.scan_due(self.now) {
-            self.send_scan(&attitude);
+        if self.external.is_some() {
+            self.step_external(&travel, &attitude);
+        } else {
+            self.board.count(&travel);
+            if self.board.scan_due(self.now) {
+                self.send_scan(&attitude);
+            }
+            self.board.report(self.now, &mut self.noise);
         }
-        self.board.report(self.now, &mut self.noise);
         self.gyro.step(self.now, &attitude, &mut self.noise);
         self.swap_lines(&attitude);
     }

@@ -7,6 +7,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod agents;
+mod boards;
 mod fixes;
 mod foreign;
 mod plan;
@@ -15,11 +16,13 @@ mod stats;
 mod truth;
 
 pub use agents::RunningAgent;
+pub use boards::BoardFirmware;
 pub use plan::{MAX_ROBOTS, Plan};
 pub use stats::Told;
 pub use truth::TruthView;
 
 use agents::{AgentSettings, Life};
+use boards::Boards;
 use plan::Session;
 use robot_agent::Shared;
 use robot_agent::clock::WorldTime;
@@ -76,6 +79,7 @@ pub struct Simulator {
     router: Option<GuardedRouter>,
     world: RunningWorld,
     ptys: Option<ptys::PtyFolder>,
+    boards: Boards,
 }
 
 impl Simulator {
@@ -107,7 +111,8 @@ impl Simulator {
             files.into_iter().map(|file| (file.vehicle, file.truth)).unzip();
         let world = plan.world(&kinds);
         let world_map = world.chart(CHART_RESOLUTION_M);
-        let simulation = plan.simulation(&kinds, world)?;
+        let mut simulation = plan.simulation(&kinds, world)?;
+        let boards = Boards::switch_on(plan.board.as_ref(), &mut simulation, &kinds)?;
         let roster = roster_of(&simulation)?;
         let Session { bus, endpoint, connect, router } = plan.session().await?;
 
@@ -172,6 +177,7 @@ impl Simulator {
             router,
             world,
             ptys,
+            boards,
         })
     }
 
@@ -301,6 +307,11 @@ impl Simulator {
                 _ => tokio::time::sleep(LOOK_EVERY).await,
             }
         }
+    }
+
+    /// Resolves when an emulated board has ended.
+    pub async fn board_ended(&self) -> Error {
+        self.boards.ended().await
     }
 
     fn lives(&self) -> impl Iterator<Item = (&Name, Life)> {

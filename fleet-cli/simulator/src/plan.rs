@@ -1,5 +1,6 @@
 //! What to simulate, and what follows from it: the world with its trucks, and the session.
 
+use crate::boards::BoardFirmware;
 use std::path::PathBuf;
 use std::time::Duration;
 use xtb_bus::{Bus, Enrolled, LINK_LEASE, Opening, Role};
@@ -49,6 +50,8 @@ pub struct Plan {
     pub identity: Option<Enrolled>,
     /// No agents, but two ptys a truck in this folder.
     pub pty: Option<PathBuf>,
+    /// What runs on the trucks' I/O boards; `None` = they are simulated.
+    pub board: Option<BoardFirmware>,
     /// Where to write the truth at every step.
     pub truth_log: Option<PathBuf>,
     /// What measures the robots' poses.
@@ -210,6 +213,7 @@ mod tests {
             pki: None,
             identity: None,
             pty: None,
+            board: None,
             truth_log: None,
             fixes: FixTruth::default(),
             record: None,

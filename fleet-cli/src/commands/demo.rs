@@ -109,6 +109,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
         pki: None,
         identity: None,
         pty: None,
+        board: None,
         truth_log: None,
         record: None,
         ros2: None,

@@ -34,7 +34,7 @@ use xtb_services::dispatch::usage::Usage;
 use xtb_services::ros2::FleetNode;
 use xtb_services::router::check_listen;
 use xtb_sim::{Pace, VehicleFile, World};
-use xtb_simulator::{Plan, Simulator, Told};
+use xtb_simulator::{BoardFirmware, Plan, Simulator, Told};
 
 /// Arguments of `sim`.
 #[derive(Debug, Clone, Args)]
@@ -82,6 +82,18 @@ pub struct SimArgs {
     /// Start no agents; create two serial ports for each truck instead: DIR/ROBOT.board and DIR/ROBOT.gyro.
     #[arg(long, value_name = "DIR")]
     pub pty: Option<PathBuf>,
+    /// Run this firmware on the trucks' I/O boards: the ELF file that `cargo xtask uf2` builds, each in an
+    /// emulator. Needs Node 18; one robot keeps about one core busy.
+    #[arg(long, value_name = "ELF")]
+    pub board_firmware: Option<PathBuf>,
+    /// Folder of the emulator.
+    #[arg(
+        long,
+        value_name = "DIR",
+        default_value = "robot-agent/firmware/emulator",
+        requires = "board_firmware"
+    )]
+    pub emulator: PathBuf,
     /// Write the ground truth to this file at board rate, as JSON lines.
     #[arg(long, value_name = "FILE")]
     pub truth_log: Option<PathBuf>,
@@ -113,7 +125,7 @@ pub struct SimArgs {
     /// Run a fault scenario of a virtual fleet, without router and agents: prints the events of the scenario
     /// of
     /// --seed, and whether a rule of docs/safety.md was broken.
-    #[arg(long = "virtual", conflicts_with_all = ["robots", "first", "fleet_size", "world", "vehicle", "speed", "strict", "listen", "identities", "pty", "truth_log", "record", "dispatch", "dashboard", "ros2"])]
+    #[arg(long = "virtual", conflicts_with_all = ["robots", "first", "fleet_size", "world", "vehicle", "speed", "strict", "listen", "identities", "pty", "board_firmware", "truth_log", "record", "dispatch", "dashboard", "ros2"])]
     pub virtual_day: bool,
 }
 
@@ -232,6 +244,7 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
     let done = tokio::select! {
         done = until_done(dispatcher.as_mut(), args.until_done) => Some(done),
         taken = simulator.names_taken() => Some(Err(taken)),
+        ended = simulator.board_ended() => Some(Err(ended)),
         slow = &mut slow => Some(Err(slow)),
         ended = page(ctx, &simulator, args.dashboard, set.as_ref()) => ended.err().map(Err),
         () = &mut stop => None,
@@ -328,6 +341,10 @@ fn plan(ctx: &Context, args: &SimArgs, listen: String, set: Option<&Identities>)
         identity,
         connect: if ctx.connect_given { ctx.settings.connect.clone() } else { Vec::new() },
         pty: args.pty.clone(),
+        board: args
+            .board_firmware
+            .clone()
+            .map(|firmware| BoardFirmware { firmware, emulator: args.emulator.clone() }),
         truth_log: args.truth_log.clone(),
         fixes: args.fixes.truth(),
         record: args.record.clone(),

@@ -3,13 +3,14 @@
 //   node bridge.mjs ELF [--no-receiver]
 //
 //   → {"t":ns,"rx":hex,"a":[16 V],"p":[4 V],"e":[encoder edges, ns],"r":[3 ms]|null,"s":pressed,"i":hex}
-//   ← {"t":ns,"tx":hex,"w":[10 pulse counts],"resets":n}
+//   ← {"t":ns,"tx":hex,"w":[10 pulse counts],"at":ns,"resets":n}
 //
 // `t` is the end of the step, in ns since power-on; everything but `t` may be missing and then stays as it
 // was (`rx`, `e`, `i`: nothing). `rx` goes over the line from the step's beginning at 115,200 baud, `i` over
 // the inertial unit's. `a` are the first multiplexer's inputs (at the pin, behind the dividers), `p` the
-// pistons' at the second one, `r` the receiver's pulses of speed, steering and selector. `w` are the last
-// complete pulses in counts of 0.4 µs; 0 = none yet. `tx` are the bytes whose stop bit ended in the step.
+// pistons' at the second one, `r` the receiver's pulses of speed, steering and selector. `w` are the pulses of
+// the last complete period in counts of 0.4 µs, which began at `at`; 0 = none yet. `tx` are the bytes whose
+// stop bit ended in the step.
 
 import { createInterface } from 'node:readline';
 import { Bench } from './bench.mjs';
@@ -21,7 +22,7 @@ if (!path || (option && option !== '--no-receiver')) {
   process.exit(2);
 }
 const bench = new Bench(readElf(path), { fitted: option === undefined });
-let sent = [];
+let sent = [], period = { at: 0, counts: bench.counts };
 bench.onLine = (byte) => sent.push(byte);
 
 const volts = (values, length, name) => {
@@ -43,8 +44,10 @@ for await (const line of createInterface({ input: process.stdin })) {
   if (step.rx) bench.lay(bytes(step.rx));
   if (step.i) bench.layImu(bytes(step.i));
   bench.runUntil(step.t);
-  const w = bench.counts.map((counts) => Math.round(counts));
-  console.log(JSON.stringify({ t: step.t, tx: Buffer.from(sent).toString('hex'), w, resets: bench.chip.resets.length }));
+  period = bench.periods.at(-1) ?? period;
+  const w = period.counts.map((counts) => Math.round(counts)), at = Math.round(period.at);
+  const tx = Buffer.from(sent).toString('hex');
+  console.log(JSON.stringify({ t: step.t, tx, w, at, resets: bench.chip.resets.length }));
   sent = [];
   bench.forget();
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 type Module = Vec<String>;
 
-const CRATES: [&str; 18] = [
+const CRATES: [&str; 19] = [
     "core/control",
     "core/protocol",
     "core/nav",
@@ -21,6 +21,7 @@ const CRATES: [&str; 18] = [
     "core/recording",
     "robot-agent",
     "fleet-cli/services",
+    "robot-agent/board-emulator",
     "fleet-cli/simulator",
     "fleet-cli/dashboard",
     "fleet-cli",

@@ -22,6 +22,7 @@ fn plan(first: usize, fleet_size: usize, connect: Vec<String>) -> Plan {
         pki: None,
         identity: None,
         pty: None,
+        board: None,
         truth_log: None,
         fixes: FixTruth::default(),
         record: None,

@@ -39,8 +39,9 @@ fn places(folders: &[&str], words: &[&str], except: &[&str]) -> Vec<String> {
 }
 
 /// What the two programs are made of.
-const PROGRAMS: [&str; 5] = [
+const PROGRAMS: [&str; 6] = [
     "robot-agent/src",
+    "robot-agent/board-emulator/src",
     "fleet-cli/src",
     "fleet-cli/services/src",
     "fleet-cli/simulator/src",

@@ -27,6 +27,7 @@ mod ordinary;
 mod parking;
 mod parkings;
 mod pillars;
+mod pins;
 mod planned;
 mod platform;
 mod poses;
