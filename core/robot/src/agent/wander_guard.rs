@@ -34,8 +34,8 @@ const HOLD_MS: u64 = 1_000;
 /// Way back, in m, and how fast, in m/s; both chosen, not measured.
 const BACK_M: f64 = 0.5;
 const BACK_MPS: f64 = 0.12;
-/// It backs off for so long at most, in ms: twice what the way takes.
-const BACK_MS: u64 = (2.0 * 1000.0 * BACK_M / BACK_MPS) as u64;
+/// It backs off for so long at most, in ms: what the way takes, for which there is room.
+const BACK_MS: u64 = (1000.0 * BACK_M / BACK_MPS) as u64;
 
 /// What it does about the others.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
