@@ -8,7 +8,7 @@
 //! The memorandum's wander (§4.6) looks through range finders at bumpers only: at its sides, and where it turns, the
 //! truck sees nobody. So its command is set aside while its body, driven on as the wheels stand, would come near to a
 //! body that traffic control has told of, and given anew afterwards. The obstacle rule holds all along. Without traffic
-//! control, or with another map frame than the fleet's, wander is the memorandum's alone.
+//! control wander is the memorandum's alone.
 
 use super::navigate::{STAND, STEP_NS};
 use super::{Agent, View};
