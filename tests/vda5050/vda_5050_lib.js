@@ -38,11 +38,12 @@ async function traversed() {
   };
   const seen = [], stops = {};
   let stoodSince, updated;
-  const watch = state => {
-    // How long the robot stands at each node, by the states.
-    if (!state.driving && stoodSince === undefined) stoodSince = Date.now();
-    if (state.driving && stoodSince !== undefined) {
-      stops[state.lastNodeId] = (stops[state.lastNodeId] || 0) + Date.now() - stoodSince;
+  const watch = ({ driving, lastNodeId, agvPosition: { x, y } }) => {
+    // How long the robot stands, by the states, since it traversed each node: not where it creeps up to the last one.
+    const stands = !driving && Math.hypot(x, y - 3.4) > 0.2;
+    if (stands && stoodSince === undefined) stoodSince = Date.now();
+    if (!stands && stoodSince !== undefined) {
+      stops[lastNodeId] = (stops[lastNodeId] || 0) + Date.now() - stoodSince;
       stoodSince = undefined;
     }
   };
