@@ -119,7 +119,10 @@ async fn an_operator_signs_in_drives_and_stops_and_is_thrown_out_when_revoked() 
     .await;
     screen(&browser, "sign-in-refused").await;
     sign_in(&browser, "alice").await;
-    let who = browser.page.find(Locator::Css("#who summary")).await.unwrap().text().await.unwrap();
+    let who = eventually("who is signed in", || async {
+        browser.page.find(Locator::Css("#who summary")).await.ok()?.text().await.ok()
+    })
+    .await;
     assert!(who.contains("alice") && who.contains("operator"), "{who}");
     browser.click("#who summary").await;
     screen(&browser, "who").await;
