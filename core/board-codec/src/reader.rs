@@ -91,8 +91,7 @@ impl Reader {
     #[inline]
     pub fn read(&mut self, mut bytes: &[u8], mut each: impl FnMut(Result<Content, FrameError>)) {
         while let Some(end) = bytes.iter().position(|&byte| byte == 0) {
-            self.keep(&bytes[..end]);
-            if let Some(content) = self.close() {
+            if let Some(content) = self.close(&bytes[..end]) {
                 each(content);
             }
             bytes = &bytes[end + 1..];
@@ -110,21 +109,23 @@ impl Reader {
         self.overrun |= kept < piece.len();
     }
 
-    /// A delimiter closes a frame: what is in it, checked.
+    /// A delimiter closes a frame, whose last piece this is: what is in it, checked.
     #[inline]
-    fn close(&mut self) -> Option<Result<Content, FrameError>> {
-        let (len, overrun) = (self.len, self.overrun);
-        (self.len, self.overrun) = (0, false);
-        if len == 0 {
-            return None; // an idle line may send delimiters
+    fn close(&mut self, piece: &[u8]) -> Option<Result<Content, FrameError>> {
+        if self.len == 0 && piece.len() <= MAX_FRAME {
+            // All of it, or an idle line, which may send delimiters.
+            return (!piece.is_empty()).then(|| self.open(piece));
         }
-        Some(if overrun { Err(FrameError::TooLong) } else { self.open(len) })
+        self.keep(piece);
+        let (buffer, len, overrun) = (self.buffer, self.len, self.overrun);
+        (self.len, self.overrun) = (0, false);
+        Some(if overrun { Err(FrameError::TooLong) } else { self.open(&buffer[..len]) })
     }
 
     #[inline]
-    fn open(&mut self, len: usize) -> Result<Content, FrameError> {
+    fn open(&mut self, frame: &[u8]) -> Result<Content, FrameError> {
         let mut body = [0; MAX_FRAME];
-        let len = cobs::decode(&self.buffer[..len], &mut body).map_err(|_| FrameError::Cobs)?;
+        let len = cobs::decode(frame, &mut body).map_err(|_| FrameError::Cobs)?;
         if len < 6 {
             return Err(FrameError::TooShort(len));
         }

@@ -98,11 +98,13 @@ impl GyroReader {
     /// Feeds bytes; `found` gets each good frame.
     pub fn push(&mut self, mut bytes: &[u8], mut found: impl FnMut(GyroFrame)) {
         while let Some(&first) = bytes.first() {
-            let is_whole = self.len == 0 && first == EULER && bytes.len() >= EULER_LEN;
-            let (piece, rest) = bytes.split_at(if is_whole { EULER_LEN } else { 1 });
-            self.window[self.len..self.len + piece.len()].copy_from_slice(piece);
-            self.len += piece.len();
-            bytes = rest;
+            let whole = bytes.split_first_chunk().filter(|_| self.len == 0 && first == EULER);
+            if let Some((frame, rest)) = whole {
+                (self.window, self.len, bytes) = (*frame, EULER_LEN, rest);
+            } else {
+                (self.window[self.len], bytes) = (first, &bytes[1..]);
+                self.len += 1;
+            }
             while let Some(frame) = self.next() {
                 found(frame);
             }
@@ -156,7 +158,7 @@ impl GyroReader {
     fn count_lost(&mut self, ticks: u16) {
         if let Some(before) = self.last_ticks.replace(ticks) {
             let elapsed_ms = f64::from(ticks.wrapping_sub(before)) * TICK_MS;
-            let periods = libm::round(elapsed_ms / PERIOD_MS) as u64;
+            let periods = (elapsed_ms / PERIOD_MS + 0.5) as u64; // rounded
             self.lost += periods.saturating_sub(1);
         }
     }

@@ -2,7 +2,6 @@
 
 use crate::faults::LineFault;
 use crate::rng::Rng;
-use std::collections::VecDeque;
 
 /// About three seconds of either device.
 const CAPACITY: usize = 4096;
@@ -13,7 +12,7 @@ const MAX_FRAME: usize = 64;
 /// the next frame by its delimiter or check sum.
 #[derive(Debug, Clone)]
 pub(crate) struct Outbox {
-    bytes: VecDeque<u8>,
+    bytes: Vec<u8>,
     dropped: u64,
     fault: LineFault,
     noise: Rng,
@@ -26,7 +25,7 @@ impl Outbox {
     /// `noise` is for faults alone.
     pub(crate) fn new(noise: Rng) -> Self {
         Self {
-            bytes: VecDeque::with_capacity(CAPACITY),
+            bytes: Vec::with_capacity(CAPACITY),
             dropped: 0,
             fault: LineFault::None,
             noise,
@@ -82,17 +81,16 @@ impl Outbox {
     /// Bytes past any fault.
     pub(crate) fn pass(&mut self, bytes: &[u8]) {
         let excess = (self.bytes.len() + bytes.len()).saturating_sub(CAPACITY);
-        self.bytes.drain(..excess.min(self.bytes.len()));
-        self.dropped += excess as u64;
-        self.bytes.extend(bytes);
+        if excess > 0 {
+            self.bytes.drain(..excess.min(self.bytes.len()));
+            self.dropped += excess as u64;
+        }
+        self.bytes.extend_from_slice(bytes);
     }
 
     /// Moves everything to the end of `into`.
     pub(crate) fn take(&mut self, into: &mut Vec<u8>) {
-        let (front, back) = self.bytes.as_slices();
-        into.extend_from_slice(front);
-        into.extend_from_slice(back);
-        self.bytes.clear();
+        into.append(&mut self.bytes);
     }
 
     /// Bytes dropped so far.
