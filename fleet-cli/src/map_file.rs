@@ -2,11 +2,16 @@
 
 use robot_agent::files::{self, FileError};
 use std::path::Path;
+use std::time::Duration;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_nav::Map;
 use xtb_nav::map::ros::Description;
 use xtb_protocol::messages::is_map_name;
+use xtb_services::map_server::MapService;
 use xtb_sim::World;
+
+/// How often a served file is looked at.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// Reads a map (YAML and image) or draws a world (TOML) in cells of `resolution_m`.
 ///
@@ -35,6 +40,37 @@ pub(crate) fn read(path: &Path, resolution_m: f64) -> Result<Map> {
         }
         _ => Err(broken("neither a map nor a world, judging by the extension".to_owned())
             .hint("maps have the extension .yaml (as written by map_server), worlds .toml")),
+    }
+}
+
+/// Whoever changes the file's places changes those that are served; for another floor or other zones the server is to
+/// be started again, and says so.
+pub(crate) async fn follow(path: &Path, resolution_m: f64, served: &Map, service: &MapService) {
+    let changed = || std::fs::metadata(path).and_then(|file| file.modified()).ok();
+    let (mut seen, mut places) = (changed(), served.places().to_vec());
+    let mut tick = tokio::time::interval(LOOK_EVERY);
+    loop {
+        tick.tick().await;
+        let now = changed();
+        if now == seen || now.is_none() {
+            continue;
+        }
+        seen = now;
+        match read(path, resolution_m) {
+            Ok(map) if map.hash() != served.hash() => {
+                tracing::warn!(
+                    "{}: its floor or its zones are others now; start again to serve them",
+                    path.display()
+                );
+            }
+            Ok(map) if map.places() != places => {
+                places = map.places().to_vec();
+                tracing::info!("{}: {} places", path.display(), places.len());
+                service.set_places(places.clone());
+            }
+            Ok(_) => {}
+            Err(error) => tracing::warn!("{error}; its places stay as they were"),
+        }
     }
 }
 

@@ -252,6 +252,52 @@ fn a_world_is_imported_and_the_files_are_the_same_map() {
 }
 
 #[test]
+fn places_are_named_moved_and_removed_in_a_worlds_and_in_a_maps_file() {
+    let home = Home::empty();
+    std::fs::write(home.path().join("hall.toml"), HALL).unwrap();
+    home.run("map import hall.toml --out hall.yaml").code(0);
+    for file in ["hall.toml", "hall.yaml"] {
+        let run = |line: &str| home.run(&format!("{line} --file {file}"));
+        let hash = |file: &str| json(&home.run(&format!("--json map show {file}")).code(0))["hash"].clone();
+        let before = std::fs::read_to_string(home.path().join(file)).unwrap();
+        let floor = hash(file);
+        let said = stdout(&run("place add dock-2 -1.5 1 --yaw 90 --kind dock --tag north").code(0));
+        assert_eq!(said, format!("dock-2 is (-1.50, 1.00) 90° in {file}\n"));
+        run("place add gate 2 -1").code(0);
+        let listed = stdout(&run("place list").code(0));
+        let expected = "dock-2  dock     (-1.50, 1.00) 90° @north\ngate    place    (2.00, -1.00) any yaw\n";
+        assert_eq!(listed, expected);
+        let docks = json(&run("--json place list --kind dock").code(0));
+        assert_eq!(docks["places"][0]["yaw_rad"], 1.5708);
+        let taken = stderr(&run("place add gate 0 0").code(1));
+        assert!(
+            taken.contains("has a place gate at (2.00, -1.00)") && taken.contains("--replace"),
+            "{taken}"
+        );
+        run("place add gate 0 1 --replace").code(0);
+        assert!(stdout(&run("place list").code(0)).contains("gate    place    (0.00, 1.00)"));
+        assert_eq!(hash(file), floor, "no robot has to take another map");
+        let missing = stderr(&run("place remove gate dock-9").code(1));
+        assert!(
+            missing.contains("has no place dock-9") && missing.contains("nothing was removed"),
+            "{missing}"
+        );
+        run("place remove gate dock-2").code(0);
+        assert_eq!(std::fs::read_to_string(home.path().join(file)).unwrap(), before);
+    }
+    for (line, reason) in [
+        ("place add 7 1 2 --file hall.toml", "must begin with a letter"),
+        ("place add inf 1 2 --file hall.toml", "not be a number"),
+        ("place add a 1 --file hall.toml", "needs two numbers"),
+        ("place add a 1 2 --file nothing.toml", "cannot read nothing.toml"),
+        ("goto xtb-1 dock-1 2", "needs no Y"),
+    ] {
+        let said = stderr(&home.alone(line).code(2));
+        assert!(said.contains(reason), "{line}: {said}");
+    }
+}
+
+#[test]
 fn a_map_is_drawn_and_checked() {
     let home = Home::empty();
     std::fs::write(home.path().join("hall.toml"), HALL).unwrap();
@@ -360,6 +406,9 @@ fn bash_completes_robots_and_tasks_that_there_are() {
         ("cancel ''", "tasks-now"),
         ("goto ''", "robots-now"),
         ("dispatch goto 1 2 --robot ''", "robots-now"),
+        ("goto xtb-1 ''", "places-now"),
+        ("dispatch goto ''", "places-now"),
+        ("dispatch route dock-1 ''", "places-now"),
     ] {
         let last = words.split(' ').count();
         let ask = format!(

@@ -184,6 +184,9 @@ impl Fleet {
             ros2: setup.ros2,
         };
         let simulator = Simulator::start(plan).await.unwrap_or_else(|failure| panic!("{failure}"));
+        let robots = simulator.roster().robots.len();
+        let moved = || async { (simulator.truth().latest().robots.len() == robots).then_some(()) };
+        eventually("the world's first turn", moved).await;
         let role = Role::Client { connect: vec![simulator.endpoint().to_owned()] };
         let bus = xtb_bus::open(&role).await.unwrap_or_else(|error| panic!("{error}"));
         Self { simulator, bus, keys: FleetKeys::new(name("lab")), pilots: AsyncMutex::default() }

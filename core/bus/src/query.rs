@@ -9,7 +9,8 @@ use tokio::sync::mpsc::{self, error::TrySendError};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
 use xtb_protocol::messages::{
-    DispatchReply, FleetMap, LogReply, Message, Reply, Request, Roster, StandbyReply, TaskList, Truth,
+    DispatchReply, FleetMap, FleetPlaces, LogReply, Message, Reply, Request, Roster, StandbyReply, TaskList,
+    Truth,
 };
 use xtb_protocol::wire::{self, CodecError};
 use zenoh::query::{ConsolidationMode, Query, QueryTarget, Reply as Answer};
@@ -27,6 +28,7 @@ fn longest_bytes(channel: &Channel) -> usize {
     match channel {
         Channel::Log(_) => LogReply::MAX_BYTES,
         Channel::Map => FleetMap::MAX_BYTES,
+        Channel::Places => FleetPlaces::MAX_BYTES,
         Channel::DispatchCmd(_) => DispatchReply::MAX_BYTES,
         Channel::DispatchStandby(_) => StandbyReply::MAX_BYTES,
         Channel::DispatchTasks => TaskList::MAX_BYTES,

@@ -1,20 +1,50 @@
-//! The fleet's map, as it is served.
+//! The fleet's map and its places, as they are served.
 
 use crate::client;
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::watch;
 use xtb_bus::{Bus, Incoming, Subscription};
 use xtb_protocol::keys::FleetKeys;
-use xtb_protocol::messages::FleetMap;
+use xtb_protocol::messages::{FleetMap, FleetPlaces, MapPlace, Message};
 
 /// The maps that are served to a fleet now; more than one is a mistake of its people.
 ///
 /// # Errors
 /// [`ErrorKind::Failed`](crate::ErrorKind::Failed) if the question could not be sent.
 pub async fn served(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec<FleetMap>> {
-    let answers = client::get(bus, &keys.map(), within).await?;
+    answers(bus, &keys.map(), within).await
+}
+
+/// All places of the map that is served; empty if nobody serves any.
+///
+/// # Errors
+/// [`ErrorKind::Failed`](crate::ErrorKind::Failed) if the question could not be sent.
+pub async fn places(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec<MapPlace>> {
+    let mut found = answers::<FleetPlaces>(bus, &keys.places(), within).await?;
+    Ok(found.pop().map(|found| found.places).unwrap_or_default())
+}
+
+/// The place of this name.
+///
+/// # Errors
+/// [`ErrorKind::Invalid`](crate::ErrorKind::Invalid): there is none, or no map is served; else as [`places`].
+pub async fn place(bus: &Bus, keys: &FleetKeys, name: &str, within: Duration) -> Result<MapPlace> {
+    let known = places(bus, keys, within).await?;
+    if let Some(place) = known.iter().find(|place| place.name.as_str() == name) {
+        return Ok(place.clone());
+    }
+    let error = Error::new(ErrorKind::Invalid, format!("there is no place {name:?}"));
+    Err(error.hint(if known.is_empty() {
+        "the fleet's map has no places; `fleet-cli place add` names one".to_owned()
+    } else {
+        format!("`fleet-cli place list` shows the {} that there are", known.len())
+    }))
+}
+
+async fn answers<M: Message>(bus: &Bus, key: &str, within: Duration) -> Result<Vec<M>> {
+    let answers = client::get(bus, key, within).await?;
     let read = |answer: &Incoming| {
         answer.decode().inspect_err(|error| tracing::warn!("on {}: {error}", answer.key)).ok()
     };

@@ -7,9 +7,9 @@ use thiserror::Error;
 use xtb_bus::Incoming;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetMap, IdentityStatus, LogRequest, Message, NearState,
-    Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent, TaskList,
-    TrafficState, Truth,
+    About, DispatchRequest, Estop, Event, Fix, FleetMap, FleetPlaces, IdentityStatus, LogRequest, Message,
+    NearState, Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent,
+    TaskList, TrafficState, Truth,
 };
 use xtb_protocol::wire::CodecError;
 
@@ -82,6 +82,8 @@ any_message! {
     Traffic(TrafficState),
     /// The fleet's floor.
     Map(FleetMap),
+    /// Places of the fleet's floor.
+    Places(FleetPlaces),
     /// Where simulated robots really are.
     Truth(Truth),
     /// Which robots should be there.
@@ -150,6 +152,7 @@ impl AnyMessage {
             Channel::Near(_) => bytes.read::<NearState>()?.into(),
             Channel::TrafficState => bytes.read::<TrafficState>()?.into(),
             Channel::Map => bytes.read::<FleetMap>()?.into(),
+            Channel::Places => bytes.read::<FleetPlaces>()?.into(),
             Channel::SimTruth => bytes.read::<Truth>()?.into(),
             Channel::SimRoster => bytes.read::<Roster>()?.into(),
             Channel::SimStats => bytes.read::<SimStats>()?.into(),

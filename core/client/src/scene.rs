@@ -17,8 +17,8 @@ use xtb_nav::Car;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::{
-    About, Event, FleetMap, MAX_ROSTER, RobotState, RosterEntry, Sensors, SimStats, Suspension, TaskEvent,
-    TaskList, TaskView, TrafficState, Truth,
+    About, Event, FleetMap, FleetPlaces, MAX_ROSTER, MapPlace, RobotState, RosterEntry, Sensors, SimStats,
+    Suspension, TaskEvent, TaskList, TaskView, TrafficState, Truth,
 };
 
 /// Points of a trail; 5 cm apart: 20 m.
@@ -175,6 +175,7 @@ pub struct Scene {
     fleet: Name,
     robots: BTreeMap<Name, Robot>,
     map: Option<FleetMap>,
+    places: Option<FleetPlaces>,
     tasks: Option<Seen<TaskList>>,
     traffic: Option<Seen<TrafficState>>,
     truth: Option<Seen<Truth>>,
@@ -194,6 +195,7 @@ impl Scene {
             fleet,
             robots: BTreeMap::new(),
             map: None,
+            places: None,
             tasks: None,
             traffic: None,
             truth: None,
@@ -229,6 +231,7 @@ impl Scene {
                 roster.robots.into_iter().for_each(|entry| self.expect(entry))
             }
             (AnyMessage::Map(map), None) => self.map = Some(*map),
+            (AnyMessage::Places(places), None) => self.places = Some(*places),
             (AnyMessage::Tasks(tasks), None) => self.tasks = Some(Seen::new(at_ms, *tasks)),
             (AnyMessage::Traffic(traffic), None) => self.traffic = Some(Seen::new(at_ms, *traffic)),
             (AnyMessage::Truth(truth), None) => self.truth = Some(Seen::new(at_ms, *truth)),
@@ -298,6 +301,13 @@ impl Scene {
     #[must_use]
     pub fn map(&self) -> Option<&FleetMap> {
         self.map.as_ref()
+    }
+
+    /// The floor's places, if they are of the map that is served.
+    #[must_use]
+    pub fn places(&self) -> &[MapPlace] {
+        let map = self.map.as_ref().map(|map| map.hash);
+        self.places.as_ref().filter(|places| Some(places.map) == map).map_or(&[], |places| &places.places)
     }
 
     /// The dispatcher's tasks.

@@ -1,4 +1,4 @@
-//! The fleet's map: an occupancy grid, zones drawn as polygons, and a hash of both.
+//! The fleet's map: an occupancy grid, zones drawn as polygons, a hash of both, and named places.
 //!
 //! A [`Map`] comes from our world files (`xtb_sim::World::chart`), from the files of ROS's map_server
 //! ([`ros`]) or from the wire ([`wire`]), and whatever way it came, the same floor has the same
@@ -10,6 +10,7 @@
 
 pub mod check;
 mod layers;
+mod places;
 pub mod polygon;
 pub mod raster;
 pub mod ros;
@@ -17,13 +18,14 @@ pub mod wire;
 mod zone;
 
 pub use layers::{ZoneLayers, Zones};
+pub use places::check_places;
 pub use zone::{Zone, ZoneError, ZoneKind};
 
 use crate::MapPose;
 use crate::geometry::{Car, Cell, Grid};
 use crc::{CRC_64_XZ, Crc};
 use thiserror::Error;
-use xtb_protocol::messages::{MAX_ZONES, MapHash, is_map_name};
+use xtb_protocol::messages::{MAX_ZONES, MapHash, MapPlace, is_map_name};
 
 /// Why a map cannot be.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -37,6 +39,9 @@ pub enum MapError {
     /// Two zones of one name could not be told apart.
     #[error("two zones have the name {0:?}")]
     ZoneNamedTwice(String),
+    /// Two places of one name, too many of them, or one that is impossible.
+    #[error("{0}")]
+    Places(String),
 }
 
 /// A floor: every value of this type has passed the checks.
@@ -45,6 +50,7 @@ pub struct Map {
     name: String,
     grid: Grid,
     zones: Vec<Zone>,
+    places: Vec<MapPlace>,
     /// Of grid and zones, which never change.
     hash: MapHash,
 }
@@ -66,7 +72,16 @@ impl Map {
             return Err(MapError::ZoneNamedTwice(zones[i].name().to_owned()));
         }
         let hash = hash_of(&grid, &zones);
-        Ok(Self { name: name.to_owned(), grid, zones, hash })
+        Ok(Self { name: name.to_owned(), grid, zones, places: Vec::new(), hash })
+    }
+
+    /// The same with these places, which its hash does not cover: no robot plans on them.
+    ///
+    /// # Errors
+    /// [`MapError::Places`].
+    pub fn with_places(self, places: Vec<MapPlace>) -> Result<Self, MapError> {
+        check_places(&places)?;
+        Ok(Self { places, ..self })
     }
 
     /// As people call it; not part of the hash.
@@ -85,6 +100,12 @@ impl Map {
     #[must_use]
     pub fn zones(&self) -> &[Zone] {
         &self.zones
+    }
+
+    /// All places.
+    #[must_use]
+    pub fn places(&self) -> &[MapPlace] {
+        &self.places
     }
 
     /// The zones that no robot may touch.

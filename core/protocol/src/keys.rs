@@ -231,6 +231,8 @@ channels! {
         TrafficState: traffic_state, TRAFFIC_STATE, "traffic/state", SAMPLES;
         /// [`FleetMap`](crate::messages::FleetMap); also a queryable for late joiners.
         Map: map, MAP, "map", BULK;
+        /// [`FleetPlaces`](crate::messages::FleetPlaces) of that map; also a queryable.
+        Places: places, PLACES, "map/places", BULK;
         /// Presence of the dispatcher, a liveliness token: one for a fleet.
         DispatchAlive: dispatch_alive, DISPATCH_ALIVE, "dispatch/alive", RELIABLE;
         /// [`TaskList`](crate::messages::TaskList), queryable.
@@ -366,6 +368,7 @@ mod tests {
             (fleet.traffic_alive(), Channel::TrafficAlive),
             (fleet.traffic_state(), Channel::TrafficState),
             (fleet.map(), Channel::Map),
+            (fleet.places(), Channel::Places),
             (fleet.dispatch_alive(), Channel::DispatchAlive),
             (fleet.dispatch_cmd(Some(&client)), Channel::DispatchCmd(client.clone())),
             (fleet.dispatch_standby(Some(&client)), Channel::DispatchStandby(client.clone())),

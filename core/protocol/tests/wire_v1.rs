@@ -9,8 +9,8 @@ use xtb_protocol::board::FrameWriter;
 use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::gyro_3dmg::EulerFrame;
 use xtb_protocol::messages::{
-    Done, Estop, Estopped, Event, EventKind, FleetMap, GoalStatus, MapCell, MapHash, MapZone, MapZoneKind,
-    Message, RejectCode, Reply, Setpoint,
+    Done, Estop, Estopped, Event, EventKind, FleetMap, FleetPlaces, GoalStatus, MapCell, MapHash, MapPlace,
+    MapZone, MapZoneKind, Message, PlaceKind, RejectCode, Reply, Setpoint,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -173,6 +173,57 @@ fn the_fleets_map() {
             r#""points":[[0.5,0.0],[1.0,0.0],[1.0,0.5]]}]}"#
         ),
     );
+}
+
+fn places() -> FleetPlaces {
+    let tag = |text: &str| Name::new(text).unwrap();
+    let dock = MapPlace {
+        name: tag("dock-1"),
+        kind: PlaceKind::Dock,
+        x_m: 1.5,
+        y_m: -2.0,
+        yaw_rad: Some(0.25),
+        tags: vec![tag("north")],
+        points: Vec::new(),
+    };
+    let points = vec![[0.5, 0.0], [1.0, 0.0], [1.0, 0.5]];
+    let (name, kind) = (tag("hall"), PlaceKind::Place);
+    let hall = MapPlace { name, kind, x_m: 0.9, y_m: 0.1, yaw_rad: None, tags: Vec::new(), points };
+    FleetPlaces { map: MapHash::new(0x17ac_03f8_7e07_7be9), places: vec![dock, hall] }
+}
+
+#[test]
+fn the_maps_places() {
+    pinned(
+        &places(),
+        concat!("PLACES_HEX"),
+        concat!(
+            r#"{"map":"17ac03f87e077be9","places":[{"name":"dock-1","kind":"dock","x_m":1.5,"y_m":-2.0,"#,
+            r#""yaw_rad":0.25,"tags":["north"],"points":[]},{"name":"hall","kind":"place","x_m":0.9,"#,
+            r#""y_m":0.1,"yaw_rad":null,"tags":[],"points":[[0.5,0.0],[1.0,0.0],[1.0,0.5]]}]}"#
+        ),
+    );
+}
+
+#[test]
+fn places_that_cannot_be_are_refused() {
+    places().validate().unwrap();
+    let refused = |what: &str, change: &dyn Fn(&mut FleetPlaces)| {
+        let mut changed = places();
+        change(&mut changed);
+        assert!(changed.validate().is_err(), "{what}");
+    };
+    refused("two of one name", &|all| all.places[1].name = all.places[0].name.clone());
+    for name in ["2", "-a", "inf", "nan"] {
+        refused(name, &|all| all.places[0].name = Name::new(name).unwrap());
+    }
+    refused("x", &|all| all.places[0].x_m = f64::NAN);
+    refused("far", &|all| all.places[0].y_m = 1000.5);
+    refused("yaw", &|all| all.places[0].yaw_rad = Some(7.5));
+    refused("tags", &|all| all.places[0].tags = vec![Name::new("a").unwrap(); 9]);
+    refused("two corners", &|all| all.places[1].points.truncate(2));
+    refused("corner", &|all| all.places[1].points[0][1] = f64::INFINITY);
+    refused("many", &|all| all.places = vec![all.places[0].clone(); 501]);
 }
 
 #[test]

@@ -1,12 +1,12 @@
-//! The only way to read a file: a regular one, and no more of it than a limit.
+//! The only way to read a file, a regular one and no more of it than a limit, and to put another in its place.
 //!
 //! What a file is called may come out of another file, and either may be wrong or meant badly: a device that
 //! never ends, a pipe to which nobody writes, a folder, a file that is longer than the memory.
 
 use rustix::fs::OFlags;
-use std::fs::{File, OpenOptions};
-use std::io::{self, BufRead, Read};
-use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::fs::{self, File, OpenOptions, Permissions};
+use std::io::{self, BufRead, Read, Write};
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt, PermissionsExt};
 use std::path::Path;
 use thiserror::Error;
 
@@ -117,6 +117,26 @@ pub fn line(from: &mut impl BufRead, limit: usize) -> Result<Option<String>, Fil
         return Err(FileError::TooLong { limit });
     }
     String::from_utf8(line).map(Some).map_err(|_| FileError::NotText)
+}
+
+/// Writes beside the file, which is made if it is missing, then takes its name: a power cut leaves the old one or the
+/// new one. A link stays one, and the file's rights stay; a new one may be read by everybody.
+///
+/// # Errors
+/// The system's words; nothing has changed.
+pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let path = match path.canonicalize() {
+        Ok(real) => real,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => path.to_owned(),
+        Err(error) => return Err(error),
+    };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let rights = fs::metadata(&path).map(|file| file.permissions());
+    let mut file = tempfile::Builder::new().prefix(".new-").tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().set_permissions(rights.unwrap_or_else(|_| Permissions::from_mode(0o644)))?;
+    file.as_file().sync_all()?;
+    file.persist(&path).map(drop).map_err(|error| error.error)
 }
 
 #[cfg(test)]

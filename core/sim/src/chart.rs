@@ -31,7 +31,7 @@ pub enum ChartError {
 }
 
 impl World {
-    /// The map of this world, with its zones; `resolution_m` is the side of a cell.
+    /// The map of this world, with its zones and places; `resolution_m` is the side of a cell.
     ///
     /// # Errors
     /// See [`ChartError`].
@@ -44,7 +44,8 @@ impl World {
             let starts: Vec<_> = self.starts().iter().map(|pose| grid.place(pose.x_m, pose.y_m)).collect();
             grid = known(&grid, &starts)?;
         }
-        Ok(Map::new(self.name().unwrap_or(NAMELESS), grid, self.zones().to_vec())?)
+        let map = Map::new(self.name().unwrap_or(NAMELESS), grid, self.zones().to_vec())?;
+        Ok(map.with_places(self.places().to_vec())?)
     }
 }
 

@@ -35,6 +35,13 @@
 //! name = "charger"
 //! kind = "keep_out"           # or "one_way", with heading_rad
 //! points = [[-4.0, -6.0], [-3.0, -6.0], [-3.0, -5.0]]
+//! [[places]]                  # where people send robots by name
+//! name = "dock-1"
+//! kind = "dock"               # or "place" (default), "parking", "waiting"
+//! x_m = -4.5
+//! y_m = 6.0
+//! yaw_rad = 1.57              # on arrival; default: any
+//! tags = ["north"]            # default: none
 //! ```
 
 mod layout;
@@ -48,6 +55,8 @@ use crate::world_error::{WorldError, check};
 use layout::{Contents, NamedBox};
 use xtb_control::frames::MapPose;
 use xtb_nav::Zone;
+use xtb_nav::map::check_places;
+use xtb_protocol::messages::MapPlace;
 
 /// Farthest coordinate, in m: the same limit as for goals.
 const LIMIT_M: f64 = 1000.0;
@@ -172,6 +181,12 @@ impl World {
         &self.0.zones
     }
 
+    /// The places of its map.
+    #[must_use]
+    pub fn places(&self) -> &[MapPlace] {
+        &self.0.places
+    }
+
     /// Adds a box, or moves and resizes the one of that name.
     ///
     /// # Errors
@@ -265,7 +280,10 @@ impl World {
             return Err(WorldError::BoxNamedTwice { name });
         }
         let names: Vec<_> = self.0.zones.iter().map(Zone::name).collect();
-        twice(&names).map_or(Ok(()), |name| Err(WorldError::ZoneNamedTwice { name }))
+        if let Some(name) = twice(&names) {
+            return Err(WorldError::ZoneNamedTwice { name });
+        }
+        check_places(&self.0.places).map_err(WorldError::Places)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Why a world is impossible.
 
 use thiserror::Error;
+use xtb_nav::map::MapError;
 
 /// Why a world was refused. Items are counted from 1, in the file's order.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -42,6 +43,9 @@ pub enum WorldError {
         /// The name.
         name: String,
     },
+    /// Its places are impossible.
+    #[error(transparent)]
+    Places(MapError),
     /// There is no box of this name.
     #[error("no box has the name \"{name}\"")]
     NoSuchBox {

@@ -1,6 +1,6 @@
 // The map's picture: floor and trails from pictures that are kept, everything that moves anew each time.
 
-import { bounds, cellsPictures, drawCells, drawGrid, drawScale, drawZones } from "./floor.js";
+import { bounds, cellsPictures, drawCells, drawGrid, drawPlaces, drawScale, drawZones } from "./floor.js";
 import { circle, disc, flag, octagon, wheels } from "./shapes.js";
 import { shown } from "./store.js";
 
@@ -108,6 +108,7 @@ export class Picture {
     if (!store.map) return;
     drawZones(context, view, store.map, this.#colours);
     drawCells(context, view, store.map, this.#cells.walls);
+    drawPlaces(context, view, store.places, this.#colours);
   }
 
   #keepTrails(store, view, ratio, level, nowMs) {

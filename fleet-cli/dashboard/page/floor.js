@@ -1,4 +1,4 @@
-// What does not move: cells, zones and grid of the map, drawn once for each view and kept.
+// What does not move: cells, zones, places and grid of the map, drawn once for each view and kept.
 
 const UNKNOWN = "unknown";
 
@@ -69,7 +69,66 @@ export function drawZones(context, view, map, colours) {
     if (keepOut) hatch(context, box);
     else arrows(context, box, zone.kind.one_way.heading_rad);
     context.restore();
+    label(context, zone.name, (box[0] + box[2]) / 2, (box[1] + box[3]) / 2, box[2] - box[0], colour, colours);
   }
+}
+
+const PLACE_PX = 5;
+const MARKS = { place: "", dock: "⚡", parking: "P", waiting: "…" };
+
+// Named points and areas: a mark with its yaw, and the name where there is room.
+export function drawPlaces(context, view, places, colours) {
+  for (const place of places) {
+    const [x, y] = view.toScreen(place.x_m, place.y_m);
+    context.save();
+    context.strokeStyle = colours.dim;
+    context.lineWidth = 1;
+    if (place.points.length > 0) {
+      context.beginPath();
+      place.points.forEach(([x_m, y_m], index) => context[index === 0 ? "moveTo" : "lineTo"](...view.toScreen(x_m, y_m)));
+      context.closePath();
+      context.setLineDash([2, 3]);
+      context.stroke();
+      context.setLineDash([]);
+    }
+    context.lineWidth = 1.5;
+    context.beginPath();
+    context.arc(x, y, PLACE_PX, 0, 2 * Math.PI);
+    if (place.yaw_rad !== null) {
+      const [ux, uy] = [Math.cos(place.yaw_rad), -Math.sin(place.yaw_rad)];
+      context.moveTo(x + PLACE_PX * ux, y + PLACE_PX * uy);
+      context.lineTo(x + 2.4 * PLACE_PX * ux, y + 2.4 * PLACE_PX * uy);
+    }
+    context.stroke();
+    context.restore();
+    label(context, `${MARKS[place.kind]} ${place.name}`.trim(), x, y + 17, Infinity, colours.dim, colours);
+  }
+}
+
+// The place whose mark is within `near_px` of a point of the picture; the nearest one.
+export function placeAt(view, places, x, y, near_px) {
+  const away = (place) => {
+    const [px, py] = view.toScreen(place.x_m, place.y_m);
+    return Math.hypot(px - x, py - y);
+  };
+  const near = places.filter((place) => away(place) <= near_px);
+  return near.sort((a, b) => away(a) - away(b))[0] ?? null;
+}
+
+// A name with a halo, if it is no wider than `width`.
+function label(context, text, x, y, width, colour, colours) {
+  context.save();
+  context.font = "12px system-ui, DejaVu Sans, sans-serif";
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  if (context.measureText(text).width <= width) {
+    context.lineWidth = 3;
+    context.strokeStyle = colours.floor;
+    context.strokeText(text, x, y);
+    context.fillStyle = colour;
+    context.fillText(text, x, y);
+  }
+  context.restore();
 }
 
 function box_px(view, points) {

@@ -5,12 +5,14 @@
 //   points: each tap adds a point to the task, or replaces the only one
 
 import { HANDLE_PX } from "./draw.js";
+import { placeAt } from "./floor.js";
 import { shown } from "./store.js";
 
 const TAP_PX = 7;
 const TURN_FROM_PX = 14; // a shorter drag has no heading
 const HANDLE_NEAR_PX = 20;
 const ROBOT_NEAR_PX = 24;
+const PLACE_NEAR_PX = 14;
 const TURN_RAD = Math.PI / 12;
 const STEP_M = 0.25;
 const FAST_STEP_M = 1;
@@ -25,6 +27,7 @@ export class GoalTool {
   #view;
   #store;
   #do;
+  #placeYaw = null; // of the place that is aimed at
   #press = null; // {pointer, x, y, kind: "tap" | "goal" | "turn"}
 
   // `act`: {select(name), goal(preview), changed(), say(text), fit(), withPoint(points, point), mayAim()}
@@ -72,7 +75,7 @@ export class GoalTool {
     const press = { pointer: event.pointerId, x, y, kind: "tap" };
     if (this.tool === "goals" && this.#canAim() && !this.#robotAt(x, y)) {
       press.kind = "goal";
-      this.preview = { ...this.#view.toFloor(x, y), yaw_rad: null };
+      this.preview = this.#aimAt(x, y);
     } else if (this.preview && this.#onHandle(x, y)) {
       press.kind = "turn";
     }
@@ -87,7 +90,8 @@ export class GoalTool {
     if (press?.pointer !== event.pointerId || press.kind === "tap" || !this.preview) return;
     const [x, y] = this.#view.toScreen(this.preview.x_m, this.preview.y_m);
     const [dx, dy] = [event.offsetX - x, y - event.offsetY];
-    this.preview.yaw_rad = Math.hypot(dx, dy) < TURN_FROM_PX ? null : Math.atan2(dy, dx);
+    const turned = Math.hypot(dx, dy) >= TURN_FROM_PX;
+    this.preview.yaw_rad = turned ? Math.atan2(dy, dx) : this.#placeYaw;
     this.#do.changed();
   }
 
@@ -102,6 +106,15 @@ export class GoalTool {
     }
   }
 
+  // The floor there, or the place that is marked there, with its yaw.
+  #aimAt(x, y) {
+    const place = placeAt(this.#view, this.#store.places, x, y, PLACE_NEAR_PX);
+    this.#placeYaw = place?.yaw_rad ?? null;
+    const { x_m, y_m } = place ?? this.#view.toFloor(x, y);
+    if (place) this.#do.say(place.name);
+    return { x_m, y_m, yaw_rad: this.#placeYaw };
+  }
+
   #drop() {
     this.#press = null;
     this.#view.held = false;
@@ -109,13 +122,12 @@ export class GoalTool {
 
   #tap(x, y) {
     const robot = this.#robotAt(x, y);
-    const floor = this.#view.toFloor(x, y);
     if (this.tool === "points") {
-      this.#addPoint(floor);
+      this.#addPoint(this.#aimAt(x, y));
     } else if (robot) {
       this.#do.select(robot);
     } else if (this.#canAim()) {
-      this.preview = { ...floor, yaw_rad: null };
+      this.preview = this.#aimAt(x, y);
     } else {
       this.#do.say(this.#do.mayAim() ? "Select a robot first; then tap the map to set its goal." : "");
     }
@@ -123,7 +135,7 @@ export class GoalTool {
   }
 
   #addPoint(point) {
-    this.points = this.#do.withPoint(this.points, { ...point, yaw_rad: null });
+    this.points = this.#do.withPoint(this.points, { yaw_rad: null, ...point });
     this.#do.changed();
   }
 

@@ -10,7 +10,8 @@ const COLOURS = 8;
 export class Store {
   hello = null;
   map = null;
-  mapCount = 0; // grows with each map: who draws it sees that there is a new one
+  mapCount = 0; // grows with each map and its places: who draws it sees that there is a new one
+  places = [];
   robots = new Map(); // by name, in the order of the names
   frame = null; // the latest, without its robots
   frameAtMs = null; // page's clock
@@ -71,6 +72,10 @@ export class Store {
         break;
       case "map":
         this.map = body;
+        this.mapCount += 1;
+        break;
+      case "places":
+        this.places = body;
         this.mapCount += 1;
         break;
       case "frame":

@@ -14,8 +14,9 @@ use xtb_nav::MapPose;
 use xtb_nav::geometry::path::Piece;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    About, BatteryLevel, Fault, FleetMap, GoalKind, GoalStatus, Latch, MapHash, ObstacleView, RobotState,
-    RouteState, Sensors, StopReason, Suspension, SuspensionCause, TaskId, TaskList, TiltState, Track,
+    About, BatteryLevel, Fault, FleetMap, GoalKind, GoalStatus, Latch, MapHash, MapPlace, ObstacleView,
+    RobotState, RouteState, Sensors, StopReason, Suspension, SuspensionCause, TaskId, TaskList, TiltState,
+    Track,
 };
 
 /// Between two points of a path that is drawn, in m.
@@ -31,6 +32,8 @@ pub(super) enum ToPage {
     Hello(Hello),
     /// At first and when it changes.
     Map(Option<Box<FleetMap>>),
+    /// Those of the map, when they change.
+    Places(Vec<MapPlace>),
     /// The robots.
     Frame(Box<Frame>),
     /// When a new list has come.
@@ -155,6 +158,7 @@ struct Detail {
 pub(super) struct Known {
     /// `None` = nothing was said of a map.
     map: Option<Option<MapHash>>,
+    places: Vec<MapPlace>,
     /// When the list came, and from when it is.
     tasks: Option<(AtMs, u64)>,
     /// Number of the last happening.
@@ -187,6 +191,7 @@ impl Known {
     pub(super) fn news(&mut self, scene: &Scene, moment: Moment, watch: Option<&Name>) -> Vec<ToPage> {
         let mut news = Vec::new();
         news.extend(self.map(scene));
+        news.extend(self.places(scene));
         news.extend(self.tasks(scene));
         news.extend(self.happenings(scene));
         news.push(ToPage::Frame(Box::new(self.frame(scene, moment, watch))));
@@ -198,6 +203,13 @@ impl Known {
         (self.map != hash).then(|| {
             self.map = hash;
             ToPage::Map(scene.map().cloned().map(Box::new))
+        })
+    }
+
+    fn places(&mut self, scene: &Scene) -> Option<ToPage> {
+        (self.places != scene.places()).then(|| {
+            self.places = scene.places().to_vec();
+            ToPage::Places(self.places.clone())
         })
     }
 

@@ -1,7 +1,8 @@
-//! Serves a map to a fleet.
+//! Serves a map and its places to a fleet.
 
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_bus::{Bus, Incoming, Publisher, Service, Subscription};
@@ -10,20 +11,20 @@ use xtb_client::{Error, ErrorKind, Result};
 use xtb_nav::Map;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
-use xtb_protocol::messages::{FleetMap, MapHash};
+use xtb_protocol::messages::{FleetMap, FleetPlaces, MapHash, MapPlace, Message};
 
 /// A map is published again this often, for whoever missed it.
 const PUBLISH_EVERY: Duration = Duration::from_secs(30);
 
 /// Serves a map to a fleet until it is dropped.
 pub struct MapService {
-    publishing: JoinHandle<()>,
-    _answering: Service,
+    places: watch::Sender<Arc<FleetPlaces>>,
+    _serving: [Serving; 2],
     _listening: Subscription,
 }
 
 impl MapService {
-    /// Publishes a map, now and again, and answers questions for it.
+    /// Publishes a map and its places, now and again, and answers questions for them.
     ///
     /// # Errors
     /// Another map is served already, or Zenoh refuses.
@@ -33,17 +34,43 @@ impl MapService {
         {
             return Err(taken(&other.name, other.hash));
         }
-        let (key, message) = (keys.map(), Arc::new(message));
-        let answering = answer(bus, key.clone(), Arc::clone(&message)).await?;
         let own = message.hash;
-        let listening = bus.subscribe(&key, move |incoming| warn_of_another(own, &incoming)).await?;
-        let publisher = bus.publisher::<FleetMap>(&key, &Channel::Map, Format::Postcard).await?;
-        let publishing = tokio::spawn(publish(publisher, message));
-        Ok(Self { publishing, _answering: answering, _listening: listening })
+        let (_, map_source) = watch::channel(Arc::new(message));
+        let (places, places_source) = watch::channel(Arc::new(FleetPlaces::from(map)));
+        let serving = [
+            Serving::start(bus, keys.map(), &Channel::Map, map_source).await?,
+            Serving::start(bus, keys.places(), &Channel::Places, places_source).await?,
+        ];
+        let listening = bus.subscribe(&keys.map(), move |incoming| warn_of_another(own, &incoming)).await?;
+        Ok(Self { places, _serving: serving, _listening: listening })
+    }
+
+    /// Serves these places from now on; the map stays as it is.
+    pub fn set_places(&self, places: Vec<MapPlace>) {
+        self.places.send_modify(|known| *known = Arc::new(FleetPlaces { map: known.map, places }));
     }
 }
 
-impl Drop for MapService {
+/// One message, published and answered with, the newest of it, until this is dropped.
+struct Serving {
+    publishing: JoinHandle<()>,
+    _answering: Service,
+}
+
+impl Serving {
+    async fn start<M: Message + Send + Sync + 'static>(
+        bus: &Bus,
+        key: String,
+        channel: &Channel,
+        newest: watch::Receiver<Arc<M>>,
+    ) -> Result<Self> {
+        let answering = answer(bus, key.clone(), newest.clone()).await?;
+        let publisher = bus.publisher::<M>(&key, channel, Format::Postcard).await?;
+        Ok(Self { publishing: tokio::spawn(publish(publisher, newest)), _answering: answering })
+    }
+}
+
+impl Drop for Serving {
     fn drop(&mut self) {
         self.publishing.abort();
     }
@@ -63,28 +90,38 @@ fn taken(name: &str, hash: MapHash) -> Error {
         .hint("`fleet-cli map show --live` shows it; end its server, or choose another --fleet")
 }
 
-async fn answer(bus: &Bus, key: String, message: Arc<FleetMap>) -> Result<Service> {
+async fn answer<M: Message + Send + Sync + 'static>(
+    bus: &Bus,
+    key: String,
+    newest: watch::Receiver<Arc<M>>,
+) -> Result<Service> {
     let runtime = tokio::runtime::Handle::current();
     let own_key = key.clone();
     let service = bus.serve(&key, move |question| {
-        let (own_key, message) = (own_key.clone(), Arc::clone(&message));
+        let (own_key, message) = (own_key.clone(), Arc::clone(&newest.borrow()));
         runtime.spawn(async move {
             let format = question.wanted_format();
             if let Err(error) = question.reply(&own_key, message.as_ref(), format).await {
-                tracing::debug!("cannot send the map: {error}");
+                tracing::debug!("cannot send {}: {error}", M::NAME);
             }
         });
     });
     Ok(service.await?)
 }
 
-async fn publish(publisher: Publisher<FleetMap>, message: Arc<FleetMap>) {
+/// At once, when it changes, and now and again.
+async fn publish<M: Message>(publisher: Publisher<M>, mut newest: watch::Receiver<Arc<M>>) {
     let mut tick = tokio::time::interval(PUBLISH_EVERY);
     tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let mut changes = true;
     loop {
-        tick.tick().await;
+        tokio::select! {
+            _ = tick.tick() => {}
+            changed = newest.changed(), if changes => changes = changed.is_ok(),
+        }
+        let message = Arc::clone(&newest.borrow_and_update());
         if let Err(error) = publisher.put(&message).await {
-            tracing::warn!("cannot publish the map: {error}");
+            tracing::warn!("cannot publish {}: {error}", M::NAME);
         }
     }
 }
@@ -93,6 +130,7 @@ async fn publish(publisher: Publisher<FleetMap>, message: Arc<FleetMap>) {
 mod tests {
     use super::*;
     use xtb_client::Client;
+    use xtb_client::map_source::{place, places};
     use xtb_nav::Grid;
 
     fn map(name: &str, width: usize) -> Map {
@@ -112,6 +150,11 @@ mod tests {
         let refused = MapService::start(bus, keys, &map("barn", 21), within).await.map(drop).unwrap_err();
         let named = format!("another map is already served: lab ({})", lab.hash());
         assert_eq!((refused.kind, refused.message), (ErrorKind::Failed, named));
+        assert_eq!(places(bus, keys, within).await.unwrap(), []);
+        let gate: MapPlace = serde_json::from_str(r#"{"name":"gate","x_m":0.2,"y_m":0.1}"#).unwrap();
+        first.set_places(vec![gate.clone()]);
+        assert_eq!(place(bus, keys, "gate", within).await.unwrap(), gate);
+        assert!(place(bus, keys, "door", within).await.is_err());
         // The same floor by another name is no other map.
         drop(MapService::start(bus, keys, &map("room", 20), within).await.unwrap());
 

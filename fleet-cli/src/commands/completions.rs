@@ -17,16 +17,22 @@ pub struct CompletionsArgs {
 /// Robots and tasks that there are now, beside what clap knows.
 const LIVE_BASH: &str = r#"
 _fleet-cli_live() {
-    local cur="${COMP_WORDS[COMP_CWORD]}" word kind=
+    local cur="${COMP_WORDS[COMP_CWORD]}" word kind= i
     _fleet__cli "$@"
     if [[ ${COMP_WORDS[COMP_CWORD-1]} == --robot ]]; then
         kind=robots
     elif [[ $cur != -* ]]; then
-        for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do
+        for ((i = 1; i < COMP_CWORD; i++)); do
+            word="${COMP_WORDS[i]}"
             case "$word" in
+                goto | set-pose)
+                    kind=robots
+                    ((i < COMP_CWORD - 1)) || [[ ${COMP_WORDS[i-1]} == dispatch ]] && kind=places
+                    break ;;
+                route | patrol) kind=places && break ;;
                 task | cancel | pause | resume | retry | extend) kind=tasks && break ;;
-                status | why | goto | wander | stop | estop | reset | set-pose | teleop | top | fetch-log) kind=robots && break ;;
-                dispatch) break ;;
+                status | why | wander | stop | estop | reset | teleop | top | fetch-log) kind=robots && break ;;
+                dispatch) ;;
             esac
         done
     fi
@@ -38,6 +44,7 @@ complete -F _fleet-cli_live -o bashdefault -o default fleet-cli
 const LIVE_FISH: &str = r#"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from task cancel pause resume retry extend" -a "(fleet-cli names tasks 2>/dev/null)"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from status why goto wander stop estop reset set-pose teleop top fetch-log; and not __fish_seen_subcommand_from dispatch" -a "(fleet-cli names robots 2>/dev/null)"
+complete -c fleet-cli -f -n "__fish_seen_subcommand_from goto set-pose route patrol" -a "(fleet-cli names places 2>/dev/null)"
 complete -c fleet-cli -n "__fish_seen_subcommand_from dispatch tasks" -l robot -x -a "(fleet-cli names robots 2>/dev/null)"
 "#;
 
@@ -47,6 +54,11 @@ const LIVE_ZSH: &str = r#"
 _fleet-cli_robots() {
     local names; names=(${(f)"$(fleet-cli names robots 2>/dev/null)"})
     _describe -t robots 'robot' names
+}
+(( $+functions[_fleet-cli_places] )) ||
+_fleet-cli_places() {
+    local names; names=(${(f)"$(fleet-cli names places 2>/dev/null)"})
+    _describe -t places 'place' names
 }
 (( $+functions[_fleet-cli_tasks] )) ||
 _fleet-cli_tasks() {
@@ -63,6 +75,7 @@ fn zsh(script: &str) -> String {
             Some("robot" | "robots" | "--robot") if line.contains(" -- ") || line.contains(":ROBOT:") => {
                 "robots"
             }
+            Some("point" | "points") if line.contains(" -- ") => "places",
             Some("task" | "tasks") if line.contains(" -- ") => "tasks",
             _ => return line.to_owned(),
         };

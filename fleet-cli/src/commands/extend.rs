@@ -37,7 +37,7 @@ pub struct ExtendArgs {
 /// # Errors
 /// No router, no dispatcher, a point that is none, or a refusal.
 pub async fn run(ctx: &Context, args: ExtendArgs) -> Result<Exit> {
-    let points = points::read(&args.points)?;
+    let points = points::read(ctx, &args.points).await?;
     let client = Client::open(&ctx.settings).await?;
     let dispatcher = dispatcher(&client);
     let changes = async {

@@ -1,15 +1,16 @@
 //! `goto`: send a robot to a point of the map.
 
 use super::goal::{self, Task};
-use crate::args::{LeaseArgs, LinkLossArg};
+use crate::args::{LeaseArgs, LinkLossArg, PointArgs};
 use crate::context::Context;
 use crate::exit::Exit;
-use crate::values::{degrees, metres, seconds};
+use crate::values::{degrees, seconds};
 use clap::Args;
 use std::time::Duration;
 use xtb_client::Result;
 use xtb_client::goal::GoalTarget;
 use xtb_protocol::Name;
+use xtb_protocol::messages::Waypoint;
 
 /// Arguments of `goto`.
 #[derive(Debug, Clone, Args)]
@@ -18,13 +19,11 @@ pub struct GotoArgs {
     /// Robot.
     #[arg(value_name = "ROBOT", value_parser = Name::robot)]
     pub robot: Name,
-    /// East, in m.
-    #[arg(value_name = "X", value_parser = metres)]
-    pub x_m: f64,
-    /// North, in m.
-    #[arg(value_name = "Y", value_parser = metres)]
-    pub y_m: f64,
-    /// Yaw on arrival, in degrees counter-clockwise from east; only along a planned path.
+    /// Where to.
+    #[command(flatten)]
+    pub to: PointArgs,
+    /// Yaw on arrival, in degrees counter-clockwise from east; only along a planned path [default: the place's, else
+    /// any].
     #[arg(long, value_name = "DEGREES", value_parser = degrees)]
     pub yaw: Option<f64>,
     /// Driving mode [default: planned if the robot has a map, else direct].
@@ -68,8 +67,11 @@ impl From<ViaArg> for xtb_protocol::messages::Via {
 /// # Errors
 /// No router, no answer, or a refusal.
 pub async fn run(ctx: &Context, args: GotoArgs) -> Result<Exit> {
-    let GotoArgs { robot, x_m, y_m, yaw, via, wait, within, on_link_loss, lease } = args;
-    let target = GoalTarget::Point { x_m, y_m, yaw_rad: yaw.map(f64::to_radians), via: via.map(Into::into) };
+    let GotoArgs { robot, to, yaw, via, wait, within, on_link_loss, lease } = args;
+    let Waypoint { x_m, y_m, yaw_rad } = to.resolve(ctx).await?;
+    // A place's own yaw is for planned paths; straight to it there is none.
+    let yaw_rad = yaw.map(f64::to_radians).or(yaw_rad.filter(|_| via != Some(ViaArg::Direct)));
+    let target = GoalTarget::Point { x_m, y_m, yaw_rad, via: via.map(Into::into) };
     let on_link_loss = on_link_loss.map(Into::into);
     goal::run(ctx, &Task { robot, target, within, wait, on_link_loss, take: lease.take }).await
 }

@@ -18,6 +18,7 @@ pub mod list;
 pub mod map;
 pub mod names;
 pub mod pki;
+pub mod place;
 pub mod plan;
 pub mod play;
 pub mod record;
@@ -98,6 +99,8 @@ pub enum Verb {
     FetchLog(fetch_log::FetchLogArgs),
     /// Show, check, import or serve a map.
     Map(map::MapArgs),
+    /// Named points of the map: list, add and remove them.
+    Place(place::PlaceArgs),
     /// Traffic control: coordinate robots with planned goals.
     Traffic(traffic::TrafficArgs),
     /// Dispatcher: accept tasks for the fleet and assign them to its robots.
@@ -148,6 +151,7 @@ impl Verb {
                 Uses::Nothing
             }
             Self::Map(args) if !args.needs_session() => Uses::Nothing,
+            Self::Place(args) if !args.needs_session() => Uses::Nothing,
             Self::Sim(args) if args.identities.is_some() => Uses::Nothing,
             Self::Sim(_) | Self::Demo(_) => Uses::IfAsked,
             Self::Doctor(_) => Uses::Unchecked,
@@ -231,6 +235,7 @@ async fn carry_out(
         Verb::Extend(args) => changing(extend::run(&ctx()?, args)).await,
         Verb::FetchLog(args) => fetch_log::run(&ctx()?, &args).await,
         Verb::Map(args) => map::run(&ctx()?, &args).await,
+        Verb::Place(args) => or_interrupted(place::run(&ctx()?, &args)).await,
         Verb::Dashboard(args) => dashboard::run(&ctx()?, &args).await,
         Verb::Pki(args) => pki::run(&ctx()?, &args),
         Verb::Enrol(args) => enrol::run(&ctx()?, &args),

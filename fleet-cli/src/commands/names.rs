@@ -1,12 +1,12 @@
-//! `names`: robots or tasks that there are, one a line, for completion scripts.
+//! `names`: robots, tasks or places that there are, one a line, for completion scripts.
 
 use crate::context::Context;
 use crate::exit::Exit;
 use clap::{Args, ValueEnum};
 use std::time::Duration;
-use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
+use xtb_client::{Result, map_source};
 
 /// Arguments of `names`.
 #[derive(Debug, Clone, Args)]
@@ -23,6 +23,8 @@ pub enum NamesOf {
     Robots,
     /// Tasks of the dispatcher, newest first.
     Tasks,
+    /// Places of the fleet's map.
+    Places,
 }
 
 /// Nobody waits longer for a suggestion.
@@ -47,6 +49,10 @@ async fn names(ctx: &Context, of: NamesOf) -> Result<Vec<String>> {
     let client = Client::open(&ctx.settings).await?;
     match of {
         NamesOf::Robots => Ok(client.alive().await?.iter().map(ToString::to_string).collect()),
+        NamesOf::Places => {
+            let places = map_source::places(client.bus(), client.keys(), WITHIN).await?;
+            Ok(places.iter().map(|place| place.name.to_string()).collect())
+        }
         NamesOf::Tasks => {
             let list = DispatcherClient::of(&client).list().await?;
             // The newest are meant more often.

@@ -32,6 +32,7 @@ pub fn needed(verb: &Verb) -> Option<Action> {
             MapVerb::Show(args) => args.live.then_some(Action::Look),
             MapVerb::Check(_) | MapVerb::Import(_) => None,
         },
+        Verb::Place(args) => args.needs_session().then_some(Action::Look),
         Verb::Traffic(args) => Some(match &args.verb {
             TrafficVerb::Serve(_) => Action::ServeTraffic,
             TrafficVerb::Status => Action::Look,

@@ -1,10 +1,10 @@
 //! `set-pose`: tell a robot that stands where it is. It never moves the robot.
 
 use super::take_control;
-use crate::args::LeaseArgs;
+use crate::args::{LeaseArgs, PointArgs};
 use crate::context::Context;
 use crate::exit::Exit;
-use crate::values::{degrees, metres};
+use crate::values::degrees;
 use clap::Args;
 use serde::Serialize;
 use std::time::Instant;
@@ -15,7 +15,7 @@ use xtb_client::state_feed::StateFeed;
 use xtb_client::text::robot as describe;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::frames::{MapPose, wrap_rad};
-use xtb_protocol::messages::{Body, PoseState};
+use xtb_protocol::messages::{Body, PoseState, Waypoint};
 use xtb_protocol::{Name, Uuid};
 
 /// Arguments of `set-pose`.
@@ -25,13 +25,10 @@ pub struct SetPoseArgs {
     /// Robot; it must be stopped.
     #[arg(value_name = "ROBOT", value_parser = Name::robot)]
     pub robot: Name,
-    /// East, in m.
-    #[arg(value_name = "X", value_parser = metres)]
-    pub x_m: f64,
-    /// North, in m.
-    #[arg(value_name = "Y", value_parser = metres)]
-    pub y_m: f64,
-    /// Yaw, in degrees counter-clockwise from east [default: the current yaw].
+    /// Where it is.
+    #[command(flatten)]
+    pub at: PointArgs,
+    /// Yaw, in degrees counter-clockwise from east [default: the place's, else the current yaw].
     #[arg(long, value_name = "DEGREES", value_parser = degrees)]
     pub yaw: Option<f64>,
     /// Control of the robot.
@@ -58,9 +55,11 @@ struct Report<'a> {
 /// No router, no answer, or a refusal, as of a robot that is under way; without `--yaw` also a robot whose
 /// state was not heard.
 pub async fn run(ctx: &Context, args: &SetPoseArgs) -> Result<Exit> {
+    let at = args.at.resolve(ctx).await?;
     let client = Client::open(&ctx.settings).await?;
     let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
-    let outcome = set_pose(ctx, &client, &control, args).await;
+    let yaw_rad = args.yaw.map(f64::to_radians).or(at.yaw_rad);
+    let outcome = set_pose(ctx, &client, &control, &args.robot, Waypoint { yaw_rad, ..at }).await;
     let taken_from = control.taken_from().map(str::to_owned);
     control.release().await;
     let report = Report { taken_from: taken_from.as_deref(), ..outcome? };
@@ -73,17 +72,17 @@ async fn set_pose<'a>(
     ctx: &Context,
     client: &Client,
     control: &Control,
-    args: &'a SetPoseArgs,
+    robot: &'a Name,
+    at: Waypoint,
 ) -> Result<Report<'a>> {
-    let robot = &args.robot;
     let feed = StateFeed::open(client, &client.keys().robot(robot)).await?;
     let before = next_state(&feed, robot, Instant::now(), ctx.settings.timeout, |_| true).await;
     let before = before.map(|state| state.pose);
-    let Some(yaw_rad) = args.yaw.map(f64::to_radians).or(before.map(|pose| pose.yaw_rad)) else {
+    let Some(yaw_rad) = at.yaw_rad.or(before.map(|pose| pose.yaw_rad)) else {
         let message = format!("no state from {robot}: its current yaw is unknown");
         return Err(Error::new(ErrorKind::NoRobot, message).hint("give it with --yaw DEGREES"));
     };
-    let pose = MapPose { x_m: args.x_m, y_m: args.y_m, yaw_rad: wrap_rad(yaw_rad) };
+    let pose = MapPose { x_m: at.x_m, y_m: at.y_m, yaw_rad: wrap_rad(yaw_rad) };
     let MapPose { x_m, y_m, yaw_rad } = pose;
     control.request(Uuid::new_v4(), Body::SetPose { x_m, y_m, yaw_rad }).await?;
     let since = Instant::now() + STATE_EVERY;
@@ -104,7 +103,6 @@ fn text(report: &Report<'_>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::LeaseArgs;
     use std::time::Duration;
     use xtb_client::fake::{FakeRobot, name};
 
@@ -112,11 +110,10 @@ mod tests {
         let client = Client::alone(Duration::from_secs(30)).await;
         let robot = FakeRobot::start(&client, "xtb-1").await;
         robot.lock().state.pose.yaw_rad = 1.5;
-        let lease = LeaseArgs { take: false };
-        let args = SetPoseArgs { robot: name("xtb-1"), x_m: 2.0, y_m: -3.0, yaw, lease };
-        let args = Box::leak(Box::new(args));
-        let control = Control::acquire(&client, &args.robot, false).await.unwrap();
-        let report = set_pose(&Context::of(&client), &client, &control, args).await.unwrap();
+        let robot_name: &'static Name = Box::leak(Box::new(name("xtb-1")));
+        let control = Control::acquire(&client, robot_name, false).await.unwrap();
+        let at = Waypoint { x_m: 2.0, y_m: -3.0, yaw_rad: yaw.map(f64::to_radians) };
+        let report = set_pose(&Context::of(&client), &client, &control, robot_name, at).await.unwrap();
         let asked = robot.lock().asked.last().unwrap().1.clone();
         (report, asked)
     }

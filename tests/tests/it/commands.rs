@@ -153,6 +153,36 @@ fn watch_decodes_what_travels() {
 }
 
 #[test]
+fn robots_are_sent_to_places_by_name() {
+    let sim = sim(&[
+        "--robots",
+        "1",
+        "--world",
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../worlds/lab.toml"),
+        "--speed",
+        "8",
+    ]);
+    let (code, listed, output) = sim.run(&["place", "list", "--kind", "dock"]);
+    let names: Vec<_> = listed["places"].as_array().unwrap().iter().map(|place| &place["name"]).collect();
+    assert_eq!((code, names), (0, vec![&Value::from("dock-1"), &"dock-2".into()]), "{output:?}");
+    let (code, reached, output) = sim.run(&["goto", "xtb-1", "door", "--wait"]);
+    assert_eq!((code, &reached["status"]), (0, &"reached".into()), "{output:?}");
+    let (_, state, output) = sim.run(&["status", "xtb-1"]);
+    let pose = &state["state"]["pose"];
+    let off = |value: &Value, place: f64| (value.as_f64().unwrap() - place).abs();
+    assert!(off(&pose["x_m"], 0.0) < 0.2 && off(&pose["y_m"], 2.5) < 0.2, "{output:?}");
+    assert!(off(&pose["yaw_rad"], std::f64::consts::FRAC_PI_2) < 0.3, "{output:?}");
+    let (code, refused, _) = sim.run(&["goto", "xtb-1", "dock-9"]);
+    assert_eq!((code, &refused["error"]["message"]), (2, &"there is no place \"dock-9\"".into()));
+    let file = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
+    std::fs::write(&file, "[room]\nwidth_m = 6.0\ndepth_m = 6.0\n").unwrap();
+    let path = file.path().to_str().unwrap();
+    let (code, here, output) = sim.run(&["place", "here", "bench", "xtb-1", "--file", path]);
+    assert_eq!(code, 0, "{output:?}");
+    assert!(off(&here["added"]["y_m"], 2.5) < 0.2, "{output:?}");
+}
+
+#[test]
 fn a_simulator_serves_the_map_of_its_world() {
     let world = concat!(env!("CARGO_MANIFEST_DIR"), "/../worlds/lab.toml");
     let sim = sim(&["--robots", "1", "--world", world]);

@@ -104,6 +104,7 @@ pub(super) fn rows(kind: Kind) -> &'static [Row] {
         Kind::Map => {
             &[Row(Put, &[P::Map], &[P::Look, P::Robot]), Row(Ask, &[P::Look, P::Robot, P::Map], &[P::Map])]
         }
+        Kind::Places => &[Row(Put, &[P::Map], &[P::Look]), Row(Ask, &[P::Look], &[P::Map])],
         Kind::DispatchAlive => &[Row(Alive, &[P::Dispatcher], &[P::Look])],
         Kind::DispatchTasks => {
             &[Row(Put, &[P::Dispatcher], &[P::Look]), Row(Ask, &[P::Look], &[P::Dispatcher])]

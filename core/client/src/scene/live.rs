@@ -183,7 +183,7 @@ async fn ask_factsheets(client: Client, scene: Arc<Shared>, mut comers: mpsc::Re
 fn key_exprs(keys: &FleetKeys, wanted: Wanted) -> Vec<String> {
     let robots = keys.any_robot();
     let mut found = vec![robots.alive(), robots.state(), robots.event(), robots.about()];
-    found.extend([keys.map(), keys.sim_roster(), keys.dispatch_tasks(), keys.traffic_state()]);
+    found.extend([keys.map(), keys.places(), keys.sim_roster(), keys.dispatch_tasks(), keys.traffic_state()]);
     found.push(keys.sim_stats());
     found.extend(wanted.sensors.then(|| robots.sensors()));
     found.extend(wanted.truth.then(|| keys.sim_truth()));

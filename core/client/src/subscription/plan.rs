@@ -56,7 +56,7 @@ impl Plan {
         let [states, abouts, rosters] = asks;
         let presence = overlap(expression, any::ALIVE);
         let events = intersect(expression, any::EVENT);
-        let maps = overlap(expression, any::MAP);
+        let maps = [any::MAP, any::PLACES].map(|pattern| overlap(expression, pattern)).concat();
         let answers: Vec<String> = abouts.into_iter().chain(rosters).collect();
         match last_chunk(expression) {
             "alive" if !presence.is_empty() => return Ok(Self::Presence),
@@ -65,7 +65,9 @@ impl Plan {
                 return Ok(Self::Events);
             }
             // Long, so not within wider expressions.
-            "map" if !maps.is_empty() => return Ok(Self::Messages { ask: maps, presence: Vec::new() }),
+            "map" | "places" if !maps.is_empty() => {
+                return Ok(Self::Messages { ask: maps, presence: Vec::new() });
+            }
             "about" | "roster" if !answers.is_empty() => return Ok(Self::Answers(answers)),
             _ => {}
         }
@@ -81,7 +83,7 @@ impl Plan {
 
 /// Keys on which messages are published that whoever looks may hear, each message on one of them: without the same
 /// once more in JSON.
-const HEARD: [&str; 10] = [
+const HEARD: [&str; 11] = [
     any::STATE,
     any::SENSORS,
     any::EVENT,
@@ -89,6 +91,7 @@ const HEARD: [&str; 10] = [
     any::ROUTE,
     any::NEAR,
     any::MAP,
+    any::PLACES,
     any::DISPATCH_TASKS,
     any::SIM_TRUTH,
     any::SIM_STATS,

@@ -57,6 +57,11 @@ pub fn map_pose(pose: &MapPose) -> String {
     format!("({x}, {y}) {}°", fixed(pose.yaw_rad.to_degrees(), 0))
 }
 
+/// A point of the map: `(1.00, -2.50)`.
+pub fn map_point(x_m: f64, y_m: f64) -> String {
+    format!("({}, {})", fixed(x_m, 2), fixed(y_m, 2))
+}
+
 /// Where the pose comes from and how old it is.
 pub fn pose_source(pose: &PoseState) -> String {
     match pose.age_ms {

@@ -2,12 +2,15 @@
 //!
 //! Read as `nav2_map_server` reads them (documented keys, mode trinary, strict thresholds, the mean of
 //! all channels), so that ROS and this fleet see the same floor. Rows of the image run from north to
-//! south. Two keys are ours, and other programs skip them: `name` and `zones`.
+//! south. Three keys are ours, and other programs skip them: `name`, `zones` and `places`.
 //!
 //! Nothing here opens a file: [`Description::image`] names the image, and whoever may open files hands
 //! its bytes to [`Description::map`].
 
 mod image;
+mod places;
+
+pub use places::with_places;
 
 use super::{Map, MapError, Zone};
 use crate::geometry::grid::GridError;
@@ -15,6 +18,8 @@ use crate::geometry::{Cell, Grid};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_saphyr::FlowSeq;
 use thiserror::Error;
+use xtb_protocol::keys::Name;
+use xtb_protocol::messages::MapPlace;
 
 /// Longest YAML text that is read, in bytes: the most zones with the most corners (200 of each) take 0.8 MiB.
 pub const MAX_YAML_BYTES: usize = 1024 * 1024;
@@ -64,6 +69,7 @@ pub struct Description {
     origin_m: [f64; 2],
     thresholds: Thresholds,
     zones: Vec<Zone>,
+    places: Vec<MapPlace>,
 }
 
 /// From which shade on a pixel is what.
@@ -101,6 +107,8 @@ struct Layout {
     name: Option<String>,
     #[serde(default)]
     zones: Vec<Zone>,
+    #[serde(default)]
+    places: Vec<MapPlace>,
 }
 
 /// map_server takes both.
@@ -158,6 +166,7 @@ impl Description {
             origin_m: [x_m, y_m],
             thresholds: Thresholds { negate: layout.negate, free, occupied },
             zones: layout.zones,
+            places: layout.places,
         })
     }
 
@@ -175,7 +184,7 @@ impl Description {
     pub fn map(self, name: &str, image: &[u8]) -> Result<Map, RosError> {
         let (width, height, cells) = image::cells(image, self.thresholds)?;
         let grid = Grid::new(self.resolution_m, self.origin_m, width, height, cells)?;
-        Ok(Map::new(self.name.as_deref().unwrap_or(name), grid, self.zones)?)
+        Ok(Map::new(self.name.as_deref().unwrap_or(name), grid, self.zones)?.with_places(self.places)?)
     }
 }
 
@@ -191,6 +200,8 @@ struct Written<'a> {
     name: &'a str,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     zones: Vec<WrittenZone<'a>>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    places: Vec<WrittenPlace<'a>>,
 }
 
 #[derive(Serialize)]
@@ -200,6 +211,34 @@ struct WrittenZone<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     heading_rad: Option<f64>,
     points: FlowSeq<&'a [[f64; 2]]>,
+}
+
+#[derive(Serialize)]
+struct WrittenPlace<'a> {
+    name: &'a str,
+    kind: &'a str,
+    x_m: f64,
+    y_m: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    yaw_rad: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tags: Option<FlowSeq<Vec<&'a str>>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    points: Option<FlowSeq<&'a [[f64; 2]]>>,
+}
+
+impl<'a> From<&'a MapPlace> for WrittenPlace<'a> {
+    fn from(place: &'a MapPlace) -> Self {
+        Self {
+            name: place.name.as_str(),
+            kind: place.kind.as_str(),
+            x_m: place.x_m,
+            y_m: place.y_m,
+            yaw_rad: place.yaw_rad,
+            tags: (!place.tags.is_empty()).then(|| FlowSeq(place.tags.iter().map(Name::as_str).collect())),
+            points: (!place.points.is_empty()).then(|| FlowSeq(place.points.as_slice())),
+        }
+    }
 }
 
 /// A map as files.
@@ -236,6 +275,7 @@ impl Files {
             free_thresh: FREE_THRESH,
             name: map.name(),
             zones: zones.collect(),
+            places: map.places().iter().map(WrittenPlace::from).collect(),
         };
         let yaml = serde_saphyr::to_string(&written).map_err(|error| RosError::Yaml(error.to_string()))?;
         Ok(Self { yaml, image: image::pgm(map.grid()) })

@@ -4,7 +4,7 @@ use super::{Map, MapError, Zone, ZoneError, ZoneKind};
 use crate::geometry::grid::GridError;
 use crate::geometry::{Cell, Grid};
 use thiserror::Error;
-use xtb_protocol::messages::{FleetMap, MapCell, MapHash, MapZone, MapZoneKind};
+use xtb_protocol::messages::{FleetMap, FleetPlaces, MapCell, MapHash, MapZone, MapZoneKind};
 
 /// Why a message is no map.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -51,6 +51,12 @@ impl From<&Map> for FleetMap {
             cells: runs(grid.cells()),
             zones: map.zones().iter().map(zone).collect(),
         }
+    }
+}
+
+impl From<&Map> for FleetPlaces {
+    fn from(map: &Map) -> Self {
+        Self { map: map.hash(), places: map.places().to_vec() }
     }
 }
 

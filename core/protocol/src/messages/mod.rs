@@ -16,6 +16,7 @@ mod log;
 mod map;
 mod nav;
 mod near;
+mod places;
 mod request;
 mod sensors;
 mod sim;
@@ -49,6 +50,7 @@ pub use nav::{
     TrafficState,
 };
 pub use near::{NearRole, NearState, NearWay};
+pub use places::{FleetPlaces, MAX_PLACE_TAGS, MAX_PLACES, MapPlace, PlaceKind, PlaceNameError, place_name};
 pub use request::{
     Body, Done, ErrorBody, Estop, Estopped, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint,
     Via,

@@ -192,6 +192,7 @@ fn holds(channel: &Channel) -> bool {
             | Channel::DispatchAlive
             | Channel::About
             | Channel::Map
+            | Channel::Places
             | Channel::DispatchTasks
             | Channel::SimRoster
     )

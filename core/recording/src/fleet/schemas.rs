@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 use xtb_client::messages::AnyMessage;
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetMap, LogRequest, Message, Request, RobotState, Roster,
-    Route, Sensors, Setpoint, SimStats, TaskEvent, TaskList, TrafficState, Truth,
+    About, DispatchRequest, Estop, Event, Fix, FleetMap, FleetPlaces, LogRequest, Message, Request,
+    RobotState, Roster, Route, Sensors, Setpoint, SimStats, TaskEvent, TaskList, TrafficState, Truth,
 };
 
 /// What all of Foxglove's own begin with.
@@ -48,6 +48,7 @@ static ALL: LazyLock<Vec<Schema>> = LazyLock::new(|| {
         wire::<Route>(),
         wire::<TrafficState>(),
         wire::<FleetMap>(),
+        wire::<FleetPlaces>(),
         wire::<Truth>(),
         wire::<Roster>(),
         wire::<SimStats>(),

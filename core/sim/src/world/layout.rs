@@ -4,6 +4,7 @@ use crate::geometry::OrientedBox;
 use serde::Deserialize;
 use xtb_control::frames::MapPose;
 use xtb_nav::Zone;
+use xtb_protocol::messages::MapPlace;
 
 /// A rectangle with walls around it.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -111,5 +112,6 @@ pub(super) struct Contents {
     pub(super) ramps: Vec<Ramp>,
     pub(super) starts: Vec<MapPose>,
     pub(super) zones: Vec<Zone>,
+    pub(super) places: Vec<MapPlace>,
     pub(super) vehicles: Vec<String>,
 }

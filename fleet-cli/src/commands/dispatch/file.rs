@@ -1,7 +1,8 @@
 //! Files of tasks (TOML): read and checked as a whole before anything is submitted.
 
-use super::points::waypoint;
+use super::points::{named, places, waypoint};
 use super::text;
+use crate::context::Context;
 use robot_agent::files;
 use serde::Deserialize;
 use std::ops::Range;
@@ -9,7 +10,9 @@ use std::path::Path;
 use toml::Spanned;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
-use xtb_protocol::messages::{LinkLoss, MAX_SUBMISSION, OnTakeover, TaskKind, TaskSpec, Waypoint, Who};
+use xtb_protocol::messages::{
+    LinkLoss, MAX_SUBMISSION, MapPlace, OnTakeover, TaskKind, TaskSpec, Waypoint, Who,
+};
 
 const HINT: &str = "`fleet-cli dispatch submit --help` has an example";
 
@@ -17,10 +20,14 @@ const HINT: &str = "`fleet-cli dispatch submit --help` has an example";
 ///
 /// # Errors
 /// [`ErrorKind::Config`] with file, line and task.
-pub(super) fn read(path: &Path, now_ms: u64) -> Result<Vec<TaskSpec>> {
+pub(super) async fn read(ctx: &Context, path: &Path, now_ms: u64) -> Result<Vec<TaskSpec>> {
     let text = text(path, files::MAX_TEXT)?;
-    parse(&text, now_ms)
-        .map_err(|failure| Error { message: format!("{}, {}", path.display(), failure.message), ..failure })
+    let in_file =
+        |failure: Error| Error { message: format!("{}, {}", path.display(), failure.message), ..failure };
+    let entries = entries(&text).map_err(in_file)?;
+    let names = entries.iter().any(|entry| entry.get_ref().names_a_place());
+    let places = if names { places(ctx).await? } else { Vec::new() };
+    specs(&text, entries, now_ms, &places).map_err(in_file)
 }
 
 #[derive(Debug, Deserialize)]
@@ -30,13 +37,30 @@ struct File {
     task: Vec<Spanned<Entry>>,
 }
 
+/// A point as people write it.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged, expecting = "a point is [x, y], [x, y, yaw] or the name of a place")]
+enum Point {
+    Place(String),
+    Numbers(Vec<f64>),
+}
+
+impl Point {
+    fn waypoint(&self, places: &[MapPlace]) -> std::result::Result<Waypoint, String> {
+        match self {
+            Self::Place(name) => named(name, places),
+            Self::Numbers(numbers) => waypoint(numbers),
+        }
+    }
+}
+
 /// One task as people write it: exactly one of the first four says what is to be done.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
-    goto: Option<Vec<f64>>,
-    route: Option<Vec<Vec<f64>>>,
-    patrol: Option<Vec<Vec<f64>>>,
+    goto: Option<Point>,
+    route: Option<Vec<Point>>,
+    patrol: Option<Vec<Point>>,
     wander_for_s: Option<f64>,
     loops: Option<u32>,
     dwell_s: Option<f64>,
@@ -53,14 +77,15 @@ struct Entry {
     grace_s: Option<f64>,
 }
 
-fn parse(text: &str, now_ms: u64) -> Result<Vec<TaskSpec>> {
-    let wrong = |at: usize, task: Option<usize>, what: &str| {
-        let task = task.map(|n| format!(", task {n}")).unwrap_or_default();
-        Error::new(ErrorKind::Config, format!("line {}{task}: {what}", line_of(text, at))).hint(HINT)
-    };
+fn wrong(text: &str, at: usize, task: Option<usize>, what: &str) -> Error {
+    let task = task.map(|n| format!(", task {n}")).unwrap_or_default();
+    Error::new(ErrorKind::Config, format!("line {}{task}: {what}", line_of(text, at))).hint(HINT)
+}
+
+fn entries(text: &str) -> Result<Vec<Spanned<Entry>>> {
     let file: File = toml::from_str(text).map_err(|error| {
         let at = error.span().map_or(0, |span| span.start);
-        wrong(at, task_at(text, at), error.message().trim_end())
+        wrong(text, at, task_at(text, at), error.message().trim_end())
     })?;
     if file.task.is_empty() {
         return Err(Error::new(
@@ -74,12 +99,20 @@ fn parse(text: &str, now_ms: u64) -> Result<Vec<TaskSpec>> {
         let message = format!("the file has {} tasks, the limit is {MAX_SUBMISSION}", file.task.len());
         return Err(Error::new(ErrorKind::Config, message).hint("submit them in parts"));
     }
-    let mut specs = Vec::new();
-    for (i, entry) in file.task.into_iter().enumerate() {
+    Ok(file.task)
+}
+
+fn specs(
+    text: &str,
+    entries: Vec<Spanned<Entry>>,
+    now_ms: u64,
+    places: &[MapPlace],
+) -> Result<Vec<TaskSpec>> {
+    let each = |(i, entry): (usize, Spanned<Entry>)| {
         let Range { start, .. } = entry.span();
-        specs.push(entry.into_inner().spec(now_ms).map_err(|what| wrong(start, Some(i + 1), &what))?);
-    }
-    Ok(specs)
+        entry.into_inner().spec(now_ms, places).map_err(|what| wrong(text, start, Some(i + 1), &what))
+    };
+    entries.into_iter().enumerate().map(each).collect()
 }
 
 /// The line of a byte, counted from 1.
@@ -94,16 +127,21 @@ fn task_at(text: &str, at: usize) -> Option<usize> {
     (headings > 0).then_some(headings)
 }
 
-fn points(all: &[Vec<f64>]) -> std::result::Result<Vec<Waypoint>, String> {
-    let point = |(i, numbers): (usize, &Vec<f64>)| {
-        waypoint(numbers).map_err(|what| format!("point {}: {what}", i + 1))
+fn points(all: &[Point], places: &[MapPlace]) -> std::result::Result<Vec<Waypoint>, String> {
+    let point = |(i, point): (usize, &Point)| {
+        point.waypoint(places).map_err(|what| format!("point {}: {what}", i + 1))
     };
     all.iter().enumerate().map(point).collect()
 }
 
 impl Entry {
-    fn spec(self, now_ms: u64) -> std::result::Result<TaskSpec, String> {
-        let mut spec = TaskSpec::new(self.kind()?);
+    fn names_a_place(&self) -> bool {
+        let lists = [&self.route, &self.patrol].into_iter().flatten().flatten();
+        self.goto.iter().chain(lists).any(|point| matches!(point, Point::Place(_)))
+    }
+
+    fn spec(self, now_ms: u64, places: &[MapPlace]) -> std::result::Result<TaskSpec, String> {
+        let mut spec = TaskSpec::new(self.kind(places)?);
         spec.who = self.who()?;
         spec.priority = self.priority.unwrap_or(spec.priority);
         spec.retries = self.retries.unwrap_or(spec.retries);
@@ -121,7 +159,7 @@ impl Entry {
         Ok(spec)
     }
 
-    fn kind(&self) -> std::result::Result<TaskKind, String> {
+    fn kind(&self, places: &[MapPlace]) -> std::result::Result<TaskKind, String> {
         let Self { goto, route, patrol, wander_for_s, loops, dwell_s, for_s, .. } = self;
         let only = |name: &str, given: bool, with: &str| match given {
             true => Err(format!("{name} can only be used with {with}")),
@@ -133,12 +171,12 @@ impl Entry {
         only("dwell_s", dwell_s.is_some() && !is_route && !is_patrol, "route and patrol")?;
         let dwell_s = dwell_s.unwrap_or(0.0);
         match (goto, route, patrol, wander_for_s) {
-            (Some(to), None, None, None) => Ok(TaskKind::Goto { to: waypoint(to)? }),
+            (Some(to), None, None, None) => Ok(TaskKind::Goto { to: to.waypoint(places)? }),
             (None, Some(all), None, None) => {
-                Ok(TaskKind::Route { points: points(all)?, loops: loops.unwrap_or(1), dwell_s })
+                Ok(TaskKind::Route { points: points(all, places)?, loops: loops.unwrap_or(1), dwell_s })
             }
             (None, None, Some(all), None) => {
-                Ok(TaskKind::Patrol { points: points(all)?, dwell_s, for_s: *for_s })
+                Ok(TaskKind::Patrol { points: points(all, places)?, dwell_s, for_s: *for_s })
             }
             (None, None, None, Some(for_s)) => Ok(TaskKind::Wander { for_s: *for_s }),
             (None, None, None, None) => {

@@ -1,62 +1,99 @@
-//! Points on the command line, or in a file: `X,Y` or `X,Y,YAW`, in m and degrees.
+//! Points on the command line, or in a file: `X,Y` or `X,Y,YAW`, in m and degrees, or the name of a place.
 
+use crate::context::Context;
 use std::path::Path;
-use xtb_client::{Error, ErrorKind, Result};
-use xtb_protocol::messages::{MAX_COORDINATE_M, MAX_POINTS, Waypoint};
+use xtb_client::{Client, Error, ErrorKind, Result, map_source};
+use xtb_protocol::messages::{MAX_COORDINATE_M, MAX_POINTS, MapPlace, Waypoint, place_name};
 
 /// A file of points is not longer than this.
 const MAX_BYTES: usize = 1 << 20;
 
-/// The points that `words` are, or that stand in the file that the only one of them names.
+/// A point as people wrote it.
+struct Written {
+    text: String,
+    /// The file and the line, counted from 1; `None` = on the command line.
+    at: Option<(String, usize)>,
+}
+
+/// The points that `words` are, or that stand in the file that the only one of them names. The map server is asked
+/// if one is the name of a place.
 ///
 /// # Errors
-/// [`ErrorKind::Invalid`] with the point, or [`ErrorKind::Config`] with the file's line, that is wrong.
-pub(in crate::commands) fn read(words: &[String]) -> Result<Vec<Waypoint>> {
-    let points = match words {
-        [word] if !looks_like_a_point(word) => return from_file(Path::new(word)),
-        words => words.iter().map(|word| point(word).map_err(|what| wrong(word, &what))),
-    };
-    bounded(points.collect::<Result<_>>()?, ErrorKind::Invalid)
+/// [`ErrorKind::Invalid`] with the point, or [`ErrorKind::Config`] with the file's line, that is wrong; no router.
+pub(in crate::commands) async fn read(ctx: &Context, words: &[String]) -> Result<Vec<Waypoint>> {
+    let written = written(words)?;
+    let names = written.iter().any(|point| place_name(&point.text).is_ok());
+    let places = if names { places(ctx).await? } else { Vec::new() };
+    parse(&written, &places)
 }
 
-fn looks_like_a_point(word: &str) -> bool {
-    !Path::new(word).exists() && word.contains(',') || word.trim().parse::<f64>().is_ok()
+/// The places of the fleet's map.
+pub(super) async fn places(ctx: &Context) -> Result<Vec<MapPlace>> {
+    let client = Client::open(&ctx.settings).await?;
+    let places = map_source::places(client.bus(), client.keys(), ctx.settings.timeout).await;
+    client.close().await;
+    places
 }
 
-fn wrong(word: &str, what: &str) -> Error {
-    Error::new(ErrorKind::Invalid, format!("{:?} is not a point: {what}", word.trim()))
-        .hint("a point is X,Y or X,Y,YAW, in m and degrees: 1.5,-2 or 1.5,-2,90; or give a file of points")
+fn written(words: &[String]) -> Result<Vec<Written>> {
+    match words {
+        [word] if is_a_file(word) => from_file(Path::new(word)),
+        words => Ok(words.iter().map(|word| Written { text: word.trim().to_owned(), at: None }).collect()),
+    }
 }
 
-fn from_file(path: &Path) -> Result<Vec<Waypoint>> {
-    let place = path.display();
-    let failed = |what: String| Error::new(ErrorKind::Config, what);
+fn is_a_file(word: &str) -> bool {
+    let is_point = word.contains(',') || word.trim().parse::<f64>().is_ok() || place_name(word).is_ok();
+    Path::new(word).exists() || !is_point
+}
+
+fn from_file(path: &Path) -> Result<Vec<Written>> {
     let text = super::text(path, MAX_BYTES)?;
-    let mut points = Vec::new();
-    for (i, line) in text.lines().enumerate() {
-        let line = line.split('#').next().unwrap_or_default().trim();
-        if !line.is_empty() {
-            let point = point(line).map_err(|what| failed(format!("{place}, line {}: {what}", i + 1)))?;
-            points.push(point);
-        }
-    }
-    let points = bounded(points, ErrorKind::Config);
-    points.map_err(|failure| Error { message: format!("{place}: {}", failure.message), ..failure })
-}
-
-fn bounded(points: Vec<Waypoint>, kind: ErrorKind) -> Result<Vec<Waypoint>> {
-    match points.len() {
-        0 => Err(Error::new(kind, "no points")),
-        1..=MAX_POINTS => Ok(points),
-        many => Err(Error::new(kind, format!("{many} points, the limit is {MAX_POINTS}"))),
+    let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
+    let points = lines.enumerate().filter(|(_, line)| !line.is_empty());
+    let written: Vec<_> = points
+        .map(|(i, line)| Written { text: line.to_owned(), at: Some((path.display().to_string(), i + 1)) })
+        .collect();
+    match written.len() {
+        0 => Err(Error::new(ErrorKind::Config, format!("{}: no points", path.display()))),
+        _ => Ok(written),
     }
 }
 
-/// One point, with commas or blanks.
-fn point(text: &str) -> std::result::Result<Waypoint, String> {
+fn parse(written: &[Written], places: &[MapPlace]) -> Result<Vec<Waypoint>> {
+    if written.len() > MAX_POINTS {
+        let kind = if written[0].at.is_some() { ErrorKind::Config } else { ErrorKind::Invalid };
+        return Err(Error::new(kind, format!("{} points, the limit is {MAX_POINTS}", written.len())));
+    }
+    written.iter().map(|point| self::point(&point.text, places).map_err(|what| wrong(point, &what))).collect()
+}
+
+fn wrong(written: &Written, what: &str) -> Error {
+    match &written.at {
+        Some((path, line)) => Error::new(ErrorKind::Config, format!("{path}, line {line}: {what}")),
+        None => Error::new(ErrorKind::Invalid, format!("{:?} is not a point: {what}", written.text)),
+    }
+    .hint(
+        "a point is X,Y or X,Y,YAW, in m and degrees: 1.5,-2 or 1.5,-2,90; or the name of a place \
+         (`fleet-cli place list`); or give a file of points",
+    )
+}
+
+/// One point: numbers with commas or blanks, or a place.
+fn point(text: &str, places: &[MapPlace]) -> std::result::Result<Waypoint, String> {
+    if place_name(text).is_ok() {
+        return named(text, places);
+    }
     let parts = text.split(|c: char| c == ',' || c.is_whitespace()).filter(|part| !part.is_empty());
     let numbers = parts.map(|part| part.parse::<f64>().map_err(|_| format!("{part:?} is not a number")));
     numbers.collect::<std::result::Result<Vec<f64>, String>>().and_then(|numbers| waypoint(&numbers))
+}
+
+/// The point of the place of this name.
+pub(super) fn named(name: &str, places: &[MapPlace]) -> std::result::Result<Waypoint, String> {
+    let found = places.iter().find(|place| place.name.as_str() == name);
+    let &MapPlace { x_m, y_m, yaw_rad, .. } = found.ok_or_else(|| format!("there is no place {name:?}"))?;
+    Ok(Waypoint { x_m, y_m, yaw_rad })
 }
 
 /// X and Y in m, and yaw in degrees if it matters.
@@ -82,7 +119,19 @@ mod tests {
     use super::*;
 
     fn of(words: &[&str]) -> Result<Vec<Waypoint>> {
-        read(&words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>())
+        let dock: MapPlace =
+            serde_json::from_str(r#"{"name":"dock-1","x_m":3,"y_m":4,"yaw_rad":1}"#).unwrap();
+        written(&words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>())
+            .and_then(|written| parse(&written, &[dock]))
+    }
+
+    #[test]
+    fn a_place_is_a_point_by_its_name() {
+        let dock = Waypoint { x_m: 3.0, y_m: 4.0, yaw_rad: Some(1.0) };
+        assert_eq!(of(&["dock-1"]).unwrap(), [dock]);
+        assert_eq!(of(&["1,2", "dock-1"]).unwrap()[1], dock);
+        let failure = of(&["dock-2", "dock-1"]).unwrap_err();
+        assert_eq!(failure.message, "\"dock-2\" is not a point: there is no place \"dock-2\"");
     }
 
     #[test]
@@ -109,8 +158,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("route.txt");
         let file = path.to_str().unwrap();
-        std::fs::write(&path, "# the corridor\n1, 0\n\n2 0 90  # turn\n").unwrap();
-        assert_eq!(of(&[file]).unwrap().len(), 2);
+        std::fs::write(&path, "# the corridor\n1, 0\n\n2 0 90  # turn\ndock-1\n").unwrap();
+        assert_eq!(of(&[file]).unwrap().len(), 3);
         std::fs::write(&path, "1,0\n\n2,x\n").unwrap();
         let failure = of(&[file]).unwrap_err();
         assert!(failure.message.ends_with("route.txt, line 3: \"x\" is not a number"), "{failure}");
@@ -122,7 +171,7 @@ mod tests {
 
     #[test]
     fn a_route_is_not_longer_than_the_protocol_allows() {
-        let failure = read(&vec!["0,0".to_owned(); MAX_POINTS + 1]).unwrap_err();
+        let failure = of(&["0,0"; MAX_POINTS + 1]).unwrap_err();
         assert_eq!(failure.message, "101 points, the limit is 100");
     }
 }

@@ -1,13 +1,13 @@
 //! `dispatch goto`, `route`, `patrol`, `wander` and `submit`: tasks for the dispatcher.
 
 use super::{file as files, points, wait};
-use crate::args::LinkLossArg;
+use crate::args::{LinkLossArg, PointArgs};
 use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::text::task as task_text;
-use crate::values::{degrees, metres, part_of_a_day, seconds};
+use crate::values::{degrees, part_of_a_day, seconds};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -21,10 +21,12 @@ use xtb_protocol::Name;
 use xtb_protocol::messages::{MAX_PRIORITY, OnTakeover, TaskId, TaskKind, TaskSpec, Waypoint, Who};
 
 const GOTO_EXAMPLE: &str = "\
-Example: fleet-cli dispatch goto 4 2 --yaw 90 --tag red --wait";
+Examples:
+  fleet-cli dispatch goto 4 2 --yaw 90 --tag red --wait
+  fleet-cli dispatch goto dock-2";
 
 const ROUTE_HELP: &str = "\
-A point is X,Y or X,Y,YAW (m, degrees). A file has one point per line, with commas or spaces; # starts a \
+A point is X,Y or X,Y,YAW (m, degrees), or a place. A file has one point per line, with commas or spaces; # starts a \
 comment.
 
 Examples:
@@ -32,7 +34,7 @@ Examples:
   fleet-cli dispatch route corridor.txt --robot xtb-1";
 
 const PATROL_HELP: &str = "\
-A point is X,Y or X,Y,YAW (m, degrees). A file has one point per line, with commas or spaces; # starts a \
+A point is X,Y or X,Y,YAW (m, degrees), or a place. A file has one point per line, with commas or spaces; # starts a \
 comment.
 
 Example: fleet-cli dispatch patrol -1,0 -1,4 3,4 --dwell 5 --for 600";
@@ -44,7 +46,7 @@ const SUBMIT_HELP: &str = "\
 The file is checked as a whole, here and by the dispatcher: all of its tasks are accepted, or none.
 
   [[task]]
-  goto = [4.0, 2.0, 90]              # x and y in m, optionally yaw in degrees
+  goto = [4.0, 2.0, 90]              # x and y in m, optionally yaw in degrees; or \"dock-2\"
   robot = \"xtb-1\"                    # or tag = \"red\", or able = \"wander\"
 
   [[task]]
@@ -65,13 +67,10 @@ const WAIT_HELP: &str = "Waiting for tasks";
 #[derive(Debug, Clone, Args)]
 #[command(allow_negative_numbers = true, after_help = GOTO_EXAMPLE)]
 pub struct TaskGotoArgs {
-    /// East, in m.
-    #[arg(value_name = "X", value_parser = metres)]
-    pub x_m: f64,
-    /// North, in m.
-    #[arg(value_name = "Y", value_parser = metres)]
-    pub y_m: f64,
-    /// Yaw on arrival, in degrees counter-clockwise from east [default: any].
+    /// Where to.
+    #[command(flatten)]
+    pub to: PointArgs,
+    /// Yaw on arrival, in degrees counter-clockwise from east [default: the place's, else any].
     #[arg(long, value_name = "DEGREES", value_parser = degrees)]
     pub yaw: Option<f64>,
     /// Who, when, how.
@@ -231,20 +230,21 @@ struct Submitted<'a> {
 
 /// One drive to a point.
 pub(super) async fn goto(ctx: &Context, args: &TaskGotoArgs) -> Result<Exit> {
-    let to = Waypoint { x_m: args.x_m, y_m: args.y_m, yaw_rad: args.yaw.map(f64::to_radians) };
+    let to = args.to.resolve(ctx).await?;
+    let to = Waypoint { yaw_rad: args.yaw.map(f64::to_radians).or(to.yaw_rad), ..to };
     one(ctx, TaskKind::Goto { to }, &args.terms, args.stay).await
 }
 
 /// Along points.
 pub(super) async fn route(ctx: &Context, args: &TaskRouteArgs) -> Result<Exit> {
-    let points = points::read(&args.points)?;
+    let points = points::read(ctx, &args.points).await?;
     let kind = TaskKind::Route { points, loops: args.loops, dwell_s: args.dwell_s };
     one(ctx, kind, &args.terms, args.stay).await
 }
 
 /// Along points again and again.
 pub(super) async fn patrol(ctx: &Context, args: &TaskPatrolArgs) -> Result<Exit> {
-    let points = points::read(&args.points)?;
+    let points = points::read(ctx, &args.points).await?;
     let for_s = args.lasting.map(|lasting| lasting.as_secs_f64());
     one(ctx, TaskKind::Patrol { points, dwell_s: args.dwell_s, for_s }, &args.terms, args.stay).await
 }
@@ -256,7 +256,7 @@ pub(super) async fn wander(ctx: &Context, args: &TaskWanderArgs) -> Result<Exit>
 
 /// Whatever a file says.
 pub(super) async fn file(ctx: &Context, args: &TaskSubmitArgs) -> Result<Exit> {
-    let specs = files::read(&args.file, now_ms())?;
+    let specs = files::read(ctx, &args.file, now_ms()).await?;
     submit(ctx, specs, args.stay).await
 }
 

@@ -71,6 +71,7 @@ pub(super) async fn run(ctx: &Context, args: &MapServeArgs) -> Result<Exit> {
     tokio::select! {
         () = &mut stop => {}
         error = client.refused() => return Err(error),
+        () = map_file::follow(&args.file, args.fine.resolution_m, &map, &services.0) => {}
     }
     drop(services);
     client.close().await;

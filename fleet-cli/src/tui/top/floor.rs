@@ -1,6 +1,6 @@
-//! The floor as lines: outlines of what stands on it, and of its zones.
+//! The floor as lines: outlines of what stands on it, and of its zones; and its places.
 
-use xtb_protocol::messages::{FleetMap, MapCell, MapHash, MapZoneKind};
+use xtb_protocol::messages::{FleetMap, MapCell, MapHash, MapPlace, MapZoneKind};
 
 /// From (x, y) to (x, y), in m.
 pub(super) type Segment = [(f64, f64); 2];
@@ -18,6 +18,8 @@ pub(super) struct Floor {
     pub(super) walls: Vec<Segment>,
     /// Zones.
     pub(super) zones: Vec<Zone>,
+    /// Places; they change without the map.
+    pub(super) places: Vec<MapPlace>,
 }
 
 /// A zone's outline.
@@ -73,6 +75,7 @@ impl Floor {
             bounds: ([low.0, high.0], [low.1, high.1]),
             walls,
             zones: zones.collect(),
+            places: Vec::new(),
         }
     }
 }

@@ -89,6 +89,9 @@ impl Cockpit {
             Some(_) => {}
             None => self.floor = None,
         }
+        if let Some(floor) = self.floor.as_mut().filter(|floor| floor.places != scene.places()) {
+            floor.places = scene.places().to_vec();
+        }
     }
 
     /// What matters most about the whole fleet; an alarm takes its place.

@@ -12,7 +12,7 @@ use ratatui::widgets::canvas::{Canvas, Context, Line, Points};
 use ratatui::widgets::{Block, Clear};
 use xtb_client::scene::Body;
 use xtb_nav::Path;
-use xtb_protocol::messages::{RouteState, Sensors};
+use xtb_protocol::messages::{MapPlace, PlaceKind, RouteState, Sensors};
 
 /// Between neighbouring range finders of a bumper (§2.2).
 const BEAM_SPACING_M: f64 = 0.07;
@@ -149,6 +149,19 @@ impl Drawing<'_> {
         }
         let color = self.look.paint(Color::Gray);
         floor.walls.iter().for_each(|wall| canvas.draw(&line(wall, color)));
+        floor.places.iter().for_each(|place| self.place(canvas, place));
+    }
+
+    /// A mark, and the name beside it.
+    fn place(&self, canvas: &mut Context<'_>, place: &MapPlace) {
+        let mark = match place.kind {
+            PlaceKind::Place => "·",
+            PlaceKind::Dock => "D",
+            PlaceKind::Parking => "P",
+            PlaceKind::Waiting => "W",
+        };
+        let text = format!("{mark}{}", place.name);
+        canvas.print(place.x_m, place.y_m, Text::styled(text, self.look.tone(Tone::Dim)));
     }
 
     /// As much of its name as lies within it.

@@ -5,8 +5,7 @@
 
 use robot_agent::config::{ConfigProblem, Layers};
 use robot_agent::files;
-use std::fs;
-use std::io::{self, Write};
+use std::io;
 use std::path::Path;
 use thiserror::Error;
 use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
@@ -68,7 +67,7 @@ pub(crate) fn write(path: &Path, changes: &[Change]) -> Result<(), WriteError> {
     let mut layers = Layers::default();
     layers.file(&name, &new)?;
     layers.finish()?;
-    replace(path, &new).map_err(failed)
+    files::replace(path, new.as_bytes()).map_err(failed)
 }
 
 /// The text with the changes in it.
@@ -109,31 +108,6 @@ fn table_in<'a>(
     }
     let table = parent.get_mut(name).and_then(Item::as_table_like_mut);
     table.ok_or_else(|| format!("{name} is not a section"))
-}
-
-/// Writes beside the file, then takes its name; a link stays one, and the file's rights stay.
-fn replace(path: &Path, text: &str) -> io::Result<()> {
-    let path = match path.canonicalize() {
-        Ok(real) => real,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => path.to_owned(),
-        Err(error) => return Err(error),
-    };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let rights = fs::metadata(&path).map(|file| file.permissions()).ok();
-    let mut file = tempfile::Builder::new().prefix(".calibration-").tempfile_in(folder)?;
-    file.write_all(text.as_bytes())?;
-    match rights {
-        Some(rights) => file.as_file().set_permissions(rights)?,
-        None => file.as_file().set_permissions(readable())?,
-    }
-    file.as_file().sync_all()?;
-    file.persist(&path).map(drop).map_err(|error| error.error)
-}
-
-/// Everybody may read it, its owner may write it.
-fn readable() -> fs::Permissions {
-    use std::os::unix::fs::PermissionsExt;
-    fs::Permissions::from_mode(0o644)
 }
 
 #[cfg(test)]

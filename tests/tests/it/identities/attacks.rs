@@ -23,7 +23,7 @@ const ATTACK: &str = "attack";
 const QUESTION: &str = "question";
 
 /// Puts that nobody may send but these roles. `OTHER` is a name that is not the attacker's.
-const PUTS: [(&str, &[Role]); 22] = [
+const PUTS: [(&str, &[Role]); 23] = [
     // take over teleoperation
     ("xtb-1/teleop/alice", &[Role::Operator]),
     ("*/teleop/alice", &[Role::Operator]),
@@ -46,6 +46,7 @@ const PUTS: [(&str, &[Role]); 22] = [
     ("xtb-1/route", &[Role::Traffic, Role::Dispatcher]),
     ("traffic/state", &[Role::Traffic, Role::Dispatcher]),
     ("map", &[Role::Map, Role::Dispatcher, Role::Simulator]),
+    ("map/places", &[Role::Map, Role::Dispatcher, Role::Simulator]),
     ("dispatch/tasks", &[Role::Dispatcher]),
     ("dispatch/event", &[Role::Dispatcher]),
     ("sim/truth", &[Role::Simulator]),
@@ -64,7 +65,7 @@ const QUESTIONS: [(&str, &[Role]); 9] = [
     ("xtb-1/*/alice", &[]),
 ];
 /// Answers that nobody may give but these: a shadow of the robot, the dispatcher, the map or the roster.
-const SHADOWS: [(&str, &[Role]); 9] = [
+const SHADOWS: [(&str, &[Role]); 10] = [
     ("xtb-1/state", &[Role::Robot, Role::Simulator]),
     ("xtb-1/about", &[Role::Robot, Role::Simulator]),
     ("xtb-1/cmd/alice", &[Role::Robot, Role::Simulator]),
@@ -72,6 +73,7 @@ const SHADOWS: [(&str, &[Role]); 9] = [
     ("dispatch/tasks", &[Role::Dispatcher]),
     ("dispatch/cmd/alice", &[Role::Dispatcher]),
     ("map", &[Role::Map, Role::Dispatcher, Role::Simulator]),
+    ("map/places", &[Role::Map, Role::Dispatcher, Role::Simulator]),
     ("sim/roster", &[Role::Simulator]),
     ("identity/alice", &[]),
 ];
@@ -112,6 +114,7 @@ async fn victims(pki: &Pki, router: &str, effects: &Effects) -> Vec<Box<dyn std:
                 "*/route",
                 "*/near/*",
                 "map",
+                "map/places",
                 "traffic/state",
                 "dispatch/tasks",
                 "dispatch/event",

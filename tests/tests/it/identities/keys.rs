@@ -59,6 +59,7 @@ const OTHERS: [&str; 60] = [
     "traffic/alive",
     "traffic/state",
     "map",
+    "map/places",
     "dispatch/alive",
     "dispatch/tasks",
     "dispatch/event",

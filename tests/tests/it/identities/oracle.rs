@@ -13,13 +13,13 @@ const LOOK: &[Line] = &[
     (
         "in",
         "declare_subscriber",
-        "*/{state,state/json,sensors,event,event/json,route,fix,near/*} map traffic/state dispatch/{tasks,event} sim/{truth,stats} \
+        "*/{state,state/json,sensors,event,event/json,route,fix,near/*} map map/places traffic/state dispatch/{tasks,event} sim/{truth,stats} \
          {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "in",
         "query",
-        "*/{state,about} map dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
+        "*/{state,about} map map/places dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "in",
@@ -29,13 +29,13 @@ const LOOK: &[Line] = &[
     (
         "out",
         "put",
-        "*/{state,state/json,sensors,event,event/json,route,fix,near/*} map traffic/state dispatch/{tasks,event} sim/{truth,stats} \
+        "*/{state,state/json,sensors,event,event/json,route,fix,near/*} map map/places traffic/state dispatch/{tasks,event} sim/{truth,stats} \
          {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "out",
         "reply",
-        "*/{state,about} map dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
+        "*/{state,about} map map/places dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
     ),
     ("out", "liveliness_token", "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/** */event/json/@adv/**"),
 ];
@@ -73,7 +73,12 @@ const DISPATCH: &[Line] = &[
 ];
 const TRAFFIC: &[Line] =
     &[("in", "put", "*/route traffic/state"), ("in", "liveliness_token", "traffic/alive")];
-const MAP: &[Line] = &[("in", "put declare_queryable reply query", "map"), ("out", "query reply", "map")];
+const MAP: &[Line] = &[
+    ("in", "put declare_queryable reply", "map map/places"),
+    ("in", "query", "map"),
+    ("out", "query", "map map/places"),
+    ("out", "reply", "map"),
+];
 const FIXES: &[Line] = &[("in", "put", "*/fix")];
 const SIMULATE: &[Line] = &[
     ("in", "put", "sim/{truth,stats}"),

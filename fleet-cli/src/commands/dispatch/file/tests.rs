@@ -4,6 +4,21 @@ use super::*;
 
 const NOW_MS: u64 = 1_000_000;
 
+fn parse(text: &str, now_ms: u64) -> Result<Vec<TaskSpec>> {
+    let dock: MapPlace = serde_json::from_str(r#"{"name":"dock-1","x_m":3,"y_m":4}"#).unwrap();
+    entries(text).and_then(|entries| specs(text, entries, now_ms, &[dock]))
+}
+
+#[test]
+fn a_point_may_be_a_place() {
+    let text = "[[task]]\ngoto = \"dock-1\"\n[[task]]\nroute = [\"dock-1\", [1, 2]]\n";
+    let specs = parse(text, NOW_MS).unwrap();
+    let dock = Waypoint { x_m: 3.0, y_m: 4.0, yaw_rad: None };
+    assert_eq!(specs[0].kind, TaskKind::Goto { to: dock });
+    assert_eq!(specs[1].kind.points()[0], dock);
+    assert!(said("[[task]]\ngoto = \"dock-2\"\n").contains("there is no place \"dock-2\""));
+}
+
 fn said(text: &str) -> String {
     let failure = parse(text, NOW_MS).unwrap_err();
     assert_eq!(failure.kind, ErrorKind::Config);
@@ -53,7 +68,7 @@ fn errors_name_line_and_task() {
     for (second, line, what) in [
         ("[[task]]\ngto = [1, 2]\n", 5, "unknown field `gto`"),
         ("[[task]]\ngoto = [1]\n", 4, "1 numbers"),
-        ("[[task]]\ngoto = [1, \"a\"]\n", 5, "invalid type"),
+        ("[[task]]\ngoto = [1, \"a\"]\n", 5, "a point is [x, y]"),
         ("[[task]]\nroute = [[0, 0], [0, 2000]]\n", 4, "point 2: Y = 2000 m"),
         ("[[task]]\npriority = 3\n", 4, "is missing"),
         ("[[task]]\ngoto = [1, 2]\nwander_for_s = 3\n", 4, "give only one of"),
