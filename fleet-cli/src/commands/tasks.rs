@@ -16,7 +16,7 @@ use xtb_protocol::messages::{TaskList, TaskView, Who};
 
 const TASKS_HELP: &str = "\
 Exit code 0 means that the dispatcher has answered. With --json the list is one array; with --watch each \
-change is one line.
+change is one line, on a pipe after the list.
 
 Example: fleet-cli tasks --watch";
 

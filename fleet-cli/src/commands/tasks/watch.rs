@@ -1,4 +1,4 @@
-//! `tasks --watch`: repainted on a terminal, a line for each change elsewhere.
+//! `tasks --watch`: repainted on a terminal; elsewhere as it is now, then a line for each change.
 
 use super::{concerns, screen};
 use crate::commands::tasks::TasksArgs;
@@ -120,6 +120,10 @@ async fn follow(
     // What has ended before is old, unless it was asked for.
     let old = |task: &&TaskView| task.state.is_final() && !args.all;
     shown.extend(first.tasks.iter().filter(old).map(|task| (task.id, gist(task))));
+    if !ctx.out.json {
+        ctx.out.text(&screen(&first, args, &ctx.out).join("\n"))?;
+        shown.extend(first.tasks.iter().map(|task| (task.id, gist(task))));
+    }
     let (mut list, mut silent) = (first, false);
     loop {
         for task in changed(&mut shown, &list) {
