@@ -1,21 +1,21 @@
 //! The table of `check-hardware`: one row a thing, with a verdict and what to do.
 
+mod imu;
+
 use robot_agent::config::ConfigFile;
 use serde::Serialize;
-use xtb_control::odometry::GYRO_DEG_PER_COUNT;
 use xtb_control::pistons::height_m;
 use xtb_control::remote::{Reading as Pulse, reading};
 use xtb_control::speed::wheel_rpm;
 use xtb_control::units::PWM_PERIOD_COUNTS;
 use xtb_control::vehicle::{BumperFinders, SLOTS};
 use xtb_control::{AdcCount, Outputs};
+use xtb_protocol::board::{BoardStatus, UnknownFirmware};
 use xtb_protocol::messages::{Fault, FaultState};
 use xtb_robot::robot::Readings;
 
 /// The tilt sensor is linear up to here, in degrees (§2.2).
 const TILT_LINEAR_DEG: f64 = 20.0;
-/// A truck on a floor pitches and rolls less than this, in degrees.
-const LEVEL_DEG: f64 = 30.0;
 /// A pack of 7.2 V is empty below this, in mV.
 const BATTERY_EMPTY_MV: u16 = 6600;
 const ADC_MOST: f64 = 1023.0;
@@ -163,24 +163,16 @@ impl Evidence<'_> {
         }
     }
 
-    /// The same for the gyro.
-    fn of_gyro(&self, itself: &'static str) -> &'static str {
-        if self.line_remedy("gyro").is_some() { "see the gyro line" } else { itself }
-    }
-
     fn board(&self) -> Vec<Row> {
         let Evidence { readings, settings, .. } = self;
         let hardware = &settings.hardware;
         let hex = |word: u16| format!("{word:#06x}");
-        let firmware = readings.status.map(|status| {
-            let [major, minor] = status.firmware.to_be_bytes();
-            heard(hex(status.firmware), format!("version {major}.{minor}"), None)
-        });
         let set_up = readings.set_up.then(|| heard(hex(readings.setup_checksum), "confirmed", None));
         let watchdog = readings.status.filter(|status| status.ready).map(|status| {
-            let (reads_as, wrong) = match status.watchdog {
-                true => ("motor stopped: no pulses received", Some("check the wire to the board")),
-                false => ("pulses received", None),
+            let (reads_as, wrong) = match (status.watchdog, status.emergency_stop) {
+                (false, _) => ("pulses received", None),
+                (true, Some(true)) => ("motor stopped: emergency stop", Some("see the emergency stop")),
+                (true, _) => ("motor stopped: no pulses received", Some("check the wire to the board")),
             };
             heard(u8::from(status.watchdog), reads_as, wrong)
         });
@@ -191,10 +183,27 @@ impl Evidence<'_> {
         let no_status = self.of_board("no status received (docs/io-board.md)");
         vec![
             self.line("board", readings.board_frames.frames, &hardware.board, hardware.board_baud),
-            Row::new("board firmware", firmware, no_status),
+            Row::new("board firmware", readings.status.map(|status| self.firmware(status)), no_status),
             Row::new("board set-up", set_up, unconfirmed),
             Row::new("board watchdog", watchdog, no_status),
+            emergency_stop(readings.status, no_status),
         ]
+    }
+
+    /// Its version, and what it says of itself when asked.
+    fn firmware(&self, status: BoardStatus) -> Heard {
+        let raw = format!("{:#06x}", status.firmware.0);
+        let version = format!("version {}", status.firmware);
+        if status.firmware.check().is_err() {
+            return heard(raw, version, Some(UnknownFirmware::HINT));
+        }
+        let Some(identity) = self.readings.identity else {
+            return heard(raw, version, None);
+        };
+        let wrong = identity.after_hang.then_some(
+            "its program hung and its watchdog restarted it: power-cycle it; if that repeats, flash its firmware",
+        );
+        heard(raw, format!("{version}, {}, hash {:#010x}", identity.model_name(), identity.hash), wrong)
     }
 
     fn encoder(&self) -> Row {
@@ -293,39 +302,9 @@ impl Evidence<'_> {
         }
     }
 
-    fn gyro(&self) -> Vec<Row> {
-        let (readings, hardware) = (&self.readings, &self.settings.hardware);
-        let firmware = readings.gyro_firmware.map(|version| {
-            let text = format!("version {}.{}.{:02}", version / 1000, version / 100 % 10, version % 100);
-            heard(version, text, None)
-        });
-        let remedy = self.of_gyro(Fault::GyroSilent.remedy());
-        let lean = |what, counts: Option<i16>| {
-            let angle = counts.map(|counts| {
-                let deg = f64::from(counts) * GYRO_DEG_PER_COUNT;
-                let leans = deg.abs() > LEVEL_DEG;
-                let wrong = leans.then_some("put the truck on its wheels; is the gyro mounted level?");
-                heard(counts, signed(deg), wrong)
-            });
-            Row::new(what, angle, remedy)
-        };
-        let yaw = readings.gyro.map(|gyro| {
-            let deg = (f64::from(gyro.yaw) * GYRO_DEG_PER_COUNT).rem_euclid(360.0);
-            heard(gyro.yaw, format!("{deg:.1}° clockwise from gyro north"), None)
-        });
-        let unanswered = self.of_gyro("no answer to F0: check the wire to the gyro");
-        vec![
-            self.line("gyro", readings.gyro_frames, &hardware.gyro, hardware.gyro_baud),
-            Row::new("gyro firmware", firmware, unanswered),
-            Row::new("gyro yaw", yaw, remedy),
-            lean("gyro roll", readings.gyro.map(|gyro| gyro.roll)),
-            lean("gyro pitch", readings.gyro.map(|gyro| gyro.pitch)),
-        ]
-    }
-
     fn errors(&self) -> Vec<Row> {
-        let counted = &self.counted;
-        let row = |what, any: u64, raw: String, frames: u64| {
+        let (counted, unit) = (&self.counted, self.unit());
+        let row = |what: String, any: u64, raw: String, frames: u64| {
             let wrong = (any > 0).then_some("check the cable, its ground and the baud rate");
             let counted = heard(raw, format!("in {frames} frames"), wrong);
             Row::new(what, (frames > 0).then_some(counted), "cannot be counted without frames")
@@ -335,11 +314,30 @@ impl Evidence<'_> {
         let from_board = format!("{board_rejected} bad, {board_lost} lost");
         let skipped = format!("{gyro_skipped} bytes skipped");
         vec![
-            row("gyro frames lost", gyro_lost, gyro_lost.to_string(), counted.gyro_frames),
-            row("gyro check sums", gyro_skipped, skipped, counted.gyro_frames),
-            row("CRC errors from board", board_rejected + board_lost, from_board, counted.board_frames),
-            row("CRC errors to board", refused, format!("{refused} refused"), counted.board_frames),
+            row(format!("{unit} frames lost"), gyro_lost, gyro_lost.to_string(), counted.gyro_frames),
+            row(format!("{unit} check sums"), gyro_skipped, skipped, counted.gyro_frames),
+            row(
+                "CRC errors from board".into(),
+                board_rejected + board_lost,
+                from_board,
+                counted.board_frames,
+            ),
+            row("CRC errors to board".into(), refused, format!("{refused} refused"), counted.board_frames),
         ]
+    }
+}
+
+/// The switch at the board, as far as the board reports it.
+fn emergency_stop(status: Option<BoardStatus>, no_status: &str) -> Row {
+    let what = "emergency stop";
+    let Some(status) = status else { return Row::new(what, None, no_status) };
+    match status.emergency_stop {
+        None => Row::not_fitted(what, "not reported by this firmware"),
+        Some(false) => Row::new(what, Some(heard(0, "released", None)), ""),
+        Some(true) => {
+            let wrong = "release it, or check the wire of its contact; nothing drives meanwhile";
+            Row::new(what, Some(heard(1, "pressed", Some(wrong))), "")
+        }
     }
 }
 
