@@ -17,7 +17,10 @@ const STARTS_WITHIN: Duration = Duration::from_secs(60);
 /// Which release runs what: `true` = this one.
 #[derive(Clone, Copy)]
 struct Mix {
-    robots: bool,
+    /// The simulated robots, and the router.
+    sim: bool,
+    /// The robot in a process of its own.
+    agent: bool,
     dispatcher: bool,
     cli: bool,
 }
@@ -49,7 +52,7 @@ impl<'a> Lab<'a> {
     fn start(releases: &'a Releases, mix: Mix) -> Self {
         let home = tempfile::tempdir().unwrap();
         let world = Path::new(env!("CARGO_MANIFEST_DIR")).join("../worlds/lab.toml");
-        let mut sim = releases.of(mix.robots, "fleet-cli");
+        let mut sim = releases.of(mix.sim, "fleet-cli");
         sim.args([
             "--json",
             "sim",
@@ -64,7 +67,7 @@ impl<'a> Lab<'a> {
         let (sim, ready) = Process::start_ready(sim.arg(world));
         let ready: Value = serde_json::from_str(&ready).unwrap();
         let endpoint = ready["router"].as_str().unwrap().to_owned();
-        let mut agent = releases.of(mix.robots, "robot-agent");
+        let mut agent = releases.of(mix.agent, "robot-agent");
         agent.args(["--hardware", "simulated", "--name", "xtb-9", "--start-pose", "3,-3,1.57"]);
         let agent = Process::start(agent.args(["--connect", &endpoint]).stdout(Stdio::null()));
         let mut dispatcher = releases.of(mix.dispatcher, "fleet-cli");
@@ -120,9 +123,10 @@ fn main() -> ExitCode {
     let releases = Releases { before: before.into() };
     let word = |this: bool| if this { "this" } else { "before" };
     let mut wrong = 0;
-    println!("| robots | dispatcher | fleet-cli | worked | did not |\n| --- | --- | --- | ---: | --- |");
-    for number in 1..8_u8 {
-        let mix = Mix { robots: number & 1 != 0, dispatcher: number & 2 != 0, cli: number & 4 != 0 };
+    println!("| xtb-1, xtb-2 | xtb-9 | dispatcher | fleet-cli | worked | did not |\n| --- | --- | --- | --- | ---: | --- |");
+    for number in 1..16_u8 {
+        let [sim, agent, dispatcher, cli] = [1, 2, 4, 8].map(|bit| number & bit != 0);
+        let mix = Mix { sim, agent, dispatcher, cli };
         let lab = Lab::start(&releases, mix);
         lab.ready();
         let (mut worked, mut failed) = (0, Vec::new());
@@ -134,8 +138,9 @@ fn main() -> ExitCode {
             }
         }
         println!(
-            "| {} | {} | {} | {worked} of {} | {} |",
-            word(mix.robots),
+            "| {} | {} | {} | {} | {worked} of {} | {} |",
+            word(mix.sim),
+            word(mix.agent),
             word(mix.dispatcher),
             word(mix.cli),
             VERBS.len(),
