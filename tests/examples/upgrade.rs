@@ -123,7 +123,9 @@ fn main() -> ExitCode {
     let releases = Releases { before: before.into() };
     let word = |this: bool| if this { "this" } else { "before" };
     let mut wrong = 0;
-    println!("| xtb-1, xtb-2 | xtb-9 | dispatcher | fleet-cli | worked | did not |\n| --- | --- | --- | --- | ---: | --- |");
+    println!(
+        "| xtb-1, xtb-2 | xtb-9 | dispatcher | fleet-cli | worked | did not |\n| --- | --- | --- | --- | ---: | --- |"
+    );
     for number in 1..16_u8 {
         let [sim, agent, dispatcher, cli] = [1, 2, 4, 8].map(|bit| number & bit != 0);
         let mix = Mix { sim, agent, dispatcher, cli };

@@ -17,13 +17,16 @@ use xtb_protocol::wire::{CodecError, WIRE};
 /// A line each: the type; `json` or the version; the JSON or the bytes.
 const SAID: &str = include_str!("wire_5.txt");
 
+/// An encoding and bytes in it.
+type Said = (String, Vec<u8>);
+
 /// What a version of the wire is, and what was said in the one before.
 struct Kind {
     name: &'static str,
     /// Today's.
     version: u32,
     /// Reads a message and says it again.
-    again: fn(&str, &[u8]) -> Result<(String, Vec<u8>), CodecError>,
+    again: fn(&str, &[u8]) -> Result<Said, CodecError>,
 }
 
 fn kind<M: Message>() -> Kind {

@@ -133,10 +133,7 @@ async fn a_dispatcher_of_the_version_before_is_asked_in_its_version_unless_that_
     let dispatching = patient(&client, Duration::from_secs(30));
     assert_eq!(dispatching.submit(one()).await.unwrap().tasks, [TaskId::new(17)]);
     let encodings = asked.lock().unwrap().split_off(0);
-    assert_eq!(
-        encodings,
-        [Format::Postcard, Format::Previous].map(|format| codec::encoding::<DispatchRequest>(format))
-    );
+    assert_eq!(encodings, [Format::Postcard, Format::Previous].map(codec::encoding::<DispatchRequest>));
     let points = vec![Waypoint { x_m: 1.0, y_m: 0.0, yaw_rad: None }];
     let failure = dispatching.extend(TaskId::new(17), 1, points).await.unwrap_err();
     assert!(failure.message.contains("DispatchRequest version 2 cannot say this"), "{}", failure.message);
