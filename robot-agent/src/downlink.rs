@@ -74,7 +74,8 @@ impl Reader {
     fn estop_asked(&self, question: Question) {
         let Some(by) = question.client().cloned() else { return };
         let decoded = question.decode::<Estop>();
-        let format = decoded.as_ref().map_or_else(|_| question.likely_format(), |(_, format)| *format);
+        let format =
+            decoded.as_ref().map_or_else(|_| question.likely_format::<Estop>(), |(_, format)| *format);
         let key = self.keys.estop(Some(&by));
         let answer = Answer::Asked { question: Box::new(question), key, format };
         self.estop(by, decoded.map(|(estop, _)| estop), Some(answer));
@@ -105,7 +106,7 @@ impl Reader {
             }
             Err(error) => {
                 self.inbox.counters.rejected(&error);
-                let format = question.likely_format();
+                let format = question.likely_format::<Request>();
                 self.inbox
                     .reply(Answer::Asked { question: Box::new(question), key, format }, refusal(&error));
             }
@@ -122,7 +123,7 @@ fn refusal(error: &CodecError) -> Reply {
             );
             format!("send {json} or {postcard}, see docs/protocol.md")
         }
-        RejectCode::WrongVersion => "use programs of the same release on both sides".to_owned(),
+        RejectCode::WrongVersion => "update the older of the two programs: docs/upgrade.md".to_owned(),
         RejectCode::Oversized => "no message for a robot is that long".to_owned(),
         _ => "`about` lists the limits".to_owned(),
     };

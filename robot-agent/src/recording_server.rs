@@ -119,8 +119,9 @@ pub(crate) async fn declare(
 /// Answers on the asking client's key.
 async fn send(question: &Question, keys: &RobotKeys, reply: LogReply) {
     let Some(client) = question.client() else { return };
-    let format =
-        question.decode::<LogRequest>().map_or_else(|_| question.likely_format(), |(_, format)| format);
+    let format = question
+        .decode::<LogRequest>()
+        .map_or_else(|_| question.likely_format::<LogRequest>(), |(_, format)| format);
     if let Err(error) = question.reply(&keys.log(Some(client)), &reply, format).await {
         tracing::debug!("cannot send part of a recording: {error}");
     }

@@ -59,7 +59,7 @@ pub(crate) fn about(config: &AgentConfig, identity: &Identity, hardware: &str) -
         },
         capabilities: CAPABILITIES.map(str::to_owned).to_vec(),
         vehicle_hash: format!("{hash:08x}"),
-        vehicle: info.collect(),
+        vehicle: info.chain([ParameterInfo::speaks()]).collect(),
     }
 }
 

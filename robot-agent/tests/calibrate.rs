@@ -105,6 +105,30 @@ fn play_and_dead_band_are_reported() {
 }
 
 #[test]
+fn the_rear_steering_of_a_front_steered_car_is_refused_before_anything_moves() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (config, readings) = (folder.path().join("robot.toml"), folder.path().join("rear.txt"));
+    let text = "[vehicle]\ndrivetrain = \"front_axle\"\n";
+    std::fs::write(&config, text).expect("a file");
+    std::fs::write(&readings, "3000 1.0\n").expect("a file");
+    for how in [["--hardware", "simulated"], ["--readings", "rear.txt"]] {
+        let mut command = agent();
+        command.current_dir(folder.path()).args([
+            "calibrate",
+            "steering-rear",
+            "--yes",
+            "--config",
+            "robot.toml",
+        ]);
+        let output = command.args(how).assert().code(2).get_output().clone();
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(error.contains("front axle steers alone"), "{error}");
+    }
+    assert_eq!(std::fs::read_to_string(&config).expect("the file"), text);
+    assert!(!folder.path().join("calibration-steering-rear.svg").exists());
+}
+
+#[test]
 fn the_settings_own_file_is_changed_in_place() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = folder.path().join("robot.toml");

@@ -172,13 +172,14 @@ impl Question {
         codec::decode(&encoding, &payload)
     }
 
-    /// The format that a refusal should have when the message could not be read.
+    /// The format that a refusal should have when the message, an `M`, could not be read.
     #[must_use]
-    pub fn likely_format(&self) -> Format {
-        let ours = codec::encoding::<Request>(Format::Postcard);
+    pub fn likely_format<M: Message>(&self) -> Format {
+        let encoding = self.query.encoding().map(ToString::to_string).unwrap_or_default();
+        let ours = codec::encoding::<M>(Format::Postcard);
         let kind = ours.split(';').next().unwrap_or_default();
-        let postcard = self.query.encoding().is_some_and(|encoding| encoding.to_string().starts_with(kind));
-        if postcard { Format::Postcard } else { Format::Json }
+        let likely = if encoding.starts_with(kind) { Format::Postcard } else { Format::Json };
+        codec::format_of::<M>(&encoding).unwrap_or(likely)
     }
 
     /// Answers on `own_key`: always the robot's own, never the question's, where a wildcard would

@@ -19,6 +19,7 @@ use xtb_protocol::messages::{
     DispatchStatus, Message, StandbyReply, StandbyRequest, Suspension, SuspensionCause, TaskChange,
     TaskHistory, TaskId, TaskSpec, Waypoint,
 };
+use xtb_protocol::wire::CodecError;
 
 /// A dispatcher that is just starting, or is started again, is waited for this long.
 const STARTS_WITHIN: Duration = Duration::from_secs(5);
@@ -276,10 +277,31 @@ impl<'a> DispatcherClient<'a> {
         }
     }
 
+    /// Asks; a dispatcher of the version before, which cannot read the question and says so, in its version too.
     async fn ask_once(&self, request: &DispatchRequest, within: Duration) -> Result<Option<DispatchReply>> {
+        let Some((reply, format)) = self.ask_in(request, Format::Postcard, within).await? else {
+            return Ok(None);
+        };
+        let unread =
+            matches!(&reply.result, DispatchOutcome::Error(error) if error.code == DispatchCode::Malformed);
+        if !unread || format != Format::Previous {
+            return Ok(Some(reply));
+        }
+        Ok(self.ask_in(request, Format::Previous, within).await?.map(|(reply, _)| reply))
+    }
+
+    async fn ask_in(
+        &self,
+        request: &DispatchRequest,
+        format: Format,
+        within: Duration,
+    ) -> Result<Option<(DispatchReply, Format)>> {
         let key = self.client.keys().dispatch_cmd(Some(self.client.name()));
-        let bytes = codec::encode(request, Format::Postcard).map_err(BusError::from)?;
-        let encoding = codec::encoding::<DispatchRequest>(Format::Postcard);
+        let bytes = codec::encode(request, format).map_err(|error| match error {
+            CodecError::TooNew { .. } => too_new(&error),
+            other => BusError::from(other).into(),
+        })?;
+        let encoding = codec::encoding::<DispatchRequest>(format);
         let answer = match self.client.bus().ask_raw(&key, &encoding, bytes, within).await {
             Ok(answer) => answer,
             Err(error @ BusError::Operation { .. }) => {
@@ -288,8 +310,8 @@ impl<'a> DispatcherClient<'a> {
             }
             Err(error) => return Err(error.into()),
         };
-        let Some(answer) = answer else { return Ok(None) };
-        answer.decode().map(Some).map_err(|error| not_ours(&error.to_string()))
+        let Some(Incoming { encoding, payload, .. }) = answer else { return Ok(None) };
+        codec::decode(&encoding, &payload).map(Some).map_err(|error| not_ours(&error.to_string()))
     }
 
     /// Nobody has answered.
@@ -320,6 +342,12 @@ fn unexpected(outcome: &DispatchOutcome) -> Error {
 fn not_ours(what: &str) -> Error {
     Error::new(ErrorKind::Failed, format!("unreadable answer from the dispatcher: {what}"))
         .hint("compare `fleet-cli --version` here and where the dispatcher runs")
+}
+
+/// It is of the version before, which does not know this.
+fn too_new(error: &CodecError) -> Error {
+    Error::new(ErrorKind::Failed, format!("the dispatcher is of an earlier release: {error}"))
+        .hint("update where the dispatcher runs (docs/upgrade.md)")
 }
 
 /// Why a task is not as asked, if it is not; the worst of several decides how the command ends.

@@ -16,9 +16,9 @@ use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
     About, BatteryLevel, Body, Done, Estop, Estopped, GoalKind, GoalState, GoalStatus, InputAges, Latch,
-    LatchState, Lease, LeaseState, Limits, LinkLoss, NavState, ObstacleView, PoseSource, PoseState,
-    RejectCode, Rejected, Reply, Request, RobotState, TaskId, TaskKind, TaskSpec, TaskState, TaskView,
-    TiltState, Via, Waypoint,
+    LatchState, Lease, LeaseState, Limits, LinkLoss, NavState, ObstacleView, ParameterInfo, PoseSource,
+    PoseState, RejectCode, Rejected, Reply, Request, RobotState, Sensors, TaskId, TaskKind, TaskSpec,
+    TaskState, TaskView, TiltState, Via, Waypoint,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -129,7 +129,34 @@ pub fn about(robot: &str, hash: &str) -> About {
         },
         capabilities: Vec::new(),
         vehicle_hash: hash.into(),
-        vehicle: Vec::new(),
+        vehicle: vec![ParameterInfo::speaks()],
+    }
+}
+
+/// Samples in which nothing is seen and nothing moves.
+#[must_use]
+pub fn sensors(robot: &str) -> Sensors {
+    Sensors {
+        robot: name(robot),
+        tick_ms: 0,
+        gyro_yaw: 0,
+        encoder_pulses: 0,
+        ir_front: [0; 6],
+        ir_rear: [0; 6],
+        ir_front_cm: [None; 6],
+        ir_rear_cm: [None; 6],
+        tilt: [0.0; 2],
+        pistons: [0.0; 4],
+        pistons_m: [0.0; 4],
+        remote: [None; 3],
+        gyro_firmware: None,
+        board_firmware: None,
+        rpm: 0.0,
+        motor_counts: 0,
+        steer_front_counts: 0,
+        steer_rear_counts: 0,
+        bumper_counts: [0; 2],
+        piston_counts: [0; 4],
     }
 }
 

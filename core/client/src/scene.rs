@@ -5,15 +5,16 @@
 //! everything is kept with when it came; trails and events are bounded, the oldest go first. What is
 //! old is handed out with its age, never as if it were the present.
 
+mod body;
 pub mod live;
+
+pub use body::{Beam, Body};
 
 use crate::client::STALE;
 use crate::messages::AnyMessage;
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::PI;
-use xtb_control::VehicleConfig;
-use xtb_nav::Car;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::{
@@ -63,34 +64,6 @@ impl<T> Seen<T> {
     #[must_use]
     pub fn fresh(&self, now_ms: AtMs) -> Option<&T> {
         (u128::from(self.age_ms(now_ms)) <= STALE.as_millis()).then_some(&self.value)
-    }
-}
-
-/// What of a car is drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Body {
-    /// Bumper to bumper.
-    pub length_m: f64,
-    /// Tyre to tyre.
-    pub width_m: f64,
-}
-
-impl Default for Body {
-    /// An XTB's: drawn of a robot that has not said what car it is.
-    fn default() -> Self {
-        Self::of(&Car::of(&VehicleConfig::default()))
-    }
-}
-
-impl Body {
-    fn of(car: &Car) -> Self {
-        Self { length_m: car.front_m + car.rear_m, width_m: 2.0 * car.half_width_m }
-    }
-
-    /// As a factsheet says, if it does.
-    #[must_use]
-    pub fn of_about(about: &About) -> Self {
-        Car::of_about(about).map(|car| Self::of(&car)).unwrap_or_default()
     }
 }
 

@@ -22,7 +22,7 @@ pub use fit::{Branch, Fit, FitError, MIN_POINTS, MIN_R, Point, fit, speed_mps};
 
 use crate::controller::PwmOutputs;
 use crate::units::PwmCount;
-use crate::vehicle::{Calibration, Line, VehicleConfig};
+use crate::vehicle::{Calibration, Drivetrain, Line, VehicleConfig};
 use std::fmt;
 use std::str::FromStr;
 use thiserror::Error;
@@ -125,6 +125,12 @@ impl Actuator {
             Self::PistonRl => Kind::Piston(2),
             Self::PistonRr => Kind::Piston(3),
         }
+    }
+
+    /// Whether this vehicle has it: the rear axle of a front-steered car has no servo.
+    #[must_use]
+    pub fn is_fitted(self, vehicle: &VehicleConfig) -> bool {
+        self != Self::SteeringRear || vehicle.drivetrain != Drivetrain::FrontAxle
     }
 
     /// Unit of its quantity.
@@ -308,6 +314,15 @@ mod tests {
             seen.push(outputs);
         }
         assert!("motor".parse::<Actuator>().is_err());
+    }
+
+    #[test]
+    fn a_front_steered_car_has_every_servo_but_the_rear_steerings() {
+        let front = VehicleConfig { drivetrain: Drivetrain::FrontAxle, ..VehicleConfig::default() };
+        let lacks: Vec<_> =
+            Actuator::ALL.into_iter().filter(|actuator| !actuator.is_fitted(&front)).collect();
+        assert_eq!(lacks, [Actuator::SteeringRear]);
+        assert!(Actuator::ALL.iter().all(|actuator| actuator.is_fitted(&VehicleConfig::default())));
     }
 
     #[test]

@@ -2,9 +2,10 @@
 //!
 //! Wire policy: postcard with encoding `application/x-postcard;xtb.<Type>.v<N>`; for every other
 //! language the same types as JSON with encoding `application/json`. A type's version is raised when
-//! its bytes change in any way (postcard has no field names); one test file a version pins the bytes
-//! and is never edited to pass. Unknown version, trailing bytes, non-finite or out-of-range numbers
-//! are typed rejections. Nothing is guessed: a message without an encoding is refused.
+//! its bytes change in any way (postcard has no field names), and [`WIRE`](crate::wire::WIRE) with it; one test file a
+//! version pins the bytes and is never edited to pass. The version before is read and answered too. Any other version,
+//! trailing bytes, non-finite or out-of-range numbers are typed rejections. Nothing is guessed: a message without an
+//! encoding is refused.
 
 use crate::messages::Message;
 use crate::text;
@@ -18,6 +19,8 @@ pub enum Format {
     /// Between our own programs.
     #[default]
     Postcard,
+    /// Between our own programs, for one that speaks the version before; of a type without one as [`Self::Postcard`].
+    Previous,
     /// For every other language.
     Json,
 }
@@ -27,20 +30,40 @@ pub enum Format {
 pub fn encoding<M: Message>(format: Format) -> String {
     match format {
         Format::Postcard => format!("{POSTCARD};xtb.{}.v{}", M::NAME, M::VERSION),
+        Format::Previous => format!("{POSTCARD};xtb.{}.v{}", M::NAME, previous::<M>().unwrap_or(M::VERSION)),
         Format::Json => JSON.to_owned(),
+    }
+}
+
+/// The version before that is still understood.
+fn previous<M: Message>() -> Option<u32> {
+    M::PREVIOUS.map(|_| M::VERSION - 1)
+}
+
+/// Whether a message can be said in the version before.
+fn check_previous<M: Message>(message: &M) -> Result<(), CodecError> {
+    match M::PREVIOUS {
+        Some(can_say) if !can_say(message) => {
+            Err(CodecError::TooNew { name: M::NAME, version: M::VERSION - 1, needs: M::VERSION })
+        }
+        _ => Ok(()),
     }
 }
 
 /// A message as bytes.
 ///
 /// # Errors
-/// [`CodecError::OutOfRange`] if the message does not pass its own validation, and
-/// [`CodecError::Malformed`] if serde cannot write it.
+/// [`CodecError::OutOfRange`] if the message does not pass its own validation, [`CodecError::TooNew`] if the version
+/// before cannot say it, and [`CodecError::Malformed`] if serde cannot write it.
 pub fn encode<M: Message>(message: &M, format: Format) -> Result<Vec<u8>, CodecError> {
     message.validate()?;
     let broken = |reason: String| CodecError::Malformed { name: M::NAME, reason: shortened(reason) };
     let bytes = match format {
         Format::Postcard => postcard::to_allocvec(message).map_err(|e| broken(e.to_string()))?,
+        Format::Previous => {
+            check_previous(message)?;
+            postcard::to_allocvec(message).map_err(|e| broken(e.to_string()))?
+        }
         Format::Json => serde_json::to_vec(message).map_err(|e| broken(e.to_string()))?,
     };
     check_length::<M>(bytes.len())?;
@@ -80,18 +103,24 @@ pub fn decode<M: Message>(encoding: &str, bytes: &[u8]) -> Result<(M, Format), C
     let format = format_of::<M>(encoding)?;
     let message: M = match format {
         Format::Json => serde_json::from_slice(bytes).map_err(|e| broken(e.to_string()))?,
-        Format::Postcard => match postcard::take_from_bytes(bytes) {
+        Format::Postcard | Format::Previous => match postcard::take_from_bytes(bytes) {
             Ok((message, [])) => message,
             Ok((_, rest)) => return Err(broken(format!("{} bytes too many", rest.len()))),
             Err(error) => return Err(broken(error.to_string())),
         },
     };
+    if format == Format::Previous {
+        check_previous(&message)?;
+    }
     message.validate()?;
     Ok((message, format))
 }
 
 /// The format that an encoding names, if it fits `M`.
-fn format_of<M: Message>(encoding: &str) -> Result<Format, CodecError> {
+///
+/// # Errors
+/// [`CodecError::UnknownEncoding`] or [`CodecError::WrongVersion`].
+pub fn format_of<M: Message>(encoding: &str) -> Result<Format, CodecError> {
     let (kind, schema) = encoding.split_once(';').unwrap_or((encoding, ""));
     if kind == JSON || kind == "text/json" {
         return Ok(Format::Json);
@@ -107,6 +136,9 @@ fn format_of<M: Message>(encoding: &str) -> Result<Format, CodecError> {
         schema.strip_prefix("xtb.").and_then(|s| s.rsplit_once(".v")).ok_or_else(unknown)?;
     if name != M::NAME {
         return Err(unknown());
+    }
+    if previous::<M>().is_some_and(|previous| version == previous.to_string()) {
+        return Ok(Format::Previous);
     }
     if version != M::VERSION.to_string() {
         let got = text::escaped(version).chars().take(20).collect();

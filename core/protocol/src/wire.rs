@@ -3,6 +3,9 @@
 use thiserror::Error;
 use xtb_control::units::OutOfRange;
 
+/// Version of the wire as a whole, raised when the version of any type is. What the version before wrote is read too,
+/// and who asked in it is answered in it ([`Message::PREVIOUS`](crate::messages::Message::PREVIOUS)).
+pub const WIRE: u32 = 6;
 /// Longest message that is read, in bytes, unless its type says otherwise.
 pub const MAX_BYTES: usize = 16 * 1024;
 /// The encoding of JSON messages.
@@ -36,6 +39,16 @@ pub enum CodecError {
         got: String,
         /// As spoken here.
         expected: u32,
+    },
+    /// The version before has no words for this.
+    #[error("{name} version {version} cannot say this, version {needs} can")]
+    TooNew {
+        /// The type.
+        name: &'static str,
+        /// The version before.
+        version: u32,
+        /// As spoken here.
+        needs: u32,
     },
     /// The bytes do not have the type's layout.
     #[error("not a {name}: {reason}")]

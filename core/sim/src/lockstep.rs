@@ -80,7 +80,24 @@ impl Lockstep {
     /// # Errors
     /// A truck whose name cannot be a robot's.
     pub fn new(simulation: Simulation, fleet: &Name, vehicle: &VehicleConfig) -> Result<Self, LockstepError> {
-        let robot = |(epoch, truck): (usize, &Truck)| {
+        let vehicles = vec![vehicle.clone(); simulation.trucks().len()];
+        Self::of_kinds(simulation, fleet, &vehicles)
+    }
+
+    /// The same with a vehicle for each robot.
+    ///
+    /// # Errors
+    /// As [`Lockstep::new`].
+    ///
+    /// # Panics
+    /// If there are not as many vehicles as trucks.
+    pub fn of_kinds(
+        simulation: Simulation,
+        fleet: &Name,
+        vehicles: &[VehicleConfig],
+    ) -> Result<Self, LockstepError> {
+        assert_eq!(vehicles.len(), simulation.trucks().len(), "a vehicle for each truck");
+        let robot = |(epoch, (truck, vehicle)): (usize, (&Truck, &VehicleConfig))| {
             let TruthRobot { x_m, y_m, yaw_rad, .. } = truck.truth();
             let identity = Identity {
                 fleet: fleet.clone(),
@@ -90,10 +107,16 @@ impl Lockstep {
             };
             Ok(Crew::new(Robot::new(identity, vehicle.clone(), "lockstep")))
         };
-        let crews: Vec<Crew> =
-            simulation.trucks().iter().enumerate().map(robot).collect::<Result<_, NameError>>()?;
-        let around = Surroundings::of(&Car::of(vehicle));
-        let listeners = vec![Listener { around, cells: BTreeSet::new() }; crews.len()];
+        let crews: Vec<Crew> = simulation
+            .trucks()
+            .iter()
+            .zip(vehicles)
+            .enumerate()
+            .map(robot)
+            .collect::<Result<_, NameError>>()?;
+        let listener =
+            |vehicle| Listener { around: Surroundings::of(&Car::of(vehicle)), cells: BTreeSet::new() };
+        let listeners = vehicles.iter().map(listener).collect();
         Ok(Self {
             simulation,
             crews,

@@ -4,8 +4,8 @@ import { bounds, cellsPictures, drawCells, drawGrid, drawPlaces, drawScale, draw
 import { circle, disc, flag, octagon, wheels } from "./shapes.js";
 import { shown } from "./store.js";
 
-// The truck (configs/default.toml: vehicle.geometry) and its range finders (docs/simulator.md).
-const FINDERS = { count: 6, spacing_m: 0.07, half_rad: 0.16, threshold_cm: 25 };
+// How what the range finders see is drawn.
+const FINDERS = { half_rad: 0.16, threshold_cm: 25 };
 const TRAILS_EVERY_MS = 250;
 const SHORT_TRAIL = 60;
 
@@ -171,14 +171,14 @@ export class Picture {
     if (!robot.ir_cm || robot.stale) return;
     const context = this.#context;
     const pose = shown(robot, nowMs);
-    for (const [side, ahead] of [["front", 1], ["rear", -1]]) {
-      this.#sight(view, pose, robot.body, robot.ir_cm[side], ahead);
-      for (let i = 0; i < FINDERS.count; i += 1) {
+    for (const side of ["front", "rear"]) {
+      const beams = robot.body[side];
+      this.#sight(view, pose, beams, robot.ir_cm[side]);
+      for (const [i, beam] of beams.entries()) {
         const cm = robot.ir_cm[side][i];
         if (cm === null) continue;
-        const left_m = (2.5 - i) * FINDERS.spacing_m;
-        const [x, y] = view.toScreen(...onFloor(pose, (ahead * robot.body.length_m) / 2, left_m));
-        const heading = -(pose.yaw_rad + (ahead < 0 ? Math.PI : 0));
+        const [x, y] = view.toScreen(...onFloor(pose, beam.ahead_m, beam.left_m));
+        const heading = -(pose.yaw_rad + beam.yaw_rad);
         const near = cm < FINDERS.threshold_cm;
         context.strokeStyle = near ? this.#colours.bad : this.#colours.warn;
         context.lineWidth = near ? 2.5 : 1.5;
@@ -192,14 +192,14 @@ export class Picture {
   }
 
   // What the range finders of one side see, as an area before the bumper.
-  #sight(view, pose, body, cms, ahead) {
+  #sight(view, pose, beams, cms) {
     if (cms.every((cm) => cm === null)) return;
     const context = this.#context;
     context.beginPath();
-    const far = cms.map((cm, i) => [(cm ?? 0) / 100, (2.5 - i) * FINDERS.spacing_m]);
-    const near = [[0, 2.5 * -FINDERS.spacing_m], [0, 2.5 * FINDERS.spacing_m]];
-    for (const [out_m, left_m] of [...far, ...near]) {
-      context.lineTo(...view.toScreen(...onFloor(pose, ahead * (body.length_m / 2 + out_m), left_m)));
+    const far = beams.map((beam, i) => alongBeam(beam, (cms[i] ?? 0) / 100));
+    const near = [beams.at(-1), beams[0]].map((beam) => alongBeam(beam, 0));
+    for (const [ahead_m, left_m] of [...far, ...near]) {
+      context.lineTo(...view.toScreen(...onFloor(pose, ahead_m, left_m)));
     }
     context.closePath();
     const isNear = cms.some((cm) => cm !== null && cm < FINDERS.threshold_cm);
@@ -215,12 +215,14 @@ export class Picture {
     // Never smaller than can be seen and touched.
     const scale = Math.max(view.pxPerM, 28);
     const [length, width] = [robot.body.length_m * scale, robot.body.width_m * scale];
+    const ahead = robot.body.ahead_m * scale; // to the middle of the body
     const colour = this.#colour(robot);
     if (pose.sigma_m * view.pxPerM > 4) circle(context, x, y, pose.sigma_m * view.pxPerM, colour, 0.35);
-    if (chosen) circle(context, x, y, Math.hypot(length, width) / 2 + 7, this.#colours.accent, 1, 2.5);
+    if (chosen) circle(context, x, y, Math.hypot(length, width) / 2 + Math.abs(ahead) + 7, this.#colours.accent, 1, 2.5);
     context.save();
     context.translate(x, y);
     context.rotate(-pose.yaw_rad);
+    context.translate(ahead, 0);
     const latched = robot.latches.length > 0;
     wheels(context, length, width, this.#colours.text);
     context.beginPath();
@@ -327,6 +329,11 @@ function layer() {
 function onFloor({ x_m, y_m, yaw_rad }, ahead_m, left_m) {
   const [c, s] = [Math.cos(yaw_rad), Math.sin(yaw_rad)];
   return [x_m + c * ahead_m - s * left_m, y_m + s * ahead_m + c * left_m];
+}
+
+// So far along a range finder's beam, ahead and to the left of the pose.
+function alongBeam({ ahead_m, left_m, yaw_rad }, out_m) {
+  return [ahead_m + out_m * Math.cos(yaw_rad), left_m + out_m * Math.sin(yaw_rad)];
 }
 
 function line(context, view, points) {

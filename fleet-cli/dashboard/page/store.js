@@ -204,6 +204,7 @@ function unknown(robot) {
 // The news of a frame, with what a frame leaves out because it was sent before.
 function merge(old, news, colour, nowMs) {
   const robot = { ...news, colour, latches: news.latches ?? [], faults: news.faults ?? [], why: news.why ?? [] };
+  robot.body = news.body ?? old?.body;
   robot.trail = news.trail_reset || !old ? [] : old.trail;
   if (news.trail?.length) {
     robot.trail = robot.trail.concat(news.trail).slice(-TRAIL_POINTS);

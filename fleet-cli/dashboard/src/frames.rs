@@ -86,7 +86,9 @@ struct Row {
     stale: bool,
     tags: Vec<String>,
     pose: Option<Pose>,
-    body: Body,
+    /// `None` = the page has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    body: Option<Body>,
     mode: Option<Mode>,
     speed_mps: Option<f64>,
     reference_mps: Option<f64>,
@@ -171,6 +173,7 @@ struct KnownRobot {
     trail_count: Option<u64>,
     paths: u64,
     path: Option<Track>,
+    body: Option<Body>,
 }
 
 /// Which frame it is.
@@ -236,6 +239,8 @@ impl Known {
 
     fn frame(&mut self, scene: &Scene, moment: Moment, watch: Option<&Name>) -> Frame {
         let Moment { n, now_ms, skipped, link } = moment;
+        // The page forgets who is in no frame.
+        self.robots.retain(|name, _| scene.robots().contains_key(name));
         let rows = scene.robots().iter().map(|(name, robot)| {
             let task = scene.task_of(name).map(|task| task.id);
             self.robots.entry(name.clone()).or_default().row(name, robot, now_ms, task)
@@ -267,7 +272,7 @@ impl KnownRobot {
             stale: fresh.is_none(),
             tags: robot.roster.as_ref().map(|entry| entry.tags.clone()).unwrap_or_default(),
             pose: robot.state.as_ref().map(|seen| Pose::of(&seen.value)),
-            body: robot.body,
+            body: self.body(robot),
             path: self.path(fresh.and_then(|state| state.nav.route.as_ref())),
             trail,
             trail_reset,
@@ -303,6 +308,11 @@ impl KnownRobot {
             }),
             ..row
         }
+    }
+
+    fn body(&mut self, robot: &Robot) -> Option<Body> {
+        let new = self.body.as_ref() != Some(&robot.body);
+        new.then(|| self.body.insert(robot.body.clone()).clone())
     }
 
     /// Points that the page lacks, and whether it has to drop those that it has.

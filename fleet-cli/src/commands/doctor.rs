@@ -48,6 +48,8 @@ const FIRST_STATE_WITHIN: Duration = Duration::from_secs(1);
 /// Who else answers in a robot's name is heard this long after the first answer.
 const LINGER: Duration = Duration::from_millis(200);
 const LABEL_WIDTHS: [usize; 2] = [8, 9];
+/// Robots with the same finding that are named.
+const NAMES_SHOWN: usize = 8;
 
 /// What was found, as `--json` prints it.
 #[derive(Debug, Serialize)]
@@ -249,10 +251,34 @@ async fn clock_rates(
     rates
 }
 
+/// Each finding once, with the robots of which it is.
+fn grouped(findings: &[Finding]) -> Vec<(&Finding, Vec<&Name>)> {
+    let mut groups: Vec<(&Finding, Vec<&Name>)> = Vec::new();
+    for finding in findings {
+        let same = groups
+            .iter_mut()
+            .find(|(other, robots)| !robots.is_empty() && finding.robot.is_some() && finding.is_also(other));
+        match same {
+            Some((_, robots)) => robots.extend(&finding.robot),
+            None => groups.push((finding, finding.robot.iter().collect())),
+        }
+    }
+    groups
+}
+
+/// Names, of very many only the first.
+fn listed(robots: &[&Name]) -> String {
+    let shown = robots.iter().take(NAMES_SHOWN).map(|name| name.as_str()).collect::<Vec<_>>().join(", ");
+    match robots.len().saturating_sub(NAMES_SHOWN) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
 fn text(report: &Report, out: &Output) -> String {
     let [level_width, topic_width] = LABEL_WIDTHS;
     let mut lines = Vec::new();
-    for finding in &report.findings {
+    for (finding, robots) in grouped(&report.findings) {
         let (word, tone) = match finding.level {
             Level::Ok => ("ok", Tone::Good),
             Level::Warning => ("warning", Tone::Warning),
@@ -260,8 +286,8 @@ fn text(report: &Report, out: &Output) -> String {
         };
         let word = out.paint(tone, &format!("{word:level_width$}"));
         let topic = out.paint(Tone::Dim, &format!("{:topic_width$}", finding.topic));
-        let robot = finding.robot.as_ref().map(|robot| format!("{robot}: ")).unwrap_or_default();
-        lines.push(format!("{word} {topic} {robot}{}", finding.text));
+        let robots = if robots.is_empty() { String::new() } else { format!("{}: ", listed(&robots)) };
+        lines.push(format!("{word} {topic} {robots}{}", finding.text));
         if let Some(todo) = &finding.todo {
             let indent = level_width + topic_width + 1;
             lines.push(format!("{:indent$} {}", "", out.paint(Tone::Dim, &format!("→ {todo}"))));
@@ -279,6 +305,27 @@ mod tests {
     use xtb_protocol::codec::Format;
     use xtb_protocol::keys::Channel;
     use xtb_protocol::messages::{DispatchOutcome, DispatchStatus, FixSource, Latch, TaskState};
+
+    #[test]
+    fn a_finding_of_many_robots_is_one_line_and_one_of_the_fleet_stays_its_own() {
+        let same = |robot: &str| Finding::warning("versions", "old", "update").of(&name(robot));
+        let robots: Vec<String> = (1..=10).map(|n| format!("xtb-{n}")).collect();
+        let mut findings: Vec<Finding> = robots.iter().map(|robot| same(robot)).collect();
+        findings.insert(3, Finding::warning("versions", "older", "update").of(&name("xtb-99")));
+        findings.push(Finding::warning("versions", "old", "update"));
+        let text = text(&Report::new(&name("lab"), findings), &Output { json: false, colors: false });
+        let first: Vec<&str> = text.lines().step_by(2).collect();
+        let names = robots[..8].join(", ");
+        assert_eq!(
+            first,
+            [
+                format!("warning  versions  {names} and 2 more: old").as_str(),
+                "warning  versions  xtb-99: older",
+                "warning  versions  old",
+                "0 problems, 12 warnings"
+            ]
+        );
+    }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn a_missing_and_a_latched_robot_are_found_with_what_to_do() {

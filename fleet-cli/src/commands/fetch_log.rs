@@ -243,7 +243,7 @@ async fn ask(ctx: &Context, client: &Client, robot: &Name, request: &LogRequest)
 fn not_ours(robot: &Name, error: &CodecError) -> Error {
     let message = format!("unreadable answer from {robot} about its recordings: {error}");
     Error::new(ErrorKind::Failed, message).hint(match error {
-        CodecError::WrongVersion { .. } => "use programs of the same release on both sides".to_owned(),
+        CodecError::WrongVersion { .. } => "update the older of the two programs: docs/upgrade.md".to_owned(),
         _ => format!("another program may be answering for {robot}: check with `fleet-cli doctor`"),
     })
 }

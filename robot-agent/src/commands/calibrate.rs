@@ -43,6 +43,11 @@ pub(crate) fn run(
     config: Option<&Path>,
     args: &CalibrateArgs,
 ) -> Result<ExitCode, Failure> {
+    if !args.what.is_fitted(&file.vehicle) {
+        let message =
+            format!("{}: this car has none, its front axle steers alone (vehicle.drivetrain)", args.what);
+        return Err(Failure::new(message, "steering-front is the one to calibrate").code(2));
+    }
     let console = Console::start()?;
     let points = match &args.readings {
         Some(path) => readings::read(path, args.what)?,

@@ -3,12 +3,11 @@
 
 use crate::draw::Draw;
 use crate::drive::Drive;
-use xtb_control::VehicleConfig;
 use xtb_nav::geometry::rect::Rect;
 use xtb_nav::{Car, Map, MapPose};
 use xtb_protocol::messages::{GoalStatus, Outcome, TruthRobot};
-use xtb_sim::World;
 use xtb_sim::lockstep::Traffic;
+use xtb_sim::{VehicleFile, World};
 use xtb_traffic::coordinator::{GridRoom, Room as _};
 
 /// Between two looks, in s.
@@ -66,15 +65,18 @@ pub(crate) struct Fleet {
 impl Fleet {
     /// So many robots at random places in a room.
     pub(crate) fn new(world: &str, robots: usize, seed: u64, led: bool) -> Self {
-        let car = Car::of(&VehicleConfig::default());
+        Self::of_kinds(world, &vec![VehicleFile::default(); robots], seed, led)
+    }
+
+    /// A robot of each of these files, at random places in a room.
+    pub(crate) fn of_kinds(world: &str, files: &[VehicleFile], seed: u64, led: bool) -> Self {
         let map = World::from_toml(world).unwrap().chart(0.05).unwrap();
         let floor = GridRoom::of(&map);
         let mut draw = Draw::new(seed ^ 0x00C0_221D);
         let mut starts: Vec<MapPose> = Vec::new();
         for _ in 0..100_000 {
-            if starts.len() == robots {
-                break;
-            }
+            let Some(file) = files.get(starts.len()) else { break };
+            let car = Car::of(&file.vehicle);
             let [x_m, y_m] = anywhere(&floor, &mut draw);
             let yaw_rad = (draw.below(4) as f64 - 1.0) * std::f64::consts::FRAC_PI_2;
             let pose = MapPose { x_m, y_m, yaw_rad };
@@ -83,7 +85,7 @@ impl Fleet {
                 starts.push(pose);
             }
         }
-        let mut fleet = Self::at(world, &starts, seed, led);
+        let mut fleet = Self::of_kinds_at(world, &starts, &files[..starts.len()], seed, led);
         for index in 0..starts.len() {
             fleet.send_on(index);
         }
@@ -92,9 +94,13 @@ impl Fleet {
 
     /// Robots at these places that nobody has sent yet.
     pub(crate) fn at(world: &str, starts: &[MapPose], seed: u64, led: bool) -> Self {
+        Self::of_kinds_at(world, starts, &vec![VehicleFile::default(); starts.len()], seed, led)
+    }
+
+    fn of_kinds_at(world: &str, starts: &[MapPose], files: &[VehicleFile], seed: u64, led: bool) -> Self {
         let world = World::from_toml(world).unwrap();
         let map: Map = world.chart(0.05).unwrap();
-        let mut drive = Drive::at(world, starts, seed);
+        let mut drive = Drive::by_files(world, starts, files, seed);
         if led {
             drive.lockstep.set_traffic(Some(Traffic::new(&map, seed)));
         }

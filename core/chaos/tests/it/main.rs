@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used)]
 
+#[allow(dead_code)] // the simulator's own tests use all of it
+#[path = "../../../sim/tests/it/any_car.rs"]
+mod any_car;
 #[path = "../../../sim/tests/it/draw.rs"]
 mod draw;
 #[path = "../../../sim/tests/it/drive.rs"]
@@ -16,4 +19,5 @@ mod lifelong;
 mod meetings;
 mod rooms;
 mod together;
+mod vehicles;
 mod wandering;

@@ -104,6 +104,43 @@ async fn a_refusal_is_final_and_keeps_its_hint() {
     assert_eq!(fake.told.lock().unwrap().asked.len(), 1);
 }
 
+/// A dispatcher of the version before: it refuses what it cannot read, in its own version.
+async fn of_the_version_before(client: &Client) -> (xtb_bus::Service, Arc<Mutex<Vec<String>>>) {
+    let asked = Arc::new(Mutex::new(Vec::new()));
+    let (sender, mut questions) = tokio::sync::mpsc::unbounded_channel::<Question>();
+    let each = move |question| sender.send(question).unwrap_or_default();
+    let service = client.bus().serve(&client.keys().dispatch_cmd(None), each).await.unwrap();
+    let (key, heard) = (client.keys().dispatch_cmd(Some(client.name())), Arc::clone(&asked));
+    tokio::spawn(async move {
+        while let Some(question) = questions.recv().await {
+            let (request, format) = question.decode::<DispatchRequest>().unwrap();
+            heard.lock().unwrap().push(codec::encoding::<DispatchRequest>(format));
+            let (id, result) = match format {
+                Format::Previous => (request.id, DispatchOutcome::Submitted(vec![TaskId::new(17)])),
+                _ => (Uuid::nil(), error(DispatchCode::Malformed)),
+            };
+            let reply = DispatchReply { id, result, left_out: 0, suspended: Vec::new() };
+            question.reply(&key, &reply, Format::Previous).await.unwrap();
+        }
+    });
+    (service, asked)
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dispatcher_of_the_version_before_is_asked_in_its_version_unless_that_has_no_words() {
+    let client = client().await;
+    let (_service, asked) = of_the_version_before(&client).await;
+    let dispatching = patient(&client, Duration::from_secs(30));
+    assert_eq!(dispatching.submit(one()).await.unwrap().tasks, [TaskId::new(17)]);
+    let encodings = asked.lock().unwrap().split_off(0);
+    assert_eq!(encodings, [Format::Postcard, Format::Previous].map(codec::encoding::<DispatchRequest>));
+    let points = vec![Waypoint { x_m: 1.0, y_m: 0.0, yaw_rad: None }];
+    let failure = dispatching.extend(TaskId::new(17), 1, points).await.unwrap_err();
+    assert!(failure.message.contains("DispatchRequest version 2 cannot say this"), "{}", failure.message);
+    assert!(failure.hint.contains("update"), "{}", failure.hint);
+    assert_eq!(asked.lock().unwrap().len(), 1, "it is not asked again");
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_list_of_many_pages_is_put_together() {
     let client = client().await;

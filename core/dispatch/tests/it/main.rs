@@ -4,6 +4,7 @@
 
 mod assigning;
 mod bench;
+mod dialogues;
 mod extend;
 mod journal;
 mod life;

@@ -49,6 +49,14 @@ impl Car {
     /// # Errors
     /// The parameter that is missing or impossible.
     pub fn of_about(about: &About) -> Result<Self, NoCar> {
+        Self::vehicle_of(about).map(|vehicle| Self::of(&vehicle))
+    }
+
+    /// Body, axles and steering that a robot says it has; of all else an XTB's.
+    ///
+    /// # Errors
+    /// As [`Self::of_about`].
+    pub fn vehicle_of(about: &About) -> Result<VehicleConfig, NoCar> {
         let find = |name: &'static str| about.vehicle.iter().find(|parameter| parameter.name == name);
         let value = |name: &'static str| {
             find(name).and_then(|parameter| parameter.value.parse().ok()).ok_or(NoCar::Missing(name))
@@ -66,7 +74,7 @@ impl Car {
         vehicle.geometry.body_width_m = value("geometry.body_width_m")?;
         vehicle.steering.stop_deg = value("steering.stop_deg")?;
         validate(&vehicle.parameters())?;
-        Ok(Self::of(&vehicle))
+        Ok(vehicle)
     }
 
     /// The same car with `margin_m` more on each side.

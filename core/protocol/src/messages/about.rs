@@ -3,6 +3,7 @@
 use super::Message;
 use crate::keys::Name;
 use crate::text;
+use crate::wire::WIRE;
 use serde::{Deserialize, Serialize};
 use xtb_control::frames::MapPose;
 
@@ -20,6 +21,12 @@ pub const REALTIME_ON: &str = "on";
 pub const REALTIME_REMEDY: &str = "permit it on the robot's computer: `sudo setcap \
     cap_sys_nice,cap_ipc_lock+ep` with the path of robot-agent, or LimitRTPRIO=20 and \
     LimitMEMLOCK=infinity in its systemd unit";
+
+/// The parameter in [`About::vehicle`] that says which version of the [wire](crate::wire::WIRE) the agent speaks. It is
+/// none of the vehicle's either.
+pub const SPEAKS: &str = "protocol.wire";
+/// Agents speak this version if their factsheet does not say one.
+const UNSAID_WIRE: u32 = 5;
 
 /// The capability of a robot that takes the next leg of an assignment while the one before is under way, and passes
 /// the point between without a stop, if both are driven along planned paths; any other robot would drop the leg under
@@ -43,6 +50,15 @@ pub struct ParameterInfo {
     /// Printed, data sheet, assumed or ours.
     #[serde(deserialize_with = "text::read")]
     pub origin: String,
+}
+
+impl ParameterInfo {
+    /// [`SPEAKS`], of an agent of today.
+    #[must_use]
+    pub fn speaks() -> Self {
+        let (name, value) = (SPEAKS.to_owned(), WIRE.to_string());
+        Self { name, value, unit: String::new(), origin: "ours".to_owned() }
+    }
 }
 
 /// What the robot accepts at most.
@@ -87,7 +103,7 @@ pub struct About {
     /// CRC-32 of the vehicle parameters, in hexadecimal.
     #[serde(deserialize_with = "text::read")]
     pub vehicle_hash: String,
-    /// The vehicle parameters, and [`REALTIME`].
+    /// The vehicle parameters, [`REALTIME`] and [`SPEAKS`].
     pub vehicle: Vec<ParameterInfo>,
 }
 
@@ -95,16 +111,28 @@ impl About {
     /// What [`REALTIME`] says; `None` of an agent that does not know it.
     #[must_use]
     pub fn realtime(&self) -> Option<&str> {
-        self.value(REALTIME)
+        self.parameter(REALTIME)
     }
 
     /// The board's firmware, such as `1.1`; `None` before it has been heard, and of an agent that does not tell.
     #[must_use]
     pub fn board_firmware(&self) -> Option<&str> {
-        self.value(BOARD_FIRMWARE)
+        self.parameter(BOARD_FIRMWARE)
     }
 
-    fn value(&self, name: &str) -> Option<&str> {
+    /// Which version of the [wire](crate::wire::WIRE) the agent speaks; `None`: it says one that is no number.
+    #[must_use]
+    pub fn wire(&self) -> Option<u32> {
+        self.parameter(SPEAKS).map_or(Some(UNSAID_WIRE), |wire| wire.parse().ok())
+    }
+
+    /// The parameters of the vehicle alone.
+    pub fn vehicle_parameters(&self) -> impl Iterator<Item = &ParameterInfo> {
+        let others = [REALTIME, BOARD_FIRMWARE, SPEAKS];
+        self.vehicle.iter().filter(move |info| !others.contains(&info.name.as_str()))
+    }
+
+    fn parameter(&self, name: &str) -> Option<&str> {
         self.vehicle.iter().find(|info| info.name == name).map(|info| info.value.as_str())
     }
 }

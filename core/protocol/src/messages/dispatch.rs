@@ -85,6 +85,8 @@ pub struct DispatchRequest {
 impl Message for DispatchRequest {
     const NAME: &'static str = "DispatchRequest";
     const VERSION: u32 = 3;
+    const PREVIOUS: Option<fn(&Self) -> bool> =
+        Some(|request| !matches!(request.body, DispatchBody::Extend { .. }));
     const MAX_BYTES: usize = MAX_BYTES;
 
     fn validate(&self) -> Result<(), CodecError> {
@@ -254,6 +256,16 @@ pub struct DispatchReply {
 impl Message for DispatchReply {
     const NAME: &'static str = "DispatchReply";
     const VERSION: u32 = 3;
+    const PREVIOUS: Option<fn(&Self) -> bool> = Some(|reply| {
+        let stale = |error: &DispatchError| error.code == DispatchCode::Stale;
+        match &reply.result {
+            DispatchOutcome::Error(error) => !stale(error),
+            DispatchOutcome::Changed(changes) => {
+                !changes.iter().any(|it| it.error.as_ref().is_some_and(stale))
+            }
+            _ => true,
+        }
+    });
     const MAX_BYTES: usize = MAX_BYTES;
 }
 

@@ -28,7 +28,7 @@ pub mod texts;
 
 pub use about::{
     About, BOARD_FIRMWARE, Limits, NEXT_LEG, ParameterInfo, REALTIME, REALTIME_OFF, REALTIME_ON,
-    REALTIME_REMEDY,
+    REALTIME_REMEDY, SPEAKS,
 };
 pub use assign::{Assignment, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG, TaskAction};
 pub use dispatch::{
@@ -82,6 +82,9 @@ pub trait Message: Serialize + DeserializeOwned {
     const NAME: &'static str;
     /// Version of its layout.
     const VERSION: u32 = 1;
+    /// The version before, if programs that speak it are still understood: it has the layout of this one, with fewer
+    /// variants at the end of its enums. Whether a message can be said in it.
+    const PREVIOUS: Option<fn(&Self) -> bool> = None;
     /// Longest that is read or written, in bytes.
     const MAX_BYTES: usize = crate::wire::MAX_BYTES;
 

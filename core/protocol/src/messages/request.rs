@@ -246,7 +246,7 @@ impl CodecError {
     pub fn code(&self) -> RejectCode {
         match self {
             Self::Oversized { .. } => RejectCode::Oversized,
-            Self::WrongVersion { .. } => RejectCode::WrongVersion,
+            Self::WrongVersion { .. } | Self::TooNew { .. } => RejectCode::WrongVersion,
             Self::UnknownEncoding { .. } | Self::Malformed { .. } => RejectCode::Malformed,
             Self::OutOfRange(_) => RejectCode::OutOfRange,
         }

@@ -11,10 +11,8 @@ use super::well_known::{Log, Pose, PoseInFrame, SceneEntity, SceneEntityDeletion
 use std::collections::BTreeMap;
 use xtb_client::client::STALE;
 use xtb_client::messages::AnyMessage;
-use xtb_client::scene::MOST_ROBOTS;
+use xtb_client::scene::{Body, MOST_ROBOTS};
 use xtb_client::text::reasons;
-use xtb_control::VehicleConfig;
-use xtb_nav::Car;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{Event, EventKind, PoseState, RobotState, Sensors, TaskEvent};
 use xtb_protocol::{Name, Uuid};
@@ -44,7 +42,7 @@ struct Drawn {
 pub struct Painter {
     robots: BTreeMap<Name, Drawn>,
     /// What they are, for as long as this paints: said once, true also when all is drawn anew.
-    cars: BTreeMap<Name, Car>,
+    bodies: BTreeMap<Name, Body>,
 }
 
 impl Painter {
@@ -54,10 +52,8 @@ impl Painter {
             (AnyMessage::State(state), Some(name)) => self.truck(at_ns, name, state),
             (AnyMessage::Sensors(sensors), Some(name)) => self.sight(at_ns, name, sensors),
             (AnyMessage::About(about), Some(name)) => {
-                if let Ok(car) = Car::of_about(about)
-                    && (self.cars.len() < MOST_ROBOTS || self.cars.contains_key(name))
-                {
-                    self.cars.insert(name.clone(), car);
+                if self.bodies.len() < MOST_ROBOTS || self.bodies.contains_key(name) {
+                    self.bodies.insert(name.clone(), Body::of_about(about));
                 }
                 None
             }
@@ -76,8 +72,8 @@ impl Painter {
     }
 
     /// An XTB's, of a robot that has not said what car it is.
-    fn car(&self, name: &Name) -> Car {
-        self.cars.get(name).copied().unwrap_or_else(|| Car::of(&VehicleConfig::default()))
+    fn body(&self, name: &Name) -> Body {
+        self.bodies.get(name).cloned().unwrap_or_default()
     }
 
     fn drawn(&mut self, name: &Name) -> Option<&mut Drawn> {
@@ -86,7 +82,7 @@ impl Painter {
     }
 
     fn truck(&mut self, at_ns: u64, name: &Name, state: &RobotState) -> Option<SceneUpdate> {
-        let car = self.car(name);
+        let body = self.body(name);
         let drawn = self.drawn(name)?;
         drawn.pose = Some(state.pose);
         let soon = |last_ns: u64| at_ns.saturating_sub(last_ns) < TRUCK_EVERY_NS;
@@ -96,7 +92,7 @@ impl Painter {
         drawn.truck_ns = Some(at_ns);
         let at = Time::of_ns(at_ns);
         let mut update =
-            SceneUpdate { deletions: Vec::new(), entities: vec![parts::truck(at, name, &car, state)] };
+            SceneUpdate { deletions: Vec::new(), entities: vec![parts::truck(at, name, &body, state)] };
         let goal = state.goal.as_ref().filter(|goal| !goal.status.is_final());
         let route = state.nav.route.as_ref().filter(|_| goal.is_some());
         let release_mm = |release_m: f64| (release_m * 1000.0).max(0.0) as u64;
@@ -115,9 +111,9 @@ impl Painter {
     }
 
     fn sight(&mut self, at_ns: u64, name: &Name, sensors: &Sensors) -> Option<SceneUpdate> {
-        let car = self.car(name);
+        let body = self.body(name);
         let pose = self.drawn(name)?.pose?;
-        let entity = parts::sight(Time::of_ns(at_ns), name, &car, &pose, sensors);
+        let entity = parts::sight(Time::of_ns(at_ns), name, &body, &pose, sensors);
         Some(SceneUpdate { deletions: Vec::new(), entities: vec![entity] })
     }
 

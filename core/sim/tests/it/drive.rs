@@ -31,6 +31,17 @@ impl Drive {
         Self::with(simulation, &file.vehicle, seed)
     }
 
+    /// The cars of these files, that start here.
+    #[allow(dead_code)] // for meetings of several
+    pub(crate) fn by_files(world: World, starts: &[MapPose], files: &[VehicleFile], seed: u64) -> Self {
+        let names: Vec<String> = (1..=starts.len()).map(|n| format!("xtb-{n}")).collect();
+        let starts: Vec<_> = names.iter().map(String::as_str).zip(starts.iter().copied()).collect();
+        let kinds: Vec<TruckParameters> = files.iter().map(|file| file.truth.clone()).collect();
+        let simulation = Simulation::of_kinds_at(world, &kinds, &starts, seed).unwrap();
+        let vehicles: Vec<VehicleConfig> = files.iter().map(|file| file.vehicle.clone()).collect();
+        Self::of_kinds(simulation, &vehicles, seed)
+    }
+
     /// Trucks that start here.
     pub(crate) fn at(world: World, starts: &[MapPose], seed: u64) -> Self {
         Self::of(world, starts, &TruckParameters::default(), seed)
@@ -45,8 +56,13 @@ impl Drive {
     }
 
     fn with(simulation: Simulation, vehicle: &VehicleConfig, seed: u64) -> Self {
+        let vehicles = vec![vehicle.clone(); simulation.trucks().len()];
+        Self::of_kinds(simulation, &vehicles, seed)
+    }
+
+    fn of_kinds(simulation: Simulation, vehicles: &[VehicleConfig], seed: u64) -> Self {
         let map = simulation.world().chart(0.05).unwrap();
-        let mut lockstep = Lockstep::new(simulation, &Name::new("lab").unwrap(), vehicle).unwrap();
+        let mut lockstep = Lockstep::of_kinds(simulation, &Name::new("lab").unwrap(), vehicles).unwrap();
         lockstep.set_map(&map);
         lockstep.set_fixes(FixTruth { rate_hz: 2.0, ..FixTruth::default() }, seed);
         let mut drive = Self { lockstep, asked: 0 };

@@ -216,6 +216,37 @@ fn the_reference_is_known_with_the_factsheet() {
 }
 
 #[test]
+fn a_body_is_sent_once_and_again_when_a_factsheet_says_otherwise() {
+    let (mut known, mut scene) = (Known::default(), scene());
+    put_state(&mut scene, 0, fake::state("xtb-1"));
+    let first = row(&mut known, &scene, 0)["body"].clone();
+    assert_eq!((&first["ahead_m"], first["front"].as_array().unwrap().len()), (&json!(0.0), 6), "an XTB's");
+    assert!(row(&mut known, &scene, 0).get("body").is_none());
+    let text = |text: &str| text.to_owned();
+    let info = |(name, value): (&str, &str)| {
+        let (name, value) = (text(name), text(value));
+        ParameterInfo { name, value, unit: text(""), origin: text("ours") }
+    };
+    let mut about = fake::about("xtb-1", "");
+    about.vehicle = [
+        ("drivetrain", "\"front_axle\""),
+        ("geometry.body_ahead_m", "0.02"),
+        ("geometry.wheelbase_m", "0.3"),
+        ("geometry.body_length_m", "0.4"),
+        ("geometry.body_width_m", "0.2"),
+        ("steering.stop_deg", "20.0"),
+        ("range_finders.front", "[{ left_m = 0.0, ahead_m = -0.1 }]"),
+    ]
+    .map(info)
+    .to_vec();
+    put(&mut scene, 0, &keys().robot(&about.robot.clone()).about(), about);
+    let body = row(&mut known, &scene, 0)["body"].clone();
+    assert!((body["ahead_m"].as_f64().unwrap() - 0.17).abs() < 1e-9, "{body}");
+    assert!((body["front"][0]["ahead_m"].as_f64().unwrap() - 0.27).abs() < 1e-9, "{body}");
+    assert_eq!((body["front"].as_array().unwrap().len(), body["rear"].as_array().unwrap().len()), (1, 6));
+}
+
+#[test]
 fn a_robot_has_the_task_it_is_at_while_there_is_a_dispatcher() {
     let (mut known, mut scene) = (Known::default(), scene());
     put_state(&mut scene, 0, fake::state("xtb-1"));

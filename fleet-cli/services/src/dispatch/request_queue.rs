@@ -209,7 +209,7 @@ async fn refuse(question: Question, keys: FleetKeys, error: DispatchError) {
     let reply = DispatchReply { id, result, left_out: 0, suspended: Vec::new() };
     let Some(client) = question.client() else { return };
     let key = keys.dispatch_cmd(Some(client));
-    if let Err(error) = question.reply(&key, &reply, question.likely_format()).await {
+    if let Err(error) = question.reply(&key, &reply, question.likely_format::<DispatchRequest>()).await {
         tracing::debug!("cannot send a refusal: {error}");
     }
 }

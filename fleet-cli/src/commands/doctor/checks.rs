@@ -16,9 +16,8 @@ use xtb_client::Error;
 use xtb_client::text::robot as describe;
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{
-    About, BOARD_FIRMWARE, BatteryLevel, Fault, REALTIME, RobotState, RosterEntry, SimStats,
-};
+use xtb_protocol::messages::{About, BatteryLevel, Fault, RobotState, RosterEntry, SimStats};
+use xtb_protocol::wire::WIRE;
 
 /// Of the robot's clock against ours.
 const CLOCK_TOLERANCE: f64 = 0.05;
@@ -28,6 +27,9 @@ const POSE_TOLERANCE_M: f64 = 0.01;
 const YAW_TOLERANCE_RAD: f64 = 0.01;
 /// Parameters that are named where vehicle configs differ.
 const DIFFERENCES_SHOWN: usize = 3;
+
+/// Where releases differ.
+const UPDATE_THE_OLDER: &str = "update the older of the two (docs/upgrade.md)";
 
 /// What the doctor has seen.
 pub(super) struct Facts {
@@ -167,32 +169,44 @@ fn names(facts: &Facts) -> Vec<Finding> {
 }
 
 fn versions(facts: &Facts) -> Vec<Finding> {
-    let ours = env!("CARGO_PKG_VERSION");
-    let mut findings = Vec::new();
-    for name in &facts.alive {
+    let of = |name: &Name| {
         let finding = if let Some(error) = facts.unreadable.get(name) {
-            let todo = "install the same release of robot-agent and fleet-cli";
-            Finding::problem("versions", format!("incompatible message version: {error}"), todo)
+            Finding::problem("versions", format!("its messages cannot be read: {error}"), UPDATE_THE_OLDER)
+        } else if let Some(about) = facts.abouts.get(name).and_then(|abouts| abouts.first()) {
+            version(about)
         } else {
-            match facts.abouts.get(name).and_then(|abouts| abouts.first()) {
-                None => {
-                    let text = "does not answer with its factsheet";
-                    let todo = "its agent hangs, or a router blocks the query: check the agent's log";
-                    simulator::late(facts, name, Finding::problem("versions", text, todo))
-                }
-                Some(about) if about.version != ours => {
-                    let text = format!("agent {}, this fleet-cli {ours}", about.version);
-                    Finding::warning("versions", text, "install the same release of both")
-                }
-                Some(_) => continue,
+            let text = "does not answer with its factsheet";
+            let todo = "its agent hangs, or a router blocks the query: check the agent's log";
+            simulator::late(facts, name, Finding::problem("versions", text, todo))
+        };
+        finding.of(name)
+    };
+    facts.alive.iter().map(of).collect()
+}
+
+/// What a robot runs, beside what runs here.
+fn version(about: &About) -> Finding {
+    let ours = env!("CARGO_PKG_VERSION");
+    let Some(wire) = about.wire() else {
+        let text = format!("robot-agent {}, an unknown version of the wire", about.version);
+        return Finding::problem("versions", text, UPDATE_THE_OLDER);
+    };
+    let text = format!("robot-agent {}, wire {wire}", about.version);
+    if wire == WIRE {
+        return match about.version == ours {
+            true => Finding::ok("versions", format!("{text}, as this fleet-cli")),
+            false => {
+                Finding::warning("versions", format!("{text}; this fleet-cli is {ours}"), UPDATE_THE_OLDER)
             }
         };
-        findings.push(finding.of(name));
     }
-    if findings.is_empty() && !facts.alive.is_empty() {
-        return vec![Finding::ok("versions", format!("all agents and this fleet-cli are {ours}"))];
+    let text = format!("{text}; this fleet-cli is {ours}, wire {WIRE}");
+    match wire + 1 == WIRE {
+        true => {
+            Finding::warning("versions", format!("{text}, which accepts it"), "update it (docs/upgrade.md)")
+        }
+        false => Finding::warning("versions", text, UPDATE_THE_OLDER),
     }
-    findings
 }
 
 fn starts(facts: &Facts) -> Vec<Finding> {
@@ -310,9 +324,10 @@ fn vehicles(facts: &Facts) -> Vec<Finding> {
 
 fn differences(about: &About, normal: &About) -> String {
     let of = |about: &About| -> BTreeMap<String, String> {
-        let others = [REALTIME, BOARD_FIRMWARE];
-        let vehicles = about.vehicle.iter().filter(|parameter| !others.contains(&parameter.name.as_str()));
-        vehicles.map(|parameter| (parameter.name.clone(), parameter.value.clone())).collect()
+        about
+            .vehicle_parameters()
+            .map(|parameter| (parameter.name.clone(), parameter.value.clone()))
+            .collect()
     };
     let (ours, theirs) = (of(about), of(normal));
     let names: BTreeSet<_> = ours.keys().chain(theirs.keys()).collect();

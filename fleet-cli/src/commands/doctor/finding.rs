@@ -43,6 +43,12 @@ impl Finding {
         Self { level: Level::Problem, ..Self::warning(topic, text, todo) }
     }
 
+    /// Whether it is the same of another robot.
+    pub(super) fn is_also(&self, other: &Self) -> bool {
+        (self.level, self.topic, &self.text, &self.todo)
+            == (other.level, other.topic, &other.text, &other.todo)
+    }
+
     pub(super) fn of(self, robot: &Name) -> Self {
         Self { robot: Some(robot.clone()), ..self }
     }

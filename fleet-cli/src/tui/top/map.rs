@@ -14,8 +14,6 @@ use xtb_client::scene::Body;
 use xtb_nav::Path;
 use xtb_protocol::messages::{MapPlace, PlaceKind, RouteState, Sensors};
 
-/// Between neighbouring range finders of a bumper (§2.2).
-const BEAM_SPACING_M: f64 = 0.07;
 /// Narrower than this a body is only a sign.
 const BODY_CELLS: f64 = 4.0;
 /// Without a map this much around the robots is shown.
@@ -203,7 +201,7 @@ impl Drawing<'_> {
         let (Some(pose), Some(sensors)) = (sight.state.map(|state| &state.pose), sensors) else { return };
         let color = self.look.paint(Color::LightRed);
         let to_map = |(ahead, left): (f64, f64)| at((pose.x_m, pose.y_m, pose.yaw_rad), ahead, left);
-        for arc in arcs(sensors, sight.robot.body.length_m / 2.0) {
+        for arc in arcs(sensors, &sight.robot.body) {
             let arc: Vec<(f64, f64)> = arc.into_iter().map(to_map).collect();
             canvas.draw(&Points { coords: &arc, color });
             for pair in arc.windows(2) {
@@ -225,10 +223,10 @@ impl Drawing<'_> {
         let standing = sight.standing();
         let known = sight.state.is_some();
         let color = if known { self.look.robot(sight.row) } else { self.look.paint(Color::DarkGray) };
-        let body = sight.robot.body;
+        let body = &sight.robot.body;
         let large = body.length_m / self.view.cell_m().0 >= BODY_CELLS;
         if known && large {
-            outline(canvas, place, &body, color);
+            outline(canvas, place, body, color);
         }
         let heading = if known { self.look.arrow(place.2) } else { '?' };
         let selected = self.cockpit.selected.as_ref() == Some(sight.name);
@@ -265,7 +263,7 @@ fn outline(canvas: &mut Context<'_>, place: (f64, f64, f64), body: &Body, color:
         (-half_m, -side_m),
         (half_m / 2.0, -side_m),
     ];
-    let corners = corners.map(|(ahead, left)| at(place, ahead, left));
+    let corners = corners.map(|(ahead, left)| at(place, body.ahead_m + ahead, left));
     for (index, &(x1, y1)) in corners.iter().enumerate() {
         let (x2, y2) = corners[(index + 1) % corners.len()];
         canvas.draw(&Line { x1, y1, x2, y2, color });
@@ -273,16 +271,13 @@ fn outline(canvas: &mut Context<'_>, place: (f64, f64, f64), body: &Body, color:
 }
 
 /// Ends of the beams that see something, (ahead, left) of the robot, in groups of neighbours.
-fn arcs(sensors: &Sensors, half_m: f64) -> Vec<Vec<(f64, f64)>> {
+fn arcs(sensors: &Sensors, body: &Body) -> Vec<Vec<(f64, f64)>> {
     let mut arcs = Vec::new();
-    for (readings, facing) in [(&sensors.ir_front_cm, 1.0), (&sensors.ir_rear_cm, -1.0)] {
+    for bumper in body.seen(sensors) {
         let mut arc = Vec::new();
-        for (index, reading) in readings.iter().enumerate() {
+        for (beam, reading) in bumper {
             match reading {
-                Some(cm) => {
-                    let left_m = (2.5 - index as f64) * BEAM_SPACING_M;
-                    arc.push((facing * (half_m + cm / 100.0), left_m));
-                }
+                Some(cm) => arc.push(beam.at_cm(cm)),
                 None => arcs.push(std::mem::take(&mut arc)),
             }
         }

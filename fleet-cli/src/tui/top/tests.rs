@@ -13,8 +13,8 @@ use xtb_protocol::Uuid;
 use xtb_protocol::keys::{FleetKeys, Key};
 use xtb_protocol::messages::{
     Arc, FleetMap, GoalStatus, Latch, LeaseState, MapCell, MapHash, MapZone, MapZoneKind, NavPhase,
-    RobotState, RosterEntry, RouteSource, RouteState, Sensors, SimStats, StopReason, Suspension,
-    SuspensionCause, TaskId, TaskList, TaskState, TaskView, Track,
+    RobotState, RosterEntry, RouteSource, RouteState, SimStats, StopReason, Suspension, SuspensionCause,
+    TaskId, TaskList, TaskState, TaskView, Track,
 };
 
 /// When the tests look.
@@ -102,7 +102,7 @@ fn fleet() -> Scene {
     tell(5_000, at("xtb-5", 1.5, -2.5, 0.0));
     scene.take(7_000, &key("xtb-5/alive"), AnyMessage::Alive(false));
     scene.expect(RosterEntry { name: name("xtb-6"), tags: Vec::new(), start_pose: None });
-    let mut sensors = sensors("xtb-2");
+    let mut sensors = fake::sensors("xtb-2");
     sensors.ir_front_cm = [None, Some(20.0), Some(21.0), None, None, Some(30.0)];
     scene.take(9_900, &key("xtb-2/sensors"), sensors.into());
     scene.take(9_000, &key("dispatch/alive"), AnyMessage::Alive(true));
@@ -114,31 +114,6 @@ fn fleet() -> Scene {
 
 fn list(tasks: Vec<TaskView>, suspended: Vec<Suspension>) -> TaskList {
     TaskList { ledger: 1, at_ms: 5_000, ledger_failed: None, tasks, left_out: 0, suspended }
-}
-
-fn sensors(robot: &str) -> Sensors {
-    Sensors {
-        robot: name(robot),
-        tick_ms: 0,
-        gyro_yaw: 0,
-        encoder_pulses: 0,
-        ir_front: [0; 6],
-        ir_rear: [0; 6],
-        ir_front_cm: [None; 6],
-        ir_rear_cm: [None; 6],
-        tilt: [0.0; 2],
-        pistons: [0.0; 4],
-        pistons_m: [0.0; 4],
-        remote: [None; 3],
-        gyro_firmware: None,
-        board_firmware: None,
-        rpm: 0.0,
-        motor_counts: 0,
-        steer_front_counts: 0,
-        steer_rear_counts: 0,
-        bumper_counts: [0; 2],
-        piston_counts: [0; 4],
-    }
 }
 
 fn cockpit() -> Cockpit {

@@ -5,9 +5,9 @@ use crate::fleet::well_known::{
     ArrowPrimitive, Color, KeyValuePair, LinePrimitive, Point3, Pose, SceneEntity, SolidPrimitive, Span,
     TextPrimitive, Vector3,
 };
+use xtb_client::scene::Body;
 use xtb_client::text::reasons;
-use xtb_control::infrared::SPACING_M;
-use xtb_nav::{Car, Path};
+use xtb_nav::Path;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{GoalState, PoseState, RobotState, RouteState, Sensors};
 
@@ -47,14 +47,10 @@ pub(super) fn sight_id(name: &Name) -> String {
     format!("{name} sight")
 }
 
-/// Bumper to bumper, in m.
-fn length_m(car: &Car) -> f64 {
-    car.front_m + car.rear_m
-}
-
 /// A box with an arrow ahead, its name, and why it stands.
-pub(super) fn truck(at: Time, name: &Name, car: &Car, state: &RobotState) -> SceneEntity {
+pub(super) fn truck(at: Time, name: &Name, body: &Body, state: &RobotState) -> SceneEntity {
     let PoseState { x_m, y_m, yaw_rad, .. } = state.pose;
+    let (sin, cos) = yaw_rad.sin_cos();
     let color = match () {
         () if !state.latches.is_empty() => LATCHED,
         () if state.stopped_because.is_empty() => DRIVES,
@@ -63,8 +59,8 @@ pub(super) fn truck(at: Time, name: &Name, car: &Car, state: &RobotState) -> Sce
     let why = state.stopped_because.first().map_or_else(|| reasons::name(&state.mode), reasons::name);
     let mut truck = entity(at, truck_id(name));
     truck.cubes.push(SolidPrimitive {
-        pose: Pose::flat(x_m, y_m, HEIGHT_M / 2.0, yaw_rad),
-        size: Vector3 { x: length_m(car), y: 2.0 * car.half_width_m, z: HEIGHT_M },
+        pose: Pose::flat(x_m + body.ahead_m * cos, y_m + body.ahead_m * sin, HEIGHT_M / 2.0, yaw_rad),
+        size: Vector3 { x: body.length_m, y: body.width_m, z: HEIGHT_M },
         color: Color { a: 0.8, ..color },
     });
     truck.arrows.push(arrow(Pose::flat(x_m, y_m, HEIGHT_M + ABOVE_M, yaw_rad), color));
@@ -116,21 +112,19 @@ fn stretch(path: &Path, from_m: f64, to_m: f64) -> Vec<Point3> {
 }
 
 /// A short stroke across the beam of each range finder that sees something.
-pub(super) fn sight(at: Time, name: &Name, car: &Car, pose: &PoseState, sensors: &Sensors) -> SceneEntity {
+pub(super) fn sight(at: Time, name: &Name, body: &Body, pose: &PoseState, sensors: &Sensors) -> SceneEntity {
     let (sin, cos) = pose.yaw_rad.sin_cos();
-    let place = |ahead_m: f64, left_m: f64| Point3 {
+    let place = |(ahead_m, left_m): (f64, f64)| Point3 {
         x: pose.x_m + ahead_m * cos - left_m * sin,
         y: pose.y_m + ahead_m * sin + left_m * cos,
         z: HEIGHT_M / 2.0,
     };
     let mut points = Vec::new();
-    for (gear, distances) in [(1.0, &sensors.ir_front_cm), (-1.0, &sensors.ir_rear_cm)] {
-        for (number, cm) in (0_u8..).zip(distances) {
-            let Some(cm) = cm else { continue };
-            let left_m = (2.5 - f64::from(number)) * SPACING_M;
-            let ahead_m = gear * (length_m(car) / 2.0 + cm / 100.0);
-            points.extend([place(ahead_m, left_m - BEAM_M), place(ahead_m, left_m + BEAM_M)]);
-        }
+    for (beam, cm) in body.seen(sensors).into_iter().flatten() {
+        let Some((ahead_m, left_m)) = cm.map(|cm| beam.at_cm(cm)) else { continue };
+        let (sin, cos) = beam.yaw_rad.sin_cos();
+        let beside = |m: f64| place((ahead_m - m * sin, left_m + m * cos));
+        points.extend([beside(-BEAM_M), beside(BEAM_M)]);
     }
     let mut sight = entity(at, sight_id(name));
     sight.lines.push(line(2, points, 0.03, SEEN));

@@ -4,7 +4,7 @@ use super::*;
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{
     Arc, FleetMap, GoalKind, GoalState, GoalStatus, Latch, LatchState, LinkLoss, MapCell, MapHash, NavPhase,
-    RouteSource, RouteState, Track,
+    ParameterInfo, RouteSource, RouteState, Track,
 };
 
 const MS: u64 = 1_000_000;
@@ -80,6 +80,43 @@ fn a_truck_vanishes_when_it_falls_silent_and_is_red_when_it_is_latched() {
     state.latches = vec![LatchState { latch: Latch::Estop, age_ms: 0, by: "me".into(), present: false }];
     let latched = draw(&mut Painter::default(), 0, &state).entities.remove(0);
     assert!(latched.cubes[0].color.r > 2.0 * latched.cubes[0].color.g, "{latched:?}");
+}
+
+#[test]
+fn a_car_and_what_it_sees_are_drawn_where_its_factsheet_says() {
+    let info = |(name, value): (&str, &str)| {
+        let (name, value) = (name.to_owned(), value.to_owned());
+        ParameterInfo { name, value, unit: String::new(), origin: String::new() }
+    };
+    let mut about = xtb_client::fake::about("xtb-1", "");
+    about.vehicle = [
+        ("drivetrain", "\"front_axle\""),
+        ("geometry.wheelbase_m", "0.3"),
+        ("geometry.body_length_m", "0.4"),
+        ("geometry.body_width_m", "0.2"),
+        ("steering.stop_deg", "20.0"),
+        ("range_finders.front", "[{ left_m = 0.05, ahead_m = -0.1 }]"),
+    ]
+    .map(info)
+    .to_vec();
+    let mut painter = Painter::default();
+    assert_eq!(painter.draw(0, &key("xtb/lab/xtb-1/about"), &about.into()), None);
+    let car = draw(&mut painter, 0, &driving()).entities.remove(0);
+    // The pose is that of the rear axle.
+    let (middle, size) = (&car.cubes[0].pose.position, &car.cubes[0].size);
+    assert!(
+        (middle.x - 0.15).abs() < 1e-9 && middle.y.abs() < 1e-9 && (size.x - 0.4).abs() < 1e-9,
+        "{car:?}"
+    );
+    let mut sensors = xtb_client::fake::sensors("xtb-1");
+    sensors.ir_front_cm[0] = Some(30.0);
+    sensors.ir_front_cm[1] = Some(30.0); // a channel without a range finder
+    let seen = painter.draw(MS, &key("xtb/lab/xtb-1/sensors"), &sensors.into()).unwrap();
+    let points = &seen.entities[0].lines[0].points;
+    assert_eq!(points.len(), 2, "one stroke");
+    let ahead_m = 0.35 - 0.1 + 0.3;
+    assert!(points.iter().all(|point| (point.x - ahead_m).abs() < 1e-9), "{points:?}");
+    assert!((points[0].y + points[1].y - 2.0 * 0.05).abs() < 1e-9, "{points:?}");
 }
 
 #[test]

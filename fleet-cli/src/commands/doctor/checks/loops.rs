@@ -67,7 +67,9 @@ mod tests {
     fn says(facts: &mut Facts, robot: &str, value: &str) {
         let (name_of, value) = (REALTIME.to_owned(), value.to_owned());
         let info = ParameterInfo { name: name_of, value, unit: String::new(), origin: "ours".into() };
-        facts.abouts.get_mut(&name(robot)).unwrap()[0].vehicle = vec![info];
+        let vehicle = &mut facts.abouts.get_mut(&name(robot)).unwrap()[0].vehicle;
+        vehicle.retain(|info| info.name != REALTIME);
+        vehicle.push(info);
     }
 
     fn only(facts: &Facts) -> Finding {

@@ -3,8 +3,8 @@
 use super::*;
 use xtb_client::fake::{self, name};
 use xtb_protocol::messages::{
-    DispatchStatus, FaultState, FleetMap, Latch, MapHash, MapState, ParameterInfo, SimStats, TaskList,
-    TaskState, TrafficState,
+    DispatchStatus, FaultState, FleetMap, Latch, MapHash, MapState, ParameterInfo, SPEAKS, SimStats,
+    TaskList, TaskState, TrafficState,
 };
 
 fn entry(robot: &str) -> RosterEntry {
@@ -50,7 +50,8 @@ fn the_only(facts: &Facts) -> Finding {
 fn a_healthy_fleet_is_ok_in_every_respect() {
     let findings = all(&healthy());
     assert!(findings.iter().all(|finding| finding.level == Level::Ok), "{findings:?}");
-    let topics: Vec<_> = findings.iter().map(|finding| finding.topic).collect();
+    let mut topics: Vec<_> = findings.iter().map(|finding| finding.topic).collect();
+    topics.dedup();
     assert_eq!(
         topics,
         [
@@ -107,19 +108,55 @@ fn two_agents_of_one_name_are_a_problem() {
     assert_eq!((found.level, found.topic, found.robot), (Level::Problem, "names", Some(name("xtb-1"))));
 }
 
-#[test]
-fn other_versions_unreadable_messages_and_silence_are_told_apart() {
+fn speaking(version: &str, wire: Option<&str>) -> Facts {
     let mut facts = healthy();
-    facts.abouts.get_mut(&name("xtb-1")).unwrap()[0].version = "0.0.1".into();
-    let found = the_only(&facts);
-    assert_eq!(found.level, Level::Warning);
-    assert!(found.text.contains("agent 0.0.1"), "{found:?}");
+    let about = &mut facts.abouts.get_mut(&name("xtb-1")).unwrap()[0];
+    about.version = version.into();
+    about.vehicle.retain(|info| info.name != SPEAKS);
+    about.vehicle.extend(wire.map(|wire| ParameterInfo {
+        name: SPEAKS.into(),
+        value: wire.into(),
+        unit: String::new(),
+        origin: "ours".into(),
+    }));
+    facts
+}
+
+#[test]
+fn each_robot_is_told_with_its_program_and_the_wire_that_it_speaks() {
+    let ours = env!("CARGO_PKG_VERSION");
+    for (version, wire, level, says) in [
+        (ours, Some(WIRE), Level::Ok, format!("robot-agent {ours}, wire {WIRE}, as this fleet-cli")),
+        (
+            "0.0.1",
+            Some(WIRE),
+            Level::Warning,
+            format!("robot-agent 0.0.1, wire {WIRE}; this fleet-cli is {ours}"),
+        ),
+        (ours, Some(WIRE - 1), Level::Warning, format!("wire {}; this fleet-cli", WIRE - 1)),
+        (ours, Some(WIRE + 1), Level::Warning, format!("wire {}; this fleet-cli", WIRE + 1)),
+    ] {
+        let facts = speaking(version, wire.map(|wire| wire.to_string()).as_deref());
+        let of_one = |finding: &Finding| finding.topic == "versions" && finding.robot == Some(name("xtb-1"));
+        let found = all(&facts).into_iter().find(of_one).unwrap();
+        assert_eq!(found.level, level, "{found:?}");
+        assert!(found.text.contains(&says), "{found:?}");
+        assert_eq!(found.text.contains("accepts it"), wire == Some(WIRE - 1), "{found:?}");
+    }
+    let unsaid = the_only(&speaking(ours, None));
+    assert!(unsaid.text.contains("wire 5;"), "agents of before do not say it: {unsaid:?}");
+    assert_eq!(the_only(&speaking(ours, Some("new"))).level, Level::Problem);
+}
+
+#[test]
+fn unreadable_messages_and_silence_are_told_apart() {
+    let mut facts = healthy();
     facts.abouts.remove(&name("xtb-1"));
     assert!(the_only(&facts).text.contains("does not answer"));
     facts.unreadable.insert(name("xtb-1"), "RobotState.v9".into());
     let found = the_only(&facts);
     assert_eq!(found.level, Level::Problem);
-    assert!(found.text.contains("message version: RobotState.v9"), "{found:?}");
+    assert!(found.text.contains("cannot be read: RobotState.v9"), "{found:?}");
 }
 
 #[test]
@@ -161,7 +198,8 @@ fn differing_vehicle_parameters_are_named() {
         origin: "printed".into(),
     };
     for (robot, hash, value) in [("xtb-1", "a", "1"), ("xtb-2", "a", "1"), ("xtb-3", "b", "2")] {
-        let about = About { vehicle: vec![parameter(value)], ..fake::about(robot, hash) };
+        let about =
+            About { vehicle: vec![parameter(value), ParameterInfo::speaks()], ..fake::about(robot, hash) };
         facts.abouts.insert(name(robot), vec![about]);
     }
     let found = the_only(&facts);
