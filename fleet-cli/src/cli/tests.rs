@@ -1,7 +1,7 @@
 //! Command lines and what they mean.
 
 use super::*;
-use crate::args::LinkLossArg;
+use crate::args::{LinkLossArg, PointWord};
 use crate::commands::Verb;
 use crate::commands::dispatch::{DispatchArgs, DispatchVerb};
 use crate::values::LATCHES;
@@ -19,7 +19,7 @@ fn the_grammar_is_consistent() {
 #[test]
 fn negative_coordinates_need_no_dashes() {
     let Verb::Goto(goto) = read("fleet-cli goto xtb-1 -1.5 -2e0 --wait").unwrap().verb else { panic!() };
-    assert_eq!((goto.x_m, goto.y_m, goto.wait), (-1.5, -2.0, true));
+    assert_eq!((goto.to.point, goto.to.y_m, goto.wait), (PointWord::X(-1.5), Some(-2.0), true));
     for bad in ["nan", "inf", "1001", "x"] {
         assert!(read(&format!("fleet-cli goto xtb-1 {bad} 0")).is_err(), "{bad}");
     }

@@ -236,7 +236,7 @@ impl<'a> From<&'a MapPlace> for WrittenPlace<'a> {
             y_m: place.y_m,
             yaw_rad: place.yaw_rad,
             tags: (!place.tags.is_empty()).then(|| FlowSeq(place.tags.iter().map(Name::as_str).collect())),
-            points: (!place.points.is_empty()).then(|| FlowSeq(place.points.as_slice())),
+            points: (!place.points.is_empty()).then_some(FlowSeq(place.points.as_slice())),
         }
     }
 }

@@ -113,6 +113,7 @@ fn table_in<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn slope(value: f64) -> Vec<Change> {
         vec![

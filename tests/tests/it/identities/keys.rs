@@ -29,7 +29,7 @@ const ROBOT: [&str; 22] = [
     "estop/*",
 ];
 /// Clients' keys of one robot, and the others.
-const OTHERS: [&str; 60] = [
+const OTHERS: [&str; 61] = [
     "xtb-1/cmd/alice-3f9a1c",
     "xtb-1/cmd/alicex",
     "xtb-1/cmd/vera",
