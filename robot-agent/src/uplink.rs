@@ -52,7 +52,8 @@ pub(crate) async fn declare(
                 (What::State, Some(snapshot)) => question.reply(&keys.state(), &snapshot.state, format).await,
                 (What::State, None) => Ok(()),
                 (What::About, snapshot) => {
-                    let about = with_firmware(about.clone(), snapshot.as_ref());
+                    let word = snapshot.and_then(|snapshot| snapshot.sensors?.board_firmware);
+                    let about = with_firmware(about.clone(), word.map(Firmware));
                     question.reply(&keys.about(), &about, format).await
                 }
             };
@@ -65,12 +66,11 @@ pub(crate) async fn declare(
 }
 
 /// The factsheet with the firmware of the board, once that has been heard.
-fn with_firmware(mut about: About, snapshot: Option<&Snapshot>) -> About {
-    let sensors = snapshot.and_then(|snapshot| snapshot.sensors.as_ref());
-    if let Some(word) = sensors.and_then(|sensors| sensors.board_firmware) {
+fn with_firmware(mut about: About, firmware: Option<Firmware>) -> About {
+    if let Some(firmware) = firmware {
         about.vehicle.push(ParameterInfo {
             name: BOARD_FIRMWARE.to_owned(),
-            value: Firmware(word).to_string(),
+            value: firmware.to_string(),
             unit: String::new(),
             origin: "ours".to_owned(),
         });
@@ -136,5 +136,25 @@ pub(crate) async fn publish_events(
 fn note(sent: Result<(), BusError>) {
     if let Err(error) = sent {
         tracing::debug!("{error}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::ConfigFile;
+    use crate::session;
+    use xtb_robot::Identity;
+
+    #[test]
+    fn the_factsheet_names_the_boards_firmware_once_it_has_been_heard() {
+        let config = ConfigFile::default().agent().unwrap();
+        let (fleet, robot, start_pose) = (config.fleet.clone(), config.robot.clone(), config.start_pose);
+        let identity = Identity { fleet, robot, epoch: 1, start_pose };
+        let about = session::about(&config, &identity, "serial");
+        assert_eq!(with_firmware(about.clone(), None), about);
+        let told = with_firmware(about.clone(), Some(Firmware(0x0101)));
+        assert_eq!(told.board_firmware(), Some("1.1"));
+        assert_eq!(told.vehicle_hash, about.vehicle_hash, "it is none of the vehicle's");
     }
 }
