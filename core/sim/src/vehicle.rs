@@ -24,6 +24,7 @@ use crate::external::External;
 use crate::faults::{DriveFault, LineFault, LineFaults, SensorFaults};
 use crate::geometry::OrientedBox;
 use crate::gyro::{Attitude, Gyro};
+use crate::hands::Hands;
 use crate::impostors::Impostors;
 use crate::infrared::RangeFinders;
 use crate::lattice::footprint;
@@ -81,6 +82,7 @@ pub struct Truck {
     instrument_noise: Rng,
     impostors: Impostors,
     sensor_faults: SensorFaults,
+    hands: Hands,
     /// The last scan, as a converter that freezes shows it.
     scan: Option<(AdcSample, u16)>,
 }
@@ -137,6 +139,7 @@ impl Truck {
             instrument_noise: noise.fork(),
             impostors: Impostors::default(),
             sensor_faults: SensorFaults::default(),
+            hands: Hands::default(),
             scan: None,
             noise,
         }
@@ -227,6 +230,11 @@ impl Truck {
         self.drive.set_fault(fault);
     }
 
+    /// What a person's hands do to it from now on.
+    pub fn set_hands(&mut self, hands: Hands) {
+        self.hands = hands;
+    }
+
     /// From now on so much of the battery's charge is left, 0..=1.
     pub fn set_battery_left(&mut self, left: f64) {
         self.battery.set_left(left);
@@ -236,6 +244,12 @@ impl Truck {
     #[must_use]
     pub fn battery_v(&self) -> f64 {
         self.battery.volts()
+    }
+
+    /// What its range finders show, front, then rear, left to right, in V.
+    #[must_use]
+    pub fn range_finder_volts(&self) -> [f64; 12] {
+        self.range_finders.volts()
     }
 
     /// Bytes from the agent to the I/O board: set-up, PWM and reset frames.

@@ -136,6 +136,22 @@ impl WorldOrders {
         self.push(Box::new(move |simulation, _| order(simulation)));
     }
 
+    /// The instruments that a person holds to the truck with this index.
+    #[must_use]
+    pub fn instruments(&self, index: usize) -> Instruments {
+        let orders = self.clone();
+        Instruments::new(move || {
+            let (answer, answered) = sync_channel(1);
+            orders.change(move |simulation| {
+                if let Some(truck) = simulation.trucks_mut().get_mut(index) {
+                    // Nobody may wait any more.
+                    let _ = answer.try_send(truck.measured());
+                }
+            });
+            answered
+        })
+    }
+
     fn push(&self, order: Order) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).push(order);
     }
@@ -194,18 +210,7 @@ impl RunningWorld {
     /// The instruments that a person holds to the truck with this index.
     #[must_use]
     pub fn instruments(&self, index: usize) -> Instruments {
-        let orders = self.orders.clone();
-        Instruments::new(move || {
-            let (answer, answered) = sync_channel(1);
-            let order: Order = Box::new(move |simulation, _| {
-                if let Some(truck) = simulation.trucks_mut().get_mut(index) {
-                    // Nobody may wait any more.
-                    let _ = answer.try_send(truck.measured());
-                }
-            });
-            orders.lock().unwrap_or_else(PoisonError::into_inner).push(order);
-            answered
-        })
+        self.orders().instruments(index)
     }
 
     /// The world's clock.
@@ -306,8 +311,19 @@ impl LoneTruck {
     /// # Errors
     /// [`LoneTruckError`].
     pub fn start_at(seed: u64, speed: f64) -> Result<(Self, Clock), LoneTruckError> {
-        let parameters = TruckParameters::default();
-        let simulation = Simulation::new(World::default(), &parameters, &["truck"], seed)?;
+        Self::start_of(&TruckParameters::default(), seed, speed)
+    }
+
+    /// The same with a truck of this kind.
+    ///
+    /// # Errors
+    /// [`LoneTruckError`].
+    pub fn start_of(
+        parameters: &TruckParameters,
+        seed: u64,
+        speed: f64,
+    ) -> Result<(Self, Clock), LoneTruckError> {
+        let simulation = Simulation::new(World::default(), parameters, &["truck"], seed)?;
         let (lines, world_lines) = SimulatedHardware::connect();
         let time = WorldTime::new();
         let clock = time.join();
@@ -319,6 +335,12 @@ impl LoneTruck {
     #[must_use]
     pub fn instruments(&self) -> Instruments {
         self.world.instruments(0)
+    }
+
+    /// For whoever changes its world; the truck has the index 0.
+    #[must_use]
+    pub fn orders(&self) -> WorldOrders {
+        self.world.orders()
     }
 }
 

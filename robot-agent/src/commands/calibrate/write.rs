@@ -112,7 +112,7 @@ fn table_in<'a>(
 }
 
 /// Writes beside the file, then takes its name; a link stays one, and the file's rights stay.
-fn replace(path: &Path, text: &str) -> io::Result<()> {
+pub(crate) fn replace(path: &Path, text: &str) -> io::Result<()> {
     let path = match path.canonicalize() {
         Ok(real) => real,
         Err(error) if error.kind() == io::ErrorKind::NotFound => path.to_owned(),
