@@ -140,6 +140,11 @@ mod tests {
         assert!(refused("[vehicle.encoder]\nwindow_s = 0.001").contains("use at least 230400"));
         with("[hardware]\nkind = \"serial\"\nboard_baud = 38400\ngyro_baud = 14400\n").unwrap();
         with("[hardware]\nboard_baud = 9600\n").unwrap();
+        // A BNO085 sends over the board's line, and has none of its own.
+        let unit = "[hardware]\nkind = \"serial\"\ngyro_baud = 1200\n[vehicle]\nimu = \"bno085-rvc\"\n";
+        with(unit).unwrap();
+        let slow = unit.replace("gyro_baud = 1200", "board_baud = 38400");
+        assert!(with(&slow).unwrap_err().to_string().ends_with("use at least 57600"));
     }
 
     #[test]

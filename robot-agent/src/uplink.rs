@@ -5,9 +5,10 @@ use crate::snapshot::Snapshot;
 use std::sync::Arc;
 use tokio::sync::{mpsc, watch};
 use xtb_bus::{Bus, BusError, Question, Service};
+use xtb_protocol::board::Firmware;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, RobotKeys};
-use xtb_protocol::messages::{About, Event, RobotState, Sensors};
+use xtb_protocol::messages::{About, BOARD_FIRMWARE, Event, ParameterInfo, RobotState, Sensors};
 
 /// Samples go out with every second state: 10 Hz.
 const STATES_A_SAMPLE: u64 = 2;
@@ -50,7 +51,10 @@ pub(crate) async fn declare(
             let sent = match (what, snapshot) {
                 (What::State, Some(snapshot)) => question.reply(&keys.state(), &snapshot.state, format).await,
                 (What::State, None) => Ok(()),
-                (What::About, _) => question.reply(&keys.about(), &about, format).await,
+                (What::About, snapshot) => {
+                    let about = with_firmware(about.clone(), snapshot.as_ref());
+                    question.reply(&keys.about(), &about, format).await
+                }
             };
             if let Err(error) = sent {
                 tracing::debug!("cannot send an answer: {error}");
@@ -58,6 +62,20 @@ pub(crate) async fn declare(
         }
     });
     Ok(Uplink { _state: state, _about: about_service })
+}
+
+/// The factsheet with the firmware of the board, once that has been heard.
+fn with_firmware(mut about: About, snapshot: Option<&Snapshot>) -> About {
+    let sensors = snapshot.and_then(|snapshot| snapshot.sensors.as_ref());
+    if let Some(word) = sensors.and_then(|sensors| sensors.board_firmware) {
+        about.vehicle.push(ParameterInfo {
+            name: BOARD_FIRMWARE.to_owned(),
+            value: Firmware(word).to_string(),
+            unit: String::new(),
+            origin: "ours".to_owned(),
+        });
+    }
+    about
 }
 
 #[derive(Clone, Copy)]

@@ -142,14 +142,17 @@ impl Bench {
             self.step = id.to_owned();
         }
         let hands = Hands::default();
-        if let Some(rest) = line.split("range finder ").nth(1).filter(|_| line.starts_with("Hold something")) {
+        if let Some(rest) = line.split("range finder ").nth(1).filter(|_| line.starts_with("Hold something"))
+        {
             let mut words = rest.split(' ');
             let is_rear = words.next() == Some("rear");
             let slot: usize = words.next().unwrap().parse().unwrap();
-            let cm: f64 = line.split(" cm before").next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
+            let cm: f64 =
+                line.split(" cm before").next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
             let fitted = &self.vehicle.range_finders;
             let finder = if is_rear { fitted.rear.0[slot - 1] } else { fitted.front.0[slot - 1] };
-            self.world.change(move |simulation| simulation.hold_before(0, &finder, is_rear, cm / 100.0).unwrap());
+            self.world
+                .change(move |simulation| simulation.hold_before(0, &finder, is_rear, cm / 100.0).unwrap());
         } else if line.starts_with("Take it away") {
             self.world.change(Simulation::take_away);
         } else if line.starts_with("Turn the wheels") {
@@ -196,7 +199,9 @@ impl Bench {
             }
             _ if asked.contains("[Enter keeps") && asked.ends_with(']') => String::new(),
             _ if asked.ends_with("[again/skip/quit]") => "skip".into(),
-            _ if asked.ends_with("+ = right:") || asked.ends_with("+ = up:") => format!("{:.1}", self.angle_deg()),
+            _ if asked.ends_with("+ = right:") || asked.ends_with("+ = up:") => {
+                format!("{:.1}", self.angle_deg())
+            }
             _ => return None,
         })
     }
@@ -204,7 +209,10 @@ impl Bench {
     /// Runs the program until it ends; its exit code and everything that it said.
     fn run(&mut self, config: &Path, arguments: &[&str]) -> (i32, String) {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin("robot-agent"));
-        command.env_clear().args(["bring-up", "--hardware", "serial", "--patience", "20", "--config"]).arg(config);
+        command
+            .env_clear()
+            .args(["bring-up", "--hardware", "serial", "--patience", "20", "--config"])
+            .arg(config);
         command.args(["--board", &self.board, "--gyro", &self.gyro]).args(arguments);
         let pipes = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = pipes.spawn().unwrap();
@@ -268,7 +276,8 @@ fn a_truck_on_its_lines_is_moved_by_hand_and_by_itself_and_what_passed_is_kept()
     let folder = tempfile::tempdir().unwrap();
     let (config, vehicle) = settings(folder.path(), "platform = \"off\"\n");
     let mut bench = Bench::new(vehicle, 2);
-    let steps = ["board", "range-front-2", "encoder", "servo-steering-front", "emergency-stop", "motor-ahead"];
+    let steps =
+        ["board", "range-front-2", "encoder", "servo-steering-front", "emergency-stop", "motor-ahead"];
     for step in steps {
         let (code, said) = bench.run(&config, &["--only", step]);
         assert!(code == 1 && said.contains("  ok: "), "others are open; {step}:\n{said}");

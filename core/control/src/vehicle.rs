@@ -6,15 +6,21 @@
 
 mod calibration;
 mod drivetrain;
+mod imu;
 mod range_finders;
 mod sections;
 
 pub use calibration::Line;
 pub use drivetrain::Drivetrain;
+pub use imu::{Imu, ImuYaw};
 pub use range_finders::{BumperFinders, RangeFinder, SLOTS};
 pub use sections::*;
 
-use crate::config::{Allowed, Origin::Printed, Parameter, Value};
+use crate::config::{
+    Allowed,
+    Origin::{DataSheet, Printed},
+    Parameter, Value,
+};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -75,6 +81,10 @@ pub struct VehicleConfig {
     pub platform: Platform,
     /// Which axles steer.
     pub drivetrain: Drivetrain,
+    /// Which inertial unit is fitted.
+    pub imu: Imu,
+    /// Which way its yaw grows, of a BNO085.
+    pub imu_yaw: ImuYaw,
     /// The body.
     pub geometry: Geometry,
     /// The encoder.
@@ -123,24 +133,45 @@ impl VehicleConfig {
     /// Every parameter with its present value, section by section.
     #[must_use]
     pub fn parameters(&self) -> Vec<Parameter> {
-        let mut all = vec![Parameter {
-            name: "platform".into(),
-            value: self.platform.to_toml(),
+        let word = |name: &str, value: String, words: &'static [&'static str], origin, about| Parameter {
+            name: name.into(),
+            value,
             unit: "",
-            allowed: Allowed::OneOf(&["balance", "pid", "off"]),
-            origin: Printed("§4.8"),
-            about: "Platform controller: balance, pid or none (off).",
+            allowed: Allowed::OneOf(words),
+            origin,
+            about,
             valid: true,
-        }];
-        all.push(Parameter {
-            name: "drivetrain".into(),
-            value: self.drivetrain.to_toml(),
-            unit: "",
-            allowed: Allowed::OneOf(&Drivetrain::WORDS),
-            origin: Printed("§2.1"),
-            about: "Which axles steer: both, in opposite directions, or the front one.",
-            valid: true,
-        });
+        };
+        let mut all = vec![
+            word(
+                "platform",
+                self.platform.to_toml(),
+                &["balance", "pid", "off"],
+                Printed("§4.8"),
+                "Platform controller: balance, pid or none (off).",
+            ),
+            word(
+                "drivetrain",
+                self.drivetrain.to_toml(),
+                &Drivetrain::WORDS,
+                Printed("§2.1"),
+                "Which axles steer: both, in opposite directions, or the front one.",
+            ),
+            word(
+                "imu",
+                self.imu.to_toml(),
+                &Imu::WORDS,
+                Printed("§2.2"),
+                "Inertial unit: a 3DM-G on a line of its own, or a BNO085 in UART-RVC mode at the I/O board.",
+            ),
+            word(
+                "imu_yaw",
+                self.imu_yaw.to_toml(),
+                &ImuYaw::WORDS,
+                DataSheet("BNO080, §4"),
+                "Which way the yaw of a BNO085 grows, seen from above: verify on hardware.",
+            ),
+        ];
         all.extend(self.geometry.parameters());
         all.extend(self.encoder.parameters());
         all.extend(self.speed.parameters());

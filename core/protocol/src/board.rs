@@ -10,11 +10,13 @@
 //! A frame of the board with the number of the one before is a repeat and counts for nothing.
 //! The decoder never panics, resynchronises at the next 0x00 and counts what it drops.
 
+pub mod firmware;
 mod frames;
 pub mod rates;
 mod reader;
 mod writer;
 
-pub use frames::{ADC_SCANS, BoardError, BoardStatus, Frame, FromBoard, MAX_FRAME, MAX_PULSES, ToBoard};
+pub use firmware::{BoardIdentity, Firmware, UnknownFirmware};
+pub use frames::{ADC_SCANS, Ask, BoardError, BoardStatus, Frame, FromBoard, MAX_FRAME, MAX_PULSES, ToBoard};
 pub use reader::{FrameReader, LineCounters};
 pub use writer::FrameWriter;

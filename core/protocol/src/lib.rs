@@ -3,6 +3,7 @@
 //! Pure: bytes in, values out. Everything that comes from outside is checked here, once; the layers
 //! below get types that cannot hold a bad value.
 
+pub mod bno085;
 pub mod board;
 pub mod codec;
 pub mod gyro_3dmg;

@@ -5,7 +5,10 @@
 use xtb_board_codec as codec;
 use xtb_control::tpu::{PINS, SYSTEM_CLOCK_HZ, Setup};
 use xtb_control::{AdcCount, PwmCount, VehicleConfig};
-use xtb_protocol::board::{BoardError, BoardStatus, FrameReader, FrameWriter, FromBoard};
+use xtb_protocol::bno085::Bno085Sample;
+use xtb_protocol::board::{
+    Ask, BoardError, BoardIdentity, BoardStatus, Firmware, FrameReader, FrameWriter, FromBoard, ToBoard,
+};
 
 #[test]
 fn a_set_up_is_the_same_bytes_and_the_same_check_sum() {
@@ -26,48 +29,75 @@ fn ranges_are_those_of_the_quantities() {
     );
 }
 
-/// What is new in a status of version 1 does not disturb an agent that does not know it.
-#[test]
-fn an_agent_reads_a_status_with_the_bit_of_the_emergency_stop() {
-    let state = codec::flags::READY | codec::flags::WATCHDOG | codec::flags::EMERGENCY_STOP;
-    let frame = codec::Writer::default().frame(codec::kind::STATUS, [0x0101, state, 0x0156, 2]);
-    let status =
-        BoardStatus { firmware: 0x0101, ready: true, watchdog: true, setup_checksum: 0x0156, rejected: 2 };
+/// A status of the board with these bits, read back.
+fn status(firmware: u16, bits: u16) -> BoardStatus {
+    let frame = codec::Writer::default().frame(codec::kind::STATUS, [firmware, bits, 0x0156, 2]);
     let mut found = Vec::new();
     FrameReader::default().from_board(frame.as_bytes(), |frame| found.push(frame.unwrap()));
-    assert_eq!(found, [FromBoard::Status(status)]);
-    assert_eq!(FrameWriter::default().status(&status).as_bytes().len(), frame.as_bytes().len());
+    let [FromBoard::Status(status)] = found[..] else { panic!("{found:?}") };
+    let again = FrameWriter::default().status(&status);
+    assert_eq!(again.as_bytes(), frame.as_bytes(), "and written as it was read");
+    status
 }
 
-/// The frames that the typed layer does not know yet, as `docs/io-board.md` shows them.
 #[test]
-fn the_document_shows_what_is_optional() {
-    let doc = include_str!("../../../docs/io-board.md");
-    let shows = |sequence: usize, kind: u8, numbers: &[u16]| {
-        let mut writer = codec::Writer::default();
-        for _ in 0..sequence {
-            writer.frame(codec::kind::ENCODER, [0]);
-        }
-        let frame = writer.frame(kind, numbers.iter().copied());
-        let bytes: Vec<String> = frame.as_bytes().iter().map(|byte| format!("{byte:02x}")).collect();
-        assert!(doc.contains(&format!("`{}`", bytes.join(" "))), "{kind:#04x}: {}", bytes.join(" "));
-    };
-    shows(2, codec::kind::STATUS, &[0x0101, 7, 0x0156, 0]);
-    shows(3, codec::kind::ASK, &[codec::ask::IDENTITY | codec::ask::IMU]);
-    shows(4, codec::kind::IDENTITY, &[0x0101, 0xCDEF, 0x89AB, 0x0101, 0, 2]);
-    let [yaw, pitch, roll, x, y, z] = [1_i16, -110, 2085, -371, -20, 977].map(|number| number as u16);
-    shows(5, codec::kind::IMU, &[0x01DE, yaw, pitch, roll, x, y, z]);
+fn an_emergency_stop_is_unknown_of_a_firmware_that_does_not_know_it_unless_it_says_pressed() {
+    use codec::flags::{EMERGENCY_STOP, READY, WATCHDOG};
+    for (firmware, bits, pressed) in [
+        (0, READY, None),
+        (0x0100, READY | WATCHDOG, None),
+        (0x0100, READY | EMERGENCY_STOP, Some(true)),
+        (0x0101, READY, Some(false)),
+        (0x0101, READY | WATCHDOG | EMERGENCY_STOP, Some(true)),
+        (0x0200, READY, None),
+    ] {
+        let status = status(firmware, bits);
+        assert_eq!(status.emergency_stop, pressed, "{}", status.firmware);
+        assert_eq!((status.ready, status.watchdog), (true, bits & WATCHDOG != 0));
+    }
 }
 
-/// An agent that does not know the optional frames counts them and goes on.
+/// What is new in a later status of version 1 does not disturb an agent that does not know it.
 #[test]
-fn an_agent_refuses_optional_frames_and_reads_the_next() {
-    let mut writer = codec::Writer::default();
-    let mut bytes = writer.frame(codec::kind::IMU, [0; 7]).as_bytes().to_vec();
-    bytes.extend(writer.frame(codec::kind::ENCODER, [23]).as_bytes());
-    let mut reader = FrameReader::default();
+fn bits_that_the_agent_does_not_know_are_ignored() {
+    let frame = codec::Writer::default().frame(codec::kind::STATUS, [0x0101, 0x8001, 0x0156, 2]);
     let mut found = Vec::new();
+    FrameReader::default().from_board(frame.as_bytes(), |frame| found.push(frame.unwrap()));
+    assert_eq!(found, [FromBoard::Status(status(0x0101, codec::flags::READY))]);
+}
+
+#[test]
+fn identity_sample_and_ask_read_back_as_they_were_written() {
+    let identity = BoardIdentity {
+        firmware: Firmware(0x0101),
+        hash: 0x89AB_CDEF,
+        model: 2,
+        after_hang: true,
+        late_periods: 3,
+        replaced_samples: 4,
+    };
+    let sample = Bno085Sample { index: 7, bad: 1, yaw_cdeg: -18_000, ..Bno085Sample::default() };
+    let mut writer = FrameWriter::default();
+    let mut bytes = writer.identity(&identity).as_bytes().to_vec();
+    bytes.extend(writer.bno085(&sample).as_bytes());
+    let mut found = Vec::new();
+    FrameReader::default().from_board(&bytes, |frame| found.push(frame));
+    assert_eq!(found, [Ok(FromBoard::Identity(identity)), Ok(FromBoard::Bno085(sample))]);
+    for (identity, imu) in [(true, false), (false, true), (true, true)] {
+        let (ask, mut found) = (Ask { identity, imu }, Vec::new());
+        FrameReader::default().to_board(writer.ask(ask).as_bytes(), |frame| found.push(frame));
+        assert_eq!(found, [Ok(ToBoard::Ask(ask))]);
+    }
+}
+
+#[test]
+fn a_sample_with_an_impossible_angle_is_dropped_and_the_next_frame_is_read() {
+    let mut writer = codec::Writer::default();
+    let mut bytes = writer.frame(codec::kind::IMU, [0, 18_001, 0, 0, 0, 0, 0]).as_bytes().to_vec();
+    bytes.extend(writer.frame(codec::kind::ENCODER, [23]).as_bytes());
+    let (mut reader, mut found) = (FrameReader::default(), Vec::new());
     reader.from_board(&bytes, |frame| found.push(frame));
-    assert_eq!(found, [Err(BoardError::UnknownType(0x16)), Ok(FromBoard::Encoder { pulses: 23 })]);
+    assert!(matches!(found[0], Err(BoardError::Value(_))), "{found:?}");
+    assert_eq!(found[1..], [Ok(FromBoard::Encoder { pulses: 23 })]);
     assert_eq!((reader.counters().frames, reader.counters().rejected), (1, 1));
 }

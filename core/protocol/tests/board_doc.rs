@@ -5,8 +5,11 @@
 use xtb_control::controller::{AdcSample, GyroSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup, WATCHDOG_MS};
 use xtb_control::{AdcCount, PwmCount, VehicleConfig};
+use xtb_protocol::bno085::Bno085Sample;
 use xtb_protocol::board::rates::{Direction, HEAD_ROOM, LineRates};
-use xtb_protocol::board::{BoardStatus, Frame, FrameReader, FrameWriter, MAX_FRAME, MAX_PULSES};
+use xtb_protocol::board::{
+    Ask, BoardIdentity, BoardStatus, Firmware, Frame, FrameReader, FrameWriter, MAX_FRAME, MAX_PULSES,
+};
 use xtb_protocol::gyro_3dmg::{EulerFrame, encode_firmware};
 use xtb_protocol::messages::Fault;
 
@@ -76,12 +79,47 @@ fn the_boards_frames() {
     shows(&after(8, |writer| writer.adc(&scan, Some(7400))));
     let remote = RemoteSample { speed: Some(938), steering: Some(12_937), selector: None };
     shows(&after(9, |writer| writer.remote(&remote)));
-    let waiting =
-        BoardStatus { firmware: 0x0102, ready: false, watchdog: true, setup_checksum: 0, rejected: 0 };
+    let waiting = BoardStatus {
+        firmware: Firmware(0x0102),
+        ready: false,
+        watchdog: true,
+        emergency_stop: None,
+        setup_checksum: 0,
+        rejected: 0,
+    };
     shows(&after(0, |writer| writer.status(&waiting)));
     let setup_checksum = setup().checksum();
     let confirmed = BoardStatus { ready: true, setup_checksum, ..waiting };
     shows(&after(1, |writer| writer.status(&confirmed)));
+}
+
+/// What a board and an agent may do without.
+#[test]
+fn the_optional_frames() {
+    let firmware = Firmware(0x0101);
+    let setup_checksum = setup().checksum();
+    let (ready, watchdog, emergency_stop) = (true, true, Some(true));
+    let pressed = BoardStatus { firmware, ready, watchdog, emergency_stop, setup_checksum, rejected: 0 };
+    shows(&after(2, |writer| writer.status(&pressed)));
+    shows(&after(3, |writer| writer.ask(Ask { identity: true, imu: true })));
+    let identity = BoardIdentity {
+        firmware,
+        hash: 0x89AB_CDEF,
+        model: 1,
+        after_hang: true,
+        late_periods: 0,
+        replaced_samples: 2,
+    };
+    shows(&after(4, |writer| writer.identity(&identity)));
+    let sample = Bno085Sample {
+        index: 0xDE,
+        bad: 1,
+        yaw_cdeg: 1,
+        pitch_cdeg: -110,
+        roll_cdeg: 2085,
+        acceleration_mg: [-371, -20, 977],
+    };
+    shows(&after(5, |writer| writer.bno085(&sample)));
 }
 
 #[test]
@@ -105,7 +143,7 @@ fn limits_and_channels() {
 
 #[test]
 fn what_the_frames_need() {
-    for line in [board(), LineRates::gyro()] {
+    for line in [board().with_bno085(), LineRates::gyro()] {
         for frame in line.frames() {
             let times = [115_200, 38_400, 9600].map(|baud| format!("{:.1}", frame.time_ms(baud)));
             says(&format!(
@@ -129,6 +167,7 @@ fn what_the_frames_need() {
     }
     says(&format!("{}", board().check(9600).unwrap_err()));
     says(&format!("needs {} baud", LineRates::gyro().needs_baud()));
+    says(&format!("{} baud with a BNO085", board().with_bno085().need_baud(from)));
     assert_eq!(HEAD_ROOM, 1.25, "the quarter");
 }
 

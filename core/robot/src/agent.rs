@@ -123,6 +123,8 @@ pub struct Agent {
     last_seq: Option<u64>,
     /// Callers and ids of the last emergency stops: none latches twice.
     estops: VecDeque<(Name, Uuid)>,
+    /// Whether the switch at the I/O board was pressed when it was last known.
+    stop_switch: bool,
     /// For the controller, at the next turn.
     pending: Option<Command>,
     writer: Writer,
@@ -188,6 +190,7 @@ impl Agent {
             teleop: None,
             last_seq: None,
             estops: VecDeque::with_capacity(stops::ESTOP_IDS),
+            stop_switch: false,
             pending: None,
             writer: Writer::Nobody,
             link_up: false,

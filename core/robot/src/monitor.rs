@@ -21,6 +21,7 @@ mod gyro;
 
 pub use alarm::HOLD_MS;
 pub use drive::Driven;
+pub use gyro::SignsOfLife;
 
 use crate::authority::guard::{Guard, Guards};
 use alarm::Alarm;
@@ -33,7 +34,6 @@ use std::sync::Arc;
 use xtb_control::controller::AdcSample;
 use xtb_control::speed::wheel_rpm;
 use xtb_control::{Stamp, VehicleConfig};
-use xtb_protocol::gyro_3dmg::EulerFrame;
 use xtb_protocol::messages::{BatteryLevel, Fault};
 
 /// The monitors of one robot.
@@ -50,8 +50,8 @@ pub struct Monitors {
 
 impl Monitors {
     /// A frame of the gyro. True if it is the last one again, unchanged to the timer.
-    pub fn gyro(&mut self, vehicle: &VehicleConfig, now: Stamp, frame: &EulerFrame) -> bool {
-        self.gyro.frame(&vehicle.guard, now, frame)
+    pub fn gyro(&mut self, vehicle: &VehicleConfig, now: Stamp, frame: SignsOfLife) -> bool {
+        self.gyro.frame(&vehicle.guard, now, frame, self.turning)
     }
 
     /// How the motor is driven from now on.

@@ -5,11 +5,13 @@
 //!
 //! ```text
 //!   board bytes ─► line watch ─► frames ─► set-up gate (Fig. 8) ─┐
+//!     (with those of a BNO085)                                   │
 //!   gyro bytes ──► line watch ─► frames ─────────────────────────┼─► Controller::step ─► step_log
 //!   requests, setpoints ─► Agent ─► at most one Command a turn ──┘        │
 //!   PWM, set-up, channel reset, gyro start ◄──────────────────────────────┘
 //! ```
 
+mod ask;
 mod early;
 mod guards;
 mod inputs;
@@ -26,7 +28,9 @@ use crate::motion::MotionTracker;
 use crate::step_log::{Step, StepLog};
 use xtb_control::controller::{AdcSample, GyroSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup, SetupTask, WATCHDOG_MS};
+use xtb_control::vehicle::Imu;
 use xtb_control::{Command, Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
+use xtb_protocol::bno085::Bno085Counter;
 use xtb_protocol::board::rates::PWM_EVERY_S;
 use xtb_protocol::board::{BoardStatus, Frame, FrameReader, FrameWriter};
 use xtb_protocol::gyro_3dmg::{GyroReader, GyroStarter, START_CONTINUOUS};
@@ -35,8 +39,9 @@ use xtb_protocol::messages::{InputAges, Reply, Request};
 
 pub use views::Readings;
 
+use ask::Asker;
 use early::EarlyFrames;
-use lines::{BoardLine, GyroLine};
+use lines::{Bno085Link, BoardLine, GyroLine};
 
 /// Length of a turn: half of the gyro's period, which comes most often, so that no sample waits for longer.
 pub const TURN_NS: u64 = 5_000_000;
@@ -75,7 +80,10 @@ pub struct Robot {
     outputs: Outputs,
     board: BoardLine,
     gyro: GyroLine,
+    /// `None` = a 3DM-G is fitted.
+    bno085: Option<Bno085Link>,
     setup: SetupTask,
+    asker: Asker,
     reset: ResetMask,
     writer: FrameWriter,
     next_frame: Stamp,
@@ -116,6 +124,11 @@ impl Robot {
             watchdog_ms: 0,
             channels: [0; xtb_control::tpu::PINS],
         });
+        let bno085 = (vehicle.imu == Imu::Bno085Rvc).then(|| Bno085Link {
+            yaw: vehicle.imu_yaw,
+            counter: Bno085Counter::default(),
+            yaw_cdeg: 0,
+        });
         let controller = Controller::new(vehicle);
         let outputs = controller.outputs(Stamp::ZERO);
         Self {
@@ -128,6 +141,9 @@ impl Robot {
                 reader: FrameReader::default(),
                 foreign: GyroReader::default(),
                 detail: None,
+                refused: None,
+                other_layout: None,
+                has_stop: false,
                 open_since: Stamp::ZERO,
                 speaks_since: Stamp::ZERO,
                 fed: false,
@@ -139,9 +155,11 @@ impl Robot {
                 reader: GyroReader::default(),
                 foreign: FrameReader::default(),
                 starter: GyroStarter::default(),
-                detail: None,
+                detail: bno085.is_some().then(|| "BNO085 at the I/O board".into()),
             },
+            bno085,
             setup: SetupTask::new(setup),
+            asker: Asker::default(),
             reset: ResetMask::default(),
             writer: FrameWriter::default(),
             next_frame: Stamp::ZERO,
@@ -200,7 +218,7 @@ impl Robot {
         if line_fault.is_some() && self.guards.on(Guard::LineLost) {
             self.lose_remote(now);
         }
-        let gyro_fault = self.gyro.watch.fault(now);
+        let gyro_fault = self.gyro_fault(now, line_fault);
         self.agent.set_faults(now, &self.faults(now, line_fault, gyro_fault));
         let (ages, neutral) = (self.ages(now), self.neutral_since.is_some());
         let view = View { outputs: &self.outputs, ages, neutral, over_speed: self.over_speed() };
@@ -232,11 +250,16 @@ impl Robot {
         Some(self.writer.pwm(&pwm))
     }
 
-    /// What else the board has to be told after a turn: its set-up (Fig. 8), or the channels to reset
-    /// (Fig. 9). Ask until there is nothing.
+    /// What else the board has to be told after a turn: its set-up (Fig. 8), what it is asked for, or the channels
+    /// to reset (Fig. 9). Ask until there is nothing.
     pub fn board_request(&mut self, now: Stamp) -> Option<Frame> {
-        if let Some(setup) = self.setup.request(now) {
+        if self.board.refused.is_none()
+            && let Some(setup) = self.setup.request(now)
+        {
             return Some(self.writer.setup(&setup));
+        }
+        if let Some(ask) = self.ask(now) {
+            return Some(self.writer.ask(ask));
         }
         let reset = std::mem::take(&mut self.reset);
         reset.any().then(|| self.writer.reset(reset))
@@ -244,6 +267,9 @@ impl Robot {
 
     /// What the gyro has to be told after a turn.
     pub fn gyro_request(&mut self, now: Stamp) -> Option<&'static [u8]> {
+        if self.bno085.is_some() {
+            return None; // there is no such line
+        }
         let silent = self.ages(now).gyro.is_none_or(|ms| ms > INPUT_LOST_MS);
         let command = self.gyro.starter.request(now, silent);
         if command == Some(&START_CONTINUOUS) {

@@ -7,7 +7,7 @@ mod bench;
 use bench::*;
 use xtb_control::PwmCount;
 use xtb_control::controller::GyroSample;
-use xtb_protocol::board::{BoardStatus, FrameWriter};
+use xtb_protocol::board::{BoardStatus, Firmware, FrameWriter};
 use xtb_protocol::gyro_3dmg::{EulerFrame, START_CONTINUOUS};
 use xtb_protocol::messages::{Fault, GoalStatus};
 
@@ -76,7 +76,8 @@ fn windows_that_cannot_be_are_the_encoders_fault_and_not_the_boards() {
 /// A status as a board gives it that gets none of our pulses.
 fn starved(bench: &mut Bench, watchdog: bool) {
     let setup_checksum = bench.setup.unwrap().checksum();
-    let status = BoardStatus { firmware: 0x0100, ready: true, watchdog, setup_checksum, rejected: 0 };
+    let (firmware, ready, emergency_stop) = (Firmware(0x0100), true, None);
+    let status = BoardStatus { firmware, ready, watchdog, emergency_stop, setup_checksum, rejected: 0 };
     let frame = bench.board.status(&status);
     bench.robot.board_bytes(bench.now, frame.as_bytes());
 }

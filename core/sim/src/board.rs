@@ -22,10 +22,14 @@ use xtb_control::PwmCount;
 use xtb_control::controller::{AdcSample, PwmOutputs};
 use xtb_control::tpu::{Channel, SYSTEM_CLOCK_HZ, Setup};
 use xtb_control::units::{PWM_COUNT_US, Stamp};
-use xtb_protocol::board::{BoardStatus, FrameReader, FrameWriter, LineCounters, MAX_PULSES, ToBoard};
+use xtb_protocol::bno085::Bno085Sample;
+use xtb_protocol::board::{
+    Ask, BoardIdentity, BoardStatus, Firmware, FrameReader, FrameWriter, LineCounters, MAX_PULSES, ToBoard,
+};
 
-/// What the simulated board calls its firmware: 1.0.
-pub(crate) const FIRMWARE: u16 = 0x0100;
+/// What the simulated board calls its firmware, without and with answers to asks.
+pub(crate) const FIRMWARE: Firmware = Firmware(0x0100);
+const WITH_ANSWERS: Firmware = Firmware(0x0101);
 /// Between two status frames.
 const STATUS_S: f64 = 0.1;
 /// Shortest period and window that the board takes: less would be no time to do anything in.
@@ -120,6 +124,11 @@ pub(crate) struct Board {
     refused: u64,
     /// A set-up wants its answer.
     answer_due: bool,
+    firmware: Firmware,
+    /// Whether samples of the inertial unit are wanted.
+    imu_asked: bool,
+    /// Whether the emergency stop is pressed.
+    stop: bool,
 
     /// Neutral and centred, as after power-on.
     at_rest: PwmOutputs,
@@ -150,6 +159,9 @@ impl Board {
             running: None,
             refused: 0,
             answer_due: false,
+            firmware: if truth.board.answers_asks { WITH_ANSWERS } else { FIRMWARE },
+            imu_asked: false,
+            stop: false,
             at_rest: outputs,
             requested: outputs,
             heard: None,
@@ -173,6 +185,7 @@ impl Board {
         self.running = None;
         self.refused = 0;
         self.heard = None;
+        self.imu_asked = false;
         self.watchdog = true;
         self.outputs = self.at_rest;
         self.neutral_since.get_or_insert(now);
@@ -186,6 +199,15 @@ impl Board {
     pub(crate) fn set_transmitter(&mut self, transmitter: Transmitter) {
         if let Some(receiver) = &mut self.receiver {
             receiver.set_transmitter(transmitter);
+        }
+    }
+
+    /// The emergency stop is pressed, or released. Motor and pistons are held meanwhile, and until a frame with a
+    /// neutral motor has come after it.
+    pub(crate) fn set_emergency_stop(&mut self, pressed: bool) {
+        if std::mem::replace(&mut self.stop, pressed) != pressed {
+            self.heard = None;
+            self.send_status();
         }
     }
 
@@ -215,7 +237,15 @@ impl Board {
             // Before the set-up there is nothing that a pulse or a reset could act on.
             ToBoard::Pwm(_) | ToBoard::Reset(_) if self.running.is_none() => {}
             ToBoard::Pwm(pwm) if pwm.motor != PwmCount::NEUTRAL && self.is_starved(now) => {}
+            ToBoard::Pwm(_) if self.stop => {}
             ToBoard::Pwm(pwm) => (self.requested, self.heard) = (pwm, Some(now)),
+            ToBoard::Ask(_) if !self.firmware.answers_asks() => self.refused += 1,
+            ToBoard::Ask(Ask { identity, imu }) => {
+                self.imu_asked = imu;
+                if identity {
+                    self.send_identity();
+                }
+            }
             ToBoard::Reset(mask) => {
                 if let Some(receiver) = &mut self.receiver {
                     receiver.reset(mask, noise);
@@ -310,13 +340,33 @@ impl Board {
 
     fn send_status(&mut self) {
         let status = BoardStatus {
-            firmware: FIRMWARE,
+            firmware: self.firmware,
             ready: self.running.is_some(),
-            watchdog: self.watchdog,
+            watchdog: self.watchdog || self.stop,
+            emergency_stop: Some(self.stop),
             setup_checksum: self.running.as_ref().map_or(0, |running| running.setup.checksum()),
             rejected: (self.reader.counters().rejected + self.refused) as u16,
         };
         self.outbox.send(self.writer.status(&status).as_bytes());
+    }
+
+    fn send_identity(&mut self) {
+        let identity = BoardIdentity {
+            firmware: self.firmware,
+            hash: 0,
+            model: BoardIdentity::SIMULATED,
+            after_hang: false,
+            late_periods: 0,
+            replaced_samples: 0,
+        };
+        self.outbox.send(self.writer.identity(&identity).as_bytes());
+    }
+
+    /// A sample of the inertial unit goes on to the agent, if that has asked.
+    pub(crate) fn pass_on(&mut self, sample: &Bno085Sample) {
+        if self.imu_asked && self.running.is_some() {
+            self.outbox.send(self.writer.bno085(sample).as_bytes());
+        }
     }
 
     /// Whether the converter has completed a scan; then [`Self::send_scan`] is due.

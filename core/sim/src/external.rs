@@ -27,6 +27,10 @@ pub struct Pins {
     pub pistons_v: [f64; 4],
     /// Battery's terminals, in V.
     pub battery_v: f64,
+    /// Bytes of the inertial unit at the board, if one is fitted.
+    pub imu: Vec<u8>,
+    /// The emergency stop is pressed.
+    pub emergency_stop: bool,
     /// When the encoder's pulses of the step began.
     pub encoder_edges: Vec<Stamp>,
     /// The receiver's pulses of speed, steering and selector, in ms; `None` = no pulses.

@@ -4,7 +4,7 @@ use crate::gyro::Attitude;
 use crate::line::Outbox;
 use xtb_control::controller::GyroSample;
 use xtb_control::units::Stamp;
-use xtb_protocol::board::{BoardStatus, FrameWriter};
+use xtb_protocol::board::{BoardStatus, Firmware, FrameWriter};
 use xtb_protocol::gyro_3dmg::EulerFrame;
 
 const GYRO_PERIOD_NS: u64 = 10_000_000;
@@ -29,10 +29,11 @@ impl Impostors {
     }
 
     /// A board on the gyro's line.
-    pub(crate) fn on_gyro_line(&mut self, now: Stamp, firmware: u16, line: &mut Outbox) {
+    pub(crate) fn on_gyro_line(&mut self, now: Stamp, firmware: Firmware, line: &mut Outbox) {
         if due(&mut self.status_due_ns, STATUS_PERIOD_NS, now) {
-            let waiting =
-                BoardStatus { firmware, ready: false, watchdog: true, setup_checksum: 0, rejected: 0 };
+            let (ready, watchdog, emergency_stop) = (false, true, None);
+            let (setup_checksum, rejected) = (0, 0);
+            let waiting = BoardStatus { firmware, ready, watchdog, emergency_stop, setup_checksum, rejected };
             line.pass(self.writer.status(&waiting).as_bytes());
         }
     }

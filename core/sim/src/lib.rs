@@ -7,6 +7,7 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod bno085;
 mod board;
 mod bodies;
 pub mod calibration;

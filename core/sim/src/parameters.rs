@@ -11,7 +11,7 @@ use xtb_control::config::{
     Origin::{Assumed, DataSheet, Printed},
     Parameter,
 };
-use xtb_control::vehicle::{Drivetrain, RangeFinders};
+use xtb_control::vehicle::{Drivetrain, Imu, ImuYaw, RangeFinders};
 use xtb_control::{VehicleConfig, config_section};
 
 config_section! {
@@ -138,8 +138,10 @@ config_section! {
 }
 
 config_section! {
-    /// The 3DM-G orientation sensor.
+    /// The orientation sensor.
     GyroTruth "gyro" {
+        imu: Imu = Imu::ThreeDmG, "", OneOf(&Imu::WORDS), Printed("§2.2"), "Which unit is fitted.";
+        imu_yaw: ImuYaw = ImuYaw::CounterClockwise, "", OneOf(&ImuYaw::WORDS), DataSheet("BNO080, §4"), "Which way the yaw of a BNO085 grows, seen from above.";
         yaw_drift_dps: f64 = 0.2, "deg/s", Range(0.0, 0.3), Assumed, "A truck's own drift lies between 0 and this (0.1 in the mean).";
         noise_deg: f64 = 0.05, "deg", Range(0.0, 5.0), Assumed, "Standard deviation of each angle.";
     }
@@ -190,6 +192,7 @@ config_section! {
     /// The I/O board. Its PWM period, encoder window and watchdog are those of the set-up it gets.
     BoardTruth "board" {
         adc_period_s: f64 = 0.038, "s", Range(0.005, 1.0), Printed("§4.5"), "Between two scans.";
+        answers_asks: bool = false, "", Switch, Assumed, "Its firmware is 1.1: it says who it is, whether its emergency stop is pressed, and what its BNO085 measures. Else 1.0.";
     }
 }
 
@@ -241,6 +244,8 @@ impl TruckParameters {
         let mut truth = Self { body, ..Self::default() };
         truth.range_finders = vehicle.range_finders.clone();
         truth.receiver.fitted = vehicle.remote.enabled;
+        (truth.gyro.imu, truth.gyro.imu_yaw) = (vehicle.imu, vehicle.imu_yaw);
+        truth.board.answers_asks = vehicle.imu == Imu::Bno085Rvc;
         truth.steering.front_centre = steering.front_centre;
         truth.steering.rear_centre = steering.rear_centre;
         truth.steering.range_counts = steering.range_counts;

@@ -7,6 +7,7 @@
 //!                              ├────► bumper servos ──────────────────► (tilt) ───┤
 //!                              └────► pistons ─► platform ─► tilt sensor ─────────┴─► board ─► take_board_tx
 //!   gyro_rx ────────────────────────────────────────────► gyro ─────────────────────────────► take_gyro_tx
+//!                                                 or a BNO085 ─► board
 //! ```
 //! Four-wheel-steered bicycle: the longitudinal speed u is common to both axles, an axle whose
 //! wheels are turned by δ moves sideways by u tan δ, so the heading turns (clockwise) at
@@ -17,6 +18,7 @@
 mod motion;
 mod pins;
 
+use crate::bno085::Bno085;
 use crate::board::{self, Board, ShaftTravel};
 use crate::calibration::CalibrationTruth;
 use crate::drive::{Battery, Drive};
@@ -40,6 +42,7 @@ use xtb_control::calibration::Measured;
 use xtb_control::controller::AdcSample;
 use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_control::units::Stamp;
+use xtb_control::vehicle::Imu;
 use xtb_protocol::board::LineCounters;
 use xtb_protocol::messages::TruthRobot;
 
@@ -55,6 +58,9 @@ pub struct Truck {
     board: Board,
     external: Option<External>,
     gyro: Gyro,
+    /// Fitted in place of the gyro.
+    bno085: Option<Bno085>,
+    emergency_stop: bool,
     front: SteeringAxle,
     rear: SteeringAxle,
     bumpers: [BumperServo; 2],
@@ -113,6 +119,9 @@ impl Truck {
             board: Board::new(parameters, &mut noise),
             external: None,
             gyro: Gyro::new(&parameters.gyro, &mut noise),
+            bno085: (parameters.gyro.imu == Imu::Bno085Rvc)
+                .then(|| Bno085::new(&parameters.gyro, Rng::new(seed ^ 0xB085_0000, index as u64))),
+            emergency_stop: false,
             front,
             rear,
             bumpers,
@@ -215,6 +224,9 @@ impl Truck {
     pub fn set_line_faults(&mut self, faults: LineFaults) {
         self.board.outbox().set_fault(faults.board);
         self.gyro.outbox().set_fault(faults.gyro);
+        if let Some(unit) = &mut self.bno085 {
+            unit.set_line_fault(faults.gyro);
+        }
     }
 
     /// Breaks or mends its sensors.
@@ -222,7 +234,19 @@ impl Truck {
         self.sensor_faults = faults;
         self.range_finders.set_faults(&faults.range_finders);
         self.gyro.set_fault(faults.gyro);
+        if let Some(unit) = &mut self.bno085 {
+            unit.set_fault(faults.gyro);
+        }
         self.board.set_encoder_fault(faults.encoder);
+    }
+
+    /// The person beside it presses its emergency stop, or releases it. The board holds motor and pistons, and says
+    /// so; that the switch cuts the power of the ESC by itself is the same motor at rest.
+    pub fn set_emergency_stop(&mut self, pressed: bool) {
+        self.emergency_stop = pressed;
+        if self.external.is_none() {
+            self.board.set_emergency_stop(pressed);
+        }
     }
 
     /// Breaks or mends its drive.
@@ -265,8 +289,11 @@ impl Truck {
         self.board.outbox().take(into);
     }
 
-    /// Bytes from the agent to the gyro: `10 00 0E`, `10 00 00`, `0E`, `F0`.
+    /// Bytes from the agent to the gyro: `10 00 0E`, `10 00 00`, `0E`, `F0`. A truck with a BNO085 has no such line.
     pub fn gyro_rx(&mut self, bytes: &[u8]) {
+        if self.bno085.is_some() {
+            return;
+        }
         let attitude = self.attitude();
         self.gyro.rx(bytes, self.now, &attitude, &mut self.noise);
     }
@@ -303,9 +330,13 @@ impl Truck {
         let stretch = [self.bumpers[0].stretch(), self.bumpers[1].stretch()];
         self.range_finders.step(context, self.index, &self.body, stretch, &mut self.noise);
         let attitude = self.attitude();
+        let imu = self.bno085.as_mut().and_then(|unit| unit.step(self.now, &attitude));
         if self.external.is_some() {
-            self.step_external(&travel, &attitude);
+            self.step_external(&travel, &attitude, imu.as_ref());
         } else {
+            if let Some(sample) = &imu {
+                self.board.pass_on(sample);
+            }
             self.board.count(&travel);
             if self.board.scan_due(self.now) {
                 self.send_scan(&attitude);

@@ -24,12 +24,17 @@ pub(crate) struct Step {
     e: Vec<u64>,
     /// Pulses of the receiver, in ms.
     r: Option<[f64; 3]>,
+    /// The emergency stop is pressed.
+    s: bool,
+    /// Bytes of the inertial unit, in hexadecimal digits.
+    i: String,
 }
 
 impl Step {
     /// The first moment, when nothing has happened yet.
     pub(crate) fn power_on() -> Self {
-        Self { t: 0, rx: String::new(), a: [0.0; 16], p: [0.0; 4], e: Vec::new(), r: None }
+        let (rx, i) = (String::new(), String::new());
+        Self { t: 0, rx, a: [0.0; 16], p: [0.0; 4], e: Vec::new(), r: None, s: false, i }
     }
 
     pub(crate) fn of(from_agent: &[u8], pins: &Pins) -> Self {
@@ -44,6 +49,8 @@ impl Step {
             p: pins.pistons_v.map(|v| v * OF_5_V),
             e: pins.encoder_edges.iter().map(|edge| edge.ns()).collect(),
             r: pins.receiver_ms,
+            s: pins.emergency_stop,
+            i: digits(&pins.imu),
         }
     }
 
@@ -105,6 +112,8 @@ mod tests {
             tilt_v: [2.5, 5.0],
             pistons_v: [0.0, 2.5, 5.0, 1.25],
             battery_v: 8.0,
+            imu: vec![0xAA, 0xAA, 1],
+            emergency_stop: true,
             encoder_edges: vec![Stamp::from_ns(1), Stamp::from_ns(4_999_999)],
             receiver_ms: Some([1.5, 1.25, 1.75]),
         };
@@ -113,7 +122,7 @@ mod tests {
             written,
             "{\"t\":5000000,\"rx\":\"001fa0\",\
              \"a\":[0.0,0.125,0.25,0.375,0.5,0.625,0.75,0.875,1.0,1.125,1.25,1.375,1.65,3.3,2.0,0.0],\
-             \"p\":[0.0,1.65,3.3,0.825],\"e\":[1,4999999],\"r\":[1.5,1.25,1.75]}"
+             \"p\":[0.0,1.65,3.3,0.825],\"e\":[1,4999999],\"r\":[1.5,1.25,1.75],\"s\":true,\"i\":\"aaaa01\"}"
         );
     }
 

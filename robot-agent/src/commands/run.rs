@@ -13,6 +13,7 @@ use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
 use tokio::sync::watch;
 use xtb_bus::Enrolled;
+use xtb_control::vehicle::Imu;
 
 pub(crate) fn run(
     file: &ConfigFile,
@@ -63,7 +64,8 @@ pub(crate) fn open(file: &ConfigFile) -> Result<Lines, Failure> {
     match hardware.kind.as_str() {
         "serial" => {
             let board = PortSettings { path: hardware.board.clone(), baud: hardware.board_baud };
-            let gyro = PortSettings { path: hardware.gyro.clone(), baud: hardware.gyro_baud };
+            let gyro = (file.vehicle.imu == Imu::ThreeDmG)
+                .then(|| PortSettings { path: hardware.gyro.clone(), baud: hardware.gyro_baud });
             let serial =
                 SerialHardware::start(board, gyro).map_err(|error| Failure::new(error, "out of threads"))?;
             Ok((Box::new(serial), Clock::real()))
@@ -79,9 +81,9 @@ const NO_HARDWARE: &str = "--hardware serial --board PORT --gyro PORT for a truc
 /// One simulated truck at `speed` × real time, and the instruments that a person holds to it.
 #[cfg(feature = "sim")]
 pub(crate) fn open_simulated(file: &ConfigFile, speed: f64) -> Result<(Lines, Instruments), Failure> {
-    let (truck, clock) =
-        robot_agent::hardware::simulated::LoneTruck::start_at(u64::from(file.hardware.seed), speed)
-            .map_err(|error| Failure::new(error, "the simulated truck does not fit into its room"))?;
+    use robot_agent::hardware::simulated::LoneTruck;
+    let (truck, clock) = LoneTruck::start_at(u64::from(file.hardware.seed), speed, &file.vehicle)
+        .map_err(|error| Failure::new(error, "the simulated truck does not fit into its room"))?;
     let instruments = truck.instruments();
     Ok(((Box::new(truck), clock), instruments))
 }

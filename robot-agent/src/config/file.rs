@@ -8,6 +8,7 @@ use xtb_control::VehicleConfig;
 use xtb_control::config::{Allowed::*, ConfigError, Origin::*, Parameter, render_toml, validate};
 use xtb_control::config_section;
 use xtb_control::frames::MapPose;
+use xtb_control::vehicle::Imu;
 use xtb_identity::{Identity, Role};
 use xtb_nav::NavSettings;
 use xtb_nav::settings::{ArrivalSettings, DriveSettings, PoseSettings, UnknownSettings};
@@ -43,7 +44,8 @@ config_section! {
         kind: String = "none".to_owned(), "", OneOf(&["none", "serial", "simulated"]), Ours, "serial, or \
                         simulated (one truck in an empty room). With none the agent does not start.";
         board: String = "/dev/ttyUSB0".to_owned(), "", Text, Assumed, "The I/O board's serial port.";
-        gyro: String = "/dev/ttyUSB1".to_owned(), "", Text, Assumed, "The gyro's serial port.";
+        gyro: String = "/dev/ttyUSB1".to_owned(), "", Text, Assumed, "The gyro's serial port; unused with vehicle.imu = \"bno085-rvc\", which \
+                         is at the board.";
         board_baud: u32 = 115_200, "baud", Range(1200.0, 4_000_000.0), Ours, "The board's baud rate. The \
                                     rate needed is computed from the frame periods; the memorandum's 9600 is \
                                     too low.";
@@ -257,10 +259,13 @@ impl ConfigFile {
             return Ok(());
         }
         let board = LineRates::board(self.vehicle.encoder.window_s, self.vehicle.remote.period_ms);
-        for (name, baud, line) in [
-            ("hardware.board_baud", hardware.board_baud, board),
-            ("hardware.gyro_baud", hardware.gyro_baud, LineRates::gyro()),
-        ] {
+        let (board, gyro) = match self.vehicle.imu {
+            Imu::ThreeDmG => (board, Some(LineRates::gyro())),
+            Imu::Bno085Rvc => (board.with_bno085(), None),
+        };
+        let board = Some(("hardware.board_baud", hardware.board_baud, board));
+        let gyro = gyro.map(|gyro| ("hardware.gyro_baud", hardware.gyro_baud, gyro));
+        for (name, baud, line) in board.into_iter().chain(gyro) {
             line.check(baud).map_err(|too_slow| ConfigError::Conflict {
                 name: name.into(),
                 value: baud.to_string(),

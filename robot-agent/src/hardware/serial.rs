@@ -1,4 +1,4 @@
-//! Real lines: two serial ports (or ptys, which look the same) that may come and go.
+//! Real lines: serial ports (or ptys, which look the same) that may come and go; two, or the board's alone.
 //!
 //! A port that is missing, held by another program or unplugged while in use is no reason to end:
 //! its line is closed, says why at each read, and is opened again as soon as that is possible. What
@@ -33,7 +33,7 @@ pub struct PortSettings {
     pub baud: u32,
 }
 
-/// The two ports of a truck.
+/// The ports of a truck.
 ///
 /// Reads and writes never wait for more than 2 ms. While a line is closed they return why: the
 /// error's kind is [`NotFound`](io::ErrorKind::NotFound) if the device is not there,
@@ -45,27 +45,28 @@ pub struct PortSettings {
 #[derive(Debug)]
 pub struct SerialHardware {
     board: Line,
-    gyro: Line,
+    /// `None` = the gyro is at the board.
+    gyro: Option<Line>,
 }
 
 impl SerialHardware {
-    /// Tries to open both ports, throws away what waited in them (it is old), and goes on trying
-    /// every 100 ms, each time that one is closed, until it is dropped.
+    /// Tries to open the ports, throws away what waited in them (it is old), and goes on trying
+    /// every 100 ms, each time that one is closed, until it is dropped. `gyro` is `None` if there is no such line.
     ///
     /// # Errors
     /// The system cannot start a thread. A port that cannot be opened is no error.
-    pub fn start(board: PortSettings, gyro: PortSettings) -> io::Result<Self> {
+    pub fn start(board: PortSettings, gyro: impl Into<Option<PortSettings>>) -> io::Result<Self> {
         Ok(Self {
             board: Line::start("board", board, Some(BOARD_DELIMITER))?,
-            gyro: Line::start("gyro", gyro, None)?,
+            gyro: gyro.into().map(|gyro| Line::start("gyro", gyro, None)).transpose()?,
         })
     }
 
-    /// Why lines are closed, as of the last read or write; the board's first. Empty: both are open.
+    /// Why lines are closed, as of the last read or write; the board's first. Empty: all are open.
     ///
-    /// For commands that need both ports now rather than some time.
+    /// For commands that need the ports now rather than some time.
     pub fn closed(&self) -> impl Iterator<Item = &PortError> {
-        [&self.board, &self.gyro].into_iter().filter_map(Line::closed)
+        [Some(&self.board), self.gyro.as_ref()].into_iter().flatten().filter_map(Line::closed)
     }
 }
 
@@ -79,7 +80,7 @@ impl Hardware for SerialHardware {
     }
 
     fn read_gyro(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        self.gyro.read(buffer)
+        self.gyro.as_mut().map_or(Ok(0), |line| line.read(buffer))
     }
 
     fn write_board(&mut self, bytes: &[u8]) -> io::Result<()> {
@@ -87,7 +88,7 @@ impl Hardware for SerialHardware {
     }
 
     fn write_gyro(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.gyro.write(bytes)
+        self.gyro.as_mut().map_or(Ok(()), |line| line.write(bytes))
     }
 }
 

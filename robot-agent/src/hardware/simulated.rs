@@ -15,6 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use thiserror::Error;
+use xtb_control::VehicleConfig;
 use xtb_sim::{STEP_NS, Simulation, SimulationError, TruckParameters, World};
 
 /// Bytes that a line holds; when nobody reads, the oldest go.
@@ -291,7 +292,8 @@ pub enum LoneTruckError {
     Thread(#[from] io::Error),
 }
 
-/// `--hardware simulated`: one truck alone in an empty room, its world in this process.
+/// `--hardware simulated`: one truck alone in an empty room, its world in this process. It is an XTB, whatever the
+/// settings say of the vehicle, but for its inertial unit.
 pub struct LoneTruck {
     lines: SimulatedHardware,
     world: RunningWorld,
@@ -303,15 +305,17 @@ impl LoneTruck {
     /// # Errors
     /// [`LoneTruckError`].
     pub fn start(seed: u64) -> Result<(Self, Clock), LoneTruckError> {
-        Self::start_at(seed, 1.0)
+        Self::start_at(seed, 1.0, &VehicleConfig::default())
     }
 
-    /// Starts the world at `speed` × real time, as far as the machine goes.
+    /// Starts the world at `speed` × real time, as far as the machine goes, with the unit of this vehicle.
     ///
     /// # Errors
     /// [`LoneTruckError`].
-    pub fn start_at(seed: u64, speed: f64) -> Result<(Self, Clock), LoneTruckError> {
-        Self::start_of(&TruckParameters::default(), seed, speed)
+    pub fn start_at(seed: u64, speed: f64, vehicle: &VehicleConfig) -> Result<(Self, Clock), LoneTruckError> {
+        let VehicleConfig { imu, imu_yaw, .. } = *vehicle;
+        let parameters = TruckParameters::of(&VehicleConfig { imu, imu_yaw, ..VehicleConfig::default() });
+        Self::start_of(&parameters, seed, speed)
     }
 
     /// The same with a truck of this kind.

@@ -37,6 +37,8 @@ pub fn board(bytes: &[u8]) -> bool {
             FromBoard::Adc { sample, battery_mv } => writer.adc(sample, *battery_mv),
             FromBoard::Remote(sample) => writer.remote(sample),
             FromBoard::Status(status) => writer.status(status),
+            FromBoard::Identity(identity) => writer.identity(identity),
+            FromBoard::Bno085(sample) => writer.bno085(sample),
         },
         in_range: from_board_in_range,
         good: FromBoard::Encoder { pulses: 23 },
@@ -51,6 +53,7 @@ pub fn board(bytes: &[u8]) -> bool {
             ToBoard::Pwm(pwm) => writer.pwm(pwm),
             ToBoard::Setup(setup) => writer.setup(setup),
             ToBoard::Reset(mask) => writer.reset(*mask),
+            ToBoard::Ask(ask) => writer.ask(*ask),
         },
         in_range: to_board_in_range,
         good: ToBoard::Reset(ResetMask { speed: true, ..ResetMask::default() }),
@@ -167,7 +170,12 @@ fn from_board_in_range(frame: &FromBoard) -> bool {
         FromBoard::Remote(RemoteSample { speed, steering, selector }) => {
             [speed, steering, selector].into_iter().all(ticks)
         }
-        FromBoard::Status(_) => true,
+        FromBoard::Status(_) | FromBoard::Identity(_) => true,
+        FromBoard::Bno085(sample) => {
+            sample.yaw_cdeg.unsigned_abs() <= 18_000
+                && sample.pitch_cdeg.unsigned_abs() <= 9_000
+                && sample.roll_cdeg.unsigned_abs() <= 18_000
+        }
     }
 }
 

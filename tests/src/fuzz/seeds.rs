@@ -15,7 +15,7 @@ use xtb_control::controller::{AdcSample, GyroSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup};
 use xtb_control::{AdcCount, PwmCount, VehicleConfig};
 use xtb_protocol::Uuid;
-use xtb_protocol::board::{BoardStatus, FrameWriter};
+use xtb_protocol::board::{BoardStatus, Firmware, FrameWriter};
 use xtb_protocol::codec::{Format, encode, encoding};
 use xtb_protocol::gyro_3dmg::{EulerFrame, encode_firmware};
 use xtb_protocol::messages::{
@@ -121,8 +121,9 @@ fn adc() -> AdcSample {
 /// Each frame alone, and all in a row.
 pub(super) fn board() -> Vec<Seed> {
     let mut line = FrameWriter::default();
-    let status =
-        BoardStatus { firmware: 0x0100, ready: true, watchdog: true, setup_checksum: 0x1234, rejected: 3 };
+    let (firmware, emergency_stop) = (Firmware(0x0100), None);
+    let (ready, watchdog, setup_checksum, rejected) = (true, true, 0x1234, 3);
+    let status = BoardStatus { firmware, ready, watchdog, emergency_stop, setup_checksum, rejected };
     let setup = Setup::of(&VehicleConfig::default()).unwrap_or_else(|error| panic!("{error}"));
     let remote = RemoteSample { speed: Some(938), steering: None, selector: Some(58_275) };
     let frames = [
@@ -141,7 +142,9 @@ pub(super) fn board() -> Vec<Seed> {
     seeds.push(("all.line".to_owned(), all));
     seeds.push(("no_end.line".to_owned(), vec![0x11; 100]));
     // What stands in a frame: type, sequence, numbers.
-    for (kind, words) in [(0x10, 10), (0x11, 1), (0x12, 19), (0x13, 3), (0x14, 4), (0x18, 11), (0x19, 1)] {
+    let agents = [(0x10, 10), (0x18, 11), (0x19, 1), (0x1A, 1)];
+    let boards = [(0x11, 1), (0x12, 19), (0x13, 3), (0x14, 4), (0x15, 6), (0x16, 7)];
+    for (kind, words) in agents.into_iter().chain(boards) {
         let mut body = vec![kind, 1];
         body.extend([0xA6, 0x0E].repeat(words)); // 3750, a neutral pulse
         seeds.push((format!("{kind:02x}.body"), body));

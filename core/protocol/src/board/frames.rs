@@ -1,5 +1,7 @@
 //! What the frames carry, each way, with their types and bounds, and what can be wrong with one.
 
+use super::firmware::{BoardIdentity, Firmware};
+use crate::bno085::Bno085Sample;
 use thiserror::Error;
 use xtb_board_codec::FrameError;
 use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
@@ -29,17 +31,23 @@ pub enum FromBoard {
     Remote(RemoteSample),
     /// How the board is.
     Status(BoardStatus),
+    /// Who it is; the answer to an [`Ask`].
+    Identity(BoardIdentity),
+    /// A sample of the inertial unit at the board, for whoever has [asked](Ask).
+    Bno085(Bno085Sample),
 }
 
 /// What a board says of itself, every 100 ms and after each set-up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BoardStatus {
-    /// Firmware's version, major in the high byte.
-    pub firmware: u16,
+    /// Which firmware it runs.
+    pub firmware: Firmware,
     /// Set up; a board that is not sends nothing but its status and keeps every output neutral.
     pub ready: bool,
     /// The watchdog holds motor and pistons neutral.
     pub watchdog: bool,
+    /// Whether the emergency stop at the board is pressed; `None` of a firmware that does not know it.
+    pub emergency_stop: Option<bool>,
     /// [`Setup::checksum`] of the set-up in force.
     pub setup_checksum: u16,
     /// Frames that the board has refused, modulo 65,536.
@@ -55,6 +63,17 @@ pub enum ToBoard {
     Setup(Setup),
     /// Channels of the remote control to reset (Fig. 9).
     Reset(ResetMask),
+    /// What else to send.
+    Ask(Ask),
+}
+
+/// What a board is asked to send beside what it sends by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Ask {
+    /// Its [identity](FromBoard::Identity), once.
+    pub identity: bool,
+    /// The [samples](FromBoard::Bno085) of its inertial unit from now on; without this, none.
+    pub imu: bool,
 }
 
 /// Why bytes were not a frame.

@@ -4,6 +4,7 @@
 //! direction is asked for with a quarter more, so that what is urgent (the neutral pulse, the answer
 //! to a set-up) does not wait behind a full line. `docs/io-board.md` prints these tables.
 
+use crate::bno085;
 use crate::gyro_3dmg::{EULER_LEN, FIRMWARE_LEN, PERIOD_MS, START_CONTINUOUS, STOP_CONTINUOUS};
 use thiserror::Error;
 use xtb_control::tpu::Setup;
@@ -21,6 +22,8 @@ pub const PWM_EVERY_S: f64 = 0.020;
 pub const EARLY_PWM_A_SECOND: u32 = 25;
 /// Between two set-ups while the board has not confirmed, in s.
 pub const SETUP_EVERY_S: f64 = 0.1;
+/// Between two asks while what was asked for does not come, in s.
+pub const ASK_EVERY_S: f64 = 0.1;
 /// Between two scans of the converter, in s (§4.5).
 pub const SCAN_EVERY_S: f64 = 0.038;
 /// Between two status frames, in s.
@@ -113,6 +116,21 @@ impl LineRates {
                 frame("channel reset", ToDevice, 2, remote_s, "while a channel reads 420 %"),
             ],
         }
+    }
+
+    /// The same line with a BNO085 at the board, whose samples it carries too.
+    #[must_use]
+    pub fn with_bno085(mut self) -> Self {
+        use Direction::{FromDevice, ToDevice};
+        let (every_s, only) = (bno085::PERIOD_MS / 1000.0, "with a BNO085");
+        let sample =
+            FrameRate { name: "inertial unit", direction: FromDevice, bytes: 14 + AROUND, every_s, only };
+        let only = "with a BNO085, until it is heard";
+        let ask =
+            FrameRate { name: "ask", direction: ToDevice, bytes: 2 + AROUND, every_s: ASK_EVERY_S, only };
+        self.frames.extend([sample, ask]);
+        self.frames.sort_by_key(|frame| frame.direction == ToDevice);
+        self
     }
 
     /// The gyro's line.
@@ -224,7 +242,8 @@ fn if_unusual(standard: u32, usual: u32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::board::{ADC_SCANS, BoardStatus, FrameWriter};
+    use crate::bno085::Bno085Sample;
+    use crate::board::{ADC_SCANS, Ask, BoardStatus, Firmware, FrameWriter};
     use xtb_control::AdcCount;
     use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
     use xtb_control::tpu::ResetMask;
@@ -248,8 +267,14 @@ mod tests {
             spare: n,
         };
         let scan = AdcSample { ir_front: [zero; 6], ir_rear: [zero; 6], tilt: [zero; 2], pistons: [zero; 4] };
-        let status =
-            BoardStatus { firmware: 0, ready: true, watchdog: false, setup_checksum: 0, rejected: 0 };
+        let status = BoardStatus {
+            firmware: Firmware(0),
+            ready: true,
+            watchdog: false,
+            emergency_stop: None,
+            setup_checksum: 0,
+            rejected: 0,
+        };
         let setup = Setup::of(&VehicleConfig::default()).unwrap();
         let mut writer = FrameWriter::default();
         let written = [
@@ -263,8 +288,14 @@ mod tests {
             ("channel reset", writer.reset(ResetMask::default())),
         ];
         let written: Vec<_> = written.iter().map(|(name, frame)| (*name, frame.as_bytes().len())).collect();
-        let table: Vec<_> = usual_board().frames().iter().map(|frame| (frame.name, frame.bytes)).collect();
-        assert_eq!(table, written);
+        let table = |line: LineRates| -> Vec<_> {
+            line.frames().iter().map(|frame| (frame.name, frame.bytes)).collect()
+        };
+        assert_eq!(table(usual_board()), written);
+        let mut with_unit = written;
+        with_unit.insert(4, ("inertial unit", writer.bno085(&Bno085Sample::default()).as_bytes().len()));
+        with_unit.push(("ask", writer.ask(Ask::default()).as_bytes().len()));
+        assert_eq!(table(usual_board().with_bno085()), with_unit);
         assert!(f64::from(ADC_SCANS) * 1023.0 < 65_536.0, "a sum fits its word");
     }
 
@@ -282,6 +313,13 @@ mod tests {
              6306 + status 1600, and a quarter more) and 35631 to it (pwm 14000 + early pwm 7000 + set-up \
              3000 + channel reset 4505, and a quarter more); use at least 38400"
         );
+    }
+
+    #[test]
+    fn a_bno085_at_the_board_needs_57600_baud() {
+        let line = usual_board().with_bno085();
+        assert_eq!(line.check(38_400).unwrap_err().standard, 57_600);
+        line.check(57_600).unwrap();
     }
 
     #[test]

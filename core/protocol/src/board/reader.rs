@@ -1,8 +1,10 @@
 //! Frames, found in the bytes of the line and read.
 
-use super::frames::{ADC_SCANS, BoardError, BoardStatus, FromBoard, MAX_PULSES, ToBoard};
-use xtb_board_codec::flags::{READY, WATCHDOG};
-use xtb_board_codec::{Content, NO_PULSE, NOT_FITTED, Reader, kind};
+use super::firmware::{BoardIdentity, Firmware};
+use super::frames::{ADC_SCANS, Ask, BoardError, BoardStatus, FromBoard, MAX_PULSES, ToBoard};
+use crate::bno085::Bno085Sample;
+use xtb_board_codec::flags::{EMERGENCY_STOP, READY, WATCHDOG};
+use xtb_board_codec::{Content, NO_PULSE, NOT_FITTED, Reader, ask, kind};
 use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup};
 use xtb_control::units::PwmCount;
@@ -92,12 +94,36 @@ fn parse_from_board(kind: u8, payload: &[u8]) -> Result<FromBoard, BoardError> {
             let [speed, steering, selector] = words::<3>(kind, payload)?.map(ticks);
             Ok(FromBoard::Remote(RemoteSample { speed, steering, selector }))
         }
-        kind::STATUS => {
-            let [firmware, flags, setup_checksum, rejected] = words::<4>(kind, payload)?;
-            let (ready, watchdog) = (flags & READY != 0, flags & WATCHDOG != 0);
-            Ok(FromBoard::Status(BoardStatus { firmware, ready, watchdog, setup_checksum, rejected }))
-        }
+        kind::STATUS => Ok(FromBoard::Status(parse_status(words(kind, payload)?))),
+        kind::IDENTITY => Ok(FromBoard::Identity(parse_identity(words(kind, payload)?))),
+        kind::IMU => Ok(FromBoard::Bno085(Bno085Sample::from_words(words(kind, payload)?)?)),
         _ => Err(BoardError::UnknownType(kind)),
+    }
+}
+
+fn parse_status([firmware, flags, setup_checksum, rejected]: [u16; 4]) -> BoardStatus {
+    let (firmware, is_set) = (Firmware(firmware), |flag: u16| flags & flag != 0);
+    // A 0 says something only if the firmware knows the bit.
+    let pressed = is_set(EMERGENCY_STOP);
+    BoardStatus {
+        firmware,
+        ready: is_set(READY),
+        watchdog: is_set(WATCHDOG),
+        emergency_stop: (pressed || firmware.answers_asks()).then_some(pressed),
+        setup_checksum,
+        rejected,
+    }
+}
+
+fn parse_identity([firmware, low, high, board, late_periods, replaced_samples]: [u16; 6]) -> BoardIdentity {
+    let [model, notes] = board.to_le_bytes();
+    BoardIdentity {
+        firmware: Firmware(firmware),
+        hash: u32::from(high) << 16 | u32::from(low),
+        model,
+        after_hang: notes & 1 != 0,
+        late_periods,
+        replaced_samples,
     }
 }
 
@@ -130,6 +156,10 @@ fn parse_to_board(kind: u8, payload: &[u8]) -> Result<ToBoard, BoardError> {
             let [bits] = words::<1>(kind, payload)?;
             let bit = |n: u16| bits & (1 << n) != 0;
             Ok(ToBoard::Reset(ResetMask { speed: bit(0), steering: bit(1), selector: bit(2) }))
+        }
+        kind::ASK => {
+            let [bits] = words::<1>(kind, payload)?;
+            Ok(ToBoard::Ask(Ask { identity: bits & ask::IDENTITY != 0, imu: bits & ask::IMU != 0 }))
         }
         _ => Err(BoardError::UnknownType(kind)),
     }

@@ -1,8 +1,10 @@
 //! Frames, built for the line.
 
-use super::frames::{ADC_SCANS, BoardStatus, Frame};
-use xtb_board_codec::flags::{READY, WATCHDOG};
-use xtb_board_codec::{NO_PULSE, NOT_FITTED, Writer, kind};
+use super::firmware::BoardIdentity;
+use super::frames::{ADC_SCANS, Ask, BoardStatus, Frame};
+use crate::bno085::Bno085Sample;
+use xtb_board_codec::flags::{EMERGENCY_STOP, READY, WATCHDOG};
+use xtb_board_codec::{NO_PULSE, NOT_FITTED, Writer, ask, kind};
 use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup};
 use xtb_control::units::PwmCount;
@@ -45,6 +47,12 @@ impl FrameWriter {
         self.writer.frame(kind::RESET, [bits])
     }
 
+    /// The agent's: what else the board shall send.
+    pub fn ask(&mut self, wanted: Ask) -> Frame {
+        let bits = u16::from(wanted.identity) * ask::IDENTITY | u16::from(wanted.imu) * ask::IMU;
+        self.writer.frame(kind::ASK, [bits])
+    }
+
     /// The board's: a frame of the receiver. Counts above 65,534 saturate there.
     pub fn remote(&mut self, sample: &RemoteSample) -> Frame {
         let word =
@@ -54,9 +62,24 @@ impl FrameWriter {
 
     /// The board's: how it is.
     pub fn status(&mut self, status: &BoardStatus) -> Frame {
-        let flags = (u16::from(status.ready) * READY) | (u16::from(status.watchdog) * WATCHDOG);
-        let words = [status.firmware, flags, status.setup_checksum, status.rejected];
+        let flags = (u16::from(status.ready) * READY)
+            | (u16::from(status.watchdog) * WATCHDOG)
+            | (u16::from(status.emergency_stop == Some(true)) * EMERGENCY_STOP);
+        let words = [status.firmware.0, flags, status.setup_checksum, status.rejected];
         self.writer.frame(kind::STATUS, words)
+    }
+
+    /// The board's: who it is.
+    pub fn identity(&mut self, identity: &BoardIdentity) -> Frame {
+        let BoardIdentity { firmware, hash, model, after_hang, late_periods, replaced_samples } = *identity;
+        let board = u16::from_le_bytes([model, u8::from(after_hang)]);
+        let words = [firmware.0, hash as u16, (hash >> 16) as u16, board, late_periods, replaced_samples];
+        self.writer.frame(kind::IDENTITY, words)
+    }
+
+    /// The board's: a sample of its inertial unit.
+    pub fn bno085(&mut self, sample: &Bno085Sample) -> Frame {
+        self.writer.frame(kind::IMU, sample.to_words())
     }
 
     /// The board's: an encoder window.

@@ -9,6 +9,9 @@ use xtb_control::frames::MapPose;
 /// The parameter in [`About::vehicle`] that says how the control loop is scheduled: [`REALTIME_OFF`],
 /// [`REALTIME_ON`], or what was refused. It is none of the vehicle's: `vehicle_hash` does not cover it.
 pub const REALTIME: &str = "control.realtime";
+/// The parameter in [`About::vehicle`] that names the firmware of the I/O board, once it has been heard. It is none of
+/// the vehicle's either.
+pub const BOARD_FIRMWARE: &str = "board.firmware";
 /// As any program.
 pub const REALTIME_OFF: &str = "off";
 /// `SCHED_FIFO`, in locked memory.
@@ -92,7 +95,17 @@ impl About {
     /// What [`REALTIME`] says; `None` of an agent that does not know it.
     #[must_use]
     pub fn realtime(&self) -> Option<&str> {
-        self.vehicle.iter().find(|info| info.name == REALTIME).map(|info| info.value.as_str())
+        self.value(REALTIME)
+    }
+
+    /// The board's firmware, such as `1.1`; `None` before it has been heard, and of an agent that does not tell.
+    #[must_use]
+    pub fn board_firmware(&self) -> Option<&str> {
+        self.value(BOARD_FIRMWARE)
+    }
+
+    fn value(&self, name: &str) -> Option<&str> {
+        self.vehicle.iter().find(|info| info.name == name).map(|info| info.value.as_str())
     }
 }
 

@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
+/// Who has set the latch [`Latch::Estop`], if it was the switch at the I/O board.
+pub const STOP_SWITCH: &str = "emergency stop switch";
+
 /// Why a robot stands until somebody resets it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]

@@ -26,7 +26,8 @@ mod task;
 pub mod texts;
 
 pub use about::{
-    About, Limits, NEXT_LEG, ParameterInfo, REALTIME, REALTIME_OFF, REALTIME_ON, REALTIME_REMEDY,
+    About, BOARD_FIRMWARE, Limits, NEXT_LEG, ParameterInfo, REALTIME, REALTIME_OFF, REALTIME_ON,
+    REALTIME_REMEDY,
 };
 pub use assign::{Assignment, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG, TaskAction};
 pub use dispatch::{
@@ -38,7 +39,7 @@ pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};
 pub use goal::{GoalEnd, GoalKind, GoalState, GoalStatus};
 pub use identity::IdentityStatus;
-pub use latch::{Latch, LatchState};
+pub use latch::{Latch, LatchState, STOP_SWITCH};
 pub use log::{LogCode, LogFile, LogReply, LogRequest, MAX_LOG_NAME, MAX_LOGS, MAX_PIECE, RecordingName};
 pub use map::{
     FleetMap, MAX_MAP_CELLS, MAX_MAP_NAME, MAX_ZONE_POINTS, MAX_ZONES, MapCell, MapHash, MapZone,

@@ -125,12 +125,12 @@ texts! {
         BoardHalfFrames => "I/O board: incomplete frames", BYTES_LOST;
         BoardWrongDevice => "I/O board: another device at its port", SWAPPED;
         BoardNotSetUp => "I/O board: set-up not confirmed",
-            "check the wire from the computer to the board; is its firmware of this version?";
+            "check the wire from the computer to the board, or flash the firmware of this agent's release";
         GyroUnplugged => "gyro: port not found", PLUG_IN;
         GyroBusy => "gyro: port in use by another program", PORT_BUSY;
         GyroNoPermission => "gyro: no permission to open the port", PERMISSION;
         GyroPortBroken => "gyro: port cannot be used", OTHER_PORT;
-        GyroSilent => "gyro: no data", "check power, and both wires: the gyro speaks only when asked";
+        GyroSilent => "gyro: no data", "check its power and its wires: a 3DM-G speaks only when asked, a BNO085 only in UART-RVC mode";
         GyroGarbage => "gyro: unreadable data", BAUD_RATE;
         GyroHalfFrames => "gyro: incomplete frames", BYTES_LOST;
         GyroWrongDevice => "gyro: another device at its port", SWAPPED;
@@ -169,7 +169,7 @@ texts! {
 // What ends the cause of a latch; the reset comes after it.
 texts! {
     Latch {
-        Estop => "emergency stop", "end whatever still requests it";
+        Estop => "emergency stop", "release the emergency stop switch";
         RemoteTakeover => "remote control took over", "switch the transmitter's selector back to the computer";
         BoardLost => "I/O board lost", Fault::BoardSilent.remedy();
         GyroLost => "gyro lost", Fault::GyroSilent.remedy();

@@ -21,7 +21,8 @@ use xtb_control::frames::MapPose;
 use xtb_control::{Mode, Stamp};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    Body, Done, EventKind, Fault, GoalStatus, InputAges, RejectCode, Reply, Request, StopReason, TaskAction,
+    Body, Done, EventKind, Fault, GoalStatus, InputAges, Latch, RejectCode, Reply, Request, STOP_SWITCH,
+    StopReason, TaskAction,
 };
 
 pub(super) type Refusal = (RejectCode, String, &'static str);
@@ -145,7 +146,11 @@ impl Agent {
         }
     }
 
-    fn cause_present(&self, latch: xtb_protocol::messages::Latch) -> Refusal {
+    fn cause_present(&self, latch: Latch) -> Refusal {
+        if latch == Latch::Estop {
+            let message = format!("{latch} cannot be reset: the {STOP_SWITCH} is pressed");
+            return (RejectCode::CausePresent, message, latch.remedy());
+        }
         let cause = self.faults.present().find(|fault| crate::faults::latch_of(*fault) == Some(latch));
         match cause {
             Some(fault) => (

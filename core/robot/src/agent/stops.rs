@@ -5,7 +5,7 @@ use crate::authority::guard::Guard;
 use crate::faults::latch_of;
 use std::sync::Arc;
 use xtb_control::{Mode, Stamp};
-use xtb_protocol::messages::{EventKind, Fault, GoalStatus, Latch, LatchState, StopReason};
+use xtb_protocol::messages::{EventKind, Fault, GoalStatus, Latch, LatchState, STOP_SWITCH, StopReason};
 use xtb_protocol::{Name, Uuid};
 
 /// Ids of emergency stops that are remembered: a stranger has to send as many before a repetition of another
@@ -34,6 +34,20 @@ impl Agent {
         self.estops.push_back((by.clone(), id));
         self.overtakes(arrival);
         self.latch_as(now, Latch::Estop, by.as_str());
+    }
+
+    /// Whether the emergency stop switch at the I/O board is pressed, as the board says; not to be called while that
+    /// is unknown, so that it stays pressed until it is seen released. Pressing it is an emergency stop, and is told
+    /// also if one is latched already.
+    pub fn set_stop_switch(&mut self, now: Stamp, pressed: bool) {
+        let before = std::mem::replace(&mut self.stop_switch, pressed);
+        if !pressed || before || !self.guards.on(Guard::Estop) {
+            return;
+        }
+        if self.latches.is_set(Latch::Estop) {
+            self.emit(now, EventKind::Latch { latch: Latch::Estop, set: true, by: STOP_SWITCH.to_owned() });
+        }
+        self.latch_as(now, Latch::Estop, STOP_SWITCH);
     }
 
     /// From here on a joystick has to be let go once, also that of a client who has only just come.
@@ -127,7 +141,7 @@ impl Agent {
     /// Whether what set a latch is still so.
     fn is_present(&self, latch: Latch) -> bool {
         match latch {
-            Latch::Estop => false,
+            Latch::Estop => self.stop_switch,
             Latch::RemoteTakeover => matches!(self.mode, Mode::Manual | Mode::Fault),
             other => self.faults.present().any(|fault| latch_of(fault) == Some(other)),
         }

@@ -2,7 +2,7 @@
 //!
 //! | latch | set when | cause is gone when | holds the transmitter too |
 //! | --- | --- | --- | --- |
-//! | `estop` | somebody calls for it | at once | yes |
+//! | `estop` | somebody calls for it, or presses the switch at the board | at once; the switch is released | yes |
 //! | `remote_takeover` | the transmitter takes over from a lease or a goal | its selector is on automatic | no |
 //! | `board_lost` | the board is lost after it was well | no fault of the board is left | no |
 //! | `gyro_lost` | the gyro is lost after it was well | no fault of the gyro is left | no |

@@ -14,7 +14,7 @@ use xtb_control::pistons::standing;
 use xtb_control::units::PWM_PERIOD_COUNTS;
 use xtb_control::vehicle::Platform;
 use xtb_control::{Command, Mode, PwmCount, Sample, Stamp};
-use xtb_protocol::board::Frame;
+use xtb_protocol::board::{Ask, Firmware, Frame, UnknownFirmware};
 use xtb_protocol::messages::Fault;
 
 /// A board sends something at least this often: converter scans each 38 ms, encoder windows each 52 ms.
@@ -78,15 +78,37 @@ impl Robot {
         }
     }
 
+    /// What is wrong with the gyro's line. The samples of a BNO085 come over the board's: while that is at fault, or
+    /// silent and so about to be, nothing is known of the unit, and then it gets its time to speak.
+    pub(super) fn gyro_fault(&mut self, now: Stamp, board: Option<LineFault>) -> Option<LineFault> {
+        if self.bno085.is_some() {
+            if board.is_some() || !self.setup.is_done() {
+                self.gyro.watch.look_anew(now);
+            }
+            if self.board.watch.unwell_ms(now) > QUIET_MS {
+                return None;
+            }
+        }
+        self.gyro.watch.fault(now)
+    }
+
+    /// What the board has to be asked for now.
+    pub(super) fn ask(&mut self, now: Stamp) -> Option<Ask> {
+        let firmware = self.newest.status.map_or(Firmware(0), |status| status.firmware);
+        let missing = self.gyro.watch.unwell_ms(now) > QUIET_MS;
+        self.asker.request(now, firmware, (self.bno085.is_some(), missing))
+    }
+
     /// What the board gets: what was decided, but no drive while nobody may write the motor, none in
-    /// mode manual before the stick has been neutral, and none while the board's watchdog waits for a
-    /// frame with a neutral motor.
+    /// mode manual before the stick has been neutral, none while the board's watchdog waits for a
+    /// frame with a neutral motor, and none while its emergency stop is pressed.
     pub(super) fn pulses(&self) -> PwmOutputs {
         let nobody = self.agent.writer() == Writer::Nobody;
         let manual = self.outputs.mode == Mode::Manual;
         let stick_held = manual && (self.stick_held || self.over_speed());
-        let starved = self.newest.status.is_some_and(|status| status.watchdog);
-        match nobody || stick_held || starved || !self.setup.is_done() {
+        let held =
+            self.newest.status.is_some_and(|status| status.watchdog || status.emergency_stop == Some(true));
+        match nobody || stick_held || held || !self.setup.is_done() {
             true => PwmOutputs { motor: PwmCount::NEUTRAL, ..self.outputs.pwm },
             false => self.outputs.pwm,
         }
@@ -105,10 +127,14 @@ impl Robot {
         let (open_ms, speaks_ms) =
             (now.since_ms(self.board.open_since), now.since_ms(self.board.speaks_since));
         match board {
-            Some(fault) => faults.push((of_line(Device::Board, fault), self.board.detail.clone())),
+            Some(fault) => {
+                let layout = self.board.other_layout.filter(|_| fault == LineFault::WrongDevice);
+                let other = layout.map(|layout| UnknownFirmware::of_layout(layout).to_string().into());
+                faults.push((of_line(Device::Board, fault), self.board.detail.clone().or(other)));
+            }
             None if !lost => {}
             None if !self.setup.is_done() && open_ms > LINE_LOST_MS => {
-                faults.push((Fault::BoardNotSetUp, None));
+                faults.push((Fault::BoardNotSetUp, self.board.refused.clone()));
             }
             // While nothing at all comes, the line's own fault is on its way.
             None if self.board.watch.unwell_ms(now) > QUIET_MS => {}
@@ -121,7 +147,7 @@ impl Robot {
             }
         }
         if let Some(fault) = gyro {
-            faults.push((of_line(Device::Gyro, fault), self.gyro.detail.clone()));
+            faults.push((of_line(Device::Gyro, fault), self.gyro_detail()));
         }
         faults.extend(self.agent.pose_faults(now));
         // Without a platform there is no tilt sensor to look at.
@@ -138,6 +164,17 @@ impl Robot {
             }
         }
         faults
+    }
+
+    /// The system's words on the gyro's line; of a BNO085 its name, and whether its board can be the reason.
+    fn gyro_detail(&self) -> Option<Arc<str>> {
+        let firmware = self.newest.status.filter(|_| self.bno085.is_some()).map(|status| status.firmware);
+        match firmware.filter(|firmware| !firmware.answers_asks()) {
+            Some(firmware) => {
+                Some(format!("BNO085: firmware {firmware} of the I/O board does not send its samples").into())
+            }
+            None => self.gyro.detail.clone(),
+        }
     }
 
     /// Everything at rest, for the last frame before the agent ends; whoever drives.

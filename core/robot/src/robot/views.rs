@@ -7,7 +7,9 @@ use crate::motion::Motion;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::pistons::height_m;
 use xtb_control::{AdcCount, PwmCount, Stamp};
-use xtb_protocol::board::{BoardStatus, LineCounters};
+use xtb_protocol::bno085::{Bno085Counter, RVC_LEN};
+use xtb_protocol::board::{BoardIdentity, BoardStatus, LineCounters};
+use xtb_protocol::gyro_3dmg::GyroReader;
 use xtb_protocol::messages::{ObstacleView, Rejected, RobotState, Sensors, TiltState};
 
 /// The newest readings as they came; `None` = not heard within the last [`INPUT_LOST_MS`], or never.
@@ -15,6 +17,8 @@ use xtb_protocol::messages::{ObstacleView, Rejected, RobotState, Sensors, TiltSt
 pub struct Readings {
     /// How the board is.
     pub status: Option<BoardStatus>,
+    /// Who the board says it is; `None` also of an older one, which is not asked.
+    pub identity: Option<BoardIdentity>,
     /// Whether the board has confirmed its set-up.
     pub set_up: bool,
     /// [`checksum`](xtb_control::tpu::Setup::checksum) of the set-up that it should have.
@@ -27,9 +31,11 @@ pub struct Readings {
     pub battery_mv: Option<u16>,
     /// Remote control.
     pub remote: Option<RemoteSample>,
-    /// Angles.
+    /// Angles, as a 3DM-G gives them whichever unit is fitted.
     pub gyro: Option<GyroSample>,
-    /// The gyro's firmware.
+    /// Yaw of a BNO085 as it sends it, in 0.01°.
+    pub bno085_yaw_cdeg: Option<i16>,
+    /// The gyro's firmware; a BNO085 tells none.
     pub gyro_firmware: Option<u16>,
     /// The board's frames since the start.
     pub board_frames: LineCounters,
@@ -37,8 +43,15 @@ pub struct Readings {
     pub gyro_frames: u64,
     /// Gyro frames that are missing by its own clock.
     pub gyro_lost: u64,
-    /// Bytes skipped to find a gyro frame.
+    /// Bytes skipped to find a gyro frame; a frame of a BNO085 with a wrong check sum counts as its 19.
     pub gyro_skipped: u64,
+}
+
+/// Good frames of the gyro, and what is missing.
+struct GyroCounts {
+    frames: u64,
+    lost: u64,
+    skipped: u64,
 }
 
 impl Robot {
@@ -49,21 +62,37 @@ impl Robot {
         let fresh = |age: Option<u64>| age.is_some_and(|ms| ms <= INPUT_LOST_MS);
         let Newest { gyro, pulses, adc, battery_mv, remote, status } = self.newest;
         let spoken = fresh(self.heard.board.map(|at| now.since_ms(at)));
-        let (reader, converted) = (&self.gyro.reader, fresh(ages.adc));
+        let (counts, converted) = (self.gyro_counts(), fresh(ages.adc));
+        let turned = fresh(ages.gyro);
         Readings {
             status: status.filter(|_| spoken),
+            identity: self.asker.identity().filter(|_| spoken),
             set_up: self.setup.is_done(),
             setup_checksum: self.setup.setup().checksum(),
             pulses: fresh(ages.encoder).then_some(pulses),
             adc: adc.filter(|_| converted),
             battery_mv: battery_mv.filter(|_| converted),
             remote: fresh(ages.remote).then_some(remote),
-            gyro: fresh(ages.gyro).then_some(gyro),
+            gyro: turned.then_some(gyro),
+            bno085_yaw_cdeg: self.bno085.as_ref().filter(|_| turned).map(|link| link.yaw_cdeg),
             gyro_firmware: self.gyro.starter.firmware(),
             board_frames: self.board.reader.counters(),
-            gyro_frames: reader.frames,
-            gyro_lost: reader.lost,
-            gyro_skipped: reader.skipped,
+            gyro_frames: counts.frames,
+            gyro_lost: counts.lost,
+            gyro_skipped: counts.skipped,
+        }
+    }
+
+    fn gyro_counts(&self) -> GyroCounts {
+        match &self.bno085 {
+            None => {
+                let GyroReader { frames, lost, skipped, .. } = self.gyro.reader;
+                GyroCounts { frames, lost, skipped }
+            }
+            Some(link) => {
+                let Bno085Counter { frames, lost, bad, .. } = link.counter;
+                GyroCounts { frames, lost, skipped: bad * RVC_LEN as u64 }
+            }
         }
     }
 
@@ -80,7 +109,7 @@ impl Robot {
         let converted = fresh(ages.adc);
         let seen = |side: bool| converted.then_some(side);
         let battery_mv = self.newest.battery_mv.filter(|_| converted);
-        let board = self.board.reader.counters();
+        let (board, gyro) = (self.board.reader.counters(), self.gyro_counts());
         let seq = self.state_seq;
         self.state_seq += 1;
         RobotState {
@@ -126,8 +155,8 @@ impl Robot {
                 board_frames: board.rejected,
                 board_lost: board.lost,
                 board_repeated: board.repeated,
-                gyro_bytes: self.gyro.reader.skipped,
-                gyro_lost: self.gyro.reader.lost,
+                gyro_bytes: gyro.skipped,
+                gyro_lost: gyro.lost,
                 remote_readings: self.controller.remote_rejected(),
                 record_dropped: self.step_log.dropped() + rejected.record_dropped,
                 ..rejected
@@ -167,7 +196,7 @@ impl Robot {
             pistons_m: adc.pistons.map(|reading| height_m(limits, reading)),
             remote: [remote.speed, remote.steering, remote.selector],
             gyro_firmware: self.gyro.starter.firmware(),
-            board_firmware: self.newest.status.map(|status| status.firmware),
+            board_firmware: self.newest.status.map(|status| status.firmware.0),
             rpm: self.outputs.rpm,
             motor_counts: pwm.motor.get(),
             steer_front_counts: pwm.steer_front.get(),

@@ -5,10 +5,9 @@ use super::Robot;
 use crate::authority::guard::{Guard, Guards};
 use crate::faults::INPUT_LOST_MS;
 use crate::line::LineFault;
-use crate::monitor::Driven;
+use crate::monitor::{Driven, SignsOfLife};
 use xtb_control::controller::AdcSample;
 use xtb_control::{AdcCount, Mode, PwmCount, Stamp};
-use xtb_protocol::gyro_3dmg::EulerFrame;
 use xtb_protocol::messages::{BatteryLevel, Fault};
 
 impl Robot {
@@ -59,8 +58,8 @@ impl Robot {
     }
 
     /// Whether a frame of the gyro is the last one again, unchanged to its timer.
-    pub(super) fn is_repeated(&mut self, now: Stamp, frame: &EulerFrame) -> bool {
-        self.monitors.gyro(self.controller.config(), now, frame) && self.guards.on(Guard::Frozen)
+    pub(super) fn is_repeated(&mut self, now: Stamp, frame: impl Into<SignsOfLife>) -> bool {
+        self.monitors.gyro(self.controller.config(), now, frame.into()) && self.guards.on(Guard::Frozen)
     }
 
     /// What the controller gets to see of a scan: all of it, or nothing in range if the obstacle rule is

@@ -5,8 +5,10 @@
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::frames::MapPose;
 use xtb_control::tpu::{ResetMask, Setup};
+use xtb_control::vehicle::Imu;
 use xtb_control::{AdcCount, PwmCount, Stamp, VehicleConfig};
-use xtb_protocol::board::{BoardStatus, FrameReader, FrameWriter, ToBoard};
+use xtb_protocol::bno085::Bno085Sample;
+use xtb_protocol::board::{Ask, BoardStatus, Firmware, FrameReader, FrameWriter, ToBoard};
 use xtb_protocol::gyro_3dmg::{EulerFrame, TICK_MS};
 use xtb_protocol::messages::{
     Body, Done, EventKind, GoalStatus, Lease, LinkLoss, Outcome, RejectCode, Rejected, Reply, Request,
@@ -36,6 +38,12 @@ pub(crate) struct Bench {
     /// Frames of the receiver, if there is one.
     pub(crate) remote: Option<RemoteSample>,
     pub(crate) resets: Vec<ResetMask>,
+    pub(crate) firmware: Firmware,
+    /// Whether the board says that its emergency stop is pressed; `None` of a firmware that does not know it.
+    pub(crate) stop: Option<bool>,
+    pub(crate) asks: Vec<Ask>,
+    /// A BNO085 at the board.
+    pub(crate) imu: Option<Bno085Sample>,
     pub(crate) tilt: [u16; 2],
     pub(crate) yaw: i16,
     pub(crate) asked: u128,
@@ -58,6 +66,19 @@ impl Bench {
     }
 
     pub(crate) fn with(vehicle: VehicleConfig) -> Self {
+        Self::at_board(vehicle, Firmware(0x0100))
+    }
+
+    /// With a board of this firmware, and the unit that the vehicle has.
+    pub(crate) fn at_board(vehicle: VehicleConfig, firmware: Firmware) -> Self {
+        let mut bench = Self::booted(vehicle, firmware);
+        bench.run_ms(200);
+        bench
+    }
+
+    /// The same at boot.
+    pub(crate) fn booted(vehicle: VehicleConfig, firmware: Firmware) -> Self {
+        let imu = (vehicle.imu == Imu::Bno085Rvc).then(Bno085Sample::default);
         let identity = Identity {
             fleet: Name::new("lab").unwrap(),
             robot: Name::new("xtb-1").unwrap(),
@@ -79,6 +100,10 @@ impl Bench {
             setup: None,
             remote: None,
             resets: Vec::new(),
+            firmware,
+            stop: firmware.answers_asks().then_some(false),
+            asks: Vec::new(),
+            imu,
             tilt: [517, 513],
             yaw: 0,
             asked: 0,
@@ -88,7 +113,6 @@ impl Bench {
             seq: 0,
         };
         bench.robot.agent_mut().set_link(true);
-        bench.run_ms(200);
         bench
     }
 
@@ -101,7 +125,7 @@ impl Bench {
             if let Some(lease) = self.lease.filter(|_| self.retains) {
                 self.robot.agent_mut().heard(self.now, lease);
             }
-            if at.is_multiple_of(10) && !self.gyro_silent {
+            if at.is_multiple_of(10) && !self.gyro_silent && self.imu.is_none() {
                 let frame = self.gyro_frame(at).encode();
                 self.robot.gyro_bytes(self.now, &frame);
             }
@@ -125,11 +149,12 @@ impl Bench {
     }
 
     pub(crate) fn board_hears(&mut self, bytes: &[u8]) {
-        let Self { frames, motor, steer_front, setup, resets, .. } = self;
+        let Self { frames, motor, steer_front, setup, resets, asks, .. } = self;
         frames.to_board(bytes, |frame| match frame.unwrap() {
             ToBoard::Pwm(pwm) => (*motor, *steer_front) = (pwm.motor, pwm.steer_front),
             ToBoard::Setup(wanted) => *setup = Some(wanted),
             ToBoard::Reset(mask) => resets.push(mask),
+            ToBoard::Ask(ask) => asks.push(ask),
         });
     }
 
@@ -137,14 +162,23 @@ impl Bench {
         if at.is_multiple_of(20) {
             let setup_checksum = self.setup.map_or(0, |setup| setup.checksum());
             let ready = self.setup.is_some();
-            let status =
-                BoardStatus { firmware: 0x0100, ready, watchdog: false, setup_checksum, rejected: 0 };
+            let status = BoardStatus {
+                firmware: self.firmware,
+                ready,
+                watchdog: self.stop == Some(true),
+                emergency_stop: self.stop,
+                setup_checksum,
+                rejected: 0,
+            };
             let frame = self.board.status(&status);
             self.robot.board_bytes(self.now, frame.as_bytes());
             if let Some(remote) = self.remote.filter(|_| ready) {
                 let frame = self.board.remote(&remote);
                 self.robot.board_bytes(self.now, frame.as_bytes());
             }
+        }
+        if at.is_multiple_of(10) && !self.gyro_silent {
+            self.board_imu();
         }
         if at.is_multiple_of(50) {
             let pulses = if self.motor == PwmCount::NEUTRAL { 0 } else { 20 };
@@ -162,6 +196,18 @@ impl Bench {
                 pistons: [count(512); 4],
             };
             let frame = self.board.adc(&sample, Some(7800));
+            self.robot.board_bytes(self.now, frame.as_bytes());
+        }
+    }
+
+    /// A BNO085 that is alive: it counts, and its accelerations are noisy.
+    fn board_imu(&mut self) {
+        let asked = self.asks.last().is_some_and(|ask| ask.imu) && self.setup.is_some();
+        if let Some(sample) = self.imu.as_mut().filter(|_| asked) {
+            sample.index = sample.index.wrapping_add(1);
+            sample.acceleration_mg[2] = 1000 + i16::from(sample.index % 3);
+            sample.pitch_cdeg = i16::from(sample.index % 5);
+            let frame = self.board.bno085(sample);
             self.robot.board_bytes(self.now, frame.as_bytes());
         }
     }

@@ -93,6 +93,7 @@ impl Agent {
                 *starved = status.watchdog;
                 setup.confirm(status.ready, status.setup_checksum);
             }
+            FromBoard::Identity(_) | FromBoard::Bno085(_) => panic!("nobody asked"),
         });
     }
 

@@ -5,6 +5,7 @@
 mod agent;
 mod any_car;
 mod approaches;
+mod bno085;
 mod calibration;
 mod chart;
 mod closed_loop;

@@ -185,6 +185,7 @@ fn the_board_keeps_its_rates() {
                 FromBoard::Adc { .. } => adc += 1,
                 FromBoard::Remote(_) => remote += 1,
                 FromBoard::Status(_) => status += 1,
+                FromBoard::Identity(_) | FromBoard::Bno085(_) => panic!("nobody asked: {frame:?}"),
             }
         }
     }

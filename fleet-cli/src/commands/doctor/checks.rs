@@ -16,7 +16,9 @@ use xtb_client::Error;
 use xtb_client::text::robot as describe;
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{About, BatteryLevel, Fault, REALTIME, RobotState, RosterEntry, SimStats};
+use xtb_protocol::messages::{
+    About, BOARD_FIRMWARE, BatteryLevel, Fault, REALTIME, RobotState, RosterEntry, SimStats,
+};
 
 /// Of the robot's clock against ours.
 const CLOCK_TOLERANCE: f64 = 0.05;
@@ -308,7 +310,8 @@ fn vehicles(facts: &Facts) -> Vec<Finding> {
 
 fn differences(about: &About, normal: &About) -> String {
     let of = |about: &About| -> BTreeMap<String, String> {
-        let vehicles = about.vehicle.iter().filter(|parameter| parameter.name != REALTIME);
+        let others = [REALTIME, BOARD_FIRMWARE];
+        let vehicles = about.vehicle.iter().filter(|parameter| !others.contains(&parameter.name.as_str()));
         vehicles.map(|parameter| (parameter.name.clone(), parameter.value.clone())).collect()
     };
     let (ours, theirs) = (of(about), of(normal));

@@ -82,7 +82,7 @@ fn logic(svg: &mut Svg) {
 fn grounds(svg: &mut Svg) {
     svg.line(&[(105.0, 220.0), (105.0, 700.0), (1330.0, 700.0)], GROUND, 4.0);
     svg.text((120.0, 690.0), "One ground for all, joined at one point near the battery's minus: ESC, both 5 V supplies, computer, Pico, every sensor.");
-    
+
     for (i, text) in [
         "Battery's voltage: divider B, behind the main switch.",
         "Relay, ESC and motor: wires of 2.5 mm² or more,",

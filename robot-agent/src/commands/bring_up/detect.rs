@@ -6,7 +6,7 @@
 use super::dialogue::{Verdict, Wrong};
 use super::plan::{Place, Stick};
 use xtb_control::VehicleConfig;
-use xtb_control::vehicle::SLOTS;
+use xtb_control::vehicle::{Imu, SLOTS};
 
 /// What one turn of the lines has shown; `None` = not heard lately.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -81,7 +81,7 @@ pub(super) struct Up(Since);
 
 impl Detector for Up {
     fn look(&mut self, view: &View) -> Seen {
-        match (&view.firmware, self.0.lasts_s(view.now_s, view.is_up && view.fault.is_none()) >= 0.3) {
+        match (&view.firmware, self.0.lasts_s(view.now_s, view.is_up && view.fault.is_none()) >= 0.5) {
             (Some(firmware), true) => done(format!("firmware {firmware}, set up")),
             _ => Seen::Nothing,
         }
@@ -381,6 +381,13 @@ pub(super) struct TurnedRight {
     turn_deg: f64,
     right: Since,
     left: Since,
+    at_board: bool,
+}
+
+impl TurnedRight {
+    pub(super) fn new(vehicle: &VehicleConfig) -> Self {
+        Self { at_board: vehicle.imu == Imu::Bno085Rvc, ..Self::default() }
+    }
 }
 
 impl Detector for TurnedRight {
@@ -395,7 +402,11 @@ impl Detector for TurnedRight {
         if self.left.lasts_s(view.now_s, turn_deg <= -60.0) >= 0.3 {
             return wrong(
                 format!("yaw went {turn_deg:.0}°: it takes a turn to the right for one to the left"),
-                "is it mounted upside down?",
+                if self.at_board {
+                    "set vehicle.imu_yaw to the other word, if it is not mounted upside down"
+                } else {
+                    "is it mounted upside down?"
+                },
             );
         }
         Seen::Nothing

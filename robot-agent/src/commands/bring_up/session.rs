@@ -363,7 +363,7 @@ fn stages(step: Step, vehicle: &VehicleConfig, patience_s: f64) -> Vec<Stage> {
             let (axis, chore) = if step == Step::Pitch { (0, Chore::LiftNose) } else { (1, Chore::LiftLeft) };
             vec![look(chore, Box::new(Tilted::new(axis))), look(Chore::PutDown, Box::new(Level::default()))]
         }
-        Step::Yaw => vec![look(Chore::TurnRight, Box::new(TurnedRight::default()))],
+        Step::Yaw => vec![look(Chore::TurnRight, Box::new(TurnedRight::new(vehicle)))],
         Step::Stick(stick) => vec![look(Chore::Push(stick), Box::new(Pushed::new(stick, vehicle)))],
         Step::Selector => vec![look(Chore::Selector, Box::new(Switched::default()))],
         Step::EmergencyStop => vec![

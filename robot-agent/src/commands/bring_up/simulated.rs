@@ -43,7 +43,8 @@ pub(super) struct SimulatedPerson {
 
 /// The truck that the settings describe, and the person beside it.
 pub(super) fn meet(file: &ConfigFile) -> Result<(Lines, Input, SimulatedPerson), Failure> {
-    let parameters = TruckParameters::of(&file.vehicle);
+    let mut parameters = TruckParameters::of(&file.vehicle);
+    parameters.board.answers_asks = true; // firmware as it is flashed today
     let (truck, clock) = LoneTruck::start_of(&parameters, u64::from(file.hardware.seed), SPEED)
         .map_err(|error| Failure::new(error, "the simulated truck does not fit into its room"))?;
     let (answers, answered) = sync_channel(8);
@@ -126,7 +127,8 @@ impl Person for SimulatedPerson {
                 self.transmitter(Transmitter { selector_manual: true, ..Default::default() });
                 self.automatic_at_s = Some(now_s + MANUAL_S);
             }
-            Chore::PressStop | Chore::ReleaseStop => {}
+            Chore::PressStop => self.truck(|truck| truck.set_emergency_stop(true)),
+            Chore::ReleaseStop => self.truck(|truck| truck.set_emergency_stop(false)),
         }
     }
 

@@ -22,6 +22,7 @@ use xtb_control::remote::{Reading, reading};
 use xtb_control::units::PWM_PERIOD_COUNTS;
 use xtb_control::vehicle::SLOTS;
 use xtb_control::{AdcCount, PwmCount, Stamp, VehicleConfig};
+use xtb_protocol::board::{BoardIdentity, BoardStatus};
 use xtb_protocol::messages::Fault;
 use xtb_robot::Robot;
 use xtb_robot::robot::TURN_NS;
@@ -204,11 +205,8 @@ fn view(vehicle: &VehicleConfig, robot: &Robot, now: Stamp) -> View {
         now_s: now.s(),
         is_up: readings.set_up && readings.status.is_some(),
         fault,
-        firmware: readings.status.map(|status| {
-            let [major, minor] = status.firmware.to_be_bytes();
-            format!("{major}.{minor}")
-        }),
-        stop_pressed: None,
+        firmware: readings.status.map(|status| firmware(&status, readings.identity.as_ref())),
+        stop_pressed: readings.status.and_then(|status| status.emergency_stop),
         ranges_cm,
         pulses: readings.pulses,
         tilt_deg: tilt.map(|(x, y)| [x, y]),
@@ -223,6 +221,14 @@ fn view(vehicle: &VehicleConfig, robot: &Robot, now: Stamp) -> View {
         }),
         battery_v: readings.battery_mv.map(|mv| f64::from(mv) / 1000.0),
     }
+}
+
+/// Version, and what the board says of itself if it is asked.
+fn firmware(status: &BoardStatus, identity: Option<&BoardIdentity>) -> String {
+    let version = status.firmware;
+    let Some(identity) = identity else { return version.to_string() };
+    let hang = if identity.after_hang { ", restarted after a hang" } else { "" };
+    format!("{version} ({}, hash {:#010x}{hang})", identity.model_name(), identity.hash)
 }
 
 /// Of the lines; what the sensors show is the steps' business.

@@ -277,7 +277,10 @@ impl Bench {
             *heard = now;
             broken.clear();
             match frame {
-                FromBoard::Status(status) => setup.confirm(status.ready, status.setup_checksum),
+                FromBoard::Status(status) => {
+                    let known = status.firmware.check().is_ok();
+                    setup.confirm(status.ready && known, status.setup_checksum);
+                }
                 FromBoard::Encoder { pulses } => *encoder_pulses += u32::from(pulses),
                 FromBoard::Adc { sample, .. } if setup.is_done() => *scan = Some((now, sample)),
                 _ => {}

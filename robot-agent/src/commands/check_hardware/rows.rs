@@ -7,8 +7,9 @@ use xtb_control::pistons::height_m;
 use xtb_control::remote::{Reading as Pulse, reading};
 use xtb_control::speed::wheel_rpm;
 use xtb_control::units::PWM_PERIOD_COUNTS;
-use xtb_control::vehicle::{BumperFinders, Platform, SLOTS};
+use xtb_control::vehicle::{BumperFinders, Imu, Platform, SLOTS};
 use xtb_control::{AdcCount, Outputs};
+use xtb_protocol::board::{BoardStatus, UnknownFirmware};
 use xtb_protocol::messages::{Fault, FaultState};
 use xtb_robot::robot::Readings;
 
@@ -175,22 +176,28 @@ impl Evidence<'_> {
 
     /// The same for the gyro.
     fn of_gyro(&self, itself: &'static str) -> &'static str {
-        if self.line_remedy("gyro").is_some() { "see the gyro line" } else { itself }
+        match (self.line_remedy("gyro"), self.imu()) {
+            (None, Imu::ThreeDmG) => itself,
+            (None, Imu::Bno085Rvc) => self.of_board(itself),
+            (Some(_), Imu::ThreeDmG) => "see the gyro line",
+            (Some(_), Imu::Bno085Rvc) => "see the BNO085 samples",
+        }
+    }
+
+    fn imu(&self) -> Imu {
+        self.settings.vehicle.imu
     }
 
     fn board(&self) -> Vec<Row> {
         let Evidence { readings, settings, .. } = self;
         let hardware = &settings.hardware;
         let hex = |word: u16| format!("{word:#06x}");
-        let firmware = readings.status.map(|status| {
-            let [major, minor] = status.firmware.to_be_bytes();
-            heard(hex(status.firmware), format!("version {major}.{minor}"), None)
-        });
         let set_up = readings.set_up.then(|| heard(hex(readings.setup_checksum), "confirmed", None));
         let watchdog = readings.status.filter(|status| status.ready).map(|status| {
-            let (reads_as, wrong) = match status.watchdog {
-                true => ("motor stopped: no pulses received", Some("check the wire to the board")),
-                false => ("pulses received", None),
+            let (reads_as, wrong) = match (status.watchdog, status.emergency_stop) {
+                (false, _) => ("pulses received", None),
+                (true, Some(true)) => ("motor stopped: emergency stop", Some("see the emergency stop")),
+                (true, _) => ("motor stopped: no pulses received", Some("check the wire to the board")),
             };
             heard(u8::from(status.watchdog), reads_as, wrong)
         });
@@ -201,10 +208,27 @@ impl Evidence<'_> {
         let no_status = self.of_board("no status received (docs/io-board.md)");
         vec![
             self.line("board", readings.board_frames.frames, &hardware.board, hardware.board_baud),
-            Row::new("board firmware", firmware, no_status),
+            Row::new("board firmware", readings.status.map(|status| self.firmware(status)), no_status),
             Row::new("board set-up", set_up, unconfirmed),
             Row::new("board watchdog", watchdog, no_status),
+            emergency_stop(readings.status, no_status),
         ]
+    }
+
+    /// Its version, and what it says of itself when asked.
+    fn firmware(&self, status: BoardStatus) -> Heard {
+        let raw = format!("{:#06x}", status.firmware.0);
+        let version = format!("version {}", status.firmware);
+        if status.firmware.check().is_err() {
+            return heard(raw, version, Some(UnknownFirmware::HINT));
+        }
+        let Some(identity) = self.readings.identity else {
+            return heard(raw, version, None);
+        };
+        let wrong = identity.after_hang.then_some(
+            "its program hung and its watchdog restarted it: power-cycle it; if that repeats, flash its firmware",
+        );
+        heard(raw, format!("{version}, {}, hash {:#010x}", identity.model_name(), identity.hash), wrong)
     }
 
     fn encoder(&self) -> Row {
@@ -306,12 +330,38 @@ impl Evidence<'_> {
         }
     }
 
+    /// The unit's line, who is at it, and its angles.
     fn gyro(&self) -> Vec<Row> {
         let (readings, hardware) = (&self.readings, &self.settings.hardware);
-        let firmware = readings.gyro_firmware.map(|version| {
-            let text = format!("version {}.{}.{:02}", version / 1000, version / 100 % 10, version % 100);
-            heard(version, text, None)
-        });
+        let (mut rows, yaw, from) = match self.imu() {
+            Imu::ThreeDmG => {
+                let firmware = readings.gyro_firmware.map(|version| {
+                    let text =
+                        format!("version {}.{}.{:02}", version / 1000, version / 100 % 10, version % 100);
+                    heard(version, text, None)
+                });
+                let unanswered = self.of_gyro("no answer to F0: check the wire to the gyro");
+                let line = self.line("gyro", readings.gyro_frames, &hardware.gyro, hardware.gyro_baud);
+                let rows = vec![line, Row::new("gyro firmware", firmware, unanswered)];
+                (rows, readings.gyro.map(|gyro| gyro.yaw), "clockwise from gyro north")
+            }
+            Imu::Bno085Rvc => {
+                let frames = readings.gyro_frames;
+                let remedy = self.line_remedy("gyro");
+                let well = (frames > 0 && remedy.is_none())
+                    .then(|| heard(format!("{frames} samples"), "over the board's line", None));
+                let silent = remedy.unwrap_or(self.of_board(Fault::GyroSilent.remedy()));
+                let rows = vec![Row::new("BNO085 samples", well, silent)];
+                (rows, readings.bno085_yaw_cdeg, "clockwise from where it was switched on")
+            }
+        };
+        rows.extend(self.angles(yaw, from));
+        rows
+    }
+
+    /// `yaw`: as it came; `from`: where it counts from.
+    fn angles(&self, yaw: Option<i16>, from: &str) -> [Row; 3] {
+        let (gyro, unit) = (self.readings.gyro, self.unit());
         let remedy = self.of_gyro(Fault::GyroSilent.remedy());
         let lean = |what, counts: Option<i16>| {
             let angle = counts.map(|counts| {
@@ -320,25 +370,30 @@ impl Evidence<'_> {
                 let wrong = leans.then_some("put the truck on its wheels; is the gyro mounted level?");
                 heard(counts, signed(deg), wrong)
             });
-            Row::new(what, angle, remedy)
+            Row::new(format!("{unit} {what}"), angle, remedy)
         };
-        let yaw = readings.gyro.map(|gyro| {
+        let yaw = yaw.zip(gyro).map(|(raw, gyro)| {
             let deg = (f64::from(gyro.yaw) * GYRO_DEG_PER_COUNT).rem_euclid(360.0);
-            heard(gyro.yaw, format!("{deg:.1}° clockwise from gyro north"), None)
+            heard(raw, format!("{deg:.1}° {from}"), None)
         });
-        let unanswered = self.of_gyro("no answer to F0: check the wire to the gyro");
-        vec![
-            self.line("gyro", readings.gyro_frames, &hardware.gyro, hardware.gyro_baud),
-            Row::new("gyro firmware", firmware, unanswered),
-            Row::new("gyro yaw", yaw, remedy),
-            lean("gyro roll", readings.gyro.map(|gyro| gyro.roll)),
-            lean("gyro pitch", readings.gyro.map(|gyro| gyro.pitch)),
+        [
+            Row::new(format!("{unit} yaw"), yaw, remedy),
+            lean("roll", gyro.map(|gyro| gyro.roll)),
+            lean("pitch", gyro.map(|gyro| gyro.pitch)),
         ]
     }
 
+    /// What the rows call the inertial unit.
+    fn unit(&self) -> &'static str {
+        match self.imu() {
+            Imu::ThreeDmG => "gyro",
+            Imu::Bno085Rvc => "BNO085",
+        }
+    }
+
     fn errors(&self) -> Vec<Row> {
-        let counted = &self.counted;
-        let row = |what, any: u64, raw: String, frames: u64| {
+        let (counted, unit) = (&self.counted, self.unit());
+        let row = |what: String, any: u64, raw: String, frames: u64| {
             let wrong = (any > 0).then_some("check the cable, its ground and the baud rate");
             let counted = heard(raw, format!("in {frames} frames"), wrong);
             Row::new(what, (frames > 0).then_some(counted), "cannot be counted without frames")
@@ -348,11 +403,30 @@ impl Evidence<'_> {
         let from_board = format!("{board_rejected} bad, {board_lost} lost");
         let skipped = format!("{gyro_skipped} bytes skipped");
         vec![
-            row("gyro frames lost", gyro_lost, gyro_lost.to_string(), counted.gyro_frames),
-            row("gyro check sums", gyro_skipped, skipped, counted.gyro_frames),
-            row("CRC errors from board", board_rejected + board_lost, from_board, counted.board_frames),
-            row("CRC errors to board", refused, format!("{refused} refused"), counted.board_frames),
+            row(format!("{unit} frames lost"), gyro_lost, gyro_lost.to_string(), counted.gyro_frames),
+            row(format!("{unit} check sums"), gyro_skipped, skipped, counted.gyro_frames),
+            row(
+                "CRC errors from board".into(),
+                board_rejected + board_lost,
+                from_board,
+                counted.board_frames,
+            ),
+            row("CRC errors to board".into(), refused, format!("{refused} refused"), counted.board_frames),
         ]
+    }
+}
+
+/// The switch at the board, as far as the board reports it.
+fn emergency_stop(status: Option<BoardStatus>, no_status: &str) -> Row {
+    let what = "emergency stop";
+    let Some(status) = status else { return Row::new(what, None, no_status) };
+    match status.emergency_stop {
+        None => Row::not_fitted(what, "not reported by this firmware"),
+        Some(false) => Row::new(what, Some(heard(0, "released", None)), ""),
+        Some(true) => {
+            let wrong = "release it, or check the wire of its contact; nothing drives meanwhile";
+            Row::new(what, Some(heard(1, "pressed", Some(wrong))), "")
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 use super::rows::Counted;
 use xtb_control::controller::RemoteSample;
 use xtb_control::remote::{Reading, reading};
+use xtb_control::vehicle::Imu;
 use xtb_control::{Stamp, VehicleConfig};
 use xtb_robot::robot::Readings;
 
@@ -23,6 +24,7 @@ struct Beginning {
 #[derive(Debug)]
 pub(super) struct Watch {
     remote_settings: xtb_control::vehicle::Remote,
+    imu: Imu,
     complete_since: Option<Stamp>,
     most_pulses: Option<u16>,
     usable: [Option<u32>; 3],
@@ -34,6 +36,7 @@ impl Watch {
     pub(super) fn new(vehicle: &VehicleConfig) -> Self {
         Self {
             remote_settings: vehicle.remote.clone(),
+            imu: vehicle.imu,
             complete_since: None,
             most_pulses: None,
             usable: [None; 3],
@@ -79,7 +82,7 @@ impl Watch {
             (readings.pulses.is_none(), "the encoder"),
             (readings.adc.is_none(), "the converter"),
             (readings.gyro.is_none(), "the gyro"),
-            (readings.gyro_firmware.is_none(), "the gyro's firmware"),
+            (readings.gyro_firmware.is_none() && self.imu == Imu::ThreeDmG, "the gyro's firmware"),
         ]
         .into_iter()
         .filter_map(|(missing, name)| missing.then_some(name))

@@ -4,7 +4,7 @@ use super::*;
 use robot_agent::config::Layers;
 use xtb_control::controller::{AdcSample, GyroSample};
 use xtb_control::{Controller, Sample, Stamp, VehicleConfig};
-use xtb_protocol::board::{BoardStatus, LineCounters};
+use xtb_protocol::board::{BoardIdentity, BoardStatus, Firmware, LineCounters};
 
 /// A truck on which everything is well.
 struct Truck {
@@ -20,8 +20,17 @@ fn counts(value: f64) -> AdcCount {
 }
 
 fn well() -> Truck {
-    let status =
-        BoardStatus { firmware: 0x0203, ready: true, watchdog: false, setup_checksum: 7, rejected: 3 };
+    let firmware = Firmware(0x0103);
+    let (ready, watchdog, emergency_stop) = (true, false, Some(false));
+    let status = BoardStatus { firmware, ready, watchdog, emergency_stop, setup_checksum: 7, rejected: 3 };
+    let identity = BoardIdentity {
+        firmware,
+        hash: 0x1A2B_3C4D,
+        model: 1,
+        after_hang: false,
+        late_periods: 0,
+        replaced_samples: 0,
+    };
     let adc = AdcSample {
         ir_front: [counts(60.0); 6],
         ir_rear: [counts(300.0); 6],
@@ -30,6 +39,7 @@ fn well() -> Truck {
     };
     let readings = Readings {
         status: Some(status),
+        identity: Some(identity),
         set_up: true,
         setup_checksum: 7,
         pulses: Some(0),
@@ -37,6 +47,7 @@ fn well() -> Truck {
         battery_mv: Some(7400),
         remote: None,
         gyro: Some(GyroSample { roll: 100, pitch: -100, yaw: -16_384 }),
+        bno085_yaw_cdeg: None,
         gyro_firmware: Some(1300),
         board_frames: LineCounters { frames: 90, rejected: 1, lost: 0, repeated: 0 },
         gyro_frames: 80,
@@ -55,7 +66,9 @@ fn well() -> Truck {
 impl Truck {
     fn rows(&self) -> Vec<Row> {
         let mut layers = Layers::default();
-        layers.file("robot.toml", "[hardware]\nkind = \"serial\"\n").unwrap();
+        let imu = if self.readings.bno085_yaw_cdeg.is_some() { "bno085-rvc" } else { "3dm-g" };
+        let text = format!("[hardware]\nkind = \"serial\"\n[vehicle]\nimu = \"{imu}\"\n");
+        layers.file("robot.toml", &text).unwrap();
         let mut controller = Controller::new(VehicleConfig::default());
         let mut outputs = controller.outputs(Stamp::ZERO);
         if let Some(adc) = self.readings.adc {
@@ -90,7 +103,8 @@ fn of_a_truck_that_is_well_every_row_is_ok_and_reads_in_units() {
     assert_eq!(truck.wrong(), []);
     for (what, raw, reads_as) in [
         ("board line", "90 frames", "/dev/ttyUSB0 at 115200 baud"),
-        ("board firmware", "0x0203", "version 2.3"),
+        ("board firmware", "0x0103", "version 1.3, Pico, hash 0x1a2b3c4d"),
+        ("emergency stop", "0", "released"),
         ("encoder", "0 pulses", "0.0 rpm at the wheels"),
         ("range front 6", "60", "nothing in range"),
         ("range rear 1", "300", "18.0 cm"),
@@ -120,6 +134,11 @@ fn what_cannot_be_right_is_suspicious_and_says_what_to_do() {
         assert_eq!(truck.wrong().len(), 1, "{:?}", truck.wrong());
     };
     suspicious("board watchdog", |truck| truck.readings.status.as_mut().unwrap().watchdog = true);
+    suspicious("board firmware", |truck| truck.readings.identity.as_mut().unwrap().after_hang = true);
+    suspicious("board firmware", |truck| truck.readings.status.as_mut().unwrap().firmware = Firmware(0x0200));
+    suspicious("emergency stop", |truck| {
+        truck.readings.status.as_mut().unwrap().emergency_stop = Some(true);
+    });
     suspicious("encoder", |truck| truck.most_pulses = Some(9));
     suspicious("range front 3", |truck| truck.readings.adc.as_mut().unwrap().ir_front[2] = counts(0.0));
     suspicious("range rear 6", |truck| truck.readings.adc.as_mut().unwrap().ir_rear[5] = counts(1023.0));
@@ -143,6 +162,43 @@ fn one_pulse_is_no_motion_and_what_is_not_fitted_is_fine() {
     (truck.most_pulses, truck.remote, truck.readings.battery_mv) = (Some(1), None, None);
     let fine = ["battery", "remote speed", "remote steering", "remote selector"];
     assert_eq!(truck.wrong(), fine.map(|what| (what.to_owned(), Verdict::NotFitted)));
+}
+
+#[test]
+fn a_board_of_before_says_neither_who_it_is_nor_whether_its_stop_is_pressed() {
+    let mut truck = well();
+    truck.readings.identity = None;
+    let status = truck.readings.status.as_mut().unwrap();
+    (status.firmware, status.emergency_stop) = (Firmware(0), None);
+    assert_eq!(truck.wrong(), [("emergency stop".to_owned(), Verdict::NotFitted)]);
+    let firmware = truck.row("board firmware");
+    assert_eq!((firmware.reads_as.as_str(), firmware.verdict), ("version unknown", Verdict::Ok));
+}
+
+#[test]
+fn a_pressed_emergency_stop_explains_the_watchdog() {
+    let mut truck = well();
+    let status = truck.readings.status.as_mut().unwrap();
+    (status.emergency_stop, status.watchdog) = (Some(true), true);
+    assert_eq!(truck.row("board watchdog").reads_as, "motor stopped: emergency stop");
+}
+
+#[test]
+fn a_bno085_has_rows_under_its_own_name_and_no_line() {
+    let mut truck = well();
+    (truck.readings.bno085_yaw_cdeg, truck.readings.gyro_firmware) = (Some(9000), None);
+    assert_eq!(truck.wrong(), []);
+    for (what, raw, reads_as) in [
+        ("BNO085 samples", "80 samples", "over the board's line"),
+        ("BNO085 yaw", "9000", "270.0° clockwise from where it was switched on"),
+        ("BNO085 pitch", "-100", "-0.5°"),
+        ("BNO085 check sums", "0 bytes skipped", "in 60 frames"),
+    ] {
+        let row = truck.row(what);
+        assert_eq!((row.raw.as_str(), row.reads_as.as_str()), (raw, reads_as), "{what}");
+    }
+    truck.faults = vec![FaultState { fault: Fault::GyroSilent, age_ms: 0, detail: None }];
+    assert_eq!(truck.row("BNO085 samples").advice, Fault::GyroSilent.remedy());
 }
 
 #[test]
