@@ -10,6 +10,7 @@
 
 mod detect;
 mod dialogue;
+mod motions;
 mod plan;
 mod report;
 mod session;

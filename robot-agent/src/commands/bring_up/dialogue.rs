@@ -197,7 +197,9 @@ impl Question {
             Self::WheelsUp { .. } if typed == WHEELS_UP => Reply::Go(String::new()),
             Self::WheelsUp { .. } => Reply::Again("type \"wheels up\", or skip"),
             Self::Direction(motion) => direction(*motion, &typed),
-            Self::Voltmeter { .. } if typed == "none" => Reply::Go("not compared with a voltmeter".into()),
+            Self::Voltmeter { board_v } if typed == "none" => {
+                Reply::Go(format!("{board_v:.2} V, not compared with a voltmeter"))
+            }
             Self::Voltmeter { board_v } => match number(&typed) {
                 Some(volts) if volts > 0.0 => volts_agree(*board_v, volts),
                 _ => Reply::Again("a voltage such as 7.4, or none"),

@@ -183,7 +183,7 @@ impl Report {
         let row = |id: &String| match self.steps.iter().find(|entry| entry.step == *id) {
             Some(entry) => {
                 let Entry { outcome, detail, at, .. } = entry;
-                vec![id.clone(), outcome.words().into(), detail.clone(), at.clone()]
+                vec![id.clone(), outcome.words().into(), detail.replace('\n', ";"), at.clone()]
             }
             None => vec![id.clone(), "open".into(), String::new(), String::new()],
         };

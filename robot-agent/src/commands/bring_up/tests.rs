@@ -141,7 +141,7 @@ fn what_is_mended_passes_when_it_is_tried_again() {
     let vehicle = small();
     let mut session = Session::new(vehicle.clone(), report(&vehicle), [Step::Encoder], 20.0);
     let mut fake = Fake::new(vehicle, ["encoder".to_owned()].into());
-    fake.mends_after_s = Some(25.0);
+    fake.mends_after_s = Some(15.0);
     let said = run(&mut session, &mut fake, &mut Scripted::who_tries_again());
     assert!(said.contains("FAILED: 0 of 255 pulses") && said.contains("ok: some"), "{said}");
     let json: serde_json::Value = serde_json::from_str(&session.report().json()).unwrap();
