@@ -65,9 +65,9 @@ fn logic(svg: &mut Svg) {
     svg.block((860.0, 440.0), (150.0, 70.0), COOL, &["Servos", "steering and others"]);
     svg.line(&[(810.0, 565.0), (860.0, 565.0)], SUPPLY, 2.5);
     svg.block((860.0, 530.0), (150.0, 70.0), COOL, &["Raspberry Pi", "robot-agent"]);
-    svg.line(&[(835.0, 565.0), (835.0, 650.0), (1230.0, 650.0), (1230.0, 600.0)], SUPPLY, 2.5);
+    svg.line(&[(835.0, 565.0), (835.0, 650.0), (1250.0, 650.0), (1250.0, 600.0)], SUPPLY, 2.5);
     svg.dot((835.0, 565.0), SUPPLY);
-    svg.text((848.0, 640.0), "VSYS (Schottky); range finders, tilt, encoder, receiver");
+    svg.text((846.0, 640.0), "VSYS (Schottky); range finders, tilt, encoder, receiver");
     svg.block((1070.0, 440.0), (190.0, 160.0), GREEN, &["Pico", "I/O board,", "multiplexers"]);
     svg.line(&[(1010.0, 565.0), (1070.0, 565.0)], SIGNAL, 2.5);
     svg.small((1040.0, 557.0), "UART");
