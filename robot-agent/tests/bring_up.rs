@@ -165,6 +165,8 @@ impl Bench {
             self.truck(move |truck| truck.set_hands(hands));
         } else if line.starts_with("Turn the car") {
             self.truck(move |truck| truck.set_hands(Hands { turn_deg: 90.0, ..hands }));
+        } else if line.contains("sticks let go") {
+            self.truck(|truck| truck.set_transmitter(Transmitter::default()));
         } else if line.contains("speed stick fully") {
             self.truck(|truck| truck.set_transmitter(Transmitter { speed: 1.0, ..Default::default() }));
         } else if line.contains("steering stick fully") {

@@ -230,7 +230,12 @@ impl<'a> Shell<'a> {
         }
         if listens {
             match self.console.typed() {
-                Ok(Some(line)) => return Ok(Event::Typed(line)),
+                Ok(Some(line)) => {
+                    if !self.is_terminal {
+                        tell(&format!("{line}\n")); // nobody has seen it being typed
+                    }
+                    return Ok(Event::Typed(line));
+                }
                 Ok(None) => {}
                 Err(_) => return Ok(Event::InputEnded),
             }

@@ -48,7 +48,8 @@ pub(crate) fn run(
         Some(path) => readings::read(path, args.what)?,
         None => measure(file, args, &console)?,
     };
-    conclude(file, args, &console, &points, args.write.as_deref().or(config)).map(|_| ExitCode::SUCCESS)
+    let near = args.write.as_deref().or(config);
+    conclude(file, args, &console, &points, near, print).map(|_| ExitCode::SUCCESS)
 }
 
 /// Fits, shows, and writes to `near` if nothing is against it: the fit in one line.
@@ -58,6 +59,7 @@ fn conclude(
     console: &Console,
     points: &[Point],
     near: Option<&Path>,
+    show: impl Fn(&str) -> Result<(), Failure>,
 ) -> Result<String, Failure> {
     let (fit, refused) = judge(points);
     let (what, vehicle) = (args.what, &file.vehicle);
@@ -71,7 +73,7 @@ fn conclude(
     let plot = write_plot(args, &report, near)?;
     let destination = near.filter(|_| !args.dry_run);
     if !args.json {
-        print(&report.table())?;
+        show(&report.table())?;
     }
     tell(&format!("plot: {}\n", plot.display()));
     let written = match (destination, &fit, refused) {
@@ -203,7 +205,11 @@ pub(crate) fn calibrated(
         tell(BY_HAND);
     }
     let points = on_bench(file, args, console, bench)?;
-    conclude(file, args, console, &points, Some(config))
+    let show = |table: &str| {
+        tell(table);
+        Ok(())
+    };
+    conclude(file, args, console, &points, Some(config), show)
 }
 
 fn measure_piston(

@@ -5,7 +5,7 @@
 
 mod moved;
 
-pub(super) use moved::{Level, Pushed, Stop, Switched, Tilted, Turned, TurnedRight};
+pub(super) use moved::{Centred, Level, Pushed, Stop, Switched, Tilted, Turned, TurnedRight};
 
 use super::dialogue::{Verdict, Wrong};
 use super::plan::Place;

@@ -30,6 +30,7 @@ pub(super) enum Chore {
     LiftLeft,
     PutDown,
     TurnRight,
+    LetGo,
     Push(Stick),
     Selector,
     PressStop,
@@ -55,7 +56,8 @@ impl Chore {
             Self::TurnRight => {
                 "Turn the car to the right (clockwise, seen from above) by a quarter turn.".into()
             }
-            Self::Push(Stick::Speed) => "Transmitter on. Push the speed stick fully ahead, hold it.".into(),
+            Self::LetGo => "Transmitter on, sticks let go.".into(),
+            Self::Push(Stick::Speed) => "Push the speed stick fully ahead, hold it.".into(),
             Self::Push(Stick::Steering) => "Push the steering stick fully to the right, hold it.".into(),
             Self::Selector => "Switch the selector to manual and back to automatic, a second each.".into(),
             Self::PressStop => "Press the emergency stop. (None fitted: type skip.)".into(),

@@ -9,8 +9,8 @@
 //! What a step has come to is noted at once, so that a bring-up that is broken off goes on there.
 
 use super::detect::{
-    Clear, Detector, Held, Level, Measured, Pushed, Seen, Stop, Switched, Tilted, Turned, TurnedRight, Up,
-    View,
+    Centred, Clear, Detector, Held, Level, Measured, Pushed, Seen, Stop, Switched, Tilted, Turned,
+    TurnedRight, Up, View,
 };
 use super::dialogue::{Chore, Motion, Question, Reply, Verdict, Wrong};
 use super::plan::{Place, Step};
@@ -361,10 +361,17 @@ fn stages(step: Step, vehicle: &VehicleConfig, patience_s: f64) -> Vec<Stage> {
         Step::Encoder => vec![look(Chore::TurnWheels, Box::new(Turned::new(vehicle)))],
         Step::Pitch | Step::Roll => {
             let (axis, chore) = if step == Step::Pitch { (0, Chore::LiftNose) } else { (1, Chore::LiftLeft) };
-            vec![look(chore, Box::new(Tilted::new(axis))), look(Chore::PutDown, Box::new(Level::default()))]
+            vec![
+                look(Chore::Wait, Box::new(Level::default())),
+                look(chore, Box::new(Tilted::new(axis))),
+                look(Chore::PutDown, Box::new(Level::default())),
+            ]
         }
         Step::Yaw => vec![look(Chore::TurnRight, Box::new(TurnedRight::new(vehicle)))],
-        Step::Stick(stick) => vec![look(Chore::Push(stick), Box::new(Pushed::new(stick, vehicle)))],
+        Step::Stick(stick) => vec![
+            look(Chore::LetGo, Box::new(Centred::default())),
+            look(Chore::Push(stick), Box::new(Pushed::new(stick, vehicle))),
+        ],
         Step::Selector => vec![look(Chore::Selector, Box::new(Switched::default()))],
         Step::EmergencyStop => vec![
             look(Chore::PressStop, Box::new(Stop::new(true))),

@@ -21,9 +21,7 @@ const SPEED: f64 = 1000.0;
 /// Less is not seen to move, in degrees and m/s.
 const SEEN_DEG: f64 = 2.0;
 const SEEN_MPS: f64 = 0.01;
-/// Hands need so long to begin, in s …
-const BEGIN_S: f64 = 0.5;
-/// … and leave the selector on manual for so long.
+/// The selector stays on manual for so long, in s.
 const MANUAL_S: f64 = 0.7;
 
 /// What the eyes have seen of the truck at a moment.
@@ -39,8 +37,6 @@ pub(super) struct SimulatedPerson {
     orders: WorldOrders,
     answers: SyncSender<String>,
     sights: Arc<Mutex<Vec<Sight>>>,
-    /// What the hands do next, and when.
-    due: Option<(f64, Chore)>,
     /// When the selector goes back to automatic.
     automatic_at_s: Option<f64>,
 }
@@ -53,8 +49,7 @@ pub(super) fn meet(file: &ConfigFile) -> Result<(Lines, Input, SimulatedPerson),
         .map_err(|error| Failure::new(error, "the simulated truck does not fit into its room"))?;
     let (answers, answered) = sync_channel(8);
     let (orders, vehicle) = (truck.orders(), file.vehicle.clone());
-    let person =
-        SimulatedPerson { vehicle, orders, answers, sights: Arc::default(), due: None, automatic_at_s: None };
+    let person = SimulatedPerson { vehicle, orders, answers, sights: Arc::default(), automatic_at_s: None };
     Ok(((Box::new(truck), clock), Input::Lines(answered), person))
 }
 
@@ -73,35 +68,6 @@ impl SimulatedPerson {
 
     fn transmitter(&self, transmitter: Transmitter) {
         self.truck(move |truck| truck.set_transmitter(transmitter));
-    }
-
-    fn act(&mut self, chore: Chore, now_s: f64) {
-        match chore {
-            Chore::Wait => {}
-            Chore::HoldBefore { place, cm } => {
-                let Some(finder) = place.finders(&self.vehicle).get(place.slot).copied() else { return };
-                self.orders.change(move |simulation| {
-                    // What would lie inside the truck is not held; it is then not seen either.
-                    let _ = simulation.hold_before(0, &finder, place.is_rear, cm / 100.0);
-                });
-            }
-            Chore::TakeAway => self.orders.change(Simulation::take_away),
-            Chore::TurnWheels => self.hands_on(Hands { roll_m: 0.3, ..Hands::default() }),
-            Chore::LiftNose => self.hands_on(Hands { nose_up_deg: 10.0, ..Hands::default() }),
-            Chore::LiftLeft => self.hands_on(Hands { left_up_deg: 10.0, ..Hands::default() }),
-            Chore::PutDown => self.hands_on(Hands::default()),
-            Chore::TurnRight => self.hands_on(Hands { turn_deg: 90.0, ..Hands::default() }),
-            Chore::Push(Stick::Speed) => self.transmitter(Transmitter { speed: 1.0, ..Default::default() }),
-            Chore::Push(Stick::Steering) => {
-                self.transmitter(Transmitter { steering: 1.0, ..Default::default() })
-            }
-            Chore::Selector => {
-                self.transmitter(Transmitter { selector_manual: true, ..Default::default() });
-                self.automatic_at_s = Some(now_s + MANUAL_S);
-            }
-            Chore::PressStop => self.truck(|truck| truck.set_emergency_stop(true)),
-            Chore::ReleaseStop => self.truck(|truck| truck.set_emergency_stop(false)),
-        }
     }
 
     fn say(&self, answer: &str) {
@@ -138,13 +104,35 @@ fn servo(actuator: Actuator, before: &Sight, after: &Sight) -> (f64, f64, [&'sta
 impl Person for SimulatedPerson {
     fn hands(&mut self, chore: Chore, now_s: f64) {
         self.transmitter(Transmitter::default());
-        self.due = Some((now_s + BEGIN_S, chore));
+        match chore {
+            Chore::Wait | Chore::LetGo => {}
+            Chore::HoldBefore { place, cm } => {
+                let Some(finder) = place.finders(&self.vehicle).get(place.slot).copied() else { return };
+                self.orders.change(move |simulation| {
+                    // What would lie inside the truck is not held; it is then not seen either.
+                    let _ = simulation.hold_before(0, &finder, place.is_rear, cm / 100.0);
+                });
+            }
+            Chore::TakeAway => self.orders.change(Simulation::take_away),
+            Chore::TurnWheels => self.hands_on(Hands { roll_m: 0.3, ..Hands::default() }),
+            Chore::LiftNose => self.hands_on(Hands { nose_up_deg: 10.0, ..Hands::default() }),
+            Chore::LiftLeft => self.hands_on(Hands { left_up_deg: 10.0, ..Hands::default() }),
+            Chore::PutDown => self.hands_on(Hands::default()),
+            Chore::TurnRight => self.hands_on(Hands { turn_deg: 90.0, ..Hands::default() }),
+            Chore::Push(Stick::Speed) => self.transmitter(Transmitter { speed: 1.0, ..Default::default() }),
+            Chore::Push(Stick::Steering) => {
+                self.transmitter(Transmitter { steering: 1.0, ..Default::default() })
+            }
+            Chore::Selector => {
+                self.transmitter(Transmitter { selector_manual: true, ..Default::default() });
+                self.automatic_at_s = Some(now_s + MANUAL_S);
+            }
+            Chore::PressStop => self.truck(|truck| truck.set_emergency_stop(true)),
+            Chore::ReleaseStop => self.truck(|truck| truck.set_emergency_stop(false)),
+        }
     }
 
     fn goes_on(&mut self, now_s: f64) {
-        if let Some((_, chore)) = self.due.take_if(|(at_s, _)| now_s >= *at_s) {
-            self.act(chore, now_s);
-        }
         if self.automatic_at_s.take_if(|at_s| now_s >= *at_s).is_some() {
             self.transmitter(Transmitter::default());
         }

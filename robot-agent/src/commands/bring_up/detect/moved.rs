@@ -6,6 +6,14 @@ use crate::commands::bring_up::plan::Stick;
 use xtb_control::VehicleConfig;
 use xtb_control::vehicle::Imu;
 
+/// A car within this is level, and one beyond that is lifted, in degrees.
+const LEVEL_DEG: f64 = 3.0;
+const LIFTED_DEG: f64 = 5.0;
+/// A stick that is let go, within this, and one that is pushed, by this at least, in ms.
+const CENTRE_MS: f64 = 1.5;
+const CENTRED_MS: f64 = 0.15;
+const PUSHED_MS: f64 = 0.25;
+
 /// The wheels turn and stop again.
 #[derive(Debug)]
 pub(in crate::commands::bring_up) struct Turned {
@@ -48,32 +56,12 @@ impl Detector for Turned {
     }
 }
 
-/// The mean of the first moments: what it was before the hands did anything.
-#[derive(Debug, Default)]
-struct Before {
-    began_s: Option<f64>,
-    sums: [f64; 2],
-    looks: f64,
-}
-
-impl Before {
-    /// How much the values have changed; `None` in the first moments.
-    fn change(&mut self, now_s: f64, values: [f64; 2]) -> Option<[f64; 2]> {
-        if now_s - *self.began_s.get_or_insert(now_s) < 0.3 {
-            self.sums = [0, 1].map(|i: usize| self.sums[i] + values[i]);
-            self.looks += 1.0;
-            return None;
-        }
-        Some([0, 1].map(|i: usize| values[i] - self.sums[i] / self.looks.max(1.0)))
-    }
-}
-
 /// Two values of which one has to change in one direction, and the other not more.
 #[derive(Debug)]
 struct Moved {
     axis: usize,
     least: f64,
-    before: Before,
+    at_rest: f64,
     right: Since,
     reverse: Since,
     other: Since,
@@ -87,14 +75,14 @@ enum Way {
 }
 
 impl Moved {
-    /// `least` with its sign.
-    fn new(axis: usize, least: f64) -> Self {
+    /// `least` with its sign; what both are at rest.
+    fn new(axis: usize, least: f64, at_rest: f64) -> Self {
         let [right, reverse, other] = [(); 3].map(|()| Since::default());
-        Self { axis, least, before: Before::default(), right, reverse, other }
+        Self { axis, least, at_rest, right, reverse, other }
     }
 
     fn look(&mut self, now_s: f64, values: [f64; 2]) -> Way {
-        let Some(change) = self.before.change(now_s, values) else { return Way::Not };
+        let change = values.map(|value| value - self.at_rest);
         let (mine, other) = (change[self.axis] * self.least.signum(), change[1 - self.axis].abs());
         let least = self.least.abs();
         if self.right.lasts_s(now_s, mine >= least && other < mine) >= 0.3 {
@@ -117,7 +105,7 @@ pub(in crate::commands::bring_up) struct Tilted(Moved);
 
 impl Tilted {
     pub(in crate::commands::bring_up) fn new(axis: usize) -> Self {
-        Self(Moved::new(axis, -4.0))
+        Self(Moved::new(axis, -LIFTED_DEG, 0.0))
     }
 }
 
@@ -148,7 +136,7 @@ pub(in crate::commands::bring_up) struct Level(Since);
 
 impl Detector for Level {
     fn look(&mut self, view: &View) -> Seen {
-        let is_level = view.tilt_deg.is_some_and(|deg| deg.iter().all(|deg| deg.abs() < 3.0));
+        let is_level = view.tilt_deg.is_some_and(|deg| deg.iter().all(|deg| deg.abs() < LEVEL_DEG));
         if self.0.lasts_s(view.now_s, is_level) >= 0.3 { done(String::new()) } else { Seen::Nothing }
     }
 
@@ -203,42 +191,52 @@ impl Detector for TurnedRight {
     }
 }
 
+/// The transmitter is on, and its sticks are let go.
+#[derive(Debug, Default)]
+pub(in crate::commands::bring_up) struct Centred {
+    absent: Since,
+    centred: Since,
+}
+
+impl Detector for Centred {
+    fn look(&mut self, view: &View) -> Seen {
+        if self.absent.lasts_s(view.now_s, view.is_up && view.sticks_ms.is_none()) >= 1.0 {
+            return Seen::NotFitted("the board has no receiver");
+        }
+        let is_centred = |ms: &Option<f64>| ms.is_some_and(|ms| (ms - CENTRE_MS).abs() <= CENTRED_MS);
+        let are_centred = view.sticks_ms.is_some_and(|sticks_ms| sticks_ms.iter().all(is_centred));
+        if self.centred.lasts_s(view.now_s, are_centred) >= 0.3 { done(String::new()) } else { Seen::Nothing }
+    }
+
+    fn missing(&self) -> Wrong {
+        let hint =
+            "is the transmitter on, and bound? Trim both sticks to 1.5 ms, and check the receiver's leads";
+        Wrong::new("the sticks do not come to rest at 1.35 to 1.65 ms", hint)
+    }
+}
+
 /// A stick of the transmitter arrives on its channel, in its direction.
 #[derive(Debug)]
-pub(in crate::commands::bring_up) struct Pushed {
-    stick: Stick,
-    moved: Moved,
-    absent: Since,
-    silent: Since,
-    told: bool,
-}
+pub(in crate::commands::bring_up) struct Pushed(Stick, Moved);
 
 impl Pushed {
     /// Ahead is a longer pulse; right is the one that turns the front wheels to the right.
     pub(in crate::commands::bring_up) fn new(stick: Stick, vehicle: &VehicleConfig) -> Self {
-        let moved = match stick {
-            Stick::Speed => Moved::new(0, 0.2),
-            Stick::Steering => Moved::new(1, 0.2 * vehicle.calibration.steering()[0].slope.signum()),
+        let right = vehicle.calibration.steering()[0].slope.signum();
+        let (axis, least_ms) = match stick {
+            Stick::Speed => (0, PUSHED_MS),
+            Stick::Steering => (1, PUSHED_MS * right),
         };
-        Self { stick, moved, absent: Since::default(), silent: Since::default(), told: false }
+        Self(stick, Moved::new(axis, least_ms, CENTRE_MS))
     }
 }
 
 impl Detector for Pushed {
     fn look(&mut self, view: &View) -> Seen {
-        if self.absent.lasts_s(view.now_s, view.is_up && view.sticks_ms.is_none()) >= 1.0 {
-            return Seen::NotFitted("the board has no receiver");
-        }
-        let sticks_ms = view.sticks_ms.unwrap_or_default();
-        if self.silent.lasts_s(view.now_s, sticks_ms.contains(&None)) >= 2.0 && !self.told {
-            self.told = true;
-            return Seen::Note("no usable pulse: is the transmitter on?".into());
-        }
-        let [Some(speed_ms), Some(steering_ms)] = sticks_ms else { return Seen::Nothing };
-        let ms = [speed_ms, steering_ms];
-        match self.moved.look(view.now_s, ms) {
+        let Some([Some(speed_ms), Some(steering_ms)]) = view.sticks_ms else { return Seen::Nothing };
+        match self.1.look(view.now_s, [speed_ms, steering_ms]) {
             Way::Not => Seen::Nothing,
-            Way::Right(change_ms) => done(format!("{:.2} ms ({change_ms:+.2} ms)", ms[self.moved.axis])),
+            Way::Right(change_ms) => done(format!("{change_ms:+.2} ms")),
             Way::Reverse => {
                 wrong("the pulse goes the other way".into(), "reverse this channel at the transmitter")
             }
@@ -250,11 +248,9 @@ impl Detector for Pushed {
     }
 
     fn missing(&self) -> Wrong {
-        let name = if self.stick == Stick::Speed { "speed" } else { "steering" };
-        Wrong::new(
-            format!("the channel of {name} does not move"),
-            "check the receiver's lead, its supply and its binding",
-        )
+        let name = if self.0 == Stick::Speed { "speed" } else { "steering" };
+        let hint = "check this channel's lead from the receiver, and its end points at the transmitter";
+        Wrong::new(format!("the channel of {name} does not move"), hint)
     }
 }
 
