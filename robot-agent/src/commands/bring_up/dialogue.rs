@@ -154,7 +154,7 @@ impl Question {
                 )
             }
             Self::WheelsUp { astern } => format!(
-                "The motor will turn the wheels slowly {}, for a second at most.\nPut the car on its stand: ALL WHEELS \
+                "The motor will turn the wheels slowly {}, for 1.3 s at most.\nPut the car on its stand: ALL WHEELS \
                  OFF THE GROUND, hands, hair and cables clear, a hand on the power switch. Ctrl-C stops it.\nType \
                  \"{WHEELS_UP}\" to go on, or skip: ",
                 if *astern { "astern" } else { "ahead" }
