@@ -153,7 +153,10 @@ mod tests {
 
     fn gyro() -> (Gyro, Rng) {
         let mut noise = Rng::new(5, 0);
-        (Gyro::new(&GyroTruth { noise_deg: 0.0, yaw_drift_dps: 0.0 }, &mut noise), noise)
+        (
+            Gyro::new(&GyroTruth { noise_deg: 0.0, yaw_drift_dps: 0.0, ..GyroTruth::default() }, &mut noise),
+            noise,
+        )
     }
 
     fn frames(gyro: &mut Gyro) -> Vec<EulerFrame> {
