@@ -17,8 +17,9 @@ pub(super) struct View {
     pub(super) now_s: f64,
     /// The board speaks and has confirmed its set-up.
     pub(super) is_up: bool,
-    /// What is wrong with a line.
+    /// What is wrong with the board's line, and with the gyro.
     pub(super) fault: Option<Wrong>,
+    pub(super) gyro_fault: Option<Wrong>,
     /// Version of the board's firmware.
     pub(super) firmware: Option<String>,
     pub(super) stop_pressed: Option<bool>,

@@ -251,9 +251,13 @@ impl Session {
         let Waits::Stage { began_s, lost_s } = &mut self.waits else { return go_on };
         let Some(Stage::Look(_, detector, patience_s)) = self.stages.front_mut() else { return go_on };
         let waited_s = view.now_s - *began_s.get_or_insert(view.now_s);
-        *lost_s = view.fault.as_ref().map(|_| lost_s.unwrap_or(view.now_s));
-        let lost = lost_s.is_some_and(|since_s| view.now_s - since_s >= LOST_S);
-        match (detector.look(view), &view.fault) {
+        let gyro_fault = view.gyro_fault.as_ref().filter(|_| self.current == Some(Step::Yaw));
+        let fault = view.fault.as_ref().or(gyro_fault);
+        *lost_s = fault.map(|_| lost_s.unwrap_or(view.now_s));
+        // A board that comes up may take its time.
+        let most_s = if self.current == Some(Step::Board) { COMES_UP_S } else { LOST_S };
+        let lost = lost_s.is_some_and(|since_s| view.now_s - since_s >= most_s);
+        match (detector.look(view), fault) {
             (Seen::Done(Ok(found)), _) => self.stage_done(found),
             (Seen::Done(Err(wrong)), _) => self.failed(wrong),
             (Seen::NotFitted(why), _) => self.ended(Outcome::NotFitted, why),

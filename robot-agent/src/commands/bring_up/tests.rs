@@ -137,6 +137,20 @@ fn a_board_that_is_lost_fails_the_step_by_its_fault_and_no_port_is_told_to_other
 }
 
 #[test]
+fn a_gyro_that_is_lost_is_nobodys_business_but_the_yaws() {
+    let vehicle = small();
+    let plan = steps(&vehicle);
+    let mut session = Session::new(vehicle.clone(), report(&vehicle), plan, 20.0);
+    let mut fake = Fake::new(vehicle, BTreeSet::new());
+    fake.gyro_lost = true;
+    let said = run(&mut session, &mut fake, &mut Scripted::truthful());
+    let bad: Vec<_> =
+        outcomes(session.report()).into_iter().filter(|(_, outcome)| outcome != "passed").collect();
+    assert_eq!(bad, [("yaw".to_owned(), "failed".to_owned())]);
+    assert!(said.contains("FAILED: gyro_silent"), "{said}");
+}
+
+#[test]
 fn what_is_mended_passes_when_it_is_tried_again() {
     let vehicle = small();
     let mut session = Session::new(vehicle.clone(), report(&vehicle), [Step::Encoder], 20.0);

@@ -22,7 +22,6 @@ use xtb_control::units::PWM_PERIOD_COUNTS;
 use xtb_control::vehicle::SLOTS;
 use xtb_control::{AdcCount, Stamp, VehicleConfig};
 use xtb_protocol::board::{BoardIdentity, BoardStatus};
-use xtb_protocol::messages::Fault;
 use xtb_robot::Robot;
 use xtb_robot::robot::TURN_NS;
 
@@ -163,11 +162,12 @@ impl<'a> Truck<'a> {
 /// What the robot knows, for the detectors.
 fn view(vehicle: &VehicleConfig, robot: &Robot, now: Stamp) -> View {
     let readings = robot.readings(now);
-    let fault = robot.agent().faults().states(now).into_iter().find(|state| matters(state.fault));
-    let fault = fault.map(|state| {
-        let detail = state.detail.map(|detail| format!(": {detail}")).unwrap_or_default();
-        Wrong::new(format!("{}{detail}", state.fault), state.fault.remedy())
-    });
+    let faults = robot.agent().faults().states(now);
+    let of = |place: &str| {
+        let state = faults.iter().find(|state| state.fault.place() == place)?;
+        let detail = state.detail.as_ref().map(|detail| format!(": {detail}")).unwrap_or_default();
+        Some(Wrong::new(format!("{}{detail}", state.fault), state.fault.remedy()))
+    };
     let range_cm = |is_rear, slot, count: AdcCount| {
         let finder = Place { is_rear, slot }.finders(vehicle).get(slot)?;
         finder.curve.hypotenuse_cm(&vehicle.infrared, count)
@@ -186,7 +186,8 @@ fn view(vehicle: &VehicleConfig, robot: &Robot, now: Stamp) -> View {
     View {
         now_s: now.s(),
         is_up: readings.set_up && readings.status.is_some(),
-        fault,
+        fault: of("board"),
+        gyro_fault: of("gyro"),
         firmware: readings.status.map(|status| firmware(&status, readings.identity.as_ref())),
         stop_pressed: readings.status.and_then(|status| status.emergency_stop),
         ranges_cm,
@@ -211,9 +212,4 @@ fn firmware(status: &BoardStatus, identity: Option<&BoardIdentity>) -> String {
     let Some(identity) = identity else { return version.to_string() };
     let hang = if identity.after_hang { ", restarted after a hang" } else { "" };
     format!("{version} ({}, hash {:#010x}{hang})", identity.model_name(), identity.hash)
-}
-
-/// Of the lines; what the sensors show is the steps' business.
-fn matters(fault: Fault) -> bool {
-    matches!(fault.place(), "board" | "gyro")
 }

@@ -27,6 +27,7 @@ pub(super) struct Fake {
     pub(super) swapped: bool,
     pub(super) reversed: bool,
     pub(super) no_receiver: bool,
+    pub(super) gyro_lost: bool,
     pub(super) moved: usize,
 }
 
@@ -43,6 +44,7 @@ impl Fake {
             swapped: false,
             reversed: false,
             no_receiver: false,
+            gyro_lost: false,
             moved: 0,
         }
     }
@@ -93,6 +95,7 @@ impl Fake {
             now_s: self.now_s,
             is_up: true,
             fault: None,
+            gyro_fault: self.gyro_lost.then(|| Wrong::new("gyro_silent", "check its wires")),
             firmware: Some("1.1".into()),
             stop_pressed: Some(false),
             ranges_cm: Some([[None; 6]; 2]),
