@@ -233,7 +233,7 @@ impl Bench {
                 self.hands(&line);
                 self.switch_back();
             }
-            if let Some(answer) = self.answer(&said[acted.max(answered)..].to_owned()) {
+            if let Some(answer) = self.answer(&said[acted.max(answered)..]) {
                 answered = said.len();
                 writeln!(types, "{answer}").unwrap();
                 said.push_str(&format!("«{answer}»\n"));

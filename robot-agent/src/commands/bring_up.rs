@@ -243,7 +243,7 @@ impl<'a> Shell<'a> {
         let view = self.truck.look()?;
         self.now_s = view.now_s;
         self.person.goes_on(view.now_s);
-        Ok(Event::Look(view))
+        Ok(Event::Look(Box::new(view)))
     }
 
     /// Until a line comes; the lines go on meanwhile.

@@ -29,7 +29,7 @@ const LOST_S: f64 = 1.0;
 pub(super) enum Event {
     Begin,
     /// A turn of the lines.
-    Look(View),
+    Look(Box<View>),
     /// A line was typed.
     Typed(String),
     /// Nobody can type any more.
@@ -346,11 +346,11 @@ fn hold_cm(place: Place, vehicle: &VehicleConfig) -> f64 {
 fn stages(step: Step, vehicle: &VehicleConfig, patience_s: f64) -> Vec<Stage> {
     let look = |chore, detector: Box<dyn Detector>| Stage::Look(chore, detector, patience_s);
     match step {
-        Step::Board => vec![Stage::Look(Chore::Wait, Box::new(Up::default()), COMES_UP_S)],
+        Step::Board => vec![Stage::Look(Chore::Wait, Box::<Up>::default(), COMES_UP_S)],
         Step::Check => vec![Stage::Check],
         Step::Measures => lengths(vehicle).map(Stage::Ask).into_iter().chain([Stage::Write]).collect(),
         Step::Battery => {
-            vec![Stage::Look(Chore::Wait, Box::new(Measured::default()), COMES_UP_S), Stage::Voltmeter]
+            vec![Stage::Look(Chore::Wait, Box::<Measured>::default(), COMES_UP_S), Stage::Voltmeter]
         }
         Step::Range(place) => {
             let cm = hold_cm(place, vehicle);
@@ -366,17 +366,17 @@ fn stages(step: Step, vehicle: &VehicleConfig, patience_s: f64) -> Vec<Stage> {
         Step::Pitch | Step::Roll => {
             let (axis, chore) = if step == Step::Pitch { (0, Chore::LiftNose) } else { (1, Chore::LiftLeft) };
             vec![
-                look(Chore::Wait, Box::new(Level::default())),
+                look(Chore::Wait, Box::<Level>::default()),
                 look(chore, Box::new(Tilted::new(axis))),
-                look(Chore::PutDown, Box::new(Level::default())),
+                look(Chore::PutDown, Box::<Level>::default()),
             ]
         }
         Step::Yaw => vec![look(Chore::TurnRight, Box::new(TurnedRight::new(vehicle)))],
         Step::Stick(stick) => vec![
-            look(Chore::LetGo, Box::new(Centred::default())),
+            look(Chore::LetGo, Box::<Centred>::default()),
             look(Chore::Push(stick), Box::new(Pushed::new(stick, vehicle))),
         ],
-        Step::Selector => vec![look(Chore::Selector, Box::new(Switched::default()))],
+        Step::Selector => vec![look(Chore::Selector, Box::<Switched>::default())],
         Step::EmergencyStop => vec![
             look(Chore::PressStop, Box::new(Stop::new(true))),
             look(Chore::ReleaseStop, Box::new(Stop::new(false))),

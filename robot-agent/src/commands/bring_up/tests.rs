@@ -42,10 +42,10 @@ fn run(session: &mut Session, fake: &mut Fake, person: &mut Scripted) -> String 
         said += &next.say;
         event = match next.then {
             Then::End => return said,
-            Then::GoOn => Event::Look(fake.look()),
+            Then::GoOn => Event::Look(Box::new(fake.look())),
             Then::Look(chore) => {
                 fake.begin(chore);
-                Event::Look(fake.look())
+                Event::Look(Box::new(fake.look()))
             }
             Then::Answer(question) => person.answer(&question, fake),
             Then::Decide => person.decide(),
