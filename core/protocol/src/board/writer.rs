@@ -49,7 +49,7 @@ impl FrameWriter {
 
     /// The agent's: what else the board shall send.
     pub fn ask(&mut self, wanted: Ask) -> Frame {
-        let bits = u16::from(wanted.identity) * ask::IDENTITY | u16::from(wanted.imu) * ask::IMU;
+        let bits = (u16::from(wanted.identity) * ask::IDENTITY) | (u16::from(wanted.imu) * ask::IMU);
         self.writer.frame(kind::ASK, [bits])
     }
 

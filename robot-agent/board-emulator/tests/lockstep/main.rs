@@ -13,8 +13,12 @@ mod measure;
 mod rig;
 
 use measure::{Pair, drives, kills, levellings};
+use rig::Rig;
 use std::path::{Path, PathBuf};
 use xtb_board_emulator::{Emulator, EmulatorError};
+use xtb_control::VehicleConfig;
+use xtb_control::vehicle::Imu;
+use xtb_protocol::messages::{GoalStatus, STOP_SWITCH};
 
 /// Goals, levellings and kills of the short form, for CI, and of the long one.
 const SHORT: (usize, u64, u64) = (2, 8, 2);
@@ -91,6 +95,59 @@ fn a_slope_is_levelled_later_than_with_the_simulated_board_by_a_scan_and_a_perio
 #[test]
 fn an_agent_that_is_killed_leaves_a_neutral_motor_within_125_ms() {
     firmware().map_or_else(skip, |_| killed(SHORT.2));
+}
+
+/// A robot whose inertial unit is at the emulated board.
+fn with_bno085() -> Option<Rig> {
+    let vehicle = VehicleConfig { imu: Imu::Bno085Rvc, ..VehicleConfig::default() };
+    let firmware = firmware().or_else(|| {
+        skip();
+        None
+    })?;
+    Some(Rig::ready_with(Some(&firmware), "", 5, &vehicle))
+}
+
+#[test]
+fn a_robot_reaches_its_goal_by_the_yaw_of_the_bno085_at_the_board() {
+    let Some(mut rig) = with_bno085() else { return };
+    let readings = rig.readings();
+    let identity = readings.identity.unwrap();
+    assert_eq!((identity.model_name(), identity.after_hang), ("Pico", false));
+    assert_eq!(Some(identity.firmware), readings.status.map(|status| status.firmware));
+    rig.goto(0.7, 0.7);
+    while rig.goal() == GoalStatus::Running || rig.goal() == GoalStatus::Accepted {
+        rig.run_s(0.5);
+        assert!(rig.now_s() < 60.0);
+    }
+    let truth = rig.truth();
+    assert_eq!(rig.goal(), GoalStatus::Reached);
+    assert!((truth.x_m - 0.7).hypot(truth.y_m - 0.7) < 0.35, "{truth:?}");
+    let (readings, state) = (rig.readings(), rig.state());
+    assert!(readings.gyro_frames > 90 * rig.now_s() as u64, "{} samples", readings.gyro_frames);
+    assert_eq!((readings.gyro_lost, state.faults.len()), (0, 0));
+    assert_eq!(rig.frames().1, rig::Trouble::default());
+}
+
+#[test]
+fn the_switch_at_the_board_stops_the_robot_until_it_is_released_and_reset() {
+    let Some(mut rig) = with_bno085() else { return };
+    assert_eq!(rig.readings().status.unwrap().emergency_stop, Some(false));
+    rig.goto(3.0, 0.0);
+    rig.run_s(3.0);
+    rig.press(true);
+    rig.run_s(0.1);
+    assert!(rig.truth().neutral_since_s.is_some());
+    rig.run_s(1.0);
+    let state = rig.state();
+    assert_eq!((state.latches[0].by.as_str(), state.latches[0].present), (STOP_SWITCH, true));
+    assert_eq!(state.faults, [], "the board stays set up");
+    assert!(!rig.reset());
+    rig.press(false);
+    rig.run_s(0.5);
+    assert!(rig.reset());
+    rig.goto(3.0, 0.0);
+    rig.run_s(2.0);
+    assert!(rig.truth().speed_mps > 0.05);
 }
 
 #[test]

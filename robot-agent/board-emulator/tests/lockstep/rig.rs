@@ -9,8 +9,9 @@ use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
 use xtb_protocol::board::{FrameReader, FromBoard};
-use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Outcome, Request, TruthRobot, Via};
+use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Outcome, Request, RobotState, TruthRobot, Via};
 use xtb_protocol::{Name, Uuid};
+use xtb_robot::robot::Readings;
 use xtb_sim::{ExternalBoard, Lockstep, Pins, Pulses, STEP_NS, Simulation, TruckParameters, World};
 
 /// Where the emulator is.
@@ -70,9 +71,9 @@ pub(crate) struct Rig {
 
 impl Rig {
     /// At power-on, with the firmware if there is one.
-    fn new(firmware: Option<&Path>, world: &str, seed: u64) -> Self {
+    fn new(firmware: Option<&Path>, world: &str, seed: u64, vehicle: &VehicleConfig) -> Self {
         let world = World::from_toml(world).unwrap();
-        let parameters = TruckParameters::default();
+        let parameters = TruckParameters::of(vehicle);
         let mut simulation =
             Simulation::with_starts(world, &parameters, &[("xtb-1", MapPose::default())], seed).unwrap();
         let board = firmware.map(|firmware| {
@@ -84,16 +85,50 @@ impl Rig {
         if let Some(board) = &board {
             simulation.trucks_mut()[0].set_external_board(board.clone());
         }
-        let (fleet, vehicle) = (Name::new("lab").unwrap(), VehicleConfig::default());
-        let lockstep = Lockstep::new(simulation, &fleet, &vehicle).unwrap();
+        let lockstep = Lockstep::new(simulation, &Name::new("lab").unwrap(), vehicle).unwrap();
         Self { lockstep, board, asked: 0 }
     }
 
     /// The same when it is ready to drive.
     pub(crate) fn ready(firmware: Option<&Path>, world: &str, seed: u64) -> Self {
-        let mut rig = Self::new(firmware, world, seed);
+        Self::ready_with(firmware, world, seed, &VehicleConfig::default())
+    }
+
+    /// The same with a vehicle of another kind.
+    pub(crate) fn ready_with(
+        firmware: Option<&Path>,
+        world: &str,
+        seed: u64,
+        vehicle: &VehicleConfig,
+    ) -> Self {
+        let mut rig = Self::new(firmware, world, seed, vehicle);
         rig.run_s(0.5);
         rig
+    }
+
+    /// What the robot reads on its lines.
+    pub(crate) fn readings(&mut self) -> Readings {
+        let now = self.lockstep.now();
+        self.lockstep.robot_mut(0).unwrap().readings(now)
+    }
+
+    /// Its latches and faults.
+    pub(crate) fn state(&mut self) -> RobotState {
+        self.lockstep.state(0).unwrap()
+    }
+
+    /// Presses or releases the truck's emergency stop.
+    pub(crate) fn press(&mut self, pressed: bool) {
+        self.lockstep.simulation_mut().trucks_mut()[0].set_emergency_stop(pressed);
+    }
+
+    /// Asks for a reset: whether it was done.
+    pub(crate) fn reset(&mut self) -> bool {
+        self.asked += 1;
+        let (id, body) = (Uuid::from_u128(self.asked), Body::Reset { latch: None });
+        let request = Request { id, lease: None, body };
+        let reply = self.lockstep.request(0, &Name::new("tester").unwrap(), &request).unwrap();
+        matches!(reply.result, Outcome::Ok(_))
     }
 
     pub(crate) fn step(&mut self) {

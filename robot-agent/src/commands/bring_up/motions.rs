@@ -10,7 +10,7 @@ use xtb_control::{PwmCount, VehicleConfig};
 const WIGGLE_PART: f64 = 0.6;
 const WIGGLE_S: f64 = 0.8;
 /// A piston moves for so long each way, in s, at this part of its sweep's speed.
-const PISTON_S: f64 = 0.4;
+const PISTON_S: f64 = 0.8;
 /// A piston that has moved by less than this has not moved, in m.
 const MOVED_M: f64 = 0.001;
 /// The motor's pulse begins where the wheels turn by the settings, and grows by so many counts …

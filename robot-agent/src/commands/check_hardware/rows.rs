@@ -1,13 +1,14 @@
 //! The table of `check-hardware`: one row a thing, with a verdict and what to do.
 
+mod imu;
+
 use robot_agent::config::ConfigFile;
 use serde::Serialize;
-use xtb_control::odometry::GYRO_DEG_PER_COUNT;
 use xtb_control::pistons::height_m;
 use xtb_control::remote::{Reading as Pulse, reading};
 use xtb_control::speed::wheel_rpm;
 use xtb_control::units::PWM_PERIOD_COUNTS;
-use xtb_control::vehicle::{BumperFinders, Imu, Platform, SLOTS};
+use xtb_control::vehicle::{BumperFinders, Platform, SLOTS};
 use xtb_control::{AdcCount, Outputs};
 use xtb_protocol::board::{BoardStatus, UnknownFirmware};
 use xtb_protocol::messages::{Fault, FaultState};
@@ -15,8 +16,6 @@ use xtb_robot::robot::Readings;
 
 /// The tilt sensor is linear up to here, in degrees (§2.2).
 const TILT_LINEAR_DEG: f64 = 20.0;
-/// A truck on a floor pitches and rolls less than this, in degrees.
-const LEVEL_DEG: f64 = 30.0;
 /// A pack of 7.2 V is empty below this, in mV.
 const BATTERY_EMPTY_MV: u16 = 6600;
 const ADC_MOST: f64 = 1023.0;
@@ -174,20 +173,6 @@ impl Evidence<'_> {
         }
     }
 
-    /// The same for the gyro.
-    fn of_gyro(&self, itself: &'static str) -> &'static str {
-        match (self.line_remedy("gyro"), self.imu()) {
-            (None, Imu::ThreeDmG) => itself,
-            (None, Imu::Bno085Rvc) => self.of_board(itself),
-            (Some(_), Imu::ThreeDmG) => "see the gyro line",
-            (Some(_), Imu::Bno085Rvc) => "see the BNO085 samples",
-        }
-    }
-
-    fn imu(&self) -> Imu {
-        self.settings.vehicle.imu
-    }
-
     fn board(&self) -> Vec<Row> {
         let Evidence { readings, settings, .. } = self;
         let hardware = &settings.hardware;
@@ -327,67 +312,6 @@ impl Evidence<'_> {
             Pulse::Impossible => {
                 heard(raw, "longer than one period", Some("the board ignores channel resets (0x19)"))
             }
-        }
-    }
-
-    /// The unit's line, who is at it, and its angles.
-    fn gyro(&self) -> Vec<Row> {
-        let (readings, hardware) = (&self.readings, &self.settings.hardware);
-        let (mut rows, yaw, from) = match self.imu() {
-            Imu::ThreeDmG => {
-                let firmware = readings.gyro_firmware.map(|version| {
-                    let text =
-                        format!("version {}.{}.{:02}", version / 1000, version / 100 % 10, version % 100);
-                    heard(version, text, None)
-                });
-                let unanswered = self.of_gyro("no answer to F0: check the wire to the gyro");
-                let line = self.line("gyro", readings.gyro_frames, &hardware.gyro, hardware.gyro_baud);
-                let rows = vec![line, Row::new("gyro firmware", firmware, unanswered)];
-                (rows, readings.gyro.map(|gyro| gyro.yaw), "clockwise from gyro north")
-            }
-            Imu::Bno085Rvc => {
-                let frames = readings.gyro_frames;
-                let remedy = self.line_remedy("gyro");
-                let well = (frames > 0 && remedy.is_none())
-                    .then(|| heard(format!("{frames} samples"), "over the board's line", None));
-                let silent = remedy.unwrap_or(self.of_board(Fault::GyroSilent.remedy()));
-                let rows = vec![Row::new("BNO085 samples", well, silent)];
-                (rows, readings.bno085_yaw_cdeg, "clockwise from where it was switched on")
-            }
-        };
-        rows.extend(self.angles(yaw, from));
-        rows
-    }
-
-    /// `yaw`: as it came; `from`: where it counts from.
-    fn angles(&self, yaw: Option<i16>, from: &str) -> [Row; 3] {
-        let (gyro, unit) = (self.readings.gyro, self.unit());
-        let remedy = self.of_gyro(Fault::GyroSilent.remedy());
-        let lean = |what, counts: Option<i16>| {
-            let angle = counts.map(|counts| {
-                let deg = f64::from(counts) * GYRO_DEG_PER_COUNT;
-                let leans = deg.abs() > LEVEL_DEG;
-                let wrong = leans.then_some("put the truck on its wheels; is the gyro mounted level?");
-                heard(counts, signed(deg), wrong)
-            });
-            Row::new(format!("{unit} {what}"), angle, remedy)
-        };
-        let yaw = yaw.zip(gyro).map(|(raw, gyro)| {
-            let deg = (f64::from(gyro.yaw) * GYRO_DEG_PER_COUNT).rem_euclid(360.0);
-            heard(raw, format!("{deg:.1}° {from}"), None)
-        });
-        [
-            Row::new(format!("{unit} yaw"), yaw, remedy),
-            lean("roll", gyro.map(|gyro| gyro.roll)),
-            lean("pitch", gyro.map(|gyro| gyro.pitch)),
-        ]
-    }
-
-    /// What the rows call the inertial unit.
-    fn unit(&self) -> &'static str {
-        match self.imu() {
-            Imu::ThreeDmG => "gyro",
-            Imu::Bno085Rvc => "BNO085",
         }
     }
 
