@@ -45,6 +45,8 @@ pub(crate) enum Verb {
     CheckHardware(CheckArgs),
     /// Sweep a servo, measure, fit the line of Annex A and write it to the configuration
     Calibrate(CalibrateArgs),
+    /// Lead through a new truck step by step: every sensor, servo, the motor, the emergency stop, calibration
+    BringUp(BringUpArgs),
     /// Enrol this robot with its identity file, from `fleet-cli pki add-robot`
     Enrol(EnrolArgs),
     /// List this computer's serial ports
@@ -137,6 +139,60 @@ pub(crate) struct CalibrateArgs {
     /// Number of pulses, one way [default: 13, pistons 20]
     #[arg(long, value_name = "N")]
     pub(crate) points: Option<usize>,
+}
+
+impl CalibrateArgs {
+    /// For somebody who has asked already; the result is written.
+    pub(crate) fn confirmed(what: Actuator) -> Self {
+        Self {
+            what,
+            yes: true,
+            readings: None,
+            write: None,
+            dry_run: false,
+            plot: None,
+            json: false,
+            from: None,
+            to: None,
+            points: None,
+        }
+    }
+}
+
+/// `bring-up`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "It needs --config FILE, says at each step what to do, and writes what it has found to \
+    FILE.bring-up.json and .txt (without FILE's ending) after each one: a report that can be sent to others. Broken \
+    off, it goes on with the first step that is open. At a terminal, skip, failed and quit are heard at any time; \
+    answers may also come from a script on standard input. A simulated truck has a simulated person beside it. \
+    docs/build-a-truck.md has the whole way.\n\n\
+    Example: robot-agent bring-up --config robot.toml --from motor-ahead"
+)]
+pub(crate) struct BringUpArgs {
+    /// Begin with this step, and do also those after it again that have passed
+    #[arg(long, value_name = "STEP", conflicts_with_all = ["only", "restart"])]
+    pub(crate) from: Option<String>,
+    /// Do this step only, also if it has passed
+    #[arg(long, value_name = "STEP", conflicts_with = "restart")]
+    pub(crate) only: Option<String>,
+    /// Forget what has passed, and begin anew
+    #[arg(long)]
+    pub(crate) restart: bool,
+    /// Show what the steps have come to so far, and do nothing
+    #[arg(long, conflicts_with_all = ["from", "only", "restart"])]
+    pub(crate) report: bool,
+    /// Longest time to wait until something moved by hand is seen
+    #[arg(long, value_name = "SECONDS", default_value_t = 120.0, value_parser = patience)]
+    pub(crate) patience: f64,
+    /// Print the report as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+fn patience(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds| (1.0..=3600.0).contains(seconds));
+    seconds.ok_or_else(|| "1 to 3600 seconds".to_owned())
 }
 
 fn actuators() -> impl TypedValueParser<Value = Actuator> {

@@ -1,5 +1,6 @@
 //! The verbs, one a file, and how any of them ends.
 
+pub(crate) mod bring_up;
 pub(crate) mod calibrate;
 pub(crate) mod check_hardware;
 pub(crate) mod enrol;

@@ -5,7 +5,7 @@ mod commands;
 
 use clap::{CommandFactory, Parser};
 use cli::{Args, Verb};
-use commands::{Failure, calibrate, check_hardware, enrol, identity, ports, print, replay, run};
+use commands::{Failure, bring_up, calibrate, check_hardware, enrol, identity, ports, print, replay, run};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -17,6 +17,7 @@ fn dispatch(args: Args) -> Result<ExitCode, Failure> {
     let settings = &args.settings;
     match args.command {
         Some(Verb::Replay(replay)) => return replay::run(settings, &replay),
+        Some(Verb::BringUp(asked)) => return bring_up::run(settings, &asked),
         Some(Verb::Enrol(enrol)) => return enrol::run(&enrol),
         Some(Verb::Ports(ports)) => return ports::run(&ports),
         Some(Verb::Completions { shell }) => {

@@ -63,6 +63,11 @@ impl Drive {
         self.fault = fault;
     }
 
+    /// Somebody turns the wheels by hand.
+    pub(crate) fn roll_by_hand(&mut self, mps: f64) {
+        self.wheel_mps = mps;
+    }
+
     /// The wheels stand at once: contact, or a truck put elsewhere.
     pub(crate) fn halt(&mut self) {
         self.wheel_mps = 0.0;

@@ -20,6 +20,7 @@ pub mod fixes;
 mod geometry;
 mod grid;
 mod gyro;
+pub mod hands;
 mod impostors;
 mod infrared;
 mod islands;
@@ -50,6 +51,7 @@ pub use faults::{
     DriveFault, EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults,
 };
 pub use fixes::{FixMaker, FixTruth, SimulatedFix};
+pub use hands::Hands;
 pub use lattice::FREE_AHEAD_M;
 pub use lockstep::{Lockstep, LockstepError};
 pub use parameters::{Body, TruckParameters};

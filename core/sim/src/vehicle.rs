@@ -26,6 +26,7 @@ use crate::external::External;
 use crate::faults::{DriveFault, LineFault, LineFaults, SensorFaults};
 use crate::geometry::OrientedBox;
 use crate::gyro::{Attitude, Gyro};
+use crate::hands::Hands;
 use crate::impostors::Impostors;
 use crate::infrared::RangeFinders;
 use crate::lattice::footprint;
@@ -87,6 +88,7 @@ pub struct Truck {
     instrument_noise: Rng,
     impostors: Impostors,
     sensor_faults: SensorFaults,
+    hands: Hands,
     /// The last scan, as a converter that freezes shows it.
     scan: Option<(AdcSample, u16)>,
 }
@@ -146,6 +148,7 @@ impl Truck {
             instrument_noise: noise.fork(),
             impostors: Impostors::default(),
             sensor_faults: SensorFaults::default(),
+            hands: Hands::default(),
             scan: None,
             noise,
         }
@@ -251,6 +254,11 @@ impl Truck {
         self.drive.set_fault(fault);
     }
 
+    /// What a person's hands do to it from now on.
+    pub fn set_hands(&mut self, hands: Hands) {
+        self.hands = hands;
+    }
+
     /// From now on so much of the battery's charge is left, 0..=1.
     pub fn set_battery_left(&mut self, left: f64) {
         self.battery.set_left(left);
@@ -260,6 +268,12 @@ impl Truck {
     #[must_use]
     pub fn battery_v(&self) -> f64 {
         self.battery.volts()
+    }
+
+    /// What its range finders show, front, then rear, left to right, in V.
+    #[must_use]
+    pub fn range_finder_volts(&self) -> [f64; 12] {
+        self.range_finders.volts()
     }
 
     /// Bytes from the agent to the I/O board: set-up, PWM and reset frames.

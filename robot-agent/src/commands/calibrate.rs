@@ -6,18 +6,18 @@
 //! ```
 
 pub(crate) mod bench;
-mod console;
+pub(crate) mod console;
 mod pistons;
 mod plot;
 mod readings;
 mod report;
 mod sweep;
-mod write;
+pub(crate) mod write;
 
 use super::{Failure, print, print_json, run, tell};
 use crate::cli::CalibrateArgs;
 use bench::{Bench, Trouble};
-use console::Console;
+use console::{Console, Input};
 use indicatif::{ProgressBar, ProgressStyle};
 use pistons::Piston;
 use report::Report;
@@ -26,7 +26,7 @@ use robot_agent::hardware::instruments::Instruments;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use xtb_control::PwmCount;
-use xtb_control::calibration::{Actuator, Fit, FitError, Kind, Point, Sweep, SweepError, fit};
+use xtb_control::calibration::{Actuator, Fit, FitError, Kind, Point, Step, Sweep, SweepError, fit};
 
 /// A simulated truck's world need not wait for anybody's watch: as fast as the machine goes.
 const SIMULATED_SPEED: f64 = 1000.0;
@@ -48,22 +48,24 @@ pub(crate) fn run(
             format!("{}: this car has none, its front axle steers alone (vehicle.drivetrain)", args.what);
         return Err(Failure::new(message, "steering-front is the one to calibrate").code(2));
     }
-    let console = Console::start()?;
+    let console = Console::start(Input::Terminal)?;
     let points = match &args.readings {
         Some(path) => readings::read(path, args.what)?,
         None => measure(file, args, &console)?,
     };
-    conclude(file, args, &console, &points, args.write.as_deref().or(config))
+    let near = args.write.as_deref().or(config);
+    conclude(file, args, &console, &points, near, print).map(|_| ExitCode::SUCCESS)
 }
 
-/// Fits, shows, and writes to `near` if nothing is against it.
+/// Fits, shows, and writes to `near` if nothing is against it: the fit in one line.
 fn conclude(
     file: &ConfigFile,
     args: &CalibrateArgs,
     console: &Console,
     points: &[Point],
     near: Option<&Path>,
-) -> Result<ExitCode, Failure> {
+    show: impl Fn(&str) -> Result<(), Failure>,
+) -> Result<String, Failure> {
     let (fit, refused) = judge(points);
     let (what, vehicle) = (args.what, &file.vehicle);
     let old_centre = match what.kind() {
@@ -76,7 +78,7 @@ fn conclude(
     let plot = write_plot(args, &report, near)?;
     let destination = near.filter(|_| !args.dry_run);
     if !args.json {
-        print(&report.table())?;
+        show(&report.table())?;
     }
     tell(&format!("plot: {}\n", plot.display()));
     let written = match (destination, &fit, refused) {
@@ -93,7 +95,7 @@ fn conclude(
     if destination.is_none() && !args.dry_run {
         tell("not written: no --config, and no --write FILE\n");
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(report.summary().unwrap_or_default())
 }
 
 /// The line, if there is one, and what is against it.
@@ -153,29 +155,66 @@ fn write_plot(args: &CalibrateArgs, report: &Report<'_>, near: Option<&Path>) ->
 
 /// Asks, moves, measures.
 fn measure(file: &ConfigFile, args: &CalibrateArgs, console: &Console) -> Result<Vec<Point>, Failure> {
-    let (what, simulated) = (args.what, file.hardware.kind == "simulated");
+    let simulated = file.hardware.kind == "simulated";
     let sweep = sweep_of(file, args);
-    let impossible = |error: SweepError| Failure::new(error, "see --from, --to and --points").code(2);
-    let (steps, counts) =
-        (sweep.there_and_back().map_err(impossible)?, sweep.outwards().map_err(impossible)?);
-    let by_hand = !simulated && !matches!(what.kind(), Kind::Piston(_));
-    permission(args, console, &sweep, simulated, by_hand)?;
+    possible(&sweep)?;
+    permission(args, console, &sweep, simulated, is_by_hand(file, args.what))?;
 
     let (lines, instruments) = open(file)?;
     let mut bench = Bench::new(lines, instruments, &file.vehicle, console.interrupted().clone())
         .map_err(|error| Failure::new(error, "").code(2))?;
     bench.set_up()?;
-    let points = if let Kind::Piston(index) = what.kind() {
-        measure_piston(&mut bench, file, (what, index), &counts)?
-    } else {
-        let readings = steps.iter().filter(|step| step.read).count();
-        let progress = if by_hand { ProgressBar::hidden() } else { progress_bar(what, readings) };
-        let mut truck = sweep::Truck { bench: &mut bench, actuator: what, console, progress: &progress };
-        let points = sweep::angles(&steps, &mut truck)?;
-        progress.finish_and_clear();
-        points
-    };
+    on_bench(file, args, console, &mut bench)
+}
+
+/// The pulses there and back, and outwards.
+fn possible(sweep: &Sweep) -> Result<(Vec<Step>, Vec<PwmCount>), Failure> {
+    let impossible = |error: SweepError| Failure::new(error, "see --from, --to and --points").code(2);
+    Ok((sweep.there_and_back().map_err(impossible)?, sweep.outwards().map_err(impossible)?))
+}
+
+/// A person has to read the angles.
+fn is_by_hand(file: &ConfigFile, what: Actuator) -> bool {
+    file.hardware.kind != "simulated" && !matches!(what.kind(), Kind::Piston(_))
+}
+
+/// Moves and measures on a bench that has been set up.
+fn on_bench(
+    file: &ConfigFile,
+    args: &CalibrateArgs,
+    console: &Console,
+    bench: &mut Bench,
+) -> Result<Vec<Point>, Failure> {
+    let what = args.what;
+    let (steps, counts) = possible(&sweep_of(file, args))?;
+    if let Kind::Piston(index) = what.kind() {
+        return measure_piston(bench, file, (what, index), &counts);
+    }
+    let readings = steps.iter().filter(|step| step.read).count();
+    let progress = if is_by_hand(file, what) { ProgressBar::hidden() } else { progress_bar(what, readings) };
+    let points =
+        sweep::angles(&steps, &mut sweep::Truck { bench, actuator: what, console, progress: &progress })?;
+    progress.finish_and_clear();
     Ok(points)
+}
+
+/// The same for somebody who has asked for permission, and writes to this file: the fit in one line.
+pub(crate) fn calibrated(
+    file: &ConfigFile,
+    args: &CalibrateArgs,
+    console: &Console,
+    bench: &mut Bench,
+    config: &Path,
+) -> Result<String, Failure> {
+    if is_by_hand(file, args.what) {
+        tell(BY_HAND);
+    }
+    let points = on_bench(file, args, console, bench)?;
+    let show = |table: &str| {
+        tell(table);
+        Ok(())
+    };
+    conclude(file, args, console, &points, Some(config), show)
 }
 
 fn measure_piston(

@@ -7,7 +7,7 @@
 mod rows;
 mod watch;
 
-use super::run::{open, wait_for_signal};
+use super::run::{Lines as Opened, open, wait_for_signal};
 use super::{Failure, columns, print, print_json, tell};
 use crate::cli::CheckArgs;
 use robot_agent::VERSION;
@@ -34,11 +34,21 @@ const PATIENCE_S: f64 = 1.0;
 
 /// What has been found.
 #[derive(Debug, Serialize)]
-struct Report {
+pub(crate) struct Report {
     /// Nothing is missing or suspicious.
     ok: bool,
     faults: Vec<Trouble>,
     rows: Vec<Row>,
+}
+
+impl Report {
+    /// How many rows are ok, and what is wrong with the others, with what to do.
+    pub(crate) fn summary(&self) -> (usize, Vec<String>) {
+        let faults = self.faults.iter().map(|trouble| format!("{}: {}", trouble.fault, trouble.advice));
+        let rows = self.rows.iter().filter_map(Row::trouble);
+        let well = self.rows.iter().filter(|row| row.verdict == Verdict::Ok).count();
+        (well, faults.chain(rows).collect())
+    }
 }
 
 /// A fault with what to do about it.
@@ -54,7 +64,8 @@ pub(crate) fn run(file: &ConfigFile, args: &CheckArgs) -> Result<ExitCode, Failu
         let hint = format!("--timeout must be {} to {} seconds", TIMEOUTS_S.start(), TIMEOUTS_S.end());
         return Err(Failure::new(format!("cannot wait {} s", args.timeout), hint).code(2));
     }
-    let report = check(file, args.timeout)?;
+    let interrupted = interrupted()?;
+    let report = check(file, open(file)?, args.timeout, &interrupted)?;
     if args.json {
         print_json(&report)?;
     } else {
@@ -63,14 +74,22 @@ pub(crate) fn run(file: &ConfigFile, args: &CheckArgs) -> Result<ExitCode, Failu
     Ok(if report.ok { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Turns a robot until everything has been heard, the time is up, or Ctrl-C.
-fn check(file: &ConfigFile, timeout_s: f64) -> Result<Report, Failure> {
-    let interrupted = interrupted()?;
+/// A robot that only watches: without a session it is given no command, and nothing moves.
+pub(crate) fn watcher(file: &ConfigFile) -> Result<Robot, Failure> {
     let agent = file.agent()?;
     let identity =
         Identity { fleet: agent.fleet, robot: agent.robot, epoch: 0, start_pose: agent.start_pose };
-    let mut robot = Robot::new(identity, harmless(&file.vehicle), VERSION);
-    let (hardware, clock) = open(file)?;
+    Ok(Robot::new(identity, harmless(&file.vehicle), VERSION))
+}
+
+/// Turns a robot until everything has been heard, the time is up, or `interrupted`.
+pub(crate) fn check(
+    file: &ConfigFile,
+    (hardware, clock): Opened,
+    timeout_s: f64,
+    interrupted: &AtomicBool,
+) -> Result<Report, Failure> {
+    let mut robot = watcher(file)?;
     let mut lines = Lines::new(hardware);
     let (began, mut next) = (clock.now(), clock.now());
     let (mut watch, mut told_s) = (Watch::new(&file.vehicle), PATIENCE_S);

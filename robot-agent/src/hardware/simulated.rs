@@ -137,6 +137,22 @@ impl WorldOrders {
         self.push(Box::new(move |simulation, _| order(simulation)));
     }
 
+    /// The instruments that a person holds to the truck with this index.
+    #[must_use]
+    pub fn instruments(&self, index: usize) -> Instruments {
+        let orders = self.clone();
+        Instruments::new(move || {
+            let (answer, answered) = sync_channel(1);
+            orders.change(move |simulation| {
+                if let Some(truck) = simulation.trucks_mut().get_mut(index) {
+                    // Nobody may wait any more.
+                    let _ = answer.try_send(truck.measured());
+                }
+            });
+            answered
+        })
+    }
+
     fn push(&self, order: Order) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).push(order);
     }
@@ -195,18 +211,7 @@ impl RunningWorld {
     /// The instruments that a person holds to the truck with this index.
     #[must_use]
     pub fn instruments(&self, index: usize) -> Instruments {
-        let orders = self.orders.clone();
-        Instruments::new(move || {
-            let (answer, answered) = sync_channel(1);
-            let order: Order = Box::new(move |simulation, _| {
-                if let Some(truck) = simulation.trucks_mut().get_mut(index) {
-                    // Nobody may wait any more.
-                    let _ = answer.try_send(truck.measured());
-                }
-            });
-            orders.lock().unwrap_or_else(PoisonError::into_inner).push(order);
-            answered
-        })
+        self.orders().instruments(index)
     }
 
     /// The world's clock.
@@ -310,7 +315,19 @@ impl LoneTruck {
     pub fn start_at(seed: u64, speed: f64, vehicle: &VehicleConfig) -> Result<(Self, Clock), LoneTruckError> {
         let VehicleConfig { imu, imu_yaw, .. } = *vehicle;
         let parameters = TruckParameters::of(&VehicleConfig { imu, imu_yaw, ..VehicleConfig::default() });
-        let simulation = Simulation::new(World::default(), &parameters, &["truck"], seed)?;
+        Self::start_of(&parameters, seed, speed)
+    }
+
+    /// The same with a truck of this kind.
+    ///
+    /// # Errors
+    /// [`LoneTruckError`].
+    pub fn start_of(
+        parameters: &TruckParameters,
+        seed: u64,
+        speed: f64,
+    ) -> Result<(Self, Clock), LoneTruckError> {
+        let simulation = Simulation::new(World::default(), parameters, &["truck"], seed)?;
         let (lines, world_lines) = SimulatedHardware::connect();
         let time = WorldTime::new();
         let clock = time.join();
@@ -322,6 +339,12 @@ impl LoneTruck {
     #[must_use]
     pub fn instruments(&self) -> Instruments {
         self.world.instruments(0)
+    }
+
+    /// For whoever changes its world; the truck has the index 0.
+    #[must_use]
+    pub fn orders(&self) -> WorldOrders {
+        self.world.orders()
     }
 }
 

@@ -3,9 +3,10 @@
 use super::Truck;
 use crate::geometry::OrientedBox;
 use crate::gyro::Attitude;
+use crate::lattice::footprint;
 use crate::scene::StepContext;
 use crate::step::STEP_S;
-use xtb_control::frames::{heading_of, wrap_rad};
+use xtb_control::frames::{MapPose, heading_of, wrap_rad};
 use xtb_control::vehicle::Drivetrain;
 
 /// A touch is over when nothing is nearer than this: a truck that pushes against a wall comes to
@@ -29,6 +30,12 @@ impl Truck {
         self.rise = context.rise_at(x_m, y_m);
         let climb = cos * self.rise.0 + sin * self.rise.1;
         self.drive.step(self.board.outputs().motor, self.battery.supply(), climb);
+        if let Some(mps) = self.hands.roll() {
+            self.drive.roll_by_hand(mps);
+        }
+        if let Some(deg) = self.hands.turn() {
+            self.turn_by_hand(deg);
+        }
         self.battery.step(&self.drive, STEP_S);
         self.ran_into.clear();
         let mut blocked = false;
@@ -38,6 +45,13 @@ impl Truck {
             blocked = !self.advance(context);
         }
         self.count_contact(context, blocked);
+    }
+
+    /// On the spot, about the reference point.
+    fn turn_by_hand(&mut self, clockwise_deg: f64) {
+        let (x_m, y_m) = self.reference_m();
+        self.yaw_rad = wrap_rad(self.yaw_rad - clockwise_deg.to_radians());
+        self.body = footprint(&MapPose { x_m, y_m, yaw_rad: self.yaw_rad }, &self.dimensions);
     }
 
     /// Moves on by one step unless something is in the way.
@@ -99,9 +113,9 @@ impl Truck {
         let deg = |rise: f64| if rise == 0.0 { 0.0 } else { libm::asin(rise).to_degrees() };
         Attitude {
             heading_deg: heading_of(self.yaw_rad).deg(),
-            pitch_deg: deg(cos * east + sin * north),
+            pitch_deg: deg(cos * east + sin * north) + self.hands.nose_up_deg,
             // Right side down where the ground rises to the left.
-            roll_deg: deg(cos * north - sin * east),
+            roll_deg: deg(cos * north - sin * east) + self.hands.left_up_deg,
         }
     }
 }

@@ -5,8 +5,9 @@
 //!                                  │                                             with all at rest
 //!                                  └─► newest scan of the converter
 //! ```
-//! Only the actuator being calibrated moves; the rest stand as an idle robot has them, the motor is
-//! always neutral. No controller runs here: its platform stage would fight the sweep.
+//! Only the actuator being calibrated moves; the rest stand as an idle robot has them. The motor is
+//! neutral but for [`Bench::turn_motor`], which a calibration never calls: its pulses are low, and end by
+//! themselves. No controller runs here: its platform stage would fight the sweep.
 
 use robot_agent::clock::Clock;
 use robot_agent::hardware::Hardware;
@@ -30,6 +31,10 @@ const READ_BUFFER: usize = 1024;
 const SET_UP_MS: u64 = 3000;
 /// One that has been set up sends something this often, or it is lost.
 const SILENT_MS: u64 = 500;
+/// No pulse of the motor is farther from neutral, in counts …
+const MOTOR_MOST: f64 = 350.0;
+/// … or lasts longer, whatever the caller does.
+const MOTOR_MOST_MS: u64 = 2000;
 /// After this delay the missed turns are given up rather than made up for.
 const GIVE_UP_NS: u64 = 100_000_000;
 
@@ -99,6 +104,10 @@ pub(crate) struct Bench {
     next_frame: Stamp,
     heard: Stamp,
     scan: Option<(Stamp, AdcSample)>,
+    /// Encoder pulses since they were last taken.
+    encoder_pulses: u32,
+    /// Since when the motor has had another pulse than neutral.
+    motor_since: Option<Stamp>,
     /// What the system said when the line was last broken.
     broken: String,
 }
@@ -128,6 +137,8 @@ impl Bench {
             next_frame: now,
             heard: now,
             scan: None,
+            encoder_pulses: 0,
+            motor_since: None,
             broken: String::new(),
         })
     }
@@ -150,6 +161,32 @@ impl Bench {
     pub(crate) fn drive(&mut self, actuator: Actuator, count: PwmCount) {
         let mut pulses = self.at_rest;
         actuator.set(&mut pulses, count);
+        self.give(pulses);
+    }
+
+    /// All outputs at rest, from the next turn on.
+    pub(crate) fn rest(&mut self) {
+        self.give(self.at_rest);
+    }
+
+    /// Gives the motor a pulse so many counts from neutral, + = ahead, and all others theirs at rest. It is a low
+    /// one whatever is asked for, and neutral again after two seconds in all.
+    pub(crate) fn turn_motor(&mut self, offset_counts: f64) {
+        let offset = offset_counts.clamp(-MOTOR_MOST, MOTOR_MOST);
+        self.motor_since.get_or_insert(self.clock.now());
+        let motor = PwmCount::saturating(PwmCount::NEUTRAL.as_f64() + offset);
+        self.give(PwmOutputs { motor, ..self.at_rest });
+    }
+
+    /// Encoder pulses since the last call, of whole windows.
+    pub(crate) fn take_pulses(&mut self) -> u32 {
+        std::mem::take(&mut self.encoder_pulses)
+    }
+
+    fn give(&mut self, pulses: PwmOutputs) {
+        if pulses.motor == PwmCount::NEUTRAL {
+            self.motor_since = None;
+        }
         if pulses != self.pulses {
             self.pulses = pulses;
             self.next_frame = Stamp::ZERO;
@@ -216,6 +253,9 @@ impl Bench {
         if now.ns() > self.next_turn.ns() + GIVE_UP_NS {
             self.next_turn = now;
         }
+        if self.motor_since.is_some_and(|since| now.since_ms(since) > MOTOR_MOST_MS) {
+            self.rest();
+        }
         self.read(now);
         self.write(now);
         Ok(())
@@ -230,7 +270,7 @@ impl Bench {
                 return;
             }
         };
-        let Self { reader, setup, heard, scan, broken, .. } = self;
+        let Self { reader, setup, heard, scan, encoder_pulses, broken, .. } = self;
         // What is no frame says nothing of the board; a line of nothing else is found silent.
         reader.from_board(bytes, |frame| {
             let Ok(frame) = frame else { return };
@@ -241,6 +281,7 @@ impl Bench {
                     let known = status.firmware.check().is_ok();
                     setup.confirm(status.ready && known, status.setup_checksum);
                 }
+                FromBoard::Encoder { pulses } => *encoder_pulses += u32::from(pulses),
                 FromBoard::Adc { sample, .. } if setup.is_done() => *scan = Some((now, sample)),
                 _ => {}
             }
@@ -318,6 +359,32 @@ mod tests {
         assert!(sent.iter().all(|pwm| pwm.motor == PwmCount::NEUTRAL));
         assert!(sent[..8].iter().all(|pwm| *pwm != at_rest));
         assert_eq!(sent[8], at_rest);
+    }
+
+    #[test]
+    fn a_motor_pulse_is_low_and_ends_with_neutral_when_it_is_interrupted() {
+        let (mut bench, mut lines) = bench();
+        for offset in [100.0, -5000.0, 5000.0] {
+            bench.turn_motor(offset);
+            bench.take_turn().unwrap();
+        }
+        bench.interrupted.store(true, Ordering::Relaxed);
+        assert_eq!(bench.take_turn(), Err(Trouble::Interrupted));
+        drop(bench);
+        let motor: Vec<_> = pulses(&mut *lines.board).iter().map(|pwm| pwm.motor.get()).collect();
+        assert_eq!(motor, [3850, 3400, 4100, 3750]);
+    }
+
+    #[test]
+    fn a_motor_pulse_that_nobody_ends_ends_by_itself() {
+        let (mut bench, mut lines) = bench();
+        bench.turn_motor(100.0);
+        bench.take_turn().unwrap();
+        bench.motor_since = Some(Stamp::ZERO);
+        bench.next_turn = bench.next_turn.plus_ms(MOTOR_MOST_MS + 5);
+        bench.take_turn().unwrap();
+        let motor: Vec<_> = pulses(&mut *lines.board).iter().map(|pwm| pwm.motor.get()).collect();
+        assert_eq!(motor, [3850, 3750]);
     }
 
     #[test]

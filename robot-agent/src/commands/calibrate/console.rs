@@ -14,6 +14,16 @@ use tokio::runtime::Runtime;
 /// How often somebody who waits for an answer looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(20);
 
+/// Where answers come from.
+pub(crate) enum Input {
+    /// Standard input if it is a terminal, else nobody.
+    Terminal,
+    /// Standard input, whatever it is: a script may answer.
+    Standard,
+    /// Somebody in this process.
+    Lines(Receiver<String>),
+}
+
 /// What the person does.
 pub(crate) struct Console {
     interrupted: Arc<AtomicBool>,
@@ -25,7 +35,7 @@ pub(crate) struct Console {
 
 impl Console {
     /// From now on Ctrl-C and SIGTERM do not end the program but show in [`Console::interrupted`].
-    pub(crate) fn start() -> Result<Self, Failure> {
+    pub(crate) fn start(input: Input) -> Result<Self, Failure> {
         let no_threads = |error: io::Error| Failure::new(error, "out of threads or memory");
         let interrupted = Arc::new(AtomicBool::new(false));
         let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -38,7 +48,11 @@ impl Console {
             run::wait_for_signal().await;
             flag.store(true, Ordering::Relaxed);
         });
-        let typed = if io::stdin().is_terminal() { Some(read_lines().map_err(no_threads)?) } else { None };
+        let typed = match input {
+            Input::Terminal if !io::stdin().is_terminal() => None,
+            Input::Terminal | Input::Standard => Some(read_lines().map_err(no_threads)?),
+            Input::Lines(lines) => Some(lines),
+        };
         Ok(Self { interrupted, typed, _runtime: runtime })
     }
 
@@ -52,6 +66,16 @@ impl Console {
         &self.interrupted
     }
 
+    /// A line that has been typed.
+    pub(crate) fn typed(&self) -> Result<Option<String>, Trouble> {
+        let typed = self.typed.as_ref().ok_or(Trouble::NoAnswer)?;
+        match typed.try_recv() {
+            Ok(line) => Ok(Some(line)),
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => Err(Trouble::NoAnswer),
+        }
+    }
+
     /// Asks, and waits for the answer while `meanwhile` is called again and again.
     pub(crate) fn ask_while(
         &self,
@@ -59,13 +83,10 @@ impl Console {
         mut meanwhile: impl FnMut() -> Result<(), Trouble>,
     ) -> Result<String, Trouble> {
         tell(question);
-        let typed = self.typed.as_ref().ok_or(Trouble::NoAnswer)?;
         loop {
             meanwhile()?;
-            match typed.try_recv() {
-                Ok(answer) => return Ok(answer),
-                Err(TryRecvError::Empty) => {}
-                Err(TryRecvError::Disconnected) => return Err(Trouble::NoAnswer),
+            if let Some(answer) = self.typed()? {
+                return Ok(answer);
             }
         }
     }

@@ -37,7 +37,7 @@ fn steering(parameters: &TruckParameters) -> Vec<Point> {
     let (what, vehicle) = (Actuator::SteeringFront, VehicleConfig::default());
     let mut rig = rig(parameters, &vehicle);
     let steps = what.default_sweep(&vehicle).there_and_back().unwrap();
-    let console = Console::start().unwrap();
+    let console = Console::start(Input::Terminal).unwrap();
     let progress = ProgressBar::hidden();
     let mut truck =
         sweep::Truck { bench: &mut rig.bench, actuator: what, console: &console, progress: &progress };

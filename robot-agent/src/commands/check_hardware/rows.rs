@@ -8,7 +8,7 @@ use xtb_control::pistons::height_m;
 use xtb_control::remote::{Reading as Pulse, reading};
 use xtb_control::speed::wheel_rpm;
 use xtb_control::units::PWM_PERIOD_COUNTS;
-use xtb_control::vehicle::{BumperFinders, SLOTS};
+use xtb_control::vehicle::{BumperFinders, Platform, SLOTS};
 use xtb_control::{AdcCount, Outputs};
 use xtb_protocol::board::{BoardStatus, UnknownFirmware};
 use xtb_protocol::messages::{Fault, FaultState};
@@ -110,6 +110,16 @@ impl Row {
         let verdict = Verdict::NotFitted;
         let (raw, reads_as) = ("-".to_owned(), reads_as.to_owned());
         Self { what: what.to_string(), raw, reads_as, verdict, advice: String::new() }
+    }
+
+    /// What is wrong with it, and what to do.
+    pub(super) fn trouble(&self) -> Option<String> {
+        let Self { what, raw, verdict, advice, .. } = self;
+        match verdict {
+            Verdict::Ok | Verdict::NotFitted => None,
+            Verdict::Missing => Some(format!("{what} missing: {advice}")),
+            Verdict::Suspicious => Some(format!("{what} {raw}: {advice}")),
+        }
     }
 
     /// For the table.
@@ -235,6 +245,9 @@ impl Evidence<'_> {
     }
 
     fn platform(&self) -> Vec<Row> {
+        if self.settings.vehicle.platform == Platform::Off {
+            return vec![Row::not_fitted("platform", "off in the settings")];
+        }
         let (adc, limits) = (self.readings.adc.as_ref(), &self.settings.vehicle.pistons);
         let if_missing = self.of_board(Fault::ConverterSilent.remedy());
         let angles = [("tilt x (pitch)", self.outputs.tilt.x), ("tilt y (roll)", self.outputs.tilt.y)];
