@@ -5,7 +5,7 @@ mod commands;
 
 use clap::{CommandFactory, Parser};
 use cli::{Args, Verb};
-use commands::{Failure, calibrate, check_hardware, enrol, identity, ports, print, replay, run};
+use commands::{Failure, calibrate, check_hardware, enrol, identity, man, ports, print, replay, run};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -19,6 +19,7 @@ fn dispatch(args: Args) -> Result<ExitCode, Failure> {
         Some(Verb::Replay(replay)) => return replay::run(settings, &replay),
         Some(Verb::Enrol(enrol)) => return enrol::run(&enrol),
         Some(Verb::Ports(ports)) => return ports::run(&ports),
+        Some(Verb::Man { folder }) => return man::run(Args::command(), &folder),
         Some(Verb::Completions { shell }) => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Args::command(), "robot-agent", &mut script);
