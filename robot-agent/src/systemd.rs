@@ -16,20 +16,25 @@ pub(crate) async fn follow<T>(snapshots: watch::Receiver<T>) {
         return;
     }
     let pause = sd_notify::watchdog_enabled().map_or(UNWATCHED, |limit| limit / 4);
-    // On a thread for what may block: a systemd that does not read must not keep Zenoh waiting.
-    let tell = async |states| {
-        let told = tokio::task::spawn_blocking(move || sd_notify::notify(states)).await;
-        if let Ok(Err(error)) = told {
-            tracing::warn!("systemd cannot be told: {error}");
-        }
-    };
     relay(snapshots, pause, tell).await;
 }
 
 type States = &'static [NotifyState<'static>];
 
+/// On a thread for what may block: a systemd that does not read must not keep Zenoh waiting.
+async fn tell(states: States) {
+    let told = tokio::task::spawn_blocking(move || sd_notify::notify(states)).await;
+    if let Ok(Err(error)) = told {
+        tracing::warn!("systemd cannot be told: {error}");
+    }
+}
+
 /// At most one sign of life in each `pause`, and none without a new snapshot.
-async fn relay<T>(mut snapshots: watch::Receiver<T>, pause: Duration, tell: impl AsyncFn(States)) {
+async fn relay<T, Told: Future<Output = ()>>(
+    mut snapshots: watch::Receiver<T>,
+    pause: Duration,
+    tell: impl Fn(States) -> Told,
+) {
     let mut states: States = &[NotifyState::Ready, NotifyState::Watchdog];
     while snapshots.changed().await.is_ok() {
         tell(states).await;
@@ -49,9 +54,10 @@ mod tests {
         for snapshots in [0, 1, 4] {
             let (turns, seen) = watch::channel(0);
             let (tells, mut told) = mpsc::unbounded_channel();
-            let relay = tokio::spawn(relay(seen, Duration::from_millis(1), async move |states| {
+            let relay = tokio::spawn(relay(seen, Duration::from_millis(1), move |states: States| {
                 let words = states.iter().map(ToString::to_string).collect::<Vec<_>>();
                 let _ = tells.send(words.join(" "));
+                std::future::ready(())
             }));
             let mut heard = Vec::new();
             for number in 1..=snapshots {
