@@ -399,6 +399,23 @@ fn completions_exist_for_every_shell_and_need_no_config() {
 }
 
 #[test]
+fn there_is_a_manual_page_for_each_command_that_people_use() {
+    let home = Home::empty();
+    home.config("broken");
+    let folder = home.path().join("share/man1");
+    let line = format!("man {}", folder.display());
+    assert_eq!(json(&home.run(&format!("--json {line}")).code(0))["folder"], folder.display().to_string());
+    let page = |name: &str| std::fs::read_to_string(folder.join(name));
+    assert!(page("fleet-cli.1").unwrap().contains("Exit codes:"));
+    assert!(page("fleet-cli-dispatch-submit.1").is_ok() && page("fleet-cli-names.1").is_err());
+    let said = stderr(&home.run("man /dev/null/pages").code(1));
+    assert!(
+        said.contains("cannot write manual pages to /dev/null/pages: ") && said.contains("hint: "),
+        "{said}"
+    );
+}
+
+#[test]
 fn bash_completes_robots_and_tasks_that_there_are() {
     let home = Home::empty();
     let script = stdout(&home.run("completions bash").code(0));

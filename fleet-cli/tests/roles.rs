@@ -87,6 +87,7 @@ const MATRIX: &[(&str, &[Role])] = &[
     ("audit a.mcap", ALL),
     ("router", ALL),
     ("plan instance.yaml --out x", ALL),
+    ("man pages", ALL),
     ("completions bash", ALL),
 ];
 /// They make identities, so they need none.

@@ -51,6 +51,12 @@ pub(crate) enum Verb {
     Enrol(EnrolArgs),
     /// List this computer's serial ports
     Ports(PortsArgs),
+    /// Write the manual pages into a folder
+    Man {
+        /// Folder, created if missing, such as ~/.local/share/man/man1
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
     /// Print a completion script for a shell
     Completions {
         /// Shell

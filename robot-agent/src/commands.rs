@@ -5,6 +5,7 @@ pub(crate) mod calibrate;
 pub(crate) mod check_hardware;
 pub(crate) mod enrol;
 pub(crate) mod identity;
+pub(crate) mod man;
 pub(crate) mod ports;
 pub(crate) mod replay;
 pub(crate) mod run;

@@ -30,6 +30,7 @@ mod session;
 mod sessions;
 mod shared;
 mod snapshot;
+mod systemd;
 mod uplink;
 mod wake;
 
@@ -87,7 +88,8 @@ pub type Shutdown = watch::Receiver<bool>;
 /// # Errors
 /// [`AgentError`]; the truck has been told to stand before it is returned.
 pub fn run(config: &AgentConfig, hardware: Box<dyn Hardware>, clock: Clock, shutdown: Shutdown) -> Run<'_> {
-    let host = Host { link_lease: xtb_bus::LINK_LEASE, alive: Box::new(|| {}), shared: Shared::default() };
+    let (link_lease, shared) = (xtb_bus::LINK_LEASE, Shared::default());
+    let host = Host { link_lease, alive: Box::new(|| {}), shared, is_service: true };
     run_hosted(config, hardware, clock, shutdown, host)
 }
 
@@ -103,6 +105,8 @@ pub struct Host {
     pub alive: Box<dyn FnOnce() + Send>,
     /// What it has together with the others.
     pub shared: Shared,
+    /// The program is this robot alone: if systemd has started it, systemd is told how it is.
+    pub is_service: bool,
 }
 
 /// Runs a robot within a program that has others too.
@@ -155,6 +159,9 @@ async fn live(
     let (control, realtime) =
         host.shared.start_loop(parts, loop_ends, recorder, stop.0.clone(), config.realtime)?;
     realtime.log();
+    if host.is_service {
+        tokio::spawn(systemd::follow(session_ends.snapshot.clone()));
+    }
     about.vehicle.push(realtime.parameter());
     let ended = session::run(config, &clock, session_ends, about, shutdown, || stop.now(), host).await;
     stop.now();

@@ -5,7 +5,9 @@ mod commands;
 
 use clap::{CommandFactory, Parser};
 use cli::{Args, Verb};
-use commands::{Failure, bring_up, calibrate, check_hardware, enrol, identity, ports, print, replay, run};
+use commands::{
+    Failure, bring_up, calibrate, check_hardware, enrol, identity, man, ports, print, replay, run,
+};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -20,6 +22,7 @@ fn dispatch(args: Args) -> Result<ExitCode, Failure> {
         Some(Verb::BringUp(asked)) => return bring_up::run(settings, &asked),
         Some(Verb::Enrol(enrol)) => return enrol::run(&enrol),
         Some(Verb::Ports(ports)) => return ports::run(&ports),
+        Some(Verb::Man { folder }) => return man::run(Args::command(), &folder),
         Some(Verb::Completions { shell }) => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Args::command(), "robot-agent", &mut script);

@@ -92,6 +92,23 @@ fn a_port_that_is_not_there_is_named_and_waited_for() {
 }
 
 #[test]
+fn there_is_a_manual_page_for_each_command() {
+    let home = tempfile::tempdir().expect("a folder");
+    let folder = home.path().join("share/man1");
+    agent().arg("man").arg(&folder).assert().success();
+    let page = |name: &str| std::fs::read_to_string(folder.join(name)).expect("a page");
+    assert!(
+        page("robot-agent.1").contains("Exit codes") && page("robot-agent-man.1").contains("manual pages")
+    );
+    assert!(page("robot-agent-calibrate.1").contains("dry\\-run"));
+    let said = stderr_of(agent().args(["man", "/dev/null/pages"]), 1);
+    assert!(
+        said.contains("cannot write manual pages to /dev/null/pages: ") && said.contains("hint: "),
+        "{said}"
+    );
+}
+
+#[test]
 fn help_documents_the_exit_codes() {
     let output = agent().arg("--help").assert().success().get_output().clone();
     assert!(String::from_utf8_lossy(&output.stdout).contains("Exit codes"));

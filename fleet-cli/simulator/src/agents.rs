@@ -74,7 +74,7 @@ impl RunningAgent {
         let task = tokio::spawn(async move {
             let telling = told.clone();
             let alive = Box::new(move || drop(telling.send_replace(Life::Alive)));
-            let host = Host { link_lease, alive, shared };
+            let host = Host { link_lease, alive, shared, is_service: false };
             let hardware = Box::new(hardware);
             if let Err(error) = robot_agent::run_hosted(&config, hardware, clock, shutdown, host).await {
                 tracing::warn!("{}: {error}", config.robot);

@@ -15,6 +15,7 @@ pub mod fetch_log;
 mod goal;
 pub mod goto;
 pub mod list;
+pub mod man;
 pub mod map;
 pub mod names;
 pub mod pki;
@@ -136,6 +137,8 @@ pub enum Verb {
     Demo(demo::DemoArgs),
     /// Plan collision-free paths for many robots at once, without a fleet.
     Plan(plan::PlanArgs),
+    /// Write the manual pages into a folder.
+    Man(man::ManArgs),
     /// Print a completion script; in bash, fish and zsh it completes the names of robots and tasks.
     Completions(completions::CompletionsArgs),
     /// Print the names of robots or tasks, for completion scripts.
@@ -244,6 +247,7 @@ async fn carry_out(
         Verb::Demo(args) => demo::run(&ctx()?, args).await,
         Verb::Plan(args) => plan::run(out, args).await,
         Verb::Names(args) => names::run(&ctx()?, &args).await,
+        Verb::Man(args) => man::run(out, &args, grammar),
         Verb::Completions(args) => completions::run(out, &args, grammar),
     }
 }

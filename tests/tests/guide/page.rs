@@ -50,12 +50,11 @@ impl Notes {
     }
 }
 
-/// Notes of the three languages; anything else is a slip of the pen.
-const KNOWN: [(&str, &[&str]); 4] = [
+/// Notes of the languages; anything else is a slip of the pen.
+const KNOWN: [(&str, &[&str]); 3] = [
     ("sh", &["background", "screen", "not-run", "until", "expect=", "ready=", "keys=", "shows="]),
     ("text", &["file="]),
     ("toml", &["file=", "fleet", "agent", "tasks"]),
-    ("ini", &["file="]),
 ];
 
 /// The folder of the guide.

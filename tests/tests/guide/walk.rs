@@ -248,8 +248,6 @@ impl<'a> Walk<'a> {
             let mut layers = Layers::default();
             layers.file(&place, &text).unwrap_or_else(|problem| panic!("{problem}"));
             layers.finish().unwrap_or_else(|problem| panic!("{place}: {problem}"));
-        } else if notes.language == "ini" {
-            self.unit(line, &text);
         } else {
             assert!(notes.has("tasks") || notes.language == "text", "{place}: what file is this?");
         }
@@ -257,16 +255,6 @@ impl<'a> Walk<'a> {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, text).unwrap();
         }
-    }
-
-    /// What a systemd unit starts is understood, with the configuration that the page has written.
-    fn unit(&mut self, line: usize, text: &str) {
-        let start = text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap();
-        let (program, arguments) = start.rsplit_once("/robot-agent ").unwrap();
-        assert!(program.starts_with('/'), "systemd wants whole paths: {start}");
-        let arguments = arguments.replace("/etc/xtb/", "");
-        let code = self.run(line, &format!("robot-agent {arguments} --print-config"), 0);
-        assert_eq!(code, 0, "{}: {start}\n{}", self.place(line), self.seen);
     }
 
     fn place(&self, line: usize) -> String {

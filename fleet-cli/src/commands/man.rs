@@ -1,0 +1,31 @@
+//! `man`: the manual pages, one for each command, from the texts of `--help`.
+
+use crate::exit::Exit;
+use crate::output::Output;
+use clap::Args;
+use serde::Serialize;
+use std::path::PathBuf;
+use xtb_client::{Error, ErrorKind, Result};
+
+/// Arguments of `man`.
+#[derive(Debug, Clone, Args, Serialize)]
+pub struct ManArgs {
+    /// Folder, created if missing, such as ~/.local/share/man/man1.
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+}
+
+/// Writes the pages; needs neither config nor router.
+///
+/// # Errors
+/// The folder cannot be written to.
+pub fn run(out: Output, args: &ManArgs, grammar: clap::Command) -> Result<Exit> {
+    let folder = &args.folder;
+    let written = std::fs::create_dir_all(folder).and_then(|()| clap_mangen::generate_to(grammar, folder));
+    written.map_err(|error| {
+        let message = format!("cannot write manual pages to {}: {error}", folder.display());
+        Error::new(ErrorKind::Failed, message).hint("give a folder with write permission")
+    })?;
+    out.result(args, |_| format!("manual pages written to {}", folder.display()))?;
+    Ok(Exit::Done)
+}
