@@ -1,6 +1,8 @@
 //! What the Debian packages bring beside the programs: it fits them, and what systemd and udev expect. That a package
 //! installs, runs and is upgraded is shown by packaging/check.
 
+#![allow(clippy::print_stderr)] // what is skipped is said
+
 use assert_cmd::cargo::cargo_bin;
 use std::collections::BTreeSet;
 use std::os::unix::net::UnixDatagram;
@@ -64,7 +66,7 @@ fn systemd_finds_nothing_wrong_with_the_unit() {
     let text = file("robot-agent.service").replace("/usr/bin/robot-agent", &program);
     std::fs::write(&path, text).expect("writing it");
     let Ok(said) = Command::new("systemd-analyze").args(["verify", "--man=no"]).arg(&path).output() else {
-        return println!("SKIP: no systemd-analyze; the unit is not verified");
+        return eprintln!("SKIP: no systemd-analyze; the unit is not verified");
     };
     // An unknown setting is no failure to it, but it says so.
     let own = String::from_utf8_lossy(&said.stderr).into_owned();
