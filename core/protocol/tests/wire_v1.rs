@@ -196,7 +196,12 @@ fn places() -> FleetPlaces {
 fn the_maps_places() {
     pinned(
         &places(),
-        concat!("PLACES_HEX"),
+        concat!(
+            "10313761633033663837653037376265390206646f636b2d3101000000000000f83f000000000000",
+            "00c001000000000000d03f01056e6f727468000468616c6c00cdccccccccccec3f9a9999999999b9",
+            "3f000003000000000000e03f0000000000000000000000000000f03f000000000000000000000000",
+            "0000f03f000000000000e03f"
+        ),
         concat!(
             r#"{"map":"17ac03f87e077be9","places":[{"name":"dock-1","kind":"dock","x_m":1.5,"y_m":-2.0,"#,
             r#""yaw_rad":0.25,"tags":["north"],"points":[]},{"name":"hall","kind":"place","x_m":0.9,"#,
