@@ -16,6 +16,8 @@
 //! # Ok(()) }
 //! ```
 
+mod held;
+
 use crate::bodies::Bodies;
 use crate::geometry::OrientedBox;
 use crate::lattice::footprint;
