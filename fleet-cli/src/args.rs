@@ -1,16 +1,14 @@
 //! Arguments of all verbs, and of several.
 
-use crate::context::Context;
-use crate::values::{metres, seconds};
+use crate::values::seconds;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{ArgGroup, Args, ValueEnum};
 use robot_agent::logging::LogFormat;
 use std::path::PathBuf;
 use std::time::Duration;
 use xtb_client::multi_robot::Targets;
-use xtb_client::{Client, Error, ErrorKind, Result, map_source};
 use xtb_protocol::Name;
-use xtb_protocol::messages::{LinkLoss, MapPlace, Waypoint, place_name};
+use xtb_protocol::messages::LinkLoss;
 
 /// Options that stand before or after the verb.
 #[derive(Debug, Clone, Args)]
@@ -134,69 +132,5 @@ impl From<LinkLossArg> for LinkLoss {
             LinkLossArg::Halt => Self::Halt,
             LinkLossArg::Finish => Self::Finish,
         }
-    }
-}
-
-/// A point of the map: its coordinates, or the name of a place.
-#[derive(Debug, Clone, PartialEq, Args)]
-pub struct PointArgs {
-    /// East, in m; or a place (`fleet-cli place list`).
-    #[arg(value_name = "X|PLACE", value_parser = PointWord::parse)]
-    pub point: PointWord,
-    /// North, in m.
-    #[arg(value_name = "Y", value_parser = metres)]
-    pub y_m: Option<f64>,
-}
-
-/// The first word of a point.
-#[derive(Debug, Clone, PartialEq)]
-pub enum PointWord {
-    /// East, in m.
-    X(f64),
-    /// A place's name.
-    Place(Name),
-}
-
-impl PointWord {
-    fn parse(text: &str) -> std::result::Result<Self, String> {
-        match place_name(text) {
-            Ok(name) => Ok(Self::Place(name)),
-            Err(_) => metres(text).map(Self::X).map_err(|error| format!("{error}, or the name of a place")),
-        }
-    }
-}
-
-impl PointArgs {
-    /// Whether it names a place, so that somebody has to be asked for it.
-    pub(crate) fn is_place(&self) -> bool {
-        matches!(self.point, PointWord::Place(_))
-    }
-
-    /// The point; a place is asked for at the map server.
-    ///
-    /// # Errors
-    /// [`ErrorKind::Invalid`]: a number too few or too many, or there is no such place; else no router.
-    pub(crate) async fn resolve(&self, ctx: &Context) -> Result<Waypoint> {
-        let place = match (&self.point, self.y_m) {
-            (PointWord::X(x_m), Some(y_m)) => return Ok(Waypoint { x_m: *x_m, y_m, yaw_rad: None }),
-            (PointWord::X(x_m), None) => {
-                let error =
-                    Error::new(ErrorKind::Invalid, format!("a point needs two numbers; {x_m} is X alone"));
-                return Err(error.hint("give X and Y in m, or the name of a place"));
-            }
-            (PointWord::Place(name), Some(y_m)) => {
-                let message = format!("{name} is the name of a place, which needs no Y ({y_m})");
-                return Err(
-                    Error::new(ErrorKind::Invalid, message).hint("give X and Y in m, or a place alone")
-                );
-            }
-            (PointWord::Place(name), None) => name,
-        };
-        let client = Client::open(&ctx.settings).await?;
-        let found =
-            map_source::place(client.bus(), client.keys(), place.as_str(), ctx.settings.timeout).await;
-        client.close().await;
-        let MapPlace { x_m, y_m, yaw_rad, .. } = found?;
-        Ok(Waypoint { x_m, y_m, yaw_rad })
     }
 }

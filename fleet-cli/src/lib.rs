@@ -15,6 +15,7 @@ mod map_file;
 mod nearest;
 pub mod output;
 pub mod pki;
+pub mod point;
 pub mod recording;
 pub mod table;
 pub mod terminal;

@@ -106,7 +106,7 @@ fn wrong_usage_exits_with_2() {
     ] {
         home.run(line).code(2);
     }
-    let error = &json(&home.run("--json goto xtb-1 x 2").code(2))["error"];
+    let error = &json(&home.run("--json goto xtb-1 X 2").code(2))["error"];
     assert_eq!(error["code"], "usage");
     assert!(error["message"].as_str().unwrap().contains("invalid value"), "{error}");
 }
@@ -124,7 +124,7 @@ fn who_names_nobody_is_told_of_all() {
     }
     // What only a terminal needs is not part of the message, and what was missing is.
     let error = &json(&home.run("goto xtb-1 --json").code(2))["error"];
-    assert_eq!(error["message"], "the following required arguments were not provided: <X> <Y>");
+    assert_eq!(error["message"], "the following required arguments were not provided: <X|PLACE>");
 }
 
 #[test]

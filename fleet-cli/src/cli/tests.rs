@@ -1,9 +1,10 @@
 //! Command lines and what they mean.
 
 use super::*;
-use crate::args::{LinkLossArg, PointWord};
+use crate::args::LinkLossArg;
 use crate::commands::Verb;
 use crate::commands::dispatch::{DispatchArgs, DispatchVerb};
+use crate::point::PointWord;
 use crate::values::LATCHES;
 use xtb_protocol::messages::Latch;
 
@@ -20,7 +21,7 @@ fn the_grammar_is_consistent() {
 fn negative_coordinates_need_no_dashes() {
     let Verb::Goto(goto) = read("fleet-cli goto xtb-1 -1.5 -2e0 --wait").unwrap().verb else { panic!() };
     assert_eq!((goto.to.point, goto.to.y_m, goto.wait), (PointWord::X(-1.5), Some(-2.0), true));
-    for bad in ["nan", "inf", "1001", "x"] {
+    for bad in ["nan", "inf", "1001", "X"] {
         assert!(read(&format!("fleet-cli goto xtb-1 {bad} 0")).is_err(), "{bad}");
     }
 }

@@ -1,9 +1,10 @@
 //! `goto`: send a robot to a point of the map.
 
 use super::goal::{self, Task};
-use crate::args::{LeaseArgs, LinkLossArg, PointArgs};
+use crate::args::{LeaseArgs, LinkLossArg};
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::point::PointArgs;
 use crate::values::{degrees, seconds};
 use clap::Args;
 use std::time::Duration;

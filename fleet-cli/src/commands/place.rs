@@ -2,10 +2,10 @@
 
 mod file;
 
-use crate::args::PointArgs;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::map_file;
+use crate::point::PointArgs;
 use crate::values::degrees;
 use clap::{Args, Subcommand, ValueEnum};
 use serde::Serialize;

@@ -1,9 +1,10 @@
 //! `set-pose`: tell a robot that stands where it is. It never moves the robot.
 
 use super::take_control;
-use crate::args::{LeaseArgs, PointArgs};
+use crate::args::LeaseArgs;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::point::PointArgs;
 use crate::values::degrees;
 use clap::Args;
 use serde::Serialize;

@@ -168,7 +168,7 @@ fn robots_are_sent_to_places_by_name() {
     let (code, reached, output) = sim.run(&["goto", "xtb-1", "door", "--wait"]);
     assert_eq!((code, &reached["status"]), (0, &"reached".into()), "{output:?}");
     let (_, state, output) = sim.run(&["status", "xtb-1"]);
-    let pose = &state["state"]["pose"];
+    let pose = &state["robots"][0]["state"]["pose"];
     let off = |value: &Value, place: f64| (value.as_f64().unwrap() - place).abs();
     assert!(off(&pose["x_m"], 0.0) < 0.2 && off(&pose["y_m"], 2.5) < 0.2, "{output:?}");
     assert!(off(&pose["yaw_rad"], std::f64::consts::FRAC_PI_2) < 0.3, "{output:?}");

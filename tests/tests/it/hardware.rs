@@ -395,7 +395,7 @@ async fn check_hardware_reads_everything_names_what_is_broken_and_moves_nothing(
     assert_eq!((code, &report["ok"]), (Some(0), &Value::from(true)), "{output:?}");
     assert_eq!(row(&report, "remote selector")["reads_as"], "1.20 ms, manual");
     assert_eq!(row(&report, "board firmware")["raw"], "0x0100");
-    assert_eq!(report["rows"].as_array().unwrap().len(), 36);
+    assert_eq!(report["rows"].as_array().unwrap().len(), 37);
 
     let silent = LineFaults { gyro: LineFault::Silent, ..LineFaults::default() };
     fleet.simulator.world().change(move |world| world.trucks_mut()[0].set_line_faults(silent));

@@ -23,8 +23,8 @@ pub enum PlaceNameError {
     #[error(transparent)]
     Name(#[from] NameError),
     /// On a command line it would be taken for an option or a coordinate.
-    #[error("{0:?} cannot be a place's name: it must begin with a letter and not be a number")]
-    Number(String),
+    #[error("\"{0}\" cannot be a place's name: it must begin with a letter and not be a number")]
+    Number(Name),
 }
 
 /// A name that a place may have: that of a [`Name`] which begins with a letter and is no number (`inf`, `nan`).
@@ -34,7 +34,7 @@ pub enum PlaceNameError {
 pub fn place_name(text: &str) -> Result<Name, PlaceNameError> {
     let name = Name::new(text)?;
     let is_word = text.starts_with(|c: char| c.is_ascii_lowercase()) && text.parse::<f64>().is_err();
-    if is_word { Ok(name) } else { Err(PlaceNameError::Number(text.to_owned())) }
+    if is_word { Ok(name) } else { Err(PlaceNameError::Number(name)) }
 }
 
 /// What a place is for.

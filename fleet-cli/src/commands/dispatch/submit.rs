@@ -1,11 +1,12 @@
 //! `dispatch goto`, `route`, `patrol`, `wander` and `submit`: tasks for the dispatcher.
 
 use super::{file as files, points, wait};
-use crate::args::{LinkLossArg, PointArgs};
+use crate::args::LinkLossArg;
 use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::point::PointArgs;
 use crate::text::task as task_text;
 use crate::values::{degrees, part_of_a_day, seconds};
 use clap::{Args, ValueEnum};

@@ -69,7 +69,7 @@ mod tests {
     fn a_world_keeps_its_comments_and_gets_the_places() {
         let text = "# the lab\n[room]\nwidth_m = 10.0 # along x\ndepth_m = 8.0\n\n[[starts]]\nx_m = 0.0\ny_m = 0.0\n\
                     yaw_rad = 0.0\n";
-        let json = r#"{"name":"dock-1","kind":"dock","x_m":1.5,"y_m":2,"yaw_rad":1.5,"tags":["a"],"points":[[1,1],[3,1],[3,3]]}"#;
+        let json = r#"{"name":"dock-1","kind":"dock","x_m":1.5,"y_m":2,"yaw_rad":1.5,"tags":["a"],"points":[[1,1],[3,1],[3,3],[1,3]]}"#;
         let dock: MapPlace = serde_json::from_str(json).unwrap();
         let with = world(text, std::slice::from_ref(&dock)).unwrap();
         assert!(with.starts_with(text), "{with}");
