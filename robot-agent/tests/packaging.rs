@@ -57,6 +57,7 @@ fn systemd_is_told_that_the_robot_is_under_control_and_then_that_its_loop_turns(
 }
 
 #[test]
+#[allow(clippy::print_stderr)] // what was not tested
 fn systemd_finds_nothing_wrong_with_the_unit() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("robot-agent.service");
