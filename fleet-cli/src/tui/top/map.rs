@@ -158,7 +158,7 @@ impl Drawing<'_> {
             PlaceKind::Parking => "P",
             PlaceKind::Waiting => "W",
         };
-        let text = format!("{mark}{}", place.name);
+        let text = format!("{mark} {}", place.name);
         canvas.print(place.x_m, place.y_m, Text::styled(text, self.look.tone(Tone::Dim)));
     }
 
