@@ -24,7 +24,7 @@ class About(TypedDict):
     start_pose: MapPose
     """Where it started."""
     vehicle: list[ParameterInfo]
-    """The vehicle parameters, and [`REALTIME`]."""
+    """The vehicle parameters, [`REALTIME`] and [`SPEAKS`]."""
     vehicle_hash: str
     """CRC-32 of the vehicle parameters, in hexadecimal."""
     version: str
