@@ -12,7 +12,7 @@ use xtb_protocol::messages::{FleetMap, FleetPlaces, MapPlace, Message};
 /// The maps that are served to a fleet now; more than one is a mistake of its people.
 ///
 /// # Errors
-/// [`ErrorKind::Failed`](crate::ErrorKind::Failed) if the question could not be sent.
+/// [`ErrorKind::Failed`] if the question could not be sent.
 pub async fn served(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec<FleetMap>> {
     answers(bus, &keys.map(), within).await
 }
@@ -20,7 +20,7 @@ pub async fn served(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec
 /// All places of the map that is served; empty if nobody serves any.
 ///
 /// # Errors
-/// [`ErrorKind::Failed`](crate::ErrorKind::Failed) if the question could not be sent.
+/// [`ErrorKind::Failed`] if the question could not be sent.
 pub async fn places(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec<MapPlace>> {
     let mut found = answers::<FleetPlaces>(bus, &keys.places(), within).await?;
     Ok(found.pop().map(|found| found.places).unwrap_or_default())
@@ -29,7 +29,7 @@ pub async fn places(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec
 /// The place of this name.
 ///
 /// # Errors
-/// [`ErrorKind::Invalid`](crate::ErrorKind::Invalid): there is none, or no map is served; else as [`places`].
+/// [`ErrorKind::Invalid`]: there is none, or no map is served; else as [`places`].
 pub async fn place(bus: &Bus, keys: &FleetKeys, name: &str, within: Duration) -> Result<MapPlace> {
     let known = places(bus, keys, within).await?;
     if let Some(place) = known.iter().find(|place| place.name.as_str() == name) {
@@ -61,7 +61,7 @@ impl MapSource {
     /// Subscribes.
     ///
     /// # Errors
-    /// [`ErrorKind::Failed`](crate::ErrorKind::Failed): Zenoh would not.
+    /// [`ErrorKind::Failed`]: Zenoh would not.
     pub async fn open(bus: &Bus, keys: &FleetKeys) -> Result<Self> {
         let (sender, newest) = watch::channel(None);
         let each = move |incoming: Incoming| match incoming.decode::<FleetMap>() {
