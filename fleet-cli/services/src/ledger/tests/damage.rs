@@ -107,6 +107,9 @@ fn a_log_zeroed_from_anywhere_on_keeps_what_was_acknowledged_before() {
     for from in remains.places() {
         remains.log = whole.clone();
         remains.log[from..].fill(0);
+        if remains.log == whole {
+            continue; // its last check sum may end with zeros by chance
+        }
         let fault = remains.opened(true).err();
         assert!(fault.is_some_and(|fault| is_typed(&fault)), "zero from {from}");
         match remains.opened(false) {
