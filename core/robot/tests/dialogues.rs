@@ -164,7 +164,7 @@ impl Recorder {
 
 /// Goal, driving by hand, stops, reset, pose, a task, and what is refused.
 #[test]
-#[ignore = "records"]
+#[ignore = "writes the dialogue anew, into the file that DIALOGUE names"]
 fn record() {
     let path = std::env::var("DIALOGUE").expect("DIALOGUE=FILE");
     let mut it = Recorder { robot: Robot::new(), lines: String::new(), asked: 0, seq: 0, lease: None };

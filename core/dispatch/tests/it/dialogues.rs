@@ -126,7 +126,7 @@ impl Recorder {
 
 /// Every question, with tasks of every kind, and what is refused.
 #[test]
-#[ignore = "records"]
+#[ignore = "writes the dialogue anew, into the file that DIALOGUE names"]
 fn record_a_dialogue() {
     let path = std::env::var("DIALOGUE").expect("DIALOGUE=FILE");
     let mut it = Recorder { desk: Desk::new(), lines: String::new(), asked: 0 };
