@@ -32,8 +32,9 @@ const FAST: Turn = ms(200);
 pub(super) const STICKS: Turn = ms(300);
 /// A transmitter that has been on manual for so long has taken over.
 const TAKEN_OVER: Turn = ms(400);
-/// The dead band in parts of a stick's way, and the receiver's jitter.
-const NEUTRAL_STICK: f64 = 0.065;
+/// In parts of a stick's way of 500 µs: the dead band of 30 µs, and two ticks of 1.6 µs by which a pulse may be read
+/// nearer to neutral than it is (jitter and rounding).
+const NEUTRAL_STICK: f64 = (30.0 + 2.0 * 1.6) / 500.0;
 /// Three frames of the receiver: then the agent knows what the selector says.
 const NOTICED: Turn = ms(65);
 /// A pulse this far from neutral turns the wheels: the dead band ends at 75 counts.
