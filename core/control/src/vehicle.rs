@@ -13,7 +13,7 @@ mod sections;
 pub use calibration::Line;
 pub use drivetrain::Drivetrain;
 pub use imu::{Imu, ImuYaw};
-pub use range_finders::{BumperFinders, RangeFinder, SLOTS};
+pub use range_finders::{BumperFinders, RangeFinder, SLOTS, USUAL_SLOTS};
 pub use sections::*;
 
 use crate::config::{

@@ -318,7 +318,7 @@ mod tests {
             reason: None,
         };
         let estimate = PoseFilter::new(&vehicle, FilterTuning::default(), NOW, &OdomPose::default(), &START);
-        let (ir_front_cm, ir_rear_cm) = (&[None; 6], &[None; 6]);
+        let (ir_front_cm, ir_rear_cm) = (&[None; 8], &[None; 8]);
         [NOW, NOW.plus_ms(NO_WAY_MS)].map(|now| {
             navigator.guide(now, Some(guidance.clone()), &[]);
             let estimate = &estimate.estimate(now);

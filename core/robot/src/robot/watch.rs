@@ -7,6 +7,7 @@ use crate::faults::INPUT_LOST_MS;
 use crate::line::LineFault;
 use crate::monitor::{Driven, SignsOfLife};
 use xtb_control::controller::AdcSample;
+use xtb_control::vehicle::SLOTS;
 use xtb_control::{AdcCount, Mode, PwmCount, Stamp};
 use xtb_protocol::messages::{BatteryLevel, Fault};
 
@@ -67,7 +68,10 @@ impl Robot {
     pub(super) fn seen(&self, scan: AdcSample) -> AdcSample {
         match self.guards.on(Guard::Obstacle) {
             true => scan,
-            false => AdcSample { ir_front: [AdcCount::ZERO; 6], ir_rear: [AdcCount::ZERO; 6], ..scan },
+            false => {
+                let nothing = [AdcCount::ZERO; SLOTS];
+                AdcSample { ir_front: nothing, ir_rear: nothing, ..scan }
+            }
         }
     }
 
