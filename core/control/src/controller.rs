@@ -253,8 +253,10 @@ impl Controller {
                 self.wander = Some(stage);
                 self.demand(stage.reference_rpm(&self.config.wander));
             }
-            Command::Teleop { rpm, steering } => self.drive(Mode::Teleop, *rpm, *steering),
-            Command::Follow { rpm, steering } => self.drive(Mode::Goto, *rpm, *steering),
+            Command::Teleop { rpm, steering } => {
+                self.drive(Mode::Teleop, self.slow_where_unseen(rpm.get()), *steering);
+            }
+            Command::Follow { rpm, steering } => self.drive(Mode::Goto, rpm.get(), *steering),
         }
         if self.config.speed.reset_on_change && self.mode != before {
             self.speed.reset();
@@ -262,13 +264,22 @@ impl Controller {
     }
 
     /// The level above has decided speed and steering itself. The same again changes nothing.
-    fn drive(&mut self, mode: Mode, rpm: WheelRpm, steering: Steering) {
+    fn drive(&mut self, mode: Mode, rpm: f64, steering: Steering) {
         self.mode = mode;
         self.steer_fraction(steering);
-        self.demand(rpm.get());
-        if rpm.get() == 0.0 {
+        self.demand(rpm);
+        if rpm == 0.0 {
             self.hold();
         }
+    }
+
+    /// Driven by hand in a direction without range finders it crawls.
+    fn slow_where_unseen(&self, rpm: f64) -> f64 {
+        if self.config.range_finders.gears().allow(rpm) {
+            return rpm;
+        }
+        let most_rpm = self.config.by_hand_mps(rpm) / self.config.mps_per_rpm();
+        rpm.clamp(-most_rpm, most_rpm)
     }
 
     /// Each command drops what the one before left.
@@ -314,10 +325,13 @@ impl Controller {
         }
     }
 
-    /// Whether an obstacle lies in the driving direction. Wander's reversing has a rule of its own.
+    /// Whether an obstacle lies in the driving direction, or nobody looks there: neither a range finder nor a person who
+    /// drives. Wander's reversing has a rule of its own for obstacles.
     fn blocked(&self) -> bool {
+        let (demanded, by_hand) = (self.demanded(), matches!(self.mode, Mode::Manual | Mode::Teleop));
+        let is_seen = by_hand || self.config.range_finders.gears().allow(demanded);
         let reversing_in_wander = self.mode == Mode::Wander && self.reference_rpm < 0.0;
-        !reversing_in_wander && self.obstacle.blocks(self.demanded())
+        !is_seen || (!reversing_in_wander && self.obstacle.blocks(demanded))
     }
 
     /// Mode idle: stopped and centred.

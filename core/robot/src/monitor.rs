@@ -59,11 +59,11 @@ impl Monitors {
         self.drive.drive(driven);
     }
 
-    /// A window of the encoder.
-    pub fn window(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16) {
+    /// A window of the encoder; faster than `most_mps` is too fast by hand.
+    pub fn window(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16, most_mps: f64) {
         let rpm = wheel_rpm(&vehicle.encoder, u32::from(pulses));
         self.turning = pulses > 0;
-        self.over_speed = rpm * vehicle.mps_per_rpm() > vehicle.admitted_mps();
+        self.over_speed = rpm * vehicle.mps_per_rpm() > most_mps;
         self.encoder.window(&vehicle.guard, now, rpm);
         self.drive.window(vehicle, now, pulses);
     }
@@ -115,7 +115,7 @@ impl Monitors {
         }
     }
 
-    /// Whether the wheels are faster than the obstacle rule can stop.
+    /// Whether the wheels are faster than the obstacle rule can stop, or than a crawl where no range finder looks.
     #[must_use]
     pub fn over_speed(&self) -> bool {
         self.over_speed

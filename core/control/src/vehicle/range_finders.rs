@@ -2,7 +2,7 @@
 //!
 //! Obstacle rule, admitted speed, obstacle layer and blind rule follow from these; an XTB's are the default. The
 //! converter has eight channels a bumper; its usual frame holds six of them, and a car with more asks its board for the
-//! wide one (docs/io-board.md).
+//! wide one (docs/io-board.md). In a direction without any the car does not drive by itself ([`Gears`](super::Gears)).
 //!
 //! ```text
 //!              ╲  beam, turned_deg > 0          face of the bumper, ahead_m = 0
@@ -102,7 +102,7 @@ pub struct BumperFinders(pub Vec<RangeFinder>);
 impl BumperFinders {
     /// What a table of them allows.
     pub const ALLOWED: Allowed = Allowed::List(
-        "1 to 8 from left to right, each with left_m -1.5..=1.5 m, ahead_m -0.3..=0 m (0), turned_deg -60..=60 (0), \
+        "none to 8 from left to right, each with left_m -1.5..=1.5 m, ahead_m -0.3..=0 m (0), turned_deg -60..=60 (0), \
          beam_m 0.01..=0.3 m at 80 cm (0.06), curve gp2d12, gp2y0a21 or gp2y0a02 (gp2d12)",
     );
 
@@ -134,7 +134,7 @@ impl Value for BumperFinders {
         format!("[{}]", each.join(", "))
     }
     fn is_allowed(&self, _: &Allowed) -> bool {
-        (1..=SLOTS).contains(&self.0.len())
+        self.0.len() <= SLOTS
             && self.0.iter().all(RangeFinder::is_possible)
             && self.0.windows(2).all(|pair| pair[0].left_m > pair[1].left_m)
     }
@@ -163,10 +163,10 @@ mod tests {
     }
 
     #[test]
-    fn a_bumper_without_range_finders_or_with_nine_is_refused_and_so_is_a_wrong_order() {
+    fn a_bumper_with_nine_range_finders_is_refused_and_so_is_a_wrong_order() {
         let at = |lefts: &[f64]| BumperFinders(lefts.iter().map(|left_m| RangeFinder::at(*left_m)).collect());
         for (finders, is_allowed) in [
-            (at(&[]), false),
+            (at(&[]), true),
             (at(&[0.0]), true),
             (at(&[0.1, -0.1]), true),
             (at(&[-0.1, 0.1]), false),

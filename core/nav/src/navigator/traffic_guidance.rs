@@ -244,6 +244,12 @@ impl Navigator {
         if let Some((_, _, why)) = self.guidance.refused.as_ref().filter(|(refused, ..)| *refused == plan) {
             return Err(why.clone());
         }
+        let gears = self.car.gears;
+        if let Some(unseen) = gears.unseen()
+            && path.tail(from_m).pieces.iter().any(|piece| !gears.allow(piece.length_m))
+        {
+            return Err(wrong_vehicle(&format!("it leads where {unseen}")));
+        }
         let Some(map) = &self.map else { return Ok(()) };
         if path.length_m() > LONGEST_PATH_M {
             return Err(wrong_vehicle(&format!("it is longer than {LONGEST_PATH_M} m")));

@@ -108,7 +108,8 @@ impl Robot {
         };
         let fresh = |age: Option<u64>| age.is_some_and(|ms| ms <= INPUT_LOST_MS);
         let converted = fresh(ages.adc);
-        let seen = |side: bool| converted.then_some(side);
+        let gears = self.vehicle().range_finders.gears();
+        let seen = |side: bool, is_fitted: bool| (converted && is_fitted).then_some(side);
         let battery_mv = self.newest.battery_mv.filter(|_| converted);
         let (board, gyro) = (self.board.reader.counters(), self.gyro_counts());
         let seq = self.state_seq;
@@ -127,8 +128,8 @@ impl Robot {
             reference_rpm: self.outputs.reference_rpm,
             steering: self.outputs.steering,
             obstacle: ObstacleView {
-                front: seen(self.outputs.obstacle.front),
-                rear: seen(self.outputs.obstacle.rear),
+                front: seen(self.outputs.obstacle.front, gears.ahead),
+                rear: seen(self.outputs.obstacle.rear, gears.astern),
             },
             tilt_deg: TiltState {
                 x: self.outputs.tilt.x.filter(|_| converted),
