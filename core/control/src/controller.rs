@@ -254,7 +254,7 @@ impl Controller {
                 self.demand(stage.reference_rpm(&self.config.wander));
             }
             Command::Teleop { rpm, steering } => {
-                self.drive(Mode::Teleop, self.slow_where_unseen(rpm.get()), *steering);
+                self.drive(Mode::Teleop, self.config.by_hand_rpm(rpm.get()), *steering);
             }
             Command::Follow { rpm, steering } => self.drive(Mode::Goto, rpm.get(), *steering),
         }
@@ -271,15 +271,6 @@ impl Controller {
         if rpm == 0.0 {
             self.hold();
         }
-    }
-
-    /// Driven by hand in a direction without range finders it crawls.
-    fn slow_where_unseen(&self, rpm: f64) -> f64 {
-        if self.config.range_finders.gears().allow(rpm) {
-            return rpm;
-        }
-        let most_rpm = self.config.by_hand_mps(rpm) / self.config.mps_per_rpm();
-        rpm.clamp(-most_rpm, most_rpm)
     }
 
     /// Each command drops what the one before left.

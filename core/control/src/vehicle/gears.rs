@@ -65,6 +65,17 @@ impl VehicleConfig {
         let admitted_mps = self.admitted_mps();
         if self.range_finders.gears().allow(signed) { admitted_mps } else { admitted_mps.min(UNSEEN_MPS) }
     }
+
+    /// What is driven of a wheel speed that is asked for by hand, in rpm: all of it, or a crawl where no range finder
+    /// looks.
+    #[must_use]
+    pub fn by_hand_rpm(&self, rpm: f64) -> f64 {
+        if self.range_finders.gears().allow(rpm) {
+            return rpm;
+        }
+        let most_rpm = self.by_hand_mps(rpm) / self.mps_per_rpm();
+        rpm.clamp(-most_rpm, most_rpm)
+    }
 }
 
 #[cfg(test)]
