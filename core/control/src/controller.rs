@@ -29,7 +29,7 @@ use crate::remote::{RemoteStage, Selector, Stick};
 use crate::speed::{Direction, SpeedPid, wheel_rpm};
 use crate::tilt::{TiltAngles, tilt_angles};
 use crate::tpu::ResetMask;
-use crate::units::{PwmCount, Stamp, Steering, WheelRpm};
+use crate::units::{PwmCount, Stamp, Steering};
 use crate::vehicle::{Line, Platform, VehicleConfig};
 use crate::wander::WanderStage;
 

@@ -40,7 +40,8 @@ pub struct OpenTravelCost;
 
 /// A robot that has not said what car it is: a point that turns nearly on the spot, so that nothing is ruled out
 /// for it. Its own planner decides.
-pub const ANY_CAR: Car = Car { front_m: 0.0, rear_m: 0.0, half_width_m: 0.0, radius_m: 0.1, gears: Gears::BOTH };
+pub const ANY_CAR: Car =
+    Car { front_m: 0.0, rear_m: 0.0, half_width_m: 0.0, radius_m: 0.1, gears: Gears::BOTH };
 
 /// From so many turning radii on, one bend and a straight are as good as any way to a point.
 const FAR_RADII: f64 = 4.0;

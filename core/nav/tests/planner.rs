@@ -9,10 +9,12 @@ use xtb_nav::planner::End;
 use xtb_nav::planner::space::{Hit, Layers, LookOut, What};
 use xtb_nav::rooms::{Draw, Room};
 use xtb_nav::{
-    Car, Cell, Gears, Goal, Grid, GridSpace, MapPose, Path, Piece, Plan, PlanError, Planner, PlannerSettings, Space,
+    Car, Cell, Gears, Goal, Grid, GridSpace, MapPose, Path, Piece, Plan, PlanError, Planner, PlannerSettings,
+    Space,
 };
 
-const TRUCK: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393, gears: Gears::BOTH };
+const TRUCK: Car =
+    Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393, gears: Gears::BOTH };
 
 fn on(grid: &Grid, look_out: LookOut) -> GridSpace {
     GridSpace::new(&Layers::map(grid), TRUCK, look_out).unwrap()

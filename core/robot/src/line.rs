@@ -268,8 +268,7 @@ mod tests {
     fn adc_frame(writer: &mut FrameWriter) -> Vec<u8> {
         let count = AdcCount::try_from(300.0).unwrap();
         let side = [count; SLOTS];
-        let sample =
-            AdcSample { ir_front: side, ir_rear: side, tilt: [count; 2], pistons: [count; 4] };
+        let sample = AdcSample { ir_front: side, ir_rear: side, tilt: [count; 2], pistons: [count; 4] };
         writer.adc(&sample, None).as_bytes().to_vec()
     }
 

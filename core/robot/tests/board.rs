@@ -313,7 +313,7 @@ fn a_car_with_seven_range_finders_on_a_bumper_asks_for_wide_scans_and_stops_at_w
     bench.last_front = 300; // 18 cm
     bench.run_ms(100);
     assert_eq!(bench.motor, PwmCount::NEUTRAL);
-    assert_eq!(bench.state().stopped_because[0], StopReason::ObstacleAhead);
+    assert_eq!(bench.state().stopped_because[0], StopReason::ObstacleFront);
     let outputs = bench.robot.outputs();
     assert!(outputs.ir_front_cm[6].is_some_and(|cm| (17.0..19.0).contains(&cm)), "{:?}", outputs.ir_front_cm);
     assert_eq!(outputs.ir_front_cm[7], None, "nothing is fitted there, whatever it shows");

@@ -124,7 +124,11 @@ impl RangeFinders {
 impl Default for BumperFinders {
     /// An XTB's: six, 7 cm apart (§2.2).
     fn default() -> Self {
-        Self((0..USUAL_SLOTS).map(|i| RangeFinder::at((2.5 - i as f64) * crate::infrared::SPACING_M)).collect())
+        Self(
+            (0..USUAL_SLOTS)
+                .map(|i| RangeFinder::at((2.5 - i as f64) * crate::infrared::SPACING_M))
+                .collect(),
+        )
     }
 }
 

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use xtb_control::infrared::BumperRanges;
 use xtb_control::obstacle::{Bumper, ObstacleState};
 use xtb_control::units::Stamp;
-use xtb_control::vehicle::{BumperFinders, Obstacle, SLOTS};
+use xtb_control::vehicle::{BumperFinders, Obstacle, SLOTS, USUAL_SLOTS};
 
 fn range() -> impl Strategy<Value = Option<f64>> {
     prop_oneof![2 => Just(None), 4 => (0.0..=60.0).prop_map(Some), 1 => Just(Some(25.0))]
@@ -13,11 +13,12 @@ fn range() -> impl Strategy<Value = Option<f64>> {
 
 /// Scans every 38 ms with the way driven towards the bumper, in m.
 fn scans() -> impl Strategy<Value = Vec<(BumperRanges, f64)>> {
-    vec((prop::array::uniform6(range()), -0.05..=0.05), 1..60)
+    vec((prop::array::uniform8(range()), -0.05..=0.05), 1..60)
 }
 
+/// By those that are fitted: what is on the other channels does not count.
 fn nearer_than_25_cm(ranges: &BumperRanges) -> bool {
-    ranges.iter().flatten().any(|cm| *cm < 25.0)
+    ranges[..USUAL_SLOTS].iter().flatten().any(|cm| *cm < 25.0)
 }
 
 fn clear_range() -> impl Strategy<Value = Option<f64>> {

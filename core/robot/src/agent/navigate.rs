@@ -152,7 +152,10 @@ impl Agent {
 
     /// The memorandum's A-to-B.
     pub(super) fn direct(&self, aim: &TargetPose) -> Result<Command, Refusal> {
-        self.sees_both_ways("a direct goal", "give the robot a map: planned goals drive only where it looks")?;
+        self.sees_both_ways(
+            "a direct goal",
+            "give the robot a map: planned goals drive only where it looks",
+        )?;
         if aim.yaw_rad.is_some() {
             return Err((
                 RejectCode::Unsupported,
@@ -346,6 +349,7 @@ impl Agent {
 }
 
 /// What to do with a car that sees nothing on its way.
-pub(super) const BY_HAND: &str = "drive it by hand: `fleet-cli teleop`; `range_finders` in its settings says what is fitted";
+pub(super) const BY_HAND: &str =
+    "drive it by hand: `fleet-cli teleop`; `range_finders` in its settings says what is fitted";
 /// Standing, wheels straight, in mode goto.
 pub(super) const STAND: Command = Command::Follow { rpm: WheelRpm::ZERO, steering: Steering::CENTRED };

@@ -177,9 +177,11 @@ impl Robot {
     /// Why the board sends no samples of this kind, if its firmware is the reason.
     fn board_detail(&self, fault: Fault) -> Option<Arc<str>> {
         let firmware = self.newest.status?.firmware;
-        let too_old = fault == Fault::ConverterSilent && self.needs_wide_scan() && !firmware.sends_wide_scans();
+        let too_old =
+            fault == Fault::ConverterSilent && self.needs_wide_scan() && !firmware.sends_wide_scans();
         too_old.then(|| {
-            format!("firmware {firmware} of the I/O board sends six range finders a bumper, the car has more").into()
+            format!("firmware {firmware} of the I/O board sends six range finders a bumper, the car has more")
+                .into()
         })
     }
 

@@ -109,7 +109,13 @@ pub(crate) fn anyone(seed: u64) -> Way {
     let vehicle = drawn(seed);
     let checked = vehicle.validate().and_then(|()| NavSettings::default().validate_for(&vehicle));
     if let Err(error) = checked {
-        return Way { seed, came: Came::Refused(error.to_string()), contacts: 0, unseen: false, missed_m: 0.0 };
+        return Way {
+            seed,
+            came: Came::Refused(error.to_string()),
+            contacts: 0,
+            unseen: false,
+            missed_m: 0.0,
+        };
     }
     let mut draw = Draw::new(seed);
     let start = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: draw.uniform(-PI, PI) };

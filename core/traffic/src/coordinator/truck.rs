@@ -37,7 +37,8 @@ const MISSED_MS: u64 = 500;
 
 /// The body of a truck that has not said what car it is: it is driven around with room to spare, twice an
 /// XTB's length, and not led.
-const UNKNOWN_CAR: Car = Car { front_m: 0.5, rear_m: 0.5, half_width_m: 0.5, radius_m: 1.0, gears: Gears::BOTH };
+const UNKNOWN_CAR: Car =
+    Car { front_m: 0.5, rear_m: 0.5, half_width_m: 0.5, radius_m: 1.0, gears: Gears::BOTH };
 
 /// A way that has been given to a truck.
 #[derive(Debug, Clone)]

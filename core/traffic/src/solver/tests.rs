@@ -10,7 +10,8 @@ use xtb_nav::geometry::path::wrap_rad;
 use xtb_nav::planner::space::OneWay;
 use xtb_nav::{Car, Cell, Gears, Grid, Map, MapPose, Zone, ZoneKind};
 
-const PUBLIC_CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0, gears: Gears::BOTH };
+const PUBLIC_CAR: Car =
+    Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0, gears: Gears::BOTH };
 const SQUARE: Car = Car { front_m: 1.0, rear_m: 1.0, half_width_m: 0.8, radius_m: 2.0, gears: Gears::BOTH };
 
 /// Between two starts, or two goals: what the public instances keep.

@@ -52,7 +52,8 @@ fn draw(svg: &mut String, problem: &Problem, schedule: &Schedule) -> Drawn {
             }
             Obstacle::Box { middle, half_length_m, half_width_m } => {
                 let (front_m, rear_m) = (half_length_m, half_length_m);
-                let shape = Car { front_m, rear_m, half_width_m, radius_m: f64::INFINITY, gears: Gears::BOTH };
+                let shape =
+                    Car { front_m, rear_m, half_width_m, radius_m: f64::INFINITY, gears: Gears::BOTH };
                 floor.draw(&Polygon::new(shape.corners(&middle).map(<(f64, f64)>::from), THING))?;
             }
         }
